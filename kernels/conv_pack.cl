@@ -8,7 +8,7 @@
 #endif
 #if CONV_PACK == 8
 typedef float8 conv_pack_v;
-#define CONV_PACK_STORE(v, p) vstore8(v, 0, p)
+#define CONV_PACK_STORE(v, p) VECTORS_STORE8(__global, v, p)
 #else
 typedef float conv_pack_v;
 #define CONV_PACK_STORE(v, p) (*(p) = (v))

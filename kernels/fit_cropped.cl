@@ -17,7 +17,7 @@ __kernel void fit_remain(__global float *e, __global const float *b, __global fl
     size_t i = from;
     for (; i + 8 <= to; i += 8) {
         const float8 left = vload8(0, at + i) - vload8(0, frame + i);
-        vstore8(left, 0, at + i);
+        VECTORS_STORE8(__global, left, at + i);
         sum += left * left;
     }
     float rest = 0.0f;

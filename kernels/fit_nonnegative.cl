@@ -30,7 +30,7 @@ __kernel void fit_blend(__global const float *sums, __global const float *filled
             h = fma(vload16(i, g), (float16)weight, h);
         h.even /= under;
         h.odd /= under;
-        vstore16(h, i, to);
+        VECTORS_STORE16(__global, h, to + 16 * i);
         return;
     }
     float over[16], by[8];
@@ -59,6 +59,6 @@ __kernel void fit_clip(__global float *x, __global float *v, hada_fit_clip_rule 
         next = fma(max(now, 0.0f), (float8)(1.0f - over), next) + min(now, 0.0f);
     }
     const float8 u = max(next, 0.0f), d = min(next, 0.0f) * rule.dual_scale;
-    vstore8(u + d, i, v);
-    vstore8(rule.last ? u : u - d, i, x);
+    VECTORS_STORE8(__global, u + d, v + 8 * i);
+    VECTORS_STORE8(__global, rule.last ? u : u - d, x + 8 * i);
 }

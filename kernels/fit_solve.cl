@@ -22,7 +22,7 @@ __kernel void fit_filter(__global const float *sums, __global const float *pool,
     cross.odd = fit_high(sums, stride, 1, i);
 #endif
     const fit_under under = fit_under_of(sums, pool, stride, penalty, i);
-    vstore16(fit_divide_parts(cross, under.whole), i, filter + 2 * image.first);
+    VECTORS_STORE16(__global, fit_divide_parts(cross, under.whole), filter + 2 * image.first + 16 * i);
 }
 
 __kernel void fit_transfer(__global const float *sums, __global float *otf, hada_fit_image image, float least)
@@ -34,5 +34,5 @@ __kernel void fit_transfer(__global const float *sums, __global float *otf, hada
     float16 h;
     h.even = fit_divide(fit_high(sums, stride, 0, i), under);
     h.odd = fit_divide(-fit_high(sums, stride, 1, i), under);
-    vstore16(h, i, otf + 2 * image.first);
+    VECTORS_STORE16(__global, h, otf + 2 * image.first + 16 * i);
 }

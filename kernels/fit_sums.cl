@@ -40,12 +40,12 @@ __kernel void fit_pool(__global const float *sums, __global float *pool, hada_fi
     if (i >= image.vectors)
         return;
     const float8 raw = fit_high(sums, stride, 2, i), scene = fit_high(sums, stride, 3, i);
-    vstore8(vload8(i, pool) + raw, i, pool);
-    vstore8(vload8(i, pool + stride) + raw * per_pair, i, pool + stride);
-    vstore8(vload8(i, pool + 2 * stride) + scene * per_pair, i, pool + 2 * stride);
+    VECTORS_STORE8(__global, vload8(i, pool) + raw, pool + 8 * i);
+    VECTORS_STORE8(__global, vload8(i, pool + stride) + raw * per_pair, pool + stride + 8 * i);
+    VECTORS_STORE8(__global, vload8(i, pool + 2 * stride) + scene * per_pair, pool + 2 * stride + 8 * i);
 #if FIT_SPLIT
     const float8 split = fit_high(sums, stride, 5, i);
-    vstore8(vload8(i, pool + 3 * stride) + split, i, pool + 3 * stride);
-    vstore8(vload8(i, pool + 4 * stride) + split * per_pair, i, pool + 4 * stride);
+    VECTORS_STORE8(__global, vload8(i, pool + 3 * stride) + split, pool + 3 * stride + 8 * i);
+    VECTORS_STORE8(__global, vload8(i, pool + 4 * stride) + split * per_pair, pool + 4 * stride + 8 * i);
 #endif
 }

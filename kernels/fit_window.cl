@@ -20,7 +20,7 @@ __kernel void fit_gather(__global const float *g, __global const float *b, __glo
     product.even = gv.even * bv.even + gv.odd * bv.odd;
     product.odd = gv.odd * bv.even - gv.even * bv.odd;
 #endif
-    vstore16(vload16(i, sum) + product, i, sum);
+    VECTORS_STORE16(__global, vload16(i, sum) + product, sum + 16 * i);
 }
 
 static inline float8 fit_inner(float16 under, float16 u, float16 v)

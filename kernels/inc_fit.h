@@ -7,6 +7,7 @@
 #ifndef INC_FIT_H
 #define INC_FIT_H
 
+#include "inc_vectors.h"
 #include "shared_fit.h"
 
 #ifndef FIT_SPLIT
@@ -49,8 +50,8 @@ static inline void fit_add(__global float *sums, ulong stride, int k, size_t i, 
     const float8 sum = high + value, back = sum - high;
     const float8 rest = ((high - (sum - back)) + (value - back)) + low;
     const float8 whole = sum + rest;
-    vstore8(whole, i, sums + (size_t)(2 * k) * stride);
-    vstore8(rest - (whole - sum), i, sums + (size_t)(2 * k + 1) * stride);
+    VECTORS_STORE8(__global, whole, sums + (size_t)(2 * k) * stride + 8 * i);
+    VECTORS_STORE8(__global, rest - (whole - sum), sums + (size_t)(2 * k + 1) * stride + 8 * i);
 }
 
 /* A sum without one of its values, rounded once at the end. */
@@ -84,7 +85,7 @@ static inline float fit_total(float8 value)
 static inline void fit_put(float16 value, size_t i, ulong count, __global float *image)
 {
     if (8 * i + 8 <= count) {
-        vstore16(value, i, image);
+        VECTORS_STORE16(__global, value, image + 16 * i);
     } else {
         float each[16];
         vstore16(value, 0, each);

@@ -1,6 +1,7 @@
 /* Fully connected layers on plain arrays: y[n][o] = bias[o] + sum_i w[o][i] x[n][i], and the gradients. Four images are
  * worked on at once, and four outputs, so that values read serve four times. CPUs: vectors of eight, work-groups of
  * one; GPUs: LINEAR_WIDTH 1, and LINEAR_GROUP work-items sum the products of an output. */
+#include "inc_vectors.h"
 #include "shared_net.h"
 
 #ifndef LINEAR_WIDTH
@@ -22,7 +23,7 @@ LINEAR_INLINE linear_vector linear_get(__global const float *p)
 
 LINEAR_INLINE void linear_put(linear_vector v, __global float *p)
 {
-    vstore8(v, 0, p);
+    VECTORS_STORE8(__global, v, p);
 }
 
 LINEAR_INLINE float linear_sum(linear_vector v)

@@ -7,6 +7,7 @@
  * Four passes: down the columns, along the rows with S and its derivatives, and both back. Vectors of eight columns.
  * Dimensions: work-items that share a row, rows, planes. Offsets in floats. */
 
+#include "inc_vectors.h"
 #include "shared_net.h"
 
 #define SSIM_BLOCK 16 /* the most channels in a block */
@@ -36,11 +37,11 @@ __kernel void net_ssim_down(__global float *scratch, hada_ssim_layout at)
             yy = fma(wb, b, yy);
             xy = fma(wa, b, xy);
         }
-        vstore8(mx, 0, out + c);
-        vstore8(my, 0, out + step + c);
-        vstore8(xx, 0, out + 2 * step + c);
-        vstore8(yy, 0, out + 3 * step + c);
-        vstore8(xy, 0, out + 4 * step + c);
+        VECTORS_STORE8(__global, mx, out + c);
+        VECTORS_STORE8(__global, my, out + step + c);
+        VECTORS_STORE8(__global, xx, out + 2 * step + c);
+        VECTORS_STORE8(__global, yy, out + 3 * step + c);
+        VECTORS_STORE8(__global, xy, out + 4 * step + c);
     }
 }
 
@@ -78,9 +79,9 @@ __kernel void net_ssim_along(__global float *scratch, hada_ssim_layout at, float
             by_square = select((float8)0.0f, -s / b2, inside);
             by_product = select((float8)0.0f, 2.0f * a1 * both, inside);
         }
-        vstore8(by_mean, 0, out + place);
-        vstore8(by_square, 0, out + out_step + place);
-        vstore8(by_product, 0, out + 2 * out_step + place);
+        VECTORS_STORE8(__global, by_mean, out + place);
+        VECTORS_STORE8(__global, by_square, out + out_step + place);
+        VECTORS_STORE8(__global, by_product, out + 2 * out_step + place);
     }
     const float4 a = sum.lo + sum.hi;
     const size_t item = (plane * rows + r) * get_global_size(0) + get_global_id(0);
@@ -97,7 +98,7 @@ __kernel void net_ssim_back_along(__global float *scratch, hada_ssim_layout at)
         __global const float *in = scratch + at.slopes + ((plane * 3 + q) * rows + r) * wide + HADA_SSIM_MARGIN;
         __global float *out = scratch + at.means + ((plane * 3 + q) * rows + r) * pitch;
         for (int c = 8 * get_global_id(0); c < pitch; c += 8 * get_global_size(0))
-            vstore8(ssim_along(in + c - (HADA_SSIM_SIZE - 1)), 0, out + c);
+            VECTORS_STORE8(__global, ssim_along(in + c - (HADA_SSIM_SIZE - 1)), out + c);
     }
 }
 
@@ -138,7 +139,7 @@ __kernel void net_ssim_back_down(__global const float *scratch, hada_ssim_layout
         }
         for (int i = 0; i < min(8, cols - c) * block; i += 8) {
             const float8 v = vload8(0, pixels + i);
-            vstore8(accumulate ? v + vload8(0, to + c * block + i) : v, 0, to + c * block + i);
+            VECTORS_STORE8(__global, accumulate ? v + vload8(0, to + c * block + i) : v, to + c * block + i);
         }
     }
 }

@@ -1,5 +1,6 @@
 /* Images in and out of blocks of channels, and what is done to them as they are. */
 
+#include "inc_vectors.h"
 #include "shared_net.h"
 
 /* Activations in blocks of channels (lib/net/tensor.h): from and to planar floats, and the halo by itself. A work-item
@@ -133,7 +134,7 @@ __kernel void net_part(__global const float *from, __global float *to, hada_plan
     __global float *b = to + at_to.offset + row * at_to.row + channel * at_to.channel;
     int x = first;
     for (; x + 8 <= last; x += 8)
-        vstore8(vload8(0, a + x), 0, b + x);
+        VECTORS_STORE8(__global, vload8(0, a + x), b + x);
     for (; x < last; x++)
         b[x] = a[x];
 }

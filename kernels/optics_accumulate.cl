@@ -1,4 +1,5 @@
 /* The forward model in the frequency domain: sum over depths of transfer function times scene spectrum. */
+#include "inc_vectors.h"
 
 /* sum[c] from `offset` (in complex numbers) (+)= otf[c % otf_images] * scene[c] for images c of `count` complex numbers
  * each; `add` 0 starts the sum. An item takes four complex numbers of one image; items beyond the end do nothing. */
@@ -16,7 +17,7 @@ __kernel void optics_accumulate(__global float *sum, const ulong offset, __globa
         float8 y = add ? vload8(item, sum) : (float8)(0.0f);
         y.even = fma(h.even, x.even, fma(-h.odd, x.odd, y.even));
         y.odd = fma(h.even, x.odd, fma(h.odd, x.even, y.odd));
-        vstore8(y, item, sum);
+        VECTORS_STORE8(__global, y, sum + 8 * (size_t)item);
         return;
     }
     for (int i = first; i < count; i++) {

@@ -1,4 +1,5 @@
 /* Opaque planes: what one lens sees of a plane behind another. */
+#include "inc_vectors.h"
 #include "shared_optics.h"
 
 /* The sum of weight[i][j] opacity[r + i][k + j] over the taps that meet the image. */
@@ -36,7 +37,7 @@ __kernel void optics_hide(__global const float *light, __global float *seen, con
                     fma((float8)weights[i * tap_cols + j], vload8(0, opacity + (r + row0 + i) * cols + k + j), cover);
         const float8 clear = max(0.0f, 1.0f - cover);
         for (int c = 0; c < channels; c++, at += (size_t)rows * cols)
-            vstore8(vload8(0, light + at) * clear, 0, seen + seen_offset + at);
+            VECTORS_STORE8(__global, vload8(0, light + at) * clear, seen + seen_offset + at);
         return;
     }
     for (int i = 0; i < min(8, cols - first); i++) {

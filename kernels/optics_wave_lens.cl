@@ -1,5 +1,6 @@
 /* Wave optics lens by lens (lib/optics/wave_lens.c): the field that leaves each lens, about its own centre, and, after
  * the transform that takes it to the sensor, the light of its spot on each pixel. */
+#include "inc_vectors.h"
 #include "shared_optics.h"
 
 /* Real and imaginary parts of lens `first + get_global_id(2)`, one after the other, n x n values with rows `pitch`
@@ -34,8 +35,8 @@ __kernel void optics_wave_pupil(__global float *field, __global const float *pha
         float8 open = clamp(0.5f + edge / step, 0.0f, 1.0f);
         open = select(open, (float8)(0.0f), index >= (float8)((float)n));
         const float16 other = vload16(0, across + 2 * col);
-        vstore8(open * fma(other.even, (float8)(turn.x), -(other.odd * turn.y)), 0, real + col);
-        vstore8(open * fma(other.even, (float8)(turn.y), other.odd * turn.x), 0, imaginary + col);
+        VECTORS_STORE8(__global, open * fma(other.even, (float8)(turn.x), -(other.odd * turn.y)), real + col);
+        VECTORS_STORE8(__global, open * fma(other.even, (float8)(turn.y), other.odd * turn.x), imaginary + col);
     }
 }
 
@@ -68,8 +69,8 @@ __kernel void optics_wave_spot_rows(__global float *part, __global const float *
         minus = fma(x, x, fma(y, y, minus));
     }
     part += ((size_t)spot * (size_t)pixels + (size_t)row) * 2 * 8 * (size_t)blocks;
-    vstore8(plus, block, part);
-    vstore8(minus, blocks + block, part);
+    VECTORS_STORE8(__global, plus, part + 8 * block);
+    VECTORS_STORE8(__global, minus, part + 8 * (blocks + block));
 }
 
 /* Then across: image[spot][row][column] of pixels x pixels. Items: columns, rows, spots. */

@@ -1,5 +1,6 @@
 /* Wave optics of a whole mask (lib/optics/wave_whole.c): what the mask makes of a plane wave, how it goes on, and its
  * light on each pixel. A field stands as its real and imaginary part, two real images. */
+#include "inc_vectors.h"
 #include "shared_optics.h"
 
 /* Both parts, n x n values each, of open * exp(2 pi i waves path). Items: eights of columns, rows. */
@@ -20,8 +21,8 @@ __kernel void optics_wave_mask(__global float *field, __global const float *path
     const float8 angle = 6.28318530717958648f * (turns - rint(turns)), real = cos(angle), imaginary = sin(angle);
     if (count == 8) {
         const float8 share = vload8(0, open + at);
-        vstore8(share * real, 0, field + at);
-        vstore8(share * imaginary, 0, field + all + at);
+        VECTORS_STORE8(__global, share * real, field + at);
+        VECTORS_STORE8(__global, share * imaginary, field + all + at);
         return;
     }
     float other[8];
@@ -53,8 +54,8 @@ __kernel void optics_wave_travel(__global float *spectrum, __global const float 
     first.odd = fma(real.odd, re, -(imaginary.odd * im));
     second.even = fma(real.even, im, imaginary.even * re);
     second.odd = fma(real.odd, im, imaginary.odd * re);
-    vstore16(first, at, spectrum);
-    vstore16(second, at, other);
+    VECTORS_STORE16(__global, first, spectrum + 16 * at);
+    VECTORS_STORE16(__global, second, other + 16 * at);
 }
 
 /* Across: part[row][pixel] of |real + i imaginary|^2, rows x cols samples each, one after the other. Items: pixels,

@@ -9,6 +9,7 @@
  * each other: blocks across their borders are computed on both sides, in the same order. Images stand as
  * [channel][rows][cols]. */
 #include "inc_dct.h"
+#include "inc_vectors.h"
 #include "shared_refine.h"
 
 /* Pixels of a tile, even. */
@@ -56,7 +57,7 @@ DCT_INLINE void dct_put(__global float *image, int i, int area, dct_real v)
 {
 #if DCT_GROUP == 1
     if (i + 8 <= area)
-        vstore8(v, 0, image + i);
+        VECTORS_STORE8(__global, v, image + i);
     else
         for (int j = 0; j < area - i; ++j)
             image[i + j] = ((const float *)&v)[j];
@@ -105,8 +106,8 @@ DCT_INLINE void dct_see(__global const float *image, hada_refine_window window, 
         if (inside)
             for (int j = 0; j < DCT_PAIRS; j += 8) {
                 const float16 v = vload16(0, row + col0 + 2 * j);
-                vstore8(v.even, 0, seen[i] + j);
-                vstore8(v.odd, 0, seen[i] + DCT_PAIRS + j);
+                VECTORS_STORE8(__private, v.even, seen[i] + j);
+                VECTORS_STORE8(__private, v.odd, seen[i] + DCT_PAIRS + j);
             }
         else
             for (int j = 0; j < 2 * DCT_PAIRS; ++j)
@@ -127,14 +128,14 @@ DCT_INLINE void dct_shrink_row(const float *given, float *shrunk, float part[8][
             v[m] = m || !mean ? dct_garrote(v[m], t) : v[m];
         dct_inverse(v);
         for (int m = 0; m < 8; ++m)
-            vstore8(v[m], 0, part[m] + 8 + j);
+            VECTORS_STORE8(__private, v[m], part[m] + 8 + j);
     }
     for (int j = 0; j < DCT_BLOCKS; j += 8)
         for (int odd = 0; odd < 2; ++odd) {
             dct_real sum = vload8(0, part[odd] + 8 + j);
             for (int m = 1; m < 4; ++m)
                 sum += vload8(0, part[odd + 2 * m] + 8 + j - m);
-            vstore8(sum, 0, shrunk + odd * DCT_BLOCKS + j);
+            VECTORS_STORE8(__private, sum, shrunk + odd * DCT_BLOCKS + j);
         }
 }
 
@@ -163,16 +164,16 @@ refine_dct_shrink(__global float *planes, hada_refine_window window, float thres
     dct_see(in + plane, window, row0 - DCT_BEFORE, col0 - DCT_BEFORE, seen);
     for (int i = 0; i < DCT_SEEN_ROWS; ++i)
         for (int j = 0; j < 2 * DCT_BLOCKS; j += 8)
-            vstore8((dct_real)0.0f, 0, sum[i] + j);
+            VECTORS_STORE8(__private, (dct_real)0.0f, sum[i] + j);
     for (int m = 0; m < 8; ++m)
-        vstore8((dct_real)0.0f, 0, part[m]);
+        VECTORS_STORE8(__private, (dct_real)0.0f, part[m]);
     for (int r = 0; r < DCT_BLOCK_ROWS; ++r) {
         for (int j = 0; j < 2 * DCT_PAIRS; j += 8) {
             for (int k = 0; k < 8; ++k)
                 v[k] = vload8(0, seen[2 * r + k] + j);
             dct_forward(v);
             for (int k = 0; k < 8; ++k)
-                vstore8(v[k], 0, given[k] + j);
+                VECTORS_STORE8(__private, v[k], given[k] + j);
         }
         for (int k = 0; k < 8; ++k)
             dct_shrink_row(given[k], shrunk[k], part, !k, t);
@@ -181,7 +182,7 @@ refine_dct_shrink(__global float *planes, hada_refine_window window, float thres
                 v[k] = vload8(0, shrunk[k] + j);
             dct_inverse(v);
             for (int k = 0; k < 8; ++k)
-                vstore8(vload8(0, sum[2 * r + k] + j) + v[k], 0, sum[2 * r + k] + j);
+                VECTORS_STORE8(__private, vload8(0, sum[2 * r + k] + j) + v[k], sum[2 * r + k] + j);
         }
     }
     for (int i = row0; i < min(row0 + DCT_TILE_ROWS, window.rows); ++i)

@@ -5,6 +5,7 @@
  * A work-group does a row: the taps along columns to `lines`, then those along the row. Vectors of eight where the taps
  * of eight columns follow one another, which they do but for a few columns of a row; a row's last vector overlaps the
  * one before. SURFACE_WIDTH 8 wants images of at least eight columns. Dimensions: one, rows, channels. */
+#include "inc_vectors.h"
 #include "shared_surface.h"
 
 #ifndef SURFACE_WIDTH
@@ -36,7 +37,7 @@ static inline float8 magnify_get(__global const float *p, int i)
 
 static inline void magnify_put(__global float *p, int i, float8 v)
 {
-    vstore8(v, 0, p + i);
+    VECTORS_STORE8(__global, v, p + i);
 }
 
 static inline float8 magnify_columns(__global const float *line, __global const float *weights,

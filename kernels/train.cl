@@ -1,5 +1,6 @@
 /* What training does beside transforms and nets (docs/training.md): gradients of Hadamard filters, the squared error of
  * planes, the gradient of clipping. */
+#include "inc_vectors.h"
 #include "shared_train.h"
 
 /* Adds the gradient of filters: scale m conj(B) G (form complex), or scale m (Re(B) Re(G), Im(B) Im(G)) (split), for
@@ -27,7 +28,7 @@ __kernel void train_filter(__global const float *b, ulong offset, __global const
     __global float *to = gradient + 2 * at;
     if (first + 8 <= count) {
         const float8 m = scale * vload8(0, weights + first);
-        vstore16(train_add(vload16(0, raw), vload16(0, plane), m, split, vload16(0, to)), 0, to);
+        VECTORS_STORE16(__global, train_add(vload16(0, raw), vload16(0, plane), m, split, vload16(0, to)), to);
         return;
     }
     /* the last frequencies may not fill a group, and the next channel follows */
@@ -63,7 +64,7 @@ static inline float8 train_get(__global const float *p, size_t i, ulong count)
 static inline void train_put(float8 v, __global float *p, size_t i, ulong count)
 {
     if (i + 8 <= count) {
-        vstore8(v, 0, p + i);
+        VECTORS_STORE8(__global, v, p + i);
         return;
     }
     float lanes[8];

@@ -178,20 +178,8 @@ FFT_INLINE void store_four(__global float *row, int c, int cols, int aligned, fl
     }
 }
 
-/* Four butterflies of radix 4 side by side: values [input][butterfly]. */
-FFT_INLINE void four_butterflies(float4 *re, float4 *im)
-{
-    const float4 ar = re[0] + re[2], ai = im[0] + im[2], br = re[0] - re[2], bi = im[0] - im[2];
-    const float4 cr = re[1] + re[3], ci = im[1] + im[3], dr = re[1] - re[3], di = im[1] - im[3];
-    re[0] = ar + cr;
-    im[0] = ai + ci;
-    re[1] = br + di;
-    im[1] = bi - dr;
-    re[2] = ar - cr;
-    im[2] = ai - ci;
-    re[3] = br - di;
-    im[3] = bi + dr;
-}
+/* Four butterflies side by side: values [input][butterfly]. */
+FFT_RADIX4(four_butterflies, float4)
 
 /* Points of a row for the first stage. */
 FFT_INLINE void load_row(__global const float *row, int cols, int col0, int aligned, float4 *v)

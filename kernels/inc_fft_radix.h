@@ -39,19 +39,23 @@ FFT_INLINE void fft_radix3(FFT_V *re, FFT_V *im)
     im[2] = fma(br, s, ci);
 }
 
-FFT_INLINE void fft_radix4(FFT_V *re, FFT_V *im)
-{
-    const FFT_V ar = re[0] + re[2], ai = im[0] + im[2], br = re[0] - re[2], bi = im[0] - im[2];
-    const FFT_V cr = re[1] + re[3], ci = im[1] + im[3], dr = re[1] - re[3], di = im[1] - im[3];
-    re[0] = ar + cr;
-    im[0] = ai + ci;
-    re[1] = br + di;
-    im[1] = bi - dr;
-    re[2] = ar - cr;
-    im[2] = ai - ci;
-    re[3] = br - di;
-    im[3] = bi + dr;
-}
+/* A butterfly of radix 4 on any numbers or vectors V. */
+#define FFT_RADIX4(name, V)                                                                                            \
+    FFT_INLINE void name(V *re, V *im)                                                                                 \
+    {                                                                                                                  \
+        const V ar = re[0] + re[2], ai = im[0] + im[2], br = re[0] - re[2], bi = im[0] - im[2];                        \
+        const V cr = re[1] + re[3], ci = im[1] + im[3], dr = re[1] - re[3], di = im[1] - im[3];                        \
+        re[0] = ar + cr;                                                                                               \
+        im[0] = ai + ci;                                                                                               \
+        re[1] = br + di;                                                                                               \
+        im[1] = bi - dr;                                                                                               \
+        re[2] = ar - cr;                                                                                               \
+        im[2] = ai - ci;                                                                                               \
+        re[3] = br - di;                                                                                               \
+        im[3] = bi + dr;                                                                                               \
+    }
+
+FFT_RADIX4(fft_radix4, FFT_V)
 
 FFT_INLINE void fft_radix5(FFT_V *re, FFT_V *im)
 {

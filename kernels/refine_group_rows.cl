@@ -53,7 +53,7 @@ refine_group_rows(__global float *spectra, __global float *planes, __global floa
     __global const int *place = table + table[FFT_PLACE];
     __global const float *floats = FFT_FLOATS_OF(table);
     __global float2 *values = (on_frame ? (__global float2 *)split + now.at : (__global float2 *)spectra) +
-                              ((size_t)plane * blocks * height + first) * HADA_FFT_BLOCK;
+                              (size_t)(plane * blocks * height + first) * HADA_FFT_BLOCK; /* blocks: an int has room */
 
     for (int w = 0; w < (inverse ? width : 0); ++w)
         FFT_SHARE (k, n / 2 + 1) {

@@ -89,7 +89,6 @@ refine_tv_tile(__global float *planes, __global const float *old, __global float
     const int j = number % across * inner - lead + x, top = number / across * inner - lead;
     const size_t image = (size_t)get_global_id(1) * TV_CHANNELS * area;
     __global const float *given = (tile.first ? planes : old + tile.copy) + image, *before = old + 2 * image;
-    __global float *of_planes = (tile.last ? planes : next + tile.copy) + image, *after = next + 2 * image;
     float w[EACH][TV_CHANNELS], u[EACH][TV_CHANNELS], p[EACH][TV_CHANNELS];
 
     /* one after the other: all loads at once would take more registers than there are */
@@ -126,7 +125,10 @@ refine_tv_tile(__global float *planes, __global const float *old, __global float
     barrier(CLK_LOCAL_MEM_FENCE);
     tv_hand_over(local_i, first_y, x, p);
     barrier(CLK_LOCAL_MEM_FENCE);
-    tv_primal(u, w, local_i, local_j, first_y, x, theta);
+    /* made here, not above: registers are scarce in the steps */
+    __global float *of_planes = (tile.last ? planes : next + tile.copy) + image, *after = next + 2 * image;
+    if (tile.last)
+        tv_primal(w, w, local_i, local_j, first_y, x, theta);
     TV_PIXEL (e) {
         const int y = first_y + e * BELOW, i = top + y, to = i * cols + j;
         const int within = y >= lead && y < TILE - steps && x >= lead && x < TILE - steps && i < rows && j < cols;
@@ -134,7 +136,7 @@ refine_tv_tile(__global float *planes, __global const float *old, __global float
             if (within) {
                 after[2 * c * area + to] = p[e][c];
                 after[(2 * c + 1) * area + to] = local_j[(c * TILE + y) * TILE + x];
-                of_planes[c * area + to] = tile.last ? u[e][c] : w[e][c];
+                of_planes[c * area + to] = w[e][c];
             }
         }
     }

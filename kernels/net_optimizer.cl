@@ -1,10 +1,22 @@
 /* Optimisers: one step on an array of parameters (lib/net/optimizer.h). Dimension 1 counts runs of HADA_OPTIMIZER_RUN
  * values, dimension 0 the work-items that share a run. */
 
+#include "inc_vectors.h"
 #include "shared_net.h"
 
+/* Values that a work-item takes at once: a vector of a CPU's, or one, so that those of work-items side by side stand
+ * side by side as well; arrays begin anywhere. */
+#ifndef OPTIMIZER_WIDTH
+#define OPTIMIZER_WIDTH 8
+#endif
+
+#define OPTIMIZER_INLINE static inline __attribute__((always_inline))
+
+#if OPTIMIZER_WIDTH == 8
+typedef float8 optimizer_v;
+
 /* Values of the array as a vector; behind its end nothing is read or written. */
-static inline __attribute__((always_inline)) float8 optimizer_get(__global const float *p, uint first, uint count)
+OPTIMIZER_INLINE optimizer_v optimizer_get(__global const float *p, uint first, uint count)
 {
     if (first + 8 <= count)
         return vload8(0, p + first);
@@ -14,10 +26,10 @@ static inline __attribute__((always_inline)) float8 optimizer_get(__global const
     return vload8(0, lane);
 }
 
-static inline __attribute__((always_inline)) void optimizer_put(float8 v, __global float *p, uint first, uint count)
+OPTIMIZER_INLINE void optimizer_put(optimizer_v v, __global float *p, uint first, uint count)
 {
     if (first + 8 <= count) {
-        vstore8(v, 0, p + first);
+        VECTORS_STORE8(__global, v, p + first);
         return;
     }
     float lane[8];
@@ -26,9 +38,33 @@ static inline __attribute__((always_inline)) void optimizer_put(float8 v, __glob
         p[first + i] = lane[i];
 }
 
+OPTIMIZER_INLINE float optimizer_sum(optimizer_v v)
+{
+    const float4 a = v.lo + v.hi;
+    return (a.x + a.z) + (a.y + a.w);
+}
+#else
+typedef float optimizer_v;
+
+OPTIMIZER_INLINE optimizer_v optimizer_get(__global const float *p, uint first, uint count)
+{
+    return p[first];
+}
+
+OPTIMIZER_INLINE void optimizer_put(optimizer_v v, __global float *p, uint first, uint count)
+{
+    p[first] = v;
+}
+
+OPTIMIZER_INLINE float optimizer_sum(optimizer_v v)
+{
+    return v;
+}
+#endif
+
 #define OPTIMIZER_EACH(i, count)                                                                                       \
-    for (uint i = get_global_id(1) * HADA_OPTIMIZER_RUN + 8 * get_global_id(0);                                        \
-         i < min((uint)(get_global_id(1) + 1) * HADA_OPTIMIZER_RUN, count); i += 8 * get_global_size(0))
+    for (uint i = get_global_id(1) * HADA_OPTIMIZER_RUN + OPTIMIZER_WIDTH * get_global_id(0);                          \
+         i < min((uint)(get_global_id(1) + 1) * HADA_OPTIMIZER_RUN, count); i += OPTIMIZER_WIDTH * get_global_size(0))
 
 /* Keras: eps below the root, decay of the parameters themselves, steps with their rate in the momentum. PyTorch
  * (`outside`): eps beside the root, decay through the gradient, the rate outside the momentum. State: v, then a where
@@ -44,24 +80,24 @@ __kernel void net_optimizer_rmsprop(__global const float *gradient, __global flo
     __global float *values = parameters + at.parameters, *squares = state + at.state;
     __global float *means = squares + count, *moving = squares + (centered ? 2 : 1) * (size_t)count;
     OPTIMIZER_EACH (i, count) {
-        float8 g = scale * optimizer_get(grad, i, count), p = optimizer_get(values, i, count);
+        optimizer_v g = scale * optimizer_get(grad, i, count), p = optimizer_get(values, i, count);
         if (outside)
-            g = fma((float8)weight_decay, p, g);
+            g = fma((optimizer_v)weight_decay, p, g);
         else
-            p = fma((float8)(-rate * weight_decay), p, p);
-        float8 v = fma((float8)decay, optimizer_get(squares, i, count), rest * g * g), centre = v;
+            p = fma((optimizer_v)(-rate * weight_decay), p, p);
+        optimizer_v v = fma((optimizer_v)decay, optimizer_get(squares, i, count), rest * g * g), centre = v;
         optimizer_put(v, squares, i, count);
         if (centered) {
-            const float8 a = fma((float8)decay, optimizer_get(means, i, count), rest * g);
+            const optimizer_v a = fma((optimizer_v)decay, optimizer_get(means, i, count), rest * g);
             optimizer_put(a, means, i, count);
             centre = fma(-a, a, v);
         }
-        float8 step = outside ? g / (sqrt(max(centre, 0.0f)) + eps) : rate * g / sqrt(max(centre, 0.0f) + eps);
+        optimizer_v step = outside ? g / (sqrt(max(centre, 0.0f)) + eps) : rate * g / sqrt(max(centre, 0.0f) + eps);
         if (momentum > 0.0f) {
-            step = fma((float8)momentum, optimizer_get(moving, i, count), step);
+            step = fma((optimizer_v)momentum, optimizer_get(moving, i, count), step);
             optimizer_put(step, moving, i, count);
         }
-        optimizer_put(outside ? fma((float8)-rate, step, p) : p - step, values, i, count);
+        optimizer_put(outside ? fma((optimizer_v)-rate, step, p) : p - step, values, i, count);
     }
 }
 
@@ -76,13 +112,14 @@ __kernel void net_optimizer_adam(__global const float *gradient, __global float 
     __global const float *grad = gradient + at.gradient;
     __global float *values = parameters + at.parameters, *means = state + at.state, *squares = means + count;
     OPTIMIZER_EACH (i, count) {
-        const float8 p = optimizer_get(values, i, count);
-        const float8 g = fma((float8)weight_decay, p, scale * optimizer_get(grad, i, count));
-        const float8 m = fma((float8)beta1, optimizer_get(means, i, count), rest1 * g);
-        const float8 v = fma((float8)beta2, optimizer_get(squares, i, count), rest2 * g * g);
+        const optimizer_v p = optimizer_get(values, i, count);
+        const optimizer_v g = fma((optimizer_v)weight_decay, p, scale * optimizer_get(grad, i, count));
+        const optimizer_v m = fma((optimizer_v)beta1, optimizer_get(means, i, count), rest1 * g);
+        const optimizer_v v = fma((optimizer_v)beta2, optimizer_get(squares, i, count), rest2 * g * g);
         optimizer_put(m, means, i, count);
         optimizer_put(v, squares, i, count);
-        optimizer_put(fma((float8)-rate1, m / fma(sqrt(v), (float8)root2, (float8)eps), p * shrink), values, i, count);
+        optimizer_put(fma((optimizer_v)-rate1, m / fma(sqrt(v), (optimizer_v)root2, (optimizer_v)eps), p * shrink),
+                      values, i, count);
     }
 }
 
@@ -90,13 +127,12 @@ __kernel void net_optimizer_adam(__global const float *gradient, __global float 
 __kernel void net_optimizer_squares(__global const float *values, ulong offset, uint count, __global float *sums,
                                     ulong sums_offset)
 {
-    float8 sum = 0.0f;
+    optimizer_v sum = 0.0f;
     OPTIMIZER_EACH (i, count) {
-        const float8 v = optimizer_get(values + offset, i, count);
+        const optimizer_v v = optimizer_get(values + offset, i, count);
         sum = fma(v, v, sum);
     }
-    const float4 a = sum.lo + sum.hi;
-    sums[sums_offset + get_global_id(1) * get_global_size(0) + get_global_id(0)] = (a.x + a.z) + (a.y + a.w);
+    sums[sums_offset + get_global_id(1) * get_global_size(0) + get_global_id(0)] = optimizer_sum(sum);
 }
 
 /* norm[0], a sum of squares, becomes its root, norm[1] the factor that brings it down to `limit`; limit 0: 1. */

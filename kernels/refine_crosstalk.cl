@@ -7,6 +7,7 @@
  * m: sum of a plane's channels over pixels up to CROSSTALK_REACH rows and columns away, within the image; k: the share
  * of the brightest plane's light at which another one halves. Planes stand as [plane][channel][row][col], are not
  * negative, their sum stays, and so does a plane alone. */
+#include "inc_vectors.h"
 #include "shared_refine.h"
 
 #ifndef CROSSTALK_WIDTH
@@ -18,18 +19,25 @@
 
 #define CROSSTALK_REACH 2
 
+/* Channels that are taken together: their weights are the same. */
+#define CROSSTALK_SIDE              3
+#define CROSSTALK_CHANNEL(c, count) _Pragma("unroll") for (int c = 0; c < CROSSTALK_SIDE; ++c) if (c < (count))
+
 #define CROSSTALK_INLINE static inline __attribute__((always_inline))
 
+/* A CPU's vectors, or single values: those of work-items side by side stand side by side as well. */
 #if CROSSTALK_WIDTH == 8
 typedef float8 crosstalk_real;
 typedef int8 crosstalk_int;
-#define CROSSTALK_GET(p)    vload8(0, p)
-#define CROSSTALK_PUT(v, p) vstore8(v, 0, p)
+#define CROSSTALK_GET(p)           vload8(0, p)
+#define CROSSTALK_PUT(space, v, p) VECTORS_STORE8(space, v, p)
+#define CROSSTALK_ANY(here)        any(here)
 #else
-typedef float4 crosstalk_real;
-typedef int4 crosstalk_int;
-#define CROSSTALK_GET(p)    vload4(0, p)
-#define CROSSTALK_PUT(v, p) vstore4(v, 0, p)
+typedef float crosstalk_real;
+typedef int crosstalk_int;
+#define CROSSTALK_GET(p)           (*(p))
+#define CROSSTALK_PUT(space, v, p) (*(p) = (v))
+#define CROSSTALK_ANY(here)        (here)
 #endif
 
 /* The first `count` values from p on, a vector of them at most; what is beyond is 0. */
@@ -47,10 +55,10 @@ CROSSTALK_INLINE void crosstalk_put(crosstalk_real v, __global float *p, int cou
 {
     float some[CROSSTALK_WIDTH];
     if (count >= CROSSTALK_WIDTH) {
-        CROSSTALK_PUT(v, p);
+        CROSSTALK_PUT(__global, v, p);
         return;
     }
-    CROSSTALK_PUT(v, some);
+    CROSSTALK_PUT(__private, v, some);
     for (int i = 0; i < count; ++i)
         p[i] = some[i];
 }
@@ -69,7 +77,7 @@ refine_crosstalk_light(__global const float *planes, __global float *light, hada
         for (int c = 0; c < channels; ++c)
             for (int d = -CROSSTALK_REACH; d <= CROSSTALK_REACH; ++d)
                 sum += CROSSTALK_GET(image + (size_t)c * area + first + d);
-        CROSSTALK_PUT(sum, out + first);
+        CROSSTALK_PUT(__global, sum, out + first);
         return;
     }
     for (int col = first; col < min(first + CROSSTALK_WIDTH, cols); ++col) {
@@ -118,23 +126,34 @@ refine_crosstalk_fade(__global float *planes, __global const float *light, hada_
         brightest = select(brightest, (crosstalk_int)z, isgreater(around, most));
         most = fmax(most, around);
     }
-    for (int c = 0; c < channels; ++c) {
-        __global float *image = planes + (size_t)c * area + at;
+    for (int c0 = 0; c0 < channels; c0 += CROSSTALK_SIDE) {
+        __global float *image = planes + (size_t)c0 * area + at;
         const size_t step = (size_t)channels * area;
-        crosstalk_real moved = none;
+        const int side = channels - c0;
+        crosstalk_real moved[CROSSTALK_SIDE];
+        CROSSTALK_CHANNEL(c, CROSSTALK_SIDE)
+        moved[c] = none;
         for (int z = 0; z < depths; ++z) {
             const crosstalk_real around = crosstalk_around(light + (size_t)z * area, from, to, cols, first);
-            const crosstalk_real value = crosstalk_get(image + (size_t)z * step, cols - first);
-            const crosstalk_real kept = crosstalk_weight(around, most, k) * value;
-            moved += value - kept;
-            crosstalk_put(kept, image + (size_t)z * step, cols - first);
+            const crosstalk_real weight = crosstalk_weight(around, most, k);
+            CROSSTALK_CHANNEL(c, side)
+            {
+                __global float *p = image + (size_t)z * step + (size_t)c * area;
+                const crosstalk_real value = crosstalk_get(p, cols - first);
+                const crosstalk_real kept = weight * value;
+                moved[c] += value - kept;
+                crosstalk_put(kept, p, cols - first);
+            }
         }
         for (int z = 0; z < depths; ++z) {
             const crosstalk_int here = brightest == (crosstalk_int)z;
-            if (any(here)) {
-                const crosstalk_real kept = crosstalk_get(image + (size_t)z * step, cols - first);
-                crosstalk_put(kept + select(none, moved, here), image + (size_t)z * step, cols - first);
-            }
+            if (CROSSTALK_ANY(here))
+                CROSSTALK_CHANNEL(c, side)
+                {
+                    __global float *p = image + (size_t)z * step + (size_t)c * area;
+                    const crosstalk_real kept = crosstalk_get(p, cols - first);
+                    crosstalk_put(kept + select(none, moved[c], here), p, cols - first);
+                }
         }
     }
 }

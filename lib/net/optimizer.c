@@ -7,7 +7,7 @@
 #include "launch/net_optimizer.h"
 #include "net/layer_launch.h"
 
-enum { ROW_ITEMS = 32 }; /* work-items that share a run on GPUs */
+enum { ROW_ITEMS = 128 }; /* work-items that share a run on GPUs */
 
 void hada_optimizer_desc_init(hada_optimizer_desc *desc, hada_optimizer optimizer)
 {
@@ -87,7 +87,7 @@ static hada_status rmsprop(hada_slot *slot, const hada_optimizer_desc *desc, dou
                                .weight_decay = (cl_float)desc->weight_decay,
                                .centered = desc->centered != 0,
                                .outside = desc->optimizer == HADA_OPTIMIZER_RMSPROP_TORCH};
-    return hada_launch_net_optimizer_rmsprop(slot, HADA_PROGRAM_NET_OPTIMIZER_DEFAULT, &range, err,
+    return hada_launch_net_optimizer_rmsprop(slot, hada_program_net_optimizer_of(slot), &range, err,
                                              .gradient = gradient.mem, .parameters = parameters.mem, .state = state.mem,
                                              .at = update_of(desc, gradient, parameters, state, count), .rule = rule);
 }
@@ -106,7 +106,7 @@ static hada_status adam(hada_slot *slot, const hada_optimizer_desc *desc, uint64
                             .eps = (cl_float)desc->eps,
                             .weight_decay = decoupled ? 0.0f : (cl_float)desc->weight_decay,
                             .shrink = decoupled ? (cl_float)(1.0 - rate * desc->weight_decay) : 1.0f};
-    return hada_launch_net_optimizer_adam(slot, HADA_PROGRAM_NET_OPTIMIZER_DEFAULT, &range, err,
+    return hada_launch_net_optimizer_adam(slot, hada_program_net_optimizer_of(slot), &range, err,
                                           .gradient = gradient.mem, .parameters = parameters.mem, .state = state.mem,
                                           .at = update_of(desc, gradient, parameters, state, count), .rule = rule);
 }
@@ -144,7 +144,7 @@ static hada_status squares(hada_slot *slot, const hada_gradient_part *parts, int
     for (int i = 0; i < part_count; i++) {
         const hada_range range = runs_range(slot, parts[i].count);
         HADA_TRY(hada_launch_net_optimizer_squares(
-            slot, HADA_PROGRAM_NET_OPTIMIZER_DEFAULT, &range, err, .values = parts[i].values.mem,
+            slot, hada_program_net_optimizer_of(slot), &range, err, .values = parts[i].values.mem,
             .offset = parts[i].values.offset, .count = (cl_uint)parts[i].count, .sums = scratch, .sums_offset = *sums));
         *sums += items_of(parts[i].count, row_items(slot));
     }
@@ -155,7 +155,7 @@ done:
 static hada_status scale_part(hada_slot *slot, const hada_gradient_part *part, hada_floats norm, hada_error *err)
 {
     const hada_range range = runs_range(slot, part->count);
-    return hada_launch_net_optimizer_scale(slot, HADA_PROGRAM_NET_OPTIMIZER_DEFAULT, &range, err,
+    return hada_launch_net_optimizer_scale(slot, hada_program_net_optimizer_of(slot), &range, err,
                                            .values = part->values.mem, .offset = part->values.offset,
                                            .count = (cl_uint)part->count, .norm = norm.mem, .norm_offset = norm.offset);
 }
@@ -175,7 +175,7 @@ hada_status hada_clip_gradients(hada_slot *slot, const hada_gradient_part *parts
     size_t sums;
     HADA_TRY(squares(slot, parts, part_count, scratch, &sums, err));
     HADA_TRY(hada_sum_floats(slot, scratch, 0, sums, 1.0f, 0.0f, norm, err));
-    HADA_TRY(hada_launch_net_optimizer_norm(slot, HADA_PROGRAM_NET_OPTIMIZER_DEFAULT, &one, err, .norm = norm.mem,
+    HADA_TRY(hada_launch_net_optimizer_norm(slot, hada_program_net_optimizer_of(slot), &one, err, .norm = norm.mem,
                                             .offset = norm.offset, .limit = max_norm));
     for (int i = 0; max_norm > 0.0f && i < part_count; i++)
         HADA_TRY(scale_part(slot, &parts[i], norm, err));

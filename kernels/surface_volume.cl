@@ -66,11 +66,11 @@ volume_explain(__global const float *otf, ulong offset, __global const float *u,
     }
 }
 
-/* sum = sum - frame, and as partial[channel][slice] its energy over the whole spectrum; with weights, times these after
- * that. Dimensions as before. */
+/* sum = sum - frame, and as partial[first + ...], [channel][slice], its energy over the whole spectrum; with weights,
+ * times these after that. Dimensions as before. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 volume_residual(__global float *sum, __global const float *frame, ulong frame_offset, __global const float *weight,
-                int has_weight, hada_spectrum_shape spectrum, __global float *partial)
+                int has_weight, hada_spectrum_shape spectrum, __global float *partial, uint first)
 {
     REFINE_LOCAL
     const uint count = spectrum.count, channel = get_global_id(1);
@@ -89,7 +89,7 @@ volume_residual(__global float *sum, __global const float *frame, ulong frame_of
         refine_put(s, i, s_re * p, s_im * p);
         energy += refine_count(fma(s_re, s_re, s_im * s_im), i, spectrum.rows, spectrum.block, spectrum.cols);
     }
-    REFINE_PARTIAL(partial, (channel * get_num_groups(0) + get_group_id(0)), refine_sum(energy))
+    REFINE_PARTIAL(partial, (first + channel * get_num_groups(0) + get_group_id(0)), refine_sum(energy))
 }
 
 /* Spectra times their weights, in place. Dimensions: slices of frequencies, channels. */

@@ -44,14 +44,16 @@ static hada_status mean_light(const hada_surface *s, cl_mem spectrum, size_t off
 {
     const size_t channels = (size_t)s->camera.channels;
     const hada_buffer view = hada_surface_view(s, spectrum, 2 * (offset + channels * s->layout.count));
+    float *value = s->image[0]; /* which stays, should a read fail */
     double sum = 0.0;
     hada_status status = HADA_OK;
     for (size_t c = 0; c < channels; c++) {
-        float value = 0.0F;
-        HADA_TRY(hada_buffer_read(&view, s->slot, (offset + c * s->layout.count) * 2 * sizeof value, &value,
-                                  sizeof value, err));
-        sum += s->light[c] > 0.0 ? value / s->light[c] : 0.0;
+        const size_t at = (offset + c * s->layout.count) * 2 * sizeof *value;
+        HADA_TRY(hada_buffer_read_later(&view, s->slot, at, value + c, sizeof *value, err));
     }
+    HADA_TRY(hada_slot_finish(s->slot, err));
+    for (size_t c = 0; c < channels; c++)
+        sum += s->light[c] > 0.0 ? value[c] / s->light[c] : 0.0;
     *mean = sum / ((double)channels * (double)hada_surface_area(&s->level[s->levels - 1].plan));
 done:
     return status;
@@ -133,8 +135,8 @@ static hada_status follow(hada_surface *s, int l, hada_volume_band *band, hada_e
     find_range(s->mask, to->shape.planes, hada_surface_area(to), band);
     spread_mask(s->mask, to->shape.planes, (size_t)to->shape.channels, hada_surface_area(to));
     start_planes(s, from, to);
-    HADA_TRY(hada_buffer_write(&s->allowed, s->slot, 0, s->mask, bytes, err));
-    HADA_TRY(hada_buffer_write(&planes, s->slot, 0, s->planes[0], bytes, err));
+    HADA_TRY(hada_buffer_write_later(&s->allowed, s->slot, 0, s->mask, bytes, err));
+    HADA_TRY(hada_buffer_write_later(&planes, s->slot, 0, s->planes[0], bytes, err));
 done:
     return status;
 }
@@ -240,9 +242,9 @@ static hada_status begin_texture(hada_surface *s, int *first, int *last, hada_er
     }
     *first = (int)least;
     *last = (int)most + 1 < to->shape.planes ? (int)most + 1 : to->shape.planes - 1;
-    HADA_TRY(hada_buffer_write(&s->map, s->slot, 0, s->sum, area * sizeof(float), err));
-    HADA_TRY(hada_buffer_write(&s->texture, s->slot, 0, s->image[1], area * (size_t)to->shape.channels * sizeof(float),
-                               err));
+    HADA_TRY(hada_buffer_write_later(&s->map, s->slot, 0, s->sum, area * sizeof(float), err));
+    HADA_TRY(hada_buffer_write_later(&s->texture, s->slot, 0, s->image[1],
+                                     area * (size_t)to->shape.channels * sizeof(float), err));
 done:
     return status;
 }
@@ -320,7 +322,8 @@ hada_status hada_surface_planes(hada_surface *s, cl_mem planes, hada_error *err)
 {
     const hada_surface_level *last = &s->level[s->levels - 1];
     hada_status status = HADA_OK;
-    HADA_TRY(hada_buffer_write(&s->map, s->slot, 0, s->depth[1], hada_surface_area(&last->plan) * sizeof(float), err));
+    HADA_TRY(
+        hada_buffer_write_later(&s->map, s->slot, 0, s->depth[1], hada_surface_area(&last->plan) * sizeof(float), err));
     HADA_TRY(hada_volume_spread(last->volume, s->map.mem, s->texture.mem, s->camera.depths, planes, err));
 done:
     return status;

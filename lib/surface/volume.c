@@ -43,10 +43,12 @@ static int list_plans(const hada_context *context, const hada_volume_shape *shap
     return hada_volume_is_padded(shape) ? PLANS : 2;
 }
 
-static size_t slices_of(const hada_volume_shape *shape, const hada_spectrum_layout *layout)
+/* Sums of the energies that are read together, and of the frame's. */
+static size_t sums_of(const hada_context *context, const hada_volume_shape *shape, const hada_spectrum_layout *layout)
 {
     const size_t frame = hada_volume_is_padded(shape) ? hada_rect_area(&shape->frame) : 0;
-    return hada_divide_up(frame > layout->count ? frame : layout->count, HADA_VOLUME_SLICE);
+    const size_t slices = hada_divide_up(frame > layout->count ? frame : layout->count, HADA_VOLUME_SLICE);
+    return (1 + (size_t)hada_volume_looks(context)) * slices * (size_t)shape->channels;
 }
 
 static void list_buffers(const hada_context *context, const hada_volume_shape *shape, hada_buffer_row *rows)
@@ -73,7 +75,7 @@ static void list_buffers(const hada_context *context, const hada_volume_shape *s
         {offsetof(hada_volume, start), values, what},
         {offsetof(hada_volume, duals[0]), duals, what},
         {offsetof(hada_volume, duals[1]), duals, what},
-        {offsetof(hada_volume, partial), channels * slices_of(shape, &layout) * sizeof(float), what}};
+        {offsetof(hada_volume, partial), sums_of(context, shape, &layout) * sizeof(float), what}};
     memcpy(rows, list, sizeof list);
 }
 
@@ -136,7 +138,6 @@ hada_status hada_volume_create(hada_volume **out, hada_slot *slot, const hada_vo
     v->batch = batch_of(slot->context, shape);
     v->window_area = hada_rect_area(&shape->window);
     v->frame_area = hada_rect_area(&shape->frame);
-    v->slices = slices_of(shape, &v->layout);
     {
         hada_fft **const made[PLANS] = {&v->forward, &v->inverse, &v->frame_forward, &v->frame_inverse};
         const int count = list_plans(slot->context, shape, plans);
@@ -148,7 +149,8 @@ hada_status hada_volume_create(hada_volume **out, hada_slot *slot, const hada_vo
     for (int i = 0; i < ROWS; i++) /* what lies behind the last value is read and multiplied by 0 */
         if (rows[i].bytes)
             HADA_TRY(hada_buffer_clear(hada_buffer_of(v, &rows[i]), slot, 0, rows[i].bytes, err));
-    HADA_TRY(hada_alloc((void **)&v->host_partial, v->slices * (size_t)shape->channels, sizeof(float), what, err));
+    HADA_TRY(
+        hada_alloc((void **)&v->host_partial, sums_of(slot->context, shape, &v->layout), sizeof(float), what, err));
     HADA_TRY(prepare(v, err));
     *out = v;
 done:
@@ -193,22 +195,41 @@ void hada_volume_set_frame(hada_volume *v, cl_mem spectrum, size_t spectrum_offs
     v->pixels_offset = pixels_offset;
 }
 
+/* Whether one of `count` energies, after that of the frame, says that the run has gone astray: *energy is the first
+ * such one, else the last; *least: of the run so far. */
+static int is_astray(const double *energies, int count, double *least, double *energy)
+{
+    const double whole = energies[0];
+    int astray = 0;
+    *least = fmin(*least, whole);
+    for (int i = 1; i <= count && !astray; i++) {
+        *energy = energies[i];
+        astray = !(*energy <= whole) || *energy > ASTRAY * *least + ASTRAY_PART * whole;
+        *least = fmin(*least, *energy);
+    }
+    return astray;
+}
+
 /* From `start` on with steps of length 1 / bound. astray: they were too long, and the values are worth nothing. */
 static hada_status descend(hada_volume *v, const hada_volume_unknown *u, const hada_volume_rule *rule, double bound,
-                           double whole, double *energy, int *astray, hada_error *err)
+                           double *energy, int *astray, hada_error *err)
 {
-    double t = 1, least = whole;
+    const int most = hada_volume_looks(v->slot->context);
+    double t = 1, least = INFINITY, energies[1 + HADA_VOLUME_LOOKS];
+    int looks = 0;
     hada_status status = HADA_OK;
     *astray = 0;
     HADA_TRY(hada_buffer_copy(v->slot, v->start.mem, 0, v->at.mem, 0, u->count * sizeof(float), err));
     HADA_TRY(hada_buffer_copy(v->slot, v->start.mem, 0, u->values, 0, u->count * sizeof(float), err));
     for (int k = 0; k < rule->steps && !*astray; k++) {
         const double next = (1 + sqrt(1 + 4 * t * t)) / 2;
-        HADA_TRY(hada_volume_differentiate(v, u, err));
-        if (k % CHECK_EVERY == CHECK_EVERY - 1 || k == rule->steps - 1) {
-            HADA_TRY(hada_volume_fetch_energy(v, energy, err));
-            *astray = !(*energy <= whole) || *energy > ASTRAY * least + ASTRAY_PART * whole;
-            least = fmin(least, *energy);
+        const int last = k == rule->steps - 1;
+        HADA_TRY(hada_volume_differentiate(v, u, 1 + looks, err));
+        looks += last || k % CHECK_EVERY == CHECK_EVERY - 1;
+        if (last || looks == most) {
+            HADA_TRY(hada_volume_fetch_energies(v, 1 + looks, energies, err));
+            *astray = is_astray(energies, looks, &least, energy);
+            looks = 0;
         }
         HADA_TRY(hada_volume_step(v, u, rule, bound, (t - 1) / next, k, err));
         t = next;
@@ -220,7 +241,7 @@ done:
 static hada_status run(hada_volume *v, const hada_volume_unknown *u, const hada_volume_rule *rule, double *energy,
                        hada_error *err)
 {
-    double whole = 0, left = 0, bound = rule->bound;
+    double left = 0, bound = rule->bound;
     int astray = 1;
     hada_status status = HADA_OK;
     if (rule->steps < 1 || !(rule->floor > 0) || !(rule->bound > 0))
@@ -229,10 +250,10 @@ static hada_status run(hada_volume *v, const hada_volume_unknown *u, const hada_
                          rule->steps, rule->floor, rule->bound);
     HADA_TRY(hada_volume_weigh(v, rule->floor, err));
     HADA_TRY(hada_buffer_copy(v->slot, u->values, 0, v->start.mem, 0, u->count * sizeof(float), err));
-    HADA_TRY(hada_volume_frame_energy(v, &whole, err));
+    HADA_TRY(hada_volume_frame_energy(v, err));
     /* no curvature is above the number of planes, so this ends */
     for (; astray && bound < 4.0 * v->shape.planes + 4.0 * rule->bound; bound *= 2)
-        HADA_TRY(descend(v, u, rule, bound, whole, &left, &astray, err));
+        HADA_TRY(descend(v, u, rule, bound, &left, &astray, err));
     if (energy)
         *energy = left;
 done:

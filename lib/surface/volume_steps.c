@@ -106,12 +106,24 @@ static hada_status weigh_sum(hada_volume *v, hada_error *err)
                                     .count = (cl_uint)v->layout.count);
 }
 
+int hada_volume_looks(const hada_context *context)
+{
+    return context->info.unified_memory ? 1 : HADA_VOLUME_LOOKS;
+}
+
+/* Sums that an energy takes. */
+static size_t sums_of(const hada_volume *v)
+{
+    const size_t values = hada_volume_is_padded(&v->shape) ? v->frame_area : v->layout.count;
+    return hada_divide_up(values, HADA_VOLUME_SLICE) * (size_t)v->shape.channels;
+}
+
 /* Padded: what the spectrum of the model leaves of the frame, within it, with sums of its squares. */
-static hada_status residual_padded(hada_volume *v, hada_error *err)
+static hada_status residual_padded(hada_volume *v, int look, hada_error *err)
 {
     const int channels = v->shape.channels;
     const hada_range range = slices(v, v->frame_area, (size_t)channels, 1);
-    const hada_refine_sums sums = {HADA_VOLUME_SLICE, 0};
+    const hada_refine_sums sums = {HADA_VOLUME_SLICE, (unsigned)((size_t)look * sums_of(v))};
     hada_status status = HADA_OK;
     HADA_TRY(hada_fft_inverse(v->frame_inverse, channels, v->sum.mem, 0, v->frame.mem, 0, NULL, err));
     hada_slot_cost(v->slot, 12.0 * channels * (double)v->frame_area, 4.0 * channels * (double)v->frame_area);
@@ -124,7 +136,7 @@ done:
 }
 
 /* The same where the sensor sees everything: its spectrum, weighted where that is wanted. */
-static hada_status residual_circular(hada_volume *v, int weighted, hada_error *err)
+static hada_status residual_circular(hada_volume *v, int weighted, int look, hada_error *err)
 {
     const hada_range range = slices(v, v->layout.count, (size_t)v->shape.channels, 1);
     const double values = (double)v->layout.count * v->shape.channels;
@@ -134,20 +146,21 @@ static hada_status residual_circular(hada_volume *v, int weighted, hada_error *e
     HADA_TRY(hada_launch_volume_residual(v->slot, v->program, &range, err, .sum = v->sum.mem,
                                          .frame = v->frame_spectrum, .frame_offset = (cl_ulong)v->spectrum_offset,
                                          .weight = weighted ? v->weight.mem : v->sum.mem, .has_weight = weighted,
-                                         .spectrum = shape, .partial = v->partial.mem));
+                                         .spectrum = shape, .partial = v->partial.mem,
+                                         .first = (cl_uint)((size_t)look * sums_of(v))));
 done:
     return status;
 }
 
 /* What the spectrum of the model leaves of the frame, its energy, and its weighted spectrum; where the sensor crops,
  * all of that within it. */
-static hada_status leave_residual(hada_volume *v, hada_error *err)
+static hada_status leave_residual(hada_volume *v, int look, hada_error *err)
 {
     const int channels = v->shape.channels;
     hada_status status = HADA_OK;
     if (!hada_volume_is_padded(&v->shape))
-        return residual_circular(v, 1, err);
-    HADA_TRY(residual_padded(v, err));
+        return residual_circular(v, 1, look, err);
+    HADA_TRY(residual_padded(v, look, err));
     HADA_TRY(hada_fft_forward(v->frame_forward, channels, v->frame.mem, 0, v->sum.mem, 0, err));
     HADA_TRY(weigh_sum(v, err));
     HADA_TRY(hada_fft_inverse(v->frame_inverse, channels, v->sum.mem, 0, v->frame.mem, 0, NULL, err));
@@ -182,14 +195,14 @@ done:
     return status;
 }
 
-hada_status hada_volume_differentiate(hada_volume *v, const hada_volume_unknown *u, hada_error *err)
+hada_status hada_volume_differentiate(hada_volume *v, const hada_volume_unknown *u, int look, hada_error *err)
 {
     hada_status status = HADA_OK;
     for (int first = u->first; first <= u->last; first += v->batch) {
         const int left = u->last - first + 1;
         HADA_TRY(explain(v, u, first, left < v->batch ? left : v->batch, first > u->first, err));
     }
-    HADA_TRY(leave_residual(v, err));
+    HADA_TRY(leave_residual(v, look, err));
     for (int first = u->first; first <= u->last; first += v->batch) {
         const int left = u->last - first + 1;
         HADA_TRY(correlate(v, u, first, left < v->batch ? left : v->batch, first > u->first, err));
@@ -233,27 +246,26 @@ done:
     return status;
 }
 
-hada_status hada_volume_fetch_energy(hada_volume *v, double *energy, hada_error *err)
+hada_status hada_volume_frame_energy(hada_volume *v, hada_error *err)
 {
-    const int padded = hada_volume_is_padded(&v->shape);
-    const size_t each = hada_divide_up(padded ? v->frame_area : v->layout.count, HADA_VOLUME_SLICE);
-    const size_t count = each * (size_t)v->shape.channels;
-    double sum = 0;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_buffer_read(&v->partial, v->slot, 0, v->host_partial, count * sizeof(float), err));
-    for (size_t i = 0; i < count; i++)
-        sum += v->host_partial[i];
-    *energy = padded ? sum : sum / ((double)v->layout.rows * v->layout.cols);
+    HADA_TRY(hada_buffer_clear(&v->sum, v->slot, 0, v->sum.bytes, err));
+    HADA_TRY(hada_volume_is_padded(&v->shape) ? residual_padded(v, 0, err) : residual_circular(v, 0, 0, err));
 done:
     return status;
 }
 
-hada_status hada_volume_frame_energy(hada_volume *v, double *energy, hada_error *err)
+hada_status hada_volume_fetch_energies(hada_volume *v, int count, double *energy, hada_error *err)
 {
+    const size_t each = sums_of(v);
     hada_status status = HADA_OK;
-    HADA_TRY(hada_buffer_clear(&v->sum, v->slot, 0, v->sum.bytes, err));
-    HADA_TRY(hada_volume_is_padded(&v->shape) ? residual_padded(v, err) : residual_circular(v, 0, err));
-    HADA_TRY(hada_volume_fetch_energy(v, energy, err));
+    HADA_TRY(hada_buffer_read(&v->partial, v->slot, 0, v->host_partial, (size_t)count * each * sizeof(float), err));
+    for (size_t k = 0; k < (size_t)count; k++) {
+        double sum = 0;
+        for (size_t i = k * each; i < (k + 1) * each; i++)
+            sum += v->host_partial[i];
+        energy[k] = hada_volume_is_padded(&v->shape) ? sum : sum / ((double)v->layout.rows * v->layout.cols);
+    }
 done:
     return status;
 }

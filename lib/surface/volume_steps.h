@@ -18,7 +18,7 @@ struct hada_volume {
     hada_variation variation;
     hada_shrinkage shrinkage;
     int batch; /* planes at once */
-    size_t window_area, frame_area, slices;
+    size_t window_area, frame_area;
     hada_fft *forward, *inverse;             /* of the window's planes */
     hada_fft *frame_forward, *frame_inverse; /* padded */
     hada_buffer otf;                         /* conjugate */
@@ -26,8 +26,8 @@ struct hada_volume {
     hada_buffer planes;                      /* free planes; textures: those of a batch */
     hada_buffer at, gradient, start;         /* the extrapolated point, the gradient there, where a run began */
     hada_buffer duals[2], partial;
-    float *host_partial;
-    double floor; /* that the weights were made with; 0: not yet */
+    float *host_partial; /* of a look or more: see hada_volume_looks() */
+    double floor;        /* that the weights were made with; 0: not yet */
     cl_mem frame_spectrum, frame_pixels;
     size_t spectrum_offset, pixels_offset;
 };
@@ -48,18 +48,23 @@ int hada_volume_is_padded(const hada_volume_shape *shape);
 /* The weights of the residual, over all planes of the camera. */
 hada_status hada_volume_weigh(hada_volume *v, double floor, hada_error *err);
 
-/* The gradient at the extrapolated point; the residual's energies are on their way. */
-hada_status hada_volume_differentiate(hada_volume *v, const hada_volume_unknown *u, hada_error *err);
+/* Energies, that of the frame beside, which are read together. A device that shares the host's memory is waited for at
+ * little cost; another idles meanwhile, and a run that has gone astray, which is seen later then, is rare. */
+enum { HADA_VOLUME_LOOKS = 8 };
+int hada_volume_looks(const hada_context *context);
+
+/* The gradient at the extrapolated point; the residual's energy at place `look`, 1 to hada_volume_looks(). */
+hada_status hada_volume_differentiate(hada_volume *v, const hada_volume_unknown *u, int look, hada_error *err);
 
 /* The proximal step number `step` of a run, of length 1 / bound from the extrapolated point, and the next such point.
  */
 hada_status hada_volume_step(hada_volume *v, const hada_volume_unknown *u, const hada_volume_rule *rule, double bound,
                              double momentum, int step, hada_error *err);
 
-/* The energy of the last residual, within the frame. */
-hada_status hada_volume_fetch_energy(hada_volume *v, double *energy, hada_error *err);
+/* The energy of the frame itself, what nothing explains, at place 0. */
+hada_status hada_volume_frame_energy(hada_volume *v, hada_error *err);
 
-/* The energy of the frame itself: what nothing explains. */
-hada_status hada_volume_frame_energy(hada_volume *v, double *energy, hada_error *err);
+/* The first `count` energies, within the frame. */
+hada_status hada_volume_fetch_energies(hada_volume *v, int count, double *energy, hada_error *err);
 
 #endif

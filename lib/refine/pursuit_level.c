@@ -1,6 +1,7 @@
 #include "refine/pursuit_level.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "core/alloc.h"
 #include "launch/refine.h"
@@ -54,6 +55,19 @@ static size_t spectrum_bytes(const hada_spectrum_layout *layout, int channels)
     return (size_t)channels * layout->count * 2 * sizeof(float);
 }
 
+/* Padded: sums of pixels that an energy takes on the device, where sets are many enough to be added up there. */
+enum { EVIDENCE_SLICE = 4096 };
+
+static size_t slices_of(const hada_context *context, const hada_refine_shape *evidence)
+{
+    return takes_no_depth(context) ? hada_divide_up(hada_rect_area(&evidence->frame), EVIDENCE_SLICE) : 0;
+}
+
+static size_t sums_bytes(const hada_context *context, const hada_refine_shape *evidence)
+{
+    return ((size_t)evidence->max_sets + 1) * slices_of(context, evidence) * sizeof(float);
+}
+
 /* From spectra to the pixels of the frame, padded boundary. */
 static hada_fft_desc frame_plan(const hada_refine_shape *shape, int batch)
 {
@@ -75,7 +89,7 @@ size_t hada_level_bytes(const hada_context *context, const hada_pursuit_options 
         bytes += hada_rect_area(&shape.frame) * (size_t)shape.channels * sizeof(float) + hada_fft_bytes(context, &plan);
         bytes +=
             (size_t)spec->max_sets * (spectrum_bytes(&small, 1) + hada_rect_area(&evidence.frame) * sizeof(float)) +
-            hada_fft_bytes(context, &sets);
+            hada_fft_bytes(context, &sets) + sums_bytes(context, &evidence);
     }
     return bytes;
 }
@@ -112,7 +126,12 @@ static hada_status make_frames(hada_pursuit_level *l, hada_scratch *scratch, had
         &l->frame, context, hada_rect_area(&l->shape.frame) * (size_t)l->shape.channels * sizeof(float), what, err));
     HADA_TRY(hada_buffer_create(&l->evidence, context, sets * spectrum_bytes(&l->evidence_layout, 1), what, err));
     HADA_TRY(hada_buffer_create(&l->evidence_frame, context, sets * l->evidence_area * sizeof(float), what, err));
-    HADA_TRY(hada_alloc((void **)&l->host_evidence, sets * l->evidence_area, sizeof(float), what, err));
+    l->evidence_slices = slices_of(context, &evidence);
+    if (l->evidence_slices)
+        HADA_TRY(hada_buffer_create(&l->evidence_sums, context, sums_bytes(context, &evidence), what, err));
+    HADA_TRY(hada_alloc((void **)&l->host_evidence,
+                        l->evidence_slices ? (sets + 1) * l->evidence_slices : sets * l->evidence_area, sizeof(float),
+                        what, err));
     HADA_TRY(hada_fft_create_in(&l->frame_inverse, l->slot, scratch, &plan, err));
     HADA_TRY(hada_fft_create_in(&l->evidence_inverse, l->slot, scratch, &back, err));
 done:
@@ -155,8 +174,8 @@ void hada_level_destroy(hada_pursuit_level *l)
     hada_refiner_destroy(&l->refiner);
     hada_fft_destroy(&l->frame_inverse);
     hada_fft_destroy(&l->evidence_inverse);
-    hada_buffer *buffers[] = {&l->otf,   &l->prior,    &l->variance,      &l->spectrum,
-                              &l->frame, &l->evidence, &l->evidence_frame};
+    hada_buffer *buffers[] = {&l->otf,   &l->prior,    &l->variance,       &l->spectrum,
+                              &l->frame, &l->evidence, &l->evidence_frame, &l->evidence_sums};
     for (size_t i = 0; i < HADA_COUNT(buffers); i++)
         hada_buffer_destroy(buffers[i]);
     free(l->host_evidence);
@@ -232,25 +251,45 @@ hada_status hada_level_set_power(hada_pursuit_level *l, int first, int count, cl
     return crop_images(l, &how, power, offset, count * l->shape.channels, &l->variance, first * l->shape.channels, err);
 }
 
-/* Padded: energies within the frame of `sets` spectra [set][channel], at the frequencies of the evidence. */
-static hada_status measure(hada_pursuit_level *l, cl_mem spectra, int sets, double *energy, hada_error *err)
+/* Padded: `sets` spectra [set][channel] within the frame, at the frequencies of the evidence; where sums are taken on
+ * the device, these too, from place `first` on. */
+static hada_status show(hada_pursuit_level *l, cl_mem spectra, int sets, int first, hada_error *err)
 {
     const crop how = {.from = &l->layout,
                       .to = &l->evidence_layout,
                       .channels = l->shape.channels,
                       .parts = 2,
                       .factor = area_ratio(&l->evidence_layout, &l->layout)};
-    const size_t pixels = l->evidence_area;
+    const double pixels = (double)sets * (double)l->evidence_area;
+    const hada_refine_sums sums = {EVIDENCE_SLICE, (unsigned)((size_t)first * l->evidence_slices)};
+    const size_t group = (size_t)hada_macros_of_refine(HADA_PROGRAM_REFINE_GROUPS)->refine_group;
+    const hada_range range = hada_range_groups(l->evidence_slices, group, (size_t)sets, 1);
     hada_status status = HADA_OK;
     HADA_TRY(crop_images(l, &how, spectra, 0, sets, &l->evidence, 0, err));
     HADA_TRY(hada_fft_inverse(l->evidence_inverse, sets, l->evidence.mem, 0, l->evidence_frame.mem, 0, NULL, err));
-    HADA_TRY(
-        hada_buffer_read(&l->evidence_frame, l->slot, 0, l->host_evidence, (size_t)sets * pixels * sizeof(float), err));
+    if (!l->evidence_slices)
+        goto done;
+    hada_slot_cost(l->slot, 8.0 * pixels, 3.0 * pixels);
+    HADA_TRY(hada_launch_refine_frame(l->slot, HADA_PROGRAM_REFINE_GROUPS, &range, err, .a = l->evidence_frame.mem,
+                                      .frame = l->frame.mem, .frame_offset = 0, .use_frame = 0, .channels = 1,
+                                      .pixels = (cl_uint)l->evidence_area, .scale = 1.0f,
+                                      .partial = l->evidence_sums.mem, .sums = sums));
+done:
+    return status;
+}
+
+/* The energies of `count` places that were shown, from the first one on: sums on the device, or else pixels. */
+static hada_status measure(hada_pursuit_level *l, int count, double *energy, hada_error *err)
+{
+    const hada_buffer *from = l->evidence_slices ? &l->evidence_sums : &l->evidence_frame;
+    const size_t each = l->evidence_slices ? l->evidence_slices : l->evidence_area;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_read(from, l->slot, 0, l->host_evidence, (size_t)count * each * sizeof(float), err));
     hada_refiner_waited(l->refiner);
-    for (size_t set = 0; set < (size_t)sets; set++) {
+    for (size_t set = 0; set < (size_t)count; set++) {
         energy[set] = 0.0;
-        for (size_t i = set * pixels; i < (set + 1) * pixels; i++)
-            energy[set] += (double)l->host_evidence[i] * l->host_evidence[i];
+        for (size_t i = set * each; i < (set + 1) * each; i++)
+            energy[set] += l->evidence_slices ? l->host_evidence[i] : (double)l->host_evidence[i] * l->host_evidence[i];
     }
 done:
     return status;
@@ -296,6 +335,16 @@ done:
     return status;
 }
 
+/* Padded: the frame's energy alone. */
+static hada_status measure_frame(hada_pursuit_level *l, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(show(l, l->spectrum.mem, 1, 0, err));
+    HADA_TRY(measure(l, 1, &l->energy, err));
+done:
+    return status;
+}
+
 hada_status hada_level_frame_energy(hada_pursuit_level *l, double *energy, hada_error *err)
 {
     const hada_refine_data data = data_of(l);
@@ -305,10 +354,29 @@ hada_status hada_level_frame_energy(hada_pursuit_level *l, double *energy, hada_
     band_of(l, &rows, &cols);
     if (!l->measured)
         HADA_TRY(l->evidence_inverse
-                     ? measure(l, l->spectrum.mem, 1, &l->energy, err)
+                     ? measure_frame(l, err)
                      : hada_refiner_score(l->refiner, &data, 1, 0, NULL, rows, cols, &l->energy, NULL, err));
     l->measured = 1;
     *energy = l->energy;
+done:
+    return status;
+}
+
+/* Padded: only what is missing within the frame counts. */
+static hada_status residuals_within(hada_pursuit_level *l, const hada_refine_data *data, int sets, int depths,
+                                    const int *list, int with_frame, double *residual, hada_error *err)
+{
+    double energies[HADA_PURSUIT_DEPTHS + 1];
+    cl_mem spectra;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_refiner_residual_spectra(l->refiner, data, sets, depths, list, &spectra, err));
+    HADA_TRY(show(l, spectra, sets, 0, err));
+    if (with_frame)
+        HADA_TRY(show(l, l->spectrum.mem, 1, sets, err));
+    HADA_TRY(measure(l, sets + with_frame, energies, err));
+    memcpy(residual, energies, (size_t)sets * sizeof *residual);
+    if (with_frame)
+        l->energy = energies[sets];
 done:
     return status;
 }
@@ -317,19 +385,14 @@ done:
 static hada_status residuals(hada_pursuit_level *l, const hada_refine_data *data, int sets, int depths, const int *list,
                              double *residual, hada_error *err)
 {
-    double *frame = hada_level_room(l) && !l->measured ? &l->energy : NULL;
+    const int with_frame = hada_level_room(l) && !l->measured;
     int rows, cols;
-    cl_mem spectra;
     hada_status status = HADA_OK;
     band_of(l, &rows, &cols);
-    if (!l->evidence_inverse) {
-        HADA_TRY(hada_refiner_score(l->refiner, data, sets, depths, list, rows, cols, residual, frame, err));
-        l->measured |= frame != NULL;
-        goto done;
-    }
-    /* where the sensor crops, only what is missing within the frame counts */
-    HADA_TRY(hada_refiner_residual_spectra(l->refiner, data, sets, depths, list, &spectra, err));
-    HADA_TRY(measure(l, spectra, sets, residual, err));
+    HADA_TRY(l->evidence_inverse ? residuals_within(l, data, sets, depths, list, with_frame, residual, err)
+                                 : hada_refiner_score(l->refiner, data, sets, depths, list, rows, cols, residual,
+                                                      with_frame ? &l->energy : NULL, err));
+    l->measured |= with_frame;
 done:
     return status;
 }

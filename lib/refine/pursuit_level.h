@@ -26,8 +26,11 @@ typedef struct hada_pursuit_level {
     /* padded: the frame's pixels; what is left of them at the frequencies of the evidence, [set][pixels] */
     hada_buffer frame, evidence, evidence_frame;
     hada_fft *frame_inverse, *evidence_inverse;
-    float *host_evidence;
-    size_t evidence_area;
+    /* its energies are added up on the host, or (levels with room) on the device: slices of each set, then of the frame
+     */
+    hada_buffer evidence_sums;
+    float *host_evidence; /* the pixels, or those sums */
+    size_t evidence_area, evidence_slices;
     int has_prior, has_variance;
     /* the frame in hand: its spectrum, whether it was brought to this grid, its energy there where it was measured */
     cl_mem whole;

@@ -3,6 +3,7 @@
  * [place] [block group][input channel][output channel], as conv_pack.cl writes them. The last tiles of a row
  * and the last rows overlap those before; so do the last tiles of an image. Dimensions: groups of tiles, images. */
 #define CONV_MEM __local
+#include "inc_conv_doubled.h"
 #include "inc_conv_winograd_products.h"
 #include "shared_local.h"
 
@@ -21,13 +22,28 @@ static inline void conv_fetch_tiles(__global const float *x, int begin, int end,
     }
 }
 
-__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
-conv_winograd(__global const float *restrict x, __global const float *restrict weights,
-              __global const float *restrict bias, __global float *restrict y, __global const float *restrict mask,
-              __global float *restrict pooled, __local STATED_SIZE float *restrict v,
-              __local STATED_SIZE float *restrict m, hada_conv_problem problem)
+/* The same of channels that are doubled: of their four columns, too, two are those of the tile before. */
+static inline void conv_fetch_doubled(__global const float *low, int begin, int end, int low_blocks, int rows, int cols)
 {
-    const int in_blocks = problem.in.blocks, out_channels = problem.out.channels;
+    const size_t row_floats = (size_t)(cols / 2 + 2) * NET_BLOCK, plane = (rows / 2 + 2) * row_floats;
+    for (int tile = begin; tile < end; tile += CONV_PLACES) {
+        const conv_place place = conv_place_of(tile, rows, cols);
+        __global const float *at = low + place.row / 2 * row_floats + (place.col / 2 + 2) * NET_BLOCK;
+        for (int b = 0; b < low_blocks; ++b, at += plane)
+            for (int r = 0; r < 4; ++r)
+                for (int c = 0; c < 2; ++c)
+                    CONV_FETCH(at + r * row_floats + c * NET_BLOCK);
+    }
+}
+
+__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
+conv_winograd(__global const float *restrict x, __global const float *restrict low,
+              __global const float *restrict weights, __global const float *restrict bias, __global float *restrict y,
+              __global const float *restrict mask, __global float *restrict pooled,
+              __local STATED_SIZE float *restrict v, __local STATED_SIZE float *restrict m, hada_conv_problem problem)
+{
+    const int x_blocks = problem.in.blocks, low_blocks = problem.low.blocks, in_blocks = x_blocks + low_blocks,
+              out_channels = problem.out.channels;
     const int rows = problem.out.rows, cols = problem.out.cols, tiles = problem.tiles;
     const int flags = problem.epilogue.flags, activation = problem.epilogue.activation;
     const float slope = problem.epilogue.slope;
@@ -39,21 +55,29 @@ conv_winograd(__global const float *restrict x, __global const float *restrict w
     const size_t block_floats = (size_t)tiles * NET_BLOCK, v_place = CONV_APART(in_blocks * block_floats);
     const size_t m_place = CONV_APART(CONV_BLOCKS * block_floats);
     const size_t group_floats = (size_t)in_blocks * NET_BLOCK * NET_BLOCK * CONV_BLOCKS;
+    const size_t low_plane = (size_t)(rows / 2 + 2) * (cols / 2 + 2) * NET_BLOCK;
     x += problem.in.offset + image * problem.in.image;
+    low += problem.low.offset + image * problem.low.image;
     y += problem.out.offset + image * problem.out.image + row_floats + NET_BLOCK;
     mask += problem.epilogue.mask + image * problem.epilogue.mask_image + row_floats + NET_BLOCK;
     pooled += problem.epilogue.pooled + image * problem.epilogue.pooled_image + pooled_row + NET_BLOCK;
 
     for (int t = 0; t < tiles; ++t) {
         const conv_place place = conv_place_of(first + t, rows, cols);
-        for (int b = 0; b < in_blocks; ++b)
+        for (int b = 0; b < x_blocks; ++b)
             conv_tile_in(x + b * plane + place.row * row_floats + place.col * NET_BLOCK, row_floats,
                          v + b * block_floats + t * NET_BLOCK, v_place);
     }
+    for (int b = 0; b < low_blocks; ++b) /* tiles inside: what does not depend on the block finds no registers */
+        for (int t = 0; t < tiles; ++t)
+            conv_tile_in_doubled(low + b * low_plane, conv_place_of(first + t, rows, cols), rows, cols,
+                                 v + (x_blocks + b) * block_floats + t * NET_BLOCK, v_place);
     for (int group = 0; group < out_blocks / CONV_BLOCKS; ++group) {
         for (int f = 0; f < CONV_PLACES; ++f) {
-            if (group == 0) /* the next work-item's, most likely on the same processor */
-                conv_fetch_tiles(x, first + tiles + f, min(first + 2 * tiles, all), in_blocks, rows, cols);
+            if (group == 0) { /* the next work-item's, most likely on the same processor */
+                conv_fetch_tiles(x, first + tiles + f, min(first + 2 * tiles, all), x_blocks, rows, cols);
+                conv_fetch_doubled(low, first + tiles + f, min(first + 2 * tiles, all), low_blocks, rows, cols);
+            }
             for (int t = 0; t < tiles; t += CONV_PIXELS)
                 conv_tile_products(v + f * v_place + t * NET_BLOCK, block_floats,
                                    weights + ((size_t)f * (out_blocks / CONV_BLOCKS) + group) * group_floats, in_blocks,

@@ -2,24 +2,28 @@
  * of all images from tile `begin` on go to scratch as v[place][input block][tile][channel], their products, at
  * m_offset, as m[place][output block][tile][channel]; both have room for `room` tiles. Shape lanes. */
 #define CONV_MEM __global
+#include "inc_conv_doubled.h"
 #include "inc_conv_winograd_products.h"
 
 /* Dimension: tiles. */
-__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void conv_winograd_in(__global const float *restrict x,
-                                                                              __global float *restrict v,
-                                                                              hada_tensor_layout at_x, int begin,
-                                                                              int room)
+__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
+conv_winograd_in(__global const float *restrict x, __global const float *restrict low, __global float *restrict v,
+                 hada_tensor_layout at_x, hada_tensor_layout at_low, int begin, int room)
 {
-    const int in_blocks = at_x.blocks, rows = at_x.rows, cols = at_x.cols;
+    const int in_blocks = at_x.blocks + at_low.blocks, rows = at_x.rows, cols = at_x.cols;
     const int all = (cols + CONV_TILE - 1) / CONV_TILE * ((rows + CONV_TILE - 1) / CONV_TILE);
     const int tile = get_global_id(0), image = (begin + tile) / all;
     const conv_place place = conv_place_of((begin + tile) % all, rows, cols);
     const size_t row_floats = (size_t)(cols + 2) * NET_BLOCK, plane = (rows + 2) * row_floats;
+    const size_t low_plane = (size_t)(rows / 2 + 2) * (cols / 2 + 2) * NET_BLOCK;
     const size_t block_floats = (size_t)room * NET_BLOCK;
     x += at_x.offset + image * at_x.image + place.row * row_floats + place.col * NET_BLOCK;
-    for (int b = 0; b < in_blocks; ++b)
-        conv_tile_in(x + b * plane, row_floats, v + b * block_floats + tile * NET_BLOCK,
-                     CONV_APART(in_blocks * block_floats));
+    low += at_low.offset + image * at_low.image;
+    v += tile * NET_BLOCK;
+    for (int b = 0; b < at_x.blocks; ++b, v += block_floats)
+        conv_tile_in(x + b * plane, row_floats, v, CONV_APART(in_blocks * block_floats));
+    for (int b = 0; b < at_low.blocks; ++b, v += block_floats)
+        conv_tile_in_doubled(low + b * low_plane, place, rows, cols, v, CONV_APART(in_blocks * block_floats));
 }
 
 /* Tiles in steps of CONV_PIXELS, the last ones at most `room`. Dimensions: groups of output blocks, places. */

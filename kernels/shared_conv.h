@@ -29,6 +29,7 @@ HADA_SHARED_SIZE(hada_conv_epilogue, 56)
 /* One pass over images: `out` from `in`. */
 typedef struct hada_conv_problem {
     hada_tensor_layout in, out;
+    hada_tensor_layout low; /* conv_winograd: the channels behind those of `in`, at half its size; no blocks: none */
     hada_conv_epilogue epilogue;
     int kernel_rows, kernel_cols;
     int pad_rows, pad_cols; /* as hada_conv_taps_of() counts it; conv_plain: the convolution's own */
@@ -40,7 +41,7 @@ typedef struct hada_conv_problem {
     int tiles; /* conv_winograd: tiles of a work-item */
     int parts; /* conv_group: groups that share the steps of a tile */
 } hada_conv_problem;
-HADA_SHARED_SIZE(hada_conv_problem, 168)
+HADA_SHARED_SIZE(hada_conv_problem, 200)
 
 /* The gradient of the weights. */
 typedef struct hada_conv_correlation {

@@ -90,15 +90,22 @@ static hada_status tensor_fits(const hada_conv *conv, const hada_tensor *tensor,
                      conv->plan.desc.images, channels, rows, cols, conv->plan.block);
 }
 
-hada_status hada_conv_run(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
-                          const hada_conv_finish *finish, hada_error *err)
+hada_status hada_conv_run(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *low,
+                          const hada_tensor *out, const hada_conv_finish *finish, hada_error *err)
 {
     hada_status status = HADA_OK;
     const hada_conv_pass *pass = &conv->plan.pass[index];
     const char *const names[HADA_CONV_PASSES][2] = {{"x", "y"}, {"dy", "dx"}};
     if (!conv->has_weights)
         return hada_fail(err, HADA_ERROR_STATE, "a convolution needs hada_conv_set_weights() first");
-    HADA_TRY(tensor_fits(conv, in, names[index][0], in->images, pass->in_channels, pass->in_rows, pass->in_cols, err));
+    const int doubled = conv->plan.desc.doubled;
+    if (!low != !doubled)
+        return hada_fail(err, HADA_ERROR_STATE, "a convolution with doubled channels takes them apart, others do not");
+    HADA_TRY(tensor_fits(conv, in, names[index][0], in->images, pass->in_channels - doubled, pass->in_rows,
+                         pass->in_cols, err));
+    if (low)
+        HADA_TRY(
+            tensor_fits(conv, low, "doubled channels", in->images, doubled, pass->in_rows / 2, pass->in_cols / 2, err));
     HADA_TRY(
         tensor_fits(conv, out, names[index][1], in->images, pass->out_channels, pass->out_rows, pass->out_cols, err));
     if (finish->mask)
@@ -109,7 +116,7 @@ hada_status hada_conv_run(hada_conv *conv, int index, const hada_tensor *in, con
                              pass->out_cols / 2, err));
     hada_conv_cost(conv, pass->to_coarse ? out : in, pass->to_coarse ? in : out);
     if (pass->tile)
-        return hada_conv_winograd(conv, index, in, out, finish, err);
+        return hada_conv_winograd(conv, index, in, low, out, finish, err);
     HADA_TRY(pass->method == HADA_CONV_PLAIN ? hada_conv_plain(conv, index, in, out, finish, err)
                                              : hada_conv_direct(conv, index, in, out, finish, err));
 done:
@@ -121,7 +128,21 @@ hada_status hada_conv_forward(hada_conv *conv, const hada_tensor *x, hada_floats
 {
     const hada_conv_desc *d = &conv->plan.desc;
     const hada_conv_finish finish = {bias, d->activation, d->slope, NULL, pooled, 0};
-    return hada_conv_run(conv, HADA_CONV_FORWARD, x, y, &finish, err);
+    return hada_conv_run(conv, HADA_CONV_FORWARD, x, NULL, y, &finish, err);
+}
+
+int hada_conv_doubles(const hada_context *context, const hada_conv_desc *desc)
+{
+    hada_conv_plan plan;
+    return desc->doubled && !hada_conv_plan_make(&plan, context, desc, NULL, NULL);
+}
+
+hada_status hada_conv_forward_doubled(hada_conv *conv, const hada_tensor *x, const hada_tensor *low, hada_floats bias,
+                                      const hada_tensor *y, const hada_tensor *pooled, hada_error *err)
+{
+    const hada_conv_desc *d = &conv->plan.desc;
+    const hada_conv_finish finish = {bias, d->activation, d->slope, NULL, pooled, 0};
+    return hada_conv_run(conv, HADA_CONV_FORWARD, x, low, y, &finish, err);
 }
 
 static hada_status must_train(const hada_conv *conv, hada_error *err)
@@ -137,7 +158,7 @@ hada_status hada_conv_backward_data(hada_conv *conv, const hada_tensor *dy, cons
     hada_status status = HADA_OK;
     const hada_conv_finish finish = {.mask = masked_by, .accumulate = accumulate};
     HADA_TRY(must_train(conv, err));
-    HADA_TRY(hada_conv_run(conv, HADA_CONV_DATA, dy, dx, &finish, err));
+    HADA_TRY(hada_conv_run(conv, HADA_CONV_DATA, dy, NULL, dx, &finish, err));
 done:
     return status;
 }

@@ -170,16 +170,17 @@ static inline cl_mem hada_conv_mask(const hada_conv_finish *finish)
 }
 
 hada_status hada_conv_pack(hada_conv *conv, int pass, hada_floats weights, hada_error *err);
-hada_status hada_conv_run(hada_conv *conv, int pass, const hada_tensor *in, const hada_tensor *out,
-                          const hada_conv_finish *finish, hada_error *err);
+/* low: the doubled channels; NULL: none. */
+hada_status hada_conv_run(hada_conv *conv, int pass, const hada_tensor *in, const hada_tensor *low,
+                          const hada_tensor *out, const hada_conv_finish *finish, hada_error *err);
 
 /* Launches of one implementation; pooling is done in a launch of its own where the implementation does not. */
 hada_status hada_conv_direct(hada_conv *conv, int pass, const hada_tensor *in, const hada_tensor *out,
                              const hada_conv_finish *finish, hada_error *err);
 hada_status hada_conv_plain(hada_conv *conv, int pass, const hada_tensor *in, const hada_tensor *out,
                             const hada_conv_finish *finish, hada_error *err);
-hada_status hada_conv_winograd(hada_conv *conv, int pass, const hada_tensor *in, const hada_tensor *out,
-                               const hada_conv_finish *finish, hada_error *err);
+hada_status hada_conv_winograd(hada_conv *conv, int pass, const hada_tensor *in, const hada_tensor *low,
+                               const hada_tensor *out, const hada_conv_finish *finish, hada_error *err);
 hada_status hada_conv_winograd_pack(hada_conv *conv, int pass, hada_floats weights, hada_error *err);
 hada_status hada_conv_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, hada_floats dw,
                               int accumulate, hada_error *err);

@@ -20,7 +20,8 @@ void hada_conv_cost(hada_conv *conv, const hada_tensor *coarse, const hada_tenso
     const hada_conv_desc *d = &conv->plan.desc;
     const double pixels = (double)coarse->rows * coarse->cols * coarse->images;
     const double weights = (double)d->in_channels * d->out_channels * d->kernel_rows * d->kernel_cols;
-    const double values = pixels * coarse->channels + (double)fine->rows * fine->cols * fine->images * fine->channels;
+    const double fine_pixels = (double)fine->rows * fine->cols * fine->images;
+    const double values = pixels * coarse->channels + fine_pixels * (fine->channels + 0.25 * d->doubled);
     hada_slot_cost(conv->slot, (values + weights) * sizeof(float), 2.0 * pixels * weights);
 }
 

@@ -365,6 +365,19 @@ static int gradient_program(const hada_conv_plan *plan)
     return 0;
 }
 
+/* Whether the channels that are doubled can be, now that it is known what serves. */
+static hada_status check_doubled(const hada_conv_plan *plan, hada_error *err)
+{
+    const hada_conv_desc *d = &plan->desc;
+    const int before = d->in_channels - d->doubled;
+    if (!d->doubled || (d->doubled > 0 && before > 0 && before % plan->block == 0 && d->in_rows % 2 == 0 &&
+                        d->in_cols % 2 == 0 && !d->training && plan->pass[HADA_CONV_FORWARD].tile == TILE))
+        return HADA_OK;
+    return hada_fail(err, HADA_ERROR_UNSUPPORTED,
+                     "a convolution that doubles %d of %d channels of %dx%d pixels: resize them first", d->doubled,
+                     d->in_channels, d->in_rows, d->in_cols);
+}
+
 hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *context, const hada_conv_desc *desc,
                                 const hada_conv_choice *forced, hada_error *err)
 {
@@ -380,6 +393,7 @@ hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *contex
         plan_gradient(plan, context);
         plan->gradient.program = gradient_program(plan);
     }
+    HADA_TRY(check_doubled(plan, err));
     for (int p = 0; p < plan->pass_count; p++) {
         need_scratch(plan, plan->pass[p].scratch_floats);
         plan->pass[p].program = pass_program(plan, context, &plan->pass[p]);

@@ -37,36 +37,39 @@ static cl_mem pooled_of(const hada_conv_finish *finish, const hada_conv_problem 
     return problem->epilogue.flags & HADA_CONV_POOLS ? finish->pooled->mem : NULL;
 }
 
-static hada_status one_launch(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
-                              const hada_conv_finish *finish, const hada_conv_problem *problem, size_t tiles,
-                              hada_error *err)
+static hada_status one_launch(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *low,
+                              const hada_tensor *out, const hada_conv_finish *finish, const hada_conv_problem *problem,
+                              size_t tiles, hada_error *err)
 {
     const hada_conv_pass *pass = &conv->plan.pass[index];
+    const int in_blocks = problem->in.blocks + problem->low.blocks;
     const hada_range range = hada_range_of(hada_divide_up(tiles, (size_t)pass->tiles), 1, (size_t)in->images, 1);
-    return hada_launch_conv_winograd(conv->slot, (hada_program_conv_winograd)pass->program, &range, err, .x = in->mem,
-                                     .weights = conv->weights[index].mem, .bias = finish->bias.mem, .y = out->mem,
-                                     .mask = hada_conv_mask(finish), .pooled = pooled_of(finish, problem),
-                                     .v = local_places(pass, problem->in.blocks * in->block, in->block),
-                                     .m = local_places(pass, pass->lanes, in->block), .problem = *problem);
+    return hada_launch_conv_winograd(
+        conv->slot, (hada_program_conv_winograd)pass->program, &range, err, .x = in->mem, .low = low ? low->mem : NULL,
+        .weights = conv->weights[index].mem, .bias = finish->bias.mem, .y = out->mem, .mask = hada_conv_mask(finish),
+        .pooled = pooled_of(finish, problem), .v = local_places(pass, in_blocks * in->block, in->block),
+        .m = local_places(pass, pass->lanes, in->block), .problem = *problem);
 }
 
 /* Inputs, products, outputs of the tiles begin ... begin + count - 1 of all images. */
-static hada_status three_launches(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
-                                  const hada_conv_finish *finish, const hada_conv_problem *problem, int begin,
-                                  int count, hada_error *err)
+static hada_status three_launches(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *low,
+                                  const hada_tensor *out, const hada_conv_finish *finish,
+                                  const hada_conv_problem *problem, int begin, int count, hada_error *err)
 {
     hada_status status = HADA_OK;
     const hada_conv_pass *pass = &conv->plan.pass[index];
     const hada_program_conv_winograd_steps program = (hada_program_conv_winograd_steps)pass->program;
+    const size_t in_blocks = (size_t)(problem->in.blocks + problem->low.blocks);
     const size_t filled = (size_t)problem->out.blocks * (size_t)out->block;
     const hada_range tiles = hada_range_of((size_t)count, 1, 1, 1);
     const hada_range products = hada_range_of(filled / (size_t)pass->lanes, 1, places_of(pass), 1);
-    const size_t m_offset = places_of(pass) * (size_t)in->block * ((size_t)problem->in.blocks * (size_t)pass->room + 1);
-    HADA_TRY(hada_launch_conv_winograd_in(conv->slot, program, &tiles, err, .x = in->mem, .v = conv->scratch.mem,
-                                          .at_x = problem->in, .begin = begin, .room = pass->room));
+    const size_t m_offset = places_of(pass) * (size_t)in->block * (in_blocks * (size_t)pass->room + 1);
+    HADA_TRY(hada_launch_conv_winograd_in(conv->slot, program, &tiles, err, .x = in->mem, .low = low ? low->mem : NULL,
+                                          .v = conv->scratch.mem, .at_x = problem->in, .at_low = problem->low,
+                                          .begin = begin, .room = pass->room));
     HADA_TRY(hada_launch_conv_winograd_products(conv->slot, program, &products, err, .scratch = conv->scratch.mem,
                                                 .weights = conv->weights[index].mem, .m_offset = m_offset,
-                                                .in_blocks = problem->in.blocks, .tiles = count, .room = pass->room));
+                                                .in_blocks = (int)in_blocks, .tiles = count, .room = pass->room));
     HADA_TRY(hada_launch_conv_winograd_out(conv->slot, program, &tiles, err, .m = conv->scratch.mem,
                                            .bias = finish->bias.mem, .y = out->mem, .mask = hada_conv_mask(finish),
                                            .pooled = pooled_of(finish, problem), .problem = *problem,
@@ -75,22 +78,24 @@ done:
     return status;
 }
 
-hada_status hada_conv_winograd(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
-                               const hada_conv_finish *finish, hada_error *err)
+hada_status hada_conv_winograd(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *low,
+                               const hada_tensor *out, const hada_conv_finish *finish, hada_error *err)
 {
     hada_status status = HADA_OK;
     const hada_conv_pass *pass = &conv->plan.pass[index];
     /* tiles of odd sizes stand on odd pixels at the far edges */
     const int pools = finish->pooled && out->rows % 2 == 0 && out->cols % 2 == 0;
-    const hada_conv_problem problem = hada_conv_problem_of(conv, index, in, out, finish, pools);
+    hada_conv_problem problem = hada_conv_problem_of(conv, index, in, out, finish, pools);
+    if (low)
+        problem.low = hada_layout_of(low);
     const size_t tiles =
         hada_divide_up((size_t)out->cols, (size_t)pass->tile) * hada_divide_up((size_t)out->rows, (size_t)pass->tile);
     if (pass->tiles) {
-        HADA_TRY(one_launch(conv, index, in, out, finish, &problem, tiles, err));
+        HADA_TRY(one_launch(conv, index, in, low, out, finish, &problem, tiles, err));
     } else {
         const int all = (int)tiles * in->images, most = pass->room;
         for (int begin = 0; begin < all; begin += most)
-            HADA_TRY(three_launches(conv, index, in, out, finish, &problem, begin,
+            HADA_TRY(three_launches(conv, index, in, low, out, finish, &problem, begin,
                                     all - begin < most ? all - begin : most, err));
     }
     if (finish->pooled && !pools)

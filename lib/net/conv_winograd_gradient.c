@@ -51,8 +51,9 @@ static hada_status by_steps(hada_conv *conv, const hada_tensor *coarse, const ha
     const hada_range tiles = hada_range_of((size_t)count, 1, 1, 1);
     const hada_range products = hada_range_of(blocks_of(fine) * (size_t)fine->block / (size_t)g->fine_each, 1,
                                               blocks_of(coarse) / (size_t)g->blocks, PLACES);
-    HADA_TRY(hada_launch_conv_winograd_in(conv->slot, inputs, &tiles, err, .x = fine->mem, .v = conv->scratch.mem,
-                                          .at_x = hada_layout_of(fine), .begin = begin, .room = g->room));
+    HADA_TRY(hada_launch_conv_winograd_in(conv->slot, inputs, &tiles, err, .x = fine->mem, .low = NULL,
+                                          .v = conv->scratch.mem, .at_x = hada_layout_of(fine), .at_low = {0},
+                                          .begin = begin, .room = g->room));
     HADA_TRY(hada_launch_conv_winograd_back(conv->slot, program, &tiles, err, .dy = coarse->mem,
                                             .scratch = conv->scratch.mem, .at_dy = hada_layout_of(coarse),
                                             .d_offset = d_offset, .begin = begin, .room = g->room));

@@ -10,6 +10,11 @@ static hada_status conv(hada_graph *graph, int i, const hada_tensor *x, const ha
         bias = hada_graph_parameter(graph, graph->values, i, 0, 1);
     if (node->fused_pool >= 0)
         pooled = hada_graph_value(graph, node->fused_pool, 0);
+    if (node->low >= 0) {
+        const hada_tensor low = hada_graph_value(graph, node->low, 0);
+        return hada_conv_forward_doubled(graph->convs[i], x, &low, bias, y, node->fused_pool >= 0 ? &pooled : NULL,
+                                         err);
+    }
     return hada_conv_forward(graph->convs[i], x, bias, y, node->fused_pool >= 0 ? &pooled : NULL, err);
 }
 

@@ -4,19 +4,23 @@
 #include "core/alloc.h"
 #include "net/graph_plan.h"
 
-static int reads(const graph_node *node, int value)
+int hada_graph_reads(const graph_node *node, int value)
 {
+    if (node->fused)
+        return 0;
+    if (node->low == value)
+        return 1;
     for (int i = 0; i < node->layer->input_count; i++)
         if (node->inputs[i] == value)
             return 1;
     return 0;
 }
 
-static int readers_of(const graph_plan *plan, int value)
+int hada_graph_readers_of(const graph_plan *plan, int value)
 {
     int count = 0;
     for (int i = value + 1; i < plan->node_count; i++)
-        count += !plan->nodes[i].fused && reads(&plan->nodes[i], value);
+        count += hada_graph_reads(&plan->nodes[i], value);
     return count;
 }
 
@@ -31,7 +35,7 @@ static void fuse_activations(graph_plan *plan)
         graph_node *giver = &plan->nodes[before];
         const hada_layer_kind kind = giver->layer->kind;
         if ((kind != HADA_LAYER_CONV && kind != HADA_LAYER_LINEAR) || giver->activation ||
-            readers_of(plan, before) != 1)
+            hada_graph_readers_of(plan, before) != 1)
             continue;
         giver->activation = node->activation;
         giver->slope = node->slope;
@@ -70,7 +74,7 @@ static int can_alias(const graph_plan *plan, int value, int concat)
         node->cols != whole->cols)
         return 0;
     for (int i = concat + 1; i < plan->node_count; i++)
-        if (!plan->nodes[i].fused && reads(&plan->nodes[i], value))
+        if (hada_graph_reads(&plan->nodes[i], value))
             return 0;
     for (int i = 0; i < whole->layer->input_count; i++)
         times += whole->inputs[i] == value;
@@ -81,7 +85,7 @@ static void alias_concats(graph_plan *plan)
 {
     for (int i = 1; i < plan->node_count; i++) {
         const graph_node *whole = &plan->nodes[i];
-        if (whole->layer->kind != HADA_LAYER_CONCAT)
+        if (whole->fused || whole->layer->kind != HADA_LAYER_CONCAT)
             continue;
         int first = 0;
         for (int k = 0; k < whole->layer->input_count; k++) {
@@ -120,7 +124,7 @@ static void recompute_inside_levels(graph_plan *plan, int *level)
                            kind == HADA_LAYER_CONCAT) &&
                           !has_parts(plan, i);
         for (int k = i + 1; k < plan->node_count; k++)
-            if (!plan->nodes[k].fused && reads(&plan->nodes[k], i) && level[k] != level[i])
+            if (hada_graph_reads(&plan->nodes[k], i) && level[k] != level[i])
                 node->recompute = 0;
     }
 }
@@ -138,12 +142,12 @@ static void find_gradients(graph_plan *plan)
         graph_node *node = &plan->nodes[i];
         node->masked = node->activation == HADA_ACTIVATION_RELU && i != plan->output && node->alias_of == i;
         for (int k = i + 1; k < plan->node_count; k++)
-            if (!plan->nodes[k].fused && reads(&plan->nodes[k], i) && plan->nodes[k].layer->kind != HADA_LAYER_CONV)
+            if (hada_graph_reads(&plan->nodes[k], i) && plan->nodes[k].layer->kind != HADA_LAYER_CONV)
                 node->masked = 0;
     }
 }
 
-hada_status hada_graph_nodes_make(graph_plan *plan, hada_error *err)
+hada_status hada_graph_nodes_make(graph_plan *plan, const hada_context *context, hada_error *err)
 {
     hada_status status = HADA_OK;
     const hada_net *net = plan->net;
@@ -164,6 +168,7 @@ hada_status hada_graph_nodes_make(graph_plan *plan, hada_error *err)
                              .rows = sizes[i].rows,
                              .cols = sizes[i].cols,
                              .fused_pool = -1,
+                             .low = -1,
                              .activation = layer->activation,
                              .slope = layer->slope,
                              .alias_of = i,
@@ -175,6 +180,8 @@ hada_status hada_graph_nodes_make(graph_plan *plan, hada_error *err)
     }
     fuse_activations(plan);
     fuse_pooling(plan);
+    if (!plan->options.training)
+        hada_graph_fuse_doubling(plan, context);
     alias_concats(plan);
     if (plan->options.training)
         find_gradients(plan);

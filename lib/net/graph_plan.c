@@ -51,7 +51,7 @@ hada_status hada_graph_plan_make(graph_plan *plan, const hada_context *context, 
     const size_t alignment = context->info.alignment_bytes > 128 ? context->info.alignment_bytes : 128;
     const uint64_t largest = context->info.max_allocation_bytes;
     HADA_TRY(check_options(net, options, err));
-    HADA_TRY(hada_graph_nodes_make(plan, err));
+    HADA_TRY(hada_graph_nodes_make(plan, context, err));
     HADA_TRY(hada_graph_steps_make(plan, err));
     HADA_TRY(hada_lifetimes_plan(plan->pieces, plan->piece_count, alignment,
                                  largest < SIZE_MAX / 4 ? (size_t)largest : SIZE_MAX / 4, &plan->arenas, err));
@@ -74,9 +74,10 @@ void hada_graph_plan_free(graph_plan *plan)
 hada_conv_desc hada_graph_conv_desc(const graph_plan *plan, const graph_node *node)
 {
     const graph_node *in = &plan->nodes[node->inputs[0]];
+    const int doubled = node->low >= 0 ? plan->nodes[node->low].channels : 0;
     const hada_layer *layer = node->layer;
     return (hada_conv_desc){.images = plan->images,
-                            .in_channels = in->channels,
+                            .in_channels = in->channels + doubled,
                             .out_channels = node->channels,
                             .in_rows = in->rows,
                             .in_cols = in->cols,
@@ -90,5 +91,6 @@ hada_conv_desc hada_graph_conv_desc(const graph_plan *plan, const graph_node *no
                             .activation = node->activation,
                             .slope = node->slope,
                             .method = plan->options.method,
-                            .training = plan->options.training};
+                            .training = plan->options.training,
+                            .doubled = doubled};
 }

@@ -10,9 +10,10 @@ typedef struct graph_node {
     const hada_layer *layer;
     int inputs[HADA_LAYER_INPUTS]; /* as the layer's, with fused layers replaced by what they are fused into */
     int channels, rows, cols;
-    int fused;                  /* an activation that another node applies: it does nothing and has no value */
+    int fused;                  /* done by another node: it does nothing and has no value */
     int fused_pool;             /* CONV: the pooling that is done in the same launch; -1: none */
     int pooled;                 /* POOL: done by the convolution before */
+    int low;                    /* CONV: the value whose channels come behind those of its input, doubled; -1: none */
     hada_activation activation; /* of its own or fused into it */
     float slope;
     int alias_of, alias_channel; /* the node whose memory its value stands in (itself, or a concatenation), from which
@@ -69,7 +70,14 @@ hada_status hada_graph_plan_make(graph_plan *plan, const hada_context *context, 
 void hada_graph_plan_free(graph_plan *plan);
 
 /* graph_nodes.c: fills the nodes: sizes, what is fused, aliased, recomputed, masked. */
-hada_status hada_graph_nodes_make(graph_plan *plan, hada_error *err);
+hada_status hada_graph_nodes_make(graph_plan *plan, const hada_context *context, hada_error *err);
+
+/* graph_doubling.c: convolutions take over the doubling, and concatenation, before them where they can. */
+void hada_graph_fuse_doubling(graph_plan *plan, const hada_context *context);
+
+/* Whether a node that is not fused reads a value, and how many do. */
+int hada_graph_reads(const graph_node *node, int value);
+int hada_graph_readers_of(const graph_plan *plan, int value);
 
 /* graph_steps.c: the steps, in the order of their work, and the pieces with their lifetimes. */
 hada_status hada_graph_steps_make(graph_plan *plan, hada_error *err);

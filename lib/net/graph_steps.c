@@ -54,6 +54,8 @@ static void forward_step(graph_plan *plan, int i, int recompute)
     add_step(plan, recompute ? GRAPH_RECOMPUTE : GRAPH_FORWARD, i);
     for (int k = 0; k < node->layer->input_count; k++)
         use_value(plan, node->inputs[k], now, recompute);
+    if (node->low >= 0)
+        use_value(plan, node->low, now, 0);
     use_value(plan, i, now, recompute);
     if (node->fused_pool >= 0)
         use_value(plan, node->fused_pool, now, 0);

@@ -1,0 +1,51 @@
+/* Convolutions on the way up of a U-net: bilinear doubling and the concatenation behind it are left to the convolution
+ * that reads both, so that neither is written. For inference. */
+#include "net/graph_plan.h"
+
+/* The node that alone reads a value; -1: none or several. */
+static int only_reader(const graph_plan *plan, int value)
+{
+    if (value == plan->output || hada_graph_readers_of(plan, value) != 1)
+        return -1;
+    int reader = value + 1;
+    while (!hada_graph_reads(&plan->nodes[reader], value))
+        reader++;
+    return reader;
+}
+
+static int same_size(const graph_node *a, const graph_node *b)
+{
+    return a->rows == b->rows && a->cols == b->cols;
+}
+
+/* A resizing to twice the size for the second part of a concatenation that a convolution reads, and nobody else. */
+static void try_doubling(graph_plan *plan, const hada_context *context, int resize)
+{
+    graph_node *high = &plan->nodes[resize];
+    const int low = high->inputs[0], concat = only_reader(plan, resize);
+    if (high->layer->resize != HADA_RESIZE_LINEAR || high->rows != 2 * plan->nodes[low].rows ||
+        high->cols != 2 * plan->nodes[low].cols || concat < 0)
+        return;
+    graph_node *whole = &plan->nodes[concat];
+    const int reader = only_reader(plan, concat), before = whole->inputs[0];
+    if (whole->layer->kind != HADA_LAYER_CONCAT || whole->layer->input_count != 2 || whole->inputs[1] != resize ||
+        before == resize || !same_size(whole, high) || !same_size(whole, &plan->nodes[before]) || reader < 0)
+        return;
+    graph_node *conv = &plan->nodes[reader], kept = *conv;
+    if (conv->layer->kind != HADA_LAYER_CONV)
+        return;
+    conv->inputs[0] = before;
+    conv->low = low;
+    const hada_conv_desc desc = hada_graph_conv_desc(plan, conv);
+    if (hada_conv_doubles(context, &desc))
+        high->fused = whole->fused = 1;
+    else
+        *conv = kept;
+}
+
+void hada_graph_fuse_doubling(graph_plan *plan, const hada_context *context)
+{
+    for (int i = 1; i < plan->node_count; i++)
+        if (plan->nodes[i].layer->kind == HADA_LAYER_RESIZE && !plan->nodes[i].fused)
+            try_doubling(plan, context, i);
+}

@@ -53,6 +53,12 @@ typedef struct hada_planar_layout {
 } hada_planar_layout;
 HADA_SHARED_SIZE(hada_planar_layout, 32)
 
+/* Planar images of in_rows x in_cols pixels resized to rows x cols, `tall` rows in a work-item. */
+typedef struct hada_planes_sizes {
+    int in_rows, in_cols, rows, cols, channels, tall;
+} hada_planes_sizes;
+HADA_SHARED_SIZE(hada_planes_sizes, 24)
+
 /* Pooling: windows of size x size every `stride` pixels. */
 typedef struct hada_pool_window {
     int size, stride;

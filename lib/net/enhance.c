@@ -1,6 +1,7 @@
 /* Enhancing planes: memory, and the way of a plane through the net. */
 #include "net/enhance.h"
 
+#include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
@@ -14,32 +15,31 @@ struct hada_enhance {
     hada_enhance_shape shape;
     hada_graph *graph;
     hada_buffer values, content;
-    hada_buffer window, scaled;         /* resized: tensors at the window's and at the net's size */
+    hada_buffer scaled;                 /* resized at once: planar images at the net's size */
     hada_buffer full_in, full_out, out; /* tiled: planar images of the whole, and of one tile */
     hada_buffer sum, beside;            /* of all planes; a plane and what the others hold */
-    hada_tensor window_tensor, scaled_tensor;
-    float *map;      /* [plane][rows][content_cells] of the planes that are looked at */
-    size_t *waiting; /* where the planes begin that go through the net next */
+    float *map;                         /* [plane][rows][content_cells] of the planes that are looked at */
+    size_t *waiting;                    /* where the planes begin that go through the net next */
     int waiting_count;
     int computed, left_out;
 };
 
 /* Bytes of the buffers beside the graph, in the order of the struct. */
-enum { BUFFERS = 9 };
-static void sizes_of(const hada_context *context, const hada_enhance_desc *desc, const hada_enhance_shape *shape,
-                     size_t *bytes)
+enum { BUFFERS = 8 };
+static void sizes_of(const hada_enhance_desc *desc, const hada_enhance_shape *shape, size_t *bytes)
 {
     const size_t planes = (size_t)desc->channels * sizeof(float);
     const size_t full = planes * (size_t)shape->full_rows * (size_t)shape->full_cols;
     bytes[0] = desc->net->floats * sizeof(float);
     bytes[1] = (size_t)shape->planes * (size_t)desc->rows * (size_t)shape->content_cells * sizeof(float);
-    bytes[2] = shape->resized ? hada_enhance_window_floats(context, desc, shape) * sizeof(float) : 0;
-    bytes[3] = shape->resized && shape->tiled ? hada_enhance_scaled_floats(context, desc, shape) * sizeof(float) : 0;
-    bytes[4] = full * (size_t)shape->inputs;
-    bytes[5] = full;
-    bytes[6] = shape->tiled ? planes * (size_t)shape->tile_rows * (size_t)shape->tile_cols : 0;
-    bytes[7] = shape->inputs > 1 ? planes * (size_t)desc->rows * (size_t)desc->cols : 0;
-    bytes[8] = 2 * bytes[7];
+    bytes[2] = shape->resized && !shape->tiled
+                   ? (size_t)shape->planes * planes * (size_t)shape->rows * (size_t)shape->cols
+                   : 0;
+    bytes[3] = full * (size_t)shape->inputs;
+    bytes[4] = full;
+    bytes[5] = shape->tiled ? planes * (size_t)shape->tile_rows * (size_t)shape->tile_cols : 0;
+    bytes[6] = shape->inputs > 1 ? planes * (size_t)desc->rows * (size_t)desc->cols : 0;
+    bytes[7] = 2 * bytes[6];
 }
 
 hada_status hada_enhance_bytes(const hada_context *context, const hada_enhance_desc *desc, size_t *bytes,
@@ -51,7 +51,7 @@ hada_status hada_enhance_bytes(const hada_context *context, const hada_enhance_d
     *bytes = 0;
     if (status)
         return status;
-    sizes_of(context, desc, &shape, parts);
+    sizes_of(desc, &shape, parts);
     *bytes = shape.graph_bytes;
     for (int i = 0; i < BUFFERS; i++)
         *bytes += parts[i];
@@ -63,10 +63,10 @@ static hada_status make_buffers(hada_enhance *e, hada_error *err)
     hada_status status = HADA_OK;
     hada_context *context = e->slot->context;
     const hada_net *net = e->desc.net;
-    hada_buffer *const buffers[BUFFERS] = {&e->values,   &e->content, &e->window, &e->scaled, &e->full_in,
+    hada_buffer *const buffers[BUFFERS] = {&e->values,   &e->content, &e->scaled, &e->full_in,
                                            &e->full_out, &e->out,     &e->sum,    &e->beside};
     size_t bytes[BUFFERS];
-    sizes_of(context, &e->desc, &e->shape, bytes);
+    sizes_of(&e->desc, &e->shape, bytes);
     HADA_TRY(hada_buffer_create_from(&e->values, e->slot, net->values, bytes[0], "the net's weights", err));
     for (int i = 1; i < BUFFERS; i++) {
         if (!bytes[i])
@@ -74,10 +74,6 @@ static hada_status make_buffers(hada_enhance *e, hada_error *err)
         HADA_TRY(hada_buffer_create(buffers[i], context, bytes[i], "planes for the net", err));
         HADA_TRY(hada_buffer_clear(buffers[i], e->slot, 0, bytes[i], err)); /* halos and what fills up stay zero */
     }
-    const int channels = net->layers[0].channels;
-    const int images = e->shape.graph.images * net->colours;
-    e->window_tensor = hada_tensor_at(context, e->window.mem, 0, images, channels, e->desc.rows, e->desc.cols);
-    e->scaled_tensor = hada_tensor_at(context, e->scaled.mem, 0, net->colours, channels, e->shape.rows, e->shape.cols);
 done:
     return status;
 }
@@ -111,7 +107,7 @@ void hada_enhance_destroy(hada_enhance **pointer)
     hada_enhance *e = *pointer;
     *pointer = NULL;
     hada_graph_destroy(&e->graph);
-    hada_buffer *const buffers[BUFFERS] = {&e->values,   &e->content, &e->window, &e->scaled, &e->full_in,
+    hada_buffer *const buffers[BUFFERS] = {&e->values,   &e->content, &e->scaled, &e->full_in,
                                            &e->full_out, &e->out,     &e->sum,    &e->beside};
     for (int i = 0; i < BUFFERS; i++)
         hada_buffer_destroy(buffers[i]);
@@ -207,17 +203,38 @@ static hada_tensor images_of(const hada_enhance *e, const hada_tensor *tensor, i
     return hada_tensor_images(tensor, slot * e->desc.net->colours, e->desc.net->colours);
 }
 
+/* The plane at `offset` as it stands in the window. */
+static hada_planes window_of(const hada_enhance *e, cl_mem planes, size_t offset)
+{
+    const int rows = e->desc.rows, cols = e->desc.cols;
+    return (hada_planes){planar_of(e, planes, offset, rows, cols, 0, 0), rows, cols};
+}
+
+/* Plane `slot` of those that go through the net at once, at the net's size. */
+static hada_planes scaled_of(const hada_enhance *e, int slot)
+{
+    const int rows = e->shape.rows, cols = e->shape.cols;
+    const size_t each = (size_t)e->desc.channels * (size_t)rows * (size_t)cols;
+    return (hada_planes){planar_of(e, e->scaled.mem, (size_t)slot * each, rows, cols, 0, 0), rows, cols};
+}
+
+/* All channels of a plane, colour by colour. */
+static hada_status resize(const hada_enhance *e, const hada_planes *from, const hada_planes *to, float floor,
+                          hada_error *err)
+{
+    return hada_resize_planes(e->slot, from, to, 1, e->desc.channels, floor, err);
+}
+
 /* A whole plane to the net, which takes it with others. */
 static hada_status wait_for_others(hada_enhance *e, cl_mem planes, size_t offset, hada_error *err)
 {
     hada_status status = HADA_OK;
-    const hada_planar plane = planar_of(e, planes, offset, e->desc.rows, e->desc.cols, 0, 0);
-    const hada_planar seen =
-        e->shape.inputs > 1 ? planar_of(e, e->beside.mem, 0, e->desc.rows, e->desc.cols, 0, 0) : plane;
-    const hada_tensor *x = hada_graph_input(e->graph);
-    const hada_tensor to = images_of(e, e->shape.resized ? &e->window_tensor : x, e->waiting_count);
+    const hada_planes seen = e->shape.inputs > 1 ? window_of(e, e->beside.mem, 0) : window_of(e, planes, offset);
+    const hada_planes scaled = scaled_of(e, e->waiting_count);
+    const hada_tensor to = images_of(e, hada_graph_input(e->graph), e->waiting_count);
     e->computed++;
-    HADA_TRY(hada_tensor_load(e->slot, &seen, &to, err));
+    HADA_TRY(e->shape.resized ? resize(e, &seen, &scaled, -INFINITY, err)
+                              : hada_tensor_load(e->slot, &seen.at, &to, err));
     e->waiting[e->waiting_count++] = offset;
 done:
     return status;
@@ -232,18 +249,17 @@ static hada_status run_waiting(hada_enhance *e, cl_mem planes, hada_error *err)
         return HADA_OK;
     hada_graph_set_images(e->graph, count);
     const hada_tensor *x = hada_graph_input(e->graph), *y = hada_graph_output(e->graph);
-    const hada_tensor window = hada_tensor_images(&e->window_tensor, 0, count * e->desc.net->colours);
-    if (e->shape.resized) {
-        HADA_TRY(hada_tensor_clear_halo(e->slot, x, err));
-        HADA_TRY(hada_resize_forward(e->slot, HADA_RESIZE_LINEAR, &window, x, err));
-    }
-    HADA_TRY(run_graph(e, err));
+    const hada_planes first = scaled_of(e, 0);
     if (e->shape.resized)
-        HADA_TRY(hada_resize_forward(e->slot, HADA_RESIZE_LINEAR, y, &window, err));
+        HADA_TRY(hada_tensor_load(e->slot, &first.at, x, err));
+    HADA_TRY(e->shape.resized ? hada_graph_forward(e->graph, err) : run_graph(e, err));
+    if (e->shape.resized)
+        HADA_TRY(hada_tensor_store(e->slot, y, &first.at, err));
     for (int i = 0; i < count; i++) {
-        const hada_planar plane = planar_of(e, planes, e->waiting[i], e->desc.rows, e->desc.cols, 0, 0);
-        const hada_tensor from = images_of(e, e->shape.resized ? &window : y, i);
-        HADA_TRY(hada_tensor_store(e->slot, &from, &plane, err));
+        const hada_planes plane = window_of(e, planes, e->waiting[i]), scaled = scaled_of(e, i);
+        const hada_tensor from = images_of(e, y, i);
+        HADA_TRY(e->shape.resized ? resize(e, &scaled, &plane, 0.0f, err)
+                                  : hada_tensor_store(e->slot, &from, &plane.at, err));
     }
 done:
     e->waiting_count = 0;
@@ -280,7 +296,6 @@ done:
 /* Between the plane and the whole image at the net's size. */
 static hada_status bring(hada_enhance *e, cl_mem planes, size_t offset, int back, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_enhance_shape *s = &e->shape;
     const part plane = {planes, offset, e->desc.rows, e->desc.cols, 0, 0};
     const part seen = {e->beside.mem, 0, e->desc.rows, e->desc.cols, 0, 0};
@@ -290,16 +305,10 @@ static hada_status bring(hada_enhance *e, cl_mem planes, size_t offset, int back
         return copy(e, &out, &plane, s->rows, s->cols, e->desc.channels, err);
     if (!s->resized)
         return copy(e, s->inputs > 1 ? &seen : &plane, &in, s->rows, s->cols, s->inputs * e->desc.channels, err);
-    const hada_planar here = planar_of(e, planes, offset, e->desc.rows, e->desc.cols, 0, 0);
-    const hada_planar there =
-        planar_of(e, back ? e->full_out.mem : e->full_in.mem, 0, s->full_rows, s->full_cols, 0, 0);
-    const hada_tensor *from = back ? &e->scaled_tensor : &e->window_tensor;
-    const hada_tensor *to = back ? &e->window_tensor : &e->scaled_tensor;
-    HADA_TRY(hada_tensor_load(e->slot, back ? &there : &here, from, err));
-    HADA_TRY(hada_resize_forward(e->slot, HADA_RESIZE_LINEAR, from, to, err));
-    HADA_TRY(hada_tensor_store(e->slot, to, back ? &here : &there, err));
-done:
-    return status;
+    const hada_planes here = window_of(e, planes, offset);
+    const hada_planes there = {
+        planar_of(e, back ? e->full_out.mem : e->full_in.mem, 0, s->full_rows, s->full_cols, 0, 0), s->rows, s->cols};
+    return resize(e, back ? &there : &here, back ? &here : &there, -INFINITY, err);
 }
 
 static hada_status run_tiles(hada_enhance *e, const float *map, cl_mem planes, size_t offset, hada_error *err)

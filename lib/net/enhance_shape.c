@@ -139,21 +139,3 @@ int hada_enhance_tile_at(int tile, int core, int tile_size, int full)
     const int halo = (tile_size - core) / 2, at = tile * core - (halo > 0 ? halo : 0);
     return at < 0 ? 0 : at > full - tile_size ? full - tile_size : at;
 }
-
-static size_t tensor_floats(const hada_context *context, const hada_enhance_desc *desc, int rows, int cols)
-{
-    const int channels = desc->net->layers[0].channels;
-    return (size_t)desc->net->colours * hada_tensor_image_floats(hada_net_block(context), channels, rows, cols);
-}
-
-size_t hada_enhance_window_floats(const hada_context *context, const hada_enhance_desc *desc,
-                                  const hada_enhance_shape *shape)
-{
-    return (size_t)shape->graph.images * tensor_floats(context, desc, desc->rows, desc->cols);
-}
-
-size_t hada_enhance_scaled_floats(const hada_context *context, const hada_enhance_desc *desc,
-                                  const hada_enhance_shape *shape)
-{
-    return tensor_floats(context, desc, shape->rows, shape->cols);
-}

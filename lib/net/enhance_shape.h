@@ -29,10 +29,4 @@ hada_status hada_enhance_shape_of(const hada_context *context, const hada_enhanc
 int hada_enhance_core_at(int tile, int core, int full);
 int hada_enhance_tile_at(int tile, int core, int tile_size, int full);
 
-/* Floats of the tensors in which planes are resized, at the window's and at the net's size. */
-size_t hada_enhance_window_floats(const hada_context *context, const hada_enhance_desc *desc,
-                                  const hada_enhance_shape *shape);
-size_t hada_enhance_scaled_floats(const hada_context *context, const hada_enhance_desc *desc,
-                                  const hada_enhance_shape *shape);
-
 #endif

@@ -1,6 +1,8 @@
 /* Resizing. */
 #include <limits.h>
 
+#include "core/round.h"
+#include "launch/net_planes.h"
 #include "launch/net_resize.h"
 #include "net/layer_launch.h"
 
@@ -60,6 +62,29 @@ hada_status hada_resize_forward(hada_slot *slot, hada_resize resize, const hada_
         return hada_launch_net_resize_cubic(slot, program, &grid.range, err, .x = x->mem, .y = y->mem, .at_x = at_x,
                                             .at_y = at_y, .span = grid.span, .rule = rule_of(resize));
     }
+}
+
+/* Rows of a work-item that takes runs of columns, and work-items of a group otherwise. */
+enum { PLANES_TALL = 32, PLANES_LOCAL = 64 };
+
+hada_status hada_resize_planes(hada_slot *slot, const hada_planes *from, const hada_planes *to, int images,
+                               int channels, float floor, hada_error *err)
+{
+    const int groups = slot->context->shape == HADA_SHAPE_GROUPS, tall = groups ? 1 : PLANES_TALL;
+    const hada_program_net_planes program = groups ? HADA_PROGRAM_NET_PLANES_WIDE1 : HADA_PROGRAM_NET_PLANES_DEFAULT;
+    const hada_planes_sizes sizes = {from->rows, from->cols, to->rows, to->cols, channels, tall};
+    const size_t wide = (size_t)hada_macros_of_net_planes(program)->planes_wide;
+    if (images < 1 || channels < 1 || from->rows < 1 || from->cols < 1 || to->rows < 1 || to->cols < 1)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "resizing: planes have at least one image, channel, row and column");
+    if (!countable(from->rows, to->rows) || !countable(from->cols, to->cols))
+        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "resizing from %d x %d to %d x %d: too large", from->rows,
+                         from->cols, to->rows, to->cols);
+    const hada_range range =
+        hada_range_of(hada_divide_up((size_t)to->cols, wide), groups ? PLANES_LOCAL : 1,
+                      hada_divide_up((size_t)to->rows, (size_t)tall), (size_t)images * (size_t)channels);
+    return hada_launch_net_planes_resize(slot, program, &range, err, .from = from->at.mem, .to = to->at.mem,
+                                         .at_from = hada_planar_layout_of(&from->at),
+                                         .at_to = hada_planar_layout_of(&to->at), .floor = floor, .sizes = sizes);
 }
 
 hada_status hada_resize_backward(hada_slot *slot, hada_resize resize, const hada_tensor *dy, const hada_tensor *dx,

@@ -29,6 +29,15 @@ hada_status hada_resize_forward(hada_slot *slot, hada_resize resize, const hada_
 hada_status hada_resize_backward(hada_slot *slot, hada_resize resize, const hada_tensor *dy, const hada_tensor *dx,
                                  int accumulate, hada_error *err);
 
+/* Planar images [image][channel][rows][cols] resized as by HADA_RESIZE_LINEAR, with the bits of tensors resized so;
+ * values below `floor` (-INFINITY: none is) count as that. */
+typedef struct hada_planes {
+    hada_planar at;
+    int rows, cols;
+} hada_planes;
+hada_status hada_resize_planes(hada_slot *slot, const hada_planes *from, const hada_planes *to, int images,
+                               int channels, float floor, hada_error *err);
+
 /* Copies x into y with its top left at (row, col) of y, cropping and filling with zeros (concatenation of odd sizes,
  * crop, pad); channels of y from first_channel on are written, the others left alone. accumulate: added to. */
 hada_status hada_place(hada_slot *slot, const hada_tensor *x, const hada_tensor *y, int row, int col, int first_channel,

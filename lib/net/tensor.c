@@ -57,7 +57,7 @@ hada_tensor_layout hada_layout_of(const hada_tensor *tensor)
                                 .blocks = (int)blocks_of(tensor->block, tensor->channels)};
 }
 
-static hada_planar_layout planar_layout(const hada_planar *planar)
+hada_planar_layout hada_planar_layout_of(const hada_planar *planar)
 {
     return (hada_planar_layout){planar->offset, planar->image_stride, planar->channel_stride, planar->row_stride};
 }
@@ -91,16 +91,16 @@ hada_status hada_tensor_load(hada_slot *slot, const hada_planar *in, const hada_
 {
     const hada_range range = rows_range(slot, out, out->cols + 2, out->rows + 2);
     return hada_launch_net_tensor_load(slot, hada_program_net_tensor_of(slot), &range, err, .in = in->mem,
-                                       .out = out->mem, .at_in = planar_layout(in), .at_out = hada_layout_of(out),
-                                       .block = out->block);
+                                       .out = out->mem, .at_in = hada_planar_layout_of(in),
+                                       .at_out = hada_layout_of(out), .block = out->block);
 }
 
 hada_status hada_tensor_store(hada_slot *slot, const hada_tensor *in, const hada_planar *out, hada_error *err)
 {
     const hada_range range = rows_range(slot, in, in->cols, in->rows);
     return hada_launch_net_tensor_store(slot, hada_program_net_tensor_of(slot), &range, err, .in = in->mem,
-                                        .out = out->mem, .at_in = hada_layout_of(in), .at_out = planar_layout(out),
-                                        .block = in->block);
+                                        .out = out->mem, .at_in = hada_layout_of(in),
+                                        .at_out = hada_planar_layout_of(out), .block = in->block);
 }
 
 hada_status hada_tensor_clear_halo(hada_slot *slot, const hada_tensor *tensor, hada_error *err)

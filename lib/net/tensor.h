@@ -64,6 +64,7 @@ typedef struct hada_planar {
     cl_mem mem;
     size_t offset, image_stride, channel_stride, row_stride;
 } hada_planar;
+hada_planar_layout hada_planar_layout_of(const hada_planar *planar);
 hada_status hada_tensor_load(hada_slot *slot, const hada_planar *in, const hada_tensor *out, hada_error *err);
 hada_status hada_tensor_store(hada_slot *slot, const hada_tensor *in, const hada_planar *out, hada_error *err);
 

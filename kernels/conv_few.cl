@@ -3,37 +3,11 @@
  * are input channels, added up at the end. Shape lanes: work-groups of one. Weights as for conv_direct.cl in one block
  * of outputs; a work-item puts them into local memory as w[input block][tap][output channel][input channel] for its
  * rows. Reads stay within the halo of one: the host makes sure. Dimensions: groups of rows, images. */
-#include "inc_conv.h"
-#include "shared_local.h"
+#include "inc_conv_few.h"
 
-#ifndef CONV_FEW
-#define CONV_FEW 1
-#endif
 #ifndef CONV_PIXELS
 #define CONV_PIXELS 8
 #endif
-
-/* The lanes of v, in halves of halves. */
-static inline float conv_lanes_sum(conv_v v)
-{
-#if NET_BLOCK == 16
-    const float8 eight = v.lo + v.hi;
-#else
-    const float8 eight = v;
-#endif
-    const float4 four = eight.lo + eight.hi;
-    const float2 two = four.lo + four.hi;
-    return two.x + two.y;
-}
-
-static inline void conv_few_weights(__global const float *restrict weights, int taps, int in_blocks,
-                                    __local float *restrict w)
-{
-    for (int tap = 0; tap < taps * in_blocks; ++tap)
-        for (int o = 0; o < CONV_FEW; ++o)
-            for (int i = 0; i < NET_BLOCK; ++i)
-                w[(tap * CONV_FEW + o) * NET_BLOCK + i] = weights[(tap * NET_BLOCK + i) * NET_BLOCK + o];
-}
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 conv_few(__global const float *restrict x, __global const float *restrict weights, __global const float *restrict bias,
@@ -86,12 +60,11 @@ conv_few(__global const float *restrict x, __global const float *restrict weight
 #pragma unroll
             for (int p = 0; p < CONV_PIXELS; ++p) {
                 const size_t at = (size_t)row * y_row + (start + p) * NET_BLOCK;
-                conv_v v = biases;
-                v.s0 += conv_lanes_sum(sums[0][p]);
-#if CONV_FEW > 1
-                v.s1 += conv_lanes_sum(sums[1][p]);
-                v.s2 += conv_lanes_sum(sums[2][p]);
-#endif
+                conv_v few[CONV_FEW];
+#pragma unroll
+                for (int o = 0; o < CONV_FEW; ++o)
+                    few[o] = sums[o][p];
+                const conv_v v = conv_few_finish(biases, few);
                 if (start + p >= col) /* the others are done by the tile before, perhaps added to */
                     conv_put(v, flags, activation, floor, slope, out_channels, mask + at, y + at);
             }

@@ -1,7 +1,8 @@
 /* 3 x 3 convolutions, stride 1, padding 1, by Winograd's F(m x m, 3 x 3), all in one launch: a work-item takes `tiles`
- * neighbouring tiles (a multiple of CONV_PIXELS) through all three steps, in local memory. Shape lanes. Weights:
- * [place] [block group][input channel][output channel], as conv_pack.cl writes them. The last tiles of a row
- * and the last rows overlap those before; so do the last tiles of an image. Dimensions: groups of tiles, images. */
+ * neighbouring tiles (a multiple of CONV_PIXELS) through all three steps, in local memory: places of the transformed
+ * tiles, behind them of the products. Shape lanes. Weights: [place] [block group][input channel][output channel], as
+ * conv_pack.cl writes them. The last tiles of a row and the last rows overlap those before; so do the last tiles of an
+ * image. Dimensions: groups of tiles, images. */
 #define CONV_MEM __local
 #include "inc_conv_doubled.h"
 #include "inc_conv_winograd_products.h"
@@ -40,7 +41,7 @@ __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 conv_winograd(__global const float *restrict x, __global const float *restrict low,
               __global const float *restrict weights, __global const float *restrict bias, __global float *restrict y,
               __global const float *restrict mask, __global float *restrict pooled,
-              __local STATED_SIZE float *restrict v, __local STATED_SIZE float *restrict m, hada_conv_problem problem)
+              __local STATED_SIZE float *restrict places, hada_conv_problem problem)
 {
     const int x_blocks = problem.in.blocks, low_blocks = problem.low.blocks, in_blocks = x_blocks + low_blocks,
               out_channels = problem.out.channels;
@@ -56,6 +57,7 @@ conv_winograd(__global const float *restrict x, __global const float *restrict l
     const size_t m_place = CONV_APART(CONV_BLOCKS * block_floats);
     const size_t group_floats = (size_t)in_blocks * NET_BLOCK * NET_BLOCK * CONV_BLOCKS;
     const size_t low_plane = (size_t)(rows / 2 + 2) * (cols / 2 + 2) * NET_BLOCK;
+    __local float *restrict const v = places, *restrict const m = places + CONV_PLACES * v_place;
     x += problem.in.offset + image * problem.in.image;
     low += problem.low.offset + image * problem.low.image;
     y += problem.out.offset + image * problem.out.image + row_floats + NET_BLOCK;

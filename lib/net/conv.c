@@ -90,8 +90,8 @@ static hada_status tensor_fits(const hada_conv *conv, const hada_tensor *tensor,
                      conv->plan.desc.images, channels, rows, cols, conv->plan.block);
 }
 
-hada_status hada_conv_run(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *low,
-                          const hada_tensor *out, const hada_conv_finish *finish, hada_error *err)
+hada_status hada_conv_ready(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *low,
+                            const hada_tensor *out, const hada_conv_finish *finish, hada_error *err)
 {
     hada_status status = HADA_OK;
     const hada_conv_pass *pass = &conv->plan.pass[index];
@@ -115,6 +115,16 @@ hada_status hada_conv_run(hada_conv *conv, int index, const hada_tensor *in, con
         HADA_TRY(tensor_fits(conv, finish->pooled, "pooled output", in->images, pass->out_channels, pass->out_rows / 2,
                              pass->out_cols / 2, err));
     hada_conv_cost(conv, pass->to_coarse ? out : in, pass->to_coarse ? in : out);
+done:
+    return status;
+}
+
+hada_status hada_conv_run(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *low,
+                          const hada_tensor *out, const hada_conv_finish *finish, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    const hada_conv_pass *pass = &conv->plan.pass[index];
+    HADA_TRY(hada_conv_ready(conv, index, in, low, out, finish, err));
     if (pass->tile)
         return hada_conv_winograd(conv, index, in, low, out, finish, err);
     HADA_TRY(pass->method == HADA_CONV_PLAIN ? hada_conv_plain(conv, index, in, out, finish, err)

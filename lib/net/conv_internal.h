@@ -170,7 +170,9 @@ static inline cl_mem hada_conv_mask(const hada_conv_finish *finish)
 }
 
 hada_status hada_conv_pack(hada_conv *conv, int pass, hada_floats weights, hada_error *err);
-/* low: the doubled channels; NULL: none. */
+/* Whether a pass can run on these tensors, and what it will cost. low: the doubled channels; NULL: none. */
+hada_status hada_conv_ready(hada_conv *conv, int pass, const hada_tensor *in, const hada_tensor *low,
+                            const hada_tensor *out, const hada_conv_finish *finish, hada_error *err);
 hada_status hada_conv_run(hada_conv *conv, int pass, const hada_tensor *in, const hada_tensor *low,
                           const hada_tensor *out, const hada_conv_finish *finish, hada_error *err);
 

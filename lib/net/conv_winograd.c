@@ -25,10 +25,10 @@ hada_status hada_conv_winograd_pack(hada_conv *conv, int index, hada_floats weig
                                           .to_coarse = pass->to_coarse, .lanes = pass->lanes);
 }
 
-/* Places of a work-item's tiles, a block apart (CONV_APART of kernels/inc_conv_winograd.h). */
-static hada_local local_places(const hada_conv_pass *pass, int channels, int block)
+/* Bytes of the places of a work-item's tiles, a block apart (CONV_APART of kernels/inc_conv_winograd.h). */
+static size_t local_places(const hada_conv_pass *pass, int channels, int block)
 {
-    return (hada_local){places_of(pass) * (size_t)(pass->tiles * channels + block) * sizeof(float)};
+    return places_of(pass) * (size_t)(pass->tiles * channels + block) * sizeof(float);
 }
 
 /* Where the pooled output is written at once. */
@@ -47,8 +47,9 @@ static hada_status one_launch(hada_conv *conv, int index, const hada_tensor *in,
     return hada_launch_conv_winograd(
         conv->slot, (hada_program_conv_winograd)pass->program, &range, err, .x = in->mem, .low = low ? low->mem : NULL,
         .weights = conv->weights[index].mem, .bias = finish->bias.mem, .y = out->mem, .mask = hada_conv_mask(finish),
-        .pooled = pooled_of(finish, problem), .v = local_places(pass, in_blocks * in->block, in->block),
-        .m = local_places(pass, pass->lanes, in->block), .problem = *problem);
+        .pooled = pooled_of(finish, problem),
+        .places = {local_places(pass, in_blocks * in->block, in->block) + local_places(pass, pass->lanes, in->block)},
+        .problem = *problem);
 }
 
 /* Inputs, products, outputs of the tiles begin ... begin + count - 1 of all images. */

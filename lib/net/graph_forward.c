@@ -1,6 +1,20 @@
 /* One layer of a graph forward. */
 #include "net/graph_run.h"
 
+/* Behind a batch norm, whose values each colour has of its own. */
+static hada_status conv_normed(hada_graph *graph, int i, const hada_tensor *x, hada_floats bias, const hada_tensor *y,
+                               hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int colour = 0; colour < graph->plan.net->colours; colour++) {
+        const hada_batch_norm norm = hada_graph_norm(graph, graph->plan.nodes[i].norm, colour);
+        const hada_tensor in = hada_graph_colour(graph, x, colour), out = hada_graph_colour(graph, y, colour);
+        HADA_TRY(hada_conv_forward_normed(graph->convs[i], &norm, &in, bias, &out, err));
+    }
+done:
+    return status;
+}
+
 static hada_status conv(hada_graph *graph, int i, const hada_tensor *x, const hada_tensor *y, hada_error *err)
 {
     const graph_node *node = &graph->plan.nodes[i];
@@ -10,6 +24,8 @@ static hada_status conv(hada_graph *graph, int i, const hada_tensor *x, const ha
         bias = hada_graph_parameter(graph, graph->values, i, 0, 1);
     if (node->fused_pool >= 0)
         pooled = hada_graph_value(graph, node->fused_pool, 0);
+    if (node->norm >= 0)
+        return conv_normed(graph, i, x, bias, y, err);
     if (node->low >= 0) {
         const hada_tensor low = hada_graph_value(graph, node->low, 0);
         return hada_conv_forward_doubled(graph->convs[i], x, &low, bias, y, node->fused_pool >= 0 ? &pooled : NULL,

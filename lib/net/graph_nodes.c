@@ -4,26 +4,6 @@
 #include "core/alloc.h"
 #include "net/graph_plan.h"
 
-int hada_graph_reads(const graph_node *node, int value)
-{
-    if (node->fused)
-        return 0;
-    if (node->low == value)
-        return 1;
-    for (int i = 0; i < node->layer->input_count; i++)
-        if (node->inputs[i] == value)
-            return 1;
-    return 0;
-}
-
-int hada_graph_readers_of(const graph_plan *plan, int value)
-{
-    int count = 0;
-    for (int i = value + 1; i < plan->node_count; i++)
-        count += hada_graph_reads(&plan->nodes[i], value);
-    return count;
-}
-
 /* An activation that alone takes what a convolution or linear layer without one gives. */
 static void fuse_activations(graph_plan *plan)
 {
@@ -169,6 +149,7 @@ hada_status hada_graph_nodes_make(graph_plan *plan, const hada_context *context,
                              .cols = sizes[i].cols,
                              .fused_pool = -1,
                              .low = -1,
+                             .norm = -1,
                              .activation = layer->activation,
                              .slope = layer->slope,
                              .alias_of = i,
@@ -181,7 +162,7 @@ hada_status hada_graph_nodes_make(graph_plan *plan, const hada_context *context,
     fuse_activations(plan);
     fuse_pooling(plan);
     if (!plan->options.training)
-        hada_graph_fuse_doubling(plan, context);
+        hada_graph_fuse_inference(plan, context);
     alias_concats(plan);
     if (plan->options.training)
         find_gradients(plan);

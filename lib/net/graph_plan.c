@@ -70,27 +70,3 @@ void hada_graph_plan_free(graph_plan *plan)
     free(plan->tensors);
     *plan = (graph_plan){0};
 }
-
-hada_conv_desc hada_graph_conv_desc(const graph_plan *plan, const graph_node *node)
-{
-    const graph_node *in = &plan->nodes[node->inputs[0]];
-    const int doubled = node->low >= 0 ? plan->nodes[node->low].channels : 0;
-    const hada_layer *layer = node->layer;
-    return (hada_conv_desc){.images = plan->images,
-                            .in_channels = in->channels + doubled,
-                            .out_channels = node->channels,
-                            .in_rows = in->rows,
-                            .in_cols = in->cols,
-                            .kernel_rows = layer->kernel,
-                            .kernel_cols = layer->kernel,
-                            .stride = layer->stride,
-                            .pad_rows = layer->pad,
-                            .pad_cols = layer->pad,
-                            .transposed = layer->transposed,
-                            .output_pad = layer->output_pad,
-                            .activation = node->activation,
-                            .slope = node->slope,
-                            .method = plan->options.method,
-                            .training = plan->options.training,
-                            .doubled = doubled};
-}

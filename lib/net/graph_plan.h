@@ -14,6 +14,7 @@ typedef struct graph_node {
     int fused_pool;             /* CONV: the pooling that is done in the same launch; -1: none */
     int pooled;                 /* POOL: done by the convolution before */
     int low;                    /* CONV: the value whose channels come behind those of its input, doubled; -1: none */
+    int norm;                   /* CONV: the batch norm that it does to its input; -1: none */
     hada_activation activation; /* of its own or fused into it */
     float slope;
     int alias_of, alias_channel; /* the node whose memory its value stands in (itself, or a concatenation), from which
@@ -72,17 +73,17 @@ void hada_graph_plan_free(graph_plan *plan);
 /* graph_nodes.c: fills the nodes: sizes, what is fused, aliased, recomputed, masked. */
 hada_status hada_graph_nodes_make(graph_plan *plan, const hada_context *context, hada_error *err);
 
-/* graph_doubling.c: convolutions take over the doubling, and concatenation, before them where they can. */
-void hada_graph_fuse_doubling(graph_plan *plan, const hada_context *context);
-
-/* Whether a node that is not fused reads a value, and how many do. */
-int hada_graph_reads(const graph_node *node, int value);
-int hada_graph_readers_of(const graph_plan *plan, int value);
+/* graph_inference.c: convolutions take over doubling, concatenation or a batch norm before them where they can. */
+void hada_graph_fuse_inference(graph_plan *plan, const hada_context *context);
 
 /* graph_steps.c: the steps, in the order of their work, and the pieces with their lifetimes. */
 hada_status hada_graph_steps_make(graph_plan *plan, hada_error *err);
 
-/* The convolution of a node. */
+/* graph_readers.c: whether a node that is not fused reads a value; how many do; the one that alone does (-1: none or
+ * several, or it is the output). The convolution of a node. */
+int hada_graph_reads(const graph_node *node, int value);
+int hada_graph_readers_of(const graph_plan *plan, int value);
+int hada_graph_only_reader(const graph_plan *plan, int value);
 hada_conv_desc hada_graph_conv_desc(const graph_plan *plan, const graph_node *node);
 
 /* Where statistics of a batch norm begin, in floats of the extra buffer. */

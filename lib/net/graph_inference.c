@@ -1,17 +1,6 @@
-/* Convolutions on the way up of a U-net: bilinear doubling and the concatenation behind it are left to the convolution
- * that reads both, so that neither is written. For inference. */
+/* What inference leaves to the convolution behind it, so that it is never written: on the way up of a U-net bilinear
+ * doubling and the concatenation with it; a batch norm. */
 #include "net/graph_plan.h"
-
-/* The node that alone reads a value; -1: none or several. */
-static int only_reader(const graph_plan *plan, int value)
-{
-    if (value == plan->output || hada_graph_readers_of(plan, value) != 1)
-        return -1;
-    int reader = value + 1;
-    while (!hada_graph_reads(&plan->nodes[reader], value))
-        reader++;
-    return reader;
-}
 
 static int same_size(const graph_node *a, const graph_node *b)
 {
@@ -22,12 +11,12 @@ static int same_size(const graph_node *a, const graph_node *b)
 static void try_doubling(graph_plan *plan, const hada_context *context, int resize)
 {
     graph_node *high = &plan->nodes[resize];
-    const int low = high->inputs[0], concat = only_reader(plan, resize);
+    const int low = high->inputs[0], concat = hada_graph_only_reader(plan, resize);
     if (high->layer->resize != HADA_RESIZE_LINEAR || high->rows != 2 * plan->nodes[low].rows ||
         high->cols != 2 * plan->nodes[low].cols || concat < 0)
         return;
     graph_node *whole = &plan->nodes[concat];
-    const int reader = only_reader(plan, concat), before = whole->inputs[0];
+    const int reader = hada_graph_only_reader(plan, concat), before = whole->inputs[0];
     if (whole->layer->kind != HADA_LAYER_CONCAT || whole->layer->input_count != 2 || whole->inputs[1] != resize ||
         before == resize || !same_size(whole, high) || !same_size(whole, &plan->nodes[before]) || reader < 0)
         return;
@@ -43,9 +32,27 @@ static void try_doubling(graph_plan *plan, const hada_context *context, int resi
         *conv = kept;
 }
 
-void hada_graph_fuse_doubling(graph_plan *plan, const hada_context *context)
+/* A batch norm that a convolution reads, and nobody else. */
+static void try_norm(graph_plan *plan, const hada_context *context, int norm)
+{
+    const int reader = hada_graph_only_reader(plan, norm);
+    if (reader < 0 || plan->nodes[reader].layer->kind != HADA_LAYER_CONV || plan->nodes[reader].fused_pool >= 0 ||
+        plan->nodes[reader].low >= 0)
+        return;
+    graph_node *conv = &plan->nodes[reader];
+    const hada_conv_desc desc = hada_graph_conv_desc(plan, conv);
+    if (!hada_conv_norms(context, &desc))
+        return;
+    conv->inputs[0] = plan->nodes[norm].inputs[0];
+    conv->norm = norm;
+    plan->nodes[norm].fused = 1;
+}
+
+void hada_graph_fuse_inference(graph_plan *plan, const hada_context *context)
 {
     for (int i = 1; i < plan->node_count; i++)
-        if (plan->nodes[i].layer->kind == HADA_LAYER_RESIZE && !plan->nodes[i].fused)
+        if (plan->nodes[i].layer->kind == HADA_LAYER_RESIZE)
             try_doubling(plan, context, i);
+        else if (plan->nodes[i].layer->kind == HADA_LAYER_NORM)
+            try_norm(plan, context, i);
 }

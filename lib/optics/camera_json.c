@@ -1,5 +1,6 @@
 /* Cameras as JSON files. */
 #include <hadalens/camera.h>
+#include <hadalens/limits.h>
 #include <jansson.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -49,7 +50,9 @@ static const field fields[] = {INTEGER(rows),
 #undef REAL
 /* A camera with the most distances has some 30 KB. */
 #define MOST_BYTES ((size_t)1 << 20)
-#define FIELDS     (sizeof fields / sizeof *fields)
+/* As many budgets of a page (hadalens/limits.h) as a camera's frame may have numbers: a sensor of 11 million pixels. */
+#define FRAMES_AS_LARGE 8
+#define FIELDS          (sizeof fields / sizeof *fields)
 
 static json_t *to_json(const hada_camera *camera)
 {
@@ -186,6 +189,21 @@ done:
     return status;
 }
 
+/* Work with a camera takes some 70 bytes for each pixel of its sensor, and a file of any size can claim them. */
+static hada_status check_budget(const hada_camera *camera, hada_error *err)
+{
+    hada_limits limits = {.size = sizeof limits};
+    const uint64_t values = (uint64_t)camera->rows * (uint64_t)camera->cols * (uint64_t)camera->channels;
+    const hada_status status = hada_limits_get(&limits, err);
+    if (status || values / FRAMES_AS_LARGE <= limits.pixels)
+        return status;
+    return hada_fail(
+        err, HADA_ERROR_FILE_FORMAT,
+        "a camera of %d x %d pixels in %d channel(s) is beyond the limits; where it is to be trusted, allow "
+        "it (options.limits pixels=%llu)",
+        camera->rows, camera->cols, camera->channels, (unsigned long long)(values / FRAMES_AS_LARGE + 1));
+}
+
 hada_status hada_camera_load_sized(hada_camera *callers, size_t size, const char *path, hada_error *err)
 {
     json_error_t where;
@@ -208,6 +226,7 @@ hada_status hada_camera_load_sized(hada_camera *callers, size_t size, const char
     HADA_TRY(read_fields(camera, object, path, err));
     HADA_TRY(read_kinds(camera, object, path, err));
     status = hada_camera_check(camera, err);
+    status = status ? status : check_budget(camera, err);
     if (status)
         hada_error_prefix(err, "'%s': ", path);
     else

@@ -1,5 +1,6 @@
 /* Cameras and their point spread functions against the closed forms of geometric optics. */
 #include <hadalens/camera.h>
+#include <hadalens/limits.h>
 #include <hadalens/scene.h>
 #include <math.h>
 #include <setjmp.h>
@@ -214,6 +215,17 @@ static void files(void **state)
     assert_true(fabs(back.pixel_pitch_mm / camera.pixel_pitch_mm - 1.0) < 1e-14);
     for (int i = 0; i < camera.depths; i++)
         assert_true(fabs(back.distances_mm[i] / camera.distances_mm[i] - 1.0) < 1e-14);
+    /* a file of a few hundred bytes is no reason for gigabytes, but where it is trusted */
+    camera.rows = camera.cols = 4000;
+    hada_limits limits;
+    hada_limits_init(&limits);
+    assert_int_equal(hada_camera_save(&camera, path, &err), HADA_OK);
+    assert_int_equal(hada_camera_load(&back, path, &err), HADA_ERROR_FILE_FORMAT);
+    assert_non_null(strstr(err.message, "options.limits pixels=6000001"));
+    assert_int_equal(hada_limits_parse(&limits, "pixels=6000001", &err), HADA_OK);
+    assert_int_equal(hada_limits_set(&limits, &err), HADA_OK);
+    assert_int_equal(hada_camera_load(&back, path, &err), HADA_OK);
+    assert_int_equal(hada_limits_set(NULL, &err), HADA_OK);
     const char *const bad[] = {"{",
                                "[1]",
                                "{\"rows\": \"many\"}",

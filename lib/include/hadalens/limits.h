@@ -17,7 +17,7 @@ extern "C" {
 typedef struct hada_limits {
     size_t size;         /* sizeof(hada_limits) */
     uint64_t pixels;     /* numbers (pixels times samples) of a page and of the piece of it that is read at once; a file
-                            may always hold 64 for each of its bytes */
+                            may always hold 64 for each of its bytes; a camera file's sensor, eight times as many */
     uint64_t pages;      /* pages of a TIFF file */
     uint64_t text;       /* bytes of a text: TIFF descriptions, headers of safetensors files, lists of layers */
     uint64_t parameters; /* numbers of a net that is described without its weights */

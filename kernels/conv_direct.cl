@@ -115,7 +115,7 @@ conv_direct(__global const float *restrict x, __global const float *restrict wei
                             v += CONV_LOAD(yp);
                         if (present < NET_BLOCK)
                             v = conv_present(v, present);
-                        CONV_STORE(v, yp);
+                        conv_write(v, flags, yp);
                     }
                 }
             }

@@ -33,6 +33,25 @@ typedef int8 conv_iv;
 #define CONV_FETCH(p) ((void)(p))
 #endif
 
+/* Past the caches, which a large tensor would only sweep, after reading each line for nothing: p is a whole block's.
+ * Other compilers take the ordinary store. */
+#ifdef __has_builtin
+#if __has_builtin(__builtin_nontemporal_store)
+#define CONV_STREAM(v, p) __builtin_nontemporal_store(v, (__global conv_v *)(p))
+#endif
+#endif
+#ifndef CONV_STREAM
+#define CONV_STREAM(v, p) CONV_STORE(v, p)
+#endif
+
+static inline void conv_write(conv_v v, int flags, __global float *y)
+{
+    if (flags & HADA_CONV_STREAMS)
+        CONV_STREAM(v, y);
+    else
+        CONV_STORE(v, y);
+}
+
 static inline conv_v conv_activate(conv_v v, int activation, float slope)
 {
     if (activation == HADA_ACTIVATION_RELU)
@@ -63,7 +82,7 @@ static inline conv_v conv_put(conv_v v, int flags, int activation, float floor, 
         v += CONV_LOAD(y);
     if (present < NET_BLOCK)
         v = conv_present(v, present);
-    CONV_STORE(v, y);
+    conv_write(v, flags, y);
     return v;
 }
 

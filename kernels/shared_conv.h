@@ -15,7 +15,8 @@ enum {
     HADA_CONV_HAS_BIAS = 1,
     HADA_CONV_HAS_MASK = 2,    /* zero where the mask, the output of a ReLU, is not above zero */
     HADA_CONV_ACCUMULATES = 4, /* added to what stands there */
-    HADA_CONV_POOLS = 8        /* the 2 x 2 maxima are written too */
+    HADA_CONV_POOLS = 8,       /* the 2 x 2 maxima are written too */
+    HADA_CONV_STREAMS = 16     /* the output is large and stands at whole blocks: written past the caches (CPUs) */
 };
 typedef struct hada_conv_epilogue {
     hada_ulong bias; /* where it begins */

@@ -63,6 +63,16 @@ static hada_conv_problem geometry_of(const hada_conv *conv, int index)
                                .parts = pass->parts};
 }
 
+/* Larger outputs have left the caches of a core long before they are read. */
+#define STREAM_BYTES ((size_t)4 << 20)
+
+static int streams(const hada_conv *conv, const hada_tensor *out)
+{
+    const size_t block = (size_t)out->block, floats = out->image_stride * (size_t)out->images;
+    return conv->slot->context->info.kind == HADA_DEVICE_CPU && floats * sizeof(float) >= STREAM_BYTES &&
+           out->offset % block == 0 && out->image_stride % block == 0;
+}
+
 hada_conv_problem hada_conv_problem_of(const hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
                                        const hada_conv_finish *finish, int pools)
 {
@@ -70,6 +80,8 @@ hada_conv_problem hada_conv_problem_of(const hada_conv *conv, int index, const h
     problem.in = hada_layout_of(in);
     problem.out = hada_layout_of(out);
     problem.epilogue = epilogue_of(finish, pools);
+    if (streams(conv, out))
+        problem.epilogue.flags |= HADA_CONV_STREAMS;
     return problem;
 }
 

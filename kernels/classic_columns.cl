@@ -13,42 +13,38 @@ classic_columns(__global float *planes, __global float *frames, __global const f
 {
     const int depths = job.depths, channels = job.channels, blocks = job.blocks, back = job.transpose;
     const int channel = get_group_id(0) % channels, block = get_group_id(0) / channels;
-    const int n = table[FFT_LENGTH], stages = table[FFT_STAGES];
+    const int n = table[FFT_LENGTH];
+    __global const int *place = table + table[FFT_PLACE];
     __global const float *floats = FFT_FLOATS_OF(table);
     const float sign = back ? -1.0f : 1.0f;
     const size_t image = (size_t)blocks * n * 16; /* floats of a transfer function */
     __global const float *h = otf + 2 * job.otf_offset + channel * image + block * (size_t)n * 16;
     const fft_columns frame =
         fft_window_block(frames, (size_t)channel * blocks + block, job.frame_row0, job.frame_rows);
-    __local float8 *other = scratch + 2 * n;
+    __local float8 *other = scratch + (depths > 1 ? 2 * n : 0);
 
-    if (back && depths > 1)
-        fft_enter(&frame, scratch, table, floats, stages);
+    if (back)
+        fft_enter(&frame, scratch, table, floats);
     for (int s = 0; s < depths; ++s) {
         const fft_columns plane =
             fft_window_block(planes, ((size_t)s * channels + channel) * blocks + block, job.plane_row0, job.plane_rows);
         __global const float *here = h + (size_t)list[s] * channels * image;
-        if (depths == 1) {
-            fft_enter(back ? &frame : &plane, scratch, table, floats, stages - 1);
-            fft_middle(scratch, table, floats, here, sign);
-            fft_leave(back ? &plane : &frame, scratch, table, floats, stages - 1);
-            return;
-        }
         if (!back)
-            fft_enter(&plane, scratch, table, floats, stages);
+            fft_enter(&plane, scratch, table, floats);
         for (int i = 0; i < n; ++i) {
-            float8 re = scratch[2 * i], im = scratch[2 * i + 1];
+            const int at = 2 * place[i];
+            float8 re = scratch[at], im = scratch[at + 1];
             fft_multiply(here, i, sign, &re, &im);
             if (!back && s > 0) {
-                re += other[2 * i];
-                im += other[2 * i + 1];
+                re += other[at];
+                im += other[at + 1];
             }
-            other[2 * i] = re;
-            other[2 * i + 1] = im;
+            other[at] = re;
+            other[at + 1] = im;
         }
         if (back)
-            fft_leave(&plane, other, table, floats, stages);
+            fft_leave(&plane, other, table, floats);
     }
     if (!back)
-        fft_leave(&frame, other, table, floats, stages);
+        fft_leave(&frame, other, table, floats);
 }

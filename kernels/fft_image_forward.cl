@@ -33,6 +33,7 @@ fft_image_forward(__global const float *in, hada_fft_real real, __global float *
             columns.last = rows;
             columns.row0 = 0;
             columns.rows_out = rows;
+            columns.swapped = 0;
             fft_columns_block(&columns, scratch, column_table, FFT_FLOATS_OF(column_table));
         }
     }

@@ -29,6 +29,7 @@ fft_image_inverse(__global const float *in, hada_fft_columns_in from, __global c
             columns.last = from.last_row;
             columns.row0 = real.row0;
             columns.rows_out = rows_out;
+            columns.swapped = 0;
             columns.filter = (__global const filter_value *)filter;
 #if FFT_PRODUCT
             columns.filter +=

@@ -74,6 +74,7 @@ fft_cols(__global const float *in, hada_fft_columns_in from, __global const void
         columns.last = from.last_row;
         columns.row0 = to.row0;
         columns.rows_out = to.rows;
+        columns.swapped = 0;
         columns.filter = (__global const filter_value *)filter;
 #if FFT_PRODUCT
         columns.filter += 2 * (from.filter_offset + (ulong)image * from.filter_distance + (ulong)block * (ulong)n * 8);

@@ -22,6 +22,7 @@ typedef struct fft_columns {
     FFT_COLS_OUT float *out;
     int first, count, last;
     int row0, rows_out;
+    int swapped; /* whether real and imaginary parts are changed over on output */
 } fft_columns;
 
 FFT_INLINE void fft_get(const fft_columns *columns, int row, float8 *re, float8 *im)
@@ -53,8 +54,8 @@ FFT_INLINE void fft_put(const fft_columns *columns, int row, float8 re, float8 i
     const int r = row - columns->row0;
     if ((uint)r < (uint)columns->rows_out) {
         FFT_COLS_OUT float *p = columns->out + (size_t)r * 16;
-        VECTORS_STORE8(FFT_COLS_OUT, lanes_low(re, im), p);
-        VECTORS_STORE8(FFT_COLS_OUT, lanes_high(re, im), p + 8);
+        VECTORS_STORE8(FFT_COLS_OUT, columns->swapped ? lanes_low(im, re) : lanes_low(re, im), p);
+        VECTORS_STORE8(FFT_COLS_OUT, columns->swapped ? lanes_high(im, re) : lanes_high(re, im), p + 8);
     }
 }
 
@@ -126,10 +127,11 @@ FFT_INLINE void fft_last_odd(const fft_columns *columns, FFT_MEM float8 *scratch
 {
     for (int j = 0; j < span; ++j) {
         fft_odd odd;
+        fft_odd_all(&odd, radix);
         fft_odd_take(&odd, radix, scratch + 2 * j, span, twiddles + (size_t)(2 * (radix - 1)) * (size_t)j);
         if (fft_wanted(columns, j)) {
             float8 re, im;
-            fft_odd_first(&odd, radix, &re, &im);
+            fft_odd_first(&odd, &re, &im);
             fft_put(columns, j, re, im);
         }
         for (int m = 1; m <= radix / 2; m += FFT_ODD_GROUP) {
@@ -205,15 +207,7 @@ FFT_INLINE void fft_columns_block(const fft_columns *columns, FFT_MEM float8 *sc
         fft_chirp_in(columns, scratch, table, floats);
     else
         fft_first(columns, scratch, table);
-    for (int i = 0; i <= table[FFT_POINTS] / table[FFT_CHUNK]; ++i) {
-        fft_part part = fft_part_of(table, i);
-        if (!chirp && part.first == 0)
-            part.first = 1;
-        if (!chirp && part.last == table[FFT_STAGES])
-            --part.last;
-        for (int s = part.first; s < part.last; ++s)
-            fft_stage(scratch, table, floats, s, part.from, part.to, 0, table[FFT_LENGTH]);
-    }
+    fft_stages(scratch, table, floats, chirp ? 0 : 1, table[FFT_STAGES] - (chirp ? 0 : 1));
     if (chirp) {
         fft_convolve(scratch, table, floats);
         fft_chirp_out(columns, scratch, table, floats);

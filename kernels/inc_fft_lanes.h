@@ -84,9 +84,10 @@ FFT_INLINE void fft_transpose(float8 *m)
             }                                                                                                          \
         }                                                                                                              \
     }                                                                                                                  \
-    FFT_INLINE void fft_unstage##R(FFT_MEM float8 *scratch, int to, int span, __global const float *twiddles)          \
+    FFT_INLINE void fft_unstage##R(FFT_MEM float8 *scratch, int from, int to, int span,                                \
+                                   __global const float *twiddles)                                                     \
     {                                                                                                                  \
-        for (int b = 0; b < to; ++b) {                                                                                 \
+        for (int b = from; b < to; ++b) {                                                                              \
             FFT_MEM float8 *q = scratch + (size_t)b * (size_t)(2 * R * span);                                          \
             __global const float *w = twiddles;                                                                        \
             for (int j = 0; j < span; ++j, q += 2, w += 2 * (R - 1)) {                                                 \
@@ -110,36 +111,59 @@ FFT_STAGE(8)
  * differences; the second sums up FFT_ODD_GROUP outputs m and their mirror images p - m at a time:
  *     X[m], X[p-m] = x[0] + sum a[k] cos(2 pi m k / p)  -+  i sum b[k] sin(2 pi m k / p). */
 typedef struct fft_odd {
+    int from, to;                                          /* sums and differences beyond pairs from+1 .. to are 0 */
     float8 re, im;                                         /* x[0] */
     float8 sums[4 * (FFT_ODD_LARGEST / 2)];                /* for each k: a re, a im, b re, b im */
     float8 low_re[FFT_ODD_GROUP], low_im[FFT_ODD_GROUP];   /* X[m] */
     float8 high_re[FFT_ODD_GROUP], high_im[FFT_ODD_GROUP]; /* X[p-m] */
 } fft_odd;
 
+FFT_INLINE void fft_odd_pair(fft_odd *odd, int k, float8 xr, float8 xi, float8 yr, float8 yi)
+{
+    float8 *s = odd->sums + 4 * (k - 1);
+    s[0] = xr + yr;
+    s[1] = xi + yi;
+    s[2] = xr - yr;
+    s[3] = xi - yi;
+}
+
+/* Of input numbers k of a butterfly, points j + k span of a transform, those in first .. end-1 alone are not 0. */
+FFT_INLINE void fft_odd_range(fft_odd *odd, int radix, int span, int j, int first, int end)
+{
+    const int half_count = radix / 2;
+    const int low = first > j ? (first - j + span - 1) / span : 0, high = end > j ? (end - 1 - j) / span : -1;
+    /* the pair k is of the numbers k and radix - k */
+    odd->from = max(min(low > half_count ? radix : low, high > half_count ? radix - high : radix) - 1, 0);
+    odd->to = low > half_count ? radix - low : min(high, half_count);
+}
+
+FFT_INLINE void fft_odd_all(fft_odd *odd, int radix)
+{
+    odd->from = 0;
+    odd->to = radix / 2;
+}
+
+/* `w`: the twiddle factors of the inputs, or 0. */
 FFT_INLINE void fft_odd_take(fft_odd *odd, int radix, FFT_MEM const float8 *q, int span, __global const float *w)
 {
     odd->re = q[0];
     odd->im = q[1];
-    for (int k = 1; k <= radix / 2; ++k) {
+    for (int k = odd->from + 1; k <= odd->to; ++k) {
         FFT_MEM const float8 *low = q + 2 * k * span, *high = q + 2 * (radix - k) * span;
         float8 xr = low[0], xi = low[1], yr = high[0], yi = high[1];
-        if (span > 1) {
+        if (w && span > 1) {
             fft_times_twiddle(&xr, &xi, w[2 * k - 2], w[2 * k - 1]);
             fft_times_twiddle(&yr, &yi, w[2 * (radix - k) - 2], w[2 * (radix - k) - 1]);
         }
-        float8 *s = odd->sums + 4 * (k - 1);
-        s[0] = xr + yr;
-        s[1] = xi + yi;
-        s[2] = xr - yr;
-        s[3] = xi - yi;
+        fft_odd_pair(odd, k, xr, xi, yr, yi);
     }
 }
 
-FFT_INLINE void fft_odd_first(const fft_odd *odd, int radix, float8 *re, float8 *im)
+FFT_INLINE void fft_odd_first(const fft_odd *odd, float8 *re, float8 *im)
 {
     *re = odd->re;
     *im = odd->im;
-    for (int k = 0; k < radix / 2; ++k) {
+    for (int k = odd->from; k < odd->to; ++k) {
         *re += odd->sums[4 * k];
         *im += odd->sums[4 * k + 1];
     }
@@ -148,11 +172,10 @@ FFT_INLINE void fft_odd_first(const fft_odd *odd, int radix, float8 *re, float8 
 /* Outputs m = 1 + 3 g .. 3 + 3 g and their mirror images. */
 FFT_INLINE void fft_odd_group(fft_odd *odd, int radix, int group, __global const float *cosines)
 {
-    const int half_count = radix / 2;
-    __global const float *c = cosines + (size_t)group * (size_t)(half_count * 2 * FFT_ODD_GROUP);
+    __global const float *c = cosines + (size_t)(group * (radix / 2) + odd->from) * (size_t)(2 * FFT_ODD_GROUP);
     float8 pr0 = odd->re, pr1 = pr0, pr2 = pr0, pi0 = odd->im, pi1 = pi0, pi2 = pi0;
     float8 qr0 = 0.0f, qr1 = 0.0f, qr2 = 0.0f, qi0 = 0.0f, qi1 = 0.0f, qi2 = 0.0f;
-    for (int k = 0; k < half_count; ++k) {
+    for (int k = odd->from; k < odd->to; ++k) {
         const float8 ar = odd->sums[4 * k], ai = odd->sums[4 * k + 1];
         const float8 br = odd->sums[4 * k + 2], bi = odd->sums[4 * k + 3];
         pr0 = fma(ar, (float8)c[0], pr0);
@@ -193,8 +216,9 @@ FFT_INLINE void fft_stage_odd(FFT_MEM float8 *scratch, int from, int to, int rad
             FFT_MEM float8 *q = block + 2 * j;
             fft_odd odd;
             float8 re, im;
+            fft_odd_all(&odd, radix);
             fft_odd_take(&odd, radix, q, span, twiddles + (size_t)(2 * (radix - 1)) * (size_t)j);
-            fft_odd_first(&odd, radix, &re, &im);
+            fft_odd_first(&odd, &re, &im);
             q[0] = re;
             q[1] = im;
             for (int m = 1; m <= radix / 2; m += FFT_ODD_GROUP) {
@@ -213,6 +237,44 @@ FFT_INLINE void fft_stage_odd(FFT_MEM float8 *scratch, int from, int to, int rad
                     q[2 * (radix - m - g) * span + 1] = odd.high_im[g];
                 }
             }
+        }
+    }
+}
+
+/* The outputs of an odd-length butterfly, times their twiddle factors, to their places. */
+FFT_INLINE void fft_odd_give(fft_odd *odd, int radix, FFT_MEM float8 *q, int span, __global const float *w,
+                             __global const float *cosines)
+{
+    float8 re, im;
+    fft_odd_first(odd, &re, &im);
+    q[0] = re;
+    q[1] = im;
+    for (int m = 1; m <= radix / 2; m += FFT_ODD_GROUP) {
+        fft_odd_group(odd, radix, m / FFT_ODD_GROUP, cosines);
+        for (int g = 0; g < min(FFT_ODD_GROUP, radix / 2 - m + 1); ++g) {
+            const int low = m + g, high = radix - low;
+            fft_times_twiddle(&odd->low_re[g], &odd->low_im[g], w[2 * low - 2], w[2 * low - 1]);
+            fft_times_twiddle(&odd->high_re[g], &odd->high_im[g], w[2 * high - 2], w[2 * high - 1]);
+            q[2 * low * span] = odd->low_re[g];
+            q[2 * low * span + 1] = odd->low_im[g];
+            q[2 * high * span] = odd->high_re[g];
+            q[2 * high * span + 1] = odd->high_im[g];
+        }
+    }
+}
+
+/* Points of a block outside first..end-1 are 0. */
+FFT_INLINE void fft_unstage_odd(FFT_MEM float8 *scratch, int from, int to, int radix, int span,
+                                __global const float *twiddles, __global const float *cosines, int first, int end)
+{
+    for (int b = from; b < to; ++b) {
+        FFT_MEM float8 *block = scratch + (size_t)b * (size_t)(2 * radix * span);
+        for (int j = 0; j < span; ++j) {
+            FFT_MEM float8 *q = block + 2 * j;
+            fft_odd odd;
+            fft_odd_range(&odd, radix, span, j, first, end);
+            fft_odd_take(&odd, radix, q, span, 0);
+            fft_odd_give(&odd, radix, q, span, twiddles + (size_t)(2 * (radix - 1)) * (size_t)j, cosines);
         }
     }
 }
@@ -261,19 +323,46 @@ FFT_INLINE fft_part fft_part_of(__global const int *table, int part)
     return p;
 }
 
-FFT_INLINE void fft_unstage(FFT_MEM float8 *scratch, __global const int *table, __global const float *floats, int s)
+/* The stages first..last-1, chunk by chunk as long as that goes. */
+FFT_INLINE void fft_stages(FFT_MEM float8 *scratch, __global const int *table, __global const float *floats, int first,
+                           int last)
+{
+    const int points = table[FFT_POINTS];
+    for (int i = 0; i <= points / table[FFT_CHUNK]; ++i) {
+        const fft_part part = fft_part_of(table, i);
+        for (int s = max(part.first, first); s < min(part.last, last); ++s)
+            fft_stage(scratch, table, floats, s, part.from, part.to, 0, points);
+    }
+}
+
+/* And backwards, where points of a block outside first..end-1 are 0. */
+FFT_INLINE void fft_unstage(FFT_MEM float8 *scratch, __global const int *table, __global const float *floats, int s,
+                            int from_point, int to_point, int first, int end)
 {
     __global const int *stage = table + FFT_HEADER + s * FFT_STAGE_INTS;
-    const int radix = stage[FFT_RADIX], span = stage[FFT_SPAN], to = table[FFT_POINTS] / (radix * span);
+    const int radix = stage[FFT_RADIX], span = stage[FFT_SPAN];
+    const int from = from_point / (radix * span), to = to_point / (radix * span);
     __global const float *w = floats + stage[FFT_TWIDDLES];
     switch (radix) {
-    case 2: fft_unstage2(scratch, to, span, w); break;
-    case 3: fft_unstage3(scratch, to, span, w); break;
-    case 4: fft_unstage4(scratch, to, span, w); break;
-    case 5: fft_unstage5(scratch, to, span, w); break;
-    case 7: fft_unstage7(scratch, to, span, w); break;
-    case 8: fft_unstage8(scratch, to, span, w); break;
-    default: break;
+    case 1: break;
+    case 2: fft_unstage2(scratch, from, to, span, w); break;
+    case 3: fft_unstage3(scratch, from, to, span, w); break;
+    case 4: fft_unstage4(scratch, from, to, span, w); break;
+    case 5: fft_unstage5(scratch, from, to, span, w); break;
+    case 7: fft_unstage7(scratch, from, to, span, w); break;
+    case 8: fft_unstage8(scratch, from, to, span, w); break;
+    default: fft_unstage_odd(scratch, from, to, radix, span, w, floats + stage[FFT_COSINES], first, end); break;
+    }
+}
+
+/* The stages 0..last-1 backwards, chunk by chunk at last. */
+FFT_INLINE void fft_unstages(FFT_MEM float8 *scratch, __global const int *table, __global const float *floats, int last)
+{
+    const int points = table[FFT_POINTS];
+    for (int i = points / table[FFT_CHUNK]; i >= 0; --i) {
+        const fft_part part = fft_part_of(table, i);
+        for (int s = min(part.last, last) - 1; s >= part.first; --s)
+            fft_unstage(scratch, table, floats, s, part.from, part.to, 0, points);
     }
 }
 
@@ -289,8 +378,7 @@ FFT_INLINE void fft_convolve(FFT_MEM float8 *scratch, __global const int *table,
         scratch[2 * i] = im;
         scratch[2 * i + 1] = re;
     }
-    for (int s = table[FFT_STAGES] - 1; s >= 0; --s)
-        fft_unstage(scratch, table, floats, s);
+    fft_unstages(scratch, table, floats, table[FFT_STAGES]);
 }
 
 #endif

@@ -30,16 +30,16 @@ FFT_INLINE void load_tile(__global const float *const *rows, int column, int cou
     fft_transpose(tile + 8);
 }
 
-/* One column of a full tile to its place in scratch. */
+/* One column of a full tile to scratch. */
 #define KEEP(c)                                                                                                        \
-    scratch[2 * place[i + c]] = tile[c];                                                                               \
-    scratch[2 * place[i + c] + 1] = tile[8 + c];
+    scratch[2 * (i + c)] = tile[c];                                                                                    \
+    scratch[2 * (i + c) + 1] = tile[8 + c];
 
 /* Takes the spectra of two rows apart, at the frequency k = 8 block + c, from Z[k] and Z[n-k]. */
 #define APART(c)                                                                                                       \
     {                                                                                                                  \
-        const float8 zr = z[2 * c] * 0.5f, zi = z[2 * c + 1] * 0.5f;                                                   \
-        const float8 wr = w[-2 * c], wi = w[1 - 2 * c];                                                                \
+        FFT_MEM const float8 *z = scratch + 2 * low[c], *w = scratch + 2 * high[-c];                                   \
+        const float8 zr = z[0] * 0.5f, zi = z[1] * 0.5f, wr = w[0], wi = w[1];                                         \
         x[2 * c] = fma(wr, (float8)0.5f, zr);                                                                          \
         x[2 * c + 1] = fma(wi, (float8)-0.5f, zi);                                                                     \
         y[2 * c] = fma(wi, (float8)0.5f, zi);                                                                          \
@@ -63,13 +63,11 @@ FFT_INLINE void fft_rows_forward_task(__global const float *in, ulong pitch, int
     if (chirped) {
         for (int i = 0; i < 2 * points; ++i)
             scratch[i] = (float8)0.0f;
-    } else if (cols_in < n) {
-        for (int i = 0; i < n; ++i) {
-            if (i >= col0 && i < col0 + cols_in)
-                continue;
-            scratch[2 * place[i]] = (float8)0.0f;
-            scratch[2 * place[i] + 1] = (float8)0.0f;
-        }
+    } else {
+        for (int i = 0; i < 2 * col0; ++i)
+            scratch[i] = (float8)0.0f;
+        for (int i = 2 * (col0 + cols_in); i < 2 * n; ++i)
+            scratch[i] = (float8)0.0f;
     }
     for (int done = 0; done < cols_in; done += 8) {
         /* the last tile of eight overlaps the one before */
@@ -86,22 +84,22 @@ FFT_INLINE void fft_rows_forward_task(__global const float *in, ulong pitch, int
             float8 re = tile[c], im = tile[8 + c];
             if (chirped)
                 fft_times_twiddle(&re, &im, chirp[2 * i], chirp[2 * i + 1]);
-            scratch[2 * place[i]] = re;
-            scratch[2 * place[i] + 1] = im;
+            scratch[2 * (chirped ? place[i] : i)] = re;
+            scratch[2 * (chirped ? place[i] : i) + 1] = im;
         }
     }
-    for (int i = 0; i <= points / table[FFT_CHUNK]; ++i) {
-        const fft_part part = fft_part_of(table, i);
-        for (int s = part.first; s < part.last; ++s)
-            fft_stage(scratch, table, floats, s, part.from, part.to, 0, points);
-    }
-    if (chirped)
+    if (chirped) {
+        fft_stages(scratch, table, floats, 0, table[FFT_STAGES]);
         fft_convolve(scratch, table, floats);
+    } else { /* backwards, where what is 0 is left out of the largest radix; frequency k stands at place[k] then */
+        fft_unstage(scratch, table, floats, table[FFT_STAGES] - 1, 0, n, col0, col0 + cols_in);
+        fft_unstages(scratch, table, floats, table[FFT_STAGES] - 1);
+    }
 
     for (int block = 0; block < blocks; ++block) {
         float8 x[ROWS], y[ROWS];
         if (!chirped && block > 0 && 8 * block + 7 <= n / 2) {
-            FFT_MEM const float8 *z = scratch + 16 * block, *w = scratch + 2 * (n - 8 * block);
+            __global const int *low = place + 8 * block, *high = place + n - 8 * block;
             FFT_EACH(8, APART)
         } else {
             for (int c = 0; c < 8; ++c) {
@@ -120,10 +118,10 @@ FFT_INLINE void fft_rows_forward_task(__global const float *in, ulong pitch, int
                     fft_times_twiddle(&zr, &zi, chirp[2 * k], chirp[2 * k + 1]);
                     fft_times_twiddle(&wr, &wi, chirp[2 * mirror], chirp[2 * mirror + 1]);
                 } else {
-                    zr = scratch[2 * k];
-                    zi = scratch[2 * k + 1];
-                    wr = scratch[2 * mirror];
-                    wi = scratch[2 * mirror + 1];
+                    zr = scratch[2 * place[k]];
+                    zi = scratch[2 * place[k] + 1];
+                    wr = scratch[2 * place[mirror]];
+                    wi = scratch[2 * place[mirror] + 1];
                 }
                 zr *= 0.5f;
                 zi *= 0.5f;

@@ -24,6 +24,15 @@ FFT_INLINE void keep(FFT_MEM float8 *scratch, __global const int *place, int n, 
     scratch[2 * place[i] + 1] = im;
 }
 
+/* Asks for the rows of the next block early: blocks lie further apart than caches look ahead by themselves. */
+FFT_INLINE void fft_fetch_ahead(FFT_ROWS_IN const float *block, int rows)
+{
+#if __has_builtin(__builtin_prefetch)
+    for (int i = 0; i < rows; ++i)
+        __builtin_prefetch((const void *)(size_t)(block + 16 * i));
+#endif
+}
+
 /* Puts two rows' spectra together, at the frequency k = 8 block + c, to Z[k] and Z[n-k] in their places. */
 #define TOGETHER(c)                                                                                                    \
     {                                                                                                                  \
@@ -58,6 +67,8 @@ FFT_INLINE void fft_rows_inverse_task(FFT_ROWS_IN const float *in, int rows_in, 
     for (int block = 0; block <= band / 8; ++block) {
         FFT_ROWS_IN const float *p = in + (size_t)block * (size_t)rows_in * 16;
         float8 x[ROWS], y[ROWS];
+        if (block < band / 8)
+            fft_fetch_ahead(p + (size_t)rows_in * 16, count);
         for (int i = 0; i < 8; ++i) { /* rows beyond the image repeat its last row */
             FFT_ROWS_IN const float *q = p + 16 * min(i, count - 1), *r = p + 16 * min(8 + i, count - 1);
             x[i] = vload8(0, q);
@@ -87,15 +98,11 @@ FFT_INLINE void fft_rows_inverse_task(FFT_ROWS_IN const float *in, int rows_in, 
             }
         }
     }
-    for (int i = 0; i <= points / table[FFT_CHUNK]; ++i) {
-        const fft_part part = fft_part_of(table, i);
-        for (int s = part.first; s < part.last; ++s) {
-            const int last = !chirped && s == table[FFT_STAGES] - 1;
-            fft_stage(scratch, table, floats, s, part.from, part.to, last ? col0 : 0, last ? cols_out : points);
-        }
-    }
+    fft_stages(scratch, table, floats, 0, table[FFT_STAGES] - !chirped);
     if (chirped)
         fft_convolve(scratch, table, floats);
+    else
+        fft_stage(scratch, table, floats, table[FFT_STAGES] - 1, 0, points, col0, cols_out);
 
     for (int done = 0; done < cols_out; done += 8) {
         const int start = min(done, max(cols_out - 8, 0)), width = min(8, cols_out - start);

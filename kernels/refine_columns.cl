@@ -2,8 +2,7 @@
  * columns][row of the window][8], become U by a forward transform, U and the last W the next W by the linear step of
  * refine.cl, and that half spectra of rows again, while a block of columns of all depths of a set stands in the cache.
  * Spectra U stand nowhere. Where a sensor crops, E and A go the same way: E comes from half spectra of the frame's
- * rows, which stand from now.split_e on as those of planes do, and A goes there. For lengths whose stages all have
- * butterflies.
+ * rows, which stand from now.split_e on as those of planes do, and A goes there.
  *
  * Arguments as in refine_solve; cold: nothing is read of the planes. Dimensions: blocks of columns, channels, sets.
  * `scratch`: a column block for each depth of a set, and one where a sensor crops. partial[set][channel][block]: as
@@ -72,7 +71,8 @@ refine_columns(__global float *planes, __global const float *otf, __global const
                hada_refine_step now, hada_refine_rows rows, hada_refine_rows frame_rows, __global const int *table,
                __local STATED_SIZE float8 *scratch)
 {
-    const int depths = now.problem.depths, padded = now.padded, n = table[FFT_LENGTH], stages = table[FFT_STAGES];
+    const int depths = now.problem.depths, padded = now.padded, n = table[FFT_LENGTH];
+    __global const int *place = table + table[FFT_PLACE];
     __global const float *floats = FFT_FLOATS_OF(table);
     const uint block = get_group_id(0), blocks = get_num_groups(0), cols = now.problem.spectrum.cols;
     const uint channel = get_group_id(1), channels = get_num_groups(1), set = get_group_id(2);
@@ -91,20 +91,21 @@ refine_columns(__global float *planes, __global const float *otf, __global const
         for (int s = 0; s < depths; ++s) {
             const fft_columns plane =
                 fft_window_block(planes, (first + s * channels) * blocks + block, rows.row0, rows.rows);
-            fft_enter(&plane, scratch + s * 2 * n, table, floats, stages);
+            fft_enter(&plane, scratch + s * 2 * n, table, floats);
         }
     if (padded && now.start == HADA_REFINE_CONTINUE)
-        fft_enter(&cropped, scratch + depths * 2 * n, table, floats, stages);
+        fft_enter(&cropped, scratch + depths * 2 * n, table, floats);
     for (int row = 0; row < n; ++row) {
         const uint i = (block * (uint)n + row) * 8;
-        sum += refine_count(solve(&now, h, step, z, b, a, p, w, step, i, scratch + 2 * row, 2 * n), i, n, 8, cols);
+        sum +=
+            refine_count(solve(&now, h, step, z, b, a, p, w, step, i, scratch + 2 * place[row], 2 * n), i, n, 8, cols);
     }
     for (int s = 0; s < depths; ++s) {
         const fft_columns plane =
             fft_window_block(planes, (first + s * channels) * blocks + block, rows.row0, rows.rows);
-        fft_leave(&plane, scratch + s * 2 * n, table, floats, stages);
+        fft_leave(&plane, scratch + s * 2 * n, table, floats);
     }
     if (padded)
-        fft_leave(&cropped, scratch + depths * 2 * n, table, floats, stages);
+        fft_leave(&cropped, scratch + depths * 2 * n, table, floats);
     partial[now.problem.sums.first + (set * channels + channel) * blocks + block] = refine_sum(sum);
 }

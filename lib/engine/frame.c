@@ -109,12 +109,13 @@ done:
 static hada_status stage(hada_frame *frame, hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(frame->setup->model);
-    const size_t broken = hada_image_count_not_finite(frame->raw);
+    float largest;
+    const size_t broken = hada_frame_survey(frame->raw, &largest);
     hada_status status = HADA_OK;
     frame->staged = frame->raw;
-    if (broken)
+    if (broken) /* which takes values of neighbours: none is brighter than the brightest */
         HADA_TRY(repair(frame, broken, err));
-    HADA_TRY(hada_frame_check_range(frame->staged, (double)info->grid_rows * info->grid_cols, err));
+    HADA_TRY(hada_frame_check_range(largest, (double)info->grid_rows * info->grid_cols, err));
 done:
     return status;
 }
@@ -168,15 +169,23 @@ done:
     return status;
 }
 
+/* In sums side by side, for a single one would wait for each addition. */
 static double energy_above(const hada_image *image, const double *levels, const hada_image *dark)
 {
+    enum { SUMS = 8 };
     const size_t pixels = (size_t)image->rows * (size_t)image->cols;
-    double sum = 0;
-    for (int channel = 0; channel < image->channels; channel++)
-        for (size_t i = (size_t)channel * pixels; i < (size_t)(channel + 1) * pixels; i++) {
-            const double value = image->data[i] - levels[channel] - (dark->data ? dark->data[i] : 0.0f);
-            sum += value * value;
-        }
+    double sums[SUMS] = {0}, sum = 0;
+    for (int channel = 0; channel < image->channels; channel++) {
+        const float *values = image->data + (size_t)channel * pixels;
+        const float *below = dark->data ? dark->data + (size_t)channel * pixels : NULL;
+        for (size_t i = 0; i < pixels; i += SUMS)
+            for (size_t k = 0; k < (pixels - i < SUMS ? pixels - i : SUMS); k++) {
+                const double value = values[i + k] - levels[channel] - (below ? below[i + k] : 0.0f);
+                sums[k] += value * value;
+            }
+    }
+    for (int k = 0; k < SUMS; k++)
+        sum += sums[k];
     return sum;
 }
 

@@ -6,9 +6,12 @@
 
 #include "core/error.h"
 
-/* Whether single precision holds a frame, its spectrum on a grid of `points` points and the squares of both: pixels of
- * a size from 2^-40 to 2^63 / points do; NaN and infinite ones are not looked at. HADA_ERROR_NUMERIC. */
-hada_status hada_frame_check_range(const hada_image *frame, double points, hada_error *err);
+/* The NaN and infinite pixels of a frame, and the size of the brightest one of the others. */
+size_t hada_frame_survey(const hada_image *frame, float *largest);
+
+/* Whether single precision holds a frame whose brightest pixel has the size `largest`, its spectrum on a grid of
+ * `points` points and the squares of both: sizes from 2^-40 to 2^63 / points do. HADA_ERROR_NUMERIC. */
+hada_status hada_frame_check_range(float largest, double points, hada_error *err);
 
 /* Replaces NaN and infinite pixels of a plane by the median of the finite pixels in the smallest square around them (up
  * to 15 x 15, else the plane's median, else 0), judged on the frame as it came. Returns how many. */

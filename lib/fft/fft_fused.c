@@ -12,7 +12,7 @@ int hada_fft_fuses(const hada_context *context, int rows, int cols, int blocks)
     hada_fft_pass_sizes(rows, 1, &points, &odd, &ints, &floats);
     const uint64_t bytes = (uint64_t)blocks * hada_own_pass_local(context, rows, 1);
     return context->shape != HADA_SHAPE_GROUPS && hada_fft_choose(context, rows, cols) == HADA_FFT_OWN &&
-           points == rows && !odd && hada_own_pass_local(context, cols, 0) && bytes && bytes <= HADA_OWN_LOCAL_BYTES &&
+           points == rows && hada_own_pass_local(context, cols, 0) && bytes && bytes <= HADA_OWN_LOCAL_BYTES &&
            bytes <= context->info.local_memory_bytes;
 }
 

@@ -2,7 +2,8 @@
  * with what comes before and after it, while its data stand in the cache. Internal.
  *
  * Such kernels are those of the lanes (kernels/inc_fft_convolve.h, inc_fft_rows_*.h), or by work-groups
- * (kernels/inc_fft_groups.h), with scratch in local memory, and they know the radices that have butterflies. */
+ * (kernels/inc_fft_groups.h), with scratch in local memory. Lanes take lengths that need no chirp, groups those whose
+ * factors all have butterflies. */
 #ifndef HADA_FFT_FUSED_H
 #define HADA_FFT_FUSED_H
 

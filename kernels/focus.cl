@@ -18,7 +18,7 @@ FOCUS_INLINE void make_light(__global const float *plane, int channels, int rows
             if (channels == 3)
                 value = 0.2126f * value + 0.7152f * load_row(row + pixels, left + x, cols) +
                         0.0722f * load_row(row + 2 * pixels, left + x, cols);
-            STORE(__local, value, light + i * LIGHT_PITCH + x);
+            STORE(value, light + i * LIGHT_PITCH + x);
         }
     }
 }
@@ -38,10 +38,10 @@ FOCUS_INLINE void make_edges(__local const float *light, int measure, int rows, 
             if (measure & CONTRAST) {
                 const real across = (c - a + 2.0f * (f - d) + j - g) * 0.125f,
                            along = (g - a + 2.0f * (h - b) + j - c) * 0.125f;
-                STORE(__local, fma(across, across, along * along), contrast + i * EDGES_PITCH + x);
+                STORE(fma(across, across, along * along), contrast + i * EDGES_PITCH + x);
             }
             if (measure & ENERGY)
-                STORE(__local, max(e, (real)0.0f), energy + i * EDGES_PITCH + x);
+                STORE(max(e, (real)0.0f), energy + i * EDGES_PITCH + x);
             if (counts)
                 count_values(noise, fabs(a + c + g + j - 2.0f * (b + h + d + f) + 4.0f * e), left + x,
                              max(left + radius, 1), min(end, cols - 1));
@@ -66,13 +66,13 @@ FOCUS_INLINE void window_across(__local const float *edges, __global const float
                 d = fma(weight, LOAD(from + 3 * EDGES_PITCH), d);
             }
             __global float *to = out + (size_t)i * pitch + x;
-            STORE(__global, a, to);
+            STORE(a, to);
             if (i + 1 < count)
-                STORE(__global, b, to + pitch);
+                STORE(b, to + pitch);
             if (i + 2 < count)
-                STORE(__global, c, to + 2 * pitch);
+                STORE(c, to + 2 * pitch);
             if (i + 3 < count)
-                STORE(__global, d, to + 3 * pitch);
+                STORE(d, to + 3 * pitch);
         }
 }
 
@@ -205,13 +205,13 @@ focus_select(__global const float *response, __global const float *weights, __gl
                         value[p][v] = select((real)(1.0f / (float)(seen + p + 1)), now / total, total > (real)0.0f);
                     }
                 }
-                STORE(__global, best, at);
-                STORE(__global, best_depth, at + BEST_DEPTH * one);
-                STORE(__global, before, at + BEFORE * one);
-                STORE(__global, after, at + AFTER * one);
-                STORE(__global, second, at + SECOND * one);
-                STORE(__global, last, at + LAST * one);
-                STORE(__global, total, at + WEIGHTS * one);
+                STORE(best, at);
+                STORE(best_depth, at + BEST_DEPTH * one);
+                STORE(before, at + BEFORE * one);
+                STORE(after, at + AFTER * one);
+                STORE(second, at + SECOND * one);
+                STORE(last, at + LAST * one);
+                STORE(total, at + WEIGHTS * one);
             }
             for (int c = 0; c < channels; c++) {
                 __global const float *row = first_plane + (size_t)c * pixels + (size_t)r * cols;
@@ -225,7 +225,7 @@ focus_select(__global const float *response, __global const float *weights, __gl
                                 : weighted    ? fused + value[p][v] * (light - fused)
                                               : fused + light;
                     }
-                    STORE(__global, fused, at);
+                    STORE(fused, at);
                 }
             }
         }
@@ -243,7 +243,7 @@ focus_counts(__global const int *bins, const int groups, const int share, __glob
         whole sum = LOAD(bins + i);
         for (int g = 1; g < groups; g++)
             sum += LOAD(bins + (size_t)g * 2 * HADA_FOCUS_BINS + i);
-        STORE_WHOLE(sum, counts + i);
+        STORE(sum, counts + i);
     }
 }
 

@@ -2,7 +2,6 @@
 #ifndef INC_FOCUS_H
 #define INC_FOCUS_H
 
-#include "inc_vectors.h"
 #include "shared_focus.h"
 
 #ifndef FOCUS_WIDTH
@@ -43,19 +42,17 @@
 #if FOCUS_WIDTH == 16
 typedef float16 real;
 typedef int16 whole;
-#define LOAD(p)            vload16(0, p)
-#define STORE(space, v, p) VECTORS_STORE16(space, v, p)
-#define STORE_WHOLE(v, p)  vstore16(v, 0, p)
-#define BITS(v)            as_int16(v)
-#define TO_WHOLE(v)        convert_int16(v)
+#define LOAD(p)     vload16(0, p)
+#define STORE(v, p) vstore16(v, 0, p)
+#define BITS(v)     as_int16(v)
+#define TO_WHOLE(v) convert_int16(v)
 #else
 typedef float real;
 typedef int whole;
-#define LOAD(p)            (*(p))
-#define STORE(space, v, p) (*(p) = (v))
-#define STORE_WHOLE(v, p)  (*(p) = (v))
-#define BITS(v)            as_int(v)
-#define TO_WHOLE(v)        convert_int(v)
+#define LOAD(p)     (*(p))
+#define STORE(v, p) (*(p) = (v))
+#define BITS(v)     as_int(v)
+#define TO_WHOLE(v) convert_int(v)
 #endif
 
 #define EACH_SIDE __attribute__((opencl_unroll_hint(FOCUS_SIDE)))
@@ -164,10 +161,10 @@ FOCUS_INLINE void store_row(real value, __global float *to, int count)
 #else
     float list[FOCUS_WIDTH];
     if (count >= FOCUS_WIDTH) {
-        STORE(__global, value, to);
+        STORE(value, to);
         return;
     }
-    STORE(__private, value, list);
+    STORE(value, list);
     for (int k = 0; k < count; k++)
         to[k] = list[k];
 #endif

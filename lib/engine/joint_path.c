@@ -198,11 +198,12 @@ done:
     return status;
 }
 
-/* A surface has two unknowns of a pixel, its light and its distance. It is tried where the planes take more, and where
- * one more depth would have explained this part of what they leave, which is too little for a plane: the most that any
- * did was 0.075 on flat scenes, nearly always less on two planes, and 0.09 to 0.3 on surfaces that two planes were
- * taken for, as they are where noise is strong (docs/surfaces.md). */
-enum { SURFACE_UNKNOWNS = 2 };
+/* A surface has two unknowns of a pixel, its light and its distance. It is tried where four planes and more are needed,
+ * or all there are, and where one more depth would have explained this part of what the planes leave, which is too
+ * little for a plane: the most that any did was 0.075 on flat scenes, nearly always less on two planes and on three,
+ * and 0.09 to 0.3 on surfaces that two or three planes were taken for, as they are where noise is strong
+ * (docs/surfaces.md). */
+enum { SURFACE_UNKNOWNS = 2, FEW_PLANES = 3 };
 #define SURFACE_DOUBT 0.085
 
 /* What a surface may leave of the frame, in units of what so many planes leave, for it to be one: against one plane it
@@ -216,8 +217,9 @@ static double surface_leaves(int planes)
 
 static int may_be_surface(const hada_pipeline *pipeline, const knowledge *k)
 {
+    const int all = k->count > SURFACE_UNKNOWNS && k->count == pipeline->setup->config.depths;
     return pipeline->setup->config.scene == HADA_SCENE_AUTO && k->count > 0 &&
-           (k->count > SURFACE_UNKNOWNS || k->found.more >= SURFACE_DOUBT);
+           (all || k->count > FEW_PLANES || k->found.more >= SURFACE_DOUBT);
 }
 
 /* What the planes leave: the first steps tell. */

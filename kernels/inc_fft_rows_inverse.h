@@ -27,7 +27,7 @@ FFT_INLINE void keep(FFT_MEM float8 *scratch, __global const int *place, int n, 
 /* Asks for the rows of the next block early: blocks lie further apart than caches look ahead by themselves. */
 FFT_INLINE void fft_fetch_ahead(FFT_ROWS_IN const float *block, int rows)
 {
-#if __has_builtin(__builtin_prefetch)
+#ifdef POCL_DEVICE_ADDRESS_BITS /* whose compiler knows the way; some simulators do not */
     for (int i = 0; i < rows; ++i)
         __builtin_prefetch((const void *)(size_t)(block + 16 * i));
 #endif

@@ -7,6 +7,7 @@
 
 #include "core/alloc.h"
 #include "core/clock.h"
+#include "core/finite.h"
 #include "engine/repair.h"
 #include "engine/result.h"
 #include "engine/skip.h"
@@ -110,7 +111,7 @@ static hada_status stage(hada_frame *frame, hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(frame->setup->model);
     float largest;
-    const size_t broken = hada_frame_survey(frame->raw, &largest);
+    const size_t broken = hada_not_finite(frame->raw->data, hada_image_count(frame->raw), &largest);
     hada_status status = HADA_OK;
     frame->staged = frame->raw;
     if (broken) /* which takes values of neighbours: none is brighter than the brightest */

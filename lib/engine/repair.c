@@ -1,7 +1,6 @@
 #include "engine/repair.h"
 
 #include <math.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,29 +10,6 @@
  * float, 2^128; the square of the least pixel, 2^-80, leaves 2^46 above the smallest normal one for filters and noise.
  */
 static const double most_light = 0x1p63, least_light = 0x1p-40;
-
-size_t hada_frame_survey(const hada_image *frame, float *largest)
-{
-    const size_t count = hada_image_count(frame);
-    size_t broken = 0;
-    uint32_t most = 0; /* patterns of positive floats rise with them, and compilers make vectors of this loop */
-    for (size_t i = 0; i < count;) {
-        const size_t end = count - i < 65536 ? count : i + 65536;
-        uint32_t found = 0; /* of a width that makes as many lanes as the patterns' */
-        for (; i < end; i++) {
-            uint32_t bits;
-            memcpy(&bits, &frame->data[i], sizeof bits);
-            bits &= 0x7fffffffu;
-            const uint32_t finite = bits < 0x7f800000u;
-            found += !finite;
-            bits = finite ? bits : 0;
-            most = bits > most ? bits : most;
-        }
-        broken += found;
-    }
-    memcpy(largest, &most, sizeof *largest);
-    return broken;
-}
 
 hada_status hada_frame_check_range(float largest, double points, hada_error *err)
 {

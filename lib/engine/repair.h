@@ -6,9 +6,6 @@
 
 #include "core/error.h"
 
-/* The NaN and infinite pixels of a frame, and the size of the brightest one of the others. */
-size_t hada_frame_survey(const hada_image *frame, float *largest);
-
 /* Whether single precision holds a frame whose brightest pixel has the size `largest`, its spectrum on a grid of
  * `points` points and the squares of both: sizes from 2^-40 to 2^63 / points do. HADA_ERROR_NUMERIC. */
 hada_status hada_frame_check_range(float largest, double points, hada_error *err);

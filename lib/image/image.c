@@ -1,8 +1,8 @@
 #include <hadalens/image.h>
-#include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "core/finite.h"
 
 hada_status hada_image_create(hada_image *image, int channels, int rows, int cols, hada_error *err)
 {
@@ -34,8 +34,6 @@ size_t hada_image_count(const hada_image *image)
 
 size_t hada_image_count_not_finite(const hada_image *image)
 {
-    size_t count = hada_image_count(image), bad = 0;
-    for (size_t i = 0; i < count; i++)
-        bad += !isfinite(image->data[i]);
-    return bad;
+    float largest;
+    return hada_not_finite(image->data, hada_image_count(image), &largest);
 }

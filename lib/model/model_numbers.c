@@ -1,9 +1,9 @@
 /* Numbers in the tensors of a model that no picture could come from. */
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 #include "core/error.h"
+#include "core/finite.h"
 #include "model/model.h"
 
 /* Far beyond what any camera and unit of light bring, and narrow enough that squares and quotients stay in single
@@ -15,19 +15,11 @@
 #define POWER_MOST  1e30
 #define NOISE_MOST  1e12 /* over the power of the frames' light */
 
-/* The largest magnitude; infinite where one of them is NaN. By its bits, which is as quick as memory. */
+/* The largest magnitude; infinite where one of them is NaN or infinite. */
 static double largest(const float *values, size_t count)
 {
-    uint32_t most = 0;
-    float value;
-    for (size_t i = 0; i < count; i++) {
-        uint32_t bits;
-        memcpy(&bits, &values[i], sizeof bits);
-        bits &= 0x7fffffffu;
-        most = bits > most ? bits : most;
-    }
-    memcpy(&value, &most, sizeof value);
-    return isfinite(value) ? (double)value : HUGE_VAL;
+    float most;
+    return hada_not_finite(values, count, &most) ? HUGE_VAL : (double)most;
 }
 
 /* Of half floats: 1 where some are not 0, infinite where one is NaN or infinite. */

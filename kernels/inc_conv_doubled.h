@@ -66,14 +66,7 @@ static inline void conv_tile_in_doubled(__global const float *restrict x, conv_p
                 down[r][c] = outside ? zero : o[r];
         }
     }
-#pragma unroll
-    for (int r = 0; r < CONV_REACH; ++r) {
-        conv_v o[CONV_REACH];
-        conv_in_1d(down[r], o);
-#pragma unroll
-        for (int c = 0; c < CONV_REACH; ++c)
-            CONV_STORE_IN(CONV_MEM, o[c], to + (r * CONV_REACH + c) * pitch);
-    }
+    conv_tile_across(down, to, pitch);
 }
 #else
 /* There are none for other tiles: the host makes sure. */

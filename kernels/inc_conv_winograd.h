@@ -53,6 +53,19 @@ static inline void conv_out_1d(const conv_v *i, conv_v *o)
 }
 #endif
 
+/* What has been transformed down its columns, across its rows, to places `pitch` floats apart. */
+static inline void conv_tile_across(conv_v down[CONV_REACH][CONV_REACH], CONV_MEM float *restrict to, size_t pitch)
+{
+#pragma unroll
+    for (int r = 0; r < CONV_REACH; ++r) {
+        conv_v o[CONV_REACH];
+        conv_in_1d(down[r], o);
+#pragma unroll
+        for (int c = 0; c < CONV_REACH; ++c)
+            CONV_STORE_IN(CONV_MEM, o[c], to + (r * CONV_REACH + c) * pitch);
+    }
+}
+
 /* The inputs at x (top left), rows x_row floats apart, to places `pitch` floats apart. */
 static inline void conv_tile_in(__global const float *restrict x, size_t x_row, CONV_MEM float *restrict to,
                                 size_t pitch)
@@ -69,14 +82,7 @@ static inline void conv_tile_in(__global const float *restrict x, size_t x_row, 
         for (int r = 0; r < CONV_REACH; ++r)
             down[r][c] = o[r];
     }
-#pragma unroll
-    for (int r = 0; r < CONV_REACH; ++r) {
-        conv_v o[CONV_REACH];
-        conv_in_1d(down[r], o);
-#pragma unroll
-        for (int c = 0; c < CONV_REACH; ++c)
-            CONV_STORE_IN(CONV_MEM, o[c], to + (r * CONV_REACH + c) * pitch);
-    }
+    conv_tile_across(down, to, pitch);
 }
 
 /* The products at `from` back to m x m sums. */

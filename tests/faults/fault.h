@@ -22,8 +22,10 @@ const char *fault_struck(void);
 long fault_memory_alive(void);
 long fault_objects_alive(void);
 /* Pieces of memory that stay alive: a driver may give a buffer's memory back from a thread of its own, a moment after
- * the last command that used it; that thread may wait for its turn. */
+ * the last command that used it. Looks at which no other thread had anything to do are counted, so that one that waits
+ * for its turn has all the time it needs. */
 long fault_memory_left(void);
+extern int fault_looks; /* so many of them, 5 ms apart */
 
 /* What a device pretends to be, whether armed or not. Zero: the truth. */
 typedef struct fault_device {

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "fault.h"
+#include "fault_watch.h"
 
 enum { SLOTS = 1 << 16 };
 
@@ -56,10 +57,12 @@ long fault_memory_alive(void)
     return books.memory;
 }
 
+int fault_looks = 4000;
+
 long fault_memory_left(void)
 {
-    enum { LOOK_US = 5000, MOST_LOOKS = 4000 };
-    for (int i = 0; fault_memory_alive() && i < MOST_LOOKS; i++)
+    enum { LOOK_US = 5000 };
+    for (int idle = 0; fault_memory_alive() && idle < fault_looks; idle += !fault_others_work())
         usleep(LOOK_US);
     return fault_memory_alive();
 }

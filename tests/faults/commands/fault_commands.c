@@ -17,13 +17,14 @@
 
 #include "fault.h"
 #include "fault_chain.h"
+#include "fault_watch.h"
 #include "trees.h"
 
 int hada_cli_main(int argc, char **argv);
 
-/* SECONDS: for a run with a fault, so many times as long for what comes before, which may have to compile all kernels.
- */
-enum { MOST_WORDS = 32, SECONDS = 300, UNDISTURBED = 12, LAST_EXIT = 7, MOST_JOBS = 64 };
+/* SECONDS of processor time for a run with a fault, so many times as much for what comes before, which may have to
+ * compile all kernels; LOOK: of the clock, in which a run that takes next to none does not get on. */
+enum { MOST_WORDS = 32, SECONDS = 300, UNDISTURBED = 12, LOOK = 150, LAST_EXIT = 7, MOST_JOBS = 64 };
 
 /* What a command may leave of its output when it fails: nothing (or what was there before), or some files of it, each
  * whole; what it writes when it succeeds is the same every time, or holds times that it measured. */
@@ -101,7 +102,7 @@ static void run_here(const fault_command *command, const running *job)
     must(!chdir(job->folder), job->folder);
     setenv("TMPDIR", job->folder, 1);
     must(freopen("stdout", "w", stdout) && freopen("stderr", "w", stderr), "stdout");
-    alarm(job->n ? SECONDS : UNDISTURBED * SECONDS);
+    fault_watch(job->n ? SECONDS : UNDISTURBED * SECONDS, LOOK);
     if (fault_choice_asked() && !job->n)
         fault_chains_listen(&job->told->chains, fault_choice_asked());
     fault_arm(job->kind, job->n);

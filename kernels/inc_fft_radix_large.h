@@ -3,6 +3,7 @@
 #define INC_FFT_RADIX_LARGE_H
 
 #include "inc_fft_radix.h"
+#include "shared_fft_sizes.h"
 
 /* 2 x 3 by the Chinese remainder theorem (Good 1958): no twiddle factors between. */
 FFT_INLINE void fft_radix6(FFT_V *re, FFT_V *im)
@@ -103,7 +104,6 @@ FFT_INLINE void fft_radix16(FFT_V *re, FFT_V *im)
  * points (Rader 1968) with two transforms of 2 x 3 x 7 would need as well, and order its points beside. In two halves:
  * sums a[k] = x[k] + x[43 - k] in the place of x[k] and differences b[k] = x[k] - x[43 - k] in that of x[43 - k]; then
  *     X[m], X[43 - m] = x[0] + sum a[k] cos(2 pi m k / 43)  -+  i sum b[k] sin(2 pi m k / 43). */
-#define FFT_ODD_RADIX 43
 #define FFT_ODD_PAIRS 21
 
 __constant float fft_odd_cosine[FFT_ODD_PAIRS + 1] = {

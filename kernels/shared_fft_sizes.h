@@ -41,6 +41,9 @@
 /* Pairs of twiddle factors of a stage: those of inputs k = 1 and 2 for each j = b % span, then of 3 and 4, ... */
 #define FFT_TWIDDLE_PAIRS(radix, span) ((span) > 1 ? (radix) / 2 * (span) : 0)
 
+/* The prime that work-groups have by its definition in registers (inc_fft_radix_large.h). */
+#define FFT_ODD_RADIX 43
+
 /* The largest radix whose butterflies take several columns or points of an item at a time. */
 #define FFT_LARGEST_BUTTERFLY 16
 

@@ -84,6 +84,9 @@ HADA_SHARED_SIZE(hada_refine_data_step, 32)
 
 /* Work-items of a group of these, by work-groups. */
 #define HADA_REFINE_FUSED_GROUP 256
+/* The same where the last stage is of radix 43: that many items have a butterfly of two depths' columns each, and
+ * registers for it. */
+#define HADA_REFINE_ODD_GROUP 128
 
 /* Planes of the window, in bands of rows. */
 typedef struct hada_refine_window {

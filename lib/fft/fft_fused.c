@@ -4,6 +4,7 @@
 
 #include "core/fft_factor.h"
 #include "fft/fft_internal.h"
+#include "kernels/shared_fft_sizes.h"
 
 int hada_fft_fuses(const hada_context *context, int rows, int cols, int blocks)
 {
@@ -20,18 +21,44 @@ int hada_fft_fuses(const hada_context *context, int rows, int cols, int blocks)
  * the GPUs that we know), and small grids still make many groups. */
 enum { MOST_SIDE_BY_SIDE = 4 };
 
+/* Time of a stage for each point, in that of a stage of radix 2, as measured on a CPU with AVX-512; 0: no butterfly.
+ * Radix 1 along columns is reading and writing without a butterfly. */
+static double stage_cost(int radix)
+{
+    static const double costs[] = {[1] = 3.0, [2] = 1.0, [3] = 1.15, [4] = 1.25, [5] = 1.5, [7] = 1.9, [8] = 1.5};
+    return radix < (int)(sizeof costs / sizeof *costs) ? costs[radix] : 0.0;
+}
+
+/* Whether work-groups have butterflies for all stages; *odd: but for the last one, of a radix that is taken by itself.
+ */
+static int groups_take(int n, int *odd)
+{
+    hada_fft_stages stages;
+    hada_fft_factor(n, 0, &stages);
+    int smooth = 1;
+    for (int s = 0; s + 1 < stages.count; s++)
+        smooth &= stage_cost(stages.radix[s]) > 0.0;
+    const int last = stages.radix[stages.count - 1];
+    *odd = last == FFT_ODD_RADIX && stages.count > 1;
+    return smooth && !stages.chirp && (*odd || stage_cost(last) > 0.0);
+}
+
+int hada_fft_group_odd(int n)
+{
+    int odd;
+    return groups_take(n, &odd) && odd;
+}
+
 /* How many transforms of length n, of each of `images`, fit in local memory, with the tree of a sum beside them. */
 static int side_by_side(const hada_context *context, int n, int columns, int images, size_t group)
 {
-    int points, odd, width = MOST_SIDE_BY_SIDE;
-    size_t ints, floats;
-    hada_fft_pass_sizes(n, 0, &points, &odd, &ints, &floats);
+    int odd, width = MOST_SIDE_BY_SIDE;
     const uint64_t reported = context->info.local_memory_bytes, tree = group * sizeof(float);
     const uint64_t limit = reported < HADA_OWN_LOCAL_BYTES ? reported : HADA_OWN_LOCAL_BYTES;
     const uint64_t one = (uint64_t)images * (uint64_t)n * 2 * sizeof(float);
     while (width && (uint64_t)width * one + tree > limit)
         width /= 2;
-    return points != n || odd || (columns && width < HADA_FFT_LEAST_COLUMNS) ? 0 : width;
+    return !groups_take(n, &odd) || (columns && width < HADA_FFT_LEAST_COLUMNS) ? 0 : width;
 }
 
 int hada_fft_group_pairs(const hada_context *context, int cols, size_t group)
@@ -65,11 +92,14 @@ done:
 
 hada_status hada_fft_fused_make(hada_fft_fused *fused, hada_slot *slot, int rows, int cols, hada_error *err)
 {
-    const hada_fft_pass_desc forward = {.kind = HADA_PASS_ROWS, .n = cols},
+    const int groups = slot->context->shape == HADA_SHAPE_GROUPS;
+    fused->odd_rows = groups && hada_fft_group_odd(cols);
+    fused->odd_columns = groups && hada_fft_group_odd(rows);
+    const hada_fft_pass_desc forward = {.kind = HADA_PASS_ROWS, .n = cols, .across = fused->odd_rows},
                              back = {.kind = HADA_PASS_ROWS_INVERSE, .n = cols, .inverse = 1},
-                             columns = {.kind = HADA_PASS_COLUMNS, .n = rows};
+                             columns = {.kind = HADA_PASS_COLUMNS, .n = rows, .across = fused->odd_columns};
     hada_status status = HADA_OK;
-    if (slot->context->shape == HADA_SHAPE_GROUPS) {
+    if (groups) {
         HADA_TRY(hada_own_pass_make_any(&fused->rows, slot, &forward, err));
         HADA_TRY(hada_own_pass_make_any(&fused->columns, slot, &columns, err));
         goto done;
@@ -97,14 +127,6 @@ size_t hada_fft_fused_bytes(const hada_context *context, int rows, int cols)
                : hada_own_pass_bytes(context, cols, HADA_PASS_ROWS) +
                      hada_own_pass_bytes(context, cols, HADA_PASS_ROWS_INVERSE) +
                      hada_own_pass_bytes(context, rows, HADA_PASS_COLUMNS);
-}
-
-/* Time of a stage for each point, in that of a stage of radix 2, as measured on a CPU with AVX-512; 0: no butterfly.
- * Radix 1 along columns is reading and writing without a butterfly. */
-static double stage_cost(int radix)
-{
-    static const double costs[] = {[1] = 3.0, [2] = 1.0, [3] = 1.15, [4] = 1.25, [5] = 1.5, [7] = 1.9, [8] = 1.5};
-    return radix < (int)(sizeof costs / sizeof *costs) ? costs[radix] : 0.0;
 }
 
 /* What is done for each point beside the stages: along rows images become spectra, and there are as many columns. */

@@ -84,14 +84,20 @@ static float *put(float *out, double complex value)
     return out + 2;
 }
 
-static float *fill_stage(float *out, int radix, int span)
+static float *fill_stage(float *out, int radix, int span, int across)
 {
-    for (int j = 0; j < span; j++)
+    for (int k = 1; k < radix && across; k++)
+        for (int j = 0; j < span; j++)
+            out = put(out, root((long long)j * k, (long long)span * radix));
+    for (int j = 0; j < span && !across; j++)
         for (int k = 1; k < radix; k++)
             out = put(out, root((long long)j * k, (long long)span * radix));
     if (has_butterfly(radix))
         return out;
-    for (int g = 0; g < odd_groups(radix); g++)
+    for (int k = 1; k <= radix / 2 && across; k++)
+        for (int m = 1; m <= radix / 2; m++)
+            out = put(out, conj(root((long long)m * k, radix)));
+    for (int g = 0; g < odd_groups(radix) && !across; g++)
         for (int k = 1; k <= radix / 2; k++)
             for (int part = 0; part < 2; part++)
                 for (int i = 1; i <= FFT_ODD_GROUP; i++) {
@@ -211,7 +217,7 @@ hada_status hada_fft_pass_make(hada_fft_pass *pass, const hada_fft_pass_desc *de
         stage[FFT_TWIDDLES] = (int32_t)(next - pass->floats);
         stage[FFT_MAGIC] = magic_of(span, stages.points);
         stage[FFT_COSINES] = stage[FFT_TWIDDLES] + 2 * (stages.radix[s] - 1) * span;
-        next = fill_stage(next, stages.radix[s], span);
+        next = fill_stage(next, stages.radix[s], span, desc->across && s == stages.count - 1);
     }
     if (stages.chirp) {
         pass->ints[FFT_CHIRP] = (int32_t)(next - pass->floats);

@@ -19,6 +19,8 @@ typedef struct hada_fft_pass_desc {
     int n;
     int inverse;
     int direct; /* the first stage reads memory itself: it must be one of those that can */
+    int across; /* tables of the last stage, a prime's, for items that take a butterfly each: twiddle factors stand by
+                   input, then by butterfly; cosines and sines in pairs by input, then by output */
 } hada_fft_pass_desc;
 
 typedef struct hada_fft_pass {

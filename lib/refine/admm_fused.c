@@ -7,6 +7,8 @@
 #include "launch/refine_group_columns.h"
 #include "launch/refine_group_rows.h"
 #include "launch/refine_group_score.h"
+#include "launch/refine_odd_columns.h"
+#include "launch/refine_odd_rows.h"
 #include "launch/refine_rows.h"
 
 enum { GROUP_ROWS = 16 }; /* that a work-item of refine_rows or refine_frame_rows takes */
@@ -23,7 +25,7 @@ typedef struct fused_way {
     int (*columns)(const hada_context *context, const hada_refine_shape *shape, int depths);
     int least_columns;
     int scores; /* 1: it has a kernel for scores */
-    hada_status (*prepare)(hada_slot *slot, int padded, hada_error *err);
+    hada_status (*prepare)(hada_slot *slot, const hada_fft_fused *fused, int padded, hada_error *err);
     hada_status (*launch_columns)(const hada_refine_run *run, const hada_refine_step *now, hada_error *err);
     hada_status (*launch_rows)(const hada_refine_run *run, const rows_pass *pass, hada_error *err);
     int (*frame_rows)(const hada_context *context, const hada_refine_shape *shape); /* for each sum */
@@ -61,7 +63,7 @@ hada_status hada_refine_fused_make(hada_refiner *refiner, hada_error *err)
     if (!hada_refine_fused_grid(slot->context, shape))
         goto done;
     HADA_TRY(hada_fft_fused_make(&refiner->fused, slot, shape->grid_rows, shape->grid_cols, err));
-    HADA_TRY(way_of(slot->context)->prepare(slot, shape->boundary == HADA_BOUNDARY_PADDED, err));
+    HADA_TRY(way_of(slot->context)->prepare(slot, &refiner->fused, shape->boundary == HADA_BOUNDARY_PADDED, err));
 done:
     return status;
 }
@@ -137,7 +139,7 @@ enum { SCORE_COLUMNS = 2 };
 int hada_refine_fused_scores(const hada_refiner *refiner, int depths)
 {
     const hada_context *context = refiner->slot->context;
-    return refiner->fused.columns.table.mem && way_of(context)->scores &&
+    return refiner->fused.columns.table.mem && way_of(context)->scores && !refiner->fused.odd_columns &&
            can_fuse(context, &refiner->shape, depths + SCORE_COLUMNS);
 }
 
@@ -222,9 +224,10 @@ static int lane_columns(const hada_context *context, const hada_refine_shape *sh
     return hada_fft_fuses(context, shape->grid_rows, shape->grid_cols, depths) ? HADA_FFT_BLOCK : 0;
 }
 
-static hada_status prepare_lanes(hada_slot *slot, int padded, hada_error *err)
+static hada_status prepare_lanes(hada_slot *slot, const hada_fft_fused *fused, int padded, hada_error *err)
 {
     hada_status status = HADA_OK;
+    (void)fused;
     HADA_TRY(hada_prepare_refine_columns(slot, HADA_PROGRAM_REFINE_COLUMNS_DEFAULT, err));
     HADA_TRY(hada_prepare_refine_rows(slot, HADA_PROGRAM_REFINE_ROWS_DEFAULT, err));
     if (padded)
@@ -294,9 +297,13 @@ static int lane_frame_rows(const hada_context *context, const hada_refine_shape 
     return GROUP_ROWS;
 }
 
-/* Work-groups with local memory. */
+/* Work-groups with local memory. Lengths with a stage of radix 43 have kernels of their own, for what is not cropped:
+ * grids where a sensor crops are of good sizes. */
 static int group_columns(const hada_context *context, const hada_refine_shape *shape, int depths)
 {
+    const int odd = hada_fft_group_odd(shape->grid_rows) || hada_fft_group_odd(shape->grid_cols);
+    if (odd && shape->boundary == HADA_BOUNDARY_PADDED)
+        return 0;
     return hada_fft_group_columns(context, shape->grid_rows, shape->grid_cols, depths, HADA_REFINE_FUSED_GROUP);
 }
 
@@ -311,14 +318,32 @@ static hada_program_refine_group_rows group_rows_program(int padded)
     return padded ? HADA_PROGRAM_REFINE_GROUP_ROWS_CROPPED : HADA_PROGRAM_REFINE_GROUP_ROWS_DEFAULT;
 }
 
-static hada_status prepare_groups(hada_slot *slot, int padded, hada_error *err)
+static hada_status prepare_groups(hada_slot *slot, const hada_fft_fused *fused, int padded, hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(hada_prepare_refine_group_columns(slot, group_columns_program(padded), err));
-    HADA_TRY(hada_prepare_refine_group_rows(slot, group_rows_program(padded), err));
-    HADA_TRY(hada_prepare_refine_group_score(slot, HADA_PROGRAM_REFINE_GROUP_SCORE_DEFAULT, err));
+    HADA_TRY(fused->odd_columns ? hada_prepare_refine_odd_columns(slot, HADA_PROGRAM_REFINE_ODD_COLUMNS_DEFAULT, err)
+                                : hada_prepare_refine_group_columns(slot, group_columns_program(padded), err));
+    HADA_TRY(fused->odd_rows ? hada_prepare_refine_odd_rows(slot, HADA_PROGRAM_REFINE_ODD_ROWS_DEFAULT, err)
+                             : hada_prepare_refine_group_rows(slot, group_rows_program(padded), err));
+    if (!fused->odd_columns)
+        HADA_TRY(hada_prepare_refine_group_score(slot, HADA_PROGRAM_REFINE_GROUP_SCORE_DEFAULT, err));
 done:
     return status;
+}
+
+static hada_status launch_odd_columns(const hada_refine_run *run, const hada_refine_step *now,
+                                      const hada_refine_rows *rows, hada_local scratch, hada_error *err)
+{
+    hada_refiner *refiner = run->refiner;
+    const hada_refine_data *data = run->data;
+    const hada_range range = hada_range_groups(hada_refine_fused_slices(run), HADA_REFINE_ODD_GROUP,
+                                               (size_t)refiner->shape.channels, (size_t)run->sets);
+    return hada_launch_refine_odd_columns(refiner->slot, HADA_PROGRAM_REFINE_ODD_COLUMNS_DEFAULT, &range, err,
+                                          .planes = refiner->now_u.mem, .otf = data->otf, .list = refiner->list.mem,
+                                          .frame = data->spectrum,
+                                          .prior = now->has_prior ? data->prior : data->spectrum,
+                                          .now_w = refiner->now_w.mem, .partial = refiner->partial.mem, .now = *now,
+                                          .rows = *rows, .table = refiner->fused.columns.table.mem, .scratch = scratch);
 }
 
 static hada_status launch_group_columns(const hada_refine_run *run, const hada_refine_step *now, hada_error *err)
@@ -333,6 +358,8 @@ static hada_status launch_group_columns(const hada_refine_run *run, const hada_r
     const hada_local scratch = {(size_t)(width * blocks * refiner->layout.rows) * 2 * sizeof(float)};
     const hada_range range = hada_range_groups(hada_refine_fused_slices(run), HADA_REFINE_FUSED_GROUP,
                                                (size_t)refiner->shape.channels, (size_t)run->sets);
+    if (refiner->fused.odd_columns)
+        return launch_odd_columns(run, now, &rows, scratch, err);
     return hada_launch_refine_group_columns(
         refiner->slot, group_columns_program(run->padded), &range, err, .planes = refiner->now_u.mem, .otf = data->otf,
         .list = refiner->list.mem, .frame = data->spectrum, .prior = now->has_prior ? data->prior : data->spectrum,
@@ -368,6 +395,12 @@ static hada_status launch_group_rows(const hada_refine_run *run, const rows_pass
     if (pass->frame)
         cost_frame(run, pass->frame, &bytes, &flops);
     hada_slot_cost(refiner->slot, bytes, flops);
+    if (refiner->fused.odd_rows) {
+        const hada_range of_planes = hada_range_groups(planes, HADA_REFINE_ODD_GROUP, 1, 1);
+        return hada_launch_refine_odd_rows(refiner->slot, HADA_PROGRAM_REFINE_ODD_ROWS_DEFAULT, &of_planes, err,
+                                           .spectra = refiner->now_u.mem, .planes = refiner->planes.mem, .rows = rows,
+                                           .table = refiner->fused.rows.table.mem, .scratch = scratch);
+    }
     /* what is not cropped has no frame: some other buffer */
     return hada_launch_refine_group_rows(
         refiner->slot, group_rows_program(padded), &range, err, .spectra = refiner->now_u.mem,

@@ -1,6 +1,7 @@
 /* A step of the refinement in two launches: along columns both transforms with the linear step between them, along rows
  * both with the proximal step between them (kernels/refine_columns.cl, refine_rows.cl; by work-groups
- * refine_group_columns.cl, refine_group_rows.cl). Spectra of planes stand nowhere; what stands between the launches are
+ * refine_group_columns.cl, refine_group_rows.cl, or where the last stage is of radix 43 refine_odd_columns.cl,
+ * refine_odd_rows.cl). Spectra of planes stand nowhere; what stands between the launches are
  * half spectra of rows, in the place of U. A cropped frame goes along, half spectra of its rows in the place of E;
  * lanes take a third launch for these (refine_frame_rows.cl). Internal to lib/refine. */
 #ifndef HADA_REFINE_ADMM_FUSED_H

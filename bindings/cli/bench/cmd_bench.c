@@ -15,7 +15,7 @@ typedef struct settings {
     const char *model, *output, *net;
     int net_size[2];
     hada_cli_texts workloads;
-    int quick, rounds, compare, first_frame, no_start, no_sweep;
+    int quick, rounds, compare, first_frame, no_start, no_sweep, no_throughput;
 } settings;
 
 #define AT(member) HADA_CLI_AT(settings, member)
@@ -35,6 +35,7 @@ static const hada_cli_option options[] = {
      "Measurements longer than a few seconds stop after three.", AT(rounds)},
     {HADA_OPTION_FLAG, "no-start", 0, NULL, "leave out the cold and warm starts", NULL, AT(no_start)},
     {HADA_OPTION_FLAG, "no-sweep", 0, NULL, "leave out run time against error", NULL, AT(no_sweep)},
+    {HADA_OPTION_FLAG, "no-throughput", 0, NULL, "leave out many frames at a time", NULL, AT(no_throughput)},
     {HADA_OPTION_FLAG, "first-frame", 0, NULL, "open the device, make a plan, run one frame twice; nothing else",
      "With -m MODEL and one frame; --quick: with the linear filters alone. This is what the cold and warm starts run, "
      "in processes of their own.",
@@ -139,7 +140,7 @@ static hada_status measure_workload(hada_bench *bench, const settings *set, hada
     typedef hada_status (*part)(hada_bench *, hada_bench_device *, const hada_bench_workload *, hada_error *);
     static const part parts[] = {hada_bench_latency, hada_bench_throughput, hada_bench_sweep, hada_bench_start};
     static const char *const names[] = {"latency", "throughput", "run time against error", "starts"};
-    const int wanted[] = {1, 1, !set->no_sweep && !set->net, first && !set->no_start};
+    const int wanted[] = {1, !set->no_throughput, !set->no_sweep && !set->net, first && !set->no_start};
     hada_status status = HADA_OK;
     for (int d = 0; d < count; d++)
         for (int i = 0; i < 4; i++) {

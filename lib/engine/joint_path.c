@@ -13,6 +13,7 @@ typedef struct knowledge {
     int count;
     hada_pursuit_result found; /* zeros where depths were told */
     double planes, surface;    /* energies; negative: not known */
+    double vain;               /* a surface was looked for in vain that leaves no more than this; 0: it was not */
     int solved;                /* 1: the planes of these first steps stand in the refiner */
 } knowledge;
 
@@ -243,10 +244,12 @@ static hada_status is_surface(hada_pipeline *pipeline, hada_frame *frame, knowle
 {
     hada_status status = HADA_OK;
     HADA_TRY(try_planes(pipeline, frame, k, err));
-    *surface = 1;
-    if (k->surface < 0)
-        HADA_TRY(hada_pipeline_find_surface(pipeline, frame, surface, &k->surface, err));
-    *surface = *surface && k->surface < surface_leaves(k->count) * k->planes;
+    const double enough = surface_leaves(k->count) * k->planes;
+    if (k->surface < 0 && enough > k->vain) {
+        HADA_TRY(hada_pipeline_find_surface(pipeline, frame, enough, surface, &k->surface, err));
+        k->vain = *surface ? 0.0 : enough;
+    }
+    *surface = k->surface >= 0 && k->surface < enough;
 done:
     return status;
 }
@@ -257,7 +260,7 @@ static hada_status only_surface(hada_pipeline *pipeline, hada_frame *frame, hada
     int found;
     double energy;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_pipeline_find_surface(pipeline, frame, &found, &energy, err));
+    HADA_TRY(hada_pipeline_find_surface(pipeline, frame, 0.0, &found, &energy, err));
     HADA_TRY(hada_pipeline_take_surface(pipeline, frame, energy, err));
 done:
     return status;

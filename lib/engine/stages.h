@@ -81,10 +81,11 @@ hada_status hada_pipeline_pictures(hada_pipeline *pipeline, hada_frame *frame, h
 hada_status hada_pipeline_linear(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
 hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
 
-/* The surface that explains the frame; it stands in the pipeline then. *found: 0 where this camera has none, with why
- * in the log; energy: what it leaves unexplained. */
-hada_status hada_pipeline_find_surface(hada_pipeline *pipeline, hada_frame *frame, int *found, double *energy,
-                                       hada_error *err);
+/* The surface that explains the frame; it stands in the pipeline then. enough: the most energy that it may leave, 0:
+ * any. *found: 0 where this camera has none, with why in the log, or where it would leave more than enough by far;
+ * energy: what it leaves unexplained. */
+hada_status hada_pipeline_find_surface(hada_pipeline *pipeline, hada_frame *frame, double enough, int *found,
+                                       double *energy, hada_error *err);
 /* The result, from the surface that was found last. */
 hada_status hada_pipeline_take_surface(hada_pipeline *pipeline, hada_frame *frame, double energy, hada_error *err);
 

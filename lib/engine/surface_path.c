@@ -61,8 +61,8 @@ static hada_status ready(hada_pipeline *pipeline, int *found, hada_error *err)
     return HADA_OK;
 }
 
-hada_status hada_pipeline_find_surface(hada_pipeline *pipeline, hada_frame *frame, int *found, double *energy,
-                                       hada_error *err)
+hada_status hada_pipeline_find_surface(hada_pipeline *pipeline, hada_frame *frame, double enough, int *found,
+                                       double *energy, hada_error *err)
 {
     hada_surface_rule rule;
     hada_surface_result *result = &pipeline->shape;
@@ -72,9 +72,13 @@ hada_status hada_pipeline_find_surface(hada_pipeline *pipeline, hada_frame *fram
     if (!*found)
         goto done;
     hada_surface_rule_init(&rule);
+    rule.enough = enough;
+    rule.frame = frame->energy;
     HADA_TRY(hada_surface_run(pipeline->surface, pipeline->stage->spectrum.mem, 0, pipeline->stage->raw.mem, 0, &rule,
                               result, err));
-    *energy = result->energy[result->levels - 1];
+    *found = !result->in_vain;
+    if (*found)
+        *energy = result->energy[result->levels - 1];
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_refine, err));
 done:
     return status;

@@ -20,6 +20,12 @@
 #define TEXTURE_SHRINK_TV 0.6
 /* A depth that lies so far beyond those of the camera is none that it knows. */
 #define OUTSIDE 0.3F
+/* A coarse level leaves no hope for the finer ones where all its planes leave this part of what is enough, for then the
+ * camera does not fit its frame, and its one texture so many times that, with this part of the frame's energy beside it
+ * for what is wrong with depths so coarse (docs/surfaces.md). */
+#define MISFIT         0.5
+#define HOPELESS       1.15
+#define HOPELESS_FRAME 0.002
 /* Pixels on each side of one over which the texture says how sure its depth is. */
 enum { SURE_RADIUS = 2 };
 
@@ -173,14 +179,24 @@ static double gradient_power(const hada_surface *s, double floor)
     return sum;
 }
 
-/* Standard deviation of the noise in the gradient of the texture's data term, by what a level left of its frame: of a
- * coarser frame's pixels noise has less, as they are fewer. */
+/* Pixels of the whole grid for one of a level. */
+static double fewer_pixels(const hada_surface *s, const hada_surface_plan *level)
+{
+    return (double)s->camera.rows * s->camera.cols / ((double)level->shape.rows * level->shape.cols);
+}
+
+/* Standard deviation of the noise in the gradient of the texture's data term where noise has this energy in a frame of
+ * so many pixels. */
+static double gradient_noise(const hada_surface *s, double energy, double pixels)
+{
+    return sqrt(energy / pixels * s->gradient_power / ((double)s->layout.rows * (s->layout.cols / 2 + 1)));
+}
+
+/* The same by what a level left of its frame: of a coarser frame's pixels noise has less, as they are fewer. */
 static double noise_of(const hada_surface *s, int l, const hada_surface_result *result)
 {
     const hada_surface_plan *level = &s->level[l].plan;
-    const double fewer = (double)s->camera.rows * s->camera.cols / ((double)level->shape.rows * level->shape.cols);
-    const double variance = fewer * result->energy[l] / frame_pixels(level);
-    return sqrt(variance * s->gradient_power / ((double)s->layout.rows * (s->layout.cols / 2 + 1)));
+    return gradient_noise(s, fewer_pixels(s, level) * result->energy[l], frame_pixels(level));
 }
 
 /* Planes of a level, and the depths, in depths of the camera, at which their light stands. */
@@ -217,6 +233,55 @@ done:
     return status;
 }
 
+/* The first and last of so many planes that depths, in planes, touch. */
+static void touched(const float *depth, size_t area, int planes, int *first, int *last)
+{
+    float least = INFINITY, most = 0.0F;
+    for (size_t i = 0; i < area; i++) {
+        least = fminf(least, depth[i]);
+        most = fmaxf(most, depth[i]);
+    }
+    *first = (int)least;
+    *last = (int)most + 1 < planes ? (int)most + 1 : planes - 1;
+}
+
+/* Whether going on from a coarse level is in vain: its planes, and one texture at the depths that it found, leave too
+ * much already of what the level sees of the frame. Its planes stay as they were on the host, which the next level
+ * begins with. */
+static hada_status look_ahead(hada_surface *s, int l, const hada_surface_rule *rule, hada_surface_result *result,
+                              hada_error *err)
+{
+    const hada_surface_plan *plan = &s->level[l].plan;
+    const size_t area = hada_surface_area(plan), values = area * (size_t)plan->shape.channels;
+    const double noise = gradient_noise(s, result->energy[l], frame_pixels(plan));
+    const hada_volume_rule solve = {.steps = rule->texture_steps,
+                                    .floor = rule->floor,
+                                    .variation = rule->texture_variation * noise,
+                                    .bound = TEXTURE_BOUND};
+    const double pixels = fewer_pixels(s, plan);
+    const double planes = pixels * result->energy[l] / (MISFIT * rule->enough);
+    double texture = 0.0;
+    int first, last;
+    hada_status status = HADA_OK;
+    if (!(planes > 1.0))
+        goto said;
+    add_planes(s, plan, s->image[0]);
+    for (size_t i = 0; i < area; i++)
+        s->sum[i] = fminf(fmaxf(s->depth[0][i] * (float)plan->steps, 0.0F), (float)(plan->shape.planes - 1));
+    touched(s->sum, area, plan->shape.planes, &first, &last);
+    HADA_TRY(hada_buffer_write_later(&s->map, s->slot, 0, s->sum, area * sizeof(float), err));
+    HADA_TRY(hada_buffer_write_later(&s->texture, s->slot, 0, s->image[0], values * sizeof(float), err));
+    HADA_TRY(hada_volume_texture(s->level[l].volume, &solve, s->map.mem, first, last, s->texture.mem, &texture, err));
+    texture *= pixels / (HOPELESS * rule->enough + HOPELESS_FRAME * rule->frame);
+    result->in_vain = texture > 1.0;
+said:
+    hada_log(s->slot->context, HADA_LOG_INFO,
+             "a surface at %d x %d pixels: planes %.3f, texture %.3f of what ends it%s", plan->shape.rows,
+             plan->shape.cols, planes, texture, result->in_vain ? "; it is given up" : "");
+done:
+    return status;
+}
+
 /* Brings depths to the window's pixels, and the planes' sum as the texture to start from; says which planes the depths
  * touch. */
 static hada_status begin_texture(hada_surface *s, int *first, int *last, hada_error *err)
@@ -225,7 +290,6 @@ static hada_status begin_texture(hada_surface *s, int *first, int *last, hada_er
     const hada_map_place place = hada_surface_level_place(to, from);
     const size_t area = hada_surface_area(to);
     const float end = (float)(s->camera.depths - 1);
-    float least = INFINITY, most = 0.0F;
     hada_status status = HADA_OK;
     add_planes(s, from, s->image[0]);
     for (size_t c = 0; c < (size_t)to->shape.channels; c++)
@@ -237,11 +301,8 @@ static hada_status begin_texture(hada_surface *s, int *first, int *last, hada_er
         const float depth = s->depth[1][i] - (float)to->before;
         s->outside[i] = depth < -OUTSIDE || depth > end + OUTSIDE;
         s->depth[1][i] = fminf(fmaxf(depth, 0.0F), end);
-        least = fminf(least, s->sum[i]);
-        most = fmaxf(most, s->sum[i]);
     }
-    *first = (int)least;
-    *last = (int)most + 1 < to->shape.planes ? (int)most + 1 : to->shape.planes - 1;
+    touched(s->sum, area, to->shape.planes, first, last);
     HADA_TRY(hada_buffer_write_later(&s->map, s->slot, 0, s->sum, area * sizeof(float), err));
     HADA_TRY(hada_buffer_write_later(&s->texture, s->slot, 0, s->image[1],
                                      area * (size_t)to->shape.channels * sizeof(float), err));
@@ -311,9 +372,13 @@ hada_status hada_surface_run(hada_surface *s, cl_mem spectrum, size_t offset, cl
         HADA_TRY(
             hada_surface_level_load(&s->level[l], s->slot, &s->layout, spectrum, offset, pixels, pixels_offset, err));
     s->gradient_power = gradient_power(s, rule->floor);
-    for (int l = 0; l + 1 < s->levels; l++)
+    for (int l = 0; l + 1 < s->levels && !result->in_vain; l++) {
         HADA_TRY(solve_planes(s, l, rule, mean, result, err));
-    HADA_TRY(solve_texture(s, rule, result, err));
+        if (rule->enough > 0.0 && l + 2 < s->levels) /* the last planes cost too little of what is left */
+            HADA_TRY(look_ahead(s, l, rule, result, err));
+    }
+    if (!result->in_vain)
+        HADA_TRY(solve_texture(s, rule, result, err));
 done:
     return status;
 }

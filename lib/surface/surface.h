@@ -26,6 +26,9 @@ typedef struct hada_surface_rule {
     /* of planes and of the texture later on, in units of the noise in the gradient of the texture's data term, by what
      * the level before left of its frame */
     double band_variation, texture_variation;
+    /* a surface that leaves more energy than this is not wanted, and the run ends at a coarse level that says it will
+     * by far; 0: it goes to its end. Beside it the energy of the frame. */
+    double enough, frame;
 } hada_surface_rule;
 void hada_surface_rule_init(hada_surface_rule *rule);
 
@@ -38,6 +41,7 @@ typedef struct hada_surface_result {
     int steps;                    /* of all levels */
     int levels, touched;          /* of resolution; planes of the last that any depth needs */
     double energy[HADA_SURFACE_LEVELS]; /* what each level leaves of its frame, sum of squares over its pixels */
+    int in_vain; /* 1: the run ended early, for it will not be enough; no depth and no texture were found */
 } hada_surface_result;
 
 typedef struct hada_surface hada_surface;

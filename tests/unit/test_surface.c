@@ -183,6 +183,41 @@ static void shoot(fixture *f, const double *scene, const double *depth)
     free(pixels);
 }
 
+/* Bright and dark stripes over the frame, of which the camera knows nothing. */
+static void shade(fixture *f, double part)
+{
+    const hada_refine_rect *frame = &f->shape.frame;
+    const size_t area = (size_t)frame->rows * (size_t)frame->cols;
+    float *pixels = calloc(CHANNELS * area, sizeof *pixels), *images = calloc(CHANNELS * f->grid, sizeof *images);
+    assert_true(pixels && images);
+    ASSERT_OK(hada_buffer_read(&f->pixels, f->slot, 0, pixels, CHANNELS * area * sizeof *pixels, err));
+    for (int c = 0; c < CHANNELS; c++)
+        for (int y = 0; y < frame->rows; y++)
+            for (int x = 0; x < frame->cols; x++) {
+                float *pixel = pixels + (size_t)c * area + (size_t)y * (size_t)frame->cols + (size_t)x;
+                const size_t row = (size_t)(y + frame->row0), col = (size_t)(x + frame->col0);
+                *pixel *= (float)(1.0 + part * sin(0.2 * x + 0.1 * y));
+                images[(size_t)c * f->grid + row * (size_t)f->camera.cols + col] = *pixel;
+            }
+    transform(f, images, CHANNELS, &f->spectrum, 0);
+    ASSERT_OK(hada_buffer_write(&f->pixels, f->slot, 0, pixels, CHANNELS * area * sizeof *pixels, err));
+    free(pixels);
+    free(images);
+}
+
+static double frame_energy(const fixture *f)
+{
+    const size_t values = CHANNELS * (size_t)f->shape.frame.rows * (size_t)f->shape.frame.cols;
+    float *pixels = calloc(values, sizeof *pixels);
+    double sum = 0.0;
+    assert_non_null(pixels);
+    ASSERT_OK(hada_buffer_read(&f->pixels, f->slot, 0, pixels, values * sizeof *pixels, err));
+    for (size_t i = 0; i < values; i++)
+        sum += (double)pixels[i] * pixels[i];
+    free(pixels);
+    return sum;
+}
+
 static float *read_texture(const fixture *f, const hada_surface_result *result)
 {
     const hada_buffer view = {f->context, result->texture, CHANNELS * AREA * sizeof(float), 1};
@@ -324,6 +359,50 @@ static void test_objects(void **state)
     tear_down(&f);
 }
 
+/* A try that is in vain ends at its first level, where the camera does not explain the frame; one that is just enough
+ * goes to its end, with the bits of one that nobody limits. */
+static void test_in_vain(void **state)
+{
+    fixture f;
+    hada_surface_rule rule, limited;
+    hada_surface_result result;
+    (void)state;
+    set_up(&f, 180, 216, 1);
+    hada_surface_rule_init(&rule);
+    limited = rule;
+    paint(scene);
+    for (int spoilt = 0; spoilt < 2; spoilt++) {
+        (spoilt ? slant : ball)(depth);
+        shoot(&f, scene, depth);
+        if (spoilt)
+            shade(&f, 0.6);
+        ASSERT_OK(hada_surface_run(f.surface, f.spectrum.mem, 0, f.pixels.mem, 0, &rule, &result, err));
+        assert_false(result.in_vain);
+        const double left = result.energy[result.levels - 1];
+        float *texture = read_texture(&f, &result), *depths = calloc(AREA, sizeof *depths);
+        assert_non_null(depths);
+        memcpy(depths, result.depth, AREA * sizeof *depths);
+        limited.frame = frame_energy(&f);
+        limited.enough = left / 3.0;
+        ASSERT_OK(hada_surface_run(f.surface, f.spectrum.mem, 0, f.pixels.mem, 0, &limited, &result, err));
+        if (spoilt != result.in_vain)
+            fail_msg("%s: %.3e is left of %.3e, and the level says %d", spoilt ? "spoilt" : "a ball", left,
+                     limited.frame, result.in_vain);
+        assert_true(!spoilt || (result.energy[0] > 0.0 && result.energy[1] == 0.0));
+        limited.enough = left;
+        ASSERT_OK(hada_surface_run(f.surface, f.spectrum.mem, 0, f.pixels.mem, 0, &limited, &result, err));
+        assert_false(result.in_vain);
+        float *again = read_texture(&f, &result);
+        assert_true(left == result.energy[result.levels - 1]);
+        assert_memory_equal(texture, again, CHANNELS * AREA * sizeof *texture);
+        assert_memory_equal(depths, result.depth, AREA * sizeof *depths);
+        free(texture);
+        free(depths);
+        free(again);
+    }
+    tear_down(&f);
+}
+
 /* Levels: by how far light moves, down to windows that are too small; planes between depths that lie far apart. */
 static void test_levels(void **state)
 {
@@ -356,8 +435,8 @@ static void test_levels(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_levels), cmocka_unit_test(test_cropped),
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_levels),   cmocka_unit_test(test_cropped),
                                        cmocka_unit_test(test_circular), cmocka_unit_test(test_outside),
-                                       cmocka_unit_test(test_objects)};
+                                       cmocka_unit_test(test_objects),  cmocka_unit_test(test_in_vain)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -146,11 +146,11 @@ def line(title, rows):
     refused = [r for r in tried if r not in taken]
     ended = [r for r in refused if r["now"]["ended"]]
     badly = [r for r in refused if r["before"]["unexplained"] > UNEXPLAINED]
-    nearest = max((max(r["now"]["looks"]) for r in taken), default=float("nan"))
+    nearest = f"{max(max(r['now']['looks']) for r in taken):.2f}" if taken else "-"
     seconds = [" → ".join(f"{sum(r[which]['seconds'] for r in some):.0f}" for which in ("before", "now"))
                for some in (ended, [r for r in tried if not r["now"]["ended"]])]
     differ = sum(r["now"]["images"] != r["before"]["images"] for r in rows)
-    print(f"| {title} | {len(rows)} | {len(taken)} | {nearest:.2f} | {len(refused)} | {len(ended)} | "
+    print(f"| {title} | {len(rows)} | {len(taken)} | {nearest} | {len(refused)} | {len(ended)} | "
           f"{sum(r['now']['ended'] for r in badly)} of {len(badly)} | {seconds[0]} | {seconds[1]} | {differ} |")
 
 

@@ -13,7 +13,7 @@ cd "$(dirname "$0")/../.."
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-loader=$(ldconfig -p | awk '$1 == "libOpenCL.so.1" { print $NF; exit }')
+loader=$(ldconfig -p | awk '$1 == "libOpenCL.so.1" && !n++ { print $NF }') # reads all: ldconfig must not find a closed pipe
 notice=/usr/share/doc/ocl-icd-libopencl1/copyright
 if [ ! -f "$loader" ] || [ ! -f "$notice" ]; then
     echo "ocl-icd is missing: apt-get install ocl-icd-libopencl1" >&2

@@ -19,7 +19,7 @@ camera=(--preset sim300 --boundary padded --depths 1 --near 200 --pairs 16 --tes
 say() {
     "$hadalens" reconstruct "$2"/test/raw/*.tif -m "$1.model" -o "pictures-$1-$2" --quiet
     "$hadalens" evaluate "pictures-$1-$2" "$2/test/truth" --window 120x120 |
-        awk '$1 == "mean" { printf "   PSNR %s dB, SSIM %s\n", $2, $3; exit }'
+        awk '$1 == "mean" && !n++ { printf "   PSNR %s dB, SSIM %s\n", $2, $3 }'
 }
 
 "$hadalens" simulate "${camera[@]}" --window 120x120 -o dark

@@ -27,7 +27,7 @@ compiler() {
     local to=$folder/compilers/$1 component=$2 keys=/usr/share/keyrings/debian-archive-keyring.gpg
     local apt=$folder/compilers/apt-$component
     shift 2
-    [ ! -e "$to" ] || return 0
+    [ ! -e "$to/versions" ] || return 0
     [ "$(uname -m)" = x86_64 ] || { echo "Compilers of GPUs' vendors are brought for x86-64."; return 1; }
     [ -e "$keys" ] || { echo "The keys of Debian's archive are not here (package debian-archive-keyring)."; return 1; }
     rm -rf "$to.part"
@@ -41,7 +41,8 @@ compiler() {
     for package in "$to.part"/*.deb; do
         dpkg -x "$package" "$to.part" || return 1
     done
-    rm "$to.part"/*.deb
+    (cd "$to.part" && ls -- *.deb) >"$to.part/versions"
+    rm -rf "$to.part"/*.deb "$to"
     mv "$to.part" "$to"
 }
 

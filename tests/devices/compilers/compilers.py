@@ -1,9 +1,10 @@
 """Every program of the groups shape, as the compilers of GPUs' vendors take it, without a GPU.
 
-    compilers.py VENDOR FOLDER [--form full|brief] [--renew] [FILE ...]
+    compilers.py [--form full|brief] [--renew] --versions VERSIONS VENDOR FOLDER [FILE ...]
 
 VENDOR: nvidia, amd or intel; FOLDER: where tests/devices/environment.sh has put its compiler. A program must compile
-without an error or a warning, and no kernel may keep more in memory, instead of in registers, than memory.txt says for it.
+without an error or a warning, and no kernel may keep more in memory, instead of in registers, than memory.txt says for it,
+where that was made by the same compiler: VERSIONS lists the packages that it came in.
 brief: of AMD's and Intel's, one program of each kernel file. README.md tells more.
 """
 import argparse
@@ -62,11 +63,18 @@ def read_table():
     return table
 
 
-def write_table(table):
+def recorded(vendor, versions):
+    """The line of the table that says what made its figures."""
+    return f"# {vendor}: {' '.join(versions.read_text().split())}"
+
+
+def write_table(table, made_by):
+    kept = [line for line in TABLE.read_text().splitlines() if re.match(r"# \w+: \S+\.deb", line)]
+    kept = sorted([line for line in kept if line.split()[1] != made_by.split()[1]] + [made_by])
     rows = [["vendor", "device", "file", "program", "kernel", *KEPT]]
     rows += [[*key, *(str(table[key][column]) for column in KEPT)] for key in sorted(table)]
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    TABLE.write_text(HEADER + "".join("  ".join(cell.ljust(w) for cell, w in zip(row, widths)).rstrip() + "\n" for row in rows))
+    TABLE.write_text(HEADER + "".join(line + "\n" for line in kept) + "".join("  ".join(cell.ljust(w) for cell, w in zip(row, widths)).rstrip() + "\n" for row in rows))
 
 
 def main():
@@ -75,6 +83,7 @@ def main():
     parser.add_argument("folder", type=Path)
     parser.add_argument("--form", choices=("full", "brief"), default="full")
     parser.add_argument("--renew", action="store_true")
+    parser.add_argument("--versions", type=Path, required=True)
     parser.add_argument("files", nargs="*")
     options = parser.parse_args()
     jobs = jobs_of(options.vendor, options.form, options.files)
@@ -89,6 +98,10 @@ def main():
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
         results = list(pool.map(compiled, jobs))
     table, failed, kernels, most = read_table(), 0, 0, 0
+    made_by = recorded(options.vendor, options.versions)
+    held = options.renew or made_by in TABLE.read_text().splitlines()
+    if not held:
+        print("another version of the compiler than that of memory.txt: what is kept in memory is not compared")
     for (device, file, program, _), (complaints, found) in zip(jobs, results):
         prefix = (options.vendor, device, file, program)
         for complaint in complaints:
@@ -105,11 +118,11 @@ def main():
                 continue
             for column in KEPT:
                 limit = table.get(key, {}).get(column, 0)
-                if figures[column] > limit:
+                if held and figures[column] > limit:
                     print(f"{' '.join(key)}: {column} {figures[column]}, {limit} at most")
                     failed += 1
     if options.renew:
-        write_table(table)
+        write_table(table, made_by)
     print(f"{len(jobs)} programs" + (f", {kernels} kernels, {most} registers at most" if most else "") + f"; {failed} complaints")
     return 1 if failed else 0
 

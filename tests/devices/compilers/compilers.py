@@ -85,7 +85,7 @@ def main():
     parser.add_argument("--renew", action="store_true")
     parser.add_argument("--versions", type=Path, required=True)
     parser.add_argument("files", nargs="*")
-    options = parser.parse_args()
+    options = parser.parse_intermixed_args()
     jobs = jobs_of(options.vendor, options.form, options.files)
     if not jobs:
         sys.exit("no such kernel is built for GPUs: " + " ".join(options.files))

@@ -23,6 +23,8 @@ import sass
 
 HERE = Path(__file__).resolve().parent
 KERNELS = HERE.parent.parent / "kernels"
+sys.path.insert(0, str(HERE.parent.parent / "cmake"))
+from kernels import flatten  # noqa: E402
 TABLE = HERE / "budget.txt"
 ARCHITECTURE = "sm_90"
 # the first with tensor cores for TF32: programs that use them have to be good for it too
@@ -106,17 +108,9 @@ def measure(options, row, folder):
 
 
 def text_of(file):
-    """The text of a file with what it includes."""
-    text, todo, seen = "", [f"{file}.cl"], set()
-    while todo:
-        name = todo.pop()
-        if name in seen:
-            continue
-        seen.add(name)
-        part = (KERNELS / name).read_text()
-        text += part
-        todo += re.findall(r'#include "(\w+\.h)"', part)
-    return text
+    """The text of a file with its includes in their places, each once, as the library has it."""
+    pieces = flatten(file, (KERNELS / f"{file}.cl").read_text(), KERNELS, [])
+    return "".join(text for _, text in pieces)
 
 
 def measured(options, row):
@@ -153,12 +147,16 @@ def read_table():
     return table
 
 
+def aligned(rows, names):
+    """Lines of rows of cells, the first so many cells being names and the others numbers."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return ["  ".join(cell.ljust(w) if i < names else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths))).rstrip()
+            for row in rows]
+
+
 def lines_of(table):
-    heads = ("file", "program", "kernel", *COLUMNS)
     rows = [[*key, *(str(figures[column]) for column in COLUMNS)] for key, figures in table.items()]
-    widths = [max(len(row[i]) for row in [heads, *rows]) for i in range(len(heads))]
-    return ["  ".join(cell.ljust(w) if i < 3 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths))).rstrip()
-            for row in [heads, *rows]]
+    return aligned([["file", "program", "kernel", *COLUMNS], *rows], 3)
 
 
 def above(budget, figures):

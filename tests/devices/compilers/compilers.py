@@ -30,15 +30,6 @@ DEVICES = {"nvidia": ("sm_90",), "amd": ("gfx90a", "gfx1030"), "intel": ("dg2",)
 KEPT = ("spilled", "private")
 
 
-def expanded(name, seen):
-    """A kernel file with what it includes, each once, as the library hands it to the driver."""
-    if name in seen:
-        return ""
-    seen.add(name)
-    return re.sub(r'^#include "(\w+\.h)".*$', lambda found: expanded(found.group(1), seen),
-                  (budget.KERNELS / name).read_text(), flags=re.M)
-
-
 def jobs_of(vendor, form, files):
     """[(device, file, program, macros)]"""
     jobs, seen = [], set()
@@ -63,18 +54,33 @@ def read_table():
     return table
 
 
-def recorded(vendor, versions):
-    """The line of the table that says what made its figures."""
+def made_by(vendor, versions):
+    """The line of the table that says what made a vendor's figures."""
     return f"# {vendor}: {' '.join(versions.read_text().split())}"
 
 
-def write_table(table, made_by):
-    kept = [line for line in TABLE.read_text().splitlines() if re.match(r"# \w+: \S+\.deb", line)]
-    kept = sorted([line for line in kept if line.split()[1] != made_by.split()[1]] + [made_by])
-    rows = [["vendor", "device", "file", "program", "kernel", *KEPT]]
-    rows += [[*key, *(str(table[key][column]) for column in KEPT)] for key in sorted(table)]
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    TABLE.write_text(HEADER + "".join(line + "\n" for line in kept) + "".join("  ".join(cell.ljust(w) for cell, w in zip(row, widths)).rstrip() + "\n" for row in rows))
+def renew(found, prefixes, maker):
+    """Writes the table with what was found for the programs of these prefixes."""
+    table = {key: kept for key, kept in read_table().items() if key[:4] not in prefixes}
+    table |= {key: figures for key, figures in found.items() if any(figures[column] for column in KEPT)}
+    vendor = maker.split()[1]
+    makers = [line for line in TABLE.read_text().splitlines() if re.match(r"# \w+: \S+\.deb", line)]
+    makers = sorted([line for line in makers if line.split()[1] != vendor] + [maker])
+    rows = [[*key, *(str(table[key][column]) for column in KEPT)] for key in sorted(table)]
+    lines = budget.aligned([["vendor", "device", "file", "program", "kernel", *KEPT], *rows], 5)
+    TABLE.write_text(HEADER + "\n".join([*makers, *lines]) + "\n")
+
+
+def compare(found):
+    """How often a kernel keeps more in memory than the table says; prints where."""
+    table, failed = read_table(), 0
+    for key, figures in found.items():
+        for column in KEPT:
+            limit = table.get(key, {}).get(column, 0)
+            if figures[column] > limit:
+                print(f"{' '.join(key)}: {column} {figures[column]}, {limit} at most")
+                failed += 1
+    return failed
 
 
 def main():
@@ -93,37 +99,25 @@ def main():
 
     def compiled(job):
         device, file, _, macros = job
-        return take(options.folder, device, expanded(f"{file}.cl", set()), macros.split())
+        return take(options.folder, device, budget.text_of(file), macros.split())
 
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
         results = list(pool.map(compiled, jobs))
-    table, failed, kernels, most = read_table(), 0, 0, 0
-    made_by = recorded(options.vendor, options.versions)
-    held = options.renew or made_by in TABLE.read_text().splitlines()
-    if not held:
-        print("another version of the compiler than that of memory.txt: what is kept in memory is not compared")
-    for (device, file, program, _), (complaints, found) in zip(jobs, results):
-        prefix = (options.vendor, device, file, program)
-        for complaint in complaints:
-            print(f"{' '.join(prefix)}: {complaint}")
-            failed += 1
-        if options.renew:
-            table = {key: kept for key, kept in table.items() if key[:4] != prefix}
-        for kernel, figures in found.items():
-            kernels += 1
-            most = max(most, figures["registers"])
-            key = (*prefix, kernel)
-            if options.renew:
-                table |= {key: figures} if any(figures[column] for column in KEPT) else {}
-                continue
-            for column in KEPT:
-                limit = table.get(key, {}).get(column, 0)
-                if held and figures[column] > limit:
-                    print(f"{' '.join(key)}: {column} {figures[column]}, {limit} at most")
-                    failed += 1
+    prefixes = [(options.vendor, *job[:3]) for job in jobs]
+    complaints = [f"{' '.join(prefix)}: {one}" for prefix, (said, _) in zip(prefixes, results) for one in said]
+    for complaint in complaints:
+        print(complaint)
+    found = {(*prefix, kernel): figures for prefix, (_, kernels) in zip(prefixes, results)
+             for kernel, figures in kernels.items()}
+    failed, maker = len(complaints), made_by(options.vendor, options.versions)
     if options.renew:
-        write_table(table, made_by)
-    print(f"{len(jobs)} programs" + (f", {kernels} kernels, {most} registers at most" if most else "") + f"; {failed} complaints")
+        renew(found, set(prefixes), maker)
+    elif maker in TABLE.read_text().splitlines():
+        failed += compare(found)
+    else:
+        print("another version of the compiler than that of memory.txt: what is kept in memory is not compared")
+    most = max((figures["registers"] for figures in found.values()), default=0)
+    print(f"{len(jobs)} programs" + (f", {len(found)} kernels, {most} registers at most" if most else "") + f"; {failed} complaints")
     return 1 if failed else 0
 
 

@@ -54,14 +54,14 @@ static int open_device(hada_cli *cli, const settings *set)
     hada_error err = {0};
     hada_context *context = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_cli_open(cli, &context, &err));
+    HADA_TRY_OR_DONE(hada_cli_open(cli, &context, &err));
     const char *shape = hada_kernel_shape_name(hada_context_shape(context));
     hada_cli_say(cli, "\nDevice %d gives the known answers; it takes kernels as %s.",
                  hada_context_device(context)->index, shape);
     json_object_set_new(cli->document, "checked", json_true());
     json_object_set_new(cli->document, "shape", json_string(shape));
     if (set->save_binaries) {
-        HADA_TRY(hada_programs_save_with(context, set->save_binaries, &cli->monitor, &err));
+        HADA_TRY_OR_DONE(hada_programs_save_with(context, set->save_binaries, &cli->monitor, &err));
         hada_cli_say(cli, "Wrote the binaries to %s; use them with --binaries %s.", set->save_binaries,
                      set->save_binaries);
         json_object_set_new(cli->document, "binaries", hada_cli_json_text(set->save_binaries));

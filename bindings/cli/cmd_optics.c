@@ -106,9 +106,9 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     set->task.threshold = set->threshold > 0 ? set->threshold : HADA_AUTO;
     set->task.monitor = &cli->monitor;
     hada_cli_pictures(cli);
-    HADA_TRY(hada_cli_make_camera(&camera, &set->camera, &err));
-    HADA_TRY(hada_cli_open(cli, &context, &err));
-    HADA_TRY(hada_optics_run(&report, context, &camera, set->output, &set->task, &err));
+    HADA_TRY_OR_DONE(hada_cli_make_camera(&camera, &set->camera, &err));
+    HADA_TRY_OR_DONE(hada_cli_open(cli, &context, &err));
+    HADA_TRY_OR_DONE(hada_optics_run(&report, context, &camera, set->output, &set->task, &err));
     tell(cli, set, &camera, report, hada_cli_seconds() - start);
 done:
     hada_optics_report_destroy(&report);

@@ -166,12 +166,12 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     set->task.window_cols = set->window[1];
     set->task.monitor = &cli->monitor;
     if (set->magnification)
-        HADA_TRY(read_magnification(set->magnification, &set->search, &err));
-    HADA_TRY(hada_dataset_scan(&data, arguments[0], &set->scan, &err));
-    HADA_TRY(hada_register_run(&report, data, &set->task, &err));
+        HADA_TRY_OR_DONE(read_magnification(set->magnification, &set->search, &err));
+    HADA_TRY_OR_DONE(hada_dataset_scan(&data, arguments[0], &set->scan, &err));
+    HADA_TRY_OR_DONE(hada_register_run(&report, data, &set->task, &err));
     report_all(cli, data, report);
     if (set->output)
-        HADA_TRY(write_registered(cli, set, data, report, &set->task, &err));
+        HADA_TRY_OR_DONE(write_registered(cli, set, data, report, &set->task, &err));
 done:
     hada_register_report_destroy(&report);
     hada_dataset_destroy(&data);

@@ -127,12 +127,12 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     const int wrong = check(cli, set, count, arguments);
     if (wrong)
         return wrong;
-    HADA_TRY(hada_cli_make_camera(&camera, &set->frame.camera, &err));
-    HADA_TRY(hada_cli_make_sensor(&sensor, &set->frame, &err));
-    HADA_TRY(fill_task(set, &sensor, &task, &err));
+    HADA_TRY_OR_DONE(hada_cli_make_camera(&camera, &set->frame.camera, &err));
+    HADA_TRY_OR_DONE(hada_cli_make_sensor(&sensor, &set->frame, &err));
+    HADA_TRY_OR_DONE(fill_task(set, &sensor, &task, &err));
     task.monitor = &cli->monitor;
-    HADA_TRY(hada_cli_open(cli, &context, &err));
-    HADA_TRY(hada_simulate_run(context, &camera, set->output, &task, &report, &err));
+    HADA_TRY_OR_DONE(hada_cli_open(cli, &context, &err));
+    HADA_TRY_OR_DONE(hada_simulate_run(context, &camera, set->output, &task, &report, &err));
     hada_cli_close(cli, &context);
     report_all(cli, set, &camera, sensor.noise, &report, hada_cli_seconds() - start);
 done:

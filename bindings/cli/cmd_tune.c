@@ -104,11 +104,9 @@ static hada_status read_nets(const settings *set, const hada_cli *cli, work *tod
 {
     static const char *const usual[2] = {"compact:512x512", "paper:256x256"};
     const int none = asks_nothing(set), count = none ? 2 : set->nets.count;
-    hada_status status = HADA_OK;
     for (int i = 0; i < count; i++)
         HADA_TRY(read_net(none ? usual[i] : set->nets.items[i], cli, todo, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* A copy of a model's net, with the size at which it runs. */
@@ -118,8 +116,8 @@ static hada_status read_enhance(const hada_model *model, work *todo, hada_error 
     job *one = &todo->jobs[todo->job_count];
     char *description = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_net_describe(hada_model_get_enhance(model), &description, err));
-    HADA_TRY(hada_net_create(&one->net, description, 1, err));
+    HADA_TRY_OR_DONE(hada_net_describe(hada_model_get_enhance(model), &description, err));
+    HADA_TRY_OR_DONE(hada_net_create(&one->net, description, 1, err));
     snprintf(one->name, sizeof one->name, "the model's net");
     one->rows = info->enhance_rows ? info->enhance_rows : info->window_rows;
     one->cols = info->enhance_cols ? info->enhance_cols : info->window_cols;
@@ -134,12 +132,12 @@ static hada_status read_model(const char *path, work *todo, hada_error *err)
 {
     hada_model *model = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_model_load(&model, path, err));
+    HADA_TRY_OR_DONE(hada_model_load(&model, path, err));
     const hada_model_info *info = hada_model_get_info(model);
     todo->sizes[todo->size_count][0] = info->grid_rows;
     todo->sizes[todo->size_count++][1] = info->grid_cols;
     if (info->enhance)
-        HADA_TRY(read_enhance(model, todo, err));
+        HADA_TRY_OR_DONE(read_enhance(model, todo, err));
 done:
     hada_model_destroy(&model);
     return status;
@@ -147,13 +145,11 @@ done:
 
 static hada_status find_work(const hada_cli *cli, const settings *set, work *todo, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(read_sizes(set, todo, err));
     HADA_TRY(read_nets(set, cli, todo, err));
     if (set->model)
         HADA_TRY(read_model(set->model, todo, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static json_t *time_json(const hada_tune_time *time)
@@ -196,8 +192,8 @@ static hada_status tune_transforms(hada_cli *cli, hada_context *context, const w
     hada_cli_progress_begin(cli, &progress, "transforms", todo->size_count);
     for (int i = 0; i < todo->size_count; i++) {
         const int rounds = todo->rounds ? todo->rounds : HADA_AUTO;
-        HADA_TRY(hada_cli_check_signals(err));
-        HADA_TRY(hada_tune_fft(context, todo->sizes[i][0], todo->sizes[i][1], rounds, &rows[i], err));
+        HADA_TRY_OR_DONE(hada_cli_check_signals(err));
+        HADA_TRY_OR_DONE(hada_tune_fft(context, todo->sizes[i][0], todo->sizes[i][1], rounds, &rows[i], err));
         if (!i)
             hada_cli_say(cli, "%-12s  %5s  %10s  %10s  %10s  %10s  %-6s  %s", "size", "batch", "own fwd", "own inv",
                          "clfft fwd", "clfft inv", "before", "chosen");
@@ -206,7 +202,7 @@ static hada_status tune_transforms(hada_cli *cli, hada_context *context, const w
         hada_cli_progress_step(cli, NULL);
     }
     if (todo->size_count)
-        HADA_TRY(hada_tune_save(context, todo->output, rows, (size_t)todo->size_count, err));
+        HADA_TRY_OR_DONE(hada_tune_save(context, todo->output, rows, (size_t)todo->size_count, err));
 done:
     hada_cli_progress_end(cli);
     return status;
@@ -239,12 +235,12 @@ static hada_status tune_net(hada_cli *cli, hada_context *context, const work *to
     const double end = hada_cli_seconds() + seconds;
     hada_status status = hada_tune_net(context, net->net, net->rows, net->cols, &rows, &count, err);
     hada_cli_progress_begin(cli, &progress, "convolutions", (int)count);
-    HADA_TRY(status);
+    HADA_TRY_OR_DONE(status);
     for (size_t i = 0; i < count; i++) {
         const double left = (end - hada_cli_seconds()) / (double)(count - i);
-        HADA_TRY(hada_cli_check_signals(err));
-        HADA_TRY(hada_tune_conv(context, &rows[i], left > LEAST_SECONDS ? left : LEAST_SECONDS, err));
-        HADA_TRY(hada_tune_save_convs(context, todo->output, &rows[i], 1, err));
+        HADA_TRY_OR_DONE(hada_cli_check_signals(err));
+        HADA_TRY_OR_DONE(hada_tune_conv(context, &rows[i], left > LEAST_SECONDS ? left : LEAST_SECONDS, err));
+        HADA_TRY_OR_DONE(hada_tune_save_convs(context, todo->output, &rows[i], 1, err));
         if (!i)
             hada_cli_say(cli, "\n%s, %d x %d pixels\n%-30s  %9s  %9s  %3s  %s", net->name, net->rows, net->cols,
                          "convolution", "before", "chosen", "of", "chosen");
@@ -273,11 +269,11 @@ static hada_status tune(hada_cli *cli, const settings *set, hada_context *contex
     hada_status status = find_work(cli, set, &todo, err);
     status = status ? status : tune_transforms(cli, context, &todo, err);
     json_object_set_new(cli->document, "convolutions", all);
-    HADA_TRY(status);
+    HADA_TRY_OR_DONE(status);
     const double end = hada_cli_seconds() + set->seconds;
     for (int i = 0; i < todo.job_count; i++) {
         const double left = (end - hada_cli_seconds()) / (todo.job_count - i);
-        HADA_TRY(tune_net(cli, context, &todo, &todo.jobs[i], left, all, err));
+        HADA_TRY_OR_DONE(tune_net(cli, context, &todo, &todo.jobs[i], left, all, err));
     }
     hada_cli_say(cli,
                  "\nMilliseconds, medians: transforms of a batch, convolutions of one image. Wrote %s; it serves where "
@@ -310,8 +306,8 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     if (!(set->seconds > 0))
         return hada_cli_usage(cli, "--seconds is a time above 0");
     hada_status status = HADA_OK;
-    HADA_TRY(hada_cli_open(cli, &context, &err));
-    HADA_TRY(tune(cli, set, context, &err));
+    HADA_TRY_OR_DONE(hada_cli_open(cli, &context, &err));
+    HADA_TRY_OR_DONE(tune(cli, set, context, &err));
 done:
     hada_cli_close(cli, &context);
     return status ? hada_cli_fail(cli, &err) : HADA_EXIT_OK;

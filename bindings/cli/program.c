@@ -35,15 +35,13 @@ static int print_manual(const char *name)
 static hada_status set_limits(const hada_cli *cli, hada_error *err)
 {
     hada_limits limits;
-    hada_status status = HADA_OK;
     hada_limits_init(&limits);
     HADA_TRY(hada_limits_get(&limits, err));
     if (cli->common->limits) {
         HADA_TRY(hada_limits_parse(&limits, cli->common->limits, err));
         HADA_TRY(hada_limits_set(&limits, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Commands that ranks share; the first of them speaks, and those that fail alone. */

@@ -147,7 +147,6 @@ hada_status hada_classic_note(const hada_context *context, const hada_classic_sh
 {
     size_t bytes[HADA_CLASSIC_PARTS];
     hada_fft_desc plans[PLANS];
-    hada_status status = HADA_OK;
     const int count = list_plans(context, shape, plans);
     sizes_of(context, shape, bytes);
     hada_scratch_steps(scratch, first, last);
@@ -158,8 +157,7 @@ hada_status hada_classic_note(const hada_context *context, const hada_classic_sh
         if (bytes[i])
             HADA_TRY(hada_scratch_note(scratch, bytes[i], what, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Everything that a method keeps, on the host and on the device. */
@@ -170,10 +168,9 @@ static hada_status allocate(hada_classic *classic, hada_scratch *scratch, hada_e
                                     &classic->frame_inverse};
     hada_fft_desc plans[PLANS];
     const int count = list_plans(slot->context, &classic->shape, plans);
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&classic->sums, classic->bytes[HADA_CLASSIC_PARTIAL] / sizeof(float), sizeof(float),
-                        what, err));
-    HADA_TRY(hada_alloc((void **)&classic->table, classic->bytes[HADA_CLASSIC_TABLE] + 1, 1, what, err));
+    HADA_TRY(hada_allocated(
+        classic->sums = hada_alloc(classic->bytes[HADA_CLASSIC_PARTIAL] / sizeof(float), sizeof(float), what, err)));
+    HADA_TRY(hada_allocated(classic->table = hada_alloc(classic->bytes[HADA_CLASSIC_TABLE] + 1, 1, what, err)));
     if (classic->fuses)
         HADA_TRY(hada_fft_fused_make(&classic->fused, slot, classic->shape.grid_rows, classic->shape.grid_cols, err));
     for (int i = 0; i < count; i++)
@@ -181,8 +178,7 @@ static hada_status allocate(hada_classic *classic, hada_scratch *scratch, hada_e
     for (int i = 0; i < HADA_CLASSIC_PARTS; i++)
         if (classic->bytes[i])
             HADA_TRY(hada_scratch_take(&classic->part[i], slot->context, scratch, classic->bytes[i], what, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_classic_create(hada_classic **out, hada_slot *slot, hada_scratch *scratch,
@@ -192,7 +188,7 @@ hada_status hada_classic_create(hada_classic **out, hada_slot *slot, hada_scratc
     hada_classic *classic = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY(hada_alloc((void **)&classic, 1, sizeof *classic, what, err));
+    HADA_TRY_OR_DONE(hada_allocated(classic = hada_alloc(1, sizeof *classic, what, err)));
     classic->slot = slot;
     classic->shape = *shape;
     classic->layout = hada_fft_layout(slot->context, shape->grid_rows, shape->grid_cols, HADA_FFT_AUTO);
@@ -204,9 +200,9 @@ hada_status hada_classic_create(hada_classic **out, hada_slot *slot, hada_scratc
     classic->has_frame = has_frame(shape);
     classic->fuses = fuses(slot->context, shape);
     sizes_of(slot->context, shape, classic->bytes);
-    HADA_TRY(allocate(classic, scratch, err));
+    HADA_TRY_OR_DONE(allocate(classic, scratch, err));
     if (classic->fuses)
-        HADA_TRY(hada_classic_check(classic, err));
+        HADA_TRY_OR_DONE(hada_classic_check(classic, err));
     *out = classic;
 done:
     if (status)

@@ -45,7 +45,6 @@ static hada_status split(hada_classic *classic, hada_error *err)
                                             tv ? (float)(hada_classic_prior_weight(classic) / mu2(classic)) : 0.0f};
     const hada_range range = hada_classic_band_range(classic);
     const double all = (double)classic->plane.pixels * classic->planes;
-    hada_status status = HADA_OK;
     hada_slot_cost(classic->slot, (tv ? 36.0 : 20.0) * all, (tv ? 40.0 : 12.0) * all);
     HADA_TRY(hada_launch_classic_split(
         classic->slot, hada_program_classic_split_of(classic->slot), &range, err,
@@ -56,13 +55,11 @@ static hada_status split(hada_classic *classic, hada_error *err)
         .splits = splits, .partial = classic->part[HADA_CLASSIC_PARTIAL].mem));
     if (tv)
         hada_classic_swap(classic, HADA_CLASSIC_TV_DUAL, HADA_CLASSIC_TV_DUAL_NEXT);
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_classic_admm_step(hada_classic *classic, int number, int wanted, double sums[2], hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(split(classic, err));
     if (wanted && number)
         HADA_TRY(hada_classic_sums(classic, hada_classic_band_count(classic), 2, sums, err));
@@ -77,6 +74,5 @@ hada_status hada_classic_admm_step(hada_classic *classic, int number, int wanted
     HADA_TRY(hada_classic_solve(classic, number == 0, mu1(classic), mu2(classic), mu3(classic), err));
     HADA_TRY(hada_classic_inverse(classic, HADA_CLASSIC_PREVIOUS, err));
     hada_classic_swap(classic, HADA_CLASSIC_PRIMAL, HADA_CLASSIC_PREVIOUS);
-done:
-    return status;
+    return HADA_OK;
 }

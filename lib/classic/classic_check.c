@@ -96,7 +96,6 @@ static hada_status run(trial *t, double *error, hada_error *err)
     hada_buffer *prediction = &classic->part[HADA_CLASSIC_PREDICTION], *list = &classic->part[HADA_CLASSIC_LIST];
     const size_t plane_bytes = t->plane_floats * sizeof(float), frame_bytes = t->frame_floats * sizeof(float);
     const cl_int depths[2] = {0, 0};
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_write(start, classic->slot, 0, t->planes, plane_bytes, err));
     HADA_TRY(hada_buffer_write(list, classic->slot, 0, depths, (size_t)classic->job->depths * sizeof *depths, err));
     HADA_TRY(hada_classic_predict(classic, HADA_CLASSIC_EXTRAPOLATED, err));
@@ -106,8 +105,7 @@ static hada_status run(trial *t, double *error, hada_error *err)
     HADA_TRY(hada_classic_transpose(classic, HADA_CLASSIC_EXTRAPOLATED, err));
     HADA_TRY(hada_buffer_read(start, classic->slot, 0, t->planes, plane_bytes, err));
     *error = fmax(*error, compare(t, t->planes, t->frames, 1));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_classic_check(hada_classic *classic, hada_error *err)
@@ -123,20 +121,20 @@ hada_status hada_classic_check(hada_classic *classic, hada_error *err)
     hada_status status = HADA_OK;
     classic->job = &job;
     classic->planes = depths * (int)channels;
-    HADA_TRY(hada_alloc((void **)&t.values, otf, sizeof(float), what, err));
-    HADA_TRY(hada_alloc((void **)&t.planes, t.plane_floats, sizeof(float), what, err));
-    HADA_TRY(hada_alloc((void **)&t.frames, t.frame_floats, sizeof(float), what, err));
+    HADA_TRY_OR_DONE(hada_allocated(t.values = hada_alloc(otf, sizeof(float), what, err)));
+    HADA_TRY_OR_DONE(hada_allocated(t.planes = hada_alloc(t.plane_floats, sizeof(float), what, err)));
+    HADA_TRY_OR_DONE(hada_allocated(t.frames = hada_alloc(t.frame_floats, sizeof(float), what, err)));
     make_otf(&t);
-    HADA_TRY(hada_buffer_create_from(&t.otf, classic->slot, t.values, otf * sizeof(float), what, err));
+    HADA_TRY_OR_DONE(hada_buffer_create_from(&t.otf, classic->slot, t.values, otf * sizeof(float), what, err));
     data.otf = t.otf.mem;
     make_points(&t);
-    HADA_TRY(run(&t, &error, err));
+    HADA_TRY_OR_DONE(run(&t, &error, err));
     if (!(error <= allowed * t.scale))
-        HADA_TRY(hada_fail(err, HADA_ERROR_SELF_TEST,
-                           "the fused transforms of %d x %d give wrong results on %s (error %.1e where %.0e is "
-                           "allowed): choose clFFT for them in the tuning file, or another device",
-                           classic->layout.rows, classic->layout.cols, classic->slot->context->info.name,
-                           error / t.scale, allowed));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_SELF_TEST,
+                                   "the fused transforms of %d x %d give wrong results on %s (error %.1e where %.0e is "
+                                   "allowed): choose clFFT for them in the tuning file, or another device",
+                                   classic->layout.rows, classic->layout.cols, classic->slot->context->info.name,
+                                   error / t.scale, allowed));
 done:
     classic->job = NULL;
     hada_slot_finish(classic->slot, NULL);

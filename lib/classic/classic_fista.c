@@ -17,13 +17,10 @@ static double nesterov(double *t)
 /* The first start is 0, and so are its half spectra. */
 hada_status hada_classic_fista_begin(hada_classic *classic, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_classic_clear(classic, HADA_CLASSIC_SPECTRA, err));
     for (int c = 0; c < classic->shape.place.channels; c++)
         classic->table[c] = (float)(classic->shape.options.step / classic->job->camera->largest[c]);
-    HADA_TRY(hada_classic_write_table(classic, err));
-done:
-    return status;
+    return hada_classic_write_table(classic, err);
 }
 
 static double pixels_of(const hada_classic *classic)
@@ -34,7 +31,6 @@ static double pixels_of(const hada_classic *classic)
 /* HADA_CLASSIC_GRADIENT = transpose of what EXTRAPOLATED leaves of the frame. */
 static hada_status gradient(hada_classic *classic, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (classic->has_frame) {
         HADA_TRY(hada_classic_predict(classic, HADA_CLASSIC_EXTRAPOLATED, err));
         HADA_TRY(hada_classic_data_step(classic, HADA_CLASSIC_RESIDUAL, 0.0, 1, err));
@@ -42,9 +38,7 @@ static hada_status gradient(hada_classic *classic, hada_error *err)
         HADA_TRY(hada_classic_forward(classic, HADA_CLASSIC_EXTRAPOLATED, err));
         HADA_TRY(hada_classic_project(classic, 1, err));
     }
-    HADA_TRY(hada_classic_transpose(classic, HADA_CLASSIC_GRADIENT, err));
-done:
-    return status;
+    return hada_classic_transpose(classic, HADA_CLASSIC_GRADIENT, err);
 }
 
 static hada_status descend(hada_classic *classic, hada_error *err)
@@ -97,7 +91,6 @@ static hada_status tv_duals(hada_classic *classic, double beta, hada_error *err)
 static hada_status total_variation(hada_classic *classic, hada_error *err)
 {
     double t = 1.0;
-    hada_status status = HADA_OK;
     const cl_int code = clEnqueueCopyBuffer(
         classic->slot->queue, classic->part[HADA_CLASSIC_TV_DUAL].mem, classic->part[HADA_CLASSIC_TV_DUAL_NEXT].mem, 0,
         0, classic->bytes[HADA_CLASSIC_TV_DUAL], 0, NULL, hada_slot_event(classic->slot));
@@ -108,9 +101,7 @@ static hada_status total_variation(hada_classic *classic, hada_error *err)
         HADA_TRY(tv_planes(classic, HADA_CLASSIC_TV_DUAL_NEXT, err));
         HADA_TRY(tv_duals(classic, nesterov(&t), err));
     }
-    HADA_TRY(tv_planes(classic, HADA_CLASSIC_TV_DUAL, err));
-done:
-    return status;
+    return tv_planes(classic, HADA_CLASSIC_TV_DUAL, err);
 }
 
 /* Where level `number` of the pyramid stands: 0 is the image itself. */
@@ -155,27 +146,23 @@ static hada_status haar_up(hada_classic *classic, int number, hada_error *err)
 static hada_status wavelets(hada_classic *classic, hada_error *err)
 {
     const int levels = classic->shape.options.levels;
-    hada_status status = HADA_OK;
     for (int level = 0; level + 1 < levels; level++)
         HADA_TRY(haar_down(classic, level, err));
     for (int level = levels - 1; level >= 0; level--)
         HADA_TRY(haar_up(classic, level, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Without a prior every part of a step is fused, and leaves the half spectra of the next start. */
 static hada_status fused_step(hada_classic *classic, double beta, int wanted, double sums[2], hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_classic_fused_columns(classic, 0, err));
     HADA_TRY(hada_classic_data_step(classic, HADA_CLASSIC_RESIDUAL, 0.0, 1, err));
     HADA_TRY(hada_classic_fused_columns(classic, 1, err));
     HADA_TRY(hada_classic_fused_momentum(classic, beta, err));
     if (wanted)
         HADA_TRY(hada_classic_sums(classic, hada_classic_task_count(classic), 2, sums, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_classic_fista_step(hada_classic *classic, int number, int wanted, double sums[2], hada_error *err)
@@ -185,7 +172,6 @@ hada_status hada_classic_fista_step(hada_classic *classic, int number, int wante
                                    : prior == HADA_PRIOR_TV ? HADA_CLASSIC_PROXIMAL
                                                             : HADA_CLASSIC_PYRAMID;
     const double beta = nesterov(&classic->momentum);
-    hada_status status = HADA_OK;
     (void)number;
     if (classic->fuses && prior == HADA_PRIOR_NONE)
         return fused_step(classic, beta, wanted, sums, err);
@@ -197,6 +183,5 @@ hada_status hada_classic_fista_step(hada_classic *classic, int number, int wante
     HADA_TRY(momentum(classic, from, prior == HADA_PRIOR_NONE, beta, err));
     if (wanted)
         HADA_TRY(hada_classic_sums(classic, hada_classic_slice_count(classic), 2, sums, err));
-done:
-    return status;
+    return HADA_OK;
 }

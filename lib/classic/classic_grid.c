@@ -119,7 +119,6 @@ static hada_status widen_by_image(hada_psf_reader *reader, int depth, int channe
                                   hada_error *err)
 {
     double cut = 1.0;
-    hada_status status = HADA_OK;
     for (double limit = small_value; cut > negligible * reader->largest; limit /= 4.0) {
         float largest = 0.0f;
         HADA_TRY(hada_psf_read(reader, depth, channel, err));
@@ -132,8 +131,7 @@ static hada_status widen_by_image(hada_psf_reader *reader, int depth, int channe
         keep_cut(reader->psf, rows, cols);
         HADA_TRY(hada_psf_largest(reader, &cut, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_classic_fit_grid(hada_classic_shape *shape, hada_context *context, const hada_model *model,
@@ -152,12 +150,12 @@ hada_status hada_classic_fit_grid(hada_classic_shape *shape, hada_context *conte
         small = 0;
     if (!small)
         goto done;
-    HADA_TRY(hada_alloc((void **)&rows.state, (size_t)rows.grid, 1, "a plan", err));
-    HADA_TRY(hada_alloc((void **)&cols.state, (size_t)cols.grid, 1, "a plan", err));
-    HADA_TRY(hada_psf_reader_open(&reader, context, model, method == HADA_METHOD_RL, err));
+    HADA_TRY_OR_DONE(hada_allocated(rows.state = hada_alloc((size_t)rows.grid, 1, "a plan", err)));
+    HADA_TRY_OR_DONE(hada_allocated(cols.state = hada_alloc((size_t)cols.grid, 1, "a plan", err)));
+    HADA_TRY_OR_DONE(hada_psf_reader_open(&reader, context, model, method == HADA_METHOD_RL, err));
     for (int i = 0; small && i < count * channels; i++)
-        HADA_TRY(widen_by_image(&reader, depths ? depths[i / channels] : i / channels, i % channels, &rows, &cols,
-                                &small, err));
+        HADA_TRY_OR_DONE(widen_by_image(&reader, depths ? depths[i / channels] : i / channels, i % channels, &rows,
+                                        &cols, &small, err));
     if (small && rows.first <= rows.last) {
         shape->grid_rows = size_for(&rows);
         shape->grid_cols = size_for(&cols);
@@ -214,18 +212,20 @@ static hada_status transform_all(hada_buffer *out, hada_psf_reader *reader, cons
     hada_buffer image = {0};
     float *psf = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_fft_create(&forward, reader->slot, &desc, err));
-    HADA_TRY(hada_buffer_create(&image, reader->slot->context, pixels * sizeof *psf, "a point spread function", err));
-    HADA_TRY(hada_alloc_raw((void **)&psf, pixels, sizeof *psf, "a point spread function", err));
+    HADA_TRY_OR_DONE(hada_fft_create(&forward, reader->slot, &desc, err));
+    HADA_TRY_OR_DONE(
+        hada_buffer_create(&image, reader->slot->context, pixels * sizeof *psf, "a point spread function", err));
+    HADA_TRY_OR_DONE(hada_allocated(psf = hada_alloc_raw(pixels, sizeof *psf, "a point spread function", err)));
     for (int i = 0; i < count * channels; i++) {
         const size_t at = (size_t)i * hada_fft_plan_layout(forward)->count;
-        HADA_TRY(hada_psf_read(reader, depths ? depths[i / channels] : i / channels, i % channels, err));
+        HADA_TRY_OR_DONE(hada_psf_read(reader, depths ? depths[i / channels] : i / channels, i % channels, err));
         if (shape->reach.rows)
             place_on_grid(shape, reader->psf, psf);
-        HADA_TRY(hada_buffer_write(&image, reader->slot, 0, shape->reach.rows ? psf : reader->psf, image.bytes, err));
-        HADA_TRY(hada_fft_forward(forward, 1, image.mem, 0, out->mem, at, err));
+        HADA_TRY_OR_DONE(
+            hada_buffer_write(&image, reader->slot, 0, shape->reach.rows ? psf : reader->psf, image.bytes, err));
+        HADA_TRY_OR_DONE(hada_fft_forward(forward, 1, image.mem, 0, out->mem, at, err));
     }
-    HADA_TRY(hada_slot_finish(reader->slot, err)); /* other queues read what this one wrote */
+    HADA_TRY_OR_DONE(hada_slot_finish(reader->slot, err)); /* other queues read what this one wrote */
 done:
     if (status)
         hada_slot_finish(reader->slot, NULL);
@@ -240,10 +240,10 @@ hada_status hada_classic_optics(hada_buffer *out, hada_context *context, const h
 {
     hada_psf_reader reader = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_buffer_create(out, context, (size_t)hada_classic_optics_bytes(context, shape, count),
-                                "the transfer functions", err));
-    HADA_TRY(hada_psf_reader_open(&reader, context, model, shape->options.method == HADA_METHOD_RL, err));
-    HADA_TRY(transform_all(out, &reader, shape, depths, count, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(out, context, (size_t)hada_classic_optics_bytes(context, shape, count),
+                                        "the transfer functions", err));
+    HADA_TRY_OR_DONE(hada_psf_reader_open(&reader, context, model, shape->options.method == HADA_METHOD_RL, err));
+    HADA_TRY_OR_DONE(transform_all(out, &reader, shape, depths, count, err));
 done:
     hada_psf_reader_close(&reader);
     if (status)

@@ -28,16 +28,13 @@ static hada_status fill(hada_classic *classic, hada_classic_part part, double nu
 hada_status hada_classic_rl_begin(hada_classic *classic, hada_error *err)
 {
     const double flat = classic->job->brightness / sqrt(classic->job->camera->gain);
-    hada_status status = HADA_OK;
     HADA_TRY(fill(classic, HADA_CLASSIC_PREDICTION, 1.0, err));
     HADA_TRY(classic->fuses ? hada_classic_fused_frame(classic, 0, 1, HADA_CLASSIC_NO_STEP, 0.0, err)
                             : hada_classic_frame_forward(classic, HADA_CLASSIC_PROJECTION, err));
     HADA_TRY(hada_classic_transpose(classic, HADA_CLASSIC_NORM, err));
     HADA_TRY(fill(classic, HADA_CLASSIC_EXTRAPOLATED, flat, err));
     HADA_TRY(fill(classic, HADA_CLASSIC_PREVIOUS, flat, err));
-    HADA_TRY(hada_classic_clear(classic, HADA_CLASSIC_PREDICTION, err));
-done:
-    return status;
+    return hada_classic_clear(classic, HADA_CLASSIC_PREDICTION, err);
 }
 
 static hada_status multiplicative_step(hada_classic *classic, hada_error *err)
@@ -74,7 +71,6 @@ hada_status hada_classic_rl_step(hada_classic *classic, int number, int wanted, 
     const int accelerate = classic->shape.options.accelerate;
     const double least = fmax(least_prediction * classic->job->brightness, 1e-30);
     double all[4] = {0}, factor = 0.0;
-    hada_status status = HADA_OK;
     if (number)
         hada_classic_swap(classic, HADA_CLASSIC_PRIMAL, HADA_CLASSIC_PREVIOUS);
     HADA_TRY(hada_classic_predict(classic, HADA_CLASSIC_EXTRAPOLATED, err));
@@ -89,7 +85,5 @@ hada_status hada_classic_rl_step(hada_classic *classic, int number, int wanted, 
         sums[0] = all[2];
         sums[1] = all[3];
     }
-    HADA_TRY(extrapolate(classic, factor, err));
-done:
-    return status;
+    return extrapolate(classic, factor, err);
 }

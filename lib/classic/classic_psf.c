@@ -59,13 +59,15 @@ hada_status hada_psf_reader_open(hada_psf_reader *reader, hada_context *context,
     reader->pixels = (size_t)info->grid_rows * (size_t)info->grid_cols;
     const hada_fft_desc inverse = describe(reader, HADA_FFT_INVERSE), forward = describe(reader, HADA_FFT_FORWARD);
     hada_status status = HADA_OK;
-    HADA_TRY(hada_slot_create(&reader->slot, context, err));
-    HADA_TRY(hada_fft_create(&reader->inverse, reader->slot, &inverse, err));
-    HADA_TRY(hada_fft_create(&reader->forward, reader->slot, &forward, err));
-    HADA_TRY(hada_buffer_create(&reader->image, context, reader->pixels * sizeof(float), what, err));
-    HADA_TRY(hada_buffer_create(&reader->spectrum, context, reader->layout.count * 2 * sizeof(float), what, err));
-    HADA_TRY(hada_alloc_raw((void **)&reader->psf, reader->pixels, sizeof(float), what, err));
-    HADA_TRY(hada_alloc_raw((void **)&reader->values, reader->layout.count, 2 * sizeof(float), what, err));
+    HADA_TRY_OR_DONE(hada_slot_create(&reader->slot, context, err));
+    HADA_TRY_OR_DONE(hada_fft_create(&reader->inverse, reader->slot, &inverse, err));
+    HADA_TRY_OR_DONE(hada_fft_create(&reader->forward, reader->slot, &forward, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&reader->image, context, reader->pixels * sizeof(float), what, err));
+    HADA_TRY_OR_DONE(
+        hada_buffer_create(&reader->spectrum, context, reader->layout.count * 2 * sizeof(float), what, err));
+    HADA_TRY_OR_DONE(hada_allocated(reader->psf = hada_alloc_raw(reader->pixels, sizeof(float), what, err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(reader->values = hada_alloc_raw(reader->layout.count, 2 * sizeof(float), what, err)));
 done:
     if (status)
         hada_psf_reader_close(reader);
@@ -105,7 +107,6 @@ hada_status hada_psf_read(hada_psf_reader *reader, int depth, int channel, hada_
     const hada_model_info *info = hada_model_get_info(reader->model);
     const size_t plane = hada_model_plane(reader->model);
     const float *otf = reader->model->otf + ((size_t)depth * (size_t)info->channels + (size_t)channel) * plane * 2;
-    hada_status status = HADA_OK;
     if (!is_finite(otf, 2 * plane))
         return hada_fail(err, HADA_ERROR_MODEL,
                          "%s: the transfer function of depth %d holds values that are not finite; the model is "
@@ -121,14 +122,12 @@ hada_status hada_psf_read(hada_psf_reader *reader, int depth, int channel, hada_
     HADA_TRY(hada_buffer_read(&reader->image, reader->slot, 0, reader->psf, reader->image.bytes, err));
     if (reader->positive)
         make_positive(reader->psf, reader->pixels);
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_psf_largest(hada_psf_reader *reader, double *largest, hada_error *err)
 {
     const hada_spectrum_layout *layout = &reader->layout;
-    hada_status status = HADA_OK;
     *largest = 0.0;
     HADA_TRY(hada_buffer_write(&reader->image, reader->slot, 0, reader->psf, reader->image.bytes, err));
     HADA_TRY(hada_fft_forward(reader->forward, 1, reader->image.mem, 0, reader->spectrum.mem, 0, err));
@@ -137,6 +136,5 @@ hada_status hada_psf_largest(hada_psf_reader *reader, double *largest, hada_erro
         for (int kx = 0; kx <= layout->cols / 2; kx++)
             *largest = fmax(*largest, square_of(reader->values + 2 * hada_spectrum_index(layout, ky, kx)));
     *largest = sqrt(*largest);
-done:
-    return status;
+    return HADA_OK;
 }

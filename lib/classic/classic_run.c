@@ -32,18 +32,15 @@ static hada_status check_job(const hada_classic *classic, const hada_classic_job
 /* Memory that other parts of a slot used meanwhile is cleared; some buffers are written anyway before they are read. */
 static hada_status clear(hada_classic *classic, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int i = 0; i < HADA_CLASSIC_PARTS; i++)
         if (i != HADA_CLASSIC_LIST && i != HADA_CLASSIC_WINDOW && i != HADA_CLASSIC_TABLE &&
             i != HADA_CLASSIC_SPECTRA && i != HADA_CLASSIC_FRAME)
             HADA_TRY(hada_classic_clear(classic, (hada_classic_part)i, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status begin(hada_classic *classic, const hada_classic_job *job, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(check_job(classic, job, err));
     classic->job = job;
     classic->planes = job->depths * classic->shape.place.channels;
@@ -53,20 +50,16 @@ static hada_status begin(hada_classic *classic, const hada_classic_job *job, had
                                (size_t)job->depths * sizeof(cl_int), err));
     if (classic->bytes[HADA_CLASSIC_FRAME])
         HADA_TRY(hada_classic_load_frame(classic, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status wiener(hada_classic *classic, hada_error *err)
 {
     const double noise = classic->shape.options.lambda * classic->job->camera->mean_square;
-    hada_status status = HADA_OK;
     hada_classic_gradient_power(classic, 1);
     HADA_TRY(hada_classic_write_table(classic, err));
     HADA_TRY(hada_classic_solve(classic, 1, 1.0, 0.0, noise, err));
-    HADA_TRY(hada_classic_inverse(classic, HADA_CLASSIC_PRIMAL, err));
-done:
-    return status;
+    return hada_classic_inverse(classic, HADA_CLASSIC_PRIMAL, err);
 }
 
 /* Until the relative change was small twice running, or a limit is reached. */
@@ -77,7 +70,6 @@ static hada_status iterate(hada_classic *classic, int *count, hada_error *err)
     const hada_classic_job *job = classic->job;
     const double start = hada_seconds();
     int settled = 0;
-    hada_status status = HADA_OK;
     HADA_TRY(m->begin(classic, err));
     while (*count < o->iterations && settled < 2) {
         double sums[2] = {1.0, 1.0};
@@ -91,20 +83,16 @@ static hada_status iterate(hada_classic *classic, int *count, hada_error *err)
         if (job->progress && *count % QUEUED == 0)
             job->progress(job->user, *count);
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_classic_run(hada_classic *classic, const hada_classic_job *job, hada_classic_result *result,
                              hada_error *err)
 {
-    hada_status status = HADA_OK;
     *result = (hada_classic_result){0};
     HADA_TRY(begin(classic, job, err));
     HADA_TRY(classic->shape.options.method == HADA_METHOD_WIENER ? wiener(classic, err)
                                                                  : iterate(classic, &result->iterations, err));
     HADA_TRY(hada_classic_crop(classic, err));
-    HADA_TRY(hada_classic_energy(classic, &result->energy, err));
-done:
-    return status;
+    return hada_classic_energy(classic, &result->energy, err);
 }

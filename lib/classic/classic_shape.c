@@ -64,7 +64,6 @@ hada_status hada_classic_shape_of(const hada_model_info *info, int depths, const
                                   hada_classic_shape *shape, hada_error *err)
 {
     hada_classic_options *o = &shape->options;
-    hada_status status = HADA_OK;
     HADA_TRY(check_options(options, err));
     if (!info->has_otf)
         return hada_fail(err, HADA_ERROR_MODEL,
@@ -87,8 +86,7 @@ hada_status hada_classic_shape_of(const hada_model_info *info, int depths, const
     shape->grid_rows = info->grid_rows;
     shape->grid_cols = info->grid_cols;
     shape->reach = (hada_refine_rect){0};
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_refine_rect at_top_left(const hada_refine_rect *rect)
@@ -138,8 +136,7 @@ hada_status hada_classic_camera_of(hada_classic_camera *camera, const hada_model
                                    hada_error *err)
 {
     const int channels = model->info.channels;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&camera->largest, (size_t)channels, sizeof(double), "a plan", err));
+    HADA_TRY(hada_allocated(camera->largest = hada_alloc((size_t)channels, sizeof(double), "a plan", err)));
     camera->gain = hada_model_gain(model);
     camera->mean_square = 0.0;
     for (int c = 0; c < channels; c++) {
@@ -150,8 +147,7 @@ hada_status hada_classic_camera_of(hada_classic_camera *camera, const hada_model
     for (int c = 0; c < channels; c++)
         if (!(camera->largest[c] > 0.0))
             return hada_fail(err, HADA_ERROR_MODEL, "the model's transfer functions are 0 in channel %d", c + 1);
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_classic_camera_free(hada_classic_camera *camera)

@@ -27,7 +27,6 @@ hada_status hada_classic_write_table(hada_classic *classic, hada_error *err)
 static hada_status transform(hada_classic *classic, hada_fft *plan, int forward, int images, hada_classic_part real,
                              size_t distance, hada_classic_part spectrum, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const cl_mem image = classic->part[real].mem, spectra = classic->part[spectrum].mem;
     for (int first = 0; first < images; first += HADA_CLASSIC_BATCH) {
         const int batch = images - first < HADA_CLASSIC_BATCH ? images - first : HADA_CLASSIC_BATCH;
@@ -35,8 +34,7 @@ static hada_status transform(hada_classic *classic, hada_fft *plan, int forward,
         HADA_TRY(forward ? hada_fft_forward(plan, batch, image, real_at, spectra, at, err)
                          : hada_fft_inverse(plan, batch, spectra, at, image, real_at, NULL, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_classic_forward(hada_classic *classic, hada_classic_part planes, hada_error *err)
@@ -166,7 +164,6 @@ hada_status hada_classic_step_pixels(hada_classic *classic, hada_classic_pixel_s
 
 hada_status hada_classic_predict(hada_classic *classic, hada_classic_part planes, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (classic->fuses) {
         HADA_TRY(hada_classic_fused_planes(classic, planes, 1, err));
         HADA_TRY(hada_classic_fused_columns(classic, 0, err));
@@ -174,27 +171,23 @@ hada_status hada_classic_predict(hada_classic *classic, hada_classic_part planes
         HADA_TRY(hada_classic_forward(classic, planes, err));
         HADA_TRY(hada_classic_project(classic, 0, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_classic_data_step(hada_classic *classic, hada_classic_pixel_step step, double number, int forward,
                                    hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (classic->fuses)
         return hada_classic_fused_frame(classic, 1, forward, step, number, err);
     HADA_TRY(hada_classic_frame_inverse(classic, err));
     HADA_TRY(hada_classic_step_pixels(classic, step, number, err));
     if (forward)
         HADA_TRY(hada_classic_frame_forward(classic, HADA_CLASSIC_PROJECTION, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_classic_transpose(hada_classic *classic, hada_classic_part planes, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (classic->fuses) {
         HADA_TRY(hada_classic_fused_columns(classic, 1, err));
         HADA_TRY(hada_classic_fused_planes(classic, planes, 0, err));
@@ -202,8 +195,7 @@ hada_status hada_classic_transpose(hada_classic *classic, hada_classic_part plan
         HADA_TRY(project_transpose(classic, err));
         HADA_TRY(hada_classic_inverse(classic, planes, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_classic_load_frame(hada_classic *classic, hada_error *err)
@@ -258,7 +250,6 @@ hada_range hada_classic_slice_range(const hada_classic *classic)
 /* Each sum over `each` partial ones, in order and in double. */
 static hada_status add_up(hada_classic *classic, size_t each, int count, double *sums, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_read(&classic->part[HADA_CLASSIC_PARTIAL], classic->slot, 0, classic->sums,
                               each * (size_t)count * sizeof(float), err));
     for (int k = 0; k < count; k++) {
@@ -266,8 +257,7 @@ static hada_status add_up(hada_classic *classic, size_t each, int count, double 
         for (size_t i = 0; i < each; i++)
             sums[k] += classic->sums[(size_t)k * each + i];
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_classic_sums(hada_classic *classic, size_t each, int count, double *sums, hada_error *err)
@@ -293,19 +283,16 @@ hada_status hada_classic_crop(hada_classic *classic, hada_error *err)
 static hada_status spectral_energy(hada_classic *classic, double *energy, hada_error *err)
 {
     const size_t channels = (size_t)classic->shape.place.channels;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_classic_forward(classic, HADA_CLASSIC_PRIMAL, err));
     HADA_TRY(hada_classic_project(classic, 1, err));
     HADA_TRY(add_up(classic, channels * spectrum_slices(classic), 1, energy, err));
     *energy /= (double)classic->layout.rows * classic->layout.cols;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_classic_energy(hada_classic *classic, double *energy, hada_error *err)
 {
     const hada_range range = frame_range(classic);
-    hada_status status = HADA_OK;
     if (!classic->has_frame)
         return spectral_energy(classic, energy, err);
     HADA_TRY(hada_classic_predict(classic, HADA_CLASSIC_PRIMAL, err));
@@ -314,9 +301,7 @@ hada_status hada_classic_energy(hada_classic *classic, double *energy, hada_erro
                                         .images = classic->part[HADA_CLASSIC_PREDICTION].mem,
                                         .slices = frame_slices(classic),
                                         .partial = classic->part[HADA_CLASSIC_PARTIAL].mem));
-    HADA_TRY(add_up(classic, (size_t)classic->shape.place.channels * frame_slice_count(classic), 1, energy, err));
-done:
-    return status;
+    return add_up(classic, (size_t)classic->shape.place.channels * frame_slice_count(classic), 1, energy, err);
 }
 
 void hada_classic_gradient_power(hada_classic *classic, int zero)

@@ -9,29 +9,29 @@ size_t hada_size_product(size_t count, size_t size)
     return size && count > SIZE_MAX / size ? SIZE_MAX : count * size;
 }
 
-static hada_status no_memory(size_t bytes, const char *what, hada_error *err)
+static void *no_memory(size_t bytes, const char *what, hada_error *err)
 {
-    return hada_fail(err, HADA_ERROR_MEMORY,
-                     "no memory for %s (%.1f MiB); close other programs or work on smaller frames", what,
-                     (double)bytes / (1024.0 * 1024.0));
+    hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s (%.1f MiB); close other programs or work on smaller frames",
+              what, (double)bytes / (1024.0 * 1024.0));
+    return NULL;
 }
 
-hada_status hada_alloc(void **out, size_t count, size_t size, const char *what, hada_error *err)
+void *hada_alloc(size_t count, size_t size, const char *what, hada_error *err)
 {
-    size_t bytes = hada_size_product(count, size);
-    *out = bytes > SIZE_MAX / 2 ? NULL : calloc(bytes ? bytes : 1, 1);
-    return *out ? HADA_OK : no_memory(bytes, what, err);
+    const size_t bytes = hada_size_product(count, size);
+    void *out = bytes > SIZE_MAX / 2 ? NULL : calloc(bytes ? bytes : 1, 1);
+    return out ? out : no_memory(bytes, what, err);
 }
 
-hada_status hada_alloc_raw(void **out, size_t count, size_t size, const char *what, hada_error *err)
+void *hada_alloc_raw(size_t count, size_t size, const char *what, hada_error *err)
 {
-    size_t bytes = hada_size_product(count, size);
-    *out = NULL;
+    const size_t bytes = hada_size_product(count, size);
+    void *out = NULL;
     if (bytes <= SIZE_MAX / 2) {
-        size_t whole = (bytes + 63) / 64 * 64;
-        *out = aligned_alloc(64, whole ? whole : 64);
+        const size_t whole = (bytes + 63) / 64 * 64;
+        out = aligned_alloc(64, whole ? whole : 64);
     }
-    return *out ? HADA_OK : no_memory(bytes, what, err);
+    return out ? out : no_memory(bytes, what, err);
 }
 
 char *hada_string_copy(const char *text)

@@ -1,4 +1,4 @@
-/* Host memory: overflow-checked, with a status instead of a NULL to forget. Internal. */
+/* Host memory: overflow-checked, with a message where there is none. Internal. */
 #ifndef HADA_CORE_ALLOC_H
 #define HADA_CORE_ALLOC_H
 
@@ -6,12 +6,18 @@
 
 #include "core/error.h"
 
-/* Sets *out to count*size zeroed bytes (at least one byte), to be freed with free(). On failure *out is
- * NULL and the message says how much was asked for and what for (`what`, such as "the raw frame"). */
-hada_status hada_alloc(void **out, size_t count, size_t size, const char *what, hada_error *err);
+/* count*size zeroed bytes (at least one byte), to be freed with free(). NULL on failure, and then the message says how
+ * much was asked for and what for (`what`, such as "the raw frame"). */
+void *hada_alloc(size_t count, size_t size, const char *what, hada_error *err);
 
 /* As hada_alloc, aligned to 64 bytes and not zeroed: for large arrays that are written at once. */
-hada_status hada_alloc_raw(void **out, size_t count, size_t size, const char *what, hada_error *err);
+void *hada_alloc_raw(size_t count, size_t size, const char *what, hada_error *err);
+
+/* The status of an allocation: HADA_TRY(hada_allocated(pointer = hada_alloc(...))). */
+static inline hada_status hada_allocated(const void *pointer)
+{
+    return pointer ? HADA_OK : HADA_ERROR_MEMORY;
+}
 
 /* A copy of a string, NULL when memory is short. */
 char *hada_string_copy(const char *text);

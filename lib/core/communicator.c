@@ -11,7 +11,6 @@ void hada_communicator_defaults(hada_communicator *communicator, size_t size)
 hada_status hada_communicator_check(const hada_communicator *callers, hada_error *err)
 {
     hada_communicator own;
-    hada_status status = HADA_OK;
     hada_communicator_init(&own);
     HADA_TRY(HADA_OPTIONS_TAKE(&own, callers, hada_communicator, err));
     if (own.count < 1 || own.rank < 0 || own.rank >= own.count)
@@ -20,8 +19,7 @@ hada_status hada_communicator_check(const hada_communicator *callers, hada_error
     if (own.count > 1 && (!own.reduce || !own.reduce_floats || !own.broadcast))
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
                            "options.communicator: several ranks need reduce, reduce_floats and broadcast"));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_reduce(const hada_communicator *of, double *values, size_t count, hada_error *err)

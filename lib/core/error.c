@@ -33,32 +33,35 @@ const char *hada_status_name(hada_status status)
     return "unknown status";
 }
 
-hada_status hada_fail(hada_error *err, hada_status status, const char *format, ...)
+void hada_error_set(hada_error *err, hada_status status, const char *format, ...)
 {
-    if (err) {
-        va_list arguments;
-        err->status = status;
-        err->cl_code = 0;
-        err->detail[0] = '\0';
-        va_start(arguments, format);
-        vsnprintf(err->message, sizeof err->message, format, arguments);
-        va_end(arguments);
-    }
-    return status;
+    if (!err)
+        return;
+    va_list arguments;
+    err->status = status;
+    err->cl_code = 0;
+    err->detail[0] = '\0';
+    va_start(arguments, format);
+    vsnprintf(err->message, sizeof err->message, format, arguments);
+    va_end(arguments);
 }
 
-hada_status hada_fail_cl(hada_error *err, int code, const char *call)
+int hada_cl_is_memory(int code)
 {
     /* CL_MEM_OBJECT_ALLOCATION_FAILURE, CL_OUT_OF_RESOURCES, CL_OUT_OF_HOST_MEMORY, CL_INVALID_BUFFER_SIZE */
-    int memory = code == -4 || code == -5 || code == -6 || code == -61;
-    hada_status status = memory ? HADA_ERROR_DEVICE_MEMORY : HADA_ERROR_DEVICE;
-    hada_fail(
-        err, status, "%s failed with %s (%d)%s", call, hada_cl_code_name(code), code,
+    return code == -4 || code == -5 || code == -6 || code == -61;
+}
+
+void hada_error_set_cl(hada_error *err, int code, const char *call)
+{
+    const int memory = hada_cl_is_memory(code);
+    hada_error_set(
+        err, memory ? HADA_ERROR_DEVICE_MEMORY : HADA_ERROR_DEVICE, "%s failed with %s (%d)%s", call,
+        hada_cl_code_name(code), code,
         memory ? "; the device is short of memory: use fewer depths, a smaller window, half filters or another device"
                : "");
     if (err)
         err->cl_code = code;
-    return status;
 }
 
 void hada_error_prefix(hada_error *err, const char *format, ...)

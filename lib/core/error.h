@@ -10,18 +10,38 @@
 #define HADA_PRINTF(f, a)
 #endif
 
-/* Fills *err (when not NULL) and returns `status`, so that a function can end with
- * `return hada_fail(err, HADA_ERROR_SIZE, "...", ...)`. Messages say what to do. */
-hada_status hada_fail(hada_error *err, hada_status status, const char *format, ...) HADA_PRINTF(3, 4);
+/* Fills *err (when not NULL). hada_fail() is the usual way to call it. */
+void hada_error_set(hada_error *err, hada_status status, const char *format, ...) HADA_PRINTF(3, 4);
 
-/* As hada_fail, for a failed OpenCL call: `call` names it, `code` is what it returned. Out-of-memory
- * codes become HADA_ERROR_DEVICE_MEMORY. */
-hada_status hada_fail_cl(hada_error *err, int code, const char *call);
+/* Fills *err and is `status`, so that a function can end with `return hada_fail(err, HADA_ERROR_SIZE, "...", ...)`.
+ * Messages say what to do. A macro, so that whoever analyses the code sees that the status is an error. */
+#define hada_fail(err, status, ...) (hada_error_set(err, status, __VA_ARGS__), hada_status_itself(status))
+static inline hada_status hada_status_itself(hada_status status) /* a value may be left unused, a bare name may not */
+{
+    return status;
+}
 
-/* The one way that errors travel: a function that makes several calls that can fail declares
- * `hada_status status = HADA_OK;`, writes HADA_TRY(call) for each, and ends with one exit, `done:`, that frees what it
- * holds and returns `status`. What the exit frees is declared, empty, before the first HADA_TRY. */
+/* As hada_fail, for a failed OpenCL call: `call` names it, `code` is what it returned. Out-of-memory codes become
+ * HADA_ERROR_DEVICE_MEMORY, others HADA_ERROR_DEVICE. */
+void hada_error_set_cl(hada_error *err, int code, const char *call);
+int hada_cl_is_memory(int code);
+static inline hada_status hada_fail_cl(hada_error *err, int code, const char *call)
+{
+    hada_error_set_cl(err, code, call);
+    return hada_cl_is_memory(code) ? HADA_ERROR_DEVICE_MEMORY : HADA_ERROR_DEVICE;
+}
+
+/* Passes an error on: returns it at once. */
 #define HADA_TRY(call)                                                                                                 \
+    do {                                                                                                               \
+        const hada_status try_status = (call);                                                                         \
+        if (try_status)                                                                                                \
+            return try_status;                                                                                         \
+    } while (0)
+
+/* The same in a function that holds something: goes to its one exit, `done:`, which frees that and returns `status`
+ * (declared as HADA_OK). What the exit frees is declared, empty, before the first of these. */
+#define HADA_TRY_OR_DONE(call)                                                                                         \
     do {                                                                                                               \
         status = (call);                                                                                               \
         if (status)                                                                                                    \

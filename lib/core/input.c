@@ -59,13 +59,14 @@ hada_status hada_input_read(char **text, size_t *bytes, const char *path, size_t
     hada_status status = HADA_OK;
     *text = NULL;
     *bytes = 0;
-    HADA_TRY(hada_input_open(&fd, &size, path, code, err));
+    HADA_TRY_OR_DONE(hada_input_open(&fd, &size, path, code, err));
     if (size > most)
-        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_FORMAT, "has %zu bytes; at most %zu are read here", size, most));
-    HADA_TRY(hada_alloc((void **)&read_into, size + 1, 1, "a file", err));
+        HADA_TRY_OR_DONE(
+            hada_fail(err, HADA_ERROR_FILE_FORMAT, "has %zu bytes; at most %zu are read here", size, most));
+    HADA_TRY_OR_DONE(hada_allocated(read_into = hada_alloc(size + 1, 1, "a file", err)));
     const ssize_t got = read_up_to(fd, read_into, size);
     if (got < 0)
-        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_READ, "cannot be read: %s", strerror(errno)));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_READ, "cannot be read: %s", strerror(errno)));
     *bytes = (size_t)got;
     *text = read_into;
     read_into = NULL;
@@ -105,8 +106,8 @@ hada_status hada_inputs_protect(hada_inputs **out, const char *const *paths, siz
     struct stat what;
     hada_inputs *inputs = NULL;
     *out = NULL;
-    const hada_status status = hada_alloc((void **)&inputs, 1, sizeof *inputs + count * sizeof *inputs->files,
-                                          "the names of a command's files", err);
+    const hada_status status = hada_allocated(
+        inputs = hada_alloc(1, sizeof *inputs + count * sizeof *inputs->files, "the names of a command's files", err));
     if (status)
         return status;
     for (size_t i = 0; i < count; i++)

@@ -69,7 +69,6 @@ static int read_row(hada_limits *limits, const char **text)
 hada_status hada_limits_parse(hada_limits *limits, const char *text, hada_error *err)
 {
     hada_limits own;
-    hada_status status = HADA_OK;
     hada_limits_init(&own);
     HADA_TRY(HADA_OPTIONS_TAKE(&own, limits, hada_limits, err));
     for (const char *from = text; *from; from += *from == ',')
@@ -78,8 +77,7 @@ hada_status hada_limits_parse(hada_limits *limits, const char *text, hada_error 
                              "limits are a list such as pixels=4G,pages=1M,text=20M,parameters=1G; '%.100s' is not",
                              text);
     HADA_REPORT_GIVE(limits, &own);
-done:
-    return status;
+    return HADA_OK;
 }
 
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
@@ -88,7 +86,6 @@ static hada_limits chosen; /* size 0: the environment's */
 hada_status hada_limits_set(const hada_limits *limits, hada_error *err)
 {
     hada_limits own = {0};
-    hada_status status = HADA_OK;
     if (limits) {
         hada_limits_init(&own);
         HADA_TRY(HADA_OPTIONS_TAKE(&own, limits, hada_limits, err));
@@ -96,8 +93,7 @@ hada_status hada_limits_set(const hada_limits *limits, hada_error *err)
     pthread_mutex_lock(&lock);
     chosen = own;
     pthread_mutex_unlock(&lock);
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_limits_get(hada_limits *limits, hada_error *err)
@@ -114,10 +110,9 @@ hada_status hada_limits_get(hada_limits *limits, hada_error *err)
         status = words ? hada_limits_parse(&own, words, err) : HADA_OK;
         if (status) {
             hada_error_prefix(err, "HADALENS_LIMITS: ");
-            goto done;
+            return status;
         }
     }
     HADA_REPORT_GIVE(limits, &own);
-done:
     return status;
 }

@@ -51,14 +51,14 @@ hada_status hada_outfile_open(hada_outfile *out, const char *path, hada_error *e
     *out = (hada_outfile){.fd = -1};
     if (!path || !*path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "the name of the output file is empty; give one");
-    HADA_TRY(hada_outfile_check(path, &out->path, &out->old, err));
+    HADA_TRY_OR_DONE(hada_outfile_check(path, &out->path, &out->old, err));
     out->replaces = out->path != NULL;
     if (!out->path)
         out->path = hada_string_copy(path);
     if (!out->path)
-        HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory for a file name"));
-    HADA_TRY(hada_staged_make(&out->temp, &out->fd, HADA_STAGED_FILE, out->path, out->replaces ? HIDDEN_FILE : NEW_FILE,
-                              path, err));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for a file name"));
+    HADA_TRY_OR_DONE(hada_staged_make(&out->temp, &out->fd, HADA_STAGED_FILE, out->path,
+                                      out->replaces ? HIDDEN_FILE : NEW_FILE, path, err));
 done:
     if (status)
         release(out);
@@ -141,7 +141,7 @@ hada_status hada_outfile_save(const char *path, const void *data, size_t bytes, 
     hada_status status = hada_outfile_open(&out, path, err);
     if (status)
         return status;
-    HADA_TRY(hada_outfile_write(&out, data, bytes, err));
+    HADA_TRY_OR_DONE(hada_outfile_write(&out, data, bytes, err));
     return hada_outfile_commit(&out, err);
 done:
     hada_outfile_abandon(&out);

@@ -29,11 +29,11 @@ hada_status hada_team_create(hada_team **out, int count, hada_error *err)
     if (!out || count < 1)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a team has at least one rank");
     *out = NULL;
-    HADA_TRY(hada_alloc((void **)&team, 1, sizeof *team, "a team", err));
+    HADA_TRY_OR_DONE(hada_allocated(team = hada_alloc(1, sizeof *team, "a team", err)));
     team->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     team->changed = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
     team->count = count;
-    HADA_TRY(hada_alloc((void **)&team->members, (size_t)count, sizeof *team->members, "a team", err));
+    HADA_TRY_OR_DONE(hada_allocated(team->members = hada_alloc((size_t)count, sizeof *team->members, "a team", err)));
     for (int i = 0; i < count; i++)
         team->members[i] = (member){.team = team, .rank = i};
 done:
@@ -84,7 +84,6 @@ static hada_status meet(hada_team *team, hada_error *err)
 static hada_status bring(member *own, void *values, size_t count, hada_error *err)
 {
     const hada_team *team = own->team;
-    hada_status status = HADA_OK;
     own->values = values;
     own->count = count;
     HADA_TRY(meet(own->team, err));
@@ -92,8 +91,7 @@ static hada_status bring(member *own, void *values, size_t count, hada_error *er
         if (team->members[i].count != count)
             HADA_TRY(hada_fail(err, HADA_ERROR_STATE, "rank %d brought %zu values to an exchange of %zu", i,
                                team->members[i].count, count));
-done:
-    return status;
+    return HADA_OK;
 }
 
 typedef struct slice {
@@ -125,7 +123,6 @@ static hada_status add_up(member *own, void *values, int floats, size_t count, h
 {
     const member *all = own->team->members;
     const slice part = slice_of(own, count);
-    hada_status status = HADA_OK;
     HADA_TRY(bring(own, values, count, err));
     for (size_t i = part.begin; i < part.end; i++) {
         double sum = value_at(&all[0], floats, i);
@@ -134,9 +131,7 @@ static hada_status add_up(member *own, void *values, int floats, size_t count, h
         for (int r = 0; r < own->team->count; r++)
             set_value(&all[r], floats, i, sum);
     }
-    HADA_TRY(meet(own->team, err));
-done:
-    return status;
+    return meet(own->team, err);
 }
 
 static hada_status reduce(void *user, double *values, size_t count, hada_error *err)
@@ -152,21 +147,17 @@ static hada_status reduce_floats(void *user, float *values, size_t count, hada_e
 static hada_status broadcast(void *user, int root, void *bytes, size_t count, hada_error *err)
 {
     member *own = user;
-    hada_status status = HADA_OK;
     if (root < 0 || root >= own->team->count)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no rank %d of %d", root, own->team->count);
     HADA_TRY(bring(own, bytes, count, err));
     if (own->rank != root)
         memcpy(bytes, own->team->members[root].values, count);
-    HADA_TRY(meet(own->team, err));
-done:
-    return status;
+    return meet(own->team, err);
 }
 
 hada_status hada_team_communicator(hada_team *team, int rank, hada_communicator *out, hada_error *err)
 {
     hada_communicator own = {.size = sizeof own, .rank = rank};
-    hada_status status = HADA_OK;
     if (!team || !out || rank < 0 || rank >= team->count)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "hada_team_communicator: a team, one of its ranks and out are needed");
@@ -177,6 +168,5 @@ hada_status hada_team_communicator(hada_team *team, int rank, hada_communicator 
     own.reduce_floats = reduce_floats;
     own.broadcast = broadcast;
     HADA_REPORT_GIVE(out, &own);
-done:
-    return status;
+    return HADA_OK;
 }

@@ -14,7 +14,7 @@ static hada_status name_pairs(hada_dataset_depth *depth, int count, hada_error *
     hada_status status = HADA_OK;
     hada_format_exact(distance, sizeof distance, depth->distance_mm);
     HADA_TRY(hada_path_format(&depth->folder, err, "z%smm", distance));
-    HADA_TRY(hada_alloc((void **)&depth->pair, (size_t)count, sizeof *depth->pair, "a data set", err));
+    HADA_TRY(hada_allocated(depth->pair = hada_alloc((size_t)count, sizeof *depth->pair, "a data set", err)));
     for (; depth->count < count; depth->count++) {
         hada_dataset_pair *pair = &depth->pair[depth->count];
         pair->number = depth->count;
@@ -24,7 +24,6 @@ static hada_status name_pairs(hada_dataset_depth *depth, int count, hada_error *
             free(pair->raw);
         HADA_TRY(status);
     }
-done:
     return status;
 }
 
@@ -54,17 +53,17 @@ hada_status hada_dataset_create(hada_dataset **out, int depths, const double *di
         return hada_fail(
             err, HADA_ERROR_ARGUMENT,
             "hada_dataset_create: depths, their distances, counts and a function to read pairs are needed");
-    HADA_TRY(check(depths, distances_mm, counts, err));
-    HADA_TRY(hada_alloc((void **)&set, 1, sizeof *set, "a data set", err));
-    HADA_TRY(hada_alloc((void **)&set->depth, (size_t)depths, sizeof *set->depth, "a data set", err));
+    HADA_TRY_OR_DONE(check(depths, distances_mm, counts, err));
+    HADA_TRY_OR_DONE(hada_allocated(set = hada_alloc(1, sizeof *set, "a data set", err)));
+    HADA_TRY_OR_DONE(hada_allocated(set->depth = hada_alloc((size_t)depths, sizeof *set->depth, "a data set", err)));
     set->info.depths = depths;
     set->read = read;
     set->user = user;
     for (int z = 0; z < depths; z++) {
         set->depth[z].distance_mm = distances_mm[z];
-        HADA_TRY(name_pairs(&set->depth[z], counts[z], err));
+        HADA_TRY_OR_DONE(name_pairs(&set->depth[z], counts[z], err));
     }
-    HADA_TRY(hada_dataset_count(set, err));
+    HADA_TRY_OR_DONE(hada_dataset_count(set, err));
     *out = set;
 done:
     if (status && set)

@@ -61,9 +61,9 @@ static hada_status read_callers(const hada_dataset *dataset, int depth, const ha
                                 hada_image *scene, hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(dataset->read(dataset->user, depth, pair->number, raw, scene, err));
+    HADA_TRY_OR_DONE(dataset->read(dataset->user, depth, pair->number, raw, scene, err));
     if (!raw->data || !scene->data)
-        HADA_TRY(hada_fail(err, HADA_ERROR_DATASET, "no images were given for %s", pair->raw));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_DATASET, "no images were given for %s", pair->raw));
 done:
     if (status) {
         hada_image_destroy(raw);
@@ -96,9 +96,8 @@ hada_status hada_dataset_read(const hada_dataset *dataset, int depth, int pair, 
 hada_status hada_dataset_count(hada_dataset *set, hada_error *err)
 {
     hada_dataset_info *info = &set->info;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&set->distances_mm, (size_t)info->depths, sizeof(double), "a data set", err));
-    HADA_TRY(hada_alloc((void **)&set->counts, (size_t)info->depths, sizeof(int), "a data set", err));
+    HADA_TRY(hada_allocated(set->distances_mm = hada_alloc((size_t)info->depths, sizeof(double), "a data set", err)));
+    HADA_TRY(hada_allocated(set->counts = hada_alloc((size_t)info->depths, sizeof(int), "a data set", err)));
     info->distances_mm = set->distances_mm;
     info->counts = set->counts;
     info->incomplete_text = set->incomplete_text;
@@ -113,8 +112,7 @@ hada_status hada_dataset_count(hada_dataset *set, hada_error *err)
         info->pairs += count;
         info->least_pairs = count < info->least_pairs ? count : info->least_pairs;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status copy_name(char **out, const char *name, hada_error *err)
@@ -130,7 +128,7 @@ static hada_status copy_depth(hada_dataset_depth *to, const hada_dataset_depth *
     hada_status status = HADA_OK;
     to->distance_mm = from->distance_mm;
     HADA_TRY(copy_name(&to->folder, from->folder, err));
-    HADA_TRY(hada_alloc((void **)&to->pair, (size_t)count, sizeof *to->pair, "a data set", err));
+    HADA_TRY(hada_allocated(to->pair = hada_alloc((size_t)count, sizeof *to->pair, "a data set", err)));
     for (; to->count < count; to->count++) {
         hada_dataset_pair *pair = &to->pair[to->count];
         pair->number = from->pair[first + to->count].number;
@@ -140,7 +138,6 @@ static hada_status copy_depth(hada_dataset_depth *to, const hada_dataset_depth *
             free(pair->raw);
         HADA_TRY(status);
     }
-done:
     return status;
 }
 
@@ -149,19 +146,21 @@ static hada_status copy_part(hada_dataset **out, const hada_dataset *from, const
                              hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)out, 1, sizeof **out, "a data set", err));
+    HADA_TRY_OR_DONE(hada_allocated(*out = hada_alloc(1, sizeof **out, "a data set", err)));
     hada_dataset *set = *out;
-    HADA_TRY(hada_alloc((void **)&set->depth, (size_t)from->info.depths, sizeof *set->depth, "a data set", err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(set->depth = hada_alloc((size_t)from->info.depths, sizeof *set->depth, "a data set", err)));
     set->info.depths = from->info.depths;
     set->read = from->read;
     set->user = from->user;
     for (int z = 0; z < from->info.depths; z++) {
         const int learn = from->counts[z] - held[z];
-        HADA_TRY(copy_depth(&set->depth[z], &from->depth[z], want_held ? learn : 0, want_held ? held[z] : learn, err));
+        HADA_TRY_OR_DONE(
+            copy_depth(&set->depth[z], &from->depth[z], want_held ? learn : 0, want_held ? held[z] : learn, err));
     }
-    HADA_TRY(copy_name(&set->psf, from->psf, err));
-    HADA_TRY(copy_name(&set->camera, from->camera, err));
-    HADA_TRY(hada_dataset_count(set, err));
+    HADA_TRY_OR_DONE(copy_name(&set->psf, from->psf, err));
+    HADA_TRY_OR_DONE(copy_name(&set->camera, from->camera, err));
+    HADA_TRY_OR_DONE(hada_dataset_count(set, err));
 done:
     if (status && *out)
         hada_dataset_destroy(out);
@@ -194,10 +193,10 @@ hada_status hada_dataset_split(const hada_dataset *dataset, double hold_out, had
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "options.hold_out is a number of pairs of each depth, or a share such as 0.2; not %g",
                          hold_out);
-    HADA_TRY(hada_alloc((void **)&held, (size_t)dataset->info.depths, sizeof *held, "a data set", err));
-    HADA_TRY(count_held(dataset, hold_out, held, err));
-    HADA_TRY(copy_part(learn, dataset, held, 0, err));
-    HADA_TRY(copy_part(held_out, dataset, held, 1, err));
+    HADA_TRY_OR_DONE(hada_allocated(held = hada_alloc((size_t)dataset->info.depths, sizeof *held, "a data set", err)));
+    HADA_TRY_OR_DONE(count_held(dataset, hold_out, held, err));
+    HADA_TRY_OR_DONE(copy_part(learn, dataset, held, 0, err));
+    HADA_TRY_OR_DONE(copy_part(held_out, dataset, held, 1, err));
 done:
     if (status)
         hada_dataset_destroy(learn);
@@ -210,12 +209,12 @@ static hada_status add_pages(hada_tiff_reader *reader, hada_image *mean, hada_er
     const int frames = hada_tiff_get_info(reader)->frames;
     hada_image page = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_tiff_read(reader, 0, mean, err));
+    HADA_TRY_OR_DONE(hada_tiff_read(reader, 0, mean, err));
     const size_t count = hada_image_count(mean);
     for (int t = 1; t < frames; t++) {
-        HADA_TRY(hada_tiff_read(reader, t, &page, err));
+        HADA_TRY_OR_DONE(hada_tiff_read(reader, t, &page, err));
         if (page.channels != mean->channels || page.rows != mean->rows || page.cols != mean->cols)
-            HADA_TRY(hada_fail(err, HADA_ERROR_SIZE, "the pages have different sizes"));
+            HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_SIZE, "the pages have different sizes"));
         for (size_t i = 0; i < count; i++)
             mean->data[i] += page.data[i];
         hada_image_destroy(&page);
@@ -224,7 +223,7 @@ static hada_status add_pages(hada_tiff_reader *reader, hada_image *mean, hada_er
         mean->data[i] /= (float)frames;
     const size_t bad = hada_image_count_not_finite(mean);
     if (bad)
-        HADA_TRY(hada_fail(err, HADA_ERROR_NOT_FINITE, "%zu pixels are NaN or infinite", bad));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_NOT_FINITE, "%zu pixels are NaN or infinite", bad));
 done:
     hada_image_destroy(&page);
     return status;
@@ -236,8 +235,8 @@ hada_status hada_dark_frame_load(hada_image *image, double *level, const char *p
     hada_status status = HADA_OK;
     double sum = 0.0;
     *image = (hada_image){0};
-    HADA_TRY(hada_tiff_open(&reader, path, err));
-    HADA_TRY(add_pages(reader, image, err));
+    HADA_TRY_OR_DONE(hada_tiff_open(&reader, path, err));
+    HADA_TRY_OR_DONE(add_pages(reader, image, err));
     for (size_t i = 0; i < hada_image_count(image); i++)
         sum += (double)image->data[i];
     if (level)

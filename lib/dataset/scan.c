@@ -72,7 +72,6 @@ static int by_stem(const void *a, const void *b)
 static hada_status list(listing *of, const char *folder, hada_error *err)
 {
     hada_stands raw, scene;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_path_format(&of->raw_folder, err, "%s/raw", folder));
     HADA_TRY(hada_path_format(&of->scene_folder, err, "%s/scene", folder));
     HADA_TRY(hada_path_kind(of->raw_folder, &raw, err));
@@ -85,14 +84,13 @@ static hada_status list(listing *of, const char *folder, hada_error *err)
         HADA_TRY(hada_folder_list_tiffs(of->scene_folder, &of->scenes, &of->scene_count, err));
     if (of->raw_count) {
         const size_t bytes = (size_t)of->raw_count * sizeof *of->raws;
-        HADA_TRY(hada_alloc((void **)&of->raws_by_stem, 1, bytes, "a data set", err));
+        HADA_TRY(hada_allocated(of->raws_by_stem = hada_alloc(1, bytes, "a data set", err)));
         memcpy(of->raws_by_stem, of->raws, bytes);
         qsort(of->raws_by_stem, (size_t)of->raw_count, sizeof *of->raws, by_stem);
     }
     if (of->scene_count)
         qsort(of->scenes, (size_t)of->scene_count, sizeof *of->scenes, by_stem);
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The first file of `names`, sorted by stem, with the same stem as `name`, or NULL. */
@@ -124,8 +122,9 @@ static hada_status scan_depth(hada_dataset *set, hada_dataset_depth *depth, hada
 {
     listing files = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(list(&files, depth->folder, err));
-    HADA_TRY(hada_alloc((void **)&depth->pair, (size_t)files.raw_count, sizeof *depth->pair, "a data set", err));
+    HADA_TRY_OR_DONE(list(&files, depth->folder, err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(depth->pair = hada_alloc((size_t)files.raw_count, sizeof *depth->pair, "a data set", err)));
     for (int i = 0; i < files.raw_count; i++) {
         const char *scene = partner(files.raws[i], files.scenes, files.scene_count);
         if (!scene) {
@@ -133,8 +132,8 @@ static hada_status scan_depth(hada_dataset *set, hada_dataset_depth *depth, hada
             continue;
         }
         hada_dataset_pair *pair = &depth->pair[depth->count++];
-        HADA_TRY(hada_path_format(&pair->raw, err, "%s/%s", files.raw_folder, files.raws[i]));
-        HADA_TRY(hada_path_format(&pair->scene, err, "%s/%s", files.scene_folder, scene));
+        HADA_TRY_OR_DONE(hada_path_format(&pair->raw, err, "%s/%s", files.raw_folder, files.raws[i]));
+        HADA_TRY_OR_DONE(hada_path_format(&pair->scene, err, "%s/%s", files.scene_folder, scene));
     }
     for (int i = 0; i < files.scene_count; i++)
         if (!partner(files.scenes[i], files.raws_by_stem, files.raw_count))
@@ -167,15 +166,17 @@ static hada_status find_depths(hada_dataset *set, const char *folder, hada_error
     while ((errno = 0, entry = readdir(open))) {
         const double distance = folder_distance(entry->d_name);
         if (distance >= 0.0)
-            HADA_TRY(add_depth(set, folder, entry->d_name, distance, err));
+            HADA_TRY_OR_DONE(add_depth(set, folder, entry->d_name, distance, err));
     }
     if (errno)
-        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_READ, "the data set %s cannot be read: %s", folder, strerror(errno)));
+        HADA_TRY_OR_DONE(
+            hada_fail(err, HADA_ERROR_FILE_READ, "the data set %s cannot be read: %s", folder, strerror(errno)));
     if (!set->info.depths)
-        HADA_TRY(hada_fail(err, HADA_ERROR_DATASET,
-                           "%s holds no folder named z<distance>mm; a data set looks like %s/z100mm/raw/NAME.tif and "
-                           "%s/z100mm/scene/NAME.tif",
-                           folder, folder, folder));
+        HADA_TRY_OR_DONE(
+            hada_fail(err, HADA_ERROR_DATASET,
+                      "%s holds no folder named z<distance>mm; a data set looks like %s/z100mm/raw/NAME.tif and "
+                      "%s/z100mm/scene/NAME.tif",
+                      folder, folder, folder));
     qsort(set->depth, (size_t)set->info.depths, sizeof *set->depth, by_distance);
 done:
     closedir(open);
@@ -210,8 +211,8 @@ static hada_status find_file(char **out, const char *folder, const char *name, h
 {
     hada_stands what = HADA_STANDS_NOTHING;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_path_format(out, err, "%s/%s", folder, name));
-    HADA_TRY(hada_path_kind(*out, &what, err));
+    HADA_TRY_OR_DONE(hada_path_format(out, err, "%s/%s", folder, name));
+    HADA_TRY_OR_DONE(hada_path_kind(*out, &what, err));
 done:
     if (what != HADA_STANDS_FILE) {
         free(*out);
@@ -225,7 +226,8 @@ static hada_status protect(hada_dataset *set, hada_error *err)
     const char **paths = NULL;
     size_t count = 0;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&paths, 2 * (size_t)set->info.pairs + 2, sizeof *paths, "a data set", err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(paths = hada_alloc(2 * (size_t)set->info.pairs + 2, sizeof *paths, "a data set", err)));
     for (int z = 0; z < set->info.depths; z++)
         for (int i = 0; i < set->depth[z].count; i++) {
             paths[count++] = set->depth[z].pair[i].raw;
@@ -233,7 +235,7 @@ static hada_status protect(hada_dataset *set, hada_error *err)
         }
     paths[count++] = set->psf;
     paths[count++] = set->camera;
-    HADA_TRY(hada_inputs_protect(&set->inputs, paths, count, err));
+    HADA_TRY_OR_DONE(hada_inputs_protect(&set->inputs, paths, count, err));
 done:
     free(paths);
     return status;
@@ -246,19 +248,19 @@ hada_status hada_dataset_scan(hada_dataset **out, const char *folder, const hada
     hada_status status = HADA_OK;
     *out = NULL;
     hada_dataset_options_init(&options);
-    HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_dataset_options, err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&options, callers, hada_dataset_options, err));
     if (!folder)
-        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "hada_dataset_scan: a folder is needed"));
-    HADA_TRY(hada_alloc((void **)out, 1, sizeof **out, "a data set", err));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "hada_dataset_scan: a folder is needed"));
+    HADA_TRY_OR_DONE(hada_allocated(*out = hada_alloc(1, sizeof **out, "a data set", err)));
     hada_dataset *set = *out;
-    HADA_TRY(find_depths(set, folder, err));
+    HADA_TRY_OR_DONE(find_depths(set, folder, err));
     for (int z = 0; z < set->info.depths; z++)
-        HADA_TRY(scan_depth(set, &set->depth[z], err));
-    HADA_TRY(check(set, options.skip_incomplete, err));
-    HADA_TRY(find_file(&set->psf, folder, "psf.tif", err));
-    HADA_TRY(find_file(&set->camera, folder, "camera.json", err));
-    HADA_TRY(hada_dataset_count(set, err));
-    HADA_TRY(protect(set, err));
+        HADA_TRY_OR_DONE(scan_depth(set, &set->depth[z], err));
+    HADA_TRY_OR_DONE(check(set, options.skip_incomplete, err));
+    HADA_TRY_OR_DONE(find_file(&set->psf, folder, "psf.tif", err));
+    HADA_TRY_OR_DONE(find_file(&set->camera, folder, "camera.json", err));
+    HADA_TRY_OR_DONE(hada_dataset_count(set, err));
+    HADA_TRY_OR_DONE(protect(set, err));
 done:
     if (status && *out)
         hada_dataset_destroy(out);

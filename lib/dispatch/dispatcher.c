@@ -14,8 +14,9 @@ hada_status hada_dispatcher_create(hada_dispatcher **out, int workers, hada_erro
 {
     hada_dispatcher *dispatcher = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&dispatcher, 1, sizeof *dispatcher, "a plan", err));
-    HADA_TRY(hada_alloc((void **)&dispatcher->workers, (size_t)workers, sizeof *dispatcher->workers, "a plan", err));
+    HADA_TRY_OR_DONE(hada_allocated(dispatcher = hada_alloc(1, sizeof *dispatcher, "a plan", err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(dispatcher->workers = hada_alloc((size_t)workers, sizeof *dispatcher->workers, "a plan", err)));
     dispatcher->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     hada_condition_init(&dispatcher->changed);
     dispatcher->references = 1;
@@ -261,7 +262,7 @@ hada_status hada_dispatcher_submit(hada_dispatcher *dispatcher, hada_job *job, h
 {
     pthread_mutex_lock(&dispatcher->lock);
     hada_status status = HADA_OK;
-    HADA_TRY(start_threads(dispatcher, err));
+    HADA_TRY_OR_DONE(start_threads(dispatcher, err));
     dispatcher->references++;
     job->frame.serial = ++dispatcher->serial;
     push_back(&dispatcher->waiting, job);

@@ -63,8 +63,8 @@ static hada_status make(hada_cache_entry **out, const hada_image *raw, hada_erro
 {
     hada_cache_entry *entry = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&entry, 1, sizeof *entry, "the frame before", err));
-    HADA_TRY(hada_image_create(&entry->raw, raw->channels, raw->rows, raw->cols, err));
+    HADA_TRY_OR_DONE(hada_allocated(entry = hada_alloc(1, sizeof *entry, "the frame before", err)));
+    HADA_TRY_OR_DONE(hada_image_create(&entry->raw, raw->channels, raw->rows, raw->cols, err));
     entry->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     entry->changed = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
     entry->references = 1;
@@ -82,7 +82,6 @@ static hada_status renew(hada_frame_cache *cache, const hada_image *raw, hada_er
 {
     hada_cache_entry *last = cache->last;
     int alone = 0;
-    hada_status status = HADA_OK;
     if (last) {
         pthread_mutex_lock(&last->lock);
         alone = last->references == 1;
@@ -96,8 +95,7 @@ static hada_status renew(hada_frame_cache *cache, const hada_image *raw, hada_er
     }
     cache->last->state = WAITS;
     memcpy(cache->last->raw.data, raw->data, hada_image_count(raw) * sizeof *raw->data);
-done:
-    return status;
+    return HADA_OK;
 }
 
 static int equal(const hada_image *a, const hada_image *b)
@@ -176,15 +174,13 @@ static int find_source(const hada_frame_cache *cache, hada_job *job)
 static hada_status enter(hada_frame_cache *cache, hada_job *job, hada_error *err)
 {
     const hada_setup *setup = job->frame.setup;
-    hada_status status = HADA_OK;
     if (find_source(cache, job))
         return HADA_OK;
     HADA_TRY(renew(cache, job->frame.raw, err));
     if (may_be_near(setup))
         cache->last->light = most_light(setup, job->frame.raw, NULL, hada_frame_fixed_level(setup));
     job->entry = hold(cache->last);
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_frame_cache_enter(hada_frame_cache *cache, hada_job *job, hada_error *err)
@@ -213,7 +209,6 @@ hada_status hada_frame_cache_reuse(hada_job *job, int *reused, hada_error *err)
 {
     hada_cache_entry *source = job->source;
     const double start = hada_seconds();
-    hada_status status = HADA_OK;
     *reused = source && is_known(source);
     if (!*reused)
         return HADA_OK;
@@ -227,8 +222,7 @@ hada_status hada_frame_cache_reuse(hada_job *job, int *reused, hada_error *err)
     if (job->source_change > 0.0)
         memory->skipped.bound = hada_skip_relative(job->source_change + source->band_change, source->norm);
     report->seconds_total = hada_seconds() - start;
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_frame_cache_begin(hada_job *job)

@@ -58,7 +58,6 @@ hada_status hada_interop_check_result(const hada_plan *plan, const hada_result *
 {
     const hada_model_info *info = hada_model_get_info(plan->setup.model);
     const size_t map = (size_t)info->window_rows * (size_t)info->window_cols, plane = (size_t)info->channels * map;
-    hada_status status = HADA_OK;
     if (!hada_result_on_device(result))
         return HADA_OK;
     const hada_cl_arrays *to = &result->memory->device;
@@ -74,23 +73,19 @@ hada_status hada_interop_check_result(const hada_plan *plan, const hada_result *
         HADA_TRY(check_buffer(plan, to->all_in_focus, to->all_in_focus_offset, plane, "all-in-focus image", err));
     if (to->distance_map)
         HADA_TRY(check_buffer(plan, to->distance_map, to->distance_map_offset, map, "distance map", err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_interop_take_frame(hada_cl_frame *own, const hada_plan *plan, const hada_cl_frame *callers,
                                     hada_error *err)
 {
-    hada_status status = HADA_OK;
     hada_cl_frame_init(own);
     HADA_TRY(HADA_OPTIONS_TAKE(own, callers, hada_cl_frame, err));
     HADA_TRY(check_plan(plan, err));
     if (!own->pixels)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a frame on the device needs a buffer: set its pixels");
-    HADA_TRY(check_buffer(plan, own->pixels, own->offset, frame_values(hada_model_get_info(plan->setup.model)), "frame",
-                          err));
-done:
-    return status;
+    return check_buffer(plan, own->pixels, own->offset, frame_values(hada_model_get_info(plan->setup.model)), "frame",
+                        err);
 }
 
 hada_status hada_interop_read_frame(const hada_cl_frame *frame, const hada_plan *plan, hada_image *image,

@@ -32,10 +32,10 @@ static hada_status begin_device(hada_job *job, hada_plan *plan, const hada_cl_fr
     const hada_model_info *info = hada_model_get_info(plan->setup.model);
     hada_cl_frame frame;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_interop_take_frame(&frame, plan, callers, err));
-    HADA_TRY(hada_image_create(&job->converted, info->channels, info->raw_rows, info->raw_cols, err));
-    HADA_TRY(hada_interop_read_frame(&frame, plan, &job->converted, err));
-    HADA_TRY(hada_frame_begin(&job->frame, &plan->setup, &job->converted, result, err));
+    HADA_TRY_OR_DONE(hada_interop_take_frame(&frame, plan, callers, err));
+    HADA_TRY_OR_DONE(hada_image_create(&job->converted, info->channels, info->raw_rows, info->raw_cols, err));
+    HADA_TRY_OR_DONE(hada_interop_read_frame(&frame, plan, &job->converted, err));
+    HADA_TRY_OR_DONE(hada_frame_begin(&job->frame, &plan->setup, &job->converted, result, err));
     job->frame.device = frame.pixels;
     job->frame.device_offset = frame.offset;
 done:
@@ -55,11 +55,11 @@ static hada_status begin_frame(hada_job *job, hada_plan *plan, const frame_input
         return begin_device(job, plan, input->device, result, err);
     if (!input->pixels)
         return hada_frame_begin(&job->frame, &plan->setup, input->image, result, err);
-    HADA_TRY(hada_pixels_take(&pixels, input->pixels, err));
+    HADA_TRY_OR_DONE(hada_pixels_take(&pixels, input->pixels, err));
     job->view = (hada_image){pixels.channels, pixels.rows, pixels.cols, NULL};
-    HADA_TRY(hada_frame_begin(&job->frame, &plan->setup, &job->view, result, err));
+    HADA_TRY_OR_DONE(hada_frame_begin(&job->frame, &plan->setup, &job->view, result, err));
     begun = 1;
-    HADA_TRY(hada_pixels_view(&pixels, &job->converted, &job->view, err));
+    HADA_TRY_OR_DONE(hada_pixels_view(&pixels, &job->converted, &job->view, err));
 done:
     if (status && begun)
         hada_frame_end(&job->frame, HADA_OK); /* the result is as it was */
@@ -72,9 +72,9 @@ static hada_status begin(hada_job *job, hada_plan *plan, const frame_input *inpu
     const size_t depths = (size_t)plan->setup.config.depths;
     hada_status status = HADA_OK;
     *job = (hada_job){.dispatcher = plan->dispatcher};
-    HADA_TRY(hada_alloc((void **)&job->depths, depths, 1, "a frame", err));
-    HADA_TRY(hada_interop_check_result(plan, result, err));
-    HADA_TRY(begin_frame(job, plan, input, result, err));
+    HADA_TRY_OR_DONE(hada_allocated(job->depths = hada_alloc(depths, 1, "a frame", err)));
+    HADA_TRY_OR_DONE(hada_interop_check_result(plan, result, err));
+    HADA_TRY_OR_DONE(begin_frame(job, plan, input, result, err));
     job->frame.batches = &hada_job_batches;
     job->frame.owner = job;
 done:
@@ -92,12 +92,12 @@ static hada_status submit(hada_job **out, hada_plan *plan, const frame_input *in
     if (!out)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_job_submit: out is needed");
     *out = NULL;
-    HADA_TRY(check_arguments(plan, input, result, "hada_job_submit", err));
-    HADA_TRY(hada_alloc((void **)&job, 1, sizeof *job, "a job", err));
-    HADA_TRY(begin(job, plan, input, result, err));
+    HADA_TRY_OR_DONE(check_arguments(plan, input, result, "hada_job_submit", err));
+    HADA_TRY_OR_DONE(hada_allocated(job = hada_alloc(1, sizeof *job, "a job", err)));
+    HADA_TRY_OR_DONE(begin(job, plan, input, result, err));
     begun = 1;
-    HADA_TRY(hada_frame_cache_enter(&plan->cache, job, err));
-    HADA_TRY(hada_dispatcher_submit(plan->dispatcher, job, err));
+    HADA_TRY_OR_DONE(hada_frame_cache_enter(&plan->cache, job, err));
+    HADA_TRY_OR_DONE(hada_dispatcher_submit(plan->dispatcher, job, err));
     *out = job;
 done:
     if (status && begun)
@@ -188,8 +188,8 @@ static hada_status run_begun(hada_job *job, hada_plan *plan, hada_error *err)
 {
     hada_status status = HADA_OK;
     job->worker = &plan->dispatcher->workers[0];
-    HADA_TRY(hada_frame_cache_enter(&plan->cache, job, err));
-    HADA_TRY(hada_worker_run(job->worker, job, err));
+    HADA_TRY_OR_DONE(hada_frame_cache_enter(&plan->cache, job, err));
+    HADA_TRY_OR_DONE(hada_worker_run(job->worker, job, err));
 done:
     hada_job_release(job, status);
     return status;
@@ -202,9 +202,9 @@ static hada_status run_here(hada_plan *plan, uint64_t serial, const frame_input 
     hada_job job;
     const double start = hada_seconds();
     hada_status status = HADA_OK;
-    HADA_TRY(begin(&job, plan, input, result, err));
+    HADA_TRY_OR_DONE(begin(&job, plan, input, result, err));
     job.frame.serial = serial;
-    HADA_TRY(run_begun(&job, plan, err));
+    HADA_TRY_OR_DONE(run_begun(&job, plan, err));
 done:
     hada_dispatcher_leave(plan->dispatcher, hada_seconds() - start);
     return status;
@@ -214,12 +214,12 @@ static hada_status run(hada_plan *plan, const frame_input *input, hada_result *r
 {
     hada_job *job = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(check_arguments(plan, input, result, "hada_plan_run", err));
+    HADA_TRY_OR_DONE(check_arguments(plan, input, result, "hada_plan_run", err));
     const uint64_t serial = hada_dispatcher_occupy(plan->dispatcher);
     if (serial)
         return run_here(plan, serial, input, result, err);
-    HADA_TRY(submit(&job, plan, input, result, err));
-    HADA_TRY(hada_job_wait(job, err));
+    HADA_TRY_OR_DONE(submit(&job, plan, input, result, err));
+    HADA_TRY_OR_DONE(hada_job_wait(job, err));
 done:
     hada_job_destroy(&job);
     return status;

@@ -14,11 +14,12 @@ static hada_status add_device(hada_plan *plan, hada_context *context, hada_error
     const int device = plan->contexts, queues = setup->config.queues;
     int number = 0;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_constants_create(&plan->constants[device], context, setup, err));
+    HADA_TRY_OR_DONE(hada_constants_create(&plan->constants[device], context, setup, err));
     plan->contexts++;
     const int batch = hada_pipeline_fit(context, setup->model, &setup->config, queues);
     for (; number < queues; number++)
-        HADA_TRY(hada_dispatcher_add(plan->dispatcher, setup, plan->constants[device], device, number, batch, err));
+        HADA_TRY_OR_DONE(
+            hada_dispatcher_add(plan->dispatcher, setup, plan->constants[device], device, number, batch, err));
 done:
     if (status && plan->dispatcher->capacity > 1)
         hada_error_prefix(err, "queue %d of device %d: ", number, device);
@@ -27,14 +28,12 @@ done:
 
 static hada_status add_devices(hada_plan *plan, hada_context *const *contexts, int count, hada_error *err)
 {
-    hada_status status = HADA_OK;
     plan->setup.config.batch_whole &= count == 1; /* several share the depths of a frame, batch by batch */
-    HADA_TRY(hada_alloc((void **)&plan->constants, (size_t)count, sizeof *plan->constants, "a plan", err));
+    HADA_TRY(hada_allocated(plan->constants = hada_alloc((size_t)count, sizeof *plan->constants, "a plan", err)));
     HADA_TRY(hada_dispatcher_create(&plan->dispatcher, count * plan->setup.config.queues, err));
     for (int device = 0; device < count; device++)
         HADA_TRY(add_device(plan, contexts[device], err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status check_contexts(hada_context *const *contexts, int count, hada_error *err)
@@ -60,12 +59,12 @@ hada_status hada_plan_create_on(hada_plan **out, hada_context *const *contexts, 
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a plan needs out, context and model");
     *out = NULL;
     hada_plan_options_init(&options);
-    HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_plan_options, err));
-    HADA_TRY(check_contexts(contexts, count, err));
-    HADA_TRY(hada_alloc((void **)&plan, 1, sizeof *plan, "a plan", err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&options, callers, hada_plan_options, err));
+    HADA_TRY_OR_DONE(check_contexts(contexts, count, err));
+    HADA_TRY_OR_DONE(hada_allocated(plan = hada_alloc(1, sizeof *plan, "a plan", err)));
     hada_frame_cache_make(&plan->cache);
-    HADA_TRY(hada_setup_make(&plan->setup, contexts[0], model, &options, err));
-    HADA_TRY(add_devices(plan, contexts, count, err));
+    HADA_TRY_OR_DONE(hada_setup_make(&plan->setup, contexts[0], model, &options, err));
+    HADA_TRY_OR_DONE(add_devices(plan, contexts, count, err));
 done:
     if (status)
         hada_plan_destroy(&plan);
@@ -103,7 +102,6 @@ hada_status hada_plan_estimate(hada_context *context, const hada_model *model, c
     hada_plan_options options;
     hada_config config;
     uint64_t pipeline, apart;
-    hada_status status = HADA_OK;
     if (!context || !model || !device_bytes || !host_bytes)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_plan_estimate: an argument is missing");
     hada_plan_options_init(&options);
@@ -123,8 +121,7 @@ hada_status hada_plan_estimate(hada_context *context, const hada_model *model, c
     /* the result, a copy of the frame while broken pixels are repaired, and the frame before with its result */
     *host_bytes =
         result + (options.repair_not_finite ? 2 * frame : 0) + (options.skip & HADA_SKIP_FRAMES ? frame + result : 0);
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_plan_memory(const hada_plan *plan, uint64_t *held, uint64_t *apart)
@@ -161,13 +158,11 @@ int hada_plan_queues(const hada_plan *plan, hada_queue_info *info, int capacity)
 
 hada_status hada_plan_profile(hada_plan *plan, int on, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (!plan)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_plan_profile: a plan is needed");
     for (int i = 0; i < plan->dispatcher->worker_count; i++)
         HADA_TRY(hada_pipeline_profile(plan->dispatcher->workers[i].pipeline, on, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_plan_calls(const hada_plan *plan, hada_call_counts *counts, hada_error *err)
@@ -198,11 +193,12 @@ hada_status hada_plan_kernel_times(hada_plan *plan, hada_kernel_time **rows, siz
     *count = 0;
     for (int i = 0; i < plan->dispatcher->worker_count; i++) {
         hada_pipeline *pipeline = plan->dispatcher->workers[i].pipeline;
-        HADA_TRY(hada_pipeline_times(pipeline, rows, count, err));
+        HADA_TRY_OR_DONE(hada_pipeline_times(pipeline, rows, count, err));
         found |= hada_pipeline_is_profiled(pipeline);
     }
     if (!found)
-        HADA_TRY(hada_fail(err, HADA_ERROR_STATE, "profiling of the plan is off; turn it on with hada_plan_profile()"));
+        HADA_TRY_OR_DONE(
+            hada_fail(err, HADA_ERROR_STATE, "profiling of the plan is off; turn it on with hada_plan_profile()"));
 done:
     if (status) {
         free(*rows);

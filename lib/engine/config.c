@@ -73,7 +73,6 @@ static hada_status check_numbers(const hada_plan_options *options, hada_error *e
 
 static hada_status check_options(const hada_model_info *info, const hada_plan_options *options, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(check_numbers(options, err));
     if (options->depths && !options->depth_count)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "the list of depths is empty"));
@@ -94,8 +93,7 @@ static hada_status check_options(const hada_model_info *info, const hada_plan_op
         HADA_TRY(hada_fail(err, HADA_ERROR_SIZE,
                            "the dark frame must have %d channel(s) of %d x %d pixels, as the model", info->channels,
                            info->raw_rows, info->raw_cols));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Half filters change the light on the grid by 2^-11 at most; the planes, which have some of that light, by a few times
@@ -154,7 +152,6 @@ static hada_status use_classic(const hada_model_info *info, const hada_plan_opti
     const int listed = options->occupied == HADA_OCCUPIED_LIST && options->occupied_count < config->depths;
     const int depths = listed ? options->occupied_count : config->depths;
     hada_classic_options classic;
-    hada_status status = HADA_OK;
     hada_classic_options_init(&classic);
     HADA_TRY(HADA_OPTIONS_TAKE(&classic, options->classic, hada_classic_options, err));
     config->classic = classic.method != HADA_METHOD_MODEL;
@@ -162,15 +159,13 @@ static hada_status use_classic(const hada_model_info *info, const hada_plan_opti
         HADA_TRY(hada_classic_shape_of(info, depths, &classic, &config->method, err));
         config->steps = config->method.options.iterations;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_config_of(const hada_model *model, const hada_plan_options *options, hada_config *config,
                            hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(model);
-    hada_status status = HADA_OK;
     HADA_TRY(check_options(info, options, err));
     *config = (hada_config){.depths = options->depths ? options->depth_count : info->depths};
     /* auto: what leave-one-out found to pay for this camera */
@@ -200,9 +195,7 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     config->batch_whole = options->batch <= 0 && config->queues == 1;
     hada_focus_options_init(&config->focus, config->joint);
     HADA_TRY(choose_scene(options, config, err));
-    HADA_TRY(choose_skips(model, options, config, err));
-done:
-    return status;
+    return choose_skips(model, options, config, err);
 }
 
 hada_status hada_config_fit_grid(hada_config *config, hada_context *context, const hada_model *model, const int *depths,

@@ -45,23 +45,23 @@ hada_status hada_constants_create(hada_constants **out, hada_context *context, c
     hada_constants *constants = NULL;
     hada_slot *slot = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&constants, 1, sizeof *constants, "a plan", err));
+    HADA_TRY_OR_DONE(hada_allocated(constants = hada_alloc(1, sizeof *constants, "a plan", err)));
     constants->context = context;
-    HADA_TRY(hada_surfaces_create(&constants->surfaces, err));
-    HADA_TRY(hada_slot_create(&slot, context, err));
-    HADA_TRY(hada_bank_create(&constants->bank, slot, model, &layout, setup->depths, config->depths,
-                              has_optics(config) ? 0 : config->bank, config->half, err));
+    HADA_TRY_OR_DONE(hada_surfaces_create(&constants->surfaces, err));
+    HADA_TRY_OR_DONE(hada_slot_create(&slot, context, err));
+    HADA_TRY_OR_DONE(hada_bank_create(&constants->bank, slot, model, &layout, setup->depths, config->depths,
+                                      has_optics(config) ? 0 : config->bank, config->half, err));
     if (has_optics(config))
-        HADA_TRY(hada_classic_optics(&constants->optics, context, &config->method, model, setup->depths, config->depths,
-                                     err));
+        HADA_TRY_OR_DONE(hada_classic_optics(&constants->optics, context, &config->method, model, setup->depths,
+                                             config->depths, err));
     else if (config->joint)
-        HADA_TRY(check_together(constants, err));
+        HADA_TRY_OR_DONE(check_together(constants, err));
     if (config->joint && !config->classic)
-        HADA_TRY(hada_bank_prior(&constants->prior, slot, model, &layout, err));
+        HADA_TRY_OR_DONE(hada_bank_prior(&constants->prior, slot, model, &layout, err));
     if (setup->gains)
-        HADA_TRY(hada_gains_upload(setup->gains, &layout, slot, &constants->gains, err));
+        HADA_TRY_OR_DONE(hada_gains_upload(setup->gains, &layout, slot, &constants->gains, err));
     /* other queues read what this one wrote */
-    HADA_TRY(hada_slot_finish(slot, err));
+    HADA_TRY_OR_DONE(hada_slot_finish(slot, err));
 done:
     hada_slot_destroy(&slot);
     if (status)

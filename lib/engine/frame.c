@@ -43,10 +43,10 @@ hada_status hada_frame_begin(hada_frame *frame, const hada_setup *setup, const h
     *frame = (hada_frame){.setup = setup, .raw = raw, .result = result};
     /* upload and pictures are a unit each */
     frame->work = 2 + (config->joint ? config->steps + (config->pursuit ? HADA_WORK_PURSUIT : 0) : config->depths);
-    HADA_TRY(check_size(raw, info, err));
-    HADA_TRY(hada_alloc((void **)&frame->levels, channels, sizeof(double), "a frame", err));
-    HADA_TRY(hada_alloc((void **)&frame->skip.spectra, channels, sizeof(int), "a frame", err));
-    HADA_TRY(hada_alloc((void **)&frame->skip.planes, channels, sizeof(int), "a frame", err));
+    HADA_TRY_OR_DONE(check_size(raw, info, err));
+    HADA_TRY_OR_DONE(hada_allocated(frame->levels = hada_alloc(channels, sizeof(double), "a frame", err)));
+    HADA_TRY_OR_DONE(hada_allocated(frame->skip.spectra = hada_alloc(channels, sizeof(int), "a frame", err)));
+    HADA_TRY_OR_DONE(hada_allocated(frame->skip.planes = hada_alloc(channels, sizeof(int), "a frame", err)));
 done:
     if (status)
         free_parts(frame);
@@ -90,7 +90,6 @@ static hada_status prepare_result(hada_frame *frame, hada_error *err)
 static hada_status repair(hada_frame *frame, size_t broken, hada_error *err)
 {
     const hada_image *raw = frame->raw;
-    hada_status status = HADA_OK;
     if (!frame->setup->options.repair_not_finite)
         HADA_TRY(
             hada_fail(err, HADA_ERROR_NOT_FINITE,
@@ -102,8 +101,7 @@ static hada_status repair(hada_frame *frame, size_t broken, hada_error *err)
     memcpy(frame->repaired.data, raw->data, hada_image_count(raw) * sizeof(float));
     HADA_TRY(hada_frame_repair(&frame->repaired, &frame->result->memory->report.repaired_pixels, err));
     frame->staged = &frame->repaired;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* frame->staged: the frame as floats that are finite and in range. */
@@ -112,13 +110,10 @@ static hada_status stage(hada_frame *frame, hada_error *err)
     const hada_model_info *info = hada_model_get_info(frame->setup->model);
     float largest;
     const size_t broken = hada_not_finite(frame->raw->data, hada_image_count(frame->raw), &largest);
-    hada_status status = HADA_OK;
     frame->staged = frame->raw;
     if (broken) /* which takes values of neighbours: none is brighter than the brightest */
         HADA_TRY(repair(frame, broken, err));
-    HADA_TRY(hada_frame_check_range(largest, (double)info->grid_rows * info->grid_cols, err));
-done:
-    return status;
+    return hada_frame_check_range(largest, (double)info->grid_rows * info->grid_cols, err);
 }
 
 int hada_frame_levels_vary(const hada_setup *setup)
@@ -154,17 +149,18 @@ static hada_status find_levels(hada_frame *frame, hada_error *err)
     void *scratch = NULL;
     hada_status status = HADA_OK;
     if (vary)
-        HADA_TRY(hada_alloc_raw(&scratch, pixels, sizeof(float), "the dark level", err));
+        HADA_TRY_OR_DONE(hada_allocated(scratch = hada_alloc_raw(pixels, sizeof(float), "the dark level", err)));
     for (int channel = 0; channel < image->channels; channel++) {
         frame->levels[channel] =
             vary ? hada_dark_estimate(image->data + (size_t)channel * pixels, pixels, scratch) : level;
         frame->result->memory->report.dark += frame->levels[channel] / image->channels;
     }
     if (level > 1.0 && all_below(image, level))
-        HADA_TRY(hada_fail(err, HADA_ERROR_MODEL,
-                           "no pixel of the frame is above the dark level of %g that is taken off: it is one of frames "
-                           "in other units; say options.dark",
-                           level));
+        HADA_TRY_OR_DONE(
+            hada_fail(err, HADA_ERROR_MODEL,
+                      "no pixel of the frame is above the dark level of %g that is taken off: it is one of frames "
+                      "in other units; say options.dark",
+                      level));
 done:
     free(scratch);
     return status;
@@ -192,7 +188,6 @@ static double energy_above(const hada_image *image, const double *levels, const 
 
 hada_status hada_frame_prepare(hada_frame *frame, hada_error *err)
 {
-    hada_status status = HADA_OK;
     frame->start = frame->lap = hada_seconds();
     atomic_store(&frame->enhanced, 0);
     atomic_store(&frame->tiles, 0);
@@ -203,6 +198,5 @@ hada_status hada_frame_prepare(hada_frame *frame, hada_error *err)
     if (frame->setup->config.joint)
         frame->energy = energy_above(frame->staged, frame->levels, &frame->setup->dark_frame);
     hada_skip_channels(frame);
-done:
-    return status;
+    return HADA_OK;
 }

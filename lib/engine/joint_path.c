@@ -27,14 +27,11 @@ static void take_found(hada_pipeline *pipeline, knowledge *k)
 /* Which computed depths the frame occupies. */
 static hada_status pursue(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, hada_error *err)
 {
-    hada_status status = HADA_OK;
     hada_slot_stage(pipeline->slot, "pursuit");
     HADA_TRY(hada_pursuit_run(pipeline->pursuit, pipeline->stage->spectrum.mem, 0, &k->found, err));
     take_found(pipeline, k);
     hada_frame_progress(frame, 1 + HADA_WORK_PURSUIT);
-    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_pursuit, err));
-done:
-    return status;
+    return hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_pursuit, err);
 }
 
 static void take_listed(hada_pipeline *pipeline, knowledge *k)
@@ -76,13 +73,11 @@ static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count,
     hada_refiner *refiner = pipeline->refiner;
     const hada_refine_data data = data_of(pipeline);
     hada_refine_rule rule = rule_of(pipeline->setup, count, frame->staged, frame->energy, settle);
-    hada_status status = HADA_OK;
     rule.quiet = !(rule.stop > 0.0);
     HADA_TRY(hada_refiner_run(refiner, &data, &rule, 1, count, pipeline->occupied, &report->refine_steps, err));
     HADA_TRY(hada_refiner_residual_later(refiner, &data, 1, count, pipeline->occupied, err));
     pipeline->residual_due = 1;
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_pipeline_residual(hada_pipeline *pipeline, const hada_frame *frame)
@@ -119,26 +114,21 @@ static hada_status solve_classic(hada_pipeline *pipeline, hada_frame *frame, int
                                   .progress = classic_progress,
                                   .user = frame};
     hada_classic_result result;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_classic_run(pipeline->classic, &job, &result, err));
     report->method = pipeline->setup->config.method.options.method;
     report->refine_steps = result.iterations;
     if (frame->energy > 0)
         report->residual = sqrt(result.energy / frame->energy);
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status solve(hada_pipeline *pipeline, hada_frame *frame, int count, int settle, hada_error *err)
 {
-    hada_status status = HADA_OK;
     hada_slot_stage(pipeline->slot, "refine");
     HADA_TRY(pipeline->classic ? solve_classic(pipeline, frame, count, err)
                                : refine(pipeline, frame, count, settle, err));
     hada_frame_progress(frame, frame->work - 1);
-    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_refine, err));
-done:
-    return status;
+    return hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_refine, err);
 }
 
 static cl_mem planes_of(const hada_pipeline *pipeline)
@@ -159,7 +149,6 @@ static hada_status blend(hada_pipeline *pipeline, int count, hada_error *err)
 {
     const double share = pipeline->setup->config.share;
     const size_t values = hada_plane_values(hada_model_get_info(pipeline->setup->model));
-    hada_status status = HADA_OK;
     if (share >= 1.0)
         return HADA_OK;
     for (int i = 0; i < count; i++) {
@@ -168,35 +157,29 @@ static hada_status blend(hada_pipeline *pipeline, int count, hada_error *err)
         HADA_TRY(hada_image_blend(pipeline->slot, planes_of(pipeline), (size_t)i * values, pipeline->planes.mem, values,
                                   share, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The planes stand in the order of pipeline->occupied. */
 static hada_status focus(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
 {
-    hada_status status = HADA_OK;
     hada_slot_stage(pipeline->slot, "focus");
     HADA_TRY(hada_focus_begin(pipeline->focus, frame->result->memory->occupied, err));
     HADA_TRY(hada_focus_push_list(pipeline->focus, pipeline->occupied, count, planes_of(pipeline), 0, err));
-    HADA_TRY(hada_pipeline_pictures(pipeline, frame, err));
-done:
-    return status;
+    return hada_pipeline_pictures(pipeline, frame, err);
 }
 
 static hada_status read_planes(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
 {
     const size_t values = hada_plane_values(hada_model_get_info(pipeline->setup->model));
     const hada_buffer planes = {.mem = planes_of(pipeline), .bytes = values * (size_t)count * sizeof(float)};
-    hada_status status = HADA_OK;
     for (int i = 0, next; i < count; i = next) {
         /* depths that follow each other, at once */
         for (next = i + 1; next < count && pipeline->occupied[next] == pipeline->occupied[next - 1] + 1;)
             next++;
         HADA_TRY(hada_pipeline_read_planes(pipeline, frame, &planes, i, pipeline->occupied[i], next - i, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* A surface has two unknowns of a pixel, its light and its distance. It is tried where four planes and more are needed,
@@ -227,7 +210,6 @@ static int may_be_surface(const hada_pipeline *pipeline, const knowledge *k)
 static hada_status try_planes(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, hada_error *err)
 {
     const hada_report *report = &frame->result->memory->report;
-    hada_status status = HADA_OK;
     if (k->planes >= 0)
         return HADA_OK;
     HADA_TRY(solve(pipeline, frame, k->count, 0, err));
@@ -235,14 +217,12 @@ static hada_status try_planes(hada_pipeline *pipeline, hada_frame *frame, knowle
     hada_pipeline_residual(pipeline, frame);
     k->planes = report->residual * report->residual * frame->energy;
     k->solved = 1;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Whether a surface explains the frame as well as the planes do. */
 static hada_status is_surface(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, int *surface, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(try_planes(pipeline, frame, k, err));
     const double enough = surface_leaves(k->count) * k->planes;
     if (k->surface < 0 && enough > k->vain) {
@@ -250,8 +230,7 @@ static hada_status is_surface(hada_pipeline *pipeline, hada_frame *frame, knowle
         k->vain = *surface ? 0.0 : enough;
     }
     *surface = k->surface >= 0 && k->surface < enough;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Told that it is one. */
@@ -259,11 +238,8 @@ static hada_status only_surface(hada_pipeline *pipeline, hada_frame *frame, hada
 {
     int found;
     double energy;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_pipeline_find_surface(pipeline, frame, 0.0, &found, &energy, err));
-    HADA_TRY(hada_pipeline_take_surface(pipeline, frame, energy, err));
-done:
-    return status;
+    return hada_pipeline_take_surface(pipeline, frame, energy, err);
 }
 
 /* What is not occupied is dark. */
@@ -282,40 +258,34 @@ static hada_status mark_occupied(hada_pipeline *pipeline, hada_frame *frame, int
 static hada_status pursue_hidden(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, hada_error *err)
 {
     const hada_pursuit_result before = k->found;
-    hada_status status = HADA_OK;
     hada_slot_stage(pipeline->slot, "pursuit");
     HADA_TRY(hada_pursuit_part(pipeline->pursuit, &k->found, err));
     k->solved = 0; /* it may have worked in the same memory */
     take_found(pipeline, k);
     if (k->found.all || k->found.count != before.count || memcmp(k->found.list, before.list, sizeof before.list) != 0)
         k->planes = -1.0;
-    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_pursuit, err));
-done:
-    return status;
+    return hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_pursuit, err);
 }
 
 /* The depths of the frame, and whether it is a surface. Where that is plain, hidden depths are not looked for, which
  * takes longer; a third plane that hides makes two leave more than a surface does. */
 static hada_status look(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, int *surface, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(pursue(pipeline, frame, k, err));
     if (may_be_surface(pipeline, k) && (k->count > SURFACE_UNKNOWNS || !k->found.hides))
         HADA_TRY(is_surface(pipeline, frame, k, surface, err));
     if (*surface || !k->found.hides)
-        goto done;
+        return HADA_OK;
     HADA_TRY(pursue_hidden(pipeline, frame, k, err));
     if (may_be_surface(pipeline, k))
         HADA_TRY(is_surface(pipeline, frame, k, surface, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
     knowledge k = {.planes = -1.0, .surface = -1.0};
     int surface = 0;
-    hada_status status = HADA_OK;
     if (pipeline->setup->config.scene == HADA_SCENE_SURFACE)
         return only_surface(pipeline, frame, err);
     if (pipeline->setup->config.pursuit)
@@ -324,12 +294,12 @@ hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada
         take_listed(pipeline, &k);
     if (surface) {
         HADA_TRY(hada_pipeline_take_surface(pipeline, frame, k.surface, err));
-        goto done;
+        return HADA_OK;
     }
     HADA_TRY(mark_occupied(pipeline, frame, k.count, err));
     if (!k.count) {
         HADA_TRY(hada_pipeline_no_pictures(pipeline, frame, err));
-        goto done;
+        return HADA_OK;
     }
     const int parting = pipeline->setup->config.parting && k.count > 1;
     if (parting || !k.solved)
@@ -340,6 +310,5 @@ hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_enhance, err));
     HADA_TRY(focus(pipeline, frame, k.count, err));
     HADA_TRY(read_planes(pipeline, frame, k.count, err));
-done:
-    return status;
+    return HADA_OK;
 }

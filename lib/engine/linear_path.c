@@ -9,16 +9,13 @@ static hada_status compute(hada_pipeline *pipeline, const hada_frame *frame, int
 {
     const size_t plane = hada_plane_values(hada_model_get_info(pipeline->setup->model));
     const cl_mem planes = pipeline->planes.mem;
-    hada_status status = HADA_OK;
     hada_slot_stage(pipeline->slot, "linear");
     hada_pipeline_apply_skip(pipeline, frame);
     if (hada_skip_needs_single(frame))
         HADA_TRY(hada_skip_run_single(pipeline, first, count, err));
     else
         HADA_TRY(hada_hadamard_run(pipeline->stage, pipeline->constants->bank, first, count, planes, 0, err));
-    HADA_TRY(hada_image_clip(pipeline->slot, planes, plane * (size_t)count, err));
-done:
-    return status;
+    return hada_image_clip(pipeline->slot, planes, plane * (size_t)count, err);
 }
 
 static hada_status read_planes(hada_pipeline *pipeline, hada_frame *frame, int first, int count, hada_error *err)
@@ -31,12 +28,10 @@ static hada_status read_planes(hada_pipeline *pipeline, hada_frame *frame, int f
 static hada_status write_planes(hada_pipeline *pipeline, hada_frame *frame, int first, int count, hada_error *err)
 {
     const size_t bytes = hada_plane_values(hada_model_get_info(pipeline->setup->model)) * sizeof(float);
-    hada_status status = HADA_OK;
     for (int i = 0; i < count; i++)
         HADA_TRY(hada_buffer_write(&pipeline->planes, pipeline->slot, (size_t)i * bytes,
                                    frame->result->planes[first + i].data, bytes, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status push(hada_pipeline *pipeline, hada_frame *frame, int first, int count, hada_error *err)
@@ -52,15 +47,15 @@ static hada_status own_batch(hada_pipeline *pipeline, hada_frame *frame, int fir
 {
     hada_report *report = &frame->result->memory->report;
     hada_status status = HADA_OK;
-    HADA_TRY(compute(pipeline, frame, first, count, err));
-    HADA_TRY(hada_pipeline_lap(pipeline, frame, &report->seconds_linear, err));
-    HADA_TRY(hada_pipeline_enhance(pipeline, frame, pipeline->planes.mem, count, 0, err));
-    HADA_TRY(hada_pipeline_lap(pipeline, frame, &report->seconds_enhance, err));
+    HADA_TRY_OR_DONE(compute(pipeline, frame, first, count, err));
+    HADA_TRY_OR_DONE(hada_pipeline_lap(pipeline, frame, &report->seconds_linear, err));
+    HADA_TRY_OR_DONE(hada_pipeline_enhance(pipeline, frame, pipeline->planes.mem, count, 0, err));
+    HADA_TRY_OR_DONE(hada_pipeline_lap(pipeline, frame, &report->seconds_enhance, err));
     if (first == *next) {
         *next += count;
-        HADA_TRY(push(pipeline, frame, first, count, err));
+        HADA_TRY_OR_DONE(push(pipeline, frame, first, count, err));
     }
-    HADA_TRY(read_planes(pipeline, frame, first, count, err));
+    HADA_TRY_OR_DONE(read_planes(pipeline, frame, first, count, err));
 done:
     frame->batches->put(frame, first, count, !status);
     return status ? status : hada_pipeline_lap(pipeline, frame, &report->seconds_download, err);
@@ -69,20 +64,16 @@ done:
 static hada_status others_batch(hada_pipeline *pipeline, hada_frame *frame, int count, int *next, hada_error *err)
 {
     const int first = *next;
-    hada_status status = HADA_OK;
     count = count < pipeline->batch ? count : pipeline->batch;
     *next += count;
     HADA_TRY(hada_slot_finish(pipeline->slot, err)); /* they may be this pipeline's own, still on their way */
     HADA_TRY(write_planes(pipeline, frame, first, count, err));
-    HADA_TRY(push(pipeline, frame, first, count, err));
-done:
-    return status;
+    return push(pipeline, frame, first, count, err);
 }
 
 static hada_status all_batches(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
     const unsigned char *occupied = frame->result->memory->occupied;
-    hada_status status = HADA_OK;
     for (int next = 0; next < pipeline->setup->config.depths;) {
         int first, count;
         if (!occupied[next])
@@ -94,8 +85,7 @@ static hada_status all_batches(hada_pipeline *pipeline, hada_frame *frame, hada_
         else
             frame->batches->arrived(frame, next, 1);
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status all_planes(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
@@ -114,7 +104,6 @@ hada_status hada_pipeline_linear(hada_pipeline *pipeline, hada_frame *frame, had
 {
     hada_result *result = frame->result;
     hada_report *report = &result->memory->report;
-    hada_status status = HADA_OK;
     for (int z = 0; z < result->depths; z++) {
         result->memory->occupied[z] = pipeline->setup->listed[z];
         report->occupied_count += report->occupied[z];
@@ -125,19 +114,14 @@ hada_status hada_pipeline_linear(hada_pipeline *pipeline, hada_frame *frame, had
         if (pipeline->setup->config.measured) /* their norm is asked for */
             HADA_TRY(hada_slot_finish(pipeline->slot, err));
     } while (!hada_skip_kept(frame));
-    HADA_TRY(hada_pipeline_pictures(pipeline, frame, err));
-done:
-    return status;
+    return hada_pipeline_pictures(pipeline, frame, err);
 }
 
 hada_status hada_pipeline_linear_batch(hada_pipeline *pipeline, hada_frame *frame, int first, int count,
                                        hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(compute(pipeline, frame, first, count, err));
     HADA_TRY(hada_pipeline_enhance(pipeline, frame, pipeline->planes.mem, count, 0, err));
     HADA_TRY(read_planes(pipeline, frame, first, count, err));
-    HADA_TRY(hada_slot_finish(pipeline->slot, err));
-done:
-    return status;
+    return hada_slot_finish(pipeline->slot, err);
 }

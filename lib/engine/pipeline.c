@@ -14,7 +14,6 @@ static hada_status make_stage(hada_pipeline *pipeline, hada_error *err)
     const hada_setup *setup = pipeline->setup;
     const hada_model_info *info = hada_model_get_info(setup->model);
     hada_slot *slot = pipeline->slot;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_hadamard_create(&pipeline->stage, slot, &pipeline->scratch, info, pipeline->batch, err));
     if (setup->config.dark)
         HADA_TRY(hada_hadamard_set_dark(pipeline->stage, setup->dark_frame.data, err));
@@ -22,8 +21,7 @@ static hada_status make_stage(hada_pipeline *pipeline, hada_error *err)
         HADA_TRY(hada_hadamard_unprune(pipeline->stage, err));
     if (setup->config.measured)
         HADA_TRY(hada_meter_create(&pipeline->meter, slot, &pipeline->stage->layout, pipeline->stage->channels, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* sum |X|^2 of the pairs of each computed depth, as far as the model keeps it: the mean scene times the pairs. */
@@ -38,18 +36,19 @@ static hada_status set_power(hada_pipeline *pipeline, hada_error *err)
     hada_status status = HADA_OK;
     if (!model->scene_power || !model->pairs)
         return HADA_OK; /* measured transfer functions are exact */
-    HADA_TRY(hada_alloc_raw((void **)&scaled, values, sizeof(float), "the scenes' power", err));
-    HADA_TRY(hada_alloc((void **)&packed, channels * layout->count, sizeof(float), "the scenes' power", err));
-    HADA_TRY(hada_buffer_create(&buffer, pipeline->constants->context, channels * layout->count * sizeof(float),
-                                "the scenes' power", err));
+    HADA_TRY_OR_DONE(hada_allocated(scaled = hada_alloc_raw(values, sizeof(float), "the scenes' power", err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(packed = hada_alloc(channels * layout->count, sizeof(float), "the scenes' power", err)));
+    HADA_TRY_OR_DONE(hada_buffer_create(&buffer, pipeline->constants->context, channels * layout->count * sizeof(float),
+                                        "the scenes' power", err));
     for (int z = 0; z < setup->config.depths; z++) {
         for (size_t i = 0; i < values; i++)
             scaled[i] = (float)(model->scene_power[i] * model->pairs[setup->depths[z]]);
         for (size_t channel = 0; channel < channels; channel++)
             hada_layout_pack_real(layout, scaled, packed + channel * layout->count);
-        HADA_TRY(hada_buffer_write(&buffer, pipeline->slot, 0, packed, buffer.bytes, err));
-        HADA_TRY(hada_pursuit_set_power(pipeline->pursuit, z, 1, buffer.mem, 0, err));
-        HADA_TRY(hada_slot_finish(pipeline->slot, err));
+        HADA_TRY_OR_DONE(hada_buffer_write(&buffer, pipeline->slot, 0, packed, buffer.bytes, err));
+        HADA_TRY_OR_DONE(hada_pursuit_set_power(pipeline->pursuit, z, 1, buffer.mem, 0, err));
+        HADA_TRY_OR_DONE(hada_slot_finish(pipeline->slot, err));
     }
 done:
     hada_buffer_destroy(&buffer);
@@ -65,14 +64,11 @@ static hada_status make_pursuit(hada_pipeline *pipeline, hada_error *err)
     const cl_mem prior = pipeline->constants->prior.mem;
     size_t offset;
     cl_mem otf = hada_constants_otf(pipeline->constants, &offset);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_pursuit_create(&pipeline->pursuit, pipeline->slot, &pipeline->scratch, &options, err));
     HADA_TRY(hada_pursuit_set_otf(pipeline->pursuit, 0, setup->config.depths, otf, offset, err));
     if (prior)
         HADA_TRY(hada_pursuit_set_prior(pipeline->pursuit, prior, err));
-    HADA_TRY(set_power(pipeline, err));
-done:
-    return status;
+    return set_power(pipeline, err);
 }
 
 /* In the order of the plan of the memory: pipeline_memory.c. */
@@ -85,7 +81,6 @@ static hada_status make_parts(hada_pipeline *pipeline, hada_error *err)
     hada_focus_desc focus = hada_config_focus(config, info);
     hada_slot *slot = pipeline->slot;
     hada_scratch *scratch = &pipeline->scratch;
-    hada_status status = HADA_OK;
     focus.distances_mm = setup->distances;
     HADA_TRY(hada_pipeline_plan_memory(scratch, slot->context, setup->model, config, pipeline->batch, err));
     HADA_TRY(hada_scratch_make(scratch, slot->context, err));
@@ -107,8 +102,7 @@ static hada_status make_parts(hada_pipeline *pipeline, hada_error *err)
         const hada_enhance_desc desc = hada_config_enhance(config, slot->context, setup->model, setup->options.skip);
         HADA_TRY(hada_enhance_create(&pipeline->enhance, slot, &desc, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_pipeline_clear(hada_pipeline *pipeline)
@@ -136,8 +130,8 @@ hada_status hada_pipeline_ready(hada_pipeline *pipeline, hada_error *err)
     hada_status status = HADA_OK;
     if (pipeline->slot)
         return HADA_OK;
-    HADA_TRY(hada_slot_create(&pipeline->slot, pipeline->constants->context, err));
-    HADA_TRY(make_parts(pipeline, err));
+    HADA_TRY_OR_DONE(hada_slot_create(&pipeline->slot, pipeline->constants->context, err));
+    HADA_TRY_OR_DONE(make_parts(pipeline, err));
 done:
     if (status)
         hada_pipeline_clear(pipeline);
@@ -149,10 +143,11 @@ hada_status hada_pipeline_create(hada_pipeline **out, const hada_setup *setup, c
 {
     hada_pipeline *pipeline = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&pipeline, 1, sizeof *pipeline, "a plan", err));
+    HADA_TRY_OR_DONE(hada_allocated(pipeline = hada_alloc(1, sizeof *pipeline, "a plan", err)));
     *pipeline = (hada_pipeline){.setup = setup, .constants = constants, .batch = batch};
-    HADA_TRY(hada_alloc((void **)&pipeline->occupied, (size_t)setup->config.depths, sizeof(int), "a plan", err));
-    HADA_TRY(hada_pipeline_ready(pipeline, err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(pipeline->occupied = hada_alloc((size_t)setup->config.depths, sizeof(int), "a plan", err)));
+    HADA_TRY_OR_DONE(hada_pipeline_ready(pipeline, err));
 done:
     if (status)
         hada_pipeline_destroy(&pipeline);

@@ -35,7 +35,6 @@ static hada_status note(hada_scratch *scratch, const hada_context *context, cons
     /* where the sensor crops, refinement compares with the frame itself; some classic methods do in any case */
     const int raw_last =
         config->classic || (config->joint && info->boundary == HADA_BOUNDARY_PADDED) ? COMPUTE : UPLOAD;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_hadamard_note(context, info, batch, scratch, UPLOAD, raw_last, COMPUTE, err));
     hada_scratch_steps(scratch, FOCUS, DOWNLOAD);
     HADA_TRY(hada_scratch_note(scratch, hada_pipeline_pictures_bytes(info), "the pictures", err));
@@ -53,8 +52,7 @@ static hada_status note(hada_scratch *scratch, const hada_context *context, cons
     if (hada_pipeline_planes_bytes(info, config, batch))
         HADA_TRY(
             hada_scratch_note(scratch, hada_pipeline_planes_bytes(info, config, batch), "the refocused planes", err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_pipeline_plan_memory(hada_scratch *scratch, const hada_context *context, const hada_model *model,
@@ -132,12 +130,10 @@ hada_status hada_pipeline_room(const hada_context *context, const hada_model *mo
 {
     const uint64_t most = most_bytes(context), queues = (uint64_t)config->queues;
     uint64_t each, apart;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_pipeline_bytes(context, model, config, batch, &each, &apart, err));
     const uint64_t held = hada_constants_bytes(context, model, config) + queues * each;
     *bytes = most > held ? (most - held) / queues : 0;
-done:
-    return status;
+    return HADA_OK;
 }
 
 int hada_pipeline_fit(const hada_context *context, const hada_model *model, const hada_config *config, int queues)

@@ -6,15 +6,12 @@
 
 static hada_status upload(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
-    hada_status status = HADA_OK;
     hada_slot_stage(pipeline->slot, "upload");
     HADA_TRY(hada_frame_prepare(frame, err));
     HADA_TRY(hada_pipeline_load(pipeline, frame, err));
     HADA_TRY(hada_skip_frequencies(pipeline, frame, err));
     hada_frame_progress(frame, 1);
-    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_upload, err));
-done:
-    return status;
+    return hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_upload, err);
 }
 
 /* After a failure: nothing is in the queue, and what it left behind is not trusted. */
@@ -28,7 +25,6 @@ static void reset(hada_pipeline *pipeline)
 static hada_status all_stages(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
     const hada_setup *setup = pipeline->setup;
-    hada_status status = HADA_OK;
     HADA_TRY(upload(pipeline, frame, err));
     HADA_TRY(setup->config.joint ? hada_pipeline_joint(pipeline, frame, err)
                                  : hada_pipeline_linear(pipeline, frame, err));
@@ -37,9 +33,7 @@ static hada_status all_stages(hada_pipeline *pipeline, hada_frame *frame, hada_e
     HADA_TRY(hada_slot_finish(pipeline->slot, err)); /* results are on their way until now */
     hada_pipeline_residual(pipeline, frame);
     hada_result_apply_gamma(frame->result, setup->options.gamma);
-    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_download, err));
-done:
-    return status;
+    return hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_download, err);
 }
 
 static hada_status run(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
@@ -79,8 +73,8 @@ hada_status hada_pipeline_help(hada_pipeline *pipeline, hada_frame *frame, int f
     if (status)
         return status;
     hada_slot_cancel_by(pipeline->slot, &frame->cancelled);
-    HADA_TRY(hada_pipeline_load(pipeline, frame, err));
-    HADA_TRY(hada_pipeline_linear_batch(pipeline, frame, first, count, err));
+    HADA_TRY_OR_DONE(hada_pipeline_load(pipeline, frame, err));
+    HADA_TRY_OR_DONE(hada_pipeline_linear_batch(pipeline, frame, first, count, err));
 done:
     if (status)
         reset(pipeline);

@@ -59,7 +59,7 @@ static hada_status plane_median(const float *plane, size_t count, float *out, ha
     float *finite = NULL;
     size_t n = 0;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc_raw((void **)&finite, count, sizeof *finite, "repairing a frame", err));
+    HADA_TRY_OR_DONE(hada_allocated(finite = hada_alloc_raw(count, sizeof *finite, "repairing a frame", err)));
     for (size_t i = 0; i < count; i++)
         if (isfinite(plane[i]))
             finite[n++] = plane[i];
@@ -73,7 +73,6 @@ static hada_status repair_plane(const float *before, float *after, int rows, int
 {
     const size_t pixels = (size_t)rows * (size_t)cols;
     float whole = NAN; /* the plane's median, found when first needed */
-    hada_status status = HADA_OK;
     for (size_t i = 0; i < pixels; i++) {
         if (isfinite(before[i]))
             continue;
@@ -82,8 +81,7 @@ static hada_status repair_plane(const float *before, float *after, int rows, int
             HADA_TRY(plane_median(before, pixels, &whole, err));
         after[i] = isnan(value) ? whole : value;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_frame_repair(hada_image *frame, size_t *repaired, hada_error *err)
@@ -94,10 +92,10 @@ hada_status hada_frame_repair(hada_image *frame, size_t *repaired, hada_error *e
     *repaired = hada_image_count_not_finite(frame);
     if (!*repaired)
         return HADA_OK;
-    HADA_TRY(hada_image_create(&before, frame->channels, frame->rows, frame->cols, err));
+    HADA_TRY_OR_DONE(hada_image_create(&before, frame->channels, frame->rows, frame->cols, err));
     memcpy(before.data, frame->data, hada_image_count(frame) * sizeof(float));
     for (size_t at = 0; at < pixels * (size_t)frame->channels; at += pixels)
-        HADA_TRY(repair_plane(before.data + at, frame->data + at, frame->rows, frame->cols, err));
+        HADA_TRY_OR_DONE(repair_plane(before.data + at, frame->data + at, frame->rows, frame->cols, err));
 done:
     hada_image_destroy(&before);
     return status;

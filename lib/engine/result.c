@@ -45,13 +45,12 @@ void hada_result_clear(hada_result *result)
 static hada_status make_memory(hada_result *result, hada_error *err)
 {
     return result->memory ? HADA_OK
-                          : hada_alloc((void **)&result->memory, 1, sizeof *result->memory, "the result", err);
+                          : hada_allocated(result->memory = hada_alloc(1, sizeof *result->memory, "the result", err));
 }
 
 hada_status hada_result_use(hada_result *result, const hada_result_arrays *arrays, hada_error *err)
 {
     hada_result_arrays own;
-    hada_status status = HADA_OK;
     if (!result)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_result_use: a result is needed");
     hada_result_arrays_init(&own);
@@ -59,8 +58,7 @@ hada_status hada_result_use(hada_result *result, const hada_result_arrays *array
     hada_result_clear(result);
     HADA_TRY(make_memory(result, err));
     result->memory->arrays = own;
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_cl_arrays_defaults(hada_cl_arrays *arrays, size_t size)
@@ -72,7 +70,6 @@ void hada_cl_arrays_defaults(hada_cl_arrays *arrays, size_t size)
 hada_status hada_result_use_cl(hada_result *result, const hada_cl_arrays *arrays, hada_error *err)
 {
     hada_cl_arrays own;
-    hada_status status = HADA_OK;
     if (!result)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_result_use_cl: a result is needed");
     hada_cl_arrays_init(&own);
@@ -80,8 +77,7 @@ hada_status hada_result_use_cl(hada_result *result, const hada_cl_arrays *arrays
     hada_result_clear(result);
     HADA_TRY(make_memory(result, err));
     result->memory->device = own;
-done:
-    return status;
+    return HADA_OK;
 }
 
 int hada_result_on_device(const hada_result *result)
@@ -101,12 +97,10 @@ static hada_status check_array(const float *values, size_t count, size_t needed,
 static hada_status fit_image(hada_image *image, hada_image *own, float *callers, int channels, int rows, int cols,
                              hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (!callers)
         HADA_TRY(hada_image_create(own, channels, rows, cols, err));
     *image = (hada_image){channels, rows, cols, callers ? callers : own->data};
-done:
-    return status;
+    return HADA_OK;
 }
 
 static int fits(const hada_result *result, const hada_model_info *info, int depths)
@@ -123,22 +117,26 @@ hada_status hada_result_fit(hada_result *result, const hada_model_info *info, in
     if (fits(result, info, depths))
         return HADA_OK;
     hada_result_clear(result);
-    HADA_TRY(make_memory(result, err));
+    HADA_TRY_OR_DONE(make_memory(result, err));
     hada_result_memory *memory = result->memory;
     const hada_result_arrays *arrays = &memory->arrays;
-    HADA_TRY(check_array(arrays->stack, arrays->stack_count, (size_t)depths * plane, "stack", err));
-    HADA_TRY(check_array(arrays->all_in_focus, arrays->all_in_focus_count, plane, "all-in-focus image", err));
-    HADA_TRY(check_array(arrays->distance_map, arrays->distance_map_count, map, "distance map", err));
-    HADA_TRY(hada_alloc((void **)&result->distances_mm, (size_t)depths, sizeof(double), "the result", err));
-    HADA_TRY(hada_alloc((void **)&result->planes, (size_t)depths, sizeof *result->planes, "the result", err));
-    HADA_TRY(hada_alloc((void **)&memory->occupied, (size_t)depths, 1, "the result", err));
+    HADA_TRY_OR_DONE(check_array(arrays->stack, arrays->stack_count, (size_t)depths * plane, "stack", err));
+    HADA_TRY_OR_DONE(check_array(arrays->all_in_focus, arrays->all_in_focus_count, plane, "all-in-focus image", err));
+    HADA_TRY_OR_DONE(check_array(arrays->distance_map, arrays->distance_map_count, map, "distance map", err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(result->distances_mm = hada_alloc((size_t)depths, sizeof(double), "the result", err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(result->planes = hada_alloc((size_t)depths, sizeof *result->planes, "the result", err)));
+    HADA_TRY_OR_DONE(hada_allocated(memory->occupied = hada_alloc((size_t)depths, 1, "the result", err)));
     if (!arrays->stack)
-        HADA_TRY(hada_alloc((void **)&memory->stack, (size_t)depths * plane, sizeof(float), "the stack", err));
+        HADA_TRY_OR_DONE(
+            hada_allocated(memory->stack = hada_alloc((size_t)depths * plane, sizeof(float), "the stack", err)));
     for (int z = 0; z < depths; z++)
         result->planes[z] =
             (hada_image){channels, rows, cols, (arrays->stack ? arrays->stack : memory->stack) + (size_t)z * plane};
-    HADA_TRY(fit_image(&result->all_in_focus, &memory->all_in_focus, arrays->all_in_focus, channels, rows, cols, err));
-    HADA_TRY(fit_image(&result->distance_map, &memory->distance_map, arrays->distance_map, 1, rows, cols, err));
+    HADA_TRY_OR_DONE(
+        fit_image(&result->all_in_focus, &memory->all_in_focus, arrays->all_in_focus, channels, rows, cols, err));
+    HADA_TRY_OR_DONE(fit_image(&result->distance_map, &memory->distance_map, arrays->distance_map, 1, rows, cols, err));
     result->depths = depths;
     hada_result_renew(result);
 done:
@@ -151,12 +149,10 @@ hada_status hada_result_make_confidence(hada_result *result, hada_error *err)
 {
     hada_result_memory *memory = result->memory;
     const hada_image *map = &result->distance_map;
-    hada_status status = HADA_OK;
     if (!memory->confidence.data)
         HADA_TRY(hada_image_create(&memory->confidence, 1, map->rows, map->cols, err));
     memory->has_confidence = 1;
-done:
-    return status;
+    return HADA_OK;
 }
 
 const hada_image *hada_result_confidence(const hada_result *result)
@@ -204,7 +200,6 @@ hada_status hada_result_copy(hada_result *to, const hada_result *from, const had
         HADA_TRY(hada_result_make_confidence(to, err));
         copy_image(&memory->confidence, &from->memory->confidence);
     }
-done:
     return status;
 }
 

@@ -18,10 +18,9 @@ static hada_status make_lists(hada_setup *setup, const hada_plan_options *option
 {
     const hada_model_info *info = hada_model_get_info(setup->model);
     const size_t depths = (size_t)setup->config.depths;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&setup->depths, depths, sizeof(int), "a plan", err));
-    HADA_TRY(hada_alloc((void **)&setup->distances, depths, sizeof(double), "a plan", err));
-    HADA_TRY(hada_alloc((void **)&setup->listed, depths, 1, "a plan", err));
+    HADA_TRY(hada_allocated(setup->depths = hada_alloc(depths, sizeof(int), "a plan", err)));
+    HADA_TRY(hada_allocated(setup->distances = hada_alloc(depths, sizeof(double), "a plan", err)));
+    HADA_TRY(hada_allocated(setup->listed = hada_alloc(depths, 1, "a plan", err)));
     int found = 0;
     for (int i = 0; i < setup->config.depths; i++) {
         setup->depths[i] = options->depths ? options->depths[i] : i;
@@ -32,29 +31,26 @@ static hada_status make_lists(hada_setup *setup, const hada_plan_options *option
     }
     if (!found)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "none of the occupied depths is among the depths to compute"));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The listed depths as indices into the model; to be freed. */
 static hada_status list_depths(const hada_setup *setup, int **list, int *count, hada_error *err)
 {
-    hada_status status = HADA_OK;
     *count = 0;
-    HADA_TRY(hada_alloc((void **)list, (size_t)setup->config.depths, sizeof **list, "a plan", err));
+    HADA_TRY(hada_allocated(*list = hada_alloc((size_t)setup->config.depths, sizeof **list, "a plan", err)));
     for (int z = 0; z < setup->config.depths; z++)
         if (setup->listed[z])
             (*list)[(*count)++] = setup->depths[z];
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status make_camera(hada_setup *setup, hada_error *err)
 {
     int *list = NULL, count;
     hada_status status = HADA_OK;
-    HADA_TRY(list_depths(setup, &list, &count, err));
-    HADA_TRY(hada_classic_camera_of(&setup->camera, setup->model, list, count, err));
+    HADA_TRY_OR_DONE(list_depths(setup, &list, &count, err));
+    HADA_TRY_OR_DONE(hada_classic_camera_of(&setup->camera, setup->model, list, count, err));
 done:
     free(list);
     return status;
@@ -62,14 +58,12 @@ done:
 
 static hada_status copy_dark(hada_setup *setup, const hada_image *dark, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const size_t broken = hada_image_count_not_finite(dark);
     HADA_TRY(hada_image_create(&setup->dark_frame, dark->channels, dark->rows, dark->cols, err));
     memcpy(setup->dark_frame.data, dark->data, hada_image_count(dark) * sizeof(float));
     if (broken)
         HADA_TRY(hada_fail(err, HADA_ERROR_NOT_FINITE, "the dark frame holds %zu values that are not finite", broken));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static int is_dark_same(const hada_image *dark, int a, int b)
@@ -97,9 +91,8 @@ static int is_filter_same(const hada_setup *setup, int a, int b)
 static hada_status find_same_channels(hada_setup *setup, hada_error *err)
 {
     const size_t channels = (size_t)setup->model->info.channels;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&setup->same_dark, channels, sizeof(int), "a plan", err));
-    HADA_TRY(hada_alloc((void **)&setup->same_filter, channels, sizeof(int), "a plan", err));
+    HADA_TRY(hada_allocated(setup->same_dark = hada_alloc(channels, sizeof(int), "a plan", err)));
+    HADA_TRY(hada_allocated(setup->same_filter = hada_alloc(channels, sizeof(int), "a plan", err)));
     for (int c = 0; c < setup->model->info.channels; c++) {
         setup->same_dark[c] = setup->same_filter[c] = c;
         for (int before = c - 1; before >= 0; before--) {
@@ -109,8 +102,7 @@ static hada_status find_same_channels(hada_setup *setup, hada_error *err)
                 setup->same_filter[c] = before;
         }
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status make_gains(hada_setup *setup, const hada_context *context, hada_error *err)
@@ -118,8 +110,9 @@ static hada_status make_gains(hada_setup *setup, const hada_context *context, ha
     const hada_spectrum_layout layout = hada_hadamard_layout(context, hada_model_get_info(setup->model));
     int *list = NULL, count;
     hada_status status = HADA_OK;
-    HADA_TRY(list_depths(setup, &list, &count, err));
-    HADA_TRY(hada_gains_create(&setup->gains, setup->model, &layout, list, count, setup->config.half_by_error, err));
+    HADA_TRY_OR_DONE(list_depths(setup, &list, &count, err));
+    HADA_TRY_OR_DONE(
+        hada_gains_create(&setup->gains, setup->model, &layout, list, count, setup->config.half_by_error, err));
 done:
     free(list);
     return status;
@@ -128,7 +121,6 @@ done:
 hada_status hada_setup_make(hada_setup *setup, hada_context *context, const hada_model *model,
                             const hada_plan_options *options, hada_error *err)
 {
-    hada_status status = HADA_OK;
     *setup = (hada_setup){.model = model, .options = *options};
     setup->options.depths = setup->options.occupied_list = NULL;
     setup->options.dark_frame = NULL;
@@ -145,8 +137,7 @@ hada_status hada_setup_make(hada_setup *setup, hada_context *context, const hada
     HADA_TRY(find_same_channels(setup, err));
     if (setup->config.measured)
         HADA_TRY(make_gains(setup, context, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_setup_free(hada_setup *setup)

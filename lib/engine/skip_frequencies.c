@@ -78,9 +78,10 @@ hada_status hada_skip_frequencies(hada_pipeline *pipeline, hada_frame *frame, ha
     if (!gains)
         return HADA_OK;
     const hada_buffer *measured = &pipeline->meter->energy;
-    HADA_TRY(hada_alloc_raw((void **)&energy, measured->bytes, 1, "the energy of spectra", err));
-    HADA_TRY(hada_meter_run(pipeline->meter, pipeline->stage->spectrum.mem, pipeline->constants->gains.mem, err));
-    HADA_TRY(hada_buffer_read(measured, pipeline->slot, 0, energy, measured->bytes, err));
+    HADA_TRY_OR_DONE(hada_allocated(energy = hada_alloc_raw(measured->bytes, 1, "the energy of spectra", err)));
+    HADA_TRY_OR_DONE(
+        hada_meter_run(pipeline->meter, pipeline->stage->spectrum.mem, pipeline->constants->gains.mem, err));
+    HADA_TRY_OR_DONE(hada_buffer_read(measured, pipeline->slot, 0, energy, measured->bytes, err));
     if (config->band_rows || config->band_cols) {
         skip->band_change = sqrt(hada_gains_outside(gains, energy, config->band_rows, config->band_cols));
         leave_out(&gains->tiles, gains->channels, config->band_rows, config->band_cols, energy);
@@ -104,10 +105,10 @@ hada_status hada_skip_run_single(hada_pipeline *pipeline, int first, int count, 
     hada_bank *bank = NULL;
     hada_status status = HADA_OK;
     for (int i = 0; i < count; i++) {
-        HADA_TRY(hada_bank_create(&bank, pipeline->slot, setup->model, &pipeline->stage->layout,
-                                  &setup->depths[first + i], 1, HADA_BANK_FILTERS, 0, err));
-        HADA_TRY(hada_hadamard_run(pipeline->stage, bank, 0, 1, pipeline->planes.mem, (size_t)i * plane, err));
-        HADA_TRY(hada_slot_finish(pipeline->slot, err));
+        HADA_TRY_OR_DONE(hada_bank_create(&bank, pipeline->slot, setup->model, &pipeline->stage->layout,
+                                          &setup->depths[first + i], 1, HADA_BANK_FILTERS, 0, err));
+        HADA_TRY_OR_DONE(hada_hadamard_run(pipeline->stage, bank, 0, 1, pipeline->planes.mem, (size_t)i * plane, err));
+        HADA_TRY_OR_DONE(hada_slot_finish(pipeline->slot, err));
         hada_bank_destroy(&bank);
     }
 done:

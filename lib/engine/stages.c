@@ -31,13 +31,11 @@ hada_status hada_pipeline_load(hada_pipeline *pipeline, hada_frame *frame, hada_
     hada_pipeline_apply_skip(pipeline, frame);
     /* repaired pixels are on the host alone */
     const int on_device = frame->device && frame->staged == frame->raw;
-    hada_status status = HADA_OK;
     HADA_TRY(on_device
                  ? hada_hadamard_frame_from(pipeline->stage, frame->device, frame->device_offset, frame->levels, err)
                  : hada_hadamard_frame_later(pipeline->stage, frame->staged->data, frame->levels, err));
     pipeline->loaded = frame->serial;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_pipeline_enhance(hada_pipeline *pipeline, hada_frame *frame, cl_mem planes, int count, int together,
@@ -61,13 +59,10 @@ hada_status hada_pipeline_read_planes(hada_pipeline *pipeline, hada_frame *frame
     const hada_image *first = &frame->result->planes[depth]; /* the others follow in the stack */
     const hada_cl_arrays *device = &frame->result->memory->device;
     const size_t plane = hada_image_count(first) * sizeof *first->data, bytes = (size_t)count * plane;
-    hada_status status = HADA_OK;
     if (device->stack)
         HADA_TRY(hada_buffer_copy(pipeline->slot, planes->mem, (size_t)place * plane, device->stack,
                                   device->stack_offset + (size_t)depth * plane, bytes, err));
-    HADA_TRY(hada_buffer_read_later(planes, pipeline->slot, (size_t)place * plane, first->data, bytes, err));
-done:
-    return status;
+    return hada_buffer_read_later(planes, pipeline->slot, (size_t)place * plane, first->data, bytes, err);
 }
 
 hada_status hada_pipeline_dark_planes(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
@@ -75,7 +70,6 @@ hada_status hada_pipeline_dark_planes(hada_pipeline *pipeline, hada_frame *frame
     const hada_result *result = frame->result;
     const hada_cl_arrays *device = &result->memory->device;
     const size_t count = hada_image_count(&result->planes[0]);
-    hada_status status = HADA_OK;
     for (int z = 0; z < result->depths; z++) {
         if (result->memory->occupied[z])
             continue;
@@ -84,8 +78,7 @@ hada_status hada_pipeline_dark_planes(hada_pipeline *pipeline, hada_frame *frame
             HADA_TRY(hada_buffer_fill(pipeline->slot, device->stack,
                                       device->stack_offset + (size_t)z * count * sizeof(float), 0.0f, count, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_pipeline_no_pictures(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
@@ -93,7 +86,6 @@ hada_status hada_pipeline_no_pictures(hada_pipeline *pipeline, hada_frame *frame
     const hada_result *result = frame->result;
     const hada_cl_arrays *device = &result->memory->device;
     const size_t plane = hada_image_count(&result->all_in_focus), map = hada_image_count(&result->distance_map);
-    hada_status status = HADA_OK;
     memset(result->all_in_focus.data, 0, plane * sizeof(float));
     for (size_t i = 0; i < map; i++)
         result->distance_map.data[i] = NAN;
@@ -101,8 +93,7 @@ hada_status hada_pipeline_no_pictures(hada_pipeline *pipeline, hada_frame *frame
         HADA_TRY(hada_buffer_fill(pipeline->slot, device->all_in_focus, device->all_in_focus_offset, 0.0f, plane, err));
     if (device->distance_map)
         HADA_TRY(hada_buffer_fill(pipeline->slot, device->distance_map, device->distance_map_offset, NAN, map, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_pipeline_pictures(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
@@ -111,7 +102,6 @@ hada_status hada_pipeline_pictures(hada_pipeline *pipeline, hada_frame *frame, h
     const hada_buffer *pictures = &pipeline->pictures;
     const hada_cl_arrays *device = &result->memory->device;
     const size_t plane = hada_image_count(&result->all_in_focus), map = hada_image_count(&result->distance_map);
-    hada_status status = HADA_OK;
     hada_slot_stage(pipeline->slot, "focus");
     HADA_TRY(hada_focus_finish(pipeline->focus, pictures->mem, 0, pictures->mem, plane, NULL, err));
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &result->memory->report.seconds_focus, err));
@@ -124,8 +114,6 @@ hada_status hada_pipeline_pictures(hada_pipeline *pipeline, hada_frame *frame, h
                                   device->distance_map_offset, map * sizeof(float), err));
     HADA_TRY(
         hada_buffer_read_later(pictures, pipeline->slot, 0, result->all_in_focus.data, plane * sizeof(float), err));
-    HADA_TRY(hada_buffer_read_later(pictures, pipeline->slot, plane * sizeof(float), result->distance_map.data,
-                                    map * sizeof(float), err));
-done:
-    return status;
+    return hada_buffer_read_later(pictures, pipeline->slot, plane * sizeof(float), result->distance_map.data,
+                                  map * sizeof(float), err);
 }

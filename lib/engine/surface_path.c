@@ -31,12 +31,9 @@ static hada_status make_surface(hada_pipeline *pipeline, hada_error *err)
     const hada_setup *setup = pipeline->setup;
     hada_surfaces_desc desc = {
         .camera = camera_of(pipeline), .shape = shape_of(pipeline), .distances_mm = setup->distances};
-    hada_status status = HADA_OK;
     HADA_TRY(hada_pipeline_room(pipeline->constants->context, setup->model, &setup->config, pipeline->batch,
                                 &desc.most_bytes, err));
-    HADA_TRY(hada_surfaces_make(pipeline->constants->surfaces, &pipeline->surface, pipeline->slot, &desc, err));
-done:
-    return status;
+    return hada_surfaces_make(pipeline->constants->surfaces, &pipeline->surface, pipeline->slot, &desc, err);
 }
 
 /* What a scene may be without: where it was not asked for, planes have to do. */
@@ -66,11 +63,10 @@ hada_status hada_pipeline_find_surface(hada_pipeline *pipeline, hada_frame *fram
 {
     hada_surface_rule rule;
     hada_surface_result *result = &pipeline->shape;
-    hada_status status = HADA_OK;
     hada_slot_stage(pipeline->slot, "surface");
     HADA_TRY(ready(pipeline, found, err));
     if (!*found)
-        goto done;
+        return HADA_OK;
     hada_surface_rule_init(&rule);
     rule.enough = enough;
     rule.frame = frame->energy;
@@ -80,8 +76,7 @@ hada_status hada_pipeline_find_surface(hada_pipeline *pipeline, hada_frame *fram
     if (*found)
         *energy = result->energy[result->levels - 1];
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_refine, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Millimetres from depths, which are linear in 1 / distance between those of the camera; NaN where nothing shines, or
@@ -120,7 +115,6 @@ static hada_status read_planes(hada_pipeline *pipeline, hada_frame *frame, hada_
     unsigned char *occupied = frame->result->memory->occupied;
     hada_report *report = &frame->result->memory->report;
     const size_t area = hada_image_count(&frame->result->distance_map);
-    hada_status status = HADA_OK;
     memset(occupied, 0, (size_t)depths);
     report->occupied_count = 0;
     for (size_t i = 0; i < area; i++) {
@@ -133,9 +127,7 @@ static hada_status read_planes(hada_pipeline *pipeline, hada_frame *frame, hada_
         if (occupied[z])
             HADA_TRY(hada_pipeline_read_planes(pipeline, frame, &planes, z, z, 1, err));
     }
-    HADA_TRY(hada_pipeline_dark_planes(pipeline, frame, err));
-done:
-    return status;
+    return hada_pipeline_dark_planes(pipeline, frame, err);
 }
 
 hada_status hada_pipeline_take_surface(hada_pipeline *pipeline, hada_frame *frame, double energy, hada_error *err)
@@ -145,7 +137,6 @@ hada_status hada_pipeline_take_surface(hada_pipeline *pipeline, hada_frame *fram
     const hada_cl_arrays *device = &result->memory->device;
     const size_t texture = hada_image_count(&result->all_in_focus), map = hada_image_count(&result->distance_map);
     const hada_buffer view = {.mem = pipeline->shape.texture, .bytes = texture * sizeof(float)};
-    hada_status status = HADA_OK;
     report->scene = HADA_SCENE_SURFACE;
     report->refine_steps = pipeline->shape.steps;
     if (frame->energy > 0)
@@ -165,7 +156,5 @@ hada_status hada_pipeline_take_surface(hada_pipeline *pipeline, hada_frame *fram
         HADA_TRY(hada_buffer_copy(pipeline->slot, pipeline->pictures.mem, 0, device->distance_map,
                                   device->distance_map_offset, map * sizeof(float), err));
     }
-    HADA_TRY(read_planes(pipeline, frame, err));
-done:
-    return status;
+    return read_planes(pipeline, frame, err);
 }

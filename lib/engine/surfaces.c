@@ -18,11 +18,9 @@ struct hada_surfaces {
 
 hada_status hada_surfaces_create(hada_surfaces **out, hada_error *err)
 {
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)out, 1, sizeof **out, "a plan", err));
+    HADA_TRY(hada_allocated(*out = hada_alloc(1, sizeof **out, "a plan", err)));
     pthread_mutex_init(&(*out)->lock, NULL);
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_surfaces_destroy(hada_surfaces **pointer)
@@ -61,7 +59,6 @@ static hada_status check_memory(const hada_context *context, const hada_surfaces
 static hada_status make(hada_surfaces *surfaces, hada_surface **out, hada_slot *slot, const hada_surfaces_desc *desc,
                         hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (!surfaces->law.depths) {
         HADA_TRY(
             check_memory(slot->context, desc, hada_magnification_measure_bytes(slot->context, &desc->camera), err));
@@ -73,8 +70,7 @@ static hada_status make(hada_surfaces *surfaces, hada_surface **out, hada_slot *
                           err));
     HADA_TRY(hada_surface_create(out, slot, &desc->camera, &desc->shape, &surfaces->law, err));
     surfaces->made++;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_surfaces_make(hada_surfaces *surfaces, hada_surface **out, hada_slot *slot,

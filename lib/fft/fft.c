@@ -82,15 +82,15 @@ hada_status hada_fft_create_in(hada_fft **out, hada_slot *slot, hada_scratch *sc
 {
     hada_fft *plan = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(check_desc(desc, err));
-    HADA_TRY(hada_alloc((void **)&plan, 1, sizeof *plan, "a transform's plan", err));
+    HADA_TRY_OR_DONE(check_desc(desc, err));
+    HADA_TRY_OR_DONE(hada_allocated(plan = hada_alloc(1, sizeof *plan, "a transform's plan", err)));
     plan->slot = slot;
     plan->desc = *desc;
     resolve_desc(slot->context, &plan->desc);
     plan->layout = hada_fft_layout(slot->context, desc->rows, desc->cols, plan->desc.backend);
     plan->engine = engine_of(plan->desc.backend);
-    HADA_TRY(plan->engine->create(plan, scratch, err));
-    HADA_TRY(hada_fft_check(plan, err));
+    HADA_TRY_OR_DONE(plan->engine->create(plan, scratch, err));
+    HADA_TRY_OR_DONE(hada_fft_check(plan, err));
 done:
     if (status)
         hada_fft_destroy(&plan);

@@ -73,7 +73,6 @@ static hada_status check_forward(hada_fft *plan, hada_buffer *real, hada_buffer 
     point in[POINTS], out[POINTS];
     const int in_count = choose(in, desc->real_rows, desc->real_cols, desc->row0, desc->col0, 1u);
     const int out_count = choose(out, desc->rows, desc->band_cols + 1, 0, 0, 2u);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_clear(real, plan->slot, 0, real->bytes, err));
     for (int i = 0; i < in_count; i++) {
         const float value = (float)in[i].re;
@@ -98,8 +97,7 @@ static hada_status check_forward(hada_fft *plan, hada_buffer *real, hada_buffer 
         if (!(error <= TOLERANCE))
             return failed(plan, error, err);
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status check_inverse(hada_fft *plan, hada_buffer *real, hada_buffer *spectrum, hada_error *err)
@@ -114,7 +112,6 @@ static hada_status check_inverse(hada_fft *plan, hada_buffer *real, hada_buffer 
                                   .stride = 1,
                                   .band_rows = desc->band_rows,
                                   .band_cols = desc->band_cols};
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_clear(spectrum, plan->slot, 0, spectrum->bytes, err));
     for (int i = 0; i < in_count; i++) {
         const float value[2] = {(float)in[i].re, (float)in[i].im};
@@ -139,8 +136,7 @@ static hada_status check_inverse(hada_fft *plan, hada_buffer *real, hada_buffer 
         if (!(error <= TOLERANCE))
             return failed(plan, error, err);
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 size_t hada_fft_check_real_bytes(const hada_fft_desc *desc)
@@ -153,12 +149,12 @@ hada_status hada_fft_check(hada_fft *plan, hada_error *err)
     const hada_fft_desc *desc = &plan->desc;
     hada_buffer real = {0}, spectrum = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(
+    HADA_TRY_OR_DONE(
         hada_buffer_create(&real, plan->slot->context, hada_fft_check_real_bytes(desc), "a transform's check", err));
-    HADA_TRY(hada_buffer_create(&spectrum, plan->slot->context, plan->layout.count * 2 * sizeof(float),
-                                "a transform's check", err));
-    HADA_TRY(desc->direction == HADA_FFT_FORWARD ? check_forward(plan, &real, &spectrum, err)
-                                                 : check_inverse(plan, &real, &spectrum, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&spectrum, plan->slot->context, plan->layout.count * 2 * sizeof(float),
+                                        "a transform's check", err));
+    HADA_TRY_OR_DONE(desc->direction == HADA_FFT_FORWARD ? check_forward(plan, &real, &spectrum, err)
+                                                         : check_inverse(plan, &real, &spectrum, err));
 done:
     hada_slot_finish(plan->slot, NULL);
     hada_buffer_destroy(&real);

@@ -145,7 +145,7 @@ static hada_status clfft_create(hada_fft *plan, hada_scratch *scratch, hada_erro
                          "or pad to %d x %d",
                          desc->rows, desc->cols, hada_fft_good_size(desc->rows), hada_fft_good_size(desc->cols));
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc(&plan->state, 1, sizeof(clfft_state), "a transform's plan", err));
+    HADA_TRY(hada_allocated(plan->state = hada_alloc(1, sizeof(clfft_state), "a transform's plan", err)));
     clfft_state *state = plan->state;
     locale_t numeric = newlocale(LC_NUMERIC_MASK, "C", (locale_t)0);
     if (!numeric)
@@ -163,7 +163,6 @@ static hada_status clfft_create(hada_fft *plan, hada_scratch *scratch, hada_erro
                                 "a transform's scratch", err));
     if (temporary)
         HADA_TRY(hada_buffer_create(&state->temporary, context, temporary, "a transform's scratch", err));
-done:
     return status;
 }
 
@@ -234,7 +233,6 @@ static hada_status clfft_forward(hada_fft *plan, int batch, cl_mem real, size_t 
     const hada_fft_real images = hada_fft_real_of(desc, real_offset, 1, batch);
     const size_t count = grid_count(desc) * (size_t)batch;
     const hada_range range = elements(count);
-    hada_status status = HADA_OK;
     hada_slot_cost(plan->slot, 4.0 * batch * (1.0 * images.rows * images.cols + (double)grid_count(desc)), 0);
     HADA_TRY(hada_launch_fft_plain_pad(plan->slot, HADA_PROGRAM_FFT_PLAIN_DEFAULT, &range, err, .in = real,
                                        .real = images, .out = state->grid.mem, .rows = desc->rows, .cols = desc->cols,
@@ -245,8 +243,7 @@ static hada_status clfft_forward(hada_fft *plan, int batch, cl_mem real, size_t 
     if (code != CL_SUCCESS)
         return hada_fail_cl(err, code, "clEnqueueCopyBuffer");
     hada_slot_moved(plan->slot, "copy", 16.0 * (double)half_count(desc) * batch);
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status clfft_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_t spectrum_offset, cl_mem real,
@@ -260,7 +257,6 @@ static hada_status clfft_inverse(hada_fft *plan, int batch, cl_mem spectrum, siz
     const size_t pixels = (size_t)images.rows * (size_t)images.cols * (size_t)batch;
     const hada_range halves = elements(half), rectangles = elements(pixels);
     const double filtered = use->product == HADA_FFT_PLAIN ? 0 : use->half ? 4 : 8;
-    hada_status status = HADA_OK;
     hada_slot_cost(plan->slot, 8.0 * (double)half_count(desc) * use->spectrum_count + (8.0 + filtered) * (double)half,
                    filtered > 0 ? 6.0 * (double)half : 0);
     HADA_TRY(hada_launch_fft_plain_product(
@@ -270,11 +266,9 @@ static hada_status clfft_inverse(hada_fft *plan, int batch, cl_mem spectrum, siz
         .out = state->half.mem, .band = band, .count = half));
     HADA_TRY(transform(plan, CLFFT_BACKWARD, &state->half, &state->grid, err));
     hada_slot_cost(plan->slot, 8.0 * (double)pixels, 0);
-    HADA_TRY(hada_launch_fft_plain_crop(plan->slot, HADA_PROGRAM_FFT_PLAIN_DEFAULT, &rectangles, err,
-                                        .in = state->grid.mem, .rows = desc->rows, .cols = desc->cols, .out = real,
-                                        .real = images, .count = pixels));
-done:
-    return status;
+    return hada_launch_fft_plain_crop(plan->slot, HADA_PROGRAM_FFT_PLAIN_DEFAULT, &rectangles, err,
+                                      .in = state->grid.mem, .rows = desc->rows, .cols = desc->cols, .out = real,
+                                      .real = images, .count = pixels);
 }
 
 /* Its buffers are few and its own: nothing is shared. */

@@ -79,15 +79,13 @@ static hada_status gather_rows(hada_fft_fused *fused, hada_slot *slot, hada_erro
 {
     hada_buffer *there = &fused->rows.table, *back = &fused->rows_back.table;
     const size_t at = there->bytes;
-    hada_status status = HADA_OK;
     fused->back_table = (int)(at / sizeof(cl_int));
     HADA_TRY(hada_buffer_create(&fused->row_tables, slot->context, at + back->bytes, "the tables of a transform", err));
     HADA_TRY(hada_buffer_copy(slot, there->mem, 0, fused->row_tables.mem, 0, there->bytes, err));
     HADA_TRY(hada_buffer_copy(slot, back->mem, 0, fused->row_tables.mem, at, back->bytes, err));
     hada_buffer_destroy(there);
     hada_buffer_destroy(back);
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_fft_fused_make(hada_fft_fused *fused, hada_slot *slot, int rows, int cols, hada_error *err)
@@ -98,18 +96,16 @@ hada_status hada_fft_fused_make(hada_fft_fused *fused, hada_slot *slot, int rows
     const hada_fft_pass_desc forward = {.kind = HADA_PASS_ROWS, .n = cols, .across = fused->odd_rows},
                              back = {.kind = HADA_PASS_ROWS_INVERSE, .n = cols, .inverse = 1},
                              columns = {.kind = HADA_PASS_COLUMNS, .n = rows, .across = fused->odd_columns};
-    hada_status status = HADA_OK;
     if (groups) {
         HADA_TRY(hada_own_pass_make_any(&fused->rows, slot, &forward, err));
         HADA_TRY(hada_own_pass_make_any(&fused->columns, slot, &columns, err));
-        goto done;
+        return HADA_OK;
     }
     HADA_TRY(hada_own_pass_make(&fused->rows, slot, &forward, err));
     HADA_TRY(hada_own_pass_make(&fused->rows_back, slot, &back, err));
     HADA_TRY(hada_own_pass_make(&fused->columns, slot, &columns, err));
     HADA_TRY(gather_rows(fused, slot, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_fft_fused_free(hada_fft_fused *fused)

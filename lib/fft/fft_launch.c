@@ -61,9 +61,10 @@ static hada_status make_sized(hada_own_pass *pass, hada_slot *slot, hada_fft_pas
     const size_t count = hada_fft_sized_floats(&pass->size, kind);
     float *floats = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&floats, count, sizeof *floats, "a table of a transform", err));
+    HADA_TRY_OR_DONE(hada_allocated(floats = hada_alloc(count, sizeof *floats, "a table of a transform", err)));
     hada_fft_sized_fill(&pass->size, kind, floats);
-    HADA_TRY(hada_buffer_create_from(&pass->table, slot, floats, count * sizeof *floats, "a transform's tables", err));
+    HADA_TRY_OR_DONE(
+        hada_buffer_create_from(&pass->table, slot, floats, count * sizeof *floats, "a transform's tables", err));
 done:
     free(floats);
     return status;
@@ -85,19 +86,20 @@ hada_status hada_own_pass_make_any(hada_own_pass *pass, hada_slot *slot, const h
     size_t ints, floats;
     hada_status status = HADA_OK;
     full.direct = reads_memory_first(context, desc->kind == HADA_PASS_COLUMNS);
-    HADA_TRY(hada_fft_pass_make(&table, &full, err));
+    HADA_TRY_OR_DONE(hada_fft_pass_make(&table, &full, err));
     hada_fft_pass_sizes(desc->n, full.direct, &points, &odd, &ints, &floats);
     const scratch_plan plan = plan_scratch(context, points, odd);
     pass->width = plan.width;
-    HADA_TRY(hada_buffer_create(&pass->table, context, hada_fft_pass_bytes(&table), "a transform's tables", err));
-    HADA_TRY(hada_buffer_write(&pass->table, slot, 0, table.ints, table.int_count * sizeof *table.ints, err));
-    HADA_TRY(hada_buffer_write(&pass->table, slot, table.int_count * sizeof *table.ints, table.floats,
-                               table.float_count * sizeof *table.floats, err));
+    HADA_TRY_OR_DONE(
+        hada_buffer_create(&pass->table, context, hada_fft_pass_bytes(&table), "a transform's tables", err));
+    HADA_TRY_OR_DONE(hada_buffer_write(&pass->table, slot, 0, table.ints, table.int_count * sizeof *table.ints, err));
+    HADA_TRY_OR_DONE(hada_buffer_write(&pass->table, slot, table.int_count * sizeof *table.ints, table.floats,
+                                       table.float_count * sizeof *table.floats, err));
     if (plan.local) {
         pass->local_bytes = plan.bytes;
     } else {
         pass->groups = global_groups(context);
-        HADA_TRY(
+        HADA_TRY_OR_DONE(
             hada_buffer_create(&pass->scratch, slot->context, pass->groups * plan.bytes, "a transform's scratch", err));
     }
 done:

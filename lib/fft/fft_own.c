@@ -89,8 +89,7 @@ static hada_status own_create(hada_fft *plan, hada_scratch *scratch, hada_error 
 {
     const hada_fft_desc *desc = &plan->desc;
     const int inverse = desc->direction == HADA_FFT_INVERSE;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc(&plan->state, 1, sizeof(own_state), "a transform's plan", err));
+    HADA_TRY(hada_allocated(plan->state = hada_alloc(1, sizeof(own_state), "a transform's plan", err)));
     own_state *state = plan->state;
     const hada_fft_pass_desc rows = {
         .kind = inverse ? HADA_PASS_ROWS_INVERSE : HADA_PASS_ROWS, .n = desc->cols, .inverse = inverse};
@@ -103,8 +102,7 @@ static hada_status own_create(hada_fft *plan, hada_scratch *scratch, hada_error 
         HADA_TRY(hada_scratch_take(&state->between, plan->slot->context, scratch,
                                    between_count(desc) * (size_t)state->images * 2 * sizeof(float),
                                    "a transform's scratch", err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* A task of a row pass takes `width` pairs of rows. */
@@ -228,13 +226,10 @@ static hada_status forward_part(hada_fft *plan, int first, int images, cl_mem re
                                       .last_row = desc->rows,
                                       .band = desc->band_cols};
     const hada_fft_columns_out to = {.offset = at, .distance = count, .rows = desc->rows, .images = images};
-    hada_status status = HADA_OK;
     hada_fft_cost_rows(plan->slot, desc, images, NULL);
     HADA_TRY(launch_rows_forward(plan, real, &images_in, spectrum, &spectra, err));
     hada_fft_cost_columns(plan->slot, desc, images, NULL);
-    HADA_TRY(launch_columns(plan, spectrum, &from, &none, spectrum, &to, err));
-done:
-    return status;
+    return launch_columns(plan, spectrum, &from, &none, spectrum, &to, err);
 }
 
 static hada_status own_forward(hada_fft *plan, int batch, cl_mem real, size_t real_offset, cl_mem spectrum,
@@ -242,7 +237,6 @@ static hada_status own_forward(hada_fft *plan, int batch, cl_mem real, size_t re
 {
     const own_state *state = plan->state;
     const hada_fft_desc *desc = &plan->desc;
-    hada_status status = HADA_OK;
     if (state->image.local_bytes) {
         const hada_fft_real images = hada_fft_real_of(desc, real_offset, 1, batch);
         const hada_fft_spectra spectra = {spectrum_offset, plan->layout.count, desc->rows, desc->band_cols};
@@ -253,8 +247,7 @@ static hada_status own_forward(hada_fft *plan, int batch, cl_mem real, size_t re
         const int left = batch - first, images = left < state->images ? left : state->images;
         HADA_TRY(forward_part(plan, first, images, real, real_offset, spectrum, spectrum_offset, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* What columns of the images first... of a batch are made of: spectra, times filters where there are. */
@@ -285,20 +278,16 @@ static hada_status inverse_part(hada_fft *plan, int first, int images, cl_mem sp
         .distance = distance, .row0 = desc->row0, .rows = desc->real_rows, .images = images};
     const hada_fft_spectra spectra = {.distance = distance, .rows = desc->real_rows, .band = use->band_cols};
     const hada_fft_real images_out = hada_fft_real_of(desc, real_offset + (size_t)first * step, use->stride, images);
-    hada_status status = HADA_OK;
     hada_fft_cost_columns(plan->slot, desc, images, use);
     HADA_TRY(launch_columns(plan, spectrum, &from, use, state->between.mem, &to, err));
     hada_fft_cost_rows(plan->slot, desc, images, use);
-    HADA_TRY(launch_rows_inverse(plan, state->between.mem, &spectra, real, &images_out, err));
-done:
-    return status;
+    return launch_rows_inverse(plan, state->between.mem, &spectra, real, &images_out, err);
 }
 
 static hada_status own_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_t spectrum_offset, cl_mem real,
                                size_t real_offset, const hada_fft_filter *use, hada_error *err)
 {
     const own_state *state = plan->state;
-    hada_status status = HADA_OK;
     if (state->image.local_bytes) {
         const hada_fft_columns_in from = columns_of(plan, 0, spectrum_offset, use);
         const hada_fft_real images = hada_fft_real_of(&plan->desc, real_offset, use->stride, batch);
@@ -309,8 +298,7 @@ static hada_status own_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_
         const int left = batch - first, images = left < state->images ? left : state->images;
         HADA_TRY(inverse_part(plan, first, images, spectrum, spectrum_offset, real, real_offset, use, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 const hada_fft_engine hada_fft_own_engine = {

@@ -150,7 +150,8 @@ static void transform(int n, const double complex *in, int stride, double comple
 static hada_status fill_chirp(float *chirp, float *spectrum, int n, int points, hada_error *err)
 {
     double complex *work;
-    hada_status status = hada_alloc((void **)&work, 3 * (size_t)points, sizeof *work, "a table of a transform", err);
+    hada_status status =
+        hada_allocated(work = hada_alloc(3 * (size_t)points, sizeof *work, "a table of a transform", err));
     if (status)
         return status;
     for (int j = 0; j < n; j++) {
@@ -202,10 +203,12 @@ hada_status hada_fft_pass_make(hada_fft_pass *pass, const hada_fft_pass_desc *de
     hada_fft_factor(n, desc->direct, &stages);
     pass->points = stages.points;
     sizes_of(n, &stages, &pass->int_count, &pass->float_count);
-    HADA_TRY(hada_alloc((void **)&pass->ints, pass->int_count, sizeof *pass->ints, "a table of a transform", err));
-    HADA_TRY(
-        hada_alloc((void **)&pass->floats, pass->float_count, sizeof *pass->floats, "a table of a transform", err));
-    HADA_TRY(hada_alloc((void **)&order, (size_t)stages.points, sizeof *order, "a table of a transform", err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(pass->ints = hada_alloc(pass->int_count, sizeof *pass->ints, "a table of a transform", err)));
+    HADA_TRY_OR_DONE(hada_allocated(
+        pass->floats = hada_alloc(pass->float_count, sizeof *pass->floats, "a table of a transform", err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(order = hada_alloc((size_t)stages.points, sizeof *order, "a table of a transform", err)));
 
     fill_header(pass->ints, &stages, n);
     pass->ints[FFT_FLOATS] = (int32_t)pass->int_count;

@@ -42,8 +42,8 @@ static hada_status try_clfft(hada_slot *slot, hada_fft_direction direction, int 
         .layout = {.rows = rows, .cols = cols, .block = half, .blocks = 1, .count = (size_t)rows * (size_t)half},
         .engine = &hada_fft_clfft_engine};
     hada_status status = HADA_OK;
-    HADA_TRY(plan.engine->create(&plan, NULL, err));
-    HADA_TRY(hada_fft_check(&plan, err));
+    HADA_TRY_OR_DONE(plan.engine->create(&plan, NULL, err));
+    HADA_TRY_OR_DONE(hada_fft_check(&plan, err));
 done:
     plan.engine->destroy(&plan);
     return status;
@@ -53,9 +53,9 @@ static hada_status try_both(hada_context *context, int rows, int cols, hada_erro
 {
     hada_slot *slot = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_slot_create(&slot, context, err));
-    HADA_TRY(try_clfft(slot, HADA_FFT_FORWARD, rows, cols, err));
-    HADA_TRY(try_clfft(slot, HADA_FFT_INVERSE, rows, cols, err));
+    HADA_TRY_OR_DONE(hada_slot_create(&slot, context, err));
+    HADA_TRY_OR_DONE(try_clfft(slot, HADA_FFT_FORWARD, rows, cols, err));
+    HADA_TRY_OR_DONE(try_clfft(slot, HADA_FFT_INVERSE, rows, cols, err));
 done:
     hada_slot_destroy(&slot);
     return status;

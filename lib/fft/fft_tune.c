@@ -65,8 +65,8 @@ static hada_status enter(contest *c, int backend, char *reason, size_t size, had
         hada_fft_desc desc = c->desc;
         desc.backend = backends[backend];
         desc.direction = d ? HADA_FFT_INVERSE : HADA_FFT_FORWARD;
-        HADA_TRY(hada_fft_create(&c->plan[backend][d], c->slot, &desc, &local));
-        HADA_TRY(run(c, backend, d, &local));
+        HADA_TRY_OR_DONE(hada_fft_create(&c->plan[backend][d], c->slot, &desc, &local));
+        HADA_TRY_OR_DONE(run(c, backend, d, &local));
     }
 done:
     if (status) {
@@ -87,21 +87,17 @@ static hada_status make_buffers(contest *c, hada_error *err)
         spectrum = layout.count > spectrum ? layout.count : spectrum;
     }
     const size_t batch = (size_t)c->desc.batch;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_create(&c->real, context, c->desc.real_distance * batch * sizeof(float),
                                 "the images of a measurement", err));
     HADA_TRY(hada_buffer_create(&c->spectrum, context, spectrum * batch * 2 * sizeof(float),
                                 "the spectra of a measurement", err));
     /* zeros: as fast as anything else, and free of denormals */
     HADA_TRY(hada_buffer_clear(&c->real, c->slot, 0, c->real.bytes, err));
-    HADA_TRY(hada_buffer_clear(&c->spectrum, c->slot, 0, c->spectrum.bytes, err));
-done:
-    return status;
+    return hada_buffer_clear(&c->spectrum, c->slot, 0, c->spectrum.bytes, err);
 }
 
 static hada_status measure(contest *c, int rounds, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int r = 0; r < rounds; r++)
         for (int k = 0; k < BACKENDS * DIRECTIONS; k++) {
             /* they take turns, and who goes first changes */
@@ -112,8 +108,7 @@ static hada_status measure(contest *c, int rounds, hada_error *err)
             HADA_TRY(run(c, b, d, err));
             c->seconds[b][d][r] = hada_seconds() - start;
         }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static void conclude(contest *c, int rounds, hada_tune_row *row)
@@ -169,18 +164,18 @@ hada_status hada_tune_fft(hada_context *context, int rows, int cols, int rounds,
     row->own.forward_ms = row->own.inverse_ms = row->clfft.forward_ms = row->clfft.inverse_ms = NAN;
     row->before = hada_fft_choose(context, rows, cols) == HADA_FFT_CLFFT ? HADA_TUNE_CLFFT : HADA_TUNE_OWN;
     void *seconds;
-    hada_status status =
-        hada_alloc(&seconds, (size_t)rounds * BACKENDS * DIRECTIONS, sizeof(double), "a measurement", err);
+    hada_status status = hada_allocated(
+        seconds = hada_alloc((size_t)rounds * BACKENDS * DIRECTIONS, sizeof(double), "a measurement", err));
     if (status)
         return status;
     for (int k = 0; k < BACKENDS * DIRECTIONS; k++)
         c.seconds[k / DIRECTIONS][k % DIRECTIONS] = (double *)seconds + k * rounds;
-    HADA_TRY(hada_slot_create(&c.slot, context, err));
-    HADA_TRY(make_buffers(&c, err));
+    HADA_TRY_OR_DONE(hada_slot_create(&c.slot, context, err));
+    HADA_TRY_OR_DONE(make_buffers(&c, err));
     const hada_status own = enter(&c, 0, row->own.reason, sizeof row->own.reason, err);
     const hada_status other = enter(&c, 1, row->clfft.reason, sizeof row->clfft.reason, NULL);
-    HADA_TRY(own && other ? own : HADA_OK);
-    HADA_TRY(measure(&c, rounds, err));
+    HADA_TRY_OR_DONE(own && other ? own : HADA_OK);
+    HADA_TRY_OR_DONE(measure(&c, rounds, err));
     conclude(&c, rounds, row);
 done:
     finish(&c);
@@ -196,14 +191,15 @@ hada_status hada_tune_save(const hada_context *context, const char *path, const 
     char *shapes = NULL;
     const char **words = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&shapes, count + 1, SHAPE, "the rows of a tuning file", err));
-    HADA_TRY(hada_alloc((void **)&words, 2 * count + 1, sizeof *words, "the rows of a tuning file", err));
+    HADA_TRY_OR_DONE(hada_allocated(shapes = hada_alloc(count + 1, SHAPE, "the rows of a tuning file", err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(words = hada_alloc(2 * count + 1, sizeof *words, "the rows of a tuning file", err)));
     for (size_t i = 0; i < count; i++) {
         snprintf(shapes + i * SHAPE, SHAPE, "%dx%d", rows[i].rows, rows[i].cols);
         words[i] = shapes + i * SHAPE;
         words[count + i] = hada_tune_backend_name(rows[i].chosen);
     }
-    HADA_TRY(hada_tuning_write(context, path, "fft", words, words + count, count, err));
+    HADA_TRY_OR_DONE(hada_tuning_write(context, path, "fft", words, words + count, count, err));
 done:
     free(shapes);
     free(words);

@@ -62,7 +62,6 @@ static hada_status pack_filter(const hada_bank *bank, const hada_model *model, i
 {
     const size_t plane = hada_model_plane(model);
     const size_t first = ((size_t)depth * (size_t)bank->channels + (size_t)channel) * plane * 2;
-    hada_status status = HADA_OK;
     if (!bank->half) {
         hada_layout_pack(&bank->layout, model->filter + first, out);
         return check_finite(model, depth, "filter", model->filter + first, plane * 2, err);
@@ -78,8 +77,7 @@ static hada_status pack_filter(const hada_bank *bank, const hada_model *model, i
         if ((half[i] & 0x7c00u) == 0x7c00u)
             HADA_TRY(not_finite(model, depth, "half-precision filter", err));
     hada_layout_pack_half(&bank->layout, half, out);
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status upload(hada_bank *bank, hada_slot *slot, const hada_model *model, const int *depths, int otf,
@@ -91,27 +89,28 @@ static hada_status upload(hada_bank *bank, hada_slot *slot, const hada_model *mo
     hada_status status = HADA_OK;
     hada_buffer *list;
     void *image = NULL, *rows = NULL;
-    HADA_TRY(hada_alloc((void **)&list, (size_t)buffers, sizeof *list, "a filter bank", err));
+    HADA_TRY_OR_DONE(hada_allocated(list = hada_alloc((size_t)buffers, sizeof *list, "a filter bank", err)));
     *(otf ? &bank->otfs : &bank->filters) = list;
-    HADA_TRY(hada_alloc_raw(&image, 1, image_bytes, "a filter on its way to the device", err));
+    HADA_TRY_OR_DONE(hada_allocated(image = hada_alloc_raw(1, image_bytes, "a filter on its way to the device", err)));
     if (half)
-        HADA_TRY(hada_alloc_raw(&rows, plane, 4, "a filter in half precision", err));
+        HADA_TRY_OR_DONE(hada_allocated(rows = hada_alloc_raw(plane, 4, "a filter in half precision", err)));
     for (int b = 0; b < buffers; b++) {
         const int left = bank->depths - b * per_buffer, here = left < per_buffer ? left : per_buffer;
-        HADA_TRY(hada_buffer_create(&list[b], slot->context, (size_t)here * (size_t)bank->channels * image_bytes,
-                                    otf ? "the transfer functions" : "the filters", err));
+        HADA_TRY_OR_DONE(hada_buffer_create(&list[b], slot->context,
+                                            (size_t)here * (size_t)bank->channels * image_bytes,
+                                            otf ? "the transfer functions" : "the filters", err));
     }
     for (int i = 0; i < bank->depths * bank->channels; i++) {
         const int z = i / bank->channels, c = i % bank->channels, depth = depths ? depths[z] : z;
         if (otf) {
             const float *from = model->otf + ((size_t)depth * (size_t)bank->channels + (size_t)c) * plane * 2;
             hada_layout_pack(&bank->layout, from, image);
-            HADA_TRY(check_finite(model, depth, "transfer function", from, plane * 2, err));
+            HADA_TRY_OR_DONE(check_finite(model, depth, "transfer function", from, plane * 2, err));
         } else {
-            HADA_TRY(pack_filter(bank, model, depth, c, rows, image, err));
+            HADA_TRY_OR_DONE(pack_filter(bank, model, depth, c, rows, image, err));
         }
         const size_t at = (size_t)((z % per_buffer) * bank->channels + c) * image_bytes;
-        HADA_TRY(hada_buffer_write(&list[z / per_buffer], slot, at, image, image_bytes, err));
+        HADA_TRY_OR_DONE(hada_buffer_write(&list[z / per_buffer], slot, at, image, image_bytes, err));
     }
 done:
     free(image);
@@ -138,19 +137,20 @@ hada_status hada_bank_create(hada_bank **out, hada_slot *slot, const hada_model 
     if ((parts & HADA_BANK_OTFS) && !model->otf)
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the model holds no transfer functions, which refinement needs; fit again, or use --refine 0");
-    HADA_TRY(hada_alloc((void **)&bank, 1, sizeof *bank, "a filter bank", err));
+    HADA_TRY_OR_DONE(hada_allocated(bank = hada_alloc(1, sizeof *bank, "a filter bank", err)));
     bank->layout = *layout;
     bank->depths = count;
     bank->channels = info->channels;
     bank->parts = parts;
     bank->half = half || info->half;
     bank->product = info->form == HADA_FORM_SPLIT ? HADA_FFT_SPLIT : HADA_FFT_COMPLEX;
-    HADA_TRY(split(slot->context, depth_bytes(layout, info->channels, bank->half), count, &bank->filter_depths, err));
-    HADA_TRY(split(slot->context, depth_bytes(layout, info->channels, 0), count, &bank->otf_depths, err));
+    HADA_TRY_OR_DONE(
+        split(slot->context, depth_bytes(layout, info->channels, bank->half), count, &bank->filter_depths, err));
+    HADA_TRY_OR_DONE(split(slot->context, depth_bytes(layout, info->channels, 0), count, &bank->otf_depths, err));
     if (parts & HADA_BANK_FILTERS)
-        HADA_TRY(upload(bank, slot, model, depths, 0, err));
+        HADA_TRY_OR_DONE(upload(bank, slot, model, depths, 0, err));
     if (parts & HADA_BANK_OTFS)
-        HADA_TRY(upload(bank, slot, model, depths, 1, err));
+        HADA_TRY_OR_DONE(upload(bank, slot, model, depths, 1, err));
 done:
     if (status)
         hada_bank_destroy(&bank);
@@ -211,8 +211,9 @@ hada_status hada_bank_prior(hada_buffer *out, hada_slot *slot, const hada_model 
         noise += model->noise_power[i];
     if (!model->scene_power || !(noise > 0.0))
         return HADA_OK;
-    HADA_TRY(hada_alloc_raw((void **)&rows, plane, sizeof *rows, "the prior", err));
-    HADA_TRY(hada_alloc_raw((void **)&blocks, channels * layout->count, sizeof *blocks, "the prior", err));
+    HADA_TRY_OR_DONE(hada_allocated(rows = hada_alloc_raw(plane, sizeof *rows, "the prior", err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(blocks = hada_alloc_raw(channels * layout->count, sizeof *blocks, "the prior", err)));
     for (size_t c = 0; c < channels; c++) {
         double mean = 0.0;
         for (int z = 0; z < info->depths; z++)
@@ -222,7 +223,8 @@ hada_status hada_bank_prior(hada_buffer *out, hada_slot *slot, const hada_model 
             rows[i] = mean > 0.0 ? (float)fmin(mean / model->scene_power[i], most) : 0.0f;
         hada_layout_pack_real(layout, rows, blocks + c * layout->count);
     }
-    HADA_TRY(hada_buffer_create_from(out, slot, blocks, channels * layout->count * sizeof *blocks, "the prior", err));
+    HADA_TRY_OR_DONE(
+        hada_buffer_create_from(out, slot, blocks, channels * layout->count * sizeof *blocks, "the prior", err));
 done:
     free(rows);
     free(blocks);

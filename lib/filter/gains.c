@@ -61,7 +61,7 @@ int hada_gains_fits_half(const hada_model *model, const int *depths, int count)
     uint16_t *room = NULL;
     if (model->filter_half)
         return 1;
-    int fits = !hada_alloc_raw((void **)&room, plane, sizeof *room, "the filters' gains", NULL);
+    int fits = !hada_allocated(room = hada_alloc_raw(plane, sizeof *room, "the filters' gains", NULL));
     for (int i = 0; fits && i < count * model->info.channels; i++) {
         const int depth = i / model->info.channels;
         const size_t image = (size_t)(depths ? depths[depth] : depth) * (size_t)model->info.channels +
@@ -79,13 +79,14 @@ hada_status hada_gains_create(hada_gains **out, const hada_model *model, const h
     hada_gains *gains = NULL;
     double *room = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&gains, 1, sizeof *gains, "the filters' gains", err));
+    HADA_TRY_OR_DONE(hada_allocated(gains = hada_alloc(1, sizeof *gains, "the filters' gains", err)));
     gains->tiles = hada_tiles_of(layout);
     gains->channels = model->info.channels;
-    HADA_TRY(hada_alloc((void **)&gains->gain, channels * hada_model_plane(model), sizeof(float), "the filters' gains",
-                        err));
-    HADA_TRY(hada_alloc((void **)&gains->most, channels, sizeof(double), "the filters' gains", err));
-    HADA_TRY(hada_alloc_raw((void **)&room, 2 * hada_model_plane(model), sizeof *room, "the filters' gains", err));
+    HADA_TRY_OR_DONE(hada_allocated(
+        gains->gain = hada_alloc(channels * hada_model_plane(model), sizeof(float), "the filters' gains", err)));
+    HADA_TRY_OR_DONE(hada_allocated(gains->most = hada_alloc(channels, sizeof(double), "the filters' gains", err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(room = hada_alloc_raw(2 * hada_model_plane(model), sizeof *room, "the filters' gains", err)));
     for (int c = 0; c < gains->channels; c++)
         add_channel(gains, model, c, depths, count, with_half, room);
 done:
@@ -102,7 +103,7 @@ hada_status hada_gains_upload(const hada_gains *gains, const hada_spectrum_layou
     const size_t plane = (size_t)layout->rows * (size_t)(layout->cols / 2 + 1), channels = (size_t)gains->channels;
     float *packed;
     hada_status status =
-        hada_alloc((void **)&packed, channels * layout->count, sizeof *packed, "the filters' gains", err);
+        hada_allocated(packed = hada_alloc(channels * layout->count, sizeof *packed, "the filters' gains", err));
     if (status)
         return status;
     for (size_t c = 0; c < channels; c++)

@@ -92,7 +92,6 @@ uint64_t hada_hadamard_check_bytes(const hada_context *context, const hada_model
 hada_status hada_hadamard_note(const hada_context *context, const hada_model_info *info, int batch,
                                hada_scratch *scratch, int first, int raw_last, int last, hada_error *err)
 {
-    hada_status status = HADA_OK;
     hada_geometry geometry;
     HADA_TRY(hada_geometry_of(info, &geometry, err));
     const hada_fft_desc forward = forward_desc(info, &geometry), inverse = inverse_desc(info, &geometry, batch);
@@ -100,9 +99,7 @@ hada_status hada_hadamard_note(const hada_context *context, const hada_model_inf
     HADA_TRY(hada_fft_note(context, &forward, scratch, err));
     HADA_TRY(hada_fft_note(context, &inverse, scratch, err));
     hada_scratch_steps(scratch, first, raw_last);
-    HADA_TRY(hada_scratch_note(scratch, (size_t)info->channels * forward.real_distance * 4, "the raw frame", err));
-done:
-    return status;
+    return hada_scratch_note(scratch, (size_t)info->channels * forward.real_distance * 4, "the raw frame", err);
 }
 
 hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, hada_scratch *scratch,
@@ -113,7 +110,7 @@ hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, hada_scra
     *out = NULL;
     if (batch < 1)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a batch of %d depths is not possible", batch);
-    HADA_TRY(hada_alloc((void **)&stage, 1, sizeof *stage, "a Hadamard stage", err));
+    HADA_TRY_OR_DONE(hada_allocated(stage = hada_alloc(1, sizeof *stage, "a Hadamard stage", err)));
     stage->slot = slot;
     stage->channels = info->channels;
     stage->raw_rows = info->raw_rows;
@@ -121,17 +118,17 @@ hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, hada_scra
     stage->window_rows = info->window_rows;
     stage->window_cols = info->window_cols;
     stage->batch = batch;
-    HADA_TRY(hada_geometry_of(info, &stage->geometry, err));
+    HADA_TRY_OR_DONE(hada_geometry_of(info, &stage->geometry, err));
     const hada_fft_desc forward = forward_desc(info, &stage->geometry);
     const hada_fft_desc inverse = inverse_desc(info, &stage->geometry, batch);
-    HADA_TRY(hada_fft_create_in(&stage->forward, slot, scratch, &forward, err));
-    HADA_TRY(hada_fft_create_in(&stage->inverse, slot, scratch, &inverse, err));
+    HADA_TRY_OR_DONE(hada_fft_create_in(&stage->forward, slot, scratch, &forward, err));
+    HADA_TRY_OR_DONE(hada_fft_create_in(&stage->inverse, slot, scratch, &inverse, err));
     stage->layout = *hada_fft_plan_layout(stage->forward);
-    HADA_TRY(hada_scratch_take(&stage->raw, slot->context, scratch, (size_t)info->channels * forward.real_distance * 4,
-                               "the raw frame", err));
-    HADA_TRY(hada_buffer_create(&stage->spectrum, slot->context, (size_t)info->channels * stage->layout.count * 8,
-                                "the frame's spectrum", err));
-    HADA_TRY(hada_upload_make(&stage->upload, slot, (size_t)info->channels * forward.real_distance, err));
+    HADA_TRY_OR_DONE(hada_scratch_take(&stage->raw, slot->context, scratch,
+                                       (size_t)info->channels * forward.real_distance * 4, "the raw frame", err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&stage->spectrum, slot->context,
+                                        (size_t)info->channels * stage->layout.count * 8, "the frame's spectrum", err));
+    HADA_TRY_OR_DONE(hada_upload_make(&stage->upload, slot, (size_t)info->channels * forward.real_distance, err));
 done:
     if (status)
         hada_hadamard_destroy(&stage);
@@ -159,19 +156,15 @@ void hada_hadamard_destroy(hada_hadamard **pointer)
 hada_status hada_hadamard_unprune(hada_hadamard *stage, hada_error *err)
 {
     const hada_fft_desc desc = whole_desc(stage->layout.rows, stage->layout.cols, stage->batch * stage->channels);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_slot_finish(stage->slot, err));
     hada_fft_destroy(&stage->inverse);
     HADA_TRY(hada_fft_create(&stage->inverse, stage->slot, &desc, err));
-    HADA_TRY(hada_buffer_create(&stage->whole, stage->slot->context,
-                                (size_t)desc.batch * desc.real_distance * sizeof(float), "the whole planes", err));
-done:
-    return status;
+    return hada_buffer_create(&stage->whole, stage->slot->context,
+                              (size_t)desc.batch * desc.real_distance * sizeof(float), "the whole planes", err);
 }
 
 hada_status hada_hadamard_set_dark(hada_hadamard *stage, const float *dark, hada_error *err)
 {
-    hada_status status = HADA_OK;
     stage->has_dark = 0;
     if (!dark)
         return HADA_OK;
@@ -179,8 +172,7 @@ hada_status hada_hadamard_set_dark(hada_hadamard *stage, const float *dark, hada
         HADA_TRY(hada_buffer_create(&stage->dark, stage->slot->context, stage->raw.bytes, "the dark frame", err));
     HADA_TRY(hada_buffer_write(&stage->dark, stage->slot, 0, dark, stage->raw.bytes, err));
     stage->has_dark = 1;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status subtract(hada_hadamard *stage, int channel, double level, hada_error *err)
@@ -244,13 +236,10 @@ static hada_status transform(hada_hadamard *stage, hada_error *err)
 /* The frame in stage->raw, its dark level off, and its spectrum. */
 static hada_status take_frame(hada_hadamard *stage, const double *levels, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int c = 0; c < stage->channels; c++)
         if (stage->has_dark || (levels && levels[c] != 0.0))
             HADA_TRY(subtract(stage, c, levels ? levels[c] : 0.0, err));
-    HADA_TRY(transform(stage, err));
-done:
-    return status;
+    return transform(stage, err);
 }
 
 hada_status hada_hadamard_frame(hada_hadamard *stage, const float *raw, const double *levels, hada_error *err)
@@ -306,15 +295,13 @@ static hada_status invert(hada_hadamard *stage, const hada_fft_filter *filter, i
     /* images that stand apart are done one by one */
     const int step = filter->stride, at_once = step == 1 ? batch : 1;
     hada_fft_filter here = *filter;
-    hada_status status = HADA_OK;
     for (int i = 0; i < batch; i += at_once) {
         here.filter_first = filter->filter_first + i * step;
         HADA_TRY(hada_fft_inverse(stage->inverse, at_once, stage->spectrum.mem, spectrum_offset, stage->whole.mem, 0,
                                   &here, err));
         HADA_TRY(crop(stage, at_once, planes, offset + (size_t)(i * step) * window, window, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Planes of a channel that are not computed, of `depths` depths. */

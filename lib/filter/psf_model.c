@@ -97,17 +97,15 @@ static hada_status work_create(psf_work *work, hada_context *context, const hada
                                 .real_cols = info->grid_cols,
                                 .real_pitch = (size_t)info->grid_cols,
                                 .real_distance = area};
-    hada_status status = HADA_OK;
     HADA_TRY(hada_slot_create(&work->slot, context, err));
     HADA_TRY(hada_fft_create(&work->fft, work->slot, &desc, err));
     const size_t values = 2 * hada_fft_plan_layout(work->fft)->count;
     HADA_TRY(hada_buffer_create(&work->real, context, area * 4, "a point spread function", err));
     HADA_TRY(hada_buffer_create(&work->spectrum, context, values * 4, "a transfer function", err));
-    HADA_TRY(hada_alloc_raw((void **)&work->room, values > area ? values : area, 4, "a point spread function", err));
     HADA_TRY(
-        hada_alloc((void **)&work->background, (size_t)info->channels, sizeof(double), "a point spread function", err));
-done:
-    return status;
+        hada_allocated(work->room = hada_alloc_raw(values > area ? values : area, 4, "a point spread function", err)));
+    return hada_allocated(work->background =
+                              hada_alloc((size_t)info->channels, sizeof(double), "a point spread function", err));
 }
 
 static void work_destroy(psf_work *work)
@@ -130,7 +128,6 @@ static hada_status transform_depth(psf_work *work, hada_model *model, const hada
     const hada_spectrum_layout *layout = hada_fft_plan_layout(work->fft);
     const size_t plane = hada_model_plane(model), area = (size_t)info->grid_rows * (size_t)info->grid_cols;
     const double total = measure(psf, psf_dark, work->background, work->room);
-    hada_status status = HADA_OK;
     if (!(total > 0.0))
         return hada_fail(err, HADA_ERROR_NUMERIC,
                          "the point spread function of depth %d is dark everywhere once its background is taken off; "
@@ -145,8 +142,7 @@ static hada_status transform_depth(psf_work *work, hada_model *model, const hada
         HADA_TRY(hada_buffer_read(&work->spectrum, work->slot, 0, work->room, layout->count * 8, err));
         hada_layout_unpack(layout, work->room, model->otf + image * plane * 2);
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status transform_all(hada_model *model, hada_context *context, const hada_image *psfs, double psf_dark,
@@ -154,9 +150,9 @@ static hada_status transform_all(hada_model *model, hada_context *context, const
 {
     psf_work work = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(work_create(&work, context, &model->info, err));
+    HADA_TRY_OR_DONE(work_create(&work, context, &model->info, err));
     for (int z = 0; z < model->info.depths; z++)
-        HADA_TRY(transform_depth(&work, model, &psfs[z], psf_dark, z, square, err));
+        HADA_TRY_OR_DONE(transform_depth(&work, model, &psfs[z], psf_dark, z, square, err));
 done:
     work_destroy(&work);
     return status;
@@ -190,18 +186,19 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
                          "hada_model_from_psf: out, a context, point spread functions and distances are needed");
     *out = NULL;
     hada_psf_options_init(options);
-    HADA_TRY(HADA_OPTIONS_TAKE(options, callers, hada_psf_options, err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(options, callers, hada_psf_options, err));
     if (options->form != HADA_FORM_MATCHED && options->form != HADA_FORM_WIENER)
-        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
-                           "a point spread function gives filters of the forms matched and wiener; for complex or "
-                           "split, fit from pairs"));
+        HADA_TRY_OR_DONE(
+            hada_fail(err, HADA_ERROR_ARGUMENT,
+                      "a point spread function gives filters of the forms matched and wiener; for complex or "
+                      "split, fit from pairs"));
     if (!isfinite(options->lambda) || (options->lambda <= 0.0 && options->lambda != HADA_AUTO) ||
         !isfinite(options->refine_tv) || options->refine_tv < 0.0 || !isfinite(options->dark) ||
         !isfinite(options->psf_dark))
-        HADA_TRY(
+        HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_ARGUMENT,
                       "lambda, refine_tv and dark levels must be finite, lambda above 0 and refine_tv not negative"));
-    HADA_TRY(check_psfs(psfs, depths, err));
+    HADA_TRY_OR_DONE(check_psfs(psfs, depths, err));
     const choice *chosen = options->boundary == HADA_BOUNDARY_PADDED ? &for_padded : &for_circular;
     hada_model_info info = {.depths = depths,
                             .channels = psfs->channels,
@@ -216,11 +213,12 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
                             .distances_mm = distances_mm};
     if (info.form == HADA_FORM_MATCHED)
         info.lambda = 0.0;
-    HADA_TRY(hada_model_set_sizes(&info, psfs->rows, psfs->cols, options->window_rows, options->window_cols, err));
-    HADA_TRY(hada_model_create(out, &info, 0, err));
+    HADA_TRY_OR_DONE(
+        hada_model_set_sizes(&info, psfs->rows, psfs->cols, options->window_rows, options->window_cols, err));
+    HADA_TRY_OR_DONE(hada_model_create(out, &info, 0, err));
     const size_t images = (size_t)depths * (size_t)info.channels, plane = hada_model_plane(*out);
-    HADA_TRY(hada_alloc((void **)&square, images, sizeof *square, "point spread functions", err));
-    HADA_TRY(transform_all(*out, context, psfs, options->psf_dark, square, err));
+    HADA_TRY_OR_DONE(hada_allocated(square = hada_alloc(images, sizeof *square, "point spread functions", err)));
+    HADA_TRY_OR_DONE(transform_all(*out, context, psfs, options->psf_dark, square, err));
     /* the device's memory is given back by now: the filters are as large */
     for (size_t i = 0; i < images; i++)
         make_filter((*out)->otf + i * plane * 2, plane, info.form, info.lambda, square[i],

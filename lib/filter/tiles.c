@@ -63,15 +63,15 @@ hada_status hada_meter_create(hada_meter **out, hada_slot *slot, const hada_spec
 {
     hada_meter *meter = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&meter, 1, sizeof *meter, "the measure of spectra", err));
+    HADA_TRY_OR_DONE(hada_allocated(meter = hada_alloc(1, sizeof *meter, "the measure of spectra", err)));
     meter->tiles = hada_tiles_of(layout);
     meter->slot = slot;
     meter->channels = channels;
-    HADA_TRY(hada_buffer_create_from(&meter->last, slot, meter->tiles.row_last, sizeof meter->tiles.row_last,
-                                     "the measure of spectra", err));
-    HADA_TRY(hada_buffer_create(&meter->energy, slot->context,
-                                (size_t)channels * hada_tiles_count(&meter->tiles) * sizeof(float),
-                                "the measure of spectra", err));
+    HADA_TRY_OR_DONE(hada_buffer_create_from(&meter->last, slot, meter->tiles.row_last, sizeof meter->tiles.row_last,
+                                             "the measure of spectra", err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&meter->energy, slot->context,
+                                        (size_t)channels * hada_tiles_count(&meter->tiles) * sizeof(float),
+                                        "the measure of spectra", err));
 done:
     if (status)
         hada_meter_destroy(&meter);

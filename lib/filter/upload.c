@@ -45,7 +45,6 @@ hada_status hada_upload_unpack(const hada_upload *upload, cl_mem between, cl_mem
 hada_status hada_upload_frame(hada_upload *upload, const float *frame, hada_buffer *raw, hada_buffer *between,
                               hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (upload->waits && upload->waits == upload->slot->calls.waits + 1)
         HADA_TRY(hada_slot_finish(upload->slot, err));
     hada_stored_pack(frame, upload->values, upload->staged, &upload->stored);
@@ -55,6 +54,5 @@ hada_status hada_upload_frame(hada_upload *upload, const float *frame, hada_buff
     upload->waits = upload->slot->calls.waits + 1;
     if (!whole)
         HADA_TRY(hada_upload_unpack(upload, between->mem, raw->mem, err));
-done:
-    return status;
+    return HADA_OK;
 }

@@ -40,7 +40,6 @@ static hada_status show_channel(void *user, int depth, int64_t pair, const hada_
 {
     look *at = user;
     const hada_image *whole_raw = NULL, *whole_scene = NULL;
-    hada_status status = HADA_OK;
     (void)depth;
     HADA_TRY(at->show(at->user, at->depth, pair * at->count / at->pairs, &whole_raw, &whole_scene, err));
     if (!whole_raw || !whole_scene || whole_raw->channels <= at->channel || whole_scene->channels <= at->channel)
@@ -49,8 +48,7 @@ static hada_status show_channel(void *user, int depth, int64_t pair, const hada_
     at->scene = channel_of(whole_scene, at->channel);
     *raw = &at->raw;
     *scene = &at->scene;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* What is left of the frames held out, learned on a grid of rows x cols. */
@@ -68,13 +66,14 @@ static hada_status left_on(look *at, int rows, int cols, double *left, hada_erro
     options.grid_rows = rows;
     options.grid_cols = cols;
     options.refine_steps = 0;
-    HADA_TRY(hada_fitter_create(&fitter, at->context, &options, err));
+    HADA_TRY_OR_DONE(hada_fitter_create(&fitter, at->context, &options, err));
     for (int64_t i = 0; i < at->pairs - at->held; i++) {
-        HADA_TRY(show_channel(at, 0, i, &raw, &scene, err));
-        HADA_TRY(hada_fitter_add(fitter, 0, raw, scene, err));
+        HADA_TRY_OR_DONE(show_channel(at, 0, i, &raw, &scene, err));
+        HADA_TRY_OR_DONE(hada_fitter_add(fitter, 0, raw, scene, err));
     }
     hada_slot_watch(fitter->grid.slot, options.monitor);
-    HADA_TRY(hada_fit_transfers_left(&fitter->sums, &fitter->pair, PASSES, at->held, show_channel, at, left, err));
+    HADA_TRY_OR_DONE(
+        hada_fit_transfers_left(&fitter->sums, &fitter->pair, PASSES, at->held, show_channel, at, left, err));
 done:
     hada_fitter_destroy(&fitter);
     return status;
@@ -98,7 +97,6 @@ static hada_status shrink(look *at, double most, int *rows, int *cols, hada_erro
 {
     const hada_fit_options *options = at->options;
     double left = 0.0;
-    hada_status status = HADA_OK;
     for (int side = 0; side < 2; side++) {
         int *size = side ? cols : rows;
         const int whole = *size;
@@ -117,15 +115,13 @@ static hada_status shrink(look *at, double most, int *rows, int *cols, hada_erro
         }
         *size = *size < whole ? *size : whole;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status search(look *at, int *rows, int *cols, hada_error *err)
 {
     const hada_fit_options *options = at->options;
     double inside = 0.0, left = 0.0;
-    hada_status status = HADA_OK;
     at->held = at->count >= MANY_PAIRS ? MOST_HELD : 1;
     at->pairs = at->count < LEARNED + at->held ? at->count : LEARNED + at->held;
     *rows = with_overhang(options->raw_rows, options->window_rows, OVERHANGS - 1);
@@ -137,9 +133,7 @@ static hada_status search(look *at, int *rows, int *cols, hada_error *err)
         *cols = options->raw_cols;
         return HADA_OK;
     }
-    HADA_TRY(shrink(at, most_of(at, left), rows, cols, err));
-done:
-    return status;
+    return shrink(at, most_of(at, left), rows, cols, err);
 }
 
 hada_status hada_fit_find_boundary(hada_fit_options *callers, hada_context *context, const int *counts,
@@ -148,7 +142,6 @@ hada_status hada_fit_find_boundary(hada_fit_options *callers, hada_context *cont
     hada_fit_options options;
     look at = {.context = context, .options = &options, .show = show, .user = user};
     int rows = 0, cols = 0;
-    hada_status status = HADA_OK;
     if (!callers || !context || !counts || !show)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "hada_fit_find_boundary: options, a context, numbers of pairs and a function that shows pairs "
@@ -170,6 +163,5 @@ hada_status hada_fit_find_boundary(hada_fit_options *callers, hada_context *cont
         options.grid_cols = inside ? 0 : hada_fft_good_size(cols);
     }
     HADA_OPTIONS_GIVE(callers, size, &options);
-done:
-    return status;
+    return HADA_OK;
 }

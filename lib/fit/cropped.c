@@ -80,21 +80,19 @@ static hada_status make_room(hada_fit_cropped *own, hada_error *err)
     const size_t channels = (size_t)grid->info.channels, spectra = hada_fit_spectra_bytes(grid, channels);
     const size_t partial = channels * own->chunks;
     hada_context *context = grid->slot->context;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_create(&own->frame, context, channels * own->pixels * sizeof(float), "a frame", err));
     HADA_TRY(hada_buffer_create(&own->transfers, context, spectra, "transfer functions", err));
     HADA_TRY(hada_buffer_create(&own->filled, context, spectra, "sums of whole frames", err));
     HADA_TRY(hada_buffer_create(&own->result, context, spectra, "transfer functions", err));
     HADA_TRY(hada_buffer_create(&own->partial, context, partial * sizeof(float), "partial sums", err));
-    HADA_TRY(hada_alloc_raw((void **)&own->partial_sums, partial, sizeof(float), "partial sums", err));
-    HADA_TRY(hada_alloc_raw((void **)&own->often, grid->layout.count, sizeof(float), "a fit", err));
-    HADA_TRY(hada_alloc_raw((void **)&own->scenes, grid->layout.count, sizeof(float), "the scenes' power", err));
-    HADA_TRY(hada_alloc((void **)&own->mean, channels, sizeof(double), "a fit", err));
-    HADA_TRY(hada_alloc((void **)&own->left, channels, sizeof(double), "a fit", err));
-    HADA_TRY(hada_alloc((void **)&own->trust, channels, sizeof(double), "a fit", err));
+    HADA_TRY(hada_allocated(own->partial_sums = hada_alloc_raw(partial, sizeof(float), "partial sums", err)));
+    HADA_TRY(hada_allocated(own->often = hada_alloc_raw(grid->layout.count, sizeof(float), "a fit", err)));
+    HADA_TRY(hada_allocated(own->scenes = hada_alloc_raw(grid->layout.count, sizeof(float), "the scenes' power", err)));
+    HADA_TRY(hada_allocated(own->mean = hada_alloc(channels, sizeof(double), "a fit", err)));
+    HADA_TRY(hada_allocated(own->left = hada_alloc(channels, sizeof(double), "a fit", err)));
+    HADA_TRY(hada_allocated(own->trust = hada_alloc(channels, sizeof(double), "a fit", err)));
     hada_layout_weights(&grid->layout, own->often);
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_fit_cropped_create(hada_fit_cropped **out, const hada_fit_sums *sums, hada_fit_pair *pair,
@@ -105,16 +103,16 @@ hada_status hada_fit_cropped_create(hada_fit_cropped **out, const hada_fit_sums 
     hada_fit_cropped *own = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY(hada_alloc((void **)&own, 1, sizeof *own, "transfer functions", err));
+    HADA_TRY_OR_DONE(hada_allocated(own = hada_alloc(1, sizeof *own, "transfer functions", err)));
     own->grid = sums->grid;
     own->sums = sums;
     own->pair = pair;
     own->nonnegative = nonnegative;
     own->pixels = (size_t)info->raw_rows * (size_t)info->raw_cols;
     own->chunks = hada_divide_up(own->pixels, (size_t)HADA_FIT_VECTOR * HADA_FIT_CHUNK);
-    HADA_TRY(hada_fft_create(&own->inverse, sums->grid->slot, &desc, err));
-    HADA_TRY(make_room(own, err));
-    HADA_TRY(hada_prepare_fit_cropped(sums->grid->slot, HADA_PROGRAM_FIT_CROPPED_DEFAULT, err));
+    HADA_TRY_OR_DONE(hada_fft_create(&own->inverse, sums->grid->slot, &desc, err));
+    HADA_TRY_OR_DONE(make_room(own, err));
+    HADA_TRY_OR_DONE(hada_prepare_fit_cropped(sums->grid->slot, HADA_PROGRAM_FIT_CROPPED_DEFAULT, err));
 done:
     if (status)
         hada_fit_cropped_destroy(&own);
@@ -131,7 +129,6 @@ static hada_nonnegative_data data_of(const hada_fit_cropped *own, int filled)
 static hada_status iterate(hada_fit_cropped *own, int filled, hada_error *err)
 {
     const hada_nonnegative_data data = data_of(own, filled);
-    hada_status status = HADA_OK;
     for (int i = 0; i < STEPS; i++) {
         const hada_nonnegative_weights at = {.weight = own->weight,
                                              .relaxation = RELAXATION,
@@ -142,8 +139,7 @@ static hada_status iterate(hada_fit_cropped *own, int filled, hada_error *err)
     }
     own->weight *= own->factor;
     own->done++;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_fit_cropped_begin(hada_fit_cropped *own, int64_t pairs, const double *scene_energy, int passes,
@@ -169,7 +165,6 @@ hada_status hada_fit_cropped_begin(hada_fit_cropped *own, int64_t pairs, const d
 static hada_status read_left(hada_fit_cropped *own, double *sum, hada_error *err)
 {
     const size_t channels = (size_t)own->grid->info.channels;
-    hada_status status = HADA_OK;
     *sum = 0.0;
     HADA_TRY(hada_buffer_read(&own->partial, own->grid->slot, 0, own->partial_sums, own->partial.bytes, err));
     for (size_t c = 0; c < channels; c++) {
@@ -182,8 +177,7 @@ static hada_status read_left(hada_fit_cropped *own, double *sum, hada_error *err
         return hada_fail(err, HADA_ERROR_NUMERIC,
                          "the fit of transfer functions with the crop in the model left single precision; set "
                          "crop_passes to 0");
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* V of the pass, in the place of G. */
@@ -192,15 +186,13 @@ static hada_status fill(hada_fit_cropped *own, double step, hada_error *err)
     const hada_fit_grid *grid = own->grid;
     const hada_range range = hada_fit_vectors(grid);
     const double values = (double)grid->vectors * HADA_FIT_VECTOR;
-    hada_status status = HADA_OK;
     for (int c = 0; c < grid->info.channels; c++) {
         hada_slot_cost(grid->slot, 28.0 * values, 6.0 * values);
         HADA_TRY(hada_launch_fit_fill(grid->slot, HADA_PROGRAM_FIT_CROPPED_DEFAULT, &range, err,
                                       .sums = own->sums->sums[c].mem, .h = own->transfers.mem, .g = own->filled.mem,
                                       .image = hada_fit_image_of(grid, (size_t)c), .step = (cl_float)step));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The iteration whose pass is over. */
@@ -209,7 +201,6 @@ static hada_status end_pass(hada_fit_cropped *own, hada_error *err)
     const int place = own->done % ROUND;
     const double step = own->done + 1 == own->passes ? 1.0 : lengths[place];
     double left = 0.0;
-    hada_status status = HADA_OK;
     own->passing = 0;
     HADA_TRY(read_left(own, &left, err));
     HADA_TRY(fill(own, step, err));
@@ -219,14 +210,12 @@ static hada_status end_pass(hada_fit_cropped *own, hada_error *err)
             own->passes = own->done;
         own->round_left = left;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_fit_cropped_next(hada_fit_cropped *own, int *more, hada_error *err)
 {
     hada_slot *slot = own->grid->slot;
-    hada_status status = HADA_OK;
     *more = 0;
     if (own->passing)
         HADA_TRY(end_pass(own, err));
@@ -235,8 +224,7 @@ hada_status hada_fit_cropped_next(hada_fit_cropped *own, int *more, hada_error *
     HADA_TRY(hada_buffer_clear(&own->filled, slot, 0, own->filled.bytes, err));
     HADA_TRY(hada_buffer_clear(&own->partial, slot, 0, own->partial.bytes, err));
     *more = own->passing = 1;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* What transfer functions leave of a frame, in own->frame; its squares are added to the partial sums. */
@@ -249,13 +237,10 @@ static hada_status subtract(hada_fit_cropped *own, const hada_buffer *transfers,
     const size_t local = grid->slot->context->shape == HADA_SHAPE_LANES ? 1 : 32;
     const hada_range chunks = hada_range_of(own->chunks, local, (size_t)channels, 1);
     const double all = (double)channels * (double)own->pixels;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_fft_inverse(own->inverse, channels, scene_spectrum, 0, own->frame.mem, 0, &model, err));
     hada_slot_cost(grid->slot, 12.0 * all, 3.0 * all);
-    HADA_TRY(hada_launch_fit_remain(grid->slot, HADA_PROGRAM_FIT_CROPPED_DEFAULT, &chunks, err, .e = own->frame.mem,
-                                    .b = raw, .out = own->partial.mem, .pixels = own->pixels, .chunks = own->chunks));
-done:
-    return status;
+    return hada_launch_fit_remain(grid->slot, HADA_PROGRAM_FIT_CROPPED_DEFAULT, &chunks, err, .e = own->frame.mem,
+                                  .b = raw, .out = own->partial.mem, .pixels = own->pixels, .chunks = own->chunks);
 }
 
 hada_status hada_fit_cropped_pair(hada_fit_cropped *own, cl_mem raw, cl_mem scene_spectrum, hada_error *err)
@@ -265,26 +250,20 @@ hada_status hada_fit_cropped_pair(hada_fit_cropped *own, cl_mem raw, cl_mem scen
     const size_t vectors = hada_divide_up((size_t)channels * grid->layout.count, HADA_FIT_VECTOR);
     const hada_range range = hada_range_of(vectors, GROUP, 1, 1);
     const double values = (double)vectors * HADA_FIT_VECTOR;
-    hada_status status = HADA_OK;
     HADA_TRY(subtract(own, &own->transfers, raw, scene_spectrum, err));
     HADA_TRY(hada_fft_forward(own->pair->raw_fft, channels, own->frame.mem, 0, own->pair->raw_spectrum.mem, 0, err));
     hada_slot_cost(grid->slot, 32.0 * values, 10.0 * values);
-    HADA_TRY(hada_launch_fit_gather(grid->slot, HADA_FIT_PROGRAM(FIT_WINDOW, 0, hada_fit_in_groups(grid)), &range, err,
-                                    .g = own->pair->raw_spectrum.mem, .b = scene_spectrum, .sum = own->filled.mem,
-                                    .vectors = vectors));
-done:
-    return status;
+    return hada_launch_fit_gather(grid->slot, HADA_FIT_PROGRAM(FIT_WINDOW, 0, hada_fit_in_groups(grid)), &range, err,
+                                  .g = own->pair->raw_spectrum.mem, .b = scene_spectrum, .sum = own->filled.mem,
+                                  .vectors = vectors);
 }
 
 hada_status hada_fit_cropped_explain(hada_fit_cropped *own, cl_mem raw, cl_mem scene_spectrum, double *left,
                                      hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_clear(&own->partial, own->grid->slot, 0, own->partial.bytes, err));
     HADA_TRY(subtract(own, &own->result, raw, scene_spectrum, err));
-    HADA_TRY(read_left(own, left, err));
-done:
-    return status;
+    return read_left(own, left, err);
 }
 
 /* The noise of a channel: what is left, per degree of freedom that the fit did not use, over the frequencies where
@@ -294,7 +273,6 @@ static hada_status noise_of(hada_fit_cropped *own, int c, double *noise, hada_er
     const hada_fit_grid *grid = own->grid;
     const size_t count = grid->layout.count;
     double used = 0.0;
-    hada_status status = HADA_OK;
     *noise = 0.0;
     if (own->pairs < 2 || !(own->mean[c] > 0.0))
         return HADA_OK;
@@ -305,8 +283,7 @@ static hada_status noise_of(hada_fit_cropped *own, int c, double *noise, hada_er
             used += own->often[i] * own->scenes[i] / (own->scenes[i] + LAST_WEIGHT * own->mean[c]);
     const double all = (double)own->pairs * (double)own->pixels;
     *noise = own->left[c] / (double)own->pairs / fmax(1.0 - used / all, LEAST_FREE);
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_fit_cropped_end(hada_fit_cropped *own, const double *raw_energy, double *noise,
@@ -314,15 +291,13 @@ hada_status hada_fit_cropped_end(hada_fit_cropped *own, const double *raw_energy
 {
     const int channels = own->grid->info.channels;
     const hada_nonnegative_data data = data_of(own, 1);
-    hada_status status = HADA_OK;
     for (int c = 0; c < channels; c++) {
         HADA_TRY(noise_of(own, c, &noise[c], err));
         own->trust[c] = hada_nonnegative_trust(noise[c], raw_energy[c]);
     }
     HADA_TRY(hada_nonnegative_end(own->nonnegative, channels, &data, own->trust, own->result.mem, 0, err));
     *transfers = &own->result;
-done:
-    return status;
+    return HADA_OK;
 }
 
 const double *hada_fit_cropped_left(const hada_fit_cropped *own)

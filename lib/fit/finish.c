@@ -18,7 +18,6 @@ static hada_status list_scores(hada_fit_scores **out, const hada_fitter *fitter,
 {
     const hada_fit_outside *outside = &fitter->outside;
     hada_fit_scores *scores;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_fit_scores_create(out, (size_t)hada_leave_one_out_row_count(&fitter->scores), (size_t)outside->count,
                                     HADA_FIT_TRIAL_ROWS, err));
     scores = *out;
@@ -27,8 +26,7 @@ static hada_status list_scores(hada_fit_scores **out, const hada_fitter *fitter,
     for (int s = 0; s < outside->count; s++)
         scores->outsides[s] = (hada_fit_outside_score){
             .outside = outside->weight[s], .psnr = outside->psnr[s], .chosen = s == outside->chosen};
-done:
-    return status;
+    return HADA_OK;
 }
 
 static void set_refinement(hada_model *model, int steps, const hada_refine_weights *weights)
@@ -62,7 +60,6 @@ static hada_status try_refinement(hada_fitter *fitter, hada_nonnegative *nonnega
                                   .colour = fitter->options.refine_colour,
                                   .shrink = fitter->options.refine_shrink};
     hada_fit_trial_result result;
-    hada_status status = HADA_OK;
     if (!fitter->kept.count)
         return HADA_OK;
     HADA_TRY(hada_fit_trial_run(&trial, &result, err));
@@ -77,8 +74,7 @@ static hada_status try_refinement(hada_fitter *fitter, hada_nonnegative *nonnega
     scores->refinement_count = (size_t)result.row_count;
     set_refinement(model, result.steps, &result.weights);
     model->info.refine_share = result.share;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Solves, and tries on pairs held out whether refinement pays. */
@@ -88,13 +84,13 @@ static hada_status solve_and_try(hada_fitter *fitter, hada_model **out, hada_fit
     const hada_model_info *info = &fitter->grid.info;
     hada_nonnegative *nonnegative = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_leave_one_out_share(&fitter->scores, err));
+    HADA_TRY_OR_DONE(hada_leave_one_out_share(&fitter->scores, err));
     if (options->nonnegative)
-        HADA_TRY(hada_nonnegative_create(&nonnegative, fitter->grid.slot, info->grid_rows, info->grid_cols,
-                                         info->channels, err));
-    HADA_TRY(hada_fit_model_make(out, &fitter->sums, hada_leave_one_out_best(&fitter->scores), fitter->outside.filters,
-                                 &fitter->transfers, nonnegative, err));
-    HADA_TRY(list_scores(scores, fitter, err));
+        HADA_TRY_OR_DONE(hada_nonnegative_create(&nonnegative, fitter->grid.slot, info->grid_rows, info->grid_cols,
+                                                 info->channels, err));
+    HADA_TRY_OR_DONE(hada_fit_model_make(out, &fitter->sums, hada_leave_one_out_best(&fitter->scores),
+                                         fitter->outside.filters, &fitter->transfers, nonnegative, err));
+    HADA_TRY_OR_DONE(list_scores(scores, fitter, err));
     const hada_refine_weights weights = weights_of(options);
     set_refinement(*out, options->refine_steps < 0 ? REFINE_STEPS : options->refine_steps, &weights);
     if (options->refine_steps >= 0)
@@ -122,7 +118,7 @@ hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, hada_fit_s
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_finish: a fitter and out are needed");
     *out = NULL;
     hada_slot_watch(fitter->grid.slot, fitter->options.monitor);
-    HADA_TRY(solve_and_try(fitter, out, &own, err));
+    HADA_TRY_OR_DONE(solve_and_try(fitter, out, &own, err));
     if (scores) {
         *scores = own;
         own = NULL;
@@ -147,10 +143,10 @@ hada_status hada_fitter_learn_and_finish(hada_fitter *fitter, hada_fit_show show
                          "hada_fitter_learn_and_finish: a fitter, a function that shows pairs, and out are needed");
     *out = NULL;
     if (!fitter->transfers.otf)
-        HADA_TRY(hada_fitter_learn_cropped(fitter, show, user, err));
+        HADA_TRY_OR_DONE(hada_fitter_learn_cropped(fitter, show, user, err));
     /* refinement is tried where its steps are not given; without that there is nothing to learn before judging */
     if (fitter->options.outside < 0.0 && fitter->options.refine_steps < 0) {
-        HADA_TRY(hada_fitter_finish(fitter, out, &first, err));
+        HADA_TRY_OR_DONE(hada_fitter_finish(fitter, out, &first, err));
         if (hada_fit_scores_gain(first) > ENOUGH_GAIN) {
             if (scores) {
                 *scores = first;
@@ -160,8 +156,8 @@ hada_status hada_fitter_learn_and_finish(hada_fitter *fitter, hada_fit_show show
         }
         hada_model_destroy(out);
     }
-    HADA_TRY(hada_fitter_learn_windowed(fitter, show, user, err));
-    HADA_TRY(hada_fitter_finish(fitter, out, scores, err));
+    HADA_TRY_OR_DONE(hada_fitter_learn_windowed(fitter, show, user, err));
+    HADA_TRY_OR_DONE(hada_fitter_finish(fitter, out, scores, err));
 done:
     hada_fit_scores_destroy(&first);
     return status;

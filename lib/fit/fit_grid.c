@@ -18,7 +18,7 @@ enum { VECTOR_BYTES = HADA_FIT_VECTOR * 2 * sizeof(float) };
 static hada_status copy_distances(hada_fit_grid *grid, const double *distances_mm, hada_error *err)
 {
     const size_t depths = (size_t)grid->info.depths;
-    hada_status status = hada_alloc((void **)&grid->distances, depths, sizeof(double), "the distances", err);
+    hada_status status = hada_allocated(grid->distances = hada_alloc(depths, sizeof(double), "the distances", err));
     if (status)
         return status;
     memcpy(grid->distances, distances_mm, depths * sizeof(double));
@@ -28,7 +28,6 @@ static hada_status copy_distances(hada_fit_grid *grid, const double *distances_m
 
 hada_status hada_fit_info(hada_model_info *info, const hada_fit_options *options, hada_error *err)
 {
-    hada_status status = HADA_OK;
     *info = (hada_model_info){.depths = options->depths,
                               .channels = options->channels,
                               .form = options->form,
@@ -43,9 +42,7 @@ hada_status hada_fit_info(hada_model_info *info, const hada_fit_options *options
         info->grid_rows = options->grid_rows;
         info->grid_cols = options->grid_cols;
     }
-    HADA_TRY(hada_model_info_check(info, err));
-done:
-    return status;
+    return hada_model_info_check(info, err);
 }
 
 hada_status hada_fit_grid_create(hada_fit_grid *grid, hada_context *context, const hada_fit_options *options,
@@ -55,13 +52,13 @@ hada_status hada_fit_grid_create(hada_fit_grid *grid, hada_context *context, con
     hada_status status = HADA_OK;
     *grid = (hada_fit_grid){0};
     hada_communicator_init(&grid->communicator);
-    HADA_TRY(hada_communicator_check(options->communicator, err));
-    HADA_TRY(HADA_OPTIONS_TAKE(&grid->communicator, options->communicator, hada_communicator, err));
-    HADA_TRY(hada_fit_info(info, options, err));
+    HADA_TRY_OR_DONE(hada_communicator_check(options->communicator, err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&grid->communicator, options->communicator, hada_communicator, err));
+    HADA_TRY_OR_DONE(hada_fit_info(info, options, err));
     info->has_otf = 1;
-    HADA_TRY(hada_geometry_of(info, &grid->geometry, err));
-    HADA_TRY(copy_distances(grid, options->distances_mm, err));
-    HADA_TRY(hada_slot_create(&grid->slot, context, err));
+    HADA_TRY_OR_DONE(hada_geometry_of(info, &grid->geometry, err));
+    HADA_TRY_OR_DONE(copy_distances(grid, options->distances_mm, err));
+    HADA_TRY_OR_DONE(hada_slot_create(&grid->slot, context, err));
     grid->layout = hada_fft_layout(context, info->grid_rows, info->grid_cols, HADA_FFT_AUTO);
     grid->vectors = hada_divide_up(grid->layout.count, HADA_FIT_VECTOR);
     grid->stride = hada_round_up(grid->vectors, GROUP) * HADA_FIT_VECTOR;

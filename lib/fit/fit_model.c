@@ -23,16 +23,13 @@ static hada_status work_create(solve_work *work, hada_error *err)
     const hada_fit_grid *grid = work->sums->grid;
     const size_t channels = (size_t)grid->info.channels;
     hada_context *context = grid->slot->context;
-    hada_status status = HADA_OK;
     /* `blocks` also takes the partial sums of a reduction, which are fewer */
-    HADA_TRY(hada_alloc_raw((void **)&work->blocks, 2 * grid->stride, sizeof(float), "a filter", err));
-    HADA_TRY(hada_alloc_raw((void **)&work->rows, hada_model_info_plane(&grid->info), sizeof(float),
-                            "the scenes' power", err));
-    HADA_TRY(hada_alloc((void **)&work->trust, channels, sizeof(double), "a fit", err));
+    HADA_TRY(hada_allocated(work->blocks = hada_alloc_raw(2 * grid->stride, sizeof(float), "a filter", err)));
+    HADA_TRY(hada_allocated(
+        work->rows = hada_alloc_raw(hada_model_info_plane(&grid->info), sizeof(float), "the scenes' power", err)));
+    HADA_TRY(hada_allocated(work->trust = hada_alloc(channels, sizeof(double), "a fit", err)));
     HADA_TRY(hada_buffer_create(&work->out, context, hada_fit_spectra_bytes(grid, channels), "a depth's filters", err));
-    HADA_TRY(hada_buffer_create(&work->partial, context, grid->chunks * sizeof(float), "partial sums", err));
-done:
-    return status;
+    return hada_buffer_create(&work->partial, context, grid->chunks * sizeof(float), "partial sums", err);
 }
 
 static void work_destroy(solve_work *work)
@@ -51,12 +48,10 @@ static hada_status noise_power(solve_work *work, int z, int channel, double *pow
     const hada_spectrum_layout *layout = &work->sums->grid->layout;
     const hada_fit_depth *depth = &work->sums->depth[z];
     double sum = 0.0;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_fit_unexplained(work->sums, channel, depth->scene_energy[channel], &work->partial, work->blocks, &sum,
                                   err));
     *power = depth->pairs > 1 ? sum / ((double)layout->rows * layout->cols) / (double)(depth->pairs - 1) : 0.0;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* A channel's filter of the depth on the device, to the model's. */
@@ -66,15 +61,12 @@ static hada_status solve_filter(solve_work *work, const hada_model *model, int z
     const hada_fit_setting setting = {model->info.alpha, model->info.lambda};
     const hada_fit_penalty penalty = hada_fit_penalty_of(setting, work->sums->depth[z].raw_energy[channel]);
     const size_t values = 2 * hada_model_plane(model);
-    hada_status status = HADA_OK;
     if (work->filters) {
         memcpy(filter, work->filters + (filter - model->filter), values * sizeof *filter);
         return HADA_OK;
     }
     HADA_TRY(hada_fit_solve_filter(work->sums, channel, penalty, work->out.mem, 0, err));
-    HADA_TRY(hada_fit_read_plane(work->sums->grid, &work->out, 0, work->blocks, filter, "a filter", err));
-done:
-    return status;
+    return hada_fit_read_plane(work->sums->grid, &work->out, 0, work->blocks, filter, "a filter", err);
 }
 
 /* The depth on the device: filters, transfer functions and noise of its channels. */
@@ -84,7 +76,6 @@ static hada_status solve_depth(solve_work *work, hada_model *model, int z, hada_
     const hada_fit_depth *depth = &work->sums->depth[z];
     const size_t values = 2 * hada_model_plane(model), channels = (size_t)model->info.channels;
     const size_t first = (size_t)z * channels;
-    hada_status status = HADA_OK;
     for (size_t c = 0; c < channels; c++)
         HADA_TRY(solve_filter(work, model, z, (int)c, model->filter + (first + c) * values, err));
     if (work->learned->otf) {
@@ -101,8 +92,7 @@ static hada_status solve_depth(solve_work *work, hada_model *model, int z, hada_
     for (size_t c = 0; c < channels; c++)
         HADA_TRY(hada_fit_read_plane(grid, &work->out, c * grid->layout.count, work->blocks,
                                      model->otf + (first + c) * values, "a transfer function", err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* What the depth's owner has solved, to all ranks. */
@@ -111,12 +101,9 @@ static hada_status give_depth(const hada_fit_sums *sums, hada_model *model, int 
     const hada_communicator *ranks = &sums->grid->communicator;
     const size_t channels = (size_t)model->info.channels, values = 2 * channels * hada_model_plane(model);
     const int owner = hada_owner(ranks, z);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_broadcast(ranks, owner, model->filter + (size_t)z * values, values * sizeof(float), err));
     HADA_TRY(hada_broadcast(ranks, owner, model->otf + (size_t)z * values, values * sizeof(float), err));
-    HADA_TRY(hada_broadcast(ranks, owner, model->noise_power + (size_t)z * channels, channels * sizeof(double), err));
-done:
-    return status;
+    return hada_broadcast(ranks, owner, model->noise_power + (size_t)z * channels, channels * sizeof(double), err);
 }
 
 /* Mean over depths and channels of |X|^2 per pair. */
@@ -125,7 +112,6 @@ static hada_status scene_power(solve_work *work, hada_model *model, hada_error *
     const hada_fit_grid *grid = work->sums->grid;
     const size_t plane = hada_model_plane(model);
     const float share = 1.0f / (float)(model->info.depths * model->info.channels);
-    hada_status status = HADA_OK;
     for (int c = 0; c < model->info.channels; c++) {
         HADA_TRY(hada_buffer_read(&work->sums->pool[c], grid->slot, HADA_FIT_SCENE_POOL * grid->stride * sizeof(float),
                                   work->blocks, grid->layout.count * sizeof(float), err));
@@ -133,8 +119,7 @@ static hada_status scene_power(solve_work *work, hada_model *model, hada_error *
         for (size_t i = 0; i < plane; i++)
             model->scene_power[i] += work->rows[i] * share;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status check_depths(const hada_fit_sums *sums, hada_error *err)
@@ -158,23 +143,23 @@ hada_status hada_fit_model_make(hada_model **out, hada_fit_sums *sums, hada_fit_
     *out = NULL;
     info.alpha = setting.alpha;
     info.lambda = setting.lambda;
-    HADA_TRY(check_depths(sums, err));
-    HADA_TRY(hada_model_create(out, &info, 1, err));
-    HADA_TRY(work_create(&work, err));
-    HADA_TRY(hada_fit_sums_pool(sums, err));
+    HADA_TRY_OR_DONE(check_depths(sums, err));
+    HADA_TRY_OR_DONE(hada_model_create(out, &info, 1, err));
+    HADA_TRY_OR_DONE(work_create(&work, err));
+    HADA_TRY_OR_DONE(hada_fit_sums_pool(sums, err));
     for (int z = 0; z < info.depths; z++) {
         if (hada_is_mine(&sums->grid->communicator, z)) {
-            HADA_TRY(hada_fit_sums_select(sums, z, err));
-            HADA_TRY(solve_depth(&work, *out, z, err));
+            HADA_TRY_OR_DONE(hada_fit_sums_select(sums, z, err));
+            HADA_TRY_OR_DONE(solve_depth(&work, *out, z, err));
         }
     }
     for (int z = 0; z < info.depths; z++) {
-        HADA_TRY(give_depth(sums, *out, z, err));
+        HADA_TRY_OR_DONE(give_depth(sums, *out, z, err));
         for (size_t c = 0; c < channels; c++)
             noise += (*out)->noise_power[(size_t)z * channels + c];
         (*out)->pairs[z] = (double)sums->depth[z].pairs;
     }
-    HADA_TRY(scene_power(&work, *out, err));
+    HADA_TRY_OR_DONE(scene_power(&work, *out, err));
     (*out)->info.noise =
         sqrt(noise / ((double)info.depths * info.channels) / ((double)info.raw_rows * (double)info.raw_cols));
 done:

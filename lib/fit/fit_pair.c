@@ -10,14 +10,12 @@ static hada_status make_host_side(hada_fit_pair *pair, hada_error *err)
 {
     const hada_fit_grid *grid = pair->grid;
     const size_t channels = (size_t)grid->info.channels, raw = hada_fit_raw_floats(grid);
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc_raw((void **)&pair->raw_pixels, raw, sizeof(float), "a raw frame", err));
-    HADA_TRY(hada_alloc_raw((void **)&pair->scene_pixels, hada_fit_window_floats(grid), sizeof(float), "a scene", err));
-    HADA_TRY(hada_alloc_raw((void **)&pair->scratch, raw / channels, sizeof(float), "a raw frame", err));
-    HADA_TRY(hada_alloc((void **)&pair->raw_energy, channels, sizeof(double), "a fitter", err));
-    HADA_TRY(hada_alloc((void **)&pair->scene_energy, channels, sizeof(double), "a fitter", err));
-done:
-    return status;
+    HADA_TRY(hada_allocated(pair->raw_pixels = hada_alloc_raw(raw, sizeof(float), "a raw frame", err)));
+    HADA_TRY(hada_allocated(pair->scene_pixels =
+                                hada_alloc_raw(hada_fit_window_floats(grid), sizeof(float), "a scene", err)));
+    HADA_TRY(hada_allocated(pair->scratch = hada_alloc_raw(raw / channels, sizeof(float), "a raw frame", err)));
+    HADA_TRY(hada_allocated(pair->raw_energy = hada_alloc(channels, sizeof(double), "a fitter", err)));
+    return hada_allocated(pair->scene_energy = hada_alloc(channels, sizeof(double), "a fitter", err));
 }
 
 static hada_status make_buffer(hada_fit_pair *pair, hada_buffer *buffer, size_t bytes, const char *what,
@@ -35,16 +33,13 @@ static hada_status make_device_side(hada_fit_pair *pair, hada_error *err)
     const hada_fft_desc scene = hada_fit_transform_desc(grid, HADA_FFT_FORWARD, 1);
     const size_t spectra = hada_fit_spectra_bytes(grid, (size_t)grid->info.channels);
     hada_context *context = grid->slot->context;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_fft_create(&pair->raw_fft, grid->slot, &raw, err));
     HADA_TRY(hada_fft_create(&pair->scene_fft, grid->slot, &scene, err));
     pair->bytes = hada_fft_bytes(context, &raw) + hada_fft_bytes(context, &scene);
     HADA_TRY(make_buffer(pair, &pair->raw, hada_fit_raw_floats(grid) * sizeof(float), "a raw frame", err));
     HADA_TRY(make_buffer(pair, &pair->scene, hada_fit_window_floats(grid) * sizeof(float), "a scene", err));
     HADA_TRY(make_buffer(pair, &pair->raw_spectrum, spectra, "a raw frame's spectrum", err));
-    HADA_TRY(make_buffer(pair, &pair->scene_spectrum, spectra, "a scene's spectrum", err));
-done:
-    return status;
+    return make_buffer(pair, &pair->scene_spectrum, spectra, "a scene's spectrum", err);
 }
 
 hada_status hada_fit_pair_create(hada_fit_pair *pair, const hada_fit_grid *grid, hada_error *err)
@@ -151,15 +146,12 @@ hada_status hada_fit_pair_transform(hada_fit_pair *pair, const float *raw, const
 {
     hada_slot *slot = pair->grid->slot;
     const int channels = pair->grid->info.channels;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_write(&pair->raw, slot, 0, raw, pair->raw.bytes, err));
     HADA_TRY(hada_fft_forward(pair->raw_fft, channels, pair->raw.mem, 0, pair->raw_spectrum.mem, 0, err));
     if (!scene)
         return HADA_OK;
     HADA_TRY(hada_buffer_write(&pair->scene, slot, 0, scene, pair->scene.bytes, err));
-    HADA_TRY(hada_fft_forward(pair->scene_fft, channels, pair->scene.mem, 0, pair->scene_spectrum.mem, 0, err));
-done:
-    return status;
+    return hada_fft_forward(pair->scene_fft, channels, pair->scene.mem, 0, pair->scene_spectrum.mem, 0, err);
 }
 
 hada_status hada_fit_pair_filter(hada_fit_pair *pair, hada_fft *inverse, const hada_fft_filter *filter, hada_error *err)

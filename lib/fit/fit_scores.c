@@ -11,10 +11,11 @@ hada_status hada_fit_scores_create(hada_fit_scores **out, size_t filters, size_t
     static const char what[] = "the scores of a fit";
     hada_fit_scores *scores = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&scores, 1, sizeof *scores, what, err));
-    HADA_TRY(hada_alloc((void **)&scores->filters, filters, sizeof *scores->filters, what, err));
-    HADA_TRY(hada_alloc((void **)&scores->outsides, outsides, sizeof *scores->outsides, what, err));
-    HADA_TRY(hada_alloc((void **)&scores->refinements, refinements, sizeof *scores->refinements, what, err));
+    HADA_TRY_OR_DONE(hada_allocated(scores = hada_alloc(1, sizeof *scores, what, err)));
+    HADA_TRY_OR_DONE(hada_allocated(scores->filters = hada_alloc(filters, sizeof *scores->filters, what, err)));
+    HADA_TRY_OR_DONE(hada_allocated(scores->outsides = hada_alloc(outsides, sizeof *scores->outsides, what, err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(scores->refinements = hada_alloc(refinements, sizeof *scores->refinements, what, err)));
     scores->filter_count = filters;
     scores->outside_count = outsides;
     scores->refinement_count = refinements;

@@ -44,15 +44,13 @@ hada_status hada_fit_solve_transfers(const hada_fit_sums *sums, hada_nonnegative
 {
     const hada_fit_grid *grid = sums->grid;
     hada_nonnegative_rule rule;
-    hada_status status = HADA_OK;
     hada_nonnegative_rule_init(&rule);
     if (nonnegative)
         return hada_nonnegative_solve(nonnegative, &rule, grid->info.channels, sums->sums, grid->stride, scene_energy,
                                       trust, out, n * grid->layout.count, err);
     for (int c = 0; c < grid->info.channels; c++)
         HADA_TRY(free_transfer(sums, c, scene_energy[c], out, n + (size_t)c, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_fit_unexplained(const hada_fit_sums *sums, int channel, double scene_energy,
@@ -63,7 +61,6 @@ hada_status hada_fit_unexplained(const hada_fit_sums *sums, int channel, double 
     const hada_program_fit_score program =
         HADA_FIT_PROGRAM(FIT_SCORE, hada_fit_is_split(grid), hada_fit_in_groups(grid));
     const double frequencies = (double)grid->vectors * HADA_FIT_VECTOR;
-    hada_status status = HADA_OK;
     *sum = 0.0;
     hada_slot_cost(grid->slot, 20.0 * frequencies, 8.0 * frequencies);
     HADA_TRY(hada_launch_fit_unexplained(grid->slot, program, &range, err, .sums = sums->sums[channel].mem,
@@ -73,6 +70,5 @@ hada_status hada_fit_unexplained(const hada_fit_sums *sums, int channel, double 
     HADA_TRY(hada_buffer_read(partial, grid->slot, 0, values, grid->chunks * sizeof *values, err));
     for (size_t i = 0; i < grid->chunks; i++)
         *sum += values[i];
-done:
-    return status;
+    return HADA_OK;
 }

@@ -25,14 +25,12 @@ static size_t depth_floats(const hada_fit_grid *grid)
 static hada_status make_depths(hada_fit_sums *sums, hada_error *err)
 {
     const size_t depths = (size_t)sums->grid->info.depths, channels = (size_t)sums->grid->info.channels;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&sums->depth, depths, sizeof *sums->depth, "a fitter", err));
+    HADA_TRY(hada_allocated(sums->depth = hada_alloc(depths, sizeof *sums->depth, "a fitter", err)));
     for (size_t z = 0; z < depths; z++) {
-        HADA_TRY(hada_alloc((void **)&sums->depth[z].raw_energy, channels, sizeof(double), "a fitter", err));
-        HADA_TRY(hada_alloc((void **)&sums->depth[z].scene_energy, channels, sizeof(double), "a fitter", err));
+        HADA_TRY(hada_allocated(sums->depth[z].raw_energy = hada_alloc(channels, sizeof(double), "a fitter", err)));
+        HADA_TRY(hada_allocated(sums->depth[z].scene_energy = hada_alloc(channels, sizeof(double), "a fitter", err)));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status make_buffer(hada_fit_sums *sums, hada_buffer *buffer, size_t floats, const char *what,
@@ -48,9 +46,9 @@ static hada_status fill_weights(hada_fit_sums *sums, hada_error *err)
     const size_t stride = sums->grid->stride;
     float *values = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&values, stride, sizeof *values, "the weights", err));
+    HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc(stride, sizeof *values, "the weights", err)));
     hada_layout_weights(&sums->grid->layout, values);
-    HADA_TRY(hada_buffer_write(&sums->weights, sums->grid->slot, 0, values, stride * sizeof *values, err));
+    HADA_TRY_OR_DONE(hada_buffer_write(&sums->weights, sums->grid->slot, 0, values, stride * sizeof *values, err));
 done:
     free(values);
     return status;
@@ -60,19 +58,16 @@ hada_status hada_fit_sums_create(hada_fit_sums *sums, const hada_fit_grid *grid,
 {
     const size_t channels = (size_t)grid->info.channels;
     const size_t pools = hada_fit_is_split(grid) ? HADA_FIT_POOLS_SPLIT : HADA_FIT_POOLS;
-    hada_status status = HADA_OK;
     *sums = (hada_fit_sums){.grid = grid, .current = -1};
     HADA_TRY(make_depths(sums, err));
-    HADA_TRY(hada_alloc((void **)&sums->sums, channels, sizeof *sums->sums, "a fitter", err));
-    HADA_TRY(hada_alloc((void **)&sums->pool, channels, sizeof *sums->pool, "a fitter", err));
+    HADA_TRY(hada_allocated(sums->sums = hada_alloc(channels, sizeof *sums->sums, "a fitter", err)));
+    HADA_TRY(hada_allocated(sums->pool = hada_alloc(channels, sizeof *sums->pool, "a fitter", err)));
     for (size_t c = 0; c < channels; c++) {
         HADA_TRY(make_buffer(sums, &sums->sums[c], depth_floats(grid), "the sums of a fit", err));
         HADA_TRY(make_buffer(sums, &sums->pool[c], pools * grid->stride, "the pooled sums of a fit", err));
     }
     HADA_TRY(make_buffer(sums, &sums->weights, grid->stride, "the weights of frequencies", err));
-    HADA_TRY(fill_weights(sums, err));
-done:
-    return status;
+    return fill_weights(sums, err);
 }
 
 void hada_fit_sums_destroy(hada_fit_sums *sums)
@@ -98,15 +93,14 @@ static hada_status put_back(hada_fit_sums *sums, hada_error *err)
 {
     const size_t floats = depth_floats(sums->grid), channels = (size_t)sums->grid->info.channels;
     hada_fit_depth *depth = &sums->depth[sums->current];
-    hada_status status = HADA_OK;
     if (!depth->sums)
-        HADA_TRY(hada_alloc_raw((void **)&depth->sums, channels * floats, sizeof(float), "the sums of a depth", err));
+        HADA_TRY(
+            hada_allocated(depth->sums = hada_alloc_raw(channels * floats, sizeof(float), "the sums of a depth", err)));
     for (size_t c = 0; c < channels; c++)
         HADA_TRY(hada_buffer_read(&sums->sums[c], sums->grid->slot, 0, depth->sums + c * floats, floats * sizeof(float),
                                   err));
     sums->changed = 0;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_fit_sums_select(hada_fit_sums *sums, int depth, hada_error *err)
@@ -114,7 +108,6 @@ hada_status hada_fit_sums_select(hada_fit_sums *sums, int depth, hada_error *err
     const size_t floats = depth_floats(sums->grid), bytes = floats * sizeof(float);
     const float *values = sums->depth[depth].sums;
     hada_slot *slot = sums->grid->slot;
-    hada_status status = HADA_OK;
     if (sums->current == depth)
         return HADA_OK;
     if (sums->current >= 0 && sums->changed)
@@ -125,19 +118,16 @@ hada_status hada_fit_sums_select(hada_fit_sums *sums, int depth, hada_error *err
         HADA_TRY(values ? hada_buffer_write(&sums->sums[c], slot, 0, values + (size_t)c * floats, bytes, err)
                         : hada_buffer_clear(&sums->sums[c], slot, 0, bytes, err));
     sums->current = depth;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_fit_sums_borrow(hada_fit_sums *sums, int depth, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_fit_sums_select(sums, depth, err));
     if (sums->changed)
         HADA_TRY(put_back(sums, err));
     sums->current = -1; /* the host's copy is the true one */
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_fit_sums_accumulate(hada_fit_sums *sums, const hada_fit_pair *pair, double sign, hada_error *err)
@@ -145,7 +135,6 @@ hada_status hada_fit_sums_accumulate(hada_fit_sums *sums, const hada_fit_pair *p
     const hada_fit_grid *grid = sums->grid;
     const hada_range range = hada_fit_vectors(grid);
     const double values = (double)grid->vectors * HADA_FIT_VECTOR;
-    hada_status status = HADA_OK;
     for (int c = 0; c < grid->info.channels; c++) {
         const hada_fit_image image = hada_fit_image_of(grid, (size_t)c);
         hada_slot_cost(grid->slot, 16.0 * (1.0 + grid->sum_count) * values, (12.0 + 7.0 * grid->sum_count) * values);
@@ -153,8 +142,7 @@ hada_status hada_fit_sums_accumulate(hada_fit_sums *sums, const hada_fit_pair *p
                                       .b = pair->raw_spectrum.mem, .sums = sums->sums[c].mem, .image = image,
                                       .sign = (cl_float)sign));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* New values make the pools worthless. */
@@ -181,7 +169,6 @@ hada_status hada_fit_sums_add(hada_fit_sums *sums, int depth, const hada_fit_pai
 {
     const int channels = sums->grid->info.channels;
     hada_fit_depth *to = &sums->depth[depth];
-    hada_status status = HADA_OK;
     for (int c = 0; c < channels; c++) {
         HADA_TRY(check_energy(sums->grid, pair->raw_energy[c], to->raw_energy[c], "raw frame", err));
         HADA_TRY(check_energy(sums->grid, pair->scene_energy[c], to->scene_energy[c], "scene", err));
@@ -194,8 +181,7 @@ hada_status hada_fit_sums_add(hada_fit_sums *sums, int depth, const hada_fit_pai
         to->scene_energy[c] += pair->scene_energy[c];
     }
     to->pairs++;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_fit_sums_merge(hada_fit_sums *sums, int channel, const hada_buffer *more, hada_error *err)
@@ -217,20 +203,17 @@ static hada_status pool_depth(hada_fit_sums *sums, int64_t pairs, hada_error *er
     const hada_range range = hada_fit_vectors(grid);
     const hada_fit_image image = hada_fit_image_of(grid, 0);
     const double values = (double)grid->vectors * HADA_FIT_VECTOR;
-    hada_status status = HADA_OK;
     for (int c = 0; c < grid->info.channels; c++) {
         hada_slot_cost(grid->slot, (hada_fit_is_split(grid) ? 52.0 : 32.0) * values, 6.0 * values);
         HADA_TRY(hada_launch_fit_pool(grid->slot, program_of(grid), &range, err, .sums = sums->sums[c].mem,
                                       .pool = sums->pool[c].mem, .image = image, .per_pair = 1.0f / (float)pairs));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_fit_sums_pool(hada_fit_sums *sums, hada_error *err)
 {
     const hada_model_info *info = &sums->grid->info;
-    hada_status status = HADA_OK;
     if (sums->pooled)
         return HADA_OK;
     for (int c = 0; c < info->channels; c++)
@@ -242,6 +225,5 @@ hada_status hada_fit_sums_pool(hada_fit_sums *sums, hada_error *err)
         HADA_TRY(pool_depth(sums, sums->depth[z].pairs, err));
     }
     sums->pooled = 1;
-done:
-    return status;
+    return HADA_OK;
 }

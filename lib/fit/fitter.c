@@ -34,16 +34,13 @@ hada_status hada_model_blank(hada_model **out, const hada_fit_options *callers, 
 {
     hada_fit_options sizes;
     hada_model_info info;
-    hada_status status = HADA_OK;
     if (!out || !callers)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_blank: out and sizes are needed");
     *out = NULL;
     hada_fit_options_init(&sizes);
     HADA_TRY(HADA_OPTIONS_TAKE(&sizes, callers, hada_fit_options, err));
     HADA_TRY(hada_fit_info(&info, &sizes, err));
-    HADA_TRY(hada_model_create(out, &info, 0, err));
-done:
-    return status;
+    return hada_model_create(out, &info, 0, err);
 }
 
 static int all_finite(const float *values, size_t count)
@@ -62,13 +59,14 @@ hada_status hada_model_from_filters(hada_model **out, const hada_fit_options *si
     if (!out || !sizes || !filters)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_from_filters: out, sizes and filters are needed");
     *out = NULL;
-    HADA_TRY(hada_model_blank(&blank, sizes, err));
+    HADA_TRY_OR_DONE(hada_model_blank(&blank, sizes, err));
     hada_model_info info = blank->info;
     info.has_otf = otf != NULL;
-    HADA_TRY(hada_model_create(out, &info, 0, err));
+    HADA_TRY_OR_DONE(hada_model_create(out, &info, 0, err));
     const size_t values = 2 * (size_t)info.depths * (size_t)info.channels * hada_model_plane(*out);
     if (!all_finite(filters, values) || (otf && !all_finite(otf, values)))
-        HADA_TRY(hada_fail(err, HADA_ERROR_NOT_FINITE, "filters or transfer functions hold NaN or infinite values"));
+        HADA_TRY_OR_DONE(
+            hada_fail(err, HADA_ERROR_NOT_FINITE, "filters or transfer functions hold NaN or infinite values"));
     memcpy((*out)->filter, filters, values * sizeof *filters);
     if (otf)
         memcpy((*out)->otf, otf, values * sizeof *otf);
@@ -127,16 +125,16 @@ hada_status hada_fitter_create(hada_fitter **out, hada_context *context, const h
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_create: out, a context and options are needed");
     *out = NULL;
     hada_fit_options_init(&options);
-    HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_fit_options, err));
-    HADA_TRY(check_options(&options, err));
-    HADA_TRY(hada_alloc((void **)&fitter, 1, sizeof *fitter, "a fitter", err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&options, callers, hada_fit_options, err));
+    HADA_TRY_OR_DONE(check_options(&options, err));
+    HADA_TRY_OR_DONE(hada_allocated(fitter = hada_alloc(1, sizeof *fitter, "a fitter", err)));
     fitter->options = options;
     fitter->options.distances_mm = NULL;
     fitter->options.communicator = NULL; /* the grid has it */
-    HADA_TRY(hada_fit_grid_create(&fitter->grid, context, &options, err));
-    HADA_TRY(hada_leave_one_out_create(&fitter->scores, &fitter->grid, &options, err));
-    HADA_TRY(hada_fit_pair_create(&fitter->pair, &fitter->grid, err));
-    HADA_TRY(hada_fit_sums_create(&fitter->sums, &fitter->grid, err));
+    HADA_TRY_OR_DONE(hada_fit_grid_create(&fitter->grid, context, &options, err));
+    HADA_TRY_OR_DONE(hada_leave_one_out_create(&fitter->scores, &fitter->grid, &options, err));
+    HADA_TRY_OR_DONE(hada_fit_pair_create(&fitter->pair, &fitter->grid, err));
+    HADA_TRY_OR_DONE(hada_fit_sums_create(&fitter->sums, &fitter->grid, err));
 done:
     if (status)
         hada_fitter_destroy(&fitter);
@@ -189,10 +187,10 @@ hada_status hada_fitter_add(hada_fitter *fitter, int depth, const hada_image *ra
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_add: a fitter is needed");
     hada_fit_pair *pair = &fitter->pair;
     const uint64_t before = fitter->sums.version;
-    HADA_TRY(hada_fit_pair_check(&fitter->grid, depth, raw, scene, err));
+    HADA_TRY_OR_DONE(hada_fit_pair_check(&fitter->grid, depth, raw, scene, err));
     hada_fit_pair_take(pair, raw, scene);
-    HADA_TRY(hada_fit_pair_transform(pair, pair->raw_pixels, pair->scene_pixels, err));
-    HADA_TRY(hada_fit_sums_add(&fitter->sums, depth, pair, err));
+    HADA_TRY_OR_DONE(hada_fit_pair_transform(pair, pair->raw_pixels, pair->scene_pixels, err));
+    HADA_TRY_OR_DONE(hada_fit_sums_add(&fitter->sums, depth, pair, err));
 done:
     if (fitter->sums.version != before)
         forget_choices(fitter);
@@ -237,11 +235,11 @@ hada_status hada_fitter_create_from_sums(hada_fitter **out, hada_context *contex
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_create_from_sums: out, context and path are needed");
     *out = NULL;
     hada_fit_options_init(&options);
-    HADA_TRY(HADA_OPTIONS_TAKE(&options, choices, hada_fit_options, err));
-    HADA_TRY(hada_tensors_open(&file, path, err));
-    HADA_TRY(hada_fit_sums_camera(file, path, &options, err));
-    HADA_TRY(hada_fitter_create(out, context, &options, err));
-    HADA_TRY(hada_fitter_load_sums(*out, path, err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&options, choices, hada_fit_options, err));
+    HADA_TRY_OR_DONE(hada_tensors_open(&file, path, err));
+    HADA_TRY_OR_DONE(hada_fit_sums_camera(file, path, &options, err));
+    HADA_TRY_OR_DONE(hada_fitter_create(out, context, &options, err));
+    HADA_TRY_OR_DONE(hada_fitter_load_sums(*out, path, err));
 done:
     hada_tensors_close(&file);
     if (status)
@@ -252,7 +250,6 @@ done:
 hada_status hada_fitter_score(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
                               hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (!fitter)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_score: a fitter is needed");
     hada_fit_pair *pair = &fitter->pair;
@@ -271,8 +268,7 @@ hada_status hada_fitter_score(hada_fitter *fitter, int depth, const hada_image *
     HADA_TRY(hada_leave_one_out_add(&fitter->scores, &fitter->sums, pair, depth, err));
     if (fitter->options.refine_steps < 0)
         HADA_TRY(hada_fit_keep(&fitter->kept, pair, depth, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_fitter_learn_cropped(hada_fitter *fitter, hada_fit_show show, void *user, hada_error *err)

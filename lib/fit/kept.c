@@ -22,8 +22,8 @@ hada_status hada_fit_keep(hada_fit_kept *kept, const hada_fit_pair *pair, int de
         wanted -= kept->pair[k].depth == depth;
     if (wanted <= 0 || kept->count == HADA_FIT_KEPT)
         return HADA_OK;
-    HADA_TRY(hada_alloc_raw((void **)&own.raw, pair->raw.bytes, 1, "a raw frame", err));
-    HADA_TRY(hada_alloc_raw((void **)&own.scene, pair->scene.bytes, 1, "a scene", err));
+    HADA_TRY_OR_DONE(hada_allocated(own.raw = hada_alloc_raw(pair->raw.bytes, 1, "a raw frame", err)));
+    HADA_TRY_OR_DONE(hada_allocated(own.scene = hada_alloc_raw(pair->scene.bytes, 1, "a scene", err)));
     memcpy(own.raw, pair->raw_pixels, pair->raw.bytes);
     memcpy(own.scene, pair->scene_pixels, pair->scene.bytes);
     kept->pair[kept->count++] = own;

@@ -32,34 +32,31 @@ static hada_status make_settings(hada_leave_one_out *scores, const hada_fit_opti
     const hada_fit_setting *list = fixed_alpha ? (fixed_lambda ? one : lambdas) : fixed_lambda ? alphas : several;
     scores->distinct = (int)(list == one ? 1 : list == alphas ? HADA_COUNT(alphas) : HADA_COUNT(several));
     scores->setting_count = (int)hada_round_up((size_t)scores->distinct, HADA_FIT_TRIALS);
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&scores->settings, (size_t)scores->setting_count, sizeof *list, "settings", err));
+    HADA_TRY(
+        hada_allocated(scores->settings = hada_alloc((size_t)scores->setting_count, sizeof *list, "settings", err)));
     for (int i = 0; i < scores->setting_count; i++) {
         const hada_fit_setting *from = &list[i < scores->distinct ? i : scores->distinct - 1];
         scores->settings[i].alpha = fixed_alpha ? fmax(options->alpha, 0.0) : from->alpha;
         scores->settings[i].lambda = fixed_lambda ? options->lambda : from->lambda;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_leave_one_out_create(hada_leave_one_out *scores, const hada_fit_grid *grid,
                                       const hada_fit_options *options, hada_error *err)
 {
     const size_t depths = (size_t)grid->info.depths;
-    hada_status status = HADA_OK;
     *scores = (hada_leave_one_out){.grid = grid,
                                    .fallback = {options->alpha >= 0.0 ? options->alpha : HADA_FIT_ALPHA,
                                                 options->lambda >= 0.0 ? options->lambda : HADA_FIT_LAMBDA}};
     HADA_TRY(make_settings(scores, options, err));
-    HADA_TRY(hada_alloc((void **)&scores->depth, depths, sizeof *scores->depth, "scores", err));
+    HADA_TRY(hada_allocated(scores->depth = hada_alloc(depths, sizeof *scores->depth, "scores", err)));
     for (size_t z = 0; z < depths; z++) {
         const size_t count = (size_t)scores->setting_count;
-        HADA_TRY(hada_alloc((void **)&scores->depth[z].single, count, sizeof(double), "scores", err));
-        HADA_TRY(hada_alloc((void **)&scores->depth[z].twofold, count, sizeof(double), "scores", err));
+        HADA_TRY(hada_allocated(scores->depth[z].single = hada_alloc(count, sizeof(double), "scores", err)));
+        HADA_TRY(hada_allocated(scores->depth[z].twofold = hada_alloc(count, sizeof(double), "scores", err)));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_leave_one_out_destroy(hada_leave_one_out *scores)
@@ -112,7 +109,6 @@ static hada_status prepare(hada_leave_one_out *scores, hada_error *err)
     const hada_fit_grid *grid = scores->grid;
     const size_t rows = (size_t)grid->info.window_rows, sums = grid->chunks > rows ? grid->chunks : rows;
     hada_fft_desc desc = hada_fit_transform_desc(grid, HADA_FFT_INVERSE, 1);
-    hada_status status = HADA_OK;
     desc.batch = HADA_FIT_TRIALS;
     if (!scores->inverse) {
         HADA_TRY(hada_fft_create(&scores->inverse, grid->slot, &desc, err));
@@ -122,16 +118,13 @@ static hada_status prepare(hada_leave_one_out *scores, hada_error *err)
                          "leave-one-out spectra", err));
     HADA_TRY(make_buffer(scores, &scores->planes, HADA_FIT_TRIALS * desc.real_distance * sizeof(float),
                          "leave-one-out errors", err));
-    HADA_TRY(make_buffer(scores, &scores->partial, HADA_FIT_TRIALS * sums * sizeof(float), "partial sums", err));
-done:
-    return status;
+    return make_buffer(scores, &scores->partial, HADA_FIT_TRIALS * sums * sizeof(float), "partial sums", err);
 }
 
 /* Reads partial sums and adds each setting's, in order. */
 static hada_status add_up(hada_leave_one_out *scores, float *partial, size_t count, double factor, double *sums,
                           hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_read(&scores->partial, scores->grid->slot, 0, partial,
                               HADA_FIT_TRIALS * count * sizeof *partial, err));
     for (size_t s = 0; s < HADA_FIT_TRIALS; s++) {
@@ -140,8 +133,7 @@ static hada_status add_up(hada_leave_one_out *scores, float *partial, size_t cou
             sum += partial[s * count + i];
         sums[s] += factor * sum;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_program_fit_score program_of(const hada_fit_grid *grid)
@@ -190,14 +182,11 @@ static hada_status enqueue_energy(hada_leave_one_out *scores, hada_error *err)
     const int rows = scores->grid->info.window_rows, cols = scores->grid->info.window_cols;
     const size_t group = slot->context->shape == HADA_SHAPE_LANES ? 1 : ROW_GROUP;
     const hada_range range = hada_range_of((size_t)rows, group, HADA_FIT_TRIALS, 1);
-    hada_status status = HADA_OK;
     HADA_TRY(
         hada_fft_inverse(scores->inverse, HADA_FIT_TRIALS, scores->errors.mem, 0, scores->planes.mem, 0, NULL, err));
     hada_slot_cost(slot, 4.0 * rows * cols * HADA_FIT_TRIALS, 2.0 * rows * cols * HADA_FIT_TRIALS);
-    HADA_TRY(hada_launch_fit_energy(slot, program_of(scores->grid), &range, err, .planes = scores->planes.mem,
-                                    .rows = rows, .cols = cols, .out = scores->partial.mem));
-done:
-    return status;
+    return hada_launch_fit_energy(slot, program_of(scores->grid), &range, err, .planes = scores->planes.mem,
+                                  .rows = rows, .cols = cols, .out = scores->partial.mem);
 }
 
 /* Squared errors of all settings, summed over channels: in the window, and of the other depths' light. */
@@ -206,7 +195,6 @@ static hada_status score_pair(hada_leave_one_out *scores, const hada_fit_sums *s
 {
     const hada_model_info *info = &scores->grid->info;
     const double per_pixel = 1.0 / ((double)info->grid_rows * info->grid_cols);
-    hada_status status = HADA_OK;
     for (int c = 0; c < info->channels; c++)
         for (size_t s = 0; s < (size_t)scores->setting_count; s += HADA_FIT_TRIALS) {
             HADA_TRY(enqueue_trial(scores, sums, pair, c, trials_of(scores, sums, z, c, s), err));
@@ -214,8 +202,7 @@ static hada_status score_pair(hada_leave_one_out *scores, const hada_fit_sums *s
             HADA_TRY(enqueue_energy(scores, err));
             HADA_TRY(add_up(scores, partial, (size_t)info->window_rows, 1.0, own + s, err));
         }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* PSNR of a squared error summed over the window and its channels, for a peak of 1. */
@@ -238,7 +225,6 @@ static void reopen(hada_leave_one_out *scores)
 hada_status hada_leave_one_out_share(hada_leave_one_out *scores, hada_error *err)
 {
     const hada_communicator *ranks = &scores->grid->communicator;
-    hada_status status = HADA_OK;
     for (int z = 0; !scores->shared && z < scores->grid->info.depths; z++) {
         if (!scores->depth[z].scored)
             continue;
@@ -246,8 +232,7 @@ hada_status hada_leave_one_out_share(hada_leave_one_out *scores, hada_error *err
         HADA_TRY(hada_reduce(ranks, scores->depth[z].twofold, (size_t)scores->setting_count, err));
     }
     scores->shared = 1;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_leave_one_out_add(hada_leave_one_out *scores, const hada_fit_sums *sums, const hada_fit_pair *pair,
@@ -262,10 +247,10 @@ hada_status hada_leave_one_out_add(hada_leave_one_out *scores, const hada_fit_su
     to->scored++;
     if (!hada_is_mine(&scores->grid->communicator, scores->taken++))
         return HADA_OK;
-    HADA_TRY(prepare(scores, err));
-    HADA_TRY(hada_alloc_raw((void **)&partial, scores->partial.bytes, 1, "scores", err));
-    HADA_TRY(hada_alloc((void **)&own, 2 * count, sizeof(double), "scores", err));
-    HADA_TRY(score_pair(scores, sums, pair, depth, partial, own, own + count, err));
+    HADA_TRY_OR_DONE(prepare(scores, err));
+    HADA_TRY_OR_DONE(hada_allocated(partial = hada_alloc_raw(scores->partial.bytes, 1, "scores", err)));
+    HADA_TRY_OR_DONE(hada_allocated(own = hada_alloc(2 * count, sizeof(double), "scores", err)));
+    HADA_TRY_OR_DONE(score_pair(scores, sums, pair, depth, partial, own, own + count, err));
     for (size_t s = 0; s < count; s++) {
         to->single[s] += decibels(scores->grid, own[s]);
         to->twofold[s] += decibels(scores->grid, own[s] + own[count + s]);

@@ -82,18 +82,18 @@ hada_status hada_nonnegative_create(hada_nonnegative **out, hada_slot *slot, int
     hada_nonnegative *plan = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY(hada_alloc((void **)&plan, 1, sizeof *plan, "point spread functions", err));
+    HADA_TRY_OR_DONE(hada_allocated(plan = hada_alloc(1, sizeof *plan, "point spread functions", err)));
     plan->slot = slot;
     plan->channels = channels;
     plan->pixels = forward.real_distance;
     plan->layout = hada_fft_layout(slot->context, rows, cols, HADA_FFT_AUTO);
-    HADA_TRY(hada_fft_create(&plan->forward, slot, &forward, err));
-    HADA_TRY(hada_fft_create(&plan->inverse, slot, &inverse, err));
-    HADA_TRY(hada_buffer_create(&plan->spectrum, slot->context, spectrum_bytes(&plan->layout, channels),
-                                "the spectra of point spread functions", err));
-    HADA_TRY(hada_buffer_create(&plan->image, slot->context, image, "point spread functions", err));
-    HADA_TRY(hada_buffer_create(&plan->state, slot->context, image, "point spread functions", err));
-    HADA_TRY(hada_prepare_fit_nonnegative(slot, HADA_PROGRAM_FIT_NONNEGATIVE_DEFAULT, err));
+    HADA_TRY_OR_DONE(hada_fft_create(&plan->forward, slot, &forward, err));
+    HADA_TRY_OR_DONE(hada_fft_create(&plan->inverse, slot, &inverse, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&plan->spectrum, slot->context, spectrum_bytes(&plan->layout, channels),
+                                        "the spectra of point spread functions", err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&plan->image, slot->context, image, "point spread functions", err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&plan->state, slot->context, image, "point spread functions", err));
+    HADA_TRY_OR_DONE(hada_prepare_fit_nonnegative(slot, HADA_PROGRAM_FIT_NONNEGATIVE_DEFAULT, err));
 done:
     if (status)
         hada_nonnegative_destroy(&plan);
@@ -123,7 +123,6 @@ static hada_status blend(hada_nonnegative *plan, int channels, const hada_nonneg
 {
     const size_t count = plan->layout.count, vectors = hada_divide_up(count, HADA_FIT_VECTOR);
     const hada_range range = hada_range_of(vectors, GROUP, 1, 1);
-    hada_status status = HADA_OK;
     for (int c = 0; c < channels; c++) {
         const size_t first = (size_t)c * count;
         const hada_fit_image image = {.first = at + first, .count = count, .vectors = vectors, .stride = data->stride};
@@ -137,8 +136,7 @@ static hada_status blend(hada_nonnegative *plan, int channels, const hada_nonneg
                                   .is_filled = data->filled != NULL, .guess = plan->spectrum.mem, .guess_first = first,
                                   .guessed = guessed, .out = out, .image = image, .rule = rule));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status clip(hada_nonnegative *plan, int channels, hada_fit_clip_rule rule, hada_error *err)
@@ -157,35 +155,26 @@ hada_status hada_nonnegative_step(hada_nonnegative *plan, int channels, const ha
     const hada_fit_clip_rule rule = {
         .relaxation = (float)at->relaxation, .dual_scale = (float)at->dual_scale, .start = at->start, .last = at->last};
     const cl_mem transfers = out ? out : plan->spectrum.mem;
-    hada_status status = HADA_OK;
     HADA_TRY(blend(plan, channels, data, at->weight, NULL, !at->start, transfers, 0, err));
     HADA_TRY(hada_fft_inverse(plan->inverse, channels, transfers, 0, plan->image.mem, 0, NULL, err));
     HADA_TRY(clip(plan, channels, rule, err));
-    HADA_TRY(hada_fft_forward(plan->forward, channels, plan->image.mem, 0, plan->spectrum.mem, 0, err));
-done:
-    return status;
+    return hada_fft_forward(plan->forward, channels, plan->image.mem, 0, plan->spectrum.mem, 0, err);
 }
 
 /* The image, or (last 0) the guess of a step to come, as the plan's spectra: without relaxation the state stays. */
 static hada_status bring_out(hada_nonnegative *plan, int channels, int last, hada_error *err)
 {
     const hada_fit_clip_rule rule = {.relaxation = 0.0f, .dual_scale = 1.0f, .last = last};
-    hada_status status = HADA_OK;
     HADA_TRY(clip(plan, channels, rule, err));
-    HADA_TRY(hada_fft_forward(plan->forward, channels, plan->image.mem, 0, plan->spectrum.mem, 0, err));
-done:
-    return status;
+    return hada_fft_forward(plan->forward, channels, plan->image.mem, 0, plan->spectrum.mem, 0, err);
 }
 
 hada_status hada_nonnegative_end(hada_nonnegative *plan, int channels, const hada_nonnegative_data *data,
                                  const double *trust, cl_mem out, size_t at, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(bring_out(plan, channels, 1, err));
     HADA_TRY(blend(plan, channels, data, 1.0, trust, 1, out, at, err));
-    HADA_TRY(bring_out(plan, channels, 0, err));
-done:
-    return status;
+    return bring_out(plan, channels, 0, err);
 }
 
 hada_status hada_nonnegative_solve(hada_nonnegative *plan, const hada_nonnegative_rule *rule, int channels,
@@ -194,7 +183,6 @@ hada_status hada_nonnegative_solve(hada_nonnegative *plan, const hada_nonnegativ
 {
     const double factor = rule->steps > 1 ? pow(rule->last / rule->first, 1.0 / (rule->steps - 1)) : 1.0;
     const hada_nonnegative_data data = {.sums = sums, .stride = stride, .mean = mean};
-    hada_status status = HADA_OK;
     if (rule->steps < 1 || !(rule->first > 0.0) || !(rule->last > 0.0) || channels < 1 || channels > plan->channels)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "non-negative point spread functions: steps, weights and channels "
@@ -209,7 +197,5 @@ hada_status hada_nonnegative_solve(hada_nonnegative *plan, const hada_nonnegativ
                                                .last = i + 1 == rule->steps};
         HADA_TRY(hada_nonnegative_step(plan, channels, &data, &step, NULL, err));
     }
-    HADA_TRY(blend(plan, channels, &data, 1.0, trust, 1, out, at, err));
-done:
-    return status;
+    return blend(plan, channels, &data, 1.0, trust, 1, out, at, err);
 }

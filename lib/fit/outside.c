@@ -55,15 +55,12 @@ static hada_status bring(passes *with, int z, int64_t number, int both, hada_err
 {
     const hada_image *raw = NULL, *scene = NULL;
     hada_fit_pair *pair = with->pair;
-    hada_status status = HADA_OK;
     HADA_TRY(with->show(with->user, z, number, &raw, &scene, err));
     HADA_TRY(hada_fit_pair_check(pair->grid, z, raw, scene, err));
     hada_fit_pair_take(pair, raw, scene);
     for (int c = 0; c < pair->grid->info.channels; c++)
         with->energy[c] += pair->raw_energy[c];
-    HADA_TRY(hada_fit_pair_transform(pair, pair->raw_pixels, both ? pair->scene_pixels : NULL, err));
-done:
-    return status;
+    return hada_fit_pair_transform(pair, pair->raw_pixels, both ? pair->scene_pixels : NULL, err);
 }
 
 /* After every pair of a depth was shown once. */
@@ -84,7 +81,6 @@ static hada_status check_energy(const passes *with, int z, hada_error *err)
 /* Adds the squared errors of the pairs that stand aside; weight -1: the exact fit's filters. */
 static hada_status validate(passes *with, const fold *of, int first, int last, double *sums, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int i = 0; i < of->held; i++) {
         HADA_TRY(bring(with, of->z, of->pair[i], 0, err));
         for (int s = first; s < last; s++) {
@@ -93,14 +89,12 @@ static hada_status validate(passes *with, const fold *of, int first, int last, d
             sums[s - first] += error;
         }
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Takes the fold's pairs out of the sums on the device. */
 static hada_status hold_out(passes *with, const fold *of, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (!of->held)
         return hada_fit_sums_select(with->sums, of->z, err);
     HADA_TRY(hada_fit_sums_borrow(with->sums, of->z, err));
@@ -108,29 +102,25 @@ static hada_status hold_out(passes *with, const fold *of, hada_error *err)
         HADA_TRY(bring(with, of->z, of->pair[i], 1, err));
         HADA_TRY(hada_fit_sums_accumulate(with->sums, with->pair, -1.0, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* One product with T: all pairs but those of the fold. */
 static hada_status pass(passes *with, const fold *of, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int64_t i = 0; i < with->sums->depth[of->z].pairs; i++) {
         if (is_held(of, i))
             continue;
         HADA_TRY(bring(with, of->z, i, 0, err));
         HADA_TRY(hada_fit_window_pair(with->window, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The filters of a depth without the pairs of a fold, for some weights. */
 static hada_status solve(passes *with, const fold *of, const double *outside, int count, hada_error *err)
 {
     int converged = 0;
-    hada_status status = HADA_OK;
     for (int c = 0; c < with->sums->grid->info.channels; c++)
         with->energy[c] = 0.0;
     HADA_TRY(hold_out(with, of, err));
@@ -144,9 +134,7 @@ static hada_status solve(passes *with, const fold *of, const double *outside, in
         HADA_TRY(pass(with, of, err));
         HADA_TRY(hada_fit_window_iterate(with->window, &converged, err));
     }
-    HADA_TRY(validate(with, of, 0, count, with->sum + 1, err));
-done:
-    return status;
+    return validate(with, of, 0, count, with->sum + 1, err);
 }
 
 /* Depths with pairs to spare. */
@@ -181,7 +169,6 @@ static hada_status try_weights(passes *with, int spare, hada_error *err)
     const int depths = spare < FOLDS ? spare : FOLDS;
     const hada_communicator *ranks = &with->sums->grid->communicator;
     long number_of = 0; /* of the fold */
-    hada_status status = HADA_OK;
     for (int k = 0; k < depths; k++) {
         const int number = depths > 1 ? (k * (spare - 1) + (depths - 1) / 2) / (depths - 1) : 0;
         fold of = {.z = spare_depth(with->sums, number)};
@@ -195,9 +182,7 @@ static hada_status try_weights(passes *with, int spare, hada_error *err)
                 HADA_TRY(solve(with, &of, weights, WEIGHTS, err));
         }
     }
-    HADA_TRY(hada_reduce(ranks, with->sum, HADA_FIT_OUTSIDES, err));
-done:
-    return status;
+    return hada_reduce(ranks, with->sum, HADA_FIT_OUTSIDES, err);
 }
 
 /* What was compared, the exact fit last, and the best. By the mean squared error of all pairs, which is what filters
@@ -227,20 +212,21 @@ static hada_status solve_all(passes *with, double outside, float *filters, hada_
     const hada_communicator *ranks = &grid->communicator;
     float *blocks = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc_raw((void **)&blocks, 2 * grid->stride, sizeof *blocks, "a filter", err));
+    HADA_TRY_OR_DONE(hada_allocated(blocks = hada_alloc_raw(2 * grid->stride, sizeof *blocks, "a filter", err)));
     for (int z = 0; z < grid->info.depths; z++) {
         const fold whole = {.z = z};
         if (!with->sums->depth[z].pairs || !hada_is_mine(ranks, z))
             continue;
-        HADA_TRY(solve(with, &whole, &outside, 1, err));
+        HADA_TRY_OR_DONE(solve(with, &whole, &outside, 1, err));
         for (size_t c = 0; c < channels; c++)
-            HADA_TRY(hada_fit_read_plane(grid, hada_fit_window_filters(with->window, 0), c * grid->layout.count, blocks,
-                                         filters + ((size_t)z * channels + c) * plane * 2, "a filter", err));
+            HADA_TRY_OR_DONE(hada_fit_read_plane(grid, hada_fit_window_filters(with->window, 0), c * grid->layout.count,
+                                                 blocks, filters + ((size_t)z * channels + c) * plane * 2, "a filter",
+                                                 err));
     }
     for (int z = 0; z < grid->info.depths; z++)
         if (with->sums->depth[z].pairs)
-            HADA_TRY(hada_broadcast(ranks, hada_owner(ranks, z), filters + (size_t)z * channels * plane * 2,
-                                    channels * plane * 2 * sizeof *filters, err));
+            HADA_TRY_OR_DONE(hada_broadcast(ranks, hada_owner(ranks, z), filters + (size_t)z * channels * plane * 2,
+                                            channels * plane * 2 * sizeof *filters, err));
 done:
     free(blocks);
     return status;
@@ -269,18 +255,19 @@ hada_status hada_fit_outside_solve(hada_fit_outside *out, hada_fit_sums *sums, h
     *out = (hada_fit_outside){0};
     if (search ? !spare : weight == 1.0)
         return HADA_OK;
-    HADA_TRY(hada_alloc((void **)&with.energy, (size_t)info->channels, sizeof *with.energy, "a fit", err));
-    HADA_TRY(hada_fit_window_create(&with.window, sums, pair, search ? WEIGHTS : 1, err));
-    HADA_TRY(hada_fit_sums_pool(sums, err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(with.energy = hada_alloc((size_t)info->channels, sizeof *with.energy, "a fit", err)));
+    HADA_TRY_OR_DONE(hada_fit_window_create(&with.window, sums, pair, search ? WEIGHTS : 1, err));
+    HADA_TRY_OR_DONE(hada_fit_sums_pool(sums, err));
     if (search) {
-        HADA_TRY(try_weights(&with, spare, err));
+        HADA_TRY_OR_DONE(try_weights(&with, spare, err));
         choose(&with, out);
         weight = out->weight[out->chosen];
     }
     if (weight < 1.0) {
-        HADA_TRY(
-            hada_alloc_raw((void **)&out->filters, floats, sizeof *out->filters, "filters judged in the window", err));
-        HADA_TRY(solve_all(&with, weight, out->filters, err));
+        HADA_TRY_OR_DONE(hada_allocated(
+            out->filters = hada_alloc_raw(floats, sizeof *out->filters, "filters judged in the window", err)));
+        HADA_TRY_OR_DONE(solve_all(&with, weight, out->filters, err));
     }
 done:
     hada_fit_window_destroy(&with.window);

@@ -30,19 +30,16 @@ static hada_status put_metadata(const hada_fit_grid *grid, hada_tensors_writer *
 {
     const sizes_text sizes = sizes_of(&grid->info);
     char response[HADA_RESPONSE_NAME];
-    hada_status status = HADA_OK;
     hada_response_name(response, grid->info.scene_response);
     HADA_TRY(hada_tensors_put_meta(writer, "format", FORMAT, err));
     HADA_TRY(hada_tensors_put_meta(writer, "library", "hadalens " HADALENS_VERSION, err));
     HADA_TRY(hada_tensors_put_meta(writer, "sizes", sizes.text, err));
     HADA_TRY(hada_tensors_put_meta(writer, RESPONSE, response, err));
-    HADA_TRY(hada_tensors_put_meta(
+    return hada_tensors_put_meta(
         writer, "axes",
         "sums: [depth, channel, sum, value/rest, ky, kx]; the sums are Re and Im of sum X conj(B), sum |B|^2, sum "
         "|X|^2, and, for the form split, sum Re(X) Re(B), sum Re(B)^2; a sum is value + rest",
-        err));
-done:
-    return status;
+        err);
 }
 
 /* The small tensors in their order: names, and where their values stand. */
@@ -59,7 +56,7 @@ static hada_status list_small(const hada_fit_grid *grid, double **all, small lis
 {
     const int64_t depths = grid->info.depths, channels = grid->info.channels;
     const size_t z = (size_t)depths, images = z * (size_t)channels;
-    hada_status status = hada_alloc((void **)all, 2 * z + 2 * images + 1, sizeof(double), "sums", err);
+    hada_status status = hada_allocated(*all = hada_alloc(2 * z + 2 * images + 1, sizeof(double), "sums", err));
     if (status)
         return status;
     double *at = *all;
@@ -92,16 +89,17 @@ static hada_status write_sums(hada_fit_sums *sums, hada_tensors_writer *writer, 
     const size_t plane = hada_model_info_plane(&grid->info);
     float *blocks = NULL, *rows = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc_raw((void **)&blocks, grid->stride, sizeof *blocks, "sums", err));
-    HADA_TRY(hada_alloc_raw((void **)&rows, plane, sizeof *rows, "sums", err));
+    HADA_TRY_OR_DONE(hada_allocated(blocks = hada_alloc_raw(grid->stride, sizeof *blocks, "sums", err)));
+    HADA_TRY_OR_DONE(hada_allocated(rows = hada_alloc_raw(plane, sizeof *rows, "sums", err)));
     for (int z = 0; z < grid->info.depths; z++) {
-        HADA_TRY(hada_fit_sums_select(sums, z, err));
+        HADA_TRY_OR_DONE(hada_fit_sums_select(sums, z, err));
         for (int i = 0; i < grid->info.channels * 2 * grid->sum_count; i++) {
             const int channel = i / (2 * grid->sum_count), part = i % (2 * grid->sum_count);
-            HADA_TRY(hada_buffer_read(&sums->sums[channel], grid->slot, (size_t)part * grid->stride * sizeof(float),
-                                      blocks, grid->layout.count * sizeof(float), err));
+            HADA_TRY_OR_DONE(hada_buffer_read(&sums->sums[channel], grid->slot,
+                                              (size_t)part * grid->stride * sizeof(float), blocks,
+                                              grid->layout.count * sizeof(float), err));
             hada_layout_unpack_real(&grid->layout, blocks, rows);
-            HADA_TRY(hada_tensors_write(writer, rows, plane * sizeof *rows, err));
+            HADA_TRY_OR_DONE(hada_tensors_write(writer, rows, plane * sizeof *rows, err));
         }
     }
 done:
@@ -115,7 +113,6 @@ static hada_status write_file(hada_fit_sums *sums, hada_tensors_writer *writer, 
     const hada_model_info *info = &sums->grid->info;
     const int64_t shape[] = {info->depths,    info->channels,         sums->grid->sum_count, 2,
                              info->grid_rows, info->grid_cols / 2 + 1};
-    hada_status status = HADA_OK;
     HADA_TRY(put_metadata(sums->grid, writer, err));
     for (int i = 0; i < SMALL; i++)
         HADA_TRY(hada_tensors_declare(writer, list[i].name, HADA_F64, list[i].dims, list[i].shape, err));
@@ -123,9 +120,7 @@ static hada_status write_file(hada_fit_sums *sums, hada_tensors_writer *writer, 
     fill_small(sums, list);
     for (int i = 0; i < SMALL; i++)
         HADA_TRY(hada_tensors_write(writer, list[i].values, list[i].count * sizeof(double), err));
-    HADA_TRY(write_sums(sums, writer, err));
-done:
-    return status;
+    return write_sums(sums, writer, err);
 }
 
 hada_status hada_fit_sums_save(hada_fit_sums *sums, const char *path, hada_error *err)
@@ -134,10 +129,10 @@ hada_status hada_fit_sums_save(hada_fit_sums *sums, const char *path, hada_error
     small list[SMALL];
     double *values = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_tensors_create(&writer, path, err));
-    HADA_TRY(list_small(sums->grid, &values, list, err));
-    HADA_TRY(write_file(sums, writer, list, err));
-    HADA_TRY(hada_tensors_finish(&writer, err));
+    HADA_TRY_OR_DONE(hada_tensors_create(&writer, path, err));
+    HADA_TRY_OR_DONE(list_small(sums->grid, &values, list, err));
+    HADA_TRY_OR_DONE(write_file(sums, writer, list, err));
+    HADA_TRY_OR_DONE(hada_tensors_finish(&writer, err));
 done:
     hada_tensors_abandon(&writer);
     free(values);
@@ -253,15 +248,12 @@ static hada_status check_file(const hada_fit_grid *grid, const hada_tensors *fil
                               hada_error *err)
 {
     const char *format = hada_tensors_meta(file, "format");
-    hada_status status = HADA_OK;
     if (!format || strcmp(format, FORMAT))
         return hada_fail(err, HADA_ERROR_FILE_FORMAT, "%s does not hold the sums of a fit (format %s)", path, FORMAT);
     HADA_TRY(read_small(file, path, list, err));
     HADA_TRY(check_small(grid, path, list, err));
     HADA_TRY(check_sums(grid, file, path, err));
-    HADA_TRY(check_response(grid, file, path, err));
-done:
-    return status;
+    return check_response(grid, file, path, err);
 }
 
 /* Adds the file's sums of one depth to those on the device; `more` and `blocks`: room for a channel's. */
@@ -271,7 +263,6 @@ static hada_status merge_depth(hada_fit_sums *sums, int z, const hada_stored_ten
     const hada_fit_grid *grid = sums->grid;
     const size_t plane = hada_model_info_plane(&grid->info), in_file = (size_t)stored->shape[2];
     const size_t parts = 2 * (size_t)grid->sum_count, channels = (size_t)grid->info.channels;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_fit_sums_select(sums, z, err));
     for (size_t c = 0; c < channels; c++) {
         const float *from = (const float *)stored->data + ((size_t)z * channels + c) * 2 * in_file * plane;
@@ -280,8 +271,7 @@ static hada_status merge_depth(hada_fit_sums *sums, int z, const hada_stored_ten
         HADA_TRY(hada_buffer_write(more, grid->slot, 0, blocks, parts * grid->stride * sizeof *blocks, err));
         HADA_TRY(hada_fit_sums_merge(sums, (int)c, more, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status merge_all(hada_fit_sums *sums, const hada_tensors *file, const small list[SMALL], hada_error *err)
@@ -292,13 +282,13 @@ static hada_status merge_all(hada_fit_sums *sums, const hada_tensors *file, cons
     float *blocks = NULL;
     hada_buffer more = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&blocks, floats, sizeof *blocks, "sums from a file", err));
-    HADA_TRY(hada_buffer_create(&more, grid->slot->context, floats * sizeof *blocks, "sums from a file", err));
+    HADA_TRY_OR_DONE(hada_allocated(blocks = hada_alloc(floats, sizeof *blocks, "sums from a file", err)));
+    HADA_TRY_OR_DONE(hada_buffer_create(&more, grid->slot->context, floats * sizeof *blocks, "sums from a file", err));
     for (int z = 0; z < grid->info.depths; z++) {
         hada_fit_depth *to = &sums->depth[z];
         if (list[PAIRS].values[z] == 0.0)
             continue;
-        HADA_TRY(merge_depth(sums, z, stored, &more, blocks, err));
+        HADA_TRY_OR_DONE(merge_depth(sums, z, stored, &more, blocks, err));
         for (size_t c = 0; c < channels; c++) {
             to->raw_energy[c] += list[RAW_ENERGY].values[(size_t)z * channels + c];
             to->scene_energy[c] += list[SCENE_ENERGY].values[(size_t)z * channels + c];
@@ -318,10 +308,10 @@ hada_status hada_fit_sums_load(hada_fit_sums *sums, const char *path, hada_error
     small list[SMALL];
     double *values = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_tensors_open(&file, path, err));
-    HADA_TRY(list_small(sums->grid, &values, list, err));
-    HADA_TRY(check_file(sums->grid, file, path, list, err));
-    HADA_TRY(merge_all(sums, file, list, err));
+    HADA_TRY_OR_DONE(hada_tensors_open(&file, path, err));
+    HADA_TRY_OR_DONE(list_small(sums->grid, &values, list, err));
+    HADA_TRY_OR_DONE(check_file(sums->grid, file, path, list, err));
+    HADA_TRY_OR_DONE(merge_all(sums, file, list, err));
 done:
     free(values);
     hada_tensors_close(&file);
@@ -360,8 +350,8 @@ hada_status hada_fit_sums_grid(const char *path, hada_fit_options *options, hada
     hada_fit_options own = *options;
     hada_tensors *file = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_tensors_open(&file, path, err));
-    HADA_TRY(hada_fit_sums_camera(file, path, &own, err));
+    HADA_TRY_OR_DONE(hada_tensors_open(&file, path, err));
+    HADA_TRY_OR_DONE(hada_fit_sums_camera(file, path, &own, err));
     options->boundary = own.boundary;
     options->grid_rows = own.grid_rows;
     options->grid_cols = own.grid_cols;
@@ -374,8 +364,8 @@ hada_status hada_fit_sums_response(const char *path, double *response, hada_erro
 {
     hada_tensors *file = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_tensors_open(&file, path, err));
-    HADA_TRY(response_of(file, path, response, err));
+    HADA_TRY_OR_DONE(hada_tensors_open(&file, path, err));
+    HADA_TRY_OR_DONE(response_of(file, path, response, err));
 done:
     hada_tensors_close(&file);
     return status;

@@ -34,13 +34,11 @@ static hada_status add_depth(const hada_fit_grid *grid, hada_fit_depth *depth, d
 {
     const hada_communicator *ranks = &grid->communicator;
     const size_t channels = (size_t)grid->info.channels, arrays = channels * (size_t)grid->sum_count;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_reduce(ranks, depth->raw_energy, channels, err));
     HADA_TRY(hada_reduce(ranks, depth->scene_energy, channels, err));
     for (size_t i = 0; i < arrays; i++)
         HADA_TRY(add_sum(ranks, depth->sums + 2 * i * grid->stride, values, grid->stride, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* A depth of one rank. */
@@ -49,12 +47,9 @@ static hada_status give_depth(const hada_fit_grid *grid, hada_fit_depth *depth, 
     const hada_communicator *ranks = &grid->communicator;
     const size_t channels = (size_t)grid->info.channels;
     const size_t floats = channels * 2 * (size_t)grid->sum_count * grid->stride;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_broadcast(ranks, owner, depth->raw_energy, channels * sizeof(double), err));
     HADA_TRY(hada_broadcast(ranks, owner, depth->scene_energy, channels * sizeof(double), err));
-    HADA_TRY(hada_broadcast(ranks, owner, depth->sums, floats * sizeof *depth->sums, err));
-done:
-    return status;
+    return hada_broadcast(ranks, owner, depth->sums, floats * sizeof *depth->sums, err);
 }
 
 static hada_status share_depth(hada_fit_sums *sums, int z, const double *pairs, double *values, hada_error *err)
@@ -63,7 +58,6 @@ static hada_status share_depth(hada_fit_sums *sums, int z, const double *pairs, 
     hada_fit_depth *depth = &sums->depth[z];
     const size_t floats = (size_t)grid->info.channels * 2 * (size_t)grid->sum_count * grid->stride;
     int have = 0, owner = 0;
-    hada_status status = HADA_OK;
     depth->pairs = 0;
     for (int r = 0; r < grid->communicator.count; r++) {
         depth->pairs += (int64_t)pairs[r];
@@ -75,10 +69,8 @@ static hada_status share_depth(hada_fit_sums *sums, int z, const double *pairs, 
     if (!have)
         return HADA_OK;
     if (!depth->sums)
-        HADA_TRY(hada_alloc((void **)&depth->sums, floats, sizeof(float), "the sums of a depth", err));
-    HADA_TRY(have > 1 ? add_depth(grid, depth, values, err) : give_depth(grid, depth, owner, err));
-done:
-    return status;
+        HADA_TRY(hada_allocated(depth->sums = hada_alloc(floats, sizeof(float), "the sums of a depth", err)));
+    return have > 1 ? add_depth(grid, depth, values, err) : give_depth(grid, depth, owner, err);
 }
 
 hada_status hada_fit_sums_reduce(hada_fit_sums *sums, hada_error *err)
@@ -88,14 +80,14 @@ hada_status hada_fit_sums_reduce(hada_fit_sums *sums, hada_error *err)
     double *pairs = NULL, *values = NULL;
     hada_status status = HADA_OK;
     if (sums->current >= 0)
-        HADA_TRY(hada_fit_sums_borrow(sums, sums->current, err)); /* the host has all of them now */
+        HADA_TRY_OR_DONE(hada_fit_sums_borrow(sums, sums->current, err)); /* the host has all of them now */
     sums->pooled = 0;
     sums->version++;
-    HADA_TRY(hada_alloc((void **)&pairs, depths * ranks, sizeof *pairs, "sums of several ranks", err));
-    HADA_TRY(hada_alloc((void **)&values, grid->stride, sizeof *values, "sums of several ranks", err));
-    HADA_TRY(count_pairs(sums, pairs, err));
+    HADA_TRY_OR_DONE(hada_allocated(pairs = hada_alloc(depths * ranks, sizeof *pairs, "sums of several ranks", err)));
+    HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc(grid->stride, sizeof *values, "sums of several ranks", err)));
+    HADA_TRY_OR_DONE(count_pairs(sums, pairs, err));
     for (size_t z = 0; z < depths; z++)
-        HADA_TRY(share_depth(sums, (int)z, pairs + z * ranks, values, err));
+        HADA_TRY_OR_DONE(share_depth(sums, (int)z, pairs + z * ranks, values, err));
 done:
     free(pairs);
     free(values);

@@ -83,10 +83,10 @@ static hada_status reduce(const surveying *work, const hada_image *image, int ro
     const int whole_rows = high * work->factor, whole_cols = wide * work->factor;
     hada_image centre = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_image_crop(&centre, image, (image->rows - whole_rows) / 2, (image->cols - whole_cols) / 2, whole_rows,
-                             whole_cols, err));
+    HADA_TRY_OR_DONE(hada_image_crop(&centre, image, (image->rows - whole_rows) / 2, (image->cols - whole_cols) / 2,
+                                     whole_rows, whole_cols, err));
     hada_response_convert(centre.data, hada_image_count(&centre), response, HADA_RESPONSE_LINEAR);
-    HADA_TRY(hada_image_resize(out, &centre, high, wide, err));
+    HADA_TRY_OR_DONE(hada_image_resize(out, &centre, high, wide, err));
 done:
     hada_image_destroy(&centre);
     return status;
@@ -96,7 +96,6 @@ static hada_status reduce_frame(const surveying *work, const hada_image *raw, ha
 {
     const hada_fit_options *options = &work->options;
     const size_t area = (size_t)raw->rows * (size_t)raw->cols;
-    hada_status status = HADA_OK;
     HADA_TRY(reduce(work, raw, raw->rows, raw->cols, HADA_RESPONSE_LINEAR, out, err));
     const size_t small = (size_t)out->rows * (size_t)out->cols;
     for (size_t c = 0; c < (size_t)out->channels; c++) {
@@ -105,8 +104,7 @@ static hada_status reduce_frame(const surveying *work, const hada_image *raw, ha
         for (size_t i = 0; i < small; i++)
             out->data[c * small + i] -= (float)dark;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Whether a pair is one that the fit will take. */
@@ -124,7 +122,6 @@ static hada_status take_pair(surveying *work, int depth, int pair, hada_error *e
 {
     const hada_fit_options *options = &work->options;
     const hada_image *raw, *scene;
-    hada_status status = HADA_OK;
     HADA_TRY(work->show(work->user, depth, pair, &raw, &scene, err));
     if (!fits(options, raw, scene))
         return HADA_OK;
@@ -134,8 +131,7 @@ static hada_status take_pair(surveying *work, int depth, int pair, hada_error *e
     for (int r = 0; r < work->tried; r++)
         HADA_TRY(reduce(work, scene, options->window_rows, options->window_cols, work->response[r],
                         &work->scene[work->count - 1][r], err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static void forget_pairs(surveying *work)
@@ -152,15 +148,13 @@ static void forget_pairs(surveying *work)
 static hada_status take_pairs(surveying *work, hada_error *err)
 {
     const int depths = work->options.depths, looked = least(depths, DEPTHS);
-    hada_status status = HADA_OK;
     for (int k = 0; k < looked; k++) {
         const int z = looked == 1 ? 0 : k * (depths - 1) / (looked - 1), all = work->pairs[z];
         const int count = all < LEAST ? 0 : least(all, PAIRS_EACH);
         for (int i = 0; i < count; i++)
             HADA_TRY(take_pair(work, z, (int)((long)i * all / count), err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static void compare(surveying *work)
@@ -235,7 +229,7 @@ static hada_status expose_depth(surveying *work, int z, double *exposure, hada_e
         if (i == EXPOSED_TOGETHER)
             hada_survey_level_expose(&work->level, gain, unexplained, room);
         forget_pairs(work);
-        HADA_TRY(take_pair(work, z, i, err));
+        HADA_TRY_OR_DONE(take_pair(work, z, i, err));
         if (!work->count)
             continue;
         hada_survey_level_put(&work->level, together, z, &work->frame[0], &work->scene[0][0]);
@@ -260,37 +254,34 @@ done:
 
 static hada_status expose_all(hada_survey *survey, surveying *work, hada_error *err)
 {
-    hada_status status = HADA_OK;
     work->response = &survey->response;
     work->tried = 1;
     hada_survey_level_destroy(&work->level);
     HADA_TRY(hada_survey_level_create(&work->level, work->grid, work->options.channels, EXPOSED_TOGETHER + 1, err));
-    HADA_TRY(hada_alloc((void **)&survey->gain, (size_t)survey->depths, sizeof *survey->gain, "exposures", err));
+    HADA_TRY(hada_allocated(survey->gain = hada_alloc((size_t)survey->depths, sizeof *survey->gain, "exposures", err)));
     for (int z = 0; z < survey->depths; z++) {
-        HADA_TRY(
-            hada_alloc((void **)&survey->gain[z], (size_t)survey->pairs[z], sizeof **survey->gain, "exposures", err));
+        HADA_TRY(hada_allocated(survey->gain[z] =
+                                    hada_alloc((size_t)survey->pairs[z], sizeof **survey->gain, "exposures", err)));
         for (int i = 0; i < survey->pairs[z]; i++)
             survey->gain[z][i] = 1.0;
         HADA_TRY(expose_depth(work, z, survey->gain[z], err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status make(hada_survey *survey, surveying *work, hada_exposure exposure, hada_error *err)
 {
     const hada_fit_options *options = &work->options;
-    hada_status status = HADA_OK;
     survey->depths = options->depths;
     survey->response = options->scene_response == HADA_AUTO ? HADA_RESPONSE_LINEAR : options->scene_response;
     work->tried = options->scene_response == HADA_AUTO ? RESPONSES : 1;
     work->response = work->tried == 1 ? &options->scene_response : responses;
-    HADA_TRY(
-        hada_alloc((void **)&survey->pairs, (size_t)options->depths, sizeof *survey->pairs, "a survey of pairs", err));
+    HADA_TRY(hada_allocated(survey->pairs =
+                                hada_alloc((size_t)options->depths, sizeof *survey->pairs, "a survey of pairs", err)));
     memcpy(survey->pairs, work->pairs, (size_t)options->depths * sizeof *survey->pairs);
     choose_grid(work);
-    HADA_TRY(hada_alloc((void **)&work->room, (size_t)options->raw_rows * (size_t)options->raw_cols, sizeof(float),
-                        "a raw frame", err));
+    HADA_TRY(hada_allocated(work->room = hada_alloc((size_t)options->raw_rows * (size_t)options->raw_cols,
+                                                    sizeof(float), "a raw frame", err)));
     HADA_TRY(hada_survey_level_create(&work->level, work->grid, options->channels, MOST_PAIRS, err));
     HADA_TRY(take_pairs(work, err));
     int exposed = exposure == HADA_EXPOSURE_EACH;
@@ -301,8 +292,7 @@ static hada_status make(hada_survey *survey, surveying *work, hada_exposure expo
     forget_pairs(work);
     if (exposed)
         HADA_TRY(expose_all(survey, work, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_survey_create(hada_survey **out, const hada_fit_options *callers, const int *pairs,
@@ -317,15 +307,17 @@ hada_status hada_survey_create(hada_survey **out, const hada_fit_options *caller
             "hada_survey_create: out, options, numbers of pairs and a function that shows them are needed");
     *out = NULL;
     hada_fit_options_init(options);
-    HADA_TRY(HADA_OPTIONS_TAKE(options, callers, hada_fit_options, err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(options, callers, hada_fit_options, err));
     if (options->depths < 1 || options->channels < 1 || options->window_rows < 1 || options->window_cols < 1 ||
         options->window_rows > options->raw_rows || options->window_cols > options->raw_cols)
-        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "hada_survey_create: the sizes of frames and windows are needed"));
+        HADA_TRY_OR_DONE(
+            hada_fail(err, HADA_ERROR_ARGUMENT, "hada_survey_create: the sizes of frames and windows are needed"));
     if (options->scene_response != HADA_AUTO && !hada_response_is_known(options->scene_response))
-        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "the response of the scenes, %g, is none (hadalens/response.h)",
-                           options->scene_response));
-    HADA_TRY(hada_alloc((void **)out, 1, sizeof **out, "a survey of pairs", err));
-    HADA_TRY(make(*out, &work, exposure, err));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT,
+                                   "the response of the scenes, %g, is none (hadalens/response.h)",
+                                   options->scene_response));
+    HADA_TRY_OR_DONE(hada_allocated(*out = hada_alloc(1, sizeof **out, "a survey of pairs", err)));
+    HADA_TRY_OR_DONE(make(*out, &work, exposure, err));
 done:
     forget_pairs(&work);
     hada_survey_level_destroy(&work.level);

@@ -18,20 +18,17 @@ hada_status hada_survey_level_create(hada_survey_level *level, int size, int cha
 {
     const size_t side = (size_t)size, plane = side * (side / 2 + 1), pairs = (size_t)most;
     const size_t values = hada_size_product(pairs * (size_t)channels, 2 * plane);
-    hada_status status = HADA_OK;
     *level = (hada_survey_level){.channels = channels, .most = most, .plane = plane};
     HADA_TRY(hada_small_fft_create(&level->fft, size, err));
-    HADA_TRY(hada_alloc((void **)&level->depth, pairs, sizeof *level->depth, "a survey of pairs", err));
-    HADA_TRY(hada_alloc((void **)&level->frame, values, sizeof(float), "a survey of pairs", err));
-    HADA_TRY(hada_alloc((void **)&level->scene, values, sizeof(float), "a survey of pairs", err));
-    HADA_TRY(hada_alloc((void **)&level->frame_energy, pairs, sizeof(double), "a survey of pairs", err));
-    HADA_TRY(hada_alloc((void **)&level->frame_light, pairs, sizeof(double), "a survey of pairs", err));
-    HADA_TRY(hada_alloc((void **)&level->scene_light, pairs, sizeof(double), "a survey of pairs", err));
-    HADA_TRY(hada_alloc((void **)&level->judged, pairs, sizeof *level->judged, "a survey of pairs", err));
-    HADA_TRY(hada_alloc((void **)&level->sums, 3 * plane, sizeof(double), "a survey of pairs", err));
-    HADA_TRY(hada_alloc((void **)&level->work, 2 * side * side, sizeof(float), "a survey of pairs", err));
-done:
-    return status;
+    HADA_TRY(hada_allocated(level->depth = hada_alloc(pairs, sizeof *level->depth, "a survey of pairs", err)));
+    HADA_TRY(hada_allocated(level->frame = hada_alloc(values, sizeof(float), "a survey of pairs", err)));
+    HADA_TRY(hada_allocated(level->scene = hada_alloc(values, sizeof(float), "a survey of pairs", err)));
+    HADA_TRY(hada_allocated(level->frame_energy = hada_alloc(pairs, sizeof(double), "a survey of pairs", err)));
+    HADA_TRY(hada_allocated(level->frame_light = hada_alloc(pairs, sizeof(double), "a survey of pairs", err)));
+    HADA_TRY(hada_allocated(level->scene_light = hada_alloc(pairs, sizeof(double), "a survey of pairs", err)));
+    HADA_TRY(hada_allocated(level->judged = hada_alloc(pairs, sizeof *level->judged, "a survey of pairs", err)));
+    HADA_TRY(hada_allocated(level->sums = hada_alloc(3 * plane, sizeof(double), "a survey of pairs", err)));
+    return hada_allocated(level->work = hada_alloc(2 * side * side, sizeof(float), "a survey of pairs", err));
 }
 
 void hada_survey_level_destroy(hada_survey_level *level)

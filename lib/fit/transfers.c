@@ -45,12 +45,10 @@ void hada_fit_transfers_free(hada_fit_transfers *transfers)
 static hada_status bring(passes *with, int64_t number, hada_error *err)
 {
     const hada_image *raw = NULL, *scene = NULL;
-    hada_status status = HADA_OK;
     HADA_TRY(with->show(with->user, with->z, number, &raw, &scene, err));
     HADA_TRY(hada_fit_pair_check(with->pair->grid, with->z, raw, scene, err));
     hada_fit_pair_take(with->pair, raw, scene);
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* A pair that was brought, to the device: the frame's pixels and the scene's spectra. */
@@ -58,12 +56,9 @@ static hada_status upload(passes *with, hada_buffer *raw, const hada_buffer *spe
 {
     hada_fit_pair *pair = with->pair;
     hada_slot *slot = pair->grid->slot;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_write(raw, slot, 0, pair->raw_pixels, pair->raw.bytes, err));
     HADA_TRY(hada_buffer_write(&pair->scene, slot, 0, pair->scene_pixels, pair->scene.bytes, err));
-    HADA_TRY(hada_fft_forward(pair->scene_fft, pair->grid->info.channels, pair->scene.mem, 0, spectrum->mem, 0, err));
-done:
-    return status;
+    return hada_fft_forward(pair->scene_fft, pair->grid->info.channels, pair->scene.mem, 0, spectrum->mem, 0, err);
 }
 
 static void release(passes *with)
@@ -85,17 +80,15 @@ static hada_status reserve(passes *with, hada_error *err)
     const hada_fit_pair *pair = with->pair;
     hada_context *context = pair->grid->slot->context;
     const double each = (double)pair->raw.bytes + (double)pair->scene_spectrum.bytes;
-    hada_status status = HADA_OK;
     if ((double)with->count * each > (double)(context->info.memory_bytes / MEMORY_SHARE))
         return HADA_OK;
-    HADA_TRY(hada_alloc((void **)&with->stored, (size_t)with->count, sizeof *with->stored, "pairs", err));
+    HADA_TRY(hada_allocated(with->stored = hada_alloc((size_t)with->count, sizeof *with->stored, "pairs", err)));
     for (int64_t i = 0; i < with->count; i++) {
         HADA_TRY(hada_buffer_create(&with->stored[i].raw, context, pair->raw.bytes, "a raw frame", err));
         HADA_TRY(hada_buffer_create(&with->stored[i].spectrum, context, pair->scene_spectrum.bytes,
                                     "a scene's spectrum", err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Which of the kept pairs of the depth was brought. */
@@ -131,7 +124,7 @@ static hada_status open_depth(passes *with, int z, hada_error *err)
     hada_status status = HADA_OK;
     with->z = z;
     with->count = with->sums->depth[z].pairs;
-    HADA_TRY(hada_alloc((void **)&with->held, (size_t)with->count, sizeof *with->held, "pairs", err));
+    HADA_TRY(hada_allocated(with->held = hada_alloc((size_t)with->count, sizeof *with->held, "pairs", err)));
     status = reserve(with, err);
     if (status == HADA_ERROR_DEVICE_MEMORY) { /* then they are shown again */
         int *held = with->held;
@@ -152,7 +145,6 @@ static hada_status open_depth(passes *with, int z, hada_error *err)
             HADA_TRY(upload(with, &with->stored[i].raw, &with->stored[i].spectrum, err));
     }
     HADA_TRY(check_energy(with, err));
-done:
     return status;
 }
 
@@ -167,7 +159,6 @@ static hada_status hold_out(passes *with, int aside, int64_t *left, hada_error *
 {
     const int channels = with->sums->grid->info.channels;
     hada_fit_pair *pair = with->pair;
-    hada_status status = HADA_OK;
     *left = with->count;
     for (int c = 0; c < channels; c++)
         with->scene_energy[c] = with->sums->depth[with->z].scene_energy[c];
@@ -184,13 +175,11 @@ static hada_status hold_out(passes *with, int aside, int64_t *left, hada_error *
             with->scene_energy[c] = fmax(with->scene_energy[c] - pair->scene_energy[c], 0.0);
         --*left;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status pass(passes *with, int aside, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int64_t i = 0; i < with->count; i++) {
         if (stands_aside(with, i, aside))
             continue;
@@ -202,8 +191,7 @@ static hada_status pass(passes *with, int aside, hada_error *err)
         HADA_TRY(upload(with, &with->pair->raw, &with->pair->scene_spectrum, err));
         HADA_TRY(hada_fit_cropped_pair(with->cropped, with->pair->raw.mem, with->pair->scene_spectrum.mem, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The transfer functions of the depth without some pairs. */
@@ -212,7 +200,6 @@ static hada_status solve(passes *with, int aside, int count, int further, const 
 {
     int64_t left;
     int more = 0;
-    hada_status status = HADA_OK;
     HADA_TRY(hold_out(with, aside, &left, err));
     HADA_TRY(hada_fit_cropped_begin(with->cropped, left, with->scene_energy, count, further, err));
     HADA_TRY(hada_fit_cropped_next(with->cropped, &more, err));
@@ -220,21 +207,16 @@ static hada_status solve(passes *with, int aside, int count, int further, const 
         HADA_TRY(pass(with, aside, err));
         HADA_TRY(hada_fit_cropped_next(with->cropped, &more, err));
     }
-    HADA_TRY(hada_fit_cropped_end(with->cropped, with->sums->depth[with->z].raw_energy, with->noise, transfers, err));
-done:
-    return status;
+    return hada_fit_cropped_end(with->cropped, with->sums->depth[with->z].raw_energy, with->noise, transfers, err);
 }
 
 /* What was solved without a kept pair, for the trial. */
 static hada_status keep(const passes *with, hada_fit_kept_pair *kept, const hada_buffer *transfers, hada_error *err)
 {
-    hada_status status = HADA_OK;
     free(kept->transfers);
     kept->transfers = NULL;
-    HADA_TRY(hada_alloc_raw((void **)&kept->transfers, transfers->bytes, 1, "transfer functions on trial", err));
-    HADA_TRY(hada_buffer_read(transfers, with->pair->grid->slot, 0, kept->transfers, transfers->bytes, err));
-done:
-    return status;
+    HADA_TRY(hada_allocated(kept->transfers = hada_alloc_raw(transfers->bytes, 1, "transfer functions on trial", err)));
+    return hada_buffer_read(transfers, with->pair->grid->slot, 0, kept->transfers, transfers->bytes, err);
 }
 
 /* Those without the kept pairs: of all of them at once where at least as many are left, else one by one, each from
@@ -243,7 +225,6 @@ static hada_status solve_held(passes *with, int count, int *tried, hada_error *e
 {
     const hada_buffer *transfers = NULL;
     int64_t held = 0;
-    hada_status status = HADA_OK;
     *tried = 0;
     for (int64_t i = 0; i < with->count; i++)
         held += with->held[i] > 0;
@@ -257,8 +238,7 @@ static hada_status solve_held(passes *with, int count, int *tried, hada_error *e
         HADA_TRY(keep(with, kept, transfers, err));
         *tried = 1;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status learn_depth(passes *with, int z, int count, hada_fit_transfers *out, hada_error *err)
@@ -268,14 +248,15 @@ static hada_status learn_depth(passes *with, int z, int count, hada_fit_transfer
     const hada_buffer *transfers = NULL;
     int tried = 0;
     hada_status status = HADA_OK;
-    HADA_TRY(open_depth(with, z, err));
-    HADA_TRY(solve_held(with, count, &tried, err));
-    HADA_TRY(
+    HADA_TRY_OR_DONE(open_depth(with, z, err));
+    HADA_TRY_OR_DONE(solve_held(with, count, &tried, err));
+    HADA_TRY_OR_DONE(
         solve(with, 0, tried && count > HADA_FIT_CROP_FURTHER ? HADA_FIT_CROP_FURTHER : count, tried, &transfers, err));
     for (size_t c = 0; c < channels; c++) {
         out->noise[(size_t)z * channels + c] = with->noise[c];
-        HADA_TRY(hada_fit_read_plane(grid, transfers, c * grid->layout.count, with->blocks,
-                                     out->otf + ((size_t)z * channels + c) * plane * 2, "a transfer function", err));
+        HADA_TRY_OR_DONE(hada_fit_read_plane(grid, transfers, c * grid->layout.count, with->blocks,
+                                             out->otf + ((size_t)z * channels + c) * plane * 2, "a transfer function",
+                                             err));
     }
 done:
     release(with);
@@ -290,7 +271,6 @@ static hada_status give_depth(passes *with, int z, hada_fit_transfers *out, hada
     const size_t channels = (size_t)grid->info.channels, floats = channels * hada_model_info_plane(&grid->info) * 2;
     const size_t trial = channels * grid->layout.count * 2 * sizeof(float);
     const int owner = hada_owner(ranks, z);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_broadcast(ranks, owner, out->noise + (size_t)z * channels, channels * sizeof(double), err));
     HADA_TRY(hada_broadcast(ranks, owner, out->otf + (size_t)z * floats, floats * sizeof(float), err));
     for (int k = 0; k < with->kept->count; k++) {
@@ -300,12 +280,11 @@ static hada_status give_depth(passes *with, int z, hada_fit_transfers *out, hada
             continue;
         HADA_TRY(hada_broadcast(ranks, owner, &has, sizeof has, err));
         if (has && !kept->transfers)
-            HADA_TRY(hada_alloc_raw((void **)&kept->transfers, trial, 1, "transfer functions on trial", err));
+            HADA_TRY(hada_allocated(kept->transfers = hada_alloc_raw(trial, 1, "transfer functions on trial", err)));
         if (has)
             HADA_TRY(hada_broadcast(ranks, owner, kept->transfers, trial, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status make_room(passes *with, hada_error *err)
@@ -313,16 +292,14 @@ static hada_status make_room(passes *with, hada_error *err)
     const hada_fit_grid *grid = with->sums->grid;
     const hada_model_info *info = &grid->info;
     const size_t channels = (size_t)info->channels;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&with->scene_energy, channels, sizeof(double), "a fit", err));
-    HADA_TRY(hada_alloc((void **)&with->noise, channels, sizeof(double), "a fit", err));
-    HADA_TRY(hada_alloc((void **)&with->energy, channels, sizeof(double), "a fit", err));
-    HADA_TRY(hada_alloc_raw((void **)&with->blocks, 2 * grid->stride, sizeof(float), "a transfer function", err));
+    HADA_TRY(hada_allocated(with->scene_energy = hada_alloc(channels, sizeof(double), "a fit", err)));
+    HADA_TRY(hada_allocated(with->noise = hada_alloc(channels, sizeof(double), "a fit", err)));
+    HADA_TRY(hada_allocated(with->energy = hada_alloc(channels, sizeof(double), "a fit", err)));
+    HADA_TRY(
+        hada_allocated(with->blocks = hada_alloc_raw(2 * grid->stride, sizeof(float), "a transfer function", err)));
     HADA_TRY(
         hada_nonnegative_create(&with->nonnegative, grid->slot, info->grid_rows, info->grid_cols, info->channels, err));
-    HADA_TRY(hada_fit_cropped_create(&with->cropped, with->sums, with->pair, with->nonnegative, err));
-done:
-    return status;
+    return hada_fit_cropped_create(&with->cropped, with->sums, with->pair, with->nonnegative, err);
 }
 
 static void free_room(passes *with)
@@ -344,16 +321,16 @@ hada_status hada_fit_transfers_learn(hada_fit_transfers *out, hada_fit_sums *sum
     const hada_communicator *ranks = &sums->grid->communicator;
     hada_status status = HADA_OK;
     *out = (hada_fit_transfers){0};
-    HADA_TRY(make_room(&with, err));
-    HADA_TRY(hada_alloc((void **)&out->noise, images, sizeof(double), "transfer functions", err));
-    HADA_TRY(hada_alloc_raw((void **)&out->otf, images * hada_model_info_plane(info) * 2, sizeof(float),
-                            "transfer functions", err));
+    HADA_TRY_OR_DONE(make_room(&with, err));
+    HADA_TRY_OR_DONE(hada_allocated(out->noise = hada_alloc(images, sizeof(double), "transfer functions", err)));
+    HADA_TRY_OR_DONE(hada_allocated(
+        out->otf = hada_alloc_raw(images * hada_model_info_plane(info) * 2, sizeof(float), "transfer functions", err)));
     for (int z = 0; z < info->depths; z++)
         if (sums->depth[z].pairs && hada_is_mine(ranks, z))
-            HADA_TRY(learn_depth(&with, z, count, out, err));
+            HADA_TRY_OR_DONE(learn_depth(&with, z, count, out, err));
     for (int z = 0; ranks->count > 1 && z < info->depths; z++)
         if (sums->depth[z].pairs)
-            HADA_TRY(give_depth(&with, z, out, err));
+            HADA_TRY_OR_DONE(give_depth(&with, z, out, err));
 done:
     free_room(&with);
     if (status)
@@ -370,13 +347,13 @@ hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_pair *pair, in
     double of = 0.0;
     hada_status status = HADA_OK;
     *left = 0.0;
-    HADA_TRY(make_room(&with, err));
-    HADA_TRY(open_depth(&with, 0, err));
-    HADA_TRY(solve(&with, 0, count, 0, &transfers, err));
+    HADA_TRY_OR_DONE(make_room(&with, err));
+    HADA_TRY_OR_DONE(open_depth(&with, 0, err));
+    HADA_TRY_OR_DONE(solve(&with, 0, count, 0, &transfers, err));
     for (int k = 0; k < held; k++) {
-        HADA_TRY(bring(&with, with.count + k, err));
-        HADA_TRY(upload(&with, &pair->raw, &pair->scene_spectrum, err));
-        HADA_TRY(hada_fit_cropped_explain(with.cropped, pair->raw.mem, pair->scene_spectrum.mem, &of, err));
+        HADA_TRY_OR_DONE(bring(&with, with.count + k, err));
+        HADA_TRY_OR_DONE(upload(&with, &pair->raw, &pair->scene_spectrum, err));
+        HADA_TRY_OR_DONE(hada_fit_cropped_explain(with.cropped, pair->raw.mem, pair->scene_spectrum.mem, &of, err));
         *left += of;
     }
 done:

@@ -57,7 +57,6 @@ typedef struct trial_work {
 static hada_status try_frame(trial_work *work, const hada_trial_frame *frame, hada_error *err)
 {
     double(*sum)[SHARES] = work->sum[frame->members - 1];
-    hada_status status = HADA_OK;
     HADA_TRY(hada_trial_expose(&work->bench, frame, err));
     HADA_TRY(hada_trial_filter(&work->bench, frame, err));
     memcpy(work->bench.linear, work->bench.planes,
@@ -72,8 +71,7 @@ static hada_status try_frame(trial_work *work, const hada_trial_frame *frame, ha
             sum[i][s] += hada_trial_compare(&work->bench, frame, shares_tried[s]);
     }
     work->count[frame->members - 1]++;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The weight of total variation that the noise of the camera and the light of a frame suggest. */
@@ -99,7 +97,6 @@ typedef struct trial_set {
 static hada_status rank(trial_work *work, const trial_set *set, const hada_refine_weights *weights, int count,
                         double *psnr, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int i = 0; i < count; i++)
         psnr[i] = 0.0;
     for (int k = 0; k < set->count; k++) {
@@ -111,9 +108,7 @@ static hada_status rank(trial_work *work, const trial_set *set, const hada_refin
             psnr[i] += hada_trial_compare(&work->bench, &set->frames[k], 1.0) / set->count;
         }
     }
-    HADA_TRY(hada_reduce(&work->bench.grid->communicator, psnr, (size_t)count, err));
-done:
-    return status;
+    return hada_reduce(&work->bench.grid->communicator, psnr, (size_t)count, err);
 }
 
 /* The same for weights of total variation, each with a row of the table. */
@@ -122,7 +117,6 @@ static hada_status rank_tv(trial_work *work, const trial_set *set, const double 
 {
     const hada_model_info *info = &work->bench.with->model->info;
     hada_refine_weights weights[TV_PLACES] = {{0.0, 0.0, 0.0}};
-    hada_status status = HADA_OK;
     for (int i = 0; i < count; i++)
         weights[i] = (hada_refine_weights){tv[i], work->weights.colour, 0.0};
     HADA_TRY(rank(work, set, weights, count, psnr, err));
@@ -132,8 +126,7 @@ static hada_status rank_tv(trial_work *work, const trial_set *set, const double 
                                                                   .tv = tv[i],
                                                                   .psnr_single = psnr[i],
                                                                   .psnr_double = NAN};
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The top of a parabola through three values a step apart, the middle one the largest, in steps from it. */
@@ -150,7 +143,6 @@ static hada_status choose_tv(trial_work *work, const trial_set *set, double *psn
     const double guess = guess_weight(work, set->frames);
     double tv[NEAR] = {0.0}, near[NEAR], value[TV_PLACES];
     int best = TV_SIDE;
-    hada_status status = HADA_OK;
     for (int i = 1; i < NEAR; i++)
         tv[i] = guess * pow(TV_RATIO, i - 2);
     HADA_TRY(rank_tv(work, set, tv, NEAR, near, err));
@@ -168,8 +160,7 @@ static hada_status choose_tv(trial_work *work, const trial_set *set, double *psn
     const double top = best == outer ? 0.0 : parabola_top(value[best - 1], value[best], value[best + 1]);
     *psnr = value[best];
     work->weights.tv = value[best] > near[0] ? guess * pow(TV_RATIO, best - TV_SIDE + top) : 0.0;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Takes the best of some weights, where it is better than what is at hand; psnr: with that. */
@@ -177,15 +168,13 @@ static hada_status choose_of(trial_work *work, const trial_set *set, const hada_
                              double *psnr, hada_error *err)
 {
     double value[CHOICES];
-    hada_status status = HADA_OK;
     HADA_TRY(rank(work, set, weights, CHOICES, value, err));
     for (int i = 0; i < CHOICES; i++)
         if (value[i] > *psnr) {
             *psnr = value[i];
             work->weights = weights[i];
         }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Chooses the weight of colour; psnr: with the weights at hand. */
@@ -214,14 +203,12 @@ static hada_status choose_shrink(trial_work *work, const trial_set *set, double 
 static hada_status choose_weights(trial_work *work, const trial_set *set, hada_error *err)
 {
     double psnr;
-    hada_status status = HADA_OK;
     HADA_TRY(choose_tv(work, set, &psnr, err));
     if (work->weights.tv > 0.0 && work->bench.with->colour < 0.0 && work->bench.grid->info.channels > 1)
         HADA_TRY(choose_colour(work, set, &psnr, err));
     if (work->weights.tv > 0.0 && work->bench.with->shrink < 0.0)
         HADA_TRY(choose_shrink(work, set, psnr, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Frames of one pair, HADA_TRIAL_MEMBERS at a time: the weight is chosen on the first of them. */
@@ -230,7 +217,6 @@ static hada_status try_singles(trial_work *work, hada_error *err)
     const hada_fit_kept *kept = work->bench.with->kept;
     const hada_communicator *ranks = &work->bench.grid->communicator;
     const int step = work->bench.grid->info.depths == 1 ? 1 : HADA_FIT_KEPT - 1;
-    hada_status status = HADA_OK;
     for (int k = 0; k < kept->count;) {
         hada_trial_frame frames[HADA_TRIAL_MEMBERS];
         const int choose = k == 0 && work->bench.with->tv < 0.0;
@@ -246,8 +232,7 @@ static hada_status try_singles(trial_work *work, hada_error *err)
             if (hada_is_mine(ranks, i))
                 HADA_TRY(try_frame(work, &frames[i], err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Frames that are the sum of two depths' pairs. */
@@ -256,7 +241,6 @@ static hada_status try_doubles(trial_work *work, hada_error *err)
     const hada_fit_kept *kept = work->bench.with->kept;
     const hada_communicator *ranks = &work->bench.grid->communicator;
     long number = 0;
-    hada_status status = HADA_OK;
     for (int k = 0; k + 2 < kept->count; k++) {
         const hada_trial_frame two = {{&kept->pair[k], &kept->pair[k + 2]}, 2, 0};
         if (two.member[0]->depth == two.member[1]->depth || !hada_is_mine(ranks, number++))
@@ -264,8 +248,7 @@ static hada_status try_doubles(trial_work *work, hada_error *err)
         HADA_TRY(hada_trial_hold_out(&work->bench, &two, err));
         HADA_TRY(try_frame(work, &two, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The decibels of all ranks' frames. */
@@ -273,13 +256,11 @@ static hada_status share(trial_work *work, hada_error *err)
 {
     const hada_communicator *ranks = &work->bench.grid->communicator;
     double count[2] = {work->count[0], work->count[1]};
-    hada_status status = HADA_OK;
     HADA_TRY(hada_reduce(ranks, count, HADA_COUNT(count), err));
     HADA_TRY(hada_reduce(ranks, &work->sum[0][0][0], sizeof work->sum / sizeof(double), err));
     work->count[0] = (int)count[0];
     work->count[1] = (int)count[1];
-done:
-    return status;
+    return HADA_OK;
 }
 
 static double mean(const trial_work *work, int occupied, int i, int share)
@@ -347,10 +328,10 @@ hada_status hada_fit_trial_run(const hada_fit_trial *trial, hada_fit_trial_resul
                                    trial->shrink >= 0.0 ? trial->shrink : HADA_REFINE_SHRINK},
                        .rank_steps = cropped ? TV_STEPS_CROPPED : TV_STEPS};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_trial_bench_create(&work.bench, err));
-    HADA_TRY(try_singles(&work, err));
-    HADA_TRY(try_doubles(&work, err));
-    HADA_TRY(share(&work, err));
+    HADA_TRY_OR_DONE(hada_trial_bench_create(&work.bench, err));
+    HADA_TRY_OR_DONE(try_singles(&work, err));
+    HADA_TRY_OR_DONE(try_doubles(&work, err));
+    HADA_TRY_OR_DONE(share(&work, err));
     const int best = best_of(&work);
     *result = (hada_fit_trial_result){.steps = steps_tried[best],
                                       .share = best ? shares_tried[share_of(&work, best)] : 1.0,

@@ -20,7 +20,6 @@ hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
     hada_context *context = grid->slot->context;
     const hada_fft_desc desc = hada_fit_transform_desc(grid, HADA_FFT_INVERSE, 1);
     hada_refine_shape shape = hada_refine_shape_of(&grid->info, HADA_TRIAL_MEMBERS, HADA_TRIAL_STEPS);
-    hada_status status = HADA_OK;
     shape.tv = bench->with->tv != 0.0;
     shape.shrink = bench->with->shrink != 0.0;
     HADA_TRY(hada_refiner_create(&bench->refiner, grid->slot, NULL, &shape, err));
@@ -29,15 +28,13 @@ hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
     HADA_TRY(hada_buffer_create(&bench->otfs, context, bytes, "transfer functions on trial", err));
     bench->noise_share = hada_model_noise_share(bench->with->model);
     HADA_TRY(hada_bank_prior(&bench->prior, grid->slot, bench->with->model, &grid->layout, err));
-    HADA_TRY(hada_alloc_raw((void **)&bench->raw, hada_fit_raw_floats(grid), sizeof(float), "a raw frame", err));
-    HADA_TRY(hada_alloc_raw((void **)&bench->planes, HADA_TRIAL_MEMBERS * hada_fit_window_floats(grid), sizeof(float),
-                            "planes on trial", err));
-    HADA_TRY(hada_alloc_raw((void **)&bench->linear, HADA_TRIAL_MEMBERS * hada_fit_window_floats(grid), sizeof(float),
-                            "planes on trial", err));
-    HADA_TRY(hada_alloc((void **)&bench->scene_energy, channels, sizeof(double), "a fitter", err));
-    HADA_TRY(hada_alloc((void **)&bench->trust, channels, sizeof(double), "a fitter", err));
-done:
-    return status;
+    HADA_TRY(hada_allocated(bench->raw = hada_alloc_raw(hada_fit_raw_floats(grid), sizeof(float), "a raw frame", err)));
+    HADA_TRY(hada_allocated(bench->planes = hada_alloc_raw(HADA_TRIAL_MEMBERS * hada_fit_window_floats(grid),
+                                                           sizeof(float), "planes on trial", err)));
+    HADA_TRY(hada_allocated(bench->linear = hada_alloc_raw(HADA_TRIAL_MEMBERS * hada_fit_window_floats(grid),
+                                                           sizeof(float), "planes on trial", err)));
+    HADA_TRY(hada_allocated(bench->scene_energy = hada_alloc(channels, sizeof(double), "a fitter", err)));
+    return hada_allocated(bench->trust = hada_alloc(channels, sizeof(double), "a fitter", err));
 }
 
 void hada_trial_bench_destroy(hada_trial_bench *bench)
@@ -73,7 +70,6 @@ static hada_status hold_out(hada_trial_bench *bench, const hada_fit_kept_pair *k
     const size_t channels = (size_t)grid->info.channels, window = hada_fit_window_floats(grid) / channels;
     const size_t first = (size_t)member * channels;
     const hada_fit_setting setting = {with->model->info.alpha, with->model->info.lambda};
-    hada_status status = HADA_OK;
     HADA_TRY(hada_fit_sums_borrow(with->sums, kept->depth, err));
     HADA_TRY(hada_fit_pair_transform(with->pair, kept->raw, kept->scene, err));
     HADA_TRY(hada_fit_sums_accumulate(with->sums, with->pair, -1.0, err));
@@ -90,10 +86,8 @@ static hada_status hold_out(hada_trial_bench *bench, const hada_fit_kept_pair *k
     if (kept->transfers)
         return hada_buffer_write(&bench->otfs, grid->slot, first * grid->layout.count * 2 * sizeof(float),
                                  kept->transfers, channels * grid->layout.count * 2 * sizeof(float), err);
-    HADA_TRY(hada_fit_solve_transfers(with->sums, with->nonnegative, bench->scene_energy, bench->trust, bench->otfs.mem,
-                                      first, err));
-done:
-    return status;
+    return hada_fit_solve_transfers(with->sums, with->nonnegative, bench->scene_energy, bench->trust, bench->otfs.mem,
+                                    first, err);
 }
 
 /* Negative light is none. */
@@ -124,11 +118,9 @@ double hada_trial_compare(const hada_trial_bench *bench, const hada_trial_frame 
 
 hada_status hada_trial_hold_out(hada_trial_bench *bench, const hada_trial_frame *frame, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int m = 0; m < frame->members; m++)
         HADA_TRY(hold_out(bench, frame->member[m], frame->first + m, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_trial_expose(hada_trial_bench *bench, const hada_trial_frame *frame, hada_error *err)
@@ -149,7 +141,6 @@ hada_status hada_trial_filter(hada_trial_bench *bench, const hada_trial_frame *f
     const hada_fit_grid *grid = bench->grid;
     hada_fit_pair *pair = bench->with->pair;
     const size_t count = hada_fit_window_floats(grid);
-    hada_status status = HADA_OK;
     for (int m = 0; m < frame->members; m++) {
         const hada_fft_filter of = hada_fit_product(grid, bench->filters.mem, (frame->first + m) * grid->info.channels);
         /* the scene's place on the device is free by now */
@@ -157,8 +148,7 @@ hada_status hada_trial_filter(hada_trial_bench *bench, const hada_trial_frame *f
         HADA_TRY(
             hada_buffer_read(&pair->scene, grid->slot, 0, bench->planes + (size_t)m * count, pair->scene.bytes, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The refined planes of so many members, to the host. */

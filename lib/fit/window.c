@@ -70,7 +70,6 @@ static hada_status make_buffers(hada_fit_window *window, hada_error *err)
     const size_t channels = (size_t)grid->info.channels, sums = channels * grid->chunks;
     const size_t bytes = hada_fit_spectra_bytes(grid, channels);
     hada_context *context = grid->slot->context;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_create(&window->residual, context, bytes, "residuals of filters", err));
     HADA_TRY(hada_buffer_create(&window->product, context, bytes, "residuals of filters", err));
     for (int s = 0; s < window->most; s++) {
@@ -78,12 +77,11 @@ static hada_status make_buffers(hada_fit_window *window, hada_error *err)
         HADA_TRY(hada_buffer_create(&window->directions[s], context, bytes, "directions of filters", err));
     }
     HADA_TRY(hada_buffer_create(&window->partial, context, sums * sizeof(float), "partial sums", err));
-    HADA_TRY(hada_alloc_raw((void **)&window->partial_sums, sums, sizeof(float), "partial sums", err));
-    HADA_TRY(hada_alloc_raw((void **)&window->planes, hada_fit_window_floats(grid), sizeof(float), "planes", err));
-    HADA_TRY(hada_alloc((void **)&window->inner, channels, sizeof(double), "a fit", err));
-    HADA_TRY(hada_alloc((void **)&window->channel, channels, sizeof *window->channel, "a fit", err));
-done:
-    return status;
+    HADA_TRY(hada_allocated(window->partial_sums = hada_alloc_raw(sums, sizeof(float), "partial sums", err)));
+    HADA_TRY(
+        hada_allocated(window->planes = hada_alloc_raw(hada_fit_window_floats(grid), sizeof(float), "planes", err)));
+    HADA_TRY(hada_allocated(window->inner = hada_alloc(channels, sizeof(double), "a fit", err)));
+    return hada_allocated(window->channel = hada_alloc(channels, sizeof *window->channel, "a fit", err));
 }
 
 hada_status hada_fit_window_create(hada_fit_window **out, const hada_fit_sums *sums, hada_fit_pair *pair, int most,
@@ -93,13 +91,13 @@ hada_status hada_fit_window_create(hada_fit_window **out, const hada_fit_sums *s
     hada_fit_window *window = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY(hada_alloc((void **)&window, 1, sizeof *window, "filters judged in the window", err));
+    HADA_TRY_OR_DONE(hada_allocated(window = hada_alloc(1, sizeof *window, "filters judged in the window", err)));
     window->grid = sums->grid;
     window->sums = sums;
     window->pair = pair;
     window->most = most;
-    HADA_TRY(hada_fft_create(&window->inverse, sums->grid->slot, &desc, err));
-    HADA_TRY(make_buffers(window, err));
+    HADA_TRY_OR_DONE(hada_fft_create(&window->inverse, sums->grid->slot, &desc, err));
+    HADA_TRY_OR_DONE(make_buffers(window, err));
 done:
     if (status)
         hada_fit_window_destroy(&window);
@@ -168,7 +166,6 @@ static hada_status reduce_residual(hada_fit_window *window, int c, double alpha,
 static hada_status read_inner(hada_fit_window *window, hada_error *err)
 {
     const size_t chunks = window->grid->chunks, channels = (size_t)window->grid->info.channels;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_read(&window->partial, window->grid->slot, 0, window->partial_sums,
                               channels * chunks * sizeof(float), err));
     for (size_t c = 0; c < channels; c++) {
@@ -181,8 +178,7 @@ static hada_status read_inner(hada_fit_window *window, hada_error *err)
                              "the fit of filters in the window left single precision; give a larger lambda, or "
                              "outside = 1");
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static double sigma_of(double outside)
@@ -193,21 +189,18 @@ static double sigma_of(double outside)
 static hada_status clear(hada_fit_window *window, hada_error *err)
 {
     hada_slot *slot = window->grid->slot;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_clear(&window->product, slot, 0, window->product.bytes, err));
     for (int s = 0; s < window->count; s++) {
         HADA_TRY(hada_buffer_clear(&window->filters[s], slot, 0, window->filters[s].bytes, err));
         HADA_TRY(hada_buffer_clear(&window->directions[s], slot, 0, window->directions[s].bytes, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_fit_window_begin(hada_fit_window *window, int z, hada_fit_setting setting, const double *outside,
                                   int count, hada_error *err)
 {
     const int channels = window->grid->info.channels;
-    hada_status status = HADA_OK;
     window->setting = setting;
     window->count = count;
     window->iterations = 0;
@@ -228,8 +221,7 @@ hada_status hada_fit_window_begin(hada_fit_window *window, int z, hada_fit_setti
     HADA_TRY(read_inner(window, err));
     for (int c = 0; c < channels; c++)
         window->channel[c].first_rr = window->channel[c].rr = window->inner[c];
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_fit_window_pair(hada_fit_window *window, hada_error *err)
@@ -241,14 +233,11 @@ hada_status hada_fit_window_pair(hada_fit_window *window, hada_error *err)
     const size_t vectors = hada_divide_up((size_t)channels * grid->layout.count, HADA_FIT_VECTOR);
     const hada_range range = hada_range_of(vectors, GROUP, 1, 1);
     const double values = (double)vectors * HADA_FIT_VECTOR;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_fit_pair_filter(window->pair, window->inverse, &filter, err));
     HADA_TRY(hada_fft_forward(pair->scene_fft, channels, pair->scene.mem, 0, pair->scene_spectrum.mem, 0, err));
     hada_slot_cost(grid->slot, 32.0 * values, 10.0 * values);
-    HADA_TRY(hada_launch_fit_gather(grid->slot, program_of(grid), &range, err, .g = pair->scene_spectrum.mem,
-                                    .b = pair->raw_spectrum.mem, .sum = window->product.mem, .vectors = vectors));
-done:
-    return status;
+    return hada_launch_fit_gather(grid->slot, program_of(grid), &range, err, .g = pair->scene_spectrum.mem,
+                                  .b = pair->raw_spectrum.mem, .sum = window->product.mem, .vectors = vectors);
 }
 
 /* The next zeta of a shifted system after an iteration (Jegerlehner, eq. 2.42 to 2.44), and its own alpha and beta. */
@@ -270,7 +259,6 @@ static hada_status end_channel(hada_fit_window *window, int c, double *left, had
 {
     recurrence *at = &window->channel[c];
     const double rr = window->inner[c];
-    hada_status status = HADA_OK;
     at->beta = at->rr > 0.0 ? rr / at->rr : 0.0;
     for (int s = 0; s < window->count; s++) {
         double alpha, beta;
@@ -282,15 +270,13 @@ static hada_status end_channel(hada_fit_window *window, int c, double *left, had
     at->rr = rr;
     at->old_alpha = at->alpha > 0.0 ? at->alpha : 1.0;
     at->old_beta = at->beta;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_fit_window_iterate(hada_fit_window *window, int *converged, hada_error *err)
 {
     const int channels = window->grid->info.channels;
     double left = 0.0;
-    hada_status status = HADA_OK;
     *converged = 0;
     for (int c = 0; c < channels; c++)
         HADA_TRY(apply(window, c, sigma_of(window->outside[0]), err));
@@ -305,8 +291,7 @@ hada_status hada_fit_window_iterate(hada_fit_window *window, int *converged, had
         HADA_TRY(end_channel(window, c, &left, err));
     HADA_TRY(hada_buffer_clear(&window->product, window->grid->slot, 0, window->product.bytes, err));
     *converged = ++window->iterations == HADA_FIT_ITERATIONS || left < HADA_FIT_TOLERANCE;
-done:
-    return status;
+    return HADA_OK;
 }
 
 const hada_buffer *hada_fit_window_filters(const hada_fit_window *window, int weight)
@@ -320,7 +305,6 @@ hada_status hada_fit_window_error(hada_fit_window *window, int weight, double *e
     const size_t count = hada_fit_window_floats(window->grid);
     const hada_fft_filter filter = hada_fit_product(window->grid, hada_fit_window_filters(window, weight)->mem, 0);
     double sum = 0.0;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_fit_pair_filter(window->pair, window->inverse, &filter, err));
     HADA_TRY(hada_buffer_read(&pair->scene, window->grid->slot, 0, window->planes, pair->scene.bytes, err));
     for (size_t i = 0; i < count; i++) {
@@ -328,6 +312,5 @@ hada_status hada_fit_window_error(hada_fit_window *window, int weight, double *e
         sum += difference * difference;
     }
     *error = sum / (double)count;
-done:
-    return status;
+    return HADA_OK;
 }

@@ -101,12 +101,10 @@ hada_status hada_focus_note(const hada_context *context, const hada_focus_desc *
                             hada_error *err)
 {
     part parts[PARTS];
-    hada_status status = HADA_OK;
     list_parts(context, desc, parts);
     for (size_t i = TABLES; i < PARTS; i++)
         HADA_TRY(hada_scratch_note(scratch, parts[i].bytes, parts[i].name, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The window's weights and the distances go to the device; what noise does to the measure is worked out. */
@@ -117,8 +115,8 @@ static hada_status fill_tables(hada_focus *focus, const hada_focus_desc *desc, h
     double *weights = NULL, sum = 0.0;
     float *single = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&weights, (size_t)taps, sizeof *weights, "the focus window", err));
-    HADA_TRY(hada_alloc((void **)&single, most, sizeof *single, "the focus window", err));
+    HADA_TRY_OR_DONE(hada_allocated(weights = hada_alloc((size_t)taps, sizeof *weights, "the focus window", err)));
+    HADA_TRY_OR_DONE(hada_allocated(single = hada_alloc(most, sizeof *single, "the focus window", err)));
     for (int k = 0; k < taps; k++) {
         const double x = (k - focus->radius) / desc->options.window_sigma;
         sum += weights[k] = exp(-0.5 * x * x);
@@ -127,11 +125,11 @@ static hada_status fill_tables(hada_focus *focus, const hada_focus_desc *desc, h
         single[k] = (float)(weights[k] /= sum);
     hada_focus_noise_moments(desc->options.measure, weights, focus->radius, &focus->noise_mean,
                              &focus->noise_deviation);
-    HADA_TRY(hada_buffer_write(&focus->weights, focus->slot, 0, single, (size_t)taps * sizeof(float), err));
+    HADA_TRY_OR_DONE(hada_buffer_write(&focus->weights, focus->slot, 0, single, (size_t)taps * sizeof(float), err));
     for (int i = 0; i < desc->depths; i++)
         single[i] = (float)(1.0 / desc->distances_mm[i]);
-    HADA_TRY(hada_buffer_write(&focus->inverse_distances, focus->slot, 0, single, (size_t)desc->depths * sizeof(float),
-                               err));
+    HADA_TRY_OR_DONE(hada_buffer_write(&focus->inverse_distances, focus->slot, 0, single,
+                                       (size_t)desc->depths * sizeof(float), err));
 done:
     free(weights);
     free(single);
@@ -145,8 +143,8 @@ hada_status hada_focus_create(hada_focus **out, hada_slot *slot, hada_scratch *s
     part parts[PARTS];
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY(hada_focus_check(desc, err));
-    HADA_TRY(hada_alloc((void **)&focus, 1, sizeof *focus, "a focus object", err));
+    HADA_TRY_OR_DONE(hada_focus_check(desc, err));
+    HADA_TRY_OR_DONE(hada_allocated(focus = hada_alloc(1, sizeof *focus, "a focus object", err)));
     *focus = (hada_focus){.slot = slot,
                           .options = desc->options,
                           .channels = desc->channels,
@@ -157,17 +155,18 @@ hada_status hada_focus_create(hada_focus **out, hada_slot *slot, hada_scratch *s
                           .kinds = kinds_of(&desc->options),
                           .way = hada_focus_way_of(slot->context)};
     focus->pitch = (int)hada_round_up((size_t)desc->cols, (size_t)focus->way.width);
-    HADA_TRY(hada_alloc((void **)&focus->competing, (size_t)desc->depths, 1, "a focus object", err));
-    HADA_TRY(hada_alloc((void **)&focus->noise_counts, 2 * HADA_FOCUS_BINS, sizeof *focus->noise_counts,
-                        "the noise counts", err));
+    HADA_TRY_OR_DONE(hada_allocated(focus->competing = hada_alloc((size_t)desc->depths, 1, "a focus object", err)));
+    HADA_TRY_OR_DONE(hada_allocated(
+        focus->noise_counts = hada_alloc(2 * HADA_FOCUS_BINS, sizeof *focus->noise_counts, "the noise counts", err)));
     focus->loser_counts = focus->noise_counts + HADA_FOCUS_BINS;
     list_parts(slot->context, desc, parts);
     for (size_t i = 0; i < PARTS; i++) {
         hada_buffer *buffer = (hada_buffer *)(void *)((char *)focus + parts[i].offset);
-        HADA_TRY(i < TABLES ? hada_buffer_create(buffer, slot->context, parts[i].bytes, parts[i].name, err)
-                            : hada_scratch_take(buffer, slot->context, scratch, parts[i].bytes, parts[i].name, err));
+        HADA_TRY_OR_DONE(i < TABLES
+                             ? hada_buffer_create(buffer, slot->context, parts[i].bytes, parts[i].name, err)
+                             : hada_scratch_take(buffer, slot->context, scratch, parts[i].bytes, parts[i].name, err));
     }
-    HADA_TRY(fill_tables(focus, desc, err));
+    HADA_TRY_OR_DONE(fill_tables(focus, desc, err));
 done:
     if (status)
         hada_focus_destroy(&focus);
@@ -202,9 +201,9 @@ static hada_status take_counts(hada_focus *f, hada_error *err)
     enum { ALL = 2 * HADA_FOCUS_BINS };
     cl_int *counts = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&counts, ALL, sizeof *counts, "the noise counts", err));
-    HADA_TRY(hada_focus_launch_counts(f, err));
-    HADA_TRY(hada_buffer_read(&f->counts, f->slot, 0, counts, ALL * sizeof *counts, err));
+    HADA_TRY_OR_DONE(hada_allocated(counts = hada_alloc(ALL, sizeof *counts, "the noise counts", err)));
+    HADA_TRY_OR_DONE(hada_focus_launch_counts(f, err));
+    HADA_TRY_OR_DONE(hada_buffer_read(&f->counts, f->slot, 0, counts, ALL * sizeof *counts, err));
     for (int i = 0; i < ALL; i++)
         f->noise_counts[i] += counts[i];
 done:
@@ -232,9 +231,8 @@ hada_status hada_focus_begin(hada_focus *focus, const unsigned char *competing, 
 static hada_status push_gathered(hada_focus *f, cl_mem planes, hada_focus_batch *batch, hada_error *err)
 {
     const int64_t pixels = (int64_t)f->rows * f->cols;
-    hada_status status = HADA_OK;
     if (!batch->count)
-        goto done;
+        return HADA_OK;
     if (f->counted > INT_MAX - batch->count * pixels) {
         HADA_TRY(take_counts(f, err));
         HADA_TRY(clear_counts(f, err));
@@ -245,8 +243,7 @@ static hada_status push_gathered(hada_focus *f, cl_mem planes, hada_focus_batch 
     f->pushed += batch->count;
     f->counted += batch->count * pixels;
     batch->count = 0;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Depths `list` or, without one, first .. */
@@ -258,7 +255,6 @@ static hada_status push(hada_focus *focus, const int *list, int first, int count
     const int64_t fit = INT_MAX / ((int64_t)focus->rows * focus->cols); /* into counts that are int */
     const int most = fit < focus->way.depths ? (int)fit : focus->way.depths;
     hada_focus_batch gathered = {.offset = offset};
-    hada_status status = HADA_OK;
     for (int i = 0; i < count; i++) {
         const int depth = list ? list[i] : first + i;
         if (depth < focus->next || depth >= focus->depths)
@@ -273,9 +269,7 @@ static hada_status push(hada_focus *focus, const int *list, int first, int count
         if (gathered.count == most)
             HADA_TRY(push_gathered(focus, planes, &gathered, err));
     }
-    HADA_TRY(push_gathered(focus, planes, &gathered, err));
-done:
-    return status;
+    return push_gathered(focus, planes, &gathered, err);
 }
 
 hada_status hada_focus_push(hada_focus *focus, int first, int count, cl_mem planes, size_t offset, hada_error *err)
@@ -295,7 +289,6 @@ static hada_status thresholds(hada_focus *f, hada_focus_report *report, double *
     const double z = hada_focus_normal_quantile(f->options.false_alarm / f->competing_count);
     int64_t total;
     double spread;
-    hada_status status = HADA_OK;
     *report = (hada_focus_report){.coverage = NAN};
     HADA_TRY(take_counts(f, err));
     /* Immerkaer's operator has norm 6; the median of |x| of a normal variable is 0.6745 standard deviations */
@@ -305,8 +298,7 @@ static hada_status thresholds(hada_focus *f, hada_focus_report *report, double *
     const double unit = f->options.measure == HADA_FOCUS_ENERGY ? report->noise : report->noise * report->noise;
     report->margin = z * spread;
     report->threshold = fmax(*base + z * spread, unit * (f->noise_mean + z * f->noise_deviation));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_focus_finish(hada_focus *focus, cl_mem all_in_focus, size_t all_in_focus_offset, cl_mem distance_map,
@@ -318,9 +310,9 @@ hada_status hada_focus_finish(hada_focus *focus, cl_mem all_in_focus, size_t all
     hada_focus_report found;
     double base;
     hada_status status = HADA_OK;
-    HADA_TRY(thresholds(f, &found, &base, err));
-    HADA_TRY(hada_focus_launch_finish(f, &found, base, all_in_focus, all_in_focus_offset, distance_map, distance_offset,
-                                      err));
+    HADA_TRY_OR_DONE(thresholds(f, &found, &base, err));
+    HADA_TRY_OR_DONE(hada_focus_launch_finish(f, &found, base, all_in_focus, all_in_focus_offset, distance_map,
+                                              distance_offset, err));
     if (report)
         *report = found;
 done:

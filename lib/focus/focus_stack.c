@@ -27,7 +27,6 @@ static hada_status focus_planes(hada_focus *focus, hada_slot *slot, hada_buffer 
                                 hada_focus_report *report, hada_error *err)
 {
     const size_t count = hada_image_count(&planes[0]);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_focus_begin(focus, competing, err));
     for (int i = 0; i < depths; i++) {
         if (competing && !competing[i])
@@ -35,23 +34,18 @@ static hada_status focus_planes(hada_focus *focus, hada_slot *slot, hada_buffer 
         HADA_TRY(hada_buffer_write(plane, slot, 0, planes[i].data, count * sizeof(float), err));
         HADA_TRY(hada_focus_push(focus, i, 1, plane->mem, 0, err));
     }
-    HADA_TRY(hada_focus_finish(focus, results->mem, 0, results->mem, count, report, err));
-done:
-    return status;
+    return hada_focus_finish(focus, results->mem, 0, results->mem, count, report, err);
 }
 
 static hada_status read_results(const hada_buffer *results, hada_slot *slot, const hada_image *like,
                                 hada_image *all_in_focus, hada_image *distance_map, hada_error *err)
 {
     const size_t count = hada_image_count(like) * sizeof(float);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_image_create(all_in_focus, like->channels, like->rows, like->cols, err));
     HADA_TRY(hada_image_create(distance_map, 1, like->rows, like->cols, err));
     HADA_TRY(hada_buffer_read(results, slot, 0, all_in_focus->data, count, err));
-    HADA_TRY(hada_buffer_read(results, slot, count, distance_map->data, hada_image_count(distance_map) * sizeof(float),
-                              err));
-done:
-    return status;
+    return hada_buffer_read(results, slot, count, distance_map->data, hada_image_count(distance_map) * sizeof(float),
+                            err);
 }
 
 /* The share of pixels that have a distance. */
@@ -74,23 +68,23 @@ hada_status hada_focus_stack(hada_context *context, const hada_image *planes, co
     hada_focus_report found = {0};
     hada_status status = HADA_OK;
     *all_in_focus = *distance_map = (hada_image){0};
-    HADA_TRY(check_planes(planes, depths, err));
-    HADA_TRY(HADA_REPORT_CHECK(report, hada_focus_report, err));
+    HADA_TRY_OR_DONE(check_planes(planes, depths, err));
+    HADA_TRY_OR_DONE(HADA_REPORT_CHECK(report, hada_focus_report, err));
     hada_focus_desc desc = {.channels = planes[0].channels,
                             .rows = planes[0].rows,
                             .cols = planes[0].cols,
                             .depths = depths,
                             .distances_mm = distances_mm};
     hada_focus_options_init(&desc.options, 0);
-    HADA_TRY(HADA_OPTIONS_TAKE(&desc.options, options, hada_focus_options, err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&desc.options, options, hada_focus_options, err));
     const size_t bytes = hada_image_count(&planes[0]) * sizeof(float),
                  map = (size_t)desc.rows * (size_t)desc.cols * sizeof(float);
-    HADA_TRY(hada_slot_create(&slot, context, err));
-    HADA_TRY(hada_focus_create(&focus, slot, NULL, &desc, err));
-    HADA_TRY(hada_buffer_create(&plane, context, bytes, "a plane", err));
-    HADA_TRY(hada_buffer_create(&results, context, bytes + map, "the focused image", err));
-    HADA_TRY(focus_planes(focus, slot, &plane, &results, planes, depths, competing, &found, err));
-    HADA_TRY(read_results(&results, slot, &planes[0], all_in_focus, distance_map, err));
+    HADA_TRY_OR_DONE(hada_slot_create(&slot, context, err));
+    HADA_TRY_OR_DONE(hada_focus_create(&focus, slot, NULL, &desc, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&plane, context, bytes, "a plane", err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&results, context, bytes + map, "the focused image", err));
+    HADA_TRY_OR_DONE(focus_planes(focus, slot, &plane, &results, planes, depths, competing, &found, err));
+    HADA_TRY_OR_DONE(read_results(&results, slot, &planes[0], all_in_focus, distance_map, err));
     if (report) {
         found.coverage = coverage_of(distance_map);
         HADA_REPORT_GIVE(report, &found);

@@ -11,8 +11,9 @@ hada_status hada_image_create(hada_image *image, int channels, int rows, int col
         return hada_fail(err, HADA_ERROR_ARGUMENT, "an image of %d channels, %d x %d is not possible", channels, rows,
                          cols);
     void *data;
-    hada_status status = hada_alloc(&data, hada_size_product((size_t)channels * (size_t)rows, (size_t)cols),
-                                    sizeof(float), "an image", err);
+    hada_status status =
+        hada_allocated(data = hada_alloc(hada_size_product((size_t)channels * (size_t)rows, (size_t)cols),
+                                         sizeof(float), "an image", err));
     if (status)
         return status;
     *image = (hada_image){channels, rows, cols, data};

@@ -114,28 +114,24 @@ hada_status hada_pixels_view(const hada_pixels *pixels, hada_image *own, hada_im
         return HADA_OK;
     }
     const size_t values = hada_image_count(view);
-    hada_status status = HADA_OK;
     if (!own->data || hada_image_count(own) != values) {
         hada_image_destroy(own);
-        HADA_TRY(hada_alloc_raw((void **)&own->data, values, sizeof(float), "a frame", err));
+        HADA_TRY(hada_allocated(own->data = hada_alloc_raw(values, sizeof(float), "a frame", err)));
     }
     view->data = own->data;
     *own = *view;
     convert(pixels, own->data);
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_pixels_to_image(const hada_pixels *pixels, hada_image *image, hada_error *err)
 {
     hada_pixels own;
-    hada_status status = HADA_OK;
     if (!image)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_pixels_to_image: an image is needed");
     *image = (hada_image){0};
     HADA_TRY(hada_pixels_take(&own, pixels, err));
     HADA_TRY(hada_image_create(image, own.channels, own.rows, own.cols, err));
     convert(&own, image->data);
-done:
-    return status;
+    return HADA_OK;
 }

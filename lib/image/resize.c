@@ -26,9 +26,10 @@ static hada_status gather_make(gather *g, int in, int out, hada_error *err)
     const double ratio = (double)in / out;
     void *first = NULL, *count = NULL, *weight = NULL;
     hada_status status;
-    if ((status = hada_alloc(&first, (size_t)out, sizeof(int), "a resize", err)) ||
-        (status = hada_alloc(&count, (size_t)out, sizeof(int), "a resize", err)) ||
-        (status = hada_alloc(&weight, (size_t)out * (size_t)g->most, sizeof(double), "a resize", err))) {
+    if ((status = hada_allocated(first = hada_alloc((size_t)out, sizeof(int), "a resize", err))) ||
+        (status = hada_allocated(count = hada_alloc((size_t)out, sizeof(int), "a resize", err))) ||
+        (status =
+             hada_allocated(weight = hada_alloc((size_t)out * (size_t)g->most, sizeof(double), "a resize", err)))) {
         free(first);
         free(count);
         return status;
@@ -66,7 +67,8 @@ static hada_status scale(hada_image *out, const hada_image *image, int row0, int
     if (out_rows < 1 || out_cols < 1)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "an image of %d x %d is not possible", out_rows, out_cols);
     if ((status = gather_make(&down, rows, out_rows, err)) || (status = gather_make(&across, cols, out_cols, err)) ||
-        (status = hada_alloc(&lines, (size_t)rows * (size_t)out_cols, sizeof(double), "a resize", err)) ||
+        (status =
+             hada_allocated(lines = hada_alloc((size_t)rows * (size_t)out_cols, sizeof(double), "a resize", err))) ||
         (status = hada_image_create(out, image->channels, out_rows, out_cols, err)))
         goto done;
     double *narrow = lines;

@@ -111,20 +111,16 @@ static hada_status try_file(const char *folder, hada_error *err)
         unlink(probe);
     }
     free(probe);
-done:
     return status;
 }
 
 hada_status hada_folder_ensure(const char *path, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (hada_folders_make(path, 0777))
         HADA_TRY(hada_fail(err, HADA_ERROR_FILE_WRITE, "the folder %s cannot be made: %s", path, strerror(errno)));
     if (!hada_path_is_folder(path))
         HADA_TRY(hada_fail(err, HADA_ERROR_FILE_WRITE, "%s is a file; a folder is needed here", path));
-    HADA_TRY(try_file(path, err));
-done:
-    return status;
+    return try_file(path, err);
 }
 
 hada_status hada_file_check_target(const char *path, hada_error *err)
@@ -134,13 +130,14 @@ hada_status hada_file_check_target(const char *path, hada_error *err)
     hada_status status = HADA_OK;
     if (hada_path_is_folder(path))
         return hada_fail(err, HADA_ERROR_FILE_WRITE, "%s is a folder; give the name of a file", path);
-    HADA_TRY(hada_outfile_check(path, &real, &old, err));
+    HADA_TRY_OR_DONE(hada_outfile_check(path, &real, &old, err));
     const char *slash = strrchr(path, '/');
     const int length = slash == path ? 1 : slash ? (int)(slash - path) : 1;
-    HADA_TRY(hada_path_format(&folder, err, "%.*s", length, slash ? path : "."));
+    HADA_TRY_OR_DONE(hada_path_format(&folder, err, "%.*s", length, slash ? path : "."));
     if (!hada_path_is_folder(folder))
-        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_WRITE, "%s cannot be written: there is no folder %s", path, folder));
-    HADA_TRY(hada_folder_ensure(folder, err));
+        HADA_TRY_OR_DONE(
+            hada_fail(err, HADA_ERROR_FILE_WRITE, "%s cannot be written: there is no folder %s", path, folder));
+    HADA_TRY_OR_DONE(hada_folder_ensure(folder, err));
 done:
     free(real);
     free(folder);
@@ -189,9 +186,10 @@ hada_status hada_folder_list_tiffs(const char *folder, char ***names, int *count
     const struct dirent *entry;
     while ((errno = 0, entry = readdir(open)))
         if (is_tiff(entry->d_name))
-            HADA_TRY(add_name(names, count, &room, entry->d_name, err));
+            HADA_TRY_OR_DONE(add_name(names, count, &room, entry->d_name, err));
     if (errno)
-        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_READ, "the folder %s cannot be read: %s", folder, strerror(errno)));
+        HADA_TRY_OR_DONE(
+            hada_fail(err, HADA_ERROR_FILE_READ, "the folder %s cannot be read: %s", folder, strerror(errno)));
     if (*count)
         qsort(*names, (size_t)*count, sizeof **names, by_name);
 done:
@@ -226,7 +224,6 @@ void hada_folder_remove(const char *path)
 /* The folder's path without '/' at its end and, where something is there, without links. */
 static hada_status find_target(char **target, const char *path, hada_error *err)
 {
-    hada_status status = HADA_OK;
     size_t length = strlen(path);
     while (length > 1 && path[length - 1] == '/')
         length--;
@@ -241,8 +238,7 @@ static hada_status find_target(char **target, const char *path, hada_error *err)
         free(*target);
         *target = real;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The folders above a path, where they are missing. */
@@ -251,9 +247,9 @@ static hada_status ensure_parent(const char *path, hada_error *err)
     const char *slash = strrchr(path, '/');
     char *parent = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(
+    HADA_TRY_OR_DONE(
         hada_path_format(&parent, err, "%.*s", slash ? (int)(slash - path) + (slash == path) : 1, slash ? path : "."));
-    HADA_TRY(hada_folder_ensure(parent, err));
+    HADA_TRY_OR_DONE(hada_folder_ensure(parent, err));
 done:
     free(parent);
     return status;
@@ -274,16 +270,16 @@ hada_status hada_folder_create(const char *path, hada_folder_fill fill, void *us
 {
     char *target = NULL, *beside = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(find_target(&target, path, err));
-    HADA_TRY(ensure_parent(target, err));
-    HADA_TRY(hada_staged_make(&beside, NULL, HADA_STAGED_FOLDER, target, 0777, path, err));
-    HADA_TRY(fill(user, beside, err));
+    HADA_TRY_OR_DONE(find_target(&target, path, err));
+    HADA_TRY_OR_DONE(ensure_parent(target, err));
+    HADA_TRY_OR_DONE(hada_staged_make(&beside, NULL, HADA_STAGED_FOLDER, target, 0777, path, err));
+    HADA_TRY_OR_DONE(fill(user, beside, err));
     if (take_over(target, beside) || hada_sync_tree(beside) || rename(beside, target))
-        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_WRITE, "%s could not be completed: %s; nothing was left behind", target,
-                           strerror(errno)));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_WRITE, "%s could not be completed: %s; nothing was left behind",
+                                   target, strerror(errno)));
     hada_staged_forget(&beside);
     if (hada_sync_parent(target))
-        HADA_TRY(
+        HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_FILE_WRITE, "%s may not outlast a loss of power: %s", target, strerror(errno)));
 done:
     if (beside)

@@ -163,7 +163,6 @@ static hada_status read_header(hada_tensors *tensors, size_t *end, hada_error *e
     hada_limits limits = {.size = sizeof limits};
     uint64_t length = 0;
     json_error_t why;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_limits_get(&limits, err));
     HADA_TRY(read_length(bytes, &length, err));
     if (length > tensors->bytes - 8)
@@ -183,8 +182,7 @@ static hada_status read_header(hada_tensors *tensors, size_t *end, hada_error *e
         return hada_fail(err, HADA_ERROR_FILE_FORMAT, "the safetensors header is damaged: %s at its byte %d", why.text,
                          why.position);
     *end = 8 + (size_t)length;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status list_tensors(hada_tensors *tensors, const unsigned char *data, uint64_t data_bytes, hada_error *err)
@@ -193,9 +191,8 @@ static hada_status list_tensors(hada_tensors *tensors, const unsigned char *data
     const size_t most = json_object_size(tensors->header);
     const char *name;
     json_t *entry;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&tensors->list, most, sizeof *tensors->list, what, err));
-    HADA_TRY(hada_alloc((void **)&tensors->by_name, most, sizeof *tensors->by_name, what, err));
+    HADA_TRY(hada_allocated(tensors->list = hada_alloc(most, sizeof *tensors->list, what, err)));
+    HADA_TRY(hada_allocated(tensors->by_name = hada_alloc(most, sizeof *tensors->by_name, what, err)));
     json_object_foreach(tensors->header, name, entry)
     {
         if (!strcmp(name, "__metadata__"))
@@ -207,8 +204,7 @@ static hada_status list_tensors(hada_tensors *tensors, const unsigned char *data
     for (size_t i = 0; i < tensors->count; i++)
         tensors->by_name[i] = &tensors->list[i];
     qsort(tensors->by_name, tensors->count, sizeof *tensors->by_name, by_name);
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Whether the tensors fill the data, one behind the other. */
@@ -234,13 +230,10 @@ static hada_status check_places(const hada_tensors *tensors, const unsigned char
 static hada_status parse(hada_tensors *tensors, hada_error *err)
 {
     size_t end = 0;
-    hada_status status = HADA_OK;
     HADA_TRY(read_header(tensors, &end, err));
     HADA_TRY(read_meta(tensors, err));
     HADA_TRY(list_tensors(tensors, tensors->data + end, tensors->bytes - end, err));
-    HADA_TRY(check_places(tensors, tensors->data + end, tensors->bytes - end, err));
-done:
-    return status;
+    return check_places(tensors, tensors->data + end, tensors->bytes - end, err);
 }
 
 static hada_status read_file(hada_tensors *tensors, const char *path, hada_error *err)
@@ -249,15 +242,15 @@ static hada_status read_file(hada_tensors *tensors, const char *path, hada_error
     unsigned char first[LENGTH_BYTES + 1];
     uint64_t length;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_input_open(&fd, &tensors->bytes, path, NULL, err));
+    HADA_TRY_OR_DONE(hada_input_open(&fd, &tensors->bytes, path, NULL, err));
     if (tensors->bytes < 10)
-        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_READ, "%s: not a safetensors file",
-                           tensors->bytes ? "the file has fewer than 10 bytes" : "the file is empty"));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_READ, "%s: not a safetensors file",
+                                   tensors->bytes ? "the file has fewer than 10 bytes" : "the file is empty"));
     if (!hada_read_at(fd, first, sizeof first, 0))
-        HADA_TRY(read_length(first, &length, err));
-    HADA_TRY(hada_alloc_raw((void **)&tensors->data, tensors->bytes, 1, "the file", err));
+        HADA_TRY_OR_DONE(read_length(first, &length, err));
+    HADA_TRY_OR_DONE(hada_allocated(tensors->data = hada_alloc_raw(tensors->bytes, 1, "the file", err)));
     if (hada_read_at(fd, tensors->data, tensors->bytes, 0))
-        HADA_TRY(
+        HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_FILE_READ, "cannot be read: it became shorter meanwhile, or the disk fails"));
 done:
     if (fd >= 0)
@@ -272,8 +265,8 @@ hada_status hada_tensors_open(hada_tensors **out, const char *path, hada_error *
     if (!tensors)
         return hada_fail(err, HADA_ERROR_MEMORY, "no memory to open %s", path);
     hada_status status = HADA_OK;
-    HADA_TRY(read_file(tensors, path, err));
-    HADA_TRY(parse(tensors, err));
+    HADA_TRY_OR_DONE(read_file(tensors, path, err));
+    HADA_TRY_OR_DONE(parse(tensors, err));
 done:
     if (status) {
         hada_error_prefix(err, "%s: ", path);

@@ -23,11 +23,11 @@ hada_status hada_tensors_create(hada_tensors_writer **out, const char *path, had
     if (!w)
         return hada_fail(err, HADA_ERROR_MEMORY, "no memory to write %s", path);
     hada_status status = HADA_OK;
-    HADA_TRY(hada_outfile_open(&w->file, path, err));
+    HADA_TRY_OR_DONE(hada_outfile_open(&w->file, path, err));
     w->header = json_object();
     w->meta = json_object();
     if (!w->header || !w->meta || json_object_set(w->header, "__metadata__", w->meta))
-        HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory to write %s", path));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory to write %s", path));
 done:
     if (status)
         hada_tensors_abandon(&w);
@@ -97,9 +97,9 @@ static hada_status start(hada_tensors_writer *w, hada_error *err)
     for (int i = 0; i < 8; i++)
         size[i] = (unsigned char)((uint64_t)padded >> 8 * i);
     hada_status status = HADA_OK;
-    HADA_TRY(hada_outfile_write(&w->file, size, sizeof size, err));
-    HADA_TRY(hada_outfile_write(&w->file, text, length, err));
-    HADA_TRY(hada_outfile_write(&w->file, "       ", padded - length, err));
+    HADA_TRY_OR_DONE(hada_outfile_write(&w->file, size, sizeof size, err));
+    HADA_TRY_OR_DONE(hada_outfile_write(&w->file, text, length, err));
+    HADA_TRY_OR_DONE(hada_outfile_write(&w->file, "       ", padded - length, err));
 done:
     free(text);
     w->started = 1;
@@ -111,23 +111,21 @@ hada_status hada_tensors_write(hada_tensors_writer *w, const void *data, size_t 
     if (bytes > w->declared - w->written)
         return hada_fail(err, HADA_ERROR_SIZE, "%s: more data than the declared tensors hold (%llu bytes)",
                          w->file.path, (unsigned long long)w->declared);
-    hada_status status = HADA_OK;
     HADA_TRY(start(w, err));
     HADA_TRY(hada_outfile_write(&w->file, data, bytes, err));
     w->written += bytes;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_tensors_finish(hada_tensors_writer **writer, hada_error *err)
 {
     hada_tensors_writer *w = *writer;
     hada_status status = HADA_OK;
-    HADA_TRY(start(w, err));
+    HADA_TRY_OR_DONE(start(w, err));
     if (w->written != w->declared)
-        HADA_TRY(hada_fail(err, HADA_ERROR_STATE, "%s: %llu of %llu declared bytes were written", w->file.path,
-                           (unsigned long long)w->written, (unsigned long long)w->declared));
-    HADA_TRY(hada_outfile_commit(&w->file, err));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_STATE, "%s: %llu of %llu declared bytes were written", w->file.path,
+                                   (unsigned long long)w->written, (unsigned long long)w->declared));
+    HADA_TRY_OR_DONE(hada_outfile_commit(&w->file, err));
 done:
     hada_tensors_abandon(writer);
     return status;

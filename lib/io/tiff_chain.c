@@ -135,15 +135,15 @@ hada_status hada_tiff_chain_read(hada_tiff_chain *chain, int fd, hada_error *err
     unsigned char *entries = NULL;
     uint64_t offset = 0;
     *chain = (hada_tiff_chain){0};
-    HADA_TRY(read_header(chain, fd, &offset, err));
+    HADA_TRY_OR_DONE(read_header(chain, fd, &offset, err));
     /* A ring of directories is found by Brent's method: compare with a mark that moves on at powers of two. */
     uint64_t mark = 0, seen = 0;
     size_t room = 0;
     hada_limits limits = {.size = sizeof limits};
-    HADA_TRY(hada_limits_get(&limits, err));
+    HADA_TRY_OR_DONE(hada_limits_get(&limits, err));
     for (size_t step = 0, power = 1; offset; step++) {
         if (offset == mark)
-            HADA_TRY(
+            HADA_TRY_OR_DONE(
                 hada_fail(err, HADA_ERROR_FILE_READ, "the pages of the file form a ring: it is damaged; get it again"));
         if (step == power) {
             mark = offset;
@@ -151,23 +151,24 @@ hada_status hada_tiff_chain_read(hada_tiff_chain *chain, int fd, hada_error *err
         }
         uint64_t count, next = 0;
         if (step == limits.pages)
-            HADA_TRY(hada_fail(err, HADA_ERROR_FILE_FORMAT,
-                               "the file has more than %llu pages, more than the limits allow (options.limits pages=N)",
-                               (unsigned long long)limits.pages));
-        HADA_TRY(read_directory(chain, fd, offset, step, &entries, &count, &next, err));
+            HADA_TRY_OR_DONE(
+                hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                          "the file has more than %llu pages, more than the limits allow (options.limits pages=N)",
+                          (unsigned long long)limits.pages));
+        HADA_TRY_OR_DONE(read_directory(chain, fd, offset, step, &entries, &count, &next, err));
         /* those of a sound file do not overlap */
         seen += count * (chain->big ? 20u : 12u);
         if (seen > chain->bytes)
-            HADA_TRY(hada_fail(err, HADA_ERROR_FILE_READ,
-                               "the directories of the pages overlap: the file is damaged; get it again"));
+            HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_READ,
+                                       "the directories of the pages overlap: the file is damaged; get it again"));
         if (is_frame(chain, entries, count))
-            HADA_TRY(append(chain, offset, &room, err));
+            HADA_TRY_OR_DONE(append(chain, offset, &room, err));
         free(entries);
         entries = NULL;
         offset = next;
     }
     if (!chain->count)
-        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_READ, "the TIFF file holds no image; get it again"));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_READ, "the TIFF file holds no image; get it again"));
 done:
     free(entries);
     if (status)

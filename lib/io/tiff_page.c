@@ -200,7 +200,6 @@ hada_status hada_tiff_page_check(TIFF *tif, uint64_t file_bytes, int keep_indice
     page->bits = bits;
     page->compression = compression;
     page->separate = planar == PLANARCONFIG_SEPARATE && samples > 1;
-    hada_status status = HADA_OK;
     HADA_TRY(check_samples(page, format, err));
     HADA_TRY(check_colours(tif, photometric, keep_indices, page, err));
     uint64_t pixels = hada_tiff_page_bytes(page), chunk = TIFFIsTiled(tif) ? TIFFTileSize64(tif) : TIFFStripSize64(tif);
@@ -211,9 +210,7 @@ hada_status hada_tiff_page_check(TIFF *tif, uint64_t file_bytes, int keep_indice
                          "%u x %u pixels need %llu bytes, more than a file of %llu bytes can hold: it is cut off or "
                          "damaged; get it again",
                          cols, rows, (unsigned long long)pixels, (unsigned long long)file_bytes);
-    HADA_TRY(hada_tiff_budget((uint64_t)rows * cols * samples, chunk, file_bytes, err));
-done:
-    return status;
+    return hada_tiff_budget((uint64_t)rows * cols * samples, chunk, file_bytes, err);
 }
 
 /* A rectangle of the page, as one buffer: `plane` of a separate page, all samples else. */
@@ -274,7 +271,7 @@ hada_status hada_tiff_page_read(TIFF *tif, const hada_tiff_handle *handle, const
         return damaged(handle, err);
     hada_status status = HADA_OK;
     void *buffer;
-    HADA_TRY(hada_alloc(&buffer, 1, size, "a piece of the TIFF file", err));
+    HADA_TRY_OR_DONE(hada_allocated(buffer = hada_alloc(1, size, "a piece of the TIFF file", err)));
     int planes = page->separate ? page->channels : 1;
     uint32_t number = 0, across = ((uint32_t)page->cols - 1) / width + 1,
              down = ((uint32_t)page->rows - 1) / height + 1;
@@ -284,17 +281,17 @@ hada_status hada_tiff_page_read(TIFF *tif, const hada_tiff_handle *handle, const
                 hada_tiff_chunk chunk = {buffer,           row_bytes,   plane,     (int)(y * height),
                                          (int)(x * width), (int)height, (int)width};
                 if (TIFFGetStrileOffset(tif, number) < HEADER_BYTES) /* a damaged list, read as zeros */
-                    HADA_TRY(damaged(handle, err));
+                    HADA_TRY_OR_DONE(damaged(handle, err));
                 tmsize_t got = tiled ? TIFFReadEncodedTile(tif, number, buffer, (tmsize_t)size)
                                      : TIFFReadEncodedStrip(tif, number, buffer, (tmsize_t)size);
                 uint64_t rows =
                     (uint64_t)page->rows - y * height < height && !tiled ? (uint64_t)page->rows - y * height : height;
                 if (got < 0 || (uint64_t)got < rows * row_bytes)
-                    HADA_TRY(damaged(handle, err));
+                    HADA_TRY_OR_DONE(damaged(handle, err));
                 place(page, &chunk, out);
             }
     if (page->palette)
-        HADA_TRY(look_up(tif, page, out, err));
+        HADA_TRY_OR_DONE(look_up(tif, page, out, err));
 done:
     free(buffer);
     return status;

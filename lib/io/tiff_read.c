@@ -107,7 +107,8 @@ static hada_status fill_info(hada_tiff_reader *reader, hada_error *err)
     info->scale = first->scale;
     info->slices = stack->known && stack->slices * stack->times == info->frames ? stack->slices : 1;
     info->times = info->frames / info->slices;
-    const hada_status status = hada_alloc((void **)&reader->seen, reader->chain.count, 1, "the list of pages", err);
+    const hada_status status =
+        hada_allocated(reader->seen = hada_alloc(reader->chain.count, 1, "the list of pages", err));
     return !status && reader->grouped ? hada_tiff_budget(frame_values(info), 0, reader->chain.bytes, err) : status;
 }
 
@@ -136,17 +137,17 @@ static hada_status open_file(hada_tiff_reader *reader, hada_error *err)
     hada_tiff_handle handle;
     TIFF *tif = NULL;
     char *text = NULL;
-    HADA_TRY(hada_tiff_chain_read(&reader->chain, reader->fd, err));
-    HADA_TRY(check_text(reader, err));
-    HADA_TRY(open_page(reader, 0, &handle, &tif, NULL, err));
+    HADA_TRY_OR_DONE(hada_tiff_chain_read(&reader->chain, reader->fd, err));
+    HADA_TRY_OR_DONE(check_text(reader, err));
+    HADA_TRY_OR_DONE(open_page(reader, 0, &handle, &tif, NULL, err));
     TIFFGetField(tif, TIFFTAG_IMAGEDESCRIPTION, &text);
     reader->description = hada_string_copy(text ? text : "");
     if (!reader->description)
-        HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory for the description"));
-    HADA_TRY(hada_tiff_stack_parse(&reader->stack, reader->description, reader->chain.count, err));
-    HADA_TRY(hada_tiff_page_check(tif, reader->chain.bytes, reader->stack.imagej, &reader->first, err));
-    HADA_TRY(find_raw_images(reader, tif, err));
-    HADA_TRY(fill_info(reader, err));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for the description"));
+    HADA_TRY_OR_DONE(hada_tiff_stack_parse(&reader->stack, reader->description, reader->chain.count, err));
+    HADA_TRY_OR_DONE(hada_tiff_page_check(tif, reader->chain.bytes, reader->stack.imagej, &reader->first, err));
+    HADA_TRY_OR_DONE(find_raw_images(reader, tif, err));
+    HADA_TRY_OR_DONE(fill_info(reader, err));
     fill_pixel_size(reader, tif);
 done:
     if (tif)
@@ -231,7 +232,8 @@ size_t hada_tiff_distances(const hada_tiff_reader *reader, double *out, size_t c
 static hada_status read_raw_image(const hada_tiff_reader *reader, size_t number, float *out, hada_error *err)
 {
     void *buffer;
-    hada_status status = hada_alloc_raw(&buffer, 1, (size_t)reader->raw_bytes, "an image of the stack", err);
+    hada_status status =
+        hada_allocated(buffer = hada_alloc_raw(1, (size_t)reader->raw_bytes, "an image of the stack", err));
     if (status)
         return status;
     if (hada_read_at(reader->fd, buffer, (size_t)reader->raw_bytes, reader->raw_at + number * reader->raw_bytes))
@@ -264,21 +266,21 @@ static hada_status read_page(hada_tiff_reader *reader, size_t number, int channe
     hada_tiff_page page = reader->first;
     hada_status status = HADA_OK;
     if (!reader->raw_at) {
-        HADA_TRY(open_page(reader, number, &handle, &tif, &page, err));
-        HADA_TRY(note_page(reader, number, &page, err));
+        HADA_TRY_OR_DONE(open_page(reader, number, &handle, &tif, &page, err));
+        HADA_TRY_OR_DONE(note_page(reader, number, &page, err));
     }
     if (channel == 0)
-        HADA_TRY(hada_image_create(image, reader->grouped ? reader->info.channels : page.channels, page.rows, page.cols,
-                                   err));
+        HADA_TRY_OR_DONE(hada_image_create(image, reader->grouped ? reader->info.channels : page.channels, page.rows,
+                                           page.cols, err));
     if (page.rows != image->rows || page.cols != image->cols || (reader->grouped && page.channels != 1))
-        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_FORMAT,
-                           "page %zu has another size (%d x %d) than the first channel (%d x %d)", number + 1,
-                           page.rows, page.cols, image->rows, image->cols));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                                   "page %zu has another size (%d x %d) than the first channel (%d x %d)", number + 1,
+                                   page.rows, page.cols, image->rows, image->cols));
     float *out = image->data + (size_t)channel * (size_t)page.rows * (size_t)page.cols;
     if (reader->raw_at)
-        HADA_TRY(read_raw_image(reader, number, out, err));
+        HADA_TRY_OR_DONE(read_raw_image(reader, number, out, err));
     else
-        HADA_TRY(hada_tiff_page_read(tif, &handle, &page, out, err));
+        HADA_TRY_OR_DONE(hada_tiff_page_read(tif, &handle, &page, out, err));
 done:
     if (tif)
         TIFFClose(tif);
@@ -300,7 +302,7 @@ hada_status hada_tiff_read(hada_tiff_reader *reader, int index, hada_image *imag
         if (stack->known && (reader->grouped || stack->channels == 1))
             page = stack->pages ? (size_t)stack->pages[index * channels + c]
                                 : (size_t)(c * stack->channel_step + z * stack->slice_step + t * stack->time_step);
-        HADA_TRY(read_page(reader, page, c, image, err));
+        HADA_TRY_OR_DONE(read_page(reader, page, c, image, err));
     }
 done:
     if (status) {
@@ -315,8 +317,8 @@ hada_status hada_tiff_load(const char *path, int index, hada_image *image, hada_
     *image = (hada_image){0};
     hada_status status = HADA_OK;
     hada_tiff_reader *reader = NULL;
-    HADA_TRY(hada_tiff_open(&reader, path, err));
-    HADA_TRY(hada_tiff_read(reader, index, image, err));
+    HADA_TRY_OR_DONE(hada_tiff_open(&reader, path, err));
+    HADA_TRY_OR_DONE(hada_tiff_read(reader, index, image, err));
 done:
     hada_tiff_close(&reader);
     return status;

@@ -147,7 +147,7 @@ hada_status hada_stack_layout_write(const hada_stack_layout *layout, const hada_
     hada_directory d;
     fill(&d, layout, text, 0);
     void *head;
-    HADA_TRY(hada_alloc(&head, (size_t)layout->data_at, 1, "the head of a TIFF file", err));
+    HADA_TRY_OR_DONE(hada_allocated(head = hada_alloc((size_t)layout->data_at, 1, "the head of a TIFF file", err)));
     unsigned char *at = head;
     at[0] = at[1] = little ? 'I' : 'M';
     if (layout->big)
@@ -155,7 +155,7 @@ hada_status hada_stack_layout_write(const hada_stack_layout *layout, const hada_
     else
         put(put(at + 2, 42, 2), 16, 4);
     lay_out(&d, layout->big, 16, layout->images > 1 ? tail : 0, at + 16);
-    HADA_TRY(write_at(file, head, (size_t)layout->data_at, 0, err));
+    HADA_TRY_OR_DONE(write_at(file, head, (size_t)layout->data_at, 0, err));
     /* The others all have one size. A few hundred at a time. */
     unsigned char block[256 * 512];
     size_t used = 0;
@@ -168,7 +168,7 @@ hada_status hada_stack_layout_write(const hada_stack_layout *layout, const hada_
         lay_out(&d, layout->big, here, i + 1 < layout->images ? here + bytes : 0, block + used);
         used += bytes;
         if (sizeof block - used < 512 || i + 1 == layout->images) {
-            HADA_TRY(write_at(file, block, used, block_at, err));
+            HADA_TRY_OR_DONE(write_at(file, block, used, block_at, err));
             block_at += used;
             used = 0;
         }

@@ -214,11 +214,11 @@ static hada_status build_extra(hada_tiff_text *text, int channels, int rows, int
     void *data = NULL, *counts = NULL;
     add_ome(&info, channels, rows, cols, options);
     if (info.failed)
-        HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory for the metadata"));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for the metadata"));
     put_all(&parts, channels, info.data, options, range);
-    HADA_TRY(hada_alloc(&data, parts.bytes, 1, "the metadata", err));
+    HADA_TRY_OR_DONE(hada_allocated(data = hada_alloc(parts.bytes, 1, "the metadata", err)));
     text->extra = data;
-    HADA_TRY(hada_alloc(&counts, parts.count, sizeof(uint32_t), "the metadata", err));
+    HADA_TRY_OR_DONE(hada_allocated(counts = hada_alloc(parts.count, sizeof(uint32_t), "the metadata", err)));
     text->counts = counts;
     parts = (hada_parts){data, counts, 0, parts.bytes, 0};
     put_all(&parts, channels, info.data, options, range);

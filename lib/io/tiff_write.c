@@ -101,7 +101,6 @@ static int samples_a_page(const hada_tiff_writer *w)
 static hada_status open_stack(hada_tiff_writer *w, const char *path, hada_error *err)
 {
     static const double unknown[2] = {0, 1};
-    hada_status status = HADA_OK;
     HADA_TRY(hada_tiff_text_build(&w->text, w->channels, w->rows, w->cols, &w->options, unknown, err));
     w->stack =
         (hada_stack_layout){.big = w->big,
@@ -113,26 +112,22 @@ static hada_status open_stack(hada_tiff_writer *w, const char *path, hada_error 
     HADA_TRY(hada_stack_layout_place(&w->stack, &w->text, err));
     if (lseek(w->file.fd, (off_t)w->stack.data_at, SEEK_SET) < 0)
         HADA_TRY(hada_fail(err, HADA_ERROR_FILE_WRITE, "writing %s failed: %s", path, strerror(errno)));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Pages that libtiff writes. */
 static hada_status open_pages(hada_tiff_writer *w, const char *path, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_tiff_text_build(&w->text, w->channels, w->rows, w->cols, &w->options, NULL, err));
     w->handle.fd = w->file.fd;
     w->tif = hada_tiff_attach(&w->handle, path, w->big ? "w8" : "w");
     if (!w->tif)
         HADA_TRY(failed(w, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status open_output(hada_tiff_writer *w, const char *path, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_outfile_open(&w->file, path, err));
     double frames = (double)(w->options.slices ? w->options.slices : 1) * (w->options.times ? w->options.times : 1);
     w->big = frames * w->channels * w->rows * w->cols * (w->options.bits / 8) >= CLASSIC_LIMIT;
@@ -143,9 +138,7 @@ static hada_status open_output(hada_tiff_writer *w, const char *path, hada_error
     size_t row = (size_t)w->cols * (size_t)samples_a_page(w) * (size_t)(w->options.bits / 8);
     size_t rows = STRIP_BYTES / row ? STRIP_BYTES / row : 1;
     w->strip_rows = rows < (size_t)w->rows ? (int)rows : w->rows;
-    HADA_TRY(hada_alloc(&w->strip, (size_t)w->strip_rows, row, "a piece of the TIFF file", err));
-done:
-    return status;
+    return hada_allocated(w->strip = hada_alloc((size_t)w->strip_rows, row, "a piece of the TIFF file", err));
 }
 
 hada_status hada_tiff_create(hada_tiff_writer **out, const char *path, int channels, int rows, int cols,
@@ -162,8 +155,8 @@ hada_status hada_tiff_create(hada_tiff_writer **out, const char *path, int chann
     w->low = FLT_MAX;
     w->high = -FLT_MAX;
     hada_status status = HADA_OK;
-    HADA_TRY(complete_options(w, options, err));
-    HADA_TRY(open_output(w, path, err));
+    HADA_TRY_OR_DONE(complete_options(w, options, err));
+    HADA_TRY_OR_DONE(open_output(w, path, err));
 done:
     if (status)
         hada_tiff_abandon(&w);
@@ -296,12 +289,10 @@ hada_status hada_tiff_write(hada_tiff_writer *w, const hada_image *image, hada_e
                          w->file.path, w->options.slices, w->options.times);
     widen_range(w, image->data, hada_image_count(image));
     int pages = w->options.layout == HADA_TIFF_HYPERSTACK ? w->channels : 1;
-    hada_status status = HADA_OK;
     for (int channel = 0; channel < pages; channel++)
         HADA_TRY(write_page(w, image, channel, err));
     w->frames++;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The head and the directories of a hyperstack, now that the range of its values is known. */
@@ -315,11 +306,8 @@ static hada_status finish_stack(hada_tiff_writer *w, hada_error *err)
             range[i] = floor(fmin(fmax(range[i] / w->options.scale, 0), 1) * full + 0.5);
     }
     hada_tiff_text_free(&w->text);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_tiff_text_build(&w->text, w->channels, w->rows, w->cols, &w->options, range, err));
-    HADA_TRY(hada_stack_layout_write(&w->stack, &w->text, &w->file, err));
-done:
-    return status;
+    return hada_stack_layout_write(&w->stack, &w->text, &w->file, err);
 }
 
 hada_status hada_tiff_finish(hada_tiff_writer **writer, hada_error *err)
@@ -328,18 +316,18 @@ hada_status hada_tiff_finish(hada_tiff_writer **writer, hada_error *err)
     hada_status status = HADA_OK;
     int expected = w->options.layout == HADA_TIFF_HYPERSTACK ? w->options.slices * w->options.times : 1;
     if (w->frames < expected)
-        HADA_TRY(hada_fail(err, HADA_ERROR_STATE, "%s: %d of %d frames were written; nothing was left behind",
-                           w->file.path, w->frames, expected));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_STATE, "%s: %d of %d frames were written; nothing was left behind",
+                                   w->file.path, w->frames, expected));
     if (!w->tif) {
-        HADA_TRY(finish_stack(w, err));
+        HADA_TRY_OR_DONE(finish_stack(w, err));
     } else {
         w->handle.message[0] = 0;
         TIFFClose(w->tif); /* reports nothing: the handle does */
         w->tif = NULL;
         if (*w->handle.message || w->handle.write_code)
-            HADA_TRY(failed(w, err));
+            HADA_TRY_OR_DONE(failed(w, err));
     }
-    HADA_TRY(hada_outfile_commit(&w->file, err));
+    HADA_TRY_OR_DONE(hada_outfile_commit(&w->file, err));
 done:
     hada_tiff_abandon(writer);
     return status;
@@ -366,9 +354,9 @@ hada_status hada_tiff_save(const char *path, const hada_image *image, const hada
 {
     hada_status status = HADA_OK;
     hada_tiff_writer *writer = NULL;
-    HADA_TRY(hada_tiff_create(&writer, path, image->channels, image->rows, image->cols, options, err));
-    HADA_TRY(hada_tiff_write(writer, image, err));
-    HADA_TRY(hada_tiff_finish(&writer, err));
+    HADA_TRY_OR_DONE(hada_tiff_create(&writer, path, image->channels, image->rows, image->cols, options, err));
+    HADA_TRY_OR_DONE(hada_tiff_write(writer, image, err));
+    HADA_TRY_OR_DONE(hada_tiff_finish(&writer, err));
 done:
     hada_tiff_abandon(&writer);
     return status;

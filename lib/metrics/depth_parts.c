@@ -10,12 +10,10 @@
 static hada_status indices_of(double **out, const hada_image *map, const double *distances_mm, int count,
                               hada_error *err)
 {
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)out, hada_image_count(map), sizeof **out, "depth indices", err));
+    HADA_TRY(hada_allocated(*out = hada_alloc(hada_image_count(map), sizeof **out, "depth indices", err)));
     for (size_t i = 0; i < hada_image_count(map); i++)
         (*out)[i] = isnan(map->data[i]) ? (double)NAN : hada_depth_index(distances_mm, count, (double)map->data[i]);
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Marks the pixels within `reach` of the line between two neighbours, (row, col) and the next one to the right or
@@ -56,7 +54,7 @@ hada_status hada_metric_depth_parts(const hada_image *truth, const double *dista
             "hada_metric_depth_parts: a map of one channel and a list of two distances or more are needed");
     if (!(jump > 0.0) || reach < 1)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "jumps of %g steps, %d pixels about, are not possible", jump, reach);
-    HADA_TRY(indices_of(&index, truth, distances_mm, count, err));
+    HADA_TRY_OR_DONE(indices_of(&index, truth, distances_mm, count, err));
     for (size_t i = 0; i < hada_image_count(truth); i++)
         parts[i] = isnan(index[i])                             ? HADA_DEPTH_NONE
                    : index[i] < -0.5 || index[i] > count - 0.5 ? HADA_DEPTH_OUTSIDE
@@ -108,7 +106,8 @@ hada_status hada_metric_depth_confidence(const hada_image *map, const hada_image
                              "channel");
     if (distances_mm && count < 2)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a list of %d distances has no depth step; give two or more", count);
-    HADA_TRY(hada_alloc((void **)&claims, hada_image_count(map), sizeof *claims, "the pixels of a map", err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(claims = hada_alloc(hada_image_count(map), sizeof *claims, "the pixels of a map", err)));
     for (size_t i = 0; i < hada_image_count(map); i++) {
         const double m = (double)map->data[i], t = (double)truth->data[i], c = (double)confidence->data[i];
         if ((mask && !mask[i]) || isnan(m) || isnan(t) || isnan(c))

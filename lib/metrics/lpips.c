@@ -59,7 +59,6 @@ static hada_tensor pooled_tensor(const hada_lpips *lpips, int stage, hada_size i
 
 static hada_status plan_size(const hada_lpips *lpips, int rows, int cols, lpips_plan *plan, hada_error *err)
 {
-    hada_status status = HADA_OK;
     enum { MOST_LAYERS = 16 };
     hada_size sizes[MOST_LAYERS];
     const int least = hada_lpips_least_size(lpips->net);
@@ -80,38 +79,36 @@ static hada_status plan_size(const hada_lpips *lpips, int rows, int cols, lpips_
     }
     plan->in_floats =
         2 * (size_t)hada_lpips_fill_channels(lpips->net) * (size_t)plan->input[0].rows * (size_t)plan->input[0].cols;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status make_graphs(hada_lpips *lpips, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
         const hada_graph_options options = options_for(lpips->plan.input[k]);
         HADA_TRY(hada_graph_create(&lpips->graph[k], lpips->slot, lpips->stage[k], &options, err));
         HADA_TRY(hada_graph_set_weights(lpips->graph[k], (hada_floats){lpips->values[k].mem, 0}, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status make_size(hada_lpips *lpips, int rows, int cols, hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(plan_size(lpips, rows, cols, &lpips->plan, err));
+    HADA_TRY_OR_DONE(plan_size(lpips, rows, cols, &lpips->plan, err));
     const size_t in = lpips->plan.in_floats, pooled = lpips->plan.pooled_floats * sizeof(float);
     const size_t distances = lpips->plan.map_at[HADA_LPIPS_STAGES];
-    HADA_TRY(make_graphs(lpips, err));
-    HADA_TRY(hada_buffer_create(&lpips->in, lpips->context, in * sizeof(float), "the images to compare", err));
+    HADA_TRY_OR_DONE(make_graphs(lpips, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&lpips->in, lpips->context, in * sizeof(float), "the images to compare", err));
     if (pooled) {
-        HADA_TRY(hada_buffer_create(&lpips->pooled, lpips->context, pooled, "pooled features", err));
-        HADA_TRY(hada_buffer_clear(&lpips->pooled, lpips->slot, 0, pooled, err));
+        HADA_TRY_OR_DONE(hada_buffer_create(&lpips->pooled, lpips->context, pooled, "pooled features", err));
+        HADA_TRY_OR_DONE(hada_buffer_clear(&lpips->pooled, lpips->slot, 0, pooled, err));
     }
-    HADA_TRY(
+    HADA_TRY_OR_DONE(
         hada_buffer_create(&lpips->distances, lpips->context, distances * sizeof(float), "distances of features", err));
-    HADA_TRY(hada_alloc_raw((void **)&lpips->pair, in, sizeof(float), "the images to compare", err));
-    HADA_TRY(hada_alloc_raw((void **)&lpips->maps, distances, sizeof(float), "distances of features", err));
+    HADA_TRY_OR_DONE(hada_allocated(lpips->pair = hada_alloc_raw(in, sizeof(float), "the images to compare", err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(lpips->maps = hada_alloc_raw(distances, sizeof(float), "distances of features", err)));
     lpips->rows = rows;
     lpips->cols = cols;
 done:
@@ -140,7 +137,6 @@ static hada_status check(const hada_image *a, const hada_image *b, double peak, 
 /* What a stage gives to the input of the next one. */
 static hada_status enter(hada_lpips *lpips, int stage, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_lpips_entry entry = hada_lpips_stage_entry(lpips->net, stage);
     const hada_tensor *from = hada_graph_output(lpips->graph[stage - 1]), *to = hada_graph_input(lpips->graph[stage]);
     const hada_tensor pooled = pooled_tensor(lpips, stage, lpips->plan.input[stage], lpips->pooled.mem);
@@ -150,14 +146,12 @@ static hada_status enter(hada_lpips *lpips, int stage, hada_error *err)
         HADA_TRY(hada_pool_forward(lpips->slot, HADA_POOL_MAX, entry.pool, entry.pool_stride, from, between, err));
     if (!entry.pool || entry.border)
         HADA_TRY(hada_place(lpips->slot, entry.pool ? between : from, to, entry.border, entry.border, 0, 0, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The distances of all stages into lpips->maps. */
 static hada_status compare(hada_lpips *lpips, const hada_image *a, const hada_image *b, double peak, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(check(a, b, peak, err));
     if (lpips->rows != a->rows || lpips->cols != a->cols) {
         forget_size(lpips);
@@ -178,9 +172,7 @@ static hada_status compare(hada_lpips *lpips, const hada_image *a, const hada_im
                                      (hada_floats){lpips->heads.mem, lpips->head_at[k]},
                                      (hada_floats){lpips->distances.mem, lpips->plan.map_at[k]}, err));
     }
-    HADA_TRY(hada_buffer_read(&lpips->distances, lpips->slot, 0, lpips->maps, lpips->distances.bytes, err));
-done:
-    return status;
+    return hada_buffer_read(&lpips->distances, lpips->slot, 0, lpips->maps, lpips->distances.bytes, err);
 }
 
 /* Bilinear resizing with pixel centres at half (PyTorch's align_corners=False): the place of pixel i of `out` among
@@ -247,7 +239,6 @@ hada_status hada_lpips_run(hada_lpips *lpips, const hada_image *a, const hada_im
 hada_status hada_lpips_map(hada_lpips *lpips, const hada_image *a, const hada_image *b, double peak, hada_image *map,
                            hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (!lpips || !map)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_map: an argument is missing");
     HADA_TRY(compare(lpips, a, b, peak, err));
@@ -258,13 +249,11 @@ hada_status hada_lpips_map(hada_lpips *lpips, const hada_image *a, const hada_im
     for (int r = 0; r < a->rows; r++)
         for (int c = 0; c < a->cols; c++)
             map->data[(size_t)r * (size_t)a->cols + (size_t)c] = (float)distance_at(lpips, r, c);
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_lpips_bytes(const hada_lpips *lpips, int rows, int cols, uint64_t *bytes, hada_error *err)
 {
-    hada_status status = HADA_OK;
     lpips_plan sizes;
     if (!lpips || !bytes)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_bytes: an argument is missing");
@@ -278,8 +267,7 @@ hada_status hada_lpips_bytes(const hada_lpips *lpips, int rows, int cols, uint64
         sum += graph + lpips->values[k].bytes;
     }
     *bytes = sum + (sizes.in_floats + sizes.pooled_floats + sizes.map_at[HADA_LPIPS_STAGES]) * sizeof(float);
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status read_backbone(hada_lpips *lpips, const char *path, hada_error *err)
@@ -288,11 +276,11 @@ static hada_status read_backbone(hada_lpips *lpips, const char *path, hada_error
     hada_status status = hada_tensors_open(&file, path, err);
     if (status)
         return status;
-    HADA_TRY(hada_lpips_find_net(file, &lpips->net, err));
+    HADA_TRY_OR_DONE(hada_lpips_find_net(file, &lpips->net, err));
     for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
-        HADA_TRY(hada_lpips_stage_make(&lpips->stage[k], lpips->net, k, file, err));
-        HADA_TRY(hada_buffer_create_from(&lpips->values[k], lpips->slot, lpips->stage[k]->values,
-                                         lpips->stage[k]->floats * sizeof(float), "the weights", err));
+        HADA_TRY_OR_DONE(hada_lpips_stage_make(&lpips->stage[k], lpips->net, k, file, err));
+        HADA_TRY_OR_DONE(hada_buffer_create_from(&lpips->values[k], lpips->slot, lpips->stage[k]->values,
+                                                 lpips->stage[k]->floats * sizeof(float), "the weights", err));
     }
 done:
     if (status)
@@ -303,12 +291,9 @@ done:
 
 static hada_status read_heads(hada_lpips *lpips, const char *path, hada_error *err)
 {
-    hada_status status = HADA_OK;
     float weights[HADA_LPIPS_CHANNELS];
     HADA_TRY(hada_lpips_read_heads(path, lpips->net, weights, lpips->head_at, err));
-    HADA_TRY(hada_buffer_create_from(&lpips->heads, lpips->slot, weights, sizeof weights, "the heads of LPIPS", err));
-done:
-    return status;
+    return hada_buffer_create_from(&lpips->heads, lpips->slot, weights, sizeof weights, "the heads of LPIPS", err);
 }
 
 hada_status hada_lpips_create(hada_lpips **out, hada_context *context, hada_lpips_net net, const char *backbone,
@@ -319,12 +304,12 @@ hada_status hada_lpips_create(hada_lpips **out, hada_context *context, hada_lpip
     if (!out || !context || !backbone || (unsigned)net > HADA_LPIPS_ALEX)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_create: an argument is missing or out of range");
     *out = NULL;
-    HADA_TRY(hada_alloc((void **)&lpips, 1, sizeof *lpips, "LPIPS", err));
+    HADA_TRY_OR_DONE(hada_allocated(lpips = hada_alloc(1, sizeof *lpips, "LPIPS", err)));
     lpips->context = context;
     lpips->net = net;
-    HADA_TRY(hada_slot_create(&lpips->slot, context, err));
-    HADA_TRY(read_backbone(lpips, backbone, err));
-    HADA_TRY(read_heads(lpips, heads ? heads : backbone, err));
+    HADA_TRY_OR_DONE(hada_slot_create(&lpips->slot, context, err));
+    HADA_TRY_OR_DONE(read_backbone(lpips, backbone, err));
+    HADA_TRY_OR_DONE(read_heads(lpips, heads ? heads : backbone, err));
 done:
     if (status)
         hada_lpips_destroy(&lpips);

@@ -117,7 +117,6 @@ void hada_lpips_fill(hada_lpips_net net, const hada_image *image, double peak, h
 
 static hada_status list(hada_net *net, hada_lpips_net kind, int stage, hada_error *err)
 {
-    hada_status status = HADA_OK;
     int at, channels;
     const hada_lpips_entry entry = hada_lpips_stage_entry(kind, stage);
     const part *parts = parts_of(kind, stage, &channels) + (entry.pool > 0);
@@ -135,9 +134,7 @@ static hada_status list(hada_net *net, hada_lpips_net kind, int stage, hada_erro
         HADA_TRY(hada_net_add(net, &layer, &at, err));
         last = parts->tap;
     }
-    HADA_TRY(hada_net_finish(net, err));
-done:
-    return status;
+    return hada_net_finish(net, err);
 }
 
 /* AlexNet's first weights, [out][3][11][11], for blocks of pixels as channels: the place (y, x) of a kernel becomes
@@ -151,13 +148,13 @@ static hada_status fold_weights(hada_net *net, const hada_tensors *file, hada_er
     if (!tensor || tensor->dims != 4 || tensor->shape[0] != out || tensor->shape[1] != 3 ||
         tensor->shape[2] != kernel || tensor->shape[3] != kernel)
         return hada_fail(err, HADA_ERROR_MODEL, "the tensor features.0.weight has another shape than that of AlexNet");
-    HADA_TRY(hada_alloc((void **)&given, (size_t)values, sizeof *given, "the weights", err));
-    HADA_TRY(hada_tensor_copy_f32(tensor, 0, (size_t)values, given, err));
+    HADA_TRY_OR_DONE(hada_allocated(given = hada_alloc((size_t)values, sizeof *given, "the weights", err)));
+    HADA_TRY_OR_DONE(hada_tensor_copy_f32(tensor, 0, (size_t)values, given, err));
     for (int i = 0; i < values; i++) {
         const int x = i % kernel, y = i / kernel % kernel, c = i / kernel / kernel % 3, o = i / kernel / kernel / 3;
         const int channel = (c * FOLD + y % FOLD) * FOLD + x % FOLD;
         if (!isfinite(given[i]))
-            HADA_TRY(
+            HADA_TRY_OR_DONE(
                 hada_fail(err, HADA_ERROR_NOT_FINITE, "the tensor features.0.weight holds values that are not finite"));
         to[((o * 3 * FOLD * FOLD + channel) * FOLDED_KERNEL + y / FOLD) * FOLDED_KERNEL + x / FOLD] = given[i];
     }
@@ -171,11 +168,11 @@ hada_status hada_lpips_stage_make(hada_net **out, hada_lpips_net kind, int stage
 {
     hada_status status = HADA_OK;
     const char *own = is_folded(kind, stage) ? "features.0.weight" : NULL;
-    HADA_TRY(hada_net_begin(out, 1, err));
-    HADA_TRY(list(*out, kind, stage, err));
+    HADA_TRY_OR_DONE(hada_net_begin(out, 1, err));
+    HADA_TRY_OR_DONE(list(*out, kind, stage, err));
     if (own)
-        HADA_TRY(fold_weights(*out, file, err));
-    HADA_TRY(hada_net_read_but(*out, file, "", own, err));
+        HADA_TRY_OR_DONE(fold_weights(*out, file, err));
+    HADA_TRY_OR_DONE(hada_net_read_but(*out, file, "", own, err));
 done:
     if (status)
         hada_net_destroy(out);

@@ -25,7 +25,6 @@ hada_status hada_lpips_find_net(const hada_tensors *file, hada_lpips_net *net, h
 
 static hada_status read_head(const hada_tensors *file, hada_lpips_net net, int stage, float *out, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const int channels = hada_lpips_stage_channels(net, stage);
     char name[] = "lin0.model.1.weight";
     name[3] = (char)('0' + stage);
@@ -41,8 +40,7 @@ static hada_status read_head(const hada_tensors *file, hada_lpips_net net, int s
     for (int i = 0; i < channels; i++)
         if (!isfinite(out[i]))
             HADA_TRY(hada_fail(err, HADA_ERROR_NOT_FINITE, "the tensor %s holds values that are not finite", name));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_lpips_read_heads(const char *path, hada_lpips_net net, float weights[HADA_LPIPS_CHANNELS],
@@ -57,7 +55,7 @@ hada_status hada_lpips_read_heads(const char *path, hada_lpips_net net, float we
         weights[i] = 0.0f;
     for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
         first[k] = count;
-        HADA_TRY(read_head(file, net, k, weights + count, err));
+        HADA_TRY_OR_DONE(read_head(file, net, k, weights + count, err));
         count += (size_t)hada_lpips_stage_channels(net, k);
     }
 done:

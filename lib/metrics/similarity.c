@@ -100,7 +100,7 @@ hada_status hada_similarities(const hada_image *a, const hada_image *b, hada_sim
 {
     double *means = NULL, weight[TAPS];
     hada_status status = HADA_OK;
-    HADA_TRY(hada_images_check_pair(a, b, err));
+    HADA_TRY_OR_DONE(hada_images_check_pair(a, b, err));
     for (int n = 0; n < count; n++) {
         if (!(list[n].peak > 0.0))
             return hada_fail(err, HADA_ERROR_ARGUMENT, "a peak of %g is not possible; it must be above 0",
@@ -112,7 +112,8 @@ hada_status hada_similarities(const hada_image *a, const hada_image *b, hada_sim
         return hada_fail(err, HADA_ERROR_SIZE, "structural similarity needs images of at least 11 x 11, not %d x %d",
                          a->rows, a->cols);
     const size_t rows = (size_t)a->rows, cols = (size_t)a->cols, inner = cols - 2 * RADIUS, stride = cols + LANES;
-    HADA_TRY(hada_alloc((void **)&means, stride * (MEANS + 1), sizeof *means, "structural similarity", err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(means = hada_alloc(stride * (MEANS + 1), sizeof *means, "structural similarity", err)));
     double *row = means + MEANS * stride;
     gaussian(weight);
     for (size_t c = 0; c < (size_t)a->channels; c++)

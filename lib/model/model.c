@@ -130,8 +130,8 @@ hada_status hada_model_create_head(hada_model **out, const hada_model_info *info
     hada_status status = HADA_OK;
     hada_model *model = NULL;
     *out = NULL;
-    HADA_TRY(hada_model_info_check(info, err));
-    HADA_TRY(hada_alloc((void **)&model, 1, sizeof *model, "a model", err));
+    HADA_TRY_OR_DONE(hada_model_info_check(info, err));
+    HADA_TRY_OR_DONE(hada_allocated(model = hada_alloc(1, sizeof *model, "a model", err)));
     const size_t depths = (size_t)info->depths;
     model->info = *info;
     if (model->info.refine_share == 0.0)
@@ -141,9 +141,10 @@ hada_status hada_model_create_head(hada_model **out, const hada_model_info *info
     if (!(info->refine_colour > 0.0)) /* not said */
         model->info.refine_colour = 1.0;
     model->info.enhance = model->info.enhance_rows = model->info.enhance_cols = 0; /* until it has the net */
-    HADA_TRY(hada_alloc((void **)&model->distances, depths, sizeof *model->distances, "the distances", err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(model->distances = hada_alloc(depths, sizeof *model->distances, "the distances", err)));
     if (!(model->name = hada_string_copy(info->name ? info->name : "")))
-        HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory for a model"));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for a model"));
     if (info->distances_mm)
         memcpy(model->distances, info->distances_mm, depths * sizeof *model->distances);
     model->info.distances_mm = model->distances;
@@ -159,28 +160,27 @@ done:
 
 hada_status hada_model_create_arrays(hada_model *model, int with_statistics, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_model_info *info = &model->info;
     const size_t plane = hada_model_plane(model), images = (size_t)info->depths * (size_t)info->channels;
     const size_t pair = hada_size_product(images, hada_size_product(plane, 2));
-    HADA_TRY(info->half ? hada_alloc((void **)&model->filter_half, pair, 2, "the filters", err)
-                        : hada_alloc((void **)&model->filter, pair, 4, "the filters", err));
+    HADA_TRY(info->half ? hada_allocated(model->filter_half = hada_alloc(pair, 2, "the filters", err))
+                        : hada_allocated(model->filter = hada_alloc(pair, 4, "the filters", err)));
     if (info->has_otf)
-        HADA_TRY(hada_alloc((void **)&model->otf, pair, 4, "the transfer functions", err));
+        HADA_TRY(hada_allocated(model->otf = hada_alloc(pair, 4, "the transfer functions", err)));
     if (with_statistics) {
-        HADA_TRY(hada_alloc((void **)&model->scene_power, plane, 4, "the scenes' power", err));
-        HADA_TRY(hada_alloc((void **)&model->noise_power, images, sizeof(double), "the noise power", err));
-        HADA_TRY(hada_alloc((void **)&model->pairs, (size_t)info->depths, sizeof(double), "the numbers of pairs", err));
+        HADA_TRY(hada_allocated(model->scene_power = hada_alloc(plane, 4, "the scenes' power", err)));
+        HADA_TRY(hada_allocated(model->noise_power = hada_alloc(images, sizeof(double), "the noise power", err)));
+        HADA_TRY(hada_allocated(model->pairs =
+                                    hada_alloc((size_t)info->depths, sizeof(double), "the numbers of pairs", err)));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_model_create(hada_model **out, const hada_model_info *info, int with_statistics, hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(hada_model_create_head(out, info, err));
-    HADA_TRY(hada_model_create_arrays(*out, with_statistics, err));
+    HADA_TRY_OR_DONE(hada_model_create_head(out, info, err));
+    HADA_TRY_OR_DONE(hada_model_create_arrays(*out, with_statistics, err));
 done:
     if (status)
         hada_model_destroy(out);

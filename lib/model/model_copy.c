@@ -64,16 +64,16 @@ hada_status hada_model_to_half(hada_model **out, const hada_model *model, hada_e
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_to_half: out and model are needed");
     hada_model_info info = model->info;
     info.half = 1;
-    HADA_TRY(hada_model_create(out, &info, model->scene_power != NULL, err));
+    HADA_TRY_OR_DONE(hada_model_create(out, &info, model->scene_power != NULL, err));
     uint16_t *half = (*out)->filter_half;
     const size_t plane = 2 * hada_model_plane(model), images = (size_t)info.depths * (size_t)info.channels;
     if (model->filter_half)
         memcpy(half, model->filter_half, images * plane * sizeof *half);
     for (size_t i = 0; model->filter && i < images; i++)
-        HADA_TRY(hada_filter_to_half(model->filter + i * plane, plane, half + i * plane, err));
+        HADA_TRY_OR_DONE(hada_filter_to_half(model->filter + i * plane, plane, half + i * plane, err));
     copy_knowledge(*out, model);
     if (model->enhance)
-        HADA_TRY(copy_enhance(*out, model->enhance, info.enhance_rows, info.enhance_cols, err));
+        HADA_TRY_OR_DONE(copy_enhance(*out, model->enhance, info.enhance_rows, info.enhance_cols, err));
 done:
     if (status)
         hada_model_destroy(out);
@@ -86,7 +86,7 @@ hada_status hada_model_with_enhance(hada_model **out, const hada_model *model, c
     hada_status status = HADA_OK;
     if (!out || !model)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_with_enhance: out and model are needed");
-    HADA_TRY(hada_model_create(out, &model->info, model->scene_power != NULL, err));
+    HADA_TRY_OR_DONE(hada_model_create(out, &model->info, model->scene_power != NULL, err));
     const size_t images = (size_t)model->info.depths * (size_t)model->info.channels;
     const size_t values = images * hada_model_plane(model) * 2;
     if (model->filter)
@@ -95,7 +95,7 @@ hada_status hada_model_with_enhance(hada_model **out, const hada_model *model, c
         memcpy((*out)->filter_half, model->filter_half, values * sizeof *model->filter_half);
     copy_knowledge(*out, model);
     if (net)
-        HADA_TRY(copy_enhance(*out, net, rows, cols, err));
+        HADA_TRY_OR_DONE(copy_enhance(*out, net, rows, cols, err));
 done:
     if (status)
         hada_model_destroy(out);

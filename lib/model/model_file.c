@@ -47,7 +47,6 @@ static hada_status put_size(hada_tensors_writer *writer, const char *key, int ro
 
 static hada_status put_metadata(hada_tensors_writer *writer, const hada_model_info *info, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_tensors_put_meta(writer, "format", FORMAT, err));
     HADA_TRY(put_number(writer, "version", FORMAT_VERSION, err));
     HADA_TRY(hada_tensors_put_meta(writer, "library", "hadalens " HADALENS_VERSION, err));
@@ -76,8 +75,7 @@ static hada_status put_metadata(hada_tensors_writer *writer, const hada_model_in
     HADA_TRY(hada_tensors_put_meta(writer, RESPONSE, response, err));
     for (size_t i = 0; i < sizeof conventions / sizeof *conventions; i++)
         HADA_TRY(hada_tensors_put_meta(writer, conventions[i][0], conventions[i][1], err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The tensors of a file, in their order. */
@@ -123,11 +121,11 @@ static hada_status declare_enhance(const hada_model *model, hada_tensors_writer 
     char *description = NULL;
     if (!model->enhance)
         return HADA_OK;
-    HADA_TRY(hada_net_describe(model->enhance, &description, err));
-    HADA_TRY(hada_tensors_put_meta(writer, NET_META, description, err));
+    HADA_TRY_OR_DONE(hada_net_describe(model->enhance, &description, err));
+    HADA_TRY_OR_DONE(hada_tensors_put_meta(writer, NET_META, description, err));
     if (model->info.enhance_rows)
-        HADA_TRY(put_size(writer, NET_SIZE, model->info.enhance_rows, model->info.enhance_cols, err));
-    HADA_TRY(hada_net_declare(model->enhance, writer, NET_PREFIX, err));
+        HADA_TRY_OR_DONE(put_size(writer, NET_SIZE, model->info.enhance_rows, model->info.enhance_cols, err));
+    HADA_TRY_OR_DONE(hada_net_declare(model->enhance, writer, NET_PREFIX, err));
 done:
     free(description);
     return status;
@@ -141,7 +139,6 @@ static hada_status write_enhance(const hada_model *model, hada_tensors_writer *w
 /* Everything of a model into a file that has been opened. */
 static hada_status write_model(const hada_model *model, hada_tensors_writer *writer, hada_error *err)
 {
-    hada_status status = HADA_OK;
     part parts[PARTS];
     const int count = list_parts(model, parts);
     HADA_TRY(put_metadata(writer, &model->info, err));
@@ -150,9 +147,7 @@ static hada_status write_model(const hada_model *model, hada_tensors_writer *wri
     HADA_TRY(declare_enhance(model, writer, err));
     for (int i = 0; i < count; i++)
         HADA_TRY(hada_tensors_write(writer, parts[i].data, parts[i].bytes, err));
-    HADA_TRY(write_enhance(model, writer, err));
-done:
-    return status;
+    return write_enhance(model, writer, err);
 }
 
 hada_status hada_model_save(const hada_model *model, const char *path, hada_error *err)
@@ -161,9 +156,9 @@ hada_status hada_model_save(const hada_model *model, const char *path, hada_erro
     hada_tensors_writer *writer = NULL;
     if (!model || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_save: model and path are needed");
-    HADA_TRY(hada_tensors_create(&writer, path, err));
-    HADA_TRY(write_model(model, writer, err));
-    HADA_TRY(hada_tensors_finish(&writer, err));
+    HADA_TRY_OR_DONE(hada_tensors_create(&writer, path, err));
+    HADA_TRY_OR_DONE(write_model(model, writer, err));
+    HADA_TRY_OR_DONE(hada_tensors_finish(&writer, err));
 done:
     hada_tensors_abandon(&writer);
     return status;
@@ -199,7 +194,6 @@ static hada_status get_size(const hada_tensors *file, const char *path, const ch
 
 static hada_status get_metadata(const hada_tensors *file, const char *path, hada_model_info *info, hada_error *err)
 {
-    hada_status status = HADA_OK;
     double version = 0, steps = 0;
     const char *format = hada_tensors_meta(file, "format");
     const char *form = hada_tensors_meta(file, "form"), *boundary = hada_tensors_meta(file, "boundary");
@@ -240,8 +234,7 @@ static hada_status get_metadata(const hada_tensors *file, const char *path, hada
     if (steps < 0 || steps > MOST_STEPS || steps != floor(steps))
         HADA_TRY(missing(path, "refine_steps", err));
     info->refine_steps = (int)steps;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* A tensor of the wanted shape and type whose data can be used where it stands. */
@@ -269,7 +262,6 @@ static hada_status check_part(const hada_tensors *file, const char *path, const 
 /* Points the model's arrays into the file; small ones were allocated and are copied. */
 static hada_status take_parts(hada_model *model, const hada_tensors *file, const char *path, hada_error *err)
 {
-    hada_status status = HADA_OK;
     part parts[PARTS];
     const void *data = NULL;
     const int count = list_parts(model, parts);
@@ -290,8 +282,7 @@ static hada_status take_parts(hada_model *model, const hada_tensors *file, const
         else
             model->filter = (float *)(uintptr_t)data;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Takes the net of a file, where it holds one. */
@@ -312,7 +303,6 @@ static hada_status read_enhance(hada_model *model, const hada_tensors *file, had
 /* What the metadata and the tensors' shapes say. */
 static hada_status get_info(const hada_tensors *file, const char *path, hada_model_info *info, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(get_metadata(file, path, info, err));
     const hada_stored_tensor *filter = hada_tensors_find(file, "filter");
     if (!filter || filter->dims != 5 || (filter->type != HADA_F32 && filter->type != HADA_F16))
@@ -324,19 +314,15 @@ static hada_status get_info(const hada_tensors *file, const char *path, hada_mod
     info->half = filter->type == HADA_F16;
     info->has_otf = hada_tensors_find(file, "otf") != NULL;
     info->name = path;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Checks of what was read, and the net. */
 static hada_status complete(hada_model *model, const hada_tensors *file, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_model_info_check(&model->info, err));
     HADA_TRY(hada_model_check_numbers(model, err));
-    HADA_TRY(read_enhance(model, file, err));
-done:
-    return status;
+    return read_enhance(model, file, err);
 }
 
 static hada_status load(hada_model **out, hada_tensors *file, const char *path, hada_error *err)
@@ -346,7 +332,7 @@ static hada_status load(hada_model **out, hada_tensors *file, const char *path, 
     hada_status status = HADA_OK;
     hada_model_info info = {0};
     hada_model *model = NULL;
-    HADA_TRY(get_info(file, path, &info, err));
+    HADA_TRY_OR_DONE(get_info(file, path, &info, err));
     if ((status = hada_model_create_head(&model, &info, err)) != HADA_OK) {
         hada_error_prefix(err, "%s: ", path);
         goto done;
@@ -357,10 +343,12 @@ static hada_status load(hada_model **out, hada_tensors *file, const char *path, 
     if (hada_tensors_find(file, "scene_power")) {
         const size_t images = (size_t)info.depths * (size_t)info.channels;
         model->scene_power = &present;
-        HADA_TRY(hada_alloc((void **)&model->noise_power, images, sizeof(double), "the noise power", err));
-        HADA_TRY(hada_alloc((void **)&model->pairs, (size_t)info.depths, sizeof(double), "the pairs", err));
+        HADA_TRY_OR_DONE(
+            hada_allocated(model->noise_power = hada_alloc(images, sizeof(double), "the noise power", err)));
+        HADA_TRY_OR_DONE(
+            hada_allocated(model->pairs = hada_alloc((size_t)info.depths, sizeof(double), "the pairs", err)));
     }
-    HADA_TRY(take_parts(model, file, path, err));
+    HADA_TRY_OR_DONE(take_parts(model, file, path, err));
     if ((status = complete(model, file, err)) != HADA_OK)
         hada_error_prefix(err, "%s: ", path);
 done:
@@ -381,8 +369,8 @@ hada_status hada_model_load(hada_model **out, const char *path, hada_error *err)
     if (!out || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_load: out and path are needed");
     *out = NULL;
-    HADA_TRY(hada_tensors_open(&file, path, err));
-    HADA_TRY(load(out, file, path, err));
+    HADA_TRY_OR_DONE(hada_tensors_open(&file, path, err));
+    HADA_TRY_OR_DONE(load(out, file, path, err));
 done:
     if (status)
         hada_tensors_close(&file);

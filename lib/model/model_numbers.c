@@ -83,7 +83,6 @@ hada_status hada_model_check_numbers(const hada_model *model, hada_error *err)
     const hada_model_info *info = &model->info;
     const size_t plane = hada_model_plane(model), channels = (size_t)info->channels, values = channels * plane * 2;
     double gain = 0.0, power = 0.0;
-    hada_status status = HADA_OK;
     for (size_t z = 0; z < (size_t)info->depths; z++) {
         const int depth = (int)z;
         if (model->otf) {
@@ -101,8 +100,6 @@ hada_status hada_model_check_numbers(const hada_model *model, hada_error *err)
         HADA_TRY(any_negative(model->scene_power, plane) ? wrong("scene_power", err) : HADA_OK);
         HADA_TRY(check_largest("scene_power", -1, power, POWER_MOST, err));
     }
-    HADA_TRY(check_doubles("noise_power", model->noise_power, (size_t)info->depths * channels,
-                           gain > 0.0 && power > 0.0 ? NOISE_MOST * gain * power : POWER_MOST, err));
-done:
-    return status;
+    return check_doubles("noise_power", model->noise_power, (size_t)info->depths * channels,
+                         gain > 0.0 && power > 0.0 ? NOISE_MOST * gain * power : POWER_MOST, err);
 }

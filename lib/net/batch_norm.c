@@ -59,7 +59,6 @@ static hada_status merge_sums(hada_slot *slot, const hada_tensor *x, cl_mem scra
 static hada_status join(hada_slot *slot, merge_parts *merge, const hada_tensor *x, size_t parts, size_t vectors,
                         cl_mem scratch, size_t *place, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const size_t part_floats = vectors * (size_t)hada_layout_of(x).blocks * (size_t)x->block;
     *place = 0;
     while (parts > 1) {
@@ -68,8 +67,7 @@ static hada_status join(hada_slot *slot, merge_parts *merge, const hada_tensor *
         parts = m.fewer;
         *place = m.to;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* `second`: the variance, or 1 / sqrt(variance + eps). */
@@ -103,7 +101,6 @@ hada_status hada_batch_norm_infer(hada_slot *slot, const hada_batch_norm *norm, 
 static hada_status measure(hada_slot *slot, const hada_batch_norm *norm, const hada_tensor *x, hada_floats saved,
                            cl_mem scratch, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_layer_grid grid = hada_layer_sum_grid_of(slot, x);
     const hada_range channels = hada_layer_flat_range(slot, (size_t)x->channels, 1);
     const hada_program_net_batch_norm program = HADA_PROGRAM_OF_LAYER(NET_BATCH_NORM, slot, x->block);
@@ -114,18 +111,15 @@ static hada_status measure(hada_slot *slot, const hada_batch_norm *norm, const h
                                                    .at_x = hada_layout_of(x), .span = grid.span,
                                                    .part_count = (cl_uint)parts));
     HADA_TRY(join(slot, merge_means, x, parts, 3, scratch, &place, err));
-    HADA_TRY(hada_launch_net_batch_norm_finish(slot, program, &channels, err, .parts = scratch, .saved = saved.mem,
-                                               .mean = norm->mean.mem, .variance = norm->variance.mem,
-                                               .parts_offset = place, .saved_offset = saved.offset,
-                                               .channels = x->channels, .momentum = norm->momentum, .at = at));
-done:
-    return status;
+    return hada_launch_net_batch_norm_finish(slot, program, &channels, err, .parts = scratch, .saved = saved.mem,
+                                             .mean = norm->mean.mem, .variance = norm->variance.mem,
+                                             .parts_offset = place, .saved_offset = saved.offset,
+                                             .channels = x->channels, .momentum = norm->momentum, .at = at);
 }
 
 hada_status hada_batch_norm_train(hada_slot *slot, const hada_batch_norm *norm, const hada_tensor *x,
                                   const hada_tensor *y, hada_floats saved, cl_mem scratch, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_layer_check("batch normalisation", x, y, 1, err));
     if ((double)x->images * x->rows * x->cols < 2.0)
         HADA_TRY(hada_fail(err, HADA_ERROR_SIZE,
@@ -133,25 +127,20 @@ hada_status hada_batch_norm_train(hada_slot *slot, const hada_batch_norm *norm, 
                            "needs more images or pixels"));
     const hada_floats inverse = {saved.mem, saved.offset + (size_t)x->channels};
     HADA_TRY(measure(slot, norm, x, saved, scratch, err));
-    HADA_TRY(apply(slot, norm, x, y, saved, inverse, 0, err));
-done:
-    return status;
+    return apply(slot, norm, x, y, saved, inverse, 0, err);
 }
 
 /* The sums of dy and of dy times the normalised x, at *place of scratch. */
 static hada_status gradient_sums(hada_slot *slot, const hada_tensor *x, hada_floats saved, const hada_tensor *dy,
                                  cl_mem scratch, size_t *place, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_layer_grid grid = hada_layer_sum_grid_of(slot, x);
     const size_t parts = parts_of(x, &grid);
     HADA_TRY(hada_launch_net_batch_norm_gradients(
         slot, HADA_PROGRAM_OF_LAYER(NET_BATCH_NORM, slot, x->block), &grid.range, err, .x = x->mem, .dy = dy->mem,
         .saved = saved.mem, .parts = scratch, .at_x = hada_layout_of(x), .at_dy = hada_layout_of(dy),
         .saved_offset = saved.offset, .span = grid.span, .part_count = (cl_uint)parts));
-    HADA_TRY(join(slot, merge_sums, x, parts, 2, scratch, place, err));
-done:
-    return status;
+    return join(slot, merge_sums, x, parts, 2, scratch, place, err);
 }
 
 hada_status hada_batch_norm_backward(hada_slot *slot, const hada_batch_norm *norm, const hada_tensor *x,
@@ -159,7 +148,6 @@ hada_status hada_batch_norm_backward(hada_slot *slot, const hada_batch_norm *nor
                                      hada_floats dweight, hada_floats dbias, int accumulate, cl_mem scratch,
                                      hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_layer_check("batch normalisation", x, dy, 1, err));
     HADA_TRY(hada_layer_check("batch normalisation", x, dx, 1, err));
     size_t place;
@@ -179,9 +167,7 @@ hada_status hada_batch_norm_backward(hada_slot *slot, const hada_batch_norm *nor
                                                 .dbias = dbias.mem, .parts_offset = place,
                                                 .dweight_offset = dweight.offset, .dbias_offset = dbias.offset,
                                                 .channels = x->channels, .accumulate = accumulate));
-    HADA_TRY(hada_launch_net_batch_norm_backward(slot, program, &grid.range, err, .x = x->mem, .dy = dy->mem,
-                                                 .dx = dx->mem, .saved = saved.mem, .weight = norm->weight.mem,
-                                                 .parts = scratch, .at = at));
-done:
-    return status;
+    return hada_launch_net_batch_norm_backward(slot, program, &grid.range, err, .x = x->mem, .dy = dy->mem,
+                                               .dx = dx->mem, .saved = saved.mem, .weight = norm->weight.mem,
+                                               .parts = scratch, .at = at);
 }

@@ -31,16 +31,17 @@ hada_status hada_conv_create_chosen(hada_conv **out, hada_slot *slot, const hada
     hada_conv_plan plan;
     hada_conv *conv = NULL;
     *out = NULL;
-    HADA_TRY(hada_conv_plan_make(&plan, slot->context, desc, forced, err));
-    HADA_TRY(hada_alloc((void **)&conv, 1, sizeof *conv, "a convolution", err));
+    HADA_TRY_OR_DONE(hada_conv_plan_make(&plan, slot->context, desc, forced, err));
+    HADA_TRY_OR_DONE(hada_allocated(conv = hada_alloc(1, sizeof *conv, "a convolution", err)));
     conv->slot = slot;
     conv->plan = plan;
     for (int p = 0; p < plan.pass_count; p++)
-        HADA_TRY(hada_buffer_create(&conv->weights[p], slot->context, plan.pass[p].weight_floats * sizeof(float),
-                                    "the weights of a convolution", err));
+        HADA_TRY_OR_DONE(hada_buffer_create(&conv->weights[p], slot->context,
+                                            plan.pass[p].weight_floats * sizeof(float), "the weights of a convolution",
+                                            err));
     if (plan.scratch_floats)
-        HADA_TRY(hada_buffer_create(&conv->scratch, slot->context, plan.scratch_floats * sizeof(float),
-                                    "the scratch memory of a convolution", err));
+        HADA_TRY_OR_DONE(hada_buffer_create(&conv->scratch, slot->context, plan.scratch_floats * sizeof(float),
+                                            "the scratch memory of a convolution", err));
 done:
     if (status)
         hada_conv_destroy(&conv);
@@ -69,8 +70,8 @@ hada_status hada_conv_set_weights(hada_conv *conv, hada_floats weights, hada_err
 {
     hada_status status = HADA_OK;
     for (int p = 0; p < conv->plan.pass_count; p++)
-        HADA_TRY(conv->plan.pass[p].tile ? hada_conv_winograd_pack(conv, p, weights, err)
-                                         : hada_conv_pack(conv, p, weights, err));
+        HADA_TRY_OR_DONE(conv->plan.pass[p].tile ? hada_conv_winograd_pack(conv, p, weights, err)
+                                                 : hada_conv_pack(conv, p, weights, err));
 done:
     conv->has_weights = !status;
     return status;
@@ -93,7 +94,6 @@ static hada_status tensor_fits(const hada_conv *conv, const hada_tensor *tensor,
 hada_status hada_conv_ready(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *low,
                             const hada_tensor *out, const hada_conv_finish *finish, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_conv_pass *pass = &conv->plan.pass[index];
     const char *const names[HADA_CONV_PASSES][2] = {{"x", "y"}, {"dy", "dx"}};
     if (!conv->has_weights)
@@ -115,22 +115,18 @@ hada_status hada_conv_ready(hada_conv *conv, int index, const hada_tensor *in, c
         HADA_TRY(tensor_fits(conv, finish->pooled, "pooled output", in->images, pass->out_channels, pass->out_rows / 2,
                              pass->out_cols / 2, err));
     hada_conv_cost(conv, pass->to_coarse ? out : in, pass->to_coarse ? in : out);
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_conv_run(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *low,
                           const hada_tensor *out, const hada_conv_finish *finish, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_conv_pass *pass = &conv->plan.pass[index];
     HADA_TRY(hada_conv_ready(conv, index, in, low, out, finish, err));
     if (pass->tile)
         return hada_conv_winograd(conv, index, in, low, out, finish, err);
-    HADA_TRY(pass->method == HADA_CONV_PLAIN ? hada_conv_plain(conv, index, in, out, finish, err)
-                                             : hada_conv_direct(conv, index, in, out, finish, err));
-done:
-    return status;
+    return pass->method == HADA_CONV_PLAIN ? hada_conv_plain(conv, index, in, out, finish, err)
+                                           : hada_conv_direct(conv, index, in, out, finish, err);
 }
 
 hada_status hada_conv_forward(hada_conv *conv, const hada_tensor *x, hada_floats bias, const hada_tensor *y,
@@ -165,18 +161,14 @@ static hada_status must_train(const hada_conv *conv, hada_error *err)
 hada_status hada_conv_backward_data(hada_conv *conv, const hada_tensor *dy, const hada_tensor *masked_by,
                                     const hada_tensor *dx, int accumulate, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_conv_finish finish = {.mask = masked_by, .accumulate = accumulate};
     HADA_TRY(must_train(conv, err));
-    HADA_TRY(hada_conv_run(conv, HADA_CONV_DATA, dy, NULL, dx, &finish, err));
-done:
-    return status;
+    return hada_conv_run(conv, HADA_CONV_DATA, dy, NULL, dx, &finish, err);
 }
 
 hada_status hada_conv_backward_weights(hada_conv *conv, const hada_tensor *x, const hada_tensor *dy, hada_floats dw,
                                        hada_floats db, int accumulate, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(must_train(conv, err));
     const hada_conv_pass *forward = &conv->plan.pass[HADA_CONV_FORWARD];
     HADA_TRY(tensor_fits(conv, x, "x", x->images, forward->in_channels, forward->in_rows, forward->in_cols, err));
@@ -192,6 +184,5 @@ hada_status hada_conv_backward_weights(hada_conv *conv, const hada_tensor *x, co
         HADA_TRY(hada_conv_weights(conv, coarse, fine, dw, accumulate, err));
     if (db.mem)
         HADA_TRY(hada_conv_bias(conv, dy, db, accumulate, err));
-done:
-    return status;
+    return HADA_OK;
 }

@@ -9,22 +9,16 @@
 
 hada_status hada_conv_compare_run(hada_conv_compare *c, hada_conv *conv, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_conv_forward(conv, &c->in, (hada_floats){c->bias.mem, 0}, &c->out, NULL, err));
-    HADA_TRY(hada_slot_finish(c->slot, err));
-done:
-    return status;
+    return hada_slot_finish(c->slot, err);
 }
 
 hada_status hada_conv_compare_values(hada_conv_compare *c, hada_conv *conv, float *values, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_conv_set_weights(conv, (hada_floats){c->weights.mem, 0}, err));
     HADA_TRY(hada_buffer_clear(&c->y, c->slot, 0, c->y.bytes, err));
     HADA_TRY(hada_conv_compare_run(c, conv, err));
-    HADA_TRY(hada_buffer_read(&c->y, c->slot, 0, values, c->y.bytes, err));
-done:
-    return status;
+    return hada_buffer_read(&c->y, c->slot, 0, values, c->y.bytes, err);
 }
 
 static hada_status random_buffer(hada_conv_compare *c, hada_buffer *buffer, uint64_t stream, size_t count, float scale,
@@ -33,11 +27,11 @@ static hada_status random_buffer(hada_conv_compare *c, hada_buffer *buffer, uint
     hada_status status = HADA_OK;
     float *values = NULL;
     hada_random random;
-    HADA_TRY(hada_alloc((void **)&values, count, sizeof *values, "the values of a measurement", err));
+    HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc(count, sizeof *values, "the values of a measurement", err)));
     hada_random_seed(&random, 1, stream);
     for (size_t i = 0; i < count; i++)
         values[i] = scale * (float)hada_random_normal(&random);
-    HADA_TRY(hada_buffer_create_from(buffer, c->slot, values, count * sizeof *values, "a measurement", err));
+    HADA_TRY_OR_DONE(hada_buffer_create_from(buffer, c->slot, values, count * sizeof *values, "a measurement", err));
 done:
     free(values);
     return status;
@@ -58,21 +52,22 @@ static hada_status make_values(hada_conv_compare *c, hada_error *err)
     hada_conv_output_size(d, &rows, &cols);
     c->in = hada_tensor_at(context, NULL, 0, 1, d->in_channels, d->in_rows, d->in_cols);
     c->out = hada_tensor_at(context, NULL, 0, 1, d->out_channels, rows, cols);
-    HADA_TRY(random_buffer(c, &planar, 0, planes, 1, err));
-    HADA_TRY(random_buffer(c, &c->weights, 1, (size_t)d->in_channels * (size_t)d->out_channels * taps,
-                           1 / sqrtf((float)((size_t)d->in_channels * taps)), err));
-    HADA_TRY(random_buffer(c, &c->bias, 2, (size_t)d->out_channels, 0.1f, err));
-    HADA_TRY(hada_buffer_create(&c->x, context, c->in.image_stride * sizeof(float), "a measurement", err));
-    HADA_TRY(hada_buffer_create(&c->y, context, c->out.image_stride * sizeof(float), "a measurement", err));
-    HADA_TRY(hada_alloc((void **)&c->expected, 2 * c->out.image_stride, sizeof(float), "a measurement", err));
+    HADA_TRY_OR_DONE(random_buffer(c, &planar, 0, planes, 1, err));
+    HADA_TRY_OR_DONE(random_buffer(c, &c->weights, 1, (size_t)d->in_channels * (size_t)d->out_channels * taps,
+                                   1 / sqrtf((float)((size_t)d->in_channels * taps)), err));
+    HADA_TRY_OR_DONE(random_buffer(c, &c->bias, 2, (size_t)d->out_channels, 0.1f, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&c->x, context, c->in.image_stride * sizeof(float), "a measurement", err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&c->y, context, c->out.image_stride * sizeof(float), "a measurement", err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(c->expected = hada_alloc(2 * c->out.image_stride, sizeof(float), "a measurement", err)));
     c->got = c->expected + c->out.image_stride;
     c->in.mem = c->x.mem;
     c->out.mem = c->y.mem;
     const size_t pixels = (size_t)d->in_rows * (size_t)d->in_cols;
     const hada_planar from = {planar.mem, 0, planes, pixels, (size_t)d->in_cols};
-    HADA_TRY(hada_tensor_load(c->slot, &from, &c->in, err));
-    HADA_TRY(hada_conv_create(&plain, c->slot, &definition, err));
-    HADA_TRY(hada_conv_compare_values(c, plain, c->expected, err));
+    HADA_TRY_OR_DONE(hada_tensor_load(c->slot, &from, &c->in, err));
+    HADA_TRY_OR_DONE(hada_conv_create(&plain, c->slot, &definition, err));
+    HADA_TRY_OR_DONE(hada_conv_compare_values(c, plain, c->expected, err));
 done:
     hada_conv_destroy(&plain);
     hada_buffer_destroy(&planar);

@@ -79,7 +79,6 @@ static hada_status reduce_groups(hada_conv *conv, const hada_tensor *coarse, had
 hada_status hada_conv_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, hada_floats dw,
                               int accumulate, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_conv_desc *d = &conv->plan.desc;
     const hada_conv_gradient *g = &conv->plan.gradient;
     const int groups = conv->plan.groups, block = conv->plan.block;
@@ -101,10 +100,8 @@ hada_status hada_conv_weights(hada_conv *conv, const hada_tensor *coarse, const 
         .fine_channels = fine->channels,
         .swapped = g->swapped};
     HADA_TRY(partial_weights(conv, coarse, fine, (size_t)sizes.parts, err));
-    HADA_TRY(groups ? reduce_groups(conv, coarse, dw, &sizes, accumulate, err)
-                    : reduce_lanes(conv, coarse, dw, &sizes, accumulate, err));
-done:
-    return status;
+    return groups ? reduce_groups(conv, coarse, dw, &sizes, accumulate, err)
+                  : reduce_lanes(conv, coarse, dw, &sizes, accumulate, err);
 }
 
 hada_status hada_conv_reduce_bias(hada_conv *conv, size_t scratch_offset, int parts, int channels, hada_floats db,
@@ -121,7 +118,6 @@ hada_status hada_conv_reduce_bias(hada_conv *conv, size_t scratch_offset, int pa
 
 hada_status hada_conv_bias(hada_conv *conv, const hada_tensor *dy, hada_floats db, int accumulate, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const int lines = dy->images * dy->rows, most = conv->plan.gradient.bias_parts;
     const int parts = most < lines ? most : lines;
     const hada_tensor_layout at_dy = hada_layout_of(dy);
@@ -135,7 +131,5 @@ hada_status hada_conv_bias(hada_conv *conv, const hada_tensor *dy, hada_floats d
         HADA_TRY(hada_launch_conv_bias_partial(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_REDUCE, conv->plan.block), &range,
                                                err, .dy = dy->mem, .partial = conv->scratch.mem, .at_dy = at_dy,
                                                .images = dy->images));
-    HADA_TRY(hada_conv_reduce_bias(conv, 0, parts, dy->channels, db, accumulate, err));
-done:
-    return status;
+    return hada_conv_reduce_bias(conv, 0, parts, dy->channels, db, accumulate, err);
 }

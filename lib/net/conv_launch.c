@@ -154,7 +154,6 @@ static hada_status direct_groups(hada_conv *conv, int index, const hada_tensor *
                                                (size_t)in->images * step * step * parts);
     const hada_range finish_range = hada_range_of(fours, FINISH_LOCAL, (size_t)out->rows, (size_t)out->images * blocks);
     hada_conv_problem problem = hada_conv_problem_of(conv, index, in, out, finish, 0);
-    hada_status status = HADA_OK;
     const cl_mem to = parts > 1 ? conv->scratch.mem : out->mem;
     if (pass->method == HADA_CONV_TF32)
         HADA_TRY(hada_launch_conv_tf32(conv->slot, (hada_program_conv_tf32)pass->program, &range, err, .x = in->mem,
@@ -169,15 +168,13 @@ static hada_status direct_groups(hada_conv *conv, int index, const hada_tensor *
                                                &finish_range, err, .partial = conv->scratch.mem,
                                                .bias = finish->bias.mem, .y = out->mem, .mask = hada_conv_mask(finish),
                                                .problem = problem));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status direct_groups_all(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
                                      const hada_conv_finish *finish, hada_error *err)
 {
     const int each = conv->plan.pass[index].images_each;
-    hada_status status = HADA_OK;
     for (int n = 0; n < in->images; n += each) {
         const int count = each < in->images - n ? each : in->images - n;
         const hada_tensor some_in = hada_tensor_images(in, n, count), some_out = hada_tensor_images(out, n, count);
@@ -189,26 +186,22 @@ static hada_status direct_groups_all(hada_conv *conv, int index, const hada_tens
         }
         HADA_TRY(direct_groups(conv, index, &some_in, &some_out, &some, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_conv_direct(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
                              const hada_conv_finish *finish, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(conv->plan.groups ? direct_groups_all(conv, index, in, out, finish, err)
                                : direct_lanes(conv, index, in, out, finish, err));
     if (finish->pooled)
         HADA_TRY(hada_pool_forward(conv->slot, HADA_POOL_MAX, 2, 2, out, finish->pooled, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_conv_plain(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
                             const hada_conv_finish *finish, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_conv_problem problem = hada_conv_problem_of(conv, index, in, out, finish, 0);
     const hada_range range = hada_range_of((size_t)out->cols, PLAIN_LOCAL, (size_t)out->rows,
                                            (size_t)problem.out.blocks * (size_t)in->images);
@@ -217,6 +210,5 @@ hada_status hada_conv_plain(hada_conv *conv, int index, const hada_tensor *in, c
                                     .y = out->mem, .mask = hada_conv_mask(finish), .problem = problem));
     if (finish->pooled)
         HADA_TRY(hada_pool_forward(conv->slot, HADA_POOL_MAX, 2, 2, out, finish->pooled, err));
-done:
-    return status;
+    return HADA_OK;
 }

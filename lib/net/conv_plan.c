@@ -381,7 +381,6 @@ static hada_status check_doubled(const hada_conv_plan *plan, hada_error *err)
 hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *context, const hada_conv_desc *desc,
                                 const hada_conv_choice *forced, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(validate(desc, err));
     *plan = (hada_conv_plan){.desc = *desc,
                              .block = hada_net_block(context),
@@ -398,6 +397,5 @@ hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *contex
         need_scratch(plan, plan->pass[p].scratch_floats);
         plan->pass[p].program = pass_program(plan, context, &plan->pass[p]);
     }
-done:
-    return status;
+    return HADA_OK;
 }

@@ -30,9 +30,9 @@ hada_status hada_conv_tf32_apart(hada_slot *slot, double *apart, hada_error *err
     *apart = 0;
     for (size_t i = 0; i < HADA_COUNT(out_channels); i++) {
         const hada_conv_desc desc = trial(out_channels[i]);
-        HADA_TRY(hada_conv_compare_begin(&compare, slot, &desc, err));
-        HADA_TRY(hada_conv_create(&conv, slot, &desc, err));
-        HADA_TRY(hada_conv_compare_values(&compare, conv, compare.got, err));
+        HADA_TRY_OR_DONE(hada_conv_compare_begin(&compare, slot, &desc, err));
+        HADA_TRY_OR_DONE(hada_conv_create(&conv, slot, &desc, err));
+        HADA_TRY_OR_DONE(hada_conv_compare_values(&compare, conv, compare.got, err));
         const double one = hada_conv_compare_apart(&compare);
         *apart = one > *apart || one != one ? one : *apart; /* what is no number stays */
         hada_conv_destroy(&conv);

@@ -115,7 +115,6 @@ static int ascending(const void *a, const void *b)
 /* All candidates once in each round, until the time is over. */
 static hada_status measure(measurement *c, double end, hada_error *err)
 {
-    hada_status status = HADA_OK;
     int rounds = 0;
     for (; rounds < MOST_ROUNDS && (rounds < LEAST_ROUNDS || hada_seconds() < end); rounds++)
         for (int i = 0; i < c->count; i++) {
@@ -130,8 +129,7 @@ static hada_status measure(measurement *c, double end, hada_error *err)
         qsort(c->all[i].seconds, (size_t)rounds, sizeof *c->all[i].seconds, ascending);
         c->all[i].median = c->all[i].seconds[rounds / 2];
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The first one serves now. */
@@ -172,14 +170,14 @@ hada_status hada_conv_tune(hada_slot *slot, hada_tune_conv_row *row, double seco
     hada_conv_plan plan;
     row->measured = row->refused = row->skipped = 0;
     row->reason[0] = '\0';
-    HADA_TRY(hada_conv_plan_make(&plan, slot->context, &desc, NULL, err));
+    HADA_TRY_OR_DONE(hada_conv_plan_make(&plan, slot->context, &desc, NULL, err));
     hada_conv_shape_text(&plan, HADA_CONV_FORWARD, row->shape, sizeof row->shape);
     hada_conv_choice choices[HADA_CONV_VARIANTS];
     const int count = hada_conv_variants(slot->context, &plan, choices);
-    HADA_TRY(hada_alloc((void **)&c.all, (size_t)count + 1, sizeof *c.all, "a measurement", err));
-    HADA_TRY(hada_conv_compare_begin(&c.compare, slot, &desc, err));
+    HADA_TRY_OR_DONE(hada_allocated(c.all = hada_alloc((size_t)count + 1, sizeof *c.all, "a measurement", err)));
+    HADA_TRY_OR_DONE(hada_conv_compare_begin(&c.compare, slot, &desc, err));
     const double start = hada_seconds(); /* the plain one may take longer than all others */
-    HADA_TRY(add_candidate(&c, NULL, err));
+    HADA_TRY_OR_DONE(add_candidate(&c, NULL, err));
     /* the first half goes to compiling and checking */
     for (int i = 0; i < count; i++) {
         if (hada_seconds() - start > 0.5 * seconds)
@@ -187,8 +185,8 @@ hada_status hada_conv_tune(hada_slot *slot, hada_tune_conv_row *row, double seco
         else
             add_candidate(&c, &choices[i], NULL); /* one that cannot be made does not take part */
     }
-    HADA_TRY(measure(&c, start + seconds, err));
-    HADA_TRY(choose(&c, err));
+    HADA_TRY_OR_DONE(measure(&c, start + seconds, err));
+    HADA_TRY_OR_DONE(choose(&c, err));
 done:
     finish(&c);
     return status;
@@ -200,9 +198,9 @@ hada_status hada_tune_conv(hada_context *context, hada_tune_conv_row *row, doubl
     if (!context || !row || !(seconds > 0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_tune_conv: a context, a row and a time above 0 are needed");
     hada_slot *slot = NULL;
-    HADA_TRY(hada_slot_create(&slot, context, err));
-    HADA_TRY(hada_conv_tf32_try(slot, err));
-    HADA_TRY(hada_conv_tune(slot, row, seconds, NULL, NULL, err));
+    HADA_TRY_OR_DONE(hada_slot_create(&slot, context, err));
+    HADA_TRY_OR_DONE(hada_conv_tf32_try(slot, err));
+    HADA_TRY_OR_DONE(hada_conv_tune(slot, row, seconds, NULL, NULL, err));
 done:
     hada_slot_destroy(&slot);
     return status;

@@ -53,9 +53,10 @@ hada_status hada_tune_net(hada_context *context, const hada_net *net, int rows, 
     hada_tune_conv_row *all = NULL;
     *out = NULL;
     *count = 0;
-    HADA_TRY(hada_alloc((void **)&sizes, (size_t)net->count, sizeof *sizes, "the sizes of a net", err));
-    HADA_TRY(hada_alloc((void **)&all, (size_t)net->count, sizeof *all, "the convolutions of a net", err));
-    HADA_TRY(hada_net_sizes(net, rows, cols, sizes, err));
+    HADA_TRY_OR_DONE(hada_allocated(sizes = hada_alloc((size_t)net->count, sizeof *sizes, "the sizes of a net", err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(all = hada_alloc((size_t)net->count, sizeof *all, "the convolutions of a net", err)));
+    HADA_TRY_OR_DONE(hada_net_sizes(net, rows, cols, sizes, err));
     size_t n = 0;
     for (int i = 1; i < net->count; i++) {
         const hada_layer *layer = &net->layers[i];
@@ -68,7 +69,7 @@ hada_status hada_tune_net(hada_context *context, const hada_net *net, int rows, 
         if (k < n) {
             all[k].layers++;
         } else {
-            HADA_TRY(name_of(context, &all[n], err));
+            HADA_TRY_OR_DONE(name_of(context, &all[n], err));
             n++;
         }
     }
@@ -88,12 +89,13 @@ hada_status hada_tune_save_convs(const hada_context *context, const char *path, 
     const char **words = NULL;
     if (!context || !path || !*path || (count && !rows))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_tune_save_convs: a context, a file name and rows are needed");
-    HADA_TRY(hada_alloc((void **)&words, 2 * count + 1, sizeof *words, "the rows of a tuning file", err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(words = hada_alloc(2 * count + 1, sizeof *words, "the rows of a tuning file", err)));
     for (size_t i = 0; i < count; i++) {
         words[i] = rows[i].shape;
         words[count + i] = rows[i].chosen;
     }
-    HADA_TRY(hada_tuning_write(context, path, "conv", words, words + count, count, err));
+    HADA_TRY_OR_DONE(hada_tuning_write(context, path, "conv", words, words + count, count, err));
 done:
     free(words);
     return status;

@@ -57,7 +57,6 @@ static hada_status three_launches(hada_conv *conv, int index, const hada_tensor 
                                   const hada_tensor *out, const hada_conv_finish *finish,
                                   const hada_conv_problem *problem, int begin, int count, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_conv_pass *pass = &conv->plan.pass[index];
     const hada_program_conv_winograd_steps program = (hada_program_conv_winograd_steps)pass->program;
     const size_t in_blocks = (size_t)(problem->in.blocks + problem->low.blocks);
@@ -71,18 +70,15 @@ static hada_status three_launches(hada_conv *conv, int index, const hada_tensor 
     HADA_TRY(hada_launch_conv_winograd_products(conv->slot, program, &products, err, .scratch = conv->scratch.mem,
                                                 .weights = conv->weights[index].mem, .m_offset = m_offset,
                                                 .in_blocks = (int)in_blocks, .tiles = count, .room = pass->room));
-    HADA_TRY(hada_launch_conv_winograd_out(conv->slot, program, &tiles, err, .m = conv->scratch.mem,
-                                           .bias = finish->bias.mem, .y = out->mem, .mask = hada_conv_mask(finish),
-                                           .pooled = pooled_of(finish, problem), .problem = *problem,
-                                           .m_offset = m_offset, .begin = begin, .room = pass->room));
-done:
-    return status;
+    return hada_launch_conv_winograd_out(conv->slot, program, &tiles, err, .m = conv->scratch.mem,
+                                         .bias = finish->bias.mem, .y = out->mem, .mask = hada_conv_mask(finish),
+                                         .pooled = pooled_of(finish, problem), .problem = *problem,
+                                         .m_offset = m_offset, .begin = begin, .room = pass->room);
 }
 
 hada_status hada_conv_winograd(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *low,
                                const hada_tensor *out, const hada_conv_finish *finish, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_conv_pass *pass = &conv->plan.pass[index];
     /* tiles of odd sizes stand on odd pixels at the far edges */
     const int pools = finish->pooled && out->rows % 2 == 0 && out->cols % 2 == 0;
@@ -101,6 +97,5 @@ hada_status hada_conv_winograd(hada_conv *conv, int index, const hada_tensor *in
     }
     if (finish->pooled && !pools)
         HADA_TRY(hada_pool_forward(conv->slot, HADA_POOL_MAX, 2, 2, out, finish->pooled, err));
-done:
-    return status;
+    return HADA_OK;
 }

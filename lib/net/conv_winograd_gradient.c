@@ -41,7 +41,6 @@ static hada_status by_parts(hada_conv *conv, const hada_tensor *coarse, const ha
 static hada_status by_steps(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, int begin, int count,
                             size_t d_offset, size_t du_offset, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_conv_gradient *g = &conv->plan.gradient;
     const hada_program_conv_winograd_weight_steps program = (hada_program_conv_winograd_weight_steps)g->program;
     /* the first step is that of convolutions, where neither blocks nor pixels matter */
@@ -57,18 +56,15 @@ static hada_status by_steps(hada_conv *conv, const hada_tensor *coarse, const ha
     HADA_TRY(hada_launch_conv_winograd_back(conv->slot, program, &tiles, err, .dy = coarse->mem,
                                             .scratch = conv->scratch.mem, .at_dy = hada_layout_of(coarse),
                                             .d_offset = d_offset, .begin = begin, .room = g->room));
-    HADA_TRY(hada_launch_conv_winograd_correlate(conv->slot, program, &products, err, .scratch = conv->scratch.mem,
-                                                 .d_offset = d_offset, .du_offset = du_offset, .tiles = count,
-                                                 .room = g->room, .adds = begin > 0));
-done:
-    return status;
+    return hada_launch_conv_winograd_correlate(conv->slot, program, &products, err, .scratch = conv->scratch.mem,
+                                               .d_offset = d_offset, .du_offset = du_offset, .tiles = count,
+                                               .room = g->room, .adds = begin > 0);
 }
 
 /* All in local memory, each part with sums of its own. */
 static hada_status in_parts(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, int all,
                             hada_floats dw, hada_floats db, int accumulate, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_conv_gradient *g = &conv->plan.gradient;
     const int most = (all + LEAST_TILES - 1) / LEAST_TILES, parts = g->parts < most ? g->parts : most;
     HADA_TRY(by_parts(conv, coarse, fine, parts, err));
@@ -76,15 +72,13 @@ static hada_status in_parts(hada_conv *conv, const hada_tensor *coarse, const ha
     if (db.mem)
         HADA_TRY(
             hada_conv_reduce_bias(conv, g->part_floats * (size_t)parts, parts, coarse->channels, db, accumulate, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Through scratch memory, so many tiles at a time as there is room for. */
 static hada_status in_steps(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, int all,
                             hada_floats dw, hada_floats db, int accumulate, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const int room = conv->plan.gradient.room;
     const size_t place = PLACES * (size_t)coarse->block;
     const size_t d_offset = place * (blocks_of(fine) * (size_t)room + 1);
@@ -95,8 +89,7 @@ static hada_status in_steps(hada_conv *conv, const hada_tensor *coarse, const ha
     HADA_TRY(reduce(conv, coarse, fine, du_offset, 1, dw, accumulate, err));
     if (db.mem)
         HADA_TRY(hada_conv_bias(conv, coarse, db, accumulate, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_conv_winograd_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine,

@@ -22,7 +22,6 @@ static hada_status check_slope(hada_activation activation, float *slope, hada_er
 hada_status hada_activation_forward(hada_slot *slot, hada_activation activation, float slope, const hada_tensor *x,
                                     const hada_tensor *y, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_layer_check("activation", x, y, 1, err));
     HADA_TRY(check_slope(activation, &slope, err));
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
@@ -34,14 +33,12 @@ hada_status hada_activation_forward(hada_slot *slot, hada_activation activation,
     else
         HADA_TRY(hada_launch_net_leaky_forward(slot, program, &grid.range, err, .x = x->mem, .y = y->mem, .at_x = at_x,
                                                .at_y = at_y, .span = grid.span, .slope = slope));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_activation_backward(hada_slot *slot, hada_activation activation, float slope, const hada_tensor *y,
                                      const hada_tensor *dy, const hada_tensor *dx, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_layer_check("activation", y, dy, 1, err));
     HADA_TRY(hada_layer_check("activation", y, dx, 1, err));
     HADA_TRY(check_slope(activation, &slope, err));
@@ -56,8 +53,7 @@ hada_status hada_activation_backward(hada_slot *slot, hada_activation activation
         HADA_TRY(hada_launch_net_leaky_backward(slot, program, &grid.range, err, .y = y->mem, .dy = dy->mem,
                                                 .dx = dx->mem, .at_y = at_y, .at_dy = at_dy, .at_dx = at_dx,
                                                 .span = grid.span, .slope = slope));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_blend(hada_slot *slot, float a, const hada_tensor *x, float b, const hada_tensor *y, hada_error *err)
@@ -105,13 +101,11 @@ static hada_status place(hada_slot *slot, const hada_tensor *x, const hada_tenso
 
 static hada_status check_channels(const hada_tensor *part, const hada_tensor *whole, int first, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_layer_check("placing", part, whole, 0, err));
     if (first < 0 || first > whole->channels - part->channels)
         HADA_TRY(hada_fail(err, HADA_ERROR_SIZE, "placing: channels %d ... %d of a tensor of %d", first,
                            first + part->channels - 1, whole->channels));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_place(hada_slot *slot, const hada_tensor *x, const hada_tensor *y, int row, int col, int first_channel,

@@ -60,7 +60,6 @@ hada_status hada_enhance_bytes(const hada_context *context, const hada_enhance_d
 
 static hada_status make_buffers(hada_enhance *e, hada_error *err)
 {
-    hada_status status = HADA_OK;
     hada_context *context = e->slot->context;
     const hada_net *net = e->desc.net;
     hada_buffer *const buffers[BUFFERS] = {&e->values,   &e->content, &e->scaled, &e->full_in,
@@ -74,8 +73,7 @@ static hada_status make_buffers(hada_enhance *e, hada_error *err)
         HADA_TRY(hada_buffer_create(buffers[i], context, bytes[i], "planes for the net", err));
         HADA_TRY(hada_buffer_clear(buffers[i], e->slot, 0, bytes[i], err)); /* halos and what fills up stay zero */
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_enhance_create(hada_enhance **out, hada_slot *slot, const hada_enhance_desc *desc, hada_error *err)
@@ -83,16 +81,18 @@ hada_status hada_enhance_create(hada_enhance **out, hada_slot *slot, const hada_
     hada_status status = HADA_OK;
     hada_enhance *e = NULL;
     *out = NULL;
-    HADA_TRY(hada_alloc((void **)&e, 1, sizeof *e, "the enhancement", err));
+    HADA_TRY_OR_DONE(hada_allocated(e = hada_alloc(1, sizeof *e, "the enhancement", err)));
     e->slot = slot;
     e->desc = *desc;
-    HADA_TRY(hada_enhance_shape_of(slot->context, desc, &e->shape, err));
+    HADA_TRY_OR_DONE(hada_enhance_shape_of(slot->context, desc, &e->shape, err));
     const size_t cells = (size_t)desc->rows * (size_t)e->shape.content_cells;
-    HADA_TRY(hada_alloc((void **)&e->map, (size_t)e->shape.planes * cells, sizeof *e->map, "the map of content", err));
-    HADA_TRY(hada_alloc((void **)&e->waiting, (size_t)e->shape.planes, sizeof *e->waiting, "the planes", err));
-    HADA_TRY(hada_graph_create(&e->graph, slot, desc->net, &e->shape.graph, err));
-    HADA_TRY(make_buffers(e, err));
-    HADA_TRY(hada_graph_set_weights(e->graph, (hada_floats){e->values.mem, 0}, err));
+    HADA_TRY_OR_DONE(hada_allocated(
+        e->map = hada_alloc((size_t)e->shape.planes * cells, sizeof *e->map, "the map of content", err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(e->waiting = hada_alloc((size_t)e->shape.planes, sizeof *e->waiting, "the planes", err)));
+    HADA_TRY_OR_DONE(hada_graph_create(&e->graph, slot, desc->net, &e->shape.graph, err));
+    HADA_TRY_OR_DONE(make_buffers(e, err));
+    HADA_TRY_OR_DONE(hada_graph_set_weights(e->graph, (hada_floats){e->values.mem, 0}, err));
 done:
     if (status)
         hada_enhance_destroy(&e);
@@ -160,7 +160,6 @@ static hada_status copy(const hada_enhance *e, const part *from, const part *to,
 /* Fills the maps of content of `count` planes. */
 static hada_status map_content(hada_enhance *e, cl_mem planes, size_t offset, int count, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_enhance_desc *d = &e->desc;
     const int cells = e->shape.content_cells;
     const size_t floats = (size_t)count * (size_t)d->rows * (size_t)cells;
@@ -169,9 +168,7 @@ static hada_status map_content(hada_enhance *e, cl_mem planes, size_t offset, in
     HADA_TRY(hada_launch_net_content(e->slot, hada_program_net_tensor_of(e->slot), &range, err, .image = planes,
                                      .out = e->content.mem, .offset = offset, .channels = d->channels, .rows = d->rows,
                                      .cols = d->cols, .cell = HADA_CONTENT_CELL, .cells = cells));
-    HADA_TRY(hada_buffer_read(&e->content, e->slot, 0, e->map, floats * sizeof *e->map, err));
-done:
-    return status;
+    return hada_buffer_read(&e->content, e->slot, 0, e->map, floats * sizeof *e->map, err);
 }
 
 /* Whether anything stands in a part of the plane whose map is given. */
@@ -189,12 +186,9 @@ static int has_content(const hada_enhance *e, const float *map, int row, int col
 /* The graph, from its input to what is not negative in its output. */
 static hada_status run_graph(hada_enhance *e, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_tensor *y = hada_graph_output(e->graph);
     HADA_TRY(hada_graph_forward(e->graph, err));
-    HADA_TRY(hada_activation_forward(e->slot, HADA_ACTIVATION_RELU, 0.0f, y, y, err));
-done:
-    return status;
+    return hada_activation_forward(e->slot, HADA_ACTIVATION_RELU, 0.0f, y, y, err);
 }
 
 /* The images of plane `slot` of those that go through the net at once. */
@@ -228,7 +222,6 @@ static hada_status resize(const hada_enhance *e, const hada_planes *from, const 
 /* A whole plane to the net, which takes it with others. */
 static hada_status wait_for_others(hada_enhance *e, cl_mem planes, size_t offset, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_planes seen = e->shape.inputs > 1 ? window_of(e, e->beside.mem, 0) : window_of(e, planes, offset);
     const hada_planes scaled = scaled_of(e, e->waiting_count);
     const hada_tensor to = images_of(e, hada_graph_input(e->graph), e->waiting_count);
@@ -236,8 +229,7 @@ static hada_status wait_for_others(hada_enhance *e, cl_mem planes, size_t offset
     HADA_TRY(e->shape.resized ? resize(e, &seen, &scaled, -INFINITY, err)
                               : hada_tensor_load(e->slot, &seen.at, &to, err));
     e->waiting[e->waiting_count++] = offset;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The whole planes that wait go through the net, and back to where they stood. */
@@ -251,15 +243,15 @@ static hada_status run_waiting(hada_enhance *e, cl_mem planes, hada_error *err)
     const hada_tensor *x = hada_graph_input(e->graph), *y = hada_graph_output(e->graph);
     const hada_planes first = scaled_of(e, 0);
     if (e->shape.resized)
-        HADA_TRY(hada_tensor_load(e->slot, &first.at, x, err));
-    HADA_TRY(e->shape.resized ? hada_graph_forward(e->graph, err) : run_graph(e, err));
+        HADA_TRY_OR_DONE(hada_tensor_load(e->slot, &first.at, x, err));
+    HADA_TRY_OR_DONE(e->shape.resized ? hada_graph_forward(e->graph, err) : run_graph(e, err));
     if (e->shape.resized)
-        HADA_TRY(hada_tensor_store(e->slot, y, &first.at, err));
+        HADA_TRY_OR_DONE(hada_tensor_store(e->slot, y, &first.at, err));
     for (int i = 0; i < count; i++) {
         const hada_planes plane = window_of(e, planes, e->waiting[i]), scaled = scaled_of(e, i);
         const hada_tensor from = images_of(e, y, i);
-        HADA_TRY(e->shape.resized ? resize(e, &scaled, &plane, 0.0f, err)
-                                  : hada_tensor_store(e->slot, &from, &plane.at, err));
+        HADA_TRY_OR_DONE(e->shape.resized ? resize(e, &scaled, &plane, 0.0f, err)
+                                          : hada_tensor_store(e->slot, &from, &plane.at, err));
     }
 done:
     e->waiting_count = 0;
@@ -268,7 +260,6 @@ done:
 
 static hada_status run_tile(hada_enhance *e, const float *map, int down, int right, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_enhance_shape *s = &e->shape;
     const int row = hada_enhance_tile_at(down, s->core_rows, s->tile_rows, s->full_rows);
     const int col = hada_enhance_tile_at(right, s->core_cols, s->tile_cols, s->full_cols);
@@ -288,9 +279,7 @@ static hada_status run_tile(hada_enhance *e, const float *map, int down, int rig
     HADA_TRY(hada_tensor_load(e->slot, &in, hada_graph_input(e->graph), err));
     HADA_TRY(run_graph(e, err));
     HADA_TRY(hada_tensor_store(e->slot, hada_graph_output(e->graph), &out, err));
-    HADA_TRY(copy(e, &tile, &whole, rows, cols, e->desc.channels, err));
-done:
-    return status;
+    return copy(e, &tile, &whole, rows, cols, e->desc.channels, err);
 }
 
 /* Between the plane and the whole image at the net's size. */
@@ -313,16 +302,13 @@ static hada_status bring(hada_enhance *e, cl_mem planes, size_t offset, int back
 
 static hada_status run_tiles(hada_enhance *e, const float *map, cl_mem planes, size_t offset, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(bring(e, planes, offset, 0, err));
     /* tiles that are left out are dark */
     HADA_TRY(hada_buffer_clear(&e->full_out, e->slot, 0, e->full_out.bytes, err));
     for (int down = 0; down < e->shape.tiles_down; down++)
         for (int right = 0; right < e->shape.tiles_right; right++)
             HADA_TRY(run_tile(e, map, down, right, err));
-    HADA_TRY(bring(e, planes, offset, 1, err));
-done:
-    return status;
+    return bring(e, planes, offset, 1, err);
 }
 
 /* The sum of planes that belong together; otherwise each is its own sum, so that nothing stands beside it. */
@@ -351,7 +337,6 @@ static hada_status put_beside(hada_enhance *e, cl_mem planes, size_t offset, had
  * takes at once. */
 static hada_status run_one(hada_enhance *e, const float *map, cl_mem planes, size_t offset, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(put_beside(e, planes, offset, err));
     if (!has_content(e, map, 0, 0, e->desc.rows, e->desc.cols))
         e->left_out += e->shape.tiles_down * e->shape.tiles_right;
@@ -361,8 +346,7 @@ static hada_status run_one(hada_enhance *e, const float *map, cl_mem planes, siz
         HADA_TRY(wait_for_others(e, planes, offset, err));
     if (e->waiting_count == e->shape.planes)
         HADA_TRY(run_waiting(e, planes, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* A net that sees one plane after the other knows of each what is its own, but not that together they must make a
@@ -371,22 +355,18 @@ static hada_status share_out(hada_enhance *e, cl_mem planes, size_t offset, int 
 {
     const size_t values = (size_t)e->desc.channels * (size_t)e->desc.rows * (size_t)e->desc.cols;
     const hada_range range = hada_layer_flat_range(e->slot, values, 1);
-    hada_status status = HADA_OK;
     if (!e->desc.net->shares) {
         HADA_TRY(map_content(e, e->sum.mem, 0, 1, err));
         HADA_TRY(run_one(e, e->map, e->sum.mem, 0, err));
         HADA_TRY(run_waiting(e, e->sum.mem, err));
     }
-    HADA_TRY(hada_launch_net_share(e->slot, hada_program_net_tensor_of(e->slot), &range, err, .planes = planes,
-                                   .whole = e->sum.mem, .offset = offset, .values = values, .count = count));
-done:
-    return status;
+    return hada_launch_net_share(e->slot, hada_program_net_tensor_of(e->slot), &range, err, .planes = planes,
+                                 .whole = e->sum.mem, .offset = offset, .values = values, .count = count);
 }
 
 /* Planes whose content is read at once. */
 static hada_status run_some(hada_enhance *e, cl_mem planes, size_t offset, int count, int together, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const size_t plane = (size_t)e->desc.channels * (size_t)e->desc.rows * (size_t)e->desc.cols;
     const size_t cells = (size_t)e->desc.rows * (size_t)e->shape.content_cells;
     HADA_TRY(map_content(e, planes, offset, count, err));
@@ -395,9 +375,7 @@ static hada_status run_some(hada_enhance *e, cl_mem planes, size_t offset, int c
             HADA_TRY(add_up(e, planes, offset, 1, err));
         HADA_TRY(run_one(e, e->map + (size_t)i * cells, planes, offset, err));
     }
-    HADA_TRY(run_waiting(e, planes, err));
-done:
-    return status;
+    return run_waiting(e, planes, err);
 }
 
 int hada_enhance_acts(const hada_enhance *e, int count, int together)
@@ -414,11 +392,12 @@ hada_status hada_enhance_run(hada_enhance *e, cl_mem planes, size_t offset, int 
     if (!hada_enhance_acts(e, count, together))
         return HADA_OK;
     if (together)
-        HADA_TRY(add_up(e, planes, offset, count, err));
+        HADA_TRY_OR_DONE(add_up(e, planes, offset, count, err));
     for (int i = 0; i < count; i += most)
-        HADA_TRY(run_some(e, planes, offset + (size_t)i * plane, most < count - i ? most : count - i, together, err));
+        HADA_TRY_OR_DONE(
+            run_some(e, planes, offset + (size_t)i * plane, most < count - i ? most : count - i, together, err));
     if (together && count > 1 && e->shape.inputs > 1)
-        HADA_TRY(share_out(e, planes, offset, count, err));
+        HADA_TRY_OR_DONE(share_out(e, planes, offset, count, err));
 done:
     if (status)
         hada_error_prefix(err, "enhancement: ");

@@ -21,12 +21,12 @@ static hada_status check_net(const hada_enhance_desc *desc, int rows, int cols, 
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the net for enhancement takes %d channel(s) and gives %d, but the planes have %d",
                          info->channels, info->out_channels, desc->channels);
-    HADA_TRY(hada_alloc((void **)&sizes, (size_t)desc->net->count, sizeof *sizes, "a net", err));
-    HADA_TRY(hada_net_sizes(desc->net, rows, cols, sizes, err));
+    HADA_TRY_OR_DONE(hada_allocated(sizes = hada_alloc((size_t)desc->net->count, sizeof *sizes, "a net", err)));
+    HADA_TRY_OR_DONE(hada_net_sizes(desc->net, rows, cols, sizes, err));
     const hada_size out = sizes[desc->net->count - 1];
     if (out.rows != rows || out.cols != cols)
-        HADA_TRY(hada_fail(err, HADA_ERROR_MODEL, "the net for enhancement makes %d x %d pixels of %d x %d", out.rows,
-                           out.cols, rows, cols));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MODEL, "the net for enhancement makes %d x %d pixels of %d x %d",
+                                   out.rows, out.cols, rows, cols));
 done:
     free(sizes);
     return status;
@@ -66,7 +66,6 @@ static int at_least_one(int value)
 static hada_status find_tiles(const hada_context *context, const hada_enhance_desc *desc, size_t limit,
                               hada_enhance_shape *shape, hada_error *err)
 {
-    hada_status status = HADA_OK;
     hada_receptive_field field;
     HADA_TRY(hada_net_receptive_field(desc->net, &field, err));
     int fits, down = at_least_one(desc->tile_rows), right = at_least_one(desc->tile_cols);
@@ -96,14 +95,12 @@ static hada_status find_tiles(const hada_context *context, const hada_enhance_de
     }
     shape->tiles_down = (shape->full_rows + shape->core_rows - 1) / shape->core_rows;
     shape->tiles_right = (shape->full_cols + shape->core_cols - 1) / shape->core_cols;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_enhance_shape_of(const hada_context *context, const hada_enhance_desc *desc, hada_enhance_shape *shape,
                                   hada_error *err)
 {
-    hada_status status = HADA_OK;
     const size_t limit = desc->memory ? desc->memory : (size_t)(context->info.memory_bytes / 4);
     int fits = 0;
     *shape = (hada_enhance_shape){.rows = desc->net_rows ? desc->net_rows : desc->rows,
@@ -123,8 +120,7 @@ hada_status hada_enhance_shape_of(const hada_context *context, const hada_enhanc
     }
     if (!fits)
         HADA_TRY(find_tiles(context, desc, limit, shape, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 int hada_enhance_core_at(int tile, int core, int full)

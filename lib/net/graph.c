@@ -31,22 +31,20 @@ hada_status hada_graph_bytes(const hada_context *context, const hada_net *net, c
 /* Zero everywhere: halos that nobody writes stay zero for good. */
 static hada_status make_buffer(hada_graph *graph, hada_buffer *buffer, size_t bytes, const char *what, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (!bytes)
         return HADA_OK;
     HADA_TRY(hada_buffer_create(buffer, graph->slot->context, bytes, what, err));
-    HADA_TRY(hada_buffer_clear(buffer, graph->slot, 0, bytes, err));
-done:
-    return status;
+    return hada_buffer_clear(buffer, graph->slot, 0, bytes, err);
 }
 
 static hada_status make_memory(hada_graph *graph, hada_error *err)
 {
-    hada_status status = HADA_OK;
     graph_plan *plan = &graph->plan;
     const hada_context *context = graph->slot->context;
-    HADA_TRY(hada_alloc((void **)&graph->arenas, (size_t)plan->arenas.count, sizeof *graph->arenas, "a net", err));
-    HADA_TRY(hada_alloc((void **)&graph->tensors, (size_t)plan->piece_count, sizeof *graph->tensors, "a net", err));
+    HADA_TRY(
+        hada_allocated(graph->arenas = hada_alloc((size_t)plan->arenas.count, sizeof *graph->arenas, "a net", err)));
+    HADA_TRY(
+        hada_allocated(graph->tensors = hada_alloc((size_t)plan->piece_count, sizeof *graph->tensors, "a net", err)));
     for (int i = 0; i < plan->arenas.count; i++)
         HADA_TRY(make_buffer(graph, &graph->arenas[i], plan->arenas.bytes[i], "the net's activations", err));
     HADA_TRY(make_buffer(graph, &graph->extras, plan->extras * sizeof(float), "the net's statistics", err));
@@ -57,23 +55,20 @@ static hada_status make_memory(hada_graph *graph, hada_error *err)
             hada_tensor_at(context, graph->arenas[plan->pieces[i].arena].mem, plan->pieces[i].offset / sizeof(float),
                            plan->images, piece->channels, piece->rows, piece->cols);
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status make_convs(hada_graph *graph, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const graph_plan *plan = &graph->plan;
-    HADA_TRY(hada_alloc((void **)&graph->convs, (size_t)plan->node_count, sizeof *graph->convs, "a net", err));
+    HADA_TRY(hada_allocated(graph->convs = hada_alloc((size_t)plan->node_count, sizeof *graph->convs, "a net", err)));
     for (int i = 1; i < plan->node_count; i++) {
         if (plan->nodes[i].layer->kind != HADA_LAYER_CONV)
             continue;
         const hada_conv_desc desc = hada_graph_conv_desc(plan, &plan->nodes[i]);
         HADA_TRY(hada_conv_create(&graph->convs[i], graph->slot, &desc, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_graph_create(hada_graph **out, hada_slot *slot, const hada_net *net, const hada_graph_options *options,
@@ -82,12 +77,12 @@ hada_status hada_graph_create(hada_graph **out, hada_slot *slot, const hada_net 
     hada_status status = HADA_OK;
     hada_graph *graph = NULL;
     *out = NULL;
-    HADA_TRY(hada_alloc((void **)&graph, 1, sizeof *graph, "a net", err));
+    HADA_TRY_OR_DONE(hada_allocated(graph = hada_alloc(1, sizeof *graph, "a net", err)));
     graph->slot = slot;
-    HADA_TRY(hada_conv_tf32_try(slot, err)); /* what serves has to stand before plans are made */
-    HADA_TRY(hada_graph_plan_make(&graph->plan, slot->context, net, options, err));
-    HADA_TRY(make_memory(graph, err));
-    HADA_TRY(make_convs(graph, err));
+    HADA_TRY_OR_DONE(hada_conv_tf32_try(slot, err)); /* what serves has to stand before plans are made */
+    HADA_TRY_OR_DONE(hada_graph_plan_make(&graph->plan, slot->context, net, options, err));
+    HADA_TRY_OR_DONE(make_memory(graph, err));
+    HADA_TRY_OR_DONE(make_convs(graph, err));
 done:
     if (status)
         hada_graph_destroy(&graph);
@@ -116,15 +111,13 @@ void hada_graph_destroy(hada_graph **pointer)
 
 hada_status hada_graph_set_weights(hada_graph *graph, hada_floats values, hada_error *err)
 {
-    hada_status status = HADA_OK;
     graph->values = values;
     for (int i = 1; i < graph->plan.node_count; i++) {
         if (!graph->convs[i])
             continue;
         HADA_TRY(hada_conv_set_weights(graph->convs[i], hada_graph_parameter(graph, values, i, 0, 0), err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_graph_set_images(hada_graph *graph, int images)
@@ -157,7 +150,6 @@ const hada_tensor *hada_graph_input_gradient(const hada_graph *graph)
 static hada_status transfer(hada_graph *graph, const hada_tensor *tensor, const hada_planar *planar, int load,
                             hada_error *err)
 {
-    hada_status status = HADA_OK;
     const int colours = graph->plan.net->colours, images = colours > 1 ? graph->plan.options.images : 1;
     for (int n = 0; n < images; n++) {
         hada_planar part = *planar;
@@ -170,8 +162,7 @@ static hada_status transfer(hada_graph *graph, const hada_tensor *tensor, const 
         HADA_TRY(load ? hada_tensor_load(graph->slot, &part, &view, err)
                       : hada_tensor_store(graph->slot, &view, &part, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_graph_load(hada_graph *graph, const hada_planar *in, hada_error *err)
@@ -203,13 +194,11 @@ void hada_graph_set_step(hada_graph *graph, uint64_t seed, uint64_t step)
 /* What begins at a step where other things stood before has its halo cleared. */
 static hada_status clear_halos(hada_graph *graph, int now, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const graph_plan *plan = &graph->plan;
     for (int i = 0; i < plan->piece_count; i++)
         if (plan->tensors[i].shared && plan->pieces[i].first == now)
             HADA_TRY(hada_tensor_clear_halo(graph->slot, &graph->tensors[i], err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status run_step(hada_graph *graph, const graph_step *step, hada_error *err)
@@ -240,7 +229,6 @@ static size_t final_from(const hada_net *net, int layer)
 /* Runs the steps from `first` up to the loss, which is the caller's, or the end. */
 static hada_status run(hada_graph *graph, int first, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const graph_plan *plan = &graph->plan;
     for (int i = first; i < plan->step_count; i++) {
         HADA_TRY(clear_halos(graph, i + 1, err));
@@ -250,8 +238,7 @@ static hada_status run(hada_graph *graph, int first, hada_error *err)
         if (graph->ready && graph->gradients.mem && plan->steps[i].kind == GRAPH_BACKWARD)
             HADA_TRY(graph->ready(graph->ready_user, final_from(plan->net, plan->steps[i].node), err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_graph_forward(hada_graph *graph, hada_error *err)

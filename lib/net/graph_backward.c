@@ -30,7 +30,6 @@ static hada_status conv(hada_graph *graph, const graph_step *step, const hada_te
 
 static hada_status concat(hada_graph *graph, const graph_step *step, const hada_tensor *dy, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const graph_node *node = &graph->plan.nodes[step->node];
     int first = 0;
     for (int k = 0; k < node->layer->input_count; k++) {
@@ -40,14 +39,12 @@ static hada_status concat(hada_graph *graph, const graph_step *step, const hada_
         }
         first += graph->plan.nodes[node->inputs[k]].channels;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status norm(hada_graph *graph, const graph_step *step, const hada_tensor *dy, const hada_tensor *dx,
                         hada_error *err)
 {
-    hada_status status = HADA_OK;
     const graph_node *node = &graph->plan.nodes[step->node];
     const hada_tensor x = hada_graph_value(graph, node->inputs[0], 1);
     for (int colour = 0; colour < graph->plan.net->colours; colour++) {
@@ -64,14 +61,12 @@ static hada_status norm(hada_graph *graph, const graph_step *step, const hada_te
         HADA_TRY(hada_batch_norm_backward(graph->slot, &norm, &in, saved, &dout, &din, dweight, dbias,
                                           graph->gradients.mem && graph->accumulate, graph->scratch.mem, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status linear(hada_graph *graph, const graph_step *step, const hada_tensor *dy, const hada_tensor *dx,
                           hada_error *err)
 {
-    hada_status status = HADA_OK;
     const graph_plan *plan = &graph->plan;
     const graph_node *node = &plan->nodes[step->node];
     const hada_linear shape = {plan->images, node->layer->in, node->channels};
@@ -93,8 +88,7 @@ static hada_status linear(hada_graph *graph, const graph_step *step, const hada_
         HADA_TRY(hada_linear_backward_data(graph->slot, &shape, weight, out, in, err));
         HADA_TRY(hada_tensor_load(graph->slot, &flat_x, dx, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* dx takes what this layer gives for its first input. */
@@ -126,7 +120,6 @@ static hada_status through(hada_graph *graph, const graph_step *step, const hada
 
 hada_status hada_graph_run_backward(hada_graph *graph, const graph_step *step, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const graph_node *node = &graph->plan.nodes[step->node];
     const hada_tensor dy = hada_graph_gradient(graph, step->node);
     hada_tensor dx = {0};
@@ -143,6 +136,5 @@ hada_status hada_graph_run_backward(hada_graph *graph, const graph_step *step, h
         const hada_tensor sum = hada_graph_gradient(graph, node->inputs[0]);
         HADA_TRY(hada_blend(graph->slot, 1.0f, &dx, 1.0f, &sum, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }

@@ -5,14 +5,12 @@
 static hada_status conv_normed(hada_graph *graph, int i, const hada_tensor *x, hada_floats bias, const hada_tensor *y,
                                hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int colour = 0; colour < graph->plan.net->colours; colour++) {
         const hada_batch_norm norm = hada_graph_norm(graph, graph->plan.nodes[i].norm, colour);
         const hada_tensor in = hada_graph_colour(graph, x, colour), out = hada_graph_colour(graph, y, colour);
         HADA_TRY(hada_conv_forward_normed(graph->convs[i], &norm, &in, bias, &out, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status conv(hada_graph *graph, int i, const hada_tensor *x, const hada_tensor *y, hada_error *err)
@@ -36,7 +34,6 @@ static hada_status conv(hada_graph *graph, int i, const hada_tensor *x, const ha
 
 static hada_status concat(hada_graph *graph, int i, int for_backward, const hada_tensor *y, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const graph_node *node = &graph->plan.nodes[i];
     int first = 0;
     for (int k = 0; k < node->layer->input_count; k++) {
@@ -47,13 +44,11 @@ static hada_status concat(hada_graph *graph, int i, int for_backward, const hada
         }
         first += part->channels;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status norm(hada_graph *graph, int i, const hada_tensor *x, const hada_tensor *y, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int colour = 0; colour < graph->plan.net->colours; colour++) {
         const hada_batch_norm norm = hada_graph_norm(graph, i, colour);
         const hada_tensor in = hada_graph_colour(graph, x, colour), out = hada_graph_colour(graph, y, colour);
@@ -65,14 +60,12 @@ static hada_status norm(hada_graph *graph, int i, const hada_tensor *x, const ha
         else
             HADA_TRY(hada_batch_norm_infer(graph->slot, &norm, &in, &out, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Linear layers work on plain floats: values are brought there and back. */
 static hada_status linear(hada_graph *graph, int i, const hada_tensor *x, const hada_tensor *y, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const graph_plan *plan = &graph->plan;
     const graph_node *node = &plan->nodes[i];
     const hada_linear shape = {x->images, node->layer->in, node->channels};
@@ -88,8 +81,7 @@ static hada_status linear(hada_graph *graph, int i, const hada_tensor *x, const 
     HADA_TRY(hada_tensor_load(graph->slot, &flat_y, y, err));
     if (node->activation)
         HADA_TRY(hada_activation_forward(graph->slot, node->activation, node->slope, y, y, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_graph_run_forward(hada_graph *graph, const graph_step *step, hada_error *err)

@@ -134,10 +134,10 @@ hada_status hada_graph_nodes_make(graph_plan *plan, const hada_context *context,
     const size_t count = (size_t)net->count;
     hada_size *sizes = NULL;
     int *level = NULL;
-    HADA_TRY(hada_alloc((void **)&plan->nodes, count, sizeof *plan->nodes, "a net's plan", err));
-    HADA_TRY(hada_alloc((void **)&sizes, count, sizeof *sizes, "a net's plan", err));
-    HADA_TRY(hada_alloc((void **)&level, count, sizeof *level, "a net's plan", err));
-    HADA_TRY(hada_net_sizes(net, plan->options.rows, plan->options.cols, sizes, err));
+    HADA_TRY_OR_DONE(hada_allocated(plan->nodes = hada_alloc(count, sizeof *plan->nodes, "a net's plan", err)));
+    HADA_TRY_OR_DONE(hada_allocated(sizes = hada_alloc(count, sizeof *sizes, "a net's plan", err)));
+    HADA_TRY_OR_DONE(hada_allocated(level = hada_alloc(count, sizeof *level, "a net's plan", err)));
+    HADA_TRY_OR_DONE(hada_net_sizes(net, plan->options.rows, plan->options.cols, sizes, err));
     plan->node_count = net->count;
     plan->output = net->count - 1;
     for (int i = 0; i < net->count; i++) {

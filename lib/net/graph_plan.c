@@ -45,7 +45,6 @@ static size_t norm_scratch(const graph_plan *plan, const hada_context *context)
 hada_status hada_graph_plan_make(graph_plan *plan, const hada_context *context, const hada_net *net,
                                  const hada_graph_options *options, hada_error *err)
 {
-    hada_status status = HADA_OK;
     *plan = (graph_plan){.net = net, .options = *options, .block = hada_net_block(context)};
     plan->images = options->images * net->colours;
     const size_t alignment = context->info.alignment_bytes > 128 ? context->info.alignment_bytes : 128;
@@ -57,8 +56,7 @@ hada_status hada_graph_plan_make(graph_plan *plan, const hada_context *context, 
                                  largest < SIZE_MAX / 4 ? (size_t)largest : SIZE_MAX / 4, &plan->arenas, err));
     find_shared(plan);
     plan->norm_scratch = norm_scratch(plan, context);
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_graph_plan_free(graph_plan *plan)

@@ -143,15 +143,12 @@ static void backward_steps(backward_pass *pass)
 /* Rows of the table of pieces: at most values, those computed again, gradients, and a spare one for each step. */
 static hada_status make_room(graph_plan *plan, unsigned char **has_gradient, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const size_t nodes = (size_t)plan->node_count, steps = 3 * nodes + 1;
     plan->piece_room = 4 * plan->node_count;
-    HADA_TRY(hada_alloc((void **)&plan->steps, steps, sizeof *plan->steps, "a net's plan", err));
-    HADA_TRY(hada_alloc((void **)&plan->pieces, 4 * nodes, sizeof *plan->pieces, "a net's plan", err));
-    HADA_TRY(hada_alloc((void **)&plan->tensors, 4 * nodes, sizeof *plan->tensors, "a net's plan", err));
-    HADA_TRY(hada_alloc((void **)has_gradient, nodes, 1, "a net's plan", err));
-done:
-    return status;
+    HADA_TRY(hada_allocated(plan->steps = hada_alloc(steps, sizeof *plan->steps, "a net's plan", err)));
+    HADA_TRY(hada_allocated(plan->pieces = hada_alloc(4 * nodes, sizeof *plan->pieces, "a net's plan", err)));
+    HADA_TRY(hada_allocated(plan->tensors = hada_alloc(4 * nodes, sizeof *plan->tensors, "a net's plan", err)));
+    return hada_allocated(*has_gradient = hada_alloc(nodes, 1, "a net's plan", err));
 }
 
 static size_t rounded(size_t floats)

@@ -117,7 +117,6 @@ size_t hada_sum_scratch(size_t count)
 hada_status hada_sum_floats(hada_slot *slot, cl_mem scratch, size_t first, size_t count, float scale, float shift,
                             hada_floats out, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (count > UINT_MAX)
         return hada_fail(err, HADA_ERROR_UNSUPPORTED, "a sum of %zu values is too long", count);
     for (int last = 0; !last;) {
@@ -131,6 +130,5 @@ hada_status hada_sum_floats(hada_slot *slot, cl_mem scratch, size_t first, size_
         first += count;
         count = runs;
     }
-done:
-    return status;
+    return HADA_OK;
 }

@@ -74,7 +74,6 @@ hada_status hada_linear_backward_data(hada_slot *slot, const hada_linear *shape,
 hada_status hada_linear_backward_weights(hada_slot *slot, const hada_linear *shape, hada_floats x, hada_floats dy,
                                          hada_floats dw, hada_floats dbias, int accumulate, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(check_linear(shape, err));
     const int run = has_groups(slot) ? 1 : RUN;
     const hada_program_net_linear program = hada_program_net_linear_of(slot);
@@ -87,6 +86,5 @@ hada_status hada_linear_backward_weights(hada_slot *slot, const hada_linear *sha
     if (dbias.mem)
         HADA_TRY(hada_launch_net_linear_bias(slot, program, &biases, err, .dy = dy.mem, .dbias = dbias.mem, .at = at,
                                              .accumulate = accumulate));
-done:
-    return status;
+    return HADA_OK;
 }

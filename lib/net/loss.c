@@ -70,38 +70,31 @@ static hada_status ssim_planar(hada_slot *slot, const hada_tensor *x, const ssim
 static hada_status ssim_compare(hada_slot *slot, const hada_loss_desc *desc, const ssim_places *p, cl_mem scratch,
                                 hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_range range = ssim_range(slot, p->out_rows, p->planes);
     HADA_TRY(
         hada_launch_net_ssim_down(slot, HADA_PROGRAM_NET_SSIM_DEFAULT, &range, err, .scratch = scratch, .at = p->at));
-    HADA_TRY(hada_launch_net_ssim_along(slot, HADA_PROGRAM_NET_SSIM_DEFAULT, &range, err, .scratch = scratch,
-                                        .at = p->at, .c1 = (cl_float)(K1 * desc->peak * K1 * desc->peak),
-                                        .c2 = (cl_float)(K2 * desc->peak * K2 * desc->peak)));
-done:
-    return status;
+    return hada_launch_net_ssim_along(slot, HADA_PROGRAM_NET_SSIM_DEFAULT, &range, err, .scratch = scratch, .at = p->at,
+                                      .c1 = (cl_float)(K1 * desc->peak * K1 * desc->peak),
+                                      .c2 = (cl_float)(K2 * desc->peak * K2 * desc->peak));
 }
 
 static hada_status ssim_gradient(hada_slot *slot, const ssim_places *p, float factor, const hada_tensor *dx,
                                  int accumulate, cl_mem scratch, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_tensor_layout at_dx = hada_layout_of(dx);
     const hada_range along = ssim_range(slot, p->out_rows, p->planes);
     const hada_range down = ssim_range(slot, p->at.rows, dx->images * at_dx.blocks);
     HADA_TRY(hada_launch_net_ssim_back_along(slot, HADA_PROGRAM_NET_SSIM_DEFAULT, &along, err, .scratch = scratch,
                                              .at = p->at));
-    HADA_TRY(hada_launch_net_ssim_back_down(slot, HADA_PROGRAM_NET_SSIM_DEFAULT, &down, err, .scratch = scratch,
-                                            .at = p->at, .dx = dx->mem, .at_dx = at_dx, .block = dx->block,
-                                            .scale = factor, .accumulate = accumulate));
-done:
-    return status;
+    return hada_launch_net_ssim_back_down(slot, HADA_PROGRAM_NET_SSIM_DEFAULT, &down, err, .scratch = scratch,
+                                          .at = p->at, .dx = dx->mem, .at_dx = at_dx, .block = dx->block,
+                                          .scale = factor, .accumulate = accumulate);
 }
 
 static hada_status ssim_run(hada_slot *slot, const hada_loss_desc *desc, const hada_tensor *x,
                             const hada_tensor *target, hada_floats value, const hada_tensor *dx, int accumulate,
                             cl_mem scratch, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (!ssim_fits(x))
         return hada_fail(err, HADA_ERROR_SIZE, "structural similarity needs images of at least 11 x 11, not %d x %d",
                          x->rows, x->cols);
@@ -117,8 +110,7 @@ static hada_status ssim_run(hada_slot *slot, const hada_loss_desc *desc, const h
     HADA_TRY(hada_sum_floats(slot, scratch, (size_t)p.at.sums, sums, factor, desc->weight, value, err));
     if (dx)
         HADA_TRY(ssim_gradient(slot, &p, factor, dx, accumulate, scratch, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static double values_of(const hada_tensor *x)
@@ -137,7 +129,6 @@ size_t hada_loss_scratch(const hada_loss_desc *desc, const hada_tensor *x)
 static hada_status check_loss(const hada_loss_desc *desc, const hada_tensor *x, const hada_tensor *target,
                               const hada_tensor *dx, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if ((int)desc->loss < HADA_LOSS_MSE || desc->loss > HADA_LOSS_SSIM)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no loss %d", (int)desc->loss);
     const int alone = desc->loss == HADA_LOSS_TV || desc->loss == HADA_LOSS_TV_SQUARED;
@@ -146,8 +137,7 @@ static hada_status check_loss(const hada_loss_desc *desc, const hada_tensor *x, 
     HADA_TRY(hada_layer_check("loss", x, target ? target : x, 1, err));
     if (dx)
         HADA_TRY(hada_layer_check("gradient of the loss", x, dx, 1, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Value by value: mean of squares, of absolute values, of logits' entropies. */
@@ -182,7 +172,6 @@ static hada_status variation(hada_slot *slot, const hada_loss_desc *desc, const 
 hada_status hada_loss_run(hada_slot *slot, const hada_loss_desc *desc, const hada_tensor *x, const hada_tensor *target,
                           hada_floats value, const hada_tensor *dx, int accumulate, cl_mem scratch, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(check_loss(desc, x, target, dx, err));
     if (desc->loss == HADA_LOSS_SSIM)
         return ssim_run(slot, desc, x, target, value, dx, accumulate, scratch, err);
@@ -194,8 +183,6 @@ hada_status hada_loss_run(hada_slot *slot, const hada_loss_desc *desc, const had
         HADA_TRY(variation(slot, desc, x, dx, accumulate, &grid, scratch, err));
         count = x->images;
     }
-    HADA_TRY(hada_sum_floats(slot, scratch, 0, hada_layer_grid_sums(&grid), (float)(desc->weight / count), 0.0f, value,
-                             err));
-done:
-    return status;
+    return hada_sum_floats(slot, scratch, 0, hada_layer_grid_sums(&grid), (float)(desc->weight / count), 0.0f, value,
+                           err);
 }

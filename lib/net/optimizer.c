@@ -139,7 +139,6 @@ size_t hada_clip_scratch(const hada_gradient_part *parts, int part_count)
 static hada_status squares(hada_slot *slot, const hada_gradient_part *parts, int part_count, cl_mem scratch,
                            size_t *sums, hada_error *err)
 {
-    hada_status status = HADA_OK;
     *sums = 0;
     for (int i = 0; i < part_count; i++) {
         const hada_range range = runs_range(slot, parts[i].count);
@@ -148,8 +147,7 @@ static hada_status squares(hada_slot *slot, const hada_gradient_part *parts, int
             .offset = parts[i].values.offset, .count = (cl_uint)parts[i].count, .sums = scratch, .sums_offset = *sums));
         *sums += items_of(parts[i].count, row_items(slot));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status scale_part(hada_slot *slot, const hada_gradient_part *part, hada_floats norm, hada_error *err)
@@ -163,7 +161,6 @@ static hada_status scale_part(hada_slot *slot, const hada_gradient_part *part, h
 hada_status hada_clip_gradients(hada_slot *slot, const hada_gradient_part *parts, int part_count, float max_norm,
                                 hada_floats norm, cl_mem scratch, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (part_count < 1 || !(max_norm >= 0.0f))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "clipping %d gradients to a norm of %g is not possible", part_count,
                          max_norm);
@@ -179,8 +176,7 @@ hada_status hada_clip_gradients(hada_slot *slot, const hada_gradient_part *parts
                                             .offset = norm.offset, .limit = max_norm));
     for (int i = 0; max_norm > 0.0f && i < part_count; i++)
         HADA_TRY(scale_part(slot, &parts[i], norm, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 #define PI 3.14159265358979323846

@@ -62,7 +62,6 @@ hada_status hada_pool_backward(hada_slot *slot, hada_pool pool, int size, int st
                                const hada_tensor *y, const hada_tensor *dy, const hada_tensor *dx, int accumulate,
                                hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(check_pool(pool, size, stride, x, y, err));
     HADA_TRY(hada_layer_check("pooling", y, dy, 1, err));
     HADA_TRY(hada_layer_check("pooling", x, dx, 1, err));
@@ -80,6 +79,5 @@ hada_status hada_pool_backward(hada_slot *slot, hada_pool pool, int size, int st
         HADA_TRY(hada_launch_net_pool_mean_backward(slot, program, &grid.range, err, .dy = dy->mem, .dx = dx->mem,
                                                     .at_dy = at_dy, .at_dx = at_dx, .span = grid.span,
                                                     .windows = windows, .accumulate = accumulate));
-done:
-    return status;
+    return HADA_OK;
 }

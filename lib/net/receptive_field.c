@@ -67,7 +67,7 @@ hada_status hada_net_receptive_field(const hada_net *net, hada_receptive_field *
 {
     reach *of;
     *field = (hada_receptive_field){0};
-    hada_status status = hada_alloc((void **)&of, (size_t)net->count, sizeof *of, "a net's reach", err);
+    hada_status status = hada_allocated(of = hada_alloc((size_t)net->count, sizeof *of, "a net's reach", err));
     if (status)
         return status;
     int multiple = 1, possible = 1;

@@ -26,8 +26,8 @@ static hada_status output_size(const hada_net *net, int rows, int cols, hada_siz
 {
     hada_status status = HADA_OK;
     hada_size *sizes = NULL;
-    HADA_TRY(hada_alloc((void **)&sizes, (size_t)net->count, sizeof *sizes, "a net", err));
-    HADA_TRY(hada_net_sizes(net, rows, cols, sizes, err));
+    HADA_TRY_OR_DONE(hada_allocated(sizes = hada_alloc((size_t)net->count, sizeof *sizes, "a net", err)));
+    HADA_TRY_OR_DONE(hada_net_sizes(net, rows, cols, sizes, err));
     *out = sizes[net->count - 1];
 done:
     free(sizes);
@@ -42,7 +42,6 @@ static size_t image_bytes(int channels, int rows, int cols)
 hada_status hada_net_bytes(hada_context *context, const hada_net *net, int rows, int cols, uint64_t *bytes,
                            hada_error *err)
 {
-    hada_status status = HADA_OK;
     size_t graph;
     hada_size size;
     if (!context || !net || !bytes)
@@ -54,13 +53,11 @@ hada_status hada_net_bytes(hada_context *context, const hada_net *net, int rows,
     HADA_TRY(hada_graph_bytes(context, net, &options, &graph, err));
     *bytes = graph + net->floats * sizeof(float) + image_bytes(info->channels, rows, cols) +
              image_bytes(info->out_channels, size.rows, size.cols);
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status make(hada_net_runner *runner, hada_context *context, const hada_net *net, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_graph_options options = {.images = 1, .rows = runner->rows, .cols = runner->cols};
     HADA_TRY(hada_slot_create(&runner->slot, context, err));
     HADA_TRY(hada_graph_create(&runner->graph, runner->slot, net, &options, err));
@@ -74,8 +71,7 @@ static hada_status make(hada_net_runner *runner, hada_context *context, const ha
     HADA_TRY(hada_graph_set_weights(runner->graph, (hada_floats){runner->values.mem, 0}, err));
     runner->from = planar_of(&runner->in, runner->channels, runner->rows, runner->cols);
     runner->to = planar_of(&runner->out, runner->out_channels, runner->out_rows, runner->out_cols);
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_net_runner_create(hada_net_runner **out, hada_context *context, const hada_net *net, int rows,
@@ -88,15 +84,15 @@ hada_status hada_net_runner_create(hada_net_runner **out, hada_context *context,
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_runner_create: an argument is missing");
     *out = NULL;
     const hada_net_info *info = hada_net_get_info(net);
-    HADA_TRY(output_size(net, rows, cols, &size, err));
-    HADA_TRY(hada_alloc((void **)&runner, 1, sizeof *runner, "a net", err));
+    HADA_TRY_OR_DONE(output_size(net, rows, cols, &size, err));
+    HADA_TRY_OR_DONE(hada_allocated(runner = hada_alloc(1, sizeof *runner, "a net", err)));
     *runner = (hada_net_runner){.channels = info->channels,
                                 .rows = rows,
                                 .cols = cols,
                                 .out_channels = info->out_channels,
                                 .out_rows = size.rows,
                                 .out_cols = size.cols};
-    HADA_TRY(make(runner, context, net, err));
+    HADA_TRY_OR_DONE(make(runner, context, net, err));
 done:
     if (status)
         hada_net_runner_destroy(&runner);
@@ -122,7 +118,6 @@ void hada_net_runner_destroy(hada_net_runner **pointer)
 
 hada_status hada_net_run(hada_net_runner *runner, const hada_image *in, hada_image *out, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (!runner || !in || !out)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_run: an argument is missing");
     if (in->channels != runner->channels || in->rows != runner->rows || in->cols != runner->cols)
@@ -138,7 +133,5 @@ hada_status hada_net_run(hada_net_runner *runner, const hada_image *in, hada_ima
     HADA_TRY(hada_graph_load(runner->graph, &runner->from, err));
     HADA_TRY(hada_graph_forward(runner->graph, err));
     HADA_TRY(hada_graph_store(runner->graph, &runner->to, err));
-    HADA_TRY(hada_buffer_read(&runner->out, runner->slot, 0, out->data, runner->out.bytes, err));
-done:
-    return status;
+    return hada_buffer_read(&runner->out, runner->slot, 0, out->data, runner->out.bytes, err);
 }

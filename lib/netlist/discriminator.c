@@ -10,19 +10,15 @@ typedef struct stage {
 
 static hada_status begin(hada_net **out, int channels, hada_error *err)
 {
-    hada_status status = HADA_OK;
     hada_layer layer = hada_layer_of(HADA_LAYER_INPUT, "", 0);
     layer.channels = channels;
     HADA_TRY(hada_net_begin(out, 1, err));
-    HADA_TRY(hada_net_add(*out, &layer, NULL, err));
-done:
-    return status;
+    return hada_net_add(*out, &layer, NULL, err);
 }
 
 /* Convolutions of 3 x 3, conv.0 and so on, each on what the layer before gives. */
 static hada_status add_convs(hada_net *net, const stage *stages, int count, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int i = 0; i < count; i++) {
         hada_layer layer = hada_layer_of(HADA_LAYER_CONV, "", net->count - 1);
         snprintf(layer.name, sizeof layer.name, "conv.%d", i);
@@ -34,8 +30,7 @@ static hada_status add_convs(hada_net *net, const stage *stages, int count, hada
         }
         HADA_TRY(hada_net_add(net, &layer, NULL, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status add_patch(hada_net *net, hada_error *err)
@@ -46,7 +41,6 @@ static hada_status add_patch(hada_net *net, hada_error *err)
 
 static hada_status add_paper(hada_net *net, hada_error *err)
 {
-    hada_status status = HADA_OK;
     static const stage stages[] = {{32, 2}, {64, 2}, {128, 2}, {128, 2}, {128, 2}};
     enum { CONVS = sizeof stages / sizeof *stages, SIDE = 256, HIDDEN = 256 };
     hada_layer layer = hada_layer_of(HADA_LAYER_RESIZE, "", 0);
@@ -63,8 +57,7 @@ static hada_status add_paper(hada_net *net, hada_error *err)
         layer.slope = i ? 0.0f : 0.2f;
         HADA_TRY(hada_net_add(net, &layer, NULL, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_discriminator_make(hada_net **out, const char *name, int channels, hada_error *err)
@@ -78,9 +71,9 @@ hada_status hada_discriminator_make(hada_net **out, const char *name, int channe
     if (which == 3)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no discriminator \"%s\": take conditional, patch or paper",
                          name ? name : "");
-    HADA_TRY(begin(out, which ? channels : 2 * channels, err));
-    HADA_TRY(which < 2 ? add_patch(*out, err) : add_paper(*out, err));
-    HADA_TRY(hada_net_finish(*out, err));
+    HADA_TRY_OR_DONE(begin(out, which ? channels : 2 * channels, err));
+    HADA_TRY_OR_DONE(which < 2 ? add_patch(*out, err) : add_paper(*out, err));
+    HADA_TRY_OR_DONE(hada_net_finish(*out, err));
 done:
     if (status)
         hada_net_destroy(out);

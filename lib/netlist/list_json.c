@@ -189,7 +189,6 @@ static hada_status read_from(hada_layer *layer, int index, const json_t *from, h
 
 static hada_status read_layer(hada_net *net, int index, const json_t *object, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const char *name = json_string_value(json_object_get(object, "name"));
     const int kind = hada_layer_kind_find(json_string_value(json_object_get(object, "layer")));
     if (kind < 0)
@@ -206,14 +205,11 @@ static hada_status read_layer(hada_net *net, int index, const json_t *object, ha
         if (strcmp(key, "layer") && strcmp(key, "name") && strcmp(key, "from"))
             HADA_TRY(read_attribute(&layer, index, key, value, err));
     }
-    HADA_TRY(hada_net_add(net, &layer, NULL, err));
-done:
-    return status;
+    return hada_net_add(net, &layer, NULL, err);
 }
 
 static hada_status read_list(hada_net **out, const json_t *root, uint64_t most, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const char *format = json_string_value(json_object_get(root, "format"));
     const json_t *layers = json_object_get(root, "layers"), *colours = json_object_get(root, "colours");
     if (!format || strcmp(format, FORMAT) || !json_is_array(layers))
@@ -225,9 +221,7 @@ static hada_status read_list(hada_net **out, const json_t *root, uint64_t most, 
     for (size_t i = 0; i < json_array_size(layers); i++)
         HADA_TRY(read_layer(*out, (int)i, json_array_get(layers, i), err));
     (*out)->most = most;
-    HADA_TRY(hada_net_finish(*out, err));
-done:
-    return status;
+    return hada_net_finish(*out, err);
 }
 
 hada_status hada_net_create(hada_net **out, const char *description, uint64_t seed, hada_error *err)
@@ -247,7 +241,7 @@ hada_status hada_net_create_within(hada_net **out, const char *description, uint
     hada_status status = HADA_OK;
     json_t *root = NULL;
     json_error_t why;
-    HADA_TRY(hada_limits_get(&limits, err));
+    HADA_TRY_OR_DONE(hada_limits_get(&limits, err));
     const size_t length = strlen(description);
     if (length > limits.text)
         return hada_fail(err, HADA_ERROR_MODEL,
@@ -260,8 +254,8 @@ hada_status hada_net_create_within(hada_net **out, const char *description, uint
     if (!root)
         return hada_fail(err, HADA_ERROR_MODEL, "the net's description is not JSON: %s at its byte %d", why.text,
                          why.position);
-    HADA_TRY(read_list(out, root, most, err));
-    HADA_TRY(hada_net_init(*out, seed, err));
+    HADA_TRY_OR_DONE(read_list(out, root, most, err));
+    HADA_TRY_OR_DONE(hada_net_init(*out, seed, err));
 done:
     json_decref(root);
     if (status)

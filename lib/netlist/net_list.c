@@ -24,7 +24,7 @@ hada_status hada_net_begin(hada_net **out, int colours, hada_error *err)
     if (colours < 1 || colours > MOST_COLOURS)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a net shared by %d channels: 1 to %d can be", colours,
                          MOST_COLOURS);
-    const hada_status status = hada_alloc((void **)&net, 1, sizeof *net, "a net", err);
+    const hada_status status = hada_allocated(net = hada_alloc(1, sizeof *net, "a net", err));
     if (status)
         return status;
     net->colours = colours;
@@ -159,13 +159,13 @@ static hada_status check_used(const hada_net *net, hada_error *err)
 {
     unsigned char *used = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&used, (size_t)net->count, 1, "a net", err));
+    HADA_TRY_OR_DONE(hada_allocated(used = hada_alloc((size_t)net->count, 1, "a net", err)));
     for (int k = 0; k < net->count; k++)
         for (int n = 0; n < net->layers[k].input_count; n++)
             used[net->layers[k].inputs[n]] = 1;
     for (int i = 0; i < net->count - 1; i++)
         if (!used[i])
-            HADA_TRY(refuse(net, i, "is taken by no other layer; only the last one is the output", err));
+            HADA_TRY_OR_DONE(refuse(net, i, "is taken by no other layer; only the last one is the output", err));
 done:
     free(used);
     return status;
@@ -230,13 +230,13 @@ static hada_status check_names(const hada_net *net, hada_error *err)
     const size_t count = (size_t)net->parameter_count;
     const hada_parameter **sorted = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&sorted, count, sizeof *sorted, "the table of parameters", err));
+    HADA_TRY_OR_DONE(hada_allocated(sorted = hada_alloc(count, sizeof *sorted, "the table of parameters", err)));
     for (size_t i = 0; i < count; i++)
         sorted[i] = &net->parameters[i];
     qsort(sorted, count, sizeof *sorted, by_name);
     for (size_t i = 0; i < count; i++)
         if (*sorted[i]->name == '.' || (i && !by_name(&sorted[i - 1], &sorted[i])))
-            HADA_TRY(refuse(net, sorted[i]->layer, "needs a name of its own for its parameters", err));
+            HADA_TRY_OR_DONE(refuse(net, sorted[i]->layer, "needs a name of its own for its parameters", err));
 done:
     free(sorted);
     return status;
@@ -250,12 +250,11 @@ static hada_status make_table(hada_net *net, hada_error *err)
     if (count > MOST_PARAMETERS)
         return hada_fail(err, HADA_ERROR_MODEL, "the net has %zu tensors of parameters; at most %d are offered", count,
                          MOST_PARAMETERS);
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&net->parameters, count, sizeof *net->parameters, "the table of parameters", err));
+    HADA_TRY(
+        hada_allocated(net->parameters = hada_alloc(count, sizeof *net->parameters, "the table of parameters", err)));
     for (int i = 0; i < net->count; i++)
         add_parameters(net, i);
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Before memory for them is taken. */
@@ -277,7 +276,6 @@ static hada_status check_count(const hada_net *net, hada_error *err)
 
 static hada_status make_parameters(hada_net *net, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(make_table(net, err));
     HADA_TRY(check_count(net, err));
     HADA_TRY(check_names(net, err));
@@ -292,14 +290,11 @@ static hada_status make_parameters(hada_net *net, hada_error *err)
         if (trained)
             net->trained = net->floats;
     }
-    HADA_TRY(hada_alloc((void **)&net->values, net->floats, sizeof *net->values, "the weights", err));
-done:
-    return status;
+    return hada_allocated(net->values = hada_alloc(net->floats, sizeof *net->values, "the weights", err));
 }
 
 hada_status hada_net_finish(hada_net *net, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (net->count < 2)
         return hada_fail(err, HADA_ERROR_MODEL, "a net has an input and at least one more layer");
     for (int i = 0; i < net->count; i++) {
@@ -318,18 +313,17 @@ hada_status hada_net_finish(hada_net *net, hada_error *err)
                                 .parameters = net->parameter_count,
                                 .trained = net->trained,
                                 .values = net->floats};
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_net_copy(hada_net **out, const hada_net *net, hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(hada_net_begin(out, net->colours, err));
+    HADA_TRY_OR_DONE(hada_net_begin(out, net->colours, err));
     (*out)->shares = net->shares;
     for (int i = 0; i < net->count; i++)
-        HADA_TRY(hada_net_add(*out, &net->layers[i], NULL, err));
-    HADA_TRY(hada_net_finish(*out, err));
+        HADA_TRY_OR_DONE(hada_net_add(*out, &net->layers[i], NULL, err));
+    HADA_TRY_OR_DONE(hada_net_finish(*out, err));
     memcpy((*out)->values, net->values, net->floats * sizeof *net->values);
 done:
     if (status)
@@ -352,7 +346,6 @@ const hada_parameter *hada_net_parameter(const hada_net *net, int layer, int col
 
 hada_status hada_net_init(hada_net *net, uint64_t seed, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int i = 0; i < net->parameter_count; i++) {
         const hada_parameter *parameter = &net->parameters[i];
         const hada_layer *layer = &net->layers[parameter->layer];
@@ -370,8 +363,7 @@ hada_status hada_net_init(hada_net *net, uint64_t seed, hada_error *err)
         HADA_TRY(hada_init_fans(parameter->shape, parameter->dims, &desc.fan_in, &desc.fan_out, err));
         HADA_TRY(hada_init_fill(values, parameter->count, &desc, parameter->name, seed, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 const hada_net_info *hada_net_get_info(const hada_net *net)

@@ -54,7 +54,6 @@ static hada_status read_widths(const char *text, widths *out, hada_error *err)
 static hada_status add_convs(hada_net *net, const char *side, int level, int count, const int *width, int *at,
                              hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int i = 0; i < count; i++) {
         hada_layer conv = hada_layer_of(HADA_LAYER_CONV, "", *at);
         snprintf(conv.name, sizeof conv.name, "%s.%d.%d", side, level, i);
@@ -62,8 +61,7 @@ static hada_status add_convs(hada_net *net, const char *side, int level, int cou
         conv.activation = HADA_ACTIVATION_RELU;
         HADA_TRY(hada_net_add(net, &conv, at, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* What came from below takes the size of the level's own part, `skip`, and both
@@ -71,7 +69,6 @@ done:
 static hada_status add_lift(hada_net *net, const hada_unet_options *options, int level, int skip, int *at,
                             hada_error *err)
 {
-    hada_status status = HADA_OK;
     hada_layer lift = hada_layer_of(HADA_LAYER_RESIZE, "", *at);
     lift.like = skip;
     lift.resize = options->up_by == HADA_UNET_NEAREST ? HADA_RESIZE_NEAREST : HADA_RESIZE_LINEAR;
@@ -87,14 +84,11 @@ static hada_status add_lift(hada_net *net, const hada_unet_options *options, int
     hada_layer concat = hada_layer_of(HADA_LAYER_CONCAT, "", skip);
     concat.inputs[1] = *at;
     concat.input_count = 2;
-    HADA_TRY(hada_net_add(net, &concat, at, err));
-done:
-    return status;
+    return hada_net_add(net, &concat, at, err);
 }
 
 static hada_status add_last(hada_net *net, const hada_unet_options *options, int *at, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (options->last_norm) {
         const hada_layer norm = hada_layer_of(HADA_LAYER_NORM, "norm", *at);
         HADA_TRY(hada_net_add(net, &norm, at, err));
@@ -104,15 +98,12 @@ static hada_status add_last(hada_net *net, const hada_unet_options *options, int
     last.kernel = options->last_kernel;
     last.pad = options->last_kernel / 2;
     last.activation = options->last_relu ? HADA_ACTIVATION_RELU : HADA_ACTIVATION_NONE;
-    HADA_TRY(hada_net_add(net, &last, at, err));
-done:
-    return status;
+    return hada_net_add(net, &last, at, err);
 }
 
 static hada_status add_all(hada_net *net, const hada_unet_options *options, const widths *down, const widths *up,
                            hada_error *err)
 {
-    hada_status status = HADA_OK;
     int skips[MOST_LEVELS], at;
     hada_layer input = hada_layer_of(HADA_LAYER_INPUT, "", 0);
     input.channels = options->shared ? 1 : options->channels;
@@ -131,9 +122,7 @@ static hada_status add_all(hada_net *net, const hada_unet_options *options, cons
         HADA_TRY(add_convs(net, "up", level, up->counts[step], up->width[step], &at, err));
     }
     HADA_TRY(add_last(net, options, &at, err));
-    HADA_TRY(hada_net_finish(net, err));
-done:
-    return status;
+    return hada_net_finish(net, err);
 }
 
 hada_status hada_unet_make(hada_net **out, const hada_unet_options *callers, hada_error *err)
@@ -143,7 +132,7 @@ hada_status hada_unet_make(hada_net **out, const hada_unet_options *callers, had
     hada_unet_options own, *options = &own;
     *out = NULL;
     hada_unet_options_init(options);
-    HADA_TRY(HADA_OPTIONS_TAKE(options, callers, hada_unet_options, err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(options, callers, hada_unet_options, err));
     if (!options->down || !options->up)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "U-net options: widths down and up are needed");
     if (options->channels < 1 || options->channels > 64 || options->out_channels < 1 || options->out_channels > 64 ||
@@ -154,8 +143,8 @@ hada_status hada_unet_make(hada_net **out, const hada_unet_options *callers, had
                          "U-net options: 1 to 64 channels, as many out as in where "
                          "the net is shared, and a last "
                          "kernel of 1 or 3");
-    HADA_TRY(read_widths(options->down, &down, err));
-    HADA_TRY(read_widths(options->up, &up, err));
+    HADA_TRY_OR_DONE(read_widths(options->down, &down, err));
+    HADA_TRY_OR_DONE(read_widths(options->up, &up, err));
     for (int level = 0; level < down.levels; level++)
         if (!down.counts[level])
             return hada_fail(err, HADA_ERROR_ARGUMENT, "level %d of the U-net \"%.200s\" has no convolution", level,
@@ -165,8 +154,8 @@ hada_status hada_unet_make(hada_net **out, const hada_unet_options *callers, had
                          "a U-net with the levels \"%.200s\" needs %d levels on "
                          "the way up, not \"%.200s\"",
                          options->down, down.levels - 1, options->up);
-    HADA_TRY(hada_net_begin(out, options->shared ? options->channels : 1, err));
-    HADA_TRY(add_all(*out, options, &down, &up, err));
+    HADA_TRY_OR_DONE(hada_net_begin(out, options->shared ? options->channels : 1, err));
+    HADA_TRY_OR_DONE(add_all(*out, options, &down, &up, err));
 done:
     if (status)
         hada_net_destroy(out);
@@ -178,8 +167,8 @@ hada_status hada_net_create_unet(hada_net **out, const hada_unet_options *option
     hada_status status = HADA_OK;
     if (!out || !options)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_create_unet: out and options are needed");
-    HADA_TRY(hada_unet_make(out, options, err));
-    HADA_TRY(hada_net_init(*out, seed, err));
+    HADA_TRY_OR_DONE(hada_unet_make(out, options, err));
+    HADA_TRY_OR_DONE(hada_net_init(*out, seed, err));
 done:
     if (status)
         hada_net_destroy(out);

@@ -9,7 +9,6 @@ static const int widths[] = {64, 64, 0, 128, 128, 0, 256, 256, 256, 0, 512, 512,
 
 static hada_status add_all(hada_net *net, hada_error *err)
 {
-    hada_status status = HADA_OK;
     int at;
     hada_layer layer = hada_layer_of(HADA_LAYER_INPUT, "", 0);
     layer.channels = 3;
@@ -33,9 +32,7 @@ static hada_status add_all(hada_net *net, hada_error *err)
         number += widths[i] ? 2 : 1;
         HADA_TRY(hada_net_add(net, &layer, &at, err));
     }
-    HADA_TRY(hada_net_finish(net, err));
-done:
-    return status;
+    return hada_net_finish(net, err);
 }
 
 static void normalize(hada_net *net)
@@ -53,8 +50,8 @@ static void normalize(hada_net *net)
 hada_status hada_vgg16_make(hada_net **out, hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(hada_net_begin(out, 1, err));
-    HADA_TRY(add_all(*out, err));
+    HADA_TRY_OR_DONE(hada_net_begin(out, 1, err));
+    HADA_TRY_OR_DONE(add_all(*out, err));
     normalize(*out);
 done:
     if (status)
@@ -69,8 +66,8 @@ hada_status hada_vgg16_load(hada_net **out, const char *path, hada_error *err)
     *out = NULL;
     if ((status = hada_tensors_open(&file, path, err)) != HADA_OK)
         return status;
-    HADA_TRY(hada_vgg16_make(out, err));
-    HADA_TRY(hada_net_read_but(*out, file, "", "normalize.", err));
+    HADA_TRY_OR_DONE(hada_vgg16_make(out, err));
+    HADA_TRY_OR_DONE(hada_net_read_but(*out, file, "", "normalize.", err));
 done:
     if (status) {
         hada_error_prefix(err, "%s: ", path);

@@ -31,7 +31,7 @@ hada_status hada_net_read_but(hada_net *net, const hada_tensors *file, const cha
 {
     hada_status status = HADA_OK;
     float *values = NULL;
-    HADA_TRY(hada_alloc((void **)&values, net->floats, sizeof *values, "the weights", err));
+    HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc(net->floats, sizeof *values, "the weights", err)));
     for (int i = 0; i < net->parameter_count; i++) {
         const hada_parameter *parameter = &net->parameters[i];
         const hada_stored_tensor *tensor = NULL;
@@ -40,12 +40,13 @@ hada_status hada_net_read_but(hada_net *net, const hada_tensors *file, const cha
             memcpy(at, net->values + parameter->offset, parameter->count * sizeof *at);
             continue;
         }
-        HADA_TRY(find(parameter, file, prefix, &tensor, err));
-        HADA_TRY(hada_tensor_copy_f32(tensor, 0, parameter->count, at, err));
+        HADA_TRY_OR_DONE(find(parameter, file, prefix, &tensor, err));
+        HADA_TRY_OR_DONE(hada_tensor_copy_f32(tensor, 0, parameter->count, at, err));
         for (size_t k = 0; k < parameter->count; k++)
             if (!isfinite(at[k]))
-                HADA_TRY(hada_fail(err, HADA_ERROR_NOT_FINITE, "the tensor %s%s holds values that are not finite",
-                                   prefix, parameter->name));
+                HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_NOT_FINITE,
+                                           "the tensor %s%s holds values that are not finite", prefix,
+                                           parameter->name));
     }
     memcpy(net->values, values, net->floats * sizeof *values);
 done:
@@ -62,8 +63,8 @@ hada_status hada_net_from_file(hada_net **out, const char *description, const ha
                                hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(hada_net_create_within(out, description, hada_tensors_bytes(file), 0, err));
-    HADA_TRY(hada_net_read(*out, file, prefix, err));
+    HADA_TRY_OR_DONE(hada_net_create_within(out, description, hada_tensors_bytes(file), 0, err));
+    HADA_TRY_OR_DONE(hada_net_read(*out, file, prefix, err));
 done:
     if (status)
         hada_net_destroy(out);
@@ -72,26 +73,22 @@ done:
 
 hada_status hada_net_declare(const hada_net *net, hada_tensors_writer *writer, const char *prefix, hada_error *err)
 {
-    hada_status status = HADA_OK;
     char name[512];
     for (int i = 0; i < net->parameter_count; i++) {
         const hada_parameter *parameter = &net->parameters[i];
         snprintf(name, sizeof name, "%.300s%s", prefix, parameter->name);
         HADA_TRY(hada_tensors_declare(writer, name, HADA_F32, parameter->dims, parameter->shape, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_net_write(const hada_net *net, hada_tensors_writer *writer, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int i = 0; i < net->parameter_count; i++) {
         const hada_parameter *parameter = &net->parameters[i];
         HADA_TRY(hada_tensors_write(writer, net->values + parameter->offset, parameter->count * sizeof(float), err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_net_load_weights(hada_net *net, const char *path, const char *prefix, hada_error *err)
@@ -136,12 +133,12 @@ hada_status hada_net_save(const hada_net *net, const char *path, hada_error *err
     char *description = NULL;
     if (!net || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_save: net and path are needed");
-    HADA_TRY(hada_net_describe(net, &description, err));
-    HADA_TRY(hada_tensors_create(&writer, path, err));
-    HADA_TRY(hada_tensors_put_meta(writer, HADA_NET_META, description, err));
-    HADA_TRY(hada_net_declare(net, writer, "", err));
-    HADA_TRY(hada_net_write(net, writer, err));
-    HADA_TRY(hada_tensors_finish(&writer, err));
+    HADA_TRY_OR_DONE(hada_net_describe(net, &description, err));
+    HADA_TRY_OR_DONE(hada_tensors_create(&writer, path, err));
+    HADA_TRY_OR_DONE(hada_tensors_put_meta(writer, HADA_NET_META, description, err));
+    HADA_TRY_OR_DONE(hada_net_declare(net, writer, "", err));
+    HADA_TRY_OR_DONE(hada_net_write(net, writer, err));
+    HADA_TRY_OR_DONE(hada_tensors_finish(&writer, err));
 done:
     hada_tensors_abandon(&writer);
     free(description);

@@ -73,11 +73,9 @@ hada_status hada_camera_preset_sized(hada_camera *camera, size_t size, const cha
     } else
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "there is no camera preset '%s'; the presets are sim512, sim300, crop300 and paper2022", name);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_camera_set_depths(&c, 100.0, 600.0, depths, err));
     HADA_OPTIONS_GIVE(camera, size, &c);
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_camera_set_depths(hada_camera *camera, double near_mm, double far_mm, int count, hada_error *err)

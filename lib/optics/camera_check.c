@@ -109,13 +109,10 @@ static hada_status check_values(const hada_camera *camera, hada_error *err)
         {"wavelength of red", "nm", camera->wavelengths_nm[0], 100.0, 20000.0, 0},
         {"wavelength of green", "nm", camera->wavelengths_nm[1], 100.0, 20000.0, 0},
         {"wavelength of blue", "nm", camera->wavelengths_nm[2], 100.0, 20000.0, 0}};
-    hada_status status = HADA_OK;
     HADA_TRY(check_sensor(camera, err));
     HADA_TRY(check_ranges(ranges, sizeof ranges / sizeof *ranges, err));
     HADA_TRY(check_mask(camera, err));
-    HADA_TRY(check_distances(camera, err));
-done:
-    return status;
+    return check_distances(camera, err);
 }
 
 hada_status hada_camera_take(hada_camera *own, const hada_camera *callers, hada_error *err)
@@ -123,11 +120,8 @@ hada_status hada_camera_take(hada_camera *own, const hada_camera *callers, hada_
     if (!callers)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a camera is needed: start from hada_camera_init()");
     hada_camera_init(own);
-    hada_status status = HADA_OK;
     HADA_TRY(HADA_OPTIONS_TAKE(own, callers, hada_camera, err));
-    HADA_TRY(check_values(own, err));
-done:
-    return status;
+    return check_values(own, err);
 }
 
 hada_status hada_camera_check(const hada_camera *camera, hada_error *err)

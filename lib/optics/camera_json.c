@@ -93,15 +93,15 @@ hada_status hada_camera_save(const hada_camera *callers, const char *path, hada_
     char *text = NULL;
     hada_outfile file = {.fd = -1};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_camera_take(&camera, callers, err));
+    HADA_TRY_OR_DONE(hada_camera_take(&camera, callers, err));
     object = to_json(&camera);
     text = object ? json_dumps(object, JSON_INDENT(2) | JSON_REAL_PRECISION(15)) : NULL;
     if (!text)
-        HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory to write '%s'", path));
-    HADA_TRY(hada_outfile_open(&file, path, err));
-    HADA_TRY(hada_outfile_write(&file, text, strlen(text), err));
-    HADA_TRY(hada_outfile_write(&file, "\n", 1, err));
-    HADA_TRY(hada_outfile_commit(&file, err));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory to write '%s'", path));
+    HADA_TRY_OR_DONE(hada_outfile_open(&file, path, err));
+    HADA_TRY_OR_DONE(hada_outfile_write(&file, text, strlen(text), err));
+    HADA_TRY_OR_DONE(hada_outfile_write(&file, "\n", 1, err));
+    HADA_TRY_OR_DONE(hada_outfile_commit(&file, err));
 done:
     hada_outfile_abandon(&file);
     json_decref(object);
@@ -153,7 +153,6 @@ static hada_status read_word(const char **word, const json_t *object, const char
 static hada_status read_kinds(hada_camera *camera, const json_t *object, const char *path, hada_error *err)
 {
     const char *mask, *boundary, *optics;
-    hada_status status = HADA_OK;
     HADA_TRY(read_word(&mask, object, "mask", path, err));
     HADA_TRY(read_word(&boundary, object, "boundary", path, err));
     HADA_TRY(read_word(&optics, object, "optics", path, err));
@@ -185,8 +184,7 @@ static hada_status read_kinds(hada_camera *camera, const json_t *object, const c
     camera->depths = (int)count;
     for (size_t i = 0; i < count; i++)
         camera->distances_mm[i] = json_number_value(json_array_get(distances, i));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Work with a camera takes some 70 bytes for each pixel of its sensor, and a file of any size can claim them. */
@@ -223,8 +221,8 @@ hada_status hada_camera_load_sized(hada_camera *callers, size_t size, const char
         return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s' is not a camera in JSON (line %d: %s)", path, where.line,
                          object ? "an object is expected" : where.text);
     }
-    HADA_TRY(read_fields(camera, object, path, err));
-    HADA_TRY(read_kinds(camera, object, path, err));
+    HADA_TRY_OR_DONE(read_fields(camera, object, path, err));
+    HADA_TRY_OR_DONE(read_kinds(camera, object, path, err));
     status = hada_camera_check(camera, err);
     status = status ? status : check_budget(camera, err);
     if (status)

@@ -108,15 +108,16 @@ static hada_status upload_gain(const hada_simulator *s, const hada_sensor *senso
     if (sensor->vignetting == HADA_VIGNETTING_NONE)
         goto done;
     if (sensor->vignetting == HADA_VIGNETTING_IMAGE) {
-        HADA_TRY(check_gain(&s->camera, sensor->gain, err));
-        HADA_TRY(hada_buffer_create_from(to, s->slot, sensor->gain->data, bytes, "the vignetting", err));
+        HADA_TRY_OR_DONE(check_gain(&s->camera, sensor->gain, err));
+        HADA_TRY_OR_DONE(hada_buffer_create_from(to, s->slot, sensor->gain->data, bytes, "the vignetting", err));
         goto done;
     }
-    HADA_TRY(hada_alloc((void **)&gain, (size_t)rows * (size_t)cols, sizeof *gain, "the vignetting", err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(gain = hada_alloc((size_t)rows * (size_t)cols, sizeof *gain, "the vignetting", err)));
     for (int r = 0; r < rows; r++)
         for (int c = 0; c < cols; c++)
             gain[(size_t)r * (size_t)cols + (size_t)c] = (float)cos4(s, r, c);
-    HADA_TRY(hada_buffer_create_from(to, s->slot, gain, bytes, "the vignetting", err));
+    HADA_TRY_OR_DONE(hada_buffer_create_from(to, s->slot, gain, bytes, "the vignetting", err));
 done:
     free(gain);
     return status;
@@ -129,17 +130,17 @@ hada_status hada_simulator_expose(hada_simulator *s, const hada_sensor *callers,
     hada_sensor own, *sensor = &own;
     hada_buffer gain = {0}, values = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(take_sensor(sensor, callers, err));
+    HADA_TRY_OR_DONE(take_sensor(sensor, callers, err));
     if (frame->rows != c->rows || frame->cols != c->cols || frame->channels < 1)
         return hada_fail(err, HADA_ERROR_SIZE, "a frame of %d x %d does not fit a sensor of %d x %d", frame->rows,
                          frame->cols, c->rows, c->cols);
     if (hada_image_count_not_finite(frame))
         return hada_fail(err, HADA_ERROR_NOT_FINITE, "a frame of light holds NaN or infinite values");
     const size_t count = hada_image_count(frame), pixels = (size_t)frame->rows * (size_t)frame->cols;
-    HADA_TRY(upload_gain(s, sensor, &gain, err));
-    HADA_TRY(hada_buffer_create_from(&values, s->slot, frame->data, count * sizeof(float), "a frame", err));
-    HADA_TRY(hada_optics_expose(s->slot, values.mem, 0, gain.mem, pixels, count, sensor, seed, err));
-    HADA_TRY(hada_buffer_read(&values, s->slot, 0, frame->data, count * sizeof(float), err));
+    HADA_TRY_OR_DONE(upload_gain(s, sensor, &gain, err));
+    HADA_TRY_OR_DONE(hada_buffer_create_from(&values, s->slot, frame->data, count * sizeof(float), "a frame", err));
+    HADA_TRY_OR_DONE(hada_optics_expose(s->slot, values.mem, 0, gain.mem, pixels, count, sensor, seed, err));
+    HADA_TRY_OR_DONE(hada_buffer_read(&values, s->slot, 0, frame->data, count * sizeof(float), err));
 done:
     hada_buffer_destroy(&gain);
     hada_buffer_destroy(&values);

@@ -17,9 +17,9 @@ static hada_status make_lenses(hada_mask_design *design, hada_error *err)
     const hada_camera *camera = &design->camera;
     void *x = NULL, *y = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc(&x, (size_t)camera->lenses, sizeof(double), "the lens positions", err));
-    HADA_TRY(hada_alloc(&y, (size_t)camera->lenses, sizeof(double), "the lens positions", err));
-    HADA_TRY(hada_camera_lenses(camera, x, y, err));
+    HADA_TRY_OR_DONE(hada_allocated(x = hada_alloc((size_t)camera->lenses, sizeof(double), "the lens positions", err)));
+    HADA_TRY_OR_DONE(hada_allocated(y = hada_alloc((size_t)camera->lenses, sizeof(double), "the lens positions", err)));
+    HADA_TRY_OR_DONE(hada_camera_lenses(camera, x, y, err));
     return hada_sites_make(&design->sites, x, y, camera->lenses, camera->aperture_mm / 2.0, err); /* takes x and y */
 done:
     free(x);
@@ -31,7 +31,6 @@ static hada_status make_diffuser(hada_mask_design *design, hada_error *err)
 {
     const hada_camera *camera = &design->camera;
     const double half = camera->aperture_mm / 2.0;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_surface_make(&design->surface, camera->seed, camera->correlation_mm, half, err));
     double squares = 0.0, gradient[2];
     for (int r = 0; r < SCAN; r++)
@@ -43,8 +42,7 @@ static hada_status make_diffuser(hada_mask_design *design, hada_error *err)
     design->height = camera->deflection_mrad * 1e-3 / sqrt(squares / (2.0 * SCAN * SCAN));
     /* second derivatives of a surface with autocorrelation exp(-r^2 / l^2): sqrt(6) / l times the slope; two of them */
     design->bend = 2.0 * sqrt(6.0) * camera->deflection_mrad * 1e-3 / camera->correlation_mm;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status make_contour(hada_mask_design *design, hada_error *err)
@@ -54,15 +52,15 @@ static hada_status make_contour(hada_mask_design *design, hada_error *err)
     hada_surface landscape = {0};
     hada_contour points;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_surface_make(&landscape, camera->seed, camera->correlation_mm, half, err));
+    HADA_TRY_OR_DONE(hada_surface_make(&landscape, camera->seed, camera->correlation_mm, half, err));
     /* points s apart instead of a line change a path of r^2 / 2f by s^2 / 8f */
     double step = fmin(camera->correlation_mm / LINE_POINTS, sqrt(8.0 * camera->focal_length_mm * PATH_ERROR));
     step = fmin(step, camera->pixel_pitch_mm / 4.0);
     step = fmax(step, camera->aperture_mm / 8192.0);
-    HADA_TRY(hada_contour_points(&landscape, half, step, design->monitor, &points, err));
+    HADA_TRY_OR_DONE(hada_contour_points(&landscape, half, step, design->monitor, &points, err));
     design->bend = 1.0 / camera->focal_length_mm;
     design->feature = fmin(camera->lens_diameter_mm, camera->aperture_mm);
-    HADA_TRY(hada_sites_make(&design->sites, points.x, points.y, points.count, half, err));
+    HADA_TRY_OR_DONE(hada_sites_make(&design->sites, points.x, points.y, points.count, half, err));
 done:
     hada_surface_free(&landscape);
     return status;
@@ -75,15 +73,13 @@ static hada_status make_cells(hada_mask_design *design, hada_error *err)
     design->feature = camera->cell_mm;
     void *memory;
     const size_t count = (size_t)design->cells * (size_t)design->cells;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc(&memory, count, 1, "the cells of a mask", err));
+    HADA_TRY(hada_allocated(memory = hada_alloc(count, 1, "the cells of a mask", err)));
     design->open = memory;
     hada_random random;
     hada_random_seed(&random, camera->seed, HADA_SEQUENCE_CELLS);
     for (size_t i = 0; i < count; i++)
         design->open[i] = hada_random_uniform(&random) < camera->open_fraction;
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_mask_find_bounds(hada_mask_design *design)
@@ -119,17 +115,17 @@ hada_status hada_mask_make_watched(hada_mask_design *design, const hada_camera *
     *design = (hada_mask_design){.monitor = monitor};
     const hada_camera *camera = &design->camera;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_camera_take(&design->camera, callers, err));
+    HADA_TRY_OR_DONE(hada_camera_take(&design->camera, callers, err));
     if (hada_mask_has_lenses(camera)) {
         design->bend = hada_mask_power(camera);
         design->feature = fmin(camera->lens_diameter_mm, camera->aperture_mm);
-        HADA_TRY(make_lenses(design, err));
+        HADA_TRY_OR_DONE(make_lenses(design, err));
     } else if (camera->mask == HADA_MASK_DIFFUSER)
-        HADA_TRY(make_diffuser(design, err));
+        HADA_TRY_OR_DONE(make_diffuser(design, err));
     else if (camera->mask == HADA_MASK_CONTOUR)
-        HADA_TRY(make_contour(design, err));
+        HADA_TRY_OR_DONE(make_contour(design, err));
     else
-        HADA_TRY(make_cells(design, err));
+        HADA_TRY_OR_DONE(make_cells(design, err));
 done:
     if (status)
         hada_mask_free(design);
@@ -231,7 +227,7 @@ hada_status hada_camera_fill_factor(const hada_camera *camera, double *fill, had
     hada_mask_design design;
     hada_status status = HADA_OK;
     *fill = 0.0;
-    HADA_TRY(hada_mask_make(&design, camera, err));
+    HADA_TRY_OR_DONE(hada_mask_make(&design, camera, err));
     *fill = fill_of(&design);
 done:
     hada_mask_free(&design);
@@ -243,10 +239,11 @@ hada_status hada_camera_set_fill_factor(hada_camera *camera, double fill, hada_e
 {
     hada_mask_design design;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_mask_make(&design, camera, err));
+    HADA_TRY_OR_DONE(hada_mask_make(&design, camera, err));
     if (!design.sites.count)
-        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "a mask of kind '%s' has no diameter that sets how much is open",
-                           hada_mask_word(camera->mask)));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT,
+                                   "a mask of kind '%s' has no diameter that sets how much is open",
+                                   hada_mask_word(camera->mask)));
     double low = 0.0, high = 2.0 * camera->aperture_mm, reached = 0.0;
     for (int i = 0; i < 24; i++) {
         design.camera.lens_diameter_mm = 0.5 * (low + high);
@@ -259,8 +256,8 @@ hada_status hada_camera_set_fill_factor(hada_camera *camera, double fill, hada_e
     if (fabs(reached - fill) <= 1e-3 && fill > 0.0)
         camera->lens_diameter_mm = design.camera.lens_diameter_mm;
     else
-        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "no diameter lets a share of %g through; %g is as near as it gets",
-                           fill, reached));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT,
+                                   "no diameter lets a share of %g through; %g is as near as it gets", fill, reached));
 done:
     hada_mask_free(&design);
     return status;
@@ -275,8 +272,8 @@ hada_status hada_camera_mask_map(const hada_camera *camera, int rows, int cols, 
         *thickness_mm = (hada_image){0};
     if (transmission)
         *transmission = (hada_image){0};
-    HADA_TRY(hada_mask_make(&design, camera, err));
-    HADA_TRY(hada_mask_map(&design, rows, cols, thickness_mm, transmission, err));
+    HADA_TRY_OR_DONE(hada_mask_make(&design, camera, err));
+    HADA_TRY_OR_DONE(hada_mask_map(&design, rows, cols, thickness_mm, transmission, err));
 done:
     hada_mask_free(&design);
     return status;
@@ -291,9 +288,9 @@ hada_status hada_mask_map(const hada_mask_design *design, int rows, int cols, ha
     hada_status status = HADA_OK;
     *thickness = *open = (hada_image){0};
     if (thickness_mm)
-        HADA_TRY(hada_image_create(thickness, 1, rows, cols, err));
+        HADA_TRY_OR_DONE(hada_image_create(thickness, 1, rows, cols, err));
     if (transmission)
-        HADA_TRY(hada_image_create(open, 1, rows, cols, err));
+        HADA_TRY_OR_DONE(hada_image_create(open, 1, rows, cols, err));
     const double width = camera->aperture_mm, step = width / (rows > cols ? rows : cols);
     for (int r = 0; r < rows; r++)
         for (int c = 0; c < cols; c++) {

@@ -130,12 +130,9 @@ static hada_status place_at_random(const hada_camera *camera, double *x_mm, doub
 hada_status hada_camera_lenses(const hada_camera *callers, double *x_mm, double *y_mm, hada_error *err)
 {
     hada_camera own, *camera = &own;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_camera_take(camera, callers, err));
     if (!hada_mask_has_lenses(camera))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a mask of kind '%s' has no lenses", hada_mask_word(camera->mask));
-    HADA_TRY(camera->mask == HADA_MASK_GRID ? place_on_lattice(camera, x_mm, y_mm, err)
-                                            : place_at_random(camera, x_mm, y_mm, err));
-done:
-    return status;
+    return camera->mask == HADA_MASK_GRID ? place_on_lattice(camera, x_mm, y_mm, err)
+                                          : place_at_random(camera, x_mm, y_mm, err);
 }

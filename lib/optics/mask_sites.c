@@ -22,17 +22,15 @@ static int bucket_at(const hada_sites *sites, int i)
 static hada_status sort(hada_sites *sites, hada_error *err)
 {
     const size_t all = (size_t)sites->buckets * (size_t)sites->buckets;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&sites->first, all + 1, sizeof(int), "places of a mask", err));
-    HADA_TRY(hada_alloc((void **)&sites->order, (size_t)sites->count, sizeof(int), "places of a mask", err));
+    HADA_TRY(hada_allocated(sites->first = hada_alloc(all + 1, sizeof(int), "places of a mask", err)));
+    HADA_TRY(hada_allocated(sites->order = hada_alloc((size_t)sites->count, sizeof(int), "places of a mask", err)));
     for (int i = 0; i < sites->count; i++)
         sites->first[bucket_at(sites, i)]++;
     for (size_t k = 1; k <= all; k++)
         sites->first[k] += sites->first[k - 1];
     for (int i = sites->count - 1; i >= 0; i--)
         sites->order[--sites->first[bucket_at(sites, i)]] = i;
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_sites_free(hada_sites *sites)
@@ -111,10 +109,10 @@ static hada_status replace_by_candidates(hada_sites *sites, hada_error *err)
     const int all = sites->buckets * sites->buckets;
     int *first = NULL, *order = NULL, *kept;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&first, (size_t)all + 1, sizeof *first, "places of a mask", err));
+    HADA_TRY_OR_DONE(hada_allocated(first = hada_alloc((size_t)all + 1, sizeof *first, "places of a mask", err)));
     for (int b = 0; b < all; b++)
         first[b + 1] = first[b] + candidates(sites, b / sites->buckets, b % sites->buckets, NULL);
-    HADA_TRY(hada_alloc((void **)&order, (size_t)first[all], sizeof *order, "places of a mask", err));
+    HADA_TRY_OR_DONE(hada_allocated(order = hada_alloc((size_t)first[all], sizeof *order, "places of a mask", err)));
     for (int b = 0; b < all; b++)
         candidates(sites, b / sites->buckets, b % sites->buckets, order + first[b]);
     kept = sites->first, sites->first = first, first = kept;
@@ -133,8 +131,8 @@ hada_status hada_sites_make(hada_sites *sites, double *x, double *y, int count, 
     sites->buckets = sites->buckets < BUCKETS_MOST ? sites->buckets : BUCKETS_MOST;
     sites->size = 2.0 * sites->half / sites->buckets;
     hada_status status = HADA_OK;
-    HADA_TRY(sort(sites, err));
-    HADA_TRY(replace_by_candidates(sites, err));
+    HADA_TRY_OR_DONE(sort(sites, err));
+    HADA_TRY_OR_DONE(replace_by_candidates(sites, err));
 done:
     if (status)
         hada_sites_free(sites);

@@ -32,8 +32,8 @@ hada_status hada_surface_make(hada_surface *surface, uint64_t seed, double corre
     const double step = correlation / (2.0 * sqrt(SMOOTHINGS / 2.0 + 1.0 / 3.0));
     const int inside = (int)ceil(2.0 * half_width / step) + 1, count = inside + 2 * MARGIN;
     void *memory;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc(&memory, (size_t)count * (size_t)count, sizeof(double), "a random surface", err));
+    HADA_TRY(
+        hada_allocated(memory = hada_alloc((size_t)count * (size_t)count, sizeof(double), "a random surface", err)));
     *surface = (hada_surface){memory, count, -half_width - MARGIN * step, step};
     double *node = memory;
     const size_t nodes = (size_t)count * (size_t)count;
@@ -57,8 +57,7 @@ hada_status hada_surface_make(hada_surface *surface, uint64_t seed, double corre
     const double scale = 1.0 / sqrt(squares / number - mean * mean);
     for (size_t i = 0; i < nodes; i++)
         node[i] = (node[i] - mean) * scale;
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_surface_free(hada_surface *surface)
@@ -129,12 +128,13 @@ hada_status hada_contour_points(const hada_surface *surface, double half_width, 
     hada_contour points = {0};
     void *memory = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc(&memory, 2 * (size_t)across, sizeof(double), "rows of a random surface", err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(memory = hada_alloc(2 * (size_t)across, sizeof(double), "rows of a random surface", err)));
     double *above = memory, *here = above + across;
     int room = 1;
     *out = points;
     for (int r = 0; r < across && room; r++) {
-        HADA_TRY(hada_monitor_check(monitor, err));
+        HADA_TRY_OR_DONE(hada_monitor_check(monitor, err));
         const double at_y = (r - half) * step;
         for (int c = 0; c < across && room; c++) {
             const double at_x = (c - half) * step;
@@ -149,11 +149,12 @@ hada_status hada_contour_points(const hada_surface *surface, double half_width, 
         here = swap;
     }
     if (!room)
-        HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory for contour lines"));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for contour lines"));
     if (!points.count)
-        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
-                           "the random landscape has no contour line in the aperture; use a smaller correlation "
-                           "length or another seed"));
+        HADA_TRY_OR_DONE(
+            hada_fail(err, HADA_ERROR_ARGUMENT,
+                      "the random landscape has no contour line in the aperture; use a smaller correlation "
+                      "length or another seed"));
     *out = points;
     points = (hada_contour){0};
 done:

@@ -17,7 +17,6 @@ hada_status hada_mtf_create(hada_mtf *mtf, hada_context *context, int rows, int 
                           .real_pitch = (size_t)cols,
                           .real_distance = (size_t)rows * (size_t)cols};
     void *values = NULL;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_slot_create(&mtf->slot, context, err));
     HADA_TRY(hada_fft_create(&mtf->forward, mtf->slot, &desc, err));
     desc.direction = HADA_FFT_INVERSE;
@@ -29,12 +28,10 @@ hada_status hada_mtf_create(hada_mtf *mtf, hada_context *context, int rows, int 
     mtf->layout = *hada_fft_plan_layout(mtf->forward);
     const size_t spectrum = 2 * mtf->layout.count;
     const size_t floats = spectrum > desc.real_distance ? spectrum : desc.real_distance;
-    HADA_TRY(hada_alloc(&values, floats, sizeof(float), "a spectrum", err));
+    HADA_TRY(hada_allocated(values = hada_alloc(floats, sizeof(float), "a spectrum", err)));
     mtf->values = values;
     HADA_TRY(hada_buffer_create(&mtf->real, context, desc.real_distance * sizeof(float), "an image", err));
-    HADA_TRY(hada_buffer_create(&mtf->spectrum, context, spectrum * sizeof(float), "a spectrum", err));
-done:
-    return status;
+    return hada_buffer_create(&mtf->spectrum, context, spectrum * sizeof(float), "a spectrum", err);
 }
 
 void hada_mtf_destroy(hada_mtf *mtf)
@@ -86,14 +83,14 @@ hada_status hada_mtf_measure(hada_mtf *mtf, const hada_image *image, double thre
     const size_t grid = (size_t)mtf->layout.rows * (size_t)mtf->layout.cols * sizeof(float);
     void *weight = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc(&weight, (size_t)rings, sizeof(double), "rings", err));
-    HADA_TRY(hada_buffer_write(&mtf->real, mtf->slot, 0, image->data, pixels, err));
-    HADA_TRY(hada_fft_forward(mtf->forward, 1, mtf->real.mem, 0, mtf->spectrum.mem, 0, err));
-    HADA_TRY(hada_buffer_read(&mtf->spectrum, mtf->slot, 0, mtf->values, spectrum, err));
+    HADA_TRY_OR_DONE(hada_allocated(weight = hada_alloc((size_t)rings, sizeof(double), "rings", err)));
+    HADA_TRY_OR_DONE(hada_buffer_write(&mtf->real, mtf->slot, 0, image->data, pixels, err));
+    HADA_TRY_OR_DONE(hada_fft_forward(mtf->forward, 1, mtf->real.mem, 0, mtf->spectrum.mem, 0, err));
+    HADA_TRY_OR_DONE(hada_buffer_read(&mtf->spectrum, mtf->slot, 0, mtf->values, spectrum, err));
     *support = rings_of(mtf, threshold, rings, mean, weight);
-    HADA_TRY(hada_buffer_write(&mtf->spectrum, mtf->slot, 0, mtf->values, spectrum, err));
-    HADA_TRY(hada_fft_inverse(mtf->inverse, 1, mtf->spectrum.mem, 0, mtf->real.mem, 0, NULL, err));
-    HADA_TRY(hada_buffer_read(&mtf->real, mtf->slot, 0, mtf->values, grid, err));
+    HADA_TRY_OR_DONE(hada_buffer_write(&mtf->spectrum, mtf->slot, 0, mtf->values, spectrum, err));
+    HADA_TRY_OR_DONE(hada_fft_inverse(mtf->inverse, 1, mtf->spectrum.mem, 0, mtf->real.mem, 0, NULL, err));
+    HADA_TRY_OR_DONE(hada_buffer_read(&mtf->real, mtf->slot, 0, mtf->values, grid, err));
 done:
     free(weight);
     return status;

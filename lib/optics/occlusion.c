@@ -58,8 +58,8 @@ static hada_status share_out(hada_taps *taps, int count, const double *x, const 
     double *sums = NULL;
     const size_t size = hada_size_product((size_t)taps->rows, (size_t)taps->cols);
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&sums, size, sizeof *sums, "the view of a lens", err));
-    HADA_TRY(hada_alloc((void **)&taps->weight, size, sizeof *taps->weight, "the view of a lens", err));
+    HADA_TRY_OR_DONE(hada_allocated(sums = hada_alloc(size, sizeof *sums, "the view of a lens", err)));
+    HADA_TRY_OR_DONE(hada_allocated(taps->weight = hada_alloc(size, sizeof *taps->weight, "the view of a lens", err)));
     for (int i = 0; i < count; i++) {
         const int r = (int)floor(y[i]), c = (int)floor(x[i]);
         const double fy = y[i] - r, fx = x[i] - c;
@@ -83,13 +83,13 @@ hada_status hada_taps_create(hada_taps *taps, const hada_camera *camera, const h
     const int half = outline_half(camera, lenses, near_mm, far_mm), room = (2 * half + 1) * (2 * half + 1);
     double *x = NULL, *y;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&x, (size_t)room, 2 * sizeof *x, "the outline of a lens", err));
+    HADA_TRY_OR_DONE(hada_allocated(x = hada_alloc((size_t)room, 2 * sizeof *x, "the outline of a lens", err)));
     y = x + room;
     const int count = hada_lens_outline(camera, lenses, lens, half, x, y);
     move_outline(camera, lenses, lens, near_mm, far_mm, count, x, y);
     range(x, count, &taps->col0, &taps->cols);
     range(y, count, &taps->row0, &taps->rows);
-    HADA_TRY(share_out(taps, count, x, y, err));
+    HADA_TRY_OR_DONE(share_out(taps, count, x, y, err));
 done:
     free(x);
     return status;

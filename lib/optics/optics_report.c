@@ -32,14 +32,12 @@ static hada_status reserve(hada_optics_report *report, hada_error *err)
                  {(void **)&report->correlation, depths * depths, sizeof(double)},
                  {(void **)&report->mean, depths, sizeof(hada_image)},
                  {(void **)&report->norm, depths, sizeof(double)}};
-    hada_status status = HADA_OK;
     for (size_t i = 0; i < sizeof rooms / sizeof *rooms; i++)
-        HADA_TRY(hada_alloc(rooms[i].at, rooms[i].count, rooms[i].size, "a report", err));
+        HADA_TRY(hada_allocated(*rooms[i].at = hada_alloc(rooms[i].count, rooms[i].size, "a report", err)));
     report->curves.mtf = report->mtf;
     report->curves.self = report->self;
     report->curves.correlation = report->correlation;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_optics_report_create(hada_optics_report **out, hada_context *context, const hada_camera *callers,
@@ -49,16 +47,16 @@ hada_status hada_optics_report_create(hada_optics_report **out, hada_context *co
     hada_optics_report *report = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY(hada_camera_take(&camera, callers, err));
-    HADA_TRY(hada_alloc((void **)&report, 1, sizeof *report, "a report", err));
+    HADA_TRY_OR_DONE(hada_camera_take(&camera, callers, err));
+    HADA_TRY_OR_DONE(hada_allocated(report = hada_alloc(1, sizeof *report, "a report", err)));
     const int lags = (camera.rows < camera.cols ? camera.rows : camera.cols) / 2;
     report->camera = camera;
     report->curves = (hada_optics_curves){.depths = camera.depths,
                                           .frequencies = RINGS,
                                           .lags = lags > 0 ? lags : 1,
                                           .threshold = threshold == HADA_AUTO ? 0.05 : threshold};
-    HADA_TRY(reserve(report, err));
-    HADA_TRY(hada_mtf_create(&report->measure, context, camera.rows, camera.cols, err));
+    HADA_TRY_OR_DONE(reserve(report, err));
+    HADA_TRY_OR_DONE(hada_mtf_create(&report->measure, context, camera.rows, camera.cols, err));
     *out = report;
     report = NULL;
 done:
@@ -97,7 +95,6 @@ const hada_optics_row *hada_optics_report_row(const hada_optics_report *report, 
 static hada_status mean_of_channels(hada_image *mean, const hada_image *psf, hada_error *err)
 {
     const size_t count = (size_t)psf->rows * (size_t)psf->cols;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_image_create(mean, 1, psf->rows, psf->cols, err));
     for (size_t i = 0; i < count; i++) {
         double sum = 0.0;
@@ -105,8 +102,7 @@ static hada_status mean_of_channels(hada_image *mean, const hada_image *psf, had
             sum += psf->data[(size_t)c * count + i];
         mean->data[i] = (float)(sum / psf->channels);
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static double product(const hada_image *a, const hada_image *b)
@@ -225,7 +221,6 @@ hada_status hada_optics_report_add(hada_optics_report *report, const hada_image 
     if (hada_image_count_not_finite(psf))
         return hada_fail(err, HADA_ERROR_NOT_FINITE, "PSF %d holds NaN or infinite values", z + 1);
     hada_image_destroy(&report->mean[z]); /* of an earlier try */
-    hada_status status = HADA_OK;
     HADA_TRY(mean_of_channels(&report->mean[z], psf, err));
     report->norm[z] = sqrt(product(&report->mean[z], &report->mean[z]));
     fill_design(c, c->distances_mm[z], &report->row[z]);
@@ -243,10 +238,9 @@ hada_status hada_optics_report_add(hada_optics_report *report, const hada_image 
             value;
     }
     if (++report->done < report->curves.depths)
-        goto done;
+        return HADA_OK;
     for (int i = 0; i < report->curves.depths; i++)
         report->row[i].axial_mm = axial(report, i, i + 1 < report->curves.depths ? 1 : -1);
     hada_mtf_destroy(&report->measure); /* the device has done its part */
-done:
-    return status;
+    return HADA_OK;
 }

@@ -13,7 +13,6 @@ static hada_status trace(hada_patch_light *light, int patch, hada_error *err)
     const hada_lenses *p = light->patches;
     const double half = p->design.camera.aperture_mm / 2.0, centre[2] = {p->x[patch], p->y[patch]};
     double low[2], high[2], all;
-    hada_status status = HADA_OK;
     for (int k = 0; k < 2; k++) {
         const int i = (int)lrint((centre[k] + half) / p->side - 0.5);
         low[k] = i > 0 ? i * p->side - half : -HUGE_VAL;
@@ -22,8 +21,7 @@ static hada_status trace(hada_patch_light *light, int patch, hada_error *err)
     hada_rays_clear(&light->rays);
     HADA_TRY(hada_rays_trace(&light->rays, low, high, &all, err));
     hada_rays_blur(&light->rays);
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The pixels of the image where the screen holds light. */
@@ -41,12 +39,12 @@ hada_status hada_patch_light_make(hada_patch_light *light, const hada_lenses *pa
 {
     *light = (hada_patch_light){.patches = patches, .rows = rows, .cols = cols};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_rays_make(&light->rays, &patches->design, distance_mm, rows, cols, axis_row, axis_col, err));
-    HADA_TRY(
-        hada_alloc((void **)&light->all, (size_t)rows * (size_t)cols, sizeof *light->all, "the light of patches", err));
+    HADA_TRY_OR_DONE(hada_rays_make(&light->rays, &patches->design, distance_mm, rows, cols, axis_row, axis_col, err));
+    HADA_TRY_OR_DONE(hada_allocated(
+        light->all = hada_alloc((size_t)rows * (size_t)cols, sizeof *light->all, "the light of patches", err)));
     for (int p = 0; p < patches->count; p++) {
         int first[2], end[2];
-        HADA_TRY(trace(light, p, err));
+        HADA_TRY_OR_DONE(trace(light, p, err));
         box(light, first, end);
         for (int r = first[0]; r < end[0]; r++)
             for (int c = first[1]; c < end[1]; c++) {
@@ -71,7 +69,6 @@ void hada_patch_light_free(hada_patch_light *light)
 hada_status hada_patch_light_share(hada_patch_light *light, int patch, const int *labels, float *share, hada_error *err)
 {
     int first[2], end[2];
-    hada_status status = HADA_OK;
     HADA_TRY(trace(light, patch, err));
     box(light, first, end);
     for (int r = 0; r < light->rows; r++)
@@ -83,6 +80,5 @@ hada_status hada_patch_light_share(hada_patch_light *light, int patch, const int
             else
                 share[at] = (float)(labels[at] == patch);
         }
-done:
-    return status;
+    return HADA_OK;
 }

@@ -91,7 +91,6 @@ static hada_status trace(const hada_mask_design *design, double distance, const 
     const int half = half_of(camera, defocus);
     const double step = radius / (half + 0.5), across = 2.0 * s->reach + 1.0;
     const double steps = PI_QUARTER * camera->lenses * pow(2.0 * half + 1.0, 2.0) * (RAY_STEPS + across * across);
-    hada_status status = HADA_OK;
     if (steps > STEPS_MOST)
         return hada_fail(err, HADA_ERROR_UNSUPPORTED,
                          "%d lenses of %g mm before pixels of %g mm, blurred by %g, take too many rays at %g mm (%.1g "
@@ -109,8 +108,7 @@ static hada_status trace(const hada_mask_design *design, double distance, const 
                         s->cols / 2 + (x[l] * magnification + dx * defocus) / pitch);
             }
         }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status trace_lenses(const hada_mask_design *design, double distance_mm, int rows, int cols, double *sum,
@@ -119,12 +117,10 @@ static hada_status trace_lenses(const hada_mask_design *design, double distance_
     const double sigma = design->camera.blur_pixels;
     const splat s = {sum, rows, cols, sigma, (int)ceil(6.0 * sigma) + 1};
     double rays = 0.0;
-    hada_status status = HADA_OK;
     HADA_TRY(trace(design, distance_mm, &s, &rays, err));
     for (size_t i = 0; i < (size_t)rows * (size_t)cols; i++)
         sum[i] /= rays;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_camera_psf_watched(const hada_camera *camera, double distance_mm, int rows, int cols,
@@ -138,18 +134,18 @@ hada_status hada_camera_psf_watched(const hada_camera *camera, double distance_m
     if (!(distance_mm > 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a distance of %g mm is not possible; it must be above 0",
                          distance_mm);
-    HADA_TRY(hada_mask_make_watched(&design, camera, monitor, err));
-    HADA_TRY(hada_alloc((void **)&sum, count, sizeof *sum, "a point spread function", err));
-    HADA_TRY(hada_image_create(psf, 1, rows, cols, err));
-    HADA_TRY(hada_mask_has_lenses(&design.camera) ? trace_lenses(&design, distance_mm, rows, cols, sum, err)
-                                                  : hada_psf_rays(&design, distance_mm, rows, cols, sum, err));
+    HADA_TRY_OR_DONE(hada_mask_make_watched(&design, camera, monitor, err));
+    HADA_TRY_OR_DONE(hada_allocated(sum = hada_alloc(count, sizeof *sum, "a point spread function", err)));
+    HADA_TRY_OR_DONE(hada_image_create(psf, 1, rows, cols, err));
+    HADA_TRY_OR_DONE(hada_mask_has_lenses(&design.camera) ? trace_lenses(&design, distance_mm, rows, cols, sum, err)
+                                                          : hada_psf_rays(&design, distance_mm, rows, cols, sum, err));
     float most = 0.0f;
     for (size_t i = 0; i < count; i++) {
         psf->data[i] = (float)sum[i];
         most = psf->data[i] > most ? psf->data[i] : most;
     }
     if (!(most > 0.0f))
-        HADA_TRY(
+        HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_ARGUMENT,
                       "no light of a point at %g mm reaches a sensor of %d x %d pixels; check the camera's lengths",
                       distance_mm, rows, cols));

@@ -79,10 +79,10 @@ hada_status hada_rays_make(hada_rays *rays, const hada_mask_design *design, doub
     rays->top = rays->rows;
     rays->left = rays->cols;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&rays->sum, (size_t)rays->rows * (size_t)rays->cols, sizeof *rays->sum,
-                        "a point spread function", err));
-    HADA_TRY(hada_alloc((void **)&rays->line, (size_t)(rays->rows > rays->cols ? rays->rows : rays->cols),
-                        sizeof *rays->line, "a point spread function", err));
+    HADA_TRY_OR_DONE(hada_allocated(rays->sum = hada_alloc((size_t)rays->rows * (size_t)rays->cols, sizeof *rays->sum,
+                                                           "a point spread function", err)));
+    HADA_TRY_OR_DONE(hada_allocated(rays->line = hada_alloc((size_t)(rays->rows > rays->cols ? rays->rows : rays->cols),
+                                                            sizeof *rays->line, "a point spread function", err)));
 done:
     if (status)
         hada_rays_free(rays);
@@ -110,7 +110,6 @@ hada_status hada_rays_trace(hada_rays *rays, const double low[2], const double h
     const double d = camera->distance_mm, magnification = 1.0 + d / rays->distance, pitch = camera->pixel_pitch_mm;
     const double step = rays->step, radius = camera->aperture_mm / 2.0 + step;
     int first[2], last[2];
-    hada_status status = HADA_OK;
     *all = 0.0;
     for (int k = 0; k < 2; k++)
         ray_range(rays, low[k], high[k], &first[k], &last[k]);
@@ -130,8 +129,7 @@ hada_status hada_rays_trace(hada_rays *rays, const double low[2], const double h
                     rays->col0 + (x * magnification + d * point.slope[0]) / pitch, light);
         }
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* A row or a column outwards, as far as it goes. */
@@ -173,8 +171,8 @@ hada_status hada_psf_rays(const hada_mask_design *design, double distance_mm, in
     hada_rays rays = {0};
     double all;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_rays_make(&rays, design, distance_mm, rows, cols, rows / 2, cols / 2, err));
-    HADA_TRY(hada_rays_trace(&rays, low, high, &all, err));
+    HADA_TRY_OR_DONE(hada_rays_make(&rays, design, distance_mm, rows, cols, rows / 2, cols / 2, err));
+    HADA_TRY_OR_DONE(hada_rays_trace(&rays, low, high, &all, err));
     hada_rays_blur(&rays);
     for (int r = 0; r < rows; r++)
         for (int c = 0; c < cols; c++)

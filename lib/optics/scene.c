@@ -105,7 +105,6 @@ hada_status hada_scene_procedural(hada_image *out, uint64_t seed, int channels, 
     *out = (hada_image){0};
     if (channels != 1 && channels != 3)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d channels is not possible; use 1 or 3", channels);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_image_create(out, channels, rows, cols, err));
     hada_random random;
     hada_random_seed(&random, seed, SEQUENCE_SCENE);
@@ -143,8 +142,7 @@ hada_status hada_scene_procedural(hada_image *out, uint64_t seed, int channels, 
                     (float)fmin(fmax(value, 0.0), 1.0);
             }
         }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_scene_regions(int *labels, uint64_t seed, int regions, int rows, int cols, hada_error *err)
@@ -154,7 +152,7 @@ hada_status hada_scene_regions(int *labels, uint64_t seed, int regions, int rows
                          cols);
     void *places = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc(&places, (size_t)regions, 2 * sizeof(int), "the regions", err));
+    HADA_TRY_OR_DONE(hada_allocated(places = hada_alloc((size_t)regions, 2 * sizeof(int), "the regions", err)));
     int *row = places, *col = row + regions;
     hada_random random;
     hada_random_seed(&random, seed, SEQUENCE_REGIONS);
@@ -193,14 +191,12 @@ done:
 
 hada_status hada_scene_part(hada_image *out, const hada_image *image, const int *labels, int label, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_image_create(out, image->channels, image->rows, image->cols, err));
     const size_t pixels = (size_t)image->rows * (size_t)image->cols, count = hada_image_count(image);
     for (size_t i = 0; i < count; i++)
         if (labels[i % pixels] == label)
             out->data[i] = image->data[i];
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_image_add_noise(hada_image *image, double sigma, uint64_t seed)

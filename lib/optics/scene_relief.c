@@ -101,9 +101,9 @@ static hada_status draw_hill(hada_image *out, hada_random *random, hada_error *e
     const int half = (int)ceil(4.0 * width);
     double *one = NULL, *two = NULL, *weight = NULL, sum = 0.0, least = INFINITY, most = -INFINITY;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&one, count, sizeof *one, "a surface", err));
-    HADA_TRY(hada_alloc((void **)&two, count, sizeof *two, "a surface", err));
-    HADA_TRY(hada_alloc((void **)&weight, 2 * (size_t)half + 1, sizeof *weight, "a surface", err));
+    HADA_TRY_OR_DONE(hada_allocated(one = hada_alloc(count, sizeof *one, "a surface", err)));
+    HADA_TRY_OR_DONE(hada_allocated(two = hada_alloc(count, sizeof *two, "a surface", err)));
+    HADA_TRY_OR_DONE(hada_allocated(weight = hada_alloc(2 * (size_t)half + 1, sizeof *weight, "a surface", err)));
     for (int k = -half; k <= half; k++)
         sum += weight[k + half] = exp(-0.5 * k * k / (width * width));
     for (int k = 0; k <= 2 * half; k++)
@@ -136,9 +136,9 @@ hada_status hada_scene_relief(hada_image *out, hada_relief_kind kind, uint64_t s
     const shape s = shape_of(seed, &random);
     const double side = rows < cols ? rows : cols;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_image_create(out, 1, rows, cols, err));
+    HADA_TRY_OR_DONE(hada_image_create(out, 1, rows, cols, err));
     if (kind == HADA_RELIEF_HILL)
-        HADA_TRY(draw_hill(out, &random, err));
+        HADA_TRY_OR_DONE(draw_hill(out, &random, err));
     /* the plain half sinks downwards, all others to the right */
     const double down = kind == HADA_RELIEF_HALF ? s.cosine : s.sine,
                  right = kind == HADA_RELIEF_HALF ? -s.sine : s.cosine, extent = fabs(down) + fabs(right);

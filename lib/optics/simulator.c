@@ -57,7 +57,6 @@ static hada_status make_plans(hada_simulator *s, hada_error *err)
                                  .real_cols = c->cols,
                                  .real_pitch = (size_t)c->cols,
                                  .real_distance = (size_t)c->rows * (size_t)c->cols};
-    hada_status status = HADA_OK;
     HADA_TRY(hada_fft_create(&s->forward_psf, s->slot, &psf, err));
     HADA_TRY(hada_fft_create(&s->forward_scene, s->slot, &scene, err));
     HADA_TRY(hada_fft_create(&s->inverse, s->slot, &frame, err));
@@ -69,9 +68,7 @@ static hada_status make_plans(hada_simulator *s, hada_error *err)
     HADA_TRY(hada_buffer_create(&s->scene, context, scene.real_distance * (size_t)c->channels * sizeof(float),
                                 "a scene", err));
     HADA_TRY(hada_buffer_create(&s->spectrum, context, spectrum, "the spectrum of a scene", err));
-    HADA_TRY(hada_buffer_create(&s->sum, context, spectrum, "the spectrum of a simulated frame", err));
-done:
-    return status;
+    return hada_buffer_create(&s->sum, context, spectrum, "the spectrum of a simulated frame", err);
 }
 
 static hada_status check_psf(const hada_camera *camera, const hada_image *psf, hada_error *err)
@@ -92,15 +89,13 @@ static hada_status check_psf(const hada_camera *camera, const hada_image *psf, h
 
 static hada_status keep_psf(hada_simulator *s, const hada_image *psf, hada_error *err)
 {
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&s->psf, (size_t)s->camera.depths, sizeof *s->psf, "the PSFs", err));
+    HADA_TRY(hada_allocated(s->psf = hada_alloc((size_t)s->camera.depths, sizeof *s->psf, "the PSFs", err)));
     for (int i = 0; i < s->camera.depths; i++) {
         HADA_TRY(hada_image_create(&s->psf[i], psf[i].channels, psf[i].rows, psf[i].cols, err));
         memcpy(s->psf[i].data, psf[i].data, hada_image_count(&psf[i]) * sizeof(float));
     }
     s->psf_images = psf[0].channels;
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_simulator_options_defaults(hada_simulator_options *options, size_t size)
@@ -149,29 +144,30 @@ hada_status hada_simulator_create_with(hada_simulator **out, hada_context *conte
     hada_simulator *s = NULL;
     hada_status status = HADA_OK;
     hada_simulator_options_init(options);
-    HADA_TRY(hada_camera_take(camera, callers, err));
-    HADA_TRY(HADA_OPTIONS_TAKE(options, callers_options, hada_simulator_options, err));
-    HADA_TRY(check_options(camera, options, err));
+    HADA_TRY_OR_DONE(hada_camera_take(camera, callers, err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(options, callers_options, hada_simulator_options, err));
+    HADA_TRY_OR_DONE(check_options(camera, options, err));
     const hada_image *psf = options->psf;
     const int waves = !psf && camera->optics == HADA_OPTICS_WAVE;
-    HADA_TRY(hada_alloc((void **)&s, 1, sizeof *s, "a simulator", err));
+    HADA_TRY_OR_DONE(hada_allocated(s = hada_alloc(1, sizeof *s, "a simulator", err)));
     s->camera = *camera;
     s->psf_images = waves ? camera->channels : 1;
     s->patch_pixels = PATCH_PIXELS;
     s->monitor = options->monitor;
     set_sizes(s, options);
     if (psf)
-        HADA_TRY(keep_psf(s, psf, err));
+        HADA_TRY_OR_DONE(keep_psf(s, psf, err));
     if (waves) {
         hada_wave_options watched;
         hada_wave_options_init(&watched);
         watched.monitor = s->monitor;
-        HADA_TRY(hada_wave_create(&s->wave, context, camera, &watched, err));
+        HADA_TRY_OR_DONE(hada_wave_create(&s->wave, context, camera, &watched, err));
     }
-    HADA_TRY(hada_alloc((void **)&s->otf, (size_t)camera->depths, sizeof *s->otf, "the transfer functions", err));
-    HADA_TRY(hada_slot_create(&s->slot, context, err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(s->otf = hada_alloc((size_t)camera->depths, sizeof *s->otf, "the transfer functions", err)));
+    HADA_TRY_OR_DONE(hada_slot_create(&s->slot, context, err));
     hada_slot_watch(s->slot, s->monitor);
-    HADA_TRY(make_plans(s, err));
+    HADA_TRY_OR_DONE(make_plans(s, err));
 done:
     if (status)
         hada_simulator_destroy(&s);

@@ -82,7 +82,6 @@ static hada_status prepare(occluded *o, hada_error *err)
     hada_simulator *s = o->simulator;
     hada_context *context = s->slot->context;
     const size_t pixels = (size_t)s->rows * (size_t)s->cols;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_lenses_create(&o->lenses, &s->camera, patch_side(o), s->monitor, err));
     if (o->lens != -1 && o->lenses.side > 0.0)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
@@ -91,16 +90,15 @@ static hada_status prepare(occluded *o, hada_error *err)
     if (o->lens < -1 || o->lens >= o->lenses.count)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "lens %d is not among the camera's %d lenses (-1: all)", o->lens,
                            o->lenses.count));
-    HADA_TRY(hada_alloc((void **)&o->labels, pixels, sizeof *o->labels, "the parts of a PSF", err));
-    HADA_TRY(hada_alloc((void **)&o->share, pixels, sizeof *o->share, "the parts of a PSF", err));
+    HADA_TRY(hada_allocated(o->labels = hada_alloc(pixels, sizeof *o->labels, "the parts of a PSF", err)));
+    HADA_TRY(hada_allocated(o->share = hada_alloc(pixels, sizeof *o->share, "the parts of a PSF", err)));
     const size_t bytes = field_pixels(o) * sizeof(float);
     HADA_TRY(hada_buffer_create(&o->opaque, context, bytes * (size_t)o->count, "opacities", err));
     HADA_TRY(hada_buffer_create(&o->seen, context, bytes * (size_t)s->camera.channels, "a view", err));
     for (int i = 0; i < o->count; i++)
         if (o->layers[i].opacity)
             HADA_TRY(hada_simulator_upload(s, o->layers[i].opacity, 1, &o->opaque, (size_t)i * field_pixels(o), err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The plane on the device as one lens sees it, from s->scene to o->seen. */
@@ -114,14 +112,15 @@ static hada_status hide(occluded *o, int i, int lens, hada_error *err)
         if (!hides(o, j, i))
             continue;
         hada_taps_destroy(&taps);
-        HADA_TRY(hada_taps_create(&taps, &s->camera, &o->lenses, lens, o->layers[j].place.distance_mm,
-                                  o->layers[i].place.distance_mm, err));
+        HADA_TRY_OR_DONE(hada_taps_create(&taps, &s->camera, &o->lenses, lens, o->layers[j].place.distance_mm,
+                                          o->layers[i].place.distance_mm, err));
         hada_buffer_destroy(&o->weights);
-        HADA_TRY(hada_buffer_create_from(&o->weights, s->slot, taps.weight,
-                                         (size_t)taps.rows * (size_t)taps.cols * sizeof(float), "the view of a lens",
-                                         err));
-        HADA_TRY(hada_optics_hide(s->slot, light, o->seen.mem, 0, o->opaque.mem, (size_t)j * field_pixels(o),
-                                  o->weights.mem, &taps, s->camera.channels, s->field.rows, s->field.cols, err));
+        HADA_TRY_OR_DONE(hada_buffer_create_from(&o->weights, s->slot, taps.weight,
+                                                 (size_t)taps.rows * (size_t)taps.cols * sizeof(float),
+                                                 "the view of a lens", err));
+        HADA_TRY_OR_DONE(hada_optics_hide(s->slot, light, o->seen.mem, 0, o->opaque.mem, (size_t)j * field_pixels(o),
+                                          o->weights.mem, &taps, s->camera.channels, s->field.rows, s->field.cols,
+                                          err));
         light = o->seen.mem;
     }
 done:
@@ -134,7 +133,6 @@ static hada_status add_lens(occluded *o, int i, const hada_image *psf, int lens,
     hada_simulator *s = o->simulator;
     const int channels = s->camera.channels;
     cl_mem light = is_hidden(o, i) ? o->seen.mem : s->scene.mem;
-    hada_status status = HADA_OK;
     if (o->lenses.side > 0.0)
         HADA_TRY(hada_patch_light_share(&o->patch_light, lens, o->labels, o->share, err));
     else
@@ -146,8 +144,7 @@ static hada_status add_lens(occluded *o, int i, const hada_image *psf, int lens,
     HADA_TRY(hada_optics_accumulate(s->slot, s->sum.mem, 0, o->otf.mem, s->psf_images, s->spectrum.mem, channels,
                                     s->layout.count, o->any, err));
     o->any = 1;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* A layer that nothing hides, through all lenses. */
@@ -155,12 +152,10 @@ static hada_status add_whole(occluded *o, const hada_layer *layer, hada_error *e
 {
     hada_simulator *s = o->simulator;
     const hada_buffer *otf;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_simulator_otf(s, layer->place, &o->otf, &otf, err));
     HADA_TRY(hada_simulator_add_image(s, layer->image, otf, o->any, err));
     o->any = 1;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status add_layer(occluded *o, int i, hada_error *err)
@@ -173,16 +168,16 @@ static hada_status add_layer(occluded *o, int i, hada_error *err)
         return add_whole(o, layer, err);
     hada_image psf = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_simulator_place_psf(s, layer->place, s->rows, s->cols, &psf, err));
+    HADA_TRY_OR_DONE(hada_simulator_place_psf(s, layer->place, s->rows, s->cols, &psf, err));
     const double distance = layer->place.distance_mm;
     const int row = s->rows / 2 - s->shift.rows, col = s->cols / 2 - s->shift.cols;
     hada_lens_labels(&s->camera, &o->lenses, distance, s->rows, s->cols, row, col, o->labels);
     if (o->lenses.side > 0.0)
-        HADA_TRY(hada_patch_light_make(&o->patch_light, &o->lenses, distance, s->rows, s->cols, row, col, err));
-    HADA_TRY(hada_simulator_upload(s, layer->image, s->camera.channels, &s->scene, 0, err));
+        HADA_TRY_OR_DONE(hada_patch_light_make(&o->patch_light, &o->lenses, distance, s->rows, s->cols, row, col, err));
+    HADA_TRY_OR_DONE(hada_simulator_upload(s, layer->image, s->camera.channels, &s->scene, 0, err));
     for (int lens = 0; lens < o->lenses.count; lens++)
         if (o->lens < 0 || lens == o->lens)
-            HADA_TRY(add_lens(o, i, &psf, lens, err));
+            HADA_TRY_OR_DONE(add_lens(o, i, &psf, lens, err));
 done:
     hada_patch_light_free(&o->patch_light);
     hada_image_destroy(&psf);
@@ -194,9 +189,9 @@ hada_status hada_simulator_add_layers(hada_simulator *s, const hada_layer *layer
 {
     occluded o = {.simulator = s, .layers = layers, .count = count, .lens = lens, .gap = gap, .reach = reach};
     hada_status status = HADA_OK;
-    HADA_TRY(prepare(&o, err));
+    HADA_TRY_OR_DONE(prepare(&o, err));
     for (int i = 0; i < count; i++)
-        HADA_TRY(add_layer(&o, i, err));
+        HADA_TRY_OR_DONE(add_layer(&o, i, err));
 done:
     if (status)
         hada_slot_finish(s->slot, NULL);
@@ -219,16 +214,16 @@ hada_status hada_simulator_render_occluded(hada_simulator *s, const hada_plane *
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d planes with noise %g is not possible", count, noise);
     hada_layer *layers = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&layers, (size_t)count, sizeof *layers, "a scene", err));
+    HADA_TRY_OR_DONE(hada_allocated(layers = hada_alloc((size_t)count, sizeof *layers, "a scene", err)));
     for (int i = 0; i < count; i++) {
-        HADA_TRY(hada_simulator_check_plane(s, &planes[i], err));
+        HADA_TRY_OR_DONE(hada_simulator_check_plane(s, &planes[i], err));
         if (opacity && opacity[i])
-            HADA_TRY(check_opacity(opacity[i], planes[i].image, err));
+            HADA_TRY_OR_DONE(check_opacity(opacity[i], planes[i].image, err));
         layers[i] =
             (hada_layer){hada_simulator_place(s, planes[i].depth), planes[i].image, opacity ? opacity[i] : NULL};
     }
-    HADA_TRY(hada_simulator_add_layers(s, layers, count, lens, 0.0, NULL, err));
-    HADA_TRY(hada_simulator_finish(s, noise, noise_seed, raw, err));
+    HADA_TRY_OR_DONE(hada_simulator_add_layers(s, layers, count, lens, 0.0, NULL, err));
+    HADA_TRY_OR_DONE(hada_simulator_finish(s, noise, noise_seed, raw, err));
 done:
     free(layers);
     return status;

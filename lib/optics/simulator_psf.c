@@ -48,8 +48,8 @@ hada_status hada_simulator_place_psf(const hada_simulator *s, hada_place place, 
     const int down = abs(shift.rows), across = abs(shift.cols);
     hada_image wide = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(designed_psf(s, place.distance_mm, rows + 2 * down, cols + 2 * across, &wide, err));
-    HADA_TRY(hada_image_crop(psf, &wide, down + shift.rows, across + shift.cols, rows, cols, err));
+    HADA_TRY_OR_DONE(designed_psf(s, place.distance_mm, rows + 2 * down, cols + 2 * across, &wide, err));
+    HADA_TRY_OR_DONE(hada_image_crop(psf, &wide, down + shift.rows, across + shift.cols, rows, cols, err));
 done:
     hada_image_destroy(&wide);
     return status;
@@ -58,11 +58,8 @@ done:
 hada_status hada_simulator_psf(const hada_simulator *s, int depth, hada_image *psf, hada_error *err)
 {
     *psf = (hada_image){0};
-    hada_status status = HADA_OK;
     HADA_TRY(hada_simulator_check_depth(s, depth, err));
-    HADA_TRY(hada_simulator_place_psf(s, hada_simulator_place(s, depth), s->camera.rows, s->camera.cols, psf, err));
-done:
-    return status;
+    return hada_simulator_place_psf(s, hada_simulator_place(s, depth), s->camera.rows, s->camera.cols, psf, err);
 }
 
 /* A PSF of the transform's size with the axis moved from the middle to pixel (0, 0). */
@@ -72,7 +69,7 @@ static hada_status upload_psf(hada_simulator *s, const hada_image *psf, int chan
     float *shifted = NULL;
     const size_t pixels = (size_t)s->rows * (size_t)s->cols;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&shifted, pixels, sizeof *shifted, "a PSF", err));
+    HADA_TRY_OR_DONE(hada_allocated(shifted = hada_alloc(pixels, sizeof *shifted, "a PSF", err)));
     for (int r = 0; r < psf->rows; r++) {
         const size_t to = (size_t)((r - psf->rows / 2 + s->rows) % s->rows) * (size_t)s->cols,
                      from = (size_t)r * (size_t)psf->cols;
@@ -80,7 +77,7 @@ static hada_status upload_psf(hada_simulator *s, const hada_image *psf, int chan
             shifted[to + (size_t)((c - psf->cols / 2 + s->cols) % s->cols)] =
                 psf->data[(size_t)channel * pixels + from + (size_t)c] * (share ? share[from + (size_t)c] : 1.0f);
     }
-    HADA_TRY(hada_buffer_write(&s->real, s->slot, 0, shifted, pixels * sizeof(float), err));
+    HADA_TRY_OR_DONE(hada_buffer_write(&s->real, s->slot, 0, shifted, pixels * sizeof(float), err));
 done:
     free(shifted);
     return status;
@@ -91,13 +88,15 @@ hada_status hada_simulator_make_otf(hada_simulator *s, const hada_image *psf, co
 {
     hada_status status = HADA_OK;
     if (!otf->mem)
-        HADA_TRY(hada_buffer_create(otf, s->slot->context, s->layout.count * 2 * sizeof(float) * (size_t)psf->channels,
-                                    "a transfer function", err));
+        HADA_TRY_OR_DONE(hada_buffer_create(otf, s->slot->context,
+                                            s->layout.count * 2 * sizeof(float) * (size_t)psf->channels,
+                                            "a transfer function", err));
     for (int c = 0; c < psf->channels; c++) {
-        HADA_TRY(upload_psf(s, psf, c, share, err));
-        HADA_TRY(hada_fft_forward(s->forward_psf, 1, s->real.mem, 0, otf->mem, (size_t)c * s->layout.count, err));
+        HADA_TRY_OR_DONE(upload_psf(s, psf, c, share, err));
+        HADA_TRY_OR_DONE(
+            hada_fft_forward(s->forward_psf, 1, s->real.mem, 0, otf->mem, (size_t)c * s->layout.count, err));
     }
-    HADA_TRY(hada_slot_finish(s->slot, err));
+    HADA_TRY_OR_DONE(hada_slot_finish(s->slot, err));
 done:
     if (status)
         hada_buffer_destroy(otf);
@@ -110,8 +109,10 @@ static hada_status make_room(hada_between *between, hada_error *err)
     hada_status status = HADA_OK;
     if (between->count < between->room)
         return HADA_OK;
-    HADA_TRY(hada_alloc((void **)&more.distance_mm, (size_t)more.room, sizeof *more.distance_mm, "distances", err));
-    HADA_TRY(hada_alloc((void **)&more.otf, (size_t)more.room, sizeof *more.otf, "the transfer functions", err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(more.distance_mm = hada_alloc((size_t)more.room, sizeof *more.distance_mm, "distances", err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(more.otf = hada_alloc((size_t)more.room, sizeof *more.otf, "the transfer functions", err)));
     for (int i = 0; i < between->count; i++) {
         more.distance_mm[i] = between->distance_mm[i];
         more.otf[i] = between->otf[i];
@@ -132,7 +133,6 @@ static hada_status find_otf(hada_simulator *s, hada_place place, hada_buffer *sc
 {
     hada_between *between = &s->between;
     const size_t bytes = s->layout.count * 2 * sizeof(float) * (size_t)s->psf_images;
-    hada_status status = HADA_OK;
     *otf = place.depth >= 0 ? &s->otf[place.depth] : NULL;
     for (int i = 0; i < between->count && !*otf; i++)
         if (between->distance_mm[i] == place.distance_mm)
@@ -147,8 +147,7 @@ static hada_status find_otf(hada_simulator *s, hada_place place, hada_buffer *sc
     HADA_TRY(make_room(between, err));
     between->distance_mm[between->count] = place.distance_mm;
     *otf = &between->otf[between->count++];
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_simulator_otf(hada_simulator *s, hada_place place, hada_buffer *scratch, const hada_buffer **out,
@@ -157,12 +156,12 @@ hada_status hada_simulator_otf(hada_simulator *s, hada_place place, hada_buffer 
     hada_image psf = {0};
     hada_buffer *otf;
     hada_status status = HADA_OK;
-    HADA_TRY(find_otf(s, place, scratch, &otf, err));
+    HADA_TRY_OR_DONE(find_otf(s, place, scratch, &otf, err));
     *out = otf;
     if (otf->mem)
         goto done;
-    HADA_TRY(hada_simulator_place_psf(s, place, s->rows, s->cols, &psf, err));
-    HADA_TRY(hada_simulator_make_otf(s, &psf, NULL, otf, err));
+    HADA_TRY_OR_DONE(hada_simulator_place_psf(s, place, s->rows, s->cols, &psf, err));
+    HADA_TRY_OR_DONE(hada_simulator_make_otf(s, &psf, NULL, otf, err));
 done:
     hada_image_destroy(&psf);
     return status;

@@ -52,7 +52,7 @@ hada_status hada_simulator_upload(hada_simulator *s, const hada_image *image, in
     float *wide = NULL;
     hada_status status = HADA_OK;
     if (!whole)
-        HADA_TRY(hada_alloc((void **)&wide, pixels, sizeof *wide, "a scene", err));
+        HADA_TRY_OR_DONE(hada_allocated(wide = hada_alloc(pixels, sizeof *wide, "a scene", err)));
     const int row0 = hada_window_origin(field.rows, image->rows), col0 = hada_window_origin(field.cols, image->cols);
     for (int c = 0; c < channels; c++) {
         const float *from =
@@ -60,8 +60,8 @@ hada_status hada_simulator_upload(hada_simulator *s, const hada_image *image, in
         for (int r = 0; r < image->rows && !whole; r++)
             memcpy(wide + (size_t)(row0 + r) * (size_t)field.cols + col0, from + (size_t)r * (size_t)image->cols,
                    (size_t)image->cols * sizeof(float));
-        HADA_TRY(hada_buffer_write(to, s->slot, (offset + (size_t)c * pixels) * sizeof(float), whole ? from : wide,
-                                   bytes, err));
+        HADA_TRY_OR_DONE(hada_buffer_write(to, s->slot, (offset + (size_t)c * pixels) * sizeof(float),
+                                           whole ? from : wide, bytes, err));
     }
 done:
     free(wide);
@@ -72,13 +72,10 @@ hada_status hada_simulator_add_image(hada_simulator *s, const hada_image *image,
                                      hada_error *err)
 {
     const int channels = s->camera.channels;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_simulator_upload(s, image, channels, &s->scene, 0, err));
     HADA_TRY(hada_fft_forward(s->forward_scene, channels, s->scene.mem, 0, s->spectrum.mem, 0, err));
-    HADA_TRY(hada_optics_accumulate(s->slot, s->sum.mem, 0, otf->mem, s->psf_images, s->spectrum.mem, channels,
-                                    s->layout.count, add, err));
-done:
-    return status;
+    return hada_optics_accumulate(s->slot, s->sum.mem, 0, otf->mem, s->psf_images, s->spectrum.mem, channels,
+                                  s->layout.count, add, err);
 }
 
 static float maximum(const hada_image *image)
@@ -93,9 +90,9 @@ hada_status hada_simulator_finish(hada_simulator *s, double noise, uint64_t seed
 {
     const hada_camera *c = &s->camera;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_fft_inverse(s->inverse, c->channels, s->sum.mem, 0, s->real.mem, 0, NULL, err));
-    HADA_TRY(hada_image_create(raw, c->channels, c->rows, c->cols, err));
-    HADA_TRY(hada_buffer_read(&s->real, s->slot, 0, raw->data, hada_image_count(raw) * sizeof(float), err));
+    HADA_TRY_OR_DONE(hada_fft_inverse(s->inverse, c->channels, s->sum.mem, 0, s->real.mem, 0, NULL, err));
+    HADA_TRY_OR_DONE(hada_image_create(raw, c->channels, c->rows, c->cols, err));
+    HADA_TRY_OR_DONE(hada_buffer_read(&s->real, s->slot, 0, raw->data, hada_image_count(raw) * sizeof(float), err));
     if (noise > 0.0)
         hada_image_add_noise(raw, noise * maximum(raw), seed);
 done:
@@ -111,16 +108,13 @@ hada_status hada_simulator_render(hada_simulator *s, const hada_plane *planes, i
     if (count < 1 || !(noise >= 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d planes with noise %g is not possible", count, noise);
     const hada_buffer *otf;
-    hada_status status = HADA_OK;
     for (int i = 0; i < count; i++)
         HADA_TRY(hada_simulator_check_plane(s, &planes[i], err));
     for (int i = 0; i < count; i++) {
         HADA_TRY(hada_simulator_otf(s, hada_simulator_place(s, planes[i].depth), NULL, &otf, err));
         HADA_TRY(hada_simulator_add_image(s, planes[i].image, otf, i > 0, err));
     }
-    HADA_TRY(hada_simulator_finish(s, noise, noise_seed, raw, err));
-done:
-    return status;
+    return hada_simulator_finish(s, noise, noise_seed, raw, err);
 }
 
 hada_status hada_simulator_white_exposure(hada_simulator *s, double share, double *exposure, hada_error *err)
@@ -128,16 +122,16 @@ hada_status hada_simulator_white_exposure(hada_simulator *s, double share, doubl
     hada_image white = {0}, raw = {0};
     float most = 0.0f;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_image_create(&white, 1, s->camera.window_rows, s->camera.window_cols, err));
+    HADA_TRY_OR_DONE(hada_image_create(&white, 1, s->camera.window_rows, s->camera.window_cols, err));
     for (size_t i = 0; i < hada_image_count(&white); i++)
         white.data[i] = 1.0f;
     for (int z = 0; z < s->camera.depths; z++) {
         hada_image_destroy(&raw);
-        HADA_TRY(hada_simulator_render(s, &(hada_plane){z, &white}, 1, 0.0, 0, &raw, err));
+        HADA_TRY_OR_DONE(hada_simulator_render(s, &(hada_plane){z, &white}, 1, 0.0, 0, &raw, err));
         most = maximum(&raw) > most ? maximum(&raw) : most;
     }
     if (!(most > 0.0f))
-        HADA_TRY(
+        HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_NUMERIC, "no light of the window reaches the sensor: is its shift too large?"));
     *exposure = share / most;
 done:

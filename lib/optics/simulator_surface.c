@@ -32,7 +32,6 @@ static double step_of(const hada_camera *camera)
 static hada_status check_surface(const standing *all, const hada_relief *surface, hada_error *err)
 {
     const hada_image *image = surface->image, *map = surface->distances_mm;
-    hada_status status = HADA_OK;
     if (!image || !map)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a surface is an image and its distances");
     HADA_TRY(hada_simulator_check_image(all->simulator, image, err));
@@ -48,8 +47,7 @@ static hada_status check_surface(const standing *all, const hada_relief *surface
             return hada_fail(err, HADA_ERROR_ARGUMENT,
                              "a distance of %g mm is not possible; use values above 0, or NaN where nothing stands",
                              (double)map->data[i]);
-done:
-    return status;
+    return HADA_OK;
 }
 
 static double steps_at(const standing *all, const hada_relief *surface, size_t pixel)
@@ -60,7 +58,6 @@ static double steps_at(const standing *all, const hada_relief *surface, size_t p
 static hada_status survey(standing *all, hada_error *err)
 {
     double least = INFINITY, most = -INFINITY;
-    hada_status status = HADA_OK;
     if (all->simulator->psf)
         return hada_fail(err, HADA_ERROR_UNSUPPORTED,
                          "the PSFs that the simulator was given are those of its depths alone: surfaces need a camera "
@@ -79,8 +76,7 @@ static hada_status survey(standing *all, hada_error *err)
     all->first = (int)floor(least);
     all->last = (int)floor(most) + 1;
     all->pixels = hada_image_count(all->surfaces[0].distances_mm);
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_place place_of(double inverse)
@@ -125,12 +121,12 @@ static hada_status add_clear(const standing *all, hada_error *err)
     const hada_buffer *otf;
     int any = 0;
     hada_status status = HADA_OK;
-    HADA_TRY(create_light(all, &light, err));
+    HADA_TRY_OR_DONE(create_light(all, &light, err));
     for (int k = all->first; k <= all->last; k++) {
         if (!gather(all, k, &light))
             continue;
-        HADA_TRY(hada_simulator_otf(s, place_of(k * all->step), &scratch, &otf, err));
-        HADA_TRY(hada_simulator_add_image(s, &light, otf, any, err));
+        HADA_TRY_OR_DONE(hada_simulator_otf(s, place_of(k * all->step), &scratch, &otf, err));
+        HADA_TRY_OR_DONE(hada_simulator_add_image(s, &light, otf, any, err));
         any = 1;
     }
 done:
@@ -160,7 +156,6 @@ static void stage_free(stage *on)
 
 static hada_status stage_light(const standing *all, stage *on, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int k = all->first; k <= all->last; k++) {
         hada_image *light = &on->images[on->count];
         HADA_TRY(create_light(all, light, err));
@@ -169,8 +164,7 @@ static hada_status stage_light(const standing *all, stage *on, hada_error *err)
         else
             hada_image_destroy(light);
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The opaque pixels from a step on, OPAQUE_STEPS thick. */
@@ -180,7 +174,6 @@ static hada_status stage_opacity(const standing *all, int from, stage *on, hada_
     hada_image *opacity = &on->images[on->count];
     double sum = 0.0;
     size_t found = 0;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_image_create(opacity, 1, first->rows, first->cols, err));
     for (int s = 0; s < all->count; s++)
         for (size_t i = 0; i < all->pixels; i++) {
@@ -195,8 +188,7 @@ static hada_status stage_opacity(const standing *all, int from, stage *on, hada_
         on->layers[on->count++] = (hada_layer){.place = place_of(sum / (double)found * all->step), .opacity = opacity};
     else
         hada_image_destroy(opacity);
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* sums[(r + 1) * (cols + 1) + c + 1]: opaque pixels above and left of (r, c), it included. */
@@ -240,9 +232,9 @@ static hada_status find_reach(const standing *all, stage *on, hada_error *err)
     const size_t count = (size_t)on->count;
     int *sums = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&on->reach, count, count, "a scene", err));
-    HADA_TRY(hada_alloc((void **)&sums, ((size_t)first->rows + 1) * ((size_t)first->cols + 1), sizeof *sums, "a scene",
-                        err));
+    HADA_TRY_OR_DONE(hada_allocated(on->reach = hada_alloc(count, count, "a scene", err)));
+    HADA_TRY_OR_DONE(hada_allocated(
+        sums = hada_alloc(((size_t)first->rows + 1) * ((size_t)first->cols + 1), sizeof *sums, "a scene", err)));
     for (size_t j = 0; j < count; j++) {
         if (!on->layers[j].opacity)
             continue;
@@ -267,13 +259,13 @@ static hada_status add_opaque(const standing *all, hada_error *err)
     const size_t steps = (size_t)(all->last - all->first + 1), room = steps + steps / OPAQUE_STEPS + 1;
     stage on = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&on.layers, room, sizeof *on.layers, "a scene", err));
-    HADA_TRY(hada_alloc((void **)&on.images, room, sizeof *on.images, "a scene", err));
-    HADA_TRY(stage_light(all, &on, err));
+    HADA_TRY_OR_DONE(hada_allocated(on.layers = hada_alloc(room, sizeof *on.layers, "a scene", err)));
+    HADA_TRY_OR_DONE(hada_allocated(on.images = hada_alloc(room, sizeof *on.images, "a scene", err)));
+    HADA_TRY_OR_DONE(stage_light(all, &on, err));
     for (int k = all->first; k <= all->last; k += OPAQUE_STEPS)
-        HADA_TRY(stage_opacity(all, k, &on, err));
-    HADA_TRY(find_reach(all, &on, err));
-    HADA_TRY(
+        HADA_TRY_OR_DONE(stage_opacity(all, k, &on, err));
+    HADA_TRY_OR_DONE(find_reach(all, &on, err));
+    HADA_TRY_OR_DONE(
         hada_simulator_add_layers(all->simulator, on.layers, on.count, -1, OPAQUE_STEPS * all->step, on.reach, err));
 done:
     stage_free(&on);
@@ -288,10 +280,7 @@ hada_status hada_simulator_render_reliefs(hada_simulator *s, const hada_relief *
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d surfaces with noise %g is not possible", count,
                          noise);
     standing all = {.simulator = s, .surfaces = surfaces, .count = count, .step = step_of(&s->camera)};
-    hada_status status = HADA_OK;
     HADA_TRY(survey(&all, err));
     HADA_TRY(opaque ? add_opaque(&all, err) : add_clear(&all, err));
-    HADA_TRY(hada_simulator_finish(s, noise, noise_seed, raw, err));
-done:
-    return status;
+    return hada_simulator_finish(s, noise, noise_seed, raw, err);
 }

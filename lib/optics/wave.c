@@ -27,13 +27,13 @@ static hada_status upload_lenses(hada_wave *wave, hada_error *err)
     hada_wave_plane *planes = NULL;
     int count;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_wave_lens_tables(&wave->design, &lenses, &planes, &count, err));
-    HADA_TRY(hada_wave_lens_area(&wave->design, lenses, planes, &wave->area, err));
-    HADA_TRY(hada_buffer_create_from(&wave->lenses, wave->slot, lenses,
-                                     (size_t)wave->design.sites.count * sizeof *lenses, "the lenses", err));
+    HADA_TRY_OR_DONE(hada_wave_lens_tables(&wave->design, &lenses, &planes, &count, err));
+    HADA_TRY_OR_DONE(hada_wave_lens_area(&wave->design, lenses, planes, &wave->area, err));
+    HADA_TRY_OR_DONE(hada_buffer_create_from(&wave->lenses, wave->slot, lenses,
+                                             (size_t)wave->design.sites.count * sizeof *lenses, "the lenses", err));
     /* one more than there are: a buffer is never empty */
-    HADA_TRY(hada_buffer_create_from(&wave->planes, wave->slot, planes, (size_t)(count + 1) * sizeof *planes,
-                                     "the lenses", err));
+    HADA_TRY_OR_DONE(hada_buffer_create_from(&wave->planes, wave->slot, planes, (size_t)(count + 1) * sizeof *planes,
+                                             "the lenses", err));
 done:
     free(lenses);
     free(planes);
@@ -48,20 +48,20 @@ hada_status hada_wave_create(hada_wave **out, hada_context *context, const hada_
     hada_status status = HADA_OK;
     *out = NULL;
     hada_wave_options_init(&options);
-    HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_wave_options, err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&options, callers, hada_wave_options, err));
     if (options.stray == HADA_AUTO)
         options.stray = STRAY;
     if (!(options.stray >= 1e-5 && options.stray <= 0.2))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "stray light of %g is not possible; use 1e-5 to 0.2", options.stray);
-    HADA_TRY(hada_alloc((void **)&wave, 1, sizeof *wave, "wave optics", err));
+    HADA_TRY_OR_DONE(hada_allocated(wave = hada_alloc(1, sizeof *wave, "wave optics", err)));
     wave->options = options;
-    HADA_TRY(hada_mask_make_watched(&wave->design, camera, options.monitor, err));
+    HADA_TRY_OR_DONE(hada_mask_make_watched(&wave->design, camera, options.monitor, err));
     hada_mask_find_bounds(&wave->design);
     wave->camera = wave->design.camera;
-    HADA_TRY(hada_slot_create(&wave->slot, context, err));
+    HADA_TRY_OR_DONE(hada_slot_create(&wave->slot, context, err));
     hada_slot_watch(wave->slot, options.monitor);
     if (by_lens(wave))
-        HADA_TRY(upload_lenses(wave, err));
+        HADA_TRY_OR_DONE(upload_lenses(wave, err));
 done:
     if (status)
         hada_wave_destroy(&wave);
@@ -95,16 +95,16 @@ hada_status hada_wave_psf(hada_wave *wave, double distance_mm, int rows, int col
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a distance of %g mm is not possible; it must be above 0",
                          distance_mm);
     hada_status status = HADA_OK;
-    HADA_TRY(hada_image_create(psf, camera->channels, rows, cols, err));
-    HADA_TRY(hada_alloc((void **)&sum, count, sizeof *sum, "a point spread function", err));
+    HADA_TRY_OR_DONE(hada_image_create(psf, camera->channels, rows, cols, err));
+    HADA_TRY_OR_DONE(hada_allocated(sum = hada_alloc(count, sizeof *sum, "a point spread function", err)));
     for (int c = 0; c < camera->channels; c++) {
         double wavelength, path_scale, light = 0.0;
         hada_wave_colour(camera, c, &wavelength, &path_scale);
         for (size_t i = 0; i < count; i++)
             sum[i] = 0.0;
-        HADA_TRY(by_lens(wave)
-                     ? hada_wave_by_lens(wave, distance_mm, wavelength, path_scale, rows, cols, sum, &light, err)
-                     : hada_wave_whole(wave, distance_mm, wavelength, path_scale, rows, cols, sum, &light, err));
+        HADA_TRY_OR_DONE(
+            by_lens(wave) ? hada_wave_by_lens(wave, distance_mm, wavelength, path_scale, rows, cols, sum, &light, err)
+                          : hada_wave_whole(wave, distance_mm, wavelength, path_scale, rows, cols, sum, &light, err));
         for (size_t i = 0; i < count; i++)
             psf->data[(size_t)c * count + i] = (float)(sum[i] / light);
     }
@@ -127,10 +127,10 @@ hada_status hada_camera_psf_stack(hada_context *context, const hada_camera *call
     if (camera->optics == HADA_OPTICS_WAVE && !context)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "wave optics need a device; give a context");
     if (camera->optics == HADA_OPTICS_WAVE)
-        HADA_TRY(hada_wave_create(&wave, context, camera, NULL, err));
+        HADA_TRY_OR_DONE(hada_wave_create(&wave, context, camera, NULL, err));
     for (int z = 0; z < camera->depths; z++)
-        HADA_TRY(wave ? hada_wave_psf(wave, camera->distances_mm[z], camera->rows, camera->cols, &psf[z], err)
-                      : hada_camera_psf(camera, camera->distances_mm[z], &psf[z], err));
+        HADA_TRY_OR_DONE(wave ? hada_wave_psf(wave, camera->distances_mm[z], camera->rows, camera->cols, &psf[z], err)
+                              : hada_camera_psf(camera, camera->distances_mm[z], &psf[z], err));
 done:
     hada_wave_destroy(&wave);
     for (int z = 0; z < camera->depths && status; z++)

@@ -36,16 +36,13 @@ hada_status hada_wave_launch_spots(hada_slot *slot, cl_mem image, cl_mem part, c
     const hada_range rows = items_of(slot, (size_t)blocks, (size_t)pixels, (size_t)count);
     const hada_range cols = items_of(slot, (size_t)pixels, (size_t)pixels, (size_t)count);
     const double values = 8.0 * count * blocks * (double)pixels * samples;
-    hada_status status = HADA_OK;
     hada_slot_cost(slot, 16.0 * values, 12.0 * values);
     HADA_TRY(hada_launch_optics_wave_spot_rows(slot, HADA_PROGRAM_OPTICS_WAVE_LENS_DEFAULT, &rows, err, .part = part,
                                                .spectra = spectra, .pixels = pixels, .samples = samples,
                                                .blocks = blocks));
     hada_slot_cost(slot, 64.0 * count * blocks * (double)pixels, 16.0 * count * blocks * (double)pixels);
-    HADA_TRY(hada_launch_optics_wave_spot_cols(slot, HADA_PROGRAM_OPTICS_WAVE_LENS_DEFAULT, &cols, err, .image = image,
-                                               .part = part, .pixels = pixels, .samples = samples, .blocks = blocks));
-done:
-    return status;
+    return hada_launch_optics_wave_spot_cols(slot, HADA_PROGRAM_OPTICS_WAVE_LENS_DEFAULT, &cols, err, .image = image,
+                                             .part = part, .pixels = pixels, .samples = samples, .blocks = blocks);
 }
 
 hada_status hada_wave_launch_mask(hada_slot *slot, cl_mem field, cl_mem path, cl_mem open, int n, double waves,
@@ -73,15 +70,12 @@ hada_status hada_wave_launch_sensor(hada_slot *slot, cl_mem image, cl_mem part, 
 {
     const hada_range over = items_of(slot, (size_t)pixel_cols, (size_t)rows, 1);
     const hada_range along = items_of(slot, (size_t)pixel_cols, (size_t)pixel_rows, 1);
-    hada_status status = HADA_OK;
     hada_slot_cost(slot, 8.0 * rows * (double)cols, 6.0 * rows * (double)cols);
     HADA_TRY(hada_launch_optics_wave_sensor_rows(slot, HADA_PROGRAM_OPTICS_WAVE_WHOLE_DEFAULT, &over, err, .part = part,
                                                  .field = field, .table = across, .rows = rows, .cols = cols,
                                                  .pixels = pixel_cols));
     hada_slot_cost(slot, 4.0 * rows * (double)pixel_cols, 2.0 * rows * (double)pixel_cols);
-    HADA_TRY(hada_launch_optics_wave_sensor_cols(slot, HADA_PROGRAM_OPTICS_WAVE_WHOLE_DEFAULT, &along, err,
-                                                 .image = image, .part = part, .table = down, .pixels = pixel_cols,
-                                                 .pixel_rows = pixel_rows));
-done:
-    return status;
+    return hada_launch_optics_wave_sensor_cols(slot, HADA_PROGRAM_OPTICS_WAVE_WHOLE_DEFAULT, &along, err,
+                                               .image = image, .part = part, .table = down, .pixels = pixel_cols,
+                                               .pixel_rows = pixel_rows);
 }

@@ -80,7 +80,7 @@ hada_status hada_wave_lens_tables(const hada_mask_design *design, hada_wave_lens
     hada_wave_plane *lines = NULL;
     int count = 0;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&lens, (size_t)sites->count, sizeof *lens, "the lenses", err));
+    HADA_TRY_OR_DONE(hada_allocated(lens = hada_alloc((size_t)sites->count, sizeof *lens, "the lenses", err)));
     for (int pass = 0; pass < 2; pass++) { /* count, then write */
         count = 0;
         for (int l = 0; l < sites->count; l++) {
@@ -98,7 +98,7 @@ hada_status hada_wave_lens_tables(const hada_mask_design *design, hada_wave_lens
             }
         }
         if (!pass)
-            HADA_TRY(hada_alloc((void **)&lines, (size_t)count + 1, sizeof *lines, "the lenses", err));
+            HADA_TRY_OR_DONE(hada_allocated(lines = hada_alloc((size_t)count + 1, sizeof *lines, "the lenses", err)));
     }
     *lenses = lens;
     *planes = lines;
@@ -115,7 +115,6 @@ hada_status hada_wave_lens_area(const hada_mask_design *design, const hada_wave_
     const int across = design->sites.count > 256 ? 64 : 256;
     const double reach = design->reach, step = 2.0 * reach / across, radius = design->camera.lens_diameter_mm / 2.0;
     double sum = 0.0;
-    hada_status status = HADA_OK;
     for (int l = 0; l < design->sites.count; l++) {
         HADA_TRY(hada_monitor_check(design->monitor, err));
         for (int i = 0; i < across * across; i++) {
@@ -128,8 +127,7 @@ hada_status hada_wave_lens_area(const hada_mask_design *design, const hada_wave_
         }
     }
     *area = sum * step * step;
-done:
-    return status;
+    return HADA_OK;
 }
 
 typedef struct work {
@@ -171,18 +169,16 @@ static hada_status work_make(work *w, const hada_wave *wave, const hada_wave_spo
                                 .real_cols = spot->points,
                                 .real_pitch = (size_t)spot->pitch,
                                 .real_distance = values};
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&w->phases, batch * 4 * (size_t)spot->pitch, sizeof(float), "phases of lenses", err));
-    HADA_TRY(hada_alloc((void **)&w->images, batch * pixels, sizeof(float), "spots of lenses", err));
+    HADA_TRY(hada_allocated(w->phases =
+                                hada_alloc(batch * 4 * (size_t)spot->pitch, sizeof(float), "phases of lenses", err)));
+    HADA_TRY(hada_allocated(w->images = hada_alloc(batch * pixels, sizeof(float), "spots of lenses", err)));
     HADA_TRY(hada_fft_create(&w->fft, wave->slot, &desc, err));
     HADA_TRY(hada_buffer_create(&w->field, context, 2 * batch * values * sizeof(float), "fields of lenses", err));
     HADA_TRY(hada_buffer_create(&w->phase, context, batch * 4 * (size_t)spot->pitch * sizeof(float), "phases of lenses",
                                 err));
     HADA_TRY(hada_buffer_create(&w->spectra, context, batch * spectra, "spectra of lenses", err));
     HADA_TRY(hada_buffer_create(&w->part, context, batch * parts * sizeof(float), "spots of lenses", err));
-    HADA_TRY(hada_buffer_create(&w->image, context, batch * pixels * sizeof(float), "spots of lenses", err));
-done:
-    return status;
+    return hada_buffer_create(&w->image, context, batch * pixels * sizeof(float), "spots of lenses", err);
 }
 
 /* Where a spot stands along an axis: the pixel it is in, and how many samples its middle lies from the transform's. A
@@ -209,7 +205,6 @@ static void add_spot(const float *image, const hada_wave_spot *spot, int row, in
 static hada_status run_batch(hada_wave *wave, work *w, const hada_wave_spot *spot, int first, int count,
                              hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_write(&w->phase, wave->slot, 0, w->phases,
                                (size_t)count * 4 * (size_t)spot->pitch * sizeof(float), err));
     HADA_TRY(hada_wave_launch_pupil(wave->slot, w->field.mem, w->phase.mem, wave->lenses.mem, wave->planes.mem, first,
@@ -218,10 +213,8 @@ static hada_status run_batch(hada_wave *wave, work *w, const hada_wave_spot *spo
     HADA_TRY(hada_fft_forward(w->fft, 2 * count, w->field.mem, 0, w->spectra.mem, 0, err));
     HADA_TRY(hada_wave_launch_spots(wave->slot, w->image.mem, w->part.mem, w->spectra.mem, count, spot->pixels,
                                     spot->samples, err));
-    HADA_TRY(hada_buffer_read(&w->image, wave->slot, 0, w->images,
-                              (size_t)count * (size_t)spot->pixels * (size_t)spot->pixels * sizeof(float), err));
-done:
-    return status;
+    return hada_buffer_read(&w->image, wave->slot, 0, w->images,
+                            (size_t)count * (size_t)spot->pixels * (size_t)spot->pixels * sizeof(float), err);
 }
 
 hada_status hada_wave_by_lens(hada_wave *wave, double distance_mm, double wavelength_mm, double path_scale, int rows,
@@ -233,11 +226,11 @@ hada_status hada_wave_by_lens(hada_wave *wave, double distance_mm, double wavele
     hada_wave_spot spot;
     work w = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_wave_spot_size(wave, distance_mm, wavelength_mm, path_scale, &spot, err));
-    HADA_TRY(work_make(&w, wave, &spot, err));
+    HADA_TRY_OR_DONE(hada_wave_spot_size(wave, distance_mm, wavelength_mm, path_scale, &spot, err));
+    HADA_TRY_OR_DONE(work_make(&w, wave, &spot, err));
     for (int first = 0; first < sites->count; first += w.batch) {
         const int count = sites->count - first < w.batch ? sites->count - first : w.batch;
-        HADA_TRY(hada_monitor_check(wave->design.monitor, err));
+        HADA_TRY_OR_DONE(hada_monitor_check(wave->design.monitor, err));
         for (int i = 0; i < count; i++) {
             double shift;
             float *phase = w.phases + (size_t)i * 4 * (size_t)spot.pitch;
@@ -246,7 +239,7 @@ hada_status hada_wave_by_lens(hada_wave *wave, double distance_mm, double wavele
             spot_place(sites->y[first + i] * magnification, pitch, rows / 2, spot.samples, &shift);
             hada_wave_phase(&spot, wavelength_mm, shift, phase + 2 * spot.pitch);
         }
-        HADA_TRY(run_batch(wave, &w, &spot, first, count, err));
+        HADA_TRY_OR_DONE(run_batch(wave, &w, &spot, first, count, err));
         for (int i = 0; i < count; i++) {
             double shift;
             const int col = spot_place(sites->x[first + i] * magnification, pitch, cols / 2, spot.samples, &shift);

@@ -157,11 +157,11 @@ static hada_status upload_mask(const hada_wave *wave, struct hada_wave_work *w, 
     const size_t count = (size_t)g->points * (size_t)g->points;
     float *path = NULL, *open = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc_raw((void **)&path, count, sizeof *path, "a mask", err));
-    HADA_TRY(hada_alloc_raw((void **)&open, count, sizeof *open, "a mask", err));
+    HADA_TRY_OR_DONE(hada_allocated(path = hada_alloc_raw(count, sizeof *path, "a mask", err)));
+    HADA_TRY_OR_DONE(hada_allocated(open = hada_alloc_raw(count, sizeof *open, "a mask", err)));
     const double middle = 0.5 * (g->points - 1);
     for (int r = 0; r < g->points; r++) {
-        HADA_TRY(hada_monitor_check(wave->design.monitor, err));
+        HADA_TRY_OR_DONE(hada_monitor_check(wave->design.monitor, err));
         for (int c = 0; c < g->points; c++) {
             const size_t at = (size_t)r * (size_t)g->points + (size_t)c;
             hada_mask_point point;
@@ -172,8 +172,8 @@ static hada_status upload_mask(const hada_wave *wave, struct hada_wave_work *w, 
             w->light += share; /* the area; |T|^2 of softened edges lacks what they scatter */
         }
     }
-    HADA_TRY(hada_buffer_create_from(&w->path, wave->slot, path, count * sizeof(float), "a mask", err));
-    HADA_TRY(hada_buffer_create_from(&w->open, wave->slot, open, count * sizeof(float), "a mask", err));
+    HADA_TRY_OR_DONE(hada_buffer_create_from(&w->path, wave->slot, path, count * sizeof(float), "a mask", err));
+    HADA_TRY_OR_DONE(hada_buffer_create_from(&w->open, wave->slot, open, count * sizeof(float), "a mask", err));
 done:
     free(path);
     free(open);
@@ -197,7 +197,7 @@ static hada_status make_work(hada_wave *wave, const grid *g, hada_error *err)
         return HADA_OK;
     hada_wave_rest(wave);
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&wave->work, 1, sizeof *wave->work, "wave optics", err));
+    HADA_TRY_OR_DONE(hada_allocated(wave->work = hada_alloc(1, sizeof *wave->work, "wave optics", err)));
     w = wave->work;
     hada_slot *slot = wave->slot;
     w->grid = *g;
@@ -215,10 +215,10 @@ static hada_status make_work(hada_wave *wave, const grid *g, hada_error *err)
                                 .real_pitch = (size_t)g->points,
                                 .real_distance = points};
     const hada_spectrum_layout layout = hada_fft_layout(slot->context, g->n, g->n, HADA_FFT_OWN);
-    HADA_TRY(upload_mask(wave, w, err));
-    HADA_TRY(make_field(wave, w, points, err));
-    HADA_TRY(hada_buffer_create(&w->spectrum, slot->context, 4 * layout.count * sizeof(float), "a field", err));
-    HADA_TRY(hada_fft_create(&w->forward, slot, &desc, err));
+    HADA_TRY_OR_DONE(upload_mask(wave, w, err));
+    HADA_TRY_OR_DONE(make_field(wave, w, points, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&w->spectrum, slot->context, 4 * layout.count * sizeof(float), "a field", err));
+    HADA_TRY_OR_DONE(hada_fft_create(&w->forward, slot, &desc, err));
 done:
     if (status)
         hada_wave_rest(wave);
@@ -232,9 +232,9 @@ static hada_status upload_phase(const hada_wave *wave, hada_buffer *to, int coun
     const grid *g = &wave->work->grid;
     float *phase = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&phase, 2 * (size_t)count, sizeof *phase, "phases", err));
+    HADA_TRY_OR_DONE(hada_allocated(phase = hada_alloc(2 * (size_t)count, sizeof *phase, "phases", err)));
     hada_wave_travel_phase(phase, count, g->n, g->step, t->wavelength, t->reach, limit);
-    HADA_TRY(hada_buffer_create_from(to, wave->slot, phase, 2 * (size_t)count * sizeof(float), "phases", err));
+    HADA_TRY_OR_DONE(hada_buffer_create_from(to, wave->slot, phase, 2 * (size_t)count * sizeof(float), "phases", err));
 done:
     free(phase);
     return status;
@@ -250,13 +250,13 @@ static hada_status spread(const hada_wave *wave, const travel *t, double path_sc
     const double limit = aside_of(wave, t, g->step) / t->wavelength; /* light beyond would leave the grid */
     hada_buffer across = {0}, down = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(upload_phase(wave, &across, blocks * HADA_FFT_BLOCK, t, limit, err));
-    HADA_TRY(upload_phase(wave, &down, g->n, t, limit, err));
-    HADA_TRY(hada_wave_launch_mask(slot, w->field.mem, w->path.mem, w->open.mem, g->points, path_scale / t->wavelength,
-                                   err));
-    HADA_TRY(hada_fft_forward(w->forward, 2, w->field.mem, 0, w->spectrum.mem, 0, err));
-    HADA_TRY(hada_wave_launch_travel(slot, w->spectrum.mem, across.mem, down.mem, g->n, blocks, err));
-    HADA_TRY(hada_slot_finish(slot, err));
+    HADA_TRY_OR_DONE(upload_phase(wave, &across, blocks * HADA_FFT_BLOCK, t, limit, err));
+    HADA_TRY_OR_DONE(upload_phase(wave, &down, g->n, t, limit, err));
+    HADA_TRY_OR_DONE(hada_wave_launch_mask(slot, w->field.mem, w->path.mem, w->open.mem, g->points,
+                                           path_scale / t->wavelength, err));
+    HADA_TRY_OR_DONE(hada_fft_forward(w->forward, 2, w->field.mem, 0, w->spectrum.mem, 0, err));
+    HADA_TRY_OR_DONE(hada_wave_launch_travel(slot, w->spectrum.mem, across.mem, down.mem, g->n, blocks, err));
+    HADA_TRY_OR_DONE(hada_slot_finish(slot, err));
 done:
     hada_buffer_destroy(&across);
     hada_buffer_destroy(&down);
@@ -281,11 +281,12 @@ static hada_status upload_shares(const hada_wave *wave, hada_buffer *buffer, con
     const grid *g = &wave->work->grid;
     hada_wave_pixel *table = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&table, (size_t)o->count, sizeof *table, "pixels", err));
+    HADA_TRY_OR_DONE(hada_allocated(table = hada_alloc((size_t)o->count, sizeof *table, "pixels", err)));
     /* sample i of the mask, of `points`, stands at (i - (points - 1) / 2) step, and (n - points) / 2 are before it */
     const double begin = (o->sample - (g->n - g->points) / 2 - 0.5 * g->points) * g->step;
     hada_wave_share(table, o->count, (o->first - 0.5 - pixels / 2) * width, width, o->sample_count, begin, g->step);
-    HADA_TRY(hada_buffer_create_from(buffer, wave->slot, table, (size_t)o->count * sizeof *table, "pixels", err));
+    HADA_TRY_OR_DONE(
+        hada_buffer_create_from(buffer, wave->slot, table, (size_t)o->count * sizeof *table, "pixels", err));
 done:
     free(table);
     return status;
@@ -307,17 +308,15 @@ static hada_status make_inverse(const hada_wave *wave, const overlap *down, cons
                                 .real_cols = across->sample_count,
                                 .real_pitch = (size_t)across->sample_count,
                                 .real_distance = samples};
-    hada_status status = HADA_OK;
     HADA_TRY(make_field(wave, w, samples, err));
     if (w->inverse && w->down.sample == down->sample && w->down.sample_count == down->sample_count &&
         w->across.sample == across->sample && w->across.sample_count == across->sample_count)
-        goto done;
+        return HADA_OK;
     hada_fft_destroy(&w->inverse);
     w->down = *down;
     w->across = *across;
     HADA_TRY(hada_fft_create(&w->inverse, wave->slot, &desc, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* From the transform of the field to pixels. */
@@ -331,17 +330,17 @@ static hada_status collect(const hada_wave *wave, double width, int rows, int co
     hada_buffer *buffers[] = {&table_down, &table_across, &part, &pixel};
     float *image = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&image, pixels, sizeof *image, "a point spread function", err));
-    HADA_TRY(upload_shares(wave, &table_down, &down, rows, width, err));
-    HADA_TRY(upload_shares(wave, &table_across, &across, cols, width, err));
-    HADA_TRY(make_inverse(wave, &down, &across, err));
-    HADA_TRY(hada_fft_inverse(w->inverse, 2, w->spectrum.mem, 0, w->field.mem, 0, NULL, err));
-    HADA_TRY(hada_buffer_create(&part, slot->context, (size_t)down.sample_count * (size_t)across.count * sizeof(float),
-                                "pixels", err));
-    HADA_TRY(hada_buffer_create(&pixel, slot->context, pixels * sizeof(float), "pixels", err));
-    HADA_TRY(hada_wave_launch_sensor(slot, pixel.mem, part.mem, w->field.mem, table_across.mem, table_down.mem,
-                                     down.sample_count, across.sample_count, down.count, across.count, err));
-    HADA_TRY(hada_buffer_read(&pixel, slot, 0, image, pixels * sizeof(float), err));
+    HADA_TRY_OR_DONE(hada_allocated(image = hada_alloc(pixels, sizeof *image, "a point spread function", err)));
+    HADA_TRY_OR_DONE(upload_shares(wave, &table_down, &down, rows, width, err));
+    HADA_TRY_OR_DONE(upload_shares(wave, &table_across, &across, cols, width, err));
+    HADA_TRY_OR_DONE(make_inverse(wave, &down, &across, err));
+    HADA_TRY_OR_DONE(hada_fft_inverse(w->inverse, 2, w->spectrum.mem, 0, w->field.mem, 0, NULL, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(
+        &part, slot->context, (size_t)down.sample_count * (size_t)across.count * sizeof(float), "pixels", err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&pixel, slot->context, pixels * sizeof(float), "pixels", err));
+    HADA_TRY_OR_DONE(hada_wave_launch_sensor(slot, pixel.mem, part.mem, w->field.mem, table_across.mem, table_down.mem,
+                                             down.sample_count, across.sample_count, down.count, across.count, err));
+    HADA_TRY_OR_DONE(hada_buffer_read(&pixel, slot, 0, image, pixels * sizeof(float), err));
     for (int r = 0; r < down.count; r++)
         for (int c = 0; c < across.count; c++)
             sum[(size_t)(down.first + r) * (size_t)cols + (size_t)(across.first + c)] +=
@@ -360,11 +359,11 @@ hada_status hada_wave_whole(hada_wave *wave, double distance_mm, double waveleng
     const travel t = travel_of(wave, distance_mm, wavelength_mm, path_scale);
     const double width = wave->camera.pixel_pitch_mm / hada_camera_magnification(&wave->camera, distance_mm);
     hada_status status = HADA_OK;
-    HADA_TRY(hada_monitor_check(wave->design.monitor, err));
-    HADA_TRY(size_grid(wave, distance_mm, &g, err));
-    HADA_TRY(make_work(wave, &g, err));
-    HADA_TRY(spread(wave, &t, path_scale, err));
-    HADA_TRY(collect(wave, width, rows, cols, sum, err));
+    HADA_TRY_OR_DONE(hada_monitor_check(wave->design.monitor, err));
+    HADA_TRY_OR_DONE(size_grid(wave, distance_mm, &g, err));
+    HADA_TRY_OR_DONE(make_work(wave, &g, err));
+    HADA_TRY_OR_DONE(spread(wave, &t, path_scale, err));
+    HADA_TRY_OR_DONE(collect(wave, width, rows, cols, sum, err));
     *light += wave->work->light;
 done:
     if (status) /* nothing half made is kept */

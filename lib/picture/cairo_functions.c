@@ -34,7 +34,6 @@ static hada_status find(void *library, const char *name, void *pointer, size_t s
 /* Under the lock. */
 static hada_status load(hada_error *err)
 {
-    hada_status status = HADA_OK;
     void *const library = dlopen(CAIRO_FILE, RTLD_NOW | RTLD_LOCAL);
     if (!library)
         return not_loaded(err);
@@ -42,8 +41,7 @@ static hada_status load(hada_error *err)
     HADA_CAIRO_FUNCTIONS(FIND)
 #undef FIND
     loaded = 1; /* and never closed: cairo keeps fonts until the process ends */
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_cairo_load(hada_error *err)

@@ -41,15 +41,15 @@ hada_status hada_drawing_create(hada_drawing **out, double width, double height,
     hada_status status = HADA_OK;
     hada_drawing *drawing = NULL;
     *out = NULL;
-    HADA_TRY(hada_cairo_load(err));
-    HADA_TRY(hada_alloc((void **)&drawing, 1, sizeof *drawing, "a picture", err));
+    HADA_TRY_OR_DONE(hada_cairo_load(err));
+    HADA_TRY_OR_DONE(hada_allocated(drawing = hada_alloc(1, sizeof *drawing, "a picture", err)));
     const cairo_rectangle_t extents = {0, 0, width, height};
     drawing->width = width;
     drawing->height = height;
     drawing->record = api->recording_surface_create(CAIRO_CONTENT_COLOR, &extents);
     drawing->cairo = api->create(drawing->record);
     if (api->status(drawing->cairo) != CAIRO_STATUS_SUCCESS)
-        HADA_TRY(fail(err, api->status(drawing->cairo), "a picture"));
+        HADA_TRY_OR_DONE(fail(err, api->status(drawing->cairo), "a picture"));
     api->select_font_face(drawing->cairo, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
     api->set_line_join(drawing->cairo, CAIRO_LINE_JOIN_ROUND);
     hada_drawing_fill(drawing, 0, 0, width, height, paper);
@@ -279,17 +279,17 @@ hada_status hada_drawing_save(hada_drawing *drawing, const char *path_to, hada_e
     const char *dot = strrchr(path_to, '.');
     const cairo_status_t drawn = api->status(drawing->cairo);
     if (drawn != CAIRO_STATUS_SUCCESS)
-        HADA_TRY(fail(err, drawn, path_to));
+        HADA_TRY_OR_DONE(fail(err, drawn, path_to));
     if (!dot || (strcmp(dot, ".png") && strcmp(dot, ".svg")))
-        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "%s: pictures are written as .png or .svg", path_to));
-    HADA_TRY(hada_outfile_open(&to.file, path_to, err));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "%s: pictures are written as .png or .svg", path_to));
+    HADA_TRY_OR_DONE(hada_outfile_open(&to.file, path_to, err));
     open = 1;
     const cairo_status_t code = strcmp(dot, ".svg") ? write_png(drawing, &to) : write_svg(drawing, &to);
-    HADA_TRY(to.status);
+    HADA_TRY_OR_DONE(to.status);
     if (code != CAIRO_STATUS_SUCCESS)
-        HADA_TRY(fail(err, code, path_to));
+        HADA_TRY_OR_DONE(fail(err, code, path_to));
     open = 0;
-    HADA_TRY(hada_outfile_commit(&to.file, err));
+    HADA_TRY_OR_DONE(hada_outfile_commit(&to.file, err));
 done:
     if (open)
         hada_outfile_abandon(&to.file);

@@ -86,8 +86,8 @@ hada_status hada_plot_create(hada_plot **out, double width, double height, hada_
     hada_status status = HADA_OK;
     hada_plot *plot = NULL;
     *out = NULL;
-    HADA_TRY(hada_alloc((void **)&plot, 1, sizeof *plot, "a figure", err));
-    HADA_TRY(hada_drawing_create(&plot->drawing, width, height, white, err));
+    HADA_TRY_OR_DONE(hada_allocated(plot = hada_alloc(1, sizeof *plot, "a figure", err)));
+    HADA_TRY_OR_DONE(hada_drawing_create(&plot->drawing, width, height, white, err));
     *out = plot;
     plot = NULL;
 done:

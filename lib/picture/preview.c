@@ -143,7 +143,7 @@ static hada_status draw_image(const hada_sheet *sheet, int x, int y, int width, 
 {
     uint32_t *pixels = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_tone_pixels(&pixels, width, height, image, white, sheet->gamma, err));
+    HADA_TRY_OR_DONE(hada_tone_pixels(&pixels, width, height, image, white, sheet->gamma, err));
     hada_drawing_pixels(sheet->drawing, x, y, width, height, pixels);
 done:
     free(pixels);
@@ -156,7 +156,8 @@ static hada_status draw_map(const hada_sheet *sheet, int x, int y, int width, in
     const hada_image *map = sheet->p->distance_map;
     hada_status status = HADA_OK;
     void *pixels = NULL;
-    HADA_TRY(hada_alloc_raw(&pixels, (size_t)width * (size_t)height, sizeof(uint32_t), "a picture", err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(pixels = hada_alloc_raw((size_t)width * (size_t)height, sizeof(uint32_t), "a picture", err)));
     uint32_t *to = pixels;
     for (int row = 0; row < height; row++)
         for (int column = 0; column < width; column++) {
@@ -214,7 +215,6 @@ static hada_status draw_panels(const hada_sheet *sheet, hada_error *err)
     static const char *const names[2] = {"raw", "all in focus"};
     const int y = sheet->panels_y, height = sheet->panel_height;
     int x = MARGIN;
-    hada_status status = HADA_OK;
     for (int i = 0; i < 2; i++) {
         if (!shown[i])
             continue;
@@ -234,8 +234,7 @@ static hada_status draw_panels(const hada_sheet *sheet, hada_error *err)
         HADA_TRY(draw_map(sheet, x, y, width, height, err));
         draw_bar(sheet, x + width + GAP, y, height);
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Its distance, with the colour that the map has for it. */
@@ -264,19 +263,16 @@ static hada_status draw_tile(const hada_sheet *sheet, int index, double white, h
     const int x = MARGIN + index % sheet->columns * (width + GAP);
     const int y = sheet->stack_y + CAPTION + 8 + index / sheet->columns * (height + CAPTION + GAP);
     const int marked = p->occupied && p->occupied[index];
-    hada_status status = HADA_OK;
     HADA_TRY(draw_image(sheet, x, y, width, height, &p->planes[index], white, err));
     hada_drawing_frame(sheet->drawing, x, y, width, height, marked ? 4 : 1, marked ? found : line);
     label_tile(sheet, index, x, y + height + 23, marked ? found : p->occupied ? dim : ink);
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status draw_stack(const hada_sheet *sheet, hada_error *err)
 {
     const hada_preview *p = sheet->p;
     const int y = sheet->stack_y + 19;
-    hada_status status = HADA_OK;
     char words[160];
     if (!sheet->columns)
         return HADA_OK;
@@ -294,8 +290,7 @@ static hada_status draw_stack(const hada_sheet *sheet, hada_error *err)
     const double white = hada_tone_white(p->planes, p->depths);
     for (int i = 0; i < p->depths; i++)
         HADA_TRY(draw_tile(sheet, i, white, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static int is_empty(const hada_image *image)
@@ -323,7 +318,7 @@ hada_status hada_preview_save(const char *path, const hada_preview *callers, had
     hada_preview own, *preview = &own;
     hada_sheet sheet = {.p = preview};
     hada_preview_init(preview);
-    HADA_TRY(HADA_OPTIONS_TAKE(preview, callers, hada_preview, err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(preview, callers, hada_preview, err));
     if (!(preview->gamma > 0) && preview->gamma != HADA_AUTO)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: an exponent of %g shows nothing; it is above 0", path,
                          preview->gamma);
@@ -332,12 +327,12 @@ hada_status hada_preview_save(const char *path, const hada_preview *callers, had
     sheet.gamma = preview->gamma == HADA_AUTO ? 0 : preview->gamma;
     find_range(&sheet);
     place(&sheet);
-    HADA_TRY(hada_drawing_create(&sheet.drawing, WIDTH, sheet.height, paper, err));
+    HADA_TRY_OR_DONE(hada_drawing_create(&sheet.drawing, WIDTH, sheet.height, paper, err));
     if (preview->title)
         hada_drawing_text(sheet.drawing, MARGIN, 44, HADA_ANCHOR_LEFT, TITLE, WIDTH - 2 * MARGIN, ink, preview->title);
-    HADA_TRY(draw_panels(&sheet, err));
-    HADA_TRY(draw_stack(&sheet, err));
-    HADA_TRY(hada_drawing_save(sheet.drawing, path, err));
+    HADA_TRY_OR_DONE(draw_panels(&sheet, err));
+    HADA_TRY_OR_DONE(draw_stack(&sheet, err));
+    HADA_TRY_OR_DONE(hada_drawing_save(sheet.drawing, path, err));
 done:
     hada_drawing_destroy(&sheet.drawing);
     return status;
@@ -350,11 +345,11 @@ hada_status hada_png_save(const char *path, const hada_image *image, double whit
     uint32_t *pixels = NULL;
     if (is_empty(image))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: there is no image to show", path);
-    HADA_TRY(hada_drawing_create(&drawing, image->cols, image->rows, paper, err));
-    HADA_TRY(hada_tone_pixels(&pixels, image->cols, image->rows, image,
-                              white == HADA_AUTO ? hada_tone_white(image, 1) : white, gamma, err));
+    HADA_TRY_OR_DONE(hada_drawing_create(&drawing, image->cols, image->rows, paper, err));
+    HADA_TRY_OR_DONE(hada_tone_pixels(&pixels, image->cols, image->rows, image,
+                                      white == HADA_AUTO ? hada_tone_white(image, 1) : white, gamma, err));
     hada_drawing_pixels(drawing, 0, 0, image->cols, image->rows, pixels);
-    HADA_TRY(hada_drawing_save(drawing, path, err));
+    HADA_TRY_OR_DONE(hada_drawing_save(drawing, path, err));
 done:
     free(pixels);
     hada_drawing_destroy(&drawing);

@@ -147,11 +147,11 @@ hada_status hada_tone_pixels(uint32_t **pixels, int width, int height, const had
     const size_t count = (size_t)width * (size_t)height, plane = (size_t)image->rows * (size_t)image->cols;
     void *lines = NULL, *planes = NULL, *out = NULL;
     *pixels = NULL;
-    HADA_TRY(
-        hada_alloc_raw(&lines, hada_size_product((size_t)image->rows, (size_t)width), sizeof(float), "a picture", err));
-    HADA_TRY(
-        hada_alloc_raw(&planes, hada_size_product(count, (size_t)image->channels), sizeof(float), "a picture", err));
-    HADA_TRY(hada_alloc_raw(&out, count, sizeof **pixels, "a picture", err));
+    HADA_TRY_OR_DONE(hada_allocated(lines = hada_alloc_raw(hada_size_product((size_t)image->rows, (size_t)width),
+                                                           sizeof(float), "a picture", err)));
+    HADA_TRY_OR_DONE(hada_allocated(
+        planes = hada_alloc_raw(hada_size_product(count, (size_t)image->channels), sizeof(float), "a picture", err)));
+    HADA_TRY_OR_DONE(hada_allocated(out = hada_alloc_raw(count, sizeof **pixels, "a picture", err)));
     for (int c = 0; c < image->channels; c++)
         resample(image->data + (size_t)c * plane, image->rows, image->cols, width, height, lines,
                  (float *)planes + (size_t)c * count);

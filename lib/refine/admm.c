@@ -217,7 +217,6 @@ hada_status hada_refiner_note(const hada_context *context, const hada_refine_sha
     const sizes b = sizes_of(context, shape);
     hada_fft_desc plans[PLANS];
     hada_buffer_row rows[ROWS];
-    hada_status status = HADA_OK;
     const int count = list_plans(shape, plans);
     list_buffers(&b, rows);
     hada_scratch_steps(scratch, first, last);
@@ -228,8 +227,7 @@ hada_status hada_refiner_note(const hada_context *context, const hada_refine_sha
         if (rows[i].bytes)
             HADA_TRY(hada_scratch_note(scratch, rows[i].bytes, rows[i].what, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status make_plans(hada_refiner *refiner, hada_scratch *scratch, hada_error *err)
@@ -237,23 +235,18 @@ static hada_status make_plans(hada_refiner *refiner, hada_scratch *scratch, hada
     hada_fft **const made[PLANS] = {&refiner->forward, &refiner->inverse, &refiner->frame_forward,
                                     &refiner->frame_inverse};
     hada_fft_desc plans[PLANS];
-    hada_status status = HADA_OK;
     const int count = list_plans(&refiner->shape, plans);
     for (int i = 0; i < count; i++)
         HADA_TRY(hada_fft_create_in(made[i], refiner->slot, scratch, &plans[i], err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status make_buffers(hada_refiner *refiner, hada_scratch *scratch, const sizes *b, hada_error *err)
 {
     hada_buffer_row rows[ROWS];
-    hada_status status = HADA_OK;
     list_buffers(b, rows);
     HADA_TRY(hada_buffer_rows_take(refiner, refiner->slot->context, scratch, rows, ROWS, err));
-    HADA_TRY(hada_buffer_clear(&refiner->planes, refiner->slot, 0, b->planes, err));
-done:
-    return status;
+    return hada_buffer_clear(&refiner->planes, refiner->slot, 0, b->planes, err);
 }
 
 hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, hada_scratch *scratch,
@@ -264,8 +257,8 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, hada_scratc
     sizes b;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY(check_shape(shape, err));
-    HADA_TRY(hada_alloc((void **)&refiner, 1, sizeof *refiner, "a refiner", err));
+    HADA_TRY_OR_DONE(check_shape(shape, err));
+    HADA_TRY_OR_DONE(hada_allocated(refiner = hada_alloc(1, sizeof *refiner, "a refiner", err)));
     b = sizes_of(slot->context, shape);
     refiner->slot = slot;
     refiner->shape = *shape;
@@ -274,24 +267,26 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, hada_scratc
     refiner->split_e = (size_t)shape->max_sets * (size_t)shape->channels * refiner->layout.count;
     refiner->window_area = hada_rect_area(&shape->window);
     refiner->frame_area = hada_rect_area(&shape->frame);
-    HADA_TRY(hada_alloc((void **)&refiner->energy, ((size_t)shape->max_steps + 1) * (size_t)shape->max_sets,
-                        sizeof *refiner->energy, what, err));
-    HADA_TRY(hada_alloc((void **)&refiner->host_partial, b.partial / sizeof(float), sizeof(float), what, err));
-    HADA_TRY(
-        hada_alloc((void **)&refiner->host_list, (size_t)shape->max_planes, sizeof *refiner->host_list, what, err));
-    HADA_TRY(make_plans(refiner, scratch, err));
-    HADA_TRY(make_buffers(refiner, scratch, &b, err));
-    HADA_TRY(hada_refine_prepare(refiner, err));
-    HADA_TRY(hada_refine_fused_make(refiner, err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(refiner->energy = hada_alloc(((size_t)shape->max_steps + 1) * (size_t)shape->max_sets,
+                                                    sizeof *refiner->energy, what, err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(refiner->host_partial = hada_alloc(b.partial / sizeof(float), sizeof(float), what, err)));
+    HADA_TRY_OR_DONE(hada_allocated(refiner->host_list =
+                                        hada_alloc((size_t)shape->max_planes, sizeof *refiner->host_list, what, err)));
+    HADA_TRY_OR_DONE(make_plans(refiner, scratch, err));
+    HADA_TRY_OR_DONE(make_buffers(refiner, scratch, &b, err));
+    HADA_TRY_OR_DONE(hada_refine_prepare(refiner, err));
+    HADA_TRY_OR_DONE(hada_refine_fused_make(refiner, err));
     if (shape->tv)
-        HADA_TRY(hada_variation_prepare(&refiner->variation, slot, shape->channels, shape->window.rows,
-                                        shape->window.cols, err));
+        HADA_TRY_OR_DONE(hada_variation_prepare(&refiner->variation, slot, shape->channels, shape->window.rows,
+                                                shape->window.cols, err));
     if (shape->tv && shape->shrink)
-        HADA_TRY(hada_shrinkage_prepare(&refiner->shrinkage, slot, shape->channels, shape->window.rows,
-                                        shape->window.cols, err));
+        HADA_TRY_OR_DONE(hada_shrinkage_prepare(&refiner->shrinkage, slot, shape->channels, shape->window.rows,
+                                                shape->window.cols, err));
     if (shape->crosstalk)
-        HADA_TRY(hada_crosstalk_prepare(&refiner->crosstalk, slot, shape->channels, shape->window.rows,
-                                        shape->window.cols, err));
+        HADA_TRY_OR_DONE(hada_crosstalk_prepare(&refiner->crosstalk, slot, shape->channels, shape->window.rows,
+                                                shape->window.cols, err));
     *out = refiner;
 done:
     if (status)

@@ -59,13 +59,11 @@ hada_status hada_refine_fused_make(hada_refiner *refiner, hada_error *err)
 {
     const hada_refine_shape *shape = &refiner->shape;
     hada_slot *slot = refiner->slot;
-    hada_status status = HADA_OK;
     if (!hada_refine_fused_grid(slot->context, shape))
-        goto done;
+        return HADA_OK;
     HADA_TRY(hada_fft_fused_make(&refiner->fused, slot, shape->grid_rows, shape->grid_cols, err));
     HADA_TRY(way_of(slot->context)->prepare(slot, &refiner->fused, shape->boundary == HADA_BOUNDARY_PADDED, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 int hada_refine_fused_takes(const hada_refiner *refiner, int depths)
@@ -226,14 +224,12 @@ static int lane_columns(const hada_context *context, const hada_refine_shape *sh
 
 static hada_status prepare_lanes(hada_slot *slot, const hada_fft_fused *fused, int padded, hada_error *err)
 {
-    hada_status status = HADA_OK;
     (void)fused;
     HADA_TRY(hada_prepare_refine_columns(slot, HADA_PROGRAM_REFINE_COLUMNS_DEFAULT, err));
     HADA_TRY(hada_prepare_refine_rows(slot, HADA_PROGRAM_REFINE_ROWS_DEFAULT, err));
     if (padded)
         HADA_TRY(hada_prepare_refine_frame_rows(slot, HADA_PROGRAM_REFINE_FRAME_ROWS_DEFAULT, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch_lane_columns(const hada_refine_run *run, const hada_refine_step *now, hada_error *err)
@@ -278,7 +274,6 @@ static hada_status launch_lane_rows(const hada_refine_run *run, const rows_pass 
     const hada_local scratch = {refiner->fused.rows.local_bytes};
     const hada_range range = hada_range_groups((size_t)images * hada_divide_up((size_t)rows.rows, GROUP_ROWS), 1, 1, 1);
     double bytes = 0.0, flops = 0.0;
-    hada_status status = HADA_OK;
     cost_planes(run, pass->planes, &bytes, &flops);
     hada_slot_cost(refiner->slot, bytes, flops);
     HADA_TRY(hada_launch_refine_rows(refiner->slot, HADA_PROGRAM_REFINE_ROWS_DEFAULT, &range, err,
@@ -286,8 +281,7 @@ static hada_status launch_lane_rows(const hada_refine_run *run, const rows_pass 
                                      .tables = refiner->fused.row_tables.mem, .scratch = scratch));
     if (pass->frame)
         HADA_TRY(launch_lane_frame(run, pass, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static int lane_frame_rows(const hada_context *context, const hada_refine_shape *shape)
@@ -320,15 +314,13 @@ static hada_program_refine_group_rows group_rows_program(int padded)
 
 static hada_status prepare_groups(hada_slot *slot, const hada_fft_fused *fused, int padded, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(fused->odd_columns ? hada_prepare_refine_odd_columns(slot, HADA_PROGRAM_REFINE_ODD_COLUMNS_DEFAULT, err)
                                 : hada_prepare_refine_group_columns(slot, group_columns_program(padded), err));
     HADA_TRY(fused->odd_rows ? hada_prepare_refine_odd_rows(slot, HADA_PROGRAM_REFINE_ODD_ROWS_DEFAULT, err)
                              : hada_prepare_refine_group_rows(slot, group_rows_program(padded), err));
     if (!fused->odd_columns)
         HADA_TRY(hada_prepare_refine_group_score(slot, HADA_PROGRAM_REFINE_GROUP_SCORE_DEFAULT, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch_odd_columns(const hada_refine_run *run, const hada_refine_step *now,

@@ -31,9 +31,8 @@ static hada_status check_run(const hada_refine_run *r, const int *list, hada_err
 static hada_status put_list(hada_refiner *refiner, const int *list, int count, int again, hada_error *err)
 {
     const size_t bytes = (size_t)count * sizeof *list;
-    hada_status status = HADA_OK;
     if (again && count == refiner->host_count && !memcmp(list, refiner->host_list, bytes))
-        goto done;
+        return HADA_OK;
     if (refiner->list_busy)
         HADA_TRY(hada_slot_finish(refiner->slot, err));
     refiner->host_count = 0;
@@ -41,14 +40,12 @@ static hada_status put_list(hada_refiner *refiner, const int *list, int count, i
     refiner->list_busy = 1;
     HADA_TRY(hada_buffer_write_later(&refiner->list, refiner->slot, 0, refiner->host_list, bytes, err));
     refiner->host_count = count;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status begin(hada_refine_run *r, hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
                          const int *list, int again, hada_error *err)
 {
-    hada_status status = HADA_OK;
     *r = (hada_refine_run){.refiner = refiner,
                            .data = data,
                            .sets = sets,
@@ -56,9 +53,7 @@ static hada_status begin(hada_refine_run *r, hada_refiner *refiner, const hada_r
                            .padded = refiner->shape.boundary == HADA_BOUNDARY_PADDED,
                            .fused = hada_refine_fused_takes(refiner, depths)};
     HADA_TRY(check_run(r, list, err));
-    HADA_TRY(put_list(refiner, list, sets * depths, again, err));
-done:
-    return status;
+    return put_list(refiner, list, sets * depths, again, err);
 }
 
 static hada_status check_rule(const hada_refiner *refiner, const hada_refine_rule *rule, hada_error *err)
@@ -123,7 +118,6 @@ static hada_status iterate_fused(const hada_refine_run *r, const hada_refine_rul
     const hada_refine_fused_part back = {
         .inverse = 1, .clip = !tv, .forward = !tv && (step + 1 < rule->steps || asked)};
     const hada_refine_fused_part frame = {.inverse = 1, .forward = step + 1 < rule->steps};
-    hada_status status = HADA_OK;
     const int goes_on = r->padded && start == HADA_REFINE_CONTINUE && !step;
     if (start != HADA_REFINE_COLD && (tv || !step))
         HADA_TRY(hada_refine_fused_rows(r, &forward, goes_on ? &forward : NULL, rule->mu, 0, err));
@@ -132,8 +126,7 @@ static hada_status iterate_fused(const hada_refine_run *r, const hada_refine_rul
     if (tv)
         HADA_TRY(constrain(r, rule, step, start != HADA_REFINE_CONTINUE, shrink, err));
     r->refiner->half_there = back.forward;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Step number `step`: the linear step, then the proximal steps on planes and frame. */
@@ -142,7 +135,6 @@ static hada_status iterate(const hada_refine_run *r, const hada_refine_rule *rul
 {
     hada_refiner *refiner = r->refiner;
     const int start = step ? HADA_REFINE_CONTINUE : (int)rule->start;
-    hada_status status = HADA_OK;
     if (start != HADA_REFINE_COLD)
         HADA_TRY(hada_refine_planes_forward(r, err));
     if (r->padded && start == HADA_REFINE_CONTINUE)
@@ -154,8 +146,7 @@ static hada_status iterate(const hada_refine_run *r, const hada_refine_rule *rul
         HADA_TRY(hada_refine_frame_inverse(r, &refiner->split, &refiner->dual, err));
         HADA_TRY(hada_refine_frame_dual(r, refiner->dual.mem, 1, 1.0 / (1.0 + rule->mu), step + 1, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Slices that a linear step adds up. */
@@ -178,7 +169,6 @@ static hada_status read_energies(const hada_refine_run *r, const hada_refine_rul
 {
     const hada_refiner *refiner = r->refiner;
     const size_t width = (size_t)refiner->shape.max_sets;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_refine_fetch(r, first, end - first, err));
     for (int step = first; step < end; step++) {
         const int in_frame = r->padded && step;
@@ -186,8 +176,7 @@ static hada_status read_energies(const hada_refine_run *r, const hada_refine_rul
                            in_frame ? rule->mu * rule->mu : hada_refine_per_pixel(refiner),
                            refiner->energy + (size_t)step * width);
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* How many of the last steps have shrinkage: at most half of them, and of a single image. */
@@ -207,15 +196,14 @@ static hada_status look(const hada_refine_run *r, const hada_refine_rule *rule, 
     const int now = *count, both = hada_refine_looks(r->refiner->slot->context) > 1 && SECOND < rule->steps;
     const size_t place = both && now == SECOND;
     double change[2];
-    hada_status status = HADA_OK;
     *settled = 0;
     if (now < KEEP_FIRST || now % KEEP_EVERY)
-        goto done;
+        return HADA_OK;
     HADA_TRY(now == KEEP_FIRST ? hada_refine_keep(r, err) : hada_refine_change(r, place, err));
     if (both && now == FIRST)
         HADA_TRY(hada_refine_set_aside(r, err));
     if (now == KEEP_FIRST || (both && now == FIRST))
-        goto done;
+        return HADA_OK;
     HADA_TRY(hada_refine_changes(r, place + 1, change, err));
     *settled = change[place] < rule->settle;
     if (place && change[0] < rule->settle) {
@@ -223,8 +211,7 @@ static hada_status look(const hada_refine_run *r, const hada_refine_rule *rule, 
         *count = FIRST;
         *settled = 1;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data, const hada_refine_rule *rule,
@@ -235,23 +222,23 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
     const int least = rule->first_steps > 0 ? rule->first_steps + SETTLING_STEPS : 0;
     hada_status status = HADA_OK;
     refiner->half_there = 0;
-    HADA_TRY(begin(&r, refiner, data, sets, depths, list, 0, err));
-    HADA_TRY(check_rule(refiner, rule, err));
+    HADA_TRY_OR_DONE(begin(&r, refiner, data, sets, depths, list, 0, err));
+    HADA_TRY_OR_DONE(check_rule(refiner, rule, err));
     const int last = shrink_steps(&r, rule);
     int end = rule->steps;
     while (count < end) {
         const int shrink = count >= end - last;
-        HADA_TRY(r.fused ? iterate_fused(&r, rule, count, shrink, err) : iterate(&r, rule, count, shrink, err));
+        HADA_TRY_OR_DONE(r.fused ? iterate_fused(&r, rule, count, shrink, err) : iterate(&r, rule, count, shrink, err));
         count++;
         if (rule->settle > 0.0 && count < end) {
             int settled;
-            HADA_TRY(look(&r, rule, &count, &settled, err));
+            HADA_TRY_OR_DONE(look(&r, rule, &count, &settled, err));
             end = settled ? count : end;
         }
         if (count < end ? shrink || !(rule->stop > 0.0) || count < least : rule->quiet)
             continue;
         const int known = r.padded ? count + 1 : count;
-        HADA_TRY(read_energies(&r, rule, read, known, err));
+        HADA_TRY_OR_DONE(read_energies(&r, rule, read, known, err));
         read = known;
         if (!shrink && rule->stop > 0.0 && count >= least && read >= 4 &&
             converged(refiner, sets, read - 1, rule->stop) && converged(refiner, sets, read - 2, rule->stop))
@@ -268,13 +255,10 @@ done:
 static hada_status explain_spectra(hada_refine_run *r, hada_refiner *refiner, const hada_refine_data *data, int sets,
                                    int depths, const int *list, hada_error *err)
 {
-    hada_status status = HADA_OK;
     refiner->half_there = 0;
     HADA_TRY(begin(r, refiner, data, sets, depths, list, 1, err));
     HADA_TRY(hada_refine_planes_forward(r, err));
-    HADA_TRY(hada_refine_explain(r, r->padded, err));
-done:
-    return status;
+    return hada_refine_explain(r, r->padded, err);
 }
 
 hada_status hada_refiner_residual_spectra(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
@@ -295,7 +279,6 @@ static hada_status explain(hada_refine_run *r, hada_refiner *refiner, const hada
                            int depths, const int *list, hada_error *err)
 {
     hada_refine_arriving *arriving = &refiner->arriving;
-    hada_status status = HADA_OK;
     HADA_TRY(explain_spectra(r, refiner, data, sets, depths, list, err));
     if (r->padded) {
         HADA_TRY(hada_refine_frame_inverse(r, &refiner->residual, &refiner->residual_frame, err));
@@ -304,8 +287,7 @@ static hada_status explain(hada_refine_run *r, hada_refiner *refiner, const hada
     arriving->sets = sets;
     arriving->slices = hada_refine_slices(r->padded ? refiner->frame_area : refiner->layout.count);
     arriving->factor = r->padded ? 1.0 : hada_refine_per_pixel(refiner);
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_refiner_residual(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
@@ -313,22 +295,16 @@ hada_status hada_refiner_residual(hada_refiner *refiner, const hada_refine_data 
 {
     const hada_refine_arriving *arriving = &refiner->arriving;
     hada_refine_run r;
-    hada_status status = HADA_OK;
     HADA_TRY(explain(&r, refiner, data, sets, depths, list, err));
-    HADA_TRY(hada_refine_energies(&r, refiner->shape.channels, arriving->slices, arriving->factor, energy, err));
-done:
-    return status;
+    return hada_refine_energies(&r, refiner->shape.channels, arriving->slices, arriving->factor, energy, err);
 }
 
 hada_status hada_refiner_residual_later(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
                                         const int *list, hada_error *err)
 {
     hada_refine_run r;
-    hada_status status = HADA_OK;
     HADA_TRY(explain(&r, refiner, data, sets, depths, list, err));
-    HADA_TRY(hada_refine_fetch_later(&r, 0, refiner->arriving.linear_slices ? 2 : 1, err));
-done:
-    return status;
+    return hada_refine_fetch_later(&r, 0, refiner->arriving.linear_slices ? 2 : 1, err);
 }
 
 void hada_refiner_residual_arrived(hada_refiner *refiner, double *energy)
@@ -354,7 +330,6 @@ hada_status hada_refiner_score(hada_refiner *refiner, const hada_refine_data *da
     const hada_refine_fused_part forward = {.forward = 1};
     const int fused = depths && hada_refine_fused_scores(refiner, depths);
     size_t slices = hada_refine_slices(refiner->layout.count);
-    hada_status status = HADA_OK;
     if (depths)
         HADA_TRY(begin(&r, refiner, data, sets, depths, list, 1, err));
     if (fused && !refiner->half_there)
@@ -370,6 +345,5 @@ hada_status hada_refiner_score(hada_refiner *refiner, const hada_refine_data *da
     if (frame)
         hada_refine_add_up(&whole, 1, 1, hada_refine_slices(refiner->layout.count), hada_refine_per_pixel(refiner),
                            frame);
-done:
-    return status;
+    return HADA_OK;
 }

@@ -249,12 +249,9 @@ hada_status hada_refine_change(const hada_refine_run *r, size_t look, hada_error
 {
     size_t count;
     const size_t first = changes_at(r, &count) + look * 2 * count;
-    hada_status status = HADA_OK;
     HADA_TRY(kept_energy(r, 1, first, err));
     HADA_TRY(hada_refine_keep(r, err));
-    HADA_TRY(kept_energy(r, 0, first + count, err));
-done:
-    return status;
+    return kept_energy(r, 0, first + count, err);
 }
 
 hada_status hada_refine_changes(const hada_refine_run *r, size_t looks, double *change, hada_error *err)
@@ -263,22 +260,19 @@ hada_status hada_refine_changes(const hada_refine_run *r, size_t looks, double *
     size_t count;
     const size_t first = changes_at(r, &count);
     const float *sums = refiner->host_partial + first;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_read(&refiner->partial, refiner->slot, first * sizeof(float), refiner->host_partial + first,
                               looks * 2 * count * sizeof(float), err));
     for (size_t i = 0; i < looks; i++, sums += 2 * count) {
         const double planes = add(sums + count, count);
         change[i] = planes > 0.0 ? sqrt(add(sums, count) / planes) : 0.0;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Transforms `images` images in calls of the plan's batch; their spectra stand from `offset` on. */
 static hada_status transform(hada_refiner *refiner, hada_fft *plan, int forward, int images, cl_mem real,
                              size_t distance, const hada_buffer *spectra, size_t offset, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int first = 0; first < images; first += HADA_REFINE_BATCH) {
         const int batch = images - first < HADA_REFINE_BATCH ? images - first : HADA_REFINE_BATCH;
         const size_t at = offset + (size_t)first * refiner->layout.count, real_at = (size_t)first * distance;
@@ -286,8 +280,7 @@ static hada_status transform(hada_refiner *refiner, hada_fft *plan, int forward,
                          : hada_fft_inverse(plan, batch, spectra->mem, at, real, real_at, NULL, err));
     }
     refiner->transforms += (size_t)images;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_refine_planes_forward(const hada_refine_run *r, hada_error *err)
@@ -356,9 +349,7 @@ void hada_refine_add_up(const hada_refine_run *r, int step, int parts, size_t sl
 hada_status hada_refine_energies(const hada_refine_run *r, int parts, size_t slices, double factor, double *energy,
                                  hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_refine_fetch(r, 0, 1, err));
     hada_refine_add_up(r, 0, parts, slices, factor, energy);
-done:
-    return status;
+    return HADA_OK;
 }

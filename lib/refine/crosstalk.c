@@ -19,13 +19,10 @@ hada_status hada_crosstalk_fade(const hada_crosstalk *x, hada_slot *slot, cl_mem
                      faded = hada_range_of(items, x->group, rows, 1);
     const hada_refine_window window = {.channels = x->channels, .rows = x->rows, .cols = x->cols};
     const double pixels = (double)depths * x->rows * x->cols;
-    hada_status status = HADA_OK;
     hada_slot_cost(slot, 4.0 * (x->channels + 1) * pixels, 5.0 * x->channels * pixels);
     HADA_TRY(hada_launch_refine_crosstalk_light(slot, x->program, &lit, err, .planes = planes, .light = scratch,
                                                 .window = window));
     hada_slot_cost(slot, 4.0 * (2 * x->channels + 1) * pixels, (18.0 + x->channels) * pixels);
-    HADA_TRY(hada_launch_refine_crosstalk_fade(slot, x->program, &faded, err, .planes = planes, .light = scratch,
-                                               .window = window, .depths = depths, .share = (float)share));
-done:
-    return status;
+    return hada_launch_refine_crosstalk_fade(slot, x->program, &faded, err, .planes = planes, .light = scratch,
+                                             .window = window, .depths = depths, .share = (float)share);
 }

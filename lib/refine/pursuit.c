@@ -122,12 +122,10 @@ hada_status hada_pursuit_note(const hada_context *context, const hada_pursuit_op
 {
     hada_pursuit p = {.options = complete(options)};
     hada_level_spec specs[HADA_PURSUIT_LEVELS];
-    hada_status status = HADA_OK;
     choose_levels(&p, context, specs);
     for (int i = 0; i < p.count; i++)
         HADA_TRY(hada_level_note(context, &p.options, &specs[i], scratch, first + i, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_pursuit_create(hada_pursuit **out, hada_slot *slot, hada_scratch *scratch,
@@ -145,13 +143,13 @@ hada_status hada_pursuit_create(hada_pursuit **out, hada_slot *slot, hada_scratc
             "depth pursuit: 1 to %d depths, channels from 1 on, up to %d depths in a set, a shrink factor from 1 on "
             "and rho above 0 are possible (got %d, %d, %d, %g, %g)",
             HADA_PURSUIT_DEPTHS, HADA_PURSUIT_MAX, o.depths, o.shape.channels, o.max_depths, o.shrink, o.rho);
-    HADA_TRY(hada_alloc((void **)&p, 1, sizeof *p, "a depth pursuit", err));
+    HADA_TRY_OR_DONE(hada_allocated(p = hada_alloc(1, sizeof *p, "a depth pursuit", err)));
     p->slot = slot;
     p->options = o;
     p->residuals.pursuit = p;
     choose_levels(p, slot->context, specs);
     for (int i = 0; i < p->count; i++)
-        HADA_TRY(hada_level_create(&p->levels[i], slot, scratch, &p->options, &specs[i], err));
+        HADA_TRY_OR_DONE(hada_level_create(&p->levels[i], slot, scratch, &p->options, &specs[i], err));
     *out = p;
 done:
     if (status)
@@ -182,31 +180,25 @@ static hada_status check_depths(const hada_pursuit *p, int first, int count, had
 
 hada_status hada_pursuit_set_otf(hada_pursuit *p, int first, int count, cl_mem otf, size_t offset, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(check_depths(p, first, count, err));
     for (int i = 0; i < p->count; i++)
         HADA_TRY(hada_level_set_otf(&p->levels[i], first, count, otf, offset, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_pursuit_set_prior(hada_pursuit *p, cl_mem prior, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int i = 0; i < p->count; i++)
         HADA_TRY(hada_level_set_prior(&p->levels[i], prior, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_pursuit_set_power(hada_pursuit *p, int first, int count, cl_mem power, size_t offset, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(check_depths(p, first, count, err));
     for (int i = 0; i < p->count; i++)
         HADA_TRY(hada_level_set_power(&p->levels[i], first, count, power, offset, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static size_t transforms(const hada_pursuit *p)
@@ -224,13 +216,12 @@ static hada_status search(hada_pursuit *p, hada_pursuit_result *result, hada_sta
     const size_t before = transforms(p);
     hada_search *s;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&s, 1, sizeof *s, "the depth pursuit", err));
+    HADA_TRY(hada_allocated(s = hada_alloc(1, sizeof *s, "the depth pursuit", err)));
     *s = (hada_search){.pursuit = p, .result = result, .residuals = &p->residuals};
     status = how(s, err);
     free(s);
     result->seconds += hada_seconds() - start;
     result->transforms += transforms(p) - before;
-done:
     return status;
 }
 

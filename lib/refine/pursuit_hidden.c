@@ -35,14 +35,12 @@ static int is_hidden(const hada_set *set, int depth)
 static hada_status list_missed(hada_search *s, const hada_set *current, hada_error *err)
 {
     double now;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_search_residual(s, HADA_FIDELITY_CONVERGED, current, &now, err));
     HADA_TRY(hada_search_shortlist(s, current, HADA_FIDELITY_CONVERGED, (1.0 - GLIMPSE) * now, err));
     for (int depth = 0; depth < s->pursuit->options.depths; depth++)
         if (is_hidden(current, depth)) /* once more in the list is no more work */
             s->candidates[s->count++] = hada_set_with(current, depth);
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Whether the depths follow each other. */
@@ -62,15 +60,13 @@ static int explains(double smaller, double larger)
 static hada_status drop_hidden(hada_search *s, hada_set *current, hada_error *err)
 {
     double now, least;
-    hada_status status = HADA_OK;
     s->count = hada_search_reductions(current, s->candidates);
     HADA_TRY(hada_search_residual(s, HADA_FIDELITY_FINE, current, &now, err));
     HADA_TRY(hada_search_evaluate(s, HADA_FIDELITY_FINE, err));
     const hada_set less = s->candidates[hada_search_take_best(s, &least)];
     if (!explains(least, now))
         *current = less;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Depths that few steps do not tell from others: adds those that explain enough once all have parted, moves the set
@@ -78,7 +74,6 @@ done:
 static hada_status part(hada_search *s, hada_set *current, hada_error *err)
 {
     const hada_pursuit_options *o = &s->pursuit->options;
-    hada_status status = HADA_OK;
     int added = 0;
     while (current->count > 1 && current->count < o->max_depths) {
         double now, least;
@@ -99,18 +94,14 @@ static hada_status part(hada_search *s, hada_set *current, hada_error *err)
         HADA_TRY(drop_hidden(s, current, err));
     /* no room for more, and all are needed; in a row they are one or two that stand between depths */
     s->result->all = added && current->count == o->max_depths && o->max_depths < o->depths && !is_row(current);
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_search_hidden(hada_search *s, hada_error *err)
 {
     const hada_pursuit_result *result = s->result;
     hada_set found = {.count = result->count};
-    hada_status status = HADA_OK;
     memcpy(found.depth, result->list, sizeof found.depth);
     HADA_TRY(part(s, &found, err));
-    HADA_TRY(hada_search_report(s, &found, 1, err));
-done:
-    return status;
+    return hada_search_report(s, &found, 1, err);
 }

@@ -100,15 +100,13 @@ hada_status hada_level_note(const hada_context *context, const hada_pursuit_opti
     const hada_refine_shape shape = shape_of(options, spec, spec->shrink);
     const hada_refine_shape evidence = shape_of(options, spec, spec->evidence);
     const hada_fft_desc plan = frame_plan(&shape, shape.channels), back = frame_plan(&evidence, spec->max_sets);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_refiner_note(context, &shape, scratch, step, step, step, err));
     if (shape.boundary != HADA_BOUNDARY_PADDED)
-        goto done;
+        return HADA_OK;
     hada_scratch_steps(scratch, step, step);
     HADA_TRY(hada_fft_note(context, &plan, scratch, err));
     HADA_TRY(hada_fft_note(context, &back, scratch, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* What the padded boundary needs beside. */
@@ -121,7 +119,6 @@ static hada_status make_frames(hada_pursuit_level *l, hada_scratch *scratch, had
     const hada_fft_desc plan = frame_plan(&l->shape, l->shape.channels), back = frame_plan(&evidence, l->spec.max_sets);
     l->evidence_layout = hada_fft_layout(context, evidence.grid_rows, evidence.grid_cols, HADA_FFT_AUTO);
     l->evidence_area = hada_rect_area(&evidence.frame);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_create(
         &l->frame, context, hada_rect_area(&l->shape.frame) * (size_t)l->shape.channels * sizeof(float), what, err));
     HADA_TRY(hada_buffer_create(&l->evidence, context, sets * spectrum_bytes(&l->evidence_layout, 1), what, err));
@@ -129,13 +126,11 @@ static hada_status make_frames(hada_pursuit_level *l, hada_scratch *scratch, had
     l->evidence_slices = slices_of(context, &evidence);
     if (l->evidence_slices)
         HADA_TRY(hada_buffer_create(&l->evidence_sums, context, sums_bytes(context, &evidence), what, err));
-    HADA_TRY(hada_alloc((void **)&l->host_evidence,
-                        l->evidence_slices ? (sets + 1) * l->evidence_slices : sets * l->evidence_area, sizeof(float),
-                        what, err));
+    HADA_TRY(hada_allocated(
+        l->host_evidence = hada_alloc(l->evidence_slices ? (sets + 1) * l->evidence_slices : sets * l->evidence_area,
+                                      sizeof(float), what, err)));
     HADA_TRY(hada_fft_create_in(&l->frame_inverse, l->slot, scratch, &plan, err));
-    HADA_TRY(hada_fft_create_in(&l->evidence_inverse, l->slot, scratch, &back, err));
-done:
-    return status;
+    return hada_fft_create_in(&l->evidence_inverse, l->slot, scratch, &back, err);
 }
 
 hada_status hada_level_create(hada_pursuit_level *l, hada_slot *slot, hada_scratch *scratch,
@@ -151,18 +146,18 @@ hada_status hada_level_create(hada_pursuit_level *l, hada_slot *slot, hada_scrat
     const size_t spectrum = spectrum_bytes(&l->layout, l->shape.channels), depths = otfs_of(context, options);
     const size_t there = (size_t)options->depths * spectrum, last = depths * spectrum - there;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_refiner_create(&l->refiner, slot, scratch, &l->shape, err));
-    HADA_TRY(hada_buffer_create(&l->otf, context, depths * spectrum, what, err));
-    HADA_TRY(hada_buffer_create(&l->prior, context, spectrum / 2, what, err));
-    HADA_TRY(hada_buffer_create(&l->variance, context, depths * spectrum / 2, what, err));
-    HADA_TRY(hada_buffer_create(&l->spectrum, context, spectrum, what, err));
+    HADA_TRY_OR_DONE(hada_refiner_create(&l->refiner, slot, scratch, &l->shape, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&l->otf, context, depths * spectrum, what, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&l->prior, context, spectrum / 2, what, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&l->variance, context, depths * spectrum / 2, what, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&l->spectrum, context, spectrum, what, err));
     if (last) {
-        HADA_TRY(hada_buffer_clear(&l->otf, slot, there, last, err));
-        HADA_TRY(hada_buffer_clear(&l->variance, slot, there / 2, last / 2, err));
+        HADA_TRY_OR_DONE(hada_buffer_clear(&l->otf, slot, there, last, err));
+        HADA_TRY_OR_DONE(hada_buffer_clear(&l->variance, slot, there / 2, last / 2, err));
     }
     if (l->shape.boundary == HADA_BOUNDARY_PADDED)
-        HADA_TRY(make_frames(l, scratch, err));
-    HADA_TRY(hada_prepare_refine(slot, HADA_PROGRAM_REFINE_DEFAULT, err));
+        HADA_TRY_OR_DONE(make_frames(l, scratch, err));
+    HADA_TRY_OR_DONE(hada_prepare_refine(slot, HADA_PROGRAM_REFINE_DEFAULT, err));
 done:
     if (status)
         hada_level_destroy(l);
@@ -264,18 +259,16 @@ static hada_status show(hada_pursuit_level *l, cl_mem spectra, int sets, int fir
     const hada_refine_sums sums = {EVIDENCE_SLICE, (unsigned)((size_t)first * l->evidence_slices)};
     const size_t group = (size_t)hada_macros_of_refine(HADA_PROGRAM_REFINE_GROUPS)->refine_group;
     const hada_range range = hada_range_groups(l->evidence_slices, group, (size_t)sets, 1);
-    hada_status status = HADA_OK;
     HADA_TRY(crop_images(l, &how, spectra, 0, sets, &l->evidence, 0, err));
     HADA_TRY(hada_fft_inverse(l->evidence_inverse, sets, l->evidence.mem, 0, l->evidence_frame.mem, 0, NULL, err));
     if (!l->evidence_slices)
-        goto done;
+        return HADA_OK;
     hada_slot_cost(l->slot, 8.0 * pixels, 3.0 * pixels);
     HADA_TRY(hada_launch_refine_frame(l->slot, HADA_PROGRAM_REFINE_GROUPS, &range, err, .a = l->evidence_frame.mem,
                                       .frame = l->frame.mem, .frame_offset = 0, .use_frame = 0, .channels = 1,
                                       .pixels = (cl_uint)l->evidence_area, .scale = 1.0f,
                                       .partial = l->evidence_sums.mem, .sums = sums));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The energies of `count` places that were shown, from the first one on: sums on the device, or else pixels. */
@@ -283,7 +276,6 @@ static hada_status measure(hada_pursuit_level *l, int count, double *energy, had
 {
     const hada_buffer *from = l->evidence_slices ? &l->evidence_sums : &l->evidence_frame;
     const size_t each = l->evidence_slices ? l->evidence_slices : l->evidence_area;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_read(from, l->slot, 0, l->host_evidence, (size_t)count * each * sizeof(float), err));
     hada_refiner_waited(l->refiner);
     for (size_t set = 0; set < (size_t)count; set++) {
@@ -291,8 +283,7 @@ static hada_status measure(hada_pursuit_level *l, int count, double *energy, had
         for (size_t i = set * each; i < (set + 1) * each; i++)
             energy[set] += l->evidence_slices ? l->host_evidence[i] : (double)l->host_evidence[i] * l->host_evidence[i];
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_refine_data data_of(const hada_pursuit_level *l)
@@ -323,33 +314,27 @@ void hada_level_set_frame(hada_pursuit_level *l, cl_mem spectrum, size_t offset)
 static hada_status load_frame(hada_pursuit_level *l, hada_error *err)
 {
     crop how = of_camera(l, 2, 0.0);
-    hada_status status = HADA_OK;
     if (l->loaded)
-        goto done;
+        return HADA_OK;
     how.factor = area_ratio(&l->layout, &l->full);
     HADA_TRY(crop_images(l, &how, l->whole, l->whole_offset, l->shape.channels, &l->spectrum, 0, err));
     if (l->frame_inverse)
         HADA_TRY(hada_fft_inverse(l->frame_inverse, l->shape.channels, l->spectrum.mem, 0, l->frame.mem, 0, NULL, err));
     l->loaded = 1;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Padded: the frame's energy alone. */
 static hada_status measure_frame(hada_pursuit_level *l, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(show(l, l->spectrum.mem, 1, 0, err));
-    HADA_TRY(measure(l, 1, &l->energy, err));
-done:
-    return status;
+    return measure(l, 1, &l->energy, err);
 }
 
 hada_status hada_level_frame_energy(hada_pursuit_level *l, double *energy, hada_error *err)
 {
     const hada_refine_data data = data_of(l);
     int rows, cols;
-    hada_status status = HADA_OK;
     HADA_TRY(load_frame(l, err));
     band_of(l, &rows, &cols);
     if (!l->measured)
@@ -358,8 +343,7 @@ hada_status hada_level_frame_energy(hada_pursuit_level *l, double *energy, hada_
                      : hada_refiner_score(l->refiner, &data, 1, 0, NULL, rows, cols, &l->energy, NULL, err));
     l->measured = 1;
     *energy = l->energy;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Padded: only what is missing within the frame counts. */
@@ -368,7 +352,6 @@ static hada_status residuals_within(hada_pursuit_level *l, const hada_refine_dat
 {
     double energies[HADA_PURSUIT_DEPTHS + 1];
     cl_mem spectra;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_refiner_residual_spectra(l->refiner, data, sets, depths, list, &spectra, err));
     HADA_TRY(show(l, spectra, sets, 0, err));
     if (with_frame)
@@ -377,8 +360,7 @@ static hada_status residuals_within(hada_pursuit_level *l, const hada_refine_dat
     memcpy(residual, energies, (size_t)sets * sizeof *residual);
     if (with_frame)
         l->energy = energies[sets];
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The residuals of sets that were just refined. Where looks are waited for, the first one brings the frame's energy. */
@@ -387,14 +369,12 @@ static hada_status residuals(hada_pursuit_level *l, const hada_refine_data *data
 {
     const int with_frame = hada_level_room(l) && !l->measured;
     int rows, cols;
-    hada_status status = HADA_OK;
     band_of(l, &rows, &cols);
     HADA_TRY(l->evidence_inverse ? residuals_within(l, data, sets, depths, list, with_frame, residual, err)
                                  : hada_refiner_score(l->refiner, data, sets, depths, list, rows, cols, residual,
                                                       with_frame ? &l->energy : NULL, err));
     l->measured |= with_frame;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_level_residuals(hada_pursuit_level *l, int steps, double growth, int sets, int depths, const int *list,
@@ -403,7 +383,6 @@ hada_status hada_level_residuals(hada_pursuit_level *l, int steps, double growth
     const hada_refine_data data = data_of(l);
     int places[HADA_PURSUIT_DEPTHS * HADA_PURSUIT_MAX];
     hada_refine_rule rule;
-    hada_status status = HADA_OK;
     HADA_TRY(load_frame(l, err));
     hada_refine_rule_init(&rule);
     rule.rho = l->options->rho;
@@ -421,6 +400,5 @@ hada_status hada_level_residuals(hada_pursuit_level *l, int steps, double growth
         HADA_TRY(hada_refiner_run(l->refiner, &data, &rule, n, depths, part, NULL, err));
         HADA_TRY(residuals(l, &data, n, depths, part, residual + first, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }

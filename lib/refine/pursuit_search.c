@@ -58,14 +58,12 @@ static hada_status reduction_at(hada_search *s, hada_fidelity fidelity, const ha
                                 double *reduction, hada_error *err)
 {
     double frame, before, after;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_residuals_frame(s->residuals, fidelity, &frame, err));
     hada_residuals_ahead(s->residuals, fidelity, larger, 1);
     HADA_TRY(hada_search_residual(s, fidelity, smaller, &before, err));
     HADA_TRY(hada_search_residual(s, fidelity, larger, &after, err));
     *reduction = before > 0.0 ? (before - after) / (before + MODEL_ERROR * MODEL_ERROR * frame) : 0.0;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static double threshold_of(const hada_search *s, const hada_set *smaller)
@@ -80,24 +78,21 @@ static hada_status reduction_of(hada_search *s, const hada_set *smaller, const h
                                 hada_error *err)
 {
     const double high = CLOSE_ABOVE * threshold_of(s, smaller), low = CLOSE_BELOW * threshold_of(s, smaller);
-    hada_status status = HADA_OK;
     HADA_TRY(reduction_at(s, HADA_FIDELITY_COARSE, smaller, larger, reduction, err));
     if (*reduction > high)
-        goto done;
+        return HADA_OK;
     HADA_TRY(reduction_at(s, HADA_FIDELITY_CONVERGED, smaller, larger, reduction, err));
     if (*reduction > high || *reduction < low)
-        goto done;
+        return HADA_OK;
     s->result->fine_comparisons++;
     HADA_TRY(reduction_at(s, HADA_FIDELITY_FINE, smaller, larger, reduction, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Whether `moved` leaves less than `current`, evaluated no closer than `finest`. */
 static hada_status is_better(hada_search *s, const hada_set *current, const hada_set *moved, hada_fidelity finest,
                              int *better, hada_error *err)
 {
-    hada_status status = HADA_OK;
     *better = 0;
     for (int fidelity = HADA_FIDELITY_COARSE; fidelity <= (int)finest; fidelity++) {
         double now, then;
@@ -109,8 +104,7 @@ static hada_status is_better(hada_search *s, const hada_set *current, const hada
         if (then > CLOSE_RATIO * now || now > CLOSE_RATIO * then)
             break;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* All sets with one depth moved to a free neighbour; how many. */
@@ -154,11 +148,10 @@ static void rivals_ahead(hada_search *s, double most)
 static hada_status move_once(hada_search *s, hada_set *current, hada_fidelity finest, int *moved, hada_error *err)
 {
     double now, energy;
-    hada_status status = HADA_OK;
     *moved = 0;
     s->count = moves_of(s, current, s->candidates);
     if (!s->count)
-        goto done;
+        return HADA_OK;
     hada_residuals_ahead(s->residuals, HADA_FIDELITY_COARSE, s->candidates, s->count);
     HADA_TRY(hada_search_residual(s, HADA_FIDELITY_COARSE, current, &now, err));
     moves_ahead(s);
@@ -173,24 +166,20 @@ static hada_status move_once(hada_search *s, hada_set *current, hada_fidelity fi
         if (*moved)
             *current = s->candidates[best];
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_search_move(hada_search *s, hada_set *current, hada_fidelity finest, hada_error *err)
 {
-    hada_status status = HADA_OK;
     int moved = 1;
     for (int sweep = 0; moved && sweep < 2 * s->pursuit->options.depths; sweep++)
         HADA_TRY(move_once(s, current, finest, &moved, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Drops depths of *current that the others explain as well. */
 static hada_status prune(hada_search *s, hada_set *current, hada_error *err)
 {
-    hada_status status = HADA_OK;
     while (current->count > 1) {
         double least, reduction;
         s->count = hada_search_reductions(current, s->candidates);
@@ -201,8 +190,7 @@ static hada_status prune(hada_search *s, hada_set *current, hada_error *err)
             break;
         *current = less;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_search_shortlist(hada_search *s, const hada_set *current, hada_fidelity fidelity, double most,
@@ -211,7 +199,6 @@ hada_status hada_search_shortlist(hada_search *s, const hada_set *current, hada_
     hada_set first[SHORTLIST];
     double energy;
     int count = 0;
-    hada_status status = HADA_OK;
     s->count = 0;
     for (int depth = 0; depth < s->pursuit->options.depths; depth++)
         if (!hada_set_has(current, depth))
@@ -225,18 +212,15 @@ hada_status hada_search_shortlist(hada_search *s, const hada_set *current, hada_
     }
     memcpy(s->candidates, first, (size_t)count * sizeof *first);
     s->count = count;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Of the candidates the one that leaves least; *energy: how much. */
 static hada_status best_candidate(hada_search *s, hada_set *best, double *energy, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_search_evaluate(s, HADA_FIDELITY_COARSE, err));
     *best = s->candidates[hada_search_take_best(s, energy)];
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Whether the frame holds more depths than a set has room for, found out at a pair, before any set is moved: depths
@@ -246,17 +230,16 @@ static hada_status detect_many(hada_search *s, const hada_set *pair, hada_set *l
 {
     const hada_pursuit_options *o = &s->pursuit->options;
     double frame, energy, all;
-    hada_status status = HADA_OK;
     *many = 0;
     if (o->full || o->max_depths == o->depths)
-        goto done;
+        return HADA_OK;
     *largest = *pair;
     HADA_TRY(hada_residuals_frame(s->residuals, HADA_FIDELITY_COARSE, &frame, err));
     HADA_TRY(hada_search_residual(s, HADA_FIDELITY_COARSE, pair, &energy, err));
     for (;;) {
         const double much = MANY_LEAVE / largest->count;
         if (energy < much * much * frame)
-            goto done;
+            return HADA_OK;
         if (largest->count == o->max_depths)
             break;
         HADA_TRY(hada_search_shortlist(s, largest, HADA_FIDELITY_RANKING, INFINITY, err));
@@ -264,8 +247,7 @@ static hada_status detect_many(hada_search *s, const hada_set *pair, hada_set *l
     }
     HADA_TRY(hada_residuals_of_all(s->residuals, &all, err));
     *many = all < ALL_LEAVE * energy;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The best addition to *current: *more is the larger set, moved where that may help. *many: there are more depths than
@@ -276,7 +258,6 @@ static hada_status best_addition(hada_search *s, const hada_set *current, hada_s
     const int last = current->count + 1 == o->max_depths && o->max_depths < o->depths;
     hada_set largest = {0}, less[HADA_PURSUIT_MAX];
     double reduction, energy;
-    hada_status status = HADA_OK;
     *many = 0;
     /* where nothing is added, these come next */
     hada_residuals_ahead(s->residuals, HADA_FIDELITY_COARSE, less, hada_search_reductions(current, less));
@@ -286,20 +267,19 @@ static hada_status best_addition(hada_search *s, const hada_set *current, hada_s
         *more = s->candidates[0];
         HADA_TRY(reduction_at(s, HADA_FIDELITY_COARSE, current, more, &reduction, err));
         if (reduction > CLOSE_ABOVE * o->threshold)
-            goto done;
+            return HADA_OK;
     }
     HADA_TRY(best_candidate(s, more, &energy, err));
     if (more->count == 2)
         HADA_TRY(detect_many(s, more, &largest, many, err));
     if (*many) {
         *more = largest;
-        goto done;
+        return HADA_OK;
     }
     HADA_TRY(reduction_at(s, HADA_FIDELITY_COARSE, current, more, &reduction, err));
     if (current->count && reduction >= MOVE_FROM && reduction <= (current->count == 1 ? MOVE_PAIR_TO : MOVE_TO))
         HADA_TRY(hada_search_move(s, more, HADA_FIDELITY_COARSE, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Adds a depth to *found where one explains enough (*added). Where the frame holds too many to tell apart (result->all)
@@ -309,7 +289,6 @@ static hada_status add(hada_search *s, hada_set *found, int *added, hada_error *
     hada_pursuit_result *result = s->result;
     hada_set more;
     double reduction;
-    hada_status status = HADA_OK;
     *added = 0;
     HADA_TRY(best_addition(s, found, &more, &result->all, err));
     if (!result->all) {
@@ -320,15 +299,13 @@ static hada_status add(hada_search *s, hada_set *found, int *added, hada_error *
     }
     if (result->all || *added)
         *found = more;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status pursue(hada_search *s, hada_set *found, hada_error *err)
 {
     const hada_pursuit_options *o = &s->pursuit->options;
     hada_pursuit_result *result = s->result;
-    hada_status status = HADA_OK;
     while (result->rounds < 2 * HADA_PURSUIT_MAX) {
         const int room = found->count < o->max_depths;
         int added = 0;
@@ -349,8 +326,7 @@ static hada_status pursue(hada_search *s, hada_set *found, hada_error *err)
             break;
         }
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_search_report(hada_search *s, const hada_set *found, int parted, hada_error *err)
@@ -358,23 +334,18 @@ hada_status hada_search_report(hada_search *s, const hada_set *found, int parted
     const hada_pursuit *p = s->pursuit;
     hada_pursuit_result *result = s->result;
     double frame, energy;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_residuals_frame(s->residuals, HADA_FIDELITY_COARSE, &frame, err));
     HADA_TRY(hada_search_residual(s, HADA_FIDELITY_COARSE, found, &energy, err));
     result->residual = frame > 0.0 ? sqrt(energy / frame) : 0.0;
     result->count = found->count;
     memcpy(result->list, found->depth, sizeof found->depth);
     result->hides = p->parts && !parted && !result->all && found->count > 1 && found->count < p->options.max_depths;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_search_depths(hada_search *s, hada_error *err)
 {
     hada_set found = {0};
-    hada_status status = HADA_OK;
     HADA_TRY(pursue(s, &found, err));
-    HADA_TRY(hada_search_report(s, &found, 0, err));
-done:
-    return status;
+    return hada_search_report(s, &found, 0, err);
 }

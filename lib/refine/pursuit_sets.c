@@ -82,7 +82,7 @@ static hada_status make_room(hada_residuals *residuals, size_t more, hada_error 
         return HADA_OK;
     const size_t room = 2 * residuals->room + more;
     hada_known_residual *larger;
-    hada_status status = hada_alloc((void **)&larger, room, sizeof *larger, "the depth pursuit", err);
+    hada_status status = hada_allocated(larger = hada_alloc(room, sizeof *larger, "the depth pursuit", err));
     if (status)
         return status;
     if (residuals->count)
@@ -147,7 +147,6 @@ static hada_status refine(hada_residuals *residuals, hada_fidelity fidelity, con
     const hada_pursuit *p = residuals->pursuit;
     int list[HADA_PURSUIT_DEPTHS * HADA_PURSUIT_MAX];
     double energy[HADA_PURSUIT_DEPTHS];
-    hada_status status = HADA_OK;
     for (int i = 0; i < all->count; i++)
         for (int k = 0; k < all->places; k++)
             list[i * all->places + k] = k < all->sets[i]->count ? all->sets[i]->depth[k] : HADA_LEVEL_NO_DEPTH;
@@ -157,8 +156,7 @@ static hada_status refine(hada_residuals *residuals, hada_fidelity fidelity, con
                                   list, energy, err));
     for (int i = 0; i < all->count; i++)
         residuals->known[residuals->count++] = (hada_known_residual){fidelity, *all->sets[i], energy[i]};
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_residuals_of(hada_residuals *residuals, hada_fidelity asked, const hada_set *sets, int count,
@@ -166,7 +164,6 @@ hada_status hada_residuals_of(hada_residuals *residuals, hada_fidelity asked, co
 {
     const hada_fidelity fidelity = first_alike(residuals, asked);
     batch all = {0};
-    hada_status status = HADA_OK;
     if (!sets[0].count)
         return hada_residuals_frame(residuals, fidelity, energy, err);
     for (int i = 0; i < count; i++)
@@ -177,8 +174,7 @@ hada_status hada_residuals_of(hada_residuals *residuals, hada_fidelity asked, co
         HADA_TRY(refine(residuals, fidelity, &all, err));
     for (int i = 0; i < count; i++)
         energy[i] = find(residuals, fidelity, &sets[i])->energy;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_residuals_of_all(const hada_residuals *residuals, double *energy, hada_error *err)

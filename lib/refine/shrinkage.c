@@ -32,26 +32,20 @@ hada_status hada_shrinkage_step(const hada_shrinkage *s, hada_slot *slot, cl_mem
     const double values = (double)s->channels * s->rows * s->cols;
     const hada_refine_window window = {.channels = s->channels, .rows = s->rows, .cols = s->cols};
     const hada_range range = hada_range_groups(s->tiles, s->group, (size_t)s->channels, 1);
-    hada_status status = HADA_OK;
     HADA_TRY(colours(s, slot, image, 0, scratch, 0, err));
     /* 16 blocks hold a pixel: of each eight coefficients of a transform of eight, 34 operations, there and back */
     hada_slot_cost(slot, 8.0 * values, (8.0 * 2.0 * 34.0 / 4.0 + 64.0 * 5.0 / 4.0) * values);
     HADA_TRY(hada_launch_refine_dct_shrink(slot, s->program, &range, err, .planes = scratch, .window = window,
                                            .threshold = (float)threshold, .colour = (float)HADA_SHRINKAGE_COLOUR));
-    HADA_TRY(colours(s, slot, scratch, (size_t)values, image, 1, err));
-done:
-    return status;
+    return colours(s, slot, scratch, (size_t)values, image, 1, err);
 }
 
 hada_status hada_shrinkage_after_variation(const hada_shrinkage *s, const hada_variation *variation, hada_slot *slot,
                                            cl_mem image, const cl_mem duals[2], const hada_shrinkage_weights *weights,
                                            int fresh, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_variation_step(variation, slot, image, duals, 1, weights->variation * weights->theta, weights->colour,
                                  fresh, err));
     /* the duals are in the first buffer now, and the second, twice as large as an image, is free */
-    HADA_TRY(hada_shrinkage_step(s, slot, image, duals[1], weights->threshold * weights->theta, err));
-done:
-    return status;
+    return hada_shrinkage_step(s, slot, image, duals[1], weights->threshold * weights->theta, err);
 }

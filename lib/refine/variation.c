@@ -106,17 +106,15 @@ hada_status hada_variation_step(const hada_variation *variation, hada_slot *slot
                                 int count, double theta, double colour, int fresh, hada_error *err)
 {
     const int launches = HADA_REFINE_TV_STEPS / TILE_STEPS;
-    hada_status status = HADA_OK;
     /* an even number of steps or launches: the duals end where they began */
     for (int k = 0; variation->tiled && k < launches; k++)
         HADA_TRY(tile_steps(variation, slot, planes, duals[k % 2], duals[!(k % 2)], count, theta, colour, fresh && !k,
                             k + 1 == launches, err));
     if (variation->tiled)
-        goto done;
+        return HADA_OK;
     for (int k = 0; k < HADA_REFINE_TV_STEPS; k++)
         HADA_TRY(
             dual_step(variation, slot, planes, duals[k % 2], duals[!(k % 2)], count, theta, colour, fresh && !k, err));
     HADA_TRY(primal_step(variation, slot, planes, duals[0], count, theta, err));
-done:
-    return status;
+    return HADA_OK;
 }

@@ -61,23 +61,24 @@ static hada_status search(const hada_register_set *set, const hada_register_opti
     hada_registration best[8];
     double scores[8];
     hada_status status = HADA_OK;
-    HADA_TRY(hada_register_level_create(&level, set, HADA_REGISTER_COARSE, err));
-    HADA_TRY(hada_register_scan(&level, options, best, scores, err));
+    HADA_TRY_OR_DONE(hada_register_level_create(&level, set, HADA_REGISTER_COARSE, err));
+    HADA_TRY_OR_DONE(hada_register_scan(&level, options, best, scores, err));
     keep_best(best, scores, 8);
     for (int o = 0; o < REFINED; o++)
-        HADA_TRY(hada_register_refine(&level, options, 0.5 * HADA_REGISTER_STEP, &best[o], &scores[o], err));
+        HADA_TRY_OR_DONE(hada_register_refine(&level, options, 0.5 * HADA_REGISTER_STEP, &best[o], &scores[o], err));
     keep_best(best, scores, REFINED);
     *out = best[0];
     out->explained = 1.0 - exp(scores[0]);
     out->explained_otherwise = 1.0 - exp(scores[1]);
     if (-scores[0] < LEAST || -scores[0] < CLEARLY * -scores[1])
-        HADA_TRY(hada_fail(err, HADA_ERROR_DATASET,
-                           "the pairs do not tell how the scenes stand: the best transform explains %.1f %% of the "
-                           "frames' structure, another orientation %.1f %%. More pairs help, and scenes with more "
-                           "detail and without symmetry; scenes may also belong to other frames, or stand outside the "
-                           "range searched (magnification %.3g to %.3g)",
-                           100.0 * out->explained, 100.0 * out->explained_otherwise, options->least_magnification,
-                           options->most_magnification));
+        HADA_TRY_OR_DONE(
+            hada_fail(err, HADA_ERROR_DATASET,
+                      "the pairs do not tell how the scenes stand: the best transform explains %.1f %% of the "
+                      "frames' structure, another orientation %.1f %%. More pairs help, and scenes with more "
+                      "detail and without symmetry; scenes may also belong to other frames, or stand outside the "
+                      "range searched (magnification %.3g to %.3g)",
+                      100.0 * out->explained, 100.0 * out->explained_otherwise, options->least_magnification,
+                      options->most_magnification));
 done:
     hada_register_level_destroy(&level);
     return status;
@@ -102,17 +103,17 @@ hada_status hada_register_pairs(hada_registration *found, const hada_image *raws
     if (!found)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_register_pairs: an argument is missing");
     hada_registration_init(out);
-    HADA_TRY(HADA_REPORT_CHECK(found, hada_registration, err));
+    HADA_TRY_OR_DONE(HADA_REPORT_CHECK(found, hada_registration, err));
     give = 1;
     hada_register_options_init(&options);
-    HADA_TRY(HADA_OPTIONS_TAKE(&options, given, hada_register_options, err));
-    HADA_TRY(hada_register_set_create(&set, raws, scenes, count, err));
-    HADA_TRY(check_options(&options, raws, scenes, err));
-    HADA_TRY(search(&set, &options, out, err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&options, given, hada_register_options, err));
+    HADA_TRY_OR_DONE(hada_register_set_create(&set, raws, scenes, count, err));
+    HADA_TRY_OR_DONE(check_options(&options, raws, scenes, err));
+    HADA_TRY_OR_DONE(search(&set, &options, out, err));
     for (int size = 2 * HADA_REGISTER_COARSE; size <= HADA_REGISTER_FINEST && size <= 1.2 * set.frame_side; size *= 2) {
-        HADA_TRY(hada_register_level_create(&level, &set, size, err));
-        HADA_TRY(hada_register_refine(&level, &options, 0.25 * HADA_REGISTER_STEP * HADA_REGISTER_COARSE / size, out,
-                                      &score, err));
+        HADA_TRY_OR_DONE(hada_register_level_create(&level, &set, size, err));
+        HADA_TRY_OR_DONE(hada_register_refine(&level, &options, 0.25 * HADA_REGISTER_STEP * HADA_REGISTER_COARSE / size,
+                                              out, &score, err));
         hada_register_level_destroy(&level);
     }
 done:
@@ -146,13 +147,14 @@ hada_status hada_register_apply(hada_image *out, const hada_image *scene, const 
         return status;
     if (!out || !scene || !scene->data || !callers || !(registration->magnification > 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_register_apply: an argument is missing or not possible");
-    HADA_TRY(hada_image_create(out, scene->channels, rows, cols, err));
+    HADA_TRY_OR_DONE(hada_image_create(out, scene->channels, rows, cols, err));
     hada_register_matrix(registration, matrix);
     hada_register_invert(matrix, inverse);
     for (int c = 0; c < scene->channels; c++) {
-        HADA_TRY(hada_register_plane_create(&plane, scene->data + (size_t)c * (size_t)scene->rows * (size_t)scene->cols,
-                                            scene->rows, scene->cols, err));
-        HADA_TRY(hada_register_view_create(&view, &plane, 1.0 / registration->magnification, err));
+        HADA_TRY_OR_DONE(hada_register_plane_create(&plane,
+                                                    scene->data + (size_t)c * (size_t)scene->rows * (size_t)scene->cols,
+                                                    scene->rows, scene->cols, err));
+        HADA_TRY_OR_DONE(hada_register_view_create(&view, &plane, 1.0 / registration->magnification, err));
         hada_register_sample(&view, inverse, 1.0, registration->offset_row, registration->offset_col, rows, cols,
                              out->data + (size_t)c * (size_t)rows * (size_t)cols, cols, 1);
         hada_register_view_destroy(&view);

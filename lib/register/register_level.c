@@ -23,7 +23,7 @@ static hada_status take_frame(hada_register_plane *plane, const float *data, int
     hada_status status = HADA_OK;
     float *faded;
     double mean = 0.0;
-    HADA_TRY(hada_alloc_raw((void **)&faded, count, sizeof *faded, "a frame", err));
+    HADA_TRY_OR_DONE(hada_allocated(faded = hada_alloc_raw(count, sizeof *faded, "a frame", err)));
     for (size_t i = 0; i < count; i++)
         mean += data[i] / (double)count;
     for (int r = 0; r < rows; r++)
@@ -31,7 +31,7 @@ static hada_status take_frame(hada_register_plane *plane, const float *data, int
             const size_t i = (size_t)r * (size_t)cols + (size_t)c;
             faded[i] = (float)((data[i] - mean) * fade(r, rows) * fade(c, cols));
         }
-    HADA_TRY(hada_register_plane_create(plane, faded, rows, cols, err));
+    HADA_TRY_OR_DONE(hada_register_plane_create(plane, faded, rows, cols, err));
 done:
     free(faded);
     return status;
@@ -108,20 +108,20 @@ hada_status hada_register_set_create(hada_register_set *set, const hada_image *r
             "one pair cannot tell how scenes stand on the sensor: the PSF is unknown, so any transform explains "
             "it; give two or more, better five");
     count = count < HADA_REGISTER_PAIRS ? count : HADA_REGISTER_PAIRS;
-    HADA_TRY(check_pairs(raws, scenes, count, err));
+    HADA_TRY_OR_DONE(check_pairs(raws, scenes, count, err));
     const int channel = choose_channel(raws, scenes, count);
     if (channel < 0)
-        HADA_TRY(
+        HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_DATASET, "the frames or the scenes are flat: nothing in them can be registered"));
     set->frame_side = raws->rows > raws->cols ? raws->rows : raws->cols;
     for (int i = 0; i < count; i++) {
         const hada_image *raw = &raws[i], *scene = &scenes[i];
         set->count = i + 1;
-        HADA_TRY(take_frame(&set->raws[i], raw->data + (size_t)channel * (size_t)raw->rows * (size_t)raw->cols,
-                            raw->rows, raw->cols, err));
-        HADA_TRY(hada_register_plane_create(&set->scenes[i],
-                                            scene->data + (size_t)channel * (size_t)scene->rows * (size_t)scene->cols,
-                                            scene->rows, scene->cols, err));
+        HADA_TRY_OR_DONE(take_frame(&set->raws[i], raw->data + (size_t)channel * (size_t)raw->rows * (size_t)raw->cols,
+                                    raw->rows, raw->cols, err));
+        HADA_TRY_OR_DONE(hada_register_plane_create(
+            &set->scenes[i], scene->data + (size_t)channel * (size_t)scene->rows * (size_t)scene->cols, scene->rows,
+            scene->cols, err));
     }
 done:
     if (status)
@@ -207,8 +207,8 @@ static int ring_of(const hada_register_level *level, int row, int col)
 static hada_status list_bins(hada_register_level *level, hada_error *err)
 {
     const int n = level->size, half = n / 2;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&level->at, 3 * (size_t)n * (size_t)(half + 1), sizeof(short), "frequencies", err));
+    HADA_TRY(
+        hada_allocated(level->at = hada_alloc(3 * (size_t)n * (size_t)(half + 1), sizeof(short), "frequencies", err)));
     for (int row = -half + 1; row < half; row++)
         for (int col = row > 0 ? 0 : 1; col < half; col++) {
             const int ring = ring_of(level, row, col);
@@ -220,8 +220,7 @@ static hada_status list_bins(hada_register_level *level, hada_error *err)
             at[2] = (short)ring;
             level->ring_bins[ring]++;
         }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status take_frames(hada_register_level *level, hada_error *err)
@@ -230,9 +229,8 @@ static hada_status take_frames(hada_register_level *level, hada_error *err)
     const size_t count = (size_t)level->set->count;
     const double others =
         is_centred(level) ? 1.0 - 1.0 / (double)count : 1.0; /* the mean leaves the pair out as well */
-    hada_status status = HADA_OK;
     HADA_TRY(transform(level, level->set->raws, as_it_is, 0, 0, err));
-    HADA_TRY(hada_alloc_raw((void **)&level->b, 2 * count * (size_t)level->bins, sizeof(float), "spectra", err));
+    HADA_TRY(hada_allocated(level->b = hada_alloc_raw(2 * count * (size_t)level->bins, sizeof(float), "spectra", err)));
     for (int k = 0; k < level->bins; k++) {
         const short *at = level->at + 3 * k;
         float *b = level->b + 2 * count * (size_t)k;
@@ -242,8 +240,7 @@ static hada_status take_frames(hada_register_level *level, hada_error *err)
         for (size_t i = 0; i < 2 * count; i++)
             level->frame_energy[at[2]] += (double)b[i] * b[i] / (others * others);
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_register_level_create(hada_register_level *level, const hada_register_set *set, int size,
@@ -252,11 +249,12 @@ hada_status hada_register_level_create(hada_register_level *level, const hada_re
     const size_t area = (size_t)size * (size_t)size;
     *level = (hada_register_level){.set = set, .size = size, .pitch = (double)set->frame_side / size};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_small_fft_create(&level->fft, size, err));
-    HADA_TRY(hada_alloc_raw((void **)&level->work, 2 * area, sizeof(float), "a transform", err));
-    HADA_TRY(hada_alloc_raw((void **)&level->x, 2 * area * (size_t)set->count, sizeof(float), "spectra", err));
-    HADA_TRY(list_bins(level, err));
-    HADA_TRY(take_frames(level, err));
+    HADA_TRY_OR_DONE(hada_small_fft_create(&level->fft, size, err));
+    HADA_TRY_OR_DONE(hada_allocated(level->work = hada_alloc_raw(2 * area, sizeof(float), "a transform", err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(level->x = hada_alloc_raw(2 * area * (size_t)set->count, sizeof(float), "spectra", err)));
+    HADA_TRY_OR_DONE(list_bins(level, err));
+    HADA_TRY_OR_DONE(take_frames(level, err));
 done:
     if (status)
         hada_register_level_destroy(level);
@@ -278,7 +276,6 @@ hada_status hada_register_level_take(hada_register_level *level, const hada_regi
     double matrix[2][2], inverse[2][2];
     hada_register_matrix(registration, matrix);
     hada_register_invert(matrix, inverse);
-    hada_status status = HADA_OK;
     HADA_TRY(transform(level, level->set->scenes, inverse, registration->offset_row / level->pitch,
                        registration->offset_col / level->pitch, err));
     const size_t values = 2 * (size_t)level->set->count, area = (size_t)level->size * (size_t)level->size;
@@ -291,8 +288,7 @@ hada_status hada_register_level_take(hada_register_level *level, const hada_regi
         for (size_t i = 0; i < values; i++)
             level->scene_energy[at[2]] += (double)x[i] * x[i];
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* A frequency's squared leave-one-out errors, summed over the pairs. Ridge regression b = h x with all pairs has the

@@ -20,13 +20,13 @@ hada_status hada_register_psf(hada_image *psf, double *pitch, const hada_image *
     if (!psf || !pitch || !callers || !(registration->magnification > 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_register_psf: an argument is missing or not possible");
     *psf = (hada_image){0};
-    HADA_TRY(hada_register_set_create(&set, raws, scenes, count, err));
+    HADA_TRY_OR_DONE(hada_register_set_create(&set, raws, scenes, count, err));
     int size = HADA_REGISTER_COARSE;
     while (size < HADA_REGISTER_FINEST && 2 * size <= 1.2 * set.frame_side)
         size *= 2;
-    HADA_TRY(hada_register_level_create(&level, &set, size, err));
-    HADA_TRY(hada_register_level_take(&level, registration, err));
-    HADA_TRY(hada_image_create(psf, 1, size - 1, size - 1, err));
+    HADA_TRY_OR_DONE(hada_register_level_create(&level, &set, size, err));
+    HADA_TRY_OR_DONE(hada_register_level_take(&level, registration, err));
+    HADA_TRY_OR_DONE(hada_image_create(psf, 1, size - 1, size - 1, err));
     hada_register_level_psf(&level, psf->data);
     *pitch = level.pitch;
 done:
@@ -102,7 +102,6 @@ static hada_status find(match *m, peak *best, hada_error *err)
 {
     enum { SCALES = 46, SECTIONS = 12 };
     const double widest = log(2.5), step = 2.0 * widest / SCALES, golden = 0.5 * (sqrt(5.0) - 1.0);
-    hada_status status = HADA_OK;
     best->likeness = -1.0;
     for (int i = 0; i <= SCALES; i++) {
         peak at = {.log_scale = step * i - widest};
@@ -130,8 +129,7 @@ static hada_status find(match *m, peak *best, hada_error *err)
     const peak *finest = a.likeness > b.likeness ? &a : &b;
     if (finest->likeness > best->likeness)
         *best = *finest;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Without the mean, into every second float of n x n. */
@@ -161,14 +159,15 @@ hada_status hada_register_offset(const hada_image *psf, const hada_image *other,
     while (n < 2 * psf->rows)
         n *= 2;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_small_fft_create(&m.fft, n, err));
-    HADA_TRY(hada_register_plane_create(&m.plane, psf->data, psf->rows, psf->cols, err));
-    HADA_TRY(hada_alloc((void **)&m.work, 2 * (size_t)n * (size_t)n, sizeof(float), "a transform", err));
-    HADA_TRY(hada_alloc((void **)&m.other, 2 * (size_t)n * (size_t)n, sizeof(float), "a transform", err));
+    HADA_TRY_OR_DONE(hada_small_fft_create(&m.fft, n, err));
+    HADA_TRY_OR_DONE(hada_register_plane_create(&m.plane, psf->data, psf->rows, psf->cols, err));
+    HADA_TRY_OR_DONE(hada_allocated(m.work = hada_alloc(2 * (size_t)n * (size_t)n, sizeof(float), "a transform", err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(m.other = hada_alloc(2 * (size_t)n * (size_t)n, sizeof(float), "a transform", err)));
     put(other, m.other, n);
     m.other_energy = energy_of(m.other, (size_t)n * (size_t)n);
     hada_small_fft_run(&m.fft, m.other);
-    HADA_TRY(find(&m, &best, err));
+    HADA_TRY_OR_DONE(find(&m, &best, err));
     *scale = exp(best.log_scale);
     *row = best.row * pitch;
     *col = best.col * pitch;

@@ -29,7 +29,8 @@ hada_status hada_register_plane_create(hada_register_plane *plane, const float *
             rows = (rows + 1) / 2;
             cols = (cols + 1) / 2;
         }
-        HADA_TRY(hada_alloc_raw((void **)&plane->data[k], (size_t)rows * (size_t)cols, sizeof(float), "a copy", err));
+        HADA_TRY_OR_DONE(
+            hada_allocated(plane->data[k] = hada_alloc_raw((size_t)rows * (size_t)cols, sizeof(float), "a copy", err)));
         plane->rows[k] = rows;
         plane->cols[k] = cols;
         plane->levels = k + 1;
@@ -86,7 +87,7 @@ hada_status hada_register_view_create(hada_register_view *view, const hada_regis
     for (int i = 0; i <= 2 * RADIUS; i++)
         weight[i] /= sum;
     const size_t count = (size_t)rows * (size_t)cols;
-    hada_status status = hada_alloc_raw((void **)&view->room, 2 * count, sizeof(float), "a smoothed copy", err);
+    hada_status status = hada_allocated(view->room = hada_alloc_raw(2 * count, sizeof(float), "a smoothed copy", err));
     if (status)
         return status;
     for (int r = 0; r < rows; r++)

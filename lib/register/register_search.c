@@ -29,12 +29,10 @@ static hada_status evaluate(const search *where, corner *at, hada_error *err)
     }
     one.magnification = exp(at->log_scale);
     one.rotation_deg = at->turn / RADIANS;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_monitor_check(where->monitor, err));
     HADA_TRY(hada_register_level_take(level, &one, err));
     at->score = hada_register_level_score(level, 0, 0);
-done:
-    return status;
+    return HADA_OK;
 }
 
 static void order(corner c[3])
@@ -59,7 +57,6 @@ static corner beyond(const corner c[3], double by)
  * the worst. */
 static hada_status move(const search *where, corner c[3], hada_error *err)
 {
-    hada_status status = HADA_OK;
     corner reflected = beyond(c, 1.0), other;
     HADA_TRY(evaluate(where, &reflected, err));
     if (reflected.score < c[0].score) {
@@ -81,8 +78,7 @@ static hada_status move(const search *where, corner c[3], hada_error *err)
             }
         }
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_register_refine(hada_register_level *level, const hada_register_options *options, double step,
@@ -97,7 +93,6 @@ hada_status hada_register_refine(hada_register_level *level, const hada_register
                           .monitor = options->monitor};
     const double scale = log(at->magnification), turn = at->rotation_deg * RADIANS;
     corner c[3] = {{scale, turn, 0}, {scale + step, turn + 0.3 * step, 0}, {scale - 0.3 * step, turn + step, 0}};
-    hada_status status = HADA_OK;
     for (int i = 0; i < 3; i++)
         HADA_TRY(evaluate(&where, &c[i], err));
     for (int k = 0; k < MOST_STEPS; k++) {
@@ -112,8 +107,7 @@ hada_status hada_register_refine(hada_register_level *level, const hada_register
     at->magnification = exp(c[0].log_scale);
     at->rotation_deg = c[0].turn / RADIANS;
     *score = c[0].score;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_register_scan(hada_register_level *level, const hada_register_options *options,
@@ -122,7 +116,6 @@ hada_status hada_register_scan(hada_register_level *level, const hada_register_o
     const double from = log(options->least_magnification), to = log(options->most_magnification);
     const int scales = 1 + (int)ceil((to - from) / HADA_REGISTER_STEP);
     const int turns = (int)ceil(options->most_rotation_deg / HADA_REGISTER_TURN_DEG);
-    hada_status status = HADA_OK;
     for (int o = 0; o < 8; o++) {
         best[o] = (hada_registration){.mirrored = o / 4, .quarter_turns = o % 4, .magnification = exp(from)};
         scores[o] = 1.0;
@@ -143,6 +136,5 @@ hada_status hada_register_scan(hada_register_level *level, const hada_register_o
                 best[o].rotation_deg = o / 4 ? -at.rotation_deg : at.rotation_deg;
             }
         }
-done:
-    return status;
+    return HADA_OK;
 }

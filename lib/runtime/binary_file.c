@@ -80,12 +80,12 @@ hada_status hada_binary_write(const char *folder, const char *name, const unsign
     binary_header header = {.bytes = bytes, .checksum = XXH3_64bits(data, bytes)};
     memcpy(header.magic, magic, sizeof magic);
     hada_status status = HADA_OK;
-    HADA_TRY(hada_folder_make(folder, HADA_OURS_ALONE, err));
+    HADA_TRY_OR_DONE(hada_folder_make(folder, HADA_OURS_ALONE, err));
     if (!join(path, sizeof path, folder, name))
-        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "the folder name %.80s... is too long", folder));
-    HADA_TRY(hada_outfile_open(&file, path, err));
-    HADA_TRY(hada_outfile_write(&file, &header, sizeof header, err));
-    HADA_TRY(hada_outfile_write(&file, data, bytes, err));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "the folder name %.80s... is too long", folder));
+    HADA_TRY_OR_DONE(hada_outfile_open(&file, path, err));
+    HADA_TRY_OR_DONE(hada_outfile_write(&file, &header, sizeof header, err));
+    HADA_TRY_OR_DONE(hada_outfile_write(&file, data, bytes, err));
     return hada_outfile_commit(&file, err);
 done:
     hada_outfile_abandon(&file);

@@ -71,9 +71,9 @@ hada_status hada_buffer_create_from(hada_buffer *buffer, hada_slot *slot, const 
                                     const char *what, hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(hada_buffer_create(buffer, slot->context, bytes, what, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(buffer, slot->context, bytes, what, err));
     if (bytes)
-        HADA_TRY(hada_buffer_write(buffer, slot, 0, data, bytes, err));
+        HADA_TRY_OR_DONE(hada_buffer_write(buffer, slot, 0, data, bytes, err));
 done:
     if (status)
         hada_buffer_destroy(buffer);

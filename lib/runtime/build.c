@@ -119,7 +119,7 @@ hada_status hada_program_binary(cl_program program, unsigned char **out, size_t 
     if (!*bytes)
         return hada_fail(err, HADA_ERROR_UNSUPPORTED, "the driver gives no binary of this program");
     void *data;
-    hada_status status = hada_alloc(&data, *bytes, 1, "a program binary", err);
+    hada_status status = hada_allocated(data = hada_alloc(*bytes, 1, "a program binary", err));
     if (status)
         return status;
     unsigned char *pointer = data;

@@ -15,7 +15,6 @@ enum { RUNS = 9, LAUNCHES = 200, WAITS = 40, ITEMS = 64 };
 static hada_status time_launches(hada_slot *slot, const hada_buffer *out, int count, int each, double *seconds,
                                  hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_slot_finish(slot, err));
     const double start = hada_seconds();
     for (int i = 0; i < count; i++) {
@@ -25,8 +24,7 @@ static hada_status time_launches(hada_slot *slot, const hada_buffer *out, int co
     }
     HADA_TRY(hada_slot_finish(slot, err));
     *seconds = (hada_seconds() - start) / count;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status best_calls(hada_slot *slot, double *launch, double *wait, hada_error *err)
@@ -35,11 +33,11 @@ static hada_status best_calls(hada_slot *slot, double *launch, double *wait, had
     double seconds, waited = 0;
     hada_status status = HADA_OK;
     /* a group's items at most, of the widest vector */
-    HADA_TRY(hada_buffer_create(&out, slot->context, 1024 * 16 * sizeof(float), "a few sums", err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&out, slot->context, 1024 * 16 * sizeof(float), "a few sums", err));
     for (int run = -1; run < RUNS; run++) { /* the first one compiles */
-        HADA_TRY(time_launches(slot, &out, LAUNCHES, 0, &seconds, err));
+        HADA_TRY_OR_DONE(time_launches(slot, &out, LAUNCHES, 0, &seconds, err));
         *launch = run <= 0 || seconds < *launch ? seconds : *launch;
-        HADA_TRY(time_launches(slot, &out, WAITS, 1, &seconds, err));
+        HADA_TRY_OR_DONE(time_launches(slot, &out, WAITS, 1, &seconds, err));
         waited = run <= 0 || seconds < waited ? seconds : waited;
     }
     *wait = waited > *launch ? waited - *launch : 0;
@@ -54,11 +52,11 @@ static hada_status best_write(hada_slot *slot, double *rate, hada_error *err)
     hada_buffer to = {0};
     void *from = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc(&from, WRITE_BYTES, 1, "a transfer", err));
-    HADA_TRY(hada_buffer_create(&to, slot->context, WRITE_BYTES, "a transfer", err));
+    HADA_TRY_OR_DONE(hada_allocated(from = hada_alloc(WRITE_BYTES, 1, "a transfer", err)));
+    HADA_TRY_OR_DONE(hada_buffer_create(&to, slot->context, WRITE_BYTES, "a transfer", err));
     for (int run = -1; run < RUNS; run++) { /* the first one touches the memory */
         const double start = hada_seconds();
-        HADA_TRY(hada_buffer_write(&to, slot, 0, from, WRITE_BYTES, err));
+        HADA_TRY_OR_DONE(hada_buffer_write(&to, slot, 0, from, WRITE_BYTES, err));
         const double now = (double)WRITE_BYTES / (hada_seconds() - start);
         if (run >= 0 && now > *rate)
             *rate = now;
@@ -77,9 +75,9 @@ hada_status hada_device_call_costs(hada_context *context, double *launch_seconds
     hada_status status = HADA_OK;
     if (!context)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_device_call_costs: a context is needed");
-    HADA_TRY(hada_slot_create(&slot, context, err));
-    HADA_TRY(best_calls(slot, &launch, &wait, err));
-    HADA_TRY(best_write(slot, &rate, err));
+    HADA_TRY_OR_DONE(hada_slot_create(&slot, context, err));
+    HADA_TRY_OR_DONE(best_calls(slot, &launch, &wait, err));
+    HADA_TRY_OR_DONE(best_write(slot, &rate, err));
     if (launch_seconds)
         *launch_seconds = launch;
     if (wait_seconds)

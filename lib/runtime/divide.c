@@ -27,7 +27,7 @@ static hada_status describe_parts(cl_device_id device, const hada_device_info *i
 {
     const unsigned each = info->compute_units / parts, rest = info->compute_units % parts;
     const int counts = can(device, CL_DEVICE_PARTITION_BY_COUNTS);
-    hada_status status = hada_alloc((void **)out, parts + 3, sizeof **out, "the parts of a device", err);
+    hada_status status = hada_allocated(*out = hada_alloc(parts + 3, sizeof **out, "the parts of a device", err));
     if (status)
         return status;
     cl_device_partition_property *list = *out;
@@ -76,14 +76,15 @@ static hada_status make_division(cl_device_id whole, const hada_device_info *inf
     division *made = NULL;
     cl_uint count = 0;
     hada_status status = HADA_OK;
-    HADA_TRY(describe_parts(whole, info, parts, &list, err));
-    HADA_TRY(hada_alloc((void **)&made, 1, sizeof *made + parts * sizeof *made->part, "the parts of a device", err));
+    HADA_TRY_OR_DONE(describe_parts(whole, info, parts, &list, err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(made = hada_alloc(1, sizeof *made + parts * sizeof *made->part, "the parts of a device", err)));
     *made = (division){.next = known.first, .whole = whole, .parts = parts};
     const cl_int code = clCreateSubDevices(whole, list, parts, made->part, &count);
     if (code != CL_SUCCESS)
-        HADA_TRY(hada_fail_cl(err, code, "clCreateSubDevices"));
+        HADA_TRY_OR_DONE(hada_fail_cl(err, code, "clCreateSubDevices"));
     if (count < parts)
-        HADA_TRY(hada_fail(err, HADA_ERROR_DEVICE, "%s gave %u parts instead of %u", info->name, count, parts));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_DEVICE, "%s gave %u parts instead of %u", info->name, count, parts));
     *out = known.first = made;
     made = NULL;
 done:

@@ -6,8 +6,8 @@
 
 hada_status hada_kernel_objects_create(hada_slot *slot, hada_error *err)
 {
-    return hada_alloc((void **)&slot->kernels, (size_t)hada_kernel_object_count, sizeof *slot->kernels, "a queue slot",
-                      err);
+    return hada_allocated(slot->kernels =
+                              hada_alloc((size_t)hada_kernel_object_count, sizeof *slot->kernels, "a queue slot", err));
 }
 
 void hada_kernel_objects_destroy(hada_slot *slot)

@@ -42,7 +42,7 @@ static hada_status object_of(hada_slot *slot, const hada_kernel *kernel, int pro
     HADA_TRY(check_program(file, program, err));
     *out = &slot->kernels[file->first_object + program * file->kernel_count + kernel->index];
     if ((*out)->cl)
-        goto done;
+        return status;
     HADA_TRY(hada_program_get(slot->context, file->name, file->programs[program].macros, &built, err));
     (*out)->cl = clCreateKernel(built, kernel->name, &code);
     if (code != CL_SUCCESS) {
@@ -50,7 +50,6 @@ static hada_status object_of(hada_slot *slot, const hada_kernel *kernel, int pro
         status = hada_fail_cl(err, code, "clCreateKernel");
         hada_error_prefix(err, "kernel %s of %s.cl: ", kernel->name, file->name);
     }
-done:
     return status;
 }
 
@@ -96,7 +95,7 @@ static hada_status set_arguments(hada_slot *slot, hada_kernel_object *object, co
     char *known = NULL;
     hada_status status = HADA_OK;
     if (!object->args)
-        HADA_TRY(hada_alloc((void **)&known, bytes + 1, 1, "a kernel's arguments", err));
+        HADA_TRY_OR_DONE(hada_allocated(known = hada_alloc(bytes + 1, 1, "a kernel's arguments", err)));
     for (int i = 0; i < kernel->parameter_count; i++) {
         const hada_kernel_parameter *parameter = &kernel->parameters[i];
         if (object->args && is_set(object, parameter, args, stale))
@@ -161,7 +160,6 @@ static hada_status stay_near(hada_slot *slot, hada_error *err)
 /* Whether the caller, or another thread, wants the work to stop. */
 static hada_status may_go_on(hada_slot *slot, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (slot->cancelled && atomic_load(slot->cancelled))
         return hada_fail(err, HADA_ERROR_CANCELLED, "the work was cancelled");
     if (slot->cancelled)
@@ -170,9 +168,7 @@ static hada_status may_go_on(hada_slot *slot, hada_error *err)
         return HADA_OK;
     slot->unasked = 0;
     HADA_TRY(hada_slot_finish(slot, err));
-    HADA_TRY(hada_monitor_check(slot->monitor, err));
-done:
-    return status;
+    return hada_monitor_check(slot->monitor, err);
 }
 
 hada_status hada_launch(hada_slot *slot, const hada_kernel *kernel, int program, const hada_range *range,
@@ -197,6 +193,5 @@ hada_status hada_launch(hada_slot *slot, const hada_kernel *kernel, int program,
     slot->calls.launches++;
     if (slot->profile)
         hada_profile_add(slot, kernel->name, 0, NULL, slot->event);
-done:
     return status;
 }

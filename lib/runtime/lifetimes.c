@@ -87,10 +87,11 @@ hada_status hada_lifetimes_plan(hada_piece *pieces, int count, size_t alignment,
             return hada_fail(err, HADA_ERROR_ARGUMENT, "lifetimes: %s ends before it begins, or is too large",
                              pieces[i].what);
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&list, (size_t)count, sizeof *list, "a memory plan", err));
-    HADA_TRY(hada_alloc((void **)&near, (size_t)count, sizeof *near, "a memory plan", err));
+    HADA_TRY_OR_DONE(hada_allocated(list = hada_alloc((size_t)count, sizeof *list, "a memory plan", err)));
+    HADA_TRY_OR_DONE(hada_allocated(near = hada_alloc((size_t)count, sizeof *near, "a memory plan", err)));
     /* at most one buffer for each piece */
-    HADA_TRY(hada_alloc((void **)&arenas->bytes, (size_t)count, sizeof *arenas->bytes, "a memory plan", err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(arenas->bytes = hada_alloc((size_t)count, sizeof *arenas->bytes, "a memory plan", err)));
     for (int i = 0; i < count; i++) {
         const size_t bytes = pieces[i].bytes;
         list[i] = (placed){&pieces[i], i, hada_round_up(bytes, alignment)};
@@ -98,7 +99,7 @@ hada_status hada_lifetimes_plan(hada_piece *pieces, int count, size_t alignment,
     if (count)
         qsort(list, (size_t)count, sizeof *list, larger_first);
     for (int i = 0; i < count; i++)
-        HADA_TRY(place(list, i, largest, arenas, near, err));
+        HADA_TRY_OR_DONE(place(list, i, largest, arenas, near, err));
 done:
     free(list);
     free(near);

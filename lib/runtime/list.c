@@ -34,7 +34,7 @@ hada_status hada_platform_devices(hada_platform_device **out, size_t *count, had
     if (clGetPlatformIDs(0, NULL, &platforms) != CL_SUCCESS || !platforms)
         return no_device(err);
     cl_platform_id *ids;
-    hada_status status = hada_alloc((void **)&ids, platforms, sizeof *ids, "the list of platforms", err);
+    hada_status status = hada_allocated(ids = hada_alloc(platforms, sizeof *ids, "the list of platforms", err));
     if (status)
         return status;
     hada_platform_device *devices = NULL;
@@ -175,11 +175,12 @@ hada_status hada_device_list_create(hada_device_list **out, hada_error *err)
     if (!out)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_device_list_create: out is needed");
     *out = NULL;
-    HADA_TRY(hada_platform_devices(&devices, &count, err));
-    HADA_TRY(hada_alloc((void **)&list, 1, sizeof *list + count * sizeof *list->infos, "the list of devices", err));
+    HADA_TRY_OR_DONE(hada_platform_devices(&devices, &count, err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(list = hada_alloc(1, sizeof *list + count * sizeof *list->infos, "the list of devices", err)));
     list->count = count;
     for (size_t i = 0; i < count; i++)
-        HADA_TRY(hada_device_describe(devices[i].platform, devices[i].device, (int)i, &list->infos[i], err));
+        HADA_TRY_OR_DONE(hada_device_describe(devices[i].platform, devices[i].device, (int)i, &list->infos[i], err));
     *out = list;
     list = NULL;
 done:

@@ -29,8 +29,8 @@ static hada_status find_device(const hada_context_options *options, const hada_d
     if (!words)
         return hada_fail(err, HADA_ERROR_MEMORY, "no memory for a context");
     hada_status status = HADA_OK;
-    HADA_TRY(hada_device_part(words, part, parts, err));
-    HADA_TRY(hada_device_choose(infos, count, words, binaries && *binaries, chosen, err));
+    HADA_TRY_OR_DONE(hada_device_part(words, part, parts, err));
+    HADA_TRY_OR_DONE(hada_device_choose(infos, count, words, binaries && *binaries, chosen, err));
 done:
     free(words);
     return status;
@@ -57,16 +57,16 @@ static hada_status choose_device(hada_context *context, const hada_context_optio
     size_t count, chosen = 0;
     int part, parts;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_platform_devices(&devices, &count, err));
-    HADA_TRY(hada_alloc((void **)&infos, count, sizeof *infos, "the list of devices", err));
+    HADA_TRY_OR_DONE(hada_platform_devices(&devices, &count, err));
+    HADA_TRY_OR_DONE(hada_allocated(infos = hada_alloc(count, sizeof *infos, "the list of devices", err)));
     for (size_t i = 0; i < count; i++)
-        HADA_TRY(hada_device_describe(devices[i].platform, devices[i].device, (int)i, &infos[i], err));
-    HADA_TRY(find_device(options, infos, count, &chosen, &part, &parts, err));
+        HADA_TRY_OR_DONE(hada_device_describe(devices[i].platform, devices[i].device, (int)i, &infos[i], err));
+    HADA_TRY_OR_DONE(find_device(options, infos, count, &chosen, &part, &parts, err));
     context->platform = devices[chosen].platform;
     context->device = devices[chosen].device;
     context->info = infos[chosen];
     if (part || parts)
-        HADA_TRY(take_part(context, part, parts, err));
+        HADA_TRY_OR_DONE(take_part(context, part, parts, err));
 done:
     free(devices);
     free(infos);
@@ -161,7 +161,6 @@ static int index_of(cl_device_id device)
 
 static hada_status take_device(hada_context *context, const adopted *from, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(check_adopted(from, err));
     const cl_int code =
         clGetDeviceInfo(from->device, CL_DEVICE_PLATFORM, sizeof context->platform, &context->platform, NULL);
@@ -173,8 +172,7 @@ static hada_status take_device(hada_context *context, const adopted *from, hada_
     context->adopted = 1;
     clRetainContext(from->context);
     context->cl = from->context;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status make_device(hada_context *context, const hada_context_options *options, hada_error *err)
@@ -196,21 +194,21 @@ static hada_status open_context(hada_context **out, const adopted *from, const h
     hada_status status = HADA_OK;
     *out = NULL;
     hada_context_options_init(&options);
-    HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_context_options, err));
-    HADA_TRY(hada_alloc((void **)&context, 1, sizeof *context, "a context", err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&options, callers, hada_context_options, err));
+    HADA_TRY_OR_DONE(hada_allocated(context = hada_alloc(1, sizeof *context, "a context", err)));
     context->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     context->log = options.log;
     context->log_user = options.log_user;
     context->log_level = options.log_level;
     const char *tuning = options.tuning ? options.tuning : getenv("HADALENS_TUNING");
     if (tuning && *tuning)
-        HADA_TRY(hada_tuning_read(&context->tuning, tuning, err));
-    HADA_TRY(from ? take_device(context, from, err) : make_device(context, &options, err));
-    HADA_TRY(look_at_device(context, err));
-    HADA_TRY(choose_shape(context, options.shape, err));
-    HADA_TRY(hada_program_store_create(context, &options, err));
+        HADA_TRY_OR_DONE(hada_tuning_read(&context->tuning, tuning, err));
+    HADA_TRY_OR_DONE(from ? take_device(context, from, err) : make_device(context, &options, err));
+    HADA_TRY_OR_DONE(look_at_device(context, err));
+    HADA_TRY_OR_DONE(choose_shape(context, options.shape, err));
+    HADA_TRY_OR_DONE(hada_program_store_create(context, &options, err));
     if (!options.skip_self_test)
-        HADA_TRY(hada_self_test(context, err));
+        HADA_TRY_OR_DONE(hada_self_test(context, err));
     hada_log(context, HADA_LOG_INFO, "device %d: %s (%s, %s), kernels as %s", context->info.index, context->info.name,
              hada_device_kind_name(context->info.kind), context->info.platform, hada_kernel_shape_name(context->shape));
     *out = context;

@@ -73,10 +73,10 @@ static hada_status last_seconds(hada_slot *slot, double *seconds, hada_error *er
     size_t count = 0;
     hada_status status = HADA_OK;
     *seconds = 0;
-    HADA_TRY(hada_slot_times(slot, &rows, &count, err));
+    HADA_TRY_OR_DONE(hada_slot_times(slot, &rows, &count, err));
     for (size_t i = 0; i < count; i++)
         *seconds += rows[i].seconds;
-    HADA_TRY(hada_slot_profile(slot, 1, err));
+    HADA_TRY_OR_DONE(hada_slot_profile(slot, 1, err));
 done:
     free(rows);
     return status;
@@ -91,14 +91,14 @@ static hada_status best_copy(hada_slot *slot, double *rate, hada_error *err)
     const size_t count = (size_t)(most < COPY_FLOATS ? most : COPY_FLOATS);
     hada_buffer in = {0}, out = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_buffer_create(&in, slot->context, count * sizeof(float), "a copy", err));
-    HADA_TRY(hada_buffer_create(&out, slot->context, count * sizeof(float), "a copy", err));
-    HADA_TRY(hada_buffer_clear(&in, slot, 0, in.bytes, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&in, slot->context, count * sizeof(float), "a copy", err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&out, slot->context, count * sizeof(float), "a copy", err));
+    HADA_TRY_OR_DONE(hada_buffer_clear(&in, slot, 0, in.bytes, err));
     for (int run = -1; run < RUNS; run++) { /* the first one touches the memory */
         double seconds = 0;
-        HADA_TRY(hada_slot_profile(slot, 1, err));
-        HADA_TRY(hada_peak_copy(slot, in.mem, out.mem, count, err));
-        HADA_TRY(last_seconds(slot, &seconds, err));
+        HADA_TRY_OR_DONE(hada_slot_profile(slot, 1, err));
+        HADA_TRY_OR_DONE(hada_peak_copy(slot, in.mem, out.mem, count, err));
+        HADA_TRY_OR_DONE(last_seconds(slot, &seconds, err));
         if (run >= 0 && seconds > 0 && 8.0 * (double)count / seconds > *rate)
             *rate = 8.0 * (double)count / seconds;
     }
@@ -120,14 +120,14 @@ static hada_status best_flops(hada_slot *slot, double *rate, hada_error *err)
     double slowest = 0;
     hada_buffer out = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(
+    HADA_TRY_OR_DONE(
         hada_buffer_create(&out, slot->context, (items + GROUP) * WIDTH_WIDE * sizeof(float), "sums of chains", err));
     for (int run = -2; run < 2 * RUNS; run++) { /* the first ones compile */
         const int width = !groups && run % 2 ? WIDTH_WIDE : hada_peak_width(context);
         double seconds = 0, flops = 0;
-        HADA_TRY(hada_slot_profile(slot, 1, err));
-        HADA_TRY(hada_peak_flops(slot, width, out.mem, items, 0.999f, 0.001f, rounds, &flops, err));
-        HADA_TRY(last_seconds(slot, &seconds, err));
+        HADA_TRY_OR_DONE(hada_slot_profile(slot, 1, err));
+        HADA_TRY_OR_DONE(hada_peak_flops(slot, width, out.mem, items, 0.999f, 0.001f, rounds, &flops, err));
+        HADA_TRY_OR_DONE(last_seconds(slot, &seconds, err));
         if (run < 0 && seconds > slowest)
             slowest = seconds;
         if (run == -1 && slowest > 0)
@@ -149,13 +149,13 @@ hada_status hada_device_peaks(hada_context *context, double *copy_bytes_per_seco
     double copy = 0, flops = 0;
     hada_slot *slot = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_slot_create(&slot, context, err));
+    HADA_TRY_OR_DONE(hada_slot_create(&slot, context, err));
     if (copy_bytes_per_second) {
-        HADA_TRY(best_copy(slot, &copy, err));
+        HADA_TRY_OR_DONE(best_copy(slot, &copy, err));
         *copy_bytes_per_second = copy;
     }
     if (flops_per_second) {
-        HADA_TRY(best_flops(slot, &flops, err));
+        HADA_TRY_OR_DONE(best_flops(slot, &flops, err));
         *flops_per_second = flops;
     }
 done:

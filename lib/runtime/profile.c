@@ -33,7 +33,6 @@ static hada_status add_time(hada_profile *profile, const pending *entry, hada_er
 {
     cl_ulong from = 0, to = 0;
     const cl_int code = clWaitForEvents(1, &entry->end);
-    hada_status status = HADA_OK;
     if (code != CL_SUCCESS)
         HADA_TRY(hada_fail_cl(err, code, "clWaitForEvents"));
     if (entry->begin)
@@ -43,8 +42,7 @@ static hada_status add_time(hada_profile *profile, const pending *entry, hada_er
     HADA_TRY(event_time(entry->end, CL_PROFILING_COMMAND_END, &to, err));
     if (to > from)
         profile->rows[entry->row].seconds += 1e-9 * (double)(to - from);
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Takes the times of all commands in hand; waits for those that are not done. */
@@ -74,14 +72,11 @@ static void destroy(hada_slot *slot)
 hada_status hada_slot_profile(hada_slot *slot, int on, hada_error *err)
 {
     destroy(slot);
-    hada_status status = HADA_OK;
     slot->cost_bytes = slot->cost_flops = 0;
     if (!on)
         return HADA_OK;
     HADA_TRY(hada_slot_time(slot, err));
-    HADA_TRY(hada_alloc((void **)&slot->profile, 1, sizeof *slot->profile, "a profile", err));
-done:
-    return status;
+    return hada_allocated(slot->profile = hada_alloc(1, sizeof *slot->profile, "a profile", err));
 }
 
 /* The row of a stage and name, made where there is none. */
@@ -96,7 +91,7 @@ static hada_status row_of(hada_kernel_time **rows, size_t *count, size_t *room, 
     if (*count == *room) {
         hada_kernel_time *larger;
         const size_t more = *room ? 2 * *room : 32;
-        hada_status status = hada_alloc((void **)&larger, more, sizeof *larger, "a profile", err);
+        hada_status status = hada_allocated(larger = hada_alloc(more, sizeof *larger, "a profile", err));
         if (status)
             return status;
         if (*count)

@@ -30,7 +30,7 @@ static char *cache_folder(const hada_context *context, const hada_context_option
 hada_status hada_program_store_create(hada_context *context, const hada_context_options *options, hada_error *err)
 {
     hada_program_store *store;
-    hada_status status = hada_alloc((void **)&store, 1, sizeof *store, "the program store", err);
+    hada_status status = hada_allocated(store = hada_alloc(1, sizeof *store, "the program store", err));
     if (status)
         return status;
     store->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
@@ -112,11 +112,11 @@ static hada_status make(hada_context *context, hada_program_store *store, const 
     hada_status status = HADA_OK;
     if (!text)
         return hada_kernel_text_missing(file, err);
-    HADA_TRY(hada_program_key(context, file, options, text, name, sizeof name, err));
+    HADA_TRY_OR_DONE(hada_program_key(context, file, options, text, name, sizeof name, err));
     if (folder)
-        HADA_TRY(hada_binary_read(folder, name, &binary, &bytes, err));
+        HADA_TRY_OR_DONE(hada_binary_read(folder, name, &binary, &bytes, err));
     if (store->binaries && !bytes)
-        HADA_TRY(
+        HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_BUILD,
                       "the folder %s holds no binary of %s.cl with macros '%s' for %s that can be read; make it with "
                       "'hadalens devices --save-binaries FOLDER' on the same device, driver and version",
@@ -128,7 +128,7 @@ static hada_status make(hada_context *context, hada_program_store *store, const 
             goto done;
         hada_binary_drop(store->cache, name); /* a cache entry that does not load is only a slower start */
     }
-    HADA_TRY(hada_program_compile(context, file, options, text, out, err));
+    HADA_TRY_OR_DONE(hada_program_compile(context, file, options, text, out, err));
     store->compiled++;
     hada_log(context, HADA_LOG_TRACE, "compiled %s.cl '%s'", file, options);
 done:
@@ -147,7 +147,7 @@ static hada_status get_locked(hada_context *context, const char *file, const cha
             return HADA_OK;
         }
     hada_program_entry *entry;
-    hada_status status = hada_alloc((void **)&entry, 1, sizeof *entry, "a program", err);
+    hada_status status = hada_allocated(entry = hada_alloc(1, sizeof *entry, "a program", err));
     if (status)
         return status;
     entry->file = hada_string_copy(file);

@@ -20,12 +20,12 @@ static hada_status save(hada_context *context, const char *folder, const char *f
     unsigned char *binary = NULL;
     size_t bytes;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_program_get(context, file, macros, &program, err));
-    HADA_TRY(hada_program_binary(program, &binary, &bytes, err));
+    HADA_TRY_OR_DONE(hada_program_get(context, file, macros, &program, err));
+    HADA_TRY_OR_DONE(hada_program_binary(program, &binary, &bytes, err));
     text = hada_kernel_text(file);
-    HADA_TRY(text ? HADA_OK : hada_kernel_text_missing(file, err));
-    HADA_TRY(hada_program_key(context, file, macros, text, name, sizeof name, err));
-    HADA_TRY(hada_binary_write(folder, name, binary, bytes, err));
+    HADA_TRY_OR_DONE(text ? HADA_OK : hada_kernel_text_missing(file, err));
+    HADA_TRY_OR_DONE(hada_program_key(context, file, macros, text, name, sizeof name, err));
+    HADA_TRY_OR_DONE(hada_binary_write(folder, name, binary, bytes, err));
 done:
     free(text);
     free(binary);
@@ -35,7 +35,6 @@ done:
 /* Goes through the programs that serve the context; saves them, or only counts them (folder NULL). */
 static hada_status each_program(hada_context *context, const char *folder, hada_progress *progress, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int f = 0; f < hada_kernel_file_count; f++)
         for (int i = 0; i < hada_kernel_files[f]->program_count; i++) {
             const hada_program_row *row = &hada_kernel_files[f]->programs[i];
@@ -48,8 +47,7 @@ static hada_status each_program(hada_context *context, const char *folder, hada_
             HADA_TRY(save(context, folder, hada_kernel_files[f]->name, row->macros, err));
             HADA_TRY(hada_progress_step(progress, hada_kernel_files[f]->name, err));
         }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_programs_save(hada_context *context, const char *folder, hada_error *err)
@@ -64,11 +62,11 @@ hada_status hada_programs_save_with(hada_context *context, const char *folder, c
     hada_status status = HADA_OK;
     if (!context || !folder || !*folder)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_programs_save: a context and a folder are needed");
-    HADA_TRY(hada_folder_make(folder, 0777, err));
-    HADA_TRY(each_program(context, NULL, &all, err));
-    HADA_TRY(hada_monitor_check(monitor, err));
+    HADA_TRY_OR_DONE(hada_folder_make(folder, 0777, err));
+    HADA_TRY_OR_DONE(each_program(context, NULL, &all, err));
+    HADA_TRY_OR_DONE(hada_monitor_check(monitor, err));
     progress = hada_progress_begin(monitor, "programs", all.total);
-    HADA_TRY(each_program(context, folder, &progress, err));
+    HADA_TRY_OR_DONE(each_program(context, folder, &progress, err));
 done:
     if (progress.what)
         hada_progress_end(&progress);

@@ -19,7 +19,7 @@ hada_status hada_scratch_note(hada_scratch *scratch, size_t bytes, const char *w
     if (scratch->count == scratch->capacity) {
         hada_piece *more;
         const int capacity = scratch->capacity ? 2 * scratch->capacity : 32;
-        hada_status status = hada_alloc((void **)&more, (size_t)capacity, sizeof *more, "a memory plan", err);
+        hada_status status = hada_allocated(more = hada_alloc((size_t)capacity, sizeof *more, "a memory plan", err));
         if (status)
             return status;
         if (scratch->count)
@@ -62,13 +62,12 @@ uint64_t hada_scratch_noted(const hada_scratch *scratch)
 hada_status hada_scratch_make(hada_scratch *scratch, hada_context *context, hada_error *err)
 {
     const int count = scratch->arenas.count;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&scratch->buffers, (size_t)count, sizeof *scratch->buffers, "a memory plan", err));
+    HADA_TRY(
+        hada_allocated(scratch->buffers = hada_alloc((size_t)count, sizeof *scratch->buffers, "a memory plan", err)));
     for (int i = 0; i < count; i++)
         HADA_TRY(
             hada_buffer_create(&scratch->buffers[i], context, scratch->arenas.bytes[i], "the working memory", err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_scratch_free(hada_scratch *scratch)
@@ -110,13 +109,11 @@ size_t hada_buffer_rows_bytes(const hada_buffer_row *rows, int count)
 hada_status hada_buffer_rows_take(void *object, hada_context *context, hada_scratch *scratch,
                                   const hada_buffer_row *rows, int count, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int i = 0; i < count; i++)
         if (rows[i].bytes)
             HADA_TRY(hada_scratch_take(hada_buffer_of(object, &rows[i]), context, scratch, rows[i].bytes, rows[i].what,
                                        err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_buffer_rows_destroy(void *object, const hada_buffer_row *rows, int count)

@@ -11,10 +11,10 @@ hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error 
 {
     hada_slot *slot = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&slot, 1, sizeof *slot, "a queue slot", err));
+    HADA_TRY_OR_DONE(hada_allocated(slot = hada_alloc(1, sizeof *slot, "a queue slot", err)));
     slot->context = context;
-    HADA_TRY(hada_kernel_objects_create(slot, err));
-    HADA_TRY(hada_slot_open(slot, 0, err));
+    HADA_TRY_OR_DONE(hada_kernel_objects_create(slot, err));
+    HADA_TRY_OR_DONE(hada_slot_open(slot, 0, err));
 done:
     if (status)
         hada_slot_destroy(&slot);

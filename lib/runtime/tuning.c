@@ -114,7 +114,6 @@ static hada_status add(hada_tuning *tuning, const hada_tuning_row *row, hada_err
 static hada_status read_lines(hada_tuning *tuning, const char *text, hada_error *err)
 {
     char line[HADA_TUNING_LINE], shown[HADA_TUNING_LINE];
-    hada_status status = HADA_OK;
     for (int n = 1; *text; n++) {
         const char *wrong = NULL;
         const size_t length = strcspn(text, "\n"), first = strspn(text, " \t\r");
@@ -130,8 +129,7 @@ static hada_status read_lines(hada_tuning *tuning, const char *text, hada_error 
                                    wrong, shown)
                        : add(tuning, &row, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_tuning_read(hada_tuning **out, const char *path, hada_error *err)
@@ -148,13 +146,13 @@ hada_status hada_tuning_read(hada_tuning **out, const char *path, hada_error *er
         hada_error_prefix(err, "the tuning file %s ", path);
         return status;
     }
-    HADA_TRY(hada_alloc((void **)&tuning, 1, sizeof *tuning, "a tuning file", err));
+    HADA_TRY_OR_DONE(hada_allocated(tuning = hada_alloc(1, sizeof *tuning, "a tuning file", err)));
     tuning->path = hada_string_copy(path);
     if (!tuning->path)
-        HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory for a tuning file"));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for a tuning file"));
     if (strlen(text) != bytes)
-        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_FORMAT, "the tuning file %s is no text", path));
-    HADA_TRY(read_lines(tuning, text, err));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_FORMAT, "the tuning file %s is no text", path));
+    HADA_TRY_OR_DONE(read_lines(tuning, text, err));
     *out = tuning;
     tuning = NULL;
 done:

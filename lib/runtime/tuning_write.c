@@ -45,7 +45,6 @@ static hada_status put(hada_outfile *to, const char *text, hada_error *err)
 /* Copies what stays of a file's text. */
 static hada_status copy_rest(const char *text, hada_outfile *to, const news *now, hada_error *err)
 {
-    hada_status status = HADA_OK;
     while (*text) {
         char head[HADA_TUNING_LINE];
         const size_t length = strcspn(text, "\n");
@@ -56,20 +55,17 @@ static hada_status copy_rest(const char *text, hada_outfile *to, const news *now
         }
         text += length + (text[length] == '\n');
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status write_rows(hada_outfile *to, const news *now, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (size_t i = 0; i < now->count; i++) {
         const char *const words[] = {now->operation, " ", now->kind, " ", now->shapes[i], " ", now->choices[i], "\n"};
         for (size_t w = 0; w < sizeof words / sizeof *words; w++)
             HADA_TRY(put(to, words[w], err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Held from reading the old file until the new one stands: two tuners at once must not lose each other's rows. The
@@ -96,11 +92,11 @@ static hada_status write_new(const char *path, const news *now, hada_error *err)
         hada_error_prefix(err, "%s is not changed: ", path);
         goto done;
     }
-    HADA_TRY(hada_outfile_open(&file, path, err));
-    HADA_TRY(old ? copy_rest(old, &file, now, err)
-                 : put(&file, "# Hadalens: which of several ways serves a shape (docs/devices.md)\n", err));
-    HADA_TRY(write_rows(&file, now, err));
-    HADA_TRY(hada_outfile_commit(&file, err));
+    HADA_TRY_OR_DONE(hada_outfile_open(&file, path, err));
+    HADA_TRY_OR_DONE(old ? copy_rest(old, &file, now, err)
+                         : put(&file, "# Hadalens: which of several ways serves a shape (docs/devices.md)\n", err));
+    HADA_TRY_OR_DONE(write_rows(&file, now, err));
+    HADA_TRY_OR_DONE(hada_outfile_commit(&file, err));
 done:
     hada_outfile_abandon(&file);
     free(old);

@@ -66,7 +66,6 @@ static hada_status make_buffers(hada_between *b, hada_error *err)
 {
     hada_context *context = b->slot->context;
     const sizes bytes = sizes_of(context, &b->camera);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_surface_prefilter(&b->prefilter, b->slot, &b->layout, err));
     HADA_TRY(hada_buffer_create(&b->coefficients, context, bytes.coefficients, what, err));
     HADA_TRY(hada_buffer_create(&b->lines, context, bytes.lines, what, err));
@@ -74,10 +73,8 @@ static hada_status make_buffers(hada_between *b, hada_error *err)
     HADA_TRY(hada_buffer_create(&b->spectrum, context, bytes.spectrum, what, err));
     HADA_TRY(hada_buffer_create(&b->bases, context, bytes.bases, what, err));
     HADA_TRY(hada_buffer_create(&b->weights, context, bytes.weights, what, err));
-    HADA_TRY(hada_alloc((void **)&b->host_bases, bytes.bases, 1, what, err));
-    HADA_TRY(hada_alloc((void **)&b->host_weights, bytes.weights, 1, what, err));
-done:
-    return status;
+    HADA_TRY(hada_allocated(b->host_bases = hada_alloc(bytes.bases, 1, what, err)));
+    return hada_allocated(b->host_weights = hada_alloc(bytes.weights, 1, what, err));
 }
 
 static hada_status check(const hada_surface_camera *camera, const hada_magnification *m, hada_error *err)
@@ -100,19 +97,19 @@ hada_status hada_between_create(hada_between **out, hada_slot *slot, const hada_
     hada_between *b = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY(check(camera, magnification, err));
-    HADA_TRY(hada_alloc((void **)&b, 1, sizeof *b, what, err));
+    HADA_TRY_OR_DONE(check(camera, magnification, err));
+    HADA_TRY_OR_DONE(hada_allocated(b = hada_alloc(1, sizeof *b, what, err)));
     *b = (hada_between){.slot = slot, .camera = *camera, .magnification = magnification};
     b->layout = hada_surface_layout(slot->context, camera->rows, camera->cols);
     for (int i = 0; i < SOURCES; i++)
         b->loaded[i] = -1;
     b->program = slot->context->shape == HADA_SHAPE_GROUPS ? HADA_PROGRAM_SURFACE_MAGNIFY_GROUPS
                                                            : HADA_PROGRAM_SURFACE_MAGNIFY_DEFAULT;
-    HADA_TRY(make_buffers(b, err));
-    HADA_TRY(hada_fft_create(&b->forward, slot, &forward, err));
-    HADA_TRY(hada_fft_create(&b->inverse, slot, &inverse, err));
-    HADA_TRY(hada_prepare_surface_magnify(slot, b->program, err));
-    HADA_TRY(hada_prepare_refine(slot, HADA_PROGRAM_REFINE_DEFAULT, err));
+    HADA_TRY_OR_DONE(make_buffers(b, err));
+    HADA_TRY_OR_DONE(hada_fft_create(&b->forward, slot, &forward, err));
+    HADA_TRY_OR_DONE(hada_fft_create(&b->inverse, slot, &inverse, err));
+    HADA_TRY_OR_DONE(hada_prepare_surface_magnify(slot, b->program, err));
+    HADA_TRY_OR_DONE(hada_prepare_refine(slot, HADA_PROGRAM_REFINE_DEFAULT, err));
     *out = b;
 done:
     if (status)
@@ -148,15 +145,13 @@ static hada_status load(hada_between *b, int depth, hada_error *err)
                                  .filter = b->camera.otf,
                                  .spectrum_count = 1,
                                  .filter_first = (int)b->camera.first + depth * channels};
-    hada_status status = HADA_OK;
     if (b->loaded[slot] == depth)
-        goto done;
+        return HADA_OK;
     b->loaded[slot] = -1;
     HADA_TRY(hada_fft_inverse(b->inverse, channels, b->prefilter.mem, 0, b->coefficients.mem,
                               (size_t)(slot * channels) * area, &use, err));
     b->loaded[slot] = depth;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status add_source(hada_between *b, hada_surface_sources *sources, int depth, double weight,
@@ -167,13 +162,11 @@ static hada_status add_source(hada_between *b, hada_surface_sources *sources, in
     const size_t table = (size_t)sources->count * (size_t)(rows + cols);
     int *bases = b->host_bases + table;
     float *weights = b->host_weights + HADA_SPLINE_TAPS * table;
-    hada_status status = HADA_OK;
     HADA_TRY(load(b, depth, err));
     hada_spline_axis(rows, by.scale, by.row, 1.0 / by.scale, bases, weights);
     hada_spline_axis(cols, by.scale, by.col, weight / by.scale, bases + rows, weights + HADA_SPLINE_TAPS * rows);
     sources->slot[sources->count++] = depth % SOURCES;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The images at a depth that is none of the camera's. */
@@ -186,7 +179,6 @@ static hada_status magnify(hada_between *b, double depth, hada_error *err)
     hada_surface_sources sources = {.channels = channels, .rows = rows, .cols = cols};
     const int last = b->camera.depths - 1, low = depth < 0.0 ? 0 : depth > last ? last : (int)depth;
     const double part = depth < 0.0 || depth > last ? 0.0 : depth - low;
-    hada_status status = HADA_OK;
     HADA_TRY(add_source(b, &sources, low, 1.0 - part, &to, err));
     if (part > 0.0)
         HADA_TRY(add_source(b, &sources, low + 1, part, &to, err));
@@ -196,11 +188,9 @@ static hada_status magnify(hada_between *b, double depth, hada_error *err)
         hada_buffer_write(&b->weights, b->slot, 0, b->host_weights, HADA_SPLINE_TAPS * entries * sizeof(float), err));
     hada_slot_cost(b->slot, 4.0 * rows * cols * channels * (3.0 * sources.count + 1.0),
                    4.0 * HADA_SPLINE_TAPS * rows * cols * channels * sources.count);
-    HADA_TRY(hada_launch_surface_magnify(b->slot, b->program, &range, err, .coefficients = b->coefficients.mem,
-                                         .bases = b->bases.mem, .weights = b->weights.mem, .lines = b->lines.mem,
-                                         .out = b->image.mem, .sources = sources));
-done:
-    return status;
+    return hada_launch_surface_magnify(b->slot, b->program, &range, err, .coefficients = b->coefficients.mem,
+                                       .bases = b->bases.mem, .weights = b->weights.mem, .lines = b->lines.mem,
+                                       .out = b->image.mem, .sources = sources);
 }
 
 /* The transfer functions of one depth; `at` in complex numbers. */
@@ -212,7 +202,6 @@ static hada_status make(hada_between *b, double depth, cl_mem out, size_t at, co
     const int known = depth == floor(depth) && depth >= 0.0 && depth < b->camera.depths;
     const size_t from = known ? b->camera.first * b->layout.count + (size_t)depth * step : 0;
     const cl_mem whole = known ? b->camera.otf : to ? b->spectrum.mem : out;
-    hada_status status = HADA_OK;
     if (!known) {
         HADA_TRY(magnify(b, depth, err));
         HADA_TRY(hada_fft_forward(b->forward, channels, b->image.mem, 0, whole, to ? 0 : at, err));
@@ -222,8 +211,7 @@ static hada_status make(hada_between *b, double depth, cl_mem out, size_t at, co
     else if (known)
         HADA_TRY(hada_buffer_copy(b->slot, whole, from * 2 * sizeof(float), out, at * 2 * sizeof(float),
                                   step * 2 * sizeof(float), err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_between_make(hada_between *between, int count, const double *depth, cl_mem out, size_t first,
@@ -232,7 +220,6 @@ hada_status hada_between_make(hada_between *between, int count, const double *de
     const size_t values = to ? to->count : between->layout.count;
     const double least = -hada_magnification_beyond(between->magnification, 0);
     const double most = between->camera.depths - 1 + hada_magnification_beyond(between->magnification, 1);
-    hada_status status = HADA_OK;
     for (int i = 0; i < count; i++)
         if (!(depth[i] >= least && depth[i] <= most))
             return hada_fail(err, HADA_ERROR_ARGUMENT,
@@ -240,6 +227,5 @@ hada_status hada_between_make(hada_between *between, int count, const double *de
                              between->camera.depths, least, most);
     for (int i = 0; i < count; i++)
         HADA_TRY(make(between, depth[i], out, (first + (size_t)(i * between->camera.channels)) * values, to, err));
-done:
-    return status;
+    return HADA_OK;
 }

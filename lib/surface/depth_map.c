@@ -34,7 +34,7 @@ static hada_status gaussian(double blur, double **out, int *radius, hada_error *
 {
     double sum = 0.0;
     *radius = blur > 0.0 ? (int)ceil(REACH * blur) : 0;
-    const hada_status status = hada_alloc((void **)out, (size_t)*radius + 1, sizeof **out, what, err);
+    const hada_status status = hada_allocated(*out = hada_alloc((size_t)*radius + 1, sizeof **out, what, err));
     if (status)
         return status;
     for (int i = 0; i <= *radius; i++) {
@@ -73,8 +73,8 @@ hada_status hada_map_centre(const float *light, int planes, int channels, hada_m
     double *memory = NULL, *weight = NULL, mean = 0.0;
     int radius = 0;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&memory, 4 * area, sizeof *memory, what, err));
-    HADA_TRY(gaussian(blur, &weight, &radius, err));
+    HADA_TRY_OR_DONE(hada_allocated(memory = hada_alloc(4 * area, sizeof *memory, what, err)));
+    HADA_TRY_OR_DONE(gaussian(blur, &weight, &radius, err));
     double *plane = memory, *work = memory + area, *all = memory + 2 * area, *moment = memory + 3 * area;
     for (size_t k = 0; k < (size_t)planes; k++) {
         memset(plane, 0, area * sizeof *plane);
@@ -119,7 +119,7 @@ hada_status hada_map_band(const float *depth, hada_map_size from, double scale, 
     const size_t area = area_of(to);
     float *low = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&low, 2 * area_of(from), sizeof *low, what, err));
+    HADA_TRY_OR_DONE(hada_allocated(low = hada_alloc(2 * area_of(from), sizeof *low, what, err)));
     float *high = low + area_of(from);
     extreme(depth, from, 1.0F, low);
     extreme(depth, from, -1.0F, high);
@@ -190,7 +190,7 @@ hada_status hada_map_sharpen(float *depth, const float *light, hada_map_size siz
     const size_t area = area_of(size);
     float *given = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&given, area, sizeof *given, what, err));
+    HADA_TRY_OR_DONE(hada_allocated(given = hada_alloc(area, sizeof *given, what, err)));
     memcpy(given, depth, area * sizeof *given);
     for (int y = 0; y < size.rows; y++)
         for (int x = 0; x < size.cols; x++) {
@@ -280,7 +280,7 @@ hada_status hada_map_smooth(float *depth, const float *light, const float *textu
     hada_status status = HADA_OK;
     if (!(mean_light > 0.0) || !(mean > 0.0))
         goto done;
-    HADA_TRY(hada_alloc((void **)&memory, 7 * area, sizeof *memory, what, err));
+    HADA_TRY_OR_DONE(hada_allocated(memory = hada_alloc(7 * area, sizeof *memory, what, err)));
     const smoothing s = {size,
                          memory,
                          memory + area,
@@ -345,7 +345,7 @@ hada_status hada_map_confidence(const float *texture, int channels, const float 
     const size_t area = area_of(size);
     double *memory = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&memory, 2 * area, sizeof *memory, what, err));
+    HADA_TRY_OR_DONE(hada_allocated(memory = hada_alloc(2 * area, sizeof *memory, what, err)));
     double *work = memory + area;
     gradient_squares(texture, channels, size, memory);
     for (int y = 0; y < size.rows; y++)

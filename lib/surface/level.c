@@ -115,7 +115,6 @@ hada_status hada_surface_level_make(hada_surface_level *level, hada_slot *slot, 
                                     hada_between *between, hada_buffer *plane, hada_error *err)
 {
     const hada_fft_desc inverse = inverse_of(plan);
-    hada_status status = HADA_OK;
     *level = (hada_surface_level){.plan = *plan};
     HADA_TRY(hada_volume_create(&level->volume, slot, &plan->shape, err));
     for (int k = 0; k < plan->shape.planes; k++) {
@@ -124,14 +123,13 @@ hada_status hada_surface_level_make(hada_surface_level *level, hada_slot *slot, 
         HADA_TRY(hada_volume_set_camera(level->volume, k, 1, plane->mem, 0, err));
     }
     if (plan->whole)
-        goto done;
+        return HADA_OK;
     HADA_TRY(hada_buffer_create(&level->spectrum, slot->context, spectrum_bytes(plan), what, err));
     if (plan->shape.boundary != HADA_BOUNDARY_PADDED)
-        goto done;
+        return HADA_OK;
     HADA_TRY(hada_buffer_create(&level->pixels, slot->context, pixel_bytes(plan), what, err));
     HADA_TRY(hada_fft_create(&level->inverse, slot, &inverse, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_surface_level_free(hada_surface_level *level)
@@ -150,10 +148,9 @@ hada_status hada_surface_level_load(hada_surface_level *level, hada_slot *slot, 
     const hada_spectrum_layout *to = &plan->layout;
     /* image values stay as they are */
     const double ratio = (double)to->rows * to->cols / ((double)from->rows * from->cols);
-    hada_status status = HADA_OK;
     if (plan->whole) {
         hada_volume_set_frame(level->volume, spectrum, offset, pixels, pixels_offset);
-        goto done;
+        return HADA_OK;
     }
     HADA_TRY(hada_surface_crop(slot, spectrum, offset, from, plan->shape.channels, 1, ratio, 0.0, level->spectrum.mem,
                                0, to, err));
@@ -161,8 +158,7 @@ hada_status hada_surface_level_load(hada_surface_level *level, hada_slot *slot, 
         HADA_TRY(hada_fft_inverse(level->inverse, plan->shape.channels, level->spectrum.mem, 0, level->pixels.mem, 0,
                                   NULL, err));
     hada_volume_set_frame(level->volume, level->spectrum.mem, 0, level->pixels.mem, 0);
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_map_place hada_surface_level_place(const hada_surface_plan *of, const hada_surface_plan *in)

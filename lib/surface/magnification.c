@@ -325,18 +325,18 @@ hada_status hada_magnification_fit(hada_magnification *out, int depths, const do
     fit f = {.m = out, .coefficients = coefficients, .rows = rows, .cols = cols, .apart = 1, .thin = 1};
     hada_status status = HADA_OK;
     *out = (hada_magnification){.depths = depths};
-    HADA_TRY(check_distances(depths, distances, err));
-    HADA_TRY(hada_alloc((void **)&out->inverse, count, sizeof *out->inverse, what, err));
-    HADA_TRY(hada_alloc((void **)&out->depth, count, sizeof *out->depth, what, err));
-    HADA_TRY(hada_alloc((void **)&memory, HADA_MAGNIFICATION_KINDS * count, sizeof *memory, what, err));
-    HADA_TRY(hada_alloc((void **)&f.bright, count, sizeof *f.bright, what, err));
+    HADA_TRY_OR_DONE(check_distances(depths, distances, err));
+    HADA_TRY_OR_DONE(hada_allocated(out->inverse = hada_alloc(count, sizeof *out->inverse, what, err)));
+    HADA_TRY_OR_DONE(hada_allocated(out->depth = hada_alloc(count, sizeof *out->depth, what, err)));
+    HADA_TRY_OR_DONE(hada_allocated(memory = hada_alloc(HADA_MAGNIFICATION_KINDS * count, sizeof *memory, what, err)));
+    HADA_TRY_OR_DONE(hada_allocated(f.bright = hada_alloc(count, sizeof *f.bright, what, err)));
     for (size_t k = 0; k < count; k++) {
         out->inverse[k] = 1.0 / distances[k];
         out->depth[k].scale = 1.0;
     }
-    HADA_TRY(hada_bright_edge(coefficients, depths, rows, cols, &out->edge, &out->spread, err));
+    HADA_TRY_OR_DONE(hada_bright_edge(coefficients, depths, rows, cols, &out->edge, &out->spread, err));
     for (size_t k = 0; k < count; k++)
-        HADA_TRY(hada_bright_find(&f.bright[k], coefficients + k * area, rows, cols, out->edge, err));
+        HADA_TRY_OR_DONE(hada_bright_find(&f.bright[k], coefficients + k * area, rows, cols, out->edge, err));
     if (depths > 1)
         choose(&f, memory);
 done:

@@ -24,12 +24,12 @@ hada_status hada_surface_prefilter(hada_buffer *out, hada_slot *slot, const hada
     const int width = layout->blocks * layout->block;
     float *values = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&values, layout->count, 2 * sizeof *values, what, err));
+    HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc(layout->count, 2 * sizeof *values, what, err)));
     for (int ky = 0; ky < layout->rows; ky++)
         for (int kx = 0; kx < width; kx++)
             values[2 * hada_spectrum_index(layout, ky, kx)] =
                 (float)(1.0 / (hada_spline_gain(ky, layout->rows) * hada_spline_gain(kx, layout->cols)));
-    HADA_TRY(hada_buffer_create_from(out, slot, values, layout->count * 2 * sizeof *values, what, err));
+    HADA_TRY_OR_DONE(hada_buffer_create_from(out, slot, values, layout->count * 2 * sizeof *values, what, err));
 done:
     free(values);
     return status;
@@ -96,19 +96,21 @@ hada_status hada_magnification_measure(hada_magnification *out, hada_slot *slot,
     float *coefficients = NULL;
     hada_status status = HADA_OK;
     *out = (hada_magnification){0};
-    HADA_TRY(hada_alloc_raw((void **)&coefficients, (size_t)camera->depths * area, sizeof *coefficients, what, err));
-    HADA_TRY(hada_surface_prefilter(&prefilter, slot, &small, err));
-    HADA_TRY(hada_buffer_create(&spectrum, slot->context, small.count * 2 * sizeof(float), what, err));
-    HADA_TRY(hada_buffer_create(&image, slot->context, area * sizeof(float), what, err));
-    HADA_TRY(hada_fft_create(&plan, slot, &desc, err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(coefficients = hada_alloc_raw((size_t)camera->depths * area, sizeof *coefficients, what, err)));
+    HADA_TRY_OR_DONE(hada_surface_prefilter(&prefilter, slot, &small, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&spectrum, slot->context, small.count * 2 * sizeof(float), what, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&image, slot->context, area * sizeof(float), what, err));
+    HADA_TRY_OR_DONE(hada_fft_create(&plan, slot, &desc, err));
     for (size_t k = 0; k < (size_t)camera->depths; k++) {
         const hada_fft_filter use = {.product = HADA_FFT_COMPLEX, .filter = prefilter.mem, .spectrum_count = 1};
-        HADA_TRY(hada_surface_crop(slot, camera->otf, camera->first * full.count + k * step, &full, 1, camera->channels,
-                                   1.0, zoom > 1.0 ? TAPERS : 0.0, spectrum.mem, 0, &small, err));
-        HADA_TRY(hada_fft_inverse(plan, 1, spectrum.mem, 0, image.mem, 0, &use, err));
-        HADA_TRY(hada_buffer_read(&image, slot, 0, coefficients + k * area, area * sizeof(float), err));
+        HADA_TRY_OR_DONE(hada_surface_crop(slot, camera->otf, camera->first * full.count + k * step, &full, 1,
+                                           camera->channels, 1.0, zoom > 1.0 ? TAPERS : 0.0, spectrum.mem, 0, &small,
+                                           err));
+        HADA_TRY_OR_DONE(hada_fft_inverse(plan, 1, spectrum.mem, 0, image.mem, 0, &use, err));
+        HADA_TRY_OR_DONE(hada_buffer_read(&image, slot, 0, coefficients + k * area, area * sizeof(float), err));
     }
-    HADA_TRY(hada_magnification_fit(out, camera->depths, distances, coefficients, rows, cols, err));
+    HADA_TRY_OR_DONE(hada_magnification_fit(out, camera->depths, distances, coefficients, rows, cols, err));
     /* rows and columns shrink alike but for a pixel or so of a good size */
     hada_magnification_zoom(out, (double)camera->cols / cols);
 done:

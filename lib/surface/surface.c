@@ -52,7 +52,6 @@ static hada_status mean_light(const hada_surface *s, cl_mem spectrum, size_t off
     const hada_buffer view = hada_surface_view(s, spectrum, 2 * (offset + channels * s->layout.count));
     float *value = s->image[0]; /* which stays, should a read fail */
     double sum = 0.0;
-    hada_status status = HADA_OK;
     for (size_t c = 0; c < channels; c++) {
         const size_t at = (offset + c * s->layout.count) * 2 * sizeof *value;
         HADA_TRY(hada_buffer_read_later(&view, s->slot, at, value + c, sizeof *value, err));
@@ -61,8 +60,7 @@ static hada_status mean_light(const hada_surface *s, cl_mem spectrum, size_t off
     for (size_t c = 0; c < channels; c++)
         sum += s->light[c] > 0.0 ? value[c] / s->light[c] : 0.0;
     *mean = sum / ((double)channels * (double)hada_surface_area(&s->level[s->levels - 1].plan));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* A level's planes on the device. */
@@ -135,16 +133,13 @@ static hada_status follow(hada_surface *s, int l, hada_volume_band *band, hada_e
     const hada_map_place place = hada_surface_level_place(to, from);
     hada_buffer planes = planes_of(s, &s->level[l]);
     const size_t bytes = hada_surface_values(to) * sizeof(float);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_map_band(s->depth[0], size_of(from), to->steps, BAND, to->shape.planes, size_of(to), &place, s->mask,
                            err));
     find_range(s->mask, to->shape.planes, hada_surface_area(to), band);
     spread_mask(s->mask, to->shape.planes, (size_t)to->shape.channels, hada_surface_area(to));
     start_planes(s, from, to);
     HADA_TRY(hada_buffer_write_later(&s->allowed, s->slot, 0, s->mask, bytes, err));
-    HADA_TRY(hada_buffer_write_later(&planes, s->slot, 0, s->planes[0], bytes, err));
-done:
-    return status;
+    return hada_buffer_write_later(&planes, s->slot, 0, s->planes[0], bytes, err);
 }
 
 /* The sum of a level's planes. */
@@ -212,7 +207,6 @@ static hada_status solve_planes(hada_surface *s, int l, const hada_surface_rule 
     hada_buffer planes = planes_of(s, &s->level[l]);
     hada_volume_band band = {.allowed = s->allowed.mem};
     hada_map_rule smooth;
-    hada_status status = HADA_OK;
     hada_map_rule_init(&smooth);
     if (l)
         HADA_TRY(follow(s, l, &band, err));
@@ -225,12 +219,11 @@ static hada_status solve_planes(hada_surface *s, int l, const hada_surface_rule 
     for (size_t i = 0; i < hada_surface_area(plan); i++)
         s->depth[0][i] /= (float)plan->steps;
     if (l + 2 < s->levels)
-        goto done;
+        return HADA_OK;
     add_planes(s, plan, s->image[0]);
     HADA_TRY(hada_map_sharpen(s->depth[0], s->sum, size_of(plan), JUMP, err));
     HADA_TRY(hada_map_smooth(s->depth[0], s->sum, s->image[0], plan->shape.channels, size_of(plan), &smooth, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The first and last of so many planes that depths, in planes, touch. */
@@ -262,7 +255,6 @@ static hada_status look_ahead(hada_surface *s, int l, const hada_surface_rule *r
     const double planes = pixels * result->energy[l] / (MISFIT * rule->enough);
     double texture = 0.0;
     int first, last;
-    hada_status status = HADA_OK;
     if (!(planes > 1.0))
         goto said;
     add_planes(s, plan, s->image[0]);
@@ -278,8 +270,7 @@ said:
     hada_log(s->slot->context, HADA_LOG_INFO,
              "a surface at %d x %d pixels: planes %.3f, texture %.3f of what ends it%s", plan->shape.rows,
              plan->shape.cols, planes, texture, result->in_vain ? "; it is given up" : "");
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Brings depths to the window's pixels, and the planes' sum as the texture to start from; says which planes the depths
@@ -290,7 +281,6 @@ static hada_status begin_texture(hada_surface *s, int *first, int *last, hada_er
     const hada_map_place place = hada_surface_level_place(to, from);
     const size_t area = hada_surface_area(to);
     const float end = (float)(s->camera.depths - 1);
-    hada_status status = HADA_OK;
     add_planes(s, from, s->image[0]);
     for (size_t c = 0; c < (size_t)to->shape.channels; c++)
         hada_map_resample(s->image[0] + c * hada_surface_area(from), size_of(from), s->image[1] + c * area, size_of(to),
@@ -304,10 +294,8 @@ static hada_status begin_texture(hada_surface *s, int *first, int *last, hada_er
     }
     touched(s->sum, area, to->shape.planes, first, last);
     HADA_TRY(hada_buffer_write_later(&s->map, s->slot, 0, s->sum, area * sizeof(float), err));
-    HADA_TRY(hada_buffer_write_later(&s->texture, s->slot, 0, s->image[1],
-                                     area * (size_t)to->shape.channels * sizeof(float), err));
-done:
-    return status;
+    return hada_buffer_write_later(&s->texture, s->slot, 0, s->image[1],
+                                   area * (size_t)to->shape.channels * sizeof(float), err);
 }
 
 static hada_status solve_texture(hada_surface *s, const hada_surface_rule *rule, hada_surface_result *result,
@@ -322,7 +310,6 @@ static hada_status solve_texture(hada_surface *s, const hada_surface_rule *rule,
                                     .bound = TEXTURE_BOUND};
     double *energy = &result->energy[s->levels - 1];
     int first, last;
-    hada_status status = HADA_OK;
     HADA_TRY(begin_texture(s, &first, &last, err));
     HADA_TRY(hada_volume_texture(s->level[s->levels - 1].volume, &solve, s->map.mem, first, last, s->texture.mem,
                                  energy, err));
@@ -332,8 +319,7 @@ static hada_status solve_texture(hada_surface *s, const hada_surface_rule *rule,
                                  noise_of(s, s->levels - 1, result), s->shift, s->camera.depths, SURE_RADIUS,
                                  s->confidence, err));
     result->touched = last - first + 1;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* A frame without light: nothing anywhere, at no depth. */
@@ -353,7 +339,6 @@ hada_status hada_surface_run(hada_surface *s, cl_mem spectrum, size_t offset, cl
 {
     const hada_surface_plan *last = &s->level[s->levels - 1].plan;
     double mean;
-    hada_status status = HADA_OK;
     *result =
         (hada_surface_result){.rows = last->shape.window.rows,
                               .cols = last->shape.window.cols,
@@ -366,7 +351,7 @@ hada_status hada_surface_run(hada_surface *s, cl_mem spectrum, size_t offset, cl
     HADA_TRY(mean_light(s, spectrum, offset, &mean, err));
     if (!(mean > 0.0)) {
         HADA_TRY(nothing(s, err));
-        goto done;
+        return HADA_OK;
     }
     for (int l = 0; l < s->levels; l++)
         HADA_TRY(
@@ -379,17 +364,13 @@ hada_status hada_surface_run(hada_surface *s, cl_mem spectrum, size_t offset, cl
     }
     if (!result->in_vain)
         HADA_TRY(solve_texture(s, rule, result, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_surface_planes(hada_surface *s, cl_mem planes, hada_error *err)
 {
     const hada_surface_level *last = &s->level[s->levels - 1];
-    hada_status status = HADA_OK;
     HADA_TRY(
         hada_buffer_write_later(&s->map, s->slot, 0, s->depth[1], hada_surface_area(&last->plan) * sizeof(float), err));
-    HADA_TRY(hada_volume_spread(last->volume, s->map.mem, s->texture.mem, s->camera.depths, planes, err));
-done:
-    return status;
+    return hada_volume_spread(last->volume, s->map.mem, s->texture.mem, s->camera.depths, planes, err);
 }

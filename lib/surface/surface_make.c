@@ -55,24 +55,22 @@ size_t hada_surface_making_bytes(const hada_context *context, const hada_surface
 static hada_status make_arrays(hada_surface *s, const sizes *n, hada_error *err)
 {
     hada_context *context = s->slot->context;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_create(&s->map, context, n->area * sizeof(float), what, err));
     HADA_TRY(hada_buffer_create(&s->texture, context, texture_bytes(n), what, err));
     HADA_TRY(hada_buffer_create(&s->allowed, context, n->values * sizeof(float), what, err));
     for (int i = 0; i < 2; i++) {
-        HADA_TRY(hada_alloc((void **)&s->planes[i], n->values, sizeof(float), what, err));
-        HADA_TRY(hada_alloc((void **)&s->depth[i], n->area, sizeof(float), what, err));
-        HADA_TRY(hada_alloc((void **)&s->image[i], n->area * (size_t)s->camera.channels, sizeof(float), what, err));
+        HADA_TRY(hada_allocated(s->planes[i] = hada_alloc(n->values, sizeof(float), what, err)));
+        HADA_TRY(hada_allocated(s->depth[i] = hada_alloc(n->area, sizeof(float), what, err)));
+        HADA_TRY(
+            hada_allocated(s->image[i] = hada_alloc(n->area * (size_t)s->camera.channels, sizeof(float), what, err)));
     }
-    HADA_TRY(hada_alloc((void **)&s->outside, n->area, 1, what, err));
-    HADA_TRY(hada_alloc((void **)&s->mask, n->values, sizeof(float), what, err));
-    HADA_TRY(hada_alloc((void **)&s->sum, n->area, sizeof(float), what, err));
-    HADA_TRY(hada_alloc((void **)&s->confidence, n->area, sizeof(float), what, err));
-    HADA_TRY(hada_alloc((void **)&s->light, (size_t)s->camera.channels, sizeof *s->light, what, err));
-    HADA_TRY(hada_alloc((void **)&s->shift, (size_t)s->camera.depths, sizeof *s->shift, what, err));
-    HADA_TRY(hada_alloc((void **)&s->power, s->layout.count, sizeof *s->power, what, err));
-done:
-    return status;
+    HADA_TRY(hada_allocated(s->outside = hada_alloc(n->area, 1, what, err)));
+    HADA_TRY(hada_allocated(s->mask = hada_alloc(n->values, sizeof(float), what, err)));
+    HADA_TRY(hada_allocated(s->sum = hada_alloc(n->area, sizeof(float), what, err)));
+    HADA_TRY(hada_allocated(s->confidence = hada_alloc(n->area, sizeof(float), what, err)));
+    HADA_TRY(hada_allocated(s->light = hada_alloc((size_t)s->camera.channels, sizeof *s->light, what, err)));
+    HADA_TRY(hada_allocated(s->shift = hada_alloc((size_t)s->camera.depths, sizeof *s->shift, what, err)));
+    return hada_allocated(s->power = hada_alloc(s->layout.count, sizeof *s->power, what, err));
 }
 
 static hada_status make_levels(hada_surface *s, const hada_surface_plan *plans, const hada_magnification *magnification,
@@ -81,10 +79,10 @@ static hada_status make_levels(hada_surface *s, const hada_surface_plan *plans, 
     hada_between *between = NULL;
     hada_buffer plane = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_between_create(&between, s->slot, &s->camera, magnification, err));
-    HADA_TRY(hada_buffer_create(&plane, s->slot->context, plane_bytes(&s->camera, &s->layout), what, err));
+    HADA_TRY_OR_DONE(hada_between_create(&between, s->slot, &s->camera, magnification, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&plane, s->slot->context, plane_bytes(&s->camera, &s->layout), what, err));
     for (int l = 0; l < s->levels; l++)
-        HADA_TRY(hada_surface_level_make(&s->level[l], s->slot, &plans[l], between, &plane, err));
+        HADA_TRY_OR_DONE(hada_surface_level_make(&s->level[l], s->slot, &plans[l], between, &plane, err));
 done:
     hada_between_destroy(&between);
     hada_buffer_destroy(&plane);
@@ -100,10 +98,10 @@ static hada_status measure(hada_surface *s, const hada_magnification *magnificat
         hada_surface_view(s, s->camera.otf, (s->camera.first + (size_t)(depths * channels)) * count * 2);
     float *values = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc_raw((void **)&values, 2 * count, sizeof *values, what, err));
+    HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc_raw(2 * count, sizeof *values, what, err)));
     for (size_t c = 0; c < (size_t)channels; c++) {
-        HADA_TRY(hada_buffer_read(&otf, s->slot, (from + c) * count * 2 * sizeof *values, values,
-                                  count * 2 * sizeof *values, err));
+        HADA_TRY_OR_DONE(hada_buffer_read(&otf, s->slot, (from + c) * count * 2 * sizeof *values, values,
+                                          count * 2 * sizeof *values, err));
         s->light[c] = values[0];
         for (size_t i = 0; i < count; i++)
             s->power[i] += (values[2 * i] * values[2 * i] + values[2 * i + 1] * values[2 * i + 1]) / (float)channels;
@@ -125,15 +123,15 @@ hada_status hada_surface_create(hada_surface **out, hada_slot *slot, const hada_
     hada_surface *s = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY(hada_alloc((void **)&s, 1, sizeof *s, what, err));
+    HADA_TRY_OR_DONE(hada_allocated(s = hada_alloc(1, sizeof *s, what, err)));
     s->slot = slot;
     s->camera = *camera;
     s->layout = hada_surface_layout(slot->context, camera->rows, camera->cols);
     s->levels = hada_surface_levels(slot->context, camera, shape, magnification, plans);
     const sizes n = sizes_of(plans, s->levels);
-    HADA_TRY(make_arrays(s, &n, err));
-    HADA_TRY(make_levels(s, plans, magnification, err));
-    HADA_TRY(measure(s, magnification, err));
+    HADA_TRY_OR_DONE(make_arrays(s, &n, err));
+    HADA_TRY_OR_DONE(make_levels(s, plans, magnification, err));
+    HADA_TRY_OR_DONE(measure(s, magnification, err));
     *out = s;
 done:
     if (status)

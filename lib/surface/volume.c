@@ -109,7 +109,6 @@ static hada_status prepare(hada_volume *v, hada_error *err)
 {
     const hada_volume_shape *s = &v->shape;
     const int vectors = v->layout.block % 8 == 0;
-    hada_status status = HADA_OK;
     v->program = HADA_PROGRAM_VARIANT(SURFACE_VOLUME, v->slot->context, vectors);
     v->refine = HADA_PROGRAM_VARIANT(REFINE, v->slot->context, vectors);
     v->group = (size_t)hada_macros_of_surface_volume(v->program)->refine_group;
@@ -118,8 +117,7 @@ static hada_status prepare(hada_volume *v, hada_error *err)
     HADA_TRY(hada_variation_prepare(&v->variation, v->slot, s->channels, s->window.rows, s->window.cols, err));
     if (!s->free)
         HADA_TRY(hada_shrinkage_prepare(&v->shrinkage, v->slot, s->channels, s->window.rows, s->window.cols, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_volume_create(hada_volume **out, hada_slot *slot, const hada_volume_shape *shape, hada_error *err)
@@ -130,8 +128,8 @@ hada_status hada_volume_create(hada_volume **out, hada_slot *slot, const hada_vo
     hada_buffer_row rows[ROWS];
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY(check_shape(shape, err));
-    HADA_TRY(hada_alloc((void **)&v, 1, sizeof *v, what, err));
+    HADA_TRY_OR_DONE(check_shape(shape, err));
+    HADA_TRY_OR_DONE(hada_allocated(v = hada_alloc(1, sizeof *v, what, err)));
     v->slot = slot;
     v->shape = *shape;
     v->layout = hada_fft_layout(slot->context, shape->rows, shape->cols, HADA_FFT_AUTO);
@@ -142,16 +140,16 @@ hada_status hada_volume_create(hada_volume **out, hada_slot *slot, const hada_vo
         hada_fft **const made[PLANS] = {&v->forward, &v->inverse, &v->frame_forward, &v->frame_inverse};
         const int count = list_plans(slot->context, shape, plans);
         for (int i = 0; i < count; i++)
-            HADA_TRY(hada_fft_create(made[i], slot, &plans[i], err));
+            HADA_TRY_OR_DONE(hada_fft_create(made[i], slot, &plans[i], err));
     }
     list_buffers(slot->context, shape, rows);
-    HADA_TRY(hada_buffer_rows_take(v, slot->context, NULL, rows, ROWS, err));
+    HADA_TRY_OR_DONE(hada_buffer_rows_take(v, slot->context, NULL, rows, ROWS, err));
     for (int i = 0; i < ROWS; i++) /* what lies behind the last value is read and multiplied by 0 */
         if (rows[i].bytes)
-            HADA_TRY(hada_buffer_clear(hada_buffer_of(v, &rows[i]), slot, 0, rows[i].bytes, err));
-    HADA_TRY(
-        hada_alloc((void **)&v->host_partial, sums_of(slot->context, shape, &v->layout), sizeof(float), what, err));
-    HADA_TRY(prepare(v, err));
+            HADA_TRY_OR_DONE(hada_buffer_clear(hada_buffer_of(v, &rows[i]), slot, 0, rows[i].bytes, err));
+    HADA_TRY_OR_DONE(hada_allocated(
+        v->host_partial = hada_alloc(sums_of(slot->context, shape, &v->layout), sizeof(float), what, err)));
+    HADA_TRY_OR_DONE(prepare(v, err));
     *out = v;
 done:
     if (status)
@@ -217,7 +215,6 @@ static hada_status descend(hada_volume *v, const hada_volume_unknown *u, const h
     const int most = hada_volume_looks(v->slot->context);
     double t = 1, least = INFINITY, energies[1 + HADA_VOLUME_LOOKS];
     int looks = 0;
-    hada_status status = HADA_OK;
     *astray = 0;
     HADA_TRY(hada_buffer_copy(v->slot, v->start.mem, 0, v->at.mem, 0, u->count * sizeof(float), err));
     HADA_TRY(hada_buffer_copy(v->slot, v->start.mem, 0, u->values, 0, u->count * sizeof(float), err));
@@ -234,8 +231,7 @@ static hada_status descend(hada_volume *v, const hada_volume_unknown *u, const h
         HADA_TRY(hada_volume_step(v, u, rule, bound, (t - 1) / next, k, err));
         t = next;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status run(hada_volume *v, const hada_volume_unknown *u, const hada_volume_rule *rule, double *energy,
@@ -243,7 +239,6 @@ static hada_status run(hada_volume *v, const hada_volume_unknown *u, const hada_
 {
     double left = 0, bound = rule->bound;
     int astray = 1;
-    hada_status status = HADA_OK;
     if (rule->steps < 1 || !(rule->floor > 0) || !(rule->bound > 0))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "a surface: steps from 1 on, a floor and a bound above 0 are possible (got %d, %g, %g)",
@@ -256,8 +251,7 @@ static hada_status run(hada_volume *v, const hada_volume_unknown *u, const hada_
         HADA_TRY(descend(v, u, rule, bound, &left, &astray, err));
     if (energy)
         *energy = left;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static int is_range(const hada_volume *v, int first, int last)
@@ -278,7 +272,6 @@ hada_status hada_volume_solve(hada_volume *v, const hada_volume_rule *rule, cons
                                    .values = v->planes.mem,
                                    .allowed = band ? band->allowed : NULL,
                                    .count = hada_volume_values(v)};
-    hada_status status = HADA_OK;
     if (!v->shape.free)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a surface: this volume was made for textures");
     if (!is_range(v, u.first, u.last))
@@ -286,9 +279,7 @@ hada_status hada_volume_solve(hada_volume *v, const hada_volume_rule *rule, cons
     /* no step writes the gradient of dark planes */
     if (u.first > 0 || u.last < v->shape.planes - 1)
         HADA_TRY(hada_buffer_clear(&v->gradient, v->slot, 0, v->gradient.bytes, err));
-    HADA_TRY(run(v, &u, rule, energy, err));
-done:
-    return status;
+    return run(v, &u, rule, energy, err);
 }
 
 hada_status hada_volume_texture(hada_volume *v, const hada_volume_rule *rule, cl_mem depth, int first, int last,

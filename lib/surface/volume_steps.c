@@ -27,15 +27,12 @@ hada_status hada_volume_set_camera(hada_volume *v, int first, int count, cl_mem 
     const size_t each = (size_t)v->shape.channels * v->layout.count, values = (size_t)count * each;
     const size_t offset = (size_t)first * each;
     const hada_range range = slices(v, values, 1, 1);
-    hada_status status = HADA_OK;
     v->floor = 0;
     HADA_TRY(hada_buffer_copy(v->slot, otf, from * 2 * sizeof(float), v->otf.mem, offset * 2 * sizeof(float),
                               values * 2 * sizeof(float), err));
     hada_slot_cost(v->slot, 8.0 * (double)values, (double)values);
-    HADA_TRY(hada_launch_volume_conjugate(v->slot, v->program, &range, err, .otf = v->otf.mem,
-                                          .offset = (cl_ulong)offset, .count = (cl_ulong)values));
-done:
-    return status;
+    return hada_launch_volume_conjugate(v->slot, v->program, &range, err, .otf = v->otf.mem, .offset = (cl_ulong)offset,
+                                        .count = (cl_ulong)values);
 }
 
 hada_status hada_volume_weigh(hada_volume *v, double floor, hada_error *err)
@@ -81,7 +78,6 @@ static hada_status explain(hada_volume *v, const hada_volume_unknown *u, int fir
     const hada_volume_splat splat = splat_of(v, first, planes, 0);
     const double pixels = (double)(v->window_area * channels) * planes;
     const double values = (double)(v->layout.count * channels) * planes;
-    hada_status status = HADA_OK;
     if (u->texture) {
         hada_slot_cost(v->slot, 4.0 * pixels, 4.0 * pixels);
         HADA_TRY(hada_launch_volume_splat(v->slot, v->program, &spread, err, .depth = u->depth, .texture = v->at.mem,
@@ -90,11 +86,8 @@ static hada_status explain(hada_volume *v, const hada_volume_unknown *u, int fir
     HADA_TRY(hada_fft_forward(v->forward, planes * v->shape.channels, u->texture ? v->planes.mem : v->at.mem,
                               u->texture ? 0 : (size_t)first * channels * v->window_area, v->spectra.mem, 0, err));
     hada_slot_cost(v->slot, 16.0 * values, 8.0 * values);
-    HADA_TRY(hada_launch_volume_explain(v->slot, v->program, &range, err, .otf = v->otf.mem, .offset = 0,
-                                        .u = v->spectra.mem, .sum = v->sum.mem,
-                                        .batch = batch_at(v, first, planes, add)));
-done:
-    return status;
+    return hada_launch_volume_explain(v->slot, v->program, &range, err, .otf = v->otf.mem, .offset = 0,
+                                      .u = v->spectra.mem, .sum = v->sum.mem, .batch = batch_at(v, first, planes, add));
 }
 
 static hada_status weigh_sum(hada_volume *v, hada_error *err)
@@ -124,15 +117,12 @@ static hada_status residual_padded(hada_volume *v, int look, hada_error *err)
     const int channels = v->shape.channels;
     const hada_range range = slices(v, v->frame_area, (size_t)channels, 1);
     const hada_refine_sums sums = {HADA_VOLUME_SLICE, (unsigned)((size_t)look * sums_of(v))};
-    hada_status status = HADA_OK;
     HADA_TRY(hada_fft_inverse(v->frame_inverse, channels, v->sum.mem, 0, v->frame.mem, 0, NULL, err));
     hada_slot_cost(v->slot, 12.0 * channels * (double)v->frame_area, 4.0 * channels * (double)v->frame_area);
-    HADA_TRY(hada_launch_refine_frame(v->slot, v->refine, &range, err, .a = v->frame.mem, .frame = v->frame_pixels,
-                                      .frame_offset = (cl_ulong)v->pixels_offset, .use_frame = 1,
-                                      .channels = (cl_uint)channels, .pixels = (cl_uint)v->frame_area, .scale = 1.0f,
-                                      .partial = v->partial.mem, .sums = sums));
-done:
-    return status;
+    return hada_launch_refine_frame(v->slot, v->refine, &range, err, .a = v->frame.mem, .frame = v->frame_pixels,
+                                    .frame_offset = (cl_ulong)v->pixels_offset, .use_frame = 1,
+                                    .channels = (cl_uint)channels, .pixels = (cl_uint)v->frame_area, .scale = 1.0f,
+                                    .partial = v->partial.mem, .sums = sums);
 }
 
 /* The same where the sensor sees everything: its spectrum, weighted where that is wanted. */
@@ -141,15 +131,12 @@ static hada_status residual_circular(hada_volume *v, int weighted, int look, had
     const hada_range range = slices(v, v->layout.count, (size_t)v->shape.channels, 1);
     const double values = (double)v->layout.count * v->shape.channels;
     const hada_spectrum_shape shape = hada_spectrum_shape_of(&v->layout);
-    hada_status status = HADA_OK;
     hada_slot_cost(v->slot, (weighted ? 28.0 : 24.0) * values, (weighted ? 8.0 : 6.0) * values);
-    HADA_TRY(hada_launch_volume_residual(v->slot, v->program, &range, err, .sum = v->sum.mem,
-                                         .frame = v->frame_spectrum, .frame_offset = (cl_ulong)v->spectrum_offset,
-                                         .weight = weighted ? v->weight.mem : v->sum.mem, .has_weight = weighted,
-                                         .spectrum = shape, .partial = v->partial.mem,
-                                         .first = (cl_uint)((size_t)look * sums_of(v))));
-done:
-    return status;
+    return hada_launch_volume_residual(v->slot, v->program, &range, err, .sum = v->sum.mem, .frame = v->frame_spectrum,
+                                       .frame_offset = (cl_ulong)v->spectrum_offset,
+                                       .weight = weighted ? v->weight.mem : v->sum.mem, .has_weight = weighted,
+                                       .spectrum = shape, .partial = v->partial.mem,
+                                       .first = (cl_uint)((size_t)look * sums_of(v)));
 }
 
 /* What the spectrum of the model leaves of the frame, its energy, and its weighted spectrum; where the sensor crops,
@@ -157,16 +144,13 @@ done:
 static hada_status leave_residual(hada_volume *v, int look, hada_error *err)
 {
     const int channels = v->shape.channels;
-    hada_status status = HADA_OK;
     if (!hada_volume_is_padded(&v->shape))
         return residual_circular(v, 1, look, err);
     HADA_TRY(residual_padded(v, look, err));
     HADA_TRY(hada_fft_forward(v->frame_forward, channels, v->frame.mem, 0, v->sum.mem, 0, err));
     HADA_TRY(weigh_sum(v, err));
     HADA_TRY(hada_fft_inverse(v->frame_inverse, channels, v->sum.mem, 0, v->frame.mem, 0, NULL, err));
-    HADA_TRY(hada_fft_forward(v->frame_forward, channels, v->frame.mem, 0, v->sum.mem, 0, err));
-done:
-    return status;
+    return hada_fft_forward(v->frame_forward, channels, v->frame.mem, 0, v->sum.mem, 0, err);
 }
 
 /* The gradient from the weighted residual's spectrum, for a batch of planes. */
@@ -182,7 +166,6 @@ static hada_status correlate(hada_volume *v, const hada_volume_unknown *u, int f
     const hada_range range = slices(v, v->window_area, (size_t)channels, 1);
     const hada_volume_splat splat = splat_of(v, first, planes, add);
     const double pixels = (double)v->window_area * channels;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_fft_inverse(v->inverse, planes * channels, v->sum.mem, 0,
                               u->texture ? v->planes.mem : v->gradient.mem,
                               u->texture ? 0 : (size_t)(first * channels) * v->window_area, &filter, err));
@@ -191,13 +174,11 @@ static hada_status correlate(hada_volume *v, const hada_volume_unknown *u, int f
         HADA_TRY(hada_launch_volume_gather(v->slot, v->program, &range, err, .depth = u->depth, .planes = v->planes.mem,
                                            .texture = v->gradient.mem, .splat = splat));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_volume_differentiate(hada_volume *v, const hada_volume_unknown *u, int look, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int first = u->first; first <= u->last; first += v->batch) {
         const int left = u->last - first + 1;
         HADA_TRY(explain(v, u, first, left < v->batch ? left : v->batch, first > u->first, err));
@@ -207,8 +188,7 @@ hada_status hada_volume_differentiate(hada_volume *v, const hada_volume_unknown 
         const int left = u->last - first + 1;
         HADA_TRY(correlate(v, u, first, left < v->batch ? left : v->batch, first > u->first, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The proximal step of total variation on the point that a gradient step found, with shrinkage at the end of a
@@ -231,7 +211,6 @@ hada_status hada_volume_step(hada_volume *v, const hada_volume_unknown *u, const
     const cl_mem allowed = u->allowed ? u->allowed : v->at.mem;
     const hada_range range = slices(v, u->count, 1, 1);
     const double values = (double)u->count, theta = rule->variation > 0 ? rule->variation / bound : 0;
-    hada_status status = HADA_OK;
     hada_slot_cost(v->slot, (u->allowed ? 16.0 : 12.0) * values, 3.0 * values);
     HADA_TRY(hada_launch_volume_descend(v->slot, v->program, &range, err, .g = v->gradient.mem, .y = v->at.mem,
                                         .allowed = allowed, .has_allowed = u->allowed != NULL,
@@ -239,26 +218,20 @@ hada_status hada_volume_step(hada_volume *v, const hada_volume_unknown *u, const
     if (theta > 0)
         HADA_TRY(smooth(v, u, rule, theta, step, err));
     hada_slot_cost(v->slot, (u->allowed ? 20.0 : 16.0) * values, 4.0 * values);
-    HADA_TRY(hada_launch_volume_advance(v->slot, v->program, &range, err, .point = v->gradient.mem, .u = u->values,
-                                        .y = v->at.mem, .allowed = allowed, .has_allowed = u->allowed != NULL,
-                                        .values = (cl_uint)u->count, .momentum = (float)momentum));
-done:
-    return status;
+    return hada_launch_volume_advance(v->slot, v->program, &range, err, .point = v->gradient.mem, .u = u->values,
+                                      .y = v->at.mem, .allowed = allowed, .has_allowed = u->allowed != NULL,
+                                      .values = (cl_uint)u->count, .momentum = (float)momentum);
 }
 
 hada_status hada_volume_frame_energy(hada_volume *v, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_clear(&v->sum, v->slot, 0, v->sum.bytes, err));
-    HADA_TRY(hada_volume_is_padded(&v->shape) ? residual_padded(v, 0, err) : residual_circular(v, 0, 0, err));
-done:
-    return status;
+    return hada_volume_is_padded(&v->shape) ? residual_padded(v, 0, err) : residual_circular(v, 0, 0, err);
 }
 
 hada_status hada_volume_fetch_energies(hada_volume *v, int count, double *energy, hada_error *err)
 {
     const size_t each = sums_of(v);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_read(&v->partial, v->slot, 0, v->host_partial, (size_t)count * each * sizeof(float), err));
     for (size_t k = 0; k < (size_t)count; k++) {
         double sum = 0;
@@ -266,6 +239,5 @@ hada_status hada_volume_fetch_energies(hada_volume *v, int count, double *energy
             sum += v->host_partial[i];
         energy[k] = hada_volume_is_padded(&v->shape) ? sum : sum / ((double)v->layout.rows * v->layout.cols);
     }
-done:
-    return status;
+    return HADA_OK;
 }

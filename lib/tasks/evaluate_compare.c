@@ -34,7 +34,7 @@ static hada_status find_gain(const hada_compared *open, const hada_region *regio
     hada_status status = HADA_OK;
     hada_compared_page one = {0};
     for (int t = 0; t < open->count; t++) {
-        HADA_TRY(hada_compared_read(&one, open, t, region, err));
+        HADA_TRY_OR_DONE(hada_compared_read(&one, open, t, region, err));
         for (size_t i = 0; one.result.data && i < hada_image_count(&one.truth); i++) {
             const double result = (double)one.result.data[i];
             if (hada_compared_counts(&one, i)) {
@@ -62,10 +62,10 @@ static hada_status find_places(unsigned char *mask[PLACES], const hada_compared 
     const size_t pixels = (size_t)one->truth.rows * (size_t)one->truth.cols;
     unsigned char *parts = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_evaluate_parts_beside(&parts, open, t, one, by, region, err));
+    HADA_TRY_OR_DONE(hada_evaluate_parts_beside(&parts, open, t, one, by, region, err));
     for (int k = 0; parts && k < PLACES; k++) {
         size_t found = 0;
-        HADA_TRY(hada_alloc((void **)&mask[k], pixels, 1, "a mask", err));
+        HADA_TRY_OR_DONE(hada_allocated(mask[k] = hada_alloc(pixels, 1, "a mask", err)));
         for (size_t i = 0; i < pixels; i++)
             found += mask[k][i] = (unsigned char)(parts[i] == which[k] && hada_compared_counts(one, i));
         if (!found) {
@@ -97,7 +97,6 @@ static hada_status measure_ssim(marks *of, const hada_compared_page *one, unsign
     enum { KINDS = sizeof kinds / sizeof *kinds };
     hada_similarity list[KINDS];
     int count = 0;
-    hada_status status = HADA_OK;
     for (int k = 0; k < KINDS; k++)
         if (wanted[k])
             list[count++] = kinds[k];
@@ -108,8 +107,7 @@ static hada_status measure_ssim(marks *of, const hada_compared_page *one, unsign
     for (int k = 0; k < KINDS; k++)
         if (wanted[k])
             *to[k] = list[count++].mean; /* of a place that is all too near to the edges: NaN */
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status measure(marks *of, const hada_compared_page *one, unsigned char *const place[PLACES],
@@ -117,7 +115,6 @@ static hada_status measure(marks *of, const hada_compared_page *one, unsigned ch
 {
     const hada_image *result = &one->result, *truth = &one->truth;
     const unsigned char *mask = one->mask;
-    hada_status status = HADA_OK;
     *of = (marks){.ssim = NAN, .lpips = NAN, .authors_psnr = NAN, .authors_ssim = NAN, .place_ssim = {NAN, NAN}};
     HADA_TRY(hada_metric_mse(result, truth, mask, &of->mse, err));
     HADA_TRY(hada_metric_psnr(result, truth, by->peak, mask, &of->psnr, err));
@@ -133,8 +130,7 @@ static hada_status measure(marks *of, const hada_compared_page *one, unsigned ch
     for (int k = 0; k < PLACES; k++)
         if (place[k])
             HADA_TRY(hada_metric_psnr(result, truth, by->peak, place[k], &of->place_psnr[k], err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Sums over the pages. */
@@ -182,12 +178,12 @@ static hada_status compare_page(hada_evaluation *score, sums *of_all, const hada
     unsigned char *place[PLACES] = {NULL};
     hada_compared_page one = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_compared_read(&one, open, t, region, err));
+    HADA_TRY_OR_DONE(hada_compared_read(&one, open, t, region, err));
     if (!one.result.data) {
         score->missing += !is_dark(&one);
         goto done;
     }
-    HADA_TRY(find_places(place, open, t, &one, by, region, err));
+    HADA_TRY_OR_DONE(find_places(place, open, t, &one, by, region, err));
     status = add_page(score, of_all, &one, place, by, err);
     if (status)
         hada_error_prefix(err, "%s and %s: ", open->result_path, open->truth_path);
@@ -202,7 +198,6 @@ static hada_status compare_images(hada_evaluation *score, const hada_compared *o
                                   const hada_region *region, hada_error *err)
 {
     sums all = {0};
-    hada_status status = HADA_OK;
     if (by->match_gain)
         HADA_TRY(find_gain(open, region, &score->gain, err));
     for (int t = 0; t < open->count; t++)
@@ -221,8 +216,7 @@ static hada_status compare_images(hada_evaluation *score, const hada_compared *o
     score->ssim_jumps = all.ssim[JUMPS] / all.pages[JUMPS];
     score->ssim_away = all.ssim[AWAY] / all.pages[AWAY];
     score->psnr_all = 10 * log10(by->peak * by->peak / (all.square / score->pages));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_evaluate_compare(hada_evaluation *one, const hada_evaluate_task *by, const hada_region *region,
@@ -238,14 +232,14 @@ hada_status hada_evaluate_compare(hada_evaluation *one, const hada_evaluate_task
     one->what = kind_of(one->truth);
     if (one->what == HADA_EVALUATED_IMAGES)
         one->what = kind_of(one->result);
-    HADA_TRY(hada_compared_open(&open, one->result, one->truth, err));
+    HADA_TRY_OR_DONE(hada_compared_open(&open, one->result, one->truth, err));
     if (one->what == HADA_EVALUATED_MAP) {
-        HADA_TRY(hada_evaluate_maps(one, &open, by, region, err));
+        HADA_TRY_OR_DONE(hada_evaluate_maps(one, &open, by, region, err));
     } else {
-        HADA_TRY(hada_compared_encode(&open, by->truth_encoding, by->encoding, err));
+        HADA_TRY_OR_DONE(hada_compared_encode(&open, by->truth_encoding, by->encoding, err));
         one->result_encoding = open.result_encoding;
         one->encoding = open.encoding;
-        HADA_TRY(compare_images(one, &open, by, region, err));
+        HADA_TRY_OR_DONE(compare_images(one, &open, by, region, err));
     }
 done:
     hada_compared_close(&open);

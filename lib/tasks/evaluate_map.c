@@ -24,12 +24,12 @@ static hada_status distances_beside(double **out, int *count, const char *map_pa
     *count = 0;
     if (!hada_stem_ends(map_path, stem, tail_word))
         return HADA_OK;
-    HADA_TRY(hada_path_format(&path, err, "%.*s_stack%s", (int)(stem - tail), map_path, map_path + stem));
-    HADA_TRY(hada_path_finds_file(path, &there, err));
+    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%.*s_stack%s", (int)(stem - tail), map_path, map_path + stem));
+    HADA_TRY_OR_DONE(hada_path_finds_file(path, &there, err));
     if (!there || hada_tiff_open(&reader, path, &ignored))
         goto done;
     const size_t all = hada_tiff_distances(reader, NULL, 0);
-    HADA_TRY(hada_alloc((void **)out, all + 1, sizeof **out, "distances", err));
+    HADA_TRY_OR_DONE(hada_allocated(*out = hada_alloc(all + 1, sizeof **out, "distances", err)));
     *count = (int)hada_tiff_distances(reader, *out, all);
 done:
     hada_tiff_close(&reader);
@@ -47,7 +47,6 @@ typedef struct steps {
 static hada_status find_steps(steps *out, const hada_compared *open, const hada_evaluate_task *by, const char *tail,
                               hada_error *err)
 {
-    hada_status status = HADA_OK;
     *out = (steps){by->distances_mm, by->distances, NULL};
     if (out->count)
         return HADA_OK;
@@ -57,8 +56,7 @@ static hada_status find_steps(steps *out, const hada_compared *open, const hada_
         HADA_TRY(distances_beside(&out->own, &out->count, open->result_path, tail, err));
     }
     out->distances = out->own;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Page t of a file, cut to the region; empty where there is no such page. */
@@ -66,11 +64,11 @@ static hada_status read_page(hada_image *out, const char *path, int t, const had
 {
     hada_tiff_reader *reader = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_tiff_open(&reader, path, err));
+    HADA_TRY_OR_DONE(hada_tiff_open(&reader, path, err));
     if (t >= hada_tiff_get_info(reader)->frames)
         goto done;
-    HADA_TRY(hada_tiff_read(reader, t, out, err));
-    HADA_TRY(hada_region_cut(region, out, err));
+    HADA_TRY_OR_DONE(hada_tiff_read(reader, t, out, err));
+    HADA_TRY_OR_DONE(hada_region_cut(region, out, err));
 done:
     hada_tiff_close(&reader);
     return status;
@@ -87,8 +85,8 @@ static hada_status read_beside(hada_image *out, const char *path, const char *ta
     *out = (hada_image){0};
     if (!hada_stem_ends(path, stem, tail))
         return HADA_OK;
-    HADA_TRY(hada_path_format(&beside, err, "%.*s%s%s", (int)(stem - length), path, other, path + stem));
-    HADA_TRY(hada_path_finds_file(beside, &there, err));
+    HADA_TRY_OR_DONE(hada_path_format(&beside, err, "%.*s%s%s", (int)(stem - length), path, other, path + stem));
+    HADA_TRY_OR_DONE(hada_path_finds_file(beside, &there, err));
     if (!there)
         goto done;
     status = read_page(out, beside, t, region, err);
@@ -107,14 +105,14 @@ hada_status hada_evaluate_parts_beside(unsigned char **parts, const hada_compare
     steps list = {0};
     hada_status status = HADA_OK;
     *parts = NULL;
-    HADA_TRY(find_steps(&list, open, by, "_aif", err));
+    HADA_TRY_OR_DONE(find_steps(&list, open, by, "_aif", err));
     if (list.count < 2)
         goto done;
-    HADA_TRY(read_beside(&map, open->truth_path, "_aif", "_depth", t, region, err));
+    HADA_TRY_OR_DONE(read_beside(&map, open->truth_path, "_aif", "_depth", t, region, err));
     if (!map.data || map.channels != 1 || map.rows != one->truth.rows || map.cols != one->truth.cols)
         goto done;
-    HADA_TRY(hada_alloc((void **)parts, hada_image_count(&map), 1, "parts of a map", err));
-    HADA_TRY(hada_metric_depth_parts(&map, list.distances, list.count, HADA_AUTO, HADA_AUTO, *parts, err));
+    HADA_TRY_OR_DONE(hada_allocated(*parts = hada_alloc(hada_image_count(&map), 1, "parts of a map", err)));
+    HADA_TRY_OR_DONE(hada_metric_depth_parts(&map, list.distances, list.count, HADA_AUTO, HADA_AUTO, *parts, err));
 done:
     free(list.own);
     hada_image_destroy(&map);
@@ -179,12 +177,12 @@ static hada_status add_confidence(map_sums *sums, const hada_compared *open, int
     hada_confidence_score score = {.size = sizeof score};
     hada_image confidence = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(read_beside(&confidence, open->result_path, "_depth", "_confidence", t, region, err));
+    HADA_TRY_OR_DONE(read_beside(&confidence, open->result_path, "_depth", "_confidence", t, region, err));
     if (!confidence.data)
         goto done;
-    HADA_TRY(hada_metric_depth_confidence(&one->result, &one->truth, &confidence,
-                                          sums->steps_known ? sums->list.distances : NULL,
-                                          sums->steps_known ? sums->list.count : 0, chosen, &score, err));
+    HADA_TRY_OR_DONE(hada_metric_depth_confidence(&one->result, &one->truth, &confidence,
+                                                  sums->steps_known ? sums->list.distances : NULL,
+                                                  sums->steps_known ? sums->list.count : 0, chosen, &score, err));
     if (score.pixels) {
         sums->half += score.half_error * (double)score.pixels;
         sums->risk += score.risk * (double)score.pixels;
@@ -207,25 +205,25 @@ static hada_status add_page(map_sums *sums, const hada_compared *open, int t, ha
     if (!one->result.data || one->truth.channels != 1)
         return hada_fail(err, HADA_ERROR_SIZE, "%s has no distance map for page %d of %s", open->result_path, t + 1,
                          open->truth_path);
-    HADA_TRY(hada_alloc((void **)&chosen, pixels, 1, "a mask", err));
+    HADA_TRY_OR_DONE(hada_allocated(chosen = hada_alloc(pixels, 1, "a mask", err)));
     if (sums->steps_known) {
-        HADA_TRY(hada_alloc((void **)&parts, pixels, 1, "parts of a map", err));
-        HADA_TRY(hada_metric_depth_parts(&one->truth, distances, count, HADA_AUTO, HADA_AUTO, parts, err));
+        HADA_TRY_OR_DONE(hada_allocated(parts = hada_alloc(pixels, 1, "parts of a map", err)));
+        HADA_TRY_OR_DONE(hada_metric_depth_parts(&one->truth, distances, count, HADA_AUTO, HADA_AUTO, parts, err));
         add_outside(sums, one, parts);
     }
-    HADA_TRY(read_beside(&second, open->truth_path, "_depth", "_depth2", t, region, err));
+    HADA_TRY_OR_DONE(read_beside(&second, open->truth_path, "_depth", "_depth2", t, region, err));
     if (second.data)
-        HADA_TRY(hada_metric_depth_nearer(&one->truth, &second, &one->result, distances, count, err));
+        HADA_TRY_OR_DONE(hada_metric_depth_nearer(&one->truth, &second, &one->result, distances, count, err));
     for (int place = PLACES - 1; place >= ALL; place--) { /* so that `chosen` is all in the end */
         hada_depth_score depth = {.size = sizeof depth};
         const size_t here = choose(one, parts, place, chosen);
         if (!here && (place != ALL || sums->outside > 0))
             continue;
-        HADA_TRY(
+        HADA_TRY_OR_DONE(
             hada_metric_depth(&one->result, &one->truth, distances, count, sums->by->tolerance, chosen, &depth, err));
         add_score(&sums->place[place], &depth, sums->steps_known);
     }
-    HADA_TRY(add_confidence(sums, open, t, one, region, chosen, err));
+    HADA_TRY_OR_DONE(add_confidence(sums, open, t, one, region, chosen, err));
 done:
     free(parts);
     free(chosen);
@@ -262,11 +260,11 @@ hada_status hada_evaluate_maps(hada_evaluation *score, const hada_compared *open
     hada_status status = HADA_OK;
     map_sums sums = {.by = by};
     hada_compared_page one = {0};
-    HADA_TRY(find_steps(&sums.list, open, by, "_depth", err));
+    HADA_TRY_OR_DONE(find_steps(&sums.list, open, by, "_depth", err));
     sums.steps_known = score->steps_known = sums.list.count >= 2;
     for (int t = 0; t < open->count; t++) {
-        HADA_TRY(hada_compared_read(&one, open, t, region, err));
-        HADA_TRY(add_page(&sums, open, t, &one, region, err));
+        HADA_TRY_OR_DONE(hada_compared_read(&one, open, t, region, err));
+        HADA_TRY_OR_DONE(add_page(&sums, open, t, &one, region, err));
         score->pages++;
         hada_compared_page_free(&one);
     }

@@ -40,8 +40,8 @@ static hada_status match_slices(hada_compared *open, hada_error *err)
     hada_status status = HADA_OK;
     double *have = NULL, *want = NULL;
     int found = 0;
-    HADA_TRY(hada_alloc((void **)&have, results, sizeof *have, "distances", err));
-    HADA_TRY(hada_alloc((void **)&want, truths, sizeof *want, "distances", err));
+    HADA_TRY_OR_DONE(hada_allocated(have = hada_alloc(results, sizeof *have, "distances", err)));
+    HADA_TRY_OR_DONE(hada_allocated(want = hada_alloc(truths, sizeof *want, "distances", err)));
     if (hada_tiff_distances(open->result, have, results) == results &&
         hada_tiff_distances(open->truth, want, truths) == truths)
         for (int t = 0; t < truth->frames; t++)
@@ -51,10 +51,10 @@ static hada_status match_slices(hada_compared *open, hada_error *err)
                     found++;
                 }
     if (!found)
-        HADA_TRY(hada_fail(err, HADA_ERROR_SIZE,
-                           "%s has %d %s and %s has %d, and their distances do not tell which belong together",
-                           open->result_path, result->frames, result->frames == 1 ? "image" : "images",
-                           open->truth_path, truth->frames));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_SIZE,
+                                   "%s has %d %s and %s has %d, and their distances do not tell which belong together",
+                                   open->result_path, result->frames, result->frames == 1 ? "image" : "images",
+                                   open->truth_path, truth->frames));
 done:
     free(have);
     free(want);
@@ -71,19 +71,17 @@ static hada_status open_tiff(hada_tiff_reader **reader, const char *path, hada_e
 
 hada_status hada_compared_open(hada_compared *open, const char *result, const char *truth, hada_error *err)
 {
-    hada_status status = HADA_OK;
     *open = (hada_compared){.result_path = result, .truth_path = truth};
     HADA_TRY(open_tiff(&open->result, result, err));
     HADA_TRY(open_tiff(&open->truth, truth, err));
     open->count = hada_tiff_get_info(open->truth)->frames;
-    HADA_TRY(hada_alloc((void **)&open->page, (size_t)open->count, sizeof *open->page, "a list of pages", err));
+    HADA_TRY(hada_allocated(open->page = hada_alloc((size_t)open->count, sizeof *open->page, "a list of pages", err)));
     const int equal = hada_tiff_get_info(open->result)->frames == open->count;
     for (int t = 0; t < open->count; t++)
         open->page[t] = equal ? t : -1;
     if (!equal)
         HADA_TRY(match_slices(open, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status not_said(const char *path, hada_error *err)
@@ -151,14 +149,14 @@ hada_status hada_compared_read(hada_compared_page *one, const hada_compared *ope
     hada_status status = HADA_OK;
     int reading_truth = 1;
     *one = (hada_compared_page){0};
-    HADA_TRY(hada_tiff_read(open->truth, t, truth, err));
-    HADA_TRY(hada_region_mask(region, truth->rows, truth->cols, &one->mask, err));
+    HADA_TRY_OR_DONE(hada_tiff_read(open->truth, t, truth, err));
+    HADA_TRY_OR_DONE(hada_region_mask(region, truth->rows, truth->cols, &one->mask, err));
     reading_truth = 0;
     if (open->page[t] >= 0) {
-        HADA_TRY(read_result(one, open, t, err));
-        HADA_TRY(hada_region_cut(region, &one->result, err));
+        HADA_TRY_OR_DONE(read_result(one, open, t, err));
+        HADA_TRY_OR_DONE(hada_region_cut(region, &one->result, err));
     }
-    HADA_TRY(hada_region_cut(region, truth, err));
+    HADA_TRY_OR_DONE(hada_region_cut(region, truth, err));
     encode(&one->result, open->result_encoding, open->encoding);
     encode(truth, open->truth_encoding, open->encoding);
 done:

@@ -26,7 +26,6 @@ void hada_region_free(hada_region *region)
 hada_status hada_region_cut(const hada_region *region, hada_image *image, hada_error *err)
 {
     hada_image part;
-    hada_status status = HADA_OK;
     if (!region->rows)
         return HADA_OK;
     const int row = region->row < 0 ? (image->rows - region->rows) / 2 : region->row;
@@ -37,8 +36,7 @@ hada_status hada_region_cut(const hada_region *region, hada_image *image, hada_e
     HADA_TRY(hada_image_crop(&part, image, row, col, region->rows, region->cols, err));
     hada_image_destroy(image);
     *image = part;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Pixels that are not 0 in some channel; returns whether there are any. */
@@ -64,12 +62,12 @@ hada_status hada_region_mask(const hada_region *region, int rows, int cols, unsi
     if (region->mask.rows != rows || region->mask.cols != cols)
         return hada_fail(err, HADA_ERROR_SIZE, "the mask is %dx%d, but the images to compare are %dx%d",
                          region->mask.rows, region->mask.cols, rows, cols);
-    HADA_TRY(hada_image_crop(&part, &region->mask, 0, 0, rows, cols, err));
-    HADA_TRY(hada_region_cut(region, &part, err));
-    HADA_TRY(hada_alloc((void **)mask, (size_t)part.rows * (size_t)part.cols, 1, "a mask", err));
+    HADA_TRY_OR_DONE(hada_image_crop(&part, &region->mask, 0, 0, rows, cols, err));
+    HADA_TRY_OR_DONE(hada_region_cut(region, &part, err));
+    HADA_TRY_OR_DONE(hada_allocated(*mask = hada_alloc((size_t)part.rows * (size_t)part.cols, 1, "a mask", err)));
     if (!mark(*mask, &part))
-        HADA_TRY(hada_fail(err, HADA_ERROR_SIZE, "the mask leaves no pixel to compare: all of it is 0%s",
-                           region->rows ? " within the window" : ""));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_SIZE, "the mask leaves no pixel to compare: all of it is 0%s",
+                                   region->rows ? " within the window" : ""));
 done:
     hada_image_destroy(&part);
     if (status) {

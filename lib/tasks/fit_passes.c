@@ -25,7 +25,7 @@ static hada_status one_pair(hada_fitter *fitter, const hada_fit_source *from, in
     const hada_dataset *data = from->data;
     hada_fit_loan loan;
     hada_status status = HADA_OK;
-    HADA_TRY(take(&loan, from, z, i, err));
+    HADA_TRY_OR_DONE(take(&loan, from, z, i, err));
     status = use(fitter, z, loan.raw, loan.scene, err);
     if (status)
         hada_error_prefix(err, "%s and %s: ", hada_dataset_raw_path(data, z, i), hada_dataset_scene_path(data, z, i));
@@ -52,8 +52,8 @@ static hada_status each_pair(hada_fitter *fitter, const hada_fit_source *from, i
     for (int z = 0; z < info->depths; z++) {
         const int count = least(info->counts[z], most);
         for (int i = 0; i < count; i++) {
-            HADA_TRY(one_pair(fitter, from, z, (int)((long)i * info->counts[z] / count), use, err));
-            HADA_TRY(hada_progress_step(&progress, NULL, err));
+            HADA_TRY_OR_DONE(one_pair(fitter, from, z, (int)((long)i * info->counts[z] / count), use, err));
+            HADA_TRY_OR_DONE(hada_progress_step(&progress, NULL, err));
         }
     }
 done:
@@ -131,7 +131,6 @@ static hada_status resume_part(hada_fitter *fitter, const hada_fit_source *from,
                                "options.resume",
                                from->part));
     }
-done:
     return status;
 }
 
@@ -145,10 +144,10 @@ static hada_status add_share(hada_fitter *fitter, const hada_fit_source *from, h
         const int there = from->part ? (int)hada_fitter_pairs(fitter, z) : 0;
         for (int i = mine.begin; i < mine.end; i++) {
             if (i - mine.begin >= there) {
-                HADA_TRY(one_pair(fitter, from, z, i, hada_fitter_add, err));
-                HADA_TRY(save_part(fitter, from, &at, err));
+                HADA_TRY_OR_DONE(one_pair(fitter, from, z, i, hada_fitter_add, err));
+                HADA_TRY_OR_DONE(save_part(fitter, from, &at, err));
             }
-            HADA_TRY(hada_progress_step(progress, NULL, err));
+            HADA_TRY_OR_DONE(hada_progress_step(progress, NULL, err));
         }
     }
 done:
@@ -165,9 +164,9 @@ hada_status hada_fit_pass_add(hada_fitter *fitter, const hada_fit_source *from, 
     for (int z = 0; z < info->depths; z++)
         total += share_of(from, z).end - share_of(from, z).begin;
     hada_progress progress = hada_progress_begin(from->monitor, "pairs", total);
-    HADA_TRY(resume_part(fitter, from, err));
-    HADA_TRY(add_share(fitter, from, &progress, err));
-    HADA_TRY(hada_fitter_reduce(fitter, err));
+    HADA_TRY_OR_DONE(resume_part(fitter, from, err));
+    HADA_TRY_OR_DONE(add_share(fitter, from, &progress, err));
+    HADA_TRY_OR_DONE(hada_fitter_reduce(fitter, err));
 done:
     hada_progress_end(&progress);
     return status;
@@ -193,7 +192,6 @@ static hada_status show(void *user, int depth, int64_t number, const hada_image 
                         hada_error *err)
 {
     shown *at = user;
-    hada_status status = HADA_OK;
     if (!at->progress.what)
         at->progress = hada_progress_begin(at->from->monitor, at->why, 0);
     hada_fit_loan_return(&at->loan);
@@ -203,8 +201,7 @@ static hada_status show(void *user, int depth, int64_t number, const hada_image 
     HADA_TRY(hada_progress_step(&at->progress, NULL, err));
     *raw = at->loan.raw;
     *scene = at->loan.scene;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static void show_end(shown *at)
@@ -286,12 +283,12 @@ hada_status hada_fit_exact(hada_model **out, hada_context *context, const hada_f
 {
     hada_fitter *fitter = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_fitter_create(&fitter, context, fit, err));
-    HADA_TRY(hada_fit_pass_add(fitter, from, err));
+    HADA_TRY_OR_DONE(hada_fitter_create(&fitter, context, fit, err));
+    HADA_TRY_OR_DONE(hada_fit_pass_add(fitter, from, err));
     if (hada_dataset_get_info(from->data)->least_pairs > 1)
-        HADA_TRY(hada_fit_pass_score(fitter, from, err));
-    HADA_TRY(hada_fit_pass_learn_cropped(fitter, from, err));
-    HADA_TRY(hada_fitter_finish(fitter, out, NULL, err));
+        HADA_TRY_OR_DONE(hada_fit_pass_score(fitter, from, err));
+    HADA_TRY_OR_DONE(hada_fit_pass_learn_cropped(fitter, from, err));
+    HADA_TRY_OR_DONE(hada_fitter_finish(fitter, out, NULL, err));
 done:
     hada_fitter_destroy(&fitter);
     return status;

@@ -12,7 +12,7 @@
 hada_status hada_fit_store_create(hada_fit_store *store, const hada_dataset *data, hada_error *err)
 {
     *store = (hada_fit_store){.count = hada_dataset_get_info(data)->pairs, .room = ROOM};
-    return hada_alloc((void **)&store->pairs, (size_t)store->count, sizeof *store->pairs, "pairs", err);
+    return hada_allocated(store->pairs = hada_alloc((size_t)store->count, sizeof *store->pairs, "pairs", err));
 }
 
 static void images_free(hada_fit_pair_images *images)
@@ -52,7 +52,6 @@ hada_status hada_fit_loan_take(hada_fit_loan *loan, hada_fit_store *store, const
                                const hada_survey *survey, int z, int i, hada_error *err)
 {
     hada_fit_pair_images *place = place_of(store, data, z, i);
-    hada_status status = HADA_OK;
     *loan = (hada_fit_loan){0};
     if (!place || !place->raw.data) {
         HADA_TRY(hada_dataset_read(data, z, i, &loan->own.raw, &loan->own.scene, err));
@@ -68,8 +67,7 @@ hada_status hada_fit_loan_take(hada_fit_loan *loan, hada_fit_store *store, const
         hada_survey_even(survey, z, i, &loan->own.scene);
         loan->scene = &loan->own.scene;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_fit_loan_return(hada_fit_loan *loan)

@@ -27,16 +27,13 @@ hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, c
 {
     const char *slash = strrchr(model->name, '/');
     const int preview = task->preview && hada_pictures_available();
-    hada_status status = HADA_OK;
     *out = (hada_outputs){
         .frames = frames, .bits = task->bits, .white = task->white, .scene_response = model->scene_response};
     choose_encoding(out, task, gamma);
     for (int k = 0; k < HADA_OUTPUT_FILES; k++)
         if (k != HADA_OUTPUT_PREVIEW || preview)
             HADA_TRY(hada_path_format(&out->path[k], err, "%s/%s_%s", task->output, name, endings[k]));
-    HADA_TRY(hada_path_format(&out->title, err, "%s, %s", name, slash ? slash + 1 : model->name));
-done:
-    return status;
+    return hada_path_format(&out->title, err, "%s, %s", name, slash ? slash + 1 : model->name);
 }
 
 static hada_status open_writer(hada_outputs *out, int which, const hada_image *first, const hada_result *result,
@@ -86,7 +83,6 @@ static hada_status save_preview(const hada_outputs *out, const hada_image *raw, 
 
 static hada_status open_all(hada_outputs *out, const hada_image *raw, const hada_result *result, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(open_writer(out, HADA_OUTPUT_STACK, &result->planes[0], result, err));
     HADA_TRY(open_writer(out, HADA_OUTPUT_ALL_IN_FOCUS, &result->all_in_focus, result, err));
     HADA_TRY(open_writer(out, HADA_OUTPUT_DISTANCE_MAP, &result->distance_map, result, err));
@@ -95,8 +91,7 @@ static hada_status open_all(hada_outputs *out, const hada_image *raw, const hada
     out->has_confidence = out->writer[HADA_OUTPUT_CONFIDENCE] != NULL;
     if (out->path[HADA_OUTPUT_PREVIEW])
         HADA_TRY(save_preview(out, raw, result, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* One image of light, as it is to be encoded. */
@@ -104,36 +99,29 @@ static hada_status write_light(hada_outputs *out, hada_output which, const hada_
 {
     hada_image *encoded = &out->encoded;
     const size_t count = hada_image_count(light);
-    hada_status status = HADA_OK;
     if (!out->convert)
         return hada_tiff_write(out->writer[which], light, err);
     if (!encoded->data)
         HADA_TRY(hada_image_create(encoded, light->channels, light->rows, light->cols, err));
     memcpy(encoded->data, light->data, count * sizeof(float));
     hada_response_convert(encoded->data, count, HADA_RESPONSE_LINEAR, out->encoding);
-    HADA_TRY(hada_tiff_write(out->writer[which], encoded, err));
-done:
-    return status;
+    return hada_tiff_write(out->writer[which], encoded, err);
 }
 
 /* NaN for a frame that is no surface. */
 static hada_status write_confidence(hada_outputs *out, const hada_result *result, hada_error *err)
 {
     const hada_image *confidence = hada_result_confidence(result), *map = &result->distance_map;
-    hada_status status = HADA_OK;
     if (!confidence && !out->unknown.data) {
         HADA_TRY(hada_image_create(&out->unknown, 1, map->rows, map->cols, err));
         for (size_t i = 0; i < hada_image_count(map); i++)
             out->unknown.data[i] = NAN;
     }
-    HADA_TRY(hada_tiff_write(out->writer[HADA_OUTPUT_CONFIDENCE], confidence ? confidence : &out->unknown, err));
-done:
-    return status;
+    return hada_tiff_write(out->writer[HADA_OUTPUT_CONFIDENCE], confidence ? confidence : &out->unknown, err);
 }
 
 hada_status hada_outputs_add(hada_outputs *out, const hada_image *raw, const hada_result *result, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (!out->written++)
         HADA_TRY(open_all(out, raw, result, err));
     for (int z = 0; z < result->depths; z++)
@@ -142,8 +130,7 @@ hada_status hada_outputs_add(hada_outputs *out, const hada_image *raw, const had
     HADA_TRY(hada_tiff_write(out->writer[HADA_OUTPUT_DISTANCE_MAP], &result->distance_map, err));
     if (out->writer[HADA_OUTPUT_CONFIDENCE])
         HADA_TRY(write_confidence(out, result, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_outputs_finish(hada_outputs *out, hada_error *err)
@@ -152,7 +139,7 @@ hada_status hada_outputs_finish(hada_outputs *out, hada_error *err)
     int next = HADA_OUTPUT_FILES - 1;
     for (; next >= 0; next--)
         if (out->writer[next])
-            HADA_TRY(hada_tiff_finish(&out->writer[next], err));
+            HADA_TRY_OR_DONE(hada_tiff_finish(&out->writer[next], err));
     out->finished = 1;
     if (!out->has_confidence)
         unlink(out->path[HADA_OUTPUT_CONFIDENCE]); /* of a run before */

@@ -15,7 +15,7 @@ hada_status hada_stream_begin(hada_stream *stream, hada_plan *plan, const hada_m
 {
     *stream =
         (hada_stream){.plan = plan, .model = model, .paths = paths, .count = count, .ahead = ahead, .monitor = monitor};
-    return hada_alloc((void **)&stream->ring, (size_t)ahead, sizeof *stream->ring, "frames in flight", err);
+    return hada_allocated(stream->ring = hada_alloc((size_t)ahead, sizeof *stream->ring, "frames in flight", err));
 }
 
 static hada_streamed *at(const hada_stream *stream, int place)
@@ -60,14 +60,11 @@ static hada_status open_file(hada_stream *stream, hada_error *err)
 static hada_status read_frame(hada_stream *stream, hada_streamed *frame)
 {
     hada_error *err = &frame->error;
-    hada_status status = HADA_OK;
     if (!stream->reader)
         HADA_TRY(open_file(stream, err));
     frame->frames = hada_tiff_get_info(stream->reader)->frames;
     HADA_TRY(hada_tiff_read(stream->reader, stream->frame, &frame->raw, err));
-    HADA_TRY(hada_job_submit(&frame->job, stream->plan, &frame->raw, &frame->result, err));
-done:
-    return status;
+    return hada_job_submit(&frame->job, stream->plan, &frame->raw, &frame->result, err);
 }
 
 /* Reads a frame and hands it in. What fails is kept for its turn. */

@@ -33,8 +33,8 @@ static hada_status save(const hada_plot *plot, const char *folder, const char *n
 {
     hada_status status = HADA_OK;
     char *path = NULL;
-    HADA_TRY(hada_path_format(&path, err, "%s/%s.svg", folder, name));
-    HADA_TRY(hada_plot_save(plot, path, err));
+    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/%s.svg", folder, name));
+    HADA_TRY_OR_DONE(hada_plot_save(plot, path, err));
 done:
     free(path);
     return status;
@@ -56,8 +56,8 @@ static hada_status plot_family(const hada_optics_report *report, const family *f
     double *y = NULL, at = 70;
     int depth[CURVES];
     const int curves = chosen(report, depth);
-    HADA_TRY(hada_alloc((void **)&y, (size_t)f->count, sizeof *y, "a figure", err));
-    HADA_TRY(hada_plot_create(&plot, 640, 420, err));
+    HADA_TRY_OR_DONE(hada_allocated(y = hada_alloc((size_t)f->count, sizeof *y, "a figure", err)));
+    HADA_TRY_OR_DONE(hada_plot_create(&plot, 640, 420, err));
     for (int i = 0; i < curves; i++) {
         char number[32], text[40];
         hada_format_number(number, sizeof number, "%.4g", hada_optics_report_row(report, depth[i])->distance_mm);
@@ -78,7 +78,7 @@ static hada_status plot_family(const hada_optics_report *report, const family *f
         hada_plot_line(plot, f->x, y, f->count, colour_of(i), 0);
     }
     hada_plot_panel_end(plot);
-    HADA_TRY(save(plot, folder, f->name, err));
+    HADA_TRY_OR_DONE(save(plot, folder, f->name, err));
 done:
     hada_plot_destroy(&plot);
     free(y);
@@ -148,7 +148,7 @@ static hada_status plot_depths(const hada_optics_report *report, const char *fol
                            hada_optics_report_row(report, curves->depths - 1)->distance_mm};
     hada_plot *plot = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_plot_create(&plot, 900, 660, err));
+    HADA_TRY_OR_DONE(hada_plot_create(&plot, 900, 660, err));
     hada_plot_panel panel = {.width = 340, .height = 210};
     panel.across = hada_plot_axis_for(ends, 2, 1, "distance, mm");
     panel.left = 80, panel.top = 50, panel.title = "Scale";
@@ -159,7 +159,7 @@ static hada_status plot_depths(const hada_optics_report *report, const char *fol
     plot_quantities(plot, report, &panel, "mm", object, 3);
     panel.left = 530, panel.title = "Frequencies and likeness";
     plot_quantities(plot, report, &panel, "share", band, 2);
-    HADA_TRY(save(plot, folder, "depths", err));
+    HADA_TRY_OR_DONE(save(plot, folder, "depths", err));
 done:
     hada_plot_destroy(&plot);
     return status;
@@ -174,8 +174,8 @@ hada_status hada_optics_plots(const hada_optics_report *report, const char *fold
     double *x = NULL;
     if (!hada_pictures_available())
         return HADA_OK;
-    HADA_TRY(hada_alloc((void **)&x, (size_t)(longest > curves->depths ? longest : curves->depths), sizeof *x,
-                        "a figure", err));
+    HADA_TRY_OR_DONE(hada_allocated(
+        x = hada_alloc((size_t)(longest > curves->depths ? longest : curves->depths), sizeof *x, "a figure", err)));
     for (int i = 0; i < curves->frequencies; i++)
         x[i] = (i + 0.5) / (2.0 * curves->frequencies);
     const family mtf = {.name = "mtf",
@@ -187,7 +187,7 @@ hada_status hada_optics_plots(const hada_optics_report *report, const char *fold
                         .count = curves->frequencies,
                         .stride = curves->frequencies,
                         .level = curves->threshold};
-    HADA_TRY(plot_family(report, &mtf, folder, err));
+    HADA_TRY_OR_DONE(plot_family(report, &mtf, folder, err));
     for (int i = 0; i < shown; i++)
         x[i] = i;
     const family self = {.name = "self_correlation",
@@ -199,7 +199,7 @@ hada_status hada_optics_plots(const hada_optics_report *report, const char *fold
                          .count = shown,
                          .stride = curves->lags,
                          .level = NAN};
-    HADA_TRY(plot_family(report, &self, folder, err));
+    HADA_TRY_OR_DONE(plot_family(report, &self, folder, err));
     for (int z = 0; z < curves->depths; z++)
         x[z] = hada_optics_report_row(report, z)->distance_mm;
     const family correlation = {.name = "correlation",
@@ -211,8 +211,8 @@ hada_status hada_optics_plots(const hada_optics_report *report, const char *fold
                                 .count = curves->depths,
                                 .stride = curves->depths,
                                 .level = 0.5};
-    HADA_TRY(plot_family(report, &correlation, folder, err));
-    HADA_TRY(plot_depths(report, folder, err));
+    HADA_TRY_OR_DONE(plot_family(report, &correlation, folder, err));
+    HADA_TRY_OR_DONE(plot_depths(report, folder, err));
 done:
     free(x);
     return status;

@@ -118,9 +118,9 @@ static hada_status write_text(hada_text *text, const char *folder, const char *n
     hada_status status = HADA_OK;
     char *path = NULL;
     if (text->failed)
-        HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s", name));
-    HADA_TRY(hada_path_format(&path, err, "%s/%s", folder, name));
-    HADA_TRY(hada_file_write(path, text->data, text->length, err));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s", name));
+    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/%s", folder, name));
+    HADA_TRY_OR_DONE(hada_file_write(path, text->data, text->length, err));
 done:
     free(path);
     free(text->data);
@@ -137,14 +137,12 @@ hada_status hada_optics_tables(const hada_optics_report *report, const char *fol
                   {"mtf.csv", put_mtf},
                   {"self_correlation.csv", put_self},
                   {"correlation.csv", put_correlation}};
-    hada_status status = HADA_OK;
     for (size_t i = 0; i < sizeof tables / sizeof *tables; i++) {
         hada_text text = {0};
         tables[i].write(&text, report);
         HADA_TRY(write_text(&text, folder, tables[i].name, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_optics_lenses(const hada_camera *camera, const char *folder, hada_error *err)
@@ -153,8 +151,8 @@ hada_status hada_optics_lenses(const hada_camera *camera, const char *folder, ha
     hada_status status = HADA_OK;
     hada_text text = {0};
     double *x = NULL;
-    HADA_TRY(hada_alloc((void **)&x, 2 * count + 1, sizeof *x, "the lenses", err));
-    HADA_TRY(hada_camera_lenses(camera, x, x + count, err));
+    HADA_TRY_OR_DONE(hada_allocated(x = hada_alloc(2 * count + 1, sizeof *x, "the lenses", err)));
+    HADA_TRY_OR_DONE(hada_camera_lenses(camera, x, x + count, err));
     hada_text_add(&text, "x_mm,y_mm\n");
     for (size_t i = 0; i < count; i++) {
         hada_text_add_number(&text, x[i]);
@@ -162,7 +160,7 @@ hada_status hada_optics_lenses(const hada_camera *camera, const char *folder, ha
         hada_text_add_number(&text, x[count + i]);
         hada_text_add(&text, "\n");
     }
-    HADA_TRY(write_text(&text, folder, "lenses.csv", err));
+    HADA_TRY_OR_DONE(write_text(&text, folder, "lenses.csv", err));
 done:
     free(x);
     return status;
@@ -194,11 +192,11 @@ hada_status hada_optics_mask(const hada_camera *camera, const char *folder, cons
     char *path = NULL;
     if (!hada_pictures_available())
         return HADA_OK;
-    HADA_TRY(hada_path_format(&path, err, "%s/mask.png", folder));
-    HADA_TRY(hada_mask_make_watched(&design, camera, monitor, err));
-    HADA_TRY(hada_mask_map(&design, SIDE, SIDE, &thickness, &open, err));
+    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/mask.png", folder));
+    HADA_TRY_OR_DONE(hada_mask_make_watched(&design, camera, monitor, err));
+    HADA_TRY_OR_DONE(hada_mask_map(&design, SIDE, SIDE, &thickness, &open, err));
     shade(&open, &thickness);
-    HADA_TRY(hada_png_save(path, &open, 1.0, 1.0, err));
+    HADA_TRY_OR_DONE(hada_png_save(path, &open, 1.0, 1.0, err));
 done:
     hada_mask_free(&design);
     hada_image_destroy(&thickness);

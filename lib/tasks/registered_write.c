@@ -69,9 +69,9 @@ static hada_status write_scene(const writing *w, const char *from, const char *t
     hada_status status = HADA_OK;
     hada_tiff_write_options_init(&options);
     options.bits = 32;
-    HADA_TRY(hada_tiff_load(from, 0, &scene, err));
-    HADA_TRY(hada_register_apply(&out, &scene, registration, w->rows, w->cols, err));
-    HADA_TRY(hada_tiff_save(to, &out, &options, err));
+    HADA_TRY_OR_DONE(hada_tiff_load(from, 0, &scene, err));
+    HADA_TRY_OR_DONE(hada_register_apply(&out, &scene, registration, w->rows, w->cols, err));
+    HADA_TRY_OR_DONE(hada_tiff_save(to, &out, &options, err));
 done:
     hada_image_destroy(&scene);
     hada_image_destroy(&out);
@@ -89,12 +89,12 @@ static hada_status write_pair(const writing *w, int z, int i, const char *raws, 
     const char *raw_from = hada_dataset_raw_path(w->data, z, i), *scene_from = hada_dataset_scene_path(w->data, z, i);
     char *raw = NULL, *scene = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_path_format(&raw, err, "%s/%s", raws, name_of(raw_from)));
-    HADA_TRY(hada_path_format(&scene, err, "%s/%s", scenes, name_of(scene_from)));
+    HADA_TRY_OR_DONE(hada_path_format(&raw, err, "%s/%s", raws, name_of(raw_from)));
+    HADA_TRY_OR_DONE(hada_path_format(&scene, err, "%s/%s", scenes, name_of(scene_from)));
     /* a link to what a link leads to: one that is relative would lead elsewhere from here */
     if (linkat(AT_FDCWD, raw_from, AT_FDCWD, raw, AT_SYMLINK_FOLLOW))
-        HADA_TRY(copy_file(raw_from, raw, err));
-    HADA_TRY(write_scene(w, scene_from, scene, &w->report->depth[z].applied, err));
+        HADA_TRY_OR_DONE(copy_file(raw_from, raw, err));
+    HADA_TRY_OR_DONE(write_scene(w, scene_from, scene, &w->report->depth[z].applied, err));
 done:
     free(raw);
     free(scene);
@@ -107,13 +107,13 @@ static hada_status write_depth(writing *w, int z, const char *folder, hada_error
     char *raws = NULL, *scenes = NULL, distance[32];
     hada_status status = HADA_OK;
     hada_format_exact(distance, sizeof distance, info->distances_mm[z]);
-    HADA_TRY(hada_path_format(&raws, err, "%s/z%smm/raw", folder, distance));
-    HADA_TRY(hada_path_format(&scenes, err, "%s/z%smm/scene", folder, distance));
-    HADA_TRY(hada_folder_ensure(raws, err));
-    HADA_TRY(hada_folder_ensure(scenes, err));
+    HADA_TRY_OR_DONE(hada_path_format(&raws, err, "%s/z%smm/raw", folder, distance));
+    HADA_TRY_OR_DONE(hada_path_format(&scenes, err, "%s/z%smm/scene", folder, distance));
+    HADA_TRY_OR_DONE(hada_folder_ensure(raws, err));
+    HADA_TRY_OR_DONE(hada_folder_ensure(scenes, err));
     for (int i = 0; i < info->counts[z]; i++) {
-        HADA_TRY(write_pair(w, z, i, raws, scenes, err));
-        HADA_TRY(hada_progress_step(&w->progress, NULL, err));
+        HADA_TRY_OR_DONE(write_pair(w, z, i, raws, scenes, err));
+        HADA_TRY_OR_DONE(hada_progress_step(&w->progress, NULL, err));
     }
 done:
     free(raws);
@@ -128,7 +128,7 @@ static hada_status write_all(void *user, const char *folder, hada_error *err)
     hada_status status = HADA_OK;
     w->progress = hada_progress_begin(w->task.monitor, "pairs", info->pairs);
     for (int z = 0; z < info->depths; z++)
-        HADA_TRY(write_depth(w, z, folder, err));
+        HADA_TRY_OR_DONE(write_depth(w, z, folder, err));
 done:
     hada_progress_end(&w->progress);
     return status;
@@ -137,7 +137,6 @@ done:
 hada_status hada_register_write(const hada_register_report *report, const hada_dataset *data, const char *folder,
                                 const hada_register_task *task, int *rows, int *cols, hada_error *err)
 {
-    hada_status status = HADA_OK;
     writing w = {.report = report, .data = data};
     hada_register_task_init(&w.task);
     HADA_TRY(HADA_OPTIONS_TAKE(&w.task, task, hada_register_task, err));
@@ -150,6 +149,5 @@ hada_status hada_register_write(const hada_register_report *report, const hada_d
         *rows = w.rows;
     if (cols)
         *cols = w.cols;
-done:
-    return status;
+    return HADA_OK;
 }

@@ -15,7 +15,6 @@
 hada_status hada_scenes_open(hada_scenes *scenes, const char *folder, uint64_t seed, int channels, int rows, int cols,
                              hada_error *err)
 {
-    hada_status status = HADA_OK;
     *scenes = (hada_scenes){.folder = folder,
                             .seed = seed,
                             .channels = channels,
@@ -29,8 +28,7 @@ hada_status hada_scenes_open(hada_scenes *scenes, const char *folder, uint64_t s
     if (!scenes->count)
         HADA_TRY(hada_fail(err, HADA_ERROR_DATASET,
                            "the folder %s holds no TIFF pictures; 'options.scenes procedural' draws some", folder));
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_scenes_close(hada_scenes *scenes)
@@ -66,12 +64,12 @@ static hada_status load(const hada_scenes *scenes, const char *path, hada_image 
 {
     hada_image picture = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_tiff_load(path, 0, &picture, err));
+    HADA_TRY_OR_DONE(hada_tiff_load(path, 0, &picture, err));
     const size_t bad = hada_image_count_not_finite(&picture);
     if (bad)
-        HADA_TRY(hada_fail(err, HADA_ERROR_NOT_FINITE, "%zu pixels are NaN or infinite", bad));
-    HADA_TRY(set_channels(&picture, scenes->channels, err));
-    HADA_TRY(hada_scene_fit(image, &picture, scenes->rows, scenes->cols, err));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_NOT_FINITE, "%zu pixels are NaN or infinite", bad));
+    HADA_TRY_OR_DONE(set_channels(&picture, scenes->channels, err));
+    HADA_TRY_OR_DONE(hada_scene_fit(image, &picture, scenes->rows, scenes->cols, err));
 done:
     hada_image_destroy(&picture);
     if (status)
@@ -85,13 +83,13 @@ hada_status hada_scenes_get(const hada_scenes *scenes, int index, hada_image *im
     hada_status status = HADA_OK;
     if (scenes->folder) {
         const char *file = scenes->names[index % scenes->count];
-        HADA_TRY(hada_path_format(&path, err, "%s/%s", scenes->folder, file));
-        HADA_TRY(hada_path_stem(&text, file, err));
-        HADA_TRY(load(scenes, path, image, err));
+        HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/%s", scenes->folder, file));
+        HADA_TRY_OR_DONE(hada_path_stem(&text, file, err));
+        HADA_TRY_OR_DONE(load(scenes, path, image, err));
     } else {
-        HADA_TRY(hada_path_format(&text, err, "scene%04d", index + 1));
-        HADA_TRY(hada_scene_procedural(image, scenes->seed * SEED_STEP + (uint64_t)index, scenes->channels,
-                                       scenes->rows, scenes->cols, err));
+        HADA_TRY_OR_DONE(hada_path_format(&text, err, "scene%04d", index + 1));
+        HADA_TRY_OR_DONE(hada_scene_procedural(image, scenes->seed * SEED_STEP + (uint64_t)index, scenes->channels,
+                                               scenes->rows, scenes->cols, err));
     }
     hada_response_convert(image->data, hada_image_count(image), scenes->response, HADA_RESPONSE_LINEAR);
     if (name) {

@@ -30,8 +30,8 @@ static hada_status save(const char *folder, const char *name, const hada_image *
     hada_tiff_write_options_init(&options);
     options.bits = bits;
     options.encoding = stated(encoding);
-    HADA_TRY(hada_path_format(&path, err, "%s/%s.tif", folder, name));
-    HADA_TRY(hada_tiff_save(path, image, &options, err));
+    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/%s.tif", folder, name));
+    HADA_TRY_OR_DONE(hada_tiff_save(path, image, &options, err));
 done:
     free(path);
     return status;
@@ -51,10 +51,10 @@ static hada_status save_window(const hada_camera *camera, const char *folder, co
 {
     hada_image window = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(window_of(camera, scene, &window, err));
+    HADA_TRY_OR_DONE(window_of(camera, scene, &window, err));
     if (encoding != 0.0)
         hada_response_convert(window.data, hada_image_count(&window), HADA_RESPONSE_LINEAR, encoding);
-    HADA_TRY(save(folder, name, &window, encoding, bits, err));
+    HADA_TRY_OR_DONE(save(folder, name, &window, encoding, bits, err));
 done:
     hada_image_destroy(&window);
     return status;
@@ -96,17 +96,17 @@ static hada_status write_psf(const hada_recipe *recipe, const char *folder, hada
     hada_image psf = {0};
     char *path = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_path_format(&path, err, "%s/psf.tif", folder));
+    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/psf.tif", folder));
     for (int z = 0; z < camera->depths; z++) {
-        HADA_TRY(hada_simulator_psf(recipe->simulator, z, &psf, err));
+        HADA_TRY_OR_DONE(hada_simulator_psf(recipe->simulator, z, &psf, err));
         for (size_t i = 0; i < hada_image_count(&psf); i++)
             psf.data[i] *= scale;
         if (!writer)
-            HADA_TRY(create_stack(&writer, path, camera, psf.channels, psf.rows, psf.cols, 0.0, err));
-        HADA_TRY(hada_tiff_write(writer, &psf, err));
+            HADA_TRY_OR_DONE(create_stack(&writer, path, camera, psf.channels, psf.rows, psf.cols, 0.0, err));
+        HADA_TRY_OR_DONE(hada_tiff_write(writer, &psf, err));
         hada_image_destroy(&psf);
     }
-    HADA_TRY(hada_tiff_finish(&writer, err));
+    HADA_TRY_OR_DONE(hada_tiff_finish(&writer, err));
 done:
     if (writer)
         hada_tiff_abandon(&writer);
@@ -123,12 +123,12 @@ static hada_status write_pair(const hada_recipe *recipe, int z, int i, const cha
     hada_image scene = {0}, raw = {0};
     char *name = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_scenes_get(&recipe->scenes, number % recipe->training_count, &scene, &name, err));
+    HADA_TRY_OR_DONE(hada_scenes_get(&recipe->scenes, number % recipe->training_count, &scene, &name, err));
     const hada_plane plane = {z, &scene};
-    HADA_TRY(hada_simulator_render(recipe->simulator, &plane, 1, recipe->task.noise, seed, &raw, err));
-    HADA_TRY(expose(recipe, seed, &raw, err));
-    HADA_TRY(save(raw_folder, name, &raw, 0.0, recipe->task.bits, err));
-    HADA_TRY(
+    HADA_TRY_OR_DONE(hada_simulator_render(recipe->simulator, &plane, 1, recipe->task.noise, seed, &raw, err));
+    HADA_TRY_OR_DONE(expose(recipe, seed, &raw, err));
+    HADA_TRY_OR_DONE(save(raw_folder, name, &raw, 0.0, recipe->task.bits, err));
+    HADA_TRY_OR_DONE(
         save_window(&recipe->camera, scene_folder, name, &scene, recipe->task.scene_response, recipe->task.bits, err));
 done:
     hada_image_destroy(&scene);
@@ -142,12 +142,12 @@ static hada_status write_depth(hada_recipe *recipe, int z, const char *folder, h
     char *raw = NULL, *scene = NULL, distance[32];
     hada_status status = HADA_OK;
     hada_format_exact(distance, sizeof distance, recipe->camera.distances_mm[z]);
-    HADA_TRY(hada_path_format(&raw, err, "%s/z%smm/raw", folder, distance));
-    HADA_TRY(hada_path_format(&scene, err, "%s/z%smm/scene", folder, distance));
-    HADA_TRY(make_folders(raw, scene, err));
+    HADA_TRY_OR_DONE(hada_path_format(&raw, err, "%s/z%smm/raw", folder, distance));
+    HADA_TRY_OR_DONE(hada_path_format(&scene, err, "%s/z%smm/scene", folder, distance));
+    HADA_TRY_OR_DONE(make_folders(raw, scene, err));
     for (int i = 0; i < recipe->task.pairs; i++) {
-        HADA_TRY(write_pair(recipe, z, i, raw, scene, err));
-        HADA_TRY(hada_progress_step(&recipe->progress, NULL, err));
+        HADA_TRY_OR_DONE(write_pair(recipe, z, i, raw, scene, err));
+        HADA_TRY_OR_DONE(hada_progress_step(&recipe->progress, NULL, err));
     }
 done:
     free(raw);
@@ -163,18 +163,18 @@ static hada_status write_truth_stack(const hada_test_scene *scene, const hada_ca
     hada_image dark = {0}, window = {0};
     char *path = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_path_format(&path, err, "%s/%s_stack.tif", folder, name));
-    HADA_TRY(hada_image_create(&dark, camera->channels, rows, cols, err));
-    HADA_TRY(create_stack(&writer, path, camera, camera->channels, rows, cols, response, err));
+    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/%s_stack.tif", folder, name));
+    HADA_TRY_OR_DONE(hada_image_create(&dark, camera->channels, rows, cols, err));
+    HADA_TRY_OR_DONE(create_stack(&writer, path, camera, camera->channels, rows, cols, response, err));
     for (int z = 0, k = 0; z < camera->depths; z++) {
         const int here = k < scene->count && scene->depths[k] == z;
         if (here)
-            HADA_TRY(window_of(camera, &scene->planes[k++], &window, err));
+            HADA_TRY_OR_DONE(window_of(camera, &scene->planes[k++], &window, err));
         hada_response_convert(window.data, hada_image_count(&window), HADA_RESPONSE_LINEAR, response);
-        HADA_TRY(hada_tiff_write(writer, here ? &window : &dark, err));
+        HADA_TRY_OR_DONE(hada_tiff_write(writer, here ? &window : &dark, err));
         hada_image_destroy(&window);
     }
-    HADA_TRY(hada_tiff_finish(&writer, err));
+    HADA_TRY_OR_DONE(hada_tiff_finish(&writer, err));
 done:
     if (writer)
         hada_tiff_abandon(&writer);
@@ -210,18 +210,18 @@ static hada_status write_test(const hada_recipe *recipe, int t, const char *raw_
     snprintf(map_name, sizeof map_name, "%s_depth", name);
     snprintf(over_name, sizeof over_name, "%s_depth2", name);
     snprintf(aif_name, sizeof aif_name, "%s_aif", name);
-    HADA_TRY(recipe->surfaces.count ? hada_test_surface_make(&scene, &recipe->surfaces, t, source, number, task->tests,
-                                                             camera, task->occlude, seed, err)
-                                    : hada_test_scene_make(&scene, source, number, task->tests, camera,
-                                                           task->test_depths, task->occlude, seed, err));
-    HADA_TRY(hada_test_scene_render(&scene, recipe->simulator, task->noise, noise_seed, &raw, err));
-    HADA_TRY(expose(recipe, noise_seed, &raw, err));
-    HADA_TRY(save(raw_folder, name, &raw, 0.0, task->bits, err));
-    HADA_TRY(write_truth_stack(&scene, camera, task->scene_response, truth_folder, name, err));
-    HADA_TRY(save_window(camera, truth_folder, map_name, &scene.map, 0.0, 32, err));
+    HADA_TRY_OR_DONE(recipe->surfaces.count ? hada_test_surface_make(&scene, &recipe->surfaces, t, source, number,
+                                                                     task->tests, camera, task->occlude, seed, err)
+                                            : hada_test_scene_make(&scene, source, number, task->tests, camera,
+                                                                   task->test_depths, task->occlude, seed, err));
+    HADA_TRY_OR_DONE(hada_test_scene_render(&scene, recipe->simulator, task->noise, noise_seed, &raw, err));
+    HADA_TRY_OR_DONE(expose(recipe, noise_seed, &raw, err));
+    HADA_TRY_OR_DONE(save(raw_folder, name, &raw, 0.0, task->bits, err));
+    HADA_TRY_OR_DONE(write_truth_stack(&scene, camera, task->scene_response, truth_folder, name, err));
+    HADA_TRY_OR_DONE(save_window(camera, truth_folder, map_name, &scene.map, 0.0, 32, err));
     if (scene.over.data)
-        HADA_TRY(save_window(camera, truth_folder, over_name, &scene.over, 0.0, 32, err));
-    HADA_TRY(save_window(camera, truth_folder, aif_name, &scene.whole, task->scene_response, 32, err));
+        HADA_TRY_OR_DONE(save_window(camera, truth_folder, over_name, &scene.over, 0.0, 32, err));
+    HADA_TRY_OR_DONE(save_window(camera, truth_folder, aif_name, &scene.whole, task->scene_response, 32, err));
 done:
     hada_test_scene_free(&scene);
     hada_image_destroy(&raw);
@@ -232,12 +232,12 @@ static hada_status write_tests(hada_recipe *recipe, const char *folder, hada_err
 {
     char *raw = NULL, *truth = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_path_format(&raw, err, "%s/test/raw", folder));
-    HADA_TRY(hada_path_format(&truth, err, "%s/test/truth", folder));
-    HADA_TRY(make_folders(raw, truth, err));
+    HADA_TRY_OR_DONE(hada_path_format(&raw, err, "%s/test/raw", folder));
+    HADA_TRY_OR_DONE(hada_path_format(&truth, err, "%s/test/truth", folder));
+    HADA_TRY_OR_DONE(make_folders(raw, truth, err));
     for (int t = 0; t < recipe->task.tests; t++) {
-        HADA_TRY(write_test(recipe, t, raw, truth, err));
-        HADA_TRY(hada_progress_step(&recipe->progress, NULL, err));
+        HADA_TRY_OR_DONE(write_test(recipe, t, raw, truth, err));
+        HADA_TRY_OR_DONE(hada_progress_step(&recipe->progress, NULL, err));
     }
 done:
     free(raw);
@@ -276,11 +276,11 @@ static hada_status write_sensor(const hada_recipe *recipe, const char *folder, h
         recipe->task.scene_response == HADA_RESPONSE_LINEAR)
         return HADA_OK;
     json_t *document = sensor_json(recipe);
-    HADA_TRY(hada_path_format(&path, err, "%s/sensor.json", folder));
+    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/sensor.json", folder));
     text = document ? json_dumps(document, JSON_INDENT(2) | JSON_REAL_PRECISION(12)) : NULL;
     if (!text)
-        HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s", path));
-    HADA_TRY(hada_file_write(path, text, strlen(text), err));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s", path));
+    HADA_TRY_OR_DONE(hada_file_write(path, text, strlen(text), err));
 done:
     free(text);
     free(path);
@@ -292,14 +292,14 @@ hada_status hada_recipe_write(hada_recipe *recipe, const char *folder, hada_erro
 {
     char *path = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_path_format(&path, err, "%s/camera.json", folder));
-    HADA_TRY(hada_camera_save(&recipe->camera, path, err));
-    HADA_TRY(write_sensor(recipe, folder, err));
-    HADA_TRY(write_psf(recipe, folder, err));
+    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/camera.json", folder));
+    HADA_TRY_OR_DONE(hada_camera_save(&recipe->camera, path, err));
+    HADA_TRY_OR_DONE(write_sensor(recipe, folder, err));
+    HADA_TRY_OR_DONE(write_psf(recipe, folder, err));
     for (int z = 0; z < recipe->camera.depths; z++)
-        HADA_TRY(write_depth(recipe, z, folder, err));
+        HADA_TRY_OR_DONE(write_depth(recipe, z, folder, err));
     if (recipe->task.tests)
-        HADA_TRY(write_tests(recipe, folder, err));
+        HADA_TRY_OR_DONE(write_tests(recipe, folder, err));
 done:
     free(path);
     return status;

@@ -35,8 +35,8 @@ static hada_status find_result(char **out, const char *folder, const char *stem,
     *out = NULL;
     for (size_t k = 0; !there && k < sizeof endings / sizeof *endings; k++) {
         free(*out);
-        HADA_TRY(hada_path_format(out, err, "%s/%s%s", folder, stem, endings[k]));
-        HADA_TRY(hada_path_finds_file(*out, &there, err));
+        HADA_TRY_OR_DONE(hada_path_format(out, err, "%s/%s%s", folder, stem, endings[k]));
+        HADA_TRY_OR_DONE(hada_path_finds_file(*out, &there, err));
     }
 done:
     if (!there) {
@@ -52,9 +52,9 @@ static hada_status add(hada_evaluate_report *report, const char *named, const ch
 {
     hada_status status = HADA_OK;
     char *name = NULL, *result_copy = NULL, *truth_copy = NULL;
-    HADA_TRY(hada_path_stem(&name, named, err));
-    HADA_TRY(hada_path_format(&result_copy, err, "%s", result));
-    HADA_TRY(hada_path_format(&truth_copy, err, "%s", truth));
+    HADA_TRY_OR_DONE(hada_path_stem(&name, named, err));
+    HADA_TRY_OR_DONE(hada_path_format(&result_copy, err, "%s", result));
+    HADA_TRY_OR_DONE(hada_path_format(&truth_copy, err, "%s", truth));
     report->rows[report->count++] =
         (hada_evaluation){.size = sizeof(hada_evaluation), .name = name, .result = result_copy, .truth = truth_copy};
     name = result_copy = truth_copy = NULL;
@@ -72,12 +72,12 @@ static hada_status add_file(hada_evaluate_report *report, const char *folder, co
     char *stem = NULL, *result = NULL, *truth = NULL;
     if (hada_stem_ends(file, hada_stem_of(file), "_depth2")) /* goes with NAME_depth.tif */
         return HADA_OK;
-    HADA_TRY(hada_path_stem(&stem, file, err));
-    HADA_TRY(find_result(&result, folder, stem, err));
+    HADA_TRY_OR_DONE(hada_path_stem(&stem, file, err));
+    HADA_TRY_OR_DONE(find_result(&result, folder, stem, err));
     *alone += !result;
     if (result) {
-        HADA_TRY(hada_path_format(&truth, err, "%s/%s", truth_folder, file));
-        HADA_TRY(add(report, file, result, truth, err));
+        HADA_TRY_OR_DONE(hada_path_format(&truth, err, "%s/%s", truth_folder, file));
+        HADA_TRY_OR_DONE(add(report, file, result, truth, err));
     }
 done:
     free(stem);
@@ -92,14 +92,15 @@ static hada_status list_folders(hada_evaluate_report *report, const char *result
     hada_status status = HADA_OK;
     char **names = NULL;
     int count = 0, alone = 0;
-    HADA_TRY(hada_folder_list_tiffs(truth, &names, &count, err));
-    HADA_TRY(hada_alloc((void **)&report->rows, (size_t)count + 1, sizeof *report->rows, "a list of files", err));
+    HADA_TRY_OR_DONE(hada_folder_list_tiffs(truth, &names, &count, err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(report->rows = hada_alloc((size_t)count + 1, sizeof *report->rows, "a list of files", err)));
     for (int i = 0; i < count; i++)
-        HADA_TRY(add_file(report, result, truth, names[i], &alone, err));
+        HADA_TRY_OR_DONE(add_file(report, result, truth, names[i], &alone, err));
     if (!report->count)
-        HADA_TRY(hada_fail(err, HADA_ERROR_DATASET,
-                           "no TIFF file in %s has a partner in %s; NAME.tif goes with NAME.tif or NAME_aif.tif", truth,
-                           result));
+        HADA_TRY_OR_DONE(hada_fail(
+            err, HADA_ERROR_DATASET,
+            "no TIFF file in %s has a partner in %s; NAME.tif goes with NAME.tif or NAME_aif.tif", truth, result));
     if (alone)
         hada_monitor_tell(monitor, HADA_MESSAGE_NOTE, "%d %s in %s without a result in %s", alone,
                           alone == 1 ? "file" : "files", truth, result);
@@ -110,27 +111,21 @@ done:
 
 static hada_status list_files(hada_evaluate_report *report, const char *result, const char *truth, hada_error *err)
 {
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&report->rows, 1, sizeof *report->rows, "a list of files", err));
-    HADA_TRY(add(report, result, result, truth, err));
-done:
-    return status;
+    HADA_TRY(hada_allocated(report->rows = hada_alloc(1, sizeof *report->rows, "a list of files", err)));
+    return add(report, result, result, truth, err);
 }
 
 static hada_status list(hada_evaluate_report *report, const char *result, const char *truth,
                         const hada_monitor *monitor, hada_error *err)
 {
     hada_stands one, other;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_path_kind(result, &one, err));
     HADA_TRY(hada_path_kind(truth, &other, err));
     const int folder = one == HADA_STANDS_FOLDER;
     if (folder != (other == HADA_STANDS_FOLDER))
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "%s is a folder and %s is not; give two files or two folders",
                            folder ? result : truth, folder ? truth : result));
-    HADA_TRY(folder ? list_folders(report, result, truth, monitor, err) : list_files(report, result, truth, err));
-done:
-    return status;
+    return folder ? list_folders(report, result, truth, monitor, err) : list_files(report, result, truth, err);
 }
 
 hada_status hada_evaluate_run(hada_evaluate_report **out, const char *result, const char *truth,
@@ -144,15 +139,16 @@ hada_status hada_evaluate_run(hada_evaluate_report **out, const char *result, co
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_evaluate_run: a result and a truth are needed");
     *out = NULL;
     hada_evaluate_task_init(&task);
-    HADA_TRY(HADA_OPTIONS_TAKE(&task, callers, hada_evaluate_task, err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&task, callers, hada_evaluate_task, err));
     if (!(task.peak > 0.0) || !(task.tolerance > 0.0))
-        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "options.peak and options.tolerance must be greater than zero"));
-    HADA_TRY(hada_region_read(&region, &task, err));
-    HADA_TRY(hada_alloc((void **)&report, 1, sizeof *report, "a report", err));
-    HADA_TRY(list(report, result, truth, task.monitor, err));
+        HADA_TRY_OR_DONE(
+            hada_fail(err, HADA_ERROR_ARGUMENT, "options.peak and options.tolerance must be greater than zero"));
+    HADA_TRY_OR_DONE(hada_region_read(&region, &task, err));
+    HADA_TRY_OR_DONE(hada_allocated(report = hada_alloc(1, sizeof *report, "a report", err)));
+    HADA_TRY_OR_DONE(list(report, result, truth, task.monitor, err));
     for (int i = 0; i < report->count; i++) {
-        HADA_TRY(hada_evaluate_compare(&report->rows[i], &task, &region, err));
-        HADA_TRY(hada_monitor_check(task.monitor, err));
+        HADA_TRY_OR_DONE(hada_evaluate_compare(&report->rows[i], &task, &region, err));
+        HADA_TRY_OR_DONE(hada_monitor_check(task.monitor, err));
     }
     *out = report;
     report = NULL;

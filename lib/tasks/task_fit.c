@@ -86,7 +86,7 @@ hada_status hada_fit_options_from_dataset(hada_fit_options *fit, const hada_data
     hada_image raw = {0}, scene = {0};
     hada_status status = HADA_OK;
     fit->boundary = choose_boundary(boundary, data, monitor);
-    HADA_TRY(hada_dataset_read(data, 0, 0, &raw, &scene, err));
+    HADA_TRY_OR_DONE(hada_dataset_read(data, 0, 0, &raw, &scene, err));
     fit->depths = info->depths;
     fit->distances_mm = info->distances_mm;
     fit->channels = raw.channels;
@@ -98,10 +98,11 @@ hada_status hada_fit_options_from_dataset(hada_fit_options *fit, const hada_data
     }
     if ((fit->window_rows != scene.rows || fit->window_cols != scene.cols) &&
         (scene.rows != raw.rows || scene.cols != raw.cols))
-        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
-                           "options.window %dx%d: the scenes have %dx%d pixels, which is the window then; a smaller "
-                           "one can be cut only from scenes as large as the frame (%dx%d)",
-                           fit->window_rows, fit->window_cols, scene.rows, scene.cols, raw.rows, raw.cols));
+        HADA_TRY_OR_DONE(
+            hada_fail(err, HADA_ERROR_ARGUMENT,
+                      "options.window %dx%d: the scenes have %dx%d pixels, which is the window then; a smaller "
+                      "one can be cut only from scenes as large as the frame (%dx%d)",
+                      fit->window_rows, fit->window_cols, scene.rows, scene.cols, raw.rows, raw.cols));
 done:
     hada_image_destroy(&raw);
     hada_image_destroy(&scene);
@@ -112,15 +113,12 @@ done:
 static hada_status solve(learning *of, hada_model **out, hada_error *err)
 {
     hada_fit_report *report = of->report;
-    hada_status status = HADA_OK;
     const int can_judge = of->data && !of->task.merge_count && (of->task.leave_one_out || of->fit.outside >= 0.0);
     if (!can_judge)
         return hada_fitter_finish(of->fitter, out, &report->scores, err);
     if (!of->store.pairs) /* judging looks at pairs several times, if it has to */
         HADA_TRY(hada_fit_store_create(&of->store, of->data, err));
-    HADA_TRY(hada_fit_pass_learn_and_finish(of->fitter, &of->from, out, &report->scores, err));
-done:
-    return status;
+    return hada_fit_pass_learn_and_finish(of->fitter, &of->from, out, &report->scores, err);
 }
 
 static hada_status merge(learning *of, int first, hada_error *err)
@@ -132,7 +130,6 @@ static hada_status merge(learning *of, int first, hada_error *err)
             hada_error_prefix_path(err, of->task.merge[i]);
         HADA_TRY(status);
     }
-done:
     return status;
 }
 
@@ -140,7 +137,6 @@ done:
 static hada_status save_sums(const learning *of, hada_error *err)
 {
     int saved = 1;
-    hada_status status = HADA_OK;
     if (!of->task.save_sums)
         return HADA_OK;
     if (!of->ranks.rank)
@@ -148,8 +144,7 @@ static hada_status save_sums(const learning *of, hada_error *err)
     HADA_TRY(hada_broadcast(&of->ranks, 0, &saved, sizeof saved, err));
     if (of->part)
         unlink(of->part);
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Whether the sums of an earlier run are whole: then they are loaded, by the first rank. Its word counts, for files may
@@ -158,7 +153,6 @@ static hada_status find_sums(learning *of, int *whole, hada_error *err)
 {
     const hada_fit_task *task = &of->task;
     const hada_dataset_info *info = hada_dataset_get_info(of->data);
-    hada_status status = HADA_OK;
     *whole = of->part && task->resume && hada_path_is_file(task->save_sums);
     HADA_TRY(hada_broadcast(&of->ranks, 0, whole, sizeof *whole, err));
     if (!*whole || of->ranks.rank)
@@ -169,15 +163,13 @@ static hada_status find_sums(learning *of, int *whole, hada_error *err)
             HADA_TRY(hada_fail(err, HADA_ERROR_STATE,
                                "%s holds other pairs than the data set: remove it, or leave out options.resume",
                                task->save_sums));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status add_pairs(learning *of, hada_error *err)
 {
     const hada_fit_task *task = &of->task;
     int whole = 0;
-    hada_status status = HADA_OK;
     if (task->save_sums && !task->merge_count)
         HADA_TRY(hada_path_format(&of->part, err, "%s.%d-of-%d", task->save_sums, of->ranks.rank + 1, of->ranks.count));
     of->from.communicator = &of->ranks;
@@ -190,9 +182,7 @@ static hada_status add_pairs(learning *of, hada_error *err)
     if (!of->ranks.rank) /* which the others get with the sums of all */
         HADA_TRY(merge(of, 0, err));
     HADA_TRY(hada_fit_pass_add(of->fitter, &of->from, err));
-    HADA_TRY(save_sums(of, err));
-done:
-    return status;
+    return save_sums(of, err);
 }
 
 /* Sums say nothing of the light that left the sensor; without the pairs, transfer functions stay those of one pass. */
@@ -240,7 +230,6 @@ static hada_status survey(learning *of, hada_error *err)
 {
     const hada_fit_task *task = &of->task;
     hada_fit_options *fit = &of->fit;
-    hada_status status = HADA_OK;
     of->from = (hada_fit_source){.data = of->data, .store = &of->store, .monitor = task->monitor};
     if (fit->scene_response == HADA_AUTO && task->merge_count)
         HADA_TRY(hada_fit_sums_response(task->merge[0], &fit->scene_response, err));
@@ -249,8 +238,7 @@ static hada_status survey(learning *of, hada_error *err)
     HADA_TRY(hada_fit_pass_survey(&of->report->survey, &of->from, fit, task->exposure, err));
     of->from.survey = of->report->survey;
     fit->scene_response = hada_survey_response(of->report->survey);
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The boundary where neither the caller nor the camera says that it is circular; sums to be added say theirs. */
@@ -267,7 +255,6 @@ static hada_status learn_pairs(learning *of, hada_context *context, hada_model *
 {
     const hada_fit_task *task = &of->task;
     const hada_monitor *monitor = task->monitor;
-    hada_status status = HADA_OK;
     tell_data(of);
     HADA_TRY(hada_fit_options_from_dataset(&of->fit, of->data, task->boundary, monitor, err));
     HADA_TRY(keep_pairs(of, err));
@@ -282,36 +269,29 @@ static hada_status learn_pairs(learning *of, hada_context *context, hada_model *
     if (task->leave_one_out && (hada_dataset_get_info(of->data)->least_pairs > 1 || task->merge_count))
         HADA_TRY(hada_fit_pass_score(of->fitter, &of->from, err));
     HADA_TRY(learn_cropped(of, err));
-    HADA_TRY(solve(of, out, err));
-done:
-    return status;
+    return solve(of, out, err);
 }
 
 /* Nothing can be left out here, so what is not given takes its stated default. */
 static hada_status learn_sums(learning *of, hada_context *context, hada_model **out, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_fitter_create_from_sums(&of->fitter, context, of->task.merge[0], &of->fit, err));
     HADA_TRY(merge(of, 1, err));
     HADA_TRY(save_sums(of, err));
-    HADA_TRY(solve(of, out, err));
-done:
-    return status;
+    return solve(of, out, err);
 }
 
 static hada_status count_pairs(learning *of, int depths, hada_error *err)
 {
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&of->report->pairs, (size_t)depths, sizeof *of->report->pairs, "a report", err));
+    HADA_TRY(
+        hada_allocated(of->report->pairs = hada_alloc((size_t)depths, sizeof *of->report->pairs, "a report", err)));
     for (int z = 0; z < depths; z++)
         of->report->pairs[z] = hada_fitter_pairs(of->fitter, z);
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status take_task(learning *of, const hada_fit_task *task, hada_error *err)
 {
-    hada_status status = HADA_OK;
     hada_fit_task_init(&of->task);
     hada_fit_options_init(&of->fit);
     HADA_TRY(HADA_OPTIONS_TAKE(&of->task, task, hada_fit_task, err));
@@ -331,8 +311,7 @@ static hada_status take_task(learning *of, const hada_fit_task *task, hada_error
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
                            "options.outside below 1 looks at every pair several times, and sums (options.merge) have "
                            "none; give all pairs in one data set"));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_fit_run(hada_model **out, hada_fit_report **report, hada_context *context, const hada_dataset *data,
@@ -343,12 +322,12 @@ hada_status hada_fit_run(hada_model **out, hada_fit_report **report, hada_contex
     *out = NULL;
     if (report)
         *report = NULL;
-    HADA_TRY(take_task(&of, task, err));
-    HADA_TRY(hada_alloc((void **)&of.report, 1, sizeof *of.report, "a report", err));
-    HADA_TRY(data ? learn_pairs(&of, context, out, err) : learn_sums(&of, context, out, err));
-    HADA_TRY(count_pairs(&of, hada_model_get_info(*out)->depths, err));
+    HADA_TRY_OR_DONE(take_task(&of, task, err));
+    HADA_TRY_OR_DONE(hada_allocated(of.report = hada_alloc(1, sizeof *of.report, "a report", err)));
+    HADA_TRY_OR_DONE(data ? learn_pairs(&of, context, out, err) : learn_sums(&of, context, out, err));
+    HADA_TRY_OR_DONE(count_pairs(&of, hada_model_get_info(*out)->depths, err));
     if (of.task.half)
-        HADA_TRY(hada_model_make_half(out, err));
+        HADA_TRY_OR_DONE(hada_model_make_half(out, err));
     if (report) {
         *report = of.report;
         of.report = NULL;

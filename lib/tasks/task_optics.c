@@ -30,7 +30,6 @@ typedef struct source {
 static hada_status source_open(source *from, const hada_optics_task *task, const hada_camera *camera,
                                hada_context *context, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (!task->psf) {
         hada_wave_options waves;
         hada_wave_options_init(&waves);
@@ -47,8 +46,7 @@ static hada_status source_open(source *from, const hada_optics_task *task, const
                            "and options.size, or give its camera.json",
                            task->psf, info->frames, info->rows, info->cols, camera->depths, camera->rows,
                            camera->cols));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status source_get(source *from, const hada_camera *camera, int z, hada_image *psf, hada_error *err)
@@ -72,10 +70,10 @@ static hada_status write_psf(hada_tiff_writer **writer, const hada_camera *camer
         how.slices = camera->depths;
         how.times = 1;
         how.distances_mm = camera->distances_mm;
-        HADA_TRY(hada_path_format(&path, err, "%s/psf.tif", folder));
-        HADA_TRY(hada_tiff_create(writer, path, psf->channels, psf->rows, psf->cols, &how, err));
+        HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/psf.tif", folder));
+        HADA_TRY_OR_DONE(hada_tiff_create(writer, path, psf->channels, psf->rows, psf->cols, &how, err));
     }
-    HADA_TRY(hada_tiff_write(*writer, psf, err));
+    HADA_TRY_OR_DONE(hada_tiff_write(*writer, psf, err));
 done:
     free(path);
     return status;
@@ -88,8 +86,8 @@ static hada_status write_picture(const hada_image *psf, double distance, const c
     if (!hada_pictures_available())
         return HADA_OK;
     hada_format_exact(number, sizeof number, distance);
-    HADA_TRY(hada_path_format(&path, err, "%s/psf_z%smm.png", folder, number));
-    HADA_TRY(hada_png_save(path, psf, HADA_AUTO, PSF_GAMMA, err));
+    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/psf_z%smm.png", folder, number));
+    HADA_TRY_OR_DONE(hada_png_save(path, psf, HADA_AUTO, PSF_GAMMA, err));
 done:
     free(path);
     return status;
@@ -111,14 +109,14 @@ static hada_status write_depths(const run *r, source *from, const char *folder, 
     hada_image psf = {0};
     hada_progress progress = hada_progress_begin(r->task->monitor, "depths", r->camera->depths);
     for (int z = 0; z < r->camera->depths; z++) {
-        HADA_TRY(source_get(from, r->camera, z, &psf, err));
-        HADA_TRY(write_psf(&writer, r->camera, &psf, folder, err));
-        HADA_TRY(write_picture(&psf, r->camera->distances_mm[z], folder, err));
-        HADA_TRY(hada_optics_report_add(*r->report, &psf, err));
+        HADA_TRY_OR_DONE(source_get(from, r->camera, z, &psf, err));
+        HADA_TRY_OR_DONE(write_psf(&writer, r->camera, &psf, folder, err));
+        HADA_TRY_OR_DONE(write_picture(&psf, r->camera->distances_mm[z], folder, err));
+        HADA_TRY_OR_DONE(hada_optics_report_add(*r->report, &psf, err));
         hada_image_destroy(&psf);
-        HADA_TRY(hada_progress_step(&progress, NULL, err));
+        HADA_TRY_OR_DONE(hada_progress_step(&progress, NULL, err));
     }
-    HADA_TRY(hada_tiff_finish(&writer, err));
+    HADA_TRY_OR_DONE(hada_tiff_finish(&writer, err));
 done:
     hada_progress_end(&progress);
     hada_tiff_abandon(&writer);
@@ -134,16 +132,16 @@ static hada_status fill_folder(void *user, const char *folder, hada_error *err)
     hada_status status = HADA_OK;
     source from = {.monitor = r->task->monitor};
     char *path = NULL;
-    HADA_TRY(hada_path_format(&path, err, "%s/camera.json", folder));
-    HADA_TRY(hada_camera_save(camera, path, err));
-    HADA_TRY(hada_optics_mask(camera, folder, r->task->monitor, err));
+    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/camera.json", folder));
+    HADA_TRY_OR_DONE(hada_camera_save(camera, path, err));
+    HADA_TRY_OR_DONE(hada_optics_mask(camera, folder, r->task->monitor, err));
     if (camera->mask == HADA_MASK_MLA || camera->mask == HADA_MASK_GRID || holes)
-        HADA_TRY(hada_optics_lenses(camera, folder, err));
-    HADA_TRY(source_open(&from, r->task, camera, r->context, err));
-    HADA_TRY(hada_optics_report_create(r->report, r->context, camera, r->threshold, err));
-    HADA_TRY(write_depths(r, &from, folder, err));
-    HADA_TRY(hada_optics_tables(*r->report, folder, err));
-    HADA_TRY(hada_optics_plots(*r->report, folder, err));
+        HADA_TRY_OR_DONE(hada_optics_lenses(camera, folder, err));
+    HADA_TRY_OR_DONE(source_open(&from, r->task, camera, r->context, err));
+    HADA_TRY_OR_DONE(hada_optics_report_create(r->report, r->context, camera, r->threshold, err));
+    HADA_TRY_OR_DONE(write_depths(r, &from, folder, err));
+    HADA_TRY_OR_DONE(hada_optics_tables(*r->report, folder, err));
+    HADA_TRY_OR_DONE(hada_optics_plots(*r->report, folder, err));
 done:
     hada_tiff_close(&from.reader);
     hada_wave_destroy(&from.wave);
@@ -162,11 +160,11 @@ hada_status hada_optics_run(hada_optics_report **report, hada_context *context, 
     if (!camera || !folder)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_optics_run: a camera and a folder are needed");
     hada_optics_task_init(&task);
-    HADA_TRY(HADA_OPTIONS_TAKE(&task, callers, hada_optics_task, err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&task, callers, hada_optics_task, err));
     if (task.threshold >= 1.0)
-        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "options.threshold takes a number from 0 to 1"));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "options.threshold takes a number from 0 to 1"));
     run r = {&task, camera, context, &made, task.threshold};
-    HADA_TRY(hada_folder_create(folder, fill_folder, &r, err));
+    HADA_TRY_OR_DONE(hada_folder_create(folder, fill_folder, &r, err));
     if (report) {
         *report = made;
         made = NULL;

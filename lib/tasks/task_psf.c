@@ -75,15 +75,17 @@ static hada_status read_pages(pages *of, const char *path, const hada_psf_task *
         hada_error_prefix_path(err, path);
         return status;
     }
-    HADA_TRY(hada_tiff_check_all(reader, err));
+    HADA_TRY_OR_DONE(hada_tiff_check_all(reader, err));
     of->count = hada_tiff_get_info(reader)->frames;
-    HADA_TRY(hada_alloc((void **)&of->distances_mm, (size_t)of->count, sizeof(double), "distances", err));
-    HADA_TRY(hada_alloc((void **)&of->image, (size_t)of->count, sizeof *of->image, "point spread functions", err));
-    HADA_TRY(find_distances(of, reader, path, task, err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(of->distances_mm = hada_alloc((size_t)of->count, sizeof(double), "distances", err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(of->image = hada_alloc((size_t)of->count, sizeof *of->image, "point spread functions", err)));
+    HADA_TRY_OR_DONE(find_distances(of, reader, path, task, err));
     for (int z = 0; z < of->count; z++) {
-        HADA_TRY(hada_tiff_read(reader, z, &of->image[z], err));
+        HADA_TRY_OR_DONE(hada_tiff_read(reader, z, &of->image[z], err));
         if (task->colour)
-            HADA_TRY(to_colour(&of->image[z], err));
+            HADA_TRY_OR_DONE(to_colour(&of->image[z], err));
     }
 done:
     hada_tiff_close(&reader);
@@ -98,16 +100,16 @@ hada_status hada_psf_run(hada_model **out, hada_context *context, const char *pa
     hada_status status = HADA_OK;
     *out = NULL;
     hada_psf_task_init(task);
-    HADA_TRY(HADA_OPTIONS_TAKE(task, callers, hada_psf_task, err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(task, callers, hada_psf_task, err));
     if (!path)
-        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "hada_psf_run: a file is needed"));
-    HADA_TRY(read_pages(&of, path, task, err));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "hada_psf_run: a file is needed"));
+    HADA_TRY_OR_DONE(read_pages(&of, path, task, err));
     status = hada_model_from_psf(out, context, of.image, of.count, of.distances_mm, task->psf, err);
     if (status)
         hada_error_prefix_path(err, path);
-    HADA_TRY(status);
+    HADA_TRY_OR_DONE(status);
     if (task->half)
-        HADA_TRY(hada_model_make_half(out, err));
+        HADA_TRY_OR_DONE(hada_model_make_half(out, err));
 done:
     pages_free(&of);
     if (status)

@@ -63,8 +63,8 @@ static void tell(run *own, hada_files_event event, const hada_streamed *frame)
 /* Two inputs must not write the same files. */
 static hada_status make_names(run *own, hada_error *err)
 {
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&own->names, (size_t)own->count, sizeof *own->names, "the names of files", err));
+    HADA_TRY(
+        hada_allocated(own->names = hada_alloc((size_t)own->count, sizeof *own->names, "the names of files", err)));
     for (int i = 0; i < own->count; i++) {
         HADA_TRY(hada_path_stem(&own->names[i], own->paths[i], err));
         for (int k = 0; k < i; k++)
@@ -73,21 +73,19 @@ static hada_status make_names(run *own, hada_error *err)
                                    "%s and %s would both write %s_stack.tif; reconstruct them into different folders",
                                    own->paths[k], own->paths[i], own->names[i]));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* What is this rank's to do: the files are dealt out before it is known which are done, so that ranks agree. */
 static hada_status choose_files(run *own, hada_error *err)
 {
     hada_communicator ranks;
-    hada_status status = HADA_OK;
     hada_communicator_init(&ranks);
     HADA_TRY(hada_communicator_check(own->task.communicator, err));
     HADA_TRY(HADA_OPTIONS_TAKE(&ranks, own->task.communicator, hada_communicator, err));
     own->task.communicator = NULL;
-    HADA_TRY(hada_alloc((void **)&own->todo, (size_t)own->count, sizeof *own->todo, "the files", err));
-    HADA_TRY(hada_alloc((void **)&own->here, (size_t)own->count, sizeof *own->here, "the files", err));
+    HADA_TRY(hada_allocated(own->todo = hada_alloc((size_t)own->count, sizeof *own->todo, "the files", err)));
+    HADA_TRY(hada_allocated(own->here = hada_alloc((size_t)own->count, sizeof *own->here, "the files", err)));
     for (int i = 0; i < own->count; i++) {
         if (!hada_is_mine(&ranks, i))
             continue;
@@ -98,8 +96,7 @@ static hada_status choose_files(run *own, hada_error *err)
         else
             own->here_count++;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status begin_file(run *own, const hada_streamed *frame, hada_error *err)
@@ -140,7 +137,6 @@ static void fail_file(run *own, const hada_streamed *frame, hada_error *err)
 /* Writes a frame, the file's last one with all that ends a file. */
 static hada_status take_frame(run *own, hada_streamed *frame, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (!own->open)
         HADA_TRY(begin_file(own, frame, err));
     *err = frame->error;
@@ -153,8 +149,7 @@ static hada_status take_frame(run *own, hada_streamed *frame, hada_error *err)
         tell(own, HADA_FILES_DONE, frame);
         leave_file(own);
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static void take_all(run *own)
@@ -205,24 +200,24 @@ hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, con
     hada_inputs *inputs = NULL;
     hada_status status = HADA_OK;
     hada_files_task_init(&own.task);
-    HADA_TRY(HADA_OPTIONS_TAKE(&own.task, task, hada_files_task, err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&own.task, task, hada_files_task, err));
     if (!plan || !model || !paths || !own.task.output)
-        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
-                           "hada_reconstruct_files: a plan, its model, files and a folder are needed"));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT,
+                                   "hada_reconstruct_files: a plan, its model, files and a folder are needed"));
     own.gamma = plan->setup.options.gamma;
-    HADA_TRY(check_encoding(&own, err));
-    HADA_TRY(make_names(&own, err));
-    HADA_TRY(hada_inputs_protect(&inputs, paths, (size_t)count, err));
-    HADA_TRY(hada_folder_ensure(own.task.output, err));
-    HADA_TRY(choose_files(&own, err));
-    HADA_TRY(hada_stream_begin(&own.stream, plan, model, own.here, own.here_count, hada_files_ahead(plan),
-                               own.task.monitor, err));
+    HADA_TRY_OR_DONE(check_encoding(&own, err));
+    HADA_TRY_OR_DONE(make_names(&own, err));
+    HADA_TRY_OR_DONE(hada_inputs_protect(&inputs, paths, (size_t)count, err));
+    HADA_TRY_OR_DONE(hada_folder_ensure(own.task.output, err));
+    HADA_TRY_OR_DONE(choose_files(&own, err));
+    HADA_TRY_OR_DONE(hada_stream_begin(&own.stream, plan, model, own.here, own.here_count, hada_files_ahead(plan),
+                                       own.task.monitor, err));
     own.progress = hada_progress_begin(own.task.monitor, "frames", own.here_count);
     take_all(&own);
     if (own.open)
         break_off(&own);
     hada_progress_end(&own.progress);
-    HADA_TRY(hada_monitor_check(own.task.monitor, err));
+    HADA_TRY_OR_DONE(hada_monitor_check(own.task.monitor, err));
 done:
     if (failed)
         *failed = own.failed;

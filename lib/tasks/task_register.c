@@ -52,12 +52,10 @@ static hada_status pictures_load(pictures *all, const hada_dataset *data, int z,
 {
     const int pairs = hada_dataset_get_info(data)->counts[z];
     const int count = pairs < HADA_REGISTER_PAIRS ? pairs : HADA_REGISTER_PAIRS;
-    hada_status status = HADA_OK;
     for (all->count = 0; all->count < count; all->count++)
         HADA_TRY(hada_dataset_read(data, z, (int)((long)all->count * pairs / count), &all->raws[all->count],
                                    &all->scenes[all->count], err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Half of a scene's diagonal, in pixels. */
@@ -99,14 +97,12 @@ static hada_status find_offset(hada_registered *one, const hada_registration *be
                                const hada_image *last, double pitch, hada_error *err)
 {
     double scale, row, col;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_register_offset(last, psf, pitch, &scale, &row, &col, &one->depth.likeness, err));
     if (one->depth.likeness >= LEAST_LIKENESS) {
         one->found.offset_row = row + scale * before->offset_row;
         one->found.offset_col = col + scale * before->offset_col;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* `last`: the PSF of the depth before, which becomes that of this one. */
@@ -121,15 +117,15 @@ static hada_status find_depth(hada_register_report *report, int z, const hada_da
     hada_status status = HADA_OK;
     depth->likeness = NAN;
     hada_registration_init(&one->found);
-    HADA_TRY(pictures_load(&of, data, z, err));
+    HADA_TRY_OR_DONE(pictures_load(&of, data, z, err));
     depth->pairs = of.count;
     depth->scene_rows = of.scenes->rows;
     depth->scene_cols = of.scenes->cols;
-    HADA_TRY(hada_register_pairs(&one->found, of.raws, of.scenes, of.count, search, err));
+    HADA_TRY_OR_DONE(hada_register_pairs(&one->found, of.raws, of.scenes, of.count, search, err));
     if (with_offset)
-        HADA_TRY(hada_register_psf(&psf, &pitch, of.raws, of.scenes, of.count, &one->found, err));
+        HADA_TRY_OR_DONE(hada_register_psf(&psf, &pitch, of.raws, of.scenes, of.count, &one->found, err));
     if (with_offset && z)
-        HADA_TRY(find_offset(one, &report->depth[z - 1].found, &psf, last, pitch, err));
+        HADA_TRY_OR_DONE(find_offset(one, &report->depth[z - 1].found, &psf, last, pitch, err));
     depth->offset_unknown = depth->likeness < LEAST_LIKENESS;
     choose_applied(one, &report->depth[0].found);
 done:
@@ -156,8 +152,8 @@ static hada_status find_all(hada_register_report *report, const hada_dataset *da
         search.monitor = task->monitor;
     hada_progress progress = hada_progress_begin(task->monitor, "depths", depths);
     for (int z = 0; z < depths; z++) {
-        HADA_TRY(find_depth(report, z, data, &search, depths > 1 && !task->keep_offsets, &last, err));
-        HADA_TRY(hada_progress_step(&progress, NULL, err));
+        HADA_TRY_OR_DONE(find_depth(report, z, data, &search, depths > 1 && !task->keep_offsets, &last, err));
+        HADA_TRY_OR_DONE(hada_progress_step(&progress, NULL, err));
     }
 done:
     hada_progress_end(&progress);
@@ -172,11 +168,11 @@ hada_status hada_register_run(hada_register_report **out, const hada_dataset *da
     hada_status status = HADA_OK;
     *out = NULL;
     hada_register_task_init(&task);
-    HADA_TRY(HADA_OPTIONS_TAKE(&task, callers, hada_register_task, err));
-    HADA_TRY(hada_alloc((void **)out, 1, sizeof **out, "a report", err));
-    HADA_TRY(hada_alloc((void **)&(*out)->depth, (size_t)hada_dataset_get_info(data)->depths, sizeof *(*out)->depth,
-                        "a report", err));
-    HADA_TRY(find_all(*out, data, &task, err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&task, callers, hada_register_task, err));
+    HADA_TRY_OR_DONE(hada_allocated(*out = hada_alloc(1, sizeof **out, "a report", err)));
+    HADA_TRY_OR_DONE(hada_allocated((*out)->depth = hada_alloc((size_t)hada_dataset_get_info(data)->depths,
+                                                               sizeof *(*out)->depth, "a report", err)));
+    HADA_TRY_OR_DONE(find_all(*out, data, &task, err));
 done:
     if (status)
         hada_register_report_destroy(out);

@@ -21,7 +21,6 @@ static hada_status take_task(hada_recipe *recipe, const hada_camera *camera, con
                              hada_error *err)
 {
     hada_simulate_task *task = &recipe->task;
-    hada_status status = HADA_OK;
     hada_simulate_task_init(task);
     hada_simulator_options_init(&recipe->simulator_options);
     hada_sensor_init(&recipe->sensor);
@@ -49,8 +48,7 @@ static hada_status take_task(hada_recipe *recipe, const hada_camera *camera, con
         HADA_TRY(hada_surface_words_read(&recipe->surfaces, task->surfaces, err));
         task->tests = task->tests ? task->tests : recipe->surfaces.count;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Opens the scenes and divides them between pairs and tests. */
@@ -61,7 +59,6 @@ static hada_status open_scenes(hada_recipe *recipe, hada_error *err)
     const hada_simulator_options *wanted = &recipe->simulator_options;
     const int rows = wanted->field_rows ? wanted->field_rows : camera->window_rows;
     const int cols = wanted->field_rows ? wanted->field_cols : camera->window_cols;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_scenes_open(&recipe->scenes, task->scenes, camera->seed, camera->channels, rows, cols, err));
     if (task->test_scenes)
         HADA_TRY(hada_scenes_open(&recipe->test_scenes, task->test_scenes, camera->seed + 1, camera->channels, rows,
@@ -83,8 +80,7 @@ static hada_status open_scenes(hada_recipe *recipe, hada_error *err)
                           task->scenes, recipe->training_count, recipe->training_count, task->pairs);
         task->pairs = recipe->training_count;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status make_simulator(hada_recipe *recipe, hada_error *err)
@@ -100,7 +96,6 @@ static hada_status make_simulator(hada_recipe *recipe, hada_error *err)
     HADA_TRY(status);
     if (recipe->has_sensor && white > 0.0)
         HADA_TRY(hada_simulator_white_exposure(recipe->simulator, white, &recipe->sensor.exposure, err));
-done:
     return status;
 }
 
@@ -111,12 +106,12 @@ static hada_status measure_loss(hada_recipe *recipe, hada_error *err)
     hada_image white = {0}, raw = {0};
     double caught = 0.0;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_image_create(&white, 1, camera->window_rows, camera->window_cols, err));
+    HADA_TRY_OR_DONE(hada_image_create(&white, 1, camera->window_rows, camera->window_cols, err));
     for (size_t i = 0; i < hada_image_count(&white); i++)
         white.data[i] = 1.0f;
     for (int z = 0; z < camera->depths; z++) {
         hada_image_destroy(&raw);
-        HADA_TRY(hada_simulator_render(recipe->simulator, &(hada_plane){z, &white}, 1, 0.0, 0, &raw, err));
+        HADA_TRY_OR_DONE(hada_simulator_render(recipe->simulator, &(hada_plane){z, &white}, 1, 0.0, 0, &raw, err));
         for (size_t i = 0; i < hada_image_count(&raw); i++)
             caught += (double)raw.data[i];
     }
@@ -140,7 +135,6 @@ static hada_status fill(void *user, const char *folder, hada_error *err)
         hada_progress_begin(task->monitor, "frames", (long)recipe->camera.depths * task->pairs + task->tests);
     status = hada_recipe_write(recipe, folder, err);
     hada_progress_end(&recipe->progress);
-done:
     return status;
 }
 
@@ -151,9 +145,9 @@ hada_status hada_simulate_run(hada_context *context, const hada_camera *camera, 
     hada_status status = HADA_OK;
     if (!context || !camera || !folder)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_simulate_run: a context, a camera and a folder are needed");
-    HADA_TRY(HADA_REPORT_CHECK(report, hada_simulate_report, err));
-    HADA_TRY(take_task(&recipe, camera, task, err));
-    HADA_TRY(hada_folder_create(folder, fill, &recipe, err));
+    HADA_TRY_OR_DONE(HADA_REPORT_CHECK(report, hada_simulate_report, err));
+    HADA_TRY_OR_DONE(take_task(&recipe, camera, task, err));
+    HADA_TRY_OR_DONE(hada_folder_create(folder, fill, &recipe, err));
     if (report) {
         const hada_simulate_report own = {.size = sizeof own,
                                           .pairs = recipe.task.pairs,

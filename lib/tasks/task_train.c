@@ -59,7 +59,6 @@ static void training_free(training *own)
 
 static hada_status take_task(training *own, const hada_train_task *task, hada_error *err)
 {
-    hada_status status = HADA_OK;
     hada_train_task_init(&own->task);
     hada_train_options_init(&own->options, HADA_STAGE_ENHANCE);
     HADA_TRY(HADA_OPTIONS_TAKE(&own->task, task, hada_train_task, err));
@@ -71,8 +70,7 @@ static hada_status take_task(training *own, const hada_train_task *task, hada_er
     HADA_TRY(HADA_OPTIONS_TAKE(&own->work.ranks, own->options.communicator, hada_communicator, err));
     own->work.task = &own->task;
     own->work.stage = own->options.stage;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static void tell_pairs(const training *own)
@@ -111,21 +109,22 @@ static hada_status make_folders(training *own, hada_error *err)
     char *pictures = NULL;
     int there = 0;
     hada_status status = HADA_OK;
-    HADA_TRY(task->log ? hada_path_format(&work->log_folder, err, "%s", task->log)
-                       : hada_path_format(&work->log_folder, err, "%s.log", task->output));
-    HADA_TRY(hada_path_format(&work->checkpoint, err, "%s/checkpoint.safetensors", work->log_folder));
-    HADA_TRY(hada_path_format(&pictures, err, "%s/pictures", work->log_folder));
+    HADA_TRY_OR_DONE(task->log ? hada_path_format(&work->log_folder, err, "%s", task->log)
+                               : hada_path_format(&work->log_folder, err, "%s.log", task->output));
+    HADA_TRY_OR_DONE(hada_path_format(&work->checkpoint, err, "%s/checkpoint.safetensors", work->log_folder));
+    HADA_TRY_OR_DONE(hada_path_format(&pictures, err, "%s/pictures", work->log_folder));
     work->state.log = work->log_folder;
     work->state.output = task->output;
     if (work->ranks.rank)
         goto done;
-    HADA_TRY(hada_path_finds_file(work->checkpoint, &there, err));
+    HADA_TRY_OR_DONE(hada_path_finds_file(work->checkpoint, &there, err));
     if (there && !task->resume && !task->restart)
-        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
-                           "%s holds the checkpoint of an earlier training: go on with it (options.resume), begin anew "
-                           "(options.restart), or choose another folder (options.log)",
-                           work->log_folder));
-    HADA_TRY(hada_folder_ensure(pictures, err));
+        HADA_TRY_OR_DONE(
+            hada_fail(err, HADA_ERROR_ARGUMENT,
+                      "%s holds the checkpoint of an earlier training: go on with it (options.resume), begin anew "
+                      "(options.restart), or choose another folder (options.log)",
+                      work->log_folder));
+    HADA_TRY_OR_DONE(hada_folder_ensure(pictures, err));
 done:
     free(pictures);
     return status;
@@ -152,7 +151,6 @@ static hada_status survey(training *own, hada_fit_options *fit, hada_error *err)
 {
     const hada_train_task *task = &own->task;
     const hada_fit_source whole = {.data = own->data, .monitor = task->monitor};
-    hada_status status = HADA_OK;
     hada_fit_options_init(fit);
     HADA_TRY(HADA_OPTIONS_TAKE(fit, task->fit, hada_fit_options, err));
     if (!fit->monitor)
@@ -167,8 +165,7 @@ static hada_status survey(training *own, hada_fit_options *fit, hada_error *err)
     fit->scene_response = hada_survey_response(own->survey);
     own->learned = (part){own->learn, own->survey, NULL};
     own->validated = (part){own->held_out, own->survey, hada_dataset_get_info(own->learn)->counts};
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status find_model(training *own, hada_context *context, hada_error *err)
@@ -176,7 +173,6 @@ static hada_status find_model(training *own, hada_context *context, hada_error *
     const hada_train_task *task = &own->task;
     const int blank = own->work.stage == HADA_STAGE_FILTERS || own->work.stage == HADA_STAGE_CONVENTIONAL;
     hada_fit_options fit;
-    hada_status status = HADA_OK;
     own->model = task->model;
     if (own->model)
         HADA_TRY(check_depths(own->model, hada_dataset_get_info(own->data), err));
@@ -198,19 +194,16 @@ static hada_status find_model(training *own, hada_context *context, hada_error *
         HADA_TRY(hada_fit_exact(&own->made, context, &fit, &from, err));
     }
     own->model = own->made;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Called from several threads: reads nothing but what stays as it is. */
 static hada_status read_pair(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *err)
 {
     const part *of = user;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_dataset_read(of->data, depth, pair, raw, scene, err));
     hada_survey_even(of->survey, depth, pair + (of->before ? of->before[depth] : 0), scene);
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_pairs as_pairs(part *of)
@@ -253,7 +246,6 @@ static hada_status resume(training *own, hada_error *err)
 {
     const hada_train_work *work = &own->work;
     const hada_monitor *monitor = own->task.monitor;
-    hada_status status = HADA_OK;
     if (!own->task.resume)
         return HADA_OK;
     int there = 0;
@@ -267,8 +259,7 @@ static hada_status resume(training *own, hada_error *err)
     HADA_TRY(hada_trainer_load(work->trainer, work->checkpoint, err));
     hada_monitor_tell(monitor, HADA_MESSAGE_INFO, "Going on from step %llu.",
                       (unsigned long long)hada_trainer_steps(work->trainer));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static void tell_begin(training *own)
@@ -285,19 +276,19 @@ hada_status hada_train_run(hada_context *const *contexts, int count, const hada_
     hada_status status = HADA_OK;
     if (!contexts || count < 1 || !data)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_train_run: a context and a data set are needed");
-    HADA_TRY(take_task(&own, task, err));
-    HADA_TRY(hada_file_check_target(own.task.output, err));
-    HADA_TRY(divide(&own, err));
-    HADA_TRY(make_folders(&own, err));
+    HADA_TRY_OR_DONE(take_task(&own, task, err));
+    HADA_TRY_OR_DONE(hada_file_check_target(own.task.output, err));
+    HADA_TRY_OR_DONE(divide(&own, err));
+    HADA_TRY_OR_DONE(make_folders(&own, err));
     if (!own.options.vgg && own.work.stage != HADA_STAGE_FILTERS && own.options.perceptual > 0.0)
         hada_monitor_tell(own.task.monitor, HADA_MESSAGE_INFO,
                           "The perceptual loss is off: it needs the weights of VGG-16 (options.vgg FILE).");
-    HADA_TRY(find_model(&own, contexts[0], err));
-    HADA_TRY(make_trainer(&own, contexts, count, err));
+    HADA_TRY_OR_DONE(find_model(&own, contexts[0], err));
+    HADA_TRY_OR_DONE(make_trainer(&own, contexts, count, err));
     note_linear(&own);
     tell_begin(&own);
-    HADA_TRY(resume(&own, err));
-    HADA_TRY(hada_train_loop(&own.work, err));
+    HADA_TRY_OR_DONE(resume(&own, err));
+    HADA_TRY_OR_DONE(hada_train_loop(&own.work, err));
 done:
     training_free(&own);
     return status;

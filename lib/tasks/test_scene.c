@@ -40,13 +40,11 @@ void hada_test_scene_free(hada_test_scene *scene)
 
 static hada_status cut(hada_test_scene *scene, const int *labels, const hada_camera *camera, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int k = 0; k < scene->count; k++)
         HADA_TRY(hada_scene_part(&scene->planes[k], &scene->whole, labels, k, err));
     for (size_t i = 0; i < hada_image_count(&scene->map); i++)
         scene->map.data[i] = (float)camera->distances_mm[scene->depths[labels[i]]];
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* An object for the plane k: a piece of another picture. It covers what stands behind it, as seen from the middle. */
@@ -54,7 +52,6 @@ static hada_status put_object(hada_test_scene *scene, int k, const hada_image *p
                               const hada_camera *camera, hada_error *err)
 {
     const size_t pixels = hada_image_count(&scene->map);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_image_create(&scene->planes[k], picture->channels, picture->rows, picture->cols, err));
     HADA_TRY(hada_image_create(&scene->opacity[k], 1, picture->rows, picture->cols, err));
     for (size_t i = 0; i < hada_image_count(picture); i++) {
@@ -65,8 +62,7 @@ static hada_status put_object(hada_test_scene *scene, int k, const hada_image *p
         scene->planes[k].data[i] = scene->whole.data[i] = picture->data[i];
         scene->map.data[at] = (float)camera->distances_mm[scene->depths[k]];
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status stack(hada_test_scene *scene, const int *labels, const hada_scenes *source, int number, int step,
@@ -76,13 +72,14 @@ static hada_status stack(hada_test_scene *scene, const int *labels, const hada_s
     const hada_image *whole = &scene->whole;
     hada_image picture = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&scene->opacity, (size_t)scene->count, sizeof *scene->opacity, "a test scene", err));
-    HADA_TRY(hada_image_crop(&scene->planes[last], whole, 0, 0, whole->rows, whole->cols, err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(scene->opacity = hada_alloc((size_t)scene->count, sizeof *scene->opacity, "a test scene", err)));
+    HADA_TRY_OR_DONE(hada_image_crop(&scene->planes[last], whole, 0, 0, whole->rows, whole->cols, err));
     for (size_t i = 0; i < hada_image_count(&scene->map); i++)
         scene->map.data[i] = (float)camera->distances_mm[scene->depths[last]];
     for (int k = last - 1; k >= 0; k--) {
-        HADA_TRY(hada_scenes_get(source, number + step * (k + 1), &picture, NULL, err));
-        HADA_TRY(put_object(scene, k, &picture, labels, camera, err));
+        HADA_TRY_OR_DONE(hada_scenes_get(source, number + step * (k + 1), &picture, NULL, err));
+        HADA_TRY_OR_DONE(put_object(scene, k, &picture, labels, camera, err));
         hada_image_destroy(&picture);
     }
 done:
@@ -97,14 +94,18 @@ hada_status hada_test_scene_make(hada_test_scene *scene, const hada_scenes *sour
     int *labels = NULL;
     hada_status status = HADA_OK;
     *scene = (hada_test_scene){.count = count};
-    HADA_TRY(hada_alloc((void **)&scene->planes, (size_t)count, sizeof *scene->planes, "a test scene", err));
-    HADA_TRY(hada_alloc((void **)&scene->depths, (size_t)count, sizeof *scene->depths, "a test scene", err));
-    HADA_TRY(hada_alloc((void **)&labels, (size_t)rows * (size_t)cols, sizeof *labels, "a test scene", err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(scene->planes = hada_alloc((size_t)count, sizeof *scene->planes, "a test scene", err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(scene->depths = hada_alloc((size_t)count, sizeof *scene->depths, "a test scene", err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(labels = hada_alloc((size_t)rows * (size_t)cols, sizeof *labels, "a test scene", err)));
     choose_depths(seed, camera->depths, count, scene->depths);
-    HADA_TRY(hada_scenes_get(source, number, &scene->whole, NULL, err));
-    HADA_TRY(hada_scene_regions(labels, seed, occlude ? REGIONS_OF_OBJECTS * count : count, rows, cols, err));
-    HADA_TRY(hada_image_create(&scene->map, 1, rows, cols, err));
-    HADA_TRY(occlude ? stack(scene, labels, source, number, step, camera, err) : cut(scene, labels, camera, err));
+    HADA_TRY_OR_DONE(hada_scenes_get(source, number, &scene->whole, NULL, err));
+    HADA_TRY_OR_DONE(hada_scene_regions(labels, seed, occlude ? REGIONS_OF_OBJECTS * count : count, rows, cols, err));
+    HADA_TRY_OR_DONE(hada_image_create(&scene->map, 1, rows, cols, err));
+    HADA_TRY_OR_DONE(occlude ? stack(scene, labels, source, number, step, camera, err)
+                             : cut(scene, labels, camera, err));
 done:
     free(labels);
     return status;
@@ -119,16 +120,17 @@ hada_status hada_test_scene_render(const hada_test_scene *scene, hada_simulator 
     hada_status status = HADA_OK;
     if (scene->surfaces)
         return hada_simulator_render_reliefs(simulator, reliefs, scene->surfaces, scene->opaque, noise, seed, raw, err);
-    HADA_TRY(hada_alloc((void **)&planes, (size_t)scene->count, sizeof *planes, "a test scene", err));
-    HADA_TRY(hada_alloc((void **)&opacity, (size_t)scene->count, sizeof *opacity, "a test scene", err));
+    HADA_TRY_OR_DONE(hada_allocated(planes = hada_alloc((size_t)scene->count, sizeof *planes, "a test scene", err)));
+    HADA_TRY_OR_DONE(hada_allocated(opacity = hada_alloc((size_t)scene->count, sizeof *opacity, "a test scene", err)));
     for (int k = 0; k < scene->count; k++) {
         planes[k] = (hada_plane){scene->depths[k], &scene->planes[k]};
         opacity[k] = scene->opacity && scene->opacity[k].data ? &scene->opacity[k] : NULL;
     }
     if (scene->opacity)
-        HADA_TRY(hada_simulator_render_occluded(simulator, planes, opacity, scene->count, -1, noise, seed, raw, err));
+        HADA_TRY_OR_DONE(
+            hada_simulator_render_occluded(simulator, planes, opacity, scene->count, -1, noise, seed, raw, err));
     else
-        HADA_TRY(hada_simulator_render(simulator, planes, scene->count, noise, seed, raw, err));
+        HADA_TRY_OR_DONE(hada_simulator_render(simulator, planes, scene->count, noise, seed, raw, err));
 done:
     free(planes);
     free(opacity);

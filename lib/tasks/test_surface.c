@@ -29,7 +29,6 @@ static int is_kind(const char *word)
 
 static hada_status add_word(hada_surface_words *words, const char *text, size_t length, hada_error *err)
 {
-    hada_status status = HADA_OK;
     char **word = &words->words[words->count];
     HADA_TRY(hada_path_format(word, err, "%.*s", (int)length, text));
     words->count++;
@@ -38,18 +37,16 @@ static hada_status add_word(hada_surface_words *words, const char *text, size_t 
                            "'%s' is neither a kind of surface (slant, half, hill, ball, steps, bars, overlap, outside) "
                            "nor a file with a distance map",
                            *word));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_surface_words_read(hada_surface_words *words, const char *list, hada_error *err)
 {
     size_t room = 1;
-    hada_status status = HADA_OK;
     *words = (hada_surface_words){0};
     for (const char *at = list; *at; at++)
         room += *at == ',';
-    HADA_TRY(hada_alloc((void **)&words->words, room, sizeof *words->words, "a list of surfaces", err));
+    HADA_TRY(hada_allocated(words->words = hada_alloc(room, sizeof *words->words, "a list of surfaces", err)));
     for (const char *at = list;; at++) {
         const size_t length = strcspn(at, ",");
         HADA_TRY(add_word(words, at, length, err));
@@ -57,8 +54,7 @@ hada_status hada_surface_words_read(hada_surface_words *words, const char *list,
         if (!*at)
             break;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_surface_words_free(hada_surface_words *words)
@@ -90,11 +86,9 @@ static hada_status make_outside(hada_image *map, const hada_scenes *source, cons
 {
     const double near = 1.0 / camera->distances_mm[0], far = 1.0 / camera->distances_mm[camera->depths - 1],
                  over = fmax(OUTSIDE_SHARE, OUTSIDE_STEPS / (camera->depths - 1));
-    hada_status status = HADA_OK;
     HADA_TRY(hada_scene_relief(map, HADA_RELIEF_SLANT, seed, source->rows, source->cols, err));
     to_distances(map, camera, -over, 1.0 + fmin(over, OUTSIDE_FAR * far / (near - far)));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The middle of a map with the source's aspect ratio, each pixel that of the map which is nearest: means would stand
@@ -103,7 +97,6 @@ static hada_status fit_map(hada_image *out, const hada_image *map, const hada_sc
 {
     const double scale = fmin((double)map->rows / source->rows, (double)map->cols / source->cols);
     const double row0 = (map->rows - scale * source->rows) / 2.0, col0 = (map->cols - scale * source->cols) / 2.0;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_image_create(out, 1, source->rows, source->cols, err));
     for (int r = 0; r < source->rows; r++)
         for (int c = 0; c < source->cols; c++) {
@@ -111,8 +104,7 @@ static hada_status fit_map(hada_image *out, const hada_image *map, const hada_sc
             out->data[(size_t)r * (size_t)source->cols + (size_t)c] =
                 map->data[(size_t)row * (size_t)map->cols + (size_t)col];
         }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Floats are millimetres, NaN where nothing stands; integers are shares of the range of depths. */
@@ -122,19 +114,20 @@ static hada_status read_map(hada_image *out, const char *path, const hada_scenes
     hada_tiff_reader *reader = NULL;
     hada_image map = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_tiff_open(&reader, path, err));
-    HADA_TRY(hada_tiff_read(reader, 0, &map, err));
+    HADA_TRY_OR_DONE(hada_tiff_open(&reader, path, err));
+    HADA_TRY_OR_DONE(hada_tiff_read(reader, 0, &map, err));
     if (map.channels != 1)
-        HADA_TRY(hada_fail(err, HADA_ERROR_SIZE, "a distance map has one channel, not %d", map.channels));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_SIZE, "a distance map has one channel, not %d", map.channels));
     if (!hada_tiff_get_info(reader)->is_float)
         to_distances(&map, camera, 0.0, 1.0);
-    HADA_TRY(fit_map(out, &map, source, err));
+    HADA_TRY_OR_DONE(fit_map(out, &map, source, err));
     for (size_t i = 0; i < hada_image_count(out); i++)
         if (!isnan(out->data[i]) && !(out->data[i] > 0.0f && isfinite(out->data[i])))
-            HADA_TRY(hada_fail(err, HADA_ERROR_DATASET,
-                               "a distance of %g is not possible; floats are millimetres above 0, or NaN where nothing "
-                               "stands, integers shares of the range of depths",
-                               (double)out->data[i]));
+            HADA_TRY_OR_DONE(
+                hada_fail(err, HADA_ERROR_DATASET,
+                          "a distance of %g is not possible; floats are millimetres above 0, or NaN where nothing "
+                          "stands, integers shares of the range of depths",
+                          (double)out->data[i]));
 done:
     hada_tiff_close(&reader);
     hada_image_destroy(&map);
@@ -146,15 +139,13 @@ done:
 static hada_status make_map(hada_image *map, const char *word, const hada_scenes *source, const hada_camera *camera,
                             uint64_t seed, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (!strcmp(word, outside_word))
         return make_outside(map, source, camera, seed, err);
     if (!is_kind(word))
         return read_map(map, word, source, camera, err);
     HADA_TRY(hada_scene_relief(map, hada_relief_from_word(word), seed, source->rows, source->cols, err));
     to_distances(map, camera, 0.0, 1.0);
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* A second picture, see-through, over about half of the first: where both are, each gives half of its light. */
@@ -165,10 +156,10 @@ static hada_status lay_over(hada_test_scene *scene, const hada_scenes *source, i
     const size_t pixels = hada_image_count(&scene->map);
     int *labels = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_scenes_get(source, number, over, NULL, err));
-    HADA_TRY(hada_image_create(&scene->over, 1, over->rows, over->cols, err));
-    HADA_TRY(hada_alloc((void **)&labels, pixels, sizeof *labels, "a test scene", err));
-    HADA_TRY(hada_scene_regions(labels, seed, 2, over->rows, over->cols, err));
+    HADA_TRY_OR_DONE(hada_scenes_get(source, number, over, NULL, err));
+    HADA_TRY_OR_DONE(hada_image_create(&scene->over, 1, over->rows, over->cols, err));
+    HADA_TRY_OR_DONE(hada_allocated(labels = hada_alloc(pixels, sizeof *labels, "a test scene", err)));
+    HADA_TRY_OR_DONE(hada_scene_regions(labels, seed, 2, over->rows, over->cols, err));
     for (size_t i = 0; i < pixels; i++) {
         scene->map.data[i] = OVERLAP_FAR;
         scene->over.data[i] = OVERLAP_NEAR;
@@ -217,10 +208,11 @@ hada_status hada_test_surface_make(hada_test_scene *scene, const hada_surface_wo
     /* hills have no plain shape */
     const uint64_t shape = test < words->count && hada_relief_from_word(word) != HADA_RELIEF_HILL ? 0 : seed;
     const int overlap = !strcmp(word, overlap_word);
-    hada_status status = HADA_OK;
     *scene = (hada_test_scene){.count = camera->depths, .surfaces = 1, .opaque = opaque && !overlap};
-    HADA_TRY(hada_alloc((void **)&scene->planes, (size_t)scene->count, sizeof *scene->planes, "a test scene", err));
-    HADA_TRY(hada_alloc((void **)&scene->depths, (size_t)scene->count, sizeof *scene->depths, "a test scene", err));
+    HADA_TRY(
+        hada_allocated(scene->planes = hada_alloc((size_t)scene->count, sizeof *scene->planes, "a test scene", err)));
+    HADA_TRY(
+        hada_allocated(scene->depths = hada_alloc((size_t)scene->count, sizeof *scene->depths, "a test scene", err)));
     HADA_TRY(hada_scenes_get(source, number, &scene->light[0], NULL, err));
     const hada_image *light = &scene->light[0];
     HADA_TRY(hada_image_crop(&scene->whole, light, 0, 0, light->rows, light->cols, err));
@@ -241,6 +233,5 @@ hada_status hada_test_surface_make(hada_test_scene *scene, const hada_surface_wo
     share_out(scene, &scene->light[0], &scene->map, camera);
     if (overlap)
         share_out(scene, &scene->light[1], &scene->over, camera);
-done:
-    return status;
+    return HADA_OK;
 }

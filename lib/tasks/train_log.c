@@ -39,23 +39,19 @@ static hada_status grow(void **items, size_t count, size_t *room, size_t size, h
 
 static hada_status remember_loss(hada_train_log *log, double step, double loss, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(grow((void **)&log->loss, log->loss_count, &log->loss_room, sizeof *log->loss, err));
     log->loss[log->loss_count++] = (hada_loss_row){step, loss};
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status remember_row(hada_train_log *log, uint64_t step, const hada_validation *result, hada_error *err)
 {
     hada_validation *copy = NULL;
-    hada_status status = HADA_OK;
     HADA_TRY(grow((void **)&log->rows, log->row_count, &log->row_room, sizeof *log->rows, err));
-    HADA_TRY(hada_alloc((void **)&copy, 1, sizeof *copy, "the log of a training", err));
+    HADA_TRY(hada_allocated(copy = hada_alloc(1, sizeof *copy, "the log of a training", err)));
     *copy = *result;
     log->rows[log->row_count++] = (hada_train_row){step, copy};
-done:
-    return status;
+    return HADA_OK;
 }
 
 static void forget_rows(hada_train_log *log, size_t first)
@@ -147,7 +143,7 @@ static hada_status keep_lines(hada_train_log *log, const char *path, uint64_t fr
     while (fgets(line, sizeof line, old) && strchr(line, '\n')) {
         const size_t losses = log->loss_count, rows = log->row_count;
         uint64_t step;
-        HADA_TRY(take(log, line, &step, err));
+        HADA_TRY_OR_DONE(take(log, line, &step, err));
         if (step <= from) {
             hada_text_add(kept, "%s", line);
         } else {
@@ -156,7 +152,7 @@ static hada_status keep_lines(hada_train_log *log, const char *path, uint64_t fr
         }
     }
     if (ferror(old))
-        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_READ, "%s cannot be read: %s", path, strerror(errno)));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_READ, "%s cannot be read: %s", path, strerror(errno)));
 done:
     fclose(old);
     return status;
@@ -168,16 +164,16 @@ static hada_status open_file(hada_train_log *log, const char *name, const char *
     char *path = NULL;
     hada_text text = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_path_format(&path, err, "%s/%s", log->folder, name));
+    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/%s", log->folder, name));
     hada_text_add(&text, "%s", head);
     if (go_on)
-        HADA_TRY(keep_lines(log, path, from, take, &text, err));
+        HADA_TRY_OR_DONE(keep_lines(log, path, from, take, &text, err));
     if (text.failed)
-        HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory for the log of a training"));
-    HADA_TRY(hada_file_write(path, text.data, text.length, err));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for the log of a training"));
+    HADA_TRY_OR_DONE(hada_file_write(path, text.data, text.length, err));
     *out = fopen(path, "a");
     if (!*out)
-        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_WRITE, "%s cannot be written: %s", path, strerror(errno)));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_WRITE, "%s cannot be written: %s", path, strerror(errno)));
 done:
     free(path);
     free(text.data);
@@ -188,9 +184,10 @@ hada_status hada_train_log_open(hada_train_log *log, const char *folder, int go_
 {
     hada_status status = HADA_OK;
     *log = (hada_train_log){0};
-    HADA_TRY(hada_path_format(&log->folder, err, "%s", folder));
-    HADA_TRY(open_file(log, "losses.csv", losses_head, from, go_on, take_loss, &log->losses, err));
-    HADA_TRY(open_file(log, "validation.csv", validation_head, from, go_on, take_validation, &log->validation, err));
+    HADA_TRY_OR_DONE(hada_path_format(&log->folder, err, "%s", folder));
+    HADA_TRY_OR_DONE(open_file(log, "losses.csv", losses_head, from, go_on, take_loss, &log->losses, err));
+    HADA_TRY_OR_DONE(
+        open_file(log, "validation.csv", validation_head, from, go_on, take_validation, &log->validation, err));
 done:
     if (status)
         hada_train_log_close(log);

@@ -44,11 +44,11 @@ static hada_status write_output(loop *own, hada_error *err)
     if (!own->writes)
         return HADA_OK;
     if (work->stage == HADA_STAGE_CONVENTIONAL) {
-        HADA_TRY(hada_trainer_net(work->trainer, &net, err));
-        HADA_TRY(hada_net_save(net, work->task->output, err));
+        HADA_TRY_OR_DONE(hada_trainer_net(work->trainer, &net, err));
+        HADA_TRY_OR_DONE(hada_net_save(net, work->task->output, err));
     } else {
-        HADA_TRY(hada_trainer_model(work->trainer, &model, err));
-        HADA_TRY(hada_model_save(model, work->task->output, err));
+        HADA_TRY_OR_DONE(hada_trainer_model(work->trainer, &model, err));
+        HADA_TRY_OR_DONE(hada_model_save(model, work->task->output, err));
     }
     own->whole = 1;
 done:
@@ -87,7 +87,6 @@ static hada_status validate(loop *own, hada_error *err)
 {
     hada_train_state *state = own->state;
     hada_validation result = {.size = sizeof result};
-    hada_status status = HADA_OK;
     if (!state->held_out)
         return HADA_OK;
     HADA_TRY(hada_trainer_validate(own->work->trainer, own->work->task->validate_pairs, &result, err));
@@ -97,8 +96,7 @@ static hada_status validate(loop *own, hada_error *err)
     tell(own, HADA_TRAIN_VALIDATED);
     if (state->better && state->keep_best)
         HADA_TRY(write_output(own, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status show(loop *own, hada_error *err)
@@ -107,9 +105,9 @@ static hada_status show(loop *own, hada_error *err)
     hada_status status = HADA_OK;
     if (!own->state->held_out || !own->writes)
         return HADA_OK;
-    HADA_TRY(hada_path_format(&path, err, "%s/pictures/step%08llu.png", own->work->log_folder,
-                              (unsigned long long)own->state->step));
-    HADA_TRY(hada_train_picture(own->work->trainer, own->state->held_out, path, err));
+    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/pictures/step%08llu.png", own->work->log_folder,
+                                      (unsigned long long)own->state->step));
+    HADA_TRY_OR_DONE(hada_train_picture(own->work->trainer, own->state->held_out, path, err));
 done:
     free(path);
     return status;
@@ -117,7 +115,6 @@ done:
 
 static hada_status save(loop *own, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (!own->writes)
         return HADA_OK;
     HADA_TRY(hada_train_log_flush(&own->log, err));
@@ -125,8 +122,7 @@ static hada_status save(loop *own, hada_error *err)
     HADA_TRY(hada_trainer_save(own->work->trainer, own->work->checkpoint, err));
     if (!own->state->keep_best)
         HADA_TRY(write_output(own, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Whether something that comes every `interval` steps (0: never) comes now, or at the end. */
@@ -138,15 +134,13 @@ static int is_due(const loop *own, uint64_t interval)
 
 static hada_status after_step(loop *own, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (is_due(own, own->validate_every))
         HADA_TRY(validate(own, err));
     if (is_due(own, own->show_every))
         HADA_TRY(show(own, err));
     if (is_due(own, own->save_every) || own->state->step == own->state->steps)
         HADA_TRY(save(own, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static void take_time(loop *own, const hada_step_report *report)
@@ -166,7 +160,6 @@ static hada_status one_step(loop *own, hada_error *err)
     hada_train_state *state = own->state;
     hada_step_report report = {.size = sizeof report};
     char note[64];
-    hada_status status = HADA_OK;
     HADA_TRY(hada_trainer_step(own->work->trainer, &report, err));
     if (own->writes)
         HADA_TRY(hada_train_log_step(&own->log, &report, err));
@@ -182,9 +175,7 @@ static hada_status one_step(loop *own, hada_error *err)
     take_time(own, &report);
     snprintf(note, sizeof note, "step %llu, loss %.3e", (unsigned long long)report.step, report.loss);
     (void)hada_progress_step(&own->progress, note, NULL); /* the wish to stop is met between steps */
-    HADA_TRY(after_step(own, err));
-done:
-    return status;
+    return after_step(own, err);
 }
 
 static hada_status stop(loop *own, hada_error *err)
@@ -199,7 +190,6 @@ static hada_status stop(loop *own, hada_error *err)
                        "stopped after step %llu of %llu, which is saved in %s; the same command with "
                        "options.resume goes on from there",
                        (unsigned long long)state->step, (unsigned long long)state->steps, own->work->checkpoint);
-done:
     return status;
 }
 
@@ -217,7 +207,6 @@ static hada_status steps(loop *own, hada_error *err)
     hada_train_state *state = own->state;
     const hada_train_task *task = own->work->task;
     int wish = 0;
-    hada_status status = HADA_OK;
     if (!state->first && own->validate_every)
         HADA_TRY(validate(own, err));
     if (!state->first && own->show_every)
@@ -234,8 +223,7 @@ static hada_status steps(loop *own, hada_error *err)
             return save(own, err);
         }
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Steps between two of a kind; 0: none. */
@@ -289,11 +277,8 @@ static hada_status write_last(loop *own, hada_error *err)
 
 static hada_status run(loop *own, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(steps(own, err));
-    HADA_TRY(write_last(own, err));
-done:
-    return status;
+    return write_last(own, err);
 }
 
 hada_status hada_train_loop(hada_train_work *work, hada_error *err)
@@ -303,9 +288,9 @@ hada_status hada_train_loop(hada_train_work *work, hada_error *err)
     hada_status status = HADA_OK;
     state->first = state->step = hada_trainer_steps(work->trainer);
     if (own.writes)
-        HADA_TRY(hada_train_log_open(&own.log, work->log_folder, state->first > 0, state->first, err));
+        HADA_TRY_OR_DONE(hada_train_log_open(&own.log, work->log_folder, state->first > 0, state->first, err));
     set_up(&own);
-    HADA_TRY(recall(&own, err));
+    HADA_TRY_OR_DONE(recall(&own, err));
     own.progress = hada_progress_begin(work->task->monitor, "steps",
                                        state->steps > state->first ? (long)(state->steps - state->first) : 0);
     status = run(&own, err);

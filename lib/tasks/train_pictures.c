@@ -71,12 +71,12 @@ hada_status hada_train_figure(const hada_train_log *log, hada_error *err)
     if (!log->loss_count || !hada_pictures_available())
         return HADA_OK;
     const double end = log->loss[log->loss_count - 1].step;
-    HADA_TRY(hada_path_format(&path, err, "%s/training.svg", log->folder));
-    HADA_TRY(hada_plot_create(&plot, 660, log->row_count ? 570 : 290, err));
+    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/training.svg", log->folder));
+    HADA_TRY_OR_DONE(hada_plot_create(&plot, 660, log->row_count ? 570 : 290, err));
     draw_losses(plot, log, end);
     if (log->row_count)
         draw_validation(plot, log, end);
-    HADA_TRY(hada_plot_save(plot, path, err));
+    HADA_TRY_OR_DONE(hada_plot_save(plot, path, err));
 done:
     hada_plot_destroy(&plot);
     free(path);
@@ -110,11 +110,11 @@ static hada_status add_row(hada_trainer *trainer, int pair, int index, int rows,
 {
     hada_image panel[PANELS] = {{0}}, raw = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_trainer_show(trainer, pair, &raw, &panel[1], &panel[2], &panel[3], err));
-    HADA_TRY(hada_scene_fit(&panel[0], &raw, panel[3].rows, panel[3].cols, err));
+    HADA_TRY_OR_DONE(hada_trainer_show(trainer, pair, &raw, &panel[1], &panel[2], &panel[3], err));
+    HADA_TRY_OR_DONE(hada_scene_fit(&panel[0], &raw, panel[3].rows, panel[3].cols, err));
     const int height = panel[3].rows + GAP, width = panel[3].cols + GAP;
     if (!sheet->data) {
-        HADA_TRY(hada_image_create(sheet, panel[3].channels, rows * height - GAP, PANELS * width - GAP, err));
+        HADA_TRY_OR_DONE(hada_image_create(sheet, panel[3].channels, rows * height - GAP, PANELS * width - GAP, err));
         for (size_t i = 0; i < hada_image_count(sheet); i++)
             sheet->data[i] = 1.0f;
     }
@@ -136,8 +136,9 @@ hada_status hada_train_picture(hada_trainer *trainer, int held, const char *path
     if (!hada_pictures_available())
         return HADA_OK;
     for (int i = 0; i < rows; i++)
-        HADA_TRY(add_row(trainer, rows > 1 ? (int)((long)i * (held - 1) / (rows - 1)) : 0, i, rows, &sheet, err));
-    HADA_TRY(hada_png_save(path, &sheet, 1, HADA_AUTO, err));
+        HADA_TRY_OR_DONE(
+            add_row(trainer, rows > 1 ? (int)((long)i * (held - 1) / (rows - 1)) : 0, i, rows, &sheet, err));
+    HADA_TRY_OR_DONE(hada_png_save(path, &sheet, 1, HADA_AUTO, err));
 done:
     hada_image_destroy(&sheet);
     return status;

@@ -37,7 +37,7 @@ static hada_status shift(hada_image *image, int rows, int cols, int circular, ha
     const size_t area = (size_t)image->rows * (size_t)image->cols;
     float *old = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&old, area, sizeof *old, "a shifted image", err));
+    HADA_TRY_OR_DONE(hada_allocated(old = hada_alloc(area, sizeof *old, "a shifted image", err)));
     for (int c = 0; c < image->channels; c++) {
         float *at = image->data + (size_t)c * area;
         memcpy(old, at, area * sizeof *old);
@@ -102,7 +102,6 @@ hada_status hada_augment_pair(const hada_augment *augment, double dark, uint64_t
                               hada_image *scene, hada_error *err)
 {
     hada_random random;
-    hada_status status = HADA_OK;
     begin(&random, seed, PAIR, place);
     const int rows = from_to(&random, augment->shift), cols = from_to(&random, augment->shift);
     const int sides = toss(&random, augment->flips);
@@ -120,8 +119,7 @@ hada_status hada_augment_pair(const hada_augment *augment, double dark, uint64_t
     }
     if (augment->noise > 0.0)
         add_noise(raw, augment->noise, &random);
-done:
-    return status;
+    return HADA_OK;
 }
 
 int hada_augment_plane(const hada_augment *augment, uint64_t seed, uint64_t place, hada_image *plane, hada_image *scene)

@@ -15,9 +15,9 @@ hada_status hada_buckets_create(hada_buckets *buckets, const hada_communicator *
         return HADA_OK;
     buckets->ranks = ranks;
     buckets->parameters = parameters;
-    HADA_TRY(hada_alloc_raw((void **)&buckets->values, floats, sizeof(float), "a gradient", err));
-    HADA_TRY(
-        hada_alloc((void **)&buckets->bucket, floats / HADA_BUCKET + 1, sizeof *buckets->bucket, "a gradient", err));
+    HADA_TRY_OR_DONE(hada_allocated(buckets->values = hada_alloc_raw(floats, sizeof(float), "a gradient", err)));
+    HADA_TRY_OR_DONE(hada_allocated(
+        buckets->bucket = hada_alloc(floats / HADA_BUCKET + 1, sizeof *buckets->bucket, "a gradient", err)));
 done:
     if (status)
         hada_buckets_free(buckets);
@@ -53,7 +53,6 @@ hada_status hada_buckets_ready(void *user, size_t from, hada_error *err)
     hada_buckets *buckets = user;
     hada_parameters *parameters = buckets->parameters;
     const size_t count = buckets->from > from ? buckets->from - from : 0;
-    hada_status status = HADA_OK;
     if (!count || (count < HADA_BUCKET && from))
         return HADA_OK;
     hada_bucket *next = &buckets->bucket[buckets->count];
@@ -62,20 +61,19 @@ hada_status hada_buckets_ready(void *user, size_t from, hada_error *err)
                                     buckets->values + from, count * sizeof(float), &next->event, err));
     buckets->count++;
     buckets->from = from;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_buckets_exchange(hada_buckets *buckets, hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(hada_buckets_ready(buckets, 0, err));
+    HADA_TRY_OR_DONE(hada_buckets_ready(buckets, 0, err));
     for (int i = 0; i < buckets->count; i++) {
         const hada_bucket *it = &buckets->bucket[i];
         const cl_int code = clWaitForEvents(1, &it->event);
         if (code != CL_SUCCESS)
-            HADA_TRY(hada_fail_cl(err, code, "clWaitForEvents"));
-        HADA_TRY(hada_reduce_floats(buckets->ranks, buckets->values + it->first, it->count, err));
+            HADA_TRY_OR_DONE(hada_fail_cl(err, code, "clWaitForEvents"));
+        HADA_TRY_OR_DONE(hada_reduce_floats(buckets->ranks, buckets->values + it->first, it->count, err));
     }
     buckets->full = 1;
 done:

@@ -75,13 +75,11 @@ static void name_of(int group, const char *what, char name[NAME])
 
 static hada_status describe(const hada_trainer *trainer, char **net, char **discriminator, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (trainer->nets.net)
         HADA_TRY(hada_net_describe(trainer->nets.net, net, err));
     if (trainer->nets.discriminator)
         HADA_TRY(hada_net_describe(trainer->nets.discriminator, discriminator, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status put_number(hada_tensors_writer *writer, const char *key, uint64_t value, hada_error *err)
@@ -99,20 +97,20 @@ static hada_status put_metadata(hada_trainer *trainer, hada_tensors_writer *writ
     int count;
     hada_status status = HADA_OK;
     list_facts(trainer, facts, &count);
-    HADA_TRY(hada_tensors_put_meta(writer, "format", FORMAT, err));
+    HADA_TRY_OR_DONE(hada_tensors_put_meta(writer, "format", FORMAT, err));
     for (int i = 0; i < count; i++)
-        HADA_TRY(hada_tensors_put_meta(writer, facts[i].key, facts[i].text, err));
+        HADA_TRY_OR_DONE(hada_tensors_put_meta(writer, facts[i].key, facts[i].text, err));
     if (compose_of(trainer, share))
-        HADA_TRY(hada_tensors_put_meta(writer, "compose", share, err));
-    HADA_TRY(put_number(writer, "step", progress->step, err));
-    HADA_TRY(put_number(writer, "place", progress->place, err));
-    HADA_TRY(put_number(writer, "rollbacks", (uint64_t)progress->bad, err));
-    HADA_TRY(put_number(writer, "halvings", (uint64_t)progress->halvings, err));
-    HADA_TRY(describe(trainer, &net, &discriminator, err));
+        HADA_TRY_OR_DONE(hada_tensors_put_meta(writer, "compose", share, err));
+    HADA_TRY_OR_DONE(put_number(writer, "step", progress->step, err));
+    HADA_TRY_OR_DONE(put_number(writer, "place", progress->place, err));
+    HADA_TRY_OR_DONE(put_number(writer, "rollbacks", (uint64_t)progress->bad, err));
+    HADA_TRY_OR_DONE(put_number(writer, "halvings", (uint64_t)progress->halvings, err));
+    HADA_TRY_OR_DONE(describe(trainer, &net, &discriminator, err));
     if (net)
-        HADA_TRY(hada_tensors_put_meta(writer, "net", net, err));
+        HADA_TRY_OR_DONE(hada_tensors_put_meta(writer, "net", net, err));
     if (discriminator)
-        HADA_TRY(hada_tensors_put_meta(writer, discriminator_word, discriminator, err));
+        HADA_TRY_OR_DONE(hada_tensors_put_meta(writer, discriminator_word, discriminator, err));
 done:
     free(net);
     free(discriminator);
@@ -134,7 +132,6 @@ static hada_status each_array(hada_trainer *trainer, array_work work, void *user
         const char *word;
     } parts[] = {{HADA_CONTENT_VALUES, "values"}, {HADA_CONTENT_STATE, "state"}};
     const hada_workers *workers = &trainer->workers;
-    hada_status status = HADA_OK;
     for (int g = 0; g < workers->groups; g++)
         for (int i = 0; i < 2 && hada_workers_have(workers, g); i++) {
             array what = {.group = g, .content = parts[i].content};
@@ -142,8 +139,7 @@ static hada_status each_array(hada_trainer *trainer, array_work work, void *user
             what.count = hada_workers_floats(workers, g, what.content);
             HADA_TRY(work(trainer, &what, user, err));
         }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status declare(hada_trainer *trainer, const array *what, void *user, hada_error *err)
@@ -156,19 +152,16 @@ static hada_status declare(hada_trainer *trainer, const array *what, void *user,
 /* An array, to be freed. */
 static hada_status fetch(hada_trainer *trainer, const array *what, float **out, hada_error *err)
 {
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc_raw((void **)out, what->count, sizeof **out, "a checkpoint", err));
-    HADA_TRY(hada_workers_read(&trainer->workers, what->group, what->content, *out, err));
-done:
-    return status;
+    HADA_TRY(hada_allocated(*out = hada_alloc_raw(what->count, sizeof **out, "a checkpoint", err)));
+    return hada_workers_read(&trainer->workers, what->group, what->content, *out, err);
 }
 
 static hada_status write_array(hada_trainer *trainer, const array *what, void *user, hada_error *err)
 {
     float *values = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(fetch(trainer, what, &values, err));
-    HADA_TRY(hada_tensors_write(user, values, what->count * sizeof *values, err));
+    HADA_TRY_OR_DONE(fetch(trainer, what, &values, err));
+    HADA_TRY_OR_DONE(hada_tensors_write(user, values, what->count * sizeof *values, err));
 done:
     free(values);
     return status;
@@ -181,7 +174,7 @@ static hada_status is_finite(hada_trainer *trainer, const array *what, void *use
     hada_status status = HADA_OK;
     if (!*finite || what->content != HADA_CONTENT_VALUES)
         return HADA_OK;
-    HADA_TRY(fetch(trainer, what, &values, err));
+    HADA_TRY_OR_DONE(fetch(trainer, what, &values, err));
     for (size_t i = 0; *finite && i < what->count; i++)
         *finite = isfinite(values[i]);
 done:
@@ -193,14 +186,11 @@ static hada_status write_all(hada_trainer *trainer, hada_tensors_writer *writer,
 {
     const int64_t groups[] = {trainer->workers.groups};
     const size_t bytes = (size_t)trainer->workers.groups * sizeof(uint64_t);
-    hada_status status = HADA_OK;
     HADA_TRY(put_metadata(trainer, writer, err));
     HADA_TRY(hada_tensors_declare(writer, "steps", HADA_U64, 1, groups, err));
     HADA_TRY(each_array(trainer, declare, writer, err));
     HADA_TRY(hada_tensors_write(writer, trainer->progress.group_steps, bytes, err));
-    HADA_TRY(each_array(trainer, write_array, writer, err));
-done:
-    return status;
+    return each_array(trainer, write_array, writer, err);
 }
 
 /* The snapshot stays as it is: it holds values that were seen to give finite numbers, these here were not yet. */
@@ -211,16 +201,16 @@ hada_status hada_trainer_save(hada_trainer *trainer, const char *path, hada_erro
     hada_status status = HADA_OK;
     if (!trainer || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_save: trainer and path are needed");
-    HADA_TRY(each_array(trainer, is_finite, &finite, err));
+    HADA_TRY_OR_DONE(each_array(trainer, is_finite, &finite, err));
     if (!finite) {
         status = hada_snapshot_restore(&trainer->snapshot, &trainer->workers, &trainer->progress, err);
         trainer->progress.halvings++;
         trainer->progress.bad++;
-        HADA_TRY(status);
+        HADA_TRY_OR_DONE(status);
     }
-    HADA_TRY(hada_tensors_create(&writer, path, err));
-    HADA_TRY(write_all(trainer, writer, err));
-    HADA_TRY(hada_tensors_finish(&writer, err));
+    HADA_TRY_OR_DONE(hada_tensors_create(&writer, path, err));
+    HADA_TRY_OR_DONE(write_all(trainer, writer, err));
+    HADA_TRY_OR_DONE(hada_tensors_finish(&writer, err));
 done:
     hada_tensors_abandon(&writer);
     return status;
@@ -256,12 +246,15 @@ static hada_status check_facts(hada_trainer *trainer, const hada_tensors *file, 
     list_facts(trainer, facts, &count);
     hada_status status = HADA_OK;
     for (int i = 0; i < count; i++)
-        HADA_TRY(check_text(file, facts[i].key, facts[i].what, facts[i].text, strcmp(facts[i].key, "model") != 0, err));
-    HADA_TRY(describe(trainer, &net, &discriminator, err));
-    HADA_TRY(check_text(file, "compose", "the share of scenes of several depths", compose_of(trainer, share), 0, err));
-    HADA_TRY(check_text(file, "net", "the net", net, 0, err));
-    HADA_TRY(check_text(file, hada_tensors_meta(file, discriminator_word) ? discriminator_word : old_discriminator_word,
-                        "the discriminator", discriminator, 0, err));
+        HADA_TRY_OR_DONE(
+            check_text(file, facts[i].key, facts[i].what, facts[i].text, strcmp(facts[i].key, "model") != 0, err));
+    HADA_TRY_OR_DONE(describe(trainer, &net, &discriminator, err));
+    HADA_TRY_OR_DONE(
+        check_text(file, "compose", "the share of scenes of several depths", compose_of(trainer, share), 0, err));
+    HADA_TRY_OR_DONE(check_text(file, "net", "the net", net, 0, err));
+    HADA_TRY_OR_DONE(
+        check_text(file, hada_tensors_meta(file, discriminator_word) ? discriminator_word : old_discriminator_word,
+                   "the discriminator", discriminator, 0, err));
 done:
     free(net);
     free(discriminator);
@@ -321,7 +314,6 @@ enum { MOST_HALVINGS = 1000 };
 static hada_status check_file(hada_trainer *trainer, hada_tensors *file, place *at, hada_error *err)
 {
     const size_t bytes = (size_t)trainer->workers.groups * sizeof(uint64_t);
-    hada_status status = HADA_OK;
     HADA_TRY(check_facts(trainer, file, err));
     HADA_TRY(get_number(file, "step", &at->step, err));
     HADA_TRY(get_number(file, "place", &at->place, err));
@@ -330,9 +322,7 @@ static hada_status check_file(hada_trainer *trainer, hada_tensors *file, place *
     at->steps = hada_tensors_find(file, "steps");
     if (!at->steps || at->steps->type != HADA_U64 || at->steps->bytes != bytes)
         return damaged("steps", err);
-    HADA_TRY(each_array(trainer, check_array, file, err));
-done:
-    return status;
+    return each_array(trainer, check_array, file, err);
 }
 
 /* Everything is checked before anything changes. */
@@ -341,7 +331,6 @@ static hada_status take(hada_trainer *trainer, hada_tensors *file, hada_error *e
     hada_progress *progress = &trainer->progress;
     hada_snapshot *snapshot = &trainer->snapshot;
     place at = {0};
-    hada_status status = HADA_OK;
     HADA_TRY(check_file(trainer, file, &at, err));
     HADA_TRY(each_array(trainer, read_array, file, err));
     for (int g = 0; g < trainer->workers.groups; g++) {
@@ -355,8 +344,7 @@ static hada_status take(hada_trainer *trainer, hada_tensors *file, hada_error *e
     progress->bad = (int)at.bad;
     progress->halvings = at.halvings < MOST_HALVINGS ? (int)at.halvings : MOST_HALVINGS;
     hada_feed_destroy(&trainer->feed);
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_trainer_load(hada_trainer *trainer, const char *path, hada_error *err)
@@ -365,7 +353,7 @@ hada_status hada_trainer_load(hada_trainer *trainer, const char *path, hada_erro
     hada_status status = HADA_OK;
     if (!trainer || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_load: trainer and path are needed");
-    HADA_TRY(hada_tensors_open(&file, path, err));
+    HADA_TRY_OR_DONE(hada_tensors_open(&file, path, err));
     status = take(trainer, file, err);
     if (status)
         hada_error_prefix(err, "%s: ", path);

@@ -213,12 +213,10 @@ static void add_neighbour(scene_plan *plan, hada_random *random, int depths)
 static hada_status part_of(hada_image *out, const hada_image *picture, const parts *of, int part, hada_error *err)
 {
     const size_t pixels = (size_t)of->rows * (size_t)of->cols, count = hada_image_count(picture);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_image_create(out, picture->channels, picture->rows, picture->cols, err));
     for (size_t i = 0; i < count; i++)
         out->data[i] = share_of(of, i % pixels, part) * picture->data[i];
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status read_other(hada_image *out, const hada_pairs *pairs, const hada_model_info *info,
@@ -246,8 +244,8 @@ static hada_status light_others(hada_composed *out, const scene_plan *plan, cons
         if (plan->depth[i] == own || plan->part[i] < 0)
             continue;
         if (!one)
-            HADA_TRY(read_other(&other, pairs, info, random, err));
-        HADA_TRY(part_of(&out->light[i], one ? scene : &other, &plan->parts, plan->part[i], err));
+            HADA_TRY_OR_DONE(read_other(&other, pairs, info, random, err));
+        HADA_TRY_OR_DONE(part_of(&out->light[i], one ? scene : &other, &plan->parts, plan->part[i], err));
         hada_image_destroy(&other);
     }
 done:
@@ -263,8 +261,8 @@ static hada_status light_own(hada_composed *out, const scene_plan *plan, int own
     const size_t count = hada_image_count(scene);
     hada_image rest = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(part_of(&rest, scene, &plan->parts, plan->part[at], err));
-    HADA_TRY(hada_image_create(&out->light[at], scene->channels, scene->rows, scene->cols, err));
+    HADA_TRY_OR_DONE(part_of(&rest, scene, &plan->parts, plan->part[at], err));
+    HADA_TRY_OR_DONE(hada_image_create(&out->light[at], scene->channels, scene->rows, scene->cols, err));
     for (size_t i = 0; i < count; i++)
         out->light[at].data[i] = rest.data[i] - scene->data[i];
     for (int k = 0; out->whole && k < plan->count; k++)
@@ -290,8 +288,8 @@ hada_status hada_compose(hada_composed *out, const hada_pairs *pairs, const hada
         number += (uint64_t)pairs->counts[z];
     hada_random_seed(&random, seed,
                      (uint64_t)SCENE << 60 | (number * (HADA_COMPOSED_VARIANTS + 1) + (uint64_t)variant));
-    HADA_TRY(hada_alloc((void **)&plan.parts.label, (size_t)scene->rows * (size_t)scene->cols, sizeof *plan.parts.label,
-                        "a scene's parts", err));
+    HADA_TRY_OR_DONE(hada_allocated(plan.parts.label = hada_alloc((size_t)scene->rows * (size_t)scene->cols,
+                                                                  sizeof *plan.parts.label, "a scene's parts", err)));
     if (chance(&random, ON_SURFACE))
         plan_surface(&plan, &random, info->depths, depth);
     else
@@ -301,8 +299,8 @@ hada_status hada_compose(hada_composed *out, const hada_pairs *pairs, const hada
         add_neighbour(&plan, &random, info->depths);
     out->count = plan.count;
     memcpy(out->depth, plan.depth, sizeof out->depth);
-    HADA_TRY(light_others(out, &plan, pairs, info, &random, depth, scene, err));
-    HADA_TRY(light_own(out, &plan, depth, scene, err));
+    HADA_TRY_OR_DONE(light_others(out, &plan, pairs, info, &random, depth, scene, err));
+    HADA_TRY_OR_DONE(light_own(out, &plan, depth, scene, err));
 done:
     free(plan.parts.label);
     if (status)

@@ -15,19 +15,17 @@ void hada_example_free(hada_example *example)
 
 static hada_status copy(hada_image *out, const hada_image *image, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_image_create(out, image->channels, image->rows, image->cols, err));
     memcpy(out->data, image->data, hada_image_count(image) * sizeof(float));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_example_copy(hada_example *out, const hada_example *example, hada_error *err)
 {
     *out = (hada_example){0};
     hada_status status = HADA_OK;
-    HADA_TRY(copy(&out->input, &example->input, err));
-    HADA_TRY(copy(&out->scene, &example->scene, err));
+    HADA_TRY_OR_DONE(copy(&out->input, &example->input, err));
+    HADA_TRY_OR_DONE(copy(&out->scene, &example->scene, err));
 done:
     if (status)
         hada_example_free(out);
@@ -40,7 +38,7 @@ static hada_status take_dark_off(hada_image *raw, double level, hada_error *err)
     float *room = NULL;
     hada_status status = HADA_OK;
     if (level < 0.0)
-        HADA_TRY(hada_alloc((void **)&room, area, sizeof *room, "a frame's dark level", err));
+        HADA_TRY_OR_DONE(hada_allocated(room = hada_alloc(area, sizeof *room, "a frame's dark level", err)));
     for (int c = 0; c < raw->channels; c++) {
         float *at = raw->data + (size_t)c * area;
         const double dark = room ? hada_dark_estimate(at, area, room) : level;
@@ -59,11 +57,11 @@ hada_status hada_example_make(hada_example *out, hada_stage stage, const hada_mo
     hada_status status = HADA_OK;
     *out = (hada_example){0};
     if (planes) {
-        HADA_TRY(hada_planes_make(planes, depth, raw, composed, &out->input, err));
+        HADA_TRY_OR_DONE(hada_planes_make(planes, depth, raw, composed, &out->input, err));
     } else {
-        HADA_TRY(take_dark_off(raw, info->dark, err));
+        HADA_TRY_OR_DONE(take_dark_off(raw, info->dark, err));
         if (stage == HADA_STAGE_CONVENTIONAL) {
-            HADA_TRY(hada_image_resize(&out->input, raw, info->window_rows, info->window_cols, err));
+            HADA_TRY_OR_DONE(hada_image_resize(&out->input, raw, info->window_rows, info->window_cols, err));
         } else {
             out->input = *raw;
             *raw = (hada_image){0};
@@ -83,12 +81,10 @@ enum { WAYS = HADA_COMPOSED_VARIANTS + 1 };
 hada_status hada_examples_create(hada_examples *examples, const hada_pairs *pairs, size_t most, hada_error *err)
 {
     *examples = (hada_examples){.pairs = pairs, .most = most};
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&examples->kept, hada_size_product((size_t)hada_pairs_total(pairs), WAYS),
-                        sizeof *examples->kept, "the list of pairs", err));
+    HADA_TRY(hada_allocated(examples->kept = hada_alloc(hada_size_product((size_t)hada_pairs_total(pairs), WAYS),
+                                                        sizeof *examples->kept, "the list of pairs", err)));
     examples->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_examples_free(hada_examples *examples)

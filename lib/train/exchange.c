@@ -35,11 +35,11 @@ static hada_status with_open(hada_workers *workers, exchange *what, hada_work wo
                              hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(hada_workers_run(workers, open_one, what, err));
+    HADA_TRY_OR_DONE(hada_workers_run(workers, open_one, what, err));
     if (work)
-        HADA_TRY(hada_workers_run(workers, work, what, err));
+        HADA_TRY_OR_DONE(hada_workers_run(workers, work, what, err));
     if (hada_ranks(workers->ranks) > 1)
-        HADA_TRY(among_ranks(workers, what, err));
+        HADA_TRY_OR_DONE(among_ranks(workers, what, err));
 done:;
     const hada_status closed = hada_workers_run(workers, close_one, what, status ? NULL : err);
     return status ? status : closed;
@@ -111,13 +111,11 @@ static hada_status add_part(hada_workers *workers, int worker, void *user, hada_
 
 static hada_status reduce_part(const hada_workers *workers, float *values, hada_part part, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (size_t done = 0; done < part.count; done += HADA_BUCKET) {
         const size_t count = part.count - done < HADA_BUCKET ? part.count - done : HADA_BUCKET;
         HADA_TRY(hada_reduce_floats(workers->ranks, values + part.first + done, count, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* After the workers' own sums, those of all ranks: of a net's gradient each worker's part, of filters the whole. */
@@ -134,7 +132,7 @@ static hada_status reduce_gradient(hada_workers *workers, const exchange *what, 
         if (what->group == HADA_GROUP_NET && buckets->full)
             memcpy(own->values, buckets->values, part.count * sizeof *own->values);
         else
-            HADA_TRY(reduce_part(workers, own->values, part, err));
+            HADA_TRY_OR_DONE(reduce_part(workers, own->values, part, err));
         own->squares = squares_of(own->values + part.first, part.count);
         for (int k = 1; !shared && k < workers->count; k++) {
             memcpy(workers->worker[k].values, own->values, part.count * sizeof *own->values);
@@ -150,14 +148,12 @@ done:
 hada_status hada_exchange_gradients(hada_workers *workers, int group, double *squares, hada_error *err)
 {
     exchange what = {group, HADA_CONTENT_GRADIENT};
-    hada_status status = HADA_OK;
     if (workers->count * hada_ranks(workers->ranks) == 1)
         return HADA_OK;
     HADA_TRY(with_open(workers, &what, workers->count > 1 ? add_part : NULL, reduce_gradient, err));
     for (int w = 0; w < workers->count; w++)
         *squares += workers->worker[w].squares;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* What the others have updated. */
@@ -193,7 +189,6 @@ static hada_status reduce_statistics(hada_workers *workers, const exchange *what
     const size_t first = net->trained, count = net->floats - first;
     const float ranks = (float)hada_ranks(workers->ranks);
     float *own = workers->worker->values + first;
-    hada_status status = HADA_OK;
     if (what->group != HADA_GROUP_NET)
         return HADA_OK;
     HADA_TRY(hada_reduce_floats(workers->ranks, own, count, err));
@@ -201,8 +196,7 @@ static hada_status reduce_statistics(hada_workers *workers, const exchange *what
         own[i] /= ranks;
     for (int w = 1; w < workers->count; w++)
         memcpy(workers->worker[w].values + first, own, count * sizeof *own);
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status share_one(hada_workers *workers, int worker, void *user, hada_error *err)

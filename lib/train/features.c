@@ -10,7 +10,7 @@ hada_status hada_features_create(hada_features *features, size_t scenes, size_t 
     if (!scenes)
         return HADA_OK;
     hada_status status =
-        hada_alloc((void **)&features->kept, scenes, sizeof *features->kept, "the list of scenes", err);
+        hada_allocated(features->kept = hada_alloc(scenes, sizeof *features->kept, "the list of scenes", err));
     features->count = status ? 0 : scenes;
     return status;
 }
@@ -35,7 +35,7 @@ float *hada_features_room(hada_features *features, size_t scene)
         return NULL;
     float **at = &features->kept[scene - 1];
     /* training goes on without what does not fit */
-    if (hada_alloc_raw((void **)at, features->floats, sizeof(float), "features", NULL))
+    if (hada_allocated(*at = hada_alloc_raw(features->floats, sizeof(float), "features", NULL)))
         return NULL;
     features->bytes += bytes;
     return *at;

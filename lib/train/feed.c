@@ -35,12 +35,13 @@ static hada_status make(const hada_feed_desc *desc, hada_fed *fed, hada_error *e
     if (desc->known && desc->known(desc->user, fed->depth, fed->pair, fed->variant))
         return HADA_OK;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_pairs_load(desc->pairs, desc->info, fed->depth, fed->pair, &fed->raw, &fed->scene, err));
-    HADA_TRY(hada_augment_pair(&desc->augment, desc->info->dark, desc->seed, fed->place, &fed->raw, &fed->scene, err));
-    HADA_TRY(hada_pairs_crop(desc->info, &fed->scene, err));
+    HADA_TRY_OR_DONE(hada_pairs_load(desc->pairs, desc->info, fed->depth, fed->pair, &fed->raw, &fed->scene, err));
+    HADA_TRY_OR_DONE(
+        hada_augment_pair(&desc->augment, desc->info->dark, desc->seed, fed->place, &fed->raw, &fed->scene, err));
+    HADA_TRY_OR_DONE(hada_pairs_crop(desc->info, &fed->scene, err));
     if (fed->variant)
-        HADA_TRY(hada_compose(&fed->composed, desc->pairs, desc->info, desc->seed, fed->depth, fed->pair, fed->variant,
-                              desc->planes_only, &fed->scene, err));
+        HADA_TRY_OR_DONE(hada_compose(&fed->composed, desc->pairs, desc->info, desc->seed, fed->depth, fed->pair,
+                                      fed->variant, desc->planes_only, &fed->scene, err));
 done:
     if (status) {
         drop(fed);
@@ -103,12 +104,13 @@ hada_status hada_feed_create(hada_feed **out, const hada_feed_desc *desc, hada_e
     *out = NULL;
     if (desc->ahead < 1 || !hada_pairs_total(desc->pairs))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "training needs at least one pair, and room for it");
-    HADA_TRY(hada_augment_check(&desc->augment, desc->info, err));
-    HADA_TRY(hada_alloc((void **)&feed, 1, sizeof *feed, "the pairs to read", err));
+    HADA_TRY_OR_DONE(hada_augment_check(&desc->augment, desc->info, err));
+    HADA_TRY_OR_DONE(hada_allocated(feed = hada_alloc(1, sizeof *feed, "the pairs to read", err)));
     feed->desc = *desc;
     feed->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     feed->changed = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
-    HADA_TRY(hada_alloc((void **)&feed->ring, (size_t)desc->ahead, sizeof *feed->ring, "the pairs to read", err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(feed->ring = hada_alloc((size_t)desc->ahead, sizeof *feed->ring, "the pairs to read", err)));
     feed->running = !start(feed);
     if (!feed->running)
         status = hada_fail(err, HADA_ERROR_MEMORY, "no thread could be started to read pairs");

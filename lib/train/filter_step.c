@@ -17,10 +17,10 @@ static hada_status write_columns(hada_step_images *images, hada_error *err)
     const hada_spectrum_layout *layout = &images->shape->layout;
     float *columns = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&columns, layout->count, sizeof *columns, "a half spectrum", err));
+    HADA_TRY_OR_DONE(hada_allocated(columns = hada_alloc(layout->count, sizeof *columns, "a half spectrum", err)));
     hada_layout_weights(layout, columns);
-    HADA_TRY(hada_buffer_write(&images->place[HADA_STEP_COLUMN_WEIGHTS], images->slot, 0, columns,
-                               layout->count * sizeof *columns, err));
+    HADA_TRY_OR_DONE(hada_buffer_write(&images->place[HADA_STEP_COLUMN_WEIGHTS], images->slot, 0, columns,
+                                       layout->count * sizeof *columns, err));
 done:
     free(columns);
     return status;
@@ -30,14 +30,11 @@ hada_status hada_filter_step_create(hada_filter_step *step, hada_step_images *im
                                     hada_error *err)
 {
     const hada_replica_shape *shape = images->shape;
-    hada_status status = HADA_OK;
     *step = (hada_filter_step){.images = images, .parameters = parameters};
     HADA_TRY(hada_fft_create(&step->forward, images->slot, &shape->forward, err));
     HADA_TRY(hada_fft_create(&step->inverse, images->slot, &shape->inverse, err));
     HADA_TRY(hada_fft_create(&step->back, images->slot, &shape->back, err));
-    HADA_TRY(write_columns(images, err));
-done:
-    return status;
+    return write_columns(images, err);
 }
 
 void hada_filter_step_destroy(hada_filter_step *step)
@@ -50,13 +47,11 @@ void hada_filter_step_destroy(hada_filter_step *step)
 static hada_status upload_frames(hada_step_images *images, const hada_sample *samples, int count, hada_error *err)
 {
     const size_t bytes = images->shape->frame * sizeof(float);
-    hada_status status = HADA_OK;
     hada_slot_stage(images->slot, "upload");
     for (int i = 0; i < count; i++)
         HADA_TRY(hada_buffer_write(&images->place[HADA_STEP_RAW], images->slot, (size_t)i * bytes,
                                    samples[i].input->data, bytes, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_filter_step_forward(hada_filter_step *step, const hada_sample *samples, int count, int clipped,
@@ -68,7 +63,6 @@ hada_status hada_filter_step_forward(hada_filter_step *step, const hada_sample *
     const size_t values = (size_t)shape->channels * shape->layout.count;
     hada_fft_filter filter = {.product = shape->form == HADA_FORM_SPLIT ? HADA_FFT_SPLIT : HADA_FFT_COMPLEX,
                               .spectrum_count = shape->channels};
-    hada_status status = HADA_OK;
     HADA_TRY(upload_frames(images, samples, count, err));
     hada_slot_stage(images->slot, "filters");
     HADA_TRY(hada_fft_forward(step->forward, count * shape->channels, hada_step_mem(images, HADA_STEP_RAW), 0, spectra,
@@ -80,8 +74,7 @@ hada_status hada_filter_step_forward(hada_filter_step *step, const hada_sample *
     }
     if (clipped)
         HADA_TRY(hada_image_clip(images->slot, planes, (size_t)count * shape->plane, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Adds the gradient of one plane, whose spectrum stands in HADA_STEP_PLANE_SPECTRUM. */
@@ -107,7 +100,6 @@ hada_status hada_filter_step_backward(hada_filter_step *step, const hada_sample 
 {
     const hada_step_images *images = step->images;
     const hada_replica_shape *shape = images->shape;
-    hada_status status = HADA_OK;
     hada_slot_stage(images->slot, "filters");
     for (int i = 0; i < count; i++) {
         HADA_TRY(hada_fft_forward(step->back, shape->channels, planes, (size_t)i * shape->plane,
@@ -117,8 +109,7 @@ hada_status hada_filter_step_backward(hada_filter_step *step, const hada_sample 
         if (touched)
             touched[samples[i].depth] = 1;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_filter_step_error(hada_filter_step *step, int count, double weight, hada_error *err)
@@ -130,16 +121,13 @@ hada_status hada_filter_step_error(hada_filter_step *step, int count, double wei
     const hada_range range = hada_layer_flat_range(images->slot, items, 1);
     const cl_mem sums = hada_step_mem(images, HADA_STEP_SCRATCH);
     const hada_floats value = {hada_step_mem(images, HADA_STEP_TERMS), HADA_TERM_MSE};
-    hada_status status = HADA_OK;
     hada_slot_stage(images->slot, "losses");
     hada_slot_cost(images->slot, 12.0 * (double)values, 4.0 * (double)values);
     HADA_TRY(hada_launch_train_error(images->slot, HADA_PROGRAM_TRAIN_DEFAULT, &range, err,
                                      .x = hada_step_mem(images, HADA_STEP_PLANES),
                                      .target = hada_step_mem(images, HADA_STEP_SCENES), .count = values,
                                      .scale = (cl_float)(2.0 * share), .sums = sums));
-    HADA_TRY(hada_sum_floats(images->slot, sums, 0, items, (float)share, 0.0f, value, err));
-done:
-    return status;
+    return hada_sum_floats(images->slot, sums, 0, items, (float)share, 0.0f, value, err);
 }
 
 hada_status hada_filter_step_mask(hada_filter_step *step, hada_error *err)

@@ -47,7 +47,7 @@ hada_status hada_first_filters(const hada_replica_shape *shape, const hada_repli
     float *filter = NULL;
     hada_random random;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&filter, 2 * plane, sizeof *filter, "a filter", err));
+    HADA_TRY_OR_DONE(hada_allocated(filter = hada_alloc(2 * plane, sizeof *filter, "a filter", err)));
     hada_random_seed(&random, desc->options->seed, (uint64_t)depth);
     for (size_t c = 0; c < channels; c++) {
         const size_t first = ((size_t)depth * channels + c) * 2 * plane;

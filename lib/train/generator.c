@@ -10,7 +10,6 @@ hada_status hada_generator_create(hada_generator *generator, hada_step_images *i
                                   const hada_replica_desc *desc, hada_error *err)
 {
     const hada_replica_shape *shape = images->shape;
-    hada_status status = HADA_OK;
     *generator =
         (hada_generator){.images = images, .parameters = parameters, .net = desc->net, .seed = desc->options->seed};
     HADA_TRY(hada_graph_create(&generator->training, images->slot, desc->net, &shape->training, err));
@@ -18,8 +17,7 @@ hada_status hada_generator_create(hada_generator *generator, hada_step_images *i
     generator->input = window_tensor(generator, HADA_STEP_INPUT);
     generator->output = window_tensor(generator, HADA_STEP_OUTPUT);
     generator->output_gradient = window_tensor(generator, HADA_STEP_OUTPUT_GRADIENT);
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_generator_destroy(hada_generator *generator)
@@ -43,13 +41,11 @@ const hada_tensor *hada_generator_output_gradient(const hada_generator *generato
 static hada_status take_weights(hada_generator *generator, hada_graph *graph, uint64_t *version, hada_error *err)
 {
     const uint64_t now = generator->parameters->group[HADA_GROUP_NET].version;
-    hada_status status = HADA_OK;
     if (*version == now)
         return HADA_OK;
     HADA_TRY(hada_graph_set_weights(graph, hada_parameters_values(generator->parameters, HADA_GROUP_NET), err));
     *version = now;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The planes to a graph's input, by way of `window` where the sizes differ. */
@@ -59,21 +55,18 @@ static hada_status load_planes(hada_generator *generator, hada_graph *graph, con
     const int resized = images->shape->resized;
     const hada_tensor *x = hada_graph_input(graph), *first = resized ? window : x;
     const hada_planar planes = hada_step_plain(first, hada_step_mem(images, HADA_STEP_PLANES), 0);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_tensor_load(images->slot, &planes, first, err));
     if (resized) {
         HADA_TRY(hada_tensor_clear_halo(images->slot, x, err));
         HADA_TRY(hada_resize_forward(images->slot, HADA_RESIZE_LINEAR, first, x, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_generator_forward(hada_generator *generator, uint64_t step, hada_error *err)
 {
     const hada_step_images *images = generator->images;
     hada_graph *graph = generator->training;
-    hada_status status = HADA_OK;
     hada_slot_stage(images->slot, "net");
     HADA_TRY(take_weights(generator, graph, &generator->training_version, err));
     hada_graph_set_step(graph, generator->seed, step);
@@ -82,8 +75,7 @@ hada_status hada_generator_forward(hada_generator *generator, uint64_t step, had
     if (images->shape->resized)
         HADA_TRY(
             hada_resize_forward(images->slot, HADA_RESIZE_LINEAR, hada_graph_output(graph), &generator->output, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The gradient of the input, to plain floats. */
@@ -91,22 +83,18 @@ static hada_status store_input_gradient(hada_generator *generator, hada_error *e
 {
     const hada_step_images *images = generator->images;
     const hada_tensor *gradient = hada_graph_input_gradient(generator->training);
-    hada_status status = HADA_OK;
     if (images->shape->resized) { /* what the net took is not needed any more */
         HADA_TRY(hada_resize_backward(images->slot, HADA_RESIZE_LINEAR, gradient, &generator->input, 0, err));
         gradient = &generator->input;
     }
     const hada_planar plain = hada_step_plain(gradient, hada_step_mem(images, HADA_STEP_PLAIN), 0);
-    HADA_TRY(hada_tensor_store(images->slot, gradient, &plain, err));
-done:
-    return status;
+    return hada_tensor_store(images->slot, gradient, &plain, err);
 }
 
 hada_status hada_generator_backward(hada_generator *generator, hada_error *err)
 {
     const hada_step_images *images = generator->images;
     const hada_floats gradient = hada_parameters_gradient(generator->parameters, HADA_GROUP_NET);
-    hada_status status = HADA_OK;
     hada_slot_stage(images->slot, "net");
     if (images->shape->resized)
         HADA_TRY(hada_resize_backward(images->slot, HADA_RESIZE_LINEAR, &generator->output_gradient,
@@ -115,8 +103,7 @@ hada_status hada_generator_backward(hada_generator *generator, hada_error *err)
                                  hada_parameters_accumulates(generator->parameters, HADA_GROUP_NET), err));
     if (images->shape->filters)
         HADA_TRY(store_input_gradient(generator, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_generator_infer(hada_generator *generator, hada_error *err)
@@ -128,7 +115,6 @@ hada_status hada_generator_infer(hada_generator *generator, hada_error *err)
     const hada_tensor out = hada_tensor_images(&generator->output, 0, generator->net->colours);
     const hada_tensor *last = images->shape->resized ? &out : y;
     const hada_planar plain = hada_step_plain(last, hada_step_mem(images, HADA_STEP_PLAIN), 0);
-    hada_status status = HADA_OK;
     hada_slot_stage(images->slot, "inference");
     HADA_TRY(take_weights(generator, graph, &generator->inference_version, err));
     HADA_TRY(load_planes(generator, graph, &window, err));
@@ -136,7 +122,5 @@ hada_status hada_generator_infer(hada_generator *generator, hada_error *err)
     HADA_TRY(hada_activation_forward(images->slot, HADA_ACTIVATION_RELU, 0.0f, y, y, err));
     if (images->shape->resized)
         HADA_TRY(hada_resize_forward(images->slot, HADA_RESIZE_LINEAR, y, &out, err));
-    HADA_TRY(hada_tensor_store(images->slot, last, &plain, err));
-done:
-    return status;
+    return hada_tensor_store(images->slot, last, &plain, err);
 }

@@ -50,16 +50,17 @@ hada_status hada_light_create(hada_light *light, hada_slot *slot, const hada_mod
     hada_status status = HADA_OK;
     *light = (hada_light){.slot = slot, .channels = info->channels, .frame = frame_floats(info)};
     light->window = (size_t)info->channels * (size_t)info->window_rows * (size_t)info->window_cols;
-    HADA_TRY(hada_geometry_of(info, &at, err));
+    HADA_TRY_OR_DONE(hada_geometry_of(info, &at, err));
     const hada_fft_desc forward = forward_desc(info, &at), inverse = inverse_desc(info, &at);
-    HADA_TRY(hada_fft_create(&light->forward, slot, &forward, err));
-    HADA_TRY(hada_fft_create(&light->inverse, slot, &inverse, err));
-    HADA_TRY(hada_buffer_create(&light->image, slot->context, light->frame * sizeof(float), "a composed frame", err));
-    HADA_TRY(
+    HADA_TRY_OR_DONE(hada_fft_create(&light->forward, slot, &forward, err));
+    HADA_TRY_OR_DONE(hada_fft_create(&light->inverse, slot, &inverse, err));
+    HADA_TRY_OR_DONE(
+        hada_buffer_create(&light->image, slot->context, light->frame * sizeof(float), "a composed frame", err));
+    HADA_TRY_OR_DONE(
         hada_buffer_create(&light->spectrum, slot->context,
                            (size_t)info->channels * hada_fft_plan_layout(light->forward)->count * 2 * sizeof(float),
                            "a scene's spectrum", err));
-    HADA_TRY(hada_alloc((void **)&light->room, light->frame, sizeof(float), "a composed frame", err));
+    HADA_TRY_OR_DONE(hada_allocated(light->room = hada_alloc(light->frame, sizeof(float), "a composed frame", err)));
 done:
     if (status)
         hada_light_destroy(light);
@@ -82,7 +83,6 @@ hada_status hada_light_add(hada_light *light, const hada_bank *bank, int depth, 
     size_t first;
     int left;
     hada_fft_filter filter = {.product = HADA_FFT_COMPLEX, .spectrum_count = light->channels};
-    hada_status status = HADA_OK;
     filter.filter = hada_bank_otf(bank, depth, &first, &left);
     filter.filter_first = (int)first;
     HADA_TRY(hada_buffer_write(&light->image, light->slot, 0, scene->data, light->window * sizeof(float), err));
@@ -92,6 +92,5 @@ hada_status hada_light_add(hada_light *light, const hada_bank *bank, int depth, 
     HADA_TRY(hada_buffer_read(&light->image, light->slot, 0, light->room, light->frame * sizeof(float), err));
     for (size_t i = 0; i < light->frame; i++)
         frame->data[i] += light->room[i];
-done:
-    return status;
+    return HADA_OK;
 }

@@ -24,10 +24,10 @@ static hada_status make_labels(hada_losses *losses, hada_error *err)
     const size_t count = ones->bytes / sizeof(float);
     float *values = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc_raw((void **)&values, count, sizeof *values, "labels", err));
+    HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc_raw(count, sizeof *values, "labels", err)));
     for (size_t i = 0; i < count; i++)
         values[i] = 1.0f;
-    HADA_TRY(hada_buffer_write(ones, images->slot, 0, values, ones->bytes, err));
+    HADA_TRY_OR_DONE(hada_buffer_write(ones, images->slot, 0, values, ones->bytes, err));
     losses->labels[FAKE] =
         hada_step_logits(images->slot->context, images->shape, hada_step_mem(images, HADA_STEP_FAKE));
     losses->labels[REAL] =
@@ -41,16 +41,12 @@ static hada_status make_vgg(hada_losses *losses, const hada_replica_desc *desc, 
 {
     hada_step_images *images = losses->images;
     hada_buffer *weights = &images->place[HADA_STEP_VGG];
-    hada_status status = HADA_OK;
     HADA_TRY(hada_graph_create(&losses->vgg, images->slot, desc->vgg, &images->shape->vgg_graph, err));
     losses->features =
         hada_step_features(images->slot->context, images->shape, desc->vgg, hada_step_mem(images, HADA_STEP_FEATURES));
     HADA_TRY(hada_buffer_write(weights, images->slot, 0, desc->vgg->values, weights->bytes, err));
     HADA_TRY(hada_graph_set_weights(losses->vgg, (hada_floats){weights->mem, 0}, err));
-    HADA_TRY(
-        hada_features_create(&losses->kept, desc->scenes, losses->features.image_stride, desc->feature_bytes, err));
-done:
-    return status;
+    return hada_features_create(&losses->kept, desc->scenes, losses->features.image_stride, desc->feature_bytes, err);
 }
 
 hada_status hada_losses_create(hada_losses *losses, const hada_generator *generator, const hada_replica_desc *desc,
@@ -59,7 +55,6 @@ hada_status hada_losses_create(hada_losses *losses, const hada_generator *genera
     hada_step_images *images = generator->images;
     const hada_replica_shape *shape = images->shape;
     hada_context *context = images->slot->context;
-    hada_status status = HADA_OK;
     *losses = (hada_losses){
         .images = images, .parameters = generator->parameters, .generator = generator, .options = options};
     losses->target = hada_step_tensor(context, shape, desc->net, hada_step_mem(images, HADA_STEP_TARGET));
@@ -71,8 +66,7 @@ hada_status hada_losses_create(hada_losses *losses, const hada_generator *genera
     }
     if (shape->vgg)
         HADA_TRY(make_vgg(losses, desc, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_losses_destroy(hada_losses *losses)
@@ -115,13 +109,10 @@ static hada_status squared_error(const terms_call *now, hada_error *err)
     hada_slot *slot = now->images->slot;
     const hada_loss_desc loss = {.loss = HADA_LOSS_MSE, .weight = (float)(losses->options->mse * now->weight)};
     const hada_planar scenes = hada_step_plain(&losses->target, hada_step_mem(now->images, HADA_STEP_SCENES), 0);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_tensor_load(slot, &scenes, &losses->target, err));
     HADA_TRY(
         hada_loss_run(slot, &loss, &now->x, &now->target, term(now, HADA_TERM_MSE), &now->dx, 0, scratch(now), err));
-    HADA_TRY(clear_rest(now, &losses->target, hada_generator_output_gradient(losses->generator), err));
-done:
-    return status;
+    return clear_rest(now, &losses->target, hada_generator_output_gradient(losses->generator), err);
 }
 
 static hada_status variation(const terms_call *now, hada_error *err)
@@ -164,12 +155,8 @@ static hada_status add_gradient(const terms_call *now, const hada_planar *part, 
 {
     hada_losses *losses = now->losses;
     hada_slot *slot = now->images->slot;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_tensor_load(slot, part, &losses->term_gradient, err));
-    HADA_TRY(
-        hada_blend(slot, 1.0f, &losses->term_gradient, 1.0f, hada_generator_output_gradient(losses->generator), err));
-done:
-    return status;
+    return hada_blend(slot, 1.0f, &losses->term_gradient, 1.0f, hada_generator_output_gradient(losses->generator), err);
 }
 
 /* The output as plain floats. */
@@ -191,15 +178,13 @@ static hada_status find_features(const terms_call *now, int *found, hada_error *
     hada_losses *losses = now->losses;
     const size_t bytes = feature_bytes(losses);
     const int images = now->images->shape->at_once;
-    hada_status status = HADA_OK;
     *found = 1;
     for (int i = 0; i < images; i++)
         *found &= hada_features_find(&losses->kept, now->call->samples[i].scene_number) != NULL;
     for (int i = 0; *found && i < images; i++)
         HADA_TRY(hada_buffer_write(&now->images->place[HADA_STEP_FEATURES], now->images->slot, (size_t)i * bytes,
                                    hada_features_find(&losses->kept, now->call->samples[i].scene_number), bytes, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The scenes' features into the store, as far as there is room. */
@@ -219,7 +204,6 @@ static hada_status keep_features(const terms_call *now, hada_error *err)
             hada_features_drop(&losses->kept, scene);
         HADA_TRY(status);
     }
-done:
     return status;
 }
 
@@ -228,7 +212,6 @@ static hada_status scene_features(const terms_call *now, int repeated, hada_erro
 {
     hada_losses *losses = now->losses;
     int found;
-    hada_status status = HADA_OK;
     HADA_TRY(find_features(now, &found, err));
     if (found)
         return HADA_OK;
@@ -236,9 +219,7 @@ static hada_status scene_features(const terms_call *now, int repeated, hada_erro
                          now->images->shape->plane, err));
     HADA_TRY(hada_graph_forward(losses->vgg, err));
     HADA_TRY(hada_blend(now->images->slot, 1.0f, hada_graph_output(losses->vgg), 0.0f, &losses->features, err));
-    HADA_TRY(keep_features(now, err));
-done:
-    return status;
+    return keep_features(now, err);
 }
 
 /* The perceptual term's gradient comes back from VGG-16: a channel that was repeated has as many gradients. */
@@ -248,7 +229,6 @@ static hada_status perceptual_backward(const terms_call *now, int repeated, hada
     hada_losses *losses = now->losses;
     const cl_mem plain = hada_step_mem(now->images, HADA_STEP_PLAIN);
     const int repeats = repeated ? VGG_CHANNELS : 1;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_graph_backward(losses->vgg, (hada_floats){0}, 0, err));
     HADA_TRY(store_gradient(now, losses->vgg, VGG_CHANNELS, plain, err));
     for (int i = 0; i < repeats; i++) {
@@ -256,8 +236,7 @@ static hada_status perceptual_backward(const terms_call *now, int repeated, hada
         part.image_stride *= (size_t)repeats;
         HADA_TRY(add_gradient(now, &part, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* MSE between what VGG-16 makes of the output and of the scene. */
@@ -270,7 +249,6 @@ static hada_status perceptual(const terms_call *now, hada_error *err)
     const hada_tensor x = first_images(now, y), target = first_images(now, &losses->features);
     const hada_tensor dx = first_images(now, dy);
     const hada_loss_desc loss = {.loss = HADA_LOSS_MSE, .weight = (float)(losses->options->perceptual * now->weight)};
-    hada_status status = HADA_OK;
     hada_slot_stage(now->images->slot, "perceptual");
     HADA_TRY(scene_features(now, repeated, err));
     HADA_TRY(store_output(now, err));
@@ -279,9 +257,7 @@ static hada_status perceptual(const terms_call *now, hada_error *err)
     HADA_TRY(hada_loss_run(now->images->slot, &loss, &x, &target, term(now, HADA_TERM_PERCEPTUAL), &dx, 0, scratch(now),
                            err));
     HADA_TRY(clear_rest(now, &losses->features, dy, err));
-    HADA_TRY(perceptual_backward(now, repeated, err));
-done:
-    return status;
+    return perceptual_backward(now, repeated, err);
 }
 
 /* All at_once images of `mem`, each `pitch` floats from the other, into one half of HADA_STEP_CONDITIONED, or (out) out
@@ -310,7 +286,6 @@ static hada_status discriminate(const terms_call *now, cl_mem mem, int label, do
     const hada_tensor x = first_images(now, y), target = first_images(now, &losses->labels[label]);
     const hada_tensor dx = first_images(now, dy);
     const hada_loss_desc loss = {.loss = HADA_LOSS_LOGITS, .weight = (float)weight};
-    hada_status status = HADA_OK;
     if (shape->conditioned) {
         HADA_TRY(copy_half(now, 1, mem, shape->plane, 0, err));
         mem = hada_step_mem(now->images, HADA_STEP_CONDITIONED);
@@ -318,9 +293,7 @@ static hada_status discriminate(const terms_call *now, cl_mem mem, int label, do
     HADA_TRY(load_images(now, losses->discriminator, 0, mem, shape->plane << shape->conditioned, err));
     HADA_TRY(hada_graph_forward(losses->discriminator, err));
     HADA_TRY(hada_loss_run(now->images->slot, &loss, &x, &target, term(now, which), &dx, 0, scratch(now), err));
-    HADA_TRY(clear_rest(now, &losses->labels[FAKE], dy, err));
-done:
-    return status;
+    return clear_rest(now, &losses->labels[FAKE], dy, err);
 }
 
 /* The discriminator's own loss on scenes and on the output, which stands in HADA_STEP_PLAIN then. */
@@ -329,16 +302,13 @@ static hada_status discriminator_loss(const terms_call *now, hada_error *err)
     hada_losses *losses = now->losses;
     hada_parameters *parameters = losses->parameters;
     const hada_floats gradient = hada_parameters_gradient(parameters, HADA_GROUP_DISCRIMINATOR);
-    hada_status status = HADA_OK;
     HADA_TRY(discriminate(now, hada_step_mem(now->images, HADA_STEP_SCENES), REAL, now->weight, HADA_TERM_REAL, err));
     HADA_TRY(hada_graph_backward(losses->discriminator, gradient,
                                  hada_parameters_accumulates(parameters, HADA_GROUP_DISCRIMINATOR), err));
     HADA_TRY(store_output(now, err));
     HADA_TRY(discriminate(now, hada_step_mem(now->images, HADA_STEP_PLAIN), FAKE, now->weight, HADA_TERM_FAKE, err));
-    HADA_TRY(hada_graph_backward(losses->discriminator, gradient,
-                                 hada_parameters_accumulates(parameters, HADA_GROUP_DISCRIMINATOR), err));
-done:
-    return status;
+    return hada_graph_backward(losses->discriminator, gradient,
+                               hada_parameters_accumulates(parameters, HADA_GROUP_DISCRIMINATOR), err);
 }
 
 /* The generator's loss: its output, in HADA_STEP_PLAIN, shall count as real. */
@@ -350,23 +320,19 @@ static hada_status generator_loss(const terms_call *now, hada_error *err)
     const cl_mem plain = hada_step_mem(now->images, HADA_STEP_PLAIN);
     const cl_mem gradient = conditioned ? hada_step_mem(now->images, HADA_STEP_CONDITIONED) : plain;
     const hada_planar part = hada_step_plain(&losses->term_gradient, plain, 0);
-    hada_status status = HADA_OK;
     /* backward overwrites what it passes, so the images go through the discriminator again */
     HADA_TRY(discriminate(now, plain, REAL, losses->options->adversarial * now->weight, HADA_TERM_ADVERSARIAL, err));
     HADA_TRY(hada_graph_backward(losses->discriminator, (hada_floats){0}, 0, err));
     HADA_TRY(store_gradient(now, losses->discriminator, shape->channels << conditioned, gradient, err));
     if (conditioned)
         HADA_TRY(copy_half(now, 1, plain, shape->plane, 1, err));
-    HADA_TRY(add_gradient(now, &part, err));
-done:
-    return status;
+    return add_gradient(now, &part, err);
 }
 
 static hada_status adversarial(const terms_call *now, hada_error *err)
 {
     hada_losses *losses = now->losses;
     const hada_parameter_group *group = &losses->parameters->group[HADA_GROUP_DISCRIMINATOR];
-    hada_status status = HADA_OK;
     hada_slot_stage(now->images->slot, "discriminator");
     if (losses->discriminator_version != group->version)
         HADA_TRY(hada_graph_set_weights(losses->discriminator, (hada_floats){group->values.mem, 0}, err));
@@ -377,8 +343,7 @@ static hada_status adversarial(const terms_call *now, hada_error *err)
     HADA_TRY(discriminator_loss(now, err));
     if (!now->call->discriminator_only && losses->options->adversarial > 0.0)
         HADA_TRY(generator_loss(now, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Samples that have a weight: their gradient by all terms alone, so that the terms stay what they are. */
@@ -387,7 +352,6 @@ static hada_status weigh(const terms_call *now, hada_error *err)
     const hada_losses *losses = now->losses;
     const hada_tensor *gradient = hada_generator_output_gradient(losses->generator);
     const int each = gradient->images / now->images->shape->at_once;
-    hada_status status = HADA_OK;
     for (int i = 0; i < now->call->count; i++) {
         const float weight = (float)now->call->samples[i].weight;
         if (weight <= 0.0f)
@@ -396,15 +360,13 @@ static hada_status weigh(const terms_call *now, hada_error *err)
                           own = hada_tensor_images(gradient, i * each, each);
         HADA_TRY(hada_blend(now->images->slot, 0.0f, &finite, weight, &own, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_losses_run(hada_losses *losses, const hada_losses_call *call, hada_error *err)
 {
     terms_call now = {.losses = losses, .images = losses->images, .call = call, .weight = call->weight * call->count};
     const hada_replica_shape *shape = losses->images->shape;
-    hada_status status = HADA_OK;
     now.x = first_images(&now, hada_generator_output(losses->generator));
     now.target = first_images(&now, &losses->target);
     now.dx = first_images(&now, hada_generator_output_gradient(losses->generator));
@@ -419,6 +381,5 @@ hada_status hada_losses_run(hada_losses *losses, const hada_losses_call *call, h
         HADA_TRY(adversarial(&now, err));
     if (!call->discriminator_only)
         HADA_TRY(weigh(&now, err));
-done:
-    return status;
+    return HADA_OK;
 }

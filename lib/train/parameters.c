@@ -8,11 +8,8 @@
 
 static hada_status make_buffer(hada_slot *slot, hada_buffer *buffer, size_t floats, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_create(buffer, slot->context, floats * sizeof(float), "the parameters", err));
-    HADA_TRY(hada_buffer_clear(buffer, slot, 0, floats * sizeof(float), err));
-done:
-    return status;
+    return hada_buffer_clear(buffer, slot, 0, floats * sizeof(float), err);
 }
 
 static hada_status write_first(hada_parameters *parameters, const hada_replica_shape *shape,
@@ -25,9 +22,9 @@ static hada_status write_first(hada_parameters *parameters, const hada_replica_s
     hada_status status = HADA_OK;
     if (group < HADA_GROUP_FILTERS)
         return hada_buffer_write(&it->values, parameters->slot, 0, net->values, bytes, err);
-    HADA_TRY(hada_alloc((void **)&values, it->floats, sizeof *values, "a depth's filters", err));
-    HADA_TRY(hada_first_filters(shape, desc, group - HADA_GROUP_FILTERS, values, err));
-    HADA_TRY(hada_buffer_write(&it->values, parameters->slot, 0, values, bytes, err));
+    HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc(it->floats, sizeof *values, "a depth's filters", err)));
+    HADA_TRY_OR_DONE(hada_first_filters(shape, desc, group - HADA_GROUP_FILTERS, values, err));
+    HADA_TRY_OR_DONE(hada_buffer_write(&it->values, parameters->slot, 0, values, bytes, err));
 done:
     free(values);
     return status;
@@ -37,7 +34,6 @@ static hada_status make_group(hada_parameters *parameters, const hada_replica_sh
                               const hada_replica_desc *desc, int group, hada_error *err)
 {
     hada_parameter_group *it = &parameters->group[group];
-    hada_status status = HADA_OK;
     it->version = 1;
     it->rule = hada_group_rule(desc->options, group);
     hada_group_sizes(shape, desc, group, &it->floats, &it->trained);
@@ -49,24 +45,20 @@ static hada_status make_group(hada_parameters *parameters, const hada_replica_sh
     if (it->part.count)
         HADA_TRY(
             make_buffer(parameters->slot, &it->state, hada_optimizer_state_floats(&it->rule, it->part.count), err));
-    HADA_TRY(write_first(parameters, shape, desc, group, err));
-done:
-    return status;
+    return write_first(parameters, shape, desc, group, err);
 }
 
 hada_status hada_parameters_create(hada_parameters *parameters, hada_step_images *images, const hada_replica_desc *desc,
                                    hada_error *err)
 {
     const hada_replica_shape *shape = images->shape;
-    hada_status status = HADA_OK;
     *parameters =
         (hada_parameters){.slot = images->slot, .images = images, .layout = shape->layout, .count = shape->groups};
-    HADA_TRY(hada_alloc((void **)&parameters->group, (size_t)shape->groups, sizeof *parameters->group, "the parameters",
-                        err));
+    HADA_TRY(hada_allocated(parameters->group =
+                                hada_alloc((size_t)shape->groups, sizeof *parameters->group, "the parameters", err)));
     for (int group = 0; group < shape->groups; group++)
         HADA_TRY(make_group(parameters, shape, desc, group, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_parameters_destroy(hada_parameters *parameters)
@@ -169,19 +161,20 @@ hada_status hada_parameters_norm(hada_parameters *parameters, const unsigned cha
     int count = 0, discriminator = 0;
     hada_status status = HADA_OK;
     hada_slot_stage(parameters->slot, "update");
-    HADA_TRY(hada_alloc((void **)&parts, (size_t)parameters->count + 1, sizeof *parts, "the norm of gradients", err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(parts = hada_alloc((size_t)parameters->count + 1, sizeof *parts, "the norm of gradients", err)));
     for (int group = 0; group < parameters->count; group++) {
         if (group == HADA_GROUP_DISCRIMINATOR || !parameters->group[group].trained ||
             (group >= HADA_GROUP_FILTERS && touched && !touched[group - HADA_GROUP_FILTERS]))
             continue;
-        HADA_TRY(list_gradient(parameters, group, &parts[count++], err));
+        HADA_TRY_OR_DONE(list_gradient(parameters, group, &parts[count++], err));
     }
-    HADA_TRY(norm_of(parameters, parts, count, 0, err));
+    HADA_TRY_OR_DONE(norm_of(parameters, parts, count, 0, err));
     if (parameters->group[HADA_GROUP_DISCRIMINATOR].trained)
-        HADA_TRY(list_gradient(parameters, HADA_GROUP_DISCRIMINATOR, &parts[discriminator++], err));
-    HADA_TRY(norm_of(parameters, parts, discriminator, 2, err));
-    HADA_TRY(hada_buffer_read(&parameters->images->place[HADA_STEP_TERMS], parameters->slot,
-                              HADA_TERM_NORM * sizeof(float), values, sizeof values, err));
+        HADA_TRY_OR_DONE(list_gradient(parameters, HADA_GROUP_DISCRIMINATOR, &parts[discriminator++], err));
+    HADA_TRY_OR_DONE(norm_of(parameters, parts, discriminator, 2, err));
+    HADA_TRY_OR_DONE(hada_buffer_read(&parameters->images->place[HADA_STEP_TERMS], parameters->slot,
+                                      HADA_TERM_NORM * sizeof(float), values, sizeof values, err));
     *norm = values[0];
     *discriminator_norm = values[2];
 done:
@@ -196,7 +189,6 @@ hada_status hada_parameters_update(hada_parameters *parameters, int group, uint6
         return no_group(group, err);
     hada_parameter_group *it = &parameters->group[group];
     hada_optimizer_desc rule = it->rule;
-    hada_status status = HADA_OK;
     rule.scale = scale;
     hada_slot_stage(parameters->slot, "update");
     it->version++;
@@ -205,8 +197,7 @@ hada_status hada_parameters_update(hada_parameters *parameters, int group, uint6
         HADA_TRY(hada_optimizer_step(
             parameters->slot, &rule, step, rate, (hada_floats){it->gradient.mem, it->part.first},
             (hada_floats){it->values.mem, it->part.first}, (hada_floats){it->state.mem, 0}, it->part.count, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Images of filters in a buffer. */
@@ -221,10 +212,10 @@ static hada_status write_filters(hada_parameters *parameters, hada_buffer *buffe
     const hada_spectrum_layout *layout = &parameters->layout;
     float *device = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc_raw((void **)&device, 1, buffer->bytes, "a depth's filters", err));
+    HADA_TRY_OR_DONE(hada_allocated(device = hada_alloc_raw(1, buffer->bytes, "a depth's filters", err)));
     for (size_t i = 0; i < images_of(parameters, buffer); i++)
         hada_layout_pack(layout, values + 2 * i * row_major(parameters), device + 2 * i * layout->count);
-    HADA_TRY(hada_buffer_write(buffer, parameters->slot, 0, device, buffer->bytes, err));
+    HADA_TRY_OR_DONE(hada_buffer_write(buffer, parameters->slot, 0, device, buffer->bytes, err));
 done:
     free(device);
     return status;
@@ -235,8 +226,8 @@ static hada_status read_filters(hada_parameters *parameters, const hada_buffer *
     const hada_spectrum_layout *layout = &parameters->layout;
     float *device = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc_raw((void **)&device, 1, buffer->bytes, "a depth's filters", err));
-    HADA_TRY(hada_buffer_read(buffer, parameters->slot, 0, device, buffer->bytes, err));
+    HADA_TRY_OR_DONE(hada_allocated(device = hada_alloc_raw(1, buffer->bytes, "a depth's filters", err)));
+    HADA_TRY_OR_DONE(hada_buffer_read(buffer, parameters->slot, 0, device, buffer->bytes, err));
     for (size_t i = 0; i < images_of(parameters, buffer); i++)
         hada_layout_unpack(layout, device + 2 * i * layout->count, out + 2 * i * row_major(parameters));
 done:
@@ -253,24 +244,20 @@ static size_t state_arrays(const hada_parameter_group *it)
 static hada_status read_state(hada_parameters *parameters, const hada_parameter_group *it, float *out, hada_error *err)
 {
     const size_t bytes = it->part.count * sizeof *out;
-    hada_status status = HADA_OK;
     for (size_t i = 0; bytes && i < state_arrays(it); i++)
         HADA_TRY(hada_buffer_read(&it->state, parameters->slot, i * bytes, out + i * it->trained + it->part.first,
                                   bytes, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status write_state(hada_parameters *parameters, hada_parameter_group *it, const float *values,
                                hada_error *err)
 {
     const size_t bytes = it->part.count * sizeof *values;
-    hada_status status = HADA_OK;
     for (size_t i = 0; bytes && i < state_arrays(it); i++)
         HADA_TRY(hada_buffer_write(&it->state, parameters->slot, i * bytes, values + i * it->trained + it->part.first,
                                    bytes, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_parameters_read(hada_parameters *parameters, int group, hada_content content, float *out,
@@ -279,14 +266,11 @@ hada_status hada_parameters_read(hada_parameters *parameters, int group, hada_co
     if (!has_group(parameters, group))
         return no_group(group, err);
     const hada_buffer *buffer = content_of(parameters, group, content);
-    hada_status status = HADA_OK;
     if (content == HADA_CONTENT_GRADIENT)
         HADA_TRY(hada_parameters_settle(parameters, group, err));
-    HADA_TRY(group >= HADA_GROUP_FILTERS     ? read_filters(parameters, buffer, out, err)
-             : content == HADA_CONTENT_STATE ? read_state(parameters, &parameters->group[group], out, err)
-                                             : hada_buffer_read(buffer, parameters->slot, 0, out, buffer->bytes, err));
-done:
-    return status;
+    return group >= HADA_GROUP_FILTERS     ? read_filters(parameters, buffer, out, err)
+           : content == HADA_CONTENT_STATE ? read_state(parameters, &parameters->group[group], out, err)
+                                           : hada_buffer_read(buffer, parameters->slot, 0, out, buffer->bytes, err);
 }
 
 hada_status hada_parameters_write(hada_parameters *parameters, int group, hada_content content, const float *values,
@@ -309,7 +293,6 @@ hada_status hada_parameters_open(hada_parameters *parameters, int group, hada_co
                                  float **values, hada_error *err)
 {
     void *mapped = room;
-    hada_status status = HADA_OK;
     *values = NULL;
     if (!has_group(parameters, group))
         return no_group(group, err);
@@ -319,8 +302,7 @@ hada_status hada_parameters_open(hada_parameters *parameters, int group, hada_co
     HADA_TRY(group >= HADA_GROUP_FILTERS ? read_filters(parameters, buffer, room, err)
                                          : hada_buffer_map(buffer, parameters->slot, &mapped, err));
     *values = mapped;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_parameters_close(hada_parameters *parameters, int group, hada_content content, float *values,

@@ -107,27 +107,28 @@ hada_status hada_planes_create(hada_planes **out, hada_slot *slot, const hada_mo
     hada_planes *planes = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY(hada_alloc((void **)&planes, 1, sizeof *planes, "planes for training", err));
+    HADA_TRY_OR_DONE(hada_allocated(planes = hada_alloc(1, sizeof *planes, "planes for training", err)));
     planes->slot = slot;
     planes->model = model;
     planes->info = info;
     planes->others = others;
     planes->noise_share = refined && info->refine_tv > 0 ? hada_model_noise_share(model) : 0.0;
-    HADA_TRY(hada_alloc((void **)&planes->levels, (size_t)info->channels, sizeof(double), "dark levels", err));
-    HADA_TRY(hada_alloc((void **)&planes->room, (size_t)info->raw_rows * (size_t)info->raw_cols, sizeof(float),
-                        "dark levels", err));
-    HADA_TRY(hada_hadamard_create(&planes->stage, slot, NULL, info, 1, err));
-    HADA_TRY(hada_bank_create(&planes->bank, slot, model, &planes->stage->layout, NULL, info->depths,
-                              bank_parts(info, composes), 0, err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(planes->levels = hada_alloc((size_t)info->channels, sizeof(double), "dark levels", err)));
+    HADA_TRY_OR_DONE(hada_allocated(
+        planes->room = hada_alloc((size_t)info->raw_rows * (size_t)info->raw_cols, sizeof(float), "dark levels", err)));
+    HADA_TRY_OR_DONE(hada_hadamard_create(&planes->stage, slot, NULL, info, 1, err));
+    HADA_TRY_OR_DONE(hada_bank_create(&planes->bank, slot, model, &planes->stage->layout, NULL, info->depths,
+                                      bank_parts(info, composes), 0, err));
     if (composes) {
-        HADA_TRY(check_together(planes, err));
-        HADA_TRY(hada_light_create(&planes->light, slot, info, err));
+        HADA_TRY_OR_DONE(check_together(planes, err));
+        HADA_TRY_OR_DONE(hada_light_create(&planes->light, slot, info, err));
     }
     if (refined) {
-        HADA_TRY(hada_bank_prior(&planes->prior, slot, model, &planes->stage->layout, err));
-        HADA_TRY(hada_refiner_create(&planes->refiner, slot, NULL, &shape, err));
+        HADA_TRY_OR_DONE(hada_bank_prior(&planes->prior, slot, model, &planes->stage->layout, err));
+        HADA_TRY_OR_DONE(hada_refiner_create(&planes->refiner, slot, NULL, &shape, err));
     } else {
-        HADA_TRY(hada_buffer_create(&planes->planes, slot->context, plane_bytes(info), "a plane", err));
+        HADA_TRY_OR_DONE(hada_buffer_create(&planes->planes, slot->context, plane_bytes(info), "a plane", err));
     }
 done:
     if (status)
@@ -197,7 +198,6 @@ static hada_status refine(hada_planes *planes, int depth, const hada_image *raw,
         .spectrum = planes->stage->spectrum.mem, .frame = planes->stage->raw.mem, .prior = planes->prior.mem};
     hada_refine_rule rule;
     size_t image;
-    hada_status status = HADA_OK;
     const int one[1] = {0}, several = composed->count;
     /* all depths from the first one on, or from the pair's */
     data.otf = hada_bank_otf(planes->bank, several ? 0 : depth, &image, &data.otf_depths);
@@ -213,8 +213,7 @@ static hada_status refine(hada_planes *planes, int depth, const hada_image *raw,
     HADA_TRY(hada_refiner_run(planes->refiner, &data, &rule, 1, depths, several ? composed->depth : one, NULL, err));
     if (depths > 1)
         HADA_TRY(hada_refiner_fade(planes->refiner, depths, HADA_CROSSTALK, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status filter(hada_planes *planes, int depth, hada_error *err)
@@ -254,12 +253,12 @@ static hada_status add_up(hada_planes *planes, const hada_composed *composed, fl
     const size_t values = plane_bytes(planes->info) / sizeof(float);
     float *one = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&one, values, sizeof *one, "a sum of planes", err));
+    HADA_TRY_OR_DONE(hada_allocated(one = hada_alloc(values, sizeof *one, "a sum of planes", err)));
     memset(out, 0, values * sizeof *out);
     for (int i = 0; i < composed->count; i++) {
         if (!planes->refiner)
-            HADA_TRY(filter(planes, composed->depth[i], err));
-        HADA_TRY(read_plane(planes, planes->refiner ? i : 0, one, err));
+            HADA_TRY_OR_DONE(filter(planes, composed->depth[i], err));
+        HADA_TRY_OR_DONE(read_plane(planes, planes->refiner ? i : 0, one, err));
         for (size_t k = 0; k < values; k++)
             out[k] += one[k];
     }
@@ -280,7 +279,6 @@ static hada_status make_plane(hada_planes *planes, int depth, const hada_compose
 {
     const size_t values = plane_bytes(planes->info) / sizeof(float);
     int place = 0;
-    hada_status status = HADA_OK;
     for (int i = 0; planes->refiner && i < composed->count; i++)
         place = composed->depth[i] == depth ? i : place;
     if (!planes->refiner)
@@ -293,8 +291,7 @@ static hada_status make_plane(hada_planes *planes, int depth, const hada_compose
         HADA_TRY(add_up(planes, composed, out->data + values, err));
         take_off(out->data, out->data + values, values);
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The sum of all planes, beside which there is nothing. */
@@ -310,7 +307,6 @@ hada_status hada_planes_make(hada_planes *planes, int depth, hada_image *raw, co
                              hada_image *out, hada_error *err)
 {
     const hada_model_info *info = planes->info;
-    hada_status status = HADA_OK;
     if (depth < 0 || depth >= info->depths)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a plane of depth %d of %d", depth, info->depths);
     HADA_TRY(check_frame(info, raw, err));
@@ -321,7 +317,5 @@ hada_status hada_planes_make(hada_planes *planes, int depth, hada_image *raw, co
     if (planes->refiner)
         HADA_TRY(refine(planes, depth, raw, composed, err));
     HADA_TRY(make_room(planes, out, err));
-    HADA_TRY(composed->whole ? make_sum(planes, composed, out, err) : make_plane(planes, depth, composed, out, err));
-done:
-    return status;
+    return composed->whole ? make_sum(planes, composed, out, err) : make_plane(planes, depth, composed, out, err);
 }

@@ -31,7 +31,6 @@ hada_status hada_replica_bytes(const hada_context *context, const hada_replica_d
                                hada_error *err)
 {
     hada_replica_shape shape;
-    hada_status status = HADA_OK;
     *bytes = 0;
     HADA_TRY(hada_replica_shape_of(context, desc, &shape, err));
     for (int i = 0; i < HADA_STEP_PLACES; i++)
@@ -54,8 +53,7 @@ hada_status hada_replica_bytes(const hada_context *context, const hada_replica_d
         HADA_TRY(add_graph(context, desc->discriminator, &shape.discriminator, bytes, err));
     if (shape.vgg)
         HADA_TRY(add_graph(context, desc->vgg, &shape.vgg_graph, bytes, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_replica_create(hada_replica **out, hada_slot *slot, const hada_replica_desc *desc, hada_error *err)
@@ -63,17 +61,17 @@ hada_status hada_replica_create(hada_replica **out, hada_slot *slot, const hada_
     hada_replica *replica = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY(hada_alloc((void **)&replica, 1, sizeof *replica, "training", err));
+    HADA_TRY_OR_DONE(hada_allocated(replica = hada_alloc(1, sizeof *replica, "training", err)));
     replica->images.slot = slot;
     replica->options = *desc->options;
-    HADA_TRY(hada_replica_shape_of(slot->context, desc, &replica->shape, err));
-    HADA_TRY(hada_step_images_create(&replica->images, slot, &replica->shape, err));
-    HADA_TRY(hada_parameters_create(&replica->parameters, &replica->images, desc, err));
+    HADA_TRY_OR_DONE(hada_replica_shape_of(slot->context, desc, &replica->shape, err));
+    HADA_TRY_OR_DONE(hada_step_images_create(&replica->images, slot, &replica->shape, err));
+    HADA_TRY_OR_DONE(hada_parameters_create(&replica->parameters, &replica->images, desc, err));
     if (replica->shape.filters)
-        HADA_TRY(hada_filter_step_create(&replica->filters, &replica->images, &replica->parameters, err));
+        HADA_TRY_OR_DONE(hada_filter_step_create(&replica->filters, &replica->images, &replica->parameters, err));
     if (replica->shape.net) {
-        HADA_TRY(hada_generator_create(&replica->generator, &replica->images, &replica->parameters, desc, err));
-        HADA_TRY(hada_losses_create(&replica->losses, &replica->generator, desc, &replica->options, err));
+        HADA_TRY_OR_DONE(hada_generator_create(&replica->generator, &replica->images, &replica->parameters, desc, err));
+        HADA_TRY_OR_DONE(hada_losses_create(&replica->losses, &replica->generator, desc, &replica->options, err));
     }
 done:
     if (status)
@@ -134,7 +132,6 @@ static hada_status check_samples(const hada_replica_shape *shape, const hada_sam
 /* `count` samples: frames refocused, or planes as they are; scenes. */
 static hada_status take_samples(hada_replica *replica, const hada_sample *samples, int count, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int i = 0; i < count; i++)
         HADA_TRY(hada_step_upload(&replica->images, HADA_STEP_SCENES, samples[i].scene, i, err));
     if (replica->shape.filters) {
@@ -143,8 +140,7 @@ static hada_status take_samples(hada_replica *replica, const hada_sample *sample
     }
     for (int i = 0; i < count; i++)
         HADA_TRY(hada_step_upload(&replica->images, HADA_STEP_PLANES, samples[i].input, i, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* A step of a net, and (joint) of the filters before it, on all at_once samples. */
@@ -152,7 +148,6 @@ static hada_status net_step(hada_replica *replica, const hada_losses_call *call,
                             hada_error *err)
 {
     const int at_once = replica->shape.at_once;
-    hada_status status = HADA_OK;
     HADA_TRY(take_samples(replica, call->samples, at_once, err));
     HADA_TRY(hada_generator_forward(&replica->generator, call->step, err));
     HADA_TRY(hada_losses_run(&replica->losses, call, err));
@@ -168,8 +163,7 @@ static hada_status net_step(hada_replica *replica, const hada_losses_call *call,
         HADA_TRY(hada_filter_step_backward(&replica->filters, call->samples, at_once,
                                            hada_step_mem(&replica->images, HADA_STEP_PLAIN), touched, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* All images of the graphs are computed: where there are fewer samples they come again. */
@@ -178,11 +172,11 @@ static hada_status filled_step(hada_replica *replica, hada_losses_call call, uns
     const int at_once = replica->shape.at_once;
     hada_sample *all = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&all, (size_t)at_once, sizeof *all, "the pairs of a step", err));
+    HADA_TRY_OR_DONE(hada_allocated(all = hada_alloc((size_t)at_once, sizeof *all, "the pairs of a step", err)));
     for (int i = 0; i < at_once; i++)
         all[i] = call.samples[i % call.count];
     call.samples = all;
-    HADA_TRY(net_step(replica, &call, touched, err));
+    HADA_TRY_OR_DONE(net_step(replica, &call, touched, err));
 done:
     free(all);
     return status;
@@ -191,13 +185,10 @@ done:
 static hada_status filters_alone(hada_replica *replica, const hada_sample *samples, int count, double weight,
                                  unsigned char *touched, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(take_samples(replica, samples, count, err));
     HADA_TRY(hada_filter_step_error(&replica->filters, count, replica->options.mse * weight, err));
-    HADA_TRY(hada_filter_step_backward(&replica->filters, samples, count,
-                                       hada_step_mem(&replica->images, HADA_STEP_PLANES), touched, err));
-done:
-    return status;
+    return hada_filter_step_backward(&replica->filters, samples, count,
+                                     hada_step_mem(&replica->images, HADA_STEP_PLANES), touched, err);
 }
 
 hada_status hada_replica_backward(hada_replica *replica, const hada_sample *samples, int count, double weight,
@@ -208,7 +199,6 @@ hada_status hada_replica_backward(hada_replica *replica, const hada_sample *samp
     hada_buffer *buffer = &replica->images.place[HADA_STEP_TERMS];
     const hada_losses_call call = {samples, count, weight, step, discriminator_only};
     float values[HADA_TERM_COUNT] = {0.0f};
-    hada_status status = HADA_OK;
     HADA_TRY(check_samples(&replica->shape, samples, count, 1, err));
     if (discriminator_only && !replica->shape.has_discriminator)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "training: there is no discriminator");
@@ -221,8 +211,7 @@ hada_status hada_replica_backward(hada_replica *replica, const hada_sample *samp
                           .adversarial = values[HADA_TERM_ADVERSARIAL],
                           .variation = values[HADA_TERM_VARIATION],
                           .discriminator = (double)values[HADA_TERM_REAL] + values[HADA_TERM_FAKE]};
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status make_image(const hada_replica_shape *shape, hada_image *image, hada_error *err)
@@ -246,15 +235,12 @@ static hada_status make_plane(hada_replica *replica, const hada_sample *sample, 
 {
     hada_step_images *images = &replica->images;
     const size_t bytes = replica->shape.plane * sizeof(float);
-    hada_status status = HADA_OK;
     if (!replica->shape.filters) {
         memcpy(out->data, sample->input->data, bytes);
         return hada_step_upload(images, HADA_STEP_PLANES, sample->input, 0, err);
     }
     HADA_TRY(hada_filter_step_forward(&replica->filters, sample, 1, 1, err));
-    HADA_TRY(hada_buffer_read(&images->place[HADA_STEP_PLANES], images->slot, 0, out->data, bytes, err));
-done:
-    return status;
+    return hada_buffer_read(&images->place[HADA_STEP_PLANES], images->slot, 0, out->data, bytes, err);
 }
 
 hada_status hada_replica_forward(hada_replica *replica, const hada_sample *sample, hada_image *before,
@@ -262,7 +248,6 @@ hada_status hada_replica_forward(hada_replica *replica, const hada_sample *sampl
 {
     hada_step_images *images = &replica->images;
     const size_t bytes = replica->shape.plane * sizeof(float);
-    hada_status status = HADA_OK;
     HADA_TRY(check_samples(&replica->shape, sample, 1, 0, err));
     HADA_TRY(make_image(&replica->shape, after, err));
     if (before)
@@ -274,7 +259,5 @@ hada_status hada_replica_forward(hada_replica *replica, const hada_sample *sampl
     if (!replica->shape.net || is_black(after))
         return HADA_OK;
     HADA_TRY(hada_generator_infer(&replica->generator, err));
-    HADA_TRY(hada_buffer_read(&images->place[HADA_STEP_PLAIN], images->slot, 0, after->data, bytes, err));
-done:
-    return status;
+    return hada_buffer_read(&images->place[HADA_STEP_PLAIN], images->slot, 0, after->data, bytes, err);
 }

@@ -98,8 +98,8 @@ static hada_status check_net(const hada_net *net, const char *what, int channels
     if (info->channels != channels)
         return hada_fail(err, HADA_ERROR_MODEL, "the %s takes %d channel(s), but images have %d", what, info->channels,
                          channels);
-    HADA_TRY(hada_alloc((void **)&sizes, (size_t)net->count, sizeof *sizes, "a net", err));
-    HADA_TRY(hada_net_sizes(net, rows, cols, sizes, err));
+    HADA_TRY_OR_DONE(hada_allocated(sizes = hada_alloc((size_t)net->count, sizeof *sizes, "a net", err)));
+    HADA_TRY_OR_DONE(hada_net_sizes(net, rows, cols, sizes, err));
     *out = sizes[net->count - 1];
 done:
     if (status)
@@ -132,7 +132,6 @@ static hada_status filter_shape(const hada_context *context, const hada_replica_
 {
     const hada_model_info *info = hada_model_get_info(desc->model);
     hada_geometry geometry;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_geometry_of(info, &geometry, err));
     HADA_TRY(choose_form(desc, shape, err));
     shape->frame = (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols;
@@ -157,15 +156,13 @@ static hada_status filter_shape(const hada_context *context, const hada_replica_
     shape->back.real_distance = shape->pixels;
     shape->inverse = shape->back;
     shape->inverse.direction = HADA_FFT_INVERSE;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status net_shape(const hada_replica_desc *desc, hada_replica_shape *shape, hada_error *err)
 {
     const hada_train_options *options = desc->options;
     hada_size out = {0, 0};
-    hada_status status = HADA_OK;
     shape->net_rows = options->net_rows ? options->net_rows : shape->rows;
     shape->net_cols = options->net_cols ? options->net_cols : shape->cols;
     shape->resized = shape->net_rows != shape->rows || shape->net_cols != shape->cols;
@@ -188,13 +185,11 @@ static hada_status net_shape(const hada_replica_desc *desc, hada_replica_shape *
                                            .input_gradient = shape->filters,
                                            .recompute = options->recompute};
     shape->inference = (hada_graph_options){.images = 1, .rows = shape->net_rows, .cols = shape->net_cols};
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status loss_shapes(const hada_replica_desc *desc, hada_replica_shape *shape, hada_error *err)
 {
-    hada_status status = HADA_OK;
     const hada_graph_options options = {.images = shape->at_once,
                                         .rows = shape->rows,
                                         .cols = shape->cols,
@@ -220,8 +215,7 @@ static hada_status loss_shapes(const hada_replica_desc *desc, hada_replica_shape
         HADA_TRY(
             check_net(desc->vgg, "net of the perceptual loss", 3, shape->rows, shape->cols, &shape->features, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static size_t tensor_bytes(const hada_tensor *tensor)
@@ -282,7 +276,8 @@ static hada_status norm_buffer(const hada_replica_desc *desc, hada_replica_shape
     hada_gradient_part *parts = NULL;
     int count = 0;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&parts, (size_t)shape->groups, sizeof *parts, "the norm of gradients", err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(parts = hada_alloc((size_t)shape->groups, sizeof *parts, "the norm of gradients", err)));
     for (int group = 0; group < shape->groups; group++) {
         size_t floats;
         hada_group_sizes(shape, desc, group, &floats, &parts[count].count);
@@ -319,7 +314,6 @@ static void base_shape(const hada_replica_desc *desc, hada_replica_shape *shape)
 hada_status hada_replica_shape_of(const hada_context *context, const hada_replica_desc *desc, hada_replica_shape *shape,
                                   hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(check(desc, err));
     base_shape(desc, shape);
     if (shape->filters)
@@ -331,7 +325,5 @@ hada_status hada_replica_shape_of(const hada_context *context, const hada_replic
         filter_buffers(shape);
     if (shape->net)
         net_buffers(context, desc, shape);
-    HADA_TRY(norm_buffer(desc, shape, err));
-done:
-    return status;
+    return norm_buffer(desc, shape, err);
 }

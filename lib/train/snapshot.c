@@ -10,22 +10,22 @@ hada_status hada_snapshot_create(hada_snapshot *snapshot, hada_workers *workers,
                                  hada_error *err)
 {
     const size_t groups = (size_t)workers->groups;
-    hada_status status = HADA_OK;
     *snapshot = (hada_snapshot){.groups = workers->groups};
-    HADA_TRY(hada_alloc((void **)&snapshot->values, groups, sizeof *snapshot->values, "a snapshot", err));
-    HADA_TRY(hada_alloc((void **)&snapshot->states, groups, sizeof *snapshot->states, "a snapshot", err));
-    HADA_TRY(hada_alloc((void **)&snapshot->dirty, groups, 1, "a snapshot", err));
-    HADA_TRY(hada_alloc((void **)&snapshot->group_steps, groups, sizeof *snapshot->group_steps, "a snapshot", err));
+    HADA_TRY(hada_allocated(snapshot->values = hada_alloc(groups, sizeof *snapshot->values, "a snapshot", err)));
+    HADA_TRY(hada_allocated(snapshot->states = hada_alloc(groups, sizeof *snapshot->states, "a snapshot", err)));
+    HADA_TRY(hada_allocated(snapshot->dirty = hada_alloc(groups, 1, "a snapshot", err)));
+    HADA_TRY(
+        hada_allocated(snapshot->group_steps = hada_alloc(groups, sizeof *snapshot->group_steps, "a snapshot", err)));
     for (int g = 0; g < workers->groups; g++) {
-        HADA_TRY(hada_alloc_raw((void **)&snapshot->values[g], hada_workers_floats(workers, g, HADA_CONTENT_VALUES),
-                                sizeof(float), "a copy of the parameters", err));
-        HADA_TRY(hada_alloc_raw((void **)&snapshot->states[g], hada_workers_floats(workers, g, HADA_CONTENT_STATE),
-                                sizeof(float), "a copy of the optimiser's state", err));
+        HADA_TRY(
+            hada_allocated(snapshot->values[g] = hada_alloc_raw(hada_workers_floats(workers, g, HADA_CONTENT_VALUES),
+                                                                sizeof(float), "a copy of the parameters", err)));
+        HADA_TRY(hada_allocated(snapshot->states[g] =
+                                    hada_alloc_raw(hada_workers_floats(workers, g, HADA_CONTENT_STATE), sizeof(float),
+                                                   "a copy of the optimiser's state", err)));
         snapshot->dirty[g] = 1;
     }
-    HADA_TRY(hada_snapshot_take(snapshot, workers, progress, err));
-done:
-    return status;
+    return hada_snapshot_take(snapshot, workers, progress, err);
 }
 
 void hada_snapshot_free(hada_snapshot *snapshot)
@@ -78,13 +78,11 @@ static hada_status compare(const hada_snapshot *snapshot, const hada_workers *wo
         digest_of(snapshot->states[group], hada_workers_floats(workers, group, HADA_CONTENT_STATE), values);
     uint64_t first = own;
     double others = 0.0;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_broadcast(workers->ranks, 0, &first, sizeof first, err));
     others = first != own;
     HADA_TRY(hada_reduce(workers->ranks, &others, 1, err));
     *differ = others > 0.0;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* An array of the first rank, in the place of the own one; *changed: it was another. */
@@ -94,9 +92,9 @@ static hada_status take_first(const hada_communicator *ranks, float *values, siz
     const size_t bytes = count * sizeof *values;
     float *own = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc_raw((void **)&own, count, sizeof *own, "a copy of the parameters", err));
+    HADA_TRY_OR_DONE(hada_allocated(own = hada_alloc_raw(count, sizeof *own, "a copy of the parameters", err)));
     memcpy(own, values, bytes);
-    HADA_TRY(hada_broadcast(ranks, 0, values, bytes, err));
+    HADA_TRY_OR_DONE(hada_broadcast(ranks, 0, values, bytes, err));
     *changed |= memcmp(own, values, bytes) != 0;
 done:
     free(own);
@@ -107,7 +105,6 @@ done:
 static hada_status agree(hada_snapshot *snapshot, hada_workers *workers, int group, hada_error *err)
 {
     int changed = 0, differ = 0;
-    hada_status status = HADA_OK;
     if (hada_ranks(workers->ranks) == 1)
         return HADA_OK;
     HADA_TRY(compare(snapshot, workers, group, &differ, err));
@@ -119,14 +116,12 @@ static hada_status agree(hada_snapshot *snapshot, hada_workers *workers, int gro
                         hada_workers_floats(workers, group, HADA_CONTENT_STATE), &changed, err));
     if (changed)
         HADA_TRY(hada_snapshot_give(snapshot, workers, group, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_snapshot_take(hada_snapshot *snapshot, hada_workers *workers, const hada_progress *progress,
                                hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int g = 0; g < workers->groups; g++) {
         if (!snapshot->dirty[g] || !hada_workers_have(workers, g))
             continue;
@@ -137,8 +132,7 @@ hada_status hada_snapshot_take(hada_snapshot *snapshot, hada_workers *workers, c
     }
     snapshot->step = progress->step;
     memcpy(snapshot->group_steps, progress->group_steps, (size_t)workers->groups * sizeof *snapshot->group_steps);
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_snapshot_give(const hada_snapshot *snapshot, hada_workers *workers, int group, hada_error *err)
@@ -149,7 +143,6 @@ hada_status hada_snapshot_give(const hada_snapshot *snapshot, hada_workers *work
 hada_status hada_snapshot_restore(hada_snapshot *snapshot, hada_workers *workers, hada_progress *progress,
                                   hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int g = 0; g < workers->groups; g++) {
         /* Batch norms change with every forward pass in training, not with updates alone. */
         if (snapshot->dirty[g] || g == HADA_GROUP_NET)
@@ -158,6 +151,5 @@ hada_status hada_snapshot_restore(hada_snapshot *snapshot, hada_workers *workers
     }
     progress->step = snapshot->step;
     memcpy(progress->group_steps, snapshot->group_steps, (size_t)workers->groups * sizeof *snapshot->group_steps);
-done:
-    return status;
+    return HADA_OK;
 }

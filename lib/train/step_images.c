@@ -4,7 +4,6 @@
 hada_status hada_step_images_create(hada_step_images *images, hada_slot *slot, const hada_replica_shape *shape,
                                     hada_error *err)
 {
-    hada_status status = HADA_OK;
     *images = (hada_step_images){.slot = slot, .shape = shape};
     for (int i = 0; i < HADA_STEP_PLACES; i++) {
         const size_t bytes = shape->bytes[i];
@@ -13,8 +12,7 @@ hada_status hada_step_images_create(hada_step_images *images, hada_slot *slot, c
         HADA_TRY(hada_buffer_create(&images->place[i], slot->context, bytes, "the images of a step", err));
         HADA_TRY(hada_buffer_clear(&images->place[i], slot, 0, bytes, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 void hada_step_images_destroy(hada_step_images *images)

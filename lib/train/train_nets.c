@@ -39,7 +39,6 @@ static hada_status begin_net(hada_net **out, const hada_train_options *options, 
                              hada_error *err)
 {
     const int channels = hada_model_get_info(model)->channels;
-    hada_status status = HADA_OK;
     if (options->net_given)
         return hada_net_copy(out, options->net_given, err);
     if (!options->new_net)
@@ -53,14 +52,12 @@ static hada_status begin_net(hada_net **out, const hada_train_options *options, 
     /* Training then begins at the planes as they are, not at noise. */
     if (options->stage != HADA_STAGE_CONVENTIONAL)
         hada_net_start_as_identity(*out);
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status make_net(hada_net **out, const hada_train_options *options, const hada_model *model, hada_error *err)
 {
     const int channels = hada_model_get_info(model)->channels;
-    hada_status status = HADA_OK;
     HADA_TRY(begin_net(out, options, model, err));
     const hada_net_info *net = hada_net_get_info(*out);
     const int others = hada_enhance_sees_others(*out, channels);
@@ -71,19 +68,14 @@ static hada_status make_net(hada_net **out, const hada_train_options *options, c
     if (net->channels != channels << others || net->out_channels != channels)
         return hada_fail(err, HADA_ERROR_MODEL, "the net takes %d channel(s) and gives %d; the camera has %d",
                          net->channels, net->out_channels, channels);
-    HADA_TRY(check_shares(*out, options, err));
-done:
-    return status;
+    return check_shares(*out, options, err);
 }
 
 /* The discriminator that the options name. */
 static hada_status make_discriminator(hada_net **out, const hada_train_options *options, int channels, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_discriminator_make(out, options->discriminator, channels, err));
-    HADA_TRY(hada_net_init(*out, options->seed, err));
-done:
-    return status;
+    return hada_net_init(*out, options->seed, err);
 }
 
 static hada_status load_vgg(hada_net **out, const hada_train_options *options, int channels, hada_error *err)
@@ -103,11 +95,11 @@ hada_status hada_train_nets_make(hada_train_nets *nets, const hada_train_options
     hada_status status = HADA_OK;
     *nets = (hada_train_nets){0};
     if (hada_stage_has_net(options->stage))
-        HADA_TRY(make_net(&nets->net, options, model, err));
+        HADA_TRY_OR_DONE(make_net(&nets->net, options, model, err));
     if (hada_stage_has_discriminator(options))
-        HADA_TRY(make_discriminator(&nets->discriminator, options, channels, err));
+        HADA_TRY_OR_DONE(make_discriminator(&nets->discriminator, options, channels, err));
     if (options->perceptual > 0.0)
-        HADA_TRY(load_vgg(&nets->vgg, options, channels, err));
+        HADA_TRY_OR_DONE(load_vgg(&nets->vgg, options, channels, err));
 done:
     if (status)
         hada_train_nets_free(nets);

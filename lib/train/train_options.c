@@ -140,14 +140,11 @@ static hada_status take_augment(hada_augment *augment, const hada_augment *given
                                 const hada_model_info *info, hada_error *err)
 {
     enum { BOTH_SIDES = 3 };
-    hada_status status = HADA_OK;
     hada_augment_init(augment);
     HADA_TRY(HADA_OPTIONS_TAKE(augment, given, hada_augment, err));
     if (augment->plane_flips == HADA_AUTO)
         augment->plane_flips = hada_stage_has_planes(stage) ? BOTH_SIDES : 0;
-    HADA_TRY(hada_augment_check(augment, info, err));
-done:
-    return status;
+    return hada_augment_check(augment, info, err);
 }
 
 /* Rates and weights that the caller leaves open (docs/training.md). */
@@ -236,6 +233,5 @@ hada_status hada_train_options_settle(hada_train_options *options, hada_augment 
     HADA_TRY(settle_compose(options, model, err));
     if (!(options->mse + options->perceptual + options->adversarial + options->variation > 0.0))
         status = hada_fail(err, HADA_ERROR_ARGUMENT, "all losses are off; give one of them a weight");
-done:
     return status;
 }

@@ -98,12 +98,10 @@ hada_status hada_pairs_load(const hada_pairs *pairs, const hada_model_info *info
                             hada_image *scene, hada_error *err)
 {
     *raw = *scene = (hada_image){0};
-    hada_status status = HADA_OK;
     HADA_TRY(pairs->read(pairs->user, depth, pair, raw, scene, err));
     HADA_TRY(check(info, raw, scene, err));
     hada_response_convert(scene->data, hada_image_count(scene), info->scene_response, HADA_RESPONSE_LINEAR);
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The centre of a scene that is larger than the window. */
@@ -131,8 +129,8 @@ hada_status hada_pairs_read(const hada_pairs *pairs, const hada_model_info *info
                             hada_image *scene, hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(hada_pairs_load(pairs, info, depth, pair, raw, scene, err));
-    HADA_TRY(hada_pairs_crop(info, scene, err));
+    HADA_TRY_OR_DONE(hada_pairs_load(pairs, info, depth, pair, raw, scene, err));
+    HADA_TRY_OR_DONE(hada_pairs_crop(info, scene, err));
 done:
     if (status) {
         hada_image_destroy(raw);

@@ -39,7 +39,6 @@ static hada_status choose_at_once(int *out, const hada_context *context, const h
     hada_replica_desc trial = *desc;
     const uint64_t room = hada_context_device(context)->memory_bytes / 2;
     const int open = options->at_once == HADA_AUTO;
-    hada_status status = HADA_OK;
     for (int count = !open && options->at_once < share ? options->at_once : share; count >= 1; count--) {
         size_t bytes = 0;
         if (share % count && open)
@@ -51,8 +50,7 @@ static hada_status choose_at_once(int *out, const hada_context *context, const h
         if (bytes <= room)
             return HADA_OK;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status make_workers(hada_trainer *trainer, hada_context *const *contexts, int count, hada_error *err)
@@ -70,17 +68,14 @@ static hada_status make_workers(hada_trainer *trainer, hada_context *const *cont
                               .shares = count,
                               .scenes = scenes,
                               .feature_bytes = KEPT_FEATURES / (size_t)count};
-    hada_status status = HADA_OK;
     for (int i = 0; i < count; i++) {
         int own = 0;
         HADA_TRY(choose_at_once(&own, contexts[i], options, share, &desc, err));
         desc.at_once = own < desc.at_once ? own : desc.at_once;
     }
     options->at_once = desc.at_once;
-    HADA_TRY(hada_workers_create(&trainer->workers, contexts, count, &trainer->ranks, &desc,
-                                 hada_stage_has_planes(options->stage), err));
-done:
-    return status;
+    return hada_workers_create(&trainer->workers, contexts, count, &trainer->ranks, &desc,
+                               hada_stage_has_planes(options->stage), err);
 }
 
 static hada_status make_lists(hada_trainer *trainer, hada_error *err)
@@ -88,21 +83,18 @@ static hada_status make_lists(hada_trainer *trainer, hada_error *err)
     const hada_workers *workers = &trainer->workers;
     const size_t wave = (size_t)trainer->options.at_once * (size_t)workers->count;
     const int features = trainer->nets.vgg != NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&trainer->fed, wave, sizeof(hada_fed *), "a step", err));
-    HADA_TRY(hada_alloc((void **)&trainer->progress.group_steps, (size_t)workers->groups, sizeof(uint64_t), "a trainer",
-                        err));
+    HADA_TRY(hada_allocated(trainer->fed = hada_alloc(wave, sizeof(hada_fed *), "a step", err)));
+    HADA_TRY(hada_allocated(trainer->progress.group_steps =
+                                hada_alloc((size_t)workers->groups, sizeof(uint64_t), "a trainer", err)));
     HADA_TRY(hada_examples_create(&trainer->known, &trainer->pairs, kept_bytes(0, features), err));
     if (trainer->held_out.pairs.read)
         HADA_TRY(
             hada_examples_create(&trainer->held_out.examples, &trainer->held_out.pairs, kept_bytes(1, features), err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status check_all_pairs(const hada_trainer *trainer, int workers, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(check_pairs(&trainer->pairs, &trainer->info, "to learn from", err));
     if (!hada_pairs_total(&trainer->pairs))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no pair to learn from; hold fewer out, or add some");
@@ -112,8 +104,7 @@ static hada_status check_all_pairs(const hada_trainer *trainer, int workers, had
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "%d devices of %d ranks share the pairs of a step: a batch of %d is too small",
                          workers * trainer->ranks.count, trainer->ranks.count, trainer->options.batch);
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The ranks, and this one's share of a step. Exchanges go device by device. */
@@ -122,7 +113,6 @@ static hada_status take_ranks(hada_trainer *trainer, int devices, hada_error *er
     double all = devices;
     const hada_communicator *ranks = &trainer->ranks;
     const int batch = trainer->options.batch;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_communicator_check(trainer->options.communicator, err));
     HADA_TRY(HADA_OPTIONS_TAKE(&trainer->ranks, trainer->options.communicator, hada_communicator, err));
     trainer->options.communicator = NULL;
@@ -134,21 +124,20 @@ static hada_status take_ranks(hada_trainer *trainer, int devices, hada_error *er
                            "rank %d trains on %d of %.0f devices: all %d ranks must have as many; start one for each "
                            "device",
                            ranks->rank, devices, all, ranks->count));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status make(hada_trainer *trainer, hada_context *const *contexts, int count,
                         const hada_train_options *callers, hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(hada_train_options_settle(&trainer->options, &trainer->augment, callers, trainer->model, err));
-    HADA_TRY(take_ranks(trainer, count, err));
-    HADA_TRY(check_all_pairs(trainer, count, err));
-    HADA_TRY(hada_train_nets_make(&trainer->nets, &trainer->options, trainer->model, err));
-    HADA_TRY(make_workers(trainer, contexts, count, err));
-    HADA_TRY(make_lists(trainer, err));
-    HADA_TRY(hada_snapshot_create(&trainer->snapshot, &trainer->workers, &trainer->progress, err));
+    HADA_TRY_OR_DONE(hada_train_options_settle(&trainer->options, &trainer->augment, callers, trainer->model, err));
+    HADA_TRY_OR_DONE(take_ranks(trainer, count, err));
+    HADA_TRY_OR_DONE(check_all_pairs(trainer, count, err));
+    HADA_TRY_OR_DONE(hada_train_nets_make(&trainer->nets, &trainer->options, trainer->model, err));
+    HADA_TRY_OR_DONE(make_workers(trainer, contexts, count, err));
+    HADA_TRY_OR_DONE(make_lists(trainer, err));
+    HADA_TRY_OR_DONE(hada_snapshot_create(&trainer->snapshot, &trainer->workers, &trainer->progress, err));
 done:
     /* What the caller owns is not read any more. */
     trainer->options.net = trainer->options.vgg = trainer->options.discriminator = NULL;
@@ -169,16 +158,16 @@ hada_status hada_trainer_create_on(hada_trainer **out, hada_context *const *cont
         for (int k = 0; k <= i; k++)
             if (!contexts[i] || (k < i && contexts[k] == contexts[i]))
                 return hada_fail(err, HADA_ERROR_ARGUMENT, "a trainer's contexts are different ones");
-    HADA_TRY(hada_alloc((void **)&trainer, 1, sizeof *trainer, "a trainer", err));
+    HADA_TRY_OR_DONE(hada_allocated(trainer = hada_alloc(1, sizeof *trainer, "a trainer", err)));
     trainer->held_out.reading = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     trainer->model = model;
     trainer->info = *hada_model_get_info(model);
     hada_communicator_init(&trainer->ranks);
     hada_pairs_init(&trainer->pairs);
     hada_pairs_init(&trainer->held_out.pairs);
-    HADA_TRY(HADA_OPTIONS_TAKE(&trainer->pairs, pairs, hada_pairs, err));
-    HADA_TRY(HADA_OPTIONS_TAKE(&trainer->held_out.pairs, held_out, hada_pairs, err));
-    HADA_TRY(make(trainer, contexts, count, options, err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&trainer->pairs, pairs, hada_pairs, err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&trainer->held_out.pairs, held_out, hada_pairs, err));
+    HADA_TRY_OR_DONE(make(trainer, contexts, count, options, err));
 done:
     if (status)
         hada_trainer_destroy(&trainer);
@@ -221,14 +210,14 @@ hada_status hada_trainer_bytes(hada_context *context, const hada_model *model, c
     hada_status status = HADA_OK;
     if (!context || !model || !options || !bytes)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_bytes: context, model, options and bytes are needed");
-    HADA_TRY(hada_train_options_settle(&settled, &augment, options, model, err));
-    HADA_TRY(hada_train_nets_make(&nets, &settled, model, err));
+    HADA_TRY_OR_DONE(hada_train_options_settle(&settled, &augment, options, model, err));
+    HADA_TRY_OR_DONE(hada_train_nets_make(&nets, &settled, model, err));
     hada_replica_desc desc = {
         .model = model, .options = &settled, .net = nets.net, .discriminator = nets.discriminator, .vgg = nets.vgg};
-    HADA_TRY(choose_at_once(&desc.at_once, context, &settled, settled.batch, &desc, err));
-    HADA_TRY(hada_replica_bytes(context, &desc, &replica, err));
+    HADA_TRY_OR_DONE(choose_at_once(&desc.at_once, context, &settled, settled.batch, &desc, err));
+    HADA_TRY_OR_DONE(hada_replica_bytes(context, &desc, &replica, err));
     if (hada_stage_has_planes(settled.stage))
-        HADA_TRY(hada_planes_bytes(context, model, settled.compose > 0.0, &planes, err));
+        HADA_TRY_OR_DONE(hada_planes_bytes(context, model, settled.compose > 0.0, &planes, err));
     *bytes = replica + planes;
 done:
     hada_train_nets_free(&nets);

@@ -12,8 +12,8 @@ hada_status hada_trainer_net(hada_trainer *trainer, hada_net **out, hada_error *
     *out = NULL;
     if (!trainer->nets.net)
         return hada_fail(err, HADA_ERROR_STATE, "this stage trains no net");
-    HADA_TRY(hada_net_copy(out, trainer->nets.net, err));
-    HADA_TRY(hada_workers_read(&trainer->workers, HADA_GROUP_NET, HADA_CONTENT_VALUES, (*out)->values, err));
+    HADA_TRY_OR_DONE(hada_net_copy(out, trainer->nets.net, err));
+    HADA_TRY_OR_DONE(hada_workers_read(&trainer->workers, HADA_GROUP_NET, HADA_CONTENT_VALUES, (*out)->values, err));
 done:
     if (status)
         hada_net_destroy(out);
@@ -30,7 +30,6 @@ static hada_status copy_camera(hada_model **out, const hada_trainer *trainer, ha
     info.enhance = info.enhance_rows = info.enhance_cols = 0;
     info.refine_steps = 0;
     const size_t plane = hada_model_plane(model), images = (size_t)info.depths * (size_t)info.channels;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_model_create(out, &info, model->scene_power != NULL, err));
     if (model->otf)
         memcpy((*out)->otf, model->otf, images * plane * 2 * sizeof *model->otf);
@@ -39,21 +38,18 @@ static hada_status copy_camera(hada_model **out, const hada_trainer *trainer, ha
         memcpy((*out)->noise_power, model->noise_power, images * sizeof *model->noise_power);
         memcpy((*out)->pairs, model->pairs, (size_t)info.depths * sizeof *model->pairs);
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status with_filters(hada_model **out, hada_trainer *trainer, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(copy_camera(out, trainer, err));
     for (int z = 0; z < trainer->info.depths; z++) {
         const size_t at = (size_t)z * (size_t)trainer->info.channels * hada_model_plane(trainer->model) * 2;
         HADA_TRY(hada_workers_read(&trainer->workers, HADA_GROUP_FILTERS + z, HADA_CONTENT_VALUES, (*out)->filter + at,
                                    err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_trainer_model(hada_trainer *trainer, hada_model **out, hada_error *err)
@@ -68,11 +64,11 @@ hada_status hada_trainer_model(hada_trainer *trainer, hada_model **out, hada_err
     if (options->stage == HADA_STAGE_CONVENTIONAL)
         return hada_fail(err, HADA_ERROR_STATE, "the conventional net has no filters; take it with hada_trainer_net()");
     if (!hada_stage_has_planes(options->stage))
-        HADA_TRY(with_filters(&filters, trainer, err));
+        HADA_TRY_OR_DONE(with_filters(&filters, trainer, err));
     if (trainer->nets.net) {
-        HADA_TRY(hada_trainer_net(trainer, &net, err));
-        HADA_TRY(hada_model_with_enhance(out, filters ? filters : trainer->model, net, options->net_rows,
-                                         options->net_cols, err));
+        HADA_TRY_OR_DONE(hada_trainer_net(trainer, &net, err));
+        HADA_TRY_OR_DONE(hada_model_with_enhance(out, filters ? filters : trainer->model, net, options->net_rows,
+                                                 options->net_cols, err));
     } else {
         *out = filters;
         filters = NULL;

@@ -71,7 +71,6 @@ static hada_status sample_of(hada_trainer *trainer, hada_worker *worker, hada_fe
     const hada_example *known =
         fed->raw.data ? NULL : hada_examples_find(&trainer->known, fed->depth, fed->pair, fed->variant);
     int sides = 0;
-    hada_status status = HADA_OK;
     hada_example_free(own);
     if (!known) {
         HADA_TRY(hada_example_make(own, stage, &trainer->info, worker->planes, fed->depth, &fed->raw, &fed->composed,
@@ -93,8 +92,7 @@ static hada_status sample_of(hada_trainer *trainer, hada_worker *worker, hada_fe
     if (keeps && !fed->variant)
         out->scene_number =
             1 + HADA_FLIPPED_WAYS * hada_examples_number(&trainer->known, fed->depth, fed->pair) + (size_t)sides;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The pairs of a wave, which the workers share: as many for each as can be, in order. */
@@ -115,7 +113,6 @@ static hada_status compute(hada_workers *workers, int number, void *user, hada_e
     hada_trainer *trainer = all->trainer;
     hada_worker *worker = &workers->worker[number];
     const int first = first_of(all, number, workers->count), count = first_of(all, number + 1, workers->count) - first;
-    hada_status status = HADA_OK;
     memset(&worker->terms, 0, sizeof worker->terms);
     for (int i = 0; i < count; i++)
         HADA_TRY(sample_of(trainer, worker, trainer->fed[first + i], &worker->own[i], &worker->samples[i], err));
@@ -124,8 +121,7 @@ static hada_status compute(hada_workers *workers, int number, void *user, hada_e
         HADA_TRY(hada_replica_backward(worker->replica, worker->samples, count, 1.0 / trainer->options.batch,
                                        trainer->fed[first]->place, all->discriminator_only, &worker->terms,
                                        worker->touched, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static void clear(hada_trainer *trainer)
@@ -159,11 +155,11 @@ static hada_status share_terms(hada_trainer *trainer, hada_terms *terms, hada_er
     hada_status status = HADA_OK;
     if (trainer->ranks.count == 1)
         return HADA_OK;
-    HADA_TRY(hada_alloc((void **)&values, TERMS + depths, sizeof *values, "a step", err));
+    HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc(TERMS + depths, sizeof *values, "a step", err)));
     memcpy(values, terms, sizeof *terms);
     for (size_t z = 0; z < depths; z++)
         values[TERMS + z] = touched[z];
-    HADA_TRY(hada_reduce(&trainer->ranks, values, TERMS + depths, err));
+    HADA_TRY_OR_DONE(hada_reduce(&trainer->ranks, values, TERMS + depths, err));
     memcpy(terms, values, sizeof *terms);
     for (size_t z = 0; z < depths; z++)
         touched[z] = values[TERMS + z] > 0.0;
@@ -177,7 +173,6 @@ static hada_status gather(hada_trainer *trainer, int discriminator_only, hada_te
 {
     hada_workers *workers = &trainer->workers;
     const int most = trainer->options.at_once * workers->count;
-    hada_status status = HADA_OK;
     clear(trainer);
     for (int left = trainer->share; left;) {
         wave all = {trainer, left < most ? left : most, discriminator_only, left <= most};
@@ -191,9 +186,7 @@ static hada_status gather(hada_trainer *trainer, int discriminator_only, hada_te
     for (int i = 1; i < workers->count; i++)
         for (int z = 0; z < trainer->info.depths; z++)
             workers->worker->touched[z] |= workers->worker[i].touched[z];
-    HADA_TRY(share_terms(trainer, terms, err));
-done:
-    return status;
+    return share_terms(trainer, terms, err);
 }
 
 /* Whether a group is updated in this step. */
@@ -212,7 +205,6 @@ static hada_status sum_up(hada_trainer *trainer, int discriminator_only, double 
 {
     hada_workers *workers = &trainer->workers;
     double squares = 0.0, discriminator = 0.0;
-    hada_status status = HADA_OK;
     if (workers->count == 1 && trainer->ranks.count == 1)
         return hada_parameters_norm(hada_worker_parameters(workers->worker), workers->worker->touched, norm,
                                     discriminator_norm, err);
@@ -222,8 +214,7 @@ static hada_status sum_up(hada_trainer *trainer, int discriminator_only, double 
                 hada_exchange_gradients(workers, g, g == HADA_GROUP_DISCRIMINATOR ? &discriminator : &squares, err));
     *norm = sqrt(squares);
     *discriminator_norm = sqrt(discriminator);
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* An update of a group; step: its own count, from 1. */
@@ -251,7 +242,6 @@ static hada_status update(hada_trainer *trainer, int discriminator_only, double 
     const hada_train_options *options = &trainer->options;
     hada_workers *workers = &trainer->workers;
     hada_progress *progress = &trainer->progress;
-    hada_status status = HADA_OK;
     trainer->snapshot.dirty[HADA_GROUP_NET] = 1;
     for (int g = 0; g < workers->groups; g++) {
         if (!takes_part(trainer, g, discriminator_only))
@@ -270,8 +260,7 @@ static hada_status update(hada_trainer *trainer, int discriminator_only, double 
     /* statistics of batch norms have changed without the net's being updated */
     if (discriminator_only)
         HADA_TRY(hada_exchange_values(workers, HADA_GROUP_NET, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status roll_back(hada_trainer *trainer, hada_step_report *report, hada_error *err)
@@ -290,7 +279,6 @@ static hada_status roll_back(hada_trainer *trainer, hada_step_report *report, ha
             "those of step %llu. Begin with a rate a tenth as large, a smaller clip, or look for a pair that is much "
             "brighter than the others",
             (unsigned long long)at, MOST_ROLLBACKS, (unsigned long long)progress->step);
-done:
     return status;
 }
 
@@ -320,7 +308,6 @@ static hada_status step(hada_trainer *trainer, hada_step_report *report, hada_er
     const double share = ldexp(hada_train_rate(&trainer->options, progress->step), -progress->halvings);
     hada_terms terms = {0};
     double norm = 0.0, discriminator_norm = 0.0;
-    hada_status status = HADA_OK;
     if (!trainer->feed)
         HADA_TRY(start_feed(trainer, err));
     HADA_TRY(gather(trainer, discriminator_only, &terms, err));
@@ -336,8 +323,7 @@ static hada_status step(hada_trainer *trainer, hada_step_report *report, hada_er
     HADA_TRY(update(trainer, discriminator_only, share, norm, discriminator_norm, err));
     progress->bad = 0;
     report->step = ++progress->step;
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_trainer_step(hada_trainer *trainer, hada_step_report *report, hada_error *err)

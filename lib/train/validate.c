@@ -26,11 +26,9 @@ static void free_prediction(prediction *what)
 
 static hada_status copy_raw(hada_image *out, const hada_image *raw, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(hada_image_create(out, raw->channels, raw->rows, raw->cols, err));
     memcpy(out->data, raw->data, hada_image_count(raw) * sizeof(float));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Scenes of several depths that each held-out pair becomes, where training composes them; they are the same for any
@@ -48,10 +46,10 @@ static hada_status read_pair(hada_trainer *trainer, const held_pair *which, hada
     hada_held_out *held = &trainer->held_out;
     hada_status status = HADA_OK;
     pthread_mutex_lock(&held->reading);
-    HADA_TRY(hada_pairs_read(&held->pairs, &trainer->info, which->depth, which->pair, raw, scene, err));
+    HADA_TRY_OR_DONE(hada_pairs_read(&held->pairs, &trainer->info, which->depth, which->pair, raw, scene, err));
     if (which->variant)
-        HADA_TRY(hada_compose(composed, &held->pairs, &trainer->info, COMPOSED_SEED, which->depth, which->pair,
-                              which->variant, hada_trainer_shares(trainer), scene, err));
+        HADA_TRY_OR_DONE(hada_compose(composed, &held->pairs, &trainer->info, COMPOSED_SEED, which->depth, which->pair,
+                                      which->variant, hada_trainer_shares(trainer), scene, err));
 done:
     pthread_mutex_unlock(&held->reading);
     return status;
@@ -67,11 +65,11 @@ static hada_status find_example(hada_trainer *trainer, const hada_worker *worker
     what->example = with_raw ? NULL : hada_examples_find(examples, which->depth, which->pair, which->variant);
     if (what->example)
         return HADA_OK;
-    HADA_TRY(read_pair(trainer, which, &raw, &composed, &scene, err));
+    HADA_TRY_OR_DONE(read_pair(trainer, which, &raw, &composed, &scene, err));
     if (with_raw)
-        HADA_TRY(copy_raw(&what->raw, &raw, err));
-    HADA_TRY(hada_example_make(&what->own, trainer->options.stage, &trainer->info, worker->planes, which->depth, &raw,
-                               &composed, &scene, err));
+        HADA_TRY_OR_DONE(copy_raw(&what->raw, &raw, err));
+    HADA_TRY_OR_DONE(hada_example_make(&what->own, trainer->options.stage, &trainer->info, worker->planes, which->depth,
+                                       &raw, &composed, &scene, err));
     if (!with_raw)
         what->example = hada_examples_add(examples, which->depth, which->pair, which->variant, &what->own);
     if (!what->example)
@@ -94,9 +92,9 @@ static hada_status predict(hada_trainer *trainer, const hada_worker *worker, uin
     hada_status status = HADA_OK;
     *what = (prediction){0};
     hada_pairs_find(pairs, index % total, &which.depth, &which.pair);
-    HADA_TRY(find_example(trainer, worker, &which, with_raw, what, err));
+    HADA_TRY_OR_DONE(find_example(trainer, worker, &which, with_raw, what, err));
     const hada_sample sample = {.depth = which.depth, .input = &what->example->input, .scene = &what->example->scene};
-    HADA_TRY(hada_replica_forward(worker->replica, &sample, &what->before, &what->after, err));
+    HADA_TRY_OR_DONE(hada_replica_forward(worker->replica, &sample, &what->before, &what->after, err));
 done:
     if (status)
         free_prediction(what);
@@ -117,7 +115,6 @@ enum { SSIM_WINDOW = 11 };
 
 static hada_status measure(const hada_image *image, const hada_image *truth, measures *out, hada_error *err)
 {
-    hada_status status = HADA_OK;
     *out = (measures){NAN, NAN, NAN, NAN};
     /* Values that are not finite have no distance: training goes on from the last good ones. */
     if (hada_image_count_not_finite(image))
@@ -127,8 +124,7 @@ static hada_status measure(const hada_image *image, const hada_image *truth, mea
     HADA_TRY(hada_metric_sharpness(image, NULL, &out->sharpness, err));
     if (truth->rows >= SSIM_WINDOW && truth->cols >= SSIM_WINDOW)
         HADA_TRY(hada_metric_ssim(image, truth, 1.0, NULL, &out->ssim, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 typedef struct list {
@@ -144,13 +140,13 @@ static hada_status measure_one(const list *all, const hada_worker *worker, int n
     row *own = &all->rows[number];
     prediction what = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(predict(trainer, worker, (uint64_t)number * all->total / (uint64_t)all->count, 0, &what, err));
+    HADA_TRY_OR_DONE(predict(trainer, worker, (uint64_t)number * all->total / (uint64_t)all->count, 0, &what, err));
     const hada_image *truth = &what.example->scene;
-    HADA_TRY(measure(&what.after, truth, &own->after, err));
+    HADA_TRY_OR_DONE(measure(&what.after, truth, &own->after, err));
     own->before = (measures){NAN, NAN, NAN, NAN};
     if (trainer->options.stage != HADA_STAGE_CONVENTIONAL)
-        HADA_TRY(measure(&what.before, truth, &own->before, err));
-    HADA_TRY(hada_metric_sharpness(truth, NULL, &own->truth, err));
+        HADA_TRY_OR_DONE(measure(&what.before, truth, &own->before, err));
+    HADA_TRY_OR_DONE(hada_metric_sharpness(truth, NULL, &own->truth, err));
 done:
     free_prediction(&what);
     return status;
@@ -159,12 +155,10 @@ done:
 static hada_status measure_share(hada_workers *workers, int number, void *user, hada_error *err)
 {
     const list *all = user;
-    hada_status status = HADA_OK;
     const int ranks = hada_ranks(workers->ranks), first = hada_rank(workers->ranks) * workers->count + number;
     for (int i = first; i < all->count; i += ranks * workers->count)
         HADA_TRY(measure_one(all, &workers->worker[number], i, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Means over the rows. */
@@ -197,17 +191,18 @@ hada_status hada_trainer_validate(hada_trainer *trainer, int most, hada_validati
     hada_status status = HADA_OK;
     if (!trainer || !report)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_validate: trainer and out are needed");
-    HADA_TRY(HADA_REPORT_CHECK(report, hada_validation, err));
+    HADA_TRY_OR_DONE(HADA_REPORT_CHECK(report, hada_validation, err));
     all.total = count_held_out(trainer);
     if (!all.total)
         return hada_fail(err, HADA_ERROR_STATE, "no pair is held out to validate with");
     if (trainer->options.compose > 0.0)
         all.total *= COMPOSED_WAYS + !hada_trainer_shares(trainer);
     all.count = most > 0 && (uint64_t)most < all.total ? most : (int)all.total;
-    HADA_TRY(hada_alloc((void **)&all.rows, (size_t)all.count, sizeof *all.rows, "validation", err));
-    HADA_TRY(hada_workers_run(&trainer->workers, measure_share, &all, err));
+    HADA_TRY_OR_DONE(hada_allocated(all.rows = hada_alloc((size_t)all.count, sizeof *all.rows, "validation", err)));
+    HADA_TRY_OR_DONE(hada_workers_run(&trainer->workers, measure_share, &all, err));
     /* rows are doubles, those of other ranks zero */
-    HADA_TRY(hada_reduce(&trainer->ranks, (double *)all.rows, (size_t)all.count * (sizeof(row) / sizeof(double)), err));
+    HADA_TRY_OR_DONE(
+        hada_reduce(&trainer->ranks, (double *)all.rows, (size_t)all.count * (sizeof(row) / sizeof(double)), err));
     add_up(&all, &result);
     HADA_REPORT_GIVE(report, &result);
 done:
@@ -234,7 +229,7 @@ hada_status hada_trainer_show(hada_trainer *trainer, int pair, hada_image *raw, 
     if (pair < 0 || (uint64_t)pair >= total)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no held-out pair %d of %llu", pair,
                          (unsigned long long)total);
-    HADA_TRY(predict(trainer, trainer->workers.worker, (uint64_t)pair, 1, &what, err));
+    HADA_TRY_OR_DONE(predict(trainer, trainer->workers.worker, (uint64_t)pair, 1, &what, err));
     hand_over(raw, &what.raw);
     hand_over(before, &what.before);
     hand_over(after, &what.after);

@@ -52,8 +52,9 @@ hada_status hada_worker_threads_create(hada_worker_threads **out, int count, had
     sigset_t all, before;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY(hada_alloc((void **)&threads, 1, sizeof *threads, "threads", err));
-    HADA_TRY(hada_alloc((void **)&threads->members, (size_t)count, sizeof *threads->members, "threads", err));
+    HADA_TRY_OR_DONE(hada_allocated(threads = hada_alloc(1, sizeof *threads, "threads", err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(threads->members = hada_alloc((size_t)count, sizeof *threads->members, "threads", err)));
     threads->count = count;
     threads->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     threads->begins = (pthread_cond_t)PTHREAD_COND_INITIALIZER;

@@ -9,18 +9,16 @@ static hada_status make_worker(hada_worker *worker, hada_context *context, const
                                hada_error *err)
 {
     const size_t most = (size_t)desc->at_once, depths = (size_t)desc->model->info.depths;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_slot_create(&worker->slot, context, err));
     HADA_TRY(hada_replica_create(&worker->replica, worker->slot, desc, err));
     if (planes)
         HADA_TRY(hada_planes_create(&worker->planes, worker->slot, desc->model, desc->options->compose > 0.0,
                                     hada_enhance_sees_others(desc->net, desc->model->info.channels), err));
-    HADA_TRY(hada_alloc((void **)&worker->samples, most, sizeof *worker->samples, "a step", err));
-    HADA_TRY(hada_alloc((void **)&worker->own, most, sizeof *worker->own, "a step", err));
-    HADA_TRY(hada_alloc((void **)&worker->touched, depths, 1, "a step", err));
+    HADA_TRY(hada_allocated(worker->samples = hada_alloc(most, sizeof *worker->samples, "a step", err)));
+    HADA_TRY(hada_allocated(worker->own = hada_alloc(most, sizeof *worker->own, "a step", err)));
+    HADA_TRY(hada_allocated(worker->touched = hada_alloc(depths, 1, "a step", err)));
     worker->at_once = desc->at_once;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Room for what workers exchange: a depth's filters. */
@@ -28,15 +26,13 @@ static hada_status make_exchange(hada_workers *workers, const hada_communicator 
 {
     const int several = workers->count > 1 || hada_ranks(ranks) > 1;
     size_t most = 0;
-    hada_status status = HADA_OK;
     for (int g = HADA_GROUP_FILTERS; g < workers->groups; g++) {
         const size_t count = hada_workers_floats(workers, g, HADA_CONTENT_VALUES);
         most = count > most ? count : most;
     }
     for (int i = 0; most && several && i < workers->count; i++)
-        HADA_TRY(hada_alloc_raw((void **)&workers->worker[i].room, most, sizeof(float), "averaging", err));
-done:
-    return status;
+        HADA_TRY(hada_allocated(workers->worker[i].room = hada_alloc_raw(most, sizeof(float), "averaging", err)));
+    return HADA_OK;
 }
 
 hada_status hada_workers_create(hada_workers *workers, hada_context *const *contexts, int count,
@@ -46,7 +42,7 @@ hada_status hada_workers_create(hada_workers *workers, hada_context *const *cont
     hada_replica_desc own = *desc;
     hada_status status = HADA_OK;
     *workers = (hada_workers){0};
-    HADA_TRY(hada_alloc((void **)&workers->worker, (size_t)count, sizeof *workers->worker, "a trainer", err));
+    HADA_TRY(hada_allocated(workers->worker = hada_alloc((size_t)count, sizeof *workers->worker, "a trainer", err)));
     workers->count = own.shares = count;
     if (count > 1)
         HADA_TRY(hada_worker_threads_create(&workers->threads, count, err));
@@ -62,7 +58,6 @@ hada_status hada_workers_create(hada_workers *workers, hada_context *const *cont
     HADA_TRY(make_exchange(workers, ranks, err));
     if (count == 1)
         HADA_TRY(hada_buckets_create(&workers->buckets, ranks, hada_worker_parameters(workers->worker), err));
-done:
     return status;
 }
 
@@ -129,11 +124,9 @@ int hada_workers_have(const hada_workers *workers, int group)
 hada_status hada_workers_read(hada_workers *workers, int group, hada_content content, float *out, hada_error *err)
 {
     const int parts = content == HADA_CONTENT_STATE && group < HADA_GROUP_FILTERS ? workers->count : 1;
-    hada_status status = HADA_OK;
     for (int w = 0; w < parts; w++)
         HADA_TRY(hada_parameters_read(hada_worker_parameters(&workers->worker[w]), group, content, out, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 typedef struct contents {
@@ -145,11 +138,8 @@ static hada_status write_one(hada_workers *workers, int number, void *user, hada
 {
     const contents *what = user;
     hada_parameters *parameters = hada_worker_parameters(&workers->worker[number]);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_parameters_write(parameters, what->group, HADA_CONTENT_VALUES, what->values, err));
-    HADA_TRY(hada_parameters_write(parameters, what->group, HADA_CONTENT_STATE, what->states, err));
-done:
-    return status;
+    return hada_parameters_write(parameters, what->group, HADA_CONTENT_STATE, what->states, err);
 }
 
 hada_status hada_workers_write(hada_workers *workers, int group, const float *values, const float *states,

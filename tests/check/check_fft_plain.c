@@ -81,14 +81,11 @@ static hada_status pad_launch(check_state *state, hada_error *err)
 {
     plain_state *own = state->own;
     const hada_range range = hada_range_of(state->out_count, 64, 1, 1);
-    hada_status status = HADA_OK;
     if (!state->regions)
         HADA_TRY(check_region(state, 0, state->out_count, &state->region[0], err));
-    HADA_TRY(hada_launch_fft_plain_pad(state->slot, HADA_PROGRAM_FFT_PLAIN_DEFAULT, &range, err, .in = own->in.mem,
-                                       .real = rectangle(own, 0), .out = state->region[0], .rows = own->rows,
-                                       .cols = own->cols, .count = state->out_count));
-done:
-    return status;
+    return hada_launch_fft_plain_pad(state->slot, HADA_PROGRAM_FFT_PLAIN_DEFAULT, &range, err, .in = own->in.mem,
+                                     .real = rectangle(own, 0), .out = state->region[0], .rows = own->rows,
+                                     .cols = own->cols, .count = state->out_count);
 }
 
 static hada_status crop_launch(check_state *state, hada_error *err)
@@ -136,15 +133,12 @@ static hada_status product_launch(check_state *state, hada_error *err)
     const hada_range range = hada_range_of(count, 64, 1, 1);
     const int product = own->product % 3, half = product && own->half;
     const hada_fft_band band = {own->rows, own->cols, own->band_rows, own->band_cols};
-    hada_status status = HADA_OK;
     if (!state->regions)
         HADA_TRY(check_region(state, 0, state->out_count, &state->region[0], err));
-    HADA_TRY(hada_launch_fft_plain_product(state->slot, hada_find_fft_plain(.fft_product = product, .fft_half = half),
-                                           &range, err, .in = own->in.mem, .in_offset = 0, .in_count = own->channels,
-                                           .filter = own->filter.mem, .filter_offset = 0, .filter_step = own->step,
-                                           .out = state->region[0], .band = band, .count = count));
-done:
-    return status;
+    return hada_launch_fft_plain_product(state->slot, hada_find_fft_plain(.fft_product = product, .fft_half = half),
+                                         &range, err, .in = own->in.mem, .in_offset = 0, .in_count = own->channels,
+                                         .filter = own->filter.mem, .filter_offset = 0, .filter_step = own->step,
+                                         .out = state->region[0], .band = band, .count = count);
 }
 
 static const char help[] = "r rows, c columns, b batch, y x h w rectangle (top, left, rows, columns)";

@@ -48,7 +48,6 @@ static hada_status prepare_blend(check_state *state, hada_error *err)
     const size_t count = (size_t)check_get(state, 'n', 8);
     float *values = check_room(state, count * sizeof *values), *others = check_room(state, count * sizeof *others);
     blending *own = check_own(state, sizeof *own);
-    hada_status status = HADA_OK;
     check_fill_integers(state, 1, values, count, 99);
     check_fill_integers(state, 2, others, count, 99);
     HADA_TRY(check_output(state, count, err));
@@ -61,8 +60,7 @@ static hada_status prepare_blend(check_state *state, hada_error *err)
     HADA_TRY(check_upload(state, &own->others, others, count * sizeof *others, err));
     state->bytes = 3.0 * (double)count * sizeof(float);
     state->flops = 5.0 * (double)count;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch_blend(check_state *state, hada_error *err)

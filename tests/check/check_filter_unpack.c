@@ -15,7 +15,6 @@ static hada_status prepare(check_state *state, hada_error *err)
     const unsigned numbers = bytes == 1 ? 256 : 65536;
     uint8_t *small = check_room(state, (size_t)count);
     uint16_t *wide = check_room(state, (size_t)count * sizeof *wide);
-    hada_status status = HADA_OK;
     own->upload =
         (hada_upload){.slot = state->slot, .values = (size_t)count, .stored = {.bytes = bytes, .scale = (float)scale}};
     HADA_TRY(check_output(state, (size_t)count, err));
@@ -28,8 +27,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     }
     HADA_TRY(check_upload(state, &own->stored, bytes == 1 ? (const void *)small : wide, (size_t)(count * bytes), err));
     state->bytes = (4.0 + bytes) * count;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)

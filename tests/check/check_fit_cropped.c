@@ -46,7 +46,6 @@ static hada_status prepare(check_state *state, hada_error *err)
         own->at[i + 1] = (own->at[i] + counts[i] + 255) / 256 * 256;
     float *e = check_room(state, frame * sizeof *e), *b = check_room(state, frame * sizeof *b);
     float *h = check_room(state, spectra * sizeof *h), *g = check_room(state, spectra * sizeof *g);
-    hada_status status = HADA_OK;
     HADA_TRY(check_output(state, own->at[PARTS], err));
     check_fill_normal(state, 1, e, frame);
     check_fill_normal(state, 2, b, frame);
@@ -60,8 +59,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     HADA_TRY(check_upload(state, &own->sums, own->fit.device_sums, 8 * (size_t)own->fit.kept * own->fit.stride, err));
     state->tolerance = 2e-6; /* sums of up to 32 groups of eight, one after the other */
     state->bytes = (double)frame * 12.0 + (double)(channels * n) * 28.0;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status copy(check_state *state, const hada_buffer *from, int region, size_t floats, hada_error *err)
@@ -73,7 +71,6 @@ static hada_status set_up(check_state *state, hada_error *err)
 {
     const cropped_state *own = state->own;
     const size_t channels = (size_t)own->channels;
-    hada_status status = HADA_OK;
     for (size_t i = 0; !state->region[PARTS - 1] && i < PARTS; i++) {
         cl_mem region;
         HADA_TRY(check_region(state, own->at[i], own->at[i + 1] - own->at[i], &region, err));
@@ -81,9 +78,7 @@ static hada_status set_up(check_state *state, hada_error *err)
     HADA_TRY(check_clear(state, 0, state->out_count, err));
     HADA_TRY(copy(state, &own->e, 0, channels * own->pixels, err));
     HADA_TRY(hada_buffer_fill(state->slot, state->region[1], 0, before, channels * own->chunks, err));
-    HADA_TRY(copy(state, &own->g, 2, 2 * channels * own->fit.count, err));
-done:
-    return status;
+    return copy(state, &own->g, 2, 2 * channels * own->fit.count, err);
 }
 
 static hada_status launch(check_state *state, hada_error *err)
@@ -91,7 +86,6 @@ static hada_status launch(check_state *state, hada_error *err)
     const cropped_state *own = state->own;
     const hada_range chunks = hada_range_of(own->chunks, check_local(state, 32), (size_t)own->channels, 1);
     const hada_range vectors = hada_range_of(own->fit.vectors, 64, 1, 1);
-    hada_status status = HADA_OK;
     HADA_TRY(set_up(state, err));
     HADA_TRY(hada_launch_fit_remain(state->slot, HADA_PROGRAM_FIT_CROPPED_DEFAULT, &chunks, err, .e = state->region[0],
                                     .b = own->b.mem, .out = state->region[1], .pixels = own->pixels,
@@ -102,8 +96,7 @@ static hada_status launch(check_state *state, hada_error *err)
                                       .sums = own->sums.mem, .h = own->h.mem, .g = state->region[2], .image = image,
                                       .step = length));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 const check_op check_fit_cropped = {"fit_cropped", "p pixels and n frequencies of each of c channels", prepare, launch,

@@ -130,16 +130,13 @@ static hada_status launch_trial(check_state *state, hada_error *err)
     const hada_fit_image image = check_fit_image(&own->fit, 0);
     const hada_range range =
         hada_range_of(own->chunks * check_local(state, HADA_FIT_CHUNK), check_local(state, HADA_FIT_GROUP), 1, 1);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_launch_fit_trial(state->slot, program_of(state), &range, err, .x = own->x.mem, .b = own->b.mem,
                                    .sums = own->sums.mem, .pool = own->pool.mem, .weights = own->weights.mem,
                                    .error = state->region[0], .leak = state->region[1], .image = image,
                                    .trials = trials));
-    HADA_TRY(hada_launch_fit_unexplained(state->slot, program_of(state), &range, err, .sums = own->sums.mem,
-                                         .weights = own->weights.mem, .out = state->region[2], .image = image,
-                                         .least = least));
-done:
-    return status;
+    return hada_launch_fit_unexplained(state->slot, program_of(state), &range, err, .sums = own->sums.mem,
+                                       .weights = own->weights.mem, .out = state->region[2], .image = image,
+                                       .least = least);
 }
 
 static hada_status launch_energy(check_state *state, hada_error *err)

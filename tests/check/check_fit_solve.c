@@ -42,7 +42,6 @@ static hada_status launch(check_state *state, hada_error *err)
     const check_fit *fit = &own->fit;
     const hada_program_fit_solve program = fit->split ? HADA_PROGRAM_FIT_SOLVE_SPLIT : HADA_PROGRAM_FIT_SOLVE_DEFAULT;
     const hada_range range = hada_range_of(fit->vectors, 64, 1, 1);
-    hada_status status = HADA_OK;
     for (int k = 0; k < 2 * own->images; k++) {
         const float factor = (float)(k % own->images + 1);
         const hada_fit_penalty penalty = {own->alpha * factor, own->ridge};
@@ -56,8 +55,7 @@ static hada_status launch(check_state *state, hada_error *err)
             HADA_TRY(hada_launch_fit_transfer(state->slot, program, &range, err, .sums = own->sums.mem,
                                               .otf = state->out.mem, .image = image, .least = own->least * factor));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 const check_op check_fit_solve = {"fit_solve", "n frequencies, k images, a eighths of alpha, s1 split", prepare, launch,

@@ -115,7 +115,6 @@ static hada_status launch(check_state *state, hada_error *err)
     const hada_range range = hada_range_of(own->vectors, 64, 1, 1);
     const hada_fit_image image = image_of(own, 0);
     cl_mem sums = state->region[0], pool = state->region[1];
-    hada_status status = HADA_OK;
     if (!state->regions) {
         HADA_TRY(check_region(state, 0, size, &sums, err));
         HADA_TRY(check_region(state, size, state->out_count - size, &pool, err));
@@ -129,8 +128,7 @@ static hada_status launch(check_state *state, hada_error *err)
     for (int depth = 0; depth < 2; depth++)
         HADA_TRY(hada_launch_fit_pool(state->slot, program_of(own), &range, err, .sums = sums, .pool = pool,
                                       .image = image, .per_pair = 0.25f));
-done:
-    return status;
+    return HADA_OK;
 }
 
 const check_op check_fit_sums = {"fit_sums", "n frequencies, p pairs, s1 split", prepare, launch, NULL};

@@ -132,7 +132,6 @@ static hada_status launch(check_state *state, hada_error *err)
     const hada_range all = hada_range_of(groups, 64, 1, 1), vectors = hada_range_of(fit->vectors, 64, 1, 1);
     const hada_range chunks =
         hada_range_of(own->chunks * check_local(state, HADA_FIT_CHUNK), check_local(state, HADA_FIT_GROUP), 1, 1);
-    hada_status status = HADA_OK;
     HADA_TRY(set_up(state, err));
     const cl_mem t = state->region[0], r = state->region[1], x = state->region[2], p = state->region[3];
     HADA_TRY(hada_launch_fit_gather(state->slot, program, &all, err, .g = own->g.mem, .b = own->b.mem, .sum = t,
@@ -148,8 +147,7 @@ static hada_status launch(check_state *state, hada_error *err)
         HADA_TRY(hada_launch_fit_advance(state->slot, program, &vectors, err, .x = x, .p = p, .r = r, .image = image,
                                          .step = along, .zeta = zeta, .beta = beta));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 const check_op check_fit_window = {"fit_window", "n frequencies, c channels, s1 split", prepare, launch, NULL};

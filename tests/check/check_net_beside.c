@@ -21,7 +21,6 @@ static hada_status prepare(check_state *state, hada_error *err)
         (size_t)check_get(state, 'k', 1) * (size_t)check_get(state, 'r', 8) * (size_t)check_get(state, 'c', 8);
     const size_t floats = BEFORE + own->values * (size_t)own->count;
     float *planes = check_room(state, floats * sizeof *planes);
-    hada_status status = HADA_OK;
     check_fill_integers(state, 1, planes, floats, 99);
     HADA_TRY(check_output(state, 2 * own->values, err));
     for (size_t i = 0; i < own->values; i++)
@@ -31,24 +30,20 @@ static hada_status prepare(check_state *state, hada_error *err)
     HADA_TRY(check_scratch(state, &own->sum, own->values * sizeof(float), err));
     state->bytes = (double)(own->count + 5) * (double)own->values * sizeof(float);
     state->flops = (double)(own->count + 1) * (double)own->values;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)
 {
     const beside_state *own = state->own;
     const hada_range range = hada_layer_flat_range(state->slot, own->values, 1);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_launch_net_add_planes(state->slot, hada_program_net_tensor_of(state->slot), &range, err,
                                         .planes = own->planes.mem, .sum = own->sum.mem, .offset = BEFORE,
                                         .values = own->values, .count = own->count));
-    HADA_TRY(hada_launch_net_beside(state->slot, hada_program_net_tensor_of(state->slot), &range, err,
-                                    .planes = own->planes.mem, .sum = own->sum.mem, .out = state->out.mem,
-                                    .offset = BEFORE + (size_t)own->own * own->values, .out_offset = state->out_offset,
-                                    .values = own->values));
-done:
-    return status;
+    return hada_launch_net_beside(state->slot, hada_program_net_tensor_of(state->slot), &range, err,
+                                  .planes = own->planes.mem, .sum = own->sum.mem, .out = state->out.mem,
+                                  .offset = BEFORE + (size_t)own->own * own->values, .out_offset = state->out_offset,
+                                  .values = own->values);
 }
 
 /* The sum is exact, the quotient within 2.5 units of the last place (OpenCL 1.2), the product rounded: 3 units of
@@ -63,7 +58,6 @@ static hada_status prepare_share(check_state *state, hada_error *err)
         (size_t)check_get(state, 'k', 1) * (size_t)check_get(state, 'r', 8) * (size_t)check_get(state, 'c', 8);
     const size_t floats = own->values * (size_t)own->count;
     float *planes = check_room(state, floats * sizeof *planes), *whole = check_room(state, own->values * sizeof *whole);
-    hada_status status = HADA_OK;
     check_fill_integers(state, 1, planes, floats, 9);
     check_fill_integers(state, 2, whole, own->values, 99);
     HADA_TRY(check_output(state, floats, err));
@@ -83,8 +77,7 @@ static hada_status prepare_share(check_state *state, hada_error *err)
     state->bytes = (2.0 * own->count + 1.0) * (double)own->values * sizeof(float);
     state->flops = 2.0 * (double)floats;
     state->tolerance = SHARE_TOLERANCE;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch_share(check_state *state, hada_error *err)
@@ -92,14 +85,11 @@ static hada_status launch_share(check_state *state, hada_error *err)
     const beside_state *own = state->own;
     const hada_range range = hada_layer_flat_range(state->slot, own->values, 1);
     const size_t bytes = own->values * (size_t)own->count * sizeof(float);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_copy(state->slot, own->planes.mem, 0, state->out.mem, state->out_offset * sizeof(float), bytes,
                               err));
-    HADA_TRY(hada_launch_net_share(state->slot, hada_program_net_tensor_of(state->slot), &range, err,
-                                   .planes = state->out.mem, .whole = own->sum.mem, .offset = state->out_offset,
-                                   .values = own->values, .count = own->count));
-done:
-    return status;
+    return hada_launch_net_share(state->slot, hada_program_net_tensor_of(state->slot), &range, err,
+                                 .planes = state->out.mem, .whole = own->sum.mem, .offset = state->out_offset,
+                                 .values = own->values, .count = own->count);
 }
 
 const check_op check_net_share = {"net_share", "k channels, r rows, c columns, n planes", prepare_share, launch_share,

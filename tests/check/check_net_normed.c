@@ -37,10 +37,10 @@ static hada_status run(check_state *state, check_net *own, int first, int count,
     hada_status status = HADA_OK;
     if (!hada_conv_norms(state->slot->context, &desc))
         return hada_fail(err, HADA_ERROR_UNSUPPORTED, "convolutions here do not take what is to be normalised");
-    HADA_TRY(hada_conv_create(&conv, state->slot, &desc, err));
-    HADA_TRY(hada_conv_set_weights(conv, kernels, err));
-    HADA_TRY(hada_conv_forward_normed(conv, &norm, &x, biases, &y, err));
-    HADA_TRY(hada_slot_finish(state->slot, err));
+    HADA_TRY_OR_DONE(hada_conv_create(&conv, state->slot, &desc, err));
+    HADA_TRY_OR_DONE(hada_conv_set_weights(conv, kernels, err));
+    HADA_TRY_OR_DONE(hada_conv_forward_normed(conv, &norm, &x, biases, &y, err));
+    HADA_TRY_OR_DONE(hada_slot_finish(state->slot, err));
 done:
     hada_conv_destroy(&conv);
     return status;

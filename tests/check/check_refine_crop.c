@@ -78,7 +78,6 @@ static hada_status launch(check_state *state, hada_error *err)
                                    .factor = 0.5f * (float)own->channels,
                                    .tapers = (float)own->tapers,
                                    .invert = own->invert};
-    hada_status status = HADA_OK;
     for (int m = 0, n; m < own->images; m += n) {
         n = state->batch_limit && state->batch_limit < own->images - m ? state->batch_limit : own->images - m;
         const hada_range range = hada_range_of(width, block < 8 ? 1 : 8, (size_t)own->coarse.rows, (size_t)n);
@@ -89,8 +88,7 @@ static hada_status launch(check_state *state, hada_error *err)
                                          .out_offset = (cl_uint)to, .out_shape = hada_spectrum_shape_of(&own->coarse),
                                          .crop = crop));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 const check_op check_crop = {

@@ -23,7 +23,6 @@ static hada_status prepare(check_state *state, hada_error *err)
     const size_t values = (size_t)own->depths * plane;
     float *planes = check_room(state, values * sizeof *planes);
     double *exact = check_room(state, values * sizeof *exact);
-    hada_status status = HADA_OK;
     own->bytes = values * sizeof(float);
     check_fill_normal(state, 0, planes, values);
     /* light of very different strength, and pixels that are dark in all planes */
@@ -45,21 +44,17 @@ static hada_status prepare(check_state *state, hada_error *err)
      * quotient of two */
     state->tolerance = (8.0 * 25.0 * channels + 8.0) * 6e-8;
     state->bytes = (3.0 + 2.0 / channels) * (double)own->bytes;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)
 {
     crosstalk_state *own = state->own;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_copy(state->slot, own->in.mem, 0, own->planes.mem, 0, own->bytes, err));
     HADA_TRY(hada_crosstalk_fade(&own->crosstalk, state->slot, own->planes.mem, own->scratch.mem, own->depths,
                                  own->share, err));
-    HADA_TRY(hada_buffer_copy(state->slot, own->planes.mem, 0, state->out.mem, state->out_offset * sizeof(float),
-                              own->bytes, err));
-done:
-    return status;
+    return hada_buffer_copy(state->slot, own->planes.mem, 0, state->out.mem, state->out_offset * sizeof(float),
+                            own->bytes, err);
 }
 
 const check_op check_crosstalk = {"refine_crosstalk", "r rows, c columns, k channels, d depths, y share in hundredths",

@@ -17,7 +17,6 @@ static hada_status prepare(check_state *state, hada_error *err)
     const size_t values = (size_t)channels * (size_t)rows * (size_t)cols;
     float *image = check_room(state, values * sizeof *image);
     double *exact = check_room(state, values * sizeof *exact);
-    hada_status status = HADA_OK;
     own->threshold = 0.01 * check_get(state, 'y', 100);
     own->bytes = values * sizeof(float);
     check_fill_normal(state, 0, image, values);
@@ -34,20 +33,16 @@ static hada_status prepare(check_state *state, hada_error *err)
     /* a coefficient takes some 20 roundings, of which the garrote doubles at most; 16 blocks are added */
     state->tolerance = 2e-6;
     state->bytes = 2.0 * (double)own->bytes;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)
 {
     dct_state *own = state->own;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_copy(state->slot, own->in.mem, 0, own->image.mem, 0, own->bytes, err));
     HADA_TRY(hada_shrinkage_step(&own->shrinkage, state->slot, own->image.mem, own->scratch.mem, own->threshold, err));
-    HADA_TRY(hada_buffer_copy(state->slot, own->image.mem, 0, state->out.mem, state->out_offset * sizeof(float),
-                              own->bytes, err));
-done:
-    return status;
+    return hada_buffer_copy(state->slot, own->image.mem, 0, state->out.mem, state->out_offset * sizeof(float),
+                            own->bytes, err);
 }
 
 const check_op check_dct = {"refine_dct", "r rows, c columns, k channels, y threshold in hundredths of the noise",

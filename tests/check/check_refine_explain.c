@@ -117,17 +117,14 @@ static hada_status launch(check_state *state, hada_error *err)
     const hada_range range =
         hada_range_groups(own->slices, check_local(state, 64), (size_t)own->channels, (size_t)own->sets);
     cl_mem rest = state->region[0], partial = state->region[1];
-    hada_status status = HADA_OK;
     if (!state->regions) {
         HADA_TRY(check_region(state, 0, own->partial_first, &rest, err));
         HADA_TRY(check_region(state, own->partial_first, state->out_count - own->partial_first, &partial, err));
     }
     HADA_TRY(check_clear(state, 0, own->partial_first, err));
-    HADA_TRY(hada_launch_refine_explain(state->slot, program, &range, err, .otf = own->otf.mem, .list = own->list.mem,
-                                        .frame = own->data.mem, .now_u = own->planes.mem, .residual = rest,
-                                        .has_residual = 1, .partial = partial, .problem = problem));
-done:
-    return status;
+    return hada_launch_refine_explain(state->slot, program, &range, err, .otf = own->otf.mem, .list = own->list.mem,
+                                      .frame = own->data.mem, .now_u = own->planes.mem, .residual = rest,
+                                      .has_residual = 1, .partial = partial, .problem = problem);
 }
 
 const check_op check_explain = {"refine_explain",

@@ -135,15 +135,12 @@ static hada_status launch(check_state *state, hada_error *err)
                                    own->has_variance};
     const hada_range range = hada_range_groups(own->slices, check_local(state, 64), (size_t)own->sets, 1);
     cl_mem partial = state->region[0];
-    hada_status status = HADA_OK;
     if (!state->regions)
         HADA_TRY(check_region(state, 0, state->out_count, &partial, err));
-    HADA_TRY(hada_launch_refine_score(state->slot, program, &range, err, .otf = own->otf.mem, .list = own->list.mem,
-                                      .frame = own->data.mem, .now_u = own->planes.mem, .prior = own->prior.mem,
-                                      .variance = own->variance.mem, .partial = partial, .problem = problem,
-                                      .band = band));
-done:
-    return status;
+    return hada_launch_refine_score(state->slot, program, &range, err, .otf = own->otf.mem, .list = own->list.mem,
+                                    .frame = own->data.mem, .now_u = own->planes.mem, .prior = own->prior.mem,
+                                    .variance = own->variance.mem, .partial = partial, .problem = problem,
+                                    .band = band);
 }
 
 const check_op check_score = {

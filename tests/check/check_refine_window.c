@@ -46,7 +46,6 @@ static hada_status transform(check_state *state, const window_state *own, int se
     const size_t pixels = (size_t)s->grid_rows * (size_t)s->grid_cols, area = hada_rect_area(window);
     const size_t values = (size_t)s->grid_rows * (size_t)(s->grid_cols / 2 + 1);
     double *image = check_room(state, pixels * sizeof *image);
-    hada_status status = HADA_OK;
     for (int c = 0; c < own->channels; c++)
         for (int z = 0; z < own->depths; z++) {
             const float *plane = own->planes + (size_t)((set * own->depths + z) * own->channels + c) * area;
@@ -57,8 +56,7 @@ static hada_status transform(check_state *state, const window_state *own, int se
             HADA_TRY(hada_ref_fft_forward(image, s->grid_rows, s->grid_cols,
                                           spectra + 2 * values * (size_t)(c * own->depths + z), err));
         }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The energy of frequency number `at` of the half spectrum. */
@@ -88,7 +86,6 @@ static hada_status expect(check_state *state, const window_state *own, hada_erro
     const int rows = own->shape.grid_rows, cols = own->shape.grid_cols, across = cols / 2 + 1;
     const size_t values = (size_t)rows * (size_t)across;
     double *spectra = check_room(state, 2 * values * (size_t)(own->channels * own->depths) * sizeof *spectra);
-    hada_status status = HADA_OK;
     for (int set = 0; set < own->sets; set++) {
         double sum = 0.0;
         HADA_TRY(transform(state, own, set, spectra, err));
@@ -99,8 +96,7 @@ static hada_status expect(check_state *state, const window_state *own, hada_erro
                            energy_at(own, set, (size_t)ky * (size_t)across + (size_t)kx, values, spectra);
         state->expected[set] = sum / ((double)rows * cols);
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status prepare(check_state *state, hada_error *err)
@@ -125,7 +121,6 @@ static hada_status prepare(check_state *state, hada_error *err)
                             .max_planes = own->sets * own->depths,
                             .max_steps = 1};
     const size_t floats = (size_t)(own->sets * own->depths) * channels * hada_rect_area(&own->shape.window);
-    hada_status status = HADA_OK;
     if (own->depths > MAX_DEPTHS || own->channels > MAX_CHANNELS || own->sets * own->depths > MAX_LIST)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "at most %d depths and %d channels", MAX_DEPTHS, MAX_CHANNELS));
     /* one more depth has an OTF than a set has depths, so that the list matters */
@@ -148,8 +143,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     state->tolerance = 2e-6; /* transforms, and sums as in refine_score */
     state->bytes = (double)own->sets * own->depths * own->channels * rows * (cols / 2 + 1.0) * 24.0;
     state->flops = (double)own->sets * own->depths * own->channels * rows * (cols / 2 + 1.0) * 60.0;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)
@@ -159,7 +153,6 @@ static hada_status launch(check_state *state, hada_error *err)
     const int most = state->batch_limit && state->batch_limit < own->sets ? state->batch_limit : own->sets;
     double energy[MAX_LIST];
     float left[MAX_LIST];
-    hada_status status = HADA_OK;
     for (int set = 0, n; set < own->sets; set += n) {
         n = own->sets - set < most ? own->sets - set : most;
         cl_int code =
@@ -177,8 +170,7 @@ static hada_status launch(check_state *state, hada_error *err)
         if (code != CL_SUCCESS)
             HADA_TRY(hada_fail_cl(err, code, "clEnqueueWriteBuffer"));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static void release(check_state *state)

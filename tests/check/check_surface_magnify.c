@@ -60,7 +60,6 @@ static hada_status prepare(check_state *state, hada_error *err)
     float *values = check_room(state, SLOTS * image * sizeof *values);
     int *bases = check_room(state, entries * sizeof *bases);
     float *weights = check_room(state, HADA_SPLINE_TAPS * entries * sizeof *weights);
-    hada_status status = HADA_OK;
     check_fill_normal(state, 1, values, SLOTS * image);
     fill_tables(state, own, bases, weights);
     HADA_TRY(check_output(state, image, err));
@@ -74,8 +73,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     state->tolerance = 1e-6;
     state->bytes = 4.0 * (double)image * (3.0 * n->count + 1.0);
     state->flops = 4.0 * HADA_SPLINE_TAPS * (double)image * n->count;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)
@@ -87,14 +85,11 @@ static hada_status launch(check_state *state, hada_error *err)
                                                      : HADA_PROGRAM_SURFACE_MAGNIFY_DEFAULT;
     const size_t group = (size_t)hada_macros_of_surface_magnify(program)->surface_group;
     const hada_range range = hada_range_groups(1, group, (size_t)n->rows, (size_t)n->channels);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_launch_surface_magnify(state->slot, program, &range, err, .coefficients = own->coefficients.mem,
                                          .bases = own->bases.mem, .weights = own->weights.mem, .lines = own->lines.mem,
                                          .out = own->image.mem, .sources = *n));
-    HADA_TRY(hada_buffer_copy(state->slot, own->image.mem, 0, state->out.mem, state->out_offset * sizeof(float),
-                              state->out_count * sizeof(float), err));
-done:
-    return status;
+    return hada_buffer_copy(state->slot, own->image.mem, 0, state->out.mem, state->out_offset * sizeof(float),
+                            state->out_count * sizeof(float), err);
 }
 
 const check_op check_surface_magnify = {

@@ -16,7 +16,7 @@ typedef struct train_state {
 
 static hada_status begin(check_state *state, train_state **out, hada_error *err)
 {
-    hada_status status = hada_alloc((void **)out, 1, sizeof **out, "the check", err);
+    hada_status status = hada_allocated(*out = hada_alloc(1, sizeof **out, "the check", err));
     state->own = *out;
     if (!status) {
         (*out)->count = (size_t)check_get(state, 'n', 16);
@@ -87,7 +87,6 @@ static hada_status launch_filter(check_state *state, hada_error *err)
     const size_t channels = (size_t)own->channels;
     const hada_range range = hada_range_of(hada_divide_up(own->count, HADA_TRAIN_VECTOR), 64, channels, 1);
     cl_mem out = state->region[0];
-    hada_status status = HADA_OK;
     if (!state->regions)
         HADA_TRY(check_region(state, 0, state->out_count, &out, err));
     HADA_TRY(check_clear(state, 0, state->out_count, err));
@@ -96,16 +95,15 @@ static hada_status launch_filter(check_state *state, hada_error *err)
                                           .offset = p * own->count * channels, .g = own->b.mem,
                                           .weights = own->weights.mem, .gradient = out, .count = own->count,
                                           .scale = 0.5f, .split = own->split));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Two arrays of `count` integers on the device. */
 static hada_status prepare_planes(check_state *state, train_state *own, float **a, float **b, hada_error *err)
 {
-    hada_status status = hada_alloc((void **)a, own->count, sizeof **a, "the check", err);
+    hada_status status = hada_allocated(*a = hada_alloc(own->count, sizeof **a, "the check", err));
     if (!status)
-        status = hada_alloc((void **)b, own->count, sizeof **b, "the check", err);
+        status = hada_allocated(*b = hada_alloc(own->count, sizeof **b, "the check", err));
     if (status)
         return status;
     check_fill_integers(state, 1, *a, own->count, 20);
@@ -160,17 +158,14 @@ static hada_status launch_error(check_state *state, hada_error *err)
     train_state *own = state->own;
     const hada_range range = hada_range_of(items_of(own), local_of(state), 1, 1);
     cl_mem x = state->region[0], sums = state->region[1];
-    hada_status status = HADA_OK;
     if (!state->regions) {
         HADA_TRY(check_region(state, 0, own->count, &x, err));
         HADA_TRY(check_region(state, sums_at(own), items_of(own), &sums, err));
     }
     HADA_TRY(check_clear(state, 0, state->out_count, err));
     HADA_TRY(put(state, &own->a, x, err));
-    HADA_TRY(hada_launch_train_error(state->slot, HADA_PROGRAM_TRAIN_DEFAULT, &range, err, .x = x, .target = own->b.mem,
-                                     .count = own->count, .scale = 0.25f, .sums = sums));
-done:
-    return status;
+    return hada_launch_train_error(state->slot, HADA_PROGRAM_TRAIN_DEFAULT, &range, err, .x = x, .target = own->b.mem,
+                                   .count = own->count, .scale = 0.25f, .sums = sums);
 }
 
 static hada_status prepare_mask(check_state *state, hada_error *err)
@@ -193,14 +188,11 @@ static hada_status launch_mask(check_state *state, hada_error *err)
     train_state *own = state->own;
     const hada_range range = hada_range_of(items_of(own), local_of(state), 1, 1);
     cl_mem out = state->region[0];
-    hada_status status = HADA_OK;
     if (!state->regions)
         HADA_TRY(check_region(state, 0, own->count, &out, err));
     HADA_TRY(put(state, &own->b, out, err));
-    HADA_TRY(hada_launch_train_mask(state->slot, HADA_PROGRAM_TRAIN_DEFAULT, &range, err, .plane = own->a.mem,
-                                    .gradient = out, .count = own->count));
-done:
-    return status;
+    return hada_launch_train_mask(state->slot, HADA_PROGRAM_TRAIN_DEFAULT, &range, err, .plane = own->a.mem,
+                                  .gradient = out, .count = own->count);
 }
 
 const check_op check_train_filter = {"train_filter", "n frequencies, k channels, p pairs, s1 split", prepare_filter,

@@ -60,7 +60,6 @@ static hada_status make_camera(check_state *state, volume_state *own, hada_error
     float *seen = check_room(state, channels * frame_area * sizeof *seen);
     double *spectrum = check_room(state, 2 * values * sizeof *spectrum);
     double *drawn = check_room(state, pixels * sizeof *drawn);
-    hada_status status = HADA_OK;
     own->otfs = check_room(state, images * 2 * values * sizeof *own->otfs);
     own->image = check_room(state, channels * pixels * sizeof *own->image);
     for (size_t k = 0; k < images + channels; k++) {
@@ -84,9 +83,7 @@ static hada_status make_camera(check_state *state, volume_state *own, hada_error
     }
     HADA_TRY(check_upload(state, &own->otf, packed, images * layout.count * 8, err));
     HADA_TRY(check_upload(state, &own->spectrum, packed + images * layout.count * 2, channels * layout.count * 8, err));
-    HADA_TRY(check_upload(state, &own->frame, seen, channels * frame_area * 4, err));
-done:
-    return status;
+    return check_upload(state, &own->frame, seen, channels * frame_area * 4, err);
 }
 
 /* Of several planes the first is left out by a mask. */
@@ -101,7 +98,6 @@ static hada_status make_scene(check_state *state, volume_state *own, double *sta
     const size_t room = own->unknown + HADA_VARIATION_ROOM, channels = (size_t)own->shape.channels;
     float *first = check_room(state, room * sizeof *first), *noise = check_room(state, own->area * sizeof *noise);
     float *mask = check_room(state, room * sizeof *mask);
-    hada_status status = HADA_OK;
     own->mask = check_room(state, own->unknown * sizeof *own->mask);
     own->depths = check_room(state, own->area * sizeof *own->depths);
     check_fill_normal(state, 1000, first, own->unknown);
@@ -121,9 +117,7 @@ static hada_status make_scene(check_state *state, volume_state *own, double *sta
     HADA_TRY(check_upload(state, &own->start, first, room * sizeof *first, err));
     HADA_TRY(check_upload(state, &own->allowed, mask, own->unknown * sizeof *mask, err));
     HADA_TRY(check_upload(state, &own->depth, noise, own->area * sizeof *noise, err));
-    HADA_TRY(check_scratch(state, &own->texture, room * sizeof *first, err));
-done:
-    return status;
+    return check_scratch(state, &own->texture, room * sizeof *first, err);
 }
 
 static hada_status expect(check_state *state, const volume_state *own, hada_error *err)
@@ -163,7 +157,6 @@ static hada_status expect(check_state *state, const volume_state *own, hada_erro
 static hada_status prepare(check_state *state, hada_error *err)
 {
     volume_state *own = check_own(state, sizeof *own);
-    hada_status status = HADA_OK;
     read_shape(state, own);
     const double points = (double)own->shape.rows * own->shape.cols * own->shape.planes * own->shape.channels;
     HADA_TRY(make_camera(state, own, err));
@@ -178,8 +171,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     /* per step, plane and frequency: H read twice, U written and read, and each transform reads and writes */
     state->bytes = own->rule.steps * points / 2.0 * (32.0 + 32.0);
     state->flops = own->rule.steps * points / 2.0 * 40.0;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)
@@ -188,14 +180,11 @@ static hada_status launch(check_state *state, hada_error *err)
     const size_t bytes = own->unknown * sizeof(float);
     const cl_mem values = own->is_texture ? own->texture.mem : hada_volume_planes(own->volume);
     const hada_volume_band band = {own->allowed.mem, first_plane(own), own->shape.planes - 1};
-    hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_copy(state->slot, own->start.mem, 0, values, 0, bytes, err));
     HADA_TRY(own->is_texture ? hada_volume_texture(own->volume, &own->rule, own->depth.mem, 0, own->shape.planes - 1,
                                                    values, NULL, err)
                              : hada_volume_solve(own->volume, &own->rule, own->is_masked ? &band : NULL, NULL, err));
-    HADA_TRY(hada_buffer_copy(state->slot, values, 0, state->out.mem, state->out_offset * sizeof(float), bytes, err));
-done:
-    return status;
+    return hada_buffer_copy(state->slot, values, 0, state->out.mem, state->out_offset * sizeof(float), bytes, err);
 }
 
 static void release(check_state *state)

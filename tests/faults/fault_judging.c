@@ -34,7 +34,7 @@ static hada_status survey(fault_job *job, hada_fit_options *options, hada_error 
 {
     hada_survey *found = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_survey_create(&found, options, counts, HADA_EXPOSURE_AUTO, show, job, err));
+    HADA_TRY_OR_DONE(hada_survey_create(&found, options, counts, HADA_EXPOSURE_AUTO, show, job, err));
     options->scene_response = hada_survey_response(found);
     const double gain = hada_survey_gain(found, 1, 0);
     fault_add(job, &options->scene_response, sizeof options->scene_response);
@@ -52,16 +52,16 @@ static hada_status learn(fault_job *job, const hada_fit_options *options, hada_e
     const hada_fit_outside_score *row;
     const hada_image *raw, *scene;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_fitter_create(&fitter, job->context, options, err));
+    HADA_TRY_OR_DONE(hada_fitter_create(&fitter, job->context, options, err));
     for (int pass = 0; pass < 2; pass++)
         for (int k = 0; k < JOB_DEPTHS * SHOWN; k++) {
-            HADA_TRY(show(job, k / SHOWN, k % SHOWN, &raw, &scene, err));
-            HADA_TRY(pass ? hada_fitter_score(fitter, k / SHOWN, raw, scene, err)
-                          : hada_fitter_add(fitter, k / SHOWN, raw, scene, err));
+            HADA_TRY_OR_DONE(show(job, k / SHOWN, k % SHOWN, &raw, &scene, err));
+            HADA_TRY_OR_DONE(pass ? hada_fitter_score(fitter, k / SHOWN, raw, scene, err)
+                                  : hada_fitter_add(fitter, k / SHOWN, raw, scene, err));
         }
-    HADA_TRY(hada_fitter_learn_cropped(fitter, show, job, err));
-    HADA_TRY(hada_fitter_learn_windowed(fitter, show, job, err));
-    HADA_TRY(hada_fitter_finish(fitter, &model, &scores, err));
+    HADA_TRY_OR_DONE(hada_fitter_learn_cropped(fitter, show, job, err));
+    HADA_TRY_OR_DONE(hada_fitter_learn_windowed(fitter, show, job, err));
+    HADA_TRY_OR_DONE(hada_fitter_finish(fitter, &model, &scores, err));
     for (size_t i = 0; (row = hada_fit_scores_outside(scores, i)); i++)
         fault_add(job, &row->psnr, sizeof row->psnr);
 done:
@@ -74,12 +74,9 @@ done:
 hada_status fault_stage_judging(fault_job *job, hada_error *err)
 {
     hada_fit_options options = options_of();
-    hada_status status = HADA_OK;
     HADA_TRY(survey(job, &options, err));
     HADA_TRY(hada_fit_find_boundary(&options, job->context, counts, show, job, err));
     fault_add(job, &options.grid_rows, sizeof options.grid_rows);
     options.boundary = HADA_BOUNDARY_PADDED; /* whatever so few pairs say */
-    HADA_TRY(learn(job, &options, err));
-done:
-    return status;
+    return learn(job, &options, err);
 }

@@ -13,8 +13,8 @@ static hada_status waves(fault_job *job, const hada_camera *camera, hada_error *
     hada_image psf = {0};
     hada_status status = HADA_OK;
     hada_wave_options_init(&options);
-    HADA_TRY(hada_wave_create(&wave, job->context, camera, &options, err));
-    HADA_TRY(hada_wave_psf(wave, camera->distances_mm[0], camera->rows, camera->cols, &psf, err));
+    HADA_TRY_OR_DONE(hada_wave_create(&wave, job->context, camera, &options, err));
+    HADA_TRY_OR_DONE(hada_wave_psf(wave, camera->distances_mm[0], camera->rows, camera->cols, &psf, err));
     fault_add_image(job, &psf);
 done:
     hada_image_destroy(&psf);
@@ -31,12 +31,12 @@ hada_status fault_stage_optics(fault_job *job, hada_error *err)
     hada_status status = HADA_OK;
     snprintf(folder, sizeof folder, "%s/design", job->folder);
     hada_folder_remove(folder);
-    HADA_TRY(fault_camera_make(&camera, err));
-    HADA_TRY(hada_camera_set_fill_factor(&camera, 0.3, err));
-    HADA_TRY(hada_camera_mask_map(&camera, JOB_ROWS, JOB_COLS, &thickness, &transmission, err));
+    HADA_TRY_OR_DONE(fault_camera_make(&camera, err));
+    HADA_TRY_OR_DONE(hada_camera_set_fill_factor(&camera, 0.3, err));
+    HADA_TRY_OR_DONE(hada_camera_mask_map(&camera, JOB_ROWS, JOB_COLS, &thickness, &transmission, err));
     fault_add_image(job, &transmission);
-    HADA_TRY(waves(job, &camera, err));
-    HADA_TRY(hada_optics_run(&report, job->context, &camera, folder, NULL, err));
+    HADA_TRY_OR_DONE(waves(job, &camera, err));
+    HADA_TRY_OR_DONE(hada_optics_run(&report, job->context, &camera, folder, NULL, err));
     for (int z = 0; z < camera.depths; z++)
         fault_add(job, hada_optics_report_row(report, z), sizeof(hada_optics_row));
 done:

@@ -10,12 +10,12 @@ static hada_status make_model(const fault_job *job, const double *distances, had
     hada_psf_options options;
     hada_image psf[DEPTHS] = {{0}};
     hada_status status = HADA_OK;
-    HADA_TRY(fault_camera_make(&camera, err));
+    HADA_TRY_OR_DONE(fault_camera_make(&camera, err));
     hada_psf_options_init(&options);
     options.window_rows = options.window_cols = JOB_WINDOW;
     for (int z = 0; z < DEPTHS; z++)
-        HADA_TRY(hada_camera_psf(&camera, distances[z], &psf[z], err));
-    HADA_TRY(hada_model_from_psf(model, job->context, psf, DEPTHS, distances, &options, err));
+        HADA_TRY_OR_DONE(hada_camera_psf(&camera, distances[z], &psf[z], err));
+    HADA_TRY_OR_DONE(hada_model_from_psf(model, job->context, psf, DEPTHS, distances, &options, err));
 done:
     for (int z = 0; z < DEPTHS; z++)
         hada_image_destroy(&psf[z]);
@@ -33,9 +33,9 @@ hada_status fault_stage_surface(fault_job *job, hada_error *err)
     hada_plan_options_init(&options);
     options.scene = HADA_SCENE_SURFACE;
     options.refine = 2;
-    HADA_TRY(make_model(job, distances, &model, err));
-    HADA_TRY(hada_plan_create(&plan, job->context, model, &options, err));
-    HADA_TRY(hada_plan_run(plan, &job->frame[1][0], &result, err));
+    HADA_TRY_OR_DONE(make_model(job, distances, &model, err));
+    HADA_TRY_OR_DONE(hada_plan_create(&plan, job->context, model, &options, err));
+    HADA_TRY_OR_DONE(hada_plan_run(plan, &job->frame[1][0], &result, err));
     fault_add_image(job, &result.all_in_focus);
     fault_add_image(job, hada_result_confidence(&result));
 done:

@@ -18,32 +18,25 @@ static hada_status write_set(const fault_job *job, const char *folder, hada_erro
 {
     hada_camera camera;
     hada_simulate_task task;
-    hada_status status = HADA_OK;
     hada_simulate_task_init(&task);
     task.pairs = PAIRS;
     task.tests = 1;
     HADA_TRY(fault_camera_make(&camera, err));
-    HADA_TRY(hada_simulate_run(job->context, &camera, folder, &task, NULL, err));
-done:
-    return status;
+    return hada_simulate_run(job->context, &camera, folder, &task, NULL, err);
 }
 
 /* The data set that stays; made when it is first needed, in the runs without faults. */
 static hada_status open_set(const fault_job *job, hada_dataset **data, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (!hada_path_is_folder(job->set))
         HADA_TRY(write_set(job, job->set, err));
-    HADA_TRY(hada_dataset_scan(data, job->set, NULL, err));
-done:
-    return status;
+    return hada_dataset_scan(data, job->set, NULL, err);
 }
 
 static hada_status learn(fault_job *job, const hada_dataset *data, hada_model **model, hada_error *err)
 {
     char sums[LONGEST];
     hada_fit_task task;
-    hada_status status = HADA_OK;
     snprintf(sums, sizeof sums, "%s/task.sums", job->folder);
     hada_fit_task_init(&task);
     task.leave_one_out = 0;
@@ -51,8 +44,7 @@ static hada_status learn(fault_job *job, const hada_dataset *data, hada_model **
     task.save_sums = sums;
     HADA_TRY(hada_fit_run(model, NULL, job->context, data, &task, err));
     fault_add(job, &hada_model_get_info(*model)->noise, sizeof(double));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* A file that cannot be done is no failure of the call, but is one of this stage. */
@@ -74,13 +66,13 @@ static hada_status reconstruct(const fault_job *job, const hada_model *model, co
     snprintf(frame, sizeof frame, "%s/test/raw/test01.tif", job->set);
     hada_plan_options_init(&options);
     options.refine = 2;
-    HADA_TRY(hada_plan_create(&plan, job->context, model, &options, err));
+    HADA_TRY_OR_DONE(hada_plan_create(&plan, job->context, model, &options, err));
     hada_files_task_init(&task);
     task.output = folder;
     task.preview = 0;
     task.tell = tell;
     task.user = &failed;
-    HADA_TRY(hada_reconstruct_files(plan, model, paths, 1, &task, NULL, err));
+    HADA_TRY_OR_DONE(hada_reconstruct_files(plan, model, paths, 1, &task, NULL, err));
     if (failed.status) {
         *err = failed;
         status = failed.status;
@@ -99,7 +91,7 @@ static hada_status evaluate(fault_job *job, const char *folder, hada_error *err)
     snprintf(truth, sizeof truth, "%s/test/truth", job->set);
     hada_evaluate_task_init(&task);
     task.match_gain = task.authors = 1;
-    HADA_TRY(hada_evaluate_run(&report, folder, truth, &task, err));
+    HADA_TRY_OR_DONE(hada_evaluate_run(&report, folder, truth, &task, err));
     for (int i = 0; i < hada_evaluate_report_count(report); i++)
         fault_add(job, &hada_evaluate_report_get(report, i)->psnr, sizeof(double));
 done:
@@ -115,11 +107,11 @@ hada_status fault_stage_tasks(fault_job *job, hada_error *err)
     hada_status status = HADA_OK;
     snprintf(folder, sizeof folder, "%s/set", job->folder);
     snprintf(results, sizeof results, "%s/results", job->folder);
-    HADA_TRY(write_set(job, folder, err));
-    HADA_TRY(open_set(job, &data, err));
-    HADA_TRY(learn(job, data, &model, err));
-    HADA_TRY(reconstruct(job, model, results, err));
-    HADA_TRY(evaluate(job, results, err));
+    HADA_TRY_OR_DONE(write_set(job, folder, err));
+    HADA_TRY_OR_DONE(open_set(job, &data, err));
+    HADA_TRY_OR_DONE(learn(job, data, &model, err));
+    HADA_TRY_OR_DONE(reconstruct(job, model, results, err));
+    HADA_TRY_OR_DONE(evaluate(job, results, err));
 done:
     hada_model_destroy(&model);
     hada_dataset_destroy(&data);
@@ -140,7 +132,7 @@ hada_status fault_stage_training(fault_job *job, hada_error *err)
     snprintf(output, sizeof output, "%s/trained.model", job->folder);
     snprintf(log, sizeof log, "%s/log", job->folder);
     hada_folder_remove(log);
-    HADA_TRY(open_set(job, &data, err));
+    HADA_TRY_OR_DONE(open_set(job, &data, err));
     hada_train_options_init(&options, HADA_STAGE_FILTERS);
     options.batch = 2;
     hada_train_task_init(&task);
@@ -152,8 +144,8 @@ hada_status fault_stage_training(fault_job *job, hada_error *err)
     task.show_every = 1;
     task.validate_every = task.save_every = 1;
     for (options.steps = 1; options.steps <= 2; options.steps++, task.resume = 1)
-        HADA_TRY(hada_train_run(&job->context, 1, data, &task, err));
-    HADA_TRY(hada_model_load(&model, output, err));
+        HADA_TRY_OR_DONE(hada_train_run(&job->context, 1, data, &task, err));
+    HADA_TRY_OR_DONE(hada_model_load(&model, output, err));
     const hada_model_info *info = hada_model_get_info(model);
     fault_add(job, hada_model_get_filters(model), (size_t)info->grid_cols * sizeof(float));
 done:

@@ -27,18 +27,18 @@ hada_status fault_stage_tuning(fault_job *job, hada_error *err)
     size_t count = 0;
     hada_status status = HADA_OK;
     snprintf(path, sizeof path, "%s/tuning.bin", job->folder); /* an ending that says "whole" to the test */
-    HADA_TRY(hada_tune_fft(job->context, 8, 10, 1, &row, err));
-    HADA_TRY(hada_tune_save(job->context, path, &row, 1, err));
-    HADA_TRY(make_net(&net, err));
-    HADA_TRY(hada_tune_net(job->context, net, 12, 12, &convs, &count, err));
+    HADA_TRY_OR_DONE(hada_tune_fft(job->context, 8, 10, 1, &row, err));
+    HADA_TRY_OR_DONE(hada_tune_save(job->context, path, &row, 1, err));
+    HADA_TRY_OR_DONE(make_net(&net, err));
+    HADA_TRY_OR_DONE(hada_tune_net(job->context, net, 12, 12, &convs, &count, err));
     for (size_t i = 0; i < count; i++)
-        HADA_TRY(hada_tune_conv(job->context, &convs[i], 1e-6, err)); /* no time for others than what serves */
-    HADA_TRY(hada_tune_save_convs(job->context, path, convs, count, err));
+        HADA_TRY_OR_DONE(hada_tune_conv(job->context, &convs[i], 1e-6, err)); /* no time for others than what serves */
+    HADA_TRY_OR_DONE(hada_tune_save_convs(job->context, path, convs, count, err));
     hada_context_options_init(&options);
     options.tuning = path;
     options.cache = "off";
     options.skip_self_test = 1;
-    HADA_TRY(hada_context_create(&tuned, &options, err));
+    HADA_TRY_OR_DONE(hada_context_create(&tuned, &options, err));
     fault_add(job, &count, sizeof count);
 done:
     hada_context_destroy(&tuned);
@@ -56,14 +56,14 @@ hada_status fault_stage_offline(fault_job *job, hada_error *err)
     hada_result result = {0};
     hada_status status = HADA_OK;
     if (!hada_path_is_folder(job->offline)) /* in the runs without faults that come first */
-        HADA_TRY(hada_programs_save(job->context, job->offline, err));
+        HADA_TRY_OR_DONE(hada_programs_save(job->context, job->offline, err));
     hada_context_options_init(&options);
     options.binaries = job->offline;
-    HADA_TRY(hada_context_create(&context, &options, err));
+    HADA_TRY_OR_DONE(hada_context_create(&context, &options, err));
     hada_plan_options_init(&plan_options);
     plan_options.refine = 0;
-    HADA_TRY(hada_plan_create(&plan, context, job->model, &plan_options, err));
-    HADA_TRY(hada_plan_run(plan, &job->frame[0][0], &result, err));
+    HADA_TRY_OR_DONE(hada_plan_create(&plan, context, job->model, &plan_options, err));
+    HADA_TRY_OR_DONE(hada_plan_run(plan, &job->frame[0][0], &result, err));
     fault_add_image(job, &result.all_in_focus);
 done:
     hada_plan_destroy(&plan);

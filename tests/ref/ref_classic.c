@@ -27,7 +27,7 @@ static int seen(const hada_ref_classic *p, size_t pixel)
 
 static hada_status room(double **out, size_t count, hada_error *err)
 {
-    return hada_alloc((void **)out, count, sizeof(double), "the reference", err);
+    return hada_allocated(*out = hada_alloc(count, sizeof(double), "the reference", err));
 }
 
 static hada_status to_spectra(work *w, const double *planes, hada_error *err)

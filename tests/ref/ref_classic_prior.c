@@ -30,7 +30,7 @@ hada_status hada_ref_tv(double *image, double *p, int rows, int cols, double wei
 {
     const size_t pixels = (size_t)rows * (size_t)cols;
     double *r, t = 1.0;
-    hada_status status = hada_alloc((void **)&r, 3 * pixels, sizeof *r, "the reference", err);
+    hada_status status = hada_allocated(r = hada_alloc(3 * pixels, sizeof *r, "the reference", err));
     if (status)
         return status;
     double *x = r + 2 * pixels;
@@ -89,7 +89,7 @@ static hada_status changes(const double *a, int rows, int cols, double weight, i
     double *mean = NULL, *coarse = NULL;
     hada_status status = HADA_OK;
     if (level + 1 < levels) {
-        status = hada_alloc((void **)&mean, 2 * pixels, sizeof *mean, "the reference", err);
+        status = hada_allocated(mean = hada_alloc(2 * pixels, sizeof *mean, "the reference", err));
         if (status)
             return status;
         coarse = mean + pixels;
@@ -129,7 +129,7 @@ hada_status hada_ref_haar(double *image, int rows, int cols, double weight, int 
 {
     const size_t pixels = (size_t)rows * (size_t)cols;
     double *out;
-    hada_status status = hada_alloc((void **)&out, pixels, sizeof *out, "the reference", err);
+    hada_status status = hada_allocated(out = hada_alloc(pixels, sizeof *out, "the reference", err));
     if (status)
         return status;
     status = changes(image, rows, cols, weight, 0, levels, plain, out, err);

@@ -66,7 +66,7 @@ hada_status hada_ref_dct_shrink(const double *image, int channels, int rows, int
     const size_t area = (size_t)rows * (size_t)cols, all = (size_t)channels * area;
     double *parts = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&parts, 2 * all, sizeof *parts, "the reference of shrinkage", err));
+    HADA_TRY_OR_DONE(hada_allocated(parts = hada_alloc(2 * all, sizeof *parts, "the reference of shrinkage", err)));
     mix(image, channels, area, 0, parts);
     for (int c = 0; c < channels; c++)
         for (int row = 2 - SIDE; row < rows; row += 2)

@@ -43,7 +43,7 @@ static hada_status transform_2d(double complex *grid, int rows, int cols, int si
 {
     const size_t n = (size_t)(rows > cols ? rows : cols);
     double complex *memory;
-    hada_status status = hada_alloc((void **)&memory, 4 * n, sizeof *memory, "a reference transform", err);
+    hada_status status = hada_allocated(memory = hada_alloc(4 * n, sizeof *memory, "a reference transform", err));
     if (status)
         return status;
     double complex *roots = memory, *line = memory + n, *out = memory + 2 * n, *work = memory + 3 * n;
@@ -69,8 +69,8 @@ static hada_status make_grid(double complex **grid, int rows, int cols, hada_err
 {
     if (rows < 1 || cols < 1)
         return hada_fail(err, HADA_ERROR_SIZE, "a reference transform of %d x %d: give positive sizes", rows, cols);
-    return hada_alloc((void **)grid, hada_size_product((size_t)rows, (size_t)cols), sizeof **grid,
-                      "a reference transform", err);
+    return hada_allocated(
+        *grid = hada_alloc(hada_size_product((size_t)rows, (size_t)cols), sizeof **grid, "a reference transform", err));
 }
 
 hada_status hada_ref_fft_forward(const double *image, int rows, int cols, double *spectrum, hada_error *err)

@@ -11,7 +11,7 @@ hada_status hada_ref_grid_forward(const hada_ref_grid *grid, const float *image,
 {
     double *whole;
     hada_status status =
-        hada_alloc((void **)&whole, (size_t)grid->rows * (size_t)grid->cols, sizeof *whole, "a grid", err);
+        hada_allocated(whole = hada_alloc((size_t)grid->rows * (size_t)grid->cols, sizeof *whole, "a grid", err));
     if (status)
         return status;
     for (int r = 0; r < rows; r++)
@@ -28,9 +28,10 @@ hada_status hada_ref_hadamard(const hada_ref_grid *grid, const double *spectrum,
 {
     const size_t count = (size_t)grid->rows * (size_t)(grid->cols / 2 + 1);
     double *product, *whole = NULL;
-    hada_status status = hada_alloc((void **)&product, 2 * count, sizeof *product, "a spectrum", err);
+    hada_status status = hada_allocated(product = hada_alloc(2 * count, sizeof *product, "a spectrum", err));
     if (!status)
-        status = hada_alloc((void **)&whole, (size_t)grid->rows * (size_t)grid->cols, sizeof *whole, "a grid", err);
+        status =
+            hada_allocated(whole = hada_alloc((size_t)grid->rows * (size_t)grid->cols, sizeof *whole, "a grid", err));
     for (size_t i = 0; !status && i < count; i++) {
         const double br = spectrum[2 * i], bi = spectrum[2 * i + 1], wr = filter[2 * i], wi = filter[2 * i + 1];
         product[2 * i] = split ? br * wr : br * wr - bi * wi;

@@ -78,11 +78,11 @@ hada_status hada_ref_fit_nonnegative(const double *sums, int rows, int cols, dou
 {
     const size_t count = (size_t)rows * (size_t)(cols / 2 + 1), pixels = (size_t)rows * (size_t)cols;
     double *x = NULL, *u = NULL, *d = NULL;
-    hada_status status = hada_alloc((void **)&x, pixels, sizeof *x, "an image", err);
+    hada_status status = hada_allocated(x = hada_alloc(pixels, sizeof *x, "an image", err));
     if (!status)
-        status = hada_alloc((void **)&u, pixels, sizeof *u, "an image", err);
+        status = hada_allocated(u = hada_alloc(pixels, sizeof *u, "an image", err));
     if (!status)
-        status = hada_alloc((void **)&d, pixels, sizeof *d, "an image", err);
+        status = hada_allocated(d = hada_alloc(pixels, sizeof *d, "an image", err));
     for (int step = 0; !status && step < steps; step++) {
         for (size_t i = 0; i < pixels; i++) {
             d[i] *= step ? weights[step - 1] / weights[step] : 1.0; /* scaled by the weight */
@@ -116,8 +116,8 @@ double hada_ref_fit_leave_one_out(const hada_ref_grid *grid, const double *x, co
     const size_t count = (size_t)grid->rows * (size_t)(grid->cols / 2 + 1);
     double *error = NULL, *pixels = NULL, own = -1.0;
     *leak = 0.0;
-    if (hada_alloc((void **)&error, 2 * count, sizeof *error, "a spectrum", NULL) ||
-        hada_alloc((void **)&pixels, (size_t)grid->rows * (size_t)grid->cols, sizeof *pixels, "a grid", NULL))
+    if (hada_allocated(error = hada_alloc(2 * count, sizeof *error, "a spectrum", NULL)) ||
+        hada_allocated(pixels = hada_alloc((size_t)grid->rows * (size_t)grid->cols, sizeof *pixels, "a grid", NULL)))
         goto done;
     for (size_t i = 0; i < count; i++) {
         double s[HADA_REF_FIT_SUMS], w[2];

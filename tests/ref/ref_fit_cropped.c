@@ -17,7 +17,7 @@ typedef struct work {
 
 static hada_status room(double **to, size_t count, hada_error *err)
 {
-    return hada_alloc((void **)to, count, sizeof **to, "a reference", err);
+    return hada_allocated(*to = hada_alloc(count, sizeof **to, "a reference", err));
 }
 
 /* h = (v / m + weight F(image)) / (Sxx / m + weight) */
@@ -34,7 +34,6 @@ static hada_status divide(work *w, double weight, hada_error *err)
 static hada_status step(work *w, double weight, hada_error *err)
 {
     const hada_ref_grid *grid = w->fit->grid;
-    hada_status status = HADA_OK;
     for (size_t i = 0; i < w->pixels; i++)
         w->image[i] = w->u[i] - w->d[i];
     HADA_TRY(divide(w, weight, err));
@@ -44,8 +43,7 @@ static hada_status step(work *w, double weight, hada_error *err)
         w->u[i] = fmax(relaxed + w->d[i], 0.0);
         w->d[i] += relaxed - w->u[i];
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* v = Sxx h - length * sum over pairs of conj(X) F(crop F^-1(h X) - b) */
@@ -53,7 +51,6 @@ static hada_status fill(work *w, double length, double *left, hada_error *err)
 {
     const hada_ref_fit_cropped *fit = w->fit;
     const hada_ref_grid *grid = fit->grid;
-    hada_status status = HADA_OK;
     *left = 0.0;
     for (size_t i = 0; i < 2 * w->plane; i++)
         w->v[i] = fit->sums[3 * w->plane + i / 2] * w->h[i];
@@ -79,14 +76,12 @@ static hada_status fill(work *w, double length, double *left, hada_error *err)
             w->v[2 * i + 1] -= length * (x[0] * g[1] - x[1] * g[0]);
         }
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status iterate(work *w, double *left, hada_error *err)
 {
     const hada_ref_fit_cropped *fit = w->fit;
-    hada_status status = HADA_OK;
     for (int k = 0; k < fit->iterations; k++) {
         const double weight = fit->first * pow(fit->last / fit->first, k / (fit->iterations - 1.0));
         const double before = fit->first * pow(fit->last / fit->first, (k - 1) / (fit->iterations - 1.0));
@@ -99,9 +94,7 @@ static hada_status iterate(work *w, double *left, hada_error *err)
     }
     for (size_t i = 0; i < w->pixels; i++)
         w->image[i] = w->u[i];
-    HADA_TRY(divide(w, fit->trust, err));
-done:
-    return status;
+    return divide(w, fit->trust, err);
 }
 
 hada_status hada_ref_fit_cropped_solve(const hada_ref_fit_cropped *fit, double *otf, double *left, hada_error *err)
@@ -111,17 +104,17 @@ hada_status hada_ref_fit_cropped_solve(const hada_ref_fit_cropped *fit, double *
     w.plane = (size_t)grid->rows * (size_t)(grid->cols / 2 + 1);
     w.pixels = (size_t)grid->rows * (size_t)grid->cols;
     hada_status status = HADA_OK;
-    HADA_TRY(room(&w.v, 2 * w.plane, err));
-    HADA_TRY(room(&w.spectrum, 2 * w.plane, err));
-    HADA_TRY(room(&w.x, w.pixels, err));
-    HADA_TRY(room(&w.u, w.pixels, err));
-    HADA_TRY(room(&w.d, w.pixels, err));
-    HADA_TRY(room(&w.image, w.pixels, err));
+    HADA_TRY_OR_DONE(room(&w.v, 2 * w.plane, err));
+    HADA_TRY_OR_DONE(room(&w.spectrum, 2 * w.plane, err));
+    HADA_TRY_OR_DONE(room(&w.x, w.pixels, err));
+    HADA_TRY_OR_DONE(room(&w.u, w.pixels, err));
+    HADA_TRY_OR_DONE(room(&w.d, w.pixels, err));
+    HADA_TRY_OR_DONE(room(&w.image, w.pixels, err));
     for (size_t i = 0; i < w.plane; i++) { /* conj(Sxb) */
         w.v[2 * i] = fit->sums[i];
         w.v[2 * i + 1] = -fit->sums[w.plane + i];
     }
-    HADA_TRY(iterate(&w, left, err));
+    HADA_TRY_OR_DONE(iterate(&w, left, err));
 done:
     free(w.v);
     free(w.spectrum);

@@ -53,10 +53,10 @@ hada_status hada_ref_fit_window_apply(const hada_ref_fit_window *fit, const doub
 {
     const size_t n = plane(fit);
     double *spectrum = NULL, *pixels = NULL;
-    hada_status status = hada_alloc((void **)&spectrum, 4 * n, sizeof *spectrum, "the reference", err);
+    hada_status status = hada_allocated(spectrum = hada_alloc(4 * n, sizeof *spectrum, "the reference", err));
     if (!status)
-        status = hada_alloc((void **)&pixels, (size_t)fit->grid->rows * (size_t)fit->grid->cols, sizeof *pixels,
-                            "the reference", err);
+        status = hada_allocated(pixels = hada_alloc((size_t)fit->grid->rows * (size_t)fit->grid->cols, sizeof *pixels,
+                                                    "the reference", err));
     for (size_t i = 0; !status && i < 2 * n; i++)
         out[i] = (fit->outside * own(fit, i / 2, i % 2) + extra(fit, i / 2, i % 2)) * w[i];
     for (int p = 0; !status && p < fit->pairs; p++) {
@@ -87,7 +87,7 @@ hada_status hada_ref_fit_window_solve(const hada_ref_fit_window *fit, double *w,
 {
     const size_t n = plane(fit);
     double *room;
-    hada_status status = hada_alloc((void **)&room, 8 * n, sizeof *room, "the reference", err);
+    hada_status status = hada_allocated(room = hada_alloc(8 * n, sizeof *room, "the reference", err));
     if (status)
         return status;
     double *r = room, *z = r + 2 * n, *p = z + 2 * n, *t = p + 2 * n, square = 0.0;

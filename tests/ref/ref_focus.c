@@ -226,9 +226,10 @@ hada_status hada_ref_focus(const float *planes, int channels, int rows, int cols
     const size_t pixels = (size_t)rows * (size_t)cols;
     void *measure = NULL, *work = NULL;
     hada_status status;
-    if ((status = hada_alloc(&measure, pixels * (size_t)depths, sizeof(double), "the reference", err)) ||
-        (status = hada_alloc(&work, (size_t)rows * ((size_t)cols * (size_t)depths + 2 * REACH), sizeof(double),
-                             "the reference", err)))
+    if ((status =
+             hada_allocated(measure = hada_alloc(pixels * (size_t)depths, sizeof(double), "the reference", err))) ||
+        (status = hada_allocated(work = hada_alloc((size_t)rows * ((size_t)cols * (size_t)depths + 2 * REACH),
+                                                   sizeof(double), "the reference", err))))
         goto done;
     const double *m = measure;
     measure_all(&s, options, work, measure);

@@ -149,7 +149,7 @@ hada_status hada_ref_batch_norm_backward(const hada_ref_shape *shape, const doub
     const size_t channels = (size_t)shape->channels;
     const double count = (double)shape->images * shape->rows * shape->cols;
     double *mean;
-    hada_status status = hada_alloc((void **)&mean, 4 * channels, sizeof *mean, "batch statistics", err);
+    hada_status status = hada_allocated(mean = hada_alloc(4 * channels, sizeof *mean, "batch statistics", err));
     if (status)
         return status;
     double *variance = mean + channels, *sum = variance + channels, *product = sum + channels;

@@ -207,9 +207,10 @@ hada_status hada_ref_net_forward(const hada_net *net, const double *values, int 
 {
     block *blocks = NULL;
     hada_size *sizes = NULL;
-    hada_status status = hada_alloc((void **)&blocks, (size_t)net->count, sizeof *blocks, "a reference net", err);
+    hada_status status =
+        hada_allocated(blocks = hada_alloc((size_t)net->count, sizeof *blocks, "a reference net", err));
     if (!status)
-        status = hada_alloc((void **)&sizes, (size_t)net->count, sizeof *sizes, "a reference net", err);
+        status = hada_allocated(sizes = hada_alloc((size_t)net->count, sizeof *sizes, "a reference net", err));
     if (!status)
         status = hada_net_sizes(net, rows, cols, sizes, err);
     for (int i = 0; !status && i < net->count; i++) {
@@ -217,7 +218,7 @@ hada_status hada_ref_net_forward(const hada_net *net, const double *values, int 
         block *b = &blocks[i];
         *b = (block){images * net->colours, net->layers[i].channels, sizes[i].rows, sizes[i].cols, NULL};
         const size_t count = (size_t)b->images * (size_t)b->channels * (size_t)b->rows * (size_t)b->cols;
-        status = hada_alloc((void **)&b->data, count, sizeof(double), "a reference net", err);
+        status = hada_allocated(b->data = hada_alloc(count, sizeof(double), "a reference net", err));
         if (!status && i)
             run_layer(net, i, values, training, blocks);
         else if (!status)

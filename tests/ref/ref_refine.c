@@ -156,7 +156,6 @@ static hada_status smooth(const hada_ref_refine *p, int number, const tv_room *t
 {
     const int shrinks = number >= p->steps - p->shrink_steps;
     const double theta = p->tv / rho_of(p, number);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_ref_tv_coupled(tv->w, p->channels, p->window_rows, p->window_cols,
                                  shrinks ? p->shrink_tv * theta : theta, p->tv_colour, p->tv_length, p->tv_steps, duals,
                                  tv->u, err));
@@ -165,8 +164,7 @@ static hada_status smooth(const hada_ref_refine *p, int number, const tv_room *t
                                      p->shrink_colour, tv->w, err));
     for (size_t i = 0; shrinks && i < (size_t)p->channels * (size_t)p->window_rows * (size_t)p->window_cols; i++)
         tv->u[i] = tv->w[i];
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status proximal(ref_state *states, int number, const tv_room *tv, hada_error *err)
@@ -198,7 +196,7 @@ static hada_status start(ref_state *s, const hada_ref_refine *p, size_t channel,
                      .values = (size_t)p->rows * (size_t)(p->cols / 2 + 1)};
     s->given = p->image + channel * s->pixels;
     const size_t count = (3 * depths + 4) * s->pixels + (depths + 1) * 2 * s->values;
-    hada_status status = hada_alloc((void **)&s->memory, count, sizeof(double), "the reference refinement", err);
+    hada_status status = hada_allocated(s->memory = hada_alloc(count, sizeof(double), "the reference refinement", err));
     if (status)
         return status;
     s->x = s->memory;
@@ -250,11 +248,11 @@ hada_status hada_ref_refine_run(const hada_ref_refine *p, double *planes, double
     const size_t area = (size_t)p->window_rows * (size_t)p->window_cols;
     ref_state *states;
     double *memory;
-    hada_status status = hada_alloc((void **)&states, channels, sizeof *states, "the reference refinement", err);
+    hada_status status = hada_allocated(states = hada_alloc(channels, sizeof *states, "the reference refinement", err));
     if (status)
         return status;
-    status = hada_alloc((void **)&memory, (2 + 2 * depths) * channels * area, sizeof *memory,
-                        "the reference refinement", err);
+    status = hada_allocated(
+        memory = hada_alloc((2 + 2 * depths) * channels * area, sizeof *memory, "the reference refinement", err));
     for (size_t c = 0; !status && c < channels; c++)
         status = start(states + c, p, c, err);
     if (!status) {

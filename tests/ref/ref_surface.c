@@ -30,7 +30,8 @@ hada_status hada_ref_spline(const double *spectrum, int rows, int cols, double *
 {
     const size_t width = (size_t)cols / 2 + 1;
     double *divided;
-    hada_status status = hada_alloc((void **)&divided, (size_t)rows * width, 2 * sizeof *divided, "a reference", err);
+    hada_status status =
+        hada_allocated(divided = hada_alloc((size_t)rows * width, 2 * sizeof *divided, "a reference", err));
     if (status)
         return status;
     for (size_t ky = 0; ky < (size_t)rows; ky++)

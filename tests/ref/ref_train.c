@@ -19,9 +19,11 @@ static double *pixel(const hada_ref_grid *grid, double *whole, int row, int col)
 static hada_status make(const hada_ref_grid *grid, double **spectrum, double **whole, hada_error *err)
 {
     *whole = NULL;
-    hada_status status = hada_alloc((void **)spectrum, 2 * half_count(grid), sizeof **spectrum, "a spectrum", err);
+    hada_status status =
+        hada_allocated(*spectrum = hada_alloc(2 * half_count(grid), sizeof **spectrum, "a spectrum", err));
     if (!status)
-        status = hada_alloc((void **)whole, (size_t)grid->rows * (size_t)grid->cols, sizeof **whole, "a grid", err);
+        status =
+            hada_allocated(*whole = hada_alloc((size_t)grid->rows * (size_t)grid->cols, sizeof **whole, "a grid", err));
     return status;
 }
 

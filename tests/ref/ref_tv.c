@@ -73,7 +73,8 @@ hada_status hada_ref_tv_coupled(const double *w, int channels, int rows, int col
 {
     const size_t area = (size_t)rows * (size_t)cols;
     double *now;
-    const hada_status status = hada_alloc((void **)&now, area, sizeof *now, "the reference of total variation", err);
+    const hada_status status =
+        hada_allocated(now = hada_alloc(area, sizeof *now, "the reference of total variation", err));
     if (status)
         return status;
     for (int k = 0; k < steps; k++) {

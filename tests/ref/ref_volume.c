@@ -65,7 +65,6 @@ static void make_weight(state *s, int channel)
 static hada_status explain(state *s, int channel, hada_error *err)
 {
     const hada_ref_volume *p = s->p;
-    hada_status status = HADA_OK;
     memset(s->sum, 0, 2 * s->values * sizeof *s->sum);
     for (int z = 0; z < p->planes; z++) {
         const double *h = otf_of(s, z, channel), *x = s->at + place(s, z, channel);
@@ -78,15 +77,13 @@ static hada_status explain(state *s, int channel, hada_error *err)
             s->sum[2 * f + 1] += h[2 * f] * s->spectrum[2 * f + 1] + h[2 * f + 1] * s->spectrum[2 * f];
         }
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* sum = the spectrum of M' P M (model - data) */
 static hada_status weigh_residual(state *s, int channel, hada_error *err)
 {
     const hada_ref_volume *p = s->p;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_ref_fft_inverse(s->sum, p->rows, p->cols, s->image, err));
     for (size_t i = 0; i < s->pixels; i++)
         s->image[i] -= p->image[(size_t)channel * s->pixels + i];
@@ -96,15 +93,12 @@ static hada_status weigh_residual(state *s, int channel, hada_error *err)
         s->sum[f] *= s->weight[f / 2];
     HADA_TRY(hada_ref_fft_inverse(s->sum, p->rows, p->cols, s->image, err));
     crop(p, s->image);
-    HADA_TRY(hada_ref_fft_forward(s->image, p->rows, p->cols, s->sum, err));
-done:
-    return status;
+    return hada_ref_fft_forward(s->image, p->rows, p->cols, s->sum, err);
 }
 
 static hada_status correlate(state *s, int channel, hada_error *err)
 {
     const hada_ref_volume *p = s->p;
-    hada_status status = HADA_OK;
     for (int z = 0; z < p->planes; z++) {
         const double *h = otf_of(s, z, channel);
         double *g = s->gradient + place(s, z, channel);
@@ -116,8 +110,7 @@ static hada_status correlate(state *s, int channel, hada_error *err)
         for (size_t i = 0; i < s->area; i++)
             g[i] += share(p, z, i) * s->image[on_grid(p, i)];
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* The proximal step of one texture or plane, from the point to the gradient's place. */
@@ -127,7 +120,6 @@ static hada_status smooth(state *s, int number, size_t first, hada_error *err)
     const int shrinks = number >= p->steps - p->shrink_steps;
     const double theta = p->variation / p->bound;
     double *u = s->gradient + first, *w = s->point + first;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_ref_tv_coupled(w, p->channels, p->window_rows, p->window_cols, shrinks ? p->shrink_tv * theta : theta,
                                  fmax(p->colour, 1.0), p->tv_length, p->tv_steps, s->duals + 2 * first, u, err));
     if (shrinks) {
@@ -135,15 +127,13 @@ static hada_status smooth(state *s, int number, size_t first, hada_error *err)
                                      p->shrink_colour, w, err));
         memcpy(u, w, (size_t)p->channels * s->area * sizeof *u);
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status step(state *s, int number, double momentum, double *u, hada_error *err)
 {
     const hada_ref_volume *p = s->p;
     const size_t each = (size_t)p->channels * s->area;
-    hada_status status = HADA_OK;
     memset(s->gradient, 0, s->unknown * sizeof *s->gradient);
     for (int c = 0; c < p->channels; c++) {
         make_weight(s, c);
@@ -161,8 +151,7 @@ static hada_status step(state *s, int number, double momentum, double *u, hada_e
         s->at[i] = v + momentum * (v - u[i]);
         u[i] = v;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_ref_volume_run(const hada_ref_volume *p, double *values, hada_error *err)
@@ -175,7 +164,8 @@ hada_status hada_ref_volume_run(const hada_ref_volume *p, double *values, hada_e
     double t = 1, *memory = NULL;
     hada_status status = HADA_OK;
     s.unknown = (p->depth ? 1 : (size_t)p->planes) * (size_t)p->channels * s.area;
-    HADA_TRY(hada_alloc((void **)&memory, s.pixels + 5 * s.values + 5 * s.unknown, sizeof *memory, what, err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(memory = hada_alloc(s.pixels + 5 * s.values + 5 * s.unknown, sizeof *memory, what, err)));
     s.image = memory;
     s.sum = s.image + s.pixels;
     s.spectrum = s.sum + 2 * s.values;
@@ -187,7 +177,7 @@ hada_status hada_ref_volume_run(const hada_ref_volume *p, double *values, hada_e
     memcpy(s.at, values, s.unknown * sizeof *values);
     for (int k = 0; k < p->steps; k++) {
         const double next = (1 + sqrt(1 + 4 * t * t)) / 2;
-        HADA_TRY(step(&s, k, (t - 1) / next, values, err));
+        HADA_TRY_OR_DONE(step(&s, k, (t - 1) / next, values, err));
         t = next;
     }
 done:

@@ -16,9 +16,15 @@
 #define HADA_CLI_PRINTF(f, a)
 #endif
 
-/* The one way that errors travel, as in the library: `hada_status status = HADA_OK;`, then HADA_TRY(call) for each call
- * that can fail, and one exit, `done:`, that frees and returns. */
+/* Passes an error on, as in the library: returns at once; in a function that holds something, goes to its one exit,
+ * `done:`, which frees that and returns `status`. */
 #define HADA_TRY(call)                                                                                                 \
+    do {                                                                                                               \
+        const hada_status try_status = (call);                                                                         \
+        if (try_status)                                                                                                \
+            return try_status;                                                                                         \
+    } while (0)
+#define HADA_TRY_OR_DONE(call)                                                                                         \
     do {                                                                                                               \
         status = (call);                                                                                               \
         if (status)                                                                                                    \

@@ -43,11 +43,9 @@ static json_t *name_json(const hada_device_info *device)
 
 hada_status hada_cli_open(hada_cli *cli, hada_context **out, hada_error *err)
 {
-    hada_status status = HADA_OK;
     HADA_TRY(open_one(cli, cli->common->device, out, err));
     json_object_set_new(cli->document, "device", name_json(hada_context_device(*out)));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status add_device(hada_cli *cli, hada_cli_contexts *devices, const char *words, hada_error *err)
@@ -75,7 +73,6 @@ static hada_status add_entry(hada_cli *cli, hada_cli_contexts *devices, const ch
         free(words);
         HADA_TRY(status);
     }
-done:
     return status;
 }
 
@@ -85,12 +82,12 @@ hada_status hada_cli_open_all(hada_cli *cli, hada_cli_contexts *devices, hada_er
     char *list = hada_cli_text("%s", named ? named : "");
     hada_status status = HADA_OK;
     if (!list)
-        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+        HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
     for (char *entry = list, *next; entry; entry = next) {
         next = strchr(entry, ',');
         if (next)
             *next++ = '\0';
-        HADA_TRY(add_entry(cli, devices, entry, err));
+        HADA_TRY_OR_DONE(add_entry(cli, devices, entry, err));
     }
     json_object_set_new(cli->document, "device", name_json(hada_context_device(devices->contexts[0])));
     if (devices->count > 1) {

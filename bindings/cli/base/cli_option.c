@@ -232,7 +232,6 @@ typedef struct given {
 static hada_status store_all(const hada_cli_command *command, void *settings, const given *list, int count,
                              hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int i = 0; command->decides && i < count; i++)
         if (!strcmp(list[i].option->name, command->decides))
             HADA_TRY(store(list[i].option, settings, list[i].text, err));
@@ -240,8 +239,7 @@ static hada_status store_all(const hada_cli_command *command, void *settings, co
         command->defaults(settings);
     for (int i = 0; i < count; i++)
         HADA_TRY(store(list[i].option, settings, list[i].text, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* letters: of the whole command line, each of which may be an option. */
@@ -253,7 +251,7 @@ static hada_status parse_all(hada_cli_parsed *parsed, const hada_cli_command *co
     hada_status status = HADA_OK;
     int value, count = 0, names = 0;
     if (!list || !named)
-        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+        HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
     while ((value = poptGetNextOpt(parsed->popt)) > 0) {
         char *text = poptGetOptArg(parsed->popt);
         list[count] = (given){all->items[value - 1], text ? text : ""};
@@ -263,13 +261,13 @@ static hada_status parse_all(hada_cli_parsed *parsed, const hada_cli_command *co
             named[names++] = text;
         count++;
     }
-    HADA_TRY(store_all(command, parsed->settings, list, count, err));
+    HADA_TRY_OR_DONE(store_all(command, parsed->settings, list, count, err));
     if (value < -1)
-        HADA_TRY(bad_option(parsed->popt, value, all, err));
+        HADA_TRY_OR_DONE(bad_option(parsed->popt, value, all, err));
     parsed->arguments = poptGetArgs(parsed->popt);
     while (parsed->arguments && parsed->arguments[parsed->count])
         parsed->count++;
-    HADA_TRY(protect_inputs(parsed, named, names, err));
+    HADA_TRY_OR_DONE(protect_inputs(parsed, named, names, err));
 done:
     free(list);
     free(named);

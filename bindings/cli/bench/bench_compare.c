@@ -98,8 +98,8 @@ hada_status hada_bench_compare(hada_cli *cli, const char *old_path, const char *
     tally all = {0};
     hada_status status = HADA_OK;
     json_t *list = NULL;
-    HADA_TRY(load(&before, old_path, err));
-    HADA_TRY(load(&after, new_path, err));
+    HADA_TRY_OR_DONE(load(&before, old_path, err));
+    HADA_TRY_OR_DONE(load(&after, new_path, err));
     list = json_array();
     const char *one = only_device(before.rows), *other = only_device(after.rows);
     const int any_device = one && other;
@@ -115,10 +115,11 @@ hada_status hada_bench_compare(hada_cli *cli, const char *old_path, const char *
             all.missing++;
     }
     if (!json_array_size(list))
-        HADA_TRY(hada_cli_error(err, HADA_ERROR_DATASET,
-                                "%s and %s have no row in common; measure the same workloads, and one device each "
-                                "or the same devices",
-                                old_path, new_path));
+        HADA_TRY_OR_DONE(
+            hada_cli_error(err, HADA_ERROR_DATASET,
+                           "%s and %s have no row in common; measure the same workloads, and one device each "
+                           "or the same devices",
+                           old_path, new_path));
     hada_cli_say(cli, "\n%d better, %d worse, %d within the spread; %d rows of %s are not in %s.", all.better,
                  all.worse, all.within, all.missing, old_path, new_path);
     json_object_set_new(cli->document, "rows", list);

@@ -22,13 +22,11 @@ static hada_status run_frame(void *user, int round, double *value, hada_error *e
 {
     latency *work = user;
     const hada_image *raw = &work->workload->raw[round % work->workload->frames];
-    hada_status status = HADA_OK;
     HADA_TRY(hada_plan_run(work->plan, raw, &work->result, err));
     *value = work->result.report->seconds_total;
     for (int s = 0; s < HADA_BENCH_STAGES; s++)
         work->stage[s][round] = hada_bench_stage_seconds(work->result.report, s);
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* Always the first frame, so that every round does the same. */
@@ -38,9 +36,9 @@ static hada_status profile_frame(void *user, int round, double *value, hada_erro
     hada_kernel_time *rows = NULL;
     size_t count = 0;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_plan_profile(work->plan, 1, err));
-    HADA_TRY(hada_plan_run(work->plan, &work->workload->raw[0], &work->result, err));
-    HADA_TRY(hada_plan_kernel_times(work->plan, &rows, &count, err));
+    HADA_TRY_OR_DONE(hada_plan_profile(work->plan, 1, err));
+    HADA_TRY_OR_DONE(hada_plan_run(work->plan, &work->workload->raw[0], &work->result, err));
+    HADA_TRY_OR_DONE(hada_plan_kernel_times(work->plan, &rows, &count, err));
     *value = 0;
     for (size_t i = 0; i < count; i++) {
         int k = 0;
@@ -75,19 +73,16 @@ static hada_status add_latency(latency *work, const char *device, const char *mo
                                hada_error *err)
 {
     const double each = 1e3 / work->result.depths;
-    hada_status status = HADA_OK;
     HADA_TRY(add(work, device, HADA_BENCH_LATENCY, mode, "frame", "ms", values, count, 1e3, err));
     HADA_TRY(add(work, device, HADA_BENCH_LATENCY, mode, "depth", "ms", values, count, each, err));
     for (int s = 0; s < HADA_BENCH_STAGES; s++)
         HADA_TRY(add(work, device, HADA_BENCH_STAGE, mode, hada_bench_stage_names[s], "ms", work->stage[s], count, each,
                      err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status add_kernels(latency *work, const char *device, const char *mode, int count, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int k = 0; k < work->kernels; k++) {
         const hada_kernel_time *kernel = &work->kernel[k];
         const hada_bench_figure figure = hada_bench_scaled(hada_bench_figure_of(work->seconds[k], count), 1e3);
@@ -97,8 +92,7 @@ static hada_status add_kernels(latency *work, const char *device, const char *mo
         row.flops = kernel->flops;
         HADA_TRY(hada_bench_add(work->bench, &row, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* What the first frame asks of the device, and the time that it should take by that (docs/bench.md), beside what it
@@ -108,7 +102,6 @@ static hada_status add_calls(latency *work, const hada_bench_device *device, con
     const double *peak = device->peak;
     double least = 0, bytes = 0, flops = 0, busy = 0, seconds;
     hada_call_counts a, b;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_plan_profile(work->plan, 0, err));
     HADA_TRY(hada_plan_calls(work->plan, &a, err));
     HADA_TRY(run_frame(work, 0, &seconds, err));
@@ -147,8 +140,7 @@ static hada_status add_calls(latency *work, const hada_bench_device *device, con
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++)
         HADA_TRY(add(work, device->info.name, HADA_BENCH_CALLS, mode, rows[i].name, rows[i].unit, &rows[i].value, 1, 1,
                      err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status measure(latency *work, hada_bench_device *device, int mode, hada_error *err)
@@ -162,21 +154,22 @@ static hada_status measure(latency *work, hada_bench_device *device, int mode, h
     const uint64_t before = hada_context_bytes(device->context);
     hada_context_reset_peak(device->context);
     hada_status status = HADA_OK;
-    HADA_TRY(hada_plan_estimate(device->context, work->workload->model, &options, &stated, &host, err));
-    HADA_TRY(hada_plan_create(&work->plan, device->context, work->workload->model, &options, err));
+    HADA_TRY_OR_DONE(hada_plan_estimate(device->context, work->workload->model, &options, &stated, &host, err));
+    HADA_TRY_OR_DONE(hada_plan_create(&work->plan, device->context, work->workload->model, &options, err));
     /* once before: the first run of a kernel may compile it */
     for (int i = 0; i < work->workload->frames; i++)
-        HADA_TRY(run_frame(work, i, values, err));
+        HADA_TRY_OR_DONE(run_frame(work, i, values, err));
     const uint64_t held = hada_context_peak_bytes(device->context) - before;
-    HADA_TRY(hada_bench_repeat(work->bench, run_frame, work, work->bench->rounds, values, &count, err));
-    HADA_TRY(add_latency(work, device->info.name, name, values, count, err));
+    HADA_TRY_OR_DONE(hada_bench_repeat(work->bench, run_frame, work, work->bench->rounds, values, &count, err));
+    HADA_TRY_OR_DONE(add_latency(work, device->info.name, name, values, count, err));
     const double bytes[] = {(double)stated, (double)held, (double)host};
     static const char *const words[] = {"stated on the device", "held at most on the device", "stated on the host"};
     for (int i = 0; i < 3; i++)
-        HADA_TRY(add(work, device->info.name, HADA_BENCH_MEMORY, name, words[i], "bytes", &bytes[i], 1, 1, err));
-    HADA_TRY(hada_bench_repeat(work->bench, profile_frame, work, work->bench->rounds, values, &count, err));
-    HADA_TRY(add_kernels(work, device->info.name, name, count, err));
-    HADA_TRY(add_calls(work, device, name, err));
+        HADA_TRY_OR_DONE(
+            add(work, device->info.name, HADA_BENCH_MEMORY, name, words[i], "bytes", &bytes[i], 1, 1, err));
+    HADA_TRY_OR_DONE(hada_bench_repeat(work->bench, profile_frame, work, work->bench->rounds, values, &count, err));
+    HADA_TRY_OR_DONE(add_kernels(work, device->info.name, name, count, err));
+    HADA_TRY_OR_DONE(add_calls(work, device, name, err));
 done:
     hada_plan_destroy(&work->plan);
     hada_result_destroy(&work->result);
@@ -186,7 +179,6 @@ done:
 hada_status hada_bench_latency(hada_bench *bench, hada_bench_device *device, const hada_bench_workload *workload,
                                hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int mode = 0; mode < HADA_BENCH_MODES; mode++) {
         /* a model without transfer functions cannot refine */
         if (mode && !hada_model_get_info(workload->model)->has_otf)
@@ -200,8 +192,7 @@ hada_status hada_bench_latency(hada_bench *bench, hada_bench_device *device, con
         free(work);
         HADA_TRY(hada_bench_left_out(bench, measured, hada_bench_mode_names[mode], err) ? HADA_OK : measured);
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_bench_peaks(hada_bench *bench, hada_bench_device *device, hada_error *err)
@@ -217,7 +208,6 @@ hada_status hada_bench_peaks(hada_bench *bench, hada_bench_device *device, hada_
                                  {"wait", "us", -1, 1e6},
                                  {"write", "GB/s", 1, 1e-9}};
     double found[HADA_BENCH_PEAKS][TIMES];
-    hada_status status = HADA_OK;
     for (int i = 0; i < TIMES; i++) {
         HADA_TRY(hada_device_peaks(device->context, &found[HADA_BENCH_COPY][i], &found[HADA_BENCH_ARITHMETIC][i], err));
         HADA_TRY(hada_device_call_costs(device->context, &found[HADA_BENCH_LAUNCH][i], &found[HADA_BENCH_WAIT][i],
@@ -231,6 +221,5 @@ hada_status hada_bench_peaks(hada_bench *bench, hada_bench_device *device, hada_
         device->peak[p] = figure.median;
         HADA_TRY(hada_bench_add(bench, &row, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }

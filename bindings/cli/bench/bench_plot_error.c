@@ -171,7 +171,7 @@ hada_status hada_bench_plot_error(const hada_bench *bench, const hada_bench_plac
     data.front_x = data.y + room;
     data.front_y = data.front_x + room;
     if (data.count)
-        HADA_TRY(plot(place, &data, folder, err));
+        HADA_TRY_OR_DONE(plot(place, &data, folder, err));
 done:
     free(data.rows);
     free(data.x);

@@ -169,7 +169,7 @@ static hada_status plot_roofline(const hada_bench *bench, const hada_bench_place
     hada_plot *plot = NULL;
     hada_status status = HADA_OK;
     if (!list || !x)
-        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+        HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
     for (int i = 0; i < all; i++) /* what has operations and traffic has a place on a roofline */
         if (list[i]->flops > 0 && list[i]->bytes > 0 && list[i]->value.median > 0)
             list[count++] = list[i];
@@ -187,7 +187,7 @@ static hada_status plot_roofline(const hada_bench *bench, const hada_bench_place
         char title[400];
         snprintf(title, sizeof title, "%s on %s", place->workload, place->device);
         panel.title = title;
-        HADA_TRY(hada_plot_create(&plot, 700, 540, err));
+        HADA_TRY_OR_DONE(hada_plot_create(&plot, 700, 540, err));
         hada_plot_panel_begin(plot, &panel);
         roof(plot, &panel, bandwidth, arithmetic);
         roofline_points(plot, list, count);
@@ -214,7 +214,6 @@ hada_status hada_bench_plots(const hada_bench *bench, const char *folder, hada_e
 {
     hada_bench_place places[HADA_BENCH_PLACES];
     const int count = hada_bench_places(bench, places);
-    hada_status status = HADA_OK;
     if (count)
         HADA_TRY(plot_latency(bench, places, count, folder, err));
     for (int i = 0; i < count; i++) {
@@ -222,6 +221,5 @@ hada_status hada_bench_plots(const hada_bench *bench, const char *folder, hada_e
         HADA_TRY(hada_bench_plot_error(bench, &places[i], folder, err));
     }
     hada_cli_say(bench->cli, "Figures: %s/latency.svg, roofline-*.svg, time-error-*.svg.", folder);
-done:
-    return status;
+    return HADA_OK;
 }

@@ -74,15 +74,13 @@ hada_status hada_bench_repeat(const hada_bench *bench, hada_bench_work work, voi
                               int *count, hada_error *err)
 {
     const double start = hada_cli_seconds();
-    hada_status status = HADA_OK;
     *count = 0;
     while (*count < rounds && (*count < 3 || hada_cli_seconds() - start < bench->patience)) {
         HADA_TRY(work(user, *count, &values[*count], err));
         HADA_TRY(hada_cli_check_signals(err));
         (*count)++;
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 int hada_bench_left_out(const hada_bench *bench, hada_status status, const char *what, const hada_error *err)

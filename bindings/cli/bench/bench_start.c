@@ -44,17 +44,17 @@ hada_status hada_bench_first_frame(hada_cli *cli, const char *model_path, const 
     double at[TIMES + 1];
     hada_bench_mode_options(!linear, &options);
     hada_status status = HADA_OK;
-    HADA_TRY(load_frame(&raw, frame, err));
+    HADA_TRY_OR_DONE(load_frame(&raw, frame, err));
     at[OPEN] = hada_cli_seconds();
-    HADA_TRY(hada_cli_open(cli, &context, err));
+    HADA_TRY_OR_DONE(hada_cli_open(cli, &context, err));
     at[MODEL] = hada_cli_seconds();
-    HADA_TRY(hada_model_load(&model, model_path, err));
+    HADA_TRY_OR_DONE(hada_model_load(&model, model_path, err));
     at[PLAN] = hada_cli_seconds();
-    HADA_TRY(hada_plan_create(&plan, context, model, &options, err));
+    HADA_TRY_OR_DONE(hada_plan_create(&plan, context, model, &options, err));
     at[FIRST] = hada_cli_seconds();
-    HADA_TRY(hada_plan_run(plan, &raw, &result, err));
+    HADA_TRY_OR_DONE(hada_plan_run(plan, &raw, &result, err));
     at[SECOND] = hada_cli_seconds();
-    HADA_TRY(hada_plan_run(plan, &raw, &result, err));
+    HADA_TRY_OR_DONE(hada_plan_run(plan, &raw, &result, err));
     at[CLOSE] = hada_cli_seconds();
     hada_plan_destroy(&plan);
     hada_cli_close(cli, &context); /* what was compiled goes into the cache now */
@@ -114,14 +114,12 @@ static hada_status spawn(char *const *words, char *const *environment, const cha
         if (errno != EINTR)
             return hada_cli_error(err, HADA_ERROR_STATE, "a process for the cold start was lost: %s", strerror(errno));
     *seconds = hada_cli_seconds() - start;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_cli_check_signals(err));
     if (!WIFEXITED(state) || WEXITSTATUS(state))
         HADA_TRY(hada_cli_error(err, HADA_ERROR_DEVICE,
                                 "a process that makes one frame failed; its message stands above. The cold start can "
                                 "be left out with --no-start"));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status read_steps(const char *path, double seconds[STEPS], hada_error *err)
@@ -156,9 +154,9 @@ static hada_status one_start(hada_bench *bench, const hada_bench_device *device,
     }
     hada_status status = HADA_OK;
     if (!(output && environment && environment[VARIABLES - 1]))
-        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
-    HADA_TRY(spawn((char *const *)words, environment, output, &seconds[0], err));
-    HADA_TRY(read_steps(output, seconds, err));
+        HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+    HADA_TRY_OR_DONE(spawn((char *const *)words, environment, output, &seconds[0], err));
+    HADA_TRY_OR_DONE(read_steps(output, seconds, err));
 done:
     for (int i = 0; environment && i < VARIABLES; i++)
         free(environment[i]);
@@ -170,15 +168,13 @@ done:
 static hada_status add_rows(hada_bench *bench, const hada_bench_device *device, const char *workload, const char *kind,
                             double values[STEPS][MOST], int count, hada_error *err)
 {
-    hada_status status = HADA_OK;
     for (int i = 0; i < STEPS; i++) {
         const hada_bench_row row = hada_bench_row_of(device->info.name, workload, HADA_BENCH_START, "s", -1,
                                                      hada_bench_figure_of(values[i], count), "%s, %s, %s",
                                                      hada_bench_mode_names[!bench->quick], kind, step_names[i]);
         HADA_TRY(hada_bench_add(bench, &row, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status cold_and_warm(hada_bench *bench, const hada_bench_device *device, const char *workload,
@@ -197,17 +193,17 @@ static hada_status cold_and_warm(hada_bench *bench, const hada_bench_device *dev
                 hada_folder_remove(caches);
             free(caches);
             caches = hada_cli_text("%s/caches-%s-%d", bench->scratch, device->index, i);
-            HADA_TRY(caches ? hada_folder_ensure(caches, err)
-                            : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+            HADA_TRY_OR_DONE(caches ? hada_folder_ensure(caches, err)
+                                    : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
         }
-        HADA_TRY(one_start(bench, device, model, frame, caches, seconds, err));
+        HADA_TRY_OR_DONE(one_start(bench, device, model, frame, caches, seconds, err));
         for (int s = 0; s < STEPS; s++)
             values[warm][s][count[warm]] = seconds[s];
         count[warm]++;
         hada_cli_progress_step(bench->cli, NULL);
     }
-    HADA_TRY(add_rows(bench, device, workload, "cold", values[0], count[0], err));
-    HADA_TRY(add_rows(bench, device, workload, "warm", values[1], count[1], err));
+    HADA_TRY_OR_DONE(add_rows(bench, device, workload, "cold", values[0], count[0], err));
+    HADA_TRY_OR_DONE(add_rows(bench, device, workload, "warm", values[1], count[1], err));
 done:
     if (caches)
         hada_folder_remove(caches);
@@ -223,11 +219,11 @@ hada_status hada_bench_start(hada_bench *bench, hada_bench_device *device, const
          *frame = hada_cli_text("%s/start.tif", bench->scratch);
     hada_status status = HADA_OK;
     if (!(model && frame))
-        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
-    HADA_TRY(hada_model_save(workload->model, model, err));
-    HADA_TRY(hada_tiff_save(frame, &workload->raw[0], NULL, err));
+        HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+    HADA_TRY_OR_DONE(hada_model_save(workload->model, model, err));
+    HADA_TRY_OR_DONE(hada_tiff_save(frame, &workload->raw[0], NULL, err));
     hada_cli_progress_begin(bench->cli, &progress, "cold and warm starts", (bench->quick ? 1 : COLD) + WARM);
-    HADA_TRY(cold_and_warm(bench, device, workload->name, model, frame, err));
+    HADA_TRY_OR_DONE(cold_and_warm(bench, device, workload->name, model, frame, err));
 done:
     hada_cli_progress_end(bench->cli);
     free(model);

@@ -231,13 +231,13 @@ static hada_status measure(sweep *w, const hada_bench_setting *s, hada_bench_row
     const hada_model *model = NULL;
     row->unit = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(model_of(w, s->method, &model, err));
-    HADA_TRY(hada_plan_create(&work.plan, context, model, &options, err));
+    HADA_TRY_OR_DONE(model_of(w, s->method, &model, err));
+    HADA_TRY_OR_DONE(hada_plan_create(&work.plan, context, model, &options, err));
     /* first as it comes, also for the comparisons */
-    HADA_TRY(run_frame(&work, 0, &first, err));
+    HADA_TRY_OR_DONE(run_frame(&work, 0, &first, err));
     const double bound = work.result.report->skipped->bound;
     swap(&work.result, &w->now);
-    HADA_TRY(hada_bench_repeat(w->bench, run_frame, &work, w->bench->rounds, values, &count, err));
+    HADA_TRY_OR_DONE(hada_bench_repeat(w->bench, run_frame, &work, w->bench->rounds, values, &count, err));
     name_of(s, name, sizeof name);
     *row = hada_bench_row_of(w->device->info.name, w->workload->name, HADA_BENCH_SWEEP, "ms", -1,
                              hada_bench_scaled(hada_bench_figure_of(values, count), 1e3), "%s", name);
@@ -253,7 +253,7 @@ static hada_status measure(sweep *w, const hada_bench_setting *s, hada_bench_row
             hada_cli_warn(w->bench->cli, "%s: the stack changed by %.3g, more than the bound of %g that was asked for",
                           name, row->error, s->max_error);
     }
-    HADA_TRY(judge(w, row, err));
+    HADA_TRY_OR_DONE(judge(w, row, err));
     if (is_dense) {
         swap(&w->now, &w->dense);
         w->dense_method = (int)s->method;
@@ -282,8 +282,8 @@ static hada_status open_clfft(sweep *w, hada_error *err)
     options.tuning = file;
     options.shape = (int)hada_context_shape(w->device->context);
     hada_status status = HADA_OK;
-    HADA_TRY(hada_tune_save(w->device->context, file, &row, 1, err));
-    HADA_TRY(hada_context_create(&w->clfft, &options, err));
+    HADA_TRY_OR_DONE(hada_tune_save(w->device->context, file, &row, 1, err));
+    HADA_TRY_OR_DONE(hada_context_create(&w->clfft, &options, err));
 done:
     free(file);
     return status;
@@ -318,15 +318,15 @@ hada_status hada_bench_sweep(hada_bench *bench, hada_bench_device *device, const
     w->workload = workload;
     w->dense_method = -1;
     hada_status status = HADA_OK;
-    HADA_TRY(open_clfft(w, err));
+    HADA_TRY_OR_DONE(open_clfft(w, err));
     fill_list(w);
     const int first = bench->count;
     hada_cli_progress_begin(bench->cli, &progress, "settings", w->count);
     for (int i = 0; i < w->count; i++) {
         hada_bench_row row;
-        HADA_TRY(measure(w, &w->list[i], &row, err));
+        HADA_TRY_OR_DONE(measure(w, &w->list[i], &row, err));
         if (row.unit) /* else it is left out */
-            HADA_TRY(hada_bench_add(bench, &row, err));
+            HADA_TRY_OR_DONE(hada_bench_add(bench, &row, err));
         hada_cli_progress_step(bench->cli, NULL);
     }
     mark_front(w, first);

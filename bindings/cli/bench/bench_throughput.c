@@ -26,10 +26,10 @@ static hada_status run_round(void *user, int round, double *value, hada_error *e
     for (int i = 0; i < s->frames + IN_FLIGHT; i++) {
         const int at = i % IN_FLIGHT;
         if (jobs[at])
-            HADA_TRY(hada_job_wait(jobs[at], err));
+            HADA_TRY_OR_DONE(hada_job_wait(jobs[at], err));
         hada_job_destroy(&jobs[at]);
         if (i < s->frames)
-            HADA_TRY(
+            HADA_TRY_OR_DONE(
                 hada_job_submit(&jobs[at], s->plan, &s->workload->raw[i % s->workload->frames], &s->results[at], err));
     }
 done:
@@ -49,17 +49,17 @@ static hada_status measure(hada_bench *bench, hada_bench_device *device, stream 
     hada_bench_mode_options(mode, &options);
     options.queues = queues;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_plan_create(&s->plan, device->context, s->workload->model, &options, err));
+    HADA_TRY_OR_DONE(hada_plan_create(&s->plan, device->context, s->workload->model, &options, err));
     double first = 0;
     s->frames = queues; /* every queue once: it may compile */
-    HADA_TRY(run_round(s, 0, &first, err));
+    HADA_TRY_OR_DONE(run_round(s, 0, &first, err));
     /* rounds of a second or so, of a slow device a few frames */
     s->frames = first > 0.3 ? 2 : FRAMES;
-    HADA_TRY(hada_bench_repeat(bench, run_round, s, bench->rounds, values, count, err));
+    HADA_TRY_OR_DONE(hada_bench_repeat(bench, run_round, s, bench->rounds, values, count, err));
     if (kernels) {
-        HADA_TRY(hada_plan_profile(s->plan, 1, err));
-        HADA_TRY(run_round(s, 0, &first, err));
-        HADA_TRY(hada_plan_kernel_times(s->plan, &rows, &row_count, err));
+        HADA_TRY_OR_DONE(hada_plan_profile(s->plan, 1, err));
+        HADA_TRY_OR_DONE(run_round(s, 0, &first, err));
+        HADA_TRY_OR_DONE(hada_plan_kernel_times(s->plan, &rows, &row_count, err));
         *kernels = 0;
         for (size_t i = 0; i < row_count; i++)
             if (!rows[i].transfer)
@@ -94,7 +94,6 @@ static hada_status of_mode(hada_bench *bench, hada_bench_device *device, stream 
 {
     double values[QUEUES][MOST], rates[MOST], kernels = 0;
     int count[QUEUES] = {0};
-    hada_status status = HADA_OK;
     for (int q = 0; q < QUEUES; q++) {
         HADA_TRY(measure(bench, device, s, mode, q + 1, values[q], &count[q], q ? NULL : &kernels, err));
         for (int i = 0; i < count[q]; i++)
@@ -104,10 +103,8 @@ static hada_status of_mode(hada_bench *bench, hada_bench_device *device, stream 
                                                      hada_bench_mode_names[mode], q + 1, q ? "queues" : "queue");
         HADA_TRY(hada_bench_add(bench, &row, err));
     }
-    HADA_TRY(add_overlap(bench, device, s, hada_bench_mode_names[mode], values[0], count[0], values[1], count[1],
-                         kernels, err));
-done:
-    return status;
+    return add_overlap(bench, device, s, hada_bench_mode_names[mode], values[0], count[0], values[1], count[1], kernels,
+                       err);
 }
 
 hada_status hada_bench_throughput(hada_bench *bench, hada_bench_device *device, const hada_bench_workload *workload,
@@ -121,7 +118,8 @@ hada_status hada_bench_throughput(hada_bench *bench, hada_bench_device *device, 
     for (int mode = 0; mode < HADA_BENCH_MODES; mode++)
         if (!mode || hada_model_get_info(workload->model)->has_otf) {
             const hada_status measured = of_mode(bench, device, s, mode, err);
-            HADA_TRY(hada_bench_left_out(bench, measured, hada_bench_mode_names[mode], err) ? HADA_OK : measured);
+            HADA_TRY_OR_DONE(hada_bench_left_out(bench, measured, hada_bench_mode_names[mode], err) ? HADA_OK
+                                                                                                    : measured);
         }
 done:
     for (int i = 0; i < IN_FLIGHT; i++)

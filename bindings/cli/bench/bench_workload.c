@@ -59,19 +59,19 @@ static hada_status fit(hada_bench *bench, hada_simulator *simulator, hada_contex
     options.window_cols = camera->window_cols;
     options.boundary = camera->boundary;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_fitter_create(&fitter, context, &options, err));
+    HADA_TRY_OR_DONE(hada_fitter_create(&fitter, context, &options, err));
     for (int pass = 0; pass < 2; pass++)
         for (int k = 0; k < camera->depths * (pass ? SCORED : PAIRS); k++) {
             const int z = k % camera->depths, i = k / camera->depths;
-            HADA_TRY(pair(simulator, z, i, &scene, &raw, err));
-            HADA_TRY(pass ? hada_fitter_score(fitter, z, &raw, &scene, err)
-                          : hada_fitter_add(fitter, z, &raw, &scene, err));
+            HADA_TRY_OR_DONE(pair(simulator, z, i, &scene, &raw, err));
+            HADA_TRY_OR_DONE(pass ? hada_fitter_score(fitter, z, &raw, &scene, err)
+                                  : hada_fitter_add(fitter, z, &raw, &scene, err));
             hada_image_destroy(&scene);
             hada_image_destroy(&raw);
-            HADA_TRY(hada_cli_check_signals(err));
+            HADA_TRY_OR_DONE(hada_cli_check_signals(err));
             hada_cli_progress_step(bench->cli, NULL);
         }
-    HADA_TRY(hada_fitter_finish(fitter, model, NULL, err));
+    HADA_TRY_OR_DONE(hada_fitter_finish(fitter, model, NULL, err));
 done:
     hada_image_destroy(&scene);
     hada_image_destroy(&raw);
@@ -90,17 +90,17 @@ static hada_status from_psf(hada_simulator *simulator, hada_context *context, ha
     hada_image one = {0}, *psf = calloc((size_t)camera->depths, sizeof *psf);
     hada_status status = HADA_OK;
     if (!psf)
-        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+        HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
     for (int z = 0; z < camera->depths; z++) {
-        HADA_TRY(hada_camera_psf(camera, camera->distances_mm[z], &one, err));
+        HADA_TRY_OR_DONE(hada_camera_psf(camera, camera->distances_mm[z], &one, err));
         /* the pattern is the same for all channels */
-        HADA_TRY(hada_image_create(&psf[z], camera->channels, one.rows, one.cols, err));
+        HADA_TRY_OR_DONE(hada_image_create(&psf[z], camera->channels, one.rows, one.cols, err));
         for (int c = 0; c < camera->channels; c++)
             memcpy(psf[z].data + (size_t)c * hada_image_count(&one), one.data, hada_image_count(&one) * sizeof(float));
         hada_image_destroy(&one);
-        HADA_TRY(hada_cli_check_signals(err));
+        HADA_TRY_OR_DONE(hada_cli_check_signals(err));
     }
-    HADA_TRY(hada_model_from_psf(model, context, psf, camera->depths, camera->distances_mm, &options, err));
+    HADA_TRY_OR_DONE(hada_model_from_psf(model, context, psf, camera->depths, camera->distances_mm, &options, err));
 done:
     hada_image_destroy(&one);
     for (int z = 0; psf && z < camera->depths; z++)
@@ -120,16 +120,17 @@ static hada_status draw_frame(hada_bench_workload *workload, hada_simulator *sim
     int *labels = calloc((size_t)camera->window_rows * (size_t)camera->window_cols, sizeof *labels);
     hada_status status = HADA_OK;
     if (!labels)
-        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
-    HADA_TRY(hada_scene_procedural(&whole, seed, camera->channels, camera->window_rows, camera->window_cols, err));
-    HADA_TRY(hada_scene_regions(labels, seed, occupied, camera->window_rows, camera->window_cols, err));
+        HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+    HADA_TRY_OR_DONE(
+        hada_scene_procedural(&whole, seed, camera->channels, camera->window_rows, camera->window_cols, err));
+    HADA_TRY_OR_DONE(hada_scene_regions(labels, seed, occupied, camera->window_rows, camera->window_cols, err));
     for (int k = 0; k < occupied; k++) {
         /* a third and two thirds of the way, another depth in the next frame */
         const int z = ((k + 1) * camera->depths / (occupied + 1) + frame) % camera->depths;
-        HADA_TRY(hada_scene_part(&truth[z], &whole, labels, k, err));
+        HADA_TRY_OR_DONE(hada_scene_part(&truth[z], &whole, labels, k, err));
         planes[k] = (hada_plane){z, &truth[z]};
     }
-    HADA_TRY(hada_simulator_render(simulator, planes, occupied, noise, seed, &workload->raw[frame], err));
+    HADA_TRY_OR_DONE(hada_simulator_render(simulator, planes, occupied, noise, seed, &workload->raw[frame], err));
 done:
     hada_image_destroy(&whole);
     free(labels);
@@ -155,15 +156,15 @@ hada_status hada_bench_workload_make(hada_bench *bench, hada_bench_workload *wor
     *workload = (hada_bench_workload){0};
     snprintf(workload->name, sizeof workload->name, "%s", name);
     hada_status status = HADA_OK;
-    HADA_TRY(hada_camera_preset(&camera, name, err));
-    HADA_TRY(make_room(workload, FRAMES, camera.depths, 1, err));
-    HADA_TRY(hada_simulator_create(&simulator, context, &camera, err));
+    HADA_TRY_OR_DONE(hada_camera_preset(&camera, name, err));
+    HADA_TRY_OR_DONE(make_room(workload, FRAMES, camera.depths, 1, err));
+    HADA_TRY_OR_DONE(hada_simulator_create(&simulator, context, &camera, err));
     const int learned = strcmp(name, "paper2022") != 0;
     hada_cli_progress_begin(bench->cli, &progress, name, learned ? (long)camera.depths * (PAIRS + SCORED) : 1);
-    HADA_TRY(learned ? fit(bench, simulator, context, &workload->model, err)
-                     : from_psf(simulator, context, &workload->model, err));
+    HADA_TRY_OR_DONE(learned ? fit(bench, simulator, context, &workload->model, err)
+                             : from_psf(simulator, context, &workload->model, err));
     for (int frame = 0; frame < FRAMES; frame++)
-        HADA_TRY(draw_frame(workload, simulator, frame, err));
+        HADA_TRY_OR_DONE(draw_frame(workload, simulator, frame, err));
 done:
     hada_cli_progress_end(bench->cli);
     hada_simulator_destroy(&simulator);
@@ -180,16 +181,16 @@ hada_status hada_bench_workload_load(hada_bench_workload *workload, const char *
     snprintf(workload->name, sizeof workload->name, "%s", slash ? slash + 1 : model);
     hada_status status = HADA_OK;
     const char *path = model; /* that a message is about */
-    HADA_TRY(hada_model_load(&workload->model, model, err));
+    HADA_TRY_OR_DONE(hada_model_load(&workload->model, model, err));
     path = NULL;
     const hada_model_info *info = hada_model_get_info(workload->model);
-    HADA_TRY(make_room(workload, count, info->depths, 0, err));
+    HADA_TRY_OR_DONE(make_room(workload, count, info->depths, 0, err));
     for (int i = 0; i < count; i++) {
         hada_image *raw = &workload->raw[i];
         path = files[i];
-        HADA_TRY(hada_tiff_load(path, 0, raw, err));
+        HADA_TRY_OR_DONE(hada_tiff_load(path, 0, raw, err));
         if (raw->channels != info->channels || raw->rows != info->raw_rows || raw->cols != info->raw_cols)
-            HADA_TRY(hada_cli_error(
+            HADA_TRY_OR_DONE(hada_cli_error(
                 err, HADA_ERROR_MODEL,
                 "this frame has %dx%d pixels of %d channel(s), the model is of a camera with %dx%d of %d; take a frame "
                 "of that camera",
@@ -210,8 +211,8 @@ hada_status hada_bench_workload_enhance(hada_bench_workload *workload, const cha
     hada_model *model = NULL;
     hada_net *net = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_net_create_preset(&net, preset, hada_model_get_info(workload->model)->channels, SEED, err));
-    HADA_TRY(hada_model_with_enhance(&model, workload->model, net, rows, cols, err));
+    HADA_TRY_OR_DONE(hada_net_create_preset(&net, preset, hada_model_get_info(workload->model)->channels, SEED, err));
+    HADA_TRY_OR_DONE(hada_model_with_enhance(&model, workload->model, net, rows, cols, err));
     hada_model_destroy(&workload->model);
     workload->model = model;
     snprintf(workload->name + used, sizeof workload->name - used, "+%s", preset);

@@ -82,8 +82,8 @@ static hada_status write_csv(const hada_bench *bench, const char *path, hada_err
         }
     hada_status status = HADA_OK;
     if (ferror(out) | fclose(out))
-        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
-    HADA_TRY(hada_file_write(path, text, size, err));
+        HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+    HADA_TRY_OR_DONE(hada_file_write(path, text, size, err));
 done:
     free(text);
     return status;
@@ -98,8 +98,8 @@ hada_status hada_bench_write(const hada_bench *bench, const char *folder, hada_e
         status = hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
         goto done;
     }
-    HADA_TRY(hada_file_write(json, text, strlen(text), err));
-    HADA_TRY(write_csv(bench, csv, err));
+    HADA_TRY_OR_DONE(hada_file_write(json, text, strlen(text), err));
+    HADA_TRY_OR_DONE(write_csv(bench, csv, err));
     hada_cli_say(bench->cli, "\nWrote %s and %s.", json, csv);
 done:
     free(text);

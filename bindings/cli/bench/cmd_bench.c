@@ -154,7 +154,6 @@ static hada_status measure_workload(hada_bench *bench, const settings *set, hada
             hada_cli_detail(bench->cli, "%s, %s on device %s: %.1f s", workload->name, names[i], devices[d].index,
                             hada_cli_seconds() - start);
         }
-done:
     return status;
 }
 
@@ -167,13 +166,13 @@ static hada_status measure_all(hada_bench *bench, const settings *set, hada_benc
     hada_status status = HADA_OK;
     hada_bench_workload workload = {0};
     for (int d = 0; d < count; d++)
-        HADA_TRY(hada_bench_peaks(bench, &devices[d], err));
+        HADA_TRY_OR_DONE(hada_bench_peaks(bench, &devices[d], err));
     for (int i = set->model ? -1 : 0; i < named; i++) {
-        HADA_TRY(i < 0 ? hada_bench_workload_load(&workload, set->model, files, file_count, err)
-                       : hada_bench_workload_make(bench, &workload, devices[0].context, names[i], err));
+        HADA_TRY_OR_DONE(i < 0 ? hada_bench_workload_load(&workload, set->model, files, file_count, err)
+                               : hada_bench_workload_make(bench, &workload, devices[0].context, names[i], err));
         if (set->net)
-            HADA_TRY(hada_bench_workload_enhance(&workload, set->net, set->net_size[0], set->net_size[1], err));
-        HADA_TRY(measure_workload(bench, set, devices, count, &workload, i == (set->model ? -1 : 0), err));
+            HADA_TRY_OR_DONE(hada_bench_workload_enhance(&workload, set->net, set->net_size[0], set->net_size[1], err));
+        HADA_TRY_OR_DONE(measure_workload(bench, set, devices, count, &workload, i == (set->model ? -1 : 0), err));
         hada_bench_workload_free(&workload);
     }
 done:
@@ -205,24 +204,24 @@ static hada_status run_bench(hada_cli *cli, const settings *set, const char *con
     bench.rounds = set->rounds ? set->rounds : set->quick ? QUICK_ROUNDS : ROUNDS;
     hada_status status = HADA_OK;
     if (!devices)
-        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+        HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
     if (set->output)
-        HADA_TRY(hada_folder_ensure(set->output, err));
-    HADA_TRY(make_scratch(&bench, err));
-    HADA_TRY(choose_devices(set, devices, &count, err));
-    HADA_TRY(open_devices(cli, devices, &count, err));
+        HADA_TRY_OR_DONE(hada_folder_ensure(set->output, err));
+    HADA_TRY_OR_DONE(make_scratch(&bench, err));
+    HADA_TRY_OR_DONE(choose_devices(set, devices, &count, err));
+    HADA_TRY_OR_DONE(open_devices(cli, devices, &count, err));
     tell_apart(devices, count);
-    HADA_TRY(measure_all(&bench, set, devices, count, files, file_count, err));
+    HADA_TRY_OR_DONE(measure_all(&bench, set, devices, count, files, file_count, err));
     json_t *list = json_array();
     for (int i = 0; i < count; i++)
         json_array_append_new(list, hada_cli_device_json(&devices[i].info));
     json_object_set_new(cli->document, "devices", list);
-    HADA_TRY(hada_bench_json(&bench, cli->document, err));
+    HADA_TRY_OR_DONE(hada_bench_json(&bench, cli->document, err));
     hada_bench_print(&bench);
     if (set->output)
-        HADA_TRY(hada_bench_write(&bench, set->output, err));
+        HADA_TRY_OR_DONE(hada_bench_write(&bench, set->output, err));
     if (set->output && hada_cli_pictures(cli))
-        HADA_TRY(hada_bench_plots(&bench, set->output, err));
+        HADA_TRY_OR_DONE(hada_bench_plots(&bench, set->output, err));
 done:
     if (devices)
         close_devices(devices, MOST_DEVICES);

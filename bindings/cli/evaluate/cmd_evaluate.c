@@ -83,12 +83,10 @@ static hada_status open_lpips(hada_cli *cli, const settings *set, hada_context *
                               hada_error *err)
 {
     static const char *const names[] = {"", "vgg", "alex"};
-    hada_status status = HADA_OK;
     HADA_TRY(hada_cli_open(cli, context, err));
     HADA_TRY(hada_lpips_create(lpips, *context, (hada_lpips_net)set->lpips_net, set->lpips, set->lpips_heads, err));
     json_object_set_new(cli->document, "lpips_net", json_string(names[hada_lpips_get_net(*lpips)]));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status evaluate(hada_cli *cli, settings *set, const char **paths, hada_error *err)
@@ -102,17 +100,18 @@ static hada_status evaluate(hada_cli *cli, settings *set, const char **paths, ha
     task->authors |= set->common.json;
     task->monitor = &cli->monitor;
     if (set->window && !read_window(task, set->window))
-        HADA_TRY(hada_cli_error(err, HADA_ERROR_ARGUMENT,
-                                "--window %s is not a window; write rows x columns as in 192x192, or with the row and "
-                                "column of its top left as in 192x192+10+20",
-                                set->window));
-    HADA_TRY(hada_response_from_name(&task->encoding, set->encoding, err));
-    HADA_TRY(hada_response_from_name(&task->truth_encoding, set->truth_encoding, err));
+        HADA_TRY_OR_DONE(
+            hada_cli_error(err, HADA_ERROR_ARGUMENT,
+                           "--window %s is not a window; write rows x columns as in 192x192, or with the row and "
+                           "column of its top left as in 192x192+10+20",
+                           set->window));
+    HADA_TRY_OR_DONE(hada_response_from_name(&task->encoding, set->encoding, err));
+    HADA_TRY_OR_DONE(hada_response_from_name(&task->truth_encoding, set->truth_encoding, err));
     if (set->distances)
-        HADA_TRY(hada_cli_read_distances("distances", set->distances, distances, 4096, &task->distances, err));
+        HADA_TRY_OR_DONE(hada_cli_read_distances("distances", set->distances, distances, 4096, &task->distances, err));
     if (set->lpips)
-        HADA_TRY(open_lpips(cli, set, &context, &task->lpips, err));
-    HADA_TRY(hada_evaluate_run(&report, paths[0], paths[1], task, err));
+        HADA_TRY_OR_DONE(open_lpips(cli, set, &context, &task->lpips, err));
+    HADA_TRY_OR_DONE(hada_evaluate_run(&report, paths[0], paths[1], task, err));
     hada_cli_evaluate_tell(cli, report, set->task.tolerance);
 done:
     hada_evaluate_report_destroy(&report);

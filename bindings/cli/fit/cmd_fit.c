@@ -141,13 +141,13 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     task.merge_count = set->merge.count;
     fit.communicator = hada_cli_communicator(cli);
     task.monitor = &cli->monitor;
-    HADA_TRY(hada_response_from_name(&fit.scene_response, set->response, err));
+    HADA_TRY_OR_DONE(hada_response_from_name(&fit.scene_response, set->response, err));
     if (folder) {
-        HADA_TRY(hada_dataset_scan(&data, folder, &scan, err));
-        HADA_TRY(hada_file_check_target(set->output, err)); /* now that the data set's own files are known */
-        HADA_TRY(hada_cli_read_dark_level(&fit.dark, set->dark, err));
+        HADA_TRY_OR_DONE(hada_dataset_scan(&data, folder, &scan, err));
+        HADA_TRY_OR_DONE(hada_file_check_target(set->output, err)); /* now that the data set's own files are known */
+        HADA_TRY_OR_DONE(hada_cli_read_dark_level(&fit.dark, set->dark, err));
     }
-    HADA_TRY(hada_fit_run(model, &report, context, data, &task, err));
+    HADA_TRY_OR_DONE(hada_fit_run(model, &report, context, data, &task, err));
     if (folder)
         hada_cli_fit_tell_pairs(cli, hada_dataset_get_info(data), *model, report);
     else
@@ -164,7 +164,6 @@ static hada_status fit_psf(const settings *set, hada_context *context, hada_mode
     double distances[MOST_DISTANCES];
     hada_psf_options psf;
     hada_psf_task task;
-    hada_status status = HADA_OK;
     hada_psf_options_init(&psf);
     hada_psf_task_init(&task);
     psf.form = set->form ? (hada_form)set->form : HADA_FORM_WIENER;
@@ -183,9 +182,7 @@ static hada_status fit_psf(const settings *set, hada_context *context, hada_mode
     HADA_TRY(hada_cli_read_dark_level(&psf.dark, set->dark, err));
     psf.refine_steps = set->fit.refine_steps;
     psf.refine_tv = set->fit.refine_tv > 0 ? set->fit.refine_tv : 0;
-    HADA_TRY(hada_psf_run(model, context, set->psf, &task, err));
-done:
-    return status;
+    return hada_psf_run(model, context, set->psf, &task, err);
 }
 
 /* What cannot go together; HADA_EXIT_OK where all does. */
@@ -245,14 +242,14 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     const int wrong = check(cli, set, count, arguments);
     if (wrong)
         return wrong;
-    HADA_TRY(hada_file_check_target(set->output, &err));
+    HADA_TRY_OR_DONE(hada_file_check_target(set->output, &err));
     if (set->task.save_sums)
-        HADA_TRY(hada_file_check_target(set->task.save_sums, &err));
-    HADA_TRY(hada_cli_open(cli, &context, &err));
-    HADA_TRY(set->psf ? fit_psf(set, context, &model, &err)
-                      : fit_pairs(cli, set, count ? arguments[0] : NULL, context, &model, &err));
+        HADA_TRY_OR_DONE(hada_file_check_target(set->task.save_sums, &err));
+    HADA_TRY_OR_DONE(hada_cli_open(cli, &context, &err));
+    HADA_TRY_OR_DONE(set->psf ? fit_psf(set, context, &model, &err)
+                              : fit_pairs(cli, set, count ? arguments[0] : NULL, context, &model, &err));
     if (hada_cli_writes(cli))
-        HADA_TRY(hada_model_save(model, set->output, &err));
+        HADA_TRY_OR_DONE(hada_model_save(model, set->output, &err));
     hada_cli_fit_tell_model(cli, set->output, model, hada_cli_seconds() - start);
 done:
     hada_model_destroy(&model);

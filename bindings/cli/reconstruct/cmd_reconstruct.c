@@ -159,7 +159,6 @@ static hada_status read_depths(job *work, hada_error *err)
     const settings *set = work->set;
     const hada_model_info *info = hada_model_get_info(work->model);
     hada_plan_options *plan = &work->options;
-    hada_status status = HADA_OK;
     work->depths = calloc((size_t)info->depths, sizeof *work->depths);
     work->occupied = calloc((size_t)info->depths, sizeof *work->occupied);
     if (!work->depths || !work->occupied)
@@ -177,15 +176,13 @@ static hada_status read_depths(job *work, hada_error *err)
         HADA_TRY(hada_cli_read_depths("occupied", set->occupied, info->distances_mm, info->depths, work->occupied,
                                       &plan->occupied_count, err));
     }
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status read_options(job *work, hada_error *err)
 {
     const settings *set = work->set;
     hada_plan_options *plan = &work->options;
-    hada_status status = HADA_OK;
     *plan = set->plan;
     /* the transposed optics are a way of their own: refinement would take their place */
     if (plan->refine == NOT_GIVEN)
@@ -202,8 +199,7 @@ static hada_status read_options(job *work, hada_error *err)
     HADA_TRY(hada_cli_read_method(&set->method, &work->classic, err));
     plan->classic = &work->classic;
     plan->enhance = !set->no_enhance;
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* matched in place of the model's own filters. */
@@ -234,7 +230,6 @@ static hada_status make_plan(job *work, hada_error *err)
     const hada_model_info *info = hada_model_get_info(work->model);
     const uint64_t raw = 4 * (uint64_t)info->channels * (uint64_t)info->raw_rows * (uint64_t)info->raw_cols;
     uint64_t all = 0, device = 0, host = 0;
-    hada_status status = HADA_OK;
     for (int i = 0; i < work->devices.count; i++) {
         HADA_TRY(hada_plan_estimate(work->devices.contexts[i], work->model, &work->options, &device, &host, err));
         all += device;
@@ -242,21 +237,20 @@ static hada_status make_plan(job *work, hada_error *err)
     HADA_TRY(hada_plan_create_on(&work->plan, work->devices.contexts, work->devices.count, work->model, &work->options,
                                  err));
     tell_memory(work, all, (uint64_t)hada_files_ahead(work->plan) * (host + raw));
-done:
-    return status;
+    return HADA_OK;
 }
 
 static hada_status prepare(job *work, hada_error *err)
 {
     const char *encoding = work->set->encoding;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_response_from_name(&work->encoding, strcmp(encoding, "scene") ? encoding : "auto", err));
-    HADA_TRY(hada_model_load(&work->model, work->set->model, err));
-    HADA_TRY(change_form(work, err));
-    HADA_TRY(read_options(work, err));
-    HADA_TRY(hada_folder_ensure(work->set->task.output, err));
-    HADA_TRY(hada_cli_open_all(work->cli, &work->devices, err));
-    HADA_TRY(make_plan(work, err));
+    HADA_TRY_OR_DONE(hada_response_from_name(&work->encoding, strcmp(encoding, "scene") ? encoding : "auto", err));
+    HADA_TRY_OR_DONE(hada_model_load(&work->model, work->set->model, err));
+    HADA_TRY_OR_DONE(change_form(work, err));
+    HADA_TRY_OR_DONE(read_options(work, err));
+    HADA_TRY_OR_DONE(hada_folder_ensure(work->set->task.output, err));
+    HADA_TRY_OR_DONE(hada_cli_open_all(work->cli, &work->devices, err));
+    HADA_TRY_OR_DONE(make_plan(work, err));
 done:
     if (status && status != HADA_ERROR_ARGUMENT && !work->model)
         hada_cli_prefix(err, "%s: ", work->set->model);

@@ -70,7 +70,6 @@ hada_status hada_cli_read_method(const hada_cli_method_settings *set, hada_class
         out->lambda = set->lambda;
     if (out->method < HADA_METHOD_RL)
         return check_none(set, err);
-    hada_status status = HADA_OK;
     HADA_TRY(read_prior(set, out, err));
     if (set->mu)
         HADA_TRY(read_mu(set->mu, out, err));
@@ -86,6 +85,5 @@ hada_status hada_cli_read_method(const hada_cli_method_settings *set, hada_class
         out->inner = set->inner;
     if (set->levels)
         out->levels = set->levels;
-done:
-    return status;
+    return HADA_OK;
 }

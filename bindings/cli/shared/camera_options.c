@@ -109,7 +109,6 @@ static hada_status set_depths(hada_camera *camera, const hada_cli_camera_setting
 
 static hada_status set_sensor(hada_camera *camera, const hada_cli_camera_settings *set, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (set->size[0])
         HADA_TRY(hada_camera_resize(camera, set->size[0], set->size[1], set->window[0], set->window[1], err));
     if (set->channels == 2)
@@ -129,8 +128,7 @@ static hada_status set_sensor(hada_camera *camera, const hada_cli_camera_setting
     HADA_TRY(set_depths(camera, set, err));
     if (set->wavelengths)
         HADA_TRY(read_wavelengths(set->wavelengths, camera->wavelengths_nm, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 /* What is not negative was given. */
@@ -142,7 +140,6 @@ static void take(double *to, double given)
 
 static hada_status set_mask(hada_camera *camera, const hada_cli_camera_settings *set, hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (set->lenses >= 0)
         camera->lenses = set->lenses;
     /* the frame of a mask, before the dimensions that suit it */
@@ -165,8 +162,7 @@ static hada_status set_mask(hada_camera *camera, const hada_cli_camera_settings 
     take(&camera->open_fraction, set->open_fraction);
     if (set->fill >= 0)
         HADA_TRY(hada_camera_set_fill_factor(camera, set->fill, err));
-done:
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_cli_make_camera(hada_camera *camera, const hada_cli_camera_settings *set, hada_error *err)
@@ -174,9 +170,9 @@ hada_status hada_cli_make_camera(hada_camera *camera, const hada_cli_camera_sett
     hada_status status = begin(camera, set, err);
     if (status)
         return status;
-    HADA_TRY(set_sensor(camera, set, err));
-    HADA_TRY(set_mask(camera, set, err));
-    HADA_TRY(hada_camera_check(camera, err));
+    HADA_TRY_OR_DONE(set_sensor(camera, set, err));
+    HADA_TRY_OR_DONE(set_mask(camera, set, err));
+    HADA_TRY_OR_DONE(hada_camera_check(camera, err));
 done: /* sizes that do not fit are the command line's here, not a file's */
     return status == HADA_ERROR_SIZE ? (err->status = HADA_ERROR_ARGUMENT) : status;
 }

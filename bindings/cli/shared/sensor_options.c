@@ -105,14 +105,11 @@ hada_status hada_cli_make_sensor(hada_cli_sensor *out, const hada_cli_sensor_set
     if (given(set->dark))
         out->sensor.dark_level = set->dark;
     out->sensor.bits = set->adc_bits;
-    hada_status status = HADA_OK;
     if (set->shift)
         HADA_TRY(read_shift(set->shift, &out->options, err));
     if (set->vignetting)
         HADA_TRY(read_vignetting(set->vignetting, out, err));
-    HADA_TRY(hada_sensor_check(&out->sensor, err));
-done:
-    return status;
+    return hada_sensor_check(&out->sensor, err);
 }
 
 void hada_cli_sensor_free(hada_cli_sensor *sensor)

@@ -202,7 +202,6 @@ static hada_status complete(hada_cli *cli, settings *set, parts *of, hada_error 
 {
     hada_train_options *how = &set->how;
     hada_train_task *task = &set->task;
-    hada_status status = HADA_OK;
     how->form = (hada_form)set->form;
     how->random_start = how->stage == HADA_STAGE_FILTERS && (set->random || !set->model);
     how->net_rows = set->net_size[0];
@@ -224,8 +223,7 @@ static hada_status complete(hada_cli *cli, settings *set, parts *of, hada_error 
     if (set->model)
         HADA_TRY(hada_model_load(&of->model, set->model, err));
     task->model = of->model;
-done:
-    return status;
+    return HADA_OK;
 }
 
 static int check(hada_cli *cli, const settings *set, int count)
@@ -256,14 +254,14 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         return wrong;
     hada_dataset_options_init(&scan);
     scan.skip_incomplete = set->skip_incomplete;
-    HADA_TRY(hada_file_check_target(set->task.output, &err));
-    HADA_TRY(hada_dataset_scan(&of.data, arguments[0], &scan, &err));
-    HADA_TRY(complete(cli, set, &of, &err));
-    HADA_TRY(hada_cli_open_all(cli, &devices, &err));
+    HADA_TRY_OR_DONE(hada_file_check_target(set->task.output, &err));
+    HADA_TRY_OR_DONE(hada_dataset_scan(&of.data, arguments[0], &scan, &err));
+    HADA_TRY_OR_DONE(complete(cli, set, &of, &err));
+    HADA_TRY_OR_DONE(hada_cli_open_all(cli, &devices, &err));
     hada_cli_train_listener listener = {.cli = cli, .devices = &devices};
     set->task.tell = hada_cli_train_tell;
     set->task.user = &listener;
-    HADA_TRY(hada_train_run(devices.contexts, devices.count, of.data, &set->task, &err));
+    HADA_TRY_OR_DONE(hada_train_run(devices.contexts, devices.count, of.data, &set->task, &err));
 done:
     hada_cli_close_all(cli, &devices);
     parts_free(&of);

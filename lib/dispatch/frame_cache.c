@@ -1,4 +1,4 @@
-#include "dispatch/frame_cache.h"
+#include "dispatch/plan.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -6,8 +6,7 @@
 
 #include "core/alloc.h"
 #include "core/clock.h"
-#include "engine/result.h"
-#include "engine/skip.h"
+#include "engine/frame.h"
 
 enum { WAITS, RUNS, DONE, FAILED };
 

@@ -1,9 +1,84 @@
-/* A plan: what is known of a model and its options, and who works on its frames. Internal. */
+/* A plan: what is known of a model and its options, and the workers that take its frames. Internal.
+ *
+ * A worker is a pipeline with a thread. One lock guards the lists of frames and the workers, but not the frames
+ * themselves, which belong to the worker that runs them; one condition signals every change. Jobs may outlive their
+ * plan, so the dispatcher is freed with the last of them. */
 #ifndef HADA_DISPATCH_PLAN_H
 #define HADA_DISPATCH_PLAN_H
 
-#include "dispatch/dispatcher.h"
-#include "dispatch/frame_cache.h"
+#include <hadalens/job.h>
+#include <pthread.h>
+
+#include "engine/pipeline.h"
+
+typedef struct hada_dispatcher hada_dispatcher;
+typedef struct hada_cache_entry hada_cache_entry; /* dispatch/frame_cache.c */
+
+typedef struct hada_queue_worker {
+    hada_dispatcher *dispatcher;
+    hada_pipeline *pipeline;
+    hada_context *context;
+    int number; /* among those of its device */
+    hada_queue_info info;
+    pthread_t thread;
+    int has_thread, idle;
+} hada_queue_worker;
+
+struct hada_job {
+    hada_frame frame;           /* its owner is the job */
+    hada_image converted, view; /* of a frame that was given in another form; the latter owns nothing */
+    hada_dispatcher *dispatcher;
+    hada_job *next; /* in one of the dispatcher's lists */
+    hada_job_state state;
+    hada_error error;
+    hada_queue_worker *worker;        /* that runs the frame; NULL while it waits */
+    unsigned char *depths;            /* per computed depth: who has it (dispatch/dispatcher.c) */
+    int open, helpers;                /* other workers may take batches; how many are at it */
+    hada_cache_entry *entry, *source; /* this frame's copy, or the frame before that serves (dispatch/frame_cache.c) */
+    double source_change;             /* what the latter changes at most: L2 */
+};
+
+struct hada_dispatcher {
+    pthread_mutex_t lock;
+    pthread_cond_t changed;
+    int references;    /* the plan and its jobs */
+    hada_job *waiting; /* in the order of submission */
+    hada_job *running; /* oldest first */
+    uint64_t serial;   /* of the last frame */
+    hada_queue_worker *workers;
+    int capacity, worker_count, alive; /* workers that are to be, that are, and that are not lost */
+    int threads;                       /* workers have threads */
+    int occupied;                      /* the plan's one worker works in a caller's thread */
+    int closing;                       /* the plan goes */
+};
+
+/* Pipelines of one device do not help each other: it is busy with them already. */
+static inline int hada_worker_helps(const hada_queue_worker *worker, const hada_queue_worker *owner)
+{
+    return worker->info.device != owner->info.device;
+}
+
+typedef struct hada_frame_cache {
+    pthread_mutex_t lock; /* held while a frame is compared */
+    hada_cache_entry *last;
+} hada_frame_cache;
+
+void hada_frame_cache_make(hada_frame_cache *cache);
+void hada_frame_cache_free(hada_frame_cache *cache);
+
+/* Before a job is submitted: finds out whether the frame before serves (job->source), else keeps a copy of this one
+ * (job->entry). Where the two are nearly equal it waits for the result of the one before. */
+hada_status hada_frame_cache_enter(hada_frame_cache *cache, hada_job *job, hada_error *err);
+
+/* In the worker. *reused: 1: the job's source had a result, which is given; 0: the frame is to be computed. */
+hada_status hada_frame_cache_reuse(hada_job *job, int *reused, hada_error *err);
+
+/* Round the computing of a frame that is kept. */
+void hada_frame_cache_begin(hada_job *job);
+void hada_frame_cache_done(hada_job *job, hada_status status);
+
+/* When the job ends. */
+void hada_frame_cache_leave(hada_job *job);
 
 struct hada_plan {
     hada_setup setup;
@@ -12,5 +87,38 @@ struct hada_plan {
     int contexts;
     hada_dispatcher *dispatcher;
 };
+
+/* Room for so many workers, to be added one by one, those of a device together. */
+hada_status hada_dispatcher_create(hada_dispatcher **out, int workers, hada_error *err);
+/* `device` counts the plan's contexts, `number` the queues of a device. */
+hada_status hada_dispatcher_add(hada_dispatcher *dispatcher, const hada_setup *setup, const hada_constants *constants,
+                                int device, int number, int batch, hada_error *err);
+
+/* The plan goes: cancels all jobs, waits for the threads, destroys the pipelines. */
+void hada_dispatcher_stop(hada_dispatcher *dispatcher);
+/* Gives back a reference, the plan's or a job's. */
+void hada_dispatcher_release(hada_dispatcher *dispatcher);
+
+/* The job waits behind all others; the first one makes the threads. */
+hada_status hada_dispatcher_submit(hada_dispatcher *dispatcher, hada_job *job, hada_error *err);
+/* Asks it to end; one that waits ends at once. */
+void hada_dispatcher_cancel(hada_dispatcher *dispatcher, hada_job *job);
+
+/* A plan of one worker whose thread was never needed works in the caller's: where it is free, it is taken until
+ * hada_dispatcher_leave(), and the serial for a frame comes back; else 0. */
+uint64_t hada_dispatcher_occupy(hada_dispatcher *dispatcher);
+void hada_dispatcher_leave(hada_dispatcher *dispatcher, double busy_seconds);
+
+/* Runs a job's frame on the worker, unless the frame before serves. */
+hada_status hada_worker_run(hada_queue_worker *worker, hada_job *job, hada_error *err);
+
+/* Frees what a job holds; a result that failed is emptied. */
+void hada_job_release(hada_job *job, hada_status status);
+
+/* Batches of depths that workers take from a job's frame: what the engine asks for (engine/frame.h).
+ *
+ * The worker that runs the frame takes from the near end, so that it can push what it computed to the focus at once;
+ * workers of other devices that help take from the far end and leave their planes in the result. */
+extern const hada_batches hada_job_batches;
 
 #endif

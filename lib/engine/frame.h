@@ -4,10 +4,44 @@
 #ifndef HADA_ENGINE_FRAME_H
 #define HADA_ENGINE_FRAME_H
 
+#include <hadalens/opencl.h>
 #include <stdatomic.h>
 
-#include "engine/result.h"
 #include "engine/setup.h"
+
+/* What a result holds besides its public members, which point here. */
+typedef struct hada_result_memory {
+    hada_report report;
+    hada_skip_report skipped;
+    unsigned char *occupied;
+    float *stack;                          /* of all planes; NULL where the caller has an array for it */
+    hada_image all_in_focus, distance_map; /* empty where the caller has arrays for them */
+    hada_image confidence;                 /* empty until a frame is a surface */
+    int has_confidence;                    /* of the frame in hand */
+    hada_result_arrays arrays;             /* the caller's, on the host and on the device */
+    hada_cl_arrays device;
+} hada_result_memory;
+
+/* Whether it is written into buffers on the device as well. */
+int hada_result_on_device(const hada_result *result);
+
+/* Makes the result fit a model and a number of depths; images that fit already are kept. Empty on failure. */
+hada_status hada_result_fit(hada_result *result, const hada_model_info *info, int depths, hada_error *err);
+
+/* An empty report, to be filled. */
+hada_report *hada_result_renew(hada_result *result);
+
+/* Room for the confidence of the frame in hand; hada_result_renew() takes it away. */
+hada_status hada_result_make_confidence(hada_result *result, hada_error *err);
+
+/* Empties a result; arrays of the caller's stay in use. */
+void hada_result_clear(hada_result *result);
+
+/* Makes `to` a copy of `from`, which is of the model, report included. Empty on failure. */
+hada_status hada_result_copy(hada_result *to, const hada_result *from, const hada_model_info *info, hada_error *err);
+
+/* The exponent on planes and all-in-focus image. */
+void hada_result_apply_gamma(hada_result *result, double gamma);
 
 typedef struct hada_frame hada_frame;
 
@@ -87,5 +121,17 @@ hada_status hada_frame_check(hada_frame *frame, hada_error *err);
 
 /* Frees what the frame holds; a result that failed is emptied. */
 void hada_frame_end(hada_frame *frame, hada_status status);
+
+/* Whether single precision holds a frame whose brightest pixel has the size `largest`, its spectrum on a grid of
+ * `points` points and the squares of both: sizes from 2^-40 to 2^63 / points do. HADA_ERROR_NUMERIC. */
+hada_status hada_frame_check_range(float largest, double points, hada_error *err);
+
+/* Replaces NaN and infinite pixels of a plane by the median of the finite pixels in the smallest square around them (up
+ * to 15 x 15, else the plane's median, else 0), judged on the frame as it came. Returns how many. */
+hada_status hada_frame_repair(hada_image *frame, size_t *repaired, hada_error *err);
+
+/* A change of the stack by at most `change`, relative to what the stack would be without it, which is at least its norm
+ * - change: L2 over all pixels. Infinite where nothing can be said. */
+double hada_skip_relative(double change, double norm);
 
 #endif

@@ -5,7 +5,7 @@
 
 #include "engine/stages.h"
 #include "filter/clip.h"
-#include "image/noise.h"
+#include "image/statistics.h"
 
 /* What is known of a frame: `count` depths stand in pipeline->occupied; what its planes leave after a few steps, and a
  * surface, which then stands in pipeline->surface. */

@@ -1,5 +1,5 @@
 /* Results: made to measure, kept from frame to frame. */
-#include "engine/result.h"
+#include "engine/frame.h"
 
 #include <math.h>
 #include <stdlib.h>

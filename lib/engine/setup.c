@@ -1,10 +1,267 @@
-#include "engine/setup.h"
-
+/* What the options come to for a model, then what is known on the host before any frame comes. */
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/alloc.h"
+#include "core/options.h"
+#include "engine/setup.h"
+#include "filter/bank.h"
+#include "filter/gains.h"
 #include "filter/hadamard.h"
+#include "refine/crosstalk.h"
+
+enum {
+    LEAST_DEPTHS = 3, /* of a surface: two say nothing of a law between them */
+    MOST_QUEUES = 64, /* of a device: more than any needs to be kept busy */
+    BATCH = 8         /* depths at once: more only cost memory, the spectrum stays in the cache either way */
+};
+
+void hada_plan_options_defaults(hada_plan_options *options, size_t size)
+{
+    const hada_plan_options own = {.size = sizeof own,
+                                   .refine = HADA_AUTO,
+                                   .refine_tv = HADA_AUTO,
+                                   .refine_colour = HADA_AUTO,
+                                   .refine_shrink = HADA_AUTO,
+                                   .crosstalk = HADA_AUTO,
+                                   .enhance = 1,
+                                   .batch = HADA_AUTO,
+                                   .queues = HADA_AUTO,
+                                   .gamma = 1.0,
+                                   .skip = HADA_SKIP_ALL,
+                                   .band = 1.0};
+    HADA_OPTIONS_GIVE(options, size, &own);
+}
+
+static hada_status check_list(const int *list, int count, int limit, const char *what, hada_error *err)
+{
+    for (int i = 0; i < count; i++)
+        if (list[i] < 0 || list[i] >= limit || (i && list[i] <= list[i - 1]))
+            return hada_fail(err, HADA_ERROR_ARGUMENT,
+                             "%s: index %d is out of order or outside 0 to %d; give depths once each, near to far",
+                             what, list[i], limit - 1);
+    return HADA_OK;
+}
+
+static hada_status check_numbers(const hada_plan_options *options, hada_error *err)
+{
+    if (options->depth_count < 0 || options->occupied_count < 0 ||
+        (options->batch < 0 && options->batch != HADA_AUTO) || !(options->gamma > 0))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: counts are not negative and gamma is above 0");
+    if (!isfinite(options->refine_tv))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: the weight of total variation is not a number");
+    if (!isfinite(options->refine_colour) ||
+        (options->refine_colour >= 0 && !hada_refine_colour_known(options->refine_colour)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "plan options: the weight of colour in total variation is %g; 1 to %g are possible",
+                         options->refine_colour, HADA_REFINE_MOST_COLOUR);
+    if (!isfinite(options->refine_shrink) ||
+        (options->refine_shrink >= 0 && !hada_refine_shrink_known(options->refine_shrink)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "plan options: the threshold of shrinkage is %g; 0 to %g are possible", options->refine_shrink,
+                         HADA_REFINE_MOST_SHRINK);
+    if (!isfinite(options->crosstalk) || (options->crosstalk >= 0 && !hada_crosstalk_known(options->crosstalk)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: the share of crosstalk is %g; 0 to 1 are possible",
+                         options->crosstalk);
+    if ((options->queues < 0 && options->queues != HADA_AUTO) || options->queues > MOST_QUEUES)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: %d queues; a device can have 1 to %d",
+                         options->queues, MOST_QUEUES);
+    if (!(options->max_error >= 0 && options->max_error < 1) || !(options->band > 0 && options->band <= 1) ||
+        options->skip & ~(unsigned)HADA_SKIP_ALL)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "plan options: max_error is from 0 to below 1, band above 0 and at most 1, and skip made of "
+                         "HADA_SKIP_...");
+    return HADA_OK;
+}
+
+static hada_status check_options(const hada_model_info *info, const hada_plan_options *options, hada_error *err)
+{
+    HADA_TRY(check_numbers(options, err));
+    if (options->depths && !options->depth_count)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "the list of depths is empty"));
+    if (options->depths)
+        HADA_TRY(check_list(options->depths, options->depth_count, info->depths, "depths", err));
+    if (options->occupied == HADA_OCCUPIED_LIST && !(options->occupied_list && options->occupied_count))
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "the list of occupied depths is empty"));
+    if (options->occupied == HADA_OCCUPIED_LIST)
+        HADA_TRY(check_list(options->occupied_list, options->occupied_count, info->depths, "occupied depths", err));
+    if (options->refine > 0 && !info->has_otf)
+        HADA_TRY(hada_fail(err, HADA_ERROR_MODEL,
+                           "the model %s holds no transfer functions, so nothing can be refined: use --refine 0, or "
+                           "make the model again with fit",
+                           info->name));
+    const hada_image *dark = options->dark_frame;
+    if (options->dark == HADA_DARK_FRAME &&
+        (!dark || dark->channels != info->channels || dark->rows != info->raw_rows || dark->cols != info->raw_cols))
+        HADA_TRY(hada_fail(err, HADA_ERROR_SIZE,
+                           "the dark frame must have %d channel(s) of %d x %d pixels, as the model", info->channels,
+                           info->raw_rows, info->raw_cols));
+    return HADA_OK;
+}
+
+/* Half filters change the light on the grid by 2^-11 at most; the planes, which have some of that light, by a few times
+ * as much. Each frame is verified. */
+static const double half_pays = 0x1p-8;
+
+static int at_least_one(double value)
+{
+    return value < 1.0 ? 1 : (int)value;
+}
+
+/* Whether a frame may be taken for a surface: its depths are found, not told. */
+static hada_status choose_scene(const hada_plan_options *options, hada_config *config, hada_error *err)
+{
+    const int possible = config->pursuit && config->depths >= LEAST_DEPTHS;
+    if ((int)options->scene < HADA_SCENE_AUTO || options->scene > HADA_SCENE_SURFACE)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: scene is one of HADA_SCENE_...");
+    if (options->scene == HADA_SCENE_SURFACE && !possible)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "a surface is found among %d depths at least, with refinement and without --occupied or "
+                         "another --method: take --scene planes, or leave those out",
+                         LEAST_DEPTHS);
+    config->scene = possible ? options->scene : HADA_SCENE_PLANES;
+    return HADA_OK;
+}
+
+static hada_status choose_skips(const hada_model *model, const hada_plan_options *options, hada_config *config,
+                                hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(model);
+    config->full_grid = config->pursuit && !(options->skip & HADA_SKIP_DEPTHS);
+    config->pruned = config->joint || (options->skip & HADA_SKIP_PRUNE);
+    if (options->band < 1.0 && config->joint)
+        return hada_fail(
+            err, HADA_ERROR_ARGUMENT, "a band limits the linear filters, but the planes are to %s, or leave --band out",
+            config->classic ? "come from another method: take the model's own filters" : "be refined: add --refine 0");
+    if (options->band < 1.0) {
+        config->band_rows = at_least_one(options->band * (info->grid_rows / 2));
+        config->band_cols = at_least_one(options->band * (info->grid_cols / 2));
+    }
+    /* how much a net makes of a change of its planes is not known */
+    if (options->max_error > 0 && !config->joint && !config->enhance) {
+        config->half_by_error = (options->skip & HADA_SKIP_HALF) && !config->half && options->max_error >= half_pays &&
+                                hada_gains_fits_half(model, options->depths, config->depths);
+        config->half |= config->half_by_error;
+        config->bounded = config->half_by_error || (options->skip & (HADA_SKIP_FREQUENCIES | HADA_SKIP_FRAMES));
+    }
+    config->measured = config->bounded || options->band < 1.0;
+    return HADA_OK;
+}
+
+/* The planes come from a classic method, all depths of the list at once. */
+static hada_status use_classic(const hada_model_info *info, const hada_plan_options *options, hada_config *config,
+                               hada_error *err)
+{
+    const int listed = options->occupied == HADA_OCCUPIED_LIST && options->occupied_count < config->depths;
+    const int depths = listed ? options->occupied_count : config->depths;
+    hada_classic_options classic;
+    hada_classic_options_init(&classic);
+    HADA_TRY(HADA_OPTIONS_TAKE(&classic, options->classic, hada_classic_options, err));
+    config->classic = classic.method != HADA_METHOD_MODEL;
+    if (config->classic) {
+        HADA_TRY(hada_classic_shape_of(info, depths, &classic, &config->method, err));
+        config->steps = config->method.options.iterations;
+    }
+    return HADA_OK;
+}
+
+hada_status hada_config_of(const hada_model *model, const hada_plan_options *options, hada_config *config,
+                           hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(model);
+    HADA_TRY(check_options(info, options, err));
+    *config = (hada_config){.depths = options->depths ? options->depth_count : info->depths};
+    /* auto: what leave-one-out found to pay for this camera */
+    config->steps = options->refine >= 0 ? options->refine : info->has_otf ? info->refine_steps : 0;
+    config->parting = options->refine < 0 && config->depths > 1;
+    config->weights.tv = options->refine_tv >= 0 ? options->refine_tv : info->refine_tv;
+    config->weights.colour = options->refine_colour >= 0 ? options->refine_colour : info->refine_colour;
+    config->weights.shrink = options->refine_shrink >= 0 ? options->refine_shrink : info->refine_shrink;
+    config->crosstalk = options->crosstalk >= 0 ? options->crosstalk : HADA_CROSSTALK;
+    HADA_TRY(use_classic(info, options, config, err));
+    config->joint = config->steps > 0;
+    config->pursuit =
+        config->joint && !config->classic && options->occupied == HADA_OCCUPIED_AUTO && config->depths > 1;
+    config->dark = options->dark == HADA_DARK_FRAME;
+    config->enhance = options->enhance && info->enhance && !config->classic;
+    /* as chosen with the model's steps; a net was trained behind refined planes alone */
+    config->share =
+        config->joint && !config->classic && !config->enhance && options->refine < 0 ? info->refine_share : 1.0;
+    config->half = options->half || info->half;
+    config->bank = !config->joint        ? HADA_BANK_FILTERS
+                   : config->share < 1.0 ? HADA_BANK_OTFS | HADA_BANK_FILTERS
+                                         : HADA_BANK_OTFS;
+    config->batch = options->batch > 0 ? options->batch : BATCH;
+    if (config->batch > config->depths)
+        config->batch = config->depths;
+    config->queues = options->queues > 0 ? options->queues : 1;
+    config->batch_whole = options->batch <= 0 && config->queues == 1;
+    hada_focus_options_init(&config->focus, config->joint);
+    HADA_TRY(choose_scene(options, config, err));
+    return choose_skips(model, options, config, err);
+}
+
+hada_status hada_config_fit_grid(hada_config *config, hada_context *context, const hada_model *model, const int *depths,
+                                 hada_error *err)
+{
+    if (!config->classic)
+        return HADA_OK;
+    return hada_classic_fit_grid(&config->method, context, model, depths, config->depths, err);
+}
+
+size_t hada_plane_values(const hada_model_info *info)
+{
+    return (size_t)info->channels * (size_t)info->window_rows * (size_t)info->window_cols;
+}
+
+hada_focus_desc hada_config_focus(const hada_config *config, const hada_model_info *info)
+{
+    return (hada_focus_desc){.options = config->focus,
+                             .channels = info->channels,
+                             .rows = info->window_rows,
+                             .cols = info->window_cols,
+                             .depths = config->depths};
+}
+
+hada_refine_shape hada_config_refine(const hada_config *config, const hada_model *model)
+{
+    const int steps = config->parting ? hada_refine_most_steps(config->steps, config->depths) : config->steps;
+    hada_refine_shape refine = hada_refine_shape_of(hada_model_get_info(model), config->depths, steps);
+    refine.settle = config->parting;
+    refine.tv = config->weights.tv > 0;
+    refine.shrink = config->weights.shrink > 0;
+    refine.crosstalk = config->crosstalk > 0 && config->depths > 1;
+    return refine;
+}
+
+hada_pursuit_options hada_config_pursuit(const hada_config *config, const hada_model *model)
+{
+    hada_pursuit_options options;
+    hada_pursuit_options_init(&options);
+    options.shape = hada_refine_shape_of(hada_model_get_info(model), config->depths, 1);
+    options.depths = config->depths;
+    options.rho *= hada_model_gain(model);
+    options.full = config->full_grid;
+    return options;
+}
+
+hada_enhance_desc hada_config_enhance(const hada_config *config, const hada_context *context, const hada_model *model,
+                                      unsigned skip)
+{
+    const hada_model_info *info = hada_model_get_info(model);
+    return (hada_enhance_desc){.net = hada_model_get_enhance(model),
+                               .channels = info->channels,
+                               .rows = info->window_rows,
+                               .cols = info->window_cols,
+                               .net_rows = info->enhance_rows,
+                               .net_cols = info->enhance_cols,
+                               /* a quarter of the device's, whatever the queues */
+                               .memory = (size_t)(context->info.memory_bytes / 4 / (uint64_t)config->queues),
+                               /* small images leave a GPU idle, large ones a CPU's caches */
+                               .planes = context->shape == HADA_SHAPE_GROUPS ? config->depths : 1,
+                               .content = skip & HADA_SKIP_TILES ? 0.0f : -1.0f};
+}
 
 static int is_in(const int *list, int count, int depth)
 {

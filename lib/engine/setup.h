@@ -1,10 +1,65 @@
-/* What a plan knows before any frame comes, on the host and whatever the device. Read-only once it is made. Internal.
- */
+/* What a plan knows before any frame comes, on the host and whatever the device: what the options come to for a model,
+ * fixed before anything is allocated, and lists and images made from it. Read-only once it is made. Internal. */
 #ifndef HADA_ENGINE_SETUP_H
 #define HADA_ENGINE_SETUP_H
 
-#include "engine/config.h"
+#include <hadalens/reconstruct.h>
+
+#include "classic/classic.h"
+#include "core/error.h"
 #include "filter/gains.h"
+#include "focus/focus.h"
+#include "net/enhance.h"
+#include "refine/pursuit.h"
+
+typedef struct hada_config {
+    int depths;                  /* computed */
+    int batch;                   /* depths at once in the Hadamard stage, at most */
+    int batch_whole;             /* 1: all of them where launches cost more than memory: on a GPU that works alone */
+    int queues;                  /* of each device */
+    int joint;                   /* 1: planes that explain the frame jointly, by refinement of the occupied depths or a
+                                    classic method; 0: linear filters */
+    int classic;                 /* 1: by a classic method */
+    hada_refine_weights weights; /* of refinement */
+    double share;                /* of refined planes, the rest being those of the linear filters; 1: refined alone */
+    int steps;                   /* refinement steps or iterations at most */
+    double crosstalk;            /* share at which a plane halves beside another one; 0: none does */
+    int parting;                 /* 1: several depths take more steps, until they have parted */
+    int pursuit;                 /* 1: the occupied depths are found */
+    hada_scene scene;            /* what it may be taken for; planes where it cannot be a surface */
+    int half;                    /* filters on the device as half */
+    int bank;                    /* what the bank holds: HADA_BANK_FILTERS or HADA_BANK_OTFS */
+    int dark;                    /* 1: a dark frame is taken off */
+    int enhance;                 /* 1: planes go through the model's net */
+    int full_grid;               /* of the pursuit: 1: no small grids */
+    int pruned;                  /* 1: inverse transforms compute the window alone */
+    int bounded;                 /* 1: max_error may change the planes */
+    int measured;                /* 1: the energy of spectra is measured */
+    int half_by_error;           /* 1: max_error chose half */
+    int band_rows, band_cols;    /* of the caller; 0, 0: all */
+    hada_focus_options focus;
+    hada_classic_shape method; /* of the classic method */
+} hada_config;
+
+/* HADA_ERROR_MODEL or HADA_ERROR_ARGUMENT where the model cannot do what is asked. */
+hada_status hada_config_of(const hada_model *model, const hada_plan_options *options, hada_config *config,
+                           hada_error *err);
+
+/* Fits the grid of a classic method's transforms to what the model's transfer functions need; nothing otherwise.
+ * `depths`: the computed ones, as indices into the model; NULL: all. */
+hada_status hada_config_fit_grid(hada_config *config, hada_context *context, const hada_model *model, const int *depths,
+                                 hada_error *err);
+
+/* Values of one plane: channels x window. */
+size_t hada_plane_values(const hada_model_info *info);
+
+/* What the parts of a pipeline are made from. The distances of the focus are for the caller to set; `skip` of the net:
+ * HADA_SKIP_TILES or not. */
+hada_focus_desc hada_config_focus(const hada_config *config, const hada_model_info *info);
+hada_refine_shape hada_config_refine(const hada_config *config, const hada_model *model);
+hada_pursuit_options hada_config_pursuit(const hada_config *config, const hada_model *model);
+hada_enhance_desc hada_config_enhance(const hada_config *config, const hada_context *context, const hada_model *model,
+                                      unsigned skip);
 
 typedef struct hada_setup {
     const hada_model *model;

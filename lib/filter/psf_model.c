@@ -7,7 +7,7 @@
 #include "core/options.h"
 #include "filter/hadamard.h"
 #include "filter/layout.h"
-#include "image/dark.h"
+#include "image/statistics.h"
 
 /* Chosen on simulated frames with 1 % noise (circular) and on a real caustic PSF whose frame is cropped (padded), where
  * the light that left the frame counts as noise: docs/filters.md. */

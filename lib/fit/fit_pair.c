@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "image/dark.h"
+#include "image/statistics.h"
 
 static hada_status make_host_side(hada_fit_pair *pair, hada_error *err)
 {

@@ -7,7 +7,7 @@
 #include "core/alloc.h"
 #include "core/options.h"
 #include "fit/survey_level.h"
-#include "image/dark.h"
+#include "image/statistics.h"
 
 /* Reduced frames have about so many pixels a side, and windows at least so many: where more were kept (60, 80, 135) the
  * same response had the least share, on simulated and on real pairs (docs/response.md). */

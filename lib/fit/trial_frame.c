@@ -7,7 +7,7 @@
 #include "core/alloc.h"
 #include "filter/bank.h"
 #include "fit/fit_solve.h"
-#include "image/noise.h"
+#include "image/statistics.h"
 
 /* Mean squared errors below this, 200 dB, count as this. */
 #define LEAST_ERROR 1e-20

@@ -1,4 +1,7 @@
+/* Images on the host: making, cutting, scaling. */
 #include <hadalens/image.h>
+#include <hadalens/scene.h>
+#include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
@@ -37,4 +40,143 @@ size_t hada_image_count_not_finite(const hada_image *image)
 {
     float largest;
     return hada_not_finite(image->data, hada_image_count(image), &largest);
+}
+
+/* How an output line gathers input lines: `first` .. `first + count - 1` with weights that sum to 1. */
+typedef struct gather {
+    int *first, *count;
+    double *weight; /* `most` for each output line */
+    int most;
+} gather;
+
+static void gather_free(gather *g)
+{
+    free(g->first);
+    free(g->count);
+    free(g->weight);
+}
+
+/* Shrinking: the share of each input pixel in the output pixel's area. Growing: the two nearest centres. */
+static hada_status gather_make(gather *g, int in, int out, hada_error *err)
+{
+    *g = (gather){.most = in > out ? in / out + 3 : 2};
+    const double ratio = (double)in / out;
+    void *first = NULL, *count = NULL, *weight = NULL;
+    hada_status status;
+    if ((status = hada_allocated(first = hada_alloc((size_t)out, sizeof(int), "a resize", err))) ||
+        (status = hada_allocated(count = hada_alloc((size_t)out, sizeof(int), "a resize", err))) ||
+        (status =
+             hada_allocated(weight = hada_alloc((size_t)out * (size_t)g->most, sizeof(double), "a resize", err)))) {
+        free(first);
+        free(count);
+        return status;
+    }
+    g->first = first, g->count = count, g->weight = weight;
+    for (int i = 0; i < out; i++) {
+        double *w = g->weight + (size_t)i * (size_t)g->most;
+        if (in > out) {
+            const double low = i * ratio, high = (i + 1) * ratio;
+            const int a = (int)floor(low), b = (int)ceil(high) < in ? (int)ceil(high) : in;
+            g->first[i] = a;
+            g->count[i] = b - a;
+            for (int k = a; k < b; k++)
+                w[k - a] = (fmin(high, k + 1.0) - fmax(low, k)) / ratio;
+        } else {
+            const double centre = fmin(fmax((i + 0.5) * ratio - 0.5, 0.0), in - 1.0);
+            const int a = (int)floor(centre) < in - 1 ? (int)floor(centre) : in > 1 ? in - 2 : 0;
+            g->first[i] = a;
+            g->count[i] = in > 1 ? 2 : 1;
+            w[0] = in > 1 ? a + 1.0 - centre : 1.0;
+            w[1] = 1.0 - w[0];
+        }
+    }
+    return HADA_OK;
+}
+
+/* The rectangle (row0, col0, rows x cols) of an image, scaled to out_rows x out_cols. */
+static hada_status scale(hada_image *out, const hada_image *image, int row0, int col0, int rows, int cols, int out_rows,
+                         int out_cols, hada_error *err)
+{
+    *out = (hada_image){0};
+    gather down = {0}, across = {0};
+    void *lines = NULL;
+    hada_status status;
+    if (out_rows < 1 || out_cols < 1)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "an image of %d x %d is not possible", out_rows, out_cols);
+    if ((status = gather_make(&down, rows, out_rows, err)) || (status = gather_make(&across, cols, out_cols, err)) ||
+        (status =
+             hada_allocated(lines = hada_alloc((size_t)rows * (size_t)out_cols, sizeof(double), "a resize", err))) ||
+        (status = hada_image_create(out, image->channels, out_rows, out_cols, err)))
+        goto done;
+    double *narrow = lines;
+    for (int c = 0; c < image->channels; c++) {
+        for (int r = 0; r < rows; r++) {
+            const float *in =
+                image->data + ((size_t)c * (size_t)image->rows + (size_t)(row0 + r)) * (size_t)image->cols;
+            for (int j = 0; j < out_cols; j++) {
+                const double *w = across.weight + (size_t)j * (size_t)across.most;
+                double sum = 0.0;
+                for (int k = 0; k < across.count[j]; k++)
+                    sum += w[k] * in[col0 + across.first[j] + k];
+                narrow[(size_t)r * (size_t)out_cols + (size_t)j] = sum;
+            }
+        }
+        for (int i = 0; i < out_rows; i++) {
+            const double *w = down.weight + (size_t)i * (size_t)down.most;
+            float *to = out->data + ((size_t)c * (size_t)out_rows + (size_t)i) * (size_t)out_cols;
+            for (int j = 0; j < out_cols; j++) {
+                double sum = 0.0;
+                for (int k = 0; k < down.count[i]; k++)
+                    sum += w[k] * narrow[(size_t)(down.first[i] + k) * (size_t)out_cols + (size_t)j];
+                to[j] = (float)sum;
+            }
+        }
+    }
+done:
+    gather_free(&down);
+    gather_free(&across);
+    free(lines);
+    return status;
+}
+
+hada_status hada_image_resize(hada_image *out, const hada_image *image, int rows, int cols, hada_error *err)
+{
+    return scale(out, image, 0, 0, image->rows, image->cols, rows, cols, err);
+}
+
+hada_status hada_scene_fit(hada_image *out, const hada_image *image, int rows, int cols, hada_error *err)
+{
+    *out = (hada_image){0};
+    if (rows < 1 || cols < 1)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d x %d is not possible", rows, cols);
+    int height = image->rows, width = (int)lrint((double)image->rows * cols / rows);
+    if (width > image->cols) {
+        width = image->cols;
+        height = (int)lrint((double)image->cols * rows / cols);
+    }
+    height = height < 1 ? 1 : height > image->rows ? image->rows : height;
+    width = width < 1 ? 1 : width;
+    return scale(out, image, (image->rows - height) / 2, (image->cols - width) / 2, height, width, rows, cols, err);
+}
+
+hada_status hada_image_crop(hada_image *out, const hada_image *image, int row0, int col0, int rows, int cols,
+                            hada_error *err)
+{
+    hada_status status = hada_image_create(out, image->channels, rows, cols, err);
+    if (status)
+        return status;
+    for (int c = 0; c < image->channels; c++)
+        for (int r = 0; r < rows; r++) {
+            const int from = row0 + r;
+            if (from < 0 || from >= image->rows)
+                continue;
+            for (int k = 0; k < cols; k++) {
+                const int col = col0 + k;
+                if (col >= 0 && col < image->cols)
+                    out->data[((size_t)c * (size_t)rows + (size_t)r) * (size_t)cols + (size_t)k] =
+                        image->data[((size_t)c * (size_t)image->rows + (size_t)from) * (size_t)image->cols +
+                                    (size_t)col];
+            }
+        }
+    return HADA_OK;
 }

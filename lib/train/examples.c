@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "image/dark.h"
+#include "image/statistics.h"
 
 void hada_example_free(hada_example *example)
 {

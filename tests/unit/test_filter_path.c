@@ -5,7 +5,7 @@
 #include "filter/bank.h"
 #include "filter/hadamard.h"
 #include "filter/layout.h"
-#include "image/dark.h"
+#include "image/statistics.h"
 #include "io/safetensors.h"
 #include "ref/ref_filter.h"
 

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "core/random.h"
-#include "image/noise.h"
+#include "image/statistics.h"
 #include "model/model.h"
 #include "testing.h"
 

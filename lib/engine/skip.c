@@ -3,7 +3,6 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "engine/skip.h"
 #include "engine/stages.h"
 
 /* Two runs that add up other frequencies round differently, each by at most this (relative L2, see docs/fft.md). */

@@ -4,7 +4,7 @@
 
 #include "classic/classic_steps.h"
 #include "core/alloc.h"
-#include "core/options.h"
+#include "core/callers.h"
 #include "model/model.h"
 
 void hada_classic_options_defaults(hada_classic_options *options, size_t size)

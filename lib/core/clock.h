@@ -1,8 +1,16 @@
-/* The time that passes. Internal. */
+/* Time, and waiting for other threads with a deadline. Internal. */
 #ifndef HADA_CORE_CLOCK_H
 #define HADA_CORE_CLOCK_H
 
+#include <pthread.h>
+
 /* Seconds since some moment in the past; never goes back. */
 double hada_seconds(void);
+
+/* A condition whose deadlines are those of hada_seconds(). */
+void hada_condition_init(pthread_cond_t *condition);
+
+/* Waits as pthread_cond_wait() does, at most until `deadline` (hada_seconds()). 0: not any more. */
+int hada_condition_wait_until(pthread_cond_t *condition, pthread_mutex_t *lock, double deadline);
 
 #endif

@@ -34,4 +34,32 @@ void hada_outfile_abandon(hada_outfile *out);
 /* A whole file at once. */
 hada_status hada_outfile_save(const char *path, const void *data, size_t bytes, hada_error *err);
 
+/* What is written under a temporary name until it is whole: names that nobody can foresee, and a list of them that a
+ * handler of a signal can go through. Internal. */
+
+typedef enum hada_staged_kind { HADA_STAGED_FILE, HADA_STAGED_FOLDER } hada_staged_kind;
+
+/* Makes an empty file (open for reading and writing, its descriptor in *fd) or folder beside `path`, under a hidden
+ * name of random letters that was not there; `mode` as for open() and mkdir(). *name is for hada_staged_remove() or
+ * hada_staged_forget(). `shown` stands in messages. */
+hada_status hada_staged_make(char **name, int *fd, hada_staged_kind kind, const char *path, unsigned mode,
+                             const char *shown, hada_error *err);
+
+/* Takes the name off the list and frees it: what stood there has another name now, or is gone. */
+void hada_staged_forget(char **name);
+
+/* Whether `path` lies in a folder that is not whole yet: what is in it is brought to the disk with the folder. */
+int hada_staged_holds(const char *path);
+
+/* All give 0, or -1 with the reason in errno. What a file system cannot do (folders on some) counts as done. */
+int hada_sync(int fd);
+/* The folder that `path` stands in: its names outlast a loss of power. */
+int hada_sync_parent(const char *path);
+/* A folder and all that is in it. */
+int hada_sync_tree(const char *path);
+
+/* Makes a folder and those above it, where they are missing, with this mode (less what the umask takes); their names
+ * outlast a loss of power. A folder that is there already is fine. */
+int hada_folders_make(const char *path, unsigned mode);
+
 #endif

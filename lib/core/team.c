@@ -4,8 +4,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "core/communicator.h"
-#include "core/options.h"
+#include "core/callers.h"
 
 typedef struct member {
     hada_team *team;

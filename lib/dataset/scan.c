@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "core/options.h"
+#include "core/callers.h"
 #include "dataset/dataset.h"
 #include "io/folder.h"
 #include "io/text.h"

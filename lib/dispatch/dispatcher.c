@@ -5,7 +5,6 @@
 
 #include "core/alloc.h"
 #include "core/clock.h"
-#include "core/condition.h"
 #include "dispatch/plan.h"
 
 /* What job->depths holds. */

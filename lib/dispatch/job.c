@@ -3,9 +3,8 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "core/callers.h"
 #include "core/clock.h"
-#include "core/condition.h"
-#include "core/options.h"
 #include "dispatch/plan.h"
 #include "engine/frame.h"
 #include "image/pixels.h"

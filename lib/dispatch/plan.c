@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "core/options.h"
+#include "core/callers.h"
 
 /* Constants and workers of a device. */
 static hada_status add_device(hada_plan *plan, hada_context *context, hada_error *err)

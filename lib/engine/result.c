@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "core/options.h"
+#include "core/callers.h"
 
 void hada_result_arrays_defaults(hada_result_arrays *arrays, size_t size)
 {

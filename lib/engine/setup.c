@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "core/options.h"
+#include "core/callers.h"
 #include "engine/setup.h"
 #include "filter/bank.h"
 #include "filter/gains.h"

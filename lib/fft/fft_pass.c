@@ -8,7 +8,6 @@
 
 #include "core/alloc.h"
 #include "core/fft_factor.h"
-#include "core/round.h"
 #include "kernels/shared_fft_table.h"
 
 #define TWO_PI 6.283185307179586476925286766559

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "core/options.h"
+#include "core/callers.h"
 #include "filter/hadamard.h"
 #include "filter/layout.h"
 #include "image/statistics.h"

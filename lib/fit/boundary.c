@@ -1,7 +1,7 @@
 /* Whether light leaves the sensor, and the smallest grid that serves: a look at a few pairs before a fit. */
 #include <math.h>
 
-#include "core/options.h"
+#include "core/callers.h"
 #include "fit/fitter.h"
 
 /* Pairs that are learned from at most, those held out beside them, and iterations, fewer than for a model: what is

@@ -5,7 +5,7 @@
 
 #include <hadalens/fit.h>
 
-#include "core/communicator.h"
+#include "core/callers.h"
 #include "fft/fft.h"
 #include "kernels/shared_fit.h"
 #include "model/model.h"

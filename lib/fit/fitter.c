@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "core/options.h"
+#include "core/callers.h"
 #include "fit/cropped.h"
 #include "fit/sums_file.h"
 #include "fit/sums_reduce.h"

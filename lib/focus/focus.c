@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "core/options.h"
+#include "core/callers.h"
 
 void hada_focus_options_defaults(hada_focus_options *options, size_t size, int shared)
 {

@@ -1,7 +1,7 @@
 /* A stack on the host, focused plane by plane. */
 #include <math.h>
 
-#include "core/options.h"
+#include "core/callers.h"
 #include "focus/focus.h"
 
 static hada_status check_planes(const hada_image *planes, int depths, hada_error *err)

@@ -3,7 +3,7 @@
 #include <math.h>
 
 #include "core/alloc.h"
-#include "core/options.h"
+#include "core/callers.h"
 
 /* Most values of a row or a column: as of a TIFF file. */
 #define MOST (1 << 24)

@@ -13,8 +13,6 @@
 
 #include "core/alloc.h"
 #include "core/outfile.h"
-#include "core/staged.h"
-#include "core/sync.h"
 
 hada_status hada_path_kind(const char *path, hada_stands *out, hada_error *err)
 {

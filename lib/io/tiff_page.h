@@ -1,11 +1,54 @@
-/* One page of a TIFF file: what its samples are, and reading them as float planes. Internal. */
+/* Reading TIFF files: where the pages of a file are, an open file, and one page as float planes. Internal. */
 #ifndef HADA_IO_TIFF_PAGE_H
 #define HADA_IO_TIFF_PAGE_H
 
+#include <hadalens/tiff.h>
+#include <stddef.h>
 #include <stdint.h>
+#include <tiffio.h>
 
-#include "io/tiff_handle.h"
+#include "core/error.h"
 
+/* The structure of a TIFF file, read without libtiff: byte order, classic or Big, and the offset of each directory.
+ * One pass reads all directories, so that opening the last page later costs no more than opening the first. */
+typedef struct hada_tiff_chain {
+    int swapped;     /* the file's byte order is not the machine's */
+    int big;         /* BigTIFF */
+    uint64_t bytes;  /* of the file */
+    uint64_t *pages; /* offsets of the directories, thumbnails and masks left out */
+    size_t count;
+} hada_tiff_chain;
+
+/* `fd` stays the caller's. */
+hada_status hada_tiff_chain_read(hada_tiff_chain *chain, int fd, hada_error *err);
+void hada_tiff_chain_free(hada_tiff_chain *chain);
+
+/* Where the value of `tag` in the directory at `directory` stands in the file, and how many bytes it has; 0 when the
+ * directory has no such tag. */
+uint64_t hada_tiff_chain_find(const hada_tiff_chain *chain, int fd, uint64_t directory, unsigned tag, uint64_t *bytes);
+
+/* pread() of exactly `bytes`; 0 on success. */
+int hada_read_at(int fd, void *out, size_t bytes, uint64_t offset);
+
+/* An open file of libtiff. Its messages go to this handle, never to the process's handlers or the terminal. Files are
+ * read and written through our own file descriptors, which keeps the operating system's reason for a failure. */
+typedef struct hada_tiff_handle {
+    int fd;
+    uint64_t position;
+    uint64_t first; /* reading: where libtiff shall believe the first directory to be; 0 = as in the file */
+    int swapped, big;
+    int write_code;    /* errno of the first failed write, 0 where none */
+    char message[512]; /* first error of libtiff since it was cleared, "" where none */
+} hada_tiff_handle;
+
+/* Opens libtiff on `handle` (whose fd the caller opens and closes). `mode` as for TIFFOpen. NULL on failure: see
+ * handle->message. The handle must outlive the TIFF. */
+TIFF *hada_tiff_attach(hada_tiff_handle *handle, const char *name, const char *mode);
+
+/* Whether the limits allow a caller to hold all frames of a file at once. */
+hada_status hada_tiff_check_all(const hada_tiff_reader *reader, hada_error *err);
+
+/* One page: what its samples are. */
 typedef struct hada_tiff_page {
     int rows, cols;
     int samples;  /* per pixel in the file */

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "core/options.h"
+#include "core/callers.h"
 
 /* As fractional indices; NaN stays. */
 static hada_status indices_of(double **out, const hada_image *map, const double *distances_mm, int count,

@@ -2,7 +2,7 @@
 #include <math.h>
 
 #include "core/error.h"
-#include "core/options.h"
+#include "core/callers.h"
 
 double hada_depth_index(const double *distances_mm, int count, double distance_mm)
 {

@@ -1,5 +1,5 @@
 /* Launches of the gradients of weights and biases: partial sums, then their sum in order. */
-#include "core/round.h"
+#include "core/alloc.h"
 #include "launch/conv_group_reduce.h"
 #include "launch/conv_group_weights.h"
 #include "launch/conv_plain.h"

@@ -1,5 +1,5 @@
 /* Launches of the passes of a convolution: packed weights, direct sums, the plain way, pooling. */
-#include "core/round.h"
+#include "core/alloc.h"
 #include "launch/conv_direct.h"
 #include "launch/conv_few.h"
 #include "launch/conv_group.h"

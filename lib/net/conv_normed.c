@@ -1,6 +1,6 @@
 /* Convolutions that normalise what they read (layers.h). */
 #include "launch/conv_normed.h"
-#include "core/round.h"
+#include "core/alloc.h"
 #include "net/conv_internal.h"
 #include "net/layers.h"
 

@@ -3,7 +3,7 @@
 
 #include <limits.h>
 
-#include "core/round.h"
+#include "core/alloc.h"
 #include "launch/conv_direct.h"
 #include "launch/conv_few.h"
 #include "launch/conv_group.h"

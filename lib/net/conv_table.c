@@ -1,7 +1,7 @@
 /* Which implementation and which tile sizes serve a shape: read, never timed, during a run. */
 #include "net/conv_internal.h"
 
-#include "core/round.h"
+#include "core/alloc.h"
 
 /* Vectors that a work-item sums in: as many as registers hold besides the operands. */
 typedef struct tile_row {

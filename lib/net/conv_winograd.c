@@ -1,6 +1,6 @@
 /* Launches of Winograd's convolutions: weights, one launch for all, or three for many channels. */
 #include "launch/conv_winograd.h"
-#include "core/round.h"
+#include "core/alloc.h"
 #include "launch/conv_pack.h"
 #include "launch/conv_winograd_steps.h"
 #include "net/conv_internal.h"

@@ -1,5 +1,5 @@
 /* Launches of the gradients of weights by Winograd's tiles: in local memory part by part, or step by step. */
-#include "core/round.h"
+#include "core/alloc.h"
 #include "launch/conv_winograd_reduce.h"
 #include "launch/conv_winograd_steps.h"
 #include "launch/conv_winograd_weight_steps.h"

@@ -3,7 +3,6 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "core/round.h"
 #include "net/receptive_field.h"
 
 static hada_status check_net(const hada_enhance_desc *desc, int rows, int cols, hada_error *err)

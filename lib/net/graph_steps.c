@@ -3,7 +3,6 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "core/round.h"
 #include "net/graph_plan.h"
 
 /* The steps of backward are made one after the other. */

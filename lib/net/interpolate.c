@@ -1,7 +1,7 @@
 /* Resizing. */
 #include <limits.h>
 
-#include "core/round.h"
+#include "core/alloc.h"
 #include "launch/net_planes.h"
 #include "launch/net_resize.h"
 #include "net/layer_launch.h"

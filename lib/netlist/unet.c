@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/options.h"
+#include "core/callers.h"
 #include "netlist/presets.h"
 
 enum { MOST_LEVELS = 16, MOST_CONVS = 16 };

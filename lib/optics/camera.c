@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "core/error.h"
-#include "core/options.h"
+#include "core/callers.h"
 
 void hada_camera_defaults(hada_camera *camera, size_t size)
 {

@@ -3,7 +3,7 @@
 #include <math.h>
 
 #include "core/error.h"
-#include "core/options.h"
+#include "core/callers.h"
 #include "optics/mask.h"
 
 typedef struct range {

@@ -8,7 +8,7 @@
 
 #include "core/error.h"
 #include "core/input.h"
-#include "core/options.h"
+#include "core/callers.h"
 #include "core/outfile.h"
 #include "optics/mask.h"
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "core/options.h"
+#include "core/callers.h"
 #include "launch/optics_sensor.h"
 #include "optics/simulator.h"
 

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "core/monitor.h"
+#include "core/callers.h"
 #include "core/random.h"
 #include "optics/mask.h"
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "core/monitor.h"
+#include "core/callers.h"
 #include "optics/psf_rays.h"
 
 #define RAYS_ACROSS_LENS 24   /* at least */

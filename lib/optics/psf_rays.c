@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "core/monitor.h"
+#include "core/callers.h"
 #include "optics/psf_rays.h"
 
 #define RAY_STEP_PIXELS 0.35 /* between neighbours on the sensor, about, at most */

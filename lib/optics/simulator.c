@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "core/options.h"
+#include "core/callers.h"
 #include "optics/mask.h"
 
 #define PATCH_PIXELS 2.0 /* docs/forward.md says what that leaves */

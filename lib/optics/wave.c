@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "core/options.h"
+#include "core/callers.h"
 
 /* Where nothing is chosen: below the rounding of frames of 8 bits (docs/optics.md). */
 #define STRAY 0.002

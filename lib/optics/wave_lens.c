@@ -6,7 +6,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "core/monitor.h"
+#include "core/callers.h"
 #include "optics/wave.h"
 
 #define PI                3.14159265358979323846

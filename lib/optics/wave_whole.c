@@ -6,7 +6,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "core/monitor.h"
+#include "core/callers.h"
 #include "optics/wave.h"
 
 #define STRAY_FACTOR 9.8696044 /* pi^2: see wave_lens.c */

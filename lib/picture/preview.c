@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "core/options.h"
+#include "core/callers.h"
 #include "io/text.h"
 #include "picture/colormap.h"
 #include "picture/drawing.h"

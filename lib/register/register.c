@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/options.h"
+#include "core/callers.h"
 #include "register/register_search.h"
 
 /* The best orientation must explain this many times as much (in log residual) as the second best, and this much. */

@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "core/monitor.h"
+#include "core/callers.h"
 
 #define RADIANS (3.14159265358979323846 / 180.0) /* a degree */
 

@@ -5,7 +5,6 @@
 #include <sys/mman.h>
 
 #include "core/alloc.h"
-#include "core/round.h"
 
 #define HUGE_PAGE ((size_t)2 << 20)
 

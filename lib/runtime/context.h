@@ -1,4 +1,5 @@
-/* A context: its device, its OpenCL context, its quirks, its log and its books. open.c makes it. Internal. */
+/* A context: its device, its OpenCL context, its quirks, its log and its count of memory; and the list of devices.
+ * Internal. */
 #ifndef HADA_RUNTIME_CONTEXT_H
 #define HADA_RUNTIME_CONTEXT_H
 
@@ -56,5 +57,38 @@ struct hada_context {
 
 /* Sends a message to the context's log function, when its level is asked for. */
 void hada_log(const hada_context *context, hada_log_level level, const char *format, ...) HADA_PRINTF(3, 4);
+
+/* A device of a platform. All devices of all platforms are listed in a fixed order. */
+typedef struct hada_platform_device {
+    cl_platform_id platform;
+    cl_device_id device;
+} hada_platform_device;
+
+/* *out is freed with free(). */
+hada_status hada_platform_devices(hada_platform_device **out, size_t *count, hada_error *err);
+
+/* Fills info for a device. */
+hada_status hada_device_describe(cl_platform_id platform, cl_device_id device, int index, hada_device_info *info,
+                                 hada_error *err);
+
+/* Looks the device up in the table of quirks; also writes the reasons into info->quirks. */
+void hada_quirks_find(hada_device_info *info, hada_quirks *quirks);
+
+/* A part of a device as a device of its own; never released: whoever asks again gets the same. */
+hada_status hada_device_divide(cl_device_id device, const hada_device_info *info, int part, int parts,
+                               cl_device_id *out, hada_error *err);
+
+/* Reads and cuts off ":PART/PARTS" at the end of words for a device; part and parts stay as they are where there is
+ * none. */
+hada_status hada_device_part(char *words, int *part, int *parts, hada_error *err);
+
+/* The index in `infos` that `words` means: an index, a kind, or a part of a name; NULL or "": the first GPU, else the
+ * first accelerator when binaries are at hand, else the first CPU, else the first of all. */
+hada_status hada_device_choose(const hada_device_info *infos, size_t count, const char *words, int have_binaries,
+                               size_t *out, hada_error *err);
+
+/* Integer sums through local memory and barriers, complex products in vector lanes, half as storage: all exact.
+ * HADA_ERROR_SELF_TEST names what came out wrong. */
+hada_status hada_self_test(hada_context *context, hada_error *err);
 
 #endif

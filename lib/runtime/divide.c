@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "runtime/platform.h"
+#include "runtime/context.h"
 
 /* Whether the device can be divided in a way. */
 static int can(cl_device_id device, cl_device_partition_property way)

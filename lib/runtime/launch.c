@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "core/monitor.h"
+#include "core/callers.h"
 #include "runtime/profile.h"
 
 int hada_program_find(const hada_kernel_file *file, const int *values)

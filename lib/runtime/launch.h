@@ -7,7 +7,7 @@
 #ifndef HADA_RUNTIME_LAUNCH_H
 #define HADA_RUNTIME_LAUNCH_H
 
-#include "core/round.h"
+#include "core/alloc.h"
 #include "runtime/program.h"
 #include "runtime/slot.h"
 

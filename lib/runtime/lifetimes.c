@@ -3,7 +3,6 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "core/round.h"
 
 /* What is known of a piece while the plan is made. */
 typedef struct placed {

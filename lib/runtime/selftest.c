@@ -1,4 +1,4 @@
-#include "runtime/selftest.h"
+#include "runtime/context.h"
 
 #include <string.h>
 

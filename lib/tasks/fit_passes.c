@@ -3,9 +3,8 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "core/callers.h"
 #include "core/clock.h"
-#include "core/communicator.h"
-#include "core/monitor.h"
 #include "io/folder.h"
 
 /* The fitter scores so many pairs in all, and two of each depth where there are many (hada_fitter_score()). */

@@ -4,7 +4,7 @@
 #include <time.h>
 
 #include "core/alloc.h"
-#include "core/monitor.h"
+#include "core/callers.h"
 #include "io/folder.h"
 
 /* Between two looks at a job and at the caller's wish to stop; the queues have other frames to do meanwhile. */

@@ -6,9 +6,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "core/callers.h"
 #include "core/input.h"
-#include "core/monitor.h"
-#include "core/options.h"
 #include "dataset/dataset.h"
 #include "io/folder.h"
 #include "io/text.h"

@@ -4,7 +4,7 @@
 
 #include <hadalens/task_simulate.h>
 
-#include "core/monitor.h"
+#include "core/callers.h"
 #include "tasks/scene_source.h"
 #include "tasks/test_surface.h"
 

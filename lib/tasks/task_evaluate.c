@@ -3,8 +3,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "core/monitor.h"
-#include "core/options.h"
+#include "core/callers.h"
 #include "io/folder.h"
 #include "tasks/evaluate_compare.h"
 #include "tasks/evaluate_pages.h"

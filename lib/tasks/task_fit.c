@@ -5,9 +5,7 @@
 #include <unistd.h>
 
 #include "core/alloc.h"
-#include "core/communicator.h"
-#include "core/monitor.h"
-#include "core/options.h"
+#include "core/callers.h"
 #include "fit/sums_file.h"
 #include "io/folder.h"
 #include "tasks/fit_passes.h"

@@ -5,8 +5,7 @@
 #include <hadalens/tiff.h>
 #include <stdlib.h>
 
-#include "core/monitor.h"
-#include "core/options.h"
+#include "core/callers.h"
 #include "io/folder.h"
 #include "io/text.h"
 #include "optics/mask.h"

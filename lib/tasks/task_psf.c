@@ -5,9 +5,9 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "core/options.h"
+#include "core/callers.h"
 #include "io/folder.h"
-#include "io/tiff_read.h"
+#include "io/tiff_page.h"
 #include "tasks/fit_passes.h"
 
 void hada_psf_task_defaults(hada_psf_task *task, size_t size)

@@ -5,9 +5,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "core/communicator.h"
-#include "core/monitor.h"
-#include "core/options.h"
+#include "core/callers.h"
 #include "dispatch/plan.h"
 #include "io/folder.h"
 #include "tasks/frame_outputs.h"

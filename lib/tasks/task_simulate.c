@@ -2,7 +2,7 @@
 #include <math.h>
 
 #include "core/error.h"
-#include "core/options.h"
+#include "core/callers.h"
 #include "io/folder.h"
 #include "tasks/simulate_write.h"
 

@@ -3,8 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "core/monitor.h"
-#include "core/options.h"
+#include "core/callers.h"
 #include "io/folder.h"
 #include "tasks/fit_passes.h"
 #include "tasks/train_loop.h"

@@ -10,7 +10,7 @@
 #include "core/alloc.h"
 #include "core/error.h"
 #include "core/input.h"
-#include "core/sync.h"
+#include "core/outfile.h"
 #include "io/folder.h"
 #include "io/text.h"
 

@@ -4,8 +4,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "core/callers.h"
 #include "core/clock.h"
-#include "core/monitor.h"
 #include "io/folder.h"
 #include "tasks/train_pictures.h"
 

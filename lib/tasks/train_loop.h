@@ -2,7 +2,7 @@
 #ifndef HADA_TASKS_TRAIN_LOOP_H
 #define HADA_TASKS_TRAIN_LOOP_H
 
-#include "core/communicator.h"
+#include "core/callers.h"
 #include "tasks/train_log.h"
 
 /* A training that is set up. */

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "core/options.h"
+#include "core/callers.h"
 #include "core/random.h"
 
 void hada_augment_defaults(hada_augment *augment, size_t size)

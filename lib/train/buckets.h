@@ -3,7 +3,7 @@
 #ifndef HADA_TRAIN_BUCKETS_H
 #define HADA_TRAIN_BUCKETS_H
 
-#include "core/communicator.h"
+#include "core/callers.h"
 #include "train/parameters.h"
 
 /* Floats of a bucket, at least: what an exchange costs beside its bytes is little then. */

@@ -91,7 +91,7 @@ static hada_status put_number(hada_tensors_writer *writer, const char *key, uint
 
 static hada_status put_metadata(hada_trainer *trainer, hada_tensors_writer *writer, hada_error *err)
 {
-    const hada_progress *progress = &trainer->progress;
+    const hada_train_progress *progress = &trainer->progress;
     fact facts[NUMBERS];
     char *net = NULL, *discriminator = NULL, share[32];
     int count;
@@ -328,7 +328,7 @@ static hada_status check_file(hada_trainer *trainer, hada_tensors *file, place *
 /* Everything is checked before anything changes. */
 static hada_status take(hada_trainer *trainer, hada_tensors *file, hada_error *err)
 {
-    hada_progress *progress = &trainer->progress;
+    hada_train_progress *progress = &trainer->progress;
     hada_snapshot *snapshot = &trainer->snapshot;
     place at = {0};
     HADA_TRY(check_file(trainer, file, &at, err));

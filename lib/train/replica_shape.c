@@ -3,7 +3,6 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "core/round.h"
 #include "filter/hadamard.h"
 #include "kernels/shared_train.h"
 #include "net/enhance.h"

@@ -4,9 +4,9 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "core/communicator.h"
+#include "core/callers.h"
 
-hada_status hada_snapshot_create(hada_snapshot *snapshot, hada_workers *workers, const hada_progress *progress,
+hada_status hada_snapshot_create(hada_snapshot *snapshot, hada_workers *workers, const hada_train_progress *progress,
                                  hada_error *err)
 {
     const size_t groups = (size_t)workers->groups;
@@ -119,7 +119,7 @@ static hada_status agree(hada_snapshot *snapshot, hada_workers *workers, int gro
     return HADA_OK;
 }
 
-hada_status hada_snapshot_take(hada_snapshot *snapshot, hada_workers *workers, const hada_progress *progress,
+hada_status hada_snapshot_take(hada_snapshot *snapshot, hada_workers *workers, const hada_train_progress *progress,
                                hada_error *err)
 {
     for (int g = 0; g < workers->groups; g++) {
@@ -140,7 +140,7 @@ hada_status hada_snapshot_give(const hada_snapshot *snapshot, hada_workers *work
     return hada_workers_write(workers, group, snapshot->values[group], snapshot->states[group], err);
 }
 
-hada_status hada_snapshot_restore(hada_snapshot *snapshot, hada_workers *workers, hada_progress *progress,
+hada_status hada_snapshot_restore(hada_snapshot *snapshot, hada_workers *workers, hada_train_progress *progress,
                                   hada_error *err)
 {
     for (int g = 0; g < workers->groups; g++) {

@@ -5,13 +5,13 @@
 #include "train/workers.h"
 
 /* Where training stands, beside the values. */
-typedef struct hada_progress {
+typedef struct hada_train_progress {
     uint64_t step;         /* steps done */
     uint64_t place;        /* places of the order that were passed */
     uint64_t *group_steps; /* updates of each group */
     int halvings;          /* of the rates: one for each rollback */
     int bad;               /* rollbacks since the last good step */
-} hada_progress;
+} hada_train_progress;
 
 typedef struct hada_snapshot {
     uint64_t step;
@@ -21,14 +21,14 @@ typedef struct hada_snapshot {
     int groups;
 } hada_snapshot;
 
-hada_status hada_snapshot_create(hada_snapshot *snapshot, hada_workers *workers, const hada_progress *progress,
+hada_status hada_snapshot_create(hada_snapshot *snapshot, hada_workers *workers, const hada_train_progress *progress,
                                  hada_error *err);
 void hada_snapshot_free(hada_snapshot *snapshot);
 
 /* Dirty groups, and progress. */
-hada_status hada_snapshot_take(hada_snapshot *snapshot, hada_workers *workers, const hada_progress *progress,
+hada_status hada_snapshot_take(hada_snapshot *snapshot, hada_workers *workers, const hada_train_progress *progress,
                                hada_error *err);
-hada_status hada_snapshot_restore(hada_snapshot *snapshot, hada_workers *workers, hada_progress *progress,
+hada_status hada_snapshot_restore(hada_snapshot *snapshot, hada_workers *workers, hada_train_progress *progress,
                                   hada_error *err);
 
 /* Gives the snapshot's values and states of a group to all workers. */

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "core/options.h"
+#include "core/callers.h"
 #include "net/optimizer.h"
 #include "netlist/net_list.h"
 #include "train/augment.h"

@@ -3,7 +3,7 @@
 #include <hadalens/response.h>
 #include <string.h>
 
-#include "core/options.h"
+#include "core/callers.h"
 #include "core/random.h"
 
 void hada_pairs_defaults(hada_pairs *pairs, size_t size)

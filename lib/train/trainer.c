@@ -4,9 +4,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "core/communicator.h"
-#include "core/options.h"
-#include "core/round.h"
+#include "core/callers.h"
 #include "model/model.h"
 
 /* What is kept of pairs, held-out ones included, and of what VGG-16 makes of them. */

@@ -1,7 +1,7 @@
 /* The inside of a trainer: its modules, composed. Internal.
  *
  * A step is made of waves: each worker takes up to at_once samples of a wave, in a thread of its own where there are
- * several; ranks share the pairs of a step, each with waves of its own. What a checkpoint holds is hada_progress, the
+ * several; ranks share the pairs of a step, each with waves of its own. What a checkpoint holds is hada_train_progress, the
  * values, and the optimiser's states. */
 #ifndef HADA_TRAIN_TRAINER_H
 #define HADA_TRAIN_TRAINER_H
@@ -33,7 +33,7 @@ struct hada_trainer {
     hada_feed *feed;  /* NULL: to be started at progress.place */
     hada_fed **fed;   /* of the wave */
     int first, share; /* this rank's pairs of a step, of options.batch */
-    hada_progress progress;
+    hada_train_progress progress;
     hada_snapshot snapshot;
 };
 

@@ -4,9 +4,8 @@
 #include <string.h>
 
 #include "core/alloc.h"
+#include "core/callers.h"
 #include "core/clock.h"
-#include "core/communicator.h"
-#include "core/options.h"
 #include "train/exchange.h"
 #include "train/trainer.h"
 
@@ -241,7 +240,7 @@ static hada_status update(hada_trainer *trainer, int discriminator_only, double 
 {
     const hada_train_options *options = &trainer->options;
     hada_workers *workers = &trainer->workers;
-    hada_progress *progress = &trainer->progress;
+    hada_train_progress *progress = &trainer->progress;
     trainer->snapshot.dirty[HADA_GROUP_NET] = 1;
     for (int g = 0; g < workers->groups; g++) {
         if (!takes_part(trainer, g, discriminator_only))
@@ -265,7 +264,7 @@ static hada_status update(hada_trainer *trainer, int discriminator_only, double 
 
 static hada_status roll_back(hada_trainer *trainer, hada_step_report *report, hada_error *err)
 {
-    hada_progress *progress = &trainer->progress;
+    hada_train_progress *progress = &trainer->progress;
     const uint64_t at = progress->step + 1;
     hada_status status = HADA_OK;
     HADA_TRY(hada_snapshot_restore(&trainer->snapshot, &trainer->workers, progress, err));
@@ -303,7 +302,7 @@ static void fill_report(const hada_trainer *trainer, const hada_terms *terms, in
 
 static hada_status step(hada_trainer *trainer, hada_step_report *report, hada_error *err)
 {
-    hada_progress *progress = &trainer->progress;
+    hada_train_progress *progress = &trainer->progress;
     const int discriminator_only = progress->step < trainer->options.discriminator_steps;
     const double share = ldexp(hada_train_rate(&trainer->options, progress->step), -progress->halvings);
     hada_terms terms = {0};

@@ -5,8 +5,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "core/communicator.h"
-#include "core/options.h"
+#include "core/callers.h"
 #include "train/trainer.h"
 
 /* A held-out pair's raw frame where it is wanted, its example, and what the parameters make of it. */

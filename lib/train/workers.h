@@ -6,7 +6,7 @@
 #ifndef HADA_TRAIN_WORKERS_H
 #define HADA_TRAIN_WORKERS_H
 
-#include "core/communicator.h"
+#include "core/callers.h"
 #include "train/examples.h"
 #include "train/planes.h"
 #include "train/replica.h"

@@ -1,5 +1,5 @@
 #include "check_fit.h"
-#include "core/round.h"
+#include "core/alloc.h"
 
 static void make_room(check_state *state, check_fit *fit)
 {

@@ -6,7 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "runtime/store.h"
+#include "runtime/program.h"
 #include "testing.h"
 
 enum { PROCESSES = 3 };

@@ -14,7 +14,7 @@
 #include "io/tiff_meta.h"
 #include "netlist/net_list.h"
 #include "option.h"
-#include "runtime/store.h"
+#include "runtime/program.h"
 #include "runtime/tuning.h"
 #include "tasks/train_log.h"
 

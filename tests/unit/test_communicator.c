@@ -3,7 +3,7 @@
 #include <math.h>
 #include <pthread.h>
 
-#include "core/communicator.h"
+#include "core/callers.h"
 #include "testing.h"
 
 enum { MOST = 5, COUNT = 1003 };

@@ -6,9 +6,8 @@
 #include "launch/filter_clip.h"
 #include "launch/selftest.h"
 #include "runtime/buffer.h"
-#include "runtime/platform.h"
+#include "runtime/context.h"
 #include "runtime/program.h"
-#include "runtime/store.h"
 #include "testing.h"
 
 static void folder_make(char *path)

@@ -8,7 +8,7 @@
 
 #include "io/safetensors.h"
 #include "io/tiff_meta.h"
-#include "io/tiff_read.h"
+#include "io/tiff_page.h"
 #include "io_testing.h"
 
 #ifdef HADALENS_SANITIZED

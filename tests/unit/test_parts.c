@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "runtime/buffer.h"
-#include "runtime/platform.h"
+#include "runtime/context.h"
 #include "testing.h"
 
 static void reads_words(void **state)

@@ -5,9 +5,9 @@
 #include <tiffio.h>
 
 #include "core/outfile.h"
-#include "io/tiff_chain.h"
 #include "io/tiff_meta.h"
-#include "io/tiff_stack_write.h"
+#include "io/tiff_page.h"
+#include "io/tiff_write.h"
 #include "io_testing.h"
 
 enum { ROWS = 5, COLS = 6, AREA = ROWS * COLS };

@@ -2,11 +2,11 @@
  * all images without gaps, then the directories of the other pages. libtiff cannot write that order, and readers rely
  * on it: ImageJ and tifffile take the pixels behind the first image as the next ones, without looking at the other
  * directories. All places are known beforehand, so pixels are streamed. Internal. */
-#ifndef HADA_IO_TIFF_STACK_WRITE_H
-#define HADA_IO_TIFF_STACK_WRITE_H
+#ifndef HADA_IO_TIFF_WRITE_H
+#define HADA_IO_TIFF_WRITE_H
 
 #include "core/outfile.h"
-#include "io/tiff_text.h"
+#include "io/tiff_meta.h"
 
 typedef struct hada_stack_layout {
     int big; /* BigTIFF */

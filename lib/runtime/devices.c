@@ -1,10 +1,11 @@
 /* Listing devices and describing them. */
+#include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/alloc.h"
-#include "runtime/platform.h"
+#include "runtime/context.h"
 
 const char *hada_device_kind_name(hada_device_kind kind)
 {
@@ -205,4 +206,142 @@ void hada_device_list_destroy(hada_device_list **list)
         return;
     free(*list);
     *list = NULL;
+}
+
+/* Which device the user's words mean. */
+
+static int contains(const char *text, const char *part)
+{
+    size_t n = strlen(part);
+    for (; *text; text++) {
+        size_t i = 0;
+        while (i < n && text[i] && tolower((unsigned char)text[i]) == tolower((unsigned char)part[i]))
+            i++;
+        if (i == n)
+            return 1;
+    }
+    return 0;
+}
+
+static int first_of_kind(const hada_device_info *infos, size_t count, hada_device_kind kind, size_t *out)
+{
+    for (size_t i = 0; i < count; i++)
+        if (infos[i].kind == kind) {
+            *out = i;
+            return 1;
+        }
+    return 0;
+}
+
+static hada_status unknown_device(const hada_device_info *infos, size_t count, const char *words, hada_error *err)
+{
+    char list[700] = "";
+    size_t used = 0;
+    for (size_t i = 0; i < count && used < sizeof list; i++) {
+        int n = snprintf(list + used, sizeof list - used, "%s%zu (%s, %s)", i ? "; " : "", i,
+                         hada_device_kind_name(infos[i].kind), infos[i].name);
+        used += n > 0 ? (size_t)n : 0;
+    }
+    return hada_fail(err, HADA_ERROR_DEVICE_CHOICE,
+                     "no device matches '%s'; give an index, cpu, gpu, accelerator, or a part of a name. There are: %s",
+                     words, list);
+}
+
+hada_status hada_device_choose(const hada_device_info *infos, size_t count, const char *words, int have_binaries,
+                               size_t *out, hada_error *err)
+{
+    if (!words || !*words) {
+        if (first_of_kind(infos, count, HADA_DEVICE_GPU, out) ||
+            (have_binaries && first_of_kind(infos, count, HADA_DEVICE_ACCELERATOR, out)) ||
+            first_of_kind(infos, count, HADA_DEVICE_CPU, out))
+            return HADA_OK;
+        *out = 0;
+        return HADA_OK;
+    }
+    char *end;
+    long index = strtol(words, &end, 10);
+    if (!*end) {
+        if (index < 0 || (size_t)index >= count)
+            return unknown_device(infos, count, words, err);
+        *out = (size_t)index;
+        return HADA_OK;
+    }
+    for (int kind = HADA_DEVICE_CPU; kind <= HADA_DEVICE_OTHER; kind++)
+        if (strlen(words) == strlen(hada_device_kind_name((hada_device_kind)kind)) &&
+            contains(words, hada_device_kind_name((hada_device_kind)kind)))
+            return first_of_kind(infos, count, (hada_device_kind)kind, out) ? HADA_OK
+                                                                            : unknown_device(infos, count, words, err);
+    for (size_t i = 0; i < count; i++)
+        if (contains(infos[i].name, words) || contains(infos[i].platform, words) || contains(infos[i].vendor, words)) {
+            *out = i;
+            return HADA_OK;
+        }
+    return unknown_device(infos, count, words, err);
+}
+
+/* What is done differently on which device, and why: data, in one place. Rows add up; a row applies when each of its
+ * words stands in the device's platform, name or vendor and its kind fits. */
+
+typedef struct quirk_row {
+    const char *platform, *name; /* NULL: any */
+    int kind;                    /* hada_device_kind, 0: any */
+    hada_quirks set;
+    const char *reason;
+} quirk_row;
+
+static const quirk_row rows[] = {
+    {NULL,
+     NULL,
+     HADA_DEVICE_CPU,
+     {.host_pages = 1},
+     "buffers in huge-page host memory: large transforms run up to 1.6 times faster"},
+    {"Portable Computing Language",
+     NULL,
+     0,
+     {.own_disk_cache = 1},
+     "PoCL caches what it compiles itself, and compiles all again for a binary: our disk cache stays off"},
+    {"NVIDIA",
+     NULL,
+     HADA_DEVICE_GPU,
+     {.own_disk_cache = 1},
+     "the driver caches programs itself and its binary is PTX: our disk cache stays off"},
+    {"Oclgrind",
+     NULL,
+     0,
+     {.avoid_clfft = 1, .own_disk_cache = 1},
+     "clFFT shows formal races under Oclgrind and its binaries are not kept: own transforms, no cache"},
+    {"rusticl", NULL, 0, {.avoid_clfft = 1}, "own transforms: clFFT is not tested on Mesa"},
+    {"Clover", NULL, 0, {.avoid_clfft = 1}, "own transforms: clFFT is not tested on Mesa"},
+    {NULL,
+     NULL,
+     HADA_DEVICE_ACCELERATOR,
+     {.avoid_clfft = 1, .stated_local = 1},
+     "clFFT writes source at run time, which an FPGA cannot compile: own transforms; compilers for FPGAs lay local memory "
+     "out: 64 KiB of it serve at most"},
+};
+
+static int has(const char *word, const char *a, const char *b)
+{
+    return !word || strstr(a, word) || strstr(b, word);
+}
+
+void hada_quirks_find(hada_device_info *info, hada_quirks *quirks)
+{
+    size_t used = 0;
+    *quirks = (hada_quirks){.build_options = ""};
+    info->quirks[0] = '\0';
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        const quirk_row *row = &rows[i];
+        if (!has(row->platform, info->platform, info->vendor) || !has(row->name, info->name, info->name) ||
+            (row->kind && row->kind != (int)info->kind))
+            continue;
+        quirks->own_disk_cache |= row->set.own_disk_cache;
+        quirks->avoid_clfft |= row->set.avoid_clfft;
+        quirks->host_pages |= row->set.host_pages;
+        quirks->stated_local |= row->set.stated_local;
+        if (row->set.build_options)
+            quirks->build_options = row->set.build_options;
+        int n = snprintf(info->quirks + used, sizeof info->quirks - used, "%s%s", used ? "; " : "", row->reason);
+        used += n > 0 && (size_t)n < sizeof info->quirks - used ? (size_t)n : 0;
+    }
 }

@@ -1,8 +1,8 @@
 #include <hadalens/metrics.h>
 #include <math.h>
 
-#include "core/error.h"
 #include "core/callers.h"
+#include "core/error.h"
 
 double hada_depth_index(const double *distances_mm, int count, double distance_mm)
 {

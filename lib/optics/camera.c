@@ -3,8 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/error.h"
 #include "core/callers.h"
+#include "core/error.h"
 
 void hada_camera_defaults(hada_camera *camera, size_t size)
 {

@@ -2,8 +2,8 @@
 #include <hadalens/camera.h>
 #include <math.h>
 
-#include "core/error.h"
 #include "core/callers.h"
+#include "core/error.h"
 #include "optics/mask.h"
 
 typedef struct range {

@@ -6,9 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/callers.h"
 #include "core/error.h"
 #include "core/input.h"
-#include "core/callers.h"
 #include "core/outfile.h"
 #include "optics/mask.h"
 

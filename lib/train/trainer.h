@@ -1,8 +1,8 @@
 /* The inside of a trainer: its modules, composed. Internal.
  *
  * A step is made of waves: each worker takes up to at_once samples of a wave, in a thread of its own where there are
- * several; ranks share the pairs of a step, each with waves of its own. What a checkpoint holds is hada_train_progress, the
- * values, and the optimiser's states. */
+ * several; ranks share the pairs of a step, each with waves of its own. What a checkpoint holds is hada_train_progress,
+ * the values, and the optimiser's states. */
 #ifndef HADA_TRAIN_TRAINER_H
 #define HADA_TRAIN_TRAINER_H
 

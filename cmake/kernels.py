@@ -5,7 +5,7 @@
 writes OUT/kernels.c (text with includes flattened and without comments, programs, what each kernel takes); for each
 kernels/FILE.cl OUT/launch/FILE.h: a struct of named arguments for each kernel, read from its own declaration, and a
 macro that launches it and compiles with exactly these arguments; and copies of kernels/shared_*.h, the only headers of
-kernels/ that the host sees, to OUT/kernels. docs/add-an-operation.md shows how they are used.
+kernels/ that the host sees, to OUT/kernels. CONTRIBUTING.md shows how they are used.
 """
 import re
 import sys

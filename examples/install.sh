@@ -5,7 +5,7 @@ hadalens_install() {
         libcairo2-dev libjansson-dev libxxhash-dev libpopt-dev"
     local missing="" package root=""
     if ! command -v dpkg-query >/dev/null; then
-        echo "This is not Debian or Ubuntu: docs/dependencies.md lists what has to be installed."
+        echo "This is not Debian or Ubuntu: docs/start/install.md lists what has to be installed."
         return 0
     fi
     # any OpenCL driver serves; without one, PoCL runs on the CPU

@@ -6,7 +6,7 @@
  *   ./see_through FOLDER [SEED]
  *
  * Prints PSNR in the region of the hidden picture, and writes pictures into FOLDER, which must exist. Another seed has
- * other lens places, another picture and other noise. docs/forward.md tells how it works. */
+ * other lens places, another picture and other noise. docs/explanation/simulation.md tells how it works. */
 #include <hadalens/hadalens.h>
 #include <math.h>
 #include <stdio.h>

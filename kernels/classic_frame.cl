@@ -3,7 +3,7 @@
  *     residual: y = b - y
  *     split:    e = number (b - s - 2 y), s = -e - y, y = e          ADMM; number = 1 / (1 + mu)
  * The last is the split v = sum PSF * x that meets the data (unknown boundaries): with its scaled dual d, v minimises
- * |b - v|^2 + mu |v - y - d|^2, and s = d - v is all that has to be kept: docs/rivals.md.
+ * |b - v|^2 + mu |v - y - d|^2, and s = d - v is all that has to be kept: docs/explanation/mathematics.md.
  * Dimensions: slices of pixels, channels. */
 #include "inc_classic.h"
 #include "shared_classic.h"

@@ -1,6 +1,7 @@
 /* Convolution, transposed or not, for work-groups with tensor cores: the implicit matrix product of conv_group.cl, each
- * float split into two values of TF32, of whose four products the three largest are added up (docs/convolution.md has
- * the error). Arguments, dimensions, packed weights, steps, parts and local memory are those of conv_group.cl.
+ * float split into two values of TF32, of whose four products the three largest are added up
+ * (docs/explanation/speed-and-accuracy.md has the error). Arguments, dimensions, packed weights, steps, parts and local
+ * memory are those of conv_group.cl.
  *
  * A warp takes 64 pixels times 32 output channels. Pixels are the rows of A. Input channels 2 k and 2 k + 1 of a step
  * are its columns k and k + 4, so that an item reads both at once; output channels 4 n + j of the warp are the columns

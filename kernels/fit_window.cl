@@ -1,6 +1,6 @@
 /* Filters by the error in the window: conjugate gradients on T = P^-1 (N + D), where P is what stands under the exact
  * fit's fraction, D the same without the depth's own |B|^2, and N v = sum over pairs of conj(B) F crop F^-1(B v)
- * (docs/filters.md). split: real and imaginary parts by themselves, as everywhere.
+ * (docs/explanation/learning-a-camera.md). split: real and imaginary parts by themselves, as everywhere.
  *
  * Spectra stand one channel after the other. Sums over frequencies are partial sums over HADA_FIT_CHUNK vectors of
  * eight that the host adds in order. */

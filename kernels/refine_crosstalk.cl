@@ -1,5 +1,5 @@
 /* Crosstalk: a small part of the light of one depth that refinement leaves in the planes of others. Where a plane is
- * dark beside another one, its light goes to the brightest (docs/refinement.md):
+ * dark beside another one, its light goes to the brightest (docs/explanation/refinement.md):
  *
  *     w[z] = (1 + k^4) r^4 / (r^4 + k^4),   r = m[z] / max over z of m
  *     x[z] w[z], and sum over z of (1 - w[z]) x[z] to the plane of the largest m, of equals the first

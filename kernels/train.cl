@@ -1,5 +1,5 @@
-/* What training does beside transforms and nets (docs/training.md): gradients of Hadamard filters, the squared error of
- * planes, the gradient of clipping. */
+/* What training does beside transforms and nets (docs/explanation/nets.md): gradients of Hadamard filters, the squared
+ * error of planes, the gradient of clipping. */
 #include "inc_vectors.h"
 #include "shared_train.h"
 

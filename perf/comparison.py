@@ -3,12 +3,13 @@
 classic methods get the designer's own PSFs, the best case for them, and the learned ones), and real captures where
 folders are given. Weights of total variation are chosen for the best PSNR on a frame that is not scored.
    perf/comparison.py [--build build/release] [--scenes FOLDER --test-scenes FOLDER] [--pairs FOLDER] [--hand FOLDER]
-                      [--out docs/comparison.md] [--pictures docs/pictures] [--preset sim300] [--frames 6]
+                      [--out perf/results/comparison.md] [--pictures docs/pictures] [--preset sim300] [--frames 6]
                       [--only flat,two-depths,crop-flat,crop-two-depths,encoded-flat,surfaces,pairs,hand]
 --pairs: a data set of real pairs, each left out in turn. --hand: psf_sample.tif and rawdata_hand_sample.tif.
 --only: some of the sections. Needs NumPy and tifffile."""
 import argparse
 import json
+import os
 import pathlib
 import re
 import shutil
@@ -40,6 +41,8 @@ parser.add_argument("--pictures", default="")
 o = parser.parse_args()
 hadalens = f"{o.build}/bindings/cli/hadalens"
 MARK = "<!-- below this line: perf/comparison.py -->"
+# where the pictures are, seen from the page
+shown_at = os.path.relpath(o.pictures or ".", pathlib.Path(o.out or "x").parent)
 WEIGHTS = ["0.0001", "0.0003", "0.001", "0.003", "0.01"]
 lines = []
 
@@ -142,7 +145,7 @@ def simulated(title, camera, models, name, short=False):
             shown.append(picture(folder / "first" / f"{files[0].stem}_aif.tif"))
     shown.append(picture(truth / f"{files[0].stem}_aif.tif"))
     sheet(f"comparison-{name}.png", shown, 192)
-    say(f"\n![{title}](pictures/comparison-{name}.png)\n")
+    say(f"\n![{title}]({shown_at}/comparison-{name}.png)\n")
     classic = "" if short else "Wiener, Richardson-Lucy, FISTA non-negative, FISTA with TV, "
     say("In rows: the raw frame, learned filters, learned and refined, " + ("the same enhanced, " if enhanced else "") + classic +
         "ADMM with TV (designed OTF, all depths), the truth. All-in-focus images of the first frame.")
@@ -166,7 +169,7 @@ def surfaces():
     subprocess.run([str(w) for w in words], check=True, stdout=subprocess.DEVNULL)
     say("\n## Scenes on surfaces, a sensor that crops (crop300)")
     for line in (folder / "surface.md").read_text().split("-->")[1].splitlines()[2:]:
-        say(re.sub(r"\]\(.*/surface-", "](pictures/surface-", line.replace("## ", "### ")))
+        say(re.sub(r"\]\(.*/surface-", f"]({shown_at}/surface-", line.replace("## ", "### ")))
 
 
 def real_pairs(source):
@@ -207,7 +210,7 @@ def real_pairs(source):
     for method, (values, weight, seconds) in scores.items():
         say(f"| {method}{', ' + weight if weight else ''} | learned | {np.mean(values):.2f} | {1e3 * np.median(seconds):.0f} |")
     sheet("comparison-pairs.png", [shown[0], *shown[1:]], 192)
-    say("\n![Real pairs](pictures/comparison-pairs.png)\n")
+    say(f"\n![Real pairs]({shown_at}/comparison-pairs.png)\n")
     say("In rows: the raw frame, learned filters, what the fit chose, Wiener, Richardson-Lucy, FISTA non-negative, FISTA with "
         "TV, ADMM with TV, the truth, of the first pair. The weight of TV is the best for that pair.")
 
@@ -228,7 +231,7 @@ def real_hand(source):
         if method != FEW:
             panels.append(image / np.percentile(image, 99.9))
     sheet("comparison-hand.png", panels, 256)
-    say("\n![The hand](pictures/comparison-hand.png)\n")
+    say(f"\n![The hand]({shown_at}/comparison-hand.png)\n")
     say("In rows: the raw frame, refinement, Wiener, Richardson-Lucy, FISTA non-negative, FISTA with TV, ADMM with TV "
         "(weight 0.001). There is no truth to score against; each is shown at its own scale.")
 

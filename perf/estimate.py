@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The time that a frame should take on a device that is not at hand, from what it asks of one (docs/bench.md).
+"""The time that a frame should take on a device that is not at hand, from what it asks of one (docs/reference/measures.md).
 
     estimate.py BENCH.json [--device h100] [--launch US] [--wait US] [--link GB/S] [--copy GB/S] [--flops TFLOP/S]
 

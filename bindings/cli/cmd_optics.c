@@ -133,7 +133,7 @@ const hada_cli_command hada_cli_optics = {
         "FOLDER holds depths.csv (magnification, defocus, diffraction, resolution, occupancy), mtf.csv (modulation "
         "transfer), self_correlation.csv, correlation.csv (of PSFs at different distances), the same as figures "
         "(.svg), psf.tif and psf_z<distance>mm.png, mask.png, lenses.csv (where they stand) and camera.json. "
-        "docs/optics.md says what each number means.\n\n"
+        "docs/explanation/simulation.md says what each number means.\n\n"
         "camera.json serves 'simulate --camera'.",
     .options = options,
     .examples = examples,

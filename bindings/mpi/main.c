@@ -1,4 +1,4 @@
-/* hadalens-mpi: the command line for several ranks, which share a command (docs/scale.md). */
+/* hadalens-mpi: the command line for several ranks, which share a command (docs/how-to/use-several-machines.md). */
 #include "cli.h"
 #include "mpi_communicator.h"
 

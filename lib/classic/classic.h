@@ -1,7 +1,7 @@
 /* The classic methods: planes that together explain a frame, by other people's iterations. Internal.
  *
- * hadalens/classic.h says what they minimise, docs/rivals.md how each iteration goes. Images stand with rows of a pitch
- * that is a multiple of 8 floats. */
+ * hadalens/classic.h says what they minimise, docs/explanation/mathematics.md how each iteration goes. Images stand
+ * with rows of a pitch that is a multiple of 8 floats. */
 #ifndef HADA_CLASSIC_CLASSIC_H
 #define HADA_CLASSIC_CLASSIC_H
 

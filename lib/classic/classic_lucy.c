@@ -6,7 +6,8 @@
 #include "launch/classic_step.h"
 
 /* Predictions of a pixel below this share of the frame's brightness count as that much, and pixels whose light reaches
- * the sensor to less than this share as if that much did: far below what noise leaves to be seen (docs/rivals.md). */
+ * the sensor to less than this share as if that much did: far below what noise leaves to be seen
+ * (docs/explanation/mathematics.md). */
 static const double least_prediction = 1e-5, least_norm = 1e-3;
 
 /* So far at most goes the extrapolation (Biggs and Andrews: below 1). */

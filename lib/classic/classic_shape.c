@@ -49,7 +49,8 @@ static hada_status check_options(const hada_classic_options *o, hada_error *err)
     return HADA_OK;
 }
 
-/* The weights of priors that were best or near it on simulated frames with 1 % noise: docs/rivals.md. */
+/* The weights of priors that were best or near it on simulated frames with 1 % noise: docs/explanation/mathematics.md.
+ */
 #define WEIGHT_LUCY_OR_WAVELET 5e-3
 #define WEIGHT_OTHERS          3e-3
 

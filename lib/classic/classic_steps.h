@@ -144,7 +144,8 @@ hada_status hada_classic_energy(hada_classic *classic, double *energy, hada_erro
 /* The gradient's |transfer function|^2 by row and column into the host's table, or zeros. */
 void hada_classic_gradient_power(hada_classic *classic, int zero);
 
-/* The prior's weight in the images' own units: it goes with the frame's brightness (docs/rivals.md). */
+/* The prior's weight in the images' own units: it goes with the frame's brightness (docs/explanation/mathematics.md).
+ */
 double hada_classic_prior_weight(const hada_classic *classic);
 
 /* Each method: what comes before the first iteration; one iteration, which leaves the sums of changes in *sums

@@ -7,7 +7,8 @@
 #include "filter/hadamard.h"
 
 /* A camera whose neighbouring depths do not predict one another this well has no optics between them. The share is that
- * of each depth's PSF, predicted from both neighbours; in between it is about a quarter (docs/surfaces.md). */
+ * of each depth's PSF, predicted from both neighbours; in between it is about a quarter (docs/explanation/surfaces.md).
+ */
 #define MOST_UNEXPLAINED 0.8
 
 struct hada_surfaces {

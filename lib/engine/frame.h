@@ -61,7 +61,7 @@ typedef struct hada_batches {
     void (*close)(hada_frame *frame);
 } hada_batches;
 
-/* What a frame does not need (docs/skipping.md). All pipelines that work on it read the same. */
+/* What a frame does not need (docs/explanation/speed-and-accuracy.md). All pipelines that work on it read the same. */
 typedef struct hada_frame_skip {
     int *spectra, *planes;    /* per channel, as in hada_hadamard_part */
     int channels;             /* whose planes are not computed */

@@ -144,7 +144,8 @@ static hada_status fade(hada_pipeline *pipeline, int count, hada_error *err)
                                                           : HADA_OK;
 }
 
-/* Refined planes and those of the linear filters, as their errors on held-out pairs say (docs/refinement.md). */
+/* Refined planes and those of the linear filters, as their errors on held-out pairs say
+ * (docs/explanation/refinement.md). */
 static hada_status blend(hada_pipeline *pipeline, int count, hada_error *err)
 {
     const double share = pipeline->setup->config.share;
@@ -186,14 +187,14 @@ static hada_status read_planes(hada_pipeline *pipeline, hada_frame *frame, int c
  * or all there are, and where one more depth would have explained this part of what the planes leave, which is too
  * little for a plane: the most that any did was 0.075 on flat scenes, nearly always less on two planes and on three,
  * and 0.09 to 0.3 on surfaces that two or three planes were taken for, as they are where noise is strong
- * (docs/surfaces.md). */
+ * (docs/explanation/surfaces.md). */
 enum { SURFACE_UNKNOWNS = 2, FEW_PLANES = 3 };
 #define SURFACE_DOUBT 0.085
 
 /* What a surface may leave of the frame, in units of what so many planes leave, for it to be one: against one plane it
  * has to pay for unknowns that this does without. Surfaces left 0.5 to 1.08 of what the planes did that they were taken
  * for, on scenes of planes 1.06 times as much and more; a surface that is missed loses more than two neighbours that
- * are taken for one (docs/surfaces.md). */
+ * are taken for one (docs/explanation/surfaces.md). */
 static double surface_leaves(int planes)
 {
     return planes < SURFACE_UNKNOWNS ? 0.99 : 1.085;

@@ -5,13 +5,14 @@
 #include "core/alloc.h"
 #include "engine/stages.h"
 
-/* Two runs that add up other frequencies round differently, each by at most this (relative L2, see docs/fft.md). */
+/* Two runs that add up other frequencies round differently, each by at most this (relative L2, see
+ * docs/explanation/speed-and-accuracy.md). */
 static const double transform_rounding = 3e-7;
 
 /* The planes' norm is known only afterwards; the choice of a band takes it for this share of what the filters put on
  * the grid. Light that spread evenly over the grid would leave the window the root of its share of the area; scenes
  * stand in the window, and their norm was above the root of that root, times this, in all frames tried
- * (docs/skipping.md). */
+ * (docs/explanation/speed-and-accuracy.md). */
 static const double norm_margin = 0.7;
 
 static double expected_share(const hada_model_info *info)

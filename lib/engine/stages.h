@@ -96,7 +96,7 @@ void hada_pipeline_residual(hada_pipeline *pipeline, const hada_frame *frame);
 hada_status hada_pipeline_linear_batch(hada_pipeline *pipeline, hada_frame *frame, int first, int count,
                                        hada_error *err);
 
-/* What a frame does not need, and bounds of what that changes (docs/skipping.md).
+/* What a frame does not need, and bounds of what that changes (docs/explanation/speed-and-accuracy.md).
  *
  * Which frequencies are left out, once the spectrum stands in the pipeline's stage. */
 hada_status hada_skip_frequencies(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);

@@ -1,7 +1,8 @@
-/* The clFFT back end. clFFT 2.12.2 needs rules (docs/fft.md): one lock round everything but transforms, a plan for
- * each slot, temporary buffers, strides, distances and scales of our own, a C numeric locale while it writes kernel
- * text (thread-local, so that the process keeps its own), and a check of every plan, since baking reports success for
- * kernels that do not compile. It has no pruning, bands or products: kernels/fft_plain.cl does these around it. */
+/* The clFFT back end. clFFT 2.12.2 needs rules (docs/explanation/speed-and-accuracy.md): one lock round everything but
+ * transforms, a plan for each slot, temporary buffers, strides, distances and scales of our own, a C numeric locale
+ * while it writes kernel text (thread-local, so that the process keeps its own), and a check of every plan, since
+ * baking reports success for kernels that do not compile. It has no pruning, bands or products: kernels/fft_plain.cl
+ * does these around it. */
 #include <locale.h>
 #include <math.h>
 #include <pthread.h>

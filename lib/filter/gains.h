@@ -1,5 +1,5 @@
 /* What frequencies can do to the planes of a plan: bounds of what leaving some of them out changes, before any inverse
- * transform. Internal; docs/skipping.md derives them.
+ * transform. Internal; docs/explanation/speed-and-accuracy.md derives them.
  *
  * By Parseval's theorem a frequency k of a frame's channel, B(k), puts |W(k) B(k)|^2 / (rows cols) into the sum of
  * squares of a plane, taken over the whole grid. Added up over the depths that is gain(k) |B(k)|^2 / (rows cols): one

@@ -10,7 +10,7 @@
 #include "image/statistics.h"
 
 /* Chosen on simulated frames with 1 % noise (circular) and on a real caustic PSF whose frame is cropped (padded), where
- * the light that left the frame counts as noise: docs/filters.md. */
+ * the light that left the frame counts as noise: docs/explanation/learning-a-camera.md. */
 typedef struct choice {
     double lambda, rho;
     int steps;

@@ -5,7 +5,7 @@
 #include "fit/fitter.h"
 
 /* Pairs that are learned from at most, those held out beside them, and iterations, fewer than for a model: what is
- * asked is which of two grids explains more (docs/cropped.md). */
+ * asked is which of two grids explains more (docs/explanation/learning-a-camera.md). */
 enum { LEARNED = 8, MOST_HELD = 2, MANY_PAIRS = 4, PASSES = 9 };
 
 /* By this share more may be left of held-out frames on a smaller grid, 20 decibels below the noise; and so many times

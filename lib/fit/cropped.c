@@ -12,7 +12,7 @@
 enum { GROUP = 64 };
 
 /* Weights of the constraint, at the first iteration and the last, relaxation, and steps of ADMM an iteration
- * (docs/cropped.md). */
+ * (docs/explanation/learning-a-camera.md). */
 #define FIRST_WEIGHT 0.1
 #define LAST_WEIGHT  0.03
 #define RELAXATION   1.7

@@ -10,8 +10,8 @@
  * and K. Lange, The American Statistician 58(1), 2004). An iteration takes every pair once, and then the steps of ADMM
  * that share V: the linearised method of multipliers (Z. Lin et al., NIPS 2011). What lies half beyond the sensor comes
  * slowly, so that every third step is longer: 1, 3, 1 leaves (1 - s)^2 (1 - 3 s) of an error whose share s the sensor
- * sees, which is below 1 in magnitude for all s in (0, 1]. docs/cropped.md has the figures. Results are the same bits
- * at every run, whether pairs are kept on the device or brought again. */
+ * sees, which is below 1 in magnitude for all s in (0, 1]. docs/explanation/learning-a-camera.md has the figures.
+ * Results are the same bits at every run, whether pairs are kept on the device or brought again. */
 #ifndef HADA_FIT_CROPPED_H
 #define HADA_FIT_CROPPED_H
 

@@ -7,10 +7,11 @@
 #include "fit/fitter.h"
 #include "refine/admm.h"
 
-/* Refinement of a model whose fit did not measure it: what pays with an exact model of the camera (docs/filters.md). */
+/* Refinement of a model whose fit did not measure it: what pays with an exact model of the camera
+ * (docs/explanation/learning-a-camera.md). */
 #define REFINE_STEPS 12
 /* Decibels by which refinement must lead so that filters are not judged in the window: more than judging was seen to
- * gain (docs/filters.md). */
+ * gain (docs/explanation/learning-a-camera.md). */
 #define ENOUGH_GAIN 3.0
 
 /* The settings (where scored) and the weights outside the window that were compared; places for the trial. */

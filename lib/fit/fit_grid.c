@@ -9,7 +9,7 @@
 #include "filter/layout.h"
 
 /* Work-items of a group: of kernels by groups of eight frequencies, and of those by chunks where the device works in
- * groups (docs/devices.md). */
+ * groups (docs/reference/devices.md). */
 enum { GROUP = 64 };
 
 /* Kernels write whole vectors of complex numbers, so up to that many bytes beyond the last frequency. */

@@ -7,7 +7,8 @@
 #include "core/alloc.h"
 #include "launch/fit_score.h"
 
-/* Pairs that are tried: the settings are compared on the same pairs, so a few decide (docs/filters.md). */
+/* Pairs that are tried: the settings are compared on the same pairs, so a few decide
+ * (docs/explanation/learning-a-camera.md). */
 enum { PAIRS_IN_ALL = 8, PAIRS_PER_DEPTH = 2 };
 
 /* Work-items of a group that add up rows of the window, where the device works in groups. */

@@ -4,7 +4,7 @@
 
 #include "fit/fit_sums.h"
 
-/* The setting where no pair was scored and the caller gives none (docs/filters.md). */
+/* The setting where no pair was scored and the caller gives none (docs/explanation/learning-a-camera.md). */
 #define HADA_FIT_ALPHA  0.0
 #define HADA_FIT_LAMBDA 1e-4
 

@@ -12,7 +12,7 @@
 enum { GROUP = 64 };
 
 /* Frames whose energy is less than this many times the noise's leave the image as good as what the pairs say where
- * scenes have their mean power: by measurement (docs/filters.md). */
+ * scenes have their mean power: by measurement (docs/explanation/learning-a-camera.md). */
 #define LEAST_RATIO 1e4
 
 /* Noise that is known and faint still leaves the image this weight, so that dark frequencies have a solution. */

@@ -4,7 +4,7 @@
  *     min_u  sum over frequencies of  w |S / w - F(u)|^2
  * by ADMM, a fixed number of steps whose weight falls (Boyd et al., sections 3.1, 3.4.1 and 3.4.3, as in
  * refine/admm.h), and then H = (S + q F(u)) / (w + q): the pairs where they say something, elsewhere the image.
- * docs/filters.md tells what was measured. Results are the same bits at every run. */
+ * docs/explanation/learning-a-camera.md tells what was measured. Results are the same bits at every run. */
 #ifndef HADA_FIT_NONNEGATIVE_H
 #define HADA_FIT_NONNEGATIVE_H
 
@@ -20,7 +20,7 @@ typedef struct hada_nonnegative_rule {
  * |N|^2 (0: not known); raw_energy: mean over frequencies of Sbb. */
 double hada_nonnegative_trust(double noise, double raw_energy);
 
-/* What did best (docs/filters.md). */
+/* What did best (docs/explanation/learning-a-camera.md). */
 void hada_nonnegative_rule_init(hada_nonnegative_rule *rule);
 
 typedef struct hada_nonnegative hada_nonnegative;

@@ -7,7 +7,7 @@
 #include "fit/window.h"
 
 /* Weights to choose from, beside 1, which is the exact fit; and what another one must gain to be taken, in decibels:
- * more than choosing by so few pairs is uncertain (docs/filters.md). */
+ * more than choosing by so few pairs is uncertain (docs/explanation/learning-a-camera.md). */
 static const double weights[] = {0.03, 0.06, 0.12, 0.25, 0.5};
 enum { WEIGHTS = HADA_COUNT(weights) };
 #define LEAST_GAIN 0.02

@@ -1,4 +1,4 @@
-/* Sums to and from files: to go on later, or to merge what several machines have added up (docs/model-file.md).
+/* Sums to and from files: to go on later, or to merge what several machines have added up (docs/reference/files.md).
  * Internal. */
 #ifndef HADA_FIT_SUMS_FILE_H
 #define HADA_FIT_SUMS_FILE_H

@@ -10,7 +10,7 @@
 #include "image/statistics.h"
 
 /* Reduced frames have about so many pixels a side, and windows at least so many: where more were kept (60, 80, 135) the
- * same response had the least share, on simulated and on real pairs (docs/response.md). */
+ * same response had the least share, on simulated and on real pairs (docs/explanation/learning-a-camera.md). */
 enum { FRAME_SIDE = 32, WINDOW_LEAST = 8 };
 /* Pairs that are looked at: of the nearest, the middle and the farthest depth. Fewer than LEAST of a depth leave too
  * few to learn from when one is held out. */

@@ -10,9 +10,10 @@ static const int steps_tried[] = {0, 4, 8, 12, 16};
 enum { TRIED = sizeof steps_tried / sizeof *steps_tried };
 
 /* Weights of total variation that are tried, by what the noise says: the best of simulated cameras with 0.3 to 3 %
- * noise were about 0.1 of its standard deviation over the rms of the pairs' frames (docs/refinement.md). That and a
- * step of TV_RATIO to both sides, one more where the outermost is best; the best of all lies where a parabola through
- * three has its top. A few steps on one depth rank them as many on two do; where the sensor crops they settle later. */
+ * noise were about 0.1 of its standard deviation over the rms of the pairs' frames (docs/explanation/refinement.md).
+ * That and a step of TV_RATIO to both sides, one more where the outermost is best; the best of all lies where a
+ * parabola through three has its top. A few steps on one depth rank them as many on two do; where the sensor crops they
+ * settle later. */
 enum { TV_SIDE = 2, TV_PLACES = 2 * TV_SIDE + 1, TV_STEPS = 6, TV_STEPS_CROPPED = 12 };
 #define TV_RATIO     1.6
 #define TV_PER_NOISE 0.1
@@ -20,7 +21,7 @@ enum { TV_SIDE = 2, TV_PLACES = 2 * TV_SIDE + 1, TV_STEPS = 6, TV_STEPS_CROPPED 
 #define TV_LEAST     1e-5
 
 /* Weights of colour that are tried beside HADA_REFINE_COLOUR. The heavier colour is, the less total variation is
- * needed: by this power of the weights' ratio (docs/refinement.md). */
+ * needed: by this power of the weights' ratio (docs/explanation/refinement.md). */
 enum { CHOICES = 3 };
 static const double colours_tried[CHOICES] = {1.0, 2.0, 3.0};
 #define TV_PER_COLOUR 0.6

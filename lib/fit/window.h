@@ -12,7 +12,8 @@
 
 #include "fit/fit_sums.h"
 
-/* Iterations at most, and the norm of the residual, relative to where it began, at which they end (docs/filters.md). */
+/* Iterations at most, and the norm of the residual, relative to where it began, at which they end
+ * (docs/explanation/learning-a-camera.md). */
 enum { HADA_FIT_ITERATIONS = 12, HADA_FIT_WEIGHTS = 5 };
 #define HADA_FIT_TOLERANCE 2e-3
 

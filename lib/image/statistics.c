@@ -50,7 +50,7 @@ enum { BLOCKS = 4096 };
 /* The median of the magnitude of a normal number of deviation 1. */
 #define MEDIAN 0.6745
 /* Scenes differ: up to so many times more or less noise than the share says nothing. Beyond that it is taken to the
- * power of 3/2, until it counts whole (docs/refinement.md). */
+ * power of 3/2, until it counts whole (docs/explanation/refinement.md). */
 #define SCATTER 1.6
 /* Noise so many times less or more than it was is not believed. */
 #define FARTHEST 8.0

@@ -1,4 +1,4 @@
-/* Model files: safetensors with every convention in the metadata (docs/model-file.md). */
+/* Model files: safetensors with every convention in the metadata (docs/reference/files.md). */
 #include <hadalens/response.h>
 #include <math.h>
 #include <stdio.h>

@@ -4,8 +4,8 @@
 
 #include "net/conv_internal.h"
 
-/* Relative rms from the plain convolution: what docs/convolution.md states against double precision, and as much for
- * the plain one itself. */
+/* Relative rms from the plain convolution: what docs/explanation/speed-and-accuracy.md states against double precision,
+ * and as much for the plain one itself. */
 #define HADA_CONV_COMPARE_MOST 2e-6
 
 typedef struct hada_conv_compare {

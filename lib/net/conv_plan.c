@@ -14,7 +14,8 @@
 #include "launch/conv_winograd_weight_steps.h"
 #include "launch/conv_winograd_weights.h"
 
-/* Partial sums of gradients, measured by perf/perf_conv and perf/perf_train (docs/convolution.md). */
+/* Partial sums of gradients, measured by perf/perf_conv and perf/perf_train (docs/explanation/speed-and-accuracy.md).
+ */
 #define STRIP_ROWS     8                 /* added up in one running sum */
 #define LEAST_PARTS    8                 /* by Winograd's tiles, of large weights */
 #define PARTS_OF_UNIT  2                 /* of a compute unit */

@@ -1,4 +1,4 @@
-/* Lists of layers as JSON text and back (docs/nets.md). A layer's object names
+/* Lists of layers as JSON text and back (docs/explanation/nets.md). A layer's object names
  * what differs from hada_layer_of(). */
 #include <hadalens/limits.h>
 #include <jansson.h>

@@ -9,7 +9,7 @@
 #include "core/callers.h"
 #include "optics/mask.h"
 
-#define PATCH_PIXELS 2.0 /* docs/forward.md says what that leaves */
+#define PATCH_PIXELS 2.0 /* docs/explanation/simulation.md says what that leaves */
 
 static size_t max_size(size_t a, size_t b)
 {

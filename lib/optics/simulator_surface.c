@@ -6,7 +6,8 @@
 #include "optics/simulator.h"
 
 /* The frame is a sum over planes in fine steps of 1/z; a pixel between two shares its light out to both in proportion.
- * From plane to plane the outermost spot moves by so many pixels (docs/forward.md says what that leaves). */
+ * From plane to plane the outermost spot moves by so many pixels (docs/explanation/simulation.md says what that
+ * leaves). */
 #define STEP_PIXELS 0.25
 /* Opaque pixels are gathered to planes this many steps thick, each at the mean of its pixels, and hide what is farther
  * behind: one pixel of parallax at the outermost lens. Less is no jump but the slope of a surface, whose own pixels

@@ -7,7 +7,7 @@
 #include "core/alloc.h"
 #include "core/callers.h"
 
-/* Where nothing is chosen: below the rounding of frames of 8 bits (docs/optics.md). */
+/* Where nothing is chosen: below the rounding of frames of 8 bits (docs/explanation/simulation.md). */
 #define STRAY 0.002
 
 void hada_wave_options_defaults(hada_wave_options *options, size_t size)

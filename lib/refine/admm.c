@@ -14,11 +14,11 @@ void hada_refine_rule_init(hada_refine_rule *rule)
 }
 
 /* Where the sensor crops, rho begins low, so that depths part, and grows, so that what lies beyond the frame settles
- * (docs/refinement.md). In units of the largest |OTF(0)|^2. */
+ * (docs/explanation/refinement.md). In units of the largest |OTF(0)|^2. */
 #define CROPPED_FIRST_RHO 1e-3
 #define CROPPED_GROWTH    1.25
 
-/* Depths that are close share their light out slowly: longer steps at first (docs/refinement.md). */
+/* Depths that are close share their light out slowly: longer steps at first (docs/explanation/refinement.md). */
 #define PARTING_RELAXATION 1.95
 enum { PARTING_STEPS = 7 };
 
@@ -59,9 +59,9 @@ void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info,
     }
 }
 
-/* A `stop` that ended within 0.1 dB of the best number of steps, for such a rule (docs/refinement.md). Padded, what is
- * known of a step is |b - v| within the frame, which settles before the planes do. Steps with shrinkage settle what
- * those before them left, which need not have come so near. */
+/* A `stop` that ended within 0.1 dB of the best number of steps, for such a rule (docs/explanation/refinement.md).
+ * Padded, what is known of a step is |b - v| within the frame, which settles before the planes do. Steps with shrinkage
+ * settle what those before them left, which need not have come so near. */
 static double residual_stop(hada_boundary boundary, const hada_refine_rule *rule)
 {
     if (boundary == HADA_BOUNDARY_PADDED)
@@ -70,7 +70,7 @@ static double residual_stop(hada_boundary boundary, const hada_refine_rule *rule
 }
 
 /* Four steps that change planes by less than this leave them within 0.1 dB of what more would make of them
- * (docs/refinement.md). */
+ * (docs/explanation/refinement.md). */
 #define SETTLED 0.015
 
 void hada_refine_rule_stop(hada_refine_rule *rule, hada_boundary boundary, int depths)

@@ -2,10 +2,11 @@
  *
  * ADMM for  min 1/2 |b - M sum_z PSF_z * x_z|^2 + 1/2 sum_f prior(f) sum_z |X_z(f)|^2 + tv sum_z TV(x_z),  x_z >= 0
  * in the window and 0 outside, M the sensor's frame (circular boundary: everything), TV the total variation in the
- * window with its channels coupled and differences of colour heavier than those of brightness. docs/refinement.md
- * derives the steps and says why no array of the whole grid is ever transformed: S. Boyd et al., "Distributed
- * optimization and statistical learning via ADMM" (2011), sections 3 and 3.4.3; M. Almeida and M. Figueiredo,
- * "Deconvolving images with unknown boundaries using ADMM", IEEE TIP 22(8), 2013, for the split at the frame.
+ * window with its channels coupled and differences of colour heavier than those of brightness.
+ * docs/explanation/refinement.md derives the steps and says why no array of the whole grid is ever transformed: S. Boyd
+ * et al., "Distributed optimization and statistical learning via ADMM" (2011), sections 3 and 3.4.3; M. Almeida and M.
+ * Figueiredo, "Deconvolving images with unknown boundaries using ADMM", IEEE TIP 22(8), 2013, for the split at the
+ * frame.
  *
  * Several sets of equally many depths can be refined side by side in one batch on the same frame (depth pursuit). A
  * refiner belongs to one slot. Results are the same bits at every run and for every number of sets. */
@@ -80,7 +81,7 @@ typedef struct hada_refine_weights {
     double tv, colour, shrink;
 } hada_refine_weights;
 
-/* The weight of colour that photographs favour, where nothing was measured (docs/refinement.md). */
+/* The weight of colour that photographs favour, where nothing was measured (docs/explanation/refinement.md). */
 #define HADA_REFINE_COLOUR 1.5
 /* Beyond this the proximal step would not be exact; a grey scene is as grey with less. */
 #define HADA_REFINE_MOST_COLOUR 16.0
@@ -101,7 +102,8 @@ static inline int hada_refine_colour_known(double colour)
     return colour >= 1.0 && colour <= HADA_REFINE_MOST_COLOUR;
 }
 
-/* rho with total variation of weight tv or without, in units of the largest |OTF(0)|^2 (docs/refinement.md). */
+/* rho with total variation of weight tv or without, in units of the largest |OTF(0)|^2
+ * (docs/explanation/refinement.md). */
 static inline double hada_refine_rho(hada_boundary boundary, double tv)
 {
     return !(tv > 0.0) ? 1e-3 : boundary == HADA_BOUNDARY_PADDED ? 3e-3 : 3.5e-3;

@@ -1,5 +1,5 @@
 /* Light of one depth in the planes of others, put back where it stands beside them by far brighter
- * (kernels/refine_crosstalk.cl, docs/refinement.md). Internal. */
+ * (kernels/refine_crosstalk.cl, docs/explanation/refinement.md). Internal. */
 #ifndef HADA_REFINE_CROSSTALK_H
 #define HADA_REFINE_CROSSTALK_H
 

@@ -10,7 +10,7 @@
 enum {
     SMALL_SIDE = 128,  /* pixels: the longer side of the small grid's frame: see complete() */
     RANKING_SIDE = 64, /* pixels: candidates are not put in order on grids smaller than this */
-    RANKING_STEPS = 4, /* steps of refinement of each fidelity: docs/refinement.md */
+    RANKING_STEPS = 4, /* steps of refinement of each fidelity: docs/explanation/refinement.md */
     COARSE_STEPS = 8,
     CONVERGED_STEPS = 20,
     PARTED_STEPS = 64,
@@ -22,12 +22,12 @@ enum {
 };
 
 /* rho begins low, so that depths part, and grows by this a step, so that they settle: eight steps do what a constant
- * one did in twelve. Neighbours that are nearly alike take their time (docs/refinement.md). */
+ * one did in twelve. Neighbours that are nearly alike take their time (docs/explanation/refinement.md). */
 #define GROWTH        1.5
 #define PARTED_GROWTH 1.06
 
 /* A depth that is not there explains about the window's share of white noise; the threshold is clearly above that, and
- * between what false and true depths explained (docs/refinement.md). */
+ * between what false and true depths explained (docs/explanation/refinement.md). */
 #define CHANCE_MARGIN   1.6
 #define THRESHOLD_LEAST 0.3
 #define THRESHOLD_MOST  0.5
@@ -46,7 +46,7 @@ static int longer_side(const hada_pursuit_options *o)
 }
 
 /* Whether neighbouring depths may be nearly alike: many are told apart on less than half the grid only where it has
- * many pixels (docs/refinement.md). */
+ * many pixels (docs/explanation/refinement.md). */
 static int is_dense(const hada_pursuit_options *o)
 {
     return o->depths > FEW_DEPTHS && longer_side(o) < 4 * SMALL_SIDE;
@@ -94,7 +94,8 @@ static void choose_levels(hada_pursuit *p, const hada_context *context, hada_lev
         }
         if (shrink > 1.0) {
             fine = p->count++;
-            /* so many steps are dear: neighbours part by the mean of the channels as well (docs/refinement.md) */
+            /* so many steps are dear: neighbours part by the mean of the channels as well
+             * (docs/explanation/refinement.md) */
             specs[fine] = (hada_level_spec){fmax(1.0, shrink / 2.0), shrink, !parts, fine_steps, fine_sets, 0};
         }
     }

@@ -10,7 +10,7 @@
  * the channels averaged; where that decision is close, the sets in question are refined on a finer grid, channel by
  * channel. The reference search (`full`) does all of it on the whole grid, every channel and every candidate: the cheap
  * one is to decide as it does. For that both weigh the same evidence: what the channels have in common, at the
- * frequencies of the small grid. docs/refinement.md has the reasons and the figures.
+ * frequencies of the small grid. docs/explanation/refinement.md has the reasons and the figures.
  *
  * A pursuit belongs to one slot. Same input, same bits. */
 #ifndef HADA_REFINE_PURSUIT_H

@@ -4,7 +4,7 @@
 #include "refine/pursuit_search.h"
 
 /* Depths as close as this may hide one between or beside them, which explains at least this part of what they leave,
- * once all have parted; one that is not there explained up to 0.14 (docs/refinement.md). */
+ * once all have parted; one that is not there explained up to 0.14 (docs/explanation/refinement.md). */
 enum { CLOSE_DEPTHS = 2 };
 #define HIDDEN_THRESHOLD 0.15
 

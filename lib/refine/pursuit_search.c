@@ -3,14 +3,17 @@
 #include <math.h>
 #include <string.h>
 
-enum { SHORTLIST = 3 /* candidates, first in order, that are evaluated for an addition: docs/refinement.md */ };
+enum {
+    SHORTLIST = 3 /* candidates, first in order, that are evaluated for an addition: docs/explanation/refinement.md */
+};
 
 /* What a model leaves of a frame that it knows, as a part of the frame's amplitude: eight steps do not come closer, and
  * transfer functions from pairs are no better. Below it nothing counts. */
 #define MODEL_ERROR 0.008
 
 /* Around the threshold, as parts of it, a reduction is close, and the finer grid decides; so it does between two sets
- * of which one leaves less than this times as much as the other. Grids differed by less (docs/refinement.md). */
+ * of which one leaves less than this times as much as the other. Grids differed by less
+ * (docs/explanation/refinement.md). */
 #define CLOSE_BELOW 0.6
 #define CLOSE_ABOVE 1.4
 #define CLOSE_RATIO 1.15
@@ -27,7 +30,7 @@ enum { SHORTLIST = 3 /* candidates, first in order, that are evaluated for an ad
 
 /* A scene of many depths: what k of them leave, unmoved, is above MANY_LEAVE / k of the frame's amplitude, and all
  * depths together leave less than the part ALL_LEAVE of the energy that the largest set leaves: between what scenes of
- * three and of all depths left (docs/refinement.md). */
+ * three and of all depths left (docs/explanation/refinement.md). */
 #define MANY_LEAVE 0.12
 #define ALL_LEAVE  0.55
 

@@ -1,5 +1,5 @@
 /* Shrinkage of the cosine transforms of an image's overlapping blocks (kernels/refine_dct.cl): the second half of the
- * proximal step of an image that is a photograph (docs/refinement.md). Internal. */
+ * proximal step of an image that is a photograph (docs/explanation/refinement.md). Internal. */
 #ifndef HADA_REFINE_SHRINKAGE_H
 #define HADA_REFINE_SHRINKAGE_H
 

@@ -129,8 +129,8 @@ static hada_status read_lines(hada_tuning *tuning, const char *text, hada_error 
             continue;
         snprintf(shown, sizeof shown, "%.*s", (int)strcspn(line, "\r"), line);
         wrong = length >= sizeof line ? "is too long" : read_row(&row, line);
-        HADA_TRY(wrong ? hada_fail(err, HADA_ERROR_FILE_FORMAT, "%s, line %d %s: %s (docs/devices.md)", tuning->path, n,
-                                   wrong, shown)
+        HADA_TRY(wrong ? hada_fail(err, HADA_ERROR_FILE_FORMAT, "%s, line %d %s: %s (docs/reference/devices.md)",
+                                   tuning->path, n, wrong, shown)
                        : add(tuning, &row, err));
     }
     return HADA_OK;

@@ -1,6 +1,6 @@
 /* The tuning file: which of several ways of doing the same serves, for kinds of devices and shapes. It overrides
- * shipped tables; docs/devices.md describes it. Read once, when a context opens; a row that cannot be understood is an
- * error then, one that asks for what there is not an error where it would serve. Internal. */
+ * shipped tables; docs/reference/devices.md describes it. Read once, when a context opens; a row that cannot be
+ * understood is an error then, one that asks for what there is not an error where it would serve. Internal. */
 #ifndef HADA_RUNTIME_TUNING_H
 #define HADA_RUNTIME_TUNING_H
 

@@ -214,7 +214,7 @@ done:
 
 void hada_map_rule_init(hada_map_rule *rule)
 {
-    /* of a trial on slants, hills, balls and stairs: weak, which little depends on (docs/surfaces.md) */
+    /* of a trial on slants, hills, balls and stairs: weak, which little depends on (docs/explanation/surfaces.md) */
     *rule = (hada_map_rule){.weight = 0.05, .data = 1.2, .tolerance = 0.4, .steps = 60};
 }
 

@@ -2,8 +2,9 @@
  *
  * Light that a mask casts from a point at distance z is the mask's pattern magnified by 1 + a/z about the optical axis,
  * a the distance from mask to sensor: PSFs of neighbouring depths are magnified to the depth in between and then
- * blended (docs/surfaces.md). The law's a, and the axis' place, are those that make neighbours correlate best. Where
- * waves or other optics spoil the law, each pair of neighbours may have a magnification of its own, or none. */
+ * blended (docs/explanation/surfaces.md). The law's a, and the axis' place, are those that make neighbours correlate
+ * best. Where waves or other optics spoil the law, each pair of neighbours may have a magnification of its own, or
+ * none. */
 #ifndef HADA_SURFACE_MAGNIFICATION_H
 #define HADA_SURFACE_MAGNIFICATION_H
 

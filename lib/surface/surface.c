@@ -15,14 +15,14 @@
 #define PLANES_BOUND  0.5
 #define TEXTURE_BOUND 1.5
 /* Weaker than that of a plane: where depths jump, total variation holds a texture that shrinkage alone would not
- * (docs/surfaces.md). */
+ * (docs/explanation/surfaces.md). */
 #define TEXTURE_SHRINK    0.7
 #define TEXTURE_SHRINK_TV 0.6
 /* A depth that lies so far beyond those of the camera is none that it knows. */
 #define OUTSIDE 0.3F
 /* A coarse level leaves no hope for the finer ones where all its planes leave this part of what is enough, for then the
  * camera does not fit its frame, and its one texture so many times that, with this part of the frame's energy beside it
- * for what is wrong with depths so coarse (docs/surfaces.md). */
+ * for what is wrong with depths so coarse (docs/explanation/surfaces.md). */
 #define MISFIT         0.5
 #define HOPELESS       1.15
 #define HOPELESS_FRAME 0.002

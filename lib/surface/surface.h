@@ -1,8 +1,9 @@
 /* The surface that explains a frame: one texture and one continuous depth map. Internal.
  *
- * Coarse to fine (docs/surfaces.md): at a fraction of the resolution the planes of all depths, whose light's centre of
- * mass is the depth of a pixel; at twice that only planes near it; at the whole resolution the one texture that, at
- * these depths, explains the frame. Planes stand between the depths of the camera where those lie far apart.
+ * Coarse to fine (docs/explanation/surfaces.md): at a fraction of the resolution the planes of all depths, whose
+ * light's centre of mass is the depth of a pixel; at twice that only planes near it; at the whole resolution the one
+ * texture that, at these depths, explains the frame. Planes stand between the depths of the camera where those lie far
+ * apart.
  *
  * An object belongs to one slot. Same bits at every run. */
 #ifndef HADA_SURFACE_SURFACE_H

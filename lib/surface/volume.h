@@ -3,9 +3,9 @@
  * Accelerated proximal gradients (A. Beck and M. Teboulle, SIAM Journal on Imaging Sciences 2(1), 2009) on
  *     1/2 |P^(1/2) M (b - sum_p PSF_p * x_p)|^2 + variation sum TV(x),   x >= 0 in the window and 0 outside,
  * M the sensor's frame (circular boundary: everything) and P = 1 / (mean_p |H_p|^2 + floor |H(0)|^2) a weight at every
- * frequency, which makes the steps of all frequencies alike (docs/surfaces.md). The planes x_p are free within a mask,
- * each with a total variation of its own; or they are shares a_p(d) t of one texture t at depths d, counted in planes,
- * linear between two planes.
+ * frequency, which makes the steps of all frequencies alike (docs/explanation/surfaces.md). The planes x_p are free
+ * within a mask, each with a total variation of its own; or they are shares a_p(d) t of one texture t at depths d,
+ * counted in planes, linear between two planes.
  *
  * A volume belongs to one slot. Same bits at every run. */
 #ifndef HADA_SURFACE_VOLUME_H
@@ -26,7 +26,7 @@ typedef struct hada_volume_shape {
 typedef struct hada_volume_rule {
     int steps;
     double floor;     /* of the weight, in units of |H(0)|^2; > 0 */
-    double variation; /* weight of total variation, in units of the scene (docs/surfaces.md); 0: none */
+    double variation; /* weight of total variation, in units of the scene (docs/explanation/surfaces.md); 0: none */
     double colour;    /* in it, weight of differences of colour over those of brightness, from 1; 0: 1 */
     double shrink,
         shrink_tv; /* of a texture, with variation: in the last steps the threshold of the shrinkage of its blocks

@@ -1,4 +1,4 @@
-/* Checkpoints: where training stands, in a safetensors file (docs/training.md lists what it holds). */
+/* Checkpoints: where training stands, in a safetensors file (docs/explanation/nets.md lists what it holds). */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>

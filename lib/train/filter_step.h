@@ -1,6 +1,6 @@
 /* Frames to planes through the filters that are trained, and gradients of planes to those of filters. Internal.
  *
- * The gradient of a filter (docs/training.md): with x = crop(irfft(W B)), N pixels of the grid, and G =
+ * The gradient of a filter (docs/explanation/nets.md): with x = crop(irfft(W B)), N pixels of the grid, and G =
  * rfft(pad(dL/dx)), dL/dW = m / N conj(B) G for the form complex (m: 2 for columns that stand for two, else 1), and
  * dL/dWr = m / N Re(B) Re(G), dL/dWi = m / N Im(B) Im(G) for split. */
 #ifndef HADA_TRAIN_FILTER_STEP_H

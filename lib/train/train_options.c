@@ -29,8 +29,8 @@ int hada_stage_keeps(const hada_augment *augment)
     return !augment->shift && !augment->flips && augment->noise <= 0.0 && augment->exposure <= 0.0;
 }
 
-/* The share of scenes of several depths where the caller does not say (docs/training.md): of a net for all planes, and
- * of one that shares light out, as total variation leaves nothing else. */
+/* The share of scenes of several depths where the caller does not say (docs/explanation/nets.md): of a net for all
+ * planes, and of one that shares light out, as total variation leaves nothing else. */
 #define COMPOSED      0.15
 #define COMPOSED_ONLY 1.0
 
@@ -147,7 +147,7 @@ static hada_status take_augment(hada_augment *augment, const hada_augment *given
     return hada_augment_check(augment, info, err);
 }
 
-/* Rates and weights that the caller leaves open (docs/training.md). */
+/* Rates and weights that the caller leaves open (docs/explanation/nets.md). */
 static void settle_rates(hada_train_options *options)
 {
     const int paper = options->discriminator && !strcmp(options->discriminator, "paper");

@@ -109,7 +109,7 @@ typedef struct row {
     double truth;
 } row;
 
-/* SSIM's window has so many rows and columns (docs/metrics.md). */
+/* SSIM's window has so many rows and columns (docs/reference/measures.md). */
 enum { SSIM_WINDOW = 11 };
 
 static hada_status measure(const hada_image *image, const hada_image *truth, measures *out, hada_error *err)

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A model of scale: what measured costs say of 1 to 10,000 devices. model.py COSTS.json [--check] [OPTIONS].
 
-Shares are those of the library (docs/scale.md): files and depths are dealt out, pairs and samples stand in a row and are
+Shares are those of the library (docs/how-to/use-several-machines.md): files and depths are dealt out, pairs and samples stand in a row and are
 cut. A rank's time is what comes once, its share, and the exchanges; files come through one file system for all. --check:
 what the model says of 1, 2 and 4 ranks on the measured machine against what was measured there, within 15 %.
 """

@@ -14,7 +14,7 @@ import sys
 SMALL = 60  # lines of a file that is likely to be a part of another
 MANY = 10  # parameters that nobody can keep apart by position
 SUBJECT = 72  # characters of a commit's first line
-# private words where the field has one: docs/glossary.md
+# private words where the field has one: docs/reference/conventions.md
 PRIVATE = (r'\bTURN\b', r'\bSHADOW\b', r'\bSEEN\b', r'\bMADE\b', r'\bENGINE_FALL\b', r'\bbe_positive\b', r'\bmeet_frame\b',
            r'\bstumble\b', r'\bhada_\w*_look\b', r'(?<!")critic')  # in quotes: the old spelling, which is understood
 # Kernels of MANY parameters or more that may stay for now.

@@ -54,7 +54,7 @@ def authors(raw: Array, kernel: Array, crop: list[list[int]]) -> Array:
 
 
 def ours(raw: Array, imported: keras.Imported, depth: int, channel: int) -> Array:
-    """What a model of these filters gives (docs/model-file.md)."""
+    """What a model of these filters gives (docs/reference/files.md)."""
     image = np.fft.irfft2(imported.filters[depth, channel] * np.fft.rfft2(raw), s=raw.shape)
     top, left = ((a - b) // 2 for a, b in zip(imported.raw, imported.window, strict=True))
     return image[top : top + imported.window[0], left : left + imported.window[1]]

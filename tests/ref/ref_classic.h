@@ -1,6 +1,6 @@
-/* References of the classic methods (docs/rivals.md), one channel, in double precision, as their papers have them:
- * every image on the whole grid, every split and dual an array of its own. They share no shortcut with lib/classic.
- * Internal. */
+/* References of the classic methods (docs/explanation/mathematics.md), one channel, in double precision, as their
+ * papers have them: every image on the whole grid, every split and dual an array of its own. They share no shortcut
+ * with lib/classic. Internal. */
 #ifndef HADA_REF_CLASSIC_H
 #define HADA_REF_CLASSIC_H
 

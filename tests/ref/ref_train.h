@@ -1,6 +1,6 @@
 /* Reference of training filters in double precision: a plane by a filter, and the gradients that flow back. Internal.
  *
- * docs/training.md derives them; tests hold them against differences and against PyTorch's autograd. */
+ * docs/explanation/nets.md derives them; tests hold them against differences and against PyTorch's autograd. */
 #ifndef HADA_REF_TRAIN_H
 #define HADA_REF_TRAIN_H
 

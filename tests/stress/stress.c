@@ -154,7 +154,7 @@ static void print_csv(FILE *to)
 static int usage(int code)
 {
     printf("stress [--form tiny|brief|full] [--device D] [--only GROUP] [--csv FILE]\n"
-           "Conditions that strain the arithmetic, each with its error and the bound of docs/numerics.md.\n");
+           "Conditions that strain the arithmetic, each with its error and the bound of tests/stress/bounds.md.\n");
     return code;
 }
 

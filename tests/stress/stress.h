@@ -1,5 +1,5 @@
 /* Numerical stability under stress. Each group of conditions is a cmocka test that writes rows (condition, error,
- * bound) into one table; a row passes when its error is not above its bound, which docs/numerics.md derives. */
+ * bound) into one table; a row passes when its error is not above its bound, which tests/stress/bounds.md derives. */
 #ifndef HADA_STRESS_H
 #define HADA_STRESS_H
 
@@ -21,7 +21,8 @@
 typedef enum stress_form { STRESS_TINY = 0, STRESS_BRIEF = 1, STRESS_FULL = 2 } stress_form;
 extern stress_form stress_form_now;
 
-/* A row of the table; `rule` is the paragraph of docs/numerics.md that gives the bound. An error that is NaN fails. */
+/* A row of the table; `rule` is the paragraph of tests/stress/bounds.md that gives the bound. An error that is NaN
+ * fails. */
 void stress_row(const char *rule, double error, double bound, const char *format, ...) HADA_PRINTF(4, 5);
 /* A row for something that must not happen: passes when `count` is 0. */
 void stress_none(const char *rule, size_t count, const char *format, ...) HADA_PRINTF(3, 4);

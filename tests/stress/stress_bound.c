@@ -1,4 +1,4 @@
-/* The bounds that several groups share: docs/numerics.md derives them. */
+/* The bounds that several groups share: tests/stress/bounds.md derives them. */
 #include "core/fft_factor.h"
 #include "fft/fft.h"
 #include "stress.h"

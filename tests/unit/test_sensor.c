@@ -45,7 +45,7 @@ static hada_image flat(int channels, float value)
     return image;
 }
 
-/* What docs/forward.md says of the approximation for many electrons. */
+/* What docs/explanation/simulation.md says of the approximation for many electrons. */
 static void approximation(void **state)
 {
     (void)state;

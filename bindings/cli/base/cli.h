@@ -31,7 +31,7 @@
             goto done;                                                                                                 \
     } while (0)
 
-/* Exit codes; docs/command-line.md and every help text list them. */
+/* Exit codes; docs/reference/command-line.md and every help text list them. */
 enum {
     HADA_EXIT_OK = 0,
     HADA_EXIT_SOME = 1,   /* several files failed, for different reasons */

@@ -95,8 +95,8 @@ static hada_status add_kernels(latency *work, const char *device, const char *mo
     return HADA_OK;
 }
 
-/* What the first frame asks of the device, and the time that it should take by that (docs/bench.md), beside what it
- * takes. */
+/* What the first frame asks of the device, and the time that it should take by that (docs/reference/measures.md),
+ * beside what it takes. */
 static hada_status add_calls(latency *work, const hada_bench_device *device, const char *mode, hada_error *err)
 {
     const double *peak = device->peak;

@@ -44,7 +44,7 @@ static const hada_cli_option options[] = {
      AT(task.mask)},
     HADA_CLI_GROUP("LPIPS"),
     {HADA_OPTION_TEXT, "lpips", 0, "FILE", "weights of VGG-16 or AlexNet (safetensors): adds the perceptual distance",
-     "docs/metrics.md tells how to make the file from the packages torchvision and lpips; none comes with this "
+     "docs/reference/measures.md tells how to make the file from the packages torchvision and lpips; none comes with this "
      "program.",
      AT(lpips)},
     {HADA_OPTION_TEXT, "lpips-heads", 0, "FILE", "the linear heads, where they stand in a file of their own", NULL,

@@ -196,7 +196,7 @@ def fit(
         form: of the filters.
         dark: taken off the frames; None: estimated from each.
         alpha, regularisation, outside, refine_steps, refine_tv, refine_colour, refine_shrink, crop_passes: None: chosen
-            by leaving pairs out (docs/filters.md, docs/refinement.md, docs/cropped.md).
+            by leaving pairs out (docs/explanation/learning-a-camera.md, docs/explanation/refinement.md, docs/explanation/learning-a-camera.md).
         nonnegative: point spread functions are nowhere negative, where the pairs say too little.
         scene_response: how scenes stand for light: "linear", "srgb", a power; None: found.
         exposure: whether frames of a depth were exposed alike: "auto" (found), "same" or "each".

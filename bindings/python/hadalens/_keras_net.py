@@ -21,7 +21,7 @@ KERAS_EPS, KERAS_MOMENTUM = 1e-3, 0.01
 
 @dataclass(frozen=True)
 class Net:
-    """A net as its list of layers (``docs/nets.md``) and its weights, by PyTorch's names and layouts."""
+    """A net as its list of layers (``docs/explanation/nets.md``) and its weights, by PyTorch's names and layouts."""
 
     description: dict[str, Any]
     weights: dict[str, Array]

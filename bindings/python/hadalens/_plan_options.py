@@ -18,7 +18,7 @@ class Classic:
     """One of the iterative methods that others use, in place of the model's filters and refinement.
 
     Attributes:
-        method: "wiener", "rl" (Richardson-Lucy), "fista" or "admm"; docs/rivals.md.
+        method: "wiener", "rl" (Richardson-Lucy), "fista" or "admm"; docs/explanation/mathematics.md.
         iterations: at most.
         stop: ends when the planes' relative change is below it twice running; 0: never.
         seconds: ends after so much time, which makes the result depend on it; 0: never.

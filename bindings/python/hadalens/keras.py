@@ -160,7 +160,7 @@ def import_model(
 
 
 def _metadata(imported: Imported) -> dict[str, str]:
-    """What a model file says about itself (docs/model-file.md)."""
+    """What a model file says about itself (docs/reference/files.md)."""
     raw = "{}x{}".format(*imported.raw)
     return {
         "format": "hadalens-model",

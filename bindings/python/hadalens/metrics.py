@@ -206,7 +206,7 @@ class Lpips(Handle):
 
     Args:
         backbone: safetensors file of VGG-16 or AlexNet, torchvision's names. None comes with the library
-            (docs/metrics.md says where weights come from).
+            (docs/reference/measures.md says where weights come from).
         heads: file of the linear heads; None: they stand in the same file.
         net: "vgg", "alex", or "auto": what the file says.
         context: a device; None: :meth:`Context.default`.

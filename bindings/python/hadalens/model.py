@@ -108,7 +108,7 @@ class Model(Handle):
 
     @classmethod
     def load(cls, name: str | os.PathLike[str]) -> Self:
-        """Return the model of a file (safetensors; docs/model-file.md).
+        """Return the model of a file (safetensors; docs/reference/files.md).
 
         Raises:
             FileOpenError, FileReadError, FileFormatError: the file is missing, damaged, or no model.
@@ -302,7 +302,7 @@ class Model(Handle):
 
     @property
     def filters(self) -> npt.NDArray[np.complex64]:
-        """The filters W: complex64 (Z, C, grid rows, grid columns // 2 + 1), read-only; docs/model-file.md.
+        """The filters W: complex64 (Z, C, grid rows, grid columns // 2 + 1), read-only; docs/reference/files.md.
 
         They multiply the half spectrum of the frame; of the form "split" real and imaginary parts are Wr and Wi.
         """

@@ -36,7 +36,7 @@ class NetInfo:
 
 
 class Net(Handle):
-    """A net: a list of layers and their weights, by PyTorch's names (docs/nets.md).
+    """A net: a list of layers and their weights, by PyTorch's names (docs/explanation/nets.md).
 
     Example:
         >>> net = hadalens.Net.preset("compact", channels=3, seed=1)

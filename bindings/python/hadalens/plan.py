@@ -79,7 +79,7 @@ class Plan(Handle):
         classic: a :class:`Classic` method in place of filters and refinement, or its word.
         gamma: exponent on the finished images; 1: linear.
         max_error: largest relative L2 change of the stack that skipped work may bring; 0: only what is exact.
-        skip: kinds of work that may be skipped; None: all, (): none. docs/skipping.md.
+        skip: kinds of work that may be skipped; None: all, (): none. docs/explanation/speed-and-accuracy.md.
         band: share of the sensor's Nyquist limits beyond which linear filters leave frequencies out; 1: none.
         half: filters on the device in half precision.
         batch: depths at once; None: chosen from the memory.

@@ -1,6 +1,6 @@
 """Nets of Hadalens as PyTorch modules, with the same weights and the same output.
 
-A net is a list of layers with weights by PyTorch's names (``docs/nets.md``); :class:`Net` runs any such list. On the
+A net is a list of layers with weights by PyTorch's names (``docs/explanation/nets.md``); :class:`Net` runs any such list. On the
 same input it gives what the library gives, within 1e-5 (relative L2) in single precision: sums are taken in another
 order.
 """
@@ -133,7 +133,7 @@ class Net(nn.Module):  # type: ignore[misc]  # which is Any to the type checker
         return self.get_submodule(".".join([layer["name"], *more]))
 
 
-# What holds where a layer says nothing (docs/nets.md).
+# What holds where a layer says nothing (docs/explanation/nets.md).
 USUAL: dict[str, dict[str, Any]] = {
     "input": {},
     "conv": {

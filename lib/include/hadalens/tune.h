@@ -2,8 +2,8 @@
  *
  * The library never measures by itself: what serves is read from shipped tables, so that the same input gives the same
  * bits. A tuning file overrides the tables (hada_context_options.tuning, HADALENS_TUNING); these functions make one.
- * Results by different ways differ in their last bits. docs/devices.md describes the file. A context is measured in by
- * one thread, and nothing else should run on the device meanwhile. */
+ * Results by different ways differ in their last bits. docs/reference/devices.md describes the file. A context is
+ * measured in by one thread, and nothing else should run on the device meanwhile. */
 #ifndef HADALENS_TUNE_H
 #define HADALENS_TUNE_H
 

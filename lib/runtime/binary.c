@@ -95,7 +95,7 @@ hada_status hada_program_compile(hada_context *context, const char *file, const 
         return hada_fail(err, HADA_ERROR_BUILD,
                          "%s cannot compile kernels: give a folder of offline binaries (--binaries or "
                          "HADALENS_BINARIES), made for it by 'hadalens devices --save-binaries FOLDER' where its "
-                         "compiler is, or with the vendor's tools (docs/devices.md)",
+                         "compiler is, or with the vendor's tools (docs/reference/devices.md)",
                          context->info.name);
     cl_program program = clCreateProgramWithSource(context->cl, 1, &text, NULL, &code);
     if (code != CL_SUCCESS)

@@ -286,8 +286,9 @@ static hada_status write_new(const char *path, const news *now, hada_error *err)
         goto done;
     }
     HADA_TRY_OR_DONE(hada_outfile_open(&file, path, err));
-    HADA_TRY_OR_DONE(old ? copy_rest(old, &file, now, err)
-                         : put(&file, "# Hadalens: which of several ways serves a shape (docs/devices.md)\n", err));
+    HADA_TRY_OR_DONE(
+        old ? copy_rest(old, &file, now, err)
+            : put(&file, "# Hadalens: which of several ways serves a shape (docs/reference/devices.md)\n", err));
     HADA_TRY_OR_DONE(write_rows(&file, now, err));
     HADA_TRY_OR_DONE(hada_outfile_commit(&file, err));
 done:

@@ -1,4 +1,4 @@
-/* Host memory: overflow-checked, with a message where there is none. Internal. */
+/* Host memory with overflow checks and error messages. Internal. */
 #ifndef HADA_CORE_ALLOC_H
 #define HADA_CORE_ALLOC_H
 
@@ -33,7 +33,7 @@ static inline size_t hada_divide_up(size_t n, size_t part)
     return (n + part - 1) / part;
 }
 
-/* The next multiple of `part`, n itself where it is one. */
+/* n rounded up to a multiple of `part`. */
 static inline size_t hada_round_up(size_t n, size_t part)
 {
     return hada_divide_up(n, part) * part;

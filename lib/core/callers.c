@@ -88,7 +88,7 @@ hada_status hada_monitor_check(const hada_monitor *monitor, hada_error *err)
 {
     if (!HAS(monitor, cancelled) || !monitor->cancelled(monitor->user))
         return HADA_OK;
-    return hada_fail(err, HADA_ERROR_CANCELLED, "stopped; what was at hand was not written");
+    return hada_fail(err, HADA_ERROR_CANCELLED, "stopped; the file in progress was not written");
 }
 
 static void tell(const hada_progress *progress, const char *what, const char *note)

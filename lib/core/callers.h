@@ -71,7 +71,7 @@ static inline int hada_owner(const hada_communicator *of, long n)
     return (int)(n % hada_ranks(of));
 }
 
-/* Where this rank's share of `count` begins that stand in a row; rank + 1: where it ends. */
+/* The first index of a rank's share of `count` consecutive items; the share ends at that of rank + 1. */
 static inline long hada_share_begin(const hada_communicator *of, long count, int rank)
 {
     return (long)((long long)count * rank / hada_ranks(of));

@@ -7,7 +7,7 @@
 /* Seconds since some moment in the past; never goes back. */
 double hada_seconds(void);
 
-/* A condition whose deadlines are those of hada_seconds(). */
+/* A condition whose deadlines use the clock of hada_seconds(). */
 void hada_condition_init(pthread_cond_t *condition);
 
 /* Waits as pthread_cond_wait() does, at most until `deadline` (hada_seconds()). 0: not any more. */

@@ -14,7 +14,7 @@
 void hada_error_set(hada_error *err, hada_status status, const char *format, ...) HADA_PRINTF(3, 4);
 
 /* Fills *err and is `status`, so that a function can end with `return hada_fail(err, HADA_ERROR_SIZE, "...", ...)`.
- * Messages say what to do. A macro, so that whoever analyses the code sees that the status is an error. */
+ * Messages say what to do. It is a macro so that analysers see that the status is an error. */
 #define hada_fail(err, status, ...) (hada_error_set(err, status, __VA_ARGS__), hada_status_itself(status))
 static inline hada_status hada_status_itself(hada_status status) /* a value may be left unused, a bare name may not */
 {

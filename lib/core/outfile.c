@@ -109,7 +109,7 @@ static int finish(hada_outfile *out, int alone)
 {
     int failed = take_over(out) || (alone && hada_sync(out->fd));
     const int code = errno;
-    /* close() reports what a network file system could not store */
+    /* close() reports a write that a network file system could not store */
     const int unclosed = close(out->fd);
     out->fd = -1;
     if (failed)
@@ -213,7 +213,7 @@ int hada_staged_holds(const char *path)
     return held;
 }
 
-/* "FOLDER/.NAME.hadalens-XXXXXXXXXXXXXXXX", without its letters: where they go, or NULL. */
+/* "FOLDER/.NAME.hadalens-XXXXXXXXXXXXXXXX", without its letters; returns the place of the letters, or NULL. */
 static char *begin_name(char **whole, const char *path)
 {
     const char *slash = strrchr(path, '/'), *last = slash ? slash + 1 : path;
@@ -280,7 +280,7 @@ typedef struct entry {
 
 static void remove_in(int folder, const char *name, int depth);
 
-/* One pass over what is in a folder. */
+/* One pass over the entries of a folder. */
 static void remove_some(int folder, int depth)
 {
     _Alignas(entry) char block[2048];
@@ -340,7 +340,7 @@ static int sync_path(const char *path)
 {
     const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
     if (fd < 0)
-        return errno == EACCES ? 0 : -1; /* a folder that may be written to and not read: nobody can do more */
+        return errno == EACCES ? 0 : -1; /* the folder may be written but not read: nothing more can be done */
     const int failed = hada_sync(fd), code = errno;
     close(fd);
     errno = code;

@@ -8,8 +8,8 @@
 #include "core/error.h"
 
 typedef struct hada_outfile {
-    char *path; /* where the file will stand; a symbolic link is followed */
-    char *temp; /* what is written meanwhile, in the same folder */
+    char *path; /* the final path; a symbolic link is followed */
+    char *temp; /* the temporary file, in the same folder */
     int fd;     /* open for reading and writing; -1 once closed */
     int replaces;
     struct stat old; /* of the file that is replaced */
@@ -19,7 +19,7 @@ typedef struct hada_outfile {
  * (core/input.h). The path that links lead to is put into *real, on the heap, NULL where there is nothing. */
 hada_status hada_outfile_check(const char *path, char **real, struct stat *old, hada_error *err);
 
-/* Creates the temporary file, under a name that nobody can foresee. */
+/* Creates the temporary file, under an unpredictable name. */
 hada_status hada_outfile_open(hada_outfile *out, const char *path, hada_error *err);
 /* Writes all bytes at the current position. */
 hada_status hada_outfile_write(hada_outfile *out, const void *data, size_t bytes, hada_error *err);
@@ -41,7 +41,7 @@ typedef enum hada_staged_kind { HADA_STAGED_FILE, HADA_STAGED_FOLDER } hada_stag
 
 /* Makes an empty file (open for reading and writing, its descriptor in *fd) or folder beside `path`, under a hidden
  * name of random letters that was not there; `mode` as for open() and mkdir(). *name is for hada_staged_remove() or
- * hada_staged_forget(). `shown` stands in messages. */
+ * hada_staged_forget(). `shown` is the name for messages. */
 hada_status hada_staged_make(char **name, int *fd, hada_staged_kind kind, const char *path, unsigned mode,
                              const char *shown, hada_error *err);
 

@@ -90,7 +90,7 @@ static int clfft_serves(const hada_context *constant, int rows, int cols)
     hada_context *context = (hada_context *)constant; /* its books alone are written to */
     const hada_trial *trial = known(context, rows, cols);
     if (trial)
-        return trial->serves;
+        return trial->works;
     hada_error error = {0};
     const hada_status status = try_both(context, rows, cols, &error);
     const int no_text = status == HADA_ERROR_UNSUPPORTED || status == HADA_ERROR_SELF_TEST;

@@ -239,7 +239,7 @@ static hada_status find_target(char **target, const char *path, hada_error *err)
     return HADA_OK;
 }
 
-/* The folders above a path, where they are missing. */
+/* Makes the missing folders above a path. */
 static hada_status ensure_parent(const char *path, hada_error *err)
 {
     const char *slash = strrchr(path, '/');

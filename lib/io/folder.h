@@ -6,7 +6,7 @@
 
 #include "core/error.h"
 
-/* What stands under a name, where the system says so: unlike hada_path_is_folder() a failure to look is an error, not
+/* The kind of a path: unlike hada_path_is_folder() a failure to look is an error, not
  * nothing. */
 typedef enum hada_stands { HADA_STANDS_NOTHING, HADA_STANDS_FILE, HADA_STANDS_FOLDER } hada_stands;
 hada_status hada_path_kind(const char *path, hada_stands *out, hada_error *err);

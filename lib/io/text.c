@@ -51,13 +51,13 @@ void hada_text_add_number(hada_text *text, double value)
 
 enum { LONGEST_NUMBER = 120 }; /* characters: seven times what any double needs */
 
-/* How many digits stand there. */
+/* The number of digits. */
 static size_t digits(const char *at)
 {
     return strspn(at, "0123456789");
 }
 
-/* Characters of the exponent at `at`, 0 where none is. */
+/* The number of characters of the exponent at `at`, 0 without one. */
 static size_t exponent(const char *at)
 {
     if (*at != 'e' && *at != 'E')

@@ -41,7 +41,7 @@ static int line_count(const char *text, const char *key, int otherwise)
     return number >= 1 && number <= INT_MAX / 2 ? (int)number : otherwise;
 }
 
-/* Micrometres in a unit as ImageJ and OME write it; 0 for pixels and what is not known. */
+/* Micrometres in a unit as ImageJ and OME write it; 0 for pixels and unknown units. */
 static double unit_size(const char *name)
 {
     static const struct {
@@ -81,7 +81,7 @@ static void parse_imagej(hada_tiff_stack *stack, const char *text)
     stack->spacing_um = spacing ? fabs(hada_text_number(spacing, &end)) * depth_um : 0;
 }
 
-/* The value of an attribute of the element that begins at `element`, NULL where it has none. */
+/* The value of an attribute of the element that begins at `element`, NULL if it has none. */
 static const char *attribute(const char *element, const char *name)
 {
     /* up to the next element, or a text of many that do not end would be gone through for each */
@@ -114,7 +114,7 @@ static hada_status place_planes(hada_tiff_stack *stack, const char *pixels, int 
     const char *end = strstr(pixels, "</Pixels>"), *block = strstr(pixels, "<TiffData");
     if (!block || (end && block > end))
         return HADA_OK;
-    int *linear = malloc((size_t)stack->images * 2 * sizeof *linear);
+    int *linear = calloc((size_t)stack->images * 2, sizeof *linear);
     if (!linear)
         return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the order of %d pages", stack->images);
     stack->pages = linear + stack->images; /* kept at the front below */
@@ -130,7 +130,7 @@ static hada_status place_planes(hada_tiff_stack *stack, const char *pixels, int 
         int planes = attribute_count(block, "PlaneCount", has_page ? 1 : stack->images);
         for (int i = 0; i < planes && first >= 0 && first < stack->images && page < stack->images; i++, placed++)
             linear[first++] = page++;
-        /* blocks that place a plane again and again are not of a sound file, and could go on for hours */
+        /* blocks that place a plane again and again occur in hostile files only, and could take hours */
         sound &= placed <= stack->images;
         if (!sound)
             break;

@@ -23,9 +23,9 @@ typedef struct hada_tiff_stack {
 hada_status hada_tiff_stack_parse(hada_tiff_stack *stack, const char *text, size_t pages, hada_error *err);
 void hada_tiff_stack_free(hada_tiff_stack *stack);
 
-/* The value of a "key=value" line: where it begins, NULL where there is none. */
+/* The value of a "key=value" line: its first character, NULL if there is none. */
 const char *hada_text_line(const char *text, const char *key);
-/* The response that such a line names (hadalens/response.h); 0 where there is none. */
+/* The response in such a line (hadalens/response.h); 0 if there is none. */
 double hada_text_response(const char *text, const char *key);
 
 typedef struct hada_tiff_text {

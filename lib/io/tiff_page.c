@@ -13,7 +13,7 @@
 
 #define LARGEST_SIDE   (1 << 24)
 #define LARGEST_VALUES ((uint64_t)1 << 34)
-/* What no limit refuses: 8 of 1 bit, compressed to an eighth. */
+/* The smallest pages, which no limit refuses: 8 samples of 1 bit, compressed to an eighth. */
 #define VALUES_A_BYTE 64
 /* Bytes at the beginning of a file that belong to no picture: its header. */
 #define HEADER_BYTES 8
@@ -63,7 +63,7 @@ static const char *codec_name(int compression)
     return "unknown";
 }
 
-/* The most pixels' bytes that a byte of the file can stand for: what the format allows, rounded up. */
+/* The largest number of decoded bytes for one byte of the file that the format allows, rounded up. */
 static uint64_t largest_ratio(int compression)
 {
     switch (compression) {
@@ -227,7 +227,7 @@ hada_status hada_tiff_page_check(TIFF *tif, uint64_t file_bytes, int keep_indice
             out[i] = (float)((work)from[i * stride] / by);                                                             \
     } while (0)
 
-/* Numbers of fewer than 8, or of 9 to 15 bits stand packed, highest bit first. */
+/* Numbers of 1 to 7 and of 9 to 15 bits are packed, highest bit first. */
 static void packed(const hada_tiff_page *page, const unsigned char *row, size_t first, size_t stride, size_t count,
                    float by, float *out)
 {
@@ -547,7 +547,7 @@ hada_status hada_tiff_chain_read(hada_tiff_chain *chain, int fd, hada_error *err
                           "the file has more than %llu pages, more than the limits allow (options.limits pages=N)",
                           (unsigned long long)limits.pages));
         HADA_TRY_OR_DONE(read_directory(chain, fd, offset, step, &entries, &count, &next, err));
-        /* those of a sound file do not overlap */
+        /* those of a valid file do not overlap */
         seen += count * (chain->big ? 20u : 12u);
         if (seen > chain->bytes)
             HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_READ,

@@ -23,7 +23,7 @@ typedef struct hada_tiff_chain {
 hada_status hada_tiff_chain_read(hada_tiff_chain *chain, int fd, hada_error *err);
 void hada_tiff_chain_free(hada_tiff_chain *chain);
 
-/* Where the value of `tag` in the directory at `directory` stands in the file, and how many bytes it has; 0 when the
+/* The file offset of the value of `tag` in the directory at `directory`, and its number of bytes; 0 when the
  * directory has no such tag. */
 uint64_t hada_tiff_chain_find(const hada_tiff_chain *chain, int fd, uint64_t directory, unsigned tag, uint64_t *bytes);
 
@@ -37,8 +37,8 @@ typedef struct hada_tiff_handle {
     uint64_t position;
     uint64_t first; /* reading: where libtiff shall believe the first directory to be; 0 = as in the file */
     int swapped, big;
-    int write_code;    /* errno of the first failed write, 0 where none */
-    char message[512]; /* first error of libtiff since it was cleared, "" where none */
+    int write_code;    /* errno of the first failed write, or 0 */
+    char message[512]; /* first error of libtiff since it was cleared, or "" */
 } hada_tiff_handle;
 
 /* Opens libtiff on `handle` (whose fd the caller opens and closes). `mode` as for TIFFOpen. NULL on failure: see
@@ -54,11 +54,11 @@ typedef struct hada_tiff_page {
     int samples;  /* per pixel in the file */
     int channels; /* kept: alpha left out, a palette looked up */
     int bits, is_float, is_signed;
-    int separate; /* samples stand in planes of their own */
+    int separate; /* each sample has its own plane */
     int inverted; /* 0 is white */
     int palette;  /* samples are indices; the colours come from the file */
     int compression;
-    double scale; /* what a stored number is divided by */
+    double scale; /* the divisor of stored numbers */
 } hada_tiff_page;
 
 /* Reads and checks the tags of the current directory; what cannot be read is refused by name. Sizes that a file of

@@ -14,7 +14,7 @@
 #include "io/tiff_meta.h"
 #include "io/tiff_page.h"
 
-/* More than any single buffer that libtiff needs of its own for a sound file. */
+/* More than any single buffer that libtiff itself needs for a valid file. */
 #define LIBTIFF_ALLOCATION ((tmsize_t)1 << 31)
 
 static int keep_error(TIFF *tif, void *user, const char *module, const char *format, va_list arguments)
@@ -140,7 +140,7 @@ struct hada_tiff_reader {
     hada_tiff_stack stack;
     hada_tiff_page first;
     hada_tiff_info info;
-    int grouped;         /* a frame's channels stand on pages of their own */
+    int grouped;         /* each channel of a frame has its own page */
     uint64_t raw_at;     /* ImageJ's single directory for many images: where the pixels begin; 0 else */
     uint64_t raw_bytes;  /* of one image there */
     unsigned char *seen; /* pages that were read before, and the fewest bytes that these have in a file */
@@ -365,7 +365,7 @@ static hada_status read_raw_image(const hada_tiff_reader *reader, size_t number,
     return status;
 }
 
-/* Pages have pixels of their own: a small file whose pages share them could keep a reader busy for hours. */
+/* Pages must not share pixels: a small file whose pages do could keep a reader busy for hours. */
 static hada_status note_page(hada_tiff_reader *reader, size_t number, const hada_tiff_page *page, hada_error *err)
 {
     if (reader->seen[number])

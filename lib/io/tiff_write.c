@@ -98,7 +98,7 @@ static int samples_a_page(const hada_tiff_writer *w)
     return w->options.layout == HADA_TIFF_HYPERSTACK ? 1 : w->channels;
 }
 
-/* A hyperstack whose pixels are written straight into the file; the places of everything are known beforehand. */
+/* A hyperstack whose pixels are written straight into the file; all offsets are known beforehand. */
 static hada_status open_stack(hada_tiff_writer *w, const char *path, hada_error *err)
 {
     static const double unknown[2] = {0, 1};
@@ -237,7 +237,7 @@ static hada_status write_page(hada_tiff_writer *w, const hada_image *image, int 
 {
     int samples = samples_a_page(w);
     const size_t pixels = (size_t)w->rows * (size_t)w->cols;
-    if (!w->tif && samples == 1 && w->options.bits == 32) /* as it stands */
+    if (!w->tif && samples == 1 && w->options.bits == 32) /* unchanged */
         return hada_outfile_write(&w->file, image->data + (size_t)channel * pixels, pixels * sizeof(float), err);
     size_t row_bytes = (size_t)w->cols * (size_t)samples * (size_t)(w->options.bits / 8);
     if (w->tif && !set_tags(w, w->frames == 0 && channel == 0))
@@ -450,7 +450,7 @@ static unsigned char *put(unsigned char *to, uint64_t value, int bytes)
     return to + bytes;
 }
 
-/* Lays the directory out at `to`, which will stand at `at` in the file; `next` is the link to the one after it. */
+/* Lays the directory out at `to`, for the offset `at` of the file; `next` is the link to the one after it. */
 static void lay_out(const hada_directory *d, int big, uint64_t at, uint64_t next, unsigned char *to)
 {
     int wide = big ? 8 : 4;

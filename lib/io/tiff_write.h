@@ -1,7 +1,7 @@
 /* An uncompressed hyperstack laid out as ImageJ itself does it: the first directory with all metadata, the pixels of
  * all images without gaps, then the directories of the other pages. libtiff cannot write that order, and readers rely
  * on it: ImageJ and tifffile take the pixels behind the first image as the next ones, without looking at the other
- * directories. All places are known beforehand, so pixels are streamed. Internal. */
+ * directories. All offsets are known beforehand, so pixels are streamed. Internal. */
 #ifndef HADA_IO_TIFF_WRITE_H
 #define HADA_IO_TIFF_WRITE_H
 

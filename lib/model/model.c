@@ -80,12 +80,12 @@ double hada_model_noise_share(const hada_model *model)
                       model->scene_power[i] / info->channels;
         }
     }
-    /* Parseval; a frame holds nearly all of what the grid does */
+    /* by Parseval; the frame holds nearly all light of the grid */
     const double mean_square = energy / (grid * frame);
     return mean_square > 0.0 ? info->noise / sqrt(mean_square) : 0.0;
 }
 
-/* Of what a model file may claim: far above any camera, and small enough that sizes do not overflow. */
+/* Limits of a model file's claims: far above any camera, and small enough that sizes do not overflow. */
 enum { MOST_DEPTHS = 4096, MOST_CHANNELS = 64, MOST_NET_SIDE = 1 << 20 };
 
 /* Refinement with a rho far above the gain leaves nothing but black; a dark level is one of the frames' own units,
@@ -225,7 +225,7 @@ hada_status hada_model_own_enhance(hada_model *model, hada_net *net, int rows, i
     model->info.enhance_rows = rows;
     model->info.enhance_cols = cols;
     const hada_net_info *info = hada_net_get_info(net);
-    /* twice as many: it sees what the other planes hold beside its own */
+    /* twice as many channels: it also gets the light of the other planes */
     const int fits = info->channels == model->info.channels || info->channels == 2 * model->info.channels;
     if (!fits || info->out_channels != model->info.channels)
         return hada_fail(err, HADA_ERROR_MODEL,
@@ -310,7 +310,7 @@ hada_status hada_model_set_sizes(hada_model_info *info, int raw_rows, int raw_co
 
 /* Models made from other models: in half precision, with a fixed form of filter, with another net. */
 
-/* The transfer functions, and what the fit knew of scenes and noise. */
+/* The transfer functions, and the fit's statistics of scenes and noise. */
 static void copy_knowledge(hada_model *copy, const hada_model *model)
 {
     const hada_model_info *info = &model->info;

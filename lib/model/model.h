@@ -1,10 +1,10 @@
-/* What a model holds, and where frame and window stand on its grid. Internal. */
+/* The contents of a model, and the places of frame and window on its grid. Internal. */
 #ifndef HADA_MODEL_MODEL_H
 #define HADA_MODEL_MODEL_H
 
 #include <hadalens/model.h>
 
-/* Filters and transfer functions stand on the host as row-major half spectra: complex numbers
+/* Filters and transfer functions are kept on the host as row-major half spectra: complex numbers
  * [depth][channel][grid_rows][grid_cols / 2 + 1], re and im interleaved. One of `filter` and `filter_half` is NULL. */
 struct hada_model {
     hada_model_info info;
@@ -19,17 +19,17 @@ struct hada_model {
     float *scene_power;
     double *noise_power;
     double *pairs;
-    hada_net *enhance; /* NULL where none */
-    void *file;        /* non-NULL: the large arrays stand in this opened file (hada_tensors), not freed one by one */
+    hada_net *enhance; /* may be NULL */
+    void *file;        /* non-NULL: the large arrays are in this opened file (hada_tensors), not freed one by one */
 };
 
-/* Where things stand on the grid, in pixels from its top left. */
+/* Places on the grid, in pixels from its top left. */
 typedef struct hada_geometry {
     int raw_row, raw_col;       /* of the frame */
     int window_row, window_col; /* of the window */
 } hada_geometry;
 
-/* Of a model's sizes; HADA_ERROR_MODEL where they do not fit into one another. */
+/* Computed from a model's sizes; HADA_ERROR_MODEL if they do not fit into one another. */
 hada_status hada_geometry_of(const hada_model_info *info, hada_geometry *out, hada_error *err);
 
 /* Checks and fills the sizes of an info from raw and window sizes (window 0 x 0: the whole frame) and the boundary: the

@@ -237,7 +237,7 @@ static hada_status get_metadata(const hada_tensors *file, const char *path, hada
     return HADA_OK;
 }
 
-/* A tensor of the wanted shape and type whose data can be used where it stands. */
+/* A tensor of the wanted shape and type whose data can be used in place. */
 static hada_status check_part(const hada_tensors *file, const char *path, const part *want, const void **data,
                               hada_error *err)
 {
@@ -285,7 +285,7 @@ static hada_status take_parts(hada_model *model, const hada_tensors *file, const
     return HADA_OK;
 }
 
-/* Takes the net of a file, where it holds one. */
+/* Takes the net of a file, if it has one. */
 static hada_status read_enhance(hada_model *model, const hada_tensors *file, hada_error *err)
 {
     const char *description = hada_tensors_meta(file, NET_META), *size = hada_tensors_meta(file, NET_SIZE);
@@ -317,7 +317,7 @@ static hada_status get_info(const hada_tensors *file, const char *path, hada_mod
     return HADA_OK;
 }
 
-/* Checks of what was read, and the net. */
+/* Checks the tensors, and takes the net. */
 static hada_status complete(hada_model *model, const hada_tensors *file, hada_error *err)
 {
     HADA_TRY(hada_model_info_check(&model->info, err));
@@ -327,7 +327,7 @@ static hada_status complete(hada_model *model, const hada_tensors *file, hada_er
 
 static hada_status load(hada_model **out, hada_tensors *file, const char *path, hada_error *err)
 {
-    /* list_parts() asks which arrays there are: anything that is not NULL will do until the file's own stand there */
+    /* list_parts() asks which arrays exist: any pointer but NULL serves until the file's arrays replace it */
     static float present;
     hada_status status = HADA_OK;
     hada_model_info info = {0};

@@ -255,7 +255,7 @@ done:
     return status;
 }
 
-/* Goes through the programs that serve the context; saves them, or only counts them (folder NULL). */
+/* Saves the programs that the context needs, or only counts them (folder NULL). */
 static hada_status each_program(hada_context *context, const char *folder, hada_progress *progress, hada_error *err)
 {
     for (int f = 0; f < hada_kernel_file_count; f++)

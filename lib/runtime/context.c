@@ -267,7 +267,7 @@ void hada_context_destroy(hada_context **pointer)
     free(context);
 }
 
-/* What everybody asks of a context: its log, its device and its books. */
+/* The log, the device and the memory count of a context. */
 
 void hada_log(const hada_context *context, hada_log_level level, const char *format, ...)
 {

@@ -25,7 +25,7 @@ typedef struct hada_tuning hada_tuning;               /* runtime/tuning.h */
 
 /* A size of transforms that another library was tried on. */
 typedef struct hada_trial {
-    int rows, cols, serves;
+    int rows, cols, works;
     struct hada_trial *next;
 } hada_trial;
 
@@ -35,7 +35,7 @@ struct hada_context {
     int adopted; /* the device is the caller's, and held as long as the context is */
     cl_context cl;
     hada_device_info info;
-    hada_kernel_shape shape; /* which variant of an operation serves */
+    hada_kernel_shape shape; /* which variant of an operation to use */
     unsigned vector_floats;  /* how many floats the device's vectors hold, as it says itself */
     int tensor_cores;        /* for TF32, by inline PTX: NVIDIA's GPUs of compute capability 8.0 and later */
     atomic_int tf32;         /* whether convolutions may use them (net/conv_tf32.c) */
@@ -74,7 +74,7 @@ hada_status hada_device_describe(cl_platform_id platform, cl_device_id device, i
 /* Looks the device up in the table of quirks; also writes the reasons into info->quirks. */
 void hada_quirks_find(hada_device_info *info, hada_quirks *quirks);
 
-/* A part of a device as a device of its own; never released: whoever asks again gets the same. */
+/* A part of a device, as a device. It is never released; a second call returns the same part. */
 hada_status hada_device_divide(cl_device_id device, const hada_device_info *info, int part, int parts,
                                cl_device_id *out, hada_error *err);
 
@@ -88,7 +88,7 @@ hada_status hada_device_choose(const hada_device_info *infos, size_t count, cons
                                size_t *out, hada_error *err);
 
 /* Integer sums through local memory and barriers, complex products in vector lanes, half as storage: all exact.
- * HADA_ERROR_SELF_TEST names what came out wrong. */
+ * HADA_ERROR_SELF_TEST names the test that failed. */
 hada_status hada_self_test(hada_context *context, hada_error *err);
 
 #endif

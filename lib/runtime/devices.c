@@ -44,7 +44,7 @@ hada_status hada_platform_devices(hada_platform_device **out, size_t *count, had
         platforms = 0;
     for (cl_uint p = 0; p < platforms; p++) {
         cl_uint here = 0;
-        /* Mesa's Clover is listed with no devices where no GPU serves it: skip it */
+        /* Mesa's Clover is listed without devices when it has no GPU: skip it */
         if (clGetDeviceIDs(ids[p], CL_DEVICE_TYPE_ALL, 0, NULL, &here) != CL_SUCCESS || !here)
             continue;
         cl_device_id *found = calloc(here, sizeof *found);
@@ -96,7 +96,7 @@ static void text(asked *of, cl_device_info what, char *out, size_t size)
     snprintf(out, size, "%s", start);
 }
 
-/* 0 where the device does not know what is asked. */
+/* 0 if the device does not know the query. */
 static cl_ulong number(asked *of, cl_device_info what, size_t size)
 {
     union {

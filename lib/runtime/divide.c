@@ -101,7 +101,7 @@ hada_status hada_device_divide(cl_device_id device, const hada_device_info *info
     hada_status status = HADA_OK;
     if (parts < 1 || part < 1 || part > parts)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "part %d of %d of a device: parts are counted from 1", part, parts);
-    /* some drivers crash when asked for what they do not offer: look before */
+    /* some drivers crash when asked for an unsupported partition: check first */
     if ((unsigned)parts > info->max_sub_devices || (unsigned)parts > info->compute_units)
         return hada_fail(err, HADA_ERROR_DEVICE_CHOICE,
                          "%s cannot be divided into %d parts: it has %u compute unit(s) and takes at most %u parts",

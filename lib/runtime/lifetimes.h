@@ -1,4 +1,4 @@
-/* Planning memory from lifetimes: which pieces may stand in the same place. Internal.
+/* Memory planning from lifetimes: which pieces may share a place. Internal.
  *
  * Work runs in steps 0, 1, 2, ... on one in-order queue. A piece of memory is needed from its first to its last step,
  * both included; pieces whose steps do not meet may stand at the same place. The plan is made before anything is

@@ -79,7 +79,7 @@ hada_status hada_slot_profile(hada_slot *slot, int on, hada_error *err)
     return hada_allocated(slot->profile = hada_alloc(1, sizeof *slot->profile, "a profile", err));
 }
 
-/* The row of a stage and name, made where there is none. */
+/* The row of a stage and name; created if missing. */
 static hada_status row_of(hada_kernel_time **rows, size_t *count, size_t *room, const hada_kernel_time *wanted,
                           size_t *out, hada_error *err)
 {

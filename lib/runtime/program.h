@@ -18,7 +18,7 @@ typedef struct hada_program_row {
      : (vectors)                           ? HADA_PROGRAM_##FILE##_DEFAULT                                             \
                                            : HADA_PROGRAM_##FILE##_SCALAR)
 
-/* Whether a program serves the context's shape. */
+/* Whether the context's shape needs a program. */
 int hada_program_serves(const hada_context *context, const hada_program_row *row);
 
 typedef struct hada_kernel hada_kernel; /* runtime/launch.h */
@@ -67,13 +67,13 @@ struct hada_program_store {
     unsigned compiled, loaded;
 };
 
-/* The embedded text of a kernel file as one string (freed by the caller), NULL where there is none or no memory. */
+/* The embedded text of a kernel file as one string (freed by the caller), NULL if there is none or no memory. */
 char *hada_kernel_text(const char *file);
 
 /* Why hada_kernel_text() gave NULL. */
 hada_status hada_kernel_text_missing(const char *file, hada_error *err);
 
-/* The name under which a program's binary stands in a folder: "<file>-<hash>.bin"; the hash covers the flattened text,
+/* The file name of a program's binary: "<file>-<hash>.bin"; the hash covers the flattened text,
  * the macros, device, driver, platform and the library's version. */
 hada_status hada_program_key(const hada_context *context, const char *file, const char *options, const char *text,
                              char *out, size_t size, hada_error *err);
@@ -89,10 +89,10 @@ hada_status hada_binary_write(const char *folder, const char *name, const unsign
 /* Removes a binary that does not load, so that the next one can take its place. */
 void hada_binary_drop(const char *folder, const char *name);
 
-/* Makes a folder and its parents. A cache is for this user alone, since what stands in it is run. */
+/* Makes a folder and its parents. A cache belongs to this user alone, since its programs are run. */
 enum { HADA_OURS_ALONE = 0700 };
 hada_status hada_folder_make(const char *folder, unsigned mode, hada_error *err);
-/* Whether nobody but this user (or root) can put files into a folder; also where there is none yet. */
+/* Whether only this user (or root) can put files into a folder; true for a folder that does not exist yet. */
 int hada_folder_is_ours(const char *folder);
 
 /* The device binary of a built program; *out is freed with free(). */

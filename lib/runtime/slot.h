@@ -26,12 +26,12 @@ typedef struct hada_slot {
     int timed; /* 1: the queue keeps the times of its events; some drivers then take longer over each command */
     hada_kernel_object *kernels; /* its own, of all programs, made when first launched */
     hada_profile *profile;       /* NULL: off */
-    const char *stage;           /* what the slot works at, for profiles; a constant text or NULL */
+    const char *stage;           /* the current stage, for profiles; a constant text or NULL */
     double cost_bytes, cost_flops;
     hada_calls calls;
     cl_event event;
     const atomic_int *cancelled; /* where set and not 0, launches are refused: HADA_ERROR_CANCELLED */
-    const hada_monitor *monitor; /* NULL: nobody is asked */
+    const hada_monitor *monitor; /* may be NULL */
     int unasked;                 /* launches since it was asked */
     cl_event landmark;           /* in the queue, where work can be cancelled; NULL: none yet */
     int past_landmark;           /* launches since, and the time that they may take */
@@ -39,7 +39,7 @@ typedef struct hada_slot {
 } hada_slot;
 
 hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error *err);
-void hada_slot_destroy(hada_slot **slot); /* waits for what is in flight */
+void hada_slot_destroy(hada_slot **slot); /* waits for commands in flight */
 
 /* From now on launches are refused while *flag is not 0, which another thread may set. NULL: never. */
 static inline void hada_slot_cancel_by(hada_slot *slot, const atomic_int *flag)
@@ -60,7 +60,7 @@ static inline void hada_slot_watch(hada_slot *slot, const hada_monitor *monitor)
 hada_status hada_slot_open(hada_slot *slot, int timed, hada_error *err);
 void hada_slot_close(hada_slot *slot);
 
-/* From now on the queue keeps the times of its events: another one, the first time. Waits for what is in flight. */
+/* From now on the queue keeps the times of its events: another one, the first time. Waits for commands in flight. */
 hada_status hada_slot_time(hada_slot *slot, hada_error *err);
 
 /* Waits until everything in the queue is done. */

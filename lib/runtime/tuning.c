@@ -1,4 +1,4 @@
-/* Reading a tuning file, and finding what it says. */
+/* Reading, searching and writing tuning files. */
 #include "runtime/tuning.h"
 
 #include <errno.h>
@@ -13,7 +13,7 @@
 #include "core/input.h"
 #include "core/outfile.h"
 
-/* What rows may say; the operations know what it means. */
+/* The words that rows may contain; their meaning is known to the operations. */
 typedef struct operation_form {
     const char *name, *form; /* of shapes: 'n' a number from 1 on, 'm' from 0 on, other characters themselves */
     const char *choices[8], *options[HADA_TUNING_OPTIONS + 1];
@@ -63,7 +63,7 @@ static int has_form(const char *shape, const char *form)
     return !*shape;
 }
 
-/* NULL, or what is wrong with the words of a line. */
+/* NULL, or the error in the words of a line. */
 static const char *read_options(hada_tuning_row *row, const operation_form *about, char *text)
 {
     for (int i = 0; i < HADA_TUNING_OPTIONS; i++)
@@ -99,7 +99,7 @@ static const char *read_row(hada_tuning_row *row, char *line)
     if (!has_form(row->shape, about->form))
         return "has a shape of another form";
     if (word_among(row->choice, about->choices) < 0)
-        return "chooses what there is not";
+        return "names an unknown choice";
     return read_options(row, about, line + used);
 }
 
@@ -202,7 +202,7 @@ hada_status hada_tuning_refuse(const hada_context *context, const hada_tuning_ro
                      context->tuning->path, row->line, row->operation, row->kind, row->shape, row->choice, reason);
 }
 
-/* Writing a tuning file: what it says of other devices and shapes stays. */
+/* Writing a tuning file: rows of other devices and shapes stay. */
 
 typedef struct news {
     const char *operation, *kind;
@@ -288,7 +288,7 @@ static hada_status write_new(const char *path, const news *now, hada_error *err)
     HADA_TRY_OR_DONE(hada_outfile_open(&file, path, err));
     HADA_TRY_OR_DONE(
         old ? copy_rest(old, &file, now, err)
-            : put(&file, "# Hadalens: which of several ways serves a shape (docs/reference/devices.md)\n", err));
+            : put(&file, "# Hadalens: the implementation for each shape (docs/reference/devices.md)\n", err));
     HADA_TRY_OR_DONE(write_rows(&file, now, err));
     HADA_TRY_OR_DONE(hada_outfile_commit(&file, err));
 done:

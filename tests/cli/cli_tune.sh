@@ -39,7 +39,7 @@ expect 0 "the model's net, " tune -o model.txt -m net.model --rounds 1 --seconds
 
 # Wrong rows are refused by line, where the file is opened or where they would serve.
 printf '# one\nfft cpu 15x14 ours\n' >wrong.txt
-HADALENS_TUNING=wrong.txt expect 3 'wrong.txt, line 2 chooses what there is not: fft cpu 15x14 ours' tune -o x --size 15x14
+HADALENS_TUNING=wrong.txt expect 3 'wrong.txt, line 2 names an unknown choice: fft cpu 15x14 ours' tune -o x --size 15x14
 printf 'conv cpu * direct blocks=2 pixels=5\n' >wrong.txt
 HADALENS_TUNING=wrong.txt expect 2 'wrong.txt, line 1 .*no direct kernel' tune -o x --net compact:32x32
 lacks x

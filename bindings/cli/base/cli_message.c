@@ -318,7 +318,7 @@ int hada_cli_interrupted(void)
 
 hada_status hada_cli_check_signals(hada_error *err)
 {
-    return interrupted ? hada_cli_error(err, HADA_ERROR_CANCELLED, "stopped; what was at hand was not written")
+    return interrupted ? hada_cli_error(err, HADA_ERROR_CANCELLED, "stopped; the file in progress was not written")
                        : HADA_OK;
 }
 

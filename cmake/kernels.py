@@ -13,6 +13,8 @@ from pathlib import Path
 
 VALUES = {f"{base}{width}": f"cl_{base}{width}" for base in ("int", "uint", "long", "ulong", "float")
           for width in ("", "2", "4", "8", "16")}
+# What a buffer's elements are, and the type of the launch's argument (lib/runtime/buffer.h).
+BUFFERS = {"float": "cl_mem", "void": "cl_mem", "int": "hada_ints", "uchar": "hada_bytes", "half": "hada_halves"}
 SHAPES = ("lanes", "groups", "tensor_cores", "all")
 
 
@@ -56,7 +58,7 @@ class Parameter:
         if "*" in rest:
             space = rest[0]
             if space in ("__global", "__constant"):
-                self.kind, self.type = "BUFFER", "cl_mem"
+                self.kind, self.type = "BUFFER", self.buffer_type(rest[1], f"{where}: {text.strip()}")
             elif space == "__local":
                 self.kind, self.type = "LOCAL", "hada_local"
                 self.stated = "STATED_SIZE" in rest
@@ -70,6 +72,14 @@ class Parameter:
                 fail(where, f"the parameter '{text.strip()}' is neither a number nor a shared struct (hada_...)")
         else:
             fail(where, f"cannot read the parameter '{text.strip()}'")
+
+
+    @staticmethod
+    def buffer_type(element, where):
+        if element.startswith("hada_"):
+            return f"{element}_array"
+        scalar = re.sub(r"\d+$", "", element)
+        return BUFFERS.get(scalar) or fail(where, f"a buffer of {element} has no type for launches (BUFFERS)")
 
 
 class Kernel:
@@ -192,6 +202,8 @@ def launch_header(file):
     guard = f"HADA_LAUNCH_{file.name.upper()}_H"
     out = f"/* Made from {file.where} and kernels/manifest.txt by cmake/kernels.py. */\n#ifndef {guard}\n#define {guard}\n\n"
     out += '#include "runtime/launch.h"\n' + "".join(f'#include "kernels/{header}"\n' for header in file.shared)
+    arrays = sorted({p.type for kernel in file.kernels for p in kernel.parameters if p.type.endswith("_array")})
+    out += "".join(f"\ntypedef struct {array.replace('_array', '_memory')} *{array};\n" for array in arrays)
     programs = ",\n".join(f"    {constant(file, program)} = {i}" for i, program in enumerate(file.programs))
     out += f"""
 extern const hada_kernel_file hada_file_{file.name};

@@ -37,8 +37,8 @@ hada_status hada_classic_fused_columns(hada_classic *classic, int transpose, had
     return hada_launch_classic_columns(classic->slot, HADA_PROGRAM_CLASSIC_COLUMNS_DEFAULT, &range, err,
                                        .planes = classic->part[HADA_CLASSIC_SPECTRA].mem,
                                        .frames = classic->part[HADA_CLASSIC_PROJECTION].mem, .otf = data->otf,
-                                       .list = classic->part[HADA_CLASSIC_LIST].mem, .job = job,
-                                       .table = pass->table.mem, .scratch = scratch);
+                                       .list = classic->part[HADA_CLASSIC_LIST].ints, .job = job,
+                                       .table = pass->table.ints, .scratch = scratch);
 }
 
 /* A pass along rows: which buffers, where their images stand on the grid, and how many there are. */
@@ -80,7 +80,7 @@ static hada_status run_rows(hada_classic *classic, const rows_pass *pass, hada_e
         classic->slot, HADA_PROGRAM_CLASSIC_ROWS_DEFAULT, &range, err, .spectra = classic->part[pass->spectra].mem,
         .images = classic->part[pass->images].mem, .first = classic->part[pass->first].mem,
         .work = classic->part[pass->work].mem, .alpha = classic->part[alpha].mem, .job = job,
-        .tables = fused->row_tables.mem, .partial = classic->part[HADA_CLASSIC_PARTIAL].mem, .scratch = scratch);
+        .tables = fused->row_tables.ints, .partial = classic->part[HADA_CLASSIC_PARTIAL].mem, .scratch = scratch);
 }
 
 hada_status hada_classic_fused_frame(hada_classic *classic, int inverse, int forward, hada_classic_pixel_step step,

@@ -96,7 +96,7 @@ hada_status hada_classic_project(hada_classic *classic, int residual, hada_error
                    frequencies(classic) * 8.0 * depths);
     return hada_launch_classic_project(
         classic->slot, classic->spectrum_program, &range, err, .otf = data->otf,
-        .list = classic->part[HADA_CLASSIC_LIST].mem, .data = data->spectrum, .has_data = residual,
+        .list = classic->part[HADA_CLASSIC_LIST].ints, .data = data->spectrum, .has_data = residual,
         .planes = classic->part[HADA_CLASSIC_SPECTRA].mem, .out = classic->part[HADA_CLASSIC_PROJECTION].mem,
         .problem = problem_of(classic), .partial = classic->part[HADA_CLASSIC_PARTIAL].mem);
 }
@@ -109,7 +109,7 @@ static hada_status project_transpose(hada_classic *classic, hada_error *err)
     hada_slot_cost(classic->slot, frequencies(classic) * (16.0 * depths + 8.0), frequencies(classic) * 6.0 * depths);
     return hada_launch_classic_transpose(
         classic->slot, classic->spectrum_program, &range, err, .otf = classic->job->data->otf,
-        .list = classic->part[HADA_CLASSIC_LIST].mem, .in = classic->part[HADA_CLASSIC_PROJECTION].mem,
+        .list = classic->part[HADA_CLASSIC_LIST].ints, .in = classic->part[HADA_CLASSIC_PROJECTION].mem,
         .planes = classic->part[HADA_CLASSIC_SPECTRA].mem, .problem = problem_of(classic));
 }
 
@@ -126,7 +126,7 @@ hada_status hada_classic_solve(hada_classic *classic, int first, double mu1, dou
                    frequencies(classic) * (30.0 * depths + 20.0));
     return hada_launch_classic_solve(
         classic->slot, classic->spectrum_program, &range, err, .otf = data->otf,
-        .list = classic->part[HADA_CLASSIC_LIST].mem,
+        .list = classic->part[HADA_CLASSIC_LIST].ints,
         .data = cropped ? classic->part[HADA_CLASSIC_DATA_SPLIT].mem : data->spectrum,
         .split_y = classic->part[HADA_CLASSIC_PROJECTION].mem, .planes = classic->part[HADA_CLASSIC_SPECTRA].mem,
         .gradient = classic->part[HADA_CLASSIC_TABLE].mem, .problem = problem, .weights = weights);

@@ -32,8 +32,8 @@ hada_status hada_own_image_forward(const hada_own_image *image, hada_slot *slot,
     const hada_local local_memory = {image->local_bytes};
     return hada_launch_fft_image_forward(slot, HADA_PROGRAM_FFT_IMAGE_FORWARD_DEFAULT, &range, err, .in = in,
                                          .real = *real, .out = out, .spectra = *spectra,
-                                         .row_table = image->rows->table.mem, .column_table = image->columns->table.mem,
-                                         .local_memory = local_memory);
+                                         .row_table = image->rows->table.ints,
+                                         .column_table = image->columns->table.ints, .local_memory = local_memory);
 }
 
 hada_status hada_own_image_inverse(const hada_own_image *image, hada_slot *slot, cl_mem in,
@@ -44,6 +44,6 @@ hada_status hada_own_image_inverse(const hada_own_image *image, hada_slot *slot,
     const hada_local local_memory = {image->local_bytes};
     return hada_launch_fft_image_inverse(
         slot, hada_find_fft_image_inverse(.fft_product = (int)use->product, .fft_half = use->half), &range, err,
-        .in = in, .from = *from, .filter = use->filter, .out = out, .real = *real, .row_table = image->rows->table.mem,
-        .column_table = image->columns->table.mem, .local_memory = local_memory);
+        .in = in, .from = *from, .filter = use->filter, .out = out, .real = *real, .row_table = image->rows->table.ints,
+        .column_table = image->columns->table.ints, .local_memory = local_memory);
 }

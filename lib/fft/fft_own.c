@@ -142,12 +142,12 @@ static hada_status launch_columns(hada_fft *plan, cl_mem in, const hada_fft_colu
                                           hada_find_fft_group_cols(.fft_product = (int)use->product,
                                                                    .fft_half = use->half, .fft_scratch_global = global),
                                           &range, err, .in = in, .from = *from, .filter = use->filter, .out = out,
-                                          .to = *to, .table = pass->table.mem, .width = pass->width,
+                                          .to = *to, .table = pass->table.ints, .width = pass->width,
                                           .scratches = hada_own_pass_scratch(pass));
     return hada_launch_fft_cols(
         plan->slot,
         hada_find_fft_rows_cols(.fft_product = (int)use->product, .fft_half = use->half, .fft_scratch_global = global),
-        &range, err, .in = in, .from = *from, .filter = use->filter, .out = out, .to = *to, .table = pass->table.mem,
+        &range, err, .in = in, .from = *from, .filter = use->filter, .out = out, .to = *to, .table = pass->table.ints,
         .scratches = hada_own_pass_scratch(pass));
 }
 
@@ -175,11 +175,11 @@ static hada_status launch_rows_forward(hada_fft *plan, cl_mem in, const hada_fft
                                                   pass->local_bytes ? HADA_PROGRAM_FFT_GROUP_ROWS_FORWARD_DEFAULT
                                                                     : HADA_PROGRAM_FFT_GROUP_ROWS_FORWARD_GLOBAL,
                                                   &range, err, .in = in, .real = *real, .out = out, .spectra = *spectra,
-                                                  .table = pass->table.mem, .width = pass->width,
+                                                  .table = pass->table.ints, .width = pass->width,
                                                   .scratches = hada_own_pass_scratch(pass));
     return hada_launch_fft_rows_forward(
         plan->slot, pass->local_bytes ? HADA_PROGRAM_FFT_ROWS_COLS_DEFAULT : HADA_PROGRAM_FFT_ROWS_COLS_GLOBAL, &range,
-        err, .in = in, .real = *real, .out = out, .spectra = *spectra, .table = pass->table.mem,
+        err, .in = in, .real = *real, .out = out, .spectra = *spectra, .table = pass->table.ints,
         .scratches = hada_own_pass_scratch(pass));
 }
 
@@ -200,11 +200,11 @@ static hada_status launch_rows_inverse(hada_fft *plan, cl_mem in, const hada_fft
                                                   pass->local_bytes ? HADA_PROGRAM_FFT_GROUP_ROWS_INVERSE_DEFAULT
                                                                     : HADA_PROGRAM_FFT_GROUP_ROWS_INVERSE_GLOBAL,
                                                   &range, err, .in = in, .spectra = *spectra, .out = out, .real = *real,
-                                                  .table = pass->table.mem, .width = pass->width,
+                                                  .table = pass->table.ints, .width = pass->width,
                                                   .scratches = hada_own_pass_scratch(pass));
     return hada_launch_fft_rows_inverse(
         plan->slot, pass->local_bytes ? HADA_PROGRAM_FFT_ROWS_COLS_DEFAULT : HADA_PROGRAM_FFT_ROWS_COLS_GLOBAL, &range,
-        err, .in = in, .spectra = *spectra, .out = out, .real = *real, .table = pass->table.mem,
+        err, .in = in, .spectra = *spectra, .out = out, .real = *real, .table = pass->table.ints,
         .scratches = hada_own_pass_scratch(pass));
 }
 

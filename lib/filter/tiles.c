@@ -99,6 +99,6 @@ hada_status hada_meter_run(hada_meter *meter, cl_mem spectrum, cl_mem gains, had
     hada_slot_cost(meter->slot, 12.0 * values, 5.0 * values);
     return hada_launch_filter_tiles(meter->slot, HADA_PROGRAM_FILTER_TILES_DEFAULT, &range, err, .in = spectrum,
                                     .gains = gains, .shape = hada_spectrum_shape_of(layout), .strips = HADA_BANDS,
-                                    .groups = meter->tiles.groups, .last = meter->last.mem, .out = meter->energy.mem,
+                                    .groups = meter->tiles.groups, .last = meter->last.ints, .out = meter->energy.mem,
                                     .count = (cl_uint)count);
 }

@@ -31,7 +31,7 @@ void hada_upload_free(hada_upload *upload)
     *upload = (hada_upload){0};
 }
 
-hada_status hada_upload_unpack(const hada_upload *upload, cl_mem between, cl_mem raw, hada_error *err)
+hada_status hada_upload_unpack(const hada_upload *upload, hada_bytes between, cl_mem raw, hada_error *err)
 {
     const hada_stored *stored = &upload->stored;
     const double values = (double)upload->values;
@@ -53,6 +53,6 @@ hada_status hada_upload_frame(hada_upload *upload, const float *frame, hada_buff
                                      upload->values * (size_t)upload->stored.bytes, err));
     upload->waits = upload->slot->calls.waits + 1;
     if (!whole)
-        HADA_TRY(hada_upload_unpack(upload, between->mem, raw->mem, err));
+        HADA_TRY(hada_upload_unpack(upload, between->octets, raw->mem, err));
     return HADA_OK;
 }

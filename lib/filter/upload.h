@@ -30,6 +30,6 @@ hada_status hada_upload_frame(hada_upload *upload, const float *frame, hada_buff
                               hada_error *err);
 
 /* What that comes to on the device: numbers as upload->stored says, to floats (enqueued). */
-hada_status hada_upload_unpack(const hada_upload *upload, cl_mem between, cl_mem raw, hada_error *err);
+hada_status hada_upload_unpack(const hada_upload *upload, hada_bytes between, cl_mem raw, hada_error *err);
 
 #endif

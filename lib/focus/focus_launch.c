@@ -77,7 +77,7 @@ hada_status hada_focus_launch_measure(hada_focus *f, cl_mem planes, const hada_f
                    pixels * ((f->channels == 3 ? 5 : 0) + edges + 11 + 2.0 * taps * f->kinds));
     return hada_launch_focus_measure(f->slot, f->way.program, &range, err, .planes = planes, .batch = *batch,
                                      .image = image_of(f), .weights = f->weights.mem, .response = f->response.mem,
-                                     .bins = f->bins.mem);
+                                     .bins = f->bins.ints);
 }
 
 hada_status hada_focus_launch_select(hada_focus *f, cl_mem planes, const hada_focus_batch *batch, hada_error *err)
@@ -90,7 +90,7 @@ hada_status hada_focus_launch_select(hada_focus *f, cl_mem planes, const hada_fo
                    pixels * batch->count * (2.0 * taps * f->kinds + 12 + 2.0 * f->channels));
     return hada_launch_focus_select(f->slot, f->way.program, &range, err, .response = f->response.mem,
                                     .weights = f->weights.mem, .planes = planes, .batch = *batch, .image = image_of(f),
-                                    .past = past, .kept = f->kept.mem, .bins = f->bins.mem);
+                                    .past = past, .kept = f->kept.mem, .bins = f->bins.ints);
 }
 
 hada_status hada_focus_launch_counts(hada_focus *f, hada_error *err)
@@ -98,8 +98,8 @@ hada_status hada_focus_launch_counts(hada_focus *f, hada_error *err)
     enum { ALL = 2 * HADA_FOCUS_BINS, GROUPS = 8 };
     const hada_range range = range_of(f, GROUPS);
     hada_slot_cost(f->slot, 4.0 * (f->way.groups + 1) * ALL, (double)f->way.groups * ALL);
-    return hada_launch_focus_counts(f->slot, f->way.program, &range, err, .bins = f->bins.mem, .groups = f->way.groups,
-                                    .share = ALL / GROUPS, .counts = f->counts.mem);
+    return hada_launch_focus_counts(f->slot, f->way.program, &range, err, .bins = f->bins.ints, .groups = f->way.groups,
+                                    .share = ALL / GROUPS, .counts = f->counts.ints);
 }
 
 hada_status hada_focus_launch_finish(hada_focus *f, const hada_focus_report *found, double base, cl_mem all_in_focus,

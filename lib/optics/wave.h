@@ -52,6 +52,10 @@ hada_status hada_wave_spot_size(const hada_wave *wave, double distance_mm, doubl
  * slope that puts the spot `shift` samples (of the field on the sensor) from where the transform has its middle. */
 void hada_wave_phase(const hada_wave_spot *spot, double wavelength_mm, double shift, float *phase);
 
+/* Their buffers, as launches take them. */
+typedef struct hada_wave_lens_memory *hada_wave_lens_array;
+typedef struct hada_wave_pixel_memory *hada_wave_pixel_array;
+
 /* The lenses and the lines between them. */
 hada_status hada_wave_lens_tables(const hada_mask_design *design, hada_wave_lens **lenses, hada_wave_plane **planes,
                                   int *plane_count, hada_error *err);
@@ -61,17 +65,18 @@ hada_status hada_wave_lens_area(const hada_mask_design *design, const hada_wave_
                                 const hada_wave_plane *planes, double *area, hada_error *err);
 
 /* Launches, each a kernel. Buffers as the kernels' heads say. */
-hada_status hada_wave_launch_pupil(hada_slot *slot, cl_mem field, cl_mem phase, cl_mem lenses, cl_mem planes, int first,
-                                   int count, const hada_wave_spot *spot, double radius, double aperture,
-                                   hada_error *err);
+hada_status hada_wave_launch_pupil(hada_slot *slot, cl_mem field, cl_mem phase, hada_wave_lens_array lenses,
+                                   cl_mem planes, int first, int count, const hada_wave_spot *spot, double radius,
+                                   double aperture, hada_error *err);
 hada_status hada_wave_launch_spots(hada_slot *slot, cl_mem image, cl_mem part, cl_mem spectra, int count, int pixels,
                                    int samples, hada_error *err);
 hada_status hada_wave_launch_mask(hada_slot *slot, cl_mem field, cl_mem path, cl_mem open, int n, double waves,
                                   hada_error *err);
 hada_status hada_wave_launch_travel(hada_slot *slot, cl_mem spectrum, cl_mem across, cl_mem down, int rows, int blocks,
                                     hada_error *err);
-hada_status hada_wave_launch_sensor(hada_slot *slot, cl_mem image, cl_mem part, cl_mem field, cl_mem across,
-                                    cl_mem down, int rows, int cols, int pixel_rows, int pixel_cols, hada_error *err);
+hada_status hada_wave_launch_sensor(hada_slot *slot, cl_mem image, cl_mem part, cl_mem field,
+                                    hada_wave_pixel_array across, hada_wave_pixel_array down, int rows, int cols,
+                                    int pixel_rows, int pixel_cols, hada_error *err);
 
 /* Samples of width `step`, the first of which begins at `begin`, under pixels of width `width`, the first of which
  * begins at `pixel`: `samples` and `pixels` of them. */

@@ -15,9 +15,9 @@ static hada_range items_of(const hada_slot *slot, size_t across, size_t down, si
     return (hada_range){{hada_round_up(across, side), hada_round_up(down, side), planes}, {side, side, 1}};
 }
 
-hada_status hada_wave_launch_pupil(hada_slot *slot, cl_mem field, cl_mem phase, cl_mem lenses, cl_mem planes, int first,
-                                   int count, const hada_wave_spot *spot, double radius, double aperture,
-                                   hada_error *err)
+hada_status hada_wave_launch_pupil(hada_slot *slot, cl_mem field, cl_mem phase, hada_wave_lens_array lenses,
+                                   cl_mem planes, int first, int count, const hada_wave_spot *spot, double radius,
+                                   double aperture, hada_error *err)
 {
     const hada_optics_field lens_field = {spot->points, spot->pitch, (float)spot->step, (float)radius, (float)aperture};
     /* an item has a row, or every eighth piece of it */
@@ -65,8 +65,9 @@ hada_status hada_wave_launch_travel(hada_slot *slot, cl_mem spectrum, cl_mem acr
                                           .blocks = blocks);
 }
 
-hada_status hada_wave_launch_sensor(hada_slot *slot, cl_mem image, cl_mem part, cl_mem field, cl_mem across,
-                                    cl_mem down, int rows, int cols, int pixel_rows, int pixel_cols, hada_error *err)
+hada_status hada_wave_launch_sensor(hada_slot *slot, cl_mem image, cl_mem part, cl_mem field,
+                                    hada_wave_pixel_array across, hada_wave_pixel_array down, int rows, int cols,
+                                    int pixel_rows, int pixel_cols, hada_error *err)
 {
     const hada_range over = items_of(slot, (size_t)pixel_cols, (size_t)rows, 1);
     const hada_range along = items_of(slot, (size_t)pixel_cols, (size_t)pixel_rows, 1);

@@ -207,9 +207,9 @@ static hada_status run_batch(hada_wave *wave, work *w, const hada_wave_spot *spo
 {
     HADA_TRY(hada_buffer_write(&w->phase, wave->slot, 0, w->phases,
                                (size_t)count * 4 * (size_t)spot->pitch * sizeof(float), err));
-    HADA_TRY(hada_wave_launch_pupil(wave->slot, w->field.mem, w->phase.mem, wave->lenses.mem, wave->planes.mem, first,
-                                    count, spot, wave->camera.lens_diameter_mm / 2.0, wave->camera.aperture_mm / 2.0,
-                                    err));
+    HADA_TRY(hada_wave_launch_pupil(wave->slot, w->field.mem, w->phase.mem, (hada_wave_lens_array)wave->lenses.mem,
+                                    wave->planes.mem, first, count, spot, wave->camera.lens_diameter_mm / 2.0,
+                                    wave->camera.aperture_mm / 2.0, err));
     HADA_TRY(hada_fft_forward(w->fft, 2 * count, w->field.mem, 0, w->spectra.mem, 0, err));
     HADA_TRY(hada_wave_launch_spots(wave->slot, w->image.mem, w->part.mem, w->spectra.mem, count, spot->pixels,
                                     spot->samples, err));

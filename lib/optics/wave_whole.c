@@ -338,8 +338,9 @@ static hada_status collect(const hada_wave *wave, double width, int rows, int co
     HADA_TRY_OR_DONE(hada_buffer_create(
         &part, slot->context, (size_t)down.sample_count * (size_t)across.count * sizeof(float), "pixels", err));
     HADA_TRY_OR_DONE(hada_buffer_create(&pixel, slot->context, pixels * sizeof(float), "pixels", err));
-    HADA_TRY_OR_DONE(hada_wave_launch_sensor(slot, pixel.mem, part.mem, w->field.mem, table_across.mem, table_down.mem,
-                                             down.sample_count, across.sample_count, down.count, across.count, err));
+    HADA_TRY_OR_DONE(hada_wave_launch_sensor(
+        slot, pixel.mem, part.mem, w->field.mem, (hada_wave_pixel_array)table_across.mem,
+        (hada_wave_pixel_array)table_down.mem, down.sample_count, across.sample_count, down.count, across.count, err));
     HADA_TRY_OR_DONE(hada_buffer_read(&pixel, slot, 0, image, pixels * sizeof(float), err));
     for (int r = 0; r < down.count; r++)
         for (int c = 0; c < across.count; c++)

@@ -157,12 +157,13 @@ hada_status hada_refine_fused_score(const hada_refine_run *run, const hada_refin
     hada_slot_cost(refiner->slot, frequencies * images * (8.0 + (band->has_variance ? 12.0 : 8.0)),
                    images * (frequencies * 14.0 + (refiner->layout.cols / 2 + 1.0) * transform(refiner->layout.rows)));
     refiner->transforms += (size_t)images;
-    return hada_launch_refine_group_score(
-        refiner->slot, HADA_PROGRAM_REFINE_GROUP_SCORE_DEFAULT, &range, err, .planes = refiner->now_u.mem,
-        .otf = data->otf, .list = refiner->list.mem, .frame = data->spectrum,
-        .prior = band->has_prior ? data->prior : data->spectrum,
-        .variance = band->has_variance ? data->variance : data->spectrum, .partial = refiner->partial.mem,
-        .problem = problem, .band = *band, .rows = rows, .table = refiner->fused.columns.table.mem, .scratch = scratch);
+    return hada_launch_refine_group_score(refiner->slot, HADA_PROGRAM_REFINE_GROUP_SCORE_DEFAULT, &range, err,
+                                          .planes = refiner->now_u.mem, .otf = data->otf, .list = refiner->list.ints,
+                                          .frame = data->spectrum,
+                                          .prior = band->has_prior ? data->prior : data->spectrum,
+                                          .variance = band->has_variance ? data->variance : data->spectrum,
+                                          .partial = refiner->partial.mem, .problem = problem, .band = *band,
+                                          .rows = rows, .table = refiner->fused.columns.table.ints, .scratch = scratch);
 }
 
 /* What a pass along the rows of so many images costs; touched: arrays of pixels that are read or written. */
@@ -245,9 +246,9 @@ static hada_status launch_lane_columns(const hada_refine_run *run, const hada_re
         hada_range_groups((size_t)refiner->layout.blocks, 1, (size_t)refiner->shape.channels, (size_t)run->sets);
     return hada_launch_refine_columns(
         refiner->slot, HADA_PROGRAM_REFINE_COLUMNS_DEFAULT, &range, err, .planes = refiner->now_u.mem, .otf = data->otf,
-        .list = refiner->list.mem, .frame = data->spectrum, .prior = now->has_prior ? data->prior : data->spectrum,
+        .list = refiner->list.ints, .frame = data->spectrum, .prior = now->has_prior ? data->prior : data->spectrum,
         .now_w = refiner->now_w.mem, .split = run->padded ? refiner->split.mem : refiner->now_w.mem,
-        .partial = refiner->partial.mem, .now = *now, .rows = rows, .frame_rows = frame_rows, .table = pass->table.mem,
+        .partial = refiner->partial.mem, .now = *now, .rows = rows, .frame_rows = frame_rows, .table = pass->table.ints,
         .scratch = scratch);
 }
 
@@ -263,7 +264,7 @@ static hada_status launch_lane_frame(const hada_refine_run *run, const rows_pass
     return hada_launch_refine_frame_rows(refiner->slot, HADA_PROGRAM_REFINE_FRAME_ROWS_DEFAULT, &range, err,
                                          .spectra = refiner->split.mem, .duals = refiner->dual.mem,
                                          .frame = run->data->frame, .partial = refiner->partial.mem, .now = pass->now,
-                                         .rows = rows, .tables = refiner->fused.row_tables.mem, .scratch = scratch);
+                                         .rows = rows, .tables = refiner->fused.row_tables.ints, .scratch = scratch);
 }
 
 static hada_status launch_lane_rows(const hada_refine_run *run, const rows_pass *pass, hada_error *err)
@@ -278,7 +279,7 @@ static hada_status launch_lane_rows(const hada_refine_run *run, const rows_pass 
     hada_slot_cost(refiner->slot, bytes, flops);
     HADA_TRY(hada_launch_refine_rows(refiner->slot, HADA_PROGRAM_REFINE_ROWS_DEFAULT, &range, err,
                                      .spectra = refiner->now_u.mem, .planes = refiner->planes.mem, .rows = rows,
-                                     .tables = refiner->fused.row_tables.mem, .scratch = scratch));
+                                     .tables = refiner->fused.row_tables.ints, .scratch = scratch));
     if (pass->frame)
         HADA_TRY(launch_lane_frame(run, pass, err));
     return HADA_OK;
@@ -330,12 +331,12 @@ static hada_status launch_odd_columns(const hada_refine_run *run, const hada_ref
     const hada_refine_data *data = run->data;
     const hada_range range = hada_range_groups(hada_refine_fused_slices(run), HADA_REFINE_ODD_GROUP,
                                                (size_t)refiner->shape.channels, (size_t)run->sets);
-    return hada_launch_refine_odd_columns(refiner->slot, HADA_PROGRAM_REFINE_ODD_COLUMNS_DEFAULT, &range, err,
-                                          .planes = refiner->now_u.mem, .otf = data->otf, .list = refiner->list.mem,
-                                          .frame = data->spectrum,
-                                          .prior = now->has_prior ? data->prior : data->spectrum,
-                                          .now_w = refiner->now_w.mem, .partial = refiner->partial.mem, .now = *now,
-                                          .rows = *rows, .table = refiner->fused.columns.table.mem, .scratch = scratch);
+    return hada_launch_refine_odd_columns(
+        refiner->slot, HADA_PROGRAM_REFINE_ODD_COLUMNS_DEFAULT, &range, err, .planes = refiner->now_u.mem,
+        .otf = data->otf, .list = refiner->list.ints, .frame = data->spectrum,
+        .prior = now->has_prior ? data->prior : data->spectrum, .now_w = refiner->now_w.mem,
+        .partial = refiner->partial.mem, .now = *now, .rows = *rows, .table = refiner->fused.columns.table.ints,
+        .scratch = scratch);
 }
 
 static hada_status launch_group_columns(const hada_refine_run *run, const hada_refine_step *now, hada_error *err)
@@ -354,10 +355,10 @@ static hada_status launch_group_columns(const hada_refine_run *run, const hada_r
         return launch_odd_columns(run, now, &rows, scratch, err);
     return hada_launch_refine_group_columns(
         refiner->slot, group_columns_program(run->padded), &range, err, .planes = refiner->now_u.mem, .otf = data->otf,
-        .list = refiner->list.mem, .frame = data->spectrum, .prior = now->has_prior ? data->prior : data->spectrum,
+        .list = refiner->list.ints, .frame = data->spectrum, .prior = now->has_prior ? data->prior : data->spectrum,
         .now_w = refiner->now_w.mem, .split = run->padded ? refiner->split.mem : refiner->now_w.mem,
         .partial = refiner->partial.mem, .now = *now, .rows = rows, .frame_rows = frame_rows,
-        .table = refiner->fused.columns.table.mem, .scratch = scratch);
+        .table = refiner->fused.columns.table.ints, .scratch = scratch);
 }
 
 static int group_frame_rows(const hada_context *context, const hada_refine_shape *shape)
@@ -391,7 +392,7 @@ static hada_status launch_group_rows(const hada_refine_run *run, const rows_pass
         const hada_range of_planes = hada_range_groups(planes, HADA_REFINE_ODD_GROUP, 1, 1);
         return hada_launch_refine_odd_rows(refiner->slot, HADA_PROGRAM_REFINE_ODD_ROWS_DEFAULT, &of_planes, err,
                                            .spectra = refiner->now_u.mem, .planes = refiner->planes.mem, .rows = rows,
-                                           .table = refiner->fused.rows.table.mem, .scratch = scratch);
+                                           .table = refiner->fused.rows.table.ints, .scratch = scratch);
     }
     /* what is not cropped has no frame: some other buffer */
     return hada_launch_refine_group_rows(
@@ -399,7 +400,7 @@ static hada_status launch_group_rows(const hada_refine_run *run, const rows_pass
         .planes = refiner->planes.mem, .split = padded ? refiner->split.mem : refiner->now_u.mem,
         .duals = padded ? refiner->dual.mem : refiner->planes.mem,
         .frame = padded ? run->data->frame : refiner->planes.mem, .partial = refiner->partial.mem, .now = now,
-        .rows = rows, .frame_rows = frame_rows, .table = refiner->fused.rows.table.mem, .scratch = scratch);
+        .rows = rows, .frame_rows = frame_rows, .table = refiner->fused.rows.table.ints, .scratch = scratch);
 }
 
 /* The one place that asks for the shape. */

@@ -113,7 +113,7 @@ hada_status hada_refine_solve(const hada_refine_run *r, const hada_refine_rule *
     cost_solve(r, start, has_prior);
     /* what a step does not use is some other buffer */
     return hada_launch_refine_solve(refiner->slot, refiner->program, &range, err, .otf = data->otf,
-                                    .list = refiner->list.mem, .frame = data->spectrum,
+                                    .list = refiner->list.ints, .frame = data->spectrum,
                                     .split = r->padded ? refiner->split.mem : refiner->now_w.mem,
                                     .prior = has_prior ? data->prior : data->spectrum, .now_u = refiner->now_u.mem,
                                     .now_w = refiner->now_w.mem, .partial = refiner->partial.mem, .now = now);
@@ -125,7 +125,7 @@ hada_status hada_refine_explain(const hada_refine_run *r, int has_residual, hada
     const hada_range range = slices_range(r, refiner->layout.count, refiner->shape.channels, r->sets);
     cost_explain(r, has_residual);
     return hada_launch_refine_explain(
-        refiner->slot, refiner->program, &range, err, .otf = r->data->otf, .list = refiner->list.mem,
+        refiner->slot, refiner->program, &range, err, .otf = r->data->otf, .list = refiner->list.ints,
         .frame = r->data->spectrum, .now_u = refiner->now_u.mem,
         .residual = has_residual ? refiner->residual.mem : refiner->now_w.mem, .has_residual = has_residual,
         .partial = refiner->partial.mem, .problem = hada_refine_problem_of(r, 0));
@@ -140,7 +140,7 @@ hada_status hada_refine_score(const hada_refine_run *r, const hada_refine_band *
     cost_score(r, fmin(1.0, (double)band->rows / layout->rows) * fmin(1.0, (double)band->cols / layout->cols),
                band->has_prior, band->has_variance);
     return hada_launch_refine_score(
-        refiner->slot, refiner->program, &range, err, .otf = data->otf, .list = refiner->list.mem,
+        refiner->slot, refiner->program, &range, err, .otf = data->otf, .list = refiner->list.ints,
         .frame = data->spectrum, .now_u = refiner->now_u.mem, .prior = band->has_prior ? data->prior : data->spectrum,
         .variance = band->has_variance ? data->variance : data->spectrum, .partial = refiner->partial.mem,
         .problem = hada_refine_problem_of(r, place), .band = *band);

@@ -7,9 +7,21 @@
 
 #include "runtime/slot.h"
 
+/* Device memory by the type of its elements, as launches take it (launch.h). Most arrays hold floats, so a plain cl_mem
+ * is one of floats. For other elements it is the same handle as a pointer of another type, so that the compiler refuses
+ * one for the other. */
+typedef struct hada_ints_memory *hada_ints;
+typedef struct hada_bytes_memory *hada_bytes;
+typedef struct hada_halves_memory *hada_halves;
+
 typedef struct hada_buffer {
     hada_context *context;
-    cl_mem mem;
+    union { /* the same handle, by what the buffer holds */
+        cl_mem mem;
+        hada_ints ints;
+        hada_bytes octets;
+        hada_halves halves;
+    };
     size_t bytes;
     int part; /* 1: stands in another buffer, which is counted */
 } hada_buffer;

@@ -3,11 +3,15 @@
  * cmake/kernels.py makes launch/FILE.h from the declarations in kernels/FILE.cl and from kernels/manifest.txt. There
  *     HADA_TRY(hada_launch_KERNEL(slot, program, &range, err, .planes = planes, .rows = rows, .step = 0.5f));
  * enqueues a kernel. Every parameter is given once, by its own name and type: what is left out, named twice, unknown or
- * of another type does not compile. `program` is a row of the manifest, HADA_PROGRAM_FILE_NAME. */
+ * of another type does not compile. A buffer's type says what its elements are: cl_mem floats (a vector of floats too,
+ * or a kernel's `void`, whose elements a macro chooses), hada_ints, hada_bytes, hada_halves, NAME_array for a shared
+ * struct NAME. A buffer that a kernel does not use in this launch is NULL. `program` is a row of the manifest,
+ * HADA_PROGRAM_FILE_NAME. */
 #ifndef HADA_RUNTIME_LAUNCH_H
 #define HADA_RUNTIME_LAUNCH_H
 
 #include "core/alloc.h"
+#include "runtime/buffer.h"
 #include "runtime/program.h"
 #include "runtime/slot.h"
 

@@ -27,8 +27,8 @@ static hada_status test_sum(hada_slot *slot, hada_buffer *in, hada_buffer *out, 
     for (int i = 0; i < ITEMS; i++)
         values[i] = (i * 7919) % 1009 - 300;
     HADA_TRY(hada_buffer_write(in, slot, 0, values, sizeof values, err));
-    HADA_TRY(hada_launch_selftest_sum(slot, HADA_PROGRAM_SELFTEST_DEFAULT, &range, err, .in = in->mem, .out = out->mem,
-                                      .part = part));
+    HADA_TRY(hada_launch_selftest_sum(slot, HADA_PROGRAM_SELFTEST_DEFAULT, &range, err, .in = in->ints,
+                                      .out = out->ints, .part = part));
     HADA_TRY(hada_buffer_read(out, slot, 0, sums, groups * sizeof *sums, err));
     for (size_t g = 0; g < groups; g++) {
         cl_int expected = 0;
@@ -69,7 +69,7 @@ static hada_status test_half(hada_slot *slot, hada_buffer *in, hada_buffer *midd
     const hada_range range = hada_range_of(8, 1, 1, 1);
     HADA_TRY(hada_buffer_write(in, slot, 0, values, sizeof values, err));
     HADA_TRY(hada_launch_selftest_half(slot, HADA_PROGRAM_SELFTEST_DEFAULT, &range, err, .in = in->mem,
-                                       .middle = middle->mem, .out = out->mem));
+                                       .middle = middle->halves, .out = out->mem));
     HADA_TRY(hada_buffer_read(out, slot, 0, got, sizeof got, err));
     if (memcmp(got, expected, sizeof got))
         return wrong(slot->context, "half-precision storage", err);

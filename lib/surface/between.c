@@ -189,7 +189,7 @@ static hada_status magnify(hada_between *b, double depth, hada_error *err)
     hada_slot_cost(b->slot, 4.0 * rows * cols * channels * (3.0 * sources.count + 1.0),
                    4.0 * HADA_SPLINE_TAPS * rows * cols * channels * sources.count);
     return hada_launch_surface_magnify(b->slot, b->program, &range, err, .coefficients = b->coefficients.mem,
-                                       .bases = b->bases.mem, .weights = b->weights.mem, .lines = b->lines.mem,
+                                       .bases = b->bases.ints, .weights = b->weights.mem, .lines = b->lines.mem,
                                        .out = b->image.mem, .sources = sources);
 }
 

@@ -36,7 +36,7 @@ static inline size_t hada_surface_values(const hada_surface_plan *plan)
 /* A buffer of so many floats that another object holds. */
 static inline hada_buffer hada_surface_view(const hada_surface *s, cl_mem mem, size_t values)
 {
-    return (hada_buffer){s->slot->context, mem, values * sizeof(float), 1};
+    return (hada_buffer){.context = s->slot->context, .mem = mem, .bytes = values * sizeof(float), .part = 1};
 }
 
 #endif

@@ -33,7 +33,7 @@ static hada_status prepare(check_state *state, hada_error *err)
 static hada_status launch(check_state *state, hada_error *err)
 {
     const unpack_state *own = state->own;
-    return hada_upload_unpack(&own->upload, own->stored.mem, own->out, err);
+    return hada_upload_unpack(&own->upload, own->stored.octets, own->out, err);
 }
 
 const check_op check_unpack = {"filter_unpack", "n numbers of b bytes (1 or 2), s their full scale", prepare, launch,

@@ -64,8 +64,8 @@ static hada_status prepare_pupil(check_state *state, hada_error *err)
 static hada_status launch_pupil(check_state *state, hada_error *err)
 {
     const wave_state *own = state->own;
-    return hada_wave_launch_pupil(state->slot, own->out[0], own->in[0].mem, own->in[1].mem, own->in[2].mem, 1,
-                                  own->count, &own->spot, 1.4, 2.5, err);
+    return hada_wave_launch_pupil(state->slot, own->out[0], own->in[0].mem, (hada_wave_lens_array)own->in[1].mem,
+                                  own->in[2].mem, 1, own->count, &own->spot, 1.4, 2.5, err);
 }
 
 const check_op check_wave_pupil = {"optics_wave_pupil", "n samples across a lens, k lenses", prepare_pupil,
@@ -227,8 +227,9 @@ static hada_status prepare_sensor(check_state *state, hada_error *err)
 static hada_status launch_sensor(check_state *state, hada_error *err)
 {
     const wave_state *own = state->own;
-    return hada_wave_launch_sensor(state->slot, own->out[0], own->in[3].mem, own->in[0].mem, own->in[1].mem,
-                                   own->in[2].mem, own->rows, own->cols, own->pixels, own->pixels, err);
+    return hada_wave_launch_sensor(state->slot, own->out[0], own->in[3].mem, own->in[0].mem,
+                                   (hada_wave_pixel_array)own->in[1].mem, (hada_wave_pixel_array)own->in[2].mem,
+                                   own->rows, own->cols, own->pixels, own->pixels, err);
 }
 
 const check_op check_wave_sensor = {"optics_wave_sensor",

@@ -122,7 +122,7 @@ static hada_status launch(check_state *state, hada_error *err)
         HADA_TRY(check_region(state, own->partial_first, state->out_count - own->partial_first, &partial, err));
     }
     HADA_TRY(check_clear(state, 0, own->partial_first, err));
-    return hada_launch_refine_explain(state->slot, program, &range, err, .otf = own->otf.mem, .list = own->list.mem,
+    return hada_launch_refine_explain(state->slot, program, &range, err, .otf = own->otf.mem, .list = own->list.ints,
                                       .frame = own->data.mem, .now_u = own->planes.mem, .residual = rest,
                                       .has_residual = 1, .partial = partial, .problem = problem);
 }

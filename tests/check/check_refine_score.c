@@ -137,7 +137,7 @@ static hada_status launch(check_state *state, hada_error *err)
     cl_mem partial = state->region[0];
     if (!state->regions)
         HADA_TRY(check_region(state, 0, state->out_count, &partial, err));
-    return hada_launch_refine_score(state->slot, program, &range, err, .otf = own->otf.mem, .list = own->list.mem,
+    return hada_launch_refine_score(state->slot, program, &range, err, .otf = own->otf.mem, .list = own->list.ints,
                                     .frame = own->data.mem, .now_u = own->planes.mem, .prior = own->prior.mem,
                                     .variance = own->variance.mem, .partial = partial, .problem = problem,
                                     .band = band);

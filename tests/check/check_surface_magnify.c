@@ -86,7 +86,7 @@ static hada_status launch(check_state *state, hada_error *err)
     const size_t group = (size_t)hada_macros_of_surface_magnify(program)->surface_group;
     const hada_range range = hada_range_groups(1, group, (size_t)n->rows, (size_t)n->channels);
     HADA_TRY(hada_launch_surface_magnify(state->slot, program, &range, err, .coefficients = own->coefficients.mem,
-                                         .bases = own->bases.mem, .weights = own->weights.mem, .lines = own->lines.mem,
+                                         .bases = own->bases.ints, .weights = own->weights.mem, .lines = own->lines.mem,
                                          .out = own->image.mem, .sources = *n));
     return hada_buffer_copy(state->slot, own->image.mem, 0, state->out.mem, state->out_offset * sizeof(float),
                             state->out_count * sizeof(float), err);

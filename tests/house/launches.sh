@@ -9,12 +9,18 @@ work=$(mktemp -d) || exit 1
 trap 'rm -rf "$work"' EXIT
 status=0
 
-# compiles PROGRAM ARGUMENTS
+# compiles PROGRAM ARGUMENTS, for the kernel in $kernel
 compiles() {
     cat >"$work/try.c" <<END
 #include "launch/refine.h"
 #include "launch/refine_tv.h"
+#include "launch/selftest.h"
+#include "launch/optics_wave_whole.h"
 extern cl_mem a;
+extern hada_ints ints;
+extern hada_halves halves;
+extern hada_wave_pixel_array pixels;
+extern hada_local part;
 extern const float *host;
 extern double number;
 extern hada_refine_window window;
@@ -22,7 +28,7 @@ extern hada_refine_crop crop;
 hada_status attempt(hada_slot *slot, const hada_range *range, hada_error *err);
 hada_status attempt(hada_slot *slot, const hada_range *range, hada_error *err)
 {
-    return hada_launch_refine_tv_planes(slot, $1, range, err, $2);
+    return hada_launch_$kernel(slot, $1, range, err, $2);
 }
 END
     # shellcheck disable=SC2086 # several words
@@ -36,7 +42,7 @@ wrong() {
     ! compiles "$2" "$3" || { echo "this compiles: $1"; status=1; }
 }
 
-program=HADA_PROGRAM_REFINE_TV_SCALAR
+kernel=refine_tv_planes program=HADA_PROGRAM_REFINE_TV_SCALAR
 right "a launch" $program '.planes = a, .duals = a, .window = window, .theta = 1.0f'
 right "in another order" $program '.theta = 1.0f, .window = window, .duals = a, .planes = a'
 right "a program by its macros" 'hada_find_refine_tv(.refine_width = 1, .refine_group = 64)' \
@@ -53,4 +59,16 @@ wrong "another struct" $program '.planes = a, .duals = a, .window = crop, .theta
 wrong "another file's program" HADA_PROGRAM_REFINE_SCALAR '.planes = a, .duals = a, .window = window, .theta = 1.0f'
 wrong "a macro left out" 'hada_find_refine_tv(.refine_width = 1)' \
     '.planes = a, .duals = a, .window = window, .theta = 1.0f'
+right "no buffer" $program '.planes = a, .duals = NULL, .window = window, .theta = 1.0f'
+wrong "a buffer of integers for one of floats" $program '.planes = a, .duals = ints, .window = window, .theta = 1.0f'
+
+kernel=selftest_sum program=HADA_PROGRAM_SELFTEST_DEFAULT
+right "buffers of integers" $program '.in = ints, .out = ints, .part = part'
+wrong "a buffer of floats for one of integers" $program '.in = ints, .out = a, .part = part'
+wrong "a buffer of halves for one of integers" $program '.in = ints, .out = halves, .part = part'
+
+kernel=optics_wave_sensor_rows program=HADA_PROGRAM_OPTICS_WAVE_WHOLE_DEFAULT
+right "a buffer of structs" $program '.part = a, .field = a, .table = pixels, .rows = 1, .cols = 1, .pixels = 1'
+wrong "a buffer of floats for one of structs" $program \
+    '.part = a, .field = a, .table = a, .rows = 1, .cols = 1, .pixels = 1'
 exit $status

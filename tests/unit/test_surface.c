@@ -220,7 +220,8 @@ static double frame_energy(const fixture *f)
 
 static float *read_texture(const fixture *f, const hada_surface_result *result)
 {
-    const hada_buffer view = {f->context, result->texture, CHANNELS * AREA * sizeof(float), 1};
+    const hada_buffer view = {
+        .context = f->context, .mem = result->texture, .bytes = CHANNELS * AREA * sizeof(float), .part = 1};
     float *texture = calloc(CHANNELS * AREA, sizeof *texture);
     assert_non_null(texture);
     ASSERT_OK(hada_buffer_read(&view, f->slot, 0, texture, CHANNELS * AREA * sizeof *texture, err));

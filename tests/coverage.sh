@@ -24,7 +24,7 @@ if [ "$form" = readers ]; then
         test_tiff_write test_safetensors test_model_file test_model_refusals test_model_enhance test_net_list test_dataset
         test_response test_tuning test_fit_sums)
     units="^($(IFS='|' && echo "${files[*]}"))\$" commands=''
-    cmake --build "$build" --target fuzz_replay test_faults "${files[@]}" >"$build/build.log"
+    cmake --build "$build" --target fuzz_replay unit unit_faults >"$build/build.log"
     stages=(model_file: tiff: files: preview: psf:memory net:memory net:file fit:memory fit:file) runs=all
     rooms=(io model dataset netlist)
 else
@@ -74,7 +74,7 @@ tests corpora '^fuzz_'
 tests units "$units"
 tests commands "$commands"
 printf '%s\n' "${stages[@]}" | xargs -P "$(nproc)" -I STAGE \
-    bash -c 'FAULT_ONLY=$1 part "$1" "$build/tests/faults/test_faults"' part STAGE
+    bash -c 'FAULT_ONLY=$1 part "$1" "$build/tests/faults/unit_faults" faults' part STAGE
 failed=0
 [ ! -s "$build/coverage.failed" ] || failed=1
 python3 tests/coverage.py . "$build/CMakeFiles/hadalens_objects.dir/lib" "${rooms[@]}" || failed=1

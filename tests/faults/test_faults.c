@@ -143,7 +143,7 @@ static long runs_of(const struct stage *stage, long calls)
     return runs < 1 ? 1 : runs > calls ? calls : runs;
 }
 
-static void every_call_may_fail(void **state)
+TEST(every_call_may_fail)
 {
     fault_job *job = *state;
     const char *only = getenv("FAULT_ONLY");
@@ -205,8 +205,4 @@ static int end(void **state)
     return 0;
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test_setup_teardown(every_call_may_fail, begin, end)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
-}
+FIXTURE_OF_EACH(begin, end)

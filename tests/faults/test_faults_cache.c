@@ -72,7 +72,7 @@ static int each_file(const char *folder, void (*visit)(const char *folder, const
 }
 
 /* Several processes, none of which has touched OpenCL yet, start at once. Runs first. */
-static void processes_share_an_empty_folder(void **state)
+TEST(processes_share_an_empty_folder)
 {
     const place *here = *state;
     unsigned compiled = 9, loaded = 9;
@@ -134,7 +134,7 @@ static void put_sound_nonsense(const char *folder, const char *name)
     ASSERT_OK(hada_binary_write(folder, name, noise, sizeof noise, err));
 }
 
-static void garbage_is_only_a_slower_start(void **state)
+TEST(garbage_is_only_a_slower_start)
 {
     const place *here = *state;
     void (*const spoil[])(const char *, const char *) = {put_noise, put_nothing, put_half, put_sound_nonsense,
@@ -153,7 +153,7 @@ static void garbage_is_only_a_slower_start(void **state)
     assert_int_equal(each_file(here->cache, NULL), 1);
 }
 
-static void a_place_that_cannot_be_written_does_no_harm(void **state)
+TEST(a_place_that_cannot_be_written_does_no_harm)
 {
     const place *here = *state;
     char file[200], below[240];
@@ -172,9 +172,8 @@ static void a_place_that_cannot_be_written_does_no_harm(void **state)
 }
 
 /* A service without a home: no place for a cache, and no need of one. */
-static void works_without_a_home(void **state)
+TEST(works_without_a_home)
 {
-    (void)state;
     static const char *const names[] = {"HOME", "XDG_CACHE_HOME", "HADALENS_CACHE"};
     char *kept[3];
     unsigned compiled = 9, loaded = 9;
@@ -192,7 +191,7 @@ static void works_without_a_home(void **state)
 }
 
 /* Binaries run: a folder that others can write to is neither read nor written. */
-static void a_place_that_others_write_to_is_left_aside(void **state)
+TEST(a_place_that_others_write_to_is_left_aside)
 {
     const place *here = *state;
     unsigned compiled = 0, loaded = 0;
@@ -212,14 +211,4 @@ static void a_place_that_others_write_to_is_left_aside(void **state)
     assert_true(loaded >= 1);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(processes_share_an_empty_folder),
-        cmocka_unit_test(garbage_is_only_a_slower_start),
-        cmocka_unit_test(a_place_that_cannot_be_written_does_no_harm),
-        cmocka_unit_test(works_without_a_home),
-        cmocka_unit_test(a_place_that_others_write_to_is_left_aside),
-    };
-    return cmocka_run_group_tests(tests, begin, end);
-}
+FIXTURE(begin, end)

@@ -44,9 +44,8 @@ static void reconstruct_one(const fault_job *job, hada_context *context)
     hada_plan_destroy(&plan);
 }
 
-static void nothing_installed(void **state)
+TEST(nothing_installed)
 {
-    (void)state;
     for (int k = 0; k < 2; k++) {
         hada_context *context;
         hada_device_list *list;
@@ -61,7 +60,7 @@ static void nothing_installed(void **state)
     fault_pretend = (fault_device){0};
 }
 
-static void without_a_compiler_only_binaries_serve(void **state)
+TEST(without_a_compiler_only_binaries_serve)
 {
     fault_job *job = *state;
     char folder[256];
@@ -91,7 +90,7 @@ static void without_a_compiler_only_binaries_serve(void **state)
     fault_pretend = (fault_device){0};
 }
 
-static void tiny_pieces_of_memory_are_refused_with_sizes(void **state)
+TEST(tiny_pieces_of_memory_are_refused_with_sizes)
 {
     fault_job *job = *state;
     hada_context *context;
@@ -144,7 +143,7 @@ static size_t filter_bytes(const hada_model *model)
 
 /* Where the trial is short of memory the model is there all the same, and that is said; a device that is lost is an
  * error wherever it is lost. */
-static void a_fit_goes_on_without_its_trial_for_want_of_memory_alone(void **state)
+TEST(a_fit_goes_on_without_its_trial_for_want_of_memory_alone)
 {
     static const cl_int codes[] = {CL_MEM_OBJECT_ALLOCATION_FAILURE, CL_DEVICE_NOT_AVAILABLE};
     static const hada_status statuses[] = {HADA_ERROR_DEVICE_MEMORY, HADA_ERROR_DEVICE};
@@ -183,13 +182,4 @@ static void a_fit_goes_on_without_its_trial_for_want_of_memory_alone(void **stat
     hada_context_destroy(&context);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(nothing_installed),
-        cmocka_unit_test(without_a_compiler_only_binaries_serve),
-        cmocka_unit_test(tiny_pieces_of_memory_are_refused_with_sizes),
-        cmocka_unit_test(a_fit_goes_on_without_its_trial_for_want_of_memory_alone),
-    };
-    return cmocka_run_group_tests(tests, begin, end);
-}
+FIXTURE(begin, end)

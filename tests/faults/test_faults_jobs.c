@@ -44,7 +44,7 @@ static void make_plan(const job_fixture *f, int kind, int parts, int batch, hada
     ASSERT_OK(hada_plan_create_on(plan, parts ? f->part : &f->whole, parts ? parts : 1, f->model, &options, err));
 }
 
-static void the_other_device_takes_over(void **state)
+TEST(the_other_device_takes_over)
 {
     const job_fixture *f = *state;
     static const long when[] = {1, 2, 5, 9, 17, 40, 100, 250};
@@ -68,7 +68,7 @@ static void the_other_device_takes_over(void **state)
 
 /* One frame at a time, so that the device that fails is often one that only helps. On a busy machine its lane may not
  * get a turn in a frame: until one was lost. */
-static void helpers_fail(void **state)
+TEST(helpers_fail)
 {
     const job_fixture *f = *state;
     enum { COMMANDS = 39, MOST = 5000 };
@@ -95,7 +95,7 @@ static void helpers_fail(void **state)
 }
 
 /* The frames of the shortest kind are 190 commands and more: whoever does most of them, both devices fail. */
-static void jobs_fail_when_no_device_is_left(void **state)
+TEST(jobs_fail_when_no_device_is_left)
 {
     const job_fixture *f = *state;
     for (int kind = 0; kind < JOB_KINDS; kind++)
@@ -116,7 +116,7 @@ static void jobs_fail_when_no_device_is_left(void **state)
 }
 
 /* Short of memory once: half the batch, and on. */
-static void smaller_batches_where_memory_is_short(void **state)
+TEST(smaller_batches_where_memory_is_short)
 {
     const job_fixture *f = *state;
     for (int kind = JOB_LINEAR; kind <= JOB_LISTED; kind++)
@@ -151,7 +151,7 @@ static void smaller_batches_where_memory_is_short(void **state)
 }
 
 /* A device that stays short of memory gives up; the other one does its work. */
-static void a_device_short_of_memory_is_left_out(void **state)
+TEST(a_device_short_of_memory_is_left_out)
 {
     const job_fixture *f = *state;
     for (int kind = 0; kind < JOB_KINDS; kind++) {
@@ -167,12 +167,4 @@ static void a_device_short_of_memory_is_left_out(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_other_device_takes_over),          cmocka_unit_test(helpers_fail),
-        cmocka_unit_test(jobs_fail_when_no_device_is_left),     cmocka_unit_test(smaller_batches_where_memory_is_short),
-        cmocka_unit_test(a_device_short_of_memory_is_left_out),
-    };
-    return cmocka_run_group_tests(tests, job_setup, job_teardown);
-}
+FIXTURE(job_setup, job_teardown)

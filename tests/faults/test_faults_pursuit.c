@@ -28,9 +28,8 @@ hada_status __wrap_hada_residuals_of(hada_residuals *residuals, hada_fidelity fi
     return hada_fail(err, HADA_ERROR_DEVICE, "evaluation %d was made to fail", evaluation.calls);
 }
 
-static void searches_end_where_an_evaluation_fails(void **state)
+TEST(searches_end_where_an_evaluation_fails)
 {
-    (void)state;
     tiny_camera camera = tiny_make(96, 128, WINDOW, WINDOW, DEPTHS, 1, 0);
     tiny_device device;
     hada_pursuit *pursuit;
@@ -74,10 +73,4 @@ static void searches_end_where_an_evaluation_fails(void **state)
     tiny_free(&camera);
     free(scenes);
     free(image);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(searches_end_where_an_evaluation_fails)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -57,9 +57,8 @@ static void work_through_looks(void)
     work_for(CLOCK_MONOTONIC, 5.5);
 }
 
-static void test_ends(void **state)
+TEST(test_ends)
 {
-    (void)state;
     int status = end_of(work_for_ever, 1, 1);
     assert_true(WIFSIGNALED(status) && WTERMSIG(status) == SIGALRM);
     status = end_of(wait_for_ever, 1000, 2);
@@ -82,9 +81,8 @@ static void *free_late(void *user)
     return NULL;
 }
 
-static void test_left(void **state)
+TEST(test_left)
 {
-    (void)state;
     if (access("/proc/self/task", R_OK))
         skip();
     pthread_t thread, waiting;
@@ -104,10 +102,4 @@ static void test_left(void **state)
     fault_disarm();
     pthread_mutex_unlock(&lock);
     pthread_join(waiting, NULL);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_ends), cmocka_unit_test(test_left)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

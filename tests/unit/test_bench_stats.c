@@ -14,9 +14,8 @@ static void is_figure(hada_bench_figure f, double q1, double median, double q3, 
 }
 
 /* As numpy.percentile(values, [25, 50, 75]) has them. */
-static void quartiles_of_known_numbers(void **state)
+TEST(quartiles_of_known_numbers)
 {
-    (void)state;
     double one[] = {3}, two[] = {5, 1}, three[] = {9, 1, 2}, four[] = {4, 1, 3, 2}, five[] = {10, 50, 20, 40, 30};
     double equal[] = {7, 7, 7, 7}, outlier[] = {1, 1000, 2, 3, 4, 5, 6};
     is_figure(hada_bench_figure_of(one, 1), 3, 3, 3, 1);
@@ -31,9 +30,8 @@ static void quartiles_of_known_numbers(void **state)
     assert_true(isnan(none.median) && isnan(none.q1) && isnan(none.q3) && none.count == 0);
 }
 
-static void ranges_apart(void **state)
+TEST(ranges_apart)
 {
-    (void)state;
     const hada_bench_figure a = {10, 9, 11, 5}, b = {12, 11, 13, 5}, c = {13, 11.5, 14, 5};
     assert_false(hada_bench_apart(&a, &a));
     assert_false(hada_bench_apart(&a, &b)); /* they touch */
@@ -42,9 +40,8 @@ static void ranges_apart(void **state)
     assert_false(hada_bench_apart(&b, &c));
 }
 
-static void front_of_known_points(void **state)
+TEST(front_of_known_points)
 {
-    (void)state;
     /*                       a  b  c  d (behind b)  e (as b)  f (dear, best)  g (as dear as c, worse)  h, i: unknown */
     const double cost[] = {1, 2, 3, 2.5, 2, 9, 3, 1, NAN};
     const double loss[] = {9, 5, 4, 6, 5, 1, 8, NAN, 1};
@@ -59,14 +56,4 @@ static void front_of_known_points(void **state)
     const double worse[] = {-28, -16}, slower[] = {10, 100};
     hada_bench_pareto(slower, worse, 2, front);
     assert_memory_equal(front, first, sizeof first);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(quartiles_of_known_numbers),
-        cmocka_unit_test(ranges_apart),
-        cmocka_unit_test(front_of_known_points),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -110,7 +110,7 @@ static double error_of(const fixture *f, const hada_result *result)
 }
 
 /* All methods come near the scene at both depths, better with iterations; the depth between them stays dark. */
-static void finds_both_depths(void **state)
+TEST(finds_both_depths)
 {
     static const struct {
         hada_method method;
@@ -148,7 +148,7 @@ static void finds_both_depths(void **state)
 
 /* Transfer functions that were learned have noise, which gives point spread functions negative values: Richardson-Lucy
  * takes them for noise instead of dividing by them. */
-static void lucy_stands_noisy_optics(void **state)
+TEST(lucy_stands_noisy_optics)
 {
     const fixture *f = *state;
     hada_model *const model = f->model[0];
@@ -173,7 +173,7 @@ static void lucy_stands_noisy_optics(void **state)
 }
 
 /* Without other depths and without iterations: the Wiener filter of the model itself, clipped. */
-static void wiener_of_one_depth_is_the_models(void **state)
+TEST(wiener_of_one_depth_is_the_models)
 {
     const fixture *f = *state;
     static const int one = 1;
@@ -205,7 +205,7 @@ static void wiener_of_one_depth_is_the_models(void **state)
 }
 
 /* A frame a thousand times as bright gives planes a thousand times as bright; two runs give the same bits. */
-static void scales_and_repeats(void **state)
+TEST(scales_and_repeats)
 {
     const fixture *f = *state;
     const size_t count = hada_image_count(&f->scene[0]);
@@ -238,7 +238,7 @@ static void scales_and_repeats(void **state)
     hada_image_destroy(&bright);
 }
 
-static void stops_by_rule(void **state)
+TEST(stops_by_rule)
 {
     const fixture *f = *state;
     for (int method = HADA_METHOD_RL; method <= HADA_METHOD_ADMM; method++) {
@@ -260,7 +260,7 @@ static void stops_by_rule(void **state)
     }
 }
 
-static void darkness_stays_dark(void **state)
+TEST(darkness_stays_dark)
 {
     const fixture *f = *state;
     hada_image black;
@@ -289,7 +289,7 @@ static void refuse(const fixture *f, const hada_plan_options *options, hada_stat
         fail_msg("no '%s' in: %s", words, error.message);
 }
 
-static void refuses_what_makes_no_sense(void **state)
+TEST(refuses_what_makes_no_sense)
 {
     const fixture *f = *state;
     hada_plan_options options = options_of(HADA_METHOD_RL, 10);
@@ -316,7 +316,7 @@ static void refuses_what_makes_no_sense(void **state)
 }
 
 /* A run that would take minutes ends when it is asked to, and the plan works on. */
-static void can_be_cancelled(void **state)
+TEST(can_be_cancelled)
 {
     const fixture *f = *state;
     hada_plan_options options = options_of(HADA_METHOD_ADMM, 10000000);
@@ -336,13 +336,4 @@ static void can_be_cancelled(void **state)
     hada_plan_destroy(&plan);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(finds_both_depths),   cmocka_unit_test(wiener_of_one_depth_is_the_models),
-        cmocka_unit_test(scales_and_repeats),  cmocka_unit_test(stops_by_rule),
-        cmocka_unit_test(darkness_stays_dark), cmocka_unit_test(refuses_what_makes_no_sense),
-        cmocka_unit_test(can_be_cancelled),    cmocka_unit_test(lucy_stands_noisy_optics),
-    };
-    return cmocka_run_group_tests(tests, setup, teardown);
-}
+FIXTURE(setup, teardown)

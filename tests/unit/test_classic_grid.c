@@ -115,9 +115,8 @@ static const grid_case cases[] = {
     {3, 1, 2, 5, 17, 31, 40, 48},     {20, 19, 24, 23, 40, 48, 60, 72}, /* as far as the sensor measures */
 };
 
-static void becomes_as_small_as_can_be(void **state)
+TEST(becomes_as_small_as_can_be)
 {
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const grid_case *c = &cases[i];
         hada_image psf[DEPTHS] = {corners(c->above, c->below, c->left, c->right), corners(0, 0, 0, 0)};
@@ -154,9 +153,8 @@ static void becomes_as_small_as_can_be(void **state)
 }
 
 /* Nothing may be cut that shows: faint light far away counts, roundings do not. */
-static void minds_faint_light(void **state)
+TEST(minds_faint_light)
 {
-    (void)state;
     static const float faint[] = {1e-3f, 1e-6f, 1e-9f};
     for (int i = 0; i < 3; i++) {
         hada_image psf[DEPTHS] = {corners(5, 5, 5, 5), corners(4, 4, 4, 4)};
@@ -175,9 +173,8 @@ static void minds_faint_light(void **state)
 }
 
 /* Where the planes or the frame are the whole grid, and for methods that live on it. */
-static void stays_where_it_must(void **state)
+TEST(stays_where_it_must)
 {
-    (void)state;
     hada_image psf[DEPTHS] = {corners(5, 5, 5, 5), corners(4, 4, 4, 4)};
     for (int k = 0; k < 4; k++) {
         hada_model *model = model_of(psf, 16, 16, k == 0 ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED);
@@ -198,9 +195,8 @@ static void stays_where_it_must(void **state)
 }
 
 /* A plan on a smaller grid holds less, as its estimate says. */
-static void estimates_know_it(void **state)
+TEST(estimates_know_it)
 {
-    (void)state;
     uint64_t bytes[2], host, held;
     for (int wide = 0; wide < 2; wide++) {
         hada_image psf[DEPTHS] = {corners(2, 2, 2, 2), wide ? corners(20, 19, 24, 23) : corners(2, 2, 2, 2)};
@@ -219,9 +215,8 @@ static void estimates_know_it(void **state)
     assert_true(bytes[0] < bytes[1]);
 }
 
-static void refuses_broken_models(void **state)
+TEST(refuses_broken_models)
 {
-    (void)state;
     hada_image psf[DEPTHS] = {corners(2, 2, 2, 2), corners(2, 2, 2, 2)};
     for (hada_method method = HADA_METHOD_RL; method <= HADA_METHOD_ADMM; method++) {
         hada_model *model = model_of(psf, ROWS, COLS, HADA_BOUNDARY_PADDED);
@@ -237,12 +232,4 @@ static void refuses_broken_models(void **state)
         hada_image_destroy(&psf[z]);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(becomes_as_small_as_can_be), cmocka_unit_test(minds_faint_light),
-        cmocka_unit_test(stays_where_it_must),        cmocka_unit_test(estimates_know_it),
-        cmocka_unit_test(refuses_broken_models),
-    };
-    return cmocka_run_group_tests(tests, setup, teardown);
-}
+FIXTURE(setup, teardown)

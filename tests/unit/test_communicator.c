@@ -57,9 +57,8 @@ static void run_all(hada_team *team, int count, void *(*work)(void *user))
         pthread_join(ranks[r].thread, NULL);
 }
 
-static void sums_are_in_rank_order(void **state)
+TEST(sums_are_in_rank_order)
 {
-    (void)state;
     for (int count = 1; count <= MOST; count++) {
         hada_team *team;
         ASSERT_OK(hada_team_create(&team, count, err));
@@ -99,9 +98,8 @@ static void *of_other_sizes(void *user)
     return NULL;
 }
 
-static void ranks_that_fail_end_the_others(void **state)
+TEST(ranks_that_fail_end_the_others)
 {
-    (void)state;
     hada_team *team;
     ASSERT_OK(hada_team_create(&team, 3, err));
     run_all(team, 3, of_other_sizes);
@@ -113,9 +111,8 @@ static void ranks_that_fail_end_the_others(void **state)
     hada_team_destroy(&team);
 }
 
-static void wrong_calls_are_refused(void **state)
+TEST(wrong_calls_are_refused)
 {
-    (void)state;
     hada_team *team = NULL;
     hada_communicator one;
     hada_communicator_init(&one);
@@ -135,9 +132,8 @@ static void wrong_calls_are_refused(void **state)
     hada_team_destroy(&team);
 }
 
-static void shares_are_whole(void **state)
+TEST(shares_are_whole)
 {
-    (void)state;
     hada_communicator of;
     hada_communicator_init(&of);
     for (of.count = 1; of.count < 7; of.count++)
@@ -153,15 +149,4 @@ static void shares_are_whole(void **state)
             assert_int_equal(shared, pieces);
             assert_int_equal(dealt, pieces);
         }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(sums_are_in_rank_order),
-        cmocka_unit_test(ranks_that_fail_end_the_others),
-        cmocka_unit_test(wrong_calls_are_refused),
-        cmocka_unit_test(shares_are_whole),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -55,7 +55,7 @@ static hada_conv_plan plan_of(const hada_context *context, int in_channels, int 
 }
 
 /* Near to the plain one, but not the same: products are added up in another order. */
-static void the_emulation_is_near(void **state)
+TEST(the_emulation_is_near)
 {
     net_device *device = *state;
     double apart;
@@ -63,7 +63,7 @@ static void the_emulation_is_near(void **state)
     assert_true(apart > 0 && apart <= HADA_CONV_COMPARE_MOST);
 }
 
-static void without_tensor_cores_nothing_is_tried(void **state)
+TEST(without_tensor_cores_nothing_is_tried)
 {
     net_device *device = *state;
     if (device->context->tensor_cores)
@@ -74,7 +74,7 @@ static void without_tensor_cores_nothing_is_tried(void **state)
 }
 
 /* A device that says it has some, whose compiler does not take the instruction. */
-static void what_fails_is_off(void **state)
+TEST(what_fails_is_off)
 {
     net_device *device = *state;
     hada_context *context = device->context;
@@ -96,7 +96,7 @@ static void what_fails_is_off(void **state)
 }
 
 /* Where the trial went well, layers with enough channels take them, and hold as many bytes as before. */
-static void what_is_right_serves(void **state)
+TEST(what_is_right_serves)
 {
     net_device *device = *state;
     hada_context *context = device->context;
@@ -126,7 +126,7 @@ static void what_is_right_serves(void **state)
 }
 
 /* Lanes have no such kernel: a row of a tuning file that asks for one is refused. */
-static void lanes_have_none(void **state)
+TEST(lanes_have_none)
 {
     net_device *device = *state;
     const hada_kernel_shape shape = device->context->shape;
@@ -140,12 +140,4 @@ static void lanes_have_none(void **state)
     device->context->shape = shape;
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_emulation_is_near), cmocka_unit_test(without_tensor_cores_nothing_is_tried),
-        cmocka_unit_test(what_fails_is_off),     cmocka_unit_test(what_is_right_serves),
-        cmocka_unit_test(lanes_have_none),
-    };
-    return cmocka_run_group_tests(tests, open_groups, net_device_close);
-}
+FIXTURE(open_groups, net_device_close)

@@ -82,9 +82,8 @@ static void refused(int skip, hada_status status, const char *const *words)
 
 #define REFUSED(skip, status, ...) refused(skip, status, (const char *const[]){__VA_ARGS__, NULL})
 
-static void depths_stand_near_to_far_and_pairs_by_name(void **state)
+TEST(depths_stand_near_to_far_and_pairs_by_name)
 {
-    (void)state;
     hada_dataset *data;
     put_pair("z100mm", "b", 1);
     put_pair("z100mm", "a", 2);
@@ -126,9 +125,8 @@ static void depths_stand_near_to_far_and_pairs_by_name(void **state)
     assert_null(data);
 }
 
-static void what_stands_beside_is_found(void **state)
+TEST(what_stands_beside_is_found)
 {
-    (void)state;
     hada_dataset *data;
     put_pair("z1mm", "a", 1);
     put("psf.tif", 0);
@@ -139,9 +137,8 @@ static void what_stands_beside_is_found(void **state)
     hada_dataset_destroy(&data);
 }
 
-static void files_without_partner_are_told(void **state)
+TEST(files_without_partner_are_told)
 {
-    (void)state;
     hada_dataset *data;
     hada_dataset_options options;
     put_pair("z1mm", "a", 1);
@@ -163,9 +160,8 @@ static void files_without_partner_are_told(void **state)
 }
 
 /* Partners are found by what stands before the ending, whatever order whole names have ('-' stands before '.'). */
-static void partners_have_the_same_stem(void **state)
+TEST(partners_have_the_same_stem)
 {
-    (void)state;
     static const char *const names[] = {"a", "a-b", "a.b", "a b", "a0", "a.", "-", "b"};
     enum { NAMES = sizeof names / sizeof *names };
     char path[100];
@@ -192,9 +188,8 @@ static void partners_have_the_same_stem(void **state)
     snprintf(set, sizeof set, "%s/set", root);
 }
 
-static void folders_that_are_none_are_refused(void **state)
+TEST(folders_that_are_none_are_refused)
 {
-    (void)state;
     hada_error error;
     hada_dataset *data;
     REFUSED(0, HADA_ERROR_FILE_OPEN, "set");
@@ -212,9 +207,8 @@ static void folders_that_are_none_are_refused(void **state)
     REFUSED(1, HADA_ERROR_DATASET, "z0mm", "above 0");
 }
 
-static void two_parts_have_every_pair_once(void **state)
+TEST(two_parts_have_every_pair_once)
 {
-    (void)state;
     static const struct {
         double hold_out;
         int near, far; /* held out of 5 and of 2 */
@@ -247,9 +241,8 @@ static void two_parts_have_every_pair_once(void **state)
     hada_dataset_destroy(&data);
 }
 
-static void dark_frames_are_means_over_pages(void **state)
+TEST(dark_frames_are_means_over_pages)
 {
-    (void)state;
     hada_image page, mean;
     hada_tiff_writer *writer;
     double level;
@@ -289,8 +282,6 @@ static void dark_frames_are_means_over_pages(void **state)
     hada_image_destroy(&page);
 }
 
-#define TEST(function) cmocka_unit_test_setup_teardown(function, begin, end)
-
 /* Pairs of the caller's: a raw frame of the depth's number, a scene of the pair's. */
 static hada_status read_callers(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *err)
 {
@@ -304,9 +295,8 @@ static hada_status read_callers(void *user, int depth, int pair, hada_image *raw
     return HADA_OK;
 }
 
-static void callers_give_pairs(void **state)
+TEST(callers_give_pairs)
 {
-    (void)state;
     const double distances[] = {100.0, 250.5}, wrong[] = {250.5, 100.0};
     const int counts[] = {3, 4}, none[] = {3, 0};
     int forgotten = -1;
@@ -338,13 +328,12 @@ static void callers_give_pairs(void **state)
 }
 
 /* The passes of a fit read a pair once while there is room, and again where there is none. */
-static void pairs_are_read_once(void **state)
+TEST(pairs_are_read_once)
 {
     hada_dataset *data;
     hada_fit_store store;
     hada_fit_loan loan;
     hada_error failure;
-    (void)state;
     hada_folder_remove(set);
     put_pair("z100mm", "a", 1.0f);
     put_pair("z100mm", "b", 2.0f);
@@ -375,18 +364,4 @@ static void pairs_are_read_once(void **state)
     hada_dataset_destroy(&data);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(depths_stand_near_to_far_and_pairs_by_name),
-        TEST(what_stands_beside_is_found),
-        TEST(files_without_partner_are_told),
-        TEST(partners_have_the_same_stem),
-        TEST(folders_that_are_none_are_refused),
-        TEST(two_parts_have_every_pair_once),
-        TEST(dark_frames_are_means_over_pages),
-        TEST(callers_give_pairs),
-        TEST(pairs_are_read_once),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
-}
+FIXTURE_OF_EACH(begin, end)

@@ -23,9 +23,8 @@ static void folder_remove(const char *path)
     assert_int_equal(system(command), 0);
 }
 
-static void lists_devices_with_sizes(void **state)
+TEST(lists_devices_with_sizes)
 {
-    (void)state;
     hada_device_list *list;
     ASSERT_OK(hada_device_list_create(&list, err));
     const size_t count = hada_device_list_count(list);
@@ -42,9 +41,8 @@ static void lists_devices_with_sizes(void **state)
     assert_null(list);
 }
 
-static void chooses_by_index_kind_and_name(void **state)
+TEST(chooses_by_index_kind_and_name)
 {
-    (void)state;
     static const hada_device_info infos[] = {
         {.kind = HADA_DEVICE_CPU, .name = "AMD EPYC", .platform = "Portable Computing Language"},
         {.kind = HADA_DEVICE_GPU, .name = "NVIDIA H200", .platform = "NVIDIA CUDA"},
@@ -76,9 +74,8 @@ static void chooses_by_index_kind_and_name(void **state)
     }
 }
 
-static void takes_kernels_in_the_shape_that_is_asked_for(void **state)
+TEST(takes_kernels_in_the_shape_that_is_asked_for)
 {
-    (void)state;
     static const struct {
         int option;
         const char *variable;
@@ -114,9 +111,8 @@ static void takes_kernels_in_the_shape_that_is_asked_for(void **state)
     assert_string_equal(hada_kernel_shape_name(HADA_SHAPE_GROUPS), "groups");
 }
 
-static void counts_bytes_and_keeps_the_peak(void **state)
+TEST(counts_bytes_and_keeps_the_peak)
 {
-    (void)state;
     hada_context *context;
     hada_buffer a, b;
     hada_error error;
@@ -137,9 +133,8 @@ static void counts_bytes_and_keeps_the_peak(void **state)
     assert_null(context);
 }
 
-static void moves_bytes_to_and_fro(void **state)
+TEST(moves_bytes_to_and_fro)
 {
-    (void)state;
     hada_context *context;
     hada_slot *slot;
     hada_buffer buffer;
@@ -167,9 +162,8 @@ static void moves_bytes_to_and_fro(void **state)
     hada_context_destroy(&context);
 }
 
-static void programs_come_from_the_cache_the_second_time(void **state)
+TEST(programs_come_from_the_cache_the_second_time)
 {
-    (void)state;
     char folder[64];
     hada_context *context;
     hada_context_options options;
@@ -239,9 +233,8 @@ static void saving_stops(hada_context *context, const char *folder)
     assert_int_equal(system(command), 0);
 }
 
-static void offline_binaries_need_no_compiler(void **state)
+TEST(offline_binaries_need_no_compiler)
 {
-    (void)state;
     char folder[64];
     hada_context *context;
     hada_context_options options;
@@ -278,9 +271,8 @@ static void offline_binaries_need_no_compiler(void **state)
     folder_remove(folder);
 }
 
-static void a_kernel_that_does_not_build_says_so(void **state)
+TEST(a_kernel_that_does_not_build_says_so)
 {
-    (void)state;
     hada_context *context;
     cl_program program;
     hada_error error;
@@ -290,19 +282,4 @@ static void a_kernel_that_does_not_build_says_so(void **state)
     assert_non_null(strstr(error.message, "broken.cl"));
     assert_true(error.detail[0] != '\0');
     hada_context_destroy(&context);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(lists_devices_with_sizes),
-        cmocka_unit_test(chooses_by_index_kind_and_name),
-        cmocka_unit_test(takes_kernels_in_the_shape_that_is_asked_for),
-        cmocka_unit_test(counts_bytes_and_keeps_the_peak),
-        cmocka_unit_test(moves_bytes_to_and_fro),
-        cmocka_unit_test(programs_come_from_the_cache_the_second_time),
-        cmocka_unit_test(offline_binaries_need_no_compiler),
-        cmocka_unit_test(a_kernel_that_does_not_build_says_so),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -67,7 +67,7 @@ static void run(net_device *device, const hada_enhance_desc *desc, float *planes
 }
 
 /* Without resizing: what a runner gives, zero where that is negative. */
-static void a_plane_at_once_is_the_net(void **state)
+TEST(a_plane_at_once_is_the_net)
 {
     net_device *device = *state;
     for (int shared = 0; shared < 2; shared++) {
@@ -106,7 +106,7 @@ static void a_plane_at_once_is_the_net(void **state)
 
 /* Whatever number of planes goes through the net at once, with dark ones among them, which are left out, and at another
  * size than the window's. */
-static void planes_at_once_hold_the_bits_of_one_by_one(void **state)
+TEST(planes_at_once_hold_the_bits_of_one_by_one)
 {
     enum { COUNT = 5, DARK = 2, ROWS = 21, COLS = 34, PLANE = 3 * ROWS * COLS };
     net_device *device = *state;
@@ -143,7 +143,7 @@ static void planes_at_once_hold_the_bits_of_one_by_one(void **state)
 /* A plane and what all others hold beside it, as they were before any was enhanced; 0 where planes do not belong
  * together. Those that do are shares of their sum, which is enhanced by itself unless the net only shares; that net
  * leaves others as they are. What no plane claims all hold alike. In tiles the same. */
-static void a_net_may_see_the_other_planes(void **state)
+TEST(a_net_may_see_the_other_planes)
 {
     enum { COUNT = 3, ROWS = 32, COLS = 48, CHANNELS = 2, PLANE = CHANNELS * ROWS * COLS };
     net_device *device = *state;
@@ -225,7 +225,7 @@ static const char *const alone = "{\"format\":\"hadalens-net-1\",\"layers\":["
                                  "{\"layer\":\"conv\",\"name\":\"a\",\"channels\":9,\"activation\":\"relu\"},"
                                  "{\"layer\":\"conv\",\"name\":\"b\",\"channels\":2,\"activation\":\"relu\"}]}";
 
-static void a_window_of_another_size_goes_there_and_back(void **state)
+TEST(a_window_of_another_size_goes_there_and_back)
 {
     hada_net *list, *net;
     ASSERT_OK(hada_net_create(&list, between, 6, err));
@@ -261,7 +261,7 @@ static void a_window_of_another_size_goes_there_and_back(void **state)
     hada_net_destroy(&net);
 }
 
-static void tiles_hold_the_bits_of_the_whole(void **state)
+TEST(tiles_hold_the_bits_of_the_whole)
 {
     static const struct {
         const char *down, *up;
@@ -291,7 +291,7 @@ static void tiles_hold_the_bits_of_the_whole(void **state)
     }
 }
 
-static void tiles_without_content_are_left_out(void **state)
+TEST(tiles_without_content_are_left_out)
 {
     hada_net *net = unet_of("8|12", "9", 1, HADA_UNET_LINEAR, 0);
     for (int i = 0; i < net->parameter_count; i++) /* so that black does not stay black */
@@ -329,7 +329,7 @@ static void tiles_without_content_are_left_out(void **state)
     hada_net_destroy(&net);
 }
 
-static void short_memory_makes_tiles(void **state)
+TEST(short_memory_makes_tiles)
 {
     net_device *device = *state;
     hada_error error = {0};
@@ -351,7 +351,7 @@ static void short_memory_makes_tiles(void **state)
     hada_net_destroy(&net);
 }
 
-static void nets_that_do_not_fit_are_refused(void **state)
+TEST(nets_that_do_not_fit_are_refused)
 {
     net_device *device = *state;
     hada_error error = {0};
@@ -370,9 +370,8 @@ static void nets_that_do_not_fit_are_refused(void **state)
     hada_net_destroy(&net);
 }
 
-static void fields_are_what_layers_reach(void **state)
+TEST(fields_are_what_layers_reach)
 {
-    (void)state;
     hada_receptive_field field;
     hada_net *net = unet_of("8|12", "9", 1, HADA_UNET_LINEAR, 0);
     ASSERT_OK(hada_net_receptive_field(net, &field, err));
@@ -418,7 +417,7 @@ static uint64_t launches_of(net_device *device, const hada_enhance_desc *desc, i
 }
 
 /* As many launches as one plane takes. */
-static void planes_of_a_frame_go_in_one_batch(void **state)
+TEST(planes_of_a_frame_go_in_one_batch)
 {
     enum { DEPTHS = 6 };
     net_device *device = *state;
@@ -435,19 +434,4 @@ static void planes_of_a_frame_go_in_one_batch(void **state)
     hada_net_destroy(&net);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(planes_of_a_frame_go_in_one_batch),
-        cmocka_unit_test(a_plane_at_once_is_the_net),
-        cmocka_unit_test(a_net_may_see_the_other_planes),
-        cmocka_unit_test(planes_at_once_hold_the_bits_of_one_by_one),
-        cmocka_unit_test(a_window_of_another_size_goes_there_and_back),
-        cmocka_unit_test(tiles_hold_the_bits_of_the_whole),
-        cmocka_unit_test(tiles_without_content_are_left_out),
-        cmocka_unit_test(short_memory_makes_tiles),
-        cmocka_unit_test(nets_that_do_not_fit_are_refused),
-        cmocka_unit_test(fields_are_what_layers_reach),
-    };
-    return cmocka_run_group_tests(tests, net_device_open, net_device_close);
-}
+FIXTURE(net_device_open, net_device_close)

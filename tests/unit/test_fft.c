@@ -3,14 +3,13 @@
 #include "fft_fixture.h"
 
 /* 1, 2, 3, squares, primes with a stage of their own and with a chirp, odd by even, multiples of 43, tall and wide. */
-static void test_sizes(void **user)
+TEST(test_sizes)
 {
     static const int sizes[][2] = {{1, 1},   {1, 2},   {2, 1},    {2, 2},    {3, 3},    {1, 7},    {5, 1},    {4, 4},
                                    {8, 8},   {1, 16},  {16, 1},   {9, 10},   {15, 14},  {17, 16},  {16, 17},  {33, 31},
                                    {7, 49},  {43, 8},  {24, 43},  {86, 43},  {64, 96},  {100, 60}, {127, 9},  {9, 127},
                                    {131, 5}, {6, 137}, {262, 30}, {1, 257},  {257, 1},  {121, 26}, {2, 1024}, {1024, 3},
                                    {35, 1},  {1, 343}, {256, 48}, {128, 32}, {172, 258}};
-    (void)user;
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
         const int rows = sizes[i][0], cols = sizes[i][1], batch = 1 + (int)(i % 3);
         check_forward(whole(HADA_FFT_FORWARD, rows, cols, batch));
@@ -19,23 +18,21 @@ static void test_sizes(void **user)
 }
 
 /* Scratch that does not fit local memory. */
-static void test_long(void **user)
+TEST(test_long)
 {
-    (void)user;
     check_forward(whole(HADA_FFT_FORWARD, 2, 16384, 1));
     check_inverse(whole(HADA_FFT_INVERSE, 2, 16384, 1), HADA_FFT_PLAIN, 0, 1);
     check_forward(whole(HADA_FFT_FORWARD, 12000, 2, 1));
     check_inverse(whole(HADA_FFT_INVERSE, 12000, 2, 1), HADA_FFT_PLAIN, 0, 1);
 }
 
-static void test_rectangles(void **user)
+TEST(test_rectangles)
 {
     static const int cases[][6] = {{48, 64, 0, 0, 20, 24},    {48, 64, 28, 40, 20, 24},  {48, 64, 14, 20, 19, 23},
                                    {48, 64, 47, 63, 1, 1},    {48, 64, 0, 63, 48, 1},    {48, 64, 47, 0, 1, 64},
                                    {86, 129, 20, 31, 41, 57}, {86, 129, 43, 86, 43, 43}, {131, 137, 50, 60, 33, 17},
                                    {1, 40, 0, 5, 1, 9},       {40, 1, 7, 0, 20, 1},      {172, 86, 60, 30, 50, 20},
                                    {9, 11, 4, 3, 3, 5}};
-    (void)user;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const int *c = cases[i], batch = 1 + (int)(i % 2), gap = (int)(i % 4);
         check_forward(rectangle(whole(HADA_FFT_FORWARD, c[0], c[1], batch), c[2], c[3], c[4], c[5], gap));
@@ -44,11 +41,10 @@ static void test_rectangles(void **user)
     }
 }
 
-static void test_bands(void **user)
+TEST(test_bands)
 {
     static const int cases[][4] = {{48, 64, 5, 7},   {48, 64, 24, 8},  {48, 64, 1, 32}, {43, 86, 10, 12},
                                    {131, 66, 9, 20}, {131, 137, 3, 5}, {9, 16, 100, 3}, {48, 64, 0, 9}};
-    (void)user;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         hada_fft_desc desc = whole(HADA_FFT_INVERSE, cases[i][0], cases[i][1], 2);
         desc.band_rows = cases[i][2];
@@ -59,9 +55,8 @@ static void test_bands(void **user)
     }
 }
 
-static void test_products(void **user)
+TEST(test_products)
 {
-    (void)user;
     for (int product = HADA_FFT_COMPLEX; product <= HADA_FFT_SPLIT; product++)
         for (int half = 0; half < 2; half++) {
             if (context->shape == HADA_SHAPE_GROUPS && half != (product == HADA_FFT_COMPLEX))
@@ -75,10 +70,9 @@ static void test_products(void **user)
 }
 
 /* A member's bits do not depend on the batch it stands in, nor on the run. */
-static void test_batch_invariance(void **user)
+TEST(test_batch_invariance)
 {
     enum { BATCH = 7, ROWS = 430, COLS = 344, AT = 5 };
-    (void)user;
     hada_fft_desc forward = whole(HADA_FFT_FORWARD, ROWS, COLS, BATCH);
     hada_fft_desc inverse = rectangle(whole(HADA_FFT_INVERSE, ROWS, COLS, BATCH), 100, 90, 201, 150, 0);
     const size_t one = (size_t)ROWS * COLS, out = inverse.real_distance;
@@ -91,9 +85,9 @@ static void test_batch_invariance(void **user)
     ok(hada_fft_create(&i1, slot, &inverse, &err));
     const size_t count = hada_fft_plan_layout(f)->count;
     float *a = memory(one * BATCH, sizeof *a), *b = memory(2 * count, sizeof *b), *c = memory(2 * count, sizeof *c);
-    unsigned state = 3;
+    unsigned seed = 3;
     for (size_t k = 0; k < one * BATCH; k++)
-        a[k] = value(&state);
+        a[k] = value(&seed);
     ok(hada_buffer_create_from(&real, slot, a, one * BATCH * sizeof *a, "images", &err));
     ok(hada_buffer_create(&spectrum, context, count * BATCH * 8, "spectra", &err));
     ok(hada_buffer_create(&single, context, count * 8, "a spectrum", &err));
@@ -126,10 +120,9 @@ static void test_batch_invariance(void **user)
 }
 
 /* What a plan holds is what hada_fft_bytes() said, and nothing stays behind. */
-static void test_bytes(void **user)
+TEST(test_bytes)
 {
     static const int sizes[][2] = {{64, 96}, {131, 43}, {1, 1}, {2, 16384}};
-    (void)user;
     const uint64_t before = hada_context_bytes(context);
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
         for (int direction = HADA_FFT_FORWARD; direction <= HADA_FFT_INVERSE; direction++) {
@@ -151,13 +144,12 @@ static void refuse(hada_fft_desc desc, hada_status status)
     assert_int_equal(hada_fft_bytes(context, &desc), 0);
 }
 
-static void test_errors(void **user)
+TEST(test_errors)
 {
     const hada_fft_desc good = whole(HADA_FFT_FORWARD, 16, 24, 2);
     hada_fft_desc bad;
     hada_fft *plan;
     hada_buffer a;
-    (void)user;
 #define REFUSE(FIELD, VALUE, STATUS) (bad = good, bad.FIELD = (VALUE), refuse(bad, STATUS))
     REFUSE(direction, (hada_fft_direction)0, HADA_ERROR_ARGUMENT);
     REFUSE(rows, 0, HADA_ERROR_SIZE);
@@ -187,9 +179,8 @@ static void test_errors(void **user)
     hada_buffer_destroy(&a);
 }
 
-static void test_good_sizes(void **user)
+TEST(test_good_sizes)
 {
-    (void)user;
     assert_int_equal(hada_fft_good_size(0), 2);
     assert_int_equal(hada_fft_good_size(3), 4);
     assert_int_equal(hada_fft_good_size(11), 12);
@@ -205,13 +196,6 @@ static int open_groups(void **user)
     return 0;
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_sizes), cmocka_unit_test(test_long),     cmocka_unit_test(test_rectangles),
-        cmocka_unit_test(test_bands), cmocka_unit_test(test_products), cmocka_unit_test(test_batch_invariance),
-        cmocka_unit_test(test_bytes), cmocka_unit_test(test_errors),   cmocka_unit_test(test_good_sizes),
-    };
-    return cmocka_run_group_tests_name("lanes", tests, open_device, close_device) |
-           cmocka_run_group_tests_name("groups", tests, open_groups, close_device);
-}
+FIXTURE(open_device, close_device)
+AGAIN(open_groups, close_device, test_sizes, test_long, test_rectangles, test_bands, test_products,
+      test_batch_invariance, test_bytes, test_errors, test_good_sizes)

@@ -55,9 +55,8 @@ static void drop(images *all)
 }
 
 /* One of several channels by itself: the bits that it has among the others, which stay as they were. */
-static void one_channel_alone(void **user)
+TEST(one_channel_alone)
 {
-    (void)user;
     for (int backend = HADA_FFT_OWN; backend <= HADA_FFT_CLFFT; backend++) {
         images all;
         make(&all, (hada_fft_backend)backend);
@@ -83,10 +82,9 @@ static void one_channel_alone(void **user)
 }
 
 /* A band of the call gives the bits of a plan with that band, and none may go beyond the plan's. */
-static void bands_of_a_call(void **user)
+TEST(bands_of_a_call)
 {
     static const int bands[][2] = {{1, 1}, {3, 0}, {0, 7}, {6, 8}, {9, 14}};
-    (void)user;
     for (size_t i = 0; i < sizeof bands / sizeof *bands; i++) {
         images all;
         make(&all, HADA_FFT_OWN);
@@ -106,8 +104,4 @@ static void bands_of_a_call(void **user)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(one_channel_alone), cmocka_unit_test(bands_of_a_call)};
-    return cmocka_run_group_tests_name("calls", tests, open_device, close_device);
-}
+FIXTURE(open_device, close_device)

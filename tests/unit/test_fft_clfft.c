@@ -2,15 +2,11 @@
  * the back ends, and that a process's locale stays what it was. */
 #include <locale.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
+#include "testing.h"
 
 #include "fft/fft.h"
 #include "ref/ref_fft.h"
@@ -50,17 +46,16 @@ static hada_fft_desc window(hada_fft_direction direction)
                            .real_distance = SMALL * (SMALL + 1) + 2};
 }
 
-static void test_forward(void **user)
+TEST(test_forward)
 {
-    (void)user;
     const hada_fft_desc desc = window(HADA_FFT_FORWARD);
     float a[BATCH * 64 + 5], b[2 * BATCH * COUNT];
     double image[ROWS * COLS], want[2 * COUNT];
     hada_fft *plan;
     hada_buffer real, spectrum;
-    unsigned state = 1;
+    unsigned seed = 1;
     for (size_t i = 0; i < sizeof a / sizeof *a; i++)
-        a[i] = value(&state);
+        a[i] = value(&seed);
     ok(hada_fft_create(&plan, slot, &desc, &err));
     assert_int_equal(hada_fft_serving(plan), HADA_FFT_CLFFT);
     assert_int_equal(hada_fft_plan_layout(plan)->count, COUNT);
@@ -84,19 +79,18 @@ static void test_forward(void **user)
     hada_buffer_destroy(&spectrum);
 }
 
-static void test_inverse(void **user)
+TEST(test_inverse)
 {
-    (void)user;
     hada_fft_desc desc = window(HADA_FFT_INVERSE);
     float a[2 * COUNT], w[2 * COUNT * (BATCH + 1)], b[BATCH * 64];
     double given[2 * COUNT], image[ROWS * COLS];
     hada_fft *plan;
     hada_buffer real, spectrum, filter;
-    unsigned state = 2;
+    unsigned seed = 2;
     for (int i = 0; i < 2 * COUNT; i++)
-        a[i] = value(&state);
+        a[i] = value(&seed);
     for (size_t i = 0; i < sizeof w / sizeof *w; i++)
-        w[i] = value(&state);
+        w[i] = value(&seed);
     desc.band_rows = 5;
     desc.band_cols = 12;
     ok(hada_fft_create(&plan, slot, &desc, &err));
@@ -127,9 +121,8 @@ static void test_inverse(void **user)
 }
 
 /* Torn down with the last plan, and set up again. */
-static void test_again(void **user)
+TEST(test_again)
 {
-    (void)user;
     const hada_fft_desc desc = window(HADA_FFT_FORWARD);
     const uint64_t before = hada_context_bytes(context);
     for (int i = 0; i < 2; i++) {
@@ -143,9 +136,8 @@ static void test_again(void **user)
     }
 }
 
-static void test_refusals(void **user)
+TEST(test_refusals)
 {
-    (void)user;
     hada_fft_desc desc = window(HADA_FFT_FORWARD);
     hada_fft *plan;
     desc.rows = 17;
@@ -158,9 +150,8 @@ static void test_refusals(void **user)
     context->quirks.avoid_clfft = 0;
 }
 
-static void test_choice(void **user)
+TEST(test_choice)
 {
-    (void)user;
     char name[] = "/tmp/hadalens-tuning-XXXXXX";
     hada_tuning *const before = context->tuning;
     const int file = mkstemp(name);
@@ -200,11 +191,4 @@ static int close_device(void **user)
     return strcmp(setlocale(LC_ALL, NULL), "C") != 0;
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_forward),  cmocka_unit_test(test_inverse), cmocka_unit_test(test_again),
-        cmocka_unit_test(test_refusals), cmocka_unit_test(test_choice),
-    };
-    return cmocka_run_group_tests(tests, open_device, close_device);
-}
+FIXTURE(open_device, close_device)

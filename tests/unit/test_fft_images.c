@@ -38,13 +38,12 @@ static void same_bits(hada_fft_desc desc)
 
 /* Right, and with the bits that two launches give. Cases: size, rectangle and band; the last two do not fit local
  * memory and go by two launches all the same. */
-static void test_images(void **user)
+TEST(test_images)
 {
     static const int cases[][8] = {{1, 1, 0, 0, 1, 1, 0, 0},         {16, 24, 0, 0, 16, 24, 0, 0},
                                    {48, 64, 14, 20, 19, 23, 5, 7},   {86, 129, 20, 31, 41, 57, 0, 0},
                                    {131, 37, 50, 6, 33, 17, 60, 9},  {256, 256, 0, 0, 256, 256, 0, 0},
                                    {96, 1024, 0, 0, 96, 1024, 0, 0}, {384, 256, 0, 0, 384, 256, 0, 0}};
-    (void)user;
     const unsigned units = context->info.compute_units;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const int *c = cases[i];
@@ -69,8 +68,4 @@ static void test_images(void **user)
     context->info.compute_units = units;
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_images)};
-    return cmocka_run_group_tests_name("images", tests, open_device, close_device);
-}
+FIXTURE(open_device, close_device)

@@ -1,13 +1,9 @@
 /* The reference transforms against the definition, and against each other. */
 #include <complex.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 
-#include <cmocka.h>
+#include "testing.h"
 
 #include "ref/ref_fft.h"
 
@@ -20,15 +16,14 @@ static double value(unsigned *state)
     return (double)(*state >> 8) / 8388608.0 - 1.0;
 }
 
-static void test_forward(void **user)
+TEST(test_forward)
 {
-    (void)user;
     for (size_t s = 0; s < sizeof sizes / sizeof *sizes; s++) {
         const int rows = sizes[s][0], cols = sizes[s][1], half = cols / 2 + 1;
         double image[300], spectrum[400];
-        unsigned state = 1;
+        unsigned seed = 1;
         for (int i = 0; i < rows * cols; i++)
-            image[i] = value(&state);
+            image[i] = value(&seed);
         assert_int_equal(hada_ref_fft_forward(image, rows, cols, spectrum, NULL), HADA_OK);
         for (int ky = 0; ky < rows; ky++)
             for (int kx = 0; kx < half; kx++) {
@@ -45,15 +40,14 @@ static void test_forward(void **user)
 
 /* Of any half spectrum, also one that no real image has, the inverse is the real part of the sum in which all columns
  * but 0 and cols/2 count twice. */
-static void test_inverse(void **user)
+TEST(test_inverse)
 {
-    (void)user;
     for (size_t s = 0; s < sizeof sizes / sizeof *sizes; s++) {
         const int rows = sizes[s][0], cols = sizes[s][1], half = cols / 2 + 1;
         double image[300], spectrum[400];
-        unsigned state = 2;
+        unsigned seed = 2;
         for (int i = 0; i < 2 * rows * half; i++)
-            spectrum[i] = value(&state);
+            spectrum[i] = value(&seed);
         assert_int_equal(hada_ref_fft_inverse(spectrum, rows, cols, image, NULL), HADA_OK);
         for (int y = 0; y < rows; y++)
             for (int x = 0; x < cols; x++) {
@@ -69,15 +63,14 @@ static void test_inverse(void **user)
     }
 }
 
-static void test_round_trip(void **user)
+TEST(test_round_trip)
 {
-    (void)user;
     const int rows = 86, cols = 131, half = cols / 2 + 1;
     double *image = malloc(sizeof(double) * (size_t)(2 * rows * cols + 2 * rows * half)), *back = image + rows * cols;
-    unsigned state = 3;
+    unsigned seed = 3;
     assert_non_null(image);
     for (int i = 0; i < rows * cols; i++)
-        image[i] = value(&state);
+        image[i] = value(&seed);
     assert_int_equal(hada_ref_fft_forward(image, rows, cols, back + rows * cols, NULL), HADA_OK);
     assert_int_equal(hada_ref_fft_inverse(back + rows * cols, rows, cols, back, NULL), HADA_OK);
     for (int i = 0; i < rows * cols; i++)
@@ -85,22 +78,10 @@ static void test_round_trip(void **user)
     free(image);
 }
 
-static void test_bad_size(void **user)
+TEST(test_bad_size)
 {
-    (void)user;
     double one[4] = {0};
     hada_error err;
     assert_int_equal(hada_ref_fft_forward(one, 0, 4, one, &err), HADA_ERROR_SIZE);
     assert_int_equal(hada_ref_fft_inverse(one, 4, -1, one, &err), HADA_ERROR_SIZE);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_forward),
-        cmocka_unit_test(test_inverse),
-        cmocka_unit_test(test_round_trip),
-        cmocka_unit_test(test_bad_size),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

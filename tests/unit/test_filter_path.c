@@ -129,7 +129,7 @@ static double path_error(fixture *f, const hada_model *model, int batch, int hal
     return worst;
 }
 
-static void linear_path_agrees_with_the_reference(void **state)
+TEST(linear_path_agrees_with_the_reference)
 {
     static const struct {
         int depths, channels, rows, cols, window_rows, window_cols, batch;
@@ -151,7 +151,7 @@ static void linear_path_agrees_with_the_reference(void **state)
     }
 }
 
-static void dark_levels_are_taken_off(void **state)
+TEST(dark_levels_are_taken_off)
 {
     static const double levels[] = {0.25, 0.0, 0.125};
     hada_model *model = random_model(1, 3, 45, 51, 20, 20, HADA_FORM_COMPLEX, HADA_BOUNDARY_CIRCULAR, 3);
@@ -159,7 +159,7 @@ static void dark_levels_are_taken_off(void **state)
     hada_model_destroy(&model);
 }
 
-static void half_filters_cost_little(void **state)
+TEST(half_filters_cost_little)
 {
     hada_model *model = random_model(2, 2, 40, 56, 30, 30, HADA_FORM_COMPLEX, HADA_BOUNDARY_CIRCULAR, 4), *half;
     const double error = path_error(*state, model, 2, 1, NULL);
@@ -181,7 +181,7 @@ static void half_filters_cost_little(void **state)
     hada_model_destroy(&half);
 }
 
-static void banks_refuse_what_does_not_fit(void **state)
+TEST(banks_refuse_what_does_not_fit)
 {
     fixture *f = *state;
     hada_model *model = random_model(2, 1, 16, 16, 8, 8, HADA_FORM_COMPLEX, HADA_BOUNDARY_CIRCULAR, 4);
@@ -214,9 +214,8 @@ static void banks_refuse_what_does_not_fit(void **state)
     hada_model_destroy(&model);
 }
 
-static void layouts_go_both_ways(void **state)
+TEST(layouts_go_both_ways)
 {
-    (void)state;
     const hada_spectrum_layout layout = {5, 20, 8, 2, 80};
     float rows[110], blocks[160], back[110], weights[80];
     double sum = 0.0;
@@ -233,9 +232,8 @@ static void layouts_go_both_ways(void **state)
     assert_true(sum == 100.0); /* every frequency of the whole spectrum once */
 }
 
-static void dark_level_is_the_first_percentile(void **state)
+TEST(dark_level_is_the_first_percentile)
 {
-    (void)state;
     float pixels[1000], room[1000];
     for (int i = 0; i < 1000; i++)
         pixels[i] = (float)((i * 337) % 1000);
@@ -243,7 +241,7 @@ static void dark_level_is_the_first_percentile(void **state)
     assert_true(hada_dark_estimate(pixels, 1, room) == pixels[0]);
 }
 
-static void a_delta_psf_gives_the_identity(void **state)
+TEST(a_delta_psf_gives_the_identity)
 {
     fixture *f = *state;
     static const double distances[] = {250.0};
@@ -271,7 +269,7 @@ static void a_delta_psf_gives_the_identity(void **state)
 }
 
 /* A Wiener filter from the camera's PSF turns the frame back into the scene, padded and circular. */
-static void wiener_models_invert_the_camera(void **state)
+TEST(wiener_models_invert_the_camera)
 {
     fixture *f = *state;
     static const double distances[] = {100.0};
@@ -312,7 +310,7 @@ static void wiener_models_invert_the_camera(void **state)
     }
 }
 
-static void bad_psfs_are_refused(void **state)
+TEST(bad_psfs_are_refused)
 {
     fixture *f = *state;
     static const double distances[] = {100.0, 200.0};
@@ -337,23 +335,5 @@ static void bad_psfs_are_refused(void **state)
     hada_image_destroy(&psfs[1]);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(linear_path_agrees_with_the_reference),
-        cmocka_unit_test(dark_levels_are_taken_off),
-        cmocka_unit_test(half_filters_cost_little),
-        cmocka_unit_test(banks_refuse_what_does_not_fit),
-        cmocka_unit_test(layouts_go_both_ways),
-        cmocka_unit_test(dark_level_is_the_first_percentile),
-        cmocka_unit_test(a_delta_psf_gives_the_identity),
-        cmocka_unit_test(wiener_models_invert_the_camera),
-        cmocka_unit_test(bad_psfs_are_refused),
-    };
-    const struct CMUnitTest by_groups[] = {
-        cmocka_unit_test(linear_path_agrees_with_the_reference),
-        cmocka_unit_test(half_filters_cost_little),
-    };
-    const int failed = cmocka_run_group_tests(tests, setup, teardown);
-    return failed + cmocka_run_group_tests(by_groups, setup_groups, teardown);
-}
+FIXTURE(setup, teardown)
+AGAIN(setup_groups, teardown, linear_path_agrees_with_the_reference, half_filters_cost_little)

@@ -88,7 +88,7 @@ static void reference_nonnegative(const reference *r, const double *sums, double
                                        fmin(1e4 * ratio, 1.0), otf, err));
 }
 
-static void filters_agree_with_the_reference(void **state)
+TEST(filters_agree_with_the_reference)
 {
     fixture *f = *state;
     for (int k = 0; k < 8; k++) {
@@ -137,7 +137,7 @@ static void filters_agree_with_the_reference(void **state)
     }
 }
 
-static void scores_agree_with_brute_force(void **state)
+TEST(scores_agree_with_brute_force)
 {
     fixture *f = *state;
     for (int k = 0; k < 4; k++) {
@@ -176,7 +176,7 @@ static void scores_agree_with_brute_force(void **state)
     }
 }
 
-static void the_table_marks_the_best_row(void **state)
+TEST(the_table_marks_the_best_row)
 {
     fixture *f = *state;
     hada_fit_options options = usual(DEPTHS, HADA_FORM_COMPLEX);
@@ -218,7 +218,7 @@ static void the_table_marks_the_best_row(void **state)
 }
 
 /* Without noise the filter of a circular camera inverts it: W H = 1 wherever scenes had light. */
-static void a_camera_without_noise_is_recovered(void **state)
+TEST(a_camera_without_noise_is_recovered)
 {
     fixture *f = *state;
     for (int pairs = 1; pairs <= 3; pairs += 2) {
@@ -250,7 +250,7 @@ static void a_camera_without_noise_is_recovered(void **state)
 }
 
 /* Noisy pairs of scenes with little fine detail: what is missing comes from the sign of light. */
-static void point_spread_functions_are_nowhere_negative(void **state)
+TEST(point_spread_functions_are_nowhere_negative)
 {
     fixture *f = *state;
     double *image = calloc(ROWS * COLS, sizeof *image), *truth = malloc(ROWS * (COLS / 2 + 1) * 2 * sizeof *truth);
@@ -289,20 +289,6 @@ static void point_spread_functions_are_nowhere_negative(void **state)
     print_message("error %.3f, from the pairs alone %.3f\n", error[1], error[0]);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(filters_agree_with_the_reference),
-        cmocka_unit_test(scores_agree_with_brute_force),
-        cmocka_unit_test(the_table_marks_the_best_row),
-        cmocka_unit_test(a_camera_without_noise_is_recovered),
-        cmocka_unit_test(point_spread_functions_are_nowhere_negative),
-    };
-    const struct CMUnitTest numbers[] = {
-        cmocka_unit_test(filters_agree_with_the_reference),
-        cmocka_unit_test(scores_agree_with_brute_force),
-    };
-    int failed = cmocka_run_group_tests(tests, fit_setup, fit_teardown);
-    failed += cmocka_run_group_tests(numbers, fit_setup_groups, fit_teardown);
-    return failed + cmocka_run_group_tests(numbers, fit_setup_rows, fit_teardown);
-}
+FIXTURE(fit_setup, fit_teardown)
+AGAIN(fit_setup_groups, fit_teardown, filters_agree_with_the_reference, scores_agree_with_brute_force)
+AGAIN(fit_setup_rows, fit_teardown, filters_agree_with_the_reference, scores_agree_with_brute_force)

@@ -82,7 +82,7 @@ static hada_image expose(const hada_image *psf, const hada_image *scene, uint64_
     return frame;
 }
 
-static int set_up(fixture *f, double reach)
+static void set_up(fixture *f, double reach)
 {
     ASSERT_OK(hada_context_create(&f->context, NULL, err));
     for (int z = 0; z < DEPTHS; z++) {
@@ -92,27 +92,20 @@ static int set_up(fixture *f, double reach)
             f->frame[z][i] = expose(&f->psf[z], &f->scene[z][i], (uint64_t)(10 * z + i));
         }
     }
+}
+
+/* Two cameras: with the first the sensor crops light, with the second no light of a scene reaches the border. */
+static int set_up_both(void **state)
+{
+    static fixture cameras[2];
+    *state = cameras;
+    set_up(&cameras[0], 1.0);
+    set_up(&cameras[1], 0.5);
     return 0;
 }
 
-static int set_up_cropping(void **state)
+static void tear_down(fixture *f)
 {
-    static fixture f;
-    *state = &f;
-    return set_up(&f, 1.0);
-}
-
-/* Light that stays: nothing of a window's copy reaches the border. */
-static int set_up_inside(void **state)
-{
-    static fixture f;
-    *state = &f;
-    return set_up(&f, 0.5);
-}
-
-static int tear_down(void **state)
-{
-    fixture *f = *state;
     for (int z = 0; z < DEPTHS; z++) {
         hada_image_destroy(&f->psf[z]);
         for (int i = 0; i < PAIRS; i++) {
@@ -122,6 +115,12 @@ static int tear_down(void **state)
     }
     assert_int_equal(hada_context_bytes(f->context), 0);
     hada_context_destroy(&f->context);
+}
+
+static int tear_down_both(void **state)
+{
+    tear_down(*state);
+    tear_down((fixture *)*state + 1);
     return 0;
 }
 
@@ -270,7 +269,7 @@ static void expect(const fixture *f, const hada_fit_grid *grid, int c, double tr
     free(sums);
 }
 
-static void iterations_agree_with_the_reference(void **state)
+TEST(iterations_agree_with_the_reference)
 {
     enum { ITERATIONS = 6 };
     fixture *f = *state;
@@ -316,7 +315,7 @@ static void iterations_agree_with_the_reference(void **state)
     hada_fitter_destroy(&fitter);
 }
 
-static void light_beyond_the_sensor_is_found(void **state)
+TEST(light_beyond_the_sensor_is_found)
 {
     double before, now;
     hada_model *one = learn(*state, 0, &before, NULL), *model = learn(*state, HADA_AUTO, &now, NULL);
@@ -329,7 +328,7 @@ static void light_beyond_the_sensor_is_found(void **state)
 }
 
 /* Passes over pairs that stay on the device show none, and can be stopped all the same. */
-static void passes_can_be_stopped(void **state)
+TEST(passes_can_be_stopped)
 {
     fixture *f = *state;
     patience of = {.most = -1};
@@ -358,13 +357,14 @@ static void passes_can_be_stopped(void **state)
     hada_fitter_destroy(&fitter);
 }
 
-static void light_that_stays_costs_little(void **state)
+TEST(light_that_stays_costs_little)
 {
+    fixture *f = (fixture *)*state + 1;
     double before, now;
     int shown;
-    hada_model *one = learn(*state, 0, &before, &shown), *model;
+    hada_model *one = learn(f, 0, &before, &shown), *model;
     assert_int_equal(shown, 0);
-    model = learn(*state, HADA_AUTO, &now, &shown);
+    model = learn(f, HADA_AUTO, &now, &shown);
     assert_int_equal(shown, DEPTHS * PAIRS);
     if (!(now < 1.15 * before)) /* one pass takes for granted what is so here: no light beyond the sensor */
         fail_msg("error %g in one pass, %g with the crop in the model", before, now);
@@ -372,7 +372,7 @@ static void light_that_stays_costs_little(void **state)
     hada_model_destroy(&model);
 }
 
-static void streamed_pairs_give_the_same_bits(void **state)
+TEST(streamed_pairs_give_the_same_bits)
 {
     fixture *f = *state;
     int shown;
@@ -388,7 +388,7 @@ static void streamed_pairs_give_the_same_bits(void **state)
     hada_model_destroy(&streamed);
 }
 
-static void the_trial_has_transfer_functions_of_its_own(void **state)
+TEST(the_trial_has_transfer_functions_of_its_own)
 {
     fixture *f = *state;
     hada_fitter *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, (int)HADA_AUTO, (int)HADA_AUTO);
@@ -411,7 +411,7 @@ static void the_trial_has_transfer_functions_of_its_own(void **state)
     hada_fitter_destroy(&fitter);
 }
 
-static void other_pairs_are_refused(void **state)
+TEST(other_pairs_are_refused)
 {
     fixture *f = *state;
     hada_error error = {0};
@@ -428,7 +428,7 @@ static void other_pairs_are_refused(void **state)
     hada_fitter_destroy(&fitter);
 }
 
-static void a_boundary_is_found_that_pads(void **state)
+TEST(a_boundary_is_found_that_pads)
 {
     static const int counts[DEPTHS] = {PAIRS, PAIRS}, few[DEPTHS] = {1, 1};
     fixture *f = *state;
@@ -453,10 +453,10 @@ static void a_boundary_is_found_that_pads(void **state)
     assert_int_equal(options.grid_rows + options.grid_cols + at.shown, 0);
 }
 
-static void a_boundary_is_found_that_is_circular(void **state)
+TEST(a_boundary_is_found_that_is_circular)
 {
     static const int counts[DEPTHS] = {PAIRS, PAIRS};
-    fixture *f = *state;
+    fixture *f = (fixture *)*state + 1;
     hada_fit_options options = options_of(HADA_BOUNDARY_PADDED, (int)HADA_AUTO, 0);
     shower at = {.f = f};
     ASSERT_OK(hada_fit_find_boundary(&options, f->context, counts, show, &at, err));
@@ -464,19 +464,4 @@ static void a_boundary_is_found_that_is_circular(void **state)
     assert_int_equal(options.grid_rows + options.grid_cols, 0);
 }
 
-int main(void)
-{
-    const struct CMUnitTest cropping[] = {
-        cmocka_unit_test(iterations_agree_with_the_reference),
-        cmocka_unit_test(light_beyond_the_sensor_is_found),
-        cmocka_unit_test(streamed_pairs_give_the_same_bits),
-        cmocka_unit_test(the_trial_has_transfer_functions_of_its_own),
-        cmocka_unit_test(other_pairs_are_refused),
-        cmocka_unit_test(passes_can_be_stopped),
-        cmocka_unit_test(a_boundary_is_found_that_pads),
-    };
-    const struct CMUnitTest inside[] = {cmocka_unit_test(light_that_stays_costs_little),
-                                        cmocka_unit_test(a_boundary_is_found_that_is_circular)};
-    const int failed = cmocka_run_group_tests(cropping, set_up_cropping, tear_down);
-    return failed + cmocka_run_group_tests(inside, set_up_inside, tear_down);
-}
+FIXTURE(set_up_both, tear_down_both)

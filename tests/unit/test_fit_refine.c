@@ -91,9 +91,8 @@ static hada_model *fit(hada_context *context, int strange, hada_fit_scores **sco
     return model;
 }
 
-static void refinement_is_chosen_where_it_pays(void **state)
+TEST(refinement_is_chosen_where_it_pays)
 {
-    (void)state;
     hada_context *context;
     hada_fit_scores *scores;
     const hada_fit_refine_score *row;
@@ -125,10 +124,4 @@ static void refinement_is_chosen_where_it_pays(void **state)
     }
     assert_int_equal(hada_context_bytes(context), 0);
     hada_context_destroy(&context);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(refinement_is_chosen_where_it_pays)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

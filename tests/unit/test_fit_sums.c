@@ -4,7 +4,7 @@
 #include <hadalens/response.h>
 
 /* Ten thousand additions: the sums stay within a few 1e-12 of double precision; float sums would be off by 1e-5. */
-static void many_additions_stay_accurate(void **state)
+TEST(many_additions_stay_accurate)
 {
     fixture *f = *state;
     enum { MANY = 10000 };
@@ -47,7 +47,7 @@ static void many_additions_stay_accurate(void **state)
     hada_fitter_destroy(&fitter);
 }
 
-static void bad_pairs_leave_the_sums_as_they_were(void **state)
+TEST(bad_pairs_leave_the_sums_as_they_were)
 {
     fixture *f = *state;
     hada_fit_options options = usual(1, HADA_FORM_COMPLEX);
@@ -79,7 +79,7 @@ static void bad_pairs_leave_the_sums_as_they_were(void **state)
 }
 
 /* A scene of the frame's size counts by its centre; a dark level is taken off; identical pairs change nothing. */
-static void equal_inputs_give_equal_models(void **state)
+TEST(equal_inputs_give_equal_models)
 {
     fixture *f = *state;
     hada_fit_options options = usual(1, HADA_FORM_COMPLEX);
@@ -115,7 +115,7 @@ static void equal_inputs_give_equal_models(void **state)
         hada_model_destroy(&models[k]);
 }
 
-static void sums_merge_and_go_on(void **state)
+TEST(sums_merge_and_go_on)
 {
     fixture *f = *state;
     char folder[] = "/tmp/hadalens-test-XXXXXX", path[2][64];
@@ -182,7 +182,7 @@ static void sums_merge_and_go_on(void **state)
 
 /* The order in which depths come changes nothing: sums wait on the host while another depth is at work. */
 /* The same scenes in another encoding give the same camera, which remembers it; sums of one do not go with another. */
-static void scenes_are_brought_to_light(void **state)
+TEST(scenes_are_brought_to_light)
 {
     fixture *f = *state;
     char path[] = "/tmp/hadalens-test-XXXXXX";
@@ -230,7 +230,7 @@ static void scenes_are_brought_to_light(void **state)
     hada_fitter_destroy(&linear);
 }
 
-static void depths_may_come_in_any_order(void **state)
+TEST(depths_may_come_in_any_order)
 {
     fixture *f = *state;
     hada_fit_options options = usual(DEPTHS, HADA_FORM_COMPLEX);
@@ -255,7 +255,7 @@ static void depths_may_come_in_any_order(void **state)
     hada_fitter_destroy(&b);
 }
 
-static void bad_options_are_refused(void **state)
+TEST(bad_options_are_refused)
 {
     fixture *f = *state;
     static const double backwards[] = {300.0, 200.0, 100.0};
@@ -274,13 +274,4 @@ static void bad_options_are_refused(void **state)
     assert_null(fitter);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(many_additions_stay_accurate),   cmocka_unit_test(bad_pairs_leave_the_sums_as_they_were),
-        cmocka_unit_test(equal_inputs_give_equal_models), cmocka_unit_test(sums_merge_and_go_on),
-        cmocka_unit_test(scenes_are_brought_to_light),    cmocka_unit_test(depths_may_come_in_any_order),
-        cmocka_unit_test(bad_options_are_refused),
-    };
-    return cmocka_run_group_tests(tests, fit_setup, fit_teardown);
-}
+FIXTURE(fit_setup, fit_teardown)

@@ -53,7 +53,7 @@ static void reference_free(reference *r)
 }
 
 /* Far beyond the number of rounds that a fit takes, every weight at once must come to the unique minimum. */
-static void iterations_lead_to_the_minimum(void **state)
+TEST(iterations_lead_to_the_minimum)
 {
     enum { WEIGHTS = 3, ITERATIONS = 60 };
     static const double outside[WEIGHTS] = {0.05, 0.2, 0.7};
@@ -167,7 +167,7 @@ static double objective(const fixture *f, const hada_fitter *fitter, const hada_
     return sum;
 }
 
-static void a_lower_weight_lowers_the_error_in_the_window(void **state)
+TEST(a_lower_weight_lowers_the_error_in_the_window)
 {
     fixture *f = *state;
     for (int split = 0; split < 2; split++) {
@@ -192,7 +192,7 @@ static void a_lower_weight_lowers_the_error_in_the_window(void **state)
     }
 }
 
-static void the_weight_is_chosen_on_held_out_pairs(void **state)
+TEST(the_weight_is_chosen_on_held_out_pairs)
 {
     fixture *f = *state;
     hada_fitter *fitter = fitter_of(f, -1.0, HADA_FORM_COMPLEX);
@@ -239,7 +239,7 @@ static void the_weight_is_chosen_on_held_out_pairs(void **state)
     hada_fitter_destroy(&fitter);
 }
 
-static void what_cannot_be_judged_is_refused(void **state)
+TEST(what_cannot_be_judged_is_refused)
 {
     fixture *f = *state;
     hada_error error = {0};
@@ -275,7 +275,7 @@ static void what_cannot_be_judged_is_refused(void **state)
 }
 
 /* One pair a depth: nothing can be left out, so the exact fit stays and no pair is shown. */
-static void single_pairs_are_left_alone(void **state)
+TEST(single_pairs_are_left_alone)
 {
     fixture *f = *state;
     hada_fit_options options = usual(DEPTHS, HADA_FORM_COMPLEX);
@@ -289,20 +289,6 @@ static void single_pairs_are_left_alone(void **state)
     hada_fitter_destroy(&fitter);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(iterations_lead_to_the_minimum),
-        cmocka_unit_test(a_lower_weight_lowers_the_error_in_the_window),
-        cmocka_unit_test(the_weight_is_chosen_on_held_out_pairs),
-        cmocka_unit_test(what_cannot_be_judged_is_refused),
-        cmocka_unit_test(single_pairs_are_left_alone),
-    };
-    const struct CMUnitTest numbers[] = {
-        cmocka_unit_test(iterations_lead_to_the_minimum),
-        cmocka_unit_test(the_weight_is_chosen_on_held_out_pairs),
-    };
-    int failed = cmocka_run_group_tests(tests, fit_setup, fit_teardown);
-    failed += cmocka_run_group_tests(numbers, fit_setup_groups, fit_teardown);
-    return failed + cmocka_run_group_tests(numbers, fit_setup_rows, fit_teardown);
-}
+FIXTURE(fit_setup, fit_teardown)
+AGAIN(fit_setup_groups, fit_teardown, iterations_lead_to_the_minimum, the_weight_is_chosen_on_held_out_pairs)
+AGAIN(fit_setup_rows, fit_teardown, iterations_lead_to_the_minimum, the_weight_is_chosen_on_held_out_pairs)

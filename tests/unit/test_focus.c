@@ -88,9 +88,8 @@ static void compare(const hada_image *planes, const unsigned char *competing, co
     hada_image_destroy(&map);
 }
 
-static void equals_the_reference(void **state)
+TEST(equals_the_reference)
 {
-    (void)state;
     const unsigned char some[DEPTHS] = {1, 1, 0, 1, 1}, one[DEPTHS] = {0, 0, 1, 0, 0};
     for (int channels = 1; channels <= 3; channels += 2)
         for (int measure = HADA_FOCUS_CONTRAST; measure <= HADA_FOCUS_COMBINED; measure++) {
@@ -112,9 +111,8 @@ static void equals_the_reference(void **state)
 }
 
 /* A slanted scene: distances between the depths are found by the parabola. */
-static void slant(void **state)
+TEST(slant)
 {
-    (void)state;
     hada_image planes[DEPTHS], fused, map, truth;
     make_planes(planes, 3, 0.003, 9);
     ASSERT_OK(hada_image_create(&truth, 1, ROWS, COLS, err));
@@ -140,9 +138,8 @@ static void slant(void **state)
 
 /* Equal planes everywhere: the nearer depth wins; nothing stands out of equal planes, so what is covered is decided by
  * the measures' own level. Depths that do not compete are passed over. */
-static void ties_and_occupied(void **state)
+TEST(ties_and_occupied)
 {
-    (void)state;
     hada_image planes[DEPTHS], fused, map;
     make_planes(planes, 1, 0.01, 3);
     for (int d = 1; d < DEPTHS; d++)
@@ -172,9 +169,8 @@ static void ties_and_occupied(void **state)
 
 /* Noise alone is not taken for an object. In a frame with nothing at all the losers are the smaller ones of equals, so
  * a few times the false alarm asked for (0.01) is covered. */
-static void noise_is_not_covered(void **state)
+TEST(noise_is_not_covered)
 {
-    (void)state;
     hada_image planes[DEPTHS], fused, map;
     hada_random random;
     hada_random_seed(&random, 1, 1);
@@ -198,9 +194,8 @@ static void noise_is_not_covered(void **state)
 }
 
 /* A batch of planes gives the bits of one at a time. */
-static void batches(void **state)
+TEST(batches)
 {
-    (void)state;
     static float packed[DEPTHS * 3 * PIXELS], out[3][4 * PIXELS];
     hada_image planes[DEPTHS];
     make_planes(planes, 3, 0.01, 21);
@@ -265,9 +260,8 @@ static void batches(void **state)
     destroy_planes(planes);
 }
 
-static void refusals(void **state)
+TEST(refusals)
 {
-    (void)state;
     hada_image planes[DEPTHS], fused, map;
     hada_error error;
     make_planes(planes, 3, 0.01, 21);
@@ -290,21 +284,10 @@ static void refusals(void **state)
     destroy_planes(planes);
 }
 
-static void quantiles(void **state)
+TEST(quantiles)
 {
-    (void)state;
     assert_true(fabs(hada_focus_normal_quantile(0.01) - 2.3263478740408408) < 1e-9);
     assert_true(fabs(hada_focus_normal_quantile(0.5)) < 1e-9);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(equals_the_reference),
-                                       cmocka_unit_test(slant),
-                                       cmocka_unit_test(ties_and_occupied),
-                                       cmocka_unit_test(noise_is_not_covered),
-                                       cmocka_unit_test(batches),
-                                       cmocka_unit_test(refusals),
-                                       cmocka_unit_test(quantiles)};
-    return cmocka_run_group_tests(tests, open_device, close_device);
-}
+FIXTURE(open_device, close_device)

@@ -15,9 +15,8 @@ static const char *endless(void)
     return path;
 }
 
-static void what_stands_somewhere(void **state)
+TEST(what_stands_somewhere)
 {
-    (void)state;
     hada_error err = {0};
     hada_stands kind;
     io_write_bytes(io_path("file"), "x", 1);
@@ -45,9 +44,8 @@ static void what_stands_somewhere(void **state)
     rmdir(io_path("bare"));
 }
 
-static void names_and_messages(void **state)
+TEST(names_and_messages)
 {
-    (void)state;
     static const struct {
         const char *path, *stem;
     } cases[] = {{"a/b.c/d.tif", "d"}, {"d.tar.gz", "d.tar"}, {"a.b/.hidden", ".hidden"}, {"plain", "plain"}};
@@ -67,9 +65,8 @@ static void names_and_messages(void **state)
     hada_error_prefix_path(NULL, "dir");
 }
 
-static void where_output_may_go(void **state)
+TEST(where_output_may_go)
 {
-    (void)state;
     hada_error err = {0};
     char path[400];
     io_write_bytes(io_path("file"), "x", 1);
@@ -93,9 +90,8 @@ static void where_output_may_go(void **state)
     assert_int_equal(hada_file_check_target(path, &err), access("/", W_OK) ? HADA_ERROR_FILE_WRITE : HADA_OK);
 }
 
-static void tiffs_of_a_folder_in_order(void **state)
+TEST(tiffs_of_a_folder_in_order)
 {
-    (void)state;
     enum { FILES = 70 };
     hada_error err = {0};
     char folder[300], path[340], **names;
@@ -135,9 +131,8 @@ static hada_status fill(void *user, const char *folder, hada_error *err)
     return hada_file_write(path, "1", 1, err);
 }
 
-static void folders_by_every_kind_of_path(void **state)
+TEST(folders_by_every_kind_of_path)
 {
-    (void)state;
     hada_error err = {0};
     char path[400], before[400];
     struct stat what;
@@ -170,12 +165,4 @@ static void folders_by_every_kind_of_path(void **state)
     assert_int_equal(hada_folder_create(endless(), fill, NULL, &err), HADA_ERROR_FILE_WRITE);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(what_stands_somewhere),         cmocka_unit_test(names_and_messages),
-        cmocka_unit_test(where_output_may_go),           cmocka_unit_test(tiffs_of_a_folder_in_order),
-        cmocka_unit_test(folders_by_every_kind_of_path),
-    };
-    return cmocka_run_group_tests(tests, io_setup, io_teardown);
-}
+FIXTURE(io_setup, io_teardown)

@@ -51,9 +51,8 @@ static void expect_same(const hada_result *a, const hada_result *b)
 }
 
 /* 8 and 16 bits, floats; planar, interleaved, upside down, with room between rows: the floats of the TIFF path. */
-static void every_number_is_as_in_a_file(void **state)
+TEST(every_number_is_as_in_a_file)
 {
-    (void)state;
     hada_pixels pixels;
     hada_image image;
     static uint16_t words[65536];
@@ -88,9 +87,8 @@ static void every_number_is_as_in_a_file(void **state)
     hada_image_destroy(&image);
 }
 
-static void what_cannot_be_pixels_is_refused(void **state)
+TEST(what_cannot_be_pixels_is_refused)
 {
-    (void)state;
     float values[4] = {0};
     hada_image image;
     for (int kind = 0; kind < 7; kind++) {
@@ -112,7 +110,7 @@ static void what_cannot_be_pixels_is_refused(void **state)
     }
 }
 
-static void a_plan_takes_them_as_they_are(void **state)
+TEST(a_plan_takes_them_as_they_are)
 {
     const learned_camera *learned = *state;
     hada_image scene = learned_scene(learned, 40);
@@ -160,7 +158,7 @@ static void a_plan_takes_them_as_they_are(void **state)
     hada_image_destroy(&raw);
 }
 
-static void results_go_into_the_callers_arrays(void **state)
+TEST(results_go_into_the_callers_arrays)
 {
     const learned_camera *learned = *state;
     const hada_model_info *info = hada_model_get_info(learned->model);
@@ -214,10 +212,4 @@ static void results_go_into_the_callers_arrays(void **state)
     hada_image_destroy(&raw);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_number_is_as_in_a_file), cmocka_unit_test(what_cannot_be_pixels_is_refused),
-        cmocka_unit_test(a_plan_takes_them_as_they_are), cmocka_unit_test(results_go_into_the_callers_arrays)};
-    return cmocka_run_group_tests(tests, learned_setup, learned_teardown);
-}
+FIXTURE(learned_setup, learned_teardown)

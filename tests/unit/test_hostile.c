@@ -81,9 +81,8 @@ static void write_grey(const char *path, uint32_t rows, uint32_t cols, unsigned 
 }
 
 /* One bit a pixel, compressed: 33 KB for a gigabyte of floats. */
-static void a_small_file_is_not_a_large_picture(void **state)
+TEST(a_small_file_is_not_a_large_picture)
 {
-    (void)state;
     enum { BYTES = 33000 };
     static unsigned char packed[BYTES];
     hada_image image;
@@ -139,9 +138,8 @@ static void write_pages(const char *path, uint32_t pages, const char *text)
 }
 
 /* A frame of 600 channels, each a page: 94 KB for 2.4 GB. */
-static void channels_on_pages_are_numbers_too(void **state)
+TEST(channels_on_pages_are_numbers_too)
 {
-    (void)state;
     hada_tiff_reader *reader;
     hada_error err = {0};
     static const char *const texts[] = {
@@ -157,9 +155,8 @@ static void channels_on_pages_are_numbers_too(void **state)
 }
 
 /* 2,000 pages would be read for minutes, though each is within its limit; one may be read again and again. */
-static void pages_have_pixels_of_their_own(void **state)
+TEST(pages_have_pixels_of_their_own)
 {
-    (void)state;
     enum { PAGES = 2000 };
     hada_tiff_reader *reader;
     hada_image image;
@@ -192,9 +189,8 @@ static void pages_have_pixels_of_their_own(void **state)
 }
 
 /* A list of places that cannot be read comes out of libtiff as zeros: the file's header would be the picture. */
-static void a_header_is_no_picture(void **state)
+TEST(a_header_is_no_picture)
 {
-    (void)state;
     static unsigned char pixels[64 * 64];
     hada_image image;
     hada_error err = {0};
@@ -208,9 +204,8 @@ static void a_header_is_no_picture(void **state)
 }
 
 /* Not a byte of 40 GB is read, nor memory taken for it. */
-static void a_long_file_of_nothing_is_no_model(void **state)
+TEST(a_long_file_of_nothing_is_no_model)
 {
-    (void)state;
     hada_tensors *tensors;
     hada_error err = {0};
     io_write_bytes(io_path("nothing.model"), "", 0);
@@ -247,9 +242,8 @@ static char *repeat(const char *head, const char *part, size_t bytes)
     return text;
 }
 
-static void descriptions_cost_what_they_are_long(void **state)
+TEST(descriptions_cost_what_they_are_long)
 {
-    (void)state;
     const char *const heads[] = {
         "<OME><Pixels DimensionOrder=\"XYCZT\" SizeC=\"1\" SizeZ=\"16777216\" SizeT=\"1\">",
         "<OME><Pixels DimensionOrder=\"XYCZT\" SizeC=\"1\" SizeZ=\"1\" SizeT=\"1\">",
@@ -272,9 +266,8 @@ static void descriptions_cost_what_they_are_long(void **state)
 }
 
 /* Directories of 65535 entries, each 8 bytes behind the one before. */
-static void directories_do_not_overlap(void **state)
+TEST(directories_do_not_overlap)
 {
-    (void)state;
     enum { BYTES = 1500000, STEP = 8, COUNT = 190000 / 4 };
     unsigned char *file = calloc(1, BYTES);
     hada_error err = {0};
@@ -316,9 +309,8 @@ static void directories_do_not_overlap(void **state)
 
 #define NET "{\"format\":\"hadalens-net-1\",\"colours\":%d,\"layers\":[{\"layer\":\"input\",\"channels\":%d}"
 
-static void nets_are_no_larger_than_their_files(void **state)
+TEST(nets_are_no_larger_than_their_files)
 {
-    (void)state;
     hada_net *net;
     hada_error err = {0};
     char text[600];
@@ -358,9 +350,8 @@ static void nets_are_no_larger_than_their_files(void **state)
 }
 
 /* Many layers, many parameters each: names are compared once. */
-static void lists_of_layers_cost_what_they_are_long(void **state)
+TEST(lists_of_layers_cost_what_they_are_long)
 {
-    (void)state;
     hada_net *net;
     hada_error err = {0};
     char *text = malloc(200000), *at = text + sprintf(text, NET, 64, 1);
@@ -381,9 +372,8 @@ static void lists_of_layers_cost_what_they_are_long(void **state)
     free(text);
 }
 
-static void limits_are_words_or_numbers(void **state)
+TEST(limits_are_words_or_numbers)
 {
-    (void)state;
     hada_limits limits;
     hada_error err = {0};
     hada_limits_init(&limits);
@@ -406,19 +396,4 @@ static void limits_are_words_or_numbers(void **state)
     unsetenv("HADALENS_LIMITS");
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_small_file_is_not_a_large_picture),
-        cmocka_unit_test(channels_on_pages_are_numbers_too),
-        cmocka_unit_test(pages_have_pixels_of_their_own),
-        cmocka_unit_test(a_header_is_no_picture),
-        cmocka_unit_test(a_long_file_of_nothing_is_no_model),
-        cmocka_unit_test(descriptions_cost_what_they_are_long),
-        cmocka_unit_test(directories_do_not_overlap),
-        cmocka_unit_test(nets_are_no_larger_than_their_files),
-        cmocka_unit_test(lists_of_layers_cost_what_they_are_long),
-        cmocka_unit_test(limits_are_words_or_numbers),
-    };
-    return cmocka_run_group_tests(tests, io_setup, io_teardown);
-}
+FIXTURE(io_setup, io_teardown)

@@ -129,9 +129,8 @@ static const char *const parts[] = {"[]",           "{}",   "1",         "\"\"",
 #define PARTS (sizeof parts / sizeof *parts)
 
 /* As long as the limits allow, of what is shortest in bytes and longest in memory. */
-static void headers_of_tensors(void **state)
+TEST(headers_of_tensors)
 {
-    (void)state;
     enum { LONGEST = 8388600 };
     for (size_t i = 0; i < PARTS; i++) {
         write_text("{\"a\":[", parts[i], "]}", LONGEST, 1);
@@ -149,9 +148,8 @@ static void headers_of_tensors(void **state)
     expect("deep", read_tensors, io_path("text"), REFUSED);
 }
 
-static void lists_of_layers(void **state)
+TEST(lists_of_layers)
 {
-    (void)state;
     enum { LONGEST = 8388000 };
     static const char head[] = "{\"format\":\"hadalens-net-1\",\"layers\":[{\"layer\":\"input\",\"channels\":1},";
     for (size_t i = 0; i < PARTS; i++) {
@@ -172,9 +170,8 @@ static void lists_of_layers(void **state)
     expect("many weights", read_net, io_path("text"), ANY);
 }
 
-static void small_text_files(void **state)
+TEST(small_text_files)
 {
-    (void)state;
     for (size_t i = 0; i < PARTS; i++) {
         write_text("{\"format\":\"hadalens-camera-1\",\"distances_mm\":[", parts[i], "]}", 1000000, 0);
         expect(parts[i], read_camera, io_path("text"), REFUSED);
@@ -224,9 +221,8 @@ static void write_zeros(uint32_t rows, uint32_t cols, uint16_t bits, uint16_t sa
     TIFFClose(tif);
 }
 
-static void pictures_of_nothing(void **state)
+TEST(pictures_of_nothing)
 {
-    (void)state;
     static const struct {
         uint32_t rows, cols;
         uint16_t bits, samples;
@@ -266,9 +262,8 @@ static unsigned char *put(unsigned char *to, uint64_t value, int bytes)
 }
 
 /* Strips and tags that a directory of some hundred bytes claims. */
-static void directories_that_claim(void **state)
+TEST(directories_that_claim)
 {
-    (void)state;
     static const struct {
         const char *what;
         uint32_t rows, cols, bits, samples, planar, strip, compression, offsets, counts;
@@ -302,14 +297,4 @@ static void directories_that_claim(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(headers_of_tensors),     cmocka_unit_test(lists_of_layers),
-        cmocka_unit_test(small_text_files),       cmocka_unit_test(pictures_of_nothing),
-        cmocka_unit_test(directories_that_claim),
-    };
-    TIFFSetErrorHandler(NULL);
-    TIFFSetWarningHandler(NULL);
-    return cmocka_run_group_tests(tests, io_setup, io_teardown);
-}
+FIXTURE(io_setup, io_teardown)

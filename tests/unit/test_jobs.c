@@ -40,7 +40,7 @@ static void check_all(const job_fixture *f, int kind, const char *name, int batc
     }
 }
 
-static void gives_the_same_bits_everywhere(void **state)
+TEST(gives_the_same_bits_everywhere)
 {
     const job_fixture *f = *state;
     hada_result results[JOB_FRAMES] = {{0}};
@@ -61,7 +61,7 @@ static void gives_the_same_bits_everywhere(void **state)
 }
 
 /* The frames and kinds differ, or equal results would prove nothing. */
-static void there_is_something_to_compare(void **state)
+TEST(there_is_something_to_compare)
 {
     const job_fixture *f = *state;
     for (int kind = 0; kind < JOB_KINDS; kind++) {
@@ -74,7 +74,7 @@ static void there_is_something_to_compare(void **state)
 
 /* One frame alone: the other device takes batches of it, and the frame's own lane does the focus. On a busy machine a
  * frame may be done before the other lane gets a turn, so that it takes as many frames as it takes. */
-static void another_device_helps(void **state)
+TEST(another_device_helps)
 {
     const job_fixture *f = *state;
     hada_plan *plan;
@@ -136,7 +136,7 @@ static void *submit_many(void *argument)
     return NULL;
 }
 
-static void many_threads_submit(void **state)
+TEST(many_threads_submit)
 {
     const job_fixture *f = *state;
     enum { THREADS = 6 };
@@ -161,7 +161,7 @@ static void many_threads_submit(void **state)
         }
 }
 
-static void holds_the_bytes_it_states(void **state)
+TEST(holds_the_bytes_it_states)
 {
     const job_fixture *f = *state;
     for (int kind = 0; kind < JOB_KINDS; kind++)
@@ -193,12 +193,4 @@ static void holds_the_bytes_it_states(void **state)
         }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(there_is_something_to_compare), cmocka_unit_test(gives_the_same_bits_everywhere),
-        cmocka_unit_test(another_device_helps),          cmocka_unit_test(many_threads_submit),
-        cmocka_unit_test(holds_the_bytes_it_states),
-    };
-    return cmocka_run_group_tests(tests, job_setup, job_teardown);
-}
+FIXTURE(job_setup, job_teardown)

@@ -40,7 +40,7 @@ static int was_cancelled(const job_fixture *f, int kind, int frame, hada_job *jo
 }
 
 /* Asks a running job to end at each part of its progress: in time or too late, as whoever asks gets a turn. */
-static void ends_at_every_stage(void **state)
+TEST(ends_at_every_stage)
 {
     const job_fixture *f = *state;
     for (int kind = 0; kind < JOB_KINDS; kind++)
@@ -72,7 +72,7 @@ static void ends_at_every_stage(void **state)
 }
 
 /* In the midst of its frame, for certain. */
-static void a_running_job_ends_when_asked(void **state)
+TEST(a_running_job_ends_when_asked)
 {
     const job_fixture *f = *state;
     for (int kind = 0; kind < JOB_KINDS; kind++)
@@ -99,7 +99,7 @@ static void a_running_job_ends_when_asked(void **state)
         }
 }
 
-static void ends_while_it_waits(void **state)
+TEST(ends_while_it_waits)
 {
     const job_fixture *f = *state;
     enum { JOBS = 60, QUEUES = 2, LEFT = 3 };
@@ -144,7 +144,7 @@ static void *watch_progress(void *argument)
     return NULL;
 }
 
-static void progress_never_falls(void **state)
+TEST(progress_never_falls)
 {
     const job_fixture *f = *state;
     for (int kind = 0; kind < JOB_KINDS; kind++) {
@@ -173,7 +173,7 @@ static void progress_never_falls(void **state)
 }
 
 /* A plan goes while its jobs wait, run, and are done; they are asked afterwards. */
-static void outlives_its_plan(void **state)
+TEST(outlives_its_plan)
 {
     const job_fixture *f = *state;
     enum { JOBS = 8 };
@@ -200,7 +200,7 @@ static void outlives_its_plan(void **state)
 }
 
 /* However far its jobs are when it goes: of these the first takes a minute. */
-static void endless_jobs_end_with_their_plan(void **state)
+TEST(endless_jobs_end_with_their_plan)
 {
     const job_fixture *f = *state;
     enum { JOBS = 4, STEPS = 1000000 };
@@ -227,7 +227,7 @@ static void endless_jobs_end_with_their_plan(void **state)
 }
 
 /* What cannot be done is refused at once, or fails alone. */
-static void refuses_what_cannot_be_done(void **state)
+TEST(refuses_what_cannot_be_done)
 {
     const job_fixture *f = *state;
     hada_plan *plan;
@@ -276,13 +276,4 @@ static void refuses_what_cannot_be_done(void **state)
     hada_plan_destroy(&plan);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(ends_at_every_stage),         cmocka_unit_test(a_running_job_ends_when_asked),
-        cmocka_unit_test(ends_while_it_waits),         cmocka_unit_test(progress_never_falls),
-        cmocka_unit_test(outlives_its_plan),           cmocka_unit_test(endless_jobs_end_with_their_plan),
-        cmocka_unit_test(refuses_what_cannot_be_done),
-    };
-    return cmocka_run_group_tests(tests, job_setup, job_teardown);
-}
+FIXTURE(job_setup, job_teardown)

@@ -37,9 +37,8 @@ static void check_plan(const hada_piece *pieces, int count, const hada_arenas *a
         assert_true(arenas->bytes[i] <= largest);
 }
 
-static void random_sets_never_overlap_and_stay_near_the_floor(void **state)
+TEST(random_sets_never_overlap_and_stay_near_the_floor)
 {
-    (void)state;
     hada_piece pieces[MOST];
     hada_random random;
     double ratio = 0.0;
@@ -60,9 +59,8 @@ static void random_sets_never_overlap_and_stay_near_the_floor(void **state)
     assert_true(ratio < 1.10);
 }
 
-static void no_buffer_is_larger_than_the_device_takes(void **state)
+TEST(no_buffer_is_larger_than_the_device_takes)
 {
-    (void)state;
     hada_piece pieces[MOST];
     hada_random random;
     int split = 0;
@@ -78,9 +76,8 @@ static void no_buffer_is_larger_than_the_device_takes(void **state)
     assert_true(split > 50);
 }
 
-static void a_chain_needs_two_pieces_at_once(void **state)
+TEST(a_chain_needs_two_pieces_at_once)
 {
-    (void)state;
     hada_piece pieces[20];
     hada_arenas arenas;
     for (int i = 0; i < 20; i++)
@@ -92,9 +89,8 @@ static void a_chain_needs_two_pieces_at_once(void **state)
     hada_arenas_free(&arenas);
 }
 
-static void what_cannot_be_is_refused(void **state)
+TEST(what_cannot_be_is_refused)
 {
-    (void)state;
     hada_error error = {0};
     hada_arenas arenas;
     hada_piece large = {.what = "the largest level", .bytes = 1000, .first = 0, .last = 3};
@@ -107,15 +103,4 @@ static void what_cannot_be_is_refused(void **state)
     ASSERT_OK(hada_lifetimes_plan(NULL, 0, ALIGNMENT, 999, &arenas, err));
     assert_int_equal(arenas.count, 0);
     hada_arenas_free(&arenas);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(random_sets_never_overlap_and_stay_near_the_floor),
-        cmocka_unit_test(no_buffer_is_larger_than_the_device_takes),
-        cmocka_unit_test(a_chain_needs_two_pieces_at_once),
-        cmocka_unit_test(what_cannot_be_is_refused),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

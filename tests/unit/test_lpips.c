@@ -169,22 +169,19 @@ static void golden(int is_alex)
     assert_int_equal(hada_context_bytes(context), 0);
 }
 
-static void golden_vgg(void **state)
+TEST(golden_vgg)
 {
-    (void)state;
     golden(0);
 }
 
-static void golden_alex(void **state)
+TEST(golden_alex)
 {
-    (void)state;
     golden(1);
 }
 
 /* What is stated is what is held. */
-static void bytes(void **state)
+TEST(bytes)
 {
-    (void)state;
     hada_lpips *lpips = open_net(1);
     hada_image a, b;
     uint64_t stated;
@@ -199,9 +196,8 @@ static void bytes(void **state)
 }
 
 /* Two files, and files that do not do. */
-static void files(void **state)
+TEST(files)
 {
-    (void)state;
     hada_lpips *lpips;
     hada_error why;
     char body[300], heads[300];
@@ -224,9 +220,8 @@ static void files(void **state)
     assert_int_equal(hada_context_bytes(context), 0);
 }
 
-static void images(void **state)
+TEST(images)
 {
-    (void)state;
     hada_lpips *lpips = open_net(1);
     hada_image a, b, small, other, two, map = {0};
     hada_error why;
@@ -268,9 +263,4 @@ static int close_all(void **state)
     return io_teardown(state);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(golden_alex), cmocka_unit_test(golden_vgg),
-                                       cmocka_unit_test(bytes), cmocka_unit_test(files), cmocka_unit_test(images)};
-    return cmocka_run_group_tests(tests, open_all, close_all);
-}
+FIXTURE(open_all, close_all)

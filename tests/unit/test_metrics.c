@@ -1,14 +1,10 @@
 /* Metrics against scikit-image (golden numbers made by tests/oracle/make_metrics_golden.py) and by hand. */
 #include <hadalens/metrics.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
 
-#include <cmocka.h>
+#include "testing.h"
 
 /* The same formulas as in the script: exact in float32. */
 static float value_a(int c, int r, int k)
@@ -38,9 +34,8 @@ static void close_to(double value, double expected, double tolerance)
         fail_msg("%.12g is not within %g of %.12g", value, tolerance, expected);
 }
 
-static void golden(void **state)
+TEST(golden)
 {
-    (void)state;
     FILE *file = fopen(HADALENS_SOURCE_DIR "/tests/golden/metrics.txt", "r");
     assert_non_null(file);
     char line[256];
@@ -76,9 +71,8 @@ static void golden(void **state)
     assert_true(cases >= 4);
 }
 
-static void masks(void **state)
+TEST(masks)
 {
-    (void)state;
     hada_image a = fill(1, 16, 16, value_a), b = fill(1, 16, 16, value_a);
     unsigned char mask[256];
     memset(mask, 1, sizeof mask);
@@ -103,9 +97,8 @@ static void masks(void **state)
 }
 
 /* By hand: the mean of two pixels' PSNR, one channel off by 0.1 and by 0.01; an exact pixel makes it infinite. */
-static void authors(void **state)
+TEST(authors)
 {
-    (void)state;
     hada_image a, b;
     unsigned char mask[3] = {1, 1, 0};
     double value;
@@ -125,9 +118,8 @@ static void authors(void **state)
     hada_image_destroy(&b);
 }
 
-static void refusals(void **state)
+TEST(refusals)
 {
-    (void)state;
     hada_image a = fill(1, 12, 12, value_a), b = fill(1, 12, 13, value_a), c = fill(1, 12, 12, value_b),
                small = fill(1, 10, 12, value_a);
     hada_error err;
@@ -144,9 +136,8 @@ static void refusals(void **state)
     hada_image_destroy(&small);
 }
 
-static void depth_index(void **state)
+TEST(depth_index)
 {
-    (void)state;
     const double list[] = {100.0, 150.0, 300.0};
     for (int i = 0; i < 3; i++)
         close_to(hada_depth_index(list, 3, list[i]), i, 1e-12);
@@ -158,9 +149,8 @@ static void depth_index(void **state)
     close_to(hada_depth_distance(list, 1, 4.0), 100.0, 0.0);
 }
 
-static void depth_score(void **state)
+TEST(depth_score)
 {
-    (void)state;
     const double list[] = {100.0, 150.0, 300.0};
     const float truth[] = {100, 100, 150, 150, 300, NAN, 300, 100}, map[] = {100, 119, 150, 210, 300, 100, NAN, 150};
     unsigned char mask[8] = {1, 1, 1, 1, 1, 1, 1, 1};
@@ -179,12 +169,4 @@ static void depth_score(void **state)
     memset(mask, 0, sizeof mask);
     assert_int_equal(hada_metric_depth(&a, &b, list, 3, 0.5, mask, &score, NULL), HADA_ERROR_ARGUMENT);
     assert_int_equal(hada_metric_depth(&a, &b, list, 1, 0.5, NULL, &score, NULL), HADA_ERROR_ARGUMENT);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(golden),      cmocka_unit_test(masks),
-                                       cmocka_unit_test(authors),     cmocka_unit_test(refusals),
-                                       cmocka_unit_test(depth_index), cmocka_unit_test(depth_score)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

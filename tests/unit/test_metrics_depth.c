@@ -18,9 +18,8 @@ static hada_image map_of(int rows, int cols, const double *index)
     return map;
 }
 
-static void parts_of_a_map(void **state)
+TEST(parts_of_a_map)
 {
-    (void)state;
     unsigned char parts[24];
     const double row[] = {0.0, 0.0, 0.0, 0.4, 0.4, 0.4, 1.0, 1.0, 1.0, 100.0, 2.4, 2.4, -0.6, 2.6};
     hada_image map = map_of(1, 14, row);
@@ -47,9 +46,8 @@ static void parts_of_a_map(void **state)
     hada_image_destroy(&map);
 }
 
-static void two_surfaces(void **state)
+TEST(two_surfaces)
 {
-    (void)state;
     const double first[] = {0.0, 0.0, 0.0, 100.0, 0.0}, second[] = {2.0, 2.0, 100.0, 2.0, 2.0},
                  result[] = {0.9, 1.2, 1.9, 0.1, 100.0}, expected[] = {0.0, 2.0, 0.0, 2.0, 0.0};
     hada_image truth = map_of(1, 5, first), other = map_of(1, 5, second), map = map_of(1, 5, result);
@@ -62,9 +60,8 @@ static void two_surfaces(void **state)
 }
 
 /* Errors of 0.1, 0.2, 0.3 and 0.6 steps. */
-static void confidence(void **state)
+TEST(confidence)
 {
-    (void)state;
     const double first[] = {0.0, 0.0, 1.0, 1.0, 1.0, 100.0}, result[] = {0.1, 0.2, 1.3, 1.6, 100.0, 1.0};
     hada_image truth = map_of(1, 6, first), map = map_of(1, 6, result), sure;
     ASSERT_OK(hada_image_create(&sure, 1, 1, 6, err));
@@ -99,11 +96,4 @@ static void confidence(void **state)
     hada_image_destroy(&truth);
     hada_image_destroy(&map);
     hada_image_destroy(&sure);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(parts_of_a_map), cmocka_unit_test(two_surfaces),
-                                       cmocka_unit_test(confidence)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

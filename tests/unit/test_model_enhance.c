@@ -70,9 +70,8 @@ static void make_path(char *path)
     close(file);
 }
 
-static void the_net_goes_with_files_and_copies(void **state)
+TEST(the_net_goes_with_files_and_copies)
 {
-    (void)state;
     char path[64];
     make_path(path);
     for (int sized = 0; sized < 2; sized++) {
@@ -107,9 +106,8 @@ static void the_net_goes_with_files_and_copies(void **state)
     remove(path);
 }
 
-static void nets_that_do_not_fit_are_refused(void **state)
+TEST(nets_that_do_not_fit_are_refused)
 {
-    (void)state;
     hada_model *model = make_model(), *with;
     hada_net *net = make_net(3);
     hada_error error = {0};
@@ -152,9 +150,8 @@ static void rewrite(const char *from, const char *to, const char *key, const cha
     hada_tensors_close(&file);
 }
 
-static void damaged_files_are_refused(void **state)
+TEST(damaged_files_are_refused)
 {
-    (void)state;
     char good[64], bad[64];
     make_path(good);
     make_path(bad);
@@ -187,14 +184,4 @@ static void damaged_files_are_refused(void **state)
     hada_net_destroy(&net);
     remove(good);
     remove(bad);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_net_goes_with_files_and_copies),
-        cmocka_unit_test(nets_that_do_not_fit_are_refused),
-        cmocka_unit_test(damaged_files_are_refused),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

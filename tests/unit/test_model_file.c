@@ -58,9 +58,8 @@ static void make_path(char *path)
     close(file);
 }
 
-static void files_come_back_bit_for_bit(void **state)
+TEST(files_come_back_bit_for_bit)
 {
-    (void)state;
     char path[64];
     make_path(path);
     for (int k = 0; k < 4; k++) {
@@ -149,9 +148,8 @@ static void rewrite(const char *path, const char *key, const char *value, const 
     assert_int_equal(rename(beside, path), 0);
 }
 
-static void damaged_files_are_refused(void **state)
+TEST(damaged_files_are_refused)
 {
-    (void)state;
     static const struct {
         const char *key, *value, *drop;
         int cut;
@@ -238,9 +236,8 @@ static void poison(const char *path, const char *name, double value, size_t coun
     hada_tensors_close(&file);
 }
 
-static void numbers_without_a_picture_are_refused(void **state)
+TEST(numbers_without_a_picture_are_refused)
 {
-    (void)state;
     static const struct {
         const char *name;
         double value;
@@ -280,9 +277,8 @@ static void numbers_without_a_picture_are_refused(void **state)
 }
 
 /* A program that uses a locale with a decimal comma reads and writes the same files. */
-static void numbers_do_not_depend_on_the_locale(void **state)
+TEST(numbers_do_not_depend_on_the_locale)
 {
-    (void)state;
     if (!decimal_comma())
         skip();
     char path[64];
@@ -303,9 +299,8 @@ static void numbers_do_not_depend_on_the_locale(void **state)
 }
 
 /* A camera that others have learned: filters and transfer functions go in, and come out as they were. */
-static void arrays_make_a_model(void **state)
+TEST(arrays_make_a_model)
 {
-    (void)state;
     hada_model *model = make(0), *made, *half;
     hada_fit_options sizes;
     hada_fit_options_init(&sizes);
@@ -341,14 +336,4 @@ static void arrays_make_a_model(void **state)
     assert_null(made);
     assert_int_equal(hada_model_from_filters(&made, &sizes, NULL, NULL, &failure), HADA_ERROR_ARGUMENT);
     hada_model_destroy(&model);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(files_come_back_bit_for_bit),           cmocka_unit_test(damaged_files_are_refused),
-        cmocka_unit_test(numbers_without_a_picture_are_refused), cmocka_unit_test(arrays_make_a_model),
-        cmocka_unit_test(numbers_do_not_depend_on_the_locale),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

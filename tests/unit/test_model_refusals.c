@@ -47,10 +47,9 @@ static void assert_refused(const hada_model_info *info, const char *word)
         assert_refused(&spoilt, word);                                                                                 \
     } while (0)
 
-static void numbers_that_no_camera_has(void **state)
+TEST(numbers_that_no_camera_has)
 {
     static const double falling[] = {200.0, 100.0}, endless[] = {100.0, INFINITY};
-    (void)state;
     REFUSED(depths, 0, "0 depths");
     REFUSED(depths, 4097, "4097 depths");
     REFUSED(channels, 0, "0 channels");
@@ -91,7 +90,7 @@ static void numbers_that_no_camera_has(void **state)
     REFUSED(grid_cols, 9, "circular");
 }
 
-static void sizes_that_cannot_be(void **state)
+TEST(sizes_that_cannot_be)
 {
     static const struct {
         int raw[2], window[2];
@@ -100,7 +99,6 @@ static void sizes_that_cannot_be(void **state)
         {{0, 8}, {1, 1}, "not possible"},     {{8, 0}, {1, 1}, "not possible"}, {{65537, 8}, {1, 1}, "not possible"},
         {{8, 65537}, {1, 1}, "not possible"}, {{8, 8}, {0, 4}, "does not fit"}, {{8, 8}, {4, 0}, "does not fit"},
         {{8, 8}, {-1, -1}, "does not fit"},   {{8, 8}, {9, 8}, "does not fit"}, {{8, 8}, {8, 9}, "does not fit"}};
-    (void)state;
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         hada_model_info info = info_of();
         hada_error error = {0};
@@ -133,11 +131,10 @@ static hada_model *make(void)
     return model;
 }
 
-static void forms_that_cannot_be_made(void **state)
+TEST(forms_that_cannot_be_made)
 {
     hada_model *model = make(), *out = model;
     hada_error error = {0};
-    (void)state;
     assert_int_equal(hada_model_with_form(NULL, model, HADA_FORM_MATCHED, 0.0, &error), HADA_ERROR_ARGUMENT);
     assert_int_equal(hada_model_with_form(&out, NULL, HADA_FORM_MATCHED, 0.0, &error), HADA_ERROR_ARGUMENT);
     assert_int_equal(hada_model_with_form(&out, model, HADA_FORM_SPLIT, 0.0, &error), HADA_ERROR_ARGUMENT);
@@ -161,11 +158,10 @@ static void forms_that_cannot_be_made(void **state)
     hada_model_destroy(&model);
 }
 
-static void halves_that_lose_the_filter(void **state)
+TEST(halves_that_lose_the_filter)
 {
     hada_model *model = make(), *out = NULL, *again;
     hada_error error = {0};
-    (void)state;
     assert_int_equal(hada_model_to_half(NULL, model, &error), HADA_ERROR_ARGUMENT);
     assert_int_equal(hada_model_to_half(&out, NULL, &error), HADA_ERROR_ARGUMENT);
     ASSERT_OK(hada_model_to_half(&out, model, err));
@@ -200,14 +196,13 @@ static hada_net *net_of(int in, int out)
     return net;
 }
 
-static void nets_that_do_not_fit(void **state)
+TEST(nets_that_do_not_fit)
 {
     static const int channels[][3] = {{1, 1, 1}, {2, 1, 1}, {3, 1, 0}, {1, 2, 0}};
     static const int sizes[][3] = {{0, 0, 1},  {8, 8, 1},       {0, 8, 0},      {8, 0, 0},
                                    {-1, 8, 0}, {2 << 20, 8, 0}, {8, 2 << 20, 0}};
     hada_model *model = make(), *out;
     hada_error error = {0};
-    (void)state;
     for (int i = 0; i < 4; i++) {
         hada_net *net = net_of(channels[i][0], channels[i][1]);
         assert_int_equal(hada_model_with_enhance(&out, model, net, 0, 0, &error),
@@ -255,7 +250,7 @@ static void assert_file(const char *whole, const char *from, const char *to, con
         fail_msg("no '%s' in '%s'", word, error.message);
 }
 
-static void files_that_lack_or_misstate(void **state)
+TEST(files_that_lack_or_misstate)
 {
     static const char *const rows[][3] = {
         {"\"hadalens-model\"", "\"hadalens-modex\"", "not a hadalens model"},
@@ -295,7 +290,6 @@ static void files_that_lack_or_misstate(void **state)
     char whole[300];
     hada_model *model = make();
     hada_error error = {0};
-    (void)state;
     snprintf(whole, sizeof whole, "%s", io_path("whole.model"));
     ASSERT_OK(hada_model_save(model, whole, err));
     hada_model_destroy(&model);
@@ -309,12 +303,4 @@ static void files_that_lack_or_misstate(void **state)
     hada_model_destroy(&model);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(numbers_that_no_camera_has), cmocka_unit_test(sizes_that_cannot_be),
-        cmocka_unit_test(forms_that_cannot_be_made),  cmocka_unit_test(halves_that_lose_the_filter),
-        cmocka_unit_test(nets_that_do_not_fit),       cmocka_unit_test(files_that_lack_or_misstate),
-    };
-    return cmocka_run_group_tests(tests, io_setup, io_teardown);
-}
+FIXTURE(io_setup, io_teardown)

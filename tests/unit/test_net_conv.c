@@ -85,9 +85,8 @@ static void same(const char *name, const char *what, const double *got, const va
             fail_msg("%s: %s: value %zu is %.15g, PyTorch has %.15g", name, what, i, got[i], expected->exact[i]);
 }
 
-static void references(void **state)
+TEST(references)
 {
-    (void)state;
     for (size_t n = 0; n < HADA_COUNT(names); n++) {
         golden_case c = open_case(names[n]);
         const hada_conv_desc *d = &c.desc;
@@ -215,17 +214,17 @@ static void on_device(net_device *device, hada_conv_method method)
     }
 }
 
-static void automatic(void **state)
+TEST(automatic)
 {
     on_device(*state, HADA_CONV_AUTO);
 }
 
-static void plain(void **state)
+TEST(plain)
 {
     on_device(*state, HADA_CONV_PLAIN);
 }
 
-static void mistakes(void **state)
+TEST(mistakes)
 {
     net_device *device = *state;
     hada_context *context = device->context;
@@ -275,9 +274,4 @@ static void mistakes(void **state)
     hada_buffer_destroy(&buffer);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(references), cmocka_unit_test(automatic),
-                                       cmocka_unit_test(plain), cmocka_unit_test(mistakes)};
-    return cmocka_run_group_tests(tests, net_device_open, net_device_close);
-}
+FIXTURE(net_device_open, net_device_close)

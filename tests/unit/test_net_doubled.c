@@ -116,13 +116,13 @@ static void one_case(net_device *device, const doubled_case *c)
     free(values);
 }
 
-static void bits(void **state)
+TEST(bits)
 {
     for (size_t i = 0; i < HADA_COUNT(cases); i++)
         one_case(*state, &cases[i]);
 }
 
-static void refusals(void **state)
+TEST(refusals)
 {
     net_device *device = *state;
     const hada_conv_desc good = desc_of(&cases[0]);
@@ -162,7 +162,7 @@ static const char *const lists[] = {
 };
 
 /* Nets without layers that training runs otherwise: inference has the bits of the forward pass of training. */
-static void nets(void **state)
+TEST(nets)
 {
     static const int sizes[][2] = {{24, 32}, {26, 18}, {27, 21}};
     for (size_t n = 0; n < HADA_COUNT(lists); n++)
@@ -187,7 +187,7 @@ static void nets(void **state)
     "{\"format\":\"hadalens-net-1\",\"colours\":2,\"layers\":[{\"layer\":\"input\",\"channels\":1},"                   \
     "{\"layer\":\"conv\",\"name\":\"a\",\"channels\":20,\"activation\":\"relu\"},{\"layer\":\"norm\",\"name\":\"n\"}," \
     "{\"layer\":\"conv\",\"name\":\"b\",\"channels\":3,\"activation\":\"relu\"}" reader "]}"
-static void norms(void **state)
+TEST(norms)
 {
     hada_net *nets[2];
     net_case cases_of[2];
@@ -214,9 +214,4 @@ static void norms(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(bits), cmocka_unit_test(refusals), cmocka_unit_test(nets),
-                                       cmocka_unit_test(norms)};
-    return cmocka_run_group_tests(tests, net_device_open, net_device_close);
-}
+FIXTURE(net_device_open, net_device_close)

@@ -82,26 +82,26 @@ static void check(net_device *device, const char *name, int recompute)
     hada_tensors_close(&file);
 }
 
-static void a_net_shared_by_colours(void **state)
+TEST(a_net_shared_by_colours)
 {
     check(*state, "shared", 0);
     check(*state, "shared", 1);
 }
 
-static void transposed_convolutions_at_odd_sizes(void **state)
+TEST(transposed_convolutions_at_odd_sizes)
 {
     check(*state, "transposed", 0);
     check(*state, "transposed", 1);
 }
 
-static void strides_cubic_resizing_and_linear_layers(void **state)
+TEST(strides_cubic_resizing_and_linear_layers)
 {
     check(*state, "small", 0);
     check(*state, "small", 1);
 }
 
 /* The public way gives the same as the graph. */
-static void a_runner_gives_the_same(void **state)
+TEST(a_runner_gives_the_same)
 {
     net_device *device = *state;
     char path[512];
@@ -136,13 +136,4 @@ static void a_runner_gives_the_same(void **state)
     free(y);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_net_shared_by_colours),
-        cmocka_unit_test(transposed_convolutions_at_odd_sizes),
-        cmocka_unit_test(strides_cubic_resizing_and_linear_layers),
-        cmocka_unit_test(a_runner_gives_the_same),
-    };
-    return cmocka_run_group_tests(tests, net_device_open, net_device_close);
-}
+FIXTURE(net_device_open, net_device_close)

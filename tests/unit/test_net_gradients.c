@@ -92,9 +92,8 @@ static void sigmoid_backward(const void *own, const double *x, const double *dy,
     hada_ref_sigmoid_backward(SMALL, y, dy, dx);
 }
 
-static void activations(void **state)
+TEST(activations)
 {
-    (void)state;
     static const double slopes[] = {0.0, 0.2, 1.0};
     for (size_t i = 0; i < HADA_COUNT(slopes); i++)
         hold(&(function){"leaky", SMALL, SMALL, leaky_forward, leaky_backward, &slopes[i]});
@@ -117,9 +116,8 @@ static void pool_backward(const void *own, const double *x, const double *dy, do
     hada_ref_pool_backward(&small, w->mean, w->size, w->stride, x, dy, dx);
 }
 
-static void pooling(void **state)
+TEST(pooling)
 {
-    (void)state;
     static const window windows[] = {{0, 2, 2}, {0, 3, 2}, {0, 3, 1}, {0, 2, 3}, {1, 2, 2}, {1, 3, 2}, {1, 3, 1}};
     for (size_t i = 0; i < HADA_COUNT(windows); i++) {
         const hada_ref_shape out = hada_ref_pool_shape(&small, windows[i].size, windows[i].stride);
@@ -144,9 +142,8 @@ static void resize_backward(const void *own, const double *x, const double *dy, 
     hada_ref_resize_backward(&small, r->rows, r->cols, r->taps, r->aligned, dy, dx);
 }
 
-static void resizing(void **state)
+TEST(resizing)
 {
-    (void)state;
     static const int sizes[][2] = {{14, 18}, {3, 4}, {11, 5}, {1, 1}}, taps[] = {1, 2, 4};
     for (size_t i = 0; i < HADA_COUNT(sizes); i++)
         for (size_t k = 0; k < HADA_COUNT(taps); k++)
@@ -172,9 +169,8 @@ static void place_backward(const void *own, const double *x, const double *dy, d
     hada_ref_place_backward(&small, &whole, -2, 4, 3, dy, dx);
 }
 
-static void placing(void **state)
+TEST(placing)
 {
-    (void)state;
     hold(&(function){"place", SMALL, hada_ref_values(&whole), place_forward, place_backward, NULL});
 }
 
@@ -195,9 +191,8 @@ static void norm_backward(const void *own, const double *x, const double *dy, do
     ASSERT_OK(hada_ref_batch_norm_backward(&small, x + SMALL, EPS, x, dy, dx, dx + SMALL, dx + SMALL + 3, err));
 }
 
-static void batch_norm(void **state)
+TEST(batch_norm)
 {
-    (void)state;
     hold(&(function){"batch norm", SMALL + 6, SMALL, norm_forward, norm_backward, NULL});
 }
 
@@ -214,9 +209,8 @@ static void dropout_backward(const void *own, const double *x, const double *dy,
     dropout_forward(own, dy, dx);
 }
 
-static void dropout(void **state)
+TEST(dropout)
 {
-    (void)state;
     hold(&(function){"dropout", SMALL, SMALL, dropout_forward, dropout_backward, NULL});
 }
 
@@ -235,9 +229,8 @@ static void linear_backward(const void *own, const double *x, const double *dy, 
     hada_ref_linear_backward(IMAGES, IN, OUT, x, x + IN * OUT + OUT, dy, dx + IN * OUT + OUT, dx, dx + IN * OUT);
 }
 
-static void linear(void **state)
+TEST(linear)
 {
-    (void)state;
     hold(&(function){"linear", IN * OUT + OUT + IMAGES * IN, IMAGES * OUT, linear_forward, linear_backward, NULL});
 }
 
@@ -268,22 +261,12 @@ static void loss_backward(const void *own, const double *x, const double *dy, do
     loss(*(const int *)own, *dy, x, dx);
 }
 
-static void losses(void **state)
+TEST(losses)
 {
-    (void)state;
     hada_random random;
     hada_random_seed(&random, 3, 0);
     for (size_t i = 0; i < PICTURE; i++)
         target[i] = hada_random_uniform(&random);
     for (int kind = 0; kind < 6; kind++)
         hold(&(function){"loss", PICTURE, 1, loss_forward, loss_backward, &kind});
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(activations), cmocka_unit_test(pooling), cmocka_unit_test(resizing), cmocka_unit_test(placing),
-        cmocka_unit_test(batch_norm),  cmocka_unit_test(dropout), cmocka_unit_test(linear),   cmocka_unit_test(losses),
-    };
-    return cmocka_run_group_tests_name("net gradients", tests, NULL, NULL);
 }

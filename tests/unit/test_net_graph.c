@@ -60,7 +60,7 @@ static double *doubles(const float *from, size_t count)
 
 static const hada_graph_options with_gradients = {.training = 1, .weight_gradients = 1, .input_gradient = 1};
 
-static void outputs_follow_the_reference(void **state)
+TEST(outputs_follow_the_reference)
 {
     for (int i = 0; i < LISTS; i++)
         for (int training = 0; training < 2; training++) {
@@ -114,7 +114,7 @@ static void check_differences(const hada_net *net, const net_case *c, double *va
     assert_true(sqrt(difference / size) < 1e-3);
 }
 
-static void gradients_follow_differences_of_the_reference(void **state)
+TEST(gradients_follow_differences_of_the_reference)
 {
     for (int i = 0; i < LISTS; i++) {
         hada_net *net = net_of(lists[i]);
@@ -131,7 +131,7 @@ static void gradients_follow_differences_of_the_reference(void **state)
 }
 
 /* One training step, twice and with recomputation: the same bits, less memory. */
-static void steps_repeat_bit_for_bit(void **state)
+TEST(steps_repeat_bit_for_bit)
 {
     hada_unet_options unet;
     hada_unet_options_init(&unet);
@@ -161,7 +161,7 @@ static void steps_repeat_bit_for_bit(void **state)
     }
 }
 
-static void an_image_does_not_depend_on_its_batch(void **state)
+TEST(an_image_does_not_depend_on_its_batch)
 {
     hada_net *net;
     ASSERT_OK(hada_net_create_preset(&net, "compact", 3, 1, err));
@@ -176,7 +176,7 @@ static void an_image_does_not_depend_on_its_batch(void **state)
 }
 
 /* Bytes are stated before anything is allocated, and activations share them. */
-static void memory_is_stated_and_shared(void **state)
+TEST(memory_is_stated_and_shared)
 {
     net_device *device = *state;
     hada_net *net;
@@ -207,7 +207,7 @@ static const char *const dropping = "{\"format\":\"hadalens-net-1\",\"layers\":[
                                     "{\"layer\":\"dropout\",\"p\":0.5},"
                                     "{\"layer\":\"dropout\",\"p\":0.25}]}";
 
-static void dropout_draws_by_step_and_layer(void **state)
+TEST(dropout_draws_by_step_and_layer)
 {
     hada_net *net = net_of(dropping);
     net_case first = net_case_make(net, 1, 32, 32), again = net_case_make(net, 1, 32, 32);
@@ -238,7 +238,7 @@ static void dropout_draws_by_step_and_layer(void **state)
     hada_net_destroy(&net);
 }
 
-static void wrong_use_is_refused(void **state)
+TEST(wrong_use_is_refused)
 {
     net_device *device = *state;
     hada_error error;
@@ -261,13 +261,4 @@ static void wrong_use_is_refused(void **state)
     hada_net_destroy(&net);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(outputs_follow_the_reference), cmocka_unit_test(gradients_follow_differences_of_the_reference),
-        cmocka_unit_test(steps_repeat_bit_for_bit),     cmocka_unit_test(an_image_does_not_depend_on_its_batch),
-        cmocka_unit_test(memory_is_stated_and_shared),  cmocka_unit_test(dropout_draws_by_step_and_layer),
-        cmocka_unit_test(wrong_use_is_refused),
-    };
-    return cmocka_run_group_tests(tests, net_device_open, net_device_close);
-}
+FIXTURE(net_device_open, net_device_close)

@@ -61,7 +61,7 @@ static void equal(const owned *a, const owned *b)
 
 static const hada_ref_shape usual = {2, 11, 9, 13};
 
-static void outputs_may_be_inputs(void **state)
+TEST(outputs_may_be_inputs)
 {
     net_device *device = *state;
     for (int block = 8; block <= 16; block += 8) {
@@ -86,7 +86,7 @@ static void outputs_may_be_inputs(void **state)
     }
 }
 
-static void blocks_give_the_same(void **state)
+TEST(blocks_give_the_same)
 {
     net_device *device = *state;
     const hada_ref_shape half = {2, 11, 4, 6}, large = {2, 11, 17, 29};
@@ -116,9 +116,8 @@ static void blocks_give_the_same(void **state)
 }
 
 /* Known answers of the generator's authors (Random123, kat_vectors). */
-static void philox(void **state)
+TEST(philox)
 {
-    (void)state;
     uint32_t seven[4] = {0}, ten[4] = {0};
     hada_ref_philox(7, seven, 0, 0);
     hada_ref_philox(10, ten, 0, 0);
@@ -137,7 +136,7 @@ static size_t kept(const owned *o)
     return count;
 }
 
-static void dropout_keeps_its_share(void **state)
+TEST(dropout_keeps_its_share)
 {
     net_device *device = *state;
     const hada_ref_shape many = {2, 16, 64, 64};
@@ -168,7 +167,7 @@ static void dropout_keeps_its_share(void **state)
 }
 
 /* A mean ten thousand times the deviation: a difference of sums of squares would have no digit left. */
-static void batch_statistics_do_not_cancel(void **state)
+TEST(batch_statistics_do_not_cancel)
 {
     net_device *device = *state;
     const hada_ref_shape shape = {2, 3, 40, 50};
@@ -199,7 +198,7 @@ static void batch_statistics_do_not_cancel(void **state)
     drop(&y);
 }
 
-static void similarity_is_the_metric(void **state)
+TEST(similarity_is_the_metric)
 {
     net_device *device = *state;
     const hada_ref_shape shape = {1, 3, 33, 47};
@@ -235,7 +234,7 @@ static void similarity_is_the_metric(void **state)
 }
 
 /* Every refusal says why, and leaves the output as it was. */
-static void what_does_not_fit_is_refused(void **state)
+TEST(what_does_not_fit_is_refused)
 {
     net_device *device = *state;
     hada_slot *slot = device->slot;
@@ -301,16 +300,4 @@ static void what_does_not_fit_is_refused(void **state)
     drop(&y);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(outputs_may_be_inputs),
-        cmocka_unit_test(blocks_give_the_same),
-        cmocka_unit_test(philox),
-        cmocka_unit_test(dropout_keeps_its_share),
-        cmocka_unit_test(batch_statistics_do_not_cancel),
-        cmocka_unit_test(similarity_is_the_metric),
-        cmocka_unit_test(what_does_not_fit_is_refused),
-    };
-    return cmocka_run_group_tests_name("layers", tests, net_device_open, net_device_close);
-}
+FIXTURE(net_device_open, net_device_close)

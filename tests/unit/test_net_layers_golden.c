@@ -94,9 +94,8 @@ static void end(const char *name, layer *l)
     free(l->dx);
 }
 
-static void activations(void **state)
+TEST(activations)
 {
-    (void)state;
     layer l = begin("relu");
     hada_ref_leaky(l.in_count, 0.0, l.x, l.y);
     hada_ref_leaky_backward(l.in_count, 0.0, l.y, l.dy, l.dx);
@@ -111,9 +110,8 @@ static void activations(void **state)
     end("sigmoid", &l);
 }
 
-static void pooling(void **state)
+TEST(pooling)
 {
-    (void)state;
     static const int windows[][2] = {{2, 2}, {3, 2}, {3, 1}, {2, 3}};
     for (int mean = 0; mean < 2; mean++)
         for (size_t i = 0; i < HADA_COUNT(windows); i++) {
@@ -129,9 +127,8 @@ static void pooling(void **state)
         }
 }
 
-static void resizing(void **state)
+TEST(resizing)
 {
-    (void)state;
     static const struct {
         const char *name;
         int taps, aligned;
@@ -149,18 +146,16 @@ static void resizing(void **state)
         }
 }
 
-static void placing(void **state)
+TEST(placing)
 {
-    (void)state;
     layer l = begin("place");
     hada_ref_place(&l.in, &l.out, 1, -2, 2, l.x, l.y);
     hada_ref_place_backward(&l.in, &l.out, 1, -2, 2, l.dy, l.dx);
     end("place", &l);
 }
 
-static void batch_norm(void **state)
+TEST(batch_norm)
 {
-    (void)state;
     layer l = begin("norm");
     double *weight = golden("norm", "weight", NULL), *bias = golden("norm", "bias", NULL);
     double *mean = golden("norm", "mean", NULL), *variance = golden("norm", "variance", NULL);
@@ -186,9 +181,8 @@ static void batch_norm(void **state)
     free(variance);
 }
 
-static void linear(void **state)
+TEST(linear)
 {
-    (void)state;
     double *x = golden("linear", "x", NULL), *w = golden("linear", "weight", NULL), *b = golden("linear", "bias", NULL);
     double *dy = golden("linear", "dy", NULL), y[12], dx[21] = {0}, dw[28] = {0}, db[4] = {0};
     hada_ref_linear(3, 7, 4, w, b, x, y);
@@ -217,9 +211,8 @@ static double loss_of(const char *name, const hada_ref_shape *shape, const doubl
     return hada_ref_variation(shape, !strcmp(name, "tv_squared"), 1.5, x, dx);
 }
 
-static void losses(void **state)
+TEST(losses)
 {
-    (void)state;
     static const char *const names[] = {"mse", "l1", "logits", "tv", "tv_squared", "ssim"};
     for (size_t i = 0; i < HADA_COUNT(names); i++) {
         const hada_ref_shape shape = golden_shape(names[i], "x");
@@ -260,9 +253,8 @@ static void optimizer(const char *name, const hada_ref_rmsprop *rmsprop, const h
     free(g);
 }
 
-static void optimizers(void **state)
+TEST(optimizers)
 {
-    (void)state;
     const hada_ref_rmsprop plain = {.decay = 0.99, .eps = 1e-8};
     const hada_ref_rmsprop all = {.decay = 0.8, .eps = 1e-3, .momentum = 0.5, .weight_decay = 0.125, .centered = 1};
     const hada_ref_adam adam = {.beta1 = 0.9, .beta2 = 0.999, .eps = 1e-8};
@@ -276,9 +268,8 @@ static void optimizers(void **state)
 }
 
 /* Keras's RMSprop by hand: v = 0.9 * 0 + 0.1 * 4 = 0.4, then 0.36 + 0.1 * 1 = 0.46. */
-static void keras(void **state)
+TEST(keras)
 {
-    (void)state;
     const hada_ref_rmsprop rule = {.rate = 0.5, .decay = 0.9, .eps = 0.09, .momentum = 0.25};
     double p = 1.0, v = 0.0, b = 0.0, g = 2.0;
     hada_ref_rmsprop_keras(&rule, 1, &g, &p, &v, NULL, &b);
@@ -291,9 +282,8 @@ static void keras(void **state)
     assert_true(fabs(v - 0.46) < 1e-15);
 }
 
-static void rates(void **state)
+TEST(rates)
 {
-    (void)state;
     static const struct {
         const char *name;
         hada_schedule schedule;
@@ -312,13 +302,4 @@ static void rates(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(activations), cmocka_unit_test(pooling),    cmocka_unit_test(resizing),
-        cmocka_unit_test(placing),     cmocka_unit_test(batch_norm), cmocka_unit_test(linear),
-        cmocka_unit_test(losses),      cmocka_unit_test(optimizers), cmocka_unit_test(keras),
-        cmocka_unit_test(rates),
-    };
-    return cmocka_run_group_tests_name("layers golden", tests, open_file, close_file);
-}
+FIXTURE(open_file, close_file)

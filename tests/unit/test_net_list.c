@@ -9,9 +9,8 @@
 #include "netlist/presets.h"
 #include "netlist/weights_file.h"
 
-static void presets_have_the_values_they_should(void **state)
+TEST(presets_have_the_values_they_should)
 {
-    (void)state;
     hada_net *net;
     /* the paper's net: 3,745,057 values with the running statistics of three batch norms */
     ASSERT_OK(hada_net_create_preset(&net, "paper", 3, 1, err));
@@ -41,9 +40,8 @@ static void presets_have_the_values_they_should(void **state)
     assert_null(net);
 }
 
-static void vgg16_has_the_names_of_torchvision(void **state)
+TEST(vgg16_has_the_names_of_torchvision)
 {
-    (void)state;
     hada_net *net;
     static const int numbers[] = {0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24, 26, 28};
     ASSERT_OK(hada_vgg16_make(&net, err));
@@ -78,9 +76,8 @@ static void check_round_trip(hada_net *net)
     hada_net_destroy(&net);
 }
 
-static void descriptions_come_back_as_they_were(void **state)
+TEST(descriptions_come_back_as_they_were)
 {
-    (void)state;
     hada_net *net;
     hada_unet_options options;
     ASSERT_OK(hada_net_create_preset(&net, "paper", 3, 1, err));
@@ -106,9 +103,8 @@ static void descriptions_come_back_as_they_were(void **state)
     check_round_trip(net);
 }
 
-static void any_unet_gives_the_size_it_takes(void **state)
+TEST(any_unet_gives_the_size_it_takes)
 {
-    (void)state;
     static const char *const shapes[][2] = {{"4", ""}, {"4,4|6", "5"}, {"3|4|5,5|6", "|7|"}};
     for (int up_by = HADA_UNET_LINEAR; up_by <= HADA_UNET_TRANSPOSED; up_by++)
         for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++)
@@ -136,9 +132,8 @@ static void any_unet_gives_the_size_it_takes(void **state)
     hada_net_destroy(&net);
 }
 
-static void wrong_unets_are_refused(void **state)
+TEST(wrong_unets_are_refused)
 {
-    (void)state;
     static const char *const shapes[][2] = {{"4|5|6", ""}, {"4,|5", "4"}, {"4||5", "4|4"}, {"x", ""},
                                             {"0|4", "4"},  {"4", "4"},    {"-4|5", "4"},   {"4|5", "4|4"}};
     for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++) {
@@ -155,9 +150,8 @@ static void wrong_unets_are_refused(void **state)
 
 #define LIST(text) "{\"format\":\"hadalens-net-1\",\"layers\":[{\"layer\":\"input\",\"channels\":3}," text "]}"
 
-static void damaged_descriptions_are_refused(void **state)
+TEST(damaged_descriptions_are_refused)
 {
-    (void)state;
     static const struct {
         const char *text, *says;
     } cases[] = {
@@ -199,9 +193,8 @@ static void damaged_descriptions_are_refused(void **state)
     }
 }
 
-static void first_weights_follow_the_seed(void **state)
+TEST(first_weights_follow_the_seed)
 {
-    (void)state;
     hada_net *one, *same, *other;
     ASSERT_OK(hada_net_create_preset(&one, "compact", 3, 7, err));
     ASSERT_OK(hada_net_create_preset(&same, "compact", 3, 7, err));
@@ -221,9 +214,8 @@ static void first_weights_follow_the_seed(void **state)
     hada_net_destroy(&other);
 }
 
-static void files_come_back_and_others_are_refused(void **state)
+TEST(files_come_back_and_others_are_refused)
 {
-    (void)state;
     char path[] = "/tmp/hadalens-net-XXXXXX";
     const int fd = mkstemp(path);
     assert_true(fd >= 0);
@@ -272,13 +264,12 @@ static void files_come_back_and_others_are_refused(void **state)
 }
 
 /* Transposed convolutions multiply sizes: what goes beyond integers is too large, not negative or small. */
-static void sizes_beyond_integers_are_refused(void **state)
+TEST(sizes_beyond_integers_are_refused)
 {
     char list[2000];
     hada_net *net;
     hada_size sizes[10];
     hada_error error = {0};
-    (void)state;
     for (int depth = 1; depth <= 8; depth++) {
         int used = snprintf(list, sizeof list,
                             "{\"format\": \"hadalens-net-1\", \"layers\": [{\"layer\": \"input\", \"channels\": 1}");
@@ -299,20 +290,4 @@ static void sizes_beyond_integers_are_refused(void **state)
         }
         hada_net_destroy(&net);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(presets_have_the_values_they_should),
-        cmocka_unit_test(vgg16_has_the_names_of_torchvision),
-        cmocka_unit_test(descriptions_come_back_as_they_were),
-        cmocka_unit_test(any_unet_gives_the_size_it_takes),
-        cmocka_unit_test(wrong_unets_are_refused),
-        cmocka_unit_test(damaged_descriptions_are_refused),
-        cmocka_unit_test(sizes_beyond_integers_are_refused),
-        cmocka_unit_test(first_weights_follow_the_seed),
-        cmocka_unit_test(files_come_back_and_others_are_refused),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -63,7 +63,7 @@ static void steps(net_device *device, trainee *t, int first, int last)
     }
 }
 
-static void optimizers_go_down(void **state)
+TEST(optimizers_go_down)
 {
     net_device *device = *state;
     static float p[COUNT];
@@ -77,7 +77,7 @@ static void optimizers_go_down(void **state)
 }
 
 /* Saved in the midst and gone on with elsewhere: the same bits. */
-static void training_resumes(void **state)
+TEST(training_resumes)
 {
     net_device *device = *state;
     static float straight[COUNT], resumed[COUNT];
@@ -103,7 +103,7 @@ static void training_resumes(void **state)
 }
 
 /* An array in two parts, at odd offsets, gives what it gives in one. */
-static void arrays_may_be_split(void **state)
+TEST(arrays_may_be_split)
 {
     net_device *device = *state;
     static float whole[COUNT], parts[COUNT];
@@ -128,7 +128,7 @@ static void arrays_may_be_split(void **state)
     end(&b);
 }
 
-static void no_gradient_is_no_trouble(void **state)
+TEST(no_gradient_is_no_trouble)
 {
     net_device *device = *state;
     static float p[COUNT], after[COUNT];
@@ -165,7 +165,7 @@ static float cross_entropy(const float *x, int count, float label, float *dx)
 }
 
 /* A layer learns to tell two heaps of points apart: linear layer, cross-entropy, RMSprop. */
-static void a_layer_learns(void **state)
+TEST(a_layer_learns)
 {
     net_device *device = *state;
     enum { IMAGES = 32, IN = 5, FLOATS = 4096, W = 0, BIAS = 16, X = 32, Y = 512, DY = 576, DW = 640, S = 800 };
@@ -197,9 +197,8 @@ static void a_layer_learns(void **state)
     hada_buffer_destroy(&memory);
 }
 
-static void first_weights(void **state)
+TEST(first_weights)
 {
-    (void)state;
     enum { MANY = 20000 };
     static float a[MANY], b[MANY];
     const int64_t shape[4] = {64, 32, 3, 5};
@@ -244,9 +243,8 @@ static void first_weights(void **state)
 }
 
 /* Bits that every machine must give; an implementation of the generators in Python gave the same. */
-static void first_weights_are_the_same_everywhere(void **state)
+TEST(first_weights_are_the_same_everywhere)
 {
-    (void)state;
     hada_init_desc desc = {.init = HADA_INIT_KAIMING_NORMAL, .fan_in = 27.0, .fan_out = 144.0};
     float values[4];
     uint32_t bits[4];
@@ -261,9 +259,8 @@ static void first_weights_are_the_same_everywhere(void **state)
     assert_memory_equal(bits, uniform, sizeof bits);
 }
 
-static void rates(void **state)
+TEST(rates)
 {
-    (void)state;
     hada_schedule schedule = {.kind = HADA_SCHEDULE_CONSTANT, .rate = 0.5, .warmup = 4};
     ASSERT_OK(hada_schedule_validate(&schedule, err));
     assert_true(hada_schedule_rate(&schedule, 0) == 0.0 && hada_schedule_rate(&schedule, 2) == 0.25);
@@ -274,7 +271,7 @@ static void rates(void **state)
     assert_true(fabs(hada_schedule_rate(&schedule, 5) - 0.3125) < 1e-12);
 }
 
-static void what_makes_no_sense_is_refused(void **state)
+TEST(what_makes_no_sense_is_refused)
 {
     net_device *device = *state;
     hada_error error;
@@ -314,18 +311,4 @@ static void what_makes_no_sense_is_refused(void **state)
     end(&t);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(optimizers_go_down),
-        cmocka_unit_test(training_resumes),
-        cmocka_unit_test(arrays_may_be_split),
-        cmocka_unit_test(no_gradient_is_no_trouble),
-        cmocka_unit_test(a_layer_learns),
-        cmocka_unit_test(first_weights),
-        cmocka_unit_test(first_weights_are_the_same_everywhere),
-        cmocka_unit_test(rates),
-        cmocka_unit_test(what_makes_no_sense_is_refused),
-    };
-    return cmocka_run_group_tests_name("training", tests, net_device_open, net_device_close);
-}
+FIXTURE(net_device_open, net_device_close)

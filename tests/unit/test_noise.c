@@ -30,10 +30,9 @@ static double mean_square(const float *frame)
     return sum;
 }
 
-static void test_estimate(void **state)
+TEST(test_estimate)
 {
     static float frame[2 * AREA];
-    (void)state;
     for (double noise = 0.003; noise < 0.2; noise *= 3.0) {
         paint(frame, noise);
         const double found = hada_noise_estimate(frame, 2, ROWS, COLS);
@@ -45,10 +44,9 @@ static void test_estimate(void **state)
 }
 
 /* A frame's own mean square while noise is as usual; with noise far from that, in proportion. */
-static void test_unit(void **state)
+TEST(test_unit)
 {
     static float frame[2 * AREA];
-    (void)state;
     paint(frame, 0.02);
     const double own = mean_square(frame), share = hada_noise_estimate(frame, 2, ROWS, COLS) / sqrt(own);
     assert_true(hada_noise_unit(frame, 2, ROWS, COLS, 0.0, own) == own);
@@ -71,7 +69,7 @@ static void test_unit(void **state)
 }
 
 /* A camera that shows the scene as it is: frames are as bright as scenes. */
-static void test_model(void **state)
+TEST(test_model)
 {
     const double distance = 100.0, brightness = 0.16, noise = 0.01;
     hada_model_info info = {.form = HADA_FORM_COMPLEX,
@@ -83,7 +81,6 @@ static void test_model(void **state)
                             .noise = noise,
                             .distances_mm = &distance};
     hada_model *model;
-    (void)state;
     ASSERT_OK(hada_model_set_sizes(&info, 12, 15, 12, 15, err));
     ASSERT_OK(hada_model_create(&model, &info, 1, err));
     const size_t plane = hada_model_plane(model);
@@ -96,11 +93,4 @@ static void test_model(void **state)
     model->info.noise = 0.0;
     assert_true(hada_model_noise_share(model) == 0.0);
     hada_model_destroy(&model);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_estimate), cmocka_unit_test(test_unit),
-                                       cmocka_unit_test(test_model)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -56,7 +56,7 @@ static void expect_floats(const outside *o, cl_mem mem, size_t offset, const flo
 enum { FRAME_OFFSET = 64, STACK_OFFSET = 128 };
 
 /* Linear, refined, one depth listed alone, and nothing found: the bits of the way over the host. */
-static void frames_and_results_stay_on_the_device(void **state)
+TEST(frames_and_results_stay_on_the_device)
 {
     const learned_camera *learned = *state;
     const hada_model_info *info = hada_model_get_info(learned->model);
@@ -124,7 +124,7 @@ static void frames_and_results_stay_on_the_device(void **state)
     close_outside(&o);
 }
 
-static void what_does_not_fit_is_refused(void **state)
+TEST(what_does_not_fit_is_refused)
 {
     const learned_camera *learned = *state;
     outside o = open_outside(learned);
@@ -166,9 +166,4 @@ static void what_does_not_fit_is_refused(void **state)
     close_outside(&o);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(frames_and_results_stay_on_the_device),
-                                       cmocka_unit_test(what_does_not_fit_is_refused)};
-    return cmocka_run_group_tests(tests, learned_setup, learned_teardown);
-}
+FIXTURE(learned_setup, learned_teardown)

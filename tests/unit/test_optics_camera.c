@@ -3,16 +3,12 @@
 #include <hadalens/limits.h>
 #include <hadalens/scene.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
+#include "testing.h"
 
 static const char *const presets[] = {"sim512", "sim300", "crop300", "paper2022"};
 
@@ -59,9 +55,8 @@ static hada_camera single_lens(void)
     return camera;
 }
 
-static void presets_hold_together(void **state)
+TEST(presets_hold_together)
 {
-    (void)state;
     for (size_t p = 0; p < sizeof presets / sizeof *presets; p++) {
         const hada_camera camera = preset(presets[p]);
         hada_error err;
@@ -90,9 +85,8 @@ static void presets_hold_together(void **state)
     }
 }
 
-static void light_sums_to_one(void **state)
+TEST(light_sums_to_one)
 {
-    (void)state;
     hada_camera camera = preset("sim300");
     for (int i = 0; i < camera.depths; i++) {
         hada_image psf;
@@ -113,9 +107,8 @@ static void light_sums_to_one(void **state)
     hada_image_destroy(&cut);
 }
 
-static void spots_stand_where_rays_meet(void **state)
+TEST(spots_stand_where_rays_meet)
 {
-    (void)state;
     const hada_camera camera = single_lens();
     double x, y;
     assert_int_equal(hada_camera_lenses(&camera, &x, &y, NULL), HADA_OK);
@@ -136,9 +129,8 @@ static void spots_stand_where_rays_meet(void **state)
     }
 }
 
-static void focus_is_sharpest(void **state)
+TEST(focus_is_sharpest)
 {
-    (void)state;
     const hada_camera camera = single_lens();
     /* 1/z = 1/f - 1/d */
     const double focus = 1.0 / (1.0 / camera.focal_length_mm - 1.0 / camera.distance_mm);
@@ -155,9 +147,8 @@ static void focus_is_sharpest(void **state)
     assert_true(spread[0] < spread[1] && spread[0] < spread[2] && spread[1] < spread[3] && spread[2] < spread[4]);
 }
 
-static void overlapping_lenses_share_the_ground(void **state)
+TEST(overlapping_lenses_share_the_ground)
 {
-    (void)state;
     /* Two lenses so large that the line between their centres parts the aperture: out of focus, each image is its part
      * of the aperture, so at d = f and z -> 0 distance the pattern's area is that of the aperture, not twice. */
     hada_camera camera = preset("paper2022");
@@ -184,9 +175,8 @@ static void overlapping_lenses_share_the_ground(void **state)
     hada_image_destroy(&apart);
 }
 
-static void same_seed_same_mask(void **state)
+TEST(same_seed_same_mask)
 {
-    (void)state;
     hada_camera camera = preset("sim300");
     double x[2][29], y[2][29];
     assert_int_equal(hada_camera_lenses(&camera, x[0], y[0], NULL), HADA_OK);
@@ -197,9 +187,8 @@ static void same_seed_same_mask(void **state)
     assert_true(memcmp(x[0], x[1], sizeof x[0]) != 0);
 }
 
-static void files(void **state)
+TEST(files)
 {
-    (void)state;
     hada_camera camera = preset("paper2022"), back;
     camera.seed = UINT64_MAX - 5;
     camera.boundary = HADA_BOUNDARY_PADDED;
@@ -251,9 +240,8 @@ static void files(void **state)
     assert_int_equal(hada_camera_save(&camera, "/nonexistent/folder/camera.json", &err), HADA_ERROR_FILE_WRITE);
 }
 
-static void refusals(void **state)
+TEST(refusals)
 {
-    (void)state;
     hada_error err;
     hada_camera camera;
     assert_int_equal(hada_camera_preset(&camera, "sim9", &err), HADA_ERROR_ARGUMENT);
@@ -280,27 +268,12 @@ static void refusals(void **state)
     assert_int_equal(hada_camera_check(&camera, &err), HADA_ERROR_ARGUMENT);
 }
 
-static void resizing_keeps_the_pattern(void **state)
+TEST(resizing_keeps_the_pattern)
 {
-    (void)state;
     hada_camera camera = preset("sim512");
     assert_int_equal(hada_camera_resize(&camera, 128, 160, 0, 0, NULL), HADA_OK);
     assert_int_equal(camera.window_rows, 48);
     assert_int_equal(camera.window_cols, 48);
     assert_true(fabs(camera.pixel_pitch_mm * 128 - 0.07 * 512) < 1e-12);
     assert_int_equal(hada_camera_resize(&camera, 128, 160, 129, 40, NULL), HADA_ERROR_SIZE);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(presets_hold_together),
-                                       cmocka_unit_test(light_sums_to_one),
-                                       cmocka_unit_test(spots_stand_where_rays_meet),
-                                       cmocka_unit_test(focus_is_sharpest),
-                                       cmocka_unit_test(overlapping_lenses_share_the_ground),
-                                       cmocka_unit_test(same_seed_same_mask),
-                                       cmocka_unit_test(files),
-                                       cmocka_unit_test(refusals),
-                                       cmocka_unit_test(resizing_keeps_the_pattern)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -5,9 +5,8 @@
 #include "ref/ref_convolve.h"
 
 /* What a sensor off the axis records is the same light, elsewhere. */
-static void shift(void **state)
+TEST(shift)
 {
-    (void)state;
     hada_camera camera = small_camera(HADA_BOUNDARY_PADDED);
     camera.aperture_mm *= 2.0; /* a pattern wider than the sensor */
     const int down = -9, across = 14;
@@ -63,9 +62,8 @@ static void shift(void **state)
 }
 
 /* A scene that is wider than the window, the sensor even. */
-static void field(void **state)
+TEST(field)
 {
-    (void)state;
     enum { HIGHER = 71, WIDER = 90, MARGIN = 20, R = ROWS + 2 * MARGIN, C = COLS + 2 * MARGIN };
     static float canvas[R * C];
     static double all[R * C], expected[PIXELS];
@@ -104,9 +102,8 @@ static void field(void **state)
 }
 
 /* p d (1/near - 1/far) / pitch */
-static void parallax(void **state)
+TEST(parallax)
 {
-    (void)state;
     const hada_camera camera = small_camera(HADA_BOUNDARY_CIRCULAR);
     double cols, rows;
     hada_camera_parallax(&camera, 100.0, 600.0, 2.0, -4.0, &cols, &rows);
@@ -114,9 +111,8 @@ static void parallax(void **state)
     assert_true(fabs(rows + 2.0 * cols) < 1e-12);
 }
 
-static void white_exposure(void **state)
+TEST(white_exposure)
 {
-    (void)state;
     const hada_camera camera = small_camera(HADA_BOUNDARY_CIRCULAR);
     hada_simulator *simulator = simulator_of(&camera, 0, 0, 0, 0);
     double exposure, most = 0.0;
@@ -136,9 +132,8 @@ static void white_exposure(void **state)
     hada_simulator_destroy(&simulator);
 }
 
-static void refusals(void **state)
+TEST(refusals)
 {
-    (void)state;
     const hada_camera camera = small_camera(HADA_BOUNDARY_CIRCULAR);
     hada_simulator *simulator;
     hada_simulator_options options;
@@ -160,9 +155,4 @@ static void refusals(void **state)
     assert_null(simulator);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(shift), cmocka_unit_test(field), cmocka_unit_test(parallax),
-                                       cmocka_unit_test(white_exposure), cmocka_unit_test(refusals)};
-    return cmocka_run_group_tests(tests, open_device, close_device);
-}
+FIXTURE(open_device, close_device)

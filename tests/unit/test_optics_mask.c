@@ -17,9 +17,8 @@ static hada_camera camera_with(hada_mask mask)
     return camera;
 }
 
-static void grids_are_regular(void **state)
+TEST(grids_are_regular)
 {
-    (void)state;
     const hada_camera camera = camera_with(HADA_MASK_GRID);
     double x[64], y[64], far = 0.0;
     ASSERT_OK(hada_camera_lenses(&camera, x, y, err));
@@ -39,9 +38,8 @@ static void grids_are_regular(void **state)
     assert_int_equal(hada_camera_lenses(&wide, x, y, NULL), HADA_ERROR_ARGUMENT);
 }
 
-static void spacing_has_two_bounds(void **state)
+TEST(spacing_has_two_bounds)
 {
-    (void)state;
     hada_camera camera = camera_with(HADA_MASK_MLA);
     double x[64], y[64];
     camera.maximum_spacing_mm = 1.5;
@@ -60,9 +58,8 @@ static void spacing_has_two_bounds(void **state)
     assert_int_equal(hada_camera_check(&camera, NULL), HADA_ERROR_ARGUMENT);
 }
 
-static void fill_factors(void **state)
+TEST(fill_factors)
 {
-    (void)state;
     hada_camera camera = camera_with(HADA_MASK_GRID);
     double fill;
     ASSERT_OK(hada_camera_fill_factor(&camera, &fill, err));
@@ -84,9 +81,8 @@ static void fill_factors(void **state)
 }
 
 /* The surface by its derivatives, its variance and its autocorrelation. */
-static void surfaces_vary_as_stated(void **state)
+TEST(surfaces_vary_as_stated)
 {
-    (void)state;
     hada_surface surface;
     const double half = 20.0, l = 1.0, h = 1e-5;
     double gradient[2], squares = 0.0, products = 0.0, slopes = 0.0;
@@ -114,9 +110,8 @@ static void surfaces_vary_as_stated(void **state)
     hada_surface_free(&surface);
 }
 
-static void diffusers_deflect_as_asked(void **state)
+TEST(diffusers_deflect_as_asked)
 {
-    (void)state;
     hada_camera camera = camera_with(HADA_MASK_DIFFUSER);
     hada_mask_design design;
     camera.deflection_mrad = 7.0;
@@ -132,9 +127,8 @@ static void diffusers_deflect_as_asked(void **state)
     hada_mask_free(&design);
 }
 
-static void nearest_sites(void **state)
+TEST(nearest_sites)
 {
-    (void)state;
     enum { COUNT = 700 };
     double *x = malloc(COUNT * sizeof *x), *y = malloc(COUNT * sizeof *y);
     assert_non_null(x);
@@ -162,9 +156,8 @@ static void nearest_sites(void **state)
     hada_sites_free(&sites);
 }
 
-static void contours_focus_on_lines(void **state)
+TEST(contours_focus_on_lines)
 {
-    (void)state;
     /* in focus, the light of a contour mask stands on the lines: where the landscape is 0, scaled by 1 + d/z */
     hada_camera camera = camera_with(HADA_MASK_CONTOUR);
     const double distance = 1.0 / (1.0 / camera.focal_length_mm - 1.0 / camera.distance_mm);
@@ -190,9 +183,8 @@ static void contours_focus_on_lines(void **state)
     hada_image_destroy(&psf);
 }
 
-static void holes_cast_shadows(void **state)
+TEST(holes_cast_shadows)
 {
-    (void)state;
     /* a hole's shadow is as wide as the hole times 1 + d/z, evenly bright, at 1 + d/z times its place */
     hada_camera camera = camera_with(HADA_MASK_APERTURE);
     assert_true(fabs(camera.lens_diameter_mm - sqrt(2.44 * 530e-6 * 30.0)) < 1e-12);
@@ -218,9 +210,8 @@ static void holes_cast_shadows(void **state)
     hada_image_destroy(&psf);
 }
 
-static void maps(void **state)
+TEST(maps)
 {
-    (void)state;
     hada_camera camera = camera_with(HADA_MASK_GRID);
     hada_image thickness, open;
     ASSERT_OK(hada_camera_mask_map(&camera, 301, 301, &thickness, &open, err));
@@ -235,9 +226,8 @@ static void maps(void **state)
     hada_image_destroy(&open);
 }
 
-static void words_and_files(void **state)
+TEST(words_and_files)
 {
-    (void)state;
     char path[] = "/tmp/hadalens-mask-XXXXXX";
     const int handle = mkstemp(path);
     assert_true(handle >= 0);
@@ -273,19 +263,4 @@ static void words_and_files(void **state)
     assert_int_equal(hada_camera_check(&camera, NULL), HADA_ERROR_ARGUMENT);
     camera.refractive_index = 1.0;
     assert_int_equal(hada_camera_check(&camera, NULL), HADA_ERROR_ARGUMENT);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(grids_are_regular),
-                                       cmocka_unit_test(spacing_has_two_bounds),
-                                       cmocka_unit_test(fill_factors),
-                                       cmocka_unit_test(surfaces_vary_as_stated),
-                                       cmocka_unit_test(diffusers_deflect_as_asked),
-                                       cmocka_unit_test(nearest_sites),
-                                       cmocka_unit_test(contours_focus_on_lines),
-                                       cmocka_unit_test(holes_cast_shadows),
-                                       cmocka_unit_test(maps),
-                                       cmocka_unit_test(words_and_files)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -41,9 +41,8 @@ static void add_expected(const hada_camera *camera, const hada_image *image, int
 }
 
 /* Three planes, the nearer two opaque in places; and the same through one lens. */
-static void occlusion(void **state)
+TEST(occlusion)
 {
-    (void)state;
     static double expected[PIXELS];
     const hada_camera camera = small_camera(HADA_BOUNDARY_PADDED);
     hada_simulator *simulator = simulator_of(&camera, 0, 0, 0, 0);
@@ -89,9 +88,8 @@ static double largest_difference(const hada_image *a, const hada_image *b)
 
 /* Clear planes change nothing, closed ones leave nothing; the lenses together are the camera. With a sensor off the
  * axis, a wide field and PSFs in colour. */
-static void limits_of_occlusion(void **state)
+TEST(limits_of_occlusion)
 {
-    (void)state;
     enum { HIGHER = 40, WIDER = 44 };
     const hada_camera camera = small_camera(HADA_BOUNDARY_CIRCULAR);
     hada_image psf[4], scenes[2], opacity, plain, raw, alone, sum, one;
@@ -225,9 +223,8 @@ static void add_rays(const hada_camera *camera, const hada_image *image, int dep
 }
 
 /* Masks without lenses, patch by patch: nearer to the rays the smaller the patches are. */
-static void patches(void **state)
+TEST(patches)
 {
-    (void)state;
     static const hada_mask masks[] = {HADA_MASK_DIFFUSER, HADA_MASK_CONTOUR, HADA_MASK_APERTURE};
     static double expected[PIXELS];
     hada_image scenes[2], opacity, raw;
@@ -265,9 +262,8 @@ static void patches(void **state)
 }
 
 /* The patches together are the camera, whatever made the PSF; a closed plane leaves nothing. */
-static void all_patches(void **state)
+TEST(all_patches)
 {
-    (void)state;
     hada_image scenes[2], opacity, raw, plain, psf[4];
     const hada_camera camera = plain_mask(HADA_MASK_CONTOUR);
     hada_simulator *simulators[2] = {simulator_of(&camera, -3, 5, 0, 0)};
@@ -302,9 +298,8 @@ static void all_patches(void **state)
     hada_image_destroy(&opacity);
 }
 
-static void refusals(void **state)
+TEST(refusals)
 {
-    (void)state;
     const hada_camera camera = small_camera(HADA_BOUNDARY_CIRCULAR);
     hada_simulator *simulator;
     hada_error error;
@@ -331,10 +326,4 @@ static void refusals(void **state)
     hada_simulator_destroy(&simulator);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(occlusion), cmocka_unit_test(limits_of_occlusion),
-                                       cmocka_unit_test(patches), cmocka_unit_test(all_patches),
-                                       cmocka_unit_test(refusals)};
-    return cmocka_run_group_tests(tests, open_device, close_device);
-}
+FIXTURE(open_device, close_device)

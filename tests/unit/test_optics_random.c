@@ -1,17 +1,12 @@
 /* The generator against an independent Python implementation of the published algorithms, and its statistics. */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 
-#include <cmocka.h>
+#include "testing.h"
 
 #include "core/random.h"
 
-static void known_bits(void **state)
+TEST(known_bits)
 {
-    (void)state;
     const uint32_t expected[] = {0xbfc16eb0u, 0x8dd3b338u, 0x4f4503a6u, 0x62a58c73u};
     hada_random random;
     hada_random_seed(&random, 42, 7);
@@ -25,9 +20,8 @@ static void known_bits(void **state)
     assert_true(fabs(hada_random_normal(&random) + 0.8299148603342282) < 1e-14);
 }
 
-static void statistics(void **state)
+TEST(statistics)
 {
-    (void)state;
     enum { COUNT = 400000 };
     hada_random random;
     hada_random_seed(&random, 1, 2);
@@ -54,9 +48,8 @@ static void statistics(void **state)
         assert_true(fabs(bins[i] - COUNT / 10.0) < 5.0 * sqrt(COUNT * 0.09));
 }
 
-static void independence(void **state)
+TEST(independence)
 {
-    (void)state;
     /* neighbouring seeds and sequences: no equal values at equal places */
     for (uint64_t seed = 0; seed < 20; seed++) {
         hada_random a, b, c;
@@ -70,11 +63,4 @@ static void independence(void **state)
         }
         assert_true(equal <= 2);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(known_bits), cmocka_unit_test(statistics),
-                                       cmocka_unit_test(independence)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

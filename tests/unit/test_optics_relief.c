@@ -35,9 +35,8 @@ static void add_columns(const hada_camera *camera, const hada_image *image, int 
 }
 
 /* From before the nearest depth to behind the farthest, on lenses (sharp spots) and a diffuser. Two surfaces add up. */
-static void every_distance_has_its_psf(void **state)
+TEST(every_distance_has_its_psf)
 {
-    (void)state;
     static double expected[PIXELS];
     for (int mask = 0; mask < 2; mask++) {
         hada_camera camera = small_camera(HADA_BOUNDARY_PADDED);
@@ -76,9 +75,8 @@ static double difference(const hada_image *a, const hada_image *b)
 }
 
 /* Opaque: a slope hides nothing of itself; a jump hides what planes hide. */
-static void opaque_surfaces(void **state)
+TEST(opaque_surfaces)
 {
-    (void)state;
     const hada_camera camera = small_camera(HADA_BOUNDARY_PADDED);
     hada_simulator *simulator = simulator_of(&camera, 0, 0, 0, 0);
     hada_image slope = slanted(100.0, 600.0), jump, scene = drawn(5, 3, HIGH, WIDE), clear, opaque, planes[2], hidden,
@@ -167,9 +165,8 @@ static void add_opaque(const hada_camera *camera, const hada_image *image, int c
 }
 
 /* A ball before a wall, whose rim falls off steeply: a hard case, with more parallax than the ball has radius. */
-static void opaque_ball(void **state)
+TEST(opaque_ball)
 {
-    (void)state;
     static double expected[PIXELS];
     hada_camera camera = small_camera(HADA_BOUNDARY_PADDED);
     camera.pixel_pitch_mm /= 4.0; /* 15 pixels of parallax from the nearest to the farthest depth */
@@ -194,9 +191,8 @@ static void opaque_ball(void **state)
 }
 
 /* Where the map is NaN nothing stands; the same noise as planes get. */
-static void holes_and_noise(void **state)
+TEST(holes_and_noise)
 {
-    (void)state;
     const hada_camera camera = small_camera(HADA_BOUNDARY_PADDED);
     hada_simulator *simulator = simulator_of(&camera, 0, 0, 0, 0);
     hada_image map = slanted(100.0, 600.0), scene = drawn(6, 3, HIGH, WIDE), dark, holes, noisy;
@@ -227,9 +223,8 @@ static void holes_and_noise(void **state)
     hada_simulator_destroy(&simulator);
 }
 
-static void refusals(void **state)
+TEST(refusals)
 {
-    (void)state;
     const hada_camera camera = small_camera(HADA_BOUNDARY_CIRCULAR);
     hada_simulator *simulator = simulator_of(&camera, 0, 0, 0, 0), *given;
     hada_image map = slanted(100.0, 600.0), scene = drawn(7, 3, HIGH, WIDE), psf[4], raw;
@@ -267,10 +262,4 @@ static void refusals(void **state)
     hada_simulator_destroy(&simulator);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(every_distance_has_its_psf), cmocka_unit_test(opaque_surfaces),
-                                       cmocka_unit_test(opaque_ball), cmocka_unit_test(holes_and_noise),
-                                       cmocka_unit_test(refusals)};
-    return cmocka_run_group_tests(tests, open_device, close_device);
-}
+FIXTURE(open_device, close_device)

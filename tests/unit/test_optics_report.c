@@ -36,9 +36,8 @@ static hada_image spots(const hada_camera *camera, double sigma, int apart)
     return psf;
 }
 
-static void gaussians(void **state)
+TEST(gaussians)
 {
-    (void)state;
     const hada_camera camera = camera_of(90, 101, 3);
     hada_optics_report *report;
     ASSERT_OK(hada_optics_report_create(&report, context, &camera, 0.1, err));
@@ -85,9 +84,8 @@ static void gaussians(void **state)
     hada_optics_report_destroy(&report);
 }
 
-static void twins(void **state)
+TEST(twins)
 {
-    (void)state;
     /* two equal spots `apart`: the self-correlation has side peaks of one half there; and depths are told apart by
      * where the second one stands */
     const hada_camera camera = camera_of(64, 120, 3);
@@ -123,9 +121,8 @@ static void twins(void **state)
     hada_image_destroy(&psf);
 }
 
-static void refusals(void **state)
+TEST(refusals)
 {
-    (void)state;
     const hada_camera camera = camera_of(40, 40, 2);
     hada_optics_report *report;
     ASSERT_OK(hada_optics_report_create(&report, context, &camera, HADA_AUTO, err));
@@ -158,9 +155,4 @@ static int close_context(void **state)
     return 0;
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(gaussians), cmocka_unit_test(twins),
-                                       cmocka_unit_test(refusals)};
-    return cmocka_run_group_tests(tests, open_context, close_context);
-}
+FIXTURE(open_context, close_context)

@@ -3,18 +3,13 @@
 #include <hadalens/scene.h>
 #include <hadalens/simulate.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
+#include "testing.h"
 
-static void scaling(void **state)
+TEST(scaling)
 {
-    (void)state;
     float in[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11};
     hada_image image = {1, 3, 4, in}, out;
     assert_int_equal(hada_image_resize(&out, &image, 3, 4, NULL), HADA_OK); /* the same size: the same pixels */
@@ -40,9 +35,8 @@ static void scaling(void **state)
     assert_null(out.data);
 }
 
-static void cutting(void **state)
+TEST(cutting)
 {
-    (void)state;
     float in[12];
     for (int i = 0; i < 12; i++)
         in[i] = (float)(i + 1);
@@ -63,9 +57,8 @@ static void cutting(void **state)
     assert_int_equal(hada_window_origin(5, 5), 0);
 }
 
-static void procedural(void **state)
+TEST(procedural)
 {
-    (void)state;
     hada_image a, b, c;
     assert_int_equal(hada_scene_procedural(&a, 1, 3, 120, 140, NULL), HADA_OK);
     assert_int_equal(hada_scene_procedural(&b, 1, 3, 120, 140, NULL), HADA_OK);
@@ -91,9 +84,8 @@ static void procedural(void **state)
     assert_int_equal(hada_scene_procedural(&a, 1, 2, 8, 8, &err), HADA_ERROR_ARGUMENT);
 }
 
-static void regions(void **state)
+TEST(regions)
 {
-    (void)state;
     enum { ROWS = 60, COLS = 80 };
     static int labels[ROWS * COLS], again[ROWS * COLS];
     for (int count = 1; count <= 5; count++) {
@@ -129,9 +121,8 @@ static void regions(void **state)
     hada_image_destroy(&scene);
 }
 
-static void noise(void **state)
+TEST(noise)
 {
-    (void)state;
     hada_image image;
     assert_int_equal(hada_image_create(&image, 1, 200, 200, NULL), HADA_OK);
     hada_image_add_noise(&image, 0.1, 9);
@@ -144,9 +135,8 @@ static void noise(void **state)
 }
 
 /* Every kind stays in the range and differs by its seed; plain shapes by what they are. */
-static void reliefs(void **state)
+TEST(reliefs)
 {
-    (void)state;
     enum { SIDE = 121 };
     hada_image one, two;
     for (hada_relief_kind kind = HADA_RELIEF_SLANT; kind <= HADA_RELIEF_BARS; kind++) {
@@ -197,12 +187,4 @@ static void reliefs(void **state)
     assert_int_equal(hada_scene_relief(&one, (hada_relief_kind)9, 0, 8, 8, &err), HADA_ERROR_ARGUMENT);
     assert_null(hada_relief_word((hada_relief_kind)9));
     assert_int_equal(hada_relief_from_word("valley"), 0);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(scaling),    cmocka_unit_test(cutting),
-                                       cmocka_unit_test(procedural), cmocka_unit_test(regions),
-                                       cmocka_unit_test(noise),      cmocka_unit_test(reliefs)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

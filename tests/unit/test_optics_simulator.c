@@ -45,9 +45,8 @@ static double distance(const float *a, const double *b, size_t count)
 }
 
 /* A point of light at depth z gives the PSF, moved. */
-static void a_point_gives_the_psf(void **state)
+TEST(a_point_gives_the_psf)
 {
-    (void)state;
     const hada_camera camera = small_camera(HADA_BOUNDARY_CIRCULAR);
     hada_simulator *simulator;
     ASSERT_OK(hada_simulator_create(&simulator, context, &camera, err));
@@ -76,9 +75,8 @@ static void a_point_gives_the_psf(void **state)
 }
 
 /* Three planes in colour, two of them at one depth. */
-static void frames_equal_the_reference(void **state)
+TEST(frames_equal_the_reference)
 {
-    (void)state;
     enum { PIXELS = 60 * 72 };
     static float wide[PIXELS];
     static double expected[3][PIXELS];
@@ -135,9 +133,8 @@ static void frames_equal_the_reference(void **state)
 }
 
 /* Circular: the frame holds as much light as the scene. Cropped: less, where the pattern is wider than the sensor. */
-static void light_is_kept_or_lost(void **state)
+TEST(light_is_kept_or_lost)
 {
-    (void)state;
     for (int b = 0; b < 2; b++) {
         hada_camera camera = small_camera(b ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR);
         camera.rows = 44;
@@ -170,9 +167,8 @@ static void light_is_kept_or_lost(void **state)
     }
 }
 
-static void given_psfs(void **state)
+TEST(given_psfs)
 {
-    (void)state;
     hada_camera camera = small_camera(HADA_BOUNDARY_CIRCULAR);
     camera.depths = 2;
     hada_image psf[2], scene, raw, back;
@@ -205,9 +201,8 @@ static void given_psfs(void **state)
     hada_image_destroy(&back);
 }
 
-static void refusals(void **state)
+TEST(refusals)
 {
-    (void)state;
     const hada_camera camera = small_camera(HADA_BOUNDARY_CIRCULAR);
     const uint64_t before = hada_context_bytes(context);
     hada_simulator *simulator;
@@ -231,10 +226,4 @@ static void refusals(void **state)
     assert_true(hada_context_bytes(context) == before); /* nothing stays on the device */
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_point_gives_the_psf), cmocka_unit_test(frames_equal_the_reference),
-        cmocka_unit_test(light_is_kept_or_lost), cmocka_unit_test(given_psfs), cmocka_unit_test(refusals)};
-    return cmocka_run_group_tests(tests, open_device, close_device);
-}
+FIXTURE(open_device, close_device)

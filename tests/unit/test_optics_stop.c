@@ -66,9 +66,8 @@ static hada_status render(const hada_camera *camera, asked *who, hada_image *fra
     return status;
 }
 
-static void stopped_anywhere(void **state)
+TEST(stopped_anywhere)
 {
-    (void)state;
     static const struct {
         hada_mask mask;
         hada_optics optics;
@@ -94,9 +93,8 @@ static void stopped_anywhere(void **state)
 }
 
 /* Stopped once, a simulator does its work when it is asked again. */
-static void goes_on_afterwards(void **state)
+TEST(goes_on_afterwards)
 {
-    (void)state;
     const hada_camera camera = camera_of(HADA_MASK_DIFFUSER, HADA_OPTICS_WAVE);
     asked who = {.stop_at = 4};
     hada_monitor monitor;
@@ -124,9 +122,8 @@ static void goes_on_afterwards(void **state)
 }
 
 /* Numbers of a camera that would take hours are refused, whatever file they come from. */
-static void too_much_is_refused(void **state)
+TEST(too_much_is_refused)
 {
-    (void)state;
     hada_camera camera = camera_of(HADA_MASK_MLA, HADA_OPTICS_GEOMETRY);
     hada_image psf;
     hada_error why;
@@ -161,9 +158,4 @@ static int close_context(void **state)
     return 0;
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(stopped_anywhere), cmocka_unit_test(goes_on_afterwards),
-                                       cmocka_unit_test(too_much_is_refused)};
-    return cmocka_run_group_tests(tests, open_context, close_context);
-}
+FIXTURE(open_context, close_context)

@@ -59,9 +59,8 @@ static double encircled(const hada_image *psf, double row, double col, double ra
     return sum;
 }
 
-static void airy(void **state)
+TEST(airy)
 {
-    (void)state;
     const hada_camera camera = one_lens();
     double x, y;
     ASSERT_OK(hada_camera_lenses(&camera, &x, &y, err));
@@ -94,9 +93,8 @@ static void airy(void **state)
     }
 }
 
-static void integral(void **state)
+TEST(integral)
 {
-    (void)state;
     /* pixels here and there, in and out of focus, by the sum of the Fresnel integral */
     const hada_camera camera = one_lens();
     enum { N = 180 };
@@ -133,9 +131,8 @@ static void integral(void **state)
     free(field);
 }
 
-static void defocus_and_magnification(void **state)
+TEST(defocus_and_magnification)
 {
-    (void)state;
     hada_camera camera = one_lens();
     camera.pixel_pitch_mm = 0.008;
     double x, y;
@@ -167,9 +164,8 @@ static void defocus_and_magnification(void **state)
     }
 }
 
-static void colours_focus_apart(void **state)
+TEST(colours_focus_apart)
 {
-    (void)state;
     hada_camera camera = one_lens();
     camera.channels = 3;
     camera.abbe_number = 30.0;
@@ -242,9 +238,8 @@ static double alike(const hada_image *a, const hada_image *b)
     return ab / sqrt(aa * bb);
 }
 
-static void every_mask(void **state)
+TEST(every_mask)
 {
-    (void)state;
     const hada_mask masks[] = {HADA_MASK_MLA, HADA_MASK_GRID, HADA_MASK_DIFFUSER, HADA_MASK_CONTOUR,
                                HADA_MASK_APERTURE};
     for (size_t i = 0; i < 5; i++) {
@@ -267,9 +262,8 @@ static void every_mask(void **state)
     hada_image_destroy(&rays);
 }
 
-static void lenses_add_up(void **state)
+TEST(lenses_add_up)
 {
-    (void)state;
     /* lenses apart: intensities add up, since pixels average the fringes between spots */
     const hada_camera camera = small(HADA_MASK_MLA);
     hada_image one = wave_psf(&camera, 150.0, 0), all = wave_psf(&camera, 150.0, 1),
@@ -286,9 +280,8 @@ static void lenses_add_up(void **state)
     hada_image_destroy(&again);
 }
 
-static void frames(void **state)
+TEST(frames)
 {
-    (void)state;
     /* the simulator takes the PSFs of the camera's optics: a point in the middle shows the PSF */
     hada_camera camera = small(HADA_MASK_MLA);
     hada_image stack[HADA_CAMERA_DEPTHS], point, frame;
@@ -323,9 +316,8 @@ static void frames(void **state)
     hada_image_destroy(&stack[1]);
 }
 
-static void refusals(void **state)
+TEST(refusals)
 {
-    (void)state;
     hada_error why;
     hada_wave *wave;
     hada_image psf;
@@ -369,15 +361,4 @@ static int close_context(void **state)
     return 0;
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(airy),
-                                       cmocka_unit_test(integral),
-                                       cmocka_unit_test(defocus_and_magnification),
-                                       cmocka_unit_test(colours_focus_apart),
-                                       cmocka_unit_test(every_mask),
-                                       cmocka_unit_test(lenses_add_up),
-                                       cmocka_unit_test(frames),
-                                       cmocka_unit_test(refusals)};
-    return cmocka_run_group_tests(tests, open_context, close_context);
-}
+FIXTURE(open_context, close_context)

@@ -30,9 +30,8 @@ typedef struct newer {
 
 static const present defaults = {.size = sizeof defaults, .a = 1, .b = 2.0, .c = 3.0, .d = "four"};
 
-static void an_older_caller_gets_defaults(void **state)
+TEST(an_older_caller_gets_defaults)
 {
-    (void)state;
     struct {
         older options;
         unsigned char behind[64];
@@ -55,9 +54,8 @@ static void an_older_caller_gets_defaults(void **state)
     assert_string_equal(own.d, "four");
 }
 
-static void a_newer_caller_is_understood_or_refused(void **state)
+TEST(a_newer_caller_is_understood_or_refused)
 {
-    (void)state;
     newer caller;
     hada_error error;
     memset(&caller, 0xa5, sizeof caller);
@@ -79,9 +77,8 @@ static void a_newer_caller_is_understood_or_refused(void **state)
     assert_memory_equal(&own, &defaults, sizeof own);
 }
 
-static void what_was_never_set_up_is_refused(void **state)
+TEST(what_was_never_set_up_is_refused)
 {
-    (void)state;
     static const size_t sizes[] = {0, 1, sizeof(size_t), sizeof(present) + 1, 1 << 20, SIZE_MAX - 7};
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
         present own = defaults, caller = {.size = sizes[i]};
@@ -125,9 +122,8 @@ GIVE(tiff_write_options)
 GIVE(unet_options)
 GIVE(wave_options)
 
-static void every_init_keeps_to_the_callers_size(void **state)
+TEST(every_init_keeps_to_the_callers_size)
 {
-    (void)state;
     static const struct {
         give give;
         size_t size;
@@ -167,9 +163,8 @@ static void every_init_keeps_to_the_callers_size(void **state)
 }
 
 /* Through a public call: the caller of an older version ends before the last options. */
-static void a_call_takes_an_older_struct(void **state)
+TEST(a_call_takes_an_older_struct)
 {
-    (void)state;
     union {
         hada_unet_options options;
         unsigned char bytes[sizeof(hada_unet_options)];
@@ -199,21 +194,11 @@ static void a_call_takes_an_older_struct(void **state)
     assert_null(net);
 }
 
-static void the_version_is_one(void **state)
+TEST(the_version_is_one)
 {
-    (void)state;
     char text[64];
     snprintf(text, sizeof text, "%d.%d.%d", HADALENS_VERSION_MAJOR, HADALENS_VERSION_MINOR, HADALENS_VERSION_PATCH);
     assert_string_equal(text, HADALENS_VERSION);
     assert_string_equal(hada_version(), HADALENS_VERSION);
     assert_true(HADALENS_VERSION_NUMBER >= HADALENS_VERSION_OF(0, 1, 0));
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(an_older_caller_gets_defaults),    cmocka_unit_test(a_newer_caller_is_understood_or_refused),
-        cmocka_unit_test(what_was_never_set_up_is_refused), cmocka_unit_test(every_init_keeps_to_the_callers_size),
-        cmocka_unit_test(a_call_takes_an_older_struct),     cmocka_unit_test(the_version_is_one)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

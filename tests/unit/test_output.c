@@ -26,9 +26,8 @@ static void assert_holds(const char *path, const char *text)
     free(data);
 }
 
-static void a_new_file_follows_the_umask_and_a_replaced_one_stays_as_it_was(void **state)
+TEST(a_new_file_follows_the_umask_and_a_replaced_one_stays_as_it_was)
 {
-    (void)state;
     hada_error err = {0};
     const char *path = io_path("a");
     const mode_t before = umask(027);
@@ -50,9 +49,8 @@ static void a_new_file_follows_the_umask_and_a_replaced_one_stays_as_it_was(void
     assert_int_equal(mode_of(path), 0755);
 }
 
-static void links_are_followed_and_never_replaced(void **state)
+TEST(links_are_followed_and_never_replaced)
 {
-    (void)state;
     hada_error err = {0};
     const char *file = io_path("file"), *link = io_path("link"), *nowhere = io_path("nowhere");
     assert_int_equal(hada_file_write(file, "old", 3, &err), HADA_OK);
@@ -74,9 +72,8 @@ static void links_are_followed_and_never_replaced(void **state)
     assert_true(what.st_size > 3);
 }
 
-static void devices_and_fifos_are_never_replaced_and_never_waited_for(void **state)
+TEST(devices_and_fifos_are_never_replaced_and_never_waited_for)
 {
-    (void)state;
     hada_error err = {0};
     const char *fifo = io_path("fifo");
     char *text;
@@ -105,9 +102,8 @@ static void devices_and_fifos_are_never_replaced_and_never_waited_for(void **sta
     free(text);
 }
 
-static void inputs_are_not_overwritten_while_they_are_in_use(void **state)
+TEST(inputs_are_not_overwritten_while_they_are_in_use)
 {
-    (void)state;
     hada_error err = {0};
     hada_inputs *inputs;
     const char *input = io_path("input"), *other = io_path("other"), *link = io_path("way");
@@ -139,9 +135,8 @@ static hada_status fill(void *user, const char *folder, hada_error *err)
     return status ? status : *(const hada_status *)user;
 }
 
-static void folders_are_new_under_names_that_nobody_can_foresee(void **state)
+TEST(folders_are_new_under_names_that_nobody_can_foresee)
 {
-    (void)state;
     hada_error err = {0};
     hada_status result = HADA_OK;
     char folder[300], first[300], left[320], path[400];
@@ -193,9 +188,8 @@ static hada_status fill_and_end(void *user, const char *folder, hada_error *err)
     return HADA_OK;
 }
 
-static void a_handler_of_a_signal_removes_what_is_not_whole(void **state)
+TEST(a_handler_of_a_signal_removes_what_is_not_whole)
 {
-    (void)state;
     const int before = io_count();
     const pid_t child = fork();
     if (!child) {
@@ -216,15 +210,4 @@ static void a_handler_of_a_signal_removes_what_is_not_whole(void **state)
     closedir(folder);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_new_file_follows_the_umask_and_a_replaced_one_stays_as_it_was),
-        cmocka_unit_test(links_are_followed_and_never_replaced),
-        cmocka_unit_test(devices_and_fifos_are_never_replaced_and_never_waited_for),
-        cmocka_unit_test(inputs_are_not_overwritten_while_they_are_in_use),
-        cmocka_unit_test(folders_are_new_under_names_that_nobody_can_foresee),
-        cmocka_unit_test(a_handler_of_a_signal_removes_what_is_not_whole),
-    };
-    return cmocka_run_group_tests(tests, io_setup, io_teardown);
-}
+FIXTURE(io_setup, io_teardown)

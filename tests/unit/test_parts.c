@@ -7,9 +7,8 @@
 #include "runtime/context.h"
 #include "testing.h"
 
-static void reads_words(void **state)
+TEST(reads_words)
 {
-    (void)state;
     static const struct {
         const char *words, *rest;
         int part, parts;
@@ -49,9 +48,8 @@ static hada_status open_part(hada_context **context, const char *device, int par
     return hada_context_create(context, &options, err);
 }
 
-static void refuses_what_cannot_be_divided(void **state)
+TEST(refuses_what_cannot_be_divided)
 {
-    (void)state;
     hada_context *context;
     hada_error error = {0};
     static const int wrong[][2] = {{0, 2}, {3, 2}, {-1, 2}, {1, 0}, {1, -1}};
@@ -69,9 +67,8 @@ static void refuses_what_cannot_be_divided(void **state)
     assert_non_null(strstr(error.message, "at most 0 parts"));
 }
 
-static void divides(void **state)
+TEST(divides)
 {
-    (void)state;
     hada_context *whole, *part;
     ASSERT_OK(hada_context_create(&whole, NULL, err));
     const hada_device_info *device = hada_context_device(whole);
@@ -98,9 +95,8 @@ static void divides(void **state)
 }
 
 /* A driver may look at a part after the last command on it has ended: parts stay, and are the same for all. */
-static void parts_outlive_their_contexts(void **state)
+TEST(parts_outlive_their_contexts)
 {
-    (void)state;
     hada_context *context;
     cl_device_id before = NULL;
     ASSERT_OK(hada_context_create(&context, NULL, err));
@@ -118,15 +114,4 @@ static void parts_outlive_their_contexts(void **state)
         assert_int_equal(clGetDeviceInfo(device, CL_DEVICE_MAX_COMPUTE_UNITS, sizeof units, &units, NULL), CL_SUCCESS);
         assert_true(units >= 1 && units < whole.compute_units);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(reads_words),
-        cmocka_unit_test(refuses_what_cannot_be_divided),
-        cmocka_unit_test(divides),
-        cmocka_unit_test(parts_outlive_their_contexts),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -42,9 +42,8 @@ static int count_colour(const picture *p, unsigned char r, unsigned char g, unsi
     return count;
 }
 
-static void test_one_image(void **state)
+TEST(test_one_image)
 {
-    (void)state;
     hada_image image;
     assert_int_equal(hada_image_create(&image, 3, 2, 4, NULL), HADA_OK);
     image.data[0] = 0.25f;  /* red of pixel 0 */
@@ -61,9 +60,8 @@ static void test_one_image(void **state)
     hada_image_destroy(&image);
 }
 
-static void test_white(void **state)
+TEST(test_white)
 {
-    (void)state;
     hada_image image;
     assert_int_equal(hada_image_create(&image, 1, 100, 100, NULL), HADA_OK);
     assert_true(hada_tone_white(&image, 1) == 1);
@@ -77,9 +75,8 @@ static void test_white(void **state)
 }
 
 /* Averaging areas keeps the mean; a constant stays constant at any size. */
-static void test_resampling(void **state)
+TEST(test_resampling)
 {
-    (void)state;
     const int sizes[][2] = {{7, 5}, {3, 2}, {35, 20}, {10, 3}, {1, 1}, {7, 23}};
     hada_image image;
     assert_int_equal(hada_image_create(&image, 1, 5, 7, NULL), HADA_OK);
@@ -106,9 +103,8 @@ static void test_resampling(void **state)
 }
 
 /* Equal steps along the map are equal steps of lightness (CIE L* of the drawn bytes). */
-static void test_colours(void **state)
+TEST(test_colours)
 {
-    (void)state;
     double last = 0, least = 100, most = 0;
     for (int i = 0; i <= 32; i++) {
         const uint32_t colour = hada_colormap(i / 32.0);
@@ -129,9 +125,8 @@ static void test_colours(void **state)
 }
 
 /* Text is as wide as it says, is cut where it must be, between characters, and may leave the sheet. */
-static void test_text(void **state)
+TEST(test_text)
 {
-    (void)state;
     hada_drawing *drawing;
     assert_int_equal(hada_drawing_create(&drawing, 200, 40, 0x000000, NULL), HADA_OK);
     const double whole = hada_drawing_text_width(drawing, 12, "much too long for it");
@@ -160,9 +155,8 @@ static void test_text(void **state)
 }
 
 /* A point, a line and a bar of a plot stand where the axes say, in PNG; as SVG the same plot is XML. */
-static void test_plot(void **state)
+TEST(test_plot)
 {
-    (void)state;
     for (int svg = 0; svg < 2; svg++) {
         hada_plot *plot;
         const double x[] = {1, 10, 100}, y[] = {0, 5, 10};
@@ -252,9 +246,8 @@ static void drop(scene *s)
         hada_image_destroy(&s->planes[i]);
 }
 
-static void test_sheets(void **state)
+TEST(test_sheets)
 {
-    (void)state;
     const int shapes[][4] = {{1, 1, 30, 40}, {2, 3, 40, 30}, {7, 3, 5, 300}, {14, 3, 192, 192}, {20, 1, 200, 4}};
     for (int k = 0; k < 5; k++) {
         scene s;
@@ -285,9 +278,8 @@ static void test_sheets(void **state)
 }
 
 /* Distances beyond which a number and the next are one. */
-static void test_far_away(void **state)
+TEST(test_far_away)
 {
-    (void)state;
     static const double ends[][2] = {{9e15, 9.1e15}, {1e17, 1e17 + 64}, {1e300, 2e300}, {-1e18, 1e18}};
     for (size_t i = 0; i < sizeof ends / sizeof *ends; i++) {
         scene s;
@@ -306,9 +298,8 @@ static void test_far_away(void **state)
 }
 
 /* Any part may be missing; none at all, or a folder that is not there, is an error that leaves nothing. */
-static void test_parts(void **state)
+TEST(test_parts)
 {
-    (void)state;
     scene s;
     make(&s, 3, 1, 20, 20);
     for (int missing = 0; missing < 16; missing++) {
@@ -336,12 +327,4 @@ static void test_parts(void **state)
     drop(&s);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_one_image), cmocka_unit_test(test_white),    cmocka_unit_test(test_resampling),
-        cmocka_unit_test(test_colours),   cmocka_unit_test(test_text),     cmocka_unit_test(test_plot),
-        cmocka_unit_test(test_sheets),    cmocka_unit_test(test_far_away), cmocka_unit_test(test_parts),
-    };
-    return cmocka_run_group_tests(tests, io_setup, io_teardown);
-}
+FIXTURE(io_setup, io_teardown)

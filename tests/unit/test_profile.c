@@ -75,9 +75,8 @@ static double seconds_of(const hada_kernel_time *rows, size_t count, const char 
     return seconds;
 }
 
-static void off_records_nothing(void **state)
+TEST(off_records_nothing)
 {
-    (void)state;
     fixture f;
     hada_kernel_time *rows = NULL;
     size_t count = 0;
@@ -95,9 +94,8 @@ static void off_records_nothing(void **state)
     end(&f);
 }
 
-static void launches_are_counted_by_stage(void **state)
+TEST(launches_are_counted_by_stage)
 {
-    (void)state;
     fixture f;
     hada_kernel_time *rows = NULL;
     size_t count = 0;
@@ -161,9 +159,8 @@ static void launches_are_counted_by_stage(void **state)
     end(&f);
 }
 
-static void another_librarys_commands_have_a_row(void **state)
+TEST(another_librarys_commands_have_a_row)
 {
-    (void)state;
     fixture f;
     hada_kernel_time *rows = NULL;
     size_t count = 0;
@@ -183,9 +180,8 @@ static void another_librarys_commands_have_a_row(void **state)
     end(&f);
 }
 
-static void peaks_are_plausible(void **state)
+TEST(peaks_are_plausible)
 {
-    (void)state;
     hada_context *context;
     hada_error error;
     double copy = 0, flops = 0, again = 0;
@@ -201,12 +197,11 @@ static void peaks_are_plausible(void **state)
     assert_int_equal(hada_device_peaks(NULL, &copy, &flops, &error), HADA_ERROR_ARGUMENT);
 }
 
-static void costs_of_calls_are_plausible(void **state)
+TEST(costs_of_calls_are_plausible)
 {
     hada_context *context;
     double launch = 0, wait = -1, rate = 0;
     hada_error error;
-    (void)state;
     ASSERT_OK(hada_context_create(&context, NULL, err));
     ASSERT_OK(hada_device_call_costs(context, &launch, &wait, &rate, err));
     assert_true(launch > 1e-8 && launch < 1e-1);
@@ -215,16 +210,4 @@ static void costs_of_calls_are_plausible(void **state)
     ASSERT_OK(hada_device_call_costs(context, NULL, NULL, NULL, err));
     assert_int_equal(hada_device_call_costs(NULL, &launch, &wait, &rate, &error), HADA_ERROR_ARGUMENT);
     hada_context_destroy(&context);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(off_records_nothing),
-        cmocka_unit_test(launches_are_counted_by_stage),
-        cmocka_unit_test(another_librarys_commands_have_a_row),
-        cmocka_unit_test(peaks_are_plausible),
-        cmocka_unit_test(costs_of_calls_are_plausible),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

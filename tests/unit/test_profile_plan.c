@@ -113,23 +113,16 @@ static void run(const learned_camera *learned, int refine, const char *const *st
     hada_image_destroy(&raw);
 }
 
-static void stages_of_the_linear_way(void **state)
+TEST(stages_of_the_linear_way)
 {
     static const char *const stages[] = {"upload", "linear", "focus", "download", NULL};
     run(*state, 0, stages, 3);
 }
 
-static void stages_of_the_refined_way(void **state)
+TEST(stages_of_the_refined_way)
 {
     static const char *const stages[] = {"upload", "pursuit", "refine", "focus", "download", NULL};
     run(*state, 6, stages, 2);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(stages_of_the_linear_way),
-        cmocka_unit_test(stages_of_the_refined_way),
-    };
-    return cmocka_run_group_tests(tests, learned_setup, learned_teardown);
-}
+FIXTURE(learned_setup, learned_teardown)

@@ -90,9 +90,8 @@ static void share_window(fixture *f, int count, const int *list)
     }
 }
 
-static void finds_what_is_there(void **state)
+TEST(finds_what_is_there)
 {
-    (void)state;
     static const struct {
         const char *what;
         int count, list[4];
@@ -111,9 +110,8 @@ static void finds_what_is_there(void **state)
     tear_down(&f);
 }
 
-static void finds_a_faint_object_beside_a_bright_one(void **state)
+TEST(finds_a_faint_object_beside_a_bright_one)
 {
-    (void)state;
     static const int list[] = {0, 3};
     fixture f;
     set_up(&f, 96, 128, 36, 4, 0);
@@ -126,9 +124,8 @@ static void finds_a_faint_object_beside_a_bright_one(void **state)
     tear_down(&f);
 }
 
-static void finds_nothing_in_the_dark(void **state)
+TEST(finds_nothing_in_the_dark)
 {
-    (void)state;
     fixture f;
     set_up(&f, 96, 128, 36, 4, 0);
     learn_prior(&f, 0.01);
@@ -151,9 +148,8 @@ static void finds_nothing_in_the_dark(void **state)
     tear_down(&f);
 }
 
-static void says_that_a_scene_fills_all_depths(void **state)
+TEST(says_that_a_scene_fills_all_depths)
 {
-    (void)state;
     static const int all[] = {0, 1, 2, 3, 4, 5, 6, 7};
     fixture f;
     set_up(&f, 128, 160, 48, 8, 0);
@@ -171,9 +167,8 @@ static void says_that_a_scene_fills_all_depths(void **state)
     tear_down(&f);
 }
 
-static void does_not_mind_brightness_or_repetition(void **state)
+TEST(does_not_mind_brightness_or_repetition)
 {
-    (void)state;
     static const int list[] = {1, 3};
     fixture f;
     set_up(&f, 96, 128, 36, 4, 0);
@@ -190,9 +185,8 @@ static void does_not_mind_brightness_or_repetition(void **state)
     tear_down(&f);
 }
 
-static void works_where_the_sensor_crops(void **state)
+TEST(works_where_the_sensor_crops)
 {
-    (void)state;
     static const int lists[][2] = {{2, 2}, {0, 2}};
     fixture f;
     set_up(&f, 80, 96, 48, 3, 1);
@@ -205,9 +199,8 @@ static void works_where_the_sensor_crops(void **state)
     tear_down(&f);
 }
 
-static void holds_the_bytes_it_states(void **state)
+TEST(holds_the_bytes_it_states)
 {
-    (void)state;
     for (int padded = 0; padded < 2; padded++) {
         fixture f;
         hada_pursuit *none;
@@ -222,18 +215,4 @@ static void holds_the_bytes_it_states(void **state)
         assert_null(none);
         tear_down(&f);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(finds_what_is_there),
-        cmocka_unit_test(finds_a_faint_object_beside_a_bright_one),
-        cmocka_unit_test(finds_nothing_in_the_dark),
-        cmocka_unit_test(says_that_a_scene_fills_all_depths),
-        cmocka_unit_test(does_not_mind_brightness_or_repetition),
-        cmocka_unit_test(works_where_the_sensor_crops),
-        cmocka_unit_test(holds_the_bytes_it_states),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -143,7 +143,7 @@ static void look(fixture *f, const char *what, const char *wanted, hada_pursuit_
                  wanted ? wanted : "anything, but the same");
 }
 
-static void neighbouring_depths(void **state)
+TEST(neighbouring_depths)
 {
     static const char *wanted[] = {"0 1", "3 4", "6 7"};
     fixture *f = *state;
@@ -157,7 +157,7 @@ static void neighbouring_depths(void **state)
 
 /* Depths half as far apart, as the world has them: few steps do not tell the middle one of three from those beside it.
  */
-static void a_depth_hidden_between_neighbours(void **state)
+TEST(a_depth_hidden_between_neighbours)
 {
     static const int first[] = {1, 4, 7};
     fixture *f = *state;
@@ -186,7 +186,7 @@ static void a_depth_hidden_between_neighbours(void **state)
     tiny_release(&device);
 }
 
-static void three_depths(void **state)
+TEST(three_depths)
 {
     fixture *f = *state;
     hada_pursuit_result result;
@@ -196,7 +196,7 @@ static void three_depths(void **state)
     look(f, "three", "1 4 6", &result);
 }
 
-static void a_slanted_plane(void **state)
+TEST(a_slanted_plane)
 {
     fixture *f = *state;
     hada_pursuit_result result;
@@ -211,7 +211,7 @@ static void a_slanted_plane(void **state)
     look(f, "three strips", "0 3 6", &result);
 }
 
-static void an_object_in_one_colour(void **state)
+TEST(an_object_in_one_colour)
 {
     fixture *f = *state;
     hada_pursuit_result result;
@@ -222,7 +222,7 @@ static void an_object_in_one_colour(void **state)
     }
 }
 
-static void an_object_at_the_windows_edge(void **state)
+TEST(an_object_at_the_windows_edge)
 {
     fixture *f = *state;
     hada_pursuit_result result;
@@ -235,7 +235,7 @@ static void an_object_at_the_windows_edge(void **state)
 }
 
 /* An object between two depths of the camera takes one of them or both, and no other. */
-static void an_object_between_two_depths(void **state)
+TEST(an_object_between_two_depths)
 {
     fixture *f = *state;
     hada_pursuit_result result;
@@ -249,7 +249,7 @@ static void an_object_between_two_depths(void **state)
 
 /* Half of the scene, dimmed: found down to 3 %, lost in the noise at 1 %; between, as the reference search says.
  */
-static void a_faint_object(void **state)
+TEST(a_faint_object)
 {
     static const struct {
         double contrast;
@@ -268,7 +268,7 @@ static void a_faint_object(void **state)
 }
 
 /* A bright square of a few pixels. */
-static void a_tiny_object(void **state)
+TEST(a_tiny_object)
 {
     static const struct {
         int side;
@@ -289,18 +289,4 @@ static void a_tiny_object(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(neighbouring_depths),
-        cmocka_unit_test(a_depth_hidden_between_neighbours),
-        cmocka_unit_test(three_depths),
-        cmocka_unit_test(a_slanted_plane),
-        cmocka_unit_test(an_object_in_one_colour),
-        cmocka_unit_test(an_object_at_the_windows_edge),
-        cmocka_unit_test(an_object_between_two_depths),
-        cmocka_unit_test(a_faint_object),
-        cmocka_unit_test(a_tiny_object),
-    };
-    return cmocka_run_group_tests(tests, set_up, tear_down);
-}
+FIXTURE(set_up, tear_down)

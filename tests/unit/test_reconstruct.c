@@ -32,7 +32,7 @@ static double map_right(const hada_camera *camera, const hada_image *map, const 
     return seen ? (double)right / (double)seen : 0;
 }
 
-static void finds_one_depth_and_refines_it(void **state)
+TEST(finds_one_depth_and_refines_it)
 {
     const learned_camera *learned = *state;
     hada_plan *plan;
@@ -63,7 +63,7 @@ static void finds_one_depth_and_refines_it(void **state)
     hada_plan_destroy(&plan);
 }
 
-static void finds_two_depths_and_tells_them_apart(void **state)
+TEST(finds_two_depths_and_tells_them_apart)
 {
     const learned_camera *learned = *state;
     static const int pairs[][2] = {{0, 3}, {0, 1}, {1, 3}, {2, 3}};
@@ -98,7 +98,7 @@ static void finds_two_depths_and_tells_them_apart(void **state)
 
 /* A model whose held-out pairs preferred a blend: refined planes and those of the linear filters, by its share. Steps
  * that the caller gives are refinement alone. */
-static void refined_and_linear_planes_are_blended(void **state)
+TEST(refined_and_linear_planes_are_blended)
 {
     const learned_camera *learned = *state;
     static const int listed[] = {0, 2};
@@ -154,7 +154,7 @@ static void refined_and_linear_planes_are_blended(void **state)
 }
 
 /* A surface's memory is known before it is taken, for all queues; where there is too little, nothing is taken. */
-static void surfaces_are_planned(void **state)
+TEST(surfaces_are_planned)
 {
     const learned_camera *learned = *state;
     const uint64_t memory = learned->context->info.memory_bytes, before = hada_context_bytes(learned->context);
@@ -188,7 +188,7 @@ static void surfaces_are_planned(void **state)
     hada_image_destroy(&scene);
 }
 
-static void holds_the_bytes_it_states(void **state)
+TEST(holds_the_bytes_it_states)
 {
     const learned_camera *learned = *state;
     hada_plan_options variants[4];
@@ -228,7 +228,7 @@ static void assert_same_bits(const hada_result *a, const hada_result *b)
     assert_memory_equal(a->distance_map.data, b->distance_map.data, hada_image_count(&a->distance_map) * sizeof(float));
 }
 
-static void gives_the_same_bits_in_every_batch_and_run(void **state)
+TEST(gives_the_same_bits_in_every_batch_and_run)
 {
     const learned_camera *learned = *state;
     hada_image scene = learned_scene(learned, 6), parts[2];
@@ -260,7 +260,7 @@ static void gives_the_same_bits_in_every_batch_and_run(void **state)
     hada_image_destroy(&scene);
 }
 
-static void half_filters_stay_close(void **state)
+TEST(half_filters_stay_close)
 {
     const learned_camera *learned = *state;
     hada_image scene = learned_scene(learned, 8);
@@ -291,16 +291,4 @@ static void half_filters_stay_close(void **state)
     hada_image_destroy(&scene);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(finds_one_depth_and_refines_it),
-        cmocka_unit_test(finds_two_depths_and_tells_them_apart),
-        cmocka_unit_test(refined_and_linear_planes_are_blended),
-        cmocka_unit_test(holds_the_bytes_it_states),
-        cmocka_unit_test(surfaces_are_planned),
-        cmocka_unit_test(gives_the_same_bits_in_every_batch_and_run),
-        cmocka_unit_test(half_filters_stay_close),
-    };
-    return cmocka_run_group_tests(tests, learned_setup, learned_teardown);
-}
+FIXTURE(learned_setup, learned_teardown)

@@ -118,7 +118,7 @@ static int same(const hada_image *a, const hada_image *b)
     return hada_image_count(a) == hada_image_count(b) && !memcmp(a->data, b->data, hada_image_count(a) * sizeof(float));
 }
 
-static void planes_are_the_nets_on_every_path(void **state)
+TEST(planes_are_the_nets_on_every_path)
 {
     const fixture *f = *state;
     for (int path = 0; path < PATHS; path++)
@@ -147,7 +147,7 @@ static void planes_are_the_nets_on_every_path(void **state)
         }
 }
 
-static void models_without_a_net_are_as_before(void **state)
+TEST(models_without_a_net_are_as_before)
 {
     const fixture *f = *state;
     for (int path = 0; path < PATHS; path++) {
@@ -164,7 +164,7 @@ static void models_without_a_net_are_as_before(void **state)
     }
 }
 
-static void black_planes_are_left_out(void **state)
+TEST(black_planes_are_left_out)
 {
     const fixture *f = *state;
     hada_image black;
@@ -194,7 +194,7 @@ static void black_planes_are_left_out(void **state)
 }
 
 /* Nothing is known of what a net makes of a small change, so there is none. */
-static void only_what_is_exact_is_skipped_before_a_net(void **state)
+TEST(only_what_is_exact_is_skipped_before_a_net)
 {
     const fixture *f = *state;
     hada_plan_options options = options_of(0);
@@ -209,7 +209,7 @@ static void only_what_is_exact_is_skipped_before_a_net(void **state)
 }
 
 /* Frames in flight on two queues, with helpers, give the same bits. */
-static void queues_give_the_same(void **state)
+TEST(queues_give_the_same)
 {
     const fixture *f = *state;
     for (int path = 0; path < PATHS; path++) {
@@ -226,14 +226,4 @@ static void queues_give_the_same(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(planes_are_the_nets_on_every_path),
-        cmocka_unit_test(models_without_a_net_are_as_before),
-        cmocka_unit_test(black_planes_are_left_out),
-        cmocka_unit_test(only_what_is_exact_is_skipped_before_a_net),
-        cmocka_unit_test(queues_give_the_same),
-    };
-    return cmocka_run_group_tests(tests, setup, teardown);
-}
+FIXTURE(setup, teardown)

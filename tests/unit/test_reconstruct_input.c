@@ -8,7 +8,7 @@ static hada_image frame_of_one_depth(const learned_camera *learned, int depth, h
     return learned_frame(learned, &(hada_plane){depth, scene}, 1, 40);
 }
 
-static void refuses_frames_of_another_sensor(void **state)
+TEST(refuses_frames_of_another_sensor)
 {
     const learned_camera *learned = *state;
     hada_plan *plan;
@@ -28,7 +28,7 @@ static void refuses_frames_of_another_sensor(void **state)
     hada_plan_destroy(&plan);
 }
 
-static void refuses_or_repairs_broken_pixels(void **state)
+TEST(refuses_or_repairs_broken_pixels)
 {
     const learned_camera *learned = *state;
     hada_image scene, raw = frame_of_one_depth(learned, 2, &scene);
@@ -61,9 +61,8 @@ static void refuses_or_repairs_broken_pixels(void **state)
     hada_image_destroy(&scene);
 }
 
-static void repairs_from_the_nearest_finite_pixels(void **state)
+TEST(repairs_from_the_nearest_finite_pixels)
 {
-    (void)state;
     hada_image frame;
     size_t repaired;
     ASSERT_OK(hada_image_create(&frame, 2, 20, 20, err));
@@ -83,7 +82,7 @@ static void repairs_from_the_nearest_finite_pixels(void **state)
     hada_image_destroy(&frame);
 }
 
-static void takes_a_dark_level_off(void **state)
+TEST(takes_a_dark_level_off)
 {
     const learned_camera *learned = *state;
     hada_image scene, raw = frame_of_one_depth(learned, 1, &scene), dark;
@@ -119,7 +118,7 @@ static void takes_a_dark_level_off(void **state)
 }
 
 /* A level of other units than the frame's, which would leave nothing of it; a frame in those units has no trouble. */
-static void refuses_a_dark_level_above_everything(void **state)
+TEST(refuses_a_dark_level_above_everything)
 {
     const learned_camera *learned = *state;
     hada_image scene, raw = frame_of_one_depth(learned, 1, &scene);
@@ -142,7 +141,7 @@ static void refuses_a_dark_level_above_everything(void **state)
     hada_image_destroy(&scene);
 }
 
-static void refuses_options_that_cannot_work(void **state)
+TEST(refuses_options_that_cannot_work)
 {
     const learned_camera *learned = *state;
     static const int beyond[] = {0, 4}, descending[] = {2, 1}, computed[] = {0, 1}, occupied[] = {3};
@@ -188,7 +187,7 @@ static void refuses_options_that_cannot_work(void **state)
 }
 
 /* HADA_AUTO leaves the batch and the queues to the library; 0, as older programs have it, says the same. */
-static void zero_leaves_open_as_auto_does(void **state)
+TEST(zero_leaves_open_as_auto_does)
 {
     const learned_camera *learned = *state;
     uint64_t bytes[3];
@@ -208,7 +207,7 @@ static void zero_leaves_open_as_auto_does(void **state)
     assert_true(bytes[0] == bytes[1] && bytes[0] < bytes[2]);
 }
 
-static void gamma_is_an_exponent_on_the_pictures(void **state)
+TEST(gamma_is_an_exponent_on_the_pictures)
 {
     const learned_camera *learned = *state;
     hada_image scene, raw = frame_of_one_depth(learned, 0, &scene);
@@ -230,17 +229,4 @@ static void gamma_is_an_exponent_on_the_pictures(void **state)
     hada_image_destroy(&scene);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(refuses_frames_of_another_sensor),
-        cmocka_unit_test(refuses_or_repairs_broken_pixels),
-        cmocka_unit_test(repairs_from_the_nearest_finite_pixels),
-        cmocka_unit_test(takes_a_dark_level_off),
-        cmocka_unit_test(refuses_a_dark_level_above_everything),
-        cmocka_unit_test(refuses_options_that_cannot_work),
-        cmocka_unit_test(zero_leaves_open_as_auto_does),
-        cmocka_unit_test(gamma_is_an_exponent_on_the_pictures),
-    };
-    return cmocka_run_group_tests(tests, learned_setup, learned_teardown);
-}
+FIXTURE(learned_setup, learned_teardown)

@@ -11,7 +11,7 @@ static void run(const learned_camera *learned, const hada_plan_options *options,
 }
 
 /* A scene whose distance runs from nearest to farthest across the window, each depth a stripe. */
-static void a_slanted_plane_occupies_every_depth(void **state)
+TEST(a_slanted_plane_occupies_every_depth)
 {
     const learned_camera *learned = *state;
     hada_image scene = learned_scene(learned, 31), parts[LEARNED_DEPTHS];
@@ -53,7 +53,7 @@ static void a_slanted_plane_occupies_every_depth(void **state)
 
 /* An object between two depths of the model, which knows no such response, shows at its neighbours: most of its light
  * stands there, and so does the distance map. */
-static void an_object_between_depths_shows_at_its_neighbours(void **state)
+TEST(an_object_between_depths_shows_at_its_neighbours)
 {
     const learned_camera *learned = *state;
     hada_camera between = learned->camera;
@@ -89,7 +89,7 @@ static void an_object_between_depths_shows_at_its_neighbours(void **state)
 }
 
 /* Half of the scene at a twentieth of the other's brightness is still found at its own depth. */
-static void a_faint_object_beside_a_bright_one_is_found(void **state)
+TEST(a_faint_object_beside_a_bright_one_is_found)
 {
     const learned_camera *learned = *state;
     hada_image scene = learned_scene(learned, 33), parts[2];
@@ -110,7 +110,7 @@ static void a_faint_object_beside_a_bright_one_is_found(void **state)
 }
 
 /* Nothing skipped: the occupied depths are found on the whole spectrum of every channel, and are the same ones. */
-static void the_full_look_finds_the_same_depths(void **state)
+TEST(the_full_look_finds_the_same_depths)
 {
     static const int lists[][2] = {{1, 2}, {0, 3}, {2, 3}};
     const learned_camera *learned = *state;
@@ -137,7 +137,7 @@ static void the_full_look_finds_the_same_depths(void **state)
     }
 }
 
-static void a_black_frame_holds_nothing(void **state)
+TEST(a_black_frame_holds_nothing)
 {
     const learned_camera *learned = *state;
     hada_image raw;
@@ -164,7 +164,7 @@ static void a_black_frame_holds_nothing(void **state)
     hada_image_destroy(&raw);
 }
 
-static void a_constant_frame_stays_finite(void **state)
+TEST(a_constant_frame_stays_finite)
 {
     const learned_camera *learned = *state;
     hada_image raw;
@@ -181,7 +181,7 @@ static void a_constant_frame_stays_finite(void **state)
 }
 
 /* Occupied depths by list: only those are refined; the rest is dark. */
-static void a_list_of_occupied_depths_is_obeyed(void **state)
+TEST(a_list_of_occupied_depths_is_obeyed)
 {
     const learned_camera *learned = *state;
     hada_image scene = learned_scene(learned, 34);
@@ -215,16 +215,4 @@ static void a_list_of_occupied_depths_is_obeyed(void **state)
     hada_image_destroy(&scene);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_slanted_plane_occupies_every_depth),
-        cmocka_unit_test(an_object_between_depths_shows_at_its_neighbours),
-        cmocka_unit_test(a_faint_object_beside_a_bright_one_is_found),
-        cmocka_unit_test(the_full_look_finds_the_same_depths),
-        cmocka_unit_test(a_black_frame_holds_nothing),
-        cmocka_unit_test(a_constant_frame_stays_finite),
-        cmocka_unit_test(a_list_of_occupied_depths_is_obeyed),
-    };
-    return cmocka_run_group_tests(tests, learned_setup, learned_teardown);
-}
+FIXTURE(learned_setup, learned_teardown)

@@ -64,9 +64,8 @@ static void compare(fixture *f, const hada_refine_rule *rule, int depths, const 
     free(planes);
 }
 
-static void equals_the_reference(void **state)
+TEST(equals_the_reference)
 {
-    (void)state;
     static const int sizes[][4] = {{48, 64, 20, 24}, {45, 63, 17, 21}, {40, 50, 40, 50}};
     for (size_t k = 0; k < HADA_COUNT(sizes); k++) {
         fixture f;
@@ -102,9 +101,8 @@ static void equals_the_reference(void **state)
     }
 }
 
-static void equals_the_reference_where_the_sensor_crops(void **state)
+TEST(equals_the_reference_where_the_sensor_crops)
 {
-    (void)state;
     fixture f;
     hada_refine_rule rule;
     set_up(&f, 40, 48, 36, 44, 3, 2, 1);
@@ -120,9 +118,8 @@ static void equals_the_reference_where_the_sensor_crops(void **state)
     tear_down(&f);
 }
 
-static void gives_the_same_bits_whatever_runs_beside(void **state)
+TEST(gives_the_same_bits_whatever_runs_beside)
 {
-    (void)state;
     for (int padded = 0; padded < 2; padded++) {
         fixture f;
         hada_refine_rule rule;
@@ -159,9 +156,8 @@ static void gives_the_same_bits_whatever_runs_beside(void **state)
     }
 }
 
-static void scales_with_the_frame(void **state)
+TEST(scales_with_the_frame)
 {
-    (void)state;
     for (int k = 0; k < 4; k++) {
         fixture f;
         hada_refine_rule rule;
@@ -249,9 +245,8 @@ static double refined(const fixture *f, int depths, const int *list)
     return mean;
 }
 
-static void beats_linear_filters(void **state)
+TEST(beats_linear_filters)
 {
-    (void)state;
     static const int lists[][2] = {{1, 1}, {0, 3}, {1, 2}};
     fixture f;
     hada_refine_rule rule;
@@ -277,9 +272,8 @@ static void beats_linear_filters(void **state)
     tear_down(&f);
 }
 
-static void explains_more_with_every_step(void **state)
+TEST(explains_more_with_every_step)
 {
-    (void)state;
     for (int padded = 0; padded < 2; padded++) {
         fixture f;
         hada_refine_rule rule;
@@ -315,9 +309,8 @@ static void explains_more_with_every_step(void **state)
 }
 
 /* The kernels for work-groups and for odd layouts do what the vector kernels do. */
-static void all_kernel_shapes_agree(void **state)
+TEST(all_kernel_shapes_agree)
 {
-    (void)state;
     for (int padded = 0; padded < 2; padded++) {
         fixture f;
         hada_refine_rule rule;
@@ -350,9 +343,8 @@ static void all_kernel_shapes_agree(void **state)
 }
 
 /* What a run leaves behind for the score is what the score would make. */
-static void scores_what_a_run_leaves(void **state)
+TEST(scores_what_a_run_leaves)
 {
-    (void)state;
     fixture f;
     hada_refine_rule rule;
     static const int sets[] = {1, 3, 0, 2};
@@ -371,9 +363,8 @@ static void scores_what_a_run_leaves(void **state)
     tear_down(&f);
 }
 
-static void black_and_constant_frames_are_fine(void **state)
+TEST(black_and_constant_frames_are_fine)
 {
-    (void)state;
     for (int padded = 0; padded < 2; padded++) {
         fixture f;
         hada_refine_rule rule;
@@ -401,9 +392,8 @@ static void black_and_constant_frames_are_fine(void **state)
     }
 }
 
-static void refuses_what_it_cannot_do(void **state)
+TEST(refuses_what_it_cannot_do)
 {
-    (void)state;
     fixture f;
     hada_refine_rule rule;
     hada_error error;
@@ -444,9 +434,8 @@ static void refuses_what_it_cannot_do(void **state)
     tear_down(&f);
 }
 
-static void holds_the_bytes_it_states(void **state)
+TEST(holds_the_bytes_it_states)
 {
-    (void)state;
     for (int padded = 0; padded < 2; padded++) {
         fixture f;
         set_up(&f, 40, 48, 20, 24, 3, 2, padded);
@@ -456,22 +445,4 @@ static void holds_the_bytes_it_states(void **state)
         assert_int_equal(with - without, hada_refiner_bytes(f.device.context, &f.device.shape));
         tear_down(&f);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(equals_the_reference),
-        cmocka_unit_test(equals_the_reference_where_the_sensor_crops),
-        cmocka_unit_test(gives_the_same_bits_whatever_runs_beside),
-        cmocka_unit_test(scales_with_the_frame),
-        cmocka_unit_test(beats_linear_filters),
-        cmocka_unit_test(explains_more_with_every_step),
-        cmocka_unit_test(all_kernel_shapes_agree),
-        cmocka_unit_test(scores_what_a_run_leaves),
-        cmocka_unit_test(black_and_constant_frames_are_fine),
-        cmocka_unit_test(refuses_what_it_cannot_do),
-        cmocka_unit_test(holds_the_bytes_it_states),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

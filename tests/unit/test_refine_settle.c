@@ -23,9 +23,8 @@ static double change(fixture *f, hada_refine_rule rule, int steps)
 }
 
 /* Neighbours part slowly: steps go on until four of them change little, and not beyond. */
-static void goes_on_until_depths_have_parted(void **state)
+TEST(goes_on_until_depths_have_parted)
 {
-    (void)state;
     for (int padded = 0; padded < 2; padded++) {
         fixture f;
         hada_refine_rule rule;
@@ -47,9 +46,8 @@ static void goes_on_until_depths_have_parted(void **state)
 }
 
 /* Devices with memory of their own are asked less often, about two looks at once: the planes are the same. */
-static void asks_less_often_where_that_is_dear(void **state)
+TEST(asks_less_often_where_that_is_dear)
 {
-    (void)state;
     static const int at[] = {12, 16, 20, 24};
     for (size_t k = 0; k < HADA_COUNT(at); k++) {
         float *planes[2];
@@ -79,11 +77,4 @@ static void asks_less_often_where_that_is_dear(void **state)
         free(planes[0]);
         free(planes[1]);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(goes_on_until_depths_have_parted),
-                                       cmocka_unit_test(asks_less_often_where_that_is_dear)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -20,9 +20,8 @@ static float *pixel(const hada_image *image, int row, int col)
     return &image->data[(size_t)row * (size_t)image->cols + (size_t)col];
 }
 
-static void transforms(void **state)
+TEST(transforms)
 {
-    (void)state;
     enum { SIZE = 32 };
     hada_small_fft fft;
     hada_random random;
@@ -46,9 +45,8 @@ static void transforms(void **state)
 }
 
 /* What the header promises of directions, by one bright pixel; flips and quarter turns move pixels exactly. */
-static void directions(void **state)
+TEST(directions)
 {
-    (void)state;
     static const struct {
         hada_registration by;
         int row, col; /* of 7 x 9 about the middle, where the pixel one above and three right of the middle comes to */
@@ -86,9 +84,8 @@ static void directions(void **state)
 }
 
 /* Shrinking keeps brightness and does not alias: a fine chequerboard becomes grey. */
-static void shrinking(void **state)
+TEST(shrinking)
 {
-    (void)state;
     hada_image scene, out;
     hada_registration by = {.size = sizeof(hada_registration), .magnification = 0.37, .rotation_deg = 5};
     ASSERT_OK(hada_image_create(&scene, 1, 101, 99, err));
@@ -188,9 +185,8 @@ static void expect(const hada_registration *found, const hada_registration *trut
     assert_true(found->explained > 2.0 * found->explained_otherwise);
 }
 
-static void recovered(void **state)
+TEST(recovered)
 {
-    (void)state;
     static const struct {
         hada_registration truth;
         double noise;
@@ -228,9 +224,8 @@ static void recovered(void **state)
     }
 }
 
-static void search_can_be_stopped(void **state)
+TEST(search_can_be_stopped)
 {
-    (void)state;
     const hada_registration truth = {.size = sizeof(hada_registration), .magnification = 1.0};
     patience of = {.most = -1};
     const hada_monitor monitor = patience_monitor(&of);
@@ -254,9 +249,8 @@ static void search_can_be_stopped(void **state)
 }
 
 /* Scenes of a second depth that stand elsewhere; the mask's PSF is 0.9 times as wide there. */
-static void offsets(void **state)
+TEST(offsets)
 {
-    (void)state;
     const hada_registration at = {.size = sizeof(hada_registration), .magnification = 1.0};
     const hada_registration moved = {
         .size = sizeof(hada_registration), .magnification = 1.0, .offset_row = 2.5, .offset_col = -4.0};
@@ -290,9 +284,8 @@ static void offsets(void **state)
     free_pairs(&far);
 }
 
-static void refusals(void **state)
+TEST(refusals)
 {
-    (void)state;
     const hada_registration truth = {.size = sizeof(hada_registration), .magnification = 1.0};
     pairs all = make_pairs(&truth, PAIRS, 1.0, 0.003, 9);
     hada_registration found = {.size = sizeof found};
@@ -348,16 +341,4 @@ static void refusals(void **state)
     assert_int_equal(hada_register_pairs(&found, all.raws, all.scenes, PAIRS, &options, &why), HADA_ERROR_DATASET);
     assert_non_null(strstr(why.message, "flat"));
     free_pairs(&all);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(transforms),
-                                       cmocka_unit_test(directions),
-                                       cmocka_unit_test(shrinking),
-                                       cmocka_unit_test(recovered),
-                                       cmocka_unit_test(offsets),
-                                       cmocka_unit_test(refusals),
-                                       cmocka_unit_test(search_can_be_stopped)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,14 +1,10 @@
 /* Curves between encodings and light: against the standard's own numbers, each other, and their names. */
 #include <hadalens/response.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
 
-#include <cmocka.h>
+#include "testing.h"
 
 static void close_to(double value, double expected, double tolerance)
 {
@@ -20,9 +16,8 @@ static const double responses[] = {HADA_RESPONSE_LINEAR, HADA_RESPONSE_SRGB, 0.5
 enum { RESPONSES = sizeof responses / sizeof *responses };
 
 /* What the curves are by their definitions, worked out by hand. */
-static void known_values(void **state)
+TEST(known_values)
 {
-    (void)state;
     close_to(hada_response_to_light(HADA_RESPONSE_SRGB, 0.5), 0.2140411405, 1e-9); /* ((0.5 + 0.055) / 1.055)^2.4 */
     close_to(hada_response_to_light(HADA_RESPONSE_SRGB, 0.02), 0.02 / 12.92, 1e-15);
     close_to(hada_response_from_light(HADA_RESPONSE_SRGB, 0.18), 0.4613561295, 1e-9); /* 1.055 0.18^(1/2.4) - 0.055 */
@@ -41,9 +36,8 @@ static void known_values(void **state)
 }
 
 /* There and back, above 1 as well; and the arrays are the single values to the rounding of a few operations. */
-static void arrays_are_values(void **state)
+TEST(arrays_are_values)
 {
-    (void)state;
     for (int from = 0; from < RESPONSES; from++)
         for (int to = 0; to < RESPONSES; to++) {
             float values[64], start[64];
@@ -63,9 +57,8 @@ static void arrays_are_values(void **state)
         }
 }
 
-static void names(void **state)
+TEST(names)
 {
-    (void)state;
     static const double known[] = {HADA_RESPONSE_LINEAR, HADA_RESPONSE_SRGB, HADA_AUTO, 2.2, 0.2, 5.0};
     static const char *const wrong[] = {"", "gamma", "0.1", "5.1", "-1", "2,2", "2.2x", "nan", "LINEAR", "-2"};
     char name[HADA_RESPONSE_NAME];
@@ -90,14 +83,4 @@ static void names(void **state)
     }
     assert_int_equal(hada_response_is_known(NAN), 0);
     assert_int_equal(hada_response_is_known(0.0), 0);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(known_values),
-        cmocka_unit_test(arrays_are_values),
-        cmocka_unit_test(names),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

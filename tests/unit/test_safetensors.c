@@ -5,9 +5,8 @@
 #include "io/safetensors.h"
 #include "io_testing.h"
 
-static void test_golden(void **state)
+TEST(test_golden)
 {
-    (void)state;
     hada_error err = {0};
     hada_tensors *tensors;
     if (hada_tensors_open(&tensors, io_golden("tensors.safetensors"), &err))
@@ -40,9 +39,8 @@ static void test_golden(void **state)
 }
 
 /* What was opened stays as it was, whatever happens to the file. */
-static void test_shrinking(void **state)
+TEST(test_shrinking)
 {
-    (void)state;
     hada_error err = {0};
     hada_tensors *tensors;
     size_t bytes;
@@ -58,9 +56,8 @@ static void test_shrinking(void **state)
     hada_tensors_close(&tensors);
 }
 
-static void test_round_trip(void **state)
+TEST(test_round_trip)
 {
-    (void)state;
     hada_error err = {0};
     hada_tensors_writer *writer;
     const int64_t shape[] = {3, 5}, few[] = {3};
@@ -116,9 +113,8 @@ static hada_status open_made(const char *header, size_t data_bytes, hada_error *
     return status;
 }
 
-static void test_damaged(void **state)
+TEST(test_damaged)
 {
-    (void)state;
     const struct {
         const char *header;
         size_t bytes;
@@ -179,9 +175,8 @@ static void test_damaged(void **state)
 }
 
 /* Every type has its name and size; floats of each kind become ours, other numbers are refused by name. */
-static void test_types(void **state)
+TEST(test_types)
 {
-    (void)state;
     static const struct {
         const char *name;
         int bytes, is_float;
@@ -224,9 +219,8 @@ static void test_types(void **state)
 }
 
 /* Tensors without values share a place; what was declared cannot be more than a file holds. */
-static void test_places(void **state)
+TEST(test_places)
 {
-    (void)state;
     hada_error err = {0};
     static const char header[] = "{\"b\":{\"dtype\":\"F32\",\"shape\":[0],\"data_offsets\":[0,0]},"
                                  "\"a\":{\"dtype\":\"F32\",\"shape\":[0],\"data_offsets\":[0,0]},"
@@ -283,9 +277,8 @@ static void expect_bytes(const void *data, size_t bytes, hada_status status, con
     assert_non_null(strstr(err.message, word));
 }
 
-static void test_no_header(void **state)
+TEST(test_no_header)
 {
-    (void)state;
     expect_bytes("", 0, HADA_ERROR_FILE_READ, "empty");
     expect_bytes("\2\0\0\0", 4, HADA_ERROR_FILE_READ, "fewer");
     expect_bytes("\377\377\377\377\377\377\377\377{}", 10, HADA_ERROR_FILE_FORMAT, "plausible");
@@ -296,9 +289,8 @@ static void test_no_header(void **state)
     assert_int_equal(hada_tensors_open(&tensors, io_folder, &err), HADA_ERROR_FILE_OPEN);
 }
 
-static void test_cut_and_flipped(void **state)
+TEST(test_cut_and_flipped)
 {
-    (void)state;
     size_t bytes;
     unsigned char *data = io_read_bytes(io_golden("tensors.safetensors"), &bytes);
     unsigned char *copy = malloc(bytes);
@@ -329,9 +321,8 @@ static void test_cut_and_flipped(void **state)
     free(data);
 }
 
-static void test_halves(void **state)
+TEST(test_halves)
 {
-    (void)state;
     for (uint32_t half = 0; half < 65536; half++) {
         float value = hada_float_from_half((uint16_t)half);
         uint16_t back = hada_half_from_float(value);
@@ -355,12 +346,4 @@ static void test_halves(void **state)
     assert_int_equal(hada_half_from_float(1e-30f), 0);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_golden),  cmocka_unit_test(test_shrinking), cmocka_unit_test(test_round_trip),
-        cmocka_unit_test(test_damaged), cmocka_unit_test(test_no_header), cmocka_unit_test(test_cut_and_flipped),
-        cmocka_unit_test(test_halves),  cmocka_unit_test(test_types),     cmocka_unit_test(test_places),
-    };
-    return cmocka_run_group_tests(tests, io_setup, io_teardown);
-}
+FIXTURE(io_setup, io_teardown)

@@ -46,9 +46,8 @@ static hada_image flat(int channels, float value)
 }
 
 /* What docs/explanation/simulation.md says of the approximation for many electrons. */
-static void approximation(void **state)
+TEST(approximation)
 {
-    (void)state;
     const struct {
         double mean, bound;
     } stated[] = {{16.0, 1.3e-4}, {32.0, 4.5e-5}, {64.0, 1.6e-5}, {200.0, 3e-6}, {1000.0, 3e-7}};
@@ -81,7 +80,7 @@ static void moments(const float *values, double *mean, double *variance)
 /* Mean and variance within 4.5 standard errors, and Kolmogorov's statistic below its 0.1 % point (for counts, whose
  * steps make it smaller, that is on the safe side of wrong alarms only: a bias of 1 % of a standard deviation shows).
  */
-static void shot_noise(void **state)
+TEST(shot_noise)
 {
     const bench *b = *state;
     const double means[] = {0.05, 1.0, 5.0, 15.99, 16.0, 100.0, 5000.0};
@@ -115,7 +114,7 @@ static void shot_noise(void **state)
     }
 }
 
-static void read_noise(void **state)
+TEST(read_noise)
 {
     const bench *b = *state;
     hada_sensor sensor;
@@ -141,7 +140,7 @@ static void read_noise(void **state)
     hada_image_destroy(&frame);
 }
 
-static void seeds(void **state)
+TEST(seeds)
 {
     const bench *b = *state;
     hada_sensor sensor;
@@ -166,7 +165,7 @@ static void seeds(void **state)
 }
 
 /* Light far above the full well, and below zero. */
-static void saturation_and_rounding(void **state)
+TEST(saturation_and_rounding)
 {
     const bench *b = *state;
     hada_sensor sensor;
@@ -193,7 +192,7 @@ static void saturation_and_rounding(void **state)
     hada_image_destroy(&frame);
 }
 
-static void vignetting(void **state)
+TEST(vignetting)
 {
     bench *b = *state;
     hada_sensor sensor;
@@ -234,7 +233,7 @@ static void vignetting(void **state)
     hada_image_destroy(&frame);
 }
 
-static void refusals(void **state)
+TEST(refusals)
 {
     const bench *b = *state;
     hada_error error;
@@ -264,14 +263,4 @@ static void refusals(void **state)
     hada_image_destroy(&frame);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(approximation),
-                                       cmocka_unit_test(shot_noise),
-                                       cmocka_unit_test(read_noise),
-                                       cmocka_unit_test(seeds),
-                                       cmocka_unit_test(saturation_and_rounding),
-                                       cmocka_unit_test(vignetting),
-                                       cmocka_unit_test(refusals)};
-    return cmocka_run_group_tests(tests, open_device, close_device);
-}
+FIXTURE(open_device, close_device)

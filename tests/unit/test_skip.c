@@ -51,7 +51,7 @@ static void all_frames(const skip_fixture *f, int model, unsigned skip, tally *s
         hada_result_destroy(&dense[which]);
 }
 
-static void frequencies_stay_within_the_error(void **state)
+TEST(frequencies_stay_within_the_error)
 {
     tally seen[ERRORS] = {{0}}, smooth[ERRORS] = {{0}};
     for (int model = 0; model < SKIP_MODELS; model++)
@@ -64,7 +64,7 @@ static void frequencies_stay_within_the_error(void **state)
     assert_int_equal(seen[ERRORS - 1].limited, SKIP_MODELS - 1);
 }
 
-static void half_filters_stay_within_the_error(void **state)
+TEST(half_filters_stay_within_the_error)
 {
     tally seen[ERRORS] = {{0}};
     for (int model = 0; model < SKIP_MODELS; model++)
@@ -73,7 +73,7 @@ static void half_filters_stay_within_the_error(void **state)
     assert_int_equal(seen[3].halved, 0); /* 1e-3 is too little */
 }
 
-static void all_kinds_together_stay_within_the_error(void **state)
+TEST(all_kinds_together_stay_within_the_error)
 {
     tally seen[ERRORS] = {{0}};
     for (int model = 0; model < SKIP_MODELS; model++)
@@ -83,7 +83,7 @@ static void all_kinds_together_stay_within_the_error(void **state)
 
 /* A frame whose light the window does not see: the bound cannot be shown, and the dense result comes, from filters in
  * single precision. */
-static void a_bound_that_is_not_kept_leads_to_the_dense_result(void **state)
+TEST(a_bound_that_is_not_kept_leads_to_the_dense_result)
 {
     const skip_fixture *f = *state;
     int again = 0;
@@ -115,7 +115,7 @@ static void a_bound_that_is_not_kept_leads_to_the_dense_result(void **state)
     assert_true(again > 0);
 }
 
-static void a_band_keeps_its_bound_and_its_size(void **state)
+TEST(a_band_keeps_its_bound_and_its_size)
 {
     static const double bands[] = {1e-9, 0.1, 0.5, 0.668, 0.99};
     const skip_fixture *f = *state;
@@ -144,7 +144,7 @@ static void a_band_keeps_its_bound_and_its_size(void **state)
 }
 
 /* The error is counted from the run that leaves out the same band. */
-static void a_band_and_an_error_go_together(void **state)
+TEST(a_band_and_an_error_go_together)
 {
     const skip_fixture *f = *state;
     int limited = 0;
@@ -167,7 +167,7 @@ static void a_band_and_an_error_go_together(void **state)
     assert_true(limited > 0);
 }
 
-static void wrong_options_are_refused(void **state)
+TEST(wrong_options_are_refused)
 {
     const skip_fixture *f = *state;
     hada_plan_options bad[6];
@@ -195,16 +195,4 @@ static void wrong_options_are_refused(void **state)
     assert_non_null(strstr(err.message, "--refine 0"));
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(frequencies_stay_within_the_error),
-        cmocka_unit_test(half_filters_stay_within_the_error),
-        cmocka_unit_test(all_kinds_together_stay_within_the_error),
-        cmocka_unit_test(a_bound_that_is_not_kept_leads_to_the_dense_result),
-        cmocka_unit_test(a_band_keeps_its_bound_and_its_size),
-        cmocka_unit_test(a_band_and_an_error_go_together),
-        cmocka_unit_test(wrong_options_are_refused),
-    };
-    return cmocka_run_group_tests(tests, skip_setup, skip_teardown);
-}
+FIXTURE(skip_setup, skip_teardown)

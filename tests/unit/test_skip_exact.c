@@ -10,7 +10,7 @@ static void run(const skip_fixture *f, int model, const hada_plan_options *optio
 }
 
 /* Pruning alone rounds otherwise. */
-static void pruning_changes_rounding_alone(void **state)
+TEST(pruning_changes_rounding_alone)
 {
     const skip_fixture *f = *state;
     for (int model = 0; model < SKIP_MODELS; model++)
@@ -36,7 +36,7 @@ static void assert_channels(const hada_result *result, int skipped, int by_spect
 }
 
 /* Black and equal channels, with filters that are equal in two channels of one model and differ in the others. */
-static void channels_give_the_same_bits(void **state)
+TEST(channels_give_the_same_bits)
 {
     const skip_fixture *f = *state;
     for (int model = 0; model < SKIP_MODELS; model++)
@@ -63,7 +63,7 @@ static void channels_give_the_same_bits(void **state)
 }
 
 /* Black is what the dark level and the dark frame leave nothing of, to the last bit. */
-static void black_is_counted_from_the_dark_level(void **state)
+TEST(black_is_counted_from_the_dark_level)
 {
     const skip_fixture *f = *state;
     hada_image frame, dark;
@@ -98,7 +98,7 @@ static void black_is_counted_from_the_dark_level(void **state)
     hada_image_destroy(&dark);
 }
 
-static void depths_that_are_known_to_be_empty_are_not_computed(void **state)
+TEST(depths_that_are_known_to_be_empty_are_not_computed)
 {
     const skip_fixture *f = *state;
     const int list[] = {1, 3};
@@ -114,7 +114,7 @@ static void depths_that_are_known_to_be_empty_are_not_computed(void **state)
 }
 
 /* The search on small grids finds what the reference search finds. */
-static void both_looks_find_the_same_depths(void **state)
+TEST(both_looks_find_the_same_depths)
 {
     const skip_fixture *f = *state;
     for (int which = SKIP_TINY; which <= SKIP_ONE_COLOUR; which++) {
@@ -135,7 +135,7 @@ static void both_looks_find_the_same_depths(void **state)
 }
 
 /* Refined planes: bounded kinds do not act, exact ones do. */
-static void refinement_takes_exact_kinds_alone(void **state)
+TEST(refinement_takes_exact_kinds_alone)
 {
     const skip_fixture *f = *state;
     for (int which = 0; which < SKIP_FRAMES; which++) {
@@ -153,15 +153,4 @@ static void refinement_takes_exact_kinds_alone(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(pruning_changes_rounding_alone),
-        cmocka_unit_test(channels_give_the_same_bits),
-        cmocka_unit_test(black_is_counted_from_the_dark_level),
-        cmocka_unit_test(depths_that_are_known_to_be_empty_are_not_computed),
-        cmocka_unit_test(both_looks_find_the_same_depths),
-        cmocka_unit_test(refinement_takes_exact_kinds_alone),
-    };
-    return cmocka_run_group_tests(tests, skip_setup, skip_teardown);
-}
+FIXTURE(skip_setup, skip_teardown)

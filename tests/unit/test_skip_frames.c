@@ -10,7 +10,7 @@ static hada_image copy_of(const hada_image *image)
 }
 
 /* The pixels decide; the caller may have changed or freed the frame and the result in the meantime. */
-static void an_equal_frame_takes_the_result_of_the_one_before(void **state)
+TEST(an_equal_frame_takes_the_result_of_the_one_before)
 {
     const skip_fixture *f = *state;
     for (int refine = 0; refine <= 3; refine += 3) {
@@ -50,7 +50,7 @@ static void an_equal_frame_takes_the_result_of_the_one_before(void **state)
     }
 }
 
-static void the_switch_is_obeyed(void **state)
+TEST(the_switch_is_obeyed)
 {
     const skip_fixture *f = *state;
     const hada_plan_options options = skip_options(HADA_SKIP_ALL & ~(unsigned)HADA_SKIP_FRAMES, 0.1);
@@ -65,7 +65,7 @@ static void the_switch_is_obeyed(void **state)
 }
 
 /* A frame that could not be done serves nobody. */
-static void a_failed_frame_is_not_reused(void **state)
+TEST(a_failed_frame_is_not_reused)
 {
     const skip_fixture *f = *state;
     const hada_plan_options options = skip_options(HADA_SKIP_ALL, 0.0);
@@ -84,7 +84,7 @@ static void a_failed_frame_is_not_reused(void **state)
 
 /* A sequence that drifts by less than the error from frame to frame: each result is within the error of its own dense
  * run, so the drift does not add up unseen. */
-static void nearly_equal_frames_stay_within_the_error(void **state)
+TEST(nearly_equal_frames_stay_within_the_error)
 {
     const skip_fixture *f = *state;
     const double most = 1e-2;
@@ -119,7 +119,7 @@ static void nearly_equal_frames_stay_within_the_error(void **state)
 }
 
 /* The same results, in the same way, however many queues a plan has and however many frames are in flight. */
-static void queues_and_batches_find_the_same(void **state)
+TEST(queues_and_batches_find_the_same)
 {
     enum { LONG = 12 };
     const skip_fixture *f = *state;
@@ -161,14 +161,4 @@ static void queues_and_batches_find_the_same(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(an_equal_frame_takes_the_result_of_the_one_before),
-        cmocka_unit_test(the_switch_is_obeyed),
-        cmocka_unit_test(a_failed_frame_is_not_reused),
-        cmocka_unit_test(nearly_equal_frames_stay_within_the_error),
-        cmocka_unit_test(queues_and_batches_find_the_same),
-    };
-    return cmocka_run_group_tests(tests, skip_setup, skip_teardown);
-}
+FIXTURE(skip_setup, skip_teardown)

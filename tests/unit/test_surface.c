@@ -269,10 +269,9 @@ static void ball(double *depth)
 
 static double scene[CHANNELS * AREA], depth[AREA];
 
-static void test_cropped(void **state)
+TEST(test_cropped)
 {
     fixture f;
-    (void)state;
     set_up(&f, 180, 216, 1);
     paint(scene);
     slant(depth);
@@ -283,13 +282,12 @@ static void test_cropped(void **state)
 }
 
 /* What stands beyond the camera's depths is said not to be known; what stands between them is not. */
-static void test_outside(void **state)
+TEST(test_outside)
 {
     hada_surface_rule rule;
     hada_surface_result result;
     double beyond = 0.0, said = 0.0, within = 0.0, wrong = 0.0;
     fixture f;
-    (void)state;
     set_up(&f, 180, 216, 1);
     hada_surface_rule_init(&rule);
     paint(scene);
@@ -311,10 +309,9 @@ static void test_outside(void **state)
     tear_down(&f);
 }
 
-static void test_circular(void **state)
+TEST(test_circular)
 {
     fixture f;
-    (void)state;
     set_up(&f, 216, 240, 0);
     paint(scene);
     slant(depth);
@@ -323,12 +320,11 @@ static void test_circular(void **state)
 }
 
 /* Sizes that are no round numbers, memory that is known before, the same bits whatever was before, no light. */
-static void test_objects(void **state)
+TEST(test_objects)
 {
     fixture f;
     hada_surface_rule rule;
     hada_surface_result result;
-    (void)state;
     set_up(&f, 185, 219, 1);
     hada_surface_rule_init(&rule);
     hada_surface_destroy(&f.surface);
@@ -362,12 +358,11 @@ static void test_objects(void **state)
 
 /* A try that is in vain ends at its first level, where the camera does not explain the frame; one that is just enough
  * goes to its end, with the bits of one that nobody limits. */
-static void test_in_vain(void **state)
+TEST(test_in_vain)
 {
     fixture f;
     hada_surface_rule rule, limited;
     hada_surface_result result;
-    (void)state;
     set_up(&f, 180, 216, 1);
     hada_surface_rule_init(&rule);
     limited = rule;
@@ -405,11 +400,10 @@ static void test_in_vain(void **state)
 }
 
 /* Levels: by how far light moves, down to windows that are too small; planes between depths that lie far apart. */
-static void test_levels(void **state)
+TEST(test_levels)
 {
     hada_surface_plan plans[HADA_SURFACE_LEVELS];
     fixture f;
-    (void)state;
     set_up(&f, 180, 216, 1);
     assert_int_equal(hada_surface_levels(f.context, &f.camera, &f.shape, &f.law, plans), 3);
     assert_true(plans[0].shrink == 4.0 && plans[1].shrink == 2.0 && plans[2].whole);
@@ -432,12 +426,4 @@ static void test_levels(void **state)
     assert_int_equal(hada_surface_levels(f.context, &f.camera, &f.shape, &f.law, plans), 2);
     assert_true(plans[0].whole && plans[0].shape.free && plans[1].whole && !plans[1].shape.free);
     tear_down(&f);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_levels),   cmocka_unit_test(test_cropped),
-                                       cmocka_unit_test(test_circular), cmocka_unit_test(test_outside),
-                                       cmocka_unit_test(test_objects),  cmocka_unit_test(test_in_vain)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

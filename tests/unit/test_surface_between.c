@@ -177,10 +177,9 @@ static double made_apart(fixture *f, double depth, int channel)
     return error;
 }
 
-static void test_law(void **state)
+TEST(test_law)
 {
     fixture f;
-    (void)state;
     set_up(&f, pinhole, 0.0, 0.0);
     assert_int_equal(f.law.kind, HADA_MAGNIFICATION_LAW);
     assert_true(fabs(f.law.mask - MASK) < 0.01 * MASK);
@@ -203,10 +202,9 @@ static void test_law(void **state)
 }
 
 /* An axis beside the grid's origin moves the pattern with 1 / distance. */
-static void test_axis(void **state)
+TEST(test_axis)
 {
     fixture f;
-    (void)state;
     set_up(&f, pinhole, 60.0, 0.0);
     assert_int_equal(f.law.kind, HADA_MAGNIFICATION_LAW);
     assert_true(fabs(f.law.mask - MASK) < 0.01 * MASK);
@@ -227,10 +225,9 @@ static double still(double depth)
 }
 
 /* Magnifications that follow no law, or that are all the same. */
-static void test_other_kinds(void **state)
+TEST(test_other_kinds)
 {
     fixture f;
-    (void)state;
     set_up(&f, bent, 0.0, 0.0);
     assert_int_equal(f.law.kind, HADA_MAGNIFICATION_FREE);
     for (int k = 0; k + 1 < DEPTHS; k++) {
@@ -246,10 +243,9 @@ static void test_other_kinds(void **state)
 }
 
 /* PSFs that have nothing to do with one another are said to. */
-static void test_unrelated(void **state)
+TEST(test_unrelated)
 {
     fixture f;
-    (void)state;
     set_up(&f, pinhole, 0.0, 100.0);
     assert_int_equal(f.law.kind, HADA_MAGNIFICATION_NONE);
     assert_true(f.law.unexplained[HADA_MAGNIFICATION_NONE] > 0.9);
@@ -257,10 +253,9 @@ static void test_unrelated(void **state)
 }
 
 /* Noise of PSFs leaves the law nearly as it is. */
-static void test_noise(void **state)
+TEST(test_noise)
 {
     fixture f;
-    (void)state;
     set_up(&f, pinhole, 0.0, 0.02);
     assert_int_equal(f.law.kind, HADA_MAGNIFICATION_LAW);
     assert_true(fabs(f.law.mask - MASK) < 0.02 * MASK);
@@ -287,12 +282,11 @@ static void reference(const fixture *f, double depth, int channel, double *spect
 }
 
 /* The way there and back on the device, against double precision; any order gives the same bits. */
-static void test_reference(void **state)
+TEST(test_reference)
 {
     const double depths[4] = {3.7, 0.4, 2.0, 4.6}, again = 0.4, outside[2] = {-0.7, DEPTHS - 0.9};
     hada_between *between;
     fixture f;
-    (void)state;
     set_up(&f, pinhole, 60.0, 0.01);
     double *spectrum = calloc(VALUES, 2 * sizeof *spectrum);
     assert_non_null(spectrum);
@@ -328,12 +322,11 @@ static void test_reference(void **state)
 }
 
 /* A coarser grid has the same low frequencies; both of depths of the camera and of those between. */
-static void test_coarse(void **state)
+TEST(test_coarse)
 {
     const double depths[2] = {1.0, 1.5};
     hada_between *between;
     fixture f;
-    (void)state;
     set_up(&f, pinhole, 0.0, 0.0);
     const hada_spectrum_layout small = hada_surface_layout(f.context, ROWS / 2, COLS / 2);
     const size_t image = 2 * small.count;
@@ -359,13 +352,12 @@ static void test_coarse(void **state)
     tear_down(&f);
 }
 
-static void test_refused(void **state)
+TEST(test_refused)
 {
     const double beyond = DEPTHS + 0.1;
     hada_error error = {0};
     hada_between *between;
     fixture f;
-    (void)state;
     set_up(&f, pinhole, 0.0, 0.0);
     ASSERT_OK(hada_between_create(&between, f.slot, &f.camera, &f.law, err));
     assert_int_equal(hada_between_make(between, 1, &beyond, f.made.mem, 0, NULL, &error), HADA_ERROR_ARGUMENT);
@@ -377,13 +369,4 @@ static void test_refused(void **state)
     f.camera.depths--;
     assert_int_equal(hada_between_create(&between, f.slot, &f.camera, &f.law, &error), HADA_ERROR_ARGUMENT);
     tear_down(&f);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_law),         cmocka_unit_test(test_axis),
-                                       cmocka_unit_test(test_other_kinds), cmocka_unit_test(test_noise),
-                                       cmocka_unit_test(test_unrelated),   cmocka_unit_test(test_reference),
-                                       cmocka_unit_test(test_coarse),      cmocka_unit_test(test_refused)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

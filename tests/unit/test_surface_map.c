@@ -16,11 +16,10 @@ static void assert_near(double got, double expected, double within)
         fail_msg("%.9g, expected %.9g within %g", got, expected, within);
 }
 
-static void test_centre(void **state)
+TEST(test_centre)
 {
     enum { PLANES = 5, CHANNELS = 2 };
     static float light[PLANES * CHANNELS * AREA], depth[AREA], sum[AREA];
-    (void)state;
     memset(light, 0, sizeof light);
     for (int i = 0; i < AREA; i++) {
         light[(2 * CHANNELS + 0) * AREA + i] = 1.0F;
@@ -46,14 +45,13 @@ static void test_centre(void **state)
 }
 
 /* A map of three pixels a row, and a level twice as fine whose window begins one coarse pixel inside. */
-static void test_band(void **state)
+TEST(test_band)
 {
     enum { PLANES = 8 };
     const float depth[12] = {2.0F, 2.0F, 2.0F, 4.5F, 2.0F, 2.0F, 2.0F, 2.0F, 2.0F, 2.0F, 2.0F, 2.0F};
     const hada_map_size from = {3, 4}, to = {2, 4};
     const hada_map_place place = {1.0, 1.0, 0.5, 0.5};
     float allowed[PLANES * 8];
-    (void)state;
     ASSERT_OK(hada_map_band(depth, from, 1.0, 1.5, PLANES, to, &place, allowed, err));
     for (int k = 0; k < PLANES; k++) {
         /* its coarse pixels: 1, 1.5 (2), 2, 2.5 (3): from 2 on the map's 4.5 is in reach */
@@ -66,12 +64,11 @@ static void test_band(void **state)
         assert_int_equal(allowed[k * 8 + 0] > 0.0F, k >= 3 && k <= 5);
 }
 
-static void test_resample(void **state)
+TEST(test_resample)
 {
     static float in[AREA], out[4 * AREA];
     const hada_map_size fine = {2 * ROWS, 2 * COLS};
     const hada_map_place place = {-0.25, -0.25, 0.5, 0.5};
-    (void)state;
     for (int i = 0; i < AREA; i++)
         in[i] = (float)(3.0 * (i / COLS) - 2.0 * (i % COLS));
     hada_map_resample(in, whole, out, fine, &place);
@@ -90,13 +87,12 @@ static void test_resample(void **state)
 }
 
 /* Two pixels approach one another by the weight over their light; four steps do not get there, two thousand do. */
-static void test_smooth_exact(void **state)
+TEST(test_smooth_exact)
 {
     const hada_map_size two = {1, 2};
     const float light[2] = {1.0F, 3.0F}, texture[2] = {1.0F, 1.0F};
     float depth[2] = {0.0F, 1.0F};
     hada_map_rule rule = {.weight = 0.1, .data = 1.0, .tolerance = 0.4, .steps = 2000};
-    (void)state;
     ASSERT_OK(hada_map_smooth(depth, light, texture, 1, two, &rule, err));
     assert_near(depth[0], 0.1 / 0.5, 1e-6);
     assert_near(depth[1], 1.0 - 0.1 / 1.5, 1e-6);
@@ -113,14 +109,13 @@ static void test_smooth_exact(void **state)
 }
 
 /* Noise goes, a step stays; both directions of the image alike. */
-static void test_smooth(void **state)
+TEST(test_smooth)
 {
     static float depth[2][AREA], light[AREA], texture[AREA];
     const hada_map_size turned = {COLS, ROWS};
     hada_map_rule rule;
     hada_random random;
     double before = 0.0, after = 0.0;
-    (void)state;
     hada_map_rule_init(&rule);
     hada_random_seed(&random, 3, 0);
     for (int i = 0; i < AREA; i++) {
@@ -138,11 +133,10 @@ static void test_smooth(void **state)
     assert_true(after < 0.5 * before);
 }
 
-static void test_confidence(void **state)
+TEST(test_confidence)
 {
     static float texture[2 * AREA], depth[AREA], sure[AREA];
     const double shift[3] = {1.0, 2.0, 4.0};
-    (void)state;
     memset(texture, 0, sizeof texture);
     for (int i = 0; i < AREA; i++)
         depth[i] = i % COLS < 8 ? 0.0F : 2.0F;
@@ -160,10 +154,9 @@ static void test_confidence(void **state)
 }
 
 /* A pixel with the light of both sides of a jump takes a side; maps without jumps stay. */
-static void test_sharpen(void **state)
+TEST(test_sharpen)
 {
     static float depth[AREA], light[AREA];
-    (void)state;
     for (int i = 0; i < AREA; i++) {
         depth[i] = i % COLS < 8 ? 2.0F : i % COLS > 8 ? 6.0F : 4.5F;
         light[i] = i % COLS < 9 ? 1.0F : 1.2F;
@@ -184,11 +177,10 @@ static void test_sharpen(void **state)
 }
 
 /* Depths on a plane, however steep, are as sure as their texture; beside a jump they are not. */
-static void test_bend(void **state)
+TEST(test_bend)
 {
     static float texture[AREA], depth[AREA], sure[2][AREA];
     const double shift[3] = {1.0, 1.0, 1.0};
-    (void)state;
     for (int i = 0; i < AREA; i++) {
         texture[i] = (float)((i / COLS + i % COLS) % 2);
         depth[i] = 0.3F * (float)(i % COLS) - 0.2F * (float)(i / COLS);
@@ -205,13 +197,4 @@ static void test_bend(void **state)
     const double mean = 8.0 / 7.0, slope = 2.0 * (0 + 1 + 2 + 3) / 28.0;
     const double bend = 16.0 / 7.0 - mean * mean - slope * slope * 28.0 / 7.0;
     assert_near(sure[1][5 * COLS + 9], 1.0 / (1.0 + 16.0 * bend), 1e-4);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_centre),   cmocka_unit_test(test_band),
-                                       cmocka_unit_test(test_resample), cmocka_unit_test(test_smooth_exact),
-                                       cmocka_unit_test(test_smooth),   cmocka_unit_test(test_confidence),
-                                       cmocka_unit_test(test_sharpen),  cmocka_unit_test(test_bend)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -91,9 +91,8 @@ static double expected_gain(const pairs *set, int z, int i)
     return set->gain[z][i] / exp(sum);
 }
 
-static void response_is_found(void **state)
+TEST(response_is_found)
 {
-    (void)state;
     static const double responses[] = {HADA_RESPONSE_LINEAR, HADA_RESPONSE_SRGB, 1.5, 2.2};
     for (int exposed = 0; exposed < 2; exposed++)
         for (size_t r = 0; r < sizeof responses / sizeof *responses; r++) {
@@ -119,9 +118,8 @@ static void response_is_found(void **state)
 }
 
 /* Scenes that say nothing of their frames stay linear, and their exposures alike. */
-static void noise_is_no_evidence(void **state)
+TEST(noise_is_no_evidence)
 {
-    (void)state;
     for (uint64_t seed = 1; seed <= 6; seed++) {
         pairs set, other;
         make_pairs(&set, HADA_RESPONSE_LINEAR, 0, 0.003, seed);
@@ -139,9 +137,8 @@ static void noise_is_no_evidence(void **state)
 }
 
 /* A scene made as bright as its frame was exposed, in its own encoding. */
-static void scenes_are_evened(void **state)
+TEST(scenes_are_evened)
 {
-    (void)state;
     pairs set;
     make_pairs(&set, 2.0, 1, 0.0, 5);
     hada_survey *survey = ask(&set, HADA_EXPOSURE_EACH);
@@ -155,9 +152,8 @@ static void scenes_are_evened(void **state)
 }
 
 /* What is given is not chosen; too few pairs say nothing; pairs that do not fit are left to the fit; errors pass on. */
-static void given_and_missing(void **state)
+TEST(given_and_missing)
 {
-    (void)state;
     static const int few[DEPTHS] = {2, 1, 2, 2};
     pairs set;
     hada_survey *survey;
@@ -190,15 +186,4 @@ static void given_and_missing(void **state)
     assert_int_equal(hada_survey_create(&survey, &options, counts, HADA_EXPOSURE_AUTO, show, &set, &error),
                      HADA_ERROR_ARGUMENT);
     free_pairs(&set);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(response_is_found),
-        cmocka_unit_test(noise_is_no_evidence),
-        cmocka_unit_test(scenes_are_evened),
-        cmocka_unit_test(given_and_missing),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -171,9 +171,8 @@ static const struct {
              {"fit", fit, "pairs", -1},
              {"register", register_set, "pairs", DEPTHS *PAIRS}};
 
-static void progress_is_counted_to_its_end(void **state)
+TEST(progress_is_counted_to_its_end)
 {
-    (void)state;
     for (size_t i = 0; i < sizeof tasks / sizeof *tasks; i++) {
         listener ear;
         ASSERT_OK(tasks[i].run(&listen(&ear, 0)->monitor, err));
@@ -192,9 +191,8 @@ static void progress_is_counted_to_its_end(void **state)
 }
 
 /* Stopped the first, second, ... time that it asks: always HADA_ERROR_CANCELLED, soon, and nothing is written. */
-static void stopped_at_any_moment_nothing_is_left(void **state)
+TEST(stopped_at_any_moment_nothing_is_left)
 {
-    (void)state;
     for (size_t i = 0; i < sizeof tasks / sizeof *tasks; i++) {
         listener ear;
         hada_error error = {0};
@@ -217,9 +215,8 @@ static void stopped_at_any_moment_nothing_is_left(void **state)
 }
 
 /* Callbacks are optional one by one, and a caller whose monitor ends before one of them does not have it. */
-static void nobody_has_to_listen(void **state)
+TEST(nobody_has_to_listen)
 {
-    (void)state;
     listener ear;
     hada_monitor_init(&listen(&ear, 1)->monitor);
     ASSERT_OK(simulate(&ear.monitor, err));
@@ -230,9 +227,8 @@ static void nobody_has_to_listen(void **state)
     hada_folder_remove(at("out"));
 }
 
-static void notes_say_what_was_passed_over(void **state)
+TEST(notes_say_what_was_passed_over)
 {
-    (void)state;
     listener ear;
     hada_evaluate_task own;
     hada_evaluate_report *report = NULL;
@@ -283,13 +279,4 @@ static int end(void **state)
     return 0;
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(progress_is_counted_to_its_end),
-        cmocka_unit_test(stopped_at_any_moment_nothing_is_left),
-        cmocka_unit_test(nobody_has_to_listen),
-        cmocka_unit_test(notes_say_what_was_passed_over),
-    };
-    return cmocka_run_group_tests(tests, begin, end);
-}
+FIXTURE(begin, end)

@@ -18,9 +18,8 @@ static double read_number(const char *text, size_t *used)
     return value;
 }
 
-static void what_a_number_is(void **state)
+TEST(what_a_number_is)
 {
-    (void)state;
     static const struct {
         const char *text;
         double value;
@@ -83,15 +82,13 @@ static void every_double_comes_back(void)
     }
 }
 
-static void doubles_with_a_point(void **state)
+TEST(doubles_with_a_point)
 {
-    (void)state;
     every_double_comes_back();
 }
 
-static void numbers_that_differ_have_names_that_differ(void **state)
+TEST(numbers_that_differ_have_names_that_differ)
 {
-    (void)state;
     static const struct {
         double value;
         const char *name;
@@ -109,7 +106,7 @@ static void numbers_that_differ_have_names_that_differ(void **state)
     }
 }
 
-static void doubles_where_people_write_a_comma(void **state)
+TEST(doubles_where_people_write_a_comma)
 {
     if (!decimal_comma())
         skip();
@@ -117,15 +114,4 @@ static void doubles_where_people_write_a_comma(void **state)
     every_double_comes_back();
     assert_string_equal(localeconv()->decimal_point, ","); /* the program's locale is left alone */
     setlocale(LC_NUMERIC, "C");
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(what_a_number_is),
-        cmocka_unit_test(numbers_that_differ_have_names_that_differ),
-        cmocka_unit_test(doubles_with_a_point),
-        cmocka_unit_test(doubles_where_people_write_a_comma),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -144,7 +144,7 @@ static int teardown(void **state)
 }
 
 /* The frames and the two kinds of work differ, or equal results would prove nothing. */
-static void there_is_something_to_compare(void **state)
+TEST(there_is_something_to_compare)
 {
     const fixture *f = *state;
     assert_true(same(&f->expected[0][0], &f->expected[0][0]));
@@ -153,7 +153,7 @@ static void there_is_something_to_compare(void **state)
     assert_true(f->expected[1][0].report->refine_steps > 0);
 }
 
-static void threads_share_a_context(void **state)
+TEST(threads_share_a_context)
 {
     const fixture *f = *state;
     const uint64_t before = hada_context_bytes(f->context);
@@ -162,7 +162,7 @@ static void threads_share_a_context(void **state)
 }
 
 /* Here the threads also meet where programs are made: nothing is compiled yet. */
-static void threads_share_a_new_context(void **state)
+TEST(threads_share_a_new_context)
 {
     const fixture *f = *state;
     hada_context *context;
@@ -172,18 +172,9 @@ static void threads_share_a_new_context(void **state)
     hada_context_destroy(&context);
 }
 
-static void contexts_are_independent(void **state)
+TEST(contexts_are_independent)
 {
     run_threads(*state, NULL, 2);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(there_is_something_to_compare),
-        cmocka_unit_test(threads_share_a_context),
-        cmocka_unit_test(threads_share_a_new_context),
-        cmocka_unit_test(contexts_are_independent),
-    };
-    return cmocka_run_group_tests(tests, setup, teardown);
-}
+FIXTURE(setup, teardown)

@@ -101,9 +101,8 @@ static void expect_bytes(const bytes *b, hada_status status, const char *word)
     hada_image_destroy(&image);
 }
 
-static void directories_of_either_order_and_size(void **state)
+TEST(directories_of_either_order_and_size)
 {
-    (void)state;
     bytes b;
     for (int kind = 0; kind < 4; kind++) {
         const int order = kind & 1, big = kind >> 1, head = big ? 16 : 8;
@@ -148,9 +147,8 @@ static void directories_of_either_order_and_size(void **state)
 }
 
 /* What the finder of tags gives, which has no libtiff to check it. */
-static void tags_are_found_or_not(void **state)
+TEST(tags_are_found_or_not)
 {
-    (void)state;
     bytes b;
     uint64_t length = 0;
     put_head(&b, 0, 0, 8);
@@ -197,9 +195,8 @@ static hada_tiff_stack parse(const char *text, size_t pages)
     return stack;
 }
 
-static void imagej_says_how_pages_stand(void **state)
+TEST(imagej_says_how_pages_stand)
 {
-    (void)state;
     hada_tiff_stack s = parse("ImageJ=1.53\nimages=12\nchannels=2\nframes=3\n", 12); /* the slices can be told */
     assert_true(s.known && s.slices == 2 && s.channels == 2 && s.times == 3);
     assert_true(s.channel_step == 1 && s.slice_step == 2 && s.time_step == 4);
@@ -219,9 +216,8 @@ static void imagej_says_how_pages_stand(void **state)
 #define SIZES(c, z, t)       "SizeC=\"" c "\" SizeZ='" z "' SizeT=\"" t "\""
 #define END                  "</Pixels></Image></OME>"
 
-static void ome_says_how_pages_stand(void **state)
+TEST(ome_says_how_pages_stand)
 {
-    (void)state;
     hada_tiff_stack s = parse(PIXELS("XYTZC", SIZES("2", "3", "4")) END, 24);
     assert_true(s.known && s.time_step == 1 && s.slice_step == 4 && s.channel_step == 12 && !s.pages);
     s = parse("<ome:OME><Pixels DimensionOrder=\"XYCZT\" " SIZES("6", "1", "2") "><Channel SamplesPerPixel=\"3\"/>" END,
@@ -307,9 +303,8 @@ static void save_pages(const char *text, int pages, int wider)
 }
 
 /* Channels on pages of their own; the text stands behind our own words, so it is OME's. */
-static void channels_on_pages_are_one_frame(void **state)
+TEST(channels_on_pages_are_one_frame)
 {
-    (void)state;
     hada_tiff_reader *reader;
     hada_error err = {0};
     hada_image image;
@@ -334,9 +329,8 @@ static void channels_on_pages_are_one_frame(void **state)
 }
 
 /* Cut while it is open: an error, whatever page is asked for. */
-static void files_that_shrink_are_errors(void **state)
+TEST(files_that_shrink_are_errors)
 {
-    (void)state;
     hada_tiff_reader *reader;
     hada_error err = {0};
     hada_image image;
@@ -358,9 +352,8 @@ static void expect_write(int channels, const hada_tiff_write_options *options, h
     assert_false(io_exists(io_path("none.tif")));
 }
 
-static void what_cannot_be_written_is_said_before(void **state)
+TEST(what_cannot_be_written_is_said_before)
 {
-    (void)state;
     static const double scales[] = {0, -1, NAN};
     static const int channels[] = {0, -1, 4097};
     hada_tiff_write_options options;
@@ -408,9 +401,8 @@ static void what_cannot_be_written_is_said_before(void **state)
 }
 
 /* Pages that may outgrow 4 GiB begin as BigTIFF. */
-static void what_may_grow_is_big(void **state)
+TEST(what_may_grow_is_big)
 {
-    (void)state;
     hada_tiff_write_options options;
     hada_tiff_writer *writer;
     hada_image image, back;
@@ -432,9 +424,8 @@ static void what_may_grow_is_big(void **state)
 }
 
 /* The layout of a hyperstack beyond 4 GiB, in small: 600 images, more than a block of directories holds. */
-static void a_big_hyperstack_is_read_by_others(void **state)
+TEST(a_big_hyperstack_is_read_by_others)
 {
-    (void)state;
     enum { IMAGES = 600 };
     hada_tiff_write_options options;
     hada_tiff_text text;
@@ -476,16 +467,4 @@ static void a_big_hyperstack_is_read_by_others(void **state)
     hada_tiff_close(&reader);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(directories_of_either_order_and_size),  cmocka_unit_test(tags_are_found_or_not),
-        cmocka_unit_test(imagej_says_how_pages_stand),           cmocka_unit_test(ome_says_how_pages_stand),
-        cmocka_unit_test(channels_on_pages_are_one_frame),       cmocka_unit_test(files_that_shrink_are_errors),
-        cmocka_unit_test(what_cannot_be_written_is_said_before), cmocka_unit_test(what_may_grow_is_big),
-        cmocka_unit_test(a_big_hyperstack_is_read_by_others),
-    };
-    TIFFSetErrorHandler(NULL);
-    TIFFSetWarningHandler(NULL);
-    return cmocka_run_group_tests(tests, io_setup, io_teardown);
-}
+FIXTURE(io_setup, io_teardown)

@@ -68,9 +68,8 @@ static hada_status load(hada_image *image, hada_error *err)
     return hada_tiff_load(io_path("form.tif"), 0, image, err);
 }
 
-static void numbers_of_every_kind_are_read(void **state)
+TEST(numbers_of_every_kind_are_read)
 {
-    (void)state;
     static const int8_t signed8[COLS] = {-127, -1, 0, 1, 64, 127};
     static const int32_t signed32[COLS] = {-INT32_MAX, -1, 0, 1, 1 << 30, INT32_MAX};
     static const unsigned char twelve[] = {0x00, 0x0f, 0xff, 0x80, 0x01, 0x23, 0xab, 0xcd, 0xef};
@@ -116,9 +115,8 @@ static void numbers_of_every_kind_are_read(void **state)
 }
 
 /* Of grey and colours with alpha the alpha goes; further samples of grey are channels. */
-static void alpha_goes_and_channels_stay(void **state)
+TEST(alpha_goes_and_channels_stay)
 {
-    (void)state;
     static const unsigned char row[COLS * MOST_SAMPLES] = {10, 20, 30, 40};
     static const struct {
         form form;
@@ -148,9 +146,8 @@ static void alpha_goes_and_channels_stay(void **state)
     }
 }
 
-static void jpegs_of_cameras_are_read(void **state)
+TEST(jpegs_of_cameras_are_read)
 {
-    (void)state;
     unsigned char pixels[3 * COLS];
     const form colours = {.bits = 8, .samples = 3, .photometric = PHOTOMETRIC_YCBCR, .compression = COMPRESSION_JPEG};
     hada_error err = {0};
@@ -214,9 +211,8 @@ static void expect_tag(unsigned tag, uint32_t value, hada_status status, const c
     expect(status, word, what);
 }
 
-static void what_is_not_offered_is_named(void **state)
+TEST(what_is_not_offered_is_named)
 {
-    (void)state;
     static const struct {
         unsigned tag, value;
         const char *word;
@@ -250,9 +246,8 @@ static void what_is_not_offered_is_named(void **state)
 }
 
 /* Whatever this libtiff has: a codec that it lacks is refused by its name. */
-static void codecs_are_named(void **state)
+TEST(codecs_are_named)
 {
-    (void)state;
     static const struct {
         uint16_t code;
         const char *name;
@@ -267,9 +262,8 @@ static void codecs_are_named(void **state)
             expect_tag(TIFFTAG_COMPRESSION, codecs[i].code, HADA_ERROR_UNSUPPORTED, codecs[i].name);
 }
 
-static void resolutions_have_units(void **state)
+TEST(resolutions_have_units)
 {
-    (void)state;
     static const unsigned char row[COLS];
     static const double expected[] = {0, 100.0, 10000.0 / 254.0}; /* none, inch, centimetre: micrometres a pixel */
     for (unsigned unit = RESUNIT_NONE; unit <= RESUNIT_CENTIMETER; unit++) {
@@ -286,9 +280,8 @@ static void resolutions_have_units(void **state)
 }
 
 /* Masks and thumbnails, in words of either age, are no frames. */
-static void only_frames_count(void **state)
+TEST(only_frames_count)
 {
-    (void)state;
     static const unsigned char row[COLS];
     for (unsigned type = 1; type <= 4; type *= 2) {
         const form f = {.bits = 8, .samples = 1, .photometric = 1, .type = type};
@@ -304,9 +297,8 @@ static void only_frames_count(void **state)
 }
 
 /* ImageJ's one directory for many images: pixels that are not there, or strips that do not follow each other. */
-static void one_directory_for_many_images(void **state)
+TEST(one_directory_for_many_images)
 {
-    (void)state;
     static const unsigned char row[COLS];
     const form plain = {.bits = 8, .samples = 1, .photometric = 1};
     hada_error err = {0};
@@ -342,19 +334,4 @@ static void one_directory_for_many_images(void **state)
     free(data);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(numbers_of_every_kind_are_read),
-        cmocka_unit_test(alpha_goes_and_channels_stay),
-        cmocka_unit_test(jpegs_of_cameras_are_read),
-        cmocka_unit_test(what_is_not_offered_is_named),
-        cmocka_unit_test(codecs_are_named),
-        cmocka_unit_test(resolutions_have_units),
-        cmocka_unit_test(only_frames_count),
-        cmocka_unit_test(one_directory_for_many_images),
-    };
-    TIFFSetErrorHandler(NULL);
-    TIFFSetWarningHandler(NULL);
-    return cmocka_run_group_tests(tests, io_setup, io_teardown);
-}
+FIXTURE(io_setup, io_teardown)

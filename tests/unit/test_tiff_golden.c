@@ -47,9 +47,8 @@ static const golden_case cases[] = {
     {"ome.tif", 3, 2, 3, 1, 16, 257 / 65535.0},
 };
 
-static void test_pixels(void **state)
+TEST(test_pixels)
 {
-    (void)state;
     for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
         const golden_case *g = &cases[k];
         hada_error err = {0};
@@ -80,9 +79,8 @@ static void test_pixels(void **state)
     }
 }
 
-static void test_sizes_in_the_world(void **state)
+TEST(test_sizes_in_the_world)
 {
-    (void)state;
     const struct {
         const char *name;
         double pixel, spacing;
@@ -108,9 +106,8 @@ static void expect_refusal(const char *path, hada_status status, const char *wor
                  more);
 }
 
-static void test_refusals(void **state)
+TEST(test_refusals)
 {
-    (void)state;
     expect_refusal(io_golden("complex.tif"), HADA_ERROR_UNSUPPORTED, "complex", "modulus");
     expect_refusal(io_golden("grey_u1_jpegxl.tif"), HADA_ERROR_UNSUPPORTED, "JPEG XL", "deflate");
     expect_refusal(io_golden("missing.tif"), HADA_ERROR_FILE_OPEN, "No such file", "opened");
@@ -141,9 +138,8 @@ static void set_tag(unsigned char *data, size_t bytes, unsigned tag, uint32_t va
     fail_msg("tag %u is not in the file", tag);
 }
 
-static void test_absurd_sizes(void **state)
+TEST(test_absurd_sizes)
 {
-    (void)state;
     size_t bytes;
     for (int k = 0; k < 3; k++) {
         unsigned char *data = io_read_bytes(io_golden(k == 2 ? "grey_f4_deflate.tif" : "grey_u2.tif"), &bytes);
@@ -160,9 +156,8 @@ static void test_absurd_sizes(void **state)
 }
 
 /* A ring of directories must end. */
-static void test_ring(void **state)
+TEST(test_ring)
 {
-    (void)state;
     size_t bytes;
     unsigned char *data = io_read_bytes(io_golden("grey_u2.tif"), &bytes);
     uint32_t at;
@@ -201,9 +196,8 @@ static const char *const victims[] = {"imagej.tif",        "imagej_one_directory
                                       "pages_bigtiff.tif", "rgb_f4_tiles.tif",         "grey_u2_lzw.tif",
                                       "palette_u1.tif",    "pages_thumbnails.tif",     "grey_u1_packbits.tif"};
 
-static void test_truncated(void **state)
+TEST(test_truncated)
 {
-    (void)state;
     for (size_t k = 0; k < sizeof victims / sizeof victims[0]; k++) {
         size_t bytes;
         unsigned char *data = io_read_bytes(io_golden(victims[k]), &bytes);
@@ -218,9 +212,8 @@ static void test_truncated(void **state)
     }
 }
 
-static void test_flipped(void **state)
+TEST(test_flipped)
 {
-    (void)state;
     uint64_t random = 1;
     for (size_t k = 0; k < sizeof victims / sizeof victims[0]; k++) {
         size_t bytes;
@@ -239,13 +232,4 @@ static void test_flipped(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_pixels),   cmocka_unit_test(test_sizes_in_the_world),
-        cmocka_unit_test(test_refusals), cmocka_unit_test(test_absurd_sizes),
-        cmocka_unit_test(test_ring),     cmocka_unit_test(test_truncated),
-        cmocka_unit_test(test_flipped),
-    };
-    return cmocka_run_group_tests(tests, io_setup, io_teardown);
-}
+FIXTURE(io_setup, io_teardown)

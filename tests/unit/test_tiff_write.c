@@ -84,9 +84,8 @@ static void round_trip(int bits, hada_tiff_layout layout, int channels, int slic
     hada_tiff_close(&reader);
 }
 
-static void test_round_trips(void **state)
+TEST(test_round_trips)
 {
-    (void)state;
     const int bits[] = {8, 16, 32}, channels[] = {1, 2, 3, 5};
     for (int b = 0; b < 3; b++)
         for (int c = 0; c < 4; c++)
@@ -96,9 +95,8 @@ static void test_round_trips(void **state)
                                b == 1 ? 2.5 : 1);
 }
 
-static void test_stated_range(void **state)
+TEST(test_stated_range)
 {
-    (void)state;
     hada_image image;
     fill(&image, 3, 4, 4, 1);
     image.data[5] = -0.25f;
@@ -120,9 +118,8 @@ static void test_stated_range(void **state)
 }
 
 /* The same calls give the same bytes. */
-static void test_deterministic(void **state)
+TEST(test_deterministic)
 {
-    (void)state;
     hada_image image;
     fill(&image, 3, 9, 8, 3);
     for (int layout = 0; layout < 2; layout++) {
@@ -152,9 +149,8 @@ static long peak_kib(void)
 
 /* 400 pages of 256 KiB through one image: memory stays far below the file's 100 MiB, and page 400 costs what page 1
  * costs. */
-static void test_streaming(void **state)
+TEST(test_streaming)
 {
-    (void)state;
     enum { PAGES = 400 };
     long before = peak_kib();
     hada_image image;
@@ -186,9 +182,8 @@ static void test_streaming(void **state)
 #endif
 }
 
-static void test_mistakes(void **state)
+TEST(test_mistakes)
 {
-    (void)state;
     hada_error err = {0};
     hada_image image, other;
     fill(&image, 1, 4, 4, 1);
@@ -222,9 +217,8 @@ static void test_mistakes(void **state)
 }
 
 /* A disk that fills up, played by a limit on the size of files: an older file stays as it was, nothing else appears. */
-static void test_full_disk(void **state)
+TEST(test_full_disk)
 {
-    (void)state;
     struct rlimit old, small;
     hada_image image;
     fill(&image, 3, 300, 300, 1);
@@ -256,11 +250,4 @@ static void test_full_disk(void **state)
     hada_image_destroy(&image);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_streaming),     cmocka_unit_test(test_round_trips), cmocka_unit_test(test_stated_range),
-        cmocka_unit_test(test_deterministic), cmocka_unit_test(test_mistakes),    cmocka_unit_test(test_full_disk),
-    };
-    return cmocka_run_group_tests(tests, io_setup, io_teardown);
-}
+FIXTURE(io_setup, io_teardown)

@@ -3,9 +3,8 @@
 
 #include "trainer_fixture.h"
 
-static void going_on_gives_the_same_bits(void **state)
+TEST(going_on_gives_the_same_bits)
 {
-    (void)state;
     for (int devices = 1; devices <= 2; devices++)
         for (hada_stage stage = HADA_STAGE_FILTERS; stage <= HADA_STAGE_CONVENTIONAL; stage++) {
             hada_train_options options = options_of(stage);
@@ -32,9 +31,8 @@ static void going_on_gives_the_same_bits(void **state)
 }
 
 /* States stand on the devices that update their values: files hold them whole, and serve any number of devices. */
-static void devices_may_be_more_or_fewer(void **state)
+TEST(devices_may_be_more_or_fewer)
 {
-    (void)state;
     for (hada_stage stage = HADA_STAGE_ADVERSARIAL; stage <= HADA_STAGE_JOINT; stage++) {
         const hada_train_options options = options_of(stage);
         hada_trainer *one = make(&options, 1), *two = make(&options, 2);
@@ -64,9 +62,8 @@ static void devices_may_be_more_or_fewer(void **state)
     }
 }
 
-static void fewer_filters_at_once_give_the_same_bits(void **state)
+TEST(fewer_filters_at_once_give_the_same_bits)
 {
-    (void)state;
     for (int i = 0; i < 2; i++) {
         hada_train_options options = options_of(HADA_STAGE_FILTERS);
         options.at_once = i ? 1 : 4;
@@ -78,9 +75,8 @@ static void fewer_filters_at_once_give_the_same_bits(void **state)
     assert_true(same_files());
 }
 
-static void checkpoints_of_others_are_refused(void **state)
+TEST(checkpoints_of_others_are_refused)
 {
-    (void)state;
     hada_train_options options = options_of(HADA_STAGE_ENHANCE), other;
     hada_trainer *trainer = make(&options, 1);
     hada_error error = {0};
@@ -132,9 +128,8 @@ static void checkpoints_of_others_are_refused(void **state)
     hada_model_destroy(&flat);
 }
 
-static void damaged_checkpoints_are_refused(void **state)
+TEST(damaged_checkpoints_are_refused)
 {
-    (void)state;
     hada_train_options options = options_of(HADA_STAGE_ENHANCE);
     hada_trainer *trainer = make(&options, 1);
     hada_error error = {0};
@@ -185,9 +180,8 @@ static void rename_discriminator(const char *path)
     free(header);
 }
 
-static void checkpoints_of_older_versions_go_on(void **state)
+TEST(checkpoints_of_older_versions_go_on)
 {
-    (void)state;
     const hada_train_options options = options_of(HADA_STAGE_ADVERSARIAL);
     hada_trainer *trainer = make(&options, 1);
     steps(trainer, 2);
@@ -203,15 +197,4 @@ static void checkpoints_of_older_versions_go_on(void **state)
     hada_trainer_destroy(&trainer);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(going_on_gives_the_same_bits),
-        cmocka_unit_test(devices_may_be_more_or_fewer),
-        cmocka_unit_test(fewer_filters_at_once_give_the_same_bits),
-        cmocka_unit_test(checkpoints_of_others_are_refused),
-        cmocka_unit_test(damaged_checkpoints_are_refused),
-        cmocka_unit_test(checkpoints_of_older_versions_go_on),
-    };
-    return cmocka_run_group_tests(tests, setup, teardown);
-}
+FIXTURE(setup, teardown)

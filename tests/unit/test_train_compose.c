@@ -111,9 +111,8 @@ static void check_scene(int variant, int planes_only, uint64_t seed, seen *all)
     hada_image_destroy(&again);
 }
 
-static void light_is_moved_and_not_made(void **state)
+TEST(light_is_moved_and_not_made)
 {
-    (void)state;
     seen all = {0};
     for (uint64_t seed = 0; seed < 40; seed++)
         for (int variant = 1; variant <= HADA_COMPOSED_VARIANTS; variant++)
@@ -127,9 +126,8 @@ static void light_is_moved_and_not_made(void **state)
 }
 
 /* A net that shares light out is never shown the sum. */
-static void the_sum_may_be_left_out(void **state)
+TEST(the_sum_may_be_left_out)
 {
-    (void)state;
     seen all = {0};
     for (uint64_t seed = 0; seed < 20; seed++)
         for (int variant = 1; variant <= HADA_COMPOSED_VARIANTS; variant++)
@@ -138,9 +136,8 @@ static void the_sum_may_be_left_out(void **state)
     assert_true(all.others && all.between && all.dark);
 }
 
-static void variants_are_a_share_and_change_by_round(void **state)
+TEST(variants_are_a_share_and_change_by_round)
 {
-    (void)state;
     const hada_pairs pairs = pairs_of(NULL);
     const uint64_t total = hada_pairs_total(&pairs);
     int composed = 0, kinds[HADA_COMPOSED_VARIANTS + 1] = {0}, differ = 0;
@@ -159,9 +156,8 @@ static void variants_are_a_share_and_change_by_round(void **state)
         assert_true(kinds[variant] > 60);
 }
 
-static void a_pair_that_cannot_be_read_is_named(void **state)
+TEST(a_pair_that_cannot_be_read_is_named)
 {
-    (void)state;
     int broken = 1, failed = 0;
     const hada_pairs pairs = pairs_of(&broken);
     for (uint64_t seed = 0; seed < 20; seed++) {
@@ -193,9 +189,8 @@ static hada_status read_point(void *user, int depth, int pair, hada_image *raw, 
 }
 
 /* Two depths are the fewest, and a window may be a single pixel. */
-static void small_cameras_are_served(void **state)
+TEST(small_cameras_are_served)
 {
-    (void)state;
     static const int few[2] = {1, 0};
     const hada_pairs pairs = {sizeof pairs, 2, few, read_point, NULL};
     hada_model_info two = info;
@@ -211,16 +206,4 @@ static void small_cameras_are_served(void **state)
         hada_composed_free(&composed);
         hada_image_destroy(&scene);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(light_is_moved_and_not_made),
-        cmocka_unit_test(the_sum_may_be_left_out),
-        cmocka_unit_test(variants_are_a_share_and_change_by_round),
-        cmocka_unit_test(a_pair_that_cannot_be_read_is_named),
-        cmocka_unit_test(small_cameras_are_served),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -113,7 +113,7 @@ static double play(player *p, int net, int discriminator, double noise)
     return terms.discriminator;
 }
 
-static void blurred_is_told_from_sharp(void **state)
+TEST(blurred_is_told_from_sharp)
 {
     for (size_t i = 0; i < HADA_COUNT(names); i++) {
         player p;
@@ -150,7 +150,7 @@ static double sharpness(player *p, double noise)
     return ratio;
 }
 
-static void results_become_sharper(void **state)
+TEST(results_become_sharper)
 {
     const double noise = 0.05;
     player p;
@@ -179,11 +179,4 @@ static void results_become_sharper(void **state)
     hada_net_destroy(&net);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(blurred_is_told_from_sharp),
-        cmocka_unit_test(results_become_sharper),
-    };
-    return cmocka_run_group_tests(tests, train_open, train_close);
-}
+FIXTURE(train_open, train_close)

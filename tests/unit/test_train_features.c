@@ -5,10 +5,9 @@
 #include "runtime/profile.h"
 #include "train/features.h"
 
-static void a_store_keeps_what_fits(void **state)
+TEST(a_store_keeps_what_fits)
 {
     hada_features store;
-    (void)state;
     ASSERT_OK(hada_features_create(&store, 3, 10, 85, err));
     float *first = hada_features_room(&store, 1), *last = hada_features_room(&store, 3);
     assert_true(first && last && store.bytes == 80);
@@ -90,7 +89,7 @@ static void watch(const train_device *device, replica_run *run, int way, seen *o
     hada_replica_destroy(&replica);
 }
 
-static void steps_have_the_same_bits(void **state)
+TEST(steps_have_the_same_bits)
 {
     static const char *const names[] = {"grey, perceptual", "another size, perceptual"};
     for (size_t c = 0; c < HADA_COUNT(train_cases); c++) {
@@ -120,11 +119,4 @@ static void steps_have_the_same_bits(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_store_keeps_what_fits),
-        cmocka_unit_test(steps_have_the_same_bits),
-    };
-    return cmocka_run_group_tests(tests, train_open, train_close);
-}
+FIXTURE(train_open, train_close)

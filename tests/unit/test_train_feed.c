@@ -52,9 +52,8 @@ static hada_pairs pairs_of(source *from)
     return (hada_pairs){sizeof(hada_pairs), DEPTHS, counts, read_pair, from};
 }
 
-static void each_round_shows_every_pair_once(void **state)
+TEST(each_round_shows_every_pair_once)
 {
-    (void)state;
     source from = {.broken = -1};
     const hada_pairs pairs = pairs_of(&from);
     int same_place = 0, same_seed = 0, first[13] = {0};
@@ -107,9 +106,8 @@ static int find(const hada_image *image, float value)
     return i;
 }
 
-static void frames_and_scenes_move_together(void **state)
+TEST(frames_and_scenes_move_together)
 {
-    (void)state;
     const hada_augment augment = {.shift = 3};
     hada_image still = image_of(ROWS, COLS, 1.0f), small = image_of(WINDOW, WINDOW, 1.0f);
     int seen[7][7] = {{0}}, moved = 0;
@@ -140,9 +138,8 @@ static void frames_and_scenes_move_together(void **state)
     hada_image_destroy(&small);
 }
 
-static void flips_turn_both(void **state)
+TEST(flips_turn_both)
 {
-    (void)state;
     for (int allowed = 1; allowed < 4; allowed++) {
         const hada_augment augment = {.flips = allowed};
         hada_image still = image_of(ROWS, COLS, 1.0f), small = image_of(WINDOW, WINDOW, 1.0f);
@@ -168,9 +165,8 @@ static void flips_turn_both(void **state)
     }
 }
 
-static void noise_and_exposure_are_as_asked(void **state)
+TEST(noise_and_exposure_are_as_asked)
 {
-    (void)state;
     const hada_augment noisy = {.noise = 0.05}, brighter = {.exposure = 0.25};
     hada_image still = image_of(ROWS, COLS, 1.0f);
     double sum = 0.0, square = 0.0, low = 9.0, high = 0.0;
@@ -207,9 +203,8 @@ static void noise_and_exposure_are_as_asked(void **state)
     hada_image_destroy(&still);
 }
 
-static void planes_flip_with_their_scenes(void **state)
+TEST(planes_flip_with_their_scenes)
 {
-    (void)state;
     const hada_augment augment = {.plane_flips = 3};
     int changed = 0;
     for (uint64_t place = 0; place < 40; place++) {
@@ -223,9 +218,8 @@ static void planes_flip_with_their_scenes(void **state)
     assert_in_range(changed, 20, 38); /* three of four */
 }
 
-static void the_feed_keeps_its_order_and_its_bounds(void **state)
+TEST(the_feed_keeps_its_order_and_its_bounds)
 {
-    (void)state;
     source from = {.broken = -1, .whole = 1};
     const hada_pairs pairs = pairs_of(&from);
     hada_feed_desc desc = {
@@ -260,9 +254,8 @@ static void the_feed_keeps_its_order_and_its_bounds(void **state)
     assert_null(feed);
 }
 
-static void a_bad_pair_is_named_when_its_turn_comes(void **state)
+TEST(a_bad_pair_is_named_when_its_turn_comes)
 {
-    (void)state;
     source from = {.broken = 6};
     const hada_pairs pairs = pairs_of(&from);
     const hada_feed_desc desc = {.pairs = &pairs, .info = &info, .seed = 5, .ahead = 2};
@@ -295,9 +288,8 @@ static hada_status read_wrong(void *user, int depth, int pair, hada_image *raw, 
     return HADA_OK;
 }
 
-static void pairs_that_do_not_fit_are_refused(void **state)
+TEST(pairs_that_do_not_fit_are_refused)
 {
-    (void)state;
     static const char *const words[] = {"", "1 channel", "6 x 7", "1 pixels are NaN"};
     static const int one[DEPTHS] = {1, 0, 0};
     for (int kind = 1; kind <= 3; kind++) {
@@ -312,9 +304,8 @@ static void pairs_that_do_not_fit_are_refused(void **state)
     }
 }
 
-static void changes_that_make_no_sense_are_refused(void **state)
+TEST(changes_that_make_no_sense_are_refused)
 {
-    (void)state;
     hada_model_info padded = info, odd = info;
     padded.boundary = HADA_BOUNDARY_PADDED;
     odd.window_cols = 5;
@@ -342,9 +333,8 @@ static int everything_known(void *user, int depth, int pair, int variant)
     return depth == 2 || pair > 2;
 }
 
-static void what_is_known_is_not_read(void **state)
+TEST(what_is_known_is_not_read)
 {
-    (void)state;
     source from = {.broken = 6};
     const hada_pairs pairs = pairs_of(&from);
     const hada_feed_desc desc = {.pairs = &pairs, .info = &info, .ahead = 1, .known = everything_known};
@@ -357,21 +347,4 @@ static void what_is_known_is_not_read(void **state)
     }
     hada_feed_destroy(&feed);
     assert_in_range(from.reads, 6, 7);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(each_round_shows_every_pair_once),
-        cmocka_unit_test(frames_and_scenes_move_together),
-        cmocka_unit_test(flips_turn_both),
-        cmocka_unit_test(noise_and_exposure_are_as_asked),
-        cmocka_unit_test(planes_flip_with_their_scenes),
-        cmocka_unit_test(the_feed_keeps_its_order_and_its_bounds),
-        cmocka_unit_test(a_bad_pair_is_named_when_its_turn_comes),
-        cmocka_unit_test(pairs_that_do_not_fit_are_refused),
-        cmocka_unit_test(changes_that_make_no_sense_are_refused),
-        cmocka_unit_test(what_is_known_is_not_read),
-    };
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -69,7 +69,7 @@ static void case_free(train_case *c)
     free(c->discriminator_values);
 }
 
-static void gradients_are_the_references(void **state)
+TEST(gradients_are_the_references)
 {
     for (size_t i = 0; i < HADA_COUNT(cases); i++) {
         hada_model *model = model_of(&cases[i]);
@@ -104,9 +104,8 @@ static void gradients_are_the_references(void **state)
     }
 }
 
-static void the_reference_is_the_difference(void **state)
+TEST(the_reference_is_the_difference)
 {
-    (void)state;
     for (size_t i = 0; i < HADA_COUNT(cases); i++) {
         hada_model *model = model_of(&cases[i]);
         const hada_train_options options = train_options(HADA_STAGE_FILTERS);
@@ -131,7 +130,7 @@ static void the_reference_is_the_difference(void **state)
 }
 
 /* One call with three pairs, three with one each, and the first again: the same bits. */
-static void pieces_give_the_same_bits(void **state)
+TEST(pieces_give_the_same_bits)
 {
     hada_model *model = model_of(&cases[2]);
     const hada_train_options options = train_options(HADA_STAGE_FILTERS);
@@ -160,7 +159,7 @@ static void pieces_give_the_same_bits(void **state)
 }
 
 /* Random starts belong to the seed; values, gradients and state come back as they were written. */
-static void starts_and_contents(void **state)
+TEST(starts_and_contents)
 {
     hada_model *model = model_of(&cases[0]);
     hada_train_options options = train_options(HADA_STAGE_FILTERS);
@@ -201,7 +200,7 @@ static void starts_and_contents(void **state)
 
 /* Scenes that a known filter makes of the frames: training from a random start finds a filter that does the same, by
  * each rule; `forward` shows it, clipped. */
-static void random_starts_converge(void **state)
+TEST(random_starts_converge)
 {
     for (int run = 0; run < 4; run++) {
         hada_model *model = train_model(1, 12, 14, 8, 10, 0, run & 1);
@@ -251,7 +250,7 @@ static void random_starts_converge(void **state)
     }
 }
 
-static void what_does_not_fit_is_refused(void **state)
+TEST(what_does_not_fit_is_refused)
 {
     train_device *device = *state;
     hada_model *model = model_of(&cases[1]);
@@ -297,12 +296,4 @@ static void what_does_not_fit_is_refused(void **state)
     hada_model_destroy(&model);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(gradients_are_the_references), cmocka_unit_test(the_reference_is_the_difference),
-        cmocka_unit_test(pieces_give_the_same_bits),    cmocka_unit_test(starts_and_contents),
-        cmocka_unit_test(random_starts_converge),       cmocka_unit_test(what_does_not_fit_is_refused),
-    };
-    return cmocka_run_group_tests(tests, train_open, train_close);
-}
+FIXTURE(train_open, train_close)

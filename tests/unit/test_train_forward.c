@@ -5,7 +5,7 @@
 #include "train_run.h"
 
 /* What reconstruction makes of the same plane, bit for bit, also after the weights were changed. */
-static void forward_is_the_enhancement(void **state)
+TEST(forward_is_the_enhancement)
 {
     static const int which[] = {0, 1, 2, 9};
     train_device *device = *state;
@@ -50,7 +50,7 @@ static void forward_is_the_enhancement(void **state)
 }
 
 /* Joint: what the model with that net reconstructs, bit for bit. */
-static void forward_is_the_reconstruction(void **state)
+TEST(forward_is_the_reconstruction)
 {
     train_device *device = *state;
     static const int listed[] = {1};
@@ -87,7 +87,7 @@ static void forward_is_the_reconstruction(void **state)
 }
 
 /* Dropout draws by the step, and nothing is dropped where the net is only looked at. */
-static void dropout_follows_the_step(void **state)
+TEST(dropout_follows_the_step)
 {
     static const char text[] = "{\"format\": \"hadalens-net-1\", \"layers\": [{\"layer\": \"input\", \"channels\": 2},"
                                "{\"layer\": \"conv\", \"name\": \"a\", \"channels\": 8, \"activation\": \"relu\"},"
@@ -113,7 +113,7 @@ static void dropout_follows_the_step(void **state)
     run_free(&run);
 }
 
-static void nets_that_do_not_fit_are_refused(void **state)
+TEST(nets_that_do_not_fit_are_refused)
 {
     train_device *device = *state;
     replica_run run;
@@ -137,13 +137,4 @@ static void nets_that_do_not_fit_are_refused(void **state)
     run_free(&run);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(forward_is_the_enhancement),
-        cmocka_unit_test(forward_is_the_reconstruction),
-        cmocka_unit_test(dropout_follows_the_step),
-        cmocka_unit_test(nets_that_do_not_fit_are_refused),
-    };
-    return cmocka_run_group_tests(tests, train_open, train_close);
-}
+FIXTURE(train_open, train_close)

@@ -40,7 +40,7 @@ static hada_model *model_of(hada_context *context, const planes_case *c, hada_im
 
 static const hada_composed as_captured = {0};
 
-static void planes_are_those_of_a_plan(void **state)
+TEST(planes_are_those_of_a_plan)
 {
     train_device *device = *state;
     hada_image psfs[DEPTHS], scene = small_scene(CHANNELS, WINDOW_ROWS, WINDOW_COLS, 1);
@@ -190,7 +190,7 @@ static void check_composed(const train_device *device, const hada_model *model, 
     hada_image_destroy((hada_image *)&scene);
 }
 
-static void composed_frames_are_those_of_their_scene(void **state)
+TEST(composed_frames_are_those_of_their_scene)
 {
     static const planes_case how[] = {
         {0, 8, 0, 0.0, 3e-3}, {1, 5, 0, 0.01, 1e-3}, {0, 4, 1, -1.0, 0}, {1, 0, 0, 0.0, 0}};
@@ -207,7 +207,7 @@ static void composed_frames_are_those_of_their_scene(void **state)
         hada_image_destroy(&psfs[z]);
 }
 
-static void what_does_not_fit_is_refused(void **state)
+TEST(what_does_not_fit_is_refused)
 {
     train_device *device = *state;
     hada_model *model = train_model(1, 12, 14, 8, 10, 0, 0);
@@ -228,12 +228,4 @@ static void what_does_not_fit_is_refused(void **state)
     hada_model_destroy(&model);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(planes_are_those_of_a_plan),
-        cmocka_unit_test(composed_frames_are_those_of_their_scene),
-        cmocka_unit_test(what_does_not_fit_is_refused),
-    };
-    return cmocka_run_group_tests(tests, train_open, train_close);
-}
+FIXTURE(train_open, train_close)

@@ -68,10 +68,9 @@ static void train_together(const hada_train_options *options, int network, doubl
     hada_team_destroy(&team);
 }
 
-static void ranks_train_as_one(void **state)
+TEST(ranks_train_as_one)
 {
     static const hada_stage stages[] = {HADA_STAGE_ENHANCE, HADA_STAGE_JOINT};
-    (void)state;
     for (size_t i = 0; i < sizeof stages / sizeof *stages; i++) {
         const hada_train_options options = options_of(stages[i]);
         hada_step_report report = {.size = sizeof report};
@@ -87,8 +86,4 @@ static void ranks_train_as_one(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(ranks_train_as_one)};
-    return cmocka_run_group_tests(tests, setup, teardown);
-}
+FIXTURE(setup, teardown)

@@ -52,7 +52,7 @@ static void check_group(hada_replica *replica, const train_case *c, int group, d
     free(gradient);
 }
 
-static void gradients_are_differences(void **state)
+TEST(gradients_are_differences)
 {
     for (size_t i = 0; i < HADA_COUNT(train_cases); i++) {
         replica_run run;
@@ -82,7 +82,7 @@ static void gradients_are_differences(void **state)
 }
 
 /* Fewer samples than the replica was made for: those that are missing count nothing. */
-static void fewer_samples_count_alone(void **state)
+TEST(fewer_samples_count_alone)
 {
     static const int which[] = {2, 4, 5, 6, 8};
     for (size_t i = 0; i < HADA_COUNT(which); i++) {
@@ -119,7 +119,7 @@ static double distance(const float *a, const float *b, size_t count)
 }
 
 /* All at once twice, with less kept, and one by one. */
-static void pieces_and_recomputing(void **state)
+TEST(pieces_and_recomputing)
 {
     replica_case without_norm = train_cases[7];
     float *gradients[2][4];
@@ -161,7 +161,7 @@ static void pieces_and_recomputing(void **state)
 }
 
 /* Steps of the discriminator alone leave the net's gradient as it is, and give its own as other steps do. */
-static void the_discriminator_alone(void **state)
+TEST(the_discriminator_alone)
 {
     replica_run run;
     hada_terms both, alone;
@@ -189,7 +189,7 @@ static void the_discriminator_alone(void **state)
 }
 
 /* Norms are those of the gradients; an update is the optimiser's, on the gradient times the scale. */
-static void norms_and_updates(void **state)
+TEST(norms_and_updates)
 {
     replica_run run;
     hada_terms terms;
@@ -236,7 +236,7 @@ static float *gradient_of(hada_replica *replica, const hada_sample *samples, int
 }
 
 /* A sample's weight is that of its gradient; terms are shown without it. */
-static void weights_are_of_the_gradient(void **state)
+TEST(weights_are_of_the_gradient)
 {
     static const int which[] = {2, 5};
     for (size_t i = 0; i < HADA_COUNT(which); i++) {
@@ -271,12 +271,4 @@ static void weights_are_of_the_gradient(void **state)
     }
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(gradients_are_differences), cmocka_unit_test(fewer_samples_count_alone),
-        cmocka_unit_test(pieces_and_recomputing),    cmocka_unit_test(the_discriminator_alone),
-        cmocka_unit_test(norms_and_updates),         cmocka_unit_test(weights_are_of_the_gradient),
-    };
-    return cmocka_run_group_tests(tests, train_open, train_close);
-}
+FIXTURE(train_open, train_close)

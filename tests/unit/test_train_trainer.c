@@ -6,9 +6,8 @@
 
 #include "trainer_fixture.h"
 
-static void every_stage_learns(void **state)
+TEST(every_stage_learns)
 {
-    (void)state;
     /* dB on held-out pairs: filters and the conventional net against their start, the others against the planes before
      * the net, which the discriminator leads away from */
     static const double better[] = {0.0, 15.0, 1.0, -8.0, 1.0, 3.0};
@@ -48,9 +47,8 @@ static void every_stage_learns(void **state)
     }
 }
 
-static void new_nets_start_with_the_planes(void **state)
+TEST(new_nets_start_with_the_planes)
 {
-    (void)state;
     hada_train_options options = options_of(HADA_STAGE_ENHANCE);
     hada_validation result = {.size = sizeof result};
     options.net_given = NULL;
@@ -68,9 +66,8 @@ static void new_nets_start_with_the_planes(void **state)
 
 /* Scenes of several depths are made of pairs, to learn from and to validate with, and have the same bits on any devices
  * and whatever is kept. */
-static void scenes_of_several_depths_are_learned(void **state)
+TEST(scenes_of_several_depths_are_learned)
 {
-    (void)state;
     hada_validation first = {.size = sizeof first}, last = {.size = sizeof last}, other = {.size = sizeof other};
     hada_train_options options = options_of(HADA_STAGE_ENHANCE);
     options.compose = 0.5;
@@ -105,9 +102,8 @@ static void scenes_of_several_depths_are_learned(void **state)
 
 /* A new net sees what the other planes of a scene hold; it begins with the planes all the same, follows into the
  * adversarial stage, and reconstruction takes it. */
-static void new_nets_see_the_other_planes(void **state)
+TEST(new_nets_see_the_other_planes)
 {
-    (void)state;
     hada_train_options options = options_of(HADA_STAGE_ENHANCE);
     hada_validation result = {.size = sizeof result};
     hada_model *model;
@@ -148,9 +144,8 @@ static void new_nets_see_the_other_planes(void **state)
 }
 
 /* As one that learns from scenes of several depths alone does: the model keeps that, and other stages refuse it. */
-static void a_net_may_only_share_light_out(void **state)
+TEST(a_net_may_only_share_light_out)
 {
-    (void)state;
     hada_train_options options = options_of(HADA_STAGE_ENHANCE);
     hada_validation result = {.size = sizeof result};
     hada_model *model;
@@ -203,9 +198,8 @@ static void a_net_may_only_share_light_out(void **state)
     hada_model_destroy(&model);
 }
 
-static void composing_that_makes_no_sense_is_refused(void **state)
+TEST(composing_that_makes_no_sense_is_refused)
 {
-    (void)state;
     hada_trainer *trainer;
     hada_error error = {0};
     hada_train_options options = options_of(HADA_STAGE_JOINT);
@@ -235,9 +229,8 @@ static float *values_of(const hada_trainer *trainer, int worker, int group, size
     return values;
 }
 
-static void two_devices_share_a_step(void **state)
+TEST(two_devices_share_a_step)
 {
-    (void)state;
     hada_unet_options unet;
     hada_net *normed;
     hada_unet_options_init(&unet);
@@ -282,9 +275,8 @@ static void two_devices_share_a_step(void **state)
     hada_net_destroy(&normed);
 }
 
-static void broken_numbers_are_rolled_back(void **state)
+TEST(broken_numbers_are_rolled_back)
 {
-    (void)state;
     for (int devices = 1; devices <= 2; devices++) {
         hada_train_options options = options_of(HADA_STAGE_JOINT);
         hada_step_report report = {.size = sizeof report};
@@ -327,9 +319,8 @@ static void broken_numbers_are_rolled_back(void **state)
     }
 }
 
-static void a_rate_that_is_too_high_is_halved(void **state)
+TEST(a_rate_that_is_too_high_is_halved)
 {
-    (void)state;
     hada_train_options options = options_of(HADA_STAGE_ENHANCE);
     hada_step_report report = {.size = sizeof report};
     options.rule = HADA_RULE_ADAM;
@@ -351,9 +342,8 @@ static void a_rate_that_is_too_high_is_halved(void **state)
     hada_trainer_destroy(&trainer);
 }
 
-static void pairs_are_read_once_where_nothing_changes_them(void **state)
+TEST(pairs_are_read_once_where_nothing_changes_them)
 {
-    (void)state;
     hada_train_options options = options_of(HADA_STAGE_ENHANCE);
     f.reads = 0;
     hada_trainer *trainer = make(&options, 1);
@@ -363,11 +353,10 @@ static void pairs_are_read_once_where_nothing_changes_them(void **state)
 }
 
 /* Kept features rest on that: a number stands for one scene, flipped in one way. */
-static void scenes_have_numbers(void **state)
+TEST(scenes_have_numbers)
 {
     enum { MOST = DEPTHS * PAIRS * HADA_FLIPPED_WAYS };
     hada_image known[MOST + 1] = {{0}};
-    (void)state;
     for (int changing = 0; changing < 2; changing++) {
         hada_train_options options = options_of(HADA_STAGE_ENHANCE);
         int numbers = 0;
@@ -395,9 +384,8 @@ static void scenes_have_numbers(void **state)
         hada_image_destroy(&known[i]);
 }
 
-static void stages_follow_one_another(void **state)
+TEST(stages_follow_one_another)
 {
-    (void)state;
     hada_train_options options = options_of(HADA_STAGE_ENHANCE);
     hada_trainer *trainer = make(&options, 1);
     hada_model *enhanced, *joint;
@@ -440,9 +428,8 @@ static void stages_follow_one_another(void **state)
     hada_net_destroy(&net);
 }
 
-static void options_that_make_no_sense_are_refused(void **state)
+TEST(options_that_make_no_sense_are_refused)
 {
-    (void)state;
     static const char *const words[] = {"at least one step",   "1 to 4096",     "rates are above 0",
                                         "not below 0",         "no stage",      "a random start",
                                         "half pixels|0 to 23", "all losses",    "no pair to learn",
@@ -479,22 +466,4 @@ static void options_that_make_no_sense_are_refused(void **state)
     hada_trainer_destroy(&trainer);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_stage_learns),
-        cmocka_unit_test(new_nets_start_with_the_planes),
-        cmocka_unit_test(scenes_of_several_depths_are_learned),
-        cmocka_unit_test(new_nets_see_the_other_planes),
-        cmocka_unit_test(a_net_may_only_share_light_out),
-        cmocka_unit_test(composing_that_makes_no_sense_is_refused),
-        cmocka_unit_test(two_devices_share_a_step),
-        cmocka_unit_test(broken_numbers_are_rolled_back),
-        cmocka_unit_test(a_rate_that_is_too_high_is_halved),
-        cmocka_unit_test(pairs_are_read_once_where_nothing_changes_them),
-        cmocka_unit_test(scenes_have_numbers),
-        cmocka_unit_test(stages_follow_one_another),
-        cmocka_unit_test(options_that_make_no_sense_are_refused),
-    };
-    return cmocka_run_group_tests(tests, setup, teardown);
-}
+FIXTURE(setup, teardown)

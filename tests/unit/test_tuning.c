@@ -42,9 +42,8 @@ static const hada_conv_desc desc = {.images = 1,
                                     .pad_cols = 1,
                                     .activation = HADA_ACTIVATION_RELU};
 
-static void wrong_rows_are_refused_by_line(void **state)
+TEST(wrong_rows_are_refused_by_line)
 {
-    (void)state;
     static const struct {
         const char *row, *word;
     } wrong[] = {
@@ -106,7 +105,7 @@ static void serves(const char *text, const char *expected)
 }
 
 /* Rows for both sizes of blocks: one of them fits the device. */
-static void rows_are_honoured(void **state)
+TEST(rows_are_honoured)
 {
     const net_device *device = *state;
     if (device->context->shape == HADA_SHAPE_GROUPS)
@@ -140,7 +139,7 @@ static void rows_are_honoured(void **state)
     remove(file);
 }
 
-static void rows_that_cannot_serve_are_refused_by_line(void **state)
+TEST(rows_that_cannot_serve_are_refused_by_line)
 {
     const net_device *device = *state;
     if (device->context->shape == HADA_SHAPE_GROUPS)
@@ -199,7 +198,7 @@ static void look(void *user, const char *variant, float *values, size_t count)
 }
 
 /* One wrong value of one variant is enough, as is one that is no number. */
-static void wrong_variants_are_left_out(void **state)
+TEST(wrong_variants_are_left_out)
 {
     const net_device *device = *state;
     static const float values[] = {17.0f, NAN};
@@ -223,7 +222,7 @@ static void wrong_variants_are_left_out(void **state)
     assert_int_equal(row.refused, s.count);
 }
 
-static void nothing_is_wrong_by_itself(void **state)
+TEST(nothing_is_wrong_by_itself)
 {
     const net_device *device = *state;
     hada_tune_conv_row row = small_row();
@@ -241,7 +240,7 @@ static void nothing_is_wrong_by_itself(void **state)
 }
 
 /* Each variant, written to a file and read by a context of its own, is what it was, and gives the same values. */
-static void variants_survive_the_file(void **state)
+TEST(variants_survive_the_file)
 {
     const net_device *device = *state;
     hada_conv_plan plan;
@@ -275,7 +274,7 @@ static void variants_survive_the_file(void **state)
 }
 
 /* A net under a file of other choices gives the same image within the stated errors. */
-static void a_tuned_net_gives_the_same(void **state)
+TEST(a_tuned_net_gives_the_same)
 {
     const net_device *device = *state;
     enum { SIZE = 48 };
@@ -318,14 +317,13 @@ static void a_tuned_net_gives_the_same(void **state)
 }
 
 /* Two tuners that write one file at once lose no row of each other. */
-static void rows_of_two_processes_all_stay(void **state)
+TEST(rows_of_two_processes_all_stay)
 {
     enum { ROWS_EACH = 25, PROCESSES = 2 };
     pid_t child[PROCESSES];
     hada_context *context;
     hada_error error = {0};
     int count = 0, result;
-    (void)state;
     ASSERT_OK(open_with("", &context, &error));
     for (int p = 0; p < PROCESSES; p++) {
         child[p] = fork();
@@ -352,14 +350,10 @@ static void rows_of_two_processes_all_stay(void **state)
     remove(file);
 }
 
-int main(void)
+static int set_up(void **state)
 {
     snprintf(file, sizeof file, "/tmp/hadalens-tuning-%ld", (long)getpid());
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(wrong_rows_are_refused_by_line), cmocka_unit_test(rows_are_honoured),
-        cmocka_unit_test(rows_of_two_processes_all_stay), cmocka_unit_test(rows_that_cannot_serve_are_refused_by_line),
-        cmocka_unit_test(wrong_variants_are_left_out),    cmocka_unit_test(nothing_is_wrong_by_itself),
-        cmocka_unit_test(variants_survive_the_file),      cmocka_unit_test(a_tuned_net_gives_the_same),
-    };
-    return cmocka_run_group_tests(tests, net_device_open, net_device_close);
+    return net_device_open(state);
 }
+
+FIXTURE(set_up, net_device_close)

@@ -14,9 +14,8 @@ static void fill(float *values, size_t count, float scale, unsigned first)
         values[i] = (float)((first + i) % NUMBERS) / scale;
 }
 
-static void stores_what_cameras_store(void **state)
+TEST(stores_what_cameras_store)
 {
-    (void)state;
     static const struct {
         float scale;
         size_t count;
@@ -37,9 +36,8 @@ static void stores_what_cameras_store(void **state)
     }
 }
 
-static void keeps_what_is_no_such_number(void **state)
+TEST(keeps_what_is_no_such_number)
 {
-    (void)state;
     static const float odd[] = {-0.0f, -1.0f / 255.0f, 1.5f, 0.3f, 70000.0f, 1e30f, 1e-30f, INFINITY, NAN};
     static float values[4096], out[4096];
     for (size_t k = 0; k < HADA_COUNT(odd); k++) {
@@ -67,9 +65,8 @@ static void send(hada_hadamard *stage, const float *frame, size_t count, size_t 
     assert_memory_equal(got, frame, count * sizeof *got);
 }
 
-static void gives_the_device_the_same_bits(void **state)
+TEST(gives_the_device_the_same_bits)
 {
-    (void)state;
     static const int sides[][2] = {{256, 256}, {1, 1}, {3, 5}, {17, 31}};
     static float frame[NUMBERS], got[NUMBERS];
     hada_context *context;
@@ -104,12 +101,4 @@ static void gives_the_device_the_same_bits(void **state)
         hada_slot_destroy(&slot);
     }
     hada_context_destroy(&context);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {cmocka_unit_test(stores_what_cameras_store),
-                                       cmocka_unit_test(keeps_what_is_no_such_number),
-                                       cmocka_unit_test(gives_the_device_the_same_bits)};
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -21,4 +21,40 @@
             fail_msg("%s: %s: %s", #call, hada_status_name(assert_ok_status), err->message);                           \
     } while (0)
 
+/* A test, which belongs to the group named after its file: in test_fit.c, `unit fit` runs TEST(name) { ... }. Tests run
+ * in the order of the file; *state is what the group's fixture put there. */
+#define TEST(name)                                                                                                     \
+    static void name(void **state);                                                                                    \
+    __attribute__((constructor)) static void add_##name(void)                                                          \
+    {                                                                                                                  \
+        unit_add_test(__FILE__, #name, name);                                                                          \
+    }                                                                                                                  \
+    static void name(__attribute__((unused)) void **state)
+
+/* What runs before the first and after the last test of the file's group, and what runs around each of them. */
+#define FIXTURE(set_up, tear_down)                                                                                     \
+    __attribute__((constructor)) static void fixture_of_group(void)                                                    \
+    {                                                                                                                  \
+        unit_set_fixture(__FILE__, set_up, tear_down);                                                                 \
+    }
+#define FIXTURE_OF_EACH(set_up, tear_down)                                                                             \
+    __attribute__((constructor)) static void fixture_of_each(void)                                                     \
+    {                                                                                                                  \
+        unit_set_fixture_of_each(__FILE__, set_up, tear_down);                                                         \
+    }
+
+/* Runs some tests of the file once more with another fixture. */
+#define AGAIN(set_up, tear_down, ...)                                                                                  \
+    __attribute__((constructor)) static void again_##set_up(void)                                                      \
+    {                                                                                                                  \
+        static const CMUnitTestFunction tests[] = {__VA_ARGS__};                                                       \
+        unit_run_again(__FILE__, tests, sizeof tests / sizeof *tests, set_up, tear_down);                              \
+    }
+
+void unit_add_test(const char *file, const char *name, CMUnitTestFunction test);
+void unit_set_fixture(const char *file, CMFixtureFunction set_up, CMFixtureFunction tear_down);
+void unit_set_fixture_of_each(const char *file, CMFixtureFunction set_up, CMFixtureFunction tear_down);
+void unit_run_again(const char *file, const CMUnitTestFunction *tests, size_t count, CMFixtureFunction set_up,
+                    CMFixtureFunction tear_down);
+
 #endif

@@ -34,6 +34,22 @@ hada_status hada_input_open(int *out, size_t *bytes, const char *path, int *code
     return HADA_OK;
 }
 
+int hada_read_at(int fd, void *out, size_t bytes, uint64_t offset)
+{
+    char *to = out;
+    while (bytes) {
+        ssize_t done = pread(fd, to, bytes < ((size_t)1 << 30) ? bytes : (size_t)1 << 30, (off_t)offset);
+        if (done < 0 && errno == EINTR)
+            continue;
+        if (done <= 0)
+            return -1;
+        to += done;
+        offset += (uint64_t)done;
+        bytes -= (size_t)done;
+    }
+    return 0;
+}
+
 /* As much as there is, up to `room`; -1 on failure. */
 static ssize_t read_up_to(int fd, char *to, size_t room)
 {

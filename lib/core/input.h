@@ -4,6 +4,7 @@
 #define HADA_CORE_INPUT_H
 
 #include <stddef.h>
+#include <stdint.h>
 #include <sys/stat.h>
 
 #include "core/error.h"
@@ -12,6 +13,9 @@
  * NULL, is the reason of the system (ENOENT where there is nothing), 0 where it gave none. Messages do not name the
  * path. */
 hada_status hada_input_open(int *fd, size_t *bytes, const char *path, int *code, hada_error *err);
+
+/* Reads exactly `bytes` at an offset; 0 on success. */
+int hada_read_at(int fd, void *out, size_t bytes, uint64_t offset);
 
 /* A whole file of at most `most` bytes with a NUL behind it, to be freed; HADA_ERROR_FILE_FORMAT for longer ones. */
 hada_status hada_input_read(char **text, size_t *bytes, const char *path, size_t most, int *code, hada_error *err);

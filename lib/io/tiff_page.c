@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "core/alloc.h"
+#include "core/input.h"
 #include "io/safetensors.h"
 
 #define LARGEST_SIDE   (1 << 24)
@@ -399,22 +400,6 @@ void hada_tiff_page_convert(const hada_tiff_page *page, void *raw, int swapped, 
 }
 
 enum { TAG_SUBFILE = 254, TAG_OLD_SUBFILE = 255 };
-
-int hada_read_at(int fd, void *out, size_t bytes, uint64_t offset)
-{
-    char *to = out;
-    while (bytes) {
-        ssize_t done = pread(fd, to, bytes < ((size_t)1 << 30) ? bytes : (size_t)1 << 30, (off_t)offset);
-        if (done < 0 && errno == EINTR)
-            continue;
-        if (done <= 0)
-            return -1;
-        to += done;
-        offset += (uint64_t)done;
-        bytes -= (size_t)done;
-    }
-    return 0;
-}
 
 /* An unsigned number of `bytes` bytes in the file's order. */
 static uint64_t number(const hada_tiff_chain *chain, const unsigned char *from, int bytes)

@@ -27,9 +27,6 @@ void hada_tiff_chain_free(hada_tiff_chain *chain);
  * directory has no such tag. */
 uint64_t hada_tiff_chain_find(const hada_tiff_chain *chain, int fd, uint64_t directory, unsigned tag, uint64_t *bytes);
 
-/* pread() of exactly `bytes`; 0 on success. */
-int hada_read_at(int fd, void *out, size_t bytes, uint64_t offset);
-
 /* An open file of libtiff. Its messages go to this handle, never to the process's handlers or the terminal. Files are
  * read and written through our own file descriptors, which keeps the operating system's reason for a failure. */
 typedef struct hada_tiff_handle {

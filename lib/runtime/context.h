@@ -11,7 +11,7 @@
 
 #include "core/error.h"
 
-/* What the library does differently on a device; filled from the table in quirks.c. */
+/* What the library does differently on a device; filled from the table in devices.c. */
 typedef struct hada_quirks {
     const char *build_options;   /* extra options for every program */
     unsigned own_disk_cache : 1; /* the driver caches programs well itself: keep ours off */

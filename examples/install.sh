@@ -1,4 +1,4 @@
-# Installs what is missing, from Debian or Ubuntu. To be sourced: hadalens_install [tests|oracle|budget|python|mpi|imagej|napari|devices|packages|cluster|lint|memcheck]
+# Installs what is missing, from Debian or Ubuntu. To be sourced: hadalens_install [tests|oracle|budget|python|mpi|imagej|napari|devices|packages|cluster|lint|memcheck|docs]
 # What is there already is left alone; with nothing missing, nothing is asked.
 hadalens_install() {
     local packages="gcc libc6-dev cmake ninja-build pkg-config python3 ocl-icd-opencl-dev libclfft-dev libtiff-dev
@@ -33,6 +33,8 @@ hadalens_install() {
     packages) packages="mmdebstrap dpkg-dev lintian git python3-venv zsh" ;;
     # a batch system on this machine (tests/cluster)
     cluster) packages="$packages slurmctld slurmd slurm-client munge" ;;
+    # these pages as a site (target site), with the reference of the headers
+    docs) packages="$packages python3-sphinx python3-myst-parser doxygen" ;;
     # reads of what was never written (tests/valgrind.sh)
     memcheck) packages="valgrind" ;;
     # a second compiler, and what reads the sources (tests/house/lint.sh)

@@ -33,7 +33,7 @@ const hada_cli_option hada_cli_common_options[] = {
     {HADA_OPTION_FLAG, "verbose", 'v', NULL, "say more on stderr", NULL, HADA_CLI_AT(hada_cli_common, verbose)},
     {HADA_OPTION_TEXT, "limits", 0, "NAME=N,...", "how much a file may claim: pixels, pages, text, parameters",
      "A small file can claim to be a large picture or net; beyond these budgets it is refused. The environment variable "
-     "HADALENS_LIMITS says the same. Default: pixels=33554432,pages=262144,text=8388608,parameters=50000000.",
+     "HADALENS_LIMITS says the same. Default: pixels=4194304,pages=262144,text=8388608,parameters=50000000.",
      HADA_CLI_AT(hada_cli_common, limits)},
     {HADA_OPTION_FLAG, "help", 'h', NULL, "print this help", NULL, HADA_CLI_AT(hada_cli_common, help)},
     {0},

@@ -2,7 +2,10 @@
  * for: the correctly rounded quotient, as the host has it. The product with the rounded inverse is near, and one
  * correction by what it leaves, in fused multiply-adds, finds it (P. W. Markstein, "Computation of elementary functions
  * on the IBM RISC System/6000 processor", IBM Journal of Research and Development 34(1), 1990); a test holds every
- * number. */
+ * number.
+ *
+ * filter_unpack takes dense samples, filter_gather samples with any strides: a work-item a sample. */
+#include "shared_pixels.h"
 
 #define UNPACK_NUMBERS 8 /* of a work-item: 128 bits of 16 each */
 
@@ -30,6 +33,22 @@ __kernel void filter_unpack(__global const uchar *stored, int bytes, float scale
         for (ulong i = first; i < count; i++) {
             numbers.s0 = bytes == 1 ? stored[i] : wide[i];
             raw[i] = unpack_quotients(numbers, scale, inverse).s0;
+        }
+    }
+}
+
+__kernel void filter_gather(__global const uchar *stored, hada_stored_form form, __global float *raw)
+{
+    const int col = (int)get_global_id(0), row = (int)get_global_id(1), channel = (int)get_global_id(2);
+    if (col < form.cols) {
+        const ulong at = form.first + (ulong)channel * form.channel_stride + (ulong)row * form.row_stride +
+                         (ulong)col * form.col_stride;
+        const ulong to = ((ulong)channel * (ulong)form.rows + (ulong)row) * (ulong)form.cols + (ulong)col;
+        if (form.bytes == 4) {
+            raw[to] = ((__global const float *)stored)[at];
+        } else {
+            const float number = form.bytes == 1 ? stored[at] : ((__global const ushort *)stored)[at];
+            raw[to] = unpack_quotients((float8)(number), form.scale, form.inverse).s0;
         }
     }
 }

@@ -225,7 +225,7 @@ void hada_job_release(hada_job *job, hada_status status)
 {
     hada_frame_end(&job->frame, status);
     hada_frame_cache_leave(job);
-    hada_image_destroy(&job->converted);
+    hada_image_destroy(&job->copy);
     free(job->depths);
     job->depths = NULL;
 }

@@ -55,11 +55,6 @@ static hada_status check_buffer(const hada_plan *plan, cl_mem mem, size_t offset
     return HADA_OK;
 }
 
-static size_t frame_values(const hada_model_info *info)
-{
-    return (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols;
-}
-
 static hada_status check_result(const hada_plan *plan, const hada_result *result, hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(plan->setup.model);
@@ -82,17 +77,7 @@ static hada_status check_result(const hada_plan *plan, const hada_result *result
     return HADA_OK;
 }
 
-static hada_status take_frame(hada_cl_frame *own, const hada_plan *plan, const hada_cl_frame *callers, hada_error *err)
-{
-    hada_cl_frame_init(own);
-    HADA_TRY(HADA_OPTIONS_TAKE(own, callers, hada_cl_frame, err));
-    HADA_TRY(check_plan(plan, err));
-    if (!own->pixels)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a frame on the device needs a buffer: set its pixels");
-    return check_buffer(plan, own->pixels, own->offset, frame_values(hada_model_get_info(plan->setup.model)), "frame",
-                        err);
-}
-
+/* The values of a frame on the device, once its queue has finished what it had to do. */
 static hada_status read_frame(const hada_cl_frame *frame, const hada_plan *plan, hada_image *image, hada_error *err)
 {
     const hada_context *context = plan->constants[0]->context;
@@ -110,7 +95,7 @@ static hada_status read_frame(const hada_cl_frame *frame, const hada_plan *plan,
     return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "reading a frame from the device");
 }
 
-/* What a frame is given as: one of these. */
+/* The form in which a frame is given: one of these. */
 typedef struct frame_input {
     const hada_image *image;
     const hada_pixels *pixels;
@@ -125,45 +110,40 @@ static hada_status check_arguments(const void *plan, const frame_input *input, c
     return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: a plan, a frame and a result are needed", name);
 }
 
-/* The host looks at the values as well. */
+/* A frame on the device is examined on the host as well. */
 static hada_status begin_device(hada_job *job, hada_plan *plan, const hada_cl_frame *callers, hada_result *result,
                                 hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(plan->setup.model);
+    const size_t values = (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols;
     hada_cl_frame frame;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(take_frame(&frame, plan, callers, err));
-    HADA_TRY_OR_DONE(hada_image_create(&job->converted, info->channels, info->raw_rows, info->raw_cols, err));
-    HADA_TRY_OR_DONE(read_frame(&frame, plan, &job->converted, err));
-    HADA_TRY_OR_DONE(hada_frame_begin(&job->frame, &plan->setup, &job->converted, result, err));
+    hada_pixels pixels;
+    hada_cl_frame_init(&frame);
+    HADA_TRY(HADA_OPTIONS_TAKE(&frame, callers, hada_cl_frame, err));
+    HADA_TRY(check_plan(plan, err));
+    if (!frame.pixels)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a frame on the device needs a buffer: set its pixels");
+    HADA_TRY(check_buffer(plan, frame.pixels, frame.offset, values, "frame", err));
+    HADA_TRY(hada_image_create(&job->copy, info->channels, info->raw_rows, info->raw_cols, err));
+    HADA_TRY(read_frame(&frame, plan, &job->copy, err));
+    hada_pixels_of_image(&pixels, &job->copy);
+    HADA_TRY(hada_frame_begin(&job->frame, &plan->setup, &pixels, result, err));
     job->frame.device = frame.pixels;
     job->frame.device_offset = frame.offset;
-done:
-    if (status)
-        hada_image_destroy(&job->converted);
-    return status;
+    return HADA_OK;
 }
 
-/* The frame's floats, where it stands in another form. Before there are any, its sizes are checked. */
 static hada_status begin_frame(hada_job *job, hada_plan *plan, const frame_input *input, hada_result *result,
                                hada_error *err)
 {
     hada_pixels pixels;
-    int begun = 0;
-    hada_status status = HADA_OK;
     if (input->device)
         return begin_device(job, plan, input->device, result, err);
-    if (!input->pixels)
-        return hada_frame_begin(&job->frame, &plan->setup, input->image, result, err);
-    HADA_TRY_OR_DONE(hada_pixels_take(&pixels, input->pixels, err));
-    job->view = (hada_image){pixels.channels, pixels.rows, pixels.cols, NULL};
-    HADA_TRY_OR_DONE(hada_frame_begin(&job->frame, &plan->setup, &job->view, result, err));
-    begun = 1;
-    HADA_TRY_OR_DONE(hada_pixels_view(&pixels, &job->converted, &job->view, err));
-done:
-    if (status && begun)
-        hada_frame_end(&job->frame, HADA_OK); /* the result is as it was */
-    return status;
+    if (input->pixels)
+        HADA_TRY(hada_pixels_take(&pixels, input->pixels, err));
+    else
+        hada_pixels_of_image(&pixels, input->image);
+    return hada_frame_begin(&job->frame, &plan->setup, &pixels, result, err);
 }
 
 /* After a failure there is nothing to release, and the result is as it was. */
@@ -178,8 +158,10 @@ static hada_status begin(hada_job *job, hada_plan *plan, const frame_input *inpu
     job->frame.batches = &hada_job_batches;
     job->frame.owner = job;
 done:
-    if (status)
+    if (status) {
+        hada_image_destroy(&job->copy);
         free(job->depths);
+    }
     return status;
 }
 

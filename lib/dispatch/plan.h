@@ -25,8 +25,8 @@ typedef struct hada_queue_worker {
 } hada_queue_worker;
 
 struct hada_job {
-    hada_frame frame;           /* its owner is the job */
-    hada_image converted, view; /* of a frame that was given in another form; the latter owns nothing */
+    hada_frame frame; /* its owner is the job */
+    hada_image copy;  /* on the host, of a frame that is given on the device */
     hada_dispatcher *dispatcher;
     hada_job *next; /* in one of the dispatcher's lists */
     hada_job_state state;
@@ -34,8 +34,8 @@ struct hada_job {
     hada_queue_worker *worker;        /* that runs the frame; NULL while it waits */
     unsigned char *depths;            /* per computed depth: who has it (dispatch/dispatcher.c) */
     int open, helpers;                /* other workers may take batches; how many are at it */
-    hada_cache_entry *entry, *source; /* this frame's copy, or the frame before that serves (dispatch/frame_cache.c) */
-    double source_change;             /* what the latter changes at most: L2 */
+    hada_cache_entry *entry, *source; /* of this frame, or of the previous one that it seems to equal */
+    double source_change;             /* what taking the latter's result changes at most: L2 */
 };
 
 struct hada_dispatcher {
@@ -58,26 +58,28 @@ static inline int hada_worker_helps(const hada_queue_worker *worker, const hada_
     return worker->info.device != owner->info.device;
 }
 
+/* The frame that was submitted last, for frames that equal it (dispatch/frame_cache.c). Whether a frame may equal it is
+ * decided when it is submitted, one frame after the other, so that the answer does not depend on which worker does
+ * what. */
 typedef struct hada_frame_cache {
     pthread_mutex_t lock; /* held while a frame is compared */
     hada_cache_entry *last;
+    int keeps; /* so many further frames have their results kept */
 } hada_frame_cache;
 
 void hada_frame_cache_make(hada_frame_cache *cache);
 void hada_frame_cache_free(hada_frame_cache *cache);
 
-/* Before a job is submitted: finds out whether the frame before serves (job->source), else keeps a copy of this one
- * (job->entry). Where the two are nearly equal it waits for the result of the one before. */
+/* Before a job is submitted: the job gets the last frame as its source, or becomes the last frame itself. Where nearly
+ * equal frames may be taken for equal, waits for the result of the last one. */
 hada_status hada_frame_cache_enter(hada_frame_cache *cache, hada_job *job, hada_error *err);
 
-/* In the worker. *reused: 1: the job's source had a result, which is given; 0: the frame is to be computed. */
+/* In the worker. *reused: 1: the source's result was copied; 0: the frame is to be computed. */
 hada_status hada_frame_cache_reuse(hada_job *job, int *reused, hada_error *err);
 
-/* Round the computing of a frame that is kept. */
+/* Before and after a frame is computed, and when its job ends. */
 void hada_frame_cache_begin(hada_job *job);
 void hada_frame_cache_done(hada_job *job, hada_status status);
-
-/* When the job ends. */
 void hada_frame_cache_leave(hada_job *job);
 
 struct hada_plan {

@@ -1,6 +1,5 @@
 /* A frame on its way: what goes in, what was found on the host, and where the result goes. Internal.
- *
- * hada_frame_prepare() is the one place where a frame as people have it becomes the floats that devices upload. */
+ */
 #ifndef HADA_ENGINE_FRAME_H
 #define HADA_ENGINE_FRAME_H
 
@@ -8,6 +7,7 @@
 #include <stdatomic.h>
 
 #include "engine/setup.h"
+#include "planes/planes.h"
 
 /* What a result holds besides its public members, which point here. */
 typedef struct hada_result_memory {
@@ -75,8 +75,9 @@ typedef struct hada_frame_skip {
 
 struct hada_frame {
     const hada_setup *setup;
-    const hada_image *raw; /* as it came */
-    cl_mem device;         /* the same values on the device, device_offset bytes into a buffer; NULL: they are not */
+    hada_exposure exposure; /* the pixels */
+    int examined, hashed;   /* 1: hada_frame_examine() was there; it computes the hash as well */
+    cl_mem device;          /* the same values on the device, device_offset bytes into a buffer; NULL: they are not */
     size_t device_offset;
     hada_result *result;
     uint64_t serial;             /* no two frames of a plan have the same; from 1 on */
@@ -87,11 +88,7 @@ struct hada_frame {
     atomic_int progress;  /* of HADA_PROGRESS */
 
     /* hada_frame_prepare() */
-    const hada_image *staged; /* what is uploaded: all values finite */
-    hada_image repaired;      /* empty where nothing was broken */
-    double *levels;           /* per channel: the dark level */
-    double energy;            /* joint: above the dark level */
-    double start, lap;        /* seconds */
+    double start, lap; /* seconds */
     hada_frame_skip skip;
     atomic_int enhanced, tiles, tiles_left_out; /* planes and tiles of the net, by all pipelines */
 };
@@ -101,12 +98,15 @@ enum {
     HADA_WORK_PURSUIT = 8 /* units: it takes about as long as so many refinement steps */
 };
 
-/* Checks the frame's size. After a failure there is nothing to end. */
-hada_status hada_frame_begin(hada_frame *frame, const hada_setup *setup, const hada_image *raw, hada_result *result,
+/* Checks the frame's size; its pixels must stay until the end. After a failure there is nothing to end. */
+hada_status hada_frame_begin(hada_frame *frame, const hada_setup *setup, const hada_pixels *raw, hada_result *result,
                              hada_error *err);
 
-/* The host's part, in the thread of the pipeline: the result is made to fit, with an empty report, broken pixels are
- * repaired, dark levels found. May be called again, when a pipeline failed and another begins anew. */
+/* Checks the pixels and finds dark levels and energy; done once. */
+hada_status hada_frame_examine(hada_frame *frame, hada_error *err);
+
+/* The host's part, in the thread of the pipeline: the result is made to fit, with an empty report, the frame examined.
+ * May be called again, when a pipeline failed and another one begins anew. */
 hada_status hada_frame_prepare(hada_frame *frame, hada_error *err);
 
 /* Whether each frame has a dark level of its own, or the level of all. */
@@ -121,14 +121,6 @@ hada_status hada_frame_check(hada_frame *frame, hada_error *err);
 
 /* Frees what the frame holds; a result that failed is emptied. */
 void hada_frame_end(hada_frame *frame, hada_status status);
-
-/* Whether single precision holds a frame whose brightest pixel has the size `largest`, its spectrum on a grid of
- * `points` points and the squares of both: sizes from 2^-40 to 2^63 / points do. HADA_ERROR_NUMERIC. */
-hada_status hada_frame_check_range(float largest, double points, hada_error *err);
-
-/* Replaces NaN and infinite pixels of a plane by the median of the finite pixels in the smallest square around them (up
- * to 15 x 15, else the plane's median, else 0), judged on the frame as it came. Returns how many. */
-hada_status hada_frame_repair(hada_image *frame, size_t *repaired, hada_error *err);
 
 /* A change of the stack by at most `change`, relative to what the stack would be without it, which is at least its norm
  * - change: L2 over all pixels. Infinite where nothing can be said. */

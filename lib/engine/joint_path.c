@@ -5,7 +5,6 @@
 
 #include "engine/stages.h"
 #include "filter/clip.h"
-#include "image/statistics.h"
 
 /* What is known of a frame: `count` depths stand in pipeline->occupied; what its planes leave after a few steps, and a
  * surface, which then stands in pipeline->surface. */
@@ -41,41 +40,16 @@ static void take_listed(hada_pipeline *pipeline, knowledge *k)
             pipeline->occupied[k->count++] = z;
 }
 
-/* The transfer functions, the spectrum and the frame that stands in the stage. */
-static hada_refine_data data_of(const hada_pipeline *pipeline)
-{
-    hada_refine_data data = {.spectrum = pipeline->stage->spectrum.mem,
-                             .frame = pipeline->stage->raw.mem,
-                             .otf_depths = pipeline->setup->config.depths,
-                             .prior = pipeline->constants->prior.mem};
-    data.otf = hada_constants_otf(pipeline->constants, &data.otf_offset);
-    return data;
-}
-
-/* energy: of the frame; settle: several depths until they have parted */
-static hada_refine_rule rule_of(const hada_setup *setup, int depths, const hada_image *frame, double energy, int settle)
-{
-    const hada_model_info *info = hada_model_get_info(setup->model);
-    hada_refine_rule rule;
-    hada_refine_rule_init(&rule);
-    rule.steps = setup->config.steps;
-    hada_refine_rule_weigh(&rule, info, &setup->config.weights, depths, hada_model_gain(setup->model),
-                           hada_noise_unit(frame->data, frame->channels, frame->rows, frame->cols, setup->noise_share,
-                                           energy / (double)hada_image_count(frame)));
-    if (setup->options.refine < 0)
-        hada_refine_rule_stop(&rule, info->boundary, settle ? depths : 1);
-    return rule;
-}
-
+/* settle: several depths are refined until they no longer change. */
 static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count, int settle, hada_error *err)
 {
-    hada_report *report = &frame->result->memory->report;
-    hada_refiner *refiner = pipeline->refiner;
-    const hada_refine_data data = data_of(pipeline);
-    hada_refine_rule rule = rule_of(pipeline->setup, count, frame->staged, frame->energy, settle);
-    rule.quiet = !(rule.stop > 0.0);
-    HADA_TRY(hada_refiner_run(refiner, &data, &rule, 1, count, pipeline->occupied, &report->refine_steps, err));
-    HADA_TRY(hada_refiner_residual_later(refiner, &data, 1, count, pipeline->occupied, err));
+    const hada_setup *setup = pipeline->setup;
+    const hada_plane_maker *maker = &pipeline->maker;
+    const int stop = setup->options.refine >= 0 ? 0 : settle ? count : 1;
+    const hada_maker_steps steps = {.steps = setup->config.steps, .stop = stop};
+    HADA_TRY(hada_maker_refine(maker, &steps, hada_exposure_noise_unit(&frame->exposure, maker->noise_share), count,
+                               pipeline->occupied, &frame->result->memory->report.refine_steps, err));
+    HADA_TRY(hada_refiner_residual_later(pipeline->refiner, &maker->data, 1, count, pipeline->occupied, err));
     pipeline->residual_due = 1;
     return HADA_OK;
 }
@@ -89,12 +63,12 @@ void hada_pipeline_residual(hada_pipeline *pipeline, const hada_frame *frame)
         return;
     pipeline->residual_due = 0;
     hada_refiner_residual_arrived(pipeline->refiner, &left);
-    if (!(frame->energy > 0))
+    if (!(frame->exposure.energy > 0))
         return;
-    report->residual = sqrt(left / frame->energy);
+    report->residual = sqrt(left / frame->exposure.energy);
     /* the first step is the joint linear filter; what it left is met in the second */
     if (circular && report->refine_steps > 1)
-        report->residual_linear = sqrt(hada_refiner_energy(pipeline->refiner, 0, 1) / frame->energy);
+        report->residual_linear = sqrt(hada_refiner_energy(pipeline->refiner, 0, 1) / frame->exposure.energy);
 }
 
 static void classic_progress(void *user, int iterations)
@@ -105,20 +79,20 @@ static void classic_progress(void *user, int iterations)
 static hada_status solve_classic(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
 {
     hada_report *report = &frame->result->memory->report;
-    const hada_refine_data data = data_of(pipeline);
-    const hada_classic_job job = {.data = &data,
+    const hada_classic_job job = {.data = &pipeline->maker.data,
                                   .camera = &pipeline->setup->camera,
                                   .depths = count,
                                   .list = pipeline->occupied,
-                                  .brightness = sqrt(frame->energy / (double)hada_image_count(frame->staged)),
+                                  .brightness =
+                                      sqrt(frame->exposure.energy / (double)hada_exposure_count(&frame->exposure)),
                                   .progress = classic_progress,
                                   .user = frame};
     hada_classic_result result;
     HADA_TRY(hada_classic_run(pipeline->classic, &job, &result, err));
     report->method = pipeline->setup->config.method.options.method;
     report->refine_steps = result.iterations;
-    if (frame->energy > 0)
-        report->residual = sqrt(result.energy / frame->energy);
+    if (frame->exposure.energy > 0)
+        report->residual = sqrt(result.energy / frame->exposure.energy);
     return HADA_OK;
 }
 
@@ -134,14 +108,6 @@ static hada_status solve(hada_pipeline *pipeline, hada_frame *frame, int count, 
 static cl_mem planes_of(const hada_pipeline *pipeline)
 {
     return pipeline->classic ? hada_classic_planes(pipeline->classic) : hada_refiner_planes(pipeline->refiner);
-}
-
-/* Several planes fade where others are brighter by far; whoever asked for another method has its planes as they are. */
-static hada_status fade(hada_pipeline *pipeline, int count, hada_error *err)
-{
-    const double share = pipeline->setup->config.crosstalk;
-    return count > 1 && share > 0.0 && !pipeline->classic ? hada_refiner_fade(pipeline->refiner, count, share, err)
-                                                          : HADA_OK;
 }
 
 /* Refined planes and those of the linear filters, as their errors on held-out pairs say
@@ -216,7 +182,7 @@ static hada_status try_planes(hada_pipeline *pipeline, hada_frame *frame, knowle
     HADA_TRY(solve(pipeline, frame, k->count, 0, err));
     HADA_TRY(hada_slot_finish(pipeline->slot, err));
     hada_pipeline_residual(pipeline, frame);
-    k->planes = report->residual * report->residual * frame->energy;
+    k->planes = report->residual * report->residual * frame->exposure.energy;
     k->solved = 1;
     return HADA_OK;
 }
@@ -305,7 +271,8 @@ hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada
     const int parting = pipeline->setup->config.parting && k.count > 1;
     if (parting || !k.solved)
         HADA_TRY(solve(pipeline, frame, k.count, parting, err));
-    HADA_TRY(fade(pipeline, k.count, err));
+    if (!pipeline->classic) /* whoever asks for another method gets its planes as they are */
+        HADA_TRY(hada_maker_fade(&pipeline->maker, k.count, pipeline->setup->config.crosstalk, err));
     HADA_TRY(blend(pipeline, k.count, err));
     HADA_TRY(hada_pipeline_enhance(pipeline, frame, planes_of(pipeline), k.count, 1, err));
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_enhance, err));

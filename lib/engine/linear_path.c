@@ -10,10 +10,9 @@ static hada_status compute(hada_pipeline *pipeline, const hada_frame *frame, int
     const cl_mem planes = pipeline->planes.mem;
     hada_slot_stage(pipeline->slot, "linear");
     hada_pipeline_apply_skip(pipeline, frame);
-    if (hada_skip_needs_single(frame))
-        HADA_TRY(hada_skip_run_single(pipeline, first, count, err));
-    else
-        HADA_TRY(hada_hadamard_run(pipeline->stage, pipeline->constants->bank, first, count, planes, 0, err));
+    if (!hada_skip_needs_single(frame))
+        return hada_maker_filter(&pipeline->maker, first, count, planes, err);
+    HADA_TRY(hada_skip_run_single(pipeline, first, count, err));
     return hada_image_clip(pipeline->slot, planes, plane * (size_t)count, err);
 }
 

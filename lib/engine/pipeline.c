@@ -72,6 +72,24 @@ static hada_status make_pursuit(hada_pipeline *pipeline, hada_error *err)
     return set_power(pipeline, err);
 }
 
+static void make_maker(hada_pipeline *pipeline)
+{
+    const hada_setup *setup = pipeline->setup;
+    const hada_constants *constants = pipeline->constants;
+    size_t offset;
+    pipeline->maker = (hada_plane_maker){.slot = pipeline->slot,
+                                         .model = setup->model,
+                                         .stage = pipeline->stage,
+                                         .bank = constants->bank,
+                                         .refiner = pipeline->refiner,
+                                         .weights = setup->config.weights,
+                                         .noise_share = setup->noise_share};
+    if (!setup->config.joint)
+        return;
+    const cl_mem otf = hada_constants_otf(constants, &offset);
+    hada_maker_use_otf(&pipeline->maker, otf, offset, setup->config.depths, constants->prior.mem);
+}
+
 /* In the order of the plan of the memory: pipeline_memory.c. */
 static hada_status make_parts(hada_pipeline *pipeline, hada_error *err)
 {
@@ -93,6 +111,7 @@ static hada_status make_parts(hada_pipeline *pipeline, hada_error *err)
         HADA_TRY(hada_classic_create(&pipeline->classic, slot, scratch, &config->method, err));
     else if (config->joint)
         HADA_TRY(hada_refiner_create(&pipeline->refiner, slot, scratch, &refine, err));
+    make_maker(pipeline);
     if (config->pursuit)
         HADA_TRY(make_pursuit(pipeline, err));
     if (hada_pipeline_planes_bytes(info, config, pipeline->batch))

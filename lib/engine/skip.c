@@ -174,7 +174,7 @@ void hada_skip_fill_report(hada_frame *frame)
         (skip->limited ? HADA_SKIP_FREQUENCIES : 0u) | (config->half_by_error && !skip->exact ? HADA_SKIP_HALF : 0u) |
         (skip->channels ? HADA_SKIP_CHANNELS : 0u) | (left_out ? HADA_SKIP_TILES : 0u);
     frame->result->memory->report.enhanced = atomic_load(&frame->enhanced);
-    for (int c = 0; c < frame->staged->channels; c++)
+    for (int c = 0; c < frame->exposure.pixels.channels; c++)
         if (skip->spectra[c] != c)
             report->kinds |= HADA_SKIP_CHANNELS;
 }

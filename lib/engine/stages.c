@@ -29,11 +29,11 @@ hada_status hada_pipeline_load(hada_pipeline *pipeline, hada_frame *frame, hada_
         return HADA_OK;
     pipeline->loaded = 0;
     hada_pipeline_apply_skip(pipeline, frame);
-    /* repaired pixels are on the host alone */
-    const int on_device = frame->device && frame->staged == frame->raw;
+    const hada_exposure *exposure = &frame->exposure;
+    const int on_device = frame->device && !exposure->own.data; /* repaired pixels are on the host alone */
     HADA_TRY(on_device
-                 ? hada_hadamard_frame_from(pipeline->stage, frame->device, frame->device_offset, frame->levels, err)
-                 : hada_hadamard_frame_later(pipeline->stage, frame->staged->data, frame->levels, err));
+                 ? hada_hadamard_frame_from(pipeline->stage, frame->device, frame->device_offset, exposure->levels, err)
+                 : hada_hadamard_frame(pipeline->stage, &exposure->pixels, exposure->levels, err));
     pipeline->loaded = frame->serial;
     return HADA_OK;
 }

@@ -20,6 +20,7 @@ struct hada_pipeline {
     hada_pursuit *pursuit;
     hada_refiner *refiner; /* this or the next, or neither */
     hada_classic *classic;
+    hada_plane_maker maker;    /* of these: from a frame on the device to planes */
     hada_surface *surface;     /* made when a frame first needs it */
     hada_surface_result shape; /* of the frame in hand */
     int no_surface;            /* 1: this camera, or the device's memory, allows none */

@@ -69,7 +69,7 @@ hada_status hada_pipeline_find_surface(hada_pipeline *pipeline, hada_frame *fram
         return HADA_OK;
     hada_surface_rule_init(&rule);
     rule.enough = enough;
-    rule.frame = frame->energy;
+    rule.frame = frame->exposure.energy;
     HADA_TRY(hada_surface_run(pipeline->surface, pipeline->stage->spectrum.mem, 0, pipeline->stage->raw.mem, 0, &rule,
                               result, err));
     *found = !result->in_vain;
@@ -139,8 +139,8 @@ hada_status hada_pipeline_take_surface(hada_pipeline *pipeline, hada_frame *fram
     const hada_buffer view = {.mem = pipeline->shape.texture, .bytes = texture * sizeof(float)};
     report->scene = HADA_SCENE_SURFACE;
     report->refine_steps = pipeline->shape.steps;
-    if (frame->energy > 0)
-        report->residual = sqrt(energy / frame->energy);
+    if (frame->exposure.energy > 0)
+        report->residual = sqrt(energy / frame->exposure.energy);
     HADA_TRY(hada_result_make_confidence(result, err));
     HADA_TRY(hada_pipeline_enhance(pipeline, frame, view.mem, 1, 1, err));
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &report->seconds_enhance, err));

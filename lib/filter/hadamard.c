@@ -242,19 +242,11 @@ static hada_status take_frame(hada_hadamard *stage, const double *levels, hada_e
     return transform(stage, err);
 }
 
-hada_status hada_hadamard_frame(hada_hadamard *stage, const float *raw, const double *levels, hada_error *err)
+hada_status hada_hadamard_frame(hada_hadamard *stage, const hada_pixels *raw, const double *levels, hada_error *err)
 {
-    const hada_status status = hada_buffer_write(&stage->raw, stage->slot, 0, raw, stage->raw.bytes, err);
-    return status ? status : take_frame(stage, levels, err);
-}
-
-hada_status hada_hadamard_frame_later(hada_hadamard *stage, const float *raw, const double *levels, hada_error *err)
-{
-    /* the spectrum is not needed any more */
-    const hada_status status = hada_upload_stages(&stage->upload)
-                                   ? hada_upload_frame(&stage->upload, raw, &stage->raw, &stage->spectrum, err)
-                                   : hada_buffer_write_later(&stage->raw, stage->slot, 0, raw, stage->raw.bytes, err);
-    return status ? status : take_frame(stage, levels, err);
+    /* the spectrum of the previous frame is not needed any more */
+    HADA_TRY(hada_upload_frame(&stage->upload, raw, &stage->raw, &stage->spectrum, err));
+    return take_frame(stage, levels, err);
 }
 
 hada_status hada_hadamard_frame_from(hada_hadamard *stage, cl_mem raw, size_t offset, const double *levels,

@@ -31,7 +31,7 @@ typedef struct hada_hadamard {
     hada_buffer spectrum; /* channels x layout.count complex numbers */
     hada_buffer whole;    /* not pruned: a batch's images of the whole grid */
     hada_fft *forward, *inverse;
-    hada_upload upload;      /* the way of frames to devices with memory of their own */
+    hada_upload upload;      /* the way of frames to the device */
     hada_hadamard_part part; /* of the frame in hand; the caller's to set before each call */
 } hada_hadamard;
 
@@ -62,12 +62,11 @@ uint64_t hada_hadamard_unpruned_bytes(const hada_context *context, const hada_mo
 /* A dark frame (channels x raw size, planar) that every following frame has taken off, beside the level; NULL: none. */
 hada_status hada_hadamard_set_dark(hada_hadamard *stage, const float *dark, hada_error *err);
 
-/* Uploads a frame (channels x raw size, planar), takes levels[channel] (NULL: nothing) off every pixel, and transforms
- * it: stage->raw and stage->spectrum are ready. */
-hada_status hada_hadamard_frame(hada_hadamard *stage, const float *raw, const double *levels, hada_error *err);
-/* The same without waiting for the upload: `raw` stays as it is until the slot was waited for. */
-hada_status hada_hadamard_frame_later(hada_hadamard *stage, const float *raw, const double *levels, hada_error *err);
-/* The same of a frame that stands on the device, `offset` bytes into a buffer. */
+/* Uploads a frame of the model's size (hada_pixels_uploads()), subtracts levels[channel] (NULL: nothing) from every
+ * pixel, and transforms it: stage->raw and stage->spectrum are ready. Enqueued: the frame must stay until the slot was
+ * waited for. */
+hada_status hada_hadamard_frame(hada_hadamard *stage, const hada_pixels *raw, const double *levels, hada_error *err);
+/* The same of a frame of floats on the device, `offset` bytes into a buffer. */
 hada_status hada_hadamard_frame_from(hada_hadamard *stage, cl_mem raw, size_t offset, const double *levels,
                                      hada_error *err);
 

@@ -1,5 +1,7 @@
 #include "filter/upload.h"
 
+#include <string.h>
+
 #include "launch/filter_unpack.h"
 
 enum { GROUP = 128, NUMBERS = 8 /* of a work-item */ };
@@ -7,7 +9,7 @@ enum { GROUP = 128, NUMBERS = 8 /* of a work-item */ };
 hada_status hada_upload_make(hada_upload *upload, hada_slot *slot, size_t values, hada_error *err)
 {
     cl_int code;
-    *upload = (hada_upload){.slot = slot, .values = values};
+    *upload = (hada_upload){.slot = slot};
     if (slot->context->info.unified_memory)
         return HADA_OK;
     const size_t bytes = values * sizeof(float); /* of a frame that takes all of them */
@@ -31,28 +33,35 @@ void hada_upload_free(hada_upload *upload)
     *upload = (hada_upload){0};
 }
 
-hada_status hada_upload_unpack(const hada_upload *upload, hada_bytes between, cl_mem raw, hada_error *err)
+hada_status hada_upload_unpack(hada_slot *slot, const hada_stored *stored, hada_bytes between, cl_mem raw, hada_error *err)
 {
-    const hada_stored *stored = &upload->stored;
-    const double values = (double)upload->values;
-    const hada_range range = hada_range_of(hada_divide_up(upload->values, NUMBERS), GROUP, 1, 1);
-    hada_slot_cost(upload->slot, (4.0 + stored->bytes) * values, 5.0 * values);
-    return hada_launch_filter_unpack(upload->slot, HADA_PROGRAM_FILTER_UNPACK_DEFAULT, &range, err, .stored = between,
-                                     .bytes = stored->bytes, .scale = stored->scale, .inverse = 1.0f / stored->scale,
-                                     .raw = raw, .count = upload->values);
+    const hada_stored_form *form = &stored->form;
+    const size_t rows = (size_t)form->rows, cols = (size_t)form->cols, channels = (size_t)form->channels,
+                 count = channels * rows * cols;
+    hada_slot_cost(slot, 4.0 * (double)count + (double)stored->bytes, 5.0 * (double)count);
+    if (!stored->dense || form->bytes == (int)sizeof(float)) {
+        const hada_range range = hada_range_of(cols, GROUP, rows, channels);
+        return hada_launch_filter_gather(slot, HADA_PROGRAM_FILTER_UNPACK_DEFAULT, &range, err, .stored = between,
+                                         .form = *form, .raw = raw);
+    }
+    const hada_range range = hada_range_of(hada_divide_up(count, NUMBERS), GROUP, 1, 1);
+    return hada_launch_filter_unpack(slot, HADA_PROGRAM_FILTER_UNPACK_DEFAULT, &range, err, .stored = between,
+                                     .bytes = form->bytes, .scale = form->scale, .inverse = form->inverse, .raw = raw,
+                                     .count = count);
 }
 
-hada_status hada_upload_frame(hada_upload *upload, const float *frame, hada_buffer *raw, hada_buffer *between,
+hada_status hada_upload_frame(hada_upload *upload, const hada_pixels *frame, hada_buffer *raw, hada_buffer *between,
                               hada_error *err)
 {
-    if (upload->waits && upload->waits == upload->slot->calls.waits + 1)
-        HADA_TRY(hada_slot_finish(upload->slot, err));
-    hada_stored_pack(frame, upload->values, upload->staged, &upload->stored);
-    const int whole = upload->stored.bytes == (int)sizeof(float);
-    HADA_TRY(hada_buffer_write_later(whole ? raw : between, upload->slot, 0, upload->staged,
-                                     upload->values * (size_t)upload->stored.bytes, err));
-    upload->waits = upload->slot->calls.waits + 1;
-    if (!whole)
-        HADA_TRY(hada_upload_unpack(upload, between->octets, raw->mem, err));
-    return HADA_OK;
+    const hada_stored stored = hada_pixels_stored(frame);
+    const int ready = hada_pixels_is_image(frame);
+    const void *from = stored.data;
+    if (upload->staged) {
+        if (upload->waits && upload->waits == upload->slot->calls.waits + 1)
+            HADA_TRY(hada_slot_finish(upload->slot, err));
+        from = memcpy(upload->staged, stored.data, stored.bytes);
+        upload->waits = upload->slot->calls.waits + 1;
+    }
+    HADA_TRY(hada_buffer_write_later(ready ? raw : between, upload->slot, 0, from, stored.bytes, err));
+    return ready ? HADA_OK : hada_upload_unpack(upload->slot, &stored, between->octets, raw->mem, err);
 }

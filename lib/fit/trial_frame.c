@@ -22,12 +22,19 @@ hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
     hada_refine_shape shape = hada_refine_shape_of(&grid->info, HADA_TRIAL_MEMBERS, HADA_TRIAL_STEPS);
     shape.tv = bench->with->tv != 0.0;
     shape.shrink = bench->with->shrink != 0.0;
-    HADA_TRY(hada_refiner_create(&bench->refiner, grid->slot, NULL, &shape, err));
+    HADA_TRY(hada_refiner_create(&bench->maker.refiner, grid->slot, NULL, &shape, err));
     HADA_TRY(hada_fft_create(&bench->inverse, grid->slot, &desc, err));
     HADA_TRY(hada_buffer_create(&bench->filters, context, bytes, "filters on trial", err));
     HADA_TRY(hada_buffer_create(&bench->otfs, context, bytes, "transfer functions on trial", err));
-    bench->noise_share = hada_model_noise_share(bench->with->model);
     HADA_TRY(hada_bank_prior(&bench->prior, grid->slot, bench->with->model, &grid->layout, err));
+    bench->maker.slot = grid->slot;
+    bench->maker.model = bench->with->model;
+    bench->maker.noise_share = hada_model_noise_share(bench->with->model);
+    bench->maker.data = (hada_refine_data){.spectrum = bench->with->pair->raw_spectrum.mem,
+                                           .frame = bench->with->pair->raw.mem,
+                                           .otf = bench->otfs.mem,
+                                           .otf_depths = HADA_TRIAL_MEMBERS,
+                                           .prior = bench->prior.mem};
     HADA_TRY(hada_allocated(bench->raw = hada_alloc_raw(hada_fit_raw_floats(grid), sizeof(float), "a raw frame", err)));
     HADA_TRY(hada_allocated(bench->planes = hada_alloc_raw(HADA_TRIAL_MEMBERS * hada_fit_window_floats(grid),
                                                            sizeof(float), "planes on trial", err)));
@@ -40,7 +47,7 @@ hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
 void hada_trial_bench_destroy(hada_trial_bench *bench)
 {
     hada_slot_finish(bench->grid->slot, NULL);
-    hada_refiner_destroy(&bench->refiner);
+    hada_refiner_destroy(&bench->maker.refiner);
     hada_fft_destroy(&bench->inverse);
     hada_buffer_destroy(&bench->filters);
     hada_buffer_destroy(&bench->otfs);
@@ -131,8 +138,10 @@ hada_status hada_trial_expose(hada_trial_bench *bench, const hada_trial_frame *f
         for (size_t i = 0; i < raw; i++)
             bench->raw[i] += frame->member[m]->raw[i];
     const hada_model_info *info = &bench->with->model->info;
-    bench->noise_unit = hada_noise_unit(bench->raw, info->channels, info->raw_rows, info->raw_cols, bench->noise_share,
-                                        hada_trial_energy(bench->raw, raw) / (double)raw);
+    hada_pixels pixels;
+    hada_pixels_planar(&pixels, bench->raw, HADA_PIXEL_F32, info->channels, info->raw_rows, info->raw_cols);
+    bench->noise_unit =
+        hada_noise_unit(&pixels, bench->maker.noise_share, hada_trial_energy(bench->raw, raw) / (double)raw);
     return hada_fit_pair_transform(bench->with->pair, bench->raw, NULL, err);
 }
 
@@ -151,37 +160,13 @@ hada_status hada_trial_filter(hada_trial_bench *bench, const hada_trial_frame *f
     return HADA_OK;
 }
 
-/* The refined planes of so many members, to the host. */
-static hada_status read_planes(hada_trial_bench *bench, int members, hada_error *err)
-{
-    hada_slot *slot = bench->grid->slot;
-    const size_t bytes = (size_t)members * hada_fit_window_floats(bench->grid) * sizeof(float);
-    const cl_int code = clEnqueueReadBuffer(slot->queue, hada_refiner_planes(bench->refiner), CL_TRUE, 0, bytes,
-                                            bench->planes, 0, NULL, hada_slot_event(slot));
-    if (code != CL_SUCCESS)
-        return hada_fail_cl(err, code, "clEnqueueReadBuffer");
-    hada_slot_moved(slot, "read", (double)bytes);
-    return HADA_OK;
-}
-
 hada_status hada_trial_refine(hada_trial_bench *bench, const hada_trial_frame *frame,
                               const hada_refine_weights *weights, int before, int steps, hada_error *err)
 {
-    const hada_fit_trial *with = bench->with;
     const int list[HADA_TRIAL_MEMBERS] = {frame->first, frame->first + 1};
-    const hada_refine_data data = {.spectrum = with->pair->raw_spectrum.mem,
-                                   .frame = with->pair->raw.mem,
-                                   .otf = bench->otfs.mem,
-                                   .otf_depths = HADA_TRIAL_MEMBERS,
-                                   .prior = bench->prior.mem};
-    hada_refine_rule rule;
-    hada_refine_rule_init(&rule);
-    const hada_model_info *info = &with->model->info;
-    hada_refine_rule_weigh(&rule, info, weights, frame->members, hada_model_gain(with->model), bench->noise_unit);
-    rule.stop = 0.0;
-    rule.steps = steps;
-    rule.start = before ? HADA_REFINE_CONTINUE : HADA_REFINE_COLD;
-    rule.before = before;
-    hada_status status = hada_refiner_run(bench->refiner, &data, &rule, 1, frame->members, list, NULL, err);
-    return status ? status : read_planes(bench, frame->members, err);
+    const hada_maker_steps now = {.steps = steps, .before = before};
+    hada_plane_maker *maker = &bench->maker;
+    maker->weights = *weights;
+    HADA_TRY(hada_maker_refine(maker, &now, bench->noise_unit, frame->members, list, NULL, err));
+    return hada_maker_read(maker, hada_refiner_planes(maker->refiner), 0, frame->members, bench->planes, err);
 }

@@ -4,6 +4,7 @@
 #define HADA_FIT_TRIAL_FRAME_H
 
 #include "fit/trial.h"
+#include "planes/planes.h"
 
 /* Pairs of a frame, at most, and steps of a refinement. */
 enum { HADA_TRIAL_MEMBERS = 2, HADA_TRIAL_STEPS = 16 };
@@ -11,12 +12,11 @@ enum { HADA_TRIAL_MEMBERS = 2, HADA_TRIAL_STEPS = 16 };
 typedef struct hada_trial_bench {
     const hada_fit_trial *with;
     const hada_fit_grid *grid;
-    hada_refiner *refiner;
+    hada_plane_maker maker;
     hada_fft *inverse;
     hada_buffer filters, otfs; /* [member][channel][count] complex */
     hada_buffer prior;
-    double noise_share;           /* hada_model_noise_share() */
-    double noise_unit;            /* hada_noise_unit() of the frame at hand */
+    double noise_unit;            /* hada_noise_unit() of the frame in hand */
     float *raw, *planes, *linear; /* planes at hand, and those of the linear filters */
     double *scene_energy, *trust; /* per channel; without a pair, and the model's */
 } hada_trial_bench;

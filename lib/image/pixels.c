@@ -1,6 +1,7 @@
 #include "image/pixels.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "core/alloc.h"
 #include "core/callers.h"
@@ -69,58 +70,120 @@ hada_status hada_pixels_take(hada_pixels *own, const hada_pixels *callers, hada_
     const ptrdiff_t align = bytes_of(own->type);
     if ((uintptr_t)own->data % (uintptr_t)align || own->channel_stride % align || own->row_stride % align ||
         own->col_stride % align)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "pixels of %d bytes stand at places that are no multiple of that",
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "address and strides of pixels must be multiples of their %d bytes",
                          (int)align);
     return HADA_OK;
 }
 
-static int is_image(const hada_pixels *p)
+int hada_pixels_is_image(const hada_pixels *p)
 {
     return p->type == HADA_PIXEL_F32 && p->col_stride == (ptrdiff_t)sizeof(float) &&
            p->row_stride == p->col_stride * p->cols && p->channel_stride == p->row_stride * p->rows;
 }
 
-/* A row of samples; integers divide in float, where both numbers are exact (io/tiff_sample.c does the same). */
-#define ROW(type, divisor)                                                                                             \
+static float scale_of(const hada_pixels *p)
+{
+    return p->type == HADA_PIXEL_F32    ? 1.0f
+           : p->full_scale != HADA_AUTO ? (float)p->full_scale
+           : p->type == HADA_PIXEL_U8   ? 255.0f
+                                        : 65535.0f;
+}
+
+/* Samples of a row. Integers divide in float, where both numbers are exact (io/tiff_sample.c and
+ * kernels/filter_unpack.cl give the same values). The loop is written once; each type gets its own compiled copy. */
+#define RUN(type, divisor)                                                                                             \
     do {                                                                                                               \
         const ptrdiff_t stride = p->col_stride / (ptrdiff_t)sizeof(type);                                              \
         const type *from = (const type *)(const void *)at;                                                             \
-        for (int col = 0; col < p->cols; col++)                                                                        \
-            out[col] = (float)from[col * stride] / (divisor);                                                          \
+        for (size_t i = 0; i < count; i++)                                                                             \
+            out[i] = (float)from[(ptrdiff_t)i * stride] / (divisor);                                                   \
     } while (0)
 
-static void convert_row(const hada_pixels *p, const unsigned char *at, float *out)
+static void convert(const hada_pixels *p, const unsigned char *at, size_t count, float *out)
 {
+    const float scale = scale_of(p);
     if (p->type == HADA_PIXEL_U8)
-        ROW(uint8_t, p->full_scale == HADA_AUTO ? 255.0f : (float)p->full_scale);
+        RUN(uint8_t, scale);
     else if (p->type == HADA_PIXEL_U16)
-        ROW(uint16_t, p->full_scale == HADA_AUTO ? 65535.0f : (float)p->full_scale);
+        RUN(uint16_t, scale);
     else
-        ROW(float, 1.0f);
+        RUN(float, 1.0f);
 }
 
-static void convert(const hada_pixels *p, float *out)
+const float *hada_pixels_floats(const hada_pixels *p, int channel, size_t first, size_t count, float *room)
 {
-    for (int channel = 0; channel < p->channels; channel++)
-        for (int row = 0; row < p->rows; row++, out += p->cols)
-            convert_row(p, (const unsigned char *)p->data + channel * p->channel_stride + row * p->row_stride, out);
+    const size_t cols = (size_t)p->cols;
+    if (hada_pixels_is_image(p))
+        return (const float *)p->data + (size_t)channel * (size_t)p->rows * cols + first;
+    for (size_t done = 0, here; done < count; done += here) {
+        const size_t row = (first + done) / cols, col = (first + done) % cols;
+        const unsigned char *at = (const unsigned char *)p->data + channel * p->channel_stride +
+                                  (ptrdiff_t)row * p->row_stride + (ptrdiff_t)col * p->col_stride;
+        here = count - done < cols - col ? count - done : cols - col;
+        convert(p, at, here, room + done);
+    }
+    return room;
 }
 
-hada_status hada_pixels_view(const hada_pixels *pixels, hada_image *own, hada_image *view, hada_error *err)
+void hada_pixels_count(const hada_pixels *p, int channel, size_t counts[HADA_PIXEL_NUMBERS])
 {
-    *view = (hada_image){pixels->channels, pixels->rows, pixels->cols, NULL};
-    if (is_image(pixels)) {
-        view->data = (float *)pixels->data; /* only read */
-        return HADA_OK;
+    memset(counts, 0, HADA_PIXEL_NUMBERS * sizeof *counts);
+    for (int row = 0; row < p->rows; row++) {
+        const unsigned char *at =
+            (const unsigned char *)p->data + channel * p->channel_stride + (ptrdiff_t)row * p->row_stride;
+        for (int col = 0; col < p->cols; col++, at += p->col_stride)
+            counts[p->type == HADA_PIXEL_U8 ? *at : *(const uint16_t *)(const void *)at]++;
     }
-    const size_t values = hada_image_count(view);
-    if (!own->data || hada_image_count(own) != values) {
-        hada_image_destroy(own);
-        HADA_TRY(hada_allocated(own->data = hada_alloc_raw(values, sizeof(float), "a frame", err)));
+}
+
+float hada_pixels_value(const hada_pixels *p, int number)
+{
+    return (float)number / scale_of(p);
+}
+
+hada_stored hada_pixels_stored(const hada_pixels *p)
+{
+    const ptrdiff_t bytes = bytes_of(p->type), strides[] = {p->channel_stride, p->row_stride, p->col_stride};
+    const int sizes[] = {p->channels, p->rows, p->cols};
+    ptrdiff_t lowest = 0, highest = 0; /* bytes from the first sample to the first and last of the memory */
+    for (int i = 0; i < 3; i++) {
+        const ptrdiff_t reach = strides[i] * (sizes[i] - 1);
+        *(reach < 0 ? &lowest : &highest) += reach;
     }
-    view->data = own->data;
-    *own = *view;
-    convert(pixels, own->data);
+    return (hada_stored){.data = (const unsigned char *)p->data + lowest,
+                         .bytes = (size_t)(highest - lowest + bytes),
+                         .dense = p->col_stride == bytes && p->row_stride == bytes * p->cols &&
+                                  p->channel_stride == p->row_stride * p->rows,
+                         .form = {.first = (hada_ulong)(-lowest / bytes),
+                                  .channel_stride = (hada_ulong)(p->channel_stride / bytes),
+                                  .row_stride = (hada_ulong)(p->row_stride / bytes),
+                                  .col_stride = (hada_ulong)(p->col_stride / bytes),
+                                  .channels = p->channels,
+                                  .rows = p->rows,
+                                  .cols = p->cols,
+                                  .bytes = (int)bytes,
+                                  .scale = scale_of(p),
+                                  .inverse = 1.0f / scale_of(p)}};
+}
+
+int hada_pixels_uploads(const hada_pixels *p)
+{
+    const float scale = scale_of(p);
+    const hada_stored stored = hada_pixels_stored(p);
+    return scale >= 1.0f && scale <= 65535.0f && scale == (float)(int)scale &&
+           stored.bytes <= (size_t)p->channels * (size_t)p->rows * (size_t)p->cols * sizeof(float);
+}
+
+hada_status hada_pixels_copy(const hada_pixels *p, hada_image *image, hada_error *err)
+{
+    const size_t plane = (size_t)p->rows * (size_t)p->cols;
+    HADA_TRY(hada_image_create(image, p->channels, p->rows, p->cols, err));
+    for (int c = 0; c < p->channels; c++) {
+        float *to = image->data + (size_t)c * plane;
+        const float *from = hada_pixels_floats(p, c, 0, plane, to);
+        if (from != to)
+            memcpy(to, from, plane * sizeof *to);
+    }
     return HADA_OK;
 }
 
@@ -131,7 +194,5 @@ hada_status hada_pixels_to_image(const hada_pixels *pixels, hada_image *image, h
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_pixels_to_image: an image is needed");
     *image = (hada_image){0};
     HADA_TRY(hada_pixels_take(&own, pixels, err));
-    HADA_TRY(hada_image_create(image, own.channels, own.rows, own.cols, err));
-    convert(&own, image->data);
-    return HADA_OK;
+    return hada_pixels_copy(&own, image, err);
 }

@@ -1,14 +1,40 @@
-/* Pixels of callers as images. Internal. */
+/* Pixels in the form in which callers, cameras and files have them. Internal. */
 #ifndef HADA_IMAGE_PIXELS_H
 #define HADA_IMAGE_PIXELS_H
 
 #include <hadalens/pixels.h>
 
-/* A caller's pixels, which may be of another version, taken over and checked. */
+#include "kernels/shared_pixels.h"
+
+/* A copy of the caller's description, which may be of another version, checked. */
 hada_status hada_pixels_take(hada_pixels *own, const hada_pixels *callers, hada_error *err);
 
-/* The floats of checked pixels: pixels that are an image's already are looked at where they stand (*view, which owns
- * nothing); others are converted into *own, which has the memory of an earlier call or none. */
-hada_status hada_pixels_view(const hada_pixels *pixels, hada_image *own, hada_image *view, hada_error *err);
+/* 1: floats, planar and without gaps, as in an image. */
+int hada_pixels_is_image(const hada_pixels *pixels);
+
+/* Pixels first ... first + count - 1 of a channel, counted row by row, as floats: where they are if the pixels are an
+ * image, else converted into `room` (count floats). */
+const float *hada_pixels_floats(const hada_pixels *pixels, int channel, size_t first, size_t count, float *room);
+
+/* An image of checked pixels; created by the call. */
+hada_status hada_pixels_copy(const hada_pixels *pixels, hada_image *image, hada_error *err);
+
+/* Of 8 or 16 bits: how often each of HADA_PIXEL_NUMBERS numbers occurs in a channel, and the float of a number. */
+enum { HADA_PIXEL_NUMBERS = 65536 };
+void hada_pixels_count(const hada_pixels *pixels, int channel, size_t counts[HADA_PIXEL_NUMBERS]);
+float hada_pixels_value(const hada_pixels *pixels, int number);
+
+/* The memory that holds all samples, from the lowest address on, and where they are in it. */
+typedef struct hada_stored {
+    const void *data;
+    size_t bytes;
+    int dense; /* 1: planar and without gaps */
+    hada_stored_form form;
+} hada_stored;
+hada_stored hada_pixels_stored(const hada_pixels *pixels);
+
+/* 1: the device makes the same floats of these samples as the host does, from no more bytes than the floats have. Whole
+ * numbers need a whole scale up to 65535: kernels/filter_unpack.cl was held against the host for all of these. */
+int hada_pixels_uploads(const hada_pixels *pixels);
 
 #endif

@@ -39,59 +39,94 @@ float hada_select_rank(float *values, size_t count, size_t k)
     return values[k];
 }
 
-double hada_dark_estimate(const float *pixels, size_t count, float *room)
+static int is_whole(const hada_pixels *pixels)
 {
-    memcpy(room, pixels, count * sizeof *room);
-    return hada_select_rank(room, count, (count - 1) / 100);
+    return pixels->type != HADA_PIXEL_F32;
 }
 
-/* Blocks of a channel that are looked at: the median then tells the deviation to 2 %. */
+size_t hada_dark_room(const hada_pixels *pixels)
+{
+    const size_t plane = (size_t)pixels->rows * (size_t)pixels->cols;
+    return is_whole(pixels) ? HADA_PIXEL_NUMBERS * sizeof(size_t) : plane * sizeof(float);
+}
+
+/* The number of rank k, by how often each occurs. */
+static float rank_by_counts(const hada_pixels *pixels, int channel, size_t k, size_t *counts)
+{
+    int number = 0;
+    hada_pixels_count(pixels, channel, counts);
+    for (size_t below = counts[0]; below <= k; below += counts[number])
+        number++;
+    return hada_pixels_value(pixels, number);
+}
+
+static size_t dark_rank(size_t count)
+{
+    return (count - 1) / 100;
+}
+
+double hada_dark_estimate(const float *pixels, size_t count, float *room)
+{
+    if (pixels != room)
+        memcpy(room, pixels, count * sizeof *room);
+    return hada_select_rank(room, count, dark_rank(count));
+}
+
+double hada_dark_level(const hada_pixels *pixels, int channel, void *room)
+{
+    const size_t plane = (size_t)pixels->rows * (size_t)pixels->cols;
+    return is_whole(pixels) ? rank_by_counts(pixels, channel, dark_rank(plane), room)
+                            : hada_dark_estimate(hada_pixels_floats(pixels, channel, 0, plane, room), plane, room);
+}
+
+/* Blocks of a channel that are examined: the median then gives the deviation to 2 %. */
 enum { BLOCKS = 4096 };
 /* The median of the magnitude of a normal number of deviation 1. */
 #define MEDIAN 0.6745
-/* Scenes differ: up to so many times more or less noise than the share says nothing. Beyond that it is taken to the
- * power of 3/2, until it counts whole (docs/explanation/refinement.md). */
+/* Scenes differ: a factor of up to SCATTER from the usual noise is ignored. Beyond that it counts to the power of 3/2,
+ * until it counts in full (docs/explanation/refinement.md). */
 #define SCATTER 1.6
-/* Noise so many times less or more than it was is not believed. */
+/* Factors beyond this are not believed. */
 #define FARTHEST 8.0
 
-static double of_channel(const float *pixels, int rows, int cols)
+static double of_channel(const hada_pixels *pixels, int channel)
 {
-    const size_t across = (size_t)cols / 2, all = (size_t)rows / 2 * across;
+    const size_t cols = (size_t)pixels->cols, across = cols / 2, all = (size_t)pixels->rows / 2 * across;
     const size_t count = all < BLOCKS ? all : BLOCKS;
-    float coefficients[BLOCKS];
+    float coefficients[BLOCKS], room[4];
     for (size_t i = 0; i < count; i++) {
-        const size_t block = i * all / count;
-        const float *at = pixels + block / across * 2 * (size_t)cols + block % across * 2;
-        coefficients[i] = fabsf(at[0] - at[1] - at[cols] + at[cols + 1]) * 0.5F;
+        const size_t block = i * all / count, place = block / across * 2 * cols + block % across * 2;
+        const float *up = hada_pixels_floats(pixels, channel, place, 2, room);
+        const float *down = hada_pixels_floats(pixels, channel, place + cols, 2, room + 2);
+        coefficients[i] = fabsf(up[0] - up[1] - down[0] + down[1]) * 0.5F;
     }
     return hada_select_rank(coefficients, count, count / 2) / MEDIAN;
 }
 
-double hada_noise_estimate(const float *pixels, int channels, int rows, int cols)
+double hada_noise_estimate(const hada_pixels *pixels)
 {
     double sum = 0.0;
-    if (rows < 2 || cols < 2)
+    if (pixels->rows < 2 || pixels->cols < 2)
         return 0.0;
-    for (int c = 0; c < channels; c++) {
-        const double deviation = of_channel(pixels + (size_t)c * (size_t)rows * (size_t)cols, rows, cols);
-        sum += deviation * deviation / channels;
+    for (int c = 0; c < pixels->channels; c++) {
+        const double deviation = of_channel(pixels, c);
+        sum += deviation * deviation / pixels->channels;
     }
     return sqrt(sum);
 }
 
-/* How many times more noise than usual is accounted for. */
+/* The factor of noise over the usual that is accounted for. */
 static double believed(double more)
 {
     const double beyond = fmax(more / SCATTER, 1.0);
     return fmin(fmin(beyond * sqrt(beyond), fmax(more, 1.0)), FARTHEST);
 }
 
-double hada_noise_unit(const float *pixels, int channels, int rows, int cols, double share, double mean_square)
+double hada_noise_unit(const hada_pixels *pixels, double share, double mean_square)
 {
     if (!(share > 0.0 && mean_square > 0.0))
         return mean_square;
-    const double more = hada_noise_estimate(pixels, channels, rows, cols) / (share * sqrt(mean_square));
+    const double more = hada_noise_estimate(pixels) / (share * sqrt(mean_square));
     const double by =
         more >= 1.0 ? believed(more) : 1.0 / believed(1.0 / fmax(more, 1.0 / (2.0 * FARTHEST * FARTHEST)));
     return mean_square * by * by;

@@ -47,7 +47,10 @@ static hada_status prepare(check_state *state, hada_error *err)
 static hada_status launch(check_state *state, hada_error *err)
 {
     dark_state *own = state->own;
-    hada_status status = hada_hadamard_frame(own->stage, own->raw, own->levels, err);
+    const hada_hadamard *stage = own->stage;
+    hada_pixels raw;
+    hada_pixels_planar(&raw, own->raw, HADA_PIXEL_F32, stage->channels, stage->raw_rows, stage->raw_cols);
+    hada_status status = hada_hadamard_frame(own->stage, &raw, own->levels, err);
     if (status)
         return status;
     const cl_int code =

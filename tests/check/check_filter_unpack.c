@@ -3,7 +3,7 @@
 #include "filter/upload.h"
 
 typedef struct unpack_state {
-    hada_upload upload;
+    hada_stored form;
     hada_buffer stored;
     cl_mem out;
 } unpack_state;
@@ -15,8 +15,12 @@ static hada_status prepare(check_state *state, hada_error *err)
     const unsigned numbers = bytes == 1 ? 256 : 65536;
     uint8_t *small = check_room(state, (size_t)count);
     uint16_t *wide = check_room(state, (size_t)count * sizeof *wide);
-    own->upload =
-        (hada_upload){.slot = state->slot, .values = (size_t)count, .stored = {.bytes = bytes, .scale = (float)scale}};
+    hada_pixels pixels;
+    hada_pixels_init(&pixels);
+    hada_pixels_planar(&pixels, bytes == 1 ? (const void *)small : wide, bytes == 1 ? HADA_PIXEL_U8 : HADA_PIXEL_U16, 1,
+                       1, count);
+    pixels.full_scale = scale;
+    own->form = hada_pixels_stored(&pixels);
     HADA_TRY(check_output(state, (size_t)count, err));
     HADA_TRY(check_region(state, 0, (size_t)count, &own->out, err));
     for (int i = 0; i < count; i++) {
@@ -33,7 +37,7 @@ static hada_status prepare(check_state *state, hada_error *err)
 static hada_status launch(check_state *state, hada_error *err)
 {
     const unpack_state *own = state->own;
-    return hada_upload_unpack(&own->upload, own->stored.octets, own->out, err);
+    return hada_upload_unpack(state->slot, &own->form, own->stored.octets, own->out, err);
 }
 
 const check_op check_unpack = {"filter_unpack", "n numbers of b bytes (1 or 2), s their full scale", prepare, launch,

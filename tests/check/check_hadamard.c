@@ -118,7 +118,10 @@ static hada_status launch(check_state *state, hada_error *err)
     hadamard_state *own = state->own;
     const int depths = own->bank->depths;
     const size_t plane = state->out_count / (size_t)depths;
-    hada_status status = hada_hadamard_frame(own->stage, own->raw, own->levels, err);
+    const hada_hadamard *stage = own->stage;
+    hada_pixels raw;
+    hada_pixels_planar(&raw, own->raw, HADA_PIXEL_F32, stage->channels, stage->raw_rows, stage->raw_cols);
+    hada_status status = hada_hadamard_frame(own->stage, &raw, own->levels, err);
     for (int z = 0, n; !status && z < depths; z += n) {
         n = state->batch_limit && state->batch_limit < depths - z ? state->batch_limit : depths - z;
         status =

@@ -4,7 +4,7 @@
 #include <hadalens/metrics.h>
 #include <hadalens/reconstruct.h>
 
-#include "engine/frame.h"
+#include "planes/planes.h"
 #include "model/model.h"
 #include "stress.h"
 #include "stress_camera.h"

@@ -19,7 +19,9 @@ static void run(const stress_device *device, const hada_model *model, const hada
     ASSERT_OK(hada_hadamard_create(&stage, device->slot, NULL, info, 1, err));
     ASSERT_OK(hada_bank_create(&bank, device->slot, model, &layout, NULL, 0, HADA_BANK_FILTERS, 0, err));
     ASSERT_OK(hada_buffer_create(&planes, device->context, area * sizeof(float) * (size_t)info->depths, "planes", err));
-    ASSERT_OK(hada_hadamard_frame(stage, frame->data, NULL, err));
+    hada_pixels pixels;
+    hada_pixels_of_image(&pixels, frame);
+    ASSERT_OK(hada_hadamard_frame(stage, &pixels, NULL, err));
     ASSERT_OK(hada_hadamard_run(stage, bank, 0, 1, planes.mem, 0, err));
     ASSERT_OK(hada_buffer_read(&planes, device->slot, 0, window, area * sizeof *window, err));
     hada_bank_destroy(&bank);

@@ -97,7 +97,9 @@ static double path_error(fixture *f, const hada_model *model, int batch, int hal
     const size_t count = (size_t)(info->depths * info->channels) * window;
     ASSERT_OK(hada_buffer_create(&planes, f->context, (count + 5) * 4, "planes", err));
     hada_image raw = small_scene(info->channels, info->raw_rows, info->raw_cols, 5);
-    ASSERT_OK(hada_hadamard_frame(stage, raw.data, levels, err));
+    hada_pixels pixels;
+    hada_pixels_of_image(&pixels, &raw);
+    ASSERT_OK(hada_hadamard_frame(stage, &pixels, levels, err));
     ASSERT_OK(hada_hadamard_run(stage, bank, 0, info->depths, planes.mem, 5, err));
     float *got = malloc(count * sizeof *got);
     ASSERT_OK(hada_buffer_read(&planes, f->slot, 5 * 4, got, count * 4, err));
@@ -292,7 +294,9 @@ TEST(wiener_models_invert_the_camera)
         ASSERT_OK(hada_bank_create(&bank, f->slot, model, &layout, NULL, 0, HADA_BANK_FILTERS, 0, err));
         ASSERT_OK(hada_hadamard_create(&stage, f->slot, NULL, &model->info, 1, err));
         ASSERT_OK(hada_buffer_create(&planes, f->context, 2 * 12 * 16 * 4, "planes", err));
-        ASSERT_OK(hada_hadamard_frame(stage, frame.data, NULL, err));
+        hada_pixels pixels;
+        hada_pixels_of_image(&pixels, &frame);
+        ASSERT_OK(hada_hadamard_frame(stage, &pixels, NULL, err));
         ASSERT_OK(hada_hadamard_run(stage, bank, 0, 1, planes.mem, 0, err));
         float got[2 * 12 * 16];
         ASSERT_OK(hada_buffer_read(&planes, f->slot, 0, got, sizeof got, err));

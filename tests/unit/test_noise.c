@@ -30,17 +30,37 @@ static double mean_square(const float *frame)
     return sum;
 }
 
+static hada_pixels pixels_of(const float *frame, int channels, int rows, int cols)
+{
+    hada_pixels pixels;
+    hada_pixels_init(&pixels);
+    hada_pixels_planar(&pixels, frame, HADA_PIXEL_F32, channels, rows, cols);
+    return pixels;
+}
+
+static double estimate(const float *frame, int channels, int rows, int cols)
+{
+    const hada_pixels pixels = pixels_of(frame, channels, rows, cols);
+    return hada_noise_estimate(&pixels);
+}
+
+static double unit(const float *frame, double share, double mean)
+{
+    const hada_pixels pixels = pixels_of(frame, 2, ROWS, COLS);
+    return hada_noise_unit(&pixels, share, mean);
+}
+
 TEST(test_estimate)
 {
     static float frame[2 * AREA];
     for (double noise = 0.003; noise < 0.2; noise *= 3.0) {
         paint(frame, noise);
-        const double found = hada_noise_estimate(frame, 2, ROWS, COLS);
+        const double found = estimate(frame, 2, ROWS, COLS);
         if (!(fabs(found - noise) < 0.05 * noise + 1e-4))
             fail_msg("noise %g, found %g", noise, found);
     }
-    assert_true(hada_noise_estimate(frame, 1, 1, COLS) == 0.0);
-    assert_true(hada_noise_estimate(frame, 1, 2, 2) > 0.0);
+    assert_true(estimate(frame, 1, 1, COLS) == 0.0);
+    assert_true(estimate(frame, 1, 2, 2) > 0.0);
 }
 
 /* A frame's own mean square while noise is as usual; with noise far from that, in proportion. */
@@ -48,24 +68,24 @@ TEST(test_unit)
 {
     static float frame[2 * AREA];
     paint(frame, 0.02);
-    const double own = mean_square(frame), share = hada_noise_estimate(frame, 2, ROWS, COLS) / sqrt(own);
-    assert_true(hada_noise_unit(frame, 2, ROWS, COLS, 0.0, own) == own);
-    assert_true(hada_noise_unit(frame, 2, ROWS, COLS, share, own) == own);
-    assert_true(hada_noise_unit(frame, 2, ROWS, COLS, share / 1.5, own) == own);
-    assert_true(hada_noise_unit(frame, 2, ROWS, COLS, share * 1.5, own) == own);
-    assert_true(fabs(hada_noise_unit(frame, 2, ROWS, COLS, share / 5.0, own) / own - 25.0) < 1e-9);
-    assert_true(fabs(hada_noise_unit(frame, 2, ROWS, COLS, share * 5.0, own) / own - 1.0 / 25.0) < 1e-9);
-    assert_true(fabs(hada_noise_unit(frame, 2, ROWS, COLS, share / 500.0, own) / own - 64.0) < 1e-9);
-    assert_true(fabs(hada_noise_unit(frame, 2, ROWS, COLS, share * 500.0, own) / own - 1.0 / 64.0) < 1e-9);
+    const double own = mean_square(frame), share = estimate(frame, 2, ROWS, COLS) / sqrt(own);
+    assert_true(unit(frame, 0.0, own) == own);
+    assert_true(unit(frame, share, own) == own);
+    assert_true(unit(frame, share / 1.5, own) == own);
+    assert_true(unit(frame, share * 1.5, own) == own);
+    assert_true(fabs(unit(frame, share / 5.0, own) / own - 25.0) < 1e-9);
+    assert_true(fabs(unit(frame, share * 5.0, own) / own - 1.0 / 25.0) < 1e-9);
+    assert_true(fabs(unit(frame, share / 500.0, own) / own - 64.0) < 1e-9);
+    assert_true(fabs(unit(frame, share * 500.0, own) / own - 1.0 / 64.0) < 1e-9);
     /* between, it rises */
-    const double little = hada_noise_unit(frame, 2, ROWS, COLS, share / 1.8, own);
-    const double more = hada_noise_unit(frame, 2, ROWS, COLS, share / 2.4, own);
+    const double little = unit(frame, share / 1.8, own);
+    const double more = unit(frame, share / 2.4, own);
     assert_true(little > own && more > little && more < 2.4 * 2.4 * own);
     /* a frame without noise, and one without light */
     for (int i = 0; i < 2 * AREA; i++)
         frame[i] = 0.5F;
-    assert_true(fabs(hada_noise_unit(frame, 2, ROWS, COLS, share, 0.25) - 0.25 / 64.0) < 1e-12);
-    assert_true(hada_noise_unit(frame, 2, ROWS, COLS, share, 0.0) == 0.0);
+    assert_true(fabs(unit(frame, share, 0.25) - 0.25 / 64.0) < 1e-12);
+    assert_true(unit(frame, share, 0.0) == 0.0);
 }
 
 /* A camera that shows the scene as it is: frames are as bright as scenes. */

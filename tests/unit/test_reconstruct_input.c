@@ -1,5 +1,5 @@
 /* Frames and options that cannot work, broken pixels, dark levels. */
-#include "engine/frame.h"
+#include "planes/planes.h"
 #include "learned_camera.h"
 
 static hada_image frame_of_one_depth(const learned_camera *learned, int depth, hada_image *scene)

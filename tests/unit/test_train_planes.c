@@ -221,7 +221,7 @@ TEST(what_does_not_fit_is_refused)
     frame.data[3] = NAN;
     assert_int_equal(hada_planes_make(planes, 0, &frame, &as_captured, &plane, &error), HADA_ERROR_NOT_FINITE);
     frame.rows = 11;
-    assert_int_equal(hada_planes_make(planes, 0, &frame, &as_captured, &plane, &error), HADA_ERROR_SIZE);
+    assert_int_equal(hada_planes_make(planes, 0, &frame, &as_captured, &plane, &error), HADA_ERROR_MODEL);
     assert_null(plane.data);
     hada_image_destroy(&frame);
     hada_planes_destroy(&planes);

@@ -1,104 +1,103 @@
-/* Frames on their way up: as few bytes as give the same floats, to the bit. */
-#include <math.h>
+/* Frames on their way to the device: in the form in which they came, the host's floats there, to the bit. */
 #include <string.h>
 
 #include "filter/hadamard.h"
 #include "testing.h"
 
-enum { NUMBERS = 65536 };
+enum { NUMBERS = 65536, CHANNELS = 3, SIDES = 4 };
 
-/* Numbers first, first + 1, ... over a scale. */
-static void fill(float *values, size_t count, float scale, unsigned first)
-{
-    for (size_t i = 0; i < count; i++)
-        values[i] = (float)((first + i) % NUMBERS) / scale;
-}
+static const int sides[SIDES][2] = {{128, 170}, {1, 1}, {3, 5}, {17, 31}};
 
-TEST(stores_what_cameras_store)
+/* What the device is sent of a frame, and the floats that it makes of it. */
+static void send(hada_hadamard *stage, const hada_pixels *frame, size_t bytes)
 {
-    static const struct {
-        float scale;
-        size_t count;
-        int bytes;
-    } rows[] = {{255.0f, 256, 1},   {65535.0f, NUMBERS, 2}, {1023.0f, 1024, 2},
-                {4095.0f, 4096, 2}, {16383.0f, 16384, 2},   {1.0f, NUMBERS, 2}};
-    static float values[NUMBERS], out[NUMBERS];
-    for (size_t k = 0; k < HADA_COUNT(rows); k++) {
-        hada_stored stored = {0};
-        fill(values, rows[k].count, rows[k].scale, 0);
-        hada_stored_pack(values, rows[k].count, out, &stored);
-        assert_int_equal(stored.bytes, rows[k].bytes);
-        for (size_t i = 0; i < rows[k].count; i++) {
-            const unsigned number = stored.bytes == 1 ? ((unsigned char *)out)[i] : ((unsigned short *)(void *)out)[i];
-            const float back = (float)number / stored.scale;
-            assert_memory_equal(&back, &values[i], sizeof back);
-        }
-    }
-}
-
-TEST(keeps_what_is_no_such_number)
-{
-    static const float odd[] = {-0.0f, -1.0f / 255.0f, 1.5f, 0.3f, 70000.0f, 1e30f, 1e-30f, INFINITY, NAN};
-    static float values[4096], out[4096];
-    for (size_t k = 0; k < HADA_COUNT(odd); k++) {
-        hada_stored stored = {0};
-        fill(values, 4096, 65535.0f, 17);
-        values[4095 - k] = odd[k];
-        hada_stored_pack(values, 4096, out, &stored);
-        assert_int_equal(stored.bytes, 4);
-        assert_memory_equal(out, values, sizeof values);
-    }
-    /* what the frame before was stored as does not hold for ever */
-    hada_stored stored = {1, 255.0f};
-    fill(values, 4096, 65535.0f, 17);
-    hada_stored_pack(values, 4096, out, &stored);
-    assert_int_equal(stored.bytes, 2);
-}
-
-/* A frame through a stage of a device with memory of its own, in as many bytes; what the device has of it. */
-static void send(hada_hadamard *stage, const float *frame, size_t count, size_t bytes, float *got)
-{
+    static float expected[NUMBERS], got[NUMBERS];
+    const size_t plane = (size_t)frame->rows * (size_t)frame->cols, count = CHANNELS * plane;
     const double before = stage->slot->calls.bytes_up;
-    ASSERT_OK(hada_hadamard_frame_later(stage, frame, NULL, err));
-    assert_true(stage->slot->calls.bytes_up - before == (double)(count * bytes));
+    assert_true(hada_pixels_uploads(frame));
+    ASSERT_OK(hada_hadamard_frame(stage, frame, NULL, err));
+    assert_true(stage->slot->calls.bytes_up - before == (double)bytes);
     ASSERT_OK(hada_buffer_read(&stage->raw, stage->slot, 0, got, count * sizeof *got, err));
-    assert_memory_equal(got, frame, count * sizeof *got);
+    for (int c = 0; c < CHANNELS; c++) {
+        const float *values = hada_pixels_floats(frame, c, 0, plane, expected);
+        assert_memory_equal(got + (size_t)c * plane, values, plane * sizeof *got);
+    }
+}
+
+/* Dense in either order, upside down, and with gaps between rows. */
+static void send_all(hada_hadamard *stage, const void *samples, hada_pixel_type type, double scale, int rows, int cols)
+{
+    const ptrdiff_t bytes = type == HADA_PIXEL_U8 ? 1 : type == HADA_PIXEL_U16 ? 2 : 4;
+    const size_t count = (size_t)(CHANNELS * rows * cols);
+    hada_pixels pixels;
+    hada_pixels_init(&pixels);
+    hada_pixels_planar(&pixels, samples, type, CHANNELS, rows, cols);
+    pixels.full_scale = scale;
+    send(stage, &pixels, count * (size_t)bytes);
+    pixels.data = (const char *)samples + pixels.row_stride * (rows - 1);
+    pixels.row_stride = -pixels.row_stride;
+    send(stage, &pixels, count * (size_t)bytes);
+    hada_pixels_interleaved(&pixels, samples, type, CHANNELS, rows, cols);
+    send(stage, &pixels, count * (size_t)bytes);
+    if (type == HADA_PIXEL_F32)
+        return;
+    pixels.row_stride += CHANNELS * bytes;
+    send(stage, &pixels, (count + (size_t)(CHANNELS * (rows - 1))) * (size_t)bytes);
 }
 
 TEST(gives_the_device_the_same_bits)
 {
-    static const int sides[][2] = {{256, 256}, {1, 1}, {3, 5}, {17, 31}};
-    static float frame[NUMBERS], got[NUMBERS];
+    static const double scales[] = {HADA_AUTO, 255, 1023, 4095, 16383, 1, 999};
+    static uint8_t bytes[2 * NUMBERS];
+    static uint16_t words[2 * NUMBERS];
+    static float floats[2 * NUMBERS];
     hada_context *context;
     const double distance = 100.0;
+    for (int i = 0; i < 2 * NUMBERS; i++) {
+        bytes[i] = (uint8_t)(i * 7);
+        words[i] = (uint16_t)((unsigned)i * 40503u);
+        floats[i] = 0.37f * (float)i;
+    }
     ASSERT_OK(hada_context_create(&context, NULL, err));
-    context->info.unified_memory = 0;
-    for (size_t k = 0; k < HADA_COUNT(sides); k++) {
+    for (int k = 0; k < 2 * SIDES; k++) {
         hada_model_info info = {.depths = 1,
-                                .channels = 1,
+                                .channels = CHANNELS,
                                 .form = HADA_FORM_COMPLEX,
                                 .boundary = HADA_BOUNDARY_CIRCULAR,
                                 .distances_mm = &distance};
         hada_slot *slot;
         hada_hadamard *stage;
-        const int rows = sides[k][0], cols = sides[k][1];
-        const size_t count = (size_t)rows * (size_t)cols;
-        static const float scales[] = {65535.0f, 1023.0f, 4095.0f, 16383.0f, 1.0f};
+        const int rows = sides[k % SIDES][0], cols = sides[k % SIDES][1], apart = k >= SIDES;
+        context->info.unified_memory = !apart;
         ASSERT_OK(hada_model_set_sizes(&info, rows, cols, rows, cols, err));
         ASSERT_OK(hada_slot_create(&slot, context, err));
         ASSERT_OK(hada_hadamard_create(&stage, slot, NULL, &info, 1, err));
-        assert_true(hada_upload_stages(&stage->upload));
+        assert_true((stage->upload.staged != NULL) == apart);
         for (size_t s = 0; s < HADA_COUNT(scales); s++) {
-            fill(frame, count, scales[s], 300);
-            send(stage, frame, count, 2, got);
+            send_all(stage, bytes, HADA_PIXEL_U8, scales[s], rows, cols);
+            send_all(stage, words, HADA_PIXEL_U16, scales[s], rows, cols);
         }
-        for (size_t i = 0; i < count; i++)
-            frame[i] = (float)(i % 256 ^ 1) / 255.0f;
-        send(stage, frame, count, 1, got);
-        frame[count / 2] = 0.123f;
-        send(stage, frame, count, 4, got);
+        send_all(stage, floats, HADA_PIXEL_F32, HADA_AUTO, rows, cols);
         hada_hadamard_destroy(&stage);
         hada_slot_destroy(&slot);
     }
     hada_context_destroy(&context);
+}
+
+/* Memory with wide gaps, and scales whose quotients the device was not tested for, are converted on the host. */
+TEST(knows_what_the_device_does_not_take)
+{
+    static const double scales[] = {0.5, 1.5, 65536, 1e30};
+    static uint16_t words[NUMBERS];
+    hada_pixels pixels;
+    hada_pixels_init(&pixels);
+    hada_pixels_planar(&pixels, words, HADA_PIXEL_U16, 1, 8, 8);
+    assert_true(hada_pixels_uploads(&pixels));
+    pixels.row_stride *= 3;
+    assert_false(hada_pixels_uploads(&pixels));
+    hada_pixels_planar(&pixels, words, HADA_PIXEL_U16, 1, 8, 8);
+    for (size_t i = 0; i < HADA_COUNT(scales); i++) {
+        pixels.full_scale = scales[i];
+        assert_false(hada_pixels_uploads(&pixels));
+    }
 }

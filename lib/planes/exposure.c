@@ -1,0 +1,313 @@
+/* A frame on the host: checked, repaired, examined. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "core/finite.h"
+#include "image/pixels.h"
+#include "image/statistics.h"
+#include "planes/planes.h"
+
+hada_status hada_frame_check_size(const hada_model_info *info, int channels, int rows, int cols, hada_error *err)
+{
+    if (channels == info->channels && rows == info->raw_rows && cols == info->raw_cols)
+        return HADA_OK;
+    return hada_fail(err, HADA_ERROR_MODEL,
+                     "the frame has %d channel(s) of %d x %d pixels; the model %s is for %d channel(s) of %d x %d: use "
+                     "the model of this camera, or make one with fit",
+                     channels, rows, cols, info->name, info->channels, info->raw_rows, info->raw_cols);
+}
+
+/* The square of a spectrum's largest value, `points` times the brightest pixel, stays a factor 4 below the largest
+ * float, 2^128; the square of the least pixel, 2^-80, leaves 2^46 above the smallest normal one for filters and noise.
+ */
+static const double most_light = 0x1p63, least_light = 0x1p-40;
+
+hada_status hada_frame_check_range(float largest, double points, hada_error *err)
+{
+    if ((largest > 0.0f && largest < least_light) || largest * points > most_light)
+        return hada_fail(
+            err, HADA_ERROR_NUMERIC,
+            "the frame's brightest pixel, %.2g, is too %s for single precision (%.2g to %.2g at this size); "
+            "multiply frames, and those that the model is fitted with, by a number that brings white to "
+            "about 1",
+            (double)largest, largest < 1.0f ? "small" : "large", least_light, most_light / points);
+    return HADA_OK;
+}
+
+static int by_value(const void *a, const void *b)
+{
+    float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+/* The median of the finite values, NaN where there is none. The array is sorted. */
+static float median(float *values, size_t count)
+{
+    if (!count)
+        return NAN;
+    qsort(values, count, sizeof *values, by_value);
+    return count % 2 ? values[count / 2] : 0.5f * (values[count / 2 - 1] + values[count / 2]);
+}
+
+static float neighbours_median(const float *plane, int rows, int cols, int row, int col)
+{
+    enum { REACH = 7 };
+    float found[(2 * REACH + 1) * (2 * REACH + 1)];
+    for (int reach = 1; reach <= REACH; reach++) {
+        size_t n = 0;
+        for (int r = row - reach; r <= row + reach; r++)
+            for (int c = col - reach; c <= col + reach; c++)
+                if (r >= 0 && r < rows && c >= 0 && c < cols && isfinite(plane[(size_t)r * (size_t)cols + (size_t)c]))
+                    found[n++] = plane[(size_t)r * (size_t)cols + (size_t)c];
+        if (n)
+            return median(found, n);
+    }
+    return NAN;
+}
+
+static hada_status plane_median(const float *plane, size_t count, float *out, hada_error *err)
+{
+    float *finite = NULL;
+    size_t n = 0;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_allocated(finite = hada_alloc_raw(count, sizeof *finite, "repairing a frame", err)));
+    for (size_t i = 0; i < count; i++)
+        if (isfinite(plane[i]))
+            finite[n++] = plane[i];
+    *out = n ? median(finite, n) : 0.0f;
+done:
+    free(finite);
+    return status;
+}
+
+static hada_status repair_plane(const float *before, float *after, int rows, int cols, hada_error *err)
+{
+    const size_t pixels = (size_t)rows * (size_t)cols;
+    float whole = NAN; /* the plane's median, found when first needed */
+    for (size_t i = 0; i < pixels; i++) {
+        if (isfinite(before[i]))
+            continue;
+        const float value = neighbours_median(before, rows, cols, (int)(i / (size_t)cols), (int)(i % (size_t)cols));
+        if (isnan(value) && isnan(whole))
+            HADA_TRY(plane_median(before, pixels, &whole, err));
+        after[i] = isnan(value) ? whole : value;
+    }
+    return HADA_OK;
+}
+
+hada_status hada_frame_repair(hada_image *frame, size_t *repaired, hada_error *err)
+{
+    const size_t pixels = (size_t)frame->rows * (size_t)frame->cols;
+    hada_image before = {0};
+    hada_status status = HADA_OK;
+    *repaired = hada_image_count_not_finite(frame);
+    if (!*repaired)
+        return HADA_OK;
+    HADA_TRY_OR_DONE(hada_image_create(&before, frame->channels, frame->rows, frame->cols, err));
+    memcpy(before.data, frame->data, hada_image_count(frame) * sizeof(float));
+    for (size_t at = 0; at < pixels * (size_t)frame->channels; at += pixels)
+        HADA_TRY_OR_DONE(repair_plane(before.data + at, frame->data + at, frame->rows, frame->cols, err));
+done:
+    hada_image_destroy(&before);
+    return status;
+}
+
+enum {
+    CHUNK = 8192, /* pixels that are examined together: their floats stay in the processor's cache */
+    SUMS = 8,     /* side by side: a single sum would wait for each addition */
+    LANES = 4     /* of the hash */
+};
+
+typedef struct examination {
+    const hada_exposure_rule *rule;
+    size_t broken;
+    float largest;
+    double sums[SUMS];
+    uint64_t lanes[LANES];
+} examination;
+
+/* Each step is reversible for given values, so that frames which differ in few pixels never end alike; the multiplier
+ * is that of D. Knuth's MMIX generator. */
+static uint64_t mix(uint64_t lane, uint64_t word)
+{
+    lane = (lane ^ word) * UINT64_C(6364136223846793005);
+    return lane ^ lane >> 32;
+}
+
+static void hash(uint64_t lanes[LANES], const float *values, size_t count)
+{
+    uint64_t words[LANES];
+    for (size_t i = 0; i < count; i += 2 * LANES) {
+        const size_t here = count - i < 2 * LANES ? count - i : 2 * LANES;
+        memset(words, 0, sizeof words);
+        memcpy(words, values + i, here * sizeof *values);
+        for (int k = 0; k < LANES; k++)
+            lanes[k] = mix(lanes[k], words[k]);
+    }
+}
+
+uint64_t hada_exposure_sample(const hada_exposure *exposure)
+{
+    enum { STRETCHES = 16, PIXELS = 64 };
+    const size_t plane = (size_t)exposure->came.rows * (size_t)exposure->came.cols;
+    uint64_t lanes[LANES] = {1, 2, 3, 4};
+    float room[PIXELS];
+    for (int c = 0; c < exposure->came.channels; c++)
+        for (size_t i = 0; i < STRETCHES; i++) {
+            const size_t first = i * plane / STRETCHES, count = plane - first < PIXELS ? plane - first : PIXELS;
+            hash(lanes, hada_pixels_floats(&exposure->came, c, first, count, room), count);
+        }
+    return mix(mix(lanes[0], lanes[1]), mix(lanes[2], lanes[3]));
+}
+
+static void add_energy(double sums[SUMS], const float *values, const float *below, double level, size_t count)
+{
+    for (size_t i = 0; i < count; i += SUMS)
+        for (size_t k = 0; k < (count - i < SUMS ? count - i : SUMS); k++) {
+            const double value = values[i + k] - level - (below ? below[i + k] : 0.0f);
+            sums[k] += value * value;
+        }
+}
+
+static size_t plane_of(const hada_exposure *exposure)
+{
+    return (size_t)exposure->came.rows * (size_t)exposure->came.cols;
+}
+
+size_t hada_exposure_count(const hada_exposure *exposure)
+{
+    return (size_t)exposure->came.channels * plane_of(exposure);
+}
+
+/* What of an examination a pass over the frame finds. */
+enum { VALUES = 1, ENERGY = 2 };
+
+static void pass(const hada_exposure *exposure, examination *look, int what)
+{
+    const size_t plane = plane_of(exposure);
+    const float *dark = look->rule->dark_frame;
+    float room[CHUNK];
+    for (int c = 0; c < exposure->pixels.channels; c++)
+        for (size_t first = 0, count; first < plane; first += count) {
+            count = plane - first < CHUNK ? plane - first : CHUNK;
+            const float *values = hada_pixels_floats(&exposure->pixels, c, first, count, room);
+            float largest;
+            if (what & VALUES) {
+                look->broken += hada_not_finite(values, count, &largest);
+                look->largest = largest > look->largest ? largest : look->largest;
+                if (look->rule->hash)
+                    hash(look->lanes, values, count);
+            }
+            if (what & ENERGY)
+                add_energy(look->sums, values, dark ? dark + (size_t)c * plane + first : NULL, exposure->levels[c],
+                           count);
+        }
+}
+
+/* From now on the exposure's pixels are floats of its own. */
+static hada_status copy(hada_exposure *exposure, hada_error *err)
+{
+    if (!exposure->own.data)
+        HADA_TRY(hada_pixels_copy(&exposure->came, &exposure->own, err));
+    hada_pixels_of_image(&exposure->pixels, &exposure->own);
+    return HADA_OK;
+}
+
+static hada_status repair(hada_exposure *exposure, const examination *look, hada_error *err)
+{
+    if (!look->rule->repairs)
+        return hada_fail(err, HADA_ERROR_NOT_FINITE,
+                         "%zu pixel(s) of the frame are NaN or infinite; repair them from their neighbours with "
+                         "--repair, or mend the file",
+                         look->broken);
+    HADA_TRY(copy(exposure, err));
+    return hada_frame_repair(&exposure->own, &exposure->repaired, err);
+}
+
+/* The first percentile: of whole numbers by counting them, of floats by selection. */
+static hada_status find_levels(hada_exposure *exposure, hada_error *err)
+{
+    const hada_pixels *pixels = &exposure->pixels;
+    void *room = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_allocated(room = hada_alloc_raw(hada_dark_room(pixels), 1, "the dark level", err)));
+    for (int c = 0; c < pixels->channels; c++)
+        exposure->levels[c] = hada_dark_level(pixels, c, room);
+done:
+    free(room);
+    return status;
+}
+
+static int all_below(const hada_exposure *exposure, double level)
+{
+    const size_t plane = plane_of(exposure);
+    float room[CHUNK];
+    for (int c = 0; c < exposure->pixels.channels; c++)
+        for (size_t first = 0, count; first < plane; first += count) {
+            count = plane - first < CHUNK ? plane - first : CHUNK;
+            const float *values = hada_pixels_floats(&exposure->pixels, c, first, count, room);
+            for (size_t i = 0; i < count; i++)
+                if ((double)values[i] > level)
+                    return 0;
+        }
+    return 1;
+}
+
+hada_status hada_exposure_begin(hada_exposure *exposure, const hada_model_info *info, const hada_pixels *pixels,
+                                hada_error *err)
+{
+    *exposure = (hada_exposure){.info = info, .came = *pixels, .pixels = *pixels};
+    HADA_TRY(hada_frame_check_size(info, pixels->channels, pixels->rows, pixels->cols, err));
+    return hada_allocated(exposure->levels =
+                              hada_alloc((size_t)info->channels, sizeof *exposure->levels, "a frame", err));
+}
+
+void hada_exposure_end(hada_exposure *exposure)
+{
+    hada_image_destroy(&exposure->own);
+    free(exposure->levels);
+    exposure->levels = NULL;
+}
+
+hada_status hada_exposure_examine(hada_exposure *exposure, const hada_exposure_rule *rule, hada_error *err)
+{
+    const hada_model_info *info = exposure->info;
+    const int at_once = rule->energy && !rule->dark_varies;
+    examination look = {.rule = rule, .lanes = {1, 2, 3, 4}};
+    hada_image_destroy(&exposure->own);
+    exposure->pixels = exposure->came;
+    exposure->repaired = 0;
+    for (int c = 0; c < info->channels; c++)
+        exposure->levels[c] = rule->dark;
+    if (!hada_pixels_uploads(&exposure->came))
+        HADA_TRY(copy(exposure, err));
+    pass(exposure, &look, at_once ? VALUES | ENERGY : VALUES);
+    for (int k = 0; k < 2; k++)
+        exposure->hash[k] = mix(mix(look.lanes[k], look.lanes[k + 2]), look.lanes[3 - k]);
+    if (look.broken) /* which takes values of neighbours: none is brighter than the brightest */
+        HADA_TRY(repair(exposure, &look, err));
+    HADA_TRY(hada_frame_check_range(look.largest, (double)info->grid_rows * info->grid_cols, err));
+    if (rule->dark_varies)
+        HADA_TRY(find_levels(exposure, err));
+    else if (rule->dark > 1.0 && all_below(exposure, rule->dark))
+        return hada_fail(
+            err, HADA_ERROR_MODEL,
+            "no pixel of the frame is above the dark level of %g that is subtracted: the level seems to be "
+            "in other units; set options.dark",
+            rule->dark);
+    if (rule->energy && (!at_once || look.broken)) {
+        memset(look.sums, 0, sizeof look.sums);
+        pass(exposure, &look, ENERGY);
+    }
+    exposure->energy = 0.0;
+    for (int k = 0; k < SUMS; k++)
+        exposure->energy += look.sums[k];
+    return HADA_OK;
+}
+
+double hada_exposure_noise_unit(const hada_exposure *exposure, double share)
+{
+    return hada_noise_unit(&exposure->pixels, share, exposure->energy / (double)hada_exposure_count(exposure));
+}

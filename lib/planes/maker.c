@@ -1,0 +1,56 @@
+/* Planes on the device: linear filters, or depths that are refined together. */
+#include "filter/clip.h"
+#include "planes/planes.h"
+
+void hada_maker_use_otf(hada_plane_maker *maker, cl_mem otf, size_t offset, int depths, cl_mem prior)
+{
+    maker->data = (hada_refine_data){.spectrum = maker->stage->spectrum.mem,
+                                     .frame = maker->stage->raw.mem,
+                                     .otf = otf,
+                                     .otf_offset = offset,
+                                     .otf_depths = depths,
+                                     .prior = prior};
+}
+
+static size_t plane_values(const hada_plane_maker *maker)
+{
+    const hada_model_info *info = hada_model_get_info(maker->model);
+    return (size_t)info->channels * (size_t)info->window_rows * (size_t)info->window_cols;
+}
+
+hada_status hada_maker_filter(const hada_plane_maker *maker, int first, int count, cl_mem planes, hada_error *err)
+{
+    HADA_TRY(hada_hadamard_run(maker->stage, maker->bank, first, count, planes, 0, err));
+    return hada_image_clip(maker->slot, planes, plane_values(maker) * (size_t)count, err);
+}
+
+hada_status hada_maker_refine(const hada_plane_maker *maker, const hada_maker_steps *steps, double unit, int count,
+                              const int *list, int *done, hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(maker->model);
+    hada_refine_rule rule;
+    hada_refine_rule_init(&rule);
+    rule.steps = steps->steps;
+    hada_refine_rule_weigh(&rule, info, &maker->weights, count, hada_model_gain(maker->model), unit);
+    if (steps->stop)
+        hada_refine_rule_stop(&rule, info->boundary, steps->stop);
+    else
+        rule.stop = 0.0;
+    rule.start = steps->before ? HADA_REFINE_CONTINUE : HADA_REFINE_COLD;
+    rule.before = steps->before;
+    rule.quiet = !(rule.stop > 0.0);
+    return hada_refiner_run(maker->refiner, &maker->data, &rule, 1, count, list, done, err);
+}
+
+hada_status hada_maker_fade(const hada_plane_maker *maker, int count, double share, hada_error *err)
+{
+    return count > 1 && share > 0.0 ? hada_refiner_fade(maker->refiner, count, share, err) : HADA_OK;
+}
+
+hada_status hada_maker_read(const hada_plane_maker *maker, cl_mem planes, int first, int count, float *out,
+                            hada_error *err)
+{
+    const size_t bytes = plane_values(maker) * sizeof(float);
+    const hada_buffer all = {.mem = planes, .bytes = (size_t)(first + count) * bytes};
+    return hada_buffer_read(&all, maker->slot, (size_t)first * bytes, out, (size_t)count * bytes, err);
+}

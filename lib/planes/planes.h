@@ -1,0 +1,102 @@
+/* From a frame to planes: the one way, for reconstruction, for the fit's trials of refinement and for training.
+ * Internal.
+ *
+ * An exposure is a frame on the host, in the form in which it came: checked, examined, its dark level known. A maker
+ * has what a device needs to make planes of it: linear filters, or depths that are refined together. */
+#ifndef HADA_PLANES_PLANES_H
+#define HADA_PLANES_PLANES_H
+
+#include <hadalens/pixels.h>
+#include <stdint.h>
+
+#include "filter/hadamard.h"
+#include "refine/admm.h"
+
+/* HADA_ERROR_MODEL where a frame has not the size that the model is for. */
+hada_status hada_frame_check_size(const hada_model_info *info, int channels, int rows, int cols, hada_error *err);
+
+/* How a frame is examined. */
+typedef struct hada_exposure_rule {
+    int dark_varies; /* 1: each channel of each frame has a dark level of its own; 0: `dark` is that of all */
+    double dark;
+    const float *dark_frame; /* subtracted as well, [channel][row][col]; NULL: none */
+    int repairs; /* 1: pixels that are not finite are repaired from their neighbours; 0: they are an error */
+    int energy;  /* 1: the energy is needed */
+    int hash;    /* 1: the hash is needed */
+} hada_exposure_rule;
+
+typedef struct hada_exposure {
+    const hada_model_info *info;
+    hada_pixels came;   /* the caller's pixels, which must stay */
+    hada_pixels pixels; /* what goes to the device: these, or `own` */
+    hada_image own;     /* floats of pixels that were repaired, or that the device does not take; else empty */
+    double *levels;     /* per channel: the dark level */
+    double energy;      /* sum of squares above dark levels and dark frame */
+    size_t repaired;
+    uint64_t hash[2]; /* of the floats as they came: frames of equal hashes are taken to be equal */
+} hada_exposure;
+
+/* Checks the size. After a failure there is nothing to end. */
+hada_status hada_exposure_begin(hada_exposure *exposure, const hada_model_info *info, const hada_pixels *pixels,
+                                hada_error *err);
+void hada_exposure_end(hada_exposure *exposure);
+
+/* Reads the frame from memory once, and once more where its dark level has to be known first: pixels that are not
+ * finite, the largest value, dark levels, energy, hash. May be called again. HADA_ERROR_NOT_FINITE; HADA_ERROR_NUMERIC
+ * where single precision cannot hold the frame's spectrum; HADA_ERROR_MODEL where no pixel is above a dark level. */
+hada_status hada_exposure_examine(hada_exposure *exposure, const hada_exposure_rule *rule, hada_error *err);
+
+/* A hash of a few of its pixels as they came: frames whose samples differ are not equal. */
+uint64_t hada_exposure_sample(const hada_exposure *exposure);
+
+/* The number of its values, and the unit of weights that are proportional to noise (image/statistics.h). share:
+ * hada_model_noise_share(), or 0. */
+size_t hada_exposure_count(const hada_exposure *exposure);
+double hada_exposure_noise_unit(const hada_exposure *exposure, double share);
+
+/* Single precision holds the spectrum of a frame whose brightest pixel has the size `largest` on a grid of `points`
+ * points, and the squares of both: sizes from 2^-40 to 2^63 / points. HADA_ERROR_NUMERIC else. */
+hada_status hada_frame_check_range(float largest, double points, hada_error *err);
+
+/* Replaces pixels that are not finite by the median of the finite pixels in the smallest square around them (up to
+ * 15 x 15, else the plane's median, else 0), of the frame as it came. *repaired: how many. */
+hada_status hada_frame_repair(hada_image *frame, size_t *repaired, hada_error *err);
+
+/* A maker is filled in by its owner, who keeps what it points to. */
+typedef struct hada_plane_maker {
+    hada_slot *slot;
+    const hada_model *model;
+    hada_hadamard *stage;        /* takes frames to the device; NULL: the owner fills in `data` */
+    const hada_bank *bank;       /* linear filters; NULL: none */
+    hada_refiner *refiner;       /* NULL: none */
+    hada_refine_data data;       /* of refinement: spectrum and frame (the stage's), transfer functions, prior */
+    hada_refine_weights weights; /* of refinement */
+    double noise_share;          /* the usual share of noise; 0: weights do not depend on it */
+} hada_plane_maker;
+
+/* What the refiner reads from the maker's stage and bank: transfer functions from `depth` on. */
+void hada_maker_use_otf(hada_plane_maker *maker, cl_mem otf, size_t offset, int depths, cl_mem prior);
+
+/* `count` linear planes from depth `first` of the bank, clipped at zero, into `planes` (enqueued). */
+hada_status hada_maker_filter(const hada_plane_maker *maker, int first, int count, cl_mem planes, hada_error *err);
+
+/* How refinement ends. */
+typedef struct hada_maker_steps {
+    int steps;  /* at most; exactly where stop is 0 */
+    int stop;   /* 0: never early; 1: when the residual settles; n > 1: when n planes settle, too */
+    int before; /* steps that were done before, which these continue */
+} hada_maker_steps;
+
+/* Refines the planes of `count` depths of the transfer functions together; weights are in `unit`s (of the exposure's
+ * noise). *done (may be NULL): the steps. The planes are hada_refiner_planes(). */
+hada_status hada_maker_refine(const hada_plane_maker *maker, const hada_maker_steps *steps, double unit, int count,
+                              const int *list, int *done, hada_error *err);
+
+/* Several refined planes fade where others are far brighter: by this share of crosstalk; 0: none does. */
+hada_status hada_maker_fade(const hada_plane_maker *maker, int count, double share, hada_error *err);
+
+/* `count` planes from place `first` on of a buffer with planes one after the other, to the host; waits for them. */
+hada_status hada_maker_read(const hada_plane_maker *maker, cl_mem planes, int first, int count, float *out,
+                            hada_error *err);
+
+#endif

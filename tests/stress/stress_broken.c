@@ -4,8 +4,8 @@
 #include <hadalens/metrics.h>
 #include <hadalens/reconstruct.h>
 
-#include "planes/planes.h"
 #include "model/model.h"
+#include "planes/planes.h"
 #include "stress.h"
 #include "stress_camera.h"
 

@@ -33,7 +33,8 @@ void hada_upload_free(hada_upload *upload)
     *upload = (hada_upload){0};
 }
 
-hada_status hada_upload_unpack(hada_slot *slot, const hada_stored *stored, hada_bytes between, cl_mem raw, hada_error *err)
+hada_status hada_upload_unpack(hada_slot *slot, const hada_stored *stored, hada_bytes between, cl_mem raw,
+                               hada_error *err)
 {
     const hada_stored_form *form = &stored->form;
     const size_t rows = (size_t)form->rows, cols = (size_t)form->cols, channels = (size_t)form->channels,

@@ -23,6 +23,7 @@ hada_status hada_upload_frame(hada_upload *upload, const hada_pixels *frame, had
                               hada_error *err);
 
 /* The second half of this: samples on the device to floats (enqueued). */
-hada_status hada_upload_unpack(hada_slot *slot, const hada_stored *stored, hada_bytes between, cl_mem raw, hada_error *err);
+hada_status hada_upload_unpack(hada_slot *slot, const hada_stored *stored, hada_bytes between, cl_mem raw,
+                               hada_error *err);
 
 #endif

@@ -16,7 +16,7 @@ read -r display <screen
 
 # imagej WORDS ARGUMENTS: what it prints must hold WORDS
 imagej() {
-    DISPLAY=":$display" timeout 90 java -Duser.home="$here" -cp "$jar" ij.ImageJ -batch "$macro" "$2" >stdout 2>stderr || fail "ImageJ does not end well with: $2"
+    DISPLAY=":$display" timeout 900 java -Duser.home="$here" -cp "$jar" ij.ImageJ -batch "$macro" "$2" >stdout 2>stderr || fail "ImageJ does not end well with: $2"
     grep -q -- "$1" stdout || fail "no '$1' from the macro with: $2"
 }
 

@@ -8,7 +8,7 @@ import time
 import torch
 import torch.nn.functional as F
 
-sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "tests", "oracle"))
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "tests", "golden"))
 import torch_nets  # noqa: E402
 
 torch.set_num_threads(int(os.environ.get("PEER_THREADS", "2")))

@@ -5,16 +5,14 @@ the prefix "golden.": x, dy, and the results y (evaluation), y_training, dx, one
 and the running statistics after the step. Computed in float64, stored in float32."""
 import json
 import os
-import sys
 
 import torch
+import torch_nets
 import torch.nn as nn
 import torch.nn.functional as F
 from safetensors.torch import save_file
 
 folder = os.path.dirname(os.path.abspath(__file__))
-sys.path.insert(0, os.path.join(folder, "..", "oracle"))
-import torch_nets  # noqa: E402
 
 
 def unet_list(channels, down, up, up_by, shared, norm, last_kernel, last_relu):

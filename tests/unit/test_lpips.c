@@ -1,4 +1,4 @@
-/* LPIPS against PyTorch (golden numbers made by tests/oracle/make_lpips_golden.py) and what it refuses. */
+/* LPIPS against PyTorch (golden numbers made by tests/golden/make_lpips_golden.py) and what it refuses. */
 #include "testing.h"
 
 #include <hadalens/lpips.h>

@@ -1,4 +1,4 @@
-/* Metrics against scikit-image (golden numbers made by tests/oracle/make_metrics_golden.py) and by hand. */
+/* Metrics against scikit-image (golden numbers made by tests/golden/make_metrics_golden.py) and by hand. */
 #include <hadalens/metrics.h>
 #include <math.h>
 #include <stdio.h>

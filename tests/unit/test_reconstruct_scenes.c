@@ -1,4 +1,4 @@
-/* Scenes that are hard to tell apart: slanted, between depths, neighbouring, faint, black, constant, everywhere. */
+/* Scenes that are hard to tell apart: slanted, between depths, black, constant. */
 #include "learned_camera.h"
 
 static void run(const learned_camera *learned, const hada_plan_options *options, const hada_image *raw,
@@ -86,55 +86,6 @@ TEST(an_object_between_depths_shows_at_its_neighbours)
     hada_image_destroy(&raw);
     hada_image_destroy(&scene);
     hada_simulator_destroy(&simulator);
-}
-
-/* Half of the scene at a twentieth of the other's brightness is still found at its own depth. */
-TEST(a_faint_object_beside_a_bright_one_is_found)
-{
-    const learned_camera *learned = *state;
-    hada_image scene = learned_scene(learned, 33), parts[2];
-    hada_plane planes[2];
-    learned_split(learned, &scene, (int[]){0, 3}, 2, 33, parts, planes);
-    for (size_t i = 0; i < hada_image_count(&parts[1]); i++)
-        parts[1].data[i] *= 0.05f;
-    hada_image raw = learned_frame(learned, planes, 2, 33);
-    hada_result result = {0};
-    run(learned, NULL, &raw, &result);
-    assert_int_equal(result.report->occupied[0], 1);
-    assert_int_equal(result.report->occupied[3], 1);
-    for (int i = 0; i < 2; i++)
-        hada_image_destroy(&parts[i]);
-    hada_result_destroy(&result);
-    hada_image_destroy(&raw);
-    hada_image_destroy(&scene);
-}
-
-/* Nothing skipped: the occupied depths are found on the whole spectrum of every channel, and are the same ones. */
-TEST(the_full_look_finds_the_same_depths)
-{
-    static const int lists[][2] = {{1, 2}, {0, 3}, {2, 3}};
-    const learned_camera *learned = *state;
-    hada_plan_options full;
-    hada_plan_options_init(&full);
-    full.skip = HADA_SKIP_ALL & ~(unsigned)HADA_SKIP_DEPTHS;
-    for (int k = 0; k < 3; k++) {
-        hada_image scene = learned_scene(learned, 35 + (unsigned)k), parts[2];
-        hada_plane planes[2];
-        learned_split(learned, &scene, lists[k], 2, 35 + (unsigned)k, parts, planes);
-        hada_image raw = learned_frame(learned, planes, 2, 35 + (unsigned)k);
-        hada_result quick = {0}, slow = {0};
-        run(learned, NULL, &raw, &quick);
-        run(learned, &full, &raw, &slow);
-        assert_memory_equal(quick.report->occupied, slow.report->occupied, LEARNED_DEPTHS);
-        for (int z = 0; z < LEARNED_DEPTHS; z++)
-            assert_int_equal(quick.report->occupied[z], z == lists[k][0] || z == lists[k][1]);
-        for (int i = 0; i < 2; i++)
-            hada_image_destroy(&parts[i]);
-        hada_result_destroy(&quick);
-        hada_result_destroy(&slow);
-        hada_image_destroy(&raw);
-        hada_image_destroy(&scene);
-    }
 }
 
 TEST(a_black_frame_holds_nothing)

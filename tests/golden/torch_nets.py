@@ -73,7 +73,7 @@ def widths(text):
 
 
 def unet(kind, channels):
-    """The net of the preset or of the text that oracle_net makes it from."""
+    """The net of a preset, or of a text such as "8,8|16,16/16,8/linear"."""
     if kind == "compact":
         return UNet(channels, widths("16,16|32,32|64,64|128,128|256,256"), widths("128,128|64,64|32,32|16,16"))
     if kind == "paper":

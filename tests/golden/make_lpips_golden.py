@@ -2,12 +2,12 @@
 """Golden numbers for tests/unit/test_lpips.c, from PyTorch in double precision.
 
     pip install numpy torch
-    python3 tests/oracle/make_lpips_golden.py > tests/golden/lpips.txt
+    python3 tests/golden/make_lpips_golden.py > tests/golden/lpips.txt
 """
 import torch
 from torch_lpips import NETS, distances, hashed, hashed_weights, spatial, whole
 
-print(f"# PyTorch {torch.__version__}; made by tests/oracle/make_lpips_golden.py")
+print(f"# PyTorch {torch.__version__}; made by tests/golden/make_lpips_golden.py")
 print("# net channels rows cols lpips masked largest")
 for net in NETS:
     weights = hashed_weights(net)

@@ -2,13 +2,13 @@
 """Golden numbers for tests/unit/test_metrics.c, from scikit-image and NumPy.
 
     pip install numpy scikit-image
-    python3 tests/oracle/make_metrics_golden.py > tests/golden/metrics.txt
+    python3 tests/golden/make_metrics_golden.py > tests/golden/metrics.txt
 """
 import numpy as np
 import skimage
 from skimage.metrics import structural_similarity
 
-print(f"# scikit-image {skimage.__version__}, NumPy {np.__version__}; made by tests/oracle/make_metrics_golden.py")
+print(f"# scikit-image {skimage.__version__}, NumPy {np.__version__}; made by tests/golden/make_metrics_golden.py")
 print("# channels rows cols mse mae psnr ssim sharpness authors_psnr authors_ssim")
 for channels, rows, cols in [(1, 11, 11), (1, 32, 48), (3, 40, 33), (3, 96, 64)]:
     c, r, k = np.meshgrid(np.arange(channels), np.arange(rows), np.arange(cols), indexing="ij")

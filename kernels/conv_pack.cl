@@ -140,7 +140,6 @@ __kernel void conv_pack(__global const float *w, __global float *packed, hada_co
 static inline void conv_weights_1d(const conv_pack_v *g, int step, conv_pack_v *o)
 {
     const conv_pack_v a = g[0], b = g[step], c = g[2 * step];
-#if CONV_TILE == 4
     const conv_pack_v s = (a + c) * (1.0f / 6.0f), q = fma(c, (conv_pack_v)(1.0f / 6.0f), a * (1.0f / 24.0f));
     o[0] = 0.25f * a;
     o[1] = -s - b * (1.0f / 6.0f);
@@ -148,15 +147,9 @@ static inline void conv_weights_1d(const conv_pack_v *g, int step, conv_pack_v *
     o[3] = q + b * (1.0f / 12.0f);
     o[4] = q - b * (1.0f / 12.0f);
     o[5] = c;
-#else
-    o[0] = a;
-    o[1] = 0.5f * (a + b + c);
-    o[2] = 0.5f * (a - b + c);
-    o[3] = c;
-#endif
 }
 
-/* Weights for Winograd's F(m x m, 3 x 3): G g G^T for each pair of channels, [place][group][input channel of all
+/* Weights for Winograd's F(4 x 4, 3 x 3): G g G^T for each pair of channels, [place][group][input channel of all
  * blocks] [output channel of the group], zero where there is no such channel. Arguments as in conv_pack; the way to
  * fine takes the kernel mirrored. Dimensions as in conv_pack. */
 __kernel void conv_winograd_pack(__global const float *w, __global float *packed, ulong w_offset, int in_channels,

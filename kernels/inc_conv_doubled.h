@@ -6,7 +6,6 @@
 
 #include "inc_conv_winograd.h"
 
-#if CONV_TILE == 4
 /* How far pixels at odd and at even places of an axis stand from the one to the next of that many `values`. */
 typedef struct conv_parts {
     float near, far;
@@ -68,13 +67,5 @@ static inline void conv_tile_in_doubled(__global const float *restrict x, conv_p
     }
     conv_tile_across(down, to, pitch);
 }
-#else
-/* There are none for other tiles: the host makes sure. */
-static inline void conv_tile_in_doubled(__global const float *restrict x, conv_place place, int rows, int cols,
-                                        CONV_MEM float *restrict to, size_t pitch)
-{
-    (void)x, (void)place, (void)rows, (void)cols, (void)to, (void)pitch;
-}
-#endif
 
 #endif

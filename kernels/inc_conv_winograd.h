@@ -1,14 +1,11 @@
-/* Winograd's minimal filtering F(m x m, 3 x 3) on blocks of channels (Lavin and Gray, CVPR 2016): tiles of m x m output
- * pixels and their (m + 2) x (m + 2) inputs are transformed, multiplied place by place, and transformed back. */
+/* Winograd's minimal filtering F(4 x 4, 3 x 3) on blocks of channels (Lavin and Gray, CVPR 2016): tiles of 4 x 4 output
+ * pixels and their 6 x 6 inputs are transformed, multiplied place by place, and transformed back. */
 #ifndef INC_CONV_WINOGRAD_H
 #define INC_CONV_WINOGRAD_H
 
 #include "inc_conv.h"
 
-/* m: 2 or 4. */
-#ifndef CONV_TILE
-#define CONV_TILE 4
-#endif
+#define CONV_TILE   4
 #define CONV_REACH  (CONV_TILE + 2)
 #define CONV_PLACES (CONV_REACH * CONV_REACH)
 
@@ -16,7 +13,6 @@
 #define CONV_APART(floats) ((floats) + NET_BLOCK)
 
 /* One dimension of the transforms: o = B^T i and o = A^T i. */
-#if CONV_TILE == 4
 static inline void conv_in_1d(const conv_v *i, conv_v *o)
 {
     const conv_v t0 = fma((conv_v)(-4.0f), i[2], i[4]), t1 = fma((conv_v)(-4.0f), i[1], i[3]);
@@ -37,21 +33,6 @@ static inline void conv_out_1d(const conv_v *i, conv_v *o)
     o[2] = fma((conv_v)(4.0f), u, s);
     o[3] = fma((conv_v)(8.0f), v, d) + i[5];
 }
-#else
-static inline void conv_in_1d(const conv_v *i, conv_v *o)
-{
-    o[0] = i[0] - i[2];
-    o[1] = i[1] + i[2];
-    o[2] = i[2] - i[1];
-    o[3] = i[1] - i[3];
-}
-
-static inline void conv_out_1d(const conv_v *i, conv_v *o)
-{
-    o[0] = i[0] + i[1] + i[2];
-    o[1] = i[1] - i[2] - i[3];
-}
-#endif
 
 /* What has been transformed down its columns, across its rows, to places `pitch` floats apart. */
 static inline void conv_tile_across(conv_v down[CONV_REACH][CONV_REACH], CONV_MEM float *restrict to, size_t pitch)

@@ -1,6 +1,6 @@
 /* Times the convolutions of nets: forward, gradient of the input, gradients of weights and biases.
  *
- *     perf_conv [--rounds N] [METHOD...]        METHOD: auto direct winograd2 winograd4 (all: auto direct)
+ *     perf_conv [--rounds N] [METHOD...]        METHOD: auto direct winograd4 (all: auto direct)
  *     perf_conv --serve                         for perf/peers/conv_torch.py, which takes turns with PyTorch
  *
  * Served lines are "WHAT METHOD IN OUT SIZE KERNEL STRIDE PAD TRANSPOSED", WHAT one of forward, data, weights; each is
@@ -33,7 +33,7 @@ static double milliseconds(clockid_t clock)
     return 1e3 * (double)t.tv_sec + 1e-6 * (double)t.tv_nsec;
 }
 
-static const char *const methods[] = {"auto", "direct", "winograd2", "winograd4", "plain"};
+static const char *const methods[] = {"auto", "direct", "", "winograd4", "plain"};
 static const char *const whats[] = {"forward", "data", "weights"};
 
 static int number_of(const char *word, const char *const *names, int count)

@@ -3,7 +3,9 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "net/conv_internal.h"
+#include "launch/conv_normed.h"
+#include "net/conv_launch.h"
+#include "net/layers.h"
 
 static size_t plan_bytes(const hada_conv_plan *plan)
 {
@@ -16,22 +18,16 @@ static size_t plan_bytes(const hada_conv_plan *plan)
 size_t hada_conv_bytes(const hada_context *context, const hada_conv_desc *desc)
 {
     hada_conv_plan plan;
-    return hada_conv_plan_make(&plan, context, desc, NULL, NULL) ? 0 : plan_bytes(&plan);
+    return hada_conv_plan_make(&plan, context, desc, NULL) ? 0 : plan_bytes(&plan);
 }
 
 hada_status hada_conv_create(hada_conv **out, hada_slot *slot, const hada_conv_desc *desc, hada_error *err)
-{
-    return hada_conv_create_chosen(out, slot, desc, NULL, err);
-}
-
-hada_status hada_conv_create_chosen(hada_conv **out, hada_slot *slot, const hada_conv_desc *desc,
-                                    const hada_conv_choice *forced, hada_error *err)
 {
     hada_status status = HADA_OK;
     hada_conv_plan plan;
     hada_conv *conv = NULL;
     *out = NULL;
-    HADA_TRY_OR_DONE(hada_conv_plan_make(&plan, slot->context, desc, forced, err));
+    HADA_TRY_OR_DONE(hada_conv_plan_make(&plan, slot->context, desc, err));
     HADA_TRY_OR_DONE(hada_allocated(conv = hada_alloc(1, sizeof *conv, "a convolution", err)));
     conv->slot = slot;
     conv->plan = plan;
@@ -70,8 +66,8 @@ hada_status hada_conv_set_weights(hada_conv *conv, hada_floats weights, hada_err
 {
     hada_status status = HADA_OK;
     for (int p = 0; p < conv->plan.pass_count; p++)
-        HADA_TRY_OR_DONE(conv->plan.pass[p].tile ? hada_conv_winograd_pack(conv, p, weights, err)
-                                                 : hada_conv_pack(conv, p, weights, err));
+        HADA_TRY_OR_DONE(conv->plan.pass[p].winograd ? hada_conv_winograd_pack(conv, p, weights, err)
+                                                     : hada_conv_pack(conv, p, weights, err));
 done:
     conv->has_weights = !status;
     return status;
@@ -91,8 +87,8 @@ static hada_status tensor_fits(const hada_conv *conv, const hada_tensor *tensor,
                      conv->plan.desc.images, channels, rows, cols, conv->plan.block);
 }
 
-hada_status hada_conv_ready(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *low,
-                            const hada_tensor *out, const hada_conv_finish *finish, hada_error *err)
+static hada_status ready(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *low,
+                         const hada_tensor *out, const hada_conv_finish *finish, hada_error *err)
 {
     const hada_conv_pass *pass = &conv->plan.pass[index];
     const char *const names[HADA_CONV_PASSES][2] = {{"x", "y"}, {"dy", "dx"}};
@@ -118,29 +114,21 @@ hada_status hada_conv_ready(hada_conv *conv, int index, const hada_tensor *in, c
     return HADA_OK;
 }
 
-hada_status hada_conv_run(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *low,
-                          const hada_tensor *out, const hada_conv_finish *finish, hada_error *err)
+static hada_status run(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *low,
+                       const hada_tensor *out, const hada_conv_finish *finish, hada_error *err)
 {
     const hada_conv_pass *pass = &conv->plan.pass[index];
-    HADA_TRY(hada_conv_ready(conv, index, in, low, out, finish, err));
-    if (pass->tile)
+    HADA_TRY(ready(conv, index, in, low, out, finish, err));
+    if (pass->winograd)
         return hada_conv_winograd(conv, index, in, low, out, finish, err);
     return pass->method == HADA_CONV_PLAIN ? hada_conv_plain(conv, index, in, out, finish, err)
                                            : hada_conv_direct(conv, index, in, out, finish, err);
 }
 
-hada_status hada_conv_forward(hada_conv *conv, const hada_tensor *x, hada_floats bias, const hada_tensor *y,
-                              const hada_tensor *pooled, hada_error *err)
-{
-    const hada_conv_desc *d = &conv->plan.desc;
-    const hada_conv_finish finish = {bias, d->activation, d->slope, NULL, pooled, 0};
-    return hada_conv_run(conv, HADA_CONV_FORWARD, x, NULL, y, &finish, err);
-}
-
 int hada_conv_doubles(const hada_context *context, const hada_conv_desc *desc)
 {
     hada_conv_plan plan;
-    return desc->doubled && !hada_conv_plan_make(&plan, context, desc, NULL, NULL);
+    return desc->doubled && !hada_conv_plan_make(&plan, context, desc, NULL);
 }
 
 hada_status hada_conv_forward_doubled(hada_conv *conv, const hada_tensor *x, const hada_tensor *low, hada_floats bias,
@@ -148,7 +136,13 @@ hada_status hada_conv_forward_doubled(hada_conv *conv, const hada_tensor *x, con
 {
     const hada_conv_desc *d = &conv->plan.desc;
     const hada_conv_finish finish = {bias, d->activation, d->slope, NULL, pooled, 0};
-    return hada_conv_run(conv, HADA_CONV_FORWARD, x, low, y, &finish, err);
+    return run(conv, HADA_CONV_FORWARD, x, low, y, &finish, err);
+}
+
+hada_status hada_conv_forward(hada_conv *conv, const hada_tensor *x, hada_floats bias, const hada_tensor *y,
+                              const hada_tensor *pooled, hada_error *err)
+{
+    return hada_conv_forward_doubled(conv, x, NULL, bias, y, pooled, err);
 }
 
 static hada_status must_train(const hada_conv *conv, hada_error *err)
@@ -163,7 +157,7 @@ hada_status hada_conv_backward_data(hada_conv *conv, const hada_tensor *dy, cons
 {
     const hada_conv_finish finish = {.mask = masked_by, .accumulate = accumulate};
     HADA_TRY(must_train(conv, err));
-    return hada_conv_run(conv, HADA_CONV_DATA, dy, NULL, dx, &finish, err);
+    return run(conv, HADA_CONV_DATA, dy, NULL, dx, &finish, err);
 }
 
 hada_status hada_conv_backward_weights(hada_conv *conv, const hada_tensor *x, const hada_tensor *dy, hada_floats dw,
@@ -173,16 +167,62 @@ hada_status hada_conv_backward_weights(hada_conv *conv, const hada_tensor *x, co
     const hada_conv_pass *forward = &conv->plan.pass[HADA_CONV_FORWARD];
     HADA_TRY(tensor_fits(conv, x, "x", x->images, forward->in_channels, forward->in_rows, forward->in_cols, err));
     HADA_TRY(tensor_fits(conv, dy, "dy", x->images, forward->out_channels, forward->out_rows, forward->out_cols, err));
-    const int transposed = conv->plan.desc.transposed;
-    const hada_tensor *coarse = transposed ? x : dy, *fine = transposed ? dy : x;
-    hada_conv_cost(conv, coarse, fine);
-    if (conv->plan.gradient.tile && !transposed)
-        return hada_conv_winograd_weights(conv, coarse, fine, dw, db, accumulate, err);
-    if (conv->plan.gradient.tile)
-        HADA_TRY(hada_conv_winograd_weights(conv, coarse, fine, dw, (hada_floats){0}, accumulate, err));
-    else
-        HADA_TRY(hada_conv_weights(conv, coarse, fine, dw, accumulate, err));
-    if (db.mem)
-        HADA_TRY(hada_conv_bias(conv, dy, db, accumulate, err));
-    return HADA_OK;
+    return hada_conv_gradients(conv, x, dy, dw, db, accumulate, err);
+}
+
+/* Convolutions that normalise what they read (layers.h). */
+
+enum { PLACES = 9, VALUES = 3 }; /* of a kernel; vectors of a block that the norm needs */
+enum { MOST_CHANNELS = 1024 };   /* for which both find room in local memory everywhere */
+
+static int program_of(int block, int few)
+{
+    if (block == 16)
+        return few == 1 ? HADA_PROGRAM_CONV_NORMED_BLOCK16_FEW1 : HADA_PROGRAM_CONV_NORMED_BLOCK16_FEW3;
+    return few == 1 ? HADA_PROGRAM_CONV_NORMED_BLOCK8_FEW1 : HADA_PROGRAM_CONV_NORMED_BLOCK8_FEW3;
+}
+
+static int norms(const hada_conv_plan *plan)
+{
+    const hada_conv_desc *d = &plan->desc;
+    const hada_conv_pass *pass = &plan->pass[HADA_CONV_FORWARD];
+    return !d->training && !d->transposed && pass->method == HADA_CONV_DIRECT && pass->few &&
+           d->in_channels <= MOST_CHANNELS && d->kernel_rows == 3 && d->kernel_cols == 3 && d->stride == 1 &&
+           d->pad_rows == 1 && d->pad_cols == 1;
+}
+
+int hada_conv_norms(const hada_context *context, const hada_conv_desc *desc)
+{
+    hada_conv_plan plan;
+    return !hada_conv_plan_make(&plan, context, desc, NULL) && norms(&plan);
+}
+
+hada_status hada_conv_forward_normed(hada_conv *conv, const hada_batch_norm *norm, const hada_tensor *x,
+                                     hada_floats bias, const hada_tensor *y, hada_error *err)
+{
+    const hada_conv_plan *plan = &conv->plan;
+    const hada_conv_pass *pass = &plan->pass[HADA_CONV_FORWARD];
+    const hada_conv_finish finish = {bias, plan->desc.activation, plan->desc.slope, NULL, NULL, 0};
+    if (norm->bias.mem != norm->weight.mem || norm->mean.mem != norm->weight.mem ||
+        norm->variance.mem != norm->weight.mem)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a batch norm before a convolution has its values in one buffer");
+    if (!norms(plan))
+        return hada_fail(err, HADA_ERROR_STATE, "a convolution that takes what is normalised, not what is to be");
+    const hada_status status = ready(conv, HADA_CONV_FORWARD, x, NULL, y, &finish, err);
+    if (status)
+        return status;
+    const hada_norm_values at = {.weight = norm->weight.offset,
+                                 .bias = norm->bias.offset,
+                                 .mean = norm->mean.offset,
+                                 .second = norm->variance.offset,
+                                 .is_variance = 1,
+                                 .eps = norm->eps};
+    const size_t lanes = (size_t)hada_layout_of(x).blocks * (size_t)x->block;
+    const hada_range range =
+        hada_range_of(hada_divide_up((size_t)y->rows, (size_t)pass->rows_each), 1, (size_t)x->images, 1);
+    const hada_local local = {(PLACES * (size_t)pass->few + VALUES) * lanes * sizeof(float)};
+    return hada_launch_conv_normed(
+        conv->slot, (hada_program_conv_normed)program_of(plan->block, pass->few), &range, err, .x = x->mem,
+        .weights = conv->weights[HADA_CONV_FORWARD].mem, .bias = bias.mem, .y = y->mem, .values = norm->weight.mem,
+        .w = local, .problem = hada_conv_problem_of(conv, HADA_CONV_FORWARD, x, y, &finish, 0), .norm = at);
 }

@@ -2,7 +2,105 @@
  * vendor's compiler, and nothing else says whether a driver takes it and what it computes. */
 #include "net/conv_tf32.h"
 
-#include "net/conv_compare.h"
+#include <math.h>
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "core/random.h"
+
+/* A convolution compared with the plain one, on random values. */
+typedef struct comparison {
+    hada_slot *slot;
+    hada_conv_desc desc;
+    hada_buffer x, y, weights, bias;
+    hada_tensor in, out;
+    float *expected, *got; /* out.image_stride values: of the plain one, and of another */
+} comparison;
+
+/* What a convolution gives, with zeros where it writes nothing. */
+static hada_status values_of(comparison *c, hada_conv *conv, float *values, hada_error *err)
+{
+    HADA_TRY(hada_conv_set_weights(conv, (hada_floats){c->weights.mem, 0}, err));
+    HADA_TRY(hada_buffer_clear(&c->y, c->slot, 0, c->y.bytes, err));
+    HADA_TRY(hada_conv_forward(conv, &c->in, (hada_floats){c->bias.mem, 0}, &c->out, NULL, err));
+    return hada_buffer_read(&c->y, c->slot, 0, values, c->y.bytes, err);
+}
+
+static hada_status random_buffer(comparison *c, hada_buffer *buffer, uint64_t stream, size_t count, float scale,
+                                 hada_error *err)
+{
+    hada_status status = HADA_OK;
+    float *values = NULL;
+    hada_random random;
+    HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc(count, sizeof *values, "the values of a measurement", err)));
+    hada_random_seed(&random, 1, stream);
+    for (size_t i = 0; i < count; i++)
+        values[i] = scale * (float)hada_random_normal(&random);
+    HADA_TRY_OR_DONE(hada_buffer_create_from(buffer, c->slot, values, count * sizeof *values, "a measurement", err));
+done:
+    free(values);
+    return status;
+}
+
+/* An image, weights of a scale that keeps values near 1, and what the plain convolution makes of them. Whatever it
+ * returns, end() frees what there is. */
+static hada_status begin(comparison *c, hada_slot *slot, const hada_conv_desc *desc, hada_error *err)
+{
+    *c = (comparison){.slot = slot, .desc = *desc};
+    hada_status status = HADA_OK;
+    const hada_conv_desc *d = &c->desc;
+    hada_context *context = c->slot->context;
+    const size_t planes = (size_t)d->in_channels * (size_t)d->in_rows * (size_t)d->in_cols;
+    const size_t taps = (size_t)d->kernel_rows * (size_t)d->kernel_cols;
+    int rows, cols;
+    hada_buffer planar = {0};
+    hada_conv *plain = NULL;
+    hada_conv_desc definition = *d;
+    definition.method = HADA_CONV_PLAIN;
+    hada_conv_output_size(d, &rows, &cols);
+    c->in = hada_tensor_at(context, NULL, 0, 1, d->in_channels, d->in_rows, d->in_cols);
+    c->out = hada_tensor_at(context, NULL, 0, 1, d->out_channels, rows, cols);
+    HADA_TRY_OR_DONE(random_buffer(c, &planar, 0, planes, 1, err));
+    HADA_TRY_OR_DONE(random_buffer(c, &c->weights, 1, (size_t)d->in_channels * (size_t)d->out_channels * taps,
+                                   1 / sqrtf((float)((size_t)d->in_channels * taps)), err));
+    HADA_TRY_OR_DONE(random_buffer(c, &c->bias, 2, (size_t)d->out_channels, 0.1f, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&c->x, context, c->in.image_stride * sizeof(float), "a measurement", err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&c->y, context, c->out.image_stride * sizeof(float), "a measurement", err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(c->expected = hada_alloc(2 * c->out.image_stride, sizeof(float), "a measurement", err)));
+    c->got = c->expected + c->out.image_stride;
+    c->in.mem = c->x.mem;
+    c->out.mem = c->y.mem;
+    const size_t pixels = (size_t)d->in_rows * (size_t)d->in_cols;
+    const hada_planar from = {planar.mem, 0, planes, pixels, (size_t)d->in_cols};
+    HADA_TRY_OR_DONE(hada_tensor_load(c->slot, &from, &c->in, err));
+    HADA_TRY_OR_DONE(hada_conv_create(&plain, c->slot, &definition, err));
+    HADA_TRY_OR_DONE(values_of(c, plain, c->expected, err));
+done:
+    hada_conv_destroy(&plain);
+    hada_buffer_destroy(&planar);
+    return status;
+}
+
+/* Relative rms of `got` from `expected`. */
+static double difference(const comparison *c)
+{
+    double square = 0, whole = 0;
+    for (size_t i = 0; i < c->out.image_stride; i++) {
+        const double d = (double)c->got[i] - (double)c->expected[i];
+        square += d * d;
+        whole += (double)c->expected[i] * (double)c->expected[i];
+    }
+    return sqrt(square / (whole > 0 ? whole : 1));
+}
+
+static void end(comparison *c)
+{
+    free(c->expected);
+    hada_buffer *const buffers[] = {&c->x, &c->y, &c->weights, &c->bias};
+    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
+        hada_buffer_destroy(buffers[i]);
+}
 
 /* Channels that fill no block, several tiles of pixels and several steps, by both sizes of tiles: 20 x 21 pixels are
  * two of 256 and four of 128. */
@@ -25,25 +123,25 @@ hada_status hada_conv_tf32_apart(hada_slot *slot, double *apart, hada_error *err
 {
     static const int out_channels[] = {27, 59};
     hada_status status = HADA_OK;
-    hada_conv_compare compare = {0};
+    comparison compare = {0};
     hada_conv *conv = NULL;
     *apart = 0;
     for (size_t i = 0; i < HADA_COUNT(out_channels); i++) {
         const hada_conv_desc desc = trial(out_channels[i]);
-        HADA_TRY_OR_DONE(hada_conv_compare_begin(&compare, slot, &desc, err));
+        HADA_TRY_OR_DONE(begin(&compare, slot, &desc, err));
         HADA_TRY_OR_DONE(hada_conv_create(&conv, slot, &desc, err));
-        HADA_TRY_OR_DONE(hada_conv_compare_values(&compare, conv, compare.got, err));
-        const double one = hada_conv_compare_apart(&compare);
+        HADA_TRY_OR_DONE(values_of(&compare, conv, compare.got, err));
+        const double one = difference(&compare);
         *apart = one > *apart || one != one ? one : *apart; /* what is no number stays */
         hada_conv_destroy(&conv);
-        hada_conv_compare_end(&compare);
-        compare = (hada_conv_compare){0};
-        if (!(one <= HADA_CONV_COMPARE_MOST))
+        end(&compare);
+        compare = (comparison){0};
+        if (!(one <= HADA_CONV_TF32_MOST))
             break;
     }
 done:
     hada_conv_destroy(&conv);
-    hada_conv_compare_end(&compare);
+    end(&compare);
     return status;
 }
 
@@ -62,14 +160,14 @@ hada_status hada_conv_tf32_try(hada_slot *slot, hada_error *err)
             *err = reason;
         return status;
     }
-    const int right = !status && apart <= HADA_CONV_COMPARE_MOST;
+    const int right = !status && apart <= HADA_CONV_TF32_MOST;
     if (status)
         hada_log(context, HADA_LOG_WARNING, "%s: convolutions go without tensor cores: %s", context->info.name,
                  reason.message);
     else if (!right)
         hada_log(context, HADA_LOG_WARNING,
                  "%s: convolutions go without tensor cores, whose results differ by %.1e (%.1e is rounding)",
-                 context->info.name, apart, HADA_CONV_COMPARE_MOST);
+                 context->info.name, apart, HADA_CONV_TF32_MOST);
     atomic_store(&context->tf32, right ? HADA_CONV_TF32_RIGHT : HADA_CONV_TF32_WRONG);
     return HADA_OK;
 }

@@ -2,7 +2,11 @@
 #ifndef HADA_NET_CONV_TF32_H
 #define HADA_NET_CONV_TF32_H
 
-#include "runtime/slot.h"
+#include "net/conv_plan.h"
+
+/* Relative rms from the plain convolution: what docs/explanation/speed-and-accuracy.md states against double precision,
+ * and as much for the plain one itself. */
+#define HADA_CONV_TF32_MOST 2e-6
 
 /* Where the slot's device says that it has tensor cores and nobody has tried them on this context: computes small
  * convolutions by them and holds these against the plain one. From then on they serve (HADA_CONV_AUTO), or a warning in

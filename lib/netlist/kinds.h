@@ -18,13 +18,11 @@ typedef enum hada_layer_kind {
 } hada_layer_kind;
 enum { HADA_LAYER_KINDS = 9 };
 
-/* AUTO: by the table of the device class and the tuning file. WINOGRAD2, WINOGRAD4: F(2x2,3x3), F(4x4,3x3) (Lavin and
- * Gray, CVPR 2016); 3 x 3, stride 1, pad 1 only. TF32: in work-groups, by products of tensor cores
- * (kernels/conv_tf32.cl); without these the same values, slowly. */
+/* AUTO: by the sizes and the device. WINOGRAD4: F(4x4,3x3) (Lavin and Gray, CVPR 2016); 3 x 3, stride 1, pad 1 only.
+ * TF32: in work-groups, by products of tensor cores (kernels/conv_tf32.cl); without these the same values, slowly. */
 typedef enum hada_conv_method {
     HADA_CONV_AUTO = 0,
     HADA_CONV_DIRECT = 1,
-    HADA_CONV_WINOGRAD2 = 2,
     HADA_CONV_WINOGRAD4 = 3,
     HADA_CONV_PLAIN = 4,
     HADA_CONV_TF32 = 5

@@ -13,21 +13,6 @@
 #include "core/input.h"
 #include "core/outfile.h"
 
-/* The words that rows may contain; their meaning is known to the operations. */
-typedef struct operation_form {
-    const char *name, *form; /* of shapes: 'n' a number from 1 on, 'm' from 0 on, other characters themselves */
-    const char *choices[8], *options[HADA_TUNING_OPTIONS + 1];
-} operation_form;
-
-static const operation_form operations[] = {
-    {"fft", "nxn", {"own", "clfft"}, {NULL}},
-    {"conv",
-     "nxn/n/n+m:n>n:nxn",
-     {"direct", "winograd2", "winograd4", "plain", "tf32"},
-     {"block", "blocks", "pixels", "rows", "tiles"}},
-};
-enum { OPERATIONS = sizeof operations / sizeof *operations };
-
 static int word_among(const char *word, const char *const *words)
 {
     for (int i = 0; words[i]; i++)
@@ -63,44 +48,23 @@ static int has_form(const char *shape, const char *form)
     return !*shape;
 }
 
-/* NULL, or the error in the words of a line. */
-static const char *read_options(hada_tuning_row *row, const operation_form *about, char *text)
-{
-    for (int i = 0; i < HADA_TUNING_OPTIONS; i++)
-        row->options[i] = -1;
-    for (char *rest, *word = strtok_r(text, " \t\r\n", &rest); word; word = strtok_r(NULL, " \t\r\n", &rest)) {
-        char *equals = strchr(word, '='), *end;
-        if (!equals)
-            return "has a word too many";
-        *equals = '\0';
-        const int which = word_among(word, about->options), value = number(equals + 1, &end);
-        if (which < 0)
-            return "has an option that there is not";
-        if (value < 0 || *end)
-            return "has an option without a number";
-        row->options[which] = value;
-    }
-    return NULL;
-}
-
+/* NULL, or the error in a line. */
 static const char *read_row(hada_tuning_row *row, char *line)
 {
     static const char *const kinds[] = {"*", "cpu", "gpu", "accelerator", "other", NULL};
+    static const char *const choices[] = {"own", "clfft", NULL};
     int used = 0;
-    const operation_form *about = operations;
     if (sscanf(line, "%63s %63s %63s %63s %n", row->operation, row->kind, row->shape, row->choice, &used) != 4)
         return "is not OPERATION KIND SHAPE CHOICE";
-    while (about < operations + OPERATIONS && strcmp(about->name, row->operation))
-        about++;
-    if (about == operations + OPERATIONS)
-        return "is about an operation that there is not; there are fft and conv";
+    if (strcmp(row->operation, "fft"))
+        return "is about an unknown operation: there is fft";
     if (word_among(row->kind, kinds) < 0)
         return "names a kind of device that there is not; there are cpu, gpu, accelerator and *";
-    if (!has_form(row->shape, about->form))
+    if (!has_form(row->shape, "nxn"))
         return "has a shape of another form";
-    if (word_among(row->choice, about->choices) < 0)
+    if (word_among(row->choice, choices) < 0)
         return "names an unknown choice";
-    return read_options(row, about, line + used);
+    return line[used] ? "has a word too many" : NULL;
 }
 
 static hada_status add(hada_tuning *tuning, const hada_tuning_row *row, hada_error *err)
@@ -181,25 +145,16 @@ static int same_shape(const char *mine, const char *shape)
     return n && mine[n - 1] == '*' ? !strncmp(mine, shape, n - 1) : !strcmp(mine, shape);
 }
 
-const hada_tuning_row *hada_tuning_find(const hada_context *context, const char *operation, const char *shape,
-                                        int block)
+const hada_tuning_row *hada_tuning_find(const hada_context *context, const char *operation, const char *shape)
 {
     const char *kind = hada_device_kind_name(context->info.kind);
     for (size_t i = context->tuning ? context->tuning->count : 0; i-- > 0;) {
         const hada_tuning_row *row = &context->tuning->rows[i];
         if (!strcmp(row->operation, operation) && (!strcmp(row->kind, "*") || !strcmp(row->kind, kind)) &&
-            same_shape(row->shape, shape) &&
-            (!block || row->options[HADA_TUNING_BLOCK] < 0 || row->options[HADA_TUNING_BLOCK] == block))
+            same_shape(row->shape, shape))
             return row;
     }
     return NULL;
-}
-
-hada_status hada_tuning_refuse(const hada_context *context, const hada_tuning_row *row, const char *reason,
-                               hada_error *err)
-{
-    return hada_fail(err, HADA_ERROR_UNSUPPORTED, "%s, line %d (%s %s %s %s): %s; correct or remove it",
-                     context->tuning->path, row->line, row->operation, row->kind, row->shape, row->choice, reason);
 }
 
 /* Writing a tuning file: rows of other devices and shapes stay. */
@@ -210,13 +165,6 @@ typedef struct news {
     size_t count;
 } news;
 
-/* The value of "block=" among the words behind a shape, 0 where it is not given. */
-static int block_of(const char *words)
-{
-    const char *at = strstr(words, " block=");
-    return at ? atoi(at + strlen(" block=")) : 0;
-}
-
 /* Whether a line is about this operation and kind and one of these shapes, and nothing wider. */
 static int superseded(const char *line, const news *now)
 {
@@ -225,7 +173,7 @@ static int superseded(const char *line, const news *now)
         strcmp(kind, now->kind))
         return 0;
     for (size_t i = 0; i < now->count; i++)
-        if (!strcmp(shape, now->shapes[i]) && block_of(line) == block_of(now->choices[i]))
+        if (!strcmp(shape, now->shapes[i]))
             return 1;
     return 0;
 }

@@ -1,21 +1,19 @@
 /* The tuning file: which of several ways of doing the same serves, for kinds of devices and shapes. It overrides
  * shipped tables; docs/reference/devices.md describes it. Read once, when a context opens; a row that cannot be
- * understood is an error then, one that asks for what there is not an error where it would serve. Internal. */
+ * understood is an error then. Internal. */
 #ifndef HADA_RUNTIME_TUNING_H
 #define HADA_RUNTIME_TUNING_H
 
 #include "runtime/context.h"
 
-enum { HADA_TUNING_OPTIONS = 6, HADA_TUNING_WORD = 64, HADA_TUNING_LINE = 256 };
+enum { HADA_TUNING_WORD = 64, HADA_TUNING_LINE = 256 };
 /* A file has no more: a row a shape, thousands of shapes. */
 #define HADA_TUNING_BYTES ((size_t)1 << 22)
 
-/* "OPERATION KIND SHAPE CHOICE [NAME=NUMBER]...": numbers of options that are not given are -1, in the order of the
- * operation's names. KIND and SHAPE may be "*". */
+/* "OPERATION KIND SHAPE CHOICE". KIND and SHAPE may be "*". */
 typedef struct hada_tuning_row {
     int line;
     char operation[HADA_TUNING_WORD], kind[HADA_TUNING_WORD], shape[HADA_TUNING_WORD], choice[HADA_TUNING_WORD];
-    int options[HADA_TUNING_OPTIONS];
 } hada_tuning_row;
 
 struct hada_tuning {
@@ -24,26 +22,17 @@ struct hada_tuning {
     size_t count;
 };
 
-/* Options of rows about convolutions. */
-enum { HADA_TUNING_BLOCK, HADA_TUNING_BLOCKS, HADA_TUNING_PIXELS, HADA_TUNING_ROWS, HADA_TUNING_TILES };
-
 /* A file that is not there is no tuning: *out is NULL then. HADA_ERROR_FILE_FORMAT names the line. */
 hada_status hada_tuning_read(hada_tuning **out, const char *path, hada_error *err);
 void hada_tuning_destroy(hada_tuning **tuning);
 
-/* The last row about an operation that names the context's kind of device and a shape, and that has the option `block`
- * not at all or with this value (0: any). Shapes match where they are the same, or where the row's ends in "*" and what
- * stands before it is the same. NULL: none. */
-const hada_tuning_row *hada_tuning_find(const hada_context *context, const char *operation, const char *shape,
-                                        int block);
-
-/* An error that names the row. */
-hada_status hada_tuning_refuse(const hada_context *context, const hada_tuning_row *row, const char *reason,
-                               hada_error *err);
+/* The last row about an operation that names the context's kind of device and a shape. Shapes match where they are
+ * equal, or where the row's begins the shape and ends in "*". NULL: none. */
+const hada_tuning_row *hada_tuning_find(const hada_context *context, const char *operation, const char *shape);
 
 /* Writes rows for the context's kind of device into a file: `choices` are what stands behind the shapes. Lines of an
- * existing file stay, but for those about the same operation, kind, shape and (where it is given) block; also when
- * several processes write at once. */
+ * existing file stay, but for those about the same operation, kind, shape; also when several
+ * processes write at once. */
 hada_status hada_tuning_write(const hada_context *context, const char *path, const char *operation,
                               const char *const *shapes, const char *const *choices, size_t count, hada_error *err);
 

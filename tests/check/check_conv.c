@@ -163,7 +163,7 @@ static hada_status begin(check_state *state, conv_what what, hada_error *err)
     state->flops = 2.0 * (double)own->weights * own->shape.coarse_rows * own->shape.coarse_cols * d->images;
     /* integers: every sum is exact; sigmoid and normal numbers: rounding of sums of up to thousands of products */
     state->tolerance = own->normal || d->activation == HADA_ACTIVATION_SIGMOID ? 1e-6 : 0.0;
-    /* Winograd's transforms round integers too: F(2 x 2) halves and quarters weights, which is exact; F(4 x 4) divides
+    /* Winograd's transforms round integers too: F(4 x 4) divides
      * by 24 and cancels values up to a hundred times larger */
     if (hada_conv_serving(own->conv) == HADA_CONV_WINOGRAD4)
         state->tolerance = d->activation == HADA_ACTIVATION_SIGMOID ? 2e-5 : 5e-6; /* a sigmoid of sums about 100 */

@@ -17,31 +17,13 @@ grep -Eq '^fft cpu 15x14 (own|clfft)$' tuning.txt || fail "no line for 15x14"
 grep -Eq '^fft cpu 17x14 own$' tuning.txt || fail "no line for 17x14"
 files . 3 # with stdout and stderr
 
-# Convolutions: each of a net's once, and the file is brought up to date in their midst.
-expect 2 '--net compact is not a net and a size' tune -o x --net compact
-expect 2 '--net :16x16 is not' tune -o x --net :16x16
-expect 2 '--seconds' tune -o x --net compact:32x32 --seconds 0
-expect 2 'no net .big.; there are compact' tune -o x --net big:32x32
-lacks x
-expect 0 'compact, 32 x 32.*3x3/1/1\+1:3>16:32x32 .*all layers .*Wrote tuning.txt' tune -o tuning.txt \
-    --net compact:32x32 --seconds 2
-[ "$(grep -Ec '^conv cpu [0-9x/+:>]* (direct|winograd[24]|plain)( [a-z]+=[0-9]+)*$' tuning.txt)" = 15 ] ||
-    fail "not 15 convolutions: $(cat tuning.txt)"
-grep -q '^fft cpu 17x14 own$' tuning.txt || fail "the transforms' lines went"
-HADALENS_TUNING=tuning.txt expect 0 '"refused": 0' tune -o again.txt --net compact:32x32 --seconds 0.000001 --json
-is_json 'tune --net'
-grep '^conv' tuning.txt | cmp -s - <(grep '^conv' again.txt) || fail "without time, what serves did not stay"
-
-# A model: the transforms of its grid, and its net.
-"$FRAME_TOOL" enhance "$model" net.model || fail "no model with a net"
-expect 0 "the model's net, " tune -o model.txt -m net.model --rounds 1 --seconds 0.1
-[ "$(grep -c '^fft' model.txt)" = 1 ] && [ "$(grep -c '^conv' model.txt)" = 15 ] || fail "model: $(cat model.txt)"
+# A model: the transforms of its grid.
+expect 0 'Wrote model.txt' tune -o model.txt -m "$model" --rounds 1
+[ "$(grep -c '^fft' model.txt)" = 1 ] || fail "model: $(cat model.txt)"
 
 # Wrong rows are refused by line, where the file is opened or where they would serve.
 printf '# one\nfft cpu 15x14 ours\n' >wrong.txt
 HADALENS_TUNING=wrong.txt expect 3 'wrong.txt, line 2 names an unknown choice: fft cpu 15x14 ours' tune -o x --size 15x14
-printf 'conv cpu * direct blocks=2 pixels=5\n' >wrong.txt
-HADALENS_TUNING=wrong.txt expect 2 'wrong.txt, line 1 .*no direct kernel' tune -o x --net compact:32x32
 lacks x
 
 # A file says what serves; what it says of other things stays.

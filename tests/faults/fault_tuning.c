@@ -7,43 +7,24 @@
 #include "fault_job.h"
 #include "io/folder.h"
 
-static hada_status make_net(hada_net **net, hada_error *err)
-{
-    return hada_net_create(net,
-                           "{\"format\": \"hadalens-net-1\", \"layers\": [{\"layer\": \"input\", \"channels\": 2}, "
-                           "{\"layer\": \"conv\", \"name\": \"a\", \"channels\": 2, \"kernel\": 3}]}",
-                           1, err);
-}
-
 /* What was chosen goes by times, which no sum holds. */
 hada_status fault_stage_tuning(fault_job *job, hada_error *err)
 {
     char path[300];
-    hada_net *net = NULL;
-    hada_tune_conv_row *convs = NULL;
     hada_tune_row row;
     hada_context *tuned = NULL;
     hada_context_options options;
-    size_t count = 0;
     hada_status status = HADA_OK;
     snprintf(path, sizeof path, "%s/tuning.bin", job->folder); /* an ending that says "whole" to the test */
     HADA_TRY_OR_DONE(hada_tune_fft(job->context, 8, 10, 1, &row, err));
     HADA_TRY_OR_DONE(hada_tune_save(job->context, path, &row, 1, err));
-    HADA_TRY_OR_DONE(make_net(&net, err));
-    HADA_TRY_OR_DONE(hada_tune_net(job->context, net, 12, 12, &convs, &count, err));
-    for (size_t i = 0; i < count; i++)
-        HADA_TRY_OR_DONE(hada_tune_conv(job->context, &convs[i], 1e-6, err)); /* no time for others than what serves */
-    HADA_TRY_OR_DONE(hada_tune_save_convs(job->context, path, convs, count, err));
     hada_context_options_init(&options);
     options.tuning = path;
     options.cache = "off";
     options.skip_self_test = 1;
     HADA_TRY_OR_DONE(hada_context_create(&tuned, &options, err));
-    fault_add(job, &count, sizeof count);
 done:
     hada_context_destroy(&tuned);
-    hada_tune_convs_destroy(&convs);
-    hada_net_destroy(&net);
     return status;
 }
 

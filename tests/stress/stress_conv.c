@@ -94,7 +94,6 @@ void stress_convolutions(void **state)
 {
     (void)state;
     static const method methods[] = {{HADA_CONV_DIRECT, "direct", 1.0, 9.0},
-                                     {HADA_CONV_WINOGRAD2, "Winograd F(2x2)", 1.7, 1.0},
                                      {HADA_CONV_WINOGRAD4, "Winograd F(4x4)", 10.8, 1.0}};
     const int small = stress_form_now == STRESS_TINY;
     stress_device device = stress_open();

@@ -2,7 +2,6 @@
  * trial of the true ones fails, and the emulation stands for them. */
 #include "net_fixture.h"
 
-#include "net/conv_compare.h"
 #include "net/conv_tf32.h"
 
 static char last[512];
@@ -50,7 +49,7 @@ static hada_conv_plan plan_of(const hada_context *context, int in_channels, int 
 {
     const hada_conv_desc desc = conv_of(in_channels, out_channels);
     hada_conv_plan plan;
-    ASSERT_OK(hada_conv_plan_make(&plan, context, &desc, NULL, err));
+    ASSERT_OK(hada_conv_plan_make(&plan, context, &desc, err));
     return plan;
 }
 
@@ -60,7 +59,7 @@ TEST(the_emulation_is_near)
     net_device *device = *state;
     double apart;
     ASSERT_OK(hada_conv_tf32_apart(device->slot, &apart, err));
-    assert_true(apart > 0 && apart <= HADA_CONV_COMPARE_MOST);
+    assert_true(apart > 0 && apart <= HADA_CONV_TF32_MOST);
 }
 
 TEST(without_tensor_cores_nothing_is_tried)
@@ -109,35 +108,9 @@ TEST(what_is_right_serves)
     const hada_conv_plan plan = plan_of(context, 32, 64);
     assert_int_equal(plan.pass[0].method, HADA_CONV_TF32);
     assert_true(plan.pass[0].program >= 0);
-    char words[64];
-    hada_conv_choice_text(&plan, HADA_CONV_FORWARD, words, sizeof words);
-    assert_string_equal(words, "tf32");
     assert_int_equal(plan_of(context, 3, 64).pass[0].method, HADA_CONV_DIRECT);
     assert_int_equal(plan_of(context, 32, 16).pass[0].method, HADA_CONV_DIRECT);
-    /* a choice of the tuning file is obeyed either way */
-    const hada_conv_choice direct = {HADA_CONV_DIRECT, -1, -1, -1, -1}, tf32 = {HADA_CONV_TF32, -1, -1, -1, -1};
-    hada_conv_plan chosen;
-    ASSERT_OK(hada_conv_plan_make(&chosen, context, &desc, &direct, err));
-    assert_int_equal(chosen.pass[0].method, HADA_CONV_DIRECT);
-    atomic_store(&context->tf32, HADA_CONV_TF32_WRONG);
-    ASSERT_OK(hada_conv_plan_make(&chosen, context, &desc, &tf32, err));
-    assert_int_equal(chosen.pass[0].method, HADA_CONV_TF32);
     atomic_store(&context->tf32, before);
-}
-
-/* Lanes have no such kernel: a row of a tuning file that asks for one is refused. */
-TEST(lanes_have_none)
-{
-    net_device *device = *state;
-    const hada_kernel_shape shape = device->context->shape;
-    const hada_conv_desc desc = conv_of(32, 64);
-    const hada_conv_choice tf32 = {HADA_CONV_TF32, -1, -1, -1, -1};
-    hada_conv_plan plan;
-    hada_error error = {0};
-    device->context->shape = HADA_SHAPE_LANES;
-    assert_int_equal(hada_conv_plan_make(&plan, device->context, &desc, &tf32, &error), HADA_ERROR_UNSUPPORTED);
-    assert_non_null(strstr(error.message, "work-groups"));
-    device->context->shape = shape;
 }
 
 FIXTURE(open_groups, net_device_close)

@@ -39,8 +39,10 @@ else:
     exclude_patterns += ["docs/site/python-*.rst"]
 
 html_theme = "alabaster"
-html_theme_options = {"page_width": "1100px", "sidebar_width": "240px", "show_powered_by": False}
+html_theme_options = {"page_width": "1280px", "sidebar_width": "240px", "body_max_width": "none", "code_font_size": "0.8em",
+                      "font_size": "16px", "show_powered_by": False}
 html_sidebars = {"**": ["about.html", "searchbox.html", "navigation.html"]}
+smartquotes = False
 html_show_sourcelink = False
 html_copy_source = False
 html_extra_path = ["index.html"] + [path for path in [os.environ.get("REFERENCE", "")] if os.path.isdir(path)]

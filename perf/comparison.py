@@ -115,21 +115,21 @@ def simulated(title, camera, models, name, short=False):
         ways.append((method, designed, "designed", "all", options))
         ways.append((method, learned, "learned", "all", options))
         if method.startswith("ADMM"):
-            ways.append((method, designed, "designed", "told", options))
-            ways.append((method, learned, "learned", "told", options))
-    ways.append(("learned, refined", learned, "learned", "told", []))
+            ways.append((method, designed, "designed", "known", options))
+            ways.append((method, learned, "learned", "known", options))
+    ways.append(("learned, refined", learned, "learned", "known", []))
     for method, model, otf, depths, options in ways:
-        def told(file):
+        def known(file):
             values = tifffile.imread(truth / f"{file.stem}_depth.tif")
             return ",".join(f"{v:g}mm" for v in np.unique(values[np.isfinite(values)]))
 
         def do(some, chosen):
-            """Frames by the depths that they are told, as each may have others."""
+            """The occupied depths of a frame."""
             times = []
             for k, file in enumerate(some):
-                more = ["--occupied", told(file)] if depths == "told" else []
-                times.append(reconstruct([file] if depths == "told" else some, model, out / str(k), [*chosen, *more]))
-                if depths != "told":
+                more = ["--occupied", known(file)] if depths == "known" else []
+                times.append(reconstruct([file] if depths == "known" else some, model, out / str(k), [*chosen, *more]))
+                if depths != "known":
                     break
             scores = [evaluate(p, truth) for p in sorted(out.iterdir())]
             shutil.move(out / "0", folder / "first") if not (folder / "first").exists() else None
@@ -141,7 +141,7 @@ def simulated(title, camera, models, name, short=False):
         (psnr, ssim, right), seconds = do(files, chosen)
         weight = f", {chosen[chosen.index('--tv') + 1]}" if "--tv" in chosen else ""
         say(f"| {method}{weight} | {otf} | {depths} | {psnr:.2f} | {ssim:.3f} | {100 * right:.1f} % | {1e3 * seconds:.0f} |")
-        if otf == "designed" and depths == "all" and method != FEW or "learned" in method and depths != "told":
+        if otf == "designed" and depths == "all" and method != FEW or "learned" in method and depths != "known":
             shown.append(picture(folder / "first" / f"{files[0].stem}_aif.tif"))
     shown.append(picture(truth / f"{files[0].stem}_aif.tif"))
     sheet(f"comparison-{name}.png", shown, 192)
@@ -239,8 +239,8 @@ def real_hand(source):
 with tempfile.TemporaryDirectory() as scratch:
     folder = pathlib.Path(scratch)
     say(f"\nMade by `perf/comparison.py`: {o.iterations} iterations, weights of total variation chosen on a frame that is not "
-        "scored. `designed`: the OTFs that the simulation used, which nobody has of a real camera; `learned`: estimated from "
-        "8 pairs a depth. The net of the enhanced row learned from the same pairs. Depths: `all` of the camera, `told` (those that the scene occupies), or `found` by pursuit. PSNR "
+        "scored. `designed`: the OTFs that the simulation used, which nobody has for a real camera; `learned`: estimated from "
+        "8 pairs a depth. The net of the enhanced row learned from the same pairs. Depths: `all` of the camera, `known` (the occupied ones), or `found` by pursuit. PSNR "
         "and SSIM of the occupied planes, peak 1.")
     for title, depths, name, preset, options in SIMULATED:
         if name not in o.only.split(","):

@@ -125,43 +125,10 @@ static void sizes_of(const hada_context *context, const hada_classic_shape *shap
         bytes[HADA_CLASSIC_TABLE] = 0;
 }
 
-size_t hada_classic_bytes(const hada_context *context, const hada_classic_shape *shape)
-{
-    size_t bytes[HADA_CLASSIC_PARTS], sum = 0;
-    hada_fft_desc plans[PLANS];
-    const int count = list_plans(context, shape, plans);
-    sizes_of(context, shape, bytes);
-    if (fuses(context, shape))
-        sum += hada_fft_fused_bytes(context, shape->grid_rows, shape->grid_cols);
-    for (int i = 0; i < count; i++)
-        sum += hada_fft_bytes(context, &plans[i]);
-    for (int i = 0; i < HADA_CLASSIC_PARTS; i++)
-        sum += bytes[i];
-    return sum;
-}
-
 static const char what[] = "the images of a classic method";
 
-hada_status hada_classic_note(const hada_context *context, const hada_classic_shape *shape, hada_scratch *scratch,
-                              int first, int last, int planes_last, hada_error *err)
-{
-    size_t bytes[HADA_CLASSIC_PARTS];
-    hada_fft_desc plans[PLANS];
-    const int count = list_plans(context, shape, plans);
-    sizes_of(context, shape, bytes);
-    hada_scratch_steps(scratch, first, last);
-    for (int i = 0; i < count; i++)
-        HADA_TRY(hada_fft_note(context, &plans[i], scratch, err));
-    for (int i = 0; i < HADA_CLASSIC_PARTS; i++) {
-        hada_scratch_steps(scratch, first, i == HADA_CLASSIC_WINDOW ? planes_last : last);
-        if (bytes[i])
-            HADA_TRY(hada_scratch_note(scratch, bytes[i], what, err));
-    }
-    return HADA_OK;
-}
-
 /* Everything that a method keeps, on the host and on the device. */
-static hada_status allocate(hada_classic *classic, hada_scratch *scratch, hada_error *err)
+static hada_status allocate(hada_classic *classic, hada_error *err)
 {
     hada_slot *slot = classic->slot;
     hada_fft **const made[PLANS] = {&classic->forward, &classic->inverse, &classic->frame_forward,
@@ -174,15 +141,15 @@ static hada_status allocate(hada_classic *classic, hada_scratch *scratch, hada_e
     if (classic->fuses)
         HADA_TRY(hada_fft_fused_make(&classic->fused, slot, classic->shape.grid_rows, classic->shape.grid_cols, err));
     for (int i = 0; i < count; i++)
-        HADA_TRY(hada_fft_create_in(made[i], slot, scratch, &plans[i], err));
+        HADA_TRY(hada_fft_create(made[i], slot, &plans[i], err));
     for (int i = 0; i < HADA_CLASSIC_PARTS; i++)
         if (classic->bytes[i])
-            HADA_TRY(hada_scratch_take(&classic->part[i], slot->context, scratch, classic->bytes[i], what, err));
+            HADA_TRY(hada_buffer_take(&classic->part[i], slot, i == HADA_CLASSIC_WINDOW ? HADA_RESULT : HADA_OWN_STEPS,
+                                      classic->bytes[i], what, err));
     return HADA_OK;
 }
 
-hada_status hada_classic_create(hada_classic **out, hada_slot *slot, hada_scratch *scratch,
-                                const hada_classic_shape *shape, hada_error *err)
+hada_status hada_classic_create(hada_classic **out, hada_slot *slot, const hada_classic_shape *shape, hada_error *err)
 {
     const hada_refine_rect plane = hada_classic_plane_rect(shape), frame = hada_classic_frame_rect(shape);
     hada_classic *classic = NULL;
@@ -200,7 +167,7 @@ hada_status hada_classic_create(hada_classic **out, hada_slot *slot, hada_scratc
     classic->has_frame = has_frame(shape);
     classic->fuses = fuses(slot->context, shape);
     sizes_of(slot->context, shape, classic->bytes);
-    HADA_TRY_OR_DONE(allocate(classic, scratch, err));
+    HADA_TRY_OR_DONE(allocate(classic, err));
     if (classic->fuses)
         HADA_TRY_OR_DONE(hada_classic_check(classic, err));
     *out = classic;

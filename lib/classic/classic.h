@@ -41,24 +41,16 @@ hada_status hada_classic_fit_grid(hada_classic_shape *shape, hada_context *conte
 
 /* Whether a method takes transfer functions of its own, [depth][channel] on its grid: on a smaller one, or for
  * Richardson-Lucy, which wants point spread functions without negative values and without what is taken for noise (of
- * the same sum). Their bytes, and they themselves; complete when it returns. */
+ * the same sum). They are complete when hada_classic_optics() returns. */
 int hada_classic_has_optics(const hada_classic_shape *shape);
-uint64_t hada_classic_optics_bytes(const hada_context *context, const hada_classic_shape *shape, int count);
 hada_status hada_classic_optics(hada_buffer *out, hada_context *context, const hada_classic_shape *shape,
                                 const hada_model *model, const int *depths, int count, hada_error *err);
 
 typedef struct hada_classic hada_classic;
 
-hada_status hada_classic_create(hada_classic **out, hada_slot *slot, hada_scratch *scratch,
-                                const hada_classic_shape *shape, hada_error *err);
+/* The planes are a result of the slot's steps (runtime/memory.h). */
+hada_status hada_classic_create(hada_classic **out, hada_slot *slot, const hada_classic_shape *shape, hada_error *err);
 void hada_classic_destroy(hada_classic **classic);
-
-/* Bytes of device memory that it holds: known before creating it. */
-size_t hada_classic_bytes(const hada_context *context, const hada_classic_shape *shape);
-
-/* Notes what it will take of its scratch: the planes until the step planes_last, the rest in first ... last. */
-hada_status hada_classic_note(const hada_context *context, const hada_classic_shape *shape, hada_scratch *scratch,
-                              int first, int last, int planes_last, hada_error *err);
 
 typedef struct hada_classic_job {
     const hada_refine_data *data; /* prior and variance are not looked at; the frame is read by padded ADMM and by RL */

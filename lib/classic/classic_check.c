@@ -124,8 +124,11 @@ hada_status hada_classic_check(hada_classic *classic, hada_error *err)
     HADA_TRY_OR_DONE(hada_allocated(t.values = hada_alloc(otf, sizeof(float), what, err)));
     HADA_TRY_OR_DONE(hada_allocated(t.planes = hada_alloc(t.plane_floats, sizeof(float), what, err)));
     HADA_TRY_OR_DONE(hada_allocated(t.frames = hada_alloc(t.frame_floats, sizeof(float), what, err)));
-    make_otf(&t);
+    if (!classic->slot->context->dry)
+        make_otf(&t);
     HADA_TRY_OR_DONE(hada_buffer_create_from(&t.otf, classic->slot, t.values, otf * sizeof(float), what, err));
+    if (classic->slot->context->dry)
+        goto done;
     data.otf = t.otf.mem;
     make_points(&t);
     HADA_TRY_OR_DONE(run(&t, &error, err));

@@ -174,12 +174,6 @@ int hada_classic_has_optics(const hada_classic_shape *shape)
     return shape->options.method == HADA_METHOD_RL || shape->reach.rows > 0;
 }
 
-uint64_t hada_classic_optics_bytes(const hada_context *context, const hada_classic_shape *shape, int count)
-{
-    const hada_spectrum_layout layout = hada_fft_layout(context, shape->grid_rows, shape->grid_cols, HADA_FFT_AUTO);
-    return (uint64_t)count * (uint64_t)shape->place.channels * layout.count * 2 * sizeof(float);
-}
-
 /* A point spread function on the method's grid, where window and frame both begin at the top left. */
 static void place_on_grid(const hada_classic_shape *shape, const float *psf, float *out)
 {
@@ -216,7 +210,7 @@ static hada_status transform_all(hada_buffer *out, hada_psf_reader *reader, cons
     HADA_TRY_OR_DONE(
         hada_buffer_create(&image, reader->slot->context, pixels * sizeof *psf, "a point spread function", err));
     HADA_TRY_OR_DONE(hada_allocated(psf = hada_alloc_raw(pixels, sizeof *psf, "a point spread function", err)));
-    for (int i = 0; i < count * channels; i++) {
+    for (int i = 0; i < count * channels && !reader->slot->context->dry; i++) {
         const size_t at = (size_t)i * hada_fft_plan_layout(forward)->count;
         HADA_TRY_OR_DONE(hada_psf_read(reader, depths ? depths[i / channels] : i / channels, i % channels, err));
         if (shape->reach.rows)
@@ -238,10 +232,12 @@ done:
 hada_status hada_classic_optics(hada_buffer *out, hada_context *context, const hada_classic_shape *shape,
                                 const hada_model *model, const int *depths, int count, hada_error *err)
 {
+    const hada_spectrum_layout layout = hada_fft_layout(context, shape->grid_rows, shape->grid_cols, HADA_FFT_AUTO);
+    const size_t images = (size_t)count * (size_t)shape->place.channels;
     hada_psf_reader reader = {0};
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_buffer_create(out, context, (size_t)hada_classic_optics_bytes(context, shape, count),
-                                        "the transfer functions", err));
+    HADA_TRY_OR_DONE(
+        hada_buffer_create(out, context, images * layout.count * 2 * sizeof(float), "the transfer functions", err));
     HADA_TRY_OR_DONE(hada_psf_reader_open(&reader, context, model, shape->options.method == HADA_METHOD_RL, err));
     HADA_TRY_OR_DONE(transform_all(out, &reader, shape, depths, count, err));
 done:

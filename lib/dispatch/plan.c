@@ -16,7 +16,7 @@ static hada_status add_device(hada_plan *plan, hada_context *context, hada_error
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_constants_create(&plan->constants[device], context, setup, err));
     plan->contexts++;
-    const int batch = hada_pipeline_fit(context, setup->model, &setup->config, queues);
+    const int batch = hada_pipeline_fit(context, setup);
     for (; number < queues; number++)
         HADA_TRY_OR_DONE(
             hada_dispatcher_add(plan->dispatcher, setup, plan->constants[device], device, number, batch, err));
@@ -100,45 +100,46 @@ hada_status hada_plan_estimate(hada_context *context, const hada_model *model, c
                                uint64_t *device_bytes, uint64_t *host_bytes, hada_error *err)
 {
     hada_plan_options options;
-    hada_config config;
-    uint64_t pipeline, apart;
+    hada_setup setup = {0};
+    hada_needs needs;
+    hada_status status = HADA_OK;
     if (!context || !model || !device_bytes || !host_bytes)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_plan_estimate: an argument is missing");
     hada_plan_options_init(&options);
     HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_plan_options, err));
-    HADA_TRY(hada_config_of(model, &options, &config, err));
-    HADA_TRY(hada_config_fit_grid(&config, context, model, options.depths, err));
+    HADA_TRY_OR_DONE(hada_setup_begin(&setup, context, model, &options, err));
+    HADA_TRY_OR_DONE(hada_pipeline_needs(&needs, context, &setup, hada_pipeline_fit(context, &setup), err));
+    *device_bytes = needs.constants + (uint64_t)setup.config.queues * needs.each + needs.making;
     const hada_model_info *info = hada_model_get_info(model);
     const uint64_t pixels = (uint64_t)info->window_rows * (uint64_t)info->window_cols;
     const uint64_t plane = sizeof(float) * pixels * (uint64_t)info->channels;
     const uint64_t frame =
         sizeof(float) * (uint64_t)info->raw_rows * (uint64_t)info->raw_cols * (uint64_t)info->channels;
-    const uint64_t result = plane * (uint64_t)config.depths + plane + sizeof(float) * pixels;
-    const int batch = hada_pipeline_fit(context, model, &config, config.queues);
-    HADA_TRY(hada_pipeline_bytes(context, model, &config, batch, &pipeline, &apart, err));
-    *device_bytes = hada_constants_bytes(context, model, &config) + (uint64_t)config.queues * pipeline +
-                    hada_pipeline_making_bytes(context, model);
+    const uint64_t result = plane * (uint64_t)setup.config.depths + plane + sizeof(float) * pixels;
     /* the result, a copy of the frame while broken pixels are repaired, and the frame before with its result */
     *host_bytes =
         result + (options.repair_not_finite ? 2 * frame : 0) + (options.skip & HADA_SKIP_FRAMES ? frame + result : 0);
-    return HADA_OK;
+done:
+    hada_setup_free(&setup);
+    return status;
 }
 
 void hada_plan_memory(const hada_plan *plan, uint64_t *held, uint64_t *apart)
 {
-    const hada_model *model = plan->setup.model;
-    const hada_config *config = &plan->setup.config;
+    hada_needs needs;
     uint64_t bytes = 0, more = 0;
-    for (int i = 0; i < plan->contexts; i++)
-        bytes += hada_constants_bytes(plan->constants[i]->context, model, config) +
-                 hada_surfaces_bytes(plan->constants[i]->surfaces);
+    for (int i = 0; i < plan->contexts; i++) {
+        if (!hada_pipeline_needs(&needs, plan->constants[i]->context, &plan->setup, 1, NULL))
+            bytes += needs.constants;
+        bytes += hada_surfaces_bytes(plan->constants[i]->surfaces);
+    }
     more = bytes;
     for (int i = 0; i < plan->dispatcher->worker_count; i++) {
         const hada_queue_worker *worker = &plan->dispatcher->workers[i];
-        uint64_t here = 0, alone = 0;
-        hada_pipeline_bytes(worker->context, model, config, hada_pipeline_batch(worker->pipeline), &here, &alone, NULL);
-        bytes += here;
-        more += alone;
+        if (hada_pipeline_needs(&needs, worker->context, &plan->setup, hada_pipeline_batch(worker->pipeline), NULL))
+            continue;
+        bytes += needs.each;
+        more += needs.apart;
     }
     if (held)
         *held = bytes;

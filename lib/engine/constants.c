@@ -57,19 +57,37 @@ static hada_status check_memory(const hada_context *context, const hada_surfaces
                      (double)bytes / 0x1p20, context->info.name, (double)desc->most_bytes / 0x1p20);
 }
 
+/* What measuring the law takes at most or, once it is known, a surface: *each, and at most while it is made. */
+static hada_status count(const hada_context *context, const hada_surfaces_desc *desc, const hada_magnification *law,
+                         uint64_t *each, uint64_t *most, hada_error *err)
+{
+    hada_dry dry;
+    hada_surface *surface = NULL;
+    hada_magnification unused;
+    hada_dry_begin(&dry, context);
+    const hada_status status =
+        law->depths ? hada_surface_create(&surface, &dry.slot, &desc->camera, &desc->shape, law, err)
+                    : hada_magnification_measure(&unused, &dry.slot, &desc->camera, desc->distances_mm, err);
+    *each = hada_context_bytes(&dry.context);
+    *most = hada_context_peak_bytes(&dry.context);
+    hada_surface_destroy(&surface);
+    hada_dry_end(&dry);
+    return status;
+}
+
 /* With the lock held. */
 static hada_status make(hada_surfaces *surfaces, hada_surface **out, hada_slot *slot, const hada_surfaces_desc *desc,
                         hada_error *err)
 {
+    uint64_t most;
     if (!surfaces->law.depths) {
-        HADA_TRY(
-            check_memory(slot->context, desc, hada_magnification_measure_bytes(slot->context, &desc->camera), err));
+        HADA_TRY(count(slot->context, desc, &surfaces->law, &surfaces->each, &most, err));
+        HADA_TRY(check_memory(slot->context, desc, most, err));
         HADA_TRY(hada_magnification_measure(&surfaces->law, slot, &desc->camera, desc->distances_mm, err));
     }
     HADA_TRY(check_law(&surfaces->law, err));
-    surfaces->each = hada_surface_bytes(slot->context, &desc->camera, &desc->shape, &surfaces->law);
-    HADA_TRY(check_memory(slot->context, desc, surfaces->each + hada_surface_making_bytes(slot->context, &desc->camera),
-                          err));
+    HADA_TRY(count(slot->context, desc, &surfaces->law, &surfaces->each, &most, err));
+    HADA_TRY(check_memory(slot->context, desc, most, err));
     HADA_TRY(hada_surface_create(out, slot, &desc->camera, &desc->shape, &surfaces->law, err));
     surfaces->made++;
     return HADA_OK;
@@ -155,8 +173,9 @@ hada_status hada_constants_create(hada_constants **out, hada_context *context, c
         HADA_TRY_OR_DONE(check_together(constants, err));
     if (config->joint && !config->classic)
         HADA_TRY_OR_DONE(hada_bank_prior(&constants->prior, slot, model, &layout, err));
-    if (setup->gains)
-        HADA_TRY_OR_DONE(hada_gains_upload(setup->gains, &layout, slot, &constants->gains, err));
+    if (config->measured)
+        HADA_TRY_OR_DONE(hada_gains_upload(&constants->gains, slot, setup->gains, &layout,
+                                           hada_model_get_info(model)->channels, err));
     /* other queues read what this one wrote */
     HADA_TRY_OR_DONE(hada_slot_finish(slot, err));
 done:
@@ -179,15 +198,4 @@ void hada_constants_destroy(hada_constants **pointer)
     hada_bank_destroy(&constants->bank);
     hada_surfaces_destroy(&constants->surfaces);
     free(constants);
-}
-
-uint64_t hada_constants_bytes(const hada_context *context, const hada_model *model, const hada_config *config)
-{
-    const hada_model_info *info = hada_model_get_info(model);
-    const hada_spectrum_layout layout = hada_hadamard_layout(context, info);
-    uint64_t bytes = has_optics(config) ? hada_classic_optics_bytes(context, &config->method, config->depths)
-                                        : hada_bank_bytes(info, &layout, config->depths, config->bank, config->half);
-    if ((config->joint && !config->classic && model->scene_power) || config->measured)
-        bytes += 4 * (uint64_t)info->channels * (uint64_t)layout.count;
-    return bytes;
 }

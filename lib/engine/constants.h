@@ -46,9 +46,6 @@ hada_status hada_constants_create(hada_constants **out, hada_context *context, c
                                   hada_error *err);
 void hada_constants_destroy(hada_constants **constants); /* the pipelines must be gone */
 
-/* Bytes of device memory that they hold, without surfaces. */
-uint64_t hada_constants_bytes(const hada_context *context, const hada_model *model, const hada_config *config);
-
 /* The transfer functions of all computed depths, which stand in one buffer; *offset in complex numbers. */
 cl_mem hada_constants_otf(const hada_constants *constants, size_t *offset);
 

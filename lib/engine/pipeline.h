@@ -37,14 +37,17 @@ hada_status hada_pipeline_times(hada_pipeline *pipeline, hada_kernel_time **rows
 /* What it asked of its device since it was made, or made again. */
 hada_calls hada_pipeline_calls(const hada_pipeline *pipeline);
 
-/* Bytes of device memory that a pipeline holds, without a surface, and would hold if no buffers shared memory. */
-hada_status hada_pipeline_bytes(const hada_context *context, const hada_model *model, const hada_config *config,
-                                int batch, uint64_t *bytes, uint64_t *apart, hada_error *err);
+/* Device memory that a plan takes on a device, known by making its parts dry (runtime/memory.h). */
+typedef struct hada_needs {
+    uint64_t constants; /* what all pipelines share, without surfaces */
+    uint64_t each;      /* a pipeline, without a surface */
+    uint64_t apart;     /* a pipeline, if no buffers shared memory */
+    uint64_t making;    /* at most beside, while a pipeline is made */
+} hada_needs;
+hada_status hada_pipeline_needs(hada_needs *needs, const hada_context *context, const hada_setup *setup, int batch,
+                                hada_error *err);
 
-/* Bytes that are needed while one is made, beyond what it holds in the end. */
-uint64_t hada_pipeline_making_bytes(const hada_context *context, const hada_model *model);
-
-/* Depths at once such that `queues` pipelines fit a device: its memory and its largest allocation. */
-int hada_pipeline_fit(const hada_context *context, const hada_model *model, const hada_config *config, int queues);
+/* Depths at once such that the plan's pipelines fit a device: its memory and its largest allocation. */
+int hada_pipeline_fit(const hada_context *context, const hada_setup *setup);
 
 #endif

@@ -202,14 +202,6 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     return choose_skips(model, options, config, err);
 }
 
-hada_status hada_config_fit_grid(hada_config *config, hada_context *context, const hada_model *model, const int *depths,
-                                 hada_error *err)
-{
-    if (!config->classic)
-        return HADA_OK;
-    return hada_classic_fit_grid(&config->method, context, model, depths, config->depths, err);
-}
-
 size_t hada_plane_values(const hada_model_info *info)
 {
     return (size_t)info->channels * (size_t)info->window_rows * (size_t)info->window_cols;
@@ -375,26 +367,31 @@ done:
     return status;
 }
 
-hada_status hada_setup_make(hada_setup *setup, hada_context *context, const hada_model *model,
-                            const hada_plan_options *options, hada_error *err)
+hada_status hada_setup_begin(hada_setup *setup, hada_context *context, const hada_model *model,
+                             const hada_plan_options *options, hada_error *err)
 {
     *setup = (hada_setup){.model = model, .options = *options};
     setup->options.depths = setup->options.occupied_list = NULL;
     setup->options.dark_frame = NULL;
     setup->options.classic = NULL;
     HADA_TRY(hada_config_of(model, options, &setup->config, err));
-    if (setup->config.joint && !setup->config.classic && setup->config.weights.tv > 0 && options->refine_tv < 0)
-        setup->noise_share = hada_model_noise_share(model);
     HADA_TRY(make_lists(setup, options, err));
     if (setup->config.classic)
+        HADA_TRY(
+            hada_classic_fit_grid(&setup->config.method, context, model, setup->depths, setup->config.depths, err));
+    return setup->config.dark ? copy_dark(setup, options->dark_frame, err) : HADA_OK;
+}
+
+hada_status hada_setup_make(hada_setup *setup, hada_context *context, const hada_model *model,
+                            const hada_plan_options *options, hada_error *err)
+{
+    HADA_TRY(hada_setup_begin(setup, context, model, options, err));
+    if (setup->config.joint && !setup->config.classic && setup->config.weights.tv > 0 && options->refine_tv < 0)
+        setup->noise_share = hada_model_noise_share(model);
+    if (setup->config.classic)
         HADA_TRY(make_camera(setup, err));
-    HADA_TRY(hada_config_fit_grid(&setup->config, context, model, setup->depths, err));
-    if (setup->config.dark)
-        HADA_TRY(copy_dark(setup, options->dark_frame, err));
     HADA_TRY(find_same_channels(setup, err));
-    if (setup->config.measured)
-        HADA_TRY(make_gains(setup, context, err));
-    return HADA_OK;
+    return setup->config.measured ? make_gains(setup, context, err) : HADA_OK;
 }
 
 void hada_setup_free(hada_setup *setup)

@@ -45,11 +45,6 @@ typedef struct hada_config {
 hada_status hada_config_of(const hada_model *model, const hada_plan_options *options, hada_config *config,
                            hada_error *err);
 
-/* Fits the grid of a classic method's transforms to what the model's transfer functions need; nothing otherwise.
- * `depths`: the computed ones, as indices into the model; NULL: all. */
-hada_status hada_config_fit_grid(hada_config *config, hada_context *context, const hada_model *model, const int *depths,
-                                 hada_error *err);
-
 /* Values of one plane: channels x window. */
 size_t hada_plane_values(const hada_model_info *info);
 
@@ -75,7 +70,11 @@ typedef struct hada_setup {
     int *same_dark, *same_filter; /* per channel: the first one with the same dark frame, the same filters */
 } hada_setup;
 
-/* `context`: of the first device. What a failure leaves half made is for hada_setup_free(). */
+/* What the memory of a plan depends on: config, depths, distances and the dark frame; filters are not read. `context`:
+ * of the first device. What a failure leaves half made is for hada_setup_free(). */
+hada_status hada_setup_begin(hada_setup *setup, hada_context *context, const hada_model *model,
+                             const hada_plan_options *options, hada_error *err);
+/* All of it. */
 hada_status hada_setup_make(hada_setup *setup, hada_context *context, const hada_model *model,
                             const hada_plan_options *options, hada_error *err);
 void hada_setup_free(hada_setup *setup);

@@ -14,7 +14,7 @@ struct hada_pipeline {
     const hada_constants *constants;
     int batch;
     hada_slot *slot;      /* NULL: to be made again */
-    hada_scratch scratch; /* scratch of the parts below */
+    hada_scratch scratch; /* memory that the parts below share */
     hada_hadamard *stage;
     hada_meter *meter; /* NULL where spectra are not measured */
     hada_pursuit *pursuit;
@@ -33,15 +33,11 @@ struct hada_pipeline {
     uint64_t loaded;       /* serial of the frame whose spectrum stands in the stage; 0: none */
 };
 
-/* Places for all scratch of a pipeline, by the stages that need it; nothing is allocated. */
-hada_status hada_pipeline_plan_memory(hada_scratch *scratch, const hada_context *context, const hada_model *model,
-                                      const hada_config *config, int batch, hada_error *err);
-size_t hada_pipeline_planes_bytes(const hada_model_info *info, const hada_config *config, int batch);
-size_t hada_pipeline_pictures_bytes(const hada_model_info *info);
+/* Bytes of device memory that the plan leaves to a pipeline for what a frame may need beyond it. */
+hada_status hada_pipeline_room(const hada_pipeline *pipeline, uint64_t *bytes, hada_error *err);
 
-/* Bytes of device memory that the plan leaves to each of its pipelines for what a frame may need beyond it. */
-hada_status hada_pipeline_room(const hada_context *context, const hada_model *model, const hada_config *config,
-                               int batch, uint64_t *bytes, hada_error *err);
+/* Makes the parts of a pipeline that has a slot; a failure leaves some of them, for hada_pipeline_clear(). */
+hada_status hada_pipeline_make_parts(hada_pipeline *pipeline, hada_error *err);
 
 /* The parts are there: made again after hada_pipeline_clear(). */
 hada_status hada_pipeline_ready(hada_pipeline *pipeline, hada_error *err);

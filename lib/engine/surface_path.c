@@ -31,8 +31,7 @@ static hada_status make_surface(hada_pipeline *pipeline, hada_error *err)
     const hada_setup *setup = pipeline->setup;
     hada_surfaces_desc desc = {
         .camera = camera_of(pipeline), .shape = shape_of(pipeline), .distances_mm = setup->distances};
-    HADA_TRY(hada_pipeline_room(pipeline->constants->context, setup->model, &setup->config, pipeline->batch,
-                                &desc.most_bytes, err));
+    HADA_TRY(hada_pipeline_room(pipeline, &desc.most_bytes, err));
     return hada_surfaces_make(pipeline->constants->surfaces, &pipeline->surface, pipeline->slot, &desc, err);
 }
 

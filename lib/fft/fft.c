@@ -19,7 +19,7 @@ static hada_fft_backend resolve(const hada_context *context, hada_fft_backend ba
 hada_spectrum_layout hada_fft_layout(const hada_context *context, int rows, int cols, hada_fft_backend backend)
 {
     hada_spectrum_layout layout = {.rows = rows, .cols = cols};
-    layout.block = engine_of(resolve(context, backend, rows, cols))->block(context, rows, cols);
+    layout.block = engine_of(resolve(context, backend, rows, cols))->block(cols);
     layout.blocks = (cols / 2 + 1 + layout.block - 1) / layout.block;
     layout.count = (size_t)layout.blocks * (size_t)rows * (size_t)layout.block;
     return layout;
@@ -66,19 +66,7 @@ static void resolve_band(hada_fft_desc *desc)
         desc->band_cols = desc->cols / 2;
 }
 
-static void resolve_desc(const hada_context *context, hada_fft_desc *desc)
-{
-    desc->backend = resolve(context, desc->backend, desc->rows, desc->cols);
-    resolve_band(desc);
-}
-
 hada_status hada_fft_create(hada_fft **out, hada_slot *slot, const hada_fft_desc *desc, hada_error *err)
-{
-    return hada_fft_create_in(out, slot, NULL, desc, err);
-}
-
-hada_status hada_fft_create_in(hada_fft **out, hada_slot *slot, hada_scratch *scratch, const hada_fft_desc *desc,
-                               hada_error *err)
 {
     hada_fft *plan = NULL;
     hada_status status = HADA_OK;
@@ -86,10 +74,11 @@ hada_status hada_fft_create_in(hada_fft **out, hada_slot *slot, hada_scratch *sc
     HADA_TRY_OR_DONE(hada_allocated(plan = hada_alloc(1, sizeof *plan, "a transform's plan", err)));
     plan->slot = slot;
     plan->desc = *desc;
-    resolve_desc(slot->context, &plan->desc);
+    plan->desc.backend = resolve(slot->context, desc->backend, desc->rows, desc->cols);
+    resolve_band(&plan->desc);
     plan->layout = hada_fft_layout(slot->context, desc->rows, desc->cols, plan->desc.backend);
     plan->engine = engine_of(plan->desc.backend);
-    HADA_TRY_OR_DONE(plan->engine->create(plan, scratch, err));
+    HADA_TRY_OR_DONE(plan->engine->create(plan, err));
     HADA_TRY_OR_DONE(hada_fft_check(plan, err));
 done:
     if (status)
@@ -109,29 +98,14 @@ void hada_fft_destroy(hada_fft **plan)
 
 size_t hada_fft_bytes(const hada_context *context, const hada_fft_desc *desc)
 {
-    hada_fft_desc resolved = *desc;
-    if (check_desc(desc, NULL))
-        return 0;
-    resolve_desc(context, &resolved);
-    return engine_of(resolved.backend)->bytes(context, &resolved);
-}
-
-size_t hada_fft_check_bytes(const hada_context *context, const hada_fft_desc *desc)
-{
-    const hada_spectrum_layout layout = hada_fft_layout(context, desc->rows, desc->cols, desc->backend);
-    return hada_fft_check_real_bytes(desc) + layout.count * 2 * sizeof(float);
-}
-
-hada_status hada_fft_note(const hada_context *context, const hada_fft_desc *desc, hada_scratch *scratch,
-                          hada_error *err)
-{
-    hada_fft_desc resolved = *desc;
-    hada_status status = check_desc(desc, err);
-    if (status)
-        return status;
-    resolve_desc(context, &resolved);
-    const size_t bytes = engine_of(resolved.backend)->scratch(context, &resolved);
-    return bytes ? hada_scratch_note(scratch, bytes, "a transform's scratch", err) : HADA_OK;
+    hada_dry dry;
+    hada_fft *plan;
+    hada_dry_begin(&dry, context);
+    hada_fft_create(&plan, &dry.slot, desc, NULL);
+    const uint64_t bytes = hada_context_bytes(&dry.context);
+    hada_fft_destroy(&plan);
+    hada_dry_end(&dry);
+    return (size_t)bytes;
 }
 
 hada_fft_backend hada_fft_serving(const hada_fft *plan)

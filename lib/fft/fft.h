@@ -10,7 +10,7 @@
 
 #include "core/fft_factor.h"
 #include "kernels/shared_spectrum.h"
-#include "runtime/scratch.h"
+#include "runtime/memory.h"
 
 /* Where the complex value (ky, kx), kx <= cols/2, of a half spectrum stands, in complex numbers from the start of its
  * image: ((kx / block) * rows + ky) * block + kx % block. Columns are kept in blocks so that a column pass streams;
@@ -65,20 +65,10 @@ typedef struct hada_fft hada_fft;
 
 /* Makes the plan, its tables and scratch, compiles what it needs, and runs it once against known answers. */
 hada_status hada_fft_create(hada_fft **out, hada_slot *slot, const hada_fft_desc *desc, hada_error *err);
-/* The same, with its scratch from there (NULL: in buffers of its own). */
-hada_status hada_fft_create_in(hada_fft **out, hada_slot *slot, hada_scratch *scratch, const hada_fft_desc *desc,
-                               hada_error *err);
 void hada_fft_destroy(hada_fft **plan);
 
-/* Bytes of device memory that the plan will hold (tables, scratch): known before creating it. */
+/* Bytes of device memory that a plan with scratch of its own holds; 0 where there can be none. */
 size_t hada_fft_bytes(const hada_context *context, const hada_fft_desc *desc);
-
-/* Bytes that hada_fft_create() needs beside, while it runs the plan against known answers. */
-size_t hada_fft_check_bytes(const hada_context *context, const hada_fft_desc *desc);
-
-/* Notes what hada_fft_create_in() will take. */
-hada_status hada_fft_note(const hada_context *context, const hada_fft_desc *desc, hada_scratch *scratch,
-                          hada_error *err);
 
 hada_fft_backend hada_fft_serving(const hada_fft *plan); /* which back end serves */
 const hada_spectrum_layout *hada_fft_plan_layout(const hada_fft *plan);

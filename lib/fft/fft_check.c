@@ -139,22 +139,19 @@ static hada_status check_inverse(hada_fft *plan, hada_buffer *real, hada_buffer 
     return HADA_OK;
 }
 
-size_t hada_fft_check_real_bytes(const hada_fft_desc *desc)
-{
-    return ((size_t)(desc->real_rows - 1) * desc->real_pitch + (size_t)desc->real_cols) * sizeof(float);
-}
-
 hada_status hada_fft_check(hada_fft *plan, hada_error *err)
 {
     const hada_fft_desc *desc = &plan->desc;
+    const size_t floats = (size_t)(desc->real_rows - 1) * desc->real_pitch + (size_t)desc->real_cols;
     hada_buffer real = {0}, spectrum = {0};
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(
-        hada_buffer_create(&real, plan->slot->context, hada_fft_check_real_bytes(desc), "a transform's check", err));
+        hada_buffer_create(&real, plan->slot->context, floats * sizeof(float), "a transform's check", err));
     HADA_TRY_OR_DONE(hada_buffer_create(&spectrum, plan->slot->context, plan->layout.count * 2 * sizeof(float),
                                         "a transform's check", err));
-    HADA_TRY_OR_DONE(desc->direction == HADA_FFT_FORWARD ? check_forward(plan, &real, &spectrum, err)
-                                                         : check_inverse(plan, &real, &spectrum, err));
+    if (!plan->slot->context->dry)
+        HADA_TRY_OR_DONE(desc->direction == HADA_FFT_FORWARD ? check_forward(plan, &real, &spectrum, err)
+                                                             : check_inverse(plan, &real, &spectrum, err));
 done:
     hada_slot_finish(plan->slot, NULL);
     hada_buffer_destroy(&real);

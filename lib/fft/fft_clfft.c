@@ -97,7 +97,7 @@ static clfftStatus describe(clfft_state *state, const hada_slot *slot, const had
     return code;
 }
 
-/* Called under the lock, in the C numeric locale. */
+/* Called by make_plan_locked(). */
 static hada_status make_plan(clfft_state *state, const hada_slot *slot, const hada_fft_desc *desc, size_t *temporary,
                              hada_error *err)
 {
@@ -124,10 +124,26 @@ static hada_status make_plan(clfft_state *state, const hada_slot *slot, const ha
     return code ? fail(err, code, "clfftBakePlan") : HADA_OK;
 }
 
-/* clFFT says only when it has its plan how much scratch it takes, so that none of it is planned. */
-static hada_status clfft_create(hada_fft *plan, hada_scratch *scratch, hada_error *err)
+/* The same under the lock and in the C numeric locale, in which clFFT writes its kernels. */
+static hada_status make_plan_locked(clfft_state *state, const hada_slot *slot, const hada_fft_desc *desc,
+                                    size_t *temporary, hada_error *err)
 {
-    (void)scratch;
+    locale_t numeric = newlocale(LC_NUMERIC_MASK, "C", (locale_t)0);
+    if (!numeric)
+        return hada_fail(err, HADA_ERROR_MEMORY, "the C locale cannot be had: free some memory");
+    pthread_mutex_lock(&lock);
+    const locale_t before = uselocale(numeric);
+    const hada_status status = make_plan(state, slot, desc, temporary, err);
+    uselocale(before);
+    pthread_mutex_unlock(&lock);
+    freelocale(numeric);
+    return status;
+}
+
+/* clFFT says how much temporary memory it takes only once it has its plan, so its buffers are never shared. For a dry
+ * run it is taken to be that of the spectra: it was never more. */
+static hada_status clfft_create(hada_fft *plan, hada_error *err)
+{
     const hada_fft_desc *desc = &plan->desc;
     hada_context *context = plan->slot->context;
     size_t temporary = 0;
@@ -145,28 +161,20 @@ static hada_status clfft_create(hada_fft *plan, hada_scratch *scratch, hada_erro
                          "clFFT takes lengths with prime factors up to 13, not %d x %d: leave the choice to the table "
                          "or pad to %d x %d",
                          desc->rows, desc->cols, hada_fft_good_size(desc->rows), hada_fft_good_size(desc->cols));
-    hada_status status = HADA_OK;
+    const size_t half = half_count(desc) * (size_t)desc->batch * 2 * sizeof(float);
     HADA_TRY(hada_allocated(plan->state = hada_alloc(1, sizeof(clfft_state), "a transform's plan", err)));
     clfft_state *state = plan->state;
-    locale_t numeric = newlocale(LC_NUMERIC_MASK, "C", (locale_t)0);
-    if (!numeric)
-        return hada_fail(err, HADA_ERROR_MEMORY, "the C locale cannot be had: free some memory");
-    pthread_mutex_lock(&lock);
-    const locale_t before = uselocale(numeric);
-    status = make_plan(state, plan->slot, desc, &temporary, err);
-    uselocale(before);
-    pthread_mutex_unlock(&lock);
-    freelocale(numeric);
-    HADA_TRY(status);
+    if (context->dry)
+        temporary = half;
+    else
+        HADA_TRY(make_plan_locked(state, plan->slot, desc, &temporary, err));
     HADA_TRY(hada_buffer_create(&state->grid, context, grid_count(desc) * (size_t)desc->batch * sizeof(float),
                                 "a transform's scratch", err));
-    HADA_TRY(hada_buffer_create(&state->half, context, half_count(desc) * (size_t)desc->batch * 2 * sizeof(float),
-                                "a transform's scratch", err));
+    HADA_TRY(hada_buffer_create(&state->half, context, half, "a transform's scratch", err));
     if (temporary)
         HADA_TRY(hada_buffer_create(&state->temporary, context, temporary, "a transform's scratch", err));
-    return status;
+    return HADA_OK;
 }
-
 static void clfft_destroy(hada_fft *plan)
 {
     clfft_state *state = plan->state;
@@ -186,18 +194,9 @@ static void clfft_destroy(hada_fft *plan)
     plan->state = NULL;
 }
 
-/* clFFT's own temporary memory is known only after baking; it was never more than the spectra. */
-static size_t clfft_bytes(const hada_context *context, const hada_fft_desc *desc)
-{
-    (void)context;
-    return (grid_count(desc) + 4 * half_count(desc)) * (size_t)desc->batch * sizeof(float);
-}
-
 /* One block: row-major. */
-static int clfft_block(const hada_context *context, int rows, int cols)
+static int clfft_block(int cols)
 {
-    (void)context;
-    (void)rows;
     return cols / 2 + 1;
 }
 
@@ -272,14 +271,6 @@ static hada_status clfft_inverse(hada_fft *plan, int batch, cl_mem spectrum, siz
                                       .real = images, .count = pixels);
 }
 
-/* Its buffers are few and its own: nothing is shared. */
-static size_t clfft_scratch(const hada_context *context, const hada_fft_desc *desc)
-{
-    (void)context;
-    (void)desc;
-    return 0;
-}
-
 const hada_fft_engine hada_fft_clfft_engine = {
-    clfft_create, clfft_destroy, clfft_forward, clfft_inverse, clfft_bytes, clfft_block, clfft_scratch,
+    clfft_create, clfft_destroy, clfft_forward, clfft_inverse, clfft_block,
 };

@@ -116,15 +116,6 @@ void hada_fft_fused_free(hada_fft_fused *fused)
     hada_buffer_destroy(&fused->row_tables);
 }
 
-size_t hada_fft_fused_bytes(const hada_context *context, int rows, int cols)
-{
-    return context->shape == HADA_SHAPE_GROUPS
-               ? hada_own_table_bytes(context, cols, 0) + hada_own_table_bytes(context, rows, 1)
-               : hada_own_pass_bytes(context, cols, HADA_PASS_ROWS) +
-                     hada_own_pass_bytes(context, cols, HADA_PASS_ROWS_INVERSE) +
-                     hada_own_pass_bytes(context, rows, HADA_PASS_COLUMNS);
-}
-
 /* What is done for each point beside the stages: along rows images become spectra, and there are as many columns. */
 static double time_of(int n, int columns)
 {

@@ -34,9 +34,6 @@ int hada_fft_group_odd(int n);
 hada_status hada_fft_fused_make(hada_fft_fused *fused, hada_slot *slot, int rows, int cols, hada_error *err);
 void hada_fft_fused_free(hada_fft_fused *fused); /* the slot's queue must be done with it */
 
-/* Bytes of device memory of the tables. */
-size_t hada_fft_fused_bytes(const hada_context *context, int rows, int cols);
-
 /* The size >= n that costs such kernels the least, along columns or along rows. */
 int hada_fft_quick_size(int n, int columns);
 

@@ -8,15 +8,13 @@
 /* A back end: `create` fills plan->state; all of it works on a slot's compute queue. `use` is a call's filter with what
  * its zeros stand for filled in; product HADA_FFT_PLAIN: there is none. */
 typedef struct hada_fft_engine {
-    hada_status (*create)(hada_fft *plan, hada_scratch *scratch, hada_error *err);
+    hada_status (*create)(hada_fft *plan, hada_error *err);
     void (*destroy)(hada_fft *plan);
     hada_status (*forward)(hada_fft *plan, int batch, cl_mem real, size_t real_offset, cl_mem spectrum,
                            size_t spectrum_offset, hada_error *err);
     hada_status (*inverse)(hada_fft *plan, int batch, cl_mem spectrum, size_t spectrum_offset, cl_mem real,
                            size_t real_offset, const hada_fft_filter *use, hada_error *err);
-    size_t (*bytes)(const hada_context *context, const hada_fft_desc *desc);
-    int (*block)(const hada_context *context, int rows, int cols);
-    size_t (*scratch)(const hada_context *context, const hada_fft_desc *desc); /* of the bytes, taken by create */
+    int (*block)(int cols); /* columns in a block of the spectra */
 } hada_fft_engine;
 
 struct hada_fft {
@@ -49,8 +47,7 @@ hada_fft_backend hada_fft_choose(const hada_context *context, int rows, int cols
 /* Whether clFFT has the length's factors. */
 int hada_clfft_takes(int n);
 
-/* Runs a new plan once against known answers; and the bytes of real images that takes. */
+/* Runs a new plan once against known answers. */
 hada_status hada_fft_check(hada_fft *plan, hada_error *err);
-size_t hada_fft_check_real_bytes(const hada_fft_desc *desc);
 
 #endif

@@ -61,6 +61,8 @@ static hada_status make_sized(hada_own_pass *pass, hada_slot *slot, hada_fft_pas
     const size_t count = hada_fft_sized_floats(&pass->size, kind);
     float *floats = NULL;
     hada_status status = HADA_OK;
+    if (slot->context->dry)
+        return hada_buffer_create(&pass->table, slot->context, count * sizeof *floats, "a transform's tables", err);
     HADA_TRY_OR_DONE(hada_allocated(floats = hada_alloc(count, sizeof *floats, "a table of a transform", err)));
     hada_fft_sized_fill(&pass->size, kind, floats);
     HADA_TRY_OR_DONE(
@@ -76,62 +78,47 @@ hada_status hada_own_pass_make(hada_own_pass *pass, hada_slot *slot, const hada_
     return pass->sized ? make_sized(pass, slot, desc->kind, err) : hada_own_pass_make_any(pass, slot, desc, err);
 }
 
+/* The integers of a table, then its floats. */
+static hada_status write_table(hada_buffer *buffer, hada_slot *slot, const hada_fft_pass_desc *desc, hada_error *err)
+{
+    hada_fft_pass table = {0};
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_fft_pass_make(&table, desc, err));
+    const size_t ints = table.int_count * sizeof *table.ints, floats = table.float_count * sizeof *table.floats;
+    HADA_TRY_OR_DONE(hada_buffer_write(buffer, slot, 0, table.ints, ints, err));
+    HADA_TRY_OR_DONE(hada_buffer_write(buffer, slot, ints, table.floats, floats, err));
+done:
+    hada_fft_pass_free(&table);
+    return status;
+}
+
 hada_status hada_own_pass_make_any(hada_own_pass *pass, hada_slot *slot, const hada_fft_pass_desc *desc,
                                    hada_error *err)
 {
     hada_context *context = slot->context;
     hada_fft_pass_desc full = *desc;
-    hada_fft_pass table = {0};
     int points, odd;
     size_t ints, floats;
-    hada_status status = HADA_OK;
     full.direct = reads_memory_first(context, desc->kind == HADA_PASS_COLUMNS);
-    HADA_TRY_OR_DONE(hada_fft_pass_make(&table, &full, err));
     hada_fft_pass_sizes(desc->n, full.direct, &points, &odd, &ints, &floats);
     const scratch_plan plan = plan_scratch(context, points, odd);
     pass->width = plan.width;
-    HADA_TRY_OR_DONE(
-        hada_buffer_create(&pass->table, context, hada_fft_pass_bytes(&table), "a transform's tables", err));
-    HADA_TRY_OR_DONE(hada_buffer_write(&pass->table, slot, 0, table.ints, table.int_count * sizeof *table.ints, err));
-    HADA_TRY_OR_DONE(hada_buffer_write(&pass->table, slot, table.int_count * sizeof *table.ints, table.floats,
-                                       table.float_count * sizeof *table.floats, err));
+    HADA_TRY(hada_buffer_create(&pass->table, context, ints * sizeof(int32_t) + floats * sizeof(float),
+                                "a transform's tables", err));
+    if (!context->dry)
+        HADA_TRY(write_table(&pass->table, slot, &full, err));
     if (plan.local) {
         pass->local_bytes = plan.bytes;
-    } else {
-        pass->groups = global_groups(context);
-        HADA_TRY_OR_DONE(
-            hada_buffer_create(&pass->scratch, slot->context, pass->groups * plan.bytes, "a transform's scratch", err));
+        return HADA_OK;
     }
-done:
-    hada_fft_pass_free(&table);
-    return status;
+    pass->groups = global_groups(context);
+    return hada_buffer_create(&pass->scratch, context, pass->groups * plan.bytes, "a transform's scratch", err);
 }
 
 void hada_own_pass_free(hada_own_pass *pass)
 {
     hada_buffer_destroy(&pass->table);
     hada_buffer_destroy(&pass->scratch);
-}
-
-size_t hada_own_table_bytes(const hada_context *context, int n, int columns)
-{
-    int points, odd;
-    size_t ints, floats;
-    hada_fft_pass_sizes(n, reads_memory_first(context, columns), &points, &odd, &ints, &floats);
-    return ints * sizeof(int32_t) + floats * sizeof(float);
-}
-
-size_t hada_own_pass_bytes(const hada_context *context, int n, hada_fft_pass_kind kind)
-{
-    const int columns = kind == HADA_PASS_COLUMNS;
-    hada_fft_sized size;
-    if (hada_fft_sized_find(&size, context, n, columns))
-        return hada_fft_sized_floats(&size, kind) * sizeof(float);
-    int points, odd;
-    size_t ints, floats;
-    hada_fft_pass_sizes(n, reads_memory_first(context, columns), &points, &odd, &ints, &floats);
-    const scratch_plan plan = plan_scratch(context, points, odd);
-    return hada_own_table_bytes(context, n, columns) + (plan.local ? 0 : global_groups(context) * plan.bytes);
 }
 
 size_t hada_own_pass_local(const hada_context *context, int n, int columns)

@@ -51,23 +51,8 @@ static size_t image_bytes(const hada_context *context, const hada_fft_desc *desc
                                 desc->direction == HADA_FFT_INVERSE ? between_count(desc) : whole * HADA_FFT_BLOCK);
 }
 
-static size_t own_scratch(const hada_context *context, const hada_fft_desc *desc)
+static int own_block(int cols)
 {
-    const int between = desc->direction == HADA_FFT_INVERSE && !image_bytes(context, desc);
-    return between ? between_count(desc) * (size_t)images_at_once(context, desc) * 2 * sizeof(float) : 0;
-}
-
-static size_t own_bytes(const hada_context *context, const hada_fft_desc *desc)
-{
-    const hada_fft_pass_kind rows = desc->direction == HADA_FFT_INVERSE ? HADA_PASS_ROWS_INVERSE : HADA_PASS_ROWS;
-    return hada_own_pass_bytes(context, desc->cols, rows) +
-           hada_own_pass_bytes(context, desc->rows, HADA_PASS_COLUMNS) + own_scratch(context, desc);
-}
-
-static int own_block(const hada_context *context, int rows, int cols)
-{
-    (void)context;
-    (void)rows;
     (void)cols;
     return HADA_FFT_BLOCK;
 }
@@ -85,7 +70,7 @@ static void own_destroy(hada_fft *plan)
     plan->state = NULL;
 }
 
-static hada_status own_create(hada_fft *plan, hada_scratch *scratch, hada_error *err)
+static hada_status own_create(hada_fft *plan, hada_error *err)
 {
     const hada_fft_desc *desc = &plan->desc;
     const int inverse = desc->direction == HADA_FFT_INVERSE;
@@ -99,9 +84,9 @@ static hada_status own_create(hada_fft *plan, hada_scratch *scratch, hada_error 
     state->images = images_at_once(plan->slot->context, desc);
     state->image = (hada_own_image){&state->rows, &state->columns, image_bytes(plan->slot->context, desc)};
     if (inverse && !state->image.local_bytes)
-        HADA_TRY(hada_scratch_take(&state->between, plan->slot->context, scratch,
-                                   between_count(desc) * (size_t)state->images * 2 * sizeof(float),
-                                   "a transform's scratch", err));
+        HADA_TRY(hada_buffer_take(&state->between, plan->slot, HADA_OWN_STEPS,
+                                  between_count(desc) * (size_t)state->images * 2 * sizeof(float),
+                                  "a transform's scratch", err));
     return HADA_OK;
 }
 
@@ -302,5 +287,5 @@ static hada_status own_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_
 }
 
 const hada_fft_engine hada_fft_own_engine = {
-    own_create, own_destroy, own_forward, own_inverse, own_bytes, own_block, own_scratch,
+    own_create, own_destroy, own_forward, own_inverse, own_block,
 };

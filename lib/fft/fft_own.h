@@ -23,16 +23,11 @@ typedef struct hada_own_pass {
 
 hada_status hada_own_pass_make(hada_own_pass *pass, hada_slot *slot, const hada_fft_pass_desc *desc, hada_error *err);
 
-/* The same with the tables of any length, also where a program of its own serves it; bytes of a table without scratch.
- */
+/* The same with the tables of any length, also where the length has a program of its own. */
 hada_status hada_own_pass_make_any(hada_own_pass *pass, hada_slot *slot, const hada_fft_pass_desc *desc,
                                    hada_error *err);
-size_t hada_own_table_bytes(const hada_context *context, int n, int columns);
 
 void hada_own_pass_free(hada_own_pass *pass);
-
-/* Bytes of device memory of a pass. */
-size_t hada_own_pass_bytes(const hada_context *context, int n, hada_fft_pass_kind kind);
 
 /* Bytes of local memory of such a pass for each group, 0 where its scratch lies in global memory. */
 size_t hada_own_pass_local(const hada_context *context, int n, int columns);

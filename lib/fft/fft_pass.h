@@ -31,12 +31,6 @@ typedef struct hada_fft_pass {
     size_t int_count, float_count;
 } hada_fft_pass;
 
-/* Bytes of its table: the integers, then the floats (FFT_FLOATS). */
-static inline size_t hada_fft_pass_bytes(const hada_fft_pass *pass)
-{
-    return pass->int_count * sizeof *pass->ints + pass->float_count * sizeof *pass->floats;
-}
-
 hada_status hada_fft_pass_make(hada_fft_pass *pass, const hada_fft_pass_desc *desc, hada_error *err);
 void hada_fft_pass_free(hada_fft_pass *pass);
 

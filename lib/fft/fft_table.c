@@ -42,7 +42,7 @@ static hada_status try_clfft(hada_slot *slot, hada_fft_direction direction, int 
         .layout = {.rows = rows, .cols = cols, .block = half, .blocks = 1, .count = (size_t)rows * (size_t)half},
         .engine = &hada_fft_clfft_engine};
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(plan.engine->create(&plan, NULL, err));
+    HADA_TRY_OR_DONE(plan.engine->create(&plan, err));
     HADA_TRY_OR_DONE(hada_fft_check(&plan, err));
 done:
     plan.engine->destroy(&plan);
@@ -87,7 +87,7 @@ static void remember(hada_context *context, int rows, int cols, int serves)
  * the own kernels serve. Tried once for a context and size. */
 static int clfft_serves(const hada_context *constant, int rows, int cols)
 {
-    hada_context *context = (hada_context *)constant; /* its books alone are written to */
+    hada_context *context = (hada_context *)(constant->dry ? constant->dry : constant); /* only its books change */
     const hada_trial *trial = known(context, rows, cols);
     if (trial)
         return trial->works;

@@ -12,17 +12,6 @@ static uint64_t depth_bytes(const hada_spectrum_layout *layout, int channels, in
     return (uint64_t)layout->count * (uint64_t)channels * (half ? 4u : 8u);
 }
 
-uint64_t hada_bank_bytes(const hada_model_info *info, const hada_spectrum_layout *layout, int depths, int parts,
-                         int half)
-{
-    uint64_t bytes = 0;
-    if (parts & HADA_BANK_FILTERS)
-        bytes += depth_bytes(layout, info->channels, half || info->half);
-    if (parts & HADA_BANK_OTFS)
-        bytes += depth_bytes(layout, info->channels, 0);
-    return bytes * (uint64_t)depths;
-}
-
 /* How many depths go into one buffer, evenly spread over the fewest buffers. */
 static hada_status split(const hada_context *context, uint64_t bytes, int depths, int *per_buffer, hada_error *err)
 {
@@ -100,7 +89,7 @@ static hada_status upload(hada_bank *bank, hada_slot *slot, const hada_model *mo
                                             (size_t)here * (size_t)bank->channels * image_bytes,
                                             otf ? "the transfer functions" : "the filters", err));
     }
-    for (int i = 0; i < bank->depths * bank->channels; i++) {
+    for (int i = 0; i < bank->depths * bank->channels && !slot->context->dry; i++) {
         const int z = i / bank->channels, c = i % bank->channels, depth = depths ? depths[z] : z;
         if (otf) {
             const float *from = model->otf + ((size_t)depth * (size_t)bank->channels + (size_t)c) * plane * 2;
@@ -214,7 +203,7 @@ hada_status hada_bank_prior(hada_buffer *out, hada_slot *slot, const hada_model 
     HADA_TRY_OR_DONE(hada_allocated(rows = hada_alloc_raw(plane, sizeof *rows, "the prior", err)));
     HADA_TRY_OR_DONE(
         hada_allocated(blocks = hada_alloc_raw(channels * layout->count, sizeof *blocks, "the prior", err)));
-    for (size_t c = 0; c < channels; c++) {
+    for (size_t c = 0; c < channels && !slot->context->dry; c++) {
         double mean = 0.0;
         for (int z = 0; z < info->depths; z++)
             mean += share * model->noise_power[(size_t)z * channels + c] / info->depths;

@@ -20,10 +20,6 @@ typedef struct hada_bank {
     hada_buffer *filters, *otfs;   /* ceil(depths / ..._depths) of them, NULL where the part was not asked for */
 } hada_bank;
 
-/* Bytes that a bank of `depths` depths will hold. */
-uint64_t hada_bank_bytes(const hada_model_info *info, const hada_spectrum_layout *layout, int depths, int parts,
-                         int half);
-
 /* `depths`: indices into the model, `count` of them; NULL: all. `half` stores filters as half (a half model always
  * does). Refuses values that are not finite (a damaged file): HADA_ERROR_MODEL. */
 hada_status hada_bank_create(hada_bank **out, hada_slot *slot, const hada_model *model,

@@ -97,19 +97,16 @@ done:
     return status;
 }
 
-hada_status hada_gains_upload(const hada_gains *gains, const hada_spectrum_layout *layout, hada_slot *slot,
-                              hada_buffer *buffer, hada_error *err)
+hada_status hada_gains_upload(hada_buffer *out, hada_slot *slot, const hada_gains *gains,
+                              const hada_spectrum_layout *layout, int channels, hada_error *err)
 {
-    const size_t plane = (size_t)layout->rows * (size_t)(layout->cols / 2 + 1), channels = (size_t)gains->channels;
+    const size_t plane = (size_t)layout->rows * (size_t)(layout->cols / 2 + 1), images = (size_t)channels;
+    const size_t bytes = images * layout->count * sizeof(float);
     float *packed;
-    hada_status status =
-        hada_allocated(packed = hada_alloc(channels * layout->count, sizeof *packed, "the filters' gains", err));
-    if (status)
-        return status;
-    for (size_t c = 0; c < channels; c++)
+    HADA_TRY(hada_allocated(packed = hada_alloc(images * layout->count, sizeof *packed, "the filters' gains", err)));
+    for (size_t c = 0; c < images && !slot->context->dry; c++)
         hada_layout_pack_real(layout, gains->gain + c * plane, packed + c * layout->count);
-    status = hada_buffer_create_from(buffer, slot, packed, channels * layout->count * sizeof *packed,
-                                     "the filters' gains", err);
+    const hada_status status = hada_buffer_create_from(out, slot, packed, bytes, "the filters' gains", err);
     free(packed);
     return status;
 }

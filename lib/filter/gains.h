@@ -26,9 +26,9 @@ hada_status hada_gains_create(hada_gains **out, const hada_model *model, const h
                               const int *depths, int count, int with_half, hada_error *err);
 void hada_gains_destroy(hada_gains **gains);
 
-/* The gains for a hada_meter of this layout. */
-hada_status hada_gains_upload(const hada_gains *gains, const hada_spectrum_layout *layout, hada_slot *slot,
-                              hada_buffer *buffer, hada_error *err);
+/* The gains of so many channels for a hada_meter of this layout. On a dry context `gains` is not read. */
+hada_status hada_gains_upload(hada_buffer *out, hada_slot *slot, const hada_gains *gains,
+                              const hada_spectrum_layout *layout, int channels, hada_error *err);
 
 /* The following are sums of squares over all planes on the whole grid; `energy` is what a hada_meter measured with
  * the gains. They are rounded up: no less than in exact arithmetic. */

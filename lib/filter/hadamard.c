@@ -54,56 +54,8 @@ hada_spectrum_layout hada_hadamard_layout(const hada_context *context, const had
     return hada_fft_layout(context, info->grid_rows, info->grid_cols, HADA_FFT_AUTO);
 }
 
-uint64_t hada_hadamard_bytes(const hada_context *context, const hada_model_info *info, int batch)
-{
-    hada_geometry geometry;
-    if (hada_geometry_of(info, &geometry, NULL))
-        return 0;
-    const hada_fft_desc forward = forward_desc(info, &geometry), inverse = inverse_desc(info, &geometry, batch);
-    const hada_spectrum_layout layout = hada_hadamard_layout(context, info);
-    const uint64_t frame = (uint64_t)info->raw_rows * (uint64_t)info->raw_cols * 4u;
-    return (uint64_t)info->channels * (frame + (uint64_t)layout.count * 8u) + hada_fft_bytes(context, &forward) +
-           hada_fft_bytes(context, &inverse);
-}
-
-uint64_t hada_hadamard_unpruned_bytes(const hada_context *context, const hada_model_info *info, int batch)
-{
-    hada_geometry geometry;
-    if (hada_geometry_of(info, &geometry, NULL))
-        return 0;
-    const hada_fft_desc pruned = inverse_desc(info, &geometry, batch),
-                        whole = whole_desc(info->grid_rows, info->grid_cols, batch * info->channels);
-    return (uint64_t)whole.batch * whole.real_distance * sizeof(float) + hada_fft_bytes(context, &whole) -
-           hada_fft_bytes(context, &pruned);
-}
-
-uint64_t hada_hadamard_check_bytes(const hada_context *context, const hada_model_info *info)
-{
-    hada_geometry geometry;
-    if (hada_geometry_of(info, &geometry, NULL))
-        return 0;
-    const hada_fft_desc forward = forward_desc(info, &geometry);
-    /* the stage's spectrum is made after them */
-    const uint64_t checks = hada_fft_check_bytes(context, &forward),
-                   spectrum = (uint64_t)info->channels * hada_hadamard_layout(context, info).count * 8u;
-    return checks > spectrum ? checks - spectrum : 0;
-}
-
-hada_status hada_hadamard_note(const hada_context *context, const hada_model_info *info, int batch,
-                               hada_scratch *scratch, int first, int raw_last, int last, hada_error *err)
-{
-    hada_geometry geometry;
-    HADA_TRY(hada_geometry_of(info, &geometry, err));
-    const hada_fft_desc forward = forward_desc(info, &geometry), inverse = inverse_desc(info, &geometry, batch);
-    hada_scratch_steps(scratch, first, last);
-    HADA_TRY(hada_fft_note(context, &forward, scratch, err));
-    HADA_TRY(hada_fft_note(context, &inverse, scratch, err));
-    hada_scratch_steps(scratch, first, raw_last);
-    return hada_scratch_note(scratch, (size_t)info->channels * forward.real_distance * 4, "the raw frame", err);
-}
-
-hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, hada_scratch *scratch,
-                                 const hada_model_info *info, int batch, hada_error *err)
+hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, const hada_model_info *info, int batch,
+                                 hada_error *err)
 {
     hada_status status = HADA_OK;
     hada_hadamard *stage;
@@ -121,11 +73,11 @@ hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, hada_scra
     HADA_TRY_OR_DONE(hada_geometry_of(info, &stage->geometry, err));
     const hada_fft_desc forward = forward_desc(info, &stage->geometry);
     const hada_fft_desc inverse = inverse_desc(info, &stage->geometry, batch);
-    HADA_TRY_OR_DONE(hada_fft_create_in(&stage->forward, slot, scratch, &forward, err));
-    HADA_TRY_OR_DONE(hada_fft_create_in(&stage->inverse, slot, scratch, &inverse, err));
+    HADA_TRY_OR_DONE(hada_fft_create(&stage->forward, slot, &forward, err));
+    HADA_TRY_OR_DONE(hada_fft_create(&stage->inverse, slot, &inverse, err));
     stage->layout = *hada_fft_plan_layout(stage->forward);
-    HADA_TRY_OR_DONE(hada_scratch_take(&stage->raw, slot->context, scratch,
-                                       (size_t)info->channels * forward.real_distance * 4, "the raw frame", err));
+    HADA_TRY_OR_DONE(hada_buffer_take(&stage->raw, slot, HADA_RESULT,
+                                      (size_t)info->channels * forward.real_distance * 4, "the raw frame", err));
     HADA_TRY_OR_DONE(hada_buffer_create(&stage->spectrum, slot->context,
                                         (size_t)info->channels * stage->layout.count * 8, "the frame's spectrum", err));
     HADA_TRY_OR_DONE(hada_upload_make(&stage->upload, slot, (size_t)info->channels * forward.real_distance, err));

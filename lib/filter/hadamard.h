@@ -35,29 +35,17 @@ typedef struct hada_hadamard {
     hada_hadamard_part part; /* of the frame in hand; the caller's to set before each call */
 } hada_hadamard;
 
-/* Bytes of device memory that a stage will hold, without its bank and output. */
-uint64_t hada_hadamard_bytes(const hada_context *context, const hada_model_info *info, int batch);
-
 /* The layout that banks for this model must have. */
 hada_spectrum_layout hada_hadamard_layout(const hada_context *context, const hada_model_info *info);
 
-/* Bytes needed while a stage is made, for checks of its transforms, beyond what it holds in the end. */
-uint64_t hada_hadamard_check_bytes(const hada_context *context, const hada_model_info *info);
-
-/* Notes what a stage will take of its scratch: the raw frame, needed in the steps first ... raw_last, and scratch
- * that is needed in first ... last. */
-hada_status hada_hadamard_note(const hada_context *context, const hada_model_info *info, int batch,
-                               hada_scratch *scratch, int first, int raw_last, int last, hada_error *err);
-
-/* `scratch`: NULL: buffers of its own; `batch`: depths computed at once, at most. */
-hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, hada_scratch *scratch,
-                                 const hada_model_info *info, int batch, hada_error *err);
+/* `batch`: depths computed at once, at most. The raw frame is a result of the slot's steps (runtime/memory.h). */
+hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, const hada_model_info *info, int batch,
+                                 hada_error *err);
 void hada_hadamard_destroy(hada_hadamard **stage);
 
-/* From now on the inverse transforms compute the whole grid, of which the window is cut: to compare with. It rounds
- * otherwise, since rows are transformed in other pairs. It needs so many more bytes. */
+/* From now on the inverse transforms compute the whole grid, from which the window is cut, for comparison. They round
+ * differently, since rows are transformed in other pairs. */
 hada_status hada_hadamard_unprune(hada_hadamard *stage, hada_error *err);
-uint64_t hada_hadamard_unpruned_bytes(const hada_context *context, const hada_model_info *info, int batch);
 
 /* A dark frame (channels x raw size, planar) that every following frame has taken off, beside the level; NULL: none. */
 hada_status hada_hadamard_set_dark(hada_hadamard *stage, const float *dark, hada_error *err);

@@ -52,12 +52,6 @@ double hada_tiles_share_outside(const hada_tiles *tiles, int band_rows, int band
     return 1.0 - (double)high * wide / ((double)rows * cols);
 }
 
-uint64_t hada_meter_bytes(const hada_spectrum_layout *layout, int channels)
-{
-    const hada_tiles tiles = hada_tiles_of(layout);
-    return (uint64_t)channels * hada_tiles_count(&tiles) * sizeof(float) + sizeof tiles.row_last;
-}
-
 hada_status hada_meter_create(hada_meter **out, hada_slot *slot, const hada_spectrum_layout *layout, int channels,
                               hada_error *err)
 {

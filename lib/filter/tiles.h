@@ -44,7 +44,6 @@ typedef struct hada_meter {
 hada_status hada_meter_create(hada_meter **out, hada_slot *slot, const hada_spectrum_layout *layout, int channels,
                               hada_error *err);
 void hada_meter_destroy(hada_meter **meter);
-uint64_t hada_meter_bytes(const hada_spectrum_layout *layout, int channels);
 
 /* Enqueues: meter->energy = [channel][tile], sum of gain |B|^2 over the whole spectrum's values in the tile. `gains`:
  * [channel][layout.count] floats, finite everywhere. */

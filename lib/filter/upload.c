@@ -10,7 +10,7 @@ hada_status hada_upload_make(hada_upload *upload, hada_slot *slot, size_t values
 {
     cl_int code;
     *upload = (hada_upload){.slot = slot};
-    if (slot->context->info.unified_memory)
+    if (slot->context->info.unified_memory || slot->context->dry)
         return HADA_OK;
     const size_t bytes = values * sizeof(float); /* of a frame that takes all of them */
     upload->pinned = clCreateBuffer(slot->context->cl, CL_MEM_READ_WRITE | CL_MEM_ALLOC_HOST_PTR, bytes, NULL, &code);

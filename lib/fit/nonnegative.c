@@ -64,15 +64,6 @@ static size_t spectrum_bytes(const hada_spectrum_layout *layout, int channels)
     return (size_t)channels * layout->count * 2 * sizeof(float) + VECTOR_BYTES;
 }
 
-size_t hada_nonnegative_bytes(const hada_context *context, int rows, int cols, int channels)
-{
-    const hada_fft_desc forward = describe(rows, cols, channels, HADA_FFT_FORWARD);
-    const hada_fft_desc inverse = describe(rows, cols, channels, HADA_FFT_INVERSE);
-    const hada_spectrum_layout layout = hada_fft_layout(context, rows, cols, HADA_FFT_AUTO);
-    return hada_fft_bytes(context, &forward) + hada_fft_bytes(context, &inverse) + spectrum_bytes(&layout, channels) +
-           2 * image_bytes(rows, cols, channels);
-}
-
 hada_status hada_nonnegative_create(hada_nonnegative **out, hada_slot *slot, int rows, int cols, int channels,
                                     hada_error *err)
 {

@@ -30,9 +30,6 @@ hada_status hada_nonnegative_create(hada_nonnegative **out, hada_slot *slot, int
                                     hada_error *err);
 void hada_nonnegative_destroy(hada_nonnegative **plan);
 
-/* Bytes of device memory that it holds: known before creating it. */
-size_t hada_nonnegative_bytes(const hada_context *context, int rows, int cols, int channels);
-
 /* Enqueues the transfer functions of `channels` (<= the plan's) channels, to out[channel][count] from complex number
  * `at` on. sums: per channel, as kernels/inc_fit.h has them; mean and trust: per channel, m and q > 0. */
 hada_status hada_nonnegative_solve(hada_nonnegative *plan, const hada_nonnegative_rule *rule, int channels,

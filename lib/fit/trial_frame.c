@@ -22,7 +22,7 @@ hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
     hada_refine_shape shape = hada_refine_shape_of(&grid->info, HADA_TRIAL_MEMBERS, HADA_TRIAL_STEPS);
     shape.tv = bench->with->tv != 0.0;
     shape.shrink = bench->with->shrink != 0.0;
-    HADA_TRY(hada_refiner_create(&bench->maker.refiner, grid->slot, NULL, &shape, err));
+    HADA_TRY(hada_refiner_create(&bench->maker.refiner, grid->slot, &shape, err));
     HADA_TRY(hada_fft_create(&bench->inverse, grid->slot, &desc, err));
     HADA_TRY(hada_buffer_create(&bench->filters, context, bytes, "filters on trial", err));
     HADA_TRY(hada_buffer_create(&bench->otfs, context, bytes, "transfer functions on trial", err));

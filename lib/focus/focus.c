@@ -61,15 +61,9 @@ static int kinds_of(const hada_focus_options *options)
 
 #define KEPT 7 /* images of the running best, before the all-in-focus sums */
 
-/* A buffer of the object, its size in bytes and its name: one list serves the estimate and the allocation. */
-typedef struct part {
-    size_t offset; /* of the hada_buffer in the object */
-    size_t bytes;
-    const char *name;
-} part;
-enum { TABLES = 2, PARTS = 6 }; /* the first parts stay as they are from frame to frame; the others are scratch */
+enum { PARTS = 6 };
 
-static void list_parts(const hada_context *context, const hada_focus_desc *desc, part *parts)
+static void list_parts(const hada_context *context, const hada_focus_desc *desc, hada_buffer_row *parts)
 {
     const hada_focus_way way = hada_focus_way_of(context);
     const size_t radius = (size_t)window_radius(&desc->options),
@@ -77,34 +71,16 @@ static void list_parts(const hada_context *context, const hada_focus_desc *desc,
     const size_t row = pitch * sizeof(float), rows = (size_t)desc->rows;
     const size_t planes = (size_t)(desc->depths < way.depths ? desc->depths : way.depths);
     const size_t bins = 2 * HADA_FOCUS_BINS * sizeof(cl_int);
-    parts[0] = (part){offsetof(hada_focus, weights), (2 * radius + 1) * sizeof(float), "the focus window"};
-    parts[1] = (part){offsetof(hada_focus, inverse_distances), (size_t)desc->depths * sizeof(float), "the distances"};
-    parts[2] = (part){offsetof(hada_focus, response), planes * (size_t)kinds_of(&desc->options) * (rows + 2) * row,
-                      "the focus response"};
-    parts[3] = (part){offsetof(hada_focus, kept), (size_t)(KEPT + desc->channels) * rows * row,
-                      "the running best of the focus"};
-    parts[4] = (part){offsetof(hada_focus, bins), (size_t)way.groups * bins, "the noise counts"};
-    parts[5] = (part){offsetof(hada_focus, counts), bins, "the noise counts"};
-}
-
-size_t hada_focus_bytes(const hada_context *context, const hada_focus_desc *desc)
-{
-    part parts[PARTS];
-    size_t bytes = 0;
-    list_parts(context, desc, parts);
-    for (size_t i = 0; i < PARTS; i++)
-        bytes += parts[i].bytes;
-    return bytes;
-}
-
-hada_status hada_focus_note(const hada_context *context, const hada_focus_desc *desc, hada_scratch *scratch,
-                            hada_error *err)
-{
-    part parts[PARTS];
-    list_parts(context, desc, parts);
-    for (size_t i = TABLES; i < PARTS; i++)
-        HADA_TRY(hada_scratch_note(scratch, parts[i].bytes, parts[i].name, err));
-    return HADA_OK;
+    const hada_buffer_row rows_of[PARTS] = {
+        {offsetof(hada_focus, weights), (2 * radius + 1) * sizeof(float), "the focus window", HADA_LASTING},
+        {offsetof(hada_focus, inverse_distances), (size_t)desc->depths * sizeof(float), "the distances", HADA_LASTING},
+        {offsetof(hada_focus, response), planes * (size_t)kinds_of(&desc->options) * (rows + 2) * row,
+         "the focus response", HADA_OWN_STEPS},
+        {offsetof(hada_focus, kept), (size_t)(KEPT + desc->channels) * rows * row, "the running best of the focus",
+         HADA_OWN_STEPS},
+        {offsetof(hada_focus, bins), (size_t)way.groups * bins, "the noise counts", HADA_OWN_STEPS},
+        {offsetof(hada_focus, counts), bins, "the noise counts", HADA_OWN_STEPS}};
+    memcpy(parts, rows_of, sizeof rows_of);
 }
 
 /* The window's weights and the distances go to the device; what noise does to the measure is worked out. */
@@ -136,11 +112,10 @@ done:
     return status;
 }
 
-hada_status hada_focus_create(hada_focus **out, hada_slot *slot, hada_scratch *scratch, const hada_focus_desc *desc,
-                              hada_error *err)
+hada_status hada_focus_create(hada_focus **out, hada_slot *slot, const hada_focus_desc *desc, hada_error *err)
 {
     hada_focus *focus = NULL;
-    part parts[PARTS];
+    hada_buffer_row parts[PARTS];
     hada_status status = HADA_OK;
     *out = NULL;
     HADA_TRY_OR_DONE(hada_focus_check(desc, err));
@@ -160,12 +135,7 @@ hada_status hada_focus_create(hada_focus **out, hada_slot *slot, hada_scratch *s
         focus->noise_counts = hada_alloc(2 * HADA_FOCUS_BINS, sizeof *focus->noise_counts, "the noise counts", err)));
     focus->loser_counts = focus->noise_counts + HADA_FOCUS_BINS;
     list_parts(slot->context, desc, parts);
-    for (size_t i = 0; i < PARTS; i++) {
-        hada_buffer *buffer = (hada_buffer *)(void *)((char *)focus + parts[i].offset);
-        HADA_TRY_OR_DONE(i < TABLES
-                             ? hada_buffer_create(buffer, slot->context, parts[i].bytes, parts[i].name, err)
-                             : hada_scratch_take(buffer, slot->context, scratch, parts[i].bytes, parts[i].name, err));
-    }
+    HADA_TRY_OR_DONE(hada_buffer_rows_take(focus, slot, parts, PARTS, err));
     HADA_TRY_OR_DONE(fill_tables(focus, desc, err));
 done:
     if (status)

@@ -6,7 +6,7 @@
 #include <stdint.h>
 
 #include "kernels/shared_focus.h"
-#include "runtime/scratch.h"
+#include "runtime/memory.h"
 
 typedef struct hada_focus_desc {
     hada_focus_options options;
@@ -20,16 +20,7 @@ typedef struct hada_focus hada_focus;
 /* Whether options, sizes and distances are possible; create checks it as well. */
 hada_status hada_focus_check(const hada_focus_desc *desc, hada_error *err);
 
-/* Bytes of device memory that a focus object holds. */
-size_t hada_focus_bytes(const hada_context *context, const hada_focus_desc *desc);
-
-/* Notes what a focus object will take of its scratch. */
-hada_status hada_focus_note(const hada_context *context, const hada_focus_desc *desc, hada_scratch *scratch,
-                            hada_error *err);
-
-/* `scratch`: NULL: buffers of its own. */
-hada_status hada_focus_create(hada_focus **out, hada_slot *slot, hada_scratch *scratch, const hada_focus_desc *desc,
-                              hada_error *err);
+hada_status hada_focus_create(hada_focus **out, hada_slot *slot, const hada_focus_desc *desc, hada_error *err);
 void hada_focus_destroy(hada_focus **focus);
 
 /* Starts a frame. `competing`: one value a depth, 0 leaves it out; NULL: all compete. */

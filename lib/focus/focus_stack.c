@@ -80,7 +80,7 @@ hada_status hada_focus_stack(hada_context *context, const hada_image *planes, co
     const size_t bytes = hada_image_count(&planes[0]) * sizeof(float),
                  map = (size_t)desc.rows * (size_t)desc.cols * sizeof(float);
     HADA_TRY_OR_DONE(hada_slot_create(&slot, context, err));
-    HADA_TRY_OR_DONE(hada_focus_create(&focus, slot, NULL, &desc, err));
+    HADA_TRY_OR_DONE(hada_focus_create(&focus, slot, &desc, err));
     HADA_TRY_OR_DONE(hada_buffer_create(&plane, context, bytes, "a plane", err));
     HADA_TRY_OR_DONE(hada_buffer_create(&results, context, bytes + map, "the focused image", err));
     HADA_TRY_OR_DONE(focus_planes(focus, slot, &plane, &results, planes, depths, competing, &found, err));

@@ -6,6 +6,7 @@
 #include "core/alloc.h"
 #include "metrics/lpips_stage.h"
 #include "net/graph.h"
+#include "runtime/memory.h"
 
 /* What stands where for images of one size. */
 typedef struct lpips_plan {
@@ -254,20 +255,19 @@ hada_status hada_lpips_map(hada_lpips *lpips, const hada_image *a, const hada_im
 
 hada_status hada_lpips_bytes(const hada_lpips *lpips, int rows, int cols, uint64_t *bytes, hada_error *err)
 {
-    lpips_plan sizes;
+    hada_dry dry;
     if (!lpips || !bytes)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_bytes: an argument is missing");
-    *bytes = 0;
-    HADA_TRY(plan_size(lpips, rows, cols, &sizes, err));
-    uint64_t sum = lpips->heads.bytes;
-    for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
-        const hada_graph_options options = options_for(sizes.input[k]);
-        size_t graph;
-        HADA_TRY(hada_graph_bytes(lpips->context, lpips->stage[k], &options, &graph, err));
-        sum += graph + lpips->values[k].bytes;
-    }
-    *bytes = sum + (sizes.in_floats + sizes.pooled_floats + sizes.map_at[HADA_LPIPS_STAGES]) * sizeof(float);
-    return HADA_OK;
+    hada_dry_begin(&dry, lpips->context);
+    hada_lpips trial = {.context = &dry.context, .slot = &dry.slot, .net = lpips->net};
+    memcpy(trial.stage, lpips->stage, sizeof trial.stage);
+    const hada_status status = make_size(&trial, rows, cols, err);
+    *bytes = lpips->heads.bytes + hada_context_bytes(&dry.context);
+    for (int k = 0; k < HADA_LPIPS_STAGES; k++)
+        *bytes += lpips->values[k].bytes;
+    forget_size(&trial);
+    hada_dry_end(&dry);
+    return status;
 }
 
 static hada_status read_backbone(hada_lpips *lpips, const char *path, hada_error *err)

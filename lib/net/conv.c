@@ -7,20 +7,6 @@
 #include "net/conv_launch.h"
 #include "net/layers.h"
 
-static size_t plan_bytes(const hada_conv_plan *plan)
-{
-    size_t floats = plan->scratch_floats;
-    for (int p = 0; p < plan->pass_count; p++)
-        floats += plan->pass[p].weight_floats;
-    return floats * sizeof(float);
-}
-
-size_t hada_conv_bytes(const hada_context *context, const hada_conv_desc *desc)
-{
-    hada_conv_plan plan;
-    return hada_conv_plan_make(&plan, context, desc, NULL) ? 0 : plan_bytes(&plan);
-}
-
 hada_status hada_conv_create(hada_conv **out, hada_slot *slot, const hada_conv_desc *desc, hada_error *err)
 {
     hada_status status = HADA_OK;

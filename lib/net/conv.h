@@ -30,8 +30,6 @@ void hada_conv_output_size(const hada_conv_desc *desc, int *rows, int *cols);
 
 typedef struct hada_conv hada_conv;
 
-/* Device bytes that a convolution will hold: its form of the weights, scratch. */
-size_t hada_conv_bytes(const hada_context *context, const hada_conv_desc *desc);
 hada_status hada_conv_create(hada_conv **out, hada_slot *slot, const hada_conv_desc *desc, hada_error *err);
 void hada_conv_destroy(hada_conv **conv);
 hada_conv_method hada_conv_serving(const hada_conv *conv);

@@ -93,10 +93,8 @@ hada_status hada_conv_pack(hada_conv *conv, int index, hada_floats weights, hada
     const hada_conv_pass *pass = &conv->plan.pass[index];
     const hada_buffer *packed = &conv->weights[index];
     if (pass->method == HADA_CONV_PLAIN) {
-        const cl_int code =
-            clEnqueueCopyBuffer(conv->slot->queue, weights.mem, packed->mem, weights.offset * sizeof(float), 0,
-                                pass->weight_floats * sizeof(float), 0, NULL, NULL);
-        return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clEnqueueCopyBuffer");
+        return hada_buffer_copy(conv->slot, weights.mem, weights.offset * sizeof(float), packed->mem, 0,
+                                pass->weight_floats * sizeof(float), err);
     }
     const hada_program_conv_pack program =
         conv->plan.groups ? HADA_PROGRAM_CONV_PACK_DIRECT : HADA_PROGRAM_CONV_PACK_PACK8;

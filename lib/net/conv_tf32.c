@@ -150,7 +150,7 @@ hada_status hada_conv_tf32_try(hada_slot *slot, hada_error *err)
     hada_context *context = slot->context;
     hada_error reason = {0};
     double apart = 0;
-    if (!context->tensor_cores || context->shape != HADA_SHAPE_GROUPS ||
+    if (context->dry || !context->tensor_cores || context->shape != HADA_SHAPE_GROUPS ||
         atomic_load(&context->tf32) != HADA_CONV_TF32_UNTRIED)
         return HADA_OK;
     /* two slots may try at the same time: they come to the same */

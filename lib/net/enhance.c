@@ -42,22 +42,6 @@ static void sizes_of(const hada_enhance_desc *desc, const hada_enhance_shape *sh
     bytes[7] = 2 * bytes[6];
 }
 
-hada_status hada_enhance_bytes(const hada_context *context, const hada_enhance_desc *desc, size_t *bytes,
-                               hada_error *err)
-{
-    hada_enhance_shape shape;
-    size_t parts[BUFFERS];
-    hada_status status = hada_enhance_shape_of(context, desc, &shape, err);
-    *bytes = 0;
-    if (status)
-        return status;
-    sizes_of(desc, &shape, parts);
-    *bytes = shape.graph_bytes;
-    for (int i = 0; i < BUFFERS; i++)
-        *bytes += parts[i];
-    return HADA_OK;
-}
-
 static hada_status make_buffers(hada_enhance *e, hada_error *err)
 {
     hada_context *context = e->slot->context;

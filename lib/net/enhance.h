@@ -34,11 +34,8 @@ static inline int hada_enhance_sees_others(const hada_net *net, int channels)
     return net->colours == 1 && net->layers[0].channels == 2 * channels;
 }
 
-/* HADA_ERROR_MODEL where the net cannot take and give planes like these. */
-hada_status hada_enhance_bytes(const hada_context *context, const hada_enhance_desc *desc, size_t *bytes,
-                               hada_error *err);
-
-/* Copies the weights to the device. The net must live as long as the object. */
+/* HADA_ERROR_MODEL where the net cannot take and give planes like these.
+ * Copies the weights to the device. The net must live as long as the object. */
 hada_status hada_enhance_create(hada_enhance **out, hada_slot *slot, const hada_enhance_desc *desc, hada_error *err);
 void hada_enhance_destroy(hada_enhance **enhance);
 

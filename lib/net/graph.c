@@ -5,29 +5,6 @@
 #include "net/conv_tf32.h"
 #include "net/graph_run.h"
 
-static size_t bytes_of(const graph_plan *plan, const hada_context *context)
-{
-    size_t bytes = plan->extras * sizeof(float) + plan->norm_scratch;
-    for (int i = 0; i < plan->arenas.count; i++)
-        bytes += plan->arenas.bytes[i];
-    for (int i = 1; i < plan->node_count; i++)
-        if (plan->nodes[i].layer->kind == HADA_LAYER_CONV) {
-            const hada_conv_desc desc = hada_graph_conv_desc(plan, &plan->nodes[i]);
-            bytes += hada_conv_bytes(context, &desc);
-        }
-    return bytes;
-}
-
-hada_status hada_graph_bytes(const hada_context *context, const hada_net *net, const hada_graph_options *options,
-                             size_t *bytes, hada_error *err)
-{
-    graph_plan plan;
-    hada_status status = hada_graph_plan_make(&plan, context, net, options, err);
-    *bytes = status ? 0 : bytes_of(&plan, context);
-    hada_graph_plan_free(&plan);
-    return status;
-}
-
 /* Zero everywhere: halos that nobody writes stay zero for good. */
 static hada_status make_buffer(hada_graph *graph, hada_buffer *buffer, size_t bytes, const char *what, hada_error *err)
 {
@@ -87,6 +64,19 @@ done:
     if (status)
         hada_graph_destroy(&graph);
     *out = graph;
+    return status;
+}
+
+hada_status hada_graph_bytes(const hada_context *context, const hada_net *net, const hada_graph_options *options,
+                             size_t *bytes, hada_error *err)
+{
+    hada_dry dry;
+    hada_graph *graph;
+    hada_dry_begin(&dry, context);
+    const hada_status status = hada_graph_create(&graph, &dry.slot, net, options, err);
+    *bytes = (size_t)hada_context_bytes(&dry.context);
+    hada_graph_destroy(&graph);
+    hada_dry_end(&dry);
     return status;
 }
 

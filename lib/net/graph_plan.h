@@ -3,7 +3,7 @@
 #define HADA_NET_GRAPH_PLAN_H
 
 #include "net/graph.h"
-#include "runtime/lifetimes.h"
+#include "runtime/memory.h"
 
 /* A layer in its graph, and the value that it gives. */
 typedef struct graph_node {

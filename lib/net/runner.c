@@ -3,6 +3,7 @@
 
 #include "core/alloc.h"
 #include "net/graph.h"
+#include "runtime/memory.h"
 
 struct hada_net_runner {
     hada_slot *slot;
@@ -37,23 +38,6 @@ done:
 static size_t image_bytes(int channels, int rows, int cols)
 {
     return (size_t)channels * (size_t)rows * (size_t)cols * sizeof(float);
-}
-
-hada_status hada_net_bytes(hada_context *context, const hada_net *net, int rows, int cols, uint64_t *bytes,
-                           hada_error *err)
-{
-    size_t graph;
-    hada_size size;
-    if (!context || !net || !bytes)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_bytes: an argument is missing");
-    const hada_graph_options options = {.images = 1, .rows = rows, .cols = cols};
-    *bytes = 0;
-    const hada_net_info *info = hada_net_get_info(net);
-    HADA_TRY(output_size(net, rows, cols, &size, err));
-    HADA_TRY(hada_graph_bytes(context, net, &options, &graph, err));
-    *bytes = graph + net->floats * sizeof(float) + image_bytes(info->channels, rows, cols) +
-             image_bytes(info->out_channels, size.rows, size.cols);
-    return HADA_OK;
 }
 
 static hada_status make(hada_net_runner *runner, hada_context *context, const hada_net *net, hada_error *err)
@@ -114,6 +98,21 @@ void hada_net_runner_destroy(hada_net_runner **pointer)
     hada_buffer_destroy(&runner->out);
     hada_slot_destroy(&runner->slot);
     free(runner);
+}
+
+hada_status hada_net_bytes(hada_context *context, const hada_net *net, int rows, int cols, uint64_t *bytes,
+                           hada_error *err)
+{
+    hada_dry dry;
+    hada_net_runner *runner;
+    if (!context || !net || !bytes)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_bytes: an argument is missing");
+    hada_dry_begin(&dry, context);
+    const hada_status status = hada_net_runner_create(&runner, &dry.context, net, rows, cols, err);
+    *bytes = hada_context_bytes(&dry.context);
+    hada_net_runner_destroy(&runner);
+    hada_dry_end(&dry);
+    return status;
 }
 
 hada_status hada_net_run(hada_net_runner *runner, const hada_image *in, hada_image *out, hada_error *err)

@@ -172,18 +172,18 @@ enum { ROWS = 12, PLANS = 4 };
 static void list_buffers(const sizes *b, hada_buffer_row *rows)
 {
     const hada_buffer_row list[ROWS] = {
-        {offsetof(hada_refiner, planes), b->planes, "the refined planes"},
-        {offsetof(hada_refiner, kept), b->kept, "the planes of a step before"},
-        {offsetof(hada_refiner, now_u), b->spectra, "the spectra of the refined planes"},
-        {offsetof(hada_refiner, now_w), b->spectra, "the spectra of the refinement's duals"},
-        {offsetof(hada_refiner, list), b->list, "the list of occupied depths"},
-        {offsetof(hada_refiner, partial), b->partial, "the refinement's residuals"},
-        {offsetof(hada_refiner, split), 2 * b->split, "the refinement's split at the frame"},
-        {offsetof(hada_refiner, dual), b->dual, "the refinement's split at the frame"},
-        {offsetof(hada_refiner, residual), b->split, "the refinement's residuals"},
-        {offsetof(hada_refiner, residual_frame), b->dual, "the refinement's residuals"},
-        {offsetof(hada_refiner, tv[0]), b->tv, "the refinement's total variation"},
-        {offsetof(hada_refiner, tv[1]), b->tv, "the refinement's total variation"}};
+        {offsetof(hada_refiner, planes), b->planes, "the refined planes", HADA_RESULT},
+        {offsetof(hada_refiner, kept), b->kept, "the planes of a step before", HADA_OWN_STEPS},
+        {offsetof(hada_refiner, now_u), b->spectra, "the spectra of the refined planes", HADA_OWN_STEPS},
+        {offsetof(hada_refiner, now_w), b->spectra, "the spectra of the refinement's duals", HADA_OWN_STEPS},
+        {offsetof(hada_refiner, list), b->list, "the list of occupied depths", HADA_OWN_STEPS},
+        {offsetof(hada_refiner, partial), b->partial, "the refinement's residuals", HADA_OWN_STEPS},
+        {offsetof(hada_refiner, split), 2 * b->split, "the refinement's split at the frame", HADA_OWN_STEPS},
+        {offsetof(hada_refiner, dual), b->dual, "the refinement's split at the frame", HADA_OWN_STEPS},
+        {offsetof(hada_refiner, residual), b->split, "the refinement's residuals", HADA_OWN_STEPS},
+        {offsetof(hada_refiner, residual_frame), b->dual, "the refinement's residuals", HADA_OWN_STEPS},
+        {offsetof(hada_refiner, tv[0]), b->tv, "the refinement's total variation", HADA_OWN_STEPS},
+        {offsetof(hada_refiner, tv[1]), b->tv, "the refinement's total variation", HADA_OWN_STEPS}};
     memcpy(rows, list, sizeof list);
 }
 
@@ -198,59 +198,26 @@ static int list_plans(const hada_refine_shape *shape, hada_fft_desc *plans)
     return shape->boundary == HADA_BOUNDARY_PADDED ? PLANS : 2;
 }
 
-size_t hada_refiner_bytes(const hada_context *context, const hada_refine_shape *shape)
-{
-    const sizes b = sizes_of(context, shape);
-    hada_fft_desc plans[PLANS];
-    hada_buffer_row rows[ROWS];
-    const int count = list_plans(shape, plans);
-    list_buffers(&b, rows);
-    size_t bytes = hada_buffer_rows_bytes(rows, ROWS) + hada_refine_fused_bytes(context, shape);
-    for (int i = 0; i < count; i++)
-        bytes += hada_fft_bytes(context, &plans[i]);
-    return bytes;
-}
-
-hada_status hada_refiner_note(const hada_context *context, const hada_refine_shape *shape, hada_scratch *scratch,
-                              int first, int last, int planes_last, hada_error *err)
-{
-    const sizes b = sizes_of(context, shape);
-    hada_fft_desc plans[PLANS];
-    hada_buffer_row rows[ROWS];
-    const int count = list_plans(shape, plans);
-    list_buffers(&b, rows);
-    hada_scratch_steps(scratch, first, last);
-    for (int i = 0; i < count; i++)
-        HADA_TRY(hada_fft_note(context, &plans[i], scratch, err));
-    for (int i = 0; i < ROWS; i++) {
-        hada_scratch_steps(scratch, first, i ? last : planes_last);
-        if (rows[i].bytes)
-            HADA_TRY(hada_scratch_note(scratch, rows[i].bytes, rows[i].what, err));
-    }
-    return HADA_OK;
-}
-
-static hada_status make_plans(hada_refiner *refiner, hada_scratch *scratch, hada_error *err)
+static hada_status make_plans(hada_refiner *refiner, hada_error *err)
 {
     hada_fft **const made[PLANS] = {&refiner->forward, &refiner->inverse, &refiner->frame_forward,
                                     &refiner->frame_inverse};
     hada_fft_desc plans[PLANS];
     const int count = list_plans(&refiner->shape, plans);
     for (int i = 0; i < count; i++)
-        HADA_TRY(hada_fft_create_in(made[i], refiner->slot, scratch, &plans[i], err));
+        HADA_TRY(hada_fft_create(made[i], refiner->slot, &plans[i], err));
     return HADA_OK;
 }
 
-static hada_status make_buffers(hada_refiner *refiner, hada_scratch *scratch, const sizes *b, hada_error *err)
+static hada_status make_buffers(hada_refiner *refiner, const sizes *b, hada_error *err)
 {
     hada_buffer_row rows[ROWS];
     list_buffers(b, rows);
-    HADA_TRY(hada_buffer_rows_take(refiner, refiner->slot->context, scratch, rows, ROWS, err));
+    HADA_TRY(hada_buffer_rows_take(refiner, refiner->slot, rows, ROWS, err));
     return hada_buffer_clear(&refiner->planes, refiner->slot, 0, b->planes, err);
 }
 
-hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, hada_scratch *scratch,
-                                const hada_refine_shape *shape, hada_error *err)
+hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_refine_shape *shape, hada_error *err)
 {
     static const char what[] = "the refinement's residuals";
     hada_refiner *refiner = NULL;
@@ -274,8 +241,8 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, hada_scratc
         hada_allocated(refiner->host_partial = hada_alloc(b.partial / sizeof(float), sizeof(float), what, err)));
     HADA_TRY_OR_DONE(hada_allocated(refiner->host_list =
                                         hada_alloc((size_t)shape->max_planes, sizeof *refiner->host_list, what, err)));
-    HADA_TRY_OR_DONE(make_plans(refiner, scratch, err));
-    HADA_TRY_OR_DONE(make_buffers(refiner, scratch, &b, err));
+    HADA_TRY_OR_DONE(make_plans(refiner, err));
+    HADA_TRY_OR_DONE(make_buffers(refiner, &b, err));
     HADA_TRY_OR_DONE(hada_refine_prepare(refiner, err));
     HADA_TRY_OR_DONE(hada_refine_fused_make(refiner, err));
     if (shape->tv)

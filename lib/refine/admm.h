@@ -132,17 +132,9 @@ void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info,
 
 typedef struct hada_refiner hada_refiner;
 
-hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, hada_scratch *scratch,
-                                const hada_refine_shape *shape, hada_error *err);
+/* The planes are a result of the slot's steps (runtime/memory.h). */
+hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_refine_shape *shape, hada_error *err);
 void hada_refiner_destroy(hada_refiner **refiner);
-
-/* Bytes of device memory that a refiner holds: known before creating it. */
-size_t hada_refiner_bytes(const hada_context *context, const hada_refine_shape *shape);
-
-/* Notes what a refiner will take of its scratch: the planes, needed up to the step planes_last, and what is
- * needed in first ... last alone. */
-hada_status hada_refiner_note(const hada_context *context, const hada_refine_shape *shape, hada_scratch *scratch,
-                              int first, int last, int planes_last, hada_error *err);
 
 /* Refines `sets` sets of `depths` depths each; list[sets][depths] are depth indices of the OTF buffer. *steps (may be
  * NULL) takes the number of steps done. Returns when the residuals are known (quiet: at once); the planes may still be

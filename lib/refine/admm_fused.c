@@ -49,12 +49,6 @@ int hada_refine_fused_grid(const hada_context *context, const hada_refine_shape 
     return can_fuse(context, shape, 1);
 }
 
-size_t hada_refine_fused_bytes(const hada_context *context, const hada_refine_shape *shape)
-{
-    return hada_refine_fused_grid(context, shape) ? hada_fft_fused_bytes(context, shape->grid_rows, shape->grid_cols)
-                                                  : 0;
-}
-
 hada_status hada_refine_fused_make(hada_refiner *refiner, hada_error *err)
 {
     const hada_refine_shape *shape = &refiner->shape;

@@ -9,9 +9,8 @@
 
 #include "refine/admm_steps.h"
 
-/* Whether a grid's transforms can be fused at all; bytes of the tables, and their making. Nothing where they cannot. */
+/* Whether a grid's transforms can be fused at all; and making the tables, which does nothing where they cannot. */
 int hada_refine_fused_grid(const hada_context *context, const hada_refine_shape *shape);
-size_t hada_refine_fused_bytes(const hada_context *context, const hada_refine_shape *shape);
 hada_status hada_refine_fused_make(hada_refiner *refiner, hada_error *err);
 
 /* Whether the sets of a run can be: a block of columns of each depth, or a part of one, fits in local memory. */

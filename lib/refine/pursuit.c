@@ -106,34 +106,12 @@ static void choose_levels(hada_pursuit *p, const hada_context *context, hada_lev
     p->fidelity[HADA_FIDELITY_FINE] = (hada_effort){fine, fine_steps, parts ? PARTED_GROWTH : GROWTH};
 }
 
-size_t hada_pursuit_bytes(const hada_context *context, const hada_pursuit_options *options)
-{
-    hada_pursuit p = {.options = complete(options)};
-    hada_level_spec specs[HADA_PURSUIT_LEVELS];
-    size_t bytes = 0;
-    choose_levels(&p, context, specs);
-    for (int i = 0; i < p.count; i++)
-        bytes += hada_level_bytes(context, &p.options, &specs[i]);
-    return bytes;
-}
-
-/* The camera on the grids stays from frame to frame: it is not among these. */
-hada_status hada_pursuit_note(const hada_context *context, const hada_pursuit_options *options, hada_scratch *scratch,
-                              int first, hada_error *err)
-{
-    hada_pursuit p = {.options = complete(options)};
-    hada_level_spec specs[HADA_PURSUIT_LEVELS];
-    choose_levels(&p, context, specs);
-    for (int i = 0; i < p.count; i++)
-        HADA_TRY(hada_level_note(context, &p.options, &specs[i], scratch, first + i, err));
-    return HADA_OK;
-}
-
-hada_status hada_pursuit_create(hada_pursuit **out, hada_slot *slot, hada_scratch *scratch,
-                                const hada_pursuit_options *options, hada_error *err)
+hada_status hada_pursuit_create(hada_pursuit **out, hada_slot *slot, const hada_pursuit_options *options,
+                                hada_error *err)
 {
     hada_pursuit *p = NULL;
     hada_level_spec specs[HADA_PURSUIT_LEVELS];
+    const int first = slot->scratch ? slot->scratch->first : 0;
     hada_status status = HADA_OK;
     *out = NULL;
     const hada_pursuit_options o = complete(options);
@@ -149,8 +127,10 @@ hada_status hada_pursuit_create(hada_pursuit **out, hada_slot *slot, hada_scratc
     p->options = o;
     p->residuals.pursuit = p;
     choose_levels(p, slot->context, specs);
-    for (int i = 0; i < p->count; i++)
-        HADA_TRY_OR_DONE(hada_level_create(&p->levels[i], slot, scratch, &p->options, &specs[i], err));
+    for (int i = 0; i < p->count; i++) {
+        hada_scratch_steps(slot->scratch, first + i, first + i, first + i);
+        HADA_TRY_OR_DONE(hada_level_create(&p->levels[i], slot, &p->options, &specs[i], err));
+    }
     *out = p;
 done:
     if (status)

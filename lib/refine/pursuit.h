@@ -52,14 +52,11 @@ typedef struct hada_pursuit_result {
 
 typedef struct hada_pursuit hada_pursuit;
 
-hada_status hada_pursuit_create(hada_pursuit **out, hada_slot *slot, hada_scratch *scratch,
-                                const hada_pursuit_options *options, hada_error *err);
+/* Its grids are worked on one after the other: each takes one of the HADA_PURSUIT_LEVELS steps of the slot's scratch
+ * from the first one on. */
+hada_status hada_pursuit_create(hada_pursuit **out, hada_slot *slot, const hada_pursuit_options *options,
+                                hada_error *err);
 void hada_pursuit_destroy(hada_pursuit **pursuit);
-size_t hada_pursuit_bytes(const hada_context *context, const hada_pursuit_options *options);
-
-/* Notes what a pursuit will take of its scratch, in the steps first ... first + HADA_PURSUIT_LEVELS - 1. */
-hada_status hada_pursuit_note(const hada_context *context, const hada_pursuit_options *options, hada_scratch *scratch,
-                              int first, hada_error *err);
 
 /* The camera, in any number of pieces, all before the first run: OTFs of `count` depths from depth `first` on
  * ([depth][channel][count] complex); the prior of refinement ([channel][count] floats); and, where the OTFs are

@@ -74,43 +74,8 @@ static hada_fft_desc frame_plan(const hada_refine_shape *shape, int batch)
     return hada_rect_transform(&shape->frame, shape->grid_rows, shape->grid_cols, batch, HADA_FFT_INVERSE);
 }
 
-size_t hada_level_bytes(const hada_context *context, const hada_pursuit_options *options, const hada_level_spec *spec)
-{
-    const hada_refine_shape shape = shape_of(options, spec, spec->shrink);
-    const hada_spectrum_layout layout = hada_fft_layout(context, shape.grid_rows, shape.grid_cols, HADA_FFT_AUTO);
-    const size_t spectrum = spectrum_bytes(&layout, shape.channels), depths = otfs_of(context, options);
-    size_t bytes =
-        depths * spectrum + spectrum / 2 + depths * spectrum / 2 + spectrum + hada_refiner_bytes(context, &shape);
-    if (shape.boundary == HADA_BOUNDARY_PADDED) {
-        const hada_refine_shape evidence = shape_of(options, spec, spec->evidence);
-        const hada_spectrum_layout small =
-            hada_fft_layout(context, evidence.grid_rows, evidence.grid_cols, HADA_FFT_AUTO);
-        const hada_fft_desc plan = frame_plan(&shape, shape.channels), sets = frame_plan(&evidence, spec->max_sets);
-        bytes += hada_rect_area(&shape.frame) * (size_t)shape.channels * sizeof(float) + hada_fft_bytes(context, &plan);
-        bytes +=
-            (size_t)spec->max_sets * (spectrum_bytes(&small, 1) + hada_rect_area(&evidence.frame) * sizeof(float)) +
-            hada_fft_bytes(context, &sets) + sums_bytes(context, &evidence);
-    }
-    return bytes;
-}
-
-hada_status hada_level_note(const hada_context *context, const hada_pursuit_options *options,
-                            const hada_level_spec *spec, hada_scratch *scratch, int step, hada_error *err)
-{
-    const hada_refine_shape shape = shape_of(options, spec, spec->shrink);
-    const hada_refine_shape evidence = shape_of(options, spec, spec->evidence);
-    const hada_fft_desc plan = frame_plan(&shape, shape.channels), back = frame_plan(&evidence, spec->max_sets);
-    HADA_TRY(hada_refiner_note(context, &shape, scratch, step, step, step, err));
-    if (shape.boundary != HADA_BOUNDARY_PADDED)
-        return HADA_OK;
-    hada_scratch_steps(scratch, step, step);
-    HADA_TRY(hada_fft_note(context, &plan, scratch, err));
-    HADA_TRY(hada_fft_note(context, &back, scratch, err));
-    return HADA_OK;
-}
-
 /* What the padded boundary needs beside. */
-static hada_status make_frames(hada_pursuit_level *l, hada_scratch *scratch, hada_error *err)
+static hada_status make_frames(hada_pursuit_level *l, hada_error *err)
 {
     static const char what[] = "the depth pursuit";
     hada_context *context = l->slot->context;
@@ -129,12 +94,12 @@ static hada_status make_frames(hada_pursuit_level *l, hada_scratch *scratch, had
     HADA_TRY(hada_allocated(
         l->host_evidence = hada_alloc(l->evidence_slices ? (sets + 1) * l->evidence_slices : sets * l->evidence_area,
                                       sizeof(float), what, err)));
-    HADA_TRY(hada_fft_create_in(&l->frame_inverse, l->slot, scratch, &plan, err));
-    return hada_fft_create_in(&l->evidence_inverse, l->slot, scratch, &back, err);
+    HADA_TRY(hada_fft_create(&l->frame_inverse, l->slot, &plan, err));
+    return hada_fft_create(&l->evidence_inverse, l->slot, &back, err);
 }
 
-hada_status hada_level_create(hada_pursuit_level *l, hada_slot *slot, hada_scratch *scratch,
-                              const hada_pursuit_options *options, const hada_level_spec *spec, hada_error *err)
+hada_status hada_level_create(hada_pursuit_level *l, hada_slot *slot, const hada_pursuit_options *options,
+                              const hada_level_spec *spec, hada_error *err)
 {
     static const char what[] = "the depth pursuit";
     hada_context *context = slot->context;
@@ -146,7 +111,7 @@ hada_status hada_level_create(hada_pursuit_level *l, hada_slot *slot, hada_scrat
     const size_t spectrum = spectrum_bytes(&l->layout, l->shape.channels), depths = otfs_of(context, options);
     const size_t there = (size_t)options->depths * spectrum, last = depths * spectrum - there;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_refiner_create(&l->refiner, slot, scratch, &l->shape, err));
+    HADA_TRY_OR_DONE(hada_refiner_create(&l->refiner, slot, &l->shape, err));
     HADA_TRY_OR_DONE(hada_buffer_create(&l->otf, context, depths * spectrum, what, err));
     HADA_TRY_OR_DONE(hada_buffer_create(&l->prior, context, spectrum / 2, what, err));
     HADA_TRY_OR_DONE(hada_buffer_create(&l->variance, context, depths * spectrum / 2, what, err));
@@ -156,7 +121,7 @@ hada_status hada_level_create(hada_pursuit_level *l, hada_slot *slot, hada_scrat
         HADA_TRY_OR_DONE(hada_buffer_clear(&l->variance, slot, there / 2, last / 2, err));
     }
     if (l->shape.boundary == HADA_BOUNDARY_PADDED)
-        HADA_TRY_OR_DONE(make_frames(l, scratch, err));
+        HADA_TRY_OR_DONE(make_frames(l, err));
     HADA_TRY_OR_DONE(hada_prepare_refine(slot, HADA_PROGRAM_REFINE_DEFAULT, err));
 done:
     if (status)

@@ -39,12 +39,9 @@ typedef struct hada_pursuit_level {
     double energy;
 } hada_pursuit_level;
 
-size_t hada_level_bytes(const hada_context *context, const hada_pursuit_options *options, const hada_level_spec *spec);
-/* Notes what a level will take of its scratch. Nothing of it is needed from one evaluation to the next. */
-hada_status hada_level_note(const hada_context *context, const hada_pursuit_options *options,
-                            const hada_level_spec *spec, hada_scratch *scratch, int step, hada_error *err);
-hada_status hada_level_create(hada_pursuit_level *level, hada_slot *slot, hada_scratch *scratch,
-                              const hada_pursuit_options *options, const hada_level_spec *spec, hada_error *err);
+/* What it takes of the slot's scratch is not needed from one evaluation to the next; the camera stays. */
+hada_status hada_level_create(hada_pursuit_level *level, hada_slot *slot, const hada_pursuit_options *options,
+                              const hada_level_spec *spec, hada_error *err);
 void hada_level_destroy(hada_pursuit_level *level); /* the slot's queue must be done with it */
 
 /* As hada_pursuit_set_...(); the depths are checked. */

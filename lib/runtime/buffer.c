@@ -25,14 +25,8 @@ static void CL_CALLBACK free_pages(cl_mem mem, void *pages)
     free(pages);
 }
 
-hada_status hada_buffer_create(hada_buffer *buffer, hada_context *context, size_t bytes, const char *what,
-                               hada_error *err)
+static hada_status allocate(cl_mem *mem, const hada_context *context, size_t bytes, const char *what, hada_error *err)
 {
-    *buffer = (hada_buffer){0};
-    if (!bytes)
-        bytes = 4;
-    if (bytes > context->info.max_allocation_bytes)
-        return too_large(context, bytes, what, err);
     cl_int code;
     cl_mem_flags flags = CL_MEM_READ_WRITE;
     void *pages = NULL;
@@ -45,18 +39,31 @@ hada_status hada_buffer_create(hada_buffer *buffer, hada_context *context, size_
         madvise(pages, whole, MADV_HUGEPAGE); /* a hint: without huge pages it is only slower */
         flags |= CL_MEM_USE_HOST_PTR;
     }
-    cl_mem mem = clCreateBuffer(context->cl, flags, bytes, pages, &code);
+    *mem = clCreateBuffer(context->cl, flags, bytes, pages, &code);
     const char *call = "clCreateBuffer";
-    if (code == CL_SUCCESS && pages && (code = clSetMemObjectDestructorCallback(mem, free_pages, pages))) {
+    if (code == CL_SUCCESS && pages && (code = clSetMemObjectDestructorCallback(*mem, free_pages, pages))) {
         call = "clSetMemObjectDestructorCallback";
-        clReleaseMemObject(mem);
+        clReleaseMemObject(*mem);
     }
-    if (code != CL_SUCCESS) {
-        free(pages);
-        hada_status status = hada_fail_cl(err, code, call);
-        hada_error_prefix(err, "%s (%.1f MiB): ", what, (double)bytes / 1048576.0);
-        return status;
-    }
+    if (code == CL_SUCCESS)
+        return HADA_OK;
+    free(pages);
+    const hada_status status = hada_fail_cl(err, code, call);
+    hada_error_prefix(err, "%s (%.1f MiB): ", what, (double)bytes / 1048576.0);
+    return status;
+}
+
+hada_status hada_buffer_create(hada_buffer *buffer, hada_context *context, size_t bytes, const char *what,
+                               hada_error *err)
+{
+    cl_mem mem = NULL;
+    *buffer = (hada_buffer){0};
+    if (!bytes)
+        bytes = 4;
+    if (bytes > context->info.max_allocation_bytes)
+        return too_large(context, bytes, what, err);
+    if (!context->dry)
+        HADA_TRY(allocate(&mem, context, bytes, what, err));
     *buffer = (hada_buffer){.context = context, .mem = mem, .bytes = bytes};
     pthread_mutex_lock(&context->lock);
     context->bytes += bytes;
@@ -87,6 +94,11 @@ static hada_status check_range(const hada_buffer *buffer, size_t offset, size_t 
     return HADA_OK;
 }
 
+static int is_dry(const hada_slot *slot)
+{
+    return slot->context->dry != NULL;
+}
+
 hada_status hada_buffer_part(hada_buffer *part, const hada_buffer *whole, size_t offset, size_t bytes, const char *what,
                              hada_error *err)
 {
@@ -108,10 +120,12 @@ hada_status hada_buffer_part(hada_buffer *part, const hada_buffer *whole, size_t
 
 void hada_buffer_destroy(hada_buffer *buffer)
 {
-    if (!buffer || !buffer->mem)
+    if (!buffer || !buffer->context)
         return;
-    atomic_fetch_add(&buffer->context->releases, 1);
-    clReleaseMemObject(buffer->mem);
+    if (buffer->mem) {
+        atomic_fetch_add(&buffer->context->releases, 1);
+        clReleaseMemObject(buffer->mem);
+    }
     pthread_mutex_lock(&buffer->context->lock);
     buffer->context->bytes -= buffer->part ? 0 : buffer->bytes;
     pthread_mutex_unlock(&buffer->context->lock);
@@ -121,10 +135,10 @@ void hada_buffer_destroy(hada_buffer *buffer)
 static hada_status enqueue_write(const hada_buffer *buffer, hada_slot *slot, cl_bool blocking, size_t offset,
                                  const void *data, size_t bytes, hada_error *err)
 {
-    hada_status status = check_range(buffer, offset, bytes, err);
-    if (status || !bytes)
-        return status;
-    cl_int code =
+    if (is_dry(slot) || !bytes)
+        return HADA_OK;
+    HADA_TRY(check_range(buffer, offset, bytes, err));
+    const cl_int code =
         clEnqueueWriteBuffer(slot->queue, buffer->mem, blocking, offset, bytes, data, 0, NULL, hada_slot_event(slot));
     if (code != CL_SUCCESS)
         return hada_fail_cl(err, code, "clEnqueueWriteBuffer");
@@ -149,10 +163,10 @@ hada_status hada_buffer_write_later(hada_buffer *buffer, hada_slot *slot, size_t
 static hada_status enqueue_read(const hada_buffer *buffer, hada_slot *slot, cl_bool blocking, size_t offset, void *data,
                                 size_t bytes, hada_error *err)
 {
-    hada_status status = check_range(buffer, offset, bytes, err);
-    if (status || !bytes)
-        return status;
-    cl_int code =
+    if (is_dry(slot) || !bytes)
+        return HADA_OK;
+    HADA_TRY(check_range(buffer, offset, bytes, err));
+    const cl_int code =
         clEnqueueReadBuffer(slot->queue, buffer->mem, blocking, offset, bytes, data, 0, NULL, hada_slot_event(slot));
     if (code != CL_SUCCESS)
         return hada_fail_cl(err, code, "clEnqueueReadBuffer");
@@ -214,10 +228,10 @@ hada_status hada_buffer_clear(hada_buffer *buffer, hada_slot *slot, size_t offse
 {
     const cl_uchar zero = 0;
     const cl_uint zero4 = 0;
-    hada_status status = check_range(buffer, offset, bytes, err);
-    if (status || !bytes)
-        return status;
-    int words = offset % 4 == 0 && bytes % 4 == 0;
+    if (is_dry(slot) || !bytes)
+        return HADA_OK;
+    HADA_TRY(check_range(buffer, offset, bytes, err));
+    const int words = offset % 4 == 0 && bytes % 4 == 0;
     cl_int code = clEnqueueFillBuffer(slot->queue, buffer->mem, words ? (const void *)&zero4 : &zero, words ? 4 : 1,
                                       offset, bytes, 0, NULL, hada_slot_event(slot));
     if (code != CL_SUCCESS)
@@ -229,6 +243,8 @@ hada_status hada_buffer_clear(hada_buffer *buffer, hada_slot *slot, size_t offse
 hada_status hada_buffer_copy(hada_slot *slot, cl_mem from, size_t from_offset, cl_mem to, size_t to_offset,
                              size_t bytes, hada_error *err)
 {
+    if (is_dry(slot))
+        return HADA_OK;
     const cl_int code =
         clEnqueueCopyBuffer(slot->queue, from, to, from_offset, to_offset, bytes, 0, NULL, hada_slot_event(slot));
     if (code != CL_SUCCESS)
@@ -239,6 +255,8 @@ hada_status hada_buffer_copy(hada_slot *slot, cl_mem from, size_t from_offset, c
 
 hada_status hada_buffer_fill(hada_slot *slot, cl_mem mem, size_t offset, float value, size_t count, hada_error *err)
 {
+    if (is_dry(slot))
+        return HADA_OK;
     const cl_int code = clEnqueueFillBuffer(slot->queue, mem, &value, sizeof value, offset, count * sizeof value, 0,
                                             NULL, hada_slot_event(slot));
     if (code != CL_SUCCESS)

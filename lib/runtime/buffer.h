@@ -16,14 +16,14 @@ typedef struct hada_halves_memory *hada_halves;
 
 typedef struct hada_buffer {
     hada_context *context;
-    union { /* the same handle, by what the buffer holds */
+    union { /* the same handle, by what the buffer holds; NULL on a dry context (runtime/memory.h) */
         cl_mem mem;
         hada_ints ints;
         hada_bytes octets;
         hada_halves halves;
     };
     size_t bytes;
-    int part; /* 1: stands in another buffer, which is counted */
+    int part; /* 1: a part of another buffer, which is counted */
 } hada_buffer;
 
 /* Allocates (uninitialised) and counts. `what` names it in messages ("the filters"). *buffer is zeroed on failure.

@@ -30,6 +30,8 @@ typedef struct hada_trial {
 } hada_trial;
 
 struct hada_context {
+    /* not NULL: objects made with it are only counted, for this context's device (runtime/memory.h) */
+    const hada_context *dry;
     cl_platform_id platform;
     cl_device_id device;
     int adopted; /* the device is the caller's, and held as long as the context is */

@@ -27,8 +27,10 @@ static hada_status check_program(const hada_kernel_file *file, int program, hada
 hada_status hada_program_prepare(hada_slot *slot, const hada_kernel_file *file, int program, hada_error *err)
 {
     cl_program unused;
-    hada_status status = check_program(file, program, err);
-    return status ? status : hada_program_get(slot->context, file->name, file->programs[program].macros, &unused, err);
+    HADA_TRY(check_program(file, program, err));
+    return slot->context->dry
+               ? HADA_OK
+               : hada_program_get(slot->context, file->name, file->programs[program].macros, &unused, err);
 }
 
 /* The slot's own kernel object. */
@@ -176,6 +178,8 @@ hada_status hada_launch(hada_slot *slot, const hada_kernel *kernel, int program,
 {
     hada_kernel_object *object = NULL;
     hada_status status = HADA_OK;
+    if (slot->context->dry)
+        return HADA_OK;
     HADA_TRY(may_go_on(slot, err));
     HADA_TRY(object_of(slot, kernel, program, &object, err));
     HADA_TRY(set_arguments(slot, object, kernel, args, err));

@@ -51,6 +51,8 @@ void hada_slot_waited(hada_slot *slot)
 
 hada_status hada_slot_finish(hada_slot *slot, hada_error *err)
 {
+    if (slot->context->dry)
+        return HADA_OK;
     const cl_int code = clFinish(slot->queue);
     hada_slot_waited(slot);
     return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clFinish");

@@ -13,8 +13,10 @@ hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error 
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_allocated(slot = hada_alloc(1, sizeof *slot, "a queue slot", err)));
     slot->context = context;
-    HADA_TRY_OR_DONE(hada_kernel_objects_create(slot, err));
-    HADA_TRY_OR_DONE(hada_slot_open(slot, 0, err));
+    if (!context->dry) {
+        HADA_TRY_OR_DONE(hada_kernel_objects_create(slot, err));
+        HADA_TRY_OR_DONE(hada_slot_open(slot, 0, err));
+    }
 done:
     if (status)
         hada_slot_destroy(&slot);

@@ -12,6 +12,7 @@
 #include "runtime/context.h"
 
 typedef struct hada_profile hada_profile;             /* runtime/profile.h */
+typedef struct hada_scratch hada_scratch;             /* runtime/memory.h */
 typedef struct hada_kernel_object hada_kernel_object; /* runtime/launch.h */
 
 /* What was asked of the device so far. */
@@ -22,7 +23,8 @@ typedef struct hada_calls {
 
 typedef struct hada_slot {
     hada_context *context;
-    cl_command_queue queue;
+    cl_command_queue queue; /* NULL on a dry context */
+    hada_scratch *scratch;  /* where buffers that may share memory come from; NULL: each has its own */
     int timed; /* 1: the queue keeps the times of its events; some drivers then take longer over each command */
     hada_kernel_object *kernels; /* its own, of all programs, made when first launched */
     hada_profile *profile;       /* NULL: off */

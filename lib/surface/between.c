@@ -54,14 +54,6 @@ static sizes sizes_of(const hada_context *context, const hada_surface_camera *ca
         HADA_SPLINE_TAPS * bases};
 }
 
-size_t hada_between_bytes(const hada_context *context, const hada_surface_camera *camera)
-{
-    const sizes b = sizes_of(context, camera);
-    const hada_fft_desc forward = plan_of(camera, HADA_FFT_FORWARD), inverse = plan_of(camera, HADA_FFT_INVERSE);
-    return b.prefilter + b.image + b.coefficients + b.lines + b.spectrum + b.bases + b.weights +
-           hada_fft_bytes(context, &forward) + hada_fft_bytes(context, &inverse);
-}
-
 static hada_status make_buffers(hada_between *b, hada_error *err)
 {
     hada_context *context = b->slot->context;
@@ -225,7 +217,7 @@ hada_status hada_between_make(hada_between *between, int count, const double *de
             return hada_fail(err, HADA_ERROR_ARGUMENT,
                              "a depth of %g is none of what is known of the camera's %d: %g to %g", depth[i],
                              between->camera.depths, least, most);
-    for (int i = 0; i < count; i++)
+    for (int i = 0; i < count && !between->slot->context->dry; i++)
         HADA_TRY(make(between, depth[i], out, (first + (size_t)(i * between->camera.channels)) * values, to, err));
     return HADA_OK;
 }

@@ -15,9 +15,6 @@ hada_status hada_between_create(hada_between **out, hada_slot *slot, const hada_
                                 const hada_magnification *magnification, hada_error *err);
 void hada_between_destroy(hada_between **between);
 
-/* Bytes of device memory that it holds: known before creating it. */
-size_t hada_between_bytes(const hada_context *context, const hada_surface_camera *camera);
-
 /* The transfer functions of `count` depths, from hada_magnification_beyond() before the first to that behind the last,
  * where the nearest PSF is magnified alone: [count][channel][to->count] complex, from
  * `first` images of to->count on. to: the layout of a coarser grid, whose Nyquist row and column are 0; NULL: the

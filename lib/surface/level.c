@@ -100,17 +100,6 @@ static size_t pixel_bytes(const hada_surface_plan *plan)
            sizeof(float);
 }
 
-size_t hada_surface_level_bytes(const hada_context *context, const hada_surface_plan *plan)
-{
-    const hada_fft_desc inverse = inverse_of(plan);
-    size_t bytes = hada_volume_bytes(context, &plan->shape);
-    if (!plan->whole)
-        bytes += spectrum_bytes(plan);
-    if (!plan->whole && plan->shape.boundary == HADA_BOUNDARY_PADDED)
-        bytes += pixel_bytes(plan) + hada_fft_bytes(context, &inverse);
-    return bytes;
-}
-
 hada_status hada_surface_level_make(hada_surface_level *level, hada_slot *slot, const hada_surface_plan *plan,
                                     hada_between *between, hada_buffer *plane, hada_error *err)
 {

@@ -30,7 +30,6 @@ typedef struct hada_surface_level {
 int hada_surface_levels(const hada_context *context, const hada_surface_camera *camera, const hada_surface_shape *shape,
                         const hada_magnification *magnification, hada_surface_plan *plans);
 
-size_t hada_surface_level_bytes(const hada_context *context, const hada_surface_plan *plan);
 hada_status hada_surface_level_make(hada_surface_level *level, hada_slot *slot, const hada_surface_plan *plan,
                                     hada_between *between, hada_buffer *plane, hada_error *err);
 void hada_surface_level_free(hada_surface_level *level);

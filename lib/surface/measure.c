@@ -25,7 +25,7 @@ hada_status hada_surface_prefilter(hada_buffer *out, hada_slot *slot, const hada
     float *values = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc(layout->count, 2 * sizeof *values, what, err)));
-    for (int ky = 0; ky < layout->rows; ky++)
+    for (int ky = 0; ky < layout->rows && !slot->context->dry; ky++)
         for (int kx = 0; kx < width; kx++)
             values[2 * hada_spectrum_index(layout, ky, kx)] =
                 (float)(1.0 / (hada_spline_gain(ky, layout->rows) * hada_spline_gain(kx, layout->cols)));
@@ -73,14 +73,6 @@ static hada_fft_desc plan_of(int rows, int cols)
                            .real_distance = (size_t)rows * (size_t)cols};
 }
 
-size_t hada_magnification_measure_bytes(const hada_context *context, const hada_surface_camera *camera)
-{
-    const int rows = shrink(camera->rows, zoom_of(camera)), cols = shrink(camera->cols, zoom_of(camera));
-    const hada_fft_desc plan = plan_of(rows, cols);
-    return hada_fft_bytes(context, &plan) + 4 * hada_surface_layout(context, rows, cols).count * sizeof(float) +
-           plan.real_distance * sizeof(float);
-}
-
 hada_status hada_magnification_measure(hada_magnification *out, hada_slot *slot, const hada_surface_camera *camera,
                                        const double *distances, hada_error *err)
 {
@@ -102,6 +94,8 @@ hada_status hada_magnification_measure(hada_magnification *out, hada_slot *slot,
     HADA_TRY_OR_DONE(hada_buffer_create(&spectrum, slot->context, small.count * 2 * sizeof(float), what, err));
     HADA_TRY_OR_DONE(hada_buffer_create(&image, slot->context, area * sizeof(float), what, err));
     HADA_TRY_OR_DONE(hada_fft_create(&plan, slot, &desc, err));
+    if (slot->context->dry)
+        goto done;
     for (size_t k = 0; k < (size_t)camera->depths; k++) {
         const hada_fft_filter use = {.product = HADA_FFT_COMPLEX, .filter = prefilter.mem, .spectrum_count = 1};
         HADA_TRY_OR_DONE(hada_surface_crop(slot, camera->otf, camera->first * full.count + k * step, &full, 1,

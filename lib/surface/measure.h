@@ -18,9 +18,6 @@ typedef struct hada_surface_camera {
 hada_status hada_magnification_measure(hada_magnification *out, hada_slot *slot, const hada_surface_camera *camera,
                                        const double *distances, hada_error *err);
 
-/* Bytes of the device's memory that this takes meanwhile. */
-size_t hada_magnification_measure_bytes(const hada_context *context, const hada_surface_camera *camera);
-
 /* The layout of a grid of half spectra that the library's tables make of this size. */
 hada_spectrum_layout hada_surface_layout(const hada_context *context, int rows, int cols);
 

@@ -53,11 +53,6 @@ hada_status hada_surface_create(hada_surface **out, hada_slot *slot, const hada_
                                 hada_error *err);
 void hada_surface_destroy(hada_surface **surface);
 
-/* Bytes of device memory that it holds, and that making it takes beside: known before. */
-size_t hada_surface_bytes(const hada_context *context, const hada_surface_camera *camera,
-                          const hada_surface_shape *shape, const hada_magnification *magnification);
-size_t hada_surface_making_bytes(const hada_context *context, const hada_surface_camera *camera);
-
 /* The surface of a frame: its spectrum [channel][count] complex, zero outside the sensor and without dark level; offset
  * in complex numbers. *result is the object's, until the next call. A frame without light has a texture without. */
 hada_status hada_surface_run(hada_surface *surface, cl_mem spectrum, size_t offset, cl_mem pixels, size_t pixels_offset,

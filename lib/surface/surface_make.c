@@ -29,27 +29,9 @@ static size_t texture_bytes(const sizes *n)
     return (n->texture + HADA_VARIATION_ROOM) * sizeof(float);
 }
 
-size_t hada_surface_bytes(const hada_context *context, const hada_surface_camera *camera,
-                          const hada_surface_shape *shape, const hada_magnification *magnification)
-{
-    hada_surface_plan plans[HADA_SURFACE_LEVELS];
-    const int levels = hada_surface_levels(context, camera, shape, magnification, plans);
-    const sizes n = sizes_of(plans, levels);
-    size_t bytes = (n.values + n.area) * sizeof(float) + texture_bytes(&n);
-    for (int l = 0; l < levels; l++)
-        bytes += hada_surface_level_bytes(context, &plans[l]);
-    return bytes;
-}
-
 static size_t plane_bytes(const hada_surface_camera *camera, const hada_spectrum_layout *layout)
 {
     return (size_t)camera->channels * layout->count * 2 * sizeof(float);
-}
-
-size_t hada_surface_making_bytes(const hada_context *context, const hada_surface_camera *camera)
-{
-    const hada_spectrum_layout layout = hada_surface_layout(context, camera->rows, camera->cols);
-    return hada_between_bytes(context, camera) + plane_bytes(camera, &layout);
 }
 
 static hada_status make_arrays(hada_surface *s, const sizes *n, hada_error *err)
@@ -131,7 +113,8 @@ hada_status hada_surface_create(hada_surface **out, hada_slot *slot, const hada_
     const sizes n = sizes_of(plans, s->levels);
     HADA_TRY_OR_DONE(make_arrays(s, &n, err));
     HADA_TRY_OR_DONE(make_levels(s, plans, magnification, err));
-    HADA_TRY_OR_DONE(measure(s, magnification, err));
+    if (!slot->context->dry)
+        HADA_TRY_OR_DONE(measure(s, magnification, err));
     *out = s;
 done:
     if (status)

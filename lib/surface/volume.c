@@ -63,32 +63,21 @@ static void list_buffers(const hada_context *context, const hada_volume_shape *s
     const size_t duals = sizeof(float) * hada_variation_floats(context, shape->channels, shape->window.rows,
                                                                shape->window.cols, (int)unknown);
     const hada_buffer_row list[ROWS] = {
-        {offsetof(hada_volume, otf), planes * spectrum, what},
-        {offsetof(hada_volume, weight), spectrum / 2, what},
-        {offsetof(hada_volume, spectra), (size_t)batch_of(context, shape) * spectrum, what},
-        {offsetof(hada_volume, sum), spectrum, what},
+        {offsetof(hada_volume, otf), planes * spectrum, what, HADA_OWN_STEPS},
+        {offsetof(hada_volume, weight), spectrum / 2, what, HADA_OWN_STEPS},
+        {offsetof(hada_volume, spectra), (size_t)batch_of(context, shape) * spectrum, what, HADA_OWN_STEPS},
+        {offsetof(hada_volume, sum), spectrum, what, HADA_OWN_STEPS},
         {offsetof(hada_volume, frame),
-         hada_volume_is_padded(shape) ? channels * hada_rect_area(&shape->frame) * sizeof(float) : 0, what},
-        {offsetof(hada_volume, planes), shape->free ? values : batch, what},
-        {offsetof(hada_volume, at), values, what},
-        {offsetof(hada_volume, gradient), values, what},
-        {offsetof(hada_volume, start), values, what},
-        {offsetof(hada_volume, duals[0]), duals, what},
-        {offsetof(hada_volume, duals[1]), duals, what},
-        {offsetof(hada_volume, partial), sums_of(context, shape, &layout) * sizeof(float), what}};
+         hada_volume_is_padded(shape) ? channels * hada_rect_area(&shape->frame) * sizeof(float) : 0, what,
+         HADA_OWN_STEPS},
+        {offsetof(hada_volume, planes), shape->free ? values : batch, what, HADA_OWN_STEPS},
+        {offsetof(hada_volume, at), values, what, HADA_OWN_STEPS},
+        {offsetof(hada_volume, gradient), values, what, HADA_OWN_STEPS},
+        {offsetof(hada_volume, start), values, what, HADA_OWN_STEPS},
+        {offsetof(hada_volume, duals[0]), duals, what, HADA_OWN_STEPS},
+        {offsetof(hada_volume, duals[1]), duals, what, HADA_OWN_STEPS},
+        {offsetof(hada_volume, partial), sums_of(context, shape, &layout) * sizeof(float), what, HADA_OWN_STEPS}};
     memcpy(rows, list, sizeof list);
-}
-
-size_t hada_volume_bytes(const hada_context *context, const hada_volume_shape *shape)
-{
-    hada_fft_desc plans[PLANS];
-    hada_buffer_row rows[ROWS];
-    const int count = list_plans(context, shape, plans);
-    list_buffers(context, shape, rows);
-    size_t bytes = hada_buffer_rows_bytes(rows, ROWS);
-    for (int i = 0; i < count; i++)
-        bytes += hada_fft_bytes(context, &plans[i]);
-    return bytes;
 }
 
 static hada_status check_shape(const hada_volume_shape *shape, hada_error *err)
@@ -143,7 +132,7 @@ hada_status hada_volume_create(hada_volume **out, hada_slot *slot, const hada_vo
             HADA_TRY_OR_DONE(hada_fft_create(made[i], slot, &plans[i], err));
     }
     list_buffers(slot->context, shape, rows);
-    HADA_TRY_OR_DONE(hada_buffer_rows_take(v, slot->context, NULL, rows, ROWS, err));
+    HADA_TRY_OR_DONE(hada_buffer_rows_take(v, slot, rows, ROWS, err));
     for (int i = 0; i < ROWS; i++) /* what lies behind the last value is read and multiplied by 0 */
         if (rows[i].bytes)
             HADA_TRY_OR_DONE(hada_buffer_clear(hada_buffer_of(v, &rows[i]), slot, 0, rows[i].bytes, err));

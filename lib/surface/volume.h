@@ -39,9 +39,6 @@ typedef struct hada_volume hada_volume;
 hada_status hada_volume_create(hada_volume **out, hada_slot *slot, const hada_volume_shape *shape, hada_error *err);
 void hada_volume_destroy(hada_volume **volume); /* waits for its queue */
 
-/* Bytes of device memory that it holds: known before creating it. */
-size_t hada_volume_bytes(const hada_context *context, const hada_volume_shape *shape);
-
 /* The transfer functions of planes first ... first + count - 1, [plane][channel][count] complex in the layout of
  * hada_fft_layout(context, rows, cols, AUTO), `from` complex numbers into a buffer. Enqueued; copied. */
 hada_status hada_volume_set_camera(hada_volume *volume, int first, int count, cl_mem otf, size_t from, hada_error *err);

@@ -34,16 +34,6 @@ static size_t frame_floats(const hada_model_info *info)
     return (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols;
 }
 
-size_t hada_light_bytes(const hada_context *context, const hada_model_info *info, const hada_spectrum_layout *layout)
-{
-    hada_geometry at;
-    if (hada_geometry_of(info, &at, NULL))
-        return 0;
-    const hada_fft_desc forward = forward_desc(info, &at), inverse = inverse_desc(info, &at);
-    return hada_fft_bytes(context, &forward) + hada_fft_bytes(context, &inverse) + frame_floats(info) * sizeof(float) +
-           (size_t)info->channels * layout->count * 2 * sizeof(float);
-}
-
 hada_status hada_light_create(hada_light *light, hada_slot *slot, const hada_model_info *info, hada_error *err)
 {
     hada_geometry at;

@@ -13,7 +13,6 @@ typedef struct hada_light {
     size_t frame, window;        /* floats */
 } hada_light;
 
-size_t hada_light_bytes(const hada_context *context, const hada_model_info *info, const hada_spectrum_layout *layout);
 hada_status hada_light_create(hada_light *light, hada_slot *slot, const hada_model_info *info, hada_error *err);
 void hada_light_destroy(hada_light *light);
 

@@ -20,6 +20,8 @@ static hada_status write_first(hada_parameters *parameters, const hada_replica_s
     const hada_net *net = group == HADA_GROUP_NET ? desc->net : desc->discriminator;
     float *values = NULL;
     hada_status status = HADA_OK;
+    if (parameters->slot->context->dry)
+        return HADA_OK;
     if (group < HADA_GROUP_FILTERS)
         return hada_buffer_write(&it->values, parameters->slot, 0, net->values, bytes, err);
     HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc(it->floats, sizeof *values, "a depth's filters", err)));

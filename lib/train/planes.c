@@ -52,29 +52,6 @@ static size_t plane_bytes(const hada_model_info *info)
     return (size_t)info->channels * (size_t)info->window_rows * (size_t)info->window_cols * sizeof(float);
 }
 
-hada_status hada_planes_bytes(const hada_context *context, const hada_model *model, int composes, size_t *bytes,
-                              hada_error *err)
-{
-    const hada_model_info *info = hada_model_get_info(model);
-    const int refined = is_refined(info);
-    hada_geometry geometry;
-    *bytes = 0;
-    hada_status status = hada_geometry_of(info, &geometry, err);
-    if (status)
-        return status;
-    const hada_spectrum_layout layout = hada_hadamard_layout(context, info);
-    const hada_refine_shape shape = refine_shape(info, composes);
-    uint64_t all = hada_hadamard_bytes(context, info, 1) +
-                   hada_bank_bytes(info, &layout, info->depths, bank_parts(info, composes), 0);
-    if (composes)
-        all += hada_light_bytes(context, info, &layout);
-    if (refined && model->scene_power)
-        all += (uint64_t)info->channels * layout.count * sizeof(float);
-    all += refined ? hada_refiner_bytes(context, &shape) : plane_bytes(info);
-    *bytes = (size_t)all;
-    return HADA_OK;
-}
-
 /* Refinement takes depths from one buffer. */
 static hada_status check_together(const hada_planes *planes, hada_error *err)
 {
@@ -102,7 +79,7 @@ hada_status hada_planes_create(hada_planes **out, hada_slot *slot, const hada_mo
     planes->info = info;
     planes->others = others;
     planes->maker.slot = slot;
-    HADA_TRY_OR_DONE(hada_hadamard_create(&planes->stage, slot, NULL, info, 1, err));
+    HADA_TRY_OR_DONE(hada_hadamard_create(&planes->stage, slot, info, 1, err));
     HADA_TRY_OR_DONE(hada_bank_create(&planes->bank, slot, model, &planes->stage->layout, NULL, info->depths,
                                       bank_parts(info, composes), 0, err));
     if (composes) {
@@ -111,18 +88,18 @@ hada_status hada_planes_create(hada_planes **out, hada_slot *slot, const hada_mo
     }
     if (refined) {
         HADA_TRY_OR_DONE(hada_bank_prior(&planes->prior, slot, model, &planes->stage->layout, err));
-        HADA_TRY_OR_DONE(hada_refiner_create(&planes->refiner, slot, NULL, &shape, err));
+        HADA_TRY_OR_DONE(hada_refiner_create(&planes->refiner, slot, &shape, err));
     } else {
         HADA_TRY_OR_DONE(hada_buffer_create(&planes->planes, slot->context, plane_bytes(info), "a plane", err));
     }
-    planes->maker =
-        (hada_plane_maker){.slot = slot,
-                           .model = model,
-                           .stage = planes->stage,
-                           .bank = planes->bank,
-                           .refiner = planes->refiner,
-                           .weights = {info->refine_tv, info->refine_colour, info->refine_shrink},
-                           .noise_share = refined && info->refine_tv > 0 ? hada_model_noise_share(model) : 0.0};
+    planes->maker = (hada_plane_maker){.slot = slot,
+                                       .model = model,
+                                       .stage = planes->stage,
+                                       .bank = planes->bank,
+                                       .refiner = planes->refiner,
+                                       .weights = {info->refine_tv, info->refine_colour, info->refine_shrink}};
+    if (refined && info->refine_tv > 0 && !slot->context->dry)
+        planes->maker.noise_share = hada_model_noise_share(model);
 done:
     if (status)
         hada_planes_destroy(&planes);
@@ -144,6 +121,19 @@ void hada_planes_destroy(hada_planes **pointer)
     hada_buffer_destroy(&planes->prior);
     hada_buffer_destroy(&planes->planes);
     free(planes);
+}
+
+hada_status hada_planes_bytes(const hada_context *context, const hada_model *model, int composes, size_t *bytes,
+                              hada_error *err)
+{
+    hada_dry dry;
+    hada_planes *planes;
+    hada_dry_begin(&dry, context);
+    const hada_status status = hada_planes_create(&planes, &dry.slot, model, composes, 0, err);
+    *bytes = (size_t)hada_context_bytes(&dry.context);
+    hada_planes_destroy(&planes);
+    hada_dry_end(&dry);
+    return status;
 }
 
 /* Depths that are refined together: all of a composed frame's, counted from the first one of the camera, or the pair's

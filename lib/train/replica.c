@@ -18,44 +18,6 @@ struct hada_replica {
     hada_buckets *buckets; /* of the pass that comes; NULL: none */
 };
 
-static hada_status add_graph(const hada_context *context, const hada_net *net, const hada_graph_options *options,
-                             size_t *bytes, hada_error *err)
-{
-    size_t more = 0;
-    hada_status status = hada_graph_bytes(context, net, options, &more, err);
-    *bytes += more;
-    return status;
-}
-
-hada_status hada_replica_bytes(const hada_context *context, const hada_replica_desc *desc, size_t *bytes,
-                               hada_error *err)
-{
-    hada_replica_shape shape;
-    *bytes = 0;
-    HADA_TRY(hada_replica_shape_of(context, desc, &shape, err));
-    for (int i = 0; i < HADA_STEP_PLACES; i++)
-        *bytes += shape.bytes[i];
-    for (int group = 0; group < shape.groups; group++) {
-        size_t floats, trained;
-        const hada_optimizer_desc rule = hada_group_rule(desc->options, group);
-        hada_group_sizes(&shape, desc, group, &floats, &trained);
-        const hada_part part = hada_group_part(desc, group, trained);
-        *bytes += (floats + trained + hada_optimizer_state_floats(&rule, part.count)) * sizeof(float);
-    }
-    if (shape.filters)
-        *bytes += hada_fft_bytes(context, &shape.forward) + hada_fft_bytes(context, &shape.inverse) +
-                  hada_fft_bytes(context, &shape.back);
-    if (shape.net) {
-        HADA_TRY(add_graph(context, desc->net, &shape.training, bytes, err));
-        HADA_TRY(add_graph(context, desc->net, &shape.inference, bytes, err));
-    }
-    if (shape.has_discriminator)
-        HADA_TRY(add_graph(context, desc->discriminator, &shape.discriminator, bytes, err));
-    if (shape.vgg)
-        HADA_TRY(add_graph(context, desc->vgg, &shape.vgg_graph, bytes, err));
-    return HADA_OK;
-}
-
 hada_status hada_replica_create(hada_replica **out, hada_slot *slot, const hada_replica_desc *desc, hada_error *err)
 {
     hada_replica *replica = NULL;
@@ -93,6 +55,19 @@ void hada_replica_destroy(hada_replica **pointer)
     hada_parameters_destroy(&replica->parameters);
     hada_step_images_destroy(&replica->images);
     free(replica);
+}
+
+hada_status hada_replica_bytes(const hada_context *context, const hada_replica_desc *desc, size_t *bytes,
+                               hada_error *err)
+{
+    hada_dry dry;
+    hada_replica *replica;
+    hada_dry_begin(&dry, context);
+    const hada_status status = hada_replica_create(&replica, &dry.slot, desc, err);
+    *bytes = (size_t)hada_context_bytes(&dry.context);
+    hada_replica_destroy(&replica);
+    hada_dry_end(&dry);
+    return status;
 }
 
 hada_parameters *hada_replica_parameters(hada_replica *replica)

@@ -44,9 +44,9 @@ static hada_status choose_at_once(int *out, const hada_context *context, const h
         *out = trial.at_once = count;
         if (!open || count == 1)
             return HADA_OK;
-        HADA_TRY(hada_replica_bytes(context, &trial, &bytes, err));
-        if (bytes <= room)
-            return HADA_OK;
+        const hada_status status = hada_replica_bytes(context, &trial, &bytes, err);
+        if (status != HADA_ERROR_DEVICE_MEMORY && (status || bytes <= room))
+            return status;
     }
     return HADA_OK;
 }

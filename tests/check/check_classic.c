@@ -235,7 +235,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     if (!status)
         status = make_camera(state, own, err);
     if (!status)
-        status = hada_classic_create(&own->classic, state->slot, NULL, &own->shape, err);
+        status = hada_classic_create(&own->classic, state->slot, &own->shape, err);
     if (!status)
         status = check_output(state, own->floats, err);
     if (!status)

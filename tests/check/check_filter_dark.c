@@ -27,7 +27,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     own->raw = check_room(state, count * sizeof *own->raw);
     hada_status status = hada_model_set_sizes(&info, rows, cols, rows, cols, err);
     if (!status)
-        status = hada_hadamard_create(&own->stage, state->slot, NULL, &info, 1, err);
+        status = hada_hadamard_create(&own->stage, state->slot, &info, 1, err);
     if (!status)
         status = check_output(state, count, err);
     if (!status) {

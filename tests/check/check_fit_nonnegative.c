@@ -108,11 +108,19 @@ static hada_status prepare(check_state *state, hada_error *err)
     own->layout = hada_fft_layout(state->slot->context, rows, cols, HADA_FFT_AUTO);
     own->stride = ((own->layout.count + 7) / 8 + 63) / 64 * 64 * 8;
     const uint64_t held = hada_context_bytes(state->slot->context);
-    const size_t stated = hada_nonnegative_bytes(state->slot->context, rows, cols, own->channels);
-    hada_status status = hada_nonnegative_create(&own->plan, state->slot, rows, cols, own->channels, err);
+    hada_nonnegative *trial;
+    hada_dry dry;
+    hada_dry_begin(&dry, state->slot->context);
+    hada_status status = hada_nonnegative_create(&trial, &dry.slot, rows, cols, own->channels, err);
+    const uint64_t stated = hada_context_bytes(&dry.context);
+    hada_nonnegative_destroy(&trial);
+    hada_dry_end(&dry);
+    if (!status)
+        status = hada_nonnegative_create(&own->plan, state->slot, rows, cols, own->channels, err);
     if (!status && hada_context_bytes(state->slot->context) - held != stated)
-        status = hada_fail(err, HADA_ERROR_STATE, "holds %llu bytes, states %zu",
-                           (unsigned long long)(hada_context_bytes(state->slot->context) - held), stated);
+        status = hada_fail(err, HADA_ERROR_STATE, "holds %llu bytes, states %llu",
+                           (unsigned long long)(hada_context_bytes(state->slot->context) - held),
+                           (unsigned long long)stated);
     if (!status)
         status = check_output(state, 2 * (size_t)own->channels * own->layout.count, err);
     for (int c = 0; !status && c < own->channels; c++)

@@ -35,7 +35,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     /* refined planes are dark where another depth's light stands */
     for (size_t i = 0; check_get(state, 'z', 0) && i < all; i++)
         planes[i] = (int)(i % (size_t)desc.cols) % 64 < 16 ? planes[i] : 0.0f;
-    hada_status status = hada_focus_create(&own->focus, state->slot, NULL, &desc, err);
+    hada_status status = hada_focus_create(&own->focus, state->slot, &desc, err);
     if (!status)
         status = check_upload(state, &own->planes, planes, all * sizeof *planes, err);
     if (!status)

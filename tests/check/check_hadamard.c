@@ -87,9 +87,8 @@ static hada_status make(check_state *state, hadamard_state *own, hada_error *err
     if (!status)
         status = hada_bank_create(&own->bank, state->slot, own->model, &layout, NULL, 0, HADA_BANK_FILTERS,
                                   check_get(state, 'q', 0), err);
-    return status
-               ? status
-               : hada_hadamard_create(&own->stage, state->slot, NULL, &own->model->info, check_get(state, 'b', 2), err);
+    return status ? status
+                  : hada_hadamard_create(&own->stage, state->slot, &own->model->info, check_get(state, 'b', 2), err);
 }
 
 static hada_status prepare(check_state *state, hada_error *err)

@@ -163,7 +163,7 @@ static hada_status prepare(check_state *state, hada_error *err)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "at most %d planes", MAX_LIST);
     hada_status status = make_camera(state, own, err);
     if (!status)
-        status = hada_refiner_create(&own->refiner, state->slot, NULL, &own->shape, err);
+        status = hada_refiner_create(&own->refiner, state->slot, &own->shape, err);
     if (!status)
         status = check_output(state, (size_t)own->sets * own->set_floats, err);
     if (!status)

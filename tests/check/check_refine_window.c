@@ -137,7 +137,7 @@ static hada_status prepare(check_state *state, hada_error *err)
                                       .otf_depths = own->depths + 1,
                                       .prior = check_get(state, 'p', 0) ? own->prior.mem : NULL,
                                       .variance = check_get(state, 'q', 0) ? own->variance.mem : NULL};
-    HADA_TRY(hada_refiner_create(&own->refiner, state->slot, NULL, &own->shape, err));
+    HADA_TRY(hada_refiner_create(&own->refiner, state->slot, &own->shape, err));
     HADA_TRY(check_output(state, (size_t)own->sets, err));
     HADA_TRY(expect(state, own, err));
     state->tolerance = 2e-6; /* transforms, and sums as in refine_score */

@@ -40,7 +40,7 @@ TEST(searches_end_where_an_evaluation_fails)
     hada_pursuit_options_init(&options);
     options.shape = device.shape;
     options.depths = DEPTHS;
-    ASSERT_OK(hada_pursuit_create(&pursuit, device.slot, NULL, &options, err));
+    ASSERT_OK(hada_pursuit_create(&pursuit, device.slot, &options, err));
     ASSERT_OK(hada_pursuit_set_otf(pursuit, 0, DEPTHS, device.otf.mem, 0, err));
     /* one half of the window at a depth, the other, faint, at the next: sets are moved and compared on the finer grid
      */

@@ -16,7 +16,7 @@ static void run(const stress_device *device, const hada_model *model, const hada
     hada_hadamard *stage;
     hada_bank *bank;
     hada_buffer planes;
-    ASSERT_OK(hada_hadamard_create(&stage, device->slot, NULL, info, 1, err));
+    ASSERT_OK(hada_hadamard_create(&stage, device->slot, info, 1, err));
     ASSERT_OK(hada_bank_create(&bank, device->slot, model, &layout, NULL, 0, HADA_BANK_FILTERS, 0, err));
     ASSERT_OK(hada_buffer_create(&planes, device->context, area * sizeof(float) * (size_t)info->depths, "planes", err));
     hada_pixels pixels;

@@ -130,7 +130,7 @@ static double spread_of(const stress_device *device, int side, int depths, const
         steps[z] = 100.0 + z;
     hada_focus_options_init(&desc.options, 0);
     desc.options.measure = HADA_FOCUS_ENERGY;
-    ASSERT_OK(hada_focus_create(&object, device->slot, NULL, &desc, err));
+    ASSERT_OK(hada_focus_create(&object, device->slot, &desc, err));
     ASSERT_OK(hada_buffer_create(&results, device->context, 2 * n * sizeof(float), "the pictures", err));
     ASSERT_OK(hada_focus_begin(object, NULL, err));
     for (int z = 0; z < depths; z++)

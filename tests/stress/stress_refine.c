@@ -64,7 +64,7 @@ static void refine(const problem *p)
     tiny_upload(&device, &camera);
     tiny_expose(&device, &camera, image, 1.0);
     device.shape.max_steps = steps;
-    ASSERT_OK(hada_refiner_create(&refiner, device.slot, NULL, &device.shape, err));
+    ASSERT_OK(hada_refiner_create(&refiner, device.slot, &device.shape, err));
     hada_refine_rule_init(&rule);
     rule.steps = steps;
     rule.rho = p->rho;
@@ -142,7 +142,7 @@ static void pace(void)
     tiny_upload(&device, &camera);
     tiny_expose(&device, &camera, image, 1.0);
     device.shape.max_steps = usual.steps;
-    ASSERT_OK(hada_refiner_create(&refiner, device.slot, NULL, &device.shape, err));
+    ASSERT_OK(hada_refiner_create(&refiner, device.slot, &device.shape, err));
     seconds_of(refiner, &device.data, 10);
     for (int i = 0; i < 7; i++) {
         early = fmin(early, seconds_of(refiner, &device.data, 100));

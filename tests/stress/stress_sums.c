@@ -78,7 +78,7 @@ static void energies(int side, int padded, int range)
     double *image = stress_memory(n, sizeof *image), exact = 0.0;
     tiny_upload(&device, &camera);
     device.shape.max_steps = 2;
-    ASSERT_OK(hada_refiner_create(&refiner, device.slot, NULL, &device.shape, err));
+    ASSERT_OK(hada_refiner_create(&refiner, device.slot, &device.shape, err));
     if (range)
         stress_fill_range(pixels, n, 1);
     else

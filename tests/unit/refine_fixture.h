@@ -19,7 +19,7 @@ static void set_up(fixture *f, int frame_rows, int frame_cols, int window_rows, 
     tiny_upload(&f->device, &f->camera);
     f->device.shape.tv = 1;
     f->device.shape.settle = 1;
-    ASSERT_OK(hada_refiner_create(&f->refiner, f->device.slot, NULL, &f->device.shape, err));
+    ASSERT_OK(hada_refiner_create(&f->refiner, f->device.slot, &f->device.shape, err));
     f->scenes = tiny_zeros((size_t)depths * f->camera.window_area);
     f->image = tiny_zeros(f->camera.pixels);
 }

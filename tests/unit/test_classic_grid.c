@@ -90,7 +90,7 @@ static void planes_of(const hada_classic_shape *shape, const hada_model *model, 
     const hada_refine_data data = {.frame = seen.mem, .otf = otf.mem, .otf_depths = DEPTHS};
     const hada_classic_job job = {
         .data = &data, .camera = &camera, .depths = DEPTHS, .list = list, .brightness = sqrt(1.0 / 3.0)};
-    ASSERT_OK(hada_classic_create(&classic, slot, NULL, shape, err));
+    ASSERT_OK(hada_classic_create(&classic, slot, shape, err));
     ASSERT_OK(hada_classic_run(classic, &job, &result, err));
     assert_int_equal(
         clEnqueueReadBuffer(slot->queue, hada_classic_planes(classic), CL_TRUE, 0, bytes, out, 0, NULL, NULL),

@@ -1,4 +1,5 @@
 /* Enhancing planes: the same as the net alone, in tiles bit for bit, nothing where nothing is. */
+#include "dry.h"
 #include "net/enhance.h"
 #include "net/receptive_field.h"
 #include "net_fixture.h"
@@ -32,16 +33,25 @@ static float *planes_of(const hada_enhance_desc *desc, int count)
     return out;
 }
 
+static hada_status bytes_of(const hada_context *context, const hada_enhance_desc *desc, uint64_t *bytes,
+                            hada_error *error)
+{
+    hada_status status;
+    DRY_STATUS(status, *bytes, context, hada_enhance, hada_enhance_create(&object, &dry.slot, desc, error),
+               hada_enhance_destroy);
+    return status;
+}
+
 /* Enhances `count` planes in place, which stand behind one other float in a part of a buffer; bytes are as stated. */
 static void run_as(net_device *device, const hada_enhance_desc *desc, float *planes, int count, int together,
                    int *computed, int *left_out)
 {
     hada_enhance *enhance;
     hada_buffer buffer;
-    size_t stated;
+    uint64_t stated;
     const size_t values = (size_t)count * (size_t)desc->channels * (size_t)desc->rows * (size_t)desc->cols;
     const uint64_t before = hada_context_bytes(device->context);
-    ASSERT_OK(hada_enhance_bytes(device->context, desc, &stated, err));
+    ASSERT_OK(bytes_of(device->context, desc, &stated, err));
     ASSERT_OK(hada_enhance_create(&enhance, device->slot, desc, err));
     assert_int_equal(hada_context_bytes(device->context) - before, stated);
     const cl_buffer_region region = {4096, (values + 1) * sizeof(float)};
@@ -333,19 +343,19 @@ TEST(short_memory_makes_tiles)
 {
     net_device *device = *state;
     hada_error error = {0};
-    size_t whole, tiled;
+    uint64_t whole, tiled;
     int computed, left_out;
     hada_net *net = unet_of("8|12", "9", 1, HADA_UNET_LINEAR, 0);
     hada_enhance_desc desc = {.net = net, .channels = 1, .rows = 400, .cols = 300};
-    ASSERT_OK(hada_enhance_bytes(device->context, &desc, &whole, err));
-    desc.memory = whole / 3;
-    ASSERT_OK(hada_enhance_bytes(device->context, &desc, &tiled, err));
+    ASSERT_OK(bytes_of(device->context, &desc, &whole, err));
+    desc.memory = (size_t)(whole / 3);
+    ASSERT_OK(bytes_of(device->context, &desc, &tiled, err));
     assert_true(tiled < whole / 3 + 3 * 400 * 300 * 4 + 100000);
     float *planes = planes_of(&desc, 1);
     run(device, &desc, planes, 1, &computed, &left_out);
     assert_true(computed > 2);
     desc.memory = 1000;
-    assert_int_equal(hada_enhance_bytes(device->context, &desc, &tiled, &error), HADA_ERROR_DEVICE_MEMORY);
+    assert_int_equal(bytes_of(device->context, &desc, &tiled, &error), HADA_ERROR_DEVICE_MEMORY);
     assert_non_null(strstr(error.message, "--no-enhance"));
     free(planes);
     hada_net_destroy(&net);

@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "camera_small.h"
+#include "dry.h"
 #include "filter/bank.h"
 #include "filter/hadamard.h"
 #include "filter/layout.h"
@@ -90,9 +91,10 @@ static double path_error(fixture *f, const hada_model *model, int batch, int hal
     hada_geometry at;
     const uint64_t before = hada_context_bytes(f->context);
     ASSERT_OK(hada_bank_create(&bank, f->slot, model, &layout, NULL, 0, HADA_BANK_FILTERS, half, err));
-    assert_int_equal(hada_context_bytes(f->context) - before,
-                     hada_bank_bytes(info, &layout, info->depths, HADA_BANK_FILTERS, half));
-    ASSERT_OK(hada_hadamard_create(&stage, f->slot, NULL, info, batch, err));
+    ASSERT_DRY(hada_context_bytes(f->context) - before, f->context, hada_bank,
+               hada_bank_create(&object, &dry.slot, model, &layout, NULL, 0, HADA_BANK_FILTERS, half, NULL),
+               hada_bank_destroy);
+    ASSERT_OK(hada_hadamard_create(&stage, f->slot, info, batch, err));
     ASSERT_OK(hada_geometry_of(info, &at, err));
     const size_t count = (size_t)(info->depths * info->channels) * window;
     ASSERT_OK(hada_buffer_create(&planes, f->context, (count + 5) * 4, "planes", err));
@@ -292,7 +294,7 @@ TEST(wiener_models_invert_the_camera)
         ASSERT_OK(hada_model_from_psf(&model, f->context, &psf, 1, distances, &options, err));
         const hada_spectrum_layout layout = hada_hadamard_layout(f->context, &model->info);
         ASSERT_OK(hada_bank_create(&bank, f->slot, model, &layout, NULL, 0, HADA_BANK_FILTERS, 0, err));
-        ASSERT_OK(hada_hadamard_create(&stage, f->slot, NULL, &model->info, 1, err));
+        ASSERT_OK(hada_hadamard_create(&stage, f->slot, &model->info, 1, err));
         ASSERT_OK(hada_buffer_create(&planes, f->context, 2 * 12 * 16 * 4, "planes", err));
         hada_pixels pixels;
         hada_pixels_of_image(&pixels, &frame);

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "core/random.h"
+#include "dry.h"
 #include "focus/focus.h"
 #include "ref/ref_focus.h"
 #include "testing.h"
@@ -208,10 +209,9 @@ TEST(batches)
     hada_focus_options_init(&desc.options, 1);
     const uint64_t before = hada_context_bytes(context);
     ASSERT_OK(hada_slot_create(&slot, context, err));
-    ASSERT_OK(hada_focus_create(&focus, slot, NULL, &desc, err));
-    const uint64_t held = hada_context_bytes(context) - before;
-    assert_true(held >= hada_focus_bytes(context, &desc) &&
-                held < hada_focus_bytes(context, &desc) * 11 / 10 + (1u << 26));
+    ASSERT_OK(hada_focus_create(&focus, slot, &desc, err));
+    ASSERT_DRY(hada_context_bytes(context) - before, context, hada_focus,
+               hada_focus_create(&object, &dry.slot, &desc, NULL), hada_focus_destroy);
     ASSERT_OK(hada_buffer_create_from(&stack, slot, packed, sizeof packed, "a stack", err));
     ASSERT_OK(hada_buffer_create(&results, context, sizeof out[0], "results", err));
     const int all[DEPTHS] = {0, 1, 2, 3, 4};

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "core/random.h"
-#include "runtime/lifetimes.h"
+#include "runtime/memory.h"
 
 enum { MOST = 60, ALIGNMENT = 128 };
 

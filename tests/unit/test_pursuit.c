@@ -1,4 +1,5 @@
 /* Depth pursuit: which depths a frame contains. */
+#include "dry.h"
 #include "refine/pursuit.h"
 #include "tiny_camera.h"
 
@@ -19,7 +20,7 @@ static void set_up(fixture *f, int rows, int cols, int window, int depths, int p
     hada_pursuit_options_init(&f->options);
     f->options.shape = f->device.shape;
     f->options.depths = depths;
-    ASSERT_OK(hada_pursuit_create(&f->pursuit, f->device.slot, NULL, &f->options, err));
+    ASSERT_OK(hada_pursuit_create(&f->pursuit, f->device.slot, &f->options, err));
     ASSERT_OK(hada_pursuit_set_otf(f->pursuit, 0, 1, f->device.otf.mem, 0, err)); /* in pieces */
     ASSERT_OK(hada_pursuit_set_otf(f->pursuit, 1, depths - 1, f->device.otf.mem, f->device.layout.count, err));
 }
@@ -209,9 +210,10 @@ TEST(holds_the_bytes_it_states)
         const uint64_t with = hada_context_bytes(f.device.context);
         hada_pursuit_destroy(&f.pursuit);
         const uint64_t without = hada_context_bytes(f.device.context);
-        assert_int_equal(with - without, hada_pursuit_bytes(f.device.context, &f.options));
+        ASSERT_DRY(with - without, f.device.context, hada_pursuit,
+                   hada_pursuit_create(&object, &dry.slot, &f.options, NULL), hada_pursuit_destroy);
         f.options.depths = 0;
-        assert_int_equal(hada_pursuit_create(&none, f.device.slot, NULL, &f.options, &error), HADA_ERROR_ARGUMENT);
+        assert_int_equal(hada_pursuit_create(&none, f.device.slot, &f.options, &error), HADA_ERROR_ARGUMENT);
         assert_null(none);
         tear_down(&f);
     }

@@ -1,4 +1,5 @@
 /* Refinement: against the reference, its invariances, and what it gains over linear filters. */
+#include "dry.h"
 #include "ref/ref_refine.h"
 #include "refine_fixture.h"
 
@@ -419,7 +420,7 @@ TEST(refuses_what_it_cannot_do)
     assert_non_null(strstr(error.message, "shrinkage"));
     f.device.shape.tv = f.device.shape.settle = 0;
     hada_refiner *plain;
-    ASSERT_OK(hada_refiner_create(&plain, f.device.slot, NULL, &f.device.shape, err));
+    ASSERT_OK(hada_refiner_create(&plain, f.device.slot, &f.device.shape, err));
     rule.tv = 1.0;
     assert_int_equal(hada_refiner_run(plain, &f.device.data, &rule, 1, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
     assert_non_null(strstr(error.message, "total variation"));
@@ -429,7 +430,7 @@ TEST(refuses_what_it_cannot_do)
     assert_non_null(strstr(error.message, "settled"));
     hada_refiner_destroy(&plain);
     f.device.shape.window.cols = 999;
-    assert_int_equal(hada_refiner_create(&none, f.device.slot, NULL, &f.device.shape, &error), HADA_ERROR_SIZE);
+    assert_int_equal(hada_refiner_create(&none, f.device.slot, &f.device.shape, &error), HADA_ERROR_SIZE);
     assert_null(none);
     tear_down(&f);
 }
@@ -442,7 +443,8 @@ TEST(holds_the_bytes_it_states)
         const uint64_t with = hada_context_bytes(f.device.context);
         hada_refiner_destroy(&f.refiner);
         const uint64_t without = hada_context_bytes(f.device.context);
-        assert_int_equal(with - without, hada_refiner_bytes(f.device.context, &f.device.shape));
+        ASSERT_DRY(with - without, f.device.context, hada_refiner,
+                   hada_refiner_create(&object, &dry.slot, &f.device.shape, NULL), hada_refiner_destroy);
         tear_down(&f);
     }
 }

@@ -59,7 +59,7 @@ TEST(asks_less_often_where_that_is_dear)
             set_up(&f, 48, 64, 20, 24, 4, 2, 0);
             f.device.context->info.unified_memory = !apart;
             hada_refiner_destroy(&f.refiner);
-            ASSERT_OK(hada_refiner_create(&f.refiner, f.device.slot, NULL, &f.device.shape, err));
+            ASSERT_OK(hada_refiner_create(&f.refiner, f.device.slot, &f.device.shape, err));
             two_depths(&f, 1, 2);
             expose(&f, 0.01, 1.0);
             hada_refine_rule_init(&rule);

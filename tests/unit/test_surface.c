@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "core/random.h"
+#include "dry.h"
 #include "surface/level.h"
 #include "testing.h"
 
@@ -330,8 +331,8 @@ TEST(test_objects)
     hada_surface_destroy(&f.surface);
     const uint64_t before = hada_context_bytes(f.context);
     ASSERT_OK(hada_surface_create(&f.surface, f.slot, &f.camera, &f.shape, &f.law, err));
-    assert_int_equal(hada_context_bytes(f.context) - before,
-                     hada_surface_bytes(f.context, &f.camera, &f.shape, &f.law));
+    ASSERT_DRY(hada_context_bytes(f.context) - before, f.context, hada_surface,
+               hada_surface_create(&object, &dry.slot, &f.camera, &f.shape, &f.law, NULL), hada_surface_destroy);
     paint(scene);
     slant(depth);
     find(&f, scene, depth, 0.3, 23.5);

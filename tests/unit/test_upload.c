@@ -71,7 +71,7 @@ TEST(gives_the_device_the_same_bits)
         context->info.unified_memory = !apart;
         ASSERT_OK(hada_model_set_sizes(&info, rows, cols, rows, cols, err));
         ASSERT_OK(hada_slot_create(&slot, context, err));
-        ASSERT_OK(hada_hadamard_create(&stage, slot, NULL, &info, 1, err));
+        ASSERT_OK(hada_hadamard_create(&stage, slot, &info, 1, err));
         assert_true((stage->upload.staged != NULL) == apart);
         for (size_t s = 0; s < HADA_COUNT(scales); s++) {
             send_all(stage, bytes, HADA_PIXEL_U8, scales[s], rows, cols);

@@ -127,7 +127,6 @@ def count_sources(root, row):
     row('lines that draw previews and plots', lines(drawn))
     pages = texts(root, ['docs'], '.md')
     row('pages of the docs', len(pages), 25)
-    row('words of the docs', sum(len(text.split()) for text in pages.values()), 45000)
     for path, text in texts(root, ['examples'], '.c').items():
         row(f'lines of {path}', text.count('\n'), 80 if 'learn' in path else None)
     subjects = run('git', '-C', root, 'log', '-n', '50', '--format=%s').splitlines()

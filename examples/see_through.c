@@ -139,7 +139,8 @@ static hada_status single_view(const bench *b, hada_image *view, hada_error *err
     if (status ||
         (status = hada_simulator_render_occluded(b->simulator, planes, opacity, DEPTHS, lens, 0.0, 0, &frame, err)))
         return status;
-    const double scale = hada_camera_magnification(c, c->distances_mm[FAR]) / c->pixel_pitch_mm;
+    const double scale =
+        (1.0 + c->distance_mm / c->distances_mm[FAR]) / c->pixel_pitch_mm; /* times the magnification */
     status = hada_image_crop(view, &frame, hada_window_origin(c->rows, c->window_rows) + (int)lrint(y[lens] * scale),
                              hada_window_origin(c->cols, c->window_cols) + (int)lrint(x[lens] * scale), c->window_rows,
                              c->window_cols, err);
@@ -234,13 +235,14 @@ static hada_status run(bench *b, const char *folder, hada_error *err)
     hada_plan_options options;
     hada_image view = {0};
     hada_status status;
+    b->camera.size = sizeof b->camera;
     if ((status = hada_camera_preset(&b->camera, "sim512", err)) ||
         (status = hada_camera_set_depths(&b->camera, 100.0, 600.0, DEPTHS, err)) ||
         (status = hada_context_create(&b->context, NULL, err)))
         return status;
     b->camera.seed = b->seed;
-    if ((status = hada_simulator_create(&b->simulator, b->context, &b->camera, err)) || (status = make_scene(b, err)) ||
-        (status = learn(b, err)))
+    if ((status = hada_simulator_create(&b->simulator, b->context, &b->camera, NULL, err)) ||
+        (status = make_scene(b, err)) || (status = learn(b, err)))
         return status;
     const hada_plane planes[] = {{NEAR, &b->leaf}, {FAR, &b->picture}};
     const hada_image *const opacity[] = {&b->opacity, NULL};

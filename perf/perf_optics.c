@@ -18,11 +18,12 @@ int main(int count, char **arguments)
     const int rounds = count > 4 ? atoi(arguments[4]) : 3;
     hada_context *context;
     hada_error err = {0};
-    hada_camera camera;
+    hada_camera camera = {.size = sizeof camera};
     hada_wave_options options;
     hada_wave_options_init(&options);
     options.coherent = count > 3 ? atoi(arguments[3]) : 0;
-    if (hada_camera_preset(&camera, preset, &err) || hada_camera_set_mask(&camera, hada_mask_from_word(mask), &err) ||
+    if (hada_camera_preset(&camera, preset, &err) ||
+        hada_camera_set_mask(&camera, (hada_mask)hada_enum_value(HADA_ENUM_MASK, mask), &err) ||
         hada_context_create(&context, NULL, &err))
         return stop(&err);
     printf("%s, mask %s, %d x %d, %d channels, %d depths%s\n", preset, mask, camera.rows, camera.cols, camera.channels,

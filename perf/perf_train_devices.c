@@ -134,7 +134,7 @@ static void run(perf_case c, int rounds, int profile, int only, hada_context *co
     options.steps = 1000000;
     for (int way = 0; way < WAYS; way++) {
         const uint64_t before = hada_context_bytes(contexts[way]) + (way ? hada_context_bytes(contexts[2]) : 0);
-        must(hada_trainer_create_on(&trainers[way], contexts + way, way + 1, model, &pairs, NULL, &options, &err));
+        must(hada_trainer_create(&trainers[way], contexts + way, way + 1, model, &pairs, NULL, &options, &err));
         bytes[way] = hada_context_bytes(contexts[way]) + (way ? hada_context_bytes(contexts[2]) : 0) - before;
     }
     for (int i = -WARM; i < rounds; i++) {

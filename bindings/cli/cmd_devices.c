@@ -35,10 +35,10 @@ static void print_table(hada_cli *cli, const hada_device_list *list)
     for (size_t i = 0; i < count; i++) {
         const hada_device_info *info = hada_device_list_get(list, i);
         char memory[16], largest[16];
-        hada_cli_say(cli, "%5d  %-11s  %-*s  %-*s  %5u  %8s  %8s  %s", info->index, hada_device_kind_name(info->kind),
-                     (int)name, info->name, (int)platform, info->platform, info->compute_units,
-                     hada_cli_bytes(memory, info->memory_bytes), hada_cli_bytes(largest, info->max_allocation_bytes),
-                     info->has_compiler ? "yes" : "no");
+        hada_cli_say(cli, "%5d  %-11s  %-*s  %-*s  %5u  %8s  %8s  %s", info->index,
+                     hada_enum_name(HADA_ENUM_DEVICE_KIND, (int)info->kind), (int)name, info->name, (int)platform,
+                     info->platform, info->compute_units, hada_cli_bytes(memory, info->memory_bytes),
+                     hada_cli_bytes(largest, info->max_allocation_bytes), info->has_compiler ? "yes" : "no");
     }
     for (size_t i = 0; i < count; i++) {
         const hada_device_info *info = hada_device_list_get(list, i);
@@ -55,13 +55,13 @@ static int open_device(hada_cli *cli, const settings *set)
     hada_context *context = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_cli_open(cli, &context, &err));
-    const char *shape = hada_kernel_shape_name(hada_context_shape(context));
+    const char *shape = hada_enum_name(HADA_ENUM_KERNEL_SHAPE, (int)hada_cli_context_info(context).shape);
     hada_cli_say(cli, "\nDevice %d gives the known answers; it takes kernels as %s.",
                  hada_context_device(context)->index, shape);
     json_object_set_new(cli->document, "checked", json_true());
     json_object_set_new(cli->document, "shape", json_string(shape));
     if (set->save_binaries) {
-        HADA_TRY_OR_DONE(hada_programs_save_with(context, set->save_binaries, &cli->monitor, &err));
+        HADA_TRY_OR_DONE(hada_programs_save(context, set->save_binaries, &cli->monitor, &err));
         hada_cli_say(cli, "Wrote the binaries to %s; use them with --binaries %s.", set->save_binaries,
                      set->save_binaries);
         json_object_set_new(cli->document, "binaries", hada_cli_json_text(set->save_binaries));

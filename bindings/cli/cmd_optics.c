@@ -61,9 +61,10 @@ static json_t *rows_json(const hada_optics_report *report)
     json_t *rows = json_array();
     for (int z = 0; z < curves->depths; z++) {
         json_t *row = json_object();
-        for (int c = 0; hada_optics_column(c); c++)
-            json_object_set_new(row, hada_optics_column(c),
-                                hada_cli_real(hada_optics_value(hada_optics_report_row(report, z), c)));
+        const char *name;
+        double value;
+        for (int c = 0; (name = hada_optics_column(c, hada_optics_report_row(report, z), &value)); c++)
+            json_object_set_new(row, name, hada_cli_real(value));
         json_array_append_new(rows, row);
     }
     return rows;
@@ -78,19 +79,19 @@ static void tell(hada_cli *cli, const settings *set, const hada_camera *camera, 
     const char *optics = set->task.psf ? "measured" : camera->optics == HADA_OPTICS_WAVE ? "wave" : "geometry";
     say_rows(cli, report);
     hada_cli_say(cli, "%s: mask %s, fill factor %.3f, PSFs: %s, %d distances (%.1f s)", set->output,
-                 hada_mask_word(camera->mask), fill, optics, camera->depths, seconds);
+                 hada_enum_name(HADA_ENUM_MASK, (int)camera->mask), fill, optics, camera->depths, seconds);
     json_object_update_new(cli->document,
                            json_pack("{s:o, s:s, s:s, s:o, s:f, s:f, s:o}", "folder", hada_cli_json_text(set->output),
-                                     "mask", hada_mask_word(camera->mask), "optics", optics, "fill_factor",
-                                     hada_cli_real(fill), "threshold", curves->threshold, "seconds", seconds, "depths",
-                                     rows_json(report)));
+                                     "mask", hada_enum_name(HADA_ENUM_MASK, (int)camera->mask), "optics", optics,
+                                     "fill_factor", hada_cli_real(fill), "threshold", curves->threshold, "seconds",
+                                     seconds, "depths", rows_json(report)));
 }
 
 static int run(hada_cli *cli, void *user, int count, const char **arguments)
 {
     settings *set = user;
     hada_error err = {0};
-    hada_camera camera;
+    hada_camera camera = {.size = sizeof camera};
     hada_context *context = NULL;
     hada_optics_report *report = NULL;
     hada_status status = HADA_OK;

@@ -92,7 +92,7 @@ static void report_all(hada_cli *cli, const settings *set, const hada_camera *ca
                  set->output, camera->depths, camera->depths == 1 ? "depth" : "depths", camera->distances_mm[0],
                  camera->distances_mm[camera->depths - 1], report->pairs, report->pairs == 1 ? "" : "s", camera->rows,
                  camera->cols, camera->channels == 1 ? "grey" : "colour", camera->window_rows, camera->window_cols,
-                 hada_mask_word(camera->mask), lenses, noise, seconds);
+                 hada_enum_name(HADA_ENUM_MASK, (int)camera->mask), lenses, noise, seconds);
     if (report->light_lost > 0.001)
         hada_cli_say(cli, "%.1f %% of the window's light misses the sensor", 100 * report->light_lost);
     if (set->task.surfaces)
@@ -101,12 +101,13 @@ static void report_all(hada_cli *cli, const settings *set, const hada_camera *ca
     else if (set->task.tests)
         hada_cli_say(cli, "%s/test: %d test frames with %d occupied depths each, and their truth", set->output,
                      set->task.tests, report->test_depths);
-    json_object_update_new(cli->document, json_pack("{s:o, s:i, s:i, s:[ii], s:[ii], s:i, s:s, s:i, s:f, s:f}",
-                                                    "dataset", hada_cli_json_text(set->output), "pairs_per_depth",
-                                                    report->pairs, "tests", report->tests, "size", camera->rows,
-                                                    camera->cols, "window", camera->window_rows, camera->window_cols,
-                                                    "channels", camera->channels, "mask", hada_mask_word(camera->mask),
-                                                    "lenses", camera->lenses, "noise", noise, "seconds", seconds));
+    json_object_update_new(cli->document,
+                           json_pack("{s:o, s:i, s:i, s:[ii], s:[ii], s:i, s:s, s:i, s:f, s:f}", "dataset",
+                                     hada_cli_json_text(set->output), "pairs_per_depth", report->pairs, "tests",
+                                     report->tests, "size", camera->rows, camera->cols, "window", camera->window_rows,
+                                     camera->window_cols, "channels", camera->channels, "mask",
+                                     hada_enum_name(HADA_ENUM_MASK, (int)camera->mask), "lenses", camera->lenses,
+                                     "noise", noise, "seconds", seconds));
     json_object_set_new(cli->document, "light_lost", hada_cli_real(report->light_lost));
     if (!isnan(report->exposure))
         json_object_set_new(cli->document, "exposure", hada_cli_real(report->exposure));
@@ -118,7 +119,7 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     const settings *set = user;
     hada_error err = {0};
     hada_context *context = NULL;
-    hada_camera camera;
+    hada_camera camera = {.size = sizeof camera};
     hada_cli_sensor sensor = {0};
     hada_simulate_task task;
     hada_simulate_report report = {.size = sizeof report};

@@ -92,8 +92,9 @@ static void print_row(hada_cli *cli, const hada_tune_row *row)
                  hada_cli_number(text[0], "%.3f", row->own.forward_ms),
                  hada_cli_number(text[1], "%.3f", row->own.inverse_ms),
                  hada_cli_number(text[2], "%.3f", row->clfft.forward_ms),
-                 hada_cli_number(text[3], "%.3f", row->clfft.inverse_ms), hada_tune_backend_name(row->before),
-                 hada_tune_backend_name(row->chosen));
+                 hada_cli_number(text[3], "%.3f", row->clfft.inverse_ms),
+                 hada_enum_name(HADA_ENUM_TUNE_BACKEND, (int)row->before),
+                 hada_enum_name(HADA_ENUM_TUNE_BACKEND, (int)row->chosen));
     if (*row->own.reason)
         hada_cli_say(cli, "    own: %s", row->own.reason);
     if (*row->clfft.reason)
@@ -104,7 +105,8 @@ static json_t *row_json(const hada_tune_row *row)
 {
     return json_pack("{s:i, s:i, s:i, s:o, s:o, s:s, s:s}", "rows", row->rows, "cols", row->cols, "batch", row->batch,
                      "own", time_json(&row->own), "clfft", time_json(&row->clfft), "before",
-                     hada_tune_backend_name(row->before), "chosen", hada_tune_backend_name(row->chosen));
+                     hada_enum_name(HADA_ENUM_TUNE_BACKEND, (int)row->before), "chosen",
+                     hada_enum_name(HADA_ENUM_TUNE_BACKEND, (int)row->chosen));
 }
 
 static hada_status tune_transforms(hada_cli *cli, hada_context *context, const work *todo, hada_error *err)

@@ -63,6 +63,7 @@ def declarations(text: str) -> str:
     found = constants(text)
     text = re.sub(r"^#.*$", "", text, flags=re.M)
     text = re.sub(r'extern "C" \{', "", text)
+    text = re.sub(r"^HADA_INIT\((\w+), \w+\)", r"void \1_init(\1 *options);", text, flags=re.M)
     text = re.sub(r"static inline (.*?\))\s*\{.*?\n\}", r"\1;", text, flags=re.S)
     text = re.sub(r"\n\}\s*$", "", text)  # of extern "C"
     return found + text.replace("HADA_API ", "")

@@ -7,22 +7,6 @@
 #include "core/callers.h"
 #include "model/model.h"
 
-void hada_classic_options_defaults(hada_classic_options *options, size_t size)
-{
-    const hada_classic_options own = {.size = sizeof own,
-                                      .iterations = 100,
-                                      .weight = HADA_AUTO,
-                                      .lambda = 0.1,
-                                      .accelerate = 1,
-                                      .step = 1.0,
-                                      .inner = 5,
-                                      .levels = 3,
-                                      .mu1 = 1.0,
-                                      .mu2 = 3e-3,
-                                      .mu3 = 3e-4};
-    HADA_OPTIONS_GIVE(options, size, &own);
-}
-
 static hada_status check_options(const hada_classic_options *o, hada_error *err)
 {
     if (o->method < HADA_METHOD_WIENER || o->method > HADA_METHOD_ADMM || o->prior < HADA_PRIOR_AUTO ||

@@ -66,12 +66,6 @@ hada_status hada_sized_take(void *own, size_t own_size, const void *callers, con
     ((monitor) && (monitor)->size >= offsetof(hada_monitor, callback) + sizeof((monitor)->callback) &&                 \
      (monitor)->callback)
 
-void hada_monitor_defaults(hada_monitor *monitor, size_t size)
-{
-    const hada_monitor own = {.size = sizeof own};
-    HADA_OPTIONS_GIVE(monitor, size, &own);
-}
-
 void hada_monitor_tell(const hada_monitor *monitor, hada_message kind, const char *format, ...)
 {
     char text[1200];
@@ -118,16 +112,9 @@ void hada_progress_end(hada_progress *progress)
     *progress = (hada_progress){0};
 }
 
-void hada_communicator_defaults(hada_communicator *communicator, size_t size)
-{
-    const hada_communicator own = {.size = sizeof own, .count = 1};
-    HADA_OPTIONS_GIVE(communicator, size, &own);
-}
-
 hada_status hada_communicator_check(const hada_communicator *callers, hada_error *err)
 {
     hada_communicator own;
-    hada_communicator_init(&own);
     HADA_TRY(HADA_OPTIONS_TAKE(&own, callers, hada_communicator, err));
     if (own.count < 1 || own.rank < 0 || own.rank >= own.count)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "options.communicator: there is no rank %d of %d", own.rank,
@@ -156,26 +143,15 @@ hada_status hada_broadcast(const hada_communicator *of, int root, void *bytes, s
 static const struct {
     const char *name;
     size_t offset;
-    uint64_t value;
-} rows[] = {
-    {"pixels", offsetof(hada_limits, pixels), 1u << 22}, /* 16 MiB of float; a fit from a PSF takes 18 times that */
-    {"pages", offsetof(hada_limits, pages), 1u << 18},   /* two hours of frames at 30 a second */
-    {"text", offsetof(hada_limits, text), 8u << 20},     /* OME-XML of some 30,000 planes */
-    {"parameters", offsetof(hada_limits, parameters), 50000000}, /* three times VGG-16's convolutions */
-};
+} rows[] = {{"pixels", offsetof(hada_limits, pixels)},
+            {"pages", offsetof(hada_limits, pages)},
+            {"text", offsetof(hada_limits, text)},
+            {"parameters", offsetof(hada_limits, parameters)}};
 enum { ROWS = sizeof rows / sizeof *rows };
 
 static uint64_t *at(hada_limits *limits, int row)
 {
     return (uint64_t *)(void *)((char *)limits + rows[row].offset);
-}
-
-void hada_limits_defaults(hada_limits *limits, size_t size)
-{
-    hada_limits own = {.size = sizeof own};
-    for (int i = 0; i < ROWS; i++)
-        *at(&own, i) = rows[i].value;
-    HADA_OPTIONS_GIVE(limits, size, &own);
 }
 
 /* "3", "20k", "4G": no signs, nothing that overflows. */
@@ -216,7 +192,6 @@ static int read_row(hada_limits *limits, const char **text)
 hada_status hada_limits_parse(hada_limits *limits, const char *text, hada_error *err)
 {
     hada_limits own;
-    hada_limits_init(&own);
     HADA_TRY(HADA_OPTIONS_TAKE(&own, limits, hada_limits, err));
     for (const char *from = text; *from; from += *from == ',')
         if (!read_row(&own, &from) || (*from && *from != ','))
@@ -234,7 +209,6 @@ hada_status hada_limits_set(const hada_limits *limits, hada_error *err)
 {
     hada_limits own = {0};
     if (limits) {
-        hada_limits_init(&own);
         HADA_TRY(HADA_OPTIONS_TAKE(&own, limits, hada_limits, err));
     }
     pthread_mutex_lock(&lock);

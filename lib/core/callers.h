@@ -25,10 +25,11 @@ hada_status hada_sized_take(void *own, size_t own_size, const void *callers, con
 /* Whether a report that is to be filled has a size. HADA_ERROR_ARGUMENT where not; NULL is none to fill, and right. */
 hada_status hada_sized_check(const void *callers, size_t own_size, const char *type, hada_error *err);
 
-#define HADA_REPORT_CHECK(callers, type, err)      hada_sized_check(callers, sizeof(type), #type, err)
-#define HADA_REPORT_GIVE(callers, own)             hada_sized_give(callers, (callers)->size, own, sizeof *(own))
-#define HADA_OPTIONS_GIVE(callers, size, own)      hada_sized_give(callers, size, own, sizeof *(own))
-#define HADA_OPTIONS_TAKE(own, callers, type, err) hada_sized_take(own, sizeof *(own), callers, #type, err)
+#define HADA_REPORT_CHECK(callers, type, err) hada_sized_check(callers, sizeof(type), #type, err)
+#define HADA_REPORT_GIVE(callers, own)        hada_sized_give(callers, (callers)->size, own, sizeof *(own))
+/* The defaults, and over them the caller's options; for structs whose init takes the struct alone. */
+#define HADA_OPTIONS_TAKE(own, callers, type, err)                                                                     \
+    (type##_init(own), hada_sized_take(own, sizeof *(own), callers, #type, err))
 
 /* Passes a message on; `monitor` may be NULL. */
 void hada_monitor_tell(const hada_monitor *monitor, hada_message kind, const char *format, ...) HADA_PRINTF(3, 4);

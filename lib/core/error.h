@@ -48,6 +48,15 @@ static inline hada_status hada_fail_cl(hada_error *err, int code, const char *ca
             goto done;                                                                                                 \
     } while (0)
 
+/* For the pointers that a public function needs: HADA_NEED(out && model, err). Returns HADA_ERROR_ARGUMENT where one is
+ * NULL. */
+#define HADA_NEED(pointers, err)                                                                                       \
+    do {                                                                                                               \
+        if (!(pointers))                                                                                               \
+            return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: a pointer is NULL that is needed (%s)", __func__,          \
+                             #pointers);                                                                               \
+    } while (0)
+
 /* Puts context before the message of a record that a callee filled: "reading x.tif: <message>". */
 void hada_error_prefix(hada_error *err, const char *format, ...) HADA_PRINTF(2, 3);
 

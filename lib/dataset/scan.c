@@ -15,12 +15,6 @@
 /* So many files without their partner are named. */
 enum { INCOMPLETE_NAMED = 4 };
 
-void hada_dataset_options_defaults(hada_dataset_options *options, size_t size)
-{
-    const hada_dataset_options own = {.size = sizeof own};
-    HADA_OPTIONS_GIVE(options, size, &own);
-}
-
 /* "z100mm", "z250.5mm": the distance; negative for other names. */
 static double folder_distance(const char *name)
 {
@@ -247,7 +241,6 @@ hada_status hada_dataset_scan(hada_dataset **out, const char *folder, const hada
     hada_dataset_options options;
     hada_status status = HADA_OK;
     *out = NULL;
-    hada_dataset_options_init(&options);
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&options, callers, hada_dataset_options, err));
     if (!folder)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "hada_dataset_scan: a folder is needed"));

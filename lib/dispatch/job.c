@@ -9,12 +9,6 @@
 #include "engine/frame.h"
 #include "image/pixels.h"
 
-void hada_cl_frame_defaults(hada_cl_frame *frame, size_t size)
-{
-    const hada_cl_frame own = {.size = sizeof own};
-    HADA_OPTIONS_GIVE(frame, size, &own);
-}
-
 cl_command_queue hada_plan_cl_queue(const hada_plan *plan, int index)
 {
     return index >= 0 && index < plan->dispatcher->worker_count

@@ -58,7 +58,6 @@ hada_status hada_plan_create_on(hada_plan **out, hada_context *const *contexts, 
     if (!out || !model)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a plan needs out, context and model");
     *out = NULL;
-    hada_plan_options_init(&options);
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&options, callers, hada_plan_options, err));
     HADA_TRY_OR_DONE(check_contexts(contexts, count, err));
     HADA_TRY_OR_DONE(hada_allocated(plan = hada_alloc(1, sizeof *plan, "a plan", err)));
@@ -70,12 +69,6 @@ done:
         hada_plan_destroy(&plan);
     *out = plan;
     return status;
-}
-
-hada_status hada_plan_create(hada_plan **out, hada_context *context, const hada_model *model,
-                             const hada_plan_options *options, hada_error *err)
-{
-    return hada_plan_create_on(out, &context, 1, model, options, err);
 }
 
 void hada_plan_destroy(hada_plan **pointer)
@@ -105,7 +98,6 @@ hada_status hada_plan_estimate(hada_context *context, const hada_model *model, c
     hada_status status = HADA_OK;
     if (!context || !model || !device_bytes || !host_bytes)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_plan_estimate: an argument is missing");
-    hada_plan_options_init(&options);
     HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_plan_options, err));
     HADA_TRY_OR_DONE(hada_setup_begin(&setup, context, model, &options, err));
     HADA_TRY_OR_DONE(hada_pipeline_needs(&needs, context, &setup, hada_pipeline_fit(context, &setup), err));

@@ -8,12 +8,6 @@
 #include "core/alloc.h"
 #include "core/callers.h"
 
-void hada_result_arrays_defaults(hada_result_arrays *arrays, size_t size)
-{
-    const hada_result_arrays own = {.size = sizeof own};
-    HADA_OPTIONS_GIVE(arrays, size, &own);
-}
-
 static int on_device(const hada_cl_arrays *device)
 {
     return device->stack || device->all_in_focus || device->distance_map;
@@ -53,7 +47,6 @@ hada_status hada_result_use(hada_result *result, const hada_result_arrays *array
     hada_result_arrays own;
     if (!result)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_result_use: a result is needed");
-    hada_result_arrays_init(&own);
     HADA_TRY(HADA_OPTIONS_TAKE(&own, arrays, hada_result_arrays, err));
     hada_result_clear(result);
     HADA_TRY(make_memory(result, err));
@@ -61,18 +54,11 @@ hada_status hada_result_use(hada_result *result, const hada_result_arrays *array
     return HADA_OK;
 }
 
-void hada_cl_arrays_defaults(hada_cl_arrays *arrays, size_t size)
-{
-    const hada_cl_arrays own = {.size = sizeof own};
-    HADA_OPTIONS_GIVE(arrays, size, &own);
-}
-
 hada_status hada_result_use_cl(hada_result *result, const hada_cl_arrays *arrays, hada_error *err)
 {
     hada_cl_arrays own;
     if (!result)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_result_use_cl: a result is needed");
-    hada_cl_arrays_init(&own);
     HADA_TRY(HADA_OPTIONS_TAKE(&own, arrays, hada_cl_arrays, err));
     hada_result_clear(result);
     HADA_TRY(make_memory(result, err));

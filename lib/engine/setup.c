@@ -17,23 +17,6 @@ enum {
     BATCH = 8         /* depths at once: more only cost memory, the spectrum stays in the cache either way */
 };
 
-void hada_plan_options_defaults(hada_plan_options *options, size_t size)
-{
-    const hada_plan_options own = {.size = sizeof own,
-                                   .refine = HADA_AUTO,
-                                   .refine_tv = HADA_AUTO,
-                                   .refine_colour = HADA_AUTO,
-                                   .refine_shrink = HADA_AUTO,
-                                   .crosstalk = HADA_AUTO,
-                                   .enhance = 1,
-                                   .batch = HADA_AUTO,
-                                   .queues = HADA_AUTO,
-                                   .gamma = 1.0,
-                                   .skip = HADA_SKIP_ALL,
-                                   .band = 1.0};
-    HADA_OPTIONS_GIVE(options, size, &own);
-}
-
 static hada_status check_list(const int *list, int count, int limit, const char *what, hada_error *err)
 {
     for (int i = 0; i < count; i++)
@@ -156,7 +139,6 @@ static hada_status use_classic(const hada_model_info *info, const hada_plan_opti
     const int listed = options->occupied == HADA_OCCUPIED_LIST && options->occupied_count < config->depths;
     const int depths = listed ? options->occupied_count : config->depths;
     hada_classic_options classic;
-    hada_classic_options_init(&classic);
     HADA_TRY(HADA_OPTIONS_TAKE(&classic, options->classic, hada_classic_options, err));
     config->classic = classic.method != HADA_METHOD_MODEL;
     if (config->classic) {

@@ -24,11 +24,6 @@ typedef struct contest {
 
 static const hada_fft_backend backends[BACKENDS] = {HADA_FFT_OWN, HADA_FFT_CLFFT};
 
-const char *hada_tune_backend_name(hada_tune_backend backend)
-{
-    return backend == HADA_TUNE_CLFFT ? "clfft" : "own";
-}
-
 static int ascending(const void *a, const void *b)
 {
     const double x = *(const double *)a, y = *(const double *)b;
@@ -197,7 +192,7 @@ hada_status hada_tune_save(const hada_context *context, const char *path, const 
     for (size_t i = 0; i < count; i++) {
         snprintf(shapes + i * SHAPE, SHAPE, "%dx%d", rows[i].rows, rows[i].cols);
         words[i] = shapes + i * SHAPE;
-        words[count + i] = hada_tune_backend_name(rows[i].chosen);
+        words[count + i] = hada_enum_name(HADA_ENUM_TUNE_BACKEND, (int)rows[i].chosen);
     }
     HADA_TRY_OR_DONE(hada_tuning_write(context, path, "fft", words, words + count, count, err));
 done:

@@ -17,17 +17,6 @@ typedef struct choice {
 } choice;
 static const choice for_circular = {0.2, 3e-3, 12}, for_padded = {2.0, 1e-3, 20};
 
-void hada_psf_options_defaults(hada_psf_options *options, size_t size)
-{
-    const hada_psf_options own = {.size = sizeof own,
-                                  .form = HADA_FORM_WIENER,
-                                  .boundary = HADA_BOUNDARY_PADDED,
-                                  .lambda = HADA_AUTO,
-                                  .psf_dark = HADA_AUTO,
-                                  .refine_steps = HADA_AUTO};
-    HADA_OPTIONS_GIVE(options, size, &own);
-}
-
 /* The background of each channel, and the brightness of all that lies above. */
 static double measure(const hada_image *psf, double dark, double *background, float *room)
 {
@@ -185,7 +174,6 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "hada_model_from_psf: out, a context, point spread functions and distances are needed");
     *out = NULL;
-    hada_psf_options_init(options);
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(options, callers, hada_psf_options, err));
     if (options->form != HADA_FORM_MATCHED && options->form != HADA_FORM_WIENER)
         HADA_TRY_OR_DONE(

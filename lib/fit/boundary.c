@@ -146,9 +146,7 @@ hada_status hada_fit_find_boundary(hada_fit_options *callers, hada_context *cont
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "hada_fit_find_boundary: options, a context, numbers of pairs and a function that shows pairs "
                          "are needed");
-    hada_fit_options_init(&options);
     HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_fit_options, err));
-    const size_t size = callers->size;
     at.channel = options.channels / 2;
     while (at.depth < options.depths && counts[at.depth] < 2)
         at.depth++;
@@ -162,6 +160,6 @@ hada_status hada_fit_find_boundary(hada_fit_options *callers, hada_context *cont
         options.grid_rows = inside ? 0 : hada_fft_good_size(rows);
         options.grid_cols = inside ? 0 : hada_fft_good_size(cols);
     }
-    HADA_OPTIONS_GIVE(callers, size, &options);
+    HADA_REPORT_GIVE(callers, &options);
     return HADA_OK;
 }

@@ -12,24 +12,6 @@
 #include "fit/sums_file.h"
 #include "fit/sums_reduce.h"
 
-void hada_fit_options_defaults(hada_fit_options *options, size_t size)
-{
-    const hada_fit_options own = {.size = sizeof own,
-                                  .boundary = HADA_BOUNDARY_CIRCULAR,
-                                  .form = HADA_FORM_COMPLEX,
-                                  .alpha = HADA_AUTO,
-                                  .lambda = HADA_AUTO,
-                                  .outside = HADA_AUTO,
-                                  .refine_steps = HADA_AUTO,
-                                  .refine_tv = HADA_AUTO,
-                                  .nonnegative = 1,
-                                  .scene_response = HADA_AUTO,
-                                  .crop_passes = (int)HADA_AUTO,
-                                  .refine_colour = HADA_AUTO,
-                                  .refine_shrink = HADA_AUTO};
-    HADA_OPTIONS_GIVE(options, size, &own);
-}
-
 hada_status hada_model_blank(hada_model **out, const hada_fit_options *callers, hada_error *err)
 {
     hada_fit_options sizes;
@@ -37,7 +19,6 @@ hada_status hada_model_blank(hada_model **out, const hada_fit_options *callers, 
     if (!out || !callers)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_blank: out and sizes are needed");
     *out = NULL;
-    hada_fit_options_init(&sizes);
     HADA_TRY(HADA_OPTIONS_TAKE(&sizes, callers, hada_fit_options, err));
     HADA_TRY(hada_fit_info(&info, &sizes, err));
     return hada_model_create(out, &info, 0, err);
@@ -124,7 +105,6 @@ hada_status hada_fitter_create(hada_fitter **out, hada_context *context, const h
     if (!out || !context || !callers)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_create: out, a context and options are needed");
     *out = NULL;
-    hada_fit_options_init(&options);
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&options, callers, hada_fit_options, err));
     HADA_TRY_OR_DONE(check_options(&options, err));
     HADA_TRY_OR_DONE(hada_allocated(fitter = hada_alloc(1, sizeof *fitter, "a fitter", err)));
@@ -234,7 +214,6 @@ hada_status hada_fitter_create_from_sums(hada_fitter **out, hada_context *contex
     if (!out || !context || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_create_from_sums: out, context and path are needed");
     *out = NULL;
-    hada_fit_options_init(&options);
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&options, choices, hada_fit_options, err));
     HADA_TRY_OR_DONE(hada_tensors_open(&file, path, err));
     HADA_TRY_OR_DONE(hada_fit_sums_camera(file, path, &options, err));

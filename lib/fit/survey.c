@@ -306,7 +306,6 @@ hada_status hada_survey_create(hada_survey **out, const hada_fit_options *caller
             err, HADA_ERROR_ARGUMENT,
             "hada_survey_create: out, options, numbers of pairs and a function that shows them are needed");
     *out = NULL;
-    hada_fit_options_init(options);
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(options, callers, hada_fit_options, err));
     if (options->depths < 1 || options->channels < 1 || options->window_rows < 1 || options->window_cols < 1 ||
         options->window_rows > options->raw_rows || options->window_cols > options->raw_cols)

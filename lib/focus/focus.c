@@ -8,16 +8,6 @@
 #include "core/alloc.h"
 #include "core/callers.h"
 
-void hada_focus_options_defaults(hada_focus_options *options, size_t size, int shared)
-{
-    const hada_focus_options own = {.size = sizeof own,
-                                    .measure = shared ? HADA_FOCUS_COMBINED : HADA_FOCUS_CONTRAST,
-                                    .fuse = shared ? HADA_FOCUS_SUM : HADA_FOCUS_WEIGHTED,
-                                    .window_sigma = 2.5,
-                                    .false_alarm = 0.01};
-    HADA_OPTIONS_GIVE(options, size, &own);
-}
-
 hada_status hada_focus_check(const hada_focus_desc *desc, hada_error *err)
 {
     const hada_focus_options *o = &desc->options;

@@ -76,7 +76,7 @@ hada_status hada_focus_stack(hada_context *context, const hada_image *planes, co
                             .depths = depths,
                             .distances_mm = distances_mm};
     hada_focus_options_init(&desc.options, 0);
-    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&desc.options, options, hada_focus_options, err));
+    HADA_TRY_OR_DONE(hada_sized_take(&desc.options, sizeof desc.options, options, "hada_focus_options", err));
     const size_t bytes = hada_image_count(&planes[0]) * sizeof(float),
                  map = (size_t)desc.rows * (size_t)desc.cols * sizeof(float);
     HADA_TRY_OR_DONE(hada_slot_create(&slot, context, err));

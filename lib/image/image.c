@@ -31,11 +31,6 @@ void hada_image_destroy(hada_image *image)
     *image = (hada_image){0};
 }
 
-size_t hada_image_count(const hada_image *image)
-{
-    return (size_t)image->channels * (size_t)image->rows * (size_t)image->cols;
-}
-
 size_t hada_image_count_not_finite(const hada_image *image)
 {
     float largest;

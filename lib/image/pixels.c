@@ -9,12 +9,6 @@
 /* Most values of a row or a column: as of a TIFF file. */
 #define MOST (1 << 24)
 
-void hada_pixels_defaults(hada_pixels *pixels, size_t size)
-{
-    const hada_pixels own = {.size = sizeof own, .full_scale = HADA_AUTO};
-    HADA_OPTIONS_GIVE(pixels, size, &own);
-}
-
 static ptrdiff_t bytes_of(hada_pixel_type type)
 {
     return type == HADA_PIXEL_U8 ? 1 : type == HADA_PIXEL_U16 ? 2 : 4;
@@ -55,7 +49,6 @@ hada_status hada_pixels_take(hada_pixels *own, const hada_pixels *callers, hada_
 {
     if (!callers)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "pixels are needed: start from hada_pixels_init()");
-    hada_pixels_init(own);
     hada_status status = HADA_OPTIONS_TAKE(own, callers, hada_pixels, err);
     if (status)
         return status;

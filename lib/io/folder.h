@@ -10,8 +10,16 @@
  * nothing. */
 typedef enum hada_stands { HADA_STANDS_NOTHING, HADA_STANDS_FILE, HADA_STANDS_FOLDER } hada_stands;
 hada_status hada_path_kind(const char *path, hada_stands *out, hada_error *err);
+int hada_path_is_folder(const char *path);
 /* Whether it is a file. */
 hada_status hada_path_finds_file(const char *path, int *out, hada_error *err);
+
+/* Writes a folder's files into `folder`, which exists and is empty. */
+typedef hada_status (*hada_folder_fill)(void *user, const char *folder, hada_error *err);
+
+/* Makes a folder that is not there yet, or empty: `fill` writes into one beside it, which takes the name when `fill`
+ * has succeeded and is removed where it has not. */
+hada_status hada_folder_create(const char *path, hada_folder_fill fill, void *user, hada_error *err);
 
 /* The names of a folder's TIFF files (.tif, .tiff in any case; hidden ones left out), sorted; freed with
  * hada_names_free(). */

@@ -135,6 +135,7 @@ TIFF *hada_tiff_attach(hada_tiff_handle *handle, const char *name, const char *m
 
 struct hada_tiff_reader {
     char *path, *description;
+    double *distances_mm;
     int fd;
     hada_tiff_chain chain;
     hada_tiff_stack stack;
@@ -248,6 +249,38 @@ static hada_status check_text(const hada_tiff_reader *reader, hada_error *err)
                            (unsigned long long)bytes);
 }
 
+/* Reads the numbers of a line of the description; counts them where `out` is NULL. */
+static int read_distances(const char *description, double *out)
+{
+    const char *at = hada_text_line(description, "distances_mm"), *end;
+    int count = 0;
+    while (at) {
+        const double value = hada_text_number(at, &end);
+        if (end == at)
+            break;
+        if (out)
+            out[count] = value;
+        count++;
+        at = *end == ',' ? end + 1 : NULL;
+    }
+    return count;
+}
+
+static hada_status take_description(hada_tiff_reader *reader, hada_error *err)
+{
+    hada_tiff_info *info = &reader->info;
+    info->description = reader->description;
+    info->encoding = hada_text_response(reader->description, "encoding");
+    info->distances = read_distances(reader->description, NULL);
+    if (!info->distances)
+        return HADA_OK;
+    HADA_TRY(hada_allocated(reader->distances_mm =
+                                hada_alloc((size_t)info->distances, sizeof(double), "the distances", err)));
+    read_distances(reader->description, reader->distances_mm);
+    info->distances_mm = reader->distances_mm;
+    return HADA_OK;
+}
+
 static hada_status open_file(hada_tiff_reader *reader, hada_error *err)
 {
     size_t bytes;
@@ -268,6 +301,7 @@ static hada_status open_file(hada_tiff_reader *reader, hada_error *err)
     HADA_TRY_OR_DONE(hada_tiff_page_check(tif, reader->chain.bytes, reader->stack.imagej, &reader->first, err));
     HADA_TRY_OR_DONE(find_raw_images(reader, tif, err));
     HADA_TRY_OR_DONE(fill_info(reader, err));
+    HADA_TRY_OR_DONE(take_description(reader, err));
     fill_pixel_size(reader, tif);
 done:
     if (tif)
@@ -305,6 +339,7 @@ void hada_tiff_close(hada_tiff_reader **reader)
     free(r->seen);
     free(r->path);
     free(r->description);
+    free(r->distances_mm);
     free(r);
     *reader = NULL;
 }
@@ -314,16 +349,6 @@ const hada_tiff_info *hada_tiff_get_info(const hada_tiff_reader *reader)
     return &reader->info;
 }
 
-const char *hada_tiff_description(const hada_tiff_reader *reader)
-{
-    return reader->description;
-}
-
-double hada_tiff_encoding(const hada_tiff_reader *reader)
-{
-    return hada_text_response(reader->description, "encoding");
-}
-
 hada_status hada_tiff_check_all(const hada_tiff_reader *reader, hada_error *err)
 {
     const hada_status status =
@@ -331,22 +356,6 @@ hada_status hada_tiff_check_all(const hada_tiff_reader *reader, hada_error *err)
     if (status)
         hada_error_prefix(err, "%s: ", reader->path);
     return status;
-}
-
-size_t hada_tiff_distances(const hada_tiff_reader *reader, double *out, size_t capacity)
-{
-    const char *at = hada_text_line(reader->description, "distances_mm"), *end;
-    size_t count = 0;
-    while (at) {
-        double value = hada_text_number(at, &end);
-        if (end == at)
-            break;
-        if (count < capacity)
-            out[count] = value;
-        count++;
-        at = *end == ',' ? end + 1 : NULL;
-    }
-    return count;
 }
 
 static hada_status read_raw_image(const hada_tiff_reader *reader, size_t number, float *out, hada_error *err)

@@ -37,16 +37,9 @@ struct hada_tiff_writer {
     float low, high; /* of the finite values */
 };
 
-void hada_tiff_write_options_defaults(hada_tiff_write_options *options, size_t size)
-{
-    const hada_tiff_write_options own = {.size = sizeof own, .bits = 32, .scale = 1};
-    HADA_OPTIONS_GIVE(options, size, &own);
-}
-
 static hada_status complete_options(hada_tiff_writer *w, const hada_tiff_write_options *given, hada_error *err)
 {
     hada_tiff_write_options *o = &w->options;
-    hada_tiff_write_options_init(o);
     hada_status status = HADA_OPTIONS_TAKE(o, given, hada_tiff_write_options, err);
     if (status)
         return status;

@@ -29,38 +29,24 @@ static hada_status mean_difference(const hada_image *a, const hada_image *b, con
     return HADA_OK;
 }
 
-hada_status hada_metric_mse(const hada_image *a, const hada_image *b, const unsigned char *mask, double *out,
-                            hada_error *err)
-{
-    return mean_difference(a, b, mask, 2, out, err);
-}
-
-hada_status hada_metric_mae(const hada_image *a, const hada_image *b, const unsigned char *mask, double *out,
-                            hada_error *err)
-{
-    return mean_difference(a, b, mask, 1, out, err);
-}
-
-hada_status hada_metric_psnr(const hada_image *a, const hada_image *b, double peak, const unsigned char *mask,
-                             double *out, hada_error *err)
+static hada_status psnr_of(const hada_image *a, const hada_image *b, double peak, const unsigned char *mask,
+                           double *out, hada_error *err)
 {
     if (!(peak > 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a peak of %g is not possible; it must be above 0", peak);
     double mse = 0.0;
-    hada_status status = mean_difference(a, b, mask, 2, &mse, err);
-    if (status)
-        return status;
+    HADA_TRY(mean_difference(a, b, mask, 2, &mse, err));
     *out = mse > 0.0 ? 10.0 * log10(peak * peak / mse) : INFINITY;
     return HADA_OK;
 }
 
 /* As the code of Tian and Yang 2022 computes it. */
-hada_status hada_metric_authors_psnr(const hada_image *a, const hada_image *b, double peak, const unsigned char *mask,
-                                     double *out, hada_error *err)
+static hada_status authors_psnr(const hada_image *a, const hada_image *b, double peak, const unsigned char *mask,
+                                double *out, hada_error *err)
 {
     const double ln_ten = 2.303; /* as their code has it */
     double psnr;
-    hada_status status = hada_metric_psnr(a, b, peak, mask, &psnr, err); /* the checks of a pair */
+    hada_status status = psnr_of(a, b, peak, mask, &psnr, err); /* the checks of a pair */
     if (status)
         return status;
     const size_t pixels = (size_t)a->rows * (size_t)a->cols;
@@ -79,6 +65,32 @@ hada_status hada_metric_authors_psnr(const hada_image *a, const hada_image *b, d
     }
     *out = sum / (double)used;
     return HADA_OK;
+}
+
+static hada_status ssim(const hada_image *a, const hada_image *b, double peak, const unsigned char *mask, double *out,
+                        hada_error *err)
+{
+    hada_similarity one = {.peak = peak, .mask = mask};
+    HADA_TRY(hada_similarities(a, b, &one, 1, err));
+    if (!one.pixels)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "the mask leaves no pixel to compare");
+    *out = one.mean;
+    return HADA_OK;
+}
+
+hada_status hada_metric_compare(hada_metric metric, const hada_image *a, const hada_image *b, double peak,
+                                const unsigned char *mask, double *out, hada_error *err)
+{
+    HADA_NEED(a && b && out, err);
+    switch (metric) {
+    case HADA_METRIC_MSE: return mean_difference(a, b, mask, 2, out, err);
+    case HADA_METRIC_MAE: return mean_difference(a, b, mask, 1, out, err);
+    case HADA_METRIC_PSNR: return psnr_of(a, b, peak, mask, out, err);
+    case HADA_METRIC_SSIM: return ssim(a, b, peak, mask, out, err);
+    case HADA_METRIC_AUTHORS_PSNR: return authors_psnr(a, b, peak, mask, out, err);
+    case HADA_METRIC_AUTHORS_SSIM: return ssim(a, b, HADA_AUTHORS_RANGE * peak, mask, out, err);
+    }
+    return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no metric %d", (int)metric);
 }
 
 hada_status hada_metric_sharpness(const hada_image *image, const unsigned char *mask, double *out, hada_error *err)

@@ -131,22 +131,3 @@ done:
     free(means);
     return status;
 }
-
-hada_status hada_metric_ssim(const hada_image *a, const hada_image *b, double peak, const unsigned char *mask,
-                             double *out, hada_error *err)
-{
-    hada_similarity one = {.peak = peak, .mask = mask};
-    const hada_status status = hada_similarities(a, b, &one, 1, err);
-    if (status)
-        return status;
-    if (!one.pixels)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "the mask leaves no pixel to compare");
-    *out = one.mean;
-    return HADA_OK;
-}
-
-hada_status hada_metric_authors_ssim(const hada_image *a, const hada_image *b, double peak, const unsigned char *mask,
-                                     double *out, hada_error *err)
-{
-    return hada_metric_ssim(a, b, HADA_AUTHORS_RANGE * peak, mask, out, err);
-}

@@ -7,7 +7,7 @@
 /* The data range, in peaks, that the code of Tian and Yang 2022 reckons with. */
 #define HADA_AUTHORS_RANGE 2.0
 
-/* One way to judge: hada_metric_ssim() has its words. */
+/* One way to judge: HADA_METRIC_SSIM describes it. */
 typedef struct hada_similarity {
     double peak;
     const unsigned char *mask; /* NULL: all pixels */

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
+#include "core/callers.h"
 #include "core/error.h"
 #include "core/fft_factor.h"
 #include "io/safetensors.h"
@@ -236,19 +237,14 @@ hada_status hada_model_own_enhance(hada_model *model, hada_net *net, int rows, i
     return HADA_OK;
 }
 
-const float *hada_model_get_filters(const hada_model *model)
+hada_status hada_model_get_arrays(const hada_model *model, hada_model_arrays *arrays, hada_error *err)
 {
-    return model->filter;
-}
-
-const uint16_t *hada_model_get_half_filters(const hada_model *model)
-{
-    return model->filter_half;
-}
-
-const float *hada_model_get_otf(const hada_model *model)
-{
-    return model->otf;
+    HADA_NEED(model && arrays, err);
+    HADA_TRY(HADA_REPORT_CHECK(arrays, hada_model_arrays, err));
+    const hada_model_arrays own = {
+        .size = sizeof own, .filters = model->filter, .half_filters = model->filter_half, .otf = model->otf};
+    HADA_REPORT_GIVE(arrays, &own);
+    return HADA_OK;
 }
 
 const hada_net *hada_model_get_enhance(const hada_model *model)

@@ -23,7 +23,7 @@
  *   TV_SQUARED  the same with squares for absolute values (the paper's own formula)
  *   SSIM        1 - the mean of structural similarity (Wang et al. 2004: Gaussian window of 11 x 11, sigma 1.5,
  *               K1 0.01, K2 0.03, population covariance) over every window inside the image and every channel;
- *               needs images of at least 11 x 11. The same number as hada_metric_ssim(). */
+ *               needs images of at least 11 x 11. The same number as HADA_METRIC_SSIM. */
 typedef struct hada_loss_desc {
     hada_loss loss;
     float weight;

@@ -14,17 +14,6 @@ typedef struct widths {
     int levels, counts[MOST_LEVELS], width[MOST_LEVELS][MOST_CONVS];
 } widths;
 
-void hada_unet_options_defaults(hada_unet_options *options, size_t size)
-{
-    const hada_unet_options own = {.size = sizeof own,
-                                   .channels = 3,
-                                   .out_channels = 3,
-                                   .down = "16,16|32,32|64,64|128,128|256,256",
-                                   .up = "128,128|64,64|32,32|16,16",
-                                   .last_kernel = 1};
-    HADA_OPTIONS_GIVE(options, size, &own);
-}
-
 static hada_status read_widths(const char *text, widths *out, hada_error *err)
 {
     *out = (widths){.levels = 1};
@@ -131,7 +120,6 @@ hada_status hada_unet_make(hada_net **out, const hada_unet_options *callers, had
     widths down, up;
     hada_unet_options own, *options = &own;
     *out = NULL;
-    hada_unet_options_init(options);
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(options, callers, hada_unet_options, err));
     if (!options->down || !options->up)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "U-net options: widths down and up are needed");

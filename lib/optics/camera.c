@@ -5,11 +5,7 @@
 
 #include "core/callers.h"
 #include "core/error.h"
-
-void hada_camera_defaults(hada_camera *camera, size_t size)
-{
-    hada_camera_preset_sized(camera, size, "sim512", NULL);
-}
+#include "optics/mask.h"
 
 /* The two small presets are a 36 x 24 mm sensor, binned, with lenses that resolve about one binned pixel. The focus
  * stands near the middle of the range in 1/z (1/f = 1/d + 1/170 mm), the widest pattern (at the nearest depth) of a
@@ -31,8 +27,10 @@ static const hada_camera small_camera = {
     .blur_pixels = 0.4,
 };
 
-hada_status hada_camera_preset_sized(hada_camera *camera, size_t size, const char *name, hada_error *err)
+hada_status hada_camera_preset(hada_camera *camera, const char *name, hada_error *err)
 {
+    HADA_NEED(camera && name, err);
+    HADA_TRY(HADA_REPORT_CHECK(camera, hada_camera, err));
     hada_camera c = small_camera;
     int depths = 14;
     if (!strcmp(name, "sim512")) {
@@ -74,7 +72,7 @@ hada_status hada_camera_preset_sized(hada_camera *camera, size_t size, const cha
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "there is no camera preset '%s'; the presets are sim512, sim300, crop300 and paper2022", name);
     HADA_TRY(hada_camera_set_depths(&c, 100.0, 600.0, depths, err));
-    HADA_OPTIONS_GIVE(camera, size, &c);
+    HADA_REPORT_GIVE(camera, &c);
     return HADA_OK;
 }
 
@@ -117,32 +115,6 @@ hada_status hada_camera_resize(hada_camera *camera, int rows, int cols, int wind
     return HADA_OK;
 }
 
-static const struct {
-    hada_mask mask;
-    const char *word;
-} masks[] = {{HADA_MASK_MLA, "mla"},
-             {HADA_MASK_GRID, "grid"},
-             {HADA_MASK_DIFFUSER, "diffuser"},
-             {HADA_MASK_CONTOUR, "contour"},
-             {HADA_MASK_APERTURE, "aperture"}};
-#define MASKS (sizeof masks / sizeof *masks)
-
-const char *hada_mask_word(hada_mask mask)
-{
-    for (size_t i = 0; i < MASKS; i++)
-        if (masks[i].mask == mask)
-            return masks[i].word;
-    return NULL;
-}
-
-hada_mask hada_mask_from_word(const char *word)
-{
-    for (size_t i = 0; i < MASKS; i++)
-        if (!strcmp(masks[i].word, word))
-            return masks[i].mask;
-    return 0;
-}
-
 double hada_camera_refractive_index(const hada_camera *camera, double wavelength_nm)
 {
     if (!(camera->abbe_number > 0.0))
@@ -176,7 +148,16 @@ double hada_camera_defocus_pixels(const hada_camera *camera, double distance_mm)
     return width * fabs(scale) / camera->pixel_pitch_mm;
 }
 
-int hada_window_origin(int full, int window)
+hada_status hada_camera_get_numbers(const hada_camera *camera, double distance_mm, double wavelength_nm,
+                                    hada_camera_numbers *out, hada_error *err)
 {
-    return (full - window) / 2;
+    HADA_NEED(camera && out, err);
+    HADA_TRY(HADA_REPORT_CHECK(out, hada_camera_numbers, err));
+    const hada_camera_numbers own = {.size = sizeof own,
+                                     .magnification = hada_camera_magnification(camera, distance_mm),
+                                     .defocus_pixels = hada_camera_defocus_pixels(camera, distance_mm),
+                                     .refractive_index = hada_camera_refractive_index(camera, wavelength_nm),
+                                     .focal_length_mm = hada_camera_focal_length(camera, wavelength_nm)};
+    HADA_REPORT_GIVE(out, &own);
+    return HADA_OK;
 }

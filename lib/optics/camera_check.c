@@ -91,7 +91,7 @@ static hada_status check_distances(const hada_camera *camera, hada_error *err)
 
 static hada_status check_values(const hada_camera *camera, hada_error *err)
 {
-    if (!hada_mask_word(camera->mask))
+    if (!hada_enum_name(HADA_ENUM_MASK, (int)camera->mask))
         return hada_fail(err, HADA_ERROR_UNSUPPORTED, "mask kind %d is not known; see hada_mask", (int)camera->mask);
     if (camera->optics != HADA_OPTICS_GEOMETRY && camera->optics != HADA_OPTICS_WAVE)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "optics of kind %d are not known; see hada_optics",
@@ -119,7 +119,6 @@ hada_status hada_camera_take(hada_camera *own, const hada_camera *callers, hada_
 {
     if (!callers)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a camera is needed: start from hada_camera_init()");
-    hada_camera_init(own);
     HADA_TRY(HADA_OPTIONS_TAKE(own, callers, hada_camera, err));
     return check_values(own, err);
 }

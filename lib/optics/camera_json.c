@@ -58,7 +58,7 @@ static json_t *to_json(const hada_camera *camera)
 {
     json_t *object = json_object();
     int bad = json_object_set_new(object, "format", json_string("hadalens camera"));
-    bad |= json_object_set_new(object, "mask", json_string(hada_mask_word(camera->mask)));
+    bad |= json_object_set_new(object, "mask", json_string(hada_enum_name(HADA_ENUM_MASK, (int)camera->mask)));
     bad |= json_object_set_new(object, "optics", json_string(camera->optics == HADA_OPTICS_WAVE ? "wave" : "geometry"));
     bad |= json_object_set_new(object, "boundary",
                                json_string(camera->boundary == HADA_BOUNDARY_PADDED ? "padded" : "circular"));
@@ -156,19 +156,21 @@ static hada_status read_kinds(hada_camera *camera, const json_t *object, const c
     HADA_TRY(read_word(&mask, object, "mask", path, err));
     HADA_TRY(read_word(&boundary, object, "boundary", path, err));
     HADA_TRY(read_word(&optics, object, "optics", path, err));
-    if (mask && !(camera->mask = hada_mask_from_word(mask)))
+    if (mask && hada_enum_value(HADA_ENUM_MASK, mask) < 0)
         return hada_fail(err, HADA_ERROR_UNSUPPORTED,
                          "'%s': mask kind '%s' is not known; use \"mla\", \"grid\", \"diffuser\", \"contour\" or "
                          "\"aperture\"",
                          path, mask);
-    if (optics && strcmp(optics, "wave") && strcmp(optics, "geometry"))
+    if (optics && hada_enum_value(HADA_ENUM_OPTICS, optics) < 0)
         return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s': \"optics\" must be \"geometry\" or \"wave\"", path);
-    if (optics)
-        camera->optics = strcmp(optics, "wave") ? HADA_OPTICS_GEOMETRY : HADA_OPTICS_WAVE;
-    if (boundary && strcmp(boundary, "padded") && strcmp(boundary, "circular"))
+    if (boundary && hada_enum_value(HADA_ENUM_BOUNDARY, boundary) < 0)
         return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s': \"boundary\" must be \"circular\" or \"padded\"", path);
+    if (mask)
+        camera->mask = (hada_mask)hada_enum_value(HADA_ENUM_MASK, mask);
+    if (optics)
+        camera->optics = (hada_optics)hada_enum_value(HADA_ENUM_OPTICS, optics);
     if (boundary)
-        camera->boundary = strcmp(boundary, "padded") ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED;
+        camera->boundary = (hada_boundary)hada_enum_value(HADA_ENUM_BOUNDARY, boundary);
     const json_t *wavelengths = json_object_get(object, "wavelengths_nm");
     if (wavelengths && json_array_size(wavelengths) != 3)
         return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s': \"wavelengths_nm\" must be a list of 3 numbers", path);
@@ -202,12 +204,14 @@ static hada_status check_budget(const hada_camera *camera, hada_error *err)
         camera->rows, camera->cols, camera->channels, (unsigned long long)(values / FRAMES_AS_LARGE + 1));
 }
 
-hada_status hada_camera_load_sized(hada_camera *callers, size_t size, const char *path, hada_error *err)
+hada_status hada_camera_load(hada_camera *callers, const char *path, hada_error *err)
 {
     json_error_t where;
     hada_camera own, *camera = &own;
     char *text = NULL;
     size_t bytes;
+    HADA_NEED(callers && path, err);
+    HADA_TRY(HADA_REPORT_CHECK(callers, hada_camera, err));
     hada_camera_init(camera);
     hada_status status = hada_input_read(&text, &bytes, path, MOST_BYTES, NULL, err);
     if (status) {
@@ -228,7 +232,7 @@ hada_status hada_camera_load_sized(hada_camera *callers, size_t size, const char
     if (status)
         hada_error_prefix(err, "'%s': ", path);
     else
-        HADA_OPTIONS_GIVE(callers, size, camera);
+        HADA_REPORT_GIVE(callers, camera);
 done:
     json_decref(object);
     return status;

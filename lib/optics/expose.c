@@ -11,17 +11,10 @@
 
 #define LOCAL 64 /* items in a work-group, of eight values each */
 
-void hada_sensor_defaults(hada_sensor *sensor, size_t size)
-{
-    const hada_sensor own = {.size = sizeof own, .exposure = 1.0, .saturate = 1};
-    HADA_OPTIONS_GIVE(sensor, size, &own);
-}
-
 static hada_status take_sensor(hada_sensor *s, const hada_sensor *callers, hada_error *err)
 {
     if (!callers)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a sensor is needed: start from hada_sensor_init()");
-    hada_sensor_init(s);
     hada_status status = HADA_OPTIONS_TAKE(s, callers, hada_sensor, err);
     if (status)
         return status;

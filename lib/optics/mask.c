@@ -186,7 +186,7 @@ void hada_mask_at(const hada_mask_design *design, double x, double y, hada_mask_
 
 hada_status hada_camera_set_mask(hada_camera *camera, hada_mask mask, hada_error *err)
 {
-    if (!hada_mask_word(mask))
+    if (!hada_enum_name(HADA_ENUM_MASK, (int)mask))
         return hada_fail(err, HADA_ERROR_UNSUPPORTED, "mask kind %d is not known; see hada_mask", (int)mask);
     if (mask == camera->mask)
         return HADA_OK;
@@ -243,7 +243,7 @@ hada_status hada_camera_set_fill_factor(hada_camera *camera, double fill, hada_e
     if (!design.sites.count)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT,
                                    "a mask of kind '%s' has no diameter that sets how much is open",
-                                   hada_mask_word(camera->mask)));
+                                   hada_enum_name(HADA_ENUM_MASK, (int)camera->mask)));
     double low = 0.0, high = 2.0 * camera->aperture_mm, reached = 0.0;
     for (int i = 0; i < 24; i++) {
         design.camera.lens_diameter_mm = 0.5 * (low + high);

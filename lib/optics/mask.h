@@ -11,6 +11,12 @@ enum { HADA_SEQUENCE_LENSES = 1, HADA_SEQUENCE_SURFACE = 2, HADA_SEQUENCE_CELLS 
 /* A caller's camera, which may be of another version, taken over and checked. */
 hada_status hada_camera_take(hada_camera *own, const hada_camera *callers, hada_error *err);
 
+/* The members of hada_camera_numbers, one by one. */
+double hada_camera_magnification(const hada_camera *camera, double distance_mm);
+double hada_camera_defocus_pixels(const hada_camera *camera, double distance_mm);
+double hada_camera_refractive_index(const hada_camera *camera, double wavelength_nm);
+double hada_camera_focal_length(const hada_camera *camera, double wavelength_nm);
+
 /* Whether the mask is made of lenses or round holes, each with a centre. */
 static inline int hada_mask_has_lenses(const hada_camera *camera)
 {
@@ -110,7 +116,7 @@ static inline double hada_mask_open(double edge, double step)
 hada_status hada_mask_map(const hada_mask_design *design, int rows, int cols, hada_image *thickness_mm,
                           hada_image *transmission, hada_error *err);
 
-/* hada_camera_psf_sized(), asking a monitor. */
+/* hada_camera_psf(), asking a monitor. */
 hada_status hada_camera_psf_watched(const hada_camera *camera, double distance_mm, int rows, int cols,
                                     const hada_monitor *monitor, hada_image *psf, hada_error *err);
 

@@ -132,7 +132,8 @@ hada_status hada_camera_lenses(const hada_camera *callers, double *x_mm, double 
     hada_camera own, *camera = &own;
     HADA_TRY(hada_camera_take(camera, callers, err));
     if (!hada_mask_has_lenses(camera))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a mask of kind '%s' has no lenses", hada_mask_word(camera->mask));
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a mask of kind '%s' has no lenses",
+                         hada_enum_name(HADA_ENUM_MASK, (int)camera->mask));
     return camera->mask == HADA_MASK_GRID ? place_on_lattice(camera, x_mm, y_mm, err)
                                           : place_at_random(camera, x_mm, y_mm, err);
 }

@@ -157,13 +157,10 @@ done:
     return status;
 }
 
-hada_status hada_camera_psf_sized(const hada_camera *camera, double distance_mm, int rows, int cols, hada_image *psf,
-                                  hada_error *err)
+hada_status hada_camera_psf(const hada_camera *camera, double distance_mm, int rows, int cols, hada_image *psf,
+                            hada_error *err)
 {
-    return hada_camera_psf_watched(camera, distance_mm, rows, cols, NULL, psf, err);
-}
-
-hada_status hada_camera_psf(const hada_camera *camera, double distance_mm, hada_image *psf, hada_error *err)
-{
-    return hada_camera_psf_sized(camera, distance_mm, camera->rows, camera->cols, psf, err);
+    HADA_NEED(camera && psf, err);
+    return hada_camera_psf_watched(camera, distance_mm, rows ? rows : camera->rows, cols ? cols : camera->cols, NULL,
+                                   psf, err);
 }

@@ -10,29 +10,6 @@
 #define SEQUENCE_RELIEF 5    /* of the generator: see core/random.h */
 #define HILL_WIDTH      0.15 /* standard deviation of what smooths a hilly ground, of the shorter side */
 
-static const struct {
-    hada_relief_kind kind;
-    const char *word;
-} kinds[] = {{HADA_RELIEF_SLANT, "slant"}, {HADA_RELIEF_HALF, "half"},   {HADA_RELIEF_HILL, "hill"},
-             {HADA_RELIEF_BALL, "ball"},   {HADA_RELIEF_STEPS, "steps"}, {HADA_RELIEF_BARS, "bars"}};
-#define KINDS (sizeof kinds / sizeof *kinds)
-
-const char *hada_relief_word(hada_relief_kind kind)
-{
-    for (size_t i = 0; i < KINDS; i++)
-        if (kinds[i].kind == kind)
-            return kinds[i].word;
-    return NULL;
-}
-
-hada_relief_kind hada_relief_from_word(const char *word)
-{
-    for (size_t i = 0; i < KINDS; i++)
-        if (!strcmp(kinds[i].word, word))
-            return kinds[i].kind;
-    return 0;
-}
-
 /* What a seed changes; seed 0: the plain shape. */
 typedef struct shape {
     double cosine, sine; /* of the direction in which depth changes */
@@ -129,7 +106,7 @@ hada_status hada_scene_relief(hada_image *out, hada_relief_kind kind, uint64_t s
                               hada_error *err)
 {
     *out = (hada_image){0};
-    if (!hada_relief_word(kind))
+    if (!hada_enum_name(HADA_ENUM_RELIEF, (int)kind))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a surface of kind %d is not known; see hada_relief_kind",
                          (int)kind);
     hada_random random;

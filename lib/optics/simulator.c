@@ -98,12 +98,6 @@ static hada_status keep_psf(hada_simulator *s, const hada_image *psf, hada_error
     return HADA_OK;
 }
 
-void hada_simulator_options_defaults(hada_simulator_options *options, size_t size)
-{
-    const hada_simulator_options own = {.size = sizeof own};
-    HADA_OPTIONS_GIVE(options, size, &own);
-}
-
 static hada_status check_options(const hada_camera *c, const hada_simulator_options *options, hada_error *err)
 {
     if (abs(options->shift_rows) > 65536 || abs(options->shift_cols) > 65536)
@@ -135,15 +129,15 @@ static void set_sizes(hada_simulator *s, const hada_simulator_options *options)
     }
 }
 
-hada_status hada_simulator_create_with(hada_simulator **out, hada_context *context, const hada_camera *callers,
-                                       const hada_simulator_options *callers_options, hada_error *err)
+hada_status hada_simulator_create(hada_simulator **out, hada_context *context, const hada_camera *callers,
+                                  const hada_simulator_options *callers_options, hada_error *err)
 {
+    HADA_NEED(out && context, err);
     *out = NULL;
     hada_camera own, *camera = &own;
     hada_simulator_options own_options, *options = &own_options;
     hada_simulator *s = NULL;
     hada_status status = HADA_OK;
-    hada_simulator_options_init(options);
     HADA_TRY_OR_DONE(hada_camera_take(camera, callers, err));
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(options, callers_options, hada_simulator_options, err));
     HADA_TRY_OR_DONE(check_options(camera, options, err));
@@ -173,21 +167,6 @@ done:
         hada_simulator_destroy(&s);
     *out = s;
     return status;
-}
-
-hada_status hada_simulator_create(hada_simulator **out, hada_context *context, const hada_camera *camera,
-                                  hada_error *err)
-{
-    return hada_simulator_create_psf(out, context, camera, NULL, err);
-}
-
-hada_status hada_simulator_create_psf(hada_simulator **out, hada_context *context, const hada_camera *camera,
-                                      const hada_image *psf, hada_error *err)
-{
-    hada_simulator_options options;
-    hada_simulator_options_init(&options);
-    options.psf = psf;
-    return hada_simulator_create_with(out, context, camera, &options, err);
 }
 
 void hada_simulator_destroy(hada_simulator **simulator)

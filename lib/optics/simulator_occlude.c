@@ -86,7 +86,7 @@ static hada_status prepare(occluded *o, hada_error *err)
     if (o->lens != -1 && o->lenses.side > 0.0)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
                            "a mask of kind '%s' has no lens %d to look through; use -1, the whole mask",
-                           hada_mask_word(s->camera.mask), o->lens));
+                           hada_enum_name(HADA_ENUM_MASK, (int)s->camera.mask), o->lens));
     if (o->lens < -1 || o->lens >= o->lenses.count)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "lens %d is not among the camera's %d lenses (-1: all)", o->lens,
                            o->lenses.count));

@@ -10,12 +10,6 @@
 /* Where nothing is chosen: below the rounding of frames of 8 bits (docs/explanation/simulation.md). */
 #define STRAY 0.002
 
-void hada_wave_options_defaults(hada_wave_options *options, size_t size)
-{
-    const hada_wave_options own = {.size = sizeof own, .stray = HADA_AUTO};
-    HADA_OPTIONS_GIVE(options, size, &own);
-}
-
 static int by_lens(const hada_wave *wave)
 {
     return wave->design.sites.count && hada_mask_has_lenses(&wave->camera) && !wave->options.coherent;
@@ -47,7 +41,6 @@ hada_status hada_wave_create(hada_wave **out, hada_context *context, const hada_
     hada_wave_options options;
     hada_status status = HADA_OK;
     *out = NULL;
-    hada_wave_options_init(&options);
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&options, callers, hada_wave_options, err));
     if (options.stray == HADA_AUTO)
         options.stray = STRAY;
@@ -130,7 +123,7 @@ hada_status hada_camera_psf_stack(hada_context *context, const hada_camera *call
         HADA_TRY_OR_DONE(hada_wave_create(&wave, context, camera, NULL, err));
     for (int z = 0; z < camera->depths; z++)
         HADA_TRY_OR_DONE(wave ? hada_wave_psf(wave, camera->distances_mm[z], camera->rows, camera->cols, &psf[z], err)
-                              : hada_camera_psf(camera, camera->distances_mm[z], &psf[z], err));
+                              : hada_camera_psf(camera, camera->distances_mm[z], 0, 0, &psf[z], err));
 done:
     hada_wave_destroy(&wave);
     for (int z = 0; z < camera->depths && status; z++)

@@ -306,18 +306,11 @@ static int shows_nothing(const hada_preview *p)
     return empty || (!p->raw && !p->all_in_focus && !p->distance_map && !(p->planes && p->depths > 0));
 }
 
-void hada_preview_defaults(hada_preview *preview, size_t size)
-{
-    const hada_preview own = {.size = sizeof own, .gamma = HADA_AUTO};
-    HADA_OPTIONS_GIVE(preview, size, &own);
-}
-
 hada_status hada_preview_save(const char *path, const hada_preview *callers, hada_error *err)
 {
     hada_status status = HADA_OK;
     hada_preview own, *preview = &own;
     hada_sheet sheet = {.p = preview};
-    hada_preview_init(preview);
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(preview, callers, hada_preview, err));
     if (!(preview->gamma > 0) && preview->gamma != HADA_AUTO)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: an exponent of %g shows nothing; it is above 0", path,

@@ -10,15 +10,6 @@
 #define CLEARLY 1.5
 #define LEAST   0.01
 
-void hada_register_options_defaults(hada_register_options *options, size_t size)
-{
-    const hada_register_options own = {.size = sizeof own,
-                                       .least_magnification = HADA_AUTO,
-                                       .most_magnification = HADA_AUTO,
-                                       .most_rotation_deg = 15.0};
-    HADA_OPTIONS_GIVE(options, size, &own);
-}
-
 static hada_status check_options(hada_register_options *options, const hada_image *raws, const hada_image *scenes,
                                  hada_error *err)
 {
@@ -84,12 +75,6 @@ done:
     return status;
 }
 
-void hada_registration_defaults(hada_registration *registration, size_t size)
-{
-    const hada_registration own = {.size = sizeof own, .magnification = 1.0};
-    HADA_OPTIONS_GIVE(registration, size, &own);
-}
-
 hada_status hada_register_pairs(hada_registration *found, const hada_image *raws, const hada_image *scenes, int count,
                                 const hada_register_options *given, hada_error *err)
 {
@@ -105,7 +90,6 @@ hada_status hada_register_pairs(hada_registration *found, const hada_image *raws
     hada_registration_init(out);
     HADA_TRY_OR_DONE(HADA_REPORT_CHECK(found, hada_registration, err));
     give = 1;
-    hada_register_options_init(&options);
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&options, given, hada_register_options, err));
     HADA_TRY_OR_DONE(hada_register_set_create(&set, raws, scenes, count, err));
     HADA_TRY_OR_DONE(check_options(&options, raws, scenes, err));
@@ -141,7 +125,6 @@ hada_status hada_register_apply(hada_image *out, const hada_image *scene, const 
     hada_register_plane plane = {0};
     hada_register_view view = {0};
     hada_status status = HADA_OK;
-    hada_registration_init(registration);
     status = HADA_OPTIONS_TAKE(registration, callers, hada_registration, err);
     if (status)
         return status;

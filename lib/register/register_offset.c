@@ -13,7 +13,6 @@ hada_status hada_register_psf(hada_image *psf, double *pitch, const hada_image *
     hada_register_set set = {0};
     hada_register_level level = {0};
     hada_registration own, *registration = &own;
-    hada_registration_init(registration);
     hada_status status = HADA_OPTIONS_TAKE(registration, callers, hada_registration, err);
     if (status)
         return status;

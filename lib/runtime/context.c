@@ -4,6 +4,8 @@
 #include <stdarg.h>
 #include <stdio.h>
 
+#include "core/callers.h"
+
 void hada_log(const hada_context *context, hada_log_level level, const char *format, ...)
 {
     if (!context->log || level > context->log_level)
@@ -18,17 +20,7 @@ void hada_log(const hada_context *context, hada_log_level level, const char *for
 
 const hada_device_info *hada_context_device(const hada_context *context)
 {
-    return &context->info;
-}
-
-hada_kernel_shape hada_context_shape(const hada_context *context)
-{
-    return context->shape;
-}
-
-const char *hada_kernel_shape_name(hada_kernel_shape shape)
-{
-    return shape == HADA_SHAPE_GROUPS ? "groups" : "lanes";
+    return context ? &context->info : NULL;
 }
 
 static uint64_t locked(const hada_context *context, const uint64_t *value)
@@ -50,8 +42,24 @@ uint64_t hada_context_peak_bytes(const hada_context *context)
     return locked(context, &context->peak_bytes);
 }
 
+hada_status hada_context_get_info(const hada_context *context, hada_context_info *info, hada_error *err)
+{
+    HADA_NEED(context && info, err);
+    HADA_TRY(HADA_REPORT_CHECK(info, hada_context_info, err));
+    const hada_context_info own = {.size = sizeof own,
+                                   .shape = context->shape,
+                                   .programs_compiled = hada_context_programs_compiled(context),
+                                   .programs_loaded = hada_context_programs_loaded(context),
+                                   .bytes = hada_context_bytes(context),
+                                   .peak_bytes = hada_context_peak_bytes(context)};
+    HADA_REPORT_GIVE(info, &own);
+    return HADA_OK;
+}
+
 void hada_context_reset_peak(hada_context *context)
 {
+    if (!context)
+        return;
     pthread_mutex_lock(&context->lock);
     context->peak_bytes = context->bytes;
     pthread_mutex_unlock(&context->lock);

@@ -7,17 +7,6 @@
 #include "core/alloc.h"
 #include "runtime/context.h"
 
-const char *hada_device_kind_name(hada_device_kind kind)
-{
-    switch (kind) {
-    case HADA_DEVICE_CPU: return "cpu";
-    case HADA_DEVICE_GPU: return "gpu";
-    case HADA_DEVICE_ACCELERATOR: return "accelerator";
-    case HADA_DEVICE_OTHER: return "other";
-    }
-    return "other";
-}
-
 static hada_status no_device(hada_error *err)
 {
     return hada_fail(err, HADA_ERROR_NO_DEVICE,
@@ -239,7 +228,7 @@ static hada_status unknown_device(const hada_device_info *infos, size_t count, c
     size_t used = 0;
     for (size_t i = 0; i < count && used < sizeof list; i++) {
         int n = snprintf(list + used, sizeof list - used, "%s%zu (%s, %s)", i ? "; " : "", i,
-                         hada_device_kind_name(infos[i].kind), infos[i].name);
+                         hada_enum_name(HADA_ENUM_DEVICE_KIND, (int)infos[i].kind), infos[i].name);
         used += n > 0 ? (size_t)n : 0;
     }
     return hada_fail(err, HADA_ERROR_DEVICE_CHOICE,
@@ -267,8 +256,8 @@ hada_status hada_device_choose(const hada_device_info *infos, size_t count, cons
         return HADA_OK;
     }
     for (int kind = HADA_DEVICE_CPU; kind <= HADA_DEVICE_OTHER; kind++)
-        if (strlen(words) == strlen(hada_device_kind_name((hada_device_kind)kind)) &&
-            contains(words, hada_device_kind_name((hada_device_kind)kind)))
+        if (strlen(words) == strlen(hada_enum_name(HADA_ENUM_DEVICE_KIND, (int)(hada_device_kind)kind)) &&
+            contains(words, hada_enum_name(HADA_ENUM_DEVICE_KIND, (int)(hada_device_kind)kind)))
             return first_of_kind(infos, count, (hada_device_kind)kind, out) ? HADA_OK
                                                                             : unknown_device(infos, count, words, err);
     for (size_t i = 0; i < count; i++)

@@ -13,12 +13,6 @@
 #include "runtime/program.h"
 #include "runtime/tuning.h"
 
-void hada_context_options_defaults(hada_context_options *options, size_t size)
-{
-    const hada_context_options own = {.size = sizeof own, .log_level = HADA_LOG_WARNING, .shape = HADA_AUTO};
-    HADA_OPTIONS_GIVE(options, size, &own);
-}
-
 /* The device that the options and the environment mean, and the part of it. */
 static hada_status find_device(const hada_context_options *options, const hada_device_info *infos, size_t count,
                                size_t *chosen, int *part, int *parts, hada_error *err)
@@ -121,7 +115,7 @@ static hada_status choose_shape(hada_context *context, int wanted, hada_error *e
                          "options.shape is %d: give HADA_SHAPE_LANES, HADA_SHAPE_GROUPS or HADA_AUTO", wanted);
     } else if (named && *named) {
         context->shape = strcmp(named, "groups") ? HADA_SHAPE_LANES : HADA_SHAPE_GROUPS;
-        if (strcmp(named, hada_kernel_shape_name(context->shape)))
+        if (strcmp(named, hada_enum_name(HADA_ENUM_KERNEL_SHAPE, (int)context->shape)))
             return hada_fail(err, HADA_ERROR_DEVICE_CHOICE,
                              "HADALENS_SHAPE is '%s', which is no shape of kernels: set it to lanes or groups", named);
     }
@@ -195,7 +189,6 @@ static hada_status open_context(hada_context **out, const adopted *from, const h
     hada_context *context = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    hada_context_options_init(&options);
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&options, callers, hada_context_options, err));
     HADA_TRY_OR_DONE(hada_allocated(context = hada_alloc(1, sizeof *context, "a context", err)));
     context->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
@@ -212,7 +205,8 @@ static hada_status open_context(hada_context **out, const adopted *from, const h
     if (!options.skip_self_test)
         HADA_TRY_OR_DONE(hada_self_test(context, err));
     hada_log(context, HADA_LOG_INFO, "device %d: %s (%s, %s), kernels as %s", context->info.index, context->info.name,
-             hada_device_kind_name(context->info.kind), context->info.platform, hada_kernel_shape_name(context->shape));
+             hada_enum_name(HADA_ENUM_DEVICE_KIND, (int)context->info.kind), context->info.platform,
+             hada_enum_name(HADA_ENUM_KERNEL_SHAPE, (int)context->shape));
     *out = context;
 done:
     if (status)

@@ -269,7 +269,8 @@ int hada_program_serves(const hada_context *context, const hada_program_row *row
 {
     if (!strcmp(row->shapes, "tensor_cores"))
         return context->tensor_cores && context->shape == HADA_SHAPE_GROUPS;
-    return !strcmp(row->shapes, "all") || !strcmp(row->shapes, hada_kernel_shape_name(context->shape));
+    return !strcmp(row->shapes, "all") ||
+           !strcmp(row->shapes, hada_enum_name(HADA_ENUM_KERNEL_SHAPE, (int)context->shape));
 }
 
 static hada_status save(hada_context *context, const char *folder, const char *file, const char *macros,
@@ -310,13 +311,7 @@ static hada_status each_program(hada_context *context, const char *folder, hada_
     return HADA_OK;
 }
 
-hada_status hada_programs_save(hada_context *context, const char *folder, hada_error *err)
-{
-    return hada_programs_save_with(context, folder, NULL, err);
-}
-
-hada_status hada_programs_save_with(hada_context *context, const char *folder, const hada_monitor *monitor,
-                                    hada_error *err)
+hada_status hada_programs_save(hada_context *context, const char *folder, const hada_monitor *monitor, hada_error *err)
 {
     hada_progress all = {.total = 0}, progress = {0};
     hada_status status = HADA_OK;

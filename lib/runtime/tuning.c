@@ -147,7 +147,7 @@ static int same_shape(const char *mine, const char *shape)
 
 const hada_tuning_row *hada_tuning_find(const hada_context *context, const char *operation, const char *shape)
 {
-    const char *kind = hada_device_kind_name(context->info.kind);
+    const char *kind = hada_enum_name(HADA_ENUM_DEVICE_KIND, (int)context->info.kind);
     for (size_t i = context->tuning ? context->tuning->count : 0; i-- > 0;) {
         const hada_tuning_row *row = &context->tuning->rows[i];
         if (!strcmp(row->operation, operation) && (!strcmp(row->kind, "*") || !strcmp(row->kind, kind)) &&
@@ -248,7 +248,8 @@ done:
 hada_status hada_tuning_write(const hada_context *context, const char *path, const char *operation,
                               const char *const *shapes, const char *const *choices, size_t count, hada_error *err)
 {
-    const news now = {operation, hada_device_kind_name(context->info.kind), shapes, choices, count};
+    const news now = {operation, hada_enum_name(HADA_ENUM_DEVICE_KIND, (int)context->info.kind), shapes, choices,
+                      count};
     const int lock = lock_folder(path);
     const hada_status status = write_new(path, &now, err);
     if (lock >= 0)

@@ -116,9 +116,9 @@ static hada_status measure(marks *of, const hada_compared_page *one, unsigned ch
     const hada_image *result = &one->result, *truth = &one->truth;
     const unsigned char *mask = one->mask;
     *of = (marks){.ssim = NAN, .lpips = NAN, .authors_psnr = NAN, .authors_ssim = NAN, .place_ssim = {NAN, NAN}};
-    HADA_TRY(hada_metric_mse(result, truth, mask, &of->mse, err));
-    HADA_TRY(hada_metric_psnr(result, truth, by->peak, mask, &of->psnr, err));
-    HADA_TRY(hada_metric_mae(result, truth, mask, &of->mae, err));
+    HADA_TRY(hada_metric_compare(HADA_METRIC_MSE, result, truth, 1.0, mask, &of->mse, err));
+    HADA_TRY(hada_metric_compare(HADA_METRIC_PSNR, result, truth, by->peak, mask, &of->psnr, err));
+    HADA_TRY(hada_metric_compare(HADA_METRIC_MAE, result, truth, 1.0, mask, &of->mae, err));
     if (truth->rows >= SSIM_LEAST && truth->cols >= SSIM_LEAST)
         HADA_TRY(measure_ssim(of, one, place, by, err));
     HADA_TRY(hada_metric_sharpness(result, mask, &of->sharpness, err));
@@ -126,10 +126,10 @@ static hada_status measure(marks *of, const hada_compared_page *one, unsigned ch
     if (by->lpips)
         HADA_TRY(hada_lpips_run(by->lpips, result, truth, by->peak, mask, &of->lpips, err));
     if (by->authors)
-        HADA_TRY(hada_metric_authors_psnr(result, truth, by->peak, mask, &of->authors_psnr, err));
+        HADA_TRY(hada_metric_compare(HADA_METRIC_AUTHORS_PSNR, result, truth, by->peak, mask, &of->authors_psnr, err));
     for (int k = 0; k < PLACES; k++)
         if (place[k])
-            HADA_TRY(hada_metric_psnr(result, truth, by->peak, place[k], &of->place_psnr[k], err));
+            HADA_TRY(hada_metric_compare(HADA_METRIC_PSNR, result, truth, by->peak, place[k], &of->place_psnr[k], err));
     return HADA_OK;
 }
 

@@ -28,9 +28,11 @@ static hada_status distances_beside(double **out, int *count, const char *map_pa
     HADA_TRY_OR_DONE(hada_path_finds_file(path, &there, err));
     if (!there || hada_tiff_open(&reader, path, &ignored))
         goto done;
-    const size_t all = hada_tiff_distances(reader, NULL, 0);
-    HADA_TRY_OR_DONE(hada_allocated(*out = hada_alloc(all + 1, sizeof **out, "distances", err)));
-    *count = (int)hada_tiff_distances(reader, *out, all);
+    const hada_tiff_info *info = hada_tiff_get_info(reader);
+    *count = info->distances;
+    HADA_TRY_OR_DONE(hada_allocated(*out = hada_alloc((size_t)*count + 1, sizeof **out, "distances", err)));
+    for (int z = 0; z < *count; z++)
+        (*out)[z] = info->distances_mm[z];
 done:
     hada_tiff_close(&reader);
     free(path);

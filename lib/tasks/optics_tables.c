@@ -32,16 +32,17 @@ static const struct {
 };
 enum { COLUMNS = sizeof columns / sizeof *columns };
 
-const char *hada_optics_column(int column)
+static double value_of(const hada_optics_row *row, int column)
 {
-    return column >= 0 && column < COLUMNS ? columns[column].name : NULL;
+    return *(const double *)(const void *)((const char *)row + columns[column].offset);
 }
 
-double hada_optics_value(const hada_optics_row *row, int column)
+const char *hada_optics_column(int column, const hada_optics_row *row, double *value)
 {
-    if (column < 0 || column >= COLUMNS)
-        return NAN;
-    return *(const double *)(const void *)((const char *)row + columns[column].offset);
+    const int known = column >= 0 && column < COLUMNS;
+    if (value)
+        *value = known && row ? value_of(row, column) : (double)NAN;
+    return known ? columns[column].name : NULL;
 }
 
 /* NaN is an empty cell. */
@@ -61,7 +62,7 @@ static void put_depths(hada_text *out, const hada_optics_report *report)
     hada_text_add(out, "\n");
     for (int z = 0; z < curves->depths; z++) {
         for (int c = 0; c < COLUMNS; c++)
-            put(out, c ? "," : "", hada_optics_value(hada_optics_report_row(report, z), c));
+            put(out, c ? "," : "", value_of(hada_optics_report_row(report, z), c));
         hada_text_add(out, "\n");
     }
 }

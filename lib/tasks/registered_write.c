@@ -137,7 +137,6 @@ hada_status hada_register_write(const hada_register_report *report, const hada_d
                                 const hada_register_task *task, int *rows, int *cols, hada_error *err)
 {
     writing w = {.report = report, .data = data};
-    hada_register_task_init(&w.task);
     HADA_TRY(HADA_OPTIONS_TAKE(&w.task, task, hada_register_task, err));
     if (!hada_dataset_has_files(data))
         HADA_TRY(hada_fail(err, HADA_ERROR_UNSUPPORTED,

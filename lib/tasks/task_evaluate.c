@@ -8,18 +8,6 @@
 #include "tasks/evaluate_compare.h"
 #include "tasks/evaluate_pages.h"
 
-void hada_evaluate_task_defaults(hada_evaluate_task *task, size_t size)
-{
-    const hada_evaluate_task own = {.size = sizeof own,
-                                    .peak = 1.0,
-                                    .tolerance = 0.5,
-                                    .window_row = HADA_AUTO,
-                                    .window_col = HADA_AUTO,
-                                    .truth_encoding = HADA_AUTO,
-                                    .encoding = HADA_AUTO};
-    HADA_OPTIONS_GIVE(task, size, &own);
-}
-
 struct hada_evaluate_report {
     hada_evaluation *rows; /* their names are on the heap */
     int count;
@@ -137,7 +125,6 @@ hada_status hada_evaluate_run(hada_evaluate_report **out, const char *result, co
     if (!out || !result || !truth)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_evaluate_run: a result and a truth are needed");
     *out = NULL;
-    hada_evaluate_task_init(&task);
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&task, callers, hada_evaluate_task, err));
     if (!(task.peak > 0.0) || !(task.tolerance > 0.0))
         HADA_TRY_OR_DONE(

@@ -29,12 +29,6 @@ typedef struct learning {
     char *part; /* file of this rank's sums on the way */
 } learning;
 
-void hada_fit_task_defaults(hada_fit_task *task, size_t size)
-{
-    const hada_fit_task own = {.size = sizeof own, .leave_one_out = 1, .save_seconds = 60.0};
-    HADA_OPTIONS_GIVE(task, size, &own);
-}
-
 const hada_fit_scores *hada_fit_report_scores(const hada_fit_report *report)
 {
     return report->scores;
@@ -64,7 +58,7 @@ void hada_fit_report_destroy(hada_fit_report **report)
 static hada_boundary choose_boundary(int given, const hada_dataset *data, const hada_monitor *monitor)
 {
     const char *path = hada_dataset_get_info(data)->camera;
-    hada_camera camera;
+    hada_camera camera = {.size = sizeof camera};
     hada_error err = {0};
     if (given)
         return (hada_boundary)given;
@@ -290,8 +284,6 @@ static hada_status count_pairs(learning *of, int depths, hada_error *err)
 
 static hada_status take_task(learning *of, const hada_fit_task *task, hada_error *err)
 {
-    hada_fit_task_init(&of->task);
-    hada_fit_options_init(&of->fit);
     HADA_TRY(HADA_OPTIONS_TAKE(&of->task, task, hada_fit_task, err));
     HADA_TRY(HADA_OPTIONS_TAKE(&of->fit, of->task.fit, hada_fit_options, err));
     if (!of->fit.monitor)

@@ -13,12 +13,6 @@
 
 #define PSF_GAMMA 0.4 /* shows the light around spots */
 
-void hada_optics_task_defaults(hada_optics_task *task, size_t size)
-{
-    const hada_optics_task own = {.size = sizeof own, .threshold = HADA_AUTO};
-    HADA_OPTIONS_GIVE(task, size, &own);
-}
-
 /* Where PSFs come from: a file, waves, or (neither) rays. */
 typedef struct source {
     hada_tiff_reader *reader;
@@ -158,7 +152,6 @@ hada_status hada_optics_run(hada_optics_report **report, hada_context *context, 
         *report = NULL;
     if (!camera || !folder)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_optics_run: a camera and a folder are needed");
-    hada_optics_task_init(&task);
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&task, callers, hada_optics_task, err));
     if (task.threshold >= 1.0)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "options.threshold takes a number from 0 to 1"));

@@ -10,12 +10,6 @@
 #include "io/tiff_page.h"
 #include "tasks/fit_passes.h"
 
-void hada_psf_task_defaults(hada_psf_task *task, size_t size)
-{
-    const hada_psf_task own = {.size = sizeof own};
-    HADA_OPTIONS_GIVE(task, size, &own);
-}
-
 /* The pages of a file and their distances. */
 typedef struct pages {
     int count;
@@ -38,12 +32,14 @@ static hada_status find_distances(pages *of, hada_tiff_reader *reader, const cha
     if (task->distances_mm && task->distances != of->count)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "options.distances names %d distance%s, but %s has %d page%s",
                          task->distances, task->distances == 1 ? "" : "s", path, of->count, of->count == 1 ? "" : "s");
-    if (task->distances_mm) {
-        memcpy(of->distances_mm, task->distances_mm, count * sizeof *of->distances_mm);
+    const hada_tiff_info *info = hada_tiff_get_info(reader);
+    const double *known = task->distances_mm             ? task->distances_mm
+                          : info->distances == of->count ? info->distances_mm
+                                                         : NULL;
+    if (known) {
+        memcpy(of->distances_mm, known, count * sizeof *of->distances_mm);
         return HADA_OK;
     }
-    if (hada_tiff_distances(reader, of->distances_mm, count) == count)
-        return HADA_OK;
     return hada_fail(err, HADA_ERROR_ARGUMENT,
                      "%s does not say at which %s its %d %s taken; add options.distances with %s in mm", path,
                      of->count == 1 ? "distance" : "distances", of->count, of->count == 1 ? "page was" : "pages were",
@@ -99,7 +95,6 @@ hada_status hada_psf_run(hada_model **out, hada_context *context, const char *pa
     pages of = {0};
     hada_status status = HADA_OK;
     *out = NULL;
-    hada_psf_task_init(task);
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(task, callers, hada_psf_task, err));
     if (!path)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "hada_psf_run: a file is needed"));

@@ -11,12 +11,6 @@
 #include "tasks/frame_outputs.h"
 #include "tasks/frame_stream.h"
 
-void hada_files_task_defaults(hada_files_task *task, size_t size)
-{
-    const hada_files_task own = {.size = sizeof own, .preview = 1, .bits = 32, .white = 1.0, .encoding = HADA_AUTO};
-    HADA_OPTIONS_GIVE(task, size, &own);
-}
-
 /* A run over all files, and the file whose results are being written. */
 typedef struct run {
     hada_files_task task;
@@ -197,7 +191,6 @@ hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, con
     run own = {.model = model, .paths = paths, .count = count};
     hada_inputs *inputs = NULL;
     hada_status status = HADA_OK;
-    hada_files_task_init(&own.task);
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&own.task, task, hada_files_task, err));
     if (!plan || !model || !paths || !own.task.output)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT,

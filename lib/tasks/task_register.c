@@ -14,12 +14,6 @@
 /* What cannot be told from nothing: a pixel, or this share of the way from the middle to a corner. */
 #define PRECISION 0.005
 
-void hada_register_task_defaults(hada_register_task *task, size_t size)
-{
-    const hada_register_task own = {.size = sizeof own};
-    HADA_OPTIONS_GIVE(task, size, &own);
-}
-
 const hada_registered_depth *hada_register_report_depth(const hada_register_report *report, int depth)
 {
     return &report->depth[depth].depth;
@@ -143,7 +137,6 @@ static hada_status find_all(hada_register_report *report, const hada_dataset *da
     hada_register_options search;
     hada_image last = {0};
     hada_status status = HADA_OK;
-    hada_register_options_init(&search);
     status = HADA_OPTIONS_TAKE(&search, task->search, hada_register_options, err);
     if (status)
         return status;
@@ -166,7 +159,6 @@ hada_status hada_register_run(hada_register_report **out, const hada_dataset *da
     hada_register_task task;
     hada_status status = HADA_OK;
     *out = NULL;
-    hada_register_task_init(&task);
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&task, callers, hada_register_task, err));
     HADA_TRY_OR_DONE(hada_allocated(*out = hada_alloc(1, sizeof **out, "a report", err)));
     HADA_TRY_OR_DONE(hada_allocated((*out)->depth = hada_alloc((size_t)hada_dataset_get_info(data)->depths,

@@ -6,25 +6,11 @@
 #include "io/folder.h"
 #include "tasks/simulate_write.h"
 
-void hada_simulate_task_defaults(hada_simulate_task *task, size_t size)
-{
-    const hada_simulate_task own = {.size = sizeof own,
-                                    .pairs = 8,
-                                    .test_depths = 2,
-                                    .bits = 32,
-                                    .noise = 0.01,
-                                    .scene_response = HADA_RESPONSE_LINEAR};
-    HADA_OPTIONS_GIVE(task, size, &own);
-}
-
 static hada_status take_task(hada_recipe *recipe, const hada_camera *camera, const hada_simulate_task *callers,
                              hada_error *err)
 {
     hada_simulate_task *task = &recipe->task;
-    hada_simulate_task_init(task);
-    hada_simulator_options_init(&recipe->simulator_options);
     hada_sensor_init(&recipe->sensor);
-    hada_camera_init(&recipe->camera);
     HADA_TRY(HADA_OPTIONS_TAKE(&recipe->camera, camera, hada_camera, err));
     HADA_TRY(HADA_OPTIONS_TAKE(task, callers, hada_simulate_task, err));
     HADA_TRY(HADA_OPTIONS_TAKE(&recipe->simulator_options, task->simulator, hada_simulator_options, err));
@@ -86,8 +72,8 @@ static hada_status open_scenes(hada_recipe *recipe, hada_error *err)
 static hada_status make_simulator(hada_recipe *recipe, hada_error *err)
 {
     const double white = recipe->task.white;
-    hada_status status = hada_simulator_create_with(&recipe->simulator, recipe->context, &recipe->camera,
-                                                    &recipe->simulator_options, err);
+    hada_status status =
+        hada_simulator_create(&recipe->simulator, recipe->context, &recipe->camera, &recipe->simulator_options, err);
     if (status == HADA_ERROR_SIZE) { /* a field that does not fit is an option's fault, not a file's */
         status = HADA_ERROR_ARGUMENT;
         if (err)

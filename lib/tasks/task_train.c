@@ -14,17 +14,6 @@
 /* Distances of a model and a data set are the same within this share. */
 #define SAME_DISTANCE 1e-6
 
-void hada_train_task_defaults(hada_train_task *task, size_t size)
-{
-    const hada_train_task own = {.size = sizeof own,
-                                 .hold_out = HADA_AUTO,
-                                 .validate_every = HADA_AUTO,
-                                 .show_every = HADA_AUTO,
-                                 .save_every = HADA_AUTO,
-                                 .validate_pairs = VALIDATE_PAIRS};
-    HADA_OPTIONS_GIVE(task, size, &own);
-}
-
 /* Pairs of one part of the data set, whose first ones of each depth the other part may have. */
 typedef struct part {
     const hada_dataset *data;
@@ -58,10 +47,9 @@ static void training_free(training *own)
 
 static hada_status take_task(training *own, const hada_train_task *task, hada_error *err)
 {
-    hada_train_task_init(&own->task);
     hada_train_options_init(&own->options, HADA_STAGE_ENHANCE);
     HADA_TRY(HADA_OPTIONS_TAKE(&own->task, task, hada_train_task, err));
-    HADA_TRY(HADA_OPTIONS_TAKE(&own->options, own->task.options, hada_train_options, err));
+    HADA_TRY(hada_sized_take(&own->options, sizeof own->options, own->task.options, "hada_train_options", err));
     if (!own->task.output)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "hada_train_run: say where the model shall be written"));
     hada_communicator_init(&own->work.ranks);
@@ -150,7 +138,6 @@ static hada_status survey(training *own, hada_fit_options *fit, hada_error *err)
 {
     const hada_train_task *task = &own->task;
     const hada_fit_source whole = {.data = own->data, .monitor = task->monitor};
-    hada_fit_options_init(fit);
     HADA_TRY(HADA_OPTIONS_TAKE(fit, task->fit, hada_fit_options, err));
     if (!fit->monitor)
         fit->monitor = task->monitor;
@@ -232,12 +219,13 @@ static void note_linear(const training *own)
 static hada_status make_trainer(training *own, hada_context *const *contexts, int count, hada_error *err)
 {
     const hada_pairs pairs = as_pairs(&own->learned), held = as_pairs(&own->validated);
-    const hada_status status = hada_trainer_create_on(&own->work.trainer, contexts, count, own->model, &pairs,
-                                                      own->work.state.held_out ? &held : NULL, &own->options, err);
+    const hada_status status = hada_trainer_create(&own->work.trainer, contexts, count, own->model, &pairs,
+                                                   own->work.state.held_out ? &held : NULL, &own->options, err);
     if (status == HADA_ERROR_DEVICE_MEMORY)
         hada_error_prefix(err, "training needs more memory than the device has; try options.at_once 1, "
                                "options.recompute or a smaller options.net_size: ");
-    own->work.state.trainer = own->work.trainer;
+    own->work.state.options = hada_trainer_info_of(own->work.trainer).options;
+    own->work.state.net = hada_trainer_info_of(own->work.trainer).net;
     return status;
 }
 
@@ -257,7 +245,7 @@ static hada_status resume(training *own, hada_error *err)
     }
     HADA_TRY(hada_trainer_load(work->trainer, work->checkpoint, err));
     hada_monitor_tell(monitor, HADA_MESSAGE_INFO, "Going on from step %llu.",
-                      (unsigned long long)hada_trainer_steps(work->trainer));
+                      (unsigned long long)hada_trainer_info_of(work->trainer).steps);
     return HADA_OK;
 }
 

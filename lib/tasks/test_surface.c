@@ -24,7 +24,7 @@ static const char outside_word[] = "outside", overlap_word[] = "overlap";
 
 static int is_kind(const char *word)
 {
-    return hada_relief_from_word(word) || !strcmp(word, outside_word) || !strcmp(word, overlap_word);
+    return hada_enum_value(HADA_ENUM_RELIEF, word) >= 0 || !strcmp(word, outside_word) || !strcmp(word, overlap_word);
 }
 
 static hada_status add_word(hada_surface_words *words, const char *text, size_t length, hada_error *err)
@@ -143,7 +143,8 @@ static hada_status make_map(hada_image *map, const char *word, const hada_scenes
         return make_outside(map, source, camera, seed, err);
     if (!is_kind(word))
         return read_map(map, word, source, camera, err);
-    HADA_TRY(hada_scene_relief(map, hada_relief_from_word(word), seed, source->rows, source->cols, err));
+    HADA_TRY(hada_scene_relief(map, (hada_relief_kind)hada_enum_value(HADA_ENUM_RELIEF, word), seed, source->rows,
+                               source->cols, err));
     to_distances(map, camera, 0.0, 1.0);
     return HADA_OK;
 }
@@ -206,7 +207,8 @@ hada_status hada_test_surface_make(hada_test_scene *scene, const hada_surface_wo
 {
     const char *word = words->words[test % words->count];
     /* hills have no plain shape */
-    const uint64_t shape = test < words->count && hada_relief_from_word(word) != HADA_RELIEF_HILL ? 0 : seed;
+    const uint64_t shape =
+        test < words->count && (hada_relief_kind)hada_enum_value(HADA_ENUM_RELIEF, word) != HADA_RELIEF_HILL ? 0 : seed;
     const int overlap = !strcmp(word, overlap_word);
     *scene = (hada_test_scene){.count = camera->depths, .surfaces = 1, .opaque = opaque && !overlap};
     HADA_TRY(

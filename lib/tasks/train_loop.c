@@ -216,7 +216,7 @@ static hada_status steps(loop *own, hada_error *err)
         if (wish)
             return stop(own, err);
         HADA_TRY(one_step(own, err));
-        state->step = hada_trainer_steps(own->work->trainer);
+        state->step = hada_trainer_info_of(own->work->trainer).steps;
         if (task->patience > 0 && own->without_better >= task->patience) {
             hada_monitor_tell(task->monitor, HADA_MESSAGE_INFO, "Stopped early: %d validations without a better one.",
                               own->without_better);
@@ -250,7 +250,7 @@ static void set_up(loop *own)
 {
     hada_train_state *state = own->state;
     const hada_train_task *task = own->work->task;
-    const int adversarial = hada_trainer_get_options(own->work->trainer)->adversarial > 0;
+    const int adversarial = hada_trainer_info_of(own->work->trainer).options->adversarial > 0;
     own->validate_every = every(task->validate_every, state->steps / 20);
     own->show_every = every(task->show_every, state->steps / 4);
     own->save_every = every(task->save_every, state->steps / 20);
@@ -286,7 +286,7 @@ hada_status hada_train_loop(hada_train_work *work, hada_error *err)
     hada_train_state *state = &work->state;
     loop own = {.work = work, .state = state, .writes = !work->ranks.rank};
     hada_status status = HADA_OK;
-    state->first = state->step = hada_trainer_steps(work->trainer);
+    state->first = state->step = hada_trainer_info_of(work->trainer).steps;
     if (own.writes)
         HADA_TRY_OR_DONE(hada_train_log_open(&own.log, work->log_folder, state->first > 0, state->first, err));
     set_up(&own);
@@ -295,7 +295,7 @@ hada_status hada_train_loop(hada_train_work *work, hada_error *err)
                                        state->steps > state->first ? (long)(state->steps - state->first) : 0);
     status = run(&own, err);
     hada_progress_end(&own.progress);
-    state->step = hada_trainer_steps(work->trainer);
+    state->step = hada_trainer_info_of(work->trainer).steps;
     state->status = status;
     tell(&own, HADA_TRAIN_ENDS);
 done:

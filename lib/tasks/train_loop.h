@@ -18,4 +18,11 @@ typedef struct hada_train_work {
 /* Steps until the end, with validations, pictures, checkpoints and the best parameters on the way. */
 hada_status hada_train_loop(hada_train_work *work, hada_error *err);
 
+static inline hada_trainer_info hada_trainer_info_of(const hada_trainer *trainer)
+{
+    hada_trainer_info info = {.size = sizeof info};
+    (void)hada_trainer_get_info(trainer, &info, NULL);
+    return info;
+}
+
 #endif

@@ -8,12 +8,6 @@
 #include "core/callers.h"
 #include "core/random.h"
 
-void hada_augment_defaults(hada_augment *augment, size_t size)
-{
-    const hada_augment own = {.size = sizeof own, .plane_flips = HADA_AUTO};
-    HADA_OPTIONS_GIVE(augment, size, &own);
-}
-
 /* One sequence of random numbers for each purpose and place; those of the order are small numbers (rounds). */
 enum { PAIR = 1, PLANE = 2 };
 static void begin(hada_random *random, uint64_t seed, int purpose, uint64_t place)

@@ -34,35 +34,6 @@ int hada_stage_keeps(const hada_augment *augment)
 #define COMPOSED      0.15
 #define COMPOSED_ONLY 1.0
 
-void hada_train_options_defaults(hada_train_options *options, size_t size, hada_stage stage)
-{
-    /* with a net that knows much */
-    const double rate = stage == HADA_STAGE_ADVERSARIAL ? 2e-4 : stage == HADA_STAGE_JOINT ? 1e-4 : 1e-3;
-    const hada_train_options own = {.size = sizeof own,
-                                    .stage = stage,
-                                    .seed = 1,
-                                    .net = "compact",
-                                    .discriminator = "patch",
-                                    .steps = stage == HADA_STAGE_ADVERSARIAL ? 300 : 1000,
-                                    .batch = 4,
-                                    .at_once = HADA_AUTO,
-                                    .rule = HADA_RULE_ADAM,
-                                    .rate = rate,
-                                    .filter_rate = HADA_AUTO,
-                                    .discriminator_rate = HADA_AUTO,
-                                    .schedule = HADA_RATE_COSINE,
-                                    .last_rate = 0.02,
-                                    .warmup = 20,
-                                    .clip = stage == HADA_STAGE_FILTERS ? 0.0 : 0.1,
-                                    .mse = 1.5,
-                                    .perceptual = 0.1,
-                                    .adversarial = stage == HADA_STAGE_ADVERSARIAL ? HADA_AUTO : 0.0,
-                                    .variation = 5e-7,
-                                    .discriminator_steps = stage == HADA_STAGE_ADVERSARIAL ? 60 : 0,
-                                    .compose = HADA_AUTO};
-    HADA_OPTIONS_GIVE(options, size, &own);
-}
-
 static int is_rate(double rate)
 {
     return isfinite(rate) && rate > 0.0;
@@ -140,7 +111,6 @@ static hada_status take_augment(hada_augment *augment, const hada_augment *given
                                 const hada_model_info *info, hada_error *err)
 {
     enum { BOTH_SIDES = 3 };
-    hada_augment_init(augment);
     HADA_TRY(HADA_OPTIONS_TAKE(augment, given, hada_augment, err));
     if (augment->plane_flips == HADA_AUTO)
         augment->plane_flips = hada_stage_has_planes(stage) ? BOTH_SIDES : 0;
@@ -220,7 +190,7 @@ hada_status hada_train_options_settle(hada_train_options *options, hada_augment 
     const hada_model_info *info = hada_model_get_info(model);
     hada_status status = HADA_OK;
     hada_train_options_init(options, callers->stage);
-    HADA_TRY(HADA_OPTIONS_TAKE(options, callers, hada_train_options, err));
+    HADA_TRY(hada_sized_take(options, sizeof *options, callers, "hada_train_options", err));
     const hada_augment *given = options->augment;
     options->augment = augment;
     if ((int)options->stage < HADA_STAGE_FILTERS || options->stage > HADA_STAGE_CONVENTIONAL)

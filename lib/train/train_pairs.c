@@ -6,12 +6,6 @@
 #include "core/callers.h"
 #include "core/random.h"
 
-void hada_pairs_defaults(hada_pairs *pairs, size_t size)
-{
-    const hada_pairs own = {.size = sizeof own};
-    HADA_OPTIONS_GIVE(pairs, size, &own);
-}
-
 uint64_t hada_pairs_total(const hada_pairs *pairs)
 {
     uint64_t total = 0;

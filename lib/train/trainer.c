@@ -143,9 +143,9 @@ done:
     return status;
 }
 
-hada_status hada_trainer_create_on(hada_trainer **out, hada_context *const *contexts, int count,
-                                   const hada_model *model, const hada_pairs *pairs, const hada_pairs *held_out,
-                                   const hada_train_options *options, hada_error *err)
+hada_status hada_trainer_create(hada_trainer **out, hada_context *const *contexts, int count, const hada_model *model,
+                                const hada_pairs *pairs, const hada_pairs *held_out, const hada_train_options *options,
+                                hada_error *err)
 {
     hada_trainer *trainer = NULL;
     hada_status status = HADA_OK;
@@ -161,8 +161,6 @@ hada_status hada_trainer_create_on(hada_trainer **out, hada_context *const *cont
     trainer->model = model;
     trainer->info = *hada_model_get_info(model);
     hada_communicator_init(&trainer->ranks);
-    hada_pairs_init(&trainer->pairs);
-    hada_pairs_init(&trainer->held_out.pairs);
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&trainer->pairs, pairs, hada_pairs, err));
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&trainer->held_out.pairs, held_out, hada_pairs, err));
     HADA_TRY_OR_DONE(make(trainer, contexts, count, options, err));
@@ -171,13 +169,6 @@ done:
         hada_trainer_destroy(&trainer);
     *out = trainer;
     return status;
-}
-
-hada_status hada_trainer_create(hada_trainer **out, hada_context *context, const hada_model *model,
-                                const hada_pairs *pairs, const hada_pairs *held_out, const hada_train_options *options,
-                                hada_error *err)
-{
-    return hada_trainer_create_on(out, &context, 1, model, pairs, held_out, options, err);
 }
 
 void hada_trainer_destroy(hada_trainer **pointer)
@@ -222,22 +213,15 @@ done:
     return status;
 }
 
-const hada_train_options *hada_trainer_get_options(const hada_trainer *trainer)
+hada_status hada_trainer_get_info(const hada_trainer *trainer, hada_trainer_info *info, hada_error *err)
 {
-    return &trainer->options;
-}
-
-const hada_net *hada_trainer_get_net(const hada_trainer *trainer)
-{
-    return trainer->nets.net;
-}
-
-uint64_t hada_trainer_steps(const hada_trainer *trainer)
-{
-    return trainer->progress.step;
-}
-
-uint64_t hada_trainer_seen(const hada_trainer *trainer)
-{
-    return trainer->progress.place;
+    HADA_NEED(trainer && info, err);
+    HADA_TRY(HADA_REPORT_CHECK(info, hada_trainer_info, err));
+    const hada_trainer_info own = {.size = sizeof own,
+                                   .options = &trainer->options,
+                                   .net = trainer->nets.net,
+                                   .steps = trainer->progress.step,
+                                   .seen = trainer->progress.place};
+    HADA_REPORT_GIVE(info, &own);
+    return HADA_OK;
 }

@@ -118,11 +118,11 @@ static hada_status measure(const hada_image *image, const hada_image *truth, mea
     /* Values that are not finite have no distance: training goes on from the last good ones. */
     if (hada_image_count_not_finite(image))
         return HADA_OK;
-    HADA_TRY(hada_metric_psnr(image, truth, 1.0, NULL, &out->psnr, err));
-    HADA_TRY(hada_metric_mae(image, truth, NULL, &out->mae, err));
+    HADA_TRY(hada_metric_compare(HADA_METRIC_PSNR, image, truth, 1.0, NULL, &out->psnr, err));
+    HADA_TRY(hada_metric_compare(HADA_METRIC_MAE, image, truth, 1.0, NULL, &out->mae, err));
     HADA_TRY(hada_metric_sharpness(image, NULL, &out->sharpness, err));
     if (truth->rows >= SSIM_WINDOW && truth->cols >= SSIM_WINDOW)
-        HADA_TRY(hada_metric_ssim(image, truth, 1.0, NULL, &out->ssim, err));
+        HADA_TRY(hada_metric_compare(HADA_METRIC_SSIM, image, truth, 1.0, NULL, &out->ssim, err));
     return HADA_OK;
 }
 

@@ -60,9 +60,10 @@ static void makes_a_camera(void)
     hada_image psf;
     memset(&caller, FILL, sizeof caller);
     memset(&eye, FILL, sizeof eye);
+    caller.camera.size = sizeof caller.camera;
     CHECK(hada_camera_preset(&caller.camera, "sim300", &err) == HADA_OK);
     CHECK(hada_camera_resize(&caller.camera, 30, 40, 12, 12, &err) == HADA_OK);
-    CHECK(hada_camera_psf(&caller.camera, 200.0, &psf, &err) == HADA_OK);
+    CHECK(hada_camera_psf(&caller.camera, 200.0, 0, 0, &psf, &err) == HADA_OK);
     CHECK(psf.rows == 30 && psf.cols == 40);
     CHECK(untouched(caller.behind));
     hada_sensor_init(&eye.sensor);

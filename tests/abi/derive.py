@@ -10,7 +10,7 @@ import sys
 OLDER = {
     "net.h": [r"    int last_relu;.*?\*/\n    int last_norm;.*?\*/\n"],
     "sensor.h": [r"    const hada_image \*gain;.*?\*/\n"],
-    "metrics.h": [r"    long long pixels;.*?\*/\n"],
+    "metrics.h": [r"    long long pixels; +/\* with a true.*?\*/\n"],
 }
 NEWER = {"net.h": [r"(?=\} hada_unet_options;)"]}
 

@@ -453,7 +453,8 @@ int main(int count, char **words)
         printf("operation,shape,median_ms,fastest_ms,gb_per_s,gflop_per_s,runs\n");
     else
         printf("device %d: %s, kernels as %s\n", context->info.index, context->info.name,
-               check_both_shapes(context) ? "lanes and groups" : hada_kernel_shape_name(context->shape));
+               check_both_shapes(context) ? "lanes and groups"
+                                          : hada_enum_name(HADA_ENUM_KERNEL_SHAPE, (int)context->shape));
     const int cover = !strcmp(how.mode, "cover");
     if (cover)
         run_cover(slot, words[0], &how, counts);

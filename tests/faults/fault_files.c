@@ -30,7 +30,7 @@ static hada_status fill(void *user, const char *folder, hada_error *err)
 {
     const fault_job *job = user;
     char path[400];
-    hada_camera camera;
+    hada_camera camera = {.size = sizeof camera};
     hada_camera_init(&camera);
     snprintf(path, sizeof path, "%s/camera.json", folder);
     HADA_TRY(hada_camera_save(&camera, path, err));
@@ -43,7 +43,7 @@ static hada_status fill(void *user, const char *folder, hada_error *err)
 static hada_status read_back(fault_job *job, const char *folder, hada_error *err)
 {
     char path[400];
-    hada_camera camera;
+    hada_camera camera = {.size = sizeof camera};
     hada_dataset *set = NULL, *learn = NULL, *held = NULL;
     hada_image dark = {0};
     double level = 0.0;

@@ -74,7 +74,7 @@ static hada_status simulate(fault_job *job, hada_context *context,
     hada_simulator *simulator = NULL;
     hada_status status = fault_camera_make(&camera, err);
     if (!status)
-        status = hada_simulator_create(&simulator, context, &camera, err);
+        status = hada_simulator_create(&simulator, context, &camera, NULL, err);
     for (int k = 0; !status && k < JOB_DEPTHS * JOB_PAIRS; k++) {
         hada_image scene = {0}, raw = {0};
         status = hada_scene_procedural(&scene, (uint64_t)k + 1, 1, JOB_WINDOW, JOB_WINDOW, err);
@@ -172,7 +172,7 @@ hada_status fault_stage_psf(fault_job *job, hada_error *err)
     options.window_rows = options.window_cols = JOB_WINDOW;
     hada_status status = fault_camera_make(&camera, err);
     for (int z = 0; !status && z < JOB_DEPTHS; z++)
-        status = hada_camera_psf(&camera, distances[z], &psf[z], err);
+        status = hada_camera_psf(&camera, distances[z], 0, 0, &psf[z], err);
     if (!status)
         status = hada_model_from_psf(&model, job->context, psf, JOB_DEPTHS, distances, &options, err);
     if (!status)
@@ -383,7 +383,7 @@ hada_status fault_stage_binaries(fault_job *job, hada_error *err)
 {
     char folder[256];
     path_in(job, folder, "binaries");
-    return hada_programs_save(job->context, folder, err);
+    return hada_programs_save(job->context, folder, NULL, err);
 }
 
 hada_status fault_stage_whole(fault_job *job, hada_error *err)

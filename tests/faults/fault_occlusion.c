@@ -6,6 +6,7 @@
 
 static hada_status camera_make(hada_camera *camera, hada_mask mask, hada_error *err)
 {
+    camera->size = sizeof *camera;
     hada_status status = hada_camera_preset(camera, "sim300", err);
     if (!status)
         status = hada_camera_resize(camera, 24, 24, 10, 10, err);
@@ -25,7 +26,7 @@ static hada_status render(fault_job *job, hada_mask mask, const hada_image *scen
     const hada_image *const opacities[] = {opacity, NULL};
     hada_status status = camera_make(&camera, mask, err);
     if (!status)
-        status = hada_simulator_create(&simulator, job->context, &camera, err);
+        status = hada_simulator_create(&simulator, job->context, &camera, NULL, err);
     if (!status)
         status = hada_simulator_render_occluded(simulator, planes, opacities, 2, -1, 0.0, 0, &raw, err);
     if (!status)

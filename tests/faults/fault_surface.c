@@ -14,7 +14,7 @@ static hada_status make_model(const fault_job *job, const double *distances, had
     hada_psf_options_init(&options);
     options.window_rows = options.window_cols = JOB_WINDOW;
     for (int z = 0; z < DEPTHS; z++)
-        HADA_TRY_OR_DONE(hada_camera_psf(&camera, distances[z], &psf[z], err));
+        HADA_TRY_OR_DONE(hada_camera_psf(&camera, distances[z], 0, 0, &psf[z], err));
     HADA_TRY_OR_DONE(hada_model_from_psf(model, job->context, psf, DEPTHS, distances, &options, err));
 done:
     for (int z = 0; z < DEPTHS; z++)

@@ -11,6 +11,7 @@
 #include "core/error.h"
 #include "fault_job.h"
 #include "io/folder.h"
+#include "model/model.h"
 
 enum { PAIRS = 3, LONGEST = 300 };
 
@@ -147,7 +148,7 @@ hada_status fault_stage_training(fault_job *job, hada_error *err)
         HADA_TRY_OR_DONE(hada_train_run(&job->context, 1, data, &task, err));
     HADA_TRY_OR_DONE(hada_model_load(&model, output, err));
     const hada_model_info *info = hada_model_get_info(model);
-    fault_add(job, hada_model_get_filters(model), (size_t)info->grid_cols * sizeof(float));
+    fault_add(job, model->filter, (size_t)info->grid_cols * sizeof(float));
 done:
     hada_model_destroy(&model);
     hada_dataset_destroy(&data);

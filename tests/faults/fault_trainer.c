@@ -75,7 +75,7 @@ static hada_status train(fault_job *job, hada_context *const *contexts, int coun
     hada_augment_init(&augment);
     augment.noise = stage == HADA_STAGE_JOINT ? 0.01 : 0.0;
     options.augment = &augment;
-    hada_status status = hada_trainer_create_on(&trainer, contexts, count, job->model, &pairs, &pairs, &options, err);
+    hada_status status = hada_trainer_create(&trainer, contexts, count, job->model, &pairs, &pairs, &options, err);
     if (!status)
         status = use(job, trainer, path, err);
     hada_trainer_destroy(&trainer);

@@ -37,7 +37,7 @@ hada_status fault_stage_offline(fault_job *job, hada_error *err)
     hada_result result = {0};
     hada_status status = HADA_OK;
     if (!hada_path_is_folder(job->offline)) /* in the runs without faults that come first */
-        HADA_TRY_OR_DONE(hada_programs_save(job->context, job->offline, err));
+        HADA_TRY_OR_DONE(hada_programs_save(job->context, job->offline, NULL, err));
     hada_context_options_init(&options);
     options.binaries = job->offline;
     HADA_TRY_OR_DONE(hada_context_create(&context, &options, err));

@@ -22,7 +22,6 @@ void fuzz_tiff(const uint8_t *data, size_t bytes)
     fuzz_check(opened, &err);
     if (opened)
         return;
-    hada_tiff_distances(reader, distances, 8);
     for (int i = 0; i < hada_tiff_get_info(reader)->frames && i < MOST_FRAMES; i++) {
         hada_image image;
         const hada_status status = hada_tiff_read(reader, i, &image, &err);
@@ -105,7 +104,7 @@ void fuzz_net(const uint8_t *data, size_t bytes)
 
 void fuzz_camera(const uint8_t *data, size_t bytes)
 {
-    hada_camera camera;
+    hada_camera camera = {.size = sizeof camera};
     hada_error err = {0};
     hada_camera_init(&camera);
     fuzz_check(hada_camera_load(&camera, fuzz_path(data, bytes), &err), &err);

@@ -57,7 +57,7 @@ void fuzz_checkpoint_begin(void)
     must(hada_net_create(&fixed.net, list, 1, &err), &err);
     options.net_given = fixed.net;
     options.batch = 1;
-    must(hada_trainer_create(&fixed.trainer, fixed.context, fixed.model, &pairs, NULL, &options, &err), &err);
+    must(hada_trainer_create(&fixed.trainer, &fixed.context, 1, fixed.model, &pairs, NULL, &options, &err), &err);
     const char *save = getenv("FUZZ_CHECKPOINT"); /* makes the corpus' first input anew */
     if (save)
         must(hada_trainer_save(fixed.trainer, save, &err), &err);

@@ -2,6 +2,8 @@
 
 #include <math.h>
 
+#include "optics/mask.h"
+
 static double pixel(const float *image, int rows, int cols, int r, int c)
 {
     return r >= 0 && r < rows && c >= 0 && c < cols ? image[(size_t)r * (size_t)cols + (size_t)c] : 0.0;

@@ -29,7 +29,7 @@ static inline int close_device(void **state)
 
 static inline hada_camera small_camera(hada_boundary boundary)
 {
-    hada_camera camera;
+    hada_camera camera = {.size = sizeof camera};
     ASSERT_OK(hada_camera_preset(&camera, "sim300", err));
     ASSERT_OK(hada_camera_resize(&camera, ROWS, COLS, HIGH, WIDE, err));
     camera.boundary = boundary;
@@ -47,7 +47,7 @@ static inline hada_simulator *simulator_of(const hada_camera *camera, int shift_
     options.shift_cols = shift_cols;
     options.field_rows = field_rows;
     options.field_cols = field_cols;
-    ASSERT_OK(hada_simulator_create_with(&simulator, context, camera, &options, err));
+    ASSERT_OK(hada_simulator_create(&simulator, context, camera, &options, err));
     return simulator;
 }
 

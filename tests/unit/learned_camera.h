@@ -74,9 +74,10 @@ static inline int learned_setup(void **state)
 {
     static learned_camera learned;
     ASSERT_OK(hada_context_create(&learned.context, NULL, err));
+    learned.camera.size = sizeof learned.camera;
     ASSERT_OK(hada_camera_preset(&learned.camera, "sim300", err));
     learned.camera.channels = 1;
-    ASSERT_OK(hada_simulator_create(&learned.simulator, learned.context, &learned.camera, err));
+    ASSERT_OK(hada_simulator_create(&learned.simulator, learned.context, &learned.camera, NULL, err));
     learned_fit(&learned);
     *state = &learned;
     return 0;

@@ -100,15 +100,15 @@ TEST(takes_kernels_in_the_shape_that_is_asked_for)
         rows[i].variable ? setenv("HADALENS_SHAPE", rows[i].variable, 1) : unsetenv("HADALENS_SHAPE");
         assert_int_equal(hada_context_create(&context, &options, &error), rows[i].status);
         if (context)
-            assert_int_equal(hada_context_shape(context), rows[i].shape);
+            assert_int_equal(context->shape, rows[i].shape);
         else
             assert_non_null(strstr(error.message, rows[i].variable ? "lanes or groups" : "HADA_AUTO"));
         hada_context_destroy(&context);
     }
     kept ? setenv("HADALENS_SHAPE", kept, 1) : unsetenv("HADALENS_SHAPE");
     free(kept);
-    assert_string_equal(hada_kernel_shape_name(HADA_SHAPE_LANES), "lanes");
-    assert_string_equal(hada_kernel_shape_name(HADA_SHAPE_GROUPS), "groups");
+    assert_string_equal(hada_enum_name(HADA_ENUM_KERNEL_SHAPE, (int)HADA_SHAPE_LANES), "lanes");
+    assert_string_equal(hada_enum_name(HADA_ENUM_KERNEL_SHAPE, (int)HADA_SHAPE_GROUPS), "groups");
 }
 
 TEST(counts_bytes_and_keeps_the_peak)
@@ -226,7 +226,7 @@ static void saving_stops(hada_context *context, const char *folder)
     monitor.cancelled = stops_at_second;
     snprintf(inside, sizeof inside, "%s/some", folder);
     const unsigned before = hada_context_programs_compiled(context);
-    assert_int_equal(hada_programs_save_with(context, inside, &monitor, &error), HADA_ERROR_CANCELLED);
+    assert_int_equal(hada_programs_save(context, inside, &monitor, &error), HADA_ERROR_CANCELLED);
     assert_int_equal(asked, 2);
     assert_true(hada_context_programs_compiled(context) <= before + 1);
     snprintf(command, sizeof command, "test $(ls -A %s | wc -l) = 1 && rm -r %s", inside, inside);
@@ -249,7 +249,7 @@ TEST(offline_binaries_need_no_compiler)
     options.binaries = NULL;
     ASSERT_OK(hada_context_create(&context, &options, err));
     save_program(context, "selftest", folder);
-    assert_int_equal(hada_programs_save(context, "/proc/none/x", &error), HADA_ERROR_FILE_WRITE);
+    assert_int_equal(hada_programs_save(context, "/proc/none/x", NULL, &error), HADA_ERROR_FILE_WRITE);
     saving_stops(context, folder);
     hada_context_destroy(&context);
     options.binaries = folder;

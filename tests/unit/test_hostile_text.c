@@ -85,7 +85,7 @@ static hada_status read_net(const char *path, hada_error *err)
 
 static hada_status read_camera(const char *path, hada_error *err)
 {
-    hada_camera camera;
+    hada_camera camera = {.size = sizeof camera};
     return hada_camera_load(&camera, path, err);
 }
 

@@ -315,17 +315,17 @@ TEST(arrays_make_a_model)
     sizes.form = HADA_FORM_SPLIT;
     const size_t bytes = hada_model_plane(model) * 12 * sizeof(float);
     ASSERT_OK(hada_model_from_filters(&made, &sizes, model->filter, model->otf, err));
-    assert_memory_equal(hada_model_get_filters(made), model->filter, bytes);
-    assert_memory_equal(hada_model_get_otf(made), model->otf, bytes);
-    assert_null(hada_model_get_half_filters(made));
+    assert_memory_equal(made->filter, model->filter, bytes);
+    assert_memory_equal(made->otf, model->otf, bytes);
+    assert_null(made->filter_half);
     assert_int_equal(hada_model_get_info(made)->has_otf, 1);
     hada_model_destroy(&made);
 
     ASSERT_OK(hada_model_from_filters(&made, &sizes, model->filter, NULL, err));
-    assert_null(hada_model_get_otf(made));
+    assert_null(made->otf);
     ASSERT_OK(hada_model_to_half(&half, made, err));
-    assert_null(hada_model_get_filters(half));
-    assert_non_null(hada_model_get_half_filters(half));
+    assert_null(half->filter);
+    assert_non_null(half->filter_half);
     hada_model_destroy(&half);
     hada_model_destroy(&made);
 

@@ -215,7 +215,7 @@ TEST(similarity_is_the_metric)
     memcpy(b.data, t.values, hada_ref_values(&shape) * sizeof(float));
     double metric;
     float loss;
-    ASSERT_OK(hada_metric_ssim(&a, &b, 1.0, NULL, &metric, err));
+    ASSERT_OK(hada_metric_compare(HADA_METRIC_SSIM, &a, &b, 1.0, NULL, &metric, err));
     ASSERT_OK(hada_loss_run(device->slot, &desc, &x.tensor, &t.tensor, (hada_floats){value.mem, 0}, NULL, 0,
                             scratch.mem, err));
     ASSERT_OK(hada_buffer_read(&value, device->slot, 0, &loss, sizeof loss, err));

@@ -10,11 +10,13 @@
 
 #include "testing.h"
 
+#include "optics/mask.h"
+
 static const char *const presets[] = {"sim512", "sim300", "crop300", "paper2022"};
 
 static hada_camera preset(const char *name)
 {
-    hada_camera camera;
+    hada_camera camera = {.size = sizeof camera};
     assert_int_equal(hada_camera_preset(&camera, name, NULL), HADA_OK);
     return camera;
 }
@@ -90,15 +92,15 @@ TEST(light_sums_to_one)
     hada_camera camera = preset("sim300");
     for (int i = 0; i < camera.depths; i++) {
         hada_image psf;
-        assert_int_equal(hada_camera_psf(&camera, camera.distances_mm[i], &psf, NULL), HADA_OK);
+        assert_int_equal(hada_camera_psf(&camera, camera.distances_mm[i], 0, 0, &psf, NULL), HADA_OK);
         const moments m = measure(&psf);
         assert_true(fabs(m.sum - 1.0) < 1e-6);
         hada_image_destroy(&psf);
     }
     /* a sensor that is too small loses light, and holds exactly the middle of the larger image */
     hada_image whole, part, cut;
-    assert_int_equal(hada_camera_psf(&camera, 100.0, &whole, NULL), HADA_OK);
-    assert_int_equal(hada_camera_psf_sized(&camera, 100.0, 101, 90, &part, NULL), HADA_OK);
+    assert_int_equal(hada_camera_psf(&camera, 100.0, 0, 0, &whole, NULL), HADA_OK);
+    assert_int_equal(hada_camera_psf(&camera, 100.0, 101, 90, &part, NULL), HADA_OK);
     assert_int_equal(hada_image_crop(&cut, &whole, 150 - 50, 200 - 45, 101, 90, NULL), HADA_OK);
     assert_true(measure(&part).sum < 0.9);
     assert_memory_equal(part.data, cut.data, hada_image_count(&cut) * sizeof(float));
@@ -116,7 +118,7 @@ TEST(spots_stand_where_rays_meet)
     const double distances[] = {60.0, 100.0, 170.0, 400.0, 1e9};
     for (size_t i = 0; i < sizeof distances / sizeof *distances; i++) {
         hada_image psf;
-        assert_int_equal(hada_camera_psf(&camera, distances[i], &psf, NULL), HADA_OK);
+        assert_int_equal(hada_camera_psf(&camera, distances[i], 0, 0, &psf, NULL), HADA_OK);
         const moments m = measure(&psf);
         const double magnification = 1.0 + camera.distance_mm / distances[i];
         assert_true(fabs(m.row - (150 + y * magnification / camera.pixel_pitch_mm)) < 2e-3);
@@ -140,7 +142,7 @@ TEST(focus_is_sharpest)
     double spread[5];
     for (int i = 0; i < 5; i++) {
         hada_image psf;
-        assert_int_equal(hada_camera_psf(&camera, distances[i], &psf, NULL), HADA_OK);
+        assert_int_equal(hada_camera_psf(&camera, distances[i], 0, 0, &psf, NULL), HADA_OK);
         spread[i] = measure(&psf).spread;
         hada_image_destroy(&psf);
     }
@@ -155,8 +157,8 @@ TEST(overlapping_lenses_share_the_ground)
     hada_camera small = camera;
     small.lens_diameter_mm = 1.2; /* no overlap at a spacing of 1.2 mm */
     hada_image shared, apart;
-    assert_int_equal(hada_camera_psf_sized(&camera, 100.0, 800, 800, &shared, NULL), HADA_OK);
-    assert_int_equal(hada_camera_psf_sized(&small, 100.0, 800, 800, &apart, NULL), HADA_OK);
+    assert_int_equal(hada_camera_psf(&camera, 100.0, 800, 800, &shared, NULL), HADA_OK);
+    assert_int_equal(hada_camera_psf(&small, 100.0, 800, 800, &apart, NULL), HADA_OK);
     assert_true(fabs(measure(&shared).sum - 1.0) < 1e-5);
     assert_true(fabs(measure(&apart).sum - 1.0) < 1e-5);
     double peak_shared = 0.0, peak_apart = 0.0;
@@ -189,7 +191,7 @@ TEST(same_seed_same_mask)
 
 TEST(files)
 {
-    hada_camera camera = preset("paper2022"), back;
+    hada_camera camera = preset("paper2022"), back = {.size = sizeof back};
     camera.seed = UINT64_MAX - 5;
     camera.boundary = HADA_BOUNDARY_PADDED;
     char path[] = "/tmp/hadalens-camera-XXXXXX";
@@ -243,7 +245,7 @@ TEST(files)
 TEST(refusals)
 {
     hada_error err;
-    hada_camera camera;
+    hada_camera camera = {.size = sizeof camera};
     assert_int_equal(hada_camera_preset(&camera, "sim9", &err), HADA_ERROR_ARGUMENT);
     assert_non_null(strstr(err.message, "paper2022"));
     camera = preset("sim300");
@@ -260,7 +262,7 @@ TEST(refusals)
     /* lengths that each are possible, and no light that arrives */
     hada_image psf;
     camera.aperture_mm = 1e6;
-    assert_int_equal(hada_camera_psf(&camera, 100.0, &psf, &err), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_camera_psf(&camera, 100.0, 0, 0, &psf, &err), HADA_ERROR_ARGUMENT);
     assert_non_null(strstr(err.message, "no light of a point at 100 mm"));
     assert_null(psf.data);
     camera = preset("sim300");

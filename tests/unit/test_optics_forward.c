@@ -44,7 +44,7 @@ TEST(shift)
     options.psf = psfs;
     options.shift_rows = down;
     options.shift_cols = across;
-    ASSERT_OK(hada_simulator_create_with(&moved, context, &camera, &options, err));
+    ASSERT_OK(hada_simulator_create(&moved, context, &camera, &options, err));
     hada_image given;
     ASSERT_OK(hada_simulator_psf(moved, 0, &given, err));
     for (int r = 0; r < ROWS; r++)
@@ -76,7 +76,7 @@ TEST(field)
               col0 = MARGIN + (COLS - WIDE) / 2 - (WIDER - WIDE) / 2;
     for (int r = 0; r < HIGHER; r++)
         memcpy(canvas + (row0 + r) * C + col0, scene.data + r * WIDER, WIDER * sizeof(float));
-    ASSERT_OK(hada_camera_psf_sized(&camera, camera.distances_mm[2], 2 * R, 2 * C, &psf, err));
+    ASSERT_OK(hada_camera_psf(&camera, camera.distances_mm[2], 2 * R, 2 * C, &psf, err));
     hada_ref_convolve_crop(R, C, canvas, 2 * R, 2 * C, psf.data, all);
     for (int r = 0; r < ROWS; r++)
         memcpy(expected + r * COLS, all + (MARGIN + r) * C + MARGIN, COLS * sizeof(double));
@@ -141,17 +141,17 @@ TEST(refusals)
     hada_simulator_options_init(&options);
     options.field_rows = ROWS + 1;
     options.field_cols = COLS;
-    assert_int_equal(hada_simulator_create_with(&simulator, context, &camera, &options, &error), HADA_ERROR_SIZE);
+    assert_int_equal(hada_simulator_create(&simulator, context, &camera, &options, &error), HADA_ERROR_SIZE);
     assert_non_null(strstr(error.message, "padded"));
     options.field_rows = HIGH - 1;
-    assert_int_equal(hada_simulator_create_with(&simulator, context, &camera, &options, &error), HADA_ERROR_SIZE);
+    assert_int_equal(hada_simulator_create(&simulator, context, &camera, &options, &error), HADA_ERROR_SIZE);
     options.field_rows = 0;
-    assert_int_equal(hada_simulator_create_with(&simulator, context, &camera, &options, &error), HADA_ERROR_SIZE);
+    assert_int_equal(hada_simulator_create(&simulator, context, &camera, &options, &error), HADA_ERROR_SIZE);
     hada_simulator_options_init(&options);
     options.shift_rows = 1 << 20;
-    assert_int_equal(hada_simulator_create_with(&simulator, context, &camera, &options, &error), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_simulator_create(&simulator, context, &camera, &options, &error), HADA_ERROR_ARGUMENT);
     options.size = 0;
-    assert_int_equal(hada_simulator_create_with(&simulator, context, &camera, &options, &error), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_simulator_create(&simulator, context, &camera, &options, &error), HADA_ERROR_ARGUMENT);
     assert_null(simulator);
 }
 

@@ -16,7 +16,7 @@ static void add_expected(const hada_camera *camera, const hada_image *image, int
     hada_image psf;
     const double far_mm = camera->distances_mm[depth], pitch = camera->pixel_pitch_mm;
     ASSERT_OK(hada_camera_lenses(camera, x, y, err));
-    ASSERT_OK(hada_camera_psf_sized(camera, far_mm, 2 * ROWS, 2 * COLS, &psf, err));
+    ASSERT_OK(hada_camera_psf(camera, far_mm, 2 * ROWS, 2 * COLS, &psf, err));
     for (int l = 0; l < LENSES; l++) {
         if (lens >= 0 && l != lens)
             continue;
@@ -95,7 +95,7 @@ TEST(limits_of_occlusion)
     hada_image psf[4], scenes[2], opacity, plain, raw, alone, sum, one;
     for (int z = 0; z < 4; z++) {
         hada_image grey;
-        ASSERT_OK(hada_camera_psf(&camera, camera.distances_mm[z], &grey, err));
+        ASSERT_OK(hada_camera_psf(&camera, camera.distances_mm[z], 0, 0, &grey, err));
         ASSERT_OK(hada_image_create(&psf[z], 3, ROWS, COLS, err));
         for (int i = 0; i < 3 * PIXELS; i++)
             psf[z].data[i] = grey.data[i % PIXELS] * (1.0f + 0.5f * (float)(i / PIXELS));
@@ -109,7 +109,7 @@ TEST(limits_of_occlusion)
     options.field_rows = HIGHER;
     options.field_cols = WIDER;
     hada_simulator *simulator;
-    ASSERT_OK(hada_simulator_create_with(&simulator, context, &camera, &options, err));
+    ASSERT_OK(hada_simulator_create(&simulator, context, &camera, &options, err));
     scenes[0] = drawn(31, 3, HIGHER, WIDER);
     scenes[1] = drawn(32, 3, HIGHER, WIDER);
     ASSERT_OK(hada_image_create(&opacity, 1, HIGHER, WIDER, err));
@@ -272,7 +272,7 @@ TEST(all_patches)
     for (int z = 0; z < 4; z++) /* light everywhere, also where no ray of the mask goes */
         psf[z] = drawn(70 + (uint64_t)z, 3, ROWS, COLS);
     options.psf = psf;
-    ASSERT_OK(hada_simulator_create_with(&simulators[1], context, &camera, &options, err));
+    ASSERT_OK(hada_simulator_create(&simulators[1], context, &camera, &options, err));
     for (int i = 0; i < 2; i++)
         scenes[i] = drawn(60 + (uint64_t)i, 3, HIGH, WIDE);
     ASSERT_OK(hada_image_create(&opacity, 1, HIGH, WIDE, err));

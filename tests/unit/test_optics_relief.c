@@ -28,7 +28,7 @@ static void add_columns(const hada_camera *camera, const hada_image *image, int 
         memset(wide, 0, sizeof wide);
         for (int r = 0; r < HIGH; r++)
             wide[((ROWS - HIGH) / 2 + r) * COLS + (COLS - WIDE) / 2 + c] = image->data[(channel * HIGH + r) * WIDE + c];
-        ASSERT_OK(hada_camera_psf_sized(camera, (double)map->data[c], 2 * ROWS, 2 * COLS, &psf, err));
+        ASSERT_OK(hada_camera_psf(camera, (double)map->data[c], 2 * ROWS, 2 * COLS, &psf, err));
         hada_ref_convolve_crop(ROWS, COLS, wide, 2 * ROWS, 2 * COLS, psf.data, out);
         hada_image_destroy(&psf);
     }
@@ -151,7 +151,7 @@ static void add_opaque(const hada_camera *camera, const hada_image *image, int c
         hada_image psf;
         const int row = (ROWS - HIGH) / 2 + i / WIDE, col = (COLS - WIDE) / 2 + i % WIDE;
         see(camera, map, i, x, y, seen);
-        ASSERT_OK(hada_camera_psf_sized(camera, (double)map->data[i], 2 * ROWS, 2 * COLS, &psf, err));
+        ASSERT_OK(hada_camera_psf(camera, (double)map->data[i], 2 * ROWS, 2 * COLS, &psf, err));
         for (int r = 0; r < ROWS; r++)
             for (int c = 0; c < COLS; c++) {
                 const float light = psf.data[(r - row + ROWS) * 2 * COLS + (c - col + COLS)];
@@ -250,9 +250,12 @@ TEST(refusals)
     REFUSED(1, HADA_ERROR_ARGUMENT, "no pixel");
 #undef REFUSED
     for (int z = 0; z < 4; z++)
-        ASSERT_OK(hada_camera_psf(&camera, camera.distances_mm[z], &psf[z], err));
+        ASSERT_OK(hada_camera_psf(&camera, camera.distances_mm[z], 0, 0, &psf[z], err));
     map.data[0] = 200.0f;
-    ASSERT_OK(hada_simulator_create_psf(&given, context, &camera, psf, err));
+    hada_simulator_options with_psf;
+    hada_simulator_options_init(&with_psf);
+    with_psf.psf = psf;
+    ASSERT_OK(hada_simulator_create(&given, context, &camera, &with_psf, err));
     assert_int_equal(hada_simulator_render_reliefs(given, relief, 1, 0, 0.0, 0, &raw, &error), HADA_ERROR_UNSUPPORTED);
     for (int z = 0; z < 4; z++)
         hada_image_destroy(&psf[z]);

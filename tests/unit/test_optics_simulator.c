@@ -25,7 +25,7 @@ static int close_device(void **state)
 
 static hada_camera small_camera(hada_boundary boundary)
 {
-    hada_camera camera;
+    hada_camera camera = {.size = sizeof camera};
     ASSERT_OK(hada_camera_preset(&camera, "sim300", err));
     ASSERT_OK(hada_camera_resize(&camera, 60, 72, 25, 24, err));
     camera.boundary = boundary;
@@ -49,7 +49,7 @@ TEST(a_point_gives_the_psf)
 {
     const hada_camera camera = small_camera(HADA_BOUNDARY_CIRCULAR);
     hada_simulator *simulator;
-    ASSERT_OK(hada_simulator_create(&simulator, context, &camera, err));
+    ASSERT_OK(hada_simulator_create(&simulator, context, &camera, NULL, err));
     for (int depth = 0; depth < camera.depths; depth++) {
         hada_image scene, psf, raw;
         ASSERT_OK(hada_image_create(&scene, 1, camera.window_rows, camera.window_cols, err));
@@ -86,7 +86,7 @@ TEST(frames_equal_the_reference)
         if (b) /* a pattern wider than the sensor */
             camera.distance_mm *= 2.0;
         hada_simulator *simulator;
-        ASSERT_OK(hada_simulator_create(&simulator, context, &camera, err));
+        ASSERT_OK(hada_simulator_create(&simulator, context, &camera, NULL, err));
         hada_image scenes[3], raw;
         const int depths[] = {0, 3, 0};
         hada_plane planes[3];
@@ -96,7 +96,7 @@ TEST(frames_equal_the_reference)
             ASSERT_OK(hada_scene_procedural(&scenes[i], (uint64_t)i, i == 1 ? 1 : 3, 25, 24, err));
             planes[i] = (hada_plane){depths[i], &scenes[i]};
             const double z = camera.distances_mm[depths[i]];
-            ASSERT_OK(hada_camera_psf_sized(&camera, z, b ? 120 : 60, b ? 144 : 72, &psf, err));
+            ASSERT_OK(hada_camera_psf(&camera, z, b ? 120 : 60, b ? 144 : 72, &psf, err));
             for (int c = 0; c < 3; c++) {
                 memset(wide, 0, sizeof wide);
                 for (int r = 0; r < 25; r++)
@@ -121,7 +121,7 @@ TEST(frames_equal_the_reference)
         ASSERT_OK(hada_simulator_render(simulator, planes, 3, 0.05, 7, &noisy, err));
         ASSERT_OK(hada_simulator_render(simulator, planes, 3, 0.05, 7, &again, err));
         assert_memory_equal(noisy.data, again.data, sizeof(float) * 3 * PIXELS);
-        ASSERT_OK(hada_metric_mse(&raw, &noisy, NULL, &mse, err));
+        ASSERT_OK(hada_metric_compare(HADA_METRIC_MSE, &raw, &noisy, 1.0, NULL, &mse, err));
         assert_true(fabs(sqrt(mse) / (0.05 * most) - 1.0) < 0.03);
         for (int i = 0; i < 3; i++)
             hada_image_destroy(&scenes[i]);
@@ -141,7 +141,7 @@ TEST(light_is_kept_or_lost)
         camera.cols = 40;
         hada_simulator *simulator;
         hada_image scene, raw;
-        ASSERT_OK(hada_simulator_create(&simulator, context, &camera, err));
+        ASSERT_OK(hada_simulator_create(&simulator, context, &camera, NULL, err));
         ASSERT_OK(hada_scene_procedural(&scene, 4, 1, 25, 24, err));
         const hada_plane plane = {0, &scene};
         ASSERT_OK(hada_simulator_render(simulator, &plane, 1, 0.0, 0, &raw, err));
@@ -178,7 +178,10 @@ TEST(given_psfs)
             psf[i].data[(c * 60 + 30 + i) * 72 + 36 + c] = 1.0f;
     }
     hada_simulator *simulator;
-    ASSERT_OK(hada_simulator_create_psf(&simulator, context, &camera, psf, err));
+    hada_simulator_options with_psf;
+    hada_simulator_options_init(&with_psf);
+    with_psf.psf = psf;
+    ASSERT_OK(hada_simulator_create(&simulator, context, &camera, &with_psf, err));
     ASSERT_OK(hada_scene_procedural(&scene, 4, 3, 25, 24, err));
     const hada_plane plane = {1, &scene};
     ASSERT_OK(hada_simulator_render(simulator, &plane, 1, 0.0, 0, &raw, err));
@@ -192,7 +195,7 @@ TEST(given_psfs)
     hada_simulator_destroy(&simulator);
     hada_error error;
     psf[1].channels = 2;
-    assert_int_equal(hada_simulator_create_psf(&simulator, context, &camera, psf, &error), HADA_ERROR_SIZE);
+    assert_int_equal(hada_simulator_create(&simulator, context, &camera, &with_psf, &error), HADA_ERROR_SIZE);
     assert_null(simulator);
     for (int i = 0; i < 2; i++)
         hada_image_destroy(&psf[i]);
@@ -208,7 +211,7 @@ TEST(refusals)
     hada_simulator *simulator;
     hada_error error;
     hada_image scene, raw;
-    ASSERT_OK(hada_simulator_create(&simulator, context, &camera, err));
+    ASSERT_OK(hada_simulator_create(&simulator, context, &camera, NULL, err));
     ASSERT_OK(hada_image_create(&scene, 3, 25, 25, err));
     hada_plane plane = {0, &scene};
     assert_int_equal(hada_simulator_render(simulator, &plane, 1, 0.0, 0, &raw, &error), HADA_ERROR_SIZE);

@@ -22,7 +22,7 @@ static int stops(void *user)
 
 static hada_camera camera_of(hada_mask mask, hada_optics optics)
 {
-    hada_camera camera;
+    hada_camera camera = {.size = sizeof camera};
     ASSERT_OK(hada_camera_preset(&camera, "sim300", err));
     ASSERT_OK(hada_camera_resize(&camera, ROWS, COLS, WINDOW, WINDOW, err));
     ASSERT_OK(hada_camera_set_depths(&camera, 100.0, 300.0, 2, err));
@@ -54,7 +54,7 @@ static hada_status render(const hada_camera *camera, asked *who, hada_image *fra
     hada_simulator_options_init(&options);
     options.monitor = &monitor;
     *frame = (hada_image){0};
-    if ((status = hada_simulator_create_with(&simulator, context, camera, &options, why)))
+    if ((status = hada_simulator_create(&simulator, context, camera, &options, why)))
         return status;
     ASSERT_OK(hada_image_create(&white, 1, WINDOW, WINDOW, err));
     for (size_t i = 0; i < hada_image_count(&white); i++)
@@ -130,14 +130,14 @@ TEST(too_much_is_refused)
     double x[4096], y[4096];
     camera.lenses = 29;
     camera.pixel_pitch_mm = 1e-6;
-    assert_int_equal(hada_camera_psf(&camera, 100.0, &psf, &why), HADA_ERROR_UNSUPPORTED);
+    assert_int_equal(hada_camera_psf(&camera, 100.0, 0, 0, &psf, &why), HADA_ERROR_UNSUPPORTED);
     assert_non_null(strstr(why.message, "larger pixels"));
     camera.pixel_pitch_mm = 0.4;
-    assert_int_equal(hada_camera_psf(&camera, 1e-300, &psf, &why), HADA_ERROR_UNSUPPORTED);
+    assert_int_equal(hada_camera_psf(&camera, 1e-300, 0, 0, &psf, &why), HADA_ERROR_UNSUPPORTED);
     camera.lenses = 4096;
     camera.minimum_spacing_mm = 0.0;
     camera.blur_pixels = 64.0;
-    assert_int_equal(hada_camera_psf(&camera, 100.0, &psf, &why), HADA_ERROR_UNSUPPORTED);
+    assert_int_equal(hada_camera_psf(&camera, 100.0, 0, 0, &psf, &why), HADA_ERROR_UNSUPPORTED);
     assert_null(psf.data);
     camera.minimum_spacing_mm = 0.16; /* more than fit, by little */
     assert_int_equal(hada_camera_lenses(&camera, x, y, &why), HADA_ERROR_ARGUMENT);

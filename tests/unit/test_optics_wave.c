@@ -16,7 +16,7 @@ static hada_context *context;
 /* One lens of 1 mm, f = 20 mm, the axis in its middle or near it, d = 20 mm: in focus at infinity. Fine pixels. */
 static hada_camera one_lens(void)
 {
-    hada_camera camera;
+    hada_camera camera = {.size = sizeof camera};
     hada_camera_init(&camera);
     camera.channels = 1;
     camera.rows = 161;
@@ -197,7 +197,7 @@ TEST(colours_focus_apart)
 
 static hada_camera small(hada_mask mask)
 {
-    hada_camera camera;
+    hada_camera camera = {.size = sizeof camera};
     assert_int_equal(hada_camera_preset(&camera, "sim300", NULL), HADA_OK);
     assert_int_equal(hada_camera_resize(&camera, 180, 190, 0, 0, NULL), HADA_OK);
     camera.channels = 1;
@@ -245,7 +245,7 @@ TEST(every_mask)
     for (size_t i = 0; i < 5; i++) {
         const hada_camera camera = small(masks[i]);
         hada_image rays, psf = wave_psf(&camera, 200.0, 0);
-        assert_int_equal(hada_camera_psf(&camera, 200.0, &rays, NULL), HADA_OK);
+        assert_int_equal(hada_camera_psf(&camera, 200.0, 0, 0, &rays, NULL), HADA_OK);
         /* light is kept, but for what edges scatter: the more, the smaller what is between them */
         assert_true(total(&psf) < 1.0 + 1e-4 && total(&psf) > (masks[i] == HADA_MASK_APERTURE ? 0.94 : 0.98));
         const double same = alike(&psf, &rays);
@@ -256,7 +256,7 @@ TEST(every_mask)
     hada_camera cells = small(HADA_MASK_APERTURE);
     cells.cell_mm = 0.5;
     hada_image rays, psf = wave_psf(&cells, 200.0, 0);
-    assert_int_equal(hada_camera_psf(&cells, 200.0, &rays, NULL), HADA_OK);
+    assert_int_equal(hada_camera_psf(&cells, 200.0, 0, 0, &rays, NULL), HADA_OK);
     assert_true(total(&psf) > 0.96 && alike(&psf, &rays) > 0.97);
     hada_image_destroy(&psf);
     hada_image_destroy(&rays);
@@ -290,7 +290,7 @@ TEST(frames)
     ASSERT_OK(hada_camera_set_depths(&camera, 100.0, 200.0, 2, err));
     ASSERT_OK(hada_camera_psf_stack(context, &camera, stack, err));
     assert_int_equal(stack[0].channels, 3);
-    ASSERT_OK(hada_simulator_create(&simulator, context, &camera, err));
+    ASSERT_OK(hada_simulator_create(&simulator, context, &camera, NULL, err));
     ASSERT_OK(hada_image_create(&point, 1, camera.window_rows, camera.window_cols, err));
     const int row = camera.rows / 2 - hada_window_origin(camera.rows, camera.window_rows),
               col = camera.cols / 2 - hada_window_origin(camera.cols, camera.window_cols);

@@ -93,56 +93,26 @@ TEST(what_was_never_set_up_is_refused)
 }
 
 /* Every public struct of options: its init writes exactly as much as the caller's size says, and the size. */
-typedef void (*give)(void *options, size_t size);
-static void give_focus(void *options, size_t size)
-{
-    hada_focus_options_defaults(options, size, 1);
-}
-static void give_train(void *options, size_t size)
-{
-    hada_train_options_defaults(options, size, HADA_STAGE_JOINT);
-}
-#define GIVE(type)                                                                                                     \
-    static void give_##type(void *options, size_t size)                                                                \
-    {                                                                                                                  \
-        hada_##type##_defaults(options, size);                                                                         \
-    }
-GIVE(augment)
-GIVE(camera)
-GIVE(classic_options)
-GIVE(context_options)
-GIVE(fit_options)
-GIVE(plan_options)
-GIVE(preview)
-GIVE(psf_options)
-GIVE(register_options)
-GIVE(sensor)
-GIVE(simulator_options)
-GIVE(tiff_write_options)
-GIVE(unet_options)
-GIVE(wave_options)
-
 TEST(every_init_keeps_to_the_callers_size)
 {
     static const struct {
-        give give;
+        hada_struct which;
         size_t size;
-    } all[] = {{give_focus, sizeof(hada_focus_options)},
-               {give_train, sizeof(hada_train_options)},
-               {give_augment, sizeof(hada_augment)},
-               {give_camera, sizeof(hada_camera)},
-               {give_classic_options, sizeof(hada_classic_options)},
-               {give_context_options, sizeof(hada_context_options)},
-               {give_fit_options, sizeof(hada_fit_options)},
-               {give_plan_options, sizeof(hada_plan_options)},
-               {give_preview, sizeof(hada_preview)},
-               {give_psf_options, sizeof(hada_psf_options)},
-               {give_register_options, sizeof(hada_register_options)},
-               {give_sensor, sizeof(hada_sensor)},
-               {give_simulator_options, sizeof(hada_simulator_options)},
-               {give_tiff_write_options, sizeof(hada_tiff_write_options)},
-               {give_unet_options, sizeof(hada_unet_options)},
-               {give_wave_options, sizeof(hada_wave_options)}};
+    } all[] = {{HADA_STRUCT_FOCUS_SHARED, sizeof(hada_focus_options)},
+               {HADA_STRUCT_TRAIN_OPTIONS + HADA_STAGE_JOINT, sizeof(hada_train_options)},
+               {HADA_STRUCT_AUGMENT, sizeof(hada_augment)},
+               {HADA_STRUCT_CLASSIC_OPTIONS, sizeof(hada_classic_options)},
+               {HADA_STRUCT_CONTEXT_OPTIONS, sizeof(hada_context_options)},
+               {HADA_STRUCT_FIT_OPTIONS, sizeof(hada_fit_options)},
+               {HADA_STRUCT_PLAN_OPTIONS, sizeof(hada_plan_options)},
+               {HADA_STRUCT_PREVIEW, sizeof(hada_preview)},
+               {HADA_STRUCT_PSF_OPTIONS, sizeof(hada_psf_options)},
+               {HADA_STRUCT_REGISTER_OPTIONS, sizeof(hada_register_options)},
+               {HADA_STRUCT_SENSOR, sizeof(hada_sensor)},
+               {HADA_STRUCT_SIMULATOR_OPTIONS, sizeof(hada_simulator_options)},
+               {HADA_STRUCT_TIFF_WRITE_OPTIONS, sizeof(hada_tiff_write_options)},
+               {HADA_STRUCT_UNET_OPTIONS, sizeof(hada_unet_options)},
+               {HADA_STRUCT_WAVE_OPTIONS, sizeof(hada_wave_options)}};
     enum { BEHIND = 32 };
     for (size_t i = 0; i < sizeof all / sizeof *all; i++)
         for (int change = -8; change <= 8; change += 8) {
@@ -151,7 +121,7 @@ TEST(every_init_keeps_to_the_callers_size)
             size_t stated;
             assert_non_null(bytes);
             memset(bytes, 0xa5, size + BEHIND);
-            all[i].give(bytes, size);
+            hada_struct_init(all[i].which, bytes, size);
             memcpy(&stated, bytes, sizeof stated);
             assert_int_equal(stated, size);
             for (size_t k = 0; k < BEHIND; k++)
@@ -171,7 +141,7 @@ TEST(a_call_takes_an_older_struct)
     } caller;
     const size_t older_size = offsetof(hada_unet_options, up_by);
     memset(&caller, 0xa5, sizeof caller);
-    hada_unet_options_defaults(&caller.options, older_size);
+    hada_struct_init(HADA_STRUCT_UNET_OPTIONS, &caller.options, older_size);
     for (size_t i = older_size; i < sizeof caller; i++)
         assert_int_equal(caller.bytes[i], 0xa5);
     hada_net *net;
@@ -186,7 +156,7 @@ TEST(a_call_takes_an_older_struct)
         size_t unknown;
     } larger;
     hada_error error;
-    hada_unet_options_defaults(&larger.known, sizeof larger);
+    hada_struct_init(HADA_STRUCT_UNET_OPTIONS, &larger.known, sizeof larger);
     ASSERT_OK(hada_net_create_unet(&net, &larger.known, 1, err));
     hada_net_destroy(&net);
     larger.unknown = 1;

@@ -8,6 +8,7 @@
 
 #include "core/input.h"
 #include "core/outfile.h"
+#include "io/folder.h"
 #include "io_testing.h"
 
 static mode_t mode_of(const char *path)

@@ -60,7 +60,7 @@ TEST(an_object_between_depths_shows_at_its_neighbours)
     hada_simulator *simulator;
     between.depths = 1;
     between.distances_mm[0] = 2 / (1 / learned->camera.distances_mm[1] + 1 / learned->camera.distances_mm[2]);
-    ASSERT_OK(hada_simulator_create(&simulator, learned->context, &between, err));
+    ASSERT_OK(hada_simulator_create(&simulator, learned->context, &between, NULL, err));
     hada_image scene = learned_scene(learned, 32), raw;
     ASSERT_OK(hada_simulator_render(simulator, &(hada_plane){0, &scene}, 1, learned_noise, 32, &raw, err));
     hada_result result = {0};

@@ -20,9 +20,10 @@ static int open_device(void **state)
 {
     static bench b;
     ASSERT_OK(hada_context_create(&b.context, NULL, err));
+    b.camera.size = sizeof b.camera;
     ASSERT_OK(hada_camera_preset(&b.camera, "sim300", err));
     ASSERT_OK(hada_camera_resize(&b.camera, ROWS, COLS, 0, 0, err));
-    ASSERT_OK(hada_simulator_create(&b.simulator, b.context, &b.camera, err));
+    ASSERT_OK(hada_simulator_create(&b.simulator, b.context, &b.camera, NULL, err));
     *state = &b;
     return 0;
 }
@@ -204,7 +205,7 @@ TEST(vignetting)
         hada_simulator *simulator;
         options.shift_rows = 20 * moved;
         options.shift_cols = -30 * moved;
-        ASSERT_OK(hada_simulator_create_with(&simulator, b->context, &b->camera, &options, err));
+        ASSERT_OK(hada_simulator_create(&simulator, b->context, &b->camera, &options, err));
         hada_image frame = flat(3, 1.0f);
         ASSERT_OK(hada_simulator_expose(simulator, &sensor, 1, &frame, err));
         const int at[][2] = {{0, 0}, {75, 100}, {149, 13}};

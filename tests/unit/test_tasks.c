@@ -261,6 +261,7 @@ static int begin(void **state)
     hada_error error = {0};
     snprintf(root, sizeof root, "%s/hadalens-tasks-XXXXXX", folder ? folder : P_tmpdir);
     ASSERT_OK(hada_context_create(&context, NULL, err));
+    camera.size = sizeof camera;
     ASSERT_OK(hada_camera_preset(&camera, "sim300", err));
     ASSERT_OK(hada_camera_resize(&camera, 48, 60, 16, 20, err));
     ASSERT_OK(hada_camera_set_depths(&camera, 100, 400, DEPTHS, err));

@@ -274,7 +274,7 @@ TEST(resolutions_have_units)
         const hada_tiff_info *info = hada_tiff_get_info(reader);
         assert_float_equal(info->pixel_width_um, expected[unit - 1], 1e-3);
         assert_float_equal(info->pixel_height_um, 2 * expected[unit - 1], 1e-3);
-        assert_true(hada_tiff_encoding(reader) == 0.0);
+        assert_true(hada_tiff_get_info(reader)->encoding == 0.0);
         hada_tiff_close(&reader);
     }
 }

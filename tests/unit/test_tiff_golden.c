@@ -90,7 +90,7 @@ TEST(test_sizes_in_the_world)
         assert_int_equal(hada_tiff_open(&reader, io_golden(files[i].name), NULL), HADA_OK);
         assert_float_equal(hada_tiff_get_info(reader)->pixel_width_um, files[i].pixel, 1e-6);
         assert_float_equal(hada_tiff_get_info(reader)->slice_spacing, files[i].spacing, 1e-6);
-        assert_int_equal(hada_tiff_distances(reader, NULL, 0), 0);
+        assert_int_equal(hada_tiff_get_info(reader)->distances, 0);
         hada_tiff_close(&reader);
     }
 }
@@ -180,8 +180,8 @@ static int try_all(const char *path)
         assert_true(*err.message);
         return 0;
     }
-    double distances[4];
-    hada_tiff_distances(reader, distances, 4);
+    for (int z = 0; z < hada_tiff_get_info(reader)->distances; z++)
+        assert_false(isnan(hada_tiff_get_info(reader)->distances_mm[z]));
     int frames = hada_tiff_get_info(reader)->frames;
     for (int i = 0; i < frames && i < 8; i++) {
         hada_image image;

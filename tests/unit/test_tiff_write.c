@@ -61,12 +61,14 @@ static void round_trip(int bits, hada_tiff_layout layout, int channels, int slic
     assert_int_equal(info->bits, bits);
     assert_float_equal(info->pixel_width_um, 2, 1e-5);
     double found[3] = {0};
-    assert_int_equal(hada_tiff_distances(reader, found, 3), slices);
-    assert_true(hada_tiff_encoding(reader) == 2.2);
+    assert_int_equal(hada_tiff_get_info(reader)->distances, slices);
+    memcpy(found, hada_tiff_get_info(reader)->distances_mm, (size_t)slices * sizeof *found);
+    assert_true(hada_tiff_get_info(reader)->encoding == 2.2);
     assert_memory_equal(found, distances, (size_t)slices * sizeof(double));
-    assert_non_null(strstr(hada_tiff_description(reader), "model=some camera\n"));
+    assert_non_null(strstr(hada_tiff_get_info(reader)->description, "model=some camera\n"));
     if (bits < 32)
-        assert_non_null(strstr(hada_tiff_description(reader), bits == 8 ? "full_scale=255\n" : "full_scale=65535\n"));
+        assert_non_null(
+            strstr(hada_tiff_get_info(reader)->description, bits == 8 ? "full_scale=255\n" : "full_scale=65535\n"));
     if (layout == HADA_TIFF_HYPERSTACK)
         assert_int_equal(info->slices, slices);
     for (int i = 0; i < slices; i++) {
@@ -108,7 +110,7 @@ TEST(test_stated_range)
     hada_image_destroy(&image);
     hada_tiff_reader *reader;
     assert_int_equal(hada_tiff_open(&reader, io_path("range.tif"), NULL), HADA_OK);
-    const char *text = hada_tiff_description(reader);
+    const char *text = hada_tiff_get_info(reader)->description;
     assert_true(!strncmp(text, "ImageJ=", 7));
     assert_non_null(strstr(text, "images=3\nchannels=3\nslices=1\n"));
     assert_non_null(strstr(text, "mode=composite\n"));

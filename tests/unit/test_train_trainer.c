@@ -112,7 +112,7 @@ TEST(new_nets_see_the_other_planes)
     options.net_given = NULL;
     options.compose = 0.5;
     trainer = make(&options, 1);
-    const hada_net_info *info = hada_net_get_info(hada_trainer_get_net(trainer));
+    const hada_net_info *info = hada_net_get_info(trainer->nets.net);
     assert_int_equal(info->channels, 2);
     assert_int_equal(info->out_channels, 1);
     ASSERT_OK(hada_trainer_validate(trainer, 0, &result, err));
@@ -125,13 +125,14 @@ TEST(new_nets_see_the_other_planes)
     options.discriminator = "conditional";
     for (int composed = 0; composed < 2; composed++) { /* the net has two inputs whether scenes are composed or not */
         options.compose = 0.5 * composed;
-        ASSERT_OK(hada_trainer_create(&trainer, f.whole, model, &pairs, &held, &options, err));
+        ASSERT_OK(hada_trainer_create(&trainer, &f.whole, 1, model, &pairs, &held, &options, err));
         steps(trainer, 4);
         hada_trainer_destroy(&trainer);
     }
     options = options_of(HADA_STAGE_JOINT);
     options.net_given = NULL;
-    assert_int_equal(hada_trainer_create(&trainer, f.whole, model, &pairs, &held, &options, &error), HADA_ERROR_MODEL);
+    assert_int_equal(hada_trainer_create(&trainer, &f.whole, 1, model, &pairs, &held, &options, &error),
+                     HADA_ERROR_MODEL);
     assert_non_null(strstr(error.message, "options.net"));
     hada_plan *plan;
     hada_result enhanced = {0};
@@ -157,8 +158,8 @@ TEST(a_net_may_only_share_light_out)
         options.compose = by_itself ? HADA_AUTO : 1.0;
         trainer = make(&options, 1);
         f.model->info.refine_tv = 0.0;
-        assert_true(hada_trainer_get_options(trainer)->compose == 1.0);
-        assert_int_equal(hada_trainer_get_net(trainer)->shares, 1);
+        assert_true(trainer->options.compose == 1.0);
+        assert_int_equal(trainer->nets.net->shares, 1);
         if (!by_itself)
             hada_trainer_destroy(&trainer);
     }
@@ -169,14 +170,14 @@ TEST(a_net_may_only_share_light_out)
     hada_trainer_destroy(&trainer);
     assert_int_equal(hada_model_get_enhance(model)->shares, 1);
     options.compose = HADA_AUTO;
-    ASSERT_OK(hada_trainer_create(&trainer, f.whole, model, &pairs, &held, &options, err));
-    assert_true(hada_trainer_get_options(trainer)->compose == 1.0); /* as the net is */
+    ASSERT_OK(hada_trainer_create(&trainer, &f.whole, 1, model, &pairs, &held, &options, err));
+    assert_true(trainer->options.compose == 1.0); /* as the net is */
     hada_trainer_destroy(&trainer);
     for (int adversarial = 0; adversarial < 2; adversarial++) {
         options = options_of(adversarial ? HADA_STAGE_ADVERSARIAL : HADA_STAGE_ENHANCE);
         options.net_given = NULL;
         options.compose = adversarial ? 1.0 : 0.5;
-        assert_int_equal(hada_trainer_create(&trainer, f.whole, model, &pairs, &held, &options, &error),
+        assert_int_equal(hada_trainer_create(&trainer, &f.whole, 1, model, &pairs, &held, &options, &error),
                          HADA_ERROR_MODEL);
         assert_non_null(strstr(error.message, "only shares light out"));
     }
@@ -204,17 +205,17 @@ TEST(composing_that_makes_no_sense_is_refused)
     hada_error error = {0};
     hada_train_options options = options_of(HADA_STAGE_JOINT);
     options.compose = 0.5;
-    assert_int_equal(hada_trainer_create(&trainer, f.whole, f.model, &pairs, &held, &options, &error),
+    assert_int_equal(hada_trainer_create(&trainer, &f.whole, 1, f.model, &pairs, &held, &options, &error),
                      HADA_ERROR_ARGUMENT);
     assert_non_null(strstr(error.message, "enhance and adversarial"));
     options = options_of(HADA_STAGE_ENHANCE);
     options.compose = 1.5;
-    assert_int_equal(hada_trainer_create(&trainer, f.whole, f.model, &pairs, &held, &options, &error),
+    assert_int_equal(hada_trainer_create(&trainer, &f.whole, 1, f.model, &pairs, &held, &options, &error),
                      HADA_ERROR_ARGUMENT);
     options = options_of(HADA_STAGE_JOINT);
     options.compose = HADA_AUTO; /* the caller leaves it open */
     trainer = make(&options, 1);
-    assert_true(hada_trainer_get_options(trainer)->compose == 0.0);
+    assert_true(trainer->options.compose == 0.0);
     hada_trainer_destroy(&trainer);
 }
 
@@ -296,7 +297,7 @@ TEST(broken_numbers_are_rolled_back)
             if (report.rolled_back) {
                 assert_true(!isfinite(report.loss) || !isfinite(report.norm));
                 assert_int_equal(report.step, 0); /* the snapshot of the start */
-                assert_int_equal(hada_trainer_steps(trainer), 0);
+                assert_int_equal(trainer->progress.step, 0);
                 rolled++;
             }
         }
@@ -401,8 +402,8 @@ TEST(stages_follow_one_another)
     assert_int_equal(hada_model_get_info(enhanced)->refine_steps, hada_model_get_info(f.model)->refine_steps);
     options = options_of(HADA_STAGE_JOINT);
     options.net_given = NULL; /* the model's */
-    ASSERT_OK(hada_trainer_create(&trainer, f.whole, enhanced, &pairs, &held, &options, err));
-    assert_memory_equal(hada_trainer_get_net(trainer)->values, net->values, net->floats * sizeof(float));
+    ASSERT_OK(hada_trainer_create(&trainer, &f.whole, 1, enhanced, &pairs, &held, &options, err));
+    assert_memory_equal(trainer->nets.net->values, net->values, net->floats * sizeof(float));
     steps(trainer, 2);
     ASSERT_OK(hada_trainer_model(trainer, &joint, err));
     assert_int_equal(hada_model_get_info(joint)->refine_steps, 0); /* the net sees linear planes */
@@ -452,7 +453,7 @@ TEST(options_that_make_no_sense_are_refused)
         list.depths = kind == 10 ? 1 : DEPTHS;
         options.perceptual = kind == 11 ? 0.1 : 0.0;
         options.vgg = kind == 11 ? f.path[0] : NULL;
-        assert_int_not_equal(hada_trainer_create_on(&trainer, f.part, 2, f.model, &list, &held, &options, &error),
+        assert_int_not_equal(hada_trainer_create(&trainer, f.part, 2, f.model, &list, &held, &options, &error),
                              HADA_OK);
         assert_null(trainer);
         if (kind != 6 && !strstr(error.message, words[kind]))

@@ -11,6 +11,8 @@
 #include <hadalens/device.h>
 #include <stdio.h>
 
+#include "runtime/context.h"
+
 /* Fails the test with the library's own message when a call does not succeed. */
 #define ASSERT_OK(call)                                                                                                \
     do {                                                                                                               \

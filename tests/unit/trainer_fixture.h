@@ -195,10 +195,10 @@ static inline hada_trainer *make(const hada_train_options *options, int devices)
 {
     hada_trainer *trainer;
     if (devices == 1)
-        ASSERT_OK(hada_trainer_create(&trainer, f.whole, model_of(options->stage), &pairs, &held, options, err));
+        ASSERT_OK(hada_trainer_create(&trainer, &f.whole, 1, model_of(options->stage), &pairs, &held, options, err));
     else
         ASSERT_OK(
-            hada_trainer_create_on(&trainer, f.part, devices, model_of(options->stage), &pairs, &held, options, err));
+            hada_trainer_create(&trainer, f.part, devices, model_of(options->stage), &pairs, &held, options, err));
     return trainer;
 }
 

@@ -158,6 +158,7 @@ typedef struct hada_cli_contexts {
     int count;
 } hada_cli_contexts;
 hada_status hada_cli_open_all(hada_cli *cli, hada_cli_contexts *devices, hada_error *err);
+hada_context_info hada_cli_context_info(const hada_context *context);
 void hada_cli_close_all(hada_cli *cli, hada_cli_contexts *devices);
 /* A device for the document. */
 json_t *hada_cli_device_json(const hada_device_info *device);

@@ -34,8 +34,8 @@ static hada_status open_one(hada_cli *cli, const char *words, hada_context **out
 
 static json_t *name_json(const hada_device_info *device)
 {
-    json_t *name = json_pack("{s:i, s:s, s:s}", "index", device->index, "kind", hada_device_kind_name(device->kind),
-                             "name", device->name);
+    json_t *name = json_pack("{s:i, s:s, s:s}", "index", device->index, "kind",
+                             hada_enum_name(HADA_ENUM_DEVICE_KIND, (int)device->kind), "name", device->name);
     if (device->parts)
         json_object_set_new(name, "part", json_pack("[i, i]", device->part, device->parts));
     return name;
@@ -101,12 +101,20 @@ done:
     return status;
 }
 
+hada_context_info hada_cli_context_info(const hada_context *context)
+{
+    hada_context_info info = {.size = sizeof info};
+    (void)hada_context_get_info(context, &info, NULL);
+    return info;
+}
+
 void hada_cli_close_all(hada_cli *cli, hada_cli_contexts *devices)
 {
     int compiled = 0, loaded = 0;
     for (int i = 0; i < devices->count; i++) {
-        compiled += (int)hada_context_programs_compiled(devices->contexts[i]);
-        loaded += (int)hada_context_programs_loaded(devices->contexts[i]);
+        const hada_context_info info = hada_cli_context_info(devices->contexts[i]);
+        compiled += (int)info.programs_compiled;
+        loaded += (int)info.programs_loaded;
         hada_context_destroy(&devices->contexts[i]);
     }
     if (devices->count)
@@ -125,10 +133,10 @@ json_t *hada_cli_device_json(const hada_device_info *device)
 {
     return json_pack("{s:i, s:s, s:s, s:s, s:s, s:s, s:s, s:i, s:i, s:I, s:I, s:I, s:I, s:i, s:b, s:b, s:b, s:b, s:b, "
                      "s:i, s:s}",
-                     "index", device->index, "kind", hada_device_kind_name(device->kind), "name", device->name,
-                     "vendor", device->vendor, "platform", device->platform, "driver", device->driver, "version",
-                     device->version, "compute_units", (int)device->compute_units, "clock_mhz", (int)device->clock_mhz,
-                     "memory_bytes", (json_int_t)device->memory_bytes, "max_allocation_bytes",
+                     "index", device->index, "kind", hada_enum_name(HADA_ENUM_DEVICE_KIND, (int)device->kind), "name",
+                     device->name, "vendor", device->vendor, "platform", device->platform, "driver", device->driver,
+                     "version", device->version, "compute_units", (int)device->compute_units, "clock_mhz",
+                     (int)device->clock_mhz, "memory_bytes", (json_int_t)device->memory_bytes, "max_allocation_bytes",
                      (json_int_t)device->max_allocation_bytes, "local_memory_bytes",
                      (json_int_t)device->local_memory_bytes, "max_work_group", (json_int_t)device->max_work_group,
                      "alignment_bytes", (int)device->alignment_bytes, "compiler", device->has_compiler, "local_memory",

@@ -151,7 +151,7 @@ static hada_status measure(latency *work, hada_bench_device *device, int mode, h
     int count = 0;
     const char *name = hada_bench_mode_names[mode];
     hada_bench_mode_options(mode, &options);
-    const uint64_t before = hada_context_bytes(device->context);
+    const uint64_t before = hada_cli_context_info(device->context).bytes;
     hada_context_reset_peak(device->context);
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_plan_estimate(device->context, work->workload->model, &options, &stated, &host, err));
@@ -159,7 +159,7 @@ static hada_status measure(latency *work, hada_bench_device *device, int mode, h
     /* once before: the first run of a kernel may compile it */
     for (int i = 0; i < work->workload->frames; i++)
         HADA_TRY_OR_DONE(run_frame(work, i, values, err));
-    const uint64_t held = hada_context_peak_bytes(device->context) - before;
+    const uint64_t held = hada_cli_context_info(device->context).peak_bytes - before;
     HADA_TRY_OR_DONE(hada_bench_repeat(work->bench, run_frame, work, work->bench->rounds, values, &count, err));
     HADA_TRY_OR_DONE(add_latency(work, device->info.name, name, values, count, err));
     const double bytes[] = {(double)stated, (double)held, (double)host};

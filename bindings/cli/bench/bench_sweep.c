@@ -280,7 +280,7 @@ static hada_status open_clfft(sweep *w, hada_error *err)
     hada_context_options_init(&options);
     options.device = w->device->index;
     options.tuning = file;
-    options.shape = (int)hada_context_shape(w->device->context);
+    options.shape = (int)hada_cli_context_info(w->device->context).shape;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_tune_save(w->device->context, file, &row, 1, err));
     HADA_TRY_OR_DONE(hada_context_create(&w->clfft, &options, err));

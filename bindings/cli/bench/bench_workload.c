@@ -92,7 +92,7 @@ static hada_status from_psf(hada_simulator *simulator, hada_context *context, ha
     if (!psf)
         HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
     for (int z = 0; z < camera->depths; z++) {
-        HADA_TRY_OR_DONE(hada_camera_psf(camera, camera->distances_mm[z], &one, err));
+        HADA_TRY_OR_DONE(hada_camera_psf(camera, camera->distances_mm[z], 0, 0, &one, err));
         /* the pattern is the same for all channels */
         HADA_TRY_OR_DONE(hada_image_create(&psf[z], camera->channels, one.rows, one.cols, err));
         for (int c = 0; c < camera->channels; c++)
@@ -150,7 +150,7 @@ static hada_status make_room(hada_bench_workload *workload, int frames, int dept
 hada_status hada_bench_workload_make(hada_bench *bench, hada_bench_workload *workload, hada_context *context,
                                      const char *name, hada_error *err)
 {
-    hada_camera camera;
+    hada_camera camera = {.size = sizeof camera};
     hada_simulator *simulator = NULL;
     hada_cli_progress progress;
     *workload = (hada_bench_workload){0};
@@ -158,7 +158,7 @@ hada_status hada_bench_workload_make(hada_bench *bench, hada_bench_workload *wor
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_camera_preset(&camera, name, err));
     HADA_TRY_OR_DONE(make_room(workload, FRAMES, camera.depths, 1, err));
-    HADA_TRY_OR_DONE(hada_simulator_create(&simulator, context, &camera, err));
+    HADA_TRY_OR_DONE(hada_simulator_create(&simulator, context, &camera, NULL, err));
     const int learned = strcmp(name, "paper2022") != 0;
     hada_cli_progress_begin(bench->cli, &progress, name, learned ? (long)camera.depths * (PAIRS + SCORED) : 1);
     HADA_TRY_OR_DONE(learned ? fit(bench, simulator, context, &workload->model, err)

@@ -25,14 +25,14 @@ static double seconds_left(const hada_train_state *state)
 
 static hada_stage stage_of(const hada_train_state *state)
 {
-    return hada_trainer_get_options(state->trainer)->stage;
+    return state->options->stage;
 }
 
 static void tell_begin(listener *to, const hada_train_state *state)
 {
     static const char *const stages[] = {"", "filters", "enhance", "adversarial", "joint", "conventional"};
-    const hada_train_options *use = hada_trainer_get_options(state->trainer);
-    const hada_net *net = hada_trainer_get_net(state->trainer);
+    const hada_train_options *use = state->options;
+    const hada_net *net = state->net;
     json_t *document = to->cli->document;
     uint64_t held_values = 0;
     char held[16], values[48] = "no net", on[40] = "";
@@ -53,7 +53,7 @@ static void tell_begin(listener *to, const hada_train_state *state)
     hada_cli_say(to->cli, "%llu steps of %d pairs (%d at once), every pair %.3g times; %s%s",
                  (unsigned long long)state->steps, use->batch, use->at_once,
                  (double)state->steps * use->batch / state->learned,
-                 hada_cli_bytes(held, hada_context_bytes(to->devices->contexts[0])), on);
+                 hada_cli_bytes(held, hada_cli_context_info(to->devices->contexts[0]).bytes), on);
     hada_cli_pictures(to->cli);
 }
 

@@ -38,7 +38,7 @@ class Camera:
 
     def __init__(self, preset: str = "sim512", **members: Any) -> None:
         """Begin with a preset."""
-        object.__setattr__(self, "_c", ffi.new("hada_camera *"))
+        object.__setattr__(self, "_c", ffi.new("hada_camera *", {"size": ffi.sizeof("hada_camera")}))
         call(lib.hada_camera_preset, self._c, preset.encode())
         for name, value in members.items():
             setattr(self, name, value)
@@ -100,13 +100,12 @@ class Camera:
 
     def set_mask(self, mask: Mask) -> None:
         """Set another kind of mask, with dimensions that suit the camera."""
-        kind = lib.hada_mask_from_word(mask.encode())
-        call(lib.hada_camera_set_mask, self._c, kind)
+        call(lib.hada_camera_set_mask, self._c, value_of("hada_mask", mask, "mask"))
 
     @property
     def mask(self) -> str:
         """The kind of mask."""
-        return text(lib.hada_mask_word(self._c.mask))
+        return word("hada_mask", self._c.mask)
 
     @property
     def fill_factor(self) -> float:
@@ -139,8 +138,7 @@ class Camera:
     def psf(self, distance_mm: float, size: tuple[int, int] | None = None) -> Float32:
         """Return the point spread function at a distance by geometry: (Y, X), the axis at (rows // 2, columns // 2)."""
         image = NewImage()
-        rows, cols = size or (self._c.rows, self._c.cols)
-        call(lib.hada_camera_psf_sized, self._c, distance_mm, rows, cols, image.c)
+        call(lib.hada_camera_psf, self._c, distance_mm, *(size or (0, 0)), image.c)
         return image.plane()
 
     def psf_stack(self, *, context: Context | None = None) -> Float32:
@@ -150,21 +148,26 @@ class Camera:
         call(lib.hada_camera_psf_stack, used, self._c, images.c)
         return np.stack([images.array(z) for z in range(self._c.depths)])
 
+    def _numbers(self, distance_mm: float = 1.0, wavelength_nm: float = 587.6) -> Any:
+        numbers = ffi.new("hada_camera_numbers *", {"size": ffi.sizeof("hada_camera_numbers")})
+        call(lib.hada_camera_get_numbers, self._c, distance_mm, wavelength_nm, numbers)
+        return numbers
+
     def magnification(self, distance_mm: float) -> float:
         """Return 1 + d/z."""
-        return float(lib.hada_camera_magnification(self._c, distance_mm))
+        return float(self._numbers(distance_mm=distance_mm).magnification)
 
     def defocus_pixels(self, distance_mm: float) -> float:
         """Return the diameter of a lens's blur at a distance."""
-        return float(lib.hada_camera_defocus_pixels(self._c, distance_mm))
+        return float(self._numbers(distance_mm=distance_mm).defocus_pixels)
 
     def refractive_index(self, wavelength_nm: float) -> float:
         """Return the index of the mask's material."""
-        return float(lib.hada_camera_refractive_index(self._c, wavelength_nm))
+        return float(self._numbers(wavelength_nm=wavelength_nm).refractive_index)
 
     def focal_length(self, wavelength_nm: float) -> float:
         """Return the focal length in millimetres at a wavelength."""
-        return float(lib.hada_camera_focal_length(self._c, wavelength_nm))
+        return float(self._numbers(wavelength_nm=wavelength_nm).focal_length_mm)
 
     def parallax(self, near_mm: float, far_mm: float, x_mm: float, y_mm: float) -> tuple[float, float]:
         """Return how far a near plane's shadow moves on a far one, for a lens at (x, y): rows, columns in pixels."""

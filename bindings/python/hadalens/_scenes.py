@@ -62,10 +62,7 @@ def relief(
 ) -> Float32:
     """Return depth over a window, (Y, X): 0 (nearest) to 1 (farthest), linear in 1/z; seed 0 is the plain shape."""
     made = NewImage()
-    number = lib.hada_relief_from_word(kind.encode())
-    if not number:
-        number = value_of("hada_relief_kind", kind, "kind")
-    call(lib.hada_scene_relief, made.c, number, seed, rows, cols)
+    call(lib.hada_scene_relief, made.c, value_of("hada_relief_kind", kind, "kind"), seed, rows, cols)
     return made.plane()
 
 

@@ -31,7 +31,7 @@ from .device import Context, default
 
 def window_origin(full: int, window: int) -> int:
     """Return the first row (or column) of a window in the middle of a frame: (full - window) // 2."""
-    return int(lib.hada_window_origin(full, window))
+    return (full - window) // 2
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class Simulator(Handle):
             options.kept.append(images)
             options.set(psf=images.c)
         owner = Owner("hada_simulator", lib.hada_simulator_destroy, used._own, options)
-        call(lib.hada_simulator_create_with, owner.pointer, used._c, camera._c, options.c)
+        call(lib.hada_simulator_create, owner.pointer, used._c, camera._c, options.c)
         self._owner = owner
 
     @property

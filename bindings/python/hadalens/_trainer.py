@@ -159,7 +159,7 @@ class Trainer(Handle):
         array = ffi.new("hada_context *[]", [one._c for one in contexts])
         self._owner = owner
         self._run(
-            lib.hada_trainer_create_on,
+            lib.hada_trainer_create,
             owner.pointer,
             array,
             len(contexts),
@@ -168,7 +168,7 @@ class Trainer(Handle):
             self._feeds[1].pairs.c if held_out is not None else ffi.NULL,
             chosen.c,
         )
-        self.steps = int(lib.hada_trainer_get_options(self._c).steps)
+        self.steps = int(self._info.options.steps)
 
     def _run(self, function: Callable[..., int], *arguments: Any) -> None:
         """Call C; what reading pairs raised comes first."""
@@ -179,6 +179,12 @@ class Trainer(Handle):
                 if feed.error is not None:
                     raise feed.error from failed
             raise
+
+    @property
+    def _info(self) -> Any:
+        info = ffi.new("hada_trainer_info *", {"size": ffi.sizeof("hada_trainer_info")})
+        call(lib.hada_trainer_get_info, self._c, info)
+        return info
 
     @staticmethod
     def bytes(
@@ -217,17 +223,17 @@ class Trainer(Handle):
     @property
     def done(self) -> int:
         """Steps done."""
-        return int(lib.hada_trainer_steps(self._c))
+        return int(self._info.steps)
 
     @property
     def seen(self) -> int:
         """Pairs seen on the way."""
-        return int(lib.hada_trainer_seen(self._c))
+        return int(self._info.seen)
 
     @property
     def options(self) -> dict[str, Any]:
         """Options as the trainer understood them: numbers, and words of enumerations."""
-        struct = lib.hada_trainer_get_options(self._c)[0]
+        struct = self._info.options[0]
         found: dict[str, Any] = {}
         for name, field in ffi.typeof(struct).fields:
             if field.type.kind == "enum":
@@ -263,7 +269,7 @@ class Trainer(Handle):
 
     def first_net(self) -> Net | None:
         """Return the net that is trained, with its first values; None where none is."""
-        net = lib.hada_trainer_get_net(self._c)
+        net = self._info.net
         return None if net == ffi.NULL else Net._copy(net)
 
     def save(self, name: str | os.PathLike[str]) -> Path:

@@ -50,7 +50,7 @@ class DeviceInfo:
 
 
 def _info(struct: Any) -> DeviceInfo:
-    return record(DeviceInfo, struct, kind=text(lib.hada_device_kind_name(struct.kind)))
+    return record(DeviceInfo, struct, kind=word("hada_device_kind", struct.kind))
 
 
 def devices() -> list[DeviceInfo]:
@@ -164,19 +164,25 @@ class Context(Handle):
         return _info(lib.hada_context_device(self._c))
 
     @property
+    def _figures(self) -> Any:
+        info = ffi.new("hada_context_info *", {"size": ffi.sizeof("hada_context_info")})
+        call(lib.hada_context_get_info, self._c, info)
+        return info
+
+    @property
     def shape(self) -> str:
         """The shape that kernels take on the device: "lanes" or "groups"; both compute the same, to rounding."""
-        return text(lib.hada_kernel_shape_name(lib.hada_context_shape(self._c)))
+        return word("hada_kernel_shape", self._figures.shape)
 
     @property
     def bytes(self) -> int:
         """Bytes of device memory that the context holds now."""
-        return int(lib.hada_context_bytes(self._c))
+        return int(self._figures.bytes)
 
     @property
     def peak_bytes(self) -> int:
         """The most bytes it held since it was opened, or since :meth:`reset_peak`."""
-        return int(lib.hada_context_peak_bytes(self._c))
+        return int(self._figures.peak_bytes)
 
     def reset_peak(self) -> None:
         """Begin to look for the peak anew."""
@@ -185,12 +191,12 @@ class Context(Handle):
     @property
     def programs_compiled(self) -> int:
         """Number of programs that were compiled from source so far."""
-        return int(lib.hada_context_programs_compiled(self._c))
+        return int(self._figures.programs_compiled)
 
     @property
     def programs_loaded(self) -> int:
         """Number of programs that were loaded as binaries so far."""
-        return int(lib.hada_context_programs_loaded(self._c))
+        return int(self._figures.programs_loaded)
 
     @property
     def cl_context(self) -> int:
@@ -204,7 +210,7 @@ class Context(Handle):
 
     def save_programs(self, folder: str | os.PathLike[str]) -> Path:
         """Compile every kernel for this device and write the binaries into a folder, for ``Context(binaries=...)``."""
-        call(lib.hada_programs_save, self._c, path(folder))
+        call(lib.hada_programs_save, self._c, path(folder), ffi.NULL)
         return Path(folder)
 
     def peaks(self) -> tuple[float, float]:

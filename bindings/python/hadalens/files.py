@@ -76,15 +76,8 @@ class TiffReader(Handle):
     @property
     def info(self) -> TiffInfo:
         """What the file holds."""
-        room = ffi.new("double[]", max(lib.hada_tiff_distances(self._c, ffi.NULL, 0), 1))
-        count = lib.hada_tiff_distances(self._c, room, len(room))
-        return record(
-            TiffInfo,
-            lib.hada_tiff_get_info(self._c)[0],
-            distances_mm=tuple(room[0:count]),
-            encoding=lib.hada_tiff_encoding(self._c),
-            description=text(lib.hada_tiff_description(self._c)),
-        )
+        info = lib.hada_tiff_get_info(self._c)[0]
+        return record(TiffInfo, info, distances_mm=tuple(info.distances_mm[z] for z in range(info.distances)))
 
     def read(self, index: int) -> Float32:
         """Return frame `index`: float32 (C, Y, X), integers divided by full scale."""

@@ -32,20 +32,21 @@ class _Mask:
             self.c = ffi.from_buffer("unsigned char[]", marks)  # which holds the array
 
 
-def _compare(function: Any, a: Any, b: Any, mask: Any, *peak: float) -> float:
+def _compare(metric: str, a: Any, b: Any, mask: Any, peak: float = 1.0) -> float:
     images, out = Image(a, b), ffi.new("double *")
-    call(function, images.c, images.c + 1, *peak, _Mask(mask, images).c, out)
+    kind = value_of("hada_metric", metric, "metric")
+    call(lib.hada_metric_compare, kind, images.c, images.c + 1, peak, _Mask(mask, images).c, out)
     return float(out[0])
 
 
 def mse(a: Any, b: Any, *, mask: Any = None) -> float:
     """Return the mean of squared differences."""
-    return _compare(lib.hada_metric_mse, a, b, mask)
+    return _compare("mse", a, b, mask)
 
 
 def mae(a: Any, b: Any, *, mask: Any = None) -> float:
     """Return the mean of absolute differences."""
-    return _compare(lib.hada_metric_mae, a, b, mask)
+    return _compare("mae", a, b, mask)
 
 
 def psnr(a: Any, b: Any, *, peak: float = 1.0, mask: Any = None) -> float:
@@ -56,22 +57,22 @@ def psnr(a: Any, b: Any, *, peak: float = 1.0, mask: Any = None) -> float:
         31.4
 
     """
-    return _compare(lib.hada_metric_psnr, a, b, mask, peak)
+    return _compare("psnr", a, b, mask, peak)
 
 
 def ssim(a: Any, b: Any, *, peak: float = 1.0, mask: Any = None) -> float:
     """Return the structural similarity (Wang et al. 2004): Gaussian window, as scikit-image has it."""
-    return _compare(lib.hada_metric_ssim, a, b, mask, peak)
+    return _compare("ssim", a, b, mask, peak)
 
 
 def authors_psnr(a: Any, b: Any, *, peak: float = 1.0, mask: Any = None) -> float:
     """Return what the code of the 2022 paper calls PSNR, for comparing with its figures."""
-    return _compare(lib.hada_metric_authors_psnr, a, b, mask, peak)
+    return _compare("authors_psnr", a, b, mask, peak)
 
 
 def authors_ssim(a: Any, b: Any, *, peak: float = 1.0, mask: Any = None) -> float:
     """Return what the code of the 2022 paper calls SSIM, for comparing with its figures."""
-    return _compare(lib.hada_metric_authors_ssim, a, b, mask, peak)
+    return _compare("authors_ssim", a, b, mask, peak)
 
 
 def sharpness(image: Any, *, mask: Any = None) -> float:

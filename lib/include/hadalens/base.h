@@ -60,8 +60,72 @@
 extern "C" {
 #endif
 
+/* The structs that hada_struct_init() sets up; their numbers stay. */
+typedef enum hada_struct {
+    HADA_STRUCT_CLASSIC_OPTIONS = 1,
+    HADA_STRUCT_COMMUNICATOR = 2,
+    HADA_STRUCT_DATASET_OPTIONS = 3,
+    HADA_STRUCT_CONTEXT_OPTIONS = 4,
+    HADA_STRUCT_FIT_OPTIONS = 5,
+    HADA_STRUCT_FOCUS_OPTIONS = 6,
+    HADA_STRUCT_LIMITS = 7,
+    HADA_STRUCT_PSF_OPTIONS = 8,
+    HADA_STRUCT_MONITOR = 9,
+    HADA_STRUCT_UNET_OPTIONS = 10,
+    HADA_STRUCT_CL_FRAME = 11,
+    HADA_STRUCT_CL_ARRAYS = 12,
+    HADA_STRUCT_WAVE_OPTIONS = 13,
+    HADA_STRUCT_PIXELS = 14,
+    HADA_STRUCT_PREVIEW = 15,
+    HADA_STRUCT_PLAN_OPTIONS = 16,
+    HADA_STRUCT_RESULT_ARRAYS = 17,
+    HADA_STRUCT_REGISTRATION = 18,
+    HADA_STRUCT_REGISTER_OPTIONS = 19,
+    HADA_STRUCT_SENSOR = 20,
+    HADA_STRUCT_SIMULATOR_OPTIONS = 21,
+    HADA_STRUCT_EVALUATE_TASK = 22,
+    HADA_STRUCT_FIT_TASK = 23,
+    HADA_STRUCT_PSF_TASK = 24,
+    HADA_STRUCT_OPTICS_TASK = 25,
+    HADA_STRUCT_FILES_TASK = 26,
+    HADA_STRUCT_REGISTER_TASK = 27,
+    HADA_STRUCT_SIMULATE_TASK = 28,
+    HADA_STRUCT_TRAIN_TASK = 29,
+    HADA_STRUCT_TIFF_WRITE_OPTIONS = 30,
+    HADA_STRUCT_PAIRS = 31,
+    HADA_STRUCT_AUGMENT = 32,
+    HADA_STRUCT_FOCUS_SHARED = 33, /* hada_focus_options for planes that share out the light */
+    HADA_STRUCT_TRAIN_OPTIONS = 40 /* and up to 45: with a hada_stage added */
+} hada_struct;
+
+/* Sets the first `size` bytes of a struct to its defaults. Call hada_..._init(), which exists for each of these structs
+ * and names it and its size; NULL is fine. */
+HADA_API void hada_struct_init(hada_struct which, void *options, size_t size);
+
+/* Defines hada_..._init() for a struct. */
+#define HADA_INIT(type, which)                                                                                         \
+    static inline void type##_init(type *options)                                                                      \
+    {                                                                                                                  \
+        hada_struct_init(which, options, sizeof *options);                                                             \
+    }
+
 /* The version of the library that runs, such as "0.1.0". Never NULL. */
 HADA_API const char *hada_version(void);
+
+/* The names of an enumeration's values, as files and commands have them. */
+typedef enum hada_enum {
+    HADA_ENUM_DEVICE_KIND = 1,  /* hada_device_kind: "cpu", "gpu", "accelerator", "other" */
+    HADA_ENUM_KERNEL_SHAPE = 2, /* hada_kernel_shape: "lanes", "groups" */
+    HADA_ENUM_TUNE_BACKEND = 3, /* hada_tune_backend: "own", "clfft" */
+    HADA_ENUM_MASK = 4,         /* hada_mask: "mla", "grid", "diffuser", "contour", "aperture" */
+    HADA_ENUM_RELIEF = 5,       /* hada_relief_kind: "slant", "half", "hill", "ball", "steps", "bars" */
+    HADA_ENUM_OPTICS = 6,       /* hada_optics: "geometry", "wave" */
+    HADA_ENUM_BOUNDARY = 7      /* hada_boundary: "circular", "padded" */
+} hada_enum;
+/* NULL for a value without a name. */
+HADA_API const char *hada_enum_name(hada_enum which, int value);
+/* The value of a name, -1 for any other text. */
+HADA_API int hada_enum_value(hada_enum which, const char *name);
 
 /* Frees a text that the library made and clears the pointer; NULL is fine. */
 HADA_API void hada_text_destroy(char **text);

@@ -86,24 +86,20 @@ typedef struct hada_camera {
     double distances_mm[HADA_CAMERA_DEPTHS];
 } hada_camera;
 
-/* A camera with the values of the preset "sim512". */
-HADA_API void hada_camera_defaults(hada_camera *camera, size_t size);
-static inline void hada_camera_init(hada_camera *camera)
-{
-    hada_camera_defaults(camera, sizeof *camera);
-}
-
-/* Presets by workload:
+/* Presets by workload; camera->size must be set, by hada_camera_init() or by hand:
  *   "sim512"     512 x 512 RGB, window 192 x 192, 14 depths from 100 to 600 mm, 37 lenses
  *   "sim300"     300 x 400 RGB, window 120 x 120, 4 depths from 100 to 600 mm, 29 lenses
  *   "crop300"    as sim300 with 14 depths, lenses over 20 mm at 15 mm, padded: 2 to 4 % of the light leaves the sensor
  *   "paper2022"  1376 x 2064 RGB (24 x 36 mm), window 383 x 383, 14 depths from 100 to 600 mm, 37 lenses of 3 mm,
  *                f = 15 mm, in a 12 mm aperture 15 mm before the sensor (Table 1 of the paper)
  * HADA_ERROR_ARGUMENT with the list of names for any other. */
-HADA_API hada_status hada_camera_preset_sized(hada_camera *camera, size_t size, const char *name, hada_error *err);
-static inline hada_status hada_camera_preset(hada_camera *camera, const char *name, hada_error *err)
+HADA_API hada_status hada_camera_preset(hada_camera *camera, const char *name, hada_error *err);
+
+/* A camera with the values of the preset "sim512". */
+static inline void hada_camera_init(hada_camera *camera)
 {
-    return hada_camera_preset_sized(camera, sizeof *camera, name, err);
+    camera->size = sizeof *camera;
+    (void)hada_camera_preset(camera, "sim512", NULL);
 }
 
 /* Sets `count` distances from near to far with equal steps in 1/z. A single depth stands at near. */
@@ -115,10 +111,6 @@ HADA_API hada_status hada_camera_set_depths(hada_camera *camera, double near_mm,
  * unless window_rows and window_cols are given (0, 0: keep the share). */
 HADA_API hada_status hada_camera_resize(hada_camera *camera, int rows, int cols, int window_rows, int window_cols,
                                         hada_error *err);
-
-/* "mla", "grid", "diffuser", "contour", "aperture"; NULL for any other kind. And back: 0 for any other word. */
-HADA_API const char *hada_mask_word(hada_mask mask);
-HADA_API hada_mask hada_mask_from_word(const char *word);
 
 /* Another kind of mask in this camera, with dimensions that suit it: grid: a period with which the lenses fill the
  * aperture; diffuser: correlation length aperture/40 and the deflection that puts its caustics near the sensor;
@@ -133,11 +125,18 @@ HADA_API hada_status hada_camera_fill_factor(const hada_camera *camera, double *
  * through, within 0.001. HADA_ERROR_ARGUMENT where no diameter does. */
 HADA_API hada_status hada_camera_set_fill_factor(hada_camera *camera, double fill, hada_error *err);
 
-/* Index of the mask's material by Cauchy's n = A + B / lambda^2 with the camera's n_d and Abbe number. */
-HADA_API double hada_camera_refractive_index(const hada_camera *camera, double wavelength_nm);
-
-/* f (n_d - 1) / (n - 1): the focal length at a wavelength. */
-HADA_API double hada_camera_focal_length(const hada_camera *camera, double wavelength_nm);
+/* What follows from a camera's design at a distance and a wavelength. */
+typedef struct hada_camera_numbers {
+    size_t size;             /* sizeof(hada_camera_numbers), set by the caller */
+    double magnification;    /* 1 + d/z */
+    double defocus_pixels;   /* diameter of the defocus disc of a whole lens (or hole, or the width of a strip); 0 for
+                                diffusers */
+    double refractive_index; /* of the mask's material, by Cauchy's n = A + B / lambda^2 with the camera's n_d and Abbe
+                                number */
+    double focal_length_mm;  /* f (n_d - 1) / (n - 1) */
+} hada_camera_numbers;
+HADA_API hada_status hada_camera_get_numbers(const hada_camera *camera, double distance_mm, double wavelength_nm,
+                                             hada_camera_numbers *out, hada_error *err);
 
 /* Checks every value; the message names the first that is impossible and says what would do. */
 HADA_API hada_status hada_camera_check(const hada_camera *camera, hada_error *err);
@@ -151,33 +150,23 @@ HADA_API hada_status hada_camera_lenses(const hada_camera *camera, double *x_mm,
 HADA_API hada_status hada_camera_mask_map(const hada_camera *camera, int rows, int cols, hada_image *thickness_mm,
                                           hada_image *transmission, hada_error *err);
 
-/* Magnification 1 + d/z at a distance. */
-HADA_API double hada_camera_magnification(const hada_camera *camera, double distance_mm);
-
-/* Diameter of the defocus disc of a whole lens (or hole, or the width of a strip) at a distance, in pixels. Not for
- * diffusers: 0. */
-HADA_API double hada_camera_defocus_pixels(const hada_camera *camera, double distance_mm);
-
-/* The point spread function at a distance by geometry: one channel of sensor size, created by the call, axis at
- * (rows/2, cols/2). All light of the mask sums to 1; what falls beyond the sensor is missing from the image. */
-HADA_API hada_status hada_camera_psf(const hada_camera *camera, double distance_mm, hada_image *psf, hada_error *err);
-
-/* As hada_camera_psf, on a grid of any size about the axis (for a padded convolution). */
-HADA_API hada_status hada_camera_psf_sized(const hada_camera *camera, double distance_mm, int rows, int cols,
-                                           hada_image *psf, hada_error *err);
+/* The point spread function at a distance by geometry: one channel of rows x cols about the axis, at (rows/2, cols/2);
+ * 0, 0: of the sensor's size. Created by the call. All light of the mask sums to 1; what falls beyond the grid is
+ * missing from the image. */
+HADA_API hada_status hada_camera_psf(const hada_camera *camera, double distance_mm, int rows, int cols, hada_image *psf,
+                                     hada_error *err);
 
 /* First row (or column) of a window of `window` pixels in a frame of `full` pixels: (full - window) / 2, rounding down.
  */
-HADA_API int hada_window_origin(int full, int window);
+static inline int hada_window_origin(int full, int window)
+{
+    return (full - window) / 2;
+}
 
 /* Writes the camera as JSON (readable by a person; unknown keys are ignored on reading), beside the file and renamed.
- * Reading starts from hada_camera_init() and checks the result. */
+ * Reading needs camera->size alone, starts from hada_camera_init(), and checks the result. */
 HADA_API hada_status hada_camera_save(const hada_camera *camera, const char *path, hada_error *err);
-HADA_API hada_status hada_camera_load_sized(hada_camera *camera, size_t size, const char *path, hada_error *err);
-static inline hada_status hada_camera_load(hada_camera *camera, const char *path, hada_error *err)
-{
-    return hada_camera_load_sized(camera, sizeof *camera, path, err);
-}
+HADA_API hada_status hada_camera_load(hada_camera *camera, const char *path, hada_error *err);
 
 #ifdef __cplusplus
 }

@@ -55,11 +55,7 @@ typedef struct hada_classic_options {
     double mu1, mu2, mu3; /* ADMM: weights of the splits of data (in units of the data's weight), gradient and planes
                              (these in units of mu1 times the largest |OTF(0)|^2), > 0 */
 } hada_classic_options;
-HADA_API void hada_classic_options_defaults(hada_classic_options *options, size_t size);
-static inline void hada_classic_options_init(hada_classic_options *options)
-{
-    hada_classic_options_defaults(options, sizeof *options);
-}
+HADA_INIT(hada_classic_options, HADA_STRUCT_CLASSIC_OPTIONS)
 
 #ifdef __cplusplus
 }

@@ -37,11 +37,7 @@ typedef struct hada_communicator {
      * which takes the cores that compute, and wait until these are done. Other devices compute on in either case. */
     int network;
 } hada_communicator;
-HADA_API void hada_communicator_defaults(hada_communicator *communicator, size_t size);
-static inline void hada_communicator_init(hada_communicator *communicator)
-{
-    hada_communicator_defaults(communicator, sizeof *communicator);
-}
+HADA_INIT(hada_communicator, HADA_STRUCT_COMMUNICATOR)
 
 /* Ranks that are threads of one process: each calls with the communicator of its rank. */
 typedef struct hada_team hada_team;

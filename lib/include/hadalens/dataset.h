@@ -19,11 +19,7 @@ typedef struct hada_dataset_options {
     size_t size;         /* sizeof(hada_dataset_options) */
     int skip_incomplete; /* 1: files without their partner are left out; 0 (default): they are an error */
 } hada_dataset_options;
-HADA_API void hada_dataset_options_defaults(hada_dataset_options *options, size_t size);
-static inline void hada_dataset_options_init(hada_dataset_options *options)
-{
-    hada_dataset_options_defaults(options, sizeof *options);
-}
+HADA_INIT(hada_dataset_options, HADA_STRUCT_DATASET_OPTIONS)
 
 /* Owned by the data set. */
 typedef struct hada_dataset_info {

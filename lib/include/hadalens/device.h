@@ -39,15 +39,12 @@ typedef struct hada_device_info {
 
 /* All OpenCL devices, in the order of their index; platforms without devices are skipped. HADA_ERROR_NO_DEVICE when
  * there is none (the message says which packages bring one). What hada_device_list_get() gives belongs to the list;
- * NULL beyond its end. */
+ * NULL beyond its last. */
 typedef struct hada_device_list hada_device_list;
 HADA_API hada_status hada_device_list_create(hada_device_list **out, hada_error *err);
 HADA_API size_t hada_device_list_count(const hada_device_list *list);
 HADA_API const hada_device_info *hada_device_list_get(const hada_device_list *list, size_t index);
 HADA_API void hada_device_list_destroy(hada_device_list **list);
-
-/* The word for a kind: "cpu", "gpu", "accelerator", "other". */
-HADA_API const char *hada_device_kind_name(hada_device_kind kind);
 
 typedef struct hada_context hada_context;
 
@@ -56,9 +53,6 @@ typedef enum hada_kernel_shape {
     HADA_SHAPE_LANES = 0, /* vectors in one work-item, work-groups of one, no barriers: CPUs, FPGAs */
     HADA_SHAPE_GROUPS = 1 /* work-groups with local memory and barriers: GPUs */
 } hada_kernel_shape;
-
-/* The word for a shape: "lanes", "groups". */
-HADA_API const char *hada_kernel_shape_name(hada_kernel_shape shape);
 
 typedef enum hada_log_level { HADA_LOG_WARNING = 1, HADA_LOG_INFO = 2, HADA_LOG_TRACE = 3 } hada_log_level;
 
@@ -93,11 +87,7 @@ typedef struct hada_context_options {
     int shape;
 } hada_context_options;
 
-HADA_API void hada_context_options_defaults(hada_context_options *options, size_t size);
-static inline void hada_context_options_init(hada_context_options *options)
-{
-    hada_context_options_defaults(options, sizeof *options);
-}
+HADA_INIT(hada_context_options, HADA_STRUCT_CONTEXT_OPTIONS)
 
 /* Opens a device and checks it with known answers before its first work (HADA_ERROR_SELF_TEST where it computes
  * wrong results). `options` may be NULL. *out is NULL on failure. */
@@ -106,25 +96,26 @@ HADA_API hada_status hada_context_create(hada_context **out, const hada_context_
 /* Frees everything and clears the pointer. Objects made from the context must be destroyed before. */
 HADA_API void hada_context_destroy(hada_context **context);
 
+/* The device, owned by the context. */
 HADA_API const hada_device_info *hada_context_device(const hada_context *context);
-HADA_API hada_kernel_shape hada_context_shape(const hada_context *context);
 
-/* Bytes of device memory that this context holds now, and the most it held since the last reset. */
-HADA_API uint64_t hada_context_bytes(const hada_context *context);
-HADA_API uint64_t hada_context_peak_bytes(const hada_context *context);
+/* What a context does and holds now. */
+typedef struct hada_context_info {
+    size_t size; /* sizeof(hada_context_info), set by the caller */
+    hada_kernel_shape shape;
+    unsigned programs_compiled; /* from source so far (offline runs must show 0) */
+    unsigned programs_loaded;   /* as binaries */
+    uint64_t bytes, peak_bytes; /* of device memory: held now, and the most since the last reset */
+} hada_context_info;
+HADA_API hada_status hada_context_get_info(const hada_context *context, hada_context_info *info, hada_error *err);
 HADA_API void hada_context_reset_peak(hada_context *context);
 
-/* Number of programs compiled from source so far by this context (offline runs must show 0) and loaded as binaries. */
-HADA_API unsigned hada_context_programs_compiled(const hada_context *context);
-HADA_API unsigned hada_context_programs_loaded(const hada_context *context);
-
 /* Builds every kernel of the library for the context's device and writes the binaries with a manifest into `folder`
- * (created when missing), for machines or devices that cannot compile. */
-HADA_API hada_status hada_programs_save(hada_context *context, const char *folder, hada_error *err);
-/* The same, telling a monitor (NULL: nobody) of every program, and asking it whether to stop: HADA_ERROR_CANCELLED
- * then, and the folder holds what was built before, each file whole. With PoCL all of it takes minutes. */
-HADA_API hada_status hada_programs_save_with(hada_context *context, const char *folder, const hada_monitor *monitor,
-                                             hada_error *err);
+ * (created when missing), for machines or devices that cannot compile. `monitor` (may be NULL) sees every program and
+ * may stop: HADA_ERROR_CANCELLED then, and the folder holds what was built before, each file whole. With PoCL all of it
+ * takes minutes. */
+HADA_API hada_status hada_programs_save(hada_context *context, const char *folder, const hada_monitor *monitor,
+                                        hada_error *err);
 
 #ifdef __cplusplus
 }

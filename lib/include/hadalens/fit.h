@@ -57,11 +57,7 @@ typedef struct hada_fit_options {
     const hada_communicator *communicator; /* ranks that share the fit, each with a fitter of its own; copied; NULL
                                               (default): none do */
 } hada_fit_options;
-HADA_API void hada_fit_options_defaults(hada_fit_options *options, size_t size);
-static inline void hada_fit_options_init(hada_fit_options *options)
-{
-    hada_fit_options_defaults(options, sizeof *options);
-}
+HADA_INIT(hada_fit_options, HADA_STRUCT_FIT_OPTIONS)
 
 /* A model of zero filters with the sizes, distances, form, boundary and dark level of `sizes`: something to begin
  * training from at random (hadalens/train.h). */

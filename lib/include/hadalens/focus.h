@@ -55,10 +55,9 @@ typedef struct hada_focus_options {
 
 /* For planes of linear filters: contrast, weighted mean; `shared` not 0: for planes that share out the light:
  * combined, sum. Window 2.5 pixels, false alarm 0.01. */
-HADA_API void hada_focus_options_defaults(hada_focus_options *options, size_t size, int shared);
 static inline void hada_focus_options_init(hada_focus_options *options, int shared)
 {
-    hada_focus_options_defaults(options, sizeof *options, shared);
+    hada_struct_init(shared ? HADA_STRUCT_FOCUS_SHARED : HADA_STRUCT_FOCUS_OPTIONS, options, sizeof *options);
 }
 
 /* What the focus step found in the data. */

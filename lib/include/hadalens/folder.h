@@ -16,7 +16,6 @@
 extern "C" {
 #endif
 
-HADA_API int hada_path_is_folder(const char *path);
 /* Something that is there and no folder. */
 HADA_API int hada_path_is_file(const char *path);
 /* Nothing, or an empty folder. */
@@ -28,13 +27,6 @@ HADA_API hada_status hada_folder_ensure(const char *path, hada_error *err);
 
 /* Removes a folder with all that is in it; links are removed, not followed. */
 HADA_API void hada_folder_remove(const char *path);
-
-/* Writes what is to stand in the folder `folder`, which exists and is empty. */
-typedef hada_status (*hada_folder_fill)(void *user, const char *folder, hada_error *err);
-
-/* Makes a folder that is not there yet, or empty: `fill` writes into one beside it, which takes the name when `fill`
- * has succeeded and is removed where it has not. */
-HADA_API hada_status hada_folder_create(const char *path, hada_folder_fill fill, void *user, hada_error *err);
 
 /* Whether a file can be written, before long work that ends with it: its folder is there and takes files, and no folder
  * has its name. */

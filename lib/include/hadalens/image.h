@@ -26,7 +26,10 @@ HADA_API hada_status hada_image_create(hada_image *image, int channels, int rows
 HADA_API void hada_image_destroy(hada_image *image);
 
 /* Number of values: channels * rows * cols. */
-HADA_API size_t hada_image_count(const hada_image *image);
+static inline size_t hada_image_count(const hada_image *image)
+{
+    return (size_t)image->channels * (size_t)image->rows * (size_t)image->cols;
+}
 
 /* Number of NaN and infinite values. */
 HADA_API size_t hada_image_count_not_finite(const hada_image *image);

@@ -22,10 +22,6 @@
 extern "C" {
 #endif
 
-/* As hada_plan_create(), on several devices: a context each (a context named twice is an error). */
-HADA_API hada_status hada_plan_create_on(hada_plan **out, hada_context *const *contexts, int count,
-                                         const hada_model *model, const hada_plan_options *options, hada_error *err);
-
 typedef struct hada_job hada_job;
 
 typedef enum hada_job_state {

@@ -22,11 +22,7 @@ typedef struct hada_limits {
     uint64_t text;       /* bytes of a text: TIFF descriptions, headers of safetensors files, lists of layers */
     uint64_t parameters; /* numbers of a net that is described without its weights */
 } hada_limits;
-HADA_API void hada_limits_defaults(hada_limits *limits, size_t size);
-static inline void hada_limits_init(hada_limits *limits)
-{
-    hada_limits_defaults(limits, sizeof *limits);
-}
+HADA_INIT(hada_limits, HADA_STRUCT_LIMITS)
 
 /* Changes what a text such as "pixels=4G,pages=1M" names; k, M, G are thousand, million, milliard. HADA_ERROR_ARGUMENT
  * where it is not understood. */

@@ -21,39 +21,37 @@
 extern "C" {
 #endif
 
-/* Mean of squared differences, over pixels and channels. */
-HADA_API hada_status hada_metric_mse(const hada_image *a, const hada_image *b, const unsigned char *mask, double *out,
-                                     hada_error *err);
+/* How two images are compared. */
+typedef enum hada_metric {
+    HADA_METRIC_MSE = 1, /* mean of squared differences, over pixels and channels */
+    HADA_METRIC_MAE = 2, /* mean of absolute differences */
 
-/* Mean of absolute differences. */
-HADA_API hada_status hada_metric_mae(const hada_image *a, const hada_image *b, const unsigned char *mask, double *out,
-                                     hada_error *err);
+    /* 10 log10(peak^2 / mse) in dB; infinite for equal images */
+    HADA_METRIC_PSNR = 3,
 
-/* 10 log10(peak^2 / mse) in dB; infinite for equal images. `peak` is the largest value that could occur (1 for images
- * that were read from integer files). */
-HADA_API hada_status hada_metric_psnr(const hada_image *a, const hada_image *b, double peak, const unsigned char *mask,
-                                      double *out, hada_error *err);
+    /* Structural similarity, Wang, Bovik, Sheikh, Simoncelli, IEEE Trans. Image Processing 13(4), 600 (2004): Gaussian
+     * window of 11 x 11 with standard deviation 1.5, K1 = 0.01, K2 = 0.03, population statistics; the mean is taken
+     * where the window lies inside the image (5 pixels from the edges), as scikit-image's structural_similarity(...,
+     * gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=peak) does. The image must be at least
+     * 11 x 11. With a mask, the mean is over the masked pixels of that inner part; their windows still see all pixels.
+     */
+    HADA_METRIC_SSIM = 4,
 
-/* Structural similarity, Wang, Bovik, Sheikh, Simoncelli, IEEE Trans. Image Processing 13(4), 600 (2004): Gaussian
- * window of 11 x 11 with standard deviation 1.5, K1 = 0.01, K2 = 0.03, population statistics; the mean is taken where
- * the window lies inside the image (5 pixels from the edges), as scikit-image's structural_similarity(...,
- * gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=peak) does. The image must be at least
- * 11 x 11. With a mask, the mean is over the masked pixels of that inner part; their windows still see all pixels. */
-HADA_API hada_status hada_metric_ssim(const hada_image *a, const hada_image *b, double peak, const unsigned char *mask,
-                                      double *out, hada_error *err);
+    /* What the code that belongs to F. Tian and W. Yang, Optics Express 30(19), 34479 (2022) calls PSNR and SSIM, for
+     * comparing with its figures. PSNR: at each pixel the squared error is averaged over the channels and turned into
+     * 10 ln(peak^2 / error) / 2.303 dB; the mean of these over the pixels is taken. It lies above the true PSNR (the
+     * mean of a logarithm), by more the more the errors differ from pixel to pixel, and is infinite as soon as one
+     * pixel is exact. 2.303 approximates ln 10: 0.02 % below decibels. SSIM: structural similarity as above with a data
+     * range of 2 peak where the images span one: the constants are four times as large, so the value lies nearer to 1.
+     */
+    HADA_METRIC_AUTHORS_PSNR = 5,
+    HADA_METRIC_AUTHORS_SSIM = 6
+} hada_metric;
 
-/* What the code that belongs to F. Tian and W. Yang, Optics Express 30(19), 34479 (2022) calls PSNR and SSIM, for
- * comparing with its figures; not the yardsticks of those names above.
- *   hada_metric_authors_psnr: at each pixel the squared error is averaged over the channels and turned into
- *     10 ln(peak^2 / error) / 2.303 dB; the mean of these over the pixels is taken. It lies above the true PSNR (the
- *     mean of a logarithm), by more the more the errors differ from pixel to pixel, and is infinite as soon as one
- *     pixel is exact. 2.303 stands for ln 10: 0.02 % below decibels.
- *   hada_metric_authors_ssim: structural similarity as above with a data range of 2 peak where the images span one:
- *     the constants are four times as large, so the value lies nearer to 1. */
-HADA_API hada_status hada_metric_authors_psnr(const hada_image *a, const hada_image *b, double peak,
-                                              const unsigned char *mask, double *out, hada_error *err);
-HADA_API hada_status hada_metric_authors_ssim(const hada_image *a, const hada_image *b, double peak,
-                                              const unsigned char *mask, double *out, hada_error *err);
+/* Compares two images. `peak` is the largest value that could occur (1 for images that were read from integer files);
+ * the mean differences do not use it. `mask` may be NULL. */
+HADA_API hada_status hada_metric_compare(hada_metric metric, const hada_image *a, const hada_image *b, double peak,
+                                         const unsigned char *mask, double *out, hada_error *err);
 
 /* Sharpness of one image: the mean magnitude of the gradient, by central differences inside and one-sided ones at the
  * edges (NumPy's gradient). In intensity per pixel. */

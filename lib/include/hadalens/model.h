@@ -74,11 +74,14 @@ HADA_API const hada_model_info *hada_model_get_info(const hada_model *model);
 
 /* The filters W, as they multiply the frame's spectrum, and the transfer functions H: complex numbers (re, im)
  * [depth][channel][grid_rows][grid_cols / 2 + 1], a half spectrum each; of the form split Wr and Wi in their place.
- * docs/reference/files.md has the conventions. Owned by the model. NULL: filters are kept in half precision (then those
- * are in hada_model_get_half_filters(), NULL otherwise); the model has no transfer functions. */
-HADA_API const float *hada_model_get_filters(const hada_model *model);
-HADA_API const uint16_t *hada_model_get_half_filters(const hada_model *model);
-HADA_API const float *hada_model_get_otf(const hada_model *model);
+ * docs/reference/files.md has the conventions. Owned by the model. */
+typedef struct hada_model_arrays {
+    size_t size;                  /* sizeof(hada_model_arrays), set by the caller */
+    const float *filters;         /* NULL where they are kept in half precision */
+    const uint16_t *half_filters; /* NULL where they are not */
+    const float *otf;             /* NULL where the model has no transfer functions */
+} hada_model_arrays;
+HADA_API hada_status hada_model_get_arrays(const hada_model *model, hada_model_arrays *arrays, hada_error *err);
 
 /* Converts the filters to half precision (a copy): a quarter of the memory and traffic less;
  * docs/explanation/learning-a-camera.md states the error. */
@@ -113,11 +116,7 @@ typedef struct hada_psf_options {
     int refine_steps; /* HADA_AUTO (default): chosen */
     double refine_tv; /* weight of total variation in refinement; 0 (default): none */
 } hada_psf_options;
-HADA_API void hada_psf_options_defaults(hada_psf_options *options, size_t size);
-static inline void hada_psf_options_init(hada_psf_options *options)
-{
-    hada_psf_options_defaults(options, sizeof *options);
-}
+HADA_INIT(hada_psf_options, HADA_STRUCT_PSF_OPTIONS)
 
 HADA_API hada_status hada_model_from_psf(hada_model **out, hada_context *context, const hada_image *psfs, int depths,
                                          const double *distances_mm, const hada_psf_options *options, hada_error *err);

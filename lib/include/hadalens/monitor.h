@@ -33,11 +33,7 @@ typedef struct hada_monitor {
     /* Not 0: stop. The task ends soon with HADA_ERROR_CANCELLED and leaves nothing half-written. */
     int (*cancelled)(void *user);
 } hada_monitor;
-HADA_API void hada_monitor_defaults(hada_monitor *monitor, size_t size);
-static inline void hada_monitor_init(hada_monitor *monitor)
-{
-    hada_monitor_defaults(monitor, sizeof *monitor);
-}
+HADA_INIT(hada_monitor, HADA_STRUCT_MONITOR)
 
 #ifdef __cplusplus
 }

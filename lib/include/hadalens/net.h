@@ -41,11 +41,7 @@ typedef struct hada_unet_options {
     int last_relu;              /* 1: ReLU after the last convolution as well */
     int last_norm;              /* 1: batch norm before the last convolution */
 } hada_unet_options;
-HADA_API void hada_unet_options_defaults(hada_unet_options *options, size_t size);
-static inline void hada_unet_options_init(hada_unet_options *options)
-{
-    hada_unet_options_defaults(options, sizeof *options);
-}
+HADA_INIT(hada_unet_options, HADA_STRUCT_UNET_OPTIONS)
 
 /* New nets; weights start at random by `seed` (Kaiming for layers with ReLU), biases at 0.
  * Presets: "compact" (RGB or any channels, 16-32-64-128-256, two 3 x 3 convolutions a level) and "paper" (the net of

@@ -44,11 +44,7 @@ typedef struct hada_cl_frame {
     size_t offset;
     cl_command_queue queue; /* whose commands so far are waited for; NULL (default): the pixels are there */
 } hada_cl_frame;
-HADA_API void hada_cl_frame_defaults(hada_cl_frame *frame, size_t size);
-static inline void hada_cl_frame_init(hada_cl_frame *frame)
-{
-    hada_cl_frame_defaults(frame, sizeof *frame);
-}
+HADA_INIT(hada_cl_frame, HADA_STRUCT_CL_FRAME)
 
 /* Buffers on the device that a result is written into as well; NULL: not. Begin with hada_cl_arrays_init(). */
 typedef struct hada_cl_arrays {
@@ -56,11 +52,7 @@ typedef struct hada_cl_arrays {
     cl_mem stack, all_in_focus, distance_map;
     size_t stack_offset, all_in_focus_offset, distance_map_offset;
 } hada_cl_arrays;
-HADA_API void hada_cl_arrays_defaults(hada_cl_arrays *arrays, size_t size);
-static inline void hada_cl_arrays_init(hada_cl_arrays *arrays)
-{
-    hada_cl_arrays_defaults(arrays, sizeof *arrays);
-}
+HADA_INIT(hada_cl_arrays, HADA_STRUCT_CL_ARRAYS)
 
 /* From now on, until hada_result_destroy(), this result is written into these buffers too, without a way over the
  * host. Plans that fill it have one context, that of the buffers, and a gamma of 1 (HADA_ERROR_UNSUPPORTED otherwise);

@@ -32,11 +32,7 @@ typedef struct hada_wave_options {
                                     last as long as the hada_wave. NULL (default): nobody */
 } hada_wave_options;
 
-HADA_API void hada_wave_options_defaults(hada_wave_options *options, size_t size);
-static inline void hada_wave_options_init(hada_wave_options *options)
-{
-    hada_wave_options_defaults(options, sizeof *options);
-}
+HADA_INIT(hada_wave_options, HADA_STRUCT_WAVE_OPTIONS)
 
 /* Makes PSFs of a camera by wave optics on a device. */
 typedef struct hada_wave hada_wave;
@@ -55,7 +51,7 @@ HADA_API hada_status hada_wave_psf(hada_wave *wave, double distance_mm, int rows
                                    hada_error *err);
 
 /* The PSFs of all the camera's distances, by its `optics`: `psf` holds camera->depths images, created by the call, of
- * one channel (geometry) or camera->channels (wave): what hada_simulator_create_psf() takes. On failure all are empty.
+ * one channel (geometry) or camera->channels (wave): what hada_simulator_options takes. On failure all are empty.
  * Geometry needs no context (NULL). */
 HADA_API hada_status hada_camera_psf_stack(hada_context *context, const hada_camera *camera, hada_image *psf,
                                            hada_error *err);

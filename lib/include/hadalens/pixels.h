@@ -30,11 +30,7 @@ typedef struct hada_pixels {
     double full_scale; /* of integers, above 0; HADA_AUTO (default): of the type. A camera of 12 bits that fills the
                           lower bits of 16 has 4095 */
 } hada_pixels;
-HADA_API void hada_pixels_defaults(hada_pixels *pixels, size_t size);
-static inline void hada_pixels_init(hada_pixels *pixels)
-{
-    hada_pixels_defaults(pixels, sizeof *pixels);
-}
+HADA_INIT(hada_pixels, HADA_STRUCT_PIXELS)
 
 /* Sets strides for dense samples: all of a channel together (planar), or all channels of a pixel (interleaved). */
 HADA_API void hada_pixels_planar(hada_pixels *pixels, const void *data, hada_pixel_type type, int channels, int rows,

@@ -27,11 +27,7 @@ typedef struct hada_preview {
     const hada_image *distance_map; /* millimetres, NaN where nothing is in focus */
     double gamma;                   /* exponent for showing linear intensities, above 0; HADA_AUTO (default): sRGB */
 } hada_preview;
-HADA_API void hada_preview_defaults(hada_preview *preview, size_t size);
-static inline void hada_preview_init(hada_preview *preview)
-{
-    hada_preview_defaults(preview, sizeof *preview);
-}
+HADA_INIT(hada_preview, HADA_STRUCT_PREVIEW)
 
 /* One sheet: raw, all-in-focus, distance map with colour map and scale bar, and the stack as a contact sheet with
  * distances (occupied planes marked). */

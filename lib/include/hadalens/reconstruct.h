@@ -96,15 +96,18 @@ typedef struct hada_plan_options {
                          that one's light at which a plane keeps half, at most 1; HADA_AUTO (default): 0.12; 0: planes
                          stay as refined. Their sum does either way (docs/explanation/refinement.md) */
 } hada_plan_options;
-HADA_API void hada_plan_options_defaults(hada_plan_options *options, size_t size);
-static inline void hada_plan_options_init(hada_plan_options *options)
-{
-    hada_plan_options_defaults(options, sizeof *options);
-}
+HADA_INIT(hada_plan_options, HADA_STRUCT_PLAN_OPTIONS)
 
 typedef struct hada_plan hada_plan;
-HADA_API hada_status hada_plan_create(hada_plan **out, hada_context *context, const hada_model *model,
-                                      const hada_plan_options *options, hada_error *err);
+/* A plan on one or more devices, a context each (a context named twice is an error). */
+HADA_API hada_status hada_plan_create_on(hada_plan **out, hada_context *const *contexts, int count,
+                                         const hada_model *model, const hada_plan_options *options, hada_error *err);
+/* On one device. */
+static inline hada_status hada_plan_create(hada_plan **out, hada_context *context, const hada_model *model,
+                                           const hada_plan_options *options, hada_error *err)
+{
+    return hada_plan_create_on(out, &context, 1, model, options, err);
+}
 HADA_API void hada_plan_destroy(hada_plan **plan);
 
 /* Device bytes that a plan on one device needs, the most at any time, and host bytes that a run adds; no device memory
@@ -187,11 +190,7 @@ typedef struct hada_result_arrays {
     float *distance_map;
     size_t distance_map_count;
 } hada_result_arrays;
-HADA_API void hada_result_arrays_defaults(hada_result_arrays *arrays, size_t size);
-static inline void hada_result_arrays_init(hada_result_arrays *arrays)
-{
-    hada_result_arrays_defaults(arrays, sizeof *arrays);
-}
+HADA_INIT(hada_result_arrays, HADA_STRUCT_RESULT_ARRAYS)
 
 /* From now on, until hada_result_destroy(), this result is written into these arrays, which must live as long. What it
  * held is gone. A run whose sizes are others fails with HADA_ERROR_SIZE; after a failure the arrays hold anything. */

@@ -38,11 +38,7 @@ typedef struct hada_registration {
     double explained, explained_otherwise;
 } hada_registration;
 /* As the file stands: nothing turned, mirrored, scaled or moved. */
-HADA_API void hada_registration_defaults(hada_registration *registration, size_t size);
-static inline void hada_registration_init(hada_registration *registration)
-{
-    hada_registration_defaults(registration, sizeof *registration);
-}
+HADA_INIT(hada_registration, HADA_STRUCT_REGISTRATION)
 
 typedef struct hada_register_options {
     size_t size;                                    /* sizeof(hada_register_options) */
@@ -51,11 +47,7 @@ typedef struct hada_register_options {
     double most_rotation_deg;                       /* to either side of the quarter turns: 15 by default, at most 45 */
     const hada_monitor *monitor; /* asked before each transform that is tried; NULL (default): nobody */
 } hada_register_options;
-HADA_API void hada_register_options_defaults(hada_register_options *options, size_t size);
-static inline void hada_register_options_init(hada_register_options *options)
-{
-    hada_register_options_defaults(options, sizeof *options);
-}
+HADA_INIT(hada_register_options, HADA_STRUCT_REGISTER_OPTIONS)
 
 /* Pairs used at most; further ones are not looked at. */
 #define HADA_REGISTER_PAIRS 8

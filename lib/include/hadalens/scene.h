@@ -45,10 +45,6 @@ typedef enum hada_relief_kind {
     HADA_RELIEF_BARS = 6   /* thin bars before a wall */
 } hada_relief_kind;
 
-/* "slant", "half", "hill", "ball", "steps", "bars"; NULL for any other kind. And back: 0 for any other word. */
-HADA_API const char *hada_relief_word(hada_relief_kind kind);
-HADA_API hada_relief_kind hada_relief_from_word(const char *word);
-
 /* Depth over a window, one channel: 0 (nearest) to 1 (farthest), to be taken linear in 1/z. Seed 0 gives the plain
  * shape; others turn it, move it, and change its proportions. */
 HADA_API hada_status hada_scene_relief(hada_image *out, hada_relief_kind kind, uint64_t seed, int rows, int cols,

@@ -43,11 +43,7 @@ typedef struct hada_sensor {
 } hada_sensor;
 
 /* An ideal sensor: everything off. */
-HADA_API void hada_sensor_defaults(hada_sensor *sensor, size_t size);
-static inline void hada_sensor_init(hada_sensor *sensor)
-{
-    hada_sensor_defaults(sensor, sizeof *sensor);
-}
+HADA_INIT(hada_sensor, HADA_STRUCT_SENSOR)
 
 /* HADA_ERROR_ARGUMENT with the value that is not possible. */
 HADA_API hada_status hada_sensor_check(const hada_sensor *sensor, hada_error *err);

@@ -19,18 +19,12 @@ extern "C" {
 /* Renders raw frames of a camera on a device. Transfer functions are made at first use of each depth and kept. */
 typedef struct hada_simulator hada_simulator;
 
-/* The camera is copied. PSFs are made by its `optics`. */
-HADA_API hada_status hada_simulator_create(hada_simulator **out, hada_context *context, const hada_camera *camera,
-                                           hada_error *err);
-/* As hada_simulator_create, with measured or designed PSFs instead of the camera's own: `psf` holds camera->depths
- * images of sensor size, of one channel or of camera->channels. Used as they are, without normalisation. */
-HADA_API hada_status hada_simulator_create_psf(hada_simulator **out, hada_context *context, const hada_camera *camera,
-                                               const hada_image *psf, hada_error *err);
-
 /* What a simulator can differ in. Start from hada_simulator_options_init(). */
 typedef struct hada_simulator_options {
     size_t size;                 /* sizeof(hada_simulator_options) */
-    const hada_image *psf;       /* as for hada_simulator_create_psf; NULL (default): the camera's own */
+    const hada_image *psf;       /* measured or designed PSFs instead of the camera's own: camera->depths images of
+                                    sensor size, of one channel or of camera->channels. Used as they are, without
+                                    normalisation. NULL (default): made by the camera's `optics` */
     int shift_rows, shift_cols;  /* where the sensor's middle stands from the optical axis, in pixels: the frame holds
                                     at pixel (r, c) what it would hold at (r + shift_rows, c + shift_cols) */
     int field_rows, field_cols;  /* scenes may be this large, about the middle of the window, so that light from beyond
@@ -40,14 +34,10 @@ typedef struct hada_simulator_options {
                                     rendered (then HADA_ERROR_CANCELLED); it must last as long as the simulator. NULL
                                     (default): nobody; in hada_simulate_run() the task's */
 } hada_simulator_options;
-HADA_API void hada_simulator_options_defaults(hada_simulator_options *options, size_t size);
-static inline void hada_simulator_options_init(hada_simulator_options *options)
-{
-    hada_simulator_options_defaults(options, sizeof *options);
-}
-HADA_API hada_status hada_simulator_create_with(hada_simulator **out, hada_context *context, const hada_camera *camera,
-                                                const hada_simulator_options *options, hada_error *err);
-
+HADA_INIT(hada_simulator_options, HADA_STRUCT_SIMULATOR_OPTIONS)
+/* The camera is copied. `options` may be NULL. */
+HADA_API hada_status hada_simulator_create(hada_simulator **out, hada_context *context, const hada_camera *camera,
+                                           const hada_simulator_options *options, hada_error *err);
 HADA_API void hada_simulator_destroy(hada_simulator **simulator);
 HADA_API const hada_camera *hada_simulator_camera(const hada_simulator *simulator);
 

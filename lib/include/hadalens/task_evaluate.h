@@ -42,11 +42,7 @@ typedef struct hada_evaluate_task {
     double truth_encoding; /* HADA_AUTO (default): so */
     double encoding;       /* in which both are compared; HADA_AUTO (default): the truth's */
 } hada_evaluate_task;
-HADA_API void hada_evaluate_task_defaults(hada_evaluate_task *task, size_t size);
-static inline void hada_evaluate_task_init(hada_evaluate_task *task)
-{
-    hada_evaluate_task_defaults(task, sizeof *task);
-}
+HADA_INIT(hada_evaluate_task, HADA_STRUCT_EVALUATE_TASK)
 
 /* A result and its truth. Owned by the report. */
 typedef struct hada_evaluation {

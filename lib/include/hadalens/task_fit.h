@@ -44,11 +44,7 @@ typedef struct hada_fit_task {
                             those of a run without interruption. Files that are not there are no error */
     double save_seconds; /* between saves on the way, at least; 60 by default */
 } hada_fit_task;
-HADA_API void hada_fit_task_defaults(hada_fit_task *task, size_t size);
-static inline void hada_fit_task_init(hada_fit_task *task)
-{
-    hada_fit_task_defaults(task, sizeof *task);
-}
+HADA_INIT(hada_fit_task, HADA_STRUCT_FIT_TASK)
 
 /* What the choices were made from. Owned by the caller: hada_fit_report_destroy(). */
 typedef struct hada_fit_report hada_fit_report;
@@ -80,11 +76,7 @@ typedef struct hada_psf_task {
     int colour; /* 1: a grey PSF serves red, green and blue alike */
     int half;   /* 1: the model's filters in half precision */
 } hada_psf_task;
-HADA_API void hada_psf_task_defaults(hada_psf_task *task, size_t size);
-static inline void hada_psf_task_init(hada_psf_task *task)
-{
-    hada_psf_task_defaults(task, sizeof *task);
-}
+HADA_INIT(hada_psf_task, HADA_STRUCT_PSF_TASK)
 
 /* A model from the pages of a TIFF file of point spread functions, near to far. `task` may be NULL. */
 HADA_API hada_status hada_psf_run(hada_model **out, hada_context *context, const char *path, const hada_psf_task *task,

@@ -19,11 +19,7 @@ typedef struct hada_optics_task {
     double threshold; /* of the MTF, below 1; HADA_AUTO (default): 0.05 */
     const hada_monitor *monitor;
 } hada_optics_task;
-HADA_API void hada_optics_task_defaults(hada_optics_task *task, size_t size);
-static inline void hada_optics_task_init(hada_optics_task *task)
-{
-    hada_optics_task_defaults(task, sizeof *task);
-}
+HADA_INIT(hada_optics_task, HADA_STRUCT_OPTICS_TASK)
 
 /* Makes or reads the PSFs of all depths, reports on them, and writes a folder that is not there yet, or empty, and that
  * appears whole or not at all: camera.json, psf.tif, depths.csv, mtf.csv, self_correlation.csv, correlation.csv,
@@ -33,9 +29,9 @@ static inline void hada_optics_task_init(hada_optics_task *task)
 HADA_API hada_status hada_optics_run(hada_optics_report **report, hada_context *context, const hada_camera *camera,
                                      const char *folder, const hada_optics_task *task, hada_error *err);
 
-/* The columns of depths.csv: the name of column 0, 1, ..., NULL behind the last, and its value in a row. */
-HADA_API const char *hada_optics_column(int column);
-HADA_API double hada_optics_value(const hada_optics_row *row, int column);
+/* The columns of depths.csv: the name of column 0, 1, ..., NULL behind the last. *value (may be NULL) becomes its value
+ * in a row (may be NULL: NaN). */
+HADA_API const char *hada_optics_column(int column, const hada_optics_row *row, double *value);
 
 #ifdef __cplusplus
 }

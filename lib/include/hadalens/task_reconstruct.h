@@ -51,11 +51,7 @@ typedef struct hada_files_task {
     const hada_communicator *communicator; /* ranks that share the files: dealt to them in order, each writing its own;
                                               copied; NULL (default): none do. All ranks name the same files */
 } hada_files_task;
-HADA_API void hada_files_task_defaults(hada_files_task *task, size_t size);
-static inline void hada_files_task_init(hada_files_task *task)
-{
-    hada_files_task_defaults(task, sizeof *task);
-}
+HADA_INIT(hada_files_task, HADA_STRUCT_FILES_TASK)
 
 typedef enum hada_files_event {
     HADA_FILES_BEGINS = 1, /* a file's turn */

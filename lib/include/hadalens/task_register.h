@@ -20,11 +20,7 @@ typedef struct hada_register_task {
     int window_rows, window_cols;        /* of the registered scenes; 0 (default): what they fill, within the frame */
     const hada_monitor *monitor;
 } hada_register_task;
-HADA_API void hada_register_task_defaults(hada_register_task *task, size_t size);
-static inline void hada_register_task_init(hada_register_task *task)
-{
-    hada_register_task_defaults(task, sizeof *task);
-}
+HADA_INIT(hada_register_task, HADA_STRUCT_REGISTER_TASK)
 
 /* What was found for a depth, and what of it is applied: a transform that would move no pixel of a scene by more than
  * the precision reached is not, but for flips and quarter turns. Owned by the

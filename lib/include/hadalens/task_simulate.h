@@ -49,11 +49,7 @@ typedef struct hada_simulate_task {
      * are. A response of hadalens/response.h, HADA_RESPONSE_LINEAR by default */
     double scene_response;
 } hada_simulate_task;
-HADA_API void hada_simulate_task_defaults(hada_simulate_task *task, size_t size);
-static inline void hada_simulate_task_init(hada_simulate_task *task)
-{
-    hada_simulate_task_defaults(task, sizeof *task);
-}
+HADA_INIT(hada_simulate_task, HADA_STRUCT_SIMULATE_TASK)
 
 /* What was written in the end. */
 typedef struct hada_simulate_report {

@@ -55,11 +55,7 @@ typedef struct hada_train_task {
     void *user;
     const hada_monitor *monitor;
 } hada_train_task;
-HADA_API void hada_train_task_defaults(hada_train_task *task, size_t size);
-static inline void hada_train_task_init(hada_train_task *task)
-{
-    hada_train_task_defaults(task, sizeof *task);
-}
+HADA_INIT(hada_train_task, HADA_STRUCT_TRAIN_TASK)
 
 typedef enum hada_train_event {
     HADA_TRAIN_BEGINS = 1,    /* the trainer is made; nothing was trained yet */
@@ -76,10 +72,11 @@ typedef struct hada_train_row {
 /* How far a training is. The library's; valid during the call. */
 struct hada_train_state {
     hada_train_event event;
-    hada_status status; /* at the end: how */
-    const hada_trainer *trainer;
-    int depths, learned, held_out; /* depths; pairs to learn from, and held out */
-    uint64_t first, step, steps;   /* where this run began; done; of all */
+    hada_status status;                /* at the end: how */
+    const hada_train_options *options; /* as the trainer understood them */
+    const hada_net *net;               /* that is trained, with its first values; NULL: none */
+    int depths, learned, held_out;     /* depths; pairs to learn from, and held out */
+    uint64_t first, step, steps;       /* where this run began; done; of all */
     double seconds, seconds_per_step;
     double loss;     /* of the last good step of this run; 0 before */
     int rolled_back; /* steps that were */

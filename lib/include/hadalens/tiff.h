@@ -30,16 +30,15 @@ typedef struct hada_tiff_info {
     int slices, times; /* of a hyperstack; slices * times == frames, 1 and frames otherwise */
     double pixel_width_um, pixel_height_um; /* 0 where the file does not say */
     double slice_spacing;                   /* of a hyperstack, in micrometres, 0 where unknown */
+    const char *description;                /* the text of the file's ImageDescription, "" where none */
+    const double *distances_mm; /* of the slices, where the file says them (files written by this library) */
+    int distances;              /* how many; 0 where the file does not say */
+    double encoding;            /* how the values stand for light (hadalens/response.h), where the file says it (files
+                                   written by this library); 0 where it does not */
 } hada_tiff_info;
 
 HADA_API hada_status hada_tiff_open(hada_tiff_reader **out, const char *path, hada_error *err);
 HADA_API const hada_tiff_info *hada_tiff_get_info(const hada_tiff_reader *reader);
-/* The text of the file's ImageDescription, "" where none. Owned by the reader. */
-HADA_API const char *hada_tiff_description(const hada_tiff_reader *reader);
-/* Distances of the slices in millimetres where the file says them (files written by this library); returns how many. */
-HADA_API size_t hada_tiff_distances(const hada_tiff_reader *reader, double *out, size_t capacity);
-/* How the values stand for light, where the file says it (files written by this library); 0 where it does not. */
-HADA_API double hada_tiff_encoding(const hada_tiff_reader *reader);
 /* Reads frame `index` into *image (created by the call; the caller destroys it). NaN and infinite pixels are read as
  * they are: the caller decides. */
 HADA_API hada_status hada_tiff_read(hada_tiff_reader *reader, int index, hada_image *image, hada_error *err);
@@ -68,11 +67,7 @@ typedef struct hada_tiff_write_options {
                         not stated */
 } hada_tiff_write_options;
 
-HADA_API void hada_tiff_write_options_defaults(hada_tiff_write_options *options, size_t size);
-static inline void hada_tiff_write_options_init(hada_tiff_write_options *options)
-{
-    hada_tiff_write_options_defaults(options, sizeof *options);
-}
+HADA_INIT(hada_tiff_write_options, HADA_STRUCT_TIFF_WRITE_OPTIONS)
 
 typedef struct hada_tiff_writer hada_tiff_writer;
 /* `channels`, `rows`, `cols` hold for all frames. BigTIFF is chosen when the pixels need it (3.9 GB and more); that is

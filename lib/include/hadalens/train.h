@@ -51,11 +51,7 @@ typedef struct hada_pairs {
     hada_status (*read)(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *err);
     void *user;
 } hada_pairs;
-HADA_API void hada_pairs_defaults(hada_pairs *pairs, size_t size);
-static inline void hada_pairs_init(hada_pairs *pairs)
-{
-    hada_pairs_defaults(pairs, sizeof *pairs);
-}
+HADA_INIT(hada_pairs, HADA_STRUCT_PAIRS)
 
 /* Changes of a pair on its way, drawn anew each time it is seen. */
 typedef struct hada_augment {
@@ -68,11 +64,7 @@ typedef struct hada_augment {
     int plane_flips; /* ENHANCE and ADVERSARIAL: the reconstructed plane and the scene are flipped together (1, 2, 3);
                         HADA_AUTO (default): 3 there */
 } hada_augment;
-HADA_API void hada_augment_defaults(hada_augment *augment, size_t size);
-static inline void hada_augment_init(hada_augment *augment)
-{
-    hada_augment_defaults(augment, sizeof *augment);
-}
+HADA_INIT(hada_augment, HADA_STRUCT_AUGMENT)
 
 typedef enum hada_rule { HADA_RULE_RMSPROP = 0, HADA_RULE_ADAM = 1, HADA_RULE_ADAMW = 2 } hada_rule;
 typedef enum hada_rate { HADA_RATE_CONSTANT = 0, HADA_RATE_STEP = 1, HADA_RATE_COSINE = 2 } hada_rate;
@@ -131,31 +123,30 @@ typedef struct hada_train_options {
                                               from the same arguments: they make the same calls, and all have the same
                                               parameters at every time; copied; NULL (default): none do */
 } hada_train_options;
-HADA_API void hada_train_options_defaults(hada_train_options *options, size_t size, hada_stage stage);
 static inline void hada_train_options_init(hada_train_options *options, hada_stage stage)
 {
-    hada_train_options_defaults(options, sizeof *options, stage);
+    hada_struct_init((hada_struct)((int)HADA_STRUCT_TRAIN_OPTIONS + (int)stage), options, sizeof *options);
 }
 
 typedef struct hada_trainer hada_trainer;
 
-/* Starts at step 0. `model` gives filters, sizes and (where it has one) the net, and must live as long as the trainer;
- * CONVENTIONAL takes only its sizes. `pairs` are those to learn from, `held_out` (may be NULL) those to validate with.
- * HADA_ERROR_ARGUMENT, HADA_ERROR_MODEL or HADA_ERROR_MEMORY with a message that says what to change. */
-HADA_API hada_status hada_trainer_create(hada_trainer **out, hada_context *context, const hada_model *model,
-                                         const hada_pairs *pairs, const hada_pairs *held_out,
+/* Starts at step 0, on one or more devices, a context each, which share the pairs of a step. `model` gives filters,
+ * sizes and (where it has one) the net, and must live as long as the trainer; CONVENTIONAL takes only its sizes.
+ * `pairs` are those to learn from, `held_out` (may be NULL) those to validate with. HADA_ERROR_ARGUMENT,
+ * HADA_ERROR_MODEL or HADA_ERROR_MEMORY with a message that says what to change. */
+HADA_API hada_status hada_trainer_create(hada_trainer **out, hada_context *const *contexts, int count,
+                                         const hada_model *model, const hada_pairs *pairs, const hada_pairs *held_out,
                                          const hada_train_options *options, hada_error *err);
-/* The same on several devices, a context each, which share the pairs of a step. */
-HADA_API hada_status hada_trainer_create_on(hada_trainer **out, hada_context *const *contexts, int count,
-                                            const hada_model *model, const hada_pairs *pairs,
-                                            const hada_pairs *held_out, const hada_train_options *options,
-                                            hada_error *err);
 HADA_API void hada_trainer_destroy(hada_trainer **trainer);
 
-/* Options as the trainer understood them (what was left open is filled in), and the net that is trained (owned by it,
- * with its first values; NULL: none). */
-HADA_API const hada_train_options *hada_trainer_get_options(const hada_trainer *trainer);
-HADA_API const hada_net *hada_trainer_get_net(const hada_trainer *trainer);
+/* What a trainer is doing. */
+typedef struct hada_trainer_info {
+    size_t size;                       /* sizeof(hada_trainer_info), set by the caller */
+    const hada_train_options *options; /* as the trainer understood them: what was left open is filled in */
+    const hada_net *net;               /* that is trained, with its first values, owned by the trainer; NULL: none */
+    uint64_t steps, seen;              /* steps done; pairs seen on the way */
+} hada_trainer_info;
+HADA_API hada_status hada_trainer_get_info(const hada_trainer *trainer, hada_trainer_info *info, hada_error *err);
 
 /* Device bytes that training needs on each device; nothing is allocated. */
 HADA_API hada_status hada_trainer_bytes(hada_context *context, const hada_model *model,
@@ -207,10 +198,6 @@ HADA_API hada_status hada_trainer_net(hada_trainer *trainer, hada_net **out, had
  * batch (HADA_ERROR_MODEL says what differs); rates, losses and the number of steps may differ. */
 HADA_API hada_status hada_trainer_save(hada_trainer *trainer, const char *path, hada_error *err);
 HADA_API hada_status hada_trainer_load(hada_trainer *trainer, const char *path, hada_error *err);
-
-/* Steps done; pairs seen on the way. */
-HADA_API uint64_t hada_trainer_steps(const hada_trainer *trainer);
-HADA_API uint64_t hada_trainer_seen(const hada_trainer *trainer);
 
 #ifdef __cplusplus
 }

@@ -18,9 +18,6 @@ extern "C" {
 /* Who transforms: the library's own kernels, or clFFT. */
 typedef enum hada_tune_backend { HADA_TUNE_OWN = 1, HADA_TUNE_CLFFT = 2 } hada_tune_backend;
 
-/* "own", "clfft". */
-HADA_API const char *hada_tune_backend_name(hada_tune_backend backend);
-
 /* One back end at one size: milliseconds for a batch, medians. NaN where it cannot serve; `reason` says why. */
 typedef struct hada_tune_time {
     double forward_ms, inverse_ms;

@@ -1,0 +1,40 @@
+/* Hadalens: images on the host.
+ *
+ * float32, planar: data[(channel * rows + row) * cols + col]. Linear intensity. Integer files are
+ * divided by their full scale (255, 65535, 4294967295); float files are taken as they are.
+ *
+ * Threads: images are plain values; any number of threads may read one. */
+#ifndef HADALENS_IMAGE_H
+#define HADALENS_IMAGE_H
+
+#include <hadalens/status.h>
+#include <stddef.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct hada_image {
+    int channels, rows, cols;
+    float *data; /* owned; NULL when empty */
+} hada_image;
+
+/* Allocates a zeroed image. On failure *image is empty. */
+HADA_API hada_status hada_image_create(hada_image *image, int channels, int rows, int cols, hada_error *err);
+
+/* Frees the pixels and empties the image; an empty image is fine. */
+HADA_API void hada_image_destroy(hada_image *image);
+
+/* Number of values: channels * rows * cols. */
+static inline size_t hada_image_count(const hada_image *image)
+{
+    return (size_t)image->channels * (size_t)image->rows * (size_t)image->cols;
+}
+
+/* Number of NaN and infinite values. */
+HADA_API size_t hada_image_count_not_finite(const hada_image *image);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

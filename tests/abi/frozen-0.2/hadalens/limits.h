@@ -1,0 +1,41 @@
+/* Hadalens: budgets for files that come from elsewhere. A small file can claim to be a large picture or a large net;
+ * what it claims beyond these budgets is refused before memory or time is spent, with a message that names the budget
+ * ("options.limits pixels=N": hada_limits_set()).
+ *
+ * Thread-safe. Source: docs/security.md. */
+#ifndef HADALENS_LIMITS_H
+#define HADALENS_LIMITS_H
+
+#include <hadalens/status.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct hada_limits {
+    size_t size;         /* sizeof(hada_limits) */
+    uint64_t pixels;     /* numbers (pixels times samples) of a page and of the piece of it that is read at once; a file
+                            may always hold 64 for each of its bytes; a camera file's sensor, eight times as many */
+    uint64_t pages;      /* pages of a TIFF file */
+    uint64_t text;       /* bytes of a text: TIFF descriptions, headers of safetensors files, lists of layers */
+    uint64_t parameters; /* numbers of a net that is described without its weights */
+} hada_limits;
+HADA_INIT(hada_limits, HADA_STRUCT_LIMITS)
+
+/* Changes what a text such as "pixels=4G,pages=1M" names; k, M, G are thousand, million, milliard. HADA_ERROR_ARGUMENT
+ * where it is not understood. */
+HADA_API hada_status hada_limits_parse(hada_limits *limits, const char *text, hada_error *err);
+
+/* Sets the budgets of this process; NULL: back to the environment's. */
+HADA_API hada_status hada_limits_set(const hada_limits *limits, hada_error *err);
+
+/* The budgets in force: those that were set, else the defaults as the environment variable HADALENS_LIMITS changes them
+ * (HADA_ERROR_ARGUMENT where it is not understood). */
+HADA_API hada_status hada_limits_get(hada_limits *limits, hada_error *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,127 @@
+/* Hadalens: a learned (or measured) camera.
+ *
+ * A model holds, per depth and channel, a Hadamard filter W on the half spectrum and an estimate of the optical
+ * transfer function H, with the conventions they follow. It is immutable once made and may be shared by threads.
+ * Files are safetensors: docs/model-file.md names the tensors and the metadata.
+ *
+ * Geometry. A raw frame has `raw_rows` x `raw_cols` pixels. Transforms run on a grid of `grid_rows` x `grid_cols`:
+ * equal to the raw frame for the circular boundary, as a rule larger for the padded one, with the frame in the centre
+ * (offset (grid - raw) / 2, rounded down). The scene is the window of `window_rows` x `window_cols` in the centre of
+ * the frame (offset (raw - window) / 2, rounded down); outside it the scene is dark. Depths run near to far. */
+#ifndef HADALENS_MODEL_H
+#define HADALENS_MODEL_H
+
+#include <hadalens/device.h>
+#include <hadalens/image.h>
+#include <hadalens/net.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* How a filter acts on the frame's spectrum B. Tian and Yang, Optics Express 30(19), 34479 (2022):
+ * complex: X = B (Wr + i Wi); split: X = Re(B) Wr + i Im(B) Wi (their Eq. 3);
+ * matched: X = B conj(OTF) (Eq. 2); wiener: X = B conj(OTF) / (|OTF|^2 + noise). The last two are complex in use. */
+typedef enum hada_form {
+    HADA_FORM_AUTO = 0, /* in options only */
+    HADA_FORM_COMPLEX = 1,
+    HADA_FORM_SPLIT = 2,
+    HADA_FORM_MATCHED = 3,
+    HADA_FORM_WIENER = 4
+} hada_form;
+
+/* circular: the optics' convolution is taken as circular on the frame; padded: it is wider than the sensor, which
+ * crops it. */
+typedef enum hada_boundary { HADA_BOUNDARY_CIRCULAR = 1, HADA_BOUNDARY_PADDED = 2 } hada_boundary;
+
+typedef struct hada_model hada_model;
+
+typedef struct hada_model_info {
+    int depths, channels;
+    int raw_rows, raw_cols, grid_rows, grid_cols, window_rows, window_cols;
+    hada_form form;
+    hada_boundary boundary;
+    double alpha, lambda; /* what the fit chose: weight of the other depths, regularisation (relative) */
+    double dark;          /* level taken off every pixel before anything else, in units of full scale; HADA_AUTO:
+                             each frame's own, estimated */
+    double noise;         /* standard deviation of the frame's noise that the fit found, 0 where unknown */
+    int refine_steps;     /* refinement that pays for this camera; 0: none does */
+    double refine_rho;    /* in units of the largest |OTF(0)|^2 of all depths and channels */
+    double refine_tv;     /* weight of total variation in it, docs/refinement.md; 0: none, but the prior that the pairs
+                             give */
+    int has_otf;
+    int half;                       /* filters are kept in half precision */
+    int enhance;                    /* 1: it holds a net that enhances refocused planes */
+    int enhance_rows, enhance_cols; /* size at which that net runs; 0, 0: the window's */
+    uint64_t bytes;                 /* of filters and transfer functions */
+    const double *distances_mm;     /* per depth, owned by the model */
+    const char *name;               /* file name it was loaded from, or "" */
+    double scene_response;          /* how the scenes that it was learned from were encoded (hadalens/response.h); what
+                                       it makes of a frame is linear light all the same */
+    double refine_colour;           /* in refine_tv, weight of differences of colour over those of brightness, from 1 */
+    double refine_share; /* share of refined planes where refine_steps recommends refinement; the rest is the linear
+                            filters', whose errors are others. 1: refined planes alone */
+    double
+        refine_shrink; /* with refine_tv, for a single depth: threshold of the shrinkage of cosine transforms of blocks
+                          in the last steps, in units of the weight of total variation; 0: none (docs/refinement.md) */
+} hada_model_info;
+
+HADA_API hada_status hada_model_load(hada_model **out, const char *path, hada_error *err);
+HADA_API hada_status hada_model_save(const hada_model *model, const char *path, hada_error *err);
+HADA_API void hada_model_destroy(hada_model **model);
+HADA_API const hada_model_info *hada_model_get_info(const hada_model *model);
+
+/* The filters W, as they multiply the frame's spectrum, and the transfer functions H: complex numbers (re, im)
+ * [depth][channel][grid_rows][grid_cols / 2 + 1], a half spectrum each; of the form split Wr and Wi in their place.
+ * docs/model-file.md has the conventions. Owned by the model. */
+typedef struct hada_model_arrays {
+    size_t size;                  /* sizeof(hada_model_arrays), set by the caller */
+    const float *filters;         /* NULL where they are kept in half precision */
+    const uint16_t *half_filters; /* NULL where they are not */
+    const float *otf;             /* NULL where the model has no transfer functions */
+} hada_model_arrays;
+HADA_API hada_status hada_model_get_arrays(const hada_model *model, hada_model_arrays *arrays, hada_error *err);
+
+/* Converts the filters to half precision (a copy): a quarter of the memory and traffic less; docs/filters.md states
+ * the error. */
+HADA_API hada_status hada_model_to_half(hada_model **out, const hada_model *model, hada_error *err);
+
+/* A copy with the fixed filters `matched` or `wiener` made from the model's transfer functions H (HADA_ERROR_MODEL
+ * without any): the baselines of a comparison. Matched: conj(H) / |H(0)|^2, which keeps the mean brightness; Wiener:
+ * conj(H) / (|H|^2 + lambda mean |H|^2), `lambda` > 0. A net for enhancement, which belongs to the filters that it was
+ * trained behind, is left out. */
+HADA_API hada_status hada_model_with_form(hada_model **out, const hada_model *model, hada_form form, double lambda,
+                                          hada_error *err);
+
+/* A copy with a net (copied) that enhances refocused planes, run at rows x cols (0, 0: the window's size); net NULL: a
+ * copy without one. HADA_ERROR_MODEL where the net's channels are not the model's. */
+HADA_API hada_status hada_model_with_enhance(hada_model **out, const hada_model *model, const hada_net *net, int rows,
+                                             int cols, hada_error *err);
+
+/* The net of a model, owned by it; NULL where it has none. */
+HADA_API const hada_net *hada_model_get_enhance(const hada_model *model);
+
+/* From point spread functions: one image per depth (channels x rows x cols, optical axis at (rows/2, cols/2)), forms
+ * matched or wiener. The OTF is kept, so refinement works. */
+typedef struct hada_psf_options {
+    size_t size;
+    hada_form form;               /* HADA_FORM_WIENER by default */
+    hada_boundary boundary;       /* HADA_BOUNDARY_PADDED by default: a measured PSF belongs to a sensor that crops */
+    int window_rows, window_cols; /* 0: the whole frame */
+    double lambda;    /* of the Wiener filter, relative to the mean |OTF|^2, above 0; HADA_AUTO (default): chosen, see
+                         docs/filters.md */
+    double psf_dark;  /* taken off the PSF's pixels; HADA_AUTO (default): estimated from its background */
+    double dark;      /* of the frames, kept in the model; HADA_AUTO: per frame, estimated; 0 by default */
+    int refine_steps; /* HADA_AUTO (default): chosen */
+    double refine_tv; /* weight of total variation in refinement; 0 (default): none */
+} hada_psf_options;
+HADA_INIT(hada_psf_options, HADA_STRUCT_PSF_OPTIONS)
+
+HADA_API hada_status hada_model_from_psf(hada_model **out, hada_context *context, const hada_image *psfs, int depths,
+                                         const double *distances_mm, const hada_psf_options *options, hada_error *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

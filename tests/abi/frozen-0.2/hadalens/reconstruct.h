@@ -1,0 +1,201 @@
+/* Hadalens: from a raw frame to a refocused stack, an all-in-focus image and a distance map.
+ *
+ * plan = model x device: knows its bytes before it allocates. run = one frame; hadalens/job.h has many in flight, on
+ * several queues and devices. Frames may be run from any threads, but a plan is destroyed by one, when nobody waits in
+ * hada_plan_run(); several plans may share a context and a model. Same input, device and build give the same bits. */
+#ifndef HADALENS_RECONSTRUCT_H
+#define HADALENS_RECONSTRUCT_H
+
+#include <hadalens/classic.h>
+#include <hadalens/device.h>
+#include <hadalens/image.h>
+#include <hadalens/model.h>
+#include <hadalens/pixels.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Which depths a scene occupies. */
+typedef enum hada_occupied {
+    HADA_OCCUPIED_AUTO = 0, /* found by depth pursuit */
+    HADA_OCCUPIED_ALL = 1,
+    HADA_OCCUPIED_LIST = 2
+} hada_occupied;
+
+/* What a scene is taken for. */
+typedef enum hada_scene {
+    HADA_SCENE_AUTO = 0,   /* what explains the frame with the fewest unknowns */
+    HADA_SCENE_PLANES = 1, /* objects at some of the depths */
+    HADA_SCENE_SURFACE = 2 /* one texture on one continuous surface, anywhere between the depths (docs/surfaces.md) */
+} hada_scene;
+
+typedef enum hada_dark {
+    HADA_DARK_MODEL = 0,
+    HADA_DARK_NONE = 1,
+    HADA_DARK_AUTO = 2,
+    HADA_DARK_LEVEL = 3,
+    HADA_DARK_FRAME = 4
+} hada_dark;
+
+/* Work that a scene does not need. Each kind has a switch; docs/skipping.md says what each saves and why its error is
+ * what is said here. "Bounded" kinds act only under a max_error above 0. */
+typedef enum hada_skip {
+    HADA_SKIP_PRUNE = 1, /* rows and columns of the inverse transforms outside the window; exact but for rounding, since
+                            a row shares its transform with another one than before */
+    HADA_SKIP_DEPTHS = 2, /* the occupied depths are found on a small part of the spectrum instead of all of it, and
+                             only their planes are computed; exact as long as both looks decide the same */
+    HADA_SKIP_FREQUENCIES = 4, /* frequencies whose filtered light is negligible; bounded (Parseval) */
+    HADA_SKIP_HALF = 8,        /* half of the filters' bits; bounded */
+    HADA_SKIP_CHANNELS = 16,   /* channels that are black, or equal to one that was done (grey scenes); exact */
+    HADA_SKIP_FRAMES = 32,     /* frames equal to the one before: exact; nearly equal ones: bounded */
+    HADA_SKIP_TILES = 64,      /* tiles of the enhancement net without content, or unchanged; exact */
+    HADA_SKIP_ALL = 127
+} hada_skip;
+
+typedef struct hada_plan_options {
+    size_t size;       /* sizeof(hada_plan_options) */
+    const int *depths; /* indices of the depths to compute, ascending; NULL: all */
+    int depth_count;
+    hada_occupied occupied;   /* HADA_OCCUPIED_AUTO by default */
+    const int *occupied_list; /* indices of depths, for HADA_OCCUPIED_LIST */
+    int occupied_count;
+    int refine;        /* steps; HADA_AUTO (default): the model's, and more until several depths have parted; 0: linear
+                        * filters alone */
+    double refine_tv;  /* weight of total variation in refinement; HADA_AUTO (default): the model's, 0: none */
+    hada_dark dark;    /* HADA_DARK_MODEL by default: what the model says */
+    double dark_level; /* for HADA_DARK_LEVEL, in units of full scale */
+    const hada_image *dark_frame; /* for HADA_DARK_FRAME; copied */
+    int repair_not_finite;        /* 1: NaN and infinite pixels take the median of their neighbours, with a count in the
+                                     report; 0 (default): such a frame is refused */
+    int half;                     /* 1: filters on the device in half precision */
+    int enhance;                  /* 1 (default): planes go through the model's net, where it has one; 0: not */
+    int batch;                    /* depths at once; HADA_AUTO (default) or 0: chosen from the memory */
+    double gamma;                 /* exponent on the finished images; 1 (default): linear */
+    int queues;                   /* frames or batches in flight on each device, each on a queue of its own with its
+                                     own memory; HADA_AUTO (default) or 0: 1 */
+    unsigned skip;                /* HADA_SKIP_... that may be used; HADA_SKIP_ALL by default, 0: none (a dense run) */
+    double max_error; /* the largest relative L2 change of the stack (before gamma) against the dense run, below 1;
+                         0 (default): only what is exact */
+    double band;      /* linear filters: frequencies beyond this share of the sensor's Nyquist limits, in rows and in
+                         columns, are left out, whatever max_error; 1 (default): none. The planes keep their size */
+    const hada_classic_options *classic; /* another method in place of the model's filters and refinement; the depths
+                                            are all that are computed, or those of the list, and no net follows; NULL
+                                            (default): none. Copied */
+    hada_scene scene; /* HADA_SCENE_AUTO by default. A surface needs three depths, their transfer functions, refinement
+                         and HADA_OCCUPIED_AUTO. Its memory on the device is taken when a frame first needs it, beyond
+                         a plan's estimate; where there is too little, frames are taken for planes, or, told to be
+                         surfaces, fail */
+    double refine_colour; /* in total variation, weight of differences of colour over those of brightness, 1 to 16;
+                             HADA_AUTO (default): the model's */
+    double
+        refine_shrink; /* with total variation, where one depth is occupied: threshold of the shrinkage of blocks in the
+                          last steps, in units of its weight, 0 to 100; HADA_AUTO (default): the model's; 0: none */
+    double crosstalk; /* where a refined plane is dark beside another one, its light goes to the brightest: the share of
+                         that one's light at which a plane keeps half, at most 1; HADA_AUTO (default): 0.12; 0: planes
+                         stay as refined. Their sum does either way (docs/refinement.md) */
+} hada_plan_options;
+HADA_INIT(hada_plan_options, HADA_STRUCT_PLAN_OPTIONS)
+
+typedef struct hada_plan hada_plan;
+/* A plan on one or more devices, a context each (a context named twice is an error). */
+HADA_API hada_status hada_plan_create_on(hada_plan **out, hada_context *const *contexts, int count,
+                                         const hada_model *model, const hada_plan_options *options, hada_error *err);
+/* On one device. */
+static inline hada_status hada_plan_create(hada_plan **out, hada_context *context, const hada_model *model,
+                                           const hada_plan_options *options, hada_error *err)
+{
+    return hada_plan_create_on(out, &context, 1, model, options, err);
+}
+HADA_API void hada_plan_destroy(hada_plan **plan);
+
+/* Device bytes that a plan on one device needs, the most at any time, and host bytes that a run adds; no device memory
+ * is needed to say it. Surfaces are not in it: what they take goes by optics that are measured when a frame first may
+ * be one. It is planned before it is taken, for all queues, within three quarters of the device's memory; where it does
+ * not fit, planes have to do, or with HADA_SCENE_SURFACE the frame fails with HADA_ERROR_DEVICE_MEMORY. */
+HADA_API hada_status hada_plan_estimate(hada_context *context, const hada_model *model,
+                                        const hada_plan_options *options, uint64_t *device_bytes, uint64_t *host_bytes,
+                                        hada_error *err);
+
+/* Device bytes that a plan holds on all its devices and queues, and that it would hold if buffers which are never
+ * needed at the same time did not share room (docs/scheduling.md), with the surfaces that frames made it take so far.
+ * Either may be NULL. */
+HADA_API void hada_plan_memory(const hada_plan *plan, uint64_t *held, uint64_t *apart);
+
+/* What was not computed, and what that may have changed. The library's own: later versions may append to it. */
+typedef struct hada_skip_report {
+    unsigned kinds;       /* HADA_SKIP_... that saved something in this frame */
+    double bound;         /* of the relative L2 change of the stack, by a chosen band as well; 0: none */
+    int depths, channels; /* not computed */
+    int frame;            /* 1: the result is that of the frame before */
+    double frequencies;   /* share of the spectrum that was not used, 0 to 1 */
+    double tiles;         /* share of the tiles of the enhancement net that was not computed */
+    int recomputed;       /* 1: a bound did not hold when the result was known; the frame was done again in full */
+} hada_skip_report;
+
+/* What happened, with the seconds of each stage: on a device with memory of its own, stages run into each other, and
+ * these are the host's; what each takes of the device, hadalens/profile.h says. The library's own: later versions may
+ * append to it. */
+typedef struct hada_report {
+    int occupied_count;
+    const unsigned char *occupied; /* per computed depth */
+    hada_method method;
+    int refine_steps;       /* refinement steps, or iterations of a classic method, that were done */
+    double residual_linear; /* |frame - what the linear result explains| / |frame|; NaN where not computed */
+    double residual;        /* after refinement */
+    double dark;            /* level taken off */
+    size_t repaired_pixels;
+    const hada_skip_report *skipped;
+    int enhanced; /* planes that went through the model's net */
+    double seconds_total, seconds_upload, seconds_linear, seconds_pursuit, seconds_refine, seconds_enhance,
+        seconds_focus, seconds_download;
+    hada_scene scene; /* what the frame was taken for: planes or a surface */
+} hada_report;
+
+/* What comes of a frame. Begin with an empty one, hada_result result = {0}; its members are the result's until it is
+ * destroyed or filled again. This struct stays as it is: what later versions add is read by functions. */
+typedef struct hada_result {
+    int depths;                 /* computed */
+    const double *distances_mm; /* per computed depth */
+    hada_image *planes;         /* per computed depth, channels x window; their pixels stand behind each other, so that
+                                   planes[0].data is the stack, [depth][channel][row][col] */
+    hada_image all_in_focus;    /* channels x window */
+    hada_image distance_map;    /* 1 x window, millimetres, NaN where nothing is in focus */
+    const hada_report *report;  /* NULL while the result is empty */
+    struct hada_result_memory *memory; /* the library's */
+} hada_result;
+
+/* Reconstructs one frame (the model's channels and raw size). The result is the caller's: hada_result_destroy. A result
+ * used again for the next frame keeps its memory; after a failure in the work itself it is empty. */
+HADA_API hada_status hada_plan_run(hada_plan *plan, const hada_image *raw, hada_result *result, hada_error *err);
+/* As hada_plan_run(), of pixels in any form: the same bits as of the image that they are. */
+HADA_API hada_status hada_plan_run_pixels(hada_plan *plan, const hada_pixels *raw, hada_result *result,
+                                          hada_error *err);
+HADA_API void hada_result_destroy(hada_result *result);
+
+/* How sure the distance map is, 1 x window, 0 to 1: 1 / (1 + (s / 0.5)^2) where the distance has a standard deviation
+ * of s depths of the camera, by the texture that stands there; a distance without texture is interpolated from its
+ * surroundings. The result's, like its members. NULL where the frame was not taken for a surface. */
+HADA_API const hada_image *hada_result_confidence(const hada_result *result);
+
+/* Arrays of the caller's that a result is written into, instead of memory of the library's: dense float32, in the order
+ * [depth][channel][row][col], [channel][row][col] and [row][col]. NULL (default): the library's own. */
+typedef struct hada_result_arrays {
+    size_t size; /* sizeof(hada_result_arrays) */
+    float *stack;
+    size_t stack_count; /* values that the array holds: depths x channels x window, exactly */
+    float *all_in_focus;
+    size_t all_in_focus_count;
+    float *distance_map;
+    size_t distance_map_count;
+} hada_result_arrays;
+HADA_INIT(hada_result_arrays, HADA_STRUCT_RESULT_ARRAYS)
+
+/* From now on, until hada_result_destroy(), this result is written into these arrays, which must live as long. What it
+ * held is gone. A run whose sizes are others fails with HADA_ERROR_SIZE; after a failure the arrays hold anything. */
+HADA_API hada_status hada_result_use(hada_result *result, const hada_result_arrays *arrays, hada_error *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,88 @@
+/* Hadalens: reconstructing files as the command 'reconstruct' does: frames of many files through a plan, read ahead
+ * while others are computed, and their results in a folder.
+ *
+ * For each NAME.tif: NAME_stack.tif (a refocused image per depth, near to far, as ImageJ hyperstack with the
+ * distances), NAME_aif.tif (everything in focus), NAME_depth.tif (distances in millimetres, NaN where nothing is in
+ * focus) and NAME_preview.png (where the build draws pictures); where the first frame is a surface also
+ * NAME_confidence.tif (float32, 0 to 1, NaN for frames that are none). A file of several frames is a sequence: its
+ * results have as many, the preview shows the first, and memory does not grow with them. The files of an input appear
+ * under their names when all are whole; what is not finished is removed.
+ *
+ * Threads: a run uses the calling thread and those of the plan. */
+#ifndef HADALENS_TASK_RECONSTRUCT_H
+#define HADALENS_TASK_RECONSTRUCT_H
+
+#include <hadalens/communicator.h>
+#include <hadalens/monitor.h>
+#include <hadalens/reconstruct.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* What is written for an input. */
+typedef enum hada_output {
+    HADA_OUTPUT_STACK = 0,
+    HADA_OUTPUT_ALL_IN_FOCUS = 1,
+    HADA_OUTPUT_DISTANCE_MAP = 2,
+    HADA_OUTPUT_PREVIEW = 3,
+    HADA_OUTPUTS = 4
+} hada_output;
+
+typedef struct hada_files_state hada_files_state;
+
+typedef struct hada_files_task {
+    size_t size;        /* sizeof(hada_files_task) */
+    const char *output; /* the folder, made where it is missing; needed */
+    int preview;        /* 1 (default): previews are drawn, where the build draws any */
+    int bits;           /* per value of stack and all-in-focus image: 32 (default, float), 16 or 8 */
+    double white;       /* value that becomes full scale in 8 and 16 bits; 1 by default */
+
+    /* Called with what there is to tell; NULL: nobody asks. */
+    void (*tell)(void *user, const hada_files_state *state);
+    void *user;
+    const hada_monitor *monitor;
+    double encoding; /* how the values of stack and all-in-focus image stand for light (hadalens/response.h), which
+                        their metadata state: HADA_AUTO (default) as the scenes that the model was learned from did
+                        (scene_response), so that results compare with them. Results that are told are linear light. Of
+                        a plan with a gamma G the values are light^G, and nothing else can be asked for */
+    int resume;      /* 1: files whose results stand in the folder are passed over (HADA_FILES_THERE), whatever made
+                        them: to go on after an interruption. 0 (default): they are made anew */
+    const hada_communicator *communicator; /* ranks that share the files: dealt to them in order, each writing its own;
+                                              copied; NULL (default): none do. All ranks name the same files */
+} hada_files_task;
+HADA_INIT(hada_files_task, HADA_STRUCT_FILES_TASK)
+
+typedef enum hada_files_event {
+    HADA_FILES_BEGINS = 1, /* a file's turn */
+    HADA_FILES_FRAME = 2,  /* a frame is done and written */
+    HADA_FILES_DONE = 3,   /* with its last frame: the file's results have their names */
+    HADA_FILES_FAILED = 4, /* nothing of the file was left; the others go on, but for HADA_ERROR_CANCELLED */
+    HADA_FILES_THERE = 5   /* its results are there already, and stay as they are */
+} hada_files_event;
+
+/* The library's; valid during the call. */
+struct hada_files_state {
+    hada_files_event event;
+    int file; /* index of the path */
+    const char *path, *name;
+    int frames, frame;                 /* of the file, 0 where it could not be opened; the one at hand, from 0 on */
+    const hada_result *result;         /* FRAME, DONE: of that frame */
+    const char *outputs[HADA_OUTPUTS]; /* paths; NULL: not written */
+    const hada_error *error;           /* FAILED: why, the path in front */
+    const char *confidence;            /* path of the confidence map; NULL: not written */
+};
+
+/* Frames that hada_reconstruct_files() holds at a time: one for each queue, one that is read, one that is written. */
+HADA_API int hada_files_ahead(const hada_plan *plan);
+
+/* Reconstructs all frames of some files with a plan that was made from `model`. *failed (may be NULL): files of this
+ * rank that could not be done; they do not stop the others and are no failure of the call. HADA_ERROR_ARGUMENT where
+ * two paths would write the same files; HADA_ERROR_CANCELLED where the monitor wanted to stop. */
+HADA_API hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, const char *const *paths,
+                                            int count, const hada_files_task *task, int *failed, hada_error *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

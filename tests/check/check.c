@@ -134,13 +134,9 @@ static hada_status fill_guards(check_state *state, hada_error *err)
 /* Runs the operation once on a fresh output and reads everything back, guard zones included. */
 static hada_status run_once(check_state *state, float *all, hada_error *err)
 {
-    hada_status status = fill_guards(state, err);
-    if (!status)
-        status = state->op->launch(state, err);
-    if (!status)
-        status =
-            hada_buffer_read(&state->out, state->slot, 0, all, (state->out_count + 2 * GUARD) * sizeof(float), err);
-    return status;
+    HADA_TRY(fill_guards(state, err));
+    HADA_TRY(state->op->launch(state, err));
+    return hada_buffer_read(&state->out, state->slot, 0, all, (state->out_count + 2 * GUARD) * sizeof(float), err);
 }
 
 static verdict compare(const check_state *state, const float *all, char *note, size_t size)

@@ -231,15 +231,11 @@ static hada_status prepare(check_state *state, hada_error *err)
 {
     classic_state *own = check_own(state, sizeof *own);
     own->camera.gain = own->camera.mean_square = 1.0;
-    hada_status status = read_shape(state, own, err);
-    if (!status)
-        status = make_camera(state, own, err);
-    if (!status)
-        status = hada_classic_create(&own->classic, state->slot, &own->shape, err);
-    if (!status)
-        status = check_output(state, own->floats, err);
-    if (!status)
-        status = expect(state, own, err);
+    HADA_TRY(read_shape(state, own, err));
+    HADA_TRY(make_camera(state, own, err));
+    HADA_TRY(hada_classic_create(&own->classic, state->slot, &own->shape, err));
+    HADA_TRY(check_output(state, own->floats, err));
+    HADA_TRY(expect(state, own, err));
     own->job = (hada_classic_job){
         .data = &own->data, .camera = &own->camera, .depths = own->depths, .list = own->list, .brightness = 1.0};
     state->tolerance = 3e-6;
@@ -247,16 +243,14 @@ static hada_status prepare(check_state *state, hada_error *err)
     const double all = (double)own->shape.options.iterations * own->depths * own->channels * (double)own->pixels;
     state->bytes = all * 64.0;
     state->flops = all * 60.0;
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)
 {
     classic_state *own = state->own;
     hada_classic_result result;
-    hada_status status = hada_classic_run(own->classic, &own->job, &result, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_classic_run(own->classic, &own->job, &result, err));
     const cl_int code =
         clEnqueueCopyBuffer(state->slot->queue, hada_classic_planes(own->classic), state->out.mem, 0,
                             state->out_offset * sizeof(float), own->floats * sizeof(float), 0, NULL, NULL);

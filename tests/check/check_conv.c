@@ -79,9 +79,9 @@ static hada_status make_input(check_state *state, uint64_t stream, int channels,
                 for (int c = 0; c < cols; c++)
                     packed[place_of(tensor, n, k, r, c)] = *from++;
     }
-    hada_status status = check_upload(state, buffer, packed, floats * sizeof *packed, err);
+    HADA_TRY(check_upload(state, buffer, packed, floats * sizeof *packed, err));
     tensor->mem = buffer->mem;
-    return status;
+    return HADA_OK;
 }
 
 static hada_status begin(check_state *state, conv_what what, hada_error *err)
@@ -131,35 +131,31 @@ static hada_status begin(check_state *state, conv_what what, hada_error *err)
     const int tensor_cores = context->tensor_cores;
     if (check_get(state, 'h', 0))
         context->tensor_cores = 0;
-    hada_status status = hada_conv_create(&own->conv, state->slot, d, err);
+    HADA_TRY(hada_conv_create(&own->conv, state->slot, d, err));
     context->tensor_cores = tensor_cores;
-    if (!status && d->method && hada_conv_serving(own->conv) != d->method)
-        status = hada_fail(err,
+    if (d->method && hada_conv_serving(own->conv) != d->method)
+        HADA_TRY(hada_fail(err,
                            /* Winograd's tiles stand in local memory */
                            state->slot->context->info.local_memory_bytes < (size_t)64 << 10 ? HADA_ERROR_UNSUPPORTED
                                                                                             : HADA_ERROR_STATE,
-                           "method %d serves instead of %d", (int)hada_conv_serving(own->conv), (int)d->method);
+                           "method %d serves instead of %d", (int)hada_conv_serving(own->conv), (int)d->method));
     own->w_planar = check_room(state, own->weights * sizeof(float));
     own->bias_planar = check_room(state, (size_t)d->out_channels * sizeof(float));
     own->coarse = check_room(state, (size_t)own->shape.coarse_channels * (size_t)own->shape.coarse_rows *
                                         (size_t)own->shape.coarse_cols * sizeof(double));
     own->fine = check_room(state, (size_t)own->shape.fine_channels * (size_t)own->shape.fine_rows *
                                       (size_t)own->shape.fine_cols * sizeof(double));
-    if (status)
-        return status;
     fill(state, 1, own->w_planar, own->weights);
     fill(state, 2, own->bias_planar, (size_t)d->out_channels);
-    status = check_upload(state, &own->w, own->w_planar, own->weights * sizeof(float), err);
-    if (!status)
-        status = check_upload(state, &own->bias, own->bias_planar, (size_t)d->out_channels * sizeof(float), err);
-    if (!status && what != DATA)
-        status =
-            make_input(state, 3, d->in_channels, d->in_rows, d->in_cols, &own->x_planar, &own->x, &own->x_tensor, err);
-    if (!status && what != FORWARD)
-        status = make_input(state, 4, d->out_channels, own->rows, own->cols, &own->dy_planar, &own->dy, &own->dy_tensor,
-                            err);
-    if (!status)
-        status = hada_conv_set_weights(own->conv, (hada_floats){own->w.mem, 0}, err);
+    HADA_TRY(check_upload(state, &own->w, own->w_planar, own->weights * sizeof(float), err));
+    HADA_TRY(check_upload(state, &own->bias, own->bias_planar, (size_t)d->out_channels * sizeof(float), err));
+    if (what != DATA)
+        HADA_TRY(
+            make_input(state, 3, d->in_channels, d->in_rows, d->in_cols, &own->x_planar, &own->x, &own->x_tensor, err));
+    if (what != FORWARD)
+        HADA_TRY(make_input(state, 4, d->out_channels, own->rows, own->cols, &own->dy_planar, &own->dy, &own->dy_tensor,
+                            err));
+    HADA_TRY(hada_conv_set_weights(own->conv, (hada_floats){own->w.mem, 0}, err));
     state->flops = 2.0 * (double)own->weights * own->shape.coarse_rows * own->shape.coarse_cols * d->images;
     /* integers: every sum is exact; sigmoid and normal numbers: rounding of sums of up to thousands of products */
     state->tolerance = own->normal || d->activation == HADA_ACTIVATION_SIGMOID ? 1e-6 : 0.0;
@@ -167,7 +163,7 @@ static hada_status begin(check_state *state, conv_what what, hada_error *err)
      * by 24 and cancels values up to a hundred times larger */
     if (hada_conv_serving(own->conv) == HADA_CONV_WINOGRAD4)
         state->tolerance = d->activation == HADA_ACTIVATION_SIGMOID ? 2e-5 : 5e-6; /* a sigmoid of sums about 100 */
-    return status;
+    return HADA_OK;
 }
 
 /* One image's values into the expected output. */
@@ -186,9 +182,7 @@ static double larger(double a, double b)
 
 static hada_status forward_prepare(check_state *state, hada_error *err)
 {
-    hada_status status = begin(state, FORWARD, err);
-    if (status)
-        return status;
+    HADA_TRY(begin(state, FORWARD, err));
     conv_state *own = state->own;
     const hada_conv_desc *d = &own->desc;
     const size_t pixels = (size_t)own->rows * (size_t)own->cols;
@@ -196,8 +190,8 @@ static hada_status forward_prepare(check_state *state, hada_error *err)
     own->out = make_tensor(state, own->view, 0, d->out_channels, own->rows, own->cols, &floats);
     if (check_get(state, 'z', 0))
         own->pooled = make_tensor(state, 0, floats, d->out_channels, own->rows / 2, own->cols / 2, &more);
-    status = check_output(state, floats + more, err);
-    for (int n = 0; !status && !state->timing && n < d->images; n++) {
+    HADA_TRY(check_output(state, floats + more, err));
+    for (int n = 0; !state->timing && n < d->images; n++) {
         const float *x = own->x_planar + (size_t)n * plane_of(&own->x_tensor);
         double *y = d->transposed ? own->fine : own->coarse;
         if (d->transposed)
@@ -220,7 +214,7 @@ static hada_status forward_prepare(check_state *state, hada_error *err)
         put(state, &own->pooled, n, y);
     }
     state->bytes = (double)(floats + own->weights + plane_of(&own->x_tensor) * (size_t)d->images) * sizeof(float);
-    return status;
+    return HADA_OK;
 }
 
 static hada_tensor in_output(const check_state *state, const hada_tensor *tensor)
@@ -236,16 +230,16 @@ static hada_status forward_launch(check_state *state, hada_error *err)
     conv_state *own = state->own;
     const hada_tensor y = in_output(state, &own->out), pooled = in_output(state, &own->pooled);
     const int each = state->batch_limit ? state->batch_limit : own->desc.images;
-    hada_status status = state->timing ? HADA_OK : check_clear(state, 0, state->out_count, err);
-    for (int n = 0; !status && n < own->desc.images; n += each) {
+    HADA_TRY(state->timing ? HADA_OK : check_clear(state, 0, state->out_count, err));
+    for (int n = 0; n < own->desc.images; n += each) {
         const int count = each < own->desc.images - n ? each : own->desc.images - n;
         const hada_tensor part_x = hada_tensor_images(&own->x_tensor, n, count);
         const hada_tensor part_y = hada_tensor_images(&y, n, count);
         const hada_tensor part_pooled = hada_tensor_images(&pooled, n, count);
         const hada_floats bias = {check_get(state, 'b', 1) ? own->bias.mem : NULL, 0};
-        status = hada_conv_forward(own->conv, &part_x, bias, &part_y, own->pooled.channels ? &part_pooled : NULL, err);
+        HADA_TRY(hada_conv_forward(own->conv, &part_x, bias, &part_y, own->pooled.channels ? &part_pooled : NULL, err));
     }
-    return status;
+    return HADA_OK;
 }
 
 static hada_status data_prepare(check_state *state, hada_error *err)
@@ -325,10 +319,9 @@ static hada_status weights_launch(check_state *state, hada_error *err)
 {
     conv_state *own = state->own;
     const hada_floats dw = {state->out.mem, state->out_offset}, db = {dw.mem, dw.offset + own->weights};
-    hada_status status = HADA_OK;
-    for (int again = 0; !status && again <= check_get(state, 'y', 0); again++)
-        status = hada_conv_backward_weights(own->conv, &own->x_tensor, &own->dy_tensor, dw, db, again, err);
-    return status;
+    for (int again = 0; again <= check_get(state, 'y', 0); again++)
+        HADA_TRY(hada_conv_backward_weights(own->conv, &own->x_tensor, &own->dy_tensor, dw, db, again, err));
+    return HADA_OK;
 }
 
 static void release(check_state *state)

@@ -34,11 +34,11 @@ static hada_status make_plan(check_state *state, hada_fft_direction direction, f
                                 .band_cols = check_get(state, 'j', 0)};
     own->desc.real_pitch = (size_t)own->desc.real_cols;
     own->desc.real_distance = own->desc.real_pitch * (size_t)own->desc.real_rows;
-    hada_status status = hada_fft_create(&own->plan, state->slot, &own->desc, err);
+    HADA_TRY(hada_fft_create(&own->plan, state->slot, &own->desc, err));
     double n = (double)rows * cols;
     double share = (double)own->desc.real_rows / rows;
     state->flops = own->batch * 2.5 * n * log2(n > 1 ? n : 2) * (direction == HADA_FFT_FORWARD ? share : 1);
-    return status;
+    return HADA_OK;
 }
 
 static void release(check_state *state)
@@ -103,14 +103,13 @@ static hada_status forward_launch(check_state *state, hada_error *err)
 {
     fft_state *own = state->own;
     size_t count = hada_fft_plan_layout(own->plan)->count;
-    hada_status status = HADA_OK;
-    for (int b = 0, n; !status && b < own->batch; b += n) {
+    for (int b = 0, n; b < own->batch; b += n) {
         n = piece(state, own->batch - b);
         /* the output stands behind its guard zone: an offset in complex numbers */
-        status = hada_fft_forward(own->plan, n, own->in.mem, (size_t)b * own->desc.real_distance, state->out.mem,
-                                  state->out_offset / 2 + (size_t)b * count, err);
+        HADA_TRY(hada_fft_forward(own->plan, n, own->in.mem, (size_t)b * own->desc.real_distance, state->out.mem,
+                                  state->out_offset / 2 + (size_t)b * count, err));
     }
-    return status;
+    return HADA_OK;
 }
 
 /* The product of a spectrum value and a filter value, as hada_fft_filter defines it. */
@@ -139,14 +138,14 @@ static hada_status hermitian(const check_state *state, const fft_state *own, uin
     hada_random_seed(&random, state->seed, stream);
     for (size_t i = 0; i < n; i++)
         image[i] = hada_random_normal(&random) / sqrt((double)n);
-    hada_status status = hada_ref_fft_forward(image, own->desc.rows, own->desc.cols, spectrum, err);
+    HADA_TRY(hada_ref_fft_forward(image, own->desc.rows, own->desc.cols, spectrum, err));
     memset(out, 0, 2 * layout->count * sizeof *out);
     for (int ky = 0; ky < own->desc.rows; ky++)
         for (size_t kx = 0; kx < half; kx++)
             for (int part = 0; part < 2; part++)
                 out[2 * hada_spectrum_index(layout, ky, (int)kx) + (size_t)part] =
                     (float)spectrum[2 * ((size_t)ky * half + kx) + (size_t)part];
-    return status;
+    return HADA_OK;
 }
 
 static hada_status inverse_expected(check_state *state, const float *spectra, const float *filters, double *image,
@@ -157,8 +156,7 @@ static hada_status inverse_expected(check_state *state, const float *spectra, co
     const hada_fft_filter *call = &own->product;
     const hada_spectrum_layout *layout = hada_fft_plan_layout(own->plan);
     size_t half = (size_t)desc->cols / 2 + 1;
-    hada_status status = HADA_OK;
-    for (int b = 0; !status && b < own->batch; b++) {
+    for (int b = 0; b < own->batch; b++) {
         const float *source = spectra + 2 * layout->count * (size_t)(own->product.product ? b % own->channels : b);
         const float *filter = filters + 2 * layout->count * (size_t)b;
         for (int ky = 0; ky < desc->rows; ky++)
@@ -172,13 +170,13 @@ static hada_status inverse_expected(check_state *state, const float *spectra, co
                     ((call->band_rows || call->band_cols) && (far > call->band_rows || (int)kx > call->band_cols)))
                     to[0] = to[1] = 0.0;
             }
-        status = hada_ref_fft_inverse(spectrum, desc->rows, desc->cols, image, err);
+        HADA_TRY(hada_ref_fft_inverse(spectrum, desc->rows, desc->cols, image, err));
         for (int r = 0; r < desc->real_rows; r++)
             for (int c = 0; c < desc->real_cols; c++)
                 state->expected[(size_t)b * desc->real_distance + (size_t)r * desc->real_pitch + (size_t)c] =
                     image[(size_t)(desc->row0 + r) * (size_t)desc->cols + (size_t)(desc->col0 + c)];
     }
-    return status;
+    return HADA_OK;
 }
 
 /* The filters to the device; as half, the reference takes what is left of them. */
@@ -192,8 +190,7 @@ static hada_status upload_filters(check_state *state, fft_state *own, float *fil
         halves[i] = hada_half_from_float(filters[i]);
         filters[i] = hada_float_from_half(halves[i]);
     }
-    hada_status status = check_upload(state, &own->filter, halves, count * sizeof *halves, err);
-    return status;
+    return check_upload(state, &own->filter, halves, count * sizeof *halves, err);
 }
 
 static hada_status inverse_prepare(check_state *state, hada_error *err)
@@ -243,8 +240,7 @@ static hada_status inverse_launch(check_state *state, hada_error *err)
 {
     fft_state *own = state->own;
     size_t count = hada_fft_plan_layout(own->plan)->count;
-    hada_status status = HADA_OK;
-    for (int b = 0, n; !status && b < own->batch; b += n) {
+    for (int b = 0, n; b < own->batch; b += n) {
         n = piece(state, own->batch - b);
         /* with filters a piece starts at a whole depth: the spectrum's channels repeat from there */
         if (own->product.product)
@@ -252,11 +248,11 @@ static hada_status inverse_launch(check_state *state, hada_error *err)
         if (n > own->batch - b)
             n = own->batch - b;
         own->product.filter_first = b;
-        status = hada_fft_inverse(own->plan, n, own->in.mem, own->product.product ? 0 : (size_t)b * count,
+        HADA_TRY(hada_fft_inverse(own->plan, n, own->in.mem, own->product.product ? 0 : (size_t)b * count,
                                   state->out.mem, state->out_offset + (size_t)b * own->desc.real_distance,
-                                  own->product.product ? &own->product : NULL, err);
+                                  own->product.product ? &own->product : NULL, err));
     }
-    return status;
+    return HADA_OK;
 }
 
 static const char help[] =

@@ -50,9 +50,7 @@ static hada_status launch(check_state *state, hada_error *err)
     const hada_hadamard *stage = own->stage;
     hada_pixels raw;
     hada_pixels_planar(&raw, own->raw, HADA_PIXEL_F32, stage->channels, stage->raw_rows, stage->raw_cols);
-    hada_status status = hada_hadamard_frame(own->stage, &raw, own->levels, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_hadamard_frame(own->stage, &raw, own->levels, err));
     const cl_int code =
         clEnqueueCopyBuffer(state->slot->queue, own->stage->raw.mem, state->out.mem, 0,
                             state->out_offset * sizeof(float), state->out_count * sizeof(float), 0, NULL, NULL);

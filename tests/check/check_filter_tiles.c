@@ -18,11 +18,10 @@ static hada_status fill(check_state *state, tiles_state *own, const hada_spectru
     const size_t plane = (size_t)layout->rows * (size_t)(layout->cols / 2 + 1), count = layout->count;
     float *rows = NULL, *blocks = NULL, *gains = NULL, *packed = NULL;
     rows = check_room(state, 2 * plane * sizeof *rows);
-    hada_status status = HADA_OK;
     blocks = check_room(state, (2 * count * (size_t)channels) * sizeof *blocks);
     gains = check_room(state, plane * sizeof *gains);
     packed = check_room(state, (count * (size_t)channels) * sizeof *packed);
-    for (int c = 0; !status && c < channels; c++) {
+    for (int c = 0; c < channels; c++) {
         float *out = blocks + 2 * count * (size_t)c;
         check_fill_integers(state, 2 * (uint64_t)c, rows, 2 * plane, 9);
         check_fill_integers(state, 2 * (uint64_t)c + 1, gains, plane, 9);
@@ -34,11 +33,8 @@ static hada_status fill(check_state *state, tiles_state *own, const hada_spectru
         hada_ref_light(rows, gains, layout->rows, layout->cols, HADA_BANDS, tiles->row_last, HADA_TILE_COLS,
                        state->expected + (size_t)c * hada_tiles_count(tiles));
     }
-    if (!status)
-        status = check_upload(state, &own->in, blocks, 8 * count * (size_t)channels, err);
-    if (!status)
-        status = check_upload(state, &own->gains, packed, 4 * count * (size_t)channels, err);
-    return status;
+    HADA_TRY(check_upload(state, &own->in, blocks, 8 * count * (size_t)channels, err));
+    return check_upload(state, &own->gains, packed, 4 * count * (size_t)channels, err);
 }
 
 static hada_status prepare(check_state *state, hada_error *err)
@@ -48,19 +44,16 @@ static hada_status prepare(check_state *state, hada_error *err)
               channels = check_get(state, 'k', 1);
     const int blocks = (cols / 2 + block) / block;
     const hada_spectrum_layout layout = {rows, cols, block, blocks, (size_t)blocks * (size_t)rows * (size_t)block};
-    hada_status status = hada_meter_create(&own->meter, state->slot, &layout, channels, err);
-    if (!status)
-        status = check_output(state, (size_t)channels * hada_tiles_count(&own->meter->tiles), err);
+    HADA_TRY(hada_meter_create(&own->meter, state->slot, &layout, channels, err));
+    HADA_TRY(check_output(state, (size_t)channels * hada_tiles_count(&own->meter->tiles), err));
     state->bytes = 12.0 * (double)layout.count * channels;
-    return status ? status : fill(state, own, &layout, channels, err);
+    return fill(state, own, &layout, channels, err);
 }
 
 static hada_status launch(check_state *state, hada_error *err)
 {
     tiles_state *own = state->own;
-    hada_status status = hada_meter_run(own->meter, own->in.mem, own->gains.mem, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_meter_run(own->meter, own->in.mem, own->gains.mem, err));
     const cl_int code =
         clEnqueueCopyBuffer(state->slot->queue, own->meter->energy.mem, state->out.mem, 0,
                             state->out_offset * sizeof(float), state->out_count * sizeof(float), 0, NULL, NULL);

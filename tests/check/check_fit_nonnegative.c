@@ -32,14 +32,13 @@ static hada_status make_sums(check_state *state, nonnegative_state *own, int c, 
     check_fill_normal(state, 10 + (uint64_t)c, noise, 2 * pixels);
     for (size_t i = 0; i < pixels; i++)
         image[i] = noise[i];
-    hada_status status = hada_ref_fft_forward(image, rows, cols, scene, err);
-    for (size_t i = 0; !status && i < pixels; i++) {
+    HADA_TRY(hada_ref_fft_forward(image, rows, cols, scene, err));
+    for (size_t i = 0; i < pixels; i++) {
         image[i] = 0.5 + noise[pixels + i];
         total += (double)noise[i] * noise[i];
     }
-    if (!status)
-        status = hada_ref_fft_forward(image, rows, cols, psf, err);
-    for (size_t i = 0; !status && i < count; i++) {
+    HADA_TRY(hada_ref_fft_forward(image, rows, cols, psf, err));
+    for (size_t i = 0; i < count; i++) {
         const double *x = scene + 2 * i, *h = psf + 2 * i;
         const int known = !check_get(state, 'z', 0) || i % (size_t)(cols / 2 + 1) < 3;
         const double power = known ? x[0] * x[0] + x[1] * x[1] : 0.0;
@@ -49,7 +48,7 @@ static hada_status make_sums(check_state *state, nonnegative_state *own, int c, 
     }
     own->mean[c] = total;
     own->trust[c] = 1.0 / (1 + 3 * c);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status prepare_channel(check_state *state, nonnegative_state *own, int c, hada_error *err)
@@ -137,14 +136,13 @@ static hada_status prepare(check_state *state, hada_error *err)
 static hada_status launch(check_state *state, hada_error *err)
 {
     nonnegative_state *own = state->own;
-    hada_status status = HADA_OK;
-    for (int c = 0, n; !status && c < own->channels; c += n) {
+    for (int c = 0, n; c < own->channels; c += n) {
         n = state->batch_limit && state->batch_limit < own->channels - c ? state->batch_limit : own->channels - c;
-        status =
-            hada_nonnegative_solve(own->plan, &own->rule, n, own->sums + c, own->stride, own->mean + c, own->trust + c,
-                                   state->out.mem, state->out_offset / 2 + (size_t)c * own->layout.count, err);
+        HADA_TRY(hada_nonnegative_solve(own->plan, &own->rule, n, own->sums + c, own->stride, own->mean + c,
+                                        own->trust + c, state->out.mem,
+                                        state->out_offset / 2 + (size_t)c * own->layout.count, err));
     }
-    return status;
+    return HADA_OK;
 }
 
 static void release(check_state *state)

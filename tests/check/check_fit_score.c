@@ -77,16 +77,12 @@ static void expect(check_state *state, const score_state *own, const float *plan
 static hada_status upload(check_state *state, score_state *own, const float *planes, size_t pixels, hada_error *err)
 {
     const check_fit *fit = &own->fit;
-    hada_status status = check_upload(state, &own->x, fit->x, 64 * fit->vectors, err);
-    if (!status)
-        status = check_upload(state, &own->b, fit->b, 64 * fit->vectors, err);
-    if (!status)
-        status = check_upload(state, &own->sums, fit->device_sums, 8 * (size_t)fit->kept * fit->stride, err);
-    if (!status)
-        status = check_upload(state, &own->pool, fit->device_pool, 20 * fit->stride, err);
-    if (!status)
-        status = check_upload(state, &own->weights, own->weight, 4 * fit->stride, err);
-    return status ? status : check_upload(state, &own->planes, planes, pixels * sizeof *planes, err);
+    HADA_TRY(check_upload(state, &own->x, fit->x, 64 * fit->vectors, err));
+    HADA_TRY(check_upload(state, &own->b, fit->b, 64 * fit->vectors, err));
+    HADA_TRY(check_upload(state, &own->sums, fit->device_sums, 8 * (size_t)fit->kept * fit->stride, err));
+    HADA_TRY(check_upload(state, &own->pool, fit->device_pool, 20 * fit->stride, err));
+    HADA_TRY(check_upload(state, &own->weights, own->weight, 4 * fit->stride, err));
+    return check_upload(state, &own->planes, planes, pixels * sizeof *planes, err);
 }
 
 static hada_status prepare(check_state *state, hada_error *err)
@@ -104,18 +100,15 @@ static hada_status prepare(check_state *state, hada_error *err)
     own->leak = rounded(SETTINGS * 2 * n);
     own->unexplained = rounded(own->leak + SETTINGS * own->chunks);
     own->energy = rounded(own->unexplained + own->chunks);
-    hada_status status = check_output(state, own->energy + (size_t)(SETTINGS * own->rows), err);
-    if (!status) {
-        check_fill_integers(state, 2, planes, pixels, 9);
-        for (size_t i = 0; i < n; i++)
-            own->weight[i] = (float)(i % 3); /* some are left out */
-        expect(state, own, planes);
-    }
-    if (!status)
-        status = upload(state, own, planes, pixels, err);
+    HADA_TRY(check_output(state, own->energy + (size_t)(SETTINGS * own->rows), err));
+    check_fill_integers(state, 2, planes, pixels, 9);
+    for (size_t i = 0; i < n; i++)
+        own->weight[i] = (float)(i % 3); /* some are left out */
+    expect(state, own, planes);
+    HADA_TRY(upload(state, own, planes, pixels, err));
     state->tolerance = 2e-6; /* sums of up to 32 groups of eight, one after the other */
     state->bytes = (double)n * 4.0 * (4.0 + 2.0 * fit->kept + 4.0 + 2.0 * SETTINGS) + (double)pixels * 4.0;
-    return status;
+    return HADA_OK;
 }
 
 static hada_program_fit_score program_of(const check_state *state)
@@ -151,16 +144,13 @@ static hada_status launch(check_state *state, hada_error *err)
 {
     const score_state *own = state->own;
     const size_t first[] = {0, own->leak, own->unexplained, own->energy, state->out_count};
-    hada_status status = HADA_OK;
-    for (size_t i = 0; !status && !state->region[3] && i < 4; i++) {
+    for (size_t i = 0; !state->region[3] && i < 4; i++) {
         cl_mem region;
-        status = check_region(state, first[i], first[i + 1] - first[i], &region, err);
+        HADA_TRY(check_region(state, first[i], first[i + 1] - first[i], &region, err));
     }
-    if (!status)
-        status = check_clear(state, 0, state->out_count, err);
-    if (!status)
-        status = launch_trial(state, err);
-    return status ? status : launch_energy(state, err);
+    HADA_TRY(check_clear(state, 0, state->out_count, err));
+    HADA_TRY(launch_trial(state, err));
+    return launch_energy(state, err);
 }
 
 const check_op check_fit_score = {"fit_score", "n frequencies, r rows and c columns of the planes, s1 split", prepare,

@@ -20,20 +20,18 @@ static hada_status prepare(check_state *state, hada_error *err)
     own->least = 2.0f; /* some of the scenes' sums are below it */
     const size_t n = (size_t)check_get(state, 'n', 16), all = 2 * n * (size_t)own->images;
     check_fit_make(fit, state, n, 3, check_get(state, 's', 0));
-    hada_status status = check_output(state, 2 * all + 2 * (8 * fit->vectors - n), err);
-    for (size_t k = 0; !status && k < (size_t)own->images; k++) {
+    HADA_TRY(check_output(state, 2 * all + 2 * (8 * fit->vectors - n), err));
+    for (size_t k = 0; k < (size_t)own->images; k++) {
         /* an image's alpha and floor grow with its number, so that the order of images matters */
         hada_ref_fit_filter(fit->sums, fit->other, n, (double)own->alpha * (double)(k + 1), own->ridge, fit->split,
                             state->expected + 2 * n * k);
         hada_ref_fit_transfer(fit->sums, n, (double)own->least * (double)(k + 1), state->expected + all + 2 * n * k);
     }
-    if (!status)
-        status = check_upload(state, &own->sums, fit->device_sums, 8 * (size_t)fit->kept * fit->stride, err);
-    if (!status)
-        status = check_upload(state, &own->pool, fit->device_pool, 20 * fit->stride, err);
+    HADA_TRY(check_upload(state, &own->sums, fit->device_sums, 8 * (size_t)fit->kept * fit->stride, err));
+    HADA_TRY(check_upload(state, &own->pool, fit->device_pool, 20 * fit->stride, err));
     state->tolerance = 1e-6; /* the sums of other depths are a difference of floats */
     state->bytes = (double)own->images * (double)n * 4.0 * (fit->split ? 13.0 : 10.0);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)

@@ -62,16 +62,12 @@ static void expect(check_state *state, const window_state *own)
 static hada_status upload(check_state *state, window_state *own, hada_error *err)
 {
     const check_fit *fit = &own->fit;
-    hada_status status = check_upload(state, &own->b, own->frame, 8 * own->all + 64, err);
-    if (!status)
-        status = check_upload(state, &own->g, own->before + 8 * own->all, 8 * own->all + 64, err);
-    if (!status)
-        status = check_upload(state, &own->start, own->before, 32 * own->all, err);
-    if (!status)
-        status = check_upload(state, &own->sums, fit->device_sums, 8 * (size_t)fit->kept * fit->stride, err);
-    if (!status)
-        status = check_upload(state, &own->pool, fit->device_pool, 20 * fit->stride, err);
-    return status ? status : check_upload(state, &own->weights, own->weight, 4 * fit->stride, err);
+    HADA_TRY(check_upload(state, &own->b, own->frame, 8 * own->all + 64, err));
+    HADA_TRY(check_upload(state, &own->g, own->before + 8 * own->all, 8 * own->all + 64, err));
+    HADA_TRY(check_upload(state, &own->start, own->before, 32 * own->all, err));
+    HADA_TRY(check_upload(state, &own->sums, fit->device_sums, 8 * (size_t)fit->kept * fit->stride, err));
+    HADA_TRY(check_upload(state, &own->pool, fit->device_pool, 20 * fit->stride, err));
+    return check_upload(state, &own->weights, own->weight, 4 * fit->stride, err);
 }
 
 static hada_status prepare(check_state *state, hada_error *err)
@@ -90,9 +86,7 @@ static hada_status prepare(check_state *state, hada_error *err)
         const size_t count = i < STATES ? 2 * own->all + 16 : (size_t)own->channels * own->chunks;
         own->at[i + 1] = (own->at[i] + count + 255) / 256 * 256;
     }
-    hada_status status = check_output(state, own->at[PARTS], err);
-    if (status)
-        return status;
+    HADA_TRY(check_output(state, own->at[PARTS], err));
     check_fill_normal(state, 1, own->frame, 2 * own->all);
     check_fill_normal(state, 2, own->before, 10 * own->all);
     for (size_t i = 0; i < n; i++)

@@ -23,16 +23,15 @@ static hada_status fill_model(check_state *state, hadamard_state *own, hada_erro
     float *noise = check_room(state, area * sizeof *noise);
     double *image = check_room(state, area * sizeof *image),
            *spectrum = check_room(state, 2 * plane * sizeof *spectrum);
-    hada_status status = HADA_OK;
-    for (size_t z = 0; !status && z < (size_t)(info->depths * info->channels); z++) {
+    for (size_t z = 0; z < (size_t)(info->depths * info->channels); z++) {
         check_fill_normal(state, 10 + z, noise, area);
         for (size_t i = 0; i < area; i++)
             image[i] = noise[i] / info->grid_rows;
-        status = hada_ref_fft_forward(image, info->grid_rows, info->grid_cols, spectrum, err);
+        HADA_TRY(hada_ref_fft_forward(image, info->grid_rows, info->grid_cols, spectrum, err));
         for (size_t i = 0; i < 2 * plane; i++)
             own->model->filter[2 * z * plane + i] = (float)spectrum[i];
     }
-    return status;
+    return HADA_OK;
 }
 
 static hada_status expect(check_state *state, hadamard_state *own, const hada_model *model, hada_error *err)
@@ -94,22 +93,19 @@ static hada_status make(check_state *state, hadamard_state *own, hada_error *err
 static hada_status prepare(check_state *state, hada_error *err)
 {
     hadamard_state *own = check_own(state, sizeof *own);
-    hada_status status = make(state, own, err);
-    if (status)
-        return status;
+    HADA_TRY(make(state, own, err));
     const hada_model_info *info = &own->model->info;
     const size_t raw = (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols;
     const size_t images = (size_t)(info->depths * info->channels);
     own->raw = check_room(state, raw * sizeof *own->raw);
     check_fill_normal(state, 1, own->raw, raw);
-    status = check_output(state, images * (size_t)info->window_rows * (size_t)info->window_cols, err);
-    if (!status)
-        status = expect(state, own, own->model, err);
+    HADA_TRY(check_output(state, images * (size_t)info->window_rows * (size_t)info->window_cols, err));
+    HADA_TRY(expect(state, own, own->model, err));
     /* half keeps 11 bits of each filter value */
     state->tolerance = check_get(state, 'q', 0) ? 4e-4 : 1e-6;
     state->bytes =
         (double)images * (double)own->stage->layout.count * 8.0 + (double)raw * 4.0 + (double)state->out_count * 4.0;
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)
@@ -120,13 +116,13 @@ static hada_status launch(check_state *state, hada_error *err)
     const hada_hadamard *stage = own->stage;
     hada_pixels raw;
     hada_pixels_planar(&raw, own->raw, HADA_PIXEL_F32, stage->channels, stage->raw_rows, stage->raw_cols);
-    hada_status status = hada_hadamard_frame(own->stage, &raw, own->levels, err);
-    for (int z = 0, n; !status && z < depths; z += n) {
+    HADA_TRY(hada_hadamard_frame(own->stage, &raw, own->levels, err));
+    for (int z = 0, n; z < depths; z += n) {
         n = state->batch_limit && state->batch_limit < depths - z ? state->batch_limit : depths - z;
-        status =
-            hada_hadamard_run(own->stage, own->bank, z, n, state->out.mem, state->out_offset + (size_t)z * plane, err);
+        HADA_TRY(
+            hada_hadamard_run(own->stage, own->bank, z, n, state->out.mem, state->out_offset + (size_t)z * plane, err));
     }
-    return status;
+    return HADA_OK;
 }
 
 static void release(check_state *state)

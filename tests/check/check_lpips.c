@@ -16,14 +16,13 @@ static hada_status launch(check_state *state, hada_error *err)
     const size_t pixels = (size_t)all->rows * (size_t)all->cols;
     if (!state->batch_limit)
         return hada_lpips_distance(state->slot, all, weights, (hada_floats){state->out.mem, state->out_offset}, err);
-    hada_status status = HADA_OK;
-    for (int p = 0; !status && p < pairs; p++) {
+    for (int p = 0; p < pairs; p++) {
         hada_tensor pair = hada_tensor_images(all, p, 2);
         pair.image_stride *= (size_t)pairs;
         const hada_floats out = {state->out.mem, state->out_offset + (size_t)p * pixels};
-        status = hada_lpips_distance(state->slot, &pair, weights, out, err);
+        HADA_TRY(hada_lpips_distance(state->slot, &pair, weights, out, err));
     }
-    return status;
+    return HADA_OK;
 }
 
 static hada_status prepare(check_state *state, hada_error *err)

@@ -91,10 +91,10 @@ hada_status check_net_input(check_state *state, check_net *own, const hada_ref_s
     double *blocks = check_room(state, count * sizeof *blocks);
     own->plain[i] = random_values(state, (uint64_t)i + 1, hada_ref_values(shape), largest);
     pack(&t, own->plain[i], BETWEEN_IS, blocks);
-    hada_status status = upload(state, blocks, count, &own->memory[i], err);
+    HADA_TRY(upload(state, blocks, count, &own->memory[i], err));
     t.mem = own->memory[i].mem;
     own->x[i] = t;
-    return status;
+    return HADA_OK;
 }
 
 hada_status check_net_floats(check_state *state, check_net *own, size_t count, int largest, hada_error *err)
@@ -149,7 +149,6 @@ void check_net_expect(check_state *state, const check_net *own, const hada_ref_s
 hada_status check_net_launch(check_state *state, hada_error *err)
 {
     check_net *own = state->own;
-    hada_status status = HADA_OK;
     if (!state->timing) {
         const cl_int code =
             clEnqueueCopyBuffer(state->slot->queue, own->start.mem, state->out.mem, 0,
@@ -158,7 +157,7 @@ hada_status check_net_launch(check_state *state, hada_error *err)
             return hada_fail_cl(err, code, "clEnqueueCopyBuffer");
     }
     const int piece = state->batch_limit ? state->batch_limit : own->y.images;
-    for (int first = 0; !status && first < own->y.images; first += piece)
-        status = own->run(state, own, first, first + piece > own->y.images ? own->y.images - first : piece, err);
-    return status;
+    for (int first = 0; first < own->y.images; first += piece)
+        HADA_TRY(own->run(state, own, first, first + piece > own->y.images ? own->y.images - first : piece, err));
+    return HADA_OK;
 }

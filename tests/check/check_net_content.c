@@ -13,17 +13,16 @@ static hada_status prepare(check_state *state, hada_error *err)
     float *values = check_room(state, (before + count) * sizeof *values);
     hada_buffer *in = check_own(state, sizeof *in);
     check_fill_integers(state, 1, values, before + count, 99);
-    hada_status status = check_output(state, (size_t)rows * (size_t)cells, err);
-    for (size_t i = 0; !status && i < count; i++) {
+    HADA_TRY(check_output(state, (size_t)rows * (size_t)cells, err));
+    for (size_t i = 0; i < count; i++) {
         const size_t col = i % (size_t)cols, row = i / (size_t)cols % (size_t)rows;
         double *most = &state->expected[row * (size_t)cells + col / (size_t)cell];
         *most = fmax(*most, fabs((double)values[before + i]));
     }
-    if (!status)
-        status = check_upload(state, in, values, (before + count) * sizeof *values, err);
+    HADA_TRY(check_upload(state, in, values, (before + count) * sizeof *values, err));
     state->bytes = (double)count * sizeof(float);
     state->flops = (double)count;
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)
@@ -60,15 +59,14 @@ static hada_status prepare_part(check_state *state, hada_error *err)
     const size_t pixels = (size_t)own->rows * (size_t)own->cols, count = pixels * (size_t)own->channels;
     float *values = check_room(state, plane * (size_t)own->channels * sizeof *values);
     check_fill_integers(state, 1, values, plane * (size_t)own->channels, 99);
-    hada_status status = check_output(state, count, err);
-    for (size_t i = 0; !status && i < count; i++) {
+    HADA_TRY(check_output(state, count, err));
+    for (size_t i = 0; i < count; i++) {
         const size_t c = i / pixels, r = i % pixels / (size_t)own->cols, x = i % (size_t)own->cols;
         state->expected[i] = values[c * plane + (r + (size_t)own->row) * row + x + (size_t)own->col];
     }
-    if (!status)
-        status = check_upload(state, &own->in, values, plane * (size_t)own->channels * sizeof *values, err);
+    HADA_TRY(check_upload(state, &own->in, values, plane * (size_t)own->channels * sizeof *values, err));
     state->bytes = 2.0 * (double)count * sizeof(float);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch_part(check_state *state, hada_error *err)

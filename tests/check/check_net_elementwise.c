@@ -21,28 +21,25 @@ static hada_status prepare_activation(check_state *state, hada_error *err)
     const size_t count = hada_ref_values(&shape);
     const int sigmoid = check_get(state, 'b', 0) == HADA_ACTIVATION_SIGMOID, backward = check_get(state, 'd', 0);
     own = check_net_own(state, run_activation);
-    hada_status status = check_net_input(state, own, &shape, sigmoid ? 0 : 9, err);
-    if (!status && backward)
-        status = check_net_input(state, own, &shape, sigmoid ? 0 : 9, err);
-    if (!status)
-        status = check_net_output(state, own, &shape, 0, 9, &out, err);
-    if (!status) {
-        const double slope = own->mode == HADA_ACTIVATION_NONE ? 1.0 : own->mode == HADA_ACTIVATION_RELU ? 0.0 : SLOPE;
-        for (size_t i = 0; i < count; i++)
-            out[i] = 0.0;
-        if (backward && sigmoid)
-            hada_ref_sigmoid_backward(count, own->plain[0], own->plain[1], out);
-        else if (backward)
-            hada_ref_leaky_backward(count, slope, own->plain[0], own->plain[1], out);
-        else if (sigmoid)
-            hada_ref_sigmoid(count, own->plain[0], out);
-        else
-            hada_ref_leaky(count, slope, own->plain[0], out);
-        check_net_expect(state, own, &shape, 0, out);
-    }
+    HADA_TRY(check_net_input(state, own, &shape, sigmoid ? 0 : 9, err));
+    if (backward)
+        HADA_TRY(check_net_input(state, own, &shape, sigmoid ? 0 : 9, err));
+    HADA_TRY(check_net_output(state, own, &shape, 0, 9, &out, err));
+    const double slope = own->mode == HADA_ACTIVATION_NONE ? 1.0 : own->mode == HADA_ACTIVATION_RELU ? 0.0 : SLOPE;
+    for (size_t i = 0; i < count; i++)
+        out[i] = 0.0;
+    if (backward && sigmoid)
+        hada_ref_sigmoid_backward(count, own->plain[0], own->plain[1], out);
+    else if (backward)
+        hada_ref_leaky_backward(count, slope, own->plain[0], own->plain[1], out);
+    else if (sigmoid)
+        hada_ref_sigmoid(count, own->plain[0], out);
+    else
+        hada_ref_leaky(count, slope, own->plain[0], out);
+    check_net_expect(state, own, &shape, 0, out);
     state->tolerance = sigmoid ? 3e-7 : 0.0; /* a few roundings, and exp to 4 units in the last place */
     state->bytes = (backward ? 3.0 : 2.0) * (double)count * sizeof(float);
-    return status;
+    return HADA_OK;
 }
 
 const check_op check_net_activation = {"net_activation",
@@ -64,16 +61,13 @@ static hada_status prepare_blend(check_state *state, hada_error *err)
     const hada_ref_shape shape = check_net_shape(state);
     const size_t count = hada_ref_values(&shape);
     own = check_net_own(state, run_blend);
-    hada_status status = check_net_input(state, own, &shape, 9, err);
-    if (!status)
-        status = check_net_output(state, own, &shape, 0, 9, &out, err);
-    if (!status) {
-        for (size_t i = 0; i < count; i++)
-            out[i] = 3.0 * own->plain[0][i] - (own->accumulate ? 2.0 * out[i] : 0.0);
-        check_net_expect(state, own, &shape, 0, out);
-        state->bytes = (own->accumulate ? 3.0 : 2.0) * (double)count * sizeof(float);
-    }
-    return status;
+    HADA_TRY(check_net_input(state, own, &shape, 9, err));
+    HADA_TRY(check_net_output(state, own, &shape, 0, 9, &out, err));
+    for (size_t i = 0; i < count; i++)
+        out[i] = 3.0 * own->plain[0][i] - (own->accumulate ? 2.0 * out[i] : 0.0);
+    check_net_expect(state, own, &shape, 0, out);
+    state->bytes = (own->accumulate ? 3.0 : 2.0) * (double)count * sizeof(float);
+    return HADA_OK;
 }
 
 const check_op check_net_blend = {"net_blend",
@@ -98,17 +92,14 @@ static hada_status prepare_dropout(check_state *state, hada_error *err)
     double *out = NULL;
     const hada_ref_shape shape = check_net_shape(state);
     own = check_net_own(state, run_dropout);
-    hada_status status = check_net_input(state, own, &shape, 9, err);
-    if (!status)
-        status = check_net_output(state, own, &shape, 0, 9, &out, err);
-    if (!status) {
-        own->number = own->mode ? 0.3f : 0.5f;
-        hada_ref_dropout(&shape, own->number, DROPOUT_SEED, DROPOUT_STEP, own->plain[0], out);
-        check_net_expect(state, own, &shape, 0, out);
-        state->bytes = 2.0 * (double)hada_ref_values(&shape) * sizeof(float);
-    }
+    HADA_TRY(check_net_input(state, own, &shape, 9, err));
+    HADA_TRY(check_net_output(state, own, &shape, 0, 9, &out, err));
+    own->number = own->mode ? 0.3f : 0.5f;
+    hada_ref_dropout(&shape, own->number, DROPOUT_SEED, DROPOUT_STEP, own->plain[0], out);
+    check_net_expect(state, own, &shape, 0, out);
+    state->bytes = 2.0 * (double)hada_ref_values(&shape) * sizeof(float);
     state->tolerance = check_get(state, 'b', 0) ? 1e-7 : 0.0;
-    return status;
+    return HADA_OK;
 }
 
 const check_op check_net_dropout = {"net_dropout",

@@ -70,25 +70,22 @@ static hada_status prepare_place(check_state *state, hada_error *err)
     own->row = check_get(state, 'y', 0);
     own->col = check_get(state, 'x', 0);
     own->channel = check_get(state, 'f', 0);
-    hada_status status = check_net_input(state, own, backward ? &whole : &part, 9, err);
-    if (!status)
-        status = check_net_output(state, own, made, 0, 9, &out, err);
-    if (!status) {
-        const size_t count = hada_ref_values(made);
-        double *placed = check_room(state, count * sizeof *placed);
-        if (backward) {
-            hada_ref_place_backward(&part, &whole, own->row, own->col, own->channel, own->plain[0], placed);
-        } else {
-            if (!own->accumulate)
-                memcpy(placed, out, count * sizeof *out);
-            hada_ref_place(&part, &whole, own->row, own->col, own->channel, own->plain[0], placed);
-        }
-        for (size_t i = 0; own->accumulate && i < count; i++)
-            placed[i] += out[i];
-        check_net_expect(state, own, made, 0, placed);
-        state->bytes = 2.0 * (double)hada_ref_values(&part) * sizeof(float);
+    HADA_TRY(check_net_input(state, own, backward ? &whole : &part, 9, err));
+    HADA_TRY(check_net_output(state, own, made, 0, 9, &out, err));
+    const size_t count = hada_ref_values(made);
+    double *placed = check_room(state, count * sizeof *placed);
+    if (backward) {
+        hada_ref_place_backward(&part, &whole, own->row, own->col, own->channel, own->plain[0], placed);
+    } else {
+        if (!own->accumulate)
+            memcpy(placed, out, count * sizeof *out);
+        hada_ref_place(&part, &whole, own->row, own->col, own->channel, own->plain[0], placed);
     }
-    return status;
+    for (size_t i = 0; own->accumulate && i < count; i++)
+        placed[i] += out[i];
+    check_net_expect(state, own, made, 0, placed);
+    state->bytes = 2.0 * (double)hada_ref_values(&part) * sizeof(float);
+    return HADA_OK;
 }
 
 const check_op check_net_place = {

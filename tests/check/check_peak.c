@@ -47,8 +47,8 @@ static hada_status prepare_flops(check_state *state, hada_error *err)
     /* whole groups: every work-item stores */
     const size_t items = ((size_t)check_get(state, 'n', 1) + group - 1) / group * group;
     const int rounds = check_get(state, 'r', 1), term = check_get(state, 'a', 1);
-    hada_status status = check_output(state, items * width, err);
-    for (size_t item = 0; !status && item < items; item++) {
+    HADA_TRY(check_output(state, items * width, err));
+    for (size_t item = 0; item < items; item++) {
         double sum = 0;
         for (int k = 0; k < CHAINS; k++) {
             double v = (double)k + (double)(item % 16);
@@ -60,7 +60,7 @@ static hada_status prepare_flops(check_state *state, hada_error *err)
             state->expected[item * width + lane] = sum;
     }
     state->flops = 2.0 * CHAINS * (double)(items * width) * rounds;
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch_flops(check_state *state, hada_error *err)

@@ -114,8 +114,7 @@ static hada_status expect(check_state *state, const refine_state *own, hada_erro
     const hada_refine_shape *s = &own->shape;
     const size_t values = (size_t)s->grid_rows * (size_t)(s->grid_cols / 2 + 1) * 2 * (size_t)own->channels;
     double *otf = check_room(state, (size_t)own->depths * values * sizeof *otf);
-    hada_status status = HADA_OK;
-    for (int set = 0; !status && set < own->sets; set++) {
+    for (int set = 0; set < own->sets; set++) {
         for (int place = 0; place < own->depths; place++)
             memcpy(otf + (size_t)place * values, own->otfs + (size_t)own->list[set * own->depths + place] * values,
                    values * sizeof *otf);
@@ -150,9 +149,9 @@ static hada_status expect(check_state *state, const refine_state *own, hada_erro
                                          .first_steps = own->rule.first_steps,
                                          .mu = own->rule.mu,
                                          .steps = own->rule.steps};
-        status = hada_ref_refine_run(&problem, state->expected + (size_t)set * own->set_floats, NULL, NULL, err);
+        HADA_TRY(hada_ref_refine_run(&problem, state->expected + (size_t)set * own->set_floats, NULL, NULL, err));
     }
-    return status;
+    return HADA_OK;
 }
 
 static hada_status prepare(check_state *state, hada_error *err)
@@ -161,19 +160,16 @@ static hada_status prepare(check_state *state, hada_error *err)
     read_shape(state, own);
     if (own->sets * own->depths > MAX_LIST)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "at most %d planes", MAX_LIST);
-    hada_status status = make_camera(state, own, err);
-    if (!status)
-        status = hada_refiner_create(&own->refiner, state->slot, &own->shape, err);
-    if (!status)
-        status = check_output(state, (size_t)own->sets * own->set_floats, err);
-    if (!status)
-        status = expect(state, own, err);
+    HADA_TRY(make_camera(state, own, err));
+    HADA_TRY(hada_refiner_create(&own->refiner, state->slot, &own->shape, err));
+    HADA_TRY(check_output(state, (size_t)own->sets * own->set_floats, err));
+    HADA_TRY(expect(state, own, err));
     const double points = (double)own->shape.grid_rows * own->shape.grid_cols;
     state->tolerance = 1e-5;
     /* per step and plane, in bytes per frequency: H, U and W read, W written, and each transform reads and writes */
     state->bytes = own->rule.steps * own->sets * own->depths * points / 2.0 * (32.0 + 32.0);
     state->flops = own->rule.steps * own->sets * own->depths * points / 2.0 * 60.0;
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)

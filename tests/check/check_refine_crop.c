@@ -45,8 +45,8 @@ static hada_status prepare(check_state *state, hada_error *err)
           *rounded = check_room(state, own->coarse.count * parts * sizeof *rounded);
     float *expected = check_room(state, small * parts * sizeof *expected);
     double *cropped = check_room(state, small * parts * sizeof *cropped);
-    hada_status status = check_output(state, (size_t)own->images * own->coarse.count * parts, err);
-    for (size_t m = 0; !status && m < (size_t)own->images; m++) {
+    HADA_TRY(check_output(state, (size_t)own->images * own->coarse.count * parts, err));
+    for (size_t m = 0; m < (size_t)own->images; m++) {
         check_fill_integers(state, m, rows, (size_t)own->channels * values * parts, 99);
         for (int c = 0; c < own->channels; c++)
             pack(&own->full, own->parts, rows + (size_t)c * values * parts,
@@ -60,12 +60,11 @@ static hada_status prepare(check_state *state, hada_error *err)
         for (size_t i = 0; i < own->coarse.count * parts; i++)
             state->expected[m * own->coarse.count * parts + i] = rounded[i];
     }
-    if (!status)
-        status = check_upload(state, &own->in, packed, all * in * sizeof *packed, err);
+    HADA_TRY(check_upload(state, &own->in, packed, all * in * sizeof *packed, err));
     /* half the sum of the channels: exact, unless a power of two is taken */
     state->tolerance = own->tapers || own->invert ? 1e-6 : 0.0;
     state->bytes = (double)((size_t)own->images * small * parts) * (own->channels + 1.0) * sizeof(float);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)

@@ -101,15 +101,12 @@ static hada_status launch_filter(check_state *state, hada_error *err)
 /* Two arrays of `count` integers on the device. */
 static hada_status prepare_planes(check_state *state, train_state *own, float **a, float **b, hada_error *err)
 {
-    hada_status status = hada_allocated(*a = hada_alloc(own->count, sizeof **a, "the check", err));
-    if (!status)
-        status = hada_allocated(*b = hada_alloc(own->count, sizeof **b, "the check", err));
-    if (status)
-        return status;
+    HADA_TRY(hada_allocated(*a = hada_alloc(own->count, sizeof **a, "the check", err)));
+    HADA_TRY(hada_allocated(*b = hada_alloc(own->count, sizeof **b, "the check", err)));
     check_fill_integers(state, 1, *a, own->count, 20);
     check_fill_integers(state, 2, *b, own->count, 20);
-    status = check_upload(state, &own->a, *a, own->count * sizeof **a, err);
-    return status ? status : check_upload(state, &own->b, *b, own->count * sizeof **b, err);
+    HADA_TRY(check_upload(state, &own->a, *a, own->count * sizeof **a, err));
+    return check_upload(state, &own->b, *b, own->count * sizeof **b, err);
 }
 
 static size_t items_of(const train_state *own)
@@ -127,18 +124,16 @@ static hada_status prepare_error(check_state *state, hada_error *err)
 {
     train_state *own;
     float *x = NULL, *target = NULL;
-    hada_status status = begin(state, &own, err);
-    if (!status)
-        status = prepare_planes(state, own, &x, &target, err);
-    if (!status)
-        status = check_output(state, sums_at(own) + items_of(own), err);
-    for (size_t i = 0; !status && i < own->count; i++) {
+    HADA_TRY(begin(state, &own, err));
+    HADA_TRY(prepare_planes(state, own, &x, &target, err));
+    HADA_TRY(check_output(state, sums_at(own) + items_of(own), err));
+    for (size_t i = 0; i < own->count; i++) {
         const double d = (double)x[i] - target[i];
         state->expected[i] = 0.25 * d;
         state->expected[sums_at(own) + i / HADA_TRAIN_RUN] += d * d;
     }
     state->bytes = 12.0 * (state->own ? (double)own->count : 0.0);
-    return status;
+    return HADA_OK;
 }
 
 /* The first values of the output are those of a buffer. */

@@ -15,10 +15,10 @@ import sys
 LIMITS = {
     'lines of the library': (70_000, 56_000),
     'lines of the kernels': (13_100, 12_000),
-    'lines of the command line': (8_150, 8_000),
-    'lines of tests (without corpora, frozen headers)': (56_000, 50_000),
+    'lines of the command line': (8_000, 8_000),
+    'lines of tests (without corpora, frozen headers)': (54_500, 50_000),
     'public functions': (335, 240),
-    'words of the documentation (docs)': (66_000, 45_000),
+    'words of the documentation (docs)': (45_000, 45_000),
     'files of SMALL lines or fewer, library and bindings': (203, 90),
     'files of more than 900 lines that give no reason': (0, 0),
 }

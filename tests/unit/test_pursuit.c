@@ -111,20 +111,6 @@ TEST(finds_what_is_there)
     tear_down(&f);
 }
 
-TEST(finds_a_faint_object_beside_a_bright_one)
-{
-    static const int list[] = {0, 3};
-    fixture f;
-    set_up(&f, 96, 128, 36, 4, 0);
-    learn_prior(&f, 0.002);
-    share_window(&f, 2, list);
-    for (size_t i = 0; i < f.camera.window_area; i++)
-        f.scenes[3 * f.camera.window_area + i] *= 0.1;
-    const hada_pursuit_result result = look(&f, 0.002, 1.0);
-    assert_found(&result, 2, list, "faint");
-    tear_down(&f);
-}
-
 TEST(finds_nothing_in_the_dark)
 {
     fixture f;

@@ -4,7 +4,7 @@ sphinx-build -W --keep-going -c docs/site . OUTPUT      from the root of the tre
 
 The source folder is the root, so that links between docs, results and READMEs work. A link to a page or file that does
 not exist is a warning, and -W makes it an error. The pages of the Python package are made where it is installed, those
-of the C headers where REFERENCE names what Doxygen wrote."""
+of the C headers are linked where REFERENCE is set."""
 
 import importlib.util
 import os
@@ -45,11 +45,14 @@ html_sidebars = {"**": ["about.html", "searchbox.html", "navigation.html"]}
 smartquotes = False
 html_show_sourcelink = False
 html_copy_source = False
-html_extra_path = ["index.html"] + [path for path in [os.environ.get("REFERENCE", "")] if os.path.isdir(path)]
+html_extra_path = ["index.html"]
 suppress_warnings = ["ref.python", "myst.header"]  # bytes beside members of that name; levels that are left out
 
 # The contents in the side bar are the groups of docs/README.md; pages that are not listed there are reached by links.
 CONTENTS = {"Get started": "start", "How to": "how-to", "Reference": "reference", "Explanation": "explanation"}
+
+# Where the reference of the C headers is, seen from the pages that link to it; the target site puts it there.
+REFERENCE = {"docs/README": "../c/index.html", "docs/how-to/write-a-c-program": "../../c/index.html"}
 
 
 def pages_of(folder):
@@ -59,6 +62,8 @@ def pages_of(folder):
 
 
 def add_contents(app, name, source):
+    if name in REFERENCE and os.environ.get("REFERENCE"):
+        source[0] += f'\n<a href="{REFERENCE[name]}">The headers as pages</a>\n'
     if name == root_doc:
         for caption, folder in CONTENTS.items():
             pages = pages_of(folder) + (["docs/site/python"] if folder == "reference" else [])

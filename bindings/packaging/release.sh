@@ -89,7 +89,7 @@ step_manuals() {
     rm -rf "$out/completion" && python3 bindings/cli/completion/completion.py "$out/man" "$out/completion" &&
         diff -r "$out/completion" "$build/completion" || failed "the build's completion is not that of its pages" || return 1
     grep -q "hadalens $version" "$build/man/hadalens.1" || failed "the manual pages are of another version" || return 1
-    tests '^(cli_words|packages_completion|house_reference|cli_make)$'
+    tests '^(cli_words|packages_completion|house_reference|house_site|cli_make)$'
 }
 step_abi() {
     configured release && tests '^(abi_.*|packages_symbols|house_symbols)$' || return 1

@@ -3,7 +3,7 @@
  * is point j + k span of the transform. Pairs k, 43 - k of which neither is known to differ from zero, or wanted, are
  * left out: the middle 383 of 1376 points are 7 of 21 pairs. Loops over these are no written-out ones, which would be
  * 9000 instructions of a kernel, and half a minute of a CPU's compiler; so cosines and sines stand in the stage's
- * table, and twiddle factors there by k, then by j (`across` of lib/fft/fft_pass.h). */
+ * table, and twiddle factors there by k, then by j (`across` of lib/fft/fft_own.h). */
 #ifndef INC_FFT_GROUPS_ODD_H
 #define INC_FFT_GROUPS_ODD_H
 

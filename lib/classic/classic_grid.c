@@ -1,3 +1,162 @@
+/* Point spread functions, as a method takes them: from the model's transfer functions by an inverse transform. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "classic/classic.h"
+#include "core/alloc.h"
+#include "fft/fft.h"
+#include "fft/fft_fused.h"
+#include "filter/bank.h"
+#include "model/model.h"
+#include <hadalens/model.h>
+
+typedef struct psf_reader {
+    hada_slot *slot; /* its own */
+    const hada_model *model;
+    int positive; /* without negative values and what is taken for noise, of the same sum: for Richardson-Lucy */
+    hada_spectrum_layout layout;
+    size_t pixels; /* of the grid */
+    hada_fft *inverse, *forward;
+    hada_buffer image, spectrum;
+    float *psf;     /* the last one that was read, [grid rows][grid cols], about the top left pixel, round the edges */
+    float *values;  /* room for a spectrum */
+    double largest; /* |OTF| of the last one that was read */
+} psf_reader;
+
+static const char what[] = "a point spread function";
+
+/* Values below so many times the noise are taken for noise: of a million normal ones less than one is above. */
+static const double noises = 5.0;
+
+/* Richardson-Lucy cannot do with negative values; functions that were learned from pairs have noise on both sides of
+ * zero. The noise is what the negative values say; the sum, which is what the frame's brightness fixes best, is kept.
+ */
+static void make_positive(float *psf, size_t count)
+{
+    double square = 0.0, before = 0.0, after = 0.0;
+    size_t negative = 0;
+    for (size_t i = 0; i < count; i++) {
+        before += psf[i];
+        if (psf[i] < 0.0f) {
+            square += (double)psf[i] * psf[i];
+            negative++;
+        }
+    }
+    const double least = negative ? noises * sqrt(square / (double)negative) : 0.0;
+    for (size_t i = 0; i < count; i++) {
+        if (!(psf[i] > least))
+            psf[i] = 0.0f;
+        after += psf[i];
+    }
+    for (size_t i = 0; after > 0.0 && before > 0.0 && i < count; i++)
+        psf[i] = (float)(psf[i] * (before / after));
+}
+
+static hada_fft_desc describe(const psf_reader *reader, hada_fft_direction direction)
+{
+    const int rows = reader->layout.rows, cols = reader->layout.cols;
+    return (hada_fft_desc){.direction = direction,
+                           .rows = rows,
+                           .cols = cols,
+                           .batch = 1,
+                           .real_rows = rows,
+                           .real_cols = cols,
+                           .real_pitch = (size_t)cols,
+                           .real_distance = reader->pixels};
+}
+
+static void psf_close(psf_reader *reader)
+{
+    if (reader->slot)
+        hada_slot_finish(reader->slot, NULL);
+    hada_fft_destroy(&reader->inverse);
+    hada_fft_destroy(&reader->forward);
+    hada_buffer_destroy(&reader->image);
+    hada_buffer_destroy(&reader->spectrum);
+    hada_slot_destroy(&reader->slot);
+    free(reader->psf);
+    free(reader->values);
+    *reader = (psf_reader){0};
+}
+
+static hada_status psf_open(psf_reader *reader, hada_context *context, const hada_model *model, int positive,
+                            hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(model);
+    *reader = (psf_reader){.model = model, .positive = positive};
+    reader->layout = hada_fft_layout(context, info->grid_rows, info->grid_cols, HADA_FFT_AUTO);
+    reader->pixels = (size_t)info->grid_rows * (size_t)info->grid_cols;
+    const hada_fft_desc inverse = describe(reader, HADA_FFT_INVERSE), forward = describe(reader, HADA_FFT_FORWARD);
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_slot_create(&reader->slot, context, err));
+    HADA_TRY_OR_DONE(hada_fft_create(&reader->inverse, reader->slot, &inverse, err));
+    HADA_TRY_OR_DONE(hada_fft_create(&reader->forward, reader->slot, &forward, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&reader->image, context, reader->pixels * sizeof(float), what, err));
+    HADA_TRY_OR_DONE(
+        hada_buffer_create(&reader->spectrum, context, reader->layout.count * 2 * sizeof(float), what, err));
+    HADA_TRY_OR_DONE(hada_allocated(reader->psf = hada_alloc_raw(reader->pixels, sizeof(float), what, err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(reader->values = hada_alloc_raw(reader->layout.count, 2 * sizeof(float), what, err)));
+done:
+    if (status)
+        psf_close(reader);
+    return status;
+}
+
+static double square_of(const float *value)
+{
+    return (double)value[0] * value[0] + (double)value[1] * value[1];
+}
+
+/* Whether all values are finite: x - x is 0 for finite x alone. */
+static int is_finite(const float *values, size_t count)
+{
+    float sum = 0.0f;
+    for (size_t i = 0; i < count; i++)
+        sum += values[i] - values[i];
+    return sum == 0.0f;
+}
+
+/* HADA_ERROR_MODEL where the model holds values that are not finite. */
+static hada_status psf_read(psf_reader *reader, int depth, int channel, hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(reader->model);
+    const size_t plane = hada_model_plane(reader->model);
+    const float *otf = reader->model->otf + ((size_t)depth * (size_t)info->channels + (size_t)channel) * plane * 2;
+    if (!is_finite(otf, 2 * plane))
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "%s: the transfer function of depth %d holds values that are not finite; the model is "
+                         "damaged, make it again",
+                         *info->name ? info->name : "the model", depth);
+    reader->largest = 0.0;
+    for (size_t i = 0; i < plane; i++)
+        reader->largest = fmax(reader->largest, square_of(otf + 2 * i));
+    reader->largest = sqrt(reader->largest);
+    hada_layout_pack(&reader->layout, otf, reader->values);
+    HADA_TRY(hada_buffer_write(&reader->spectrum, reader->slot, 0, reader->values, reader->spectrum.bytes, err));
+    HADA_TRY(hada_fft_inverse(reader->inverse, 1, reader->spectrum.mem, 0, reader->image.mem, 0, NULL, err));
+    HADA_TRY(hada_buffer_read(&reader->image, reader->slot, 0, reader->psf, reader->image.bytes, err));
+    if (reader->positive)
+        make_positive(reader->psf, reader->pixels);
+    return HADA_OK;
+}
+
+/* The largest absolute value of the transform of reader->psf, as it is now. */
+static hada_status psf_largest(psf_reader *reader, double *largest, hada_error *err)
+{
+    const hada_spectrum_layout *layout = &reader->layout;
+    *largest = 0.0;
+    HADA_TRY(hada_buffer_write(&reader->image, reader->slot, 0, reader->psf, reader->image.bytes, err));
+    HADA_TRY(hada_fft_forward(reader->forward, 1, reader->image.mem, 0, reader->spectrum.mem, 0, err));
+    HADA_TRY(hada_buffer_read(&reader->spectrum, reader->slot, 0, reader->values, reader->spectrum.bytes, err));
+    for (int ky = 0; ky < layout->rows; ky++)
+        for (int kx = 0; kx <= layout->cols / 2; kx++)
+            *largest = fmax(*largest, square_of(reader->values + 2 * hada_spectrum_index(layout, ky, kx)));
+    *largest = sqrt(*largest);
+    return HADA_OK;
+}
+
 /* The grid that a method's transforms have: as small as the point spread functions allow.
  *
  * With y = h * x round the edges of the model's grid of n pixels, planes x in a window and y looked at in a frame, all
@@ -7,14 +166,6 @@
  *     m >= max(high - first, last - low) + 1        and        m >= frame, window
  * gives the same matrix, and its transpose with it, along each axis by itself. Where h reaches half the frame's size to
  * both sides and window and frame are of one size, m is 1.5 of them, where the model's grid has 2. */
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "classic/classic.h"
-#include "classic/classic_psf.h"
-#include "core/alloc.h"
-#include "fft/fft_fused.h"
 
 /* What is cut from a point spread function may change its transfer function by so much of the largest value: the
  * rounding of two floats. */
@@ -115,13 +266,13 @@ static void keep_cut(float *psf, axis *rows, axis *cols)
 }
 
 /* Widens the reach by one image; *small becomes 0 where no smaller grid will do. */
-static hada_status widen_by_image(hada_psf_reader *reader, int depth, int channel, axis *rows, axis *cols, int *small,
+static hada_status widen_by_image(psf_reader *reader, int depth, int channel, axis *rows, axis *cols, int *small,
                                   hada_error *err)
 {
     double cut = 1.0;
     for (double limit = small_value; cut > negligible * reader->largest; limit /= 4.0) {
         float largest = 0.0f;
-        HADA_TRY(hada_psf_read(reader, depth, channel, err));
+        HADA_TRY(psf_read(reader, depth, channel, err));
         for (size_t i = 0; i < reader->pixels; i++)
             largest = fmaxf(largest, fabsf(reader->psf[i]));
         reach(reader->psf, (float)(limit * largest), rows, cols);
@@ -129,7 +280,7 @@ static hada_status widen_by_image(hada_psf_reader *reader, int depth, int channe
         if (!*small)
             break;
         keep_cut(reader->psf, rows, cols);
-        HADA_TRY(hada_psf_largest(reader, &cut, err));
+        HADA_TRY(psf_largest(reader, &cut, err));
     }
     return HADA_OK;
 }
@@ -143,7 +294,7 @@ hada_status hada_classic_fit_grid(hada_classic_shape *shape, hada_context *conte
     const int channels = place->channels;
     axis rows = axis_of(place->grid_rows, 1, plane->row0, plane->rows, frame->row0, frame->rows);
     axis cols = axis_of(place->grid_cols, 0, plane->col0, plane->cols, frame->col0, frame->cols);
-    hada_psf_reader reader = {0};
+    psf_reader reader = {0};
     int small = pays(&rows, &cols);
     hada_status status = HADA_OK;
     if ((method != HADA_METHOD_RL && method != HADA_METHOD_FISTA) || place->boundary != HADA_BOUNDARY_PADDED)
@@ -152,7 +303,7 @@ hada_status hada_classic_fit_grid(hada_classic_shape *shape, hada_context *conte
         goto done;
     HADA_TRY_OR_DONE(hada_allocated(rows.state = hada_alloc((size_t)rows.grid, 1, "a plan", err)));
     HADA_TRY_OR_DONE(hada_allocated(cols.state = hada_alloc((size_t)cols.grid, 1, "a plan", err)));
-    HADA_TRY_OR_DONE(hada_psf_reader_open(&reader, context, model, method == HADA_METHOD_RL, err));
+    HADA_TRY_OR_DONE(psf_open(&reader, context, model, method == HADA_METHOD_RL, err));
     for (int i = 0; small && i < count * channels; i++)
         HADA_TRY_OR_DONE(widen_by_image(&reader, depths ? depths[i / channels] : i / channels, i % channels, &rows,
                                         &cols, &small, err));
@@ -163,7 +314,7 @@ hada_status hada_classic_fit_grid(hada_classic_shape *shape, hada_context *conte
             (hada_refine_rect){rows.first, cols.first, rows.last - rows.first + 1, cols.last - cols.first + 1};
     }
 done:
-    hada_psf_reader_close(&reader);
+    psf_close(&reader);
     free(rows.state);
     free(cols.state);
     return status;
@@ -189,7 +340,7 @@ static void place_on_grid(const hada_classic_shape *shape, const float *psf, flo
     }
 }
 
-static hada_status transform_all(hada_buffer *out, hada_psf_reader *reader, const hada_classic_shape *shape,
+static hada_status transform_all(hada_buffer *out, psf_reader *reader, const hada_classic_shape *shape,
                                  const int *depths, int count, hada_error *err)
 {
     const size_t pixels = (size_t)shape->grid_rows * (size_t)shape->grid_cols;
@@ -212,7 +363,7 @@ static hada_status transform_all(hada_buffer *out, hada_psf_reader *reader, cons
     HADA_TRY_OR_DONE(hada_allocated(psf = hada_alloc_raw(pixels, sizeof *psf, "a point spread function", err)));
     for (int i = 0; i < count * channels && !reader->slot->context->dry; i++) {
         const size_t at = (size_t)i * hada_fft_plan_layout(forward)->count;
-        HADA_TRY_OR_DONE(hada_psf_read(reader, depths ? depths[i / channels] : i / channels, i % channels, err));
+        HADA_TRY_OR_DONE(psf_read(reader, depths ? depths[i / channels] : i / channels, i % channels, err));
         if (shape->reach.rows)
             place_on_grid(shape, reader->psf, psf);
         HADA_TRY_OR_DONE(
@@ -234,14 +385,14 @@ hada_status hada_classic_optics(hada_buffer *out, hada_context *context, const h
 {
     const hada_spectrum_layout layout = hada_fft_layout(context, shape->grid_rows, shape->grid_cols, HADA_FFT_AUTO);
     const size_t images = (size_t)count * (size_t)shape->place.channels;
-    hada_psf_reader reader = {0};
+    psf_reader reader = {0};
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(
         hada_buffer_create(out, context, images * layout.count * 2 * sizeof(float), "the transfer functions", err));
-    HADA_TRY_OR_DONE(hada_psf_reader_open(&reader, context, model, shape->options.method == HADA_METHOD_RL, err));
+    HADA_TRY_OR_DONE(psf_open(&reader, context, model, shape->options.method == HADA_METHOD_RL, err));
     HADA_TRY_OR_DONE(transform_all(out, &reader, shape, depths, count, err));
 done:
-    hada_psf_reader_close(&reader);
+    psf_close(&reader);
     if (status)
         hada_buffer_destroy(out);
     return status;

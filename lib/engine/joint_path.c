@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "engine/stages.h"
-#include "filter/clip.h"
+#include "filter/hadamard.h"
 
 /* What is known of a frame: `count` depths stand in pipeline->occupied; what its planes leave after a few steps, and a
  * surface, which then stands in pipeline->surface. */

@@ -1,7 +1,7 @@
 /* The linear path: every depth's filter on the frame's spectrum, in batches. The focus takes the planes near to far,
  * whoever computed them, so that its bits do not depend on that. */
 #include "engine/stages.h"
-#include "filter/clip.h"
+#include "filter/hadamard.h"
 
 /* Planes of depths first ... first + count - 1 into pipeline->planes; light is not negative. */
 static hada_status compute(hada_pipeline *pipeline, const hada_frame *frame, int first, int count, hada_error *err)

@@ -4,7 +4,7 @@
 
 #include "core/alloc.h"
 #include "engine/stages.h"
-#include "filter/layout.h"
+#include "filter/bank.h"
 
 /* What a pipeline does with a frame, in this order. The linear path computes and focuses batch by batch, so that these
  * two are one step; the joint path looks for the occupied depths, computes them, and then focuses. */

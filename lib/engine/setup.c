@@ -9,7 +9,7 @@
 #include "filter/bank.h"
 #include "filter/gains.h"
 #include "filter/hadamard.h"
-#include "refine/crosstalk.h"
+#include "refine/proximal.h"
 
 enum {
     LEAST_DEPTHS = 3, /* of a surface: two say nothing of a law between them */

@@ -2,7 +2,7 @@
  *
  * Forward is unnormalised, inverse divides by rows*cols. Two back ends behind one interface: our own kernels (any
  * size, pruned, run offline) and clFFT. Which one serves is read from a table by device class and size
- * (fft_table.c, overridden by the tuning file), never timed during a run.
+ * (fft.c, overridden by the tuning file), never timed during a run.
  *
  * A plan belongs to one slot. Spectrum layout: see hada_spectrum_layout. */
 #ifndef HADA_FFT_FFT_H

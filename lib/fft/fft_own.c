@@ -1,22 +1,145 @@
 /* The library's own transforms: a pass along rows and a pass along columns, by kernels that serve every size. Batches
- * of small images go through both passes in one launch (fft_image.c).
+ * of small images go through both passes in one launch.
  *
  * Forward: rows of the rectangle to half spectra in place in the caller's buffer, then its columns in place. Inverse:
  * columns to scratch, only the wanted rows of them and only within the band, times a filter where one is given; then
  * these rows to the image. */
+#include "fft/fft_own.h"
+
+#include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "fft/fft_cost.h"
-#include "fft/fft_image.h"
 #include "fft/fft_internal.h"
-#include "fft/fft_own.h"
 #include "launch/fft_group_cols.h"
 #include "launch/fft_group_rows_forward.h"
 #include "launch/fft_group_rows_inverse.h"
+#include "launch/fft_image_forward.h"
+#include "launch/fft_image_inverse.h"
 #include "launch/fft_rows_cols.h"
 #include "launch/fft_sized_cols.h"
 #include "launch/fft_sized_rows.h"
+
+/* The library's own transforms, an image at a time: one launch takes a batch of small images through both passes, each
+ * image in one work-item that keeps what lies between the passes in local memory. On CPUs that is the nearest caches,
+ * and nothing is handed over from launch to launch. */
+typedef struct own_image {
+    const hada_own_pass *rows, *columns;
+    size_t local_bytes;
+} own_image;
+
+/* Shared out by whole images, units may idle in the last round: for a quarter of the time at most, which is what this
+ * way gains. */
+static int enough_images(const hada_context *context, int batch)
+{
+    const uint64_t units = context->info.compute_units ? context->info.compute_units : 1, images = (uint64_t)batch;
+    const uint64_t rounds = (images + units - 1) / units;
+    return 3 * rounds * units <= 4 * images;
+}
+
+static size_t image_local_bytes(const hada_context *context, const hada_fft_desc *desc, size_t between)
+{
+    const size_t rows = hada_own_pass_local(context, desc->cols, 0),
+                 columns = hada_own_pass_local(context, desc->rows, 1);
+    const uint64_t bytes = (rows > columns ? rows : columns) + (uint64_t)between * 2 * sizeof(float);
+    if (context->shape == HADA_SHAPE_GROUPS || !rows || !columns || !enough_images(context, desc->batch))
+        return 0;
+    return bytes <= HADA_OWN_LOCAL_BYTES && bytes <= context->info.local_memory_bytes ? (size_t)bytes : 0;
+}
+
+static hada_status run_image_forward(const own_image *image, hada_slot *slot, cl_mem in, const hada_fft_real *real,
+                                     cl_mem out, const hada_fft_spectra *spectra, hada_error *err)
+{
+    const hada_range range = hada_range_of((size_t)real->images, 1, 1, 1);
+    const hada_local local_memory = {image->local_bytes};
+    return hada_launch_fft_image_forward(slot, HADA_PROGRAM_FFT_IMAGE_FORWARD_DEFAULT, &range, err, .in = in,
+                                         .real = *real, .out = out, .spectra = *spectra,
+                                         .row_table = image->rows->table.ints,
+                                         .column_table = image->columns->table.ints, .local_memory = local_memory);
+}
+
+static hada_status run_image_inverse(const own_image *image, hada_slot *slot, cl_mem in,
+                                     const hada_fft_columns_in *from, const hada_fft_filter *use, cl_mem out,
+                                     const hada_fft_real *real, hada_error *err)
+{
+    const hada_range range = hada_range_of((size_t)real->images, 1, 1, 1);
+    const hada_local local_memory = {image->local_bytes};
+    return hada_launch_fft_image_inverse(
+        slot, hada_find_fft_image_inverse(.fft_product = (int)use->product, .fft_half = use->half), &range, err,
+        .in = in, .from = *from, .filter = use->filter, .out = out, .real = *real, .row_table = image->rows->table.ints,
+        .column_table = image->columns->table.ints, .local_memory = local_memory);
+}
+
+/* What a pass needs at least, for profiles: hada_slot_cost() of the launch that follows. Operations: 5 n log2 n for a
+ * complex transform of n points, half of that for a real one (the usual count: M. Frigo, S. G. Johnson, Proceedings of
+ * the IEEE 93(2), 216 (2005)), whatever the radices. Traffic: each value within the rectangle and the band is read once
+ * and written once; a spectrum that several filters share is read once. `use`: an inverse's filter with its band filled
+ * in; NULL: forward. */
+typedef struct cost {
+    double bytes, flops;
+} cost;
+
+static double points(double n)
+{
+    return n > 1 ? 5.0 * n * log2(n) : 0.0;
+}
+
+static double spectrum_columns(const hada_fft_desc *desc, const hada_fft_filter *use)
+{
+    return (use ? use->band_cols : desc->band_cols) + 1.0;
+}
+
+/* Rows of the whole spectrum that are read or written. */
+static double spectrum_rows(const hada_fft_desc *desc, const hada_fft_filter *use)
+{
+    const int within = use ? 2 * use->band_rows + 1 : desc->rows;
+    return within < desc->rows ? within : desc->rows;
+}
+
+/* Bytes of the half spectra between the passes. */
+static double between(const hada_fft_desc *desc, int images, const hada_fft_filter *use)
+{
+    return 8.0 * images * desc->real_rows * spectrum_columns(desc, use);
+}
+
+static cost cost_rows(const hada_fft_desc *desc, int images, const hada_fft_filter *use)
+{
+    const double rows = (double)images * desc->real_rows;
+    return (cost){4.0 * rows * desc->real_cols + between(desc, images, use), 0.5 * rows * points(desc->cols)};
+}
+
+static cost cost_columns(const hada_fft_desc *desc, int images, const hada_fft_filter *use)
+{
+    const double image = spectrum_columns(desc, use) * spectrum_rows(desc, use);
+    const int filtered = use && use->product != HADA_FFT_PLAIN;
+    const int spectra = filtered && use->spectrum_count < images ? use->spectrum_count : images;
+    cost c = {8.0 * spectra * image + between(desc, images, use),
+              images * spectrum_columns(desc, use) * points(desc->rows)};
+    if (filtered) {
+        c.bytes += (use->half ? 4.0 : 8.0) * images * image;
+        c.flops += (use->product == HADA_FFT_SPLIT ? 2.0 : 6.0) * images * image;
+    }
+    return c;
+}
+
+/* Images through the pass along rows, along columns, or both in one launch that writes nothing between them. */
+static void cost_of_rows(hada_slot *slot, const hada_fft_desc *desc, int images, const hada_fft_filter *use)
+{
+    const cost c = cost_rows(desc, images, use);
+    hada_slot_cost(slot, c.bytes, c.flops);
+}
+
+static void cost_of_columns(hada_slot *slot, const hada_fft_desc *desc, int images, const hada_fft_filter *use)
+{
+    const cost c = cost_columns(desc, images, use);
+    hada_slot_cost(slot, c.bytes, c.flops);
+}
+
+static void cost_of_image(hada_slot *slot, const hada_fft_desc *desc, int images, const hada_fft_filter *use)
+{
+    const cost rows = cost_rows(desc, images, use), columns = cost_columns(desc, images, use);
+    hada_slot_cost(slot, rows.bytes + columns.bytes - 2.0 * between(desc, images, use), rows.flops + columns.flops);
+}
 
 /* Bytes between the two passes at a time. Lanes: what the caches of a few cores keep, larger measured slower. Groups:
  * work enough for a GPU. */
@@ -27,7 +150,7 @@ typedef struct own_state {
     hada_own_pass rows, columns;
     hada_buffer between; /* inverse: rows of half spectra */
     int images;          /* that both passes take at a time */
-    hada_own_image image;
+    own_image image;
 } own_state;
 
 static size_t between_count(const hada_fft_desc *desc)
@@ -47,8 +170,8 @@ static int images_at_once(const hada_context *context, const hada_fft_desc *desc
 static size_t image_bytes(const hada_context *context, const hada_fft_desc *desc)
 {
     const size_t blocks = (size_t)(desc->cols / 2 / HADA_FFT_BLOCK + 1), whole = blocks * (size_t)desc->rows;
-    return hada_own_image_bytes(context, desc,
-                                desc->direction == HADA_FFT_INVERSE ? between_count(desc) : whole * HADA_FFT_BLOCK);
+    return image_local_bytes(context, desc,
+                             desc->direction == HADA_FFT_INVERSE ? between_count(desc) : whole * HADA_FFT_BLOCK);
 }
 
 static int own_block(int cols)
@@ -82,7 +205,7 @@ static hada_status own_create(hada_fft *plan, hada_error *err)
     HADA_TRY(hada_own_pass_make(&state->rows, plan->slot, &rows, err));
     HADA_TRY(hada_own_pass_make(&state->columns, plan->slot, &columns, err));
     state->images = images_at_once(plan->slot->context, desc);
-    state->image = (hada_own_image){&state->rows, &state->columns, image_bytes(plan->slot->context, desc)};
+    state->image = (own_image){&state->rows, &state->columns, image_bytes(plan->slot->context, desc)};
     if (inverse && !state->image.local_bytes)
         HADA_TRY(hada_buffer_take(&state->between, plan->slot, HADA_OWN_STEPS,
                                   between_count(desc) * (size_t)state->images * 2 * sizeof(float),
@@ -211,9 +334,9 @@ static hada_status forward_part(hada_fft *plan, int first, int images, cl_mem re
                                       .last_row = desc->rows,
                                       .band = desc->band_cols};
     const hada_fft_columns_out to = {.offset = at, .distance = count, .rows = desc->rows, .images = images};
-    hada_fft_cost_rows(plan->slot, desc, images, NULL);
+    cost_of_rows(plan->slot, desc, images, NULL);
     HADA_TRY(launch_rows_forward(plan, real, &images_in, spectrum, &spectra, err));
-    hada_fft_cost_columns(plan->slot, desc, images, NULL);
+    cost_of_columns(plan->slot, desc, images, NULL);
     return launch_columns(plan, spectrum, &from, &none, spectrum, &to, err);
 }
 
@@ -225,8 +348,8 @@ static hada_status own_forward(hada_fft *plan, int batch, cl_mem real, size_t re
     if (state->image.local_bytes) {
         const hada_fft_real images = hada_fft_real_of(desc, real_offset, 1, batch);
         const hada_fft_spectra spectra = {spectrum_offset, plan->layout.count, desc->rows, desc->band_cols};
-        hada_fft_cost_image(plan->slot, desc, batch, NULL);
-        return hada_own_image_forward(&state->image, plan->slot, real, &images, spectrum, &spectra, err);
+        cost_of_image(plan->slot, desc, batch, NULL);
+        return run_image_forward(&state->image, plan->slot, real, &images, spectrum, &spectra, err);
     }
     for (int first = 0; first < batch; first += state->images) {
         const int left = batch - first, images = left < state->images ? left : state->images;
@@ -263,9 +386,9 @@ static hada_status inverse_part(hada_fft *plan, int first, int images, cl_mem sp
         .distance = distance, .row0 = desc->row0, .rows = desc->real_rows, .images = images};
     const hada_fft_spectra spectra = {.distance = distance, .rows = desc->real_rows, .band = use->band_cols};
     const hada_fft_real images_out = hada_fft_real_of(desc, real_offset + (size_t)first * step, use->stride, images);
-    hada_fft_cost_columns(plan->slot, desc, images, use);
+    cost_of_columns(plan->slot, desc, images, use);
     HADA_TRY(launch_columns(plan, spectrum, &from, use, state->between.mem, &to, err));
-    hada_fft_cost_rows(plan->slot, desc, images, use);
+    cost_of_rows(plan->slot, desc, images, use);
     return launch_rows_inverse(plan, state->between.mem, &spectra, real, &images_out, err);
 }
 
@@ -276,8 +399,8 @@ static hada_status own_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_
     if (state->image.local_bytes) {
         const hada_fft_columns_in from = columns_of(plan, 0, spectrum_offset, use);
         const hada_fft_real images = hada_fft_real_of(&plan->desc, real_offset, use->stride, batch);
-        hada_fft_cost_image(plan->slot, &plan->desc, batch, use);
-        return hada_own_image_inverse(&state->image, plan->slot, spectrum, &from, use, real, &images, err);
+        cost_of_image(plan->slot, &plan->desc, batch, use);
+        return run_image_inverse(&state->image, plan->slot, spectrum, &from, use, real, &images, err);
     }
     for (int first = 0; first < batch; first += state->images) {
         const int left = batch - first, images = left < state->images ? left : state->images;

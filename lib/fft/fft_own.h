@@ -1,13 +1,76 @@
-/* One pass of the library's own transforms on a device: its tables, its scratch and how it is enqueued, in the shape of
- * the context. Internal to lib/fft. */
-#ifndef HADA_FFT_OWN_H
-#define HADA_FFT_OWN_H
+/* The library's own transforms: tables of a pass, and a pass on a device. Internal to lib/fft and fft_fused.h. */
+#ifndef HADA_FFT_FFT_OWN_H
+#define HADA_FFT_FFT_OWN_H
 
-#include "fft/fft_pass.h"
-#include "fft/fft_sized.h"
+#include <stddef.h>
+#include <stdint.h>
+
+#include "core/error.h"
+#include "fft/fft.h"
 #include "kernels/shared_fft.h"
 #include "runtime/buffer.h"
+#include "runtime/context.h"
 #include "runtime/launch.h"
+
+/* The run-time description of one pass of transforms of one length: the tables that the kernels of fft_rows_*.cl and
+ * fft_rows_cols.cl read (their layout: kernels/shared_fft_table.h). Internal. */
+
+typedef enum hada_fft_pass_kind {
+    HADA_PASS_COLUMNS = 0,     /* reads by FFT_SOURCE */
+    HADA_PASS_ROWS = 1,        /* writes scratch by FFT_PLACE */
+    HADA_PASS_ROWS_INVERSE = 2 /* likewise, by (n - i) % n */
+} hada_fft_pass_kind;
+
+typedef struct hada_fft_pass_desc {
+    hada_fft_pass_kind kind;
+    int n;
+    int inverse;
+    int direct; /* the first stage reads memory itself: it must be one of those that can */
+    int across; /* tables of the last stage, a prime's, for items that take a butterfly each: twiddle factors stand by
+                   input, then by butterfly; cosines and sines in pairs by input, then by output */
+} hada_fft_pass_desc;
+
+typedef struct hada_fft_pass {
+    int n;
+    int points; /* complex numbers of scratch for each transform */
+    int32_t *ints;
+    float *floats;
+    size_t int_count, float_count;
+} hada_fft_pass;
+
+hada_status hada_fft_pass_make(hada_fft_pass *pass, const hada_fft_pass_desc *desc, hada_error *err);
+void hada_fft_pass_free(hada_fft_pass *pass);
+
+/* The points of scratch, whether a stage has no butterfly of its own, and the sizes of the tables that
+ * hada_fft_pass_make() would give. */
+void hada_fft_pass_sizes(int n, int direct, int *points, int *odd, size_t *int_count, size_t *float_count);
+
+/* exp(-2 pi i k / n), rounded once. */
+void hada_fft_root(long long k, long long n, float *out);
+
+/* Transforms by work-groups of lengths that have programs of their own (kernels/fft_sized_*.cl, shared_fft_sizes.h):
+ * whether there is one, and its table. Internal to lib/fft. */
+
+#define HADA_SIZED_STAGES 4
+
+/* How a pass of such a length is launched. */
+typedef struct hada_fft_sized {
+    int radix[HADA_SIZED_STAGES]; /* 1: no stage */
+    int group;                    /* work-items */
+    int parts;                    /* columns: groups of a block */
+    int pairs;                    /* rows: pairs of a group */
+    size_t local_bytes;
+} hada_fft_sized;
+
+/* Whether a program serves such a pass on this device. */
+int hada_fft_sized_find(hada_fft_sized *sized, const hada_context *context, int n, int columns);
+
+/* Floats of its table; and the table: pairs of twiddle factors, stage by stage in the order of the pass's kind. */
+size_t hada_fft_sized_floats(const hada_fft_sized *sized, hada_fft_pass_kind kind);
+void hada_fft_sized_fill(const hada_fft_sized *sized, hada_fft_pass_kind kind, float *floats);
+
+/* One pass of the library's own transforms on a device: its tables, its scratch and how it is enqueued, in the shape of
+ * the context. Internal to lib/fft. */
 
 /* Local memory is used up to here: PoCL reports more, and aborts above 512 KiB. */
 #define HADA_OWN_LOCAL_BYTES ((uint64_t)384 << 10)

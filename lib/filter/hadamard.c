@@ -1,13 +1,103 @@
 #include "filter/hadamard.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "core/alloc.h"
-#include "filter/clip.h"
 #include "launch/fft_plain.h"
+#include "launch/filter_clip.h"
 #include "launch/filter_dark.h"
+#include "launch/filter_unpack.h"
 
-enum { GROUP = 64 };
+hada_range hada_values_range(const hada_slot *slot, size_t offset, size_t count)
+{
+    enum { WIDTH_LANES = 8, LOCAL_LANES = 64, WIDTH_GROUPS = 4, LOCAL_GROUPS = 128 };
+    if (slot->context->shape != HADA_SHAPE_GROUPS)
+        return hada_range_of(hada_divide_up(count, WIDTH_LANES), LOCAL_LANES, 1, 1);
+    return hada_range_of(hada_divide_up(offset % WIDTH_GROUPS + count, WIDTH_GROUPS), LOCAL_GROUPS, 1, 1);
+}
+
+hada_status hada_image_clip(hada_slot *slot, cl_mem planes, size_t count, hada_error *err)
+{
+    const hada_range range = hada_values_range(slot, 0, count);
+    hada_slot_cost(slot, 8.0 * (double)count, (double)count);
+    return hada_launch_filter_clip(slot, hada_program_filter_clip_of(slot), &range, err, .values = planes, .offset = 0,
+                                   .count = count);
+}
+
+hada_status hada_image_blend(hada_slot *slot, cl_mem planes, size_t offset, cl_mem others, size_t count, double share,
+                             hada_error *err)
+{
+    const hada_range range = hada_values_range(slot, offset, count);
+    hada_slot_cost(slot, 12.0 * (double)count, 5.0 * (double)count);
+    return hada_launch_filter_blend(slot, hada_program_filter_clip_of(slot), &range, err, .values = planes,
+                                    .offset = offset, .others = others, .count = count, .share = (cl_float)share);
+}
+
+enum { GROUP = 128, NUMBERS = 8 /* of a work-item */ };
+
+hada_status hada_upload_make(hada_upload *upload, hada_slot *slot, size_t values, hada_error *err)
+{
+    cl_int code;
+    *upload = (hada_upload){.slot = slot};
+    if (slot->context->info.unified_memory || slot->context->dry)
+        return HADA_OK;
+    const size_t bytes = values * sizeof(float); /* of a frame that takes all of them */
+    upload->pinned = clCreateBuffer(slot->context->cl, CL_MEM_READ_WRITE | CL_MEM_ALLOC_HOST_PTR, bytes, NULL, &code);
+    if (code == CL_SUCCESS)
+        upload->staged = clEnqueueMapBuffer(slot->queue, upload->pinned, CL_TRUE, CL_MAP_READ | CL_MAP_WRITE, 0, bytes,
+                                            0, NULL, NULL, &code);
+    if (code == CL_SUCCESS)
+        return hada_prepare_filter_unpack(slot, HADA_PROGRAM_FILTER_UNPACK_DEFAULT, err);
+    upload->staged = NULL;
+    return hada_fail_cl(err, code, "memory from which frames go to the device");
+}
+
+void hada_upload_free(hada_upload *upload)
+{
+    if (upload->staged &&
+        clEnqueueUnmapMemObject(upload->slot->queue, upload->pinned, upload->staged, 0, NULL, NULL) == CL_SUCCESS)
+        hada_slot_finish(upload->slot, NULL);
+    if (upload->pinned)
+        clReleaseMemObject(upload->pinned);
+    *upload = (hada_upload){0};
+}
+
+hada_status hada_upload_unpack(hada_slot *slot, const hada_stored *stored, hada_bytes between, cl_mem raw,
+                               hada_error *err)
+{
+    const hada_stored_form *form = &stored->form;
+    const size_t rows = (size_t)form->rows, cols = (size_t)form->cols, channels = (size_t)form->channels,
+                 count = channels * rows * cols;
+    hada_slot_cost(slot, 4.0 * (double)count + (double)stored->bytes, 5.0 * (double)count);
+    if (!stored->dense || form->bytes == (int)sizeof(float)) {
+        const hada_range range = hada_range_of(cols, GROUP, rows, channels);
+        return hada_launch_filter_gather(slot, HADA_PROGRAM_FILTER_UNPACK_DEFAULT, &range, err, .stored = between,
+                                         .form = *form, .raw = raw);
+    }
+    const hada_range range = hada_range_of(hada_divide_up(count, NUMBERS), GROUP, 1, 1);
+    return hada_launch_filter_unpack(slot, HADA_PROGRAM_FILTER_UNPACK_DEFAULT, &range, err, .stored = between,
+                                     .bytes = form->bytes, .scale = form->scale, .inverse = form->inverse, .raw = raw,
+                                     .count = count);
+}
+
+hada_status hada_upload_frame(hada_upload *upload, const hada_pixels *frame, hada_buffer *raw, hada_buffer *between,
+                              hada_error *err)
+{
+    const hada_stored stored = hada_pixels_stored(frame);
+    const int ready = hada_pixels_is_image(frame);
+    const void *from = stored.data;
+    if (upload->staged) {
+        if (upload->waits && upload->waits == upload->slot->calls.waits + 1)
+            HADA_TRY(hada_slot_finish(upload->slot, err));
+        from = memcpy(upload->staged, stored.data, stored.bytes);
+        upload->waits = upload->slot->calls.waits + 1;
+    }
+    HADA_TRY(hada_buffer_write_later(ready ? raw : between, upload->slot, 0, from, stored.bytes, err));
+    return ready ? HADA_OK : hada_upload_unpack(upload->slot, &stored, between->octets, raw->mem, err);
+}
+
+enum { CROP_GROUP = 64 };
 
 static hada_fft_desc forward_desc(const hada_model_info *info, const hada_geometry *geometry)
 {
@@ -221,7 +311,7 @@ static hada_status crop(hada_hadamard *stage, int batch, cl_mem planes, size_t o
                                   .images = batch,
                                   .scale = 1.0f};
     const size_t count = (size_t)batch * (size_t)window.rows * (size_t)window.cols;
-    const hada_range range = hada_range_of(count, GROUP, 1, 1);
+    const hada_range range = hada_range_of(count, CROP_GROUP, 1, 1);
     hada_slot_cost(stage->slot, 8.0 * (double)count, 0.0);
     return hada_launch_fft_plain_crop(stage->slot, HADA_PROGRAM_FFT_PLAIN_DEFAULT, &range, err, .in = stage->whole.mem,
                                       .rows = stage->layout.rows, .cols = stage->layout.cols, .out = planes,

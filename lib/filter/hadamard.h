@@ -1,14 +1,54 @@
-/* The Hadamard stage: a frame's spectrum, once per channel, times each depth's filter, inverted in the window.
- * Internal.
- *
- * Tian and Yang, Optics Express 30(19), 34479 (2022), Eqs. 2 and 3. A stage belongs to a slot and holds one frame. */
+/* From a frame to linear planes: its way to the device, the Hadamard stage, clipping and blending. Internal. */
 #ifndef HADA_FILTER_HADAMARD_H
 #define HADA_FILTER_HADAMARD_H
 
 #include "fft/fft.h"
 #include "filter/bank.h"
-#include "filter/upload.h"
+#include "image/pixels.h"
 #include "model/model.h"
+#include "runtime/buffer.h"
+#include "runtime/launch.h"
+
+/* Planes clipped at zero, as reconstruction has them: light is not negative. Internal. */
+
+/* The launch over `count` floats from `offset` on of kernels with kernels/inc_values.h. */
+hada_range hada_values_range(const hada_slot *slot, size_t offset, size_t count);
+
+/* The first `count` floats of a buffer (enqueued). */
+hada_status hada_image_clip(hada_slot *slot, cl_mem planes, size_t count, hada_error *err);
+
+/* `count` floats from `offset` on: share times these, plus the rest times the first floats of `others`, both clipped
+ * (enqueued). */
+hada_status hada_image_blend(hada_slot *slot, cl_mem planes, size_t offset, cl_mem others, size_t count, double share,
+                             hada_error *err);
+
+/* A frame's way to the device: its samples in the form in which they came, made floats there. Internal. */
+
+typedef struct hada_upload {
+    hada_slot *slot;
+    cl_mem pinned;  /* host memory of the driver, which the device reads by itself; NULL: the device uses host memory */
+    void *staged;   /* the same, mapped */
+    uint64_t waits; /* of the slot, when the last frame was sent from there; 0: none was */
+} hada_upload;
+
+/* For frames of `values` values. Pinned memory is made where the device has memory of its own. */
+hada_status hada_upload_make(hada_upload *upload, hada_slot *slot, size_t values, hada_error *err);
+void hada_upload_free(hada_upload *upload); /* the slot's queue is done with it */
+
+/* A frame (hada_pixels_uploads()) as planar floats into `raw`, through `between`, a buffer of at least the bytes of the
+ * floats that is free until then. Enqueued: the frame must stay until the slot was waited for. Waits first if the
+ * previous frame may still be on its way from pinned memory. */
+hada_status hada_upload_frame(hada_upload *upload, const hada_pixels *frame, hada_buffer *raw, hada_buffer *between,
+                              hada_error *err);
+
+/* The second half of this: samples on the device to floats (enqueued). */
+hada_status hada_upload_unpack(hada_slot *slot, const hada_stored *stored, hada_bytes between, cl_mem raw,
+                               hada_error *err);
+
+/* The Hadamard stage: a frame's spectrum, once per channel, times each depth's filter, inverted in the window.
+ * Internal.
+ *
+ * Tian and Yang, Optics Express 30(19), 34479 (2022), Eqs. 2 and 3. A stage belongs to a slot and holds one frame. */
 
 /* What of a frame is computed; all zero: everything. Where the channels' lists are given, channel c is computed if
  * list[c] is c, copied from an earlier channel if it is that one's number, and zero if it is HADA_CHANNEL_BLACK. */

@@ -5,8 +5,8 @@
 
 #include "core/alloc.h"
 #include "core/callers.h"
+#include "filter/bank.h"
 #include "filter/hadamard.h"
-#include "filter/layout.h"
 #include "image/statistics.h"
 
 /* Chosen on simulated frames with 1 % noise (circular) and on a real caustic PSF whose frame is cropped (padded), where

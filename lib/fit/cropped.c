@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "filter/layout.h"
+#include "filter/bank.h"
 #include "launch/fit_cropped.h"
 #include "launch/fit_window.h"
 

@@ -6,7 +6,7 @@
 
 #include "core/alloc.h"
 #include "core/callers.h"
-#include "filter/layout.h"
+#include "filter/bank.h"
 
 /* Work-items of a group: of kernels by groups of eight frequencies, and of those by chunks where the device works in
  * groups (docs/reference/devices.md). */

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "filter/layout.h"
+#include "filter/bank.h"
 #include "fit/fit_solve.h"
 
 typedef struct solve_work {

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "filter/layout.h"
+#include "filter/bank.h"
 #include "launch/fit_sums.h"
 
 /* A pair's energy must be at least this for the squares of its dim frequencies not to vanish in single precision, and

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "filter/layout.h"
+#include "filter/bank.h"
 
 #define FORMAT   "hadalens-sums-1"
 #define RESPONSE "scene_response"

@@ -1,5 +1,5 @@
 /* Planes on the device: linear filters, or depths that are refined together. */
-#include "filter/clip.h"
+#include "filter/hadamard.h"
 #include "planes/planes.h"
 
 void hada_maker_use_otf(hada_plane_maker *maker, cl_mem otf, size_t offset, int depths, cl_mem prior)

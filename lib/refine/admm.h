@@ -1,3 +1,36 @@
+/* Refinement, and the rectangles of a grid that it works on. Internal. */
+#ifndef HADA_REFINE_ADMM_H
+#define HADA_REFINE_ADMM_H
+
+#include <hadalens/model.h>
+
+#include "fft/fft.h"
+#include "kernels/shared_refine.h"
+
+/* Rectangles of a grid: areas, the same on a coarser grid, transforms of the images in them. Internal. */
+
+/* Top left pixel and size. */
+typedef struct hada_refine_rect {
+    int row0, col0, rows, cols;
+} hada_refine_rect;
+
+size_t hada_rect_area(const hada_refine_rect *rect);
+
+/* Whether it is not empty and lies within a grid of rows x cols. */
+int hada_rect_inside(const hada_refine_rect *rect, int rows, int cols);
+
+/* The size of a coarser grid, `shrink` times smaller or a little more; 1: the size itself. */
+int hada_rect_grid_size(int size, double shrink);
+
+/* On a grid of small_rows x small_cols, the rectangle round (outward, wider by `margin` pixels on every side) or within
+ * (narrower by it) one of a grid of rows x cols; it does not leave the small grid, but may be empty. */
+hada_refine_rect hada_rect_shrink(const hada_refine_rect *rect, int rows, int cols, int small_rows, int small_cols,
+                                  int outward, int margin);
+
+/* Transforms between spectra of a grid of rows x cols and `images` dense images of the rectangle. */
+hada_fft_desc hada_rect_transform(const hada_refine_rect *rect, int rows, int cols, int images,
+                                  hada_fft_direction direction);
+
 /* Refinement: the planes of a set of depths that together explain a frame. Internal.
  *
  * ADMM for  min 1/2 |b - M sum_z PSF_z * x_z|^2 + 1/2 sum_f prior(f) sum_z |X_z(f)|^2 + tv sum_z TV(x_z),  x_z >= 0
@@ -10,14 +43,6 @@
  *
  * Several sets of equally many depths can be refined side by side in one batch on the same frame (depth pursuit). A
  * refiner belongs to one slot. Results are the same bits at every run and for every number of sets. */
-#ifndef HADA_REFINE_ADMM_H
-#define HADA_REFINE_ADMM_H
-
-#include <hadalens/model.h>
-
-#include "fft/fft.h"
-#include "kernels/shared_refine.h"
-#include "refine/rect.h"
 
 typedef struct hada_refine_shape {
     int grid_rows, grid_cols;
@@ -65,7 +90,7 @@ typedef struct hada_refine_rule {
     double tv;        /* weight of total variation, in units of OTF x frame; 0: none. See hada_refine_rule_weigh() */
     double tv_colour; /* >= 1: how much heavier differences of colour are than those of brightness */
     double shrink;    /* with tv and a single image, in the last steps: threshold of the shrinkage of its blocks' cosine
-                         transforms (refine/shrinkage.h), in units of tv; 0: none */
+                         transforms (refine/proximal.h), in units of tv; 0: none */
     double stop;      /* stop when the residual changes by less than this part of itself, twice running; 0: never */
     double settle;    /* of one set: stop when four steps change the planes by less than this part of them; 0: never */
     int quiet;        /* 1, without `stop`: nobody asks for the energies on the way, and the run waits for nothing */
@@ -144,7 +169,7 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
 
 /* The planes: [set][place in the set][channel][window rows][window cols] floats, to be read or (for a warm start)
  * written on the slot's compute queue. */
-/* Fades planes of the last run, of so many depths, where they are dark beside others (refine/crosstalk.h); what is
+/* Fades planes of the last run, of so many depths, where they are dark beside others (refine/proximal.h); what is
  * asked of them afterwards is asked of the faded ones. */
 hada_status hada_refiner_fade(hada_refiner *refiner, int depths, double share, hada_error *err);
 

@@ -1,4 +1,4 @@
-#include "refine/admm_fused.h"
+#include "refine/admm_steps.h"
 
 #include <math.h>
 

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "refine/admm_fused.h"
+#include "refine/admm_steps.h"
 
 /* After first steps of another relaxation: while depths part, the residual may stand still. */
 enum { SETTLING_STEPS = 5 };

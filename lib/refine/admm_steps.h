@@ -5,9 +5,7 @@
 #include "fft/fft_fused.h"
 #include "launch/refine.h"
 #include "refine/admm.h"
-#include "refine/crosstalk.h"
-#include "refine/shrinkage.h"
-#include "refine/variation.h"
+#include "refine/proximal.h"
 
 enum {
     HADA_REFINE_BATCH = 48,  /* images that one transform call takes */
@@ -29,7 +27,7 @@ struct hada_refiner {
     hada_spectrum_layout layout;
     hada_fft *forward, *inverse;             /* planes of the window */
     hada_fft *frame_forward, *frame_inverse; /* padded: of the frame */
-    hada_fft_fused fused;                    /* empty where steps cannot be fused: admm_fused.h */
+    hada_fft_fused fused;                    /* empty where steps cannot be fused: see the end */
     hada_buffer now_u, now_w, planes, list, partial;
     hada_buffer kept;                     /* settle: planes of a step before, behind them those set aside */
     hada_buffer split, dual;              /* padded: the split at the frame, A and behind it E, and its dual */
@@ -49,7 +47,7 @@ struct hada_refiner {
     size_t split_e; /* where E begins, in complex numbers */
     size_t transforms;
     hada_refine_arriving arriving;
-    int half_there; /* 1: half spectra of rows of the planes stand in now_u (admm_fused.h) */
+    int half_there; /* 1: half spectra of rows of the planes stand in now_u */
 };
 
 /* One run's constants. */
@@ -58,7 +56,7 @@ typedef struct hada_refine_run {
     const hada_refine_data *data;
     int sets, depths;
     int padded;
-    int fused; /* 1: steps are (admm_fused.h) */
+    int fused; /* 1: steps are */
 } hada_refine_run;
 
 /* Chooses the programs and makes them. */
@@ -141,5 +139,46 @@ hada_status hada_refine_fetch_later(const hada_refine_run *run, int place, int c
 void hada_refine_add_up(const hada_refine_run *run, int place, int parts, size_t slices, double factor, double *energy);
 hada_status hada_refine_energies(const hada_refine_run *run, int parts, size_t slices, double factor, double *energy,
                                  hada_error *err);
+
+/* A step of the refinement in two launches: along columns both transforms with the linear step between them, along rows
+ * both with the proximal step between them (kernels/refine_columns.cl, refine_rows.cl; by work-groups
+ * refine_group_columns.cl, refine_group_rows.cl, or where the last stage is of radix 43 refine_odd_columns.cl,
+ * refine_odd_rows.cl). Spectra of planes stand nowhere; what stands between the launches are
+ * half spectra of rows, in the place of U. A cropped frame goes along, half spectra of its rows in the place of E;
+ * lanes take a third launch for these (refine_frame_rows.cl). Internal to lib/refine. */
+
+/* Whether a grid's transforms can be fused at all; and making the tables, which does nothing where they cannot. */
+int hada_refine_fused_grid(const hada_context *context, const hada_refine_shape *shape);
+hada_status hada_refine_fused_make(hada_refiner *refiner, hada_error *err);
+
+/* Whether the sets of a run can be: a block of columns of each depth, or a part of one, fits in local memory. */
+int hada_refine_fused_takes(const hada_refiner *refiner, int depths);
+
+/* Sums of an image in a linear step, and the most for any number of depths. */
+size_t hada_refine_fused_slices(const hada_refine_run *run);
+int hada_refine_fused_most_slices(const hada_context *context, const hada_spectrum_layout *layout);
+
+/* The linear step number `step`, from half spectra of rows to half spectra of rows. Its sums go to `place`,
+ * [set][channel][slice]. */
+hada_status hada_refine_fused_columns(const hada_refine_run *run, const hada_refine_rule *rule, int start, int step,
+                                      int place, hada_error *err);
+
+/* Whether hada_refiner_score() takes half spectra of rows as well, and what it is made of then: by work-groups alone.
+ * `slices` sums of each set go to the first place. */
+int hada_refine_fused_scores(const hada_refiner *refiner, int depths);
+hada_status hada_refine_fused_score(const hada_refine_run *run, const hada_refine_band *band, size_t *slices,
+                                    hada_error *err);
+
+/* Along rows: half spectra to pixels, what is done to these, and their half spectra; any of the three. Of planes that
+ * is their non-negative part where `clip` says so, of a cropped frame the data's step. */
+typedef struct hada_refine_fused_part {
+    int inverse, clip, forward;
+} hada_refine_fused_part;
+
+/* The pass along the rows of planes and, unless it is NULL, of the frame, its data's step with the weight mu. The
+ * frame's sums go to `place`, [set][channel][slice], so many slices of an image. */
+hada_status hada_refine_fused_rows(const hada_refine_run *run, const hada_refine_fused_part *planes,
+                                   const hada_refine_fused_part *frame, double mu, int place, hada_error *err);
+size_t hada_refine_fused_frame_slices(const hada_context *context, const hada_refine_shape *shape);
 
 #endif

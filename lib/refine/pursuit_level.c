@@ -1,4 +1,4 @@
-#include "refine/pursuit_level.h"
+#include "refine/pursuit_search.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-#include "refine/pursuit_sets.h"
+#include "refine/pursuit_search.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -53,7 +53,7 @@ struct hada_context {
 
     pthread_mutex_t lock; /* guards what is below */
     uint64_t bytes, peak_bytes;
-    hada_trial *trials;     /* of clFFT (fft/fft_table.c) */
+    hada_trial *trials;     /* of clFFT (fft/fft.c) */
     cl_command_queue queue; /* the first one, for slots that the device gives none (runtime/slot.c) */
 };
 

@@ -1,4 +1,4 @@
-#include "surface/between.h"
+#include "surface/magnification.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -1,4 +1,4 @@
-#include "surface/depth_map.h"
+#include "surface/level.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -1,11 +1,68 @@
-/* The levels of resolution at which a surface is looked for: their grids, their planes, their camera and frame.
- * Internal to lib/surface. */
+/* Inside the search for a surface: depth maps on the host, levels of resolution, and the surface's parts. Internal. */
 #ifndef HADA_SURFACE_LEVEL_H
 #define HADA_SURFACE_LEVEL_H
 
-#include "surface/between.h"
-#include "surface/depth_map.h"
+#include "core/error.h"
+#include "surface/magnification.h"
 #include "surface/surface.h"
+
+/* Depth maps on the host: from the light of planes, from a level of resolution to the next, smoothed, trusted. Internal
+ * to lib/surface.
+ *
+ * Maps count depth in planes or in depths of the camera, as the caller does. Arithmetic is double, in a fixed order. */
+
+typedef struct hada_map_size {
+    int rows, cols;
+} hada_map_size;
+
+/* Where the pixel (y, x) of a map lies in another: row + y * down, col + x * along, in its pixels. */
+typedef struct hada_map_place {
+    double row, col, down, along;
+} hada_map_place;
+
+/* The centre of mass over planes of their light, [planes][channels][rows][cols], summed over channels and smoothed over
+ * pixels by a Gaussian of `blur` pixels: depth, in planes, and light, [rows][cols]. The middle of the planes where
+ * there is no light. */
+hada_status hada_map_centre(const float *light, int planes, int channels, hada_map_size size, double blur, float *depth,
+                            float *sum, hada_error *err);
+
+/* Planes that a level may fill by a map of another: allowed[planes][to] is 1 from `margin` below the least to `margin`
+ * above the most of the 3 x 3 pixels round the one where it lies, whole planes outwards, else 0. `scale` planes are one
+ * of the map's units. */
+hada_status hada_map_band(const float *depth, hada_map_size from, double scale, double margin, int planes,
+                          hada_map_size to, const hada_map_place *place, float *allowed, hada_error *err);
+
+/* Linear between the pixels of `in`, which go on outside as they are at its edge. */
+void hada_map_resample(const float *in, hada_map_size from, float *out, hada_map_size to, const hada_map_place *place);
+
+/* In place: where depths of the 3 x 3 pixels round one are further apart than `jump`, their median by light. A pixel
+ * that stands on a jump has the light of both sides, and none of their depths. */
+hada_status hada_map_sharpen(float *depth, const float *light, hada_map_size size, double jump, hada_error *err);
+
+/* In place, towards the minimum over depths of  sum 1/2 light (d - depth)^2 + weight sum edge |grad d|,  light in units
+ * of its mean times `data`, edge = exp(-|grad texture| / (tolerance mean texture)), |grad texture| over all channels: a
+ * fixed number of primal-dual steps (A. Chambolle and T. Pock, Journal of Mathematical Imaging and Vision 40(1), 120
+ * (2011)).
+ */
+typedef struct hada_map_rule {
+    double weight, data, tolerance;
+    int steps;
+} hada_map_rule;
+void hada_map_rule_init(hada_map_rule *rule);
+hada_status hada_map_smooth(float *depth, const float *light, const float *texture, int channels, hada_map_size size,
+                            const hada_map_rule *rule, hada_error *err);
+
+/* How sure the depth of a pixel is: 1 / (1 + (s / 0.5)^2), s^2 the sum of the squares of two deviations in depths of
+ * the camera: noise / (shift * root of the sum of |grad texture|^2 over channels and (2 radius + 1)^2 pixels); and
+ * twice the rms distance of the depths of 7 x 7 pixels from the plane through them, which is large at jumps, where a
+ * pixel's depth is that of one side or the other. noise: of the gradient by which the texture was found; shift: rms, of
+ * the PSF's light from a depth to the next, in pixels, at each depth of the camera; depth in depths of the camera. */
+hada_status hada_map_confidence(const float *texture, int channels, const float *depth, hada_map_size size,
+                                double noise, const double *shift, int depths, int radius, float *confidence,
+                                hada_error *err);
+
+/* The levels of resolution at which a surface is looked for: their grids, their planes, their camera and frame.
+ * Internal to lib/surface. */
 
 typedef struct hada_surface_plan {
     double shrink; /* whole grid over this one */
@@ -41,5 +98,41 @@ hada_status hada_surface_level_load(hada_surface_level *level, hada_slot *slot, 
 
 /* Where the window's pixels of a level lie in the window of another. */
 hada_map_place hada_surface_level_place(const hada_surface_plan *of, const hada_surface_plan *in);
+
+/* What the parts of a surface have in common: its levels, buffers and arrays. Internal. */
+
+struct hada_surface {
+    hada_slot *slot;
+    hada_surface_camera camera;
+    hada_spectrum_layout layout;
+    hada_surface_level level[HADA_SURFACE_LEVELS];
+    int levels;
+    hada_buffer map, texture, allowed; /* depth in planes, of the last level; the texture; masks of planes */
+    double *light;                     /* [channel] H(0) of the middle depth */
+    double *shift;                     /* [depth] rms, of light from a depth to the next, in pixels */
+    float *power;                      /* [count] mean over channels of the middle depth's |H|^2 */
+    double gradient_power;             /* of white noise in the gradient of the texture's data term, by a run's rule */
+    /* on the host: planes of a level and of the one before, masks; maps of a level and of the one before, in depths of
+     * the camera from the first plane on; textures */
+    float *planes[2], *mask, *depth[2], *sum, *image[2], *confidence;
+    unsigned char *outside;
+};
+
+static inline size_t hada_surface_area(const hada_surface_plan *plan)
+{
+    return (size_t)plan->shape.window.rows * (size_t)plan->shape.window.cols;
+}
+
+/* Values of the planes of a level. */
+static inline size_t hada_surface_values(const hada_surface_plan *plan)
+{
+    return (size_t)plan->shape.planes * (size_t)plan->shape.channels * hada_surface_area(plan);
+}
+
+/* A buffer of so many floats that another object holds. */
+static inline hada_buffer hada_surface_view(const hada_surface *s, cl_mem mem, size_t values)
+{
+    return (hada_buffer){.context = s->slot->context, .mem = mem, .bytes = values * sizeof(float), .part = 1};
+}
 
 #endif

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "surface/surface_state.h"
+#include "surface/level.h"
 
 /* A pixel's light is smoothed by so many pixels before its centre of mass is taken. */
 #define BLUR 0.5

@@ -9,7 +9,7 @@
 #ifndef HADA_SURFACE_SURFACE_H
 #define HADA_SURFACE_SURFACE_H
 
-#include "surface/measure.h"
+#include "surface/magnification.h"
 #include "surface/volume.h"
 
 typedef struct hada_surface_shape {

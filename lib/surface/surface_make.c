@@ -1,11 +1,166 @@
-/* What a surface is made of, and how much of it: known before a frame comes. */
+#include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "refine/variation.h"
-#include "surface/surface_state.h"
+#include "refine/proximal.h"
+#include "surface/level.h"
 
 static const char what[] = "a surface";
+
+/* From the nearest depth to the farthest light at the PSFs' edge moves by about so many pixels of the coarsest level:
+ * then planes are told apart, and few steps from nothing find them. */
+#define COARSEST_SPAN 2.6
+/* Planes are told apart well where it moves by so many from a depth of the camera to the next. */
+#define PLANES_APART 0.45
+/* Pixels of the coarsest window, at least. */
+enum { SMALLEST_WINDOW = 24 };
+/* Light at the edge moves from a plane to the next by at most so many pixels of a level. */
+#define PLANE_STEP 0.6
+enum {
+    MARGIN = 2,     /* pixels by which a coarse window is wider on every side, for the blur of its edge */
+    CROP_MARGIN = 2 /* and a coarse frame smaller: low-passing mixes in what lies outside the sensor */
+};
+
+static int at_least(int value, int least)
+{
+    return value < least ? least : value;
+}
+
+/* A rectangle of the camera's grid on a coarser one; a pixel of it at least. */
+static hada_refine_rect narrow(const hada_refine_rect *rect, const hada_surface_camera *camera, int rows, int cols,
+                               int outward, int margin)
+{
+    hada_refine_rect out = hada_rect_shrink(rect, camera->rows, camera->cols, rows, cols, outward, margin);
+    out.rows = at_least(out.rows, 1);
+    out.cols = at_least(out.cols, 1);
+    return out;
+}
+
+static hada_surface_plan plan_of(const hada_context *context, const hada_surface_camera *camera,
+                                 const hada_surface_shape *shape, const hada_magnification *magnification, int shrink,
+                                 int texture)
+{
+    const int whole = shrink == 1, rows = hada_rect_grid_size(camera->rows, shrink);
+    const int cols = hada_rect_grid_size(camera->cols, shrink);
+    hada_surface_plan plan = {.shrink = shrink,
+                              .steps = hada_magnification_steps(magnification, PLANE_STEP * shrink),
+                              .before = hada_magnification_beyond(magnification, 0) > 0.0,
+                              .whole = whole,
+                              .layout = hada_surface_layout(context, rows, cols)};
+    /* what stands beyond the camera's depths is not to be taken for the nearest of them */
+    const int behind = (int)(hada_magnification_beyond(magnification, 1) * plan.steps);
+    plan.shape = (hada_volume_shape){.rows = rows,
+                                     .cols = cols,
+                                     .frame = shape->frame,
+                                     .window = shape->window,
+                                     .boundary = shape->boundary,
+                                     .channels = camera->channels,
+                                     .planes = (plan.before + camera->depths - 1) * plan.steps + 1 + behind,
+                                     .free = !texture};
+    if (!whole) {
+        plan.shape.frame = narrow(&shape->frame, camera, rows, cols, 0, CROP_MARGIN);
+        plan.shape.window = narrow(&shape->window, camera, rows, cols, 1, MARGIN);
+    }
+    return plan;
+}
+
+int hada_surface_levels(const hada_context *context, const hada_surface_camera *camera, const hada_surface_shape *shape,
+                        const hada_magnification *magnification, hada_surface_plan *plans)
+{
+    const int side = shape->window.rows < shape->window.cols ? shape->window.rows : shape->window.cols;
+    double span = 0.0;
+    int shrink = 1, count = 0;
+    for (int k = 0; k + 1 < camera->depths; k++)
+        span += hada_magnification_shift(magnification, k, magnification->edge);
+    /* powers of two: the nearest by the logarithm */
+    while (count < HADA_SURFACE_LEVELS - 2 && span / shrink > COARSEST_SPAN * sqrt(2.0) &&
+           side / (2 * shrink) >= SMALLEST_WINDOW) {
+        shrink *= 2;
+        count++;
+    }
+    count = 0;
+    do
+        plans[count++] = plan_of(context, camera, shape, magnification, shrink, 0);
+    while (shrink > 1 && (shrink /= 2) && (shrink > 1 || magnification->shift < PLANES_APART));
+    plans[count++] = plan_of(context, camera, shape, magnification, 1, 1);
+    return count;
+}
+
+static hada_fft_desc inverse_of(const hada_surface_plan *plan)
+{
+    return hada_rect_transform(&plan->shape.frame, plan->shape.rows, plan->shape.cols, plan->shape.channels,
+                               HADA_FFT_INVERSE);
+}
+
+static size_t spectrum_bytes(const hada_surface_plan *plan)
+{
+    return (size_t)plan->shape.channels * plan->layout.count * 2 * sizeof(float);
+}
+
+static size_t pixel_bytes(const hada_surface_plan *plan)
+{
+    return (size_t)plan->shape.channels * (size_t)plan->shape.frame.rows * (size_t)plan->shape.frame.cols *
+           sizeof(float);
+}
+
+hada_status hada_surface_level_make(hada_surface_level *level, hada_slot *slot, const hada_surface_plan *plan,
+                                    hada_between *between, hada_buffer *plane, hada_error *err)
+{
+    const hada_fft_desc inverse = inverse_of(plan);
+    *level = (hada_surface_level){.plan = *plan};
+    HADA_TRY(hada_volume_create(&level->volume, slot, &plan->shape, err));
+    for (int k = 0; k < plan->shape.planes; k++) {
+        const double depth = (double)k / plan->steps - plan->before;
+        HADA_TRY(hada_between_make(between, 1, &depth, plane->mem, 0, plan->whole ? NULL : &plan->layout, err));
+        HADA_TRY(hada_volume_set_camera(level->volume, k, 1, plane->mem, 0, err));
+    }
+    if (plan->whole)
+        return HADA_OK;
+    HADA_TRY(hada_buffer_create(&level->spectrum, slot->context, spectrum_bytes(plan), what, err));
+    if (plan->shape.boundary != HADA_BOUNDARY_PADDED)
+        return HADA_OK;
+    HADA_TRY(hada_buffer_create(&level->pixels, slot->context, pixel_bytes(plan), what, err));
+    HADA_TRY(hada_fft_create(&level->inverse, slot, &inverse, err));
+    return HADA_OK;
+}
+
+void hada_surface_level_free(hada_surface_level *level)
+{
+    hada_volume_destroy(&level->volume);
+    hada_fft_destroy(&level->inverse);
+    hada_buffer_destroy(&level->spectrum);
+    hada_buffer_destroy(&level->pixels);
+}
+
+hada_status hada_surface_level_load(hada_surface_level *level, hada_slot *slot, const hada_spectrum_layout *from,
+                                    cl_mem spectrum, size_t offset, cl_mem pixels, size_t pixels_offset,
+                                    hada_error *err)
+{
+    const hada_surface_plan *plan = &level->plan;
+    const hada_spectrum_layout *to = &plan->layout;
+    /* image values stay as they are */
+    const double ratio = (double)to->rows * to->cols / ((double)from->rows * from->cols);
+    if (plan->whole) {
+        hada_volume_set_frame(level->volume, spectrum, offset, pixels, pixels_offset);
+        return HADA_OK;
+    }
+    HADA_TRY(hada_surface_crop(slot, spectrum, offset, from, plan->shape.channels, 1, ratio, 0.0, level->spectrum.mem,
+                               0, to, err));
+    if (level->inverse)
+        HADA_TRY(hada_fft_inverse(level->inverse, plan->shape.channels, level->spectrum.mem, 0, level->pixels.mem, 0,
+                                  NULL, err));
+    hada_volume_set_frame(level->volume, level->spectrum.mem, 0, level->pixels.mem, 0);
+    return HADA_OK;
+}
+
+hada_map_place hada_surface_level_place(const hada_surface_plan *of, const hada_surface_plan *in)
+{
+    const double down = (double)in->shape.rows / of->shape.rows, along = (double)in->shape.cols / of->shape.cols;
+    return (hada_map_place){of->shape.window.row0 * down - in->shape.window.row0,
+                            of->shape.window.col0 * along - in->shape.window.col0, down, along};
+}
+
+/* What a surface is made of, and how much of it: known before a frame comes. */
 
 /* Values of the planes and of the largest window, of all levels at most; of the texture. */
 typedef struct sizes {

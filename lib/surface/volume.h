@@ -30,7 +30,7 @@ typedef struct hada_volume_rule {
     double colour;    /* in it, weight of differences of colour over those of brightness, from 1; 0: 1 */
     double shrink,
         shrink_tv; /* of a texture, with variation: in the last steps the threshold of the shrinkage of its blocks
-                      (refine/shrinkage.h), in units of variation, and the share of variation that stays */
+                      (refine/proximal.h), in units of variation, and the share of variation that stays */
     double bound;  /* the largest curvature, of which a step is the inverse; it is doubled where it was too small */
 } hada_volume_rule;
 

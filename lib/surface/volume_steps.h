@@ -4,8 +4,7 @@
 
 #include "launch/refine.h"
 #include "launch/surface_volume.h"
-#include "refine/shrinkage.h"
-#include "refine/variation.h"
+#include "refine/proximal.h"
 #include "surface/volume.h"
 
 struct hada_volume {

@@ -3,8 +3,8 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "filter/clip.h"
-#include "filter/layout.h"
+#include "filter/bank.h"
+#include "filter/hadamard.h"
 #include "kernels/shared_train.h"
 #include "launch/train.h"
 #include "net/layer_launch.h"

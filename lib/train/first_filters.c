@@ -4,7 +4,7 @@
 
 #include "core/alloc.h"
 #include "core/random.h"
-#include "filter/layout.h"
+#include "filter/bank.h"
 #include "io/safetensors.h"
 
 /* Of the real and imaginary parts of a random start. */

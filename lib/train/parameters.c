@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "filter/layout.h"
+#include "filter/bank.h"
 #include "train/first_filters.h"
 
 static hada_status make_buffer(hada_slot *slot, hada_buffer *buffer, size_t floats, hada_error *err)

@@ -5,7 +5,7 @@
 
 #include "core/alloc.h"
 #include "planes/planes.h"
-#include "refine/crosstalk.h"
+#include "refine/proximal.h"
 #include "train/light.h"
 
 struct hada_planes {

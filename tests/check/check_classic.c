@@ -5,7 +5,7 @@
 
 #include "check.h"
 #include "classic/classic.h"
-#include "filter/layout.h"
+#include "filter/bank.h"
 #include "model/model.h"
 #include "ref/ref_classic.h"
 #include "ref/ref_fft.h"

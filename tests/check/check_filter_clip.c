@@ -3,7 +3,7 @@
 #include <math.h>
 
 #include "check.h"
-#include "filter/clip.h"
+#include "filter/hadamard.h"
 #include "launch/filter_clip.h"
 
 static hada_status prepare(check_state *state, hada_error *err)

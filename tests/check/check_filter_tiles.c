@@ -2,8 +2,8 @@
 #include <math.h>
 
 #include "check.h"
-#include "filter/layout.h"
-#include "filter/tiles.h"
+#include "filter/bank.h"
+#include "filter/gains.h"
 #include "ref/ref_light.h"
 
 typedef struct tiles_state {

@@ -1,6 +1,6 @@
 /* Stored numbers to the floats that they stand for: exact, every number of a full scale in the largest shape. */
 #include "check.h"
-#include "filter/upload.h"
+#include "filter/hadamard.h"
 
 typedef struct unpack_state {
     hada_stored form;

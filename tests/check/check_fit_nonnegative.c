@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "check.h"
-#include "filter/layout.h"
+#include "filter/bank.h"
 #include "fit/nonnegative.h"
 #include "ref/ref_fft.h"
 #include "ref/ref_fit.h"

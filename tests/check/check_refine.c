@@ -2,12 +2,11 @@
 #include <string.h>
 
 #include "check.h"
-#include "filter/layout.h"
+#include "filter/bank.h"
 #include "ref/ref_fft.h"
 #include "ref/ref_refine.h"
 #include "refine/admm.h"
-#include "refine/shrinkage.h"
-#include "refine/variation.h"
+#include "refine/proximal.h"
 
 enum { MAX_LIST = 64 };
 

@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "check.h"
-#include "filter/layout.h"
+#include "filter/bank.h"
 #include "launch/refine.h"
 #include "ref/ref_spectrum.h"
 

@@ -3,7 +3,7 @@
 
 #include "check.h"
 #include "ref/ref_crosstalk.h"
-#include "refine/crosstalk.h"
+#include "refine/proximal.h"
 
 typedef struct crosstalk_state {
     hada_crosstalk crosstalk;

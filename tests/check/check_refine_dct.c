@@ -1,7 +1,7 @@
 /* Shrinkage of cosine transforms of overlapping blocks (refine_dct). */
 #include "check.h"
 #include "ref/ref_dct.h"
-#include "refine/shrinkage.h"
+#include "refine/proximal.h"
 
 typedef struct dct_state {
     hada_shrinkage shrinkage;

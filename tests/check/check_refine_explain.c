@@ -1,6 +1,6 @@
 /* What planes do not explain (refine_explain): the rest at every frequency and its energy. */
 #include "check.h"
-#include "filter/layout.h"
+#include "filter/bank.h"
 #include "launch/refine.h"
 #include "ref/ref_spectrum.h"
 

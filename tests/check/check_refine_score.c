@@ -1,6 +1,6 @@
 /* How badly planes explain what the channels have in common (refine_score): energies within a band. */
 #include "check.h"
-#include "filter/layout.h"
+#include "filter/bank.h"
 #include "launch/refine.h"
 #include "ref/ref_spectrum.h"
 

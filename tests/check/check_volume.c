@@ -2,11 +2,10 @@
 #include <string.h>
 
 #include "check.h"
-#include "filter/layout.h"
+#include "filter/bank.h"
 #include "ref/ref_fft.h"
 #include "ref/ref_volume.h"
-#include "refine/shrinkage.h"
-#include "refine/variation.h"
+#include "refine/proximal.h"
 #include "surface/volume.h"
 
 typedef struct volume_state {

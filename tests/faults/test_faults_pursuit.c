@@ -3,7 +3,7 @@
  * of the floating-point unit, which is looked for. */
 #include <fenv.h>
 
-#include "refine/pursuit_sets.h"
+#include "refine/pursuit_search.h"
 #include "tiny_camera.h"
 
 enum { DEPTHS = 16, WINDOW = 36 };

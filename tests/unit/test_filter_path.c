@@ -5,7 +5,6 @@
 #include "dry.h"
 #include "filter/bank.h"
 #include "filter/hadamard.h"
-#include "filter/layout.h"
 #include "image/statistics.h"
 #include "io/safetensors.h"
 #include "ref/ref_filter.h"

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "camera_small.h"
-#include "filter/layout.h"
+#include "filter/bank.h"
 #include "fit/cropped.h"
 #include "fit/fitter.h"
 #include "patience.h"

@@ -4,10 +4,10 @@
 #include <string.h>
 
 #include "core/random.h"
-#include "filter/layout.h"
+#include "filter/bank.h"
 #include "ref/ref_fft.h"
 #include "ref/ref_surface.h"
-#include "surface/between.h"
+#include "surface/magnification.h"
 #include "testing.h"
 
 enum {

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "core/random.h"
-#include "surface/depth_map.h"
+#include "surface/level.h"
 #include "testing.h"
 
 enum { ROWS = 12, COLS = 17, AREA = ROWS * COLS };

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "core/random.h"
-#include "filter/layout.h"
+#include "filter/bank.h"
 #include "ref/ref_fft.h"
 #include "refine/admm.h"
 #include "testing.h"

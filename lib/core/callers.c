@@ -191,6 +191,7 @@ static int read_row(hada_limits *limits, const char **text)
 
 hada_status hada_limits_parse(hada_limits *limits, const char *text, hada_error *err)
 {
+    HADA_NEED(limits && text, err);
     hada_limits own;
     HADA_TRY(HADA_OPTIONS_TAKE(&own, limits, hada_limits, err));
     for (const char *from = text; *from; from += *from == ',')
@@ -219,6 +220,7 @@ hada_status hada_limits_set(const hada_limits *limits, hada_error *err)
 
 hada_status hada_limits_get(hada_limits *limits, hada_error *err)
 {
+    HADA_NEED(limits, err);
     const char *words = getenv("HADALENS_LIMITS");
     hada_limits own;
     hada_status status = HADA_OK;

@@ -119,6 +119,7 @@ static int by_identity(const void *a, const void *b)
 
 hada_status hada_inputs_protect(hada_inputs **out, const char *const *paths, size_t count, hada_error *err)
 {
+    HADA_NEED(out && (paths || !count), err);
     struct stat what;
     hada_inputs *inputs = NULL;
     *out = NULL;

@@ -56,6 +56,8 @@ void hada_team_destroy(hada_team **pointer)
 
 void hada_team_abort(hada_team *team)
 {
+    if (!team)
+        return;
     pthread_mutex_lock(&team->lock);
     team->aborted = 1;
     pthread_cond_broadcast(&team->changed);

@@ -11,6 +11,8 @@
 
 cl_command_queue hada_plan_cl_queue(const hada_plan *plan, int index)
 {
+    if (!plan)
+        return NULL;
     return index >= 0 && index < plan->dispatcher->worker_count
                ? hada_pipeline_queue(plan->dispatcher->workers[index].pipeline)
                : NULL;
@@ -186,23 +188,28 @@ done:
 hada_status hada_job_submit(hada_job **out, hada_plan *plan, const hada_image *raw, hada_result *result,
                             hada_error *err)
 {
+    HADA_NEED(out && plan && raw && result, err);
     return submit(out, plan, &(frame_input){.image = raw}, result, err);
 }
 
 hada_status hada_job_submit_pixels(hada_job **out, hada_plan *plan, const hada_pixels *raw, hada_result *result,
                                    hada_error *err)
 {
+    HADA_NEED(out && plan && raw && result, err);
     return submit(out, plan, &(frame_input){.pixels = raw}, result, err);
 }
 
 hada_status hada_job_submit_cl(hada_job **out, hada_plan *plan, const hada_cl_frame *raw, hada_result *result,
                                hada_error *err)
 {
+    HADA_NEED(out && plan && raw && result, err);
     return submit(out, plan, &(frame_input){.device = raw}, result, err);
 }
 
 hada_job_state hada_job_poll(const hada_job *job)
 {
+    if (!job)
+        return HADA_JOB_FAILED;
     pthread_mutex_lock(&job->dispatcher->lock);
     const hada_job_state state = job->state;
     pthread_mutex_unlock(&job->dispatcher->lock);
@@ -211,6 +218,8 @@ hada_job_state hada_job_poll(const hada_job *job)
 
 double hada_job_progress(const hada_job *job)
 {
+    if (!job)
+        return 0.0;
     return (double)atomic_load(&job->frame.progress) / HADA_PROGRESS;
 }
 
@@ -231,6 +240,8 @@ hada_status hada_job_wait(hada_job *job, hada_error *err)
 
 hada_job_state hada_job_wait_for(hada_job *job, double seconds)
 {
+    if (!job)
+        return HADA_JOB_FAILED;
     hada_dispatcher *dispatcher = job->dispatcher;
     const double deadline = hada_seconds() + fmax(seconds, 0.0);
     pthread_mutex_lock(&dispatcher->lock);
@@ -243,6 +254,8 @@ hada_job_state hada_job_wait_for(hada_job *job, double seconds)
 
 void hada_job_cancel(hada_job *job)
 {
+    if (!job)
+        return;
     if (job)
         hada_dispatcher_cancel(job->dispatcher, job);
 }
@@ -303,15 +316,18 @@ done:
 
 hada_status hada_plan_run(hada_plan *plan, const hada_image *raw, hada_result *result, hada_error *err)
 {
+    HADA_NEED(plan && raw && result, err);
     return run(plan, &(frame_input){.image = raw}, result, err);
 }
 
 hada_status hada_plan_run_pixels(hada_plan *plan, const hada_pixels *raw, hada_result *result, hada_error *err)
 {
+    HADA_NEED(plan && raw && result, err);
     return run(plan, &(frame_input){.pixels = raw}, result, err);
 }
 
 hada_status hada_plan_run_cl(hada_plan *plan, const hada_cl_frame *raw, hada_result *result, hada_error *err)
 {
+    HADA_NEED(plan && raw && result, err);
     return run(plan, &(frame_input){.device = raw}, result, err);
 }

@@ -52,6 +52,7 @@ static hada_status check_contexts(hada_context *const *contexts, int count, hada
 hada_status hada_plan_create_on(hada_plan **out, hada_context *const *contexts, int count, const hada_model *model,
                                 const hada_plan_options *callers, hada_error *err)
 {
+    HADA_NEED(contexts, err);
     hada_plan_options options;
     hada_plan *plan = NULL;
     hada_status status = HADA_OK;
@@ -120,6 +121,8 @@ void hada_plan_memory(const hada_plan *plan, uint64_t *held, uint64_t *apart)
 {
     hada_needs needs;
     uint64_t bytes = 0, more = 0;
+    if (!plan)
+        return;
     for (int i = 0; i < plan->contexts; i++) {
         if (!hada_pipeline_needs(&needs, plan->constants[i]->context, &plan->setup, 1, NULL))
             bytes += needs.constants;
@@ -141,6 +144,8 @@ void hada_plan_memory(const hada_plan *plan, uint64_t *held, uint64_t *apart)
 
 int hada_plan_queues(const hada_plan *plan, hada_queue_info *info, int capacity)
 {
+    if (!plan)
+        return 0;
     hada_dispatcher *dispatcher = plan->dispatcher;
     pthread_mutex_lock(&dispatcher->lock);
     for (int i = 0; i < dispatcher->worker_count && i < capacity; i++)

@@ -143,6 +143,8 @@ hada_status hada_result_make_confidence(hada_result *result, hada_error *err)
 
 const hada_image *hada_result_confidence(const hada_result *result)
 {
+    if (!result)
+        return NULL;
     const hada_result_memory *memory = result ? result->memory : NULL;
     return memory && memory->has_confidence ? &memory->confidence : NULL;
 }

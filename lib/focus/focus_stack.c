@@ -62,6 +62,7 @@ hada_status hada_focus_stack(hada_context *context, const hada_image *planes, co
                              hada_image *all_in_focus, hada_image *distance_map, hada_focus_report *report,
                              hada_error *err)
 {
+    HADA_NEED(context && planes && all_in_focus && distance_map, err);
     hada_slot *slot = NULL;
     hada_focus *focus = NULL;
     hada_buffer plane = {0}, results = {0};

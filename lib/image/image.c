@@ -9,6 +9,7 @@
 
 hada_status hada_image_create(hada_image *image, int channels, int rows, int cols, hada_error *err)
 {
+    HADA_NEED(image, err);
     *image = (hada_image){0};
     if (channels < 1 || rows < 1 || cols < 1)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "an image of %d channels, %d x %d is not possible", channels, rows,
@@ -33,6 +34,8 @@ void hada_image_destroy(hada_image *image)
 
 size_t hada_image_count_not_finite(const hada_image *image)
 {
+    if (!image)
+        return 0;
     float largest;
     return hada_not_finite(image->data, hada_image_count(image), &largest);
 }
@@ -136,11 +139,13 @@ done:
 
 hada_status hada_image_resize(hada_image *out, const hada_image *image, int rows, int cols, hada_error *err)
 {
+    HADA_NEED(out && image, err);
     return scale(out, image, 0, 0, image->rows, image->cols, rows, cols, err);
 }
 
 hada_status hada_scene_fit(hada_image *out, const hada_image *image, int rows, int cols, hada_error *err)
 {
+    HADA_NEED(out && image, err);
     *out = (hada_image){0};
     if (rows < 1 || cols < 1)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d x %d is not possible", rows, cols);
@@ -157,6 +162,7 @@ hada_status hada_scene_fit(hada_image *out, const hada_image *image, int rows, i
 hada_status hada_image_crop(hada_image *out, const hada_image *image, int row0, int col0, int rows, int cols,
                             hada_error *err)
 {
+    HADA_NEED(out && image, err);
     hada_status status = hada_image_create(out, image->channels, rows, cols, err);
     if (status)
         return status;

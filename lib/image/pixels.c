@@ -182,6 +182,7 @@ hada_status hada_pixels_copy(const hada_pixels *p, hada_image *image, hada_error
 
 hada_status hada_pixels_to_image(const hada_pixels *pixels, hada_image *image, hada_error *err)
 {
+    HADA_NEED(image, err);
     hada_pixels own;
     if (!image)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_pixels_to_image: an image is needed");

@@ -41,12 +41,16 @@ int hada_path_is_folder(const char *path)
 
 int hada_path_is_file(const char *path)
 {
+    if (!path)
+        return 0;
     struct stat what;
     return !stat(path, &what) && !S_ISDIR(what.st_mode);
 }
 
 int hada_path_is_vacant(const char *path)
 {
+    if (!path)
+        return 0;
     struct stat what;
     if (lstat(path, &what))
         return 1;
@@ -114,6 +118,7 @@ static hada_status try_file(const char *folder, hada_error *err)
 
 hada_status hada_folder_ensure(const char *path, hada_error *err)
 {
+    HADA_NEED(path, err);
     if (hada_folders_make(path, 0777))
         HADA_TRY(hada_fail(err, HADA_ERROR_FILE_WRITE, "the folder %s cannot be made: %s", path, strerror(errno)));
     if (!hada_path_is_folder(path))
@@ -123,6 +128,7 @@ hada_status hada_folder_ensure(const char *path, hada_error *err)
 
 hada_status hada_file_check_target(const char *path, hada_error *err)
 {
+    HADA_NEED(path, err);
     char *folder = NULL, *real = NULL;
     struct stat old;
     hada_status status = HADA_OK;
@@ -144,6 +150,7 @@ done:
 
 hada_status hada_file_write(const char *path, const void *data, size_t bytes, hada_error *err)
 {
+    HADA_NEED(path && (data || !bytes), err);
     return hada_outfile_save(path, data, bytes, err);
 }
 
@@ -216,6 +223,8 @@ static int remove_one(const char *path, const struct stat *what, int flag, struc
 
 void hada_folder_remove(const char *path)
 {
+    if (!path)
+        return;
     nftw(path, remove_one, 16, FTW_DEPTH | FTW_PHYS);
 }
 

@@ -75,6 +75,8 @@ static void srgb_from_light(float *values, size_t count)
 
 void hada_response_convert(float *values, size_t count, double from, double to)
 {
+    if (!values)
+        return;
     if (from == to)
         return;
     if (from != HADA_RESPONSE_SRGB && to != HADA_RESPONSE_SRGB) {
@@ -96,6 +98,8 @@ void hada_response_convert(float *values, size_t count, double from, double to)
 
 void hada_response_name(char name[HADA_RESPONSE_NAME], double response)
 {
+    if (!name)
+        return;
     const char *word = response == HADA_RESPONSE_LINEAR ? "linear"
                        : response == HADA_RESPONSE_SRGB ? "srgb"
                        : response == HADA_AUTO          ? "auto"
@@ -108,6 +112,7 @@ void hada_response_name(char name[HADA_RESPONSE_NAME], double response)
 
 hada_status hada_response_from_name(double *response, const char *name, hada_error *err)
 {
+    HADA_NEED(response && name, err);
     static const double words[] = {HADA_RESPONSE_LINEAR, HADA_RESPONSE_SRGB, HADA_AUTO};
     char word[HADA_RESPONSE_NAME];
     const char *end;

@@ -311,6 +311,7 @@ done:
 
 hada_status hada_tiff_open(hada_tiff_reader **out, const char *path, hada_error *err)
 {
+    HADA_NEED(out && path, err);
     *out = NULL;
     hada_tiff_reader *reader = calloc(1, sizeof *reader);
     if (reader) {
@@ -346,6 +347,8 @@ void hada_tiff_close(hada_tiff_reader **reader)
 
 const hada_tiff_info *hada_tiff_get_info(const hada_tiff_reader *reader)
 {
+    if (!reader)
+        return NULL;
     return &reader->info;
 }
 
@@ -418,6 +421,7 @@ done:
 
 hada_status hada_tiff_read(hada_tiff_reader *reader, int index, hada_image *image, hada_error *err)
 {
+    HADA_NEED(reader && image, err);
     *image = (hada_image){0};
     const hada_tiff_stack *stack = &reader->stack;
     if (index < 0 || index >= reader->info.frames)
@@ -443,6 +447,7 @@ done:
 
 hada_status hada_tiff_load(const char *path, int index, hada_image *image, hada_error *err)
 {
+    HADA_NEED(path && image, err);
     *image = (hada_image){0};
     hada_status status = HADA_OK;
     hada_tiff_reader *reader = NULL;

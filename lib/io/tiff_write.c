@@ -138,6 +138,7 @@ static hada_status open_output(hada_tiff_writer *w, const char *path, hada_error
 hada_status hada_tiff_create(hada_tiff_writer **out, const char *path, int channels, int rows, int cols,
                              const hada_tiff_write_options *options, hada_error *err)
 {
+    HADA_NEED(out && path, err);
     *out = NULL;
     hada_tiff_writer *w = calloc(1, sizeof *w);
     if (!w)
@@ -274,6 +275,7 @@ static void widen_range(hada_tiff_writer *w, const float *values, size_t count)
 
 hada_status hada_tiff_write(hada_tiff_writer *w, const hada_image *image, hada_error *err)
 {
+    HADA_NEED(w && image, err);
     if (image->channels != w->channels || image->rows != w->rows || image->cols != w->cols)
         return hada_fail(err, HADA_ERROR_SIZE,
                          "%s takes frames of %d channels, %d x %d; this one has %d channels, %d x %d", w->file.path,
@@ -306,6 +308,7 @@ static hada_status finish_stack(hada_tiff_writer *w, hada_error *err)
 
 hada_status hada_tiff_finish(hada_tiff_writer **writer, hada_error *err)
 {
+    HADA_NEED(writer && *writer, err);
     hada_tiff_writer *w = *writer;
     hada_status status = HADA_OK;
     int expected = w->options.layout == HADA_TIFF_HYPERSTACK ? w->options.slices * w->options.times : 1;
@@ -346,6 +349,7 @@ void hada_tiff_abandon(hada_tiff_writer **writer)
 hada_status hada_tiff_save(const char *path, const hada_image *image, const hada_tiff_write_options *options,
                            hada_error *err)
 {
+    HADA_NEED(path && image, err);
     hada_status status = HADA_OK;
     hada_tiff_writer *writer = NULL;
     HADA_TRY_OR_DONE(hada_tiff_create(&writer, path, image->channels, image->rows, image->cols, options, err));

@@ -44,6 +44,7 @@ static void mark_jumps(const hada_image *map, const double *index, double jump, 
 hada_status hada_metric_depth_parts(const hada_image *truth, const double *distances_mm, int count, double jump_steps,
                                     int reach_pixels, unsigned char *parts, hada_error *err)
 {
+    HADA_NEED(truth && distances_mm && parts, err);
     const double jump = jump_steps == HADA_AUTO ? 0.5 : jump_steps;
     const int reach = reach_pixels == HADA_AUTO ? 3 : reach_pixels;
     double *index = NULL;
@@ -92,6 +93,7 @@ hada_status hada_metric_depth_confidence(const hada_image *map, const hada_image
                                          const double *distances_mm, int count, const unsigned char *mask,
                                          hada_confidence_score *out, hada_error *err)
 {
+    HADA_NEED(map && truth && confidence && (distances_mm || !count), err);
     claim *claims = NULL;
     size_t known = 0;
     double sum = 0.0, half = 0.0, area = 0.0;
@@ -136,6 +138,7 @@ done:
 hada_status hada_metric_depth_nearer(hada_image *truth, const hada_image *second, const hada_image *map,
                                      const double *distances_mm, int count, hada_error *err)
 {
+    HADA_NEED(truth && second && map && (distances_mm || !count), err);
     if (truth->channels != 1 || truth->rows != second->rows || truth->cols != second->cols || second->channels != 1 ||
         map->channels != 1 || truth->rows != map->rows || truth->cols != map->cols)
         return hada_fail(err, HADA_ERROR_SIZE, "two true maps and a result must be of one size, and of one channel");

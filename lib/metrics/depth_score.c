@@ -6,6 +6,8 @@
 
 double hada_depth_index(const double *distances_mm, int count, double distance_mm)
 {
+    if (!distances_mm)
+        return 0.0;
     if (count < 2)
         return 0.0;
     int i = 0;
@@ -17,6 +19,8 @@ double hada_depth_index(const double *distances_mm, int count, double distance_m
 
 double hada_depth_distance(const double *distances_mm, int count, double index)
 {
+    if (!distances_mm)
+        return 0.0;
     if (count < 2)
         return distances_mm[0];
     int i = (int)floor(index);
@@ -28,6 +32,7 @@ double hada_depth_distance(const double *distances_mm, int count, double index)
 hada_status hada_metric_depth(const hada_image *map, const hada_image *truth, const double *distances_mm, int count,
                               double tolerance, const unsigned char *mask, hada_depth_score *out, hada_error *err)
 {
+    HADA_NEED(map && truth && (distances_mm || !count), err);
     hada_status status = HADA_REPORT_CHECK(out, hada_depth_score, err);
     if (status || !out)
         return status ? status : hada_fail(err, HADA_ERROR_ARGUMENT, "hada_metric_depth: out is needed");

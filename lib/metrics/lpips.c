@@ -208,6 +208,7 @@ static double distance_at(const hada_lpips *lpips, int row, int col)
 hada_status hada_lpips_run(hada_lpips *lpips, const hada_image *a, const hada_image *b, double peak,
                            const unsigned char *mask, double *out, hada_error *err)
 {
+    HADA_NEED(a && b, err);
     if (!lpips || !out)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_run: an argument is missing");
     const hada_status status = compare(lpips, a, b, peak, err);
@@ -240,6 +241,7 @@ hada_status hada_lpips_run(hada_lpips *lpips, const hada_image *a, const hada_im
 hada_status hada_lpips_map(hada_lpips *lpips, const hada_image *a, const hada_image *b, double peak, hada_image *map,
                            hada_error *err)
 {
+    HADA_NEED(a && b, err);
     if (!lpips || !map)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_map: an argument is missing");
     HADA_TRY(compare(lpips, a, b, peak, err));
@@ -337,5 +339,7 @@ void hada_lpips_destroy(hada_lpips **pointer)
 
 hada_lpips_net hada_lpips_get_net(const hada_lpips *lpips)
 {
+    if (!lpips)
+        return HADA_LPIPS_AUTO;
     return lpips->net;
 }

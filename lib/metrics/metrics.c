@@ -95,6 +95,7 @@ hada_status hada_metric_compare(hada_metric metric, const hada_image *a, const h
 
 hada_status hada_metric_sharpness(const hada_image *image, const unsigned char *mask, double *out, hada_error *err)
 {
+    HADA_NEED(image && out, err);
     hada_status status = hada_images_check_pair(image, image, err);
     if (status)
         return status;

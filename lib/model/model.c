@@ -215,6 +215,8 @@ void hada_model_destroy(hada_model **pointer)
 
 const hada_model_info *hada_model_get_info(const hada_model *model)
 {
+    if (!model)
+        return NULL;
     return &model->info;
 }
 
@@ -249,6 +251,8 @@ hada_status hada_model_get_arrays(const hada_model *model, hada_model_arrays *ar
 
 const hada_net *hada_model_get_enhance(const hada_model *model)
 {
+    if (!model)
+        return NULL;
     return model->enhance;
 }
 

@@ -368,5 +368,7 @@ hada_status hada_net_init(hada_net *net, uint64_t seed, hada_error *err)
 
 const hada_net_info *hada_net_get_info(const hada_net *net)
 {
+    if (!net)
+        return NULL;
     return &net->info;
 }

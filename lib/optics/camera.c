@@ -78,6 +78,7 @@ hada_status hada_camera_preset(hada_camera *camera, const char *name, hada_error
 
 hada_status hada_camera_set_depths(hada_camera *camera, double near_mm, double far_mm, int count, hada_error *err)
 {
+    HADA_NEED(camera, err);
     if (count < 1 || count > HADA_CAMERA_DEPTHS)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "%d depths are not possible; ask for 1 to %d", count,
                          HADA_CAMERA_DEPTHS);
@@ -99,6 +100,7 @@ hada_status hada_camera_set_depths(hada_camera *camera, double near_mm, double f
 hada_status hada_camera_resize(hada_camera *camera, int rows, int cols, int window_rows, int window_cols,
                                hada_error *err)
 {
+    HADA_NEED(camera, err);
     if (rows < 1 || cols < 1 || window_rows < 0 || window_cols < 0 || window_rows > rows || window_cols > cols)
         return hada_fail(err, HADA_ERROR_SIZE,
                          "a sensor of %d x %d with a window of %d x %d is not possible; the window must fit in the "

@@ -88,6 +88,7 @@ static json_t *to_json(const hada_camera *camera)
 
 hada_status hada_camera_save(const hada_camera *callers, const char *path, hada_error *err)
 {
+    HADA_NEED(callers && path, err);
     hada_camera camera;
     json_t *object = NULL;
     char *text = NULL;

@@ -119,6 +119,7 @@ done:
 hada_status hada_simulator_expose(hada_simulator *s, const hada_sensor *callers, uint64_t seed, hada_image *frame,
                                   hada_error *err)
 {
+    HADA_NEED(s && frame, err);
     const hada_camera *c = &s->camera;
     hada_sensor own, *sensor = &own;
     hada_buffer gain = {0}, values = {0};

@@ -186,6 +186,7 @@ void hada_mask_at(const hada_mask_design *design, double x, double y, hada_mask_
 
 hada_status hada_camera_set_mask(hada_camera *camera, hada_mask mask, hada_error *err)
 {
+    HADA_NEED(camera, err);
     if (!hada_enum_name(HADA_ENUM_MASK, (int)mask))
         return hada_fail(err, HADA_ERROR_UNSUPPORTED, "mask kind %d is not known; see hada_mask", (int)mask);
     if (mask == camera->mask)
@@ -224,6 +225,7 @@ static double fill_of(const hada_mask_design *design)
 
 hada_status hada_camera_fill_factor(const hada_camera *camera, double *fill, hada_error *err)
 {
+    HADA_NEED(camera && fill, err);
     hada_mask_design design;
     hada_status status = HADA_OK;
     *fill = 0.0;
@@ -237,6 +239,7 @@ done:
 /* By halving: a larger diameter lets more light through. */
 hada_status hada_camera_set_fill_factor(hada_camera *camera, double fill, hada_error *err)
 {
+    HADA_NEED(camera, err);
     hada_mask_design design;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_mask_make(&design, camera, err));
@@ -266,6 +269,7 @@ done:
 hada_status hada_camera_mask_map(const hada_camera *camera, int rows, int cols, hada_image *thickness_mm,
                                  hada_image *transmission, hada_error *err)
 {
+    HADA_NEED(camera, err);
     hada_mask_design design;
     hada_status status = HADA_OK;
     if (thickness_mm)

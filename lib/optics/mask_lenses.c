@@ -129,6 +129,7 @@ static hada_status place_at_random(const hada_camera *camera, double *x_mm, doub
 
 hada_status hada_camera_lenses(const hada_camera *callers, double *x_mm, double *y_mm, hada_error *err)
 {
+    HADA_NEED(callers && x_mm && y_mm, err);
     hada_camera own, *camera = &own;
     HADA_TRY(hada_camera_take(camera, callers, err));
     if (!hada_mask_has_lenses(camera))

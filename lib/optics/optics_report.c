@@ -43,6 +43,7 @@ static hada_status reserve(hada_optics_report *report, hada_error *err)
 hada_status hada_optics_report_create(hada_optics_report **out, hada_context *context, const hada_camera *callers,
                                       double threshold, hada_error *err)
 {
+    HADA_NEED(out && context && callers, err);
     hada_camera camera;
     hada_optics_report *report = NULL;
     hada_status status = HADA_OK;
@@ -84,11 +85,15 @@ void hada_optics_report_destroy(hada_optics_report **pointer)
 
 const hada_optics_curves *hada_optics_report_curves(const hada_optics_report *report)
 {
+    if (!report)
+        return NULL;
     return &report->curves;
 }
 
 const hada_optics_row *hada_optics_report_row(const hada_optics_report *report, int depth)
 {
+    if (!report)
+        return NULL;
     return &report->row[depth];
 }
 
@@ -210,6 +215,7 @@ static double axial(const hada_optics_report *report, int z, int side)
 
 hada_status hada_optics_report_add(hada_optics_report *report, const hada_image *psf, hada_error *err)
 {
+    HADA_NEED(report && psf, err);
     const hada_camera *c = &report->camera;
     const int z = report->done;
     double support = 0.0;

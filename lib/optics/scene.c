@@ -102,6 +102,7 @@ static int shape_at(const shape *s, double row, double col, double *light)
 
 hada_status hada_scene_procedural(hada_image *out, uint64_t seed, int channels, int rows, int cols, hada_error *err)
 {
+    HADA_NEED(out, err);
     *out = (hada_image){0};
     if (channels != 1 && channels != 3)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d channels is not possible; use 1 or 3", channels);
@@ -147,6 +148,7 @@ hada_status hada_scene_procedural(hada_image *out, uint64_t seed, int channels, 
 
 hada_status hada_scene_regions(int *labels, uint64_t seed, int regions, int rows, int cols, hada_error *err)
 {
+    HADA_NEED(labels, err);
     if (regions < 1 || rows < 1 || cols < 1 || (double)regions > (double)rows * cols)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "%d regions in %d x %d pixels are not possible", regions, rows,
                          cols);
@@ -191,6 +193,7 @@ done:
 
 hada_status hada_scene_part(hada_image *out, const hada_image *image, const int *labels, int label, hada_error *err)
 {
+    HADA_NEED(out && image && labels, err);
     HADA_TRY(hada_image_create(out, image->channels, image->rows, image->cols, err));
     const size_t pixels = (size_t)image->rows * (size_t)image->cols, count = hada_image_count(image);
     for (size_t i = 0; i < count; i++)
@@ -201,6 +204,8 @@ hada_status hada_scene_part(hada_image *out, const hada_image *image, const int 
 
 void hada_image_add_noise(hada_image *image, double sigma, uint64_t seed)
 {
+    if (!image || !image->data)
+        return;
     hada_random random;
     hada_random_seed(&random, seed, SEQUENCE_NOISE);
     const size_t count = hada_image_count(image);

@@ -105,6 +105,7 @@ done:
 hada_status hada_scene_relief(hada_image *out, hada_relief_kind kind, uint64_t seed, int rows, int cols,
                               hada_error *err)
 {
+    HADA_NEED(out, err);
     *out = (hada_image){0};
     if (!hada_enum_name(HADA_ENUM_RELIEF, (int)kind))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a surface of kind %d is not known; see hada_relief_kind",

@@ -203,5 +203,7 @@ void hada_simulator_destroy(hada_simulator **simulator)
 
 const hada_camera *hada_simulator_camera(const hada_simulator *simulator)
 {
+    if (!simulator)
+        return NULL;
     return &simulator->camera;
 }

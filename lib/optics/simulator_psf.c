@@ -57,6 +57,7 @@ done:
 
 hada_status hada_simulator_psf(const hada_simulator *s, int depth, hada_image *psf, hada_error *err)
 {
+    HADA_NEED(s && psf, err);
     *psf = (hada_image){0};
     HADA_TRY(hada_simulator_check_depth(s, depth, err));
     return hada_simulator_place_psf(s, hada_simulator_place(s, depth), s->camera.rows, s->camera.cols, psf, err);

@@ -104,6 +104,7 @@ done:
 hada_status hada_simulator_render(hada_simulator *s, const hada_plane *planes, int count, double noise,
                                   uint64_t noise_seed, hada_image *raw, hada_error *err)
 {
+    HADA_NEED(s && planes && raw, err);
     *raw = (hada_image){0};
     if (count < 1 || !(noise >= 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d planes with noise %g is not possible", count, noise);
@@ -119,6 +120,7 @@ hada_status hada_simulator_render(hada_simulator *s, const hada_plane *planes, i
 
 hada_status hada_simulator_white_exposure(hada_simulator *s, double share, double *exposure, hada_error *err)
 {
+    HADA_NEED(s && exposure, err);
     hada_image white = {0}, raw = {0};
     float most = 0.0f;
     hada_status status = HADA_OK;

@@ -276,6 +276,7 @@ done:
 hada_status hada_simulator_render_reliefs(hada_simulator *s, const hada_relief *surfaces, int count, int opaque,
                                           double noise, uint64_t noise_seed, hada_image *raw, hada_error *err)
 {
+    HADA_NEED(s && surfaces && raw, err);
     *raw = (hada_image){0};
     if (count < 1 || !surfaces || !(noise >= 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d surfaces with noise %g is not possible", count,

@@ -37,6 +37,7 @@ done:
 hada_status hada_wave_create(hada_wave **out, hada_context *context, const hada_camera *camera,
                              const hada_wave_options *callers, hada_error *err)
 {
+    HADA_NEED(out && context && camera, err);
     hada_wave *wave = NULL;
     hada_wave_options options;
     hada_status status = HADA_OK;
@@ -80,6 +81,7 @@ void hada_wave_destroy(hada_wave **wave)
 
 hada_status hada_wave_psf(hada_wave *wave, double distance_mm, int rows, int cols, hada_image *psf, hada_error *err)
 {
+    HADA_NEED(wave && psf, err);
     const hada_camera *camera = &wave->camera;
     const size_t count = hada_size_product((size_t)rows, (size_t)cols);
     double *sum = NULL;
@@ -110,6 +112,7 @@ done:
 
 hada_status hada_camera_psf_stack(hada_context *context, const hada_camera *callers, hada_image *psf, hada_error *err)
 {
+    HADA_NEED(callers && psf, err);
     hada_wave *wave = NULL;
     hada_camera own, *camera = &own;
     hada_status status = hada_camera_take(camera, callers, err);

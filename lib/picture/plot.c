@@ -57,6 +57,8 @@ static double at_y(const hada_plot *plot, double y)
 
 hada_plot_axis hada_plot_axis_for(const double *values, int count, int logarithmic, const char *text)
 {
+    if (!values)
+        return (hada_plot_axis){0, 1, 0, 0, NULL};
     hada_plot_axis axis = {.logarithmic = logarithmic, .label = text};
     int found = 0;
     for (int i = 0; i < count; i++) {
@@ -83,6 +85,7 @@ hada_plot_axis hada_plot_axis_for(const double *values, int count, int logarithm
 
 hada_status hada_plot_create(hada_plot **out, double width, double height, hada_error *err)
 {
+    HADA_NEED(out, err);
     hada_status status = HADA_OK;
     hada_plot *plot = NULL;
     *out = NULL;
@@ -102,6 +105,8 @@ static double put_text(hada_plot *plot, double x, double y, hada_anchor anchor, 
 
 void hada_plot_text(hada_plot *plot, double x, double y, char anchor, double size, const char *text)
 {
+    if (!plot || !text)
+        return;
     if (plot)
         put_text(plot, x, y,
                  anchor == 'l'   ? HADA_ANCHOR_LEFT

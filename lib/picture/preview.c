@@ -308,6 +308,7 @@ static int shows_nothing(const hada_preview *p)
 
 hada_status hada_preview_save(const char *path, const hada_preview *callers, hada_error *err)
 {
+    HADA_NEED(path && callers, err);
     hada_status status = HADA_OK;
     hada_preview own, *preview = &own;
     hada_sheet sheet = {.p = preview};
@@ -333,6 +334,7 @@ done:
 
 hada_status hada_png_save(const char *path, const hada_image *image, double white, double gamma, hada_error *err)
 {
+    HADA_NEED(path && image, err);
     hada_status status = HADA_OK;
     hada_drawing *drawing = NULL;
     uint32_t *pixels = NULL;

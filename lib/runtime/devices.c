@@ -181,11 +181,15 @@ done:
 
 size_t hada_device_list_count(const hada_device_list *list)
 {
+    if (!list)
+        return 0;
     return list->count;
 }
 
 const hada_device_info *hada_device_list_get(const hada_device_list *list, size_t index)
 {
+    if (!list)
+        return NULL;
     return index < list->count ? &list->infos[index] : NULL;
 }
 

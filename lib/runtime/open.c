@@ -231,11 +231,15 @@ hada_status hada_context_adopt(hada_context **out, cl_context context, cl_device
 
 cl_context hada_context_cl_context(const hada_context *context)
 {
+    if (!context)
+        return NULL;
     return context->cl;
 }
 
 cl_device_id hada_context_cl_device(const hada_context *context)
 {
+    if (!context)
+        return NULL;
     return context->device;
 }
 

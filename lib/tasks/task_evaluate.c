@@ -146,11 +146,15 @@ done:
 
 int hada_evaluate_report_count(const hada_evaluate_report *report)
 {
+    if (!report)
+        return 0;
     return report ? report->count : 0;
 }
 
 const hada_evaluation *hada_evaluate_report_get(const hada_evaluate_report *report, int index)
 {
+    if (!report)
+        return NULL;
     return report && index >= 0 && index < report->count ? &report->rows[index] : NULL;
 }
 

@@ -145,6 +145,7 @@ done:
 hada_status hada_optics_run(hada_optics_report **report, hada_context *context, const hada_camera *camera,
                             const char *folder, const hada_optics_task *callers, hada_error *err)
 {
+    HADA_NEED(context && camera && folder, err);
     hada_optics_task task;
     hada_status status = HADA_OK;
     hada_optics_report *made = NULL;

@@ -91,6 +91,7 @@ done:
 hada_status hada_psf_run(hada_model **out, hada_context *context, const char *path, const hada_psf_task *callers,
                          hada_error *err)
 {
+    HADA_NEED(out && context && path, err);
     hada_psf_task own, *task = &own;
     pages of = {0};
     hada_status status = HADA_OK;

@@ -32,6 +32,8 @@ typedef struct run {
 
 int hada_files_ahead(const hada_plan *plan)
 {
+    if (!plan)
+        return 0;
     return hada_plan_queues(plan, NULL, 0) + 2;
 }
 

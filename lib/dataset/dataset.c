@@ -11,6 +11,8 @@
 
 void hada_dataset_destroy(hada_dataset **dataset)
 {
+    if (!dataset)
+        return;
     hada_dataset *set = *dataset;
     *dataset = NULL;
     if (!set)
@@ -34,21 +36,29 @@ void hada_dataset_destroy(hada_dataset **dataset)
 
 const hada_dataset_info *hada_dataset_get_info(const hada_dataset *dataset)
 {
+    if (!dataset)
+        return NULL;
     return &dataset->info;
 }
 
 const char *hada_dataset_folder(const hada_dataset *dataset, int depth)
 {
+    if (!dataset)
+        return NULL;
     return dataset->depth[depth].folder;
 }
 
 const char *hada_dataset_raw_path(const hada_dataset *dataset, int depth, int pair)
 {
+    if (!dataset)
+        return NULL;
     return dataset->depth[depth].pair[pair].raw;
 }
 
 const char *hada_dataset_scene_path(const hada_dataset *dataset, int depth, int pair)
 {
+    if (!dataset)
+        return NULL;
     return dataset->depth[depth].pair[pair].scene;
 }
 
@@ -75,6 +85,7 @@ done:
 hada_status hada_dataset_read(const hada_dataset *dataset, int depth, int pair, hada_image *raw, hada_image *scene,
                               hada_error *err)
 {
+    HADA_NEED(dataset && raw && scene, err);
     const hada_dataset_pair *files = &dataset->depth[depth].pair[pair];
     memset(raw, 0, sizeof *raw);
     memset(scene, 0, sizeof *scene);
@@ -186,6 +197,7 @@ static hada_status count_held(const hada_dataset *set, double hold_out, int *hel
 hada_status hada_dataset_split(const hada_dataset *dataset, double hold_out, hada_dataset **learn,
                                hada_dataset **held_out, hada_error *err)
 {
+    HADA_NEED(dataset && learn && held_out, err);
     int *held = NULL;
     hada_status status = HADA_OK;
     *learn = *held_out = NULL;
@@ -231,6 +243,7 @@ done:
 
 hada_status hada_dark_frame_load(hada_image *image, double *level, const char *path, hada_error *err)
 {
+    HADA_NEED(image && path, err);
     hada_tiff_reader *reader = NULL;
     hada_status status = HADA_OK;
     double sum = 0.0;

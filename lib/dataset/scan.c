@@ -238,6 +238,7 @@ done:
 hada_status hada_dataset_scan(hada_dataset **out, const char *folder, const hada_dataset_options *callers,
                               hada_error *err)
 {
+    HADA_NEED(out && folder, err);
     hada_dataset_options options;
     hada_status status = HADA_OK;
     *out = NULL;

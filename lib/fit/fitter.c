@@ -151,11 +151,15 @@ void hada_fitter_destroy(hada_fitter **pointer)
 
 uint64_t hada_fitter_bytes(const hada_fitter *fitter)
 {
+    if (!fitter)
+        return 0;
     return fitter->pair.bytes + fitter->sums.bytes + fitter->scores.bytes;
 }
 
 int64_t hada_fitter_pairs(const hada_fitter *fitter, int depth)
 {
+    if (!fitter)
+        return 0;
     return depth >= 0 && depth < fitter->grid.info.depths ? fitter->sums.depth[depth].pairs : 0;
 }
 

@@ -341,6 +341,8 @@ void hada_survey_destroy(hada_survey **pointer)
 
 double hada_survey_response(const hada_survey *survey)
 {
+    if (!survey)
+        return HADA_AUTO;
     return survey->response;
 }
 
@@ -351,17 +353,23 @@ const hada_survey_row *hada_survey_get_row(const hada_survey *survey, size_t ind
 
 int hada_survey_exposed(const hada_survey *survey)
 {
+    if (!survey)
+        return 0;
     return survey->gain != NULL;
 }
 
 double hada_survey_gain(const hada_survey *survey, int depth, int pair)
 {
+    if (!survey)
+        return 1.0;
     const int known = survey->gain && depth >= 0 && depth < survey->depths && pair >= 0 && pair < survey->pairs[depth];
     return known ? survey->gain[depth][pair] : 1.0;
 }
 
 void hada_survey_even(const hada_survey *survey, int depth, int pair, hada_image *scene)
 {
+    if (!survey || !scene)
+        return;
     const double gain = hada_survey_gain(survey, depth, pair), response = survey->response;
     const size_t count = hada_image_count(scene);
     if (gain == 1.0)

@@ -25,6 +25,8 @@ static void set(hada_pixels *pixels, const void *data, hada_pixel_type type, int
 
 void hada_pixels_planar(hada_pixels *pixels, const void *data, hada_pixel_type type, int channels, int rows, int cols)
 {
+    if (!pixels)
+        return;
     set(pixels, data, type, channels, rows, cols);
     pixels->col_stride = bytes_of(type);
     pixels->row_stride = pixels->col_stride * cols;
@@ -34,6 +36,8 @@ void hada_pixels_planar(hada_pixels *pixels, const void *data, hada_pixel_type t
 void hada_pixels_interleaved(hada_pixels *pixels, const void *data, hada_pixel_type type, int channels, int rows,
                              int cols)
 {
+    if (!pixels)
+        return;
     set(pixels, data, type, channels, rows, cols);
     pixels->channel_stride = bytes_of(type);
     pixels->col_stride = pixels->channel_stride * channels;
@@ -42,6 +46,8 @@ void hada_pixels_interleaved(hada_pixels *pixels, const void *data, hada_pixel_t
 
 void hada_pixels_of_image(hada_pixels *pixels, const hada_image *image)
 {
+    if (!pixels || !image)
+        return;
     hada_pixels_planar(pixels, image->data, HADA_PIXEL_F32, image->channels, image->rows, image->cols);
 }
 

@@ -192,7 +192,7 @@ static void ticks(hada_plot *plot, int across)
 
 void hada_plot_panel_begin(hada_plot *plot, const hada_plot_panel *panel)
 {
-    if (!plot)
+    if (!plot || !panel)
         return;
     const double middle = panel->left + panel->width / 2, centre = panel->top + panel->height / 2;
     const double corners[] = {panel->left,
@@ -239,7 +239,7 @@ void hada_plot_line(hada_plot *plot, const double *x, const double *y, int count
 {
     enum { STRETCH = 256 }; /* points drawn at once; stretches share their ends */
     double points[2 * STRETCH];
-    if (!plot)
+    if (!plot || !x || !y)
         return;
     hada_drawing_clip(plot->drawing, plot->panel.left, plot->panel.top, plot->panel.width, plot->panel.height);
     for (int first = 0; first + 1 < count; first += STRETCH - 1) {
@@ -288,7 +288,7 @@ static void draw_mark(hada_plot *plot, double x, double y, const hada_plot_mark 
 
 void hada_plot_point(hada_plot *plot, double x, double y, const hada_plot_mark *mark)
 {
-    if (!plot)
+    if (!plot || !mark)
         return;
     const double px = at_x(plot, x), py = at_y(plot, y), r = mark->radius + 1;
     draw_mark(plot, px, py, mark);
@@ -316,7 +316,7 @@ void hada_plot_whisker(hada_plot *plot, double low, double high, double y)
 
 void hada_plot_note(hada_plot *plot, double x, double y, char anchor, const char *text)
 {
-    if (!plot)
+    if (!plot || !text)
         return;
     const double wide = hada_drawing_text_width(plot->drawing, FONT, text);
     const double left = x - (anchor == 'l' ? 0 : anchor == 'm' ? wide / 2 : wide);
@@ -378,7 +378,7 @@ void hada_plot_panel_end(hada_plot *plot)
 double hada_plot_legend(hada_plot *plot, double x, double y, const hada_plot_mark *mark, unsigned filled,
                         const char *text)
 {
-    if (!plot)
+    if (!plot || !text)
         return x;
     if (mark)
         draw_mark(plot, x + 7, y, mark);

@@ -110,6 +110,8 @@ done:
 
 void hada_register_size(const hada_registration *registration, int scene_rows, int scene_cols, int *rows, int *cols)
 {
+    if (!registration || !rows || !cols)
+        return;
     const int turned = registration->quarter_turns & 1;
     const double height = registration->magnification * (turned ? scene_cols : scene_rows);
     const double width = registration->magnification * (turned ? scene_rows : scene_cols);

@@ -136,6 +136,7 @@ done:
 hada_status hada_register_write(const hada_register_report *report, const hada_dataset *data, const char *folder,
                                 const hada_register_task *task, int *rows, int *cols, hada_error *err)
 {
+    HADA_NEED(report && data && folder, err);
     writing w = {.report = report, .data = data};
     HADA_TRY(HADA_OPTIONS_TAKE(&w.task, task, hada_register_task, err));
     if (!hada_dataset_has_files(data))

@@ -31,21 +31,29 @@ typedef struct learning {
 
 const hada_fit_scores *hada_fit_report_scores(const hada_fit_report *report)
 {
+    if (!report)
+        return NULL;
     return report->scores;
 }
 
 int64_t hada_fit_report_pairs(const hada_fit_report *report, int depth)
 {
+    if (!report)
+        return 0;
     return report->pairs[depth];
 }
 
 const hada_survey *hada_fit_report_survey(const hada_fit_report *report)
 {
+    if (!report)
+        return NULL;
     return report->survey;
 }
 
 void hada_fit_report_destroy(hada_fit_report **report)
 {
+    if (!report)
+        return;
     if (*report) {
         hada_fit_scores_destroy(&(*report)->scores);
         free((*report)->pairs);
@@ -74,6 +82,7 @@ static hada_boundary choose_boundary(int given, const hada_dataset *data, const 
 hada_status hada_fit_options_from_dataset(hada_fit_options *fit, const hada_dataset *data, int boundary,
                                           const hada_monitor *monitor, hada_error *err)
 {
+    HADA_NEED(fit && data, err);
     const hada_dataset_info *info = hada_dataset_get_info(data);
     hada_image raw = {0}, scene = {0};
     hada_status status = HADA_OK;
@@ -307,6 +316,7 @@ static hada_status take_task(learning *of, const hada_fit_task *task, hada_error
 hada_status hada_fit_run(hada_model **out, hada_fit_report **report, hada_context *context, const hada_dataset *data,
                          const hada_fit_task *task, hada_error *err)
 {
+    HADA_NEED(out && context && data, err);
     hada_status status = HADA_OK;
     learning of = {.data = data};
     *out = NULL;

@@ -16,11 +16,15 @@
 
 const hada_registered_depth *hada_register_report_depth(const hada_register_report *report, int depth)
 {
+    if (!report)
+        return NULL;
     return &report->depth[depth].depth;
 }
 
 void hada_register_report_destroy(hada_register_report **report)
 {
+    if (!report)
+        return;
     if (*report)
         free((*report)->depth);
     free(*report);
@@ -156,6 +160,7 @@ done:
 hada_status hada_register_run(hada_register_report **out, const hada_dataset *data, const hada_register_task *callers,
                               hada_error *err)
 {
+    HADA_NEED(out && data, err);
     hada_register_task task;
     hada_status status = HADA_OK;
     *out = NULL;

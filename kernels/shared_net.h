@@ -17,8 +17,7 @@ typedef enum hada_loss {
     HADA_LOSS_L1 = 1,
     HADA_LOSS_LOGITS = 2,
     HADA_LOSS_TV = 3,
-    HADA_LOSS_TV_SQUARED = 4,
-    HADA_LOSS_SSIM = 5
+    HADA_LOSS_TV_SQUARED = 4
 } hada_loss;
 
 /* Where a pixel of an output stands on the input when resizing (net_resize.cl). */
@@ -37,8 +36,6 @@ typedef enum hada_resize_rule {
 #define HADA_LINEAR_OUTPUTS 4
 #define HADA_LINEAR_COLUMNS 256 /* inputs that a work-item of net_linear_data takes on CPUs */
 #define HADA_PART_COLS      64  /* columns that a work-item of net_part copies */
-#define HADA_SSIM_SIZE      11  /* of the window of structural similarity, Wang et al. 2004 */
-#define HADA_SSIM_MARGIN    16  /* zero columns before and behind its derivatives: a vector of 8 reaches over 10 */
 
 /* A tensor in its buffer, in floats (lib/net/tensor.h): where it begins, and from one image to the next. */
 typedef struct hada_tensor_layout {
@@ -122,14 +119,6 @@ typedef struct hada_loss_term {
     float scale;
 } hada_loss_term;
 HADA_SHARED_SIZE(hada_loss_term, 16)
-
-/* Structural similarity in scratch memory: where planar images, their local means and the derivatives begin. */
-typedef struct hada_ssim_layout {
-    hada_ulong x, target, means, slopes, sums;
-    int rows, cols, pitch; /* of the planar images */
-    int unused;
-} hada_ssim_layout;
-HADA_SHARED_SIZE(hada_ssim_layout, 56)
 
 /* Parameters that an optimiser updates: where the arrays begin, and how long they are. */
 typedef struct hada_update_layout {

@@ -77,7 +77,7 @@ typedef struct alone {
     hada_optimizer_desc rule;
 } alone;
 
-static const hada_loss_desc mse = {HADA_LOSS_MSE, 1.0f, 1.0f};
+static const hada_loss_desc mse = {HADA_LOSS_MSE, 1.0f};
 
 static alone make_alone(const hada_net *net, int at_once, int side)
 {
@@ -96,7 +96,7 @@ static alone make_alone(const hada_net *net, int at_once, int side)
     must(hada_buffer_clear(&a.state, slot, 0, trained, &err));
     must(hada_buffer_create(&a.target, context, floats * sizeof(float), "target", &err));
     must(hada_buffer_create(&a.loss, context, sizeof(float), "loss", &err));
-    must(hada_buffer_create(&a.scratch, context, hada_loss_scratch(&mse, out), "scratch", &err));
+    must(hada_buffer_create(&a.scratch, context, hada_loss_scratch(out), "scratch", &err));
     a.goal = hada_tensor_at(context, a.target.mem, 0, out->images, out->channels, out->rows, out->cols);
     a.planar = (hada_planar){a.image.mem, 0, plane * channels, plane, (size_t)side};
     must(hada_tensor_load(slot, &a.planar, &a.goal, &err));

@@ -103,7 +103,7 @@ static float *noise(size_t count)
     return values;
 }
 
-static const hada_loss_desc mse = {HADA_LOSS_MSE, 1.0f, 1.0f};
+static const hada_loss_desc mse = {HADA_LOSS_MSE, 1.0f};
 
 static void make_training(side *s, const float *pixels, int channels, int rows, int cols)
 {
@@ -124,7 +124,7 @@ static void make_training(side *s, const float *pixels, int channels, int rows, 
     must(hada_buffer_clear(&s->state, slot, 0, state, &err));
     must(hada_buffer_create(&s->gradients, context, s->net->trained * sizeof(float), "gradients", &err));
     must(hada_buffer_create(&s->loss, context, sizeof(float), "loss", &err));
-    must(hada_buffer_create(&s->scratch, context, hada_loss_scratch(&mse, out), "scratch", &err));
+    must(hada_buffer_create(&s->scratch, context, hada_loss_scratch(out), "scratch", &err));
 }
 
 static side make_side(const char *preset, int training, hada_conv_method method, int channels, int rows, int cols)

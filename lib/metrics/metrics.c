@@ -1,9 +1,140 @@
-/* Yardsticks of two images of one size, on the host in double precision. */
+/* Measures of two images of one size, on the host in double precision. Structural similarity (Wang et al. 2004): the
+ * Gaussian is cut at 3.5 standard deviations, rounded: 11 x 11. */
+#include "metrics/metrics.h"
+
 #include <hadalens/metrics.h>
 #include <math.h>
+#include <stdlib.h>
+#include <string.h>
 
+#include "core/alloc.h"
 #include "core/error.h"
-#include "metrics/similarity.h"
+
+enum { RADIUS = 5, TAPS = 2 * RADIUS + 1 };
+#define DEVIATION 1.5
+#define K1        0.01
+#define K2        0.03
+
+/* The local means: of x, y, x^2, y^2 and x y. */
+enum { MEAN_X, MEAN_Y, MEAN_XX, MEAN_YY, MEAN_XY, MEANS };
+
+/* Pixels that are computed together, which compilers make vectors of; at most the least number of columns. */
+enum { LANES = 4 };
+
+hada_status hada_images_check_pair(const hada_image *a, const hada_image *b, hada_error *err)
+{
+    if (!a->data || !b->data)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "an image to compare is empty");
+    if (a->channels != b->channels || a->rows != b->rows || a->cols != b->cols)
+        return hada_fail(
+            err, HADA_ERROR_SIZE,
+            "images of %d channels, %d x %d and %d channels, %d x %d cannot be compared; crop or resize one",
+            a->channels, a->rows, a->cols, b->channels, b->rows, b->cols);
+    const size_t bad = hada_image_count_not_finite(a) + hada_image_count_not_finite(b);
+    if (bad)
+        return hada_fail(err, HADA_ERROR_NOT_FINITE, "the images to compare hold %zu NaN or infinite values", bad);
+    return HADA_OK;
+}
+
+static void gaussian(double weight[TAPS])
+{
+    double sum = 0.0;
+    for (int i = -RADIUS; i <= RADIUS; i++)
+        sum += weight[i + RADIUS] = exp(-0.5 * i * i / (DEVIATION * DEVIATION));
+    for (int i = 0; i < TAPS; i++)
+        weight[i] /= sum;
+}
+
+/* Sums down a window of rows, over all columns: [mean][stride]. x, y: its first row. Where the number of columns does
+ * not fit, the last LANES are computed again. */
+static void down(const float *x, const float *y, size_t cols, const double weight[TAPS], double *means, size_t stride)
+{
+    for (size_t k = 0; k < cols; k += LANES) {
+        const size_t at = k + LANES <= cols ? k : cols - LANES;
+        double m[MEANS][LANES] = {{0}};
+        for (size_t i = 0; i < TAPS; i++)
+            for (size_t l = 0; l < LANES; l++) {
+                const double a = x[i * cols + at + l], b = y[i * cols + at + l], wa = weight[i] * a, wb = weight[i] * b;
+                m[MEAN_X][l] += wa;
+                m[MEAN_Y][l] += wb;
+                m[MEAN_XX][l] += wa * a;
+                m[MEAN_YY][l] += wb * b;
+                m[MEAN_XY][l] += wa * b;
+            }
+        for (size_t q = 0; q < MEANS; q++)
+            memcpy(means + q * stride + at, m[q], sizeof m[q]);
+    }
+}
+
+/* Then along the row, in place, where the window lies inside; up to LANES - 1 values behind that mean nothing. */
+static void along(double *means, size_t stride, size_t inner, const double weight[TAPS])
+{
+    for (size_t q = 0; q < MEANS; q++)
+        for (size_t k = 0; k < inner; k += LANES) {
+            double *at = means + q * stride + k, m[LANES] = {0};
+            for (size_t i = 0; i < TAPS; i++)
+                for (size_t l = 0; l < LANES; l++)
+                    m[l] += weight[i] * at[i + l];
+            memcpy(at, m, sizeof m);
+        }
+}
+
+/* Adds a row's similarities to a judgement; mask: of its first inner pixel. */
+static void add_row(hada_similarity *to, const double *means, size_t stride, size_t inner, const unsigned char *mask,
+                    double *row)
+{
+    const double c1 = K1 * to->peak * K1 * to->peak, c2 = K2 * to->peak * K2 * to->peak;
+    const double *x = means + MEAN_X * stride, *y = means + MEAN_Y * stride, *x2 = means + MEAN_XX * stride,
+                 *y2 = means + MEAN_YY * stride, *xy = means + MEAN_XY * stride;
+    for (size_t k = 0; k < inner; k++) {
+        const double mx = x[k] * x[k], my = y[k] * y[k], mxy = x[k] * y[k];
+        row[k] = (2.0 * mxy + c1) * (2.0 * (xy[k] - mxy) + c2) / ((mx + my + c1) * (x2[k] - mx + (y2[k] - my) + c2));
+    }
+    for (size_t k = 0; k < inner; k++)
+        if (!mask || mask[k]) {
+            to->mean += row[k];
+            to->pixels++;
+        }
+}
+
+hada_status hada_similarities(const hada_image *a, const hada_image *b, hada_similarity *list, int count,
+                              hada_error *err)
+{
+    double *means = NULL, weight[TAPS];
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_images_check_pair(a, b, err));
+    for (int n = 0; n < count; n++) {
+        if (!(list[n].peak > 0.0))
+            return hada_fail(err, HADA_ERROR_ARGUMENT, "a peak of %g is not possible; it must be above 0",
+                             list[n].peak);
+        list[n].mean = 0.0;
+        list[n].pixels = 0;
+    }
+    if (a->rows < TAPS || a->cols < TAPS)
+        return hada_fail(err, HADA_ERROR_SIZE, "structural similarity needs images of at least 11 x 11, not %d x %d",
+                         a->rows, a->cols);
+    const size_t rows = (size_t)a->rows, cols = (size_t)a->cols, inner = cols - 2 * RADIUS, stride = cols + LANES;
+    HADA_TRY_OR_DONE(
+        hada_allocated(means = hada_alloc(stride * (MEANS + 1), sizeof *means, "structural similarity", err)));
+    double *row = means + MEANS * stride;
+    gaussian(weight);
+    for (size_t c = 0; c < (size_t)a->channels; c++)
+        for (size_t r = 0; r + TAPS <= rows; r++) {
+            const size_t first = (c * rows + r) * cols;
+            down(a->data + first, b->data + first, cols, weight, means, stride);
+            along(means, stride, inner, weight);
+            for (int n = 0; n < count; n++)
+                add_row(&list[n], means, stride, inner,
+                        list[n].mask ? list[n].mask + (r + RADIUS) * cols + RADIUS : NULL, row);
+        }
+    for (int n = 0; n < count; n++)
+        list[n].mean /= (double)list[n].pixels;
+done:
+    free(means);
+    return status;
+}
+
+/* Differences and sharpness. */
 
 /* Mean over the masked pixels of |a - b|^power (1 or 2). */
 static hada_status mean_difference(const hada_image *a, const hada_image *b, const unsigned char *mask, int power,

@@ -91,9 +91,7 @@ static hada_status apply(hada_slot *slot, const hada_batch_norm *norm, const had
 hada_status hada_batch_norm_infer(hada_slot *slot, const hada_batch_norm *norm, const hada_tensor *x,
                                   const hada_tensor *y, hada_error *err)
 {
-    hada_status status = hada_layer_check("batch normalisation", x, y, 1, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_layer_check("batch normalisation", x, y, 1, err));
     return apply(slot, norm, x, y, norm->mean, norm->variance, 1, err);
 }
 

@@ -12,7 +12,7 @@
 #define HADA_NET_CONV_H
 
 #include "net/tensor.h"
-#include "netlist/kinds.h"
+#include "netlist/net_list.h"
 
 typedef struct hada_conv_desc {
     int images; /* at most */
@@ -60,5 +60,19 @@ hada_status hada_conv_backward_data(hada_conv *conv, const hada_tensor *dy, cons
 /* dw and db (NULL: none) from x and dy, summed over the images; accumulate: added to. */
 hada_status hada_conv_backward_weights(hada_conv *conv, const hada_tensor *x, const hada_tensor *dy, hada_floats dw,
                                        hada_floats db, int accumulate, hada_error *err);
+
+/* Relative rms from the plain convolution: what docs/explanation/speed-and-accuracy.md states against double precision,
+ * and as much for the plain one itself. */
+#define HADA_CONV_TF32_MOST 2e-6
+
+/* Whether tensor cores serve convolutions: tried on the device first.
+ *
+ * Where the slot's device says that it has tensor cores and nobody has tried them on this context: computes small
+ * convolutions by them and holds these against the plain one. From then on they serve (HADA_CONV_AUTO), or a warning in
+ * the log says why not. Errors are those of a comparison that could not be made. */
+hada_status hada_conv_tf32_try(hada_slot *slot, hada_error *err);
+
+/* The comparison alone: the larger of the relative differences of both sizes of tiles. */
+hada_status hada_conv_tf32_apart(hada_slot *slot, double *apart, hada_error *err);
 
 #endif

@@ -1,6 +1,6 @@
 /* Convolutions by tensor cores are tried before they serve: the instruction stands in the kernel as text for one
  * vendor's compiler, and nothing else says whether a driver takes it and what it computes. */
-#include "net/conv_tf32.h"
+#include "net/conv_plan.h"
 
 #include <math.h>
 #include <stdlib.h>

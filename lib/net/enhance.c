@@ -6,7 +6,6 @@
 
 #include "core/alloc.h"
 #include "launch/net_tensor.h"
-#include "net/enhance_shape.h"
 #include "net/layer_launch.h"
 
 struct hada_enhance {

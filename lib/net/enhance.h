@@ -14,6 +14,7 @@
 #define HADA_NET_ENHANCE_H
 
 #include "net/graph.h"
+#include "netlist/net_list.h"
 
 typedef struct hada_enhance_desc {
     const hada_net *net;
@@ -49,5 +50,40 @@ int hada_enhance_acts(const hada_enhance *enhance, int count, int together);
 
 /* How many tiles the last run computed and left out; a plane that is run at once is a tile. */
 void hada_enhance_counts(const hada_enhance *enhance, int *computed, int *left_out);
+
+/* The receptive field of a net, on which a pixel of its output depends: whether and how images can be run in tiles. */
+typedef struct hada_receptive_field {
+    int tiles;    /* 1: the output has the input's size and its pixels depend on their surroundings alone */
+    int multiple; /* tiles begin at multiples of this many pixels, and images have multiples of it */
+    int halo;     /* pixels around a tile that its output depends on, a multiple of `multiple` */
+} hada_receptive_field;
+
+/* For convolutions whose pixels do not depend on the place in the image (every method but Winograd). */
+hada_status hada_net_receptive_field(const hada_net *net, hada_receptive_field *field, hada_error *err);
+
+/* Columns to a cell of the map of content. */
+#define HADA_CONTENT_CELL 32
+
+typedef struct hada_enhance_shape {
+    int rows, cols;           /* at which the net runs */
+    int resized;              /* they are not the window's */
+    int inputs;               /* 2: the net sees the other planes beside its own; else 1 */
+    int tiled;                /* several tiles; the rest of this is only then */
+    int full_rows, full_cols; /* rows and cols, filled up to multiples */
+    int core_rows, core_cols; /* of a tile's own */
+    int tile_rows, tile_cols; /* with halo */
+    int tiles_down, tiles_right;
+    int planes;               /* that are looked at at once, and go through the net where there is one tile */
+    hada_graph_options graph; /* images: planes at once */
+    size_t graph_bytes;
+    int content_cells; /* in a row of the map of content */
+} hada_enhance_shape;
+
+hada_status hada_enhance_shape_of(const hada_context *context, const hada_enhance_desc *desc, hada_enhance_shape *shape,
+                                  hada_error *err);
+
+/* Where a tile of one axis begins: its own pixels, and those with halo. */
+int hada_enhance_core_at(int tile, int core, int full);
+int hada_enhance_tile_at(int tile, int core, int tile_size, int full);
 
 #endif

@@ -2,8 +2,8 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "net/conv_tf32.h"
-#include "net/graph_run.h"
+#include "net/conv.h"
+#include "net/graph_layers.h"
 
 /* Zero everywhere: halos that nobody writes stay zero for good. */
 static hada_status make_buffer(hada_graph *graph, hada_buffer *buffer, size_t bytes, const char *what, hada_error *err)

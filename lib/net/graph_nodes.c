@@ -1,8 +1,66 @@
-/* The nodes of a graph: what is fused into one launch, and which values alias the memory of another. */
+/* The nodes of a graph: what is fused into one launch, and which values alias the memory of another. In inference
+ * convolutions also take over bilinear doubling and concatenation (the way up of a U-net) or a batch norm before them,
+ * whose results are then never written. */
 #include <stdlib.h>
 
 #include "core/alloc.h"
 #include "net/graph_plan.h"
+
+/* Whether a node that is not fused reads a value. */
+static int reads(const graph_node *node, int value)
+{
+    if (node->fused)
+        return 0;
+    if (node->low == value)
+        return 1;
+    for (int i = 0; i < node->layer->input_count; i++)
+        if (node->inputs[i] == value)
+            return 1;
+    return 0;
+}
+
+static int readers_of(const graph_plan *plan, int value)
+{
+    int count = 0;
+    for (int i = value + 1; i < plan->node_count; i++)
+        count += reads(&plan->nodes[i], value);
+    return count;
+}
+
+/* The node that alone reads a value; -1: none or several, or it is the output. */
+static int only_reader(const graph_plan *plan, int value)
+{
+    if (value == plan->output || readers_of(plan, value) != 1)
+        return -1;
+    int reader = value + 1;
+    while (!reads(&plan->nodes[reader], value))
+        reader++;
+    return reader;
+}
+
+hada_conv_desc hada_graph_conv_desc(const graph_plan *plan, const graph_node *node)
+{
+    const graph_node *in = &plan->nodes[node->inputs[0]];
+    const int doubled = node->low >= 0 ? plan->nodes[node->low].channels : 0;
+    const hada_layer *layer = node->layer;
+    return (hada_conv_desc){.images = plan->images,
+                            .in_channels = in->channels + doubled,
+                            .out_channels = node->channels,
+                            .in_rows = in->rows,
+                            .in_cols = in->cols,
+                            .kernel_rows = layer->kernel,
+                            .kernel_cols = layer->kernel,
+                            .stride = layer->stride,
+                            .pad_rows = layer->pad,
+                            .pad_cols = layer->pad,
+                            .transposed = layer->transposed,
+                            .output_pad = layer->output_pad,
+                            .activation = node->activation,
+                            .slope = node->slope,
+                            .method = plan->options.method,
+                            .training = plan->options.training,
+                            .doubled = doubled};
+}
 
 /* An activation that alone takes what a convolution or linear layer without one gives. */
 static void fuse_activations(graph_plan *plan)
@@ -15,7 +73,7 @@ static void fuse_activations(graph_plan *plan)
         graph_node *giver = &plan->nodes[before];
         const hada_layer_kind kind = giver->layer->kind;
         if ((kind != HADA_LAYER_CONV && kind != HADA_LAYER_LINEAR) || giver->activation ||
-            hada_graph_readers_of(plan, before) != 1)
+            readers_of(plan, before) != 1)
             continue;
         giver->activation = node->activation;
         giver->slope = node->slope;
@@ -54,7 +112,7 @@ static int can_alias(const graph_plan *plan, int value, int concat)
         node->cols != whole->cols)
         return 0;
     for (int i = concat + 1; i < plan->node_count; i++)
-        if (hada_graph_reads(&plan->nodes[i], value))
+        if (reads(&plan->nodes[i], value))
             return 0;
     for (int i = 0; i < whole->layer->input_count; i++)
         times += whole->inputs[i] == value;
@@ -104,7 +162,7 @@ static void recompute_inside_levels(graph_plan *plan, int *level)
                            kind == HADA_LAYER_CONCAT) &&
                           !has_parts(plan, i);
         for (int k = i + 1; k < plan->node_count; k++)
-            if (hada_graph_reads(&plan->nodes[k], i) && level[k] != level[i])
+            if (reads(&plan->nodes[k], i) && level[k] != level[i])
                 node->recompute = 0;
     }
 }
@@ -122,9 +180,64 @@ static void find_gradients(graph_plan *plan)
         graph_node *node = &plan->nodes[i];
         node->masked = node->activation == HADA_ACTIVATION_RELU && i != plan->output && node->alias_of == i;
         for (int k = i + 1; k < plan->node_count; k++)
-            if (hada_graph_reads(&plan->nodes[k], i) && plan->nodes[k].layer->kind != HADA_LAYER_CONV)
+            if (reads(&plan->nodes[k], i) && plan->nodes[k].layer->kind != HADA_LAYER_CONV)
                 node->masked = 0;
     }
+}
+
+static int same_size(const graph_node *a, const graph_node *b)
+{
+    return a->rows == b->rows && a->cols == b->cols;
+}
+
+/* A resizing to twice the size for the second part of a concatenation that a convolution reads, and nobody else. */
+static void try_doubling(graph_plan *plan, const hada_context *context, int resize)
+{
+    graph_node *high = &plan->nodes[resize];
+    const int low = high->inputs[0], concat = only_reader(plan, resize);
+    if (high->layer->resize != HADA_RESIZE_LINEAR || high->rows != 2 * plan->nodes[low].rows ||
+        high->cols != 2 * plan->nodes[low].cols || concat < 0)
+        return;
+    graph_node *whole = &plan->nodes[concat];
+    const int reader = only_reader(plan, concat), before = whole->inputs[0];
+    if (whole->layer->kind != HADA_LAYER_CONCAT || whole->layer->input_count != 2 || whole->inputs[1] != resize ||
+        before == resize || !same_size(whole, high) || !same_size(whole, &plan->nodes[before]) || reader < 0)
+        return;
+    graph_node *conv = &plan->nodes[reader], kept = *conv;
+    if (conv->layer->kind != HADA_LAYER_CONV)
+        return;
+    conv->inputs[0] = before;
+    conv->low = low;
+    const hada_conv_desc desc = hada_graph_conv_desc(plan, conv);
+    if (hada_conv_doubles(context, &desc))
+        high->fused = whole->fused = 1;
+    else
+        *conv = kept;
+}
+
+/* A batch norm that a convolution reads, and nobody else. */
+static void try_norm(graph_plan *plan, const hada_context *context, int norm)
+{
+    const int reader = only_reader(plan, norm);
+    if (reader < 0 || plan->nodes[reader].layer->kind != HADA_LAYER_CONV || plan->nodes[reader].fused_pool >= 0 ||
+        plan->nodes[reader].low >= 0)
+        return;
+    graph_node *conv = &plan->nodes[reader];
+    const hada_conv_desc desc = hada_graph_conv_desc(plan, conv);
+    if (!hada_conv_norms(context, &desc))
+        return;
+    conv->inputs[0] = plan->nodes[norm].inputs[0];
+    conv->norm = norm;
+    plan->nodes[norm].fused = 1;
+}
+
+static void fuse_inference(graph_plan *plan, const hada_context *context)
+{
+    for (int i = 1; i < plan->node_count; i++)
+        if (plan->nodes[i].layer->kind == HADA_LAYER_RESIZE)
+            try_doubling(plan, context, i);
+        else if (plan->nodes[i].layer->kind == HADA_LAYER_NORM)
+            try_norm(plan, context, i);
 }
 
 hada_status hada_graph_nodes_make(graph_plan *plan, const hada_context *context, hada_error *err)
@@ -162,7 +275,7 @@ hada_status hada_graph_nodes_make(graph_plan *plan, const hada_context *context,
     fuse_activations(plan);
     fuse_pooling(plan);
     if (!plan->options.training)
-        hada_graph_fuse_inference(plan, context);
+        fuse_inference(plan, context);
     alias_concats(plan);
     if (plan->options.training)
         find_gradients(plan);

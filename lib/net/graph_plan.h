@@ -1,4 +1,5 @@
-/* What a graph will do and where its memory stands, worked out before anything is allocated. Internal to lib/net. */
+/* The steps of a graph and the places of its values in memory, worked out before anything is allocated. Internal to
+ * lib/net. */
 #ifndef HADA_NET_GRAPH_PLAN_H
 #define HADA_NET_GRAPH_PLAN_H
 
@@ -73,17 +74,7 @@ void hada_graph_plan_free(graph_plan *plan);
 /* graph_nodes.c: fills the nodes: sizes, what is fused, aliased, recomputed, masked. */
 hada_status hada_graph_nodes_make(graph_plan *plan, const hada_context *context, hada_error *err);
 
-/* graph_inference.c: convolutions take over doubling, concatenation or a batch norm before them where they can. */
-void hada_graph_fuse_inference(graph_plan *plan, const hada_context *context);
-
-/* graph_steps.c: the steps, in the order of their work, and the pieces with their lifetimes. */
-hada_status hada_graph_steps_make(graph_plan *plan, hada_error *err);
-
-/* graph_readers.c: whether a node that is not fused reads a value; how many do; the one that alone does (-1: none or
- * several, or it is the output). The convolution of a node. */
-int hada_graph_reads(const graph_node *node, int value);
-int hada_graph_readers_of(const graph_plan *plan, int value);
-int hada_graph_only_reader(const graph_plan *plan, int value);
+/* The convolution of a node. */
 hada_conv_desc hada_graph_conv_desc(const graph_plan *plan, const graph_node *node);
 
 /* Where statistics of a batch norm begin, in floats of the extra buffer. */

@@ -20,18 +20,14 @@
  *               t in 0 ... 1 (torch.nn.functional.binary_cross_entropy_with_logits)
  *   TV          total variation: the sum over channels and pixels of |x[r+1][c] - x[r][c]| + |x[r][c+1] - x[r][c]|,
  *               averaged over the images (tf.image.total_variation, which the authors of the 2022 paper take)
- *   TV_SQUARED  the same with squares for absolute values (the paper's own formula)
- *   SSIM        1 - the mean of structural similarity (Wang et al. 2004: Gaussian window of 11 x 11, sigma 1.5,
- *               K1 0.01, K2 0.03, population covariance) over every window inside the image and every channel;
- *               needs images of at least 11 x 11. The same number as HADA_METRIC_SSIM. */
+ *   TV_SQUARED  the same with squares for absolute values (the paper's own formula) */
 typedef struct hada_loss_desc {
     hada_loss loss;
     float weight;
-    float peak; /* SSIM: the range of the values, 1 for images in 0 ... 1 */
 } hada_loss_desc;
 
 /* Bytes of device memory that a call needs as scratch, for x of this shape. Its content does not matter. */
-size_t hada_loss_scratch(const hada_loss_desc *desc, const hada_tensor *x);
+size_t hada_loss_scratch(const hada_tensor *x);
 
 /* `target` has the shape of x; TV and TV_SQUARED have none (NULL). */
 hada_status hada_loss_run(hada_slot *slot, const hada_loss_desc *desc, const hada_tensor *x, const hada_tensor *target,

@@ -1,5 +1,5 @@
 /* The words by which lists of layers name kinds. */
-#include "netlist/kinds.h"
+#include "netlist/net_list.h"
 
 #include <string.h>
 

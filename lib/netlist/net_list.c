@@ -1,4 +1,4 @@
-/* Lists of layers: adding, checking, parameters. */
+/* Lists of layers: adding, checking, parameters, first values, sizes. */
 #include "netlist/net_list.h"
 
 #include <limits.h>
@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "netlist/init.h"
+#include "core/random.h"
 
 /* Bounds on what a list read from a file may claim: far above any net in use, and small enough that products of two of
  * them do not overflow. */
@@ -344,24 +344,46 @@ const hada_parameter *hada_net_parameter(const hada_net *net, int layer, int col
     return &net->parameters[net->layers[layer].parameter + 4 * colour + which];
 }
 
+/* FNV-1a, 64 bits (Fowler, Noll, Vo): a sequence of its own for every name. */
+static uint64_t hash_of(const char *name)
+{
+    uint64_t hash = 0xcbf29ce484222325u;
+    for (; *name; name++)
+        hash = (hash ^ (unsigned char)*name) * 0x100000001b3u;
+    return hash;
+}
+
+/* Before a ReLU normal numbers of variance 2 / fan (He et al. 2015), else PyTorch's own: uniform in +- 1 / sqrt(fan).
+ * They depend on the seed and the parameter's name alone: a net that gains a layer starts the others as before. */
+static void draw(const hada_parameter *parameter, int rectified, uint64_t seed, float *values)
+{
+    double fan = 1.0;
+    hada_random random;
+    for (int d = 1; d < parameter->dims; d++)
+        fan *= (double)parameter->shape[d];
+    const double normal = sqrt(2.0) / sqrt(fan), bound = sqrt(3.0) * (1.0 / sqrt(3.0 * fan));
+    hada_random_seed(&random, seed, hash_of(parameter->name));
+    for (size_t i = 0; i < parameter->count; i++)
+        values[i] =
+            (float)(rectified ? normal * hada_random_normal(&random) : hada_random_range(&random, -bound, bound));
+}
+
 hada_status hada_net_init(hada_net *net, uint64_t seed, hada_error *err)
 {
+    (void)err;
     for (int i = 0; i < net->parameter_count; i++) {
         const hada_parameter *parameter = &net->parameters[i];
         const hada_layer *layer = &net->layers[parameter->layer];
         float *values = net->values + parameter->offset;
-        if (parameter->dims == 1) { /* biases and running means 0; a batch norm's
-                                       weight and running variance 1 */
-            const int one = layer->kind == HADA_LAYER_NORM && (i - layer->parameter) % 4 % 3 == 0;
-            for (size_t k = 0; k < parameter->count; k++)
-                values[k] = one ? 1.0f : 0.0f;
+        if (parameter->dims > 1) {
+            const hada_activation next = layer->activation;
+            draw(parameter, next == HADA_ACTIVATION_RELU || next == HADA_ACTIVATION_LEAKY_RELU, seed, values);
             continue;
         }
-        hada_init_desc desc = {.init = HADA_INIT_KAIMING_NORMAL};
-        if (layer->activation != HADA_ACTIVATION_RELU && layer->activation != HADA_ACTIVATION_LEAKY_RELU)
-            desc.init = HADA_INIT_TORCH;
-        HADA_TRY(hada_init_fans(parameter->shape, parameter->dims, &desc.fan_in, &desc.fan_out, err));
-        HADA_TRY(hada_init_fill(values, parameter->count, &desc, parameter->name, seed, err));
+        /* biases and running means 0; a batch norm's weight and running variance 1 */
+        const int one = layer->kind == HADA_LAYER_NORM && (i - layer->parameter) % 4 % 3 == 0;
+        for (size_t k = 0; k < parameter->count; k++)
+            values[k] = one ? 1.0f : 0.0f;
     }
     return HADA_OK;
 }
@@ -371,4 +393,60 @@ const hada_net_info *hada_net_get_info(const hada_net *net)
     if (!net)
         return NULL;
     return &net->info;
+}
+
+/* Rows and columns that the layers give. */
+
+/* Pixels along one axis; 0 or less: none are left. Pads may be as large as kernels. */
+static int conv_pixels(const hada_layer *layer, int in)
+{
+    if (layer->transposed) {
+        const int64_t out = ((int64_t)in - 1) * layer->stride - 2 * layer->pad + layer->kernel + layer->output_pad;
+        return out > HADA_NET_MOST_PIXELS ? HADA_NET_MOST_PIXELS + 1 : (int)out;
+    }
+    return in + 2 * layer->pad < layer->kernel ? 0 : (in + 2 * layer->pad - layer->kernel) / layer->stride + 1;
+}
+
+static int pool_pixels(const hada_layer *layer, int in)
+{
+    return in < layer->kernel ? 0 : (in - layer->kernel) / layer->stride + 1;
+}
+
+static hada_size size_of(const hada_layer *layer, const hada_size *sizes)
+{
+    const hada_size in = sizes[layer->inputs[0]];
+    switch (layer->kind) {
+    case HADA_LAYER_CONV: return (hada_size){conv_pixels(layer, in.rows), conv_pixels(layer, in.cols)};
+    case HADA_LAYER_POOL: return (hada_size){pool_pixels(layer, in.rows), pool_pixels(layer, in.cols)};
+    case HADA_LAYER_RESIZE: return layer->like >= 0 ? sizes[layer->like] : (hada_size){layer->rows, layer->cols};
+    case HADA_LAYER_LINEAR: return (hada_size){1, 1};
+    default: return in;
+    }
+}
+
+hada_status hada_net_sizes(const hada_net *net, int rows, int cols, hada_size *sizes, hada_error *err)
+{
+    for (int i = 0; i < net->count; i++) {
+        const hada_layer *layer = &net->layers[i];
+        const hada_size size = i ? size_of(layer, sizes) : (hada_size){rows, cols};
+        if (size.rows < 1 || size.cols < 1 || size.rows > HADA_NET_MOST_PIXELS || size.cols > HADA_NET_MOST_PIXELS)
+            return hada_fail(err, HADA_ERROR_SIZE,
+                             "an image of %d x %d pixels is too %s for this net: "
+                             "layer %d (%s %s) gives %d x %d",
+                             rows, cols,
+                             size.rows > HADA_NET_MOST_PIXELS || size.cols > HADA_NET_MOST_PIXELS ? "large" : "small",
+                             i, hada_layer_kind_name((int)layer->kind), layer->name, size.rows, size.cols);
+        if (layer->kind == HADA_LAYER_LINEAR) {
+            const hada_size in = sizes[layer->inputs[0]];
+            const long long values = (long long)net->layers[layer->inputs[0]].channels * in.rows * in.cols;
+            if (values != layer->in)
+                return hada_fail(err, HADA_ERROR_SIZE,
+                                 "layer %d (linear %s) takes %d values of an image, "
+                                 "but %lld come from %d x %d pixels: "
+                                 "resize the image, or change the list",
+                                 i, layer->name, layer->in, values, rows, cols);
+        }
+        sizes[i] = size;
+    }
+    return HADA_OK;
 }

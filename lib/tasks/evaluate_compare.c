@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "metrics/similarity.h"
+#include "metrics/metrics.h"
 #include "tasks/evaluate_map.h"
 #include "tasks/evaluate_pages.h"
 

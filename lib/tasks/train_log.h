@@ -1,4 +1,5 @@
-/* What training writes on its way: losses.csv and validation.csv. Internal. */
+/* What training writes on its way: losses.csv and validation.csv, and pictures. Internal. A build without pictures
+ * draws none. */
 #ifndef HADA_TASKS_TRAIN_LOG_H
 #define HADA_TASKS_TRAIN_LOG_H
 
@@ -26,5 +27,11 @@ hada_status hada_train_log_validation(hada_train_log *log, uint64_t step, const 
 /* Writes out what is buffered. */
 hada_status hada_train_log_flush(hada_train_log *log, hada_error *err);
 void hada_train_log_close(hada_train_log *log);
+
+/* training.svg in the log's folder: loss and validation over the steps. */
+hada_status hada_train_figure(const hada_train_log *log, hada_error *err);
+
+/* Raw frame, plane before the net, output and truth of a few of `held` held-out pairs, a row each. */
+hada_status hada_train_picture(hada_trainer *trainer, int held, const char *path, hada_error *err);
 
 #endif

@@ -7,7 +7,7 @@
 #include "core/callers.h"
 #include "core/clock.h"
 #include "io/folder.h"
-#include "tasks/train_pictures.h"
+#include "tasks/train_log.h"
 
 /* After so many steps of a run, what is left is estimated; over so many the time of a step is averaged. */
 enum { TIMED_STEP = 4, AVERAGED_STEPS = 50 };

@@ -7,7 +7,7 @@
 #include "train/planes.h"
 #include "train/train_pairs.h"
 
-/* input: what hada_sample in train/sample.h says; scene: the window. */
+/* input: what hada_sample (train/replica_shape.h) says; scene: the window. */
 typedef struct hada_example {
     hada_image input, scene;
 } hada_example;

@@ -1,4 +1,4 @@
-#include "train/filter_step.h"
+#include "train/step.h"
 
 #include <stdlib.h>
 

@@ -1,4 +1,4 @@
-#include "train/generator.h"
+#include "train/step.h"
 
 static hada_tensor window_tensor(const hada_generator *generator, hada_step_place place)
 {

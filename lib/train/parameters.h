@@ -5,7 +5,7 @@
 #ifndef HADA_TRAIN_PARAMETERS_H
 #define HADA_TRAIN_PARAMETERS_H
 
-#include "train/step_images.h"
+#include "train/replica_shape.h"
 
 /* What stands in a group. */
 typedef enum hada_content { HADA_CONTENT_VALUES = 0, HADA_CONTENT_GRADIENT = 1, HADA_CONTENT_STATE = 2 } hada_content;

@@ -242,7 +242,6 @@ static void filter_buffers(hada_replica_shape *shape)
 static void net_buffers(const hada_context *context, const hada_replica_desc *desc, hada_replica_shape *shape)
 {
     const hada_tensor out = hada_step_tensor(context, shape, desc->net, NULL);
-    const hada_loss_desc loss = {.loss = HADA_LOSS_MSE};
     const size_t tensor = tensor_bytes(&out), at_once = (size_t)shape->at_once;
     size_t *bytes = shape->bytes;
     bytes[HADA_STEP_PLANES] = at_once * shape->input * sizeof(float);
@@ -250,13 +249,13 @@ static void net_buffers(const hada_context *context, const hada_replica_desc *de
     bytes[HADA_STEP_TARGET] = tensor;
     if (shape->resized)
         bytes[HADA_STEP_INPUT] = bytes[HADA_STEP_OUTPUT] = bytes[HADA_STEP_OUTPUT_GRADIENT] = tensor;
-    at_least(&bytes[HADA_STEP_SCRATCH], hada_loss_scratch(&loss, &out));
+    at_least(&bytes[HADA_STEP_SCRATCH], hada_loss_scratch(&out));
     if (shape->has_discriminator || shape->vgg)
         bytes[HADA_STEP_TERM_GRADIENT] = tensor;
     if (shape->has_discriminator) {
         const hada_tensor logits = hada_step_logits(context, shape, NULL);
         bytes[HADA_STEP_FAKE] = bytes[HADA_STEP_REAL] = tensor_bytes(&logits);
-        at_least(&bytes[HADA_STEP_SCRATCH], hada_loss_scratch(&loss, &logits));
+        at_least(&bytes[HADA_STEP_SCRATCH], hada_loss_scratch(&logits));
     }
     if (shape->conditioned)
         bytes[HADA_STEP_CONDITIONED] = 2 * at_once * shape->plane * sizeof(float);
@@ -266,7 +265,7 @@ static void net_buffers(const hada_context *context, const hada_replica_desc *de
     bytes[HADA_STEP_FEATURES] = tensor_bytes(&features);
     bytes[HADA_STEP_VGG] = desc->vgg->floats * sizeof(float);
     at_least(&bytes[HADA_STEP_PLAIN], at_once * 3 * shape->pixels * sizeof(float));
-    at_least(&bytes[HADA_STEP_SCRATCH], hada_loss_scratch(&loss, &features));
+    at_least(&bytes[HADA_STEP_SCRATCH], hada_loss_scratch(&features));
 }
 
 /* Scratch for the norm of all groups together. */
@@ -325,4 +324,44 @@ hada_status hada_replica_shape_of(const hada_context *context, const hada_replic
     if (shape->net)
         net_buffers(context, desc, shape);
     return norm_buffer(desc, shape, err);
+}
+
+/* All are zero at first: halos, and what fills up tensors, stay so. */
+hada_status hada_step_images_create(hada_step_images *images, hada_slot *slot, const hada_replica_shape *shape,
+                                    hada_error *err)
+{
+    *images = (hada_step_images){.slot = slot, .shape = shape};
+    for (int i = 0; i < HADA_STEP_PLACES; i++) {
+        const size_t bytes = shape->bytes[i];
+        if (!bytes)
+            continue;
+        HADA_TRY(hada_buffer_create(&images->place[i], slot->context, bytes, "the images of a step", err));
+        HADA_TRY(hada_buffer_clear(&images->place[i], slot, 0, bytes, err));
+    }
+    return HADA_OK;
+}
+
+void hada_step_images_destroy(hada_step_images *images)
+{
+    for (int i = 0; i < HADA_STEP_PLACES; i++)
+        hada_buffer_destroy(&images->place[i]);
+}
+
+hada_planar hada_step_plain(const hada_tensor *tensor, cl_mem mem, size_t offset)
+{
+    const size_t plane = (size_t)tensor->rows * (size_t)tensor->cols;
+    return (hada_planar){.mem = mem,
+                         .offset = offset,
+                         .image_stride = plane * (size_t)tensor->channels,
+                         .channel_stride = plane,
+                         .row_stride = (size_t)tensor->cols};
+}
+
+hada_status hada_step_upload(hada_step_images *images, hada_step_place place, const hada_image *image, int number,
+                             hada_error *err)
+{
+    const hada_replica_shape *shape = images->shape;
+    const size_t bytes = (place == HADA_STEP_PLANES ? shape->input : shape->plane) * sizeof(float);
+    hada_slot_stage(images->slot, "upload");
+    return hada_buffer_write(&images->place[place], images->slot, (size_t)number * bytes, image->data, bytes, err);
 }

@@ -6,12 +6,31 @@
 #ifndef HADA_TRAIN_REPLICA_SHAPE_H
 #define HADA_TRAIN_REPLICA_SHAPE_H
 
+#include <hadalens/image.h>
 #include <hadalens/train.h>
 
 #include "fft/fft.h"
 #include "model/model.h"
 #include "net/graph.h"
 #include "net/optimizer.h"
+
+/* A pair in a training step. FILTERS and JOINT: `input` is the raw frame (dark level taken off). The other stages: what
+ * the net takes, at the window's size (ENHANCE, ADVERSARIAL: a reconstructed plane; CONVENTIONAL: the raw frame,
+ * resized). */
+typedef struct hada_sample {
+    int depth;
+    const hada_image *input, *scene; /* scene: the window */
+    size_t scene_number;             /* the same one always means the same scene; 0: it may change */
+    double weight;                   /* of its gradient, for a net; 0: 1 */
+} hada_sample;
+
+/* Terms of a loss: each is its mean over the samples of a call, times its weight of the options, times `weight` and the
+ * number of samples, so that those of the calls of a step add up to the step's mean. 0 where a term is off.
+ * `discriminator` is the discriminator's own loss: cross-entropy of real images (label 1) plus that of the net's (label
+ * 0); 2 ln 2 where it cannot tell them apart. */
+typedef struct hada_terms {
+    double mse, perceptual, adversarial, variation, discriminator;
+} hada_terms;
 
 /* Groups of parameters; HADA_GROUP_FILTERS + z: the filters of depth z. */
 typedef enum hada_group { HADA_GROUP_NET = 0, HADA_GROUP_DISCRIMINATOR = 1, HADA_GROUP_FILTERS = 2 } hada_group;
@@ -109,5 +128,27 @@ hada_tensor hada_step_tensor(const hada_context *context, const hada_replica_sha
 hada_tensor hada_step_logits(const hada_context *context, const hada_replica_shape *shape, cl_mem mem);
 hada_tensor hada_step_features(const hada_context *context, const hada_replica_shape *shape, const hada_net *vgg,
                                cl_mem mem);
+
+typedef struct hada_step_images {
+    hada_slot *slot;
+    const hada_replica_shape *shape;
+    hada_buffer place[HADA_STEP_PLACES]; /* those that the stage needs */
+} hada_step_images;
+
+hada_status hada_step_images_create(hada_step_images *images, hada_slot *slot, const hada_replica_shape *shape,
+                                    hada_error *err);
+void hada_step_images_destroy(hada_step_images *images);
+
+static inline cl_mem hada_step_mem(const hada_step_images *images, hada_step_place place)
+{
+    return images->place[place].mem;
+}
+
+/* A tensor's plain floats, from `offset` on, image after image. */
+hada_planar hada_step_plain(const hada_tensor *tensor, cl_mem mem, size_t offset);
+
+/* One image of the window to its place among those of a call. */
+hada_status hada_step_upload(hada_step_images *images, hada_step_place place, const hada_image *image, int number,
+                             hada_error *err);
 
 #endif

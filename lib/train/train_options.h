@@ -1,8 +1,10 @@
-/* The options of a training, taken over, and what its stage needs. Internal. */
+/* The options of a training, what its stage needs, and its nets. Internal. */
 #ifndef HADA_TRAIN_TRAIN_OPTIONS_H
 #define HADA_TRAIN_TRAIN_OPTIONS_H
 
 #include <hadalens/train.h>
+
+#include "netlist/net_list.h"
 
 /* The caller's options taken over; options->augment becomes `augment`. What is left open is filled in: the form, the
  * net's size; at_once stays open where it was. */
@@ -24,5 +26,20 @@ enum { HADA_FLIPPED_WAYS = 4 };
 
 /* The share of the rates at a step (counted from 0), before any rollback. */
 double hada_train_rate(const hada_train_options *options, uint64_t step);
+
+/* Changes first weights such that the net gives its input back, where that is above zero: in the convolutions at full
+ * size some channels pass the input on, and the last convolution looks at them alone. All other weights stay random,
+ * and everything is trained from there. Returns 0 and changes nothing where the list offers no such way (a batch norm
+ * stands in it, or other channels come out than go in). */
+int hada_net_start_as_identity(hada_net *net);
+
+/* NULL where the stage has none: the generator, its discriminator, VGG-16. */
+typedef struct hada_train_nets {
+    hada_net *net, *discriminator, *vgg;
+} hada_train_nets;
+
+hada_status hada_train_nets_make(hada_train_nets *nets, const hada_train_options *options, const hada_model *model,
+                                 hada_error *err);
+void hada_train_nets_free(hada_train_nets *nets);
 
 #endif

@@ -7,8 +7,6 @@
 #define HADA_TRAIN_TRAINER_H
 
 #include "train/feed.h"
-#include "train/snapshot.h"
-#include "train/train_nets.h"
 #include "train/train_options.h"
 #include "train/workers.h"
 

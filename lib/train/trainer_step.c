@@ -6,8 +6,8 @@
 #include "core/alloc.h"
 #include "core/callers.h"
 #include "core/clock.h"
-#include "train/exchange.h"
 #include "train/trainer.h"
+#include "train/workers.h"
 
 /* Steps between copies of the parameters to the host, which cost about a step; rollbacks in a row after which training
  * gives up: the rates are 2^-10 of what they were. */

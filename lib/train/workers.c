@@ -1,9 +1,123 @@
+/* Workers, and the threads in which they work together. */
 #include "train/workers.h"
 
+#include <pthread.h>
+#include <signal.h>
+#include <stdint.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
 #include "net/enhance.h"
+
+typedef struct member {
+    hada_worker_threads *threads;
+    int number, started;
+    pthread_t thread;
+} member;
+
+struct hada_worker_threads {
+    pthread_mutex_t lock;
+    pthread_cond_t begins, ends;
+    member *members;
+    int count;
+    uint64_t task; /* changes when one begins */
+    int at_work, stop;
+    void (*work)(void *user, int member);
+    void *user;
+};
+
+static void *serve(void *user)
+{
+    const member *own = user;
+    hada_worker_threads *threads = own->threads;
+    uint64_t last = 0;
+    pthread_mutex_lock(&threads->lock);
+    for (;;) {
+        while (!threads->stop && threads->task == last)
+            pthread_cond_wait(&threads->begins, &threads->lock);
+        if (threads->stop)
+            break;
+        last = threads->task;
+        pthread_mutex_unlock(&threads->lock);
+        threads->work(threads->user, own->number);
+        pthread_mutex_lock(&threads->lock);
+        if (!--threads->at_work)
+            pthread_cond_signal(&threads->ends);
+    }
+    pthread_mutex_unlock(&threads->lock);
+    return NULL;
+}
+
+/* Member 0 is the caller; each of the others has a thread, which sleeps between tasks. Where the system gives no thread
+ * for a member, the caller does its work as well. */
+static hada_status threads_create(hada_worker_threads **out, int count, hada_error *err)
+{
+    hada_worker_threads *threads = NULL;
+    sigset_t all, before;
+    hada_status status = HADA_OK;
+    *out = NULL;
+    HADA_TRY_OR_DONE(hada_allocated(threads = hada_alloc(1, sizeof *threads, "threads", err)));
+    HADA_TRY_OR_DONE(
+        hada_allocated(threads->members = hada_alloc((size_t)count, sizeof *threads->members, "threads", err)));
+    threads->count = count;
+    threads->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
+    threads->begins = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
+    threads->ends = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
+    sigfillset(&all); /* signals are for the program's own threads */
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    for (int i = 0; i < count; i++) {
+        member *it = &threads->members[i];
+        *it = (member){.threads = threads, .number = i};
+        it->started = i && !pthread_create(&it->thread, NULL, serve, it);
+    }
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    *out = threads;
+done:
+    if (status)
+        free(threads);
+    return status;
+}
+
+static void threads_destroy(hada_worker_threads **pointer)
+{
+    hada_worker_threads *threads = pointer ? *pointer : NULL;
+    if (!threads)
+        return;
+    *pointer = NULL;
+    pthread_mutex_lock(&threads->lock);
+    threads->stop = 1;
+    pthread_cond_broadcast(&threads->begins);
+    pthread_mutex_unlock(&threads->lock);
+    for (int i = 0; i < threads->count; i++)
+        if (threads->members[i].started)
+            pthread_join(threads->members[i].thread, NULL);
+    pthread_cond_destroy(&threads->begins);
+    pthread_cond_destroy(&threads->ends);
+    pthread_mutex_destroy(&threads->lock);
+    free(threads->members);
+    free(threads);
+}
+
+/* work(user, member) for every member at the same time; returns when all are done. No member may wait for another
+ * within it. */
+static void threads_run(hada_worker_threads *threads, void (*work)(void *user, int member), void *user)
+{
+    pthread_mutex_lock(&threads->lock);
+    threads->work = work;
+    threads->user = user;
+    for (int i = 0; i < threads->count; i++)
+        threads->at_work += threads->members[i].started;
+    threads->task++;
+    pthread_cond_broadcast(&threads->begins);
+    pthread_mutex_unlock(&threads->lock);
+    for (int i = 0; i < threads->count; i++)
+        if (!threads->members[i].started)
+            work(user, i);
+    pthread_mutex_lock(&threads->lock);
+    while (threads->at_work)
+        pthread_cond_wait(&threads->ends, &threads->lock);
+    pthread_mutex_unlock(&threads->lock);
+}
 
 static hada_status make_worker(hada_worker *worker, hada_context *context, const hada_replica_desc *desc, int planes,
                                hada_error *err)
@@ -45,7 +159,7 @@ hada_status hada_workers_create(hada_workers *workers, hada_context *const *cont
     HADA_TRY(hada_allocated(workers->worker = hada_alloc((size_t)count, sizeof *workers->worker, "a trainer", err)));
     workers->count = own.shares = count;
     if (count > 1)
-        HADA_TRY(hada_worker_threads_create(&workers->threads, count, err));
+        HADA_TRY(threads_create(&workers->threads, count, err));
     for (int i = 0; i < count; i++) {
         own.share = i;
         status = make_worker(&workers->worker[i], contexts[i], &own, planes, err);
@@ -76,7 +190,7 @@ static void destroy_worker(hada_worker *worker)
 
 void hada_workers_destroy(hada_workers *workers)
 {
-    hada_worker_threads_destroy(&workers->threads);
+    threads_destroy(&workers->threads);
     hada_buckets_free(&workers->buckets);
     for (int i = 0; i < workers->count; i++)
         destroy_worker(&workers->worker[i]);
@@ -90,7 +204,7 @@ typedef struct task {
     void *user;
 } task;
 
-static void run(void *user, int number)
+static void run_task(void *user, int number)
 {
     const task *what = user;
     hada_worker *worker = &what->workers->worker[number];
@@ -101,7 +215,7 @@ hada_status hada_workers_run(hada_workers *workers, hada_work work, void *user, 
 {
     if (workers->count == 1)
         return work(workers, 0, user, err);
-    hada_worker_threads_run(workers->threads, run, &(task){workers, work, user});
+    threads_run(workers->threads, run_task, &(task){workers, work, user});
     for (int i = 0; i < workers->count; i++)
         if (workers->worker[i].status) {
             if (err)

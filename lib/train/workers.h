@@ -1,7 +1,7 @@
 /* One worker for each device: a slot, a replica and, where the stage needs one, a maker of planes. Internal.
  *
  * The values of all groups are the same on all workers; each updates a share of the values of a net, has the
- * optimiser's states of these alone, and gives the new values to the others (train/exchange.h). Ranks have the same
+ * optimiser's states of these alone, and gives the new values to the others (below). Ranks have the same
  * values too, and each updates all of them. */
 #ifndef HADA_TRAIN_WORKERS_H
 #define HADA_TRAIN_WORKERS_H
@@ -10,7 +10,6 @@
 #include "train/examples.h"
 #include "train/planes.h"
 #include "train/replica.h"
-#include "train/worker_threads.h"
 
 typedef struct hada_worker {
     hada_slot *slot;
@@ -27,6 +26,8 @@ typedef struct hada_worker {
     hada_status status;
     hada_error error;
 } hada_worker;
+
+typedef struct hada_worker_threads hada_worker_threads;
 
 typedef struct hada_workers {
     hada_worker *worker;
@@ -62,5 +63,47 @@ hada_status hada_workers_read(hada_workers *workers, int group, hada_content con
 /* Values and states of a group, to all workers. */
 hada_status hada_workers_write(hada_workers *workers, int group, const float *values, const float *states,
                                hada_error *err);
+
+/* Exchange: the gradients of several devices become one, in a fixed order, and each device receives what the others
+ * have updated; the gradients of ranks, each the sum over its devices, then become one in the order of the ranks. One
+ * worker of one rank has nothing to exchange.
+ *
+ * A group's gradients become their sum, in the workers' order, which every worker keeps of the part that it updates
+ * (filters: all of it); adds the sum of its squares to *squares. */
+hada_status hada_exchange_gradients(hada_workers *workers, int group, double *squares, hada_error *err);
+
+/* Gives each worker the values of a net that the others have updated; running statistics of batch norms become their
+ * means. Filters are the same everywhere. */
+hada_status hada_exchange_values(hada_workers *workers, int group, hada_error *err);
+
+/* Where training stands, beside the values. */
+typedef struct hada_train_progress {
+    uint64_t step;         /* steps done */
+    uint64_t place;        /* places of the order that were passed */
+    uint64_t *group_steps; /* updates of each group */
+    int halvings;          /* of the rates: one for each rollback */
+    int bad;               /* rollbacks since the last good step */
+} hada_train_progress;
+
+typedef struct hada_snapshot {
+    uint64_t step;
+    uint64_t *group_steps;
+    float **values, **states;
+    unsigned char *dirty; /* groups that were updated since */
+    int groups;
+} hada_snapshot;
+
+hada_status hada_snapshot_create(hada_snapshot *snapshot, hada_workers *workers, const hada_train_progress *progress,
+                                 hada_error *err);
+void hada_snapshot_free(hada_snapshot *snapshot);
+
+/* Dirty groups, and progress. */
+hada_status hada_snapshot_take(hada_snapshot *snapshot, hada_workers *workers, const hada_train_progress *progress,
+                               hada_error *err);
+hada_status hada_snapshot_restore(hada_snapshot *snapshot, hada_workers *workers, hada_train_progress *progress,
+                                  hada_error *err);
+
+/* Gives the snapshot's values and states of a group to all workers. */
+hada_status hada_snapshot_give(const hada_snapshot *snapshot, hada_workers *workers, int group, hada_error *err);
 
 #endif

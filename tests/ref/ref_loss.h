@@ -13,8 +13,4 @@ double hada_ref_logits(size_t count, double weight, const double *x, const doubl
 /* Total variation, summed over channels and pixels, averaged over images: of absolute values or squares. */
 double hada_ref_variation(const hada_ref_shape *shape, int squared, double weight, const double *x, double *dx);
 
-/* 1 - the mean of structural similarity (Wang et al. 2004) over all windows of 11 x 11 inside the images. */
-double hada_ref_ssim(const hada_ref_shape *shape, double peak, double weight, const double *x, const double *t,
-                     double *dx);
-
 #endif

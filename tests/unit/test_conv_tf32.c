@@ -3,7 +3,7 @@
 #include "dry.h"
 #include "net_fixture.h"
 
-#include "net/conv_tf32.h"
+#include "net/conv_plan.h"
 
 static char last[512];
 

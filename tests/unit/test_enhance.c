@@ -1,7 +1,6 @@
 /* Enhancing planes: the same as the net alone, in tiles bit for bit, nothing where nothing is. */
 #include "dry.h"
 #include "net/enhance.h"
-#include "net/receptive_field.h"
 #include "net_fixture.h"
 #include "ref/ref_net.h"
 #include "runtime/profile.h"

@@ -4,7 +4,7 @@
 
 #include <hadalens/metrics.h>
 
-#include "train/identity.h"
+#include "train/train_options.h"
 
 enum { SIDE = 24, COUNT = 4 };
 static const char *const names[] = {"conditional", "patch"};

@@ -3,7 +3,7 @@
 #include "train_run.h"
 
 #include "runtime/profile.h"
-#include "train/features.h"
+#include "train/step.h"
 
 TEST(a_store_keeps_what_fits)
 {

@@ -8,7 +8,7 @@
 #include <unistd.h>
 
 #include "camera_small.h"
-#include "train/identity.h"
+#include "train/train_options.h"
 #include "train/trainer.h"
 
 enum { ROWS = 48, COLS = 64, WINDOW = 24, DEPTHS = 2, PAIRS = 5, HELD = 2 };

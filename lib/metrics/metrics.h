@@ -1,6 +1,7 @@
-/* Structural similarity of a pair of images, judged in several ways at once. Internal. */
-#ifndef HADA_METRICS_SIMILARITY_H
-#define HADA_METRICS_SIMILARITY_H
+/* Measures of a pair of images: the check of the pair, and structural similarity with several peaks and masks at once.
+ * Internal. */
+#ifndef HADA_METRICS_METRICS_H
+#define HADA_METRICS_METRICS_H
 
 #include <hadalens/image.h>
 

@@ -1,11 +1,12 @@
-/* U-nets (Ronneberger, Fischer and Brox 2015) as lists, and the presets by
- * name. */
+/* The nets that the library knows, as lists: U-nets (Ronneberger, Fischer and Brox 2015), discriminators, VGG-16. */
+#include "netlist/presets.h"
+
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/callers.h"
-#include "netlist/presets.h"
+#include "netlist/weights_file.h"
 
 enum { MOST_LEVELS = 16, MOST_CONVS = 16 };
 
@@ -40,7 +41,7 @@ static hada_status read_widths(const char *text, widths *out, hada_error *err)
 
 /* The convolutions of a level, 3 x 3 with ReLU; *at is the layer before and
  * then the last one. */
-static hada_status add_convs(hada_net *net, const char *side, int level, int count, const int *width, int *at,
+static hada_status add_level(hada_net *net, const char *side, int level, int count, const int *width, int *at,
                              hada_error *err)
 {
     for (int i = 0; i < count; i++) {
@@ -90,8 +91,8 @@ static hada_status add_last(hada_net *net, const hada_unet_options *options, int
     return hada_net_add(net, &last, at, err);
 }
 
-static hada_status add_all(hada_net *net, const hada_unet_options *options, const widths *down, const widths *up,
-                           hada_error *err)
+static hada_status add_unet(hada_net *net, const hada_unet_options *options, const widths *down, const widths *up,
+                            hada_error *err)
 {
     int skips[MOST_LEVELS], at;
     hada_layer input = hada_layer_of(HADA_LAYER_INPUT, "", 0);
@@ -102,13 +103,13 @@ static hada_status add_all(hada_net *net, const hada_unet_options *options, cons
             const hada_layer pool = hada_layer_of(HADA_LAYER_POOL, "", at);
             HADA_TRY(hada_net_add(net, &pool, &at, err));
         }
-        HADA_TRY(add_convs(net, "down", level, down->counts[level], down->width[level], &at, err));
+        HADA_TRY(add_level(net, "down", level, down->counts[level], down->width[level], &at, err));
         skips[level] = at;
     }
     for (int level = down->levels - 2; level >= 0; level--) {
         const int step = down->levels - 2 - level;
         HADA_TRY(add_lift(net, options, level, skips[level], &at, err));
-        HADA_TRY(add_convs(net, "up", level, up->counts[step], up->width[step], &at, err));
+        HADA_TRY(add_level(net, "up", level, up->counts[step], up->width[step], &at, err));
     }
     HADA_TRY(add_last(net, options, &at, err));
     return hada_net_finish(net, err);
@@ -143,7 +144,7 @@ hada_status hada_unet_make(hada_net **out, const hada_unet_options *callers, had
                          "the way up, not \"%.200s\"",
                          options->down, down.levels - 1, options->up);
     HADA_TRY_OR_DONE(hada_net_begin(out, options->shared ? options->channels : 1, err));
-    HADA_TRY_OR_DONE(add_all(*out, options, &down, &up, err));
+    HADA_TRY_OR_DONE(add_unet(*out, options, &down, &up, err));
 done:
     if (status)
         hada_net_destroy(out);
@@ -181,4 +182,157 @@ hada_status hada_net_create_preset(hada_net **out, const char *preset, int chann
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no net \"%.60s\"; there are compact and paper", preset);
     }
     return hada_net_create_unet(out, &options, seed, err);
+}
+
+/* Discriminators. */
+
+typedef struct stage {
+    int channels, stride;
+} stage;
+
+static hada_status begin_discriminator(hada_net **out, int channels, hada_error *err)
+{
+    hada_layer layer = hada_layer_of(HADA_LAYER_INPUT, "", 0);
+    layer.channels = channels;
+    HADA_TRY(hada_net_begin(out, 1, err));
+    return hada_net_add(*out, &layer, NULL, err);
+}
+
+/* Convolutions of 3 x 3, conv.0 and so on, each on what the layer before gives. */
+static hada_status add_stages(hada_net *net, const stage *stages, int count, hada_error *err)
+{
+    for (int i = 0; i < count; i++) {
+        hada_layer layer = hada_layer_of(HADA_LAYER_CONV, "", net->count - 1);
+        snprintf(layer.name, sizeof layer.name, "conv.%d", i);
+        layer.channels = stages[i].channels;
+        layer.stride = stages[i].stride;
+        if (stages[i].channels > 1) { /* logits are as they are */
+            layer.activation = HADA_ACTIVATION_LEAKY_RELU;
+            layer.slope = 0.2f;
+        }
+        HADA_TRY(hada_net_add(net, &layer, NULL, err));
+    }
+    return HADA_OK;
+}
+
+static hada_status add_patch(hada_net *net, hada_error *err)
+{
+    static const stage stages[] = {{32, 1}, {64, 2}, {128, 2}, {128, 1}, {1, 1}};
+    return add_stages(net, stages, (int)(sizeof stages / sizeof *stages), err);
+}
+
+static hada_status add_paper(hada_net *net, hada_error *err)
+{
+    static const stage stages[] = {{32, 2}, {64, 2}, {128, 2}, {128, 2}, {128, 2}};
+    enum { CONVS = sizeof stages / sizeof *stages, SIDE = 256, HIDDEN = 256 };
+    hada_layer layer = hada_layer_of(HADA_LAYER_RESIZE, "", 0);
+    layer.resize = HADA_RESIZE_LINEAR;
+    layer.rows = layer.cols = SIDE;
+    HADA_TRY(hada_net_add(net, &layer, NULL, err));
+    HADA_TRY(add_stages(net, stages, CONVS, err));
+    for (int i = 0; i < 2; i++) {
+        layer = hada_layer_of(HADA_LAYER_LINEAR, "", net->count - 1);
+        snprintf(layer.name, sizeof layer.name, "full.%d", i);
+        layer.in = i ? HIDDEN : stages[CONVS - 1].channels * (SIDE >> CONVS) * (SIDE >> CONVS);
+        layer.channels = i ? 1 : HIDDEN;
+        layer.activation = i ? HADA_ACTIVATION_NONE : HADA_ACTIVATION_LEAKY_RELU;
+        layer.slope = i ? 0.0f : 0.2f;
+        HADA_TRY(hada_net_add(net, &layer, NULL, err));
+    }
+    return HADA_OK;
+}
+
+hada_status hada_discriminator_make(hada_net **out, const char *name, int channels, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    static const char *const names[] = {"conditional", "patch", "paper"};
+    int which = 0;
+    *out = NULL;
+    while (which < 3 && (!name || strcmp(name, names[which])))
+        which++;
+    if (which == 3)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no discriminator \"%s\": take conditional, patch or paper",
+                         name ? name : "");
+    HADA_TRY_OR_DONE(begin_discriminator(out, which ? channels : 2 * channels, err));
+    HADA_TRY_OR_DONE(which < 2 ? add_patch(*out, err) : add_paper(*out, err));
+    HADA_TRY_OR_DONE(hada_net_finish(*out, err));
+done:
+    if (status)
+        hada_net_destroy(out);
+    return status;
+}
+
+/* The convolutional part of VGG-16. */
+
+/* Widths of the convolutions; 0: a pooling. */
+static const int vgg_widths[] = {64, 64, 0, 128, 128, 0, 256, 256, 256, 0, 512, 512, 512, 0, 512, 512, 512, 0};
+
+static hada_status add_vgg(hada_net *net, hada_error *err)
+{
+    int at;
+    hada_layer layer = hada_layer_of(HADA_LAYER_INPUT, "", 0);
+    layer.channels = 3;
+    HADA_TRY(hada_net_add(net, &layer, &at, err));
+    /* (x - mean) / deviation, as a convolution of 1 x 1 */
+    layer = hada_layer_of(HADA_LAYER_CONV, "normalize", 0);
+    layer.channels = 3;
+    layer.kernel = 1;
+    layer.pad = 0;
+    HADA_TRY(hada_net_add(net, &layer, &at, err));
+    /* torchvision numbers the layers of its Sequential: a convolution, its ReLU,
+     * a pooling count one each */
+    int number = 0;
+    for (size_t i = 0; i < sizeof vgg_widths / sizeof *vgg_widths; i++) {
+        layer = hada_layer_of(vgg_widths[i] ? HADA_LAYER_CONV : HADA_LAYER_POOL, "", at);
+        if (vgg_widths[i]) {
+            snprintf(layer.name, sizeof layer.name, "features.%d", number);
+            layer.channels = vgg_widths[i];
+            layer.activation = HADA_ACTIVATION_RELU;
+        }
+        number += vgg_widths[i] ? 2 : 1;
+        HADA_TRY(hada_net_add(net, &layer, &at, err));
+    }
+    return hada_net_finish(net, err);
+}
+
+static void normalize(hada_net *net)
+{
+    /* of ImageNet, as torchvision.models.VGG16_Weights says */
+    static const double mean[3] = {0.485, 0.456, 0.406}, deviation[3] = {0.229, 0.224, 0.225};
+    float *weight = net->values + hada_net_find(net, "normalize.weight")->offset;
+    float *bias = net->values + hada_net_find(net, "normalize.bias")->offset;
+    for (int c = 0; c < 3; c++) {
+        weight[3 * c + c] = (float)(1.0 / deviation[c]);
+        bias[c] = (float)(-mean[c] / deviation[c]);
+    }
+}
+
+hada_status hada_vgg16_make(hada_net **out, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_net_begin(out, 1, err));
+    HADA_TRY_OR_DONE(add_vgg(*out, err));
+    normalize(*out);
+done:
+    if (status)
+        hada_net_destroy(out);
+    return status;
+}
+
+hada_status hada_vgg16_load(hada_net **out, const char *path, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    hada_tensors *file = NULL;
+    *out = NULL;
+    if ((status = hada_tensors_open(&file, path, err)) != HADA_OK)
+        return status;
+    HADA_TRY_OR_DONE(hada_vgg16_make(out, err));
+    HADA_TRY_OR_DONE(hada_net_read_but(*out, file, "", "normalize.", err));
+done:
+    if (status) {
+        hada_error_prefix(err, "%s: ", path);
+        hada_net_destroy(out);
+    }
+    hada_tensors_close(&file);
+    return status;
 }

@@ -46,8 +46,10 @@ def without_comments(text):
 
 
 def compact(text):
-    """What a compiler reads of a text: without comments, indentation and aligned ends of lines."""
-    return "\n".join(re.sub(r"[ \t]*\\$", r" \\", line.strip()) for line in without_comments(text).split("\n"))
+    """What a compiler reads of a text: without comments, indentation, aligned ends of lines and empty lines, so that a
+    comment can change without a program being built again."""
+    lines = (re.sub(r"[ \t]*\\$", r" \\", line.strip()) for line in without_comments(text).split("\n"))
+    return "".join(line + "\n" for line in lines if line)
 
 
 class Parameter:

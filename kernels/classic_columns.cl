@@ -1,8 +1,10 @@
-/* What planes make of a frame, and what a frame gives back to planes, along the columns of their half spectra, which
- * stand as [image][block of eight columns][row of the image][8]: forward transform, product with the transfer functions
- * and inverse transform of a block of columns while it stands in the cache. Whole spectra stand nowhere.
- *     transpose 0: frames = sum over depths of H planes        transpose 1: planes = conj(H) frames
- * A work-item takes one block of columns of one channel. `scratch`: a column block, two where depths > 1. */
+/* Along the columns of half spectra: what planes predict of a frame (transpose 0: frames = sum over depths of H
+ * planes), and the adjoint (transpose 1: planes = conj(H) frames). Forward transform, product with the transfer
+ * functions and inverse transform of a block of columns, while it is in the cache. Whole spectra are never stored.
+ *
+ * Half spectra of planes and frames: complex [image][block of eight columns][row of the image][8]; otf: complex
+ * [depth][channel][count].
+ * A work-item takes one block of columns of one channel. scratch: a block of columns, two where depths > 1. */
 #include "inc_fft_convolve.h"
 #include "shared_classic.h"
 #include "shared_local.h"

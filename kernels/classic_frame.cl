@@ -1,10 +1,10 @@
-/* What a prediction y of the frame becomes on the sensor's pixels, in place. b is the frame.
+/* Turns a prediction y of the frame b into what a method needs next, on the sensor's pixels and in place.
  *     ratio:    y = max(b, 0) / max(y, number)                       Richardson-Lucy
  *     residual: y = b - y
  *     split:    e = number (b - s - 2 y), s = -e - y, y = e          ADMM; number = 1 / (1 + mu)
- * The last is the split v = sum PSF * x that meets the data (unknown boundaries): with its scaled dual d, v minimises
- * |b - v|^2 + mu |v - y - d|^2, and s = d - v is all that has to be kept: docs/explanation/mathematics.md.
- * Dimensions: slices of pixels, channels. */
+ * The last is the split v = sum PSF * x for the data (unknown boundaries): with its scaled dual d, v minimises |b -
+ * v|^2 + mu |v - y - d|^2, and only s = d - v is kept: docs/explanation/mathematics.md.
+ * Images: [channel][row][pitch]. Dimensions: slices of pixels, channels. */
 #include "inc_classic.h"
 #include "shared_classic.h"
 
@@ -48,17 +48,17 @@ classic_energy(__global const float *images, hada_classic_slices slices, __globa
     REFINE_PARTIAL(partial, IMAGE_PLACE(0), refine_sum(sum))
 }
 
-/* The frame, [channel][rows][cols] floats, with the pitch of images. Dimensions: columns up to the pitch, rows,
- * channels. */
+/* The frame, [channel][rows][cols] floats, to images with a pitch. Dimensions: columns up to the pitch, rows, channels.
+ */
 __kernel void classic_pad(__global const float *frame, ulong offset, __global float *images, int cols)
 {
     const size_t row = (size_t)get_global_id(2) * get_global_size(1) + get_global_id(1), j = get_global_id(0);
     images[row * get_global_size(0) + j] = j < (size_t)cols ? frame[offset + row * (size_t)cols + j] : 0.0f;
 }
 
-/* The planes of a result: the window of x, which stands with a pitch, with nothing negative; x itself, in place, keeps
- * no more than that. window: rows x cols from (row0, col0) of x, outside it x becomes 0. Dimensions: columns of x and
- * rows of x, planes; the padding of x is left alone. */
+/* The planes of a result: the window of x without negative values, as planes without a pitch; x keeps only these
+ * values. window: rows x cols from (row0, col0) of x; outside it x becomes 0. Dimensions: columns of x and rows of x,
+ * planes; the padding of x stays. */
 __kernel void classic_crop(__global float *planes, __global float *window, int pitch, int row0, int col0, int rows,
                            int cols)
 {

@@ -9,7 +9,7 @@
 #include "inc_classic.h"
 #include "shared_classic.h"
 
-/* Where the partners of pixel i stand, s before and s after; in the plain transform both are in its own block. */
+/* The partners of pixel i, s before and s after it; in the plain transform both are in its own block. */
 REFINE_INLINE int haar_before(int i, int s, int plain)
 {
     return plain ? i & ~s : max(i - s, 0);
@@ -85,7 +85,7 @@ classic_haar_up(__global const float *fine, __global const float *coarser, __glo
             continue;
         }
 #if REFINE_WIDTH == 8
-        /* the edges, then the inner pixels eight by eight, the last eight perhaps a second time */
+        /* the edges, then the inner pixels eight by eight; the last eight may overlap */
         const int inner = cols - 2 * s >= 8;
         for (int k = 0; inner && k < cols - 2 * s; k += 8) {
             const int at = min(s + k, cols - s - 8);
@@ -106,7 +106,7 @@ classic_haar_up(__global const float *fine, __global const float *coarser, __glo
 #endif
         for (; j < cols; j += REFINE_GROUP) {
             if (inner && j >= s && j < cols - s)
-                j = cols - s; /* lanes alone take this way */
+                j = cols - s; /* only lanes take this branch */
             const int left = haar_before(j, s, 0), right = haar_after(j, s, cols, 0);
             const float p = in[before + left], q = in[before + j], r = in[before + right];
             const float t = in[row + left], u = in[row + j], w = in[row + right];

@@ -1,11 +1,10 @@
-/* Half spectra of columns (as classic_columns.cl has them) to pixels, a step on the pixels, and their half spectra
- * again, sixteen rows at a time while they stand in the cache. A work-item takes sixteen rows of one image.
- * `inverse`: the pixels come from the half spectra, else they are as they stand in `images`; `forward`: their half
- * spectra are made, in place.
+/* Half spectra (as classic_columns.cl leaves them) to pixels, a step on the pixels, and their half spectra again,
+ * sixteen rows at a time while they are in the cache. A work-item takes sixteen rows of one image. `inverse`: the
+ * pixels come from the half spectra, else they are read from `images`; `forward`: half spectra are made, in place.
  *     ratio:    y = max(b, 0) / max(y, number)                            Richardson-Lucy; b is `first`
  *     residual: y = b - y
  *     momentum: z = max(0, v + alpha[channel] g), v = z + number (z - x), x = z    FISTA; g: from the half spectra,
- *               not kept; x is `first`, v is `images`
+ *     not kept; x is `first`, v is `images`
  * partial: the momentum step's sums of (z - x)^2, then those of z^2, of each work-item. */
 #include "inc_fft_rows_forward.h"
 #include "inc_fft_rows_inverse.h"

@@ -1,5 +1,5 @@
-/* What the classic methods do to half spectra. Dimensions: slices of frequencies, channels. Transfer functions stand as
- * [depth][channel][count], planes as [place in the list][channel][count], everything else as [channel][count]. */
+/* Steps of the classic methods on half spectra. Transfer functions: complex [depth][channel][count], planes: [place in
+ * the list][channel][count], all else [channel][count]. Dimensions: slices of frequencies, channels. */
 #include "inc_refine.h"
 #include "shared_classic.h"
 
@@ -66,8 +66,8 @@ classic_solve(__global const float *otf, __global const int *list, __global cons
     }
 }
 
-/* What the planes make of the frame: out = sum H X, or with the data given (has_data) what they leave of it, data -
- * sum H X. partial[channel][slice]: the sum of |out|^2 over the whole spectrum. */
+/* The planes' prediction of the frame: out = sum H X, or with has_data the residual data - sum H X.
+ * partial[channel][slice]: the sum of |out|^2 over the whole spectrum. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 classic_project(__global const float *otf, __global const int *list, __global const float *data, int has_data,
                 __global const float *planes, __global float *out, hada_classic_problem problem,

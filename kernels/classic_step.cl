@@ -48,7 +48,7 @@ classic_momentum(__global float *planes, __global float *momentum, __global cons
     IMAGE_PARTIAL(partial, IMAGE_PLACE(1), refine_sum(size))
 }
 
-/* Where Richardson-Lucy goes on from: y = max(0, x + factor (x - before)). */
+/* The point from which Richardson-Lucy continues: y = max(0, x + factor (x - before)). */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 classic_extrapolate(__global const float *planes, __global const float *before, __global float *next, float factor,
                     hada_classic_slices slices)

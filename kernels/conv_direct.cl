@@ -1,11 +1,13 @@
 /* Convolution, transposed or not, by sums in registers: a work-item takes rows of CONV_BLOCKS blocks of output
- * channels, CONV_PIXELS pixels at a time; each input value is spread over a vector of weights. Shape lanes: work-groups
- * of one, no local memory.
+ * channels, CONV_PIXELS pixels at a time; each input value is multiplied with a vector of weights. Shape lanes:
+ * work-groups of one, no local memory.
  *
- * Output pixel (step r + phase) takes inputs CONV_STEP r + first + t (inc_conv.h: hada_conv_taps); a convolution has
+ * Output pixel (step r + phase) takes inputs CONV_STEP r + first + t (shared_conv.h: hada_conv_taps); a convolution has
  * step 1 and CONV_STEP its stride, a transposed one has step its stride and CONV_STEP 1. Reads stay within the halo of
- * one: the host makes sure. Weights: [phase][block group][input block][tap row][tap column][input channel][output
- * channel], as conv_pack.cl writes them. Dimensions: block groups, groups of rows, images. */
+ * one, which the host checks.
+ * x, y, mask: tensors in blocks of channels with a halo of one pixel (lib/net/tensor.h). weights: [phase][block
+ * group][input block][tap row][tap column][input channel][output channel], as conv_pack.cl writes them. Dimensions:
+ * block groups, groups of rows, images. */
 #include "inc_conv.h"
 
 #ifndef CONV_BLOCKS
@@ -57,7 +59,7 @@ conv_direct(__global const float *restrict x, __global const float *restrict wei
     const size_t x_plane = (size_t)(in_rows + 2) * x_row, y_plane = (size_t)(out_rows + 2) * y_row;
     const size_t taps_most = (size_t)((kernel_rows + step - 1) / step) * ((kernel_cols + step - 1) / step);
     const size_t group_floats = taps_most * in_blocks * NET_BLOCK * NET_BLOCK * CONV_BLOCKS;
-    /* flat: one row, whose pixels at the far end of each `pitch` belong to the halo */
+    /* flat: the image is one row; the pixels at the far end of each `pitch` belong to the halo */
     const int pitch = out_cols + 2, long_row = out_rows * pitch - 2, flat_each = rows_each * CONV_PIXELS;
     const int row_first = flat ? 0 : (int)get_global_id(1) * rows_each;
     const int row_end = flat ? 1 : min((int)(get_global_id(1) + 1) * rows_each, out_rows);
@@ -104,7 +106,7 @@ conv_direct(__global const float *restrict x, __global const float *restrict wei
 #pragma unroll
                     for (int p = 0; p < CONV_PIXELS; ++p) {
                         __global float *restrict yp = y + at + p * step * NET_BLOCK;
-                        if (start + p < col) /* done by the tile before, perhaps added to */
+                        if (start + p < col) /* the tile before has done them, perhaps adding to y */
                             continue;
                         if (flat && (start + p) % pitch >= out_cols)
                             continue;

@@ -1,8 +1,10 @@
-/* Convolutions with stride 1 to few output channels (CONV_FEW at most), as the last layer of a net and the gradient of
- * an image have them: conv_direct.cl would multiply a block of outputs of which most are none. Here the lanes of a sum
- * are input channels, added up at the end. Shape lanes: work-groups of one. Weights as for conv_direct.cl in one block
- * of outputs; a work-item puts them into local memory as w[input block][tap][output channel][input channel] for its
- * rows. Reads stay within the halo of one: the host makes sure. Dimensions: groups of rows, images. */
+/* Convolutions with stride 1 to few output channels (at most CONV_FEW), such as the last layer of a net or the gradient
+ * of an image: conv_direct.cl would compute a block of outputs of which most do not exist. Here the lanes of a sum are
+ * input channels, added up at the end. Shape lanes: work-groups of one.
+ *
+ * Weights: as for conv_direct.cl, in one block of outputs; a work-item copies them to local memory as w[input
+ * block][tap][output channel][input channel] for its rows. Reads stay within the halo of one, which the host checks.
+ * Dimensions: groups of rows, images. */
 #include "inc_conv_few.h"
 
 #ifndef CONV_PIXELS
@@ -65,7 +67,7 @@ conv_few(__global const float *restrict x, __global const float *restrict weight
                 for (int o = 0; o < CONV_FEW; ++o)
                     few[o] = sums[o][p];
                 const conv_v v = conv_few_finish(biases, few);
-                if (start + p >= col) /* the others are done by the tile before, perhaps added to */
+                if (start + p >= col) /* the tile before has done the others, perhaps adding to y */
                     conv_put(v, flags, activation, floor, slope, out_channels, mask + at, y + at);
             }
         }

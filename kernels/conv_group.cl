@@ -11,8 +11,8 @@
  * items, groups of output channels, images times phases times parts. */
 #include "inc_conv_groups.h"
 
-/* Output channels of a tile: 4, 16, 32 or 64; pixels of an item. Of a block of eight an item then has the first four
- * alone: layers of one or three channels leave no more idle. */
+/* Output channels of a tile: 4, 16, 32 or 64; pixels of an item. With 4, an item has only the first four of a block of
+ * eight, so that layers of one or three channels leave less idle. */
 #ifndef CONV_HIGH
 #define CONV_HIGH 64
 #endif
@@ -20,8 +20,8 @@
 #define CONV_PIXELS 8
 #endif
 
-/* Items stand in CONV_DOWN rows of eight channels by CONV_ACROSS columns of pixels; a warp of 32 (or half a wave of 64)
- * in WARP_DOWN by WARP_ACROSS of them, so that it reads few different values at once. */
+/* Items form CONV_DOWN rows of eight channels by CONV_ACROSS columns of pixels, and a warp of 32 (or half a wave of 64)
+ * WARP_DOWN by WARP_ACROSS of them, so that it reads few different values at once. */
 #define CONV_DOWN   (CONV_HIGH > 8 ? CONV_HIGH / 8 : 1)
 #define CONV_ACROSS (HADA_CONV_GROUP_ITEMS / CONV_DOWN)
 #define CONV_TILE   (CONV_PIXELS * CONV_ACROSS)
@@ -62,7 +62,7 @@ conv_group(__global const float *restrict x, __global const float *restrict weig
         (__global const float4 *)weights + conv_share_weights(share, problem, CONV_FACTORS) + item % CONV_FACTORS;
     conv_walk walk = conv_walk_of(share);
 
-    /* what the item brings: every other vector of four channels */
+    /* what the item loads: every other vector of four channels */
     uint mine[CONV_LOADS];
 #pragma unroll
     for (int i = 0; i < CONV_LOADS; ++i)
@@ -82,7 +82,7 @@ conv_group(__global const float *restrict x, __global const float *restrict weig
     for (int s = share.begin; s < share.end; ++s) {
         const int half_used = (s - share.begin) % 2,
                   left = problem.in.channels - walk.block * NET_BLOCK - walk.eight * 8;
-        if (s + 1 < share.end) { /* the last step brings its own values once more, for nobody */
+        if (s + 1 < share.end) { /* the last step loads its own values again, unused */
             walk = conv_walk_on(walk, share);
             w_from += CONV_FACTORS;
         }
@@ -90,7 +90,7 @@ conv_group(__global const float *restrict x, __global const float *restrict weig
         for (int i = 0; i < CONV_LOADS; ++i)
             next[i] = from[walk.at + mine[i]];
         const float4 next_factor = w_from[0];
-        /* four channels that only fill up a block are left out */
+        /* four channels that only fill up a block are not stored */
 #pragma unroll
         for (int four = 0; four < 2; ++four) {
             if (four && left <= 4)

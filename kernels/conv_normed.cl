@@ -1,7 +1,7 @@
-/* conv_few.cl for kernels of 3 x 3 with padding 1 behind a batch norm with given statistics (net_batch_norm_apply),
- * which is done to each row as it is read: the normalised tensor is never written, and the bits are those of one after
- * the other. The halo is none of its values: it stays zero. Behind the weights in local memory stand, for each input
- * block, scales, centres and shifts. Dimensions: groups of rows, images. */
+/* conv_few.cl for kernels of 3 x 3 with padding 1 after a batch norm with given statistics (net_batch_norm_apply),
+ * which is applied to each row as it is read: the normalised tensor is never written, and the bits are those of both
+ * steps one after the other. The halo is not normalised: it stays zero. Local memory holds the weights and behind them,
+ * for each input block, scales, centres and shifts. Dimensions: groups of rows, images. */
 #include "inc_conv_few.h"
 
 #ifndef CONV_PIXELS
@@ -91,7 +91,7 @@ conv_normed(__global const float *restrict x, __global const float *restrict wei
 #pragma unroll
                 for (int o = 0; o < CONV_FEW; ++o)
                     few[o] = sums[o][p];
-                if (start + p >= col) /* the others are done by the tile before */
+                if (start + p >= col) /* the tile before has done the others */
                     conv_put(conv_few_finish(biases, few), flags, activation, floor, slope, out_channels, to, to);
             }
         }

@@ -106,7 +106,7 @@ __kernel void conv_pack(__global const float *w, __global float *packed, hada_co
     for (int in = first; in < first + CONV_PACK; ++in) {
         const conv_kernels kernels = conv_kernels_of(w + w_offset, in, in_channels, out_channels, to_coarse, places);
         __global float *at = packed + (size_t)(in % block) * lanes + out % lanes;
-        /* a convolution's taps run with the places of its kernel, a transposed one's against them */
+        /* a convolution's taps run in the order of its kernel, those of a transposed one in the opposite order */
         if (places == 9 && step == 1) {
             conv_pack_v nine[9];
             __global float *to = at + out / lanes * group_floats + in / block * 9 * tap_floats;
@@ -131,7 +131,7 @@ __kernel void conv_pack(__global const float *w, __global float *packed, hada_co
     }
 }
 
-/* Whether those for Winograd's products are there, which groups have not. */
+/* Whether to build the packing for Winograd's products, which groups do not use. */
 #ifndef CONV_WINOGRAD
 #define CONV_WINOGRAD 1
 #endif

@@ -1,6 +1,6 @@
-/* Convolutions of any size, by their definition, with tests at the edges: what serves where nothing faster does.
- * Weights as w[coarse][fine][kernel row][kernel column]; coarse pixel r and kernel place u meet fine pixel stride * r +
- * u - pad. */
+/* Convolutions of any size, by their definition, with tests at the edges: used where no faster kernel applies. Weights:
+ * w[coarse][fine][kernel row][kernel column]; coarse pixel r and kernel place u meet fine pixel stride * r + u - pad.
+ * Tensors in blocks of channels (lib/net/tensor.h). */
 #include "inc_conv.h"
 
 /* One work-item takes one pixel of one block of output channels. Dimensions: columns, rows, blocks times images. */

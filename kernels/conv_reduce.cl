@@ -1,7 +1,7 @@
-/* Partial sums added in order: the second half of the gradients of weights and biases. */
+/* Adds partial sums in order: the second half of the gradients of weights and biases. */
 #include "inc_conv.h"
 
-/* Whether the sums for a CPU are there; groups have theirs in conv_group_reduce.cl. */
+/* Whether to build the sums for a CPU; groups have theirs in conv_group_reduce.cl. */
 #ifndef CONV_PARTIALS
 #define CONV_PARTIALS 1
 #endif
@@ -66,7 +66,7 @@ __kernel void conv_bias_partial(__global const float *dy, __global float *partia
 
 #endif
 
-/* db from partial sums, which stand from `offset` on. One work-item takes a channel. */
+/* db from partial sums, which begin at `offset`. One work-item takes a channel. */
 __kernel void conv_reduce_bias(__global const float *partial, __global float *db, ulong offset, ulong db_offset,
                                int parts, int blocks, int channels, int accumulate)
 {

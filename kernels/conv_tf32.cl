@@ -1,7 +1,7 @@
 /* Convolution, transposed or not, for work-groups with tensor cores: the implicit matrix product of conv_group.cl, each
- * float split into two values of TF32, of whose four products the three largest are added up
- * (docs/explanation/speed-and-accuracy.md has the error). Arguments, dimensions, packed weights, steps, parts and local
- * memory are those of conv_group.cl.
+ * float split into two values of TF32, of whose four products the three largest are added up (error:
+ * docs/explanation/speed-and-accuracy.md). Arguments, dimensions, packed weights, steps, parts and local memory are
+ * those of conv_group.cl.
  *
  * A warp takes 64 pixels times 32 output channels. Pixels are the rows of A. Input channels 2 k and 2 k + 1 of a step
  * are its columns k and k + 4, so that an item reads both at once; output channels 4 n + j of the warp are the columns
@@ -28,7 +28,7 @@
 /* Of a step: vectors of four input channels that an item loads, and vectors of weights in all. */
 #define CONV_LOADS   (2 * CONV_TILE / HADA_CONV_GROUP_ITEMS)
 #define CONV_FACTORS (8 * CONV_HIGH / 4)
-/* a vector more: what the items of a warp read at once then lies in different banks */
+/* one vector more, so that the items of a warp read from different banks */
 #define CONV_PITCH (CONV_HIGH / 4 + 1)
 
 __kernel __attribute__((reqd_work_group_size(HADA_CONV_GROUP_ITEMS, 1, 1))) void
@@ -47,7 +47,7 @@ conv_tf32(__global const float *restrict x, __global const float *restrict weigh
     const int w_to = item / (CONV_HIGH / 4) * CONV_PITCH + item % (CONV_HIGH / 4);
     conv_walk walk = conv_walk_of(share);
 
-    /* what the item brings: every other vector of four channels */
+    /* what the item loads: every other vector of four channels */
     uint mine[CONV_LOADS];
 #pragma unroll
     for (int i = 0; i < CONV_LOADS; ++i)
@@ -65,7 +65,7 @@ conv_tf32(__global const float *restrict x, __global const float *restrict weigh
     barrier(CLK_LOCAL_MEM_FENCE);
     for (int s = share.begin; s < share.end; ++s) {
         const int half_used = (s - share.begin) % 2;
-        if (s + 1 < share.end) { /* the last step brings its own values once more, for nobody */
+        if (s + 1 < share.end) { /* the last step loads its own values again, unused */
             walk = conv_walk_on(walk, share);
             w_from += CONV_FACTORS;
         }
@@ -94,7 +94,7 @@ conv_tf32(__global const float *restrict x, __global const float *restrict weigh
                 (uint4)(conv_tf32_large(v.x), conv_tf32_large(v.y), conv_tf32_large(v.z), conv_tf32_large(v.w));
             const uint4 small = (uint4)(conv_tf32_small(v.x, large.x), conv_tf32_small(v.y, large.y),
                                         conv_tf32_small(v.z, large.z), conv_tf32_small(v.w, large.w));
-            /* tensor cores cut their sums off: those of a step begin at zero, smallest products first, and are rounded
+            /* tensor cores truncate their sums: those of a step begin at zero, smallest products first, and are rounded
              * as they are added up */
             float4 d[CONV_B];
             CONV_UNROLL

@@ -8,8 +8,8 @@
 #include "inc_conv_winograd_products.h"
 #include "shared_local.h"
 
-/* Asks for what the tiles begin, begin + CONV_PLACES, ... before `end` read: a processor by itself fetches ahead within
- * a row, of which a tile takes few pixels. Their first two columns are the last ones of the tile before. */
+/* Prefetches the inputs of the tiles begin, begin + CONV_PLACES, ... before `end`: a processor by itself fetches ahead
+ * only within a row, of which a tile takes few pixels. Their first two columns are the last two of the tile before. */
 static inline void conv_fetch_tiles(__global const float *x, int begin, int end, int in_blocks, int rows, int cols)
 {
     const size_t row_floats = (size_t)(cols + 2) * NET_BLOCK, plane = (rows + 2) * row_floats;
@@ -23,7 +23,7 @@ static inline void conv_fetch_tiles(__global const float *x, int begin, int end,
     }
 }
 
-/* The same of channels that are doubled: of their four columns, too, two are those of the tile before. */
+/* The same for channels that are doubled: again two of their four columns belong to the tile before. */
 static inline void conv_fetch_doubled(__global const float *low, int begin, int end, int low_blocks, int rows, int cols)
 {
     const size_t row_floats = (size_t)(cols / 2 + 2) * NET_BLOCK, plane = (rows / 2 + 2) * row_floats;
@@ -70,13 +70,14 @@ conv_winograd(__global const float *restrict x, __global const float *restrict l
             conv_tile_in(x + b * plane + place.row * row_floats + place.col * NET_BLOCK, row_floats,
                          v + b * block_floats + t * NET_BLOCK, v_place);
     }
-    for (int b = 0; b < low_blocks; ++b) /* tiles inside: what does not depend on the block finds no registers */
+    /* tiles inside: values that do not depend on the block do not fit in registers */
+    for (int b = 0; b < low_blocks; ++b)
         for (int t = 0; t < tiles; ++t)
             conv_tile_in_doubled(low + b * low_plane, conv_place_of(first + t, rows, cols), rows, cols,
                                  v + (x_blocks + b) * block_floats + t * NET_BLOCK, v_place);
     for (int group = 0; group < out_blocks / CONV_BLOCKS; ++group) {
         for (int f = 0; f < CONV_PLACES; ++f) {
-            if (group == 0) { /* the next work-item's, most likely on the same processor */
+            if (group == 0) { /* those of the next work-item, most likely on the same processor */
                 conv_fetch_tiles(x, first + tiles + f, min(first + 2 * tiles, all), x_blocks, rows, cols);
                 conv_fetch_doubled(low, first + tiles + f, min(first + 2 * tiles, all), low_blocks, rows, cols);
             }

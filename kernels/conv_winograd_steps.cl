@@ -1,5 +1,5 @@
-/* As conv_winograd.cl, in three launches, for many channels: so each weight is read once for all tiles. `tiles` tiles
- * of all images from tile `begin` on go to scratch as v[place][input block][tile][channel], their products, at
+/* As conv_winograd.cl, in three launches, for many channels: each weight is then read once for all tiles. Scratch holds
+ * `tiles` tiles of all images from tile `begin` on as v[place][input block][tile][channel], and their products, at
  * m_offset, as m[place][output block][tile][channel]; both have room for `room` tiles. Shape lanes. */
 #define CONV_MEM __global
 #include "inc_conv_doubled.h"

@@ -1,7 +1,7 @@
-/* As conv_winograd_weights.cl, for many channels: the inputs of `tiles` tiles from conv_winograd_in
- * (conv_winograd_steps.cl) stand in scratch as v[place][fine block][tile][channel], `room` tiles apart; A dy A^T goes
- * behind them, at d_offset, and what they make is added to the transformed gradient du[coarse
- * block][fine][place][coarse], at du_offset. Shape lanes. */
+/* As conv_winograd_weights.cl, for many channels. Scratch holds the inputs of `tiles` tiles from conv_winograd_in
+ * (conv_winograd_steps.cl) as v[place][fine block][tile][channel], `room` tiles apart; behind them, at d_offset, A dy
+ * A^T; their products are added to the transformed gradient du[coarse block][fine][place][coarse], at du_offset. Shape
+ * lanes. */
 #define CONV_MEM __global
 #include "inc_conv_winograd_gradient.h"
 

@@ -14,11 +14,7 @@ __kernel void fft_group_cols(__global const float *in, hada_fft_columns_in from,
     const int w = side.w, tasks = (from.band / HADA_FFT_BLOCK + 1) * images * parts;
     __global const int *source = table + table[FFT_SOURCE], *place = table + table[FFT_PLACE];
     __global const float *chirp = FFT_FLOATS_OF(table) + table[FFT_CHIRP];
-#if FFT_SCRATCH_GLOBAL
-    __global float2 *scratch = scratches + get_group_id(0) * (size_t)(points * width * (table[FFT_ODD] ? 2 : 1));
-#else
-    __local float2 *scratch = scratches;
-#endif
+    FFT_MEM float2 *scratch = fft_own_scratch(scratches, table, width);
     for (int task = get_group_id(0); task < tasks; task += get_num_groups(0)) {
         const int image = task % images, part = task / images % parts, block = task / images / parts;
         __global const float *p = in + 2 * (from.offset + (ulong)((from.first + image) % from.count) * from.distance +

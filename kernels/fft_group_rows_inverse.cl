@@ -13,11 +13,7 @@ __kernel void fft_group_rows_inverse(__global const float *in, hada_fft_spectra 
     const fft_side side = fft_side_of(width);
     __global const int *place = table + table[FFT_PLACE];
     __global const float *chirp = FFT_FLOATS_OF(table) + table[FFT_CHIRP];
-#if FFT_SCRATCH_GLOBAL
-    __global float2 *scratch = scratches + get_group_id(0) * (size_t)(points * width * (table[FFT_ODD] ? 2 : 1));
-#else
-    __local float2 *scratch = scratches;
-#endif
+    FFT_MEM float2 *scratch = fft_own_scratch(scratches, table, width);
     for (int task = get_group_id(0); task < tasks; task += get_num_groups(0)) {
         const int image = task / groups, first = task % groups * 2 * width, count = min(2 * width, rows_in - first);
         __global const float *p = in + 2 * (spectra.offset + (ulong)image * spectra.distance + (ulong)first * 8);

@@ -1,5 +1,5 @@
-/* What a transform library without pruning, bands and products needs around it: images of a rectangle to whole images
- * and back, spectra times filters. Row-major half spectra. One element a work-item. */
+/* Around a transform library without pruning, bands and products: images of a rectangle to whole images and back,
+ * spectra times filters. Row-major half spectra. One element a work-item. */
 #include "inc_fft_product.h"
 #include "shared_fft.h"
 

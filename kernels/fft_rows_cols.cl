@@ -12,11 +12,7 @@ __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_rows_forward(__global const float *in, hada_fft_real real, __global float *out, hada_fft_spectra spectra,
                  __global const int *table, FFT_MEM FFT_STATED_SIZE float8 *scratches)
 {
-#if FFT_SCRATCH_GLOBAL
-    __global float8 *scratch = scratches + get_group_id(0) * (size_t)(2 * table[FFT_POINTS]);
-#else
-    __local float8 *scratch = scratches;
-#endif
+    FFT_MEM float8 *scratch = fft_own_scratch(scratches, table[FFT_POINTS]);
     const int groups = (real.rows + ROWS - 1) / ROWS, tasks = groups * real.images;
     for (int task = get_group_id(0); task < tasks; task += get_num_groups(0)) {
         const int image = task / groups, first = task % groups * ROWS;
@@ -32,11 +28,7 @@ __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_rows_inverse(__global const float *in, hada_fft_spectra spectra, __global float *out, hada_fft_real real,
                  __global const int *table, FFT_MEM FFT_STATED_SIZE float8 *scratches)
 {
-#if FFT_SCRATCH_GLOBAL
-    __global float8 *scratch = scratches + get_group_id(0) * (size_t)(2 * table[FFT_POINTS]);
-#else
-    __local float8 *scratch = scratches;
-#endif
+    FFT_MEM float8 *scratch = fft_own_scratch(scratches, table[FFT_POINTS]);
     const int groups = (spectra.rows + ROWS - 1) / ROWS, tasks = groups * real.images;
     for (int task = get_group_id(0); task < tasks; task += get_num_groups(0)) {
         const int image = task / groups, first = task % groups * ROWS;
@@ -56,11 +48,7 @@ __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_cols(__global const float *in, hada_fft_columns_in from, __global const void *filter, __global float *out,
          hada_fft_columns_out to, __global const int *table, FFT_MEM FFT_STATED_SIZE float8 *scratches)
 {
-#if FFT_SCRATCH_GLOBAL
-    __global float8 *scratch = scratches + get_group_id(0) * (size_t)(2 * table[FFT_POINTS]);
-#else
-    __local float8 *scratch = scratches;
-#endif
+    FFT_MEM float8 *scratch = fft_own_scratch(scratches, table[FFT_POINTS]);
     const int images = to.images, tasks = (from.band / HADA_FFT_BLOCK + 1) * images;
     for (int task = get_group_id(0); task < tasks; task += get_num_groups(0)) {
         const int block = task / images, image = task % images;

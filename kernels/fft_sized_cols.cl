@@ -108,7 +108,8 @@ FFT_INLINE void get(__local const float *scratch, int radix, float *x)
     FFT_EACH_ROUND(GET_ROUND)
 }
 
-/* Hands over from a stage to the next: real parts and then imaginary ones, so that half the local memory serves. */
+/* Passes values from a stage to the next: real parts and then imaginary ones, so that half the local memory is enough.
+ */
 FFT_INLINE void exchange(__local float *scratch, int radix, int span, const float *re, const float *im, int next,
                          float *next_re, float *next_im)
 {
@@ -122,7 +123,7 @@ FFT_INLINE void exchange(__local float *scratch, int radix, int span, const floa
     get(scratch, next, next_im);
 }
 
-/* What columns are read from, for a group: the block's first row, times a filter. */
+/* The input of a group: the block's first row, and its filter. */
 typedef struct sized_input {
     __global const float *in;
     __global const filter_value *filter;

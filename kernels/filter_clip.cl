@@ -1,4 +1,4 @@
-/* Intensities are not negative: values below zero become zero. Planes of two ways, blended. */
+/* Clips negative values to zero, as light is not negative; and blends planes of two methods. */
 #include "inc_values.h"
 
 /* `count` values from `offset` on. */
@@ -13,7 +13,7 @@ __kernel void filter_clip(__global float *values, ulong offset, ulong count)
     p[i] = max(p[i], 0.0f);
 }
 
-/* values = share * values + (1 - share) * others, both clipped: light is not negative. */
+/* values = share * values + (1 - share) * others, both clipped. */
 __kernel void filter_blend(__global float *values, ulong offset, __global const float *others, ulong count, float share)
 {
     const long first = VALUES_FIRST(offset);

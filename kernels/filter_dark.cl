@@ -1,4 +1,4 @@
-/* Takes the dark level, and a dark frame where there is one, off the `count` pixels of a channel, which begin at
+/* Subtracts the dark level, and a dark frame where there is one, from the `count` pixels of a channel, which begin at
  * `offset`. */
 #include "inc_values.h"
 

@@ -1,5 +1,5 @@
 /* The energy of filtered spectra in tiles: the sum of gain |B|^2 over strips of rows by eight columns, each value
- * counted as often as it stands in the whole spectrum (the columns 0 and cols/2 once, the others twice). Strip s holds
+ * counted as often as it occurs in the whole spectrum (the columns 0 and cols/2 once, the others twice). Strip s has
  * the rows with last[s-1] < |ky| <= last[s], strip 0 those with |ky| <= last[0]. */
 #include "inc_spectrum.h"
 #include "shared_spectrum.h"
@@ -43,7 +43,7 @@ __kernel void filter_tiles(__global const float *in, __global const float *gains
     __global const float *spectrum = in + 2 * first, *gain = gains + first;
     const int from = strip ? last[strip - 1] + 1 : 0, to = last[strip];
     float8 sum = add_rows(spectrum, gain, rows, block, column, cols, from, to, (float8)0.0f);
-    /* the negative frequencies; row 0, and the Nyquist row of an even height, stand for themselves */
+    /* the negative frequencies; row 0, and the Nyquist row of an even height, have none */
     const int mirror_from = max(from, 1), mirror_to = 2 * to == rows ? to - 1 : to;
     sum = add_rows(spectrum, gain, rows, block, column, cols, rows - mirror_to, rows - mirror_from, sum);
     float part[8], total = 0.0f;

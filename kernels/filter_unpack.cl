@@ -1,8 +1,7 @@
-/* Whole numbers of 8 or 16 bits over a full scale, as cameras and files store pixels, to the floats that they stand
- * for: the correctly rounded quotient, as the host has it. The product with the rounded inverse is near, and one
- * correction by what it leaves, in fused multiply-adds, finds it (P. W. Markstein, "Computation of elementary functions
- * on the IBM RISC System/6000 processor", IBM Journal of Research and Development 34(1), 1990); a test holds every
- * number.
+/* Integers of 8 or 16 bits over a full scale, as cameras and files store pixels, to floats: the correctly rounded
+ * quotient, as the host computes it. The product with the rounded inverse is close, and one correction by its residual,
+ * in fused multiply-adds, makes it exact (P. W. Markstein, "Computation of elementary functions on the IBM RISC
+ * System/6000 processor", IBM Journal of Research and Development 34(1), 1990); a test checks every number.
  *
  * filter_unpack takes dense samples, filter_gather samples with any strides: a work-item a sample. */
 #include "shared_pixels.h"

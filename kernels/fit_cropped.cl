@@ -1,10 +1,11 @@
-/* Transfer functions where the sensor crops: what stands beside the steps of fit_nonnegative.cl (lib/fit/cropped.c).
+/* Transfer functions where the sensor crops: what the fit needs besides the steps of fit_nonnegative.cl
+ * (lib/fit/cropped.c).
  *
- * Images of pixels stand one channel after the other. */
+ * Images of pixels are stored channel by channel. */
 #include "inc_fit.h"
 
-/* What a model leaves of a frame: e, what it makes of the scene, becomes e - b. Work-items: chunks of
- * 8 HADA_FIT_CHUNK pixels of a channel; the sum of the squares of a chunk is added to out[channel * chunks + chunk]. */
+/* The residual of a model's prediction e of a frame b: e becomes e - b. Work-items: chunks of 8 HADA_FIT_CHUNK pixels
+ * of a channel; the sum of the squares of a chunk is added to out[channel * chunks + chunk]. */
 __kernel void fit_remain(__global float *e, __global const float *b, __global float *out, ulong pixels, ulong chunks)
 {
     const size_t chunk = get_global_id(0), channel = get_global_id(1);
@@ -29,9 +30,9 @@ __kernel void fit_remain(__global float *e, __global const float *b, __global fl
     out[channel * chunks + chunk] += fit_total(sum) + rest;
 }
 
-/* The cross sums that whole frames would give, of which the sensor shows a part: g, which holds sum conj(X) F(e - b) of
- * the transfer functions h, becomes Sxx h - step g. Both stand in the image; step 1 fills in what h says of the light
- * beyond the sensor. */
+/* The cross sums of whole frames, of which the sensor shows a part: g, which holds sum conj(X) F(e - b) of the transfer
+ * functions h, becomes Sxx h - step g. Both are in the image; step 1 fills in the light beyond the sensor as h predicts
+ * it. */
 __kernel void fit_fill(__global const float *sums, __global const float *h, __global float *g, hada_fit_image image,
                        float step)
 {

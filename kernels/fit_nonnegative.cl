@@ -1,12 +1,12 @@
-/* Transfer functions of point spread functions that are nowhere negative: the steps of lib/fit/nonnegative.c.
+/* Transfer functions of point spread functions without negative values: the steps of lib/fit/nonnegative.c.
  *
  * Frequencies are taken eight at a time; where the last eight reach beyond an image's end, one by one, since another
- * image may stand there. */
+ * image may follow. */
 #include "inc_fit.h"
 
-/* Between the pairs and a guess G, each by its weight: H = (S + weight G) / (w + weight), S = conj(Sxb) scale,
- * w = Sxx scale. Written to the image of `out`; G stands from complex number `guess_first` of `guess` on and may be
- * what is written. guessed 0: G = 0. is_filled 1: S = filled scale, which stands from the same number on. */
+/* A compromise between the pairs and a guess G, each with its weight: H = (S + weight G) / (w + weight), S = conj(Sxb)
+ * scale, w = Sxx scale. Written to the image of `out`; G begins at complex number `guess_first` of `guess` and may be
+ * what is written. guessed 0: G = 0. is_filled 1: S = filled scale, which begins at the same number. */
 __kernel void fit_blend(__global const float *sums, __global const float *filled, int is_filled,
                         __global const float *guess, ulong guess_first, int guessed, __global float *out,
                         hada_fit_image image, hada_fit_blend_rule rule)

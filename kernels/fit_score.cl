@@ -1,8 +1,8 @@
-/* Leave-one-out, and what the noise is. Work-items: chunks of HADA_FIT_CHUNK vectors of eight frequencies (times
- * FIT_MEMBERS), whose partial sums the host adds in order. */
+/* Leave-one-out scores, and the noise. Work-items: chunks of HADA_FIT_CHUNK vectors of eight frequencies (times
+ * FIT_MEMBERS), whose partial sums the host adds in order. Sums: inc_fit.h. */
 #include "inc_fit.h"
 
-/* Takes a pair (spectra x, b) out of its sums, fits a filter for each of the penalties without it and tries them on it:
+/* Removes a pair (spectra x, b) from its sums, fits a filter without it for each of the penalties and tries them on it:
  * error[setting] = spectrum of scene - filtered frame, image.count complex numbers each, and leak[setting][chunk] = sum
  * of weight |W|^2 * mean |B|^2 of the other depths. */
 __kernel __attribute__((reqd_work_group_size(FIT_GROUP, 1, 1))) void
@@ -53,7 +53,7 @@ fit_trial(__global const float *x, __global const float *b, __global const float
             lost = (wr * wr + wi * wi) * seen;
 #endif
             fit_put(e, i, image.count, error + (size_t)s * 2 * image.count);
-            /* padding holds anything, so it is left out rather than multiplied by zero */
+            /* padding may hold anything, so it is left out rather than multiplied by zero */
             others[s] += FIT_KEEP(weight > 0.0f ? weight * lost : (float8)0.0f);
         }
     }
@@ -82,7 +82,7 @@ __kernel void fit_energy(__global const float *planes, int rows, int cols, __glo
     out[(size_t)setting * rows + row] = total;
 }
 
-/* out[chunk] = sum of weight (Sbb - |Sxb|^2 / max(Sxx, least)): what no linear camera explains. */
+/* out[chunk] = sum of weight (Sbb - |Sxb|^2 / max(Sxx, least)): the part that no linear camera explains. */
 __kernel __attribute__((reqd_work_group_size(FIT_GROUP, 1, 1))) void fit_unexplained(__global const float *sums,
                                                                                      __global const float *weights,
                                                                                      __global float *out,

@@ -1,7 +1,7 @@
 /* Adds to the sums of a fit. Work-items: vectors of eight frequencies. */
 #include "inc_fit.h"
 
-/* A pair: scene spectrum x and raw spectrum b. sign -1 takes it out again. */
+/* Adds a pair: scene spectrum x and raw spectrum b. sign -1 removes it. */
 __kernel void fit_pair(__global const float *x, __global const float *b, __global float *sums, hada_fit_image image,
                        float sign)
 {
@@ -19,7 +19,7 @@ __kernel void fit_pair(__global const float *x, __global const float *b, __globa
 #endif
 }
 
-/* Other sums of the same shape, as high and low parts: sums of several files or machines. */
+/* Adds other sums of the same shape, as high and low parts: to combine files or machines. */
 __kernel void fit_merge(__global const float *more, __global float *sums, hada_fit_image image, int count)
 {
     const size_t i = get_global_id(0), stride = image.stride;

@@ -1,9 +1,9 @@
-/* Filters by the error in the window: conjugate gradients on T = P^-1 (N + D), where P is what stands under the exact
- * fit's fraction, D the same without the depth's own |B|^2, and N v = sum over pairs of conj(B) F crop F^-1(B v)
- * (docs/explanation/learning-a-camera.md). split: real and imaginary parts by themselves, as everywhere.
+/* Filters by the error in the window: conjugate gradients on T = P^-1 (N + D), where P is the denominator of the exact
+ * fit, D the same without the depth's own |B|^2, and N v = sum over pairs of conj(B) F crop F^-1(B v)
+ * (docs/explanation/learning-a-camera.md). split: real and imaginary parts separately.
  *
- * Spectra stand one channel after the other. Sums over frequencies are partial sums over HADA_FIT_CHUNK vectors of
- * eight that the host adds in order. */
+ * Spectra are stored channel by channel. Sums over frequencies are partial sums over HADA_FIT_CHUNK vectors of eight
+ * that the host adds in order. */
 #include "inc_fit.h"
 
 /* sum += conj(b) g of a pair, all channels at once; split: products of the real parts and of the imaginary parts. */
@@ -44,7 +44,7 @@ fit_apply(__global const float *p, __global float *t, __global const float *sums
         const float16 tv = fit_divide_parts(gathered + (under.whole - under.own) * pv, under.whole) + shift * pv;
         const float8 weight = fit_eight(i, weights);
         fit_put(tv, i, image.count, t + 2 * offset);
-        /* padding holds anything, so it is left out rather than multiplied by zero */
+        /* padding may hold anything, so it is left out rather than multiplied by zero */
         sum += weight > 0.0f ? weight * fit_inner(under.whole, pv, tv) : (float8)0.0f;
     }
     const float total = FIT_TOTAL(sum);

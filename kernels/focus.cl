@@ -1,8 +1,11 @@
-/* Depth from focus: how much the planes have to say at each pixel, averaged by a window (focus_measure across it,
- * focus_select down it), the running best over the planes (focus_select), and what follows from it (focus_finish).
+/* Depth from focus: a measure of contrast of the planes at each pixel, averaged by a window (focus_measure across it,
+ * focus_select down it), the running best over the planes (focus_select), and distances and images from it
+ * (focus_finish).
  *
  * Vectors of FOCUS_WIDTH pixels side by side in work-groups of one, or one pixel in groups of FOCUS_GROUP. Rows of
- * responses and of the running best stand `pitch` apart, whole vectors, so that only planes have a ragged end. */
+ * responses and of the running best are `pitch` apart, whole vectors, so that only planes have an incomplete last
+ * vector.
+ * Planes: float [plane][channel][row][col]. */
 #include "inc_focus.h"
 
 /* Luminance (Rec. 709) of LIGHT_ROWS rows from `top` on and `wide` columns from `left` on; the image's edge pixels are
@@ -50,7 +53,7 @@ FOCUS_INLINE void make_edges(__local const float *light, int measure, int rows, 
 }
 
 /* The window across `wide` columns of FOCUS_ROWS rows of responses, of which `count` are in the image; four rows at a
- * time, so that no sum waits for itself. */
+ * time, so that sums do not wait for each other. */
 FOCUS_INLINE void window_across(__local const float *edges, __global const float *weights, int radius, int count,
                                 int wide, int pitch, __global float *out)
 {
@@ -77,7 +80,7 @@ FOCUS_INLINE void window_across(__local const float *edges, __global const float
 }
 
 /* Responses of the planes of a batch, averaged across. measure: CONTRAST, ENERGY or COMBINED (both).
- * response[plane][kind: contrast, energy][rows + 2][pitch]: the image's rows and one more at either end, which stands
+ * response[plane][kind: contrast, energy][rows + 2][pitch]: the image's rows and one more at either end, which is used
  * for all rows beyond. bins[group][0]: counts of the noise operator. */
 __kernel __attribute__((reqd_work_group_size(FOCUS_GROUP, 1, 1))) void
 focus_measure(__global const float *planes, const hada_focus_batch batch, const hada_focus_image image,
@@ -127,16 +130,15 @@ FOCUS_INLINE void window_down(__global const float *response, __global const flo
     }
 }
 
-/* What is kept from push to push: images of rows x pitch, in this order, then the all-in-focus sums of each channel.
+/* The state kept from push to push: images of rows x pitch, in this order, then the all-in-focus sums of each channel.
  * Best measure and its depth, the measures of the depths before and after it (0 where these do not compete), the
- * largest measure of a depth that is not next to it, the measure of the depth pushed last, and the sum of all measures.
- */
+ * largest measure of a depth that is not next to it, the measure of the last depth, and the sum of all measures. */
 enum { BEST, BEST_DEPTH, BEFORE, AFTER, SECOND, LAST, WEIGHTS, FUSED };
 
-/* The running best over the planes of a batch, and the all-in-focus sums. Of every plane but the
- * first, each pixel has one loser: the smaller of the new measure and the best so far; bins[group][1] counts them.
- * The mean weighted by the measures is kept up to date plane by plane, which holds at every scale; where every measure
- * so far is 0, the plain mean. */
+/* The running best over the planes of a batch, and the all-in-focus sums. In every plane but the first, each pixel has
+ * one loser: the smaller of the new measure and the best so far; bins[group][1] counts them. The mean weighted by the
+ * measures is updated plane by plane, which works at every scale; where every measure so far is 0, it is the plain
+ * mean. */
 __kernel __attribute__((reqd_work_group_size(FOCUS_GROUP, 1, 1))) void
 focus_select(__global const float *response, __global const float *weights, __global const float *planes,
              const hada_focus_batch batch, const hada_focus_image image, const hada_focus_past past,

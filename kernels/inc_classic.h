@@ -1,6 +1,6 @@
-/* What the kernels over images of the classic methods share. Images stand with rows of `pitch` floats, a multiple of 8;
- * what lies between a row's `cols` pixels and its pitch is 0 and stays so. Values of REFINE_WIDTH pixels side by side,
- * sums in a fixed order: as in inc_refine.h. */
+/* For the kernels of the classic methods over images. Rows have `pitch` floats, a multiple of 8; the values between a
+ * row's `cols` pixels and its pitch are 0 and stay 0. REFINE_WIDTH pixels side by side and sums in a fixed order: as in
+ * inc_refine.h. */
 #ifndef INC_CLASSIC_H
 #define INC_CLASSIC_H
 

@@ -1,4 +1,4 @@
-/* What the kernels of convolutions share: vectors of one block of channels, and what is done to a finished sum. */
+/* For all kernels of convolutions: vectors of one block of channels, and the end of a sum. */
 #ifndef INC_CONV_H
 #define INC_CONV_H
 
@@ -25,16 +25,16 @@ typedef int8 conv_iv;
 /* To global memory; CONV_STORE_IN(space, v, p) to any. */
 #define CONV_STORE(v, p) CONV_STORE_IN(__global, v, p)
 
-/* Asks for the line of a cache at p, which may be anywhere. Compilers for the host's own processor have the builtin,
- * and one space of addresses; others take this for nothing. */
+/* Prefetches the cache line at p, which may be anywhere. Compilers for the host's own processor have the builtin and
+ * one address space; with others this does nothing. */
 #if defined(__x86_64__) || defined(__aarch64__)
 #define CONV_FETCH(p) __builtin_prefetch((const void *)(size_t)(p), 0, 2)
 #else
 #define CONV_FETCH(p) ((void)(p))
 #endif
 
-/* Past the caches, which a large tensor would only sweep, after reading each line for nothing: p is a whole block's.
- * Other compilers take the ordinary store. */
+/* Stores a whole block of channels past the caches, which a large tensor would only flush, and without reading the line
+ * first. Other compilers take the ordinary store. */
 #ifdef __has_builtin
 #if __has_builtin(__builtin_nontemporal_store)
 #define CONV_STREAM(v, p) __builtin_nontemporal_store(v, (__global conv_v *)(p))

@@ -1,12 +1,12 @@
-/* The inputs of Winograd's tiles of 4 x 4 where they are a tensor of half the size, doubled bilinearly (net_resize.cl,
- * its rule HADA_RESIZE_HALF): the 6 x 6 pixels of a tile come from 4 x 4 of it and are never written. The arithmetic is
- * that of net_resize_linear, so the bits are those of resizing first. */
+/* Winograd's tiles of 4 x 4 where the input is a tensor of half the size, doubled bilinearly (net_resize.cl, its rule
+ * HADA_RESIZE_HALF): the 6 x 6 pixels of a tile are computed from 4 x 4 and never written. The arithmetic is that of
+ * net_resize_linear, so the bits are those of resizing first. */
 #ifndef INC_CONV_DOUBLED_H
 #define INC_CONV_DOUBLED_H
 
 #include "inc_conv_winograd.h"
 
-/* How far pixels at odd and at even places of an axis stand from the one to the next of that many `values`. */
+/* How far pixels at odd and at even places are from the input value before them, on an axis of so many `values`. */
 typedef struct conv_parts {
     float near, far;
 } conv_parts;
@@ -44,7 +44,7 @@ static inline void conv_tile_in_doubled(__global const float *restrict x, conv_p
     for (int k = 0; k < 3; ++k) {
         conv_v left[4], step[4];
 #pragma unroll
-        for (int r = 0; r < 4; ++r) { /* the edge stands for what is outside */
+        for (int r = 0; r < 4; ++r) { /* outside values are those of the edge */
             __global const float *line = x + clamp(place.row / 2 - 1 + r, 0, half_rows - 1) * x_row;
             left[r] = CONV_LOAD(line + clamp(place.col / 2 - 1 + k, 0, half_cols - 1) * NET_BLOCK);
             step[r] = CONV_LOAD(line + clamp(place.col / 2 + k, 0, half_cols - 1) * NET_BLOCK) - left[r];

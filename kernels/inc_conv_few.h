@@ -1,5 +1,5 @@
-/* What convolutions to few output channels share, whose lanes are input channels: weights in local memory, and the end
- * of a sum. */
+/* For convolutions to few output channels, whose lanes are input channels: weights in local memory, and the end of a
+ * sum. */
 #ifndef INC_CONV_FEW_H
 #define INC_CONV_FEW_H
 
@@ -10,7 +10,7 @@
 #define CONV_FEW 1
 #endif
 
-/* The lanes of v, in halves of halves. */
+/* The sum of the lanes of v, by halves. */
 static inline float conv_lanes_sum(conv_v v)
 {
 #if NET_BLOCK == 16

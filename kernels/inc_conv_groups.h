@@ -1,12 +1,12 @@
-/* Convolutions in work-groups, whatever multiplies: what a group sums, its way through the input, and what becomes of
- * finished sums, four channels of a pixel at a time, 128 bits wide. */
+/* For convolutions in work-groups, with or without tensor cores: a group's share of the sums, its way through the
+ * input, and the end of sums, four channels of a pixel at a time, 128 bits wide. */
 #ifndef INC_CONV_GROUPS_H
 #define INC_CONV_GROUPS_H
 
 #include "inc_conv.h"
 
-/* What a group sums: pixels of one phase of an image from `tile` on, of a group of output channels, over the steps of
- * its part. A step is eight input channels of one tap. */
+/* A group's share: pixels of one phase of an image from `tile` on, of a group of output channels, over the steps of its
+ * part. A step is eight input channels of one tap. */
 typedef struct conv_share {
     hada_conv_taps rows, cols;
     uint x_row, x_plane; /* of the input, in vectors of four */
@@ -38,7 +38,7 @@ static inline conv_share conv_share_of(hada_conv_problem problem, int tile_pixel
     return share;
 }
 
-/* Where the weights of a share begin, in vectors of four; those of a step are so many. */
+/* Where the weights of a share begin, in vectors of four; a step has step_vectors of them. */
 static inline size_t conv_share_weights(conv_share share, hada_conv_problem problem, int step_vectors)
 {
     const int step = problem.step;
@@ -49,7 +49,7 @@ static inline size_t conv_share_weights(conv_share share, hada_conv_problem prob
            (size_t)share.begin * step_vectors;
 }
 
-/* The input of a pixel at the first tap, in vectors; pixels beyond the last one are worked out as the last one and not
+/* The input of a pixel at the first tap, in vectors; pixels beyond the last one are computed as the last one and not
  * stored. */
 static inline uint conv_share_pixel(conv_share share, hada_conv_problem problem, int pixel)
 {
@@ -58,8 +58,8 @@ static inline uint conv_share_pixel(conv_share share, hada_conv_problem problem,
            (uint)(inside % width * problem.in_step + share.cols.first + 1) * (NET_BLOCK / 4);
 }
 
-/* Where a pass stands: tap, eight channels of a block, block; `at`: their place from the first one's on, in vectors of
- * four. All items of a group have the same. */
+/* The current step: tap, eight channels of a block, block; `at`: its place relative to the first one, in vectors of
+ * four. The same for all items of a group. */
 typedef struct conv_walk {
     int row, col, eight, block;
     uint at;

@@ -18,10 +18,10 @@
 
 /* The bits of TF32; instructions leave out the others. */
 #define CONV_TF32_BITS 0xffffe000u
-/* Half of the last place that stays. */
+/* Half of the last bit that is kept. */
 #define CONV_TF32_HALF 0x1000u
 
-/* What an item shows the others of its warp. */
+/* The values that an item shares with the others of its warp. */
 typedef struct conv_fragments {
     uint4 a;
     uint2 b;
@@ -52,7 +52,7 @@ static inline float4 conv_mma(float4 c, uint4 a, uint2 b, __local conv_fragments
 /* barriers in loops that stay loops: quicker to compile */
 #define CONV_UNROLL    _Pragma("unroll 1")
 
-/* All items of a group have to come here. */
+/* Every item of a group must call this. */
 static inline float4 conv_mma(float4 c, uint4 a, uint2 b, __local conv_fragments *exchange)
 {
     const int item = get_local_id(0), row = item % 32 / 4, col = item % 4;

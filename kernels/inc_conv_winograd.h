@@ -9,7 +9,7 @@
 #define CONV_REACH  (CONV_TILE + 2)
 #define CONV_PLACES (CONV_REACH * CONV_REACH)
 
-/* From one place to the next: so far apart that the places of a tile do not all fall on one set of a cache. */
+/* Distance from one place to the next: chosen so that the places of a tile do not all fall on one set of a cache. */
 #define CONV_APART(floats) ((floats) + NET_BLOCK)
 
 /* One dimension of the transforms: o = B^T i and o = A^T i. */
@@ -34,7 +34,7 @@ static inline void conv_out_1d(const conv_v *i, conv_v *o)
     o[3] = fma((conv_v)(8.0f), v, d) + i[5];
 }
 
-/* What has been transformed down its columns, across its rows, to places `pitch` floats apart. */
+/* Values transformed down their columns to values transformed across their rows, to places `pitch` floats apart. */
 static inline void conv_tile_across(conv_v down[CONV_REACH][CONV_REACH], CONV_MEM float *restrict to, size_t pitch)
 {
 #pragma unroll
@@ -91,8 +91,8 @@ static inline void conv_tile_out(CONV_MEM const float *restrict from, size_t pit
     }
 }
 
-/* Where a tile stands: its first output pixel, moved back at the far edges, and how many of its rows and columns the
- * tiles before have then done. */
+/* A tile: its first output pixel, moved back at the far edges, and how many of its rows and columns earlier tiles have
+ * done. */
 typedef struct conv_place {
     int row, col, done_rows, done_cols;
 } conv_place;
@@ -107,8 +107,7 @@ static inline conv_place conv_place_of(int tile, int rows, int cols)
     return place;
 }
 
-/* What is done with the sums of a tile: to y, and their 2 x 2 maxima to pooled (for even sizes). Pointers at the tile's
- * first pixel. */
+/* The sums of a tile to y, and their 2 x 2 maxima to pooled (for even sizes). Pointers at the tile's first pixel. */
 static inline void conv_tile_put(conv_v out[CONV_TILE][CONV_TILE], conv_place place, int flags, int activation,
                                  float slope, int present, __global const float *restrict mask,
                                  __global float *restrict y, size_t row_floats, __global float *restrict pooled,

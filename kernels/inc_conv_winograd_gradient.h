@@ -24,7 +24,7 @@ static inline void conv_back_1d(const conv_v *i, conv_v *o)
     o[5] = i[3];
 }
 
-/* The gradient at a tile of output pixels, without those that other tiles have, to A dy A^T. */
+/* The gradient at a tile of output pixels, without pixels that other tiles have, to A dy A^T. */
 static inline void conv_tile_back(__global const float *restrict dy, size_t row_floats, conv_place place,
                                   CONV_MEM float *restrict to, size_t pitch)
 {

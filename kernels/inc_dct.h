@@ -1,4 +1,4 @@
-/* Cosine transforms (DCT-II, orthonormal) of eight values, and what becomes of their coefficients. */
+/* Cosine transforms (DCT-II, orthonormal) of eight values, and the shrinkage of their coefficients. */
 #ifndef INC_DCT_H
 #define INC_DCT_H
 
@@ -22,7 +22,7 @@ typedef float dct_real;
 #define DCT_C5 0.277785116509801f
 #define DCT_C6 0.191341716182545f
 #define DCT_C7 0.097545161008064f
-/* Where T^2 is nothing, so is what is left of T. */
+/* Below this T^2 the shrunk coefficient is 0. */
 #define DCT_LEAST 1e-30f
 
 /* Coefficient k of place i among n. */

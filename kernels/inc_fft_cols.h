@@ -115,12 +115,7 @@ FFT_INLINE void fft_first(const fft_columns *columns, FFT_MEM float8 *scratch, _
     }
 
 FFT_LAST(1)
-FFT_LAST(2)
-FFT_LAST(3)
-FFT_LAST(4)
-FFT_LAST(5)
-FFT_LAST(7)
-FFT_LAST(8)
+FFT_EACH_RADIX(FFT_LAST)
 
 FFT_INLINE void fft_last_odd(const fft_columns *columns, FFT_MEM float8 *scratch, int radix, int span,
                              __global const float *twiddles, __global const float *cosines)
@@ -158,12 +153,7 @@ FFT_INLINE void fft_last(const fft_columns *columns, FFT_MEM float8 *scratch, __
     __global const float *w = floats + stage[FFT_TWIDDLES];
     switch (radix) {
     case 1: fft_last1(columns, scratch, span, w); break;
-    case 2: fft_last2(columns, scratch, span, w); break;
-    case 3: fft_last3(columns, scratch, span, w); break;
-    case 4: fft_last4(columns, scratch, span, w); break;
-    case 5: fft_last5(columns, scratch, span, w); break;
-    case 7: fft_last7(columns, scratch, span, w); break;
-    case 8: fft_last8(columns, scratch, span, w); break;
+    FFT_CASES(fft_last, columns, scratch, span, w)
     default: fft_last_odd(columns, scratch, radix, span, w, floats + stage[FFT_COSINES]); break;
     }
 }

@@ -1,14 +1,14 @@
 /* Convolutions along columns of half spectra, in scratch: the stages of a forward transform backwards, a product with a
- * transfer function, and the stages forwards. The former take natural order and leave row r at the point FFT_PLACE[r],
- * which the latter begin with, so that nothing is put in order; with real and imaginary parts changed over in the
- * middle, and once more at the end, they are the inverse. The largest radix comes first and last, where it takes and
- * makes the wanted rows alone. For any length that needs no chirp. */
+ * transfer function, and the stages forwards. The backward stages take natural order and leave row r at the point
+ * FFT_PLACE[r], which is the order that the forward stages begin with, so nothing is reordered; with real and imaginary
+ * parts swapped in the middle and at the end, the second transform is the inverse one. The largest radix comes first
+ * and last, where it reads and computes only the rows that are needed. For any length that needs no chirp. */
 #ifndef INC_FFT_CONVOLVE_H
 #define INC_FFT_CONVOLVE_H
 
 #include "inc_fft_cols.h"
 
-/* Block `number` of those that hold some rows of a column alone, from row0 on, where it is read and written. */
+/* Block number `number` of columns of which only the rows from row0 on are stored. */
 FFT_INLINE fft_columns fft_window_block(__global float *blocks, size_t number, int row0, int rows)
 {
     fft_columns columns;
@@ -41,12 +41,7 @@ FFT_INLINE fft_columns fft_window_block(__global float *blocks, size_t number, i
     }
 
 FFT_BEGIN(1)
-FFT_BEGIN(2)
-FFT_BEGIN(3)
-FFT_BEGIN(4)
-FFT_BEGIN(5)
-FFT_BEGIN(7)
-FFT_BEGIN(8)
+FFT_EACH_RADIX(FFT_BEGIN)
 
 /* The inputs of an odd-length butterfly, rows j, j + span, ... */
 FFT_INLINE void fft_odd_get(fft_odd *odd, const fft_columns *columns, int radix, int span, int j)
@@ -80,12 +75,7 @@ FFT_INLINE void fft_enter(const fft_columns *columns, FFT_MEM float8 *scratch, _
     __global const float *w = floats + stage[FFT_TWIDDLES];
     switch (radix) {
     case 1: fft_begin1(columns, scratch, span, w); break;
-    case 2: fft_begin2(columns, scratch, span, w); break;
-    case 3: fft_begin3(columns, scratch, span, w); break;
-    case 4: fft_begin4(columns, scratch, span, w); break;
-    case 5: fft_begin5(columns, scratch, span, w); break;
-    case 7: fft_begin7(columns, scratch, span, w); break;
-    case 8: fft_begin8(columns, scratch, span, w); break;
+    FFT_CASES(fft_begin, columns, scratch, span, w)
     default: fft_begin_odd(columns, scratch, radix, span, w, floats + stage[FFT_COSINES]); break;
     }
     fft_unstages(scratch, table, floats, table[FFT_STAGES] - 1);

@@ -20,6 +20,16 @@
 #define FFT_WAIT() barrier(CLK_LOCAL_MEM_FENCE)
 #endif
 
+/* The group's scratch, for `width` transforms of a table. */
+FFT_INLINE FFT_MEM float2 *fft_own_scratch(FFT_MEM float2 *scratches, __global const int *table, int width)
+{
+#if FFT_SCRATCH_GLOBAL
+    return scratches + get_group_id(0) * (size_t)(table[FFT_POINTS] * width * (table[FFT_ODD] ? 2 : 1));
+#else
+    return scratches;
+#endif
+}
+
 /* i = 0..total-1 shared out among the work-items. Every item makes the same number of rounds: where loops with a test
  * of their own stand on both sides of a barrier, PoCL threads the tests together and the barrier into their branches.
  */
@@ -61,15 +71,6 @@ FFT_INLINE float2 fft_twiddled(float2 x, float c, float d)
     return (float2)(fma(x.x, c, -(x.y * d)), fma(x.x, d, x.y * c));
 }
 
-#define FFT_AFTER_FIRST_1(M)
-#define FFT_AFTER_FIRST_2(M) M(1)
-#define FFT_AFTER_FIRST_3(M) FFT_AFTER_FIRST_2(M) M(2)
-#define FFT_AFTER_FIRST_4(M) FFT_AFTER_FIRST_3(M) M(3)
-#define FFT_AFTER_FIRST_5(M) FFT_AFTER_FIRST_4(M) M(4)
-#define FFT_AFTER_FIRST_7(M) FFT_AFTER_FIRST_5(M) M(5) M(6)
-#define FFT_AFTER_FIRST_8(M) FFT_AFTER_FIRST_7(M) M(7)
-#define FFT_EACH(R, M)       M(0) FFT_AFTER_FIRST_##R(M)
-
 #define FFT_FETCH(k)                                                                                                   \
     {                                                                                                                  \
         const float2 v = q[k * step];                                                                                  \
@@ -103,12 +104,7 @@ FFT_INLINE float2 fft_twiddled(float2 x, float c, float d)
         }                                                                                                              \
     }
 
-FFT_STAGE(2)
-FFT_STAGE(3)
-FFT_STAGE(4)
-FFT_STAGE(5)
-FFT_STAGE(7)
-FFT_STAGE(8)
+FFT_EACH_RADIX(FFT_STAGE)
 
 FFT_INLINE void fft_stage(FFT_MEM float2 *scratch, int points, fft_side side, __global const int *stage,
                           __global const float *floats, int back)
@@ -116,12 +112,7 @@ FFT_INLINE void fft_stage(FFT_MEM float2 *scratch, int points, fft_side side, __
     const int span = stage[FFT_SPAN], magic = stage[FFT_MAGIC];
     __global const float2 *w = (__global const float2 *)(floats + stage[FFT_TWIDDLES]);
     switch (stage[FFT_RADIX]) {
-    case 2: fft_stage2(scratch, points, side, span, magic, w, back); break;
-    case 3: fft_stage3(scratch, points, side, span, magic, w, back); break;
-    case 4: fft_stage4(scratch, points, side, span, magic, w, back); break;
-    case 5: fft_stage5(scratch, points, side, span, magic, w, back); break;
-    case 7: fft_stage7(scratch, points, side, span, magic, w, back); break;
-    case 8: fft_stage8(scratch, points, side, span, magic, w, back); break;
+    FFT_CASES(fft_stage, scratch, points, side, span, magic, w, back)
     default: break;
     }
 }

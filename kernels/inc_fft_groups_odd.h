@@ -1,16 +1,18 @@
-/* The stage of radix 43 of transforms by work-groups in place (inc_fft_groups.h), the last of a length's stages: an
- * item takes whole butterflies in registers, so that it writes what it alone has read. Input or output k of butterfly j
- * is point j + k span of the transform. Pairs k, 43 - k of which neither is known to differ from zero, or wanted, are
- * left out: the middle 383 of 1376 points are 7 of 21 pairs. Loops over these are no written-out ones, which would be
- * 9000 instructions of a kernel, and half a minute of a CPU's compiler; so cosines and sines stand in the stage's
- * table, and twiddle factors there by k, then by j (`across` of lib/fft/fft_own.h). */
+/* The stage of radix 43 of transforms by work-groups in place (inc_fft_groups.h), the last of a length's stages. An
+ * item takes whole butterflies in registers, so it writes only what it has read itself. Input or output k of butterfly
+ * j is point j + k span of the transform. Pairs k, 43 - k are left out where both are zero or not wanted: the middle
+ * 383 of 1376 points are 7 of 21 pairs.
+ *
+ * The loops over pairs are not unrolled: that would be 9000 instructions of a kernel and half a minute of a CPU's
+ * compiler. So cosines and sines are in the stage's table, and its twiddle factors are ordered by k, then by j
+ * (`across` of lib/fft/fft_own.h). */
 #ifndef INC_FFT_GROUPS_ODD_H
 #define INC_FFT_GROUPS_ODD_H
 
 #include "inc_fft_groups.h"
 #include "inc_fft_radix_large.h"
 
-/* The numbers k that have points which count: first ... last. */
+/* The numbers k that have points of the rectangle: first ... last. */
 typedef struct fft_odd_range {
     int first, last;
 } fft_odd_range;
@@ -31,6 +33,27 @@ FFT_INLINE int fft_odd_holds(fft_odd_range range, int k)
 FFT_INLINE int fft_odd_holds_pair(fft_odd_range range, int k)
 {
     return fft_odd_holds(range, k) || fft_odd_holds(range, FFT_ODD_RADIX - k);
+}
+
+/* The stage of a table, and the pairs of a rectangle's points. */
+typedef struct fft_odd_stage {
+    int span, step; /* step: from a point of a butterfly to the next one in scratch */
+    fft_odd_range range;
+    __global const float2 *twiddles;
+    __global const float *cosines;
+} fft_odd_stage;
+
+FFT_INLINE fft_odd_stage fft_odd_stage_of(__global const int *table, int width, int point0, int points)
+{
+    __global const int *last = table + FFT_HEADER + (table[FFT_STAGES] - 1) * FFT_STAGE_INTS;
+    __global const float *floats = FFT_FLOATS_OF(table);
+    fft_odd_stage stage;
+    stage.span = table[FFT_LENGTH] / FFT_ODD_RADIX;
+    stage.step = stage.span * width;
+    stage.range = fft_odd_range_of(point0, points, stage.span);
+    stage.twiddles = (__global const float2 *)(floats + last[FFT_TWIDDLES]);
+    stage.cosines = floats + last[FFT_COSINES];
+    return stage;
 }
 
 /* p and q of X[m], X[43 - m] = p -+ i q, pair after pair of inputs, of some outputs: m = m0 ... m1, literals. */

@@ -22,6 +22,16 @@
 #define FFT_STATED_SIZE STATED_SIZE
 #endif
 
+/* The work-item's scratch, of so many complex numbers in lanes. */
+FFT_INLINE FFT_MEM float8 *fft_own_scratch(FFT_MEM float8 *scratches, int points)
+{
+#if FFT_SCRATCH_GLOBAL
+    return scratches + get_group_id(0) * (size_t)(2 * points);
+#else
+    return scratches;
+#endif
+}
+
 /* Transposes 8 x 8 floats. */
 FFT_INLINE void fft_transpose(float8 *m)
 {
@@ -47,17 +57,6 @@ FFT_INLINE void fft_transpose(float8 *m)
     }
 }
 
-/* Written-out loops over the values of a butterfly, M(0) M(1) ..., and over those that have twiddle factors: compilers
- * do not reliably unroll them, and re[] and im[] must live in registers. */
-#define FFT_AFTER_FIRST_1(M)
-#define FFT_AFTER_FIRST_2(M) M(1)
-#define FFT_AFTER_FIRST_3(M) FFT_AFTER_FIRST_2(M) M(2)
-#define FFT_AFTER_FIRST_4(M) FFT_AFTER_FIRST_3(M) M(3)
-#define FFT_AFTER_FIRST_5(M) FFT_AFTER_FIRST_4(M) M(4)
-#define FFT_AFTER_FIRST_7(M) FFT_AFTER_FIRST_5(M) M(5) M(6)
-#define FFT_AFTER_FIRST_8(M) FFT_AFTER_FIRST_7(M) M(7)
-#define FFT_EACH(R, M)       M(0) FFT_AFTER_FIRST_##R(M)
-
 #define fft_radix1(re, im)
 #define FFT_FETCH(k)                                                                                                   \
     re[k] = q[2 * k * span];                                                                                           \
@@ -67,10 +66,11 @@ FFT_INLINE void fft_transpose(float8 *m)
     q[2 * k * span + 1] = im[k];
 #define FFT_TIMES_TWIDDLE(k) fft_times_twiddle(&re[k], &im[k], w[2 * k - 2], w[2 * k - 1]);
 
-/* A stage of radix R, in place, on the blocks from..to-1; and the same backwards (decimation in frequency), which takes
- * natural order and leaves digit-reversed order. */
+/* A stage of radix R, in place, on the blocks from..to-1; `back`: decimation in frequency, which takes natural order
+ * and leaves digit-reversed order. */
 #define FFT_STAGE(R)                                                                                                   \
-    FFT_INLINE void fft_stage##R(FFT_MEM float8 *scratch, int from, int to, int span, __global const float *twiddles)  \
+    FFT_INLINE void fft_stage##R(FFT_MEM float8 *scratch, int from, int to, int span, __global const float *twiddles,  \
+                                 int back)                                                                             \
     {                                                                                                                  \
         for (int b = from; b < to; ++b) {                                                                              \
             FFT_MEM float8 *q = scratch + (size_t)b * (size_t)(2 * R * span);                                          \
@@ -78,34 +78,19 @@ FFT_INLINE void fft_transpose(float8 *m)
             for (int j = 0; j < span; ++j, q += 2, w += 2 * (R - 1)) {                                                 \
                 float8 re[R], im[R];                                                                                   \
                 FFT_EACH(R, FFT_FETCH)                                                                                 \
-                FFT_AFTER_FIRST_##R(FFT_TIMES_TWIDDLE);                                                                \
+                if (!back) {                                                                                           \
+                    FFT_AFTER_FIRST_##R(FFT_TIMES_TWIDDLE);                                                            \
+                }                                                                                                      \
                 fft_radix##R(re, im);                                                                                  \
-                FFT_EACH(R, FFT_LEAVE)                                                                                 \
-            }                                                                                                          \
-        }                                                                                                              \
-    }                                                                                                                  \
-    FFT_INLINE void fft_unstage##R(FFT_MEM float8 *scratch, int from, int to, int span,                                \
-                                   __global const float *twiddles)                                                     \
-    {                                                                                                                  \
-        for (int b = from; b < to; ++b) {                                                                              \
-            FFT_MEM float8 *q = scratch + (size_t)b * (size_t)(2 * R * span);                                          \
-            __global const float *w = twiddles;                                                                        \
-            for (int j = 0; j < span; ++j, q += 2, w += 2 * (R - 1)) {                                                 \
-                float8 re[R], im[R];                                                                                   \
-                FFT_EACH(R, FFT_FETCH)                                                                                 \
-                fft_radix##R(re, im);                                                                                  \
-                FFT_AFTER_FIRST_##R(FFT_TIMES_TWIDDLE);                                                                \
+                if (back) {                                                                                            \
+                    FFT_AFTER_FIRST_##R(FFT_TIMES_TWIDDLE);                                                            \
+                }                                                                                                      \
                 FFT_EACH(R, FFT_LEAVE)                                                                                 \
             }                                                                                                          \
         }                                                                                                              \
     }
 
-FFT_STAGE(2)
-FFT_STAGE(3)
-FFT_STAGE(4)
-FFT_STAGE(5)
-FFT_STAGE(7)
-FFT_STAGE(8)
+FFT_EACH_RADIX(FFT_STAGE)
 
 /* One odd-length butterfly, by its definition, in two halves. The first turns the inputs and keeps their sums and
  * differences; the second sums up FFT_ODD_GROUP outputs m and their mirror images p - m at a time:
@@ -289,12 +274,7 @@ FFT_INLINE void fft_stage(FFT_MEM float8 *scratch, __global const int *table, __
     __global const float *w = floats + stage[FFT_TWIDDLES];
     switch (radix) {
     case 1: break;
-    case 2: fft_stage2(scratch, from, to, span, w); break;
-    case 3: fft_stage3(scratch, from, to, span, w); break;
-    case 4: fft_stage4(scratch, from, to, span, w); break;
-    case 5: fft_stage5(scratch, from, to, span, w); break;
-    case 7: fft_stage7(scratch, from, to, span, w); break;
-    case 8: fft_stage8(scratch, from, to, span, w); break;
+    FFT_CASES(fft_stage, scratch, from, to, span, w, 0)
     default: fft_stage_odd(scratch, from, to, radix, span, w, floats + stage[FFT_COSINES], low, wanted); break;
     }
 }
@@ -345,12 +325,7 @@ FFT_INLINE void fft_unstage(FFT_MEM float8 *scratch, __global const int *table, 
     __global const float *w = floats + stage[FFT_TWIDDLES];
     switch (radix) {
     case 1: break;
-    case 2: fft_unstage2(scratch, from, to, span, w); break;
-    case 3: fft_unstage3(scratch, from, to, span, w); break;
-    case 4: fft_unstage4(scratch, from, to, span, w); break;
-    case 5: fft_unstage5(scratch, from, to, span, w); break;
-    case 7: fft_unstage7(scratch, from, to, span, w); break;
-    case 8: fft_unstage8(scratch, from, to, span, w); break;
+    FFT_CASES(fft_stage, scratch, from, to, span, w, 1)
     default: fft_unstage_odd(scratch, from, to, radix, span, w, floats + stage[FFT_COSINES], first, end); break;
     }
 }

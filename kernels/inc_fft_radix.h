@@ -9,6 +9,29 @@
 #endif
 #define FFT_INLINE static inline __attribute__((always_inline))
 
+/* Written-out loops over the values of a butterfly of radix R, M(0) M(1) ..., and over those with twiddle factors:
+ * compilers do not reliably unroll loops, and re[] and im[] must live in registers. */
+#define FFT_AFTER_FIRST_1(M)
+#define FFT_AFTER_FIRST_2(M) M(1)
+#define FFT_AFTER_FIRST_3(M) FFT_AFTER_FIRST_2(M) M(2)
+#define FFT_AFTER_FIRST_4(M) FFT_AFTER_FIRST_3(M) M(3)
+#define FFT_AFTER_FIRST_5(M) FFT_AFTER_FIRST_4(M) M(4)
+#define FFT_AFTER_FIRST_7(M) FFT_AFTER_FIRST_5(M) M(5) M(6)
+#define FFT_AFTER_FIRST_8(M) FFT_AFTER_FIRST_7(M) M(7)
+#define FFT_EACH(R, M)       M(0) FFT_AFTER_FIRST_##R(M)
+
+/* Radices of the stages that a table may ask for: functions NAME2 ... NAME8 made by M, and their cases in a switch. */
+#define FFT_EACH_RADIX(M) M(2) M(3) M(4) M(5) M(7) M(8)
+#define FFT_CASE(name, radix, ...)                                                                                     \
+    case radix: name##radix(__VA_ARGS__); break;
+#define FFT_CASES(name, ...)                                                                                           \
+    FFT_CASE(name, 2, __VA_ARGS__)                                                                                     \
+    FFT_CASE(name, 3, __VA_ARGS__)                                                                                     \
+    FFT_CASE(name, 4, __VA_ARGS__)                                                                                     \
+    FFT_CASE(name, 5, __VA_ARGS__)                                                                                     \
+    FFT_CASE(name, 7, __VA_ARGS__)                                                                                     \
+    FFT_CASE(name, 8, __VA_ARGS__)
+
 /* (re, im) *= c + i d */
 FFT_INLINE void fft_times_twiddle(FFT_V *re, FFT_V *im, float c, float d)
 {

@@ -1,11 +1,11 @@
-/* Transforms of one length by work-groups, all constants known when compiling: a work-item holds its points of a stage
- * in registers, stages hand over through local memory. Stages are Stockham's: butterfly b of a stage of radix R reads
- * the points b + k n/R and writes (b / span) span R + b % span + k span, so that the output is in natural order and no
- * order is looked up. An inverse transform is a forward one with real and imaginary parts changed over before and
- * after.
+/* Transforms of one length by work-groups, with all constants known when compiling: a work-item holds its points of a
+ * stage in registers, and stages exchange them through local memory. Stages are Stockham's: butterfly b of a stage of
+ * radix R reads the points b + k n/R and writes (b / span) span R + b % span + k span, so that the output is in natural
+ * order without a table of places. An inverse transform is a forward one with real and imaginary parts swapped before
+ * and after.
  *
- * `radix` and `span` are literal wherever functions are called: they choose loops and registers, not branches. A file
- * says FFT_ITEMS(radix), the items that share the butterflies of such a stage. */
+ * `radix` and `span` are literals in every call: they choose loops and registers, not branches. A file defines
+ * FFT_ITEMS(radix), the items that share the butterflies of such a stage. */
 #ifndef INC_FFT_SIZED_H
 #define INC_FFT_SIZED_H
 

@@ -1,9 +1,8 @@
-/* The sums of a fit: for each frequency FIT_SUMS numbers, each as a float and the rest that rounding left (the pair
- * stands for their sum, about 48 bits). A sum k has its floats at sums + 2 k stride, its rests one stride on.
+/* The sums of a fit: for each frequency FIT_SUMS numbers, each as a float and the rest that rounding lost (their sum
+ * has about 48 bits). Sum k has its floats at sums + 2 k stride, its rests one stride further.
  *
  * 0, 1: sum X conj(B), re and im; 2: sum |B|^2; 3: sum |X|^2. FIT_SPLIT adds 4: sum Xr Br; 5: sum Br^2 (the imaginary
- * ones are the differences 0 - 4 and 2 - 5). All kernels take
- * eight frequencies at a time. */
+ * ones are the differences 0 - 4 and 2 - 5). All kernels take eight frequencies at a time. */
 #ifndef INC_FIT_H
 #define INC_FIT_H
 
@@ -81,7 +80,7 @@ static inline float fit_total(float8 value)
     return (half_sum.x + half_sum.y) + (half_sum.z + half_sum.w);
 }
 
-/* The last values of an image may not fill a group, and the next image follows. */
+/* The last values of an image may not fill a group of eight, and the next image follows. */
 static inline void fit_put(float16 value, size_t i, ulong count, __global float *image)
 {
     if (8 * i + 8 <= count) {
@@ -94,13 +93,13 @@ static inline void fit_put(float16 value, size_t i, ulong count, __global float 
     }
 }
 
-/* Those beyond the last chunk have nothing to add. */
+/* Work-items beyond the last chunk add nothing. */
 #if FIT_SHARED
 #define FIT_MEMBERS    HADA_FIT_CHUNK
 #define FIT_GROUP      HADA_FIT_GROUP
 #define FIT_LOCAL      __local float fit_parts[FIT_GROUP];
 #define FIT_TOTAL(sum) fit_shared_total(fit_total(sum), fit_parts)
-/* A sum of several that are kept at once: eight at a time they would take all registers. */
+/* One of several sums that are kept at once: eight lanes of each would take all registers. */
 #define FIT_KEPT            float
 #define FIT_KEEP(value)     fit_total(value)
 #define FIT_KEPT_TOTAL(sum) fit_shared_total(sum, fit_parts)
@@ -146,8 +145,8 @@ static inline fit_share fit_share_of(hada_fit_image image)
     return share;
 }
 
-/* What stands under a filter's fraction, for its real (even) and imaginary (odd) part: own |B|^2 + alpha * that of the
- * other depths + ridge; split: of the parts by themselves, with half the ridge. */
+/* The denominator of a filter, for its real (even) and imaginary (odd) part: own |B|^2 + alpha * that of the other
+ * depths + ridge; split: of each part separately, with half the ridge. */
 typedef struct fit_under {
     float16 own, whole;
 } fit_under;
@@ -172,7 +171,7 @@ static inline fit_under fit_under_of(__global const float *sums, __global const 
     return under;
 }
 
-/* What a pair gives to the sums. */
+/* A pair's contribution to the sums. */
 typedef struct fit_terms {
     float8 cross_re, cross_im, raw, scene, split_cross, split_raw;
 } fit_terms;

@@ -1,4 +1,4 @@
-/* What the focus kernels share: pixels side by side, tiles, counts, rows with a ragged end. */
+/* For the kernels of focus.cl: pixels side by side, tiles, counts, and rows with an incomplete last vector. */
 #ifndef INC_FOCUS_H
 #define INC_FOCUS_H
 
@@ -33,7 +33,7 @@
 #define ENERGY       FOCUS_MEASURE_ENERGY
 #define COMBINED     FOCUS_MEASURE_COMBINED
 
-/* What a loop that stores reads of a struct argument stands in variables: the compiler has to read the struct again
+/* Loops that store copy the members of struct arguments to variables first: the compiler would read the struct again
  * after every store that might have changed it. */
 #define FOCUS_COPY(to, from)                                                                                           \
     for (int depth = 0; depth < HADA_FOCUS_DEPTHS; depth++)                                                            \
@@ -57,10 +57,10 @@ typedef int whole;
 
 #define EACH_SIDE __attribute__((opencl_unroll_hint(FOCUS_SIDE)))
 
-/* In groups of one, a group takes many tiles, and counts into bins that no other group has. In groups of many it takes
- * one tile, and all count into the same bins: first into FOCUS_PLACES of local memory, where a place serves the bin
- * that came there first, then all at once; the values of a tile are mostly alike, and the dark ones the same. The
- * counts are integers: their order does not matter. */
+/* In groups of one, a group takes many tiles, and counts into bins of its own. In groups of many it takes one tile, and
+ * all count into the same bins: first into FOCUS_PLACES of local memory, where a place counts for the bin that came
+ * there first, then all at once; the values of a tile are mostly alike, and the dark ones the same. The counts are
+ * integers: their order does not matter. */
 #if FOCUS_GROUP == 1
 #define FOR_TILES(t, tiles) for (int t = get_group_id(0); t < tiles; t += get_num_groups(0))
 #define WAIT

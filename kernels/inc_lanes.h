@@ -1,6 +1,6 @@
-/* Eight complex numbers between memory, where they stand one after the other in two vectors, and lanes: a vector of
- * their real parts and one of their imaginary parts. The lanes' order, 0 1 4 5 2 3 6 7, is one that a single shuffle of
- * two registers makes. */
+/* Eight complex numbers between memory, where real and imaginary parts alternate in two vectors, and lanes: a vector of
+ * their real parts and one of their imaginary parts. The lanes' order, 0 1 4 5 2 3 6 7, takes a single shuffle of two
+ * registers. */
 #ifndef INC_LANES_H
 #define INC_LANES_H
 
@@ -8,8 +8,8 @@
 
 #define LANES_INLINE static inline __attribute__((always_inline))
 
-/* Shuffles of two vectors by the compiler's own operation, where it has one: of vectors put together from components
- * LLVM loads those that come from memory in eight pieces. */
+/* Shuffles of two vectors by the compiler's builtin, where it has one: vectors made from components are loaded by LLVM
+ * in eight pieces. */
 #ifdef __has_builtin
 #if __has_builtin(__builtin_shufflevector)
 #define LANES_SHUFFLES

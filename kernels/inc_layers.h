@@ -1,8 +1,8 @@
-/* What the layers' kernels share: pixels as vectors of one block of channels (lib/net/tensor.h) and the part of a
- * tensor that a work-item takes.
+/* For the kernels of layers: pixels as vectors of one block of channels (lib/net/tensor.h) and a work-item's part of a
+ * tensor.
  *
  * Dimension 2 counts blocks and images, dimension 1 runs of `span` rows, dimension 0 the work-items that share a row,
- * each taking every get_global_size(0)-th vector: one on CPUs, which walk through whole rows, many on GPUs. A tensor is
+ * each taking every get_global_size(0)-th vector: one on CPUs, which go through whole rows, many on GPUs. A tensor is
  * given as memory and layout. */
 #ifndef INC_LAYERS_H
 #define INC_LAYERS_H

@@ -1,6 +1,6 @@
-/* What the refinement's kernels over frequencies share: values of REFINE_WIDTH frequencies side by side (eight in the
- * vectors of a CPU, one per work-item on a GPU), the slice of frequencies that a work-group takes, and sums over it in
- * a fixed order. */
+/* For the refinement's kernels over frequencies: values of REFINE_WIDTH frequencies side by side (eight in the vectors
+ * of a CPU, one per work-item on a GPU), the slice of frequencies of a work-group, and sums over it in a fixed order.
+ */
 #ifndef INC_REFINE_H
 #define INC_REFINE_H
 
@@ -42,7 +42,7 @@ REFINE_INLINE float refine_sum(refine_real v)
     return b.x + b.y;
 }
 
-/* A frequency's energy counted as often as it stands in the whole spectrum: interior columns of the half spectrum
+/* A frequency's energy counted as often as it occurs in the whole spectrum: interior columns of the half spectrum
  * twice, padding, which may hold anything, not at all. */
 REFINE_INLINE refine_real refine_count(refine_real energy, uint i, uint rows, uint block, uint cols)
 {
@@ -94,6 +94,35 @@ REFINE_INLINE refine_real refine_band(refine_real energy, uint i, uint rows, uin
     return 2 * (i / (rows * block) * block + i % block) >= band_cols ? 0.0f : energy;
 }
 #endif
+
+/* The data step e = scale (a - b) on values from ... to - 1 of a, in place, shared out to the group; has_b 0: b is 0.
+ * Returns the item's sum of e^2. */
+REFINE_INLINE float refine_data_step(__global float *a, __global const float *b, int has_b, uint from, uint to,
+                                     float scale)
+{
+    float sum = 0.0f;
+#if REFINE_WIDTH == 8
+    float8 lanes = (float8)0.0f;
+    const uint whole = from + (to - from) / 8 * 8;
+    for (uint i = from; i < whole; i += 8) {
+        float8 v = vload8(0, a + i);
+        if (has_b)
+            v -= vload8(0, b + i);
+        v *= scale;
+        VECTORS_STORE8(__global, v, a + i);
+        lanes = fma(v, v, lanes);
+    }
+    sum = refine_sum(lanes);
+    for (uint i = whole; i < to; ++i) {
+#else
+    for (uint i = from + get_local_id(0); i < to; i += REFINE_GROUP) {
+#endif
+        const float v = (has_b ? a[i] - b[i] : a[i]) * scale;
+        a[i] = v;
+        sum = fma(v, v, sum);
+    }
+    return sum;
+}
 
 /* The group's sum, as refine_tree[0] of its first item or as partial[group]: a tree, the same whatever the device does
  * at once. */

@@ -1,10 +1,10 @@
-/* What the kernels of total variation share: the projection of a dual. */
+/* For the kernels of total variation: the projection of a dual. */
 #ifndef INC_REFINE_TV_H
 #define INC_REFINE_TV_H
 
 #include "inc_refine.h"
 
-/* Lest a slope of nothing divides. */
+/* Avoids a division by a slope of zero. */
 #define TV_LEAST 1e-30f
 
 /* The nearest point of the ellipsoid |mean|^2 + per_colour |rest|^2 <= 1: the mean of the channels is shortened by
@@ -21,7 +21,7 @@ REFINE_INLINE void tv_shorten(refine_real mean, refine_real rest, float per_colo
         *of_rest = 1.0f / fma((refine_real)per_colour, mu, 1.0f);
         const refine_real a = mean * *of_mean * *of_mean, b = per_colour * rest * *of_rest * *of_rest;
         const refine_real slope = fma(a, *of_mean, per_colour * b * *of_rest);
-        /* 0 stays where p is within */
+        /* 0 where p is inside */
         mu = mu > 0.0f ? max(fma((a + b) / max(slope, TV_LEAST), sqrt(a + b) - 1.0f, mu), 0.0f) : mu;
         *of_mean = 1.0f / (1.0f + mu);
     }

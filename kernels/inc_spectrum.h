@@ -1,5 +1,5 @@
-/* Where the value (ky, kx) of a half spectrum stands, counted in complex numbers from the start of its image: columns
- * are kept in blocks of `block`, so that a pass along columns reads memory in order. The host's rule is
+/* Place of the value (ky, kx) of a half spectrum, counted in complex numbers from the start of its image: columns are
+ * stored in blocks of `block`, so that a pass along columns reads memory in order. The host's form is
  * hada_spectrum_index(). */
 #ifndef INC_SPECTRUM_H
 #define INC_SPECTRUM_H

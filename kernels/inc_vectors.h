@@ -1,6 +1,5 @@
-/* Vectors of floats that stand at any float, stored whole. vstore8 and vstore16 say no more than these do, but PoCL has
- * written them as halves of halves, which LLVM leaves apart: four stores of 16 bytes for one, after the shuffles that
- * part them. Loads it puts together again. */
+/* Stores of vectors of floats at any float. vstore8 and vstore16 would do, but PoCL implements them by halves of
+ * halves, which LLVM does not join: four stores of 16 bytes instead of one, after shuffles. (It does join loads.) */
 #ifndef INC_VECTORS_H
 #define INC_VECTORS_H
 

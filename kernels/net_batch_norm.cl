@@ -1,5 +1,6 @@
-/* Batch normalisation. Sums run over parts of each block of channels, then over runs of HADA_NORM_MERGE parts until one
- * is left, always in the same order. Values per channel stand in plain arrays. */
+/* Batch normalisation of tensors in blocks of channels (lib/net/tensor.h). Sums run over parts of each block of
+ * channels, then over runs of HADA_NORM_MERGE parts until one is left, always in the same order. Values per channel are
+ * plain float arrays. */
 #include "inc_layers.h"
 
 /* y = (x - mean) * inverse * weight + bias, inverse being `second` itself or, where that is a variance,
@@ -30,7 +31,7 @@ NET_INLINE size_t net_part_place(int block, uint parts, uint index, int vectors)
     return ((size_t)block * parts + index) * vectors * NET_BLOCK + NET_FIRST_LANE;
 }
 
-/* A part is a group's: its first work-items write it. */
+/* A part belongs to a group: its first work-items write it. */
 NET_INLINE uint net_part_index(net_part part)
 {
     return (part.image * get_global_size(1) + get_global_id(1)) * get_num_groups(0) + get_group_id(0);
@@ -50,9 +51,9 @@ NET_INLINE net_moments net_join(net_moments a, net_moments b)
     return a;
 }
 
-/* Of each part: its mean, the sum of squares about it, the number of values. Two walks over the part, the second in the
- * cache, so that nothing cancels; what the first mean is off by is seen in the second (Chan, Golub,
- * LeVeque 1983). */
+/* Of each part: its mean, the sum of squares about it, the number of values. The part is read twice, the second time
+ * from the cache, so that nothing cancels; the error of the first mean shows in the second pass (Chan, Golub, LeVeque
+ * 1983). */
 __kernel __attribute__((reqd_work_group_size(NET_GROUP, 1, 1))) void
 net_batch_norm_statistics(__global const float *x, __global float *parts, hada_tensor_layout at_x, int span,
                           uint part_count)

@@ -1,7 +1,8 @@
-/* Dropout: y = x * scale where a random number of 24 bits is at least the threshold, 0 elsewhere.
+/* Dropout on tensors in blocks of channels: y = x * scale where a random number of 24 bits is at least the threshold, 0
+ * elsewhere.
  *
- * The numbers come from Philox4x32 with 7 rounds: the key is the seed (its upper half mixed with that of the
- * step), the counter (four pixels of a row, channel, image, step); the four words that it makes serve the pixels. */
+ * The numbers come from Philox4x32 with 7 rounds: the key is the seed (its upper half mixed with that of the step), the
+ * counter (four pixels of a row, channel, image, step); the four words of a call are for the four pixels. */
 #include "inc_layers.h"
 #define PHILOX_BITS net_bits
 #include "inc_philox.h"

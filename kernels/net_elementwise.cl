@@ -1,7 +1,8 @@
-/* Activations and sums of tensors, value by value. x, y and gradients have one shape; outputs may be inputs. */
+/* Activations and sums of tensors in blocks of channels, value by value. x, y and gradients have one shape; outputs may
+ * be inputs. */
 #include "inc_layers.h"
 
-/* y = x above zero, slope * x below: ReLU with slope 0, nothing with slope 1. */
+/* y = x above zero, slope * x below: ReLU with slope 0, the identity with slope 1. */
 __kernel void net_leaky_forward(__global const float *x, __global float *y, hada_tensor_layout at_x,
                                 hada_tensor_layout at_y, int span, float slope)
 {

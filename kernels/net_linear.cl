@@ -1,5 +1,5 @@
-/* Fully connected layers on plain arrays: y[n][o] = bias[o] + sum_i w[o][i] x[n][i], and the gradients. Four images are
- * worked on at once, and four outputs, so that values read serve four times. CPUs: vectors of eight, work-groups of
+/* Fully connected layers on plain arrays: y[n][o] = bias[o] + sum_i w[o][i] x[n][i], and the gradients. Four images and
+ * four outputs are computed at once, so that each value read is used four times. CPUs: vectors of eight, work-groups of
  * one; GPUs: LINEAR_WIDTH 1, and LINEAR_GROUP work-items sum the products of an output. */
 #include "inc_vectors.h"
 #include "shared_net.h"
@@ -86,9 +86,9 @@ LINEAR_INLINE void linear_products(__global const float *const *rows, __global c
         }
 }
 
-/* Dimension 0: outputs over HADA_LINEAR_OUTPUTS, times LINEAR_GROUP. Images: all of them one after the other, so that
- * weights stay in the cache; in groups, dimension 1 counts HADA_LINEAR_IMAGES of them each. Outputs and images beyond
- * the last one repeat it. */
+/* Dimension 0: outputs over HADA_LINEAR_OUTPUTS, times LINEAR_GROUP. Images: one after the other, so that weights stay
+ * in the cache; in groups, dimension 1 counts HADA_LINEAR_IMAGES of them each. Outputs and images beyond the last one
+ * repeat it. */
 __kernel __attribute__((reqd_work_group_size(LINEAR_GROUP, 1, 1))) void
 net_linear_forward(__global const float *w, __global const float *bias, __global const float *x, __global float *y,
                    hada_linear_layout at)
@@ -140,7 +140,7 @@ net_linear_forward(__global const float *w, __global const float *bias, __global
 #endif
 
 /* dx[n][i] = sum_o w[o][i] dy[n][o]. Dimension 0: inputs over LINEAR_COLUMNS; images as above, side by side in
- * dimension 1 in groups. Sums stand in private memory, so that a long piece of a row of weights is read at once. */
+ * dimension 1 in groups. Sums are in private memory, so that a long piece of a row of weights is read at once. */
 __kernel void net_linear_data(__global const float *w, __global const float *dy, __global float *dx,
                               hada_linear_layout at)
 {

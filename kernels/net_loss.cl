@@ -1,5 +1,5 @@
-/* Losses of single values or neighbours: the value as one sum per group of work-items, at sums[index of the group], and
- * the gradient, times `scale`. Sums are not scaled. */
+/* Losses of single values or of neighbours: the value as one sum per group of work-items, at sums[index of the group],
+ * and the gradient, times `scale`. The sums are not scaled. */
 #include "inc_layers.h"
 
 NET_INLINE size_t net_group(void)
@@ -69,7 +69,7 @@ net_loss_values(__global const float *x, __global const float *target, __global 
     NET_PUT_SUM(sum, sums)
 }
 
-/* Total variation. At the edges the neighbour is the pixel itself, whose difference counts nothing. */
+/* Total variation. At the edges the neighbour is the pixel itself, with a difference of 0. */
 __kernel __attribute__((reqd_work_group_size(NET_GROUP, 1, 1))) void
 net_loss_variation(__global const float *x, __global float *dx, __global float *sums, hada_tensor_layout at_x,
                    hada_tensor_layout at_dx, int span, hada_loss_term term)

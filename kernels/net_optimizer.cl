@@ -4,8 +4,8 @@
 #include "inc_vectors.h"
 #include "shared_net.h"
 
-/* Values that a work-item takes at once: a vector of a CPU's, or one, so that those of work-items side by side stand
- * side by side as well; arrays begin anywhere. */
+/* Values that a work-item takes at once: a vector on CPUs, or one, so that neighbouring work-items access neighbouring
+ * values; arrays begin anywhere. */
 #ifndef OPTIMIZER_WIDTH
 #define OPTIMIZER_WIDTH 8
 #endif
@@ -15,7 +15,7 @@
 #if OPTIMIZER_WIDTH == 8
 typedef float8 optimizer_v;
 
-/* Values of the array as a vector; behind its end nothing is read or written. */
+/* Values of the array as a vector; beyond its end nothing is read or written. */
 OPTIMIZER_INLINE optimizer_v optimizer_get(__global const float *p, uint first, uint count)
 {
     if (first + 8 <= count)

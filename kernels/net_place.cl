@@ -24,7 +24,7 @@ __kernel void net_place(__global const float *x, __global float *y, hada_tensor_
     const net_vector none = 0.0f;
     for (int r = part.first; r < part.last; r++) {
         const int x_row = r - row, inside = x_row >= 0 && x_row < x_rows;
-        /* rows and blocks that x does not have are not copied; these are places inside it all the same */
+        /* rows and blocks that x does not have are not copied; these places are inside it all the same */
         const int safe = clamp(x_row, 0, x_rows - 1), high = min(low + 1, x_blocks - 1);
         __global const float *a = x + net_row(at_x, part.image, max(low, 0), safe);
         __global const float *b = x + net_row(at_x, part.image, high, safe);
@@ -34,7 +34,7 @@ __kernel void net_place(__global const float *x, __global float *y, hada_tensor_
             net_vector v = none;
             if (inside && x_col >= 0 && x_col < x_cols) {
                 v = net_get(a + x_col * NET_BLOCK + shift);
-                if (shift) /* lanes that are another pixel's are taken from neither; the halo makes them safe to read */
+                if (shift) /* lanes of other pixels are not used; the halo makes them safe to read */
                     v = select(net_get(b + x_col * NET_BLOCK + shift - NET_BLOCK), v, from_low);
                 v = select(none, v, copied);
             }

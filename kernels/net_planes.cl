@@ -1,7 +1,7 @@
-/* Planar images resized by linear interpolation (net_resize.cl, HADA_RESIZE_HALF): the arithmetic of net_resize_linear
- * and its bits, without tensors whose blocks a plane of one or three channels would leave nearly empty. Values below
- * `floor` count as that. A work-item takes PLANES_WIDE columns of `tall` rows of a channel. Dimensions: runs of
- * columns, runs of rows, channels times images. */
+/* Planar images resized by linear interpolation (net_resize.cl, HADA_RESIZE_HALF): the arithmetic and the bits of
+ * net_resize_linear, without tensors whose blocks a plane of one or three channels would leave nearly empty. Values
+ * below `floor` become `floor`. Images: [image][channel][row][col]. A work-item takes PLANES_WIDE columns of `tall`
+ * rows of a channel. Dimensions: runs of columns, runs of rows, channels times images. */
 #include "inc_resize.h"
 
 #ifndef PLANES_WIDE
@@ -21,7 +21,7 @@ __kernel void net_planes_resize(__global const float *restrict from, __global fl
     int col0[PLANES_WIDE], col1[PLANES_WIDE];
     float right[PLANES_WIDE];
     net_at at = net_at_of(col, in_cols, cols, HADA_RESIZE_HALF);
-    for (int k = 0; k < PLANES_WIDE; ++k, at = net_walk(at, step)) { /* those beyond the last one are not stored */
+    for (int k = 0; k < PLANES_WIDE; ++k, at = net_walk(at, step)) { /* values beyond the last one are not stored */
         col0[k] = clamp(at.index, 0, in_cols - 1);
         col1[k] = clamp(at.index + 1, 0, in_cols - 1);
         right[k] = at.rest * unit;

@@ -1,5 +1,5 @@
-/* Pooling over windows of size x size every `stride` pixels, without padding, and its gradient. The parts of a launch
- * are those of the tensor that is written. */
+/* Pooling of tensors in blocks of channels over windows of size x size every `stride` pixels, without padding, and its
+ * gradient. The work is divided by the tensor that is written (inc_layers.h). */
 #include "inc_layers.h"
 
 __kernel void net_pool_max_forward(__global const float *x, __global float *y, hada_tensor_layout at_x,

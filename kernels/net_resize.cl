@@ -1,8 +1,8 @@
-/* Resizing by interpolation, and the transposed operation by gathering. Along each axis value i of the output stands at
- * a place on the input that is an exact fraction:
+/* Resizing of tensors in blocks of channels by interpolation, and the transposed operation by gathering. Along each
+ * axis value i of the output is at a place on the input that is an exact fraction:
  *     aligned 0: (i + 1/2) in / out - 1/2        aligned 1: i (in - 1) / (out - 1)        nearest: i in / out
- * Its whole part and remainder are computed with integers, so that no size makes them inexact. Taps outside the input
- * take its edge. Cubic: Keys 1981 with a = -0.75. */
+ * Its whole part and remainder are computed with integers, so that they are exact for every size. Taps outside the
+ * input take its edge. Cubic: Keys 1981 with a = -0.75. */
 #include "inc_layers.h"
 #include "inc_resize.h"
 
@@ -128,7 +128,7 @@ NET_INLINE float net_weight(net_at at, float unit, int to, int in, int taps)
     return sum;
 }
 
-/* Rows whose weights are worked out at once. */
+/* Rows for which weights are computed at once. */
 #define NET_TALL 16
 
 /* dx from dy. */
@@ -137,7 +137,7 @@ __kernel void net_resize_backward(__global const float *dy, __global float *dx, 
 {
     const int in_rows = at_dx.rows, in_cols = at_dx.cols, rows = at_dy.rows, cols = at_dy.cols;
     const net_part part = net_part_of(at_dx.blocks, in_rows, span);
-    const int before = taps == 4 ? 1 : 0, behind = taps / 2; /* taps stand at index - before ... index + behind */
+    const int before = taps == 4 ? 1 : 0, behind = taps / 2; /* taps are at index - before ... index + behind */
     const int pitch = (cols + 2) * NET_BLOCK;
     const net_at one = net_step_of(1, in_cols, cols, rule), one_row = net_step_of(1, in_rows, rows, rule);
     const float unit = 1.0f / one.whole, row_unit = 1.0f / one_row.whole;

@@ -1,11 +1,11 @@
-/* Images in and out of blocks of channels, and what is done to them as they are. */
+/* Images in and out of blocks of channels (lib/net/tensor.h), and operations on planar images. */
 
 #include "inc_vectors.h"
 #include "shared_net.h"
 
-/* Activations in blocks of channels (lib/net/tensor.h): from and to planar floats, and the halo by itself. A work-item
- * takes a row of a block or (TENSOR_FOURS, for work-groups) four channels of a pixel, an aligned access of 128 bits.
- * Dimensions: 1, or pixels times the fours of a block; rows; blocks times images. */
+/* Activations in blocks of channels from and to planar floats, and zeros for the halo alone. A work-item takes a row of
+ * a block or (TENSOR_FOURS, for work-groups) four channels of a pixel, an aligned access of 128 bits. Dimensions: 1, or
+ * pixels times the fours of a block; rows; blocks times images. */
 #ifndef TENSOR_FOURS
 #define TENSOR_FOURS 0
 #endif
@@ -96,8 +96,8 @@ __kernel void net_tensor_halo(__global float *out, hada_tensor_layout at_out, in
 #endif
 }
 
-/* How much light stands where: the largest magnitude over all channels in cells of one row by `cell` columns of planar
- * images [channel][row][col], so that parts of an image without any can be left out. */
+/* Where light is: the largest magnitude over all channels in cells of one row by `cell` columns of planar images
+ * [channel][row][col], so that dark parts of an image can be left out. */
 
 /* Work-item (cell, row, plane), planes one after the other; out[plane][row][cell], `cells` in a row. */
 __kernel void net_content(__global const float *image, __global float *out, ulong offset, int channels, int rows,
@@ -122,7 +122,7 @@ __kernel void net_content(__global const float *image, __global float *out, ulon
     }
 }
 
-/* Parts of planar images [channel][row][col] to parts of others: tiles and what they are cut from. */
+/* Copies parts of planar images [channel][row][col] to parts of others: tiles and the images they are cut from. */
 
 /* Work-item (run of columns, row and channel). */
 __kernel void net_part(__global const float *from, __global float *to, hada_planar_layout at_from,
@@ -152,7 +152,7 @@ __kernel void net_add_planes(__global const float *planes, __global float *sum, 
     sum[i] = total;
 }
 
-/* A plane, and beside it what the others hold. */
+/* A plane, and beside it the sum of the others. */
 __kernel void net_beside(__global const float *planes, __global const float *sum, __global float *out, ulong offset,
                          ulong out_offset, ulong values)
 {
@@ -164,7 +164,8 @@ __kernel void net_beside(__global const float *planes, __global const float *sum
     out[out_offset + values + i] = sum[i] - own;
 }
 
-/* The planes of a frame keep their shares of each value, and add up to `whole`. All hold as much of what none held. */
+/* The planes of a frame keep their shares of each value, and add up to `whole`. Light that no plane claims is split
+ * equally. */
 __kernel void net_share(__global float *planes, __global const float *whole, ulong offset, ulong values, int count)
 {
     const ulong i = get_global_id(0);

@@ -2,7 +2,8 @@
 #include "inc_vectors.h"
 
 /* sum[c] from `offset` (in complex numbers) (+)= otf[c % otf_images] * scene[c] for images c of `count` complex numbers
- * each; `add` 0 starts the sum. An item takes four complex numbers of one image; items beyond the end do nothing. */
+ * each; `add` 0 starts the sum. A work-item takes four complex numbers of one image; items beyond the end do nothing.
+ */
 __kernel void optics_accumulate(__global float *sum, const ulong offset, __global const float *otf,
                                 __global const float *scene, const int count, const int otf_images, const int add)
 {

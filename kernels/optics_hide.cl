@@ -1,4 +1,4 @@
-/* Opaque planes: what one lens sees of a plane behind another. */
+/* Opaque planes: the part of a plane that one lens sees behind another plane. */
 #include "inc_vectors.h"
 #include "shared_optics.h"
 

@@ -1,5 +1,5 @@
-/* From light to what a sensor reads: exposure, vignetting, shot noise, read noise, dark level, saturation, rounding.
- * <hadalens/sensor.h> tells the model. */
+/* From light to a sensor's reading: exposure, vignetting, shot noise, read noise, dark level, saturation, rounding, as
+ * <hadalens/sensor.h> defines them. */
 #include "inc_philox.h"
 #include "shared_optics.h"
 

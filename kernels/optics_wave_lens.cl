@@ -1,5 +1,5 @@
-/* Wave optics lens by lens (lib/optics/wave_lens.c): the field that leaves each lens, about its own centre, and, after
- * the transform that takes it to the sensor, the light of its spot on each pixel. */
+/* Wave optics lens by lens (lib/optics/wave_lens.c): the field behind each lens, about its own centre, and, after its
+ * transform to the sensor, the light of its spot on each pixel. */
 #include "inc_vectors.h"
 #include "shared_optics.h"
 

@@ -1,5 +1,5 @@
-/* Wave optics of a whole mask (lib/optics/wave_whole.c): what the mask makes of a plane wave, how it goes on, and its
- * light on each pixel. A field stands as its real and imaginary part, two real images. */
+/* Wave optics of a whole mask (lib/optics/wave_whole.c): the field behind the mask, its propagation, and its light on
+ * each pixel. A field is stored as its real and imaginary part, two real images. */
 #include "inc_vectors.h"
 #include "shared_optics.h"
 

@@ -1,5 +1,5 @@
-/* The ceiling of a device's memory: out = in, nothing else. Each work-item copies `each` vectors, from
- * `apart * its number` on and `step` apart: a stretch of its own on a CPU, turn about with its neighbours on a GPU. */
+/* The peak memory rate of a device: out = in. Each work-item copies `each` vectors, from `apart * its number` on and
+ * `step` apart: a contiguous stretch on a CPU, interleaved with its neighbours on a GPU. */
 #ifndef PEAK_WIDTH
 #define PEAK_WIDTH 8
 #endif

@@ -1,6 +1,6 @@
-/* The ceiling of a device's float32 arithmetic: chains of fused multiply-adds in registers, enough of them side by side
- * to hide their latency. Each work-item makes PEAK_WIDTH * HADA_PEAK_CHAINS chains of `rounds` steps v = v * factor +
- * term from small whole numbers, and stores the sums of the chains: out[item * PEAK_WIDTH + lane]. */
+/* The peak float32 rate of a device: chains of fused multiply-adds in registers, enough of them side by side to hide
+ * their latency. Each work-item makes PEAK_WIDTH * HADA_PEAK_CHAINS chains of `rounds` steps v = v * factor + term from
+ * small integers, and stores the sums of the chains: out[item * PEAK_WIDTH + lane]. */
 #include "shared_peaks.h"
 
 #ifndef PEAK_WIDTH

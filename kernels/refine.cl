@@ -1,4 +1,5 @@
-/* The refinement's steps, over frequencies and over pixels. One program: a refinement needs nearly all of them. */
+/* The refinement's steps over frequencies and over pixels, in one program, as a refinement needs nearly all of them.
+ * Spectra are half spectra (inc_spectrum.h) of `count` complex numbers, as two floats each. */
 #include "inc_refine_step.h"
 #include "inc_spectrum.h"
 
@@ -27,64 +28,23 @@ refine_solve(__global const float *otf, __global const int *list, __global const
     const hada_refine_problem problem = now.problem;
     const uint count = problem.spectrum.count, slice = problem.sums.slice, rows = problem.spectrum.rows;
     const uint block = problem.spectrum.block, cols = problem.spectrum.cols;
-    const int depths = problem.depths, start = now.start, padded = now.padded, has_prior = now.has_prior;
+    const int padded = now.padded;
     const uint channel = get_global_id(1), channels = get_global_size(1), set = get_global_id(2);
     const uint from = get_group_id(0) * slice, to = min(count, from + slice);
-    const size_t first = ((size_t)set * (size_t)depths * channels + channel) * count, step = (size_t)channels * count;
     const size_t plane = (size_t)set * channels + channel;
-    __global const float *h = otf + 2 * (problem.otf_offset + (size_t)channel * count);
-    __global const float *b = frame + 2 * (problem.frame_offset + (size_t)channel * count);
-    __global float *a = split + (padded ? 2 * plane * count : 0);
-    __global const float *e = split + (padded ? 2 * (now.split_e + plane * count) : 0);
-    __global const float *u = now_u + 2 * first;
-    __global float *w = now_w + 2 * first;
-    __global const float *p = prior + (has_prior ? (size_t)channel * count : 0);
-    __global const int *z = list + set * (uint)depths;
-    const size_t h_step = 2 * (size_t)channels * count;
+    const refine_channel at =
+        refine_channel_step(&now, set, channel, channels, padded, otf, list, frame, prior, now_w, split);
+    const refine_held held = {now_u + 2 * at.first * count, split + (padded ? 2 * (now.split_e + plane * count) : 0),
+                              at.step};
     refine_real sum = (refine_real)0.0f;
-
-    for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH) {
-        const refine_real none = (refine_real)0.0f;
-        refine_joint joint = {none, none, none, none, none};
-        for (int s = 0; s < depths; ++s) {
-            refine_real h_re, h_im, u_re = none, u_im = none, w_re = none, w_im = none;
-            refine_get(h + (size_t)z[s] * h_step, i, &h_re, &h_im);
-            if (start != HADA_REFINE_COLD)
-                refine_get(u + 2 * (size_t)s * step, i, &u_re, &u_im);
-            if (start == HADA_REFINE_CONTINUE)
-                refine_get(w + 2 * (size_t)s * step, i, &w_re, &w_im);
-            refine_add_depth(&joint, &now, h_re, h_im, u_re, u_im, w_re, w_im);
-        }
-        refine_real y_re, y_im, e_re = none, e_im = none, f_re, f_im;
-        if (padded && start == HADA_REFINE_CONTINUE)
-            refine_get(e, i, &e_re, &e_im);
-        refine_data(&now, b, a, i, e_re, e_im, &y_re, &y_im);
-        const refine_real r_re = y_re - joint.hu_re, r_im = y_im - joint.hu_im;
-        sum += refine_count(fma(r_re, r_re, r_im * r_im), i, rows, block, cols);
-
-        const refine_real g = has_prior ? now.rho + refine_get_real(p, i) : (refine_real)now.rho;
-        const refine_real per_g = refine_share_out(&joint, &now, g, y_re, y_im, &f_re, &f_im);
-        if (padded) {
-            refine_real a_re, a_im;
-            refine_next_split(&now, y_re, y_im, e_re, e_im, f_re, f_im, &a_re, &a_im);
-            refine_put(a, i, a_re, a_im);
-        }
-        for (int s = 0; s < depths; ++s) {
-            refine_real h_re, h_im, u_re = none, u_im = none, w_re = none, w_im = none;
-            refine_get(h + (size_t)z[s] * h_step, i, &h_re, &h_im);
-            if (start != HADA_REFINE_COLD)
-                refine_get(u + 2 * (size_t)s * step, i, &u_re, &u_im);
-            if (start == HADA_REFINE_CONTINUE)
-                refine_get(w + 2 * (size_t)s * step, i, &w_re, &w_im);
-            refine_next(&now, per_g, f_re, f_im, h_re, h_im, u_re, u_im, &w_re, &w_im);
-            refine_put(w + 2 * (size_t)s * step, i, w_re, w_im);
-        }
-    }
+    for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH)
+        sum += refine_count(refine_step_at(&now, &at, padded, i, held), i, rows, block, cols);
     REFINE_PARTIAL(partial, (problem.sums.first + plane * get_num_groups(0) + get_group_id(0)), refine_sum(sum))
 }
 
-/* What the planes of a set do not explain: residual[set][channel] = B - sum over its depths of H U, at every frequency,
- * and as partial[set][channel][slice] the sum over the whole spectrum of |residual|^2. Arguments as in refine_solve. */
+/* The residual of a set: residual[set][channel] = B - sum over its depths of H U, at every frequency, and as
+ * partial[set][channel][slice] the sum over the whole spectrum of |residual|^2. Arguments as in refine_solve; residual:
+ * NULL where has_residual is 0. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 refine_explain(__global const float *otf, __global const int *list, __global const float *frame,
                __global const float *now_u, __global float *residual, int has_residual, __global float *partial,
@@ -97,19 +57,17 @@ refine_explain(__global const float *otf, __global const int *list, __global con
     const uint channel = get_global_id(1), channels = get_global_size(1), set = get_global_id(2);
     const uint from = get_group_id(0) * slice, to = min(count, from + slice);
     const size_t plane = (size_t)set * channels + channel;
-    __global const float *h = otf + 2 * (problem.otf_offset + (size_t)channel * count);
-    __global const float *b = frame + 2 * (problem.frame_offset + (size_t)channel * count);
-    __global const float *u = now_u + 2 * ((size_t)set * (size_t)depths * channels + channel) * count;
-    __global const int *z = list + set * (uint)depths;
+    const refine_channel at = refine_channel_of(&problem, set, channel, channels, otf, list, frame);
+    __global const float *u = now_u + 2 * at.first * count;
     refine_real sum = (refine_real)0.0f;
 
     for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH) {
         refine_real r_re, r_im;
-        refine_get(b, i, &r_re, &r_im);
+        refine_get(at.b, i, &r_re, &r_im);
         for (int s = 0; s < depths; ++s) {
             refine_real h_re, h_im, u_re, u_im;
-            refine_get(h + 2 * (size_t)z[s] * channels * count, i, &h_re, &h_im);
-            refine_get(u + 2 * (size_t)s * channels * count, i, &u_re, &u_im);
+            refine_get(at.h + (size_t)at.z[s] * at.step, i, &h_re, &h_im);
+            refine_get(u + (size_t)s * at.step, i, &u_re, &u_im);
             refine_take_off(&r_re, &r_im, h_re, h_im, u_re, u_im);
         }
         sum += refine_count(fma(r_re, r_re, r_im * r_im), i, rows, block, cols);
@@ -147,21 +105,9 @@ refine_score(__global const float *otf, __global const int *list, __global const
             continue;
         refine_left left = {none, none, none, none};
         for (uint c = 0; c < channels; ++c) {
-            refine_real b_re, b_im, power = none;
-            refine_get(frame + 2 * (problem.frame_offset + (size_t)c * count), i, &b_re, &b_im);
-            left.re += b_re;
-            left.im += b_im;
-            for (int s = 0; s < depths; ++s) {
-                const size_t at = ((size_t)z[s] * channels + c) * count;
-                refine_real h_re, h_im, u_re, u_im;
-                refine_get(otf + 2 * (problem.otf_offset + at), i, &h_re, &h_im);
-                refine_get(now_u + 2 * (((size_t)set * (uint)depths + (uint)s) * channels + c) * count, i, &u_re,
-                           &u_im);
-                refine_left_by(&left, &power, band, h_re, h_im, u_re, u_im,
-                               band.has_variance ? refine_get_real(variance + at, i) : none);
-            }
-            if (band.has_prior)
-                left.cost = fma(refine_get_real(prior + (size_t)c * count, i), power, left.cost);
+            const refine_held held = {now_u + 2 * ((size_t)set * (uint)depths * channels + c) * count, now_u,
+                                      2 * (size_t)channels * count};
+            refine_add_channel(&left, &problem, band, z, c, i, otf, frame, prior, variance, held);
         }
         const refine_real energy = refine_badness(&left, channels);
         sum += refine_count(refine_band(energy, i, rows, block, band.cols), i, rows, block, cols);
@@ -183,27 +129,7 @@ refine_frame(__global float *a, __global const float *frame, ulong frame_offset,
     const uint from = get_group_id(0) * slice, to = min(pixels, from + slice);
     __global float *e = a + (size_t)plane * pixels;
     __global const float *b = frame + (use_frame ? frame_offset + (size_t)(plane % channels) * pixels : 0);
-    float sum = 0.0f;
-#if REFINE_WIDTH == 8
-    float8 lanes = (float8)0.0f;
-    const uint whole = from + (to - from) / 8 * 8;
-    for (uint i = from; i < whole; i += 8) {
-        float8 v = vload8(0, e + i);
-        if (use_frame)
-            v -= vload8(0, b + i);
-        v *= scale;
-        VECTORS_STORE8(__global, v, e + i);
-        lanes = fma(v, v, lanes);
-    }
-    sum = refine_sum(lanes);
-    for (uint i = whole; i < to; ++i) {
-#else
-    for (uint i = from + get_local_id(0); i < to; i += REFINE_GROUP) {
-#endif
-        const float v = (use_frame ? e[i] - b[i] : e[i]) * scale;
-        e[i] = v;
-        sum = fma(v, v, sum);
-    }
+    const float sum = refine_data_step(e, b, use_frame, from, to, scale);
     REFINE_PARTIAL(partial, (sums.first + (size_t)plane * get_num_groups(0) + get_group_id(0)), sum)
 }
 

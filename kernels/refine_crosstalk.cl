@@ -1,12 +1,13 @@
-/* Crosstalk: a small part of the light of one depth that refinement leaves in the planes of others. Where a plane is
- * dark beside another one, its light goes to the brightest (docs/explanation/refinement.md):
+/* Crosstalk is a small part of the light of one depth that refinement leaves in the planes of others. Where a plane is
+ * dark beside a brighter one, its light is reassigned to the brightest plane (docs/explanation/refinement.md):
  *
  *     w[z] = (1 + k^4) r^4 / (r^4 + k^4),   r = m[z] / max over z of m
- *     x[z] w[z], and sum over z of (1 - w[z]) x[z] to the plane of the largest m, of equals the first
+ *     x[z] w[z], and sum over z of (1 - w[z]) x[z] to the plane of the largest m, the first of equals
  *
  * m: sum of a plane's channels over pixels up to CROSSTALK_REACH rows and columns away, within the image; k: the share
- * of the brightest plane's light at which another one halves. Planes stand as [plane][channel][row][col], are not
- * negative, their sum stays, and so does a plane alone. */
+ * of the brightest plane's light at which another one halves. Planes: float [plane][channel][row][col], not negative.
+ * Their sum does not change, nor does a single plane.
+ * light: float [plane][row][col]. */
 #include "inc_vectors.h"
 #include "shared_refine.h"
 
@@ -19,13 +20,13 @@
 
 #define CROSSTALK_REACH 2
 
-/* Channels that are taken together: their weights are the same. */
+/* Channels that share their weights and are handled together. */
 #define CROSSTALK_SIDE              3
 #define CROSSTALK_CHANNEL(c, count) _Pragma("unroll") for (int c = 0; c < CROSSTALK_SIDE; ++c) if (c < (count))
 
 #define CROSSTALK_INLINE static inline __attribute__((always_inline))
 
-/* A CPU's vectors, or single values: those of work-items side by side stand side by side as well. */
+/* A CPU's vectors, or single values, so that neighbouring work-items access neighbouring values. */
 #if CROSSTALK_WIDTH == 8
 typedef float8 crosstalk_real;
 typedef int8 crosstalk_int;
@@ -89,7 +90,7 @@ refine_crosstalk_light(__global const float *planes, __global float *light, hada
     }
 }
 
-/* What a pixel keeps of a plane's light. */
+/* The share of a plane's light that a pixel keeps. */
 CROSSTALK_INLINE crosstalk_real crosstalk_weight(crosstalk_real light, crosstalk_real most, float k)
 {
     const crosstalk_real part = light / fmax(most, (crosstalk_real)FLT_MIN);
@@ -106,7 +107,7 @@ CROSSTALK_INLINE crosstalk_real crosstalk_around(__global const float *light, in
     return sum;
 }
 
-/* On the planes in place; share: k. Dimensions: columns by the width, rows. */
+/* Fades the planes in place; share: k. Dimensions: columns by the width, rows. */
 __kernel __attribute__((reqd_work_group_size(CROSSTALK_GROUP, 1, 1))) void
 refine_crosstalk_fade(__global float *planes, __global const float *light, hada_refine_window window, int depths,
                       float share)

@@ -1,13 +1,13 @@
-/* Shrinkage of cosine transforms of overlapping blocks: what an image of a photograph looks like beyond its edges
- * (L. Yaroslavsky 1996; O. Guleryuz, IEEE TIP 16(12), 2007). With channels apart into brightness and colours by a
- * cosine transform over them, blocks of 8 x 8 pixels begin at every second row and column; of each block's transform
- * every coefficient T but the mean becomes T max(0, 1 - t^2 / T^2), the non-negative garrote (H.-Y. Gao, 1998), t the
- * threshold of its channel; a pixel is the mean of the 16 blocks that hold it. Beyond an image stands its edge.
+/* Shrinkage of cosine transforms of overlapping blocks, an image model that continues beyond edges (L. Yaroslavsky
+ * 1996; O. Guleryuz, IEEE TIP 16(12), 2007). Channels are separated into brightness and colours by a cosine transform
+ * over them. Blocks of 8 x 8 pixels begin at every second row and column; every coefficient T of a block but the mean
+ * becomes T max(0, 1 - t^2 / T^2), the non-negative garrote (H.-Y. Gao, 1998), t the threshold of its channel; a pixel
+ * is the mean of the 16 blocks that contain it. Beyond an image its edge is repeated.
  *
  * A work-group makes a tile: vertical transforms of its columns once for each row of blocks, then along rows, shrunk,
  * back along rows and added up; blocks share columns, so vertical transforms go back once, too. Tiles do not wait for
- * each other: blocks across their borders are computed on both sides, in the same order. Images stand as
- * [channel][rows][cols]. */
+ * each other: blocks across their borders are computed on both sides, in the same order. Images: [channel][rows][cols].
+ */
 #include "inc_dct.h"
 #include "inc_vectors.h"
 #include "shared_refine.h"
@@ -26,10 +26,10 @@
 /* What the blocks that reach into a tile see of the image. */
 #define DCT_SEEN_ROWS (DCT_TILE_ROWS + 2 * DCT_BEFORE)
 #define DCT_SEEN_COLS (DCT_TILE_COLS + 2 * DCT_BEFORE)
-/* 16 blocks hold a pixel. */
+/* A pixel is in 16 blocks. */
 #define DCT_SHARE 0.0625f
 
-/* Values of pixels side by side, and as many of them as an item takes: the basis is worked out once for all. */
+/* Pixels side by side in a vector, and vectors of a work-item, for which the basis is computed once. */
 #if DCT_GROUP == 1
 #define DCT_WIDTH 8
 #define DCT_RUN   (HADA_REFINE_DCT_RUN / DCT_WIDTH)
@@ -238,7 +238,7 @@ refine_dct_shrink(__global float *planes, hada_refine_window window, float thres
     for (int i = item; i < DCT_TILE_ROWS * DCT_TILE_COLS; i += DCT_GROUP) {
         const int y = i / DCT_TILE_COLS, x = i % DCT_TILE_COLS;
         float sum = 0.0f;
-        /* the four rows of blocks that hold it */
+        /* the four rows of blocks that contain it */
         for (int r = y / 2; r < y / 2 + 4; ++r)
             for (int k = 0; k < 8; ++k)
                 sum = fma(dct_basis(k, y + DCT_BEFORE - 2 * r, 8), part[8 * r + k][x + DCT_BEFORE], sum);

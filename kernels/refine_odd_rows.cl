@@ -1,40 +1,28 @@
 /* As refine_group_rows.cl, for lengths whose last stage is of radix 43 (inc_fft_groups_odd.h) and sensors that do not
- * crop. The inverse's input is put in digit-reversed order, so that this stage comes last and makes the window's pixels
- * alone; the forward transform's stages go backwards, so that it comes first and reads these: an item has them all. */
+ * crop. The inverse transform's input is put in digit-reversed order, so that this stage comes last and makes only the
+ * window's pixels; the stages of the forward transform go backwards, so that it comes first and reads them: they are
+ * all of one work-item.
+ *
+ * spectra, planes, table, scratch: as in refine_group_rows.cl. Dimension: groups of rows of all planes. */
 #include "shared_refine.h"
-#define REFINE_WIDTH 1
 #define REFINE_GROUP HADA_REFINE_ODD_GROUP
+#include "inc_refine_groups.h"
 #include "inc_fft_groups_odd.h"
-#include "inc_refine.h"
-#include "shared_fft.h"
 
-/* Frequency k of two rows to scratch, as those of one complex transform, that of k at number n - k: a forward transform
- * of these is an inverse one. */
-FFT_INLINE void put_together(__local float2 *scratch, __global const int *place, int k, int n, int width, float2 x,
-                             float2 y)
-{
-    if (k == 0 || 2 * k == n) {
-        scratch[place[k] * width] = (float2)(x.x, y.x);
-    } else {
-        scratch[place[n - k] * width] = (float2)(x.x - y.y, x.y + y.x);
-        scratch[place[k] * width] = (float2)(x.x + y.y, y.x - x.y);
-    }
-}
-
-/* Where an item's pixels are: those of a row of the window, and of the one that goes with it. */
+/* Where an item's pixels are: in a row of the window, and in the row that shares its transform. */
 typedef struct pixel_rows {
     __global float *x, *y;
     int x_there, y_there, col0, cols, clip;
 } pixel_rows;
 
-/* A pixel of both rows; zero of a row that is none, and beyond the window. */
+/* A pixel of both rows; zero beyond the window and in rows that do not exist. */
 FFT_INLINE float2 pixel_in(const pixel_rows *pixels, int point)
 {
     const int c = point - pixels->col0, there = (uint)c < (uint)pixels->cols;
     return (float2)(there && pixels->x_there ? pixels->x[c] : 0.0f, there && pixels->y_there ? pixels->y[c] : 0.0f);
 }
 
-/* What is done to pixels, which go to the planes; returns them as above. */
+/* Clips a pixel of both rows and writes them to the planes; returns them, zero as above. */
 FFT_INLINE float2 pixel_out(const pixel_rows *pixels, int point, float2 value)
 {
     const int c = point - pixels->col0, there = (uint)c < (uint)pixels->cols;
@@ -53,35 +41,23 @@ refine_odd_rows(__global float *spectra, __global float *planes, hada_refine_row
                 __local float2 *scratch)
 {
     const int n = table[FFT_LENGTH], last = table[FFT_STAGES] - 1, width = rows.width;
-    const int inverse = rows.inverse, forward = rows.forward, span = n / FFT_ODD_RADIX, step = span * width;
+    const int inverse = rows.pass & HADA_REFINE_TO_PIXELS, forward = rows.pass & HADA_REFINE_TO_SPECTRA;
     const int blocks = n / 2 / HADA_FFT_BLOCK + 1, groups = (rows.rows + 2 * width - 1) / (2 * width);
     const int plane = get_group_id(0) / groups, first = get_group_id(0) % groups * 2 * width;
     const int count = min(2 * width, rows.rows - first);
     const fft_side side = fft_side_of(width);
-    const fft_odd_range range = fft_odd_range_of(rows.col0, rows.cols, span);
+    const fft_odd_stage stage = fft_odd_stage_of(table, width, rows.col0, rows.cols);
+    const fft_odd_range range = stage.range;
+    const int span = stage.span, step = stage.step;
     __global const int *place = table + table[FFT_PLACE];
-    __global const float *floats = FFT_FLOATS_OF(table);
-    __global const int *odd = table + FFT_HEADER + last * FFT_STAGE_INTS;
-    __global const float2 *twiddles = (__global const float2 *)(floats + odd[FFT_TWIDDLES]);
-    __global const float *cosines = floats + odd[FFT_COSINES];
+    __global const float2 *twiddles = stage.twiddles;
+    __global const float *cosines = stage.cosines;
     __global float2 *values = (__global float2 *)spectra +
                               (size_t)(plane * blocks * rows.rows + first) * HADA_FFT_BLOCK; /* an int has room */
 
     for (int w = 0; w < (inverse ? width : 0); ++w)
-        FFT_SHARE (k, n / 2 + 1) {
-            __global const float2 *q =
-                values + (size_t)(k / HADA_FFT_BLOCK * rows.rows + w) * HADA_FFT_BLOCK + k % HADA_FFT_BLOCK;
-            float2 x = (float2)0.0f, y = (float2)0.0f;
-            if (w < count)
-                x = q[0];
-            if (width + w < count)
-                y = q[HADA_FFT_BLOCK * width];
-            put_together(scratch + w, place, k, n, width, x, y);
-        }
-    for (int s = 0; s < (inverse ? last : 0); ++s) {
-        FFT_WAIT();
-        fft_stage(scratch, n, side, table + FFT_HEADER + s * FFT_STAGE_INTS, floats, 0);
-    }
+        refine_rows_together(scratch, values, rows.rows, w, count, n, width, place);
+    refine_stages(scratch, n, side, table, 0, inverse ? last : 0);
     FFT_WAIT();
     FFT_SHARE_SIDE(j, span, side)
     {
@@ -93,7 +69,7 @@ refine_odd_rows(__global float *spectra, __global float *planes, hada_refine_row
         pixels.y_there = width + side.w < count;
         pixels.col0 = rows.col0;
         pixels.cols = rows.cols;
-        pixels.clip = rows.clip;
+        pixels.clip = rows.pass & HADA_REFINE_CLIP;
         if (inverse) {
             float re[FFT_ODD_RADIX], im[FFT_ODD_RADIX];
             fft_odd_fetch(q, step, twiddles + j, span, re, im);
@@ -121,22 +97,8 @@ refine_odd_rows(__global float *spectra, __global float *planes, hada_refine_row
             fft_odd_leave(&sums, 0, FFT_ODD_PAIRS, q, step, twiddles + j, span);
         }
     }
-    for (int s = (forward ? last : 0) - 1; s >= 0; --s) {
-        FFT_WAIT();
-        fft_stage(scratch, n, side, table + FFT_HEADER + s * FFT_STAGE_INTS, floats, 1);
-    }
+    refine_stages_back(scratch, n, side, table, forward ? last : 0);
     FFT_WAIT();
     for (int w = 0; w < (forward ? min(width, count) : 0); ++w)
-        FFT_SHARE (k, blocks * HADA_FFT_BLOCK) {
-            __global float2 *to =
-                values + (size_t)(k / HADA_FFT_BLOCK * rows.rows + w) * HADA_FFT_BLOCK + k % HADA_FFT_BLOCK;
-            float2 z = (float2)0.0f, u = z;
-            if (k <= n / 2) {
-                z = 0.5f * scratch[place[k] * width + w];
-                u = 0.5f * scratch[place[k ? n - k : 0] * width + w];
-            }
-            to[0] = (float2)(z.x + u.x, z.y - u.y);
-            if (width + w < count)
-                to[HADA_FFT_BLOCK * width] = (float2)(z.y + u.y, u.x - z.x);
-        }
+        refine_rows_apart(scratch, values, rows.rows, w, count, n, width, place);
 }

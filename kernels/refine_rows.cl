@@ -1,7 +1,9 @@
-/* Half spectra of rows (as refine_columns.cl has them) to the planes' pixels, the proximal step of non-negativity on
- * these, and their half spectra again, sixteen rows at a time while they stand in the cache. A work-item takes sixteen
- * rows of one plane. rows.inverse: the pixels come from the half spectra, else they are as they stand in `planes`;
- * rows.clip: u = max(0, w); rows.forward: their half spectra are made, in place. */
+/* Half spectra of rows to the planes' pixels, the proximal step of non-negativity on these, and their half spectra
+ * again, sixteen rows at a time while they are in the cache; rows.pass says which of these steps are done.
+ *
+ * spectra: complex [plane][block of eight columns][row of the window][8], in place; planes: [plane][row][column of the
+ * window]; tables: the forward transform along rows, from rows.back_table on the inverse one (shared_fft_table.h);
+ * scratch: sixteen rows of the grid. Dimension: sixteens of rows of all planes. */
 #include "inc_fft_rows_forward.h"
 #include "inc_fft_rows_inverse.h"
 #include "shared_local.h"
@@ -19,17 +21,17 @@ __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void refine_rows(__globa
     __global float *values = spectra + ((size_t)plane * blocks * rows.rows + row) * 16;
     __global float *u = planes + ((size_t)plane * rows.rows + row) * rows.cols;
 
-    if (rows.inverse)
+    if (rows.pass & HADA_REFINE_TO_PIXELS)
         fft_rows_inverse_task(values, rows.rows, count, n / 2, u, rows.cols, rows.col0, rows.cols, rows.scale, scratch,
                               back_table, FFT_FLOATS_OF(back_table));
-    if (rows.clip) {
+    if (rows.pass & HADA_REFINE_CLIP) {
         const int whole = pixels / 8 * 8;
         for (int i = 0; i < whole; i += 8)
             VECTORS_STORE8(__global, max(vload8(0, u + i), 0.0f), u + i);
         for (int i = whole; i < pixels; ++i)
             u[i] = max(u[i], 0.0f);
     }
-    if (rows.forward)
+    if (rows.pass & HADA_REFINE_TO_SPECTRA)
         fft_rows_forward_task(u, rows.cols, count, rows.col0, rows.cols, values, rows.rows, blocks, scratch, table,
                               FFT_FLOATS_OF(table));
 }

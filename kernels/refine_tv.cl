@@ -59,8 +59,7 @@ REFINE_INLINE refine_real tv_rest(refine_real kept, refine_real v, int done)
 }
 #endif
 
-/* u at the pixels from `at` on, all of one row; what stands before a row or an image is 0 but for the row above the
- * first. */
+/* u at the pixels from `at` on, all of one row; the duals before a row or an image are 0. */
 REFINE_INLINE refine_real tv_plane(__global const float *w, __global const float *p, int area, int cols, int at,
                                    float theta)
 {

@@ -1,11 +1,11 @@
-/* Some steps of refine_tv.cl on a tile of the window by a work-group, which keeps its pixels in registers and hands
- * what neighbours need over in local memory: one launch for several. What stands at a tile's edges is wrong from the
- * first step on, by a pixel further in each step, so that tiles overlap by a halo and write what is right, the same as
- * step by step.
+/* Some steps of refine_tv.cl on a tile of the window by a work-group, which keeps its pixels in registers and exchanges
+ * neighbours' values through local memory: one launch for several steps. Values at a tile's edges are wrong from the
+ * first step on, by a pixel further in each step, so tiles overlap by a halo and write only the right values: the same
+ * as step by step.
  *
  * The first launch of a proximal step (tile.first) reads the planes w and leaves a copy of them, at tile.copy behind
- * the duals in `next`; further ones read that, and the last one (tile.last) writes the planes u in the place of w,
- * which no group reads any more. Planes and duals stand as in refine_tv.cl. Dimensions: tiles, places. */
+ * the duals in `next`; further launches read the copy, and the last one (tile.last) writes the planes u in the place of
+ * w, which no group reads any more. Planes and duals: as in refine_tv.cl. Dimensions: tiles, places. */
 #define REFINE_WIDTH 1
 #ifndef TV_CHANNELS
 #define TV_CHANNELS 3
@@ -81,7 +81,7 @@ __kernel __attribute__((reqd_work_group_size(HADA_REFINE_TV_GROUP, 1, 1))) void
 refine_tv_tile(__global float *planes, __global const float *old, __global float *next, hada_refine_tv_tile tile,
                float theta, float step, float per_colour)
 {
-    /* p along rows stands in local memory alone, p along columns makes room for u there */
+    /* only p along rows is in local memory all the time; p along columns makes room for u there */
     __local float local_i[TV_CHANNELS * TILE * TILE], local_j[TV_CHANNELS * TILE * TILE];
     const int rows = tile.rows, cols = tile.cols, steps = tile.steps, lead = steps + tile.last;
     const int inner = TILE - lead - steps, across = (cols + inner - 1) / inner, area = rows * cols;

@@ -1,4 +1,4 @@
-/* What the kernels of the classic methods and the host agree on. */
+/* Constants and structs of the classic methods, for kernels and host. */
 #ifndef SHARED_CLASSIC_H
 #define SHARED_CLASSIC_H
 
@@ -13,7 +13,7 @@ typedef enum hada_classic_pixel_step {
     HADA_CLASSIC_MOMENTUM = 4  /* of planes: gradient step, non-negativity and momentum of FISTA */
 } hada_classic_pixel_step;
 
-/* Half spectra of a set of depths. OTFs stand as [depth][channel][count], the frame's as [channel][count]. */
+/* Half spectra of a set of depths: OTFs as [depth][channel][count], the frame as [channel][count]. */
 typedef struct hada_classic_problem {
     hada_ulong otf_offset, frame_offset; /* in complex numbers */
     hada_spectrum_shape spectrum;
@@ -26,7 +26,7 @@ HADA_SHARED_SIZE(hada_classic_problem, 40)
 typedef struct hada_classic_weights {
     float data, gradient, planes;
     int cropped; /* the data are a split's */
-    int first;   /* the planes count as 0 */
+    int first;   /* the planes are taken as 0 */
 } hada_classic_weights;
 HADA_SHARED_SIZE(hada_classic_weights, 20)
 
@@ -63,7 +63,7 @@ typedef struct hada_classic_level {
 } hada_classic_level;
 HADA_SHARED_SIZE(hada_classic_level, 40)
 
-/* Columns of half spectra of image rows: where planes and frame stand on the grid, in rows. */
+/* Columns of half spectra of image rows: where planes and frame are on the grid, in rows. */
 typedef struct hada_classic_columns {
     hada_ulong otf_offset;
     int plane_row0, plane_rows, frame_row0, frame_rows;
@@ -81,7 +81,7 @@ typedef struct hada_classic_rows {
     int col0, cols; /* on the grid */
     float number;   /* of the step */
     float scale;    /* of the inverse transform */
-    int back_table; /* where the table of the inverse transform begins in that of both, in numbers */
+    int back_table; /* where the inverse transform's table begins in that of both, in numbers */
 } hada_classic_rows;
 HADA_SHARED_SIZE(hada_classic_rows, 48)
 

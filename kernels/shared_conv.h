@@ -1,4 +1,4 @@
-/* What the kernels of convolutions and the host agree on. "Coarse" and "fine": lib/net/conv_internal.h. */
+/* Constants and structs of convolutions, for kernels and host. "Coarse" and "fine": lib/net/conv_plan.h. */
 #ifndef SHARED_CONV_H
 #define SHARED_CONV_H
 
@@ -10,13 +10,13 @@
 #define HADA_CONV_GRADIENT_ITEMS 64
 #define HADA_CONV_GRADIENT_LANES 32
 
-/* What becomes of a finished sum. */
+/* What is done with a finished sum. */
 enum {
     HADA_CONV_HAS_BIAS = 1,
     HADA_CONV_HAS_MASK = 2,    /* zero where the mask, the output of a ReLU, is not above zero */
-    HADA_CONV_ACCUMULATES = 4, /* added to what stands there */
+    HADA_CONV_ACCUMULATES = 4, /* added to the values there */
     HADA_CONV_POOLS = 8,       /* the 2 x 2 maxima are written too */
-    HADA_CONV_STREAMS = 16     /* the output is large and stands at whole blocks: written past the caches (CPUs) */
+    HADA_CONV_STREAMS = 16     /* the output is large and aligned to whole blocks: written past the caches (CPUs) */
 };
 typedef struct hada_conv_epilogue {
     hada_ulong bias; /* where it begins */
@@ -61,13 +61,13 @@ HADA_SHARED_SIZE(hada_conv_correlation, 104)
 typedef struct hada_conv_partials {
     int parts, blocks, fine_filled, places;
     int coarse_channels, fine_channels;
-    int swapped; /* coarse and fine have changed places, and kernels are mirrored: lanes only */
+    int swapped; /* coarse and fine are swapped, and kernels mirrored: lanes only */
     int unused;
 } hada_conv_partials;
 HADA_SHARED_SIZE(hada_conv_partials, 32)
 
-/* Which of a kernel's taps meet the pixels of one phase. Output pixel R = step * r + phase takes input r + first + t
- * with taps t = 0 ... count - 1; of the kernel that is place u = u0 - step * t, where `pad` is counted as for a
+/* The taps of a kernel that meet the pixels of one phase. Output pixel R = step * r + phase takes input r + first + t
+ * with taps t = 0 ... count - 1; tap t is place u = u0 - step * t of the kernel, where `pad` is counted as for a
  * transposed convolution. */
 typedef struct hada_conv_taps {
     int count, first, u0;

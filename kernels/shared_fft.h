@@ -1,4 +1,4 @@
-/* What the transforms' kernels take. Offsets and distances of real images count floats, those of spectra and filters
+/* Arguments of the transforms' kernels. Offsets and distances of real images count floats, those of spectra and filters
  * complex numbers. */
 #ifndef SHARED_FFT_H
 #define SHARED_FFT_H
@@ -24,8 +24,8 @@ typedef struct hada_fft_spectra {
 } hada_fft_spectra;
 HADA_SHARED_SIZE(hada_fft_spectra, 24)
 
-/* What columns are read from: spectrum (first + image) % count times a filter for each image, up to the frequency
- * kx = band. Of the rows first_row ... first_row + rows - 1 and those from last_row on; the others are zero. */
+/* The input of columns: spectrum (first + image) % count times a filter for each image, up to the frequency kx = band;
+ * the rows first_row ... first_row + rows - 1 and those from last_row on, the others are zero. */
 typedef struct hada_fft_columns_in {
     hada_ulong offset, distance, filter_offset, filter_distance;
     int count, first;
@@ -34,7 +34,7 @@ typedef struct hada_fft_columns_in {
 } hada_fft_columns_in;
 HADA_SHARED_SIZE(hada_fft_columns_in, 56)
 
-/* Where columns go to: rows from row0 on. */
+/* The output of columns: rows from row0 on. */
 typedef struct hada_fft_columns_out {
     hada_ulong offset, distance;
     int row0, rows;

@@ -1,5 +1,5 @@
 /* The run-time description of one pass of transforms: an int table made by the host (lib/fft/fft_pass.c), so that one
- * program serves every length. A header, then five ints for each stage, then index lists; then the floats. */
+ * program is enough for every length. A header, then five ints for each stage, then index lists; then the floats. */
 #ifndef SHARED_FFT_TABLE_H
 #define SHARED_FFT_TABLE_H
 

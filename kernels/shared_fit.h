@@ -1,4 +1,4 @@
-/* What the kernels of a fit and the host agree on. */
+/* Constants and structs of a fit, for kernels and host. */
 #ifndef SHARED_FIT_H
 #define SHARED_FIT_H
 
@@ -16,7 +16,7 @@ enum {
     HADA_FIT_TRIALS = 5   /* settings that are tried at once, which share what is read */
 };
 
-/* The image of a channel among the spectra, and how its sums stand. */
+/* The image of a channel among the spectra, and the layout of its sums. */
 typedef struct hada_fit_image {
     hada_ulong first;   /* complex numbers before it */
     hada_ulong count;   /* of complex numbers; what follows belongs to the next image */
@@ -27,7 +27,7 @@ typedef struct hada_fit_image {
 } hada_fit_image;
 HADA_SHARED_SIZE(hada_fit_image, 48)
 
-/* What is added under a filter's fraction: alpha times the other depths' |B|^2, and the ridge. */
+/* The terms added to a filter's denominator: alpha times the other depths' |B|^2, and the ridge. */
 typedef struct hada_fit_penalty {
     float alpha, ridge;
 } hada_fit_penalty;
@@ -41,7 +41,7 @@ typedef struct hada_fit_trials {
 } hada_fit_trials;
 HADA_SHARED_SIZE(hada_fit_trials, 48)
 
-/* Between the pairs and a guess: the scale of their sums, and the guess's weight. */
+/* Scale of the pairs' sums, and weight of the guess. */
 typedef struct hada_fit_blend_rule {
     float scale, weight;
 } hada_fit_blend_rule;

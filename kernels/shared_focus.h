@@ -1,4 +1,4 @@
-/* What the focus kernels and the host agree on. */
+/* Constants and structs of the focus measure, for kernels and host. */
 #ifndef SHARED_FOCUS_H
 #define SHARED_FOCUS_H
 
@@ -26,7 +26,7 @@ typedef struct hada_focus_batch {
 } hada_focus_batch;
 HADA_SHARED_SIZE(hada_focus_batch, 80)
 
-/* The images of a focus object: rows of its own ones stand `pitch` apart. */
+/* The images of a focus object: rows of its own images are `pitch` apart. */
 typedef struct hada_focus_image {
     int channels, rows, cols, pitch;
     int radius; /* of the window */
@@ -34,7 +34,7 @@ typedef struct hada_focus_image {
 } hada_focus_image;
 HADA_SHARED_SIZE(hada_focus_image, 24)
 
-/* What came before a launch. */
+/* The state before a launch. */
 typedef struct hada_focus_past {
     int seen;       /* planes of this frame; 0: nothing kept is read */
     int last_depth; /* of the last of them */

@@ -1,5 +1,5 @@
-/* What a `__local` argument of a kernel holds at most. Compilers for FPGAs lay local memory out when they compile, so
- * that it is stated there (aoc: INTELFPGA_CL is defined); elsewhere each launch says how much it is. */
+/* The largest size of a kernel's `__local` argument. Compilers for FPGAs lay local memory out when they compile and
+ * need this size (aoc: INTELFPGA_CL is defined); elsewhere each launch gives its own. */
 #ifndef SHARED_LOCAL_H
 #define SHARED_LOCAL_H
 

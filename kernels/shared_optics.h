@@ -1,10 +1,10 @@
-/* What the forward model's kernels and the host agree on. */
+/* Constants and structs of the forward model, for kernels and host. */
 #ifndef SHARED_OPTICS_H
 #define SHARED_OPTICS_H
 
 #include "shared_types.h"
 
-/* What a sensor makes of light (<hadalens/sensor.h>). */
+/* A sensor (<hadalens/sensor.h>). */
 typedef struct hada_optics_sensor {
     float exposure;
     float full_well; /* electrons; 0: no shot noise */
@@ -17,7 +17,7 @@ typedef struct hada_optics_sensor {
 } hada_optics_sensor;
 HADA_SHARED_SIZE(hada_optics_sensor, 36)
 
-/* What one lens sees of a plane past another: the place and size of the weights. */
+/* The weights by which one lens sees a plane past another: place and size. */
 typedef struct hada_optics_taps {
     int row0, col0, rows, cols;
 } hada_optics_taps;
@@ -36,14 +36,14 @@ typedef struct hada_optics_field {
 } hada_optics_field;
 HADA_SHARED_SIZE(hada_optics_field, 20)
 
-/* A lens: its centre, and where the lines that bound its ground begin and how many they are. */
+/* A lens: its centre, and the first and number of the lines that bound its area. */
 typedef struct hada_wave_lens {
     float x, y;
     int first, planes;
 } hada_wave_lens;
 HADA_SHARED_SIZE(hada_wave_lens, 16)
 
-/* What of a line of samples falls on a pixel, both squares, each its own size; a sample's light is shared by area.
+/* The samples of a line that fall on a pixel, both squares, each of its own size; a sample's light is shared by area.
  * Samples `first` to `first + count - 1`, the ends with their own weights (a single one: `begin`). */
 typedef struct hada_wave_pixel {
     int first, count;

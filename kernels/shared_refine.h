@@ -1,4 +1,4 @@
-/* What the refinement's kernels and the host agree on. */
+/* Constants and structs of the refinement, for kernels and host. */
 #ifndef SHARED_REFINE_H
 #define SHARED_REFINE_H
 
@@ -18,7 +18,7 @@ typedef struct hada_refine_sums {
 } hada_refine_sums;
 HADA_SHARED_SIZE(hada_refine_sums, 8)
 
-/* What is refined. OTFs stand as [depth][channel][count], the frame's spectrum as [channel][count]. */
+/* The problem of a set: OTFs as [depth][channel][count], the frame's spectrum as [channel][count]. */
 typedef struct hada_refine_problem {
     hada_ulong otf_offset, frame_offset; /* in complex numbers */
     hada_spectrum_shape spectrum;
@@ -41,14 +41,24 @@ typedef struct hada_refine_step {
 } hada_refine_step;
 HADA_SHARED_SIZE(hada_refine_step, 80)
 
-/* What the score counts. */
+/* The frequencies of a score. */
 typedef struct hada_refine_band {
     unsigned int rows, cols; /* frequencies with 2 |ky| < rows and 2 |kx| < cols */
     int has_prior, has_variance;
 } hada_refine_band;
 HADA_SHARED_SIZE(hada_refine_band, 16)
 
-/* How spectra become those of a coarser grid. */
+/* A score from half spectra of rows (refine_group_score.cl). */
+typedef struct hada_refine_scoring {
+    hada_refine_problem problem;
+    hada_refine_band band;
+    int row0, rows; /* the window's rows on the grid */
+    int width;      /* columns side by side, a power of two up to 8 */
+    int unused;
+} hada_refine_scoring;
+HADA_SHARED_SIZE(hada_refine_scoring, 80)
+
+/* The step from spectra to those of a coarser grid. */
 typedef struct hada_refine_crop {
     int parts;    /* 2: complex values, 1: real ones */
     int channels; /* of an image that is read; one is written */
@@ -61,15 +71,33 @@ HADA_SHARED_SIZE(hada_refine_crop, 20)
 /* Pixels that an item of refine_dct_colours takes in lanes; a multiple of eight. */
 #define HADA_REFINE_DCT_RUN 128
 
-/* The window's rows on the grid, and what a pass along them does (refine_rows.cl, refine_group_rows.cl). */
+/* Steps of a pass along rows (refine_rows.cl, refine_frame_rows.cl, refine_group_rows.cl), in the order in which they
+ * are done; a pass has one or several of them. */
+typedef enum hada_refine_pass {
+    HADA_REFINE_TO_PIXELS = 1, /* pixels from the half spectra, else they are read as they are */
+    HADA_REFINE_CLIP = 2,      /* negative pixels become 0 */
+    HADA_REFINE_TO_SPECTRA = 4 /* half spectra from the pixels */
+} hada_refine_pass;
+
+/* A pass along the rows of a rectangle of the grid: the window, or the frame where a sensor crops. */
 typedef struct hada_refine_rows {
     int row0, rows, col0, cols;
-    int inverse, clip, forward;
-    float scale;    /* of the inverse */
-    int back_table; /* lanes: where the table of the inverse transform begins in that of both, in numbers */
-    int width;      /* groups: transforms that one takes side by side, a power of two */
+    int pass;       /* of hada_refine_pass */
+    float scale;    /* of the inverse transform */
+    int back_table; /* lanes: where the inverse transform's table begins in that of both, in numbers */
+    int width;      /* groups: transforms side by side, a power of two */
 } hada_refine_rows;
-HADA_SHARED_SIZE(hada_refine_rows, 40)
+HADA_SHARED_SIZE(hada_refine_rows, 32)
+
+/* A linear step along columns (refine_columns.cl, refine_group_columns.cl, refine_odd_columns.cl). */
+typedef struct hada_refine_columns {
+    hada_refine_step step;
+    int row0, rows;             /* the window's rows on the grid */
+    int frame_row0, frame_rows; /* where a sensor crops: the frame's */
+    int width;                  /* groups: columns side by side, a power of two up to 8 */
+    int unused;
+} hada_refine_columns;
+HADA_SHARED_SIZE(hada_refine_columns, 104)
 
 /* The data step where a sensor crops, along the frame's rows (refine_frame_rows.cl, refine_group_rows.cl). */
 typedef struct hada_refine_data_step {
@@ -78,9 +106,16 @@ typedef struct hada_refine_data_step {
     unsigned int channels;
     unsigned int sums; /* the first of them */
     float scale;       /* 1 / (1 + mu) */
-    int first_group;   /* groups: the first of those that take the frame's rows, behind those of the planes' */
+    int first_group;   /* groups: number of the first work-group that takes rows of the frame */
 } hada_refine_data_step;
 HADA_SHARED_SIZE(hada_refine_data_step, 32)
+
+/* A pass along rows of the planes and, by other work-groups of the same launch, of the frame (refine_group_rows.cl). */
+typedef struct hada_refine_rows_pair {
+    hada_refine_data_step data;
+    hada_refine_rows planes, frame;
+} hada_refine_rows_pair;
+HADA_SHARED_SIZE(hada_refine_rows_pair, 96)
 
 /* Work-items of a group of these, by work-groups. */
 #define HADA_REFINE_FUSED_GROUP 256
@@ -95,8 +130,8 @@ typedef struct hada_refine_window {
 } hada_refine_window;
 HADA_SHARED_SIZE(hada_refine_window, 16)
 
-/* Steps of total variation on tiles (refine_tv_tile.cl): square tiles of so many pixels a side, halo and all, by groups
- * of so many work-items. Three channels of a tile take 24 KiB of local memory. */
+/* Steps of total variation on tiles (refine_tv_tile.cl): square tiles of that many pixels a side with their halo, by
+ * groups of that many work-items. Three channels of a tile take 24 KiB of local memory. */
 #define HADA_REFINE_TV_TILE  32
 #define HADA_REFINE_TV_GROUP 256
 

@@ -1,4 +1,4 @@
-/* The layout of a half spectrum as kernels see it: hada_spectrum_layout of lib/fft/fft.h. */
+/* The layout of a half spectrum: hada_spectrum_layout of lib/fft/fft.h, for kernels. */
 #ifndef SHARED_SPECTRUM_H
 #define SHARED_SPECTRUM_H
 

@@ -1,7 +1,7 @@
-/* What headers that both sides include need: the host (C11) and the kernels (OpenCL C).
+/* For headers that the host (C11) and the kernels (OpenCL C) both include.
  *
  * Such a header holds constants, enums and structs that kernels take by value. Members are int, unsigned int, float and
- * hada_ulong, those of 8 bytes first; HADA_SHARED_SIZE says the size, which the host checks when compiling and OpenCL
+ * hada_ulong, those of 8 bytes first; HADA_SHARED_SIZE gives the size, which the host checks when compiling and OpenCL
  * when an argument is set. */
 #ifndef SHARED_TYPES_H
 #define SHARED_TYPES_H

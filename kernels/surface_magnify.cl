@@ -1,10 +1,10 @@
 /* Images magnified and summed: out = sum over sources of the spline with the source's coefficients, at points that are
  * a product of tables along rows and columns (lib/surface/spline.h): an entry has the first of the taps and their
- * weights. Images are periodic; what an image does not hold has weight 0.
+ * weights. Images are periodic; pixels outside an image have weight 0.
  *
  * A work-group does a row: the taps along columns to `lines`, then those along the row. Vectors of eight where the taps
- * of eight columns follow one another, which they do but for a few columns of a row; a row's last vector overlaps the
- * one before. SURFACE_WIDTH 8 wants images of at least eight columns. Dimensions: one, rows, channels. */
+ * of eight columns follow one another, as they do but for a few columns of a row; a row's last vector overlaps the one
+ * before. SURFACE_WIDTH 8 needs images of at least eight columns. Dimensions: one, rows, channels. */
 #include "inc_vectors.h"
 #include "shared_surface.h"
 

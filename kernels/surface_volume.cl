@@ -1,8 +1,8 @@
 /* Steps of an accelerated proximal gradient for the planes, or the texture, that explain a frame
  * (lib/surface/volume.h).
  *
- * Spectra stand as [plane][channel][count], planes of the window as [plane][channel][area]; OTFs are held conjugate, as
- * an inverse transform multiplies by them. */
+ * Spectra: complex [plane][channel][count]; planes of the window: float [plane][channel][area]; OTFs are stored
+ * conjugate, as an inverse transform multiplies by them. */
 #include "inc_refine.h"
 #include "shared_volume.h"
 

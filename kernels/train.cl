@@ -1,11 +1,11 @@
-/* What training does beside transforms and nets (docs/explanation/nets.md): gradients of Hadamard filters, the squared
- * error of planes, the gradient of clipping. */
+/* Training besides transforms and nets (docs/explanation/nets.md): gradients of Hadamard filters, the squared error of
+ * planes, the gradient of clipping. */
 #include "inc_vectors.h"
 #include "shared_train.h"
 
 /* Adds the gradient of filters: scale m conj(B) G (form complex), or scale m (Re(B) Re(G), Im(B) Im(G)) (split), for
- * spectra B of a frame and G of the gradient of a plane. m, from `weights`, says how often a value of the half spectrum
- * stands in the whole one; where it is 0 (padding, which holds anything) nothing is added. */
+ * spectra B of a frame and G of the gradient of a plane. m, from `weights`, is how often a value of the half spectrum
+ * occurs in the whole one; where it is 0 (padding, which may hold anything) nothing is added. */
 static inline float16 train_add(float16 b, float16 g, float8 m, int split, float16 sum)
 {
     const int8 there = m > 0.0f;
@@ -89,7 +89,7 @@ __kernel void train_error(__global float *x, __global const float *target, ulong
     sums[get_global_id(0)] = (a.x + a.z) + (a.y + a.w);
 }
 
-/* The gradient of max(plane, 0): nothing flows where the clipped plane is 0. */
+/* The gradient of max(plane, 0): 0 where the clipped plane is 0. */
 __kernel void train_mask(__global const float *plane, __global float *gradient, ulong count)
 {
     TRAIN_EACH (i, count) {

@@ -13,9 +13,9 @@
 
 enum { GROUP_ROWS = 16 }; /* that a work-item of refine_rows or refine_frame_rows takes */
 
-/* A pass along rows: what is done to planes and to the frame, and the data's step. */
+/* A pass along rows: the steps on planes and on the frame, and the data's step. */
 typedef struct rows_pass {
-    const hada_refine_fused_part *planes, *frame; /* frame: may be NULL */
+    int planes, frame; /* of hada_refine_pass; frame 0: no frame */
     hada_refine_data_step now;
 } rows_pass;
 
@@ -89,19 +89,27 @@ static double transform(double n)
     return 5.0 * n * log2(n > 2.0 ? n : 2.0);
 }
 
-static hada_refine_rows rows_of(const hada_refiner *refiner, const hada_refine_rect *rect,
-                                const hada_refine_fused_part *part, int width)
+static hada_refine_rows rows_of(const hada_refiner *refiner, const hada_refine_rect *rect, int pass, int width)
 {
     return (hada_refine_rows){.row0 = rect->row0,
                               .rows = rect->rows,
                               .col0 = rect->col0,
                               .cols = rect->cols,
-                              .inverse = part->inverse,
-                              .clip = part->clip,
-                              .forward = part->forward,
+                              .pass = pass,
                               .scale = (float)hada_refine_per_pixel(refiner),
                               .back_table = refiner->fused.back_table,
                               .width = width};
+}
+
+static hada_refine_columns columns_of(const hada_refiner *refiner, const hada_refine_step *now, int width)
+{
+    const hada_refine_rect *window = &refiner->shape.window, *frame = &refiner->shape.frame;
+    return (hada_refine_columns){.step = *now,
+                                 .row0 = window->row0,
+                                 .rows = window->rows,
+                                 .frame_row0 = frame->row0,
+                                 .frame_rows = frame->rows,
+                                 .width = width};
 }
 
 hada_status hada_refine_fused_columns(const hada_refine_run *run, const hada_refine_rule *rule, int start, int step,
@@ -125,7 +133,7 @@ hada_status hada_refine_fused_columns(const hada_refine_run *run, const hada_ref
     return way_of(refiner->slot->context)->launch_columns(run, &now, err);
 }
 
-/* What the channels add up to takes as much as two columns of a plane do. */
+/* The sums over channels take as much memory as two columns of a plane. */
 enum { SCORE_COLUMNS = 2 };
 
 int hada_refine_fused_scores(const hada_refiner *refiner, int depths)
@@ -142,8 +150,9 @@ hada_status hada_refine_fused_score(const hada_refine_run *run, const hada_refin
     const hada_refine_data *data = run->data;
     const int columns = run->depths + SCORE_COLUMNS, images = run->sets * run->depths * refiner->shape.channels;
     const int width = way_of(refiner->slot->context)->columns(refiner->slot->context, &refiner->shape, columns);
-    const hada_refine_rows rows = rows_of(refiner, &refiner->shape.window, &(hada_refine_fused_part){0}, width);
-    const hada_refine_problem problem = hada_refine_problem_of(run, 0);
+    const hada_refine_rect *window = &refiner->shape.window;
+    const hada_refine_scoring job = {hada_refine_problem_of(run, 0), *band, .row0 = window->row0, .rows = window->rows,
+                                     .width = width};
     const hada_local scratch = {(size_t)(width * columns * refiner->layout.rows) * 2 * sizeof(float)};
     *slices = parts_of(refiner, width);
     const hada_range range = hada_range_groups(*slices, HADA_REFINE_FUSED_GROUP, (size_t)run->sets, 1);
@@ -153,35 +162,36 @@ hada_status hada_refine_fused_score(const hada_refine_run *run, const hada_refin
     refiner->transforms += (size_t)images;
     return hada_launch_refine_group_score(refiner->slot, HADA_PROGRAM_REFINE_GROUP_SCORE_DEFAULT, &range, err,
                                           .planes = refiner->now_u.mem, .otf = data->otf, .list = refiner->list.ints,
-                                          .frame = data->spectrum,
-                                          .prior = band->has_prior ? data->prior : data->spectrum,
-                                          .variance = band->has_variance ? data->variance : data->spectrum,
-                                          .partial = refiner->partial.mem, .problem = problem, .band = *band,
-                                          .rows = rows, .table = refiner->fused.columns.table.ints, .scratch = scratch);
+                                          .frame = data->spectrum, .prior = data->prior, .variance = data->variance,
+                                          .partial = refiner->partial.mem, .job = job,
+                                          .table = refiner->fused.columns.table.ints, .scratch = scratch);
 }
 
 /* What a pass along the rows of so many images costs; touched: arrays of pixels that are read or written. */
-static void cost_rows(const hada_refine_run *run, const hada_refine_fused_part *part, const hada_refine_rect *rect,
-                      int images, int touched, double operations, double *bytes, double *flops)
+static void cost_rows(const hada_refine_run *run, int pass, const hada_refine_rect *rect, int images, int touched,
+                      double operations, double *bytes, double *flops)
 {
     const hada_spectrum_layout *layout = &run->refiner->layout;
-    const int ways = part->inverse + part->forward;
+    const int inverse = !!(pass & HADA_REFINE_TO_PIXELS), forward = !!(pass & HADA_REFINE_TO_SPECTRA);
+    const int ways = inverse + forward;
     const double rows = (double)images * rect->rows;
     *bytes += rows * (8.0 * ways * (layout->cols / 2 + 1.0) + 4.0 * touched * rect->cols);
     *flops += rows * (0.5 * ways * transform(layout->cols) + operations * rect->cols);
-    run->refiner->transforms += part->forward ? (size_t)images : 0;
+    run->refiner->transforms += forward ? (size_t)images : 0;
 }
 
-static void cost_planes(const hada_refine_run *run, const hada_refine_fused_part *part, double *bytes, double *flops)
+static void cost_planes(const hada_refine_run *run, int pass, double *bytes, double *flops)
 {
-    cost_rows(run, part, &run->refiner->shape.window, run->sets * run->depths * run->refiner->shape.channels,
-              part->inverse + part->forward, part->clip ? 1.0 : 0.0, bytes, flops);
+    cost_rows(run, pass, &run->refiner->shape.window, run->sets * run->depths * run->refiner->shape.channels,
+              !!(pass & HADA_REFINE_TO_PIXELS) + !!(pass & HADA_REFINE_TO_SPECTRA), pass & HADA_REFINE_CLIP ? 1.0 : 0.0,
+              bytes, flops);
 }
 
-static void cost_frame(const hada_refine_run *run, const hada_refine_fused_part *part, double *bytes, double *flops)
+static void cost_frame(const hada_refine_run *run, int pass, double *bytes, double *flops)
 {
-    cost_rows(run, part, &run->refiner->shape.frame, run->sets * run->refiner->shape.channels,
-              2 * part->inverse + part->forward, 4.0 * part->inverse, bytes, flops);
+    const int inverse = !!(pass & HADA_REFINE_TO_PIXELS), forward = !!(pass & HADA_REFINE_TO_SPECTRA);
+    cost_rows(run, pass, &run->refiner->shape.frame, run->sets * run->refiner->shape.channels, 2 * inverse + forward,
+              4.0 * inverse, bytes, flops);
 }
 
 size_t hada_refine_fused_frame_slices(const hada_context *context, const hada_refine_shape *shape)
@@ -197,8 +207,8 @@ static size_t frame_groups(const hada_refine_run *run)
            hada_refine_fused_frame_slices(refiner->slot->context, &refiner->shape);
 }
 
-hada_status hada_refine_fused_rows(const hada_refine_run *run, const hada_refine_fused_part *planes,
-                                   const hada_refine_fused_part *frame, double mu, int place, hada_error *err)
+hada_status hada_refine_fused_rows(const hada_refine_run *run, int planes, int frame, double mu, int place,
+                                   hada_error *err)
 {
     hada_refiner *refiner = run->refiner;
     const rows_pass pass = {.planes = planes,
@@ -232,18 +242,15 @@ static hada_status launch_lane_columns(const hada_refine_run *run, const hada_re
     hada_refiner *refiner = run->refiner;
     const hada_refine_data *data = run->data;
     const hada_own_pass *pass = &refiner->fused.columns;
-    const hada_refine_fused_part none = {0};
-    const hada_refine_rows rows = rows_of(refiner, &refiner->shape.window, &none, 0);
-    const hada_refine_rows frame_rows = rows_of(refiner, &refiner->shape.frame, &none, 0);
+    const hada_refine_columns job = columns_of(refiner, now, HADA_FFT_BLOCK);
     const hada_local scratch = {pass->local_bytes * (size_t)blocks_of(&refiner->shape, run->depths)};
     const hada_range range =
         hada_range_groups((size_t)refiner->layout.blocks, 1, (size_t)refiner->shape.channels, (size_t)run->sets);
-    return hada_launch_refine_columns(
-        refiner->slot, HADA_PROGRAM_REFINE_COLUMNS_DEFAULT, &range, err, .planes = refiner->now_u.mem, .otf = data->otf,
-        .list = refiner->list.ints, .frame = data->spectrum, .prior = now->has_prior ? data->prior : data->spectrum,
-        .now_w = refiner->now_w.mem, .split = run->padded ? refiner->split.mem : refiner->now_w.mem,
-        .partial = refiner->partial.mem, .now = *now, .rows = rows, .frame_rows = frame_rows, .table = pass->table.ints,
-        .scratch = scratch);
+    return hada_launch_refine_columns(refiner->slot, HADA_PROGRAM_REFINE_COLUMNS_DEFAULT, &range, err,
+                                      .planes = refiner->now_u.mem, .otf = data->otf, .list = refiner->list.ints,
+                                      .frame = data->spectrum, .prior = data->prior, .now_w = refiner->now_w.mem,
+                                      .split = refiner->split.mem, .partial = refiner->partial.mem, .job = job,
+                                      .table = pass->table.ints, .scratch = scratch);
 }
 
 static hada_status launch_lane_frame(const hada_refine_run *run, const rows_pass *pass, hada_error *err)
@@ -318,19 +325,18 @@ static hada_status prepare_groups(hada_slot *slot, const hada_fft_fused *fused, 
     return HADA_OK;
 }
 
-static hada_status launch_odd_columns(const hada_refine_run *run, const hada_refine_step *now,
-                                      const hada_refine_rows *rows, hada_local scratch, hada_error *err)
+static hada_status launch_odd_columns(const hada_refine_run *run, const hada_refine_columns *job, hada_local scratch,
+                                      hada_error *err)
 {
     hada_refiner *refiner = run->refiner;
     const hada_refine_data *data = run->data;
     const hada_range range = hada_range_groups(hada_refine_fused_slices(run), HADA_REFINE_ODD_GROUP,
                                                (size_t)refiner->shape.channels, (size_t)run->sets);
-    return hada_launch_refine_odd_columns(
-        refiner->slot, HADA_PROGRAM_REFINE_ODD_COLUMNS_DEFAULT, &range, err, .planes = refiner->now_u.mem,
-        .otf = data->otf, .list = refiner->list.ints, .frame = data->spectrum,
-        .prior = now->has_prior ? data->prior : data->spectrum, .now_w = refiner->now_w.mem,
-        .partial = refiner->partial.mem, .now = *now, .rows = *rows, .table = refiner->fused.columns.table.ints,
-        .scratch = scratch);
+    return hada_launch_refine_odd_columns(refiner->slot, HADA_PROGRAM_REFINE_ODD_COLUMNS_DEFAULT, &range, err,
+                                          .planes = refiner->now_u.mem, .otf = data->otf, .list = refiner->list.ints,
+                                          .frame = data->spectrum, .prior = data->prior, .now_w = refiner->now_w.mem,
+                                          .partial = refiner->partial.mem, .job = *job,
+                                          .table = refiner->fused.columns.table.ints, .scratch = scratch);
 }
 
 static hada_status launch_group_columns(const hada_refine_run *run, const hada_refine_step *now, hada_error *err)
@@ -339,20 +345,17 @@ static hada_status launch_group_columns(const hada_refine_run *run, const hada_r
     const hada_refine_data *data = run->data;
     const int blocks = blocks_of(&refiner->shape, run->depths);
     const int width = group_columns(refiner->slot->context, &refiner->shape, blocks);
-    const hada_refine_fused_part none = {0};
-    const hada_refine_rows rows = rows_of(refiner, &refiner->shape.window, &none, width);
-    const hada_refine_rows frame_rows = rows_of(refiner, &refiner->shape.frame, &none, width);
+    const hada_refine_columns job = columns_of(refiner, now, width);
     const hada_local scratch = {(size_t)(width * blocks * refiner->layout.rows) * 2 * sizeof(float)};
     const hada_range range = hada_range_groups(hada_refine_fused_slices(run), HADA_REFINE_FUSED_GROUP,
                                                (size_t)refiner->shape.channels, (size_t)run->sets);
     if (refiner->fused.odd_columns)
-        return launch_odd_columns(run, now, &rows, scratch, err);
-    return hada_launch_refine_group_columns(
-        refiner->slot, group_columns_program(run->padded), &range, err, .planes = refiner->now_u.mem, .otf = data->otf,
-        .list = refiner->list.ints, .frame = data->spectrum, .prior = now->has_prior ? data->prior : data->spectrum,
-        .now_w = refiner->now_w.mem, .split = run->padded ? refiner->split.mem : refiner->now_w.mem,
-        .partial = refiner->partial.mem, .now = *now, .rows = rows, .frame_rows = frame_rows,
-        .table = refiner->fused.columns.table.ints, .scratch = scratch);
+        return launch_odd_columns(run, &job, scratch, err);
+    return hada_launch_refine_group_columns(refiner->slot, group_columns_program(run->padded), &range, err,
+                                            .planes = refiner->now_u.mem, .otf = data->otf, .list = refiner->list.ints,
+                                            .frame = data->spectrum, .prior = data->prior, .now_w = refiner->now_w.mem,
+                                            .split = refiner->split.mem, .partial = refiner->partial.mem, .job = job,
+                                            .table = refiner->fused.columns.table.ints, .scratch = scratch);
 }
 
 static int group_frame_rows(const hada_context *context, const hada_refine_shape *shape)
@@ -367,17 +370,14 @@ static hada_status launch_group_rows(const hada_refine_run *run, const rows_pass
     hada_refiner *refiner = run->refiner;
     const size_t group = HADA_REFINE_FUSED_GROUP;
     const int pairs = hada_fft_group_pairs(refiner->slot->context, refiner->layout.cols, group);
-    const int images = run->sets * run->depths * refiner->shape.channels, padded = run->padded;
-    const hada_refine_fused_part none = {0};
+    const int images = run->sets * run->depths * refiner->shape.channels;
     const hada_refine_rows rows = rows_of(refiner, &refiner->shape.window, pass->planes, pairs);
-    const hada_refine_rows frame_rows =
-        rows_of(refiner, &refiner->shape.frame, pass->frame ? pass->frame : &none, pairs);
     const hada_local scratch = {(size_t)(pairs * refiner->layout.cols) * 2 * sizeof(float)};
     const size_t planes = (size_t)images * hada_divide_up((size_t)rows.rows, 2 * (size_t)pairs);
     const hada_range range = hada_range_groups(planes + (pass->frame ? frame_groups(run) : 0), group, 1, 1);
-    hada_refine_data_step now = pass->now;
+    hada_refine_rows_pair job = {pass->now, rows, rows_of(refiner, &refiner->shape.frame, pass->frame, pairs)};
     double bytes = 0.0, flops = 0.0;
-    now.first_group = (int)planes;
+    job.data.first_group = (int)planes;
     cost_planes(run, pass->planes, &bytes, &flops);
     if (pass->frame)
         cost_frame(run, pass->frame, &bytes, &flops);
@@ -388,13 +388,11 @@ static hada_status launch_group_rows(const hada_refine_run *run, const rows_pass
                                            .spectra = refiner->now_u.mem, .planes = refiner->planes.mem, .rows = rows,
                                            .table = refiner->fused.rows.table.ints, .scratch = scratch);
     }
-    /* what is not cropped has no frame: some other buffer */
     return hada_launch_refine_group_rows(
-        refiner->slot, group_rows_program(padded), &range, err, .spectra = refiner->now_u.mem,
-        .planes = refiner->planes.mem, .split = padded ? refiner->split.mem : refiner->now_u.mem,
-        .duals = padded ? refiner->dual.mem : refiner->planes.mem,
-        .frame = padded ? run->data->frame : refiner->planes.mem, .partial = refiner->partial.mem, .now = now,
-        .rows = rows, .frame_rows = frame_rows, .table = refiner->fused.rows.table.ints, .scratch = scratch);
+        refiner->slot, group_rows_program(run->padded), &range, err, .spectra = refiner->now_u.mem,
+        .planes = refiner->planes.mem, .split = refiner->split.mem, .duals = refiner->dual.mem,
+        .frame = run->padded ? run->data->frame : NULL, .partial = refiner->partial.mem, .job = job,
+        .table = refiner->fused.rows.table.ints, .scratch = scratch);
 }
 
 /* The one place that asks for the shape. */

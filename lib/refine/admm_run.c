@@ -113,19 +113,18 @@ static hada_status iterate_fused(const hada_refine_run *r, const hada_refine_rul
                                  hada_error *err)
 {
     const int start = step ? HADA_REFINE_CONTINUE : (int)rule->start, tv = rule->tv > 0.0;
-    const hada_refine_fused_part forward = {.forward = 1};
     const int asked = rule->scored && hada_refine_fused_scores(r->refiner, r->depths);
-    const hada_refine_fused_part back = {
-        .inverse = 1, .clip = !tv, .forward = !tv && (step + 1 < rule->steps || asked)};
-    const hada_refine_fused_part frame = {.inverse = 1, .forward = step + 1 < rule->steps};
+    const int forward = HADA_REFINE_TO_SPECTRA, last = step + 1 == rule->steps;
+    const int planes = HADA_REFINE_TO_PIXELS | (tv ? 0 : HADA_REFINE_CLIP | (!last || asked ? forward : 0));
+    const int frame = r->padded ? HADA_REFINE_TO_PIXELS | (last ? 0 : forward) : 0;
     const int goes_on = r->padded && start == HADA_REFINE_CONTINUE && !step;
     if (start != HADA_REFINE_COLD && (tv || !step))
-        HADA_TRY(hada_refine_fused_rows(r, &forward, goes_on ? &forward : NULL, rule->mu, 0, err));
+        HADA_TRY(hada_refine_fused_rows(r, forward, goes_on ? forward : 0, rule->mu, 0, err));
     HADA_TRY(hada_refine_fused_columns(r, rule, start, step, place_of(r, step), err));
-    HADA_TRY(hada_refine_fused_rows(r, &back, r->padded ? &frame : NULL, rule->mu, step + 1, err));
+    HADA_TRY(hada_refine_fused_rows(r, planes, frame, rule->mu, step + 1, err));
     if (tv)
         HADA_TRY(constrain(r, rule, step, start != HADA_REFINE_CONTINUE, shrink, err));
-    r->refiner->half_there = back.forward;
+    r->refiner->half_there = planes & forward;
     return HADA_OK;
 }
 
@@ -327,13 +326,12 @@ hada_status hada_refiner_score(hada_refiner *refiner, const hada_refine_data *da
     const hada_refine_run whole = r;
     const hada_refine_band band = {(unsigned)band_rows, (unsigned)band_cols, data->prior != NULL,
                                    data->variance != NULL};
-    const hada_refine_fused_part forward = {.forward = 1};
     const int fused = depths && hada_refine_fused_scores(refiner, depths);
     size_t slices = hada_refine_slices(refiner->layout.count);
     if (depths)
         HADA_TRY(begin(&r, refiner, data, sets, depths, list, 1, err));
     if (fused && !refiner->half_there)
-        HADA_TRY(hada_refine_fused_rows(&r, &forward, NULL, 1.0, 0, err));
+        HADA_TRY(hada_refine_fused_rows(&r, HADA_REFINE_TO_SPECTRA, 0, 1.0, 0, err));
     if (depths && !fused)
         HADA_TRY(hada_refine_planes_forward(&r, err));
     HADA_TRY(fused ? hada_refine_fused_score(&r, &band, &slices, err) : hada_refine_score(&r, &band, 0, err));

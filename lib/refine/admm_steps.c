@@ -108,15 +108,12 @@ hada_status hada_refine_solve(const hada_refine_run *r, const hada_refine_rule *
     hada_refiner *refiner = r->refiner;
     const hada_refine_data *data = r->data;
     const hada_refine_step now = hada_refine_step_of(r, rule, start, step, place);
-    const int has_prior = now.has_prior;
     const hada_range range = slices_range(r, refiner->layout.count, refiner->shape.channels, r->sets);
-    cost_solve(r, start, has_prior);
-    /* what a step does not use is some other buffer */
+    cost_solve(r, start, now.has_prior);
     return hada_launch_refine_solve(refiner->slot, refiner->program, &range, err, .otf = data->otf,
-                                    .list = refiner->list.ints, .frame = data->spectrum,
-                                    .split = r->padded ? refiner->split.mem : refiner->now_w.mem,
-                                    .prior = has_prior ? data->prior : data->spectrum, .now_u = refiner->now_u.mem,
-                                    .now_w = refiner->now_w.mem, .partial = refiner->partial.mem, .now = now);
+                                    .list = refiner->list.ints, .frame = data->spectrum, .split = refiner->split.mem,
+                                    .prior = data->prior, .now_u = refiner->now_u.mem, .now_w = refiner->now_w.mem,
+                                    .partial = refiner->partial.mem, .now = now);
 }
 
 hada_status hada_refine_explain(const hada_refine_run *r, int has_residual, hada_error *err)
@@ -127,7 +124,7 @@ hada_status hada_refine_explain(const hada_refine_run *r, int has_residual, hada
     return hada_launch_refine_explain(
         refiner->slot, refiner->program, &range, err, .otf = r->data->otf, .list = refiner->list.ints,
         .frame = r->data->spectrum, .now_u = refiner->now_u.mem,
-        .residual = has_residual ? refiner->residual.mem : refiner->now_w.mem, .has_residual = has_residual,
+        .residual = has_residual ? refiner->residual.mem : NULL, .has_residual = has_residual,
         .partial = refiner->partial.mem, .problem = hada_refine_problem_of(r, 0));
 }
 
@@ -139,11 +136,10 @@ hada_status hada_refine_score(const hada_refine_run *r, const hada_refine_band *
     const hada_range range = slices_range(r, layout->count, r->sets, 1);
     cost_score(r, fmin(1.0, (double)band->rows / layout->rows) * fmin(1.0, (double)band->cols / layout->cols),
                band->has_prior, band->has_variance);
-    return hada_launch_refine_score(
-        refiner->slot, refiner->program, &range, err, .otf = data->otf, .list = refiner->list.ints,
-        .frame = data->spectrum, .now_u = refiner->now_u.mem, .prior = band->has_prior ? data->prior : data->spectrum,
-        .variance = band->has_variance ? data->variance : data->spectrum, .partial = refiner->partial.mem,
-        .problem = hada_refine_problem_of(r, place), .band = *band);
+    return hada_launch_refine_score(refiner->slot, refiner->program, &range, err, .otf = data->otf,
+                                    .list = refiner->list.ints, .frame = data->spectrum, .now_u = refiner->now_u.mem,
+                                    .prior = data->prior, .variance = data->variance, .partial = refiner->partial.mem,
+                                    .problem = hada_refine_problem_of(r, place), .band = *band);
 }
 
 /* dual = factor * (dual - frame), or factor * dual, with its energy. */
@@ -156,10 +152,10 @@ hada_status hada_refine_frame_dual(const hada_refine_run *r, cl_mem dual, int us
     const double frame = (double)channels * (double)refiner->frame_area, all = r->sets * frame;
     hada_slot_cost(refiner->slot, 8.0 * all + (use_frame ? 4.0 * frame : 0), (use_frame ? 4.0 : 3.0) * all);
     return hada_launch_refine_frame(refiner->slot, refiner->program, &range, err, .a = dual,
-                                    .frame = use_frame ? r->data->frame : refiner->planes.mem,
-                                    .frame_offset = r->data->frame_offset, .use_frame = use_frame,
-                                    .channels = (cl_uint)channels, .pixels = (cl_uint)refiner->frame_area,
-                                    .scale = (float)factor, .partial = refiner->partial.mem, .sums = sums_at(r, step));
+                                    .frame = use_frame ? r->data->frame : NULL, .frame_offset = r->data->frame_offset,
+                                    .use_frame = use_frame, .channels = (cl_uint)channels,
+                                    .pixels = (cl_uint)refiner->frame_area, .scale = (float)factor,
+                                    .partial = refiner->partial.mem, .sums = sums_at(r, step));
 }
 
 hada_status hada_refine_nonnegative(const hada_refine_run *r, hada_error *err)

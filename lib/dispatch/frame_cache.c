@@ -238,10 +238,9 @@ void hada_frame_cache_begin(hada_job *job)
     hada_cache_entry *entry = job->entry;
     if (!entry)
         return;
-    const hada_status status =
-        hada_frame_examine(&job->frame, NULL); /* a failure is met again, and reported, in the run */
+    const int known = hada_frame_examine(&job->frame, NULL) == HADA_OK; /* a failure is met again in the run */
     pthread_mutex_lock(&entry->lock);
-    if (!status)
+    if (known)
         memcpy(entry->hash, job->frame.exposure.hash, sizeof entry->hash);
     entry->state = RUNS;
     pthread_cond_broadcast(&entry->changed);

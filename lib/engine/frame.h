@@ -7,7 +7,7 @@
 #include <stdatomic.h>
 
 #include "engine/setup.h"
-#include "planes/planes.h"
+#include "planes/maker.h"
 
 /* What a result holds besides its public members, which point here. */
 typedef struct hada_result_memory {

@@ -4,7 +4,7 @@
 #define HADA_FIT_TRIAL_FRAME_H
 
 #include "fit/trial.h"
-#include "planes/planes.h"
+#include "planes/maker.h"
 
 /* Pairs of a frame, at most, and steps of a refinement. */
 enum { HADA_TRIAL_MEMBERS = 2, HADA_TRIAL_STEPS = 16 };

@@ -229,17 +229,13 @@ hada_status hada_tiff_page_check(TIFF *tif, uint64_t file_bytes, int keep_indice
     } while (0)
 
 /* Numbers of 1 to 7 and of 9 to 15 bits are packed, highest bit first. */
-static void packed(const hada_tiff_page *page, const unsigned char *row, size_t first, size_t stride, size_t count,
-                   float by, float *out)
+static unsigned packed(const hada_tiff_page *page, const unsigned char *row, size_t place)
 {
-    size_t bits = (size_t)page->bits;
-    for (size_t i = 0; i < count; i++) {
-        size_t at = (first + i * stride) * bits;
-        unsigned value = 0;
-        for (size_t b = 0; b < bits; b++, at++)
-            value = value << 1 | (row[at >> 3] >> (7 - (at & 7)) & 1u);
-        out[i] = (float)value / by;
-    }
+    const size_t bits = (size_t)page->bits;
+    unsigned value = 0;
+    for (size_t at = place * bits; at < (place + 1) * bits; at++)
+        value = value << 1 | (row[at >> 3] >> (7 - (at & 7)) & 1u);
+    return value;
 }
 
 static void floats(const hada_tiff_page *page, const void *row, size_t first, size_t stride, size_t count, float *out)
@@ -282,10 +278,37 @@ static void samples_to_float(const hada_tiff_page *page, const void *row, size_t
     else if (page->bits == 32)
         ROW(uint32_t, double, scale);
     else
-        packed(page, row, first, stride, count, (float)scale, out);
+        for (size_t i = 0; i < count; i++)
+            out[i] = (float)packed(page, row, first + i * stride) / (float)scale;
     if (page->inverted)
         for (size_t i = 0; i < count; i++)
             out[i] = 1.0f - out[i];
+}
+
+hada_pixel_type hada_tiff_page_form(const hada_tiff_page *page)
+{
+    if (page->is_float || page->is_signed || page->inverted || page->palette || page->bits > 16)
+        return HADA_PIXEL_F32;
+    return page->bits > 8 ? HADA_PIXEL_U16 : HADA_PIXEL_U8;
+}
+
+#define STORED(type)                                                                                                   \
+    do {                                                                                                               \
+        const type *from = (const type *)row + first;                                                                  \
+        type *to = out;                                                                                                \
+        for (size_t i = 0; i < count; i++)                                                                             \
+            to[i] = whole ? from[i * stride] : (type)packed(page, row, first + i * stride);                            \
+    } while (0)
+
+/* The same numbers as they are stored. */
+static void samples_as_stored(const hada_tiff_page *page, const void *row, size_t first, size_t stride, size_t count,
+                              void *out)
+{
+    const int whole = page->bits == 8 || page->bits == 16;
+    if (page->bits > 8)
+        STORED(uint16_t);
+    else
+        STORED(uint8_t);
 }
 
 /* A rectangle of the page, as one buffer: `plane` of a separate page, all samples else. */
@@ -295,8 +318,9 @@ typedef struct hada_tiff_chunk {
     int plane, row, col, rows, cols;
 } hada_tiff_chunk;
 
-static void place(const hada_tiff_page *page, const hada_tiff_chunk *chunk, float *out)
+static void place(const hada_tiff_page *page, const hada_tiff_chunk *chunk, hada_pixel_type form, void *out)
 {
+    const size_t bytes = form == HADA_PIXEL_U8 ? 1 : form == HADA_PIXEL_U16 ? 2 : 4;
     int rows = chunk->rows < page->rows - chunk->row ? chunk->rows : page->rows - chunk->row;
     int cols = chunk->cols < page->cols - chunk->col ? chunk->cols : page->cols - chunk->col;
     int first = page->separate ? chunk->plane : 0, last = page->separate ? chunk->plane + 1 : page->channels;
@@ -304,11 +328,17 @@ static void place(const hada_tiff_page *page, const hada_tiff_chunk *chunk, floa
     if (page->palette)
         last = 1; /* the indices, in the first plane; looked up at the end */
     for (int channel = first; channel < last && channel < page->channels; channel++)
-        for (int row = 0; row < rows; row++)
-            samples_to_float(page, chunk->data + (uint64_t)row * chunk->row_bytes, page->separate ? 0 : (size_t)channel,
-                             page->separate ? 1 : (size_t)page->samples, (size_t)cols,
-                             out + (size_t)channel * plane + (size_t)(chunk->row + row) * (size_t)page->cols +
-                                 chunk->col);
+        for (int row = 0; row < rows; row++) {
+            const unsigned char *from = chunk->data + (uint64_t)row * chunk->row_bytes;
+            const size_t sample = page->separate ? 0 : (size_t)channel,
+                         stride = page->separate ? 1 : (size_t)page->samples;
+            void *to = (unsigned char *)out + bytes * ((size_t)channel * plane + (size_t)chunk->col +
+                                                       (size_t)(chunk->row + row) * (size_t)page->cols);
+            if (form == HADA_PIXEL_F32)
+                samples_to_float(page, from, sample, stride, (size_t)cols, to);
+            else
+                samples_as_stored(page, from, sample, stride, (size_t)cols, to);
+        }
 }
 
 static hada_status look_up(TIFF *tif, const hada_tiff_page *page, float *out, hada_error *err)
@@ -324,8 +354,8 @@ static hada_status look_up(TIFF *tif, const hada_tiff_page *page, float *out, ha
     return HADA_OK;
 }
 
-hada_status hada_tiff_page_read(TIFF *tif, const hada_tiff_handle *handle, const hada_tiff_page *page, float *out,
-                                hada_error *err)
+hada_status hada_tiff_page_read(TIFF *tif, const hada_tiff_handle *handle, const hada_tiff_page *page,
+                                hada_pixel_type form, void *out, hada_error *err)
 {
     int tiled = TIFFIsTiled(tif);
     uint32_t width = (uint32_t)page->cols, height = (uint32_t)page->rows;
@@ -363,7 +393,7 @@ hada_status hada_tiff_page_read(TIFF *tif, const hada_tiff_handle *handle, const
                     (uint64_t)page->rows - y * height < height && !tiled ? (uint64_t)page->rows - y * height : height;
                 if (got < 0 || (uint64_t)got < rows * row_bytes)
                     HADA_TRY_OR_DONE(damaged(handle, err));
-                place(page, &chunk, out);
+                place(page, &chunk, form, out);
             }
     if (page->palette)
         HADA_TRY_OR_DONE(look_up(tif, page, out, err));
@@ -382,7 +412,7 @@ static void swap_bytes(unsigned char *data, uint64_t count, int bytes)
         }
 }
 
-void hada_tiff_page_convert(const hada_tiff_page *page, void *raw, int swapped, float *out)
+void hada_tiff_page_convert(const hada_tiff_page *page, void *raw, int swapped, hada_pixel_type form, void *out)
 {
     uint64_t bytes = hada_tiff_page_bytes(page), planes = page->separate ? (uint64_t)page->samples : 1;
     if (swapped && page->bits > 8 && page->bits % 8 == 0)
@@ -395,7 +425,7 @@ void hada_tiff_page_convert(const hada_tiff_page *page, void *raw, int swapped, 
                                  0,
                                  page->rows,
                                  page->cols};
-        place(page, &chunk, out);
+        place(page, &chunk, form, out);
     }
 }
 

@@ -2,6 +2,7 @@
 #ifndef HADA_IO_TIFF_PAGE_H
 #define HADA_IO_TIFF_PAGE_H
 
+#include <hadalens/pixels.h>
 #include <hadalens/tiff.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -64,9 +65,13 @@ typedef struct hada_tiff_page {
 hada_status hada_tiff_page_check(TIFF *tif, uint64_t file_bytes, int keep_indices, hada_tiff_page *page,
                                  hada_error *err);
 
-/* Reads the pixels: `channels` planes of rows * cols. */
-hada_status hada_tiff_page_read(TIFF *tif, const hada_tiff_handle *handle, const hada_tiff_page *page, float *out,
-                                hada_error *err);
+/* The form in which its samples can be used as they are stored: whole numbers from 0 up to 8 or 16 bits, over
+ * page->scale; all others, HADA_PIXEL_F32, become floats when they are read. */
+hada_pixel_type hada_tiff_page_form(const hada_tiff_page *page);
+
+/* Reads the pixels: `channels` planes of rows * cols, as floats or in the page's form. */
+hada_status hada_tiff_page_read(TIFF *tif, const hada_tiff_handle *handle, const hada_tiff_page *page,
+                                hada_pixel_type form, void *out, hada_error *err);
 
 /* Bytes of an uncompressed page, and the fewest that it can have in a file. */
 uint64_t hada_tiff_page_bytes(const hada_tiff_page *page);
@@ -75,6 +80,10 @@ uint64_t hada_tiff_page_least(const hada_tiff_page *page);
 hada_status hada_tiff_budget(uint64_t values, uint64_t piece_bytes, uint64_t file_bytes, hada_error *err);
 /* Converts an uncompressed page that was read from the file as it stands; `raw` is put into the machine's byte order
  * in place when `swapped`. Not for palettes. */
-void hada_tiff_page_convert(const hada_tiff_page *page, void *raw, int swapped, float *out);
+void hada_tiff_page_convert(const hada_tiff_page *page, void *raw, int swapped, hada_pixel_type form, void *out);
+
+/* As hada_tiff_read(), in the form in which the file has the frame where that is one form of 8 or 16 bits, else as
+ * floats; planar and without gaps. The caller frees pixels->data. */
+hada_status hada_tiff_read_stored(hada_tiff_reader *reader, int index, hada_pixels *pixels, hada_error *err);
 
 #endif

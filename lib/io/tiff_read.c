@@ -361,7 +361,8 @@ hada_status hada_tiff_check_all(const hada_tiff_reader *reader, hada_error *err)
     return status;
 }
 
-static hada_status read_raw_image(const hada_tiff_reader *reader, size_t number, float *out, hada_error *err)
+static hada_status read_raw_image(const hada_tiff_reader *reader, size_t number, hada_pixel_type form, void *out,
+                                  hada_error *err)
 {
     void *buffer;
     hada_status status =
@@ -372,7 +373,7 @@ static hada_status read_raw_image(const hada_tiff_reader *reader, size_t number,
         status = hada_fail(err, HADA_ERROR_FILE_READ, "image %zu cannot be read: the file is cut off; get it again",
                            number + 1);
     else
-        hada_tiff_page_convert(&reader->first, buffer, reader->chain.swapped, out);
+        hada_tiff_page_convert(&reader->first, buffer, reader->chain.swapped, form, out);
     free(buffer);
     return status;
 }
@@ -390,8 +391,34 @@ static hada_status note_page(hada_tiff_reader *reader, size_t number, const hada
                            "the pages hold more pixels than the file has bytes for: it is damaged; get it again");
 }
 
-/* Reads a page into *image, which is created for the first page of a frame. */
-static hada_status read_page(hada_tiff_reader *reader, size_t number, int channel, hada_image *image, hada_error *err)
+/* Memory for a frame of pages like this one. */
+static hada_status make_frame(const hada_tiff_reader *reader, const hada_tiff_page *page, int stored,
+                              hada_pixels *frame, hada_error *err)
+{
+    const hada_pixel_type form = stored ? hada_tiff_page_form(page) : HADA_PIXEL_F32;
+    const size_t bytes = form == HADA_PIXEL_U8 ? 1 : form == HADA_PIXEL_U16 ? 2 : 4;
+    const int channels = reader->grouped ? reader->info.channels : page->channels;
+    void *data;
+    HADA_TRY(
+        hada_allocated(data = hada_alloc(hada_size_product((size_t)channels * (size_t)page->rows, (size_t)page->cols),
+                                         bytes, "an image", err)));
+    hada_pixels_planar(frame, data, form, channels, page->rows, page->cols);
+    if (form != HADA_PIXEL_F32)
+        frame->full_scale = page->scale;
+    return HADA_OK;
+}
+
+/* Whether the frame takes a page in the form that it has. */
+static int takes(const hada_pixels *frame, const hada_tiff_page *page)
+{
+    return frame->type == HADA_PIXEL_F32 ||
+           (frame->type == hada_tiff_page_form(page) && frame->full_scale == page->scale);
+}
+
+/* Reads a page into *frame, whose memory is made for its first page; stored: in the form of that page. *mixed: 1: this
+ * page has another form, and was not read. */
+static hada_status read_page(hada_tiff_reader *reader, size_t number, int channel, int stored, hada_pixels *frame,
+                             int *mixed, hada_error *err)
 {
     hada_tiff_handle handle;
     TIFF *tif = NULL;
@@ -402,47 +429,70 @@ static hada_status read_page(hada_tiff_reader *reader, size_t number, int channe
         HADA_TRY_OR_DONE(note_page(reader, number, &page, err));
     }
     if (channel == 0)
-        HADA_TRY_OR_DONE(hada_image_create(image, reader->grouped ? reader->info.channels : page.channels, page.rows,
-                                           page.cols, err));
-    if (page.rows != image->rows || page.cols != image->cols || (reader->grouped && page.channels != 1))
+        HADA_TRY_OR_DONE(make_frame(reader, &page, stored, frame, err));
+    if (page.rows != frame->rows || page.cols != frame->cols || (reader->grouped && page.channels != 1))
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_FORMAT,
                                    "page %zu has another size (%d x %d) than the first channel (%d x %d)", number + 1,
-                                   page.rows, page.cols, image->rows, image->cols));
-    float *out = image->data + (size_t)channel * (size_t)page.rows * (size_t)page.cols;
+                                   page.rows, page.cols, frame->rows, frame->cols));
+    *mixed = !takes(frame, &page);
+    if (*mixed)
+        goto done;
+    void *out = (unsigned char *)frame->data + (ptrdiff_t)channel * frame->channel_stride;
     if (reader->raw_at)
-        HADA_TRY_OR_DONE(read_raw_image(reader, number, out, err));
+        HADA_TRY_OR_DONE(read_raw_image(reader, number, frame->type, out, err));
     else
-        HADA_TRY_OR_DONE(hada_tiff_page_read(tif, &handle, &page, out, err));
+        HADA_TRY_OR_DONE(hada_tiff_page_read(tif, &handle, &page, frame->type, out, err));
 done:
     if (tif)
         TIFFClose(tif);
     return status;
 }
 
-hada_status hada_tiff_read(hada_tiff_reader *reader, int index, hada_image *image, hada_error *err)
+static void drop(hada_pixels *frame)
 {
-    HADA_NEED(reader && image, err);
-    *image = (hada_image){0};
+    free((void *)frame->data);
+    frame->data = NULL;
+}
+
+static hada_status read_frame(hada_tiff_reader *reader, int index, int stored, hada_pixels *frame, hada_error *err)
+{
     const hada_tiff_stack *stack = &reader->stack;
+    hada_pixels_init(frame);
     if (index < 0 || index >= reader->info.frames)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: frame %d was asked for; the file has %d", reader->path, index,
                          reader->info.frames);
-    int channels = reader->grouped ? stack->channels : 1;
+    const int channels = reader->grouped ? stack->channels : 1;
     hada_status status = HADA_OK;
     size_t page = (size_t)index;
-    for (int c = 0; c < channels; c++) {
+    int mixed = 0;
+    for (int c = 0; !mixed && c < channels; c++) {
         int z = index % reader->info.slices, t = index / reader->info.slices;
         if (stack->known && (reader->grouped || stack->channels == 1))
             page = stack->pages ? (size_t)stack->pages[index * channels + c]
                                 : (size_t)(c * stack->channel_step + z * stack->slice_step + t * stack->time_step);
-        HADA_TRY_OR_DONE(read_page(reader, page, c, image, err));
+        HADA_TRY_OR_DONE(read_page(reader, page, c, stored, frame, &mixed, err));
     }
 done:
-    if (status) {
+    if (status)
         hada_error_prefix(err, "%s, page %zu: ", reader->path, page + 1);
-        hada_image_destroy(image);
-    }
-    return status;
+    if (status || mixed)
+        drop(frame);
+    return mixed ? read_frame(reader, index, 0, frame, err) : status;
+}
+
+hada_status hada_tiff_read_stored(hada_tiff_reader *reader, int index, hada_pixels *pixels, hada_error *err)
+{
+    return read_frame(reader, index, 1, pixels, err);
+}
+
+hada_status hada_tiff_read(hada_tiff_reader *reader, int index, hada_image *image, hada_error *err)
+{
+    hada_pixels frame;
+    HADA_NEED(reader && image, err);
+    *image = (hada_image){0};
+    HADA_TRY(read_frame(reader, index, 0, &frame, err));
+    *image = (hada_image){frame.channels, frame.rows, frame.cols, (float *)frame.data};
+    return HADA_OK;
 }
 
 hada_status hada_tiff_load(const char *path, int index, hada_image *image, hada_error *err)

@@ -34,6 +34,7 @@ struct hada_tiff_writer {
     int frames; /* written so far */
     int strip_rows;
     void *strip;
+    float *encoded;  /* a strip of light on its way to the encoding; NULL: none came so far */
     float low, high; /* of the finite values */
 };
 
@@ -204,51 +205,6 @@ static int set_tags(hada_tiff_writer *w, int first)
     return fine && (!first || set_first_page(w));
 }
 
-/* Rows [row, row + rows) of `samples` channels from `channel` on, interleaved, as they are stored. */
-static void convert(const hada_tiff_writer *w, const hada_image *image, int channel, int samples, int row, int rows)
-{
-    size_t plane = (size_t)w->rows * (size_t)w->cols, count = (size_t)rows * (size_t)w->cols;
-    double full = w->options.bits == 8 ? 255 : 65535, factor = full / w->options.scale;
-    for (int s = 0; s < samples; s++) {
-        const float *from = image->data + (size_t)(channel + s) * plane + (size_t)row * (size_t)w->cols;
-        for (size_t i = 0; i < count; i++) {
-            size_t to = i * (size_t)samples + (size_t)s;
-            if (w->options.bits == 32) {
-                ((float *)w->strip)[to] = from[i];
-                continue;
-            }
-            double value = (double)from[i] * factor;
-            value = value > 0 ? (value < full ? value + 0.5 : full) : 0; /* NaN fails the first comparison */
-            if (w->options.bits == 8)
-                ((uint8_t *)w->strip)[to] = (uint8_t)value;
-            else
-                ((uint16_t *)w->strip)[to] = (uint16_t)value;
-        }
-    }
-}
-
-static hada_status write_page(hada_tiff_writer *w, const hada_image *image, int channel, hada_error *err)
-{
-    int samples = samples_a_page(w);
-    const size_t pixels = (size_t)w->rows * (size_t)w->cols;
-    if (!w->tif && samples == 1 && w->options.bits == 32) /* unchanged */
-        return hada_outfile_write(&w->file, image->data + (size_t)channel * pixels, pixels * sizeof(float), err);
-    size_t row_bytes = (size_t)w->cols * (size_t)samples * (size_t)(w->options.bits / 8);
-    if (w->tif && !set_tags(w, w->frames == 0 && channel == 0))
-        return failed(w, err);
-    for (int row = 0, strip = 0; row < w->rows; row += w->strip_rows, strip++) {
-        int rows = w->rows - row < w->strip_rows ? w->rows - row : w->strip_rows;
-        convert(w, image, channel, samples, row, rows);
-        size_t bytes = (size_t)rows * row_bytes;
-        if (w->tif && TIFFWriteEncodedStrip(w->tif, (uint32_t)strip, w->strip, (tmsize_t)bytes) < 0)
-            return failed(w, err);
-        hada_status status = w->tif ? HADA_OK : hada_outfile_write(&w->file, w->strip, bytes, err);
-        if (status)
-            return status;
-    }
-    return !w->tif || TIFFWriteDirectory(w->tif) ? HADA_OK : failed(w, err);
-}
-
 /* The range of the finite values, in many columns side by side, which compilers make vectors of. */
 static void widen_range(hada_tiff_writer *w, const float *values, size_t count)
 {
@@ -273,7 +229,69 @@ static void widen_range(hada_tiff_writer *w, const float *values, size_t count)
     }
 }
 
-hada_status hada_tiff_write(hada_tiff_writer *w, const hada_image *image, hada_error *err)
+/* Light of a strip, in the file's encoding. */
+static hada_status encode(hada_tiff_writer *w, const float **values, size_t count, hada_error *err)
+{
+    if (!w->encoded)
+        HADA_TRY(hada_allocated(w->encoded = hada_alloc_raw((size_t)w->strip_rows * (size_t)w->cols, sizeof(float),
+                                                            "a piece of the TIFF file", err)));
+    memcpy(w->encoded, *values, count * sizeof(float));
+    hada_response_convert(w->encoded, count, HADA_RESPONSE_LINEAR, w->options.encoding);
+    *values = w->encoded;
+    return HADA_OK;
+}
+
+/* Rows [row, row + rows) of `samples` channels from `channel` on, interleaved, as they are stored. */
+static hada_status convert(hada_tiff_writer *w, const hada_image *image, int light, int channel, int samples, int row,
+                           int rows, hada_error *err)
+{
+    size_t plane = (size_t)w->rows * (size_t)w->cols, count = (size_t)rows * (size_t)w->cols;
+    double full = w->options.bits == 8 ? 255 : 65535, factor = full / w->options.scale;
+    for (int s = 0; s < samples; s++) {
+        const float *from = image->data + (size_t)(channel + s) * plane + (size_t)row * (size_t)w->cols;
+        if (light)
+            HADA_TRY(encode(w, &from, count, err));
+        widen_range(w, from, count);
+        for (size_t i = 0; i < count; i++) {
+            size_t to = i * (size_t)samples + (size_t)s;
+            if (w->options.bits == 32) {
+                ((float *)w->strip)[to] = from[i];
+                continue;
+            }
+            double value = (double)from[i] * factor;
+            value = value > 0 ? (value < full ? value + 0.5 : full) : 0; /* NaN fails the first comparison */
+            if (w->options.bits == 8)
+                ((uint8_t *)w->strip)[to] = (uint8_t)value;
+            else
+                ((uint16_t *)w->strip)[to] = (uint16_t)value;
+        }
+    }
+    return HADA_OK;
+}
+
+static hada_status write_page(hada_tiff_writer *w, const hada_image *image, int light, int channel, hada_error *err)
+{
+    int samples = samples_a_page(w);
+    const size_t pixels = (size_t)w->rows * (size_t)w->cols;
+    if (!w->tif && samples == 1 && w->options.bits == 32) /* unchanged */
+        return hada_outfile_write(&w->file, image->data + (size_t)channel * pixels, pixels * sizeof(float), err);
+    size_t row_bytes = (size_t)w->cols * (size_t)samples * (size_t)(w->options.bits / 8);
+    if (w->tif && !set_tags(w, w->frames == 0 && channel == 0))
+        return failed(w, err);
+    for (int row = 0, strip = 0; row < w->rows; row += w->strip_rows, strip++) {
+        int rows = w->rows - row < w->strip_rows ? w->rows - row : w->strip_rows;
+        HADA_TRY(convert(w, image, light, channel, samples, row, rows, err));
+        size_t bytes = (size_t)rows * row_bytes;
+        if (w->tif && TIFFWriteEncodedStrip(w->tif, (uint32_t)strip, w->strip, (tmsize_t)bytes) < 0)
+            return failed(w, err);
+        hada_status status = w->tif ? HADA_OK : hada_outfile_write(&w->file, w->strip, bytes, err);
+        if (status)
+            return status;
+    }
+    return !w->tif || TIFFWriteDirectory(w->tif) ? HADA_OK : failed(w, err);
+}
+
+static hada_status write_frame(hada_tiff_writer *w, const hada_image *image, int light, hada_error *err)
 {
     HADA_NEED(w && image, err);
     if (image->channels != w->channels || image->rows != w->rows || image->cols != w->cols)
@@ -283,12 +301,21 @@ hada_status hada_tiff_write(hada_tiff_writer *w, const hada_image *image, hada_e
     if (w->options.layout == HADA_TIFF_HYPERSTACK && w->frames >= w->options.slices * w->options.times)
         return hada_fail(err, HADA_ERROR_STATE, "%s was declared with %d slices and %d times; all are written",
                          w->file.path, w->options.slices, w->options.times);
-    widen_range(w, image->data, hada_image_count(image));
     int pages = w->options.layout == HADA_TIFF_HYPERSTACK ? w->channels : 1;
     for (int channel = 0; channel < pages; channel++)
-        HADA_TRY(write_page(w, image, channel, err));
+        HADA_TRY(write_page(w, image, light, channel, err));
     w->frames++;
     return HADA_OK;
+}
+
+hada_status hada_tiff_write(hada_tiff_writer *w, const hada_image *image, hada_error *err)
+{
+    return write_frame(w, image, 0, err);
+}
+
+hada_status hada_tiff_write_light(hada_tiff_writer *w, const hada_image *image, hada_error *err)
+{
+    return write_frame(w, image, w->options.encoding != 0.0 && w->options.encoding != HADA_RESPONSE_LINEAR, err);
 }
 
 /* The head and the directories of a hyperstack, now that the range of its values is known. */
@@ -342,6 +369,7 @@ void hada_tiff_abandon(hada_tiff_writer **writer)
     free(w->distances);
     free(w->description);
     free(w->strip);
+    free(w->encoded);
     free(w);
     *writer = NULL;
 }

@@ -8,6 +8,9 @@
 #include "core/outfile.h"
 #include "io/tiff_meta.h"
 
+/* As hada_tiff_write(), of linear light, which gets the file's encoding strip by strip on its way. */
+hada_status hada_tiff_write_light(hada_tiff_writer *writer, const hada_image *image, hada_error *err);
+
 typedef struct hada_stack_layout {
     int big; /* BigTIFF */
     int rows, cols, bits;

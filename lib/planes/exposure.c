@@ -7,7 +7,7 @@
 #include "core/finite.h"
 #include "image/pixels.h"
 #include "image/statistics.h"
-#include "planes/planes.h"
+#include "planes/maker.h"
 
 hada_status hada_frame_check_size(const hada_model_info *info, int channels, int rows, int cols, hada_error *err)
 {

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "io/folder.h"
+#include "io/tiff_write.h"
 
 static const char *const endings[HADA_OUTPUT_FILES] = {"stack.tif", "aif.tif", "depth.tif", "preview.png",
                                                        "confidence.tif"};
@@ -65,23 +66,27 @@ static hada_status open_writer(hada_outputs *out, int which, const hada_image *f
                             err);
 }
 
-static hada_status save_preview(const hada_outputs *out, const hada_image *raw, const hada_result *result,
+static hada_status save_preview(const hada_outputs *out, const hada_pixels *raw, const hada_result *result,
                                 hada_error *err)
 {
     hada_preview preview;
+    hada_image frame;
+    HADA_TRY(hada_pixels_to_image(raw, &frame, err));
     hada_preview_init(&preview);
     preview.title = out->title;
-    preview.raw = raw;
+    preview.raw = &frame;
     preview.planes = result->planes;
     preview.depths = result->depths;
     preview.distances_mm = result->distances_mm;
     preview.occupied = result->report->occupied;
     preview.all_in_focus = &result->all_in_focus;
     preview.distance_map = &result->distance_map;
-    return hada_preview_save(out->path[HADA_OUTPUT_PREVIEW], &preview, err);
+    const hada_status status = hada_preview_save(out->path[HADA_OUTPUT_PREVIEW], &preview, err);
+    hada_image_destroy(&frame);
+    return status;
 }
 
-static hada_status open_all(hada_outputs *out, const hada_image *raw, const hada_result *result, hada_error *err)
+static hada_status open_all(hada_outputs *out, const hada_pixels *raw, const hada_result *result, hada_error *err)
 {
     HADA_TRY(open_writer(out, HADA_OUTPUT_STACK, &result->planes[0], result, err));
     HADA_TRY(open_writer(out, HADA_OUTPUT_ALL_IN_FOCUS, &result->all_in_focus, result, err));
@@ -94,18 +99,10 @@ static hada_status open_all(hada_outputs *out, const hada_image *raw, const hada
     return HADA_OK;
 }
 
-/* One image of light, as it is to be encoded. */
 static hada_status write_light(hada_outputs *out, hada_output which, const hada_image *light, hada_error *err)
 {
-    hada_image *encoded = &out->encoded;
-    const size_t count = hada_image_count(light);
-    if (!out->convert)
-        return hada_tiff_write(out->writer[which], light, err);
-    if (!encoded->data)
-        HADA_TRY(hada_image_create(encoded, light->channels, light->rows, light->cols, err));
-    memcpy(encoded->data, light->data, count * sizeof(float));
-    hada_response_convert(encoded->data, count, HADA_RESPONSE_LINEAR, out->encoding);
-    return hada_tiff_write(out->writer[which], encoded, err);
+    return out->convert ? hada_tiff_write_light(out->writer[which], light, err)
+                        : hada_tiff_write(out->writer[which], light, err);
 }
 
 /* NaN for a frame that is no surface. */
@@ -120,7 +117,7 @@ static hada_status write_confidence(hada_outputs *out, const hada_result *result
     return hada_tiff_write(out->writer[HADA_OUTPUT_CONFIDENCE], confidence ? confidence : &out->unknown, err);
 }
 
-hada_status hada_outputs_add(hada_outputs *out, const hada_image *raw, const hada_result *result, hada_error *err)
+hada_status hada_outputs_add(hada_outputs *out, const hada_pixels *raw, const hada_result *result, hada_error *err)
 {
     if (!out->written++)
         HADA_TRY(open_all(out, raw, result, err));
@@ -173,7 +170,6 @@ void hada_outputs_end(hada_outputs *out)
     for (int k = 0; k < HADA_OUTPUT_FILES; k++)
         free(out->path[k]);
     free(out->title);
-    hada_image_destroy(&out->encoded);
     hada_image_destroy(&out->unknown);
     *out = (hada_outputs){0};
 }

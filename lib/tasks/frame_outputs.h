@@ -16,9 +16,8 @@ typedef struct hada_outputs {
     char *title;
     int frames, bits;
     double white;
-    double encoding; /* of what is written; 0: a gamma that is no response */
-    int convert;     /* 1: results are light, and brought to it */
-    hada_image encoded;
+    double encoding;       /* of what is written; 0: a gamma that is no response */
+    int convert;           /* 1: results are light, and get it on their way */
     double scene_response; /* the model's */
     int has_confidence;    /* 1: the file of confidence is written */
     int written;           /* frames so far */
@@ -29,7 +28,7 @@ typedef struct hada_outputs {
 hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, const char *name,
                                const hada_model_info *model, double gamma, int frames, hada_error *err);
 /* Adds a frame; the first one is shown in the preview. */
-hada_status hada_outputs_add(hada_outputs *out, const hada_image *raw, const hada_result *result, hada_error *err);
+hada_status hada_outputs_add(hada_outputs *out, const hada_pixels *raw, const hada_result *result, hada_error *err);
 /* Whether an input's results are there, all of them: the stack gets its name last. */
 int hada_outputs_are_there(const hada_files_task *task, const char *name);
 /* Gives the files their names: all of them, or none. */

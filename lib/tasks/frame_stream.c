@@ -1,14 +1,15 @@
 #include "tasks/frame_stream.h"
 
 #include <stdlib.h>
-#include <time.h>
 
 #include "core/alloc.h"
 #include "core/callers.h"
 #include "io/folder.h"
+#include "io/tiff_page.h"
+#include "planes/maker.h"
 
-/* Between two looks at a job and at the caller's wish to stop; the queues have other frames to do meanwhile. */
-#define POLL_NANOSECONDS 300000
+/* A job is waited for; the caller's wish to stop, which only a call can find out, is asked for this often. */
+#define STOP_SECONDS 0.05
 
 hada_status hada_stream_begin(hada_stream *stream, hada_plan *plan, const hada_model *model, const char *const *paths,
                               int count, int ahead, const hada_monitor *monitor, hada_error *err)
@@ -23,6 +24,12 @@ static hada_streamed *at(const hada_stream *stream, int place)
     return &stream->ring[(stream->first + place) % stream->ahead];
 }
 
+static void free_raw(hada_streamed *frame)
+{
+    free((void *)frame->raw.data);
+    frame->raw.data = NULL;
+}
+
 static int stops(const hada_stream *stream)
 {
     return hada_monitor_check(stream->monitor, NULL) != HADA_OK;
@@ -35,26 +42,14 @@ static void next_file(hada_stream *stream)
     stream->frame = 0;
 }
 
-/* Whether a file's frames can be computed at all. */
-static hada_status check_size(const hada_model *model, const hada_tiff_info *file, hada_error *err)
-{
-    const hada_model_info *info = hada_model_get_info(model);
-    if (file->rows == info->raw_rows && file->cols == info->raw_cols && file->channels == info->channels)
-        return HADA_OK;
-    return hada_fail(err, HADA_ERROR_MODEL,
-                     "this frame has %dx%d pixels of %d %s, but the model %s is of a camera with %dx%d pixels of %d; "
-                     "take the model that was fitted to this camera",
-                     file->rows, file->cols, file->channels, file->channels == 1 ? "channel" : "channels", info->name,
-                     info->raw_rows, info->raw_cols, info->channels);
-}
-
 static hada_status open_file(hada_stream *stream, hada_error *err)
 {
     const char *path = stream->paths[stream->file];
     if (hada_path_is_folder(path))
         return hada_fail(err, HADA_ERROR_FILE_OPEN, "a folder; name the files in it, such as %s/*.tif", path);
-    const hada_status status = hada_tiff_open(&stream->reader, path, err);
-    return status ? status : check_size(stream->model, hada_tiff_get_info(stream->reader), err);
+    HADA_TRY(hada_tiff_open(&stream->reader, path, err));
+    const hada_tiff_info *info = hada_tiff_get_info(stream->reader);
+    return hada_frame_check_size(hada_model_get_info(stream->model), info->channels, info->rows, info->cols, err);
 }
 
 static hada_status read_frame(hada_stream *stream, hada_streamed *frame)
@@ -63,8 +58,8 @@ static hada_status read_frame(hada_stream *stream, hada_streamed *frame)
     if (!stream->reader)
         HADA_TRY(open_file(stream, err));
     frame->frames = hada_tiff_get_info(stream->reader)->frames;
-    HADA_TRY(hada_tiff_read(stream->reader, stream->frame, &frame->raw, err));
-    return hada_job_submit(&frame->job, stream->plan, &frame->raw, &frame->result, err);
+    HADA_TRY(hada_tiff_read_stored(stream->reader, stream->frame, &frame->raw, err));
+    return hada_job_submit_pixels(&frame->job, stream->plan, &frame->raw, &frame->result, err);
 }
 
 /* Reads a frame and hands it in. What fails is kept for its turn. */
@@ -98,9 +93,8 @@ static void cancel_all(hada_stream *stream)
 
 static void wait_for(hada_stream *stream, hada_streamed *frame)
 {
-    const struct timespec pause = {.tv_nsec = POLL_NANOSECONDS};
-    while (hada_job_poll(frame->job) < HADA_JOB_DONE && !stops(stream))
-        nanosleep(&pause, NULL);
+    while (hada_job_wait_for(frame->job, STOP_SECONDS) < HADA_JOB_DONE && !stops(stream))
+        ;
     if (stops(stream))
         cancel_all(stream);
     frame->status = hada_job_wait(frame->job, &frame->error);
@@ -109,7 +103,7 @@ static void wait_for(hada_stream *stream, hada_streamed *frame)
 
 static void release(hada_stream *stream)
 {
-    hada_image_destroy(&at(stream, 0)->raw); /* the result keeps its memory for another frame */
+    free_raw(at(stream, 0)); /* the result keeps its memory for another frame */
     stream->first = (stream->first + 1) % stream->ahead;
     stream->used--;
     stream->handed_out = 0;
@@ -140,7 +134,7 @@ void hada_stream_end(hada_stream *stream)
     cancel_all(stream);
     for (int i = 0; i < stream->used; i++) {
         hada_job_destroy(&at(stream, i)->job);
-        hada_image_destroy(&at(stream, i)->raw);
+        free_raw(at(stream, i));
     }
     for (int i = 0; stream->ring && i < stream->ahead; i++)
         hada_result_destroy(&stream->ring[i].result);

@@ -9,10 +9,10 @@
 
 /* A frame, or a file that could not be opened. */
 typedef struct hada_streamed {
-    int file;   /* index of the path */
-    int frames; /* that the file holds; 0: it could not be opened */
-    int frame;  /* of the file, from 0 on */
-    hada_image raw;
+    int file;        /* index of the path */
+    int frames;      /* that the file holds; 0: it could not be opened */
+    int frame;       /* of the file, from 0 on */
+    hada_pixels raw; /* in the form in which the file has it; owned */
     hada_result result;
     hada_job *job;
     hada_status status; /* of reading and of computing */

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "planes/planes.h"
+#include "planes/maker.h"
 #include "refine/proximal.h"
 #include "train/light.h"
 

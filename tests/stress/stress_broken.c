@@ -5,7 +5,7 @@
 #include <hadalens/reconstruct.h>
 
 #include "model/model.h"
-#include "planes/planes.h"
+#include "planes/maker.h"
 #include "stress.h"
 #include "stress_camera.h"
 

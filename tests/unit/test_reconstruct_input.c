@@ -1,6 +1,6 @@
 /* Frames and options that cannot work, broken pixels, dark levels. */
 #include "learned_camera.h"
-#include "planes/planes.h"
+#include "planes/maker.h"
 
 static hada_image frame_of_one_depth(const learned_camera *learned, int depth, hada_image *scene)
 {

@@ -3,8 +3,8 @@
  *
  * An exposure is a frame on the host, in the form in which it came: checked, examined, its dark level known. A maker
  * has what a device needs to make planes of it: linear filters, or depths that are refined together. */
-#ifndef HADA_PLANES_PLANES_H
-#define HADA_PLANES_PLANES_H
+#ifndef HADA_PLANES_MAKER_H
+#define HADA_PLANES_MAKER_H
 
 #include <hadalens/pixels.h>
 #include <stdint.h>

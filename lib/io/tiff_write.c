@@ -273,8 +273,11 @@ static hada_status write_page(hada_tiff_writer *w, const hada_image *image, int 
 {
     int samples = samples_a_page(w);
     const size_t pixels = (size_t)w->rows * (size_t)w->cols;
-    if (!w->tif && samples == 1 && w->options.bits == 32) /* unchanged */
-        return hada_outfile_write(&w->file, image->data + (size_t)channel * pixels, pixels * sizeof(float), err);
+    if (!w->tif && samples == 1 && w->options.bits == 32 && !light) { /* from the image itself */
+        const float *plane = image->data + (size_t)channel * pixels;
+        widen_range(w, plane, pixels);
+        return hada_outfile_write(&w->file, plane, pixels * sizeof(float), err);
+    }
     size_t row_bytes = (size_t)w->cols * (size_t)samples * (size_t)(w->options.bits / 8);
     if (w->tif && !set_tags(w, w->frames == 0 && channel == 0))
         return failed(w, err);

@@ -34,8 +34,7 @@ struct hada_job {
     hada_queue_worker *worker;        /* that runs the frame; NULL while it waits */
     unsigned char *depths;            /* per computed depth: who has it (dispatch/dispatcher.c) */
     int open, helpers;                /* other workers may take batches; how many are at it */
-    hada_cache_entry *entry, *source; /* of this frame, or of the previous one that it seems to equal */
-    double source_change;             /* what taking the latter's result changes at most: L2 */
+    hada_cache_entry *entry, *source; /* of this frame, or of the previous one where that is equal */
 };
 
 struct hada_dispatcher {
@@ -70,8 +69,7 @@ typedef struct hada_frame_cache {
 void hada_frame_cache_make(hada_frame_cache *cache);
 void hada_frame_cache_free(hada_frame_cache *cache);
 
-/* Before a job is submitted: the job gets the last frame as its source, or becomes the last frame itself. Where nearly
- * equal frames may be taken for equal, waits for the result of the last one. */
+/* Before a job is submitted: the job gets the last frame as its source, or becomes the last frame itself. */
 hada_status hada_frame_cache_enter(hada_frame_cache *cache, hada_job *job, hada_error *err);
 
 /* In the worker. *reused: 1: the source's result was copied; 0: the frame is to be computed. */

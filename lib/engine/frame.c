@@ -136,25 +136,15 @@ static hada_status prepare_result(hada_frame *frame, hada_error *err)
     return HADA_OK;
 }
 
-int hada_frame_levels_vary(const hada_setup *setup)
-{
-    /* a model asks for the level of each frame by a dark level below zero */
-    return setup->options.dark == HADA_DARK_AUTO ||
-           (setup->options.dark == HADA_DARK_MODEL && hada_model_get_info(setup->model)->dark < 0);
-}
-
-double hada_frame_fixed_level(const hada_setup *setup)
-{
-    return setup->options.dark == HADA_DARK_MODEL   ? hada_model_get_info(setup->model)->dark
-           : setup->options.dark == HADA_DARK_LEVEL ? setup->options.dark_level
-                                                    : 0.0;
-}
-
 hada_status hada_frame_examine(hada_frame *frame, hada_error *err)
 {
     const hada_setup *setup = frame->setup;
-    const hada_exposure_rule rule = {.dark_varies = hada_frame_levels_vary(setup),
-                                     .dark = hada_frame_fixed_level(setup),
+    const hada_dark kind = setup->options.dark;
+    const double models = hada_model_get_info(setup->model)->dark; /* below zero: each frame has a level of its own */
+    const hada_exposure_rule rule = {.dark_varies = kind == HADA_DARK_AUTO || (kind == HADA_DARK_MODEL && models < 0),
+                                     .dark = kind == HADA_DARK_MODEL   ? models
+                                             : kind == HADA_DARK_LEVEL ? setup->options.dark_level
+                                                                       : 0.0,
                                      .dark_frame = setup->dark_frame.data,
                                      .repairs = setup->options.repair_not_finite,
                                      .energy = setup->config.joint,

@@ -68,7 +68,6 @@ typedef struct hada_frame_skip {
     int band_rows, band_cols; /* of the inverse transforms; 0, 0: all */
     double change;            /* of the stack, at most, under max_error: absolute L2 over all pixels */
     double band_change;       /* the same for the band that the caller chose */
-    double norm;              /* of the stack, where max_error is above 0 */
     int limited;              /* 1: max_error left frequencies out */
     int exact;                /* 1: bounded kinds are off, since their bound was not kept */
 } hada_frame_skip;
@@ -109,10 +108,6 @@ hada_status hada_frame_examine(hada_frame *frame, hada_error *err);
  * May be called again, when a pipeline failed and another one begins anew. */
 hada_status hada_frame_prepare(hada_frame *frame, hada_error *err);
 
-/* Whether each frame has a dark level of its own, or the level of all. */
-int hada_frame_levels_vary(const hada_setup *setup);
-double hada_frame_fixed_level(const hada_setup *setup);
-
 /* So much of frame->work is done; the progress never falls. */
 void hada_frame_progress(hada_frame *frame, int done);
 
@@ -121,9 +116,5 @@ hada_status hada_frame_check(hada_frame *frame, hada_error *err);
 
 /* Frees what the frame holds; a result that failed is emptied. */
 void hada_frame_end(hada_frame *frame, hada_status status);
-
-/* A change of the stack by at most `change`, relative to what the stack would be without it, which is at least its norm
- * - change: L2 over all pixels. Infinite where nothing can be said. */
-double hada_skip_relative(double change, double norm);
 
 #endif

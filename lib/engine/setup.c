@@ -126,7 +126,7 @@ static hada_status choose_skips(const hada_model *model, const hada_plan_options
         config->half_by_error = (options->skip & HADA_SKIP_HALF) && !config->half && options->max_error >= half_pays &&
                                 hada_gains_fits_half(model, options->depths, config->depths);
         config->half |= config->half_by_error;
-        config->bounded = config->half_by_error || (options->skip & (HADA_SKIP_FREQUENCIES | HADA_SKIP_FRAMES));
+        config->bounded = config->half_by_error || (options->skip & HADA_SKIP_FREQUENCIES);
     }
     config->measured = config->bounded || options->band < 1.0;
     return HADA_OK;

@@ -129,7 +129,9 @@ static double norm_of(const hada_result *result)
     return sqrt(sum);
 }
 
-double hada_skip_relative(double change, double norm)
+/* A change of the stack by at most `change`, relative to what the stack would be without it, which is at least its norm
+ * - change: L2 over all pixels. Infinite where nothing is known. */
+static double relative(double change, double norm)
 {
     return change == 0.0 ? 0.0 : change < norm ? change / (norm - change) : INFINITY;
 }
@@ -141,11 +143,10 @@ int hada_skip_kept(hada_frame *frame)
     hada_skip_report *report = &frame->result->memory->skipped;
     const double most = frame->setup->options.max_error;
     const double norm = skip->change + skip->band_change + most > 0.0 ? norm_of(frame->result) : 0.0;
-    const int kept = !(hada_skip_relative(skip->change, norm) > most);
-    report->bound = hada_skip_relative(skip->change + skip->band_change, norm);
+    const int kept = !(relative(skip->change, norm) > most);
+    report->bound = relative(skip->change + skip->band_change, norm);
     if (config->enhance && report->bound > 0.0)
         report->bound = INFINITY; /* the net may make anything of it */
-    skip->norm = norm;
     if (!kept) {
         skip->exact = 1;
         skip->limited = 0;

@@ -142,7 +142,6 @@ static void add_channel(hada_gains *gains, const hada_model *model, int channel,
         add_filter(model, 2 * plane * ((size_t)depths[i] * channels + (size_t)channel), plane, gain, lost);
     for (size_t i = 0; i < plane; i++) {
         rows[i] = (float)gain[i];
-        gains->most[channel] = fmax(gains->most[channel], gain[i]);
         if (lost && lost[i] > gains->halved * gain[i])
             gains->halved = lost[i] / gain[i];
     }
@@ -177,7 +176,6 @@ hada_status hada_gains_create(hada_gains **out, const hada_model *model, const h
     gains->channels = model->info.channels;
     HADA_TRY_OR_DONE(hada_allocated(
         gains->gain = hada_alloc(channels * hada_model_plane(model), sizeof(float), "the filters' gains", err)));
-    HADA_TRY_OR_DONE(hada_allocated(gains->most = hada_alloc(channels, sizeof(double), "the filters' gains", err)));
     HADA_TRY_OR_DONE(
         hada_allocated(room = hada_alloc_raw(2 * hada_model_plane(model), sizeof *room, "the filters' gains", err)));
     for (int c = 0; c < gains->channels; c++)
@@ -209,7 +207,6 @@ void hada_gains_destroy(hada_gains **pointer)
     if (!pointer || !*pointer)
         return;
     free((*pointer)->gain);
-    free((*pointer)->most);
     free(*pointer);
     *pointer = NULL;
 }

@@ -65,7 +65,6 @@ typedef struct hada_gains {
     hada_tiles tiles;
     int channels;
     float *gain;   /* [channel], row-major half spectra: sum over depths of |W|^2 */
-    double *most;  /* [channel]: the largest gain */
     double halved; /* largest ratio of sum |W - half(W)|^2 to sum |W|^2 of all frequencies and channels */
 } hada_gains;
 

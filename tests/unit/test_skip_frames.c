@@ -82,42 +82,6 @@ TEST(a_failed_frame_is_not_reused)
     hada_plan_destroy(&plan);
 }
 
-/* A sequence that drifts by less than the error from frame to frame: each result is within the error of its own dense
- * run, so the drift does not add up unseen. */
-TEST(nearly_equal_frames_stay_within_the_error)
-{
-    const skip_fixture *f = *state;
-    const double most = 1e-2;
-    for (int model = 0; model < SKIP_MODELS; model++) {
-        const hada_plan_options plain = skip_options(HADA_SKIP_PRUNE, 0.0), options = skip_options(HADA_SKIP_ALL, most);
-        hada_plan *exact = skip_plan(f, model, &plain), *plan = skip_plan(f, model, &options);
-        hada_image frame = copy_of(&f->frame[SKIP_BETWEEN]);
-        hada_random random;
-        int reused = 0, computed = 0;
-        hada_random_seed(&random, 11, 0);
-        for (int i = 0; i < 40; i++) {
-            hada_result dense = {0}, result = {0};
-            ASSERT_OK(hada_plan_run(exact, &frame, &dense, err));
-            ASSERT_OK(hada_plan_run(plan, &frame, &result, err));
-            const hada_skip_report *report = result.report->skipped;
-            const double change = skip_change(&result, &dense);
-            if (!(change <= report->bound) || !(report->bound <= most))
-                fail_msg("model %d, frame %d: change %g, bound %g", model, i, change, report->bound);
-            reused += report->frame;
-            computed += !report->frame;
-            hada_result_destroy(&dense);
-            hada_result_destroy(&result);
-            for (size_t k = 0; k < hada_image_count(&frame); k++)
-                frame.data[k] *= (float)(1.0 + 1e-3 * hada_random_uniform(&random));
-        }
-        if (!reused || computed < 2)
-            fail_msg("model %d: %d reused, %d computed", model, reused, computed);
-        hada_image_destroy(&frame);
-        hada_plan_destroy(&exact);
-        hada_plan_destroy(&plan);
-    }
-}
-
 /* The same results, in the same way, however many queues a plan has and however many frames are in flight. */
 TEST(queues_and_batches_find_the_same)
 {

@@ -52,7 +52,7 @@ static int batches_left(const hada_job *job)
     return job->open && count_free(job);
 }
 
-/* The nearest or the farthest free depths that stand together; returns how many. */
+/* The nearest or the farthest run of free depths; returns its length. */
 static int find_run(const hada_job *job, int farthest, int *first)
 {
     const int depths = job->frame.setup->config.depths, step = farthest ? -1 : 1;
@@ -230,7 +230,7 @@ void hada_job_release(hada_job *job, hada_status status)
     job->depths = NULL;
 }
 
-/* Those who wait for the job learn it. With the lock held. */
+/* Wakes those who wait for the job. With the lock held. */
 static void end(hada_dispatcher *dispatcher, hada_job *job, const hada_error *error)
 {
     const hada_status status = error ? error->status : HADA_OK;
@@ -249,7 +249,7 @@ static int is_of_the_device(hada_status status)
            status == HADA_ERROR_SELF_TEST;
 }
 
-/* Without the lock: whoever takes the message may ask for the state of the queues. */
+/* Without the lock: the receiver of the message may ask for the state of the queues. */
 static void tell_loss(hada_dispatcher *dispatcher, const hada_queue_worker *worker, const hada_error *error)
 {
     pthread_mutex_lock(&dispatcher->lock);
@@ -308,7 +308,7 @@ static void run_frame(hada_dispatcher *dispatcher, hada_queue_worker *worker, ha
         return;
     }
     if (!job->error.status)
-        job->error = error; /* the first failure is the one to tell */
+        job->error = error; /* the first failure is reported */
     if (lose(dispatcher, worker)) {
         push_front(&dispatcher->waiting, job);
         pthread_cond_broadcast(&dispatcher->changed);

@@ -48,7 +48,7 @@ struct hada_dispatcher {
     int capacity, worker_count, alive; /* workers that are to be, that are, and that are not lost */
     int threads;                       /* workers have threads */
     int occupied;                      /* the plan's one worker works in a caller's thread */
-    int closing;                       /* the plan goes */
+    int closing;                       /* the plan is being destroyed */
 };
 
 /* Pipelines of one device do not help each other: it is busy with them already. */
@@ -94,22 +94,22 @@ hada_status hada_dispatcher_create(hada_dispatcher **out, int workers, hada_erro
 hada_status hada_dispatcher_add(hada_dispatcher *dispatcher, const hada_setup *setup, const hada_constants *constants,
                                 int device, int number, int batch, hada_error *err);
 
-/* The plan goes: cancels all jobs, waits for the threads, destroys the pipelines. */
+/* For the end of the plan: cancels all jobs, waits for the threads, destroys the pipelines. */
 void hada_dispatcher_stop(hada_dispatcher *dispatcher);
-/* Gives back a reference, the plan's or a job's. */
+/* Drops a reference, the plan's or a job's. */
 void hada_dispatcher_release(hada_dispatcher *dispatcher);
 
-/* The job waits behind all others; the first one makes the threads. */
+/* Adds the job at the end of the queue; the first job makes the threads. */
 hada_status hada_dispatcher_submit(hada_dispatcher *dispatcher, hada_job *job, hada_error *err);
-/* Asks it to end; one that waits ends at once. */
+/* Asks the job to end; one that waits ends at once. */
 void hada_dispatcher_cancel(hada_dispatcher *dispatcher, hada_job *job);
 
-/* A plan of one worker whose thread was never needed works in the caller's: where it is free, it is taken until
- * hada_dispatcher_leave(), and the serial for a frame comes back; else 0. */
+/* A plan with one worker and no thread yet works in the caller's thread: if the worker is free, reserves it until
+ * hada_dispatcher_leave() and returns a serial for the frame; else returns 0. */
 uint64_t hada_dispatcher_occupy(hada_dispatcher *dispatcher);
 void hada_dispatcher_leave(hada_dispatcher *dispatcher, double busy_seconds);
 
-/* Runs a job's frame on the worker, unless the frame before serves. */
+/* Runs a job's frame on the worker, or copies the result of an equal one. */
 hada_status hada_worker_run(hada_queue_worker *worker, hada_job *job, hada_error *err);
 
 /* Frees what a job holds; a result that failed is emptied. */

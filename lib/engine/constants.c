@@ -6,8 +6,8 @@
 #include "engine/constants.h"
 #include "filter/hadamard.h"
 
-/* A camera whose neighbouring depths do not predict one another this well has no optics between them. The share is that
- * of each depth's PSF, predicted from both neighbours; in between it is about a quarter (docs/explanation/surfaces.md).
+/* The largest share of a depth's PSF that its two neighbours may leave unexplained for the optics between depths to be
+ * known; half way between depths the share is about a quarter (docs/explanation/surfaces.md).
  */
 #define MOST_UNEXPLAINED 0.8
 

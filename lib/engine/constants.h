@@ -46,7 +46,7 @@ hada_status hada_constants_create(hada_constants **out, hada_context *context, c
                                   hada_error *err);
 void hada_constants_destroy(hada_constants **constants); /* the pipelines must be gone */
 
-/* The transfer functions of all computed depths, which stand in one buffer; *offset in complex numbers. */
+/* The transfer functions of all computed depths, in one buffer; *offset in complex numbers. */
 cl_mem hada_constants_otf(const hada_constants *constants, size_t *offset);
 
 #endif

@@ -45,7 +45,7 @@ static int is_same(const hada_frame *frame, int a, int b)
     return same;
 }
 
-/* The first channels whose spectrum and whose planes are those of channel c. */
+/* The first channels with the spectrum and with the planes of channel c. */
 static void find_source(const hada_frame *frame, int c, int *spectrum, int *planes)
 {
     const int joint = frame->setup->config.joint, *same_filter = frame->setup->same_filter;

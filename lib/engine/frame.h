@@ -17,7 +17,7 @@ typedef struct hada_result_memory {
     float *stack;                          /* of all planes; NULL where the caller has an array for it */
     hada_image all_in_focus, distance_map; /* empty where the caller has arrays for them */
     hada_image confidence;                 /* empty until a frame is a surface */
-    int has_confidence;                    /* of the frame in hand */
+    int has_confidence;                    /* of this frame */
     hada_result_arrays arrays;             /* the caller's, on the host and on the device */
     hada_cl_arrays device;
 } hada_result_memory;
@@ -31,7 +31,7 @@ hada_status hada_result_fit(hada_result *result, const hada_model_info *info, in
 /* An empty report, to be filled. */
 hada_report *hada_result_renew(hada_result *result);
 
-/* Room for the confidence of the frame in hand; hada_result_renew() takes it away. */
+/* Room for the confidence of this frame; hada_result_renew() removes it. */
 hada_status hada_result_make_confidence(hada_result *result, hada_error *err);
 
 /* Empties a result; arrays of the caller's stay in use. */
@@ -64,7 +64,7 @@ typedef struct hada_batches {
 /* What a frame does not need (docs/explanation/speed-and-accuracy.md). All pipelines that work on it read the same. */
 typedef struct hada_frame_skip {
     int *spectra, *planes;    /* per channel, as in hada_hadamard_part */
-    int channels;             /* whose planes are not computed */
+    int channels;             /* number of channels without planes of their own */
     int band_rows, band_cols; /* of the inverse transforms; 0, 0: all */
     double change;            /* of the stack, at most, under max_error: absolute L2 over all pixels */
     double band_change;       /* the same for the band that the caller chose */
@@ -105,7 +105,7 @@ hada_status hada_frame_begin(hada_frame *frame, const hada_setup *setup, const h
 hada_status hada_frame_examine(hada_frame *frame, hada_error *err);
 
 /* The host's part, in the thread of the pipeline: the result is made to fit, with an empty report, the frame examined.
- * May be called again, when a pipeline failed and another one begins anew. */
+ * May be called again, when a pipeline failed and another one starts over. */
 hada_status hada_frame_prepare(hada_frame *frame, hada_error *err);
 
 /* So much of frame->work is done; the progress never falls. */

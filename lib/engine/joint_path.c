@@ -1,4 +1,4 @@
-/* The joint path: the occupied depths, whose planes explain the frame together, by refinement or by a classic method.
+/* The joint path: planes of the occupied depths that explain the frame together, by refinement or a classic method.
  */
 #include <math.h>
 #include <string.h>
@@ -6,14 +6,14 @@
 #include "engine/stages.h"
 #include "filter/hadamard.h"
 
-/* What is known of a frame: `count` depths stand in pipeline->occupied; what its planes leave after a few steps, and a
- * surface, which then stands in pipeline->surface. */
+/* What is known of a frame: `count` depths are in pipeline->occupied; the energy that planes leave after a few steps,
+ * and that a surface leaves, which is in pipeline->surface. */
 typedef struct knowledge {
     int count;
-    hada_pursuit_result found; /* zeros where depths were told */
+    hada_pursuit_result found; /* zeros where the caller listed the depths */
     double planes, surface;    /* energies; negative: not known */
-    double vain;               /* a surface was looked for in vain that leaves no more than this; 0: it was not */
-    int solved;                /* 1: the planes of these first steps stand in the refiner */
+    double vain;               /* no surface was found that leaves less than this; 0: not searched */
+    int solved;                /* 1: the refiner holds the planes of these first steps */
 } knowledge;
 
 static void take_found(hada_pipeline *pipeline, knowledge *k)
@@ -66,7 +66,7 @@ void hada_pipeline_residual(hada_pipeline *pipeline, const hada_frame *frame)
     if (!(frame->exposure.energy > 0))
         return;
     report->residual = sqrt(left / frame->exposure.energy);
-    /* the first step is the joint linear filter; what it left is met in the second */
+    /* the first step is the joint linear filter; the second one measures what it left */
     if (circular && report->refine_steps > 1)
         report->residual_linear = sqrt(hada_refiner_energy(pipeline->refiner, 0, 1) / frame->exposure.energy);
 }
@@ -127,7 +127,7 @@ static hada_status blend(hada_pipeline *pipeline, int count, hada_error *err)
     return HADA_OK;
 }
 
-/* The planes stand in the order of pipeline->occupied. */
+/* The planes are in the order of pipeline->occupied. */
 static hada_status focus(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
 {
     hada_slot_stage(pipeline->slot, "focus");
@@ -173,7 +173,7 @@ static int may_be_surface(const hada_pipeline *pipeline, const knowledge *k)
            (all || k->count > FEW_PLANES || k->found.more >= SURFACE_DOUBT);
 }
 
-/* What the planes leave: the first steps tell. */
+/* The energy that planes leave, from the first steps. */
 static hada_status try_planes(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, hada_error *err)
 {
     const hada_report *report = &frame->result->memory->report;
@@ -200,7 +200,7 @@ static hada_status is_surface(hada_pipeline *pipeline, hada_frame *frame, knowle
     return HADA_OK;
 }
 
-/* Told that it is one. */
+/* The caller asked for a surface. */
 static hada_status only_surface(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
     int found;
@@ -209,7 +209,7 @@ static hada_status only_surface(hada_pipeline *pipeline, hada_frame *frame, hada
     return hada_pipeline_take_surface(pipeline, frame, energy, err);
 }
 
-/* What is not occupied is dark. */
+/* Depths that are not occupied have dark planes. */
 static hada_status mark_occupied(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
 {
     hada_result *result = frame->result;
@@ -221,7 +221,7 @@ static hada_status mark_occupied(hada_pipeline *pipeline, hada_frame *frame, int
     return hada_pipeline_dark_planes(pipeline, frame, err);
 }
 
-/* Depths that hide among those found. */
+/* Hidden depths between those that were found. */
 static hada_status pursue_hidden(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, hada_error *err)
 {
     const hada_pursuit_result before = k->found;
@@ -271,7 +271,7 @@ hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada
     const int parting = pipeline->setup->config.parting && k.count > 1;
     if (parting || !k.solved)
         HADA_TRY(solve(pipeline, frame, k.count, parting, err));
-    if (!pipeline->classic) /* whoever asks for another method gets its planes as they are */
+    if (!pipeline->classic) /* planes of a classic method are not changed */
         HADA_TRY(hada_maker_fade(&pipeline->maker, k.count, pipeline->setup->config.crosstalk, err));
     HADA_TRY(blend(pipeline, k.count, err));
     HADA_TRY(hada_pipeline_enhance(pipeline, frame, planes_of(pipeline), k.count, 1, err));

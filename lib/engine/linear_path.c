@@ -1,5 +1,5 @@
 /* The linear path: every depth's filter on the frame's spectrum, in batches. The focus takes the planes near to far,
- * whoever computed them, so that its bits do not depend on that. */
+ * so that its bits do not depend on who computed them. */
 #include "engine/stages.h"
 #include "filter/hadamard.h"
 

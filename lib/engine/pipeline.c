@@ -89,7 +89,7 @@ static hada_status upload(hada_pipeline *pipeline, hada_frame *frame, hada_error
     return hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_upload, err);
 }
 
-/* After a failure: nothing is in the queue, and what it left behind is not trusted. */
+/* After a failure: the queue is emptied, and the loaded frame counts as lost. */
 static void reset(hada_pipeline *pipeline)
 {
     hada_slot_finish(pipeline->slot, NULL);

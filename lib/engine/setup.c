@@ -12,7 +12,7 @@
 #include "refine/proximal.h"
 
 enum {
-    LEAST_DEPTHS = 3, /* of a surface: two say nothing of a law between them */
+    LEAST_DEPTHS = 3, /* of a surface: two do not determine the law between them */
     MOST_QUEUES = 64, /* of a device: more than any needs to be kept busy */
     BATCH = 8         /* depths at once: more only cost memory, the spectrum stays in the cache either way */
 };
@@ -92,7 +92,7 @@ static int at_least_one(double value)
     return value < 1.0 ? 1 : (int)value;
 }
 
-/* Whether a frame may be taken for a surface: its depths are found, not told. */
+/* Whether a frame may be a surface: only where pursuit finds its depths. */
 static hada_status choose_scene(const hada_plan_options *options, hada_config *config, hada_error *err)
 {
     const int possible = config->pursuit && config->depths >= LEAST_DEPTHS;

@@ -24,11 +24,11 @@ typedef struct hada_config {
     double share;                /* of refined planes, the rest being those of the linear filters; 1: refined alone */
     int steps;                   /* refinement steps or iterations at most */
     double crosstalk;            /* share at which a plane halves beside another one; 0: none does */
-    int parting;                 /* 1: several depths take more steps, until they have parted */
+    int parting;                 /* 1: several depths take more steps, until they no longer change */
     int pursuit;                 /* 1: the occupied depths are found */
     hada_scene scene;            /* what it may be taken for; planes where it cannot be a surface */
     int half;                    /* filters on the device as half */
-    int bank;                    /* what the bank holds: HADA_BANK_FILTERS or HADA_BANK_OTFS */
+    int bank;                    /* contents of the bank: HADA_BANK_FILTERS, HADA_BANK_OTFS, or both */
     int dark;                    /* 1: a dark frame is taken off */
     int enhance;                 /* 1: planes go through the model's net */
     int full_grid;               /* of the pursuit: 1: no small grids */
@@ -63,7 +63,7 @@ typedef struct hada_setup {
     int *depths;                  /* indices into the model */
     double *distances;            /* per computed depth, mm */
     unsigned char *listed;        /* per computed depth: named by HADA_OCCUPIED_LIST */
-    double noise_share;           /* hada_model_noise_share(); 0 where a weight was told */
+    double noise_share;           /* hada_model_noise_share(); 0 where the caller set a weight */
     hada_classic_camera camera;   /* of the listed depths, for a classic method */
     hada_image dark_frame;        /* empty where none */
     hada_gains *gains;            /* of the listed depths; NULL where spectra are not measured */

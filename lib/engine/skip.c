@@ -11,7 +11,7 @@ static const double transform_rounding = 3e-7;
 
 /* The planes' norm is known only afterwards; the choice of a band takes it for this share of what the filters put on
  * the grid. Light that spread evenly over the grid would leave the window the root of its share of the area; scenes
- * stand in the window, and their norm was above the root of that root, times this, in all frames tried
+ * fill the window, and their norm was above the root of that root, times this, in all frames tried
  * (docs/explanation/speed-and-accuracy.md). */
 static const double norm_margin = 0.7;
 

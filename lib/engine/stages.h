@@ -22,15 +22,15 @@ struct hada_pipeline {
     hada_classic *classic;
     hada_plane_maker maker;    /* of these: from a frame on the device to planes */
     hada_surface *surface;     /* made when a frame first needs it */
-    hada_surface_result shape; /* of the frame in hand */
+    hada_surface_result shape; /* of the current frame */
     int no_surface;            /* 1: this camera, or the device's memory, allows none */
     hada_focus *focus;
     hada_enhance *enhance; /* NULL where no net is used */
     hada_buffer planes;    /* linear: a batch, [depth][channel][window]; joint, blended: one */
     hada_buffer pictures;  /* all-in-focus image, then distance map */
     int *occupied;         /* a list of computed depths, ascending */
-    int residual_due;      /* 1: what refinement left of the frame in hand is on its way */
-    uint64_t loaded;       /* serial of the frame whose spectrum stands in the stage; 0: none */
+    int residual_due;      /* 1: the residual of the current frame is being read */
+    uint64_t loaded;       /* serial of the frame with its spectrum in the stage; 0: none */
 };
 
 /* Bytes of device memory that the plan leaves to a pipeline for what a frame may need beyond it. */
@@ -50,7 +50,7 @@ hada_status hada_pipeline_lap(hada_pipeline *pipeline, hada_frame *frame, double
 /* Makes the Hadamard stage leave out what the frame does not need. */
 void hada_pipeline_apply_skip(hada_pipeline *pipeline, const hada_frame *frame);
 
-/* Frame and spectrum of a prepared frame stand in the Hadamard stage; nothing is done where they do already. */
+/* Brings a prepared frame and its spectrum into the Hadamard stage, unless they are there. */
 hada_status hada_pipeline_load(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
 
 /* `count` planes through the model's net, in place; together: 1 where they are all that explain the frame jointly.
@@ -58,7 +58,7 @@ hada_status hada_pipeline_load(hada_pipeline *pipeline, hada_frame *frame, hada_
 hada_status hada_pipeline_enhance(hada_pipeline *pipeline, hada_frame *frame, cl_mem planes, int count, int together,
                                   hada_error *err);
 
-/* `count` planes, from number `place` on of those that stand one after the other, into the result as those of as many
+/* `count` planes, from number `place` of the buffer on, into the result as those of as many
  * depths from `depth` on; with the caller's buffer on the device, where there is one. Enqueued: they are there once the
  * slot is waited for. */
 hada_status hada_pipeline_read_planes(hada_pipeline *pipeline, hada_frame *frame, const hada_buffer *planes, int place,
@@ -78,7 +78,7 @@ hada_status hada_pipeline_pictures(hada_pipeline *pipeline, hada_frame *frame, h
 hada_status hada_pipeline_linear(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
 hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
 
-/* The surface that explains the frame; it stands in the pipeline then. enough: the most energy that it may leave, 0:
+/* Finds the surface that explains the frame and keeps it in the pipeline. enough: the most energy that it may leave, 0:
  * any. *found: 0 where this camera has none, with why in the log, or where it would leave more than enough by far;
  * energy: what it leaves unexplained. */
 hada_status hada_pipeline_find_surface(hada_pipeline *pipeline, hada_frame *frame, double enough, int *found,
@@ -95,7 +95,7 @@ hada_status hada_pipeline_linear_batch(hada_pipeline *pipeline, hada_frame *fram
 
 /* What a frame does not need, and bounds of what that changes (docs/explanation/speed-and-accuracy.md).
  *
- * Which frequencies are left out, once the spectrum stands in the pipeline's stage. */
+ * Which frequencies are left out, once the spectrum is in the pipeline's stage. */
 hada_status hada_skip_frequencies(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
 
 /* Whether planes must come from filters in single precision, which the bank does not hold, and computing them: as

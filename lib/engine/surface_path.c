@@ -4,7 +4,7 @@
 
 #include "engine/stages.h"
 
-/* Pixels of less light than this part of the mean say nothing of a distance. */
+/* Pixels with less light than this share of the mean have no distance. */
 #define DARK 0.02
 
 static hada_surface_camera camera_of(const hada_pipeline *pipeline)
@@ -78,8 +78,8 @@ hada_status hada_pipeline_find_surface(hada_pipeline *pipeline, hada_frame *fram
     return HADA_OK;
 }
 
-/* Millimetres from depths, which are linear in 1 / distance between those of the camera; NaN where nothing shines, or
- * what does stands outside of them. */
+/* Millimetres from depths, which are linear in 1 / distance between those of the camera; NaN where there is no light,
+ * or the light is from outside this range. */
 static void fill_distances(const hada_pipeline *pipeline, hada_frame *frame)
 {
     hada_result *result = frame->result;
@@ -150,10 +150,9 @@ hada_status hada_pipeline_take_surface(hada_pipeline *pipeline, hada_frame *fram
         HADA_TRY(hada_buffer_copy(pipeline->slot, view.mem, 0, device->all_in_focus, device->all_in_focus_offset,
                                   view.bytes, err));
     if (device->distance_map) {
-        HADA_TRY(hada_buffer_write(&pipeline->pictures, pipeline->slot, 0, result->distance_map.data,
+        hada_buffer callers = {.mem = device->distance_map, .bytes = device->distance_map_offset + map * sizeof(float)};
+        HADA_TRY(hada_buffer_write(&callers, pipeline->slot, device->distance_map_offset, result->distance_map.data,
                                    map * sizeof(float), err));
-        HADA_TRY(hada_buffer_copy(pipeline->slot, pipeline->pictures.mem, 0, device->distance_map,
-                                  device->distance_map_offset, map * sizeof(float), err));
     }
     return read_planes(pipeline, frame, err);
 }

@@ -26,7 +26,7 @@ enum { CHOICES = 3 };
 static const double colours_tried[CHOICES] = {1.0, 2.0, 3.0};
 #define TV_PER_COLOUR 0.6
 
-/* Thresholds of shrinkage that are tried, where total variation alone serves a single depth less well. */
+/* Thresholds of shrinkage that are tried, where total variation alone is worse for a single depth. */
 static const double shrinks_tried[CHOICES] = {1.0, HADA_REFINE_SHRINK, 2.5};
 
 _Static_assert((int)TRIED + (int)TV_SIDE + 2 + 1 <= (int)HADA_FIT_TRIAL_ROWS, "room for rows");
@@ -88,7 +88,7 @@ static double guess_weight(const trial_work *work, const hada_trial_frame *frame
     return fmax(noise > 0.0 && light > 0.0 ? TV_PER_NOISE * sqrt(noise / light) : TV_UNKNOWN, TV_LEAST);
 }
 
-/* Frames of one pair each, whose filters are held out by now. */
+/* Frames of one pair each, with filters that were learned without these pairs. */
 typedef struct trial_set {
     const hada_trial_frame *frames;
     int count;

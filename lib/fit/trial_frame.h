@@ -16,12 +16,12 @@ typedef struct hada_trial_bench {
     hada_fft *inverse;
     hada_buffer filters, otfs; /* [member][channel][count] complex */
     hada_buffer prior;
-    double noise_unit;            /* hada_noise_unit() of the frame in hand */
+    double noise_unit;            /* hada_noise_unit() of the current frame */
     float *raw, *planes, *linear; /* planes at hand, and those of the linear filters */
     double *scene_energy, *trust; /* per channel; without a pair, and the model's */
 } hada_trial_bench;
 
-/* A frame on trial: of one pair, or the sum of two, whose filters stand at the places from `first` on. */
+/* A frame on trial: of one pair, or the sum of two; its filters are at the places from `first` on. */
 typedef struct hada_trial_frame {
     const hada_fit_kept_pair *member[HADA_TRIAL_MEMBERS];
     int members, first;
@@ -34,7 +34,7 @@ void hada_trial_bench_destroy(hada_trial_bench *bench);
 /* Filters and transfer functions of the members' depths without their pairs. */
 hada_status hada_trial_hold_out(hada_trial_bench *bench, const hada_trial_frame *frame, hada_error *err);
 
-/* Takes a frame in hand: its pixels, spectrum and noise. */
+/* Makes a frame the current one: its pixels, spectrum and noise. */
 hada_status hada_trial_expose(hada_trial_bench *bench, const hada_trial_frame *frame, hada_error *err);
 
 /* Linear planes, to the host. */

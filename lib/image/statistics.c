@@ -1,4 +1,4 @@
-/* What the pixels of a frame say of its dark level and of its noise. */
+/* Dark level and noise of a frame, from its pixels. */
 #include "image/statistics.h"
 
 #include <math.h>

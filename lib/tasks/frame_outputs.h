@@ -16,7 +16,7 @@ typedef struct hada_outputs {
     char *title;
     int frames, bits;
     double white;
-    double encoding;       /* of what is written; 0: a gamma that is no response */
+    double encoding;       /* of the files; 0: a gamma that is no response */
     int convert;           /* 1: results are light, and get it on their way */
     double scene_response; /* the model's */
     int has_confidence;    /* 1: the file of confidence is written */
@@ -24,7 +24,7 @@ typedef struct hada_outputs {
     int finished;
 } hada_outputs;
 
-/* For an input of `frames` frames, whose results are called NAME_... gamma: what they have been raised to. */
+/* For an input of `frames` frames, with results called NAME_...; gamma: the exponent that the plan applied. */
 hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, const char *name,
                                const hada_model_info *model, double gamma, int frames, hada_error *err);
 /* Adds a frame; the first one is shown in the preview. */

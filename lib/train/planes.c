@@ -16,7 +16,7 @@ struct hada_planes {
     hada_plane_maker maker;    /* of these */
     hada_light light;          /* empty: nothing is composed */
     hada_buffer prior, planes; /* refined; linear */
-    int others;                /* beside a plane stands what the others hold */
+    int others;                /* 1: a plane comes with the sum of the others */
 };
 
 static int is_refined(const hada_model_info *info)

@@ -11,11 +11,10 @@
 
 cl_command_queue hada_plan_cl_queue(const hada_plan *plan, int index)
 {
-    if (!plan)
+    if (!plan || index < 0 || index >= plan->dispatcher->worker_count)
         return NULL;
-    return index >= 0 && index < plan->dispatcher->worker_count
-               ? hada_pipeline_queue(plan->dispatcher->workers[index].pipeline)
-               : NULL;
+    const hada_slot *slot = hada_pipeline_slot(plan->dispatcher->workers[index].pipeline);
+    return slot ? slot->queue : NULL;
 }
 
 static hada_status check_plan(const hada_plan *plan, hada_error *err)

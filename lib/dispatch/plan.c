@@ -6,6 +6,7 @@
 
 #include "core/alloc.h"
 #include "core/callers.h"
+#include "runtime/profile.h"
 
 /* Constants and workers of a device. */
 static hada_status add_device(hada_plan *plan, hada_context *context, hada_error *err)
@@ -158,8 +159,11 @@ hada_status hada_plan_profile(hada_plan *plan, int on, hada_error *err)
 {
     if (!plan)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_plan_profile: a plan is needed");
-    for (int i = 0; i < plan->dispatcher->worker_count; i++)
-        HADA_TRY(hada_pipeline_profile(plan->dispatcher->workers[i].pipeline, on, err));
+    for (int i = 0; i < plan->dispatcher->worker_count; i++) {
+        hada_slot *slot = hada_pipeline_slot(plan->dispatcher->workers[i].pipeline);
+        if (slot)
+            HADA_TRY(hada_slot_profile(slot, on, err));
+    }
     return HADA_OK;
 }
 
@@ -169,7 +173,8 @@ hada_status hada_plan_calls(const hada_plan *plan, hada_call_counts *counts, had
     if (!plan || !counts)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_plan_calls: plan and counts are needed");
     for (int i = 0; i < plan->dispatcher->worker_count; i++) {
-        const hada_calls calls = hada_pipeline_calls(plan->dispatcher->workers[i].pipeline);
+        const hada_slot *slot = hada_pipeline_slot(plan->dispatcher->workers[i].pipeline);
+        const hada_calls calls = slot ? slot->calls : (hada_calls){0};
         all.launches += calls.launches;
         all.transfers += calls.transfers;
         all.waits += calls.waits;
@@ -190,9 +195,11 @@ hada_status hada_plan_kernel_times(hada_plan *plan, hada_kernel_time **rows, siz
     *rows = NULL;
     *count = 0;
     for (int i = 0; i < plan->dispatcher->worker_count; i++) {
-        hada_pipeline *pipeline = plan->dispatcher->workers[i].pipeline;
-        HADA_TRY_OR_DONE(hada_pipeline_times(pipeline, rows, count, err));
-        found |= hada_pipeline_is_profiled(pipeline);
+        hada_slot *slot = hada_pipeline_slot(plan->dispatcher->workers[i].pipeline);
+        if (!slot || !slot->profile)
+            continue;
+        HADA_TRY_OR_DONE(hada_slot_times(slot, rows, count, err));
+        found = 1;
     }
     if (!found)
         HADA_TRY_OR_DONE(

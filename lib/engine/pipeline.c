@@ -54,29 +54,9 @@ int hada_pipeline_batch(const hada_pipeline *pipeline)
     return pipeline->batch;
 }
 
-hada_status hada_pipeline_profile(hada_pipeline *pipeline, int on, hada_error *err)
+hada_slot *hada_pipeline_slot(const hada_pipeline *pipeline)
 {
-    return pipeline->slot ? hada_slot_profile(pipeline->slot, on, err) : HADA_OK;
-}
-
-cl_command_queue hada_pipeline_queue(const hada_pipeline *pipeline)
-{
-    return pipeline->slot ? pipeline->slot->queue : NULL;
-}
-
-int hada_pipeline_is_profiled(const hada_pipeline *pipeline)
-{
-    return pipeline->slot && pipeline->slot->profile;
-}
-
-hada_status hada_pipeline_times(hada_pipeline *pipeline, hada_kernel_time **rows, size_t *count, hada_error *err)
-{
-    return hada_pipeline_is_profiled(pipeline) ? hada_slot_times(pipeline->slot, rows, count, err) : HADA_OK;
-}
-
-hada_calls hada_pipeline_calls(const hada_pipeline *pipeline)
-{
-    return pipeline->slot ? pipeline->slot->calls : (hada_calls){0};
+    return pipeline->slot;
 }
 
 static hada_status upload(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)

@@ -4,8 +4,6 @@
 #ifndef HADA_ENGINE_PIPELINE_H
 #define HADA_ENGINE_PIPELINE_H
 
-#include <hadalens/profile.h>
-
 #include "engine/constants.h"
 #include "engine/frame.h"
 
@@ -26,16 +24,9 @@ hada_status hada_pipeline_help(hada_pipeline *pipeline, hada_frame *frame, int f
 /* Depths at once; becomes smaller where memory is short. */
 int hada_pipeline_batch(const hada_pipeline *pipeline);
 
-/* The queue that it works on; NULL where it has none now. */
-cl_command_queue hada_pipeline_queue(const hada_pipeline *pipeline);
-
-/* Profiling (hadalens/profile.h). One that was lost, or made again since, is not profiled. */
-hada_status hada_pipeline_profile(hada_pipeline *pipeline, int on, hada_error *err);
-int hada_pipeline_is_profiled(const hada_pipeline *pipeline);
-hada_status hada_pipeline_times(hada_pipeline *pipeline, hada_kernel_time **rows, size_t *count, hada_error *err);
-
-/* What it asked of its device since it was made, or made again. */
-hada_calls hada_pipeline_calls(const hada_pipeline *pipeline);
+/* The slot that it works on; NULL where it has none now. A slot that is made again is not profiled, and counts its
+ * calls from zero. */
+hada_slot *hada_pipeline_slot(const hada_pipeline *pipeline);
 
 /* Device memory that a plan takes on a device, known by making its parts dry (runtime/memory.h). */
 typedef struct hada_needs {

@@ -6,7 +6,98 @@
 #include "core/alloc.h"
 #include "planes/maker.h"
 #include "refine/proximal.h"
-#include "train/light.h"
+
+/* The light that the sensor gets of a scene at one depth, by the learned transfer functions. */
+typedef struct light_maker {
+    hada_slot *slot;
+    int channels;
+    hada_fft *forward, *inverse; /* the window into a spectrum; a spectrum into the frame */
+    hada_buffer image, spectrum; /* channels x the frame (the window before); channels x a spectrum */
+    float *room;                 /* the frame, on the host */
+    size_t frame, window;        /* floats */
+} light_maker;
+
+static hada_fft_desc desc_of(const hada_model_info *info, hada_fft_direction direction, int row0, int col0, int rows,
+                             int cols)
+{
+    return (hada_fft_desc){.direction = direction,
+                           .rows = info->grid_rows,
+                           .cols = info->grid_cols,
+                           .batch = info->channels,
+                           .row0 = row0,
+                           .col0 = col0,
+                           .real_rows = rows,
+                           .real_cols = cols,
+                           .real_pitch = (size_t)cols,
+                           .real_distance = (size_t)rows * (size_t)cols};
+}
+
+static hada_fft_desc forward_desc(const hada_model_info *info, const hada_geometry *at)
+{
+    return desc_of(info, HADA_FFT_FORWARD, at->window_row, at->window_col, info->window_rows, info->window_cols);
+}
+
+static hada_fft_desc inverse_desc(const hada_model_info *info, const hada_geometry *at)
+{
+    return desc_of(info, HADA_FFT_INVERSE, at->raw_row, at->raw_col, info->raw_rows, info->raw_cols);
+}
+
+static size_t frame_floats(const hada_model_info *info)
+{
+    return (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols;
+}
+
+static void destroy_light(light_maker *light)
+{
+    hada_fft_destroy(&light->forward);
+    hada_fft_destroy(&light->inverse);
+    hada_buffer_destroy(&light->image);
+    hada_buffer_destroy(&light->spectrum);
+    free(light->room);
+    *light = (light_maker){0};
+}
+
+static hada_status create_light(light_maker *light, hada_slot *slot, const hada_model_info *info, hada_error *err)
+{
+    hada_geometry at;
+    hada_status status = HADA_OK;
+    *light = (light_maker){.slot = slot, .channels = info->channels, .frame = frame_floats(info)};
+    light->window = (size_t)info->channels * (size_t)info->window_rows * (size_t)info->window_cols;
+    HADA_TRY_OR_DONE(hada_geometry_of(info, &at, err));
+    const hada_fft_desc forward = forward_desc(info, &at), inverse = inverse_desc(info, &at);
+    HADA_TRY_OR_DONE(hada_fft_create(&light->forward, slot, &forward, err));
+    HADA_TRY_OR_DONE(hada_fft_create(&light->inverse, slot, &inverse, err));
+    HADA_TRY_OR_DONE(
+        hada_buffer_create(&light->image, slot->context, light->frame * sizeof(float), "a composed frame", err));
+    HADA_TRY_OR_DONE(
+        hada_buffer_create(&light->spectrum, slot->context,
+                           (size_t)info->channels * hada_fft_plan_layout(light->forward)->count * 2 * sizeof(float),
+                           "a scene's spectrum", err));
+    HADA_TRY_OR_DONE(hada_allocated(light->room = hada_alloc(light->frame, sizeof(float), "a composed frame", err)));
+done:
+    if (status)
+        destroy_light(light);
+    return status;
+}
+
+/* frame += crop(PSF * scene); `scene` may be below zero. The bank holds transfer functions. */
+static hada_status add_light(light_maker *light, const hada_bank *bank, int depth, const hada_image *scene,
+                             hada_image *frame, hada_error *err)
+{
+    size_t first;
+    int left;
+    hada_fft_filter filter = {.product = HADA_FFT_COMPLEX, .spectrum_count = light->channels};
+    filter.filter = hada_bank_otf(bank, depth, &first, &left);
+    filter.filter_first = (int)first;
+    HADA_TRY(hada_buffer_write(&light->image, light->slot, 0, scene->data, light->window * sizeof(float), err));
+    HADA_TRY(hada_fft_forward(light->forward, light->channels, light->image.mem, 0, light->spectrum.mem, 0, err));
+    HADA_TRY(
+        hada_fft_inverse(light->inverse, light->channels, light->spectrum.mem, 0, light->image.mem, 0, &filter, err));
+    HADA_TRY(hada_buffer_read(&light->image, light->slot, 0, light->room, light->frame * sizeof(float), err));
+    for (size_t i = 0; i < light->frame; i++)
+        frame->data[i] += light->room[i];
+    return HADA_OK;
+}
 
 struct hada_planes {
     const hada_model_info *info;
@@ -14,7 +105,7 @@ struct hada_planes {
     hada_bank *bank;
     hada_refiner *refiner;     /* NULL: linear */
     hada_plane_maker maker;    /* of these */
-    hada_light light;          /* empty: nothing is composed */
+    light_maker light;         /* empty: nothing is composed */
     hada_buffer prior, planes; /* refined; linear */
     int others;                /* 1: a plane comes with the sum of the others */
 };
@@ -84,7 +175,7 @@ hada_status hada_planes_create(hada_planes **out, hada_slot *slot, const hada_mo
                                       bank_parts(info, composes), 0, err));
     if (composes) {
         HADA_TRY_OR_DONE(check_together(planes, err));
-        HADA_TRY_OR_DONE(hada_light_create(&planes->light, slot, info, err));
+        HADA_TRY_OR_DONE(create_light(&planes->light, slot, info, err));
     }
     if (refined) {
         HADA_TRY_OR_DONE(hada_bank_prior(&planes->prior, slot, model, &planes->stage->layout, err));
@@ -117,7 +208,7 @@ void hada_planes_destroy(hada_planes **pointer)
     hada_refiner_destroy(&planes->refiner);
     hada_bank_destroy(&planes->bank);
     hada_hadamard_destroy(&planes->stage);
-    hada_light_destroy(&planes->light);
+    destroy_light(&planes->light);
     hada_buffer_destroy(&planes->prior);
     hada_buffer_destroy(&planes->planes);
     free(planes);
@@ -258,7 +349,7 @@ hada_status hada_planes_make(hada_planes *planes, int depth, hada_image *raw, co
     HADA_TRY(hada_frame_check_size(info, raw->channels, raw->rows, raw->cols, err));
     for (int i = 0; i < composed->count; i++)
         if (composed->light[i].data)
-            HADA_TRY(hada_light_add(&planes->light, planes->bank, composed->depth[i], &composed->light[i], raw, err));
+            HADA_TRY(add_light(&planes->light, planes->bank, composed->depth[i], &composed->light[i], raw, err));
     HADA_TRY(expose(planes, depth, raw, composed, err));
     HADA_TRY(make_room(planes, out, err));
     return composed->whole ? make_sum(planes, composed, out, err) : make_plane(planes, depth, composed, out, err);

@@ -1,6 +1,6 @@
 /* Planes on the device: linear filters, or depths that are refined together. */
-#include "filter/hadamard.h"
 #include "planes/maker.h"
+#include "filter/hadamard.h"
 
 void hada_maker_use_otf(hada_plane_maker *maker, cl_mem otf, size_t offset, int depths, cl_mem prior)
 {

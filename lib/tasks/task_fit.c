@@ -316,7 +316,7 @@ static hada_status take_task(learning *of, const hada_fit_task *task, hada_error
 hada_status hada_fit_run(hada_model **out, hada_fit_report **report, hada_context *context, const hada_dataset *data,
                          const hada_fit_task *task, hada_error *err)
 {
-    HADA_NEED(out && context && data, err);
+    HADA_NEED(out && context, err);
     hada_status status = HADA_OK;
     learning of = {.data = data};
     *out = NULL;

@@ -17,6 +17,7 @@ MAY_BE_NULL = {
     "hada_dark_frame_load": {"level"},
     "hada_device_call_costs": {"launch_seconds", "wait_seconds", "write_bytes_per_second"},
     "hada_device_peaks": {"copy_bytes_per_second", "flops_per_second"},
+    "hada_fit_run": {"data"},
     "hada_fitter_create_from_sums": {"choices"},
     "hada_fitter_finish": {"scores"},
     "hada_fitter_learn_and_finish": {"scores"},

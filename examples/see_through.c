@@ -61,37 +61,28 @@ static hada_status make_scene(bench *b, hada_error *err)
     return HADA_OK;
 }
 
+/* A pair for the fit: a drawn scene at one of the distances, and what the sensor records of it. */
+static hada_status draw_pair(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *err)
+{
+    const bench *b = user;
+    const uint64_t number = (uint64_t)(depth * PAIRS + pair);
+    hada_status status = hada_scene_procedural(scene, number, 3, b->camera.window_rows, b->camera.window_cols, err);
+    const hada_plane plane = {depth, scene};
+    return status ? status : hada_simulator_render(b->simulator, &plane, 1, noise, 100 + number, raw, err);
+}
+
 /* Learns the camera from pairs at both distances, as 'hadalens fit' does. */
 static hada_status learn(bench *b, hada_error *err)
 {
-    const hada_camera *c = &b->camera;
-    hada_fit_options options;
-    hada_fitter *fitter;
-    hada_fit_options_init(&options);
-    options.depths = c->depths;
-    options.channels = c->channels;
-    options.distances_mm = c->distances_mm;
-    options.raw_rows = c->rows;
-    options.raw_cols = c->cols;
-    options.window_rows = c->window_rows;
-    options.window_cols = c->window_cols;
-    options.boundary = c->boundary;
-    hada_status status = hada_fitter_create(&fitter, b->context, &options, err);
-    for (int pass = 0; pass < 2; pass++)
-        for (int i = 0; i < DEPTHS * PAIRS && !status; i++) {
-            const int z = i / PAIRS;
-            hada_image scene = {0}, raw = {0};
-            if (!(status = hada_scene_procedural(&scene, (uint64_t)i, 3, c->window_rows, c->window_cols, err)) &&
-                !(status = hada_simulator_render(b->simulator, &(hada_plane){z, &scene}, 1, noise, 100 + (uint64_t)i,
-                                                 &raw, err)))
-                status = pass ? hada_fitter_score(fitter, z, &raw, &scene, err)
-                              : hada_fitter_add(fitter, z, &raw, &scene, err);
-            hada_image_destroy(&scene);
-            hada_image_destroy(&raw);
-        }
+    static const int counts[DEPTHS] = {PAIRS, PAIRS};
+    hada_fit_task task;
+    hada_dataset *pairs = NULL;
+    hada_status status = hada_dataset_create(&pairs, DEPTHS, b->camera.distances_mm, counts, draw_pair, b, NULL, err);
+    hada_fit_task_init(&task);
+    task.boundary = b->camera.boundary;
     if (!status)
-        status = hada_fitter_finish(fitter, &b->model, NULL, err);
-    hada_fitter_destroy(&fitter);
+        status = hada_fit_run(&b->model, NULL, b->context, pairs, &task, err);
+    hada_dataset_destroy(&pairs);
     return status;
 }
 

@@ -123,18 +123,20 @@ static void run(perf_case c, int rounds, int profile, int only, hada_context *co
 {
     static double seconds[WAYS][2][MOST_ROUNDS], ratios[2][MOST_ROUNDS];
     static const int count = PAIRS;
-    const hada_pairs pairs = {sizeof pairs, 1, &count, read_pair, &c};
+    static const double distance = 100.0;
+    hada_dataset *pairs;
     hada_model *model;
     hada_trainer *trainers[WAYS];
     hada_train_options options;
     uint64_t bytes[WAYS];
+    must(hada_dataset_create(&pairs, 1, &distance, &count, read_pair, &c, NULL, &err));
     must(perf_train_model(&model, c.frame, c.window, &err));
     hada_train_options_init(&options, c.stage);
     options.batch = c.batch;
     options.steps = 1000000;
     for (int way = 0; way < WAYS; way++) {
         const uint64_t before = hada_context_bytes(contexts[way]) + (way ? hada_context_bytes(contexts[2]) : 0);
-        must(hada_trainer_create(&trainers[way], contexts + way, way + 1, model, &pairs, NULL, &options, &err));
+        must(hada_trainer_create(&trainers[way], contexts + way, way + 1, model, pairs, NULL, &options, &err));
         bytes[way] = hada_context_bytes(contexts[way]) + (way ? hada_context_bytes(contexts[2]) : 0) - before;
     }
     for (int i = -WARM; i < rounds; i++) {
@@ -164,6 +166,7 @@ static void run(perf_case c, int rounds, int profile, int only, hada_context *co
             show_commands(trainers[way], w, rounds);
         hada_trainer_destroy(&trainers[way]);
     }
+    hada_dataset_destroy(&pairs);
     hada_model_destroy(&model);
 }
 

@@ -10,7 +10,6 @@
 typedef struct settings {
     hada_cli_common common;
     hada_dataset_options scan;
-    hada_register_options search;
     hada_register_task task;
     const char *output, *magnification;
     int window[2];
@@ -29,7 +28,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_TEXT, "magnification", 0, "MIN,MAX", "pixels of the frame per pixel of a scene file",
      "Default: such that the scene's longer side has 0.15 to 2.5 times that of the frame.", AT(magnification)},
     {HADA_OPTION_REAL, "rotation", 0, "DEGREES", "rotation beside quarter turns, to either side (default: 15)", NULL,
-     AT(search.most_rotation_deg)},
+     AT(task.most_rotation_deg)},
     {HADA_OPTION_FLAG, "no-offset", 0, NULL, "leave the shifts between depths as they are", NULL,
      AT(task.keep_offsets)},
     {HADA_OPTION_FLAG, "skip-incomplete", 0, NULL, "leave out files without their partner", NULL,
@@ -41,19 +40,17 @@ static void defaults(void *user)
 {
     settings *set = user;
     hada_dataset_options_init(&set->scan);
-    hada_register_options_init(&set->search);
     hada_register_task_init(&set->task);
-    set->search.most_rotation_deg = 15;
 }
 
 /* "0.5,2" */
-static hada_status read_magnification(const char *text, hada_register_options *search, hada_error *err)
+static hada_status read_magnification(const char *text, hada_register_task *task, hada_error *err)
 {
     char *copy = strdup(text), *comma = copy ? strchr(copy, ',') : NULL;
     if (comma)
         *comma++ = 0;
-    const int good = comma && hada_cli_read_real(copy, &search->least_magnification) &&
-                     hada_cli_read_real(comma, &search->most_magnification) && search->least_magnification > 0;
+    const int good = comma && hada_cli_read_real(copy, &task->least_magnification) &&
+                     hada_cli_read_real(comma, &task->most_magnification) && task->least_magnification > 0;
     free(copy);
     return good ? HADA_OK
                 : hada_cli_error(err, HADA_ERROR_ARGUMENT,
@@ -98,7 +95,7 @@ static void print_depth(hada_cli *cli, double distance_mm, int first, const hada
 
 static void warn_depth(hada_cli *cli, const hada_dataset *data, int z, const hada_registered_depth *one)
 {
-    const char *folder = hada_dataset_folder(data, z);
+    const char *folder = hada_dataset_get_info(data)->folders[z];
     if (one->offset_unknown)
         hada_cli_warn(cli,
                       "%s: its PSF is not like that of the depth before (%.2f), so the shift between them is not known",
@@ -107,7 +104,7 @@ static void warn_depth(hada_cli *cli, const hada_dataset *data, int z, const had
         hada_cli_warn(cli, "%s: only %.1f %% of the frames' structure is explained, so these figures are rough", folder,
                       100 * one->found->explained);
     if (one->other_orientation)
-        hada_cli_warn(cli, "%s stands in another orientation than %s", folder, hada_dataset_folder(data, 0));
+        hada_cli_warn(cli, "%s stands in another orientation than %s", folder, hada_dataset_get_info(data)->folders[0]);
 }
 
 static void report_all(hada_cli *cli, const hada_dataset *data, const hada_register_report *report)
@@ -119,7 +116,7 @@ static void report_all(hada_cli *cli, const hada_dataset *data, const hada_regis
     hada_cli_say(cli, "%9s  %-18s  %13s  %9s  %16s  %9s  %9s", "distance", "scenes", "magnification", "rotation",
                  "offset", "explained", "otherwise");
     for (int z = 0; z < info->depths; z++) {
-        const hada_registered_depth *one = hada_register_report_depth(report, z);
+        const hada_registered_depth *one = report->depths[z];
         print_depth(cli, info->distances_mm[z], !z, one);
         warn_depth(cli, data, z, one);
         json_array_append_new(depths, depth_json(info->distances_mm[z], one));
@@ -157,16 +154,15 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     hada_status status = HADA_OK;
     if (count != 1)
         return hada_cli_usage(cli, "one data set is needed, not %d", count);
-    if (!(set->search.most_rotation_deg >= 0 && set->search.most_rotation_deg <= 45))
+    if (!(set->task.most_rotation_deg >= 0 && set->task.most_rotation_deg <= 45))
         return hada_cli_usage(cli, "--rotation takes 0 to 45 degrees, to either side of every quarter turn");
     if (set->output && !hada_path_is_vacant(set->output))
         return hada_cli_usage(cli, "%s is there already; give -o the name of a new folder", set->output);
-    set->task.search = &set->search;
     set->task.window_rows = set->window[0];
     set->task.window_cols = set->window[1];
     set->task.monitor = &cli->monitor;
     if (set->magnification)
-        HADA_TRY_OR_DONE(read_magnification(set->magnification, &set->search, &err));
+        HADA_TRY_OR_DONE(read_magnification(set->magnification, &set->task, &err));
     HADA_TRY_OR_DONE(hada_dataset_scan(&data, arguments[0], &set->scan, &err));
     HADA_TRY_OR_DONE(hada_register_run(&report, data, &set->task, &err));
     report_all(cli, data, report);

@@ -30,7 +30,8 @@ static const hada_fit_options fit_options = {.size = sizeof(hada_fit_options),
                                              .scene_response = HADA_AUTO,
                                              .crop_passes = HADA_AUTO,
                                              .refine_colour = HADA_AUTO,
-                                             .refine_shrink = HADA_AUTO};
+                                             .refine_shrink = HADA_AUTO,
+                                             .leave_one_out = 1};
 static const hada_focus_options focus_options = {.size = sizeof(hada_focus_options),
                                                  .measure = HADA_FOCUS_CONTRAST,
                                                  .fuse = HADA_FOCUS_WEIGHTED,
@@ -74,10 +75,13 @@ static const hada_plan_options plan_options = {.size = sizeof(hada_plan_options)
                                                .skip = HADA_SKIP_ALL,
                                                .band = 1.0};
 static const hada_registration registration = {.size = sizeof(hada_registration), .magnification = 1.0};
-static const hada_register_options register_options = {.size = sizeof(hada_register_options),
-                                                       .least_magnification = HADA_AUTO,
-                                                       .most_magnification = HADA_AUTO,
-                                                       .most_rotation_deg = 15.0};
+static const hada_register_task register_task = {.size = sizeof(hada_register_task),
+                                                 .least_magnification = HADA_AUTO,
+                                                 .most_magnification = HADA_AUTO,
+                                                 .most_rotation_deg = 15.0};
+/* a cache for some hundred pairs of a small camera */
+static const hada_dataset_options dataset_options = {.size = sizeof(hada_dataset_options),
+                                                     .cache_bytes = (uint64_t)256 << 20};
 static const hada_sensor sensor = {.size = sizeof(hada_sensor), .exposure = 1.0, .saturate = 1};
 static const hada_evaluate_task evaluate_task = {.size = sizeof(hada_evaluate_task),
                                                  .peak = 1.0,
@@ -86,7 +90,7 @@ static const hada_evaluate_task evaluate_task = {.size = sizeof(hada_evaluate_ta
                                                  .window_col = HADA_AUTO,
                                                  .truth_encoding = HADA_AUTO,
                                                  .encoding = HADA_AUTO};
-static const hada_fit_task fit_task = {.size = sizeof(hada_fit_task), .leave_one_out = 1, .save_seconds = 60.0};
+static const hada_fit_task fit_task = {.size = sizeof(hada_fit_task), .save_seconds = 60.0};
 static const hada_optics_task optics_task = {.size = sizeof(hada_optics_task), .threshold = HADA_AUTO};
 static const hada_files_task files_task = {
     .size = sizeof(hada_files_task), .preview = 1, .bits = 32, .white = 1.0, .encoding = HADA_AUTO};
@@ -137,7 +141,8 @@ static const struct {
     [HADA_STRUCT_PREVIEW] = {&preview, sizeof preview},
     [HADA_STRUCT_PLAN_OPTIONS] = {&plan_options, sizeof plan_options},
     [HADA_STRUCT_REGISTRATION] = {&registration, sizeof registration},
-    [HADA_STRUCT_REGISTER_OPTIONS] = {&register_options, sizeof register_options},
+    [HADA_STRUCT_REGISTER_TASK] = {&register_task, sizeof register_task},
+    [HADA_STRUCT_DATASET_OPTIONS] = {&dataset_options, sizeof dataset_options},
     [HADA_STRUCT_SENSOR] = {&sensor, sizeof sensor},
     [HADA_STRUCT_EVALUATE_TASK] = {&evaluate_task, sizeof evaluate_task},
     [HADA_STRUCT_FIT_TASK] = {&fit_task, sizeof fit_task},

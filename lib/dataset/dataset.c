@@ -1,179 +1,231 @@
-/* What a data set gives: counts, names, pictures, and its two parts. */
+/* Data sets and their parts, the cache of pairs and the thread that reads ahead, and dark frames. */
 #include "dataset/dataset.h"
 
+#include <hadalens/response.h>
+#include <hadalens/scene.h>
 #include <hadalens/tiff.h>
 #include <math.h>
+#include <signal.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/alloc.h"
+#include "core/callers.h"
 #include "io/folder.h"
+#include "io/text.h"
+
+hada_status hada_pair_store_create(hada_pair_store **out, const hada_dataset_options *callers, hada_error *err)
+{
+    hada_dataset_options options;
+    hada_dataset_options_init(&options);
+    *out = NULL;
+    HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_dataset_options, err));
+    HADA_TRY(hada_allocated(*out = hada_alloc(1, sizeof **out, "a data set", err)));
+    (*out)->users = 1;
+    (*out)->room = options.cache_bytes;
+    (*out)->reading = (*out)->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
+    (*out)->ahead.changed = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
+    return HADA_OK;
+}
+
+static void images_free(hada_pair_images *images)
+{
+    hada_image_destroy(&images->raw);
+    hada_image_destroy(&images->scene);
+}
+
+static void end_thread(hada_pair_store *store)
+{
+    pthread_mutex_lock(&store->lock);
+    store->ahead.stop = 1;
+    pthread_cond_broadcast(&store->ahead.changed);
+    pthread_mutex_unlock(&store->lock);
+    if (store->ahead.running)
+        pthread_join(store->ahead.thread, NULL);
+    images_free(&store->ahead.images);
+}
+
+void hada_pair_store_release(hada_pair_store **pointer)
+{
+    hada_pair_store *store = *pointer;
+    *pointer = NULL;
+    if (!store)
+        return;
+    pthread_mutex_lock(&store->lock);
+    const int users = --store->users;
+    pthread_mutex_unlock(&store->lock);
+    if (users)
+        return;
+    end_thread(store);
+    for (int z = 0; z < store->depths; z++) {
+        for (int i = 0; i < store->depth[z].count; i++) {
+            free((char *)store->depth[z].files[i].raw);
+            free((char *)store->depth[z].files[i].scene);
+        }
+        free(store->depth[z].files);
+        free(store->depth[z].folder);
+    }
+    for (int i = 0; store->kept && i < store->pairs; i++)
+        images_free(&store->kept[i]);
+    free(store->kept);
+    free(store->depth);
+    free(store->folders);
+    hada_inputs_release(&store->inputs);
+    free(store->psf);
+    free(store->camera);
+    pthread_cond_destroy(&store->ahead.changed);
+    pthread_mutex_destroy(&store->lock);
+    pthread_mutex_destroy(&store->reading);
+    free(store);
+}
 
 void hada_dataset_destroy(hada_dataset **dataset)
 {
-    if (!dataset)
-        return;
-    hada_dataset *set = *dataset;
-    *dataset = NULL;
+    hada_dataset *set = dataset ? *dataset : NULL;
     if (!set)
         return;
-    for (int z = 0; z < set->info.depths; z++) {
-        for (int i = 0; i < set->depth[z].count; i++) {
-            free(set->depth[z].pair[i].raw);
-            free(set->depth[z].pair[i].scene);
-        }
-        free(set->depth[z].pair);
-        free(set->depth[z].folder);
-    }
-    free(set->depth);
-    free(set->distances_mm);
+    *dataset = NULL;
+    hada_pair_store_release(&set->store);
+    free(set->first);
     free(set->counts);
-    hada_inputs_release(&set->inputs);
-    free(set->psf);
-    free(set->camera);
+    free(set->distances_mm);
+    free(set->files);
+    free(set->gain);
     free(set);
 }
 
 const hada_dataset_info *hada_dataset_get_info(const hada_dataset *dataset)
 {
-    if (!dataset)
-        return NULL;
-    return &dataset->info;
+    return dataset ? &dataset->info : NULL;
 }
 
-const char *hada_dataset_folder(const hada_dataset *dataset, int depth)
+/* Fills `info` from first and counts. */
+static hada_status describe(hada_dataset *set, hada_error *err)
 {
-    if (!dataset)
-        return NULL;
-    return dataset->depth[depth].folder;
-}
-
-const char *hada_dataset_raw_path(const hada_dataset *dataset, int depth, int pair)
-{
-    if (!dataset)
-        return NULL;
-    return dataset->depth[depth].pair[pair].raw;
-}
-
-const char *hada_dataset_scene_path(const hada_dataset *dataset, int depth, int pair)
-{
-    if (!dataset)
-        return NULL;
-    return dataset->depth[depth].pair[pair].scene;
-}
-
-int hada_dataset_has_files(const hada_dataset *dataset)
-{
-    return !dataset->read;
-}
-
-static hada_status read_callers(const hada_dataset *dataset, int depth, const hada_dataset_pair *pair, hada_image *raw,
-                                hada_image *scene, hada_error *err)
-{
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(dataset->read(dataset->user, depth, pair->number, raw, scene, err));
-    if (!raw->data || !scene->data)
-        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_DATASET, "no images were given for %s", pair->raw));
-done:
-    if (status) {
-        hada_image_destroy(raw);
-        hada_image_destroy(scene);
-    }
-    return status;
-}
-
-hada_status hada_dataset_read(const hada_dataset *dataset, int depth, int pair, hada_image *raw, hada_image *scene,
-                              hada_error *err)
-{
-    HADA_NEED(dataset && raw && scene, err);
-    const hada_dataset_pair *files = &dataset->depth[depth].pair[pair];
-    memset(raw, 0, sizeof *raw);
-    memset(scene, 0, sizeof *scene);
-    if (dataset->read)
-        return read_callers(dataset, depth, files, raw, scene, err);
-    hada_status status = hada_tiff_load(files->raw, 0, raw, err);
-    if (status) {
-        hada_error_prefix_path(err, files->raw);
-        return status;
-    }
-    status = hada_tiff_load(files->scene, 0, scene, err);
-    if (status) {
-        hada_error_prefix_path(err, files->scene);
-        hada_image_destroy(raw);
-    }
-    return status;
-}
-
-hada_status hada_dataset_count(hada_dataset *set, hada_error *err)
-{
+    const hada_pair_store *store = set->store;
+    const size_t depths = (size_t)store->depths;
     hada_dataset_info *info = &set->info;
-    HADA_TRY(hada_allocated(set->distances_mm = hada_alloc((size_t)info->depths, sizeof(double), "a data set", err)));
-    HADA_TRY(hada_allocated(set->counts = hada_alloc((size_t)info->depths, sizeof(int), "a data set", err)));
-    info->distances_mm = set->distances_mm;
-    info->counts = set->counts;
-    info->incomplete_text = set->incomplete_text;
-    info->psf = set->psf;
-    info->camera = set->camera;
-    info->pairs = 0;
-    info->least_pairs = set->depth[0].count;
-    for (int z = 0; z < info->depths; z++) {
-        const int count = set->depth[z].count;
-        set->distances_mm[z] = set->depth[z].distance_mm;
-        set->counts[z] = count;
-        info->pairs += count;
-        info->least_pairs = count < info->least_pairs ? count : info->least_pairs;
+    HADA_TRY(hada_allocated(set->distances_mm = hada_alloc(depths, sizeof(double), "a data set", err)));
+    HADA_TRY(hada_allocated(set->files = hada_alloc(depths, sizeof *set->files, "a data set", err)));
+    *info = (hada_dataset_info){.depths = store->depths,
+                                .distances_mm = set->distances_mm,
+                                .counts = set->counts,
+                                .least_pairs = set->counts[0],
+                                .has_files = !store->read && !store->raws,
+                                .folders = (const char *const *)store->folders,
+                                .files = set->files,
+                                .psf = store->psf,
+                                .camera = store->camera,
+                                .incomplete = store->incomplete,
+                                .incomplete_text = store->incomplete_text};
+    for (int z = 0; z < store->depths; z++) {
+        set->distances_mm[z] = store->depth[z].distance_mm;
+        set->files[z] = store->depth[z].files + set->first[z];
+        info->pairs += set->counts[z];
+        info->least_pairs = set->counts[z] < info->least_pairs ? set->counts[z] : info->least_pairs;
     }
     return HADA_OK;
 }
 
-static hada_status copy_name(char **out, const char *name, hada_error *err)
+static hada_status make(hada_dataset **out, hada_pair_store *store, hada_error *err)
 {
-    *out = NULL;
-    return name ? hada_path_format(out, err, "%s", name) : HADA_OK;
+    const size_t depths = (size_t)store->depths;
+    HADA_TRY(hada_allocated(*out = hada_alloc(1, sizeof **out, "a data set", err)));
+    HADA_TRY(hada_allocated((*out)->first = hada_alloc(depths, sizeof(int), "a data set", err)));
+    HADA_TRY(hada_allocated((*out)->counts = hada_alloc(depths, sizeof(int), "a data set", err)));
+    return HADA_OK;
 }
 
-/* Some pairs of a depth. */
-static hada_status copy_depth(hada_dataset_depth *to, const hada_dataset_depth *from, int first, int count,
-                              hada_error *err)
+hada_status hada_dataset_open(hada_dataset **out, hada_pair_store *store, hada_error *err)
 {
+    hada_dataset *set = NULL;
     hada_status status = HADA_OK;
-    to->distance_mm = from->distance_mm;
-    HADA_TRY(copy_name(&to->folder, from->folder, err));
-    HADA_TRY(hada_allocated(to->pair = hada_alloc((size_t)count, sizeof *to->pair, "a data set", err)));
-    for (; to->count < count; to->count++) {
-        hada_dataset_pair *pair = &to->pair[to->count];
-        pair->number = from->pair[first + to->count].number;
-        HADA_TRY(copy_name(&pair->raw, from->pair[first + to->count].raw, err));
-        status = copy_name(&pair->scene, from->pair[first + to->count].scene, err);
-        if (status)
-            free(pair->raw);
-        HADA_TRY(status);
+    *out = NULL;
+    HADA_TRY_OR_DONE(
+        hada_allocated(store->folders = hada_alloc((size_t)store->depths, sizeof *store->folders, "a data set", err)));
+    for (int z = 0; z < store->depths; z++) {
+        store->depth[z].before = store->pairs;
+        store->folders[z] = store->depth[z].folder;
+        store->pairs += store->depth[z].count;
     }
+    HADA_TRY_OR_DONE(
+        hada_allocated(store->kept = hada_alloc((size_t)store->pairs, sizeof *store->kept, "a data set", err)));
+    HADA_TRY_OR_DONE(make(&set, store, err));
+    for (int z = 0; z < store->depths; z++)
+        set->counts[z] = store->depth[z].count;
+    set->store = store;
+    store = NULL;
+    HADA_TRY_OR_DONE(describe(set, err));
+    *out = set;
+    set = NULL;
+done:
+    hada_pair_store_release(&store);
+    hada_dataset_destroy(&set);
     return status;
 }
 
-/* The pairs of each depth but for those held out, or these. */
-static hada_status copy_part(hada_dataset **out, const hada_dataset *from, const int *held, int want_held,
-                             hada_error *err)
+/* Where the pairs of a depth begin among those of this part. */
+static size_t before(const hada_dataset *set, int depth)
 {
+    size_t count = 0;
+    for (int z = 0; z < depth; z++)
+        count += (size_t)set->counts[z];
+    return count;
+}
+
+hada_status hada_dataset_part(hada_dataset **out, const hada_dataset *from, const int *first, const int *counts,
+                              hada_error *err)
+{
+    hada_dataset *set = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(*out = hada_alloc(1, sizeof **out, "a data set", err)));
-    hada_dataset *set = *out;
-    HADA_TRY_OR_DONE(
-        hada_allocated(set->depth = hada_alloc((size_t)from->info.depths, sizeof *set->depth, "a data set", err)));
-    set->info.depths = from->info.depths;
-    set->read = from->read;
-    set->user = from->user;
+    *out = NULL;
+    HADA_TRY_OR_DONE(make(&set, from->store, err));
     for (int z = 0; z < from->info.depths; z++) {
-        const int learn = from->counts[z] - held[z];
-        HADA_TRY_OR_DONE(
-            copy_depth(&set->depth[z], &from->depth[z], want_held ? learn : 0, want_held ? held[z] : learn, err));
+        set->first[z] = from->first[z] + first[z];
+        set->counts[z] = counts[z];
     }
-    HADA_TRY_OR_DONE(copy_name(&set->psf, from->psf, err));
-    HADA_TRY_OR_DONE(copy_name(&set->camera, from->camera, err));
-    HADA_TRY_OR_DONE(hada_dataset_count(set, err));
+    pthread_mutex_lock(&from->store->lock);
+    set->store = from->store;
+    set->store->users++;
+    pthread_mutex_unlock(&from->store->lock);
+    HADA_TRY_OR_DONE(describe(set, err));
+    if (from->gain) {
+        HADA_TRY_OR_DONE(hada_allocated(
+            set->gain = hada_alloc((size_t)set->info.pairs, sizeof *set->gain, "the exposures of a data set", err)));
+        for (int z = 0; z < set->info.depths; z++)
+            for (int i = 0; i < counts[z]; i++)
+                set->gain[before(set, z) + (size_t)i] = from->gain[before(from, z) + (size_t)(first[z] + i)];
+        set->response = from->response;
+    }
+    *out = set;
+    set = NULL;
 done:
-    if (status && *out)
+    hada_dataset_destroy(&set);
+    return status;
+}
+
+hada_status hada_dataset_brighten(hada_dataset **out, const hada_dataset *from, const double *const *gains,
+                                  double response, hada_error *err)
+{
+    const int depths = from->info.depths;
+    int *none = NULL;
+    hada_status status = HADA_OK;
+    *out = NULL;
+    HADA_TRY_OR_DONE(hada_allocated(none = hada_alloc((size_t)depths, sizeof *none, "a data set", err)));
+    HADA_TRY_OR_DONE(hada_dataset_part(out, from, none, from->counts, err));
+    hada_dataset *set = *out;
+    if (gains && !set->gain)
+        HADA_TRY_OR_DONE(hada_allocated(
+            set->gain = hada_alloc((size_t)set->info.pairs, sizeof *set->gain, "the exposures of a data set", err)));
+    for (int z = 0; gains && z < depths; z++)
+        for (int i = 0; i < set->counts[z]; i++) {
+            double *gain = &set->gain[before(set, z) + (size_t)i];
+            *gain = (from->gain ? *gain : 1.0) * gains[z][i];
+        }
+    set->response = response;
+done:
+    free(none);
+    if (status)
         hada_dataset_destroy(out);
     return status;
 }
@@ -189,7 +241,7 @@ static hada_status count_held(const hada_dataset *set, double hold_out, int *hel
             return hada_fail(err, HADA_ERROR_DATASET,
                              "%s has %d pair%s: nothing would be left to learn from with %d held out; give "
                              "options.hold_out a smaller number",
-                             set->depth[z].folder, pairs, pairs == 1 ? "" : "s", held[z]);
+                             set->info.folders[z], pairs, pairs == 1 ? "" : "s", held[z]);
     }
     return HADA_OK;
 }
@@ -197,22 +249,349 @@ static hada_status count_held(const hada_dataset *set, double hold_out, int *hel
 hada_status hada_dataset_split(const hada_dataset *dataset, double hold_out, hada_dataset **learn,
                                hada_dataset **held_out, hada_error *err)
 {
-    HADA_NEED(dataset && learn && held_out, err);
-    int *held = NULL;
+    int *held = NULL, *left, *none;
     hada_status status = HADA_OK;
+    if (!dataset || !learn || !held_out)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_dataset_split: a data set and places for two are needed");
+    const int depths = dataset->info.depths;
     *learn = *held_out = NULL;
     if (!(hold_out >= 0.0) || (hold_out >= 1.0 && hold_out != floor(hold_out)) || hold_out > 1e6)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "options.hold_out is a number of pairs of each depth, or a share such as 0.2; not %g",
                          hold_out);
-    HADA_TRY_OR_DONE(hada_allocated(held = hada_alloc((size_t)dataset->info.depths, sizeof *held, "a data set", err)));
+    HADA_TRY_OR_DONE(hada_allocated(held = hada_alloc(3 * (size_t)depths, sizeof *held, "a data set", err)));
+    left = held + depths;
+    none = left + depths;
     HADA_TRY_OR_DONE(count_held(dataset, hold_out, held, err));
-    HADA_TRY_OR_DONE(copy_part(learn, dataset, held, 0, err));
-    HADA_TRY_OR_DONE(copy_part(held_out, dataset, held, 1, err));
+    for (int z = 0; z < depths; z++)
+        left[z] = dataset->counts[z] - held[z];
+    HADA_TRY_OR_DONE(hada_dataset_part(learn, dataset, none, left, err));
+    HADA_TRY_OR_DONE(hada_dataset_part(held_out, dataset, left, held, err));
 done:
     if (status)
         hada_dataset_destroy(learn);
     free(held);
+    return status;
+}
+
+/* The names that files would have, for messages. */
+static hada_status name_pairs(hada_dataset_depth *depth, int count, hada_error *err)
+{
+    char distance[32], *raw = NULL, *scene = NULL;
+    hada_status status = HADA_OK;
+    hada_format_exact(distance, sizeof distance, depth->distance_mm);
+    HADA_TRY(hada_path_format(&depth->folder, err, "z%smm", distance));
+    HADA_TRY(hada_allocated(depth->files = hada_alloc((size_t)count, sizeof *depth->files, "a data set", err)));
+    while (depth->count < count) {
+        HADA_TRY_OR_DONE(hada_path_format(&raw, err, "z%smm/raw/%d", distance, depth->count));
+        HADA_TRY_OR_DONE(hada_path_format(&scene, err, "z%smm/scene/%d", distance, depth->count));
+        depth->files[depth->count++] = (hada_pair_files){raw, scene};
+        raw = scene = NULL;
+    }
+done:
+    free(raw);
+    free(scene);
+    return status;
+}
+
+static hada_status check(int depths, const double *distances_mm, const int *counts, hada_error *err)
+{
+    for (int z = 0; z < depths; z++) {
+        if (!(isfinite(distances_mm[z]) && distances_mm[z] > (z ? distances_mm[z - 1] : 0.0)))
+            return hada_fail(err, HADA_ERROR_ARGUMENT,
+                             "distance %d is %g mm: distances must be above 0 and ascend from near to far", z,
+                             distances_mm[z]);
+        if (counts[z] < 0)
+            return hada_fail(err, HADA_ERROR_ARGUMENT, "the depth at %g mm cannot have %d pairs", distances_mm[z],
+                             counts[z]);
+    }
+    return HADA_OK;
+}
+
+/* The depths of a data set without files, in an empty store, which it takes over. */
+static hada_status open_named(hada_dataset **out, hada_pair_store *store, int depths, const double *distances_mm,
+                              const int *counts, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(check(depths, distances_mm, counts, err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(store->depth = hada_alloc((size_t)depths, sizeof *store->depth, "a data set", err)));
+    while (store->depths < depths) {
+        const int z = store->depths++;
+        store->depth[z].distance_mm = distances_mm[z];
+        HADA_TRY_OR_DONE(name_pairs(&store->depth[z], counts[z], err));
+    }
+    return hada_dataset_open(out, store, err);
+done:
+    hada_pair_store_release(&store);
+    return status;
+}
+
+hada_status hada_dataset_create(hada_dataset **out, int depths, const double *distances_mm, const int *counts,
+                                hada_dataset_read_pair read, void *user, const hada_dataset_options *options,
+                                hada_error *err)
+{
+    hada_pair_store *store = NULL;
+    if (!out)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_dataset_create: out is needed");
+    *out = NULL;
+    if (depths < 1 || !distances_mm || !counts || !read)
+        return hada_fail(
+            err, HADA_ERROR_ARGUMENT,
+            "hada_dataset_create: depths, their distances, counts and a function to read pairs are needed");
+    HADA_TRY(hada_pair_store_create(&store, options, err));
+    store->read = read;
+    store->user = user;
+    return open_named(out, store, depths, distances_mm, counts, err);
+}
+
+hada_status hada_dataset_from_images(hada_dataset **out, int depths, const double *distances_mm, const int *counts,
+                                     const hada_image *raws, const hada_image *scenes, hada_error *err)
+{
+    hada_pair_store *store = NULL;
+    if (!out)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_dataset_from_images: out is needed");
+    *out = NULL;
+    if (depths < 1 || !distances_mm || !counts || !raws || !scenes)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "hada_dataset_from_images: depths, their distances, counts, raw frames and scenes are needed");
+    HADA_TRY(hada_pair_store_create(&store, NULL, err));
+    store->raws = raws;
+    store->scenes = scenes;
+    return open_named(out, store, depths, distances_mm, counts, err);
+}
+
+static hada_status load(hada_image *image, const char *path, hada_error *err)
+{
+    const hada_status status = hada_tiff_load(path, 0, image, err);
+    if (status)
+        hada_error_prefix_path(err, path);
+    return status;
+}
+
+/* Reads a pair, by its number over all depths, from its files or by the caller's function. */
+static hada_status read_images(hada_pair_store *store, int number, hada_pair_images *images, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    int z = 0;
+    while (number >= store->depth[z].before + store->depth[z].count)
+        z++;
+    number -= store->depth[z].before;
+    const hada_pair_files *files = &store->depth[z].files[number];
+    *images = (hada_pair_images){0};
+    if (store->read) {
+        pthread_mutex_lock(&store->reading);
+        status = store->read(store->user, z, number, &images->raw, &images->scene, err);
+        pthread_mutex_unlock(&store->reading);
+        HADA_TRY_OR_DONE(status);
+        if (!images->raw.data || !images->scene.data)
+            HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_DATASET, "no images were given for %s", files->raw));
+    } else {
+        HADA_TRY_OR_DONE(load(&images->raw, files->raw, err));
+        HADA_TRY_OR_DONE(load(&images->scene, files->scene, err));
+    }
+done:
+    if (status)
+        images_free(images);
+    return status;
+}
+
+/* Reads the pairs that are expected, one after the other. */
+static void *read_ahead(void *user)
+{
+    hada_pair_store *store = user;
+    pthread_mutex_lock(&store->lock);
+    while (!store->ahead.stop) {
+        if (store->ahead.state != HADA_AHEAD_WANTED) {
+            pthread_cond_wait(&store->ahead.changed, &store->lock);
+            continue;
+        }
+        const int number = store->ahead.number;
+        hada_pair_images images;
+        hada_error error = {0};
+        store->ahead.state = HADA_AHEAD_READING;
+        pthread_mutex_unlock(&store->lock);
+        const hada_status status = read_images(store, number, &images, &error);
+        pthread_mutex_lock(&store->lock);
+        store->ahead.images = images;
+        store->ahead.status = status;
+        store->ahead.error = error;
+        store->ahead.state = HADA_AHEAD_READY;
+        pthread_cond_broadcast(&store->ahead.changed);
+    }
+    pthread_mutex_unlock(&store->lock);
+    return NULL;
+}
+
+/* Signals are handled by the program's own threads. */
+static int start_thread(hada_pair_store *store)
+{
+    sigset_t all, old;
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &old);
+    const int failed = pthread_create(&store->ahead.thread, NULL, read_ahead, store);
+    pthread_sigmask(SIG_SETMASK, &old, NULL);
+    return !failed;
+}
+
+void hada_pair_expect(const hada_dataset *dataset, int depth, int number)
+{
+    hada_pair_store *store = dataset->store;
+    if (store->raws)
+        return;
+    const int wanted = store->depth[depth].before + dataset->first[depth] + number;
+    pthread_mutex_lock(&store->lock);
+    if (!store->ahead.running)
+        store->ahead.running = start_thread(store); /* without one, pairs are read when they are taken */
+    const int busy = store->ahead.state == HADA_AHEAD_READING ||
+                     (store->ahead.state != HADA_AHEAD_IDLE && store->ahead.number == wanted);
+    if (store->ahead.running && !busy && !store->kept[wanted].raw.data) {
+        images_free(&store->ahead.images);
+        store->ahead.number = wanted;
+        store->ahead.state = HADA_AHEAD_WANTED;
+        pthread_cond_broadcast(&store->ahead.changed);
+    }
+    pthread_mutex_unlock(&store->lock);
+}
+
+/* Takes what was read ahead, where that is the pair. The lock is held. */
+static int take_ahead(hada_pair_store *store, int number, hada_pair_images *images, hada_status *status,
+                      hada_error *err)
+{
+    while (store->ahead.number == number && store->ahead.state == HADA_AHEAD_READING)
+        pthread_cond_wait(&store->ahead.changed, &store->lock);
+    if (store->ahead.number != number || store->ahead.state == HADA_AHEAD_IDLE)
+        return 0;
+    const int ready = store->ahead.state == HADA_AHEAD_READY; /* else it was not begun yet, and need not be */
+    store->ahead.state = HADA_AHEAD_IDLE;
+    if (!ready)
+        return 0;
+    *images = store->ahead.images;
+    store->ahead.images = (hada_pair_images){0};
+    *status = store->ahead.status;
+    if (*status && err)
+        *err = store->ahead.error;
+    return 1;
+}
+
+static uint64_t bytes_of(const hada_pair_images *images)
+{
+    return (uint64_t)(hada_image_count(&images->raw) + hada_image_count(&images->scene)) * sizeof(float);
+}
+
+/* Both images of a pair: the cache's, which keeps them until the end, or else *own. keep: what is read goes into the
+ * cache where there is room. */
+static hada_status find_images(hada_pair_store *store, int number, int keep, hada_pair_images *own,
+                               const hada_pair_images **found, hada_error *err)
+{
+    hada_pair_images *kept = &store->kept[number], read = {0};
+    hada_status status = HADA_OK;
+    *own = (hada_pair_images){0};
+    pthread_mutex_lock(&store->lock);
+    const int there = kept->raw.data != NULL;
+    const int was_ahead = !there && take_ahead(store, number, &read, &status, err);
+    pthread_mutex_unlock(&store->lock);
+    *found = kept;
+    if (there)
+        return HADA_OK;
+    if (!was_ahead)
+        status = read_images(store, number, &read, err);
+    HADA_TRY(status);
+    pthread_mutex_lock(&store->lock);
+    keep = keep && !kept->raw.data && bytes_of(&read) <= store->room;
+    if (keep) {
+        store->room -= bytes_of(&read);
+        *kept = read;
+    }
+    pthread_mutex_unlock(&store->lock);
+    if (!keep) {
+        *own = read;
+        *found = own;
+    }
+    return HADA_OK;
+}
+
+static hada_status copy(hada_image *out, const hada_image *image, hada_error *err)
+{
+    return hada_image_crop(out, image, 0, 0, image->rows, image->cols, err);
+}
+
+/* Makes a scene so many times as bright, in its own encoding. */
+static void brighten(hada_image *scene, double gain, double response)
+{
+    const size_t count = hada_image_count(scene);
+    hada_response_convert(scene->data, count, response, HADA_RESPONSE_LINEAR);
+    for (size_t i = 0; i < count; i++)
+        scene->data[i] *= (float)gain;
+    hada_response_convert(scene->data, count, HADA_RESPONSE_LINEAR, response);
+}
+
+static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth, int number, int keep, hada_error *err)
+{
+    hada_pair_store *store = dataset->store;
+    const int index = store->depth[depth].before + dataset->first[depth] + number;
+    const double gain = dataset->gain ? dataset->gain[before(dataset, depth) + (size_t)number] : 1.0;
+    const hada_pair_images *found = NULL;
+    hada_status status = HADA_OK;
+    *pair = (hada_pair){0};
+    if (store->raws) {
+        pair->raw = &store->raws[index];
+        pair->scene = &store->scenes[index];
+    } else {
+        HADA_TRY(find_images(store, index, keep, &pair->own, &found, err));
+        pair->raw = &found->raw;
+        pair->scene = &found->scene;
+    }
+    if (gain != 1.0) {
+        if (!pair->own.scene.data)
+            HADA_TRY_OR_DONE(copy(&pair->own.scene, pair->scene, err));
+        brighten(&pair->own.scene, gain, dataset->response);
+        pair->scene = &pair->own.scene;
+    }
+done:
+    if (status)
+        hada_pair_return(pair);
+    return status;
+}
+
+hada_status hada_pair_take(hada_pair *pair, const hada_dataset *dataset, int depth, int number, hada_error *err)
+{
+    return take(pair, dataset, depth, number, 1, err);
+}
+
+void hada_pair_return(hada_pair *pair)
+{
+    images_free(&pair->own);
+    *pair = (hada_pair){0};
+}
+
+void hada_pair_name(const hada_dataset *dataset, int depth, int number, hada_error *err)
+{
+    const hada_pair_files *files = &dataset->files[depth][number];
+    if (err)
+        hada_error_prefix(err, "%s and %s: ", files->raw, files->scene);
+}
+
+hada_status hada_dataset_read(const hada_dataset *dataset, int depth, int pair, hada_image *raw, hada_image *scene,
+                              hada_error *err)
+{
+    hada_pair taken = {0};
+    hada_status status = HADA_OK;
+    if (!raw || !scene)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_dataset_read: two images are needed");
+    *raw = *scene = (hada_image){0};
+    if (!dataset || depth < 0 || depth >= dataset->info.depths || pair < 0 || pair >= dataset->counts[depth])
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "the data set has no pair %d of depth %d", pair, depth);
+    HADA_TRY_OR_DONE(take(&taken, dataset, depth, pair, 0, err));
+    if (!taken.own.raw.data)
+        HADA_TRY_OR_DONE(copy(&taken.own.raw, taken.raw, err));
+    if (!taken.own.scene.data)
+        HADA_TRY_OR_DONE(copy(&taken.own.scene, taken.scene, err));
+    *raw = taken.own.raw;
+    *scene = taken.own.scene;
+    taken.own = (hada_pair_images){0};
+done:
+    hada_pair_return(&taken);
     return status;
 }
 
@@ -243,7 +622,6 @@ done:
 
 hada_status hada_dark_frame_load(hada_image *image, double *level, const char *path, hada_error *err)
 {
-    HADA_NEED(image && path, err);
     hada_tiff_reader *reader = NULL;
     hada_status status = HADA_OK;
     double sum = 0.0;

@@ -1,40 +1,102 @@
-/* A data set in memory: names alone. Internal. */
+/* The inside of a data set: what it shares with its parts, and its cache. Internal. */
 #ifndef HADA_DATASET_DATASET_H
 #define HADA_DATASET_DATASET_H
 
 #include <hadalens/dataset.h>
 #include <hadalens/folder.h>
+#include <pthread.h>
 
 #include "core/error.h"
-
-typedef struct hada_dataset_pair {
-    char *raw, *scene; /* paths */
-    int number;        /* for `read` */
-} hada_dataset_pair;
 
 typedef struct hada_dataset_depth {
     double distance_mm;
     char *folder;
-    int count;
-    hada_dataset_pair *pair;
+    int count, before; /* pairs; those of the depths before */
+    hada_pair_files *files;
 } hada_dataset_depth;
 
-struct hada_dataset {
-    hada_dataset_info info; /* points into what follows */
+typedef struct hada_pair_images {
+    hada_image raw, scene;
+} hada_pair_images;
+
+/* The pair that the thread reads next: nothing to do, to be read, being read, or read (or failed). */
+typedef enum hada_ahead_state {
+    HADA_AHEAD_IDLE,
+    HADA_AHEAD_WANTED,
+    HADA_AHEAD_READING,
+    HADA_AHEAD_READY
+} hada_ahead_state;
+
+/* What a data set and its parts share. Pairs are numbered over all depths. */
+typedef struct hada_pair_store {
+    int depths, pairs, incomplete;
     hada_dataset_depth *depth;
-    double *distances_mm;
-    int *counts;
+    char **folders;
     char incomplete_text[600];
     char *psf, *camera;
-    hada_dataset_read_pair read; /* NULL: files */
+    hada_inputs *inputs; /* all files, which no output may replace */
+
+    /* one of these reads pairs: files (both NULL), the caller's function, or the caller's images */
+    hada_dataset_read_pair read;
     void *user;
-    hada_inputs *inputs; /* all files, kept from being overwritten as long as the set that was scanned lives */
+    const hada_image *raws, *scenes;
+    pthread_mutex_t reading; /* held while the caller's function runs */
+
+    pthread_mutex_t lock;   /* of all that follows */
+    int users;              /* the data set and its parts */
+    hada_pair_images *kept; /* of each pair; empty: not kept */
+    uint64_t room;          /* bytes left for pairs */
+
+    struct {
+        pthread_t thread;
+        int running, stop;
+        pthread_cond_t changed;
+        hada_ahead_state state;
+        int number; /* of the pair */
+        hada_pair_images images;
+        hada_status status;
+        hada_error error;
+    } ahead;
+} hada_pair_store;
+
+struct hada_dataset {
+    hada_dataset_info info; /* points into the store and what follows */
+    hada_pair_store *store;
+    int *first, *counts; /* the pairs of each depth that belong to this part */
+    double *distances_mm;
+    const hada_pair_files **files;
+    double *gain; /* of each pair of this part: its scene is made so many times as bright; NULL: scenes as they are */
+    double response; /* in which scenes are encoded, where there are gains */
 };
 
-/* Fills `info` from the depths, which stand near to far. */
-hada_status hada_dataset_count(hada_dataset *dataset, hada_error *err);
+/* A store that is empty but for its options. `callers` may be NULL. */
+hada_status hada_pair_store_create(hada_pair_store **out, const hada_dataset_options *callers, hada_error *err);
+void hada_pair_store_release(hada_pair_store **store);
 
-/* 1: its pairs are files; 0: they come from the caller of hada_dataset_create(). */
-int hada_dataset_has_files(const hada_dataset *dataset);
+/* A data set of all pairs of a store, whose depths are listed; takes the store over, also where it fails. */
+hada_status hada_dataset_open(hada_dataset **out, hada_pair_store *store, hada_error *err);
+
+/* A part: of each depth, `counts` pairs from `first` on. */
+hada_status hada_dataset_part(hada_dataset **out, const hada_dataset *from, const int *first, const int *counts,
+                              hada_error *err);
+
+/* The same pairs, with scenes that are gains[depth][pair] times as bright in linear light, `response` being how they
+ * are encoded; gains NULL: as they are. */
+hada_status hada_dataset_brighten(hada_dataset **out, const hada_dataset *from, const double *const *gains,
+                                  double response, hada_error *err);
+
+/* A pair in use: images that the cache, the caller or the pair itself owns. */
+typedef struct hada_pair {
+    const hada_image *raw, *scene;
+    hada_pair_images own;
+} hada_pair;
+hada_status hada_pair_take(hada_pair *pair, const hada_dataset *dataset, int depth, int number, hada_error *err);
+void hada_pair_return(hada_pair *pair);
+
+/* Has a thread read a pair that will be taken soon. */
+void hada_pair_expect(const hada_dataset *dataset, int depth, int number);
+
+/* Puts the names of a pair's files before a message. */
+void hada_pair_name(const hada_dataset *dataset, int depth, int number, hada_error *err);
 
 #endif

@@ -12,7 +12,7 @@
 #include "io/folder.h"
 #include "io/text.h"
 
-/* So many files without their partner are named. */
+/* At most so many files without their partner are named. */
 enum { INCOMPLETE_NAMED = 4 };
 
 /* "z100mm", "z250.5mm": the distance; negative for other names. */
@@ -35,7 +35,7 @@ static int by_distance(const void *a, const void *b)
 typedef struct listing {
     char *raw_folder, *scene_folder;
     char **raws, **scenes;
-    char **raws_by_stem; /* the same; scenes stand so anyway */
+    char **raws_by_stem; /* the same files in another order; scenes are in that order */
     int raw_count, scene_count;
 } listing;
 
@@ -100,57 +100,62 @@ static const char *partner(const char *name, char **names, int count)
     return first < count && !compare_stems(names[first], name) ? names[first] : NULL;
 }
 
-static void note_incomplete(hada_dataset *set, const char *folder, const char *kind, const char *name,
+static void note_incomplete(hada_pair_store *store, const char *folder, const char *kind, const char *name,
                             const char *other)
 {
-    char *text = set->incomplete_text;
-    const size_t used = strlen(text), room = sizeof set->incomplete_text - used;
-    const int number = set->info.incomplete++;
+    char *text = store->incomplete_text;
+    const size_t used = strlen(text), room = sizeof store->incomplete_text - used;
+    const int number = store->incomplete++;
     if (number < INCOMPLETE_NAMED)
         snprintf(text + used, room, "%s%s/%s/%s has no %s", used ? "; " : "", folder, kind, name, other);
     else if (number == INCOMPLETE_NAMED)
         snprintf(text + used, room, "; and so on");
 }
 
-static hada_status scan_depth(hada_dataset *set, hada_dataset_depth *depth, hada_error *err)
+static hada_status scan_depth(hada_pair_store *store, hada_dataset_depth *depth, hada_error *err)
 {
     listing files = {0};
+    char *raw_path = NULL, *scene_path = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(list(&files, depth->folder, err));
     HADA_TRY_OR_DONE(
-        hada_allocated(depth->pair = hada_alloc((size_t)files.raw_count, sizeof *depth->pair, "a data set", err)));
+        hada_allocated(depth->files = hada_alloc((size_t)files.raw_count, sizeof *depth->files, "a data set", err)));
     for (int i = 0; i < files.raw_count; i++) {
         const char *scene = partner(files.raws[i], files.scenes, files.scene_count);
         if (!scene) {
-            note_incomplete(set, depth->folder, "raw", files.raws[i], "scene");
+            note_incomplete(store, depth->folder, "raw", files.raws[i], "scene");
             continue;
         }
-        hada_dataset_pair *pair = &depth->pair[depth->count++];
-        HADA_TRY_OR_DONE(hada_path_format(&pair->raw, err, "%s/%s", files.raw_folder, files.raws[i]));
-        HADA_TRY_OR_DONE(hada_path_format(&pair->scene, err, "%s/%s", files.scene_folder, scene));
+        HADA_TRY_OR_DONE(hada_path_format(&raw_path, err, "%s/%s", files.raw_folder, files.raws[i]));
+        HADA_TRY_OR_DONE(hada_path_format(&scene_path, err, "%s/%s", files.scene_folder, scene));
+        depth->files[depth->count++] = (hada_pair_files){raw_path, scene_path};
+        raw_path = scene_path = NULL;
     }
     for (int i = 0; i < files.scene_count; i++)
         if (!partner(files.scenes[i], files.raws_by_stem, files.raw_count))
-            note_incomplete(set, depth->folder, "scene", files.scenes[i], "raw frame");
+            note_incomplete(store, depth->folder, "scene", files.scenes[i], "raw frame");
 done:
+    free(raw_path);
+    free(scene_path);
     listing_free(&files);
     return status;
 }
 
-static hada_status add_depth(hada_dataset *set, const char *folder, const char *name, double distance, hada_error *err)
+static hada_status add_depth(hada_pair_store *store, const char *folder, const char *name, double distance,
+                             hada_error *err)
 {
-    hada_dataset_depth *more = realloc(set->depth, (size_t)(set->info.depths + 1) * sizeof *more);
+    hada_dataset_depth *more = realloc(store->depth, (size_t)(store->depths + 1) * sizeof *more);
     if (!more)
         return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the depths of a data set");
-    set->depth = more;
-    hada_dataset_depth *depth = &set->depth[set->info.depths];
+    store->depth = more;
+    hada_dataset_depth *depth = &store->depth[store->depths];
     *depth = (hada_dataset_depth){.distance_mm = distance};
     const hada_status status = hada_path_format(&depth->folder, err, "%s/%s", folder, name);
-    set->info.depths += !status;
+    store->depths += !status;
     return status;
 }
 
-static hada_status find_depths(hada_dataset *set, const char *folder, hada_error *err)
+static hada_status find_depths(hada_pair_store *store, const char *folder, hada_error *err)
 {
     hada_status status = HADA_OK;
     DIR *open = opendir(folder);
@@ -160,32 +165,31 @@ static hada_status find_depths(hada_dataset *set, const char *folder, hada_error
     while ((errno = 0, entry = readdir(open))) {
         const double distance = folder_distance(entry->d_name);
         if (distance >= 0.0)
-            HADA_TRY_OR_DONE(add_depth(set, folder, entry->d_name, distance, err));
+            HADA_TRY_OR_DONE(add_depth(store, folder, entry->d_name, distance, err));
     }
     if (errno)
         HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_FILE_READ, "the data set %s cannot be read: %s", folder, strerror(errno)));
-    if (!set->info.depths)
+    if (!store->depths)
         HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_DATASET,
                       "%s holds no folder named z<distance>mm; a data set looks like %s/z100mm/raw/NAME.tif and "
                       "%s/z100mm/scene/NAME.tif",
                       folder, folder, folder));
-    qsort(set->depth, (size_t)set->info.depths, sizeof *set->depth, by_distance);
+    qsort(store->depth, (size_t)store->depths, sizeof *store->depth, by_distance);
 done:
     closedir(open);
     return status;
 }
 
-static hada_status check(const hada_dataset *set, int skip_incomplete, hada_error *err)
+static hada_status check(const hada_pair_store *store, int skip_incomplete, hada_error *err)
 {
-    const hada_dataset_info *info = &set->info;
-    if (info->incomplete && !skip_incomplete)
+    if (store->incomplete && !skip_incomplete)
         return hada_fail(err, HADA_ERROR_DATASET,
                          "%d %s no partner: %s. Add what is missing, or leave these out with options.skip_incomplete",
-                         info->incomplete, info->incomplete == 1 ? "file has" : "files have", set->incomplete_text);
-    for (int z = 0; z < info->depths; z++) {
-        const hada_dataset_depth *depth = &set->depth[z];
+                         store->incomplete, store->incomplete == 1 ? "file has" : "files have", store->incomplete_text);
+    for (int z = 0; z < store->depths; z++) {
+        const hada_dataset_depth *depth = &store->depth[z];
         if (!depth->count)
             return hada_fail(err, HADA_ERROR_DATASET,
                              "%s holds no pair of raw/NAME.tif and scene/NAME.tif; add some or move the folder away",
@@ -193,14 +197,14 @@ static hada_status check(const hada_dataset *set, int skip_incomplete, hada_erro
         if (depth->distance_mm == 0.0)
             return hada_fail(err, HADA_ERROR_DATASET, "%s: a distance of 0 mm is not possible; it must be above 0",
                              depth->folder);
-        if (z && depth->distance_mm <= set->depth[z - 1].distance_mm)
-            return hada_fail(err, HADA_ERROR_DATASET, "%s and %s stand for the same distance", set->depth[z - 1].folder,
+        if (z && depth->distance_mm <= store->depth[z - 1].distance_mm)
+            return hada_fail(err, HADA_ERROR_DATASET, "%s and %s have the same distance", store->depth[z - 1].folder,
                              depth->folder);
     }
     return HADA_OK;
 }
 
-/* The path of a file that may stand beside the depths; NULL where it does not. */
+/* The path of a file that may be beside the depths; NULL where it is missing. */
 static hada_status find_file(char **out, const char *folder, const char *name, hada_error *err)
 {
     hada_stands what = HADA_STANDS_NOTHING;
@@ -215,21 +219,23 @@ done:
     return status;
 }
 
-static hada_status protect(hada_dataset *set, hada_error *err)
+/* Keeps outputs from replacing the files of a data set. */
+static hada_status protect(hada_pair_store *store, hada_error *err)
 {
     const char **paths = NULL;
-    size_t count = 0;
+    size_t count = 0, pairs = 0;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(
-        hada_allocated(paths = hada_alloc(2 * (size_t)set->info.pairs + 2, sizeof *paths, "a data set", err)));
-    for (int z = 0; z < set->info.depths; z++)
-        for (int i = 0; i < set->depth[z].count; i++) {
-            paths[count++] = set->depth[z].pair[i].raw;
-            paths[count++] = set->depth[z].pair[i].scene;
+    for (int z = 0; z < store->depths; z++)
+        pairs += (size_t)store->depth[z].count;
+    HADA_TRY_OR_DONE(hada_allocated(paths = hada_alloc(2 * pairs + 2, sizeof *paths, "a data set", err)));
+    for (int z = 0; z < store->depths; z++)
+        for (int i = 0; i < store->depth[z].count; i++) {
+            paths[count++] = store->depth[z].files[i].raw;
+            paths[count++] = store->depth[z].files[i].scene;
         }
-    paths[count++] = set->psf;
-    paths[count++] = set->camera;
-    HADA_TRY_OR_DONE(hada_inputs_protect(&set->inputs, paths, count, err));
+    paths[count++] = store->psf;
+    paths[count++] = store->camera;
+    HADA_TRY_OR_DONE(hada_inputs_protect(&store->inputs, paths, count, err));
 done:
     free(paths);
     return status;
@@ -240,23 +246,25 @@ hada_status hada_dataset_scan(hada_dataset **out, const char *folder, const hada
 {
     HADA_NEED(out && folder, err);
     hada_dataset_options options;
+    hada_pair_store *store = NULL;
     hada_status status = HADA_OK;
+    if (!out)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_dataset_scan: out is needed");
     *out = NULL;
-    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&options, callers, hada_dataset_options, err));
     if (!folder)
-        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "hada_dataset_scan: a folder is needed"));
-    HADA_TRY_OR_DONE(hada_allocated(*out = hada_alloc(1, sizeof **out, "a data set", err)));
-    hada_dataset *set = *out;
-    HADA_TRY_OR_DONE(find_depths(set, folder, err));
-    for (int z = 0; z < set->info.depths; z++)
-        HADA_TRY_OR_DONE(scan_depth(set, &set->depth[z], err));
-    HADA_TRY_OR_DONE(check(set, options.skip_incomplete, err));
-    HADA_TRY_OR_DONE(find_file(&set->psf, folder, "psf.tif", err));
-    HADA_TRY_OR_DONE(find_file(&set->camera, folder, "camera.json", err));
-    HADA_TRY_OR_DONE(hada_dataset_count(set, err));
-    HADA_TRY_OR_DONE(protect(set, err));
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_dataset_scan: a folder is needed");
+    hada_dataset_options_init(&options);
+    HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_dataset_options, err));
+    HADA_TRY(hada_pair_store_create(&store, &options, err));
+    HADA_TRY_OR_DONE(find_depths(store, folder, err));
+    for (int z = 0; z < store->depths; z++)
+        HADA_TRY_OR_DONE(scan_depth(store, &store->depth[z], err));
+    HADA_TRY_OR_DONE(check(store, options.skip_incomplete, err));
+    HADA_TRY_OR_DONE(find_file(&store->psf, folder, "psf.tif", err));
+    HADA_TRY_OR_DONE(find_file(&store->camera, folder, "camera.json", err));
+    HADA_TRY_OR_DONE(protect(store, err));
+    return hada_dataset_open(out, store, err);
 done:
-    if (status && *out)
-        hada_dataset_destroy(out);
+    hada_pair_store_release(&store);
     return status;
 }

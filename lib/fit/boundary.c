@@ -1,31 +1,31 @@
-/* Whether light leaves the sensor, and the smallest grid that serves: a look at a few pairs before a fit. */
+/* Whether light leaves the sensor, and the smallest grid that suffices: from a few pairs, before a fit. */
 #include <math.h>
 
 #include "core/callers.h"
 #include "fit/fitter.h"
 
-/* Pairs that are learned from at most, those held out beside them, and iterations, fewer than for a model: what is
- * asked is which of two grids explains more (docs/explanation/learning-a-camera.md). */
+/* Pairs that are learned from at most, those held out beside them, and iterations: fewer than for a model, as only two
+ * grids are compared (docs/explanation/learning-a-camera.md). */
 enum { LEARNED = 8, MOST_HELD = 2, MANY_PAIRS = 4, PASSES = 9 };
+#define WHY "looks at pairs, for the boundary"
 
 /* By this share more may be left of held-out frames on a smaller grid, 20 decibels below the noise; and so many times
  * the standard deviation of what is left, which counts where frames are small. */
 #define MOST_GROWTH 0.01
 #define DEVIATIONS  2.0
 
-/* Shares of a window that may stand over the sensor's edge and be told from what stands over the other one. */
+/* Shares of a window beyond the sensor's edge that are tried, so that its two edges can still be distinguished. */
 static const double overhangs[] = {0.0, 0.25, 0.5, 0.75, 1.0};
 enum { OVERHANGS = HADA_COUNT(overhangs) };
 
-/* The pairs of a depth, as they are looked at. */
+/* One channel of a few pairs of a depth, which are spread over all; the last ones are held out. */
 typedef struct look {
     hada_context *context;
     const hada_fit_options *options;
-    hada_fit_show show;
-    void *user;
-    int depth, channel, held;
-    int64_t count, pairs;  /* of the depth, and those taken of it: the last ones are held out */
-    hada_image raw, scene; /* a channel of the pair that is shown; not owned */
+    int depth, count, held;
+    hada_pair pair[LEARNED + MOST_HELD];
+    hada_image raw[LEARNED + MOST_HELD], scene[LEARNED + MOST_HELD]; /* their channels, not owned */
+    hada_dataset *learned, *held_out;
 } look;
 
 static hada_image channel_of(const hada_image *image, int channel)
@@ -34,29 +34,44 @@ static hada_image channel_of(const hada_image *image, int channel)
     return (hada_image){1, image->rows, image->cols, image->data + (size_t)channel * area};
 }
 
-/* One channel of the pairs that are taken, which are spread over all. */
-static hada_status show_channel(void *user, int depth, int64_t pair, const hada_image **raw, const hada_image **scene,
-                                hada_error *err)
+static hada_status take_pairs(look *at, const hada_dataset *pairs, hada_error *err)
 {
-    look *at = user;
-    const hada_image *whole_raw = NULL, *whole_scene = NULL;
-    (void)depth;
-    HADA_TRY(at->show(at->user, at->depth, pair * at->count / at->pairs, &whole_raw, &whole_scene, err));
-    if (!whole_raw || !whole_scene || whole_raw->channels <= at->channel || whole_scene->channels <= at->channel)
-        return hada_fail(err, HADA_ERROR_SIZE, "raw frames and scenes of a data set must have the same channels");
-    at->raw = channel_of(whole_raw, at->channel);
-    at->scene = channel_of(whole_scene, at->channel);
-    *raw = &at->raw;
-    *scene = &at->scene;
-    return HADA_OK;
+    const double *distance = &at->options->distances_mm[at->depth];
+    const int all = hada_dataset_get_info(pairs)->counts[at->depth], channel = at->options->channels / 2;
+    at->held = all >= MANY_PAIRS ? MOST_HELD : 1;
+    const int count = all < LEARNED + at->held ? all : LEARNED + at->held, learned = count - at->held;
+    for (; at->count < count; at->count++) {
+        const int number = (int)((long)at->count * all / count);
+        hada_pair *pair = &at->pair[at->count];
+        HADA_TRY(hada_pair_take(pair, pairs, at->depth, number, err));
+        if (pair->raw->channels <= channel || pair->scene->channels <= channel) {
+            hada_pair_return(pair);
+            const hada_status status =
+                hada_fail(err, HADA_ERROR_SIZE, "raw frames and scenes of a data set must have the same channels");
+            hada_pair_name(pairs, at->depth, number, err);
+            return status;
+        }
+        at->raw[at->count] = channel_of(pair->raw, channel);
+        at->scene[at->count] = channel_of(pair->scene, channel);
+    }
+    HADA_TRY(hada_dataset_from_images(&at->learned, 1, distance, &learned, at->raw, at->scene, err));
+    return hada_dataset_from_images(&at->held_out, 1, distance, &at->held, at->raw + learned, at->scene + learned, err);
+}
+
+static void return_pairs(look *at)
+{
+    hada_dataset_destroy(&at->learned);
+    hada_dataset_destroy(&at->held_out);
+    for (int i = 0; i < at->count; i++)
+        hada_pair_return(&at->pair[i]);
 }
 
 /* What is left of the frames held out, learned on a grid of rows x cols. */
-static hada_status left_on(look *at, int rows, int cols, double *left, hada_error *err)
+static hada_status left_on(const look *at, int rows, int cols, double *left, hada_error *err)
 {
     hada_fit_options options = *at->options;
     hada_fitter *fitter = NULL;
-    const hada_image *raw = NULL, *scene = NULL;
+    hada_fit_reader from = {0}, held = {0};
     hada_status status = HADA_OK;
     options.depths = options.channels = 1;
     options.distances_mm = at->options->distances_mm + at->depth;
@@ -66,15 +81,18 @@ static hada_status left_on(look *at, int rows, int cols, double *left, hada_erro
     options.grid_rows = rows;
     options.grid_cols = cols;
     options.refine_steps = 0;
+    options.communicator = NULL;
+    options.sums = NULL;
     HADA_TRY_OR_DONE(hada_fitter_create(&fitter, at->context, &options, err));
-    for (int64_t i = 0; i < at->pairs - at->held; i++) {
-        HADA_TRY_OR_DONE(show_channel(at, 0, i, &raw, &scene, err));
-        HADA_TRY_OR_DONE(hada_fitter_add(fitter, 0, raw, scene, err));
-    }
+    for (int i = 0; i < at->count - at->held; i++)
+        HADA_TRY_OR_DONE(hada_fitter_add_pair(fitter, 0, &at->raw[i], &at->scene[i], err));
+    HADA_TRY_OR_DONE(hada_fit_reader_create(&from, at->learned, &fitter->pair, options.monitor, WHY, err));
+    HADA_TRY_OR_DONE(hada_fit_reader_create(&held, at->held_out, &fitter->pair, options.monitor, WHY, err));
     hada_slot_watch(fitter->grid.slot, options.monitor);
-    HADA_TRY_OR_DONE(
-        hada_fit_transfers_left(&fitter->sums, &fitter->pair, PASSES, at->held, show_channel, at, left, err));
+    HADA_TRY_OR_DONE(hada_fit_transfers_left(&fitter->sums, &from, PASSES, &held, left, err));
 done:
+    hada_fit_reader_destroy(&from);
+    hada_fit_reader_destroy(&held);
     hada_fitter_destroy(&fitter);
     return status;
 }
@@ -93,7 +111,7 @@ static double most_of(const look *at, double left)
 }
 
 /* Rows, and then columns: the smallest grid that leaves as little as the largest one so far does. */
-static hada_status shrink(look *at, double most, int *rows, int *cols, hada_error *err)
+static hada_status shrink(const look *at, double most, int *rows, int *cols, hada_error *err)
 {
     const hada_fit_options *options = at->options;
     double left = 0.0;
@@ -118,12 +136,10 @@ static hada_status shrink(look *at, double most, int *rows, int *cols, hada_erro
     return HADA_OK;
 }
 
-static hada_status search(look *at, int *rows, int *cols, hada_error *err)
+static hada_status search(const look *at, int *rows, int *cols, hada_error *err)
 {
     const hada_fit_options *options = at->options;
     double inside = 0.0, left = 0.0;
-    at->held = at->count >= MANY_PAIRS ? MOST_HELD : 1;
-    at->pairs = at->count < LEARNED + at->held ? at->count : LEARNED + at->held;
     *rows = with_overhang(options->raw_rows, options->window_rows, OVERHANGS - 1);
     *cols = with_overhang(options->raw_cols, options->window_cols, OVERHANGS - 1);
     HADA_TRY(left_on(at, *rows, *cols, &left, err));
@@ -136,30 +152,64 @@ static hada_status search(look *at, int *rows, int *cols, hada_error *err)
     return shrink(at, most_of(at, left), rows, cols, err);
 }
 
-hada_status hada_fit_find_boundary(hada_fit_options *callers, hada_context *context, const int *counts,
-                                   hada_fit_show show, void *user, hada_error *err)
+hada_status hada_fit_sizes_from(hada_fit_options *options, const hada_dataset *pairs, hada_error *err)
+{
+    const hada_dataset_info *info = hada_dataset_get_info(pairs);
+    hada_pair pair;
+    int z = 0;
+    while (z < info->depths && !info->counts[z])
+        z++;
+    if (z == info->depths)
+        return hada_fail(err, HADA_ERROR_DATASET, "the data set has no pair to learn from");
+    HADA_TRY(hada_pair_take(&pair, pairs, z, 0, err));
+    const int rows = pair.raw->rows, cols = pair.raw->cols;
+    const int scene_rows = pair.scene->rows, scene_cols = pair.scene->cols;
+    options->depths = info->depths;
+    options->distances_mm = info->distances_mm;
+    options->channels = pair.raw->channels;
+    hada_pair_return(&pair);
+    options->raw_rows = rows;
+    options->raw_cols = cols;
+    if (!options->window_rows) {
+        options->window_rows = scene_rows;
+        options->window_cols = scene_cols;
+    }
+    if ((options->window_rows != scene_rows || options->window_cols != scene_cols) &&
+        (scene_rows != rows || scene_cols != cols))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "options.window %dx%d: the scenes have %dx%d pixels, which is the window then; a smaller one "
+                         "can be cut only from scenes as large as the frame (%dx%d)",
+                         options->window_rows, options->window_cols, scene_rows, scene_cols, rows, cols);
+    return HADA_OK;
+}
+
+hada_status hada_fit_find_boundary(hada_fit_options *callers, hada_context *context, const hada_dataset *pairs,
+                                   hada_error *err)
 {
     hada_fit_options options;
-    look at = {.context = context, .options = &options, .show = show, .user = user};
+    look at = {.context = context, .options = &options};
     int rows = 0, cols = 0;
-    if (!callers || !context || !counts || !show)
+    hada_status status = HADA_OK;
+    if (!callers || !context || !pairs)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "hada_fit_find_boundary: options, a context, numbers of pairs and a function that shows pairs "
-                         "are needed");
+                         "hada_fit_find_boundary: options, a context and a data set are needed");
+    hada_fit_options_init(&options);
     HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_fit_options, err));
-    at.channel = options.channels / 2;
-    while (at.depth < options.depths && counts[at.depth] < 2)
+    HADA_TRY(hada_fit_sizes_from(&options, pairs, err));
+    while (at.depth < options.depths && hada_dataset_get_info(pairs)->counts[at.depth] < 2)
         at.depth++;
     options.boundary = HADA_BOUNDARY_PADDED;
     options.grid_rows = options.grid_cols = 0;
     if (at.depth < options.depths) {
-        at.count = counts[at.depth];
-        HADA_TRY(search(&at, &rows, &cols, err));
+        HADA_TRY_OR_DONE(take_pairs(&at, pairs, err));
+        HADA_TRY_OR_DONE(search(&at, &rows, &cols, err));
         const int inside = rows == options.raw_rows && cols == options.raw_cols;
         options.boundary = inside ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED;
         options.grid_rows = inside ? 0 : hada_fft_good_size(rows);
         options.grid_cols = inside ? 0 : hada_fft_good_size(cols);
     }
     HADA_REPORT_GIVE(callers, &options);
-    return HADA_OK;
+done:
+    return_pairs(&at);
+    return status;
 }

@@ -1,9 +1,8 @@
-/* The end of a fit: the setting that leave-one-out prefers, a model, and whether refinement pays. */
+/* The end of a fit: what pairs held out choose, what is learned from them beside the sums, and a model. */
 #include <math.h>
 #include <string.h>
 
-#include "fit/fit_model.h"
-#include "fit/fit_scores.h"
+#include "fit/cropped.h"
 #include "fit/fitter.h"
 #include "refine/admm.h"
 
@@ -14,20 +13,128 @@
  * gain (docs/explanation/learning-a-camera.md). */
 #define ENOUGH_GAIN 3.0
 
-/* The settings (where scored) and the weights outside the window that were compared; places for the trial. */
-static hada_status list_scores(hada_fit_scores **out, const hada_fitter *fitter, hada_error *err)
+/* Pairs whose errors are found: so many in all, and at least so many of each depth. The settings are compared on the
+ * same pairs, so a few decide (docs/explanation/learning-a-camera.md). */
+enum { SCORED_IN_ALL = 8, SCORED_PER_DEPTH = 2 };
+
+void hada_fit_forget(hada_fitter *fitter)
+{
+    hada_leave_one_out_forget(&fitter->scores);
+    hada_fit_kept_free(&fitter->kept);
+    hada_fit_outside_free(&fitter->outside);
+    hada_fit_transfers_free(&fitter->transfers);
+    fitter->rows = (hada_fit_rows){0};
+}
+
+hada_status hada_fit_score_pair(hada_fitter *fitter, int depth, int number, const hada_image *raw,
+                                const hada_image *scene, hada_error *err)
+{
+    hada_fit_pair *pair = &fitter->pair;
+    HADA_TRY(hada_fit_pair_check(&fitter->grid, depth, raw, scene, err));
+    HADA_TRY(hada_fit_sums_pool(&fitter->sums, err));
+    HADA_TRY(hada_fit_sums_select(&fitter->sums, depth, err));
+    hada_fit_pair_take(pair, raw, scene);
+    HADA_TRY(hada_fit_pair_transform(pair, pair->raw_pixels, pair->scene_pixels, err));
+    HADA_TRY(hada_leave_one_out_add(&fitter->scores, &fitter->sums, pair, depth, err));
+    return fitter->options.refine_steps < 0 ? hada_fit_keep(&fitter->kept, pair, depth, number, err) : HADA_OK;
+}
+
+static int least(int a, int b)
+{
+    return a < b ? a : b;
+}
+
+hada_status hada_fit_score_pairs(hada_fitter *fitter, const hada_dataset *pairs, hada_error *err)
+{
+    const hada_dataset_info *info = hada_dataset_get_info(pairs);
+    const int share = (SCORED_IN_ALL + info->depths - 1) / info->depths;
+    const int most = share < SCORED_PER_DEPTH ? SCORED_PER_DEPTH : share;
+    hada_pair pair = {0};
+    hada_status status = HADA_OK;
+    long total = 0;
+    for (int z = 0; z < info->depths; z++)
+        total += least(info->counts[z], most);
+    hada_progress progress = hada_progress_begin(fitter->options.monitor, "leave-one-out", total);
+    for (int z = 0; z < info->depths; z++) {
+        const int count = least(info->counts[z], most);
+        for (int i = 0; i < count; i++) {
+            const int number = (int)((long)i * info->counts[z] / count); /* evenly spread */
+            HADA_TRY_OR_DONE(hada_pair_take(&pair, pairs, z, number, err));
+            status = hada_fit_score_pair(fitter, z, number, pair.raw, pair.scene, err);
+            if (status)
+                hada_pair_name(pairs, z, number, err);
+            HADA_TRY_OR_DONE(status);
+            hada_pair_return(&pair);
+            HADA_TRY_OR_DONE(hada_progress_step(&progress, NULL, err));
+        }
+    }
+    HADA_TRY_OR_DONE(hada_leave_one_out_share(&fitter->scores, err));
+done:
+    hada_pair_return(&pair);
+    hada_progress_end(&progress);
+    return status;
+}
+
+hada_status hada_fit_learn_cropped(hada_fitter *fitter, const hada_dataset *pairs, hada_error *err)
+{
+    const hada_fit_options *options = &fitter->options;
+    const int passes = options->crop_passes < 0 ? HADA_FIT_CROP_PASSES : options->crop_passes;
+    hada_fit_reader from;
+    hada_status status = HADA_OK;
+    hada_fit_transfers_free(&fitter->transfers);
+    if (options->boundary != HADA_BOUNDARY_PADDED || !options->nonnegative || !passes)
+        return HADA_OK;
+    HADA_TRY(hada_fit_reader_create(&from, pairs, &fitter->pair, options->monitor,
+                                    "looks at pairs, for the light beyond the sensor", err));
+    status = hada_fit_transfers_learn(&fitter->transfers, &fitter->sums, &from, &fitter->kept, passes, err);
+    hada_fit_reader_destroy(&from);
+    return status;
+}
+
+hada_status hada_fit_learn_windowed(hada_fitter *fitter, const hada_dataset *pairs, hada_error *err)
+{
+    hada_fit_reader from;
+    hada_status status = HADA_OK;
+    hada_fit_outside_free(&fitter->outside);
+    HADA_TRY(hada_fit_reader_create(&from, pairs, &fitter->pair, fitter->options.monitor,
+                                    "looks at pairs, to judge in the window", err));
+    status = hada_fit_outside_solve(&fitter->outside, &fitter->sums, &from, hada_leave_one_out_best(&fitter->scores),
+                                    fitter->options.outside, err);
+    hada_fit_reader_destroy(&from);
+    return status;
+}
+
+hada_fit_scores hada_fit_rows_list(hada_fit_rows *rows)
+{
+    for (int i = 0; i < rows->filters; i++)
+        rows->filter_list[i] = &rows->filter[i];
+    for (int i = 0; i < rows->outsides; i++)
+        rows->outside_list[i] = &rows->outside[i];
+    for (int i = 0; i < rows->refinements; i++)
+        rows->refinement_list[i] = &rows->refinement[i];
+    return (hada_fit_scores){rows->filter_list, rows->outside_list, rows->refinement_list};
+}
+
+/* The settings (where pairs were scored) and the weights outside the window that were compared. */
+static void fill_rows(hada_fitter *fitter)
 {
     const hada_fit_outside *outside = &fitter->outside;
-    hada_fit_scores *scores;
-    HADA_TRY(hada_fit_scores_create(out, (size_t)hada_leave_one_out_row_count(&fitter->scores), (size_t)outside->count,
-                                    HADA_FIT_TRIAL_ROWS, err));
-    scores = *out;
-    scores->refinement_count = 0;
-    hada_leave_one_out_rows(&fitter->scores, scores->filters);
+    hada_fit_rows *rows = &fitter->rows;
+    *rows = (hada_fit_rows){.filters = hada_leave_one_out_row_count(&fitter->scores), .outsides = outside->count};
+    hada_leave_one_out_rows(&fitter->scores, rows->filter);
     for (int s = 0; s < outside->count; s++)
-        scores->outsides[s] = (hada_fit_outside_score){
+        rows->outside[s] = (hada_fit_outside_score){
             .outside = outside->weight[s], .psnr = outside->psnr[s], .chosen = s == outside->chosen};
-    return HADA_OK;
+}
+
+/* Decibels by which the chosen refinement leads the linear filters, one depth occupied; 0 where it was not tried. */
+static double refinement_gain(const hada_fit_rows *rows)
+{
+    double gain = 0.0;
+    for (int i = 1; i < rows->refinements; i++)
+        if (rows->refinement[i].chosen)
+            gain = rows->refinement[i].psnr_single - rows->refinement[0].psnr_single;
+    return isfinite(gain) ? gain : 0.0;
 }
 
 static void set_refinement(hada_model *model, int steps, const hada_refine_weights *weights)
@@ -50,7 +157,7 @@ static hada_refine_weights weights_of(const hada_fit_options *options)
 /* Tries refinement on the pairs that were kept. The trial compares with the exact fit's filters; where judging them in
  * the window gained more than refinement does, the model keeps the filters. */
 static hada_status try_refinement(hada_fitter *fitter, hada_nonnegative *nonnegative, hada_model *model,
-                                  hada_fit_scores *scores, hada_error *err)
+                                  hada_error *err)
 {
     const hada_fit_trial trial = {.sums = &fitter->sums,
                                   .pair = &fitter->pair,
@@ -71,32 +178,30 @@ static hada_status try_refinement(hada_fitter *fitter, hada_nonnegative *nonnega
         for (int i = 0; i < result.row_count; i++)
             result.rows[i].chosen = i == 0;
     }
-    memcpy(scores->refinements, result.rows, (size_t)result.row_count * sizeof *result.rows);
-    scores->refinement_count = (size_t)result.row_count;
+    memcpy(fitter->rows.refinement, result.rows, (size_t)result.row_count * sizeof *result.rows);
+    fitter->rows.refinements = result.row_count;
     set_refinement(model, result.steps, &result.weights);
     model->info.refine_share = result.share;
     return HADA_OK;
 }
 
-/* Solves, and tries on pairs held out whether refinement pays. */
-static hada_status solve_and_try(hada_fitter *fitter, hada_model **out, hada_fit_scores **scores, hada_error *err)
+hada_status hada_fit_solve(hada_fitter *fitter, hada_model **out, hada_error *err)
 {
     const hada_fit_options *options = &fitter->options;
     const hada_model_info *info = &fitter->grid.info;
+    const hada_refine_weights weights = weights_of(options);
     hada_nonnegative *nonnegative = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_leave_one_out_share(&fitter->scores, err));
+    fill_rows(fitter);
     if (options->nonnegative)
         HADA_TRY_OR_DONE(hada_nonnegative_create(&nonnegative, fitter->grid.slot, info->grid_rows, info->grid_cols,
                                                  info->channels, err));
     HADA_TRY_OR_DONE(hada_fit_model_make(out, &fitter->sums, hada_leave_one_out_best(&fitter->scores),
                                          fitter->outside.filters, &fitter->transfers, nonnegative, err));
-    HADA_TRY_OR_DONE(list_scores(scores, fitter, err));
-    const hada_refine_weights weights = weights_of(options);
     set_refinement(*out, options->refine_steps < 0 ? REFINE_STEPS : options->refine_steps, &weights);
     if (options->refine_steps >= 0)
         goto done;
-    status = try_refinement(fitter, nonnegative, *out, *scores, err);
+    status = try_refinement(fitter, nonnegative, *out, err);
     if ((status == HADA_ERROR_DEVICE_MEMORY || status == HADA_ERROR_MEMORY) && fitter->grid.communicator.count == 1) {
         /* the model is there; only the trial needed more */
         hada_log(fitter->grid.slot->context, HADA_LOG_WARNING,
@@ -109,57 +214,60 @@ done:
     return status;
 }
 
-hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, hada_fit_scores **scores, hada_error *err)
+/* Holds a data set against the sums. *complete: it has all of their pairs; *spare: a pair of each depth can be left out
+ * of the sums. */
+static hada_status compare(const hada_fitter *fitter, const hada_dataset *pairs, int *complete, int *spare,
+                           hada_error *err)
 {
-    hada_fit_scores *own = NULL;
-    hada_status status = HADA_OK;
-    if (scores)
-        *scores = NULL;
+    const hada_dataset_info *info = hada_dataset_get_info(pairs);
+    if (info->depths != fitter->grid.info.depths)
+        return hada_fail(err, HADA_ERROR_STATE, "the data set has %d depths, the fit %d", info->depths,
+                         fitter->grid.info.depths);
+    *complete = *spare = 1;
+    for (int z = 0; z < info->depths; z++) {
+        const int64_t in_sums = fitter->sums.depth[z].pairs;
+        if (info->counts[z] > in_sums)
+            return hada_fail(err, HADA_ERROR_STATE, "depth %d (%g mm) has %d pairs, but only %lld are in the sums", z,
+                             fitter->grid.distances[z], info->counts[z], (long long)in_sums);
+        *complete &= info->counts[z] == in_sums;
+        *spare &= in_sums > 1;
+    }
+    return HADA_OK;
+}
+
+static hada_status learn_and_solve(hada_fitter *fitter, const hada_dataset *pairs, hada_model **out, hada_error *err)
+{
+    const hada_fit_options *options = &fitter->options;
+    int complete = 0, spare = 0;
+    if (pairs)
+        HADA_TRY(compare(fitter, pairs, &complete, &spare, err));
+    if (spare && options->leave_one_out)
+        HADA_TRY(hada_fit_score_pairs(fitter, pairs, err));
+    if (complete)
+        HADA_TRY(hada_fit_learn_cropped(fitter, pairs, err));
+    if (!complete || (!options->leave_one_out && options->outside < 0.0))
+        return hada_fit_solve(fitter, out, err);
+    /* refinement is tried where its steps are open; otherwise there is nothing to know before judging */
+    if (options->outside < 0.0 && options->refine_steps < 0) {
+        HADA_TRY(hada_fit_solve(fitter, out, err));
+        if (refinement_gain(&fitter->rows) > ENOUGH_GAIN)
+            return HADA_OK;
+        hada_model_destroy(out);
+    }
+    HADA_TRY(hada_fit_learn_windowed(fitter, pairs, err));
+    return hada_fit_solve(fitter, out, err);
+}
+
+hada_status hada_fitter_finish(hada_fitter *fitter, const hada_dataset *pairs, hada_model **out, hada_error *err)
+{
     if (!fitter || !out)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_finish: a fitter and out are needed");
     *out = NULL;
+    hada_fit_forget(fitter);
     hada_slot_watch(fitter->grid.slot, fitter->options.monitor);
-    HADA_TRY_OR_DONE(solve_and_try(fitter, out, &own, err));
-    if (scores) {
-        *scores = own;
-        own = NULL;
-    }
-done:
+    const hada_status status = learn_and_solve(fitter, pairs, out, err);
     hada_slot_watch(fitter->grid.slot, NULL);
-    hada_fit_scores_destroy(&own);
     if (status)
         hada_model_destroy(out);
-    return status;
-}
-
-hada_status hada_fitter_learn_and_finish(hada_fitter *fitter, hada_fit_show show, void *user, hada_model **out,
-                                         hada_fit_scores **scores, hada_error *err)
-{
-    hada_fit_scores *first = NULL;
-    hada_status status = HADA_OK;
-    if (scores)
-        *scores = NULL;
-    if (!fitter || !show || !out)
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "hada_fitter_learn_and_finish: a fitter, a function that shows pairs, and out are needed");
-    *out = NULL;
-    if (!fitter->transfers.otf)
-        HADA_TRY_OR_DONE(hada_fitter_learn_cropped(fitter, show, user, err));
-    /* refinement is tried where its steps are not given; without that there is nothing to learn before judging */
-    if (fitter->options.outside < 0.0 && fitter->options.refine_steps < 0) {
-        HADA_TRY_OR_DONE(hada_fitter_finish(fitter, out, &first, err));
-        if (hada_fit_scores_gain(first) > ENOUGH_GAIN) {
-            if (scores) {
-                *scores = first;
-                first = NULL;
-            }
-            goto done;
-        }
-        hada_model_destroy(out);
-    }
-    HADA_TRY_OR_DONE(hada_fitter_learn_windowed(fitter, show, user, err));
-    HADA_TRY_OR_DONE(hada_fitter_finish(fitter, out, scores, err));
-done:
-    hada_fit_scores_destroy(&first);
     return status;
 }

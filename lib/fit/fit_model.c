@@ -1,4 +1,5 @@
-#include "fit/fit_model.h"
+/* From the sums of all depths to a model. */
+#include "fit/fitter.h"
 
 #include <math.h>
 #include <stdlib.h>

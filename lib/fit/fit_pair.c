@@ -1,10 +1,14 @@
 #include "fit/fit_pair.h"
 
 #include <hadalens/response.h>
+#include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
 #include "image/statistics.h"
+
+/* Sums of squares that are added in another order differ by less than this share. */
+#define SAME_ENERGY 1e-6
 
 static hada_status make_host_side(hada_fit_pair *pair, hada_error *err)
 {
@@ -158,4 +162,61 @@ hada_status hada_fit_pair_filter(hada_fit_pair *pair, hada_fft *inverse, const h
 {
     return hada_fft_inverse(inverse, pair->grid->info.channels, pair->raw_spectrum.mem, 0, pair->scene.mem, 0, filter,
                             err);
+}
+
+hada_status hada_fit_reader_create(hada_fit_reader *reader, const hada_dataset *pairs, hada_fit_pair *pair,
+                                   const hada_monitor *monitor, const char *why, hada_error *err)
+{
+    *reader = (hada_fit_reader){.pairs = pairs, .pair = pair, .monitor = monitor, .why = why};
+    return hada_allocated(reader->energy =
+                              hada_alloc((size_t)pair->grid->info.channels, sizeof *reader->energy, "a fit", err));
+}
+
+void hada_fit_reader_destroy(hada_fit_reader *reader)
+{
+    if (reader->progress.what)
+        hada_progress_end(&reader->progress);
+    free(reader->energy);
+    *reader = (hada_fit_reader){0};
+}
+
+hada_status hada_fit_read(hada_fit_reader *reader, int z, int64_t i, int64_t next, hada_error *err)
+{
+    hada_fit_pair *to = reader->pair;
+    hada_pair pair = {0};
+    hada_status status = HADA_OK;
+    if (!reader->progress.what)
+        reader->progress = hada_progress_begin(reader->monitor, reader->why, 0);
+    HADA_TRY(hada_progress_step(&reader->progress, NULL, err));
+    HADA_TRY(hada_pair_take(&pair, reader->pairs, z, (int)i, err));
+    if (next >= 0 && next < hada_dataset_get_info(reader->pairs)->counts[z])
+        hada_pair_expect(reader->pairs, z, (int)next);
+    HADA_TRY_OR_DONE(hada_fit_pair_check(to->grid, z, pair.raw, pair.scene, err));
+    hada_fit_pair_take(to, pair.raw, pair.scene);
+    for (int c = 0; c < to->grid->info.channels; c++)
+        reader->energy[c] += to->raw_energy[c];
+done:
+    if (status)
+        hada_pair_name(reader->pairs, z, (int)i, err);
+    hada_pair_return(&pair);
+    return status;
+}
+
+void hada_fit_reader_clear(hada_fit_reader *reader)
+{
+    for (int c = 0; c < reader->pair->grid->info.channels; c++)
+        reader->energy[c] = 0.0;
+}
+
+hada_status hada_fit_reader_check(const hada_fit_reader *reader, int z, const double *raw_energy, hada_error *err)
+{
+    const hada_fit_grid *grid = reader->pair->grid;
+    int same = 1;
+    for (int c = 0; c < grid->info.channels; c++)
+        same &= fabs(reader->energy[c] - raw_energy[c]) <= SAME_ENERGY * raw_energy[c];
+    return same ? HADA_OK
+                : hada_fail(err, HADA_ERROR_STATE,
+                            "the pairs of depth %d (%g mm) are not those in its sums; give hada_fitter_finish() the "
+                            "pairs that were added, or none",
+                            z, grid->distances[z]);
 }

@@ -2,6 +2,8 @@
 #ifndef HADA_FIT_FIT_PAIR_H
 #define HADA_FIT_FIT_PAIR_H
 
+#include "core/callers.h"
+#include "dataset/dataset.h"
 #include "fit/fit_grid.h"
 
 typedef struct hada_fit_pair {
@@ -33,5 +35,26 @@ hada_status hada_fit_pair_transform(hada_fit_pair *pair, const float *raw, const
 /* The frame through a filter (hada_fit_product) into the window: pixels of all channels in pair->scene. */
 hada_status hada_fit_pair_filter(hada_fit_pair *pair, hada_fft *inverse, const hada_fft_filter *filter,
                                  hada_error *err);
+
+/* Reads the pairs of a fit from a data set. */
+typedef struct hada_fit_reader {
+    const hada_dataset *pairs;
+    hada_fit_pair *pair;
+    const hada_monitor *monitor;
+    const char *why;        /* they are read, for the monitor */
+    hada_progress progress; /* begins with the first pair */
+    double *energy;         /* per channel: of the frames read since it was last cleared */
+} hada_fit_reader;
+hada_status hada_fit_reader_create(hada_fit_reader *reader, const hada_dataset *pairs, hada_fit_pair *pair,
+                                   const hada_monitor *monitor, const char *why, hada_error *err);
+void hada_fit_reader_destroy(hada_fit_reader *reader);
+
+/* Pixels and energies of pair i of depth z, in reader->pair. next: a pair of that depth that is read soon, -1: none. */
+hada_status hada_fit_read(hada_fit_reader *reader, int z, int64_t i, int64_t next, hada_error *err);
+
+/* After clearing, once every pair of a depth was read: HADA_ERROR_STATE where they are not those of its sums, whose
+ * energy is raw_energy. */
+void hada_fit_reader_clear(hada_fit_reader *reader);
+hada_status hada_fit_reader_check(const hada_fit_reader *reader, int z, const double *raw_energy, hada_error *err);
 
 #endif

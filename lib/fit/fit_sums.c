@@ -150,7 +150,6 @@ static void mark_changed(hada_fit_sums *sums)
 {
     sums->changed = 1;
     sums->pooled = 0;
-    sums->version++;
 }
 
 static hada_status check_energy(const hada_fit_grid *grid, double energy, double sum, const char *what, hada_error *err)

@@ -19,11 +19,10 @@ typedef struct hada_fit_sums {
     hada_buffer *pool;   /* per channel: over all depths */
     hada_buffer weights; /* how often a frequency of the half spectrum counts; 0 in the padding */
     hada_fit_depth *depth;
-    uint64_t version; /* grows with every change of the sums of any depth */
-    uint64_t bytes;   /* of device memory */
-    int current;      /* depth whose sums stand on the device, -1: none */
-    int changed;      /* they differ from the host's copy */
-    int pooled;       /* the pools are up to date */
+    uint64_t bytes; /* of device memory */
+    int current;    /* depth whose sums stand on the device, -1: none */
+    int changed;    /* they differ from the host's copy */
+    int pooled;     /* the pools are up to date */
 } hada_fit_sums;
 
 hada_status hada_fit_sums_create(hada_fit_sums *sums, const hada_fit_grid *grid, hada_error *err);

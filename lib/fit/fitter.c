@@ -1,4 +1,4 @@
-/* The public face of a fit, as far as the sums and what is chosen on pairs held out. */
+/* Fitters: options, sums of pairs, and models of given filters. */
 #include "fit/fitter.h"
 
 #include <hadalens/response.h>
@@ -8,21 +8,11 @@
 
 #include "core/alloc.h"
 #include "core/callers.h"
+#include "core/clock.h"
 #include "fit/cropped.h"
 #include "fit/sums_file.h"
 #include "fit/sums_reduce.h"
-
-hada_status hada_model_blank(hada_model **out, const hada_fit_options *callers, hada_error *err)
-{
-    hada_fit_options sizes;
-    hada_model_info info;
-    if (!out || !callers)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_blank: out and sizes are needed");
-    *out = NULL;
-    HADA_TRY(HADA_OPTIONS_TAKE(&sizes, callers, hada_fit_options, err));
-    HADA_TRY(hada_fit_info(&info, &sizes, err));
-    return hada_model_create(out, &info, 0, err);
-}
+#include "io/folder.h"
 
 static int all_finite(const float *values, size_t count)
 {
@@ -32,27 +22,35 @@ static int all_finite(const float *values, size_t count)
     return good;
 }
 
-hada_status hada_model_from_filters(hada_model **out, const hada_fit_options *sizes, const float *filters,
+/* Copies filters or transfer functions, unless there are none. */
+static hada_status copy_values(float *to, const float *values, size_t count, hada_error *err)
+{
+    if (!values)
+        return HADA_OK;
+    if (!all_finite(values, count))
+        return hada_fail(err, HADA_ERROR_NOT_FINITE, "filters or transfer functions hold NaN or infinite values");
+    memcpy(to, values, count * sizeof *to);
+    return HADA_OK;
+}
+
+hada_status hada_model_from_filters(hada_model **out, const hada_fit_options *callers, const float *filters,
                                     const float *otf, hada_error *err)
 {
-    hada_model *blank = NULL;
+    hada_fit_options sizes;
+    hada_model_info info;
     hada_status status = HADA_OK;
-    if (!out || !sizes || !filters)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_from_filters: out, sizes and filters are needed");
+    if (!out || !callers)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_from_filters: out and sizes are needed");
     *out = NULL;
-    HADA_TRY_OR_DONE(hada_model_blank(&blank, sizes, err));
-    hada_model_info info = blank->info;
+    hada_fit_options_init(&sizes);
+    HADA_TRY(HADA_OPTIONS_TAKE(&sizes, callers, hada_fit_options, err));
+    HADA_TRY(hada_fit_info(&info, &sizes, err));
     info.has_otf = otf != NULL;
-    HADA_TRY_OR_DONE(hada_model_create(out, &info, 0, err));
-    const size_t values = 2 * (size_t)info.depths * (size_t)info.channels * hada_model_plane(*out);
-    if (!all_finite(filters, values) || (otf && !all_finite(otf, values)))
-        HADA_TRY_OR_DONE(
-            hada_fail(err, HADA_ERROR_NOT_FINITE, "filters or transfer functions hold NaN or infinite values"));
-    memcpy((*out)->filter, filters, values * sizeof *filters);
-    if (otf)
-        memcpy((*out)->otf, otf, values * sizeof *otf);
+    HADA_TRY(hada_model_create(out, &info, 0, err));
+    const size_t count = 2 * (size_t)info.depths * (size_t)info.channels * hada_model_plane(*out);
+    HADA_TRY_OR_DONE(copy_values((*out)->filter, filters, count, err));
+    HADA_TRY_OR_DONE(copy_values((*out)->otf, otf, count, err));
 done:
-    hada_model_destroy(&blank);
     if (status)
         hada_model_destroy(out);
     return status;
@@ -96,23 +94,20 @@ static hada_status check_options(const hada_fit_options *options, hada_error *er
     return HADA_OK;
 }
 
-hada_status hada_fitter_create(hada_fitter **out, hada_context *context, const hada_fit_options *callers,
-                               hada_error *err)
+static hada_status create(hada_fitter **out, hada_context *context, const hada_fit_options *options, hada_error *err)
 {
     hada_fitter *fitter = NULL;
-    hada_fit_options options;
     hada_status status = HADA_OK;
-    if (!out || !context || !callers)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_create: out, a context and options are needed");
-    *out = NULL;
-    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&options, callers, hada_fit_options, err));
-    HADA_TRY_OR_DONE(check_options(&options, err));
+    HADA_TRY_OR_DONE(check_options(options, err));
     HADA_TRY_OR_DONE(hada_allocated(fitter = hada_alloc(1, sizeof *fitter, "a fitter", err)));
-    fitter->options = options;
+    fitter->options = *options;
     fitter->options.distances_mm = NULL;
+    fitter->options.sums = NULL;
     fitter->options.communicator = NULL; /* the grid has it */
-    HADA_TRY_OR_DONE(hada_fit_grid_create(&fitter->grid, context, &options, err));
-    HADA_TRY_OR_DONE(hada_leave_one_out_create(&fitter->scores, &fitter->grid, &options, err));
+    HADA_TRY_OR_DONE(hada_fit_grid_create(&fitter->grid, context, options, err));
+    HADA_TRY_OR_DONE(
+        hada_allocated(fitter->pairs = hada_alloc((size_t)options->depths, sizeof *fitter->pairs, "a fitter", err)));
+    HADA_TRY_OR_DONE(hada_leave_one_out_create(&fitter->scores, &fitter->grid, options, err));
     HADA_TRY_OR_DONE(hada_fit_pair_create(&fitter->pair, &fitter->grid, err));
     HADA_TRY_OR_DONE(hada_fit_sums_create(&fitter->sums, &fitter->grid, err));
 done:
@@ -122,13 +117,29 @@ done:
     return status;
 }
 
-/* What was chosen for other sums. */
-static void forget_choices(hada_fitter *fitter)
+hada_status hada_fitter_create(hada_fitter **out, hada_context *context, const hada_fit_options *callers,
+                               hada_error *err)
 {
-    hada_leave_one_out_forget(&fitter->scores);
-    hada_fit_kept_free(&fitter->kept);
-    hada_fit_outside_free(&fitter->outside);
-    hada_fit_transfers_free(&fitter->transfers);
+    hada_fit_options options;
+    hada_tensors *file = NULL;
+    hada_status status = HADA_OK;
+    if (!out || !context || !callers)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_create: out, a context and options are needed");
+    *out = NULL;
+    hada_fit_options_init(&options);
+    HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_fit_options, err));
+    if (options.sums) {
+        HADA_TRY_OR_DONE(hada_tensors_open(&file, options.sums, err));
+        HADA_TRY_OR_DONE(hada_fit_sums_camera(file, options.sums, &options, err));
+    }
+    HADA_TRY_OR_DONE(create(out, context, &options, err));
+    if (file)
+        HADA_TRY_OR_DONE(hada_fitter_load_sums(*out, options.sums, err));
+done:
+    hada_tensors_close(&file);
+    if (status)
+        hada_fitter_destroy(out);
+    return status;
 }
 
 void hada_fitter_destroy(hada_fitter **pointer)
@@ -146,48 +157,205 @@ void hada_fitter_destroy(hada_fitter **pointer)
     hada_fit_sums_destroy(&fitter->sums);
     hada_fit_pair_destroy(&fitter->pair);
     hada_fit_grid_destroy(&fitter->grid);
+    free(fitter->pairs);
     free(fitter);
 }
 
-uint64_t hada_fitter_bytes(const hada_fitter *fitter)
+const hada_fitter_info *hada_fitter_get_info(hada_fitter *fitter)
 {
     if (!fitter)
-        return 0;
-    return fitter->pair.bytes + fitter->sums.bytes + fitter->scores.bytes;
+        return NULL;
+    for (int z = 0; z < fitter->grid.info.depths; z++)
+        fitter->pairs[z] = fitter->sums.depth[z].pairs;
+    fitter->list = hada_fit_rows_list(&fitter->rows);
+    fitter->info = (hada_fitter_info){.depths = fitter->grid.info.depths,
+                                      .distances_mm = fitter->grid.distances,
+                                      .bytes = fitter->pair.bytes + fitter->sums.bytes + fitter->scores.bytes,
+                                      .pairs = fitter->pairs,
+                                      .scores = &fitter->list};
+    return &fitter->info;
 }
 
-int64_t hada_fitter_pairs(const hada_fitter *fitter, int depth)
+hada_status hada_fitter_add_pair(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
+                                 hada_error *err)
 {
-    if (!fitter)
-        return 0;
-    return depth >= 0 && depth < fitter->grid.info.depths ? fitter->sums.depth[depth].pairs : 0;
-}
-
-hada_status hada_fitter_add(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
-                            hada_error *err)
-{
-    hada_status status = HADA_OK;
-    if (!fitter)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_add: a fitter is needed");
     hada_fit_pair *pair = &fitter->pair;
-    const uint64_t before = fitter->sums.version;
-    HADA_TRY_OR_DONE(hada_fit_pair_check(&fitter->grid, depth, raw, scene, err));
+    HADA_TRY(hada_fit_pair_check(&fitter->grid, depth, raw, scene, err));
     hada_fit_pair_take(pair, raw, scene);
-    HADA_TRY_OR_DONE(hada_fit_pair_transform(pair, pair->raw_pixels, pair->scene_pixels, err));
-    HADA_TRY_OR_DONE(hada_fit_sums_add(&fitter->sums, depth, pair, err));
-done:
-    if (fitter->sums.version != before)
-        forget_choices(fitter);
+    HADA_TRY(hada_fit_pair_transform(pair, pair->raw_pixels, pair->scene_pixels, err));
+    return hada_fit_sums_add(&fitter->sums, depth, pair, err);
+}
+
+/* Distances of one depth differ by rounding alone. */
+#define SAME_DISTANCE 1e-9
+
+/* The fitter's depth of a data set's; -1: it has none at that distance. */
+static int depth_of(const hada_fitter *fitter, double distance_mm)
+{
+    for (int z = 0; z < fitter->grid.info.depths; z++)
+        if (fabs(fitter->grid.distances[z] - distance_mm) <= SAME_DISTANCE * distance_mm)
+            return z;
+    return -1;
+}
+
+/* Whole depths are dealt to ranks where none then has over so much of its fair share of pairs, as sums of a depth that
+ * are one rank's are handed on as they are. Otherwise each depth's pairs are shared. */
+#define FAIR 1.1
+
+static int deals_depths(const hada_communicator *ranks, const hada_dataset_info *info)
+{
+    const int count = hada_ranks(ranks);
+    long most = 0;
+    for (int r = 0; r < count; r++) {
+        long load = 0;
+        for (int z = r; z < info->depths; z += count)
+            load += info->counts[z];
+        most = load > most ? load : most;
+    }
+    return (double)most * count <= FAIR * info->pairs;
+}
+
+/* This rank's pairs of a depth. */
+typedef struct range {
+    int begin, end;
+} range;
+
+static range share_of(const hada_communicator *ranks, const hada_dataset_info *info, int z)
+{
+    const int count = info->counts[z];
+    if (deals_depths(ranks, info))
+        return (range){0, hada_is_mine(ranks, z) ? count : 0};
+    return (range){(int)hada_share_begin(ranks, count, hada_rank(ranks)),
+                   (int)hada_share_begin(ranks, count, hada_rank(ranks) + 1)};
+}
+
+/* Pairs that are added from a data set, and when sums were saved. */
+typedef struct adding {
+    hada_fitter *fitter;
+    const hada_dataset *pairs;
+    const hada_dataset_info *info;
+    const hada_fit_part *part;
+    double saved, took; /* seconds: the time of the last save, and what it took */
+    hada_progress progress;
+} adding;
+
+/* A save may take a twentieth of the time. */
+enum { SAVE_SHARE = 20 };
+
+static hada_status save_part(adding *of, hada_error *err)
+{
+    const hada_fit_part *part = of->part;
+    const double now = hada_seconds();
+    if (!part->path || now - of->saved < part->seconds || now - of->saved < SAVE_SHARE * of->took)
+        return HADA_OK;
+    const hada_status status = hada_fitter_save_sums(of->fitter, part->path, err);
+    of->saved = hada_seconds();
+    of->took = of->saved - now;
     return status;
+}
+
+/* Pairs that an interrupted fit has added already. */
+static hada_status resume(adding *of, hada_error *err)
+{
+    const hada_fit_part *part = of->part;
+    if (!part->path || !part->resume || !hada_path_is_file(part->path))
+        return HADA_OK;
+    const hada_status status = hada_fitter_load_sums(of->fitter, part->path, err);
+    if (status)
+        hada_error_prefix_path(err, part->path);
+    HADA_TRY(status);
+    for (int z = 0; z < of->info->depths; z++) {
+        const range mine = share_of(&of->fitter->grid.communicator, of->info, z);
+        if (of->fitter->sums.depth[depth_of(of->fitter, of->info->distances_mm[z])].pairs > mine.end - mine.begin)
+            return hada_fail(err, HADA_ERROR_STATE,
+                             "%s holds more pairs than the data set: it belongs to another one; remove it, or leave "
+                             "out options.resume",
+                             part->path);
+    }
+    return HADA_OK;
+}
+
+static hada_status add_one(const adding *of, int z, int i, hada_error *err)
+{
+    hada_pair pair;
+    HADA_TRY(hada_pair_take(&pair, of->pairs, z, i, err));
+    if (i + 1 < of->info->counts[z])
+        hada_pair_expect(of->pairs, z, i + 1);
+    const hada_status status =
+        hada_fitter_add_pair(of->fitter, depth_of(of->fitter, of->info->distances_mm[z]), pair.raw, pair.scene, err);
+    if (status)
+        hada_pair_name(of->pairs, z, i, err);
+    hada_pair_return(&pair);
+    return status;
+}
+
+/* This rank's pairs that are not in the sums yet. */
+static hada_status add_share(adding *of, hada_error *err)
+{
+    for (int z = 0; z < of->info->depths; z++) {
+        const range mine = share_of(&of->fitter->grid.communicator, of->info, z);
+        const int64_t there =
+            of->part->path ? of->fitter->sums.depth[depth_of(of->fitter, of->info->distances_mm[z])].pairs : 0;
+        for (int i = mine.begin; i < mine.end; i++) {
+            if (i - mine.begin >= there) {
+                HADA_TRY(add_one(of, z, i, err));
+                HADA_TRY(save_part(of, err));
+            }
+            HADA_TRY(hada_progress_step(&of->progress, NULL, err));
+        }
+    }
+    return HADA_OK;
+}
+
+static hada_status check_pairs(const hada_fitter *fitter, const hada_dataset_info *info, hada_error *err)
+{
+    if (fitter->reduced)
+        return hada_fail(err, HADA_ERROR_STATE, "the sums are those of all ranks: nothing more can be added to them");
+    for (int z = 0; z < info->depths; z++)
+        if (depth_of(fitter, info->distances_mm[z]) < 0)
+            return hada_fail(err, HADA_ERROR_ARGUMENT, "this fit has no depth at %g mm, as the data set has",
+                             info->distances_mm[z]);
+    return HADA_OK;
+}
+
+hada_status hada_fitter_add_part(hada_fitter *fitter, const hada_dataset *pairs, const hada_fit_part *part,
+                                 hada_error *err)
+{
+    adding of = {
+        .fitter = fitter, .pairs = pairs, .info = hada_dataset_get_info(pairs), .part = part, .saved = hada_seconds()};
+    long total = 0;
+    hada_status status = HADA_OK;
+    HADA_TRY(check_pairs(fitter, of.info, err));
+    for (int z = 0; z < of.info->depths; z++) {
+        const range mine = share_of(&fitter->grid.communicator, of.info, z);
+        total += mine.end - mine.begin;
+    }
+    of.progress = hada_progress_begin(fitter->options.monitor, "pairs", total);
+    HADA_TRY_OR_DONE(resume(&of, err));
+    status = add_share(&of, err);
+    if (status == HADA_ERROR_CANCELLED && part->path)
+        hada_fitter_save_sums(fitter, part->path,
+                              NULL); /* the caller is told that it is cancelled, whatever becomes of it */
+    HADA_TRY_OR_DONE(status);
+    HADA_TRY_OR_DONE(hada_fitter_reduce(fitter, err));
+done:
+    hada_progress_end(&of.progress);
+    return status;
+}
+
+hada_status hada_fitter_add(hada_fitter *fitter, const hada_dataset *pairs, hada_error *err)
+{
+    static const hada_fit_part none = {0};
+    if (!fitter || !pairs)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_add: a fitter and a data set are needed");
+    return hada_fitter_add_part(fitter, pairs, &none, err);
 }
 
 hada_status hada_fitter_reduce(hada_fitter *fitter, hada_error *err)
 {
-    if (!fitter)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_reduce: a fitter is needed");
     if (fitter->grid.communicator.count == 1)
         return HADA_OK;
-    forget_choices(fitter);
+    fitter->reduced = 1;
     return hada_fit_sums_reduce(&fitter->sums, err);
 }
 
@@ -202,87 +370,5 @@ hada_status hada_fitter_load_sums(hada_fitter *fitter, const char *path, hada_er
 {
     if (!fitter || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_load_sums: a fitter and a path are needed");
-    const uint64_t before = fitter->sums.version;
-    const hada_status status = hada_fit_sums_load(&fitter->sums, path, err);
-    if (fitter->sums.version != before)
-        forget_choices(fitter);
-    return status;
-}
-
-hada_status hada_fitter_create_from_sums(hada_fitter **out, hada_context *context, const char *path,
-                                         const hada_fit_options *choices, hada_error *err)
-{
-    hada_fit_options options;
-    hada_tensors *file = NULL;
-    hada_status status = HADA_OK;
-    if (!out || !context || !path)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_create_from_sums: out, context and path are needed");
-    *out = NULL;
-    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&options, choices, hada_fit_options, err));
-    HADA_TRY_OR_DONE(hada_tensors_open(&file, path, err));
-    HADA_TRY_OR_DONE(hada_fit_sums_camera(file, path, &options, err));
-    HADA_TRY_OR_DONE(hada_fitter_create(out, context, &options, err));
-    HADA_TRY_OR_DONE(hada_fitter_load_sums(*out, path, err));
-done:
-    hada_tensors_close(&file);
-    if (status)
-        hada_fitter_destroy(out);
-    return status;
-}
-
-hada_status hada_fitter_score(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
-                              hada_error *err)
-{
-    if (!fitter)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_score: a fitter is needed");
-    hada_fit_pair *pair = &fitter->pair;
-    HADA_TRY(hada_fit_pair_check(&fitter->grid, depth, raw, scene, err));
-    const int64_t pairs = fitter->sums.depth[depth].pairs;
-    if (!pairs)
-        return hada_fail(err, HADA_ERROR_STATE, "a pair was scored at depth %d (%g mm), whose sums are empty", depth,
-                         fitter->grid.distances[depth]);
-    if (!hada_leave_one_out_wants(&fitter->scores, depth, pairs))
-        return HADA_OK;
-    hada_fit_outside_free(&fitter->outside); /* alpha and lambda may change */
-    HADA_TRY(hada_fit_sums_pool(&fitter->sums, err));
-    HADA_TRY(hada_fit_sums_select(&fitter->sums, depth, err));
-    hada_fit_pair_take(pair, raw, scene);
-    HADA_TRY(hada_fit_pair_transform(pair, pair->raw_pixels, pair->scene_pixels, err));
-    HADA_TRY(hada_leave_one_out_add(&fitter->scores, &fitter->sums, pair, depth, err));
-    if (fitter->options.refine_steps < 0)
-        HADA_TRY(hada_fit_keep(&fitter->kept, pair, depth, err));
-    return HADA_OK;
-}
-
-hada_status hada_fitter_learn_cropped(hada_fitter *fitter, hada_fit_show show, void *user, hada_error *err)
-{
-    if (!fitter || !show)
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "hada_fitter_learn_cropped: a fitter and a function that shows pairs are needed");
-    const hada_fit_options *options = &fitter->options;
-    const int passes = options->crop_passes < 0 ? HADA_FIT_CROP_PASSES : options->crop_passes;
-    hada_fit_transfers_free(&fitter->transfers);
-    if (options->boundary != HADA_BOUNDARY_PADDED || !options->nonnegative || !passes)
-        return HADA_OK;
-    hada_slot_watch(fitter->grid.slot, options->monitor);
-    const hada_status status = hada_fit_transfers_learn(&fitter->transfers, &fitter->sums, &fitter->pair, &fitter->kept,
-                                                        passes, show, user, err);
-    hada_slot_watch(fitter->grid.slot, NULL);
-    return status;
-}
-
-hada_status hada_fitter_learn_windowed(hada_fitter *fitter, hada_fit_show show, void *user, hada_error *err)
-{
-    if (!fitter || !show)
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "hada_fitter_learn_windowed: a fitter and a function that shows pairs are needed");
-    hada_fit_outside_free(&fitter->outside);
-    hada_status status = hada_leave_one_out_share(&fitter->scores, err);
-    if (status)
-        return status;
-    hada_slot_watch(fitter->grid.slot, fitter->options.monitor);
-    status = hada_fit_outside_solve(&fitter->outside, &fitter->sums, &fitter->pair,
-                                    hada_leave_one_out_best(&fitter->scores), fitter->options.outside, show, user, err);
-    hada_slot_watch(fitter->grid.slot, NULL);
-    return status;
+    return hada_fit_sums_load(&fitter->sums, path, err);
 }

@@ -1,4 +1,4 @@
-/* The inside of a fitter: the modules of a fit, composed. Internal. */
+/* The inside of a fitter, and the steps of hada_fitter_finish(). Internal. */
 #ifndef HADA_FIT_FITTER_H
 #define HADA_FIT_FITTER_H
 
@@ -8,16 +8,72 @@
 #include "fit/transfers.h"
 #include "fit/trial.h"
 
+/* What was compared, and the lists of it for callers. */
+typedef struct hada_fit_rows {
+    hada_fit_filter_score filter[HADA_FIT_SETTINGS];
+    hada_fit_outside_score outside[HADA_FIT_OUTSIDES];
+    hada_fit_refine_score refinement[HADA_FIT_TRIAL_ROWS];
+    int filters, outsides, refinements;
+    const hada_fit_filter_score *filter_list[HADA_FIT_SETTINGS + 1];
+    const hada_fit_outside_score *outside_list[HADA_FIT_OUTSIDES + 1];
+    const hada_fit_refine_score *refinement_list[HADA_FIT_TRIAL_ROWS + 1];
+} hada_fit_rows;
+
+/* The lists of rows, as they are now. */
+hada_fit_scores hada_fit_rows_list(hada_fit_rows *rows);
+
 struct hada_fitter {
-    hada_fit_options options; /* distances_mm is the caller's and not read any more */
+    hada_fit_options options; /* distances_mm, sums and communicator are the caller's and not read any more */
     hada_fit_grid grid;
-    hada_fit_pair pair; /* on its way in */
+    hada_fit_pair pair; /* that is being added or looked at */
     hada_fit_sums sums;
-    /* what is chosen on pairs held out; new sums make it worthless */
+    int reduced; /* the sums are those of all ranks */
+    /* what the last finish has chosen on pairs held out */
     hada_leave_one_out scores;
     hada_fit_kept kept;
     hada_fit_outside outside;
     hada_fit_transfers transfers;
+    hada_fit_rows rows;
+    /* for callers */
+    hada_fit_scores list;
+    int64_t *pairs;
+    hada_fitter_info info;
 };
+
+/* Adds one pair to the sums of a depth. */
+hada_status hada_fitter_add_pair(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
+                                 hada_error *err);
+
+/* A file for a rank's sums, which are saved while pairs are added. */
+typedef struct hada_fit_part {
+    const char *path; /* NULL: none */
+    double seconds;   /* between two saves, at least */
+    int resume;       /* 1: pairs that the file holds are not added again */
+} hada_fit_part;
+hada_status hada_fitter_add_part(hada_fitter *fitter, const hada_dataset *pairs, const hada_fit_part *part,
+                                 hada_error *err);
+
+/* Among ranks, once each has added its pairs: the sums of all. */
+hada_status hada_fitter_reduce(hada_fitter *fitter, hada_error *err);
+
+/* The steps of hada_fitter_finish(): forget what the last one chose; leave-one-out of a pair, which the trial may keep,
+ * and of a few pairs of each depth; transfer functions with the crop; filters judged in the window; a model. */
+void hada_fit_forget(hada_fitter *fitter);
+hada_status hada_fit_score_pair(hada_fitter *fitter, int depth, int number, const hada_image *raw,
+                                const hada_image *scene, hada_error *err);
+hada_status hada_fit_score_pairs(hada_fitter *fitter, const hada_dataset *pairs, hada_error *err);
+hada_status hada_fit_learn_cropped(hada_fitter *fitter, const hada_dataset *pairs, hada_error *err);
+hada_status hada_fit_learn_windowed(hada_fitter *fitter, const hada_dataset *pairs, hada_error *err);
+hada_status hada_fit_solve(hada_fitter *fitter, hada_model **out, hada_error *err);
+
+/* Solves filters, transfer functions, noise and scene power of every depth. filters: as in a model, instead of the
+ * exact fit's; NULL: these. learned: transfer functions and noise instead of those of the sums, where it has them.
+ * nonnegative: NULL for transfer functions from the pairs alone. Makes the pools. */
+hada_status hada_fit_model_make(hada_model **out, hada_fit_sums *sums, hada_fit_setting setting, const float *filters,
+                                const hada_fit_transfers *learned, hada_nonnegative *nonnegative, hada_error *err);
+
+/* Depths, distances and sizes of a data set (of its first pair; the others are checked when they are read), into
+ * options. A window that options give is cut from scenes that are as large as the frame. */
+hada_status hada_fit_sizes_from(hada_fit_options *options, const hada_dataset *pairs, hada_error *err);
 
 #endif

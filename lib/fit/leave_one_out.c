@@ -7,10 +7,6 @@
 #include "core/alloc.h"
 #include "launch/fit_score.h"
 
-/* Pairs that are tried: the settings are compared on the same pairs, so a few decide
- * (docs/explanation/learning-a-camera.md). */
-enum { PAIRS_IN_ALL = 8, PAIRS_PER_DEPTH = 2 };
-
 /* Work-items of a group that add up rows of the window, where the device works in groups. */
 enum { ROW_GROUP = 32 };
 
@@ -23,6 +19,7 @@ static const hada_fit_setting several[] = {{0.0, 1e-6},  {0.0, 1e-5},  {0.0, 1e-
                                            {0.03, 1e-5}, {0.03, 1e-3}, {0.1, 1e-4}, {0.3, 1e-4}, {1.0, 1e-4}};
 static const hada_fit_setting lambdas[] = {{0.0, 1e-6}, {0.0, 1e-5}, {0.0, 3e-5}, {0.0, 1e-4}, {0.0, 3e-4},
                                            {0.0, 1e-3}, {0.0, 3e-3}, {0.0, 1e-2}, {0.0, 3e-2}, {0.0, 1e-1}};
+_Static_assert(HADA_COUNT(several) == HADA_FIT_SETTINGS && HADA_COUNT(lambdas) == HADA_FIT_SETTINGS, "room for rows");
 static const hada_fit_setting alphas[] = {{0.0, 0.0}, {0.03, 0.0}, {0.1, 0.0}, {0.3, 0.0}, {1.0, 0.0}};
 static const hada_fit_setting one[] = {{0.0, 0.0}};
 
@@ -79,19 +76,11 @@ void hada_leave_one_out_forget(hada_leave_one_out *scores)
 {
     const size_t bytes = (size_t)scores->setting_count * sizeof(double);
     scores->taken = 0;
-    scores->shared = 0;
     for (int z = 0; z < scores->grid->info.depths; z++) {
         scores->depth[z].scored = 0;
         memset(scores->depth[z].single, 0, bytes);
         memset(scores->depth[z].twofold, 0, bytes);
     }
-}
-
-int hada_leave_one_out_wants(const hada_leave_one_out *scores, int depth, int64_t pairs)
-{
-    const int depths = scores->grid->info.depths, share = (PAIRS_IN_ALL + depths - 1) / depths;
-    /* of a single pair nothing would be left */
-    return pairs > 1 && scores->depth[depth].scored < (share > PAIRS_PER_DEPTH ? share : PAIRS_PER_DEPTH);
 }
 
 static hada_status make_buffer(hada_leave_one_out *scores, hada_buffer *buffer, size_t bytes, const char *what,
@@ -212,27 +201,15 @@ static double decibels(const hada_fit_grid *grid, double sum)
     return -10.0 * log10(fmax(sum / (double)hada_fit_window_floats(grid), LEAST_ERROR));
 }
 
-/* Further scores among ranks: what all have together stays with the first. */
-static void reopen(hada_leave_one_out *scores)
-{
-    const size_t bytes = (size_t)scores->setting_count * sizeof(double);
-    for (int z = 0; scores->shared && hada_rank(&scores->grid->communicator) && z < scores->grid->info.depths; z++) {
-        memset(scores->depth[z].single, 0, bytes);
-        memset(scores->depth[z].twofold, 0, bytes);
-    }
-    scores->shared = 0;
-}
-
 hada_status hada_leave_one_out_share(hada_leave_one_out *scores, hada_error *err)
 {
     const hada_communicator *ranks = &scores->grid->communicator;
-    for (int z = 0; !scores->shared && z < scores->grid->info.depths; z++) {
+    for (int z = 0; z < scores->grid->info.depths; z++) {
         if (!scores->depth[z].scored)
             continue;
         HADA_TRY(hada_reduce(ranks, scores->depth[z].single, (size_t)scores->setting_count, err));
         HADA_TRY(hada_reduce(ranks, scores->depth[z].twofold, (size_t)scores->setting_count, err));
     }
-    scores->shared = 1;
     return HADA_OK;
 }
 
@@ -244,7 +221,6 @@ hada_status hada_leave_one_out_add(hada_leave_one_out *scores, const hada_fit_su
     float *partial = NULL;
     double *own = NULL;
     hada_status status = HADA_OK;
-    reopen(scores);
     to->scored++;
     if (!hada_is_mine(&scores->grid->communicator, scores->taken++))
         return HADA_OK;
@@ -323,4 +299,42 @@ void hada_leave_one_out_rows(const hada_leave_one_out *scores, hada_fit_filter_s
         if (scores->grid->info.depths == 1)
             row->psnr_double = NAN;
     }
+}
+
+/* The k-th depth of which a pair is kept. */
+static int kept_depth(const hada_fit_grid *grid, int k)
+{
+    return (k * (grid->info.depths - 1) + (HADA_FIT_KEPT - 1) / 2) / (HADA_FIT_KEPT - 1);
+}
+
+hada_status hada_fit_keep(hada_fit_kept *kept, const hada_fit_pair *pair, int depth, int number, hada_error *err)
+{
+    hada_fit_kept_pair own = {.depth = depth, .number = number};
+    int wanted = 0;
+    hada_status status = HADA_OK;
+    for (int k = 0; k < HADA_FIT_KEPT; k++)
+        wanted += kept_depth(pair->grid, k) == depth;
+    for (int k = 0; k < kept->count; k++)
+        wanted -= kept->pair[k].depth == depth;
+    if (wanted <= 0 || kept->count == HADA_FIT_KEPT)
+        return HADA_OK;
+    HADA_TRY_OR_DONE(hada_allocated(own.raw = hada_alloc_raw(pair->raw.bytes, 1, "a raw frame", err)));
+    HADA_TRY_OR_DONE(hada_allocated(own.scene = hada_alloc_raw(pair->scene.bytes, 1, "a scene", err)));
+    memcpy(own.raw, pair->raw_pixels, pair->raw.bytes);
+    memcpy(own.scene, pair->scene_pixels, pair->scene.bytes);
+    kept->pair[kept->count++] = own;
+done:
+    if (status)
+        free(own.raw);
+    return status;
+}
+
+void hada_fit_kept_free(hada_fit_kept *kept)
+{
+    for (int k = 0; k < kept->count; k++) {
+        free(kept->pair[k].raw);
+        free(kept->pair[k].scene);
+        free(kept->pair[k].transfers);
+    }
+    *kept = (hada_fit_kept){0};
 }

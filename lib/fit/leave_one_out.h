@@ -8,6 +8,9 @@
 #define HADA_FIT_ALPHA  0.0
 #define HADA_FIT_LAMBDA 1e-4
 
+/* Settings that are compared, at most. */
+enum { HADA_FIT_SETTINGS = 10 };
+
 /* Of the pairs of a depth that were scored: PSNR summed over them, per setting. */
 typedef struct hada_fit_score {
     int64_t scored;
@@ -22,7 +25,6 @@ typedef struct hada_leave_one_out {
     hada_fit_setting fallback;
     hada_fit_score *depth;
     long taken; /* pairs in all, which ranks share */
-    int shared; /* the sums are those of all ranks */
     /* made at the first score */
     hada_fft *inverse;
     hada_buffer errors, planes; /* of HADA_FIT_TRIALS settings: spectra; in the window */
@@ -35,27 +37,42 @@ hada_status hada_leave_one_out_create(hada_leave_one_out *scores, const hada_fit
                                       const hada_fit_options *options, hada_error *err);
 void hada_leave_one_out_destroy(hada_leave_one_out *scores);
 
-/* New sums make old scores worthless. */
+/* Clears the scores. */
 void hada_leave_one_out_forget(hada_leave_one_out *scores);
-
-/* Whether a pair of a depth with so many would still change the choice. */
-int hada_leave_one_out_wants(const hada_leave_one_out *scores, int depth, int64_t pairs);
 
 /* Scores a pair, taken and transformed, that is among the sums of its depth, which stand on the device; pools are up to
  * date. Among ranks, one of them does. */
 hada_status hada_leave_one_out_add(hada_leave_one_out *scores, const hada_fit_sums *sums, const hada_fit_pair *pair,
                                    int depth, hada_error *err);
 
-/* Among ranks: the sums of all, before what follows is asked. */
+/* Among ranks: the scores of all of them, once all pairs are scored. */
 hada_status hada_leave_one_out_share(hada_leave_one_out *scores, hada_error *err);
 
-/* What the scores prefer; without any, what the caller gave or the defaults. Score: the PSNR of a depth alone plus the
- * PSNR with another depth's light, means over scored depths. In decibels, for the latter alone would ruin single
- * depths. */
+/* The setting with the best score; without scores, what the caller gave or the defaults. A score is the PSNR of a depth
+ * alone plus the PSNR with another depth's light, means over scored depths: in decibels, as the mean squared error with
+ * other light alone would choose filters that are bad for single depths. */
 hada_fit_setting hada_leave_one_out_best(const hada_leave_one_out *scores);
 
 /* The table: a row for each setting, none where nothing was scored. */
 int hada_leave_one_out_row_count(const hada_leave_one_out *scores);
 void hada_leave_one_out_rows(const hada_leave_one_out *scores, hada_fit_filter_score *rows);
+
+/* Pairs that stay in memory for the trial of refinement. */
+enum { HADA_FIT_KEPT = 4 };
+
+typedef struct hada_fit_kept_pair {
+    int depth, number;  /* which pair of the data set it is */
+    float *raw, *scene; /* pixels, dark level off */
+    float *transfers;   /* its depth's, learned without it, as the device has them; NULL: from the sums without it */
+} hada_fit_kept_pair;
+
+typedef struct hada_fit_kept {
+    hada_fit_kept_pair pair[HADA_FIT_KEPT];
+    int count;
+} hada_fit_kept;
+
+/* Keeps the pair that was taken, if the trial needs one of its depth: the first ones of depths spread over all. */
+hada_status hada_fit_keep(hada_fit_kept *kept, const hada_fit_pair *pair, int depth, int number, hada_error *err);
+void hada_fit_kept_free(hada_fit_kept *kept);
 
 #endif

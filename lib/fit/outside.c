@@ -12,31 +12,25 @@ static const double weights[] = {0.03, 0.06, 0.12, 0.25, 0.5};
 enum { WEIGHTS = HADA_COUNT(weights) };
 #define LEAST_GAIN 0.02
 
-/* Folds in all, pairs that stand aside in them together (as far as one a fold does), and at most in one; a depth has
- * MOST_HELD aside where it has many pairs, SOME_HELD where it has some. */
+/* Folds in all; pairs that are left out in all of them together (at least one a fold), and at most in one: MOST_HELD of
+ * a depth that has many pairs, SOME_HELD where it has some. */
 enum { FOLDS = 4, PAIRS_IN_ALL = 8, MOST_HELD = 4, MANY_PAIRS = 16, SOME_HELD = 2, SOME_PAIRS = 4 };
 
 /* Mean squared errors below this, 200 dB, count as this. */
 #define LEAST_ERROR 1e-20
 
-/* Sums of squares that are added in another order differ by less than this. */
-#define SAME_ENERGY 1e-6
-
 _Static_assert((int)WEIGHTS <= (int)HADA_FIT_WEIGHTS && (int)WEIGHTS + 1 == (int)HADA_FIT_OUTSIDES, "room for weights");
 
 typedef struct passes {
     hada_fit_sums *sums;
-    hada_fit_pair *pair;
-    hada_fit_show show;
-    void *user;
+    hada_fit_reader *from;
     hada_fit_window *window;
     hada_fit_setting setting;
-    double *energy;                /* per channel, of the frames shown */
     double sum[HADA_FIT_OUTSIDES]; /* squared errors: the exact fit's, and of the weights */
     int tried;                     /* pairs in them */
 } passes;
 
-/* Pairs of a depth that stand aside; none for the filters themselves. */
+/* Pairs of a depth that are left out; none for the filters themselves. */
 typedef struct fold {
     int z, held;
     int64_t pair[MOST_HELD];
@@ -50,39 +44,19 @@ static int is_held(const fold *of, int64_t pair)
     return 0;
 }
 
-/* Has a pair shown: its pixels, and the spectra of its frame alone or of both. */
-static hada_status bring(passes *with, int z, int64_t number, int both, hada_error *err)
+/* Reads a pair: its pixels, and the spectra of its frame alone or of both. */
+static hada_status bring(passes *with, int z, int64_t number, int64_t next, int both, hada_error *err)
 {
-    const hada_image *raw = NULL, *scene = NULL;
-    hada_fit_pair *pair = with->pair;
-    HADA_TRY(with->show(with->user, z, number, &raw, &scene, err));
-    HADA_TRY(hada_fit_pair_check(pair->grid, z, raw, scene, err));
-    hada_fit_pair_take(pair, raw, scene);
-    for (int c = 0; c < pair->grid->info.channels; c++)
-        with->energy[c] += pair->raw_energy[c];
+    hada_fit_pair *pair = with->from->pair;
+    HADA_TRY(hada_fit_read(with->from, z, number, next, err));
     return hada_fit_pair_transform(pair, pair->raw_pixels, both ? pair->scene_pixels : NULL, err);
 }
 
-/* After every pair of a depth was shown once. */
-static hada_status check_energy(const passes *with, int z, hada_error *err)
-{
-    const hada_fit_grid *grid = with->sums->grid;
-    const double *energy = with->sums->depth[z].raw_energy;
-    for (int c = 0; c < grid->info.channels; c++)
-        if (fabs(with->energy[c] - energy[c]) > SAME_ENERGY * energy[c])
-            return hada_fail(
-                err, HADA_ERROR_STATE,
-                "the pairs shown for depth %d (%g mm) are not those in its sums; sums from files cannot be "
-                "judged in the window without their pairs: set outside to 1",
-                z, grid->distances[z]);
-    return HADA_OK;
-}
-
-/* Adds the squared errors of the pairs that stand aside; weight -1: the exact fit's filters. */
+/* Adds the squared errors of the pairs that are left out; weight -1: the exact fit's filters. */
 static hada_status validate(passes *with, const fold *of, int first, int last, double *sums, hada_error *err)
 {
     for (int i = 0; i < of->held; i++) {
-        HADA_TRY(bring(with, of->z, of->pair[i], 0, err));
+        HADA_TRY(bring(with, of->z, of->pair[i], -1, 0, err));
         for (int s = first; s < last; s++) {
             double error;
             HADA_TRY(hada_fit_window_error(with->window, s, &error, err));
@@ -99,8 +73,8 @@ static hada_status hold_out(passes *with, const fold *of, hada_error *err)
         return hada_fit_sums_select(with->sums, of->z, err);
     HADA_TRY(hada_fit_sums_borrow(with->sums, of->z, err));
     for (int i = 0; i < of->held; i++) {
-        HADA_TRY(bring(with, of->z, of->pair[i], 1, err));
-        HADA_TRY(hada_fit_sums_accumulate(with->sums, with->pair, -1.0, err));
+        HADA_TRY(bring(with, of->z, of->pair[i], -1, 1, err));
+        HADA_TRY(hada_fit_sums_accumulate(with->sums, with->from->pair, -1.0, err));
     }
     return HADA_OK;
 }
@@ -111,7 +85,7 @@ static hada_status pass(passes *with, const fold *of, hada_error *err)
     for (int64_t i = 0; i < with->sums->depth[of->z].pairs; i++) {
         if (is_held(of, i))
             continue;
-        HADA_TRY(bring(with, of->z, i, 0, err));
+        HADA_TRY(bring(with, of->z, i, i + 1, 0, err));
         HADA_TRY(hada_fit_window_pair(with->window, err));
     }
     return HADA_OK;
@@ -121,12 +95,11 @@ static hada_status pass(passes *with, const fold *of, hada_error *err)
 static hada_status solve(passes *with, const fold *of, const double *outside, int count, hada_error *err)
 {
     int converged = 0;
-    for (int c = 0; c < with->sums->grid->info.channels; c++)
-        with->energy[c] = 0.0;
+    hada_fit_reader_clear(with->from);
     HADA_TRY(hold_out(with, of, err));
     HADA_TRY(hada_fit_window_begin(with->window, of->z, with->setting, outside, count, err));
     HADA_TRY(pass(with, of, err));
-    HADA_TRY(check_energy(with, of->z, err));
+    HADA_TRY(hada_fit_reader_check(with->from, of->z, with->sums->depth[of->z].raw_energy, err));
     /* the residual is the exact fit's filter until the first iteration ends */
     HADA_TRY(validate(with, of, -1, 0, with->sum, err));
     HADA_TRY(hada_fit_window_iterate(with->window, &converged, err));
@@ -146,7 +119,7 @@ static int count_spare(const hada_fit_sums *sums)
     return spare;
 }
 
-/* The depth that has that number among those with pairs to spare. */
+/* The depth with that number among those with pairs to spare. */
 static int spare_depth(const hada_fit_sums *sums, int number)
 {
     int z = 0;
@@ -155,7 +128,7 @@ static int spare_depth(const hada_fit_sums *sums, int number)
     return z;
 }
 
-/* Folds of a depth that is one of `depths`, with so many of its pairs aside in each. */
+/* Folds of a depth that is one of `depths`, each without so many of its pairs. */
 static int64_t fold_count(int64_t pairs, int held, int depths)
 {
     const int64_t share = PAIRS_IN_ALL / (held * depths), most = FOLDS / depths;
@@ -243,21 +216,18 @@ double hada_fit_outside_gain(const hada_fit_outside *outside)
     return outside->count ? outside->psnr[outside->chosen] - outside->psnr[outside->count - 1] : 0.0;
 }
 
-hada_status hada_fit_outside_solve(hada_fit_outside *out, hada_fit_sums *sums, hada_fit_pair *pair,
-                                   hada_fit_setting setting, double weight, hada_fit_show show, void *user,
-                                   hada_error *err)
+hada_status hada_fit_outside_solve(hada_fit_outside *out, hada_fit_sums *sums, hada_fit_reader *from,
+                                   hada_fit_setting setting, double weight, hada_error *err)
 {
     const hada_model_info *info = &sums->grid->info;
     const size_t floats = (size_t)info->depths * (size_t)info->channels * hada_model_info_plane(info) * 2;
     const int search = weight < 0.0, spare = count_spare(sums);
-    passes with = {.sums = sums, .pair = pair, .show = show, .user = user, .setting = setting};
+    passes with = {.sums = sums, .from = from, .setting = setting};
     hada_status status = HADA_OK;
     *out = (hada_fit_outside){0};
     if (search ? !spare : weight == 1.0)
         return HADA_OK;
-    HADA_TRY_OR_DONE(
-        hada_allocated(with.energy = hada_alloc((size_t)info->channels, sizeof *with.energy, "a fit", err)));
-    HADA_TRY_OR_DONE(hada_fit_window_create(&with.window, sums, pair, search ? WEIGHTS : 1, err));
+    HADA_TRY_OR_DONE(hada_fit_window_create(&with.window, sums, from->pair, search ? WEIGHTS : 1, err));
     HADA_TRY_OR_DONE(hada_fit_sums_pool(sums, err));
     if (search) {
         HADA_TRY_OR_DONE(try_weights(&with, spare, err));
@@ -271,7 +241,6 @@ hada_status hada_fit_outside_solve(hada_fit_outside *out, hada_fit_sums *sums, h
     }
 done:
     hada_fit_window_destroy(&with.window);
-    free(with.energy);
     if (status)
         hada_fit_outside_free(out);
     return status;

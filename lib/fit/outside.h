@@ -20,10 +20,9 @@ typedef struct hada_fit_outside {
 } hada_fit_outside;
 
 /* Solves filters of all depths with a weight, < 0: chosen by leaving pairs out. Where that is 1, or nothing can be left
- * out, *out is empty and the exact fit serves. `show` gives the pairs of the sums. Makes the pools. */
-hada_status hada_fit_outside_solve(hada_fit_outside *out, hada_fit_sums *sums, hada_fit_pair *pair,
-                                   hada_fit_setting setting, double weight, hada_fit_show show, void *user,
-                                   hada_error *err);
+ * out, *out is empty and the exact fit stays. `from` reads the pairs of the sums. Makes the pools. */
+hada_status hada_fit_outside_solve(hada_fit_outside *out, hada_fit_sums *sums, hada_fit_reader *from,
+                                   hada_fit_setting setting, double weight, hada_error *err);
 void hada_fit_outside_free(hada_fit_outside *outside);
 
 /* Decibels by which the chosen weight was better than the exact fit; 0 where nothing was compared. */

@@ -82,7 +82,6 @@ hada_status hada_fit_sums_reduce(hada_fit_sums *sums, hada_error *err)
     if (sums->current >= 0)
         HADA_TRY_OR_DONE(hada_fit_sums_borrow(sums, sums->current, err)); /* the host has all of them now */
     sums->pooled = 0;
-    sums->version++;
     HADA_TRY_OR_DONE(hada_allocated(pairs = hada_alloc(depths * ranks, sizeof *pairs, "sums of several ranks", err)));
     HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc(grid->stride, sizeof *values, "sums of several ranks", err)));
     HADA_TRY_OR_DONE(count_pairs(sums, pairs, err));

@@ -10,9 +10,6 @@
 /* The part of the device's memory that pairs may take. */
 enum { MEMORY_SHARE = 4 };
 
-/* Sums of squares that are added in another order differ by less than this. */
-#define SAME_ENERGY 1e-6
-
 /* A pair on the device. */
 typedef struct stored {
     hada_buffer raw, spectrum; /* pixels of the frame, X */
@@ -20,17 +17,14 @@ typedef struct stored {
 
 typedef struct passes {
     hada_fit_sums *sums;
-    hada_fit_pair *pair;
+    hada_fit_reader *from;
     hada_fit_kept *kept;
-    hada_fit_show show;
-    void *user;
     hada_fit_cropped *cropped;
     hada_nonnegative *nonnegative;
     int z; /* the depth, and of its pairs: */
     int64_t count;
-    stored *stored;                        /* NULL: shown again in every pass */
-    int *held;                             /* which of the kept pairs it is, from 1; 0: none */
-    double *scene_energy, *noise, *energy; /* per channel */
+    stored *stored;               /* NULL: read again in every pass */
+    double *scene_energy, *noise; /* per channel */
     float *blocks;
 } passes;
 
@@ -41,20 +35,10 @@ void hada_fit_transfers_free(hada_fit_transfers *transfers)
     *transfers = (hada_fit_transfers){0};
 }
 
-/* Has a pair shown: its pixels. */
-static hada_status bring(passes *with, int64_t number, hada_error *err)
-{
-    const hada_image *raw = NULL, *scene = NULL;
-    HADA_TRY(with->show(with->user, with->z, number, &raw, &scene, err));
-    HADA_TRY(hada_fit_pair_check(with->pair->grid, with->z, raw, scene, err));
-    hada_fit_pair_take(with->pair, raw, scene);
-    return HADA_OK;
-}
-
-/* A pair that was brought, to the device: the frame's pixels and the scene's spectra. */
+/* The pair that was read, to the device: the frame's pixels and the scene's spectra. */
 static hada_status upload(passes *with, hada_buffer *raw, const hada_buffer *spectrum, hada_error *err)
 {
-    hada_fit_pair *pair = with->pair;
+    hada_fit_pair *pair = with->from->pair;
     hada_slot *slot = pair->grid->slot;
     HADA_TRY(hada_buffer_write(raw, slot, 0, pair->raw_pixels, pair->raw.bytes, err));
     HADA_TRY(hada_buffer_write(&pair->scene, slot, 0, pair->scene_pixels, pair->scene.bytes, err));
@@ -63,21 +47,19 @@ static hada_status upload(passes *with, hada_buffer *raw, const hada_buffer *spe
 
 static void release(passes *with)
 {
-    hada_slot_finish(with->pair->grid->slot, NULL);
+    hada_slot_finish(with->from->pair->grid->slot, NULL);
     for (int64_t i = 0; with->stored && i < with->count; i++) {
         hada_buffer_destroy(&with->stored[i].raw);
         hada_buffer_destroy(&with->stored[i].spectrum);
     }
     free(with->stored);
-    free(with->held);
     with->stored = NULL;
-    with->held = NULL;
 }
 
 /* Room on the device for the depth's pairs, unless they are too many. */
 static hada_status reserve(passes *with, hada_error *err)
 {
-    const hada_fit_pair *pair = with->pair;
+    const hada_fit_pair *pair = with->from->pair;
     hada_context *context = pair->grid->slot->context;
     const double each = (double)pair->raw.bytes + (double)pair->scene_spectrum.bytes;
     if ((double)with->count * each > (double)(context->info.memory_bytes / MEMORY_SHARE))
@@ -91,84 +73,57 @@ static hada_status reserve(passes *with, hada_error *err)
     return HADA_OK;
 }
 
-/* Which of the kept pairs of the depth was brought. */
-static int find_kept(const passes *with)
+/* Which of the kept pairs it is, from 1; 0: none. */
+static int number_kept(const passes *with, int64_t i)
 {
-    const hada_fit_pair *pair = with->pair;
-    for (int k = 0; k < with->kept->count; k++) {
-        const hada_fit_kept_pair *kept = &with->kept->pair[k];
-        if (kept->depth == with->z && !memcmp(kept->raw, pair->raw_pixels, pair->raw.bytes) &&
-            !memcmp(kept->scene, pair->scene_pixels, pair->scene.bytes))
+    for (int k = 0; k < with->kept->count; k++)
+        if (with->kept->pair[k].depth == with->z && with->kept->pair[k].number == i)
             return k + 1;
-    }
     return 0;
 }
 
-static hada_status check_energy(const passes *with, hada_error *err)
-{
-    const hada_fit_grid *grid = with->sums->grid;
-    const double *energy = with->sums->depth[with->z].raw_energy;
-    for (int c = 0; c < grid->info.channels; c++)
-        if (fabs(with->energy[c] - energy[c]) > SAME_ENERGY * energy[c])
-            return hada_fail(err, HADA_ERROR_STATE,
-                             "the pairs shown for depth %d (%g mm) are not those in its sums; with sums from files "
-                             "transfer functions cannot be learned with the crop in the model: set crop_passes to 0",
-                             with->z, grid->distances[with->z]);
-    return HADA_OK;
-}
-
-/* The first look at the pairs of a depth. */
+/* Reads every pair of a depth once. */
 static hada_status open_depth(passes *with, int z, hada_error *err)
 {
-    const int channels = with->sums->grid->info.channels;
     hada_status status = HADA_OK;
     with->z = z;
     with->count = with->sums->depth[z].pairs;
-    HADA_TRY(hada_allocated(with->held = hada_alloc((size_t)with->count, sizeof *with->held, "pairs", err)));
     status = reserve(with, err);
-    if (status == HADA_ERROR_DEVICE_MEMORY) { /* then they are shown again */
-        int *held = with->held;
-        with->held = NULL;
+    if (status == HADA_ERROR_DEVICE_MEMORY) { /* then they are read again */
         release(with);
-        with->held = held;
         status = HADA_OK;
     }
     HADA_TRY(status);
-    for (int c = 0; c < channels; c++)
-        with->energy[c] = 0.0;
+    hada_fit_reader_clear(with->from);
     for (int64_t i = 0; i < with->count; i++) {
-        HADA_TRY(bring(with, i, err));
-        for (int c = 0; c < channels; c++)
-            with->energy[c] += with->pair->raw_energy[c];
-        with->held[i] = find_kept(with);
+        HADA_TRY(hada_fit_read(with->from, z, i, i + 1, err));
         if (with->stored)
             HADA_TRY(upload(with, &with->stored[i].raw, &with->stored[i].spectrum, err));
     }
-    HADA_TRY(check_energy(with, err));
-    return status;
+    return hada_fit_reader_check(with->from, z, with->sums->depth[z].raw_energy, err);
 }
 
-/* Whether a pair stands aside: `aside` is one of the kept pairs from 1, 0: none, -1: all of them. */
-static int stands_aside(const passes *with, int64_t i, int aside)
+/* Whether a pair is left out: `out` is one of the kept pairs from 1, 0: none, -1: all of them. */
+static int is_left_out(const passes *with, int64_t i, int out)
 {
-    return aside < 0 ? with->held[i] > 0 : aside && with->held[i] == aside;
+    return out && (out < 0 ? number_kept(with, i) > 0 : number_kept(with, i) == out);
 }
 
-/* The depth's sums without the pairs that stand aside; how many are left. */
-static hada_status hold_out(passes *with, int aside, int64_t *left, hada_error *err)
+/* The depth's sums without the pairs that are left out; *left: how many remain. */
+static hada_status hold_out(passes *with, int out, int64_t *left, hada_error *err)
 {
     const int channels = with->sums->grid->info.channels;
-    hada_fit_pair *pair = with->pair;
+    hada_fit_pair *pair = with->from->pair;
     *left = with->count;
     for (int c = 0; c < channels; c++)
         with->scene_energy[c] = with->sums->depth[with->z].scene_energy[c];
-    if (!aside)
+    if (!out)
         return hada_fit_sums_select(with->sums, with->z, err);
     HADA_TRY(hada_fit_sums_borrow(with->sums, with->z, err));
     for (int64_t i = 0; i < with->count; i++) {
-        if (!stands_aside(with, i, aside))
+        if (!is_left_out(with, i, out))
             continue;
-        HADA_TRY(bring(with, i, err));
+        HADA_TRY(hada_fit_read(with->from, with->z, i, -1, err));
         HADA_TRY(hada_fit_pair_transform(pair, pair->raw_pixels, pair->scene_pixels, err));
         HADA_TRY(hada_fit_sums_accumulate(with->sums, pair, -1.0, err));
         for (int c = 0; c < channels; c++)
@@ -178,33 +133,33 @@ static hada_status hold_out(passes *with, int aside, int64_t *left, hada_error *
     return HADA_OK;
 }
 
-static hada_status pass(passes *with, int aside, hada_error *err)
+static hada_status pass(passes *with, int out, hada_error *err)
 {
     for (int64_t i = 0; i < with->count; i++) {
-        if (stands_aside(with, i, aside))
+        if (is_left_out(with, i, out))
             continue;
         if (with->stored) {
             HADA_TRY(hada_fit_cropped_pair(with->cropped, with->stored[i].raw.mem, with->stored[i].spectrum.mem, err));
             continue;
         }
-        HADA_TRY(bring(with, i, err));
-        HADA_TRY(upload(with, &with->pair->raw, &with->pair->scene_spectrum, err));
-        HADA_TRY(hada_fit_cropped_pair(with->cropped, with->pair->raw.mem, with->pair->scene_spectrum.mem, err));
+        HADA_TRY(hada_fit_read(with->from, with->z, i, i + 1, err));
+        HADA_TRY(upload(with, &with->from->pair->raw, &with->from->pair->scene_spectrum, err));
+        HADA_TRY(
+            hada_fit_cropped_pair(with->cropped, with->from->pair->raw.mem, with->from->pair->scene_spectrum.mem, err));
     }
     return HADA_OK;
 }
 
 /* The transfer functions of the depth without some pairs. */
-static hada_status solve(passes *with, int aside, int count, int further, const hada_buffer **transfers,
-                         hada_error *err)
+static hada_status solve(passes *with, int out, int count, int further, const hada_buffer **transfers, hada_error *err)
 {
     int64_t left;
     int more = 0;
-    HADA_TRY(hold_out(with, aside, &left, err));
+    HADA_TRY(hold_out(with, out, &left, err));
     HADA_TRY(hada_fit_cropped_begin(with->cropped, left, with->scene_energy, count, further, err));
     HADA_TRY(hada_fit_cropped_next(with->cropped, &more, err));
     while (more) {
-        HADA_TRY(pass(with, aside, err));
+        HADA_TRY(pass(with, out, err));
         HADA_TRY(hada_fit_cropped_next(with->cropped, &more, err));
     }
     return hada_fit_cropped_end(with->cropped, with->sums->depth[with->z].raw_energy, with->noise, transfers, err);
@@ -216,7 +171,7 @@ static hada_status keep(const passes *with, hada_fit_kept_pair *kept, const hada
     free(kept->transfers);
     kept->transfers = NULL;
     HADA_TRY(hada_allocated(kept->transfers = hada_alloc_raw(transfers->bytes, 1, "transfer functions on trial", err)));
-    return hada_buffer_read(transfers, with->pair->grid->slot, 0, kept->transfers, transfers->bytes, err);
+    return hada_buffer_read(transfers, with->from->pair->grid->slot, 0, kept->transfers, transfers->bytes, err);
 }
 
 /* Those without the kept pairs: of all of them at once where at least as many are left, else one by one, each from
@@ -227,7 +182,7 @@ static hada_status solve_held(passes *with, int count, int *tried, hada_error *e
     int64_t held = 0;
     *tried = 0;
     for (int64_t i = 0; i < with->count; i++)
-        held += with->held[i] > 0;
+        held += number_kept(with, i) > 0;
     const int together = 2 * held <= with->count;
     for (int k = 0; k < with->kept->count && held && with->count > 1; k++) {
         hada_fit_kept_pair *kept = &with->kept->pair[k];
@@ -294,12 +249,11 @@ static hada_status make_room(passes *with, hada_error *err)
     const size_t channels = (size_t)info->channels;
     HADA_TRY(hada_allocated(with->scene_energy = hada_alloc(channels, sizeof(double), "a fit", err)));
     HADA_TRY(hada_allocated(with->noise = hada_alloc(channels, sizeof(double), "a fit", err)));
-    HADA_TRY(hada_allocated(with->energy = hada_alloc(channels, sizeof(double), "a fit", err)));
     HADA_TRY(
         hada_allocated(with->blocks = hada_alloc_raw(2 * grid->stride, sizeof(float), "a transfer function", err)));
     HADA_TRY(
         hada_nonnegative_create(&with->nonnegative, grid->slot, info->grid_rows, info->grid_cols, info->channels, err));
-    return hada_fit_cropped_create(&with->cropped, with->sums, with->pair, with->nonnegative, err);
+    return hada_fit_cropped_create(&with->cropped, with->sums, with->from->pair, with->nonnegative, err);
 }
 
 static void free_room(passes *with)
@@ -308,16 +262,15 @@ static void free_room(passes *with)
     hada_nonnegative_destroy(&with->nonnegative);
     free(with->scene_energy);
     free(with->noise);
-    free(with->energy);
     free(with->blocks);
 }
 
-hada_status hada_fit_transfers_learn(hada_fit_transfers *out, hada_fit_sums *sums, hada_fit_pair *pair,
-                                     hada_fit_kept *kept, int count, hada_fit_show show, void *user, hada_error *err)
+hada_status hada_fit_transfers_learn(hada_fit_transfers *out, hada_fit_sums *sums, hada_fit_reader *from,
+                                     hada_fit_kept *kept, int count, hada_error *err)
 {
     const hada_model_info *info = &sums->grid->info;
     const size_t images = (size_t)info->depths * (size_t)info->channels;
-    passes with = {.sums = sums, .pair = pair, .kept = kept, .show = show, .user = user};
+    passes with = {.sums = sums, .from = from, .kept = kept};
     const hada_communicator *ranks = &sums->grid->communicator;
     hada_status status = HADA_OK;
     *out = (hada_fit_transfers){0};
@@ -338,11 +291,12 @@ done:
     return status;
 }
 
-hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_pair *pair, int count, int held, hada_fit_show show,
-                                    void *user, double *left, hada_error *err)
+hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_reader *from, int count, hada_fit_reader *held,
+                                    double *left, hada_error *err)
 {
     hada_fit_kept none = {0};
-    passes with = {.sums = sums, .pair = pair, .kept = &none, .show = show, .user = user};
+    passes with = {.sums = sums, .from = from, .kept = &none};
+    hada_fit_pair *pair = held->pair;
     const hada_buffer *transfers = NULL;
     double of = 0.0;
     hada_status status = HADA_OK;
@@ -350,8 +304,8 @@ hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_pair *pair, in
     HADA_TRY_OR_DONE(make_room(&with, err));
     HADA_TRY_OR_DONE(open_depth(&with, 0, err));
     HADA_TRY_OR_DONE(solve(&with, 0, count, 0, &transfers, err));
-    for (int k = 0; k < held; k++) {
-        HADA_TRY_OR_DONE(bring(&with, with.count + k, err));
+    for (int k = 0; k < hada_dataset_get_info(held->pairs)->pairs; k++) {
+        HADA_TRY_OR_DONE(hada_fit_read(held, 0, k, -1, err));
         HADA_TRY_OR_DONE(upload(&with, &pair->raw, &pair->scene_spectrum, err));
         HADA_TRY_OR_DONE(hada_fit_cropped_explain(with.cropped, pair->raw.mem, pair->scene_spectrum.mem, &of, err));
         *left += of;

@@ -12,15 +12,14 @@ typedef struct hada_fit_transfers {
     double *noise; /* [depth][channel]: |N|^2 of what is left of a frame */
 } hada_fit_transfers;
 
-/* Learns those of all depths in so many passes over their pairs (cropped.h), which `show` gives, and those of each kept
- * pair's depth without it, into kept. Pairs stay on the device where there is room, else every pass asks for them. */
-hada_status hada_fit_transfers_learn(hada_fit_transfers *out, hada_fit_sums *sums, hada_fit_pair *pair,
-                                     hada_fit_kept *kept, int passes, hada_fit_show show, void *user, hada_error *err);
+/* Learns those of all depths in so many passes over their pairs (cropped.h), and those of each kept pair's depth
+ * without it, into kept. Pairs stay on the device where there is room, else they are read in every pass. */
+hada_status hada_fit_transfers_learn(hada_fit_transfers *out, hada_fit_sums *sums, hada_fit_reader *from,
+                                     hada_fit_kept *kept, int passes, hada_error *err);
 void hada_fit_transfers_free(hada_fit_transfers *transfers);
 
-/* What is left of the frames of `held` pairs that are not in the sums, of the first depth alone, whose pairs are: their
- * number and those that follow. */
-hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_pair *pair, int passes, int held, hada_fit_show show,
-                                    void *user, double *left, hada_error *err);
+/* For a single depth: the sum of squares that is left of the frames of `held`, whose pairs are not in the sums. */
+hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_reader *from, int passes, hada_fit_reader *held,
+                                    double *left, hada_error *err);
 
 #endif

@@ -4,7 +4,7 @@
 #define HADA_FIT_TRIAL_H
 
 #include "fit/fit_sums.h"
-#include "fit/kept.h"
+#include "fit/leave_one_out.h"
 #include "fit/nonnegative.h"
 #include "refine/admm.h"
 

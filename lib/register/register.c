@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "core/callers.h"
-#include "register/register_search.h"
+#include "register/register_inside.h"
 
 /* The best orientation must explain this many times as much (in log residual) as the second best, and this much. */
 #define CLEARLY 1.5
@@ -59,6 +59,7 @@ static hada_status search(const hada_register_set *set, const hada_register_opti
         HADA_TRY_OR_DONE(hada_register_refine(&level, options, 0.5 * HADA_REGISTER_STEP, &best[o], &scores[o], err));
     keep_best(best, scores, REFINED);
     *out = best[0];
+    out->size = sizeof *out;
     out->explained = 1.0 - exp(scores[0]);
     out->explained_otherwise = 1.0 - exp(scores[1]);
     if (-scores[0] < LEAST || -scores[0] < CLEARLY * -scores[1])
@@ -75,22 +76,15 @@ done:
     return status;
 }
 
-hada_status hada_register_pairs(hada_registration *found, const hada_image *raws, const hada_image *scenes, int count,
+hada_status hada_register_pairs(hada_registration *out, const hada_image *raws, const hada_image *scenes, int count,
                                 const hada_register_options *given, hada_error *err)
 {
-    hada_register_options options;
+    hada_register_options options = *given;
     hada_register_set set = {0};
     hada_register_level level = {0};
-    hada_registration own, *out = &own;
     hada_status status = HADA_OK;
     double score;
-    int give = 0;
-    if (!found)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_register_pairs: an argument is missing");
     hada_registration_init(out);
-    HADA_TRY_OR_DONE(HADA_REPORT_CHECK(found, hada_registration, err));
-    give = 1;
-    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&options, given, hada_register_options, err));
     HADA_TRY_OR_DONE(hada_register_set_create(&set, raws, scenes, count, err));
     HADA_TRY_OR_DONE(check_options(&options, raws, scenes, err));
     HADA_TRY_OR_DONE(search(&set, &options, out, err));
@@ -103,8 +97,6 @@ hada_status hada_register_pairs(hada_registration *found, const hada_image *raws
 done:
     hada_register_level_destroy(&level);
     hada_register_set_destroy(&set);
-    if (give)
-        HADA_REPORT_GIVE(found, out);
     return status;
 }
 
@@ -127,11 +119,14 @@ hada_status hada_register_apply(hada_image *out, const hada_image *scene, const 
     hada_register_plane plane = {0};
     hada_register_view view = {0};
     hada_status status = HADA_OK;
+    hada_registration_init(registration);
     status = HADA_OPTIONS_TAKE(registration, callers, hada_registration, err);
     if (status)
         return status;
     if (!out || !scene || !scene->data || !callers || !(registration->magnification > 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_register_apply: an argument is missing or not possible");
+    if (!rows && !cols)
+        hada_register_size(registration, scene->rows, scene->cols, &rows, &cols);
     HADA_TRY_OR_DONE(hada_image_create(out, scene->channels, rows, cols, err));
     hada_register_matrix(registration, matrix);
     hada_register_invert(matrix, inverse);

@@ -1,4 +1,4 @@
-#include "register/register_level.h"
+#include "register/register_inside.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -5,19 +5,17 @@
 
 #include "core/alloc.h"
 #include "core/callers.h"
-#include "register/register_search.h"
+#include "register/register_inside.h"
 
 hada_status hada_register_psf(hada_image *psf, double *pitch, const hada_image *raws, const hada_image *scenes,
-                              int count, const hada_registration *callers, hada_error *err)
+                              int count, const hada_registration *registration, hada_error *err)
 {
     hada_register_set set = {0};
     hada_register_level level = {0};
-    hada_registration own, *registration = &own;
-    hada_status status = HADA_OPTIONS_TAKE(registration, callers, hada_registration, err);
-    if (status)
-        return status;
-    if (!psf || !pitch || !callers || !(registration->magnification > 0.0))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_register_psf: an argument is missing or not possible");
+    hada_status status = HADA_OK;
+    if (!(registration->magnification > 0.0))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a magnification of %g is not possible",
+                         registration->magnification);
     *psf = (hada_image){0};
     HADA_TRY_OR_DONE(hada_register_set_create(&set, raws, scenes, count, err));
     int size = HADA_REGISTER_COARSE;

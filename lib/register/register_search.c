@@ -1,5 +1,5 @@
 /* From coarse to fine: every orientation, magnification and rotation on a small grid, then the best ones refined. */
-#include "register/register_search.h"
+#include "register/register_inside.h"
 
 #include <math.h>
 

@@ -2,65 +2,46 @@
 #include <hadalens/camera.h>
 #include <hadalens/task_fit.h>
 #include <stdlib.h>
+#include <string.h>
 #include <unistd.h>
 
 #include "core/alloc.h"
 #include "core/callers.h"
+#include "fit/fitter.h"
 #include "fit/sums_file.h"
 #include "io/folder.h"
-#include "tasks/fit_passes.h"
+#include "tasks/fit_steps.h"
 
-struct hada_fit_report {
-    hada_fit_scores *scores;
-    int64_t *pairs; /* of each depth */
+/* A report and what it points to. */
+typedef struct owned_report {
+    hada_fit_report report;
+    hada_fit_rows rows;
+    hada_fit_scores scores;
+    int64_t *pairs;
     hada_survey *survey;
-};
+} owned_report;
 
-/* A fit on its way. */
+/* A fit that runs. */
 typedef struct learning {
     hada_fit_task task;
     const hada_dataset *data;
+    hada_dataset *even; /* the same pairs, of one exposure */
     hada_fit_options fit;
     hada_fitter *fitter;
-    hada_fit_report *report;
-    hada_fit_source from;
-    hada_fit_store store;
+    owned_report *report;
     hada_communicator ranks;
-    char *part; /* file of this rank's sums on the way */
+    char *part; /* file of this rank's sums while pairs are added */
 } learning;
-
-const hada_fit_scores *hada_fit_report_scores(const hada_fit_report *report)
-{
-    if (!report)
-        return NULL;
-    return report->scores;
-}
-
-int64_t hada_fit_report_pairs(const hada_fit_report *report, int depth)
-{
-    if (!report)
-        return 0;
-    return report->pairs[depth];
-}
-
-const hada_survey *hada_fit_report_survey(const hada_fit_report *report)
-{
-    if (!report)
-        return NULL;
-    return report->survey;
-}
 
 void hada_fit_report_destroy(hada_fit_report **report)
 {
-    if (!report)
+    owned_report *own = report ? (owned_report *)*report : NULL; /* its first member */
+    if (!own)
         return;
-    if (*report) {
-        hada_fit_scores_destroy(&(*report)->scores);
-        free((*report)->pairs);
-        hada_survey_destroy(&(*report)->survey);
-    }
-    free(*report);
     *report = NULL;
+    free(own->pairs);
+    hada_survey_destroy(&own->survey);
+    free(own);
 }
 
 static hada_boundary choose_boundary(int given, const hada_dataset *data, const hada_monitor *monitor)
@@ -79,47 +60,46 @@ static hada_boundary choose_boundary(int given, const hada_dataset *data, const 
     return HADA_BOUNDARY_PADDED;
 }
 
-hada_status hada_fit_options_from_dataset(hada_fit_options *fit, const hada_dataset *data, int boundary,
-                                          const hada_monitor *monitor, hada_error *err)
+hada_status hada_fit_prepare(hada_fit_options *fit, const hada_dataset *data, int boundary, const hada_monitor *monitor,
+                             hada_error *err)
 {
-    HADA_NEED(fit && data, err);
-    const hada_dataset_info *info = hada_dataset_get_info(data);
-    hada_image raw = {0}, scene = {0};
-    hada_status status = HADA_OK;
+    if (!fit->monitor)
+        fit->monitor = monitor;
     fit->boundary = choose_boundary(boundary, data, monitor);
-    HADA_TRY_OR_DONE(hada_dataset_read(data, 0, 0, &raw, &scene, err));
-    fit->depths = info->depths;
-    fit->distances_mm = info->distances_mm;
-    fit->channels = raw.channels;
-    fit->raw_rows = raw.rows;
-    fit->raw_cols = raw.cols;
-    if (!fit->window_rows) {
-        fit->window_rows = scene.rows;
-        fit->window_cols = scene.cols;
-    }
-    if ((fit->window_rows != scene.rows || fit->window_cols != scene.cols) &&
-        (scene.rows != raw.rows || scene.cols != raw.cols))
-        HADA_TRY_OR_DONE(
-            hada_fail(err, HADA_ERROR_ARGUMENT,
-                      "options.window %dx%d: the scenes have %dx%d pixels, which is the window then; a smaller "
-                      "one can be cut only from scenes as large as the frame (%dx%d)",
-                      fit->window_rows, fit->window_cols, scene.rows, scene.cols, raw.rows, raw.cols));
-done:
-    hada_image_destroy(&raw);
-    hada_image_destroy(&scene);
-    return status;
+    return hada_fit_sizes_from(fit, data, err);
 }
 
-/* Filters can be judged where every pair can be shown again, which merged sums do not bring. */
-static hada_status solve(learning *of, hada_model **out, hada_error *err)
+hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, const hada_dataset *data, hada_fit_options *fit,
+                            hada_exposure exposure, const hada_monitor *monitor, hada_error *err)
 {
-    hada_fit_report *report = of->report;
-    const int can_judge = of->data && !of->task.merge_count && (of->task.leave_one_out || of->fit.outside >= 0.0);
-    if (!can_judge)
-        return hada_fitter_finish(of->fitter, out, &report->scores, err);
-    if (!of->store.pairs) /* judging looks at pairs several times, if it has to */
-        HADA_TRY(hada_fit_store_create(&of->store, of->data, err));
-    return hada_fit_pass_learn_and_finish(of->fitter, &of->from, out, &report->scores, err);
+    HADA_TRY(hada_survey_create(out, fit, data, exposure, err));
+    if ((*out)->exposed)
+        hada_monitor_tell(monitor, HADA_MESSAGE_NOTE,
+                          "frames of one depth differ in exposure: each scene is learned as bright as its frame was "
+                          "exposed");
+    fit->scene_response = (*out)->response;
+    return hada_survey_apply(even, *out, data, err);
+}
+
+hada_status hada_fit_choose_boundary(hada_fit_options *fit, hada_context *context, const hada_dataset *pairs,
+                                     const hada_monitor *monitor, hada_error *err)
+{
+    HADA_TRY(hada_fit_find_boundary(fit, context, pairs, err));
+    hada_monitor_tell(monitor, HADA_MESSAGE_DETAIL,
+                      fit->boundary == HADA_BOUNDARY_CIRCULAR ? "no light leaves the sensor: boundary circular"
+                                                              : "light leaves the sensor: boundary padded");
+    return HADA_OK;
+}
+
+hada_status hada_fit_agree(hada_fit_options *fit, const hada_communicator *ranks, hada_error *err)
+{
+    double found[] = {fit->scene_response, fit->boundary, fit->grid_rows, fit->grid_cols};
+    const hada_status status = hada_broadcast(ranks, 0, found, sizeof found, err);
+    fit->scene_response = found[0];
+    fit->boundary = (hada_boundary)found[1];
+    fit->grid_rows = (int)found[2];
+    fit->grid_cols = (int)found[3];
+    return status;
 }
 
 static hada_status merge(learning *of, int first, hada_error *err)
@@ -159,8 +139,9 @@ static hada_status find_sums(learning *of, int *whole, hada_error *err)
     if (!*whole || of->ranks.rank)
         return HADA_OK;
     HADA_TRY(hada_fitter_load_sums(of->fitter, task->save_sums, err));
+    const int64_t *pairs = hada_fitter_get_info(of->fitter)->pairs;
     for (int z = 0; z < info->depths; z++)
-        if (hada_fitter_pairs(of->fitter, z) != info->counts[z])
+        if (pairs[z] != info->counts[z])
             HADA_TRY(hada_fail(err, HADA_ERROR_STATE,
                                "%s holds other pairs than the data set: remove it, or leave out options.resume",
                                task->save_sums));
@@ -173,29 +154,14 @@ static hada_status add_pairs(learning *of, hada_error *err)
     int whole = 0;
     if (task->save_sums && !task->merge_count)
         HADA_TRY(hada_path_format(&of->part, err, "%s.%d-of-%d", task->save_sums, of->ranks.rank + 1, of->ranks.count));
-    of->from.communicator = &of->ranks;
-    of->from.part = of->part;
-    of->from.part_seconds = task->save_seconds;
-    of->from.resume = task->resume;
     HADA_TRY(find_sums(of, &whole, err));
     if (whole)
         return hada_fitter_reduce(of->fitter, err);
     if (!of->ranks.rank) /* which the others get with the sums of all */
         HADA_TRY(merge(of, 0, err));
-    HADA_TRY(hada_fit_pass_add(of->fitter, &of->from, err));
+    const hada_fit_part part = {of->part, task->save_seconds, task->resume};
+    HADA_TRY(hada_fitter_add_part(of->fitter, of->data, &part, err));
     return save_sums(of, err);
-}
-
-/* Sums say nothing of the light that left the sensor; without the pairs, transfer functions stay those of one pass. */
-static hada_status learn_cropped(const learning *of, hada_error *err)
-{
-    if (!of->task.merge_count)
-        return hada_fit_pass_learn_cropped(of->fitter, &of->from, err);
-    if (of->fit.boundary == HADA_BOUNDARY_PADDED && of->fit.nonnegative && of->fit.crop_passes)
-        hada_monitor_tell(of->task.monitor, HADA_MESSAGE_NOTE,
-                          "transfer functions are those of one pass, without what left the sensor, since merged sums "
-                          "do not hold the pairs; give all pairs in one data set to have it learned");
-    return HADA_OK;
 }
 
 static void tell_data(const learning *of)
@@ -210,35 +176,19 @@ static void tell_data(const learning *of)
                           "camera about eight scenes per depth");
 }
 
-/* Whether the response of the scenes or exposures are to be found. */
-static int response_is_open(const learning *of)
-{
-    const hada_fit_task *task = &of->task;
-    const int open = of->fit.scene_response == HADA_AUTO || task->exposure == HADA_EXPOSURE_AUTO;
-    return task->exposure == HADA_EXPOSURE_EACH || (task->leave_one_out && open);
-}
-
-/* Pairs that several passes look at stay in memory. Where they are added up and no more, the few that are scored are
- * sooner read again than all are kept; without leave-one-out most fits look at each pair once. */
-static hada_status keep_pairs(learning *of, hada_error *err)
-{
-    const int again = response_is_open(of) || of->fit.boundary == HADA_BOUNDARY_PADDED || of->fit.outside >= 0.0;
-    return of->task.leave_one_out && again ? hada_fit_store_create(&of->store, of->data, err) : HADA_OK;
-}
-
-/* The response of the scenes, where it is open, and exposures, before any pair is added up. */
+/* The response of the scenes and exposures, where they are to be found, before any pair is added. */
 static hada_status survey(learning *of, hada_error *err)
 {
     const hada_fit_task *task = &of->task;
     hada_fit_options *fit = &of->fit;
-    of->from = (hada_fit_source){.data = of->data, .store = &of->store, .monitor = task->monitor};
     if (fit->scene_response == HADA_AUTO && task->merge_count)
         HADA_TRY(hada_fit_sums_response(task->merge[0], &fit->scene_response, err));
-    if (!response_is_open(of))
+    const int open = fit->scene_response == HADA_AUTO || task->exposure == HADA_EXPOSURE_AUTO;
+    if (task->exposure != HADA_EXPOSURE_EACH && !(fit->leave_one_out && open))
         return HADA_OK;
-    HADA_TRY(hada_fit_pass_survey(&of->report->survey, &of->from, fit, task->exposure, err));
-    of->from.survey = of->report->survey;
-    fit->scene_response = hada_survey_response(of->report->survey);
+    HADA_TRY(hada_fit_survey(&of->report->survey, &of->even, of->data, fit, task->exposure, task->monitor, err));
+    of->report->report.survey = of->report->survey;
+    of->data = of->even;
     return HADA_OK;
 }
 
@@ -249,7 +199,7 @@ static hada_status find_boundary(learning *of, hada_context *context, hada_error
         return HADA_OK;
     if (of->task.merge_count)
         return hada_fit_sums_grid(of->task.merge[0], &of->fit, err);
-    return hada_fit_pass_boundary(&of->fit, context, &of->from, err);
+    return hada_fit_choose_boundary(&of->fit, context, of->data, of->task.monitor, err);
 }
 
 static hada_status learn_pairs(learning *of, hada_context *context, hada_model **out, hada_error *err)
@@ -257,42 +207,49 @@ static hada_status learn_pairs(learning *of, hada_context *context, hada_model *
     const hada_fit_task *task = &of->task;
     const hada_monitor *monitor = task->monitor;
     tell_data(of);
-    HADA_TRY(hada_fit_options_from_dataset(&of->fit, of->data, task->boundary, monitor, err));
-    HADA_TRY(keep_pairs(of, err));
+    HADA_TRY(hada_fit_prepare(&of->fit, of->data, task->boundary, monitor, err));
     HADA_TRY(survey(of, err));
     HADA_TRY(find_boundary(of, context, err));
-    HADA_TRY(hada_fit_pass_agree(&of->fit, &of->ranks, err));
+    HADA_TRY(hada_fit_agree(&of->fit, &of->ranks, err));
     HADA_TRY(hada_fitter_create(&of->fitter, context, &of->fit, err));
     hada_monitor_tell(monitor, HADA_MESSAGE_DETAIL, "the sums take %.1f MiB on the device",
-                      (double)hada_fitter_bytes(of->fitter) / (1024.0 * 1024.0));
+                      (double)hada_fitter_get_info(of->fitter)->bytes / (1024.0 * 1024.0));
     HADA_TRY(add_pairs(of, err));
-    /* one pair alone cannot be left out */
-    if (task->leave_one_out && (hada_dataset_get_info(of->data)->least_pairs > 1 || task->merge_count))
-        HADA_TRY(hada_fit_pass_score(of->fitter, &of->from, err));
-    HADA_TRY(learn_cropped(of, err));
-    return solve(of, out, err);
+    if (task->merge_count && of->fit.boundary == HADA_BOUNDARY_PADDED && of->fit.nonnegative && of->fit.crop_passes)
+        hada_monitor_tell(monitor, HADA_MESSAGE_NOTE,
+                          "transfer functions are learned without the light that left the sensor, since merged sums do "
+                          "not hold the pairs; give all pairs in one data set to have it learned");
+    return hada_fitter_finish(of->fitter, of->data, out, err);
 }
 
 /* Nothing can be left out here, so what is not given takes its stated default. */
 static hada_status learn_sums(learning *of, hada_context *context, hada_model **out, hada_error *err)
 {
-    HADA_TRY(hada_fitter_create_from_sums(&of->fitter, context, of->task.merge[0], &of->fit, err));
+    of->fit.sums = of->task.merge[0];
+    HADA_TRY(hada_fitter_create(&of->fitter, context, &of->fit, err));
     HADA_TRY(merge(of, 1, err));
     HADA_TRY(save_sums(of, err));
-    return solve(of, out, err);
+    return hada_fitter_finish(of->fitter, NULL, out, err);
 }
 
-static hada_status count_pairs(learning *of, int depths, hada_error *err)
+/* What the fitter found out. */
+static hada_status fill_report(learning *of, hada_error *err)
 {
-    HADA_TRY(
-        hada_allocated(of->report->pairs = hada_alloc((size_t)depths, sizeof *of->report->pairs, "a report", err)));
-    for (int z = 0; z < depths; z++)
-        of->report->pairs[z] = hada_fitter_pairs(of->fitter, z);
+    owned_report *own = of->report;
+    const size_t depths = (size_t)of->fitter->grid.info.depths;
+    HADA_TRY(hada_allocated(own->pairs = hada_alloc(depths, sizeof *own->pairs, "a report", err)));
+    memcpy(own->pairs, hada_fitter_get_info(of->fitter)->pairs, depths * sizeof *own->pairs);
+    own->rows = of->fitter->rows;
+    own->scores = hada_fit_rows_list(&own->rows);
+    own->report.scores = &own->scores;
+    own->report.pairs = own->pairs;
     return HADA_OK;
 }
 
 static hada_status take_task(learning *of, const hada_fit_task *task, hada_error *err)
 {
+    hada_fit_task_init(&of->task);
+    hada_fit_options_init(&of->fit);
     HADA_TRY(HADA_OPTIONS_TAKE(&of->task, task, hada_fit_task, err));
     HADA_TRY(HADA_OPTIONS_TAKE(&of->fit, of->task.fit, hada_fit_options, err));
     if (!of->fit.monitor)
@@ -325,19 +282,29 @@ hada_status hada_fit_run(hada_model **out, hada_fit_report **report, hada_contex
     HADA_TRY_OR_DONE(take_task(&of, task, err));
     HADA_TRY_OR_DONE(hada_allocated(of.report = hada_alloc(1, sizeof *of.report, "a report", err)));
     HADA_TRY_OR_DONE(data ? learn_pairs(&of, context, out, err) : learn_sums(&of, context, out, err));
-    HADA_TRY_OR_DONE(count_pairs(&of, hada_model_get_info(*out)->depths, err));
+    HADA_TRY_OR_DONE(fill_report(&of, err));
     if (of.task.half)
         HADA_TRY_OR_DONE(hada_model_make_half(out, err));
     if (report) {
-        *report = of.report;
+        *report = &of.report->report;
         of.report = NULL;
     }
 done:
     if (status)
         hada_model_destroy(out);
-    hada_fit_report_destroy(&of.report);
+    hada_fit_report *left = of.report ? &of.report->report : NULL;
+    hada_fit_report_destroy(&left);
     hada_fitter_destroy(&of.fitter);
-    hada_fit_store_free(&of.store);
+    hada_dataset_destroy(&of.even);
     free(of.part);
     return status;
+}
+
+hada_status hada_model_make_half(hada_model **model, hada_error *err)
+{
+    hada_model *half = NULL;
+    HADA_TRY(hada_model_to_half(&half, *model, err));
+    hada_model_destroy(model);
+    *model = half;
+    return HADA_OK;
 }

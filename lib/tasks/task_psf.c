@@ -8,7 +8,7 @@
 #include "core/callers.h"
 #include "io/folder.h"
 #include "io/tiff_page.h"
-#include "tasks/fit_passes.h"
+#include "tasks/fit_steps.h"
 
 /* The pages of a file and their distances. */
 typedef struct pages {

@@ -1,11 +1,21 @@
-/* How the scenes of each depth stand on the sensor, and what of it is applied. */
+/* Registration of a data set: where the scenes of each depth are on the sensor, what of it is applied, and a data set
+ * with registered scenes. */
+#include <fcntl.h>
+#include <hadalens/task_register.h>
+#include <hadalens/tiff.h>
 #include <math.h>
+#include <stdint.h>
 #include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
 
 #include "core/alloc.h"
 #include "core/callers.h"
+#include "core/input.h"
+#include "dataset/dataset.h"
 #include "io/folder.h"
-#include "tasks/registered.h"
+#include "io/text.h"
+#include "register/register_inside.h"
 
 /* PSFs of neighbouring depths that are less alike than this say nothing about a shift. */
 #define LEAST_LIKENESS 0.3
@@ -14,44 +24,52 @@
 /* What cannot be told from nothing: a pixel, or this share of the way from the middle to a corner. */
 #define PRECISION 0.005
 
-const hada_registered_depth *hada_register_report_depth(const hada_register_report *report, int depth)
-{
-    if (!report)
-        return NULL;
-    return &report->depth[depth].depth;
-}
+/* A depth and what it points to. */
+typedef struct registered {
+    hada_registered_depth depth;
+    hada_registration found, applied;
+} registered;
+
+typedef struct owned_report {
+    hada_register_report report;
+    registered *depth;
+    const hada_registered_depth **list;
+} owned_report;
 
 void hada_register_report_destroy(hada_register_report **report)
 {
-    if (!report)
+    owned_report *own = report ? (owned_report *)*report : NULL; /* its first member */
+    if (!own)
         return;
-    if (*report)
-        free((*report)->depth);
-    free(*report);
     *report = NULL;
+    free(own->depth);
+    free(own->list);
+    free(own);
 }
 
-/* A depth's pairs in memory, as many as are looked at, evenly spread. */
+/* The pairs of a depth that are looked at, evenly spread; images are the pairs'. */
 typedef struct pictures {
+    hada_pair pair[HADA_REGISTER_PAIRS];
     hada_image raws[HADA_REGISTER_PAIRS], scenes[HADA_REGISTER_PAIRS];
     int count;
 } pictures;
 
-static void pictures_free(pictures *all)
+static void pictures_return(pictures *all)
 {
-    for (int i = 0; i < all->count; i++) {
-        hada_image_destroy(&all->raws[i]);
-        hada_image_destroy(&all->scenes[i]);
-    }
+    for (int i = 0; i < all->count; i++)
+        hada_pair_return(&all->pair[i]);
 }
 
-static hada_status pictures_load(pictures *all, const hada_dataset *data, int z, hada_error *err)
+static hada_status pictures_take(pictures *all, const hada_dataset *data, int z, hada_error *err)
 {
     const int pairs = hada_dataset_get_info(data)->counts[z];
     const int count = pairs < HADA_REGISTER_PAIRS ? pairs : HADA_REGISTER_PAIRS;
-    for (all->count = 0; all->count < count; all->count++)
-        HADA_TRY(hada_dataset_read(data, z, (int)((long)all->count * pairs / count), &all->raws[all->count],
-                                   &all->scenes[all->count], err));
+    for (; all->count < count; all->count++) {
+        hada_pair *pair = &all->pair[all->count];
+        HADA_TRY(hada_pair_take(pair, data, z, (int)((long)all->count * pairs / count), err));
+        all->raws[all->count] = *pair->raw;
+        all->scenes[all->count] = *pair->scene;
+    }
     return HADA_OK;
 }
 
@@ -62,7 +80,7 @@ static double half_diagonal(const hada_registered_depth *one)
 }
 
 /* The farthest that the transform moves a pixel of the scene, against one with flips and quarter turns alone. */
-static double displacement_of(const hada_registered *one)
+static double displacement_of(const registered *one)
 {
     const hada_registration *r = &one->found;
     const double angle = r->rotation_deg * acos(-1.0) / 180.0;
@@ -70,7 +88,7 @@ static double displacement_of(const hada_registered *one)
     return half_diagonal(&one->depth) * hypot(dy, dx) + hypot(r->offset_row, r->offset_col);
 }
 
-static void choose_applied(hada_registered *one, const hada_registration *first)
+static void choose_applied(registered *one, const hada_registration *first)
 {
     hada_registered_depth *depth = &one->depth;
     hada_registration *r = &one->applied;
@@ -90,7 +108,7 @@ static void choose_applied(hada_registered *one, const hada_registration *first)
 }
 
 /* The offset of a depth from the one before, whose own offset is known: its PSF is that depth's, scaled and moved. */
-static hada_status find_offset(hada_registered *one, const hada_registration *before, const hada_image *psf,
+static hada_status find_offset(registered *one, const hada_registration *before, const hada_image *psf,
                                const hada_image *last, double pitch, hada_error *err)
 {
     double scale, row, col;
@@ -103,10 +121,10 @@ static hada_status find_offset(hada_registered *one, const hada_registration *be
 }
 
 /* `last`: the PSF of the depth before, which becomes that of this one. */
-static hada_status find_depth(hada_register_report *report, int z, const hada_dataset *data,
+static hada_status find_depth(owned_report *report, int z, const hada_dataset *data,
                               const hada_register_options *search, int with_offset, hada_image *last, hada_error *err)
 {
-    hada_registered *one = &report->depth[z];
+    registered *one = &report->depth[z];
     hada_registered_depth *depth = &one->depth;
     pictures of = {0};
     hada_image psf = {0};
@@ -114,10 +132,12 @@ static hada_status find_depth(hada_register_report *report, int z, const hada_da
     hada_status status = HADA_OK;
     depth->likeness = NAN;
     hada_registration_init(&one->found);
-    HADA_TRY_OR_DONE(pictures_load(&of, data, z, err));
+    HADA_TRY_OR_DONE(pictures_take(&of, data, z, err));
     depth->pairs = of.count;
-    depth->scene_rows = of.scenes->rows;
-    depth->scene_cols = of.scenes->cols;
+    if (of.count) {
+        depth->scene_rows = of.scenes->rows;
+        depth->scene_cols = of.scenes->cols;
+    }
     HADA_TRY_OR_DONE(hada_register_pairs(&one->found, of.raws, of.scenes, of.count, search, err));
     if (with_offset)
         HADA_TRY_OR_DONE(hada_register_psf(&psf, &pitch, of.raws, of.scenes, of.count, &one->found, err));
@@ -126,29 +146,28 @@ static hada_status find_depth(hada_register_report *report, int z, const hada_da
     depth->offset_unknown = depth->likeness < LEAST_LIKENESS;
     choose_applied(one, &report->depth[0].found);
 done:
-    pictures_free(&of);
+    pictures_return(&of);
     hada_image_destroy(last);
     *last = psf;
     if (status)
-        hada_error_prefix_path(err, hada_dataset_folder(data, z));
+        hada_error_prefix_path(err, hada_dataset_get_info(data)->folders[z]);
     return status;
 }
 
-static hada_status find_all(hada_register_report *report, const hada_dataset *data, const hada_register_task *task,
+static hada_status find_all(owned_report *report, const hada_dataset *data, const hada_register_task *task,
                             hada_error *err)
 {
     const int depths = hada_dataset_get_info(data)->depths;
-    hada_register_options search;
+    const hada_register_options search = {.least_magnification = task->least_magnification,
+                                          .most_magnification = task->most_magnification,
+                                          .most_rotation_deg = task->most_rotation_deg,
+                                          .monitor = task->monitor};
     hada_image last = {0};
     hada_status status = HADA_OK;
-    status = HADA_OPTIONS_TAKE(&search, task->search, hada_register_options, err);
-    if (status)
-        return status;
-    if (!search.monitor)
-        search.monitor = task->monitor;
     hada_progress progress = hada_progress_begin(task->monitor, "depths", depths);
     for (int z = 0; z < depths; z++) {
         HADA_TRY_OR_DONE(find_depth(report, z, data, &search, depths > 1 && !task->keep_offsets, &last, err));
+        report->list[z] = &report->depth[z].depth;
         HADA_TRY_OR_DONE(hada_progress_step(&progress, NULL, err));
     }
 done:
@@ -160,17 +179,163 @@ done:
 hada_status hada_register_run(hada_register_report **out, const hada_dataset *data, const hada_register_task *callers,
                               hada_error *err)
 {
-    HADA_NEED(out && data, err);
     hada_register_task task;
+    owned_report *own = NULL;
     hada_status status = HADA_OK;
+    if (!out || !data)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_register_run: out and a data set are needed");
     *out = NULL;
-    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&task, callers, hada_register_task, err));
-    HADA_TRY_OR_DONE(hada_allocated(*out = hada_alloc(1, sizeof **out, "a report", err)));
-    HADA_TRY_OR_DONE(hada_allocated((*out)->depth = hada_alloc((size_t)hada_dataset_get_info(data)->depths,
-                                                               sizeof *(*out)->depth, "a report", err)));
-    HADA_TRY_OR_DONE(find_all(*out, data, &task, err));
+    hada_register_task_init(&task);
+    HADA_TRY(HADA_OPTIONS_TAKE(&task, callers, hada_register_task, err));
+    const size_t depths = (size_t)hada_dataset_get_info(data)->depths;
+    HADA_TRY(hada_allocated(own = hada_alloc(1, sizeof *own, "a report", err)));
+    *out = &own->report;
+    HADA_TRY_OR_DONE(hada_allocated(own->depth = hada_alloc(depths, sizeof *own->depth, "a report", err)));
+    HADA_TRY_OR_DONE(hada_allocated(own->list = hada_alloc(depths + 1, sizeof *own->list, "a report", err)));
+    own->report.depths = own->list;
+    HADA_TRY_OR_DONE(find_all(own, data, &task, err));
 done:
     if (status)
         hada_register_report_destroy(out);
     return status;
+}
+
+/* A data set with registered scenes. */
+typedef struct writing {
+    const hada_register_report *report;
+    const hada_dataset *data;
+    hada_register_task task;
+    int rows, cols; /* of the scenes */
+    hada_progress progress;
+} writing;
+
+/* The size that holds the scenes of all depths, within the frame, unless it is given. */
+static hada_status choose_window(writing *w, hada_error *err)
+{
+    const hada_register_task *task = &w->task;
+    hada_pair pair;
+    HADA_TRY(hada_pair_take(&pair, w->data, 0, 0, err));
+    const int raw_rows = pair.raw->rows, raw_cols = pair.raw->cols;
+    hada_pair_return(&pair);
+    w->rows = w->cols = 1;
+    for (int z = 0; w->report->depths[z]; z++) {
+        const hada_registered_depth *one = w->report->depths[z];
+        int rows, cols;
+        hada_register_size(one->applied, one->scene_rows, one->scene_cols, &rows, &cols);
+        w->rows = rows > w->rows ? rows : w->rows;
+        w->cols = cols > w->cols ? cols : w->cols;
+    }
+    w->rows = task->window_rows ? task->window_rows : w->rows < raw_rows ? w->rows : raw_rows;
+    w->cols = task->window_rows ? task->window_cols : w->cols < raw_cols ? w->cols : raw_cols;
+    if (w->rows > raw_rows || w->cols > raw_cols)
+        return hada_fail(err, HADA_ERROR_SIZE, "options.window %dx%d is larger than the frames, %dx%d", w->rows,
+                         w->cols, raw_rows, raw_cols);
+    return HADA_OK;
+}
+
+static hada_status copy_file(const char *from, const char *to, hada_error *err)
+{
+    char *bytes = NULL;
+    size_t size;
+    hada_status status = hada_input_read(&bytes, &size, from, SIZE_MAX / 2, NULL, err);
+    if (status)
+        hada_error_prefix(err, "%s ", from);
+    else
+        status = hada_file_write(to, bytes, size, err);
+    free(bytes);
+    return status;
+}
+
+static hada_status write_scene(const writing *w, const char *from, const char *to,
+                               const hada_registration *registration, hada_error *err)
+{
+    hada_image scene = {0}, out = {0};
+    hada_tiff_write_options options;
+    hada_status status = HADA_OK;
+    hada_tiff_write_options_init(&options);
+    options.bits = 32;
+    HADA_TRY_OR_DONE(hada_tiff_load(from, 0, &scene, err));
+    HADA_TRY_OR_DONE(hada_register_apply(&out, &scene, registration, w->rows, w->cols, err));
+    HADA_TRY_OR_DONE(hada_tiff_save(to, &out, &options, err));
+done:
+    hada_image_destroy(&scene);
+    hada_image_destroy(&out);
+    return status;
+}
+
+static const char *name_of(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    return slash ? slash + 1 : path;
+}
+
+static hada_status write_pair(const writing *w, int z, int i, const char *raws, const char *scenes, hada_error *err)
+{
+    const hada_pair_files *from = &hada_dataset_get_info(w->data)->files[z][i];
+    char *raw = NULL, *scene = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_path_format(&raw, err, "%s/%s", raws, name_of(from->raw)));
+    HADA_TRY_OR_DONE(hada_path_format(&scene, err, "%s/%s", scenes, name_of(from->scene)));
+    /* a link to what a link leads to: one that is relative would lead elsewhere from here */
+    if (linkat(AT_FDCWD, from->raw, AT_FDCWD, raw, AT_SYMLINK_FOLLOW))
+        HADA_TRY_OR_DONE(copy_file(from->raw, raw, err));
+    HADA_TRY_OR_DONE(write_scene(w, from->scene, scene, w->report->depths[z]->applied, err));
+done:
+    free(raw);
+    free(scene);
+    return status;
+}
+
+static hada_status write_depth(writing *w, int z, const char *folder, hada_error *err)
+{
+    const hada_dataset_info *info = hada_dataset_get_info(w->data);
+    char *raws = NULL, *scenes = NULL, distance[32];
+    hada_status status = HADA_OK;
+    hada_format_exact(distance, sizeof distance, info->distances_mm[z]);
+    HADA_TRY_OR_DONE(hada_path_format(&raws, err, "%s/z%smm/raw", folder, distance));
+    HADA_TRY_OR_DONE(hada_path_format(&scenes, err, "%s/z%smm/scene", folder, distance));
+    HADA_TRY_OR_DONE(hada_folder_ensure(raws, err));
+    HADA_TRY_OR_DONE(hada_folder_ensure(scenes, err));
+    for (int i = 0; i < info->counts[z]; i++) {
+        HADA_TRY_OR_DONE(write_pair(w, z, i, raws, scenes, err));
+        HADA_TRY_OR_DONE(hada_progress_step(&w->progress, NULL, err));
+    }
+done:
+    free(raws);
+    free(scenes);
+    return status;
+}
+
+static hada_status write_all(void *user, const char *folder, hada_error *err)
+{
+    writing *w = user;
+    const hada_dataset_info *info = hada_dataset_get_info(w->data);
+    hada_status status = HADA_OK;
+    w->progress = hada_progress_begin(w->task.monitor, "pairs", info->pairs);
+    for (int z = 0; z < info->depths; z++)
+        HADA_TRY_OR_DONE(write_depth(w, z, folder, err));
+done:
+    hada_progress_end(&w->progress);
+    return status;
+}
+
+hada_status hada_register_write(const hada_register_report *report, const hada_dataset *data, const char *folder,
+                                const hada_register_task *task, int *rows, int *cols, hada_error *err)
+{
+    writing w = {.report = report, .data = data};
+    if (!report || !data || !folder)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "hada_register_write: a report, its data set and a folder are needed");
+    hada_register_task_init(&w.task);
+    HADA_TRY(HADA_OPTIONS_TAKE(&w.task, task, hada_register_task, err));
+    if (!hada_dataset_get_info(data)->has_files)
+        HADA_TRY(hada_fail(err, HADA_ERROR_UNSUPPORTED,
+                           "only a data set of files can be written registered: apply the transforms to the scenes"));
+    HADA_TRY(choose_window(&w, err));
+    HADA_TRY(hada_folder_create(folder, write_all, &w, err));
+    if (rows)
+        *rows = w.rows;
+    if (cols)
+        *cols = w.cols;
+    return HADA_OK;
 }

@@ -5,7 +5,7 @@
 
 #include "core/callers.h"
 #include "io/folder.h"
-#include "tasks/fit_passes.h"
+#include "tasks/fit_steps.h"
 #include "tasks/train_loop.h"
 
 /* Pairs of each depth that are held out where the caller does not say, and how many of them validate. */
@@ -14,22 +14,14 @@
 /* Distances of a model and a data set are the same within this share. */
 #define SAME_DISTANCE 1e-6
 
-/* Pairs of one part of the data set, whose first ones of each depth the other part may have. */
-typedef struct part {
-    const hada_dataset *data;
-    const hada_survey *survey; /* of the whole */
-    const int *before;         /* pairs of each depth; NULL: none */
-} part;
-
 /* All that a run holds. */
 typedef struct training {
     hada_train_task task;
     hada_train_options options;
     hada_train_work work;
     const hada_dataset *data;
-    hada_dataset *learn, *held_out;
+    hada_dataset *even, *learn, *held_out; /* the pairs of one exposure, and their two parts */
     hada_survey *survey;
-    part learned, validated;
     const hada_model *model; /* the caller's, or `made` */
     hada_model *made;
 } training;
@@ -39,6 +31,7 @@ static void training_free(training *own)
     hada_trainer_destroy(&own->work.trainer);
     hada_model_destroy(&own->made);
     hada_survey_destroy(&own->survey);
+    hada_dataset_destroy(&own->even);
     hada_dataset_destroy(&own->learn);
     hada_dataset_destroy(&own->held_out);
     free(own->work.log_folder);
@@ -71,13 +64,18 @@ static void tell_pairs(const training *own)
                           "no pair is held out: nothing tells how good training is, and the last parameters are kept");
 }
 
+static hada_status split(training *own, const hada_dataset *data, hada_error *err)
+{
+    hada_dataset_destroy(&own->learn);
+    hada_dataset_destroy(&own->held_out);
+    return hada_dataset_split(data, own->task.hold_out == HADA_AUTO ? HOLD_OUT : own->task.hold_out, &own->learn,
+                              &own->held_out, err);
+}
+
 static hada_status divide(training *own, hada_error *err)
 {
     hada_train_state *state = &own->work.state;
-    const double hold_out = own->task.hold_out == HADA_AUTO ? HOLD_OUT : own->task.hold_out;
-    const hada_status status = hada_dataset_split(own->data, hold_out, &own->learn, &own->held_out, err);
-    if (status)
-        return status;
+    HADA_TRY(split(own, own->data, err));
     state->depths = hada_dataset_get_info(own->data)->depths;
     state->learned = hada_dataset_get_info(own->learn)->pairs;
     state->held_out = hada_dataset_get_info(own->held_out)->pairs;
@@ -137,21 +135,32 @@ static hada_status check_depths(const hada_model *model, const hada_dataset_info
 static hada_status survey(training *own, hada_fit_options *fit, hada_error *err)
 {
     const hada_train_task *task = &own->task;
-    const hada_fit_source whole = {.data = own->data, .monitor = task->monitor};
     HADA_TRY(HADA_OPTIONS_TAKE(fit, task->fit, hada_fit_options, err));
-    if (!fit->monitor)
-        fit->monitor = task->monitor;
-    HADA_TRY(hada_fit_options_from_dataset(fit, own->data, task->boundary, task->monitor, err));
+    HADA_TRY(hada_fit_prepare(fit, own->data, task->boundary, task->monitor, err));
     if (own->model) {
         const hada_model_info *info = hada_model_get_info(own->model);
         fit->scene_response = info->scene_response;
         fit->dark = info->dark;
     }
-    HADA_TRY(hada_fit_pass_survey(&own->survey, &whole, fit, HADA_EXPOSURE_AUTO, err));
-    fit->scene_response = hada_survey_response(own->survey);
-    own->learned = (part){own->learn, own->survey, NULL};
-    own->validated = (part){own->held_out, own->survey, hada_dataset_get_info(own->learn)->counts};
-    return HADA_OK;
+    HADA_TRY(hada_fit_survey(&own->survey, &own->even, own->data, fit, HADA_EXPOSURE_AUTO, task->monitor, err));
+    return split(own, own->even, err);
+}
+
+/* The exact fit of the pairs to learn from. Training goes on from its filters, so they are not judged in the window. */
+static hada_status fit_exactly(training *own, hada_context *context, hada_fit_options *fit, hada_error *err)
+{
+    hada_fitter *fitter = NULL;
+    hada_status status = HADA_OK;
+    fit->outside = 1.0;
+    hada_monitor_tell(own->task.monitor, HADA_MESSAGE_INFO,
+                      "No model is given (options.model): the exact fit of the %d pairs to learn from comes first.",
+                      own->work.state.learned);
+    HADA_TRY_OR_DONE(hada_fitter_create(&fitter, context, fit, err));
+    HADA_TRY_OR_DONE(hada_fitter_add(fitter, own->learn, err));
+    HADA_TRY_OR_DONE(hada_fitter_finish(fitter, own->learn, &own->made, err));
+done:
+    hada_fitter_destroy(&fitter);
+    return status;
 }
 
 static hada_status find_model(training *own, hada_context *context, hada_error *err)
@@ -165,43 +174,13 @@ static hada_status find_model(training *own, hada_context *context, hada_error *
     HADA_TRY(survey(own, &fit, err));
     if (own->model)
         return HADA_OK;
-    const hada_fit_source from = {
-        .data = own->learn, .survey = own->survey, .monitor = task->monitor, .communicator = &own->work.ranks};
     fit.communicator = &own->work.ranks;
     if (!task->boundary && fit.boundary == HADA_BOUNDARY_PADDED)
-        HADA_TRY(hada_fit_pass_boundary(&fit, context, &from, err));
-    HADA_TRY(hada_fit_pass_agree(&fit, &own->work.ranks, err));
-    if (blank) {
-        HADA_TRY(hada_model_blank(&own->made, &fit, err));
-    } else { /* training goes on from the filters, so they are not judged in the window */
-        hada_monitor_tell(task->monitor, HADA_MESSAGE_INFO,
-                          "No model is given (options.model): the exact fit of the %d pairs to learn from comes first.",
-                          own->work.state.learned);
-        HADA_TRY(hada_fit_exact(&own->made, context, &fit, &from, err));
-    }
+        HADA_TRY(hada_fit_choose_boundary(&fit, context, own->learn, task->monitor, err));
+    HADA_TRY(hada_fit_agree(&fit, &own->work.ranks, err));
+    HADA_TRY(blank ? hada_model_from_filters(&own->made, &fit, NULL, NULL, err) : fit_exactly(own, context, &fit, err));
     own->model = own->made;
     return HADA_OK;
-}
-
-/* Called from several threads: reads nothing but what stays as it is. */
-static hada_status read_pair(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *err)
-{
-    const part *of = user;
-    HADA_TRY(hada_dataset_read(of->data, depth, pair, raw, scene, err));
-    hada_survey_even(of->survey, depth, pair + (of->before ? of->before[depth] : 0), scene);
-    return HADA_OK;
-}
-
-static hada_pairs as_pairs(part *of)
-{
-    const hada_dataset_info *info = hada_dataset_get_info(of->data);
-    hada_pairs pairs;
-    hada_pairs_init(&pairs);
-    pairs.depths = info->depths;
-    pairs.counts = info->counts;
-    pairs.read = read_pair;
-    pairs.user = of;
-    return pairs;
 }
 
 /* The planes of these stages are linear, in training and afterwards. */
@@ -218,9 +197,9 @@ static void note_linear(const training *own)
 
 static hada_status make_trainer(training *own, hada_context *const *contexts, int count, hada_error *err)
 {
-    const hada_pairs pairs = as_pairs(&own->learned), held = as_pairs(&own->validated);
-    const hada_status status = hada_trainer_create(&own->work.trainer, contexts, count, own->model, &pairs,
-                                                   own->work.state.held_out ? &held : NULL, &own->options, err);
+    const hada_dataset *held_out = own->work.state.held_out ? own->held_out : NULL;
+    const hada_status status =
+        hada_trainer_create(&own->work.trainer, contexts, count, own->model, own->learn, held_out, &own->options, err);
     if (status == HADA_ERROR_DEVICE_MEMORY)
         hada_error_prefix(err, "training needs more memory than the device has; try options.at_once 1, "
                                "options.recompute or a smaller options.net_size: ");

@@ -33,7 +33,7 @@ void hada_composed_free(hada_composed *composed)
     *composed = (hada_composed){0};
 }
 
-int hada_compose_variant(const hada_pairs *pairs, uint64_t seed, uint64_t place, double share)
+int hada_compose_variant(const hada_dataset *pairs, uint64_t seed, uint64_t place, double share)
 {
     hada_random random;
     if (share <= 0.0)
@@ -219,7 +219,7 @@ static hada_status part_of(hada_image *out, const hada_image *picture, const par
     return HADA_OK;
 }
 
-static hada_status read_other(hada_image *out, const hada_pairs *pairs, const hada_model_info *info,
+static hada_status read_other(hada_image *out, const hada_dataset *pairs, const hada_model_info *info,
                               hada_random *random, hada_error *err)
 {
     const uint64_t total = hada_pairs_total(pairs);
@@ -233,7 +233,7 @@ static hada_status read_other(hada_image *out, const hada_pairs *pairs, const ha
 }
 
 /* Lights of all depths but the pair's own. */
-static hada_status light_others(hada_composed *out, const scene_plan *plan, const hada_pairs *pairs,
+static hada_status light_others(hada_composed *out, const scene_plan *plan, const hada_dataset *pairs,
                                 const hada_model_info *info, hada_random *random, int own, const hada_image *scene,
                                 hada_error *err)
 {
@@ -276,7 +276,7 @@ done:
     return status;
 }
 
-hada_status hada_compose(hada_composed *out, const hada_pairs *pairs, const hada_model_info *info, uint64_t seed,
+hada_status hada_compose(hada_composed *out, const hada_dataset *pairs, const hada_model_info *info, uint64_t seed,
                          int depth, int pair, int variant, int planes_only, hada_image *scene, hada_error *err)
 {
     scene_plan plan = {.parts = {.rows = scene->rows, .cols = scene->cols}};
@@ -285,7 +285,7 @@ hada_status hada_compose(hada_composed *out, const hada_pairs *pairs, const hada
     hada_status status = HADA_OK;
     *out = (hada_composed){0};
     for (int z = 0; z < depth; z++)
-        number += (uint64_t)pairs->counts[z];
+        number += (uint64_t)hada_dataset_get_info(pairs)->counts[z];
     hada_random_seed(&random, seed,
                      (uint64_t)SCENE << 60 | (number * (HADA_COMPOSED_VARIANTS + 1) + (uint64_t)variant));
     HADA_TRY_OR_DONE(hada_allocated(plan.parts.label = hada_alloc((size_t)scene->rows * (size_t)scene->cols,

@@ -25,11 +25,11 @@ typedef struct hada_composed {
 void hada_composed_free(hada_composed *composed);
 
 /* The variant of the pair at a place of the endless list: 0 for a share of 1 - `share` of them, drawn by the seed. */
-int hada_compose_variant(const hada_pairs *pairs, uint64_t seed, uint64_t place, double share);
+int hada_compose_variant(const hada_dataset *pairs, uint64_t seed, uint64_t place, double share);
 
 /* How a pair's frame changes, and in *scene, where the pair's own is given (window), what its plane (or the sum of all)
  * then is. planes_only: the sum is never to be seen. Reads other pairs. */
-hada_status hada_compose(hada_composed *out, const hada_pairs *pairs, const hada_model_info *info, uint64_t seed,
+hada_status hada_compose(hada_composed *out, const hada_dataset *pairs, const hada_model_info *info, uint64_t seed,
                          int depth, int pair, int variant, int planes_only, hada_image *scene, hada_error *err);
 
 #endif

@@ -78,7 +78,7 @@ done:
 /* A pair as it was captured, and the scenes that it becomes. */
 enum { WAYS = HADA_COMPOSED_VARIANTS + 1 };
 
-hada_status hada_examples_create(hada_examples *examples, const hada_pairs *pairs, size_t most, hada_error *err)
+hada_status hada_examples_create(hada_examples *examples, const hada_dataset *pairs, size_t most, hada_error *err)
 {
     *examples = (hada_examples){.pairs = pairs, .most = most};
     HADA_TRY(hada_allocated(examples->kept = hada_alloc(hada_size_product((size_t)hada_pairs_total(pairs), WAYS),
@@ -103,7 +103,7 @@ size_t hada_examples_number(const hada_examples *examples, int depth, int pair)
 {
     size_t number = (size_t)pair;
     for (int z = 0; z < depth; z++)
-        number += (size_t)examples->pairs->counts[z];
+        number += (size_t)hada_dataset_get_info(examples->pairs)->counts[z];
     return number;
 }
 

@@ -24,13 +24,13 @@ hada_status hada_example_make(hada_example *out, hada_stage stage, const hada_mo
 /* Examples of the pairs of a list in their variants (train/compose.h). Any thread may ask and add. */
 typedef struct hada_examples {
     pthread_mutex_t lock;
-    const hada_pairs *pairs;
+    const hada_dataset *pairs;
     hada_example *kept; /* of every pair and variant; empty: not kept */
     size_t bytes, most;
 } hada_examples;
 
 /* `most` bytes are kept at most; 0: nothing. */
-hada_status hada_examples_create(hada_examples *examples, const hada_pairs *pairs, size_t most, hada_error *err);
+hada_status hada_examples_create(hada_examples *examples, const hada_dataset *pairs, size_t most, hada_error *err);
 void hada_examples_free(hada_examples *examples);
 
 /* The number of a pair over all depths, from 0 on. */

@@ -21,7 +21,7 @@ typedef struct hada_fed {
 } hada_fed;
 
 typedef struct hada_feed_desc {
-    const hada_pairs *pairs;
+    const hada_dataset *pairs;
     const hada_model_info *info;
     hada_augment augment;
     double compose;        /* share of pairs that become scenes of several depths */

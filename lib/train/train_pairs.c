@@ -6,19 +6,17 @@
 #include "core/callers.h"
 #include "core/random.h"
 
-uint64_t hada_pairs_total(const hada_pairs *pairs)
+uint64_t hada_pairs_total(const hada_dataset *pairs)
 {
-    uint64_t total = 0;
-    for (int z = 0; z < pairs->depths; z++)
-        total += (uint64_t)pairs->counts[z];
-    return total;
+    return (uint64_t)hada_dataset_get_info(pairs)->pairs;
 }
 
-void hada_pairs_find(const hada_pairs *pairs, uint64_t index, int *depth, int *pair)
+void hada_pairs_find(const hada_dataset *pairs, uint64_t index, int *depth, int *pair)
 {
+    const int *counts = hada_dataset_get_info(pairs)->counts;
     *depth = 0;
-    while (index >= (uint64_t)pairs->counts[*depth])
-        index -= (uint64_t)pairs->counts[(*depth)++];
+    while (index >= (uint64_t)counts[*depth])
+        index -= (uint64_t)counts[(*depth)++];
     *pair = (int)index;
 }
 
@@ -41,7 +39,7 @@ static uint64_t scramble(uint64_t value, int half, const uint32_t *keys)
     return (uint64_t)left << half | right;
 }
 
-void hada_order_pair(const hada_pairs *pairs, uint64_t seed, uint64_t place, int *depth, int *pair)
+void hada_order_pair(const hada_dataset *pairs, uint64_t seed, uint64_t place, int *depth, int *pair)
 {
     const uint64_t total = hada_pairs_total(pairs);
     uint32_t keys[ROUNDS];
@@ -88,11 +86,10 @@ void hada_pairs_name(const hada_model_info *info, int depth, int pair, hada_erro
         hada_error_prefix(err, "pair %d of the depth at %d mm: ", pair + 1, (int)(info->distances_mm[depth] + 0.5));
 }
 
-hada_status hada_pairs_load(const hada_pairs *pairs, const hada_model_info *info, int depth, int pair, hada_image *raw,
+hada_status hada_pairs_load(const hada_dataset *pairs, const hada_model_info *info, int depth, int pair, hada_image *raw,
                             hada_image *scene, hada_error *err)
 {
-    *raw = *scene = (hada_image){0};
-    HADA_TRY(pairs->read(pairs->user, depth, pair, raw, scene, err));
+    HADA_TRY(hada_dataset_read(pairs, depth, pair, raw, scene, err));
     HADA_TRY(check(info, raw, scene, err));
     hada_response_convert(scene->data, hada_image_count(scene), info->scene_response, HADA_RESPONSE_LINEAR);
     return HADA_OK;
@@ -119,7 +116,7 @@ hada_status hada_pairs_crop(const hada_model_info *info, hada_image *scene, hada
     return HADA_OK;
 }
 
-hada_status hada_pairs_read(const hada_pairs *pairs, const hada_model_info *info, int depth, int pair, hada_image *raw,
+hada_status hada_pairs_read(const hada_dataset *pairs, const hada_model_info *info, int depth, int pair, hada_image *raw,
                             hada_image *scene, hada_error *err)
 {
     hada_status status = HADA_OK;

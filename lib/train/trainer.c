@@ -12,15 +12,13 @@
 #define KEPT_BYTES    ((size_t)1 << 30)
 #define KEPT_FEATURES (KEPT_BYTES / 4) /* where there is a perceptual term */
 
-static hada_status check_pairs(const hada_pairs *pairs, const hada_model_info *info, const char *what, hada_error *err)
+static hada_status check_pairs(const hada_dataset *pairs, const hada_model_info *info, const char *what,
+                               hada_error *err)
 {
-    if (pairs->depths != info->depths || !pairs->counts || !pairs->read)
-        return hada_fail(err, HADA_ERROR_MODEL, "the pairs %s stand at %d depths, the model knows %d", what,
-                         pairs->depths, info->depths);
-    for (int z = 0; z < pairs->depths; z++)
-        if (pairs->counts[z] < 0)
-            return hada_fail(err, HADA_ERROR_ARGUMENT, "depth %d has %d pairs", z, pairs->counts[z]);
-    return HADA_OK;
+    const int depths = hada_dataset_get_info(pairs)->depths;
+    return depths == info->depths ? HADA_OK
+                                  : hada_fail(err, HADA_ERROR_MODEL, "the pairs %s have %d depths, the model has %d",
+                                              what, depths, info->depths);
 }
 
 /* What is kept of the pairs to learn from, and of those held out. */
@@ -56,7 +54,7 @@ static hada_status make_workers(hada_trainer *trainer, hada_context *const *cont
 {
     hada_train_options *options = &trainer->options;
     const size_t scenes =
-        hada_stage_keeps(&trainer->augment) ? HADA_FLIPPED_WAYS * (size_t)hada_pairs_total(&trainer->pairs) : 0;
+        hada_stage_keeps(&trainer->augment) ? HADA_FLIPPED_WAYS * (size_t)hada_pairs_total(trainer->pairs) : 0;
     const int share = (int)hada_divide_up((size_t)trainer->share, (size_t)count);
     hada_replica_desc desc = {.model = trainer->model,
                               .options = options,
@@ -85,20 +83,20 @@ static hada_status make_lists(hada_trainer *trainer, hada_error *err)
     HADA_TRY(hada_allocated(trainer->fed = hada_alloc(wave, sizeof(hada_fed *), "a step", err)));
     HADA_TRY(hada_allocated(trainer->progress.group_steps =
                                 hada_alloc((size_t)workers->groups, sizeof(uint64_t), "a trainer", err)));
-    HADA_TRY(hada_examples_create(&trainer->known, &trainer->pairs, kept_bytes(0, features), err));
-    if (trainer->held_out.pairs.read)
+    HADA_TRY(hada_examples_create(&trainer->known, trainer->pairs, kept_bytes(0, features), err));
+    if (trainer->held_out.pairs)
         HADA_TRY(
-            hada_examples_create(&trainer->held_out.examples, &trainer->held_out.pairs, kept_bytes(1, features), err));
+            hada_examples_create(&trainer->held_out.examples, trainer->held_out.pairs, kept_bytes(1, features), err));
     return HADA_OK;
 }
 
 static hada_status check_all_pairs(const hada_trainer *trainer, int workers, hada_error *err)
 {
-    HADA_TRY(check_pairs(&trainer->pairs, &trainer->info, "to learn from", err));
-    if (!hada_pairs_total(&trainer->pairs))
+    HADA_TRY(check_pairs(trainer->pairs, &trainer->info, "to learn from", err));
+    if (!hada_pairs_total(trainer->pairs))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no pair to learn from; hold fewer out, or add some");
-    if (trainer->held_out.pairs.read)
-        HADA_TRY(check_pairs(&trainer->held_out.pairs, &trainer->info, "to validate with", err));
+    if (trainer->held_out.pairs)
+        HADA_TRY(check_pairs(trainer->held_out.pairs, &trainer->info, "to validate with", err));
     if (trainer->share < workers)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "%d devices of %d ranks share the pairs of a step: a batch of %d is too small",
@@ -145,8 +143,8 @@ done:
 }
 
 hada_status hada_trainer_create(hada_trainer **out, hada_context *const *contexts, int count, const hada_model *model,
-                                const hada_pairs *pairs, const hada_pairs *held_out, const hada_train_options *options,
-                                hada_error *err)
+                                const hada_dataset *pairs, const hada_dataset *held_out,
+                                const hada_train_options *options, hada_error *err)
 {
     hada_trainer *trainer = NULL;
     hada_status status = HADA_OK;
@@ -162,8 +160,8 @@ hada_status hada_trainer_create(hada_trainer **out, hada_context *const *context
     trainer->model = model;
     trainer->info = *hada_model_get_info(model);
     hada_communicator_init(&trainer->ranks);
-    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&trainer->pairs, pairs, hada_pairs, err));
-    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&trainer->held_out.pairs, held_out, hada_pairs, err));
+    trainer->pairs = pairs;
+    trainer->held_out.pairs = held_out;
     HADA_TRY_OR_DONE(make(trainer, contexts, count, options, err));
 done:
     if (status)

@@ -10,9 +10,9 @@
 #include "train/train_options.h"
 #include "train/workers.h"
 
-/* Pairs to validate with; examples.kept NULL: nothing is held out. */
+/* Pairs to validate with; NULL: nothing is held out. */
 typedef struct hada_held_out {
-    hada_pairs pairs;
+    const hada_dataset *pairs;
     hada_examples examples;
     pthread_mutex_t reading;
 } hada_held_out;
@@ -24,7 +24,7 @@ struct hada_trainer {
     const hada_model *model;
     hada_model_info info;
     hada_train_nets nets; /* net and discriminator: first values */
-    hada_pairs pairs;
+    const hada_dataset *pairs;
     hada_examples known; /* of them */
     hada_held_out held_out;
     hada_workers workers;

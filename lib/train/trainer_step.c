@@ -28,7 +28,7 @@ static hada_status start_feed(hada_trainer *trainer, hada_error *err)
 {
     const hada_train_options *options = &trainer->options;
     const int wave = options->at_once * trainer->workers.count;
-    const hada_feed_desc desc = {.pairs = &trainer->pairs,
+    const hada_feed_desc desc = {.pairs = trainer->pairs,
                                  .info = &trainer->info,
                                  .augment = trainer->augment,
                                  .compose = options->compose,

@@ -45,9 +45,9 @@ static hada_status read_pair(hada_trainer *trainer, const held_pair *which, hada
     hada_held_out *held = &trainer->held_out;
     hada_status status = HADA_OK;
     pthread_mutex_lock(&held->reading);
-    HADA_TRY_OR_DONE(hada_pairs_read(&held->pairs, &trainer->info, which->depth, which->pair, raw, scene, err));
+    HADA_TRY_OR_DONE(hada_pairs_read(held->pairs, &trainer->info, which->depth, which->pair, raw, scene, err));
     if (which->variant)
-        HADA_TRY_OR_DONE(hada_compose(composed, &held->pairs, &trainer->info, COMPOSED_SEED, which->depth, which->pair,
+        HADA_TRY_OR_DONE(hada_compose(composed, held->pairs, &trainer->info, COMPOSED_SEED, which->depth, which->pair,
                                       which->variant, hada_trainer_shares(trainer), scene, err));
 done:
     pthread_mutex_unlock(&held->reading);
@@ -85,7 +85,7 @@ done:
 static hada_status predict(hada_trainer *trainer, const hada_worker *worker, uint64_t index, int with_raw,
                            prediction *what, hada_error *err)
 {
-    const hada_pairs *pairs = &trainer->held_out.pairs;
+    const hada_dataset *pairs = trainer->held_out.pairs;
     const uint64_t total = hada_pairs_total(pairs);
     held_pair which = {.variant = (int)(index / total) + hada_trainer_shares(trainer)};
     hada_status status = HADA_OK;
@@ -180,7 +180,7 @@ static void add_up(const list *all, hada_validation *out)
 
 static uint64_t count_held_out(const hada_trainer *trainer)
 {
-    return trainer->held_out.examples.kept ? hada_pairs_total(&trainer->held_out.pairs) : 0;
+    return trainer->held_out.examples.kept ? hada_pairs_total(trainer->held_out.pairs) : 0;
 }
 
 hada_status hada_trainer_validate(hada_trainer *trainer, int most, hada_validation *report, hada_error *err)

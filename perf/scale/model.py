@@ -33,7 +33,7 @@ def cut(count, ranks):
 
 
 def pairs_of_one(depths, pairs, ranks):
-    """Return the pairs of the busiest rank, and whether depths are whole (lib/tasks/fit_passes.c)."""
+    """Return the pairs of the busiest rank, and whether depths are whole (lib/fit/fitter.c)."""
     whole = dealt(depths, ranks) * pairs
     if whole * ranks <= 1.1 * depths * pairs:
         return whole, True

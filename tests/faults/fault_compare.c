@@ -5,22 +5,18 @@
 
 #include <hadalens/lpips.h>
 #include <hadalens/net.h>
-#include <hadalens/register.h>
 
 #include "core/error.h"
 #include "fault_job.h"
+#include "register/register_inside.h"
 
 hada_status fault_stage_register(fault_job *job, hada_error *err)
 {
     const hada_image *raws = job->frame[0], *scenes = job->scene[0];
     hada_registration found = {.size = sizeof found};
-    hada_register_options options;
+    const hada_register_options options = {.least_magnification = 0.95, .most_magnification = 1.05};
     hada_image psf = {0}, out = {0};
     double pitch, where[4];
-    hada_register_options_init(&options);
-    options.most_rotation_deg = 0.0;
-    options.least_magnification = 0.95;
-    options.most_magnification = 1.05;
     hada_status status = hada_register_pairs(&found, raws, scenes, JOB_PAIRS, &options, err);
     if (status == HADA_ERROR_DATASET && strstr(err->message, "do not tell"))
         status = HADA_OK; /* two pairs of a small camera need not suffice */

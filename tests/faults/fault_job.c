@@ -127,28 +127,34 @@ hada_fit_options fault_fit_options(void)
 
 static hada_status fit(fault_job *job, hada_context *context, hada_model **model, const char *sums, hada_error *err)
 {
+    static const int counts[JOB_DEPTHS] = {JOB_PAIRS, JOB_PAIRS}, scored[JOB_DEPTHS] = {1, 1};
     hada_fit_options options = fault_fit_options();
+    hada_image firsts[2][JOB_DEPTHS];
     hada_fitter *fitter = NULL;
-    hada_fit_scores *scores = NULL;
-    const hada_fit_filter_score *row;
+    hada_dataset *pairs = NULL, *first = NULL;
+    hada_status status = HADA_OK;
     options.refine_steps = 4;
     options.refine_tv = 0.003;
-    hada_status status = hada_fitter_create(&fitter, context, &options, err);
-    for (int k = 0; !status && k < JOB_DEPTHS * JOB_PAIRS; k++)
-        status = hada_fitter_add(fitter, k / JOB_PAIRS, &job->frame[k / JOB_PAIRS][k % JOB_PAIRS],
-                                 &job->scene[k / JOB_PAIRS][k % JOB_PAIRS], err);
-    if (!status && sums)
-        status = hada_fitter_save_sums(fitter, sums, err);
-    if (!status && sums)
-        status = hada_fitter_load_sums(fitter, sums, err);
-    for (int z = 0; !status && z < JOB_DEPTHS; z++)
-        status = hada_fitter_score(fitter, z, &job->frame[z][0], &job->scene[z][0], err);
-    if (!status)
-        status = hada_fitter_finish(fitter, model, &scores, err);
-    for (size_t i = 0; (row = hada_fit_scores_filter(scores, i)); i++)
-        fault_add(job, row, sizeof *row);
-    hada_fit_scores_destroy(&scores);
+    for (int z = 0; z < JOB_DEPTHS; z++) {
+        firsts[0][z] = job->frame[z][0];
+        firsts[1][z] = job->scene[z][0];
+    }
+    HADA_TRY_OR_DONE(
+        hada_dataset_from_images(&pairs, JOB_DEPTHS, distances, counts, job->frame[0], job->scene[0], err));
+    HADA_TRY_OR_DONE(hada_dataset_from_images(&first, JOB_DEPTHS, distances, scored, firsts[0], firsts[1], err));
+    HADA_TRY_OR_DONE(hada_fitter_create(&fitter, context, &options, err));
+    HADA_TRY_OR_DONE(hada_fitter_add(fitter, pairs, err));
+    if (sums) {
+        HADA_TRY_OR_DONE(hada_fitter_save_sums(fitter, sums, err));
+        HADA_TRY_OR_DONE(hada_fitter_load_sums(fitter, sums, err));
+    }
+    HADA_TRY_OR_DONE(hada_fitter_finish(fitter, first, model, err));
+    for (const hada_fit_filter_score *const *row = hada_fitter_get_info(fitter)->scores->filters; *row; row++)
+        fault_add(job, *row, sizeof **row);
+done:
     hada_fitter_destroy(&fitter);
+    hada_dataset_destroy(&pairs);
+    hada_dataset_destroy(&first);
     return status;
 }
 

@@ -39,8 +39,11 @@ static hada_status learn(fault_job *job, const hada_dataset *data, hada_model **
     char sums[LONGEST];
     hada_fit_task task;
     snprintf(sums, sizeof sums, "%s/task.sums", job->folder);
+    hada_fit_options options;
+    hada_fit_options_init(&options);
     hada_fit_task_init(&task);
-    task.leave_one_out = 0;
+    options.leave_one_out = 0;
+    task.fit = &options;
     task.boundary = HADA_BOUNDARY_CIRCULAR;
     task.save_sums = sums;
     HADA_TRY(hada_fit_run(model, NULL, job->context, data, &task, err));

@@ -64,10 +64,11 @@ static hada_status train(fault_job *job, hada_context *const *contexts, int coun
                          const hada_net *net, const char *path, hada_error *err)
 {
     static const int counts[JOB_DEPTHS] = {JOB_PAIRS, JOB_PAIRS};
-    const hada_pairs pairs = {sizeof pairs, JOB_DEPTHS, counts, read_pair, job};
+    static const double distances[JOB_DEPTHS] = {100.0, 200.0};
+    hada_dataset *pairs = NULL;
     hada_train_options options;
     hada_augment augment;
-    hada_trainer *trainer;
+    hada_trainer *trainer = NULL;
     hada_train_options_init(&options, stage);
     options.net_given = net;
     options.compose = stage == HADA_STAGE_JOINT ? 0.0 : 0.5;
@@ -75,10 +76,13 @@ static hada_status train(fault_job *job, hada_context *const *contexts, int coun
     hada_augment_init(&augment);
     augment.noise = stage == HADA_STAGE_JOINT ? 0.01 : 0.0;
     options.augment = &augment;
-    hada_status status = hada_trainer_create(&trainer, contexts, count, job->model, &pairs, &pairs, &options, err);
+    hada_status status = hada_dataset_create(&pairs, JOB_DEPTHS, distances, counts, read_pair, job, NULL, err);
+    if (!status)
+        status = hada_trainer_create(&trainer, contexts, count, job->model, pairs, pairs, &options, err);
     if (!status)
         status = use(job, trainer, path, err);
     hada_trainer_destroy(&trainer);
+    hada_dataset_destroy(&pairs);
     return status;
 }
 

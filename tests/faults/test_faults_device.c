@@ -114,16 +114,15 @@ TEST(tiny_pieces_of_memory_are_refused_with_sizes)
 }
 
 /* A fitter whose end tries refinement on the pairs. */
-static void make_fitter(hada_fitter **fitter, const fault_job *job, hada_context *context)
+static void make_fitter(hada_fitter **fitter, hada_dataset **pairs, const fault_job *job, hada_context *context)
 {
-    const hada_fit_options options = fault_fit_options();
+    static const int counts[JOB_DEPTHS] = {JOB_PAIRS, JOB_PAIRS};
+    hada_fit_options options = fault_fit_options();
+    options.outside = 1.0;
     ASSERT_OK(hada_fitter_create(fitter, context, &options, err));
-    for (int pass = 0; pass < 2; pass++)
-        for (int k = 0; k < JOB_DEPTHS * JOB_PAIRS; k++) {
-            const int z = k / JOB_PAIRS, i = k % JOB_PAIRS;
-            ASSERT_OK(pass ? hada_fitter_score(*fitter, z, &job->frame[z][i], &job->scene[z][i], err)
-                           : hada_fitter_add(*fitter, z, &job->frame[z][i], &job->scene[z][i], err));
-        }
+    ASSERT_OK(
+        hada_dataset_from_images(pairs, JOB_DEPTHS, options.distances_mm, counts, job->frame[0], job->scene[0], err));
+    ASSERT_OK(hada_fitter_add(*fitter, *pairs, err));
 }
 
 static int untried;
@@ -150,12 +149,13 @@ TEST(a_fit_goes_on_without_its_trial_for_want_of_memory_alone)
     hada_context_options options;
     hada_context *context;
     hada_fitter *fitter;
+    hada_dataset *pairs;
     hada_model *tried, *model;
     hada_context_options_init(&options);
     options.log = hear;
     ASSERT_OK(hada_context_create(&context, &options, err));
-    make_fitter(&fitter, *state, context);
-    ASSERT_OK(hada_fitter_finish(fitter, &tried, NULL, err));
+    make_fitter(&fitter, &pairs, *state, context);
+    ASSERT_OK(hada_fitter_finish(fitter, pairs, &tried, err));
     assert_int_equal(untried, 0);
     for (int kind = 0; kind < 2; kind++) {
         int gone_on = 0, failed = 0, reached = 1;
@@ -163,7 +163,7 @@ TEST(a_fit_goes_on_without_its_trial_for_want_of_memory_alone)
             hada_error error = {0};
             untried = 0;
             fault_lose(&(fault_device_loss){context->cl, n, 1, codes[kind]});
-            const hada_status status = hada_fitter_finish(fitter, &model, NULL, &error);
+            const hada_status status = hada_fitter_finish(fitter, pairs, &model, &error);
             fault_lose(NULL);
             failed += status != HADA_OK;
             gone_on += untried;
@@ -178,6 +178,7 @@ TEST(a_fit_goes_on_without_its_trial_for_want_of_memory_alone)
     }
     hada_model_destroy(&tried);
     hada_fitter_destroy(&fitter);
+    hada_dataset_destroy(&pairs);
     assert_int_equal(hada_context_bytes(context), 0);
     hada_context_destroy(&context);
 }

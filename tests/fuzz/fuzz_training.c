@@ -19,6 +19,7 @@ static struct {
     hada_model *model;
     hada_net *net;
     hada_trainer *trainer;
+    hada_dataset *pairs;
 } fixed;
 
 static void must(hada_status status, const hada_error *err)
@@ -38,6 +39,7 @@ static hada_status no_pair(void *user, int depth, int pair, hada_image *raw, had
 static void end(void)
 {
     hada_trainer_destroy(&fixed.trainer);
+    hada_dataset_destroy(&fixed.pairs);
     hada_net_destroy(&fixed.net);
     hada_model_destroy(&fixed.model);
     hada_context_destroy(&fixed.context);
@@ -48,16 +50,17 @@ static void end(void)
 void fuzz_checkpoint_begin(void)
 {
     static const int counts[DEPTHS] = {1, 1};
-    static const hada_pairs pairs = {sizeof pairs, DEPTHS, counts, no_pair, NULL};
+    static const double distances[DEPTHS] = {1.0, 2.0};
     hada_train_options options;
     hada_error err = {0};
     hada_train_options_init(&options, HADA_STAGE_JOINT);
     must(hada_context_create(&fixed.context, NULL, &err), &err);
     must(hada_model_load(&fixed.model, FUZZ_CORPUS "/model/small", &err), &err);
+    must(hada_dataset_create(&fixed.pairs, DEPTHS, distances, counts, no_pair, NULL, NULL, &err), &err);
     must(hada_net_create(&fixed.net, list, 1, &err), &err);
     options.net_given = fixed.net;
     options.batch = 1;
-    must(hada_trainer_create(&fixed.trainer, &fixed.context, 1, fixed.model, &pairs, NULL, &options, &err), &err);
+    must(hada_trainer_create(&fixed.trainer, &fixed.context, 1, fixed.model, fixed.pairs, NULL, &options, &err), &err);
     const char *save = getenv("FUZZ_CHECKPOINT"); /* makes the corpus' first input anew */
     if (save)
         must(hada_trainer_save(fixed.trainer, save, &err), &err);

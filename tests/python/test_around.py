@@ -151,10 +151,6 @@ def test_register(camera: Path, design: hadalens.Camera) -> None:
     exact = hadalens.Registration(quarter_turns=2)
     np.testing.assert_array_equal(exact.apply(scenes[0][:, ::-1, ::-1]), scenes[0])
     assert exact.size(10, 20) == (10, 20)
-    psf, pitch = hadalens.register_psf(raws, scenes, hadalens.Registration())
-    assert psf.ndim == 2
-    assert pitch >= 1
-    assert len(hadalens.register_offset(psf, psf, pitch)) == 4
     depths = hadalens.register_dataset(data)
     assert len(depths) == design.depths
     assert depths[0].found.quarter_turns == 0

@@ -217,7 +217,7 @@ def test_ctrl_c_ends_what_asks_nothing_else(what: str, camera: Path) -> None:
         fitter.score(0, raw, scene)
     work: dict[str, Callable[[], Any]] = {
         "finish": fitter.finish,
-        "learn": lambda: fitter.learn_cropped(lambda _, pair: pairs[pair]),
+        "learn": lambda: fitter.finish(lambda _, pair: pairs[pair]),
         "register": lambda: hadalens.register(*zip(*pairs, strict=True)),
     }
 

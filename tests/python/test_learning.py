@@ -140,6 +140,9 @@ def test_fitter(arrays: Pairs, tmp_path: Path) -> None:
     model = whole.finish()
     np.testing.assert_allclose(merged.finish().filters, model.filters, atol=1e-4)
     whole.score(0, *arrays[distances[0]][0])
+    report = whole.finish().fit_report
+    assert report is not None
+    assert len(report.filters) == 10
     shown: list[tuple[int, int]] = []
 
     def show(depth: int, pair: int) -> tuple[Array, Array]:
@@ -148,6 +151,7 @@ def test_fitter(arrays: Pairs, tmp_path: Path) -> None:
 
     judged = whole.finish(show)
     assert judged.fit_report is not None
+    assert shown
     assert judged.info.depths == 4
 
 
@@ -174,17 +178,13 @@ def test_fitter_of_a_sensor_that_crops(arrays: Pairs) -> None:
     fitter = hadalens.Fitter([distance], (96, 128), window=(48, 48), channels=3, boundary="padded", crop_passes=3)
     for raw, scene in arrays[distance]:
         fitter.add(0, raw, scene)
-    fitter.learn_cropped(lambda _, pair: arrays[distance][pair])
-    fitter.score(0, *arrays[distance][0])
-    fitter.learn_windowed(lambda _, pair: arrays[distance][pair])
-    assert fitter.finish().info.boundary == "padded"
+    assert fitter.finish(lambda _, pair: arrays[distance][pair]).info.boundary == "padded"
 
     def broken(depth: int, pair: int) -> tuple[Array, Array]:
         raise LookupError(f"{depth}, {pair}")
 
-    fitter.add(0, *arrays[distance][0])  # what was found is discarded
     with pytest.raises(LookupError):
-        fitter.learn_cropped(broken)
+        fitter.finish(broken)
 
 
 def test_boundary_is_found(data: hadalens.Dataset) -> None:

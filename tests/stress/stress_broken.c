@@ -4,6 +4,7 @@
 #include <hadalens/metrics.h>
 #include <hadalens/reconstruct.h>
 
+#include "fit/fitter.h"
 #include "model/model.h"
 #include "planes/maker.h"
 #include "stress.h"
@@ -112,9 +113,9 @@ static void broken_pairs(const scene *s)
     frame.data[1] = NAN;
     window.data[1] = INFINITY;
     stress_none("B1",
-                (hada_fitter_add(fitter, 0, &frame, &s->window, &error) != HADA_ERROR_NOT_FINITE) +
-                    (hada_fitter_add(fitter, 0, &s->frame, &window, &error) != HADA_ERROR_NOT_FINITE) +
-                    (size_t)hada_fitter_pairs(fitter, 0),
+                (hada_fitter_add_pair(fitter, 0, &frame, &s->window, &error) != HADA_ERROR_NOT_FINITE) +
+                    (hada_fitter_add_pair(fitter, 0, &s->frame, &window, &error) != HADA_ERROR_NOT_FINITE) +
+                    (size_t)hada_fitter_get_info(fitter)->pairs[0],
                 "a pair with NaN or infinity: not refused, or counted");
     hada_fitter_destroy(&fitter);
     hada_image_destroy(&frame);
@@ -200,9 +201,9 @@ static void too_large(const scene *s)
         options.lambda = 1e-3;
         options.refine_steps = 0;
         ASSERT_OK(hada_fitter_create(&fitter, s->device.context, &options, err));
-        hada_status status = hada_fitter_add(fitter, 0, &frame, &s->frame, &error);
+        hada_status status = hada_fitter_add_pair(fitter, 0, &frame, &s->frame, &error);
         if (!status)
-            status = hada_fitter_finish(fitter, &model, NULL, &error);
+            status = hada_fitter_finish(fitter, NULL, &model, &error);
         /* a filter that is black passes for finite: of a scene it must leave something */
         stress_none("B2",
                     status ? status != HADA_ERROR_NUMERIC : !(model->filter[0] != 0.0f && isfinite(model->info.noise)),

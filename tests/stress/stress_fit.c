@@ -3,6 +3,7 @@
 
 #include "camera_small.h"
 #include "fft/fft.h"
+#include "fit/fitter.h"
 #include "model/model.h"
 #include "ref/ref_filter.h"
 #include "ref/ref_fit.h"
@@ -156,11 +157,11 @@ static void fit(const stress_device *device, pair_kind kind, int64_t pairs, cons
         ASSERT_OK(hada_fitter_create(&fitter, device->context, &options, err));
         for (int64_t i = 0; i < pairs; i++) {
             fill_pair(kind, i, &raw, &scene);
-            ASSERT_OK(hada_fitter_add(fitter, 0, &raw, &scene, err));
+            ASSERT_OK(hada_fitter_add_pair(fitter, 0, &raw, &scene, err));
             if (!k)
                 set_add(&s, &raw, &scene);
         }
-        ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, err));
+        ASSERT_OK(hada_fitter_finish(fitter, NULL, &model, err));
         filter_row(&s, model, lambdas[k], pairs, what);
         if (!k)
             transfer_row(&s, model, pairs, what);

@@ -4,6 +4,7 @@
 
 #include "camera_small.h"
 #include "fft/fft.h"
+#include "fit/fitter.h"
 #include "model/model.h"
 #include "ref/ref_filter.h"
 #include "stress.h"
@@ -160,14 +161,14 @@ static void fit_and_run(const stress_device *device, int power, hada_result *res
             hada_image frame = small_frame(&psf, &scene, 0, 0.01, seed);
             for (size_t k = 0; k < hada_image_count(&frame); k++)
                 frame.data[k] = ldexpf(frame.data[k], power);
-            ASSERT_OK(hada_fitter_add(fitter, z, &frame, &scene, err));
+            ASSERT_OK(hada_fitter_add_pair(fitter, z, &frame, &scene, err));
             hada_image_destroy(&scene);
             hada_image_destroy(&last);
             last = frame;
         }
         hada_image_destroy(&psf);
     }
-    ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, err));
+    ASSERT_OK(hada_fitter_finish(fitter, NULL, &model, err));
     hada_plan_options_init(&plan_options);
     plan_options.refine = 6;
     plan_options.occupied = HADA_OCCUPIED_ALL;

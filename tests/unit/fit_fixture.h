@@ -98,7 +98,21 @@ static inline void add_all(fixture *f, hada_fitter *fitter, int depths, int firs
 {
     for (int z = 0; z < depths; z++)
         for (int i = first; i < last; i++)
-            ASSERT_OK(hada_fitter_add(fitter, z, &f->frame[z][i], &f->scene[z][i], err));
+            ASSERT_OK(hada_fitter_add_pair(fitter, z, &f->frame[z][i], &f->scene[z][i], err));
+}
+
+/* The pairs of the fixture as a data set; of each depth `pairs`. */
+static inline hada_dataset *data_of(fixture *f, int pairs)
+{
+    const int counts[DEPTHS] = {pairs, pairs, pairs};
+    static hada_image raws[DEPTHS * PAIRS], scenes[DEPTHS * PAIRS];
+    hada_dataset *data;
+    for (int k = 0; k < DEPTHS * pairs; k++) {
+        raws[k] = f->frame[k / pairs][k % pairs];
+        scenes[k] = f->scene[k / pairs][k % pairs];
+    }
+    ASSERT_OK(hada_dataset_from_images(&data, DEPTHS, distances, counts, raws, scenes, err));
+    return data;
 }
 
 #endif

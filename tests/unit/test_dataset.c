@@ -9,7 +9,7 @@
 #include <tiffio.h>
 #include <unistd.h>
 
-#include "tasks/fit_store.h"
+#include "dataset/dataset.h"
 #include "testing.h"
 
 static char root[200], set[240];
@@ -105,11 +105,11 @@ TEST(depths_stand_near_to_far_and_pairs_by_name)
     assert_true(info->pairs == 5 && info->least_pairs == 1 && info->incomplete == 0);
     assert_string_equal(info->incomplete_text, "");
     assert_true(!info->psf && !info->camera);
-    assert_string_equal(hada_dataset_folder(data, 2), at("z1e3mm"));
-    assert_string_equal(hada_dataset_raw_path(data, 1, 0), at("z100mm/raw/a.tif"));
-    assert_string_equal(hada_dataset_scene_path(data, 1, 1), at("z100mm/scene/b.tif"));
-    assert_string_equal(hada_dataset_raw_path(data, 2, 1), at("z1e3mm/raw/last.TIFF"));
-    assert_string_equal(hada_dataset_scene_path(data, 2, 1), at("z1e3mm/scene/last.tif"));
+    assert_string_equal(hada_dataset_get_info(data)->folders[2], at("z1e3mm"));
+    assert_string_equal(hada_dataset_get_info(data)->files[1][0].raw, at("z100mm/raw/a.tif"));
+    assert_string_equal(hada_dataset_get_info(data)->files[1][1].scene, at("z100mm/scene/b.tif"));
+    assert_string_equal(hada_dataset_get_info(data)->files[2][1].raw, at("z1e3mm/raw/last.TIFF"));
+    assert_string_equal(hada_dataset_get_info(data)->files[2][1].scene, at("z1e3mm/scene/last.tif"));
     hada_image raw, scene;
     ASSERT_OK(hada_dataset_read(data, 1, 0, &raw, &scene, err));
     assert_true(raw.data[5] == 2.0f && scene.data[0] == 102.0f && raw.rows == 2 && scene.cols == 3);
@@ -182,7 +182,8 @@ TEST(partners_have_the_same_stem)
         hada_image_destroy(&raw);
         hada_image_destroy(&scene);
         /* in the order of whole names, which decides what is held out */
-        assert_true(!i || strcmp(hada_dataset_raw_path(data, 0, i - 1), hada_dataset_raw_path(data, 0, i)) < 0);
+        assert_true(!i || strcmp(hada_dataset_get_info(data)->files[0][i - 1].raw,
+                                 hada_dataset_get_info(data)->files[0][i].raw) < 0);
     }
     hada_dataset_destroy(&data);
     snprintf(set, sizeof set, "%s/set", root);
@@ -226,9 +227,9 @@ TEST(two_parts_have_every_pair_once)
         assert_true(out[0] == cases[i].near && out[1] == cases[i].far);
         assert_true(kept[0] == 5 - out[0] && kept[1] == 2 - out[1]);
         for (int pair = 0; pair < 5; pair++)
-            assert_string_equal(pair < kept[0] ? hada_dataset_raw_path(learn, 0, pair)
-                                               : hada_dataset_raw_path(held, 0, pair - kept[0]),
-                                hada_dataset_raw_path(data, 0, pair));
+            assert_string_equal(pair < kept[0] ? hada_dataset_get_info(learn)->files[0][pair].raw
+                                               : hada_dataset_get_info(held)->files[0][pair - kept[0]].raw,
+                                hada_dataset_get_info(data)->files[0][pair].raw);
         hada_dataset_destroy(&learn);
         hada_dataset_destroy(&held);
     }
@@ -298,17 +299,17 @@ static hada_status read_callers(void *user, int depth, int pair, hada_image *raw
 TEST(callers_give_pairs)
 {
     const double distances[] = {100.0, 250.5}, wrong[] = {250.5, 100.0};
-    const int counts[] = {3, 4}, none[] = {3, 0};
+    const int counts[] = {3, 4}, none[] = {3, -1};
     int forgotten = -1;
     hada_dataset *data, *learn, *held;
     hada_image raw, scene;
     hada_error failure;
-    ASSERT_OK(hada_dataset_create(&data, 2, distances, counts, read_callers, &forgotten, err));
+    ASSERT_OK(hada_dataset_create(&data, 2, distances, counts, read_callers, &forgotten, NULL, err));
     const hada_dataset_info *info = hada_dataset_get_info(data);
     assert_int_equal(info->pairs, 7);
     assert_int_equal(info->least_pairs, 3);
     assert_true(info->distances_mm[1] == 250.5);
-    assert_string_equal(hada_dataset_scene_path(data, 1, 2), "z250.5mm/scene/2");
+    assert_string_equal(hada_dataset_get_info(data)->files[1][2].scene, "z250.5mm/scene/2");
     ASSERT_OK(hada_dataset_split(data, 1.0, &learn, &held, err));
     ASSERT_OK(hada_dataset_read(held, 1, 0, &raw, &scene, err));
     assert_true(raw.data[0] == 1.0f && scene.data[0] == 3.0f); /* the last one keeps its number */
@@ -321,47 +322,100 @@ TEST(callers_give_pairs)
     hada_dataset_destroy(&held);
     hada_dataset_destroy(&data);
 
-    assert_int_equal(hada_dataset_create(&data, 2, wrong, counts, read_callers, NULL, &failure), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_dataset_create(&data, 2, distances, none, read_callers, NULL, &failure), HADA_ERROR_DATASET);
-    assert_int_equal(hada_dataset_create(&data, 2, distances, counts, NULL, NULL, &failure), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_dataset_create(&data, 2, wrong, counts, read_callers, NULL, NULL, &failure),
+                     HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_dataset_create(&data, 2, distances, none, read_callers, NULL, NULL, &failure),
+                     HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_dataset_create(&data, 2, distances, counts, NULL, NULL, NULL, &failure), HADA_ERROR_ARGUMENT);
     assert_null(data);
 }
 
-/* The passes of a fit read a pair once while there is room, and again where there is none. */
+/* A pair is read once while there is room, and again where there is none. */
 TEST(pairs_are_read_once)
 {
-    hada_dataset *data;
-    hada_fit_store store;
-    hada_fit_loan loan;
+    hada_dataset *data, *learn, *held;
+    hada_dataset_options options;
+    hada_pair pair, again;
     hada_error failure;
     hada_folder_remove(set);
     put_pair("z100mm", "a", 1.0f);
     put_pair("z100mm", "b", 2.0f);
     put_pair("z200mm", "a", 3.0f);
-    ASSERT_OK(hada_dataset_scan(&data, set, NULL, err));
-    ASSERT_OK(hada_fit_store_create(&store, data, err));
-    ASSERT_OK(hada_fit_loan_take(&loan, &store, data, NULL, 1, 0, err));
-    const hada_image *raw = loan.raw;
-    assert_true(loan.raw->data[0] == 3.0f && loan.scene->data[5] == 103.0f);
-    hada_fit_loan_return(&loan);
-    assert_int_equal(unlink(at("z200mm/raw/a.tif")), 0); /* is not looked at any more */
-    ASSERT_OK(hada_fit_loan_take(&loan, &store, data, NULL, 1, 0, err));
-    assert_true(loan.raw == raw && loan.raw->data[0] == 3.0f && loan.scene->data[5] == 103.0f);
-    hada_fit_loan_return(&loan);
-    store.room = 2 * 6 * sizeof(float) - 1; /* a byte too little for a pair */
+    put_pair("z200mm", "b", 4.0f);
+    hada_dataset_options_init(&options);
+    options.cache_bytes = 2 * 2 * 6 * sizeof(float) - 1; /* a byte too little for a second pair */
+    ASSERT_OK(hada_dataset_scan(&data, set, &options, err));
+    ASSERT_OK(hada_pair_take(&pair, data, 1, 0, err));
+    assert_true(pair.raw->data[0] == 3.0f && pair.scene->data[5] == 103.0f && !pair.own.raw.data);
+    assert_int_equal(unlink(at("z200mm/raw/a.tif")), 0); /* is not looked at any more, by parts neither */
+    ASSERT_OK(hada_dataset_split(data, 1, &learn, &held, err));
+    ASSERT_OK(hada_pair_take(&again, learn, 1, 0, err));
+    assert_true(again.raw == pair.raw && again.scene == pair.scene);
+    hada_pair_return(&pair);
+    hada_pair_return(&again);
+    hada_dataset_destroy(&data); /* its parts keep what they share */
     for (int i = 0; i < 2; i++) {
-        ASSERT_OK(hada_fit_loan_take(&loan, &store, data, NULL, 0, i, err));
-        assert_true(loan.raw->data[0] == 1.0f + (float)i && loan.raw == &loan.own.raw);
-        hada_fit_loan_return(&loan);
+        ASSERT_OK(hada_pair_take(&pair, i ? held : learn, 0, 0, err));
+        assert_true(pair.raw->data[0] == 1.0f + (float)i && pair.raw == &pair.own.raw);
+        hada_pair_return(&pair);
     }
-    ASSERT_OK(hada_fit_loan_take(&loan, NULL, data, NULL, 0, 1, err));
-    assert_true(loan.raw->data[0] == 2.0f);
-    hada_fit_loan_return(&loan);
     assert_int_equal(unlink(at("z100mm/raw/b.tif")), 0);
-    assert_int_not_equal(hada_fit_loan_take(&loan, &store, data, NULL, 0, 1, &failure), HADA_OK);
-    hada_fit_loan_return(&loan);
-    hada_fit_store_free(&store);
+    assert_int_not_equal(hada_pair_take(&pair, held, 0, 0, &failure), HADA_OK);
+    hada_dataset_destroy(&learn);
+    hada_dataset_destroy(&held);
+}
+
+/* What a thread reads ahead is what is taken, and an error of it comes with its pair. */
+TEST(pairs_are_read_ahead)
+{
+    hada_dataset *data;
+    hada_dataset_options options;
+    hada_pair pair;
+    hada_error failure;
+    hada_folder_remove(set);
+    for (char name[] = "a"; *name <= 'f'; (*name)++)
+        put_pair("z100mm", name, (float)(*name - 'a'));
+    hada_dataset_options_init(&options);
+    for (int room = 0; room < 2; room++) {
+        options.cache_bytes = room ? 1000000 : 0;
+        ASSERT_OK(hada_dataset_scan(&data, set, &options, err));
+        assert_int_equal(rename(at("z100mm/raw/e.tif"), at("z100mm/hidden")), 0);
+        for (int i = 0; i < 6; i++) {
+            if (i < 5)
+                hada_pair_expect(data, 0, i + 1);
+            const hada_status status = hada_pair_take(&pair, data, 0, i, &failure);
+            assert_int_equal(status, i == 4 ? HADA_ERROR_FILE_OPEN : HADA_OK);
+            assert_true(status ? strstr(failure.message, "raw/e.tif") != NULL : pair.raw->data[0] == (float)i);
+            hada_pair_return(&pair);
+        }
+        hada_pair_expect(data, 0, 0); /* and is never taken */
+        hada_dataset_destroy(&data);
+        assert_int_equal(rename(at("z100mm/hidden"), at("z100mm/raw/e.tif")), 0);
+    }
+}
+
+/* Images in memory are used where they are. */
+TEST(images_are_not_copied)
+{
+    const double distances[] = {100.0, 250.0};
+    const int counts[] = {1, 2};
+    hada_image raws[3], scenes[3];
+    hada_dataset *data;
+    hada_pair pair;
+    for (int i = 0; i < 3; i++) {
+        ASSERT_OK(hada_image_create(&raws[i], 1, 4, 5, err));
+        ASSERT_OK(hada_image_create(&scenes[i], 1, 2, 3, err));
+    }
+    ASSERT_OK(hada_dataset_from_images(&data, 2, distances, counts, raws, scenes, err));
+    assert_int_equal(hada_dataset_get_info(data)->has_files, 0);
+    ASSERT_OK(hada_pair_take(&pair, data, 1, 1, err));
+    assert_true(pair.raw == &raws[2] && pair.scene == &scenes[2]);
+    hada_pair_return(&pair);
     hada_dataset_destroy(&data);
+    for (int i = 0; i < 3; i++) {
+        hada_image_destroy(&raws[i]);
+        hada_image_destroy(&scenes[i]);
+    }
 }
 
 FIXTURE_OF_EACH(begin, end)

@@ -102,7 +102,7 @@ TEST(filters_agree_with_the_reference)
         hada_model *model;
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         add_all(f, fitter, DEPTHS, 0, PAIRS);
-        ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, err));
+        ASSERT_OK(hada_fitter_finish(fitter, NULL, &model, err));
         reference r = reference_make(f, fitter);
         double *expected = malloc(r.plane * 2 * sizeof *expected);
         for (int z = 0; z < DEPTHS; z++)
@@ -148,7 +148,7 @@ TEST(scores_agree_with_brute_force)
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         add_all(f, fitter, DEPTHS, 0, PAIRS);
         reference r = reference_make(f, fitter);
-        ASSERT_OK(hada_fitter_score(fitter, z, &f->frame[z][held], &f->scene[z][held], err));
+        ASSERT_OK(hada_fit_score_pair(fitter, z, held, &f->frame[z][held], &f->scene[z][held], err));
         assert_int_equal(fitter->scores.distinct, 10);
         for (int s = 0; s < fitter->scores.setting_count; s++) {
             double own = 0.0, leak = 0.0;
@@ -180,41 +180,65 @@ TEST(the_table_marks_the_best_row)
 {
     fixture *f = *state;
     hada_fit_options options = usual(DEPTHS, HADA_FORM_COMPLEX);
+    hada_dataset *data = data_of(f, PAIRS);
     hada_fitter *fitter;
     hada_model *model;
-    hada_fit_scores *scores;
     const hada_fit_filter_score *row, *other;
     size_t count, chosen = 0;
+    options.outside = 1.0;
     ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
-    add_all(f, fitter, DEPTHS, 0, PAIRS);
-    for (int z = 0; z < DEPTHS; z++)
-        for (int i = 0; i < PAIRS; i++)
-            ASSERT_OK(hada_fitter_score(fitter, z, &f->frame[z][i], &f->scene[z][i], err));
-    ASSERT_OK(hada_fitter_finish(fitter, &model, &scores, err));
-    for (count = 0; (row = hada_fit_scores_filter(scores, count)); count++) {
+    ASSERT_OK(hada_fitter_add(fitter, data, err));
+    ASSERT_OK(hada_fitter_finish(fitter, data, &model, err));
+    const hada_fit_scores *scores = hada_fitter_get_info(fitter)->scores;
+    for (count = 0; (row = scores->filters[count]); count++) {
         assert_true(isfinite(row->psnr_single) && row->psnr_single > row->psnr_double);
         if (row->chosen) {
             chosen++;
             assert_true(model->info.alpha == row->alpha && model->info.lambda == row->lambda);
-            for (size_t k = 0; (other = hada_fit_scores_filter(scores, k)); k++)
+            for (size_t k = 0; (other = scores->filters[k]); k++)
                 assert_true(other->psnr_single + other->psnr_double <= row->psnr_single + row->psnr_double);
         }
     }
     assert_int_equal(count, 10);
-    assert_null(hada_fit_scores_outside(scores, 0));
-    assert_null(hada_fit_scores_refinement(scores, 0));
+    assert_null(scores->outsides[0]);
+    assert_null(scores->refinements[0]);
     assert_int_equal(chosen, 1);
-    /* more pairs make the scores stale: without new ones the defaults serve */
-    ASSERT_OK(hada_fitter_add(fitter, 0, &f->frame[0][0], &f->scene[0][0], err));
-    hada_fit_scores_destroy(&scores);
-    assert_null(scores);
+    /* without pairs to leave out the defaults are taken */
     hada_model_destroy(&model);
-    ASSERT_OK(hada_fitter_finish(fitter, &model, &scores, err));
-    assert_null(hada_fit_scores_filter(scores, 0));
-    hada_fit_scores_destroy(&scores);
+    ASSERT_OK(hada_fitter_finish(fitter, NULL, &model, err));
+    assert_null(hada_fitter_get_info(fitter)->scores->filters[0]);
     assert_true(model->info.lambda == HADA_FIT_LAMBDA && model->info.alpha == HADA_FIT_ALPHA);
     hada_model_destroy(&model);
     hada_fitter_destroy(&fitter);
+    hada_dataset_destroy(&data);
+}
+
+/* Depths of a data set are found by their distances; what does not belong to the fit is refused. */
+TEST(data_sets_must_fit)
+{
+    fixture *f = *state;
+    const hada_fit_options options = usual(DEPTHS, HADA_FORM_COMPLEX);
+    const double other = 150.0;
+    const int counts[] = {PAIRS};
+    hada_dataset *all = data_of(f, PAIRS), *one, *foreign;
+    hada_fitter *fitter;
+    hada_model *model;
+    hada_error error = {0};
+    ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
+    ASSERT_OK(hada_dataset_from_images(&one, 1, &distances[1], counts, f->frame[1], f->scene[1], err));
+    ASSERT_OK(hada_dataset_from_images(&foreign, 1, &other, counts, f->frame[1], f->scene[1], err));
+    ASSERT_OK(hada_fitter_add(fitter, one, err));
+    const int64_t *pairs = hada_fitter_get_info(fitter)->pairs;
+    assert_true(pairs[0] == 0 && pairs[1] == PAIRS && pairs[2] == 0);
+    assert_int_equal(hada_fitter_add(fitter, foreign, &error), HADA_ERROR_ARGUMENT);
+    assert_non_null(strstr(error.message, "150 mm"));
+    assert_int_equal(hada_fitter_finish(fitter, one, &model, &error), HADA_ERROR_STATE);
+    assert_int_equal(hada_fitter_finish(fitter, all, &model, &error), HADA_ERROR_STATE);
+    assert_non_null(strstr(error.message, "only 0 are in the sums"));
+    hada_fitter_destroy(&fitter);
+    hada_dataset_destroy(&all);
+    hada_dataset_destroy(&one);
+    hada_dataset_destroy(&foreign);
 }
 
 /* Without noise the filter of a circular camera inverts it: W H = 1 wherever scenes had light. */
@@ -232,11 +256,11 @@ TEST(a_camera_without_noise_is_recovered)
         for (int i = 0; i < pairs; i++) {
             hada_image scene = small_scene(CHANNELS, ROWS, COLS, (uint64_t)(50 + i));
             hada_image frame = small_frame(&f->psf[0], &scene, 0, 0.0, 0);
-            ASSERT_OK(hada_fitter_add(fitter, 0, &frame, &scene, err));
+            ASSERT_OK(hada_fitter_add_pair(fitter, 0, &frame, &scene, err));
             hada_image_destroy(&scene);
             hada_image_destroy(&frame);
         }
-        ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, err));
+        ASSERT_OK(hada_fitter_finish(fitter, NULL, &model, err));
         double worst = 0.0;
         for (size_t k = 0; k < hada_model_plane(model) * CHANNELS; k++) {
             const float *w = model->filter + 2 * k, *h = model->otf + 2 * k;
@@ -271,12 +295,12 @@ TEST(point_spread_functions_are_nowhere_negative)
             for (size_t k = 0; k + 1 < hada_image_count(&scene); k++)
                 scene.data[k] = 0.5f * (scene.data[k] + scene.data[k + 1]);
             hada_image frame = small_frame(&f->psf[0], &scene, 0, 0.02, (uint64_t)i + 1);
-            ASSERT_OK(hada_fitter_add(fitter, 0, &frame, &scene, err));
+            ASSERT_OK(hada_fitter_add_pair(fitter, 0, &frame, &scene, err));
             hada_image_destroy(&scene);
             hada_image_destroy(&frame);
         }
         const uint64_t held = hada_context_bytes(f->context);
-        ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, err));
+        ASSERT_OK(hada_fitter_finish(fitter, NULL, &model, err));
         assert_int_equal(hada_context_bytes(f->context), held);
         error[nonnegative] = small_distance(model->otf, truth, hada_model_plane(model) * 2);
         hada_model_destroy(&model);

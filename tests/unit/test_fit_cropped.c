@@ -1,5 +1,6 @@
 /* Transfer functions where the sensor crops: against the double reference, nearer to the truth than one pass, the same
  * bits whether pairs stay on the device, and what is refused. */
+#include <hadalens/scene.h>
 #include <string.h>
 
 #include "camera_small.h"
@@ -147,25 +148,44 @@ static hada_fitter *fitter_of(fixture *f, hada_boundary boundary, int passes, in
     ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
     for (int z = 0; z < DEPTHS; z++)
         for (int i = 0; i < PAIRS; i++)
-            ASSERT_OK(hada_fitter_add(fitter, z, &f->frame[z][i], &f->scene[z][i], err));
+            ASSERT_OK(hada_fitter_add_pair(fitter, z, &f->frame[z][i], &f->scene[z][i], err));
     return fitter;
 }
 
 typedef struct shower {
     fixture *f;
-    int shown, swap; /* swap: shows another pair in the first one's place */
+    int shown, swap; /* swap: another pair in the first one's place */
 } shower;
 
-static hada_status show(void *user, int depth, int64_t pair, const hada_image **raw, const hada_image **scene,
-                        hada_error *err)
+static hada_status read_pair(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *error)
 {
     shower *at = user;
-    (void)err;
+    (void)error;
     at->shown++;
-    const int64_t number = at->swap && pair == 0 ? 1 : pair;
-    *raw = &at->f->frame[depth][number];
-    *scene = &at->f->scene[depth][number];
+    const int number = at->swap && pair == 0 ? 1 : pair;
+    ASSERT_OK(hada_image_crop(raw, &at->f->frame[depth][number], 0, 0, ROWS, COLS, err));
+    ASSERT_OK(hada_image_crop(scene, &at->f->scene[depth][number], 0, 0, WINDOW, WINDOW, err));
     return HADA_OK;
+}
+
+/* A data set that keeps nothing, so that every look at a pair reads it. */
+static hada_dataset *shown_by(shower *at, int pairs)
+{
+    const int counts[DEPTHS] = {pairs, pairs};
+    hada_dataset_options options;
+    hada_dataset *data;
+    hada_dataset_options_init(&options);
+    options.cache_bytes = 0;
+    ASSERT_OK(hada_dataset_create(&data, DEPTHS, distances, counts, read_pair, at, &options, err));
+    return data;
+}
+
+static hada_status learn_cropped(hada_fitter *fitter, shower *at, hada_error *error)
+{
+    hada_dataset *data = shown_by(at, PAIRS);
+    const hada_status status = hada_fit_learn_cropped(fitter, data, error);
+    hada_dataset_destroy(&data);
+    return status;
 }
 
 /* The truth of a depth and channel on the grid of a fit. */
@@ -200,8 +220,8 @@ static hada_model *learn(fixture *f, int passes, double *error, int *shown)
     hada_fitter *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, passes, 0);
     hada_model *model;
     shower at = {.f = f};
-    ASSERT_OK(hada_fitter_learn_cropped(fitter, show, &at, err));
-    ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, err));
+    ASSERT_OK(learn_cropped(fitter, &at, err));
+    ASSERT_OK(hada_fit_solve(fitter, &model, err));
     if (error)
         *error = error_of(f, &fitter->grid, model);
     if (shown)
@@ -219,9 +239,9 @@ static void learn_on(fixture *f, const hada_fit_options *options, double *error)
     ASSERT_OK(hada_fitter_create(&fitter, f->context, options, err));
     for (int z = 0; z < DEPTHS; z++)
         for (int i = 0; i < PAIRS; i++)
-            ASSERT_OK(hada_fitter_add(fitter, z, &f->frame[z][i], &f->scene[z][i], err));
-    ASSERT_OK(hada_fitter_learn_cropped(fitter, show, &at, err));
-    ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, err));
+            ASSERT_OK(hada_fitter_add_pair(fitter, z, &f->frame[z][i], &f->scene[z][i], err));
+    ASSERT_OK(learn_cropped(fitter, &at, err));
+    ASSERT_OK(hada_fit_solve(fitter, &model, err));
     *error = error_of(f, &fitter->grid, model);
     hada_model_destroy(&model);
     hada_fitter_destroy(&fitter);
@@ -327,7 +347,7 @@ TEST(light_beyond_the_sensor_is_found)
     hada_model_destroy(&model);
 }
 
-/* Passes over pairs that stay on the device show none, and can be stopped all the same. */
+/* Passes over pairs that stay on the device read none, and can be stopped all the same. */
 TEST(passes_can_be_stopped)
 {
     fixture *f = *state;
@@ -337,24 +357,26 @@ TEST(passes_can_be_stopped)
     hada_fitter *fitter;
     hada_model *model, *expected = learn(f, HADA_AUTO, NULL, NULL);
     shower at = {.f = f};
+    hada_dataset *data = shown_by(&at, PAIRS);
     hada_error why;
     options.monitor = &monitor;
+    options.leave_one_out = 0;
     ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
-    for (int z = 0; z < DEPTHS; z++)
-        for (int i = 0; i < PAIRS; i++)
-            ASSERT_OK(hada_fitter_add(fitter, z, &f->frame[z][i], &f->scene[z][i], err));
-    ASSERT_OK(hada_fitter_learn_cropped(fitter, show, &at, err));
-    const int asked = of.asked;
-    assert_true(asked > at.shown);
-    of = (patience){.most = asked / 2};
-    assert_int_equal(hada_fitter_learn_cropped(fitter, show, &at, &why), HADA_ERROR_CANCELLED);
+    ASSERT_OK(hada_fitter_add(fitter, data, err));
     of = (patience){.most = -1};
-    ASSERT_OK(hada_fitter_learn_cropped(fitter, show, &at, err));
-    ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, err));
+    ASSERT_OK(hada_fitter_finish(fitter, data, &model, err));
+    hada_model_destroy(&model);
+    const int asked = of.asked;
+    assert_true(asked > 2 * DEPTHS * PAIRS);
+    of = (patience){.most = asked / 2};
+    assert_int_equal(hada_fitter_finish(fitter, data, &model, &why), HADA_ERROR_CANCELLED);
+    of = (patience){.most = -1};
+    ASSERT_OK(hada_fitter_finish(fitter, data, &model, err));
     assert_memory_equal(model->otf, expected->otf, 2 * hada_model_plane(model) * DEPTHS * CHANNELS * sizeof(float));
     hada_model_destroy(&model);
     hada_model_destroy(&expected);
     hada_fitter_destroy(&fitter);
+    hada_dataset_destroy(&data);
 }
 
 TEST(light_that_stays_costs_little)
@@ -393,22 +415,19 @@ TEST(the_trial_has_transfer_functions_of_its_own)
     fixture *f = *state;
     hada_fitter *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, (int)HADA_AUTO, (int)HADA_AUTO);
     hada_model *model;
-    hada_fit_scores *scores;
     shower at = {.f = f};
-    for (int z = 0; z < DEPTHS; z++)
-        for (int i = 0; i < PAIRS; i++)
-            ASSERT_OK(hada_fitter_score(fitter, z, &f->frame[z][i], &f->scene[z][i], err));
-    ASSERT_OK(hada_fitter_learn_and_finish(fitter, show, &at, &model, &scores, err));
+    hada_dataset *data = shown_by(&at, PAIRS);
+    ASSERT_OK(hada_fitter_finish(fitter, data, &model, err));
     assert_int_equal(fitter->kept.count, HADA_FIT_KEPT);
     const size_t bytes = CHANNELS * fitter->grid.layout.count * 2 * sizeof(float);
     for (int k = 0; k < HADA_FIT_KEPT; k++) {
         assert_non_null(fitter->kept.pair[k].transfers);
         assert_true(k == 0 || memcmp(fitter->kept.pair[0].transfers, fitter->kept.pair[3].transfers, bytes));
     }
-    assert_non_null(hada_fit_scores_refinement(scores, 0));
-    hada_fit_scores_destroy(&scores);
+    assert_non_null(hada_fitter_get_info(fitter)->scores->refinements[0]);
     hada_model_destroy(&model);
     hada_fitter_destroy(&fitter);
+    hada_dataset_destroy(&data);
 }
 
 TEST(other_pairs_are_refused)
@@ -417,26 +436,34 @@ TEST(other_pairs_are_refused)
     hada_error error = {0};
     shower at = {.f = f, .swap = 1};
     hada_fitter *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, (int)HADA_AUTO, 0);
-    assert_int_equal(hada_fitter_learn_cropped(fitter, show, &at, &error), HADA_ERROR_STATE);
+    assert_int_equal(learn_cropped(fitter, &at, &error), HADA_ERROR_STATE);
     at.swap = 0;
-    ASSERT_OK(hada_fitter_learn_cropped(fitter, show, &at, err));
+    ASSERT_OK(learn_cropped(fitter, &at, err));
     hada_fitter_destroy(&fitter);
     at.shown = 0;
     fitter = fitter_of(f, HADA_BOUNDARY_CIRCULAR, (int)HADA_AUTO, 0);
-    ASSERT_OK(hada_fitter_learn_cropped(fitter, show, &at, err));
+    ASSERT_OK(learn_cropped(fitter, &at, err));
     assert_int_equal(at.shown, 0);
     hada_fitter_destroy(&fitter);
 }
 
+static hada_status find_boundary(hada_fit_options *options, fixture *f, shower *at, int pairs, hada_error *error)
+{
+    hada_dataset *data = shown_by(at, pairs);
+    const hada_status status = hada_fit_find_boundary(options, f->context, data, error);
+    hada_dataset_destroy(&data);
+    options->distances_mm = distances;
+    return status;
+}
+
 TEST(a_boundary_is_found_that_pads)
 {
-    static const int counts[DEPTHS] = {PAIRS, PAIRS}, few[DEPTHS] = {1, 1};
     fixture *f = *state;
     hada_fit_options options = options_of(HADA_BOUNDARY_CIRCULAR, (int)HADA_AUTO, 0);
     shower at = {.f = f};
     hada_model *model;
     double found, whole;
-    ASSERT_OK(hada_fit_find_boundary(&options, f->context, counts, show, &at, err));
+    ASSERT_OK(find_boundary(&options, f, &at, PAIRS, err));
     assert_int_equal(options.boundary, HADA_BOUNDARY_PADDED);
     assert_in_range(options.grid_rows, ROWS + 1, hada_fft_good_size(TALL));
     assert_in_range(options.grid_cols, COLS + 1, hada_fft_good_size(WIDE));
@@ -448,18 +475,18 @@ TEST(a_boundary_is_found_that_pads)
     /* where nothing can be held out the grid has room for all light */
     options.boundary = HADA_BOUNDARY_CIRCULAR;
     at.shown = 0;
-    ASSERT_OK(hada_fit_find_boundary(&options, f->context, few, show, &at, err));
+    ASSERT_OK(find_boundary(&options, f, &at, 1, err));
     assert_int_equal(options.boundary, HADA_BOUNDARY_PADDED);
-    assert_int_equal(options.grid_rows + options.grid_cols + at.shown, 0);
+    assert_int_equal(options.grid_rows + options.grid_cols, 0);
+    assert_int_equal(at.shown, 1); /* for the sizes */
 }
 
 TEST(a_boundary_is_found_that_is_circular)
 {
-    static const int counts[DEPTHS] = {PAIRS, PAIRS};
     fixture *f = (fixture *)*state + 1;
     hada_fit_options options = options_of(HADA_BOUNDARY_PADDED, (int)HADA_AUTO, 0);
     shower at = {.f = f};
-    ASSERT_OK(hada_fit_find_boundary(&options, f->context, counts, show, &at, err));
+    ASSERT_OK(find_boundary(&options, f, &at, PAIRS, err));
     assert_int_equal(options.boundary, HADA_BOUNDARY_CIRCULAR);
     assert_int_equal(options.grid_rows + options.grid_cols, 0);
 }

@@ -24,24 +24,22 @@ static hada_image squares(uint64_t seed)
 }
 
 /* A caller may stop the end of a fit at any question; nothing is left of it, and the sums are as they were. */
-static void stop_anywhere(hada_fitter *fitter, patience *of)
+static void stop_anywhere(hada_fitter *fitter, const hada_dataset *data, patience *of)
 {
     const int asked = of->asked;
     assert_true(asked > 20);
     for (int k = 0; k < 4; k++) {
         hada_model *model;
-        hada_fit_scores *scores;
         hada_error why;
         *of = (patience){.most = k * (asked - 1) / 3};
-        assert_int_equal(hada_fitter_finish(fitter, &model, &scores, &why), HADA_ERROR_CANCELLED);
+        assert_int_equal(hada_fitter_finish(fitter, data, &model, &why), HADA_ERROR_CANCELLED);
         assert_null(model);
-        assert_null(scores);
         assert_int_equal(of->asked, of->most + 1);
     }
     *of = (patience){.most = -1};
 }
 
-static hada_model *fit(hada_context *context, int strange, hada_fit_scores **scores)
+static hada_model *fit(hada_context *context, int strange, hada_fit_rows *rows)
 {
     patience of = {.most = -1};
     const hada_monitor monitor = patience_monitor(&of);
@@ -57,6 +55,7 @@ static hada_model *fit(hada_context *context, int strange, hada_fit_scores **sco
     options.raw_cols = COLS;
     options.window_rows = options.window_cols = WINDOW;
     options.monitor = &monitor;
+    options.outside = 1.0;
     ASSERT_OK(hada_fitter_create(&fitter, context, &options, err));
     for (int z = 0; z < DEPTHS; z++)
         for (int i = 0; i < PAIRS; i++) {
@@ -65,24 +64,27 @@ static hada_model *fit(hada_context *context, int strange, hada_fit_scores **sco
             scene[z][i] = squares((uint64_t)(20 * z + i));
             frame[z][i] = small_frame(&psf, &scene[z][i], 0, 0.01, (uint64_t)(40 * z + i));
             hada_image_destroy(&psf);
-            ASSERT_OK(hada_fitter_add(fitter, z, &frame[z][i], &scene[z][i], err));
+            ASSERT_OK(hada_fitter_add_pair(fitter, z, &frame[z][i], &scene[z][i], err));
         }
-    for (int z = 0; z < DEPTHS; z++)
-        for (int i = 0; i < PAIRS; i++)
-            ASSERT_OK(hada_fitter_score(fitter, z, &frame[z][i], &scene[z][i], err));
+    const int counts[DEPTHS] = {PAIRS, PAIRS};
+    hada_dataset *data;
+    ASSERT_OK(hada_dataset_from_images(&data, DEPTHS, distances, counts, frame[0], scene[0], err));
+    of.asked = 0;
+    ASSERT_OK(hada_fitter_finish(fitter, data, &model, err));
     assert_int_equal(fitter->kept.count, HADA_FIT_KEPT);
-    ASSERT_OK(hada_fitter_finish(fitter, &model, scores, err));
-    stop_anywhere(fitter, &of);
+    *rows = fitter->rows;
+    stop_anywhere(fitter, data, &of);
 
     /* the trial leaves the sums as they were: a second end gives the same model */
     hada_model *again;
-    ASSERT_OK(hada_fitter_finish(fitter, &again, NULL, err));
+    ASSERT_OK(hada_fitter_finish(fitter, data, &again, err));
     const size_t values = hada_model_plane(model) * 2 * DEPTHS;
     assert_memory_equal(model->filter, again->filter, values * sizeof(float));
     assert_memory_equal(model->otf, again->otf, values * sizeof(float));
     assert_int_equal(model->info.refine_steps, again->info.refine_steps);
     hada_model_destroy(&again);
     hada_fitter_destroy(&fitter);
+    hada_dataset_destroy(&data);
     for (int z = 0; z < DEPTHS; z++)
         for (int i = 0; i < PAIRS; i++) {
             hada_image_destroy(&scene[z][i]);
@@ -94,14 +96,14 @@ static hada_model *fit(hada_context *context, int strange, hada_fit_scores **sco
 TEST(refinement_is_chosen_where_it_pays)
 {
     hada_context *context;
-    hada_fit_scores *scores;
-    const hada_fit_refine_score *row;
+    hada_fit_rows rows;
     ASSERT_OK(hada_context_create(&context, NULL, err));
     for (int strange = 0; strange < 2; strange++) {
-        hada_model *model = fit(context, strange, &scores);
+        hada_model *model = fit(context, strange, &rows);
         double linear = NAN, chosen = NAN;
         int marked = 0;
-        for (size_t i = 0; (row = hada_fit_scores_refinement(scores, i)); i++) {
+        for (int i = 0; i < rows.refinements; i++) {
+            const hada_fit_refine_score *row = &rows.refinement[i];
             const double both = row->psnr_single + row->psnr_double;
             assert_true(isfinite(row->psnr_single) && row->rho > 0.0);
             assert_true(!i == !row->steps);
@@ -119,7 +121,6 @@ TEST(refinement_is_chosen_where_it_pays)
             fail_msg("refinement gained only %g dB", chosen - linear);
         if (!strange)
             assert_true(model->info.refine_steps > 0);
-        hada_fit_scores_destroy(&scores);
         hada_model_destroy(&model);
     }
     assert_int_equal(hada_context_bytes(context), 0);

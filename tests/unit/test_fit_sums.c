@@ -56,20 +56,20 @@ TEST(bad_pairs_leave_the_sums_as_they_were)
     hada_error error;
     options.lambda = 1e-3;
     ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
-    assert_int_equal(hada_fitter_finish(fitter, &before, NULL, &error), HADA_ERROR_STATE);
+    assert_int_equal(hada_fitter_finish(fitter, NULL, &before, &error), HADA_ERROR_STATE);
     assert_non_null(strstr(error.message, "100 mm"));
     add_all(f, fitter, 1, 0, 2);
-    ASSERT_OK(hada_fitter_finish(fitter, &before, NULL, err));
+    ASSERT_OK(hada_fitter_finish(fitter, NULL, &before, err));
     hada_image bad = small_scene(CHANNELS, ROWS, COLS, 1), small = small_scene(CHANNELS, WINDOW - 1, WINDOW, 1);
     bad.data[77] = NAN;
-    assert_int_equal(hada_fitter_add(fitter, 0, &bad, &f->scene[0][0], &error), HADA_ERROR_NOT_FINITE);
+    assert_int_equal(hada_fitter_add_pair(fitter, 0, &bad, &f->scene[0][0], &error), HADA_ERROR_NOT_FINITE);
     bad.data[77] = INFINITY;
-    assert_int_equal(hada_fitter_add(fitter, 0, &f->frame[0][0], &bad, &error), HADA_ERROR_NOT_FINITE);
-    assert_int_equal(hada_fitter_add(fitter, 0, &f->frame[0][0], &small, &error), HADA_ERROR_SIZE);
-    assert_int_equal(hada_fitter_add(fitter, 0, &small, &f->scene[0][0], &error), HADA_ERROR_SIZE);
-    assert_int_equal(hada_fitter_add(fitter, 1, &f->frame[0][0], &f->scene[0][0], &error), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_fitter_pairs(fitter, 0), 2);
-    ASSERT_OK(hada_fitter_finish(fitter, &after, NULL, err));
+    assert_int_equal(hada_fitter_add_pair(fitter, 0, &f->frame[0][0], &bad, &error), HADA_ERROR_NOT_FINITE);
+    assert_int_equal(hada_fitter_add_pair(fitter, 0, &f->frame[0][0], &small, &error), HADA_ERROR_SIZE);
+    assert_int_equal(hada_fitter_add_pair(fitter, 0, &small, &f->scene[0][0], &error), HADA_ERROR_SIZE);
+    assert_int_equal(hada_fitter_add_pair(fitter, 1, &f->frame[0][0], &f->scene[0][0], &error), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_fitter_get_info(fitter)->pairs[0], 2);
+    ASSERT_OK(hada_fitter_finish(fitter, NULL, &after, err));
     assert_memory_equal(before->filter, after->filter, hada_model_plane(before) * 2 * CHANNELS * sizeof(float));
     hada_image_destroy(&bad);
     hada_image_destroy(&small);
@@ -99,8 +99,8 @@ TEST(equal_inputs_give_equal_models)
                 memcpy(scene.data + (c * ROWS + row + (ROWS - WINDOW) / 2) * COLS + (COLS - WINDOW) / 2,
                        f->scene[0][0].data + (c * WINDOW + row) * WINDOW, WINDOW * sizeof(float));
         for (int i = 0; i < (k == 2 ? 4 : 1); i++)
-            ASSERT_OK(hada_fitter_add(fitter, 0, &frame, k == 1 ? &scene : &f->scene[0][0], err));
-        ASSERT_OK(hada_fitter_finish(fitter, &models[k], NULL, err));
+            ASSERT_OK(hada_fitter_add_pair(fitter, 0, &frame, k == 1 ? &scene : &f->scene[0][0], err));
+        ASSERT_OK(hada_fitter_finish(fitter, NULL, &models[k], err));
         hada_image_destroy(&frame);
         hada_image_destroy(&scene);
         hada_fitter_destroy(&fitter);
@@ -128,7 +128,7 @@ TEST(sums_merge_and_go_on)
         options.lambda = 1e-4;
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         add_all(f, fitter, DEPTHS, 0, PAIRS);
-        ASSERT_OK(hada_fitter_finish(fitter, &whole, NULL, err));
+        ASSERT_OK(hada_fitter_finish(fitter, NULL, &whole, err));
         hada_fitter_destroy(&fitter);
         for (int part = 0; part < 2; part++) {
             snprintf(path[part], sizeof path[part], "%s/%d-%d.safetensors", folder, form, part);
@@ -140,14 +140,14 @@ TEST(sums_merge_and_go_on)
         /* loaded into nothing and continued in the same order: the same bits */
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         ASSERT_OK(hada_fitter_load_sums(fitter, path[0], err));
-        assert_int_equal(hada_fitter_pairs(fitter, DEPTHS - 1), 2);
+        assert_int_equal(hada_fitter_get_info(fitter)->pairs[DEPTHS - 1], 2);
         add_all(f, fitter, DEPTHS, 2, PAIRS);
-        ASSERT_OK(hada_fitter_finish(fitter, &resumed, NULL, err));
+        ASSERT_OK(hada_fitter_finish(fitter, NULL, &resumed, err));
         hada_fitter_destroy(&fitter);
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         ASSERT_OK(hada_fitter_load_sums(fitter, path[1], err));
         ASSERT_OK(hada_fitter_load_sums(fitter, path[0], err));
-        ASSERT_OK(hada_fitter_finish(fitter, &merged, NULL, err));
+        ASSERT_OK(hada_fitter_finish(fitter, NULL, &merged, err));
         const size_t values = hada_model_plane(whole) * 2 * DEPTHS * CHANNELS;
         assert_memory_equal(whole->filter, resumed->filter, values * sizeof(float));
         assert_memory_equal(whole->otf, resumed->otf, values * sizeof(float));
@@ -164,7 +164,7 @@ TEST(sums_merge_and_go_on)
         wrong.window_rows = WINDOW - 2;
         ASSERT_OK(hada_fitter_create(&other, f->context, &wrong, err));
         assert_int_equal(hada_fitter_load_sums(other, path[0], &error), HADA_ERROR_SIZE);
-        assert_int_equal(hada_fitter_pairs(other, 0), 0);
+        assert_int_equal(hada_fitter_get_info(other)->pairs[0], 0);
         hada_fitter_destroy(&other);
         wrong = options;
         wrong.form = form == HADA_FORM_SPLIT ? HADA_FORM_COMPLEX : HADA_FORM_SPLIT;
@@ -199,12 +199,12 @@ TEST(scenes_are_brought_to_light)
         hada_image scene = small_scene(CHANNELS, WINDOW, WINDOW, 1);
         for (size_t k = 0; k < hada_image_count(&scene); k++)
             scene.data[k] = sqrtf(f->scene[0][i].data[k]);
-        ASSERT_OK(hada_fitter_add(linear, 0, &f->frame[0][i], &f->scene[0][i], err));
-        ASSERT_OK(hada_fitter_add(encoded, 0, &f->frame[0][i], &scene, err));
+        ASSERT_OK(hada_fitter_add_pair(linear, 0, &f->frame[0][i], &f->scene[0][i], err));
+        ASSERT_OK(hada_fitter_add_pair(encoded, 0, &f->frame[0][i], &scene, err));
         hada_image_destroy(&scene);
     }
-    ASSERT_OK(hada_fitter_finish(linear, &expected, NULL, err));
-    ASSERT_OK(hada_fitter_finish(encoded, &model, NULL, err));
+    ASSERT_OK(hada_fitter_finish(linear, NULL, &expected, err));
+    ASSERT_OK(hada_fitter_finish(encoded, NULL, &model, err));
     assert_true(expected->info.scene_response == HADA_RESPONSE_LINEAR && model->info.scene_response == 2.0);
     double off = 0.0, size = 0.0;
     for (size_t i = 0; i < hada_model_plane(model) * 2 * CHANNELS; i++) {
@@ -215,11 +215,14 @@ TEST(scenes_are_brought_to_light)
     ASSERT_OK(hada_fitter_save_sums(encoded, path, err));
     assert_int_equal(hada_fitter_load_sums(linear, path, &error), HADA_ERROR_SIZE);
     assert_non_null(strstr(error.message, "'2'"));
-    assert_int_equal(hada_fitter_pairs(linear, 0), PAIRS);
+    assert_int_equal(hada_fitter_get_info(linear)->pairs[0], PAIRS);
     ASSERT_OK(hada_fitter_load_sums(encoded, path, err));
-    assert_int_equal(hada_fitter_pairs(encoded, 0), 2 * PAIRS);
+    assert_int_equal(hada_fitter_get_info(encoded)->pairs[0], 2 * PAIRS);
     hada_fitter_destroy(&encoded);
-    ASSERT_OK(hada_fitter_create_from_sums(&encoded, f->context, path, NULL, err)); /* the file says it */
+    hada_fit_options of_file;
+    hada_fit_options_init(&of_file);
+    of_file.sums = path; /* which says it */
+    ASSERT_OK(hada_fitter_create(&encoded, f->context, &of_file, err));
     assert_true(encoded->grid.info.scene_response == 2.0);
     hada_fitter_destroy(&encoded);
     options.scene_response = 7.0;
@@ -239,15 +242,15 @@ TEST(depths_may_come_in_any_order)
     options.alpha = 0.3;
     options.lambda = 1e-4;
     ASSERT_OK(hada_fitter_create(&a, f->context, &options, err));
-    const uint64_t bytes = hada_fitter_bytes(a);
+    const uint64_t bytes = hada_fitter_get_info(a)->bytes;
     assert_int_equal(hada_context_bytes(f->context), bytes);
     ASSERT_OK(hada_fitter_create(&b, f->context, &options, err));
     add_all(f, a, DEPTHS, 0, PAIRS);
     for (int i = 0; i < PAIRS; i++)
         for (int z = DEPTHS - 1; z >= 0; z--)
-            ASSERT_OK(hada_fitter_add(b, z, &f->frame[z][i], &f->scene[z][i], err));
-    ASSERT_OK(hada_fitter_finish(a, &one, NULL, err));
-    ASSERT_OK(hada_fitter_finish(b, &two, NULL, err));
+            ASSERT_OK(hada_fitter_add_pair(b, z, &f->frame[z][i], &f->scene[z][i], err));
+    ASSERT_OK(hada_fitter_finish(a, NULL, &one, err));
+    ASSERT_OK(hada_fitter_finish(b, NULL, &two, err));
     assert_memory_equal(one->filter, two->filter, hada_model_plane(one) * 2 * DEPTHS * CHANNELS * sizeof(float));
     hada_model_destroy(&one);
     hada_model_destroy(&two);

@@ -1,4 +1,6 @@
 /* Filters judged in the window: against the double reference, the choice of the weight, and what is refused. */
+#include <hadalens/scene.h>
+
 #include "fit/window.h"
 #include "fit_fixture.h"
 #include "ref/ref_filter.h"
@@ -114,21 +116,32 @@ TEST(iterations_lead_to_the_minimum)
 
 typedef struct shower {
     fixture *f;
-    int shown, refuse_at, swap; /* swap: shows another pair in the first one's place */
+    int shown, refuse_at, swap; /* swap: another pair in the first one's place */
 } shower;
 
-static hada_status show(void *user, int depth, int64_t pair, const hada_image **raw, const hada_image **scene,
-                        hada_error *err)
+static hada_status read_pair(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *error)
 {
     shower *at = user;
     if (++at->shown == at->refuse_at)
-        return hada_fail(err, HADA_ERROR_FILE_OPEN, "the pair is gone");
+        return hada_fail(error, HADA_ERROR_FILE_OPEN, "the pair is gone");
     assert_in_range(depth, 0, DEPTHS - 1);
     assert_in_range(pair, 0, PAIRS - 1);
-    const int64_t number = at->swap && pair == 0 ? 1 : pair;
-    *raw = &at->f->frame[depth][number];
-    *scene = &at->f->scene[depth][number];
+    const int number = at->swap && pair == 0 ? 1 : pair;
+    ASSERT_OK(hada_image_crop(raw, &at->f->frame[depth][number], 0, 0, ROWS, COLS, err));
+    ASSERT_OK(hada_image_crop(scene, &at->f->scene[depth][number], 0, 0, WINDOW, WINDOW, err));
     return HADA_OK;
+}
+
+/* A data set that keeps nothing, so that every look at a pair reads it. */
+static hada_dataset *shown_by(shower *at)
+{
+    static const int counts[DEPTHS] = {PAIRS, PAIRS, PAIRS};
+    hada_dataset_options options;
+    hada_dataset *data;
+    hada_dataset_options_init(&options);
+    options.cache_bytes = 0;
+    ASSERT_OK(hada_dataset_create(&data, DEPTHS, distances, counts, read_pair, at, &options, err));
+    return data;
 }
 
 static hada_fitter *fitter_of(fixture *f, double outside, hada_form form)
@@ -177,10 +190,12 @@ TEST(a_lower_weight_lowers_the_error_in_the_window)
             hada_fitter *fitter = fitter_of(f, weights[s], split ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX);
             hada_model *model;
             shower at = {.f = f};
-            ASSERT_OK(hada_fitter_learn_windowed(fitter, show, &at, err));
-            assert_true(s ? at.shown % (DEPTHS * PAIRS) == 0 || at.shown > DEPTHS * PAIRS : at.shown == 0);
+            hada_dataset *data = shown_by(&at);
+            ASSERT_OK(hada_fit_learn_windowed(fitter, data, err));
+            hada_dataset_destroy(&data);
+            assert_true(s ? at.shown >= DEPTHS * PAIRS : at.shown == 0);
             assert_true(at.shown <= DEPTHS * PAIRS * HADA_FIT_ITERATIONS);
-            ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, err));
+            ASSERT_OK(hada_fit_solve(fitter, &model, err));
             inside[s] = objective(f, fitter, model, 0.0);
             hada_model_destroy(&model);
             hada_fitter_destroy(&fitter);
@@ -196,16 +211,14 @@ TEST(the_weight_is_chosen_on_held_out_pairs)
 {
     fixture *f = *state;
     hada_fitter *fitter = fitter_of(f, -1.0, HADA_FORM_COMPLEX);
+    hada_dataset *data = data_of(f, PAIRS);
     hada_model *plain, *first, *second;
-    hada_fit_scores *scores;
     const hada_fit_outside_score *row, *taken = NULL, *last = NULL;
     double best = -INFINITY;
     size_t count;
-    ASSERT_OK(hada_fitter_finish(fitter, &plain, NULL, err));
-    shower at = {.f = f};
-    ASSERT_OK(hada_fitter_learn_windowed(fitter, show, &at, err));
-    ASSERT_OK(hada_fitter_finish(fitter, &first, &scores, err));
-    for (count = 0; (row = hada_fit_scores_outside(scores, count)); count++) {
+    ASSERT_OK(hada_fitter_finish(fitter, NULL, &plain, err));
+    ASSERT_OK(hada_fitter_finish(fitter, data, &first, err));
+    for (count = 0; (row = hada_fitter_get_info(fitter)->scores->outsides[count]); count++) {
         assert_true(isfinite(row->psnr) && row->outside > 0.0);
         best = fmax(best, row->psnr);
         last = row;
@@ -215,28 +228,29 @@ TEST(the_weight_is_chosen_on_held_out_pairs)
     assert_int_equal(count, HADA_FIT_OUTSIDES);
     assert_true(last->outside == 1.0 && first->info.lambda == 1e-3);
     assert_true(taken && taken->psnr > best - 0.03);
+    const double outside = taken->outside;
     /* transfer functions are not touched; the same pairs give the same bits */
     const size_t values = hada_model_plane(plain) * DEPTHS * CHANNELS * 2;
     assert_memory_equal(plain->otf, first->otf, values * sizeof(float));
     assert_int_equal(memcmp(plain->filter, first->filter, values * sizeof(float)) == 0, taken == last);
-    ASSERT_OK(hada_fitter_learn_windowed(fitter, show, &at, err));
-    ASSERT_OK(hada_fitter_finish(fitter, &second, NULL, err));
+    ASSERT_OK(hada_fitter_finish(fitter, data, &second, err));
     assert_memory_equal(second->filter, first->filter, values * sizeof(float));
-    /* a fixed weight of that size gives these filters too */
-    hada_fitter *fixed = fitter_of(f, taken->outside, HADA_FORM_COMPLEX);
     hada_model_destroy(&second);
-    ASSERT_OK(hada_fitter_learn_windowed(fixed, show, &at, err));
-    ASSERT_OK(hada_fitter_finish(fixed, &second, NULL, err));
+    /* a fixed weight of that size gives these filters too */
+    hada_fitter *fixed = fitter_of(f, outside, HADA_FORM_COMPLEX);
+    ASSERT_OK(hada_fitter_finish(fixed, data, &second, err));
     assert_memory_equal(second->filter, first->filter, values * sizeof(float));
     hada_fitter_destroy(&fixed);
     hada_model_destroy(&second);
-    /* new pairs discard it */
-    ASSERT_OK(hada_fitter_add(fitter, 0, &f->frame[0][0], &f->scene[0][0], err));
+    /* without the pairs the exact fit stays */
+    ASSERT_OK(hada_fitter_finish(fitter, NULL, &second, err));
     assert_null(fitter->outside.filters);
-    hada_fit_scores_destroy(&scores);
+    assert_memory_equal(second->filter, plain->filter, values * sizeof(float));
+    hada_model_destroy(&second);
     hada_model_destroy(&plain);
     hada_model_destroy(&first);
     hada_fitter_destroy(&fitter);
+    hada_dataset_destroy(&data);
 }
 
 TEST(what_cannot_be_judged_is_refused)
@@ -253,19 +267,26 @@ TEST(what_cannot_be_judged_is_refused)
         assert_null(fitter);
     }
     fitter = fitter_of(f, -1.0, HADA_FORM_COMPLEX);
-    assert_int_equal(hada_fitter_learn_windowed(fitter, NULL, NULL, &error), HADA_ERROR_ARGUMENT);
-    ASSERT_OK(hada_fitter_finish(fitter, &plain, NULL, err));
+    ASSERT_OK(hada_fitter_finish(fitter, NULL, &plain, err));
     shower swapped = {.f = f, .swap = 1};
-    assert_int_equal(hada_fitter_learn_windowed(fitter, show, &swapped, &error), HADA_ERROR_STATE);
+    hada_dataset *data = shown_by(&swapped);
+    assert_int_equal(hada_fit_learn_windowed(fitter, data, &error), HADA_ERROR_STATE);
     assert_non_null(strstr(error.message, "not those in its sums"));
-    /* whenever showing fails, the fit is as it was */
+    hada_dataset_destroy(&data);
+    /* whenever reading fails, the fit is as it was; pairs that were read ahead are not always taken */
     shower all = {.f = f};
-    ASSERT_OK(hada_fitter_learn_windowed(fitter, show, &all, err));
+    data = shown_by(&all);
+    ASSERT_OK(hada_fit_learn_windowed(fitter, data, err));
+    hada_dataset_destroy(&data);
     for (int at = 1; at <= all.shown; at += at < 12 ? 1 : 7) {
         shower refusing = {.f = f, .refuse_at = at};
-        assert_int_equal(hada_fitter_learn_windowed(fitter, show, &refusing, &error), HADA_ERROR_FILE_OPEN);
+        data = shown_by(&refusing);
+        const hada_status status = hada_fit_learn_windowed(fitter, data, &error);
+        hada_dataset_destroy(&data);
+        assert_true(status == HADA_ERROR_FILE_OPEN || (!status && at > 1));
     }
-    ASSERT_OK(hada_fitter_finish(fitter, &after, NULL, err));
+    hada_fit_forget(fitter);
+    ASSERT_OK(hada_fit_solve(fitter, &after, err));
     const size_t values = hada_model_plane(plain) * DEPTHS * CHANNELS * 2;
     assert_memory_equal(plain->filter, after->filter, values * sizeof(float));
     assert_memory_equal(plain->otf, after->otf, values * sizeof(float));
@@ -274,7 +295,7 @@ TEST(what_cannot_be_judged_is_refused)
     hada_fitter_destroy(&fitter);
 }
 
-/* One pair a depth: nothing can be left out, so the exact fit stays and no pair is shown. */
+/* One pair a depth: nothing can be left out, so the exact fit stays and no pair is read. */
 TEST(single_pairs_are_left_alone)
 {
     fixture *f = *state;
@@ -283,7 +304,9 @@ TEST(single_pairs_are_left_alone)
     ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
     add_all(f, fitter, DEPTHS, 0, 1);
     shower at = {.f = f};
-    ASSERT_OK(hada_fitter_learn_windowed(fitter, show, &at, err));
+    hada_dataset *data = shown_by(&at);
+    ASSERT_OK(hada_fit_learn_windowed(fitter, data, err));
+    hada_dataset_destroy(&data);
     assert_int_equal(at.shown, 0);
     assert_null(fitter->outside.filters);
     hada_fitter_destroy(&fitter);

@@ -334,6 +334,6 @@ TEST(arrays_make_a_model)
     assert_int_equal(hada_model_from_filters(&made, &sizes, model->filter, model->otf, &failure),
                      HADA_ERROR_NOT_FINITE);
     assert_null(made);
-    assert_int_equal(hada_model_from_filters(&made, &sizes, NULL, NULL, &failure), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_model_from_filters(&made, NULL, NULL, NULL, &failure), HADA_ERROR_ARGUMENT);
     hada_model_destroy(&model);
 }

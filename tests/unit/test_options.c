@@ -107,7 +107,7 @@ TEST(every_init_keeps_to_the_callers_size)
                {HADA_STRUCT_PLAN_OPTIONS, sizeof(hada_plan_options)},
                {HADA_STRUCT_PREVIEW, sizeof(hada_preview)},
                {HADA_STRUCT_PSF_OPTIONS, sizeof(hada_psf_options)},
-               {HADA_STRUCT_REGISTER_OPTIONS, sizeof(hada_register_options)},
+               {HADA_STRUCT_REGISTER_TASK, sizeof(hada_register_task)},
                {HADA_STRUCT_SENSOR, sizeof(hada_sensor)},
                {HADA_STRUCT_SIMULATOR_OPTIONS, sizeof(hada_simulator_options)},
                {HADA_STRUCT_TIFF_WRITE_OPTIONS, sizeof(hada_tiff_write_options)},

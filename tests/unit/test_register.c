@@ -2,7 +2,6 @@
  * up shifted scenes. */
 #include "testing.h"
 
-#include <hadalens/register.h>
 #include <hadalens/scene.h>
 #include <math.h>
 #include <stdlib.h>
@@ -12,8 +11,12 @@
 #include "image/small_fft.h"
 #include "patience.h"
 #include "ref/ref_fft.h"
+#include "register/register_inside.h"
 
 enum { ROWS = 112, COLS = 144, WINDOW_ROWS = 56, WINDOW_COLS = 64, SPOTS = 12, PAIRS = 5 };
+
+static const hada_register_options search_all = {
+    .least_magnification = HADA_AUTO, .most_magnification = HADA_AUTO, .most_rotation_deg = 15.0};
 
 static float *pixel(const hada_image *image, int row, int col)
 {
@@ -208,8 +211,7 @@ TEST(recovered)
         {{.size = sizeof(hada_registration), .magnification = 0.7, .quarter_turns = 2, .rotation_deg = -1.0},
          0.003,
          2}};
-    hada_register_options options;
-    hada_register_options_init(&options);
+    hada_register_options options = search_all;
     options.most_rotation_deg = 6.0;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         pairs all = make_pairs(&cases[i].truth, cases[i].count, 1.0, cases[i].noise, 100 * i);
@@ -230,10 +232,9 @@ TEST(search_can_be_stopped)
     patience of = {.most = -1};
     const hada_monitor monitor = patience_monitor(&of);
     hada_registration found = {.size = sizeof found};
-    hada_register_options options;
+    hada_register_options options = search_all;
     hada_error why;
     pairs all = make_pairs(&truth, PAIRS, 1.0, 0.003, 0);
-    hada_register_options_init(&options);
     options.most_rotation_deg = 3.0;
     options.monitor = &monitor;
     ASSERT_OK(hada_register_pairs(&found, all.raws, all.scenes, PAIRS, &options, err));
@@ -289,12 +290,11 @@ TEST(refusals)
     const hada_registration truth = {.size = sizeof(hada_registration), .magnification = 1.0};
     pairs all = make_pairs(&truth, PAIRS, 1.0, 0.003, 9);
     hada_registration found = {.size = sizeof found};
-    hada_register_options options;
+    hada_register_options options = search_all;
     hada_error why;
-    assert_int_equal(hada_register_pairs(&found, all.raws, all.scenes, 0, NULL, &why), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_register_pairs(&found, all.raws, all.scenes, 1, NULL, &why), HADA_ERROR_DATASET);
+    assert_int_equal(hada_register_pairs(&found, all.raws, all.scenes, 0, &options, &why), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_register_pairs(&found, all.raws, all.scenes, 1, &options, &why), HADA_ERROR_DATASET);
     assert_non_null(strstr(why.message, "one pair cannot tell"));
-    hada_register_options_init(&options);
     options.most_rotation_deg = 50.0;
     assert_int_equal(hada_register_pairs(&found, all.raws, all.scenes, PAIRS, &options, &why), HADA_ERROR_ARGUMENT);
     options.most_rotation_deg = 3.0;

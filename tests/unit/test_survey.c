@@ -47,17 +47,25 @@ static void free_pairs(pairs *set)
         }
 }
 
-static hada_status show(void *user, int depth, int64_t pair, const hada_image **raw, const hada_image **scene,
-                        hada_error *err)
+static hada_status read_pair(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *error)
 {
     pairs *set = user;
     if (set->refuse && ++set->shown == set->refuse) {
-        err->status = HADA_ERROR_FILE_READ;
+        error->status = HADA_ERROR_FILE_READ;
         return HADA_ERROR_FILE_READ;
     }
-    *raw = &set->frame[depth][pair];
-    *scene = &set->scene[depth][pair];
+    ASSERT_OK(hada_image_crop(raw, &set->frame[depth][pair], 0, 0, ROWS, COLS, err));
+    ASSERT_OK(hada_image_crop(scene, &set->scene[depth][pair], 0, 0, WINDOW, WINDOW, err));
     return HADA_OK;
+}
+
+static const double distances[DEPTHS] = {100.0, 200.0, 300.0, 400.0};
+
+static hada_dataset *data_of(pairs *set, const int *counts)
+{
+    hada_dataset *data;
+    ASSERT_OK(hada_dataset_create(&data, DEPTHS, distances, counts, read_pair, set, NULL, err));
+    return data;
 }
 
 static hada_fit_options sizes(void)
@@ -77,9 +85,16 @@ static const int counts[DEPTHS] = {PAIRS, PAIRS, PAIRS, PAIRS};
 static hada_survey *ask(pairs *set, hada_exposure exposure)
 {
     const hada_fit_options options = sizes();
+    hada_dataset *data = data_of(set, counts);
     hada_survey *survey;
-    ASSERT_OK(hada_survey_create(&survey, &options, counts, exposure, show, set, err));
+    ASSERT_OK(hada_survey_create(&survey, &options, data, exposure, err));
+    hada_dataset_destroy(&data);
     return survey;
+}
+
+static double gain_of(const hada_survey *survey, int z, int i)
+{
+    return survey->gains ? survey->gains[z][i] : 1.0;
 }
 
 /* The gains of a depth over their geometric mean. */
@@ -100,14 +115,14 @@ TEST(response_is_found)
             make_pairs(&set, responses[r], exposed, 0.003, 11 + r);
             hada_survey *survey = ask(&set, HADA_EXPOSURE_AUTO);
             /* sRGB and the power 2.2 are nearly one curve */
-            const double found = hada_survey_response(survey);
+            const double found = survey->response;
             if (fabs(found - responses[r]) > 1e-9 && !(responses[r] == 2.2 && found == HADA_RESPONSE_SRGB))
                 fail_msg("response %g was found for %g, exposed %d", found, responses[r], exposed);
-            assert_int_equal(hada_survey_exposed(survey), exposed);
-            assert_non_null(hada_survey_get_row(survey, 3));
+            assert_int_equal(survey->exposed, exposed);
+            assert_non_null(survey->rows[3]);
             for (int z = 0; z < DEPTHS; z++)
                 for (int i = 0; i < PAIRS; i++) {
-                    const double gain = hada_survey_gain(survey, z, i), expected = expected_gain(&set, z, i);
+                    const double gain = gain_of(survey, z, i), expected = expected_gain(&set, z, i);
                     if (fabs(gain / expected - 1.0) > 0.04)
                         fail_msg("exposure %g was found for %g", gain, expected);
                 }
@@ -129,7 +144,7 @@ TEST(noise_is_no_evidence)
                 for (size_t k = 0; k < hada_image_count(&set.frame[z][i]); k++)
                     set.frame[z][i].data[k] = other.frame[z][(i + 2) % PAIRS].data[k];
         hada_survey *survey = ask(&set, HADA_EXPOSURE_AUTO);
-        assert_true(hada_survey_response(survey) == HADA_RESPONSE_LINEAR);
+        assert_true(survey->response == HADA_RESPONSE_LINEAR);
         hada_survey_destroy(&survey);
         free_pairs(&set);
         free_pairs(&other);
@@ -142,11 +157,22 @@ TEST(scenes_are_evened)
     pairs set;
     make_pairs(&set, 2.0, 1, 0.0, 5);
     hada_survey *survey = ask(&set, HADA_EXPOSURE_EACH);
-    assert_true(hada_survey_response(survey) == 2.0);
-    const double gain = hada_survey_gain(survey, 1, 2);
-    const float before = set.scene[1][2].data[7];
-    hada_survey_even(survey, 1, 2, &set.scene[1][2]);
-    assert_true(fabs((double)set.scene[1][2].data[7] - (double)before * sqrt(gain)) < 1e-6);
+    assert_true(survey->response == 2.0);
+    const double gain = gain_of(survey, 1, 2);
+    hada_dataset *data = data_of(&set, counts), *even, *part, *rest;
+    hada_image raw, scene;
+    ASSERT_OK(hada_survey_apply(&even, survey, data, err));
+    ASSERT_OK(hada_dataset_split(even, 3, &part, &rest, err)); /* a part keeps the exposures of its pairs */
+    hada_dataset_destroy(&data);
+    for (int k = 0; k < 2; k++) {
+        ASSERT_OK(hada_dataset_read(k ? rest : even, 1, k ? 0 : 2, &raw, &scene, err));
+        assert_true(fabs((double)scene.data[7] - (double)set.scene[1][2].data[7] * sqrt(gain)) < 1e-6);
+        hada_image_destroy(&raw);
+        hada_image_destroy(&scene);
+    }
+    hada_dataset_destroy(&even);
+    hada_dataset_destroy(&part);
+    hada_dataset_destroy(&rest);
     hada_survey_destroy(&survey);
     free_pairs(&set);
 }
@@ -161,29 +187,32 @@ TEST(given_and_missing)
     hada_error error;
     make_pairs(&set, 2.0, 1, 0.003, 7);
     options.scene_response = 1.5;
-    ASSERT_OK(hada_survey_create(&survey, &options, counts, HADA_EXPOSURE_SAME, show, &set, err));
-    assert_true(hada_survey_response(survey) == 1.5 && !hada_survey_exposed(survey));
+    hada_dataset *all = data_of(&set, counts), *some = data_of(&set, few);
+    ASSERT_OK(hada_survey_create(&survey, &options, all, HADA_EXPOSURE_SAME, err));
+    assert_true(survey->response == 1.5 && !survey->exposed);
     hada_survey_destroy(&survey);
     options.scene_response = HADA_AUTO;
-    ASSERT_OK(hada_survey_create(&survey, &options, few, HADA_EXPOSURE_AUTO, show, &set, err));
-    assert_true(hada_survey_response(survey) == HADA_RESPONSE_LINEAR && !hada_survey_exposed(survey));
-    assert_null(hada_survey_get_row(survey, 0));
-    assert_true(hada_survey_gain(survey, 0, 0) == 1.0 && hada_survey_gain(survey, 9, 9) == 1.0);
+    ASSERT_OK(hada_survey_create(&survey, &options, some, HADA_EXPOSURE_AUTO, err));
+    assert_true(survey->response == HADA_RESPONSE_LINEAR && !survey->exposed);
+    assert_null(survey->rows[0]);
+    assert_true(gain_of(survey, 0, 0) == 1.0);
     hada_survey_destroy(&survey);
     set.frame[0][1].data[3] = NAN;
     survey = ask(&set, HADA_EXPOSURE_AUTO);
-    assert_true(hada_survey_response(survey) == 2.0);
-    assert_true(hada_survey_gain(survey, 0, 1) == 1.0);
+    assert_true(survey->response == 2.0);
+    assert_true(gain_of(survey, 0, 1) == 1.0);
     hada_survey_destroy(&survey);
     for (set.refuse = 1; set.refuse < 40; set.refuse += 7) {
         set.shown = 0;
-        const hada_status status =
-            hada_survey_create(&survey, &options, counts, HADA_EXPOSURE_EACH, show, &set, &error);
+        hada_dataset *data = data_of(&set, counts); /* nothing is in its cache yet */
+        const hada_status status = hada_survey_create(&survey, &options, data, HADA_EXPOSURE_EACH, &error);
+        hada_dataset_destroy(&data);
         assert_int_equal(status, set.shown >= set.refuse ? HADA_ERROR_FILE_READ : HADA_OK);
         hada_survey_destroy(&survey);
     }
     options.scene_response = 7.0;
-    assert_int_equal(hada_survey_create(&survey, &options, counts, HADA_EXPOSURE_AUTO, show, &set, &error),
-                     HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_survey_create(&survey, &options, all, HADA_EXPOSURE_AUTO, &error), HADA_ERROR_ARGUMENT);
+    hada_dataset_destroy(&all);
+    hada_dataset_destroy(&some);
     free_pairs(&set);
 }

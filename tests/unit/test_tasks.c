@@ -136,7 +136,7 @@ static hada_status fit(const hada_monitor *monitor, hada_error *err)
     assert_true(!status == !!model && !status == !!report);
     if (!status)
         for (int z = 0; z < DEPTHS; z++)
-            assert_int_equal(hada_fit_report_pairs(report, z), PAIRS);
+            assert_int_equal(report->pairs[z], PAIRS);
     hada_fit_report_destroy(&report);
     hada_model_destroy(&model);
     hada_dataset_destroy(&data);
@@ -240,8 +240,8 @@ TEST(notes_say_what_was_passed_over)
     hada_image raw, scene;
     ASSERT_OK(scan(&data, err));
     ASSERT_OK(hada_dataset_read(data, 0, 0, &raw, &scene, err));
-    snprintf(name, sizeof name, "results%s", strrchr(hada_dataset_scene_path(data, 0, 0), '/'));
-    snprintf(truth, sizeof truth, "%s/scene", hada_dataset_folder(data, 0));
+    snprintf(name, sizeof name, "results%s", strrchr(hada_dataset_get_info(data)->files[0][0].scene, '/'));
+    snprintf(truth, sizeof truth, "%s/scene", hada_dataset_get_info(data)->folders[0]);
     ASSERT_OK(hada_tiff_save(at(name), &scene, NULL, err));
     ASSERT_OK(hada_evaluate_run(&report, at("results"), truth, &own, err));
     assert_int_equal(hada_evaluate_report_count(report), 1);

@@ -36,9 +36,11 @@ static hada_status read_pair(void *user, int depth, int pair, hada_image *raw, h
     return HADA_OK;
 }
 
-static hada_pairs pairs_of(int *broken)
+static hada_dataset *pairs_of(int *broken)
 {
-    return (hada_pairs){sizeof(hada_pairs), DEPTHS, counts, read_pair, broken};
+    hada_dataset *pairs;
+    ASSERT_OK(hada_dataset_create(&pairs, DEPTHS, distances, counts, read_pair, broken, NULL, err));
+    return pairs;
 }
 
 static hada_image own_scene(int pair)
@@ -81,12 +83,12 @@ static void check_pixel(const hada_composed *composed, size_t i, float truth, se
 
 static void check_scene(int variant, int planes_only, uint64_t seed, seen *all)
 {
-    const hada_pairs pairs = pairs_of(NULL);
+    hada_dataset *pairs = pairs_of(NULL);
     hada_image scene = own_scene(1), again = own_scene(1);
     hada_composed composed, same;
     int own = 0, lit[HADA_COMPOSED_DEPTHS] = {0}, dark = 0;
-    ASSERT_OK(hada_compose(&composed, &pairs, &info, seed, OWN, 1, variant, planes_only, &scene, err));
-    ASSERT_OK(hada_compose(&same, &pairs, &info, seed, OWN, 1, variant, planes_only, &again, err));
+    ASSERT_OK(hada_compose(&composed, pairs, &info, seed, OWN, 1, variant, planes_only, &scene, err));
+    ASSERT_OK(hada_compose(&same, pairs, &info, seed, OWN, 1, variant, planes_only, &again, err));
     assert_in_range(composed.count, 1, HADA_COMPOSED_DEPTHS);
     assert_int_equal(composed.count, same.count);
     assert_memory_equal(composed.depth, same.depth, sizeof composed.depth);
@@ -109,6 +111,7 @@ static void check_scene(int variant, int planes_only, uint64_t seed, seen *all)
     hada_composed_free(&same);
     hada_image_destroy(&scene);
     hada_image_destroy(&again);
+    hada_dataset_destroy(&pairs);
 }
 
 TEST(light_is_moved_and_not_made)
@@ -138,33 +141,34 @@ TEST(the_sum_may_be_left_out)
 
 TEST(variants_are_a_share_and_change_by_round)
 {
-    const hada_pairs pairs = pairs_of(NULL);
-    const uint64_t total = hada_pairs_total(&pairs);
+    hada_dataset *pairs = pairs_of(NULL);
+    const uint64_t total = hada_pairs_total(pairs);
     int composed = 0, kinds[HADA_COMPOSED_VARIANTS + 1] = {0}, differ = 0;
     for (uint64_t place = 0; place < 4000; place++) {
-        const int variant = hada_compose_variant(&pairs, 3, place, 0.25);
-        assert_int_equal(hada_compose_variant(&pairs, 3, place, 0.0), 0);
-        assert_int_equal(hada_compose_variant(&pairs, 3, place, 1.0), 1 + place / total % HADA_COMPOSED_VARIANTS);
+        const int variant = hada_compose_variant(pairs, 3, place, 0.25);
+        assert_int_equal(hada_compose_variant(pairs, 3, place, 0.0), 0);
+        assert_int_equal(hada_compose_variant(pairs, 3, place, 1.0), 1 + place / total % HADA_COMPOSED_VARIANTS);
         assert_in_range(variant, 0, HADA_COMPOSED_VARIANTS);
         kinds[variant]++;
         composed += variant > 0;
-        differ += variant != hada_compose_variant(&pairs, 4, place, 0.25);
+        differ += variant != hada_compose_variant(pairs, 4, place, 0.25);
     }
     assert_in_range(composed, 900, 1100);
     assert_true(differ > 1000);
     for (int variant = 1; variant <= HADA_COMPOSED_VARIANTS; variant++)
         assert_true(kinds[variant] > 60);
+    hada_dataset_destroy(&pairs);
 }
 
 TEST(a_pair_that_cannot_be_read_is_named)
 {
     int broken = 1, failed = 0;
-    const hada_pairs pairs = pairs_of(&broken);
+    hada_dataset *pairs = pairs_of(&broken);
     for (uint64_t seed = 0; seed < 20; seed++) {
         hada_image scene = own_scene(0);
         hada_composed composed;
         hada_error error = {0};
-        const hada_status status = hada_compose(&composed, &pairs, &info, seed, OWN, 0, 1, 0, &scene, &error);
+        const hada_status status = hada_compose(&composed, pairs, &info, seed, OWN, 0, 1, 0, &scene, &error);
         if (status) {
             failed++;
             assert_int_equal(status, HADA_ERROR_FILE_READ);
@@ -175,6 +179,7 @@ TEST(a_pair_that_cannot_be_read_is_named)
         hada_image_destroy(&scene);
     }
     assert_in_range(failed, 1, 19); /* others' scenes are read now and then */
+    hada_dataset_destroy(&pairs);
 }
 
 static hada_status read_point(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *error)
@@ -192,7 +197,8 @@ static hada_status read_point(void *user, int depth, int pair, hada_image *raw, 
 TEST(small_cameras_are_served)
 {
     static const int few[2] = {1, 0};
-    const hada_pairs pairs = {sizeof pairs, 2, few, read_point, NULL};
+    hada_dataset *pairs;
+    ASSERT_OK(hada_dataset_create(&pairs, 2, distances, few, read_point, NULL, NULL, err));
     hada_model_info two = info;
     two.depths = 2;
     two.window_rows = two.window_cols = 1;
@@ -201,9 +207,10 @@ TEST(small_cameras_are_served)
         hada_composed composed;
         ASSERT_OK(hada_image_create(&scene, 2, 1, 1, err));
         scene.data[0] = scene.data[1] = 1.0f;
-        ASSERT_OK(hada_compose(&composed, &pairs, &two, seed, 0, 0, 1, 0, &scene, err));
+        ASSERT_OK(hada_compose(&composed, pairs, &two, seed, 0, 0, 1, 0, &scene, err));
         assert_in_range(composed.count, 1, 2);
         hada_composed_free(&composed);
         hada_image_destroy(&scene);
     }
+    hada_dataset_destroy(&pairs);
 }

@@ -47,27 +47,29 @@ static hada_status read_pair(void *user, int depth, int pair, hada_image *raw, h
     return HADA_OK;
 }
 
-static hada_pairs pairs_of(source *from)
+static hada_dataset *pairs_of(source *from)
 {
-    return (hada_pairs){sizeof(hada_pairs), DEPTHS, counts, read_pair, from};
+    hada_dataset *pairs;
+    ASSERT_OK(hada_dataset_create(&pairs, DEPTHS, distances, counts, read_pair, from, NULL, err));
+    return pairs;
 }
 
 TEST(each_round_shows_every_pair_once)
 {
     source from = {.broken = -1};
-    const hada_pairs pairs = pairs_of(&from);
+    hada_dataset *pairs = pairs_of(&from);
     int same_place = 0, same_seed = 0, first[13] = {0};
-    assert_int_equal(hada_pairs_total(&pairs), 13);
+    assert_int_equal(hada_pairs_total(pairs), 13);
     for (uint64_t round = 0; round < 50; round++) {
         int seen[DEPTHS][8] = {{0}}, depth, pair, other_depth, other_pair;
         for (uint64_t i = 0; i < 13; i++) {
-            hada_order_pair(&pairs, 7, 13 * round + i, &depth, &pair);
+            hada_order_pair(pairs, 7, 13 * round + i, &depth, &pair);
             assert_in_range(pair, 0, counts[depth] - 1);
             assert_int_equal(seen[depth][pair]++, 0);
             first[i] += depth == 0 && pair == 0;
-            hada_order_pair(&pairs, 7, i, &other_depth, &other_pair);
+            hada_order_pair(pairs, 7, i, &other_depth, &other_pair);
             same_place += depth == other_depth && pair == other_pair;
-            hada_order_pair(&pairs, 8, 13 * round + i, &other_depth, &other_pair);
+            hada_order_pair(pairs, 8, 13 * round + i, &other_depth, &other_pair);
             same_seed += depth == other_depth && pair == other_pair;
         }
     }
@@ -76,6 +78,7 @@ TEST(each_round_shows_every_pair_once)
     assert_in_range(same_seed, 20, 85);
     for (int i = 0; i < 13; i++)
         assert_in_range(first[i], 0, 16); /* 50 / 13 each; no place is a pair's own */
+    hada_dataset_destroy(&pairs);
 }
 
 static hada_image image_of(int rows, int cols, float base)
@@ -221,9 +224,8 @@ TEST(planes_flip_with_their_scenes)
 TEST(the_feed_keeps_its_order_and_its_bounds)
 {
     source from = {.broken = -1, .whole = 1};
-    const hada_pairs pairs = pairs_of(&from);
-    hada_feed_desc desc = {
-        .pairs = &pairs, .info = &info, .seed = 5, .ahead = 4, .augment = {.shift = 2, .noise = 0.1}};
+    hada_dataset *pairs = pairs_of(&from);
+    hada_feed_desc desc = {.pairs = pairs, .info = &info, .seed = 5, .ahead = 4, .augment = {.shift = 2, .noise = 0.1}};
     hada_feed *feed, *late;
     hada_fed *fed[4], *again[4];
     ASSERT_OK(hada_feed_create(&feed, &desc, err));
@@ -239,7 +241,7 @@ TEST(the_feed_keeps_its_order_and_its_bounds)
     ASSERT_OK(hada_feed_take(late, 2, again, err));
     for (int i = 0; i < 2; i++) {
         int depth, pair;
-        hada_order_pair(&pairs, 5, 3 + (uint64_t)i, &depth, &pair);
+        hada_order_pair(pairs, 5, 3 + (uint64_t)i, &depth, &pair);
         assert_int_equal(fed[i]->place, 3 + i);
         assert_int_equal(fed[i]->depth, depth);
         assert_int_equal(fed[i]->pair, pair);
@@ -252,13 +254,14 @@ TEST(the_feed_keeps_its_order_and_its_bounds)
     hada_feed_destroy(&late);
     hada_feed_destroy(&feed);
     assert_null(feed);
+    hada_dataset_destroy(&pairs);
 }
 
 TEST(a_bad_pair_is_named_when_its_turn_comes)
 {
     source from = {.broken = 6};
-    const hada_pairs pairs = pairs_of(&from);
-    const hada_feed_desc desc = {.pairs = &pairs, .info = &info, .seed = 5, .ahead = 2};
+    hada_dataset *pairs = pairs_of(&from);
+    const hada_feed_desc desc = {.pairs = pairs, .info = &info, .seed = 5, .ahead = 2};
     hada_feed *feed;
     hada_fed *fed[1];
     hada_error error = {0};
@@ -266,13 +269,14 @@ TEST(a_bad_pair_is_named_when_its_turn_comes)
     int taken = 0, depth, pair;
     while (!hada_feed_take(feed, 1, fed, &error))
         taken++;
-    hada_order_pair(&pairs, 5, (uint64_t)taken, &depth, &pair);
+    hada_order_pair(pairs, 5, (uint64_t)taken, &depth, &pair);
     assert_int_equal(depth, 2);
     assert_int_equal(pair, 6);
     assert_int_equal(error.status, HADA_ERROR_FILE_READ);
     assert_string_equal(error.message, "pair 7 of the depth at 300 mm: the disk is gone");
     assert_int_equal(hada_feed_take(feed, 1, fed, &error), HADA_ERROR_FILE_READ);
     hada_feed_destroy(&feed);
+    hada_dataset_destroy(&pairs);
 }
 
 static hada_status read_wrong(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *error)
@@ -293,10 +297,12 @@ TEST(pairs_that_do_not_fit_are_refused)
     static const char *const words[] = {"", "1 channel", "6 x 7", "1 pixels are NaN"};
     static const int one[DEPTHS] = {1, 0, 0};
     for (int kind = 1; kind <= 3; kind++) {
-        const hada_pairs pairs = {sizeof pairs, DEPTHS, one, read_wrong, &kind};
+        hada_dataset *pairs;
+        ASSERT_OK(hada_dataset_create(&pairs, DEPTHS, distances, one, read_wrong, &kind, NULL, err));
         hada_image raw, scene;
         hada_error error = {0};
-        assert_int_not_equal(hada_pairs_read(&pairs, &info, 0, 0, &raw, &scene, &error), HADA_OK);
+        assert_int_not_equal(hada_pairs_read(pairs, &info, 0, 0, &raw, &scene, &error), HADA_OK);
+        hada_dataset_destroy(&pairs);
         assert_non_null(strstr(error.message, words[kind]));
         assert_non_null(strstr(error.message, "pair 1 of the depth at 100 mm"));
         assert_null(raw.data);
@@ -336,8 +342,8 @@ static int everything_known(void *user, int depth, int pair, int variant)
 TEST(what_is_known_is_not_read)
 {
     source from = {.broken = 6};
-    const hada_pairs pairs = pairs_of(&from);
-    const hada_feed_desc desc = {.pairs = &pairs, .info = &info, .ahead = 1, .known = everything_known};
+    hada_dataset *pairs = pairs_of(&from);
+    const hada_feed_desc desc = {.pairs = pairs, .info = &info, .ahead = 1, .known = everything_known};
     hada_feed *feed;
     hada_fed *fed[1];
     ASSERT_OK(hada_feed_create(&feed, &desc, err));
@@ -346,5 +352,6 @@ TEST(what_is_known_is_not_read)
         assert_int_equal(fed[0]->raw.data == NULL, everything_known(NULL, fed[0]->depth, fed[0]->pair, 0));
     }
     hada_feed_destroy(&feed);
+    hada_dataset_destroy(&pairs);
     assert_in_range(from.reads, 6, 7);
 }

@@ -24,7 +24,7 @@ static void *train(void *user)
     rank *own = user;
     hada_step_report report = {.size = sizeof report};
     own->options.communicator = &own->communicator;
-    own->status = hada_trainer_create(&own->trainer, &f.part[own->communicator.rank], 1, f.model, &pairs, &held,
+    own->status = hada_trainer_create(&own->trainer, &f.part[own->communicator.rank], 1, f.model, pairs, held,
                                       &own->options, &own->error);
     for (int i = 0; i < STEPS && !own->status; i++) {
         own->status = hada_trainer_step(own->trainer, &report, &own->error);

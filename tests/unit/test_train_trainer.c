@@ -125,13 +125,13 @@ TEST(new_nets_see_the_other_planes)
     options.discriminator = "conditional";
     for (int composed = 0; composed < 2; composed++) { /* the net has two inputs whether scenes are composed or not */
         options.compose = 0.5 * composed;
-        ASSERT_OK(hada_trainer_create(&trainer, &f.whole, 1, model, &pairs, &held, &options, err));
+        ASSERT_OK(hada_trainer_create(&trainer, &f.whole, 1, model, pairs, held, &options, err));
         steps(trainer, 4);
         hada_trainer_destroy(&trainer);
     }
     options = options_of(HADA_STAGE_JOINT);
     options.net_given = NULL;
-    assert_int_equal(hada_trainer_create(&trainer, &f.whole, 1, model, &pairs, &held, &options, &error),
+    assert_int_equal(hada_trainer_create(&trainer, &f.whole, 1, model, pairs, held, &options, &error),
                      HADA_ERROR_MODEL);
     assert_non_null(strstr(error.message, "options.net"));
     hada_plan *plan;
@@ -170,14 +170,14 @@ TEST(a_net_may_only_share_light_out)
     hada_trainer_destroy(&trainer);
     assert_int_equal(hada_model_get_enhance(model)->shares, 1);
     options.compose = HADA_AUTO;
-    ASSERT_OK(hada_trainer_create(&trainer, &f.whole, 1, model, &pairs, &held, &options, err));
+    ASSERT_OK(hada_trainer_create(&trainer, &f.whole, 1, model, pairs, held, &options, err));
     assert_true(trainer->options.compose == 1.0); /* as the net is */
     hada_trainer_destroy(&trainer);
     for (int adversarial = 0; adversarial < 2; adversarial++) {
         options = options_of(adversarial ? HADA_STAGE_ADVERSARIAL : HADA_STAGE_ENHANCE);
         options.net_given = NULL;
         options.compose = adversarial ? 1.0 : 0.5;
-        assert_int_equal(hada_trainer_create(&trainer, &f.whole, 1, model, &pairs, &held, &options, &error),
+        assert_int_equal(hada_trainer_create(&trainer, &f.whole, 1, model, pairs, held, &options, &error),
                          HADA_ERROR_MODEL);
         assert_non_null(strstr(error.message, "only shares light out"));
     }
@@ -205,12 +205,12 @@ TEST(composing_that_makes_no_sense_is_refused)
     hada_error error = {0};
     hada_train_options options = options_of(HADA_STAGE_JOINT);
     options.compose = 0.5;
-    assert_int_equal(hada_trainer_create(&trainer, &f.whole, 1, f.model, &pairs, &held, &options, &error),
+    assert_int_equal(hada_trainer_create(&trainer, &f.whole, 1, f.model, pairs, held, &options, &error),
                      HADA_ERROR_ARGUMENT);
     assert_non_null(strstr(error.message, "enhance and adversarial"));
     options = options_of(HADA_STAGE_ENHANCE);
     options.compose = 1.5;
-    assert_int_equal(hada_trainer_create(&trainer, &f.whole, 1, f.model, &pairs, &held, &options, &error),
+    assert_int_equal(hada_trainer_create(&trainer, &f.whole, 1, f.model, pairs, held, &options, &error),
                      HADA_ERROR_ARGUMENT);
     options = options_of(HADA_STAGE_JOINT);
     options.compose = HADA_AUTO; /* the caller leaves it open */
@@ -402,7 +402,7 @@ TEST(stages_follow_one_another)
     assert_int_equal(hada_model_get_info(enhanced)->refine_steps, hada_model_get_info(f.model)->refine_steps);
     options = options_of(HADA_STAGE_JOINT);
     options.net_given = NULL; /* the model's */
-    ASSERT_OK(hada_trainer_create(&trainer, &f.whole, 1, enhanced, &pairs, &held, &options, err));
+    ASSERT_OK(hada_trainer_create(&trainer, &f.whole, 1, enhanced, pairs, held, &options, err));
     assert_memory_equal(trainer->nets.net->values, net->values, net->floats * sizeof(float));
     steps(trainer, 2);
     ASSERT_OK(hada_trainer_model(trainer, &joint, err));
@@ -431,14 +431,14 @@ TEST(stages_follow_one_another)
 
 TEST(options_that_make_no_sense_are_refused)
 {
-    static const char *const words[] = {"at least one step",   "1 to 4096",     "rates are above 0",
-                                        "not below 0",         "no stage",      "a random start",
-                                        "half pixels|0 to 23", "all losses",    "no pair to learn",
-                                        "too small",           "model knows 2", "no tensor features.0"};
+    static const char *const words[] = {"at least one step",   "1 to 4096",       "rates are above 0",
+                                        "not below 0",         "no stage",        "a random start",
+                                        "half pixels|0 to 23", "all losses",      "no pair to learn",
+                                        "too small",           "the model has 2", "no tensor features.0"};
     for (int kind = 0; kind < 12; kind++) {
         hada_train_options options = options_of(HADA_STAGE_ENHANCE);
         static const int none[] = {0, 0};
-        hada_pairs list = pairs;
+        hada_dataset *list;
         hada_trainer *trainer = NULL;
         hada_error error = {0};
         options.steps -= kind == 0 ? options.steps : 0;
@@ -449,12 +449,12 @@ TEST(options_that_make_no_sense_are_refused)
         options.stage = kind == 4 ? (hada_stage)9 : options.stage;
         options.random_start = kind == 5;
         augment.shift = kind == 6 ? WINDOW : 0;
-        list.counts = kind == 8 ? none : pair_counts;
-        list.depths = kind == 10 ? 1 : DEPTHS;
+        ASSERT_OK(hada_dataset_create(&list, kind == 10 ? 1 : DEPTHS, distances, kind == 8 ? none : pair_counts,
+                                      read_pair, NULL, NULL, err));
         options.perceptual = kind == 11 ? 0.1 : 0.0;
         options.vgg = kind == 11 ? f.path[0] : NULL;
-        assert_int_not_equal(hada_trainer_create(&trainer, f.part, 2, f.model, &list, &held, &options, &error),
-                             HADA_OK);
+        assert_int_not_equal(hada_trainer_create(&trainer, f.part, 2, f.model, list, held, &options, &error), HADA_OK);
+        hada_dataset_destroy(&list);
         assert_null(trainer);
         if (kind != 6 && !strstr(error.message, words[kind]))
             fail_msg("%d: %s", kind, error.message);

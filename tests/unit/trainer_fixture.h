@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "camera_small.h"
+#include "fit/fitter.h"
 #include "train/train_options.h"
 #include "train/trainer.h"
 
@@ -59,8 +60,7 @@ static inline hada_status read_held(void *user, int depth, int pair, hada_image 
     return read_from(depth, PAIRS + pair, raw, scene, error);
 }
 
-static const hada_pairs pairs = {sizeof pairs, DEPTHS, pair_counts, read_pair, NULL};
-static const hada_pairs held = {sizeof held, DEPTHS, held_counts, read_held, NULL};
+static hada_dataset *pairs, *held;
 
 static inline void open_devices(void)
 {
@@ -114,19 +114,21 @@ static inline void make_model(void)
             paint(&f.scene[z][i], (uint64_t)(100 * z + i));
             f.raw[z][i] = small_frame(&psf, &f.scene[z][i], 0, 0.02, (uint64_t)(100 * z + i));
             if (i < PAIRS)
-                ASSERT_OK(hada_fitter_add(fitter, z, &f.raw[z][i], &f.scene[z][i], err));
+                ASSERT_OK(hada_fitter_add_pair(fitter, z, &f.raw[z][i], &f.scene[z][i], err));
         }
         hada_image_destroy(&psf);
     }
-    ASSERT_OK(hada_fitter_finish(fitter, &f.model, NULL, err));
+    ASSERT_OK(hada_fitter_finish(fitter, NULL, &f.model, err));
     hada_fitter_destroy(&fitter);
-    ASSERT_OK(hada_model_blank(&f.blank, &options, err));
+    ASSERT_OK(hada_model_from_filters(&f.blank, &options, NULL, NULL, err));
 }
 
 static inline int setup(void **state)
 {
     hada_unet_options unet;
     (void)state;
+    ASSERT_OK(hada_dataset_create(&pairs, DEPTHS, distances, pair_counts, read_pair, NULL, NULL, err));
+    ASSERT_OK(hada_dataset_create(&held, DEPTHS, distances, held_counts, read_held, NULL, NULL, err));
     open_devices();
     make_model();
     hada_unet_options_init(&unet);
@@ -152,6 +154,8 @@ static inline int teardown(void **state)
             hada_image_destroy(&f.raw[z][i]);
             hada_image_destroy(&f.scene[z][i]);
         }
+    hada_dataset_destroy(&pairs);
+    hada_dataset_destroy(&held);
     hada_net_destroy(&f.net);
     hada_model_destroy(&f.model);
     hada_model_destroy(&f.blank);
@@ -195,10 +199,9 @@ static inline hada_trainer *make(const hada_train_options *options, int devices)
 {
     hada_trainer *trainer;
     if (devices == 1)
-        ASSERT_OK(hada_trainer_create(&trainer, &f.whole, 1, model_of(options->stage), &pairs, &held, options, err));
+        ASSERT_OK(hada_trainer_create(&trainer, &f.whole, 1, model_of(options->stage), pairs, held, options, err));
     else
-        ASSERT_OK(
-            hada_trainer_create(&trainer, f.part, devices, model_of(options->stage), &pairs, &held, options, err));
+        ASSERT_OK(hada_trainer_create(&trainer, f.part, devices, model_of(options->stage), pairs, held, options, err));
     return trainer;
 }
 

@@ -31,24 +31,52 @@ void hada_bench_workload_free(hada_bench_workload *workload)
     *workload = (hada_bench_workload){0};
 }
 
+/* Simulates pairs as they are read. */
+typedef struct drawing {
+    hada_bench *bench;
+    hada_simulator *simulator;
+} drawing;
+
 /* A pair of the fit: a drawn scene at a depth, and its frame. */
-static hada_status pair(hada_simulator *simulator, int z, int i, hada_image *scene, hada_image *raw, hada_error *err)
+static hada_status draw_pair(void *user, int z, int i, hada_image *raw, hada_image *scene, hada_error *err)
 {
-    const hada_camera *camera = hada_simulator_camera(simulator);
+    const drawing *of = user;
+    const hada_camera *camera = hada_simulator_camera(of->simulator);
     const uint64_t number = (uint64_t)(z * PAIRS + i);
-    hada_status status =
-        hada_scene_procedural(scene, SEED + number, camera->channels, camera->window_rows, camera->window_cols, err);
+    HADA_TRY(
+        hada_scene_procedural(scene, SEED + number, camera->channels, camera->window_rows, camera->window_cols, err));
     const hada_plane plane = {z, scene};
-    return status ? status : hada_simulator_render(simulator, &plane, 1, noise, SEED + 1000 + number, raw, err);
+    HADA_TRY(hada_simulator_render(of->simulator, &plane, 1, noise, SEED + 1000 + number, raw, err));
+    hada_cli_progress_step(of->bench->cli, NULL);
+    return HADA_OK;
+}
+
+/* So many pairs of each depth. */
+static hada_status draw_pairs(hada_dataset **out, drawing *of, int count, hada_error *err)
+{
+    const hada_camera *camera = hada_simulator_camera(of->simulator);
+    int *counts = calloc((size_t)camera->depths, sizeof *counts);
+    if (!counts)
+        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    for (int z = 0; z < camera->depths; z++)
+        counts[z] = count;
+    const hada_status status =
+        hada_dataset_create(out, camera->depths, camera->distances_mm, counts, draw_pair, of, NULL, err);
+    free(counts);
+    return status;
 }
 
 static hada_status fit(hada_bench *bench, hada_simulator *simulator, hada_context *context, hada_model **model,
                        hada_error *err)
 {
     const hada_camera *camera = hada_simulator_camera(simulator);
+    drawing of = {bench, simulator};
+    hada_monitor monitor = bench->cli->monitor;
     hada_fit_options options;
+    hada_dataset *pairs = NULL, *scored = NULL;
     hada_fitter *fitter = NULL;
-    hada_image scene = {0}, raw = {0};
+    hada_status status = HADA_OK;
+    monitor.progress = NULL; /* the bench has its own */
     hada_fit_options_init(&options);
     options.depths = camera->depths;
     options.channels = camera->channels;
@@ -58,24 +86,16 @@ static hada_status fit(hada_bench *bench, hada_simulator *simulator, hada_contex
     options.window_rows = camera->window_rows;
     options.window_cols = camera->window_cols;
     options.boundary = camera->boundary;
-    hada_status status = HADA_OK;
+    options.monitor = &monitor;
+    HADA_TRY_OR_DONE(draw_pairs(&pairs, &of, PAIRS, err));
+    HADA_TRY_OR_DONE(draw_pairs(&scored, &of, SCORED, err));
     HADA_TRY_OR_DONE(hada_fitter_create(&fitter, context, &options, err));
-    for (int pass = 0; pass < 2; pass++)
-        for (int k = 0; k < camera->depths * (pass ? SCORED : PAIRS); k++) {
-            const int z = k % camera->depths, i = k / camera->depths;
-            HADA_TRY_OR_DONE(pair(simulator, z, i, &scene, &raw, err));
-            HADA_TRY_OR_DONE(pass ? hada_fitter_score(fitter, z, &raw, &scene, err)
-                                  : hada_fitter_add(fitter, z, &raw, &scene, err));
-            hada_image_destroy(&scene);
-            hada_image_destroy(&raw);
-            HADA_TRY_OR_DONE(hada_cli_check_signals(err));
-            hada_cli_progress_step(bench->cli, NULL);
-        }
-    HADA_TRY_OR_DONE(hada_fitter_finish(fitter, model, NULL, err));
+    HADA_TRY_OR_DONE(hada_fitter_add(fitter, pairs, err));
+    HADA_TRY_OR_DONE(hada_fitter_finish(fitter, scored, model, err));
 done:
-    hada_image_destroy(&scene);
-    hada_image_destroy(&raw);
     hada_fitter_destroy(&fitter);
+    hada_dataset_destroy(&pairs);
+    hada_dataset_destroy(&scored);
     return status;
 }
 

@@ -132,11 +132,11 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     hada_dataset_options_init(&scan);
     scan.skip_incomplete = set->skip_incomplete;
     fit.nonnegative = set->psf_sign != 0;
+    fit.leave_one_out = !set->no_leave_one_out;
     fit.form = set->form ? (hada_form)set->form : HADA_FORM_COMPLEX;
     fit.window_rows = set->window[0];
     fit.window_cols = set->window[1];
     task.fit = &fit;
-    task.leave_one_out = !set->no_leave_one_out;
     task.merge = set->merge.items;
     task.merge_count = set->merge.count;
     fit.communicator = hada_cli_communicator(cli);

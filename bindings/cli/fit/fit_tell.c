@@ -27,7 +27,7 @@ static json_t *score_json(double alpha, double lambda, double psnr_one, double p
 static void print_filters(hada_cli *cli, const hada_fit_scores *scores, json_t *list)
 {
     const hada_fit_filter_score *row;
-    for (size_t i = 0; (row = hada_fit_scores_filter(scores, i)); i++) {
+    for (size_t i = 0; (row = scores->filters[i]); i++) {
         hada_cli_digits two;
         if (!i)
             hada_cli_say(cli, "\nLeave-one-out, mean PSNR of held-out pairs in dB\n  %9s  %9s  %9s  %10s", "alpha",
@@ -42,7 +42,7 @@ static void print_filters(hada_cli *cli, const hada_fit_scores *scores, json_t *
 static void print_outsides(hada_cli *cli, const hada_fit_scores *scores, const hada_model_info *info, json_t *list)
 {
     const hada_fit_outside_score *row;
-    for (size_t i = 0; (row = hada_fit_scores_outside(scores, i)); i++) {
+    for (size_t i = 0; (row = scores->outsides[i]); i++) {
         json_t *entry = score_json(info->alpha, info->lambda, row->psnr, NAN, row->chosen);
         if (!i)
             hada_cli_say(cli, "\nWeight of what filters make outside the window, on a few held-out pairs\n  %20s  %9s",
@@ -56,7 +56,7 @@ static void print_outsides(hada_cli *cli, const hada_fit_scores *scores, const h
 static void print_refinements(hada_cli *cli, const hada_fit_scores *scores, const hada_model_info *info, json_t *list)
 {
     const hada_fit_refine_score *row;
-    for (size_t i = 0; (row = hada_fit_scores_refinement(scores, i)); i++) {
+    for (size_t i = 0; (row = scores->refinements[i]); i++) {
         json_t *entry = score_json(info->alpha, info->lambda, row->psnr_single, row->psnr_double, row->chosen);
         char steps[32] = "none";
         hada_cli_digits two;
@@ -86,13 +86,13 @@ static void print_scores(hada_cli *cli, const hada_fit_scores *scores, const had
 /* What the pairs said of their scenes. */
 static void print_survey(hada_cli *cli, const hada_survey *survey)
 {
-    const int several = hada_survey_get_row(survey, 1) != NULL;
+    const int several = survey && survey->rows[0] && survey->rows[1];
     const hada_survey_row *row;
     json_t *list = json_array();
     if (several)
         hada_cli_say(cli, "Response of the scenes, unexplained share of held-out frames in %%\n  %9s  %13s  %14s",
                      "response", "exposed alike", "each by itself");
-    for (size_t i = 0; (row = hada_survey_get_row(survey, i)); i++) {
+    for (size_t i = 0; survey && (row = survey->rows[i]); i++) {
         char name[HADA_RESPONSE_NAME];
         hada_response_name(name, row->response);
         if (several)
@@ -103,7 +103,7 @@ static void print_survey(hada_cli *cli, const hada_survey *survey)
                                         "unexplained_exposed_apart", row->unexplained_apart, "chosen", row->chosen));
     }
     json_object_set_new(cli->document, "responses", list);
-    json_object_set_new(cli->document, "exposed_apart", json_boolean(survey && hada_survey_exposed(survey)));
+    json_object_set_new(cli->document, "exposed_apart", json_boolean(survey && survey->exposed));
 }
 
 void hada_cli_fit_tell_pairs(hada_cli *cli, const hada_dataset_info *info, const hada_model *model,
@@ -111,10 +111,10 @@ void hada_cli_fit_tell_pairs(hada_cli *cli, const hada_dataset_info *info, const
 {
     json_t *pairs = json_array();
     for (int z = 0; z < info->depths; z++)
-        json_array_append_new(pairs, json_integer(hada_fit_report_pairs(report, z)));
+        json_array_append_new(pairs, json_integer(report->pairs[z]));
     json_object_set_new(cli->document, "pairs", pairs);
-    print_survey(cli, hada_fit_report_survey(report));
-    print_scores(cli, hada_fit_report_scores(report), model);
+    print_survey(cli, report->survey);
+    print_scores(cli, report->scores, model);
     hada_cli_say(cli, "\n%d pairs; at least %d for each of %d %s", info->pairs, info->least_pairs, info->depths,
                  info->depths == 1 ? "depth" : "depths");
 }
@@ -123,7 +123,7 @@ void hada_cli_fit_tell_sums(hada_cli *cli, int files, const hada_model *model, c
 {
     long long pairs = 0;
     for (int z = 0; z < hada_model_get_info(model)->depths; z++)
-        pairs += hada_fit_report_pairs(report, z);
+        pairs += report->pairs[z];
     hada_cli_say(cli,
                  "%lld pairs in %d file%s of sums; without pairs to leave out, alpha, lambda and refinement are those "
                  "given or the defaults",

@@ -65,7 +65,7 @@ from .result import Report, Result, SkipReport
 if TYPE_CHECKING:
     from . import metrics, optics
     from ._camera import Camera
-    from ._register import RegisteredDepth, Registration, register, register_dataset, register_offset, register_psf
+    from ._register import RegisteredDepth, Registration, register, register_dataset
     from ._scenes import add_noise, crop, fit_scene, part, procedural_scene, regions, relief, resize
     from ._simulate import Sensor, SimulateReport, Simulator, simulate, window_origin
     from ._train import TrainState, train
@@ -155,8 +155,6 @@ __all__ = [
     "regions",
     "register",
     "register_dataset",
-    "register_offset",
-    "register_psf",
     "relief",
     "resize",
     "response",
@@ -173,7 +171,7 @@ __all__ = [
 _LATER = {
     None: ("metrics", "optics"),
     "_camera": ("Camera",),
-    "_register": ("RegisteredDepth", "Registration", "register", "register_dataset", "register_offset", "register_psf"),
+    "_register": ("RegisteredDepth", "Registration", "register", "register_dataset"),
     "_scenes": ("add_noise", "crop", "fit_scene", "part", "procedural_scene", "regions", "relief", "resize"),
     "_simulate": ("Sensor", "SimulateReport", "Simulator", "simulate", "window_origin"),
     "_train": ("TrainState", "train"),

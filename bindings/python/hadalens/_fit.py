@@ -96,11 +96,11 @@ class FitReport:
     exposed_apart: bool
 
 
-def _each(get: Any, of: Any) -> Iterator[Any]:
-    """Iterate over rows that C gives one by one."""
+def _each(rows: Any) -> Iterator[Any]:
+    """Iterate over a list of pointers that NULL ends."""
     index = 0
-    while (row := get(of, index)) != ffi.NULL:
-        yield row[0]
+    while rows[index] != ffi.NULL:
+        yield rows[index][0]
         index += 1
 
 
@@ -111,10 +111,10 @@ def scores_of(
     return (
         tuple(
             record(FilterScore, row, regularisation=getattr(row, "lambda"))
-            for row in _each(lib.hada_fit_scores_filter, scores)
+            for row in _each(scores.filters)
         ),
-        tuple(record(OutsideScore, row) for row in _each(lib.hada_fit_scores_outside, scores)),
-        tuple(record(RefineScore, row) for row in _each(lib.hada_fit_scores_refinement, scores)),
+        tuple(record(OutsideScore, row) for row in _each(scores.outsides)),
+        tuple(record(RefineScore, row) for row in _each(scores.refinements)),
     )
 
 
@@ -133,6 +133,7 @@ def fit_options(
     nonnegative: bool = True,
     scene_response: float | str | None = None,
     crop_passes: int | None = None,
+    leave_one_out: bool = True,
     **others: Any,
 ) -> Options:
     """Return hada_fit_options of what fit and Fitter take alike."""
@@ -152,6 +153,7 @@ def fit_options(
         nonnegative=nonnegative,
         scene_response=None if scene_response is None else responses.number(scene_response),
         crop_passes=crop_passes,
+        leave_one_out=leave_one_out,
         **{"lambda": regularisation},
         **others,
     )
@@ -238,13 +240,13 @@ def fit(
         nonnegative=nonnegative,
         scene_response=scene_response,
         crop_passes=crop_passes,
+        leave_one_out=leave_one_out,
     )
     monitor = Monitor(progress)
     task = Options(
         "hada_fit_task",
         fit=options,
         boundary=None if boundary is None else value_of("hada_boundary", boundary, "boundary"),
-        leave_one_out=leave_one_out,
         half=half,
         save_sums=save_sums,
         resume=resume,
@@ -286,15 +288,10 @@ def monitored(monitor: Monitor, run: Callable[..., None], function: Callable[...
 
 
 def _report(report: Any, depths: int) -> FitReport:
-    compared = scores_of(lib.hada_fit_report_scores(report))
-    pairs = tuple(lib.hada_fit_report_pairs(report, z) for z in range(depths))
-    survey = lib.hada_fit_report_survey(report)
+    compared = scores_of(report.scores)
+    pairs = tuple(report.pairs[z] for z in range(depths))
+    survey = report.survey
     if survey == ffi.NULL:
         return FitReport(*compared, pairs, None, (), False)
-    return FitReport(
-        *compared,
-        pairs,
-        lib.hada_survey_response(survey),
-        tuple(record(ResponseRow, row) for row in _each(lib.hada_survey_get_row, survey)),
-        bool(lib.hada_survey_exposed(survey)),
-    )
+    responses = tuple(record(ResponseRow, row) for row in _each(survey.rows))
+    return FitReport(*compared, pairs, survey.response, responses, bool(survey.exposed))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
-from ._arrays import Floats, Image
+from . import errors
+from ._arrays import Floats
 from ._fit import FitReport, fit_options, monitored, scores_of
-from ._native import Caller, Handle, Monitor, Options, Owner, call, ffi, keep_error, lib, path
+from ._native import Handle, Monitor, Options, Owner, call, ffi, lib, path
 from ._pairs import Dataset, Pairs, as_dataset
 from .device import Context, default
 from .model import Boundary, Model
@@ -17,27 +18,17 @@ from .model import Boundary, Model
 Show: TypeAlias = Callable[[int, int], tuple[Any, Any]]
 
 
-class _Shower(Caller):
-    """Shows pairs to C again."""
+class _Shown(Sequence[tuple[Any, Any]]):
+    """The pairs of a depth, which a function gives when they are read."""
 
-    def __init__(self, show: Show, channel_axis: int | None) -> None:
-        super().__init__()
-        self.show = show
-        self.channel_axis = channel_axis
-        self.shown: Any = None
+    def __init__(self, show: Show, depth: int, count: int) -> None:
+        self.show, self.depth, self.count = show, depth, count
 
+    def __len__(self) -> int:
+        return self.count
 
-@ffi.def_extern(error=lib.HADA_ERROR_CANCELLED, onerror=keep_error)  # type: ignore[untyped-decorator]
-def py_fit_show(user: Any, depth: int, pair: int, raw: Any, scene: Any, _err: Any) -> int:
-    """Show a pair to C; it lasts until the next one."""
-    shower = ffi.from_handle(user)
-    frame, shown = shower.show(depth, pair)
-    shower.shown = (
-        Image(frame, what="raw", channel_axis=shower.channel_axis),
-        Image(shown, what="scene", channel_axis=shower.channel_axis),
-    )
-    raw[0], scene[0] = (image.c for image in shower.shown)
-    return int(lib.HADA_OK)
+    def __getitem__(self, pair: Any) -> Any:
+        return self.show(self.depth, pair)
 
 
 class Fitter(Handle):
@@ -56,7 +47,7 @@ class Fitter(Handle):
         context: a device; None: :meth:`Context.default`.
         channel_axis: of arrays of three axes; None: the first.
         options: form, dark, alpha, regularisation, outside, refine_steps, refine_tv, refine_colour,
-            refine_shrink, nonnegative, scene_response, crop_passes as in :func:`fit`.
+            refine_shrink, nonnegative, scene_response, crop_passes, leave_one_out as in :func:`fit`.
 
     Example:
         >>> fitter = hadalens.Fitter([100.0, 600.0], raw_size=(300, 400), window=(120, 120), channels=3)
@@ -92,18 +83,22 @@ class Fitter(Handle):
             grid_cols=None if grid is None else grid[1],
             **options,
         )
-        self._start(lib.hada_fitter_create, default(context), chosen, channel_axis, len(distances_mm))
+        self._start(default(context), chosen, channel_axis)
 
-    def _start(
-        self, create: Any, context: Context, options: Options, channel_axis: int | None, depths: int, *given: Any
-    ) -> None:
+    def _start(self, context: Context, options: Options, channel_axis: int | None) -> None:
         self._monitor = Monitor(None)
         options.set(monitor=self._monitor.options)
         owner = Owner("hada_fitter", lib.hada_fitter_destroy, context._own, self._monitor)
-        call(create, owner.pointer, context._c, *given, options.c)
+        call(lib.hada_fitter_create, owner.pointer, context._c, options.c)
         self._owner = owner
         self._channel_axis = channel_axis
-        self._depths = depths
+        info = self._info
+        self._distances = tuple(info.distances_mm[z] for z in range(info.depths))
+        self._scored: dict[float, list[tuple[Any, Any]]] = {distance: [] for distance in self._distances}
+
+    @property
+    def _info(self) -> Any:
+        return lib.hada_fitter_get_info(self._c)
 
     @classmethod
     def from_sums(
@@ -117,13 +112,10 @@ class Fitter(Handle):
     ) -> Fitter:
         """Return a fitter from a file of sums; camera, depths and dark level are the file's."""
         new = cls.__new__(cls)
-        chosen = fit_options(**options)
-        new._start(lib.hada_fitter_create_from_sums, default(context), chosen, channel_axis, depths, path(name))
+        new._start(default(context), fit_options(sums=name, **options), channel_axis)
+        if len(new._distances) != depths:
+            raise errors.SizeError(f"{os.fspath(name)} has {len(new._distances)} depths, not {depths}")
         return new
-
-    def _images(self, raw: Any, scene: Any) -> tuple[Image, Image]:
-        axis = self._channel_axis
-        return Image(raw, what="raw", channel_axis=axis), Image(scene, what="scene", channel_axis=axis)
 
     def add(self, depth: int, raw: Any, scene: Any) -> None:
         """Add a pair to the sums of a depth.
@@ -137,13 +129,17 @@ class Fitter(Handle):
             NotFiniteError, SizeError: the pair is refused; the sums are as they were.
 
         """
-        frame, shown = self._images(raw, scene)
-        call(lib.hada_fitter_add, self._c, depth, frame.c, shown.c)
+        pair = Dataset({self._distance(depth): [(raw, scene)]}, channel_axis=self._channel_axis)
+        monitored(self._monitor, pair._call, lib.hada_fitter_add, self._c, pair._c)
+
+    def _distance(self, depth: int) -> float:
+        if not 0 <= depth < len(self._distances):
+            raise ValueError(f"depth {depth} is not one of the {len(self._distances)} of this fit")
+        return self._distances[depth]
 
     def score(self, depth: int, raw: Any, scene: Any) -> None:
-        """Show a pair of the sums again: its leave-one-out errors choose alpha and regularisation. A few are enough."""
-        frame, shown = self._images(raw, scene)
-        call(lib.hada_fitter_score, self._c, depth, frame.c, shown.c)
+        """Give a pair of the sums again, for :meth:`finish` to leave out. A few choose alpha and regularisation."""
+        self._scored[self._distance(depth)].append((raw, scene))
 
     def save_sums(self, name: str | os.PathLike[str]) -> None:
         """Write the sums into a file."""
@@ -156,49 +152,38 @@ class Fitter(Handle):
     @property
     def pairs(self) -> tuple[int, ...]:
         """Number of pairs in the sums of each depth."""
-        return tuple(lib.hada_fitter_pairs(self._c, z) for z in range(self._depths))
+        info = self._info
+        return tuple(info.pairs[z] for z in range(info.depths))
 
     @property
     def bytes(self) -> int:
         """Bytes of device memory that the fitter holds."""
-        return int(lib.hada_fitter_bytes(self._c))
-
-    def _show_all(self, function: Any, show: Show, *others: Any) -> None:
-        shower = _Shower(show, self._channel_axis)
-        monitored(self._monitor, shower.run, function, self._c, lib.py_fit_show, shower.user, *others)
-
-    def learn_cropped(self, show: Show) -> None:
-        """Learn transfer functions with the crop of the sensor in the model ("padded"); pairs are shown again.
-
-        Args:
-            show: (depth, pair) -> (raw, scene): the pairs of the sums, in the order in which they were added.
-
-        """
-        self._show_all(lib.hada_fitter_learn_cropped, show)
-
-    def learn_windowed(self, show: Show) -> None:
-        """Judge filters in the window alone; every pair is shown up to 12 times. `show` as in learn_cropped."""
-        self._show_all(lib.hada_fitter_learn_windowed, show)
+        return int(self._info.bytes)
 
     def finish(self, show: Show | None = None) -> Model:
         """Return the model of the pairs so far.
 
         Args:
-            show: (depth, pair) -> (raw, scene), to learn with the crop and in the window where that serves; None: the
-                exact fit.
+            show: (depth, pair) -> (raw, scene): the pairs of the sums, in the order in which they were added, to leave
+                some out, and to learn with the crop and in the window where that pays; None: the exact fit, with the
+                choices of the pairs that were given to :meth:`score`.
 
         Example:
             >>> model = fitter.finish(show=lambda depth, pair: pairs[depth][pair])
 
         """
+        again: Pairs | None = None
+        if show is not None:
+            counts = enumerate(self.pairs)
+            again = {self._distances[depth]: _Shown(show, depth, count) for depth, count in counts}
+        elif any(self._scored.values()):
+            again = self._scored
+        data = None if again is None else Dataset(again, channel_axis=self._channel_axis)
         model = Owner("hada_model", lib.hada_model_destroy)
-        scores = Owner("hada_fit_scores", lib.hada_fit_scores_destroy)
-        if show is None:
-            monitored(self._monitor, call, lib.hada_fitter_finish, self._c, model.pointer, scores.pointer)
-        else:
-            self._show_all(lib.hada_fitter_learn_and_finish, show, model.pointer, scores.pointer)
+        arguments = (lib.hada_fitter_finish, self._c, ffi.NULL if data is None else data._c, model.pointer)
+        monitored(self._monitor, call if data is None else data._call, *arguments)
         learned = Model._of(model)
-        learned.fit_report = FitReport(*scores_of(scores.c), self.pairs, None, (), False)
+        learned.fit_report = FitReport(*scores_of(self._info.scores), self.pairs, None, (), False)
         return learned
 
 
@@ -218,11 +203,7 @@ def find_boundary(
     data = as_dataset(pairs, channel_axis)
     monitor = Monitor(None)
     options = fit_options(monitor=monitor.options)
-    data._call(lib.hada_fit_options_from_dataset, options.c, data._c, lib.HADA_BOUNDARY_PADDED, ffi.NULL)
-    shower = _Shower(data.read, None)
-    counts = ffi.new("int[]", data.counts)
-    arguments = (options.c, default(context)._c, counts, lib.py_fit_show, shower.user)
-    monitored(monitor, shower.run, lib.hada_fit_find_boundary, *arguments)
+    monitored(monitor, data._call, lib.hada_fit_find_boundary, options.c, default(context)._c, data._c)
     if options.c.boundary == lib.HADA_BOUNDARY_CIRCULAR:
         return "circular", None
     rows, cols = options.c.grid_rows, options.c.grid_cols

@@ -103,6 +103,7 @@ class Dataset(Handle):
             ffi.new("int[]", [len(some) for some in self._reader.depths]),
             lib.py_dataset_read_pair,
             self._reader.user,
+            ffi.NULL,
         )
         self._owner = owner
 
@@ -152,15 +153,13 @@ class Dataset(Handle):
     def names(self, depth: int, pair: int) -> tuple[str, str]:
         """Return the paths of a pair's files; of arrays, the names that they would have."""
         self._check(depth, pair)
-        return (
-            text(lib.hada_dataset_raw_path(self._c, depth, pair)),
-            text(lib.hada_dataset_scene_path(self._c, depth, pair)),
-        )
+        files = self._info.files[depth][pair]
+        return text(files.raw), text(files.scene)
 
     def folder(self, depth: int) -> str:
         """Return the folder of a depth."""
         self._check(depth, 0)
-        return text(lib.hada_dataset_folder(self._c, depth))
+        return text(self._info.folders[depth])
 
     def read(self, depth: int, pair: int) -> tuple[Float32, Float32]:
         """Return raw frame and scene of a pair, float32 (C, Y, X)."""

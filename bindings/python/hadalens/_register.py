@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from . import errors
 from ._arrays import Float32, Image, NewImage
 from ._fit import monitored
 from ._native import Monitor, Options, Owner, Progress, call, ffi, lib, path, record
@@ -62,21 +61,15 @@ class Registration:
         return out[0], out[1]
 
 
-def _search(magnification: tuple[float, float] | None, most_rotation_deg: float | None) -> Options:
+def _task(magnification: tuple[float, float] | None, most_rotation_deg: float | None, **others: Any) -> Options:
     least, most = magnification or (None, None)
     return Options(
-        "hada_register_options",
+        "hada_register_task",
         least_magnification=least,
         most_magnification=most,
         most_rotation_deg=most_rotation_deg,
+        **others,
     )
-
-
-def _images(raws: Any, scenes: Any) -> tuple[Image, Image]:
-    first, second = Image(*raws, what="raws"), Image(*scenes, what="scenes")
-    if len(first.arrays) != len(second.arrays):
-        raise errors.SizeError(f"{len(first.arrays)} frames and {len(second.arrays)} scenes")
-    return first, second
 
 
 def register(
@@ -95,7 +88,7 @@ def register(
         most_rotation_deg: to either side of the quarter turns; None: 15.
 
     Raises:
-        DatasetError: the pairs cannot tell.
+        DatasetError: the pairs do not tell.
         KeyboardInterrupt: Ctrl-C ends it at once.
 
     Example:
@@ -103,27 +96,8 @@ def register(
         >>> registered = [found.apply(scene) for scene in scenes]
 
     """
-    frames, shown = _images(raws, scenes)
-    out = ffi.new("hada_registration *", {"size": ffi.sizeof("hada_registration")})
-    search, monitor = _search(magnification, most_rotation_deg), Monitor(None)
-    search.set(monitor=monitor.options)
-    monitor.run(lib.hada_register_pairs, out, frames.c, shown.c, len(frames.arrays), search.c)
-    return record(Registration, out[0])
-
-
-def register_psf(raws: Sequence[Any], scenes: Sequence[Any], registration: Registration) -> tuple[Float32, float]:
-    """Return the point spread function (Y, X) that explains the pairs, and its pitch in pixels of the sensor."""
-    frames, shown = _images(raws, scenes)
-    made, pitch = NewImage(), ffi.new("double *")
-    call(lib.hada_register_psf, made.c, pitch, frames.c, shown.c, len(frames.arrays), registration._options().c)
-    return made.plane(), pitch[0]
-
-
-def register_offset(psf: Any, other: Any, pitch: float) -> tuple[float, float, float, float]:
-    """Return scale, row and column shift (pixels of the sensor) between the PSFs of two depths, and their likeness."""
-    images, out = Image(psf, other, what="psf"), ffi.new("double[4]")
-    call(lib.hada_register_offset, images.c, images.c + 1, pitch, out, out + 1, out + 2, out + 3)
-    return out[0], out[1], out[2], out[3]
+    data = Dataset({1.0: list(zip(raws, scenes, strict=True))})
+    return register_dataset(data, magnification=magnification, most_rotation_deg=most_rotation_deg)[0].found
 
 
 @dataclass(frozen=True)
@@ -171,9 +145,9 @@ def register_dataset(
     """
     monitor = Monitor(progress)
     rows, cols = window or (None, None)
-    task = Options(
-        "hada_register_task",
-        search=_search(magnification, most_rotation_deg),
+    task = _task(
+        magnification,
+        most_rotation_deg,
         keep_offsets=keep_offsets,
         window_rows=rows,
         window_cols=cols,
@@ -184,7 +158,7 @@ def register_dataset(
     if output is not None:
         arguments = (report.c, data._c, path(Path(output)), task.c, ffi.NULL, ffi.NULL)
         monitored(monitor, data._call, lib.hada_register_write, *arguments)
-    found = [lib.hada_register_report_depth(report.c, z)[0] for z in range(len(data.distances_mm))]
+    found = [report.c.depths[z][0] for z in range(len(data.distances_mm))]
     return [
         record(
             RegisteredDepth,

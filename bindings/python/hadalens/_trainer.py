@@ -10,19 +10,17 @@ from typing import Any, Literal, Self, TypeAlias
 
 from ._arrays import Float32, NewImage, copy_of
 from ._native import (
-    Caller,
     Handle,
     Options,
     Owner,
     call,
     ffi,
-    keep_error,
     lib,
     record,
     value_of,
     word,
 )
-from ._pairs import Dataset, Pairs, as_dataset, give_image
+from ._pairs import Dataset, Pairs, as_dataset
 from .device import Context, default
 from .model import Model
 from .net import Net
@@ -98,22 +96,6 @@ def train_options(stage: Stage, augment: Augment | None, net: Net | str | None, 
     return options
 
 
-class _Feed(Caller):
-    def __init__(self, data: Dataset) -> None:
-        super().__init__()
-        self.data = data
-        self.counts = ffi.new("int[]", data.counts)
-        self.pairs = Options("hada_pairs", depths=len(data.counts), read=lib.py_pairs_read, user=self.user)
-        self.pairs.set(counts=self.counts)
-
-
-@ffi.def_extern(error=lib.HADA_ERROR_DATASET, onerror=keep_error)  # type: ignore[untyped-decorator]
-def py_pairs_read(user: Any, depth: int, pair: int, raw: Any, scene: Any, _err: Any) -> int:
-    """Read a pair for C, on a thread of its own."""
-    frame, shown = ffi.from_handle(user).data.read(depth, pair)
-    return give_image(raw, frame) or give_image(scene, shown)
-
-
 class Trainer(Handle):
     """Trains step by step; the same pairs, options and device give the same bits, also after going on from a file.
 
@@ -154,8 +136,9 @@ class Trainer(Handle):
         """Make the trainer, at step 0."""
         chosen = train_options(stage, augment, net, options)
         contexts = [default(context)] if context is None or isinstance(context, Context) else list(context)
-        self._feeds = [_Feed(as_dataset(data, channel_axis)) for data in (pairs, held_out) if data is not None]
-        owner = Owner("hada_trainer", lib.hada_trainer_destroy, [one._own for one in contexts], model._own, self._feeds)
+        self._data = [as_dataset(data, channel_axis) for data in (pairs, held_out) if data is not None]
+        kept = ([one._own for one in contexts], model._own, [data._own for data in self._data])
+        owner = Owner("hada_trainer", lib.hada_trainer_destroy, *kept)
         array = ffi.new("hada_context *[]", [one._c for one in contexts])
         self._owner = owner
         self._run(
@@ -164,8 +147,8 @@ class Trainer(Handle):
             array,
             len(contexts),
             model._c,
-            self._feeds[0].pairs.c,
-            self._feeds[1].pairs.c if held_out is not None else ffi.NULL,
+            self._data[0]._c,
+            self._data[1]._c if held_out is not None else ffi.NULL,
             chosen.c,
         )
         self.steps = int(self._info.options.steps)
@@ -175,9 +158,9 @@ class Trainer(Handle):
         try:
             call(function, *arguments)
         except Exception as failed:
-            for feed in self._feeds:
-                if feed.error is not None:
-                    raise feed.error from failed
+            for data in self._data:
+                if data._reader is not None and data._reader.error is not None:
+                    raise data._reader.error from failed
             raise
 
     @property

@@ -248,7 +248,7 @@ class Model(Handle):
             grid_cols=None if grid is None else grid[1],
             dark=float(lib.HADA_AUTO) if dark is None else dark,
         )
-        blank = cls._new(lib.hada_model_blank, sizes.c)
+        blank = cls._new(lib.hada_model_from_filters, sizes.c, ffi.NULL, ffi.NULL)
         shape = blank._shape()
         functions = None if otf is None else np.ascontiguousarray(otf, np.complex64)
         for name, array in (("filters", values), ("otf", functions)):

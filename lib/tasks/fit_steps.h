@@ -1,0 +1,27 @@
+/* The steps that a fit and a training begin with. Internal. */
+#ifndef HADA_TASKS_FIT_STEPS_H
+#define HADA_TASKS_FIT_STEPS_H
+
+#include <hadalens/monitor.h>
+#include <hadalens/survey.h>
+
+/* Sizes, depths and boundary of a data set, into `fit`, as hada_fit_task has them; boundary: a hada_boundary, or 0 for
+ * that of camera.json, else padded. fit->monitor becomes `monitor`, unless it has one. */
+hada_status hada_fit_prepare(hada_fit_options *fit, const hada_dataset *data, int boundary, const hada_monitor *monitor,
+                             hada_error *err);
+
+/* Finds the response of the scenes, for `fit`, and exposures; *even: the pairs of one exposure. */
+hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, const hada_dataset *data, hada_fit_options *fit,
+                            hada_exposure exposure, const hada_monitor *monitor, hada_error *err);
+
+/* hada_fit_find_boundary(), with a message that says what was found. */
+hada_status hada_fit_choose_boundary(hada_fit_options *fit, hada_context *context, const hada_dataset *pairs,
+                                     const hada_monitor *monitor, hada_error *err);
+
+/* Among ranks: what the first of them has found so far, as devices round differently. */
+hada_status hada_fit_agree(hada_fit_options *fit, const hada_communicator *ranks, hada_error *err);
+
+/* The model's filters in half precision. */
+hada_status hada_model_make_half(hada_model **model, hada_error *err);
+
+#endif

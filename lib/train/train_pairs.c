@@ -86,8 +86,8 @@ void hada_pairs_name(const hada_model_info *info, int depth, int pair, hada_erro
         hada_error_prefix(err, "pair %d of the depth at %d mm: ", pair + 1, (int)(info->distances_mm[depth] + 0.5));
 }
 
-hada_status hada_pairs_load(const hada_dataset *pairs, const hada_model_info *info, int depth, int pair, hada_image *raw,
-                            hada_image *scene, hada_error *err)
+hada_status hada_pairs_load(const hada_dataset *pairs, const hada_model_info *info, int depth, int pair,
+                            hada_image *raw, hada_image *scene, hada_error *err)
 {
     HADA_TRY(hada_dataset_read(pairs, depth, pair, raw, scene, err));
     HADA_TRY(check(info, raw, scene, err));
@@ -116,8 +116,8 @@ hada_status hada_pairs_crop(const hada_model_info *info, hada_image *scene, hada
     return HADA_OK;
 }
 
-hada_status hada_pairs_read(const hada_dataset *pairs, const hada_model_info *info, int depth, int pair, hada_image *raw,
-                            hada_image *scene, hada_error *err)
+hada_status hada_pairs_read(const hada_dataset *pairs, const hada_model_info *info, int depth, int pair,
+                            hada_image *raw, hada_image *scene, hada_error *err)
 {
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_pairs_load(pairs, info, depth, pair, raw, scene, err));

@@ -12,8 +12,8 @@ void hada_pairs_find(const hada_dataset *pairs, uint64_t index, int *depth, int 
 
 /* Reads and checks a pair, brings its scene to light (the model's scene_response), and cuts the centre out of a scene
  * that has the raw frame's size. Errors name the pair. */
-hada_status hada_pairs_read(const hada_dataset *pairs, const hada_model_info *info, int depth, int pair, hada_image *raw,
-                            hada_image *scene, hada_error *err);
+hada_status hada_pairs_read(const hada_dataset *pairs, const hada_model_info *info, int depth, int pair,
+                            hada_image *raw, hada_image *scene, hada_error *err);
 
 /* The pair at a place of the endless list: all pairs of all depths once, shuffled by (seed, round), then all of them
  * again in another order. At least one pair is needed. */
@@ -21,8 +21,8 @@ void hada_order_pair(const hada_dataset *pairs, uint64_t seed, uint64_t place, i
 
 /* Reads and checks a pair, with its scene brought to light. hada_pairs_crop(): cuts the centre out of a scene that has
  * the raw frame's size. hada_pairs_name(): puts the pair's name before a message. */
-hada_status hada_pairs_load(const hada_dataset *pairs, const hada_model_info *info, int depth, int pair, hada_image *raw,
-                            hada_image *scene, hada_error *err);
+hada_status hada_pairs_load(const hada_dataset *pairs, const hada_model_info *info, int depth, int pair,
+                            hada_image *raw, hada_image *scene, hada_error *err);
 hada_status hada_pairs_crop(const hada_model_info *info, hada_image *scene, hada_error *err);
 void hada_pairs_name(const hada_model_info *info, int depth, int pair, hada_error *err);
 

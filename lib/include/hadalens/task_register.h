@@ -48,7 +48,8 @@ typedef struct hada_register_report {
 /* Finds the transforms of all depths, of two pairs or more each, of which at most 8 are used, evenly spread: raw frames
  * of one size, of at least 32 pixels on the longer side, and scenes of one size. A shift that all depths share cannot
  * be found; the PSF absorbs it. HADA_ERROR_DATASET where the pairs do not tell: a single one, scenes without structure,
- * or no transform that explains them clearly better than those of other orientations do. docs/explanation/learning-a-camera.md */
+ * or no transform that explains them clearly better than those of other orientations do.
+ * docs/explanation/learning-a-camera.md */
 HADA_API hada_status hada_register_run(hada_register_report **out, const hada_dataset *data,
                                        const hada_register_task *task, hada_error *err);
 HADA_API void hada_register_report_destroy(hada_register_report **report);

@@ -15,23 +15,26 @@
 #define REFINE_CROPPED 0
 #endif
 
-/* Stages from ... to - 1 of the transforms of `points` points in all. */
+/* Stages from ... to - 1 of the transforms of `points` points in all. late, a literal:
+ * `floats` are looked up at each stage instead, which leaves kernels with many values more registers. */
 REFINE_INLINE void refine_stages(__local float2 *scratch, int points, fft_side side, __global const int *table,
-                                 int from, int to)
+                                 __global const float *floats, int late, int from, int to)
 {
     for (int s = from; s < to; ++s) {
         FFT_WAIT();
-        fft_stage(scratch, points, side, table + FFT_HEADER + s * FFT_STAGE_INTS, FFT_FLOATS_OF(table), 0);
+        fft_stage(scratch, points, side, table + FFT_HEADER + s * FFT_STAGE_INTS,
+                  late ? FFT_FLOATS_OF(table) : floats, 0);
     }
 }
 
 /* The stages to - 1 ... 0 backwards: from natural to digit-reversed order. */
 REFINE_INLINE void refine_stages_back(__local float2 *scratch, int points, fft_side side, __global const int *table,
-                                      int to)
+                                      __global const float *floats, int late, int to)
 {
     for (int s = to - 1; s >= 0; --s) {
         FFT_WAIT();
-        fft_stage(scratch, points, side, table + FFT_HEADER + s * FFT_STAGE_INTS, FFT_FLOATS_OF(table), 1);
+        fft_stage(scratch, points, side, table + FFT_HEADER + s * FFT_STAGE_INTS,
+                  late ? FFT_FLOATS_OF(table) : floats, 1);
     }
 }
 

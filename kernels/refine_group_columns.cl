@@ -34,11 +34,11 @@ refine_group_columns(__global float *planes, __global const float *otf, __global
                          side);
     for (int s = depths; s < depths + (REFINE_CROPPED && further); ++s) /* a loop, as PoCL wants it: FFT_SHARE */
         refine_column_in(scratch + s * each, cropped, job.frame_row0, job.frame_rows, n, place, side);
-    refine_stages(scratch, n * (depths + (REFINE_CROPPED && further)), side, table, 0, cold ? 0 : stages);
+    refine_stages(scratch, n * (depths + (REFINE_CROPPED && further)), side, table, 0, 1, 0, cold ? 0 : stages);
     FFT_WAIT();
     FFT_SHARE_SIDE(y, n, side)
     sum += refine_column_step(&now, &column, scratch, y, n, y, each);
-    refine_stages_back(scratch, n * (depths + REFINE_CROPPED), side, table, stages);
+    refine_stages_back(scratch, n * (depths + REFINE_CROPPED), side, table, 0, 1, stages);
     /* other items have read what is written here */
     barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
     for (int s = 0; s < depths; ++s)

@@ -40,12 +40,13 @@ refine_group_rows(__global float *spectra, __global float *planes, __global floa
     const int count = min(2 * width, height - first);
     const fft_side side = fft_side_of(width);
     __global const int *place = table + table[FFT_PLACE];
+    __global const float *floats = FFT_FLOATS_OF(table);
     __global float2 *values = (on_frame ? (__global float2 *)split + job.data.at : (__global float2 *)spectra) +
                               (size_t)(plane * blocks * height + first) * HADA_FFT_BLOCK; /* an int has room */
 
     for (int w = 0; w < (inverse ? width : 0); ++w)
         refine_rows_together(scratch, values, height, w, count, n, width, 0);
-    refine_stages_back(scratch, n, side, table, inverse ? stages : 0);
+    refine_stages_back(scratch, n, side, table, floats, 0, inverse ? stages : 0);
     FFT_WAIT();
     /* made here, not above: registers are scarce in the stages */
     __global float *pixels = (on_frame ? duals : planes) + ((size_t)plane * height + first) * cols;
@@ -94,7 +95,7 @@ refine_group_rows(__global float *spectra, __global float *planes, __global floa
     if (on_frame && inverse && get_local_id(0) == 0)
         partial[job.data.sums + get_group_id(0) - job.data.first_group] = refine_tree[0];
 #endif
-    refine_stages(scratch, n, side, table, 0, forward ? stages : 0);
+    refine_stages(scratch, n, side, table, floats, 0, 0, forward ? stages : 0);
     FFT_WAIT();
     for (int w = 0; w < (forward ? min(width, count) : 0); ++w)
         refine_rows_apart(scratch, values, height, w, count, n, width, 0);

@@ -21,6 +21,7 @@ refine_group_score(__global const float *planes, __global const float *otf, __gl
     const int each = n * width;
     const fft_side side = fft_side_of(width);
     __global const int *place = table + table[FFT_PLACE], *z = list + get_group_id(1) * (uint)depths;
+    __global const float *floats = FFT_FLOATS_OF(table);
     const uint parts = HADA_FFT_BLOCK / width, blocks = get_num_groups(0) / parts, set = get_group_id(1);
     const uint block = get_group_id(0) / parts, col = get_group_id(0) % parts * width + side.w;
     const size_t block_values = (size_t)job.rows * HADA_FFT_BLOCK, plane_values = blocks * block_values;
@@ -35,7 +36,7 @@ refine_group_score(__global const float *planes, __global const float *otf, __gl
         for (int s = 0; s < depths; ++s)
             refine_column_in(scratch + s * each, window + s * problem.channels * plane_values, job.row0, job.rows, n,
                              place, side);
-        refine_stages(scratch, n * depths, side, table, 0, stages);
+        refine_stages(scratch, n * depths, side, table, floats, 0, 0, stages);
         FFT_WAIT();
         FFT_SHARE_SIDE(y, n, side)
         {

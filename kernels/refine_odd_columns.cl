@@ -49,6 +49,7 @@ refine_odd_columns(__global float *planes, __global const float *otf, __global c
     const int depths = now.problem.depths, n = table[FFT_LENGTH], cold = now.start == HADA_REFINE_COLD;
     const int each = n * job.width, last = table[FFT_STAGES] - 1;
     __global const int *place = table + table[FFT_PLACE];
+    __global const float *floats = FFT_FLOATS_OF(table);
     const refine_column column = refine_column_of(&job, planes, otf, list, frame, prior, now_w, now_w);
     const fft_side side = column.side;
     const fft_odd_stage stage = fft_odd_stage_of(table, job.width, job.row0, job.rows);
@@ -63,11 +64,11 @@ refine_odd_columns(__global float *planes, __global const float *otf, __global c
         way_in(from, &job, stage, j, 0, FFT_ODD_PAIRS / 2, to);
         way_in(from, &job, stage, j, FFT_ODD_PAIRS / 2 + 1, FFT_ODD_PAIRS, to);
     }
-    refine_stages_back(scratch, n * depths, side, table, cold ? 0 : last);
+    refine_stages_back(scratch, n * depths, side, table, floats, 0, cold ? 0 : last);
     FFT_WAIT();
     FFT_SHARE_SIDE(y, n, side)
     sum += refine_column_step(&now, &column, scratch, y, n, place[y], each);
-    refine_stages(scratch, n * depths, side, table, 0, last);
+    refine_stages(scratch, n * depths, side, table, floats, 0, 0, last);
     /* other items have read what is written here */
     barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
     FFT_SHARE_SIDE(i, depths * span, side)

@@ -50,6 +50,7 @@ refine_odd_rows(__global float *spectra, __global float *planes, hada_refine_row
     const fft_odd_range range = stage.range;
     const int span = stage.span, step = stage.step;
     __global const int *place = table + table[FFT_PLACE];
+    __global const float *floats = FFT_FLOATS_OF(table);
     __global const float2 *twiddles = stage.twiddles;
     __global const float *cosines = stage.cosines;
     __global float2 *values = (__global float2 *)spectra +
@@ -57,7 +58,7 @@ refine_odd_rows(__global float *spectra, __global float *planes, hada_refine_row
 
     for (int w = 0; w < (inverse ? width : 0); ++w)
         refine_rows_together(scratch, values, rows.rows, w, count, n, width, place);
-    refine_stages(scratch, n, side, table, 0, inverse ? last : 0);
+    refine_stages(scratch, n, side, table, floats, 0, 0, inverse ? last : 0);
     FFT_WAIT();
     FFT_SHARE_SIDE(j, span, side)
     {
@@ -97,7 +98,7 @@ refine_odd_rows(__global float *spectra, __global float *planes, hada_refine_row
             fft_odd_leave(&sums, 0, FFT_ODD_PAIRS, q, step, twiddles + j, span);
         }
     }
-    refine_stages_back(scratch, n, side, table, forward ? last : 0);
+    refine_stages_back(scratch, n, side, table, floats, 0, forward ? last : 0);
     FFT_WAIT();
     for (int w = 0; w < (forward ? min(width, count) : 0); ++w)
         refine_rows_apart(scratch, values, rows.rows, w, count, n, width, place);

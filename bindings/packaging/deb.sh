@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Debian packages from the commit at hand: libhadalens1, libhadalens-dev, hadalens, hadalens-mpi, python3-hadalens.
+# Debian packages from the commit at hand: libhadalens2, libhadalens-dev, hadalens, hadalens-mpi, python3-hadalens.
 #   bindings/packaging/deb.sh FOLDER [--source]
 # Makes the source archive in FOLDER (bindings/packaging/dist.sh), unpacks it, lays bindings/packaging/debian into it as debian/, and runs
 # dpkg-buildpackage, which says what is missing. --source: stops there, so that another machine can build.

@@ -82,7 +82,7 @@ build() {
 lint() {
     say "lintian"
     ls "$folder"/*.changes >/dev/null
-    for package in libhadalens1 libhadalens-dev hadalens hadalens-mpi python3-hadalens; do ls "$folder/${package}"_*.deb >/dev/null; done
+    for package in libhadalens2 libhadalens-dev hadalens hadalens-mpi python3-hadalens; do ls "$folder/${package}"_*.deb >/dev/null; done
     # lintian likes to be nobody in particular
     lintian --allow-root --fail-on error --display-level '>=warning' "$folder"/*.changes
 }
@@ -113,11 +113,11 @@ install() {
             { tail -n 40 "$folder/$one.log"; echo "debian/tests/$one failed"; exit 1; }
     done
     # only the program for ranks brings MPI
-    for package in libhadalens1 libhadalens-dev hadalens python3-hadalens; do
+    for package in libhadalens2 libhadalens-dev hadalens python3-hadalens; do
         ! dpkg-deb --field "$folder/${package}"_*.deb Depends | grep -i mpi || { echo "$package depends on MPI"; exit 1; }
     done
     say "dpkg -r"
-    within "$root" dpkg -r python3-hadalens hadalens-mpi hadalens libhadalens-dev libhadalens1 >/dev/null
+    within "$root" dpkg -r python3-hadalens hadalens-mpi hadalens libhadalens-dev libhadalens2 >/dev/null
     # what dpkg -r keeps by its own rule is configuration, which these packages have none of
     (cd "$root" && find . -xdev \( -path ./tmp -o -path ./proc -o -path ./dev -o -path ./var/cache/apt -o -path ./root \) -prune \
         -o -iname '*hadalens*' -print) >"$folder/left.list"

@@ -9,7 +9,7 @@ same "HADALENS_VERSION_MAJOR, _MINOR and _PATCH" \
     "$(sed -n 's/^#define HADALENS_VERSION_[MP][A-Z]* *\([0-9]*\)$/\1/p' lib/include/hadalens/base.h | paste -sd .)" "$version"
 same bindings/packaging/debian/changelog "$(sed -n '1s/^hadalens (\(.*\)-[0-9.]*) .*/\1/p' bindings/packaging/debian/changelog)" "$version"
 same bindings/packaging/conda/recipe.yaml "$(sed -n 's/^  version: "\(.*\)"$/\1/p' bindings/packaging/conda/recipe.yaml)" "$version"
-same "the symbols file's soname" "$(sed -n '1s/ .*//p' bindings/packaging/debian/libhadalens1.symbols)" "libhadalens.so.$soversion"
+same "the symbols file's soname" "$(sed -n '1s/ .*//p' bindings/packaging/debian/libhadalens2.symbols)" "libhadalens.so.$soversion"
 grep -q "^Package: libhadalens$soversion\$" bindings/packaging/debian/control || {
     echo "bindings/packaging/debian/control has no package libhadalens$soversion"
     status=1

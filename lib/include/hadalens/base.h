@@ -29,9 +29,9 @@
 
 /* The version of these headers. */
 #define HADALENS_VERSION_MAJOR 0
-#define HADALENS_VERSION_MINOR 1
+#define HADALENS_VERSION_MINOR 2
 #define HADALENS_VERSION_PATCH 0
-#define HADALENS_VERSION       "0.1.0"
+#define HADALENS_VERSION       "0.2.0"
 
 /* For the preprocessor: #if HADALENS_VERSION_NUMBER >= HADALENS_VERSION_OF(0, 2, 0) */
 #define HADALENS_VERSION_OF(major, minor, patch) ((major)*10000 + (minor)*100 + (patch))
@@ -107,7 +107,7 @@ HADA_API void hada_struct_init(hada_struct which, void *options, size_t size);
         hada_struct_init(which, options, sizeof *options);                                                             \
     }
 
-/* The version of the library that runs, such as "0.1.0". Never NULL. */
+/* The version of the library that runs, such as "0.2.0". Never NULL. */
 HADA_API const char *hada_version(void);
 
 /* The names of an enumeration's values, as files and commands have them. */

@@ -14,7 +14,7 @@
  *
  * Sources: the thin lens equation; the microlens mask of Tian and Yang, Optics Express 30(19), 34479 (2022), Table 1;
  * the diffuser of Antipa et al., Optica 5(1), 1 (2018); the contour pattern of Boominathan et al., IEEE TPAMI 42(7),
- * 1618 (2020). docs/optics.md describes the masks.
+ * 1618 (2020). docs/explanation/simulation.md describes the masks.
  *
  * Threads: cameras are plain values. */
 #ifndef HADALENS_CAMERA_H

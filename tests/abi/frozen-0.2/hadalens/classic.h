@@ -1,11 +1,11 @@
-/* Hadalens: the classic iterative methods, which others use where this library learns: docs/rivals.md.
+/* Hadalens: the classic iterative methods, which others use where this library learns: docs/explanation/mathematics.md.
  *
  * All of them look for planes x that explain the frame, b = M sum_z PSF_z * x_z + noise, with the model's transfer
  * functions (measured or learned); M is the sensor's frame (circular boundary: everything), the sum over the depths
  * that are computed, or those that are listed as occupied. Each is a choice of hada_plan_options
  * (hadalens/reconstruct.h), so that frames, results, reports and jobs are the same for all.
  *
- * Threads: no state. Sources of each method: docs/rivals.md. */
+ * Threads: no state. Sources of each method: docs/explanation/mathematics.md. */
 #ifndef HADALENS_CLASSIC_H
 #define HADALENS_CLASSIC_H
 
@@ -45,7 +45,7 @@ typedef struct hada_classic_options {
     double stop;        /* stop when |x - x before| < stop |x| twice running (all planes, L2); 0 (default): never */
     double seconds;     /* stop after so much time, which makes the result depend on it; 0 (default): never */
     hada_prior prior;
-    double weight; /* of the prior, see docs/rivals.md; HADA_AUTO (default): the method's own */
+    double weight; /* of the prior, see docs/explanation/mathematics.md; HADA_AUTO (default): the method's own */
     hada_support support;
     double lambda;  /* Wiener: noise in units of the mean |H|^2 of a depth, > 0; 0.1 by default */
     int accelerate; /* Richardson-Lucy: 1 (default): Biggs and Andrews' vector extrapolation */

@@ -5,7 +5,7 @@
  * hadalens-mpi has one over MPI, hada_team_communicator() gives one over threads, and others may be written over
  * anything that moves bytes. Options that take one (hada_fit_options, hada_train_options, hada_files_task) are the same
  * on all ranks, but for the communicator: every rank makes the same calls in the same order, and each does its share.
- * docs/scale.md tells what is shared.
+ * docs/how-to/use-several-machines.md tells what is shared.
  *
  * Sums are in a stated order, in double precision: ((rank 0 + rank 1) + rank 2) + ..., whatever the timing, and every
  * rank gets the same bits.

@@ -1,10 +1,10 @@
 /* Hadalens: learning a camera from pairs (raw frame, known scene), exactly, in one pass.
  *
  * With a squared error each frequency is its own least-squares problem, so a filter needs only sums over the pairs of
- * a depth: Sxb = sum X conj(B), Sbb = sum |B|^2, Sxx = sum |X|^2 (docs/filters.md). The sums are streamed: memory does
- * not grow with the number of pairs. They can be saved, loaded, added to, and merged.
- * A second pass over some pairs chooses alpha and lambda, and whether refinement pays, by leave-one-out. Further passes
- * judge filters in the window alone.
+ * a depth: Sxb = sum X conj(B), Sbb = sum |B|^2, Sxx = sum |X|^2 (docs/explanation/learning-a-camera.md). The sums are
+ * streamed: memory does not grow with the number of pairs. They can be saved, loaded, added to, and merged. A second
+ * pass over some pairs chooses alpha and lambda, and whether refinement pays, by leave-one-out. Further passes judge
+ * filters in the window alone.
  *
  * Threads: one fitter is used by one thread at a time. */
 #ifndef HADALENS_FIT_H
@@ -76,7 +76,8 @@ typedef hada_status (*hada_fit_show)(void *user, int depth, int64_t pair, const 
 /* Whether light leaves the sensor, from pairs: sets options->boundary, and for HADA_BOUNDARY_PADDED the smallest grid
  * that serves. counts: the number of pairs of each depth. Of the first and the last depth a few pairs and one channel
  * are learned from with all light allowed, and where folding it back onto a smaller grid explains held-out frames as
- * well, that grid serves (docs/cropped.md). Where no depth has a pair to hold out, padded, with its default grid. */
+ * well, that grid serves (docs/explanation/learning-a-camera.md). Where no depth has a pair to hold out, padded, with
+ * its default grid. */
 HADA_API hada_status hada_fit_find_boundary(hada_fit_options *options, hada_context *context, const int *counts,
                                             hada_fit_show show, void *user, hada_error *err);
 
@@ -90,7 +91,7 @@ HADA_API uint64_t hada_fitter_bytes(const hada_fitter *fitter);
 
 /* First pass: adds a pair to the sums of a depth. `scene` has the window's size (or the raw frame's, then its centre is
  * used). Non-finite values are refused (HADA_ERROR_NOT_FINITE), as are values whose squares leave single precision
- * (HADA_ERROR_NUMERIC, docs/numerics.md); the sums are then as they were. */
+ * (HADA_ERROR_NUMERIC, tests/stress/bounds.md); the sums are then as they were. */
 HADA_API hada_status hada_fitter_add(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
                                      hada_error *err);
 
@@ -121,22 +122,23 @@ HADA_API hada_status hada_fitter_score(hada_fitter *fitter, int depth, const had
 
 /* Further passes, optional, for the boundary padded: transfer functions of a sensor that crops its scenes' light. What
  * leaves the sensor is missing in the sums, so that transfer functions of one pass are off by up to a tenth there; with
- * the crop in the model they are not (docs/cropped.md). Every pair of the sums is shown once where all pairs of a depth
- * find room on the device (a quarter of its memory at most), else options.crop_passes times, and again where the trial
- * of refinement needs them left out. Noise is what this model leaves. Call it after scoring, before
- * hada_fitter_finish(); new pairs discard what was found. Pairs that are not those of the sums are refused
+ * the crop in the model they are not (docs/explanation/learning-a-camera.md). Every pair of the sums is shown once
+ * where all pairs of a depth find room on the device (a quarter of its memory at most), else options.crop_passes times,
+ * and again where the trial of refinement needs them left out. Noise is what this model leaves. Call it after scoring,
+ * before hada_fitter_finish(); new pairs discard what was found. Pairs that are not those of the sums are refused
  * (HADA_ERROR_STATE). With another boundary, with nonnegative or crop_passes 0, nothing is shown and the transfer
  * functions of the sums stay. While it runs it takes the room of about ten frames' spectra, beside the pairs. */
 HADA_API hada_status hada_fitter_learn_cropped(hada_fitter *fitter, hada_fit_show show, void *user, hada_error *err);
 
 /* Further passes, optional: filters that are judged in the window. The exact fit of the first pass minds the whole
  * grid, although only the window of what a filter makes is kept; here what it makes outside counts with the weight
- * options.outside alone (docs/filters.md). Every pair of the sums is shown up to 12 times, and some more often to
- * choose the weight (where options.outside is HADA_AUTO) by leaving pairs out. Transfer functions, and so refined
- * images, stay as they are. Call it after scoring, before hada_fitter_finish(); new pairs and scores discard what was
- * found. Pairs that are not those of the sums are refused (HADA_ERROR_STATE): sums from files cannot be judged without
- * their pairs. With options.outside = 1, or where nothing can be left out, no pair is shown and the exact fit stays.
- * While it runs it takes as much room on the device as 14 frames' spectra (6 with options.outside given). */
+ * options.outside alone (docs/explanation/learning-a-camera.md). Every pair of the sums is shown up to 12 times, and
+ * some more often to choose the weight (where options.outside is HADA_AUTO) by leaving pairs out. Transfer functions,
+ * and so refined images, stay as they are. Call it after scoring, before hada_fitter_finish(); new pairs and scores
+ * discard what was found. Pairs that are not those of the sums are refused (HADA_ERROR_STATE): sums from files cannot
+ * be judged without their pairs. With options.outside = 1, or where nothing can be left out, no pair is shown and the
+ * exact fit stays. While it runs it takes as much room on the device as 14 frames' spectra (6 with options.outside
+ * given). */
 HADA_API hada_status hada_fitter_learn_windowed(hada_fitter *fitter, hada_fit_show show, void *user, hada_error *err);
 
 /* What was compared to choose what the options leave open, and how it did: PSNR is the mean in the window of held-out

@@ -9,7 +9,8 @@
  *
  * The measure `energy` is the local mean of the intensity. It suits planes that share out the light among the depths,
  * such as the refined, non-negative ones, where it finds the right depth of more pixels than contrast does. `combined`,
- * energy times the square root of contrast, is as good there, and better where too many depths compete (docs/focus.md).
+ * energy times the square root of contrast, is as good there, and better where too many depths compete
+ * (docs/explanation/surfaces.md).
  *
  * The noise threshold comes from the data. Every pixel of every plane that is not the best at its pixel shows what the
  * measure of a wrong depth looks like. With the median m and the spread s (1.4826 times the median absolute deviation)

@@ -1,8 +1,9 @@
 /* Hadalens: files and folders that appear whole or not at all.
  *
  * What is written stands under a hidden name of random letters in the same folder until it is whole and on the disk:
- * after a failure, a signal or a loss of power there is the old file or the new one (docs/security.md). Devices,
- * FIFOs and inputs of a command are never replaced; a file that replaces another takes over its mode and owner.
+ * after a failure, a signal or a loss of power there is the old file or the new one (docs/reference/security.md).
+ * Devices, FIFOs and inputs of a command are never replaced; a file that replaces another takes over its mode and
+ * owner.
  *
  * Thread-safe. */
 #ifndef HADALENS_FOLDER_H

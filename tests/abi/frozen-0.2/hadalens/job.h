@@ -11,7 +11,8 @@
  * met; then all of them may try the next job.
  *
  * Threads: jobs of a plan may be submitted, asked and waited for from any threads. The first job makes a thread for
- * each queue; hada_plan_run() on a plan of one queue without jobs works in the caller's. docs/scheduling.md */
+ * each queue; hada_plan_run() on a plan of one queue without jobs works in the caller's.
+ * docs/explanation/architecture.md */
 #ifndef HADALENS_JOB_H
 #define HADALENS_JOB_H
 

@@ -2,7 +2,7 @@
  * what it claims beyond these budgets is refused before memory or time is spent, with a message that names the budget
  * ("options.limits pixels=N": hada_limits_set()).
  *
- * Thread-safe. Source: docs/security.md. */
+ * Thread-safe. Source: docs/reference/security.md. */
 #ifndef HADALENS_LIMITS_H
 #define HADALENS_LIMITS_H
 

@@ -4,7 +4,8 @@
  * metric", CVPR 2018; version 0.1 of the authors' package `lpips`. Both images go through a classification net (VGG-16
  * or AlexNet). At five stages the features of every pixel are scaled to unit length over the channels; the squared
  * differences, weighted per channel by a linear head, are averaged over the pixels and summed over the stages.
- * docs/metrics.md has the formula, the names of the weights and where they come from; none come with the library.
+ * docs/reference/measures.md has the formula, the names of the weights and where they come from; none come with the
+ * library.
  *
  * 0 for equal images, larger for less similar ones. Computed on the device in single precision.
  * An object is used by one thread at a time; the context must live as long as it does. */

@@ -2,7 +2,7 @@
  *
  * A model holds, per depth and channel, a Hadamard filter W on the half spectrum and an estimate of the optical
  * transfer function H, with the conventions they follow. It is immutable once made and may be shared by threads.
- * Files are safetensors: docs/model-file.md names the tensors and the metadata.
+ * Files are safetensors: docs/reference/files.md names the tensors and the metadata.
  *
  * Geometry. A raw frame has `raw_rows` x `raw_cols` pixels. Transforms run on a grid of `grid_rows` x `grid_cols`:
  * equal to the raw frame for the circular boundary, as a rule larger for the padded one, with the frame in the centre
@@ -48,8 +48,8 @@ typedef struct hada_model_info {
     double noise;         /* standard deviation of the frame's noise that the fit found, 0 where unknown */
     int refine_steps;     /* refinement that pays for this camera; 0: none does */
     double refine_rho;    /* in units of the largest |OTF(0)|^2 of all depths and channels */
-    double refine_tv;     /* weight of total variation in it, docs/refinement.md; 0: none, but the prior that the pairs
-                             give */
+    double refine_tv; /* weight of total variation in it, docs/explanation/refinement.md; 0: none, but the prior that
+                         the pairs give */
     int has_otf;
     int half;                       /* filters are kept in half precision */
     int enhance;                    /* 1: it holds a net that enhances refocused planes */
@@ -60,11 +60,11 @@ typedef struct hada_model_info {
     double scene_response;          /* how the scenes that it was learned from were encoded (hadalens/response.h); what
                                        it makes of a frame is linear light all the same */
     double refine_colour;           /* in refine_tv, weight of differences of colour over those of brightness, from 1 */
-    double refine_share; /* share of refined planes where refine_steps recommends refinement; the rest is the linear
-                            filters', whose errors are others. 1: refined planes alone */
-    double
-        refine_shrink; /* with refine_tv, for a single depth: threshold of the shrinkage of cosine transforms of blocks
-                          in the last steps, in units of the weight of total variation; 0: none (docs/refinement.md) */
+    double refine_share;  /* share of refined planes where refine_steps recommends refinement; the rest is the linear
+                             filters', whose errors are others. 1: refined planes alone */
+    double refine_shrink; /* with refine_tv, for a single depth: threshold of the shrinkage of cosine transforms of
+                             blocks in the last steps, in units of the weight of total variation; 0: none
+                             (docs/explanation/refinement.md) */
 } hada_model_info;
 
 HADA_API hada_status hada_model_load(hada_model **out, const char *path, hada_error *err);
@@ -74,7 +74,7 @@ HADA_API const hada_model_info *hada_model_get_info(const hada_model *model);
 
 /* The filters W, as they multiply the frame's spectrum, and the transfer functions H: complex numbers (re, im)
  * [depth][channel][grid_rows][grid_cols / 2 + 1], a half spectrum each; of the form split Wr and Wi in their place.
- * docs/model-file.md has the conventions. Owned by the model. */
+ * docs/reference/files.md has the conventions. Owned by the model. */
 typedef struct hada_model_arrays {
     size_t size;                  /* sizeof(hada_model_arrays), set by the caller */
     const float *filters;         /* NULL where they are kept in half precision */
@@ -83,8 +83,8 @@ typedef struct hada_model_arrays {
 } hada_model_arrays;
 HADA_API hada_status hada_model_get_arrays(const hada_model *model, hada_model_arrays *arrays, hada_error *err);
 
-/* Converts the filters to half precision (a copy): a quarter of the memory and traffic less; docs/filters.md states
- * the error. */
+/* Converts the filters to half precision (a copy): a quarter of the memory and traffic less;
+ * docs/explanation/learning-a-camera.md states the error. */
 HADA_API hada_status hada_model_to_half(hada_model **out, const hada_model *model, hada_error *err);
 
 /* A copy with the fixed filters `matched` or `wiener` made from the model's transfer functions H (HADA_ERROR_MODEL
@@ -110,7 +110,7 @@ typedef struct hada_psf_options {
     hada_boundary boundary;       /* HADA_BOUNDARY_PADDED by default: a measured PSF belongs to a sensor that crops */
     int window_rows, window_cols; /* 0: the whole frame */
     double lambda;    /* of the Wiener filter, relative to the mean |OTF|^2, above 0; HADA_AUTO (default): chosen, see
-                         docs/filters.md */
+                         docs/explanation/learning-a-camera.md */
     double psf_dark;  /* taken off the PSF's pixels; HADA_AUTO (default): estimated from its background */
     double dark;      /* of the frames, kept in the model; HADA_AUTO: per frame, estimated; 0 by default */
     int refine_steps; /* HADA_AUTO (default): chosen */

@@ -1,8 +1,8 @@
 /* Hadalens: nets that enhance images.
  *
- * A net is a list of layers with its weights, held on the host; docs/nets.md describes the list, the presets and the
- * names of the weights, which are PyTorch's. It may be shared by threads as long as none changes it. A runner is a net
- * made ready for images of one size on one device; it is used by one thread at a time. */
+ * A net is a list of layers with its weights, held on the host; docs/explanation/nets.md describes the list, the
+ * presets and the names of the weights, which are PyTorch's. It may be shared by threads as long as none changes it. A
+ * runner is a net made ready for images of one size on one device; it is used by one thread at a time. */
 #ifndef HADALENS_NET_H
 #define HADALENS_NET_H
 
@@ -51,7 +51,7 @@ HADA_API hada_status hada_net_create_unet(hada_net **out, const hada_unet_option
 HADA_API hada_status hada_net_create_preset(hada_net **out, const char *preset, int channels, uint64_t seed,
                                             hada_error *err);
 
-/* From a description (JSON, docs/nets.md), with random weights. */
+/* From a description (JSON, docs/explanation/nets.md), with random weights. */
 HADA_API hada_status hada_net_create(hada_net **out, const char *description, uint64_t seed, hada_error *err);
 
 /* The description, made by the call and given back by hada_text_destroy(). */

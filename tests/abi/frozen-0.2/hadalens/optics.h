@@ -4,7 +4,7 @@
  * which turns its phase by its optical path, and on to the sensor by the Fresnel integral
  *     U(s) = integral T(q) exp(i pi |q|^2 / lambda z) exp(i pi |s - q|^2 / lambda d) dq;
  * a pixel collects |U|^2 over its square. J. W. Goodman, Introduction to Fourier Optics, 3rd ed. (2005), chapters 4, 5.
- * docs/optics.md tells how it is sampled and how exact it is.
+ * docs/explanation/simulation.md tells how it is sampled and how exact it is.
  *
  * Threads: a hada_wave is used by one thread at a time. */
 #ifndef HADALENS_OPTICS_H

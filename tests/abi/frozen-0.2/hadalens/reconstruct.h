@@ -27,7 +27,8 @@ typedef enum hada_occupied {
 typedef enum hada_scene {
     HADA_SCENE_AUTO = 0,   /* what explains the frame with the fewest unknowns */
     HADA_SCENE_PLANES = 1, /* objects at some of the depths */
-    HADA_SCENE_SURFACE = 2 /* one texture on one continuous surface, anywhere between the depths (docs/surfaces.md) */
+    HADA_SCENE_SURFACE =
+        2 /* one texture on one continuous surface, anywhere between the depths (docs/explanation/surfaces.md) */
 } hada_scene;
 
 typedef enum hada_dark {
@@ -38,8 +39,8 @@ typedef enum hada_dark {
     HADA_DARK_FRAME = 4
 } hada_dark;
 
-/* Work that a scene does not need. Each kind has a switch; docs/skipping.md says what each saves and why its error is
- * what is said here. "Bounded" kinds act only under a max_error above 0. */
+/* Work that a scene does not need. Each kind has a switch; docs/explanation/speed-and-accuracy.md says what each saves
+ * and why its error is what is said here. "Bounded" kinds act only under a max_error above 0. */
 typedef enum hada_skip {
     HADA_SKIP_PRUNE = 1, /* rows and columns of the inverse transforms outside the window; exact but for rounding, since
                             a row shares its transform with another one than before */
@@ -93,7 +94,7 @@ typedef struct hada_plan_options {
                           last steps, in units of its weight, 0 to 100; HADA_AUTO (default): the model's; 0: none */
     double crosstalk; /* where a refined plane is dark beside another one, its light goes to the brightest: the share of
                          that one's light at which a plane keeps half, at most 1; HADA_AUTO (default): 0.12; 0: planes
-                         stay as refined. Their sum does either way (docs/refinement.md) */
+                         stay as refined. Their sum does either way (docs/explanation/refinement.md) */
 } hada_plan_options;
 HADA_INIT(hada_plan_options, HADA_STRUCT_PLAN_OPTIONS)
 
@@ -118,8 +119,8 @@ HADA_API hada_status hada_plan_estimate(hada_context *context, const hada_model 
                                         hada_error *err);
 
 /* Device bytes that a plan holds on all its devices and queues, and that it would hold if buffers which are never
- * needed at the same time did not share room (docs/scheduling.md), with the surfaces that frames made it take so far.
- * Either may be NULL. */
+ * needed at the same time did not share room (docs/explanation/architecture.md), with the surfaces that frames made it
+ * take so far. Either may be NULL. */
 HADA_API void hada_plan_memory(const hada_plan *plan, uint64_t *held, uint64_t *apart);
 
 /* What was not computed, and what that may have changed. The library's own: later versions may append to it. */

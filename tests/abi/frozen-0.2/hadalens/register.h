@@ -4,8 +4,8 @@
  * With the right transform T every pair of a depth obeys raw = PSF * T(scene) with one and the same unknown PSF; with a
  * wrong one no convolution explains several pairs at once. So the transform is the one under which a convolution that
  * was learned from the other pairs explains each pair best (leave-one-out), judged at all spatial frequencies alike:
- * docs/registration.md. A shift of the scenes is absorbed by the PSF and cannot be found from one depth;
- * hada_register_offset() finds it between depths.
+ * docs/explanation/learning-a-camera.md. A shift of the scenes is absorbed by the PSF and cannot be found from one
+ * depth; hada_register_offset() finds it between depths.
  *
  * All is computed on the host, on reduced copies of the images. Thread-safe: no state. */
 #ifndef HADALENS_REGISTER_H

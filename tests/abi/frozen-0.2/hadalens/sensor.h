@@ -9,8 +9,8 @@
  *
  * Poisson numbers are exact below a mean of 16 (products of uniform numbers, Knuth), and from there on the rounded
  * Cornish-Fisher expansion of a normal number, whose distribution function is off by at most 1.3e-4 at 16, 1.5e-5 at
- * 64 and 3e-7 at 1000 electrons (docs/forward.md). Random numbers: Philox4x32-10 (Salmon et al., SC 2011), so frames
- * do not depend on the order of the work.
+ * 64 and 3e-7 at 1000 electrons (docs/explanation/simulation.md). Random numbers: Philox4x32-10 (Salmon et al., SC
+ * 2011), so frames do not depend on the order of the work.
  *
  * Threads: sensors are plain values. */
 #ifndef HADALENS_SENSOR_H

@@ -1,5 +1,5 @@
 /* Hadalens: raw frames of a camera by simulation, on a device: b = sum_z PSF_z * x_z + noise; with opaque objects, lens
- * by lens (docs/forward.md).
+ * by lens (docs/explanation/simulation.md).
  *
  * Threads: a simulator is used by one thread at a time. */
 #ifndef HADALENS_SIMULATE_H
@@ -57,7 +57,7 @@ HADA_API hada_status hada_simulator_render(hada_simulator *simulator, const hada
  * opacity[i] is NULL where plane i hides nothing, else one channel of the size of its image, 0 (clear) to 1 (opaque);
  * the image is the light that the plane sends itself. A plane hides those of larger depth indices. `lens` is an index
  * of hada_camera_lenses() to look through that lens alone, or -1 for all. A mask without lenses is parted into patches
- * (docs/forward.md), and takes -1 alone. */
+ * (docs/explanation/simulation.md), and takes -1 alone. */
 HADA_API hada_status hada_simulator_render_occluded(hada_simulator *simulator, const hada_plane *planes,
                                                     const hada_image *const *opacity, int count, int lens, double noise,
                                                     uint64_t noise_seed, hada_image *raw, hada_error *err);
@@ -71,7 +71,8 @@ typedef struct hada_relief {
 /* As hada_simulator_render, of `count` surfaces of one size, whose light adds up. `opaque` 1: they hide what stands
  * behind them, as planes do in hada_simulator_render_occluded; 0: nothing hides anything. PSFs are made in steps of 1/z
  * from which to which the outermost spot moves by a quarter of a pixel, and light between two is shared out to both:
- * docs/forward.md says what that leaves, and of opaque surfaces. HADA_ERROR_UNSUPPORTED with PSFs that were given. */
+ * docs/explanation/simulation.md says what that leaves, and of opaque surfaces. HADA_ERROR_UNSUPPORTED with PSFs that
+ * were given. */
 HADA_API hada_status hada_simulator_render_reliefs(hada_simulator *simulator, const hada_relief *surfaces, int count,
                                                    int opaque, double noise, uint64_t noise_seed, hada_image *raw,
                                                    hada_error *err);

@@ -4,7 +4,8 @@
  * On reduced copies (some thirty pixels a side) the frame of each pair in turn is explained by a convolution that is
  * learned from the other pairs of its depth. The response of the scenes with which least is left unexplained is theirs;
  * where evidence lies within its spread, scenes stay linear. A frame that was exposed longer than others of its depth
- * (automatic exposure) is explained up to a factor, which is found as well. docs/response.md tells the method.
+ * (automatic exposure) is explained up to a factor, which is found as well. docs/explanation/learning-a-camera.md tells
+ * the method.
  *
  * On the host, without a device. Threads: no state; a survey does not change once it was made. */
 #ifndef HADALENS_SURVEY_H

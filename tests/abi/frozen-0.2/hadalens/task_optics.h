@@ -1,6 +1,7 @@
 /* Hadalens: what a camera resolves, as the command 'optics' finds and writes it.
  *
- * Threads: a run uses the calling thread; several may run at once on contexts of their own. Source: docs/optics.md. */
+ * Threads: a run uses the calling thread; several may run at once on contexts of their own. Source:
+ * docs/explanation/simulation.md. */
 #ifndef HADALENS_TASK_OPTICS_H
 #define HADALENS_TASK_OPTICS_H
 

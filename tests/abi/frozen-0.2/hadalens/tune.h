@@ -2,13 +2,12 @@
  *
  * The library never measures by itself: what serves is read from shipped tables, so that the same input gives the same
  * bits. A tuning file overrides the tables (hada_context_options.tuning, HADALENS_TUNING); these functions make one.
- * Results by different ways differ in their last bits. docs/devices.md describes the file. A context is measured in by
- * one thread, and nothing else should run on the device meanwhile. */
+ * Results by different ways differ in their last bits. docs/reference/devices.md describes the file. A context is
+ * measured in by one thread, and nothing else should run on the device meanwhile. */
 #ifndef HADALENS_TUNE_H
 #define HADALENS_TUNE_H
 
 #include <hadalens/device.h>
-#include <hadalens/net.h>
 #include <hadalens/status.h>
 #include <stddef.h>
 
@@ -44,37 +43,6 @@ HADA_API hada_status hada_tune_fft(hada_context *context, int rows, int cols, in
  * something else stay. Written beside the file and renamed. */
 HADA_API hada_status hada_tune_save(const hada_context *context, const char *path, const hada_tune_row *rows,
                                     size_t count, hada_error *err);
-
-/* A convolution of a net at a size, and what was measured of it. Words are those of the tuning file. */
-typedef struct hada_tune_conv_row {
-    int in_channels, out_channels, in_rows, in_cols;
-    int kernel, stride, pad, transposed, output_pad;
-    int layers;                  /* of the net that have it */
-    char shape[64];              /* "3x3/1/1+1:16>32:256x256" */
-    char before[64], chosen[64]; /* "winograd4 block=16 blocks=2 tiles=24": serving in this context now, the fastest */
-    double before_ms, chosen_ms; /* medians, of one image */
-    int measured, refused, skipped; /* variants timed; left out as wrong; left out for lack of time */
-    char reason[256];               /* of the last refusal, "" without one */
-} hada_tune_conv_row;
-
-/* The distinct convolutions of a net for images of rows x cols, in the order of its layers; *out is given back
- * by hada_tune_convs_destroy().
- * HADA_ERROR_SIZE where the net does not take the size. */
-HADA_API hada_status hada_tune_net(hada_context *context, const hada_net *net, int rows, int cols,
-                                   hada_tune_conv_row **out, size_t *count, hada_error *err);
-/* Frees the rows and clears the pointer; NULL is fine. */
-HADA_API void hada_tune_convs_destroy(hada_tune_conv_row **rows);
-
-/* Measures the implementations, tile sizes and shares of work that can serve a convolution (forward, with bias and
- * ReLU), taking turns, for about `seconds` and what the plain one takes once. Each is first held against the plain one,
- * which is the definition, on random values: relative rms 2e-6, Winograd's F(4x4,3x3) 6e-6; one that differs by more is
- * left out. What serves already is always measured, and stays unless another needs less than 97 % of its time. New
- * programs are compiled, which takes seconds each and counts. */
-HADA_API hada_status hada_tune_conv(hada_context *context, hada_tune_conv_row *row, double seconds, hada_error *err);
-
-/* As hada_tune_save(), for convolutions: the shape, and what was chosen. */
-HADA_API hada_status hada_tune_save_convs(const hada_context *context, const char *path, const hada_tune_conv_row *rows,
-                                          size_t count, hada_error *err);
 
 #ifdef __cplusplus
 }

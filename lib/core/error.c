@@ -129,12 +129,15 @@ const char *hada_cl_code_name(int code)
     return "an OpenCL error";
 }
 
-void hada_text_destroy(char **text)
+void hada_memory_destroy(void *address_of_pointer)
 {
-    if (!text)
+    void *made = NULL;
+    if (!address_of_pointer)
         return;
-    free(*text);
-    *text = NULL;
+    memcpy(&made, address_of_pointer, sizeof made);
+    free(made);
+    made = NULL;
+    memcpy(address_of_pointer, &made, sizeof made);
 }
 
 const char *hada_version(void)

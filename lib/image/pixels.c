@@ -14,43 +14,6 @@ static ptrdiff_t bytes_of(hada_pixel_type type)
     return type == HADA_PIXEL_U8 ? 1 : type == HADA_PIXEL_U16 ? 2 : 4;
 }
 
-static void set(hada_pixels *pixels, const void *data, hada_pixel_type type, int channels, int rows, int cols)
-{
-    pixels->data = data;
-    pixels->type = type;
-    pixels->channels = channels;
-    pixels->rows = rows;
-    pixels->cols = cols;
-}
-
-void hada_pixels_planar(hada_pixels *pixels, const void *data, hada_pixel_type type, int channels, int rows, int cols)
-{
-    if (!pixels)
-        return;
-    set(pixels, data, type, channels, rows, cols);
-    pixels->col_stride = bytes_of(type);
-    pixels->row_stride = pixels->col_stride * cols;
-    pixels->channel_stride = pixels->row_stride * rows;
-}
-
-void hada_pixels_interleaved(hada_pixels *pixels, const void *data, hada_pixel_type type, int channels, int rows,
-                             int cols)
-{
-    if (!pixels)
-        return;
-    set(pixels, data, type, channels, rows, cols);
-    pixels->channel_stride = bytes_of(type);
-    pixels->col_stride = pixels->channel_stride * channels;
-    pixels->row_stride = pixels->col_stride * cols;
-}
-
-void hada_pixels_of_image(hada_pixels *pixels, const hada_image *image)
-{
-    if (!pixels || !image)
-        return;
-    hada_pixels_planar(pixels, image->data, HADA_PIXEL_F32, image->channels, image->rows, image->cols);
-}
-
 hada_status hada_pixels_take(hada_pixels *own, const hada_pixels *callers, hada_error *err)
 {
     if (!callers)

@@ -25,4 +25,8 @@ void hada_format_exact(char *out, size_t room, double value);
  * and *end == from where there is none, or one of more than 120 characters. */
 double hada_text_number(const char *from, const char **end);
 
+/* One value of a response (hadalens/response.h) to light, and back. */
+double hada_response_to_light(double response, double value);
+double hada_response_from_light(double response, double light);
+
 #endif

@@ -17,6 +17,11 @@ double hada_camera_defocus_pixels(const hada_camera *camera, double distance_mm)
 double hada_camera_refractive_index(const hada_camera *camera, double wavelength_nm);
 double hada_camera_focal_length(const hada_camera *camera, double wavelength_nm);
 
+/* How far the shadow of a plane at the nearer of two depths moves on one at the farther, in pixels, for a lens at
+ * (x_mm, y_mm): p d (1/near - 1/far) / pitch. Column first, as x. */
+void hada_camera_parallax(const hada_camera *camera, double near_mm, double far_mm, double x_mm, double y_mm,
+                          double *cols, double *rows);
+
 /* Whether the mask is made of lenses or round holes, each with a centre. */
 static inline int hada_mask_has_lenses(const hada_camera *camera)
 {

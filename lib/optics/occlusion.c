@@ -6,6 +6,7 @@
 
 #include "core/alloc.h"
 #include "launch/optics_hide.h"
+#include "optics/mask.h"
 
 #define LOCAL         64 /* columns in a work-group */
 #define OUTLINE_LEAST 4  /* points of the outline on either side of the middle, at least and at most */
@@ -14,8 +15,6 @@
 void hada_camera_parallax(const hada_camera *camera, double near_mm, double far_mm, double x_mm, double y_mm,
                           double *cols, double *rows)
 {
-    if (!camera || !cols || !rows)
-        return;
     const double scale = camera->distance_mm * (1.0 / near_mm - 1.0 / far_mm) / camera->pixel_pitch_mm;
     *cols = x_mm * scale;
     *rows = y_mm * scale;

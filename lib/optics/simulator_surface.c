@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "optics/mask.h"
 #include "optics/simulator.h"
 
 /* The frame is a sum over planes in fine steps of 1/z; a pixel between two shares its light out to both in proportion.

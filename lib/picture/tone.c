@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
+#include "io/text.h"
 
 /* The upper half of a positive float's bits sorts like the number and holds it to 1 in 128: 8 bits of exponent, 7 of
  * mantissa. 0 for what is not above 0, -1 for what is not finite. */

@@ -193,11 +193,3 @@ hada_status hada_slot_span_end(hada_slot *slot, const char *name, cl_event begin
     hada_profile_add(slot, name, 0, begin, end);
     return HADA_OK;
 }
-
-void hada_kernel_times_destroy(hada_kernel_time **rows)
-{
-    if (!rows)
-        return;
-    free(*rows);
-    *rows = NULL;
-}

@@ -70,8 +70,8 @@ static void check_round_trip(hada_net *net)
         assert_memory_equal(&net->layers[i], &again->layers[i], sizeof(hada_layer));
     assert_int_equal(again->floats, net->floats);
     assert_int_equal(again->shares, net->shares);
-    hada_text_destroy(&text);
-    hada_text_destroy(&other);
+    hada_memory_destroy(&text);
+    hada_memory_destroy(&other);
     hada_net_destroy(&again);
     hada_net_destroy(&net);
 }

@@ -2,6 +2,7 @@
  * convolution by its definition, in double precision. */
 #include "forward_fixture.h"
 
+#include "optics/mask.h"
 #include "ref/ref_convolve.h"
 
 /* What a sensor off the axis records is the same light, elsewhere. */

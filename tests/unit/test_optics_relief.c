@@ -1,6 +1,7 @@
 /* Scenes on surfaces: against PSFs made for every distance that occurs, in double precision. */
 #include "forward_fixture.h"
 
+#include "optics/mask.h"
 #include "ref/ref_convolve.h"
 #include "ref/ref_forward.h"
 

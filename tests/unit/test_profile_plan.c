@@ -73,7 +73,7 @@ static void run(const learned_camera *learned, int refine, const char *const *st
     ASSERT_OK(hada_plan_profile(plan, 1, err));
     ASSERT_OK(hada_plan_kernel_times(plan, &rows, &count, err));
     assert_int_equal(count, 0);
-    hada_kernel_times_destroy(&rows);
+    hada_memory_destroy(&rows);
     double wall = 0;
     sums first[8] = {0};
     for (int frame = 1; frame <= frames; frame++) {
@@ -94,7 +94,7 @@ static void run(const learned_camera *learned, int refine, const char *const *st
             seconds += rows[i].seconds;
         /* a queue in order: its commands do not overlap */
         assert_true(seconds > 0 && seconds < 1.02 * wall);
-        hada_kernel_times_destroy(&rows);
+        hada_memory_destroy(&rows);
     }
     for (int z = 0; z < plain.depths; z++)
         assert_memory_equal(plain.planes[z].data, profiled.planes[z].data,

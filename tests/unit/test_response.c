@@ -6,6 +6,8 @@
 
 #include "testing.h"
 
+#include "io/text.h"
+
 static void close_to(double value, double expected, double tolerance)
 {
     if (!(fabs(value - expected) <= tolerance))

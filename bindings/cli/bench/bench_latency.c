@@ -53,7 +53,7 @@ static hada_status profile_frame(void *user, int round, double *value, hada_erro
         *value += rows[i].seconds;
     }
 done:
-    hada_kernel_times_destroy(&rows);
+    hada_memory_destroy(&rows);
     return status;
 }
 

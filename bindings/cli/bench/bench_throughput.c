@@ -66,7 +66,7 @@ static hada_status measure(hada_bench *bench, hada_bench_device *device, stream 
                 *kernels += rows[i].seconds / s->frames;
     }
 done:
-    hada_kernel_times_destroy(&rows);
+    hada_memory_destroy(&rows);
     hada_plan_destroy(&s->plan);
     return status;
 }

@@ -171,9 +171,8 @@ class Camera:
 
     def parallax(self, near_mm: float, far_mm: float, x_mm: float, y_mm: float) -> tuple[float, float]:
         """Return how far a near plane's shadow moves on a far one, for a lens at (x, y): rows, columns in pixels."""
-        cols, rows = ffi.new("double *"), ffi.new("double *")
-        lib.hada_camera_parallax(self._c, near_mm, far_mm, x_mm, y_mm, cols, rows)
-        return rows[0], cols[0]
+        scale = self._c.distance_mm * (1.0 / near_mm - 1.0 / far_mm) / self._c.pixel_pitch_mm
+        return y_mm * scale, x_mm * scale
 
     def __getstate__(self) -> bytes:
         """Cameras can be pickled."""

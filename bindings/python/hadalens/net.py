@@ -150,7 +150,7 @@ class Net(Handle):
         out = ffi.new("char **")
         call(lib.hada_net_describe, self._c, out)
         words = text(out[0])
-        lib.hada_text_destroy(out)
+        lib.hada_memory_destroy(out)
         return words
 
     def bytes(self, rows: int, cols: int, *, context: Context | None = None) -> int:

@@ -312,7 +312,7 @@ class Plan(Handle):
         rows, count = ffi.new("hada_kernel_time **"), ffi.new("size_t *")
         call(lib.hada_plan_kernel_times, self._c, rows, count)
         times = [record(KernelTime, rows[0][i]) for i in range(count[0])]
-        lib.hada_kernel_times_destroy(rows)
+        lib.hada_memory_destroy(rows)
         return times
 
     def calls(self) -> CallCounts:

@@ -65,9 +65,9 @@ def convert(values: Any, source: float | str, target: float | str) -> Float32:
 
 def to_light(response: float | str, value: float) -> float:
     """Return the light of one value."""
-    return float(lib.hada_response_to_light(number(response), value))
+    return float(convert([value], response, LINEAR)[0])
 
 
 def from_light(response: float | str, light: float) -> float:
     """Return the value that stands for a light."""
-    return float(lib.hada_response_from_light(number(response), light))
+    return float(convert([light], LINEAR, response)[0])

@@ -54,7 +54,7 @@ HADA_API hada_status hada_net_create_preset(hada_net **out, const char *preset, 
 /* From a description (JSON, docs/explanation/nets.md), with random weights. */
 HADA_API hada_status hada_net_create(hada_net **out, const char *description, uint64_t seed, hada_error *err);
 
-/* The description, made by the call and given back by hada_text_destroy(). */
+/* The description, made by the call and given back by hada_memory_destroy(). */
 HADA_API hada_status hada_net_describe(const hada_net *net, char **out, hada_error *err);
 
 /* Files are safetensors: weights by PyTorch's names and layouts, the description in the metadata under `net`. */

@@ -33,13 +33,35 @@ typedef struct hada_pixels {
 HADA_INIT(hada_pixels, HADA_STRUCT_PIXELS)
 
 /* Sets strides for dense samples: all of a channel together (planar), or all channels of a pixel (interleaved). */
-HADA_API void hada_pixels_planar(hada_pixels *pixels, const void *data, hada_pixel_type type, int channels, int rows,
-                                 int cols);
-HADA_API void hada_pixels_interleaved(hada_pixels *pixels, const void *data, hada_pixel_type type, int channels,
-                                      int rows, int cols);
+static inline void hada_pixels_dense(hada_pixels *pixels, const void *data, hada_pixel_type type, int interleaved,
+                                     int channels, int rows, int cols)
+{
+    const ptrdiff_t sample = type == HADA_PIXEL_U8 ? 1 : type == HADA_PIXEL_U16 ? 2 : 4;
+    pixels->data = data;
+    pixels->type = type;
+    pixels->channels = channels;
+    pixels->rows = rows;
+    pixels->cols = cols;
+    pixels->col_stride = interleaved ? sample * channels : sample;
+    pixels->row_stride = pixels->col_stride * cols;
+    pixels->channel_stride = interleaved ? sample : pixels->row_stride * rows;
+}
+static inline void hada_pixels_planar(hada_pixels *pixels, const void *data, hada_pixel_type type, int channels,
+                                      int rows, int cols)
+{
+    hada_pixels_dense(pixels, data, type, 0, channels, rows, cols);
+}
+static inline void hada_pixels_interleaved(hada_pixels *pixels, const void *data, hada_pixel_type type, int channels,
+                                           int rows, int cols)
+{
+    hada_pixels_dense(pixels, data, type, 1, channels, rows, cols);
+}
 
 /* A view of an image. */
-HADA_API void hada_pixels_of_image(hada_pixels *pixels, const hada_image *image);
+static inline void hada_pixels_of_image(hada_pixels *pixels, const hada_image *image)
+{
+    hada_pixels_planar(pixels, image->data, HADA_PIXEL_F32, image->channels, image->rows, image->cols);
+}
 
 /* The floats that these pixels are: *image is created by the call. HADA_ERROR_ARGUMENT for what cannot be pixels. */
 HADA_API hada_status hada_pixels_to_image(const hada_pixels *pixels, hada_image *image, hada_error *err);

@@ -28,10 +28,6 @@ extern "C" {
 /* 1: it is one of the responses above, HADA_AUTO not among them. */
 HADA_API int hada_response_is_known(double response);
 
-/* One value to light, and back. */
-HADA_API double hada_response_to_light(double response, double value);
-HADA_API double hada_response_from_light(double response, double light);
-
 /* `count` values in one encoding to another, in place. Both must be known. */
 HADA_API void hada_response_convert(float *values, size_t count, double from, double to);
 

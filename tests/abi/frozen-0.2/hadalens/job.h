@@ -39,8 +39,8 @@ typedef enum hada_job_state {
 HADA_API hada_status hada_job_submit(hada_job **out, hada_plan *plan, const hada_image *raw, hada_result *result,
                                      hada_error *err);
 
-/* As hada_job_submit(), of pixels in any form. Those that are not dense floats of one channel after the other are
- * converted before it returns, and may be touched from then on. */
+/* As hada_job_submit(), of pixels in any form. 8 and 16 bits, and floats with any strides, become dense floats on the
+ * device; the pixels stay the caller's and must not be touched until the job has ended. */
 HADA_API hada_status hada_job_submit_pixels(hada_job **out, hada_plan *plan, const hada_pixels *raw,
                                             hada_result *result, hada_error *err);
 

@@ -35,10 +35,8 @@ typedef struct hada_kernel_time {
 HADA_API hada_status hada_plan_profile(hada_plan *plan, int on, hada_error *err);
 
 /* What the plan's queues did since profiling was turned on: *count rows in the order of first use, given back
- * by hada_kernel_times_destroy(). Of several queues and devices together. HADA_ERROR_STATE while profiling is off. */
+ * by hada_memory_destroy(). Of several queues and devices together. HADA_ERROR_STATE while profiling is off. */
 HADA_API hada_status hada_plan_kernel_times(hada_plan *plan, hada_kernel_time **rows, size_t *count, hada_error *err);
-/* Frees the rows and clears the pointer; NULL is fine. */
-HADA_API void hada_kernel_times_destroy(hada_kernel_time **rows);
 
 /* What a plan asked of its devices; always counted. The time of a frame on a quick device is bound by these calls as
  * much as by its arithmetic. */

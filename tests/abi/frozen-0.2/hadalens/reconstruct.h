@@ -49,7 +49,7 @@ typedef enum hada_skip {
     HADA_SKIP_FREQUENCIES = 4, /* frequencies whose filtered light is negligible; bounded (Parseval) */
     HADA_SKIP_HALF = 8,        /* half of the filters' bits; bounded */
     HADA_SKIP_CHANNELS = 16,   /* channels that are black, or equal to one that was done (grey scenes); exact */
-    HADA_SKIP_FRAMES = 32,     /* frames equal to the one before: exact; nearly equal ones: bounded */
+    HADA_SKIP_FRAMES = 32,     /* frames equal to the one before; exact */
     HADA_SKIP_TILES = 64,      /* tiles of the enhancement net without content, or unchanged; exact */
     HADA_SKIP_ALL = 127
 } hada_skip;

@@ -77,11 +77,6 @@ HADA_API hada_status hada_simulator_render_reliefs(hada_simulator *simulator, co
                                                    int opaque, double noise, uint64_t noise_seed, hada_image *raw,
                                                    hada_error *err);
 
-/* How far the shadow of a plane at the nearer of two depths moves on one at the farther, in pixels, for a lens at
- * (x_mm, y_mm): p d (1/near - 1/far) / pitch. Column first, as x. */
-HADA_API void hada_camera_parallax(const hada_camera *camera, double near_mm, double far_mm, double x_mm, double y_mm,
-                                   double *cols, double *rows);
-
 /* What a sensor makes of a frame of light, in place: sensor size, any number of channels (<hadalens/sensor.h>). The
  * same seed gives the same bits on a device. */
 HADA_API hada_status hada_simulator_expose(hada_simulator *simulator, const hada_sensor *sensor, uint64_t seed,

@@ -251,8 +251,7 @@ hada_status hada_dataset_split(const hada_dataset *dataset, double hold_out, had
 {
     int *held = NULL, *left, *none;
     hada_status status = HADA_OK;
-    if (!dataset || !learn || !held_out)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_dataset_split: a data set and places for two are needed");
+    HADA_NEED(dataset && learn && held_out, err);
     const int depths = dataset->info.depths;
     *learn = *held_out = NULL;
     if (!(hold_out >= 0.0) || (hold_out >= 1.0 && hold_out != floor(hold_out)) || hold_out > 1e6)
@@ -332,8 +331,7 @@ hada_status hada_dataset_create(hada_dataset **out, int depths, const double *di
                                 hada_error *err)
 {
     hada_pair_store *store = NULL;
-    if (!out)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_dataset_create: out is needed");
+    HADA_NEED(out, err);
     *out = NULL;
     if (depths < 1 || !distances_mm || !counts || !read)
         return hada_fail(
@@ -349,8 +347,7 @@ hada_status hada_dataset_from_images(hada_dataset **out, int depths, const doubl
                                      const hada_image *raws, const hada_image *scenes, hada_error *err)
 {
     hada_pair_store *store = NULL;
-    if (!out)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_dataset_from_images: out is needed");
+    HADA_NEED(out, err);
     *out = NULL;
     if (depths < 1 || !distances_mm || !counts || !raws || !scenes)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
@@ -577,8 +574,7 @@ hada_status hada_dataset_read(const hada_dataset *dataset, int depth, int pair, 
 {
     hada_pair taken = {0};
     hada_status status = HADA_OK;
-    if (!raw || !scene)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_dataset_read: two images are needed");
+    HADA_NEED(raw && scene, err);
     *raw = *scene = (hada_image){0};
     if (!dataset || depth < 0 || depth >= dataset->info.depths || pair < 0 || pair >= dataset->counts[depth])
         return hada_fail(err, HADA_ERROR_ARGUMENT, "the data set has no pair %d of depth %d", pair, depth);
@@ -622,6 +618,7 @@ done:
 
 hada_status hada_dark_frame_load(hada_image *image, double *level, const char *path, hada_error *err)
 {
+    HADA_NEED(image && path, err);
     hada_tiff_reader *reader = NULL;
     hada_status status = HADA_OK;
     double sum = 0.0;

@@ -248,11 +248,9 @@ hada_status hada_dataset_scan(hada_dataset **out, const char *folder, const hada
     hada_dataset_options options;
     hada_pair_store *store = NULL;
     hada_status status = HADA_OK;
-    if (!out)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_dataset_scan: out is needed");
+    HADA_NEED(out, err);
     *out = NULL;
-    if (!folder)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_dataset_scan: a folder is needed");
+    HADA_NEED(folder, err);
     hada_dataset_options_init(&options);
     HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_dataset_options, err));
     HADA_TRY(hada_pair_store_create(&store, &options, err));

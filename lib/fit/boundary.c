@@ -190,9 +190,7 @@ hada_status hada_fit_find_boundary(hada_fit_options *callers, hada_context *cont
     look at = {.context = context, .options = &options};
     int rows = 0, cols = 0;
     hada_status status = HADA_OK;
-    if (!callers || !context || !pairs)
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "hada_fit_find_boundary: options, a context and a data set are needed");
+    HADA_NEED(callers && context && pairs, err);
     hada_fit_options_init(&options);
     HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_fit_options, err));
     HADA_TRY(hada_fit_sizes_from(&options, pairs, err));

@@ -17,6 +17,7 @@
 
 #include "fit/fit_sums.h"
 #include "fit/nonnegative.h"
+#include "fit/trial.h"
 
 /* Iterations of a fit from nothing, and of one that goes on with other pairs; whole rounds of three steps. The first
  * of those from nothing needs no pass. */
@@ -53,5 +54,23 @@ hada_status hada_fit_cropped_explain(hada_fit_cropped *cropped, cl_mem raw, cl_m
 
 /* Of the last pass: the sum of squares of what the model left, over all pairs, per channel. */
 const double *hada_fit_cropped_left(const hada_fit_cropped *cropped);
+
+/* Transfer functions of all depths where the sensor crops, and those that the trial of refinement needs, which never
+ * saw its pairs. */
+/* In the place of what sums give. */
+typedef struct hada_fit_transfers {
+    float *otf;    /* as in a model; NULL: those of the sums serve */
+    double *noise; /* [depth][channel]: |N|^2 of what is left of a frame */
+} hada_fit_transfers;
+
+/* Learns those of all depths in so many passes over their pairs (cropped.h), and those of each kept pair's depth
+ * without it, into kept. Pairs stay on the device where there is room, else they are read in every pass. */
+hada_status hada_fit_transfers_learn(hada_fit_transfers *out, hada_fit_sums *sums, hada_fit_reader *from,
+                                     hada_fit_kept *kept, int passes, hada_error *err);
+void hada_fit_transfers_free(hada_fit_transfers *transfers);
+
+/* For a single depth: the sum of squares that is left of the frames of `held`, whose pairs are not in the sums. */
+hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_reader *from, int passes, hada_fit_reader *held,
+                                    double *left, hada_error *err);
 
 #endif

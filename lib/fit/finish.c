@@ -260,8 +260,7 @@ static hada_status learn_and_solve(hada_fitter *fitter, const hada_dataset *pair
 
 hada_status hada_fitter_finish(hada_fitter *fitter, const hada_dataset *pairs, hada_model **out, hada_error *err)
 {
-    if (!fitter || !out)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_finish: a fitter and out are needed");
+    HADA_NEED(fitter && out, err);
     *out = NULL;
     hada_fit_forget(fitter);
     hada_slot_watch(fitter->grid.slot, fitter->options.monitor);

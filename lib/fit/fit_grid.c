@@ -1,12 +1,14 @@
 #include "fit/fit_grid.h"
 
 #include <hadalens/response.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/alloc.h"
 #include "core/callers.h"
 #include "filter/bank.h"
+#include "image/statistics.h"
 
 /* Work-items of a group: of kernels by groups of eight frequencies, and of those by chunks where the device works in
  * groups (docs/reference/devices.md). */
@@ -157,4 +159,218 @@ hada_range hada_fit_chunks(const hada_fit_grid *grid)
     if (grid->slot->context->shape == HADA_SHAPE_LANES)
         return hada_range_of(grid->chunks, 1, 1, 1);
     return hada_range_of(grid->chunks * HADA_FIT_CHUNK, HADA_FIT_GROUP, 1, 1);
+}
+
+/* Sums of squares that are added in another order differ by less than this share. */
+#define SAME_ENERGY 1e-6
+
+static hada_status make_host_side(hada_fit_pair *pair, hada_error *err)
+{
+    const hada_fit_grid *grid = pair->grid;
+    const size_t channels = (size_t)grid->info.channels, raw = hada_fit_raw_floats(grid);
+    HADA_TRY(hada_allocated(pair->raw_pixels = hada_alloc_raw(raw, sizeof(float), "a raw frame", err)));
+    HADA_TRY(hada_allocated(pair->scene_pixels =
+                                hada_alloc_raw(hada_fit_window_floats(grid), sizeof(float), "a scene", err)));
+    HADA_TRY(hada_allocated(pair->scratch = hada_alloc_raw(raw / channels, sizeof(float), "a raw frame", err)));
+    HADA_TRY(hada_allocated(pair->raw_energy = hada_alloc(channels, sizeof(double), "a fitter", err)));
+    return hada_allocated(pair->scene_energy = hada_alloc(channels, sizeof(double), "a fitter", err));
+}
+
+static hada_status make_buffer(hada_fit_pair *pair, hada_buffer *buffer, size_t bytes, const char *what,
+                               hada_error *err)
+{
+    hada_status status = hada_buffer_create(buffer, pair->grid->slot->context, bytes, what, err);
+    pair->bytes += buffer->bytes;
+    return status;
+}
+
+static hada_status make_device_side(hada_fit_pair *pair, hada_error *err)
+{
+    const hada_fit_grid *grid = pair->grid;
+    const hada_fft_desc raw = hada_fit_transform_desc(grid, HADA_FFT_FORWARD, 0);
+    const hada_fft_desc scene = hada_fit_transform_desc(grid, HADA_FFT_FORWARD, 1);
+    const size_t spectra = hada_fit_spectra_bytes(grid, (size_t)grid->info.channels);
+    hada_context *context = grid->slot->context;
+    HADA_TRY(hada_fft_create(&pair->raw_fft, grid->slot, &raw, err));
+    HADA_TRY(hada_fft_create(&pair->scene_fft, grid->slot, &scene, err));
+    pair->bytes = hada_fft_bytes(context, &raw) + hada_fft_bytes(context, &scene);
+    HADA_TRY(make_buffer(pair, &pair->raw, hada_fit_raw_floats(grid) * sizeof(float), "a raw frame", err));
+    HADA_TRY(make_buffer(pair, &pair->scene, hada_fit_window_floats(grid) * sizeof(float), "a scene", err));
+    HADA_TRY(make_buffer(pair, &pair->raw_spectrum, spectra, "a raw frame's spectrum", err));
+    return make_buffer(pair, &pair->scene_spectrum, spectra, "a scene's spectrum", err);
+}
+
+hada_status hada_fit_pair_create(hada_fit_pair *pair, const hada_fit_grid *grid, hada_error *err)
+{
+    *pair = (hada_fit_pair){.grid = grid};
+    hada_status status = make_host_side(pair, err);
+    return status ? status : make_device_side(pair, err);
+}
+
+void hada_fit_pair_destroy(hada_fit_pair *pair)
+{
+    hada_fft_destroy(&pair->raw_fft);
+    hada_fft_destroy(&pair->scene_fft);
+    hada_buffer_destroy(&pair->raw);
+    hada_buffer_destroy(&pair->scene);
+    hada_buffer_destroy(&pair->raw_spectrum);
+    hada_buffer_destroy(&pair->scene_spectrum);
+    free(pair->raw_pixels);
+    free(pair->scene_pixels);
+    free(pair->raw_energy);
+    free(pair->scene_energy);
+    free(pair->scratch);
+    *pair = (hada_fit_pair){0};
+}
+
+hada_status hada_fit_pair_check(const hada_fit_grid *grid, int depth, const hada_image *raw, const hada_image *scene,
+                                hada_error *err)
+{
+    const hada_model_info *info = &grid->info;
+    if (depth < 0 || depth >= info->depths)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "depth %d is not one of the %d of this fit (from 0)", depth,
+                         info->depths);
+    if (!raw || !raw->data || !scene || !scene->data)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a pair needs a raw frame and a scene");
+    if (raw->channels != info->channels || raw->rows != info->raw_rows || raw->cols != info->raw_cols)
+        return hada_fail(err, HADA_ERROR_SIZE,
+                         "the raw frame has %d channels, %d x %d; this fit takes %d channels, %d x %d: all raw frames "
+                         "of a data set must be of one size",
+                         raw->channels, raw->rows, raw->cols, info->channels, info->raw_rows, info->raw_cols);
+    const int whole = scene->rows == info->raw_rows && scene->cols == info->raw_cols;
+    const int window = scene->rows == info->window_rows && scene->cols == info->window_cols;
+    if (scene->channels != info->channels || (!whole && !window))
+        return hada_fail(err, HADA_ERROR_SIZE,
+                         "the scene has %d channels, %d x %d; this fit takes %d channels and the window %d x %d or the "
+                         "raw frame's size",
+                         scene->channels, scene->rows, scene->cols, info->channels, info->window_rows,
+                         info->window_cols);
+    const size_t bad_raw = hada_image_count_not_finite(raw), bad_scene = hada_image_count_not_finite(scene);
+    if (bad_raw || bad_scene)
+        return hada_fail(err, HADA_ERROR_NOT_FINITE,
+                         "the %s of this pair holds %zu NaN or infinite pixels; leave the pair out or repair the file",
+                         bad_raw ? "raw frame" : "scene", bad_raw ? bad_raw : bad_scene);
+    return HADA_OK;
+}
+
+/* Pixels less the dark level; returns the sum of their squares. */
+static double take(const float *from, size_t pitch, int rows, int cols, double dark, float *to)
+{
+    const float level = (float)dark;
+    double energy = 0.0;
+    for (int row = 0; row < rows; row++) {
+        double sum = 0.0;
+        for (int col = 0; col < cols; col++) {
+            const float value = from[(size_t)row * pitch + (size_t)col] - level;
+            *to++ = value;
+            sum += (double)value * value;
+        }
+        energy += sum;
+    }
+    return energy;
+}
+
+static double energy_of(const float *values, size_t count)
+{
+    double energy = 0.0;
+    for (size_t i = 0; i < count; i++)
+        energy += (double)values[i] * (double)values[i];
+    return energy;
+}
+
+void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_image *scene)
+{
+    const hada_model_info *info = &pair->grid->info;
+    const size_t raw_area = (size_t)raw->rows * (size_t)raw->cols, area = (size_t)scene->rows * (size_t)scene->cols;
+    const size_t window = (size_t)info->window_rows * (size_t)info->window_cols;
+    const size_t row0 = (size_t)(scene->rows - info->window_rows) / 2,
+                 col0 = (size_t)(scene->cols - info->window_cols) / 2;
+    for (int c = 0; c < info->channels; c++) {
+        const float *from = raw->data + (size_t)c * raw_area;
+        const double dark = info->dark < 0.0 ? hada_dark_estimate(from, raw_area, pair->scratch) : info->dark;
+        pair->raw_energy[c] =
+            take(from, (size_t)raw->cols, raw->rows, raw->cols, dark, pair->raw_pixels + (size_t)c * raw_area);
+        float *light = pair->scene_pixels + (size_t)c * window;
+        from = scene->data + (size_t)c * area + row0 * (size_t)scene->cols + col0;
+        pair->scene_energy[c] = take(from, (size_t)scene->cols, info->window_rows, info->window_cols, 0.0, light);
+        if (info->scene_response != HADA_RESPONSE_LINEAR) {
+            hada_response_convert(light, window, info->scene_response, HADA_RESPONSE_LINEAR);
+            pair->scene_energy[c] = energy_of(light, window);
+        }
+    }
+}
+
+hada_status hada_fit_pair_transform(hada_fit_pair *pair, const float *raw, const float *scene, hada_error *err)
+{
+    hada_slot *slot = pair->grid->slot;
+    const int channels = pair->grid->info.channels;
+    HADA_TRY(hada_buffer_write(&pair->raw, slot, 0, raw, pair->raw.bytes, err));
+    HADA_TRY(hada_fft_forward(pair->raw_fft, channels, pair->raw.mem, 0, pair->raw_spectrum.mem, 0, err));
+    if (!scene)
+        return HADA_OK;
+    HADA_TRY(hada_buffer_write(&pair->scene, slot, 0, scene, pair->scene.bytes, err));
+    return hada_fft_forward(pair->scene_fft, channels, pair->scene.mem, 0, pair->scene_spectrum.mem, 0, err);
+}
+
+hada_status hada_fit_pair_filter(hada_fit_pair *pair, hada_fft *inverse, const hada_fft_filter *filter, hada_error *err)
+{
+    return hada_fft_inverse(inverse, pair->grid->info.channels, pair->raw_spectrum.mem, 0, pair->scene.mem, 0, filter,
+                            err);
+}
+
+hada_status hada_fit_reader_create(hada_fit_reader *reader, const hada_dataset *pairs, hada_fit_pair *pair,
+                                   const hada_monitor *monitor, const char *why, hada_error *err)
+{
+    *reader = (hada_fit_reader){.pairs = pairs, .pair = pair, .monitor = monitor, .why = why};
+    return hada_allocated(reader->energy =
+                              hada_alloc((size_t)pair->grid->info.channels, sizeof *reader->energy, "a fit", err));
+}
+
+void hada_fit_reader_destroy(hada_fit_reader *reader)
+{
+    if (reader->progress.what)
+        hada_progress_end(&reader->progress);
+    free(reader->energy);
+    *reader = (hada_fit_reader){0};
+}
+
+hada_status hada_fit_read(hada_fit_reader *reader, int z, int64_t i, int64_t next, hada_error *err)
+{
+    hada_fit_pair *to = reader->pair;
+    hada_pair pair = {0};
+    hada_status status = HADA_OK;
+    if (!reader->progress.what)
+        reader->progress = hada_progress_begin(reader->monitor, reader->why, 0);
+    HADA_TRY(hada_progress_step(&reader->progress, NULL, err));
+    HADA_TRY(hada_pair_take(&pair, reader->pairs, z, (int)i, err));
+    if (next >= 0 && next < hada_dataset_get_info(reader->pairs)->counts[z])
+        hada_pair_expect(reader->pairs, z, (int)next);
+    HADA_TRY_OR_DONE(hada_fit_pair_check(to->grid, z, pair.raw, pair.scene, err));
+    hada_fit_pair_take(to, pair.raw, pair.scene);
+    for (int c = 0; c < to->grid->info.channels; c++)
+        reader->energy[c] += to->raw_energy[c];
+done:
+    if (status)
+        hada_pair_name(reader->pairs, z, (int)i, err);
+    hada_pair_return(&pair);
+    return status;
+}
+
+void hada_fit_reader_clear(hada_fit_reader *reader)
+{
+    for (int c = 0; c < reader->pair->grid->info.channels; c++)
+        reader->energy[c] = 0.0;
+}
+
+hada_status hada_fit_reader_check(const hada_fit_reader *reader, int z, const double *raw_energy, hada_error *err)
+{
+    const hada_fit_grid *grid = reader->pair->grid;
+    int same = 1;
+    for (int c = 0; c < grid->info.channels; c++)
+        same &= fabs(reader->energy[c] - raw_energy[c]) <= SAME_ENERGY * raw_energy[c];
+    return same ? HADA_OK
+                : hada_fail(err, HADA_ERROR_STATE,
+                            "the pairs of depth %d (%g mm) are not those in its sums; give hada_fitter_finish() the "
+                            "pairs that were added, or none",
+                            z, grid->distances[z]);
 }

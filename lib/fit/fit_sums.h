@@ -5,7 +5,8 @@
 #ifndef HADA_FIT_FIT_SUMS_H
 #define HADA_FIT_FIT_SUMS_H
 
-#include "fit/fit_pair.h"
+#include "fit/fit_grid.h"
+#include "io/safetensors.h"
 
 typedef struct hada_fit_depth {
     float *sums; /* channels x (2 x sum_count x stride) floats; NULL while nothing was put here */
@@ -45,5 +46,28 @@ hada_status hada_fit_sums_merge(hada_fit_sums *sums, int channel, const hada_buf
 
 /* Makes the pools over depths, unless they are up to date; afterwards any depth may be on the device. */
 hada_status hada_fit_sums_pool(hada_fit_sums *sums, hada_error *err);
+
+/* The sums of all ranks. */
+/* The sums become those of all ranks, on every rank: a depth whose pairs are all of one rank comes from that one with
+ * its bits, the others are added in double precision, in rank order. */
+hada_status hada_fit_sums_reduce(hada_fit_sums *sums, hada_error *err);
+
+/* Sums to and from files: to go on later, or to merge what several machines have added up (docs/reference/files.md).
+ * */
+hada_status hada_fit_sums_save(hada_fit_sums *sums, const char *path, hada_error *err);
+
+/* Adds a file's sums; one that does not belong to this fit is refused before anything changes. */
+hada_status hada_fit_sums_load(hada_fit_sums *sums, const char *path, hada_error *err);
+
+/* The response of the scenes behind a file's sums. */
+hada_status hada_fit_sums_response(const char *path, double *response, hada_error *err);
+
+/* What a file says of its camera: sizes, depths, boundary, dark level, and, where it is open in `options`, the response
+ * of the scenes; the distances point into the file. */
+hada_status hada_fit_sums_camera(const hada_tensors *file, const char *path, hada_fit_options *options,
+                                 hada_error *err);
+
+/* Its boundary and grid alone, into options. */
+hada_status hada_fit_sums_grid(const char *path, hada_fit_options *options, hada_error *err);
 
 #endif

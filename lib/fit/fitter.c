@@ -10,8 +10,7 @@
 #include "core/callers.h"
 #include "core/clock.h"
 #include "fit/cropped.h"
-#include "fit/sums_file.h"
-#include "fit/sums_reduce.h"
+#include "fit/fit_sums.h"
 #include "io/folder.h"
 
 static int all_finite(const float *values, size_t count)
@@ -39,8 +38,7 @@ hada_status hada_model_from_filters(hada_model **out, const hada_fit_options *ca
     hada_fit_options sizes;
     hada_model_info info;
     hada_status status = HADA_OK;
-    if (!out || !callers)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_from_filters: out and sizes are needed");
+    HADA_NEED(out && callers, err);
     *out = NULL;
     hada_fit_options_init(&sizes);
     HADA_TRY(HADA_OPTIONS_TAKE(&sizes, callers, hada_fit_options, err));
@@ -123,8 +121,7 @@ hada_status hada_fitter_create(hada_fitter **out, hada_context *context, const h
     hada_fit_options options;
     hada_tensors *file = NULL;
     hada_status status = HADA_OK;
-    if (!out || !context || !callers)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_create: out, a context and options are needed");
+    HADA_NEED(out && context && callers, err);
     *out = NULL;
     hada_fit_options_init(&options);
     HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_fit_options, err));
@@ -346,8 +343,7 @@ done:
 hada_status hada_fitter_add(hada_fitter *fitter, const hada_dataset *pairs, hada_error *err)
 {
     static const hada_fit_part none = {0};
-    if (!fitter || !pairs)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_add: a fitter and a data set are needed");
+    HADA_NEED(fitter && pairs, err);
     return hada_fitter_add_part(fitter, pairs, &none, err);
 }
 
@@ -361,14 +357,12 @@ hada_status hada_fitter_reduce(hada_fitter *fitter, hada_error *err)
 
 hada_status hada_fitter_save_sums(hada_fitter *fitter, const char *path, hada_error *err)
 {
-    if (!fitter || !path)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_save_sums: a fitter and a path are needed");
+    HADA_NEED(fitter && path, err);
     return hada_fit_sums_save(&fitter->sums, path, err);
 }
 
 hada_status hada_fitter_load_sums(hada_fitter *fitter, const char *path, hada_error *err)
 {
-    if (!fitter || !path)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_load_sums: a fitter and a path are needed");
+    HADA_NEED(fitter && path, err);
     return hada_fit_sums_load(&fitter->sums, path, err);
 }

@@ -2,11 +2,11 @@
 #ifndef HADA_FIT_FITTER_H
 #define HADA_FIT_FITTER_H
 
+#include "fit/cropped.h"
 #include "fit/fit_sums.h"
 #include "fit/leave_one_out.h"
-#include "fit/outside.h"
-#include "fit/transfers.h"
 #include "fit/trial.h"
+#include "fit/window.h"
 
 /* What was compared, and the lists of it for callers. */
 typedef struct hada_fit_rows {

@@ -1,10 +1,9 @@
-#include "fit/outside.h"
+#include "fit/window.h"
 
 #include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "fit/window.h"
 
 /* Weights to choose from, beside 1, which is the exact fit; and what another one must gain to be taken, in decibels:
  * more than choosing by so few pairs is uncertain (docs/explanation/learning-a-camera.md). */

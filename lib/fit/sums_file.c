@@ -1,4 +1,4 @@
-#include "fit/sums_file.h"
+#include "fit/fit_sums.h"
 
 #include <hadalens/response.h>
 #include <math.h>

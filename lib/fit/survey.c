@@ -578,8 +578,7 @@ hada_status hada_survey_create(hada_survey **out, const hada_fit_options *caller
     surveying work = {.pairs = pairs};
     owned_survey *own = NULL;
     hada_status status = HADA_OK;
-    if (!out || !callers || !pairs)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_survey_create: out, options and a data set are needed");
+    HADA_NEED(out && callers && pairs, err);
     *out = NULL;
     hada_fit_options_init(&work.options);
     HADA_TRY(HADA_OPTIONS_TAKE(&work.options, callers, hada_fit_options, err));
@@ -613,7 +612,6 @@ void hada_survey_destroy(hada_survey **pointer)
 
 hada_status hada_survey_apply(hada_dataset **out, const hada_survey *survey, const hada_dataset *pairs, hada_error *err)
 {
-    if (!out || !survey || !pairs)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_survey_apply: out, a survey and its data set are needed");
+    HADA_NEED(out && survey && pairs, err);
     return hada_dataset_brighten(out, pairs, survey->gains, survey->response, err);
 }

@@ -1,11 +1,10 @@
-#include "fit/transfers.h"
+#include "fit/cropped.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/alloc.h"
-#include "fit/cropped.h"
 
 /* The part of the device's memory that pairs may take. */
 enum { MEMORY_SHARE = 4 };

@@ -182,8 +182,7 @@ hada_status hada_register_run(hada_register_report **out, const hada_dataset *da
     hada_register_task task;
     owned_report *own = NULL;
     hada_status status = HADA_OK;
-    if (!out || !data)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_register_run: out and a data set are needed");
+    HADA_NEED(out && data, err);
     *out = NULL;
     hada_register_task_init(&task);
     HADA_TRY(HADA_OPTIONS_TAKE(&task, callers, hada_register_task, err));
@@ -323,9 +322,7 @@ hada_status hada_register_write(const hada_register_report *report, const hada_d
                                 const hada_register_task *task, int *rows, int *cols, hada_error *err)
 {
     writing w = {.report = report, .data = data};
-    if (!report || !data || !folder)
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "hada_register_write: a report, its data set and a folder are needed");
+    HADA_NEED(report && data && folder, err);
     hada_register_task_init(&w.task);
     HADA_TRY(HADA_OPTIONS_TAKE(&w.task, task, hada_register_task, err));
     if (!hada_dataset_get_info(data)->has_files)

@@ -6,7 +6,7 @@
 #include <hadalens/tiff.h>
 #include <stdlib.h>
 
-#include "fit/sums_file.h"
+#include "fit/fit_sums.h"
 #include "fuzz.h"
 #include "io/safetensors.h"
 #include "io/tiff_meta.h"

@@ -7,8 +7,8 @@
 
 #include "core/alloc.h"
 #include "core/callers.h"
-#include "fit/fitter.h"
 #include "fit/fit_sums.h"
+#include "fit/fitter.h"
 #include "io/folder.h"
 #include "tasks/fit_steps.h"
 

@@ -9,6 +9,7 @@
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
+#include <time.h>
 #include <unistd.h>
 
 static volatile sig_atomic_t interrupted;
@@ -181,6 +182,20 @@ void hada_cli_print_error(hada_cli *cli, hada_error *err)
         hada_cli_put(stderr, "%s\n", err->detail);
     else if (err->detail[0])
         fprintf(stderr, "(--verbose shows more)\n");
+}
+
+/* How long the other ranks wait for the first to say why a command ends; and, told by a signal that the job ends, to be
+ * ended: mpirun kills a second later. */
+enum { FIRST_SPEAKS_SECONDS = 1, JOB_ENDS_SECONDS = 10 };
+
+void hada_cli_let_first_speak(const hada_cli *cli)
+{
+    const int before = hada_cli_interrupted();
+    if (hada_cli_writes(cli))
+        return;
+    nanosleep(&(struct timespec){.tv_sec = FIRST_SPEAKS_SECONDS}, NULL);
+    if (!before && hada_cli_interrupted())
+        nanosleep(&(struct timespec){.tv_sec = JOB_ENDS_SECONDS}, NULL);
 }
 
 int hada_cli_fail(hada_cli *cli, hada_error *err)

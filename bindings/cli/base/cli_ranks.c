@@ -4,11 +4,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
-
-/* How long the other ranks wait for the first to say why a command ends; and, told by a signal that the job ends, to be
- * ended: mpirun kills a second later. */
-enum { FIRST_SPEAKS_SECONDS = 1, JOB_ENDS_SECONDS = 10 };
 
 int hada_cli_writes(const hada_cli *cli)
 {
@@ -18,16 +13,6 @@ int hada_cli_writes(const hada_cli *cli)
 const hada_communicator *hada_cli_communicator(const hada_cli *cli)
 {
     return cli->ranks ? &cli->ranks->communicator : NULL;
-}
-
-void hada_cli_let_first_speak(const hada_cli *cli)
-{
-    const int before = hada_cli_interrupted();
-    if (hada_cli_writes(cli))
-        return;
-    nanosleep(&(struct timespec){.tv_sec = FIRST_SPEAKS_SECONDS}, NULL);
-    if (!before && hada_cli_interrupted())
-        nanosleep(&(struct timespec){.tv_sec = JOB_ENDS_SECONDS}, NULL);
 }
 
 /* The n-th entry of a list, counted round. */

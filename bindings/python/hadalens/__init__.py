@@ -12,7 +12,8 @@ from a few pairs of raw frame and known scene per distance.
 from typing import TYPE_CHECKING, Any
 
 from . import response
-from ._fit import FilterScore, FitReport, OutsideScore, RefineScore, ResponseRow, fit
+from ._fit import fit
+from ._fit_report import FilterScore, FitReport, OutsideScore, RefineScore, ResponseRow
 from ._fitter import Fitter, find_boundary
 from ._job import Job
 from ._native import lib, text

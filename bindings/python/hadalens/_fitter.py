@@ -8,7 +8,8 @@ from typing import Any, TypeAlias
 
 from . import errors
 from ._arrays import Floats
-from ._fit import FitReport, fit_options, monitored, scores_of
+from ._fit import fit_options, monitored, scores_of
+from ._fit_report import FitReport
 from ._native import Handle, Monitor, Options, Owner, call, ffi, lib, path
 from ._pairs import Dataset, Pairs, as_dataset
 from .device import Context, default

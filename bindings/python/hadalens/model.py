@@ -6,19 +6,17 @@ import os
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias
+from typing import Any, Literal, Self, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from . import errors
 from ._arrays import Float32, Floats, Image, address
+from ._fit_report import FitReport
 from ._native import Handle, Options, Owner, call, doubles, ffi, lib, path, record, value_of
 from .device import Context, default
 from .net import Net
-
-if TYPE_CHECKING:
-    from ._fit import FitReport
 
 Form: TypeAlias = Literal["complex", "split", "matched", "wiener"]
 Boundary: TypeAlias = Literal["circular", "padded"]
@@ -301,21 +299,27 @@ class Model(Handle):
         return view
 
     @property
+    def _arrays(self) -> Any:
+        arrays = ffi.new("hada_model_arrays *", {"size": ffi.sizeof("hada_model_arrays")})
+        call(lib.hada_model_get_arrays, self._c, arrays)
+        return arrays
+
+    @property
     def filters(self) -> npt.NDArray[np.complex64]:
         """The filters W: complex64 (Z, C, grid rows, grid columns // 2 + 1), read-only; docs/reference/files.md.
 
         They multiply the half spectrum of the frame; of the form "split" real and imaginary parts are Wr and Wi.
         """
-        pointer = lib.hada_model_get_filters(self._c)
-        if pointer != ffi.NULL:
-            return self._array(pointer, np.float32).view(np.complex64)[..., 0]
-        halves = self._array(lib.hada_model_get_half_filters(self._c), np.float16)
+        arrays = self._arrays
+        if arrays.filters != ffi.NULL:
+            return self._array(arrays.filters, np.float32).view(np.complex64)[..., 0]
+        halves = self._array(arrays.half_filters, np.float16)
         return halves.astype(np.float32).view(np.complex64)[..., 0]
 
     @property
     def otf(self) -> npt.NDArray[np.complex64] | None:
         """The optical transfer functions H, as :attr:`filters`; None where the model has none."""
-        pointer = lib.hada_model_get_otf(self._c)
+        pointer = self._arrays.otf
         return None if pointer == ffi.NULL else self._array(pointer, np.float32).view(np.complex64)[..., 0]
 
     @property

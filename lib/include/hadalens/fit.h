@@ -65,8 +65,8 @@ typedef struct hada_fit_options {
 HADA_INIT(hada_fit_options, HADA_STRUCT_FIT_OPTIONS)
 
 /* A model with the sizes, distances, form, boundary and dark level of `sizes`, and filters that are copied from an
- * array as hada_model_get_filters() has them: a camera that others have learned. otf: transfer functions, as
- * hada_model_get_otf() has them; NULL: none. filters NULL: all are zero, for a training that begins at random
+ * array as hada_model_arrays has them: a camera that others have learned. otf: transfer functions, as
+ * hada_model_arrays has them; NULL: none. filters NULL: all are zero, for a training that begins at random
  * (hadalens/train.h). NaN and infinite values are HADA_ERROR_NOT_FINITE. */
 HADA_API hada_status hada_model_from_filters(hada_model **out, const hada_fit_options *sizes, const float *filters,
                                              const float *otf, hada_error *err);

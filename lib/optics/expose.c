@@ -1,5 +1,5 @@
 /* Sensors: checked, and applied to frames. */
-#include "optics/expose.h"
+#include "optics/simulator.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -7,7 +7,6 @@
 #include "core/alloc.h"
 #include "core/callers.h"
 #include "launch/optics_sensor.h"
-#include "optics/simulator.h"
 
 #define LOCAL 64 /* items in a work-group, of eight values each */
 

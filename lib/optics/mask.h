@@ -5,6 +5,8 @@
 #include <hadalens/camera.h>
 #include <hadalens/monitor.h>
 
+#include "core/error.h"
+
 /* Sequences of the random generator (core/random.h), one a purpose. */
 enum { HADA_SEQUENCE_LENSES = 1, HADA_SEQUENCE_SURFACE = 2, HADA_SEQUENCE_CELLS = 3 };
 
@@ -124,5 +126,40 @@ hada_status hada_mask_map(const hada_mask_design *design, int rows, int cols, ha
 /* hada_camera_psf(), asking a monitor. */
 hada_status hada_camera_psf_watched(const hada_camera *camera, double distance_mm, int rows, int cols,
                                     const hada_monitor *monitor, hada_image *psf, hada_error *err);
+
+/* Rays through a mask without lenses, all of them or those of a part of the mask. Internal. */
+
+#define HADA_RAYS_REACH 400
+
+typedef struct hada_rays {
+    const hada_mask_design *design;
+    double distance, row0, col0, step; /* of the object; the axis on the screen; between rays */
+    int half;                          /* rays on either side of the axis */
+    double *sum, *line;                /* the screen: the image with a margin, from which light is blurred into it */
+    int rows, cols, margin;
+    int top, bottom, left, right; /* where light stands on the screen */
+    double kernel[HADA_RAYS_REACH];
+    int reach;
+} hada_rays;
+
+/* An image of rows x cols with the axis at (axis_row, axis_col). The design must outlive it. */
+hada_status hada_rays_make(hada_rays *rays, const hada_mask_design *design, double distance_mm, int rows, int cols,
+                           double axis_row, double axis_col, hada_error *err);
+void hada_rays_free(hada_rays *rays);
+
+/* Adds the rays through low <= x < high and so in y (mm); *light: theirs. The design's monitor is asked. Then blurs
+ * what is on the screen. */
+hada_status hada_rays_trace(hada_rays *rays, const double low[2], const double high[2], double *light, hada_error *err);
+void hada_rays_blur(hada_rays *rays);
+void hada_rays_clear(hada_rays *rays);
+
+static inline double hada_rays_at(const hada_rays *rays, int row, int col)
+{
+    return rays->sum[(size_t)(row + rays->margin) * (size_t)rays->cols + (size_t)(col + rays->margin)];
+}
+
+/* PSF of a mask without lenses by rays: adds to `sum`, rows x cols, all rays making 1. */
+hada_status hada_psf_rays(const hada_mask_design *design, double distance_mm, int rows, int cols, double *sum,
+                          hada_error *err);
 
 #endif

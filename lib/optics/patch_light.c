@@ -1,4 +1,4 @@
-#include "optics/patch_light.h"
+#include "optics/occlusion.h"
 
 #include <math.h>
 #include <stdlib.h>

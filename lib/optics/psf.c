@@ -6,7 +6,7 @@
 
 #include "core/alloc.h"
 #include "core/callers.h"
-#include "optics/psf_rays.h"
+#include "optics/mask.h"
 
 #define RAYS_ACROSS_LENS 24   /* at least */
 #define RAY_STEP_PIXELS  0.4  /* on the sensor, at most: far below the width of a pixel with its blur */

@@ -5,7 +5,7 @@
 
 #include "core/alloc.h"
 #include "core/callers.h"
-#include "optics/psf_rays.h"
+#include "optics/mask.h"
 
 #define RAY_STEP_PIXELS 0.35 /* between neighbours on the sensor, about, at most */
 #define HALF_RAYS_MAX   4000 /* from the axis to the edge of the aperture */

@@ -3,9 +3,11 @@
 #define HADA_OPTICS_SIMULATOR_H
 
 #include <hadalens/optics.h>
+#include <hadalens/sensor.h>
 #include <hadalens/simulate.h>
 
 #include "fft/fft.h"
+#include "runtime/slot.h"
 
 typedef struct hada_extent {
     int rows, cols;
@@ -97,5 +99,12 @@ hada_status hada_simulator_finish(hada_simulator *simulator, double noise, uint6
  * (add 1), for `images` images c of `count` complex numbers each; `sum_offset` in complex numbers. */
 hada_status hada_optics_accumulate(hada_slot *slot, cl_mem sum, size_t sum_offset, cl_mem otf, int otf_images,
                                    cl_mem scene, int images, size_t count, int add, hada_error *err);
+
+/* The sensor's model on the device. Internal. */
+
+/* Enqueues what the sensor makes of `count` values, channels of `pixels` each, in place (from `offset` floats on).
+ * `gain` holds `pixels` values; NULL: no vignetting. */
+hada_status hada_optics_expose(hada_slot *slot, cl_mem values, size_t offset, cl_mem gain, size_t pixels, size_t count,
+                               const hada_sensor *sensor, uint64_t seed, hada_error *err);
 
 #endif

@@ -5,7 +5,6 @@
 
 #include "core/alloc.h"
 #include "optics/occlusion.h"
-#include "optics/patch_light.h"
 #include "optics/simulator.h"
 
 typedef struct occluded {

@@ -7,7 +7,6 @@
 #include "core/alloc.h"
 #include "core/callers.h"
 #include "io/text.h"
-#include "picture/colormap.h"
 #include "picture/drawing.h"
 #include "picture/tone.h"
 

@@ -1,13 +1,11 @@
 /* One result against its truth. */
-#include "tasks/evaluate_compare.h"
+#include "tasks/evaluate.h"
 
 #include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
 #include "metrics/metrics.h"
-#include "tasks/evaluate_map.h"
-#include "tasks/evaluate_pages.h"
 
 enum { SSIM_LEAST = 11 }; /* its window */
 

@@ -1,5 +1,5 @@
 /* Distance maps against the truth. */
-#include "tasks/evaluate_map.h"
+#include "tasks/evaluate.h"
 
 #include <hadalens/folder.h>
 #include <math.h>

@@ -1,4 +1,4 @@
-#include "tasks/evaluate_pages.h"
+#include "tasks/evaluate.h"
 
 #include <hadalens/folder.h>
 #include <hadalens/response.h>

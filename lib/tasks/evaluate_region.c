@@ -1,4 +1,4 @@
-#include "tasks/evaluate_region.h"
+#include "tasks/evaluate.h"
 
 #include <hadalens/scene.h>
 #include <hadalens/tiff.h>

@@ -1,4 +1,4 @@
-#include "tasks/frame_outputs.h"
+#include "tasks/frames.h"
 
 #include <hadalens/preview.h>
 #include <hadalens/response.h>

@@ -1,4 +1,4 @@
-#include "tasks/frame_stream.h"
+#include "tasks/frames.h"
 
 #include <stdlib.h>
 

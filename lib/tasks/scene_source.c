@@ -1,4 +1,4 @@
-#include "tasks/scene_source.h"
+#include "tasks/simulated_scenes.h"
 
 #include <hadalens/response.h>
 #include <hadalens/scene.h>

@@ -1,4 +1,4 @@
-#include "tasks/simulate_write.h"
+#include "tasks/simulated_scenes.h"
 
 #include <hadalens/scene.h>
 #include <hadalens/tiff.h>

@@ -5,8 +5,7 @@
 #include "core/alloc.h"
 #include "core/callers.h"
 #include "io/folder.h"
-#include "tasks/evaluate_compare.h"
-#include "tasks/evaluate_pages.h"
+#include "tasks/evaluate.h"
 
 struct hada_evaluate_report {
     hada_evaluation *rows; /* their names are on the heap */

@@ -8,8 +8,7 @@
 #include "core/callers.h"
 #include "dispatch/plan.h"
 #include "io/folder.h"
-#include "tasks/frame_outputs.h"
-#include "tasks/frame_stream.h"
+#include "tasks/frames.h"
 
 /* A run over all files, and the file whose results are being written. */
 typedef struct run {

@@ -4,7 +4,7 @@
 #include "core/callers.h"
 #include "core/error.h"
 #include "io/folder.h"
-#include "tasks/simulate_write.h"
+#include "tasks/simulated_scenes.h"
 
 static hada_status take_task(hada_recipe *recipe, const hada_camera *camera, const hada_simulate_task *callers,
                              hada_error *err)

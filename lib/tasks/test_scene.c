@@ -1,4 +1,4 @@
-#include "tasks/test_scene.h"
+#include "tasks/simulated_scenes.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-#include "tasks/test_surface.h"
+#include "tasks/simulated_scenes.h"
 
 #include <hadalens/folder.h>
 #include <hadalens/metrics.h>

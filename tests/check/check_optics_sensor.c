@@ -3,7 +3,7 @@
  * round the other way in single precision: about one in a million of those that are drawn exactly, and one count more
  * or less. */
 #include "check.h"
-#include "optics/expose.h"
+#include "optics/simulator.h"
 #include "ref/ref_sensor.h"
 
 typedef struct sensor_state {

@@ -5,7 +5,6 @@
 #include <math.h>
 
 #include "io_testing.h"
-#include "picture/colormap.h"
 #include "picture/drawing.h"
 #include "picture/tone.h"
 

@@ -1,0 +1,84 @@
+/* Frames of many files on their way through a plan: read ahead while others are computed, and handed out in order.
+ * Memory holds only so many frames at a time, however long the sequences are. Internal. */
+#ifndef HADA_TASKS_FRAMES_H
+#define HADA_TASKS_FRAMES_H
+
+#include <hadalens/job.h>
+#include <hadalens/monitor.h>
+#include <hadalens/task_reconstruct.h>
+#include <hadalens/tiff.h>
+
+/* A frame, or a file that could not be opened. */
+typedef struct hada_streamed {
+    int file;        /* index of the path */
+    int frames;      /* that the file holds; 0: it could not be opened */
+    int frame;       /* of the file, from 0 on */
+    hada_pixels raw; /* in the form in which the file has it; owned */
+    hada_result result;
+    hada_job *job;
+    hada_status status; /* of reading and of computing */
+    hada_error error;
+} hada_streamed;
+
+typedef struct hada_stream {
+    hada_plan *plan;
+    const hada_model *model;
+    const char *const *paths;
+    int count;
+    const hada_monitor *monitor;
+
+    hada_tiff_reader *reader; /* of the file that is being read */
+    int file, frame;          /* to be read next */
+    int skipped;              /* of files before this one nothing more is read */
+    hada_streamed *ring;      /* frames in flight: `used` of them from `first` on */
+    int ahead, first, used, handed_out;
+} hada_stream;
+
+/* `ahead`: frames in memory at a time. All that is handed in must stay. */
+hada_status hada_stream_begin(hada_stream *stream, hada_plan *plan, const hada_model *model, const char *const *paths,
+                              int count, int ahead, const hada_monitor *monitor, hada_error *err);
+
+/* The next frame in order, when it is done or has failed; it stays until the next call. NULL: there are no more, or the
+ * caller wants to stop. */
+hada_streamed *hada_stream_next(hada_stream *stream);
+
+/* The other frames of a file are not wanted. Those in flight may still be handed out. */
+void hada_stream_skip(hada_stream *stream, int file);
+
+/* Cancels what is in flight and frees; an empty stream is fine. */
+void hada_stream_end(hada_stream *stream);
+
+/* The files that belong to one input of a reconstruction. Internal. */
+
+/* Files of an input: those of hada_output, and the confidence of surfaces. */
+enum { HADA_OUTPUT_CONFIDENCE = HADA_OUTPUTS, HADA_OUTPUT_FILES = HADA_OUTPUTS + 1 };
+
+typedef struct hada_outputs {
+    char *path[HADA_OUTPUT_FILES];               /* the preview's is NULL where none is wanted */
+    hada_tiff_writer *writer[HADA_OUTPUT_FILES]; /* NULL: the preview's, and that of confidence where the first frame is
+                                                    no surface */
+    hada_image unknown;                          /* confidence of frames that are none */
+    char *title;
+    int frames, bits;
+    double white;
+    double encoding;       /* of the files; 0: a gamma that is no response */
+    int convert;           /* 1: results are light, and get it on their way */
+    double scene_response; /* the model's */
+    int has_confidence;    /* 1: the file of confidence is written */
+    int written;           /* frames so far */
+    int finished;
+} hada_outputs;
+
+/* For an input of `frames` frames, with results called NAME_...; gamma: the exponent that the plan applied. */
+hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, const char *name,
+                               const hada_model_info *model, double gamma, int frames, hada_error *err);
+/* Adds a frame; the first one is shown in the preview. */
+hada_status hada_outputs_add(hada_outputs *out, const hada_pixels *raw, const hada_result *result, hada_error *err);
+/* Whether an input's results are there, all of them: the stack gets its name last. */
+int hada_outputs_are_there(const hada_files_task *task, const char *name);
+/* Gives the files their names: all of them, or none. */
+hada_status hada_outputs_finish(hada_outputs *out, hada_error *err);
+/* Removes what was written when it was not finished; frees. */
+void hada_outputs_end(hada_outputs *out);
+
+#endif

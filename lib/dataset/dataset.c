@@ -622,6 +622,7 @@ hada_status hada_dark_frame_load(hada_image *image, double *level, const char *p
     hada_tiff_reader *reader = NULL;
     hada_status status = HADA_OK;
     double sum = 0.0;
+    HADA_NEED(image && path, err);
     *image = (hada_image){0};
     HADA_TRY_OR_DONE(hada_tiff_open(&reader, path, err));
     HADA_TRY_OR_DONE(add_pages(reader, image, err));

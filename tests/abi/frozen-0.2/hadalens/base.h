@@ -80,7 +80,6 @@ typedef enum hada_struct {
     HADA_STRUCT_PLAN_OPTIONS = 16,
     HADA_STRUCT_RESULT_ARRAYS = 17,
     HADA_STRUCT_REGISTRATION = 18,
-    HADA_STRUCT_REGISTER_OPTIONS = 19,
     HADA_STRUCT_SENSOR = 20,
     HADA_STRUCT_SIMULATOR_OPTIONS = 21,
     HADA_STRUCT_EVALUATE_TASK = 22,
@@ -92,7 +91,6 @@ typedef enum hada_struct {
     HADA_STRUCT_SIMULATE_TASK = 28,
     HADA_STRUCT_TRAIN_TASK = 29,
     HADA_STRUCT_TIFF_WRITE_OPTIONS = 30,
-    HADA_STRUCT_PAIRS = 31,
     HADA_STRUCT_AUGMENT = 32,
     HADA_STRUCT_FOCUS_SHARED = 33, /* hada_focus_options for planes that share out the light */
     HADA_STRUCT_TRAIN_OPTIONS = 40 /* and up to 45: with a hada_stage added */

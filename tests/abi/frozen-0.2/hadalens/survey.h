@@ -18,8 +18,6 @@
 extern "C" {
 #endif
 
-typedef struct hada_survey hada_survey;
-
 /* What is known of the exposure of the frames of a depth. */
 typedef enum hada_exposure {
     HADA_EXPOSURE_AUTO = 0, /* found: apart where that explains most of what is unexplained otherwise */
@@ -34,26 +32,27 @@ typedef struct hada_survey_row {
     int chosen;
 } hada_survey_row;
 
+/* Made by hada_survey_create(), which owns all of it. */
+typedef struct hada_survey {
+    double response;                    /* of the scenes, never HADA_AUTO */
+    int exposed;                        /* 1: the frames of a depth were exposed differently */
+    const double *const *gains;         /* gains[depth][pair]: the exposure of a frame over the geometric mean of its
+                                           depth; NULL: all are alike */
+    const hada_survey_row *const *rows; /* what was compared, ended by NULL; later versions may add members to a row */
+} hada_survey;
+
 /* Looks at up to 18 pairs of three depths; where exposures differ, at all pairs once more. `options`: sizes, channels,
- * dark level, and scene_response: HADA_AUTO to have it chosen. `pairs`: how many each depth has. `show` gives them;
- * pairs that do not fit are passed over, for the fit itself refuses them. With fewer than three pairs of every depth
- * nothing can be compared: then scenes are linear unless `options` says otherwise, and exposures alike. */
-HADA_API hada_status hada_survey_create(hada_survey **out, const hada_fit_options *options, const int *pairs,
-                                        hada_exposure exposure, hada_fit_show show, void *user, hada_error *err);
+ * dark level, and scene_response: HADA_AUTO to have it chosen. Pairs that do not fit are passed over, for the fit
+ * itself refuses them. With fewer than three pairs of every depth nothing can be compared: then scenes are linear
+ * unless `options` says otherwise, and exposures alike. */
+HADA_API hada_status hada_survey_create(hada_survey **out, const hada_fit_options *options, const hada_dataset *pairs,
+                                        hada_exposure exposure, hada_error *err);
 HADA_API void hada_survey_destroy(hada_survey **survey);
 
-/* The response of the scenes, never HADA_AUTO. */
-HADA_API double hada_survey_response(const hada_survey *survey);
-/* What was compared, from 0 on, NULL behind the last one; owned by the survey, which may be NULL. Later versions may
- * add members to a row, at its end. */
-HADA_API const hada_survey_row *hada_survey_get_row(const hada_survey *survey, size_t index);
-
-/* 1: the frames of a depth were exposed differently. */
-HADA_API int hada_survey_exposed(const hada_survey *survey);
-/* The exposure of a pair's frame, in units of the geometric mean of its depth; 1 where all are alike. */
-HADA_API double hada_survey_gain(const hada_survey *survey, int depth, int pair);
-/* A scene of a pair, as encoded, made as bright as its frame was exposed: then the pair is one of an even camera. */
-HADA_API void hada_survey_even(const hada_survey *survey, int depth, int pair, hada_image *scene);
+/* The data set that was surveyed, with each scene as bright as its frame was exposed: the pairs of a camera with one
+ * exposure. It shares the cache of `pairs` and may outlive both. */
+HADA_API hada_status hada_survey_apply(hada_dataset **out, const hada_survey *survey, const hada_dataset *pairs,
+                                       hada_error *err);
 
 #ifdef __cplusplus
 }

@@ -25,20 +25,19 @@ typedef struct hada_fit_task {
     size_t size; /* sizeof(hada_fit_task) */
 
     /* How to fit; NULL: hada_fit_options_init(). An open scene_response is that of the first file of `merge`; without
-     * one, what the pairs say (hadalens/survey.h); linear where leave_one_out is 0. Depths, distances, channels and the
-     * frame's size are the data set's, and so is the window unless window_rows x window_cols is set: then it is cut
-     * from scenes that are as large as the frame. `boundary` here is not looked at, but the one below. */
+     * one, what the pairs say (hadalens/survey.h); linear where fit->leave_one_out is 0. Depths, distances, channels
+     * and the frame's size are the data set's, and so is the window unless window_rows x window_cols is set: then it is
+     * cut from scenes that are as large as the frame. `boundary` here is not looked at, but the one below. */
     const hada_fit_options *fit;
     int boundary; /* a hada_boundary; 0 (default): circular where camera.json says so, that of merged sums, else found
                      from the pairs (hada_fit_find_boundary()) */
-    int leave_one_out; /* 1 (default): pairs are left out to choose what `fit` leaves open; 0: its plain defaults */
-    int half;          /* 1: the model's filters in half precision */
+    int half;     /* 1: the model's filters in half precision */
     const char *const *merge; /* files of sums to add, from the same camera and depths */
     int merge_count;
     const char *save_sums; /* a file for the sums over all pairs; NULL: none */
     const hada_monitor *monitor;
     hada_exposure exposure; /* HADA_EXPOSURE_AUTO (default): found, with the response of the scenes; not looked for
-                               where leave_one_out is 0 */
+                               where fit->leave_one_out is 0 */
     int resume;          /* 1: goes on after an interruption, with save_sums: pairs that it holds, or what each rank had
                             saved on the way beside it (save_sums.RANK-of-RANKS), are not added again; the bits are
                             those of a run without interruption. Files that are not there are no error */
@@ -47,26 +46,17 @@ typedef struct hada_fit_task {
 HADA_INIT(hada_fit_task, HADA_STRUCT_FIT_TASK)
 
 /* What the choices were made from. Owned by the caller: hada_fit_report_destroy(). */
-typedef struct hada_fit_report hada_fit_report;
+typedef struct hada_fit_report {
+    const hada_fit_scores *scores; /* what was compared */
+    const int64_t *pairs;          /* in the sums of each depth, those of merged files counted */
+    const hada_survey *survey;     /* what the pairs said before the fit; NULL: they were not asked */
+} hada_fit_report;
+HADA_API void hada_fit_report_destroy(hada_fit_report **report);
 
 /* Learns a camera from all pairs of a data set; `data` NULL: from the sums of task->merge alone, where nothing can be
  * left out. `task` may be NULL with `data`. *report may be left out (NULL). */
 HADA_API hada_status hada_fit_run(hada_model **out, hada_fit_report **report, hada_context *context,
                                   const hada_dataset *data, const hada_fit_task *task, hada_error *err);
-
-/* What was compared (hadalens/fit.h); owned by the report. */
-HADA_API const hada_fit_scores *hada_fit_report_scores(const hada_fit_report *report);
-/* Pairs in the sums of a depth, those of merged files counted. */
-HADA_API int64_t hada_fit_report_pairs(const hada_fit_report *report, int depth);
-/* What the pairs said before the fit; owned by the report, NULL where they were not asked. */
-HADA_API const hada_survey *hada_fit_report_survey(const hada_fit_report *report);
-HADA_API void hada_fit_report_destroy(hada_fit_report **report);
-
-/* The data set's depths, sizes (of its first pair; the others are checked when they are read) and boundary, into
- * `fit`, for what else learns from one; *fit must have been set up. Its window_rows and window_cols and `boundary` are
- * understood as in hada_fit_task. Distances stay the data set's. */
-HADA_API hada_status hada_fit_options_from_dataset(hada_fit_options *fit, const hada_dataset *data, int boundary,
-                                                   const hada_monitor *monitor, hada_error *err);
 
 typedef struct hada_psf_task {
     size_t size;                 /* sizeof(hada_psf_task) */

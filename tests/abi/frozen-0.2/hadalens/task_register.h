@@ -14,10 +14,12 @@ extern "C" {
 #endif
 
 typedef struct hada_register_task {
-    size_t size;                         /* sizeof(hada_register_task) */
-    const hada_register_options *search; /* NULL: hada_register_options_init() */
-    int keep_offsets;                    /* 1: shifts between the depths are left as they are; 0 (default): found */
-    int window_rows, window_cols;        /* of the registered scenes; 0 (default): what they fill, within the frame */
+    size_t size;                                    /* sizeof(hada_register_task) */
+    double least_magnification, most_magnification; /* searched; HADA_AUTO (default): what makes the scene's longer side
+                                                       0.15 and 2.5 times that of the frame */
+    double most_rotation_deg;     /* searched, to either side of the quarter turns: 15 by default, at most 45 */
+    int keep_offsets;             /* 1: shifts between the depths are left as they are; 0 (default): found */
+    int window_rows, window_cols; /* of the registered scenes; 0 (default): what they fill, within the frame */
     const hada_monitor *monitor;
 } hada_register_task;
 HADA_INIT(hada_register_task, HADA_STRUCT_REGISTER_TASK)
@@ -38,12 +40,18 @@ typedef struct hada_registered_depth {
     int stands_right;      /* 1: nothing is applied */
 } hada_registered_depth;
 
-typedef struct hada_register_report hada_register_report;
+/* Owned by the caller: hada_register_report_destroy(). Later versions may add members to a depth, at its end. */
+typedef struct hada_register_report {
+    const hada_registered_depth *const *depths; /* ended by NULL */
+} hada_register_report;
 
-/* Finds the transforms of all depths. The report is the caller's: hada_register_report_destroy(). */
+/* Finds the transforms of all depths, of two pairs or more each, of which at most 8 are used, evenly spread: raw frames
+ * of one size, of at least 32 pixels on the longer side, and scenes of one size. A shift that all depths share cannot
+ * be found; the PSF absorbs it. HADA_ERROR_DATASET where the pairs do not tell: a single one, scenes without structure,
+ * or no transform that explains them clearly better than those of other orientations do.
+ * docs/explanation/learning-a-camera.md */
 HADA_API hada_status hada_register_run(hada_register_report **out, const hada_dataset *data,
                                        const hada_register_task *task, hada_error *err);
-HADA_API const hada_registered_depth *hada_register_report_depth(const hada_register_report *report, int depth);
 HADA_API void hada_register_report_destroy(hada_register_report **report);
 
 /* Writes a data set with registered scenes into a folder that is not there yet, or empty; it appears whole or not at

@@ -20,6 +20,7 @@
 #define HADALENS_TRAIN_H
 
 #include <hadalens/communicator.h>
+#include <hadalens/dataset.h>
 #include <hadalens/device.h>
 #include <hadalens/fit.h>
 #include <hadalens/image.h>
@@ -38,20 +39,6 @@ typedef enum hada_stage {
     HADA_STAGE_JOINT = 4,
     HADA_STAGE_CONVENTIONAL = 5
 } hada_stage;
-
-/* Where pairs come from. `read` fills two empty images (the model's raw size; its window's size, or the raw frame's, of
- * which the centre is used). Pairs to learn from are read from one other thread, held-out pairs from the threads of
- * validation, one at a time; the two may meet. What was read, and what VGG-16 makes of the scenes for the perceptual
- * term, is kept in the host's memory as long as there is room (a gibibyte for both), where no augmentation other than
- * plane_flips changes it. `user` and `counts` must live as long as the trainer. */
-typedef struct hada_pairs {
-    size_t size;       /* sizeof(hada_pairs) */
-    int depths;        /* as the model has */
-    const int *counts; /* pairs of each depth; may be 0 */
-    hada_status (*read)(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *err);
-    void *user;
-} hada_pairs;
-HADA_INIT(hada_pairs, HADA_STRUCT_PAIRS)
 
 /* Changes of a pair on its way, drawn anew each time it is seen. */
 typedef struct hada_augment {
@@ -132,11 +119,15 @@ typedef struct hada_trainer hada_trainer;
 
 /* Starts at step 0, on one or more devices, a context each, which share the pairs of a step. `model` gives filters,
  * sizes and (where it has one) the net, and must live as long as the trainer; CONVENTIONAL takes only its sizes.
- * `pairs` are those to learn from, `held_out` (may be NULL) those to validate with. HADA_ERROR_ARGUMENT,
- * HADA_ERROR_MODEL or HADA_ERROR_MEMORY with a message that says what to change. */
+ * `pairs` are those to learn from, `held_out` (may be NULL) those to validate with: of the model's depths, frames of
+ * its raw size and scenes of its window's size or the raw frame's, of which the centre is used; both must last as long
+ * as the trainer. What training makes of them, and what VGG-16 makes of the scenes for the perceptual term, is kept in
+ * the host's memory as long as there is room (a gibibyte for both), where no augmentation other than plane_flips
+ * changes it. HADA_ERROR_ARGUMENT, HADA_ERROR_MODEL or HADA_ERROR_MEMORY with a message that says what to change. */
 HADA_API hada_status hada_trainer_create(hada_trainer **out, hada_context *const *contexts, int count,
-                                         const hada_model *model, const hada_pairs *pairs, const hada_pairs *held_out,
-                                         const hada_train_options *options, hada_error *err);
+                                         const hada_model *model, const hada_dataset *pairs,
+                                         const hada_dataset *held_out, const hada_train_options *options,
+                                         hada_error *err);
 HADA_API void hada_trainer_destroy(hada_trainer **trainer);
 
 /* What a trainer is doing. */

@@ -31,16 +31,6 @@ hada_status hada_sized_check(const void *callers, size_t own_size, const char *t
                : hada_fail(err, HADA_ERROR_ARGUMENT, "a %s was not set up: set its size to sizeof(%s)", type, type);
 }
 
-void hada_sized_give(void *callers, size_t size, const void *own, size_t own_size)
-{
-    const size_t known = size < own_size ? size : own_size;
-    if (known < sizeof size)
-        return;
-    memcpy(callers, own, known);
-    memset((unsigned char *)callers + known, 0, size - known);
-    memcpy(callers, &size, sizeof size);
-}
-
 hada_status hada_sized_take(void *own, size_t own_size, const void *callers, const char *type, hada_error *err)
 {
     size_t size;

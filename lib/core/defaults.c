@@ -1,6 +1,7 @@
 /* The defaults of every public struct that carries its size. Those that are not here are all zero. */
 #include <hadalens/hadalens.h>
 #include <hadalens/opencl.h>
+#include <string.h>
 
 #include "core/callers.h"
 
@@ -164,6 +165,16 @@ static const struct {
     [(int)HADA_STRUCT_TRAIN_OPTIONS + (int) HADA_STAGE_CONVENTIONAL] = {&train_options[HADA_STAGE_CONVENTIONAL],
                                                                         sizeof *train_options},
 };
+
+void hada_sized_give(void *callers, size_t size, const void *own, size_t own_size)
+{
+    const size_t known = size < own_size ? size : own_size;
+    if (known < sizeof size)
+        return;
+    memcpy(callers, own, known);
+    memset((unsigned char *)callers + known, 0, size - known);
+    memcpy(callers, &size, sizeof size);
+}
 
 void hada_struct_init(hada_struct which, void *options, size_t size)
 {

@@ -4,8 +4,6 @@
 #include <stdarg.h>
 #include <stdio.h>
 
-#include "core/callers.h"
-
 void hada_log(const hada_context *context, hada_log_level level, const char *format, ...)
 {
     if (!context->log || level > context->log_level)
@@ -40,20 +38,6 @@ uint64_t hada_context_bytes(const hada_context *context)
 uint64_t hada_context_peak_bytes(const hada_context *context)
 {
     return locked(context, &context->peak_bytes);
-}
-
-hada_status hada_context_get_info(const hada_context *context, hada_context_info *info, hada_error *err)
-{
-    HADA_NEED(context && info, err);
-    HADA_TRY(HADA_REPORT_CHECK(info, hada_context_info, err));
-    const hada_context_info own = {.size = sizeof own,
-                                   .shape = context->shape,
-                                   .programs_compiled = hada_context_programs_compiled(context),
-                                   .programs_loaded = hada_context_programs_loaded(context),
-                                   .bytes = hada_context_bytes(context),
-                                   .peak_bytes = hada_context_peak_bytes(context)};
-    HADA_REPORT_GIVE(info, &own);
-    return HADA_OK;
 }
 
 void hada_context_reset_peak(hada_context *context)

@@ -327,3 +327,17 @@ done:
         hada_progress_end(&progress);
     return status;
 }
+
+hada_status hada_context_get_info(const hada_context *context, hada_context_info *info, hada_error *err)
+{
+    HADA_NEED(context && info, err);
+    HADA_TRY(HADA_REPORT_CHECK(info, hada_context_info, err));
+    const hada_context_info own = {.size = sizeof own,
+                                   .shape = context->shape,
+                                   .programs_compiled = hada_context_programs_compiled(context),
+                                   .programs_loaded = hada_context_programs_loaded(context),
+                                   .bytes = hada_context_bytes(context),
+                                   .peak_bytes = hada_context_peak_bytes(context)};
+    HADA_REPORT_GIVE(info, &own);
+    return HADA_OK;
+}

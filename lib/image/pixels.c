@@ -153,8 +153,6 @@ hada_status hada_pixels_to_image(const hada_pixels *pixels, hada_image *image, h
 {
     HADA_NEED(image, err);
     hada_pixels own;
-    if (!image)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_pixels_to_image: an image is needed");
     *image = (hada_image){0};
     HADA_TRY(hada_pixels_take(&own, pixels, err));
     return hada_pixels_copy(&own, image, err);

@@ -208,7 +208,7 @@ hada_status hada_simulator_render_occluded(hada_simulator *s, const hada_plane *
                                            const hada_image *const *opacity, int count, int lens, double noise,
                                            uint64_t noise_seed, hada_image *raw, hada_error *err)
 {
-    HADA_NEED(s && planes && opacity && raw, err);
+    HADA_NEED(s && planes && raw, err);
     *raw = (hada_image){0};
     if (count < 1 || !(noise >= 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d planes with noise %g is not possible", count, noise);

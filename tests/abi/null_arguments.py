@@ -38,6 +38,7 @@ MAY_BE_NULL = {
     "hada_register_write": {"rows", "cols"},
     "hada_result_use": {"arrays"},
     "hada_result_use_cl": {"arrays"},
+    "hada_simulator_render_occluded": {"opacity"},
     "hada_trainer_create": {"held_out"},
     "hada_trainer_show": {"raw", "before", "after", "truth"},
 }

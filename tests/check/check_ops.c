@@ -2,9 +2,9 @@
 #include "check.h"
 
 extern const check_op check_fft_forward, check_fft_inverse, check_plain_pad, check_plain_crop, check_plain_product,
-    check_dark, check_unpack, check_hadamard, check_clip, check_filter_blend, check_focus, check_optics, check_refine,
-    check_explain, check_score, check_refine_window, check_crop, check_crosstalk, check_dct, check_fit_sums,
-    check_fit_solve, check_fit_score, check_peak_copy, check_peak_flops, check_tiles;
+    check_dark, check_unpack, check_gather, check_hadamard, check_clip, check_filter_blend, check_focus, check_optics,
+    check_refine, check_explain, check_score, check_refine_window, check_crop, check_crosstalk, check_dct,
+    check_fit_sums, check_fit_solve, check_fit_score, check_peak_copy, check_peak_flops, check_tiles;
 extern const check_op check_fit_cropped, check_fit_nonnegative, check_fit_window;
 extern const check_op check_train_filter, check_train_error, check_train_mask;
 extern const check_op check_hide, check_sensor;
@@ -30,6 +30,6 @@ const check_op *const check_ops[] = {
     &check_net_place,      &check_net_batch_norm,  &check_net_linear,      &check_net_loss,     &check_net_optimizer,
     &check_net_clip,       &check_net_content,     &check_net_part,        &check_net_beside,   &check_net_share,
     &check_lpips,          &check_surface_magnify, &check_volume,          &check_filter_blend, &check_dct,
-    &check_crosstalk,      &check_net_planes,      &check_net_normed,
+    &check_crosstalk,      &check_net_planes,      &check_net_normed,      &check_gather,
 };
 const size_t check_op_count = HADA_COUNT(check_ops);

@@ -1,8 +1,4 @@
-#include "core/alloc.h"
-
-#include <stdint.h>
-#include <stdlib.h>
-#include <string.h>
+#include "core/base.h"
 
 size_t hada_size_product(size_t count, size_t size)
 {

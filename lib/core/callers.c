@@ -3,11 +3,6 @@
 #include <hadalens/limits.h>
 #include <pthread.h>
 #include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/error.h"
 
 /* The size and one more member. */
 #define LEAST_SIZE (2 * sizeof(size_t))

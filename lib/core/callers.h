@@ -8,9 +8,8 @@
 
 #include <hadalens/communicator.h>
 #include <hadalens/monitor.h>
-#include <stddef.h>
 
-#include "core/error.h"
+#include "core/base.h"
 
 /* The first `size` bytes of the caller's struct become those of `own`, which has `own_size` bytes, and zero behind
  * them; its size member becomes `size`. For defaults, and for reports. */

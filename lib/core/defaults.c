@@ -1,7 +1,6 @@
 /* The defaults of every public struct that carries its size. Those that are not here are all zero. */
 #include <hadalens/hadalens.h>
 #include <hadalens/opencl.h>
-#include <string.h>
 
 #include "core/callers.h"
 

@@ -1,9 +1,6 @@
-#include "core/error.h"
+#include "core/base.h"
 
 #include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
 const char *hada_status_name(hada_status status)
 {

@@ -1,7 +1,5 @@
 #include "core/finite.h"
-
-#include <stdint.h>
-#include <string.h>
+#include "core/base.h"
 
 size_t hada_not_finite(const float *values, size_t count, float *largest)
 {

@@ -4,11 +4,7 @@
 #include <fcntl.h>
 #include <hadalens/folder.h>
 #include <pthread.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
-
-#include "core/alloc.h"
 
 static hada_status open_failed(int fd, int *code, int reason, hada_error *err)
 {

@@ -3,11 +3,9 @@
 #ifndef HADA_CORE_INPUT_H
 #define HADA_CORE_INPUT_H
 
-#include <stddef.h>
-#include <stdint.h>
 #include <sys/stat.h>
 
-#include "core/error.h"
+#include "core/base.h"
 
 /* Opens an ordinary file for reading; never waits (a FIFO would), and refuses folders and devices. *code, where not
  * NULL, is the reason of the system (ENOENT where there is nothing), 0 where it gave none. Messages do not name the

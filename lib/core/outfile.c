@@ -6,16 +6,11 @@
 #include <hadalens/folder.h>
 #include <pthread.h>
 #include <stdatomic.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/random.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
-#include "core/alloc.h"
 #include "core/input.h"
 
 /* Modes of new files (less what the umask takes), of those that replace another, until they are whole, and what these

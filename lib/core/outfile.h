@@ -2,10 +2,9 @@
 #ifndef HADA_CORE_OUTFILE_H
 #define HADA_CORE_OUTFILE_H
 
-#include <stddef.h>
 #include <sys/stat.h>
 
-#include "core/error.h"
+#include "core/base.h"
 
 typedef struct hada_outfile {
     char *path; /* the final path; a symbolic link is followed */

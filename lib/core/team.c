@@ -1,9 +1,6 @@
 /* Ranks that are threads: each adds up its slice of the arrays of all, in rank order. */
 #include <pthread.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 
 typedef struct member {
@@ -28,11 +25,11 @@ hada_status hada_team_create(hada_team **out, int count, hada_error *err)
     if (!out || count < 1)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a team has at least one rank");
     *out = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(team = hada_alloc(1, sizeof *team, "a team", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(team, 1, "a team", err));
     team->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     team->changed = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
     team->count = count;
-    HADA_TRY_OR_DONE(hada_allocated(team->members = hada_alloc((size_t)count, sizeof *team->members, "a team", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(team->members, (size_t)count, "a team", err));
     for (int i = 0; i < count; i++)
         team->members[i] = (member){.team = team, .rank = i};
 done:

@@ -4,12 +4,8 @@
 #include <hadalens/response.h>
 #include <hadalens/scene.h>
 #include <hadalens/tiff.h>
-#include <math.h>
 #include <signal.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "io/folder.h"
 #include "io/text.h"
@@ -20,7 +16,7 @@ hada_status hada_pair_store_create(hada_pair_store **out, const hada_dataset_opt
     hada_dataset_options_init(&options);
     *out = NULL;
     HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_dataset_options, err));
-    HADA_TRY(hada_allocated(*out = hada_alloc(1, sizeof **out, "a data set", err)));
+    HADA_TRY(HADA_NEW(*out, 1, "a data set", err));
     (*out)->users = 1;
     (*out)->room = options.cache_bytes;
     (*out)->reading = (*out)->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
@@ -105,8 +101,8 @@ static hada_status describe(hada_dataset *set, hada_error *err)
     const hada_pair_store *store = set->store;
     const size_t depths = (size_t)store->depths;
     hada_dataset_info *info = &set->info;
-    HADA_TRY(hada_allocated(set->distances_mm = hada_alloc(depths, sizeof(double), "a data set", err)));
-    HADA_TRY(hada_allocated(set->files = hada_alloc(depths, sizeof *set->files, "a data set", err)));
+    HADA_TRY(HADA_NEW(set->distances_mm, depths, "a data set", err));
+    HADA_TRY(HADA_NEW(set->files, depths, "a data set", err));
     *info = (hada_dataset_info){.depths = store->depths,
                                 .distances_mm = set->distances_mm,
                                 .counts = set->counts,
@@ -130,9 +126,9 @@ static hada_status describe(hada_dataset *set, hada_error *err)
 static hada_status make(hada_dataset **out, hada_pair_store *store, hada_error *err)
 {
     const size_t depths = (size_t)store->depths;
-    HADA_TRY(hada_allocated(*out = hada_alloc(1, sizeof **out, "a data set", err)));
-    HADA_TRY(hada_allocated((*out)->first = hada_alloc(depths, sizeof(int), "a data set", err)));
-    HADA_TRY(hada_allocated((*out)->counts = hada_alloc(depths, sizeof(int), "a data set", err)));
+    HADA_TRY(HADA_NEW(*out, 1, "a data set", err));
+    HADA_TRY(HADA_NEW((*out)->first, depths, "a data set", err));
+    HADA_TRY(HADA_NEW((*out)->counts, depths, "a data set", err));
     return HADA_OK;
 }
 
@@ -141,15 +137,13 @@ hada_status hada_dataset_open(hada_dataset **out, hada_pair_store *store, hada_e
     hada_dataset *set = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY_OR_DONE(
-        hada_allocated(store->folders = hada_alloc((size_t)store->depths, sizeof *store->folders, "a data set", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(store->folders, (size_t)store->depths, "a data set", err));
     for (int z = 0; z < store->depths; z++) {
         store->depth[z].before = store->pairs;
         store->folders[z] = store->depth[z].folder;
         store->pairs += store->depth[z].count;
     }
-    HADA_TRY_OR_DONE(
-        hada_allocated(store->kept = hada_alloc((size_t)store->pairs, sizeof *store->kept, "a data set", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(store->kept, (size_t)store->pairs, "a data set", err));
     HADA_TRY_OR_DONE(make(&set, store, err));
     for (int z = 0; z < store->depths; z++)
         set->counts[z] = store->depth[z].count;
@@ -190,8 +184,7 @@ hada_status hada_dataset_part(hada_dataset **out, const hada_dataset *from, cons
     pthread_mutex_unlock(&from->store->lock);
     HADA_TRY_OR_DONE(describe(set, err));
     if (from->gain) {
-        HADA_TRY_OR_DONE(hada_allocated(
-            set->gain = hada_alloc((size_t)set->info.pairs, sizeof *set->gain, "the exposures of a data set", err)));
+        HADA_TRY_OR_DONE(HADA_NEW(set->gain, (size_t)set->info.pairs, "the exposures of a data set", err));
         for (int z = 0; z < set->info.depths; z++)
             for (int i = 0; i < counts[z]; i++)
                 set->gain[before(set, z) + (size_t)i] = from->gain[before(from, z) + (size_t)(first[z] + i)];
@@ -211,12 +204,11 @@ hada_status hada_dataset_brighten(hada_dataset **out, const hada_dataset *from, 
     int *none = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(none = hada_alloc((size_t)depths, sizeof *none, "a data set", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(none, (size_t)depths, "a data set", err));
     HADA_TRY_OR_DONE(hada_dataset_part(out, from, none, from->counts, err));
     hada_dataset *set = *out;
     if (gains && !set->gain)
-        HADA_TRY_OR_DONE(hada_allocated(
-            set->gain = hada_alloc((size_t)set->info.pairs, sizeof *set->gain, "the exposures of a data set", err)));
+        HADA_TRY_OR_DONE(HADA_NEW(set->gain, (size_t)set->info.pairs, "the exposures of a data set", err));
     for (int z = 0; gains && z < depths; z++)
         for (int i = 0; i < set->counts[z]; i++) {
             double *gain = &set->gain[before(set, z) + (size_t)i];
@@ -258,7 +250,7 @@ hada_status hada_dataset_split(const hada_dataset *dataset, double hold_out, had
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "options.hold_out is a number of pairs of each depth, or a share such as 0.2; not %g",
                          hold_out);
-    HADA_TRY_OR_DONE(hada_allocated(held = hada_alloc(3 * (size_t)depths, sizeof *held, "a data set", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(held, 3 * (size_t)depths, "a data set", err));
     left = held + depths;
     none = left + depths;
     HADA_TRY_OR_DONE(count_held(dataset, hold_out, held, err));
@@ -280,7 +272,7 @@ static hada_status name_pairs(hada_dataset_depth *depth, int count, hada_error *
     hada_status status = HADA_OK;
     hada_format_exact(distance, sizeof distance, depth->distance_mm);
     HADA_TRY(hada_path_format(&depth->folder, err, "z%smm", distance));
-    HADA_TRY(hada_allocated(depth->files = hada_alloc((size_t)count, sizeof *depth->files, "a data set", err)));
+    HADA_TRY(HADA_NEW(depth->files, (size_t)count, "a data set", err));
     while (depth->count < count) {
         HADA_TRY_OR_DONE(hada_path_format(&raw, err, "z%smm/raw/%d", distance, depth->count));
         HADA_TRY_OR_DONE(hada_path_format(&scene, err, "z%smm/scene/%d", distance, depth->count));
@@ -313,8 +305,7 @@ static hada_status open_named(hada_dataset **out, hada_pair_store *store, int de
 {
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(check(depths, distances_mm, counts, err));
-    HADA_TRY_OR_DONE(
-        hada_allocated(store->depth = hada_alloc((size_t)depths, sizeof *store->depth, "a data set", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(store->depth, (size_t)depths, "a data set", err));
     while (store->depths < depths) {
         const int z = store->depths++;
         store->depth[z].distance_mm = distances_mm[z];

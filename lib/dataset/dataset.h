@@ -6,7 +6,7 @@
 #include <hadalens/folder.h>
 #include <pthread.h>
 
-#include "core/error.h"
+#include "core/base.h"
 
 typedef struct hada_dataset_depth {
     double distance_mm;

@@ -1,12 +1,7 @@
 /* Finding depths and pairs by the names of folders and files. */
 #include <dirent.h>
 #include <errno.h>
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "dataset/dataset.h"
 #include "io/folder.h"
@@ -118,8 +113,7 @@ static hada_status scan_depth(hada_pair_store *store, hada_dataset_depth *depth,
     char *raw_path = NULL, *scene_path = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(list(&files, depth->folder, err));
-    HADA_TRY_OR_DONE(
-        hada_allocated(depth->files = hada_alloc((size_t)files.raw_count, sizeof *depth->files, "a data set", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(depth->files, (size_t)files.raw_count, "a data set", err));
     for (int i = 0; i < files.raw_count; i++) {
         const char *scene = partner(files.raws[i], files.scenes, files.scene_count);
         if (!scene) {
@@ -227,7 +221,7 @@ static hada_status protect(hada_pair_store *store, hada_error *err)
     hada_status status = HADA_OK;
     for (int z = 0; z < store->depths; z++)
         pairs += (size_t)store->depth[z].count;
-    HADA_TRY_OR_DONE(hada_allocated(paths = hada_alloc(2 * pairs + 2, sizeof *paths, "a data set", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(paths, 2 * pairs + 2, "a data set", err));
     for (int z = 0; z < store->depths; z++)
         for (int i = 0; i < store->depth[z].count; i++) {
             paths[count++] = store->depth[z].files[i].raw;

@@ -1,9 +1,6 @@
 /* The workers: each pulls the next frame, or helps with one that runs, and hands on what it cannot do. */
 #include <signal.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "core/clock.h"
 #include "dispatch/plan.h"
 
@@ -155,9 +152,8 @@ hada_status hada_dispatcher_create(hada_dispatcher **out, int workers, hada_erro
 {
     hada_dispatcher *dispatcher = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(dispatcher = hada_alloc(1, sizeof *dispatcher, "a plan", err)));
-    HADA_TRY_OR_DONE(
-        hada_allocated(dispatcher->workers = hada_alloc((size_t)workers, sizeof *dispatcher->workers, "a plan", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(dispatcher, 1, "a plan", err));
+    HADA_TRY_OR_DONE(HADA_NEW(dispatcher->workers, (size_t)workers, "a plan", err));
     dispatcher->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     hada_condition_init(&dispatcher->changed);
     dispatcher->references = 1;

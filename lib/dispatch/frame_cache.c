@@ -4,10 +4,7 @@
  * pixels, which examining a frame finds anyway. Pixels are not kept, and results are kept only while frames repeat: a
  * plan begins that way, stops after KEEP frames that do not repeat, and begins again at the next that does, which is
  * computed. */
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "core/clock.h"
 #include "dispatch/plan.h"
 
@@ -72,7 +69,7 @@ static int is_equal(hada_cache_entry *last, hada_job *job)
 static hada_status become_last(hada_frame_cache *cache, hada_job *job, hada_error *err)
 {
     hada_cache_entry *entry;
-    HADA_TRY(hada_allocated(entry = hada_alloc(1, sizeof *entry, "the previous frame", err)));
+    HADA_TRY(HADA_NEW(entry, 1, "the previous frame", err));
     entry->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     entry->changed = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
     entry->references = 2; /* the cache and the job */

@@ -1,8 +1,5 @@
 /* Jobs: frames handed in, asked for and waited for. */
-#include <math.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "core/clock.h"
 #include "dispatch/plan.h"
@@ -170,7 +167,7 @@ static hada_status submit(hada_job **out, hada_plan *plan, const frame_input *in
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_job_submit: out is needed");
     *out = NULL;
     HADA_TRY_OR_DONE(check_arguments(plan, input, result, "hada_job_submit", err));
-    HADA_TRY_OR_DONE(hada_allocated(job = hada_alloc(1, sizeof *job, "a job", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(job, 1, "a job", err));
     HADA_TRY_OR_DONE(begin(job, plan, input, result, err));
     begun = 1;
     HADA_TRY_OR_DONE(hada_frame_cache_enter(&plan->cache, job, err));

@@ -2,9 +2,7 @@
 #include "dispatch/plan.h"
 
 #include <hadalens/profile.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "runtime/profile.h"
 
@@ -30,7 +28,7 @@ done:
 static hada_status add_devices(hada_plan *plan, hada_context *const *contexts, int count, hada_error *err)
 {
     plan->setup.config.batch_whole &= count == 1; /* several share the depths of a frame, batch by batch */
-    HADA_TRY(hada_allocated(plan->constants = hada_alloc((size_t)count, sizeof *plan->constants, "a plan", err)));
+    HADA_TRY(HADA_NEW(plan->constants, (size_t)count, "a plan", err));
     HADA_TRY(hada_dispatcher_create(&plan->dispatcher, count * plan->setup.config.queues, err));
     for (int device = 0; device < count; device++)
         HADA_TRY(add_device(plan, contexts[device], err));
@@ -62,7 +60,7 @@ hada_status hada_plan_create_on(hada_plan **out, hada_context *const *contexts, 
     *out = NULL;
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&options, callers, hada_plan_options, err));
     HADA_TRY_OR_DONE(check_contexts(contexts, count, err));
-    HADA_TRY_OR_DONE(hada_allocated(plan = hada_alloc(1, sizeof *plan, "a plan", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(plan, 1, "a plan", err));
     hada_frame_cache_make(&plan->cache);
     HADA_TRY_OR_DONE(hada_setup_make(&plan->setup, contexts[0], model, &options, err));
     HADA_TRY_OR_DONE(add_devices(plan, contexts, count, err));

@@ -1,8 +1,6 @@
 /* The constants of a device: filters, transfer functions, the optics between depths. */
 #include <pthread.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "engine/constants.h"
 #include "filter/hadamard.h"
 
@@ -20,7 +18,7 @@ struct hada_surfaces {
 
 hada_status hada_surfaces_create(hada_surfaces **out, hada_error *err)
 {
-    HADA_TRY(hada_allocated(*out = hada_alloc(1, sizeof **out, "a plan", err)));
+    HADA_TRY(HADA_NEW(*out, 1, "a plan", err));
     pthread_mutex_init(&(*out)->lock, NULL);
     return HADA_OK;
 }
@@ -160,7 +158,7 @@ hada_status hada_constants_create(hada_constants **out, hada_context *context, c
     hada_constants *constants = NULL;
     hada_slot *slot = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(constants = hada_alloc(1, sizeof *constants, "a plan", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(constants, 1, "a plan", err));
     constants->context = context;
     HADA_TRY_OR_DONE(hada_surfaces_create(&constants->surfaces, err));
     HADA_TRY_OR_DONE(hada_slot_create(&slot, context, err));

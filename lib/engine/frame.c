@@ -1,10 +1,6 @@
 /* A frame on its way: begun, prepared, ended; which channels need no computing. */
 #include "engine/frame.h"
 
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
 #include "core/clock.h"
 #include "image/pixels.h"
 
@@ -94,8 +90,8 @@ hada_status hada_frame_begin(hada_frame *frame, const hada_setup *setup, const h
     /* upload and pictures are a unit each */
     frame->work = 2 + (config->joint ? config->steps + (config->pursuit ? HADA_WORK_PURSUIT : 0) : config->depths);
     HADA_TRY_OR_DONE(hada_exposure_begin(&frame->exposure, info, raw, err));
-    HADA_TRY_OR_DONE(hada_allocated(frame->skip.spectra = hada_alloc(channels, sizeof(int), "a frame", err)));
-    HADA_TRY_OR_DONE(hada_allocated(frame->skip.planes = hada_alloc(channels, sizeof(int), "a frame", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(frame->skip.spectra, channels, "a frame", err));
+    HADA_TRY_OR_DONE(HADA_NEW(frame->skip.planes, channels, "a frame", err));
 done:
     if (status)
         free_parts(frame);

@@ -1,7 +1,5 @@
 /* The joint path: planes of the occupied depths that explain the frame together, by refinement or a classic method.
  */
-#include <math.h>
-#include <string.h>
 
 #include "engine/stages.h"
 #include "filter/hadamard.h"

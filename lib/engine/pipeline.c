@@ -1,10 +1,8 @@
 /* A pipeline: making and unmaking it, and the way of a frame through it. */
-#include <stdlib.h>
 
-#include "core/alloc.h"
+#include "engine/pipeline.h"
 #include "core/clock.h"
 #include "engine/frame.h"
-#include "engine/pipeline.h"
 #include "engine/stages.h"
 #include "runtime/profile.h"
 
@@ -26,10 +24,9 @@ hada_status hada_pipeline_create(hada_pipeline **out, const hada_setup *setup, c
 {
     hada_pipeline *pipeline = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(pipeline = hada_alloc(1, sizeof *pipeline, "a plan", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(pipeline, 1, "a plan", err));
     *pipeline = (hada_pipeline){.setup = setup, .constants = constants, .batch = batch};
-    HADA_TRY_OR_DONE(
-        hada_allocated(pipeline->occupied = hada_alloc((size_t)setup->config.depths, sizeof(int), "a plan", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(pipeline->occupied, (size_t)setup->config.depths, "a plan", err));
     HADA_TRY_OR_DONE(hada_pipeline_ready(pipeline, err));
 done:
     if (status)

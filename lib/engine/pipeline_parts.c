@@ -1,8 +1,6 @@
 /* The parts of a pipeline, and the device memory that they take: made dry first, then in the places that were planned.
  */
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "engine/stages.h"
 #include "filter/bank.h"
 
@@ -57,9 +55,8 @@ static hada_status set_power(hada_pipeline *pipeline, hada_error *err)
     hada_status status = HADA_OK;
     if (!model->scene_power || !model->pairs)
         return HADA_OK; /* measured transfer functions are exact */
-    HADA_TRY_OR_DONE(hada_allocated(scaled = hada_alloc_raw(values, sizeof(float), "the scenes' power", err)));
-    HADA_TRY_OR_DONE(
-        hada_allocated(packed = hada_alloc(channels * layout->count, sizeof(float), "the scenes' power", err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(scaled, values, "the scenes' power", err));
+    HADA_TRY_OR_DONE(HADA_NEW(packed, channels * layout->count, "the scenes' power", err));
     HADA_TRY_OR_DONE(hada_buffer_create(&buffer, pipeline->slot->context, channels * layout->count * sizeof(float),
                                         "the scenes' power", err));
     for (int z = 0; z < setup->config.depths && !pipeline->slot->context->dry; z++) {

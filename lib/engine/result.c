@@ -1,11 +1,6 @@
 /* Results: made to measure, kept from frame to frame. */
 #include "engine/frame.h"
 
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
 #include "core/callers.h"
 
 static int on_device(const hada_cl_arrays *device)
@@ -38,8 +33,7 @@ void hada_result_clear(hada_result *result)
 
 static hada_status make_memory(hada_result *result, hada_error *err)
 {
-    return result->memory ? HADA_OK
-                          : hada_allocated(result->memory = hada_alloc(1, sizeof *result->memory, "the result", err));
+    return result->memory ? HADA_OK : HADA_NEW(result->memory, 1, "the result", err);
 }
 
 hada_status hada_result_use(hada_result *result, const hada_result_arrays *arrays, hada_error *err)
@@ -109,14 +103,11 @@ hada_status hada_result_fit(hada_result *result, const hada_model_info *info, in
     HADA_TRY_OR_DONE(check_array(arrays->stack, arrays->stack_count, (size_t)depths * plane, "stack", err));
     HADA_TRY_OR_DONE(check_array(arrays->all_in_focus, arrays->all_in_focus_count, plane, "all-in-focus image", err));
     HADA_TRY_OR_DONE(check_array(arrays->distance_map, arrays->distance_map_count, map, "distance map", err));
-    HADA_TRY_OR_DONE(
-        hada_allocated(result->distances_mm = hada_alloc((size_t)depths, sizeof(double), "the result", err)));
-    HADA_TRY_OR_DONE(
-        hada_allocated(result->planes = hada_alloc((size_t)depths, sizeof *result->planes, "the result", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(result->distances_mm, (size_t)depths, "the result", err));
+    HADA_TRY_OR_DONE(HADA_NEW(result->planes, (size_t)depths, "the result", err));
     HADA_TRY_OR_DONE(hada_allocated(memory->occupied = hada_alloc((size_t)depths, 1, "the result", err)));
     if (!arrays->stack)
-        HADA_TRY_OR_DONE(
-            hada_allocated(memory->stack = hada_alloc((size_t)depths * plane, sizeof(float), "the stack", err)));
+        HADA_TRY_OR_DONE(HADA_NEW(memory->stack, (size_t)depths * plane, "the stack", err));
     for (int z = 0; z < depths; z++)
         result->planes[z] =
             (hada_image){channels, rows, cols, (arrays->stack ? arrays->stack : memory->stack) + (size_t)z * plane};

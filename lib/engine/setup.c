@@ -1,11 +1,7 @@
 /* What the options come to for a model, then what is known on the host before any frame comes. */
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
-#include "core/callers.h"
 #include "engine/setup.h"
+#include "core/callers.h"
 #include "filter/bank.h"
 #include "filter/gains.h"
 #include "filter/hadamard.h"
@@ -249,8 +245,8 @@ static hada_status make_lists(hada_setup *setup, const hada_plan_options *option
 {
     const hada_model_info *info = hada_model_get_info(setup->model);
     const size_t depths = (size_t)setup->config.depths;
-    HADA_TRY(hada_allocated(setup->depths = hada_alloc(depths, sizeof(int), "a plan", err)));
-    HADA_TRY(hada_allocated(setup->distances = hada_alloc(depths, sizeof(double), "a plan", err)));
+    HADA_TRY(HADA_NEW(setup->depths, depths, "a plan", err));
+    HADA_TRY(HADA_NEW(setup->distances, depths, "a plan", err));
     HADA_TRY(hada_allocated(setup->listed = hada_alloc(depths, 1, "a plan", err)));
     int found = 0;
     for (int i = 0; i < setup->config.depths; i++) {
@@ -269,7 +265,7 @@ static hada_status make_lists(hada_setup *setup, const hada_plan_options *option
 static hada_status list_depths(const hada_setup *setup, int **list, int *count, hada_error *err)
 {
     *count = 0;
-    HADA_TRY(hada_allocated(*list = hada_alloc((size_t)setup->config.depths, sizeof **list, "a plan", err)));
+    HADA_TRY(HADA_NEW(*list, (size_t)setup->config.depths, "a plan", err));
     for (int z = 0; z < setup->config.depths; z++)
         if (setup->listed[z])
             (*list)[(*count)++] = setup->depths[z];
@@ -322,8 +318,8 @@ static int is_filter_same(const hada_setup *setup, int a, int b)
 static hada_status find_same_channels(hada_setup *setup, hada_error *err)
 {
     const size_t channels = (size_t)setup->model->info.channels;
-    HADA_TRY(hada_allocated(setup->same_dark = hada_alloc(channels, sizeof(int), "a plan", err)));
-    HADA_TRY(hada_allocated(setup->same_filter = hada_alloc(channels, sizeof(int), "a plan", err)));
+    HADA_TRY(HADA_NEW(setup->same_dark, channels, "a plan", err));
+    HADA_TRY(HADA_NEW(setup->same_filter, channels, "a plan", err));
     for (int c = 0; c < setup->model->info.channels; c++) {
         setup->same_dark[c] = setup->same_filter[c] = c;
         for (int before = c - 1; before >= 0; before--) {

@@ -6,7 +6,6 @@
 #include <hadalens/reconstruct.h>
 
 #include "classic/classic.h"
-#include "core/error.h"
 #include "filter/gains.h"
 #include "focus/focus.h"
 #include "net/enhance.h"

@@ -1,8 +1,5 @@
 /* Frequencies and bits of filters that a frame does not need, and whether their bound was kept. */
-#include <math.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "engine/stages.h"
 
 /* Two runs that add up other frequencies round differently, each by at most this (relative L2, see

@@ -1,9 +1,6 @@
 /* What both paths of a frame have in common: times, spectrum, net, pictures. */
 #include "engine/stages.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "core/clock.h"
 
 hada_status hada_pipeline_lap(hada_pipeline *pipeline, hada_frame *frame, double *seconds, hada_error *err)

@@ -1,6 +1,4 @@
 /* The path of a frame that is taken for a surface: one texture, one continuous distance. */
-#include <math.h>
-#include <string.h>
 
 #include "engine/stages.h"
 

@@ -1,5 +1,4 @@
 /* Whether light leaves the sensor, and the smallest grid that suffices: from a few pairs, before a fit. */
-#include <math.h>
 
 #include "core/callers.h"
 #include "fit/fitter.h"

@@ -1,9 +1,5 @@
 #include "fit/cropped.h"
 
-#include <math.h>
-#include <stdlib.h>
-
-#include "core/alloc.h"
 #include "filter/bank.h"
 #include "launch/fit_cropped.h"
 #include "launch/fit_window.h"
@@ -85,12 +81,12 @@ static hada_status make_room(hada_fit_cropped *own, hada_error *err)
     HADA_TRY(hada_buffer_create(&own->filled, context, spectra, "sums of whole frames", err));
     HADA_TRY(hada_buffer_create(&own->result, context, spectra, "transfer functions", err));
     HADA_TRY(hada_buffer_create(&own->partial, context, partial * sizeof(float), "partial sums", err));
-    HADA_TRY(hada_allocated(own->partial_sums = hada_alloc_raw(partial, sizeof(float), "partial sums", err)));
-    HADA_TRY(hada_allocated(own->often = hada_alloc_raw(grid->layout.count, sizeof(float), "a fit", err)));
-    HADA_TRY(hada_allocated(own->scenes = hada_alloc_raw(grid->layout.count, sizeof(float), "the scenes' power", err)));
-    HADA_TRY(hada_allocated(own->mean = hada_alloc(channels, sizeof(double), "a fit", err)));
-    HADA_TRY(hada_allocated(own->left = hada_alloc(channels, sizeof(double), "a fit", err)));
-    HADA_TRY(hada_allocated(own->trust = hada_alloc(channels, sizeof(double), "a fit", err)));
+    HADA_TRY(HADA_NEW_RAW(own->partial_sums, partial, "partial sums", err));
+    HADA_TRY(HADA_NEW_RAW(own->often, grid->layout.count, "a fit", err));
+    HADA_TRY(HADA_NEW_RAW(own->scenes, grid->layout.count, "the scenes' power", err));
+    HADA_TRY(HADA_NEW(own->mean, channels, "a fit", err));
+    HADA_TRY(HADA_NEW(own->left, channels, "a fit", err));
+    HADA_TRY(HADA_NEW(own->trust, channels, "a fit", err));
     hada_layout_weights(&grid->layout, own->often);
     return HADA_OK;
 }
@@ -103,7 +99,7 @@ hada_status hada_fit_cropped_create(hada_fit_cropped **out, const hada_fit_sums 
     hada_fit_cropped *own = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(own = hada_alloc(1, sizeof *own, "transfer functions", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(own, 1, "transfer functions", err));
     own->grid = sums->grid;
     own->sums = sums;
     own->pair = pair;

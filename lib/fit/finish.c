@@ -1,6 +1,4 @@
 /* The end of a fit: what pairs held out choose, what is learned from them beside the sums, and a model. */
-#include <math.h>
-#include <string.h>
 
 #include "fit/cropped.h"
 #include "fit/fitter.h"

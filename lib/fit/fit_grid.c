@@ -1,11 +1,7 @@
 #include "fit/fit_grid.h"
 
 #include <hadalens/response.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "filter/bank.h"
 #include "image/statistics.h"
@@ -20,7 +16,7 @@ enum { VECTOR_BYTES = HADA_FIT_VECTOR * 2 * sizeof(float) };
 static hada_status copy_distances(hada_fit_grid *grid, const double *distances_mm, hada_error *err)
 {
     const size_t depths = (size_t)grid->info.depths;
-    hada_status status = hada_allocated(grid->distances = hada_alloc(depths, sizeof(double), "the distances", err));
+    hada_status status = HADA_NEW(grid->distances, depths, "the distances", err);
     if (status)
         return status;
     memcpy(grid->distances, distances_mm, depths * sizeof(double));
@@ -168,12 +164,11 @@ static hada_status make_host_side(hada_fit_pair *pair, hada_error *err)
 {
     const hada_fit_grid *grid = pair->grid;
     const size_t channels = (size_t)grid->info.channels, raw = hada_fit_raw_floats(grid);
-    HADA_TRY(hada_allocated(pair->raw_pixels = hada_alloc_raw(raw, sizeof(float), "a raw frame", err)));
-    HADA_TRY(hada_allocated(pair->scene_pixels =
-                                hada_alloc_raw(hada_fit_window_floats(grid), sizeof(float), "a scene", err)));
-    HADA_TRY(hada_allocated(pair->scratch = hada_alloc_raw(raw / channels, sizeof(float), "a raw frame", err)));
-    HADA_TRY(hada_allocated(pair->raw_energy = hada_alloc(channels, sizeof(double), "a fitter", err)));
-    return hada_allocated(pair->scene_energy = hada_alloc(channels, sizeof(double), "a fitter", err));
+    HADA_TRY(HADA_NEW_RAW(pair->raw_pixels, raw, "a raw frame", err));
+    HADA_TRY(HADA_NEW_RAW(pair->scene_pixels, hada_fit_window_floats(grid), "a scene", err));
+    HADA_TRY(HADA_NEW_RAW(pair->scratch, raw / channels, "a raw frame", err));
+    HADA_TRY(HADA_NEW(pair->raw_energy, channels, "a fitter", err));
+    return HADA_NEW(pair->scene_energy, channels, "a fitter", err);
 }
 
 static hada_status make_buffer(hada_fit_pair *pair, hada_buffer *buffer, size_t bytes, const char *what,
@@ -322,8 +317,7 @@ hada_status hada_fit_reader_create(hada_fit_reader *reader, const hada_dataset *
                                    const hada_monitor *monitor, const char *why, hada_error *err)
 {
     *reader = (hada_fit_reader){.pairs = pairs, .pair = pair, .monitor = monitor, .why = why};
-    return hada_allocated(reader->energy =
-                              hada_alloc((size_t)pair->grid->info.channels, sizeof *reader->energy, "a fit", err));
+    return HADA_NEW(reader->energy, (size_t)pair->grid->info.channels, "a fit", err);
 }
 
 void hada_fit_reader_destroy(hada_fit_reader *reader)

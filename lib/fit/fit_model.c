@@ -1,11 +1,6 @@
 /* From the sums of all depths to a model. */
 #include "fit/fitter.h"
 
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
 #include "filter/bank.h"
 #include "fit/fit_solve.h"
 
@@ -25,10 +20,9 @@ static hada_status work_create(solve_work *work, hada_error *err)
     const size_t channels = (size_t)grid->info.channels;
     hada_context *context = grid->slot->context;
     /* `blocks` also takes the partial sums of a reduction, which are fewer */
-    HADA_TRY(hada_allocated(work->blocks = hada_alloc_raw(2 * grid->stride, sizeof(float), "a filter", err)));
-    HADA_TRY(hada_allocated(
-        work->rows = hada_alloc_raw(hada_model_info_plane(&grid->info), sizeof(float), "the scenes' power", err)));
-    HADA_TRY(hada_allocated(work->trust = hada_alloc(channels, sizeof(double), "a fit", err)));
+    HADA_TRY(HADA_NEW_RAW(work->blocks, 2 * grid->stride, "a filter", err));
+    HADA_TRY(HADA_NEW_RAW(work->rows, hada_model_info_plane(&grid->info), "the scenes' power", err));
+    HADA_TRY(HADA_NEW(work->trust, channels, "a fit", err));
     HADA_TRY(hada_buffer_create(&work->out, context, hada_fit_spectra_bytes(grid, channels), "a depth's filters", err));
     return hada_buffer_create(&work->partial, context, grid->chunks * sizeof(float), "partial sums", err);
 }

@@ -1,10 +1,5 @@
 #include "fit/fit_sums.h"
 
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
 #include "filter/bank.h"
 #include "launch/fit_sums.h"
 
@@ -26,10 +21,10 @@ static size_t depth_floats(const hada_fit_grid *grid)
 static hada_status make_depths(hada_fit_sums *sums, hada_error *err)
 {
     const size_t depths = (size_t)sums->grid->info.depths, channels = (size_t)sums->grid->info.channels;
-    HADA_TRY(hada_allocated(sums->depth = hada_alloc(depths, sizeof *sums->depth, "a fitter", err)));
+    HADA_TRY(HADA_NEW(sums->depth, depths, "a fitter", err));
     for (size_t z = 0; z < depths; z++) {
-        HADA_TRY(hada_allocated(sums->depth[z].raw_energy = hada_alloc(channels, sizeof(double), "a fitter", err)));
-        HADA_TRY(hada_allocated(sums->depth[z].scene_energy = hada_alloc(channels, sizeof(double), "a fitter", err)));
+        HADA_TRY(HADA_NEW(sums->depth[z].raw_energy, channels, "a fitter", err));
+        HADA_TRY(HADA_NEW(sums->depth[z].scene_energy, channels, "a fitter", err));
     }
     return HADA_OK;
 }
@@ -47,7 +42,7 @@ static hada_status fill_weights(hada_fit_sums *sums, hada_error *err)
     const size_t stride = sums->grid->stride;
     float *values = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc(stride, sizeof *values, "the weights", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(values, stride, "the weights", err));
     hada_layout_weights(&sums->grid->layout, values);
     HADA_TRY_OR_DONE(hada_buffer_write(&sums->weights, sums->grid->slot, 0, values, stride * sizeof *values, err));
 done:
@@ -61,8 +56,8 @@ hada_status hada_fit_sums_create(hada_fit_sums *sums, const hada_fit_grid *grid,
     const size_t pools = hada_fit_is_split(grid) ? HADA_FIT_POOLS_SPLIT : HADA_FIT_POOLS;
     *sums = (hada_fit_sums){.grid = grid, .current = -1};
     HADA_TRY(make_depths(sums, err));
-    HADA_TRY(hada_allocated(sums->sums = hada_alloc(channels, sizeof *sums->sums, "a fitter", err)));
-    HADA_TRY(hada_allocated(sums->pool = hada_alloc(channels, sizeof *sums->pool, "a fitter", err)));
+    HADA_TRY(HADA_NEW(sums->sums, channels, "a fitter", err));
+    HADA_TRY(HADA_NEW(sums->pool, channels, "a fitter", err));
     for (size_t c = 0; c < channels; c++) {
         HADA_TRY(make_buffer(sums, &sums->sums[c], depth_floats(grid), "the sums of a fit", err));
         HADA_TRY(make_buffer(sums, &sums->pool[c], pools * grid->stride, "the pooled sums of a fit", err));
@@ -95,8 +90,7 @@ static hada_status put_back(hada_fit_sums *sums, hada_error *err)
     const size_t floats = depth_floats(sums->grid), channels = (size_t)sums->grid->info.channels;
     hada_fit_depth *depth = &sums->depth[sums->current];
     if (!depth->sums)
-        HADA_TRY(
-            hada_allocated(depth->sums = hada_alloc_raw(channels * floats, sizeof(float), "the sums of a depth", err)));
+        HADA_TRY(HADA_NEW_RAW(depth->sums, channels * floats, "the sums of a depth", err));
     for (size_t c = 0; c < channels; c++)
         HADA_TRY(hada_buffer_read(&sums->sums[c], sums->grid->slot, 0, depth->sums + c * floats, floats * sizeof(float),
                                   err));
@@ -292,7 +286,7 @@ static hada_status share_depth(hada_fit_sums *sums, int z, const double *pairs, 
     if (!have)
         return HADA_OK;
     if (!depth->sums)
-        HADA_TRY(hada_allocated(depth->sums = hada_alloc(floats, sizeof(float), "the sums of a depth", err)));
+        HADA_TRY(HADA_NEW(depth->sums, floats, "the sums of a depth", err));
     return have > 1 ? add_depth(grid, depth, values, err) : give_depth(grid, depth, owner, err);
 }
 
@@ -305,8 +299,8 @@ hada_status hada_fit_sums_reduce(hada_fit_sums *sums, hada_error *err)
     if (sums->current >= 0)
         HADA_TRY_OR_DONE(hada_fit_sums_borrow(sums, sums->current, err)); /* the host has all of them now */
     sums->pooled = 0;
-    HADA_TRY_OR_DONE(hada_allocated(pairs = hada_alloc(depths * ranks, sizeof *pairs, "sums of several ranks", err)));
-    HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc(grid->stride, sizeof *values, "sums of several ranks", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(pairs, depths * ranks, "sums of several ranks", err));
+    HADA_TRY_OR_DONE(HADA_NEW(values, grid->stride, "sums of several ranks", err));
     HADA_TRY_OR_DONE(count_pairs(sums, pairs, err));
     for (size_t z = 0; z < depths; z++)
         HADA_TRY_OR_DONE(share_depth(sums, (int)z, pairs + z * ranks, values, err));

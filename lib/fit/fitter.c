@@ -2,11 +2,7 @@
 #include "fit/fitter.h"
 
 #include <hadalens/response.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "core/clock.h"
 #include "fit/cropped.h"
@@ -97,14 +93,13 @@ static hada_status create(hada_fitter **out, hada_context *context, const hada_f
     hada_fitter *fitter = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(check_options(options, err));
-    HADA_TRY_OR_DONE(hada_allocated(fitter = hada_alloc(1, sizeof *fitter, "a fitter", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(fitter, 1, "a fitter", err));
     fitter->options = *options;
     fitter->options.distances_mm = NULL;
     fitter->options.sums = NULL;
     fitter->options.communicator = NULL; /* the grid has it */
     HADA_TRY_OR_DONE(hada_fit_grid_create(&fitter->grid, context, options, err));
-    HADA_TRY_OR_DONE(
-        hada_allocated(fitter->pairs = hada_alloc((size_t)options->depths, sizeof *fitter->pairs, "a fitter", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(fitter->pairs, (size_t)options->depths, "a fitter", err));
     HADA_TRY_OR_DONE(hada_leave_one_out_create(&fitter->scores, &fitter->grid, options, err));
     HADA_TRY_OR_DONE(hada_fit_pair_create(&fitter->pair, &fitter->grid, err));
     HADA_TRY_OR_DONE(hada_fit_sums_create(&fitter->sums, &fitter->grid, err));

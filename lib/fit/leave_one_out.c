@@ -1,10 +1,5 @@
 #include "fit/leave_one_out.h"
 
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
 #include "launch/fit_score.h"
 
 /* Work-items of a group that add up rows of the window, where the device works in groups. */
@@ -30,8 +25,7 @@ static hada_status make_settings(hada_leave_one_out *scores, const hada_fit_opti
     const hada_fit_setting *list = fixed_alpha ? (fixed_lambda ? one : lambdas) : fixed_lambda ? alphas : several;
     scores->distinct = (int)(list == one ? 1 : list == alphas ? HADA_COUNT(alphas) : HADA_COUNT(several));
     scores->setting_count = (int)hada_round_up((size_t)scores->distinct, HADA_FIT_TRIALS);
-    HADA_TRY(
-        hada_allocated(scores->settings = hada_alloc((size_t)scores->setting_count, sizeof *list, "settings", err)));
+    HADA_TRY(HADA_NEW(scores->settings, (size_t)scores->setting_count, "settings", err));
     for (int i = 0; i < scores->setting_count; i++) {
         const hada_fit_setting *from = &list[i < scores->distinct ? i : scores->distinct - 1];
         scores->settings[i].alpha = fixed_alpha ? fmax(options->alpha, 0.0) : from->alpha;
@@ -48,11 +42,11 @@ hada_status hada_leave_one_out_create(hada_leave_one_out *scores, const hada_fit
                                    .fallback = {options->alpha >= 0.0 ? options->alpha : HADA_FIT_ALPHA,
                                                 options->lambda >= 0.0 ? options->lambda : HADA_FIT_LAMBDA}};
     HADA_TRY(make_settings(scores, options, err));
-    HADA_TRY(hada_allocated(scores->depth = hada_alloc(depths, sizeof *scores->depth, "scores", err)));
+    HADA_TRY(HADA_NEW(scores->depth, depths, "scores", err));
     for (size_t z = 0; z < depths; z++) {
         const size_t count = (size_t)scores->setting_count;
-        HADA_TRY(hada_allocated(scores->depth[z].single = hada_alloc(count, sizeof(double), "scores", err)));
-        HADA_TRY(hada_allocated(scores->depth[z].twofold = hada_alloc(count, sizeof(double), "scores", err)));
+        HADA_TRY(HADA_NEW(scores->depth[z].single, count, "scores", err));
+        HADA_TRY(HADA_NEW(scores->depth[z].twofold, count, "scores", err));
     }
     return HADA_OK;
 }
@@ -226,7 +220,7 @@ hada_status hada_leave_one_out_add(hada_leave_one_out *scores, const hada_fit_su
         return HADA_OK;
     HADA_TRY_OR_DONE(prepare(scores, err));
     HADA_TRY_OR_DONE(hada_allocated(partial = hada_alloc_raw(scores->partial.bytes, 1, "scores", err)));
-    HADA_TRY_OR_DONE(hada_allocated(own = hada_alloc(2 * count, sizeof(double), "scores", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(own, 2 * count, "scores", err));
     HADA_TRY_OR_DONE(score_pair(scores, sums, pair, depth, partial, own, own + count, err));
     for (size_t s = 0; s < count; s++) {
         to->single[s] += decibels(scores->grid, own[s]);

@@ -2,10 +2,7 @@
 #include "fit/nonnegative.h"
 
 #include <float.h>
-#include <math.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "launch/fit_nonnegative.h"
 #include "runtime/buffer.h"
 
@@ -73,7 +70,7 @@ hada_status hada_nonnegative_create(hada_nonnegative **out, hada_slot *slot, int
     hada_nonnegative *plan = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(plan = hada_alloc(1, sizeof *plan, "point spread functions", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(plan, 1, "point spread functions", err));
     plan->slot = slot;
     plan->channels = channels;
     plan->pixels = forward.real_distance;

@@ -1,10 +1,5 @@
 #include "fit/window.h"
 
-#include <math.h>
-#include <stdlib.h>
-
-#include "core/alloc.h"
-
 /* Weights to choose from, beside 1, which is the exact fit; and what another one must gain to be taken, in decibels:
  * more than choosing by so few pairs is uncertain (docs/explanation/learning-a-camera.md). */
 static const double weights[] = {0.03, 0.06, 0.12, 0.25, 0.5};
@@ -184,7 +179,7 @@ static hada_status solve_all(passes *with, double outside, float *filters, hada_
     const hada_communicator *ranks = &grid->communicator;
     float *blocks = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(blocks = hada_alloc_raw(2 * grid->stride, sizeof *blocks, "a filter", err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(blocks, 2 * grid->stride, "a filter", err));
     for (int z = 0; z < grid->info.depths; z++) {
         const fold whole = {.z = z};
         if (!with->sums->depth[z].pairs || !hada_is_mine(ranks, z))
@@ -234,8 +229,7 @@ hada_status hada_fit_outside_solve(hada_fit_outside *out, hada_fit_sums *sums, h
         weight = out->weight[out->chosen];
     }
     if (weight < 1.0) {
-        HADA_TRY_OR_DONE(hada_allocated(
-            out->filters = hada_alloc_raw(floats, sizeof *out->filters, "filters judged in the window", err)));
+        HADA_TRY_OR_DONE(HADA_NEW_RAW(out->filters, floats, "filters judged in the window", err));
         HADA_TRY_OR_DONE(solve_all(&with, weight, out->filters, err));
     }
 done:

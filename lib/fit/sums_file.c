@@ -1,12 +1,7 @@
 #include "fit/fit_sums.h"
 
 #include <hadalens/response.h>
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "filter/bank.h"
 
 #define FORMAT   "hadalens-sums-1"
@@ -56,7 +51,7 @@ static hada_status list_small(const hada_fit_grid *grid, double **all, small lis
 {
     const int64_t depths = grid->info.depths, channels = grid->info.channels;
     const size_t z = (size_t)depths, images = z * (size_t)channels;
-    hada_status status = hada_allocated(*all = hada_alloc(2 * z + 2 * images + 1, sizeof(double), "sums", err));
+    hada_status status = HADA_NEW(*all, 2 * z + 2 * images + 1, "sums", err);
     if (status)
         return status;
     double *at = *all;
@@ -89,8 +84,8 @@ static hada_status write_sums(hada_fit_sums *sums, hada_tensors_writer *writer, 
     const size_t plane = hada_model_info_plane(&grid->info);
     float *blocks = NULL, *rows = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(blocks = hada_alloc_raw(grid->stride, sizeof *blocks, "sums", err)));
-    HADA_TRY_OR_DONE(hada_allocated(rows = hada_alloc_raw(plane, sizeof *rows, "sums", err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(blocks, grid->stride, "sums", err));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(rows, plane, "sums", err));
     for (int z = 0; z < grid->info.depths; z++) {
         HADA_TRY_OR_DONE(hada_fit_sums_select(sums, z, err));
         for (int i = 0; i < grid->info.channels * 2 * grid->sum_count; i++) {
@@ -282,7 +277,7 @@ static hada_status merge_all(hada_fit_sums *sums, const hada_tensors *file, cons
     float *blocks = NULL;
     hada_buffer more = {0};
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(blocks = hada_alloc(floats, sizeof *blocks, "sums from a file", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(blocks, floats, "sums from a file", err));
     HADA_TRY_OR_DONE(hada_buffer_create(&more, grid->slot->context, floats * sizeof *blocks, "sums from a file", err));
     for (int z = 0; z < grid->info.depths; z++) {
         hada_fit_depth *to = &sums->depth[z];

@@ -3,11 +3,7 @@
  * then the survey itself. */
 #include <hadalens/scene.h>
 #include <hadalens/survey.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "dataset/dataset.h"
 #include "image/small_fft.h"
@@ -48,15 +44,15 @@ static hada_status level_create(pair_level *level, int size, int channels, int m
     const size_t values = hada_size_product(pairs * (size_t)channels, 2 * plane);
     *level = (pair_level){.channels = channels, .most = most, .plane = plane};
     HADA_TRY(hada_small_fft_create(&level->fft, size, err));
-    HADA_TRY(hada_allocated(level->depth = hada_alloc(pairs, sizeof *level->depth, "a survey of pairs", err)));
-    HADA_TRY(hada_allocated(level->frame = hada_alloc(values, sizeof(float), "a survey of pairs", err)));
-    HADA_TRY(hada_allocated(level->scene = hada_alloc(values, sizeof(float), "a survey of pairs", err)));
-    HADA_TRY(hada_allocated(level->frame_energy = hada_alloc(pairs, sizeof(double), "a survey of pairs", err)));
-    HADA_TRY(hada_allocated(level->frame_light = hada_alloc(pairs, sizeof(double), "a survey of pairs", err)));
-    HADA_TRY(hada_allocated(level->scene_light = hada_alloc(pairs, sizeof(double), "a survey of pairs", err)));
-    HADA_TRY(hada_allocated(level->judged = hada_alloc(pairs, sizeof *level->judged, "a survey of pairs", err)));
-    HADA_TRY(hada_allocated(level->sums = hada_alloc(3 * plane, sizeof(double), "a survey of pairs", err)));
-    return hada_allocated(level->work = hada_alloc(2 * side * side, sizeof(float), "a survey of pairs", err));
+    HADA_TRY(HADA_NEW(level->depth, pairs, "a survey of pairs", err));
+    HADA_TRY(HADA_NEW(level->frame, values, "a survey of pairs", err));
+    HADA_TRY(HADA_NEW(level->scene, values, "a survey of pairs", err));
+    HADA_TRY(HADA_NEW(level->frame_energy, pairs, "a survey of pairs", err));
+    HADA_TRY(HADA_NEW(level->frame_light, pairs, "a survey of pairs", err));
+    HADA_TRY(HADA_NEW(level->scene_light, pairs, "a survey of pairs", err));
+    HADA_TRY(HADA_NEW(level->judged, pairs, "a survey of pairs", err));
+    HADA_TRY(HADA_NEW(level->sums, 3 * plane, "a survey of pairs", err));
+    return HADA_NEW(level->work, 2 * side * side, "a survey of pairs", err);
 }
 
 static void level_destroy(pair_level *level)
@@ -523,10 +519,9 @@ static hada_status expose_all(owned_survey *own, surveying *work, hada_error *er
     work->tried = 1;
     level_destroy(&work->level);
     HADA_TRY(level_create(&work->level, work->grid, work->options.channels, EXPOSED_TOGETHER + 1, err));
-    HADA_TRY(hada_allocated(own->gain = hada_alloc((size_t)own->depths, sizeof *own->gain, "exposures", err)));
+    HADA_TRY(HADA_NEW(own->gain, (size_t)own->depths, "exposures", err));
     for (int z = 0; z < own->depths; z++) {
-        HADA_TRY(
-            hada_allocated(own->gain[z] = hada_alloc((size_t)work->counts[z], sizeof **own->gain, "exposures", err)));
+        HADA_TRY(HADA_NEW(own->gain[z], (size_t)work->counts[z], "exposures", err));
         for (int i = 0; i < work->counts[z]; i++)
             own->gain[z][i] = 1.0;
         HADA_TRY(expose_depth(work, z, own->gain[z], err));
@@ -545,8 +540,7 @@ static hada_status make(owned_survey *own, surveying *work, hada_exposure exposu
     work->tried = options->scene_response == HADA_AUTO ? RESPONSES : 1;
     work->response = work->tried == 1 ? &options->scene_response : responses;
     choose_grid(work);
-    HADA_TRY(hada_allocated(work->room = hada_alloc((size_t)options->raw_rows * (size_t)options->raw_cols,
-                                                    sizeof(float), "a raw frame", err)));
+    HADA_TRY(HADA_NEW(work->room, (size_t)options->raw_rows * (size_t)options->raw_cols, "a raw frame", err));
     HADA_TRY(level_create(&work->level, work->grid, options->channels, MOST_PAIRS, err));
     HADA_TRY(take_pairs(work, err));
     survey->exposed = exposure == HADA_EXPOSURE_EACH;
@@ -584,7 +578,7 @@ hada_status hada_survey_create(hada_survey **out, const hada_fit_options *caller
     HADA_TRY(HADA_OPTIONS_TAKE(&work.options, callers, hada_fit_options, err));
     HADA_TRY(check(&work.options, hada_dataset_get_info(pairs), err));
     work.counts = hada_dataset_get_info(pairs)->counts;
-    HADA_TRY(hada_allocated(own = hada_alloc(1, sizeof *own, "a survey of pairs", err)));
+    HADA_TRY(HADA_NEW(own, 1, "a survey of pairs", err));
     *out = &own->survey;
     HADA_TRY_OR_DONE(make(own, &work, exposure, err));
 done:

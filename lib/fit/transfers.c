@@ -1,11 +1,5 @@
 #include "fit/cropped.h"
 
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
-
 /* The part of the device's memory that pairs may take. */
 enum { MEMORY_SHARE = 4 };
 
@@ -63,7 +57,7 @@ static hada_status reserve(passes *with, hada_error *err)
     const double each = (double)pair->raw.bytes + (double)pair->scene_spectrum.bytes;
     if ((double)with->count * each > (double)(context->info.memory_bytes / MEMORY_SHARE))
         return HADA_OK;
-    HADA_TRY(hada_allocated(with->stored = hada_alloc((size_t)with->count, sizeof *with->stored, "pairs", err)));
+    HADA_TRY(HADA_NEW(with->stored, (size_t)with->count, "pairs", err));
     for (int64_t i = 0; i < with->count; i++) {
         HADA_TRY(hada_buffer_create(&with->stored[i].raw, context, pair->raw.bytes, "a raw frame", err));
         HADA_TRY(hada_buffer_create(&with->stored[i].spectrum, context, pair->scene_spectrum.bytes,
@@ -246,10 +240,9 @@ static hada_status make_room(passes *with, hada_error *err)
     const hada_fit_grid *grid = with->sums->grid;
     const hada_model_info *info = &grid->info;
     const size_t channels = (size_t)info->channels;
-    HADA_TRY(hada_allocated(with->scene_energy = hada_alloc(channels, sizeof(double), "a fit", err)));
-    HADA_TRY(hada_allocated(with->noise = hada_alloc(channels, sizeof(double), "a fit", err)));
-    HADA_TRY(
-        hada_allocated(with->blocks = hada_alloc_raw(2 * grid->stride, sizeof(float), "a transfer function", err)));
+    HADA_TRY(HADA_NEW(with->scene_energy, channels, "a fit", err));
+    HADA_TRY(HADA_NEW(with->noise, channels, "a fit", err));
+    HADA_TRY(HADA_NEW_RAW(with->blocks, 2 * grid->stride, "a transfer function", err));
     HADA_TRY(
         hada_nonnegative_create(&with->nonnegative, grid->slot, info->grid_rows, info->grid_cols, info->channels, err));
     return hada_fit_cropped_create(&with->cropped, with->sums, with->from->pair, with->nonnegative, err);
@@ -274,9 +267,8 @@ hada_status hada_fit_transfers_learn(hada_fit_transfers *out, hada_fit_sums *sum
     hada_status status = HADA_OK;
     *out = (hada_fit_transfers){0};
     HADA_TRY_OR_DONE(make_room(&with, err));
-    HADA_TRY_OR_DONE(hada_allocated(out->noise = hada_alloc(images, sizeof(double), "transfer functions", err)));
-    HADA_TRY_OR_DONE(hada_allocated(
-        out->otf = hada_alloc_raw(images * hada_model_info_plane(info) * 2, sizeof(float), "transfer functions", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(out->noise, images, "transfer functions", err));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(out->otf, images * hada_model_info_plane(info) * 2, "transfer functions", err));
     for (int z = 0; z < info->depths; z++)
         if (sums->depth[z].pairs && hada_is_mine(ranks, z))
             HADA_TRY_OR_DONE(learn_depth(&with, z, count, out, err));

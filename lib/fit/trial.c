@@ -1,8 +1,5 @@
 #include "fit/trial.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "fit/trial_frame.h"
 
 /* Steps after which a refined plane is compared; 0 is the linear filter. */

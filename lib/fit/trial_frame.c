@@ -1,10 +1,5 @@
 #include "fit/trial_frame.h"
 
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
 #include "filter/bank.h"
 #include "fit/fit_solve.h"
 #include "image/statistics.h"
@@ -35,13 +30,11 @@ hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
                                            .otf = bench->otfs.mem,
                                            .otf_depths = HADA_TRIAL_MEMBERS,
                                            .prior = bench->prior.mem};
-    HADA_TRY(hada_allocated(bench->raw = hada_alloc_raw(hada_fit_raw_floats(grid), sizeof(float), "a raw frame", err)));
-    HADA_TRY(hada_allocated(bench->planes = hada_alloc_raw(HADA_TRIAL_MEMBERS * hada_fit_window_floats(grid),
-                                                           sizeof(float), "planes on trial", err)));
-    HADA_TRY(hada_allocated(bench->linear = hada_alloc_raw(HADA_TRIAL_MEMBERS * hada_fit_window_floats(grid),
-                                                           sizeof(float), "planes on trial", err)));
-    HADA_TRY(hada_allocated(bench->scene_energy = hada_alloc(channels, sizeof(double), "a fitter", err)));
-    return hada_allocated(bench->trust = hada_alloc(channels, sizeof(double), "a fitter", err));
+    HADA_TRY(HADA_NEW_RAW(bench->raw, hada_fit_raw_floats(grid), "a raw frame", err));
+    HADA_TRY(HADA_NEW_RAW(bench->planes, HADA_TRIAL_MEMBERS * hada_fit_window_floats(grid), "planes on trial", err));
+    HADA_TRY(HADA_NEW_RAW(bench->linear, HADA_TRIAL_MEMBERS * hada_fit_window_floats(grid), "planes on trial", err));
+    HADA_TRY(HADA_NEW(bench->scene_energy, channels, "a fitter", err));
+    return HADA_NEW(bench->trust, channels, "a fitter", err);
 }
 
 void hada_trial_bench_destroy(hada_trial_bench *bench)

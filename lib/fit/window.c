@@ -2,10 +2,6 @@
  * of a filter are window->setting. */
 #include "fit/window.h"
 
-#include <math.h>
-#include <stdlib.h>
-
-#include "core/alloc.h"
 #include "fit/fit_solve.h"
 #include "launch/fit_window.h"
 
@@ -77,11 +73,10 @@ static hada_status make_buffers(hada_fit_window *window, hada_error *err)
         HADA_TRY(hada_buffer_create(&window->directions[s], context, bytes, "directions of filters", err));
     }
     HADA_TRY(hada_buffer_create(&window->partial, context, sums * sizeof(float), "partial sums", err));
-    HADA_TRY(hada_allocated(window->partial_sums = hada_alloc_raw(sums, sizeof(float), "partial sums", err)));
-    HADA_TRY(
-        hada_allocated(window->planes = hada_alloc_raw(hada_fit_window_floats(grid), sizeof(float), "planes", err)));
-    HADA_TRY(hada_allocated(window->inner = hada_alloc(channels, sizeof(double), "a fit", err)));
-    return hada_allocated(window->channel = hada_alloc(channels, sizeof *window->channel, "a fit", err));
+    HADA_TRY(HADA_NEW_RAW(window->partial_sums, sums, "partial sums", err));
+    HADA_TRY(HADA_NEW_RAW(window->planes, hada_fit_window_floats(grid), "planes", err));
+    HADA_TRY(HADA_NEW(window->inner, channels, "a fit", err));
+    return HADA_NEW(window->channel, channels, "a fit", err);
 }
 
 hada_status hada_fit_window_create(hada_fit_window **out, const hada_fit_sums *sums, hada_fit_pair *pair, int most,
@@ -91,7 +86,7 @@ hada_status hada_fit_window_create(hada_fit_window **out, const hada_fit_sums *s
     hada_fit_window *window = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(window = hada_alloc(1, sizeof *window, "filters judged in the window", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(window, 1, "filters judged in the window", err));
     window->grid = sums->grid;
     window->sums = sums;
     window->pair = pair;

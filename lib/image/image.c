@@ -1,10 +1,8 @@
 /* Images on the host: making, cutting, scaling. */
 #include <hadalens/image.h>
 #include <hadalens/scene.h>
-#include <math.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "core/finite.h"
 
 hada_status hada_image_create(hada_image *image, int channels, int rows, int cols, hada_error *err)

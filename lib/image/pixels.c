@@ -1,9 +1,5 @@
 #include "image/pixels.h"
 
-#include <math.h>
-#include <string.h>
-
-#include "core/alloc.h"
 #include "core/callers.h"
 
 /* Most values of a row or a column: as of a TIFF file. */

@@ -1,16 +1,11 @@
 #include "image/small_fft.h"
 
-#include <math.h>
-#include <stdlib.h>
-
-#include "core/alloc.h"
-
 hada_status hada_small_fft_create(hada_small_fft *fft, int size, hada_error *err)
 {
     *fft = (hada_small_fft){.size = size};
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(fft->twiddles = hada_alloc((size_t)size, sizeof(float), "a transform", err)));
-    HADA_TRY_OR_DONE(hada_allocated(fft->order = hada_alloc((size_t)size, sizeof(int), "a transform", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(fft->twiddles, (size_t)size, "a transform", err));
+    HADA_TRY_OR_DONE(HADA_NEW(fft->order, (size_t)size, "a transform", err));
     for (int k = 0; k < size / 2; k++) {
         const double angle = -2.0 * 3.14159265358979323846 * k / size;
         fft->twiddles[2 * k] = (float)cos(angle);

@@ -2,7 +2,7 @@
 #ifndef HADA_IMAGE_SMALL_FFT_H
 #define HADA_IMAGE_SMALL_FFT_H
 
-#include "core/error.h"
+#include "core/base.h"
 
 typedef struct hada_small_fft {
     int size;

@@ -1,8 +1,6 @@
 /* Dark level and noise of a frame, from its pixels. */
 #include "image/statistics.h"
-
-#include <math.h>
-#include <string.h>
+#include "core/base.h"
 
 /* Brings the value of rank k to its place (C. A. R. Hoare's selection, pivot from the middle). */
 float hada_select_rank(float *values, size_t count, size_t k)

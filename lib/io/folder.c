@@ -4,14 +4,10 @@
 #include <errno.h>
 #include <ftw.h>
 #include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <strings.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "core/alloc.h"
 #include "core/outfile.h"
 
 hada_status hada_path_kind(const char *path, hada_stands *out, hada_error *err)

@@ -4,7 +4,7 @@
 
 #include <hadalens/folder.h>
 
-#include "core/error.h"
+#include "core/base.h"
 
 /* The kind of a path: unlike hada_path_is_folder() a failure to look is an error, not
  * nothing. */

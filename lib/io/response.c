@@ -1,8 +1,5 @@
 #include <hadalens/response.h>
-#include <math.h>
-#include <string.h>
 
-#include "core/error.h"
 #include "io/text.h"
 
 /* sRGB, IEC 61966-2-1: a straight line near black, a power above. The line ends at 0.04045 of the encoding. */

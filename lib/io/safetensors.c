@@ -3,12 +3,8 @@
 #include <errno.h>
 #include <hadalens/limits.h>
 #include <jansson.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
-#include "core/alloc.h"
 #include "core/input.h"
 #include "core/outfile.h"
 #include "io/tiff_page.h"
@@ -195,8 +191,8 @@ static hada_status list_tensors(hada_tensors *tensors, const unsigned char *data
     const size_t most = json_object_size(tensors->header);
     const char *name;
     json_t *entry;
-    HADA_TRY(hada_allocated(tensors->list = hada_alloc(most, sizeof *tensors->list, what, err)));
-    HADA_TRY(hada_allocated(tensors->by_name = hada_alloc(most, sizeof *tensors->by_name, what, err)));
+    HADA_TRY(HADA_NEW(tensors->list, most, what, err));
+    HADA_TRY(HADA_NEW(tensors->by_name, most, what, err));
     json_object_foreach(tensors->header, name, entry)
     {
         if (!strcmp(name, "__metadata__"))

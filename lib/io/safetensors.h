@@ -3,10 +3,7 @@
 #ifndef HADA_IO_SAFETENSORS_H
 #define HADA_IO_SAFETENSORS_H
 
-#include <stddef.h>
-#include <stdint.h>
-
-#include "core/error.h"
+#include "core/base.h"
 
 /* Types that Hadalens computes with come first; the rest are read and handed on as bytes. */
 typedef enum hada_dtype {

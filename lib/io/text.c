@@ -1,9 +1,6 @@
 #include "io/text.h"
 
 #include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
 void hada_text_add(hada_text *text, const char *format, ...)
 {

@@ -2,9 +2,7 @@
 #ifndef HADA_IO_TEXT_H
 #define HADA_IO_TEXT_H
 
-#include <stddef.h>
-
-#include "core/error.h"
+#include "core/base.h"
 
 typedef struct hada_text {
     char *data; /* NUL-terminated once something was added; to be freed by the owner */

@@ -2,13 +2,7 @@
 
 #include <hadalens/response.h>
 #include <limits.h>
-#include <math.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "io/text.h"
 
 const char *hada_text_line(const char *text, const char *key)

@@ -3,10 +3,8 @@
 #define HADA_IO_TIFF_META_H
 
 #include <hadalens/tiff.h>
-#include <stddef.h>
-#include <stdint.h>
 
-#include "core/error.h"
+#include "core/base.h"
 
 typedef struct hada_tiff_stack {
     int known;                               /* 1 where the text says how the pages are ordered */

@@ -3,12 +3,9 @@
 
 #include <errno.h>
 #include <hadalens/limits.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "core/alloc.h"
 #include "core/input.h"
 #include "io/safetensors.h"
 

@@ -4,11 +4,9 @@
 
 #include <hadalens/pixels.h>
 #include <hadalens/tiff.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <tiffio.h>
 
-#include "core/error.h"
+#include "core/base.h"
 
 /* The structure of a TIFF file, read without libtiff: byte order, classic or Big, and the offset of each directory.
  * One pass reads all directories, so that opening the last page later costs no more than opening the first. */

@@ -2,13 +2,9 @@
 #include <hadalens/limits.h>
 #include <hadalens/tiff.h>
 #include <limits.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "core/alloc.h"
 #include "core/input.h"
 #include "io/text.h"
 #include "io/tiff_meta.h"
@@ -274,8 +270,7 @@ static hada_status take_description(hada_tiff_reader *reader, hada_error *err)
     info->distances = read_distances(reader->description, NULL);
     if (!info->distances)
         return HADA_OK;
-    HADA_TRY(hada_allocated(reader->distances_mm =
-                                hada_alloc((size_t)info->distances, sizeof(double), "the distances", err)));
+    HADA_TRY(HADA_NEW(reader->distances_mm, (size_t)info->distances, "the distances", err));
     read_distances(reader->description, reader->distances_mm);
     info->distances_mm = reader->distances_mm;
     return HADA_OK;

@@ -2,13 +2,9 @@
 #include <float.h>
 #include <hadalens/response.h>
 #include <hadalens/tiff.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 #include <tiff.h>
 #include <unistd.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "core/outfile.h"
 #include "io/tiff_meta.h"
@@ -233,8 +229,7 @@ static void widen_range(hada_tiff_writer *w, const float *values, size_t count)
 static hada_status encode(hada_tiff_writer *w, const float **values, size_t count, hada_error *err)
 {
     if (!w->encoded)
-        HADA_TRY(hada_allocated(w->encoded = hada_alloc_raw((size_t)w->strip_rows * (size_t)w->cols, sizeof(float),
-                                                            "a piece of the TIFF file", err)));
+        HADA_TRY(HADA_NEW_RAW(w->encoded, (size_t)w->strip_rows * (size_t)w->cols, "a piece of the TIFF file", err));
     memcpy(w->encoded, *values, count * sizeof(float));
     hada_response_convert(w->encoded, count, HADA_RESPONSE_LINEAR, w->options.encoding);
     *values = w->encoded;

@@ -2,13 +2,8 @@
 #include "model/model.h"
 
 #include <hadalens/response.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
-#include "core/error.h"
 #include "core/fft_factor.h"
 #include "io/safetensors.h"
 #include "netlist/net_list.h"
@@ -134,7 +129,7 @@ hada_status hada_model_create_head(hada_model **out, const hada_model_info *info
     hada_model *model = NULL;
     *out = NULL;
     HADA_TRY_OR_DONE(hada_model_info_check(info, err));
-    HADA_TRY_OR_DONE(hada_allocated(model = hada_alloc(1, sizeof *model, "a model", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(model, 1, "a model", err));
     const size_t depths = (size_t)info->depths;
     model->info = *info;
     if (model->info.refine_share == 0.0)
@@ -144,8 +139,7 @@ hada_status hada_model_create_head(hada_model **out, const hada_model_info *info
     if (!(info->refine_colour > 0.0)) /* not said */
         model->info.refine_colour = 1.0;
     model->info.enhance = model->info.enhance_rows = model->info.enhance_cols = 0; /* until it has the net */
-    HADA_TRY_OR_DONE(
-        hada_allocated(model->distances = hada_alloc(depths, sizeof *model->distances, "the distances", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(model->distances, depths, "the distances", err));
     if (!(model->name = hada_string_copy(info->name ? info->name : "")))
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for a model"));
     if (info->distances_mm)
@@ -172,9 +166,8 @@ hada_status hada_model_create_arrays(hada_model *model, int with_statistics, had
         HADA_TRY(hada_allocated(model->otf = hada_alloc(pair, 4, "the transfer functions", err)));
     if (with_statistics) {
         HADA_TRY(hada_allocated(model->scene_power = hada_alloc(plane, 4, "the scenes' power", err)));
-        HADA_TRY(hada_allocated(model->noise_power = hada_alloc(images, sizeof(double), "the noise power", err)));
-        HADA_TRY(hada_allocated(model->pairs =
-                                    hada_alloc((size_t)info->depths, sizeof(double), "the numbers of pairs", err)));
+        HADA_TRY(HADA_NEW(model->noise_power, images, "the noise power", err));
+        HADA_TRY(HADA_NEW(model->pairs, (size_t)info->depths, "the numbers of pairs", err));
     }
     return HADA_OK;
 }

@@ -1,12 +1,6 @@
 /* Model files: safetensors with every convention in the metadata (docs/reference/files.md). */
 #include <hadalens/response.h>
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
-#include "core/error.h"
 #include "io/safetensors.h"
 #include "io/text.h"
 #include "model/model.h"
@@ -343,10 +337,8 @@ static hada_status load(hada_model **out, hada_tensors *file, const char *path, 
     if (hada_tensors_find(file, "scene_power")) {
         const size_t images = (size_t)info.depths * (size_t)info.channels;
         model->scene_power = &present;
-        HADA_TRY_OR_DONE(
-            hada_allocated(model->noise_power = hada_alloc(images, sizeof(double), "the noise power", err)));
-        HADA_TRY_OR_DONE(
-            hada_allocated(model->pairs = hada_alloc((size_t)info.depths, sizeof(double), "the pairs", err)));
+        HADA_TRY_OR_DONE(HADA_NEW(model->noise_power, images, "the noise power", err));
+        HADA_TRY_OR_DONE(HADA_NEW(model->pairs, (size_t)info.depths, "the pairs", err));
     }
     HADA_TRY_OR_DONE(take_parts(model, file, path, err));
     if ((status = complete(model, file, err)) != HADA_OK)

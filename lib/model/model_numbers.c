@@ -1,8 +1,6 @@
 /* Numbers in the tensors of a model that no picture could come from. */
-#include <math.h>
-#include <stdio.h>
 
-#include "core/error.h"
+#include "core/base.h"
 #include "core/finite.h"
 #include "model/model.h"
 

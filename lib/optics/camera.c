@@ -1,10 +1,6 @@
 #include <hadalens/camera.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
 #include "core/callers.h"
-#include "core/error.h"
 #include "optics/mask.h"
 
 /* The two small presets are a 36 x 24 mm sensor, binned, with lenses that resolve about one binned pixel. The focus

@@ -1,9 +1,7 @@
 /* Whether a camera is possible. */
 #include <hadalens/camera.h>
-#include <math.h>
 
 #include "core/callers.h"
-#include "core/error.h"
 #include "optics/mask.h"
 
 typedef struct range {

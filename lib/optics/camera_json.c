@@ -2,12 +2,8 @@
 #include <hadalens/camera.h>
 #include <hadalens/limits.h>
 #include <jansson.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
 #include "core/callers.h"
-#include "core/error.h"
 #include "core/input.h"
 #include "core/outfile.h"
 #include "optics/mask.h"

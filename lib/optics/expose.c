@@ -1,10 +1,6 @@
 /* Sensors: checked, and applied to frames. */
 #include "optics/simulator.h"
 
-#include <math.h>
-#include <stdlib.h>
-
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "launch/optics_sensor.h"
 
@@ -104,8 +100,7 @@ static hada_status upload_gain(const hada_simulator *s, const hada_sensor *senso
         HADA_TRY_OR_DONE(hada_buffer_create_from(to, s->slot, sensor->gain->data, bytes, "the vignetting", err));
         goto done;
     }
-    HADA_TRY_OR_DONE(
-        hada_allocated(gain = hada_alloc((size_t)rows * (size_t)cols, sizeof *gain, "the vignetting", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(gain, (size_t)rows * (size_t)cols, "the vignetting", err));
     for (int r = 0; r < rows; r++)
         for (int c = 0; c < cols; c++)
             gain[(size_t)r * (size_t)cols + (size_t)c] = (float)cos4(s, r, c);

@@ -1,9 +1,5 @@
 #include "optics/occlusion.h"
 
-#include <math.h>
-#include <stdlib.h>
-
-#include "core/alloc.h"
 #include "optics/mask.h"
 
 #define PATCHES_MOST 64 /* across */

@@ -1,11 +1,6 @@
 /* Masks: what they do to light at a point. */
 #include "optics/mask.h"
 
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
 #include "core/random.h"
 
 #define SCAN        512  /* points across the aperture, for bounds and pictures of the whole */

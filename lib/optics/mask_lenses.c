@@ -1,9 +1,6 @@
 /* Where the lenses or holes of a mask stand. */
 #include <hadalens/camera.h>
-#include <math.h>
-#include <stdlib.h>
 
-#include "core/error.h"
 #include "core/random.h"
 #include "optics/mask.h"
 

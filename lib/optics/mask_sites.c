@@ -1,8 +1,5 @@
 /* The nearest of many points, found by buckets. */
-#include <math.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "optics/mask.h"
 
 #define BUCKETS_MOST 512 /* a side */
@@ -22,8 +19,8 @@ static int bucket_at(const hada_sites *sites, int i)
 static hada_status sort(hada_sites *sites, hada_error *err)
 {
     const size_t all = (size_t)sites->buckets * (size_t)sites->buckets;
-    HADA_TRY(hada_allocated(sites->first = hada_alloc(all + 1, sizeof(int), "places of a mask", err)));
-    HADA_TRY(hada_allocated(sites->order = hada_alloc((size_t)sites->count, sizeof(int), "places of a mask", err)));
+    HADA_TRY(HADA_NEW(sites->first, all + 1, "places of a mask", err));
+    HADA_TRY(HADA_NEW(sites->order, (size_t)sites->count, "places of a mask", err));
     for (int i = 0; i < sites->count; i++)
         sites->first[bucket_at(sites, i)]++;
     for (size_t k = 1; k <= all; k++)
@@ -109,10 +106,10 @@ static hada_status replace_by_candidates(hada_sites *sites, hada_error *err)
     const int all = sites->buckets * sites->buckets;
     int *first = NULL, *order = NULL, *kept;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(first = hada_alloc((size_t)all + 1, sizeof *first, "places of a mask", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(first, (size_t)all + 1, "places of a mask", err));
     for (int b = 0; b < all; b++)
         first[b + 1] = first[b] + candidates(sites, b / sites->buckets, b % sites->buckets, NULL);
-    HADA_TRY_OR_DONE(hada_allocated(order = hada_alloc((size_t)first[all], sizeof *order, "places of a mask", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(order, (size_t)first[all], "places of a mask", err));
     for (int b = 0; b < all; b++)
         candidates(sites, b / sites->buckets, b % sites->buckets, order + first[b]);
     kept = sites->first, sites->first = first, first = kept;

@@ -1,8 +1,5 @@
 /* Smooth random surfaces, and their level lines. */
-#include <math.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "core/random.h"
 #include "optics/mask.h"

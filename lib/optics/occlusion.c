@@ -1,10 +1,7 @@
 #include "optics/occlusion.h"
 
 #include <hadalens/simulate.h>
-#include <math.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "launch/optics_hide.h"
 #include "optics/mask.h"
 
@@ -59,8 +56,8 @@ static hada_status share_out(hada_taps *taps, int count, const double *x, const 
     double *sums = NULL;
     const size_t size = hada_size_product((size_t)taps->rows, (size_t)taps->cols);
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(sums = hada_alloc(size, sizeof *sums, "the view of a lens", err)));
-    HADA_TRY_OR_DONE(hada_allocated(taps->weight = hada_alloc(size, sizeof *taps->weight, "the view of a lens", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(sums, size, "the view of a lens", err));
+    HADA_TRY_OR_DONE(HADA_NEW(taps->weight, size, "the view of a lens", err));
     for (int i = 0; i < count; i++) {
         const int r = (int)floor(y[i]), c = (int)floor(x[i]);
         const double fy = y[i] - r, fx = x[i] - c;

@@ -8,7 +8,6 @@
 #ifndef HADA_OPTICS_OCCLUSION_H
 #define HADA_OPTICS_OCCLUSION_H
 
-#include "core/error.h"
 #include "optics/mask.h"
 #include "runtime/slot.h"
 

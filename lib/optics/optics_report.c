@@ -1,9 +1,6 @@
 /* What a camera resolves, by its design and by its point spread functions. */
 #include <hadalens/optics.h>
-#include <math.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "fft/fft.h"
 #include "optics/mask.h"
 
@@ -162,7 +159,7 @@ hada_status hada_optics_report_create(hada_optics_report **out, hada_context *co
     hada_status status = HADA_OK;
     *out = NULL;
     HADA_TRY_OR_DONE(hada_camera_take(&camera, callers, err));
-    HADA_TRY_OR_DONE(hada_allocated(report = hada_alloc(1, sizeof *report, "a report", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(report, 1, "a report", err));
     const int lags = (camera.rows < camera.cols ? camera.rows : camera.cols) / 2;
     report->camera = camera;
     report->curves = (hada_optics_curves){.depths = camera.depths,

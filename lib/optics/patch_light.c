@@ -1,10 +1,5 @@
 #include "optics/occlusion.h"
 
-#include <math.h>
-#include <stdlib.h>
-
-#include "core/alloc.h"
-
 #define LEAST 1e-9 /* of the brightest pixel: there is no ray where there is less */
 
 /* The light of a patch, blurred, on the screen. Patches at the edge of the lattice take what is beyond it. */
@@ -40,8 +35,7 @@ hada_status hada_patch_light_make(hada_patch_light *light, const hada_lenses *pa
     *light = (hada_patch_light){.patches = patches, .rows = rows, .cols = cols};
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_rays_make(&light->rays, &patches->design, distance_mm, rows, cols, axis_row, axis_col, err));
-    HADA_TRY_OR_DONE(hada_allocated(
-        light->all = hada_alloc((size_t)rows * (size_t)cols, sizeof *light->all, "the light of patches", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(light->all, (size_t)rows * (size_t)cols, "the light of patches", err));
     for (int p = 0; p < patches->count; p++) {
         int first[2], end[2];
         HADA_TRY_OR_DONE(trace(light, p, err));

@@ -1,10 +1,7 @@
 /* Point spread functions by geometric optics: the mask is sampled by rays, each of which lands as a small Gaussian
  * integrated over the pixels. */
 #include <hadalens/camera.h>
-#include <math.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "optics/mask.h"
 
@@ -135,7 +132,7 @@ hada_status hada_camera_psf_watched(const hada_camera *camera, double distance_m
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a distance of %g mm is not possible; it must be above 0",
                          distance_mm);
     HADA_TRY_OR_DONE(hada_mask_make_watched(&design, camera, monitor, err));
-    HADA_TRY_OR_DONE(hada_allocated(sum = hada_alloc(count, sizeof *sum, "a point spread function", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(sum, count, "a point spread function", err));
     HADA_TRY_OR_DONE(hada_image_create(psf, 1, rows, cols, err));
     HADA_TRY_OR_DONE(hada_mask_has_lenses(&design.camera) ? trace_lenses(&design, distance_mm, rows, cols, sum, err)
                                                           : hada_psf_rays(&design, distance_mm, rows, cols, sum, err));

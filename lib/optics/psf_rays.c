@@ -1,9 +1,6 @@
 /* Point spread functions by rays of masks without lenses: each ray's light is shared among the four pixels round it,
  * and the whole is blurred afterwards. */
-#include <math.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "optics/mask.h"
 
@@ -79,10 +76,9 @@ hada_status hada_rays_make(hada_rays *rays, const hada_mask_design *design, doub
     rays->top = rays->rows;
     rays->left = rays->cols;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(rays->sum = hada_alloc((size_t)rays->rows * (size_t)rays->cols, sizeof *rays->sum,
-                                                           "a point spread function", err)));
-    HADA_TRY_OR_DONE(hada_allocated(rays->line = hada_alloc((size_t)(rays->rows > rays->cols ? rays->rows : rays->cols),
-                                                            sizeof *rays->line, "a point spread function", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(rays->sum, (size_t)rays->rows * (size_t)rays->cols, "a point spread function", err));
+    HADA_TRY_OR_DONE(HADA_NEW(rays->line, (size_t)(rays->rows > rays->cols ? rays->rows : rays->cols),
+                              "a point spread function", err));
 done:
     if (status)
         hada_rays_free(rays);

@@ -1,10 +1,8 @@
 /* Procedural scenes and regions: what to look at when there are no photographs. */
 #include <hadalens/scene.h>
 #include <hadalens/simulate.h>
-#include <math.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "core/random.h"
 
 #define SEQUENCE_SCENE   2 /* of the generator: see core/random.h */

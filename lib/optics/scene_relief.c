@@ -1,10 +1,7 @@
 /* Surfaces that scenes stand on: depth as a share of the camera's range. */
 #include <hadalens/scene.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "core/random.h"
 
 #define SEQUENCE_RELIEF 5    /* of the generator: see core/random.h */
@@ -78,9 +75,9 @@ static hada_status draw_hill(hada_image *out, hada_random *random, hada_error *e
     const int half = (int)ceil(4.0 * width);
     double *one = NULL, *two = NULL, *weight = NULL, sum = 0.0, least = INFINITY, most = -INFINITY;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(one = hada_alloc(count, sizeof *one, "a surface", err)));
-    HADA_TRY_OR_DONE(hada_allocated(two = hada_alloc(count, sizeof *two, "a surface", err)));
-    HADA_TRY_OR_DONE(hada_allocated(weight = hada_alloc(2 * (size_t)half + 1, sizeof *weight, "a surface", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(one, count, "a surface", err));
+    HADA_TRY_OR_DONE(HADA_NEW(two, count, "a surface", err));
+    HADA_TRY_OR_DONE(HADA_NEW(weight, 2 * (size_t)half + 1, "a surface", err));
     for (int k = -half; k <= half; k++)
         sum += weight[k + half] = exp(-0.5 * k * k / (width * width));
     for (int k = 0; k <= 2 * half; k++)

@@ -2,10 +2,7 @@
 #include "optics/simulator.h"
 
 #include <hadalens/scene.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "optics/mask.h"
 
@@ -89,7 +86,7 @@ static hada_status check_psf(const hada_camera *camera, const hada_image *psf, h
 
 static hada_status keep_psf(hada_simulator *s, const hada_image *psf, hada_error *err)
 {
-    HADA_TRY(hada_allocated(s->psf = hada_alloc((size_t)s->camera.depths, sizeof *s->psf, "the PSFs", err)));
+    HADA_TRY(HADA_NEW(s->psf, (size_t)s->camera.depths, "the PSFs", err));
     for (int i = 0; i < s->camera.depths; i++) {
         HADA_TRY(hada_image_create(&s->psf[i], psf[i].channels, psf[i].rows, psf[i].cols, err));
         memcpy(s->psf[i].data, psf[i].data, hada_image_count(&psf[i]) * sizeof(float));
@@ -143,7 +140,7 @@ hada_status hada_simulator_create(hada_simulator **out, hada_context *context, c
     HADA_TRY_OR_DONE(check_options(camera, options, err));
     const hada_image *psf = options->psf;
     const int waves = !psf && camera->optics == HADA_OPTICS_WAVE;
-    HADA_TRY_OR_DONE(hada_allocated(s = hada_alloc(1, sizeof *s, "a simulator", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(s, 1, "a simulator", err));
     s->camera = *camera;
     s->psf_images = waves ? camera->channels : 1;
     s->patch_pixels = PATCH_PIXELS;
@@ -157,8 +154,7 @@ hada_status hada_simulator_create(hada_simulator **out, hada_context *context, c
         watched.monitor = s->monitor;
         HADA_TRY_OR_DONE(hada_wave_create(&s->wave, context, camera, &watched, err));
     }
-    HADA_TRY_OR_DONE(
-        hada_allocated(s->otf = hada_alloc((size_t)camera->depths, sizeof *s->otf, "the transfer functions", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(s->otf, (size_t)camera->depths, "the transfer functions", err));
     HADA_TRY_OR_DONE(hada_slot_create(&s->slot, context, err));
     hada_slot_watch(s->slot, s->monitor);
     HADA_TRY_OR_DONE(make_plans(s, err));

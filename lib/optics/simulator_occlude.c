@@ -1,9 +1,6 @@
 /* Scenes with opaque planes, lens by lens, or patch by patch of a mask without lenses: each sees a plane through what
  * the nearer ones leave open for it. */
-#include <math.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "optics/occlusion.h"
 #include "optics/simulator.h"
 
@@ -89,8 +86,8 @@ static hada_status prepare(occluded *o, hada_error *err)
     if (o->lens < -1 || o->lens >= o->lenses.count)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "lens %d is not among the camera's %d lenses (-1: all)", o->lens,
                            o->lenses.count));
-    HADA_TRY(hada_allocated(o->labels = hada_alloc(pixels, sizeof *o->labels, "the parts of a PSF", err)));
-    HADA_TRY(hada_allocated(o->share = hada_alloc(pixels, sizeof *o->share, "the parts of a PSF", err)));
+    HADA_TRY(HADA_NEW(o->labels, pixels, "the parts of a PSF", err));
+    HADA_TRY(HADA_NEW(o->share, pixels, "the parts of a PSF", err));
     const size_t bytes = field_pixels(o) * sizeof(float);
     HADA_TRY(hada_buffer_create(&o->opaque, context, bytes * (size_t)o->count, "opacities", err));
     HADA_TRY(hada_buffer_create(&o->seen, context, bytes * (size_t)s->camera.channels, "a view", err));
@@ -214,7 +211,7 @@ hada_status hada_simulator_render_occluded(hada_simulator *s, const hada_plane *
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d planes with noise %g is not possible", count, noise);
     hada_layer *layers = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(layers = hada_alloc((size_t)count, sizeof *layers, "a scene", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(layers, (size_t)count, "a scene", err));
     for (int i = 0; i < count; i++) {
         HADA_TRY_OR_DONE(hada_simulator_check_plane(s, &planes[i], err));
         if (opacity && opacity[i])

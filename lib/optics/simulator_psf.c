@@ -1,8 +1,6 @@
 /* PSFs of a simulator: where they stand, and their transfer functions. */
 #include <hadalens/scene.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "optics/simulator.h"
 #include "optics/wave.h"
 
@@ -70,7 +68,7 @@ static hada_status upload_psf(hada_simulator *s, const hada_image *psf, int chan
     float *shifted = NULL;
     const size_t pixels = (size_t)s->rows * (size_t)s->cols;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(shifted = hada_alloc(pixels, sizeof *shifted, "a PSF", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(shifted, pixels, "a PSF", err));
     for (int r = 0; r < psf->rows; r++) {
         const size_t to = (size_t)((r - psf->rows / 2 + s->rows) % s->rows) * (size_t)s->cols,
                      from = (size_t)r * (size_t)psf->cols;
@@ -110,10 +108,8 @@ static hada_status make_room(hada_between *between, hada_error *err)
     hada_status status = HADA_OK;
     if (between->count < between->room)
         return HADA_OK;
-    HADA_TRY_OR_DONE(
-        hada_allocated(more.distance_mm = hada_alloc((size_t)more.room, sizeof *more.distance_mm, "distances", err)));
-    HADA_TRY_OR_DONE(
-        hada_allocated(more.otf = hada_alloc((size_t)more.room, sizeof *more.otf, "the transfer functions", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(more.distance_mm, (size_t)more.room, "distances", err));
+    HADA_TRY_OR_DONE(HADA_NEW(more.otf, (size_t)more.room, "the transfer functions", err));
     for (int i = 0; i < between->count; i++) {
         more.distance_mm[i] = between->distance_mm[i];
         more.otf[i] = between->otf[i];

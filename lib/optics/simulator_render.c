@@ -1,9 +1,6 @@
 /* Raw frames on a device: b = sum_z PSF_z * x_z + noise. */
 #include <limits.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "launch/optics_accumulate.h"
 #include "optics/simulator.h"
 
@@ -52,7 +49,7 @@ hada_status hada_simulator_upload(hada_simulator *s, const hada_image *image, in
     float *wide = NULL;
     hada_status status = HADA_OK;
     if (!whole)
-        HADA_TRY_OR_DONE(hada_allocated(wide = hada_alloc(pixels, sizeof *wide, "a scene", err)));
+        HADA_TRY_OR_DONE(HADA_NEW(wide, pixels, "a scene", err));
     const int row0 = hada_window_origin(field.rows, image->rows), col0 = hada_window_origin(field.cols, image->cols);
     for (int c = 0; c < channels; c++) {
         const float *from =

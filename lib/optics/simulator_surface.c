@@ -1,8 +1,5 @@
 /* Scenes that stand on surfaces: every pixel at its own distance. */
-#include <math.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "optics/mask.h"
 #include "optics/simulator.h"
 
@@ -235,8 +232,7 @@ static hada_status find_reach(const standing *all, stage *on, hada_error *err)
     int *sums = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_allocated(on->reach = hada_alloc(count, count, "a scene", err)));
-    HADA_TRY_OR_DONE(hada_allocated(
-        sums = hada_alloc(((size_t)first->rows + 1) * ((size_t)first->cols + 1), sizeof *sums, "a scene", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(sums, ((size_t)first->rows + 1) * ((size_t)first->cols + 1), "a scene", err));
     for (size_t j = 0; j < count; j++) {
         if (!on->layers[j].opacity)
             continue;
@@ -261,8 +257,8 @@ static hada_status add_opaque(const standing *all, hada_error *err)
     const size_t steps = (size_t)(all->last - all->first + 1), room = steps + steps / OPAQUE_STEPS + 1;
     stage on = {0};
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(on.layers = hada_alloc(room, sizeof *on.layers, "a scene", err)));
-    HADA_TRY_OR_DONE(hada_allocated(on.images = hada_alloc(room, sizeof *on.images, "a scene", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(on.layers, room, "a scene", err));
+    HADA_TRY_OR_DONE(HADA_NEW(on.images, room, "a scene", err));
     HADA_TRY_OR_DONE(stage_light(all, &on, err));
     for (int k = all->first; k <= all->last; k += OPAQUE_STEPS)
         HADA_TRY_OR_DONE(stage_opacity(all, k, &on, err));

@@ -1,10 +1,6 @@
 /* PSFs by wave optics: one channel after the other, lens by lens or the whole mask. */
 #include "optics/wave.h"
 
-#include <math.h>
-#include <stdlib.h>
-
-#include "core/alloc.h"
 #include "core/callers.h"
 
 /* Where nothing is chosen: below the rounding of frames of 8 bits (docs/explanation/simulation.md). */
@@ -47,7 +43,7 @@ hada_status hada_wave_create(hada_wave **out, hada_context *context, const hada_
         options.stray = STRAY;
     if (!(options.stray >= 1e-5 && options.stray <= 0.2))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "stray light of %g is not possible; use 1e-5 to 0.2", options.stray);
-    HADA_TRY_OR_DONE(hada_allocated(wave = hada_alloc(1, sizeof *wave, "wave optics", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(wave, 1, "wave optics", err));
     wave->options = options;
     HADA_TRY_OR_DONE(hada_mask_make_watched(&wave->design, camera, options.monitor, err));
     hada_mask_find_bounds(&wave->design);
@@ -91,7 +87,7 @@ hada_status hada_wave_psf(hada_wave *wave, double distance_mm, int rows, int col
                          distance_mm);
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_image_create(psf, camera->channels, rows, cols, err));
-    HADA_TRY_OR_DONE(hada_allocated(sum = hada_alloc(count, sizeof *sum, "a point spread function", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(sum, count, "a point spread function", err));
     for (int c = 0; c < camera->channels; c++) {
         double wavelength, path_scale, light = 0.0;
         hada_wave_colour(camera, c, &wavelength, &path_scale);

@@ -2,10 +2,7 @@
  * the Fresnel integral's terms in |u|^2 and in u are U(v) ~ integral P(u) exp(i pi (1/z + 1/d - 1/f) |u|^2 / lambda)
  * exp(-2 pi i u v / (lambda d)) du, a Fourier transform on a small grid round the spot, whatever the lens's place; the
  * rest has modulus 1. Light of different lenses adds up as intensity. */
-#include <math.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "optics/wave.h"
 
@@ -80,7 +77,7 @@ hada_status hada_wave_lens_tables(const hada_mask_design *design, hada_wave_lens
     hada_wave_plane *lines = NULL;
     int count = 0;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(lens = hada_alloc((size_t)sites->count, sizeof *lens, "the lenses", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(lens, (size_t)sites->count, "the lenses", err));
     for (int pass = 0; pass < 2; pass++) { /* count, then write */
         count = 0;
         for (int l = 0; l < sites->count; l++) {
@@ -98,7 +95,7 @@ hada_status hada_wave_lens_tables(const hada_mask_design *design, hada_wave_lens
             }
         }
         if (!pass)
-            HADA_TRY_OR_DONE(hada_allocated(lines = hada_alloc((size_t)count + 1, sizeof *lines, "the lenses", err)));
+            HADA_TRY_OR_DONE(HADA_NEW(lines, (size_t)count + 1, "the lenses", err));
     }
     *lenses = lens;
     *planes = lines;
@@ -169,9 +166,8 @@ static hada_status work_make(work *w, const hada_wave *wave, const hada_wave_spo
                                 .real_cols = spot->points,
                                 .real_pitch = (size_t)spot->pitch,
                                 .real_distance = values};
-    HADA_TRY(hada_allocated(w->phases =
-                                hada_alloc(batch * 4 * (size_t)spot->pitch, sizeof(float), "phases of lenses", err)));
-    HADA_TRY(hada_allocated(w->images = hada_alloc(batch * pixels, sizeof(float), "spots of lenses", err)));
+    HADA_TRY(HADA_NEW(w->phases, batch * 4 * (size_t)spot->pitch, "phases of lenses", err));
+    HADA_TRY(HADA_NEW(w->images, batch * pixels, "spots of lenses", err));
     HADA_TRY(hada_fft_create(&w->fft, wave->slot, &desc, err));
     HADA_TRY(hada_buffer_create(&w->field, context, 2 * batch * values * sizeof(float), "fields of lenses", err));
     HADA_TRY(hada_buffer_create(&w->phase, context, batch * 4 * (size_t)spot->pitch * sizeof(float), "phases of lenses",

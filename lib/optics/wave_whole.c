@@ -2,10 +2,7 @@
  * as a plane wave would over d z / (d + z), in coordinates shrunk by the magnification M = 1 + d/z (the Fresnel scaling
  * theorem); pixels are that much smaller there. Free space is a product in the frequency domain, without the
  * frequencies whose light would leave the grid (K. Matsushima, T. Shimobaba, Optics Express 17(22), 19662 (2009)). */
-#include <math.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "optics/wave.h"
 
@@ -157,8 +154,8 @@ static hada_status upload_mask(const hada_wave *wave, struct hada_wave_work *w, 
     const size_t count = (size_t)g->points * (size_t)g->points;
     float *path = NULL, *open = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(path = hada_alloc_raw(count, sizeof *path, "a mask", err)));
-    HADA_TRY_OR_DONE(hada_allocated(open = hada_alloc_raw(count, sizeof *open, "a mask", err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(path, count, "a mask", err));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(open, count, "a mask", err));
     const double middle = 0.5 * (g->points - 1);
     for (int r = 0; r < g->points; r++) {
         HADA_TRY_OR_DONE(hada_monitor_check(wave->design.monitor, err));
@@ -197,7 +194,7 @@ static hada_status make_work(hada_wave *wave, const grid *g, hada_error *err)
         return HADA_OK;
     hada_wave_rest(wave);
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(wave->work = hada_alloc(1, sizeof *wave->work, "wave optics", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(wave->work, 1, "wave optics", err));
     w = wave->work;
     hada_slot *slot = wave->slot;
     w->grid = *g;
@@ -232,7 +229,7 @@ static hada_status upload_phase(const hada_wave *wave, hada_buffer *to, int coun
     const grid *g = &wave->work->grid;
     float *phase = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(phase = hada_alloc(2 * (size_t)count, sizeof *phase, "phases", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(phase, 2 * (size_t)count, "phases", err));
     hada_wave_travel_phase(phase, count, g->n, g->step, t->wavelength, t->reach, limit);
     HADA_TRY_OR_DONE(hada_buffer_create_from(to, wave->slot, phase, 2 * (size_t)count * sizeof(float), "phases", err));
 done:
@@ -281,7 +278,7 @@ static hada_status upload_shares(const hada_wave *wave, hada_buffer *buffer, con
     const grid *g = &wave->work->grid;
     hada_wave_pixel *table = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(table = hada_alloc((size_t)o->count, sizeof *table, "pixels", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(table, (size_t)o->count, "pixels", err));
     /* sample i of the mask, of `points`, stands at (i - (points - 1) / 2) step, and (n - points) / 2 are before it */
     const double begin = (o->sample - (g->n - g->points) / 2 - 0.5 * g->points) * g->step;
     hada_wave_share(table, o->count, (o->first - 0.5 - pixels / 2) * width, width, o->sample_count, begin, g->step);
@@ -330,7 +327,7 @@ static hada_status collect(const hada_wave *wave, double width, int rows, int co
     hada_buffer *buffers[] = {&table_down, &table_across, &part, &pixel};
     float *image = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(image = hada_alloc(pixels, sizeof *image, "a point spread function", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(image, pixels, "a point spread function", err));
     HADA_TRY_OR_DONE(upload_shares(wave, &table_down, &down, rows, width, err));
     HADA_TRY_OR_DONE(upload_shares(wave, &table_across, &across, cols, width, err));
     HADA_TRY_OR_DONE(make_inverse(wave, &down, &across, err));

@@ -8,7 +8,7 @@
 #include <cairo-svg.h>
 #include <cairo.h>
 
-#include "core/error.h"
+#include "core/base.h"
 
 /* Those that are used, without "cairo_". */
 #define HADA_CAIRO_FUNCTIONS(EACH)                                                                                     \

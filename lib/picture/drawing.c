@@ -3,10 +3,7 @@
 #include <dlfcn.h>
 #include <hadalens/preview.h>
 #include <pthread.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "core/outfile.h"
 #include "picture/cairo_functions.h"
 
@@ -93,7 +90,7 @@ hada_status hada_drawing_create(hada_drawing **out, double width, double height,
     hada_drawing *drawing = NULL;
     *out = NULL;
     HADA_TRY_OR_DONE(hada_cairo_load(err));
-    HADA_TRY_OR_DONE(hada_allocated(drawing = hada_alloc(1, sizeof *drawing, "a picture", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(drawing, 1, "a picture", err));
     const cairo_rectangle_t extents = {0, 0, width, height};
     drawing->width = width;
     drawing->height = height;

@@ -6,10 +6,7 @@
 #ifndef HADA_PICTURE_DRAWING_H
 #define HADA_PICTURE_DRAWING_H
 
-#include <math.h>
-#include <stdint.h>
-
-#include "core/error.h"
+#include "core/base.h"
 
 typedef struct hada_drawing hada_drawing;
 

@@ -1,11 +1,6 @@
 /* Figures: axes, what is drawn in their units, and places for labels. */
 #include <hadalens/plot.h>
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "io/text.h"
 #include "picture/drawing.h"
 
@@ -89,7 +84,7 @@ hada_status hada_plot_create(hada_plot **out, double width, double height, hada_
     hada_status status = HADA_OK;
     hada_plot *plot = NULL;
     *out = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(plot = hada_alloc(1, sizeof *plot, "a figure", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(plot, 1, "a figure", err));
     HADA_TRY_OR_DONE(hada_drawing_create(&plot->drawing, width, height, white, err));
     *out = plot;
     plot = NULL;

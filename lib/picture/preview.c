@@ -1,10 +1,6 @@
 /* Previews: one sheet of everything that a frame gave. */
 #include <hadalens/preview.h>
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "io/text.h"
 #include "picture/drawing.h"

@@ -1,12 +1,7 @@
 #include "picture/tone.h"
 
 #include <hadalens/response.h>
-#include <math.h>
-#include <stdint.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "io/text.h"
 
 static uint32_t to_srgb(double linear)

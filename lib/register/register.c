@@ -1,7 +1,4 @@
 /* Registration of the pairs of one depth; registered scenes. */
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
 #include "core/callers.h"
 #include "register/register_inside.h"

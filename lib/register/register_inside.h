@@ -12,7 +12,6 @@
 #include <hadalens/monitor.h>
 #include <hadalens/register.h>
 
-#include "core/error.h"
 #include "image/small_fft.h"
 
 /* Pairs of a depth that are used, at most. */

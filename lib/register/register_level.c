@@ -1,11 +1,5 @@
 #include "register/register_inside.h"
 
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
-
 #define FADE  0.15 /* of the frame, at each edge: cut-off light must not make the edges stand out in the spectra */
 #define RIDGE 0.1  /* of a ring's mean energy */
 
@@ -23,7 +17,7 @@ static hada_status take_frame(hada_register_plane *plane, const float *data, int
     hada_status status = HADA_OK;
     float *faded;
     double mean = 0.0;
-    HADA_TRY_OR_DONE(hada_allocated(faded = hada_alloc_raw(count, sizeof *faded, "a frame", err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(faded, count, "a frame", err));
     for (size_t i = 0; i < count; i++)
         mean += data[i] / (double)count;
     for (int r = 0; r < rows; r++)
@@ -207,8 +201,7 @@ static int ring_of(const hada_register_level *level, int row, int col)
 static hada_status list_bins(hada_register_level *level, hada_error *err)
 {
     const int n = level->size, half = n / 2;
-    HADA_TRY(
-        hada_allocated(level->at = hada_alloc(3 * (size_t)n * (size_t)(half + 1), sizeof(short), "frequencies", err)));
+    HADA_TRY(HADA_NEW(level->at, 3 * (size_t)n * (size_t)(half + 1), "frequencies", err));
     for (int row = -half + 1; row < half; row++)
         for (int col = row > 0 ? 0 : 1; col < half; col++) {
             const int ring = ring_of(level, row, col);
@@ -230,7 +223,7 @@ static hada_status take_frames(hada_register_level *level, hada_error *err)
     const double others =
         is_centred(level) ? 1.0 - 1.0 / (double)count : 1.0; /* the mean leaves the pair out as well */
     HADA_TRY(transform(level, level->set->raws, as_it_is, 0, 0, err));
-    HADA_TRY(hada_allocated(level->b = hada_alloc_raw(2 * count * (size_t)level->bins, sizeof(float), "spectra", err)));
+    HADA_TRY(HADA_NEW_RAW(level->b, 2 * count * (size_t)level->bins, "spectra", err));
     for (int k = 0; k < level->bins; k++) {
         const short *at = level->at + 3 * k;
         float *b = level->b + 2 * count * (size_t)k;
@@ -250,9 +243,8 @@ hada_status hada_register_level_create(hada_register_level *level, const hada_re
     *level = (hada_register_level){.set = set, .size = size, .pitch = (double)set->frame_side / size};
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_small_fft_create(&level->fft, size, err));
-    HADA_TRY_OR_DONE(hada_allocated(level->work = hada_alloc_raw(2 * area, sizeof(float), "a transform", err)));
-    HADA_TRY_OR_DONE(
-        hada_allocated(level->x = hada_alloc_raw(2 * area * (size_t)set->count, sizeof(float), "spectra", err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(level->work, 2 * area, "a transform", err));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(level->x, 2 * area * (size_t)set->count, "spectra", err));
     HADA_TRY_OR_DONE(list_bins(level, err));
     HADA_TRY_OR_DONE(take_frames(level, err));
 done:

@@ -1,9 +1,5 @@
 /* Shifts between depths, from their PSFs. */
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "register/register_inside.h"
 
@@ -158,9 +154,8 @@ hada_status hada_register_offset(const hada_image *psf, const hada_image *other,
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_small_fft_create(&m.fft, n, err));
     HADA_TRY_OR_DONE(hada_register_plane_create(&m.plane, psf->data, psf->rows, psf->cols, err));
-    HADA_TRY_OR_DONE(hada_allocated(m.work = hada_alloc(2 * (size_t)n * (size_t)n, sizeof(float), "a transform", err)));
-    HADA_TRY_OR_DONE(
-        hada_allocated(m.other = hada_alloc(2 * (size_t)n * (size_t)n, sizeof(float), "a transform", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(m.work, 2 * (size_t)n * (size_t)n, "a transform", err));
+    HADA_TRY_OR_DONE(HADA_NEW(m.other, 2 * (size_t)n * (size_t)n, "a transform", err));
     put(other, m.other, n);
     m.other_energy = energy_of(m.other, (size_t)n * (size_t)n);
     hada_small_fft_run(&m.fft, m.other);

@@ -1,11 +1,5 @@
 #include "register/register_inside.h"
 
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
-
 #define PI 3.14159265358979323846
 
 /* Means of 2 x 2; at odd sizes the last row and column stand twice. */
@@ -29,8 +23,7 @@ hada_status hada_register_plane_create(hada_register_plane *plane, const float *
             rows = (rows + 1) / 2;
             cols = (cols + 1) / 2;
         }
-        HADA_TRY_OR_DONE(
-            hada_allocated(plane->data[k] = hada_alloc_raw((size_t)rows * (size_t)cols, sizeof(float), "a copy", err)));
+        HADA_TRY_OR_DONE(HADA_NEW_RAW(plane->data[k], (size_t)rows * (size_t)cols, "a copy", err));
         plane->rows[k] = rows;
         plane->cols[k] = cols;
         plane->levels = k + 1;
@@ -87,7 +80,7 @@ hada_status hada_register_view_create(hada_register_view *view, const hada_regis
     for (int i = 0; i <= 2 * RADIUS; i++)
         weight[i] /= sum;
     const size_t count = (size_t)rows * (size_t)cols;
-    hada_status status = hada_allocated(view->room = hada_alloc_raw(2 * count, sizeof(float), "a smoothed copy", err));
+    hada_status status = HADA_NEW_RAW(view->room, 2 * count, "a smoothed copy", err);
     if (status)
         return status;
     for (int r = 0; r < rows; r++)

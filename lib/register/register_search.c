@@ -1,8 +1,6 @@
 /* From coarse to fine: every orientation, magnification and rotation on a small grid, then the best ones refined. */
 #include "register/register_inside.h"
 
-#include <math.h>
-
 #include "core/callers.h"
 
 #define RADIANS (3.14159265358979323846 / 180.0) /* a degree */

@@ -1,13 +1,9 @@
 /* Compiling, loading and taking binaries of programs. */
 #include <errno.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 #include <xxhash.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "core/input.h"
 #include "core/outfile.h"

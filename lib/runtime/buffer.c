@@ -1,10 +1,6 @@
 #include "runtime/buffer.h"
 
-#include <stdlib.h>
-#include <string.h>
 #include <sys/mman.h>
-
-#include "core/alloc.h"
 
 #define HUGE_PAGE ((size_t)2 << 20)
 

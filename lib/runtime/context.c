@@ -2,7 +2,6 @@
 #include "runtime/context.h"
 
 #include <stdarg.h>
-#include <stdio.h>
 
 void hada_log(const hada_context *context, hada_log_level level, const char *format, ...)
 {

@@ -9,7 +9,7 @@
 #include <pthread.h>
 #include <stdatomic.h>
 
-#include "core/error.h"
+#include "core/base.h"
 
 /* What the library does differently on a device; filled from the table in devices.c. */
 typedef struct hada_quirks {

@@ -1,10 +1,6 @@
 /* Listing devices and describing them. */
 #include <ctype.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "runtime/context.h"
 
 static hada_status no_device(hada_error *err)
@@ -24,7 +20,7 @@ hada_status hada_platform_devices(hada_platform_device **out, size_t *count, had
     if (clGetPlatformIDs(0, NULL, &platforms) != CL_SUCCESS || !platforms)
         return no_device(err);
     cl_platform_id *ids;
-    hada_status status = hada_allocated(ids = hada_alloc(platforms, sizeof *ids, "the list of platforms", err));
+    hada_status status = HADA_NEW(ids, platforms, "the list of platforms", err);
     if (status)
         return status;
     hada_platform_device *devices = NULL;

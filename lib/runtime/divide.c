@@ -1,11 +1,7 @@
 /* Parts of a device, as devices of their own. They are made once and stay: PoCL's threads look at the device of a
  * command after whoever waited for it was told, so that a part that is given back then is read after it is gone. */
 #include <pthread.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "runtime/context.h"
 
 /* Whether the device can be divided in a way. */
@@ -27,7 +23,7 @@ static hada_status describe_parts(cl_device_id device, const hada_device_info *i
 {
     const unsigned each = info->compute_units / parts, rest = info->compute_units % parts;
     const int counts = can(device, CL_DEVICE_PARTITION_BY_COUNTS);
-    hada_status status = hada_allocated(*out = hada_alloc(parts + 3, sizeof **out, "the parts of a device", err));
+    hada_status status = HADA_NEW(*out, parts + 3, "the parts of a device", err);
     if (status)
         return status;
     cl_device_partition_property *list = *out;

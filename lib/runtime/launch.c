@@ -1,9 +1,5 @@
 #include "runtime/launch.h"
 
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "runtime/profile.h"
 

@@ -10,7 +10,6 @@
 #ifndef HADA_RUNTIME_LAUNCH_H
 #define HADA_RUNTIME_LAUNCH_H
 
-#include "core/alloc.h"
 #include "runtime/buffer.h"
 #include "runtime/program.h"
 #include "runtime/slot.h"

@@ -1,10 +1,5 @@
 #include "runtime/memory.h"
 
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
-
 void hada_dry_begin(hada_dry *dry, const hada_context *of)
 {
     hada_context *context = &dry->context;
@@ -114,11 +109,10 @@ hada_status hada_lifetimes_plan(hada_piece *pieces, int count, size_t alignment,
             return hada_fail(err, HADA_ERROR_ARGUMENT, "lifetimes: %s ends before it begins, or is too large",
                              pieces[i].what);
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(list = hada_alloc((size_t)count, sizeof *list, "a memory plan", err)));
-    HADA_TRY_OR_DONE(hada_allocated(near = hada_alloc((size_t)count, sizeof *near, "a memory plan", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(list, (size_t)count, "a memory plan", err));
+    HADA_TRY_OR_DONE(HADA_NEW(near, (size_t)count, "a memory plan", err));
     /* at most one buffer for each piece */
-    HADA_TRY_OR_DONE(
-        hada_allocated(arenas->bytes = hada_alloc((size_t)count, sizeof *arenas->bytes, "a memory plan", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(arenas->bytes, (size_t)count, "a memory plan", err));
     for (int i = 0; i < count; i++) {
         const size_t bytes = pieces[i].bytes;
         list[i] = (placed){&pieces[i], i, hada_round_up(bytes, alignment)};
@@ -174,7 +168,7 @@ static hada_status note(hada_scratch *scratch, hada_lifetime lifetime, size_t by
     if (scratch->count == scratch->capacity) {
         hada_piece *more;
         const int capacity = scratch->capacity ? 2 * scratch->capacity : 32;
-        HADA_TRY(hada_allocated(more = hada_alloc((size_t)capacity, sizeof *more, "a memory plan", err)));
+        HADA_TRY(HADA_NEW(more, (size_t)capacity, "a memory plan", err));
         if (scratch->count)
             memcpy(more, scratch->pieces, (size_t)scratch->count * sizeof *more);
         free(scratch->pieces);
@@ -218,8 +212,7 @@ uint64_t hada_scratch_apart(const hada_scratch *scratch)
 hada_status hada_scratch_make(hada_scratch *scratch, hada_context *context, hada_error *err)
 {
     const int count = scratch->arenas.count;
-    HADA_TRY(
-        hada_allocated(scratch->buffers = hada_alloc((size_t)count, sizeof *scratch->buffers, "a memory plan", err)));
+    HADA_TRY(HADA_NEW(scratch->buffers, (size_t)count, "a memory plan", err));
     for (int i = 0; i < count; i++)
         HADA_TRY(
             hada_buffer_create(&scratch->buffers[i], context, scratch->arenas.bytes[i], "the working memory", err));

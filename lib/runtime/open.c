@@ -3,11 +3,7 @@
 
 #include <hadalens/opencl.h>
 #include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "kernels/shared_local.h"
 #include "runtime/program.h"
@@ -54,7 +50,7 @@ static hada_status choose_device(hada_context *context, const hada_context_optio
     int part, parts;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_platform_devices(&devices, &count, err));
-    HADA_TRY_OR_DONE(hada_allocated(infos = hada_alloc(count, sizeof *infos, "the list of devices", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(infos, count, "the list of devices", err));
     for (size_t i = 0; i < count; i++)
         HADA_TRY_OR_DONE(hada_device_describe(devices[i].platform, devices[i].device, (int)i, &infos[i], err));
     HADA_TRY_OR_DONE(find_device(options, infos, count, &chosen, &part, &parts, err));
@@ -190,7 +186,7 @@ static hada_status open_context(hada_context **out, const adopted *from, const h
     hada_status status = HADA_OK;
     *out = NULL;
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&options, callers, hada_context_options, err));
-    HADA_TRY_OR_DONE(hada_allocated(context = hada_alloc(1, sizeof *context, "a context", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(context, 1, "a context", err));
     context->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     context->log = options.log;
     context->log_user = options.log_user;

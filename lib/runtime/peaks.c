@@ -1,10 +1,7 @@
 #include "runtime/peaks.h"
 
 #include <hadalens/profile.h>
-#include <math.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "core/clock.h"
 #include "kernels/shared_peaks.h"
 #include "launch/peak_copy.h"

@@ -1,11 +1,5 @@
 #include "runtime/profile.h"
 
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
-
 /* Events held at a time: many events that live at once slow some drivers down. */
 enum { PENDING = 512 };
 
@@ -76,7 +70,7 @@ hada_status hada_slot_profile(hada_slot *slot, int on, hada_error *err)
     if (!on)
         return HADA_OK;
     HADA_TRY(hada_slot_time(slot, err));
-    return hada_allocated(slot->profile = hada_alloc(1, sizeof *slot->profile, "a profile", err));
+    return HADA_NEW(slot->profile, 1, "a profile", err);
 }
 
 /* The row of a stage and name; created if missing. */
@@ -91,7 +85,7 @@ static hada_status row_of(hada_kernel_time **rows, size_t *count, size_t *room, 
     if (*count == *room) {
         hada_kernel_time *larger;
         const size_t more = *room ? 2 * *room : 32;
-        hada_status status = hada_allocated(larger = hada_alloc(more, sizeof *larger, "a profile", err));
+        hada_status status = HADA_NEW(larger, more, "a profile", err);
         if (status)
             return status;
         if (*count)

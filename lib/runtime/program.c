@@ -2,12 +2,8 @@
 #include "runtime/program.h"
 
 #include <inttypes.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <xxhash.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 
 static char *cache_folder(const hada_context *context, const hada_context_options *options)
@@ -32,7 +28,7 @@ static char *cache_folder(const hada_context *context, const hada_context_option
 hada_status hada_program_store_create(hada_context *context, const hada_context_options *options, hada_error *err)
 {
     hada_program_store *store;
-    hada_status status = hada_allocated(store = hada_alloc(1, sizeof *store, "the program store", err));
+    hada_status status = HADA_NEW(store, 1, "the program store", err);
     if (status)
         return status;
     store->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
@@ -149,7 +145,7 @@ static hada_status get_locked(hada_context *context, const char *file, const cha
             return HADA_OK;
         }
     hada_program_entry *entry;
-    hada_status status = hada_allocated(entry = hada_alloc(1, sizeof *entry, "a program", err));
+    hada_status status = HADA_NEW(entry, 1, "a program", err);
     if (status)
         return status;
     entry->file = hada_string_copy(file);

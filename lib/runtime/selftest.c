@@ -1,7 +1,5 @@
 #include "runtime/context.h"
 
-#include <string.h>
-
 #include "launch/selftest.h"
 #include "runtime/buffer.h"
 

@@ -1,9 +1,6 @@
 /* Queue slots: made and unmade. */
 #include "runtime/slot.h"
 
-#include <stdlib.h>
-
-#include "core/alloc.h"
 #include "runtime/launch.h"
 #include "runtime/profile.h"
 
@@ -11,7 +8,7 @@ hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error 
 {
     hada_slot *slot = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(slot = hada_alloc(1, sizeof *slot, "a queue slot", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(slot, 1, "a queue slot", err));
     slot->context = context;
     if (!context->dry) {
         HADA_TRY_OR_DONE(hada_kernel_objects_create(slot, err));
@@ -42,8 +39,7 @@ void hada_slot_destroy(hada_slot **pointer)
 
 hada_status hada_kernel_objects_create(hada_slot *slot, hada_error *err)
 {
-    return hada_allocated(slot->kernels =
-                              hada_alloc((size_t)hada_kernel_object_count, sizeof *slot->kernels, "a queue slot", err));
+    return HADA_NEW(slot->kernels, (size_t)hada_kernel_object_count, "a queue slot", err);
 }
 
 void hada_kernel_objects_destroy(hada_slot *slot)

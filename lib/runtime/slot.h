@@ -8,7 +8,6 @@
 #include <hadalens/monitor.h>
 #include <stdatomic.h>
 
-#include "core/alloc.h"
 #include "runtime/context.h"
 
 typedef struct hada_profile hada_profile;             /* runtime/profile.h */

@@ -3,13 +3,9 @@
 
 #include <errno.h>
 #include <fcntl.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/file.h>
 #include <unistd.h>
 
-#include "core/alloc.h"
 #include "core/input.h"
 #include "core/outfile.h"
 
@@ -114,7 +110,7 @@ hada_status hada_tuning_read(hada_tuning **out, const char *path, hada_error *er
         hada_error_prefix(err, "the tuning file %s ", path);
         return status;
     }
-    HADA_TRY_OR_DONE(hada_allocated(tuning = hada_alloc(1, sizeof *tuning, "a tuning file", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(tuning, 1, "a tuning file", err));
     tuning->path = hada_string_copy(path);
     if (!tuning->path)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for a tuning file"));

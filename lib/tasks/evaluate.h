@@ -6,7 +6,7 @@
 #include <hadalens/task_evaluate.h>
 #include <hadalens/tiff.h>
 
-#include "core/error.h"
+#include "core/base.h"
 
 typedef struct hada_region {
     int rows, cols;  /* of the window; 0: the whole image */

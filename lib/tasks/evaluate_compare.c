@@ -1,10 +1,6 @@
 /* One result against its truth. */
 #include "tasks/evaluate.h"
 
-#include <math.h>
-#include <stdlib.h>
-
-#include "core/alloc.h"
 #include "metrics/metrics.h"
 
 enum { SSIM_LEAST = 11 }; /* its window */

@@ -2,11 +2,7 @@
 #include "tasks/evaluate.h"
 
 #include <hadalens/folder.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "io/folder.h"
 
 /* The distances that the NAME_stack.tif beside a NAME_depth.tif (or another tail) states, freed with free(); 0 of them
@@ -30,7 +26,7 @@ static hada_status distances_beside(double **out, int *count, const char *map_pa
         goto done;
     const hada_tiff_info *info = hada_tiff_get_info(reader);
     *count = info->distances;
-    HADA_TRY_OR_DONE(hada_allocated(*out = hada_alloc((size_t)*count + 1, sizeof **out, "distances", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(*out, (size_t)*count + 1, "distances", err));
     for (int z = 0; z < *count; z++)
         (*out)[z] = info->distances_mm[z];
 done:

@@ -2,11 +2,7 @@
 
 #include <hadalens/folder.h>
 #include <hadalens/response.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "io/folder.h"
 #include "io/tiff_meta.h"
 
@@ -67,7 +63,7 @@ hada_status hada_compared_open(hada_compared *open, const char *result, const ch
     HADA_TRY(open_tiff(&open->result, result, err));
     HADA_TRY(open_tiff(&open->truth, truth, err));
     open->count = hada_tiff_get_info(open->truth)->frames;
-    HADA_TRY(hada_allocated(open->page = hada_alloc((size_t)open->count, sizeof *open->page, "a list of pages", err)));
+    HADA_TRY(HADA_NEW(open->page, (size_t)open->count, "a list of pages", err));
     const int equal = hada_tiff_get_info(open->result)->frames == open->count;
     for (int t = 0; t < open->count; t++)
         open->page[t] = equal ? t : -1;

@@ -2,10 +2,6 @@
 
 #include <hadalens/scene.h>
 #include <hadalens/tiff.h>
-#include <math.h>
-#include <stdlib.h>
-
-#include "core/alloc.h"
 
 hada_status hada_region_read(hada_region *region, const hada_evaluate_task *task, hada_error *err)
 {

@@ -2,10 +2,6 @@
 
 #include <hadalens/preview.h>
 #include <hadalens/response.h>
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 #include "io/folder.h"

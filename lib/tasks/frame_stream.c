@@ -1,8 +1,5 @@
 #include "tasks/frames.h"
 
-#include <stdlib.h>
-
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "io/folder.h"
 #include "io/tiff_page.h"
@@ -16,7 +13,7 @@ hada_status hada_stream_begin(hada_stream *stream, hada_plan *plan, const hada_m
 {
     *stream =
         (hada_stream){.plan = plan, .model = model, .paths = paths, .count = count, .ahead = ahead, .monitor = monitor};
-    return hada_allocated(stream->ring = hada_alloc((size_t)ahead, sizeof *stream->ring, "frames in flight", err));
+    return HADA_NEW(stream->ring, (size_t)ahead, "frames in flight", err);
 }
 
 static hada_streamed *at(const hada_stream *stream, int place)

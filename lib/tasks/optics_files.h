@@ -4,7 +4,7 @@
 
 #include <hadalens/task_optics.h>
 
-#include "core/error.h"
+#include "core/base.h"
 
 /* depths.csv, mtf.csv, self_correlation.csv, correlation.csv. */
 hada_status hada_optics_tables(const hada_optics_report *report, const char *folder, hada_error *err);

@@ -1,12 +1,7 @@
 /* Figures about a camera: the tables as curves. */
 #include <hadalens/plot.h>
 #include <hadalens/preview.h>
-#include <math.h>
-#include <stddef.h>
-#include <stdio.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "io/folder.h"
 #include "io/text.h"
 #include "tasks/optics_files.h"
@@ -56,7 +51,7 @@ static hada_status plot_family(const hada_optics_report *report, const family *f
     double *y = NULL, at = 70;
     int depth[CURVES];
     const int curves = chosen(report, depth);
-    HADA_TRY_OR_DONE(hada_allocated(y = hada_alloc((size_t)f->count, sizeof *y, "a figure", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(y, (size_t)f->count, "a figure", err));
     HADA_TRY_OR_DONE(hada_plot_create(&plot, 640, 420, err));
     for (int i = 0; i < curves; i++) {
         char number[32], text[40];
@@ -174,8 +169,7 @@ hada_status hada_optics_plots(const hada_optics_report *report, const char *fold
     double *x = NULL;
     if (!hada_pictures_available())
         return HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(
-        x = hada_alloc((size_t)(longest > curves->depths ? longest : curves->depths), sizeof *x, "a figure", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(x, (size_t)(longest > curves->depths ? longest : curves->depths), "a figure", err));
     for (int i = 0; i < curves->frequencies; i++)
         x[i] = (i + 0.5) / (2.0 * curves->frequencies);
     const family mtf = {.name = "mtf",

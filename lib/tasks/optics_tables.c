@@ -1,11 +1,7 @@
 /* Tables and pictures about a camera. */
 #include <hadalens/folder.h>
 #include <hadalens/preview.h>
-#include <math.h>
-#include <stddef.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "io/folder.h"
 #include "io/text.h"
 #include "optics/mask.h"
@@ -152,7 +148,7 @@ hada_status hada_optics_lenses(const hada_camera *camera, const char *folder, ha
     hada_status status = HADA_OK;
     hada_text text = {0};
     double *x = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(x = hada_alloc(2 * count + 1, sizeof *x, "the lenses", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(x, 2 * count + 1, "the lenses", err));
     HADA_TRY_OR_DONE(hada_camera_lenses(camera, x, x + count, err));
     hada_text_add(&text, "x_mm,y_mm\n");
     for (size_t i = 0; i < count; i++) {

@@ -4,9 +4,7 @@
 #include <hadalens/scene.h>
 #include <hadalens/tiff.h>
 #include <limits.h>
-#include <stdlib.h>
 
-#include "core/error.h"
 #include "io/folder.h"
 
 /* Far apart in the seed, so that neighbouring numbers share nothing: 2^64 over the golden ratio, odd. */

@@ -3,9 +3,6 @@
 #include <hadalens/scene.h>
 #include <hadalens/tiff.h>
 #include <jansson.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
 #include "io/folder.h"
 #include "io/text.h"

@@ -6,7 +6,6 @@
 #include <hadalens/scene.h>
 #include <hadalens/simulate.h>
 #include <hadalens/task_simulate.h>
-#include <stdint.h>
 
 #include "core/callers.h"
 

@@ -1,8 +1,6 @@
 /* Results against the truth: which files go together. */
 #include <hadalens/folder.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "io/folder.h"
 #include "tasks/evaluate.h"
@@ -79,8 +77,7 @@ static hada_status list_folders(hada_evaluate_report *report, const char *result
     char **names = NULL;
     int count = 0, alone = 0;
     HADA_TRY_OR_DONE(hada_folder_list_tiffs(truth, &names, &count, err));
-    HADA_TRY_OR_DONE(
-        hada_allocated(report->rows = hada_alloc((size_t)count + 1, sizeof *report->rows, "a list of files", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(report->rows, (size_t)count + 1, "a list of files", err));
     for (int i = 0; i < count; i++)
         HADA_TRY_OR_DONE(add_file(report, result, truth, names[i], &alone, err));
     if (!report->count)
@@ -97,7 +94,7 @@ done:
 
 static hada_status list_files(hada_evaluate_report *report, const char *result, const char *truth, hada_error *err)
 {
-    HADA_TRY(hada_allocated(report->rows = hada_alloc(1, sizeof *report->rows, "a list of files", err)));
+    HADA_TRY(HADA_NEW(report->rows, 1, "a list of files", err));
     return add(report, result, result, truth, err);
 }
 
@@ -129,7 +126,7 @@ hada_status hada_evaluate_run(hada_evaluate_report **out, const char *result, co
         HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_ARGUMENT, "options.peak and options.tolerance must be greater than zero"));
     HADA_TRY_OR_DONE(hada_region_read(&region, &task, err));
-    HADA_TRY_OR_DONE(hada_allocated(report = hada_alloc(1, sizeof *report, "a report", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(report, 1, "a report", err));
     HADA_TRY_OR_DONE(list(report, result, truth, task.monitor, err));
     for (int i = 0; i < report->count; i++) {
         HADA_TRY_OR_DONE(hada_evaluate_compare(&report->rows[i], &task, &region, err));

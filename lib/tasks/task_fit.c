@@ -1,11 +1,8 @@
 /* A camera from a data set, or from saved sums. */
 #include <hadalens/camera.h>
 #include <hadalens/task_fit.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "fit/fit_sums.h"
 #include "fit/fitter.h"
@@ -237,7 +234,7 @@ static hada_status fill_report(learning *of, hada_error *err)
 {
     owned_report *own = of->report;
     const size_t depths = (size_t)of->fitter->grid.info.depths;
-    HADA_TRY(hada_allocated(own->pairs = hada_alloc(depths, sizeof *own->pairs, "a report", err)));
+    HADA_TRY(HADA_NEW(own->pairs, depths, "a report", err));
     memcpy(own->pairs, hada_fitter_get_info(of->fitter)->pairs, depths * sizeof *own->pairs);
     own->rows = of->fitter->rows;
     own->scores = hada_fit_rows_list(&own->rows);
@@ -280,7 +277,7 @@ hada_status hada_fit_run(hada_model **out, hada_fit_report **report, hada_contex
     if (report)
         *report = NULL;
     HADA_TRY_OR_DONE(take_task(&of, task, err));
-    HADA_TRY_OR_DONE(hada_allocated(of.report = hada_alloc(1, sizeof *of.report, "a report", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(of.report, 1, "a report", err));
     HADA_TRY_OR_DONE(data ? learn_pairs(&of, context, out, err) : learn_sums(&of, context, out, err));
     HADA_TRY_OR_DONE(fill_report(&of, err));
     if (of.task.half)

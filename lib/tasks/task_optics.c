@@ -3,7 +3,6 @@
 #include <hadalens/preview.h>
 #include <hadalens/task_optics.h>
 #include <hadalens/tiff.h>
-#include <stdlib.h>
 
 #include "core/callers.h"
 #include "io/folder.h"

@@ -1,10 +1,7 @@
 /* A camera from its point spread functions. */
 #include <hadalens/task_fit.h>
 #include <hadalens/tiff.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "io/folder.h"
 #include "io/tiff_page.h"
@@ -73,10 +70,8 @@ static hada_status read_pages(pages *of, const char *path, const hada_psf_task *
     }
     HADA_TRY_OR_DONE(hada_tiff_check_all(reader, err));
     of->count = hada_tiff_get_info(reader)->frames;
-    HADA_TRY_OR_DONE(
-        hada_allocated(of->distances_mm = hada_alloc((size_t)of->count, sizeof(double), "distances", err)));
-    HADA_TRY_OR_DONE(
-        hada_allocated(of->image = hada_alloc((size_t)of->count, sizeof *of->image, "point spread functions", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(of->distances_mm, (size_t)of->count, "distances", err));
+    HADA_TRY_OR_DONE(HADA_NEW(of->image, (size_t)of->count, "point spread functions", err));
     HADA_TRY_OR_DONE(find_distances(of, reader, path, task, err));
     for (int z = 0; z < of->count; z++) {
         HADA_TRY_OR_DONE(hada_tiff_read(reader, z, &of->image[z], err));

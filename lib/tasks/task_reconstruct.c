@@ -1,10 +1,7 @@
 /* Files through a plan: whose turn it is, what is written, what failed. */
 #include <hadalens/response.h>
 #include <hadalens/task_reconstruct.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "dispatch/plan.h"
 #include "io/folder.h"
@@ -56,8 +53,7 @@ static void tell(run *own, hada_files_event event, const hada_streamed *frame)
 /* Two inputs must not write the same files. */
 static hada_status make_names(run *own, hada_error *err)
 {
-    HADA_TRY(
-        hada_allocated(own->names = hada_alloc((size_t)own->count, sizeof *own->names, "the names of files", err)));
+    HADA_TRY(HADA_NEW(own->names, (size_t)own->count, "the names of files", err));
     for (int i = 0; i < own->count; i++) {
         HADA_TRY(hada_path_stem(&own->names[i], own->paths[i], err));
         for (int k = 0; k < i; k++)
@@ -77,8 +73,8 @@ static hada_status choose_files(run *own, hada_error *err)
     HADA_TRY(hada_communicator_check(own->task.communicator, err));
     HADA_TRY(HADA_OPTIONS_TAKE(&ranks, own->task.communicator, hada_communicator, err));
     own->task.communicator = NULL;
-    HADA_TRY(hada_allocated(own->todo = hada_alloc((size_t)own->count, sizeof *own->todo, "the files", err)));
-    HADA_TRY(hada_allocated(own->here = hada_alloc((size_t)own->count, sizeof *own->here, "the files", err)));
+    HADA_TRY(HADA_NEW(own->todo, (size_t)own->count, "the files", err));
+    HADA_TRY(HADA_NEW(own->here, (size_t)own->count, "the files", err));
     for (int i = 0; i < own->count; i++) {
         if (!hada_is_mine(&ranks, i))
             continue;

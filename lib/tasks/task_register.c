@@ -3,13 +3,8 @@
 #include <fcntl.h>
 #include <hadalens/task_register.h>
 #include <hadalens/tiff.h>
-#include <math.h>
-#include <stdint.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "core/input.h"
 #include "dataset/dataset.h"
@@ -187,10 +182,10 @@ hada_status hada_register_run(hada_register_report **out, const hada_dataset *da
     hada_register_task_init(&task);
     HADA_TRY(HADA_OPTIONS_TAKE(&task, callers, hada_register_task, err));
     const size_t depths = (size_t)hada_dataset_get_info(data)->depths;
-    HADA_TRY(hada_allocated(own = hada_alloc(1, sizeof *own, "a report", err)));
+    HADA_TRY(HADA_NEW(own, 1, "a report", err));
     *out = &own->report;
-    HADA_TRY_OR_DONE(hada_allocated(own->depth = hada_alloc(depths, sizeof *own->depth, "a report", err)));
-    HADA_TRY_OR_DONE(hada_allocated(own->list = hada_alloc(depths + 1, sizeof *own->list, "a report", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(own->depth, depths, "a report", err));
+    HADA_TRY_OR_DONE(HADA_NEW(own->list, depths + 1, "a report", err));
     own->report.depths = own->list;
     HADA_TRY_OR_DONE(find_all(own, data, &task, err));
 done:

@@ -1,8 +1,6 @@
 /* What a simulated data set is made of: scenes for pairs and tests, a simulator, a sensor. */
-#include <math.h>
 
 #include "core/callers.h"
-#include "core/error.h"
 #include "io/folder.h"
 #include "tasks/simulated_scenes.h"
 

@@ -1,7 +1,5 @@
 /* What a training begins with: pairs in two parts, a model, a trainer, the log's folder. */
 #include <hadalens/task_fit.h>
-#include <math.h>
-#include <stdlib.h>
 
 #include "core/callers.h"
 #include "io/folder.h"

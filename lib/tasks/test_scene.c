@@ -1,10 +1,5 @@
 #include "tasks/simulated_scenes.h"
 
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
-
 /* Opaque objects are two in so many regions for each depth: small enough for the outer lenses to see past. */
 enum { REGIONS_OF_OBJECTS = 8, REGIONS_OF_ONE = 2 };
 
@@ -72,8 +67,7 @@ static hada_status stack(hada_test_scene *scene, const int *labels, const hada_s
     const hada_image *whole = &scene->whole;
     hada_image picture = {0};
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(
-        hada_allocated(scene->opacity = hada_alloc((size_t)scene->count, sizeof *scene->opacity, "a test scene", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(scene->opacity, (size_t)scene->count, "a test scene", err));
     HADA_TRY_OR_DONE(hada_image_crop(&scene->planes[last], whole, 0, 0, whole->rows, whole->cols, err));
     for (size_t i = 0; i < hada_image_count(&scene->map); i++)
         scene->map.data[i] = (float)camera->distances_mm[scene->depths[last]];
@@ -94,12 +88,9 @@ hada_status hada_test_scene_make(hada_test_scene *scene, const hada_scenes *sour
     int *labels = NULL;
     hada_status status = HADA_OK;
     *scene = (hada_test_scene){.count = count};
-    HADA_TRY_OR_DONE(
-        hada_allocated(scene->planes = hada_alloc((size_t)count, sizeof *scene->planes, "a test scene", err)));
-    HADA_TRY_OR_DONE(
-        hada_allocated(scene->depths = hada_alloc((size_t)count, sizeof *scene->depths, "a test scene", err)));
-    HADA_TRY_OR_DONE(
-        hada_allocated(labels = hada_alloc((size_t)rows * (size_t)cols, sizeof *labels, "a test scene", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(scene->planes, (size_t)count, "a test scene", err));
+    HADA_TRY_OR_DONE(HADA_NEW(scene->depths, (size_t)count, "a test scene", err));
+    HADA_TRY_OR_DONE(HADA_NEW(labels, (size_t)rows * (size_t)cols, "a test scene", err));
     choose_depths(seed, camera->depths, count, scene->depths);
     HADA_TRY_OR_DONE(hada_scenes_get(source, number, &scene->whole, NULL, err));
     HADA_TRY_OR_DONE(hada_scene_regions(labels, seed, occlude ? REGIONS_OF_OBJECTS * count : count, rows, cols, err));
@@ -120,8 +111,8 @@ hada_status hada_test_scene_render(const hada_test_scene *scene, hada_simulator 
     hada_status status = HADA_OK;
     if (scene->surfaces)
         return hada_simulator_render_reliefs(simulator, reliefs, scene->surfaces, scene->opaque, noise, seed, raw, err);
-    HADA_TRY_OR_DONE(hada_allocated(planes = hada_alloc((size_t)scene->count, sizeof *planes, "a test scene", err)));
-    HADA_TRY_OR_DONE(hada_allocated(opacity = hada_alloc((size_t)scene->count, sizeof *opacity, "a test scene", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(planes, (size_t)scene->count, "a test scene", err));
+    HADA_TRY_OR_DONE(HADA_NEW(opacity, (size_t)scene->count, "a test scene", err));
     for (int k = 0; k < scene->count; k++) {
         planes[k] = (hada_plane){scene->depths[k], &scene->planes[k]};
         opacity[k] = scene->opacity && scene->opacity[k].data ? &scene->opacity[k] : NULL;

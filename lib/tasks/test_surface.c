@@ -3,11 +3,7 @@
 #include <hadalens/folder.h>
 #include <hadalens/metrics.h>
 #include <hadalens/tiff.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "io/folder.h"
 
 /* Kinds beside those of hada_relief_kind. */
@@ -46,7 +42,7 @@ hada_status hada_surface_words_read(hada_surface_words *words, const char *list,
     *words = (hada_surface_words){0};
     for (const char *at = list; *at; at++)
         room += *at == ',';
-    HADA_TRY(hada_allocated(words->words = hada_alloc(room, sizeof *words->words, "a list of surfaces", err)));
+    HADA_TRY(HADA_NEW(words->words, room, "a list of surfaces", err));
     for (const char *at = list;; at++) {
         const size_t length = strcspn(at, ",");
         HADA_TRY(add_word(words, at, length, err));
@@ -159,7 +155,7 @@ static hada_status lay_over(hada_test_scene *scene, const hada_scenes *source, i
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_scenes_get(source, number, over, NULL, err));
     HADA_TRY_OR_DONE(hada_image_create(&scene->over, 1, over->rows, over->cols, err));
-    HADA_TRY_OR_DONE(hada_allocated(labels = hada_alloc(pixels, sizeof *labels, "a test scene", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(labels, pixels, "a test scene", err));
     HADA_TRY_OR_DONE(hada_scene_regions(labels, seed, 2, over->rows, over->cols, err));
     for (size_t i = 0; i < pixels; i++) {
         scene->map.data[i] = OVERLAP_FAR;
@@ -211,10 +207,8 @@ hada_status hada_test_surface_make(hada_test_scene *scene, const hada_surface_wo
         test < words->count && (hada_relief_kind)hada_enum_value(HADA_ENUM_RELIEF, word) != HADA_RELIEF_HILL ? 0 : seed;
     const int overlap = !strcmp(word, overlap_word);
     *scene = (hada_test_scene){.count = camera->depths, .surfaces = 1, .opaque = opaque && !overlap};
-    HADA_TRY(
-        hada_allocated(scene->planes = hada_alloc((size_t)scene->count, sizeof *scene->planes, "a test scene", err)));
-    HADA_TRY(
-        hada_allocated(scene->depths = hada_alloc((size_t)scene->count, sizeof *scene->depths, "a test scene", err)));
+    HADA_TRY(HADA_NEW(scene->planes, (size_t)scene->count, "a test scene", err));
+    HADA_TRY(HADA_NEW(scene->depths, (size_t)scene->count, "a test scene", err));
     HADA_TRY(hada_scenes_get(source, number, &scene->light[0], NULL, err));
     const hada_image *light = &scene->light[0];
     HADA_TRY(hada_image_crop(&scene->whole, light, 0, 0, light->rows, light->cols, err));

@@ -6,13 +6,8 @@
 #include <hadalens/preview.h>
 #include <hadalens/scene.h>
 #include <limits.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
-#include "core/alloc.h"
-#include "core/error.h"
 #include "core/input.h"
 #include "core/outfile.h"
 #include "io/folder.h"
@@ -52,7 +47,7 @@ static hada_status remember_row(hada_train_log *log, uint64_t step, const hada_v
 {
     hada_validation *copy = NULL;
     HADA_TRY(grow((void **)&log->rows, log->row_count, &log->row_room, sizeof *log->rows, err));
-    HADA_TRY(hada_allocated(copy = hada_alloc(1, sizeof *copy, "the log of a training", err)));
+    HADA_TRY(HADA_NEW(copy, 1, "the log of a training", err));
     *copy = *result;
     log->rows[log->row_count++] = (hada_train_row){step, copy};
     return HADA_OK;

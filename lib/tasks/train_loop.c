@@ -1,9 +1,5 @@
 #include "tasks/train_loop.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-
 #include "core/callers.h"
 #include "core/clock.h"
 #include "io/folder.h"

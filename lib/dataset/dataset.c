@@ -128,8 +128,7 @@ static hada_status make(hada_dataset **out, hada_pair_store *store, hada_error *
     const size_t depths = (size_t)store->depths;
     HADA_TRY(HADA_NEW(*out, 1, "a data set", err));
     HADA_TRY(HADA_NEW((*out)->first, depths, "a data set", err));
-    HADA_TRY(HADA_NEW((*out)->counts, depths, "a data set", err));
-    return HADA_OK;
+    return HADA_NEW((*out)->counts, depths, "a data set", err);
 }
 
 hada_status hada_dataset_open(hada_dataset **out, hada_pair_store *store, hada_error *err)
@@ -351,10 +350,7 @@ hada_status hada_dataset_from_images(hada_dataset **out, int depths, const doubl
 
 static hada_status load(hada_image *image, const char *path, hada_error *err)
 {
-    const hada_status status = hada_tiff_load(path, 0, image, err);
-    if (status)
-        hada_error_prefix_path(err, path);
-    return status;
+    return hada_named(hada_tiff_load(path, 0, image, err), path, err);
 }
 
 /* Reads a pair, by its number over all depths, from its files or by the caller's function. */

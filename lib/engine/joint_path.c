@@ -275,6 +275,5 @@ hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada
     HADA_TRY(hada_pipeline_enhance(pipeline, frame, planes_of(pipeline), k.count, 1, err));
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_enhance, err));
     HADA_TRY(focus(pipeline, frame, k.count, err));
-    HADA_TRY(read_planes(pipeline, frame, k.count, err));
-    return HADA_OK;
+    return read_planes(pipeline, frame, k.count, err);
 }

@@ -72,8 +72,7 @@ hada_status hada_pipeline_find_surface(hada_pipeline *pipeline, hada_frame *fram
     *found = !result->in_vain;
     if (*found)
         *energy = result->energy[result->levels - 1];
-    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_refine, err));
-    return HADA_OK;
+    return hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_refine, err);
 }
 
 /* Millimetres from depths, which are linear in 1 / distance between those of the camera; NaN where there is no light,

@@ -252,10 +252,7 @@ static hada_status resume(adding *of, hada_error *err)
     const hada_fit_part *part = of->part;
     if (!part->path || !part->resume || !hada_path_is_file(part->path))
         return HADA_OK;
-    const hada_status status = hada_fitter_load_sums(of->fitter, part->path, err);
-    if (status)
-        hada_error_prefix_path(err, part->path);
-    HADA_TRY(status);
+    HADA_TRY(hada_named(hada_fitter_load_sums(of->fitter, part->path, err), part->path, err));
     for (int z = 0; z < of->info->depths; z++) {
         const range mine = share_of(&of->fitter->grid.communicator, of->info, z);
         if (of->fitter->sums.depth[depth_of(of->fitter, of->info->distances_mm[z])].pairs > mine.end - mine.begin)

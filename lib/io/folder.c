@@ -73,6 +73,17 @@ hada_status hada_path_format(char **out, hada_error *err, const char *format, ..
     return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the name of a file");
 }
 
+hada_status hada_path_write(hada_path out, hada_error *err, const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    const int length = vsnprintf(out, sizeof(hada_path), format, arguments);
+    va_end(arguments);
+    return length >= 0 && (size_t)length < sizeof(hada_path)
+               ? HADA_OK
+               : hada_fail(err, HADA_ERROR_FILE_OPEN, "the name of a file is too long: %.200s...", out);
+}
+
 size_t hada_name_stem(const char *name)
 {
     const char *dot = strrchr(name, '.');
@@ -93,23 +104,26 @@ void hada_error_prefix_path(hada_error *err, const char *path)
         hada_error_prefix(err, "%s: ", path);
 }
 
+hada_status hada_named(hada_status status, const char *path, hada_error *err)
+{
+    if (status)
+        hada_error_prefix_path(err, path);
+    return status;
+}
+
 /* Tried rather than asked: permissions, read-only mounts and full disks all show. */
 static hada_status try_file(const char *folder, hada_error *err)
 {
-    char *probe;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_path_format(&probe, err, "%s/.hadalens-XXXXXX", folder));
+    hada_path probe;
+    HADA_TRY(hada_path_write(probe, err, "%s/.hadalens-XXXXXX", folder));
     const int file = mkstemp(probe);
-    if (file < 0) {
-        status = hada_fail(err, HADA_ERROR_FILE_WRITE,
-                           "nothing can be written in the folder %s: %s; choose another with options.output", folder,
-                           strerror(errno));
-    } else {
-        close(file);
-        unlink(probe);
-    }
-    free(probe);
-    return status;
+    if (file < 0)
+        return hada_fail(err, HADA_ERROR_FILE_WRITE,
+                         "nothing can be written in the folder %s: %s; choose another with options.output", folder,
+                         strerror(errno));
+    close(file);
+    unlink(probe);
+    return HADA_OK;
 }
 
 hada_status hada_folder_ensure(const char *path, hada_error *err)
@@ -125,7 +139,8 @@ hada_status hada_folder_ensure(const char *path, hada_error *err)
 hada_status hada_file_check_target(const char *path, hada_error *err)
 {
     HADA_NEED(path, err);
-    char *folder = NULL, *real = NULL;
+    char *real = NULL;
+    hada_path folder;
     struct stat old;
     hada_status status = HADA_OK;
     if (hada_path_is_folder(path))
@@ -133,14 +148,13 @@ hada_status hada_file_check_target(const char *path, hada_error *err)
     HADA_TRY_OR_DONE(hada_outfile_check(path, &real, &old, err));
     const char *slash = strrchr(path, '/');
     const int length = slash == path ? 1 : slash ? (int)(slash - path) : 1;
-    HADA_TRY_OR_DONE(hada_path_format(&folder, err, "%.*s", length, slash ? path : "."));
+    HADA_TRY_OR_DONE(hada_path_write(folder, err, "%.*s", length, slash ? path : "."));
     if (!hada_path_is_folder(folder))
         HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_FILE_WRITE, "%s cannot be written: there is no folder %s", path, folder));
     HADA_TRY_OR_DONE(hada_folder_ensure(folder, err));
 done:
     free(real);
-    free(folder);
     return status;
 }
 
@@ -248,14 +262,10 @@ static hada_status find_target(char **target, const char *path, hada_error *err)
 static hada_status ensure_parent(const char *path, hada_error *err)
 {
     const char *slash = strrchr(path, '/');
-    char *parent = NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(
-        hada_path_format(&parent, err, "%.*s", slash ? (int)(slash - path) + (slash == path) : 1, slash ? path : "."));
-    HADA_TRY_OR_DONE(hada_folder_ensure(parent, err));
-done:
-    free(parent);
-    return status;
+    hada_path parent;
+    HADA_TRY(
+        hada_path_write(parent, err, "%.*s", slash ? (int)(slash - path) + (slash == path) : 1, slash ? path : "."));
+    return hada_folder_ensure(parent, err);
 }
 
 /* Mode and owner of the empty folder that is replaced. */

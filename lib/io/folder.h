@@ -34,7 +34,13 @@ size_t hada_name_stem(const char *name);
 /* A name from a format, on the heap. No %g or %f here, which would follow the locale. */
 hada_status hada_path_format(char **out, hada_error *err, const char *format, ...) HADA_PRINTF(3, 4);
 
+/* The same on the stack: paths of more bytes the system itself refuses. */
+typedef char hada_path[4096];
+hada_status hada_path_write(hada_path out, hada_error *err, const char *format, ...) HADA_PRINTF(3, 4);
+
 /* Puts "PATH: " before a message, unless it begins so already. */
 void hada_error_prefix_path(hada_error *err, const char *path);
+/* Does so where `status` is an error, and returns it: HADA_TRY(hada_named(read(path, err), path, err)). */
+hada_status hada_named(hada_status status, const char *path, hada_error *err);
 
 #endif

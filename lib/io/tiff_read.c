@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "core/input.h"
+#include "io/folder.h"
 #include "io/text.h"
 #include "io/tiff_meta.h"
 #include "io/tiff_page.h"
@@ -349,11 +350,9 @@ const hada_tiff_info *hada_tiff_get_info(const hada_tiff_reader *reader)
 
 hada_status hada_tiff_check_all(const hada_tiff_reader *reader, hada_error *err)
 {
-    const hada_status status =
-        hada_tiff_budget((uint64_t)reader->info.frames * frame_values(&reader->info), 0, reader->chain.bytes, err);
-    if (status)
-        hada_error_prefix(err, "%s: ", reader->path);
-    return status;
+    return hada_named(
+        hada_tiff_budget((uint64_t)reader->info.frames * frame_values(&reader->info), 0, reader->chain.bytes, err),
+        reader->path, err);
 }
 
 static hada_status read_raw_image(const hada_tiff_reader *reader, size_t number, hada_pixel_type form, void *out,

@@ -312,8 +312,7 @@ static hada_status make_inverse(const hada_wave *wave, const overlap *down, cons
     hada_fft_destroy(&w->inverse);
     w->down = *down;
     w->across = *across;
-    HADA_TRY(hada_fft_create(&w->inverse, wave->slot, &desc, err));
-    return HADA_OK;
+    return hada_fft_create(&w->inverse, wave->slot, &desc, err);
 }
 
 /* From the transform of the field to pixels. */

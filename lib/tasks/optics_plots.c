@@ -26,13 +26,9 @@ static unsigned colour_of(int curve)
 
 static hada_status save(const hada_plot *plot, const char *folder, const char *name, hada_error *err)
 {
-    hada_status status = HADA_OK;
-    char *path = NULL;
-    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/%s.svg", folder, name));
-    HADA_TRY_OR_DONE(hada_plot_save(plot, path, err));
-done:
-    free(path);
-    return status;
+    hada_path path;
+    HADA_TRY(hada_path_write(path, err, "%s/%s.svg", folder, name));
+    return hada_plot_save(plot, path, err);
 }
 
 /* One panel with a curve for each chosen depth, and a legend above. */

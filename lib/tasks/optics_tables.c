@@ -113,13 +113,12 @@ static void put_correlation(hada_text *out, const hada_optics_report *report)
 static hada_status write_text(hada_text *text, const char *folder, const char *name, hada_error *err)
 {
     hada_status status = HADA_OK;
-    char *path = NULL;
+    hada_path path;
     if (text->failed)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s", name));
-    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/%s", folder, name));
+    HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/%s", folder, name));
     HADA_TRY_OR_DONE(hada_file_write(path, text->data, text->length, err));
 done:
-    free(path);
     free(text->data);
     *text = (hada_text){0};
     return status;
@@ -186,10 +185,10 @@ hada_status hada_optics_mask(const hada_camera *camera, const char *folder, cons
     hada_status status = HADA_OK;
     hada_image thickness = {0}, open = {0};
     hada_mask_design design = {.monitor = monitor};
-    char *path = NULL;
+    hada_path path;
     if (!hada_pictures_available())
         return HADA_OK;
-    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/mask.png", folder));
+    HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/mask.png", folder));
     HADA_TRY_OR_DONE(hada_mask_make_watched(&design, camera, monitor, err));
     HADA_TRY_OR_DONE(hada_mask_map(&design, SIDE, SIDE, &thickness, &open, err));
     shade(&open, &thickness);
@@ -198,6 +197,5 @@ done:
     hada_mask_free(&design);
     hada_image_destroy(&thickness);
     hada_image_destroy(&open);
-    free(path);
     return status;
 }

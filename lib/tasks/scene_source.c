@@ -70,18 +70,17 @@ static hada_status load(const hada_scenes *scenes, const char *path, hada_image 
     HADA_TRY_OR_DONE(hada_scene_fit(image, &picture, scenes->rows, scenes->cols, err));
 done:
     hada_image_destroy(&picture);
-    if (status)
-        hada_error_prefix_path(err, path);
-    return status;
+    return hada_named(status, path, err);
 }
 
 hada_status hada_scenes_get(const hada_scenes *scenes, int index, hada_image *image, char **name, hada_error *err)
 {
-    char *path = NULL, *text = NULL;
+    char *text = NULL;
+    hada_path path;
     hada_status status = HADA_OK;
     if (scenes->folder) {
         const char *file = scenes->names[index % scenes->count];
-        HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/%s", scenes->folder, file));
+        HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/%s", scenes->folder, file));
         HADA_TRY_OR_DONE(hada_path_stem(&text, file, err));
         HADA_TRY_OR_DONE(load(scenes, path, image, err));
     } else {
@@ -95,7 +94,6 @@ hada_status hada_scenes_get(const hada_scenes *scenes, int index, hada_image *im
         text = NULL;
     }
 done:
-    free(path);
     free(text);
     return status;
 }

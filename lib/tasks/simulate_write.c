@@ -22,16 +22,12 @@ static hada_status save(const char *folder, const char *name, const hada_image *
                         hada_error *err)
 {
     hada_tiff_write_options options;
-    char *path = NULL;
-    hada_status status = HADA_OK;
+    hada_path path;
     hada_tiff_write_options_init(&options);
     options.bits = bits;
     options.encoding = stated(encoding);
-    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/%s.tif", folder, name));
-    HADA_TRY_OR_DONE(hada_tiff_save(path, image, &options, err));
-done:
-    free(path);
-    return status;
+    HADA_TRY(hada_path_write(path, err, "%s/%s.tif", folder, name));
+    return hada_tiff_save(path, image, &options, err);
 }
 
 /* The part of a scene in the window. */
@@ -91,9 +87,9 @@ static hada_status write_psf(const hada_recipe *recipe, const char *folder, hada
     const float scale = recipe->has_sensor ? (float)recipe->sensor.exposure : 1.0f;
     hada_tiff_writer *writer = NULL;
     hada_image psf = {0};
-    char *path = NULL;
+    hada_path path;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/psf.tif", folder));
+    HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/psf.tif", folder));
     for (int z = 0; z < camera->depths; z++) {
         HADA_TRY_OR_DONE(hada_simulator_psf(recipe->simulator, z, &psf, err));
         for (size_t i = 0; i < hada_image_count(&psf); i++)
@@ -108,7 +104,6 @@ done:
     if (writer)
         hada_tiff_abandon(&writer);
     hada_image_destroy(&psf);
-    free(path);
     return status;
 }
 
@@ -136,20 +131,17 @@ done:
 
 static hada_status write_depth(hada_recipe *recipe, int z, const char *folder, hada_error *err)
 {
-    char *raw = NULL, *scene = NULL, distance[32];
-    hada_status status = HADA_OK;
+    char distance[32];
+    hada_path raw, scene;
     hada_format_exact(distance, sizeof distance, recipe->camera.distances_mm[z]);
-    HADA_TRY_OR_DONE(hada_path_format(&raw, err, "%s/z%smm/raw", folder, distance));
-    HADA_TRY_OR_DONE(hada_path_format(&scene, err, "%s/z%smm/scene", folder, distance));
-    HADA_TRY_OR_DONE(make_folders(raw, scene, err));
+    HADA_TRY(hada_path_write(raw, err, "%s/z%smm/raw", folder, distance));
+    HADA_TRY(hada_path_write(scene, err, "%s/z%smm/scene", folder, distance));
+    HADA_TRY(make_folders(raw, scene, err));
     for (int i = 0; i < recipe->task.pairs; i++) {
-        HADA_TRY_OR_DONE(write_pair(recipe, z, i, raw, scene, err));
-        HADA_TRY_OR_DONE(hada_progress_step(&recipe->progress, NULL, err));
+        HADA_TRY(write_pair(recipe, z, i, raw, scene, err));
+        HADA_TRY(hada_progress_step(&recipe->progress, NULL, err));
     }
-done:
-    free(raw);
-    free(scene);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status write_truth_stack(const hada_test_scene *scene, const hada_camera *camera, double response,
@@ -158,9 +150,9 @@ static hada_status write_truth_stack(const hada_test_scene *scene, const hada_ca
     const int rows = camera->window_rows, cols = camera->window_cols;
     hada_tiff_writer *writer = NULL;
     hada_image dark = {0}, window = {0};
-    char *path = NULL;
+    hada_path path;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/%s_stack.tif", folder, name));
+    HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/%s_stack.tif", folder, name));
     HADA_TRY_OR_DONE(hada_image_create(&dark, camera->channels, rows, cols, err));
     HADA_TRY_OR_DONE(create_stack(&writer, path, camera, camera->channels, rows, cols, response, err));
     for (int z = 0, k = 0; z < camera->depths; z++) {
@@ -177,7 +169,6 @@ done:
         hada_tiff_abandon(&writer);
     hada_image_destroy(&window);
     hada_image_destroy(&dark);
-    free(path);
     return status;
 }
 
@@ -227,19 +218,15 @@ done:
 
 static hada_status write_tests(hada_recipe *recipe, const char *folder, hada_error *err)
 {
-    char *raw = NULL, *truth = NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_path_format(&raw, err, "%s/test/raw", folder));
-    HADA_TRY_OR_DONE(hada_path_format(&truth, err, "%s/test/truth", folder));
-    HADA_TRY_OR_DONE(make_folders(raw, truth, err));
+    hada_path raw, truth;
+    HADA_TRY(hada_path_write(raw, err, "%s/test/raw", folder));
+    HADA_TRY(hada_path_write(truth, err, "%s/test/truth", folder));
+    HADA_TRY(make_folders(raw, truth, err));
     for (int t = 0; t < recipe->task.tests; t++) {
-        HADA_TRY_OR_DONE(write_test(recipe, t, raw, truth, err));
-        HADA_TRY_OR_DONE(hada_progress_step(&recipe->progress, NULL, err));
+        HADA_TRY(write_test(recipe, t, raw, truth, err));
+        HADA_TRY(hada_progress_step(&recipe->progress, NULL, err));
     }
-done:
-    free(raw);
-    free(truth);
-    return status;
+    return HADA_OK;
 }
 
 static json_t *sensor_json(const hada_recipe *recipe)
@@ -267,37 +254,34 @@ static json_t *sensor_json(const hada_recipe *recipe)
 static hada_status write_sensor(const hada_recipe *recipe, const char *folder, hada_error *err)
 {
     const hada_simulator_options *o = &recipe->simulator_options;
-    char *path = NULL, *text = NULL;
+    char *text = NULL;
+    hada_path path;
     hada_status status = HADA_OK;
     if (!recipe->has_sensor && !o->shift_rows && !o->shift_cols && !o->field_rows &&
         recipe->task.scene_response == HADA_RESPONSE_LINEAR)
         return HADA_OK;
     json_t *document = sensor_json(recipe);
-    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/sensor.json", folder));
+    HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/sensor.json", folder));
     text = document ? json_dumps(document, JSON_INDENT(2) | JSON_REAL_PRECISION(12)) : NULL;
     if (!text)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s", path));
     HADA_TRY_OR_DONE(hada_file_write(path, text, strlen(text), err));
 done:
     free(text);
-    free(path);
     json_decref(document);
     return status;
 }
 
 hada_status hada_recipe_write(hada_recipe *recipe, const char *folder, hada_error *err)
 {
-    char *path = NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/camera.json", folder));
-    HADA_TRY_OR_DONE(hada_camera_save(&recipe->camera, path, err));
-    HADA_TRY_OR_DONE(write_sensor(recipe, folder, err));
-    HADA_TRY_OR_DONE(write_psf(recipe, folder, err));
+    hada_path path;
+    HADA_TRY(hada_path_write(path, err, "%s/camera.json", folder));
+    HADA_TRY(hada_camera_save(&recipe->camera, path, err));
+    HADA_TRY(write_sensor(recipe, folder, err));
+    HADA_TRY(write_psf(recipe, folder, err));
     for (int z = 0; z < recipe->camera.depths; z++)
-        HADA_TRY_OR_DONE(write_depth(recipe, z, folder, err));
+        HADA_TRY(write_depth(recipe, z, folder, err));
     if (recipe->task.tests)
-        HADA_TRY_OR_DONE(write_tests(recipe, folder, err));
-done:
-    free(path);
-    return status;
+        HADA_TRY(write_tests(recipe, folder, err));
+    return HADA_OK;
 }

@@ -53,20 +53,20 @@ static hada_status add_file(hada_evaluate_report *report, const char *folder, co
                             const char *file, int *alone, hada_error *err)
 {
     hada_status status = HADA_OK;
-    char *stem = NULL, *result = NULL, *truth = NULL;
+    char *stem = NULL, *result = NULL;
+    hada_path truth;
     if (hada_stem_ends(file, hada_stem_of(file), "_depth2")) /* goes with NAME_depth.tif */
         return HADA_OK;
     HADA_TRY_OR_DONE(hada_path_stem(&stem, file, err));
     HADA_TRY_OR_DONE(find_result(&result, folder, stem, err));
     *alone += !result;
     if (result) {
-        HADA_TRY_OR_DONE(hada_path_format(&truth, err, "%s/%s", truth_folder, file));
+        HADA_TRY_OR_DONE(hada_path_write(truth, err, "%s/%s", truth_folder, file));
         HADA_TRY_OR_DONE(add(report, file, result, truth, err));
     }
 done:
     free(stem);
     free(result);
-    free(truth);
     return status;
 }
 

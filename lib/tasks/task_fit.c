@@ -103,10 +103,7 @@ static hada_status merge(learning *of, int first, hada_error *err)
 {
     hada_status status = HADA_OK;
     for (int i = first; i < of->task.merge_count; i++) {
-        status = hada_fitter_load_sums(of->fitter, of->task.merge[i], err);
-        if (status)
-            hada_error_prefix_path(err, of->task.merge[i]);
-        HADA_TRY(status);
+        HADA_TRY(hada_named(hada_fitter_load_sums(of->fitter, of->task.merge[i], err), of->task.merge[i], err));
     }
     return status;
 }

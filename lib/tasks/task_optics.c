@@ -53,8 +53,7 @@ static hada_status source_get(source *from, const hada_camera *camera, int z, ha
 static hada_status write_psf(hada_tiff_writer **writer, const hada_camera *camera, const hada_image *psf,
                              const char *folder, hada_error *err)
 {
-    hada_status status = HADA_OK;
-    char *path = NULL;
+    hada_path path;
     if (!*writer) {
         hada_tiff_write_options how;
         hada_tiff_write_options_init(&how);
@@ -62,27 +61,21 @@ static hada_status write_psf(hada_tiff_writer **writer, const hada_camera *camer
         how.slices = camera->depths;
         how.times = 1;
         how.distances_mm = camera->distances_mm;
-        HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/psf.tif", folder));
-        HADA_TRY_OR_DONE(hada_tiff_create(writer, path, psf->channels, psf->rows, psf->cols, &how, err));
+        HADA_TRY(hada_path_write(path, err, "%s/psf.tif", folder));
+        HADA_TRY(hada_tiff_create(writer, path, psf->channels, psf->rows, psf->cols, &how, err));
     }
-    HADA_TRY_OR_DONE(hada_tiff_write(*writer, psf, err));
-done:
-    free(path);
-    return status;
+    return hada_tiff_write(*writer, psf, err);
 }
 
 static hada_status write_picture(const hada_image *psf, double distance, const char *folder, hada_error *err)
 {
-    hada_status status = HADA_OK;
-    char *path = NULL, number[32];
+    char number[32];
+    hada_path path;
     if (!hada_pictures_available())
         return HADA_OK;
     hada_format_exact(number, sizeof number, distance);
-    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/psf_z%smm.png", folder, number));
-    HADA_TRY_OR_DONE(hada_png_save(path, psf, HADA_AUTO, PSF_GAMMA, err));
-done:
-    free(path);
-    return status;
+    HADA_TRY(hada_path_write(path, err, "%s/psf_z%smm.png", folder, number));
+    return hada_png_save(path, psf, HADA_AUTO, PSF_GAMMA, err);
 }
 
 /* What one run works on. */
@@ -123,8 +116,8 @@ static hada_status fill_folder(void *user, const char *folder, hada_error *err)
     const int holes = camera->mask == HADA_MASK_APERTURE && !(camera->cell_mm > 0.0);
     hada_status status = HADA_OK;
     source from = {.monitor = r->task->monitor};
-    char *path = NULL;
-    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/camera.json", folder));
+    hada_path path;
+    HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/camera.json", folder));
     HADA_TRY_OR_DONE(hada_camera_save(camera, path, err));
     HADA_TRY_OR_DONE(hada_optics_mask(camera, folder, r->task->monitor, err));
     if (camera->mask == HADA_MASK_MLA || camera->mask == HADA_MASK_GRID || holes)
@@ -137,7 +130,6 @@ static hada_status fill_folder(void *user, const char *folder, hada_error *err)
 done:
     hada_tiff_close(&from.reader);
     hada_wave_destroy(&from.wave);
-    free(path);
     return status;
 }
 

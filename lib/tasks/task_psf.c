@@ -63,11 +63,8 @@ static hada_status to_colour(hada_image *image, hada_error *err)
 static hada_status read_pages(pages *of, const char *path, const hada_psf_task *task, hada_error *err)
 {
     hada_tiff_reader *reader = NULL;
-    hada_status status = hada_tiff_open(&reader, path, err);
-    if (status) {
-        hada_error_prefix_path(err, path);
-        return status;
-    }
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_tiff_open(&reader, path, err));
     HADA_TRY_OR_DONE(hada_tiff_check_all(reader, err));
     of->count = hada_tiff_get_info(reader)->frames;
     HADA_TRY_OR_DONE(HADA_NEW(of->distances_mm, (size_t)of->count, "distances", err));
@@ -95,10 +92,8 @@ hada_status hada_psf_run(hada_model **out, hada_context *context, const char *pa
     if (!path)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "hada_psf_run: a file is needed"));
     HADA_TRY_OR_DONE(read_pages(&of, path, task, err));
-    status = hada_model_from_psf(out, context, of.image, of.count, of.distances_mm, task->psf, err);
-    if (status)
-        hada_error_prefix_path(err, path);
-    HADA_TRY_OR_DONE(status);
+    HADA_TRY_OR_DONE(
+        hada_named(hada_model_from_psf(out, context, of.image, of.count, of.distances_mm, task->psf, err), path, err));
     if (task->half)
         HADA_TRY_OR_DONE(hada_model_make_half(out, err));
 done:

@@ -144,9 +144,7 @@ done:
     pictures_return(&of);
     hada_image_destroy(last);
     *last = psf;
-    if (status)
-        hada_error_prefix_path(err, hada_dataset_get_info(data)->folders[z]);
-    return status;
+    return hada_named(status, hada_dataset_get_info(data)->folders[z], err);
 }
 
 static hada_status find_all(owned_report *report, const hada_dataset *data, const hada_register_task *task,
@@ -266,38 +264,30 @@ static const char *name_of(const char *path)
 static hada_status write_pair(const writing *w, int z, int i, const char *raws, const char *scenes, hada_error *err)
 {
     const hada_pair_files *from = &hada_dataset_get_info(w->data)->files[z][i];
-    char *raw = NULL, *scene = NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_path_format(&raw, err, "%s/%s", raws, name_of(from->raw)));
-    HADA_TRY_OR_DONE(hada_path_format(&scene, err, "%s/%s", scenes, name_of(from->scene)));
+    hada_path raw, scene;
+    HADA_TRY(hada_path_write(raw, err, "%s/%s", raws, name_of(from->raw)));
+    HADA_TRY(hada_path_write(scene, err, "%s/%s", scenes, name_of(from->scene)));
     /* a link to what a link leads to: one that is relative would lead elsewhere from here */
     if (linkat(AT_FDCWD, from->raw, AT_FDCWD, raw, AT_SYMLINK_FOLLOW))
-        HADA_TRY_OR_DONE(copy_file(from->raw, raw, err));
-    HADA_TRY_OR_DONE(write_scene(w, from->scene, scene, w->report->depths[z]->applied, err));
-done:
-    free(raw);
-    free(scene);
-    return status;
+        HADA_TRY(copy_file(from->raw, raw, err));
+    return write_scene(w, from->scene, scene, w->report->depths[z]->applied, err);
 }
 
 static hada_status write_depth(writing *w, int z, const char *folder, hada_error *err)
 {
     const hada_dataset_info *info = hada_dataset_get_info(w->data);
-    char *raws = NULL, *scenes = NULL, distance[32];
-    hada_status status = HADA_OK;
+    char distance[32];
+    hada_path raws, scenes;
     hada_format_exact(distance, sizeof distance, info->distances_mm[z]);
-    HADA_TRY_OR_DONE(hada_path_format(&raws, err, "%s/z%smm/raw", folder, distance));
-    HADA_TRY_OR_DONE(hada_path_format(&scenes, err, "%s/z%smm/scene", folder, distance));
-    HADA_TRY_OR_DONE(hada_folder_ensure(raws, err));
-    HADA_TRY_OR_DONE(hada_folder_ensure(scenes, err));
+    HADA_TRY(hada_path_write(raws, err, "%s/z%smm/raw", folder, distance));
+    HADA_TRY(hada_path_write(scenes, err, "%s/z%smm/scene", folder, distance));
+    HADA_TRY(hada_folder_ensure(raws, err));
+    HADA_TRY(hada_folder_ensure(scenes, err));
     for (int i = 0; i < info->counts[z]; i++) {
-        HADA_TRY_OR_DONE(write_pair(w, z, i, raws, scenes, err));
-        HADA_TRY_OR_DONE(hada_progress_step(&w->progress, NULL, err));
+        HADA_TRY(write_pair(w, z, i, raws, scenes, err));
+        HADA_TRY(hada_progress_step(&w->progress, NULL, err));
     }
-done:
-    free(raws);
-    free(scenes);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status write_all(void *user, const char *folder, hada_error *err)

@@ -127,9 +127,7 @@ static hada_status read_map(hada_image *out, const char *path, const hada_scenes
 done:
     hada_tiff_close(&reader);
     hada_image_destroy(&map);
-    if (status)
-        hada_error_prefix_path(err, path);
-    return status;
+    return hada_named(status, path, err);
 }
 
 static hada_status make_map(hada_image *map, const char *word, const hada_scenes *source, const hada_camera *camera,

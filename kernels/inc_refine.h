@@ -95,10 +95,18 @@ REFINE_INLINE refine_real refine_band(refine_real energy, uint i, uint rows, uin
 }
 #endif
 
-/* The data step e = scale (a - b) on values from ... to - 1 of a, in place, shared out to the group; has_b 0: b is 0.
- * Returns the item's sum of e^2. */
-REFINE_INLINE float refine_data_step(__global float *a, __global const float *b, int has_b, uint from, uint to,
-                                     float scale)
+/* What a pixel of weight w keeps of the difference a - b between its light and its value b: w / (w + mu) of it. A weight
+ * below zero is that of a saturated pixel, whose true value is b or more: it has the size |w|, and where a is above b
+ * nothing is kept. For scalars and vectors. */
+#define REFINE_LEAST_WEIGHT 1e-30f
+#define REFINE_WEIGHED(difference, w, mu)                                                                              \
+    (((w) < 0.0f ? min(difference, 0.0f) : (difference)) * (fabs(w) / fmax(fabs(w) + (mu), REFINE_LEAST_WEIGHT)))
+
+/* The data step on values from ... to - 1 of a, in place, shared out to the group: e = scale (a - b), of which a pixel
+ * keeps what its weight says; has_b 0: b is 0; has_weights 0: e itself. Returns the item's sum of e^2. */
+REFINE_INLINE float refine_data_step(__global float *a, __global const float *b, int has_b,
+                                     __global const float *weights, int has_weights, uint from, uint to, float scale,
+                                     float mu)
 {
     float sum = 0.0f;
 #if REFINE_WIDTH == 8
@@ -109,6 +117,8 @@ REFINE_INLINE float refine_data_step(__global float *a, __global const float *b,
         if (has_b)
             v -= vload8(0, b + i);
         v *= scale;
+        if (has_weights)
+            v = REFINE_WEIGHED(v, vload8(0, weights + i), mu);
         VECTORS_STORE8(__global, v, a + i);
         lanes = fma(v, v, lanes);
     }
@@ -117,7 +127,9 @@ REFINE_INLINE float refine_data_step(__global float *a, __global const float *b,
 #else
     for (uint i = from + get_local_id(0); i < to; i += REFINE_GROUP) {
 #endif
-        const float v = (has_b ? a[i] - b[i] : a[i]) * scale;
+        float v = (has_b ? a[i] - b[i] : a[i]) * scale;
+        if (has_weights)
+            v = REFINE_WEIGHED(v, weights[i], mu);
         a[i] = v;
         sum = fma(v, v, sum);
     }

@@ -116,21 +116,24 @@ refine_score(__global const float *otf, __global const int *list, __global const
 }
 
 /* The data step where a sensor crops: a (the split variable plus its dual, within the frame) becomes the dual
- *     e = scale (a - b),   scale = 1 / (1 + mu),
- * in place; b is the frame (use_frame 0: b is taken as 0, for plain energies). partial[plane][slice]: sum of e^2.
- * Dimensions: slices of pixels, planes; plane p belongs to channel p % channels of the frame. */
+ *     e = (a - b) w / (w + mu),
+ * in place; b is the frame (use_frame 0: b is taken as 0, for plain energies), w a pixel's weight (inc_refine.h), without
+ * weights 1. partial[plane][slice]: sum of e^2. Dimensions: slices of pixels, planes; plane p belongs to channel
+ * p % channels of the frame and of the weights. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-refine_frame(__global float *a, __global const float *frame, ulong frame_offset, int use_frame, uint channels,
-             uint pixels, float scale, __global float *partial, hada_refine_sums sums)
+refine_frame(__global float *a, __global const float *frame, __global const float *weights, __global float *partial,
+             hada_refine_frame_step now)
 {
     REFINE_LOCAL
-    const uint slice = sums.slice;
+    const uint slice = now.sums.slice, pixels = now.pixels;
     const uint plane = get_global_id(1);
     const uint from = get_group_id(0) * slice, to = min(pixels, from + slice);
     __global float *e = a + (size_t)plane * pixels;
-    __global const float *b = frame + (use_frame ? frame_offset + (size_t)(plane % channels) * pixels : 0);
-    const float sum = refine_data_step(e, b, use_frame, from, to, scale);
-    REFINE_PARTIAL(partial, (sums.first + (size_t)plane * get_num_groups(0) + get_group_id(0)), sum)
+    const size_t channel = (size_t)(plane % now.channels) * pixels;
+    __global const float *b = frame + (now.use_frame ? now.frame_offset + channel : 0);
+    __global const float *w = weights + (now.has_weights ? channel : 0);
+    const float sum = refine_data_step(e, b, now.use_frame, w, now.has_weights, from, to, now.scale, now.mu);
+    REFINE_PARTIAL(partial, (now.sums.first + (size_t)plane * get_num_groups(0) + get_group_id(0)), sum)
 }
 
 /* The proximal step, over an array of vectors: the planes, one after the other, padded at the end. u = max(0, w) in

@@ -9,7 +9,8 @@
  * spectra: half spectra of the planes' rows, complex [plane][block of eight columns][row of the window][8]
  * planes: pixels [plane][row of the window][column of the window]
  * split, from job.data.at on: half spectra of the frame's rows, complex [set * channel][block][row of the frame][8]
- * duals: e' as [set * channel][row][column of the frame]; frame: [channel][row][column]
+ * duals: e' as [set * channel][row][column of the frame]; frame: [channel][row][column]; weights: the same from the
+ * beginning on, NULL where job.data.has_weights is 0
  * partial: [group of the frame], sums of e'^2
  * The buffers of the frame are NULL where no sensor crops.
  * table: the transform along rows; scratch: float2 [n][width]
@@ -20,8 +21,8 @@
 
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 refine_group_rows(__global float *spectra, __global float *planes, __global float *split, __global float *duals,
-                  __global const float *frame, __global float *partial, hada_refine_rows_pair job,
-                  __global const int *table, __local float2 *scratch)
+                  __global const float *frame, __global const float *weights, __global float *partial,
+                  hada_refine_rows_pair job, __global const int *table, __local float2 *scratch)
 {
 #if REFINE_CROPPED
     REFINE_LOCAL
@@ -51,8 +52,7 @@ refine_group_rows(__global float *spectra, __global float *planes, __global floa
     /* made here, not above: registers are scarce in the stages */
     __global float *pixels = (on_frame ? duals : planes) + ((size_t)plane * height + first) * cols;
 #if REFINE_CROPPED
-    __global const float *seen =
-        frame + job.data.frame_offset + ((size_t)(plane % (int)job.data.channels) * height + first) * cols;
+    const size_t seen = ((size_t)(plane % (int)job.data.channels) * height + first) * cols;
     float sum = 0.0f;
 #endif
     for (int w = 0; w < width; ++w)
@@ -70,9 +70,14 @@ refine_group_rows(__global float *spectra, __global float *planes, __global floa
             }
 #if REFINE_CROPPED
             if (on_frame && inverse) {
-                __global const float *b = seen + (size_t)w * cols + c;
-                value.x = (value.x - (u_there ? *b : 0.0f)) * job.data.scale;
-                value.y = (value.y - (v_there ? b[(size_t)width * cols] : 0.0f)) * job.data.scale;
+                const size_t at_u = seen + (size_t)w * cols + c, at_v = at_u + (size_t)width * cols;
+                __global const float *b = frame + job.data.frame_offset;
+                value.x = (value.x - (u_there ? b[at_u] : 0.0f)) * job.data.scale;
+                value.y = (value.y - (v_there ? b[at_v] : 0.0f)) * job.data.scale;
+                if (job.data.has_weights) {
+                    value.x = REFINE_WEIGHED(value.x, u_there ? weights[at_u] : 0.0f, job.data.mu);
+                    value.y = REFINE_WEIGHED(value.y, v_there ? weights[at_v] : 0.0f, job.data.mu);
+                }
                 sum = fma(u_there ? value.x : 0.0f, value.x, sum);
                 sum = fma(v_there ? value.y : 0.0f, value.y, sum);
             }

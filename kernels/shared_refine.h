@@ -105,17 +105,29 @@ typedef struct hada_refine_data_step {
     hada_ulong frame_offset; /* in floats */
     unsigned int channels;
     unsigned int sums; /* the first of them */
-    float scale;       /* 1 / (1 + mu) */
-    int first_group;   /* groups: number of the first work-group that takes rows of the frame */
+    float scale;       /* of the differences: 1 / (1 + mu); where pixels have weights 1 */
+    float mu;          /* with weights */
+    int has_weights;
+    int first_group; /* groups: number of the first work-group that takes rows of the frame */
 } hada_refine_data_step;
-HADA_SHARED_SIZE(hada_refine_data_step, 32)
+HADA_SHARED_SIZE(hada_refine_data_step, 40)
+
+/* The same over pixels (refine_frame of refine.cl). */
+typedef struct hada_refine_frame_step {
+    hada_ulong frame_offset; /* in floats */
+    unsigned int channels, pixels;
+    int use_frame, has_weights;
+    float scale, mu;
+    hada_refine_sums sums;
+} hada_refine_frame_step;
+HADA_SHARED_SIZE(hada_refine_frame_step, 40)
 
 /* A pass along rows of the planes and, by other work-groups of the same launch, of the frame (refine_group_rows.cl). */
 typedef struct hada_refine_rows_pair {
     hada_refine_data_step data;
     hada_refine_rows planes, frame;
 } hada_refine_rows_pair;
-HADA_SHARED_SIZE(hada_refine_rows_pair, 96)
+HADA_SHARED_SIZE(hada_refine_rows_pair, 104)
 
 /* Work-items of a group of these, by work-groups. */
 #define HADA_REFINE_FUSED_GROUP 256

@@ -33,7 +33,7 @@ hada_fft_desc hada_rect_transform(const hada_refine_rect *rect, int rows, int co
 
 /* Refinement: the planes of a set of depths that together explain a frame. Internal.
  *
- * ADMM for  min 1/2 |b - M sum_z PSF_z * x_z|^2 + 1/2 sum_f prior(f) sum_z |X_z(f)|^2 + tv sum_z TV(x_z),  x_z >= 0
+ * ADMM for  min 1/2 |b - M sum_z PSF_z * x_z|^2_w + 1/2 sum_f prior(f) sum_z |X_z(f)|^2 + tv sum_z TV(x_z),  x_z >= 0
  * in the window and 0 outside, M the sensor's frame (circular boundary: everything), TV the total variation in the
  * window with its channels coupled and differences of colour heavier than those of brightness.
  * docs/explanation/refinement.md derives the steps and says why no array of the whole grid is ever transformed: S. Boyd
@@ -68,6 +68,8 @@ typedef struct hada_refine_data {
     size_t spectrum_offset; /* in complex numbers */
     cl_mem frame;           /* padded boundary only: [channel][frame rows][frame cols] floats, dark level removed */
     size_t frame_offset;    /* in floats */
+    cl_mem weights; /* padded boundary only: as the frame, offset 0, of its pixels' squared errors: 0 leaves a pixel out;
+                       below zero it has the size |w|, and the true value may be larger (saturated); NULL: 1 each */
     cl_mem otf;             /* [depth][channel][count] complex */
     size_t otf_offset;      /* in complex numbers */
     int otf_depths;

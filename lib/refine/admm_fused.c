@@ -217,7 +217,9 @@ hada_status hada_refine_fused_rows(const hada_refine_run *run, int planes, int f
                                     .frame_offset = run->data->frame_offset,
                                     .channels = (unsigned)refiner->shape.channels,
                                     .sums = (unsigned)(refiner->partials * (size_t)place),
-                                    .scale = (float)(1.0 / (1.0 + mu))}};
+                                    .scale = run->data->weights ? 1.0f : (float)(1.0 / (1.0 + mu)),
+                                    .mu = (float)mu,
+                                    .has_weights = run->data->weights != NULL}};
     return way_of(refiner->slot->context)->launch_rows(run, &pass, err);
 }
 
@@ -264,8 +266,9 @@ static hada_status launch_lane_frame(const hada_refine_run *run, const rows_pass
     hada_slot_cost(refiner->slot, bytes, flops);
     return hada_launch_refine_frame_rows(refiner->slot, HADA_PROGRAM_REFINE_FRAME_ROWS_DEFAULT, &range, err,
                                          .spectra = refiner->split.mem, .duals = refiner->dual.mem,
-                                         .frame = run->data->frame, .partial = refiner->partial.mem, .now = pass->now,
-                                         .rows = rows, .tables = refiner->fused.row_tables.ints, .scratch = scratch);
+                                         .frame = run->data->frame, .weights = run->data->weights,
+                                         .partial = refiner->partial.mem, .now = pass->now, .rows = rows,
+                                         .tables = refiner->fused.row_tables.ints, .scratch = scratch);
 }
 
 static hada_status launch_lane_rows(const hada_refine_run *run, const rows_pass *pass, hada_error *err)
@@ -391,8 +394,8 @@ static hada_status launch_group_rows(const hada_refine_run *run, const rows_pass
     return hada_launch_refine_group_rows(
         refiner->slot, group_rows_program(run->padded), &range, err, .spectra = refiner->now_u.mem,
         .planes = refiner->planes.mem, .split = refiner->split.mem, .duals = refiner->dual.mem,
-        .frame = run->padded ? run->data->frame : NULL, .partial = refiner->partial.mem, .job = job,
-        .table = refiner->fused.rows.table.ints, .scratch = scratch);
+        .frame = run->padded ? run->data->frame : NULL, .weights = run->padded ? run->data->weights : NULL,
+        .partial = refiner->partial.mem, .job = job, .table = refiner->fused.rows.table.ints, .scratch = scratch);
 }
 
 /* The one place that asks for the shape. */

@@ -143,7 +143,7 @@ static hada_status iterate(const hada_refine_run *r, const hada_refine_rule *rul
     HADA_TRY(constrain(r, rule, step, start != HADA_REFINE_CONTINUE, shrink, err));
     if (r->padded) {
         HADA_TRY(hada_refine_frame_inverse(r, &refiner->split, &refiner->dual, err));
-        HADA_TRY(hada_refine_frame_dual(r, refiner->dual.mem, 1, 1.0 / (1.0 + rule->mu), step + 1, err));
+        HADA_TRY(hada_refine_frame_dual(r, refiner->dual.mem, 1, rule->mu, step + 1, err));
     }
     return HADA_OK;
 }
@@ -281,7 +281,7 @@ static hada_status explain(hada_refine_run *r, hada_refiner *refiner, const hada
     HADA_TRY(explain_spectra(r, refiner, data, sets, depths, list, err));
     if (r->padded) {
         HADA_TRY(hada_refine_frame_inverse(r, &refiner->residual, &refiner->residual_frame, err));
-        HADA_TRY(hada_refine_frame_dual(r, refiner->residual_frame.mem, 0, 1.0, 0, err));
+        HADA_TRY(hada_refine_frame_dual(r, refiner->residual_frame.mem, 0, 0.0, 0, err));
     }
     arriving->sets = sets;
     arriving->slices = hada_refine_slices(r->padded ? refiner->frame_area : refiner->layout.count);

@@ -142,20 +142,38 @@ hada_status hada_refine_score(const hada_refine_run *r, const hada_refine_band *
                                     .problem = hada_refine_problem_of(r, place), .band = *band);
 }
 
-/* dual = factor * (dual - frame), or factor * dual, with its energy. */
-hada_status hada_refine_frame_dual(const hada_refine_run *r, cl_mem dual, int use_frame, double factor, int step,
+/* The launch of the data step on `planes` images of `pixels` pixels each. */
+static hada_status frame_step(const hada_refine_run *r, cl_mem a, cl_mem frame, cl_mem weights, size_t planes,
+                              const hada_refine_frame_step *now, hada_error *err)
+{
+    hada_refiner *refiner = r->refiner;
+    const hada_range range = slices_range(r, now->pixels, (int)planes, 1);
+    const double all = (double)planes * now->pixels, read = (double)now->channels * now->pixels;
+    hada_slot_cost(refiner->slot, 8.0 * all + (now->use_frame ? 4.0 : 0.0) * read + (weights ? 4.0 : 0.0) * read,
+                   (now->use_frame ? 4.0 : 3.0) * all);
+    return hada_launch_refine_frame(refiner->slot, refiner->program, &range, err, .a = a, .frame = frame,
+                                    .weights = weights, .partial = refiner->partial.mem, .now = *now);
+}
+
+/* The step on the dual, or the same of a residual b - sum H U, for its energy. */
+hada_status hada_refine_frame_dual(const hada_refine_run *r, cl_mem dual, int use_frame, double mu, int step,
                                    hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
     const int channels = refiner->shape.channels;
-    const hada_range range = slices_range(r, refiner->frame_area, r->sets * channels, 1);
-    const double frame = (double)channels * (double)refiner->frame_area, all = r->sets * frame;
-    hada_slot_cost(refiner->slot, 8.0 * all + (use_frame ? 4.0 * frame : 0), (use_frame ? 4.0 : 3.0) * all);
-    return hada_launch_refine_frame(refiner->slot, refiner->program, &range, err, .a = dual,
-                                    .frame = use_frame ? r->data->frame : NULL, .frame_offset = r->data->frame_offset,
-                                    .use_frame = use_frame, .channels = (cl_uint)channels,
-                                    .pixels = (cl_uint)refiner->frame_area, .scale = (float)factor,
-                                    .partial = refiner->partial.mem, .sums = sums_at(r, step));
+    const cl_mem weights = r->data->weights;
+    const hada_refine_frame_step now = {.frame_offset = r->data->frame_offset,
+                                        .channels = (cl_uint)channels,
+                                        .pixels = (cl_uint)refiner->frame_area,
+                                        .use_frame = use_frame,
+                                        .has_weights = weights != NULL,
+                                        /* a residual is b - a */
+                                        .scale = !weights    ? (float)(1.0 / (1.0 + mu))
+                                                 : use_frame ? 1.0f
+                                                             : -1.0f,
+                                        .mu = (float)mu,
+                                        .sums = sums_at(r, step)};
+    return frame_step(r, dual, use_frame ? r->data->frame : NULL, weights, (size_t)(r->sets * channels), &now, err);
 }
 
 hada_status hada_refine_nonnegative(const hada_refine_run *r, hada_error *err)
@@ -224,14 +242,12 @@ static hada_status kept_energy(const hada_refine_run *r, int use_planes, size_t 
 {
     hada_refiner *refiner = r->refiner;
     const int images = r->depths * refiner->shape.channels;
-    const hada_range range = slices_range(r, refiner->window_area, images, 1);
-    const double values = (double)images * (double)refiner->window_area;
-    const hada_refine_sums sums = {HADA_REFINE_SLICE, (unsigned)first};
-    hada_slot_cost(refiner->slot, (use_planes ? 12.0 : 8.0) * values, (use_planes ? 4.0 : 3.0) * values);
-    return hada_launch_refine_frame(refiner->slot, refiner->program, &range, err, .a = refiner->kept.mem,
-                                    .frame = refiner->planes.mem, .frame_offset = 0, .use_frame = use_planes,
-                                    .channels = (cl_uint)images, .pixels = (cl_uint)refiner->window_area, .scale = 1.0f,
-                                    .partial = refiner->partial.mem, .sums = sums);
+    const hada_refine_frame_step now = {.channels = (cl_uint)images,
+                                        .pixels = (cl_uint)refiner->window_area,
+                                        .use_frame = use_planes,
+                                        .scale = 1.0f,
+                                        .sums = {HADA_REFINE_SLICE, (unsigned)first}};
+    return frame_step(r, refiner->kept.mem, refiner->planes.mem, NULL, (size_t)images, &now, err);
 }
 
 /* Where sums of changes stand behind those of all steps, and how many each look has of either kind. */

@@ -83,9 +83,9 @@ hada_status hada_refine_explain(const hada_refine_run *run, int has_residual, ha
 /* What hada_refiner_score() is made of, to `place`. */
 hada_status hada_refine_score(const hada_refine_run *run, const hada_refine_band *band, int place, hada_error *err);
 
-/* The data's split where a sensor crops: dual = factor * (dual - frame), or factor * dual; sums of |dual|^2 to `place`.
- */
-hada_status hada_refine_frame_dual(const hada_refine_run *run, cl_mem dual, int use_frame, double factor, int place,
+/* The data's split where a sensor crops: dual = (dual - frame) w / (w + mu) with each pixel's weight w, or without the
+ * frame the same of a residual; sums of |dual|^2 to `place`. */
+hada_status hada_refine_frame_dual(const hada_refine_run *run, cl_mem dual, int use_frame, double mu, int place,
                                    hada_error *err);
 
 /* The proximal step of non-negativity on the planes. */

@@ -221,7 +221,10 @@ static hada_status show(hada_pursuit_level *l, cl_mem spectra, int sets, int fir
                       .parts = 2,
                       .factor = area_ratio(&l->evidence_layout, &l->layout)};
     const double pixels = (double)sets * (double)l->evidence_area;
-    const hada_refine_sums sums = {EVIDENCE_SLICE, (unsigned)((size_t)first * l->evidence_slices)};
+    const hada_refine_frame_step now = {.channels = 1,
+                                        .pixels = (cl_uint)l->evidence_area,
+                                        .scale = 1.0f,
+                                        .sums = {EVIDENCE_SLICE, (unsigned)((size_t)first * l->evidence_slices)}};
     const size_t group = (size_t)hada_macros_of_refine(HADA_PROGRAM_REFINE_GROUPS)->refine_group;
     const hada_range range = hada_range_groups(l->evidence_slices, group, (size_t)sets, 1);
     HADA_TRY(crop_images(l, &how, spectra, 0, sets, &l->evidence, 0, err));
@@ -230,9 +233,7 @@ static hada_status show(hada_pursuit_level *l, cl_mem spectra, int sets, int fir
         return HADA_OK;
     hada_slot_cost(l->slot, 8.0 * pixels, 3.0 * pixels);
     HADA_TRY(hada_launch_refine_frame(l->slot, HADA_PROGRAM_REFINE_GROUPS, &range, err, .a = l->evidence_frame.mem,
-                                      .frame = l->frame.mem, .frame_offset = 0, .use_frame = 0, .channels = 1,
-                                      .pixels = (cl_uint)l->evidence_area, .scale = 1.0f,
-                                      .partial = l->evidence_sums.mem, .sums = sums));
+                                      .frame = NULL, .weights = NULL, .partial = l->evidence_sums.mem, .now = now));
     return HADA_OK;
 }
 

@@ -116,13 +116,16 @@ static hada_status residual_padded(hada_volume *v, int look, hada_error *err)
 {
     const int channels = v->shape.channels;
     const hada_range range = slices(v, v->frame_area, (size_t)channels, 1);
-    const hada_refine_sums sums = {HADA_VOLUME_SLICE, (unsigned)((size_t)look * sums_of(v))};
+    const hada_refine_frame_step now = {.frame_offset = (cl_ulong)v->pixels_offset,
+                                        .channels = (cl_uint)channels,
+                                        .pixels = (cl_uint)v->frame_area,
+                                        .use_frame = 1,
+                                        .scale = 1.0f,
+                                        .sums = {HADA_VOLUME_SLICE, (unsigned)((size_t)look * sums_of(v))}};
     HADA_TRY(hada_fft_inverse(v->frame_inverse, channels, v->sum.mem, 0, v->frame.mem, 0, NULL, err));
     hada_slot_cost(v->slot, 12.0 * channels * (double)v->frame_area, 4.0 * channels * (double)v->frame_area);
     return hada_launch_refine_frame(v->slot, v->refine, &range, err, .a = v->frame.mem, .frame = v->frame_pixels,
-                                    .frame_offset = (cl_ulong)v->pixels_offset, .use_frame = 1,
-                                    .channels = (cl_uint)channels, .pixels = (cl_uint)v->frame_area, .scale = 1.0f,
-                                    .partial = v->partial.mem, .sums = sums);
+                                    .weights = NULL, .partial = v->partial.mem, .now = now);
 }
 
 /* The same where the sensor sees everything: its spectrum, weighted where that is wanted. */

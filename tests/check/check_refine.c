@@ -15,10 +15,11 @@ typedef struct refine_state {
     hada_refine_shape shape;
     hada_refine_data data;
     hada_refine_rule rule;
-    hada_buffer otf, spectrum, frame;
+    hada_buffer otf, spectrum, frame, weights;
     int sets, depths, channels, list[MAX_LIST];
     size_t set_floats;
     double *otfs, *image; /* of the reference: all depths, the grid */
+    double *weigh;        /* as the image; NULL: no weights */
 } refine_state;
 
 static void read_shape(const check_state *state, refine_state *own)
@@ -55,6 +56,25 @@ static void read_shape(const check_state *state, refine_state *own)
     for (int i = 0; i < own->sets * own->depths; i++)
         own->list[i] = (i % own->depths + i / own->depths) % (own->depths + 1);
     own->set_floats = (size_t)own->depths * (size_t)own->channels * (size_t)window_rows * (size_t)window_cols;
+}
+
+/* Pixels that are left out, that count half or once, and saturated ones. */
+static hada_status make_weights(check_state *state, refine_state *own, hada_error *err)
+{
+    const hada_refine_rect *frame = &own->shape.frame;
+    const size_t grid = (size_t)own->shape.grid_rows * (size_t)own->shape.grid_cols,
+                 area = (size_t)frame->rows * (size_t)frame->cols, channels = (size_t)own->channels;
+    float *weights = check_room(state, channels * area * sizeof *weights);
+    own->weigh = check_room(state, channels * grid * sizeof *own->weigh);
+    for (size_t c = 0, i = 0; c < channels; c++)
+        for (int row = 0; row < frame->rows; row++)
+            for (int col = 0; col < frame->cols; col++, i++) {
+                static const float kinds[] = {0.0f, 0.5f, 1.0f, 1.0f, -1.0f, 1.0f, -0.25f};
+                weights[i] = kinds[(i * 2654435761u >> 7) % HADA_COUNT(kinds)];
+                own->weigh[c * grid + (size_t)(row + frame->row0) * (size_t)own->shape.grid_cols +
+                           (size_t)(col + frame->col0)] = (double)weights[i];
+            }
+    return check_upload(state, &own->weights, weights, channels * area * sizeof *weights, err);
 }
 
 /* Random point spread functions with |OTF|^2 about 1, and a random frame. */
@@ -103,8 +123,13 @@ static hada_status make_camera(check_state *state, refine_state *own, hada_error
             check_upload(state, &own->spectrum, packed + images * layout.count * 2, channels * layout.count * 8, err);
     if (!status)
         status = check_upload(state, &own->frame, seen, channels * frame_area * 4, err);
-    own->data = (hada_refine_data){
-        .spectrum = own->spectrum.mem, .frame = own->frame.mem, .otf = own->otf.mem, .otf_depths = own->depths + 1};
+    if (!status && check_get(state, 'v', 0))
+        status = make_weights(state, own, err);
+    own->data = (hada_refine_data){.spectrum = own->spectrum.mem,
+                                   .frame = own->frame.mem,
+                                   .weights = own->weights.mem,
+                                   .otf = own->otf.mem,
+                                   .otf_depths = own->depths + 1};
     return status;
 }
 
@@ -140,6 +165,7 @@ static hada_status expect(check_state *state, const refine_state *own, hada_erro
                                          .shrink_steps = own->rule.shrink > 0.0 ? HADA_SHRINKAGE_STEPS : 0,
                                          .otf = otf,
                                          .image = own->image,
+                                         .weights = own->weigh,
                                          .rho = own->rule.rho,
                                          .first_rho = own->rule.first_rho,
                                          .growth = own->rule.growth,
@@ -202,6 +228,6 @@ static void release(check_state *state)
 const check_op check_refine = {
     "refine",
     "r rows, c columns, h and w of the window, d depths in a set, s sets, n steps, p1 "
-    "cropped by the sensor, q1 growing rho and falling relaxation, k channels, y total variation (thousandths), z its weight of "
+    "cropped by the sensor, q1 growing rho and falling relaxation, k channels, v1 weights of pixels (with p1), y total variation (thousandths), z its weight of "
     "colour (tenths), x shrinkage of one image (tenths)",
     prepare, launch, release};

@@ -29,7 +29,7 @@ SUBJECT = 72  # characters of a commit's first line
 PRIVATE = (r'\bTURN\b', r'\bSHADOW\b', r'\bSEEN\b', r'\bMADE\b', r'\bENGINE_FALL\b', r'\bbe_positive\b', r'\bmeet_frame\b',
            r'\bstumble\b', r'\bhada_\w*_look\b', r'(?<!")critic')  # in quotes: the old spelling, which is understood
 # Kernels of MANY parameters or more that may stay for now.
-WIDE_KERNELS = {'refine_columns', 'refine_group_columns', 'refine_group_score', 'refine_odd_columns'}
+WIDE_KERNELS = {'refine_columns', 'refine_group_columns', 'refine_group_rows', 'refine_group_score', 'refine_odd_columns'}
 KERNEL = re.compile(r'__kernel\b[^;{}]*?\bvoid\s+(\w+)\s*\(([^{}]*?)\)\s*\{', re.S)
 STRUCT = re.compile(r'struct (\w+)\s*\{(.*?)^\}', re.S | re.M)
 COMMENT = re.compile(r'/\*.*?\*/|//[^\n]*', re.S)

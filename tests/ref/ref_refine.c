@@ -80,11 +80,18 @@ static hada_status project(ref_state *s, hada_error *err)
     return hada_ref_fft_inverse(s->data, p->rows, p->cols, s->y, err);
 }
 
+/* The weight of a pixel whose light is `light`. */
+static double weight_of(const ref_state *s, size_t i, double light)
+{
+    const double weight = s->p->weights ? s->p->weights[s->channel * s->pixels + i] : 1.0;
+    return !in_frame(s->p, i) || (weight < 0.0 && light > s->given[i]) ? 0.0 : fabs(weight);
+}
+
 static double energy(const ref_state *s, const double *image)
 {
     double sum = 0.0;
     for (size_t i = 0; i < s->pixels; i++)
-        if (in_frame(s->p, i))
+        if (weight_of(s, i, image[i]) > 0.0)
             sum += (s->given[i] - image[i]) * (s->given[i] - image[i]);
     return sum;
 }
@@ -133,7 +140,8 @@ static hada_status linear(ref_state *s, int number, hada_error *err)
         s->x[i] = relaxation * s->x[i] + (1.0 - relaxation) * s->u[i] + s->d[i];
     for (size_t i = 0; p->padded && i < s->pixels; i++) {
         const double y = relaxation * s->y[i] + (1.0 - relaxation) * s->v[i], a = y + s->e[i];
-        s->v[i] = in_frame(p, i) ? (s->given[i] + p->mu * a) / (1.0 + p->mu) : a;
+        const double w = weight_of(s, i, a);
+        s->v[i] = w > 0.0 ? (w * s->given[i] + p->mu * a) / (w + p->mu) : a;
         s->e[i] = a - s->v[i];
     }
     return HADA_OK;

@@ -11,9 +11,11 @@ typedef struct hada_ref_refine {
     int padded;                                             /* 0: data everywhere (circular) */
     int frame_row0, frame_col0, frame_rows, frame_cols;     /* padded: where data is known */
     int depths, channels;
-    const double *otf;   /* [depth][channel][rows][cols / 2 + 1] complex, row-major */
-    const double *prior; /* [channel][rows][cols / 2 + 1], or NULL */
-    const double *image; /* [channel][rows][cols]: the data, zero outside the frame */
+    const double *otf;     /* [depth][channel][rows][cols / 2 + 1] complex, row-major */
+    const double *prior;   /* [channel][rows][cols / 2 + 1], or NULL */
+    const double *image;   /* [channel][rows][cols]: the data, zero outside the frame */
+    const double *weights; /* padded: as the image, of squared errors; below zero: of a pixel whose value may be larger;
+                              NULL: 1 each */
     double rho, relaxation, mu;
     double first_rho, growth; /* rho of step k: the smaller of rho and first_rho growth^k; first_rho 0: rho */
     double first_relaxation;  /* of the first first_steps steps */

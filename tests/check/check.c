@@ -4,10 +4,6 @@
 #include "check.h"
 
 #include <ctype.h>
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
 #include "core/clock.h"
 #include "runtime/tuning.h"
@@ -436,9 +432,8 @@ int main(int count, char **words)
 
     hada_context *context;
     hada_slot *slot;
-    hada_context_options options;
     hada_error error;
-    hada_context_options_init(&options);
+    DEFAULTS(hada_context_options, options);
     options.device = how.device;
     if (hada_context_create(&context, &options, &error) || hada_slot_create(&slot, context, &error)) {
         printf("FAILED  %s\n", error.message);

@@ -6,7 +6,16 @@
 #ifndef HADA_CHECK_H
 #define HADA_CHECK_H
 
+#include <hadalens/hadalens.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "core/error.h"
 #include "core/random.h"
+#include "defaults.h"
 #include "runtime/buffer.h"
 
 typedef struct check_op check_op;

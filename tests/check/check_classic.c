@@ -1,8 +1,5 @@
 /* The classic methods: planes after a few iterations against the references, and their proximal steps, frames and
  * transposes with them. */
-#include <math.h>
-#include <string.h>
-
 #include "check.h"
 #include "classic/classic.h"
 #include "filter/bank.h"
@@ -50,8 +47,7 @@ static hada_status read_shape(const check_state *state, classic_state *own, hada
                                         .has_otf = 1,
                                         .distances_mm = distances,
                                         .name = ""};
-    hada_classic_options options;
-    hada_classic_options_init(&options);
+    DEFAULTS(hada_classic_options, options);
     options.method = (hada_method)check_get(state, 'm', HADA_METHOD_ADMM);
     options.iterations = check_get(state, 'n', 5);
     options.prior = (hada_prior)(check_get(state, 'x', 0) + 1);

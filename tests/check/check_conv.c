@@ -1,7 +1,5 @@
 /* Convolutions and transposed convolutions: forward, gradient of the input, gradients of weights and biases, by every
  * implementation, with both sizes of blocks; tensors that are views, masks, accumulation, fused pooling. */
-#include <string.h>
-
 #include "check.h"
 #include "net/conv.h"
 #include "ref/ref_conv.h"

@@ -1,8 +1,5 @@
 /* Which kernels the operations launched, seen where every launch passes: the linker sends clEnqueueNDRangeKernel here
  * (see CMakeLists.txt). And whether every kernel file stands by itself. */
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/stat.h>
 
 #include "check.h"

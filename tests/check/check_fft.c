@@ -1,7 +1,4 @@
 /* Forward and inverse transforms, pruned and whole, with and without the filter product, both back ends. */
-#include <math.h>
-#include <string.h>
-
 #include "check.h"
 #include "fft/fft.h"
 #include "io/safetensors.h"

@@ -37,10 +37,9 @@ static hada_status move_prepare(check_state *state, int crop, hada_error *err)
     const size_t part = (size_t)own->part_rows * (size_t)own->part_cols, grid = (size_t)own->rows * (size_t)own->cols;
     const size_t batch = (size_t)own->batch, from = crop ? grid : part;
     float *in = check_room(state, from * batch * sizeof *in);
-    hada_status status = check_output(state, batch * (crop ? part : grid), err);
-    if (!status)
-        check_fill_integers(state, 1, in, from * batch, 99);
-    for (size_t i = 0; !status && i < batch * part; i++) {
+    HADA_TRY(check_output(state, batch * (crop ? part : grid), err));
+    check_fill_integers(state, 1, in, from * batch, 99);
+    for (size_t i = 0; i < batch * part; i++) {
         const size_t row = i % part / (size_t)own->part_cols + (size_t)own->row0;
         const size_t col = i % (size_t)own->part_cols + (size_t)own->col0;
         const size_t at = i / part * grid + row * (size_t)own->cols + col;
@@ -49,10 +48,9 @@ static hada_status move_prepare(check_state *state, int crop, hada_error *err)
         else
             state->expected[at] = in[i];
     }
-    if (!status)
-        status = check_upload(state, &own->in, in, from * batch * sizeof *in, err);
+    HADA_TRY(check_upload(state, &own->in, in, from * batch * sizeof *in, err));
     state->bytes = (double)batch * (double)(crop ? 2 * part : part + grid) * sizeof(float);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status pad_prepare(check_state *state, hada_error *err)

@@ -1,7 +1,5 @@
 /* Clipping of planes at zero, and blending with others: exact on integers and a share of a quarter; from floats on that
  * stand between two boundaries of 128 bits as well. */
-#include <math.h>
-
 #include "check.h"
 #include "filter/hadamard.h"
 #include "launch/filter_clip.h"
@@ -12,14 +10,13 @@ static hada_status prepare(check_state *state, hada_error *err)
     float *values = check_room(state, count * sizeof *values);
     hada_buffer *in = check_own(state, sizeof *in);
     check_fill_integers(state, 1, values, count, 99);
-    hada_status status = check_output(state, count, err);
-    for (size_t i = 0; !status && i < count; i++)
+    HADA_TRY(check_output(state, count, err));
+    for (size_t i = 0; i < count; i++)
         state->expected[i] = values[i] > 0.0f || i < (size_t)check_get(state, 'o', 0) ? values[i] : 0.0;
-    if (!status)
-        status = check_upload(state, in, values, count * sizeof *values, err);
+    HADA_TRY(check_upload(state, in, values, count * sizeof *values, err));
     state->bytes = 2.0 * (double)count * sizeof(float);
     state->flops = (double)count;
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)

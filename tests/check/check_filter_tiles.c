@@ -1,6 +1,4 @@
 /* The energy of filtered spectra in tiles: whole numbers, exact. What stands in the padding does not count. */
-#include <math.h>
-
 #include "check.h"
 #include "filter/bank.h"
 #include "filter/gains.h"

@@ -1,7 +1,5 @@
 /* Stored numbers to the floats that they stand for: exact, every number of a full scale in the largest shape; and
  * samples with any strides, exact as well. */
-#include <string.h>
-
 #include "check.h"
 #include "filter/hadamard.h"
 
@@ -18,8 +16,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     const unsigned numbers = bytes == 1 ? 256 : 65536;
     uint8_t *small = check_room(state, (size_t)count);
     uint16_t *wide = check_room(state, (size_t)count * sizeof *wide);
-    hada_pixels pixels;
-    hada_pixels_init(&pixels);
+    DEFAULTS(hada_pixels, pixels);
     hada_pixels_planar(&pixels, bytes == 1 ? (const void *)small : wide, bytes == 1 ? HADA_PIXEL_U8 : HADA_PIXEL_U16, 1,
                        1, count);
     pixels.full_scale = scale;
@@ -55,8 +52,7 @@ static hada_status prepare_strides(check_state *state, hada_error *err)
     const size_t count = (size_t)channels * (size_t)high * (size_t)wide,
                  held = (size_t)stored_channels * (size_t)high * (size_t)wide;
     uint8_t *octets = check_room(state, held * (size_t)bytes);
-    hada_pixels pixels;
-    hada_pixels_init(&pixels);
+    DEFAULTS(hada_pixels, pixels);
     hada_pixels_dense(&pixels, octets,
                       bytes == 1   ? HADA_PIXEL_U8
                       : bytes == 2 ? HADA_PIXEL_U16

@@ -1,5 +1,4 @@
 #include "check_fit.h"
-#include "core/alloc.h"
 
 static void make_room(check_state *state, check_fit *fit)
 {

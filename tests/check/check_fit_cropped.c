@@ -1,8 +1,6 @@
 /* What stands beside the non-negative steps where the sensor crops: what a model leaves of frames, and the sums of
  * whole frames. In the output, each at the next multiple of 256: what is left (c channels of p pixels), the sums of its
  * squares over chunks, and c images of n complex numbers. All channels have the same sums. */
-#include <string.h>
-
 #include "check_fit.h"
 #include "launch/fit_cropped.h"
 

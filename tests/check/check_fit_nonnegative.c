@@ -1,7 +1,4 @@
 /* Transfer functions of non-negative point spread functions: the library's loop on the device, sums to result. */
-#include <math.h>
-#include <string.h>
-
 #include "check.h"
 #include "filter/bank.h"
 #include "fit/nonnegative.h"

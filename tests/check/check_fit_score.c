@@ -1,6 +1,4 @@
 /* Leave-one-out of one pair at five settings, what no linear camera explains, and the energies of planes. */
-#include <string.h>
-
 #include "check_fit.h"
 #include "launch/fit_score.h"
 

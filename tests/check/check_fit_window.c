@@ -1,8 +1,6 @@
 /* One iteration of filters by the error in the window: a pair gathered, the product with T, the residual, filter and
  * direction. In the output, each at the next multiple of 256: what is gathered and then t, r, x, p (`c` channels of
  * complex numbers), and the partial sums of both reductions. All channels have the same sums. */
-#include <string.h>
-
 #include "check_fit.h"
 #include "launch/fit_window.h"
 

@@ -1,6 +1,4 @@
 /* The distance of features in LPIPS. */
-#include <string.h>
-
 #include "check_net.h"
 #include "metrics/lpips_stage.h"
 #include "ref/ref_lpips.h"
@@ -33,20 +31,18 @@ static hada_status prepare(check_state *state, hada_error *err)
     shape.images *= 2;
     one.images = 1;
     own = check_net_own(state, NULL);
-    hada_status status = check_net_input(state, own, &shape, own->mode ? 1 : 0, err);
-    if (!status)
-        status = check_net_floats(state, own, (size_t)shape.channels, 0, err);
+    HADA_TRY(check_net_input(state, own, &shape, own->mode ? 1 : 0, err));
+    HADA_TRY(check_net_floats(state, own, (size_t)shape.channels, 0, err));
     const size_t pixels = (size_t)shape.rows * (size_t)shape.cols, values = hada_ref_values(&one);
-    if (!status)
-        status = check_output(state, (size_t)pairs * pixels, err);
-    for (int p = 0; !status && p < pairs; p++)
+    HADA_TRY(check_output(state, (size_t)pairs * pixels, err));
+    for (int p = 0; p < pairs; p++)
         hada_ref_lpips(&one, own->plain[FEATURES] + (size_t)p * values,
                        own->plain[FEATURES] + (size_t)(pairs + p) * values, own->plain[WEIGHTS],
                        state->expected + (size_t)p * pixels);
     /* Lengths and products of a dozen roundings of 6e-8 each; a sum over a block's channels adds about the same. */
     state->tolerance = 1e-6;
     state->bytes = (double)(2 * (size_t)pairs * values + (size_t)pairs * pixels) * sizeof(float);
-    return status;
+    return HADA_OK;
 }
 
 const check_op check_lpips = {"lpips",

@@ -1,7 +1,5 @@
 #include "check_net.h"
 
-#include <string.h>
-
 #define BETWEEN    40 /* floats between images where the letter p asks for some, and what stands there */
 #define BETWEEN_IS 7.0
 #define GONE       (-777.0f) /* what an output holds before it is replaced */

@@ -1,6 +1,4 @@
 /* The map of content of planar images, and parts of them copied: exact. */
-#include <math.h>
-
 #include "check.h"
 #include "launch/net_tensor.h"
 #include "net/layer_launch.h"

@@ -1,6 +1,4 @@
 /* Fully connected layers: forward, the gradient of x, those of weights and biases. */
-#include <string.h>
-
 #include "check_net.h"
 
 enum { FORWARD = 0, DATA = 1, WEIGHTS = 2 };

@@ -1,7 +1,5 @@
 /* Losses: the gradient as a tensor, and behind it the value; d0: the value alone, d1: the gradient, d2: both are made,
  * the value is compared. */
-#include <string.h>
-
 #include "check_net.h"
 #include "net/loss.h"
 #include "ref/ref_loss.h"

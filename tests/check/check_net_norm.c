@@ -1,7 +1,4 @@
 /* Batch normalisation: with given statistics, with the batch's, and the gradient. */
-#include <math.h>
-#include <string.h>
-
 #include "check_net.h"
 
 #define EPS      1e-3

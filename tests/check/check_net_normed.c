@@ -1,6 +1,4 @@
 /* A batch norm with given statistics and a convolution behind it, in one launch. */
-#include <math.h>
-
 #include "check_net.h"
 #include "ref/ref_conv.h"
 

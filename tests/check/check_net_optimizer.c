@@ -1,8 +1,5 @@
 /* Optimisers: three steps with other gradients each; s0 compares the parameters, s1 the state. Clipping: s0 compares
  * the gradients, s1 the norm. */
-#include <math.h>
-#include <string.h>
-
 #include "check_net.h"
 #include "net/optimizer.h"
 #include "ref/ref_optimizer.h"
@@ -123,27 +120,22 @@ static hada_status prepare_clip(check_state *state, hada_error *err)
     const size_t count = first + second;
     const hada_gradient_part parts[] = {{{NULL, 0}, first}, {{NULL, 0}, second}};
     own = check_net_own(state, NULL);
-    hada_status status = check_net_floats(state, own, count, 0, err);
-    if (!status)
-        status = check_output(state, count + 2, err);
-    if (!status)
-        status = check_scratch(state, &own->scratch, hada_clip_scratch(parts, 2), err);
-    if (!status) {
-        double norm = 0.0, limit = check_get(state, 'l', 1);
-        for (size_t i = 0; i < count; i++)
-            norm += own->plain[0][i] * own->plain[0][i];
-        norm = sqrt(norm);
-        const double factor = limit > 0.0 ? fmin(1.0, limit / (norm + 1e-6)) : 1.0;
-        for (size_t i = 0; i < count; i++)
-            state->expected[i] = factor * own->plain[0][i];
-        state->expected[count] = norm;
-        state->expected[count + 1] = factor;
-    }
-    if (!status)
-        check_net_ignore(state, check_get(state, 's', 0) ? 0 : count, check_get(state, 's', 0) ? count : 2);
+    HADA_TRY(check_net_floats(state, own, count, 0, err));
+    HADA_TRY(check_output(state, count + 2, err));
+    HADA_TRY(check_scratch(state, &own->scratch, hada_clip_scratch(parts, 2), err));
+    double norm = 0.0, limit = check_get(state, 'l', 1);
+    for (size_t i = 0; i < count; i++)
+        norm += own->plain[0][i] * own->plain[0][i];
+    norm = sqrt(norm);
+    const double factor = limit > 0.0 ? fmin(1.0, limit / (norm + 1e-6)) : 1.0;
+    for (size_t i = 0; i < count; i++)
+        state->expected[i] = factor * own->plain[0][i];
+    state->expected[count] = norm;
+    state->expected[count + 1] = factor;
+    check_net_ignore(state, check_get(state, 's', 0) ? 0 : count, check_get(state, 's', 0) ? count : 2);
     state->tolerance = 1e-6;
     state->bytes = 3.0 * (double)count * sizeof(float);
-    return status;
+    return HADA_OK;
 }
 
 const check_op check_net_clip = {

@@ -1,6 +1,4 @@
 /* Planar images resized, with values below a floor raised to it first. */
-#include <math.h>
-
 #include "check.h"
 #include "net/layers.h"
 #include "ref/ref_layers.h"
@@ -31,14 +29,12 @@ static hada_status prepare(check_state *state, hada_error *err)
     check_fill_normal(state, 1, values, count);
     for (size_t i = 0; i < images * image; i++)
         plain[i] = fmax(values[i / image * (image + GAP) + i % image], own->floor);
-    hada_status status = check_output(state, out, err);
-    if (!status)
-        hada_ref_resize(&own->from, own->rows, own->cols, 2, 0, plain, state->expected);
-    if (!status)
-        status = check_upload(state, &own->in, values, count * sizeof *values, err);
+    HADA_TRY(check_output(state, out, err));
+    hada_ref_resize(&own->from, own->rows, own->cols, 2, 0, plain, state->expected);
+    HADA_TRY(check_upload(state, &own->in, values, count * sizeof *values, err));
     state->tolerance = 1e-6; /* as net_resize */
     state->bytes = (double)(images * image + out) * sizeof(float);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)

@@ -1,6 +1,4 @@
 /* Pooling, and its gradient. */
-#include <string.h>
-
 #include "check_net.h"
 
 static hada_status run(check_state *state, check_net *own, int first, int count, hada_error *err)

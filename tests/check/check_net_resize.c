@@ -1,6 +1,4 @@
 /* Resizing and placing, and their gradients. */
-#include <string.h>
-
 #include "check_net.h"
 
 static hada_status run_resize(check_state *state, check_net *own, int first, int count, hada_error *err)

@@ -1,7 +1,5 @@
 /* The kernels of wave optics. Sums of small integers compare exactly; where angles, square roots or divisions come in,
  * to a few units of the last place. */
-#include <math.h>
-
 #include "check.h"
 #include "optics/wave.h"
 #include "ref/ref_optics.h"

@@ -11,13 +11,12 @@ static hada_status prepare_copy(check_state *state, hada_error *err)
     float *values = check_room(state, count * sizeof *values);
     hada_buffer *in = check_own(state, sizeof *in);
     check_fill_integers(state, 1, values, count, 99);
-    hada_status status = check_output(state, count, err);
-    for (size_t i = 0; !status && i < count; i++)
+    HADA_TRY(check_output(state, count, err));
+    for (size_t i = 0; i < count; i++)
         state->expected[i] = values[i];
-    if (!status)
-        status = check_upload(state, in, values, count * sizeof *values, err);
+    HADA_TRY(check_upload(state, in, values, count * sizeof *values, err));
     state->bytes = 8.0 * (double)count;
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch_copy(check_state *state, hada_error *err)

@@ -1,6 +1,4 @@
 /* Refinement: planes after a few steps, for several sets side by side, against textbook ADMM. */
-#include <string.h>
-
 #include "check.h"
 #include "filter/bank.h"
 #include "ref/ref_fft.h"

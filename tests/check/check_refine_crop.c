@@ -1,6 +1,4 @@
 /* Spectra brought to a coarse grid (refine_crop): several images, channels averaged, tapers, real values, inverses. */
-#include <string.h>
-
 #include "check.h"
 #include "filter/bank.h"
 #include "launch/refine.h"

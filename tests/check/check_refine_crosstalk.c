@@ -1,6 +1,4 @@
 /* Planes that fade beside brighter ones (refine_crosstalk). */
-#include <math.h>
-
 #include "check.h"
 #include "ref/ref_crosstalk.h"
 #include "refine/proximal.h"

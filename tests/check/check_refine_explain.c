@@ -86,22 +86,17 @@ static hada_status prepare(check_state *state, hada_error *err)
     const size_t planes = (size_t)(own->sets * own->channels), rest = 2 * planes * own->layout.count;
     own->partial_first = (rest + 255) / 256 * 256;
     make_inputs(state, own, &in);
-    hada_status status = check_output(state, own->partial_first + planes * own->slices, err);
-    if (!status)
-        expect(state, own, &in);
+    HADA_TRY(check_output(state, own->partial_first + planes * own->slices, err));
+    expect(state, own, &in);
     const size_t count = own->layout.count * (size_t)own->channels, all = count * (size_t)(own->depths + 1);
-    if (!status)
-        status = check_upload(state, &own->otf, in.otf, 8 * all, err);
-    if (!status)
-        status = check_upload(state, &own->data, in.data, 8 * count, err);
-    if (!status)
-        status = check_upload(state, &own->planes, in.planes, 4 * rest * (size_t)own->depths, err);
-    if (!status)
-        status = check_upload(state, &own->list, in.list, sizeof in.list, err);
+    HADA_TRY(check_upload(state, &own->otf, in.otf, 8 * all, err));
+    HADA_TRY(check_upload(state, &own->data, in.data, 8 * count, err));
+    HADA_TRY(check_upload(state, &own->planes, in.planes, 4 * rest * (size_t)own->depths, err));
+    HADA_TRY(check_upload(state, &own->list, in.list, sizeof in.list, err));
     state->tolerance = 2e-6; /* the energies weigh most: sums of up to 2048 values, one after the other */
     state->bytes = (double)rest * (2.0 * own->depths + 2.0) * sizeof(float);
     state->flops = (double)rest * (6.0 * own->depths + 3.0);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)

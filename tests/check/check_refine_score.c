@@ -98,27 +98,20 @@ static hada_status prepare(check_state *state, hada_error *err)
     if (own->depths > MAX_DEPTHS || own->channels > MAX_CHANNELS || own->sets * own->depths > (int)HADA_COUNT(in.list))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "at most %d depths and %d channels", MAX_DEPTHS, MAX_CHANNELS);
     make_inputs(state, own, &in);
-    hada_status status = check_output(state, (size_t)own->sets * own->slices, err);
-    if (!status)
-        expect(state, own, &in);
+    HADA_TRY(check_output(state, (size_t)own->sets * own->slices, err));
+    expect(state, own, &in);
     const size_t values = own->layout.count * (size_t)own->channels, all = values * (size_t)(own->depths + 1);
     const size_t planes = values * (size_t)(own->sets * (own->depths ? own->depths : 1));
-    if (!status)
-        status = check_upload(state, &own->otf, in.otf, 8 * all, err);
-    if (!status)
-        status = check_upload(state, &own->data, in.data, 8 * values, err);
-    if (!status)
-        status = check_upload(state, &own->planes, in.planes, 8 * planes, err);
-    if (!status)
-        status = check_upload(state, &own->prior, in.prior, 4 * values, err);
-    if (!status)
-        status = check_upload(state, &own->variance, in.variance, 4 * all, err);
-    if (!status)
-        status = check_upload(state, &own->list, in.list, sizeof in.list, err);
+    HADA_TRY(check_upload(state, &own->otf, in.otf, 8 * all, err));
+    HADA_TRY(check_upload(state, &own->data, in.data, 8 * values, err));
+    HADA_TRY(check_upload(state, &own->planes, in.planes, 8 * planes, err));
+    HADA_TRY(check_upload(state, &own->prior, in.prior, 4 * values, err));
+    HADA_TRY(check_upload(state, &own->variance, in.variance, 4 * all, err));
+    HADA_TRY(check_upload(state, &own->list, in.list, sizeof in.list, err));
     state->tolerance = 2e-6; /* sums of up to 2048 values, one after the other */
     state->bytes = (double)values * own->sets * (2.0 * own->depths + 1.0) * 2.0 * sizeof(float);
     state->flops = (double)values * own->sets * (12.0 * own->depths + 6.0);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)

@@ -1,7 +1,5 @@
 /* How badly planes of the window explain what the channels have in common, from the planes on (hada_refiner_score()):
  * as check_refine_score.c, with the planes' transforms. */
-#include <string.h>
-
 #include "check.h"
 #include "filter/bank.h"
 #include "ref/ref_fft.h"

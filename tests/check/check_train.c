@@ -1,8 +1,5 @@
 /* Training: gradients of filters, the squared error of planes, the gradient of clipping. Integers: exact. */
-#include <math.h>
-
 #include "check.h"
-#include "core/alloc.h"
 #include "kernels/shared_train.h"
 #include "launch/train.h"
 
@@ -167,15 +164,13 @@ static hada_status prepare_mask(check_state *state, hada_error *err)
 {
     train_state *own;
     float *plane = NULL, *gradient = NULL;
-    hada_status status = begin(state, &own, err);
-    if (!status)
-        status = prepare_planes(state, own, &plane, &gradient, err);
-    if (!status)
-        status = check_output(state, own->count, err);
-    for (size_t i = 0; !status && i < own->count; i++)
+    HADA_TRY(begin(state, &own, err));
+    HADA_TRY(prepare_planes(state, own, &plane, &gradient, err));
+    HADA_TRY(check_output(state, own->count, err));
+    for (size_t i = 0; i < own->count; i++)
         state->expected[i] = plane[i] > 0.0f ? gradient[i] : 0.0;
     state->bytes = 12.0 * (state->own ? (double)own->count : 0.0);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch_mask(check_state *state, hada_error *err)

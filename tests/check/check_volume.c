@@ -1,6 +1,4 @@
 /* Volumes: free planes, or a texture on continuous depths, after a few steps, against the reference. */
-#include <string.h>
-
 #include "check.h"
 #include "filter/bank.h"
 #include "ref/ref_fft.h"

@@ -4,8 +4,17 @@
 #ifndef HADA_TESTS_FAULT_H
 #define HADA_TESTS_FAULT_H
 
-#include <stddef.h>
+#include <hadalens/hadalens.h>
+#include <math.h>
 #include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "core/error.h"
+#include "defaults.h"
 
 /* FAULT_MAP: memory of a device that becomes the host's for a while; few calls, so they are counted by themselves. */
 typedef enum fault_kind { FAULT_NONE = 0, FAULT_MEMORY, FAULT_OPENCL, FAULT_MAP, FAULT_FILE, FAULT_KINDS } fault_kind;

@@ -2,8 +2,6 @@
 
 #include <execinfo.h>
 #include <pthread.h>
-#include <stdlib.h>
-#include <string.h>
 
 #include "fault.h"
 

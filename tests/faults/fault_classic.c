@@ -3,12 +3,10 @@
 
 static hada_status run(fault_job *job, const hada_model *model, hada_method method, hada_prior prior, hada_error *err)
 {
-    hada_plan_options options;
-    hada_classic_options classic;
     hada_plan *plan = NULL;
     hada_result result = {0};
-    hada_plan_options_init(&options);
-    hada_classic_options_init(&classic);
+    DEFAULTS(hada_plan_options, options);
+    DEFAULTS(hada_classic_options, classic);
     classic.method = method;
     classic.prior = prior;
     classic.iterations = 2;
@@ -32,8 +30,7 @@ static hada_status make_cropped(fault_job *job, hada_model **model, hada_error *
     const hada_image *frame = &job->frame[1][0];
     const size_t area = (size_t)frame->rows * (size_t)frame->cols;
     hada_image psf[JOB_DEPTHS] = {{0}};
-    hada_psf_options options;
-    hada_psf_options_init(&options);
+    DEFAULTS(hada_psf_options, options);
     options.psf_dark = options.dark = 0;
     options.boundary = HADA_BOUNDARY_PADDED;
     hada_status status = HADA_OK;
@@ -52,17 +49,14 @@ static hada_status make_cropped(fault_job *job, hada_model **model, hada_error *
 hada_status fault_stage_classic(fault_job *job, hada_error *err)
 {
     hada_model *cropped = NULL;
-    hada_status status = run(job, job->model, HADA_METHOD_RL, HADA_PRIOR_TV, err);
-    if (!status)
-        status = run(job, job->model, HADA_METHOD_FISTA, HADA_PRIOR_TV, err);
-    if (!status)
-        status = run(job, job->model, HADA_METHOD_FISTA, HADA_PRIOR_WAVELET, err);
-    if (!status)
-        status = run(job, job->model, HADA_METHOD_ADMM, HADA_PRIOR_TV, err);
-    if (!status)
-        status = make_cropped(job, &cropped, err);
-    if (!status)
-        status = run(job, cropped, HADA_METHOD_FISTA, HADA_PRIOR_NONE, err);
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(run(job, job->model, HADA_METHOD_RL, HADA_PRIOR_TV, err));
+    HADA_TRY_OR_DONE(run(job, job->model, HADA_METHOD_FISTA, HADA_PRIOR_TV, err));
+    HADA_TRY_OR_DONE(run(job, job->model, HADA_METHOD_FISTA, HADA_PRIOR_WAVELET, err));
+    HADA_TRY_OR_DONE(run(job, job->model, HADA_METHOD_ADMM, HADA_PRIOR_TV, err));
+    HADA_TRY_OR_DONE(make_cropped(job, &cropped, err));
+    HADA_TRY_OR_DONE(run(job, cropped, HADA_METHOD_FISTA, HADA_PRIOR_NONE, err));
+done:
     hada_model_destroy(&cropped);
     return status;
 }

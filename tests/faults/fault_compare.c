@@ -1,11 +1,4 @@
 /* Registration and LPIPS. */
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <hadalens/lpips.h>
-#include <hadalens/net.h>
-
 #include "core/error.h"
 #include "fault_job.h"
 #include "register/register_inside.h"
@@ -68,17 +61,14 @@ hada_status fault_stage_lpips(fault_job *job, hada_error *err)
     hada_image map = {0};
     double value = 0.0;
     snprintf(path, sizeof path, "%s/lpips.model", job->folder);
-    hada_status status = save_weights(path, err);
-    if (!status)
-        status = hada_lpips_create(&lpips, job->context, HADA_LPIPS_AUTO, path, NULL, err);
-    if (!status)
-        status = hada_lpips_run(lpips, &job->frame[0][0], &job->frame[0][1], 1.0, NULL, &value, err);
-    if (!status)
-        status = hada_lpips_map(lpips, &job->frame[0][0], &job->frame[1][0], 1.0, &map, err);
-    if (!status) {
-        fault_add(job, &value, sizeof value);
-        fault_add(job, map.data, hada_image_count(&map) * sizeof *map.data);
-    }
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(save_weights(path, err));
+    HADA_TRY_OR_DONE(hada_lpips_create(&lpips, job->context, HADA_LPIPS_AUTO, path, NULL, err));
+    HADA_TRY_OR_DONE(hada_lpips_run(lpips, &job->frame[0][0], &job->frame[0][1], 1.0, NULL, &value, err));
+    HADA_TRY_OR_DONE(hada_lpips_map(lpips, &job->frame[0][0], &job->frame[1][0], 1.0, &map, err));
+    fault_add(job, &value, sizeof value);
+    fault_add(job, map.data, hada_image_count(&map) * sizeof *map.data);
+done:
     hada_image_destroy(&map);
     hada_lpips_destroy(&lpips);
     return status;

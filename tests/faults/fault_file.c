@@ -4,8 +4,6 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <stdarg.h>
-#include <stdio.h>
-#include <sys/stat.h>
 #include <sys/types.h>
 
 #include "fault.h"

@@ -1,12 +1,5 @@
 /* Files that are no pictures: a folder that appears at once, with a camera in it and a data set beside it; a tuning
  * file that is written twice. */
-#include <hadalens/camera.h>
-#include <hadalens/dataset.h>
-#include <hadalens/folder.h>
-#include <hadalens/tiff.h>
-#include <stdio.h>
-#include <string.h>
-
 #include "core/error.h"
 #include "fault_job.h"
 #include "io/folder.h"

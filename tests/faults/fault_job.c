@@ -1,16 +1,6 @@
 #include "fault_job.h"
 
 #include <fcntl.h>
-#include <hadalens/fit.h>
-#include <hadalens/job.h>
-#include <hadalens/preview.h>
-#include <hadalens/scene.h>
-#include <hadalens/simulate.h>
-#include <hadalens/tiff.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <unistd.h>
 #include <xxhash.h>
 
 #include "fft/fft.h"
@@ -59,10 +49,9 @@ hada_status fault_camera_make(hada_camera *camera, hada_error *err)
 
 static hada_status copy(hada_image *out, const hada_image *image, hada_error *err)
 {
-    hada_status status = hada_image_create(out, 1, image->rows, image->cols, err);
-    if (!status)
-        memcpy(out->data, image->data, hada_image_count(image) * sizeof *image->data);
-    return status;
+    HADA_TRY(hada_image_create(out, 1, image->rows, image->cols, err));
+    memcpy(out->data, image->data, hada_image_count(image) * sizeof *image->data);
+    return HADA_OK;
 }
 
 static hada_status simulate(fault_job *job, hada_context *context,
@@ -114,8 +103,7 @@ hada_status fault_stage_simulate(fault_job *job, hada_error *err)
 
 hada_fit_options fault_fit_options(void)
 {
-    hada_fit_options options;
-    hada_fit_options_init(&options);
+    DEFAULTS(hada_fit_options, options);
     options.depths = JOB_DEPTHS;
     options.channels = 1;
     options.distances_mm = distances;
@@ -173,20 +161,17 @@ hada_status fault_stage_psf(fault_job *job, hada_error *err)
     hada_camera camera;
     hada_image psf[JOB_DEPTHS] = {{0}};
     hada_model *model = NULL, *half = NULL, *matched = NULL;
-    hada_psf_options options;
-    hada_psf_options_init(&options);
+    DEFAULTS(hada_psf_options, options);
     options.window_rows = options.window_cols = JOB_WINDOW;
-    hada_status status = fault_camera_make(&camera, err);
-    for (int z = 0; !status && z < JOB_DEPTHS; z++)
-        status = hada_camera_psf(&camera, distances[z], 0, 0, &psf[z], err);
-    if (!status)
-        status = hada_model_from_psf(&model, job->context, psf, JOB_DEPTHS, distances, &options, err);
-    if (!status)
-        status = hada_model_with_form(&matched, model, HADA_FORM_MATCHED, 0.0, err);
-    if (!status)
-        status = hada_model_to_half(&half, model, err);
-    if (!status)
-        fault_add(job, &hada_model_get_info(half)->bytes, sizeof(uint64_t));
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(fault_camera_make(&camera, err));
+    for (int z = 0; z < JOB_DEPTHS; z++)
+        HADA_TRY_OR_DONE(hada_camera_psf(&camera, distances[z], 0, 0, &psf[z], err));
+    HADA_TRY_OR_DONE(hada_model_from_psf(&model, job->context, psf, JOB_DEPTHS, distances, &options, err));
+    HADA_TRY_OR_DONE(hada_model_with_form(&matched, model, HADA_FORM_MATCHED, 0.0, err));
+    HADA_TRY_OR_DONE(hada_model_to_half(&half, model, err));
+    fault_add(job, &hada_model_get_info(half)->bytes, sizeof(uint64_t));
+done:
     hada_model_destroy(&half);
     hada_model_destroy(&matched);
     hada_model_destroy(&model);
@@ -198,9 +183,8 @@ hada_status fault_stage_psf(fault_job *job, hada_error *err)
 static hada_status reconstruct(fault_job *job, hada_context *context, const hada_model *model, int steps,
                                hada_result *result, hada_error *err)
 {
-    hada_plan_options options;
     hada_plan *plan = NULL;
-    hada_plan_options_init(&options);
+    DEFAULTS(hada_plan_options, options);
     options.refine = steps;
     hada_status status = hada_plan_create(&plan, context, model, &options, err);
     for (int i = 0; !status && i < JOB_PAIRS; i++)
@@ -225,8 +209,7 @@ hada_status fault_stage_reconstruct(fault_job *job, hada_error *err)
 static hada_status open_part(const fault_job *job, hada_context **context, hada_error *err)
 {
     const hada_device_info *device = hada_context_device(job->context);
-    hada_context_options options;
-    hada_context_options_init(&options);
+    DEFAULTS(hada_context_options, options);
     options.cache = job->cache;
     options.skip_self_test = 1;
     options.part = options.parts = device->max_sub_devices >= 2 && device->compute_units >= 2 ? 2 : 0;
@@ -256,16 +239,15 @@ hada_status fault_stage_jobs(fault_job *job, hada_error *err)
 {
     hada_context *contexts[2] = {job->context, NULL};
     hada_plan *plan = NULL;
-    hada_plan_options options;
-    hada_plan_options_init(&options);
+    DEFAULTS(hada_plan_options, options);
     options.refine = 0;
     options.queues = 2;
     options.batch = 1; /* none that is smaller, whose programs would be new and kept */
-    hada_status status = open_part(job, &contexts[1], err);
-    if (!status)
-        status = hada_plan_create_on(&plan, contexts, 2, job->model, &options, err);
-    if (!status)
-        status = run_jobs(job, plan, err);
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(open_part(job, &contexts[1], err));
+    HADA_TRY_OR_DONE(hada_plan_create_on(&plan, contexts, 2, job->model, &options, err));
+    HADA_TRY_OR_DONE(run_jobs(job, plan, err));
+done:
     hada_plan_destroy(&plan);
     hada_context_destroy(&contexts[1]);
     return status;
@@ -287,19 +269,19 @@ hada_status fault_stage_model_file(fault_job *job, hada_error *err)
 
 static hada_status write_stack(const fault_job *job, const char *path, hada_tiff_layout layout, hada_error *err)
 {
-    hada_tiff_write_options options;
     hada_tiff_writer *writer = NULL;
-    hada_tiff_write_options_init(&options);
+    DEFAULTS(hada_tiff_write_options, options);
     options.layout = layout;
     options.slices = JOB_DEPTHS;
     options.times = 1;
     options.distances_mm = distances;
     options.compress = layout == HADA_TIFF_PAGES;
-    hada_status status = hada_tiff_create(&writer, path, 1, JOB_ROWS, JOB_COLS, &options, err);
-    for (int z = 0; !status && z < JOB_DEPTHS; z++)
-        status = hada_tiff_write(writer, &job->frame[z][0], err);
-    if (!status)
-        status = hada_tiff_finish(&writer, err);
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_tiff_create(&writer, path, 1, JOB_ROWS, JOB_COLS, &options, err));
+    for (int z = 0; z < JOB_DEPTHS; z++)
+        HADA_TRY_OR_DONE(hada_tiff_write(writer, &job->frame[z][0], err));
+    HADA_TRY_OR_DONE(hada_tiff_finish(&writer, err));
+done:
     hada_tiff_abandon(&writer);
     return status;
 }
@@ -334,10 +316,9 @@ hada_status fault_stage_preview(fault_job *job, hada_error *err)
     preview.distances_mm = job->result.distances_mm;
     preview.distance_map = &job->result.distance_map;
     path_in(job, path, "new.png");
-    hada_status status = hada_preview_save(path, &preview, err);
-    if (!status)
-        add_file(job, path);
-    return status;
+    HADA_TRY(hada_preview_save(path, &preview, err));
+    add_file(job, path);
+    return HADA_OK;
 }
 
 /* One transform forward and back. */
@@ -366,9 +347,8 @@ hada_status fault_stage_clfft(fault_job *job, hada_error *err)
 
 static hada_status open_context(const fault_job *job, hada_context **context, const char *cache, hada_error *err)
 {
-    hada_context_options options;
     (void)job;
-    hada_context_options_init(&options);
+    DEFAULTS(hada_context_options, options);
     options.cache = cache;
     return hada_context_create(context, &options, err);
 }
@@ -397,11 +377,11 @@ hada_status fault_stage_whole(fault_job *job, hada_error *err)
     hada_context *context = NULL;
     hada_model *model = NULL;
     hada_result result = {0};
-    hada_status status = open_context(job, &context, "off", err);
-    if (!status)
-        status = fit(job, context, &model, NULL, err);
-    if (!status)
-        status = reconstruct(job, context, model, 3, &result, err);
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(open_context(job, &context, "off", err));
+    HADA_TRY_OR_DONE(fit(job, context, &model, NULL, err));
+    HADA_TRY_OR_DONE(reconstruct(job, context, model, 3, &result, err));
+done:
     hada_result_destroy(&result);
     hada_model_destroy(&model);
     if (context)

@@ -2,12 +2,7 @@
 #ifndef HADA_TESTS_FAULT_JOB_H
 #define HADA_TESTS_FAULT_JOB_H
 
-#include <hadalens/camera.h>
-#include <hadalens/device.h>
-#include <hadalens/fit.h>
-#include <hadalens/image.h>
-#include <hadalens/model.h>
-#include <hadalens/reconstruct.h>
+#include "fault.h"
 
 enum { JOB_ROWS = 36, JOB_COLS = 44, JOB_WINDOW = 14, JOB_DEPTHS = 2, JOB_PAIRS = 2 };
 

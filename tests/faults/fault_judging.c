@@ -1,10 +1,5 @@
 /* What a fit finds out by holding pairs out: responses and exposures, the boundary, and for a sensor that crops its
  * transfer functions and filters, judged in the window. */
-#include <hadalens/fit.h>
-#include <hadalens/scene.h>
-#include <hadalens/survey.h>
-#include <string.h>
-
 #include "core/error.h"
 #include "fault_job.h"
 

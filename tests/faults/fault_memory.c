@@ -3,9 +3,6 @@
 #include <locale.h>
 #include <pthread.h>
 #include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <unistd.h>
 
 #include "fault.h"
 #include "fault_watch.h"

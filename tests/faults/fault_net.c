@@ -1,15 +1,10 @@
 /* Nets: lists and their files, a model that holds one, a training step, a plane in tiles. */
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
 #include "fault_job.h"
 #include "net/enhance.h"
 
 static hada_status make_net(const fault_job *job, hada_net **net, hada_error *err)
 {
-    hada_unet_options options;
-    hada_unet_options_init(&options);
+    DEFAULTS(hada_unet_options, options);
     options.channels = options.out_channels = hada_model_get_info(job->model)->channels;
     options.down = "4|5";
     options.up = "4";
@@ -24,17 +19,14 @@ static hada_status files(fault_job *job, const hada_net *net, hada_model **with,
     hada_net *back = NULL;
     hada_model *model = NULL;
     snprintf(path, sizeof path, "%s/net.model", job->folder);
-    hada_status status = hada_net_save(net, path, err);
-    if (!status)
-        status = hada_net_load(&back, path, err);
-    if (!status)
-        fault_add(job, back->values, back->floats * sizeof(float));
-    if (!status)
-        status = hada_model_with_enhance(&model, job->model, back, 16, 18, err);
-    if (!status)
-        status = hada_model_save(model, path, err);
-    if (!status)
-        status = hada_model_load(with, path, err);
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_net_save(net, path, err));
+    HADA_TRY_OR_DONE(hada_net_load(&back, path, err));
+    fault_add(job, back->values, back->floats * sizeof(float));
+    HADA_TRY_OR_DONE(hada_model_with_enhance(&model, job->model, back, 16, 18, err));
+    HADA_TRY_OR_DONE(hada_model_save(model, path, err));
+    HADA_TRY_OR_DONE(hada_model_load(with, path, err));
+done:
     hada_model_destroy(&model);
     hada_net_destroy(&back);
     return status;
@@ -49,19 +41,15 @@ static hada_status run_step(fault_job *job, const hada_net *net, hada_slot *slot
     const hada_tensor *x = hada_graph_input(graph);
     /* the weights serve as an image and as the gradient of the output */
     const hada_planar image = {values->mem, 0, 0, 0, (size_t)x->cols};
-    hada_status status = hada_graph_set_weights(graph, (hada_floats){values->mem, 0}, err);
-    if (!status)
-        status = hada_graph_load(graph, &image, err);
-    if (!status)
-        status = hada_graph_forward(graph, err);
-    if (!status)
-        status = hada_graph_load_gradient(graph, &image, err);
-    if (!status)
-        status = hada_graph_backward(graph, (hada_floats){gradients->mem, 0}, 0, err);
-    if (!status)
-        status = hada_buffer_read(gradients, slot, 0, host, net->trained * sizeof *host, err);
-    if (!status)
-        fault_add(job, host, net->trained * sizeof *host);
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_graph_set_weights(graph, (hada_floats){values->mem, 0}, err));
+    HADA_TRY_OR_DONE(hada_graph_load(graph, &image, err));
+    HADA_TRY_OR_DONE(hada_graph_forward(graph, err));
+    HADA_TRY_OR_DONE(hada_graph_load_gradient(graph, &image, err));
+    HADA_TRY_OR_DONE(hada_graph_backward(graph, (hada_floats){gradients->mem, 0}, 0, err));
+    HADA_TRY_OR_DONE(hada_buffer_read(gradients, slot, 0, host, net->trained * sizeof *host, err));
+    fault_add(job, host, net->trained * sizeof *host);
+done:
     free(host);
     return status;
 }
@@ -73,15 +61,13 @@ static hada_status train(fault_job *job, const hada_net *net, hada_error *err)
     hada_slot *slot = NULL;
     hada_graph *graph = NULL;
     hada_buffer values = {0}, gradients = {0};
-    hada_status status = hada_slot_create(&slot, job->context, err);
-    if (!status)
-        status = hada_graph_create(&graph, slot, net, &options, err);
-    if (!status)
-        status = hada_buffer_create_from(&values, slot, net->values, net->floats * sizeof(float), "weights", err);
-    if (!status)
-        status = hada_buffer_create(&gradients, job->context, net->trained * sizeof(float), "gradients", err);
-    if (!status)
-        status = run_step(job, net, slot, graph, &values, &gradients, err);
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_slot_create(&slot, job->context, err));
+    HADA_TRY_OR_DONE(hada_graph_create(&graph, slot, net, &options, err));
+    HADA_TRY_OR_DONE(hada_buffer_create_from(&values, slot, net->values, net->floats * sizeof(float), "weights", err));
+    HADA_TRY_OR_DONE(hada_buffer_create(&gradients, job->context, net->trained * sizeof(float), "gradients", err));
+    HADA_TRY_OR_DONE(run_step(job, net, slot, graph, &values, &gradients, err));
+done:
     if (slot)
         hada_slot_finish(slot, NULL);
     hada_graph_destroy(&graph);
@@ -103,21 +89,17 @@ static hada_status enhance(fault_job *job, const hada_model *with, hada_error *e
     hada_enhance *enhance = NULL;
     hada_buffer planes = {0};
     hada_image image;
-    hada_status status = hada_image_create(&image, channels, ROWS, COLS, err);
-    for (size_t i = 0; !status && i < count; i++)
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_image_create(&image, channels, ROWS, COLS, err));
+    for (size_t i = 0; i < count; i++)
         image.data[i] = (float)(i % 7);
-    if (!status)
-        status = hada_slot_create(&slot, job->context, err);
-    if (!status)
-        status = hada_enhance_create(&enhance, slot, &desc, err);
-    if (!status)
-        status = hada_buffer_create_from(&planes, slot, image.data, count * sizeof(float), "planes", err);
-    if (!status)
-        status = hada_enhance_run(enhance, planes.mem, 0, 1, 1, err);
-    if (!status)
-        status = hada_buffer_read(&planes, slot, 0, image.data, count * sizeof(float), err);
-    if (!status)
-        fault_add(job, image.data, count * sizeof(float));
+    HADA_TRY_OR_DONE(hada_slot_create(&slot, job->context, err));
+    HADA_TRY_OR_DONE(hada_enhance_create(&enhance, slot, &desc, err));
+    HADA_TRY_OR_DONE(hada_buffer_create_from(&planes, slot, image.data, count * sizeof(float), "planes", err));
+    HADA_TRY_OR_DONE(hada_enhance_run(enhance, planes.mem, 0, 1, 1, err));
+    HADA_TRY_OR_DONE(hada_buffer_read(&planes, slot, 0, image.data, count * sizeof(float), err));
+    fault_add(job, image.data, count * sizeof(float));
+done:
     if (slot)
         hada_slot_finish(slot, NULL);
     hada_enhance_destroy(&enhance);
@@ -131,13 +113,12 @@ hada_status fault_stage_net(fault_job *job, hada_error *err)
 {
     hada_net *net = NULL;
     hada_model *with = NULL;
-    hada_status status = make_net(job, &net, err);
-    if (!status)
-        status = files(job, net, &with, err);
-    if (!status)
-        status = train(job, net, err);
-    if (!status)
-        status = enhance(job, with, err);
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(make_net(job, &net, err));
+    HADA_TRY_OR_DONE(files(job, net, &with, err));
+    HADA_TRY_OR_DONE(train(job, net, err));
+    HADA_TRY_OR_DONE(enhance(job, with, err));
+done:
     hada_model_destroy(&with);
     hada_net_destroy(&net);
     return status;

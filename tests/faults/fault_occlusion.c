@@ -1,7 +1,4 @@
 /* Opaque planes, through lenses and through patches of a diffuser. */
-#include <hadalens/scene.h>
-#include <hadalens/simulate.h>
-
 #include "fault_job.h"
 
 static hada_status camera_make(hada_camera *camera, hada_mask mask, hada_error *err)
@@ -24,13 +21,12 @@ static hada_status render(fault_job *job, hada_mask mask, const hada_image *scen
     hada_image raw = {0};
     const hada_plane planes[] = {{0, scene}, {1, scene}};
     const hada_image *const opacities[] = {opacity, NULL};
-    hada_status status = camera_make(&camera, mask, err);
-    if (!status)
-        status = hada_simulator_create(&simulator, job->context, &camera, NULL, err);
-    if (!status)
-        status = hada_simulator_render_occluded(simulator, planes, opacities, 2, -1, 0.0, 0, &raw, err);
-    if (!status)
-        fault_add_image(job, &raw);
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(camera_make(&camera, mask, err));
+    HADA_TRY_OR_DONE(hada_simulator_create(&simulator, job->context, &camera, NULL, err));
+    HADA_TRY_OR_DONE(hada_simulator_render_occluded(simulator, planes, opacities, 2, -1, 0.0, 0, &raw, err));
+    fault_add_image(job, &raw);
+done:
     hada_image_destroy(&raw);
     hada_simulator_destroy(&simulator);
     return status;
@@ -39,15 +35,14 @@ static hada_status render(fault_job *job, hada_mask mask, const hada_image *scen
 hada_status fault_stage_occlusion(fault_job *job, hada_error *err)
 {
     hada_image scene = {0}, opacity = {0};
-    hada_status status = hada_scene_procedural(&scene, 1, 1, 10, 10, err);
-    if (!status)
-        status = hada_image_create(&opacity, 1, 10, 10, err);
-    for (int i = 0; i < 30 && !status; i++)
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_scene_procedural(&scene, 1, 1, 10, 10, err));
+    HADA_TRY_OR_DONE(hada_image_create(&opacity, 1, 10, 10, err));
+    for (int i = 0; i < 30; i++)
         opacity.data[i] = 1.0f;
-    if (!status)
-        status = render(job, HADA_MASK_MLA, &scene, &opacity, err);
-    if (!status)
-        status = render(job, HADA_MASK_DIFFUSER, &scene, &opacity, err);
+    HADA_TRY_OR_DONE(render(job, HADA_MASK_MLA, &scene, &opacity, err));
+    HADA_TRY_OR_DONE(render(job, HADA_MASK_DIFFUSER, &scene, &opacity, err));
+done:
     hada_image_destroy(&scene);
     hada_image_destroy(&opacity);
     return status;

@@ -1,7 +1,6 @@
 /* Wrappers of the OpenCL calls. A failing call returns the code that drivers return there when they run short. */
 #define CL_TARGET_OPENCL_VERSION 120
 #include <CL/cl.h>
-#include <string.h>
 
 #include "fault.h"
 

@@ -1,18 +1,14 @@
 /* A camera's design: its PSFs by geometry and by waves, what it resolves, and the folder that says so. */
-#include <hadalens/task_optics.h>
-#include <stdio.h>
-
 #include "core/error.h"
 #include "fault_job.h"
 #include "io/folder.h"
 
 static hada_status waves(fault_job *job, const hada_camera *camera, hada_error *err)
 {
-    hada_wave_options options;
     hada_wave *wave = NULL;
     hada_image psf = {0};
     hada_status status = HADA_OK;
-    hada_wave_options_init(&options);
+    DEFAULTS(hada_wave_options, options);
     HADA_TRY_OR_DONE(hada_wave_create(&wave, job->context, camera, &options, err));
     HADA_TRY_OR_DONE(hada_wave_psf(wave, camera->distances_mm[0], camera->rows, camera->cols, &psf, err));
     fault_add_image(job, &psf);

@@ -26,10 +26,9 @@ static hada_status make_nets(nets *all, hada_error *err)
         "{\"layer\": \"pool\"}, {\"layer\": \"linear\", \"name\": \"a\", \"in\": 49, \"channels\": 1}]}";
     static const char vgg[] = "{\"format\": \"hadalens-net-1\", \"layers\": [{\"layer\": \"input\", \"channels\": 3},"
                               "{\"layer\": \"conv\", \"name\": \"a\", \"channels\": 2, \"activation\": \"relu\"}]}";
-    hada_status status = hada_net_create(&all->net, net, 1, err);
-    if (!status)
-        status = hada_net_create(&all->discriminator, discriminator, 1, err);
-    return status ? status : hada_net_create(&all->vgg, vgg, 1, err);
+    HADA_TRY(hada_net_create(&all->net, net, 1, err));
+    HADA_TRY(hada_net_create(&all->discriminator, discriminator, 1, err));
+    return hada_net_create(&all->vgg, vgg, 1, err);
 }
 
 /* Forward, backward, norm, an update of everything, and a look. */
@@ -66,15 +65,14 @@ static hada_status copy_filters(hada_replica *replica, fault_job *job, hada_erro
     const size_t count =
         hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_FILTERS, HADA_CONTENT_VALUES);
     hada_image values;
-    hada_status status = hada_image_create(&values, 1, 1, (int)count, err);
-    if (!status)
-        status = hada_parameters_read(hada_replica_parameters(replica), HADA_GROUP_FILTERS, HADA_CONTENT_VALUES,
-                                      values.data, err);
-    if (!status)
-        status = hada_parameters_write(hada_replica_parameters(replica), HADA_GROUP_FILTERS + 1, HADA_CONTENT_VALUES,
-                                       values.data, err);
-    if (!status)
-        add(job, values.data, count);
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_image_create(&values, 1, 1, (int)count, err));
+    HADA_TRY_OR_DONE(hada_parameters_read(hada_replica_parameters(replica), HADA_GROUP_FILTERS, HADA_CONTENT_VALUES,
+                                          values.data, err));
+    HADA_TRY_OR_DONE(hada_parameters_write(hada_replica_parameters(replica), HADA_GROUP_FILTERS + 1,
+                                           HADA_CONTENT_VALUES, values.data, err));
+    add(job, values.data, count);
+done:
     hada_image_destroy(&values);
     return status;
 }
@@ -99,11 +97,11 @@ static hada_status train(fault_job *job, hada_slot *slot, hada_stage stage, cons
                                     .scenes = 2,
                                     .feature_bytes = 1 << 20};
     hada_replica *replica;
-    hada_status status = hada_replica_create(&replica, slot, &desc, err);
-    if (!status)
-        status = step(job, replica, err);
-    if (!status)
-        status = copy_filters(replica, job, err);
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_replica_create(&replica, slot, &desc, err));
+    HADA_TRY_OR_DONE(step(job, replica, err));
+    HADA_TRY_OR_DONE(copy_filters(replica, job, err));
+done:
     hada_replica_destroy(&replica);
     return status;
 }
@@ -127,15 +125,13 @@ hada_status fault_stage_training_step(fault_job *job, hada_error *err)
 {
     hada_slot *slot = NULL;
     nets all = {0};
-    hada_status status = hada_slot_create(&slot, job->context, err);
-    if (!status)
-        status = make_nets(&all, err);
-    if (!status)
-        status = train(job, slot, HADA_STAGE_JOINT, &all, err);
-    if (!status)
-        status = train(job, slot, HADA_STAGE_FILTERS, &all, err);
-    if (!status)
-        status = make_plane(job, slot, err);
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_slot_create(&slot, job->context, err));
+    HADA_TRY_OR_DONE(make_nets(&all, err));
+    HADA_TRY_OR_DONE(train(job, slot, HADA_STAGE_JOINT, &all, err));
+    HADA_TRY_OR_DONE(train(job, slot, HADA_STAGE_FILTERS, &all, err));
+    HADA_TRY_OR_DONE(make_plane(job, slot, err));
+done:
     hada_net_destroy(&all.net);
     hada_net_destroy(&all.discriminator);
     hada_net_destroy(&all.vgg);

@@ -7,11 +7,10 @@ enum { DEPTHS = 3 };
 static hada_status make_model(const fault_job *job, const double *distances, hada_model **model, hada_error *err)
 {
     hada_camera camera;
-    hada_psf_options options;
     hada_image psf[DEPTHS] = {{0}};
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(fault_camera_make(&camera, err));
-    hada_psf_options_init(&options);
+    DEFAULTS(hada_psf_options, options);
     options.window_rows = options.window_cols = JOB_WINDOW;
     for (int z = 0; z < DEPTHS; z++)
         HADA_TRY_OR_DONE(hada_camera_psf(&camera, distances[z], 0, 0, &psf[z], err));
@@ -28,9 +27,8 @@ hada_status fault_stage_surface(fault_job *job, hada_error *err)
     hada_model *model = NULL;
     hada_plan *plan = NULL;
     hada_result result = {0};
-    hada_plan_options options;
     hada_status status = HADA_OK;
-    hada_plan_options_init(&options);
+    DEFAULTS(hada_plan_options, options);
     options.scene = HADA_SCENE_SURFACE;
     options.refine = 2;
     HADA_TRY_OR_DONE(make_model(job, distances, &model, err));

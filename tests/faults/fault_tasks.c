@@ -1,13 +1,5 @@
 /* What commands do, as calls: a data set is written, learned from, its test frames are reconstructed and judged; and a
  * training with its log, checkpoint and model. */
-#include <hadalens/folder.h>
-#include <hadalens/task_evaluate.h>
-#include <hadalens/task_fit.h>
-#include <hadalens/task_reconstruct.h>
-#include <hadalens/task_simulate.h>
-#include <hadalens/task_train.h>
-#include <stdio.h>
-
 #include "core/error.h"
 #include "fault_job.h"
 #include "io/folder.h"
@@ -18,8 +10,7 @@ enum { PAIRS = 3, LONGEST = 300 };
 static hada_status write_set(const fault_job *job, const char *folder, hada_error *err)
 {
     hada_camera camera;
-    hada_simulate_task task;
-    hada_simulate_task_init(&task);
+    DEFAULTS(hada_simulate_task, task);
     task.pairs = PAIRS;
     task.tests = 1;
     HADA_TRY(fault_camera_make(&camera, err));
@@ -39,8 +30,7 @@ static hada_status learn(fault_job *job, const hada_dataset *data, hada_model **
     char sums[LONGEST];
     hada_fit_task task;
     snprintf(sums, sizeof sums, "%s/task.sums", job->folder);
-    hada_fit_options options;
-    hada_fit_options_init(&options);
+    DEFAULTS(hada_fit_options, options);
     hada_fit_task_init(&task);
     options.leave_one_out = 0;
     task.fit = &options;
@@ -63,15 +53,13 @@ static hada_status reconstruct(const fault_job *job, const hada_model *model, co
     char frame[LONGEST];
     const char *const paths[] = {frame};
     hada_error failed = {0};
-    hada_plan_options options;
     hada_plan *plan = NULL;
-    hada_files_task task;
     hada_status status = HADA_OK;
     snprintf(frame, sizeof frame, "%s/test/raw/test01.tif", job->set);
-    hada_plan_options_init(&options);
+    DEFAULTS(hada_plan_options, options);
     options.refine = 2;
     HADA_TRY_OR_DONE(hada_plan_create(&plan, job->context, model, &options, err));
-    hada_files_task_init(&task);
+    DEFAULTS(hada_files_task, task);
     task.output = folder;
     task.preview = 0;
     task.tell = tell;
@@ -89,11 +77,10 @@ done:
 static hada_status evaluate(fault_job *job, const char *folder, hada_error *err)
 {
     char truth[LONGEST];
-    hada_evaluate_task task;
     hada_evaluate_report *report = NULL;
     hada_status status = HADA_OK;
     snprintf(truth, sizeof truth, "%s/test/truth", job->set);
-    hada_evaluate_task_init(&task);
+    DEFAULTS(hada_evaluate_task, task);
     task.match_gain = task.authors = 1;
     HADA_TRY_OR_DONE(hada_evaluate_run(&report, folder, truth, &task, err));
     for (int i = 0; i < hada_evaluate_report_count(report); i++)
@@ -131,7 +118,6 @@ hada_status fault_stage_training(fault_job *job, hada_error *err)
     hada_dataset *data = NULL;
     hada_model *model = NULL;
     hada_train_options options;
-    hada_train_task task;
     hada_status status = HADA_OK;
     snprintf(output, sizeof output, "%s/trained.model", job->folder);
     snprintf(log, sizeof log, "%s/log", job->folder);
@@ -139,7 +125,7 @@ hada_status fault_stage_training(fault_job *job, hada_error *err)
     HADA_TRY_OR_DONE(open_set(job, &data, err));
     hada_train_options_init(&options, HADA_STAGE_FILTERS);
     options.batch = 2;
-    hada_train_task_init(&task);
+    DEFAULTS(hada_train_task, task);
     task.options = &options;
     task.model = job->model;
     task.hold_out = 1;

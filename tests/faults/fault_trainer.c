@@ -1,16 +1,11 @@
 /* Training as a whole: pairs read ahead, steps on a device, validation, a checkpoint and back, the trained model. */
-#include <hadalens/train.h>
-#include <stdio.h>
-#include <string.h>
-
 #include "fault_job.h"
 
 static hada_status copy(hada_image *out, const hada_image *image, hada_error *err)
 {
-    hada_status status = hada_image_create(out, image->channels, image->rows, image->cols, err);
-    if (!status)
-        memcpy(out->data, image->data, hada_image_count(image) * sizeof(float));
-    return status;
+    HADA_TRY(hada_image_create(out, image->channels, image->rows, image->cols, err));
+    memcpy(out->data, image->data, hada_image_count(image) * sizeof(float));
+    return HADA_OK;
 }
 
 static hada_status read_pair(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *err)
@@ -33,25 +28,18 @@ static hada_status use(fault_job *job, hada_trainer *trainer, const char *path, 
     hada_validation result = {.size = sizeof result};
     hada_model *model = NULL;
     hada_image raw = {0}, before = {0}, after = {0}, truth = {0};
-    hada_status status = hada_trainer_step(trainer, &report, err);
-    if (!status)
-        status = hada_trainer_save(trainer, path, err);
-    if (!status)
-        status = hada_trainer_step(trainer, &report, err);
-    if (!status)
-        status = hada_trainer_load(trainer, path, err);
-    if (!status)
-        status = hada_trainer_step(trainer, &report, err);
-    if (!status)
-        status = hada_trainer_validate(trainer, 0, &result, err);
-    if (!status)
-        status = hada_trainer_show(trainer, 1, &raw, &before, &after, &truth, err);
-    if (!status)
-        status = hada_trainer_model(trainer, &model, err);
-    if (!status) {
-        const double known[] = {report.loss, report.norm, result.psnr, result.mae, result.sharpness};
-        add(job, known, sizeof known / sizeof *known);
-    }
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_trainer_step(trainer, &report, err));
+    HADA_TRY_OR_DONE(hada_trainer_save(trainer, path, err));
+    HADA_TRY_OR_DONE(hada_trainer_step(trainer, &report, err));
+    HADA_TRY_OR_DONE(hada_trainer_load(trainer, path, err));
+    HADA_TRY_OR_DONE(hada_trainer_step(trainer, &report, err));
+    HADA_TRY_OR_DONE(hada_trainer_validate(trainer, 0, &result, err));
+    HADA_TRY_OR_DONE(hada_trainer_show(trainer, 1, &raw, &before, &after, &truth, err));
+    HADA_TRY_OR_DONE(hada_trainer_model(trainer, &model, err));
+    const double known[] = {report.loss, report.norm, result.psnr, result.mae, result.sharpness};
+    add(job, known, sizeof known / sizeof *known);
+done:
     hada_model_destroy(&model);
     hada_image_destroy(&raw);
     hada_image_destroy(&before);
@@ -67,20 +55,19 @@ static hada_status train(fault_job *job, hada_context *const *contexts, int coun
     static const double distances[JOB_DEPTHS] = {100.0, 200.0};
     hada_dataset *pairs = NULL;
     hada_train_options options;
-    hada_augment augment;
     hada_trainer *trainer = NULL;
     hada_train_options_init(&options, stage);
     options.net_given = net;
     options.compose = stage == HADA_STAGE_JOINT ? 0.0 : 0.5;
     options.batch = count == 1 ? 2 : 3;
-    hada_augment_init(&augment);
+    DEFAULTS(hada_augment, augment);
     augment.noise = stage == HADA_STAGE_JOINT ? 0.01 : 0.0;
     options.augment = &augment;
-    hada_status status = hada_dataset_create(&pairs, JOB_DEPTHS, distances, counts, read_pair, job, NULL, err);
-    if (!status)
-        status = hada_trainer_create(&trainer, contexts, count, job->model, pairs, pairs, &options, err);
-    if (!status)
-        status = use(job, trainer, path, err);
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_dataset_create(&pairs, JOB_DEPTHS, distances, counts, read_pair, job, NULL, err));
+    HADA_TRY_OR_DONE(hada_trainer_create(&trainer, contexts, count, job->model, pairs, pairs, &options, err));
+    HADA_TRY_OR_DONE(use(job, trainer, path, err));
+done:
     hada_trainer_destroy(&trainer);
     hada_dataset_destroy(&pairs);
     return status;
@@ -88,20 +75,19 @@ static hada_status train(fault_job *job, hada_context *const *contexts, int coun
 
 static hada_status train_both(fault_job *job, hada_context *const *contexts, int count, hada_error *err)
 {
-    hada_unet_options unet;
     hada_net *net = NULL;
     char path[160];
     snprintf(path, sizeof path, "%s/training.model", job->folder);
-    hada_unet_options_init(&unet);
+    DEFAULTS(hada_unet_options, unet);
     unet.channels = unet.out_channels = 1;
     unet.down = "4|4";
     unet.up = "4";
     unet.last_norm = count > 1; /* statistics, which devices average */
-    hada_status status = hada_net_create_unet(&net, &unet, 1, err);
-    if (!status)
-        status = train(job, contexts, count, HADA_STAGE_ENHANCE, net, path, err);
-    if (!status)
-        status = train(job, contexts, count, HADA_STAGE_JOINT, net, path, err);
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_net_create_unet(&net, &unet, 1, err));
+    HADA_TRY_OR_DONE(train(job, contexts, count, HADA_STAGE_ENHANCE, net, path, err));
+    HADA_TRY_OR_DONE(train(job, contexts, count, HADA_STAGE_JOINT, net, path, err));
+done:
     hada_net_destroy(&net);
     return status;
 }

@@ -2,14 +2,10 @@
  * devices that fail at random moments. Every job ends as it may: with the very result of an undisturbed run, cancelled,
  * or with the failure of a device while one fails. Memory is flat: once warm, the process holds 1 % more at most, and
  * after each round the context's books are what they were. */
-#include <stdlib.h>
 #include <time.h>
-#include <unistd.h>
 
-#include "core/random.h"
 #include "fault.h"
 #include "job_fixture.h"
-#include "runtime/context.h"
 
 enum { LOST = CL_DEVICE_NOT_AVAILABLE, SHORT = CL_MEM_OBJECT_ALLOCATION_FAILURE };
 

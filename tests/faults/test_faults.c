@@ -6,10 +6,6 @@
  * failure: FAULT_ONLY=STAGE:KIND:N (or a part of it from the left); FAULT_TRACE=1 names each run before it starts. */
 #include <dirent.h>
 #include <errno.h>
-#include <stdlib.h>
-#include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include "fault.h"
 #include "fault_chain.h"

@@ -1,10 +1,6 @@
 /* The disk cache of programs is a help, never a need: whatever stands in its place, contexts open and compute. */
 #include <dirent.h>
-#include <stdlib.h>
-#include <string.h>
-#include <sys/stat.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
 #include "runtime/program.h"
 #include "testing.h"
@@ -37,9 +33,8 @@ static int end(void **state)
 static hada_status open_and_close(const char *cache, unsigned *compiled, unsigned *loaded)
 {
     hada_context *context;
-    hada_context_options options;
     hada_error error = {0};
-    hada_context_options_init(&options);
+    DEFAULTS(hada_context_options, options);
     options.cache = cache;
     const hada_status status = hada_context_create(&context, &options, &error);
     if (status) {

@@ -1,11 +1,7 @@
 /* Devices that lack what others have: every time a message that says what to do, never a crash. */
-#include <stdlib.h>
-#include <string.h>
-
 #include "fault.h"
 #include "fault_job.h"
 #include "model/model.h"
-#include "runtime/context.h"
 #include "testing.h"
 
 static int begin(void **state)
@@ -25,8 +21,7 @@ static int end(void **state)
 
 static hada_status open_context(hada_context **context, const char *binaries, const char *cache, hada_error *err)
 {
-    hada_context_options options;
-    hada_context_options_init(&options);
+    DEFAULTS(hada_context_options, options);
     options.binaries = binaries;
     options.cache = cache;
     return hada_context_create(context, &options, err);
@@ -35,9 +30,8 @@ static hada_status open_context(hada_context **context, const char *binaries, co
 static void reconstruct_one(const fault_job *job, hada_context *context)
 {
     hada_plan *plan;
-    hada_plan_options options;
     hada_result result = {0};
-    hada_plan_options_init(&options);
+    DEFAULTS(hada_plan_options, options);
     ASSERT_OK(hada_plan_create(&plan, context, job->model, &options, err));
     ASSERT_OK(hada_plan_run(plan, &job->frame[0][0], &result, err));
     hada_result_destroy(&result);
@@ -95,9 +89,8 @@ TEST(tiny_pieces_of_memory_are_refused_with_sizes)
     fault_job *job = *state;
     hada_context *context;
     hada_plan *plan;
-    hada_plan_options options;
     hada_error error = {0};
-    hada_plan_options_init(&options);
+    DEFAULTS(hada_plan_options, options);
     fault_pretend = (fault_device){.max_allocation_bytes = 2048};
     ASSERT_OK(open_context(&context, NULL, "off", err));
     assert_int_equal(hada_plan_create(&plan, context, job->model, &options, &error), HADA_ERROR_DEVICE_MEMORY);
@@ -146,12 +139,11 @@ TEST(a_fit_goes_on_without_its_trial_for_want_of_memory_alone)
 {
     static const cl_int codes[] = {CL_MEM_OBJECT_ALLOCATION_FAILURE, CL_DEVICE_NOT_AVAILABLE};
     static const hada_status statuses[] = {HADA_ERROR_DEVICE_MEMORY, HADA_ERROR_DEVICE};
-    hada_context_options options;
     hada_context *context;
     hada_fitter *fitter;
     hada_dataset *pairs;
     hada_model *tried, *model;
-    hada_context_options_init(&options);
+    DEFAULTS(hada_context_options, options);
     options.log = hear;
     ASSERT_OK(hada_context_create(&context, &options, err));
     make_fitter(&fitter, &pairs, *state, context);

@@ -2,7 +2,6 @@
  * left. */
 #include "fault.h"
 #include "job_fixture.h"
-#include "runtime/context.h"
 
 enum { LOST = CL_DEVICE_NOT_AVAILABLE, SHORT = CL_MEM_OBJECT_ALLOCATION_FAILURE };
 

@@ -33,11 +33,10 @@ TEST(searches_end_where_an_evaluation_fails)
     tiny_camera camera = tiny_make(96, 128, WINDOW, WINDOW, DEPTHS, 1, 0);
     tiny_device device;
     hada_pursuit *pursuit;
-    hada_pursuit_options options;
     hada_pursuit_result result;
     double *scenes = tiny_zeros(DEPTHS * camera.window_area), *image = tiny_zeros(camera.pixels);
     tiny_upload(&device, &camera);
-    hada_pursuit_options_init(&options);
+    DEFAULTS(hada_pursuit_options, options);
     options.shape = device.shape;
     options.depths = DEPTHS;
     ASSERT_OK(hada_pursuit_create(&pursuit, device.slot, &options, err));

@@ -2,10 +2,8 @@
  * to give back is not called left. */
 #include <pthread.h>
 #include <signal.h>
-#include <stdlib.h>
 #include <sys/wait.h>
 #include <time.h>
-#include <unistd.h>
 
 #include "fault.h"
 #include "fault_watch.h"

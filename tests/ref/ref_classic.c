@@ -32,27 +32,25 @@ static hada_status room(double **out, size_t count, hada_error *err)
 
 static hada_status to_spectra(work *w, const double *planes, hada_error *err)
 {
-    hada_status status = HADA_OK;
-    for (size_t z = 0; !status && z < (size_t)w->p->depths; z++)
-        status =
-            hada_ref_fft_forward(planes + z * w->pixels, w->p->rows, w->p->cols, w->spectra + z * 2 * w->values, err);
-    return status;
+    for (size_t z = 0; z < (size_t)w->p->depths; z++)
+        HADA_TRY(
+            hada_ref_fft_forward(planes + z * w->pixels, w->p->rows, w->p->cols, w->spectra + z * 2 * w->values, err));
+    return HADA_OK;
 }
 
 static hada_status from_spectra(work *w, double *planes, hada_error *err)
 {
-    hada_status status = HADA_OK;
-    for (size_t z = 0; !status && z < (size_t)w->p->depths; z++)
-        status =
-            hada_ref_fft_inverse(w->spectra + z * 2 * w->values, w->p->rows, w->p->cols, planes + z * w->pixels, err);
-    return status;
+    for (size_t z = 0; z < (size_t)w->p->depths; z++)
+        HADA_TRY(
+            hada_ref_fft_inverse(w->spectra + z * 2 * w->values, w->p->rows, w->p->cols, planes + z * w->pixels, err));
+    return HADA_OK;
 }
 
 /* y = sum PSF * x on the whole grid. */
 static hada_status project(work *w, const double *planes, double *y, hada_error *err)
 {
-    hada_status status = to_spectra(w, planes, err);
-    for (size_t f = 0; !status && f < w->values; f++) {
+    HADA_TRY(to_spectra(w, planes, err));
+    for (size_t f = 0; f < w->values; f++) {
         w->sum[2 * f] = w->sum[2 * f + 1] = 0.0;
         for (size_t z = 0; z < (size_t)w->p->depths; z++) {
             const double *h = w->p->otf + 2 * (z * w->values + f), *x = w->spectra + 2 * (z * w->values + f);
@@ -60,21 +58,21 @@ static hada_status project(work *w, const double *planes, double *y, hada_error 
             w->sum[2 * f + 1] += h[0] * x[1] + h[1] * x[0];
         }
     }
-    return status ? status : hada_ref_fft_inverse(w->sum, w->p->rows, w->p->cols, y, err);
+    return hada_ref_fft_inverse(w->sum, w->p->rows, w->p->cols, y, err);
 }
 
 /* The transpose: correlations of an image with every PSF. */
 static hada_status transpose(work *w, const double *image, double *planes, hada_error *err)
 {
-    hada_status status = hada_ref_fft_forward(image, w->p->rows, w->p->cols, w->sum, err);
-    for (size_t z = 0; !status && z < (size_t)w->p->depths; z++)
+    HADA_TRY(hada_ref_fft_forward(image, w->p->rows, w->p->cols, w->sum, err));
+    for (size_t z = 0; z < (size_t)w->p->depths; z++)
         for (size_t f = 0; f < w->values; f++) {
             const double *h = w->p->otf + 2 * (z * w->values + f);
             double *x = w->spectra + 2 * (z * w->values + f);
             x[0] = h[0] * w->sum[2 * f] + h[1] * w->sum[2 * f + 1];
             x[1] = h[0] * w->sum[2 * f + 1] - h[1] * w->sum[2 * f];
         }
-    return status ? status : from_spectra(w, planes, err);
+    return from_spectra(w, planes, err);
 }
 
 /* Solves (d + m sum conj(H) H) X = C for all depths, C in w->spectra, d the weight at a frequency, in place. */

@@ -98,11 +98,10 @@ static double energy(const ref_state *s, const double *image)
 
 static hada_status all_forward(ref_state *s, const double *images, hada_error *err)
 {
-    hada_status status = HADA_OK;
-    for (int z = 0; !status && z < s->p->depths; z++)
-        status = hada_ref_fft_forward(images + (size_t)z * s->pixels, s->p->rows, s->p->cols,
-                                      s->spectra + 2 * (size_t)z * s->values, err);
-    return status;
+    for (int z = 0; z < s->p->depths; z++)
+        HADA_TRY(hada_ref_fft_forward(images + (size_t)z * s->pixels, s->p->rows, s->p->cols,
+                                      s->spectra + 2 * (size_t)z * s->values, err));
+    return HADA_OK;
 }
 
 static double rho_of(const hada_ref_refine *p, int step)

@@ -1,8 +1,6 @@
 /* The driver: forms, the table, and what groups share. */
 #include "stress.h"
 
-#include <stdarg.h>
-
 enum { ROWS_AT_MOST = 512 };
 typedef struct row {
     char text[112];

@@ -4,11 +4,7 @@
 #define HADA_STRESS_H
 
 #include <float.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/random.h"
 #include "runtime/buffer.h"
 #include "testing.h"
 

@@ -1,9 +1,4 @@
 /* NaN and infinity in one place must not spread unnoticed: refused with a status, or repaired where asked for. */
-#include <hadalens/fit.h>
-#include <hadalens/focus.h>
-#include <hadalens/metrics.h>
-#include <hadalens/reconstruct.h>
-
 #include "fit/fitter.h"
 #include "model/model.h"
 #include "planes/maker.h"
@@ -26,10 +21,9 @@ static hada_image copy_of(const hada_image *image)
 
 static hada_plan *plan_of(const scene *s, int refine, int repair, const hada_image *dark, hada_status *status)
 {
-    hada_plan_options options;
     hada_plan *plan = NULL;
     hada_error error;
-    hada_plan_options_init(&options);
+    DEFAULTS(hada_plan_options, options);
     options.refine = refine;
     options.repair_not_finite = repair;
     options.dark = dark ? HADA_DARK_FRAME : HADA_DARK_NONE;
@@ -98,10 +92,9 @@ static void broken_frames(const scene *s)
 static void broken_pairs(const scene *s)
 {
     static const double distance[] = {100.0};
-    hada_fit_options options;
     hada_fitter *fitter;
     hada_error error;
-    hada_fit_options_init(&options);
+    DEFAULTS(hada_fit_options, options);
     options.depths = options.channels = 1;
     options.distances_mm = distance;
     options.raw_rows = s->frame.rows;
@@ -189,11 +182,10 @@ static void too_large(const scene *s)
             hada_result_destroy(&result);
             hada_plan_destroy(&plan);
         }
-        hada_fit_options options;
         hada_fitter *fitter;
         hada_model *model = NULL;
         hada_error error;
-        hada_fit_options_init(&options);
+        DEFAULTS(hada_fit_options, options);
         options.depths = options.channels = 1;
         options.distances_mm = distance;
         options.raw_rows = options.window_rows = frame.rows;

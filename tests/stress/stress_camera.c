@@ -9,8 +9,7 @@ stress_camera stress_camera_make(const stress_device *device, int rows, int cols
 {
     static const double distances[] = {100.0, 200.0, 300.0, 400.0};
     stress_camera camera = {.rows = rows, .cols = cols, .depths = depths};
-    hada_psf_options options;
-    hada_psf_options_init(&options);
+    DEFAULTS(hada_psf_options, options);
     options.boundary = HADA_BOUNDARY_CIRCULAR;
     options.window_rows = rows / 2 ? rows / 2 : 1;
     options.window_cols = cols / 2 ? cols / 2 : 1;

@@ -2,8 +2,6 @@
 #ifndef HADA_STRESS_CAMERA_H
 #define HADA_STRESS_CAMERA_H
 
-#include <hadalens/model.h>
-
 #include "stress.h"
 
 typedef struct stress_camera {

@@ -70,13 +70,12 @@ static void zeros(const stress_device *device, double lambda)
     static const double distance[] = {100.0};
     const int rows = 24, cols = 32;
     hada_image psf;
-    hada_psf_options options;
     hada_model *model, *again;
     ASSERT_OK(hada_image_create(&psf, 1, rows, cols, err));
     for (int row = 0; row < 6; row++)
         for (int col = 0; col < 8; col++)
             psf.data[(rows / 2 - 3 + row) * cols + cols / 2 - 4 + col] = 1.0f;
-    hada_psf_options_init(&options);
+    DEFAULTS(hada_psf_options, options);
     options.boundary = HADA_BOUNDARY_CIRCULAR;
     options.psf_dark = 0.0;
     options.lambda = lambda;

@@ -1,6 +1,4 @@
 /* The exact fit: few, equal and many pairs, and extreme lambda, against double precision. */
-#include <hadalens/fit.h>
-
 #include "camera_small.h"
 #include "fft/fft.h"
 #include "fit/fitter.h"
@@ -143,10 +141,9 @@ static void fit(const stress_device *device, pair_kind kind, int64_t pairs, cons
     ASSERT_OK(hada_image_create(&raw, 1, rows, cols, err));
     ASSERT_OK(hada_image_create(&scene, 1, rows, cols, err));
     for (size_t k = 0; k < lambda_count; k++) {
-        hada_fit_options options;
         hada_fitter *fitter;
         hada_model *model;
-        hada_fit_options_init(&options);
+        DEFAULTS(hada_fit_options, options);
         options.depths = options.channels = 1;
         options.distances_mm = distance;
         options.raw_rows = options.window_rows = rows;

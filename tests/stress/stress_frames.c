@@ -1,7 +1,4 @@
 /* Whole frames through a plan: linear filters against double precision, refinement against itself at other scales. */
-#include <hadalens/fit.h>
-#include <hadalens/reconstruct.h>
-
 #include "camera_small.h"
 #include "fft/fft.h"
 #include "fit/fitter.h"
@@ -50,9 +47,8 @@ static void linear_row(const stress_device *device, const stress_camera *camera,
 
 static hada_plan *plan_of(const stress_device *device, const stress_camera *camera, int refine)
 {
-    hada_plan_options options;
     hada_plan *plan;
-    hada_plan_options_init(&options);
+    DEFAULTS(hada_plan_options, options);
     options.refine = refine;
     options.occupied = HADA_OCCUPIED_ALL;
     options.dark = HADA_DARK_NONE;
@@ -134,13 +130,11 @@ enum { FIT_DEPTHS = 2, FIT_PAIRS = 3, FIT_ROWS = 24, FIT_COLS = 32, FIT_WINDOW =
 static void fit_and_run(const stress_device *device, int power, hada_result *result)
 {
     static const double distances[] = {100.0, 200.0};
-    hada_fit_options options;
-    hada_plan_options plan_options;
     hada_fitter *fitter;
     hada_model *model;
     hada_plan *plan;
     hada_image last = {0};
-    hada_fit_options_init(&options);
+    DEFAULTS(hada_fit_options, options);
     options.depths = FIT_DEPTHS;
     options.channels = 1;
     options.distances_mm = distances;
@@ -169,7 +163,7 @@ static void fit_and_run(const stress_device *device, int power, hada_result *res
         hada_image_destroy(&psf);
     }
     ASSERT_OK(hada_fitter_finish(fitter, NULL, &model, err));
-    hada_plan_options_init(&plan_options);
+    DEFAULTS(hada_plan_options, plan_options);
     plan_options.refine = 6;
     plan_options.occupied = HADA_OCCUPIED_ALL;
     ASSERT_OK(hada_plan_create(&plan, device->context, model, &plan_options, err));

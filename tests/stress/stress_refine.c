@@ -54,7 +54,6 @@ static void refine(const problem *p)
     tiny_camera camera = tiny_make(side, side + 8, side / 2, side / 2, DEPTHS, 1, p->padded);
     tiny_device device;
     hada_refiner *refiner;
-    hada_refine_rule rule;
     const size_t area = camera.window_area;
     double *image = stress_memory(camera.pixels, sizeof *image), *want = stress_memory(DEPTHS * area, sizeof *want);
     double *residual = stress_memory((size_t)steps + 1, sizeof *residual);
@@ -65,7 +64,7 @@ static void refine(const problem *p)
     tiny_expose(&device, &camera, image, 1.0);
     device.shape.max_steps = steps;
     ASSERT_OK(hada_refiner_create(&refiner, device.slot, &device.shape, err));
-    hada_refine_rule_init(&rule);
+    DEFAULTS(hada_refine_rule, rule);
     rule.steps = steps;
     rule.rho = p->rho;
     const hada_ref_refine reference = {.rows = camera.rows,
@@ -119,8 +118,7 @@ static double seconds_of(hada_refiner *refiner, const hada_refine_data *data, in
 {
     static const int list[DEPTHS] = {0, 1};
     struct timespec from, to;
-    hada_refine_rule rule;
-    hada_refine_rule_init(&rule);
+    DEFAULTS(hada_refine_rule, rule);
     rule.rho = 3e-3;
     rule.steps = steps;
     clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &from);

@@ -1,6 +1,4 @@
 /* Sums: of the fit, of energies, of errors, against exact ones. */
-#include <hadalens/metrics.h>
-
 #include "fit/fitter.h"
 #include "stress.h"
 #include "tiny_camera.h"
@@ -11,10 +9,9 @@ static void fit_sums(void)
 {
     const int many = stress_form_now == STRESS_TINY ? 8 : stress_form_now == STRESS_FULL ? 20000 : 500;
     static const double distance[] = {100.0};
-    hada_fit_options options;
     hada_fitter *fitter;
     stress_device device = stress_open();
-    hada_fit_options_init(&options);
+    DEFAULTS(hada_fit_options, options);
     options.depths = options.channels = 1;
     options.distances_mm = distance;
     options.raw_rows = options.window_rows = options.raw_cols = options.window_cols = 8;
@@ -71,7 +68,6 @@ static void energies(int side, int padded, int range)
     tiny_camera camera = tiny_make(side, side, side / 2, side / 2, 1, 1, padded);
     tiny_device device;
     hada_refiner *refiner;
-    hada_refine_rule rule;
     static const int list[] = {0};
     const size_t n = camera.pixels;
     float *pixels = stress_memory(n, sizeof *pixels);
@@ -91,7 +87,7 @@ static void energies(int side, int padded, int range)
             exact += image[at] * image[at];
         }
     tiny_expose(&device, &camera, image, 1.0);
-    hada_refine_rule_init(&rule);
+    DEFAULTS(hada_refine_rule, rule);
     rule.steps = 1;
     ASSERT_OK(hada_refiner_run(refiner, &device.data, &rule, 1, 1, list, NULL, err));
     const double transform =

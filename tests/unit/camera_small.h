@@ -3,12 +3,6 @@
 #ifndef HADA_TESTS_CAMERA_SMALL_H
 #define HADA_TESTS_CAMERA_SMALL_H
 
-#include <hadalens/image.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/random.h"
 #include "ref/ref_convolve.h"
 #include "testing.h"
 

@@ -3,11 +3,6 @@
 #ifndef FFT_FIXTURE_H
 #define FFT_FIXTURE_H
 
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
 #include "testing.h"
 
 #include "fft/fft.h"
@@ -241,8 +236,7 @@ static inline void check_inverse(hada_fft_desc desc, hada_fft_product product, i
 static int open_device(void **user)
 {
     (void)user;
-    hada_context_options options;
-    hada_context_options_init(&options);
+    DEFAULTS(hada_context_options, options);
     options.device = "cpu";
     return hada_context_create(&context, &options, &err) || hada_slot_create(&slot, context, &err);
 }

@@ -2,9 +2,6 @@
 #ifndef HADA_TESTS_FIT_FIXTURE_H
 #define HADA_TESTS_FIT_FIXTURE_H
 
-#include <string.h>
-#include <unistd.h>
-
 #include "camera_small.h"
 #include "fit/fitter.h"
 
@@ -20,8 +17,7 @@ typedef struct fixture {
 static inline int fit_setup_with(void **state, const char *tuning)
 {
     static fixture f;
-    hada_context_options options;
-    hada_context_options_init(&options);
+    DEFAULTS(hada_context_options, options);
     if (tuning) {
         strcpy(f.tuning, "/tmp/hadalens-test-XXXXXX");
         const int file = mkstemp(f.tuning);
@@ -81,8 +77,7 @@ static inline int fit_teardown(void **state)
 
 static inline hada_fit_options usual(int depths, hada_form form)
 {
-    hada_fit_options options;
-    hada_fit_options_init(&options);
+    DEFAULTS(hada_fit_options, options);
     options.depths = depths;
     options.channels = CHANNELS;
     options.distances_mm = distances;

@@ -2,12 +2,6 @@
 #ifndef TESTS_FORWARD_FIXTURE_H
 #define TESTS_FORWARD_FIXTURE_H
 
-#include <hadalens/scene.h>
-#include <hadalens/simulate.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
 #include "testing.h"
 
 enum { ROWS = 60, COLS = 72, PIXELS = ROWS * COLS, HIGH = 24, WIDE = 26, LENSES = 7 };
@@ -41,8 +35,7 @@ static inline hada_simulator *simulator_of(const hada_camera *camera, int shift_
                                            int field_cols)
 {
     hada_simulator *simulator;
-    hada_simulator_options options;
-    hada_simulator_options_init(&options);
+    DEFAULTS(hada_simulator_options, options);
     options.shift_rows = shift_rows;
     options.shift_cols = shift_cols;
     options.field_rows = field_rows;

@@ -3,10 +3,7 @@
 #define IO_TESTING_H
 
 #include <dirent.h>
-#include <stdlib.h>
-#include <string.h>
 #include <tiffio.h>
-#include <unistd.h>
 
 #include "testing.h"
 

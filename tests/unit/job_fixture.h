@@ -4,7 +4,6 @@
 
 #include <hadalens/opencl.h>
 #include <stdatomic.h>
-#include <string.h>
 
 #include "camera_small.h"
 
@@ -87,8 +86,7 @@ static inline void job_make_frames(job_fixture *f)
 {
     hada_image psf[JOB_DEPTHS];
     double distances[JOB_DEPTHS];
-    hada_psf_options options;
-    hada_psf_options_init(&options);
+    DEFAULTS(hada_psf_options, options);
     options.window_rows = options.window_cols = JOB_WINDOW;
     options.boundary = HADA_BOUNDARY_CIRCULAR;
     for (int z = 0; z < JOB_DEPTHS; z++) {
@@ -107,8 +105,7 @@ static inline void job_make_frames(job_fixture *f)
 
 static inline void job_open(job_fixture *f)
 {
-    hada_context_options options;
-    hada_context_options_init(&options);
+    DEFAULTS(hada_context_options, options);
     options.log = job_log;
     ASSERT_OK(hada_context_create(&f->whole, &options, err));
     const hada_device_info *device = hada_context_device(f->whole);

@@ -2,15 +2,6 @@
 #ifndef HADA_TESTS_LEARNED_CAMERA_H
 #define HADA_TESTS_LEARNED_CAMERA_H
 
-#include <hadalens/fit.h>
-#include <hadalens/metrics.h>
-#include <hadalens/reconstruct.h>
-#include <hadalens/scene.h>
-#include <hadalens/simulate.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
 #include "fit/fitter.h"
 #include "testing.h"
 
@@ -43,9 +34,8 @@ static inline hada_image learned_frame(const learned_camera *learned, const hada
 static inline void learned_fit(learned_camera *learned)
 {
     const hada_camera *camera = &learned->camera;
-    hada_fit_options options;
     hada_fitter *fitter;
-    hada_fit_options_init(&options);
+    DEFAULTS(hada_fit_options, options);
     options.depths = camera->depths;
     options.channels = camera->channels;
     options.distances_mm = camera->distances_mm;

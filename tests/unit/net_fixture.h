@@ -4,11 +4,6 @@
 
 #include "testing.h"
 
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/random.h"
 #include "net/graph.h"
 
 typedef struct net_device {

@@ -16,8 +16,7 @@ static inline int patience_is_over(void *user)
 
 static inline hada_monitor patience_monitor(patience *of)
 {
-    hada_monitor monitor;
-    hada_monitor_init(&monitor);
+    DEFAULTS(hada_monitor, monitor);
     monitor.user = of;
     monitor.cancelled = patience_is_over;
     return monitor;

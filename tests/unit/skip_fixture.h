@@ -2,9 +2,6 @@
 #ifndef HADA_TESTS_SKIP_FIXTURE_H
 #define HADA_TESTS_SKIP_FIXTURE_H
 
-#include <hadalens/job.h>
-#include <string.h>
-
 #include "camera_small.h"
 #include "model/model.h"
 
@@ -125,9 +122,8 @@ static inline void skip_make_frames(skip_fixture *f)
 static inline hada_model *skip_from_psf(skip_fixture *f, hada_form form, hada_boundary boundary)
 {
     double distances[SKIP_DEPTHS];
-    hada_psf_options options;
     hada_model *model;
-    hada_psf_options_init(&options);
+    DEFAULTS(hada_psf_options, options);
     options.form = form;
     options.boundary = boundary;
     options.window_rows = SKIP_HIGH;
@@ -198,8 +194,7 @@ static inline int skip_teardown(void **state)
 
 static inline hada_plan_options skip_options(unsigned skip, double max_error)
 {
-    hada_plan_options options;
-    hada_plan_options_init(&options);
+    DEFAULTS(hada_plan_options, options);
     options.refine = 0;
     options.skip = skip;
     options.max_error = max_error;

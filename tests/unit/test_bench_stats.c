@@ -1,8 +1,6 @@
 /* Medians, quartiles and Pareto fronts on known numbers. */
 #include "bench_stats.h"
 
-#include <math.h>
-
 #include "testing.h"
 
 static void is_figure(hada_bench_figure f, double q1, double median, double q3, int count)

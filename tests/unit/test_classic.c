@@ -1,12 +1,7 @@
 /* Classic methods in plans: what they converge to, their stopping rules, settings, memory, and jobs that end early. */
-#include <hadalens/job.h>
-#include <math.h>
 #include <sched.h>
-#include <stdlib.h>
-#include <string.h>
 
 #include "camera_small.h"
-#include "core/random.h"
 #include "model/model.h"
 
 enum { ROWS = 40, COLS = 48, WINDOW = 16, DEPTHS = 3, CHANNELS = 3 };
@@ -36,9 +31,8 @@ static int setup(void **state)
     fixture *f = calloc(1, sizeof *f);
     hada_image psf[DEPTHS];
     double distances[DEPTHS];
-    hada_psf_options options;
     ASSERT_OK(hada_context_create(&f->context, NULL, err));
-    hada_psf_options_init(&options);
+    DEFAULTS(hada_psf_options, options);
     options.window_rows = options.window_cols = WINDOW;
     options.psf_dark = options.dark = 0;
     for (int z = 0; z < DEPTHS; z++) {
@@ -81,8 +75,7 @@ static hada_classic_options classic;
 static hada_plan_options options_of(hada_method method, int iterations)
 {
     static const int both[] = {0, DEPTHS - 1};
-    hada_plan_options options;
-    hada_plan_options_init(&options);
+    DEFAULTS(hada_plan_options, options);
     hada_classic_options_init(&classic);
     classic.method = method;
     classic.iterations = iterations;

@@ -1,8 +1,4 @@
 /* The grid of a classic method's transforms: how small it becomes, and that planes are those of the model's grid. */
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
 #include "camera_small.h"
 #include "classic/classic.h"
 #include "dispatch/plan.h"
@@ -42,9 +38,8 @@ static hada_image corners(int above, int below, int left, int right)
 static hada_model *model_of(hada_image *psf, int window_rows, int window_cols, hada_boundary boundary)
 {
     const double distances[DEPTHS] = {100.0, 200.0};
-    hada_psf_options options;
     hada_model *model;
-    hada_psf_options_init(&options);
+    DEFAULTS(hada_psf_options, options);
     options.window_rows = window_rows;
     options.window_cols = window_cols;
     options.psf_dark = options.dark = 0;
@@ -58,8 +53,7 @@ static hada_classic_options choice;
 
 static hada_plan_options options_of(hada_method method)
 {
-    hada_plan_options options;
-    hada_plan_options_init(&options);
+    DEFAULTS(hada_plan_options, options);
     hada_classic_options_init(&choice);
     options.classic = &choice;
     choice.method = method;
@@ -222,10 +216,8 @@ TEST(refuses_broken_models)
         hada_model *model = model_of(psf, ROWS, COLS, HADA_BOUNDARY_PADDED);
         const hada_plan_options options = options_of(method);
         hada_plan *plan;
-        hada_error error = {0};
         model->otf[2 * hada_model_plane(model) + 5] = NAN;
-        assert_int_equal(hada_plan_create(&plan, context, model, &options, &error), HADA_ERROR_MODEL);
-        assert_non_null(strstr(error.message, "not finite"));
+        ASSERT_FAILS(hada_plan_create(&plan, context, model, &options, err), HADA_ERROR_MODEL, "not finite");
         hada_model_destroy(&model);
     }
     for (int z = 0; z < DEPTHS; z++)

@@ -1,6 +1,4 @@
 /* Ranks that are threads: sums in rank order, the same bits everywhere; ranks that fail. */
-#include <hadalens/communicator.h>
-#include <math.h>
 #include <pthread.h>
 
 #include "core/callers.h"
@@ -114,8 +112,7 @@ TEST(ranks_that_fail_end_the_others)
 TEST(wrong_calls_are_refused)
 {
     hada_team *team = NULL;
-    hada_communicator one;
-    hada_communicator_init(&one);
+    DEFAULTS(hada_communicator, one);
     assert_int_equal(one.count, 1);
     assert_int_equal(hada_communicator_check(&one, &refusal), HADA_OK);
     assert_int_equal(hada_communicator_check(NULL, &refusal), HADA_OK);
@@ -134,8 +131,7 @@ TEST(wrong_calls_are_refused)
 
 TEST(shares_are_whole)
 {
-    hada_communicator of;
-    hada_communicator_init(&of);
+    DEFAULTS(hada_communicator, of);
     for (of.count = 1; of.count < 7; of.count++)
         for (long pieces = 0; pieces < 20; pieces++) {
             long shared = 0, dealt = 0;

@@ -18,8 +18,7 @@ static int open_groups(void **state)
 {
     static net_device device;
     hada_error error = {0};
-    hada_context_options options;
-    hada_context_options_init(&options);
+    DEFAULTS(hada_context_options, options);
     options.shape = HADA_SHAPE_GROUPS;
     options.log = keep;
     options.log_level = HADA_LOG_WARNING;

@@ -8,8 +8,7 @@
 static hada_net *unet_of(const char *down, const char *up, int channels, hada_unet_up up_by, int shared)
 {
     hada_net *net;
-    hada_unet_options options;
-    hada_unet_options_init(&options);
+    DEFAULTS(hada_unet_options, options);
     options.channels = options.out_channels = channels;
     options.down = down;
     options.up = up;
@@ -157,10 +156,9 @@ TEST(a_net_may_see_the_other_planes)
     enum { COUNT = 3, ROWS = 32, COLS = 48, CHANNELS = 2, PLANE = CHANNELS * ROWS * COLS };
     net_device *device = *state;
     hada_net *net;
-    hada_unet_options options;
     hada_net_runner *runner;
     hada_image in, out = {0};
-    hada_unet_options_init(&options);
+    DEFAULTS(hada_unet_options, options);
     options.channels = 2 * CHANNELS;
     options.out_channels = CHANNELS;
     options.down = "8|12";
@@ -212,9 +210,7 @@ TEST(a_net_may_see_the_other_planes)
     assert_true(nobodys > 0);
     desc.net_rows = desc.net_cols = 16; /* it has no other size */
     hada_enhance *enhance;
-    hada_error error = {0};
-    assert_int_equal(hada_enhance_create(&enhance, device->slot, &desc, &error), HADA_ERROR_MODEL);
-    assert_non_null(strstr(error.message, "at the window's size"));
+    ASSERT_FAILS(hada_enhance_create(&enhance, device->slot, &desc, err), HADA_ERROR_MODEL, "at the window's size");
     hada_net_runner_destroy(&runner);
     hada_net_destroy(&net);
     hada_image_destroy(&in);
@@ -341,7 +337,6 @@ TEST(tiles_without_content_are_left_out)
 TEST(short_memory_makes_tiles)
 {
     net_device *device = *state;
-    hada_error error = {0};
     uint64_t whole, tiled;
     int computed, left_out;
     hada_net *net = unet_of("8|12", "9", 1, HADA_UNET_LINEAR, 0);
@@ -354,8 +349,7 @@ TEST(short_memory_makes_tiles)
     run(device, &desc, planes, 1, &computed, &left_out);
     assert_true(computed > 2);
     desc.memory = 1000;
-    assert_int_equal(bytes_of(device->context, &desc, &tiled, &error), HADA_ERROR_DEVICE_MEMORY);
-    assert_non_null(strstr(error.message, "--no-enhance"));
+    ASSERT_FAILS(bytes_of(device->context, &desc, &tiled, err), HADA_ERROR_DEVICE_MEMORY, "--no-enhance");
     free(planes);
     hada_net_destroy(&net);
 }
@@ -363,11 +357,10 @@ TEST(short_memory_makes_tiles)
 TEST(nets_that_do_not_fit_are_refused)
 {
     net_device *device = *state;
-    hada_error error = {0};
     hada_enhance *enhance;
     hada_net *net = unet_of("8|12", "9", 1, HADA_UNET_LINEAR, 0);
     const hada_enhance_desc desc = {.net = net, .channels = 3, .rows = 40, .cols = 30};
-    assert_int_equal(hada_enhance_create(&enhance, device->slot, &desc, &error), HADA_ERROR_MODEL);
+    ASSERT_FAILS(hada_enhance_create(&enhance, device->slot, &desc, err), HADA_ERROR_MODEL, "");
     assert_null(enhance);
     hada_net_destroy(&net);
     ASSERT_OK(hada_net_create(&net,
@@ -375,7 +368,7 @@ TEST(nets_that_do_not_fit_are_refused)
                               "{\"layer\":\"pool\"}]}",
                               0, err));
     const hada_enhance_desc half = {.net = net, .channels = 1, .rows = 40, .cols = 30};
-    assert_int_equal(hada_enhance_create(&enhance, device->slot, &half, &error), HADA_ERROR_MODEL);
+    ASSERT_FAILS(hada_enhance_create(&enhance, device->slot, &half, err), HADA_ERROR_MODEL, "");
     hada_net_destroy(&net);
 }
 

@@ -1,10 +1,6 @@
 /* The clFFT back end at one small size (each cold compilation of it takes seconds), its refusals, the choice between
  * the back ends, and that a process's locale stays what it was. */
 #include <locale.h>
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
 #include "testing.h"
 
@@ -176,8 +172,7 @@ TEST(test_choice)
 static int open_device(void **user)
 {
     (void)user;
-    hada_context_options options;
-    hada_context_options_init(&options);
+    DEFAULTS(hada_context_options, options);
     options.device = "cpu";
     setlocale(LC_ALL, "C");
     return hada_context_create(&context, &options, &err) || hada_slot_create(&slot, context, &err);

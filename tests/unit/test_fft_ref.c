@@ -1,7 +1,5 @@
 /* The reference transforms against the definition, and against each other. */
 #include <complex.h>
-#include <math.h>
-#include <stdlib.h>
 
 #include "testing.h"
 

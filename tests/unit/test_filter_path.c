@@ -1,6 +1,4 @@
 /* The linear path (frame, bank, Hadamard stage) against the double reference; models from point spread functions. */
-#include <string.h>
-
 #include "camera_small.h"
 #include "dry.h"
 #include "filter/bank.h"
@@ -177,8 +175,7 @@ TEST(half_filters_cost_little)
     }
     model->filter[7] = 1e6f;
     hada_model *refused;
-    hada_error error_record;
-    assert_int_equal(hada_model_to_half(&refused, model, &error_record), HADA_ERROR_NUMERIC);
+    ASSERT_FAILS(hada_model_to_half(&refused, model, err), HADA_ERROR_NUMERIC, "");
     assert_null(refused);
     hada_model_destroy(&model);
     hada_model_destroy(&half);
@@ -190,15 +187,13 @@ TEST(banks_refuse_what_does_not_fit)
     hada_model *model = random_model(2, 1, 16, 16, 8, 8, HADA_FORM_COMPLEX, HADA_BOUNDARY_CIRCULAR, 4);
     hada_spectrum_layout layout = hada_hadamard_layout(f->context, &model->info);
     hada_bank *bank;
-    hada_error error;
     const int depths[] = {1, 2};
-    assert_int_equal(hada_bank_create(&bank, f->slot, model, &layout, depths, 2, HADA_BANK_FILTERS, 0, &error),
-                     HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_bank_create(&bank, f->slot, model, &layout, depths, 2, HADA_BANK_FILTERS, 0, err),
+                 HADA_ERROR_ARGUMENT, "");
     assert_null(bank);
     model->otf[3] = NAN;
-    assert_int_equal(hada_bank_create(&bank, f->slot, model, &layout, NULL, 0, HADA_BANK_OTFS, 0, &error),
-                     HADA_ERROR_MODEL);
-    assert_non_null(strstr(error.message, "not finite"));
+    ASSERT_FAILS(hada_bank_create(&bank, f->slot, model, &layout, NULL, 0, HADA_BANK_OTFS, 0, err), HADA_ERROR_MODEL,
+                 "not finite");
     /* a device that takes only one depth at a time: two buffers */
     const uint64_t limit = f->context->info.max_allocation_bytes;
     f->context->info.max_allocation_bytes = layout.count * 8;
@@ -211,8 +206,8 @@ TEST(banks_refuse_what_does_not_fit)
     assert_int_equal(first, 0);
     hada_bank_destroy(&bank);
     f->context->info.max_allocation_bytes = layout.count * 8 - 1;
-    assert_int_equal(hada_bank_create(&bank, f->slot, model, &layout, NULL, 0, HADA_BANK_FILTERS, 0, &error),
-                     HADA_ERROR_DEVICE_MEMORY);
+    ASSERT_FAILS(hada_bank_create(&bank, f->slot, model, &layout, NULL, 0, HADA_BANK_FILTERS, 0, err),
+                 HADA_ERROR_DEVICE_MEMORY, "");
     f->context->info.max_allocation_bytes = limit;
     hada_model_destroy(&model);
 }
@@ -253,9 +248,8 @@ TEST(a_delta_psf_gives_the_identity)
     ASSERT_OK(hada_image_create(&psf, 2, 21, 30, err));
     psf.data[10 * 30 + 15] = psf.data[630 + 10 * 30 + 15] = 0.7f;
     for (int i = 0; i < 4; i++) {
-        hada_psf_options options;
         hada_model *model;
-        hada_psf_options_init(&options);
+        DEFAULTS(hada_psf_options, options);
         options.form = forms[i % 2];
         options.boundary = i < 2 ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED;
         options.window_rows = 9;
@@ -279,12 +273,11 @@ TEST(wiener_models_invert_the_camera)
     for (int padded = 0; padded < 2; padded++) {
         hada_image psf = small_psf(2, 36, 48, 12, 3), scene = small_scene(2, 12, 16, 8);
         hada_image frame = small_frame(&psf, &scene, padded, 0.0, 0);
-        hada_psf_options options;
         hada_model *model;
         hada_hadamard *stage;
         hada_bank *bank;
         hada_buffer planes;
-        hada_psf_options_init(&options);
+        DEFAULTS(hada_psf_options, options);
         options.boundary = padded ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR;
         options.window_rows = 12;
         options.window_cols = 16;
@@ -320,21 +313,18 @@ TEST(bad_psfs_are_refused)
     fixture *f = *state;
     static const double distances[] = {100.0, 200.0};
     hada_model *model;
-    hada_error error;
     hada_image psfs[2] = {small_psf(1, 16, 16, 4, 1), small_psf(1, 16, 18, 4, 1)};
-    hada_psf_options options;
-    hada_psf_options_init(&options);
-    assert_int_equal(hada_model_from_psf(&model, f->context, psfs, 2, distances, NULL, &error), HADA_ERROR_SIZE);
+    DEFAULTS(hada_psf_options, options);
+    ASSERT_FAILS(hada_model_from_psf(&model, f->context, psfs, 2, distances, NULL, err), HADA_ERROR_SIZE, "");
     options.form = HADA_FORM_SPLIT;
-    assert_int_equal(hada_model_from_psf(&model, f->context, psfs, 1, distances, &options, &error),
-                     HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_model_from_psf(&model, f->context, psfs, 1, distances, &options, err), HADA_ERROR_ARGUMENT, "");
     options.form = HADA_FORM_WIENER;
     options.window_rows = options.window_cols = 17;
-    assert_int_equal(hada_model_from_psf(&model, f->context, psfs, 1, distances, &options, &error), HADA_ERROR_SIZE);
+    ASSERT_FAILS(hada_model_from_psf(&model, f->context, psfs, 1, distances, &options, err), HADA_ERROR_SIZE, "");
     psfs[0].data[5] = NAN;
-    assert_int_equal(hada_model_from_psf(&model, f->context, psfs, 1, distances, NULL, &error), HADA_ERROR_NOT_FINITE);
+    ASSERT_FAILS(hada_model_from_psf(&model, f->context, psfs, 1, distances, NULL, err), HADA_ERROR_NOT_FINITE, "");
     memset(psfs[0].data, 0, 16 * 16 * sizeof(float));
-    assert_int_equal(hada_model_from_psf(&model, f->context, psfs, 1, distances, NULL, &error), HADA_ERROR_NUMERIC);
+    ASSERT_FAILS(hada_model_from_psf(&model, f->context, psfs, 1, distances, NULL, err), HADA_ERROR_NUMERIC, "");
     assert_null(model);
     hada_image_destroy(&psfs[0]);
     hada_image_destroy(&psfs[1]);

@@ -1,8 +1,5 @@
 /* Transfer functions where the sensor crops: against the double reference, nearer to the truth than one pass, the same
  * bits whether pairs stay on the device, and what is refused. */
-#include <hadalens/scene.h>
-#include <string.h>
-
 #include "camera_small.h"
 #include "filter/bank.h"
 #include "fit/cropped.h"
@@ -127,8 +124,7 @@ static int tear_down_both(void **state)
 
 static hada_fit_options options_of(hada_boundary boundary, int passes, int refine_steps)
 {
-    hada_fit_options options;
-    hada_fit_options_init(&options);
+    DEFAULTS(hada_fit_options, options);
     options.depths = DEPTHS;
     options.channels = CHANNELS;
     options.distances_mm = distances;
@@ -172,9 +168,8 @@ static hada_status read_pair(void *user, int depth, int pair, hada_image *raw, h
 static hada_dataset *shown_by(shower *at, int pairs)
 {
     const int counts[DEPTHS] = {pairs, pairs};
-    hada_dataset_options options;
     hada_dataset *data;
-    hada_dataset_options_init(&options);
+    DEFAULTS(hada_dataset_options, options);
     options.cache_bytes = 0;
     ASSERT_OK(hada_dataset_create(&data, DEPTHS, distances, counts, read_pair, at, &options, err));
     return data;
@@ -358,7 +353,6 @@ TEST(passes_can_be_stopped)
     hada_model *model, *expected = learn(f, HADA_AUTO, NULL, NULL);
     shower at = {.f = f};
     hada_dataset *data = shown_by(&at, PAIRS);
-    hada_error why;
     options.monitor = &monitor;
     options.leave_one_out = 0;
     ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
@@ -369,7 +363,7 @@ TEST(passes_can_be_stopped)
     const int asked = of.asked;
     assert_true(asked > 2 * DEPTHS * PAIRS);
     of = (patience){.most = asked / 2};
-    assert_int_equal(hada_fitter_finish(fitter, data, &model, &why), HADA_ERROR_CANCELLED);
+    ASSERT_FAILS(hada_fitter_finish(fitter, data, &model, err), HADA_ERROR_CANCELLED, "");
     of = (patience){.most = -1};
     ASSERT_OK(hada_fitter_finish(fitter, data, &model, err));
     assert_memory_equal(model->otf, expected->otf, 2 * hada_model_plane(model) * DEPTHS * CHANNELS * sizeof(float));
@@ -433,10 +427,9 @@ TEST(the_trial_has_transfer_functions_of_its_own)
 TEST(other_pairs_are_refused)
 {
     fixture *f = *state;
-    hada_error error = {0};
     shower at = {.f = f, .swap = 1};
     hada_fitter *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, (int)HADA_AUTO, 0);
-    assert_int_equal(learn_cropped(fitter, &at, &error), HADA_ERROR_STATE);
+    ASSERT_FAILS(learn_cropped(fitter, &at, err), HADA_ERROR_STATE, "");
     at.swap = 0;
     ASSERT_OK(learn_cropped(fitter, &at, err));
     hada_fitter_destroy(&fitter);

@@ -30,9 +30,8 @@ static void stop_anywhere(hada_fitter *fitter, const hada_dataset *data, patienc
     assert_true(asked > 20);
     for (int k = 0; k < 4; k++) {
         hada_model *model;
-        hada_error why;
         *of = (patience){.most = k * (asked - 1) / 3};
-        assert_int_equal(hada_fitter_finish(fitter, data, &model, &why), HADA_ERROR_CANCELLED);
+        ASSERT_FAILS(hada_fitter_finish(fitter, data, &model, err), HADA_ERROR_CANCELLED, "");
         assert_null(model);
         assert_int_equal(of->asked, of->most + 1);
     }
@@ -43,11 +42,10 @@ static hada_model *fit(hada_context *context, int strange, hada_fit_rows *rows)
 {
     patience of = {.most = -1};
     const hada_monitor monitor = patience_monitor(&of);
-    hada_fit_options options;
     hada_fitter *fitter;
     hada_model *model;
     hada_image scene[DEPTHS][PAIRS], frame[DEPTHS][PAIRS];
-    hada_fit_options_init(&options);
+    DEFAULTS(hada_fit_options, options);
     options.depths = DEPTHS;
     options.channels = 1;
     options.distances_mm = distances;

@@ -1,11 +1,4 @@
 /* Focus on the device against the reference, and on scenes with a known answer. */
-#include <hadalens/focus.h>
-#include <hadalens/metrics.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/random.h"
 #include "dry.h"
 #include "focus/focus.h"
 #include "ref/ref_focus.h"
@@ -244,14 +237,13 @@ TEST(batches)
     ASSERT_OK(hada_focus_finish(focus, results.mem, 0, results.mem, 3 * PIXELS, NULL, err));
     ASSERT_OK(hada_buffer_read(&results, slot, 0, out[1], sizeof out[1], err));
     assert_memory_equal(out[0], out[1], sizeof out[0]);
-    hada_error error;
     ASSERT_OK(hada_focus_begin(focus, NULL, err));
-    assert_int_equal(hada_focus_finish(focus, results.mem, 0, results.mem, 0, NULL, &error), HADA_ERROR_STATE);
+    ASSERT_FAILS(hada_focus_finish(focus, results.mem, 0, results.mem, 0, NULL, err), HADA_ERROR_STATE, "");
     ASSERT_OK(hada_focus_push(focus, 1, 2, stack.mem, 0, err));
-    assert_int_equal(hada_focus_push(focus, 2, 1, stack.mem, 0, &error), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_focus_push(focus, 3, 3, stack.mem, 0, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_focus_push(focus, 2, 1, stack.mem, 0, err), HADA_ERROR_ARGUMENT, "");
+    ASSERT_FAILS(hada_focus_push(focus, 3, 3, stack.mem, 0, err), HADA_ERROR_ARGUMENT, "");
     const unsigned char none[DEPTHS] = {0};
-    assert_int_equal(hada_focus_begin(focus, none, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_focus_begin(focus, none, err), HADA_ERROR_ARGUMENT, "");
     hada_focus_destroy(&focus);
     hada_buffer_destroy(&stack);
     hada_buffer_destroy(&results);
@@ -263,22 +255,21 @@ TEST(batches)
 TEST(refusals)
 {
     hada_image planes[DEPTHS], fused, map;
-    hada_error error;
     make_planes(planes, 3, 0.01, 21);
     hada_focus_options options;
     hada_focus_options_init(&options, 0);
     options.false_alarm = 0.0;
-    assert_int_equal(hada_focus_stack(context, planes, distances, DEPTHS, NULL, &options, &fused, &map, NULL, &error),
-                     HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_focus_stack(context, planes, distances, DEPTHS, NULL, &options, &fused, &map, NULL, err),
+                 HADA_ERROR_ARGUMENT, "");
     const double falling[DEPTHS] = {5, 4, 3, 2, 1};
-    assert_int_equal(hada_focus_stack(context, planes, falling, DEPTHS, NULL, NULL, &fused, &map, NULL, &error),
-                     HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_focus_stack(context, planes, falling, DEPTHS, NULL, NULL, &fused, &map, NULL, err),
+                 HADA_ERROR_ARGUMENT, "");
     planes[3].data[4] = INFINITY;
-    assert_int_equal(hada_focus_stack(context, planes, distances, DEPTHS, NULL, NULL, &fused, &map, NULL, &error),
-                     HADA_ERROR_NOT_FINITE);
+    ASSERT_FAILS(hada_focus_stack(context, planes, distances, DEPTHS, NULL, NULL, &fused, &map, NULL, err),
+                 HADA_ERROR_NOT_FINITE, "");
     planes[3].cols--;
-    assert_int_equal(hada_focus_stack(context, planes, distances, DEPTHS, NULL, NULL, &fused, &map, NULL, &error),
-                     HADA_ERROR_SIZE);
+    ASSERT_FAILS(hada_focus_stack(context, planes, distances, DEPTHS, NULL, NULL, &fused, &map, NULL, err),
+                 HADA_ERROR_SIZE, "");
     assert_null(fused.data);
     assert_null(map.data);
     destroy_planes(planes);

@@ -1,7 +1,4 @@
 /* Paths and folders: what stands somewhere, names, where output may go, and folders that appear whole. */
-#include <hadalens/folder.h>
-#include <sys/stat.h>
-
 #include "core/error.h"
 #include "io/folder.h"
 #include "io_testing.h"
@@ -17,7 +14,6 @@ static const char *endless(void)
 
 TEST(what_stands_somewhere)
 {
-    hada_error err = {0};
     hada_stands kind;
     io_write_bytes(io_path("file"), "x", 1);
     const struct {
@@ -28,14 +24,13 @@ TEST(what_stands_somewhere)
                  {io_path("absent"), HADA_STANDS_NOTHING},
                  {io_path("file/below"), HADA_STANDS_NOTHING}};
     for (size_t i = 0; i < 4; i++) {
-        assert_int_equal(hada_path_kind(cases[i].path, &kind, &err), HADA_OK);
+        ASSERT_OK(hada_path_kind(cases[i].path, &kind, err));
         assert_int_equal(kind, cases[i].kind);
         assert_int_equal(hada_path_is_file(cases[i].path), cases[i].kind == HADA_STANDS_FILE);
         assert_int_equal(hada_path_is_folder(cases[i].path), cases[i].kind == HADA_STANDS_FOLDER);
     }
     /* what cannot be looked at is not taken for nothing */
-    assert_int_equal(hada_path_kind(endless(), &kind, &err), HADA_ERROR_FILE_OPEN);
-    assert_non_null(strstr(err.message, "cannot be looked at"));
+    ASSERT_FAILS(hada_path_kind(endless(), &kind, err), HADA_ERROR_FILE_OPEN, "cannot be looked at");
     assert_false(hada_path_is_vacant(io_path("file")));
     assert_false(hada_path_is_vacant(io_folder));
     assert_true(hada_path_is_vacant(io_path("absent")));
@@ -67,27 +62,25 @@ TEST(names_and_messages)
 
 TEST(where_output_may_go)
 {
-    hada_error err = {0};
+    hada_error error = {0};
     char path[400];
     io_write_bytes(io_path("file"), "x", 1);
-    assert_int_equal(hada_folder_ensure(io_path("file"), &err), HADA_ERROR_FILE_WRITE);
-    assert_int_equal(hada_folder_ensure(io_path("file/below"), &err), HADA_ERROR_FILE_WRITE);
-    assert_int_equal(hada_folder_ensure("/proc", &err), HADA_ERROR_FILE_WRITE); /* takes no file of anybody's */
-    assert_non_null(strstr(err.message, "nothing can be written in the folder /proc"));
-    assert_int_equal(hada_file_check_target(io_folder, &err), HADA_ERROR_FILE_WRITE);
-    assert_non_null(strstr(err.message, "is a folder"));
-    assert_int_equal(hada_file_check_target(io_path("absent/x"), &err), HADA_ERROR_FILE_WRITE);
-    assert_non_null(strstr(err.message, "there is no folder"));
-    assert_int_equal(hada_file_check_target("/proc/hadalens", &err), HADA_ERROR_FILE_WRITE);
-    assert_int_equal(hada_file_check_target(io_path("file"), &err), HADA_OK);
-    assert_int_equal(hada_file_check_target(io_path("new"), &err), HADA_OK);
+    ASSERT_FAILS(hada_folder_ensure(io_path("file"), err), HADA_ERROR_FILE_WRITE, "");
+    ASSERT_FAILS(hada_folder_ensure(io_path("file/below"), err), HADA_ERROR_FILE_WRITE, "");
+    assert_int_equal(hada_folder_ensure("/proc", &error), HADA_ERROR_FILE_WRITE); /* takes no file of anybody's */
+    assert_non_null(strstr(error.message, "nothing can be written in the folder /proc"));
+    ASSERT_FAILS(hada_file_check_target(io_folder, err), HADA_ERROR_FILE_WRITE, "is a folder");
+    ASSERT_FAILS(hada_file_check_target(io_path("absent/x"), err), HADA_ERROR_FILE_WRITE, "there is no folder");
+    ASSERT_FAILS(hada_file_check_target("/proc/hadalens", err), HADA_ERROR_FILE_WRITE, "");
+    ASSERT_OK(hada_file_check_target(io_path("file"), err));
+    ASSERT_OK(hada_file_check_target(io_path("new"), err));
     assert_false(io_exists(io_path("new")));
     assert_true(getcwd(path, sizeof path) != NULL);
     assert_int_equal(chdir(io_folder), 0);
-    assert_int_equal(hada_file_check_target("new", &err), HADA_OK); /* here */
+    ASSERT_OK(hada_file_check_target("new", err)); /* here */
     assert_int_equal(chdir(path), 0);
     snprintf(path, sizeof path, "/%s", "hadalens-test"); /* at the root, where this user may */
-    assert_int_equal(hada_file_check_target(path, &err), access("/", W_OK) ? HADA_ERROR_FILE_WRITE : HADA_OK);
+    assert_int_equal(hada_file_check_target(path, &error), access("/", W_OK) ? HADA_ERROR_FILE_WRITE : HADA_OK);
 }
 
 TEST(tiffs_of_a_folder_in_order)
@@ -133,20 +126,18 @@ static hada_status fill(void *user, const char *folder, hada_error *err)
 
 TEST(folders_by_every_kind_of_path)
 {
-    hada_error err = {0};
     char path[400], before[400];
     struct stat what;
     /* folders above are made; slashes at the end do not count */
     snprintf(path, sizeof path, "%s/up/over/set//", io_folder);
-    assert_int_equal(hada_folder_create(path, fill, NULL, &err), HADA_OK);
+    ASSERT_OK(hada_folder_create(path, fill, NULL, err));
     assert_true(io_exists(io_path("up/over/set/one")));
-    assert_int_equal(hada_folder_create(path, fill, NULL, &err), HADA_ERROR_FILE_WRITE);
-    assert_non_null(strstr(err.message, "not an empty folder"));
+    ASSERT_FAILS(hada_folder_create(path, fill, NULL, err), HADA_ERROR_FILE_WRITE, "not an empty folder");
     hada_folder_remove(io_path("up"));
     /* a link to an empty folder stays a link */
     assert_int_equal(mkdir(io_path("real"), 0700), 0);
     assert_int_equal(symlink("real", io_path("link")), 0);
-    assert_int_equal(hada_folder_create(io_path("link"), fill, NULL, &err), HADA_OK);
+    ASSERT_OK(hada_folder_create(io_path("link"), fill, NULL, err));
     assert_int_equal(lstat(io_path("link"), &what), 0);
     assert_true(S_ISLNK(what.st_mode));
     assert_true(io_exists(io_path("real/one")));
@@ -155,14 +146,14 @@ TEST(folders_by_every_kind_of_path)
     /* a name alone: in this folder */
     assert_true(getcwd(before, sizeof before) != NULL);
     assert_int_equal(chdir(io_folder), 0);
-    assert_int_equal(hada_folder_create("set", fill, NULL, &err), HADA_OK);
+    ASSERT_OK(hada_folder_create("set", fill, NULL, err));
     assert_int_equal(chdir(before), 0);
     assert_true(io_exists(io_path("set/one")));
     hada_folder_remove(io_path("set"));
     io_write_bytes(io_path("file"), "x", 1);
-    assert_int_equal(hada_folder_create(io_path("file/set"), fill, NULL, &err), HADA_ERROR_FILE_WRITE);
-    assert_int_equal(hada_folder_create(io_path("file"), fill, NULL, &err), HADA_ERROR_FILE_WRITE);
-    assert_int_equal(hada_folder_create(endless(), fill, NULL, &err), HADA_ERROR_FILE_WRITE);
+    ASSERT_FAILS(hada_folder_create(io_path("file/set"), fill, NULL, err), HADA_ERROR_FILE_WRITE, "");
+    ASSERT_FAILS(hada_folder_create(io_path("file"), fill, NULL, err), HADA_ERROR_FILE_WRITE, "");
+    ASSERT_FAILS(hada_folder_create(endless(), fill, NULL, err), HADA_ERROR_FILE_WRITE, "");
 }
 
 FIXTURE(io_setup, io_teardown)

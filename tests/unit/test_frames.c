@@ -1,9 +1,4 @@
 /* Frames as people have them, and results in arrays of theirs. */
-#include <hadalens/job.h>
-#include <hadalens/tiff.h>
-#include <stdlib.h>
-#include <unistd.h>
-
 #include "learned_camera.h"
 
 enum { MARGIN = 3 }; /* samples round each row and frame that belong to somebody else */
@@ -18,12 +13,11 @@ static digital digitise(const hada_image *frame)
 {
     digital out;
     char path[] = "/tmp/hadalens_frames_XXXXXX";
-    hada_tiff_write_options options;
     const size_t count = hada_image_count(frame);
     const int file = mkstemp(path);
     assert_true(file >= 0);
     close(file);
-    hada_tiff_write_options_init(&options);
+    DEFAULTS(hada_tiff_write_options, options);
     options.bits = 16;
     ASSERT_OK(hada_tiff_save(path, frame, &options, err));
     ASSERT_OK(hada_tiff_load(path, 0, &out.frame, err));
@@ -53,11 +47,10 @@ static void expect_same(const hada_result *a, const hada_result *b)
 /* 8 and 16 bits, floats; planar, interleaved, upside down, with room between rows: the floats of the TIFF path. */
 TEST(every_number_is_as_in_a_file)
 {
-    hada_pixels pixels;
     hada_image image;
     static uint16_t words[65536];
     static uint8_t bytes[256];
-    hada_pixels_init(&pixels);
+    DEFAULTS(hada_pixels, pixels);
     for (int i = 0; i < 65536; i++)
         words[i] = (uint16_t)i;
     for (int i = 0; i < 256; i++)
@@ -92,9 +85,7 @@ TEST(what_cannot_be_pixels_is_refused)
     float values[4] = {0};
     hada_image image;
     for (int kind = 0; kind < 7; kind++) {
-        hada_pixels pixels;
-        hada_error error;
-        hada_pixels_init(&pixels);
+        DEFAULTS(hada_pixels, pixels);
         hada_pixels_planar(&pixels, values, HADA_PIXEL_F32, 1, 2, 2);
         switch (kind) {
         case 0: pixels.data = NULL; break;
@@ -105,7 +96,7 @@ TEST(what_cannot_be_pixels_is_refused)
         case 5: pixels.data = (const char *)values + 1; break;
         case 6: pixels.size = 0; break;
         }
-        assert_int_equal(hada_pixels_to_image(&pixels, &image, &error), HADA_ERROR_ARGUMENT);
+        ASSERT_FAILS(hada_pixels_to_image(&pixels, &image, err), HADA_ERROR_ARGUMENT, "");
         assert_null(image.data);
     }
 }
@@ -118,20 +109,18 @@ TEST(a_plan_takes_them_as_they_are)
     digital d = digitise(&raw);
     const int rows = raw.rows, cols = raw.cols, wide = cols + 2 * MARGIN;
     uint16_t *apart = malloc((size_t)(rows + 2 * MARGIN) * (size_t)wide * sizeof *apart);
-    hada_plan_options options;
     hada_plan *plan;
-    hada_pixels pixels;
     hada_result file = {0}, view = {0};
     hada_job *job;
     assert_non_null(apart);
     memset(apart, 0xa5, (size_t)(rows + 2 * MARGIN) * (size_t)wide * sizeof *apart);
     for (int r = 0; r < rows; r++)
         memcpy(apart + (r + MARGIN) * wide + MARGIN, d.numbers + r * cols, (size_t)cols * sizeof *apart);
-    hada_plan_options_init(&options);
+    DEFAULTS(hada_plan_options, options);
     options.skip = 0;
     ASSERT_OK(hada_plan_create(&plan, learned->context, learned->model, &options, err));
     ASSERT_OK(hada_plan_run(plan, &d.frame, &file, err));
-    hada_pixels_init(&pixels);
+    DEFAULTS(hada_pixels, pixels);
     hada_pixels_planar(&pixels, apart + MARGIN * wide + MARGIN, HADA_PIXEL_U16, 1, rows, cols);
     pixels.row_stride = wide * (ptrdiff_t)sizeof *apart;
     ASSERT_OK(hada_plan_run_pixels(plan, &pixels, &view, err));
@@ -167,22 +156,19 @@ TEST(results_go_into_the_callers_arrays)
     hada_image raw = learned_frame(learned, &(hada_plane){1, &scene}, 1, 41);
     hada_plan *plan;
     hada_result own = {0}, into = {0};
-    hada_result_arrays arrays;
-    hada_error error;
     ASSERT_OK(hada_plan_create(&plan, learned->context, learned->model, NULL, err));
     ASSERT_OK(hada_plan_run(plan, &raw, &own, err));
     for (int z = 1; z < own.depths; z++)
         assert_ptr_equal(own.planes[z].data, own.planes[0].data + (size_t)z * plane); /* one stack */
     float *values = malloc((stack + plane + map) * sizeof *values);
     assert_non_null(values);
-    hada_result_arrays_init(&arrays);
+    DEFAULTS(hada_result_arrays, arrays);
     arrays.stack = values;
     arrays.stack_count = stack;
     arrays.distance_map = values + stack;
     arrays.distance_map_count = map - 1;
     ASSERT_OK(hada_result_use(&into, &arrays, err));
-    assert_int_equal(hada_plan_run(plan, &raw, &into, &error), HADA_ERROR_SIZE);
-    assert_non_null(strstr(error.message, "distance map"));
+    ASSERT_FAILS(hada_plan_run(plan, &raw, &into, err), HADA_ERROR_SIZE, "distance map");
     arrays.distance_map_count = map;
     ASSERT_OK(hada_result_use(&into, &arrays, err));
     for (int again = 0; again < 2; again++) {

@@ -1,8 +1,5 @@
 /* Texts and pictures that are made to cost: each is read in a process of its own, which ends within two seconds and
  * 256 MiB, whatever it is told. */
-#include <hadalens/camera.h>
-#include <hadalens/net.h>
-#include <hadalens/tiff.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <tiffio.h>

@@ -236,25 +236,18 @@ TEST(refuses_what_cannot_be_done)
     hada_result result = {0}, other = {0};
     hada_image small, broken;
     hada_context *const twice[] = {f->whole, f->whole};
-    assert_int_equal(hada_plan_create_on(&plan, twice, 2, f->model, NULL, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_plan_create_on(&plan, twice, 2, f->model, NULL, err), HADA_ERROR_ARGUMENT, "");
     assert_null(plan);
-    assert_int_equal(hada_plan_create_on(&plan, twice, 0, f->model, NULL, &error), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_plan_create_on(&plan, NULL, 1, f->model, NULL, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_plan_create_on(&plan, twice, 0, f->model, NULL, err), HADA_ERROR_ARGUMENT, "");
     for (int queues = -2; queues <= 1000; queues += 1002) /* -1 is HADA_AUTO */ {
         hada_plan_options options = f->options[0];
         options.queues = queues;
-        assert_int_equal(hada_plan_create(&plan, f->whole, f->model, &options, &error), HADA_ERROR_ARGUMENT);
-        assert_non_null(strstr(error.message, "queues"));
+        ASSERT_FAILS(hada_plan_create(&plan, f->whole, f->model, &options, err), HADA_ERROR_ARGUMENT, "queues");
     }
     make_plan(f, JOB_LINEAR, 0, 2, &plan);
     ASSERT_OK(hada_image_create(&small, JOB_CHANNELS, JOB_ROWS, JOB_COLS - 1, err));
-    assert_int_equal(hada_job_submit(&job, plan, &small, &result, &error), HADA_ERROR_MODEL);
+    ASSERT_FAILS(hada_job_submit(&job, plan, &small, &result, err), HADA_ERROR_MODEL, "");
     assert_null(job);
-    assert_int_equal(hada_job_submit(&job, plan, NULL, &result, &error), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_job_submit(&job, plan, &f->frames[0], NULL, &error), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_job_submit(&job, NULL, &f->frames[0], &result, &error), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_job_submit(NULL, plan, &f->frames[0], &result, &error), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_job_wait(NULL, &error), HADA_ERROR_ARGUMENT);
     hada_job_cancel(NULL);
     hada_job_destroy(NULL);
     ASSERT_OK(hada_image_create(&broken, JOB_CHANNELS, JOB_ROWS, JOB_COLS, err));

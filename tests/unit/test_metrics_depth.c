@@ -1,8 +1,4 @@
 /* Where distance maps are hard, by hand: jumps, pixels beyond the list, two surfaces at a pixel, confidence. */
-#include <hadalens/metrics.h>
-#include <math.h>
-#include <string.h>
-
 #include "testing.h"
 
 /* Steps of 1/z: indices 0, 1, 2. */
@@ -40,9 +36,8 @@ TEST(parts_of_a_map)
     const unsigned char around[] = {1, 1, 2, 2, 2, 1, 1, 1, 2, 2, 2, 1, 1, 1, 2, 2, 2, 1, 1, 1, 1, 1, 1, 1};
     for (int i = 0; i < 24; i++)
         assert_int_equal(parts[i], around[i]);
-    hada_error error;
-    assert_int_equal(hada_metric_depth_parts(&map, list, 1, HADA_AUTO, HADA_AUTO, parts, &error), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_metric_depth_parts(&map, list, 3, 0.0, HADA_AUTO, parts, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_metric_depth_parts(&map, list, 1, HADA_AUTO, HADA_AUTO, parts, err), HADA_ERROR_ARGUMENT, "");
+    ASSERT_FAILS(hada_metric_depth_parts(&map, list, 3, 0.0, HADA_AUTO, parts, err), HADA_ERROR_ARGUMENT, "");
     hada_image_destroy(&map);
 }
 
@@ -90,9 +85,8 @@ TEST(confidence)
     assert_true(fabs(score.risk - fabs((double)map.data[3] - (double)truth.data[3])) < 1e-6);
     ASSERT_OK(hada_metric_depth_confidence(&map, &truth, &sure, list, 3, none, &score, err));
     assert_true(score.pixels == 0 && isnan(score.half_error) && isnan(score.risk));
-    hada_error error;
     sure.cols = 5;
-    assert_int_equal(hada_metric_depth_confidence(&map, &truth, &sure, list, 3, NULL, &score, &error), HADA_ERROR_SIZE);
+    ASSERT_FAILS(hada_metric_depth_confidence(&map, &truth, &sure, list, 3, NULL, &score, err), HADA_ERROR_SIZE, "");
     hada_image_destroy(&truth);
     hada_image_destroy(&map);
     hada_image_destroy(&sure);

@@ -1,11 +1,6 @@
 /* Models with a net for enhancement: copies and files. */
 #include "testing.h"
 
-#include <stdlib.h>
-#include <string.h>
-#include <unistd.h>
-
-#include "core/random.h"
 #include "model/model.h"
 #include "netlist/weights_file.h"
 
@@ -36,8 +31,7 @@ static hada_model *make_model(void)
 static hada_net *make_net(int channels)
 {
     hada_net *net;
-    hada_unet_options options;
-    hada_unet_options_init(&options);
+    DEFAULTS(hada_unet_options, options);
     options.channels = options.out_channels = channels;
     options.down = "4|5";
     options.up = "6";
@@ -110,13 +104,11 @@ TEST(nets_that_do_not_fit_are_refused)
 {
     hada_model *model = make_model(), *with;
     hada_net *net = make_net(3);
-    hada_error error = {0};
-    assert_int_equal(hada_model_with_enhance(&with, model, net, 0, 0, &error), HADA_ERROR_MODEL);
-    assert_non_null(strstr(error.message, "3 channel"));
+    ASSERT_FAILS(hada_model_with_enhance(&with, model, net, 0, 0, err), HADA_ERROR_MODEL, "3 channel");
     assert_null(with);
     hada_net_destroy(&net);
     net = make_net(2);
-    assert_int_equal(hada_model_with_enhance(&with, model, net, 16, 0, &error), HADA_ERROR_MODEL);
+    ASSERT_FAILS(hada_model_with_enhance(&with, model, net, 16, 0, err), HADA_ERROR_MODEL, "");
     hada_model_destroy(&model);
     hada_net_destroy(&net);
 }

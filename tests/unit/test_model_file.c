@@ -1,13 +1,5 @@
 /* Model files: what is saved comes back bit for bit, and what is damaged or inconsistent is refused. */
-#include <hadalens/fit.h>
-#include <hadalens/response.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-#include <unistd.h>
-
 #include "comma.h"
-#include "core/random.h"
 #include "io/safetensors.h"
 #include "model/model.h"
 #include "testing.h"
@@ -302,8 +294,7 @@ TEST(numbers_do_not_depend_on_the_locale)
 TEST(arrays_make_a_model)
 {
     hada_model *model = make(0), *made, *half;
-    hada_fit_options sizes;
-    hada_fit_options_init(&sizes);
+    DEFAULTS(hada_fit_options, sizes);
     sizes.depths = 3;
     sizes.channels = 2;
     sizes.distances_mm = distances;
@@ -329,11 +320,9 @@ TEST(arrays_make_a_model)
     hada_model_destroy(&half);
     hada_model_destroy(&made);
 
-    hada_error failure;
     model->otf[5] = NAN;
-    assert_int_equal(hada_model_from_filters(&made, &sizes, model->filter, model->otf, &failure),
-                     HADA_ERROR_NOT_FINITE);
+    ASSERT_FAILS(hada_model_from_filters(&made, &sizes, model->filter, model->otf, err), HADA_ERROR_NOT_FINITE, "");
     assert_null(made);
-    assert_int_equal(hada_model_from_filters(&made, NULL, NULL, NULL, &failure), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_model_from_filters(&made, NULL, NULL, NULL, err), HADA_ERROR_ARGUMENT, "");
     hada_model_destroy(&model);
 }

@@ -1,9 +1,5 @@
 /* Models that make no sense, whether made or read: each is refused in words that say what is wrong, and leaves nothing.
  */
-#include <hadalens/response.h>
-#include <math.h>
-#include <stdlib.h>
-
 #include "io_testing.h"
 #include "model/model.h"
 #include "testing.h"
@@ -101,11 +97,9 @@ TEST(sizes_that_cannot_be)
         {{8, 8}, {-1, -1}, "does not fit"},   {{8, 8}, {9, 8}, "does not fit"}, {{8, 8}, {8, 9}, "does not fit"}};
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         hada_model_info info = info_of();
-        hada_error error = {0};
-        assert_int_equal(
-            hada_model_set_sizes(&info, rows[i].raw[0], rows[i].raw[1], rows[i].window[0], rows[i].window[1], &error),
-            HADA_ERROR_SIZE);
-        assert_non_null(strstr(error.message, rows[i].word));
+        ASSERT_FAILS(
+            hada_model_set_sizes(&info, rows[i].raw[0], rows[i].raw[1], rows[i].window[0], rows[i].window[1], err),
+            HADA_ERROR_SIZE, rows[i].word);
     }
     hada_model_info info = info_of();
     ASSERT_OK(hada_model_set_sizes(&info, 5, 7, 0, 0, err));
@@ -134,14 +128,11 @@ static hada_model *make(void)
 TEST(forms_that_cannot_be_made)
 {
     hada_model *model = make(), *out = model;
-    hada_error error = {0};
-    assert_int_equal(hada_model_with_form(NULL, model, HADA_FORM_MATCHED, 0.0, &error), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_model_with_form(&out, NULL, HADA_FORM_MATCHED, 0.0, &error), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_model_with_form(&out, model, HADA_FORM_SPLIT, 0.0, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_model_with_form(&out, model, HADA_FORM_SPLIT, 0.0, err), HADA_ERROR_ARGUMENT, "");
     assert_null(out);
     const double wrong[] = {0.0, -1.0, NAN, INFINITY};
     for (int i = 0; i < 4; i++)
-        assert_int_equal(hada_model_with_form(&out, model, HADA_FORM_WIENER, wrong[i], &error), HADA_ERROR_ARGUMENT);
+        ASSERT_FAILS(hada_model_with_form(&out, model, HADA_FORM_WIENER, wrong[i], err), HADA_ERROR_ARGUMENT, "");
     /* a frequency that the camera loses has no filter, and an even width a Nyquist column, which counts once */
     model->otf[0] = model->otf[1] = 0.0f;
     ASSERT_OK(hada_model_with_form(&out, model, HADA_FORM_MATCHED, 0.0, err));
@@ -152,8 +143,8 @@ TEST(forms_that_cannot_be_made)
     hada_model_destroy(&out);
     free(model->otf);
     model->otf = NULL;
-    assert_int_equal(hada_model_with_form(&out, model, HADA_FORM_MATCHED, 0.0, &error), HADA_ERROR_MODEL);
-    assert_non_null(strstr(error.message, "no transfer functions"));
+    ASSERT_FAILS(hada_model_with_form(&out, model, HADA_FORM_MATCHED, 0.0, err), HADA_ERROR_MODEL,
+                 "no transfer functions");
     assert_true(hada_model_gain(model) == 1.0);
     hada_model_destroy(&model);
 }
@@ -161,9 +152,6 @@ TEST(forms_that_cannot_be_made)
 TEST(halves_that_lose_the_filter)
 {
     hada_model *model = make(), *out = NULL, *again;
-    hada_error error = {0};
-    assert_int_equal(hada_model_to_half(NULL, model, &error), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_model_to_half(&out, NULL, &error), HADA_ERROR_ARGUMENT);
     ASSERT_OK(hada_model_to_half(&out, model, err));
     ASSERT_OK(hada_model_to_half(&again, out, err)); /* of a half the same half */
     assert_memory_equal(again->filter_half, out->filter_half, 4 * hada_model_plane(model) * sizeof(uint16_t));
@@ -173,11 +161,11 @@ TEST(halves_that_lose_the_filter)
     hada_model_destroy(&again);
     hada_model_destroy(&out);
     model->filter[3] = 1e6f;
-    assert_int_equal(hada_model_to_half(&out, model, &error), HADA_ERROR_NUMERIC);
+    ASSERT_FAILS(hada_model_to_half(&out, model, err), HADA_ERROR_NUMERIC, "");
     assert_null(out);
     for (size_t i = 0; i < 4 * hada_model_plane(model); i++)
         model->filter[i] = 1e-8f;
-    assert_int_equal(hada_model_to_half(&out, model, &error), HADA_ERROR_NUMERIC);
+    ASSERT_FAILS(hada_model_to_half(&out, model, err), HADA_ERROR_NUMERIC, "");
     assert_null(out);
     hada_model_destroy(&model);
     hada_model_destroy(&model);
@@ -217,8 +205,6 @@ TEST(nets_that_do_not_fit)
                          sizes[i][2] ? HADA_OK : HADA_ERROR_MODEL);
         hada_model_destroy(&out);
     }
-    assert_int_equal(hada_model_with_enhance(NULL, model, net, 0, 0, &error), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_model_with_enhance(&out, NULL, net, 0, 0, &error), HADA_ERROR_ARGUMENT);
     hada_net_destroy(&net);
     hada_model_destroy(&model);
 }
@@ -289,18 +275,11 @@ TEST(files_that_lack_or_misstate)
     };
     char whole[300];
     hada_model *model = make();
-    hada_error error = {0};
     snprintf(whole, sizeof whole, "%s", io_path("whole.model"));
     ASSERT_OK(hada_model_save(model, whole, err));
     hada_model_destroy(&model);
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++)
         assert_file(whole, rows[i][0], rows[i][1], rows[i][2]);
-    assert_int_equal(hada_model_load(NULL, whole, &error), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_model_load(&model, NULL, &error), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_model_save(NULL, whole, &error), HADA_ERROR_ARGUMENT);
-    model = make();
-    assert_int_equal(hada_model_save(model, NULL, &error), HADA_ERROR_ARGUMENT);
-    hada_model_destroy(&model);
 }
 
 FIXTURE(io_setup, io_teardown)

@@ -133,8 +133,7 @@ TEST(gradients_follow_differences_of_the_reference)
 /* One training step, twice and with recomputation: the same bits, less memory. */
 TEST(steps_repeat_bit_for_bit)
 {
-    hada_unet_options unet;
-    hada_unet_options_init(&unet);
+    DEFAULTS(hada_unet_options, unet);
     unet.down = "16,16,16,16|32,32,32,32";
     unet.up = "16,16,16,16";
     unet.last_norm = 1;
@@ -241,22 +240,21 @@ TEST(dropout_draws_by_step_and_layer)
 TEST(wrong_use_is_refused)
 {
     net_device *device = *state;
-    hada_error error;
     hada_graph *graph;
     hada_net *net = net_of(lists[0]);
     hada_graph_options options = {.images = 1, .rows = 8, .cols = 8, .weight_gradients = 1};
-    assert_int_equal(hada_graph_create(&graph, device->slot, net, &options, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_graph_create(&graph, device->slot, net, &options, err), HADA_ERROR_ARGUMENT, "");
     options.weight_gradients = 0;
     options.images = 0;
-    assert_int_equal(hada_graph_create(&graph, device->slot, net, &options, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_graph_create(&graph, device->slot, net, &options, err), HADA_ERROR_ARGUMENT, "");
     options.images = 1;
     options.cols = 1;
-    assert_int_equal(hada_graph_create(&graph, device->slot, net, &options, &error), HADA_ERROR_SIZE);
+    ASSERT_FAILS(hada_graph_create(&graph, device->slot, net, &options, err), HADA_ERROR_SIZE, "");
     assert_null(graph);
     options.cols = 8;
     ASSERT_OK(hada_graph_create(&graph, device->slot, net, &options, err));
-    assert_int_equal(hada_graph_forward(graph, &error), HADA_ERROR_STATE);
-    assert_int_equal(hada_graph_backward(graph, (hada_floats){0}, 0, &error), HADA_ERROR_STATE);
+    ASSERT_FAILS(hada_graph_forward(graph, err), HADA_ERROR_STATE, "");
+    ASSERT_FAILS(hada_graph_backward(graph, (hada_floats){0}, 0, err), HADA_ERROR_STATE, "");
     hada_graph_destroy(&graph);
     hada_net_destroy(&net);
 }

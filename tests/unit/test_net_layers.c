@@ -1,7 +1,5 @@
 /* Layers and losses on the device, beyond their arithmetic (tests/check): in place, either block, odd inputs, refusals.
  */
-#include <hadalens/metrics.h>
-
 #include "net/layer_launch.h"
 #include "net/loss.h"
 #include "net_fixture.h"

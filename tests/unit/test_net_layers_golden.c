@@ -1,9 +1,5 @@
 /* The references of layers, losses and optimisers against PyTorch (tests/golden/make_layers.py), in double precision.
  */
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
 #include "io/safetensors.h"
 #include "net/optimizer.h"
 #include "ref/ref_layers.h"

@@ -39,7 +39,7 @@ static void end(trainee *t)
     hada_buffer_destroy(&t->state);
 }
 
-static double read(net_device *device, const trainee *t, float *out)
+static double read_back(net_device *device, const trainee *t, float *out)
 {
     double norm = 0.0;
     ASSERT_OK(hada_buffer_read(&t->parameters, device->slot, 0, out, COUNT * sizeof(float), err));
@@ -53,7 +53,7 @@ static void steps(net_device *device, trainee *t, int first, int last)
 {
     static float p[COUNT], noise[COUNT];
     for (int step = first; step <= last; step++) {
-        read(device, t, p);
+        read_back(device, t, p);
         net_fill(noise, COUNT, (uint64_t)step);
         for (size_t i = 0; i < COUNT; i++)
             p[i] += 0.01f * noise[i];
@@ -69,9 +69,9 @@ TEST(optimizers_go_down)
     static float p[COUNT];
     for (int kind = HADA_OPTIMIZER_RMSPROP; kind <= HADA_OPTIMIZER_ADAMW; kind++) {
         trainee t = begin(device, (hada_optimizer)kind);
-        const double before = read(device, &t, p);
+        const double before = read_back(device, &t, p);
         steps(device, &t, 1, 60);
-        assert_true(read(device, &t, p) < 0.5 * before);
+        assert_true(read_back(device, &t, p) < 0.5 * before);
         end(&t);
     }
 }
@@ -87,14 +87,14 @@ TEST(training_resumes)
         float *saved = malloc(bytes);
         assert_non_null(saved);
         steps(device, &a, 1, 4);
-        read(device, &a, resumed);
+        read_back(device, &a, resumed);
         ASSERT_OK(hada_buffer_read(&a.state, device->slot, 0, saved, bytes, err));
         ASSERT_OK(hada_buffer_write(&b.parameters, device->slot, 0, resumed, sizeof resumed, err));
         ASSERT_OK(hada_buffer_write(&b.state, device->slot, 0, saved, bytes, err));
         steps(device, &a, 5, 8);
         steps(device, &b, 5, 8);
-        read(device, &a, straight);
-        read(device, &b, resumed);
+        read_back(device, &a, straight);
+        read_back(device, &b, resumed);
         assert_memory_equal(straight, resumed, sizeof straight);
         free(saved);
         end(&a);
@@ -121,8 +121,8 @@ TEST(arrays_may_be_split)
                                       (hada_floats){b.parameters.mem, cut}, (hada_floats){b.state.mem, 2 * cut},
                                       COUNT - cut, err));
     }
-    read(device, &a, whole);
-    read(device, &b, parts);
+    read_back(device, &a, whole);
+    read_back(device, &b, parts);
     assert_memory_equal(whole, parts, sizeof whole);
     end(&a);
     end(&b);
@@ -143,10 +143,10 @@ TEST(no_gradient_is_no_trouble)
         ASSERT_OK(hada_clip_gradients(device->slot, &part, 1, 1.0f, to, scratch.mem, err));
         ASSERT_OK(hada_buffer_read(&scratch, device->slot, to.offset * sizeof(float), norm, sizeof norm, err));
         assert_true(norm[0] == 0.0f && norm[1] == 1.0f);
-        read(device, &t, p);
+        read_back(device, &t, p);
         ASSERT_OK(hada_optimizer_step(device->slot, &t.desc, 1, 0.1, part.values, (hada_floats){t.parameters.mem, 0},
                                       (hada_floats){t.state.mem, 0}, COUNT, err));
-        read(device, &t, after);
+        read_back(device, &t, after);
         assert_memory_equal(p, after, sizeof p);
         hada_buffer_destroy(&scratch);
         end(&t);
@@ -233,7 +233,6 @@ TEST(rates)
 TEST(what_makes_no_sense_is_refused)
 {
     net_device *device = *state;
-    hada_error error;
     const hada_schedule wrong[] = {
         {.kind = HADA_SCHEDULE_STEP, .rate = 0.1, .factor = 0.5},
         {.kind = HADA_SCHEDULE_CONSTANT, .rate = -1.0},
@@ -242,21 +241,21 @@ TEST(what_makes_no_sense_is_refused)
         {.kind = (hada_schedule_kind)7, .rate = 0.1},
     };
     for (size_t i = 0; i < HADA_COUNT(wrong); i++)
-        assert_int_equal(hada_schedule_validate(&wrong[i], &error), HADA_ERROR_ARGUMENT);
+        ASSERT_FAILS(hada_schedule_validate(&wrong[i], err), HADA_ERROR_ARGUMENT, "");
     trainee t = begin(device, HADA_OPTIMIZER_ADAM);
     const hada_floats p = {t.parameters.mem, 0};
     hada_optimizer_desc desc = t.desc;
-    assert_int_equal(hada_optimizer_step(device->slot, &desc, 0, 0.1, p, p, p, 1, &error), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_optimizer_step(device->slot, &desc, 1, NAN, p, p, p, 1, &error), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_optimizer_step(device->slot, &desc, 1, 0.1, p, p, p, 0, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_optimizer_step(device->slot, &desc, 0, 0.1, p, p, p, 1, err), HADA_ERROR_ARGUMENT, "");
+    ASSERT_FAILS(hada_optimizer_step(device->slot, &desc, 1, NAN, p, p, p, 1, err), HADA_ERROR_ARGUMENT, "");
+    ASSERT_FAILS(hada_optimizer_step(device->slot, &desc, 1, 0.1, p, p, p, 0, err), HADA_ERROR_ARGUMENT, "");
     desc.beta2 = 1.0;
-    assert_int_equal(hada_optimizer_step(device->slot, &desc, 1, 0.1, p, p, p, 1, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_optimizer_step(device->slot, &desc, 1, 0.1, p, p, p, 1, err), HADA_ERROR_ARGUMENT, "");
     desc = t.desc;
     desc.eps = 0.0;
-    assert_int_equal(hada_optimizer_step(device->slot, &desc, 1, 0.1, p, p, p, 1, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_optimizer_step(device->slot, &desc, 1, 0.1, p, p, p, 1, err), HADA_ERROR_ARGUMENT, "");
     const hada_gradient_part part = {p, 1}, nothing = {p, 0};
-    assert_int_equal(hada_clip_gradients(device->slot, &part, 1, -1.0f, p, p.mem, &error), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_clip_gradients(device->slot, &nothing, 1, 1.0f, p, p.mem, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_clip_gradients(device->slot, &part, 1, -1.0f, p, p.mem, err), HADA_ERROR_ARGUMENT, "");
+    ASSERT_FAILS(hada_clip_gradients(device->slot, &nothing, 1, 1.0f, p, p.mem, err), HADA_ERROR_ARGUMENT, "");
     end(&t);
 }
 

@@ -1,8 +1,4 @@
 /* The noise of a frame, what weights go by, and the noise that a model knows of. */
-#include <math.h>
-#include <stdlib.h>
-
-#include "core/random.h"
 #include "image/statistics.h"
 #include "model/model.h"
 #include "testing.h"
@@ -32,8 +28,7 @@ static double mean_square(const float *frame)
 
 static hada_pixels pixels_of(const float *frame, int channels, int rows, int cols)
 {
-    hada_pixels pixels;
-    hada_pixels_init(&pixels);
+    DEFAULTS(hada_pixels, pixels);
     hada_pixels_planar(&pixels, frame, HADA_PIXEL_F32, channels, rows, cols);
     return pixels;
 }

@@ -40,8 +40,7 @@ TEST(shift)
     hada_image psfs[4];
     for (int z = 0; z < 4; z++)
         psfs[z] = psf;
-    hada_simulator_options options;
-    hada_simulator_options_init(&options);
+    DEFAULTS(hada_simulator_options, options);
     options.psf = psfs;
     options.shift_rows = down;
     options.shift_cols = across;
@@ -137,22 +136,19 @@ TEST(refusals)
 {
     const hada_camera camera = small_camera(HADA_BOUNDARY_CIRCULAR);
     hada_simulator *simulator;
-    hada_simulator_options options;
-    hada_error error;
-    hada_simulator_options_init(&options);
+    DEFAULTS(hada_simulator_options, options);
     options.field_rows = ROWS + 1;
     options.field_cols = COLS;
-    assert_int_equal(hada_simulator_create(&simulator, context, &camera, &options, &error), HADA_ERROR_SIZE);
-    assert_non_null(strstr(error.message, "padded"));
+    ASSERT_FAILS(hada_simulator_create(&simulator, context, &camera, &options, err), HADA_ERROR_SIZE, "padded");
     options.field_rows = HIGH - 1;
-    assert_int_equal(hada_simulator_create(&simulator, context, &camera, &options, &error), HADA_ERROR_SIZE);
+    ASSERT_FAILS(hada_simulator_create(&simulator, context, &camera, &options, err), HADA_ERROR_SIZE, "");
     options.field_rows = 0;
-    assert_int_equal(hada_simulator_create(&simulator, context, &camera, &options, &error), HADA_ERROR_SIZE);
+    ASSERT_FAILS(hada_simulator_create(&simulator, context, &camera, &options, err), HADA_ERROR_SIZE, "");
     hada_simulator_options_init(&options);
     options.shift_rows = 1 << 20;
-    assert_int_equal(hada_simulator_create(&simulator, context, &camera, &options, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_simulator_create(&simulator, context, &camera, &options, err), HADA_ERROR_ARGUMENT, "");
     options.size = 0;
-    assert_int_equal(hada_simulator_create(&simulator, context, &camera, &options, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_simulator_create(&simulator, context, &camera, &options, err), HADA_ERROR_ARGUMENT, "");
     assert_null(simulator);
 }
 

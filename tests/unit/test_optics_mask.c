@@ -1,11 +1,4 @@
 /* Masks: where things stand, what is open, how random surfaces vary, what files keep. */
-#include <hadalens/camera.h>
-#include <hadalens/scene.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-#include <unistd.h>
-
 #include "optics/mask.h"
 #include "testing.h"
 

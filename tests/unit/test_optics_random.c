@@ -1,9 +1,5 @@
 /* The generator against an independent Python implementation of the published algorithms, and its statistics. */
-#include <math.h>
-
 #include "testing.h"
-
-#include "core/random.h"
 
 TEST(known_bits)
 {

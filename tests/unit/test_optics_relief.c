@@ -253,8 +253,7 @@ TEST(refusals)
     for (int z = 0; z < 4; z++)
         ASSERT_OK(hada_camera_psf(&camera, camera.distances_mm[z], 0, 0, &psf[z], err));
     map.data[0] = 200.0f;
-    hada_simulator_options with_psf;
-    hada_simulator_options_init(&with_psf);
+    DEFAULTS(hada_simulator_options, with_psf);
     with_psf.psf = psf;
     ASSERT_OK(hada_simulator_create(&given, context, &camera, &with_psf, err));
     assert_int_equal(hada_simulator_render_reliefs(given, relief, 1, 0, 0.0, 0, &raw, &error), HADA_ERROR_UNSUPPORTED);

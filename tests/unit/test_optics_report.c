@@ -1,17 +1,11 @@
 /* What reports say of PSFs whose transforms are known. */
-#include <hadalens/optics.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
 #include "testing.h"
 
 static hada_context *context;
 
 static hada_camera camera_of(int rows, int cols, int depths)
 {
-    hada_camera camera;
-    hada_camera_init(&camera);
+    DEFAULTS(hada_camera, camera);
     camera.rows = rows;
     camera.cols = cols;
     camera.channels = 1;

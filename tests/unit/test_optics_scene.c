@@ -1,11 +1,4 @@
 /* Scenes: cutting and scaling by hand-made cases, procedural scenes by their statistics. */
-#include <hadalens/metrics.h>
-#include <hadalens/scene.h>
-#include <hadalens/simulate.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
 #include "testing.h"
 
 TEST(scaling)

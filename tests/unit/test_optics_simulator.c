@@ -1,10 +1,4 @@
 /* Simulated frames: against convolution by its definition in double precision, and by what light does. */
-#include <hadalens/metrics.h>
-#include <hadalens/scene.h>
-#include <hadalens/simulate.h>
-#include <math.h>
-#include <string.h>
-
 #include "ref/ref_convolve.h"
 #include "testing.h"
 
@@ -178,8 +172,7 @@ TEST(given_psfs)
             psf[i].data[(c * 60 + 30 + i) * 72 + 36 + c] = 1.0f;
     }
     hada_simulator *simulator;
-    hada_simulator_options with_psf;
-    hada_simulator_options_init(&with_psf);
+    DEFAULTS(hada_simulator_options, with_psf);
     with_psf.psf = psf;
     ASSERT_OK(hada_simulator_create(&simulator, context, &camera, &with_psf, err));
     ASSERT_OK(hada_scene_procedural(&scene, 4, 3, 25, 24, err));
@@ -193,9 +186,8 @@ TEST(given_psfs)
     ASSERT_OK(hada_simulator_psf(simulator, 1, &back, err));
     assert_memory_equal(back.data, psf[1].data, 3 * 60 * 72 * sizeof(float));
     hada_simulator_destroy(&simulator);
-    hada_error error;
     psf[1].channels = 2;
-    assert_int_equal(hada_simulator_create(&simulator, context, &camera, &with_psf, &error), HADA_ERROR_SIZE);
+    ASSERT_FAILS(hada_simulator_create(&simulator, context, &camera, &with_psf, err), HADA_ERROR_SIZE, "");
     assert_null(simulator);
     for (int i = 0; i < 2; i++)
         hada_image_destroy(&psf[i]);
@@ -209,20 +201,18 @@ TEST(refusals)
     const hada_camera camera = small_camera(HADA_BOUNDARY_CIRCULAR);
     const uint64_t before = hada_context_bytes(context);
     hada_simulator *simulator;
-    hada_error error;
     hada_image scene, raw;
     ASSERT_OK(hada_simulator_create(&simulator, context, &camera, NULL, err));
     ASSERT_OK(hada_image_create(&scene, 3, 25, 25, err));
     hada_plane plane = {0, &scene};
-    assert_int_equal(hada_simulator_render(simulator, &plane, 1, 0.0, 0, &raw, &error), HADA_ERROR_SIZE);
-    assert_non_null(strstr(error.message, "25 x 25"));
+    ASSERT_FAILS(hada_simulator_render(simulator, &plane, 1, 0.0, 0, &raw, err), HADA_ERROR_SIZE, "25 x 25");
     plane.depth = 4;
-    assert_int_equal(hada_simulator_render(simulator, &plane, 1, 0.0, 0, &raw, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_simulator_render(simulator, &plane, 1, 0.0, 0, &raw, err), HADA_ERROR_ARGUMENT, "");
     plane.depth = 0;
     scene.cols = 24;
     scene.data[5] = NAN;
-    assert_int_equal(hada_simulator_render(simulator, &plane, 1, 0.0, 0, &raw, &error), HADA_ERROR_NOT_FINITE);
-    assert_int_equal(hada_simulator_render(simulator, &plane, 0, 0.0, 0, &raw, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_simulator_render(simulator, &plane, 1, 0.0, 0, &raw, err), HADA_ERROR_NOT_FINITE, "");
+    ASSERT_FAILS(hada_simulator_render(simulator, &plane, 0, 0.0, 0, &raw, err), HADA_ERROR_ARGUMENT, "");
     assert_null(raw.data);
     hada_image_destroy(&scene);
     hada_simulator_destroy(&simulator);

@@ -1,8 +1,4 @@
 /* Designed cameras whose light takes long can be stopped, wherever they are asked, and leave nothing behind. */
-#include <hadalens/optics.h>
-#include <hadalens/simulate.h>
-#include <string.h>
-
 #include "testing.h"
 
 enum { ROWS = 24, COLS = 30, WINDOW = 12 };
@@ -44,14 +40,12 @@ static hada_camera camera_of(hada_mask mask, hada_optics optics)
 static hada_status render(const hada_camera *camera, asked *who, hada_image *frame, hada_error *why)
 {
     hada_simulator *simulator = NULL;
-    hada_simulator_options options;
-    hada_monitor monitor;
     hada_image white = {0};
     hada_status status;
-    hada_monitor_init(&monitor);
+    DEFAULTS(hada_monitor, monitor);
     monitor.user = who;
     monitor.cancelled = stops;
-    hada_simulator_options_init(&options);
+    DEFAULTS(hada_simulator_options, options);
     options.monitor = &monitor;
     *frame = (hada_image){0};
     if ((status = hada_simulator_create(&simulator, context, camera, &options, why)))
@@ -79,13 +73,12 @@ TEST(stopped_anywhere)
         const hada_camera camera = camera_of(cases[i].mask, cases[i].optics);
         asked never = {0};
         hada_image frame;
-        hada_error why;
-        assert_int_equal(render(&camera, &never, &frame, &why), HADA_OK);
+        ASSERT_OK(render(&camera, &never, &frame, err));
         assert_true(never.count >= cases[i].least);
         hada_image_destroy(&frame);
         for (int k = 0; k < 3; k++) { /* at the first, at the last, and between */
             asked once = {.stop_at = 1 + k * (never.count - 1) / 2};
-            assert_int_equal(render(&camera, &once, &frame, &why), HADA_ERROR_CANCELLED);
+            ASSERT_FAILS(render(&camera, &once, &frame, err), HADA_ERROR_CANCELLED, "");
             assert_int_equal(once.count, once.stop_at); /* the work ends there */
             assert_null(frame.data);
         }
@@ -97,18 +90,15 @@ TEST(goes_on_afterwards)
 {
     const hada_camera camera = camera_of(HADA_MASK_DIFFUSER, HADA_OPTICS_WAVE);
     asked who = {.stop_at = 4};
-    hada_monitor monitor;
-    hada_wave_options options;
     hada_wave *wave;
     hada_image psf, again;
-    hada_error why;
-    hada_monitor_init(&monitor);
+    DEFAULTS(hada_monitor, monitor);
     monitor.user = &who;
     monitor.cancelled = stops;
-    hada_wave_options_init(&options);
+    DEFAULTS(hada_wave_options, options);
     options.monitor = &monitor;
     ASSERT_OK(hada_wave_create(&wave, context, &camera, &options, err));
-    assert_int_equal(hada_wave_psf(wave, 100.0, ROWS, COLS, &psf, &why), HADA_ERROR_CANCELLED);
+    ASSERT_FAILS(hada_wave_psf(wave, 100.0, ROWS, COLS, &psf, err), HADA_ERROR_CANCELLED, "");
     assert_null(psf.data);
     who.stop_at = 0;
     ASSERT_OK(hada_wave_psf(wave, 100.0, ROWS, COLS, &psf, err));
@@ -126,22 +116,19 @@ TEST(too_much_is_refused)
 {
     hada_camera camera = camera_of(HADA_MASK_MLA, HADA_OPTICS_GEOMETRY);
     hada_image psf;
-    hada_error why;
     double x[4096], y[4096];
     camera.lenses = 29;
     camera.pixel_pitch_mm = 1e-6;
-    assert_int_equal(hada_camera_psf(&camera, 100.0, 0, 0, &psf, &why), HADA_ERROR_UNSUPPORTED);
-    assert_non_null(strstr(why.message, "larger pixels"));
+    ASSERT_FAILS(hada_camera_psf(&camera, 100.0, 0, 0, &psf, err), HADA_ERROR_UNSUPPORTED, "larger pixels");
     camera.pixel_pitch_mm = 0.4;
-    assert_int_equal(hada_camera_psf(&camera, 1e-300, 0, 0, &psf, &why), HADA_ERROR_UNSUPPORTED);
+    ASSERT_FAILS(hada_camera_psf(&camera, 1e-300, 0, 0, &psf, err), HADA_ERROR_UNSUPPORTED, "");
     camera.lenses = 4096;
     camera.minimum_spacing_mm = 0.0;
     camera.blur_pixels = 64.0;
-    assert_int_equal(hada_camera_psf(&camera, 100.0, 0, 0, &psf, &why), HADA_ERROR_UNSUPPORTED);
+    ASSERT_FAILS(hada_camera_psf(&camera, 100.0, 0, 0, &psf, err), HADA_ERROR_UNSUPPORTED, "");
     assert_null(psf.data);
     camera.minimum_spacing_mm = 0.16; /* more than fit, by little */
-    assert_int_equal(hada_camera_lenses(&camera, x, y, &why), HADA_ERROR_ARGUMENT);
-    assert_non_null(strstr(why.message, "do not fit"));
+    ASSERT_FAILS(hada_camera_lenses(&camera, x, y, err), HADA_ERROR_ARGUMENT, "do not fit");
 }
 
 static int open_context(void **state)

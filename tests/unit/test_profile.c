@@ -1,7 +1,4 @@
 /* Profiles of slots: nothing when off; when on, launches are counted, their times and costs add up. */
-#include <stdlib.h>
-#include <string.h>
-
 #include "fft/fft.h"
 #include "runtime/profile.h"
 #include "testing.h"
@@ -30,8 +27,7 @@ static hada_fft_desc square(hada_fft_backend backend)
 
 static void begin(fixture *f, hada_fft_backend backend)
 {
-    hada_context_options options;
-    hada_context_options_init(&options);
+    DEFAULTS(hada_context_options, options);
     options.device = "cpu";
     const hada_fft_desc desc = square(backend);
     *f = (fixture){0};
@@ -80,11 +76,10 @@ TEST(off_records_nothing)
     fixture f;
     hada_kernel_time *rows = NULL;
     size_t count = 0;
-    hada_error error;
     begin(&f, HADA_FFT_OWN);
     transform(&f, 2);
     assert_null(f.slot->profile);
-    assert_int_equal(hada_slot_times(f.slot, &rows, &count, &error), HADA_ERROR_STATE);
+    ASSERT_FAILS(hada_slot_times(f.slot, &rows, &count, err), HADA_ERROR_STATE, "");
     assert_null(rows);
     assert_int_equal(count, 0);
     /* turned on now, what came before does not count */
@@ -183,7 +178,6 @@ TEST(another_librarys_commands_have_a_row)
 TEST(peaks_are_plausible)
 {
     hada_context *context;
-    hada_error error;
     double copy = 0, flops = 0, again = 0;
     ASSERT_OK(hada_context_create(&context, NULL, err));
     ASSERT_OK(hada_device_peaks(context, &copy, &flops, err));
@@ -194,20 +188,17 @@ TEST(peaks_are_plausible)
     assert_true(again > 1e8 && again < 1e14);
     assert_int_equal(hada_context_bytes(context), 0);
     hada_context_destroy(&context);
-    assert_int_equal(hada_device_peaks(NULL, &copy, &flops, &error), HADA_ERROR_ARGUMENT);
 }
 
 TEST(costs_of_calls_are_plausible)
 {
     hada_context *context;
     double launch = 0, wait = -1, rate = 0;
-    hada_error error;
     ASSERT_OK(hada_context_create(&context, NULL, err));
     ASSERT_OK(hada_device_call_costs(context, &launch, &wait, &rate, err));
     assert_true(launch > 1e-8 && launch < 1e-1);
     assert_true(wait >= 0 && wait < 1);
     assert_true(rate > 1e7);
     ASSERT_OK(hada_device_call_costs(context, NULL, NULL, NULL, err));
-    assert_int_equal(hada_device_call_costs(NULL, &launch, &wait, &rate, &error), HADA_ERROR_ARGUMENT);
     hada_context_destroy(&context);
 }

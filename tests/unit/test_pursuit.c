@@ -191,7 +191,6 @@ TEST(holds_the_bytes_it_states)
     for (int padded = 0; padded < 2; padded++) {
         fixture f;
         hada_pursuit *none;
-        hada_error error;
         set_up(&f, 48, 64, 24, 3, padded);
         const uint64_t with = hada_context_bytes(f.device.context);
         hada_pursuit_destroy(&f.pursuit);
@@ -199,7 +198,7 @@ TEST(holds_the_bytes_it_states)
         ASSERT_DRY(with - without, f.device.context, hada_pursuit,
                    hada_pursuit_create(&object, &dry.slot, &f.options, NULL), hada_pursuit_destroy);
         f.options.depths = 0;
-        assert_int_equal(hada_pursuit_create(&none, f.device.slot, &f.options, &error), HADA_ERROR_ARGUMENT);
+        ASSERT_FAILS(hada_pursuit_create(&none, f.device.slot, &f.options, err), HADA_ERROR_ARGUMENT, "");
         assert_null(none);
         tear_down(&f);
     }

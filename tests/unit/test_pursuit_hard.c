@@ -18,8 +18,7 @@ typedef struct fixture {
 static hada_pursuit *make_pursuit(const tiny_device *device, int depths, int full)
 {
     hada_pursuit *pursuit;
-    hada_pursuit_options options;
-    hada_pursuit_options_init(&options);
+    DEFAULTS(hada_pursuit_options, options);
     options.shape = device->shape;
     options.depths = depths;
     options.full = full;

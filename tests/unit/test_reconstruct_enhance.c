@@ -2,8 +2,6 @@
  * knows of it. */
 #include "camera_small.h"
 
-#include <hadalens/job.h>
-
 #include "net/enhance.h"
 
 enum { ROWS = 24, COLS = 32, WINDOW_ROWS = 14, WINDOW_COLS = 18, DEPTHS = 5, CHANNELS = 3 };
@@ -21,11 +19,9 @@ static int setup(void **state)
     static fixture f;
     hada_image psf[DEPTHS], scene;
     double distances[DEPTHS];
-    hada_psf_options options;
-    hada_unet_options unet;
     ASSERT_OK(hada_context_create(&f.context, NULL, err));
     ASSERT_OK(hada_slot_create(&f.slot, f.context, err));
-    hada_psf_options_init(&options);
+    DEFAULTS(hada_psf_options, options);
     options.window_rows = WINDOW_ROWS;
     options.window_cols = WINDOW_COLS;
     options.boundary = HADA_BOUNDARY_CIRCULAR;
@@ -36,7 +32,7 @@ static int setup(void **state)
     scene = small_scene(CHANNELS, WINDOW_ROWS, WINDOW_COLS, 1);
     f.frame = small_frame(&psf[2], &scene, 0, 0.003, 1);
     ASSERT_OK(hada_model_from_psf(&f.plain, f.context, psf, DEPTHS, distances, &options, err));
-    hada_unet_options_init(&unet);
+    DEFAULTS(hada_unet_options, unet);
     unet.down = "8|10";
     unet.up = "7";
     unet.shared = unet.last_norm = 1;
@@ -67,8 +63,7 @@ enum { PATHS = 4 };
 static hada_plan_options options_of(int path)
 {
     static const int listed[] = {1, 2, 4};
-    hada_plan_options options;
-    hada_plan_options_init(&options);
+    DEFAULTS(hada_plan_options, options);
     options.dark = HADA_DARK_NONE;
     options.batch = 2;
     options.refine = path >= 2 ? 3 : 0;

@@ -106,8 +106,7 @@ TEST(a_black_frame_holds_nothing)
             assert_true(isnan(result.distance_map.data[i]));
     }
     /* the linear filters show the noise as it is, and all of it is finite */
-    hada_plan_options options;
-    hada_plan_options_init(&options);
+    DEFAULTS(hada_plan_options, options);
     options.refine = 0;
     run(learned, &options, &raw, &result);
     assert_int_equal(hada_image_count_not_finite(&result.all_in_focus), 0);

@@ -70,11 +70,10 @@ TEST(equals_the_reference)
     static const int sizes[][4] = {{48, 64, 20, 24}, {45, 63, 17, 21}, {40, 50, 40, 50}};
     for (size_t k = 0; k < HADA_COUNT(sizes); k++) {
         fixture f;
-        hada_refine_rule rule;
         set_up(&f, sizes[k][0], sizes[k][1], sizes[k][2], sizes[k][3], 4, 2, 0);
         two_depths(&f, 1, 3);
         expose(&f, 0.01, 1.0);
-        hada_refine_rule_init(&rule);
+        DEFAULTS(hada_refine_rule, rule);
         compare(&f, &rule, 2, (const int[]){1, 3}, NULL);
         compare(&f, &rule, 1, (const int[]){3}, NULL);
         rule.relaxation = 1.0;
@@ -105,11 +104,10 @@ TEST(equals_the_reference)
 TEST(equals_the_reference_where_the_sensor_crops)
 {
     fixture f;
-    hada_refine_rule rule;
     set_up(&f, 40, 48, 36, 44, 3, 2, 1);
     two_depths(&f, 0, 2);
     expose(&f, 0.01, 1.0);
-    hada_refine_rule_init(&rule);
+    DEFAULTS(hada_refine_rule, rule);
     compare(&f, &rule, 2, (const int[]){0, 2}, NULL);
     rule.mu = 0.25;
     compare(&f, &rule, 1, (const int[]){2}, NULL);
@@ -123,13 +121,12 @@ TEST(gives_the_same_bits_whatever_runs_beside)
 {
     for (int padded = 0; padded < 2; padded++) {
         fixture f;
-        hada_refine_rule rule;
         static const int sets[] = {1, 3, 0, 2, 1, 2}, alone[] = {0, 2};
         set_up(&f, 40, 48, 20, 24, 4, 2, padded);
         const size_t two = 2 * 2 * f.camera.window_area, bytes = two * sizeof(float);
         two_depths(&f, 0, 2);
         expose(&f, 0.01, 1.0);
-        hada_refine_rule_init(&rule);
+        DEFAULTS(hada_refine_rule, rule);
         rule.first_rho = 0.1 * rule.rho;
         rule.growth = 1.5;
         rule.first_relaxation = 1.95;
@@ -161,12 +158,11 @@ TEST(scales_with_the_frame)
 {
     for (int k = 0; k < 4; k++) {
         fixture f;
-        hada_refine_rule rule;
         static const int list[] = {0, 2};
         set_up(&f, 40, 48, 20, 24, 3, 1, k % 2);
         const size_t count = 2 * f.camera.window_area;
         two_depths(&f, 0, 2);
-        hada_refine_rule_init(&rule);
+        DEFAULTS(hada_refine_rule, rule);
         const double tv = k < 2 ? 0.0 : 1e-4;
         rule.tv = tv;
         expose(&f, 0.01, 1.0);
@@ -250,9 +246,8 @@ TEST(beats_linear_filters)
 {
     static const int lists[][2] = {{1, 1}, {0, 3}, {1, 2}};
     fixture f;
-    hada_refine_rule rule;
     set_up(&f, 96, 128, 32, 40, 4, 1, 0);
-    hada_refine_rule_init(&rule);
+    DEFAULTS(hada_refine_rule, rule);
     rule.steps = 16;
     for (size_t k = 0; k < HADA_COUNT(lists); k++) {
         const int depths = lists[k][0] == lists[k][1] ? 1 : 2;
@@ -277,7 +272,6 @@ TEST(explains_more_with_every_step)
 {
     for (int padded = 0; padded < 2; padded++) {
         fixture f;
-        hada_refine_rule rule;
         static const int list[] = {0, 1, 2, 3};
         set_up(&f, 48, 64, 20, 24, 4, 1, padded);
         for (int z = 0; z < 4; z++) /* every depth: a slanted plane, one strip a depth */
@@ -285,7 +279,7 @@ TEST(explains_more_with_every_step)
                 f.scenes[(size_t)z * f.camera.window_area + i] =
                     i % 24 / 6 == (size_t)z ? 0.3 + 0.7 * ((i / 24 / 3) % 2) : 0.0;
         expose(&f, 0.003, 1.0);
-        hada_refine_rule_init(&rule);
+        DEFAULTS(hada_refine_rule, rule);
         rule.rho = 1e-2;
         double before = INFINITY, start;
         for (int steps = 2; steps <= 32; steps *= 2) {
@@ -314,13 +308,12 @@ TEST(all_kernel_shapes_agree)
 {
     for (int padded = 0; padded < 2; padded++) {
         fixture f;
-        hada_refine_rule rule;
         static const int list[] = {0, 2};
         double energy[2], left[2];
         set_up(&f, 40, 48, 20, 24, 3, 2, padded);
         two_depths(&f, 0, 2);
         expose(&f, 0.01, 1.0);
-        hada_refine_rule_init(&rule);
+        DEFAULTS(hada_refine_rule, rule);
         float *planes[2];
         const hada_kernel_shape shape = f.device.context->shape;
         for (int k = 0; k < 2; k++) {
@@ -347,13 +340,12 @@ TEST(all_kernel_shapes_agree)
 TEST(scores_what_a_run_leaves)
 {
     fixture f;
-    hada_refine_rule rule;
     static const int sets[] = {1, 3, 0, 2};
     double energy[2], again[2], beside, frame;
     set_up(&f, 40, 48, 20, 24, 4, 2, 0);
     two_depths(&f, 0, 2);
     expose(&f, 0.01, 1.0);
-    hada_refine_rule_init(&rule);
+    DEFAULTS(hada_refine_rule, rule);
     rule.quiet = rule.scored = 1;
     ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 2, 2, sets, NULL, err));
     ASSERT_OK(hada_refiner_score(f.refiner, &f.device.data, 2, 2, sets, 40, 48, energy, NULL, err));
@@ -368,11 +360,10 @@ TEST(black_and_constant_frames_are_fine)
 {
     for (int padded = 0; padded < 2; padded++) {
         fixture f;
-        hada_refine_rule rule;
         static const int list[] = {0, 2};
         set_up(&f, 40, 48, 20, 24, 3, 1, padded);
         const size_t count = 2 * f.camera.window_area;
-        hada_refine_rule_init(&rule);
+        DEFAULTS(hada_refine_rule, rule);
         rule.stop = 0.01;
         expose(&f, 0.0, 1.0);
         ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, list, NULL, err));
@@ -396,41 +387,38 @@ TEST(black_and_constant_frames_are_fine)
 TEST(refuses_what_it_cannot_do)
 {
     fixture f;
-    hada_refine_rule rule;
-    hada_error error;
     hada_refiner *none;
     static const int list[] = {0, 9};
     set_up(&f, 40, 48, 20, 24, 3, 1, 1);
-    hada_refine_rule_init(&rule);
-    assert_int_equal(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, list, NULL, &error), HADA_ERROR_ARGUMENT);
-    assert_non_null(strstr(error.message, "depth 9"));
-    assert_int_equal(hada_refiner_run(f.refiner, &f.device.data, &rule, 9, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
+    DEFAULTS(hada_refine_rule, rule);
+    ASSERT_FAILS(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, list, NULL, err), HADA_ERROR_ARGUMENT,
+                 "depth 9");
+    ASSERT_FAILS(hada_refiner_run(f.refiner, &f.device.data, &rule, 9, 1, list, NULL, err), HADA_ERROR_ARGUMENT, "");
     rule.rho = 0.0;
-    assert_int_equal(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 1, list, NULL, err), HADA_ERROR_ARGUMENT, "");
     hada_refine_rule_init(&rule);
     rule.steps = 41;
-    assert_int_equal(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 1, list, NULL, err), HADA_ERROR_ARGUMENT, "");
     rule.steps = 1;
     f.device.data.frame = NULL;
-    assert_int_equal(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 1, list, NULL, err), HADA_ERROR_ARGUMENT, "");
     f.device.data.frame = f.device.data.spectrum; /* never read */
     rule.tv = 1.0;
     rule.shrink = 1.6;
-    assert_int_equal(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
-    assert_non_null(strstr(error.message, "shrinkage"));
+    ASSERT_FAILS(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 1, list, NULL, err), HADA_ERROR_ARGUMENT,
+                 "shrinkage");
     f.device.shape.tv = f.device.shape.settle = 0;
     hada_refiner *plain;
     ASSERT_OK(hada_refiner_create(&plain, f.device.slot, &f.device.shape, err));
     rule.tv = 1.0;
-    assert_int_equal(hada_refiner_run(plain, &f.device.data, &rule, 1, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
-    assert_non_null(strstr(error.message, "total variation"));
+    ASSERT_FAILS(hada_refiner_run(plain, &f.device.data, &rule, 1, 1, list, NULL, err), HADA_ERROR_ARGUMENT,
+                 "total variation");
     rule.settle = 0.01;
     rule.tv = 0.0;
-    assert_int_equal(hada_refiner_run(plain, &f.device.data, &rule, 1, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
-    assert_non_null(strstr(error.message, "settled"));
+    ASSERT_FAILS(hada_refiner_run(plain, &f.device.data, &rule, 1, 1, list, NULL, err), HADA_ERROR_ARGUMENT, "settled");
     hada_refiner_destroy(&plain);
     f.device.shape.window.cols = 999;
-    assert_int_equal(hada_refiner_create(&none, f.device.slot, &f.device.shape, &error), HADA_ERROR_SIZE);
+    ASSERT_FAILS(hada_refiner_create(&none, f.device.slot, &f.device.shape, err), HADA_ERROR_SIZE, "");
     assert_null(none);
     tear_down(&f);
 }

@@ -27,12 +27,11 @@ TEST(goes_on_until_depths_have_parted)
 {
     for (int padded = 0; padded < 2; padded++) {
         fixture f;
-        hada_refine_rule rule;
         int steps, all;
         set_up(&f, 48, 64, 20, 24, 4, 2, padded);
         two_depths(&f, 1, 2);
         expose(&f, 0.01, 1.0);
-        hada_refine_rule_init(&rule);
+        DEFAULTS(hada_refine_rule, rule);
         rule.tv = 1e-3;
         rule.steps = 40;
         ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, (const int[]){1, 2}, &all, err));
@@ -54,7 +53,6 @@ TEST(asks_less_often_where_that_is_dear)
         size_t bytes = 0;
         for (int apart = 0; apart < 2; apart++) {
             fixture f;
-            hada_refine_rule rule;
             int steps;
             set_up(&f, 48, 64, 20, 24, 4, 2, 0);
             f.device.context->info.unified_memory = !apart;
@@ -62,7 +60,7 @@ TEST(asks_less_often_where_that_is_dear)
             ASSERT_OK(hada_refiner_create(&f.refiner, f.device.slot, &f.device.shape, err));
             two_depths(&f, 1, 2);
             expose(&f, 0.01, 1.0);
-            hada_refine_rule_init(&rule);
+            DEFAULTS(hada_refine_rule, rule);
             rule.tv = 1e-3;
             rule.steps = 40;
             rule.settle = at[k] == 12 ? 2.0 * change(&f, rule, 8)

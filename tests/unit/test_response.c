@@ -1,9 +1,4 @@
 /* Curves between encodings and light: against the standard's own numbers, each other, and their names. */
-#include <hadalens/response.h>
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-
 #include "testing.h"
 
 #include "io/text.h"
@@ -77,10 +72,8 @@ TEST(names)
     hada_response_name(name, back);
     assert_string_equal(name, "linear");
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
-        hada_error err = {0};
         back = 7.0;
-        assert_int_equal(hada_response_from_name(&back, wrong[i], &err), HADA_ERROR_ARGUMENT);
-        assert_non_null(strstr(err.message, "srgb"));
+        ASSERT_FAILS(hada_response_from_name(&back, wrong[i], err), HADA_ERROR_ARGUMENT, "srgb");
         assert_true(back == 7.0);
     }
     assert_int_equal(hada_response_is_known(NAN), 0);

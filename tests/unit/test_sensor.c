@@ -1,10 +1,5 @@
 /* Sensors: their random numbers have the distributions that they claim, and nothing depends on anything but the seed.
  */
-#include <hadalens/simulate.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
 #include "ref/ref_sensor.h"
 #include "testing.h"
 
@@ -86,8 +81,7 @@ TEST(shot_noise)
     const bench *b = *state;
     const double means[] = {0.05, 1.0, 5.0, 15.99, 16.0, 100.0, 5000.0};
     for (size_t m = 0; m < sizeof means / sizeof *means; m++) {
-        hada_sensor sensor;
-        hada_sensor_init(&sensor);
+        DEFAULTS(hada_sensor, sensor);
         sensor.full_well = 65536.0; /* electrons come back from shares exactly */
         sensor.saturate = 0;
         sensor.exposure = means[m] / 65536.0;
@@ -118,8 +112,7 @@ TEST(shot_noise)
 TEST(read_noise)
 {
     const bench *b = *state;
-    hada_sensor sensor;
-    hada_sensor_init(&sensor);
+    DEFAULTS(hada_sensor, sensor);
     sensor.read_noise = 0.01;
     sensor.dark_level = 0.0625;
     sensor.exposure = 0.25;
@@ -144,8 +137,7 @@ TEST(read_noise)
 TEST(seeds)
 {
     const bench *b = *state;
-    hada_sensor sensor;
-    hada_sensor_init(&sensor);
+    DEFAULTS(hada_sensor, sensor);
     sensor.full_well = 1000.0;
     sensor.read_noise = 2.0;
     hada_image frames[3];
@@ -169,8 +161,7 @@ TEST(seeds)
 TEST(saturation_and_rounding)
 {
     const bench *b = *state;
-    hada_sensor sensor;
-    hada_sensor_init(&sensor);
+    DEFAULTS(hada_sensor, sensor);
     sensor.full_well = 500.0;
     sensor.dark_level = 0.25;
     hada_image frame = flat(1, 50.0f);
@@ -196,11 +187,9 @@ TEST(saturation_and_rounding)
 TEST(vignetting)
 {
     bench *b = *state;
-    hada_sensor sensor;
-    hada_sensor_init(&sensor);
+    DEFAULTS(hada_sensor, sensor);
     sensor.vignetting = HADA_VIGNETTING_COS4;
-    hada_simulator_options options;
-    hada_simulator_options_init(&options);
+    DEFAULTS(hada_simulator_options, options);
     for (int moved = 0; moved < 2; moved++) {
         hada_simulator *simulator;
         options.shift_rows = 20 * moved;
@@ -225,11 +214,10 @@ TEST(vignetting)
     ASSERT_OK(hada_simulator_expose(b->simulator, &sensor, 1, &frame, err));
     for (int i = 0; i < 3 * PIXELS; i++)
         assert_true(frame.data[i] == (i % PIXELS == 3 ? 0.25f : 0.5f));
-    hada_error error;
     gain.data[0] = -1.0f;
-    assert_int_equal(hada_simulator_expose(b->simulator, &sensor, 1, &frame, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_simulator_expose(b->simulator, &sensor, 1, &frame, err), HADA_ERROR_ARGUMENT, "");
     gain.rows--;
-    assert_int_equal(hada_simulator_expose(b->simulator, &sensor, 1, &frame, &error), HADA_ERROR_SIZE);
+    ASSERT_FAILS(hada_simulator_expose(b->simulator, &sensor, 1, &frame, err), HADA_ERROR_SIZE, "");
     hada_image_destroy(&gain);
     hada_image_destroy(&frame);
 }

@@ -1,9 +1,4 @@
 /* Surfaces found from frames of a small camera: slants and balls, the sensor cropping or not, and what has no light. */
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/random.h"
 #include "dry.h"
 #include "surface/level.h"
 #include "testing.h"
@@ -232,10 +227,9 @@ static float *read_texture(const fixture *f, const hada_surface_result *result)
 /* Runs, and holds the depths' mean error and the texture's PSNR. */
 static void find(fixture *f, const double *scene, const double *depth, double error, double psnr)
 {
-    hada_surface_rule rule;
     hada_surface_result result;
     double apart = 0.0, square = 0.0, close = 0.0;
-    hada_surface_rule_init(&rule);
+    DEFAULTS(hada_surface_rule, rule);
     shoot(f, scene, depth);
     ASSERT_OK(hada_surface_run(f->surface, f->spectrum.mem, 0, f->pixels.mem, 0, &rule, &result, err));
     float *texture = read_texture(f, &result);
@@ -285,12 +279,11 @@ TEST(test_cropped)
 /* What stands beyond the camera's depths is said not to be known; what stands between them is not. */
 TEST(test_outside)
 {
-    hada_surface_rule rule;
     hada_surface_result result;
     double beyond = 0.0, said = 0.0, within = 0.0, wrong = 0.0;
     fixture f;
     set_up(&f, 180, 216, 1);
-    hada_surface_rule_init(&rule);
+    DEFAULTS(hada_surface_rule, rule);
     paint(scene);
     for (int i = 0; i < AREA; i++)
         depth[i] = -1.2 + (DEPTHS + 1.4) * (i % WINDOW) / (WINDOW - 1.0);
@@ -324,10 +317,9 @@ TEST(test_circular)
 TEST(test_objects)
 {
     fixture f;
-    hada_surface_rule rule;
     hada_surface_result result;
     set_up(&f, 185, 219, 1);
-    hada_surface_rule_init(&rule);
+    DEFAULTS(hada_surface_rule, rule);
     hada_surface_destroy(&f.surface);
     const uint64_t before = hada_context_bytes(f.context);
     ASSERT_OK(hada_surface_create(&f.surface, f.slot, &f.camera, &f.shape, &f.law, err));

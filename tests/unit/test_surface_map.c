@@ -1,9 +1,4 @@
 /* Depth maps on the host: each by what must come out. */
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/random.h"
 #include "surface/level.h"
 #include "testing.h"
 
@@ -113,10 +108,9 @@ TEST(test_smooth)
 {
     static float depth[2][AREA], light[AREA], texture[AREA];
     const hada_map_size turned = {COLS, ROWS};
-    hada_map_rule rule;
     hada_random random;
     double before = 0.0, after = 0.0;
-    hada_map_rule_init(&rule);
+    DEFAULTS(hada_map_rule, rule);
     hada_random_seed(&random, 3, 0);
     for (int i = 0; i < AREA; i++) {
         light[i] = texture[i] = 1.0F;

@@ -3,9 +3,6 @@
  */
 #include "camera_small.h"
 
-#include <hadalens/scene.h>
-#include <hadalens/survey.h>
-
 enum { ROWS = 48, COLS = 64, WINDOW = 24, DEPTHS = 4, CHANNELS = 3, PAIRS = 5 };
 
 typedef struct pairs {
@@ -70,8 +67,7 @@ static hada_dataset *data_of(pairs *set, const int *counts)
 
 static hada_fit_options sizes(void)
 {
-    hada_fit_options options;
-    hada_fit_options_init(&options);
+    DEFAULTS(hada_fit_options, options);
     options.depths = DEPTHS;
     options.channels = CHANNELS;
     options.raw_rows = ROWS;

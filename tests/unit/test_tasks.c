@@ -1,18 +1,5 @@
 /* Tasks, whatever they work on: how they report progress and messages, and what is left when they are stopped at any
  * moment. On a camera so small that a run takes a blink. */
-#include <hadalens/folder.h>
-#include <hadalens/monitor.h>
-#include <hadalens/task_evaluate.h>
-#include <hadalens/task_fit.h>
-#include <hadalens/task_optics.h>
-#include <hadalens/task_register.h>
-#include <hadalens/task_simulate.h>
-#include <hadalens/tiff.h>
-#include <stdlib.h>
-#include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include "testing.h"
 
 enum { DEPTHS = 2, PAIRS = 2, TESTS = 1 };
@@ -100,8 +87,7 @@ static hada_status scan(hada_dataset **data, hada_error *err)
 
 static hada_status simulate_into(const char *folder, const hada_monitor *monitor, hada_error *err)
 {
-    hada_simulate_task own;
-    hada_simulate_task_init(&own);
+    DEFAULTS(hada_simulate_task, own);
     own.pairs = PAIRS;
     own.tests = TESTS;
     own.monitor = monitor;
@@ -115,8 +101,7 @@ static hada_status simulate(const hada_monitor *monitor, hada_error *err)
 
 static hada_status optics(const hada_monitor *monitor, hada_error *err)
 {
-    hada_optics_task own;
-    hada_optics_task_init(&own);
+    DEFAULTS(hada_optics_task, own);
     own.monitor = monitor;
     return hada_optics_run(NULL, context, &camera, at("out"), &own, err);
 }
@@ -126,10 +111,9 @@ static hada_status fit(const hada_monitor *monitor, hada_error *err)
     hada_dataset *data;
     hada_model *model = NULL;
     hada_fit_report *report = NULL;
-    hada_fit_task own;
     hada_status status = scan(&data, err);
     assert_int_equal(status, HADA_OK);
-    hada_fit_task_init(&own);
+    DEFAULTS(hada_fit_task, own);
     own.save_sums = at("out");
     own.monitor = monitor;
     status = hada_fit_run(&model, &report, context, data, &own, err);
@@ -147,10 +131,9 @@ static hada_status register_set(const hada_monitor *monitor, hada_error *err)
 {
     hada_dataset *data;
     hada_register_report *report = NULL;
-    hada_register_task own;
     hada_status status = scan(&data, err);
     assert_int_equal(status, HADA_OK);
-    hada_register_task_init(&own);
+    DEFAULTS(hada_register_task, own);
     own.monitor = monitor;
     status = hada_register_run(&report, data, &own, err);
     assert_true(!status == !!report);
@@ -230,9 +213,8 @@ TEST(nobody_has_to_listen)
 TEST(notes_say_what_was_passed_over)
 {
     listener ear;
-    hada_evaluate_task own;
     hada_evaluate_report *report = NULL;
-    hada_evaluate_task_init(&own);
+    DEFAULTS(hada_evaluate_task, own);
     own.monitor = &listen(&ear, 0)->monitor;
     ASSERT_OK(hada_folder_ensure(at("results"), err));
     char name[300], truth[300];

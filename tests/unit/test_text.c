@@ -1,11 +1,5 @@
 /* Numbers of text files: read and written alike whatever the locale is. */
-#include <math.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <string.h>
-
 #include "comma.h"
-#include "core/random.h"
 #include "io/text.h"
 #include "testing.h"
 

@@ -2,11 +2,8 @@
  * bits as one thread alone. Under the thread sanitizer (tests/run.sh tsan) it also finds races; drivers are not built
  * for the sanitizer, so it must leave them out: TSAN_OPTIONS=ignore_noninstrumented_modules=1. */
 #include <pthread.h>
-#include <string.h>
 
 #include "camera_small.h"
-
-#include <hadalens/reconstruct.h>
 
 enum { ROWS = 24, COLS = 32, WINDOW = 12, DEPTHS = 3, CHANNELS = 3, FRAMES = 3, THREADS = 4 };
 
@@ -95,8 +92,7 @@ static void make_frames(fixture *f)
 {
     const double distances[DEPTHS] = {100.0, 200.0, 400.0};
     hada_image psf[DEPTHS];
-    hada_psf_options options;
-    hada_psf_options_init(&options);
+    DEFAULTS(hada_psf_options, options);
     options.window_rows = options.window_cols = WINDOW;
     options.boundary = HADA_BOUNDARY_CIRCULAR;
     for (int z = 0; z < DEPTHS; z++)

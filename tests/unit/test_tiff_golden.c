@@ -1,8 +1,4 @@
 /* Files that tifffile wrote (tests/golden/make_golden.py says what is in them), read without Python. */
-#include <hadalens/tiff.h>
-#include <math.h>
-#include <stdlib.h>
-
 #include "io/tiff_page.h"
 #include "io_testing.h"
 

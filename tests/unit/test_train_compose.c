@@ -1,9 +1,6 @@
 /* Scenes of several depths, made of pairs of one: light adds up, nothing is told twice, and seeds decide alone. */
 #include "testing.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "core/error.h"
 #include "train/compose.h"
 

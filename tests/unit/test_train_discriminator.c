@@ -2,8 +2,6 @@
  * that was trained with a squared error becomes sharper against one. */
 #include "train_fixture.h"
 
-#include <hadalens/metrics.h>
-
 #include "train/train_options.h"
 
 enum { SIDE = 24, COUNT = 4 };
@@ -84,9 +82,8 @@ static void end(player *p)
 
 static hada_net *new_net(void)
 {
-    hada_unet_options unet;
     hada_net *net;
-    hada_unet_options_init(&unet);
+    DEFAULTS(hada_unet_options, unet);
     unet.channels = unet.out_channels = 1;
     unet.down = "8|8";
     unet.up = "8";

@@ -257,40 +257,37 @@ TEST(what_does_not_fit_is_refused)
     hada_train_options options = train_options(HADA_STAGE_FILTERS);
     hada_replica_desc desc = {.model = model, .options = &options, .at_once = 0};
     hada_replica *replica;
-    hada_error error;
     size_t bytes;
-    assert_int_equal(hada_replica_create(&replica, device->slot, &desc, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_replica_create(&replica, device->slot, &desc, err), HADA_ERROR_ARGUMENT, "");
     assert_null(replica);
     desc.at_once = 2;
     options.form = HADA_FORM_COMPLEX; /* the model is split */
-    assert_int_equal(hada_replica_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_MODEL);
-    assert_non_null(strstr(error.message, "split"));
+    ASSERT_FAILS(hada_replica_bytes(device->context, &desc, &bytes, err), HADA_ERROR_MODEL, "split");
     options.form = HADA_FORM_WIENER;
-    assert_int_equal(hada_replica_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_replica_bytes(device->context, &desc, &bytes, err), HADA_ERROR_ARGUMENT, "");
     options.form = HADA_FORM_SPLIT;
     options.stage = HADA_STAGE_JOINT; /* without a net */
-    assert_int_equal(hada_replica_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_replica_bytes(device->context, &desc, &bytes, err), HADA_ERROR_ARGUMENT, "");
     options.stage = HADA_STAGE_FILTERS;
     replica = train_replica(device, &desc);
     train_pairs pairs;
     hada_terms terms;
     train_pairs_make(&pairs, hada_model_get_info(model), 1);
-    assert_int_equal(hada_replica_backward(replica, pairs.samples, 3, 1.0, 1, 0, &terms, NULL, &error),
-                     HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_replica_backward(replica, pairs.samples, 1, 1.0, 1, 1, &terms, NULL, &error),
-                     HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_replica_backward(replica, pairs.samples, 3, 1.0, 1, 0, &terms, NULL, err), HADA_ERROR_ARGUMENT,
+                 "");
+    ASSERT_FAILS(hada_replica_backward(replica, pairs.samples, 1, 1.0, 1, 1, &terms, NULL, err), HADA_ERROR_ARGUMENT,
+                 "");
     pairs.samples[0].depth = TRAIN_DEPTHS;
-    assert_int_equal(hada_replica_backward(replica, pairs.samples, 1, 1.0, 1, 0, &terms, NULL, &error),
-                     HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_replica_backward(replica, pairs.samples, 1, 1.0, 1, 0, &terms, NULL, err), HADA_ERROR_ARGUMENT,
+                 "");
     pairs.samples[0].depth = 0;
     pairs.samples[0].input = &pairs.scene[0];
-    assert_int_equal(hada_replica_backward(replica, pairs.samples, 1, 1.0, 1, 0, &terms, NULL, &error),
-                     HADA_ERROR_SIZE);
-    assert_int_equal(hada_parameters_update(hada_replica_parameters(replica), HADA_GROUP_NET, 1, 1.0, 1.0, &error),
-                     HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_parameters_update(hada_replica_parameters(replica), HADA_GROUP_FILTERS + TRAIN_DEPTHS, 1, 1.0,
-                                            1.0, &error),
-                     HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_replica_backward(replica, pairs.samples, 1, 1.0, 1, 0, &terms, NULL, err), HADA_ERROR_SIZE, "");
+    ASSERT_FAILS(hada_parameters_update(hada_replica_parameters(replica), HADA_GROUP_NET, 1, 1.0, 1.0, err),
+                 HADA_ERROR_ARGUMENT, "");
+    ASSERT_FAILS(
+        hada_parameters_update(hada_replica_parameters(replica), HADA_GROUP_FILTERS + TRAIN_DEPTHS, 1, 1.0, 1.0, err),
+        HADA_ERROR_ARGUMENT, "");
     train_pairs_free(&pairs);
     hada_replica_destroy(&replica);
     hada_model_destroy(&model);

@@ -1,6 +1,4 @@
 /* What replicas give forward: the bits of reconstruction; and what they refuse. */
-#include <hadalens/job.h>
-
 #include "net/enhance.h"
 #include "train_run.h"
 
@@ -117,23 +115,22 @@ TEST(nets_that_do_not_fit_are_refused)
 {
     train_device *device = *state;
     replica_run run;
-    hada_error error;
     size_t bytes;
     run_make(&run, &train_cases[5]);
     hada_replica_desc desc = run.desc;
     desc.net = run.vgg; /* gives nine channels */
-    assert_int_equal(hada_replica_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_MODEL);
+    ASSERT_FAILS(hada_replica_bytes(device->context, &desc, &bytes, err), HADA_ERROR_MODEL, "");
     desc = run.desc;
     desc.discriminator = run.net;
-    assert_int_equal(hada_replica_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_MODEL);
+    ASSERT_FAILS(hada_replica_bytes(device->context, &desc, &bytes, err), HADA_ERROR_MODEL, "");
     desc.discriminator = NULL;
-    assert_int_equal(hada_replica_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_replica_bytes(device->context, &desc, &bytes, err), HADA_ERROR_ARGUMENT, "");
     run_free(&run);
     run_make(&run, &train_cases[0]);
     desc = run.desc;
-    assert_int_equal(hada_net_create_preset(&run.vgg, "compact", 3, 1, &error), HADA_OK);
+    ASSERT_OK(hada_net_create_preset(&run.vgg, "compact", 3, 1, err));
     desc.vgg = run.vgg; /* two channels are no colours */
-    assert_int_equal(hada_replica_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_MODEL);
+    ASSERT_FAILS(hada_replica_bytes(device->context, &desc, &bytes, err), HADA_ERROR_MODEL, "");
     run_free(&run);
 }
 

@@ -1,6 +1,4 @@
 /* Planes for training: those of a plan that is told the depths, bit for bit, also of a frame that was composed. */
-#include <hadalens/job.h>
-
 #include "camera_small.h"
 #include "model/model.h"
 #include "train/planes.h"
@@ -21,9 +19,8 @@ static const planes_case cases[] = {
 static hada_model *model_of(hada_context *context, const planes_case *c, hada_image *psfs)
 {
     static const double distances[DEPTHS] = {100.0, 200.0, 300.0};
-    hada_psf_options options;
     hada_model *model, *half;
-    hada_psf_options_init(&options);
+    DEFAULTS(hada_psf_options, options);
     options.window_rows = WINDOW_ROWS;
     options.window_cols = WINDOW_COLS;
     options.boundary = c->padded ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR;
@@ -57,9 +54,8 @@ TEST(planes_are_those_of_a_plan)
         assert_int_equal(hada_context_bytes(device->context) - before, bytes);
         for (int z = 0; z < DEPTHS; z++) {
             hada_plan *plan;
-            hada_plan_options options;
             hada_result result = {0};
-            hada_plan_options_init(&options);
+            DEFAULTS(hada_plan_options, options);
             options.occupied = HADA_OCCUPIED_LIST;
             options.occupied_list = &z;
             options.occupied_count = 1;
@@ -116,8 +112,7 @@ static void told(hada_context *context, const hada_model *model, const hada_comp
                  hada_result *result)
 {
     hada_plan *plan;
-    hada_plan_options options;
-    hada_plan_options_init(&options);
+    DEFAULTS(hada_plan_options, options);
     options.occupied = HADA_OCCUPIED_LIST;
     options.occupied_list = composed->depth;
     options.occupied_count = composed->count;
@@ -213,15 +208,14 @@ TEST(what_does_not_fit_is_refused)
     hada_model *model = train_model(1, 12, 14, 8, 10, 0, 0);
     hada_planes *planes;
     hada_image frame, plane = {0};
-    hada_error error;
     ASSERT_OK(hada_image_create(&frame, 1, 12, 14, err));
     ASSERT_OK(hada_planes_create(&planes, device->slot, model, 0, 0, err));
-    assert_int_equal(hada_planes_make(planes, -1, &frame, &as_captured, &plane, &error), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_planes_make(planes, TRAIN_DEPTHS, &frame, &as_captured, &plane, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_FAILS(hada_planes_make(planes, -1, &frame, &as_captured, &plane, err), HADA_ERROR_ARGUMENT, "");
+    ASSERT_FAILS(hada_planes_make(planes, TRAIN_DEPTHS, &frame, &as_captured, &plane, err), HADA_ERROR_ARGUMENT, "");
     frame.data[3] = NAN;
-    assert_int_equal(hada_planes_make(planes, 0, &frame, &as_captured, &plane, &error), HADA_ERROR_NOT_FINITE);
+    ASSERT_FAILS(hada_planes_make(planes, 0, &frame, &as_captured, &plane, err), HADA_ERROR_NOT_FINITE, "");
     frame.rows = 11;
-    assert_int_equal(hada_planes_make(planes, 0, &frame, &as_captured, &plane, &error), HADA_ERROR_MODEL);
+    ASSERT_FAILS(hada_planes_make(planes, 0, &frame, &as_captured, &plane, err), HADA_ERROR_MODEL, "");
     assert_null(plane.data);
     hada_image_destroy(&frame);
     hada_planes_destroy(&planes);

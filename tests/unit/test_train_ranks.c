@@ -1,7 +1,6 @@
 /* Ranks train together: the gradient of one process, and the same bits on every rank, however they exchange. */
 #include "testing.h"
 
-#include <hadalens/communicator.h>
 #include <pthread.h>
 
 #include "trainer_fixture.h"

@@ -1,6 +1,5 @@
 /* The tuning file: rows that are read, rows that are refused, rows of several writers. */
 #include <sys/wait.h>
-#include <unistd.h>
 
 #include "net_fixture.h"
 
@@ -18,8 +17,7 @@ static void write_file(const char *text)
 
 static hada_status open_with(const char *text, hada_context **context, hada_error *err)
 {
-    hada_context_options options;
-    hada_context_options_init(&options);
+    DEFAULTS(hada_context_options, options);
     options.tuning = file;
     options.skip_self_test = 1;
     write_file(text);
@@ -63,9 +61,7 @@ TEST(wrong_rows_are_refused_by_line)
     assert_int_equal(context->tuning->count, 1);
     hada_context_destroy(&context);
     memcpy(longer, "fft ", 4);
-    hada_error error = {0};
-    assert_int_equal(open_with(longer, &context, &error), HADA_ERROR_FILE_FORMAT);
-    assert_non_null(strstr(error.message, "line 1 is too long"));
+    ASSERT_FAILS(open_with(longer, &context, err), HADA_ERROR_FILE_FORMAT, "line 1 is too long");
     remove(file);
 }
 

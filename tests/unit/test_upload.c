@@ -1,6 +1,4 @@
 /* Frames on their way to the device: in the form in which they came, the host's floats there, to the bit. */
-#include <string.h>
-
 #include "filter/hadamard.h"
 #include "testing.h"
 
@@ -29,8 +27,7 @@ static void send_all(hada_hadamard *stage, const void *samples, hada_pixel_type 
 {
     const ptrdiff_t bytes = type == HADA_PIXEL_U8 ? 1 : type == HADA_PIXEL_U16 ? 2 : 4;
     const size_t count = (size_t)(CHANNELS * rows * cols);
-    hada_pixels pixels;
-    hada_pixels_init(&pixels);
+    DEFAULTS(hada_pixels, pixels);
     hada_pixels_planar(&pixels, samples, type, CHANNELS, rows, cols);
     pixels.full_scale = scale;
     send(stage, &pixels, count * (size_t)bytes);
@@ -89,8 +86,7 @@ TEST(knows_what_the_device_does_not_take)
 {
     static const double scales[] = {0.5, 1.5, 65536, 1e30};
     static uint16_t words[NUMBERS];
-    hada_pixels pixels;
-    hada_pixels_init(&pixels);
+    DEFAULTS(hada_pixels, pixels);
     hada_pixels_planar(&pixels, words, HADA_PIXEL_U16, 1, 8, 8);
     assert_true(hada_pixels_uploads(&pixels));
     pixels.row_stride *= 3;

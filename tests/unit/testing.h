@@ -1,4 +1,4 @@
-/* What unit tests share: cmocka, a context for the tests, readable failures. */
+/* What all unit tests include: the standard library, the whole public interface, cmocka and readable failures. */
 #ifndef HADA_TESTS_TESTING_H
 #define HADA_TESTS_TESTING_H
 
@@ -8,9 +8,16 @@
 #include <stdint.h>
 /* cmocka needs the four above first */
 #include <cmocka.h>
-#include <hadalens/device.h>
+#include <hadalens/hadalens.h>
+#include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
+#include "core/random.h"
+#include "defaults.h"
 #include "runtime/context.h"
 
 /* Fails the test with the library's own message when a call does not succeed. */
@@ -21,6 +28,16 @@
         hada_status assert_ok_status = (call);                                                                         \
         if (assert_ok_status)                                                                                          \
             fail_msg("%s: %s: %s", #call, hada_status_name(assert_ok_status), err->message);                           \
+    } while (0)
+
+/* Fails the test unless the call ends with this status and a message that holds the words ("": any message). */
+#define ASSERT_FAILS(call, status, words)                                                                              \
+    do {                                                                                                               \
+        hada_error assert_fails_error = {0};                                                                           \
+        hada_error *err = &assert_fails_error;                                                                         \
+        const hada_status assert_fails_status = (call);                                                                \
+        if (assert_fails_status != (status) || !*err->message || !strstr(err->message, words))                         \
+            fail_msg("%s: %s: '%s', not '%s'", #call, hada_status_name(assert_fails_status), err->message, words);     \
     } while (0)
 
 /* A test, which belongs to the group named after its file: in test_fit.c, `unit fit` runs TEST(name) { ... }. Tests run

@@ -3,11 +3,6 @@
 #ifndef HADA_TESTS_TINY_CAMERA_H
 #define HADA_TESTS_TINY_CAMERA_H
 
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/random.h"
 #include "filter/bank.h"
 #include "ref/ref_fft.h"
 #include "refine/admm.h"

@@ -4,11 +4,6 @@
 
 #include "testing.h"
 
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/random.h"
 #include "model/model.h"
 #include "netlist/presets.h"
 #include "ref/ref_fft.h"

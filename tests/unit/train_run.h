@@ -63,10 +63,9 @@ static inline void run_make(replica_run *run, const replica_case *c)
         "{\"layer\": \"conv\", \"name\": \"a\", \"channels\": 6, \"activation\": \"relu\"}, {\"layer\": \"pool\"},"
         "{\"layer\": \"conv\", \"name\": \"b\", \"channels\": 9, \"activation\": \"relu\"}]}";
     char text[512];
-    hada_unet_options unet;
     memset(run, 0, sizeof *run);
     run->model = train_model(c->channels, ROWS, COLS, WINDOW_ROWS, WINDOW_COLS, c->padded, c->split);
-    hada_unet_options_init(&unet);
+    DEFAULTS(hada_unet_options, unet);
     unet.channels = unet.out_channels = c->channels;
     unet.down = "5|6";
     unet.up = "4";

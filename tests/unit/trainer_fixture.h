@@ -2,10 +2,7 @@
 #ifndef HADA_TESTS_TRAINER_FIXTURE_H
 #define HADA_TESTS_TRAINER_FIXTURE_H
 
-#include <hadalens/fit.h>
 #include <stdatomic.h>
-#include <string.h>
-#include <unistd.h>
 
 #include "camera_small.h"
 #include "fit/fitter.h"
@@ -64,8 +61,7 @@ static hada_dataset *pairs, *held;
 
 static inline void open_devices(void)
 {
-    hada_context_options options;
-    hada_context_options_init(&options);
+    DEFAULTS(hada_context_options, options);
     ASSERT_OK(hada_context_create(&f.whole, NULL, err));
     const hada_device_info *device = hada_context_device(f.whole);
     const int divisible = device->max_sub_devices >= 2 && device->compute_units >= 2;
@@ -94,9 +90,8 @@ static inline void paint(hada_image *scene, uint64_t seed)
 
 static inline void make_model(void)
 {
-    hada_fit_options options;
     hada_fitter *fitter;
-    hada_fit_options_init(&options);
+    DEFAULTS(hada_fit_options, options);
     options.depths = DEPTHS;
     options.channels = 1;
     options.distances_mm = distances;
@@ -125,13 +120,12 @@ static inline void make_model(void)
 
 static inline int setup(void **state)
 {
-    hada_unet_options unet;
     (void)state;
     ASSERT_OK(hada_dataset_create(&pairs, DEPTHS, distances, pair_counts, read_pair, NULL, NULL, err));
     ASSERT_OK(hada_dataset_create(&held, DEPTHS, distances, held_counts, read_held, NULL, NULL, err));
     open_devices();
     make_model();
-    hada_unet_options_init(&unet);
+    DEFAULTS(hada_unet_options, unet);
     unet.channels = unet.out_channels = 1;
     unet.down = "8|8";
     unet.up = "8";

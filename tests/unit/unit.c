@@ -1,9 +1,6 @@
 /* Runs unit tests: a group is the tests of one file, test_fit.c is group `fit`. testing.h has the macros that add them.
  *   unit GROUP [PATTERN]   a group, or those of its tests whose names match (with * and ?)
  *   unit --list            the names of all groups */
-#include <stdlib.h>
-#include <string.h>
-
 #include "testing.h"
 
 enum { GROUPS = 200, TESTS = 64, RUNS = 4 };

@@ -116,8 +116,7 @@ static hada_status make_camera(check_state *state, classic_state *own, hada_erro
     own->otfs = check_room(state, otfs * 2 * own->values * sizeof *own->otfs);
     own->images = check_room(state, (channels + 1) * own->pixels * sizeof *own->images);
     own->camera.largest = check_room(state, channels * sizeof *own->camera.largest);
-    hada_status status = HADA_OK;
-    for (size_t k = 0; !status && k < otfs + channels; k++) {
+    for (size_t k = 0; k < otfs + channels; k++) {
         const int is_frame = k >= otfs;
         double *to = is_frame ? spectrum : own->otfs + k * 2 * own->values;
         double *grid = own->images + (is_frame ? k - otfs : channels) * own->pixels;
@@ -128,26 +127,21 @@ static hada_status make_camera(check_state *state, classic_state *own, hada_erro
             seen[(k - otfs) * frame_area + i] =
                 image[((size_t)frame->row0 + i / (size_t)frame->cols) * (size_t)place->grid_cols + (size_t)frame->col0 +
                       i % (size_t)frame->cols];
-        status = hada_ref_fft_forward(grid, place->grid_rows, place->grid_cols, to, err);
-        for (size_t i = 0; !status && i < 2 * own->values; i++)
+        HADA_TRY(hada_ref_fft_forward(grid, place->grid_rows, place->grid_cols, to, err));
+        for (size_t i = 0; i < 2 * own->values; i++)
             half[2 * k * own->values + i] = (float)to[i];
-        if (!status)
-            hada_layout_pack(&layout, half + 2 * k * own->values, packed + k * layout.count * 2);
+        hada_layout_pack(&layout, half + 2 * k * own->values, packed + k * layout.count * 2);
     }
-    if (!status)
-        status = check_upload(state, &own->otf, packed, otfs * layout.count * 8, err);
-    if (!status)
-        status =
-            check_upload(state, &own->spectrum, packed + otfs * layout.count * 2, channels * layout.count * 8, err);
-    if (!status)
-        status = check_upload(state, &own->frame, seen, channels * frame_area * 4, err);
+    HADA_TRY(check_upload(state, &own->otf, packed, otfs * layout.count * 8, err));
+    HADA_TRY(check_upload(state, &own->spectrum, packed + otfs * layout.count * 2, channels * layout.count * 8, err));
+    HADA_TRY(check_upload(state, &own->frame, seen, channels * frame_area * 4, err));
     own->model.otf = half;
-    if (!status && check_get(state, 'o', 0))
-        status = make_smaller(state, own, err);
+    if (check_get(state, 'o', 0))
+        HADA_TRY(make_smaller(state, own, err));
     own->data = (hada_refine_data){
         .spectrum = own->spectrum.mem, .frame = own->frame.mem, .otf = own->otf.mem, .otf_depths = own->depths + 1};
     own->model.otf = NULL;
-    return status;
+    return HADA_OK;
 }
 
 /* One channel's transfer functions, in the order of the list; its largest sum of squares. */
@@ -207,12 +201,11 @@ static hada_status expect(check_state *state, classic_state *own, hada_error *er
     const size_t area = (size_t)window->rows * (size_t)window->cols, cols = (size_t)own->shape.place.grid_cols;
     double *otf = check_room(state, (size_t)own->depths * 2 * own->values * sizeof *otf);
     double *planes = check_room(state, (size_t)own->depths * own->pixels * sizeof *planes);
-    hada_status status = HADA_OK;
-    for (int c = 0; !status && c < own->channels; c++) {
+    for (int c = 0; c < own->channels; c++) {
         gather(own, c, otf);
         const hada_ref_classic problem = problem_of(own, c, otf);
-        status = hada_ref_classic_run(&problem, planes, NULL, err);
-        for (size_t z = 0; !status && z < (size_t)own->depths; z++)
+        HADA_TRY(hada_ref_classic_run(&problem, planes, NULL, err));
+        for (size_t z = 0; z < (size_t)own->depths; z++)
             for (size_t i = 0; i < area; i++) {
                 const size_t row = (size_t)window->row0 + i / (size_t)window->cols;
                 const size_t col = (size_t)window->col0 + i % (size_t)window->cols;
@@ -220,7 +213,7 @@ static hada_status expect(check_state *state, classic_state *own, hada_error *er
                     fmax(0.0, planes[z * own->pixels + row * cols + col]);
             }
     }
-    return status;
+    return HADA_OK;
 }
 
 static hada_status prepare(check_state *state, hada_error *err)

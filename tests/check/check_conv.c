@@ -242,20 +242,17 @@ static hada_status forward_launch(check_state *state, hada_error *err)
 
 static hada_status data_prepare(check_state *state, hada_error *err)
 {
-    hada_status status = begin(state, DATA, err);
-    if (status)
-        return status;
+    HADA_TRY(begin(state, DATA, err));
     conv_state *own = state->own;
     const hada_conv_desc *d = &own->desc;
     size_t floats;
     own->out = make_tensor(state, own->view, 0, d->in_channels, d->in_rows, d->in_cols, &floats);
     const size_t plane = plane_of(&own->out);
     if (check_get(state, 'x', 0))
-        status = make_input(state, 5, d->in_channels, d->in_rows, d->in_cols, &own->mask_planar, &own->mask,
-                            &own->mask_tensor, err);
-    if (!status)
-        status = check_output(state, floats, err);
-    for (int n = 0; !status && !state->timing && n < d->images; n++) {
+        HADA_TRY(make_input(state, 5, d->in_channels, d->in_rows, d->in_cols, &own->mask_planar, &own->mask,
+                            &own->mask_tensor, err));
+    HADA_TRY(check_output(state, floats, err));
+    for (int n = 0; !state->timing && n < d->images; n++) {
         const float *dy = own->dy_planar + (size_t)n * plane_of(&own->dy_tensor);
         double *dx = d->transposed ? own->coarse : own->fine;
         if (d->transposed)
@@ -270,7 +267,7 @@ static hada_status data_prepare(check_state *state, hada_error *err)
         }
         put(state, &own->out, n, dx);
     }
-    return status;
+    return HADA_OK;
 }
 
 static hada_status data_launch(check_state *state, hada_error *err)
@@ -278,39 +275,37 @@ static hada_status data_launch(check_state *state, hada_error *err)
     conv_state *own = state->own;
     const hada_tensor dx = in_output(state, &own->out);
     const int each = state->batch_limit ? state->batch_limit : own->desc.images;
-    hada_status status = state->timing ? HADA_OK : check_clear(state, 0, state->out_count, err);
-    for (int again = 0; !status && again <= check_get(state, 'y', 0); again++)
-        for (int n = 0; !status && n < own->desc.images; n += each) {
+    HADA_TRY(state->timing ? HADA_OK : check_clear(state, 0, state->out_count, err));
+    for (int again = 0; again <= check_get(state, 'y', 0); again++)
+        for (int n = 0; n < own->desc.images; n += each) {
             const int count = each < own->desc.images - n ? each : own->desc.images - n;
             const hada_tensor part_dy = hada_tensor_images(&own->dy_tensor, n, count);
             const hada_tensor part_dx = hada_tensor_images(&dx, n, count);
             const hada_tensor part_mask = hada_tensor_images(&own->mask_tensor, n, count);
-            status = hada_conv_backward_data(own->conv, &part_dy, own->mask_planar ? &part_mask : NULL, &part_dx, again,
-                                             err);
+            HADA_TRY(hada_conv_backward_data(own->conv, &part_dy, own->mask_planar ? &part_mask : NULL, &part_dx, again,
+                                             err));
         }
-    return status;
+    return HADA_OK;
 }
 
 /* Gradients of weights, then of biases. */
 static hada_status weights_prepare(check_state *state, hada_error *err)
 {
-    hada_status status = begin(state, WEIGHTS, err);
-    if (status)
-        return status;
+    HADA_TRY(begin(state, WEIGHTS, err));
     conv_state *own = state->own;
     const hada_conv_desc *d = &own->desc;
     const int pixels = own->rows * own->cols;
-    status = check_output(state, own->weights + (size_t)d->out_channels, err);
-    for (int n = 0; !status && !state->timing && n < d->images; n++) {
+    HADA_TRY(check_output(state, own->weights + (size_t)d->out_channels, err));
+    for (int n = 0; !state->timing && n < d->images; n++) {
         const float *x = own->x_planar + (size_t)n * plane_of(&own->x_tensor);
         const float *dy = own->dy_planar + (size_t)n * plane_of(&own->dy_tensor);
         hada_ref_conv_weights(&own->shape, d->transposed ? x : dy, d->transposed ? dy : x, state->expected);
         hada_ref_conv_bias(dy, d->out_channels, pixels, state->expected + own->weights);
     }
-    if (!status && check_get(state, 'y', 0))
+    if (check_get(state, 'y', 0))
         for (size_t i = 0; i < state->out_count; i++)
             state->expected[i] *= 2.0;
-    return status;
+    return HADA_OK;
 }
 
 static hada_status weights_launch(check_state *state, hada_error *err)

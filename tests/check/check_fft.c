@@ -59,9 +59,7 @@ static double tolerance(const fft_state *own)
 static hada_status forward_prepare(check_state *state, hada_error *err)
 {
     fft_state *own;
-    hada_status status = make_plan(state, HADA_FFT_FORWARD, &own, err);
-    if (status)
-        return status;
+    HADA_TRY(make_plan(state, HADA_FFT_FORWARD, &own, err));
     const hada_fft_desc *desc = &own->desc;
     const hada_spectrum_layout *layout = hada_fft_plan_layout(own->plan);
     size_t n = (size_t)desc->rows * (size_t)desc->cols, half = (size_t)desc->cols / 2 + 1;
@@ -70,21 +68,18 @@ static hada_status forward_prepare(check_state *state, hada_error *err)
     double *image = check_room(state, n * sizeof *image),
            *spectrum = check_room(state, (size_t)desc->rows * half * 2 * sizeof *spectrum);
     state->unspecified = check_room(state, 2 * layout->count * (size_t)own->batch);
-    if (!status) {
-        check_fill_normal(state, 1, input, real);
-        memset(state->unspecified, 1, 2 * layout->count * (size_t)own->batch);
-        status = check_upload(state, &own->in, input, real * sizeof *input, err);
-    }
-    if (!status)
-        status = check_output(state, 2 * layout->count * (size_t)own->batch, err);
-    for (int b = 0; !status && !state->timing && b < own->batch; b++) {
+    check_fill_normal(state, 1, input, real);
+    memset(state->unspecified, 1, 2 * layout->count * (size_t)own->batch);
+    HADA_TRY(check_upload(state, &own->in, input, real * sizeof *input, err));
+    HADA_TRY(check_output(state, 2 * layout->count * (size_t)own->batch, err));
+    for (int b = 0; !state->timing && b < own->batch; b++) {
         memset(image, 0, n * sizeof *image);
         for (int r = 0; r < desc->real_rows; r++)
             for (int c = 0; c < desc->real_cols; c++)
                 image[(size_t)(desc->row0 + r) * (size_t)desc->cols + (size_t)(desc->col0 + c)] =
                     input[(size_t)b * desc->real_distance + (size_t)r * desc->real_pitch + (size_t)c];
-        status = hada_ref_fft_forward(image, desc->rows, desc->cols, spectrum, err);
-        for (int ky = 0; !status && ky < desc->rows; ky++)
+        HADA_TRY(hada_ref_fft_forward(image, desc->rows, desc->cols, spectrum, err));
+        for (int ky = 0; ky < desc->rows; ky++)
             for (size_t kx = 0; kx < half && (!desc->band_cols || (int)kx <= desc->band_cols); kx++) {
                 size_t at = 2 * ((size_t)b * layout->count + hada_spectrum_index(layout, ky, (int)kx));
                 memcpy(&state->expected[at], &spectrum[2 * ((size_t)ky * half + kx)], 2 * sizeof(double));
@@ -93,7 +88,7 @@ static hada_status forward_prepare(check_state *state, hada_error *err)
     }
     state->tolerance = tolerance(own);
     state->bytes = (double)own->batch * ((double)desc->real_distance * 4 + (double)layout->count * 8);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status forward_launch(check_state *state, hada_error *err)
@@ -193,9 +188,7 @@ static hada_status upload_filters(check_state *state, fft_state *own, float *fil
 static hada_status inverse_prepare(check_state *state, hada_error *err)
 {
     fft_state *own;
-    hada_status status = make_plan(state, HADA_FFT_INVERSE, &own, err);
-    if (status)
-        return status;
+    HADA_TRY(make_plan(state, HADA_FFT_INVERSE, &own, err));
     const hada_fft_desc *desc = &own->desc;
     const hada_spectrum_layout *layout = hada_fft_plan_layout(own->plan);
     int product = check_get(state, 'p', 0); /* 0 none, 1 complex, 2 split */
@@ -209,28 +202,25 @@ static hada_status inverse_prepare(check_state *state, hada_error *err)
     float *filters = check_room(state, (image_floats * (size_t)own->batch) * sizeof *filters);
     double *image = check_room(state, n * sizeof *image),
            *spectrum = check_room(state, (size_t)desc->rows * half * 2 * sizeof *spectrum);
-    if (!status && state->timing) {
+    if (state->timing) {
         check_fill_normal(state, 1, spectra, image_floats * (size_t)own->channels);
         check_fill_normal(state, 2, filters, image_floats * (size_t)own->batch);
     }
-    for (int c = 0; !status && !state->timing && c < own->channels; c++)
-        status = hermitian(state, own, 1 + (uint64_t)c, image, spectrum, spectra + image_floats * (size_t)c, err);
-    for (int b = 0; !status && !state->timing && product && b < own->batch; b++)
-        status = hermitian(state, own, 100 + (uint64_t)b, image, spectrum, filters + image_floats * (size_t)b, err);
-    if (!status)
-        status = check_upload(state, &own->in, spectra, image_floats * (size_t)own->channels * sizeof(float), err);
-    if (!status)
-        status = upload_filters(state, own, filters, image_floats * (size_t)own->batch, err);
-    if (!status)
-        status = check_output(state, desc->real_distance * (size_t)own->batch, err);
-    if (!status && !state->timing)
-        status = inverse_expected(state, spectra, filters, image, spectrum, err);
+    for (int c = 0; !state->timing && c < own->channels; c++)
+        HADA_TRY(hermitian(state, own, 1 + (uint64_t)c, image, spectrum, spectra + image_floats * (size_t)c, err));
+    for (int b = 0; !state->timing && product && b < own->batch; b++)
+        HADA_TRY(hermitian(state, own, 100 + (uint64_t)b, image, spectrum, filters + image_floats * (size_t)b, err));
+    HADA_TRY(check_upload(state, &own->in, spectra, image_floats * (size_t)own->channels * sizeof(float), err));
+    HADA_TRY(upload_filters(state, own, filters, image_floats * (size_t)own->batch, err));
+    HADA_TRY(check_output(state, desc->real_distance * (size_t)own->batch, err));
+    if (!state->timing)
+        HADA_TRY(inverse_expected(state, spectra, filters, image, spectrum, err));
     own->product.filter = own->filter.mem;
     own->product.spectrum_count = own->channels;
     state->tolerance = tolerance(own);
     state->bytes = (double)own->batch * ((double)desc->real_distance * 4 + (double)layout->count * 8) +
                    (product ? (double)own->channels * (double)layout->count * 8 : 0);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status inverse_launch(check_state *state, hada_error *err)

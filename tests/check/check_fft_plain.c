@@ -105,23 +105,19 @@ static hada_status product_prepare(check_state *state, hada_error *err)
     float *in = check_room(state, ins * sizeof *in);
     float *filter = check_room(state, filters * sizeof *filter);
     uint16_t *halves = check_room(state, filters * sizeof *halves);
-    hada_status status = check_output(state, all, err);
-    if (!status) {
-        check_fill_integers(state, 1, in, ins, 99);
-        check_fill_integers(state, 2, filter, filters, 99);
-        for (size_t i = 0; i < filters; i++)
-            halves[i] = hada_half_from_float(filter[i]);
-        for (size_t b = 0; b < (size_t)own->batch; b++)
-            hada_ref_product(in + b % (size_t)own->channels * image, filter + b * (size_t)own->step * image,
-                             own->product, own->rows, own->cols, own->band_rows, own->band_cols,
-                             state->expected + b * image);
-        status = check_upload(state, &own->in, in, ins * sizeof *in, err);
-    }
-    if (!status)
-        status = own->half ? check_upload(state, &own->filter, halves, filters * sizeof *halves, err)
-                           : check_upload(state, &own->filter, filter, filters * sizeof *filter, err);
+    HADA_TRY(check_output(state, all, err));
+    check_fill_integers(state, 1, in, ins, 99);
+    check_fill_integers(state, 2, filter, filters, 99);
+    for (size_t i = 0; i < filters; i++)
+        halves[i] = hada_half_from_float(filter[i]);
+    for (size_t b = 0; b < (size_t)own->batch; b++)
+        hada_ref_product(in + b % (size_t)own->channels * image, filter + b * (size_t)own->step * image, own->product,
+                         own->rows, own->cols, own->band_rows, own->band_cols, state->expected + b * image);
+    HADA_TRY(check_upload(state, &own->in, in, ins * sizeof *in, err));
+    HADA_TRY(own->half ? check_upload(state, &own->filter, halves, filters * sizeof *halves, err)
+                       : check_upload(state, &own->filter, filter, filters * sizeof *filter, err));
     state->bytes = (double)(ins + all + (own->product ? all : 0)) * sizeof(float);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status product_launch(check_state *state, hada_error *err)

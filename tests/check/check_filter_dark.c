@@ -25,23 +25,19 @@ static hada_status prepare(check_state *state, hada_error *err)
     const size_t area = (size_t)rows * (size_t)cols, count = area * (size_t)channels;
     float *dark = check_room(state, count * sizeof *dark);
     own->raw = check_room(state, count * sizeof *own->raw);
-    hada_status status = hada_model_set_sizes(&info, rows, cols, rows, cols, err);
-    if (!status)
-        status = hada_hadamard_create(&own->stage, state->slot, &info, 1, err);
-    if (!status)
-        status = check_output(state, count, err);
-    if (!status) {
-        const int framed = check_get(state, 'f', 0);
-        check_fill_integers(state, 1, own->raw, count, 99);
-        check_fill_integers(state, 2, dark, count, 9);
-        for (size_t i = 0; i < count; i++) {
-            own->levels[i / area] = (double)(i / area) + 3.0;
-            state->expected[i] = own->raw[i] - own->levels[i / area] - (framed ? dark[i] : 0.0);
-        }
-        status = framed ? hada_hadamard_set_dark(own->stage, dark, err) : HADA_OK;
+    HADA_TRY(hada_model_set_sizes(&info, rows, cols, rows, cols, err));
+    HADA_TRY(hada_hadamard_create(&own->stage, state->slot, &info, 1, err));
+    HADA_TRY(check_output(state, count, err));
+    const int framed = check_get(state, 'f', 0);
+    check_fill_integers(state, 1, own->raw, count, 99);
+    check_fill_integers(state, 2, dark, count, 9);
+    for (size_t i = 0; i < count; i++) {
+        own->levels[i / area] = (double)(i / area) + 3.0;
+        state->expected[i] = own->raw[i] - own->levels[i / area] - (framed ? dark[i] : 0.0);
     }
+    HADA_TRY(framed ? hada_hadamard_set_dark(own->stage, dark, err) : HADA_OK);
     state->bytes = 2.0 * (double)count * sizeof(float);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)

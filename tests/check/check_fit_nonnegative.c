@@ -57,8 +57,8 @@ static hada_status prepare_channel(check_state *state, nonnegative_state *own, i
     float *packed = check_room(state, 8 * own->stride * sizeof *packed),
           *rows = check_room(state, 2 * count * sizeof *rows);
     float *blocks = check_room(state, 2 * layout->count * sizeof *blocks);
-    hada_status status = make_sums(state, own, c, values, err);
-    for (size_t k = 0; !status && k < 4; k++) {
+    HADA_TRY(make_sums(state, own, c, values, err));
+    for (size_t k = 0; k < 4; k++) {
         for (size_t i = 0; i < count; i++)
             rows[i] = (float)values[k * count + i];
         hada_layout_pack_real(layout, rows, packed + 2 * k * own->stride);
@@ -67,18 +67,15 @@ static hada_status prepare_channel(check_state *state, nonnegative_state *own, i
         weights[i] = own->rule.steps > 1
                          ? own->rule.first * pow(own->rule.last / own->rule.first, i / (own->rule.steps - 1.0))
                          : own->rule.first;
-    if (!status)
-        status = hada_ref_fit_nonnegative(values, layout->rows, layout->cols, own->mean[c], own->rule.steps, weights,
-                                          own->rule.relaxation, own->trust[c], otf, err);
-    for (size_t i = 0; !status && i < 2 * count; i++)
+    HADA_TRY(hada_ref_fit_nonnegative(values, layout->rows, layout->cols, own->mean[c], own->rule.steps, weights,
+                                      own->rule.relaxation, own->trust[c], otf, err));
+    for (size_t i = 0; i < 2 * count; i++)
         rows[i] = (float)otf[i];
-    if (!status) {
-        hada_layout_pack(layout, rows, blocks);
-        for (size_t i = 0; i < 2 * layout->count; i++)
-            state->expected[2 * (size_t)c * layout->count + i] = blocks[i];
-        status = check_upload(state, &own->sums[c], packed, 8 * own->stride * sizeof *packed, err);
-    }
-    return status;
+    hada_layout_pack(layout, rows, blocks);
+    for (size_t i = 0; i < 2 * layout->count; i++)
+        state->expected[2 * (size_t)c * layout->count + i] = blocks[i];
+    HADA_TRY(check_upload(state, &own->sums[c], packed, 8 * own->stride * sizeof *packed, err));
+    return HADA_OK;
 }
 
 /* Padding of the layout holds anything. */

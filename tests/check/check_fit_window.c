@@ -98,21 +98,19 @@ static hada_status prepare(check_state *state, hada_error *err)
 static hada_status set_up(check_state *state, hada_error *err)
 {
     const window_state *own = state->own;
-    hada_status status = HADA_OK;
-    for (size_t i = 0; !status && !state->region[PARTS - 1] && i < PARTS; i++) {
+    for (size_t i = 0; !state->region[PARTS - 1] && i < PARTS; i++) {
         cl_mem region;
-        status = check_region(state, own->at[i], own->at[i + 1] - own->at[i], &region, err);
+        HADA_TRY(check_region(state, own->at[i], own->at[i + 1] - own->at[i], &region, err));
     }
-    if (!status)
-        status = check_clear(state, 0, state->out_count, err);
-    for (size_t i = 0; !status && i < STATES; i++) {
+    HADA_TRY(check_clear(state, 0, state->out_count, err));
+    for (size_t i = 0; i < STATES; i++) {
         const size_t bytes = 8 * own->all;
         const cl_int code = clEnqueueCopyBuffer(state->slot->queue, own->start.mem, state->region[i], i * bytes, 0,
                                                 bytes, 0, NULL, NULL);
         if (code != CL_SUCCESS)
-            status = hada_fail_cl(err, code, "clEnqueueCopyBuffer");
+            HADA_TRY(hada_fail_cl(err, code, "clEnqueueCopyBuffer"));
     }
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)

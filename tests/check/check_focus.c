@@ -35,32 +35,29 @@ static hada_status prepare(check_state *state, hada_error *err)
     /* refined planes are dark where another depth's light stands */
     for (size_t i = 0; check_get(state, 'z', 0) && i < all; i++)
         planes[i] = (int)(i % (size_t)desc.cols) % 64 < 16 ? planes[i] : 0.0f;
-    hada_status status = hada_focus_create(&own->focus, state->slot, &desc, err);
-    if (!status)
-        status = check_upload(state, &own->planes, planes, all * sizeof *planes, err);
-    if (!status)
-        status = check_scratch(state, &own->map, pixels * sizeof(float), err);
-    if (!status && !(status = check_output(state, own->plane, err)))
-        status = hada_ref_focus(planes, desc.channels, desc.rows, desc.cols, desc.depths, distances, NULL,
-                                &desc.options, state->expected, distance, distance + pixels, &report, err);
+    HADA_TRY(hada_focus_create(&own->focus, state->slot, &desc, err));
+    HADA_TRY(check_upload(state, &own->planes, planes, all * sizeof *planes, err));
+    HADA_TRY(check_scratch(state, &own->map, pixels * sizeof(float), err));
+    HADA_TRY(check_output(state, own->plane, err));
+    HADA_TRY(hada_ref_focus(planes, desc.channels, desc.rows, desc.cols, desc.depths, distances, NULL, &desc.options,
+                            state->expected, distance, distance + pixels, &report, err));
     state->tolerance = 1e-6;
     state->bytes = (double)(all + own->plane + pixels) * sizeof(float);
     state->flops = (double)pixels * desc.depths * (12.0 + 4.0 * 17.0);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)
 {
     focus_state *own = state->own;
-    hada_status status = hada_focus_begin(own->focus, NULL, err);
-    for (int d = 0, n; !status && d < own->depths; d += n) {
+    HADA_TRY(hada_focus_begin(own->focus, NULL, err));
+    for (int d = 0, n; d < own->depths; d += n) {
         n = own->depths - d;
         if (state->batch_limit && state->batch_limit < n)
             n = state->batch_limit;
-        status = hada_focus_push(own->focus, d, n, own->planes.mem, (size_t)d * own->plane, err);
+        HADA_TRY(hada_focus_push(own->focus, d, n, own->planes.mem, (size_t)d * own->plane, err));
     }
-    return status ? status
-                  : hada_focus_finish(own->focus, state->out.mem, state->out_offset, own->map.mem, 0, NULL, err);
+    return hada_focus_finish(own->focus, state->out.mem, state->out_offset, own->map.mem, 0, NULL, err);
 }
 
 static void release(check_state *state)

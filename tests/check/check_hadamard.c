@@ -44,19 +44,18 @@ static hada_status expect(check_state *state, hadamard_state *own, const hada_mo
     const size_t window = (size_t)info->window_rows * (size_t)info->window_cols;
     double *spectrum = check_room(state, 2 * plane * sizeof *spectrum);
     float *light = check_room(state, area * sizeof *light);
-    hada_status status = HADA_OK;
-    for (size_t c = 0; !status && c < (size_t)info->channels; c++) {
+    for (size_t c = 0; c < (size_t)info->channels; c++) {
         for (size_t i = 0; i < area; i++)
             light[i] = own->raw[c * area + i] - (float)own->levels[c];
-        status = hada_ref_grid_forward(&grid, light, own->at.raw_row, own->at.raw_col, info->raw_rows, info->raw_cols,
-                                       spectrum, err);
-        for (size_t z = 0; !status && z < (size_t)info->depths; z++) {
+        HADA_TRY(hada_ref_grid_forward(&grid, light, own->at.raw_row, own->at.raw_col, info->raw_rows, info->raw_cols,
+                                       spectrum, err));
+        for (size_t z = 0; z < (size_t)info->depths; z++) {
             const size_t image = z * (size_t)info->channels + c;
-            status = hada_ref_hadamard(&grid, spectrum, model->filter + 2 * plane * image,
-                                       info->form == HADA_FORM_SPLIT, state->expected + image * window, err);
+            HADA_TRY(hada_ref_hadamard(&grid, spectrum, model->filter + 2 * plane * image,
+                                       info->form == HADA_FORM_SPLIT, state->expected + image * window, err));
         }
     }
-    return status;
+    return HADA_OK;
 }
 
 static hada_status make(check_state *state, hadamard_state *own, hada_error *err)

@@ -120,20 +120,18 @@ hada_status check_net_output(check_state *state, check_net *own, const hada_ref_
     const size_t values = hada_ref_values(shape);
     own->y = tensor_of(state, shape, NULL, 0);
     const size_t blocks = own->y.image_stride * (size_t)shape->images;
-    hada_status status = check_output(state, blocks + floats, err);
+    HADA_TRY(check_output(state, blocks + floats, err));
     *plain = random_values(state, 99, values + floats, largest);
     double *all = check_room(state, (blocks + floats) * sizeof *all);
-    if (!status) {
-        if (!own->accumulate)
-            for (size_t i = 0; i < values + floats; i++)
-                (*plain)[i] = GONE;
-        pack(&own->y, *plain, 0.0, all);
-        memcpy(all + blocks, *plain + values, floats * sizeof *all);
-        status = upload(state, all, blocks + floats, &own->start, err);
-    }
+    if (!own->accumulate)
+        for (size_t i = 0; i < values + floats; i++)
+            (*plain)[i] = GONE;
+    pack(&own->y, *plain, 0.0, all);
+    memcpy(all + blocks, *plain + values, floats * sizeof *all);
+    HADA_TRY(upload(state, all, blocks + floats, &own->start, err));
     own->y.mem = state->out.mem;
     own->y.offset = state->out_offset;
-    return status;
+    return HADA_OK;
 }
 
 void check_net_expect(check_state *state, const check_net *own, const hada_ref_shape *shape, size_t floats,

@@ -30,11 +30,10 @@ static hada_status launch(check_state *state, hada_error *err)
     const int cell = check_get(state, 'w', 32), cells = (cols + cell - 1) / cell;
     const hada_range range = hada_layer_flat_range(state->slot, (size_t)cells, (size_t)rows);
     cl_mem out;
-    hada_status status = check_region(state, 0, state->out_count, &out, err);
-    return status ? status
-                  : hada_launch_net_content(state->slot, hada_program_net_tensor_of(state->slot), &range, err,
-                                            .image = in->mem, .out = out, .offset = 3, .channels = channels,
-                                            .rows = rows, .cols = cols, .cell = cell, .cells = cells);
+    HADA_TRY(check_region(state, 0, state->out_count, &out, err));
+    return hada_launch_net_content(state->slot, hada_program_net_tensor_of(state->slot), &range, err, .image = in->mem,
+                                   .out = out, .offset = 3, .channels = channels, .rows = rows, .cols = cols,
+                                   .cell = cell, .cells = cells);
 }
 
 const check_op check_net_content = {"net_content", "k channels, r rows, c columns, w columns to a cell", prepare,

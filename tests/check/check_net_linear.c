@@ -64,28 +64,24 @@ static hada_status prepare(check_state *state, hada_error *err)
     const size_t images = (size_t)own->shape.images, in = (size_t)own->shape.in, out = (size_t)own->shape.out;
     const size_t counts[] = {in * out, out, images * in, images * out};
     const size_t made = own->net.mode == FORWARD ? images * out : own->net.mode == DATA ? images * in : in * out + out;
-    hada_status status = HADA_OK;
-    for (int i = 0; !status && i < 4; i++)
-        status = check_net_floats(state, &own->net, counts[i], 3, err);
-    if (!status)
-        status = check_output(state, made, err);
+    for (int i = 0; i < 4; i++)
+        HADA_TRY(check_net_floats(state, &own->net, counts[i], 3, err));
+    HADA_TRY(check_output(state, made, err));
     /* the output's first values are one more input, zeros where nothing is added to */
     float *start = check_room(state, made * sizeof *start);
     double *sums = check_room(state, (images * in + in * out + out) * sizeof *sums);
-    if (!status) {
-        check_fill_integers(state, 9, start, made, 9);
-        for (size_t i = 0; i < made; i++)
-            if (own->net.accumulate)
-                sums[images * in + i] = start[i]; /* of the weights, then the biases */
-            else
-                start[i] = -777.0f;
-        status = check_upload(state, &own->net.start, start, made * sizeof *start, err);
-    }
-    if (!status && !state->timing)
+    check_fill_integers(state, 9, start, made, 9);
+    for (size_t i = 0; i < made; i++)
+        if (own->net.accumulate)
+            sums[images * in + i] = start[i]; /* of the weights, then the biases */
+        else
+            start[i] = -777.0f;
+    HADA_TRY(check_upload(state, &own->net.start, start, made * sizeof *start, err));
+    if (!state->timing)
         expect(state, own, sums, sums + images * in, sums + images * in + in * out);
     state->bytes = (double)(in * out) * sizeof(float);
     state->flops = 2.0 * (double)(images * in * out);
-    return status;
+    return HADA_OK;
 }
 
 const check_op check_net_linear = {"net_linear",

@@ -37,18 +37,15 @@ static hada_status prepare(check_state *state, hada_error *err)
     const hada_ref_shape shape = check_net_shape(state);
     const size_t count = hada_ref_values(&shape);
     own = check_net_own(state, run);
-    hada_status status = HADA_OK;
     const int alone = own->mode == HADA_LOSS_TV || own->mode == HADA_LOSS_TV_SQUARED;
     /* integers, so that neighbours and targets are equal now and then */
     const int largest = own->mode == HADA_LOSS_L1 || own->mode == HADA_LOSS_TV ? 2 : 0;
-    status = check_net_input(state, own, &shape, largest, err);
-    if (!status && !alone)
-        status = check_net_input(state, own, &shape, largest, err);
-    if (!status)
-        status = check_net_output(state, own, &shape, 1, 0, &out, err);
-    if (!status)
-        status = check_scratch(state, &own->scratch, hada_loss_scratch(&own->x[0]), err);
-    if (!status && !state->timing) {
+    HADA_TRY(check_net_input(state, own, &shape, largest, err));
+    if (!alone)
+        HADA_TRY(check_net_input(state, own, &shape, largest, err));
+    HADA_TRY(check_net_output(state, own, &shape, 1, 0, &out, err));
+    HADA_TRY(check_scratch(state, &own->scratch, hada_loss_scratch(&own->x[0]), err));
+    if (!state->timing) {
         const int gradient = check_get(state, 'd', 1);
         if (gradient && !own->accumulate)
             memset(out, 0, count * sizeof *out);
@@ -59,7 +56,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     }
     state->tolerance = 1e-6; /* single roundings */
     state->bytes = (alone ? 2.0 : 3.0) * (double)count * sizeof(float);
-    return status;
+    return HADA_OK;
 }
 
 const check_op check_net_loss = {

@@ -40,27 +40,26 @@ static hada_status run(check_state *state, check_net *own, int first, int count,
 static hada_status inputs(check_state *state, check_net *own, const hada_ref_shape *shape, hada_error *err)
 {
     const size_t channels = (size_t)shape->channels;
-    hada_status status = check_net_input(state, own, shape, 0, err);
-    for (int i = WEIGHT; !status && i <= VARIANCE; i++)
-        status = check_net_floats(state, own, i == MEAN ? 2 * channels : channels, 0, err);
-    if (!status && own->mode == BACKWARD)
-        status = check_net_input(state, own, shape, 0, err);
+    HADA_TRY(check_net_input(state, own, shape, 0, err));
+    for (int i = WEIGHT; i <= VARIANCE; i++)
+        HADA_TRY(check_net_floats(state, own, i == MEAN ? 2 * channels : channels, 0, err));
+    if (own->mode == BACKWARD)
+        HADA_TRY(check_net_input(state, own, shape, 0, err));
     float *floats = check_room(state, 2 * channels * sizeof *floats);
-    for (size_t c = 0; !status && c < channels; c++) {
+    for (size_t c = 0; c < channels; c++) {
         own->plain[VARIANCE][c] = floats[c] = (float)fabs(own->plain[VARIANCE][c]);
         floats[channels + c] = 0.0f;
     }
-    if (!status)
-        status = hada_buffer_write(&own->memory[VARIANCE], state->slot, 0, floats, channels * sizeof *floats, err);
-    if (!status && own->mode == BACKWARD) {
+    HADA_TRY(hada_buffer_write(&own->memory[VARIANCE], state->slot, 0, floats, channels * sizeof *floats, err));
+    if (own->mode == BACKWARD) {
         hada_ref_batch_statistics(shape, own->plain[X], own->plain[MEAN], own->plain[MEAN] + channels);
         for (size_t c = 0; c < channels; c++) {
             floats[c] = (float)own->plain[MEAN][c];
             floats[channels + c] = (float)(1.0 / sqrt(own->plain[MEAN][channels + c] + EPS));
         }
-        status = hada_buffer_write(&own->memory[MEAN], state->slot, 0, floats, 2 * channels * sizeof *floats, err);
+        HADA_TRY(hada_buffer_write(&own->memory[MEAN], state->slot, 0, floats, 2 * channels * sizeof *floats, err));
     }
-    return status;
+    return HADA_OK;
 }
 
 static hada_status expect(check_net *own, const hada_ref_shape *shape, double *out, hada_error *err)
@@ -97,18 +96,15 @@ static hada_status prepare(check_state *state, hada_error *err)
     double *out = NULL;
     const hada_ref_shape shape = check_net_shape(state);
     own = check_net_own(state, run);
-    hada_status status = HADA_OK;
     const size_t floats = (size_t)shape.channels * (own->mode == TRAIN ? 4 : own->mode == BACKWARD ? 2 : 0);
     /* running values start as numbers, not as what must be gone */
     own->accumulate |= own->mode == TRAIN;
-    status = inputs(state, own, &shape, err);
-    if (!status)
-        status = check_net_output(state, own, &shape, floats, 0, &out, err);
-    if (!status)
-        status = check_scratch(state, &own->scratch, hada_batch_norm_scratch(&own->x[X]), err);
-    if (!status && !state->timing)
-        status = expect(own, &shape, out, err);
-    if (!status && !state->timing)
+    HADA_TRY(inputs(state, own, &shape, err));
+    HADA_TRY(check_net_output(state, own, &shape, floats, 0, &out, err));
+    HADA_TRY(check_scratch(state, &own->scratch, hada_batch_norm_scratch(&own->x[X]), err));
+    if (!state->timing)
+        HADA_TRY(expect(own, &shape, out, err));
+    if (!state->timing)
         check_net_expect(state, own, &shape, floats, out);
     /* sums of normal numbers by trees: some 1e-7 of the largest partial sum */
     state->tolerance = 2e-6;
@@ -116,7 +112,7 @@ static hada_status prepare(check_state *state, hada_error *err)
                     : own->mode == TRAIN ? 3.0
                                          : 5.0) *
                    (double)hada_ref_values(&shape) * sizeof(float);
-    return status;
+    return HADA_OK;
 }
 
 const check_op check_net_batch_norm = {"net_batch_norm",

@@ -92,16 +92,15 @@ static hada_status prepare(check_state *state, hada_error *err)
     const hada_ref_shape x = check_net_shape(state);
     const hada_ref_shape y = {x.images, check_get(state, 'o', 1), x.rows, x.cols};
     check_net *own = check_net_own(state, run);
-    hada_status status = inputs(state, own, &x, &y, err);
-    if (!status)
-        status = check_net_output(state, own, &y, 0, 0, &out, err);
-    if (!status && !state->timing)
+    HADA_TRY(inputs(state, own, &x, &y, err));
+    HADA_TRY(check_net_output(state, own, &y, 0, 0, &out, err));
+    if (!state->timing)
         expect(state, own, &x, &y, out);
-    if (!status && !state->timing)
+    if (!state->timing)
         check_net_expect(state, own, &y, 0, out);
     state->tolerance = 1e-6; /* as convolutions */
     state->bytes = (double)(hada_ref_values(&x) + hada_ref_values(&y)) * sizeof(float);
-    return status;
+    return HADA_OK;
 }
 
 const check_op check_net_normed = {

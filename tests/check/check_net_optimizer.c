@@ -68,27 +68,23 @@ static hada_status prepare(check_state *state, hada_error *err)
     const size_t count = (size_t)check_get(state, 'n', 1), states = hada_optimizer_state_floats(&desc, count);
     own = check_net_own(state, NULL);
     /* small parameters, so that errors of the steps show */
-    hada_status status = check_net_floats(state, own, count, 0, err);
-    if (!status)
-        status = check_net_floats(state, own, count * STEPS, 0, err);
-    if (!status)
-        status = check_output(state, count + states, err);
+    HADA_TRY(check_net_floats(state, own, count, 0, err));
+    HADA_TRY(check_net_floats(state, own, count * STEPS, 0, err));
+    HADA_TRY(check_output(state, count + states, err));
     float *small = check_room(state, count * sizeof *small);
-    for (size_t i = 0; !status && i < count; i++) {
+    for (size_t i = 0; i < count; i++) {
         small[i] = 0.01f * (float)own->plain[0][i];
         state->expected[i] = small[i];
     }
-    if (!status)
-        status = hada_buffer_write(&own->memory[0], state->slot, 0, small, count * sizeof *small, err);
-    for (size_t i = 0; !status && i < count * STEPS; i++)
+    HADA_TRY(hada_buffer_write(&own->memory[0], state->slot, 0, small, count * sizeof *small, err));
+    for (size_t i = 0; i < count * STEPS; i++)
         own->plain[1][i] *= desc.scale;
-    if (!status && !state->timing)
+    if (!state->timing)
         expect(&desc, count, own->plain[1], state->expected);
-    if (!status)
-        check_net_ignore(state, check_get(state, 's', 0) ? 0 : count, check_get(state, 's', 0) ? count : states);
+    check_net_ignore(state, check_get(state, 's', 0) ? 0 : count, check_get(state, 's', 0) ? count : states);
     state->tolerance = desc.centered ? 3e-6 : 1e-6; /* centered: a difference of squares */
     state->bytes = (double)(3 * count + 2 * states) * sizeof(float);
-    return status;
+    return HADA_OK;
 }
 
 const check_op check_net_optimizer = {"net_optimizer",

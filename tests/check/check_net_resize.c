@@ -22,10 +22,9 @@ static hada_status prepare_resize(check_state *state, hada_error *err)
     const int taps = own->mode == HADA_RESIZE_NEAREST ? 1 : own->mode >= HADA_RESIZE_CUBIC ? 4 : 2;
     const int aligned = own->mode == HADA_RESIZE_LINEAR_ALIGNED || own->mode == HADA_RESIZE_CUBIC_ALIGNED;
     const hada_ref_shape *made = backward ? &in : &large;
-    hada_status status = check_net_input(state, own, backward ? &large : &in, taps == 1 ? 9 : 0, err);
-    if (!status)
-        status = check_net_output(state, own, made, 0, taps == 1 ? 9 : 0, &out, err);
-    if (!status && !state->timing) {
+    HADA_TRY(check_net_input(state, own, backward ? &large : &in, taps == 1 ? 9 : 0, err));
+    HADA_TRY(check_net_output(state, own, made, 0, taps == 1 ? 9 : 0, &out, err));
+    if (!state->timing) {
         if (!backward)
             hada_ref_resize(&in, large.rows, large.cols, taps, aligned, own->plain[0], out);
         else if (!own->accumulate)
@@ -37,7 +36,7 @@ static hada_status prepare_resize(check_state *state, hada_error *err)
     /* weights and sums of at most 16 (forward) or some hundred terms, each rounded to 6e-8 */
     state->tolerance = taps == 1 ? 0.0 : 1e-6;
     state->bytes = (double)(hada_ref_values(&in) + hada_ref_values(&large)) * sizeof(float);
-    return status;
+    return HADA_OK;
 }
 
 const check_op check_net_resize = {

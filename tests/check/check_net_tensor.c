@@ -23,29 +23,27 @@ static hada_status prepare(check_state *state, hada_error *err)
     own->to = (hada_planar){NULL, own->floats, (size_t)(rows * cols * channels), (size_t)(rows * cols), (size_t)cols};
     const size_t count = 2 + image * (size_t)images;
     float *in = check_room(state, count * sizeof *in);
-    hada_status status = check_output(state, own->floats + own->to.image_stride * (size_t)images, err);
-    if (!status) {
-        const size_t block = (size_t)own->tensor.block, pitch = (size_t)(cols + 2) * block;
-        double *planes = state->expected + own->floats;
-        check_fill_integers(state, 1, in, count, 99);
-        for (int n = 0; n < images; n++)
-            for (int k = 0; k < channels; k++)
-                for (int r = 0; r < rows; r++)
-                    for (int c = 0; c < cols; c++) {
-                        const float v = in[2 + (size_t)n * image + (size_t)k * plane + (size_t)r * row + (size_t)c];
-                        state->expected[(size_t)n * own->tensor.image_stride +
-                                        ((size_t)k / block * (size_t)(rows + 2) + (size_t)r + 1) * pitch +
-                                        ((size_t)c + 1) * block + (size_t)k % block] = v;
-                        *planes++ = v;
-                    }
-        status = check_upload(state, &own->in, in, count * sizeof *in, err);
-    }
+    HADA_TRY(check_output(state, own->floats + own->to.image_stride * (size_t)images, err));
+    const size_t block = (size_t)own->tensor.block, pitch = (size_t)(cols + 2) * block;
+    double *planes = state->expected + own->floats;
+    check_fill_integers(state, 1, in, count, 99);
+    for (int n = 0; n < images; n++)
+        for (int k = 0; k < channels; k++)
+            for (int r = 0; r < rows; r++)
+                for (int c = 0; c < cols; c++) {
+                    const float v = in[2 + (size_t)n * image + (size_t)k * plane + (size_t)r * row + (size_t)c];
+                    state->expected[(size_t)n * own->tensor.image_stride +
+                                    ((size_t)k / block * (size_t)(rows + 2) + (size_t)r + 1) * pitch +
+                                    ((size_t)c + 1) * block + (size_t)k % block] = v;
+                    *planes++ = v;
+                }
+    HADA_TRY(check_upload(state, &own->in, in, count * sizeof *in, err));
     own->from.mem = own->in.mem;
     own->to.mem = own->tensor.mem = state->out.mem;
     own->to.offset += state->out_offset;
     own->tensor.offset += state->out_offset;
     state->bytes = (double)(2 * own->floats + 2 * own->to.image_stride * (size_t)images) * sizeof(float);
-    return status;
+    return HADA_OK;
 }
 
 /* The halo is spoilt on purpose between loading and clearing. */

@@ -17,34 +17,30 @@ static hada_status prepare(check_state *state, hada_error *err)
     own->depths = check_get(state, 'd', 2);
     const size_t otf = 2 * own->count * (size_t)own->otf_images, scene = 2 * own->count * (size_t)own->images;
     float *h = check_room(state, otf * sizeof *h), *x = check_room(state, scene * sizeof *x);
-    hada_status status = HADA_OK;
-    if (!status && !(status = check_output(state, scene, err))) {
-        check_fill_integers(state, 1, h, otf, 9);
-        check_fill_integers(state, 2, x, scene, 9);
-        for (size_t i = 0; i < scene; i += 2) {
-            const size_t image = i / (2 * own->count),
-                         j = (image % (size_t)own->otf_images) * 2 * own->count + i % (2 * own->count);
-            state->expected[i] = own->depths * ((double)h[j] * x[i] - (double)h[j + 1] * x[i + 1]);
-            state->expected[i + 1] = own->depths * ((double)h[j] * x[i + 1] + (double)h[j + 1] * x[i]);
-        }
-        status = check_upload(state, &own->otf, h, otf * sizeof *h, err);
+    HADA_TRY(check_output(state, scene, err));
+    check_fill_integers(state, 1, h, otf, 9);
+    check_fill_integers(state, 2, x, scene, 9);
+    for (size_t i = 0; i < scene; i += 2) {
+        const size_t image = i / (2 * own->count),
+                     j = (image % (size_t)own->otf_images) * 2 * own->count + i % (2 * own->count);
+        state->expected[i] = own->depths * ((double)h[j] * x[i] - (double)h[j + 1] * x[i + 1]);
+        state->expected[i + 1] = own->depths * ((double)h[j] * x[i + 1] + (double)h[j + 1] * x[i]);
     }
-    if (!status)
-        status = check_upload(state, &own->scene, x, scene * sizeof *x, err);
+    HADA_TRY(check_upload(state, &own->otf, h, otf * sizeof *h, err));
+    HADA_TRY(check_upload(state, &own->scene, x, scene * sizeof *x, err));
     state->bytes = (double)own->depths * (double)(otf + 3 * scene) * sizeof(float);
     state->flops = (double)own->depths * 4.0 * (double)scene;
-    return status;
+    return HADA_OK;
 }
 
 /* The same plane `depths` times. */
 static hada_status launch(check_state *state, hada_error *err)
 {
     optics_state *own = state->own;
-    hada_status status = HADA_OK;
-    for (int d = 0; d < own->depths && !status; d++)
-        status = hada_optics_accumulate(state->slot, state->out.mem, state->out_offset / 2, own->otf.mem,
-                                        own->otf_images, own->scene.mem, own->images, own->count, d > 0, err);
-    return status;
+    for (int d = 0; d < own->depths; d++)
+        HADA_TRY(hada_optics_accumulate(state->slot, state->out.mem, state->out_offset / 2, own->otf.mem,
+                                        own->otf_images, own->scene.mem, own->images, own->count, d > 0, err));
+    return HADA_OK;
 }
 
 const check_op check_optics = {"optics_accumulate",

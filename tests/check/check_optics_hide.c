@@ -24,26 +24,22 @@ static hada_status prepare(check_state *state, hada_error *err)
     float *light = check_room(state, count * sizeof *light), *opacity = check_room(state, pixels * sizeof *opacity),
           *weight = check_room(state, taps * sizeof *weight);
     double *in = check_room(state, count * sizeof *in);
-    hada_status status = HADA_OK;
-    if (!status && !(status = check_output(state, count, err))) {
-        check_fill_integers(state, 1, light, count, 9);
-        check_fill_integers(state, 2, opacity, pixels, 1);
-        check_fill_integers(state, 3, weight, taps, 9);
-        for (size_t i = 0; i < taps; i++)
-            weight[i] /= 64.0f;
-        for (size_t i = 0; i < count; i++)
-            in[i] = light[i];
-        hada_ref_hide(in, opacity, own->channels, own->rows, own->cols, weight, own->taps.row0, own->taps.col0,
-                      own->taps.rows, own->taps.cols, state->expected);
-        status = check_upload(state, &own->light, light, count * sizeof *light, err);
-    }
-    if (!status)
-        status = check_upload(state, &own->opacity, opacity, pixels * sizeof *opacity, err);
-    if (!status)
-        status = check_upload(state, &own->weights, weight, taps * sizeof *weight, err);
+    HADA_TRY(check_output(state, count, err));
+    check_fill_integers(state, 1, light, count, 9);
+    check_fill_integers(state, 2, opacity, pixels, 1);
+    check_fill_integers(state, 3, weight, taps, 9);
+    for (size_t i = 0; i < taps; i++)
+        weight[i] /= 64.0f;
+    for (size_t i = 0; i < count; i++)
+        in[i] = light[i];
+    hada_ref_hide(in, opacity, own->channels, own->rows, own->cols, weight, own->taps.row0, own->taps.col0,
+                  own->taps.rows, own->taps.cols, state->expected);
+    HADA_TRY(check_upload(state, &own->light, light, count * sizeof *light, err));
+    HADA_TRY(check_upload(state, &own->opacity, opacity, pixels * sizeof *opacity, err));
+    HADA_TRY(check_upload(state, &own->weights, weight, taps * sizeof *weight, err));
     state->bytes = (double)pixels * (8.0 * own->channels + 4.0);
     state->flops = (double)pixels * (2.0 * (double)taps + own->channels);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)

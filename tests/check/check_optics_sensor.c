@@ -28,25 +28,23 @@ static hada_status prepare(check_state *state, hada_error *err)
     const size_t count = own->pixels * (size_t)check_get(state, 'k', 1);
     const int vignetted = check_get(state, 'v', 0), noisy = own->sensor.full_well > 0.0 || own->sensor.read_noise > 0.0;
     float *light = check_room(state, count * sizeof *light), *gain = check_room(state, own->pixels * sizeof *gain);
-    hada_status status = HADA_OK;
-    if (!status && !(status = check_output(state, count, err))) {
-        check_fill_integers(state, 1, light, count, 99);
-        check_fill_integers(state, 2, gain, own->pixels, 4);
-        for (size_t i = 0; i < count; i++)
-            light[i] /= 16.0f;
-        for (size_t i = 0; i < own->pixels; i++)
-            gain[i] = (4.0f + gain[i]) / 8.0f;
-        for (size_t i = 0; i < count; i++)
-            state->expected[i] =
-                hada_ref_sensor(&own->sensor, state->seed, i, vignetted ? gain[i % own->pixels] : 1.0, light[i]);
-        status = check_upload(state, &own->light, light, count * sizeof *light, err);
-    }
-    if (!status && vignetted)
-        status = check_upload(state, &own->gain, gain, own->pixels * sizeof *gain, err);
+    HADA_TRY(check_output(state, count, err));
+    check_fill_integers(state, 1, light, count, 99);
+    check_fill_integers(state, 2, gain, own->pixels, 4);
+    for (size_t i = 0; i < count; i++)
+        light[i] /= 16.0f;
+    for (size_t i = 0; i < own->pixels; i++)
+        gain[i] = (4.0f + gain[i]) / 8.0f;
+    for (size_t i = 0; i < count; i++)
+        state->expected[i] =
+            hada_ref_sensor(&own->sensor, state->seed, i, vignetted ? gain[i % own->pixels] : 1.0, light[i]);
+    HADA_TRY(check_upload(state, &own->light, light, count * sizeof *light, err));
+    if (vignetted)
+        HADA_TRY(check_upload(state, &own->gain, gain, own->pixels * sizeof *gain, err));
     state->tolerance = noisy ? 1e-4 : own->sensor.bits ? 1e-7 : 0.0;
     state->bytes = 8.0 * (double)count;
     state->flops = 150.0 * (double)count;
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch(check_state *state, hada_error *err)

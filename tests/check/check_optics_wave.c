@@ -29,34 +29,28 @@ static hada_status prepare_pupil(check_state *state, hada_error *err)
     const double step = 3.0 / n, radius = 1.4, aperture = 2.5;
     wave_state *own;
     float *phase, *random;
-    hada_status status = begin(state, &own, &phase, phases * (size_t)count, &random, 2 * (size_t)count, err);
+    HADA_TRY(begin(state, &own, &phase, phases * (size_t)count, &random, 2 * (size_t)count, err));
     hada_wave_lens *lenses = check_room(state, ((size_t)count + 1) * sizeof *lenses); /* one more, to begin behind it */
     const float planes[4 * PLANES * 2] = {0.6f, 0.8f, 0.9f, 0, -0.8f, 0.6f, 1.1f, 0, 0,  -1, 1.2f, 0,
                                           1,    0,    0.5f, 0, 0,     1,    2,    0, -1, 0,  1,    0};
-    if (!status)
-        status = check_output(state, values * (size_t)count, err);
-    if (!status) {
-        own->spot = (hada_wave_spot){.points = n, .pitch = pitch, .step = step};
-        own->count = count;
-        check_fill_normal(state, 1, phase, phases * (size_t)count);
-        check_fill_normal(state, 2, random, 2 * (size_t)count);
-        for (int l = 0; l < count; l++) {
-            lenses[l + 1] = (hada_wave_lens){random[2 * l], random[2 * l + 1], l % 2 * PLANES, l % 3 ? PLANES : 0};
-            hada_ref_wave_pupil(phase + phases * (size_t)l, lenses[l + 1].x, lenses[l + 1].y,
-                                planes + 4 * lenses[l + 1].first, lenses[l + 1].planes, n, pitch, (float)step,
-                                (float)radius, (float)aperture, state->expected + values * (size_t)l);
-        }
-        status = check_upload(state, &own->in[0], phase, phases * (size_t)count * sizeof(float), err);
+    HADA_TRY(check_output(state, values * (size_t)count, err));
+    own->spot = (hada_wave_spot){.points = n, .pitch = pitch, .step = step};
+    own->count = count;
+    check_fill_normal(state, 1, phase, phases * (size_t)count);
+    check_fill_normal(state, 2, random, 2 * (size_t)count);
+    for (int l = 0; l < count; l++) {
+        lenses[l + 1] = (hada_wave_lens){random[2 * l], random[2 * l + 1], l % 2 * PLANES, l % 3 ? PLANES : 0};
+        hada_ref_wave_pupil(phase + phases * (size_t)l, lenses[l + 1].x, lenses[l + 1].y,
+                            planes + 4 * lenses[l + 1].first, lenses[l + 1].planes, n, pitch, (float)step,
+                            (float)radius, (float)aperture, state->expected + values * (size_t)l);
     }
-    if (!status)
-        status = check_upload(state, &own->in[1], lenses, ((size_t)count + 1) * sizeof *lenses, err);
-    if (!status)
-        status = check_upload(state, &own->in[2], planes, sizeof planes, err);
-    if (!status)
-        status = check_region(state, 0, state->out_count, &own->out[0], err);
+    HADA_TRY(check_upload(state, &own->in[0], phase, phases * (size_t)count * sizeof(float), err));
+    HADA_TRY(check_upload(state, &own->in[1], lenses, ((size_t)count + 1) * sizeof *lenses, err));
+    HADA_TRY(check_upload(state, &own->in[2], planes, sizeof planes, err));
+    HADA_TRY(check_region(state, 0, state->out_count, &own->out[0], err));
     state->tolerance = 1e-5 * (1.0 + n / 64.0);
     state->bytes = 4.0 * (double)(values * (size_t)count);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch_pupil(check_state *state, hada_error *err)
@@ -77,26 +71,21 @@ static hada_status prepare_spots(check_state *state, hada_error *err)
     const size_t half = 16 * (size_t)blocks * (size_t)n, image = (size_t)pixels * (size_t)pixels;
     wave_state *own;
     float *spectra, *none;
-    hada_status status = begin(state, &own, &spectra, 2 * half * (size_t)count, &none, 0, err);
-    if (!status)
-        status = check_output(state, image * (size_t)count, err);
-    if (!status) {
-        own->pixels = pixels;
-        own->samples = samples;
-        own->count = count;
-        check_fill_integers(state, 1, spectra, 2 * half * (size_t)count, 9);
-        for (size_t l = 0; l < (size_t)count && !state->timing; l++)
-            hada_ref_wave_spot(spectra + 2 * half * l, spectra + half * (2 * l + 1), pixels, samples,
-                               state->expected + image * l);
-        status = check_upload(state, &own->in[0], spectra, 2 * half * (size_t)count * sizeof(float), err);
-    }
-    if (!status)
-        status = check_scratch(state, &own->in[1], (size_t)count * (size_t)pixels * 16 * (size_t)blocks * sizeof(float),
-                               err);
-    if (!status)
-        status = check_region(state, 0, state->out_count, &own->out[0], err);
+    HADA_TRY(begin(state, &own, &spectra, 2 * half * (size_t)count, &none, 0, err));
+    HADA_TRY(check_output(state, image * (size_t)count, err));
+    own->pixels = pixels;
+    own->samples = samples;
+    own->count = count;
+    check_fill_integers(state, 1, spectra, 2 * half * (size_t)count, 9);
+    for (size_t l = 0; l < (size_t)count && !state->timing; l++)
+        hada_ref_wave_spot(spectra + 2 * half * l, spectra + half * (2 * l + 1), pixels, samples,
+                           state->expected + image * l);
+    HADA_TRY(check_upload(state, &own->in[0], spectra, 2 * half * (size_t)count * sizeof(float), err));
+    HADA_TRY(
+        check_scratch(state, &own->in[1], (size_t)count * (size_t)pixels * 16 * (size_t)blocks * sizeof(float), err));
+    HADA_TRY(check_region(state, 0, state->out_count, &own->out[0], err));
     state->bytes = 8.0 * (double)half * count;
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch_spots(check_state *state, hada_error *err)
@@ -116,23 +105,18 @@ static hada_status prepare_mask(check_state *state, hada_error *err)
     const size_t count = (size_t)n * (size_t)n;
     wave_state *own;
     float *path, *open;
-    hada_status status = begin(state, &own, &path, count, &open, count, err);
-    if (!status)
-        status = check_output(state, 2 * count, err);
-    if (!status) {
-        own->rows = n;
-        check_fill_normal(state, 1, path, count);
-        check_fill_normal(state, 2, open, count);
-        hada_ref_wave_mask(path, open, count, 3.25, state->expected);
-        status = check_upload(state, &own->in[0], path, count * sizeof(float), err);
-    }
-    if (!status)
-        status = check_upload(state, &own->in[1], open, count * sizeof(float), err);
-    if (!status)
-        status = check_region(state, 0, state->out_count, &own->out[0], err);
+    HADA_TRY(begin(state, &own, &path, count, &open, count, err));
+    HADA_TRY(check_output(state, 2 * count, err));
+    own->rows = n;
+    check_fill_normal(state, 1, path, count);
+    check_fill_normal(state, 2, open, count);
+    hada_ref_wave_mask(path, open, count, 3.25, state->expected);
+    HADA_TRY(check_upload(state, &own->in[0], path, count * sizeof(float), err));
+    HADA_TRY(check_upload(state, &own->in[1], open, count * sizeof(float), err));
+    HADA_TRY(check_region(state, 0, state->out_count, &own->out[0], err));
     state->tolerance = 2.0 * 3.1416 * 10.0 * 6e-8;
     state->bytes = 16.0 * (double)count;
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch_mask(check_state *state, hada_error *err)
@@ -151,25 +135,19 @@ static hada_status prepare_travel(check_state *state, hada_error *err)
     wave_state *own;
     float *spectra, *phase;
     const size_t across = 16 * (size_t)blocks, down = 2 * (size_t)rows;
-    hada_status status = begin(state, &own, &spectra, 2 * count, &phase, across + down, err);
-    if (!status)
-        status = check_output(state, 2 * count, err);
-    if (!status) {
-        own->rows = rows;
-        own->cols = blocks;
-        check_fill_integers(state, 1, spectra, 2 * count, 9);
-        check_fill_integers(state, 2, phase, across + down, 9);
-        hada_ref_wave_travel(spectra, spectra + count, phase, phase + across, rows, blocks, state->expected);
-        status = check_upload(state, &own->in[0], spectra, 2 * count * sizeof(float), err);
-    }
-    if (!status)
-        status = check_upload(state, &own->in[1], phase, across * sizeof(float), err);
-    if (!status)
-        status = check_upload(state, &own->in[2], phase + across, down * sizeof(float), err);
-    if (!status)
-        status = check_region(state, 0, state->out_count, &own->out[0], err);
+    HADA_TRY(begin(state, &own, &spectra, 2 * count, &phase, across + down, err));
+    HADA_TRY(check_output(state, 2 * count, err));
+    own->rows = rows;
+    own->cols = blocks;
+    check_fill_integers(state, 1, spectra, 2 * count, 9);
+    check_fill_integers(state, 2, phase, across + down, 9);
+    hada_ref_wave_travel(spectra, spectra + count, phase, phase + across, rows, blocks, state->expected);
+    HADA_TRY(check_upload(state, &own->in[0], spectra, 2 * count * sizeof(float), err));
+    HADA_TRY(check_upload(state, &own->in[1], phase, across * sizeof(float), err));
+    HADA_TRY(check_upload(state, &own->in[2], phase + across, down * sizeof(float), err));
+    HADA_TRY(check_region(state, 0, state->out_count, &own->out[0], err));
     state->bytes = 16.0 * (double)count;
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch_travel(check_state *state, hada_error *err)
@@ -194,32 +172,22 @@ static hada_status prepare_sensor(check_state *state, hada_error *err)
     hada_wave_pixel *table = check_room(state, ((size_t)pixels) * sizeof *table);
     wave_state *own;
     float *field, *none;
-    hada_status status = begin(state, &own, &field, 2 * count, &none, 0, err);
-    if (!status)
-        status = check_output(state, image, err);
-    if (!status) {
-        own->rows = rows;
-        own->cols = cols;
-        own->pixels = pixels;
-        check_fill_integers(state, 1, field, 2 * count, 9);
-        hada_ref_wave_sensor(field, field + count, rows, cols, -offset, -offset, width, pixels, pixels,
-                             state->expected);
-        status = check_upload(state, &own->in[0], field, 2 * count * sizeof(float), err);
-    }
-    if (!status) {
-        hada_wave_share(table, pixels, -offset * 0.5, width * 0.5, cols, 0.0, 0.5); /* any unit will do */
-        status = check_upload(state, &own->in[1], table, (size_t)pixels * sizeof *table, err);
-    }
-    if (!status) {
-        hada_wave_share(table, pixels, 7.0 - offset, width, rows, 7.0, 1.0);
-        status = check_upload(state, &own->in[2], table, (size_t)pixels * sizeof *table, err);
-    }
-    if (!status)
-        status = check_scratch(state, &own->in[3], (size_t)rows * (size_t)pixels * sizeof(float), err);
-    if (!status)
-        status = check_region(state, 0, state->out_count, &own->out[0], err);
+    HADA_TRY(begin(state, &own, &field, 2 * count, &none, 0, err));
+    HADA_TRY(check_output(state, image, err));
+    own->rows = rows;
+    own->cols = cols;
+    own->pixels = pixels;
+    check_fill_integers(state, 1, field, 2 * count, 9);
+    hada_ref_wave_sensor(field, field + count, rows, cols, -offset, -offset, width, pixels, pixels, state->expected);
+    HADA_TRY(check_upload(state, &own->in[0], field, 2 * count * sizeof(float), err));
+    hada_wave_share(table, pixels, -offset * 0.5, width * 0.5, cols, 0.0, 0.5); /* any unit will do */
+    HADA_TRY(check_upload(state, &own->in[1], table, (size_t)pixels * sizeof *table, err));
+    hada_wave_share(table, pixels, 7.0 - offset, width, rows, 7.0, 1.0);
+    HADA_TRY(check_upload(state, &own->in[2], table, (size_t)pixels * sizeof *table, err));
+    HADA_TRY(check_scratch(state, &own->in[3], (size_t)rows * (size_t)pixels * sizeof(float), err));
+    HADA_TRY(check_region(state, 0, state->out_count, &own->out[0], err));
     state->bytes = 8.0 * (double)count;
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch_sensor(check_state *state, hada_error *err)

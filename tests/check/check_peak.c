@@ -23,10 +23,9 @@ static hada_status launch_copy(check_state *state, hada_error *err)
 {
     const hada_buffer *in = state->own;
     cl_mem out = state->region[0];
-    hada_status status = HADA_OK;
     if (!state->regions)
-        status = check_region(state, 0, state->out_count, &out, err);
-    return status ? status : hada_peak_copy(state->slot, in->mem, out, state->out_count, err);
+        HADA_TRY(check_region(state, 0, state->out_count, &out, err));
+    return hada_peak_copy(state->slot, in->mem, out, state->out_count, err);
 }
 
 static float factor_of(const check_state *state)
@@ -66,12 +65,10 @@ static hada_status launch_flops(check_state *state, hada_error *err)
 {
     const size_t width = (size_t)width_of(state);
     cl_mem out = state->region[0];
-    hada_status status = HADA_OK;
     if (!state->regions)
-        status = check_region(state, 0, state->out_count, &out, err);
-    return status ? status
-                  : hada_peak_flops(state->slot, width_of(state), out, state->out_count / width, factor_of(state),
-                                    (float)check_get(state, 'a', 1), check_get(state, 'r', 1), NULL, err);
+        HADA_TRY(check_region(state, 0, state->out_count, &out, err));
+    return hada_peak_flops(state->slot, width_of(state), out, state->out_count / width, factor_of(state),
+                           (float)check_get(state, 'a', 1), check_get(state, 'r', 1), NULL, err);
 }
 
 const check_op check_peak_copy = {"peak_copy", "n vectors", prepare_copy, launch_copy, NULL};

@@ -199,22 +199,19 @@ static hada_status launch(check_state *state, hada_error *err)
 {
     refine_state *own = state->own;
     const size_t bytes = own->set_floats * sizeof(float);
-    hada_status status = HADA_OK;
-    for (int set = 0, n; !status && set < own->sets; set += n) {
+    for (int set = 0, n; set < own->sets; set += n) {
         n = own->sets - set;
         if (state->batch_limit && state->batch_limit < n)
             n = state->batch_limit;
-        status = hada_refiner_run(own->refiner, &own->data, &own->rule, n, own->depths, own->list + set * own->depths,
-                                  NULL, err);
-        if (status)
-            break;
+        HADA_TRY(hada_refiner_run(own->refiner, &own->data, &own->rule, n, own->depths, own->list + set * own->depths,
+                                  NULL, err));
         const cl_int code = clEnqueueCopyBuffer(state->slot->queue, hada_refiner_planes(own->refiner), state->out.mem,
                                                 0, state->out_offset * sizeof(float) + (size_t)set * bytes,
                                                 (size_t)n * bytes, 0, NULL, NULL);
         if (code != CL_SUCCESS)
-            status = hada_fail_cl(err, code, "clEnqueueCopyBuffer");
+            HADA_TRY(hada_fail_cl(err, code, "clEnqueueCopyBuffer"));
     }
-    return status;
+    return HADA_OK;
 }
 
 static void release(check_state *state)

@@ -13,17 +13,15 @@ typedef struct train_state {
 
 static hada_status begin(check_state *state, train_state **out, hada_error *err)
 {
-    hada_status status = hada_allocated(*out = hada_alloc(1, sizeof **out, "the check", err));
+    HADA_TRY(hada_allocated(*out = hada_alloc(1, sizeof **out, "the check", err)));
     state->own = *out;
-    if (!status) {
-        (*out)->count = (size_t)check_get(state, 'n', 16);
-        (*out)->channels = check_get(state, 'k', 1);
-        (*out)->pairs = check_get(state, 'p', 2);
-        (*out)->split = check_get(state, 's', 0);
-        if ((*out)->pairs < 1 || (*out)->pairs > MAX_PAIRS)
-            status = hada_fail(err, HADA_ERROR_ARGUMENT, "1 to %d pairs", MAX_PAIRS);
-    }
-    return status;
+    (*out)->count = (size_t)check_get(state, 'n', 16);
+    (*out)->channels = check_get(state, 'k', 1);
+    (*out)->pairs = check_get(state, 'p', 2);
+    (*out)->split = check_get(state, 's', 0);
+    if ((*out)->pairs < 1 || (*out)->pairs > MAX_PAIRS)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "1 to %d pairs", MAX_PAIRS));
+    return HADA_OK;
 }
 
 /* How often a frequency counts: 2, 1, 0. */
@@ -45,37 +43,30 @@ static hada_status prepare_filter(check_state *state, hada_error *err)
 {
     train_state *own;
     float *a = NULL, *b = NULL, *weights = NULL;
-    hada_status status = begin(state, &own, err);
-    if (status)
-        return status;
+    HADA_TRY(begin(state, &own, err));
     const size_t n = own->count, image = n * (size_t)own->channels, all = image * (size_t)own->pairs;
     a = check_room(state, 2 * all * sizeof *a);
     b = check_room(state, 2 * image * sizeof *b);
     weights = check_room(state, n * sizeof *weights);
-    if (!status)
-        status = check_output(state, 2 * image, err);
-    if (!status) {
-        check_fill_integers(state, 1, a, 2 * all, 99);
-        check_fill_integers(state, 2, b, 2 * image, 99);
-        for (size_t i = 0; i < n; i++)
-            weights[i] = weight_of(i);
-        for (size_t p = 0; p < (size_t)own->pairs; p++)
-            for (size_t i = 0; i < image; i++) {
-                float *raw = a + 2 * (p * image + i);
-                if (weights[i % n] == 0.0f) /* padding holds anything */
-                    raw[0] = raw[1] = b[2 * i] = p ? INFINITY : NAN;
-                else
-                    add_pair(own, a + 2 * p * image, b, i, weights[i % n], state->expected + 2 * i);
-            }
-        status = check_upload(state, &own->a, a, 2 * all * sizeof *a, err);
-    }
-    if (!status)
-        status = check_upload(state, &own->b, b, 2 * image * sizeof *b, err);
-    if (!status)
-        status = check_upload(state, &own->weights, weights, n * sizeof *weights, err);
+    HADA_TRY(check_output(state, 2 * image, err));
+    check_fill_integers(state, 1, a, 2 * all, 99);
+    check_fill_integers(state, 2, b, 2 * image, 99);
+    for (size_t i = 0; i < n; i++)
+        weights[i] = weight_of(i);
+    for (size_t p = 0; p < (size_t)own->pairs; p++)
+        for (size_t i = 0; i < image; i++) {
+            float *raw = a + 2 * (p * image + i);
+            if (weights[i % n] == 0.0f) /* padding holds anything */
+                raw[0] = raw[1] = b[2 * i] = p ? INFINITY : NAN;
+            else
+                add_pair(own, a + 2 * p * image, b, i, weights[i % n], state->expected + 2 * i);
+        }
+    HADA_TRY(check_upload(state, &own->a, a, 2 * all * sizeof *a, err));
+    HADA_TRY(check_upload(state, &own->b, b, 2 * image * sizeof *b, err));
+    HADA_TRY(check_upload(state, &own->weights, weights, n * sizeof *weights, err));
     state->bytes = (double)image * own->pairs * 32.0;
     state->flops = (double)image * own->pairs * 10.0;
-    return status;
+    return HADA_OK;
 }
 
 static hada_status launch_filter(check_state *state, hada_error *err)

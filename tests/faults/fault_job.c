@@ -43,8 +43,8 @@ hada_status fault_camera_make(hada_camera *camera, hada_error *err)
     hada_camera_init(camera);
     camera->lenses = 7;
     camera->channels = 1;
-    hada_status status = hada_camera_set_depths(camera, distances[0], distances[1], JOB_DEPTHS, err);
-    return status ? status : hada_camera_resize(camera, JOB_ROWS, JOB_COLS, JOB_WINDOW, JOB_WINDOW, err);
+    HADA_TRY(hada_camera_set_depths(camera, distances[0], distances[1], JOB_DEPTHS, err));
+    return hada_camera_resize(camera, JOB_ROWS, JOB_COLS, JOB_WINDOW, JOB_WINDOW, err);
 }
 
 static hada_status copy(hada_image *out, const hada_image *image, hada_error *err)
@@ -81,8 +81,8 @@ static hada_status simulate(fault_job *job, hada_context *context,
 
 static hada_status keep(fault_job *job, int z, int i, const hada_image *scene, const hada_image *raw, hada_error *err)
 {
-    hada_status status = copy(&job->scene[z][i], scene, err);
-    return status ? status : copy(&job->frame[z][i], raw, err);
+    HADA_TRY(copy(&job->scene[z][i], scene, err));
+    return copy(&job->frame[z][i], raw, err);
 }
 
 static hada_status only_look(fault_job *job, int z, int i, const hada_image *scene, const hada_image *raw,

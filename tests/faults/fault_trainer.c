@@ -11,8 +11,8 @@ static hada_status copy(hada_image *out, const hada_image *image, hada_error *er
 static hada_status read_pair(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *err)
 {
     const fault_job *job = user;
-    hada_status status = copy(raw, &job->frame[depth][pair], err);
-    return status ? status : copy(scene, &job->scene[depth][pair], err);
+    HADA_TRY(copy(raw, &job->frame[depth][pair], err));
+    return copy(scene, &job->scene[depth][pair], err);
 }
 
 static void add(fault_job *job, const double *values, size_t count)

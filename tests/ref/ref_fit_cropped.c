@@ -25,10 +25,10 @@ static hada_status divide(work *w, double weight, hada_error *err)
 {
     const hada_ref_grid *grid = w->fit->grid;
     const double *scene = w->fit->sums + 3 * w->plane;
-    hada_status status = hada_ref_fft_forward(w->image, grid->rows, grid->cols, w->spectrum, err);
+    HADA_TRY(hada_ref_fft_forward(w->image, grid->rows, grid->cols, w->spectrum, err));
     for (size_t i = 0; i < 2 * w->plane; i++)
         w->h[i] = (w->v[i] / w->fit->mean + weight * w->spectrum[i]) / (scene[i / 2] / w->fit->mean + weight);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status step(work *w, double weight, hada_error *err)

@@ -40,13 +40,13 @@ static void multiply(const double *b, const double *w, size_t count, int split, 
 /* The spectrum of what stands in the window of an inverse transform. */
 static hada_status crop(const hada_ref_grid *grid, double *spectrum, double *pixels, hada_error *err)
 {
-    hada_status status = hada_ref_fft_inverse(spectrum, grid->rows, grid->cols, pixels, err);
+    HADA_TRY(hada_ref_fft_inverse(spectrum, grid->rows, grid->cols, pixels, err));
     for (int row = 0; row < grid->rows; row++)
         for (int col = 0; col < grid->cols; col++)
             if (row < grid->window_row || row >= grid->window_row + grid->window_rows || col < grid->window_col ||
                 col >= grid->window_col + grid->window_cols)
                 pixels[(size_t)row * (size_t)grid->cols + (size_t)col] = 0.0;
-    return status ? status : hada_ref_fft_forward(pixels, grid->rows, grid->cols, spectrum, err);
+    return hada_ref_fft_forward(pixels, grid->rows, grid->cols, spectrum, err);
 }
 
 hada_status hada_ref_fit_window_apply(const hada_ref_fit_window *fit, const double *w, double *out, hada_error *err)

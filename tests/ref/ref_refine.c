@@ -122,19 +122,13 @@ static hada_status linear(ref_state *s, int number, hada_error *err)
         s->image[i] = p->padded ? s->v[i] - s->e[i] : s->given[i];
     for (size_t i = 0; i < all; i++)
         s->x[i] = s->u[i] - s->d[i];
-    hada_status status = hada_ref_fft_forward(s->image, p->rows, p->cols, s->data, err);
-    if (!status)
-        status = all_forward(s, s->x, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_ref_fft_forward(s->image, p->rows, p->cols, s->data, err));
+    HADA_TRY(all_forward(s, s->x, err));
     solve(s, rho);
-    for (int z = 0; !status && z < p->depths; z++)
-        status = hada_ref_fft_inverse(s->spectra + 2 * (size_t)z * s->values, p->rows, p->cols,
-                                      s->x + (size_t)z * s->pixels, err);
-    if (!status)
-        status = project(s, err);
-    if (status)
-        return status;
+    for (int z = 0; z < p->depths; z++)
+        HADA_TRY(hada_ref_fft_inverse(s->spectra + 2 * (size_t)z * s->values, p->rows, p->cols,
+                                      s->x + (size_t)z * s->pixels, err));
+    HADA_TRY(project(s, err));
     for (size_t i = 0; i < all; i++)
         s->x[i] = relaxation * s->x[i] + (1.0 - relaxation) * s->u[i] + s->d[i];
     for (size_t i = 0; p->padded && i < s->pixels; i++) {
@@ -178,12 +172,11 @@ static hada_status proximal(ref_state *states, int number, const tv_room *tv, ha
 {
     const hada_ref_refine *p = states->p;
     const size_t channels = (size_t)p->channels, area = (size_t)p->window_rows * (size_t)p->window_cols;
-    hada_status status = HADA_OK;
-    for (size_t z = 0; !status && z < (size_t)p->depths; z++) {
+    for (size_t z = 0; z < (size_t)p->depths; z++) {
         for (size_t i = 0; i < channels * area; i++)
             tv->w[i] = states[i / area].x[z * states->pixels + window_pixel(p, i % area)];
         if (p->tv > 0.0)
-            status = smooth(p, number, tv, tv->duals + z * 2 * channels * area, err);
+            HADA_TRY(smooth(p, number, tv, tv->duals + z * 2 * channels * area, err));
         for (size_t i = 0; i < channels * area; i++)
             states[i / area].u[z * states->pixels + window_pixel(p, i % area)] =
                 p->tv > 0.0 ? tv->u[i] : fmax(tv->w[i], 0.0);
@@ -191,7 +184,7 @@ static hada_status proximal(ref_state *states, int number, const tv_room *tv, ha
     for (size_t c = 0; c < channels; c++)
         for (size_t i = 0; i < (size_t)p->depths * states->pixels; i++)
             states[c].d[i] = states[c].x[i] - states[c].u[i];
-    return status;
+    return HADA_OK;
 }
 
 static hada_status start(ref_state *s, const hada_ref_refine *p, size_t channel, hada_error *err)
@@ -223,29 +216,27 @@ static hada_status start(ref_state *s, const hada_ref_refine *p, size_t channel,
 static hada_status run(ref_state *states, const tv_room *tv, double *residual, double *split, hada_error *err)
 {
     const hada_ref_refine *p = states->p;
-    hada_status status = HADA_OK;
-    for (int k = 0; !status && k <= p->steps; k++) {
+    for (int k = 0; k <= p->steps; k++) {
         if (residual)
             residual[k] = 0.0;
         if (split)
             split[k] = 0.0;
-        for (int c = 0; !status && k && c < p->channels; c++)
-            status = linear(states + c, k - 1, err);
-        if (!status && k)
-            status = proximal(states, k - 1, tv, err);
-        for (int c = 0; !status && c < p->channels; c++) {
+        for (int c = 0; k && c < p->channels; c++)
+            HADA_TRY(linear(states + c, k - 1, err));
+        if (k)
+            HADA_TRY(proximal(states, k - 1, tv, err));
+        for (int c = 0; c < p->channels; c++) {
             ref_state *s = states + c;
             if (split)
                 split[k] += energy(s, k ? s->v : s->y);
             if (!residual)
                 continue;
-            status = all_forward(s, s->u, err);
-            if (!status)
-                status = project(s, err);
+            HADA_TRY(all_forward(s, s->u, err));
+            HADA_TRY(project(s, err));
             residual[k] += energy(s, s->y);
         }
     }
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_ref_refine_run(const hada_ref_refine *p, double *planes, double *residual, double *split,

@@ -29,7 +29,7 @@ if [ "$form" = readers ]; then
     rooms=(io model dataset netlist)
 else
     # not what holds arithmetic (check_), measures times, or takes minutes for lines that others reach as well
-    left_out='faults|profile|hostile_text|pursuit_hard|fft|classic|fit_refine|train_discriminator|register|optics_occlusion'
+    left_out='faults|profile|hostile_text|pursuit_hard|classic|fit_refine|train_discriminator|register|optics_occlusion'
     units='^test_' commands='^cli_(make|words|simulate|evaluate|fit|forward)$'
     cmake --build "$build" >"$build/build.log"
     stages=() runs=sites rooms=()

@@ -149,8 +149,12 @@ static verdict compare(const check_state *state, const float *all, char *note, s
             snprintf(note, size, "value %zu is not finite", i);
             return FAILED;
         }
-        if (state->unspecified && state->unspecified[i])
-            continue;
+        if (state->unspecified && state->unspecified[i]) {
+            if (state->unspecified[i] != CHECK_UNTOUCHED || out[i] == guard_value)
+                continue;
+            snprintf(note, size, "wrote value %zu, which is none of its own", i);
+            return FAILED;
+        }
         double d = out[i] - state->expected[i];
         difference += d * d;
         norm += state->expected[i] * state->expected[i];

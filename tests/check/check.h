@@ -20,6 +20,8 @@
 
 typedef struct check_op check_op;
 
+/* What a value of the output may be: anything finite; as it was before the operation. */
+enum { CHECK_ANYTHING = 1, CHECK_UNTOUCHED = 2 };
 enum { CHECK_REGIONS = 8, CHECK_ROOMS = 64, CHECK_BUFFERS = 32 };
 
 typedef struct check_state {
@@ -35,7 +37,7 @@ typedef struct check_state {
     size_t out_offset;          /* floats before the output: a guard zone */
     size_t out_count;           /* floats of the output */
     double *expected;           /* out_count values, freed by the driver */
-    unsigned char *unspecified; /* per value: 1 where anything finite may stand; NULL: nowhere; check_room() */
+    unsigned char *unspecified; /* per value, or NULL: 0 as expected, or one of these; check_room() */
     double tolerance;           /* relative L2; 0: exact */
     double bytes, flops;        /* least traffic and operations of one run, for the timing */
     void *own;                  /* the operation's, from check_own() */

@@ -29,8 +29,9 @@ static hada_status make_plan(check_state *state, hada_fft_direction direction, f
                                 .real_cols = check_get(state, 'w', cols),
                                 .band_rows = check_get(state, 'i', 0),
                                 .band_cols = check_get(state, 'j', 0)};
-    own->desc.real_pitch = (size_t)own->desc.real_cols;
-    own->desc.real_distance = own->desc.real_pitch * (size_t)own->desc.real_rows;
+    const int gap = check_get(state, 'a', 0);
+    own->desc.real_pitch = (size_t)(own->desc.real_cols + gap);
+    own->desc.real_distance = own->desc.real_pitch * (size_t)own->desc.real_rows + 3 * (size_t)gap;
     HADA_TRY(hada_fft_create(&own->plan, state->slot, &own->desc, err));
     double n = (double)rows * cols;
     double share = (double)own->desc.real_rows / rows;
@@ -148,6 +149,7 @@ static hada_status inverse_expected(check_state *state, const float *spectra, co
     const hada_fft_filter *call = &own->product;
     const hada_spectrum_layout *layout = hada_fft_plan_layout(own->plan);
     size_t half = (size_t)desc->cols / 2 + 1;
+    memset(state->unspecified, CHECK_UNTOUCHED, state->out_count);
     for (int b = 0; b < own->batch; b++) {
         const float *source = spectra + 2 * layout->count * (size_t)(own->product.product ? b % own->channels : b);
         const float *filter = filters + 2 * layout->count * (size_t)b;
@@ -164,9 +166,11 @@ static hada_status inverse_expected(check_state *state, const float *spectra, co
             }
         HADA_TRY(hada_ref_fft_inverse(spectrum, desc->rows, desc->cols, image, err));
         for (int r = 0; r < desc->real_rows; r++)
-            for (int c = 0; c < desc->real_cols; c++)
-                state->expected[(size_t)b * desc->real_distance + (size_t)r * desc->real_pitch + (size_t)c] =
-                    image[(size_t)(desc->row0 + r) * (size_t)desc->cols + (size_t)(desc->col0 + c)];
+            for (int c = 0; c < desc->real_cols; c++) {
+                const size_t at = (size_t)b * desc->real_distance + (size_t)r * desc->real_pitch + (size_t)c;
+                state->expected[at] = image[(size_t)(desc->row0 + r) * (size_t)desc->cols + (size_t)(desc->col0 + c)];
+                state->unspecified[at] = 0;
+            }
     }
     return HADA_OK;
 }
@@ -213,6 +217,7 @@ static hada_status inverse_prepare(check_state *state, hada_error *err)
     HADA_TRY(check_upload(state, &own->in, spectra, image_floats * (size_t)own->channels * sizeof(float), err));
     HADA_TRY(upload_filters(state, own, filters, image_floats * (size_t)own->batch, err));
     HADA_TRY(check_output(state, desc->real_distance * (size_t)own->batch, err));
+    state->unspecified = check_room(state, state->out_count);
     if (!state->timing)
         HADA_TRY(inverse_expected(state, spectra, filters, image, spectrum, err));
     own->product.filter = own->filter.mem;
@@ -243,7 +248,8 @@ static hada_status inverse_launch(check_state *state, hada_error *err)
 }
 
 static const char help[] =
-    "r rows, c cols, b batch, y x h w rectangle (top, left, rows, cols), j columns of the band, l 1: clFFT";
+    "r rows, c cols, b batch, y x h w rectangle (top, left, rows, cols), a gap between rows, j columns of the band, "
+    "l 1: clFFT";
 static const char inverse_help[] =
     "as fft_forward; p 1: times complex filters, 2: split filters; s channels that the filters share; q 1: filters as "
     "half; i j rows and columns of the plan's band, m n of the call's (with filters)";

@@ -15,7 +15,7 @@
 #include "core/alloc.h"
 #include "core/error.h"
 #include "core/random.h"
-#include "defaults.h"
+#include "helpers.h"
 #include "runtime/buffer.h"
 
 typedef struct check_op check_op;

@@ -14,7 +14,7 @@
 #include <unistd.h>
 
 #include "core/error.h"
-#include "defaults.h"
+#include "helpers.h"
 
 /* FAULT_MAP: memory of a device that becomes the host's for a while; few calls, so they are counted by themselves. */
 typedef enum fault_kind { FAULT_NONE = 0, FAULT_MEMORY, FAULT_OPENCL, FAULT_MAP, FAULT_FILE, FAULT_KINDS } fault_kind;

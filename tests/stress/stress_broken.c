@@ -38,8 +38,8 @@ static void repaired(const scene *s, const hada_image *broken, int refine, const
 {
     hada_status status;
     hada_plan *plan = plan_of(s, refine, 1, NULL, &status);
-    hada_image mended = copy_of(broken);
-    hada_result by_plan = {0}, by_hand = {0};
+    SCOPED(hada_image) mended = copy_of(broken);
+    SCOPED(hada_result) by_plan = {0}, by_hand = {0};
     size_t count, differ = 0;
     assert_int_equal(status, HADA_OK);
     ASSERT_OK(hada_frame_repair(&mended, &count, err));
@@ -53,9 +53,6 @@ static void repaired(const scene *s, const hada_image *broken, int refine, const
     differ += stress_not_finite(by_plan.all_in_focus.data, hada_image_count(&by_plan.all_in_focus));
     stress_none("B1", differ + (by_plan.report->repaired_pixels != count),
                 "%s, repaired: pixels that are not as by hand", what);
-    hada_result_destroy(&by_plan);
-    hada_result_destroy(&by_hand);
-    hada_image_destroy(&mended);
     hada_plan_destroy(&plan);
 }
 
@@ -70,7 +67,7 @@ static void broken_frames(const scene *s)
                  {"a block of 64 NaN pixels", NAN, 64},
                  {"one pixel of minus infinity", -INFINITY, 1}};
     for (size_t k = 0; k < HADA_COUNT(kinds); k++) {
-        hada_image frame = copy_of(&s->frame);
+        SCOPED(hada_image) frame = copy_of(&s->frame);
         hada_status status;
         hada_error error;
         hada_result result = {0};
@@ -85,7 +82,6 @@ static void broken_frames(const scene *s)
         hada_plan_destroy(&plan);
         hada_result_destroy(&result);
         repaired(s, &frame, 0, kinds[k].what);
-        hada_image_destroy(&frame);
     }
 }
 
@@ -102,7 +98,7 @@ static void broken_pairs(const scene *s)
     options.window_rows = s->window.rows;
     options.window_cols = s->window.cols;
     ASSERT_OK(hada_fitter_create(&fitter, s->device.context, &options, err));
-    hada_image frame = copy_of(&s->frame), window = copy_of(&s->window);
+    SCOPED(hada_image) frame = copy_of(&s->frame), window = copy_of(&s->window);
     frame.data[1] = NAN;
     window.data[1] = INFINITY;
     stress_none("B1",
@@ -111,8 +107,6 @@ static void broken_pairs(const scene *s)
                     (size_t)hada_fitter_get_info(fitter)->pairs[0],
                 "a pair with NaN or infinity: not refused, or counted");
     hada_fitter_destroy(&fitter);
-    hada_image_destroy(&frame);
-    hada_image_destroy(&window);
 }
 
 static void broken_elsewhere(const scene *s)
@@ -120,7 +114,8 @@ static void broken_elsewhere(const scene *s)
     static const double distances[] = {100.0, 200.0};
     hada_status status;
     hada_error error;
-    hada_image dark = copy_of(&s->frame), psf = copy_of(&s->camera.psf[0]), aif, map;
+    hada_image aif, map;
+    SCOPED(hada_image) dark = copy_of(&s->frame), psf = copy_of(&s->camera.psf[0]);
     hada_model *model = NULL;
     double value;
     dark.data[3] = NAN;
@@ -146,8 +141,6 @@ static void broken_elsewhere(const scene *s)
                 "an image to be compared with a NaN pixel: not refused");
     hada_image_destroy(&planes[0]);
     hada_image_destroy(&planes[1]);
-    hada_image_destroy(&dark);
-    hada_image_destroy(&psf);
 }
 
 /* Finite pixels so large that spectra, or squares of them, leave single precision: the pictures are finite, or the
@@ -157,7 +150,7 @@ static void too_large(const scene *s)
     static const float scales[] = {1e19f, 1e25f, 1e30f, 1e37f, FLT_MAX};
     static const double distance[] = {100.0};
     for (size_t k = 0; k < HADA_COUNT(scales); k++) {
-        hada_image frame = copy_of(&s->frame);
+        SCOPED(hada_image) frame = copy_of(&s->frame);
         float top = 0.0f;
         for (size_t i = 0; i < hada_image_count(&frame); i++)
             top = fmaxf(top, fabsf(frame.data[i]));
@@ -166,7 +159,7 @@ static void too_large(const scene *s)
         for (int refine = 0; refine <= 6; refine += 6) {
             hada_status status;
             hada_error error;
-            hada_result result = {0};
+            SCOPED(hada_result) result = {0};
             size_t bad = 0;
             hada_plan *plan = plan_of(s, refine, 0, NULL, &status);
             assert_int_equal(status, HADA_OK);
@@ -179,11 +172,10 @@ static void too_large(const scene *s)
             }
             stress_none("B2", status ? status != HADA_ERROR_NUMERIC : bad, "%s planes, pixels up to %.0e: not finite%s",
                         refine ? "refined" : "linear", (double)scales[k], status ? " (refused)" : "");
-            hada_result_destroy(&result);
             hada_plan_destroy(&plan);
         }
         hada_fitter *fitter;
-        hada_model *model = NULL;
+        SCOPED(hada_model) *model = NULL;
         hada_error error;
         DEFAULTS(hada_fit_options, options);
         options.depths = options.channels = 1;
@@ -200,9 +192,7 @@ static void too_large(const scene *s)
         stress_none("B2",
                     status ? status != HADA_ERROR_NUMERIC : !(model->filter[0] != 0.0f && isfinite(model->info.noise)),
                     "a pair with pixels up to %.0e: not noticed%s", (double)scales[k], status ? " (refused)" : "");
-        hada_model_destroy(&model);
         hada_fitter_destroy(&fitter);
-        hada_image_destroy(&frame);
     }
 }
 

@@ -31,11 +31,9 @@ void stress_camera_free(stress_camera *camera)
 void stress_camera_expose(const stress_camera *camera, hada_image *frame, uint64_t seed)
 {
     const hada_model_info *info = hada_model_get_info(camera->model);
-    hada_image scene = small_scene(1, info->window_rows, info->window_cols, seed);
-    hada_image seen = small_frame(&camera->psf[0], &scene, 0, 0.01, seed);
+    SCOPED(hada_image) scene = small_scene(1, info->window_rows, info->window_cols, seed);
+    SCOPED(hada_image) seen = small_frame(&camera->psf[0], &scene, 0, 0.01, seed);
     memcpy(frame->data, seen.data, hada_image_count(frame) * sizeof *frame->data);
-    hada_image_destroy(&scene);
-    hada_image_destroy(&seen);
 }
 
 double stress_camera_plane(const stress_camera *camera, const hada_image *frame, int depth, double *window,
@@ -56,13 +54,12 @@ double stress_camera_plane(const stress_camera *camera, const hada_image *frame,
         largest = fmax(largest, hypot(filter[2 * i], filter[2 * i + 1]));
     if (whole) {
         const size_t area = (size_t)info->grid_rows * (size_t)info->grid_cols;
-        double *image = stress_memory(area, sizeof *image);
+        SCOPED_MEMORY double *image = stress_memory(area, sizeof *image);
         grid.window_row = grid.window_col = 0;
         grid.window_rows = grid.rows;
         grid.window_cols = grid.cols;
         ASSERT_OK(hada_ref_hadamard(&grid, spectrum, filter, 0, image, err));
         *whole = stress_norm_double(image, area);
-        free(image);
     }
     free(spectrum);
     return largest;

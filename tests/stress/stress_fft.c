@@ -57,9 +57,9 @@ static errors transform(const stress_device *device, int rows, int cols, const f
     hada_buffer real, spectrum;
     hada_fft *forward = plan_of(device, HADA_FFT_FORWARD, rows, cols);
     const hada_spectrum_layout *layout = hada_fft_plan_layout(forward);
-    float *got = stress_memory(2 * layout->count, sizeof *got), *back = stress_memory(n, sizeof *back);
-    double *exact = stress_memory(n, sizeof *exact);
-    double *want = stress_memory(2 * (size_t)rows * (size_t)(cols / 2 + 1), sizeof *want);
+    SCOPED_MEMORY float *got = stress_memory(2 * layout->count, sizeof *got), *back = stress_memory(n, sizeof *back);
+    SCOPED_MEMORY double *exact = stress_memory(n, sizeof *exact);
+    SCOPED_MEMORY double *want = stress_memory(2 * (size_t)rows * (size_t)(cols / 2 + 1), sizeof *want);
     for (size_t i = 0; i < n; i++)
         exact[i] = image[i];
     ASSERT_OK(hada_buffer_create_from(&real, device->slot, image, n * sizeof *image, "an image", err));
@@ -82,10 +82,6 @@ static errors transform(const stress_device *device, int rows, int cols, const f
         exact[i] = image[i];
     e.round_trip = stress_distance(back, exact, n) / (size > 0.0 ? size : 1.0);
     e.not_finite += stress_not_finite(back, n);
-    free(got);
-    free(back);
-    free(exact);
-    free(want);
     return e;
 }
 
@@ -113,14 +109,13 @@ static void growth(const stress_device *device)
         const size_t n = (size_t)rows * (size_t)cols;
         if (sizes[i].form > stress_form_now)
             continue;
-        float *image = stress_memory(n, sizeof *image);
+        SCOPED_MEMORY float *image = stress_memory(n, sizeof *image);
         stress_fill_normal(image, n, i + 1);
         const errors e = transform(device, rows, cols, image);
         const double bound = stress_fft_bound(rows, cols);
         row_of("T1", &e, bound, "noise", rows, cols);
         if (n > 4096) /* the errors of single frequencies cancel in the sum */
             stress_row("T4", e.energy, bound, "transform, energy of the spectrum, %d x %d", rows, cols);
-        free(image);
     }
 }
 
@@ -136,7 +131,7 @@ static void strained(const stress_device *device)
     const int rows = stress_form_now == STRESS_TINY ? 8 : 60, cols = stress_form_now == STRESS_TINY ? 12 : 64;
     const size_t n = (size_t)rows * (size_t)cols;
     const double worst = stress_fft_worst(rows, cols);
-    float *image = stress_memory(n, sizeof *image);
+    SCOPED_MEMORY float *image = stress_memory(n, sizeof *image);
     errors e = transform(device, rows, cols, image);
     stress_row("T2", e.forward + e.inverse, 0.0, "transform, black");
     fill_constant(image, n, 0.7f);
@@ -168,7 +163,6 @@ static void strained(const stress_device *device)
         e = transform(device, rows, cols, image);
         row_of("T3", &e, worst + lost / stress_norm(image, n), what, rows, cols);
     }
-    free(image);
 }
 
 void stress_transforms(void **state)

@@ -37,7 +37,7 @@ static void half_row(const stress_device *device, stress_camera *camera, const h
     const hada_model_info *info = hada_model_get_info(camera->model);
     const size_t area = (size_t)info->window_rows * (size_t)info->window_cols, plane = hada_model_plane(camera->model);
     const size_t values = 2 * plane * (size_t)info->depths;
-    float *kept = stress_memory(values, sizeof *kept), *got = stress_memory(area, sizeof *got);
+    SCOPED_MEMORY float *kept = stress_memory(values, sizeof *kept), *got = stress_memory(area, sizeof *got);
     double *want = stress_memory(area, sizeof *want), whole;
     hada_model *half;
     hada_error error;
@@ -58,8 +58,6 @@ static void half_row(const stress_device *device, stress_camera *camera, const h
     }
     hada_model_destroy(&half);
     memcpy(camera->model->filter, kept, values * sizeof *kept);
-    free(kept);
-    free(got);
     free(want);
 }
 
@@ -69,8 +67,8 @@ static void zeros(const stress_device *device, double lambda)
 {
     static const double distance[] = {100.0};
     const int rows = 24, cols = 32;
-    hada_image psf;
-    hada_model *model, *again;
+    SCOPED(hada_image) psf;
+    SCOPED(hada_model) * model, *again;
     ASSERT_OK(hada_image_create(&psf, 1, rows, cols, err));
     for (int row = 0; row < 6; row++)
         for (int col = 0; col < 8; col++)
@@ -104,9 +102,6 @@ static void zeros(const stress_device *device, double lambda)
     stress_none("W1", near < 20, "Wiener filter of a box: its transfer function has fewer zeros than it should");
     stress_row("W1", worst, STRESS_U + 2.0 * stress_fft_bound(rows, cols), "Wiener filter of a box, lambda %.0e",
                lambda);
-    hada_model_destroy(&model);
-    hada_model_destroy(&again);
-    hada_image_destroy(&psf);
 }
 
 void stress_filters(void **state)

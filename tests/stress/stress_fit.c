@@ -65,7 +65,7 @@ static void set_add(data_set *s, const hada_image *raw, const hada_image *scene)
 static void filter_row(const data_set *s, const hada_model *model, double lambda, int64_t pairs, const char *what)
 {
     double worst = 0.0, *want = stress_memory(2 * s->plane, sizeof *want);
-    double *none = stress_memory(2 * s->plane, sizeof *none);
+    SCOPED_MEMORY double *none = stress_memory(2 * s->plane, sizeof *none);
     size_t lost = 0;
     const double ridge = lambda * s->raw_energy;
     hada_ref_fit_filter(s->sums, none, s->plane, 0.0, ridge, 0, want);
@@ -86,7 +86,6 @@ static void filter_row(const data_set *s, const hada_model *model, double lambda
     stress_row("F1", lost * 2 > s->plane ? INFINITY : worst, 1.0, "fit, %s (%lld pairs), lambda %.0e: error over bound",
                what, (long long)pairs, lambda);
     free(want);
-    free(none);
 }
 
 /* Also of transfer functions: H = conj(Sxb) / max(Sxx, 1e-6 of the mean). */
@@ -142,7 +141,7 @@ static void fit(const stress_device *device, pair_kind kind, int64_t pairs, cons
     ASSERT_OK(hada_image_create(&scene, 1, rows, cols, err));
     for (size_t k = 0; k < lambda_count; k++) {
         hada_fitter *fitter;
-        hada_model *model;
+        SCOPED(hada_model) * model;
         DEFAULTS(hada_fit_options, options);
         options.depths = options.channels = 1;
         options.distances_mm = distance;
@@ -167,7 +166,6 @@ static void fit(const stress_device *device, pair_kind kind, int64_t pairs, cons
             stress_row("F2", model->info.noise / sqrt(s.raw_energy / (double)pairs / (rows * cols)),
                        sqrt(6.0 * STRESS_U), "fit, %s (%lld pairs): noise found over the frames' rms", what,
                        (long long)pairs);
-        hada_model_destroy(&model);
         hada_fitter_destroy(&fitter);
     }
     hada_image_destroy(&raw);

@@ -35,12 +35,13 @@ static void focus(const stress_device *device, fill_kind kind, int fuse)
 {
     const int small = stress_form_now == STRESS_TINY, rows = small ? 8 : 40, cols = small ? 12 : 48;
     const size_t n = (size_t)rows * (size_t)cols;
-    hada_image planes[DEPTHS], aif, map;
+    hada_image planes[DEPTHS];
+    SCOPED(hada_image) aif, map;
     hada_focus_options options;
     hada_focus_report got = {.size = sizeof got}, want;
-    float *stack = stress_memory(DEPTHS * n, sizeof *stack);
-    double *want_aif = stress_memory(n, sizeof *want_aif), *want_map = stress_memory(n, sizeof *want_map);
-    double *lead = stress_memory(n, sizeof *lead);
+    SCOPED_MEMORY float *stack = stress_memory(DEPTHS * n, sizeof *stack);
+    SCOPED_MEMORY double *want_aif = stress_memory(n, sizeof *want_aif), *want_map = stress_memory(n, sizeof *want_map);
+    SCOPED_MEMORY double *lead = stress_memory(n, sizeof *lead);
     for (int z = 0; z < DEPTHS; z++) {
         ASSERT_OK(hada_image_create(&planes[z], 1, rows, cols, err));
         fill(kind, planes[z].data, n, z);
@@ -87,12 +88,6 @@ static void focus(const stress_device *device, fill_kind kind, int fuse)
     }
     for (int z = 0; z < DEPTHS; z++)
         hada_image_destroy(&planes[z]);
-    hada_image_destroy(&aif);
-    hada_image_destroy(&map);
-    free(stack);
-    free(want_aif);
-    free(want_map);
-    free(lead);
 }
 
 /* Counts beyond 32 bits: 2^33 times every count has the same medians. */
@@ -123,7 +118,7 @@ static double spread_of(const stress_device *device, int side, int depths, const
     hada_focus *object;
     hada_focus_report report = {.size = sizeof report};
     hada_buffer results;
-    double *steps = stress_memory((size_t)depths, sizeof *steps);
+    SCOPED_MEMORY double *steps = stress_memory((size_t)depths, sizeof *steps);
     hada_focus_desc desc = {.channels = 1, .rows = side, .cols = side, .depths = depths, .distances_mm = steps};
     const size_t n = (size_t)side * (size_t)side;
     for (int z = 0; z < depths; z++)
@@ -138,7 +133,6 @@ static double spread_of(const stress_device *device, int side, int depths, const
     ASSERT_OK(hada_focus_finish(object, results.mem, 0, results.mem, n, &report, err));
     hada_focus_destroy(&object);
     hada_buffer_destroy(&results);
-    free(steps);
     return report.margin / hada_focus_normal_quantile(desc.options.false_alarm / depths);
 }
 

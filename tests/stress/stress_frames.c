@@ -21,7 +21,7 @@ static void linear_row(const stress_device *device, const stress_camera *camera,
 {
     const hada_model_info *info = hada_model_get_info(camera->model);
     const size_t area = (size_t)info->window_rows * (size_t)info->window_cols, raw = hada_image_count(frame);
-    hada_result result = {0};
+    SCOPED(hada_result) result = {0};
     ASSERT_OK(hada_plan_run(plan, frame, &result, err));
     double error = 0.0, size = 0.0, whole = 0.0, largest = 0.0, *want = stress_memory(area, sizeof *want);
     size_t bad = stress_not_finite(result.all_in_focus.data, hada_image_count(&result.all_in_focus));
@@ -42,7 +42,6 @@ static void linear_row(const stress_device *device, const stress_camera *camera,
                    : 0.0;
     stress_row("L1", bad ? INFINITY : size > 0.0 ? sqrt(error / size) : sqrt(error), bound, "linear planes, %s", what);
     free(want);
-    hada_result_destroy(&result);
 }
 
 static hada_plan *plan_of(const stress_device *device, const stress_camera *camera, int refine)
@@ -59,7 +58,7 @@ static hada_plan *plan_of(const stress_device *device, const stress_camera *came
 static void linear(const stress_device *device, const stress_camera *camera)
 {
     hada_plan *plan = plan_of(device, camera, 0);
-    hada_image frame = image_of(camera->rows, camera->cols);
+    SCOPED(hada_image) frame = image_of(camera->rows, camera->cols);
     const size_t n = hada_image_count(&frame);
     hada_random random;
     stress_fill_uniform(frame.data, n, 1);
@@ -88,7 +87,6 @@ static void linear(const stress_device *device, const stress_camera *camera)
     linear_row(device, camera, plan, &frame, "constant");
     memset(frame.data, 0, n * sizeof *frame.data);
     linear_row(device, camera, plan, &frame, "black");
-    hada_image_destroy(&frame);
     hada_plan_destroy(&plan);
 }
 
@@ -97,8 +95,8 @@ static void linear(const stress_device *device, const stress_camera *camera)
 static void scales(const stress_device *device, const stress_camera *camera, int refine, int power)
 {
     hada_plan *plan = plan_of(device, camera, refine);
-    hada_image frame = image_of(camera->rows, camera->cols);
-    hada_result plain = {0}, scaled = {0};
+    SCOPED(hada_image) frame = image_of(camera->rows, camera->cols);
+    SCOPED(hada_result) plain = {0}, scaled = {0};
     hada_error error;
     stress_camera_expose(camera, &frame, 5);
     ASSERT_OK(hada_plan_run(plan, &frame, &plain, err));
@@ -118,9 +116,6 @@ static void scales(const stress_device *device, const stress_camera *camera, int
     stress_none("L2", status ? status != HADA_ERROR_NUMERIC : differ,
                 "%s, frame times 2^%d: pixels that do not scale%s", refine ? "refined planes" : "linear planes", power,
                 status ? " (refused)" : "");
-    hada_result_destroy(&plain);
-    hada_result_destroy(&scaled);
-    hada_image_destroy(&frame);
     hada_plan_destroy(&plan);
 }
 
@@ -131,9 +126,9 @@ static void fit_and_run(const stress_device *device, int power, hada_result *res
 {
     static const double distances[] = {100.0, 200.0};
     hada_fitter *fitter;
-    hada_model *model;
+    SCOPED(hada_model) * model;
     hada_plan *plan;
-    hada_image last = {0};
+    SCOPED(hada_image) last = {0};
     DEFAULTS(hada_fit_options, options);
     options.depths = FIT_DEPTHS;
     options.channels = 1;
@@ -145,7 +140,7 @@ static void fit_and_run(const stress_device *device, int power, hada_result *res
     options.refine_steps = 6;
     ASSERT_OK(hada_fitter_create(&fitter, device->context, &options, err));
     for (int z = 0; z < FIT_DEPTHS; z++) {
-        hada_image psf = small_psf(1, FIT_ROWS, FIT_COLS, 6, (uint64_t)z + 1);
+        SCOPED(hada_image) psf = small_psf(1, FIT_ROWS, FIT_COLS, 6, (uint64_t)z + 1);
         for (int i = 0; i < FIT_PAIRS; i++) {
             const uint64_t seed = (uint64_t)(10 * z + i);
             hada_image scene = small_scene(1, FIT_WINDOW, FIT_WINDOW, seed);
@@ -160,7 +155,6 @@ static void fit_and_run(const stress_device *device, int power, hada_result *res
             hada_image_destroy(&last);
             last = frame;
         }
-        hada_image_destroy(&psf);
     }
     ASSERT_OK(hada_fitter_finish(fitter, NULL, &model, err));
     DEFAULTS(hada_plan_options, plan_options);
@@ -169,15 +163,13 @@ static void fit_and_run(const stress_device *device, int power, hada_result *res
     ASSERT_OK(hada_plan_create(&plan, device->context, model, &plan_options, err));
     ASSERT_OK(hada_plan_run(plan, &last, result, err));
     hada_plan_destroy(&plan);
-    hada_model_destroy(&model);
     hada_fitter_destroy(&fitter);
-    hada_image_destroy(&last);
 }
 
 /* A camera learned and used in other units of light gives the same pictures. */
 static void units(const stress_device *device, int power)
 {
-    hada_result plain = {0}, scaled = {0};
+    SCOPED(hada_result) plain = {0}, scaled = {0};
     size_t differ = 0;
     fit_and_run(device, 0, &plain);
     fit_and_run(device, power, &scaled);
@@ -185,8 +177,6 @@ static void units(const stress_device *device, int power)
         for (size_t i = 0; i < hada_image_count(&plain.planes[z]); i++)
             differ += plain.planes[z].data[i] != scaled.planes[z].data[i];
     stress_none("L2", differ, "fit and refined planes, all frames times 2^%d: pixels that differ", power);
-    hada_result_destroy(&plain);
-    hada_result_destroy(&scaled);
 }
 
 void stress_frames(void **state)

@@ -24,11 +24,10 @@ static void make_frame(const problem *p, const tiny_camera *camera, double *imag
         scenes[(i % (size_t)camera->window.cols < (size_t)camera->window.cols / 2 ? camera->window_area : 0) + i] = 0.0;
     tiny_shoot(camera, scenes, 0.01, 3, image);
     free(scenes);
-    float *range = stress_memory(camera->pixels, sizeof *range);
+    SCOPED_MEMORY float *range = stress_memory(camera->pixels, sizeof *range);
     stress_fill_range(range, camera->pixels, 1);
     for (size_t i = 0; i < camera->pixels; i++)
         image[i] = (float)(p->range ? (image[i] != 0.0 ? range[i] : 0.0) : image[i]);
-    free(range);
 }
 
 static void lose_frequencies(const problem *p, tiny_camera *camera)
@@ -55,9 +54,10 @@ static void refine(const problem *p)
     tiny_device device;
     hada_refiner *refiner;
     const size_t area = camera.window_area;
-    double *image = stress_memory(camera.pixels, sizeof *image), *want = stress_memory(DEPTHS * area, sizeof *want);
-    double *residual = stress_memory((size_t)steps + 1, sizeof *residual);
-    float *got = stress_memory(DEPTHS * area, sizeof *got);
+    SCOPED_MEMORY double *image = stress_memory(camera.pixels, sizeof *image),
+                         *want = stress_memory(DEPTHS * area, sizeof *want);
+    SCOPED_MEMORY double *residual = stress_memory((size_t)steps + 1, sizeof *residual);
+    SCOPED_MEMORY float *got = stress_memory(DEPTHS * area, sizeof *got);
     lose_frequencies(p, &camera);
     make_frame(p, &camera, image);
     tiny_upload(&device, &camera);
@@ -108,10 +108,6 @@ static void refine(const problem *p)
     hada_refiner_destroy(&refiner);
     tiny_release(&device);
     tiny_free(&camera);
-    free(image);
-    free(want);
-    free(residual);
-    free(got);
 }
 
 static double seconds_of(hada_refiner *refiner, const hada_refine_data *data, int steps)

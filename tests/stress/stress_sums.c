@@ -70,7 +70,7 @@ static void energies(int side, int padded, int range)
     hada_refiner *refiner;
     static const int list[] = {0};
     const size_t n = camera.pixels;
-    float *pixels = stress_memory(n, sizeof *pixels);
+    SCOPED_MEMORY float *pixels = stress_memory(n, sizeof *pixels);
     double *image = stress_memory(n, sizeof *image), exact = 0.0;
     tiny_upload(&device, &camera);
     device.shape.max_steps = 2;
@@ -101,7 +101,6 @@ static void energies(int side, int padded, int range)
     hada_refiner_destroy(&refiner);
     tiny_release(&device);
     tiny_free(&camera);
-    free(pixels);
     free(image);
 }
 
@@ -109,7 +108,7 @@ static void energies(int side, int padded, int range)
 static void metrics(void)
 {
     const int side = stress_form_now == STRESS_FULL ? 8192 : 512;
-    hada_image a, b;
+    SCOPED(hada_image) a, b;
     double mse;
     long double exact = 0.0L;
     ASSERT_OK(hada_image_create(&a, 1, side, side, err));
@@ -122,8 +121,6 @@ static void metrics(void)
     ASSERT_OK(hada_metric_compare(HADA_METRIC_MSE, &a, &b, 1.0, NULL, &mse, err));
     stress_row("S4", fabs(mse / (double)(exact / (long double)n) - 1.0), (double)n * 0x1p-53,
                "mean squared error of %d x %d, pixels from 1 to 1e12", side, side);
-    hada_image_destroy(&a);
-    hada_image_destroy(&b);
 }
 
 void stress_sums(void **state)

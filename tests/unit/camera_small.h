@@ -50,8 +50,8 @@ static inline hada_image small_frame(const hada_image *psf, const hada_image *sc
     hada_random random;
     const int rows = psf->rows, cols = psf->cols, row0 = (rows - scene->rows) / 2, col0 = (cols - scene->cols) / 2;
     const size_t area = (size_t)rows * (size_t)cols;
-    float *whole = calloc(area, sizeof *whole);
-    double *seen = calloc(area, sizeof *seen);
+    SCOPED_MEMORY float *whole = calloc(area, sizeof *whole);
+    SCOPED_MEMORY double *seen = calloc(area, sizeof *seen);
     ASSERT_OK(hada_image_create(&frame, psf->channels, rows, cols, err));
     hada_random_seed(&random, seed, 7);
     for (int c = 0; c < psf->channels; c++) {
@@ -68,8 +68,6 @@ static inline hada_image small_frame(const hada_image *psf, const hada_image *sc
         for (size_t i = 0; i < area; i++)
             frame.data[(size_t)c * area + i] = (float)(seen[i] + noise * hada_random_normal(&random));
     }
-    free(whole);
-    free(seen);
     return frame;
 }
 

@@ -94,9 +94,8 @@ static inline void job_make_frames(job_fixture *f)
         psf[z] = small_psf(JOB_CHANNELS, JOB_ROWS, JOB_COLS, 12, (uint64_t)z + 1);
     }
     for (int i = 0; i < JOB_FRAMES; i++) {
-        hada_image scene = small_scene(JOB_CHANNELS, JOB_WINDOW, JOB_WINDOW, (uint64_t)i + 1);
+        SCOPED(hada_image) scene = small_scene(JOB_CHANNELS, JOB_WINDOW, JOB_WINDOW, (uint64_t)i + 1);
         f->frames[i] = small_frame(&psf[3 * i % JOB_DEPTHS], &scene, 0, 0.003, (uint64_t)i + 1);
-        hada_image_destroy(&scene);
     }
     ASSERT_OK(hada_model_from_psf(&f->model, f->whole, psf, JOB_DEPTHS, distances, &options, err));
     for (int z = 0; z < JOB_DEPTHS; z++)

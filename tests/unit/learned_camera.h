@@ -47,14 +47,13 @@ static inline void learned_fit(learned_camera *learned)
     for (int pass = 0; pass < 2; pass++)
         for (int z = 0; z < camera->depths; z++)
             for (int i = 0; i < LEARNED_PAIRS; i++) {
-                hada_image scene = learned_scene(learned, (uint64_t)(100 * z + i));
-                hada_image raw = learned_frame(learned, &(hada_plane){z, &scene}, 1, (uint64_t)(7000 + 100 * z + i));
+                SCOPED(hada_image) scene = learned_scene(learned, (uint64_t)(100 * z + i));
+                SCOPED(hada_image)
+                raw = learned_frame(learned, &(hada_plane){z, &scene}, 1, (uint64_t)(7000 + 100 * z + i));
                 if (pass == 0)
                     ASSERT_OK(hada_fitter_add_pair(fitter, z, &raw, &scene, err));
                 else if (i < 2)
                     ASSERT_OK(hada_fit_score_pair(fitter, z, i, &raw, &scene, err));
-                hada_image_destroy(&raw);
-                hada_image_destroy(&scene);
             }
     ASSERT_OK(hada_fit_solve(fitter, &learned->model, err));
     hada_fitter_destroy(&fitter);

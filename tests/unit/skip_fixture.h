@@ -37,7 +37,7 @@ static inline size_t skip_pixels(void)
 /* Blurs a channel by a 3 x 3 binomial, `times` times, round the edges. */
 static inline void skip_blur(float *plane, int times)
 {
-    float *room = malloc(skip_pixels() * sizeof *room);
+    SCOPED_MEMORY float *room = malloc(skip_pixels() * sizeof *room);
     assert_non_null(room);
     for (int t = 0; t < times; t++) {
         memcpy(room, plane, skip_pixels() * sizeof *room);
@@ -51,7 +51,6 @@ static inline void skip_blur(float *plane, int times)
                 plane[r * SKIP_COLS + c] = sum / 16.0f;
             }
     }
-    free(room);
 }
 
 static inline hada_image skip_scene(void)

@@ -117,7 +117,7 @@ TEST(finds_both_depths)
     for (int padded = 0; padded < 2; padded++)
         for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
             hada_plan_options options = options_of(cases[i].method, 20);
-            hada_result few = {0}, many = {0};
+            SCOPED(hada_result) few = {0}, many = {0};
             classic.prior = cases[i].prior;
             classic.weight = cases[i].weight;
             classic.support = HADA_SUPPORT_WINDOW;
@@ -134,8 +134,6 @@ TEST(finds_both_depths)
             assert_int_equal(many.report->occupied_count, 2);
             for (size_t k = 0; k < hada_image_count(&many.planes[1]); k++)
                 assert_true(many.planes[1].data[k] == 0);
-            hada_result_destroy(&few);
-            hada_result_destroy(&many);
         }
 }
 
@@ -147,9 +145,9 @@ TEST(lucy_stands_noisy_optics)
     hada_model *const model = f->model[0];
     const size_t values = hada_model_plane(model) * (size_t)(DEPTHS * CHANNELS) * 2;
     const hada_plan_options options = options_of(HADA_METHOD_RL, 60);
-    hada_result clean = {0}, noisy = {0};
+    SCOPED(hada_result) clean = {0}, noisy = {0};
     hada_random random;
-    float *kept = malloc(values * sizeof *kept);
+    SCOPED_MEMORY float *kept = malloc(values * sizeof *kept);
     assert_non_null(kept);
     memcpy(kept, model->otf, values * sizeof *kept);
     hada_random_seed(&random, 5, 0);
@@ -160,9 +158,6 @@ TEST(lucy_stands_noisy_optics)
     memcpy(model->otf, kept, values * sizeof *kept);
     assert_true(clean.report->residual < 0.01 && noisy.report->residual < 0.1);
     assert_true(error_of(f, &noisy) < 0.4);
-    free(kept);
-    hada_result_destroy(&clean);
-    hada_result_destroy(&noisy);
 }
 
 /* Without other depths and without iterations: the Wiener filter of the model itself, clipped. */
@@ -172,8 +167,8 @@ TEST(wiener_of_one_depth_is_the_models)
     static const int one = 1;
     for (int padded = 0; padded < 2; padded++) {
         hada_plan_options options = options_of(HADA_METHOD_WIENER, 1), linear;
-        hada_result joint = {0}, single = {0};
-        hada_model *wiener;
+        SCOPED(hada_result) joint = {0}, single = {0};
+        SCOPED(hada_model) * wiener;
         hada_plan *plan;
         options.depths = &one;
         options.depth_count = 1;
@@ -191,9 +186,6 @@ TEST(wiener_of_one_depth_is_the_models)
                                          hada_image_count(&single.planes[0])) < 0.01);
         assert_int_equal(joint.report->refine_steps, 0);
         hada_plan_destroy(&plan);
-        hada_model_destroy(&wiener);
-        hada_result_destroy(&joint);
-        hada_result_destroy(&single);
     }
 }
 
@@ -202,14 +194,14 @@ TEST(scales_and_repeats)
 {
     const fixture *f = *state;
     const size_t count = hada_image_count(&f->scene[0]);
-    hada_image bright;
+    SCOPED(hada_image) bright;
     ASSERT_OK(hada_image_create(&bright, CHANNELS, ROWS, COLS, err));
     for (size_t i = 0; i < hada_image_count(&bright); i++)
         bright.data[i] = 1024 * f->frame.data[i];
     for (int method = HADA_METHOD_WIENER; method <= HADA_METHOD_ADMM; method++) {
         const hada_plan_options options = options_of((hada_method)method, 12);
         hada_plan *plan;
-        hada_result first = {0}, again = {0}, scaled = {0};
+        SCOPED(hada_result) first = {0}, again = {0}, scaled = {0};
         uint64_t device, host, held;
         ASSERT_OK(hada_plan_estimate(f->context, f->model[1], &options, &device, &host, err));
         ASSERT_OK(hada_plan_create(&plan, f->context, f->model[1], &options, err));
@@ -223,12 +215,8 @@ TEST(scales_and_repeats)
         for (size_t i = 0; i < count; i++)
             scaled.planes[0].data[i] /= 1024;
         assert_true(small_image_distance(scaled.planes[0].data, first.planes[0].data, count) < 1e-5);
-        hada_result_destroy(&first);
-        hada_result_destroy(&again);
-        hada_result_destroy(&scaled);
         hada_plan_destroy(&plan);
     }
-    hada_image_destroy(&bright);
 }
 
 TEST(stops_by_rule)
@@ -236,7 +224,7 @@ TEST(stops_by_rule)
     const fixture *f = *state;
     for (int method = HADA_METHOD_RL; method <= HADA_METHOD_ADMM; method++) {
         hada_plan_options options = options_of((hada_method)method, 400);
-        hada_result loose = {0}, tight = {0}, timed = {0};
+        SCOPED(hada_result) loose = {0}, tight = {0}, timed = {0};
         classic.stop = 3e-2;
         run(f, 1, &options, &loose);
         classic.stop = 3e-3;
@@ -247,29 +235,24 @@ TEST(stops_by_rule)
         classic.seconds = 1e-9; /* one iteration and no more */
         run(f, 1, &options, &timed);
         assert_int_equal(timed.report->refine_steps, 1);
-        hada_result_destroy(&loose);
-        hada_result_destroy(&tight);
-        hada_result_destroy(&timed);
     }
 }
 
 TEST(darkness_stays_dark)
 {
     const fixture *f = *state;
-    hada_image black;
+    SCOPED(hada_image) black;
     ASSERT_OK(hada_image_create(&black, CHANNELS, ROWS, COLS, err));
     for (int method = HADA_METHOD_WIENER; method <= HADA_METHOD_ADMM; method++) {
         const hada_plan_options options = options_of((hada_method)method, 5);
         hada_plan *plan;
-        hada_result result = {0};
+        SCOPED(hada_result) result = {0};
         ASSERT_OK(hada_plan_create(&plan, f->context, f->model[1], &options, err));
         ASSERT_OK(hada_plan_run(plan, &black, &result, err));
         for (size_t i = 0; i < hada_image_count(&result.planes[0]); i++)
             assert_true(fabsf(result.planes[0].data[i]) <= 1e-30f);
-        hada_result_destroy(&result);
         hada_plan_destroy(&plan);
     }
-    hada_image_destroy(&black);
 }
 
 static void refuse(const fixture *f, const hada_plan_options *options, hada_status expected, const char *words)

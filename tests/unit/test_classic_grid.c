@@ -67,7 +67,7 @@ static void planes_of(const hada_classic_shape *shape, const hada_model *model, 
 {
     static const int list[DEPTHS] = {0, 1};
     const size_t pixels = (size_t)CHANNELS * ROWS * COLS;
-    float *frame = calloc(pixels, sizeof *frame);
+    SCOPED_MEMORY float *frame = calloc(pixels, sizeof *frame);
     hada_random random;
     hada_slot *slot;
     hada_buffer otf, seen;
@@ -94,7 +94,6 @@ static void planes_of(const hada_classic_shape *shape, const hada_model *model, 
     hada_buffer_destroy(&otf);
     hada_buffer_destroy(&seen);
     hada_slot_destroy(&slot);
-    free(frame);
 }
 
 typedef struct grid_case {
@@ -153,14 +152,13 @@ TEST(minds_faint_light)
     for (int i = 0; i < 3; i++) {
         hada_image psf[DEPTHS] = {corners(5, 5, 5, 5), corners(4, 4, 4, 4)};
         psf[1].data[0] = faint[i]; /* the top left pixel */
-        hada_model *model = model_of(psf, ROWS, COLS, HADA_BOUNDARY_PADDED);
+        SCOPED(hada_model) *model = model_of(psf, ROWS, COLS, HADA_BOUNDARY_PADDED);
         const hada_plan_options options = options_of(HADA_METHOD_FISTA);
         hada_plan *plan;
         ASSERT_OK(hada_plan_create(&plan, context, model, &options, err));
         const int expected = hada_fft_quick_size(i < 2 ? ROWS - 1 + ROWS / 2 + 1 : ROWS + 5, 1);
         assert_int_equal(plan->setup.config.method.grid_rows, expected);
         hada_plan_destroy(&plan);
-        hada_model_destroy(&model);
         for (int z = 0; z < DEPTHS; z++)
             hada_image_destroy(&psf[z]);
     }
@@ -171,7 +169,7 @@ TEST(stays_where_it_must)
 {
     hada_image psf[DEPTHS] = {corners(5, 5, 5, 5), corners(4, 4, 4, 4)};
     for (int k = 0; k < 4; k++) {
-        hada_model *model = model_of(psf, 16, 16, k == 0 ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED);
+        SCOPED(hada_model) *model = model_of(psf, 16, 16, k == 0 ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED);
         hada_plan_options options = options_of(k == 1   ? HADA_METHOD_ADMM
                                                : k == 2 ? HADA_METHOD_WIENER
                                                         : HADA_METHOD_FISTA);
@@ -182,7 +180,6 @@ TEST(stays_where_it_must)
         assert_int_equal(plan->setup.config.method.grid_cols, hada_model_get_info(model)->grid_cols);
         assert_int_equal(plan->setup.config.method.reach.rows, 0);
         hada_plan_destroy(&plan);
-        hada_model_destroy(&model);
     }
     for (int z = 0; z < DEPTHS; z++)
         hada_image_destroy(&psf[z]);
@@ -194,7 +191,7 @@ TEST(estimates_know_it)
     uint64_t bytes[2], host, held;
     for (int wide = 0; wide < 2; wide++) {
         hada_image psf[DEPTHS] = {corners(2, 2, 2, 2), wide ? corners(20, 19, 24, 23) : corners(2, 2, 2, 2)};
-        hada_model *model = model_of(psf, ROWS, COLS, HADA_BOUNDARY_PADDED);
+        SCOPED(hada_model) *model = model_of(psf, ROWS, COLS, HADA_BOUNDARY_PADDED);
         const hada_plan_options options = options_of(HADA_METHOD_FISTA);
         hada_plan *plan;
         ASSERT_OK(hada_plan_estimate(context, model, &options, &bytes[wide], &host, err));
@@ -202,7 +199,6 @@ TEST(estimates_know_it)
         hada_plan_memory(plan, &held, NULL);
         assert_true(held <= bytes[wide] && held > bytes[wide] / 2);
         hada_plan_destroy(&plan);
-        hada_model_destroy(&model);
         for (int z = 0; z < DEPTHS; z++)
             hada_image_destroy(&psf[z]);
     }
@@ -213,12 +209,11 @@ TEST(refuses_broken_models)
 {
     hada_image psf[DEPTHS] = {corners(2, 2, 2, 2), corners(2, 2, 2, 2)};
     for (hada_method method = HADA_METHOD_RL; method <= HADA_METHOD_ADMM; method++) {
-        hada_model *model = model_of(psf, ROWS, COLS, HADA_BOUNDARY_PADDED);
+        SCOPED(hada_model) *model = model_of(psf, ROWS, COLS, HADA_BOUNDARY_PADDED);
         const hada_plan_options options = options_of(method);
         hada_plan *plan;
         model->otf[2 * hada_model_plane(model) + 5] = NAN;
         ASSERT_FAILS(hada_plan_create(&plan, context, model, &options, err), HADA_ERROR_MODEL, "not finite");
-        hada_model_destroy(&model);
     }
     for (int z = 0; z < DEPTHS; z++)
         hada_image_destroy(&psf[z]);

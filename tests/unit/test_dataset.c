@@ -20,7 +20,7 @@ static const char *at(const char *name)
 static void put(const char *name, float value)
 {
     char folder[400];
-    hada_image image;
+    SCOPED(hada_image) image;
     snprintf(folder, sizeof folder, "%s", at(name));
     *strrchr(folder, '/') = '\0';
     ASSERT_OK(hada_folder_ensure(folder, err));
@@ -28,7 +28,6 @@ static void put(const char *name, float value)
     for (size_t i = 0; i < 6; i++)
         image.data[i] = value;
     ASSERT_OK(hada_tiff_save(at(name), &image, NULL, err));
-    hada_image_destroy(&image);
 }
 
 static void put_pair(const char *depth, const char *name, float value)

@@ -134,7 +134,7 @@ TEST(moves_bytes_to_and_fro)
     ASSERT_OK(hada_slot_create(&slot, context, err));
     static const size_t sizes[] = {1, 7, 4096, (3 << 20) + 5};
     for (size_t s = 0; s < HADA_COUNT(sizes); s++) {
-        unsigned char *in = malloc(sizes[s]), *out = malloc(sizes[s]);
+        SCOPED_MEMORY unsigned char *in = malloc(sizes[s]), *out = malloc(sizes[s]);
         for (size_t i = 0; i < sizes[s]; i++)
             in[i] = (unsigned char)(i * 31 + s);
         ASSERT_OK(hada_buffer_create_from(&buffer, slot, in, sizes[s], "bytes", err));
@@ -146,8 +146,6 @@ TEST(moves_bytes_to_and_fro)
         assert_memory_equal(in, out, sizes[s]);
         ASSERT_FAILS(hada_buffer_read(&buffer, slot, 1, out, sizes[s], err), HADA_ERROR_SIZE, "");
         hada_buffer_destroy(&buffer);
-        free(in);
-        free(out);
     }
     hada_slot_destroy(&slot);
     hada_context_destroy(&context);

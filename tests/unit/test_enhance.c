@@ -79,14 +79,14 @@ TEST(a_plane_at_once_is_the_net)
 {
     net_device *device = *state;
     for (int shared = 0; shared < 2; shared++) {
-        hada_net *net = unet_of("6|10", "7", 3, HADA_UNET_LINEAR, shared);
+        SCOPED(hada_net) *net = unet_of("6|10", "7", 3, HADA_UNET_LINEAR, shared);
         hada_net_runner *runner;
-        hada_image in, out = {0};
+        SCOPED(hada_image) in, out = {0};
         const hada_enhance_desc desc = {.net = net, .channels = 3, .rows = 21, .cols = 34};
-        float *planes = planes_of(&desc, 2);
+        SCOPED_MEMORY float *planes = planes_of(&desc, 2);
         const size_t plane = 3 * 21 * 34;
         int computed, left_out;
-        float *before = malloc(2 * plane * sizeof(float));
+        SCOPED_MEMORY float *before = malloc(2 * plane * sizeof(float));
         memcpy(before, planes, 2 * plane * sizeof(float));
         run(device, &desc, planes, 2, &computed, &left_out);
         assert_int_equal(computed, 2);
@@ -103,12 +103,7 @@ TEST(a_plane_at_once_is_the_net)
             }
             assert_true(positive > 100);
         }
-        hada_image_destroy(&in);
-        hada_image_destroy(&out);
         hada_net_runner_destroy(&runner);
-        hada_net_destroy(&net);
-        free(planes);
-        free(before);
     }
 }
 
@@ -120,16 +115,16 @@ TEST(planes_at_once_hold_the_bits_of_one_by_one)
     net_device *device = *state;
     for (int way = 0; way < 4; way++) {
         const int resized = way & 1, shared = way >> 1;
-        hada_net *net = unet_of("6|10", "7", 3, HADA_UNET_LINEAR, shared);
+        SCOPED(hada_net) *net = unet_of("6|10", "7", 3, HADA_UNET_LINEAR, shared);
         hada_enhance_desc desc = {.net = net, .channels = 3, .rows = ROWS, .cols = COLS};
         desc.net_rows = resized ? 28 : 0;
         desc.net_cols = resized ? 24 : 0;
-        float *expected = planes_of(&desc, COUNT);
+        SCOPED_MEMORY float *expected = planes_of(&desc, COUNT);
         memset(expected + (size_t)DARK * PLANE, 0, PLANE * sizeof *expected);
-        float *before = malloc((size_t)COUNT * PLANE * sizeof *before);
+        SCOPED_MEMORY float *before = malloc((size_t)COUNT * PLANE * sizeof *before);
         memcpy(before, expected, (size_t)COUNT * PLANE * sizeof *before);
         for (int at_once = 0; at_once <= COUNT; at_once++) {
-            float *planes = malloc((size_t)COUNT * PLANE * sizeof *planes);
+            SCOPED_MEMORY float *planes = malloc((size_t)COUNT * PLANE * sizeof *planes);
             int computed, left_out;
             memcpy(planes, before, (size_t)COUNT * PLANE * sizeof *planes);
             desc.planes = at_once;
@@ -139,12 +134,8 @@ TEST(planes_at_once_hold_the_bits_of_one_by_one)
             if (!at_once)
                 memcpy(expected, planes, (size_t)COUNT * PLANE * sizeof *planes);
             assert_memory_equal(planes, expected, (size_t)COUNT * PLANE * sizeof *planes);
-            free(planes);
         }
         assert_true(memcmp(before, expected, PLANE * sizeof *before));
-        hada_net_destroy(&net);
-        free(before);
-        free(expected);
     }
 }
 
@@ -232,7 +223,7 @@ static const char *const alone = "{\"format\":\"hadalens-net-1\",\"layers\":["
 
 TEST(a_window_of_another_size_goes_there_and_back)
 {
-    hada_net *list, *net;
+    SCOPED(hada_net) * list, *net;
     ASSERT_OK(hada_net_create(&list, between, 6, err));
     ASSERT_OK(hada_net_create(&net, alone, 6, err));
     for (int tiles = 1; tiles < 3; tiles++) {
@@ -245,9 +236,9 @@ TEST(a_window_of_another_size_goes_there_and_back)
                                         .tile_rows = tiles,
                                         .tile_cols = tiles};
         const size_t values = 2 * 25 * 31;
-        float *planes = planes_of(&desc, 1);
-        double *x = calloc(values, sizeof *x), *y = calloc(values, sizeof *y);
-        double *weights = calloc(list->floats, sizeof *weights);
+        SCOPED_MEMORY float *planes = planes_of(&desc, 1);
+        SCOPED_MEMORY double *x = calloc(values, sizeof *x), *y = calloc(values, sizeof *y);
+        SCOPED_MEMORY double *weights = calloc(list->floats, sizeof *weights);
         for (size_t i = 0; i < values; i++)
             x[i] = planes[i];
         for (size_t i = 0; i < list->floats; i++)
@@ -257,13 +248,7 @@ TEST(a_window_of_another_size_goes_there_and_back)
         run(*state, &desc, planes, 1, &computed, &left_out);
         assert_int_equal(computed, tiles * tiles);
         assert_true(net_error(planes, y, values) < 2e-6);
-        free(planes);
-        free(x);
-        free(y);
-        free(weights);
     }
-    hada_net_destroy(&list);
-    hada_net_destroy(&net);
 }
 
 TEST(tiles_hold_the_bits_of_the_whole)
@@ -277,10 +262,10 @@ TEST(tiles_hold_the_bits_of_the_whole)
                  {"16|16", "16", HADA_UNET_TRANSPOSED, 0, 48, 64, 1, 4},
                  {"5|6,6|8", "7|6", HADA_UNET_LINEAR, 1, 92, 136, 2, 3}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        hada_net *net = unet_of(cases[i].down, cases[i].up, 2, cases[i].up_by, cases[i].shared);
+        SCOPED(hada_net) *net = unet_of(cases[i].down, cases[i].up, 2, cases[i].up_by, cases[i].shared);
         hada_enhance_desc desc = {
             .net = net, .channels = 2, .rows = cases[i].rows, .cols = cases[i].cols, .method = HADA_CONV_DIRECT};
-        float *whole = planes_of(&desc, 2), *tiled = planes_of(&desc, 2);
+        SCOPED_MEMORY float *whole = planes_of(&desc, 2), *tiled = planes_of(&desc, 2);
         const size_t values = 2 * 2 * (size_t)desc.rows * (size_t)desc.cols;
         int computed, left_out;
         run(*state, &desc, whole, 2, &computed, &left_out);
@@ -290,22 +275,19 @@ TEST(tiles_hold_the_bits_of_the_whole)
         run(*state, &desc, tiled, 2, &computed, &left_out);
         assert_int_equal(computed, 2 * desc.tile_rows * desc.tile_cols);
         assert_memory_equal(whole, tiled, values * sizeof(float));
-        free(whole);
-        free(tiled);
-        hada_net_destroy(&net);
     }
 }
 
 TEST(tiles_without_content_are_left_out)
 {
-    hada_net *net = unet_of("8|12", "9", 1, HADA_UNET_LINEAR, 0);
+    SCOPED(hada_net) *net = unet_of("8|12", "9", 1, HADA_UNET_LINEAR, 0);
     for (int i = 0; i < net->parameter_count; i++) /* so that black does not stay black */
         if (net->parameters[i].dims == 1)
             for (size_t k = 0; k < net->parameters[i].count; k++)
                 net->values[net->parameters[i].offset + k] = 0.1f;
     hada_enhance_desc desc = {.net = net, .channels = 1, .rows = 96, .cols = 256, .method = HADA_CONV_DIRECT};
     const size_t plane = 96 * 256;
-    float *whole = calloc(2 * plane, sizeof *whole), *tiled = calloc(2 * plane, sizeof *tiled);
+    SCOPED_MEMORY float *whole = calloc(2 * plane, sizeof *whole), *tiled = calloc(2 * plane, sizeof *tiled);
     whole[10 * 256 + 20] = tiled[10 * 256 + 20] = 1.0f;
     int computed, left_out;
     run(*state, &desc, whole, 2, &computed, &left_out);
@@ -329,9 +311,6 @@ TEST(tiles_without_content_are_left_out)
     run(*state, &desc, tiled, 1, &computed, &left_out);
     assert_int_equal(computed, 0);
     assert_true(tiled[10 * 256 + 20] == 1.5f);
-    free(whole);
-    free(tiled);
-    hada_net_destroy(&net);
 }
 
 TEST(short_memory_makes_tiles)
@@ -339,26 +318,24 @@ TEST(short_memory_makes_tiles)
     net_device *device = *state;
     uint64_t whole, tiled;
     int computed, left_out;
-    hada_net *net = unet_of("8|12", "9", 1, HADA_UNET_LINEAR, 0);
+    SCOPED(hada_net) *net = unet_of("8|12", "9", 1, HADA_UNET_LINEAR, 0);
     hada_enhance_desc desc = {.net = net, .channels = 1, .rows = 400, .cols = 300};
     ASSERT_OK(bytes_of(device->context, &desc, &whole, err));
     desc.memory = (size_t)(whole / 3);
     ASSERT_OK(bytes_of(device->context, &desc, &tiled, err));
     assert_true(tiled < whole / 3 + 3 * 400 * 300 * 4 + 100000);
-    float *planes = planes_of(&desc, 1);
+    SCOPED_MEMORY float *planes = planes_of(&desc, 1);
     run(device, &desc, planes, 1, &computed, &left_out);
     assert_true(computed > 2);
     desc.memory = 1000;
     ASSERT_FAILS(bytes_of(device->context, &desc, &tiled, err), HADA_ERROR_DEVICE_MEMORY, "--no-enhance");
-    free(planes);
-    hada_net_destroy(&net);
 }
 
 TEST(nets_that_do_not_fit_are_refused)
 {
     net_device *device = *state;
     hada_enhance *enhance;
-    hada_net *net = unet_of("8|12", "9", 1, HADA_UNET_LINEAR, 0);
+    SCOPED(hada_net) *net = unet_of("8|12", "9", 1, HADA_UNET_LINEAR, 0);
     const hada_enhance_desc desc = {.net = net, .channels = 3, .rows = 40, .cols = 30};
     ASSERT_FAILS(hada_enhance_create(&enhance, device->slot, &desc, err), HADA_ERROR_MODEL, "");
     assert_null(enhance);
@@ -369,13 +346,12 @@ TEST(nets_that_do_not_fit_are_refused)
                               0, err));
     const hada_enhance_desc half = {.net = net, .channels = 1, .rows = 40, .cols = 30};
     ASSERT_FAILS(hada_enhance_create(&enhance, device->slot, &half, err), HADA_ERROR_MODEL, "");
-    hada_net_destroy(&net);
 }
 
 TEST(fields_are_what_layers_reach)
 {
     hada_receptive_field field;
-    hada_net *net = unet_of("8|12", "9", 1, HADA_UNET_LINEAR, 0);
+    SCOPED(hada_net) *net = unet_of("8|12", "9", 1, HADA_UNET_LINEAR, 0);
     ASSERT_OK(hada_net_receptive_field(net, &field, err));
     /* last 0, up 1, resize 1 + 1 coarse, conv 1 coarse, pool 6 fine, conv 1 */
     assert_true(field.tiles);
@@ -393,7 +369,6 @@ TEST(fields_are_what_layers_reach)
                               0, err));
     ASSERT_OK(hada_net_receptive_field(net, &field, err));
     assert_false(field.tiles);
-    hada_net_destroy(&net);
 }
 
 /* Launches of kernels but those that take planes to the net and back. */
@@ -403,7 +378,7 @@ static uint64_t launches_of(net_device *device, const hada_enhance_desc *desc, i
     size_t row_count = 0;
     uint64_t launches = 0;
     int computed, left_out;
-    float *planes = planes_of(desc, count);
+    SCOPED_MEMORY float *planes = planes_of(desc, count);
     ASSERT_OK(hada_slot_profile(device->slot, 1, err));
     run(device, desc, planes, count, &computed, &left_out);
     assert_int_equal(computed, count);
@@ -414,7 +389,6 @@ static uint64_t launches_of(net_device *device, const hada_enhance_desc *desc, i
             strcmp(rows[i].name, "net_tensor_store") != 0)
             launches += rows[i].launches;
     free(rows);
-    free(planes);
     return launches;
 }
 
@@ -423,7 +397,7 @@ TEST(planes_of_a_frame_go_in_one_batch)
 {
     enum { DEPTHS = 6 };
     net_device *device = *state;
-    hada_net *net = unet_of("6,6|10", "7", 3, HADA_UNET_LINEAR, 0);
+    SCOPED(hada_net) *net = unet_of("6,6|10", "7", 3, HADA_UNET_LINEAR, 0);
     hada_enhance_desc desc = {.net = net, .channels = 3, .rows = 20, .cols = 24, .planes = DEPTHS};
     const hada_kernel_shape own = device->context->shape;
     device->context->shape = HADA_SHAPE_GROUPS;
@@ -433,7 +407,6 @@ TEST(planes_of_a_frame_go_in_one_batch)
     desc.planes = 1;
     assert_true(launches_of(device, &desc, DEPTHS) > 2 * one);
     device->context->shape = own;
-    hada_net_destroy(&net);
 }
 
 FIXTURE(net_device_open, net_device_close)

@@ -57,7 +57,7 @@ static void make(images *all, hada_fft_backend backend)
     all->count = hada_fft_layout(context, ROWS, COLS, backend).count;
     all->pixels = all->desc.real_distance;
     const size_t floats = 2 * all->count * CHANNELS * DEPTHS, out = all->pixels * CHANNELS * DEPTHS;
-    float *values = calloc(floats, sizeof *values);
+    SCOPED_MEMORY float *values = calloc(floats, sizeof *values);
     for (size_t i = 0; i < floats; i++)
         values[i] = (float)hada_random_normal(&random);
     ASSERT_OK(hada_buffer_create_from(&all->spectra, slot, values, 2 * all->count * CHANNELS * sizeof *values,
@@ -66,7 +66,6 @@ static void make(images *all, hada_fft_backend backend)
     ASSERT_OK(hada_buffer_create(&all->real, context, out * sizeof *values, "images", err));
     all->whole = calloc(out, sizeof *values);
     all->some = calloc(out, sizeof *values);
-    free(values);
 }
 
 static void run(images *all, const hada_fft_desc *desc, int batch, int channel, const hada_fft_filter *filter,

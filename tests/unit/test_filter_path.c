@@ -95,18 +95,18 @@ static double path_error(fixture *f, const hada_model *model, int batch, int hal
     ASSERT_OK(hada_geometry_of(info, &at, err));
     const size_t count = (size_t)(info->depths * info->channels) * window;
     ASSERT_OK(hada_buffer_create(&planes, f->context, (count + 5) * 4, "planes", err));
-    hada_image raw = small_scene(info->channels, info->raw_rows, info->raw_cols, 5);
+    SCOPED(hada_image) raw = small_scene(info->channels, info->raw_rows, info->raw_cols, 5);
     hada_pixels pixels;
     hada_pixels_of_image(&pixels, &raw);
     ASSERT_OK(hada_hadamard_frame(stage, &pixels, levels, err));
     ASSERT_OK(hada_hadamard_run(stage, bank, 0, info->depths, planes.mem, 5, err));
-    float *got = malloc(count * sizeof *got);
+    SCOPED_MEMORY float *got = malloc(count * sizeof *got);
     ASSERT_OK(hada_buffer_read(&planes, f->slot, 5 * 4, got, count * 4, err));
 
     const hada_ref_grid grid = {info->grid_rows, info->grid_cols, at.raw_row,    at.raw_col,        info->raw_rows,
                                 info->raw_cols,  at.window_row,   at.window_col, info->window_rows, info->window_cols};
-    double *spectrum = malloc(hada_model_plane(model) * 2 * sizeof *spectrum),
-           *expected = malloc(window * sizeof *expected);
+    SCOPED_MEMORY double *spectrum = malloc(hada_model_plane(model) * 2 * sizeof *spectrum),
+                         *expected = malloc(window * sizeof *expected);
     double worst = 0.0;
     for (int c = 0; c < info->channels; c++) {
         for (size_t i = 0; levels && i < area; i++)
@@ -120,10 +120,6 @@ static double path_error(fixture *f, const hada_model *model, int batch, int hal
             worst = fmax(worst, small_distance(got + image * window, expected, window));
         }
     }
-    free(got);
-    free(spectrum);
-    free(expected);
-    hada_image_destroy(&raw);
     hada_buffer_destroy(&planes);
     hada_hadamard_destroy(&stage);
     hada_bank_destroy(&bank);
@@ -142,27 +138,25 @@ TEST(linear_path_agrees_with_the_reference)
                  {2, 3, 33, 50, 20, 31, 1, HADA_FORM_COMPLEX, HADA_BOUNDARY_PADDED},
                  {1, 1, 37, 31, 5, 7, 4, HADA_FORM_SPLIT, HADA_BOUNDARY_PADDED}};
     for (size_t i = 0; i < HADA_COUNT(cases); i++) {
-        hada_model *model =
+        SCOPED(hada_model) *model =
             random_model(cases[i].depths, cases[i].channels, cases[i].rows, cases[i].cols, cases[i].window_rows,
                          cases[i].window_cols, cases[i].form, cases[i].boundary, i);
         const double error = path_error(*state, model, cases[i].batch, 0, NULL);
         if (!(error < 1e-6))
             fail_msg("case %zu: relative error %g", i, error);
-        hada_model_destroy(&model);
     }
 }
 
 TEST(dark_levels_are_taken_off)
 {
     static const double levels[] = {0.25, 0.0, 0.125};
-    hada_model *model = random_model(1, 3, 45, 51, 20, 20, HADA_FORM_COMPLEX, HADA_BOUNDARY_CIRCULAR, 3);
+    SCOPED(hada_model) *model = random_model(1, 3, 45, 51, 20, 20, HADA_FORM_COMPLEX, HADA_BOUNDARY_CIRCULAR, 3);
     assert_true(path_error(*state, model, 1, 0, levels) < 1e-6);
-    hada_model_destroy(&model);
 }
 
 TEST(half_filters_cost_little)
 {
-    hada_model *model = random_model(2, 2, 40, 56, 30, 30, HADA_FORM_COMPLEX, HADA_BOUNDARY_CIRCULAR, 4), *half;
+    SCOPED(hada_model) *model = random_model(2, 2, 40, 56, 30, 30, HADA_FORM_COMPLEX, HADA_BOUNDARY_CIRCULAR, 4), *half;
     const double error = path_error(*state, model, 2, 1, NULL);
     /* half keeps 11 bits: a relative error of up to 2^-11 a value, about 0.3 * 2^-10 in the mean square */
     assert_true(error < 4.9e-4 && error > 1e-6);
@@ -177,14 +171,12 @@ TEST(half_filters_cost_little)
     hada_model *refused;
     ASSERT_FAILS(hada_model_to_half(&refused, model, err), HADA_ERROR_NUMERIC, "");
     assert_null(refused);
-    hada_model_destroy(&model);
-    hada_model_destroy(&half);
 }
 
 TEST(banks_refuse_what_does_not_fit)
 {
     fixture *f = *state;
-    hada_model *model = random_model(2, 1, 16, 16, 8, 8, HADA_FORM_COMPLEX, HADA_BOUNDARY_CIRCULAR, 4);
+    SCOPED(hada_model) *model = random_model(2, 1, 16, 16, 8, 8, HADA_FORM_COMPLEX, HADA_BOUNDARY_CIRCULAR, 4);
     hada_spectrum_layout layout = hada_hadamard_layout(f->context, &model->info);
     hada_bank *bank;
     const int depths[] = {1, 2};
@@ -209,7 +201,6 @@ TEST(banks_refuse_what_does_not_fit)
     ASSERT_FAILS(hada_bank_create(&bank, f->slot, model, &layout, NULL, 0, HADA_BANK_FILTERS, 0, err),
                  HADA_ERROR_DEVICE_MEMORY, "");
     f->context->info.max_allocation_bytes = limit;
-    hada_model_destroy(&model);
 }
 
 TEST(layouts_go_both_ways)
@@ -244,11 +235,11 @@ TEST(a_delta_psf_gives_the_identity)
     fixture *f = *state;
     static const double distances[] = {250.0};
     static const hada_form forms[] = {HADA_FORM_MATCHED, HADA_FORM_WIENER};
-    hada_image psf;
+    SCOPED(hada_image) psf;
     ASSERT_OK(hada_image_create(&psf, 2, 21, 30, err));
     psf.data[10 * 30 + 15] = psf.data[630 + 10 * 30 + 15] = 0.7f;
     for (int i = 0; i < 4; i++) {
-        hada_model *model;
+        SCOPED(hada_model) * model;
         DEFAULTS(hada_psf_options, options);
         options.form = forms[i % 2];
         options.boundary = i < 2 ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED;
@@ -260,9 +251,7 @@ TEST(a_delta_psf_gives_the_identity)
             assert_true(fabsf(model->filter[k] - 1.0f) < 1e-6f && fabsf(model->filter[k + 1]) < 1e-6f);
             assert_true(fabsf(model->otf[k] - 1.0f) < 1e-6f && fabsf(model->otf[k + 1]) < 1e-6f);
         }
-        hada_model_destroy(&model);
     }
-    hada_image_destroy(&psf);
 }
 
 /* A Wiener filter from the camera's PSF turns the frame back into the scene, padded and circular. */
@@ -271,9 +260,9 @@ TEST(wiener_models_invert_the_camera)
     fixture *f = *state;
     static const double distances[] = {100.0};
     for (int padded = 0; padded < 2; padded++) {
-        hada_image psf = small_psf(2, 36, 48, 12, 3), scene = small_scene(2, 12, 16, 8);
-        hada_image frame = small_frame(&psf, &scene, padded, 0.0, 0);
-        hada_model *model;
+        SCOPED(hada_image) psf = small_psf(2, 36, 48, 12, 3), scene = small_scene(2, 12, 16, 8);
+        SCOPED(hada_image) frame = small_frame(&psf, &scene, padded, 0.0, 0);
+        SCOPED(hada_model) * model;
         hada_hadamard *stage;
         hada_bank *bank;
         hada_buffer planes;
@@ -301,10 +290,6 @@ TEST(wiener_models_invert_the_camera)
         hada_hadamard_destroy(&stage);
         hada_bank_destroy(&bank);
         hada_buffer_destroy(&planes);
-        hada_model_destroy(&model);
-        hada_image_destroy(&psf);
-        hada_image_destroy(&scene);
-        hada_image_destroy(&frame);
     }
 }
 

@@ -98,7 +98,7 @@ TEST(filters_agree_with_the_reference)
         options.lambda = 1e-3;
         options.nonnegative = k >> 2;
         hada_fitter *fitter;
-        hada_model *model;
+        SCOPED(hada_model) * model;
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         add_all(f, fitter, DEPTHS, 0, PAIRS);
         ASSERT_OK(hada_fitter_finish(fitter, NULL, &model, err));
@@ -131,7 +131,6 @@ TEST(filters_agree_with_the_reference)
             assert_true(fabs(model->info.noise / 0.003 - 1.0) < 0.05);
         free(expected);
         reference_free(&r);
-        hada_model_destroy(&model);
         hada_fitter_destroy(&fitter);
     }
 }
@@ -181,7 +180,7 @@ TEST(the_table_marks_the_best_row)
     hada_fit_options options = usual(DEPTHS, HADA_FORM_COMPLEX);
     hada_dataset *data = data_of(f, PAIRS);
     hada_fitter *fitter;
-    hada_model *model;
+    SCOPED(hada_model) * model;
     const hada_fit_filter_score *row, *other;
     size_t count, chosen = 0;
     options.outside = 1.0;
@@ -207,7 +206,6 @@ TEST(the_table_marks_the_best_row)
     ASSERT_OK(hada_fitter_finish(fitter, NULL, &model, err));
     assert_null(hada_fitter_get_info(fitter)->scores->filters[0]);
     assert_true(model->info.lambda == HADA_FIT_LAMBDA && model->info.alpha == HADA_FIT_ALPHA);
-    hada_model_destroy(&model);
     hada_fitter_destroy(&fitter);
     hada_dataset_destroy(&data);
 }
@@ -247,14 +245,12 @@ TEST(a_camera_without_noise_is_recovered)
         options.nonnegative = 0;
         options.window_rows = options.window_cols = 0; /* scenes of the frame's size */
         hada_fitter *fitter;
-        hada_model *model;
+        SCOPED(hada_model) * model;
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         for (int i = 0; i < pairs; i++) {
-            hada_image scene = small_scene(CHANNELS, ROWS, COLS, (uint64_t)(50 + i));
-            hada_image frame = small_frame(&f->psf[0], &scene, 0, 0.0, 0);
+            SCOPED(hada_image) scene = small_scene(CHANNELS, ROWS, COLS, (uint64_t)(50 + i));
+            SCOPED(hada_image) frame = small_frame(&f->psf[0], &scene, 0, 0.0, 0);
             ASSERT_OK(hada_fitter_add_pair(fitter, 0, &frame, &scene, err));
-            hada_image_destroy(&scene);
-            hada_image_destroy(&frame);
         }
         ASSERT_OK(hada_fitter_finish(fitter, NULL, &model, err));
         double worst = 0.0;
@@ -264,7 +260,6 @@ TEST(a_camera_without_noise_is_recovered)
         }
         if (!(worst < 1e-3))
             fail_msg("%d pairs: W H differs from 1 by %g", pairs, worst);
-        hada_model_destroy(&model);
         hada_fitter_destroy(&fitter);
     }
 }
@@ -284,22 +279,19 @@ TEST(point_spread_functions_are_nowhere_negative)
         hada_fit_options options = usual(1, HADA_FORM_COMPLEX);
         options.nonnegative = nonnegative;
         hada_fitter *fitter;
-        hada_model *model;
+        SCOPED(hada_model) * model;
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         for (int i = 0; i < 2; i++) {
-            hada_image scene = small_scene(CHANNELS, WINDOW, WINDOW, (uint64_t)(70 + i));
+            SCOPED(hada_image) scene = small_scene(CHANNELS, WINDOW, WINDOW, (uint64_t)(70 + i));
             for (size_t k = 0; k + 1 < hada_image_count(&scene); k++)
                 scene.data[k] = 0.5f * (scene.data[k] + scene.data[k + 1]);
-            hada_image frame = small_frame(&f->psf[0], &scene, 0, 0.02, (uint64_t)i + 1);
+            SCOPED(hada_image) frame = small_frame(&f->psf[0], &scene, 0, 0.02, (uint64_t)i + 1);
             ASSERT_OK(hada_fitter_add_pair(fitter, 0, &frame, &scene, err));
-            hada_image_destroy(&scene);
-            hada_image_destroy(&frame);
         }
         const uint64_t held = hada_context_bytes(f->context);
         ASSERT_OK(hada_fitter_finish(fitter, NULL, &model, err));
         assert_int_equal(hada_context_bytes(f->context), held);
         error[nonnegative] = small_distance(model->otf, truth, hada_model_plane(model) * 2);
-        hada_model_destroy(&model);
         hada_fitter_destroy(&fitter);
     }
     free(image);

@@ -187,13 +187,12 @@ static hada_status learn_cropped(hada_fitter *fitter, shower *at, hada_error *er
 static void truth(const fixture *f, const hada_fit_grid *grid, int z, int c, double *otf)
 {
     const int rows = grid->info.grid_rows, cols = grid->info.grid_cols;
-    double *image = calloc((size_t)rows * (size_t)cols, sizeof *image);
+    SCOPED_MEMORY double *image = calloc((size_t)rows * (size_t)cols, sizeof *image);
     for (int row = 0; row < TALL; row++)
         for (int col = 0; col < WIDE; col++)
             image[(row - TALL / 2 + rows) % rows * cols + (col - WIDE / 2 + cols) % cols] +=
                 f->psf[z].data[(c * TALL + row) * WIDE + col];
     ASSERT_OK(hada_ref_fft_forward(image, rows, cols, otf, err));
-    free(image);
 }
 
 /* The relative error of a model's transfer functions. */
@@ -229,7 +228,7 @@ static hada_model *learn(fixture *f, int passes, double *error, int *shown)
 static void learn_on(fixture *f, const hada_fit_options *options, double *error)
 {
     hada_fitter *fitter;
-    hada_model *model;
+    SCOPED(hada_model) * model;
     shower at = {.f = f};
     ASSERT_OK(hada_fitter_create(&fitter, f->context, options, err));
     for (int z = 0; z < DEPTHS; z++)
@@ -238,7 +237,6 @@ static void learn_on(fixture *f, const hada_fit_options *options, double *error)
     ASSERT_OK(learn_cropped(fitter, &at, err));
     ASSERT_OK(hada_fit_solve(fitter, &model, err));
     *error = error_of(f, &fitter->grid, model);
-    hada_model_destroy(&model);
     hada_fitter_destroy(&fitter);
 }
 
@@ -295,7 +293,7 @@ TEST(iterations_agree_with_the_reference)
     hada_fit_cropped *cropped;
     const hada_buffer *transfers;
     double noise[CHANNELS], left, *otf = malloc(2 * plane * sizeof *otf);
-    float *got = malloc(2 * plane * sizeof *got), *blocks = malloc(2 * grid->stride * sizeof *blocks);
+    SCOPED_MEMORY float *got = malloc(2 * plane * sizeof *got), *blocks = malloc(2 * grid->stride * sizeof *blocks);
     int more;
     ASSERT_OK(
         hada_nonnegative_create(&nonnegative, grid->slot, grid->info.grid_rows, grid->info.grid_cols, CHANNELS, err));
@@ -323,8 +321,6 @@ TEST(iterations_agree_with_the_reference)
             fail_msg("channel %d: left %g, expected %g", c, hada_fit_cropped_left(cropped)[c], left);
     }
     free(otf);
-    free(got);
-    free(blocks);
     hada_fit_cropped_destroy(&cropped);
     hada_nonnegative_destroy(&nonnegative);
     hada_fitter_destroy(&fitter);
@@ -333,13 +329,11 @@ TEST(iterations_agree_with_the_reference)
 TEST(light_beyond_the_sensor_is_found)
 {
     double before, now;
-    hada_model *one = learn(*state, 0, &before, NULL), *model = learn(*state, HADA_AUTO, &now, NULL);
+    SCOPED(hada_model) *one = learn(*state, 0, &before, NULL), *model = learn(*state, HADA_AUTO, &now, NULL);
     if (!(now < before / 4.0))
         fail_msg("error %g in one pass, %g with the crop in the model", before, now);
     if (!(model->info.noise < 0.5 * one->info.noise))
         fail_msg("noise %g in one pass, %g with the crop in the model", one->info.noise, model->info.noise);
-    hada_model_destroy(&one);
-    hada_model_destroy(&model);
 }
 
 /* Passes over pairs that stay on the device read none, and can be stopped all the same. */
@@ -350,7 +344,7 @@ TEST(passes_can_be_stopped)
     const hada_monitor monitor = patience_monitor(&of);
     hada_fit_options options = options_of(HADA_BOUNDARY_PADDED, HADA_AUTO, 0);
     hada_fitter *fitter;
-    hada_model *model, *expected = learn(f, HADA_AUTO, NULL, NULL);
+    SCOPED(hada_model) * model, *expected = learn(f, HADA_AUTO, NULL, NULL);
     shower at = {.f = f};
     hada_dataset *data = shown_by(&at, PAIRS);
     options.monitor = &monitor;
@@ -367,8 +361,6 @@ TEST(passes_can_be_stopped)
     of = (patience){.most = -1};
     ASSERT_OK(hada_fitter_finish(fitter, data, &model, err));
     assert_memory_equal(model->otf, expected->otf, 2 * hada_model_plane(model) * DEPTHS * CHANNELS * sizeof(float));
-    hada_model_destroy(&model);
-    hada_model_destroy(&expected);
     hada_fitter_destroy(&fitter);
     hada_dataset_destroy(&data);
 }
@@ -378,21 +370,19 @@ TEST(light_that_stays_costs_little)
     fixture *f = (fixture *)*state + 1;
     double before, now;
     int shown;
-    hada_model *one = learn(f, 0, &before, &shown), *model;
+    SCOPED(hada_model) *one = learn(f, 0, &before, &shown), *model;
     assert_int_equal(shown, 0);
     model = learn(f, HADA_AUTO, &now, &shown);
     assert_int_equal(shown, DEPTHS * PAIRS);
     if (!(now < 1.15 * before)) /* one pass takes for granted what is so here: no light beyond the sensor */
         fail_msg("error %g in one pass, %g with the crop in the model", before, now);
-    hada_model_destroy(&one);
-    hada_model_destroy(&model);
 }
 
 TEST(streamed_pairs_give_the_same_bits)
 {
     fixture *f = *state;
     int shown;
-    hada_model *kept = learn(f, 6, NULL, &shown), *streamed;
+    SCOPED(hada_model) *kept = learn(f, 6, NULL, &shown), *streamed;
     const uint64_t memory = f->context->info.memory_bytes;
     assert_int_equal(shown, DEPTHS * PAIRS);
     f->context->info.memory_bytes = 0;
@@ -400,15 +390,13 @@ TEST(streamed_pairs_give_the_same_bits)
     f->context->info.memory_bytes = memory;
     assert_int_equal(shown, DEPTHS * PAIRS * 6); /* the first look, and five passes */
     assert_memory_equal(kept->otf, streamed->otf, DEPTHS * CHANNELS * hada_model_plane(kept) * 2 * sizeof(float));
-    hada_model_destroy(&kept);
-    hada_model_destroy(&streamed);
 }
 
 TEST(the_trial_has_transfer_functions_of_its_own)
 {
     fixture *f = *state;
     hada_fitter *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, (int)HADA_AUTO, (int)HADA_AUTO);
-    hada_model *model;
+    SCOPED(hada_model) * model;
     shower at = {.f = f};
     hada_dataset *data = shown_by(&at, PAIRS);
     ASSERT_OK(hada_fitter_finish(fitter, data, &model, err));
@@ -419,7 +407,6 @@ TEST(the_trial_has_transfer_functions_of_its_own)
         assert_true(k == 0 || memcmp(fitter->kept.pair[0].transfers, fitter->kept.pair[3].transfers, bytes));
     }
     assert_non_null(hada_fitter_get_info(fitter)->scores->refinements[0]);
-    hada_model_destroy(&model);
     hada_fitter_destroy(&fitter);
     hada_dataset_destroy(&data);
 }

@@ -97,7 +97,7 @@ TEST(refinement_is_chosen_where_it_pays)
     hada_fit_rows rows;
     ASSERT_OK(hada_context_create(&context, NULL, err));
     for (int strange = 0; strange < 2; strange++) {
-        hada_model *model = fit(context, strange, &rows);
+        SCOPED(hada_model) *model = fit(context, strange, &rows);
         double linear = NAN, chosen = NAN;
         int marked = 0;
         for (int i = 0; i < rows.refinements; i++) {
@@ -119,7 +119,6 @@ TEST(refinement_is_chosen_where_it_pays)
             fail_msg("refinement gained only %g dB", chosen - linear);
         if (!strange)
             assert_true(model->info.refine_steps > 0);
-        hada_model_destroy(&model);
     }
     assert_int_equal(hada_context_bytes(context), 0);
     hada_context_destroy(&context);

@@ -11,7 +11,7 @@ TEST(many_additions_stay_accurate)
     ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
     const size_t spectrum = (size_t)CHANNELS * fitter->grid.layout.count * 2, count = fitter->grid.layout.count;
     const size_t stride = fitter->grid.stride;
-    float *x = malloc(spectrum * 4), *b = malloc(spectrum * 4), *sums = malloc(12 * stride * 4);
+    SCOPED_MEMORY float *x = malloc(spectrum * 4), *b = malloc(spectrum * 4), *sums = malloc(12 * stride * 4);
     hada_random random;
     hada_random_seed(&random, 1, 1);
     for (size_t i = 0; i < spectrum; i++) {
@@ -39,9 +39,6 @@ TEST(many_additions_stay_accurate)
     }
     if (!(worst < 1e-11))
         fail_msg("relative error %g after %d additions", worst, MANY);
-    free(x);
-    free(b);
-    free(sums);
     hada_fitter_destroy(&fitter);
 }
 
@@ -50,13 +47,13 @@ TEST(bad_pairs_leave_the_sums_as_they_were)
     fixture *f = *state;
     hada_fit_options options = usual(1, HADA_FORM_COMPLEX);
     hada_fitter *fitter;
-    hada_model *before, *after;
+    SCOPED(hada_model) * before, *after;
     options.lambda = 1e-3;
     ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
     ASSERT_FAILS(hada_fitter_finish(fitter, NULL, &before, err), HADA_ERROR_STATE, "100 mm");
     add_all(f, fitter, 1, 0, 2);
     ASSERT_OK(hada_fitter_finish(fitter, NULL, &before, err));
-    hada_image bad = small_scene(CHANNELS, ROWS, COLS, 1), small = small_scene(CHANNELS, WINDOW - 1, WINDOW, 1);
+    SCOPED(hada_image) bad = small_scene(CHANNELS, ROWS, COLS, 1), small = small_scene(CHANNELS, WINDOW - 1, WINDOW, 1);
     bad.data[77] = NAN;
     ASSERT_FAILS(hada_fitter_add_pair(fitter, 0, &bad, &f->scene[0][0], err), HADA_ERROR_NOT_FINITE, "");
     bad.data[77] = INFINITY;
@@ -67,10 +64,6 @@ TEST(bad_pairs_leave_the_sums_as_they_were)
     assert_int_equal(hada_fitter_get_info(fitter)->pairs[0], 2);
     ASSERT_OK(hada_fitter_finish(fitter, NULL, &after, err));
     assert_memory_equal(before->filter, after->filter, hada_model_plane(before) * 2 * CHANNELS * sizeof(float));
-    hada_image_destroy(&bad);
-    hada_image_destroy(&small);
-    hada_model_destroy(&before);
-    hada_model_destroy(&after);
     hada_fitter_destroy(&fitter);
 }
 
@@ -85,7 +78,7 @@ TEST(equal_inputs_give_equal_models)
         hada_fitter *fitter;
         options.dark = k == 1 ? 0.25 : 0.0;
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
-        hada_image frame, scene;
+        SCOPED(hada_image) frame, scene;
         ASSERT_OK(hada_image_create(&frame, CHANNELS, ROWS, COLS, err));
         ASSERT_OK(hada_image_create(&scene, CHANNELS, ROWS, COLS, err));
         for (int i = 0; i < CHANNELS * ROWS * COLS; i++)
@@ -97,8 +90,6 @@ TEST(equal_inputs_give_equal_models)
         for (int i = 0; i < (k == 2 ? 4 : 1); i++)
             ASSERT_OK(hada_fitter_add_pair(fitter, 0, &frame, k == 1 ? &scene : &f->scene[0][0], err));
         ASSERT_OK(hada_fitter_finish(fitter, NULL, &models[k], err));
-        hada_image_destroy(&frame);
-        hada_image_destroy(&scene);
         hada_fitter_destroy(&fitter);
     }
     const size_t values = hada_model_plane(models[0]) * 2 * CHANNELS;
@@ -185,18 +176,17 @@ TEST(scenes_are_brought_to_light)
     close(mkstemp(path));
     hada_fit_options options = usual(1, HADA_FORM_COMPLEX);
     hada_fitter *linear, *encoded;
-    hada_model *expected, *model;
+    SCOPED(hada_model) * expected, *model;
     options.lambda = 1e-3;
     ASSERT_OK(hada_fitter_create(&linear, f->context, &options, err));
     options.scene_response = 2.0;
     ASSERT_OK(hada_fitter_create(&encoded, f->context, &options, err));
     for (int i = 0; i < PAIRS; i++) {
-        hada_image scene = small_scene(CHANNELS, WINDOW, WINDOW, 1);
+        SCOPED(hada_image) scene = small_scene(CHANNELS, WINDOW, WINDOW, 1);
         for (size_t k = 0; k < hada_image_count(&scene); k++)
             scene.data[k] = sqrtf(f->scene[0][i].data[k]);
         ASSERT_OK(hada_fitter_add_pair(linear, 0, &f->frame[0][i], &f->scene[0][i], err));
         ASSERT_OK(hada_fitter_add_pair(encoded, 0, &f->frame[0][i], &scene, err));
-        hada_image_destroy(&scene);
     }
     ASSERT_OK(hada_fitter_finish(linear, NULL, &expected, err));
     ASSERT_OK(hada_fitter_finish(encoded, NULL, &model, err));
@@ -221,8 +211,6 @@ TEST(scenes_are_brought_to_light)
     options.scene_response = 7.0;
     ASSERT_FAILS(hada_fitter_create(&encoded, f->context, &options, err), HADA_ERROR_ARGUMENT, "");
     unlink(path);
-    hada_model_destroy(&expected);
-    hada_model_destroy(&model);
     hada_fitter_destroy(&linear);
 }
 
@@ -231,7 +219,7 @@ TEST(depths_may_come_in_any_order)
     fixture *f = *state;
     hada_fit_options options = usual(DEPTHS, HADA_FORM_COMPLEX);
     hada_fitter *a, *b;
-    hada_model *one, *two;
+    SCOPED(hada_model) * one, *two;
     options.alpha = 0.3;
     options.lambda = 1e-4;
     ASSERT_OK(hada_fitter_create(&a, f->context, &options, err));
@@ -245,8 +233,6 @@ TEST(depths_may_come_in_any_order)
     ASSERT_OK(hada_fitter_finish(a, NULL, &one, err));
     ASSERT_OK(hada_fitter_finish(b, NULL, &two, err));
     assert_memory_equal(one->filter, two->filter, hada_model_plane(one) * 2 * DEPTHS * CHANNELS * sizeof(float));
-    hada_model_destroy(&one);
-    hada_model_destroy(&two);
     hada_fitter_destroy(&a);
     hada_fitter_destroy(&b);
 }

@@ -22,7 +22,8 @@ static reference reference_make(const fixture *f, const hada_fitter *fitter, int
     r.x = calloc(r.plane * 2, sizeof(double));
     r.sums = calloc(r.plane * HADA_REF_FIT_SUMS, sizeof(double));
     r.other = calloc(r.plane * 2, sizeof(double));
-    double *rest = calloc(r.plane * HADA_REF_FIT_SUMS, sizeof(double)), *b = calloc(r.plane * 2, sizeof(double));
+    SCOPED_MEMORY double *rest = calloc(r.plane * HADA_REF_FIT_SUMS, sizeof(double)),
+                         *b = calloc(r.plane * 2, sizeof(double));
     for (int i = 0; i < PAIRS; i++)
         r.b[i] = calloc(r.plane * 2, sizeof(double));
     for (int z = 0; z < depths; z++)
@@ -38,8 +39,6 @@ static reference reference_make(const fixture *f, const hada_fitter *fitter, int
         }
     memcpy(r.other, rest + 2 * r.plane, r.plane * sizeof *rest);
     memcpy(r.other + r.plane, rest + 5 * r.plane, r.plane * sizeof *rest);
-    free(rest);
-    free(b);
     return r;
 }
 
@@ -81,8 +80,9 @@ TEST(iterations_lead_to_the_minimum)
         }
         assert_true(converged);
         const size_t plane = hada_model_info_plane(&fitter->grid.info);
-        float *blocks = malloc(2 * fitter->grid.stride * sizeof *blocks), *got = malloc(2 * plane * sizeof *got);
-        double *expected = malloc(2 * plane * sizeof *expected);
+        SCOPED_MEMORY float *blocks = malloc(2 * fitter->grid.stride * sizeof *blocks),
+                            *got = malloc(2 * plane * sizeof *got);
+        SCOPED_MEMORY double *expected = malloc(2 * plane * sizeof *expected);
         for (int c = 0; c < CHANNELS; c++) {
             reference r = reference_make(f, fitter, DEPTHS, c);
             for (int s = 0; s < WEIGHTS; s++) {
@@ -104,9 +104,6 @@ TEST(iterations_lead_to_the_minimum)
             }
             reference_free(&r);
         }
-        free(blocks);
-        free(got);
-        free(expected);
         hada_fit_window_destroy(&window);
         hada_fitter_destroy(&fitter);
     }
@@ -185,7 +182,7 @@ TEST(a_lower_weight_lowers_the_error_in_the_window)
         double inside[4];
         for (int s = 0; s < 4; s++) {
             hada_fitter *fitter = fitter_of(f, weights[s], split ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX);
-            hada_model *model;
+            SCOPED(hada_model) * model;
             shower at = {.f = f};
             hada_dataset *data = shown_by(&at);
             ASSERT_OK(hada_fit_learn_windowed(fitter, data, err));
@@ -194,7 +191,6 @@ TEST(a_lower_weight_lowers_the_error_in_the_window)
             assert_true(at.shown <= DEPTHS * PAIRS * HADA_FIT_ITERATIONS);
             ASSERT_OK(hada_fit_solve(fitter, &model, err));
             inside[s] = objective(f, fitter, model, 0.0);
-            hada_model_destroy(&model);
             hada_fitter_destroy(&fitter);
         }
         for (int s = 1; s < 4; s++)
@@ -209,7 +205,7 @@ TEST(the_weight_is_chosen_on_held_out_pairs)
     fixture *f = *state;
     hada_fitter *fitter = fitter_of(f, -1.0, HADA_FORM_COMPLEX);
     hada_dataset *data = data_of(f, PAIRS);
-    hada_model *plain, *first, *second;
+    SCOPED(hada_model) * plain, *first, *second;
     const hada_fit_outside_score *row, *taken = NULL, *last = NULL;
     double best = -INFINITY;
     size_t count;
@@ -243,9 +239,6 @@ TEST(the_weight_is_chosen_on_held_out_pairs)
     ASSERT_OK(hada_fitter_finish(fitter, NULL, &second, err));
     assert_null(fitter->outside.filters);
     assert_memory_equal(second->filter, plain->filter, values * sizeof(float));
-    hada_model_destroy(&second);
-    hada_model_destroy(&plain);
-    hada_model_destroy(&first);
     hada_fitter_destroy(&fitter);
     hada_dataset_destroy(&data);
 }
@@ -254,7 +247,7 @@ TEST(what_cannot_be_judged_is_refused)
 {
     fixture *f = *state;
     hada_error error = {0};
-    hada_model *plain, *after;
+    SCOPED(hada_model) * plain, *after;
     hada_fit_options options = usual(DEPTHS, HADA_FORM_COMPLEX);
     hada_fitter *fitter = NULL;
     static const double wrong[] = {0.0, 0.005, 1.5, NAN};
@@ -286,8 +279,6 @@ TEST(what_cannot_be_judged_is_refused)
     const size_t values = hada_model_plane(plain) * DEPTHS * CHANNELS * 2;
     assert_memory_equal(plain->filter, after->filter, values * sizeof(float));
     assert_memory_equal(plain->otf, after->otf, values * sizeof(float));
-    hada_model_destroy(&plain);
-    hada_model_destroy(&after);
     hada_fitter_destroy(&fitter);
 }
 

@@ -47,7 +47,7 @@ static void expect_same(const hada_result *a, const hada_result *b)
 /* 8 and 16 bits, floats; planar, interleaved, upside down, with room between rows: the floats of the TIFF path. */
 TEST(every_number_is_as_in_a_file)
 {
-    hada_image image;
+    SCOPED(hada_image) image;
     static uint16_t words[65536];
     static uint8_t bytes[256];
     DEFAULTS(hada_pixels, pixels);
@@ -77,7 +77,6 @@ TEST(every_number_is_as_in_a_file)
     pixels.col_stride = -pixels.col_stride;
     ASSERT_OK(hada_pixels_to_image(&pixels, &image, err));
     assert_true(image.data[0] == (float)(252 / 255.0) && image.data[64 + 63] == (float)(1 / 255.0));
-    hada_image_destroy(&image);
 }
 
 TEST(what_cannot_be_pixels_is_refused)
@@ -104,11 +103,11 @@ TEST(what_cannot_be_pixels_is_refused)
 TEST(a_plan_takes_them_as_they_are)
 {
     const learned_camera *learned = *state;
-    hada_image scene = learned_scene(learned, 40);
-    hada_image raw = learned_frame(learned, &(hada_plane){2, &scene}, 1, 40);
+    SCOPED(hada_image) scene = learned_scene(learned, 40);
+    SCOPED(hada_image) raw = learned_frame(learned, &(hada_plane){2, &scene}, 1, 40);
     digital d = digitise(&raw);
     const int rows = raw.rows, cols = raw.cols, wide = cols + 2 * MARGIN;
-    uint16_t *apart = malloc((size_t)(rows + 2 * MARGIN) * (size_t)wide * sizeof *apart);
+    SCOPED_MEMORY uint16_t *apart = malloc((size_t)(rows + 2 * MARGIN) * (size_t)wide * sizeof *apart);
     hada_plan *plan;
     hada_result file = {0}, view = {0};
     hada_job *job;
@@ -141,9 +140,6 @@ TEST(a_plan_takes_them_as_they_are)
     hada_result_destroy(&view);
     hada_plan_destroy(&plan);
     free_digital(&d);
-    free(apart);
-    hada_image_destroy(&scene);
-    hada_image_destroy(&raw);
 }
 
 TEST(results_go_into_the_callers_arrays)
@@ -152,15 +148,15 @@ TEST(results_go_into_the_callers_arrays)
     const hada_model_info *info = hada_model_get_info(learned->model);
     const size_t map = (size_t)info->window_rows * (size_t)info->window_cols;
     const size_t plane = map * (size_t)info->channels, stack = plane * (size_t)info->depths;
-    hada_image scene = learned_scene(learned, 41);
-    hada_image raw = learned_frame(learned, &(hada_plane){1, &scene}, 1, 41);
+    SCOPED(hada_image) scene = learned_scene(learned, 41);
+    SCOPED(hada_image) raw = learned_frame(learned, &(hada_plane){1, &scene}, 1, 41);
     hada_plan *plan;
     hada_result own = {0}, into = {0};
     ASSERT_OK(hada_plan_create(&plan, learned->context, learned->model, NULL, err));
     ASSERT_OK(hada_plan_run(plan, &raw, &own, err));
     for (int z = 1; z < own.depths; z++)
         assert_ptr_equal(own.planes[z].data, own.planes[0].data + (size_t)z * plane); /* one stack */
-    float *values = malloc((stack + plane + map) * sizeof *values);
+    SCOPED_MEMORY float *values = malloc((stack + plane + map) * sizeof *values);
     assert_non_null(values);
     DEFAULTS(hada_result_arrays, arrays);
     arrays.stack = values;
@@ -190,11 +186,8 @@ TEST(results_go_into_the_callers_arrays)
     assert_true(into.all_in_focus.data != NULL);
     hada_result_destroy(&into);
     values[0] = values[stack + map - 1]; /* still the caller's */
-    free(values);
     hada_result_destroy(&own);
     hada_plan_destroy(&plan);
-    hada_image_destroy(&scene);
-    hada_image_destroy(&raw);
 }
 
 FIXTURE(learned_setup, learned_teardown)

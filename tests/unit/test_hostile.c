@@ -108,7 +108,7 @@ static void write_pages(const char *path, uint32_t pages, const char *text)
 {
     enum { SIDE = 1000, ENTRIES = 10, RUN = 128, PACKED = 2 * (SIDE * SIDE / RUN + 1) };
     const size_t length = strlen(text) + 1, directory = 2 + 12 * ENTRIES + 4, first = 8 + PACKED + length + length % 2;
-    unsigned char *file = calloc(1, first + pages * directory);
+    SCOPED_MEMORY unsigned char *file = calloc(1, first + pages * directory);
     memcpy(file, "II*\0", 4);
     put(file + 4, first, 4);
     for (size_t i = 0; i < PACKED; i += 2)
@@ -129,7 +129,6 @@ static void write_pages(const char *path, uint32_t pages, const char *text)
         put(at, i + 1 < pages ? first + (i + 1) * directory : 0, 4);
     }
     io_write_bytes(path, file, first + pages * directory);
-    free(file);
 }
 
 /* A frame of 600 channels, each a page: 94 KB for 2.4 GB. */

@@ -70,13 +70,11 @@ static hada_status read_tensors(const char *path, hada_error *err)
 
 static hada_status read_net(const char *path, hada_error *err)
 {
-    hada_net *net;
+    SCOPED(hada_net) * net;
     size_t bytes;
-    char *text = (char *)io_read_bytes(path, &bytes);
+    SCOPED_MEMORY char *text = (char *)io_read_bytes(path, &bytes);
     text[bytes] = '\0';
     const hada_status status = hada_net_create(&net, text, 1, err);
-    hada_net_destroy(&net);
-    free(text);
     return status;
 }
 
@@ -96,9 +94,8 @@ static hada_status read_tuning(const char *path, hada_error *err)
 
 static hada_status read_picture(const char *path, hada_error *err)
 {
-    hada_image image;
+    SCOPED(hada_image) image;
     const hada_status status = hada_tiff_load(path, 0, &image, err);
-    hada_image_destroy(&image);
     return status;
 }
 

@@ -78,7 +78,7 @@ TEST(another_device_helps)
 {
     const job_fixture *f = *state;
     hada_plan *plan;
-    hada_result result = {0};
+    SCOPED(hada_result) result = {0};
     hada_queue_info queues[2];
     enum { BOTH = 10, MOST = 20000 };
     make_plan(f, &ways[2], &f->options[JOB_LINEAR], &plan);
@@ -99,7 +99,6 @@ TEST(another_device_helps)
     assert_int_equal(queues[1].device, 1);
     assert_true(queues[0].busy_seconds + queues[1].busy_seconds > 0);
     assert_false(queues[0].lost || queues[1].lost);
-    hada_result_destroy(&result);
     hada_plan_destroy(&plan);
 }
 

@@ -46,7 +46,7 @@ TEST(ends_at_every_stage)
     for (int kind = 0; kind < JOB_KINDS; kind++)
         for (int parts = 0; parts <= 2; parts += 2) {
             hada_plan *plan;
-            hada_result result = {0};
+            SCOPED(hada_result) result = {0};
             make_plan(f, kind, parts, 1, &plan);
             for (int i = 0; i < 60; i++) {
                 const double when = (double)(i % 12) / 12;
@@ -66,7 +66,6 @@ TEST(ends_at_every_stage)
             /* and the plan works on */
             ASSERT_OK(hada_plan_run(plan, &f->frames[0], &result, err));
             assert_true(job_same(&result, &f->expected[kind][0]));
-            hada_result_destroy(&result);
             hada_plan_destroy(&plan);
         }
 }
@@ -79,7 +78,7 @@ TEST(a_running_job_ends_when_asked)
         for (int parts = 0; parts <= 2; parts += 2) {
             hada_plan *plan;
             hada_job *job;
-            hada_result result = {0};
+            SCOPED(hada_result) result = {0};
             make_plan(f, kind, parts, 1, &plan);
             const job_gate gate = job_hold(plan, 0, parts ? parts : 1);
             ASSERT_OK(hada_job_submit(&job, plan, &f->frames[kind], &result, err));
@@ -94,7 +93,6 @@ TEST(a_running_job_ends_when_asked)
             hada_job_destroy(&job);
             ASSERT_OK(hada_plan_run(plan, &f->frames[0], &result, err));
             assert_true(job_same(&result, &f->expected[kind][0]));
-            hada_result_destroy(&result);
             hada_plan_destroy(&plan);
         }
 }
@@ -152,7 +150,7 @@ TEST(progress_never_falls)
         make_plan(f, kind, 2, 1, &plan);
         for (int i = 0; i < JOB_FRAMES; i++) {
             hada_job *job;
-            hada_result result = {0};
+            SCOPED(hada_result) result = {0};
             pthread_t thread;
             const job_gate gate = job_hold(plan, 0, 2);
             ASSERT_OK(hada_job_submit(&job, plan, &f->frames[i], &result, err));
@@ -166,7 +164,6 @@ TEST(progress_never_falls)
             assert_int_equal(w.fell, 0);
             assert_true(hada_job_progress(job) == 1.0);
             hada_job_destroy(&job);
-            hada_result_destroy(&result);
         }
         hada_plan_destroy(&plan);
     }
@@ -234,7 +231,7 @@ TEST(refuses_what_cannot_be_done)
     hada_job *job, *good;
     hada_error error = {0};
     hada_result result = {0}, other = {0};
-    hada_image small, broken;
+    SCOPED(hada_image) small, broken;
     hada_context *const twice[] = {f->whole, f->whole};
     ASSERT_FAILS(hada_plan_create_on(&plan, twice, 2, f->model, NULL, err), HADA_ERROR_ARGUMENT, "");
     assert_null(plan);
@@ -264,8 +261,6 @@ TEST(refuses_what_cannot_be_done)
     hada_job_destroy(&job);
     hada_job_destroy(&good);
     hada_result_destroy(&other);
-    hada_image_destroy(&small);
-    hada_image_destroy(&broken);
     hada_plan_destroy(&plan);
 }
 

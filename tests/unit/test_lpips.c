@@ -103,10 +103,10 @@ static void close_to(double value, double expected, double tolerance)
 /* Single precision against double: some 1e-6 of the value, more where two images' features are alike. */
 static void check_case(hada_lpips *lpips, int channels, int rows, int cols, const double expected[3])
 {
-    hada_image a, b, map = {0};
+    SCOPED(hada_image) a, b, map = {0};
     double value, again, grey;
     make_pair(&a, &b, channels, rows, cols);
-    unsigned char *mask = calloc((size_t)rows, (size_t)cols);
+    SCOPED_MEMORY unsigned char *mask = calloc((size_t)rows, (size_t)cols);
     assert_non_null(mask);
     for (int r = 0; r < rows; r++)
         for (int c = 0; c < cols; c++)
@@ -131,10 +131,6 @@ static void check_case(hada_lpips *lpips, int channels, int rows, int cols, cons
     }
     ASSERT_OK(hada_lpips_run(lpips, &a, &b, 4.0, NULL, &grey, err));
     assert_true(grey == value);
-    free(mask);
-    hada_image_destroy(&a);
-    hada_image_destroy(&b);
-    hada_image_destroy(&map);
 }
 
 static void golden(int is_alex)
@@ -177,15 +173,13 @@ TEST(golden_alex)
 TEST(bytes)
 {
     hada_lpips *lpips = open_net(1);
-    hada_image a, b;
+    SCOPED(hada_image) a, b;
     uint64_t stated;
     double value;
     make_pair(&a, &b, 1, 40, 45);
     ASSERT_OK(hada_lpips_bytes(lpips, 40, 45, &stated, err));
     ASSERT_OK(hada_lpips_run(lpips, &a, &b, 1.0, NULL, &value, err));
     assert_int_equal(hada_context_bytes(context), stated);
-    hada_image_destroy(&a);
-    hada_image_destroy(&b);
     hada_lpips_destroy(&lpips);
 }
 
@@ -215,7 +209,8 @@ TEST(files)
 TEST(images)
 {
     hada_lpips *lpips = open_net(1);
-    hada_image a, b, small, other, two, map = {0};
+    hada_image map = {0};
+    SCOPED(hada_image) a, b, small, other, two;
     double value;
     unsigned char none[32 * 33] = {0};
     make_pair(&a, &b, 1, 32, 33);
@@ -229,11 +224,6 @@ TEST(images)
     b.data[7] = NAN;
     ASSERT_FAILS(hada_lpips_map(lpips, &a, &b, 1.0, &map, err), HADA_ERROR_NOT_FINITE, "");
     assert_null(map.data);
-    hada_image_destroy(&a);
-    hada_image_destroy(&b);
-    hada_image_destroy(&small);
-    hada_image_destroy(&other);
-    hada_image_destroy(&two);
     hada_lpips_destroy(&lpips);
 }
 

@@ -68,7 +68,7 @@ TEST(golden)
 
 TEST(masks)
 {
-    hada_image a = fill(1, 16, 16, value_a), b = fill(1, 16, 16, value_a);
+    SCOPED(hada_image) a = fill(1, 16, 16, value_a), b = fill(1, 16, 16, value_a);
     unsigned char mask[256];
     memset(mask, 1, sizeof mask);
     double value;
@@ -87,14 +87,12 @@ TEST(masks)
     assert_int_equal(hada_metric_compare(HADA_METRIC_MAE, &a, &b, 1.0, mask, &value, &err), HADA_ERROR_ARGUMENT);
     assert_int_equal(hada_metric_compare(HADA_METRIC_SSIM, &a, &b, 1.0, mask, &value, &err), HADA_ERROR_ARGUMENT);
     assert_int_equal(hada_metric_sharpness(&a, mask, &value, &err), HADA_ERROR_ARGUMENT);
-    hada_image_destroy(&a);
-    hada_image_destroy(&b);
 }
 
 /* By hand: the mean of two pixels' PSNR, one channel off by 0.1 and by 0.01; an exact pixel makes it infinite. */
 TEST(authors)
 {
-    hada_image a, b;
+    SCOPED(hada_image) a, b;
     unsigned char mask[3] = {1, 1, 0};
     double value;
     assert_int_equal(hada_image_create(&a, 1, 1, 3, NULL), HADA_OK);
@@ -110,24 +108,19 @@ TEST(authors)
                  "");
     ASSERT_FAILS(hada_metric_compare(HADA_METRIC_AUTHORS_PSNR, &a, &b, -1.0, NULL, &value, err), HADA_ERROR_ARGUMENT,
                  "");
-    hada_image_destroy(&a);
-    hada_image_destroy(&b);
 }
 
 TEST(refusals)
 {
-    hada_image a = fill(1, 12, 12, value_a), b = fill(1, 12, 13, value_a), c = fill(1, 12, 12, value_b),
-               small = fill(1, 10, 12, value_a);
+    SCOPED(hada_image)
+    a = fill(1, 12, 12, value_a),
+    b = fill(1, 12, 13, value_a), c = fill(1, 12, 12, value_b), small = fill(1, 10, 12, value_a);
     double value;
     ASSERT_FAILS(hada_metric_compare(HADA_METRIC_MSE, &a, &b, 1.0, NULL, &value, err), HADA_ERROR_SIZE, "12 x 13");
     c.data[7] = NAN;
     ASSERT_FAILS(hada_metric_compare(HADA_METRIC_PSNR, &a, &c, 1.0, NULL, &value, err), HADA_ERROR_NOT_FINITE, "");
     ASSERT_FAILS(hada_metric_compare(HADA_METRIC_PSNR, &a, &a, 0.0, NULL, &value, err), HADA_ERROR_ARGUMENT, "");
     ASSERT_FAILS(hada_metric_compare(HADA_METRIC_SSIM, &small, &small, 1.0, NULL, &value, err), HADA_ERROR_SIZE, "");
-    hada_image_destroy(&a);
-    hada_image_destroy(&b);
-    hada_image_destroy(&c);
-    hada_image_destroy(&small);
 }
 
 TEST(depth_index)

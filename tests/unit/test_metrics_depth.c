@@ -18,7 +18,7 @@ TEST(parts_of_a_map)
 {
     unsigned char parts[24];
     const double row[] = {0.0, 0.0, 0.0, 0.4, 0.4, 0.4, 1.0, 1.0, 1.0, 100.0, 2.4, 2.4, -0.6, 2.6};
-    hada_image map = map_of(1, 14, row);
+    SCOPED(hada_image) map = map_of(1, 14, row);
     ASSERT_OK(hada_metric_depth_parts(&map, list, 3, HADA_AUTO, 2, parts, err));
     /* from 0.4 to 1.0 is a jump of 0.6, from 0 to 0.4 none; so are those beside the two pixels outside, which stay
      * outside; a missing pixel is no jump */
@@ -38,27 +38,23 @@ TEST(parts_of_a_map)
         assert_int_equal(parts[i], around[i]);
     ASSERT_FAILS(hada_metric_depth_parts(&map, list, 1, HADA_AUTO, HADA_AUTO, parts, err), HADA_ERROR_ARGUMENT, "");
     ASSERT_FAILS(hada_metric_depth_parts(&map, list, 3, 0.0, HADA_AUTO, parts, err), HADA_ERROR_ARGUMENT, "");
-    hada_image_destroy(&map);
 }
 
 TEST(two_surfaces)
 {
     const double first[] = {0.0, 0.0, 0.0, 100.0, 0.0}, second[] = {2.0, 2.0, 100.0, 2.0, 2.0},
                  result[] = {0.9, 1.2, 1.9, 0.1, 100.0}, expected[] = {0.0, 2.0, 0.0, 2.0, 0.0};
-    hada_image truth = map_of(1, 5, first), other = map_of(1, 5, second), map = map_of(1, 5, result);
+    SCOPED(hada_image) truth = map_of(1, 5, first), other = map_of(1, 5, second), map = map_of(1, 5, result);
     ASSERT_OK(hada_metric_depth_nearer(&truth, &other, &map, list, 3, err));
     for (int i = 0; i < 5; i++)
         assert_true(fabs(hada_depth_index(list, 3, (double)truth.data[i]) - expected[i]) < 1e-5);
-    hada_image_destroy(&truth);
-    hada_image_destroy(&other);
-    hada_image_destroy(&map);
 }
 
 /* Errors of 0.1, 0.2, 0.3 and 0.6 steps. */
 TEST(confidence)
 {
     const double first[] = {0.0, 0.0, 1.0, 1.0, 1.0, 100.0}, result[] = {0.1, 0.2, 1.3, 1.6, 100.0, 1.0};
-    hada_image truth = map_of(1, 6, first), map = map_of(1, 6, result), sure;
+    SCOPED(hada_image) truth = map_of(1, 6, first), map = map_of(1, 6, result), sure;
     ASSERT_OK(hada_image_create(&sure, 1, 1, 6, err));
     const struct {
         float confidence[4];
@@ -87,7 +83,4 @@ TEST(confidence)
     assert_true(score.pixels == 0 && isnan(score.half_error) && isnan(score.risk));
     sure.cols = 5;
     ASSERT_FAILS(hada_metric_depth_confidence(&map, &truth, &sure, list, 3, NULL, &score, err), HADA_ERROR_SIZE, "");
-    hada_image_destroy(&truth);
-    hada_image_destroy(&map);
-    hada_image_destroy(&sure);
 }

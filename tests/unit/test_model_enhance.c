@@ -70,7 +70,7 @@ TEST(the_net_goes_with_files_and_copies)
     make_path(path);
     for (int sized = 0; sized < 2; sized++) {
         hada_model *model = make_model(), *with, *back, *half, *fixed, *without;
-        hada_net *net = make_net(2);
+        SCOPED(hada_net) *net = make_net(2);
         const int rows = sized ? 16 : 0, cols = sized ? 20 : 0;
         ASSERT_OK(hada_model_with_enhance(&with, model, net, rows, cols, err));
         expect_same_net(with, net, rows, cols);
@@ -95,7 +95,6 @@ TEST(the_net_goes_with_files_and_copies)
         hada_model *all[] = {model, with, back, half, fixed, without};
         for (size_t i = 0; i < sizeof all / sizeof *all; i++)
             hada_model_destroy(&all[i]);
-        hada_net_destroy(&net);
     }
     remove(path);
 }
@@ -103,14 +102,13 @@ TEST(the_net_goes_with_files_and_copies)
 TEST(nets_that_do_not_fit_are_refused)
 {
     hada_model *model = make_model(), *with;
-    hada_net *net = make_net(3);
+    SCOPED(hada_net) *net = make_net(3);
     ASSERT_FAILS(hada_model_with_enhance(&with, model, net, 0, 0, err), HADA_ERROR_MODEL, "3 channel");
     assert_null(with);
     hada_net_destroy(&net);
     net = make_net(2);
     ASSERT_FAILS(hada_model_with_enhance(&with, model, net, 16, 0, err), HADA_ERROR_MODEL, "");
     hada_model_destroy(&model);
-    hada_net_destroy(&net);
 }
 
 /* A model's file with another text under a key of its metadata, or without one of its tensors. */

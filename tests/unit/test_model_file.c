@@ -204,9 +204,8 @@ TEST(damaged_files_are_refused)
     assert_int_not_equal(hada_model_load(&back, path, &error), HADA_OK);
     unlink(path);
     assert_int_equal(hada_model_load(&back, path, &error), HADA_ERROR_FILE_OPEN);
-    hada_model *model = make(0);
+    SCOPED(hada_model) *model = make(0);
     assert_int_equal(hada_model_save(model, "/nonexistent/model", &error), HADA_ERROR_FILE_WRITE);
-    hada_model_destroy(&model);
 }
 
 /* The first numbers of a tensor become another one, in the file; 0: all of them. */

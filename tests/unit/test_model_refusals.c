@@ -192,20 +192,18 @@ TEST(nets_that_do_not_fit)
     hada_model *model = make(), *out;
     hada_error error = {0};
     for (int i = 0; i < 4; i++) {
-        hada_net *net = net_of(channels[i][0], channels[i][1]);
+        SCOPED(hada_net) *net = net_of(channels[i][0], channels[i][1]);
         assert_int_equal(hada_model_with_enhance(&out, model, net, 0, 0, &error),
                          channels[i][2] ? HADA_OK : HADA_ERROR_MODEL);
         assert_int_equal(out != NULL, channels[i][2]);
         hada_model_destroy(&out);
-        hada_net_destroy(&net);
     }
-    hada_net *net = net_of(1, 1);
+    SCOPED(hada_net) *net = net_of(1, 1);
     for (int i = 0; i < 7; i++) {
         assert_int_equal(hada_model_with_enhance(&out, model, net, sizes[i][0], sizes[i][1], &error),
                          sizes[i][2] ? HADA_OK : HADA_ERROR_MODEL);
         hada_model_destroy(&out);
     }
-    hada_net_destroy(&net);
     hada_model_destroy(&model);
 }
 

@@ -44,26 +44,23 @@ static hada_tensor noise_of(net_device *device, hada_buffer *buffer, int images,
 {
     hada_buffer planes;
     const size_t plane = (size_t)rows * (size_t)cols, count = plane * (size_t)(images * channels);
-    float *values = calloc(count, sizeof *values);
+    SCOPED_MEMORY float *values = calloc(count, sizeof *values);
     net_fill(values, count, stream);
     const hada_tensor tensor = tensor_of(device, buffer, images, channels, rows, cols);
     ASSERT_OK(hada_buffer_create_from(&planes, device->slot, values, count * sizeof(float), "planes", err));
     const hada_planar planar = {planes.mem, 0, plane * (size_t)channels, plane, (size_t)cols};
     ASSERT_OK(hada_tensor_load(device->slot, &planar, &tensor, err));
     hada_buffer_destroy(&planes);
-    free(values);
     return tensor;
 }
 
 static void same_bytes(net_device *device, const hada_buffer *a, const hada_buffer *b)
 {
-    void *one = malloc(a->bytes), *other = malloc(b->bytes);
+    SCOPED_MEMORY void *one = malloc(a->bytes), *other = malloc(b->bytes);
     ASSERT_OK(hada_buffer_read(a, device->slot, 0, one, a->bytes, err));
     ASSERT_OK(hada_buffer_read(b, device->slot, 0, other, b->bytes, err));
     assert_int_equal(a->bytes, b->bytes);
     assert_memory_equal(one, other, a->bytes);
-    free(one);
-    free(other);
 }
 
 static void one_case(net_device *device, const doubled_case *c)
@@ -167,7 +164,7 @@ TEST(nets)
     static const int sizes[][2] = {{24, 32}, {26, 18}, {27, 21}};
     for (size_t n = 0; n < HADA_COUNT(lists); n++)
         for (size_t s = 0; s < HADA_COUNT(sizes); s++) {
-            hada_net *net;
+            SCOPED(hada_net) * net;
             ASSERT_OK(hada_net_create(&net, lists[n], 3, err));
             net_case one = net_case_make(net, 2, sizes[s][0], sizes[s][1]);
             net_case other = net_case_make(net, 2, sizes[s][0], sizes[s][1]);
@@ -177,7 +174,6 @@ TEST(nets)
             assert_memory_equal(one.y, other.y, one.out_count * sizeof(float));
             net_case_free(&one);
             net_case_free(&other);
-            hada_net_destroy(&net);
         }
 }
 

@@ -16,30 +16,27 @@ static double *golden(const hada_tensors *file, const char *name, size_t count)
     const hada_stored_tensor *stored = hada_tensors_find(file, name);
     assert_non_null(stored);
     assert_int_equal(stored->bytes, count * sizeof(float));
-    float *values = calloc(count, sizeof *values);
+    SCOPED_MEMORY float *values = calloc(count, sizeof *values);
     double *out = calloc(count, sizeof *out);
     ASSERT_OK(hada_tensor_copy_f32(stored, 0, count, values, err));
     for (size_t i = 0; i < count; i++)
         out[i] = values[i];
-    free(values);
     return out;
 }
 
 static void expect(const hada_tensors *file, const char *name, const float *got, size_t count, double tolerance)
 {
-    double *want = golden(file, name, count);
+    SCOPED_MEMORY double *want = golden(file, name, count);
     const double error = net_error(got, want, count);
     if (!(error <= tolerance))
         fail_msg("%s: relative error %.2e above %.0e", name, error, tolerance);
-    free(want);
 }
 
 static void take(const hada_tensors *file, const char *name, float *out, size_t count)
 {
-    double *values = golden(file, name, count);
+    SCOPED_MEMORY double *values = golden(file, name, count);
     for (size_t i = 0; i < count; i++)
         out[i] = (float)values[i];
-    free(values);
 }
 
 static void check(net_device *device, const char *name, int recompute)
@@ -67,12 +64,11 @@ static void check(net_device *device, const char *name, int recompute)
         snprintf(key, sizeof key, "golden.%s%s", p->trained ? "grad." : "", p->name);
         /* parts may be small differences of large numbers; the whole gradient is not */
         expect(file, key, (p->trained ? c.gradients : net->values) + p->offset, p->count, 1e-4);
-        double *want = golden(file, key, p->count);
+        SCOPED_MEMORY double *want = golden(file, key, p->count);
         for (size_t k = 0; p->trained && k < p->count; k++) {
             difference += pow((double)c.gradients[p->offset + k] - want[k], 2);
             size += want[k] * want[k];
         }
-        free(want);
     }
     assert_true(sqrt(difference / size) < 1e-5);
     net_case_free(&c);
@@ -114,7 +110,8 @@ TEST(a_runner_gives_the_same)
     assert_int_equal(hada_context_bytes(device->context) - before, stated);
     hada_image in, out = {0};
     ASSERT_OK(hada_image_create(&in, 3, 10, 13, err));
-    float *x = calloc(2 * hada_image_count(&in), sizeof *x), *y = calloc(2 * hada_image_count(&in), sizeof *y);
+    SCOPED_MEMORY float *x = calloc(2 * hada_image_count(&in), sizeof *x),
+                        *y = calloc(2 * hada_image_count(&in), sizeof *y);
     take(file, "golden.x", x, 2 * hada_image_count(&in));
     for (int i = 0; i < 2; i++) {
         memcpy(in.data, x + (size_t)i * hada_image_count(&in), hada_image_count(&in) * sizeof(float));
@@ -129,8 +126,6 @@ TEST(a_runner_gives_the_same)
     hada_net_runner_destroy(&runner);
     hada_net_destroy(&net);
     hada_tensors_close(&file);
-    free(x);
-    free(y);
 }
 
 FIXTURE(net_device_open, net_device_close)

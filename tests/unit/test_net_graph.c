@@ -64,7 +64,7 @@ TEST(outputs_follow_the_reference)
 {
     for (int i = 0; i < LISTS; i++)
         for (int training = 0; training < 2; training++) {
-            hada_net *net = net_of(lists[i]);
+            SCOPED(hada_net) *net = net_of(lists[i]);
             net_case c = net_case_make(net, 2, 14 + i, 11);
             double *values = doubles(net->values, net->floats), *x = doubles(c.x, c.in_count);
             double *y = calloc(c.out_count, sizeof *y);
@@ -75,7 +75,6 @@ TEST(outputs_follow_the_reference)
             free(x);
             free(y);
             net_case_free(&c);
-            hada_net_destroy(&net);
         }
 }
 
@@ -117,7 +116,7 @@ static void check_differences(const hada_net *net, const net_case *c, double *va
 TEST(gradients_follow_differences_of_the_reference)
 {
     for (int i = 0; i < LISTS; i++) {
-        hada_net *net = net_of(lists[i]);
+        SCOPED(hada_net) *net = net_of(lists[i]);
         net_case c = net_case_make(net, 2, 12, 9 + i);
         double *values = doubles(net->values, net->floats), *x = doubles(c.x, c.in_count);
         net_case_run(*state, net, &c, with_gradients, 0);
@@ -126,7 +125,6 @@ TEST(gradients_follow_differences_of_the_reference)
         free(values);
         free(x);
         net_case_free(&c);
-        hada_net_destroy(&net);
     }
 }
 
@@ -162,7 +160,7 @@ TEST(steps_repeat_bit_for_bit)
 
 TEST(an_image_does_not_depend_on_its_batch)
 {
-    hada_net *net;
+    SCOPED(hada_net) * net;
     ASSERT_OK(hada_net_create_preset(&net, "compact", 3, 1, err));
     net_case both = net_case_make(net, 2, 32, 48), one = net_case_make(net, 1, 32, 48);
     memcpy(one.x, both.x + one.in_count, one.in_count * sizeof(float));
@@ -171,14 +169,13 @@ TEST(an_image_does_not_depend_on_its_batch)
     assert_memory_equal(one.y, both.y + one.out_count, one.out_count * sizeof(float));
     net_case_free(&both);
     net_case_free(&one);
-    hada_net_destroy(&net);
 }
 
 /* Bytes are stated before anything is allocated, and activations share them. */
 TEST(memory_is_stated_and_shared)
 {
     net_device *device = *state;
-    hada_net *net;
+    SCOPED(hada_net) * net;
     hada_graph *graph;
     ASSERT_OK(hada_net_create_preset(&net, "compact", 3, 1, err));
     const struct {
@@ -198,7 +195,6 @@ TEST(memory_is_stated_and_shared)
         if (!i)
             assert_true(stated < (size_t)258 * 258 * (48 + 16 + 16 + 16) * 4 + 20000000);
     }
-    hada_net_destroy(&net);
 }
 
 static const char *const dropping = "{\"format\":\"hadalens-net-1\",\"layers\":["
@@ -208,7 +204,7 @@ static const char *const dropping = "{\"format\":\"hadalens-net-1\",\"layers\":[
 
 TEST(dropout_draws_by_step_and_layer)
 {
-    hada_net *net = net_of(dropping);
+    SCOPED(hada_net) *net = net_of(dropping);
     net_case first = net_case_make(net, 1, 32, 32), again = net_case_make(net, 1, 32, 32);
     net_case other = net_case_make(net, 1, 32, 32), calm = net_case_make(net, 1, 32, 32);
     const hada_graph_options options = {.training = 1, .input_gradient = 1};
@@ -234,14 +230,13 @@ TEST(dropout_draws_by_step_and_layer)
     net_case_free(&again);
     net_case_free(&other);
     net_case_free(&calm);
-    hada_net_destroy(&net);
 }
 
 TEST(wrong_use_is_refused)
 {
     net_device *device = *state;
     hada_graph *graph;
-    hada_net *net = net_of(lists[0]);
+    SCOPED(hada_net) *net = net_of(lists[0]);
     hada_graph_options options = {.images = 1, .rows = 8, .cols = 8, .weight_gradients = 1};
     ASSERT_FAILS(hada_graph_create(&graph, device->slot, net, &options, err), HADA_ERROR_ARGUMENT, "");
     options.weight_gradients = 0;
@@ -256,7 +251,6 @@ TEST(wrong_use_is_refused)
     ASSERT_FAILS(hada_graph_forward(graph, err), HADA_ERROR_STATE, "");
     ASSERT_FAILS(hada_graph_backward(graph, (hada_floats){0}, 0, err), HADA_ERROR_STATE, "");
     hada_graph_destroy(&graph);
-    hada_net_destroy(&net);
 }
 
 FIXTURE(net_device_open, net_device_close)

@@ -54,11 +54,10 @@ static hada_ref_shape golden_shape(const char *name, const char *part)
 static void same(const char *name, const char *part, const double *values)
 {
     size_t count;
-    double *expected = golden(name, part, &count);
+    SCOPED_MEMORY double *expected = golden(name, part, &count);
     for (size_t i = 0; i < count; i++)
         if (!(fabs(values[i] - expected[i]) <= 1e-11 * (1.0 + fabs(expected[i]))))
             fail_msg("%s.%s: value %zu is %.15g, PyTorch has %.15g", name, part, i, values[i], expected[i]);
-    free(expected);
 }
 
 /* A layer's golden x and dy, and room for y and dx. */
@@ -153,8 +152,8 @@ TEST(placing)
 TEST(batch_norm)
 {
     layer l = begin("norm");
-    double *weight = golden("norm", "weight", NULL), *bias = golden("norm", "bias", NULL);
-    double *mean = golden("norm", "mean", NULL), *variance = golden("norm", "variance", NULL);
+    SCOPED_MEMORY double *weight = golden("norm", "weight", NULL), *bias = golden("norm", "bias", NULL);
+    SCOPED_MEMORY double *mean = golden("norm", "mean", NULL), *variance = golden("norm", "variance", NULL);
     double batch_mean[3], batch_variance[3], dweight[3] = {0}, dbias[3] = {0};
     hada_ref_batch_norm(&l.in, weight, bias, mean, variance, 1e-3, l.x, l.y);
     same("norm", "infer", l.y);
@@ -171,15 +170,12 @@ TEST(batch_norm)
     same("norm", "mean_after", mean);
     same("norm", "variance_after", variance);
     end("norm", &l);
-    free(weight);
-    free(bias);
-    free(mean);
-    free(variance);
 }
 
 TEST(linear)
 {
-    double *x = golden("linear", "x", NULL), *w = golden("linear", "weight", NULL), *b = golden("linear", "bias", NULL);
+    SCOPED_MEMORY double *x = golden("linear", "x", NULL), *w = golden("linear", "weight", NULL),
+                         *b = golden("linear", "bias", NULL);
     double *dy = golden("linear", "dy", NULL), y[12], dx[21] = {0}, dw[28] = {0}, db[4] = {0};
     hada_ref_linear(3, 7, 4, w, b, x, y);
     hada_ref_linear_backward(3, 7, 4, w, x, dy, dx, dw, db);
@@ -187,9 +183,6 @@ TEST(linear)
     same("linear", "dx", dx);
     same("linear", "dweight", dw);
     same("linear", "dbias", db);
-    free(x);
-    free(w);
-    free(b);
     free(dy);
 }
 
@@ -210,16 +203,13 @@ TEST(losses)
     static const char *const names[] = {"mse", "l1", "logits", "tv", "tv_squared"};
     for (size_t i = 0; i < HADA_COUNT(names); i++) {
         const hada_ref_shape shape = golden_shape(names[i], "x");
-        double *x = golden(names[i], "x", NULL), *t = golden(names[i], "t", NULL);
-        double *dx = calloc(hada_ref_values(&shape), sizeof *dx);
+        SCOPED_MEMORY double *x = golden(names[i], "x", NULL), *t = golden(names[i], "t", NULL);
+        SCOPED_MEMORY double *dx = calloc(hada_ref_values(&shape), sizeof *dx);
         assert_non_null(dx);
         const double value = loss_of(names[i], &shape, x, t, dx), alone = loss_of(names[i], &shape, x, t, NULL);
         same(names[i], "value", &value);
         same(names[i], "value", &alone);
         same(names[i], "dx", dx);
-        free(x);
-        free(t);
-        free(dx);
     }
 }
 

@@ -36,7 +36,7 @@ TEST(presets_have_the_values_they_should)
 
 TEST(vgg16_has_the_names_of_torchvision)
 {
-    hada_net *net;
+    SCOPED(hada_net) * net;
     static const int numbers[] = {0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24, 26, 28};
     ASSERT_OK(hada_vgg16_make(&net, err));
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
@@ -48,12 +48,11 @@ TEST(vgg16_has_the_names_of_torchvision)
     }
     assert_int_equal(net->parameter_count, 28);
     assert_int_equal(net->trained, 14714688 + 12); /* torchvision's features, and the normalisation */
-    hada_net_destroy(&net);
 }
 
 static void check_round_trip(hada_net *net)
 {
-    hada_net *again;
+    SCOPED(hada_net) * again;
     char *text, *other;
     ASSERT_OK(hada_net_describe(net, &text, err));
     ASSERT_OK(hada_net_create(&again, text, 0, err));
@@ -66,7 +65,6 @@ static void check_round_trip(hada_net *net)
     assert_int_equal(again->shares, net->shares);
     hada_memory_destroy(&text);
     hada_memory_destroy(&other);
-    hada_net_destroy(&again);
     hada_net_destroy(&net);
 }
 
@@ -102,7 +100,7 @@ TEST(any_unet_gives_the_size_it_takes)
     for (int up_by = HADA_UNET_LINEAR; up_by <= HADA_UNET_TRANSPOSED; up_by++)
         for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++)
             for (int rows = 8; rows < 20; rows++) {
-                hada_net *net;
+                SCOPED(hada_net) * net;
                 DEFAULTS(hada_unet_options, options);
                 options.down = shapes[i][0];
                 options.up = shapes[i][1];
@@ -113,13 +111,11 @@ TEST(any_unet_gives_the_size_it_takes)
                 assert_int_equal(sizes[net->count - 1].rows, rows);
                 assert_int_equal(sizes[net->count - 1].cols, 23);
                 free(sizes);
-                hada_net_destroy(&net);
             }
-    hada_net *net;
+    SCOPED(hada_net) * net;
     hada_size sizes[64];
     ASSERT_OK(hada_net_create_preset(&net, "compact", 3, 1, err));
     ASSERT_FAILS(hada_net_sizes(net, 15, 64, sizes, err), HADA_ERROR_SIZE, "15 x 64");
-    hada_net_destroy(&net);
 }
 
 TEST(wrong_unets_are_refused)
@@ -183,7 +179,7 @@ TEST(damaged_descriptions_are_refused)
 
 TEST(first_weights_follow_the_seed)
 {
-    hada_net *one, *same, *other;
+    SCOPED(hada_net) * one, *same, *other;
     ASSERT_OK(hada_net_create_preset(&one, "compact", 3, 7, err));
     ASSERT_OK(hada_net_create_preset(&same, "compact", 3, 7, err));
     ASSERT_OK(hada_net_create_preset(&other, "compact", 3, 8, err));
@@ -197,9 +193,6 @@ TEST(first_weights_follow_the_seed)
     assert_true(fabs(sum / (double)weight->count * (9 * 48) / 2 - 1) < 0.1);
     for (size_t i = 0; i < bias->count; i++)
         assert_true(one->values[bias->offset + i] == 0.0f);
-    hada_net_destroy(&one);
-    hada_net_destroy(&same);
-    hada_net_destroy(&other);
 }
 
 TEST(files_come_back_and_others_are_refused)

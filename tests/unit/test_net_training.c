@@ -21,14 +21,13 @@ static trainee begin(net_device *device, hada_optimizer optimizer)
         t.desc.centered = 1;
     }
     const size_t state = hada_optimizer_state_floats(&t.desc, COUNT) * sizeof(float);
-    float *start = calloc(COUNT, sizeof *start);
+    SCOPED_MEMORY float *start = calloc(COUNT, sizeof *start);
     assert_non_null(start);
     net_fill(start, COUNT, 1);
     ASSERT_OK(hada_buffer_create_from(&t.parameters, device->slot, start, COUNT * sizeof(float), "parameters", err));
     ASSERT_OK(hada_buffer_create(&t.gradients, device->context, COUNT * sizeof(float), "gradients", err));
     ASSERT_OK(hada_buffer_create(&t.state, device->context, state, "state", err));
     ASSERT_OK(hada_buffer_clear(&t.state, device->slot, 0, state, err));
-    free(start);
     return t;
 }
 
@@ -204,7 +203,7 @@ TEST(first_weights_are_the_same_everywhere)
     static const uint32_t normal[4] = {0x3e175fde, 0x3e823bc2, 0xbeb3be75, 0x3ee399dd};
     static const uint32_t uniform[4] = {0x3d93e019, 0x3dfe722f, 0xbd256e65, 0x3d517a3e};
     for (int relu = 0; relu < 2; relu++) {
-        hada_net *net;
+        SCOPED(hada_net) * net;
         char text[256];
         snprintf(text, sizeof text,
                  "{\"format\": \"hadalens-net-1\", \"layers\": [{\"layer\": \"input\", \"channels\": 3}, {\"layer\": "
@@ -214,7 +213,6 @@ TEST(first_weights_are_the_same_everywhere)
         assert_memory_equal(net->values + hada_net_find(net, "conv.weight")->offset, relu ? normal : uniform,
                             sizeof normal);
         assert_true(net->values[hada_net_find(net, "conv.bias")->offset] == 0.0f);
-        hada_net_destroy(&net);
     }
 }
 

@@ -95,7 +95,7 @@ TEST(test_model)
                             .alpha = 1,
                             .noise = noise,
                             .distances_mm = &distance};
-    hada_model *model;
+    SCOPED(hada_model) * model;
     ASSERT_OK(hada_model_set_sizes(&info, 12, 15, 12, 15, err));
     ASSERT_OK(hada_model_create(&model, &info, 1, err));
     const size_t plane = hada_model_plane(model);
@@ -107,5 +107,4 @@ TEST(test_model)
     assert_true(fabs(hada_model_noise_share(model) - noise / sqrt(brightness)) < 1e-7);
     model->info.noise = 0.0;
     assert_true(hada_model_noise_share(model) == 0.0);
-    hada_model_destroy(&model);
 }

@@ -44,12 +44,11 @@ static cl_mem buffer_of(const outside *o, size_t bytes)
 
 static void expect_floats(const outside *o, cl_mem mem, size_t offset, const float *expected, size_t count)
 {
-    float *values = malloc(count * sizeof *values);
+    SCOPED_MEMORY float *values = malloc(count * sizeof *values);
     assert_non_null(values);
     assert_int_equal(clEnqueueReadBuffer(o->queue, mem, CL_TRUE, offset, count * sizeof *values, values, 0, NULL, NULL),
                      CL_SUCCESS);
     assert_memory_equal(values, expected, count * sizeof *values);
-    free(values);
 }
 
 enum { FRAME_OFFSET = 64, STACK_OFFSET = 128 };
@@ -78,7 +77,7 @@ TEST(frames_and_results_stay_on_the_device)
     arrays.distance_map = buffer_of(&o, map * sizeof(float));
     for (int kind = 0; kind < 4; kind++) {
         hada_plan *plan;
-        hada_result host = {0}, device = {0};
+        SCOPED(hada_result) host = {0}, device = {0};
         DEFAULTS(hada_plan_options, options);
         options.refine = kind == 1 || kind == 3 ? 3 : 0;
         options.occupied = kind == 2 ? HADA_OCCUPIED_LIST : HADA_OCCUPIED_AUTO;
@@ -107,8 +106,6 @@ TEST(frames_and_results_stay_on_the_device)
         assert_non_null(queue);
         assert_int_equal(clFinish(queue), CL_SUCCESS);
         assert_null(hada_plan_cl_queue(plan, 1));
-        hada_result_destroy(&host);
-        hada_result_destroy(&device);
         hada_plan_destroy(&plan);
     }
     clReleaseMemObject(pixels);

@@ -82,22 +82,18 @@ TEST(light_sums_to_one)
 {
     hada_camera camera = preset("sim300");
     for (int i = 0; i < camera.depths; i++) {
-        hada_image psf;
+        SCOPED(hada_image) psf;
         assert_int_equal(hada_camera_psf(&camera, camera.distances_mm[i], 0, 0, &psf, NULL), HADA_OK);
         const moments m = measure(&psf);
         assert_true(fabs(m.sum - 1.0) < 1e-6);
-        hada_image_destroy(&psf);
     }
     /* a sensor that is too small loses light, and holds exactly the middle of the larger image */
-    hada_image whole, part, cut;
+    SCOPED(hada_image) whole, part, cut;
     assert_int_equal(hada_camera_psf(&camera, 100.0, 0, 0, &whole, NULL), HADA_OK);
     assert_int_equal(hada_camera_psf(&camera, 100.0, 101, 90, &part, NULL), HADA_OK);
     assert_int_equal(hada_image_crop(&cut, &whole, 150 - 50, 200 - 45, 101, 90, NULL), HADA_OK);
     assert_true(measure(&part).sum < 0.9);
     assert_memory_equal(part.data, cut.data, hada_image_count(&cut) * sizeof(float));
-    hada_image_destroy(&whole);
-    hada_image_destroy(&part);
-    hada_image_destroy(&cut);
 }
 
 TEST(spots_stand_where_rays_meet)
@@ -108,7 +104,7 @@ TEST(spots_stand_where_rays_meet)
     assert_true(hypot(x, y) > 0.1);
     const double distances[] = {60.0, 100.0, 170.0, 400.0, 1e9};
     for (size_t i = 0; i < sizeof distances / sizeof *distances; i++) {
-        hada_image psf;
+        SCOPED(hada_image) psf;
         assert_int_equal(hada_camera_psf(&camera, distances[i], 0, 0, &psf, NULL), HADA_OK);
         const moments m = measure(&psf);
         const double magnification = 1.0 + camera.distance_mm / distances[i];
@@ -118,7 +114,6 @@ TEST(spots_stand_where_rays_meet)
         const double radius = hada_camera_defocus_pixels(&camera, distances[i]) / 2.0;
         const double expected = 2.0 * (radius * radius / 4.0 + camera.blur_pixels * camera.blur_pixels + 1.0 / 12.0);
         assert_true(fabs(m.spread - expected) < 0.02 * expected);
-        hada_image_destroy(&psf);
     }
 }
 
@@ -132,10 +127,9 @@ TEST(focus_is_sharpest)
     const double distances[] = {focus, 0.8 * focus, 1.25 * focus, 0.5 * focus, 3.0 * focus};
     double spread[5];
     for (int i = 0; i < 5; i++) {
-        hada_image psf;
+        SCOPED(hada_image) psf;
         assert_int_equal(hada_camera_psf(&camera, distances[i], 0, 0, &psf, NULL), HADA_OK);
         spread[i] = measure(&psf).spread;
-        hada_image_destroy(&psf);
     }
     assert_true(spread[0] < spread[1] && spread[0] < spread[2] && spread[1] < spread[3] && spread[2] < spread[4]);
 }
@@ -147,7 +141,7 @@ TEST(overlapping_lenses_share_the_ground)
     hada_camera camera = preset("paper2022");
     hada_camera small = camera;
     small.lens_diameter_mm = 1.2; /* no overlap at a spacing of 1.2 mm */
-    hada_image shared, apart;
+    SCOPED(hada_image) shared, apart;
     assert_int_equal(hada_camera_psf(&camera, 100.0, 800, 800, &shared, NULL), HADA_OK);
     assert_int_equal(hada_camera_psf(&small, 100.0, 800, 800, &apart, NULL), HADA_OK);
     assert_true(fabs(measure(&shared).sum - 1.0) < 1e-5);
@@ -164,8 +158,6 @@ TEST(overlapping_lenses_share_the_ground)
     assert_true(fabs(peak_apart * pixels * ground_apart - 1.0) < 0.05);
     const double ground = 1.0 / (peak_shared * pixels);
     assert_true(ground < 3.14159265 * 36.0 && ground > 0.7 * 3.14159265 * 36.0);
-    hada_image_destroy(&shared);
-    hada_image_destroy(&apart);
 }
 
 TEST(same_seed_same_mask)

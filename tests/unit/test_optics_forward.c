@@ -12,7 +12,7 @@ TEST(shift)
     camera.aperture_mm *= 2.0; /* a pattern wider than the sensor */
     const int down = -9, across = 14;
     hada_simulator *straight = simulator_of(&camera, 0, 0, 0, 0), *moved = simulator_of(&camera, down, across, 0, 0);
-    hada_image scene = drawn(3, 3, HIGH, WIDE), here, there, psf, psf_there;
+    SCOPED(hada_image) scene = drawn(3, 3, HIGH, WIDE), here, there, psf, psf_there;
     const hada_plane plane = {1, &scene};
     ASSERT_OK(hada_simulator_render(straight, &plane, 1, 0.0, 0, &here, err));
     ASSERT_OK(hada_simulator_render(moved, &plane, 1, 0.0, 0, &there, err));
@@ -45,20 +45,14 @@ TEST(shift)
     options.shift_rows = down;
     options.shift_cols = across;
     ASSERT_OK(hada_simulator_create(&moved, context, &camera, &options, err));
-    hada_image given;
+    SCOPED(hada_image) given;
     ASSERT_OK(hada_simulator_psf(moved, 0, &given, err));
     for (int r = 0; r < ROWS; r++)
         for (int c = 0; c < COLS; c++) {
             const int inside = r + down >= 0 && c + across < COLS;
             assert_true(given.data[r * COLS + c] == (inside ? psf.data[(r + down) * COLS + c + across] : 0.0f));
         }
-    hada_image_destroy(&given);
     hada_simulator_destroy(&moved);
-    hada_image_destroy(&psf);
-    hada_image_destroy(&psf_there);
-    hada_image_destroy(&scene);
-    hada_image_destroy(&here);
-    hada_image_destroy(&there);
 }
 
 /* A scene that is wider than the window, the sensor even. */
@@ -69,7 +63,8 @@ TEST(field)
     static double all[R * C], expected[PIXELS];
     const hada_camera camera = small_camera(HADA_BOUNDARY_PADDED);
     hada_simulator *simulator = simulator_of(&camera, 0, 0, HIGHER, WIDER);
-    hada_image scene = drawn(8, 1, HIGHER, WIDER), psf, raw, window, small, again;
+    hada_image raw;
+    SCOPED(hada_image) scene = drawn(8, 1, HIGHER, WIDER), psf, window, small, again;
     memset(canvas, 0, sizeof canvas);
     memset(all, 0, sizeof all);
     const int row0 = MARGIN + (ROWS - HIGH) / 2 - (HIGHER - HIGH) / 2,
@@ -94,11 +89,6 @@ TEST(field)
         assert_true(fabsf(small.data[i] - again.data[i]) < 3e-7f);
     hada_simulator_destroy(&narrow);
     hada_simulator_destroy(&wide);
-    hada_image_destroy(&scene);
-    hada_image_destroy(&psf);
-    hada_image_destroy(&window);
-    hada_image_destroy(&small);
-    hada_image_destroy(&again);
 }
 
 /* p d (1/near - 1/far) / pitch */

@@ -185,7 +185,7 @@ TEST(holes_cast_shadows)
     camera.lens_diameter_mm = 2.0;
     double x, y, squares = 0.0, row = 0.0, col = 0.0;
     ASSERT_OK(hada_camera_lenses(&camera, &x, &y, err));
-    hada_image psf;
+    SCOPED(hada_image) psf;
     ASSERT_OK(hada_camera_psf(&camera, 60.0, 500, 500, &psf, err));
     for (int r = 0; r < 500; r++)
         for (int c = 0; c < 500; c++) {
@@ -200,7 +200,6 @@ TEST(holes_cast_shadows)
     const double spread = squares - row * row - col * col;
     if (hypot(x, y) + 1.0 <= 6.0) /* the aperture cuts no part of the hole off */
         assert_true(fabs(row - (250 + y * 1.5 / 0.08)) < 0.02 && fabs(spread / (radius * radius / 2.0) - 1.0) < 0.02);
-    hada_image_destroy(&psf);
 }
 
 TEST(maps)

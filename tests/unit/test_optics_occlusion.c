@@ -94,12 +94,11 @@ TEST(limits_of_occlusion)
     const hada_camera camera = small_camera(HADA_BOUNDARY_CIRCULAR);
     hada_image psf[4], scenes[2], opacity, plain, raw, alone, sum, one;
     for (int z = 0; z < 4; z++) {
-        hada_image grey;
+        SCOPED(hada_image) grey;
         ASSERT_OK(hada_camera_psf(&camera, camera.distances_mm[z], 0, 0, &grey, err));
         ASSERT_OK(hada_image_create(&psf[z], 3, ROWS, COLS, err));
         for (int i = 0; i < 3 * PIXELS; i++)
             psf[z].data[i] = grey.data[i % PIXELS] * (1.0f + 0.5f * (float)(i / PIXELS));
-        hada_image_destroy(&grey);
     }
     DEFAULTS(hada_simulator_options, options);
     options.psf = psf;
@@ -298,7 +297,8 @@ TEST(refusals)
 {
     const hada_camera camera = small_camera(HADA_BOUNDARY_CIRCULAR);
     hada_simulator *simulator;
-    hada_image scene = drawn(1, 3, HIGH, WIDE), opacity, raw;
+    hada_image raw;
+    SCOPED(hada_image) scene = drawn(1, 3, HIGH, WIDE), opacity;
     simulator = simulator_of(&camera, 0, 0, 0, 0);
     ASSERT_OK(hada_image_create(&opacity, 1, HIGH, WIDE, err));
     const hada_plane planes[] = {{0, &scene}, {2, &scene}};
@@ -315,8 +315,6 @@ TEST(refusals)
     ASSERT_FAILS(hada_simulator_render_occluded(simulator, planes, NULL, 2, LENSES, 0.0, 0, &raw, err),
                  HADA_ERROR_ARGUMENT, "7 lenses");
     assert_null(raw.data);
-    hada_image_destroy(&scene);
-    hada_image_destroy(&opacity);
     hada_simulator_destroy(&simulator);
 }
 

@@ -25,13 +25,12 @@ static void add_columns(const hada_camera *camera, const hada_image *image, int 
 {
     static float wide[PIXELS];
     for (int c = 0; c < WIDE; c++) {
-        hada_image psf;
+        SCOPED(hada_image) psf;
         memset(wide, 0, sizeof wide);
         for (int r = 0; r < HIGH; r++)
             wide[((ROWS - HIGH) / 2 + r) * COLS + (COLS - WIDE) / 2 + c] = image->data[(channel * HIGH + r) * WIDE + c];
         ASSERT_OK(hada_camera_psf(camera, (double)map->data[c], 2 * ROWS, 2 * COLS, &psf, err));
         hada_ref_convolve_crop(ROWS, COLS, wide, 2 * ROWS, 2 * COLS, psf.data, out);
-        hada_image_destroy(&psf);
     }
 }
 
@@ -149,7 +148,7 @@ static void add_opaque(const hada_camera *camera, const hada_image *image, int c
     const double pitch = camera->pixel_pitch_mm;
     ASSERT_OK(hada_camera_lenses(camera, x, y, err));
     for (int i = 0; i < AREA; i++) {
-        hada_image psf;
+        SCOPED(hada_image) psf;
         const int row = (ROWS - HIGH) / 2 + i / WIDE, col = (COLS - WIDE) / 2 + i % WIDE;
         see(camera, map, i, x, y, seen);
         ASSERT_OK(hada_camera_psf(camera, (double)map->data[i], 2 * ROWS, 2 * COLS, &psf, err));
@@ -161,7 +160,6 @@ static void add_opaque(const hada_camera *camera, const hada_image *image, int c
                                          seen[hada_ref_nearest_spot(camera, x, y, (double)map->data[i],
                                                                     (c - col) * pitch, (r - row) * pitch)];
             }
-        hada_image_destroy(&psf);
     }
 }
 
@@ -172,7 +170,8 @@ TEST(opaque_ball)
     hada_camera camera = small_camera(HADA_BOUNDARY_PADDED);
     camera.pixel_pitch_mm /= 4.0; /* 15 pixels of parallax from the nearest to the farthest depth */
     hada_simulator *simulator = simulator_of(&camera, 0, 0, 0, 0);
-    hada_image map, scene = drawn(8, 3, HIGH, WIDE), raw;
+    hada_image raw;
+    SCOPED(hada_image) map, scene = drawn(8, 3, HIGH, WIDE);
     ASSERT_OK(hada_scene_relief(&map, HADA_RELIEF_BALL, 0, HIGH, WIDE, err));
     for (int i = 0; i < AREA; i++)
         map.data[i] = (float)(1.0 / (0.01 + ((double)map.data[i]) * (1.0 / 600.0 - 0.01)));
@@ -186,8 +185,6 @@ TEST(opaque_ball)
         assert_true(opaque ? error < 4e-2 : error > 0.15);
         hada_image_destroy(&raw);
     }
-    hada_image_destroy(&map);
-    hada_image_destroy(&scene);
     hada_simulator_destroy(&simulator);
 }
 

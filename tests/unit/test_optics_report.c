@@ -38,9 +38,8 @@ TEST(gaussians)
     const hada_optics_curves *curves = hada_optics_report_curves(report);
     const double sigma[] = {1.0, 2.0, 3.0};
     for (int z = 0; z < 3; z++) {
-        hada_image psf = spots(&camera, sigma[z], 0);
+        SCOPED(hada_image) psf = spots(&camera, sigma[z], 0);
         ASSERT_OK(hada_optics_report_add(report, &psf, err));
-        hada_image_destroy(&psf);
     }
     for (int z = 0; z < 3; z++) {
         const hada_optics_row *row = hada_optics_report_row(report, z);
@@ -72,9 +71,8 @@ TEST(gaussians)
     assert_true(fabs(hada_optics_report_row(report, 0)->occupancy - 4.0 * 400.0 / 9090.0) < 1e-12);
     assert_true(fabs(hada_optics_report_row(report, 2)->occupancy - 4.0 * 400.0 / 9090.0 / 16.0) < 1e-12);
     assert_true(fabs(hada_optics_report_row(report, 1)->magnification - (1.0 + 30.0 / 160.0)) < 1e-12);
-    hada_image psf = spots(&camera, 1.0, 0);
+    SCOPED(hada_image) psf = spots(&camera, 1.0, 0);
     assert_int_equal(hada_optics_report_add(report, &psf, NULL), HADA_ERROR_ARGUMENT);
-    hada_image_destroy(&psf);
     hada_optics_report_destroy(&report);
 }
 
@@ -89,9 +87,8 @@ TEST(twins)
     assert_true(curves->threshold == 0.05);
     const int apart[] = {20, 21, 30};
     for (int z = 0; z < 3; z++) {
-        hada_image psf = spots(&camera, 1.5, apart[z]);
+        SCOPED(hada_image) psf = spots(&camera, 1.5, apart[z]);
         ASSERT_OK(hada_optics_report_add(report, &psf, err));
-        hada_image_destroy(&psf);
     }
     for (int z = 0; z < 3; z++) {
         assert_true(fabs(hada_optics_report_row(report, z)->sidelobe - 0.5) < 1e-3);
@@ -104,7 +101,7 @@ TEST(twins)
     /* axial: correlation falls from 1 to 0 between neighbours, so one half stands half way in 1/z */
     const hada_camera two = camera_of(64, 120, 2);
     ASSERT_OK(hada_optics_report_create(&report, context, &two, HADA_AUTO, err));
-    hada_image psf = spots(&two, 1.5, 0);
+    SCOPED(hada_image) psf = spots(&two, 1.5, 0);
     ASSERT_OK(hada_optics_report_add(report, &psf, err));
     memmove(psf.data + 20 * 120, psf.data, 44 * 120 * sizeof(float));
     memset(psf.data, 0, 20 * 120 * sizeof(float));
@@ -112,7 +109,6 @@ TEST(twins)
     assert_true(fabs(hada_optics_report_row(report, 0)->axial_mm - (1.0 / (0.5 / 100.0 + 0.5 / 400.0) - 100.0)) < 1e-3);
     assert_true(fabs(hada_optics_report_row(report, 1)->axial_mm - (400.0 - 1.0 / (0.5 / 100.0 + 0.5 / 400.0))) < 1e-2);
     hada_optics_report_destroy(&report);
-    hada_image_destroy(&psf);
 }
 
 TEST(refusals)

@@ -116,7 +116,7 @@ TEST(regions)
 
 TEST(noise)
 {
-    hada_image image;
+    SCOPED(hada_image) image;
     assert_int_equal(hada_image_create(&image, 1, 200, 200, NULL), HADA_OK);
     hada_image_add_noise(&image, 0.1, 9);
     double sum = 0.0, square = 0.0;
@@ -124,7 +124,6 @@ TEST(noise)
         sum += image.data[i], square += (double)image.data[i] * image.data[i];
     assert_true(fabs(sum / 40000) < 0.1 * 5.0 / 200.0);
     assert_true(fabs(square / 40000 - 0.01) < 0.01 * 5.0 * sqrt(2.0) / 200.0);
-    hada_image_destroy(&image);
 }
 
 /* Every kind stays in the range and differs by its seed; plain shapes by what they are. */

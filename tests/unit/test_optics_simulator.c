@@ -45,7 +45,7 @@ TEST(a_point_gives_the_psf)
     hada_simulator *simulator;
     ASSERT_OK(hada_simulator_create(&simulator, context, &camera, NULL, err));
     for (int depth = 0; depth < camera.depths; depth++) {
-        hada_image scene, psf, raw;
+        SCOPED(hada_image) scene, psf, raw;
         ASSERT_OK(hada_image_create(&scene, 1, camera.window_rows, camera.window_cols, err));
         const int row = 3 + depth, col = 20 - depth;
         scene.data[row * camera.window_cols + col] = 2.0f;
@@ -60,9 +60,6 @@ TEST(a_point_gives_the_psf)
                     const float expected = 2.0f * psf.data[(r - down + 120) % 60 * 72 + (k - right + 144) % 72];
                     assert_true(fabsf(raw.data[(c * 60 + r) * 72 + k] - expected) < 1e-7f);
                 }
-        hada_image_destroy(&scene);
-        hada_image_destroy(&psf);
-        hada_image_destroy(&raw);
     }
     hada_simulator_destroy(&simulator);
     assert_null(simulator);
@@ -86,7 +83,7 @@ TEST(frames_equal_the_reference)
         hada_plane planes[3];
         memset(expected, 0, sizeof expected);
         for (int i = 0; i < 3; i++) {
-            hada_image psf;
+            SCOPED(hada_image) psf;
             ASSERT_OK(hada_scene_procedural(&scenes[i], (uint64_t)i, i == 1 ? 1 : 3, 25, 24, err));
             planes[i] = (hada_plane){depths[i], &scenes[i]};
             const double z = camera.distances_mm[depths[i]];
@@ -101,13 +98,12 @@ TEST(frames_equal_the_reference)
                 else
                     hada_ref_convolve(60, 72, wide, psf.data, expected[c]);
             }
-            hada_image_destroy(&psf);
         }
         ASSERT_OK(hada_simulator_render(simulator, planes, 3, 0.0, 0, &raw, err));
         for (int c = 0; c < 3; c++)
             assert_true(distance(raw.data + c * PIXELS, expected[c], PIXELS) < 5e-7);
         /* noise: of the stated size, and the same for the same seed */
-        hada_image noisy, again;
+        SCOPED(hada_image) noisy, again;
         float most = 0.0f;
         double mse;
         for (int i = 0; i < 3 * PIXELS; i++)
@@ -120,8 +116,6 @@ TEST(frames_equal_the_reference)
         for (int i = 0; i < 3; i++)
             hada_image_destroy(&scenes[i]);
         hada_image_destroy(&raw);
-        hada_image_destroy(&noisy);
-        hada_image_destroy(&again);
         hada_simulator_destroy(&simulator);
     }
 }
@@ -134,7 +128,7 @@ TEST(light_is_kept_or_lost)
         camera.rows = 44;
         camera.cols = 40;
         hada_simulator *simulator;
-        hada_image scene, raw;
+        SCOPED(hada_image) scene, raw;
         ASSERT_OK(hada_simulator_create(&simulator, context, &camera, NULL, err));
         ASSERT_OK(hada_scene_procedural(&scene, 4, 1, 25, 24, err));
         const hada_plane plane = {0, &scene};
@@ -145,7 +139,7 @@ TEST(light_is_kept_or_lost)
         for (int i = 0; i < 44 * 40; i++)
             caught += raw.data[i];
         /* the PSF itself loses what falls beyond the sensor in the circular model */
-        hada_image psf;
+        SCOPED(hada_image) psf;
         double kept = 0.0;
         ASSERT_OK(hada_simulator_psf(simulator, 0, &psf, err));
         for (int i = 0; i < 44 * 40; i++)
@@ -154,9 +148,6 @@ TEST(light_is_kept_or_lost)
             assert_true(caught > 0.5 * light && caught < 0.95 * light);
         else
             assert_true(fabs(caught / (light * kept) - 1.0) < 1e-5);
-        hada_image_destroy(&scene);
-        hada_image_destroy(&raw);
-        hada_image_destroy(&psf);
         hada_simulator_destroy(&simulator);
     }
 }
@@ -165,7 +156,8 @@ TEST(given_psfs)
 {
     hada_camera camera = small_camera(HADA_BOUNDARY_CIRCULAR);
     camera.depths = 2;
-    hada_image psf[2], scene, raw, back;
+    hada_image psf[2];
+    SCOPED(hada_image) scene, raw, back;
     for (int i = 0; i < 2; i++) {
         ASSERT_OK(hada_image_create(&psf[i], 3, 60, 72, err));
         for (int c = 0; c < 3; c++) /* each channel moves by its own distance */
@@ -191,9 +183,6 @@ TEST(given_psfs)
     assert_null(simulator);
     for (int i = 0; i < 2; i++)
         hada_image_destroy(&psf[i]);
-    hada_image_destroy(&scene);
-    hada_image_destroy(&raw);
-    hada_image_destroy(&back);
 }
 
 TEST(refusals)

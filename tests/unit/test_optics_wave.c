@@ -60,7 +60,7 @@ TEST(airy)
     /* the first zero of the Airy pattern: 1.2197 lambda d / D, in pixels: 6.46 */
     const double scale = 530e-6 * 20.0 / 1.0 / camera.pixel_pitch_mm, zero = 1.21967 * scale;
     for (int coherent = 0; coherent < 2; coherent++) {
-        hada_image psf = wave_psf(&camera, 1e9, coherent);
+        SCOPED(hada_image) psf = wave_psf(&camera, 1e9, coherent);
         /* shares of light inside the first three zeros: 1 - J0^2 - J1^2 = 83.78 %, 90.99 %, 93.78 % */
         assert_true(fabs(encircled(&psf, row, col, zero) - 0.8378) < 0.004);
         assert_true(fabs(encircled(&psf, row, col, 2.23313 * scale) - 0.9099) < 0.004);
@@ -81,7 +81,6 @@ TEST(airy)
             }
         assert_true(most < 1.001 * peak && most > 0.93 * peak);
         assert_true(least > 0.0125 * peak && least < 0.0185 * peak);
-        hada_image_destroy(&psf);
     }
 }
 
@@ -107,7 +106,7 @@ TEST(integral)
         const double m = hada_camera_magnification(&camera, distances[i]), pitch = camera.pixel_pitch_mm;
         const int row = (int)lrint(80 + y * m / pitch), col = (int)lrint(75 + x * m / pitch);
         const int off[][2] = {{0, 0}, {2, 1}, {-4, 3}, {0, 7}, {9, -9}, {-14, 2}, {3, 15}};
-        hada_image by_lens = wave_psf(&camera, distances[i], 0), whole = wave_psf(&camera, distances[i], 1);
+        SCOPED(hada_image) by_lens = wave_psf(&camera, distances[i], 0), whole = wave_psf(&camera, distances[i], 1);
         const double peak = by_lens.data[row * camera.cols + col];
         for (size_t k = 0; k < sizeof off / sizeof *off; k++) {
             const int r = row + off[k][0], c = col + off[k][1];
@@ -117,8 +116,6 @@ TEST(integral)
             assert_true(fabs(by_lens.data[r * camera.cols + c] - expected) < 0.004 * peak);
             assert_true(fabs(whole.data[r * camera.cols + c] - expected) < 0.02 * peak);
         }
-        hada_image_destroy(&by_lens);
-        hada_image_destroy(&whole);
     }
     free(field);
 }
@@ -175,13 +172,12 @@ TEST(colours_focus_apart)
     double share[2][3];
     for (int i = 0; i < 2; i++) {
         camera.distance_mm = i ? f[2] : f[0];
-        hada_image psf = wave_psf(&camera, 1e9, 0);
+        SCOPED(hada_image) psf = wave_psf(&camera, 1e9, 0);
         for (int c = 0; c < 3; c++) {
             share[i][c] = 0.0;
             for (int k = 0; k < psf.rows * psf.cols; k++)
                 share[i][c] = fmax(share[i][c], psf.data[c * psf.rows * psf.cols + k]);
         }
-        hada_image_destroy(&psf);
     }
     assert_true(share[0][0] > 1.5 * share[1][0]);
     assert_true(share[1][2] > 1.5 * share[0][2]);
@@ -236,30 +232,27 @@ TEST(every_mask)
                                HADA_MASK_APERTURE};
     for (size_t i = 0; i < 5; i++) {
         const hada_camera camera = small(masks[i]);
-        hada_image rays, psf = wave_psf(&camera, 200.0, 0);
+        SCOPED(hada_image) rays, psf = wave_psf(&camera, 200.0, 0);
         assert_int_equal(hada_camera_psf(&camera, 200.0, 0, 0, &rays, NULL), HADA_OK);
         /* light is kept, but for what edges scatter: the more, the smaller what is between them */
         assert_true(total(&psf) < 1.0 + 1e-4 && total(&psf) > (masks[i] == HADA_MASK_APERTURE ? 0.94 : 0.98));
         const double same = alike(&psf, &rays);
         assert_true(same > 0.9);
-        hada_image_destroy(&psf);
-        hada_image_destroy(&rays);
     }
     hada_camera cells = small(HADA_MASK_APERTURE);
     cells.cell_mm = 0.5;
-    hada_image rays, psf = wave_psf(&cells, 200.0, 0);
+    SCOPED(hada_image) rays, psf = wave_psf(&cells, 200.0, 0);
     assert_int_equal(hada_camera_psf(&cells, 200.0, 0, 0, &rays, NULL), HADA_OK);
     assert_true(total(&psf) > 0.96 && alike(&psf, &rays) > 0.97);
-    hada_image_destroy(&psf);
-    hada_image_destroy(&rays);
 }
 
 TEST(lenses_add_up)
 {
     /* lenses apart: intensities add up, since pixels average the fringes between spots */
     const hada_camera camera = small(HADA_MASK_MLA);
-    hada_image one = wave_psf(&camera, 150.0, 0), all = wave_psf(&camera, 150.0, 1),
-               again = wave_psf(&camera, 150.0, 0);
+    SCOPED(hada_image)
+    one = wave_psf(&camera, 150.0, 0),
+    all = wave_psf(&camera, 150.0, 1), again = wave_psf(&camera, 150.0, 0);
     double difference = 0.0, norm = 0.0;
     for (size_t i = 0; i < hada_image_count(&one); i++) {
         difference += pow(one.data[i] - all.data[i], 2.0);
@@ -267,9 +260,6 @@ TEST(lenses_add_up)
     }
     assert_true(difference < 0.05 * 0.05 * norm);
     assert_memory_equal(one.data, again.data, hada_image_count(&one) * sizeof(float));
-    hada_image_destroy(&one);
-    hada_image_destroy(&all);
-    hada_image_destroy(&again);
 }
 
 TEST(frames)

@@ -111,7 +111,7 @@ TEST(every_init_keeps_to_the_callers_size)
     for (size_t i = 0; i < sizeof all / sizeof *all; i++)
         for (int change = -8; change <= 8; change += 8) {
             const size_t size = all[i].size + (size_t)change;
-            unsigned char *bytes = malloc(size + BEHIND);
+            SCOPED_MEMORY unsigned char *bytes = malloc(size + BEHIND);
             size_t stated;
             assert_non_null(bytes);
             memset(bytes, 0xa5, size + BEHIND);
@@ -122,7 +122,6 @@ TEST(every_init_keeps_to_the_callers_size)
                 assert_int_equal(bytes[size + k], 0xa5);
             for (size_t k = all[i].size; k < size; k++)
                 assert_int_equal(bytes[k], 0);
-            free(bytes);
         }
 }
 

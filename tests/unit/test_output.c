@@ -18,10 +18,9 @@ static mode_t mode_of(const char *path)
 static void assert_holds(const char *path, const char *text)
 {
     size_t bytes;
-    unsigned char *data = io_read_bytes(path, &bytes);
+    SCOPED_MEMORY unsigned char *data = io_read_bytes(path, &bytes);
     assert_int_equal(bytes, strlen(text));
     assert_memory_equal(data, text, bytes);
-    free(data);
 }
 
 TEST(a_new_file_follows_the_umask_and_a_replaced_one_stays_as_it_was)

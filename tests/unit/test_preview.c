@@ -40,7 +40,7 @@ static int count_colour(const picture *p, unsigned char r, unsigned char g, unsi
 
 TEST(test_one_image)
 {
-    hada_image image;
+    SCOPED(hada_image) image;
     assert_int_equal(hada_image_create(&image, 3, 2, 4, NULL), HADA_OK);
     image.data[0] = 0.25f;  /* red of pixel 0 */
     image.data[8 + 1] = 1;  /* green of pixel 1 */
@@ -53,12 +53,11 @@ TEST(test_one_image)
     assert_int_equal(p.height, 2);
     assert_memory_equal(p.rgb, expected, 24);
     free(p.rgb);
-    hada_image_destroy(&image);
 }
 
 TEST(test_white)
 {
-    hada_image image;
+    SCOPED(hada_image) image;
     assert_int_equal(hada_image_create(&image, 1, 100, 100, NULL), HADA_OK);
     assert_true(hada_tone_white(&image, 1) == 1);
     image.data[7] = 3; /* a single pixel on black still is seen */
@@ -67,14 +66,13 @@ TEST(test_white)
         image.data[i] = (float)i;
     image.data[9999] = INFINITY;
     assert_float_equal(hada_tone_white(&image, 1), 9990, 100);
-    hada_image_destroy(&image);
 }
 
 /* Averaging areas keeps the mean; a constant stays constant at any size. */
 TEST(test_resampling)
 {
     const int sizes[][2] = {{7, 5}, {3, 2}, {35, 20}, {10, 3}, {1, 1}, {7, 23}};
-    hada_image image;
+    SCOPED(hada_image) image;
     assert_int_equal(hada_image_create(&image, 1, 5, 7, NULL), HADA_OK);
     for (int constant = 0; constant < 2; constant++) {
         double mean = 0;
@@ -95,7 +93,6 @@ TEST(test_resampling)
             free(pixels);
         }
     }
-    hada_image_destroy(&image);
 }
 
 /* Equal steps along the map are equal steps of lightness (CIE L* of the drawn bytes). */
@@ -259,13 +256,11 @@ TEST(test_sheets)
         free(p.rgb);
         if (k == 0) { /* the same input gives the same bytes */
             size_t bytes[2];
-            unsigned char *first = io_read_bytes(io_path("sheet.png"), &bytes[0]);
+            SCOPED_MEMORY unsigned char *first = io_read_bytes(io_path("sheet.png"), &bytes[0]);
             assert_int_equal(hada_preview_save(io_path("sheet.png"), &s.preview, NULL), HADA_OK);
-            unsigned char *second = io_read_bytes(io_path("sheet.png"), &bytes[1]);
+            SCOPED_MEMORY unsigned char *second = io_read_bytes(io_path("sheet.png"), &bytes[1]);
             assert_int_equal(bytes[0], bytes[1]);
             assert_memory_equal(first, second, bytes[0]);
-            free(first);
-            free(second);
         }
         drop(&s);
     }

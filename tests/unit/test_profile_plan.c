@@ -53,9 +53,9 @@ static void run(const learned_camera *learned, int refine, const char *const *st
     hada_image scene = learned_scene(learned, 900), parts[2];
     hada_plane planes[2];
     learned_split(learned, &scene, depths, 2, 1, parts, planes);
-    hada_image raw = learned_frame(learned, planes, 2, 5);
+    SCOPED(hada_image) raw = learned_frame(learned, planes, 2, 5);
     hada_plan *plan;
-    hada_result plain = {0}, profiled = {0};
+    SCOPED(hada_result) plain = {0}, profiled = {0};
     hada_kernel_time *rows = NULL;
     size_t count = 0;
     DEFAULTS(hada_plan_options, options);
@@ -99,12 +99,9 @@ static void run(const learned_camera *learned, int refine, const char *const *st
     assert_null(rows);
     same_calls(plan, &raw, &profiled);
     hada_plan_destroy(&plan);
-    hada_result_destroy(&plain);
-    hada_result_destroy(&profiled);
     for (int i = 0; i < 2; i++)
         hada_image_destroy(&parts[i]);
     hada_image_destroy(&scene);
-    hada_image_destroy(&raw);
 }
 
 TEST(stages_of_the_linear_way)

@@ -78,7 +78,7 @@ static double *scene_of(fixture *f, int channel, int world_depth)
 static void put(fixture *f, unsigned seed, int world_depth, int row, int to_row, int col, int to_col, double contrast,
                 unsigned colours)
 {
-    double *scene = tiny_zeros(f->world.window_area);
+    SCOPED_MEMORY double *scene = tiny_zeros(f->world.window_area);
     tiny_scene(&f->world, seed, scene);
     for (int c = 0; c < CHANNELS; c++)
         for (int i = row; i < to_row; i++)
@@ -89,7 +89,6 @@ static void put(fixture *f, unsigned seed, int world_depth, int row, int to_row,
                 if (colours >> c & 1)
                     scene_of(f, c, world_depth)[at] = contrast * scene[at] * (1.0 - 0.2 * c);
             }
-    free(scene);
 }
 
 /* A background at a depth of the camera, all over the window. */

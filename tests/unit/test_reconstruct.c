@@ -35,13 +35,13 @@ TEST(finds_one_depth_and_refines_it)
 {
     const learned_camera *learned = *state;
     hada_plan *plan;
-    hada_result result = {0};
+    SCOPED(hada_result) result = {0};
     double mean = 0;
     plan_of(learned, NULL, &plan);
     for (int i = 0; i < 2 * LEARNED_DEPTHS; i++) {
         const int z = i % LEARNED_DEPTHS;
-        hada_image scene = learned_scene(learned, 900 + (uint64_t)i);
-        hada_image raw = learned_frame(learned, &(hada_plane){z, &scene}, 1, 50 + (uint64_t)i);
+        SCOPED(hada_image) scene = learned_scene(learned, 900 + (uint64_t)i);
+        SCOPED(hada_image) raw = learned_frame(learned, &(hada_plane){z, &scene}, 1, 50 + (uint64_t)i);
         ASSERT_OK(hada_plan_run(plan, &raw, &result, err));
         assert_int_equal(result.depths, LEARNED_DEPTHS);
         for (int k = 0; k < LEARNED_DEPTHS; k++)
@@ -51,14 +51,11 @@ TEST(finds_one_depth_and_refines_it)
         mean += learned_psnr(&result.planes[z], &scene) / (2 * LEARNED_DEPTHS);
         for (size_t k = 0; k < hada_image_count(&scene); k++)
             assert_true(result.planes[z].data[k] >= 0);
-        hada_image_destroy(&raw);
-        hada_image_destroy(&scene);
     }
     /* perf/results/quality-sim300.md has the figures in colour over many scenes: 28.4 dB and more. Eight grey scenes
      * scatter about them by half a decibel. */
     if (mean < 27.4)
         fail_msg("one depth: %.2f dB", mean);
-    hada_result_destroy(&result);
     hada_plan_destroy(&plan);
 }
 
@@ -67,14 +64,14 @@ TEST(finds_two_depths_and_tells_them_apart)
     const learned_camera *learned = *state;
     static const int pairs[][2] = {{0, 3}, {0, 1}, {1, 3}, {2, 3}};
     hada_plan *plan;
-    hada_result result = {0};
+    SCOPED(hada_result) result = {0};
     double mean = 0;
     plan_of(learned, NULL, &plan);
     for (size_t p = 0; p < 4; p++) {
         hada_image scene = learned_scene(learned, 800 + p), parts[2];
         hada_plane planes[2];
         learned_split(learned, &scene, pairs[p], 2, p, parts, planes);
-        hada_image raw = learned_frame(learned, planes, 2, 60 + p);
+        SCOPED(hada_image) raw = learned_frame(learned, planes, 2, 60 + p);
         ASSERT_OK(hada_plan_run(plan, &raw, &result, err));
         for (int k = 0; k < LEARNED_DEPTHS; k++)
             assert_int_equal(result.report->occupied[k], k == pairs[p][0] || k == pairs[p][1]);
@@ -84,14 +81,12 @@ TEST(finds_two_depths_and_tells_them_apart)
         assert_true(right >= 0.9);
         assert_true(covered >= 0.5);
         assert_true(learned_psnr(&result.all_in_focus, &scene) >= 22);
-        hada_image_destroy(&raw);
         hada_image_destroy(&scene);
         for (int i = 0; i < 2; i++)
             hada_image_destroy(&parts[i]);
     }
     if (mean < 24.8)
         fail_msg("two depths: %.2f dB", mean);
-    hada_result_destroy(&result);
     hada_plan_destroy(&plan);
 }
 
@@ -102,14 +97,14 @@ TEST(refined_and_linear_planes_are_blended)
     const learned_camera *learned = *state;
     static const int listed[] = {0, 2};
     const double share = 0.25;
-    hada_model *blended;
+    SCOPED(hada_model) * blended;
     hada_result of[4] = {0}; /* refined, linear, blended, blended with steps given */
     ASSERT_OK(hada_model_with_enhance(&blended, learned->model, NULL, 0, 0, err));
     blended->info.refine_share = share;
     hada_image scene = learned_scene(learned, 31), parts[2];
     hada_plane planes[2];
     learned_split(learned, &scene, listed, 2, 31, parts, planes);
-    hada_image raw = learned_frame(learned, planes, 2, 31);
+    SCOPED(hada_image) raw = learned_frame(learned, planes, 2, 31);
     for (int i = 0; i < 4; i++) {
         hada_plan *plan;
         uint64_t device, host;
@@ -147,8 +142,6 @@ TEST(refined_and_linear_planes_are_blended)
     for (int i = 0; i < 2; i++)
         hada_image_destroy(&parts[i]);
     hada_image_destroy(&scene);
-    hada_image_destroy(&raw);
-    hada_model_destroy(&blended);
 }
 
 /* A surface's memory is known before it is taken, for all queues; where there is too little, nothing is taken. */
@@ -162,8 +155,8 @@ TEST(surfaces_are_planned)
     DEFAULTS(hada_plan_options, options);
     options.scene = HADA_SCENE_SURFACE;
     options.queues = 2;
-    hada_image scene = learned_scene(learned, 5);
-    hada_image raw = learned_frame(learned, &(hada_plane){1, &scene}, 1, 5);
+    SCOPED(hada_image) scene = learned_scene(learned, 5);
+    SCOPED(hada_image) raw = learned_frame(learned, &(hada_plane){1, &scene}, 1, 5);
     plan_of(learned, &options, &plan);
     hada_plan_memory(plan, &without, NULL);
     assert_true(without == hada_context_bytes(learned->context) - before);
@@ -179,8 +172,6 @@ TEST(surfaces_are_planned)
     hada_result_destroy(&result);
     hada_plan_destroy(&plan);
     assert_true(hada_context_bytes(learned->context) == before);
-    hada_image_destroy(&raw);
-    hada_image_destroy(&scene);
 }
 
 TEST(holds_the_bytes_it_states)
@@ -193,8 +184,8 @@ TEST(holds_the_bytes_it_states)
     variants[2].refine = 0;
     variants[2].half = 1;
     variants[3].occupied = HADA_OCCUPIED_ALL;
-    hada_image scene = learned_scene(learned, 5);
-    hada_image raw = learned_frame(learned, &(hada_plane){1, &scene}, 1, 5);
+    SCOPED(hada_image) scene = learned_scene(learned, 5);
+    SCOPED(hada_image) raw = learned_frame(learned, &(hada_plane){1, &scene}, 1, 5);
     for (int i = 0; i < 4; i++) {
         uint64_t device, host, before = hada_context_bytes(learned->context);
         hada_plan *plan;
@@ -210,8 +201,6 @@ TEST(holds_the_bytes_it_states)
         hada_plan_destroy(&plan);
         assert_int_equal(hada_context_bytes(learned->context), before);
     }
-    hada_image_destroy(&raw);
-    hada_image_destroy(&scene);
 }
 
 static void assert_same_bits(const hada_result *a, const hada_result *b)
@@ -229,9 +218,9 @@ TEST(gives_the_same_bits_in_every_batch_and_run)
     hada_image scene = learned_scene(learned, 6), parts[2];
     hada_plane planes[2];
     learned_split(learned, &scene, (int[]){0, 2}, 2, 6, parts, planes);
-    hada_image raw = learned_frame(learned, planes, 2, 6);
+    SCOPED(hada_image) raw = learned_frame(learned, planes, 2, 6);
     for (int refine = -1; refine <= 0; refine++) {
-        hada_result first = {0}, other = {0};
+        SCOPED(hada_result) first = {0}, other = {0};
         for (int batch = 0; batch <= 3; batch++) {
             hada_plan *plan;
             DEFAULTS(hada_plan_options, options);
@@ -245,20 +234,17 @@ TEST(gives_the_same_bits_in_every_batch_and_run)
             assert_same_bits(&first, &other);
             hada_plan_destroy(&plan);
         }
-        hada_result_destroy(&first);
-        hada_result_destroy(&other);
     }
     for (int i = 0; i < 2; i++)
         hada_image_destroy(&parts[i]);
-    hada_image_destroy(&raw);
     hada_image_destroy(&scene);
 }
 
 TEST(half_filters_stay_close)
 {
     const learned_camera *learned = *state;
-    hada_image scene = learned_scene(learned, 8);
-    hada_image raw = learned_frame(learned, &(hada_plane){2, &scene}, 1, 8);
+    SCOPED(hada_image) scene = learned_scene(learned, 8);
+    SCOPED(hada_image) raw = learned_frame(learned, &(hada_plane){2, &scene}, 1, 8);
     hada_result results[2] = {{0}, {0}};
     for (int half = 0; half < 2; half++) {
         hada_plan *plan;
@@ -280,8 +266,6 @@ TEST(half_filters_stay_close)
     assert_true(sqrt(difference / norm) < 1.0 / 2048);
     hada_result_destroy(&results[0]);
     hada_result_destroy(&results[1]);
-    hada_image_destroy(&raw);
-    hada_image_destroy(&scene);
 }
 
 FIXTURE(learned_setup, learned_teardown)

@@ -119,12 +119,12 @@ TEST(planes_are_the_nets_on_every_path)
     const fixture *f = *state;
     for (int path = 0; path < PATHS; path++)
         for (int sized = 0; sized < 2; sized++) {
-            hada_model *model;
+            SCOPED(hada_model) * model;
             hada_plan_options options = options_of(path);
             ASSERT_OK(hada_model_with_enhance(&model, f->plain, f->net, sized * 12, sized * 20, err));
-            hada_result with = run(f, model, &options, &f->frame);
+            SCOPED(hada_result) with = run(f, model, &options, &f->frame);
             options.enhance = 0;
-            hada_result without = run(f, model, &options, &f->frame);
+            SCOPED(hada_result) without = run(f, model, &options, &f->frame);
             assert_int_equal(with.report->enhanced, with.report->occupied_count);
             assert_int_equal(without.report->enhanced, 0);
             assert_true(with.report->occupied_count > 0);
@@ -137,9 +137,6 @@ TEST(planes_are_the_nets_on_every_path)
                 assert_true(same(&with.planes[z], &without.planes[z]));
             }
             assert_false(same(&with.all_in_focus, &without.all_in_focus));
-            hada_result_destroy(&with);
-            hada_result_destroy(&without);
-            hada_model_destroy(&model);
         }
 }
 
@@ -148,22 +145,20 @@ TEST(models_without_a_net_are_as_before)
     const fixture *f = *state;
     for (int path = 0; path < PATHS; path++) {
         hada_plan_options options = options_of(path);
-        hada_result asked = run(f, f->plain, &options, &f->frame);
+        SCOPED(hada_result) asked = run(f, f->plain, &options, &f->frame);
         options.enhance = 0;
-        hada_result left_out = run(f, f->model, &options, &f->frame);
+        SCOPED(hada_result) left_out = run(f, f->model, &options, &f->frame);
         assert_int_equal(asked.report->enhanced, 0);
         for (int z = 0; z < DEPTHS; z++)
             assert_true(same(&asked.planes[z], &left_out.planes[z]));
         assert_true(same(&asked.all_in_focus, &left_out.all_in_focus));
-        hada_result_destroy(&asked);
-        hada_result_destroy(&left_out);
     }
 }
 
 TEST(black_planes_are_left_out)
 {
     const fixture *f = *state;
-    hada_image black;
+    SCOPED(hada_image) black;
     hada_plan_options options = options_of(0);
     ASSERT_OK(hada_image_create(&black, CHANNELS, ROWS, COLS, err));
     options.skip = HADA_SKIP_ALL;
@@ -186,7 +181,6 @@ TEST(black_planes_are_left_out)
     hada_result *results[] = {&skipped, &dense, &some, &all};
     for (int i = 0; i < 4; i++)
         hada_result_destroy(results[i]);
-    hada_image_destroy(&black);
 }
 
 /* Nothing is known of what a net makes of a small change, so there is none. */
@@ -194,14 +188,12 @@ TEST(only_what_is_exact_is_skipped_before_a_net)
 {
     const fixture *f = *state;
     hada_plan_options options = options_of(0);
-    hada_result exact = run(f, f->model, &options, &f->frame);
+    SCOPED(hada_result) exact = run(f, f->model, &options, &f->frame);
     options.max_error = 0.5;
-    hada_result allowed = run(f, f->model, &options, &f->frame);
+    SCOPED(hada_result) allowed = run(f, f->model, &options, &f->frame);
     for (int z = 0; z < DEPTHS; z++)
         assert_true(same(&exact.planes[z], &allowed.planes[z]));
     assert_true(allowed.report->skipped->bound == 0.0);
-    hada_result_destroy(&exact);
-    hada_result_destroy(&allowed);
 }
 
 /* Frames in flight on two queues, with helpers, give the same bits. */
@@ -210,15 +202,13 @@ TEST(queues_give_the_same)
     const fixture *f = *state;
     for (int path = 0; path < PATHS; path++) {
         hada_plan_options options = options_of(path);
-        hada_result one = run(f, f->model, &options, &f->frame);
+        SCOPED(hada_result) one = run(f, f->model, &options, &f->frame);
         options.queues = 2;
-        hada_result two = run(f, f->model, &options, &f->frame);
+        SCOPED(hada_result) two = run(f, f->model, &options, &f->frame);
         for (int z = 0; z < DEPTHS; z++)
             assert_true(same(&one.planes[z], &two.planes[z]));
         assert_true(same(&one.all_in_focus, &two.all_in_focus));
         assert_true(same(&one.distance_map, &two.distance_map));
-        hada_result_destroy(&one);
-        hada_result_destroy(&two);
     }
 }
 

@@ -14,7 +14,7 @@ TEST(refuses_frames_of_another_sensor)
     hada_plan *plan;
     hada_result result = {0};
     hada_error error;
-    hada_image small, colour;
+    SCOPED(hada_image) small, colour;
     ASSERT_OK(hada_plan_create(&plan, learned->context, learned->model, NULL, err));
     ASSERT_OK(hada_image_create(&small, 1, 300, 399, err));
     ASSERT_OK(hada_image_create(&colour, 3, 300, 400, err));
@@ -23,17 +23,15 @@ TEST(refuses_frames_of_another_sensor)
     assert_non_null(strstr(error.message, "300 x 400"));
     assert_int_equal(hada_plan_run(plan, &colour, &result, &error), HADA_ERROR_MODEL);
     assert_int_equal(hada_plan_run(plan, &colour, NULL, &error), HADA_ERROR_ARGUMENT);
-    hada_image_destroy(&small);
-    hada_image_destroy(&colour);
     hada_plan_destroy(&plan);
 }
 
 TEST(refuses_or_repairs_broken_pixels)
 {
     const learned_camera *learned = *state;
-    hada_image scene, raw = frame_of_one_depth(learned, 2, &scene);
+    SCOPED(hada_image) scene, raw = frame_of_one_depth(learned, 2, &scene);
     hada_plan *plan;
-    hada_result whole = {0}, mended = {0};
+    SCOPED(hada_result) whole = {0}, mended = {0};
     hada_error error;
     DEFAULTS(hada_plan_options, options);
     options.repair_not_finite = 1;
@@ -54,15 +52,11 @@ TEST(refuses_or_repairs_broken_pixels)
     assert_non_null(strstr(error.message, "3 pixel"));
     assert_non_null(strstr(error.message, "--repair"));
     hada_plan_destroy(&plan);
-    hada_result_destroy(&whole);
-    hada_result_destroy(&mended);
-    hada_image_destroy(&raw);
-    hada_image_destroy(&scene);
 }
 
 TEST(repairs_from_the_nearest_finite_pixels)
 {
-    hada_image frame;
+    SCOPED(hada_image) frame;
     size_t repaired;
     ASSERT_OK(hada_image_create(&frame, 2, 20, 20, err));
     for (int i = 0; i < 400; i++) {
@@ -78,14 +72,13 @@ TEST(repairs_from_the_nearest_finite_pixels)
     assert_true(frame.data[0] == 1);          /* of 0, 1, 1 */
     for (int i = 0; i < 400; i++)
         assert_true(frame.data[400 + i] == 7);
-    hada_image_destroy(&frame);
 }
 
 TEST(takes_a_dark_level_off)
 {
     const learned_camera *learned = *state;
-    hada_image scene, raw = frame_of_one_depth(learned, 1, &scene), dark;
-    hada_result plain = {0}, offset = {0};
+    SCOPED(hada_image) scene, raw = frame_of_one_depth(learned, 1, &scene), dark;
+    SCOPED(hada_result) plain = {0}, offset = {0};
     hada_plan *plan;
     ASSERT_OK(hada_plan_create(&plan, learned->context, learned->model, NULL, err));
     ASSERT_OK(hada_plan_run(plan, &raw, &plain, err));
@@ -108,19 +101,14 @@ TEST(takes_a_dark_level_off)
         /* the exact level gives the same picture but for float rounding; the estimate is off by the noise */
         assert_true(learned_psnr(&offset.planes[1], &plain.planes[1]) > (kinds[k] == HADA_DARK_AUTO ? 25 : 60));
     }
-    hada_result_destroy(&plain);
-    hada_result_destroy(&offset);
-    hada_image_destroy(&dark);
-    hada_image_destroy(&raw);
-    hada_image_destroy(&scene);
 }
 
 /* A level of other units than the frame's, which would leave nothing of it; a frame in those units has no trouble. */
 TEST(refuses_a_dark_level_above_everything)
 {
     const learned_camera *learned = *state;
-    hada_image scene, raw = frame_of_one_depth(learned, 1, &scene);
-    hada_result result = {0};
+    SCOPED(hada_image) scene, raw = frame_of_one_depth(learned, 1, &scene);
+    SCOPED(hada_result) result = {0};
     hada_plan *plan;
     DEFAULTS(hada_plan_options, options);
     options.dark = HADA_DARK_LEVEL;
@@ -131,9 +119,6 @@ TEST(refuses_a_dark_level_above_everything)
         raw.data[i] = 200.0f + 1000.0f * raw.data[i];
     ASSERT_OK(hada_plan_run(plan, &raw, &result, err));
     hada_plan_destroy(&plan);
-    hada_result_destroy(&result);
-    hada_image_destroy(&raw);
-    hada_image_destroy(&scene);
 }
 
 TEST(refuses_options_that_cannot_work)
@@ -143,7 +128,7 @@ TEST(refuses_options_that_cannot_work)
     hada_plan_options options;
     hada_plan *plan;
     hada_error error;
-    hada_image dark;
+    SCOPED(hada_image) dark;
     ASSERT_OK(hada_image_create(&dark, 1, 10, 10, err));
     for (int k = 0; k < 8; k++) {
         hada_plan_options_init(&options);
@@ -178,7 +163,6 @@ TEST(refuses_options_that_cannot_work)
             fail_msg("case %d was not refused as it should: %s", k, error.message);
         assert_null(plan);
     }
-    hada_image_destroy(&dark);
 }
 
 /* HADA_AUTO leaves the batch and the queues to the library; 0, as older programs have it, says the same. */
@@ -204,8 +188,8 @@ TEST(zero_leaves_open_as_auto_does)
 TEST(gamma_is_an_exponent_on_the_pictures)
 {
     const learned_camera *learned = *state;
-    hada_image scene, raw = frame_of_one_depth(learned, 0, &scene);
-    hada_result plain = {0}, root = {0};
+    SCOPED(hada_image) scene, raw = frame_of_one_depth(learned, 0, &scene);
+    SCOPED(hada_result) plain = {0}, root = {0};
     for (int k = 0; k < 2; k++) {
         hada_plan *plan;
         DEFAULTS(hada_plan_options, options);
@@ -216,10 +200,6 @@ TEST(gamma_is_an_exponent_on_the_pictures)
     }
     for (size_t i = 0; i < hada_image_count(&scene); i++)
         assert_true(fabsf(root.planes[0].data[i] - sqrtf(plain.planes[0].data[i])) < 1e-6f);
-    hada_result_destroy(&plain);
-    hada_result_destroy(&root);
-    hada_image_destroy(&raw);
-    hada_image_destroy(&scene);
 }
 
 FIXTURE(learned_setup, learned_teardown)

@@ -17,15 +17,15 @@ TEST(a_slanted_plane_occupies_every_depth)
     hada_image scene = learned_scene(learned, 31), parts[LEARNED_DEPTHS];
     hada_plane planes[LEARNED_DEPTHS];
     const int rows = scene.rows, cols = scene.cols;
-    int *labels = malloc((size_t)rows * (size_t)cols * sizeof *labels);
+    SCOPED_MEMORY int *labels = malloc((size_t)rows * (size_t)cols * sizeof *labels);
     for (int i = 0; i < rows * cols; i++)
         labels[i] = i % cols * LEARNED_DEPTHS / cols;
     for (int z = 0; z < LEARNED_DEPTHS; z++) {
         ASSERT_OK(hada_scene_part(&parts[z], &scene, labels, z, err));
         planes[z] = (hada_plane){z, &parts[z]};
     }
-    hada_image raw = learned_frame(learned, planes, LEARNED_DEPTHS, 31);
-    hada_result result = {0};
+    SCOPED(hada_image) raw = learned_frame(learned, planes, LEARNED_DEPTHS, 31);
+    SCOPED(hada_result) result = {0};
     run(learned, NULL, &raw, &result);
     assert_int_equal(result.report->occupied_count, LEARNED_DEPTHS);
     /* the distance falls into the right stripe for most of what the map covers */
@@ -45,9 +45,6 @@ TEST(a_slanted_plane_occupies_every_depth)
     assert_true(learned_psnr(&result.all_in_focus, &scene) > 20);
     for (int z = 0; z < LEARNED_DEPTHS; z++)
         hada_image_destroy(&parts[z]);
-    free(labels);
-    hada_result_destroy(&result);
-    hada_image_destroy(&raw);
     hada_image_destroy(&scene);
 }
 
@@ -61,9 +58,9 @@ TEST(an_object_between_depths_shows_at_its_neighbours)
     between.depths = 1;
     between.distances_mm[0] = 2 / (1 / learned->camera.distances_mm[1] + 1 / learned->camera.distances_mm[2]);
     ASSERT_OK(hada_simulator_create(&simulator, learned->context, &between, NULL, err));
-    hada_image scene = learned_scene(learned, 32), raw;
+    SCOPED(hada_image) scene = learned_scene(learned, 32), raw;
     ASSERT_OK(hada_simulator_render(simulator, &(hada_plane){0, &scene}, 1, learned_noise, 32, &raw, err));
-    hada_result result = {0};
+    SCOPED(hada_result) result = {0};
     run(learned, NULL, &raw, &result);
     assert_true(result.report->occupied[1] + result.report->occupied[2] >= 1);
     double light[LEARNED_DEPTHS] = {0}, all = 0;
@@ -82,17 +79,14 @@ TEST(an_object_between_depths_shows_at_its_neighbours)
     if (fmin(light[1], light[2]) < 1.5 * fmax(light[0], light[3]) || (double)right < 0.9 * (double)seen)
         fail_msg("light %.2f %.2f %.2f %.2f of %.2f; map right at %zu of %zu", light[0], light[1], light[2], light[3],
                  all, right, seen);
-    hada_result_destroy(&result);
-    hada_image_destroy(&raw);
-    hada_image_destroy(&scene);
     hada_simulator_destroy(&simulator);
 }
 
 TEST(a_black_frame_holds_nothing)
 {
     const learned_camera *learned = *state;
-    hada_image raw;
-    hada_result result = {0};
+    SCOPED(hada_image) raw;
+    SCOPED(hada_result) result = {0};
     ASSERT_OK(hada_image_create(&raw, 1, learned->camera.rows, learned->camera.cols, err));
     for (int noisy = 0; noisy < 2; noisy++) {
         if (noisy)
@@ -110,15 +104,13 @@ TEST(a_black_frame_holds_nothing)
     options.refine = 0;
     run(learned, &options, &raw, &result);
     assert_int_equal(hada_image_count_not_finite(&result.all_in_focus), 0);
-    hada_result_destroy(&result);
-    hada_image_destroy(&raw);
 }
 
 TEST(a_constant_frame_stays_finite)
 {
     const learned_camera *learned = *state;
-    hada_image raw;
-    hada_result result = {0};
+    SCOPED(hada_image) raw;
+    SCOPED(hada_result) result = {0};
     ASSERT_OK(hada_image_create(&raw, 1, learned->camera.rows, learned->camera.cols, err));
     for (size_t i = 0; i < hada_image_count(&raw); i++)
         raw.data[i] = 0.5f;
@@ -126,17 +118,15 @@ TEST(a_constant_frame_stays_finite)
     for (int z = 0; z < result.depths; z++)
         assert_int_equal(hada_image_count_not_finite(&result.planes[z]), 0);
     assert_int_equal(hada_image_count_not_finite(&result.all_in_focus), 0);
-    hada_result_destroy(&result);
-    hada_image_destroy(&raw);
 }
 
 /* Occupied depths by list: only those are refined; the rest is dark. */
 TEST(a_list_of_occupied_depths_is_obeyed)
 {
     const learned_camera *learned = *state;
-    hada_image scene = learned_scene(learned, 34);
-    hada_image raw = learned_frame(learned, &(hada_plane){1, &scene}, 1, 34);
-    hada_result result = {0};
+    SCOPED(hada_image) scene = learned_scene(learned, 34);
+    SCOPED(hada_image) raw = learned_frame(learned, &(hada_plane){1, &scene}, 1, 34);
+    SCOPED(hada_result) result = {0};
     hada_plan_options options;
     for (int refine = -1; refine <= 0; refine++) {
         hada_plan_options_init(&options);
@@ -160,9 +150,6 @@ TEST(a_list_of_occupied_depths_is_obeyed)
     assert_int_equal(result.report->occupied[0], 1);
     assert_int_equal(result.report->occupied[1], 0);
     assert_true(learned_psnr(&result.planes[0], &scene) > 25);
-    hada_result_destroy(&result);
-    hada_image_destroy(&raw);
-    hada_image_destroy(&scene);
 }
 
 FIXTURE(learned_setup, learned_teardown)

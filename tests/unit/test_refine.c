@@ -13,7 +13,7 @@ static void compare(fixture *f, const hada_refine_rule *rule, int depths, const 
 {
     const tiny_camera *camera = &f->camera;
     const size_t count = camera->values * 2, area = camera->window_area;
-    double *otf = tiny_zeros((size_t)depths * count), *planes = tiny_zeros((size_t)depths * area);
+    SCOPED_MEMORY double *otf = tiny_zeros((size_t)depths * count), *planes = tiny_zeros((size_t)depths * area);
     double residual[41], split[41], energy;
     for (int s = 0; s < depths; s++)
         memcpy(otf + (size_t)s * count, camera->otf + (size_t)list[s] * count, count * sizeof *otf);
@@ -44,7 +44,7 @@ static void compare(fixture *f, const hada_refine_rule *rule, int depths, const 
         channels += 1.0 / ((1 + c) * (1 + c));
     for (int k = 0; k < rule->steps; k++)
         assert_near(hada_refiner_energy(f->refiner, 0, k), channels * (camera->padded ? split[k] : residual[k]), 1e-3);
-    float *got = read_planes(f, depths);
+    SCOPED_MEMORY float *got = read_planes(f, depths);
     for (int s = 0; s < depths; s++)
         for (int c = 0; c < camera->channels; c++) {
             double error = 0.0, size = 0.0;
@@ -60,9 +60,6 @@ static void compare(fixture *f, const hada_refine_rule *rule, int depths, const 
         }
     ASSERT_OK(hada_refiner_residual(f->refiner, &f->device.data, 1, depths, list, &energy, err));
     assert_near(energy, channels * residual[rule->steps], 1e-3);
-    free(got);
-    free(otf);
-    free(planes);
 }
 
 TEST(equals_the_reference)
@@ -196,7 +193,8 @@ static double best_linear(const fixture *f, int depths, const int *list)
 {
     const tiny_camera *camera = &f->camera;
     const size_t count = camera->values, area = camera->window_area;
-    double *spectrum = tiny_zeros(2 * count), *x = tiny_zeros(2 * count), *grid = tiny_zeros(camera->pixels);
+    SCOPED_MEMORY double *spectrum = tiny_zeros(2 * count), *x = tiny_zeros(2 * count),
+                         *grid = tiny_zeros(camera->pixels);
     double *plane = tiny_zeros(area), best = -99.0;
     ASSERT_OK(hada_ref_fft_forward(f->image, camera->rows, camera->cols, spectrum, err));
     for (double alpha = 0.01; alpha < 2.0; alpha *= 3.0)
@@ -223,9 +221,6 @@ static double best_linear(const fixture *f, int depths, const int *list)
             }
             best = fmax(best, mean);
         }
-    free(spectrum);
-    free(x);
-    free(grid);
     free(plane);
     return best;
 }
@@ -233,11 +228,10 @@ static double best_linear(const fixture *f, int depths, const int *list)
 static double refined(const fixture *f, int depths, const int *list)
 {
     const size_t area = f->camera.window_area;
-    float *planes = read_planes(f, depths);
+    SCOPED_MEMORY float *planes = read_planes(f, depths);
     double *values = doubles(planes, (size_t)depths * area), mean = 0.0;
     for (int s = 0; s < depths; s++)
         mean += tiny_psnr(values + (size_t)s * area, f->scenes + (size_t)list[s] * area, area) / depths;
-    free(planes);
     free(values);
     return mean;
 }

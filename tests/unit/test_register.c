@@ -59,7 +59,7 @@ TEST(directions)
         {{.size = sizeof(hada_registration), .magnification = 1, .rotation_deg = 90}, -3, -1},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        hada_image scene, out;
+        SCOPED(hada_image) scene, out;
         ASSERT_OK(hada_image_create(&scene, 2, 7, 9, err));
         *pixel(&scene, 3 - 1, 4 + 3) = 1.0f;
         scene.data[63 + 5] = 0.25f;
@@ -75,8 +75,6 @@ TEST(directions)
             assert_int_equal(rows, cases[i].by.quarter_turns % 2 ? 9 : 7);
             assert_int_equal(cols, cases[i].by.quarter_turns % 2 ? 7 : 9);
         }
-        hada_image_destroy(&scene);
-        hada_image_destroy(&out);
     }
 }
 
@@ -146,7 +144,7 @@ static pairs make_pairs(const hada_registration *truth, int count, double scale,
     const double m = truth->magnification;
     const int turned = truth->quarter_turns % 2;
     for (int i = 0; i < count; i++) {
-        hada_image stands;
+        SCOPED(hada_image) stands;
         ASSERT_OK(hada_scene_procedural(&all.scenes[i], seed + (uint64_t)i, 1,
                                         (int)((turned ? WINDOW_COLS : WINDOW_ROWS) / m),
                                         (int)((turned ? WINDOW_ROWS : WINDOW_COLS) / m), err));
@@ -155,7 +153,6 @@ static pairs make_pairs(const hada_registration *truth, int count, double scale,
         expose(&all.raws[i], &stands, mask_holes(), scale);
         for (int k = 0; k < ROWS * COLS; k++) /* noise, and stray light that is the same in all frames */
             all.raws[i].data[k] += (float)(noise * hada_random_normal(&random) + 0.2 * sin(k / 2000.0));
-        hada_image_destroy(&stands);
     }
     return all;
 }
@@ -304,15 +301,13 @@ TEST(refusals)
     /* scenes that are their own mirror images stand as well mirrored as not */
     hada_registration flip = {.size = sizeof(hada_registration), .magnification = 1.0, .mirrored = 1};
     for (int i = 0; i < PAIRS; i++) {
-        hada_image mirrored, stands;
+        SCOPED(hada_image) mirrored, stands;
         ASSERT_OK(hada_register_apply(&mirrored, &all.scenes[i], &flip, WINDOW_ROWS, WINDOW_COLS, err));
         for (size_t k = 0; k < hada_image_count(&mirrored); k++)
             all.scenes[i].data[k] = 0.5f * (all.scenes[i].data[k] + mirrored.data[k]);
         ASSERT_OK(hada_register_apply(&stands, &all.scenes[i], &truth, WINDOW_ROWS, WINDOW_COLS, err));
         memset(all.raws[i].data, 0, hada_image_count(&all.raws[i]) * sizeof(float));
         expose(&all.raws[i], &stands, mask_holes(), 1.0);
-        hada_image_destroy(&mirrored);
-        hada_image_destroy(&stands);
     }
     ASSERT_FAILS(hada_register_pairs(&found, all.raws, all.scenes, PAIRS, &options, err), HADA_ERROR_DATASET,
                  "without symmetry");

@@ -85,7 +85,7 @@ TEST(shot_noise)
         sensor.full_well = 65536.0; /* electrons come back from shares exactly */
         sensor.saturate = 0;
         sensor.exposure = means[m] / 65536.0;
-        hada_image frame = flat(1, 1.0f);
+        SCOPED(hada_image) frame = flat(1, 1.0f);
         ASSERT_OK(hada_simulator_expose(b->simulator, &sensor, 42 + m, &frame, err));
         double mean, variance, distance = 0.0;
         for (int i = 0; i < PIXELS; i++) {
@@ -105,7 +105,6 @@ TEST(shot_noise)
             distance = fmax(distance, fabs((double)i / PIXELS - below));
         }
         assert_true(distance * sqrt(PIXELS) < 1.95);
-        hada_image_destroy(&frame);
     }
 }
 
@@ -116,7 +115,7 @@ TEST(read_noise)
     sensor.read_noise = 0.01;
     sensor.dark_level = 0.0625;
     sensor.exposure = 0.25;
-    hada_image frame = flat(1, 0.5f);
+    SCOPED(hada_image) frame = flat(1, 0.5f);
     ASSERT_OK(hada_simulator_expose(b->simulator, &sensor, 7, &frame, err));
     double mean, variance, distance = 0.0, together = 0.0;
     moments(frame.data, &mean, &variance);
@@ -131,7 +130,6 @@ TEST(read_noise)
         distance = fmax(distance, fmax(fabs((i + 1.0) / PIXELS - below), fabs((double)i / PIXELS - below)));
     }
     assert_true(distance * sqrt(PIXELS) < 1.95);
-    hada_image_destroy(&frame);
 }
 
 TEST(seeds)
@@ -164,7 +162,7 @@ TEST(saturation_and_rounding)
     DEFAULTS(hada_sensor, sensor);
     sensor.full_well = 500.0;
     sensor.dark_level = 0.25;
-    hada_image frame = flat(1, 50.0f);
+    SCOPED(hada_image) frame = flat(1, 50.0f);
     for (int i = 0; i < PIXELS / 2; i++)
         frame.data[i] = -1.0f;
     ASSERT_OK(hada_simulator_expose(b->simulator, &sensor, 1, &frame, err));
@@ -181,7 +179,6 @@ TEST(saturation_and_rounding)
         const double level = frame.data[i] * 1023.0;
         assert_true(fabs(level - rint(level)) < 1e-4 && fabs(level - i * 1023.0 / PIXELS) < 0.5001);
     }
-    hada_image_destroy(&frame);
 }
 
 TEST(vignetting)
@@ -195,7 +192,7 @@ TEST(vignetting)
         options.shift_rows = 20 * moved;
         options.shift_cols = -30 * moved;
         ASSERT_OK(hada_simulator_create(&simulator, b->context, &b->camera, &options, err));
-        hada_image frame = flat(3, 1.0f);
+        SCOPED(hada_image) frame = flat(3, 1.0f);
         ASSERT_OK(hada_simulator_expose(simulator, &sensor, 1, &frame, err));
         const int at[][2] = {{0, 0}, {75, 100}, {149, 13}};
         for (int i = 0; i < 3; i++) {
@@ -204,10 +201,9 @@ TEST(vignetting)
             const double expected = pow(cos(atan(hypot(x, y) / b->camera.distance_mm)), 4.0);
             assert_true(fabs(frame.data[2 * PIXELS + at[i][0] * COLS + at[i][1]] - expected) < 1e-6);
         }
-        hada_image_destroy(&frame);
         hada_simulator_destroy(&simulator);
     }
-    hada_image gain = flat(1, 0.5f), frame = flat(3, 1.0f);
+    SCOPED(hada_image) gain = flat(1, 0.5f), frame = flat(3, 1.0f);
     gain.data[3] = 0.25f;
     sensor.vignetting = HADA_VIGNETTING_IMAGE;
     sensor.gain = &gain;
@@ -218,15 +214,13 @@ TEST(vignetting)
     ASSERT_FAILS(hada_simulator_expose(b->simulator, &sensor, 1, &frame, err), HADA_ERROR_ARGUMENT, "");
     gain.rows--;
     ASSERT_FAILS(hada_simulator_expose(b->simulator, &sensor, 1, &frame, err), HADA_ERROR_SIZE, "");
-    hada_image_destroy(&gain);
-    hada_image_destroy(&frame);
 }
 
 TEST(refusals)
 {
     const bench *b = *state;
     hada_error error;
-    hada_image frame = flat(1, 1.0f);
+    SCOPED(hada_image) frame = flat(1, 1.0f);
     hada_sensor good, bad;
     hada_sensor_init(&good);
     for (int i = 0; i < 9; i++) {
@@ -249,7 +243,6 @@ TEST(refusals)
     assert_int_equal(hada_simulator_expose(b->simulator, &good, 1, &frame, &error), HADA_ERROR_NOT_FINITE);
     frame.cols--;
     assert_int_equal(hada_simulator_expose(b->simulator, &good, 1, &frame, &error), HADA_ERROR_SIZE);
-    hada_image_destroy(&frame);
 }
 
 FIXTURE(open_device, close_device)

@@ -12,7 +12,7 @@ typedef struct tally {
 static void hold(const skip_fixture *f, int model, unsigned skip, double most, int which, hada_plan *plan,
                  const hada_result *dense, tally *seen)
 {
-    hada_result result = {0};
+    SCOPED(hada_result) result = {0};
     (void)f;
     ASSERT_OK(hada_plan_run(plan, &f->frame[which], &result, err));
     const hada_skip_report *report = result.report->skipped;
@@ -29,7 +29,6 @@ static void hold(const skip_fixture *f, int model, unsigned skip, double most, i
     seen->limited += (report->kinds & HADA_SKIP_FREQUENCIES) != 0;
     seen->halved += (report->kinds & HADA_SKIP_HALF) != 0;
     seen->again += report->recomputed;
-    hada_result_destroy(&result);
 }
 
 static void all_frames(const skip_fixture *f, int model, unsigned skip, tally *seen)
@@ -92,8 +91,8 @@ TEST(a_bound_that_is_not_kept_leads_to_the_dense_result)
                                 options = skip_options(HADA_SKIP_PRUNE | HADA_SKIP_HALF, 0x1p-8);
         hada_plan *exact = skip_plan(f, model, &plain), *plan = skip_plan(f, model, &options);
         for (int which = 0; which < SKIP_FRAMES; which++) {
-            hada_result dense = {0}, result = {0};
-            hada_image hidden;
+            SCOPED(hada_result) dense = {0}, result = {0};
+            SCOPED(hada_image) hidden;
             ASSERT_OK(hada_image_create(&hidden, SKIP_CHANNELS, SKIP_ROWS, SKIP_COLS, err));
             for (size_t i = 0; i < hada_image_count(&hidden); i++) /* the negative of a frame, on a little light */
                 hidden.data[i] = 1e-4f - f->frame[which].data[i];
@@ -105,9 +104,6 @@ TEST(a_bound_that_is_not_kept_leads_to_the_dense_result)
                 assert_int_equal(result.report->skipped->kinds & bounded, 0);
             }
             again += result.report->skipped->recomputed;
-            hada_result_destroy(&dense);
-            hada_result_destroy(&result);
-            hada_image_destroy(&hidden);
         }
         hada_plan_destroy(&exact);
         hada_plan_destroy(&plan);
@@ -127,15 +123,13 @@ TEST(a_band_keeps_its_bound_and_its_size)
             options.band = bands[b];
             hada_plan *plan = skip_plan(f, model, &options);
             for (int which = 0; which < SKIP_FRAMES; which++) {
-                hada_result dense = {0}, result = {0};
+                SCOPED(hada_result) dense = {0}, result = {0};
                 ASSERT_OK(hada_plan_run(exact, &f->frame[which], &dense, err));
                 ASSERT_OK(hada_plan_run(plan, &f->frame[which], &result, err));
                 const hada_skip_report *report = result.report->skipped;
                 /* rounding is not part of what a band changes */
                 assert_true(skip_change(&result, &dense) <= report->bound + 1e-5);
                 assert_true(report->frequencies > 0.9 - bands[b] && report->frequencies < 1.0);
-                hada_result_destroy(&dense);
-                hada_result_destroy(&result);
             }
             hada_plan_destroy(&plan);
         }
@@ -153,13 +147,11 @@ TEST(a_band_and_an_error_go_together)
         plain.band = options.band = 0.7;
         hada_plan *exact = skip_plan(f, model, &plain), *plan = skip_plan(f, model, &options);
         for (int which = 0; which < SKIP_FRAMES; which++) {
-            hada_result dense = {0}, result = {0};
+            SCOPED(hada_result) dense = {0}, result = {0};
             ASSERT_OK(hada_plan_run(exact, &f->frame[which], &dense, err));
             ASSERT_OK(hada_plan_run(plan, &f->frame[which], &result, err));
             assert_true(skip_change(&result, &dense) <= 1e-2);
             limited += result.report->skipped->frequencies > dense.report->skipped->frequencies;
-            hada_result_destroy(&dense);
-            hada_result_destroy(&result);
         }
         hada_plan_destroy(&exact);
         hada_plan_destroy(&plan);

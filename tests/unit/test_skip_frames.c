@@ -18,11 +18,11 @@ TEST(an_equal_frame_takes_the_result_of_the_one_before)
         options.refine = refine;
         options.gamma = 0.5;
         hada_plan *plan = skip_plan(f, SKIP_WIENER, &options);
-        hada_image frame = copy_of(&f->frame[SKIP_EDGE]);
-        hada_result first = {0}, again = {0}, third = {0};
+        SCOPED(hada_image) frame = copy_of(&f->frame[SKIP_EDGE]);
+        SCOPED(hada_result) first = {0}, again = {0}, third = {0};
         ASSERT_OK(hada_plan_run(plan, &frame, &first, err));
         assert_int_equal(first.report->skipped->frame, 0);
-        hada_result kept = {0};
+        SCOPED(hada_result) kept = {0};
         ASSERT_OK(hada_plan_run(plan, &frame, &kept, err));
         assert_int_equal(kept.report->skipped->frame, 1);
         assert_true(kept.report->skipped->kinds & HADA_SKIP_FRAMES);
@@ -41,11 +41,6 @@ TEST(an_equal_frame_takes_the_result_of_the_one_before)
         assert_int_equal(third.report->skipped->frame, 0);
         ASSERT_OK(hada_plan_run(plan, &f->frame[SKIP_EDGE], &third, err)); /* not the one before any more */
         assert_int_equal(third.report->skipped->frame, 0);
-        hada_image_destroy(&frame);
-        hada_result_destroy(&first);
-        hada_result_destroy(&kept);
-        hada_result_destroy(&again);
-        hada_result_destroy(&third);
         hada_plan_destroy(&plan);
     }
 }
@@ -56,10 +51,9 @@ TEST(the_switch_is_obeyed)
     const hada_plan_options options = skip_options(HADA_SKIP_ALL & ~(unsigned)HADA_SKIP_FRAMES, 0.1);
     hada_plan *plan = skip_plan(f, SKIP_WIENER, &options);
     for (int i = 0; i < 2; i++) {
-        hada_result result = {0};
+        SCOPED(hada_result) result = {0};
         ASSERT_OK(hada_plan_run(plan, &f->frame[SKIP_EDGE], &result, err));
         assert_int_equal(result.report->skipped->frame, 0);
-        hada_result_destroy(&result);
     }
     hada_plan_destroy(&plan);
 }
@@ -70,7 +64,7 @@ TEST(a_failed_frame_is_not_reused)
     const skip_fixture *f = *state;
     const hada_plan_options options = skip_options(HADA_SKIP_ALL, 0.0);
     hada_plan *plan = skip_plan(f, SKIP_WIENER, &options);
-    hada_image broken = copy_of(&f->frame[SKIP_EDGE]);
+    SCOPED(hada_image) broken = copy_of(&f->frame[SKIP_EDGE]);
     broken.data[7] = NAN;
     for (int i = 0; i < 3; i++) {
         hada_result result = {0};
@@ -78,7 +72,6 @@ TEST(a_failed_frame_is_not_reused)
         assert_int_equal(hada_plan_run(plan, &broken, &result, &err), HADA_ERROR_NOT_FINITE);
         assert_null(result.planes);
     }
-    hada_image_destroy(&broken);
     hada_plan_destroy(&plan);
 }
 

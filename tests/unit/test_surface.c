@@ -74,13 +74,12 @@ static void transform(fixture *f, const float *images, int count, hada_buffer *o
 static void upload_camera(fixture *f)
 {
     const int images = DEPTHS * CHANNELS;
-    float *psfs = calloc((size_t)images * f->grid, sizeof *psfs);
+    SCOPED_MEMORY float *psfs = calloc((size_t)images * f->grid, sizeof *psfs);
     assert_non_null(psfs);
     ASSERT_OK(hada_buffer_create(&f->otf, f->context, (size_t)images * f->layout.count * 8, "the OTFs", err));
     for (int i = 0; i < images; i++)
         shine(f, i / CHANNELS, i % CHANNELS, 1.0, 0, 0, psfs + (size_t)i * f->grid);
     transform(f, psfs, images, &f->otf, 0);
-    free(psfs);
 }
 
 /* rows x cols of the sensor; padded: it crops, else it is the grid. */
@@ -152,7 +151,8 @@ static void shoot(fixture *f, const double *scene, const double *depth)
 {
     const int rows = f->camera.rows, cols = f->camera.cols;
     const hada_refine_rect *w = &f->shape.window, *frame = &f->shape.frame;
-    float *images = calloc(CHANNELS * f->grid, sizeof *images), *pixels = calloc(CHANNELS * f->grid, sizeof *pixels);
+    SCOPED_MEMORY float *images = calloc(CHANNELS * f->grid, sizeof *images),
+                        *pixels = calloc(CHANNELS * f->grid, sizeof *pixels);
     float *to = pixels;
     hada_random random;
     assert_true(images && pixels);
@@ -175,8 +175,6 @@ static void shoot(fixture *f, const double *scene, const double *depth)
     }
     transform(f, images, CHANNELS, &f->spectrum, 0);
     ASSERT_OK(hada_buffer_write(&f->pixels, f->slot, 0, pixels, f->pixels.bytes, err));
-    free(images);
-    free(pixels);
 }
 
 /* Bright and dark stripes over the frame, of which the camera knows nothing. */
@@ -184,7 +182,8 @@ static void shade(fixture *f, double part)
 {
     const hada_refine_rect *frame = &f->shape.frame;
     const size_t area = (size_t)frame->rows * (size_t)frame->cols;
-    float *pixels = calloc(CHANNELS * area, sizeof *pixels), *images = calloc(CHANNELS * f->grid, sizeof *images);
+    SCOPED_MEMORY float *pixels = calloc(CHANNELS * area, sizeof *pixels),
+                        *images = calloc(CHANNELS * f->grid, sizeof *images);
     assert_true(pixels && images);
     ASSERT_OK(hada_buffer_read(&f->pixels, f->slot, 0, pixels, CHANNELS * area * sizeof *pixels, err));
     for (int c = 0; c < CHANNELS; c++)
@@ -197,20 +196,17 @@ static void shade(fixture *f, double part)
             }
     transform(f, images, CHANNELS, &f->spectrum, 0);
     ASSERT_OK(hada_buffer_write(&f->pixels, f->slot, 0, pixels, CHANNELS * area * sizeof *pixels, err));
-    free(pixels);
-    free(images);
 }
 
 static double frame_energy(const fixture *f)
 {
     const size_t values = CHANNELS * (size_t)f->shape.frame.rows * (size_t)f->shape.frame.cols;
-    float *pixels = calloc(values, sizeof *pixels);
+    SCOPED_MEMORY float *pixels = calloc(values, sizeof *pixels);
     double sum = 0.0;
     assert_non_null(pixels);
     ASSERT_OK(hada_buffer_read(&f->pixels, f->slot, 0, pixels, values * sizeof *pixels, err));
     for (size_t i = 0; i < values; i++)
         sum += (double)pixels[i] * pixels[i];
-    free(pixels);
     return sum;
 }
 
@@ -232,7 +228,7 @@ static void find(fixture *f, const double *scene, const double *depth, double er
     DEFAULTS(hada_surface_rule, rule);
     shoot(f, scene, depth);
     ASSERT_OK(hada_surface_run(f->surface, f->spectrum.mem, 0, f->pixels.mem, 0, &rule, &result, err));
-    float *texture = read_texture(f, &result);
+    SCOPED_MEMORY float *texture = read_texture(f, &result);
     assert_int_equal(result.rows, WINDOW);
     assert_int_equal(result.cols, WINDOW);
     for (int i = 0; i < AREA; i++) {
@@ -245,7 +241,6 @@ static void find(fixture *f, const double *scene, const double *depth, double er
         square += (texture[i] - scene[i]) * (texture[i] - scene[i]) / (CHANNELS * AREA);
     if (apart > error || -10.0 * log10(square) < psnr || close < 0.9)
         fail_msg("depth error %.3f, %.3f within half, %.2f dB", apart, close, -10.0 * log10(square));
-    free(texture);
 }
 
 static void slant(double *depth)
@@ -368,7 +363,7 @@ TEST(test_in_vain)
         ASSERT_OK(hada_surface_run(f.surface, f.spectrum.mem, 0, f.pixels.mem, 0, &rule, &result, err));
         assert_false(result.in_vain);
         const double left = result.energy[result.levels - 1];
-        float *texture = read_texture(&f, &result), *depths = calloc(AREA, sizeof *depths);
+        SCOPED_MEMORY float *texture = read_texture(&f, &result), *depths = calloc(AREA, sizeof *depths);
         assert_non_null(depths);
         memcpy(depths, result.depth, AREA * sizeof *depths);
         limited.frame = frame_energy(&f);
@@ -381,13 +376,10 @@ TEST(test_in_vain)
         limited.enough = left;
         ASSERT_OK(hada_surface_run(f.surface, f.spectrum.mem, 0, f.pixels.mem, 0, &limited, &result, err));
         assert_false(result.in_vain);
-        float *again = read_texture(&f, &result);
+        SCOPED_MEMORY float *again = read_texture(&f, &result);
         assert_true(left == result.energy[result.levels - 1]);
         assert_memory_equal(texture, again, CHANNELS * AREA * sizeof *texture);
         assert_memory_equal(depths, result.depth, AREA * sizeof *depths);
-        free(texture);
-        free(depths);
-        free(again);
     }
     tear_down(&f);
 }

@@ -94,8 +94,8 @@ static void set_up(fixture *f, scale_at *scale, double col, double noise)
     ASSERT_OK(hada_slot_create(&f->slot, f->context, err));
     f->layout = hada_surface_layout(f->context, ROWS, COLS);
     const size_t image = 2 * f->layout.count, images = DEPTHS * CHANNELS;
-    double *psf = calloc(PIXELS, sizeof *psf);
-    float *rows = calloc(VALUES, 2 * sizeof *rows), *packed = calloc(images, image * sizeof *packed);
+    SCOPED_MEMORY double *psf = calloc(PIXELS, sizeof *psf);
+    SCOPED_MEMORY float *rows = calloc(VALUES, 2 * sizeof *rows), *packed = calloc(images, image * sizeof *packed);
     f->spectra = calloc(images * VALUES, 2 * sizeof *f->spectra);
     assert_true(psf && rows && packed && f->spectra);
     for (int k = 0; k < DEPTHS; k++) {
@@ -113,9 +113,6 @@ static void set_up(fixture *f, scale_at *scale, double col, double noise)
     ASSERT_OK(hada_buffer_create(&f->made, f->context, images * image * sizeof *packed, "the OTFs", err));
     f->camera = (hada_surface_camera){ROWS, COLS, CHANNELS, DEPTHS, f->otf.mem, 0};
     ASSERT_OK(hada_magnification_measure(&f->law, f->slot, &f->camera, f->distances, err));
-    free(psf);
-    free(rows);
-    free(packed);
 }
 
 static void tear_down(fixture *f)
@@ -157,18 +154,15 @@ static double apart(const float *a, const double *b)
 static double made_apart(fixture *f, double depth, int channel)
 {
     hada_between *between;
-    double *psf = calloc(PIXELS, sizeof *psf), *spectrum = calloc(VALUES, 2 * sizeof *spectrum);
+    SCOPED_MEMORY double *psf = calloc(PIXELS, sizeof *psf), *spectrum = calloc(VALUES, 2 * sizeof *spectrum);
     assert_true(psf && spectrum);
     ASSERT_OK(hada_between_create(&between, f->slot, &f->camera, &f->law, err));
     ASSERT_OK(hada_between_make(between, 1, &depth, f->made.mem, 0, NULL, err));
-    float *made = read_made(f, 0, channel);
+    SCOPED_MEMORY float *made = read_made(f, 0, channel);
     expose(pinhole(depth), 0.0, f->law.col > 1.0 ? 60.0 / distance_of(depth) : 0.0, channel, 0.0, 0, psf);
     ASSERT_OK(hada_ref_fft_forward(psf, ROWS, COLS, spectrum, err));
     const double error = apart(made, spectrum);
     hada_between_destroy(&between);
-    free(made);
-    free(psf);
-    free(spectrum);
     return error;
 }
 
@@ -263,7 +257,7 @@ static void reference(const fixture *f, double depth, int channel, double *spect
     /* beyond the camera's depths there is one neighbour */
     const int beyond = depth < 0.0 || depth > DEPTHS - 1, low = depth < 0.0 ? 0 : (int)fmin(depth, DEPTHS - 1);
     const hada_magnified to = hada_magnification_at(&f->law, depth);
-    double *coefficients = calloc(PIXELS, sizeof *coefficients), *image = calloc(PIXELS, sizeof *image);
+    SCOPED_MEMORY double *coefficients = calloc(PIXELS, sizeof *coefficients), *image = calloc(PIXELS, sizeof *image);
     assert_true(coefficients && image);
     for (int i = 0; i < 2 - beyond; i++) {
         const hada_magnified by = hada_magnified_between(&f->law.depth[low + i], &to);
@@ -272,8 +266,6 @@ static void reference(const fixture *f, double depth, int channel, double *spect
         hada_ref_magnify(coefficients, ROWS, COLS, by.scale, by.row, by.col, share, image);
     }
     ASSERT_OK(hada_ref_fft_forward(image, ROWS, COLS, spectrum, err));
-    free(coefficients);
-    free(image);
 }
 
 /* The way there and back on the device, against double precision; any order gives the same bits. */
@@ -289,20 +281,18 @@ TEST(test_reference)
     ASSERT_OK(hada_between_make(between, 4, depths, f.made.mem, 0, NULL, err));
     for (int i = 0; i < 4; i++)
         for (int c = 0; c < CHANNELS; c++) {
-            float *made = read_made(&f, i, c);
+            SCOPED_MEMORY float *made = read_made(&f, i, c);
             if (i == 2)
                 memcpy(spectrum, f.spectra + spectrum_at(2, c), 2 * VALUES * sizeof *spectrum);
             else
                 reference(&f, depths[i], c, spectrum);
             assert_true(apart(made, spectrum) < 1e-6);
-            free(made);
         }
     ASSERT_OK(hada_between_make(between, 2, outside, f.made.mem, 0, NULL, err));
     for (int i = 0; i < 2; i++) {
-        float *made = read_made(&f, i, 1);
+        SCOPED_MEMORY float *made = read_made(&f, i, 1);
         reference(&f, outside[i], 1, spectrum);
         assert_true(apart(made, spectrum) < 1e-6);
-        free(made);
     }
     ASSERT_OK(hada_between_make(between, 4, depths, f.made.mem, 0, NULL, err));
     float *first = read_made(&f, 1, 0);
@@ -332,7 +322,7 @@ TEST(test_coarse)
     ASSERT_OK(hada_buffer_read(&f.made, f.slot, 0, blocks, 2 * CHANNELS * image * sizeof *blocks, err));
     ASSERT_OK(hada_between_make(between, 2, depths, f.made.mem, 0, NULL, err));
     for (int i = 0; i < 2; i++) {
-        float *whole = read_made(&f, i, 1);
+        SCOPED_MEMORY float *whole = read_made(&f, i, 1);
         for (int ky = 1 - ROWS / 4; ky < ROWS / 4; ky++)
             for (int kx = 0; kx < COLS / 4; kx++) {
                 const float *a = blocks + image * (size_t)(i * CHANNELS + 1) +
@@ -340,7 +330,6 @@ TEST(test_coarse)
                 const float *b = whole + 2 * ((size_t)(ky < 0 ? ky + ROWS : ky) * (COLS / 2 + 1) + (size_t)kx);
                 assert_true(a[0] == b[0] && a[1] == b[1]);
             }
-        free(whole);
     }
     free(blocks);
     hada_between_destroy(&between);

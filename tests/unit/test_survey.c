@@ -18,7 +18,7 @@ static void make_pairs(pairs *set, double response, int exposed, double noise, u
     hada_random_seed(&random, seed, 3);
     *set = (pairs){0};
     for (int z = 0; z < DEPTHS; z++) {
-        hada_image psf = small_psf(CHANNELS, ROWS, COLS, 9, seed + (uint64_t)z);
+        SCOPED(hada_image) psf = small_psf(CHANNELS, ROWS, COLS, 9, seed + (uint64_t)z);
         for (int i = 0; i < PAIRS; i++) {
             const double gain = exposed ? exp2(hada_random_range(&random, -1.0, 1.0)) : 1.0;
             hada_image *scene = &set->scene[z][i], *frame = &set->frame[z][i];
@@ -31,7 +31,6 @@ static void make_pairs(pairs *set, double response, int exposed, double noise, u
             hada_response_convert(scene->data, hada_image_count(scene), HADA_RESPONSE_LINEAR, response);
             set->gain[z][i] = gain;
         }
-        hada_image_destroy(&psf);
     }
 }
 

@@ -109,7 +109,7 @@ static hada_status optics(const hada_monitor *monitor, hada_error *err)
 static hada_status fit(const hada_monitor *monitor, hada_error *err)
 {
     hada_dataset *data;
-    hada_model *model = NULL;
+    SCOPED(hada_model) *model = NULL;
     hada_fit_report *report = NULL;
     hada_status status = scan(&data, err);
     assert_int_equal(status, HADA_OK);
@@ -122,7 +122,6 @@ static hada_status fit(const hada_monitor *monitor, hada_error *err)
         for (int z = 0; z < DEPTHS; z++)
             assert_int_equal(report->pairs[z], PAIRS);
     hada_fit_report_destroy(&report);
-    hada_model_destroy(&model);
     hada_dataset_destroy(&data);
     return status;
 }
@@ -219,7 +218,7 @@ TEST(notes_say_what_was_passed_over)
     ASSERT_OK(hada_folder_ensure(at("results"), err));
     char name[300], truth[300];
     hada_dataset *data;
-    hada_image raw, scene;
+    SCOPED(hada_image) raw, scene;
     ASSERT_OK(scan(&data, err));
     ASSERT_OK(hada_dataset_read(data, 0, 0, &raw, &scene, err));
     snprintf(name, sizeof name, "results%s", strrchr(hada_dataset_get_info(data)->files[0][0].scene, '/'));
@@ -231,8 +230,6 @@ TEST(notes_say_what_was_passed_over)
     assert_non_null(strstr(ear.notes, "1 file in "));
     assert_non_null(strstr(ear.notes, "without a result in "));
     hada_evaluate_report_destroy(&report);
-    hada_image_destroy(&raw);
-    hada_image_destroy(&scene);
     hada_dataset_destroy(&data);
 }
 

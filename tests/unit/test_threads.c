@@ -46,7 +46,7 @@ static hada_status work_with(job *j, hada_context *context, const hada_plan_opti
                              const hada_result *expected)
 {
     hada_plan *plan;
-    hada_result result = {0};
+    SCOPED(hada_result) result = {0};
     hada_status status = hada_plan_create(&plan, context, j->f->model, options, &j->error);
     for (int i = 0; !status && i < 2 * FRAMES; i++) {
         const int frame = (i + j->first) % FRAMES;
@@ -54,7 +54,6 @@ static hada_status work_with(job *j, hada_context *context, const hada_plan_opti
         if (!status)
             j->different += !same(&result, &expected[frame]);
     }
-    hada_result_destroy(&result);
     hada_plan_destroy(&plan);
     return status;
 }
@@ -98,9 +97,8 @@ static void make_frames(fixture *f)
     for (int z = 0; z < DEPTHS; z++)
         psf[z] = small_psf(CHANNELS, ROWS, COLS, 12, (uint64_t)z + 1);
     for (int i = 0; i < FRAMES; i++) {
-        hada_image scene = small_scene(CHANNELS, WINDOW, WINDOW, (uint64_t)i + 1);
+        SCOPED(hada_image) scene = small_scene(CHANNELS, WINDOW, WINDOW, (uint64_t)i + 1);
         f->frames[i] = small_frame(&psf[i % DEPTHS], &scene, 0, 0.003, (uint64_t)i + 1);
-        hada_image_destroy(&scene);
     }
     ASSERT_OK(hada_model_from_psf(&f->model, f->context, psf, DEPTHS, distances, &options, err));
     for (int z = 0; z < DEPTHS; z++)

@@ -90,13 +90,12 @@ static void expect_bytes(const bytes *b, hada_status status, const char *word)
         expect(status, word);
         return;
     }
-    hada_image image;
+    SCOPED(hada_image) image;
     hada_error err = {0};
     if (load(&image, &err))
         fail_msg("%s", err.message);
     for (int i = 0; i < 4; i++)
         assert_float_equal(image.data[i], (i + 1) / 255.0, 1e-7);
-    hada_image_destroy(&image);
 }
 
 TEST(directories_of_either_order_and_size)
@@ -271,17 +270,16 @@ static void save_pages(const char *text, int pages, int wider)
     options.description = text;
     assert_int_equal(hada_tiff_create(&writer, io_path("form.tif"), 1, ROWS, COLS, &options, NULL), HADA_OK);
     for (int i = 0; i < pages; i++) {
-        hada_image image;
+        SCOPED(hada_image) image;
         assert_int_equal(hada_image_create(&image, 1, ROWS, COLS, NULL), HADA_OK);
         for (int k = 0; k < AREA; k++)
             image.data[k] = (float)(10 * i);
         assert_int_equal(hada_tiff_write(writer, &image, NULL), HADA_OK);
-        hada_image_destroy(&image);
     }
     assert_int_equal(hada_tiff_finish(&writer, NULL), HADA_OK);
     if (wider) { /* the second page gets another size: one pixel less in its width */
         size_t count;
-        unsigned char *data = io_read_bytes(io_path("form.tif"), &count);
+        SCOPED_MEMORY unsigned char *data = io_read_bytes(io_path("form.tif"), &count);
         uint32_t at;
         uint16_t entries, tag;
         const uint32_t width = COLS - 1;
@@ -295,7 +293,6 @@ static void save_pages(const char *text, int pages, int wider)
                 memcpy(data + at + 2 + 12 * i + 8, &width, 4);
         }
         io_write_bytes(io_path("form.tif"), data, count);
-        free(data);
     }
 }
 
@@ -377,7 +374,7 @@ TEST(what_cannot_be_written_is_said_before)
     expect_write(1, &options, HADA_ERROR_SIZE, "too long");
     /* a hyperstack takes what was declared, and no more */
     hada_tiff_writer *writer;
-    hada_image image;
+    SCOPED(hada_image) image;
     assert_int_equal(hada_image_create(&image, 1, 1, 1, NULL), HADA_OK);
     image.data[0] = NAN;
     options.slices = 0;
@@ -389,14 +386,13 @@ TEST(what_cannot_be_written_is_said_before)
     ASSERT_OK(hada_tiff_finish(&writer, err));
     hada_tiff_abandon(NULL);
     hada_tiff_abandon(&writer);
-    hada_image_destroy(&image);
 }
 
 /* Pages that may outgrow 4 GiB begin as BigTIFF. */
 TEST(what_may_grow_is_big)
 {
     hada_tiff_writer *writer;
-    hada_image image, back;
+    SCOPED(hada_image) image, back;
     DEFAULTS(hada_tiff_write_options, options);
     options.slices = 1 << 30;
     assert_int_equal(hada_image_create(&image, 1, 1, 1, NULL), HADA_OK);
@@ -410,8 +406,6 @@ TEST(what_may_grow_is_big)
     free(data);
     assert_int_equal(load(&back, NULL), HADA_OK);
     assert_true(back.data[0] == 0.25f);
-    hada_image_destroy(&back);
-    hada_image_destroy(&image);
 }
 
 /* The layout of a hyperstack beyond 4 GiB, in small: 600 images, more than a block of directories holds. */

@@ -101,14 +101,13 @@ TEST(numbers_of_every_kind_are_read)
     };
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
         hada_error err = {0};
-        hada_image image;
+        SCOPED(hada_image) image;
         write_form(io_path("form.tif"), &cases[k].form, cases[k].row);
         if (load(&image, &err))
             fail_msg("case %zu: %s", k, err.message);
         for (int i = 0; i < AREA; i++)
             if (fabs((double)image.data[i] - cases[k].expected[i % COLS] / cases[k].factor) > 1e-7)
                 fail_msg("case %zu, pixel %d: %g", k, i, (double)image.data[i]);
-        hada_image_destroy(&image);
     }
 }
 
@@ -131,7 +130,7 @@ TEST(alpha_goes_and_channels_stay)
     };
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
         hada_error err = {0};
-        hada_image image;
+        SCOPED(hada_image) image;
         write_form(io_path("form.tif"), &cases[k].form, row);
         if (load(&image, &err))
             fail_msg("case %zu: %s", k, err.message);
@@ -140,7 +139,6 @@ TEST(alpha_goes_and_channels_stay)
             const int first = cases[k].form.tiled ? 0 : cases[k].form.planar == 2 ? 10 : 10 * (c + 1);
             assert_float_equal(image.data[c * AREA], first / 255.0, 1e-7);
         }
-        hada_image_destroy(&image);
     }
 }
 
@@ -149,7 +147,7 @@ TEST(jpegs_of_cameras_are_read)
     unsigned char pixels[3 * COLS];
     const form colours = {.bits = 8, .samples = 3, .photometric = PHOTOMETRIC_YCBCR, .compression = COMPRESSION_JPEG};
     hada_error err = {0};
-    hada_image image;
+    SCOPED(hada_image) image;
     if (!TIFFIsCODECConfigured(COMPRESSION_JPEG))
         skip();
     TIFF *tif = begin_page(io_path("form.tif"), &colours);
@@ -163,14 +161,13 @@ TEST(jpegs_of_cameras_are_read)
         fail_msg("%s", err.message);
     assert_int_equal(image.channels, 3);
     assert_float_equal(image.data[2 * AREA + 7], 100 / 255.0, 0.02);
-    hada_image_destroy(&image);
 }
 
 /* The value of a tag of the first directory of a classic file in this machine's order. */
 static void set_tag(unsigned tag, uint16_t type, uint32_t value)
 {
     size_t bytes;
-    unsigned char *data = io_read_bytes(io_path("form.tif"), &bytes);
+    SCOPED_MEMORY unsigned char *data = io_read_bytes(io_path("form.tif"), &bytes);
     uint32_t at;
     uint16_t count, number = 0;
     memcpy(&at, data + 4, 4);
@@ -185,7 +182,6 @@ static void set_tag(unsigned tag, uint16_t type, uint32_t value)
     }
     assert_int_equal(number, tag);
     io_write_bytes(io_path("form.tif"), data, bytes);
-    free(data);
 }
 
 static void expect(hada_status status, const char *word, const char *what)
@@ -309,9 +305,9 @@ TEST(one_directory_for_many_images)
     }
     TIFFClose(tif);
     size_t count;
-    unsigned char *data = io_read_bytes(io_path("form.tif"), &count);
+    SCOPED_MEMORY unsigned char *data = io_read_bytes(io_path("form.tif"), &count);
     const size_t claimed = count;
-    unsigned char *longer = calloc(1, claimed + 1000);
+    SCOPED_MEMORY unsigned char *longer = calloc(1, claimed + 1000);
     memcpy(longer, data, claimed);
     for (size_t i = 0; i < AREA; i++)
         longer[claimed + i] = 255;
@@ -326,8 +322,6 @@ TEST(one_directory_for_many_images)
     assert_int_equal(truncate(io_path("form.tif"), 60), 0);
     ASSERT_FAILS(hada_tiff_read(reader, 2, &image, err), HADA_ERROR_FILE_READ, "cut off");
     hada_tiff_close(&reader);
-    free(longer);
-    free(data);
 }
 
 FIXTURE(io_setup, io_teardown)

@@ -50,13 +50,12 @@ static int expect_stored(hada_tiff_reader *reader, int frame, const hada_image *
 {
     const hada_tiff_info *info = hada_tiff_get_info(reader);
     hada_pixels pixels;
-    hada_image copy;
+    SCOPED(hada_image) copy;
     assert_int_equal(hada_tiff_read_stored(reader, frame, &pixels, NULL), HADA_OK);
     assert_true(pixels.type == HADA_PIXEL_F32 || (pixels.type == HADA_PIXEL_U16) == (info->bits > 8));
     assert_int_equal(hada_pixels_to_image(&pixels, &copy, NULL), HADA_OK);
     assert_int_equal(hada_image_count(&copy), hada_image_count(image));
     assert_memory_equal(copy.data, image->data, hada_image_count(image) * sizeof *copy.data);
-    hada_image_destroy(&copy);
     free((void *)pixels.data);
     return pixels.type != HADA_PIXEL_F32;
 }
@@ -77,7 +76,7 @@ TEST(test_pixels)
                      info->channels, info->rows, info->cols, info->slices, info->times, info->bits);
         /* Backwards, so that pages are reached in another order than they stand. */
         for (int frame = g->frames - 1; frame >= 0; frame--) {
-            hada_image image;
+            SCOPED(hada_image) image;
             if (hada_tiff_read(reader, frame, &image, &err))
                 fail_msg("%s: %s", g->name, err.message);
             assert_int_equal(image.channels, g->channels);
@@ -89,7 +88,6 @@ TEST(test_pixels)
                                  expected);
                 }
             whole += expect_stored(reader, frame, &image);
-            hada_image_destroy(&image);
         }
         hada_tiff_close(&reader);
     }
@@ -201,9 +199,8 @@ static int try_all(const char *path)
         assert_false(isnan(hada_tiff_get_info(reader)->distances_mm[z]));
     int frames = hada_tiff_get_info(reader)->frames;
     for (int i = 0; i < frames && i < 8; i++) {
-        hada_image image;
+        SCOPED(hada_image) image;
         fine += !hada_tiff_read(reader, i, &image, &err);
-        hada_image_destroy(&image);
     }
     hada_tiff_close(&reader);
     return fine;
@@ -217,7 +214,7 @@ TEST(test_truncated)
 {
     for (size_t k = 0; k < sizeof victims / sizeof victims[0]; k++) {
         size_t bytes;
-        unsigned char *data = io_read_bytes(io_golden(victims[k]), &bytes);
+        SCOPED_MEMORY unsigned char *data = io_read_bytes(io_golden(victims[k]), &bytes);
         size_t step = bytes > 1000 ? 7 : 1;
         for (size_t length = 0; length < bytes; length += step) {
             io_write_bytes(io_path("cut.tif"), data, length);
@@ -225,7 +222,6 @@ TEST(test_truncated)
         }
         io_write_bytes(io_path("cut.tif"), data, bytes);
         assert_true(try_all(io_path("cut.tif")) > 0);
-        free(data);
     }
 }
 
@@ -234,8 +230,8 @@ TEST(test_flipped)
     uint64_t random = 1;
     for (size_t k = 0; k < sizeof victims / sizeof victims[0]; k++) {
         size_t bytes;
-        unsigned char *data = io_read_bytes(io_golden(victims[k]), &bytes);
-        unsigned char *copy = malloc(bytes);
+        SCOPED_MEMORY unsigned char *data = io_read_bytes(io_golden(victims[k]), &bytes);
+        SCOPED_MEMORY unsigned char *copy = malloc(bytes);
         assert_non_null(copy);
         for (int round = 0; round < 150; round++) {
             memcpy(copy, data, bytes);
@@ -244,8 +240,6 @@ TEST(test_flipped)
             io_write_bytes(io_path("flipped.tif"), copy, bytes);
             try_all(io_path("flipped.tif"));
         }
-        free(copy);
-        free(data);
     }
 }
 

@@ -68,7 +68,7 @@ static void round_trip(int bits, hada_tiff_layout layout, int channels, int slic
     if (layout == HADA_TIFF_HYPERSTACK)
         assert_int_equal(info->slices, slices);
     for (int i = 0; i < slices; i++) {
-        hada_image back;
+        SCOPED(hada_image) back;
         assert_int_equal(hada_tiff_read(reader, i, &back, &err), HADA_OK);
         for (size_t k = 0; k < hada_image_count(&back); k++) {
             float expected = stored(image[i].data[k], bits, scale);
@@ -76,7 +76,6 @@ static void round_trip(int bits, hada_tiff_layout layout, int channels, int slic
                 fail_msg("%d bits, layout %d, %d channels, frame %d, value %zu: %.9g, expected %.9g", bits, layout,
                          channels, i, k, (double)back.data[k], (double)expected);
         }
-        hada_image_destroy(&back);
         hada_image_destroy(&image[i]);
     }
     hada_tiff_close(&reader);
@@ -117,7 +116,7 @@ TEST(test_stated_range)
 /* The same calls give the same bytes. */
 TEST(test_deterministic)
 {
-    hada_image image;
+    SCOPED(hada_image) image;
     fill(&image, 3, 9, 8, 3);
     for (int layout = 0; layout < 2; layout++) {
         DEFAULTS(hada_tiff_write_options, options);
@@ -133,7 +132,6 @@ TEST(test_deterministic)
         free(data[0]);
         free(data[1]);
     }
-    hada_image_destroy(&image);
 }
 
 static long peak_kib(void)
@@ -180,7 +178,7 @@ TEST(test_streaming)
 
 TEST(test_mistakes)
 {
-    hada_image image, other;
+    SCOPED(hada_image) image, other;
     fill(&image, 1, 4, 4, 1);
     fill(&other, 1, 4, 5, 1);
     DEFAULTS(hada_tiff_write_options, options);
@@ -202,15 +200,13 @@ TEST(test_mistakes)
     ASSERT_FAILS(hada_tiff_save("/dev/full", &image, NULL, err), HADA_ERROR_FILE_WRITE, "not an ordinary file");
     ASSERT_FAILS(hada_tiff_save(io_folder, &image, NULL, err), HADA_ERROR_FILE_WRITE, "");
     assert_int_equal(io_count(), files);
-    hada_image_destroy(&image);
-    hada_image_destroy(&other);
 }
 
 /* A disk that fills up, played by a limit on the size of files: an older file stays as it was, nothing else appears. */
 TEST(test_full_disk)
 {
     struct rlimit old, small;
-    hada_image image;
+    SCOPED(hada_image) image;
     fill(&image, 3, 300, 300, 1);
     io_write_bytes(io_path("old.tif"), "old", 3);
     int files = io_count();
@@ -232,11 +228,9 @@ TEST(test_full_disk)
             fail_msg("the message does not say what happened: %s", err.message);
         assert_int_equal(io_count(), files);
         size_t bytes;
-        unsigned char *data = io_read_bytes(io_path("old.tif"), &bytes);
+        SCOPED_MEMORY unsigned char *data = io_read_bytes(io_path("old.tif"), &bytes);
         assert_int_equal(bytes, 3);
-        free(data);
     }
-    hada_image_destroy(&image);
 }
 
 FIXTURE(io_setup, io_teardown)

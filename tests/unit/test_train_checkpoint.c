@@ -112,7 +112,7 @@ TEST(checkpoints_of_others_are_refused)
         hada_trainer_destroy(&trainer);
     }
     /* the same sizes, but another camera */
-    hada_model *flat;
+    SCOPED(hada_model) * flat;
     hada_train_options joint = options_of(HADA_STAGE_JOINT);
     trainer = make(&joint, 1);
     save(trainer, 0);
@@ -124,7 +124,6 @@ TEST(checkpoints_of_others_are_refused)
     ASSERT_OK(hada_trainer_create(&trainer, &f.whole, 1, flat, pairs, NULL, &joint, err));
     ASSERT_FAILS(hada_trainer_load(trainer, f.path[0], err), HADA_ERROR_MODEL, "filters differs");
     hada_trainer_destroy(&trainer);
-    hada_model_destroy(&flat);
 }
 
 TEST(damaged_checkpoints_are_refused)

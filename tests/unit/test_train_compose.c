@@ -81,7 +81,7 @@ static void check_pixel(const hada_composed *composed, size_t i, float truth, se
 static void check_scene(int variant, int planes_only, uint64_t seed, seen *all)
 {
     hada_dataset *pairs = pairs_of(NULL);
-    hada_image scene = own_scene(1), again = own_scene(1);
+    SCOPED(hada_image) scene = own_scene(1), again = own_scene(1);
     hada_composed composed, same;
     int own = 0, lit[HADA_COMPOSED_DEPTHS] = {0}, dark = 0;
     ASSERT_OK(hada_compose(&composed, pairs, &info, seed, OWN, 1, variant, planes_only, &scene, err));
@@ -106,8 +106,6 @@ static void check_scene(int variant, int planes_only, uint64_t seed, seen *all)
     all->planes[composed.count]++;
     hada_composed_free(&composed);
     hada_composed_free(&same);
-    hada_image_destroy(&scene);
-    hada_image_destroy(&again);
     hada_dataset_destroy(&pairs);
 }
 
@@ -162,7 +160,7 @@ TEST(a_pair_that_cannot_be_read_is_named)
     int broken = 1, failed = 0;
     hada_dataset *pairs = pairs_of(&broken);
     for (uint64_t seed = 0; seed < 20; seed++) {
-        hada_image scene = own_scene(0);
+        SCOPED(hada_image) scene = own_scene(0);
         hada_composed composed;
         hada_error error = {0};
         const hada_status status = hada_compose(&composed, pairs, &info, seed, OWN, 0, 1, 0, &scene, &error);
@@ -173,7 +171,6 @@ TEST(a_pair_that_cannot_be_read_is_named)
             assert_int_equal(composed.count, 0);
         }
         hada_composed_free(&composed);
-        hada_image_destroy(&scene);
     }
     assert_in_range(failed, 1, 19); /* others' scenes are read now and then */
     hada_dataset_destroy(&pairs);
@@ -200,14 +197,13 @@ TEST(small_cameras_are_served)
     two.depths = 2;
     two.window_rows = two.window_cols = 1;
     for (uint64_t seed = 0; seed < 50; seed++) {
-        hada_image scene;
+        SCOPED(hada_image) scene;
         hada_composed composed;
         ASSERT_OK(hada_image_create(&scene, 2, 1, 1, err));
         scene.data[0] = scene.data[1] = 1.0f;
         ASSERT_OK(hada_compose(&composed, pairs, &two, seed, 0, 0, 1, 0, &scene, err));
         assert_in_range(composed.count, 1, 2);
         hada_composed_free(&composed);
-        hada_image_destroy(&scene);
     }
     hada_dataset_destroy(&pairs);
 }

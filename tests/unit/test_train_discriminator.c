@@ -135,13 +135,12 @@ static double sharpness(player *p, double noise)
     double ratio = 0.0;
     make(&all, 1, noise);
     for (int n = 0; n < COUNT; n++) {
-        hada_image after = {0};
+        SCOPED(hada_image) after = {0};
         double own, truth;
         ASSERT_OK(hada_replica_forward(p->replica, &all.samples[n], NULL, &after, err));
         ASSERT_OK(hada_metric_sharpness(&after, NULL, &own, err));
         ASSERT_OK(hada_metric_sharpness(&all.scene[n], NULL, &truth, err));
         ratio += own / truth / COUNT;
-        hada_image_destroy(&after);
     }
     examples_free(&all);
     return ratio;

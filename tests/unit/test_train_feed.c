@@ -110,10 +110,10 @@ static int find(const hada_image *image, float value)
 TEST(frames_and_scenes_move_together)
 {
     const hada_augment augment = {.shift = 3};
-    hada_image still = image_of(ROWS, COLS, 1.0f), small = image_of(WINDOW, WINDOW, 1.0f);
+    SCOPED(hada_image) still = image_of(ROWS, COLS, 1.0f), small = image_of(WINDOW, WINDOW, 1.0f);
     int seen[7][7] = {{0}}, moved = 0;
     for (uint64_t place = 0; place < 400; place++) {
-        hada_image raw, scene;
+        SCOPED(hada_image) raw, scene;
         const int whole = place % 2;
         augmented(&augment, place, whole, &raw, &scene);
         const int move = find(&raw, still.data[0]), dy = move / COLS - (move / COLS > 3) * ROWS,
@@ -128,25 +128,21 @@ TEST(frames_and_scenes_move_together)
                                                 : 0.0f;
                     assert_true(at(&scene, c, row, col) == want);
                 }
-        hada_image_destroy(&raw);
-        hada_image_destroy(&scene);
     }
     for (int i = 0; i < 7; i++)
         for (int j = 0; j < 7; j++)
             moved += seen[i][j] > 0;
     assert_true(moved > 40); /* of 49 */
-    hada_image_destroy(&still);
-    hada_image_destroy(&small);
 }
 
 TEST(flips_turn_both)
 {
     for (int allowed = 1; allowed < 4; allowed++) {
         const hada_augment augment = {.flips = allowed};
-        hada_image still = image_of(ROWS, COLS, 1.0f), small = image_of(WINDOW, WINDOW, 1.0f);
+        SCOPED(hada_image) still = image_of(ROWS, COLS, 1.0f), small = image_of(WINDOW, WINDOW, 1.0f);
         int seen[4] = {0};
         for (uint64_t place = 0; place < 64; place++) {
-            hada_image raw, scene;
+            SCOPED(hada_image) raw, scene;
             augmented(&augment, place, 0, &raw, &scene);
             const int sides = (at(&raw, 0, 0, 0) == at(&still, 0, 0, COLS - 1) ||
                                at(&raw, 0, 0, 0) == at(&still, 0, ROWS - 1, COLS - 1)) |
@@ -156,24 +152,20 @@ TEST(flips_turn_both)
                 for (int col = 0; col < WINDOW; col++)
                     assert_true(at(&scene, 1, row, col) == at(&small, 1, (sides & 2) ? WINDOW - 1 - row : row,
                                                               (sides & 1) ? WINDOW - 1 - col : col));
-            hada_image_destroy(&raw);
-            hada_image_destroy(&scene);
         }
         for (int sides = 0; sides < 4; sides++)
             assert_true((seen[sides] > 5) == !(sides & ~allowed));
-        hada_image_destroy(&still);
-        hada_image_destroy(&small);
     }
 }
 
 TEST(noise_and_exposure_are_as_asked)
 {
     const hada_augment noisy = {.noise = 0.05}, brighter = {.exposure = 0.25};
-    hada_image still = image_of(ROWS, COLS, 1.0f);
+    SCOPED(hada_image) still = image_of(ROWS, COLS, 1.0f);
     double sum = 0.0, square = 0.0, low = 9.0, high = 0.0;
     const double top = 2.0 * ROWS * COLS;
     for (uint64_t place = 0; place < 200; place++) {
-        hada_image raw, scene;
+        SCOPED(hada_image) raw, scene;
         augmented(&noisy, place, 0, &raw, &scene);
         for (size_t i = 0; i < hada_image_count(&raw); i++) {
             const double d = ((double)raw.data[i] - still.data[i]) / top;
@@ -188,20 +180,15 @@ TEST(noise_and_exposure_are_as_asked)
         assert_true(fabs(raw.data[9] / 10.0 - factor) < 1e-6);
         low = fmin(low, factor);
         high = fmax(high, factor);
-        hada_image_destroy(&raw);
-        hada_image_destroy(&scene);
     }
     const double n = 200.0 * top;
     assert_true(fabs(sum / n) < 4.0 * 0.05 / sqrt(n));
     assert_true(fabs(sqrt(square / n) / 0.05 - 1.0) < 0.02);
     assert_true(low > 0.75 && low < 0.77 && high < 1.25 && high > 1.23);
     /* the sensor's offset is not light */
-    hada_image raw = image_of(ROWS, COLS, 7.0f), scene = image_of(WINDOW, WINDOW, 1.0f);
+    SCOPED(hada_image) raw = image_of(ROWS, COLS, 7.0f), scene = image_of(WINDOW, WINDOW, 1.0f);
     ASSERT_OK(hada_augment_pair(&brighter, 7.0, 3, 1, &raw, &scene, err));
     assert_true(raw.data[0] == 7.0f && raw.data[10] != 17.0f);
-    hada_image_destroy(&raw);
-    hada_image_destroy(&scene);
-    hada_image_destroy(&still);
 }
 
 TEST(planes_flip_with_their_scenes)
@@ -209,12 +196,10 @@ TEST(planes_flip_with_their_scenes)
     const hada_augment augment = {.plane_flips = 3};
     int changed = 0;
     for (uint64_t place = 0; place < 40; place++) {
-        hada_image plane = image_of(WINDOW, WINDOW, 1.0f), scene = image_of(WINDOW, WINDOW, 1.0f);
+        SCOPED(hada_image) plane = image_of(WINDOW, WINDOW, 1.0f), scene = image_of(WINDOW, WINDOW, 1.0f);
         hada_augment_plane(&augment, 3, place, &plane, &scene);
         assert_memory_equal(plane.data, scene.data, hada_image_count(&plane) * sizeof(float));
         changed += plane.data[0] != 1.0f;
-        hada_image_destroy(&plane);
-        hada_image_destroy(&scene);
     }
     assert_in_range(changed, 20, 38); /* three of four */
 }

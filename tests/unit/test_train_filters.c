@@ -23,8 +23,8 @@ static void expected_gradient(const train_case *c, int depth, double *gradient)
     const size_t spectrum = 2 * hada_model_info_plane(c->info), frame = (size_t)grid.raw_rows * (size_t)grid.raw_cols;
     const size_t window = (size_t)grid.window_rows * (size_t)grid.window_cols,
                  plane = window * (size_t)c->info->channels;
-    double *b = calloc(spectrum, sizeof *b), *x = train_output(c), *t = train_scenes(c);
-    double *dx = calloc(plane * (size_t)c->count, sizeof *dx);
+    SCOPED_MEMORY double *b = calloc(spectrum, sizeof *b), *x = train_output(c), *t = train_scenes(c);
+    SCOPED_MEMORY double *dx = calloc(plane * (size_t)c->count, sizeof *dx);
     memset(gradient, 0, spectrum * (size_t)c->info->channels * sizeof *gradient);
     hada_ref_mse(plane * (size_t)c->count, c->options->mse, x, t, dx);
     for (int i = 0; i < c->count; i++)
@@ -34,10 +34,6 @@ static void expected_gradient(const train_case *c, int depth, double *gradient)
             ASSERT_OK(hada_ref_train_filter(&grid, b, dx + (size_t)i * plane + k * window,
                                             c->info->form == HADA_FORM_SPLIT, gradient + k * spectrum, err));
         }
-    free(b);
-    free(x);
-    free(t);
-    free(dx);
 }
 
 static double relative(const float *got, const double *expected, size_t count)
@@ -72,7 +68,7 @@ static void case_free(train_case *c)
 TEST(gradients_are_the_references)
 {
     for (size_t i = 0; i < HADA_COUNT(cases); i++) {
-        hada_model *model = model_of(&cases[i]);
+        SCOPED(hada_model) *model = model_of(&cases[i]);
         const hada_train_options options = train_options(HADA_STAGE_FILTERS);
         const hada_replica_desc desc = {.model = model, .options = &options, .at_once = TRAIN_PAIRS};
         train_pairs pairs;
@@ -89,25 +85,22 @@ TEST(gradients_are_the_references)
         for (int z = 0; z < TRAIN_DEPTHS; z++) {
             const size_t count =
                 hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_FILTERS + z, HADA_CONTENT_GRADIENT);
-            double *expected = calloc(count, sizeof *expected);
+            SCOPED_MEMORY double *expected = calloc(count, sizeof *expected);
             assert_int_equal(touched[z], 1);
             expected_gradient(&c, z, expected);
-            float *got = train_read(replica, HADA_GROUP_FILTERS + z, HADA_CONTENT_GRADIENT);
+            SCOPED_MEMORY float *got = train_read(replica, HADA_GROUP_FILTERS + z, HADA_CONTENT_GRADIENT);
             assert_true(relative(got, expected, count) < 2e-6);
-            free(expected);
-            free(got);
         }
         hada_replica_destroy(&replica);
         case_free(&c);
         train_pairs_free(&pairs);
-        hada_model_destroy(&model);
     }
 }
 
 TEST(the_reference_is_the_difference)
 {
     for (size_t i = 0; i < HADA_COUNT(cases); i++) {
-        hada_model *model = model_of(&cases[i]);
+        SCOPED(hada_model) *model = model_of(&cases[i]);
         const hada_train_options options = train_options(HADA_STAGE_FILTERS);
         const size_t count = 2 * hada_model_plane(model) * (size_t)cases[i].channels;
         train_pairs pairs;
@@ -125,14 +118,13 @@ TEST(the_reference_is_the_difference)
         free(floats);
         case_free(&c);
         train_pairs_free(&pairs);
-        hada_model_destroy(&model);
     }
 }
 
 /* One call with three pairs, three with one each, and the first again: the same bits. */
 TEST(pieces_give_the_same_bits)
 {
-    hada_model *model = model_of(&cases[2]);
+    SCOPED(hada_model) *model = model_of(&cases[2]);
     const hada_train_options options = train_options(HADA_STAGE_FILTERS);
     train_pairs pairs;
     float *gradients[3];
@@ -155,13 +147,12 @@ TEST(pieces_give_the_same_bits)
     for (int run = 0; run < 3; run++)
         free(gradients[run]);
     train_pairs_free(&pairs);
-    hada_model_destroy(&model);
 }
 
 /* Random starts belong to the seed; values, gradients and state come back as they were written. */
 TEST(starts_and_contents)
 {
-    hada_model *model = model_of(&cases[0]);
+    SCOPED(hada_model) *model = model_of(&cases[0]);
     hada_train_options options = train_options(HADA_STAGE_FILTERS);
     float *starts[3];
     size_t count = 0;
@@ -179,15 +170,13 @@ TEST(starts_and_contents)
         for (hada_content content = HADA_CONTENT_VALUES; content <= HADA_CONTENT_STATE; content++) {
             const size_t values =
                 hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_FILTERS + 1, content);
-            float *in = calloc(values, sizeof *in);
+            SCOPED_MEMORY float *in = calloc(values, sizeof *in);
             assert_int_equal(values, content == HADA_CONTENT_STATE ? 2 * count : count);
             train_fill(in, values, 0.0, 1.0, 9);
             ASSERT_OK(
                 hada_parameters_write(hada_replica_parameters(replica), HADA_GROUP_FILTERS + 1, content, in, err));
-            float *out = train_read(replica, HADA_GROUP_FILTERS + 1, content);
+            SCOPED_MEMORY float *out = train_read(replica, HADA_GROUP_FILTERS + 1, content);
             assert_memory_equal(in, out, values * sizeof *in);
-            free(in);
-            free(out);
         }
         hada_replica_destroy(&replica);
     }
@@ -195,7 +184,6 @@ TEST(starts_and_contents)
     assert_memory_not_equal(starts[0], starts[2], count * sizeof(float));
     for (int i = 0; i < 3; i++)
         free(starts[i]);
-    hada_model_destroy(&model);
 }
 
 /* Scenes that a known filter makes of the frames: training from a random start finds a filter that does the same, by
@@ -203,7 +191,7 @@ TEST(starts_and_contents)
 TEST(random_starts_converge)
 {
     for (int run = 0; run < 4; run++) {
-        hada_model *model = train_model(1, 12, 14, 8, 10, 0, run & 1);
+        SCOPED(hada_model) *model = train_model(1, 12, 14, 8, 10, 0, run & 1);
         const hada_model_info *info = hada_model_get_info(model);
         hada_train_options options = train_options(HADA_STAGE_FILTERS);
         train_pairs pairs;
@@ -246,14 +234,13 @@ TEST(random_starts_converge)
         hada_replica_destroy(&replica);
         case_free(&c);
         train_pairs_free(&pairs);
-        hada_model_destroy(&model);
     }
 }
 
 TEST(what_does_not_fit_is_refused)
 {
     train_device *device = *state;
-    hada_model *model = model_of(&cases[1]);
+    SCOPED(hada_model) *model = model_of(&cases[1]);
     hada_train_options options = train_options(HADA_STAGE_FILTERS);
     hada_replica_desc desc = {.model = model, .options = &options, .at_once = 0};
     hada_replica *replica;
@@ -290,7 +277,6 @@ TEST(what_does_not_fit_is_refused)
         HADA_ERROR_ARGUMENT, "");
     train_pairs_free(&pairs);
     hada_replica_destroy(&replica);
-    hada_model_destroy(&model);
 }
 
 FIXTURE(train_open, train_close)

@@ -44,8 +44,8 @@ TEST(planes_are_those_of_a_plan)
     for (int z = 0; z < DEPTHS; z++)
         psfs[z] = small_psf(CHANNELS, ROWS, COLS, 12, (uint64_t)z + 1);
     for (size_t i = 0; i < HADA_COUNT(cases); i++) {
-        hada_model *model = model_of(device->context, &cases[i], psfs);
-        hada_image frame = small_frame(&psfs[1], &scene, cases[i].padded, 0.003, i), plane = {0};
+        SCOPED(hada_model) *model = model_of(device->context, &cases[i], psfs);
+        SCOPED(hada_image) frame = small_frame(&psfs[1], &scene, cases[i].padded, 0.003, i), plane = {0};
         hada_planes *planes;
         size_t bytes;
         const uint64_t before = hada_context_bytes(device->context);
@@ -54,7 +54,7 @@ TEST(planes_are_those_of_a_plan)
         assert_int_equal(hada_context_bytes(device->context) - before, bytes);
         for (int z = 0; z < DEPTHS; z++) {
             hada_plan *plan;
-            hada_result result = {0};
+            SCOPED(hada_result) result = {0};
             DEFAULTS(hada_plan_options, options);
             options.occupied = HADA_OCCUPIED_LIST;
             options.occupied_list = &z;
@@ -65,13 +65,9 @@ TEST(planes_are_those_of_a_plan)
             assert_int_equal(result.report->refine_steps > 0, cases[i].steps > 0);
             assert_int_equal(hada_image_count(&plane), hada_image_count(&result.planes[z]));
             assert_memory_equal(plane.data, result.planes[z].data, hada_image_count(&plane) * sizeof(float));
-            hada_result_destroy(&result);
             hada_plan_destroy(&plan);
         }
-        hada_image_destroy(&plane);
-        hada_image_destroy(&frame);
         hada_planes_destroy(&planes);
-        hada_model_destroy(&model);
     }
     hada_image_destroy(&scene);
     for (int z = 0; z < DEPTHS; z++)
@@ -100,10 +96,9 @@ static double *expected_frame(const hada_image *psfs, const hada_image *frame, c
     for (size_t i = 0; i < hada_image_count(frame); i++)
         out[i] = frame->data[i];
     for (int z = 0; z < composed->count; z++) {
-        hada_image seen = small_frame(&psfs[z], &composed->light[z], padded, 0.0, 0);
+        SCOPED(hada_image) seen = small_frame(&psfs[z], &composed->light[z], padded, 0.0, 0);
         for (size_t i = 0; i < hada_image_count(frame); i++)
             out[i] += seen.data[i];
-        hada_image_destroy(&seen);
     }
     return out;
 }
@@ -132,7 +127,7 @@ static void check_others(const train_device *device, const hada_model *model, co
     hada_image plane = {0};
     ASSERT_OK(hada_planes_create(&planes, device->slot, model, 1, 1, err));
     for (int alone = 0; alone < 2; alone++) {
-        hada_image frame = small_frame(&psfs[1], &scene, padded, 0.003, 5);
+        SCOPED(hada_image) frame = small_frame(&psfs[1], &scene, padded, 0.003, 5);
         ASSERT_OK(hada_planes_make(planes, 1, &frame, alone ? &as_captured : composed, &plane, err));
         assert_int_equal(plane.channels, 2 * CHANNELS);
         for (size_t i = 0; i < values; i++) {
@@ -140,7 +135,6 @@ static void check_others(const train_device *device, const hada_model *model, co
             assert_true(plane.data[values + i] == (alone || !refined ? 0.0f : sum - plane.data[i]));
             assert_true(alone || plane.data[i] == result->planes[1].data[i]);
         }
-        hada_image_destroy(&frame);
     }
     hada_image_destroy(&plane);
     hada_planes_destroy(&planes);
@@ -160,15 +154,13 @@ static void check_composed(const train_device *device, const hada_model *model, 
     ASSERT_OK(hada_planes_create(&planes, device->slot, model, 1, 0, err));
     assert_int_equal(hada_context_bytes(device->context) - before, bytes);
     for (int z = 0; z < DEPTHS; z++) {
-        hada_image frame = small_frame(&psfs[1], &scene, padded, 0.003, 5);
-        double *expected = expected_frame(psfs, &frame, &composed, padded);
+        SCOPED(hada_image) frame = small_frame(&psfs[1], &scene, padded, 0.003, 5);
+        SCOPED_MEMORY double *expected = expected_frame(psfs, &frame, &composed, padded);
         ASSERT_OK(hada_planes_make(planes, z, &frame, &composed, &plane, err));
         assert_true(small_distance(frame.data, expected, hada_image_count(&frame)) < 2e-6);
         if (!z)
             told(device->context, model, &composed, &frame, &result);
         assert_memory_equal(plane.data, result.planes[z].data, hada_image_count(&plane) * sizeof(float));
-        free(expected);
-        hada_image_destroy(&frame);
     }
     check_others(device, model, &composed, psfs, &result, padded);
     composed.whole = 1;
@@ -194,9 +186,8 @@ TEST(composed_frames_are_those_of_their_scene)
     for (int z = 0; z < DEPTHS; z++)
         psfs[z] = small_psf(CHANNELS, ROWS, COLS, 12, (uint64_t)z + 1);
     for (size_t i = 0; i < HADA_COUNT(how); i++) {
-        hada_model *model = model_of(device->context, &how[i], psfs);
+        SCOPED(hada_model) *model = model_of(device->context, &how[i], psfs);
         check_composed(device, model, psfs, how[i].padded);
-        hada_model_destroy(&model);
     }
     for (int z = 0; z < DEPTHS; z++)
         hada_image_destroy(&psfs[z]);
@@ -205,7 +196,7 @@ TEST(composed_frames_are_those_of_their_scene)
 TEST(what_does_not_fit_is_refused)
 {
     train_device *device = *state;
-    hada_model *model = train_model(1, 12, 14, 8, 10, 0, 0);
+    SCOPED(hada_model) *model = train_model(1, 12, 14, 8, 10, 0, 0);
     hada_planes *planes;
     hada_image frame, plane = {0};
     ASSERT_OK(hada_image_create(&frame, 1, 12, 14, err));
@@ -219,7 +210,6 @@ TEST(what_does_not_fit_is_refused)
     assert_null(plane.data);
     hada_image_destroy(&frame);
     hada_planes_destroy(&planes);
-    hada_model_destroy(&model);
 }
 
 FIXTURE(train_open, train_close)

@@ -47,9 +47,8 @@ static void check_terms(const hada_terms *got, const hada_terms *expected)
 static void check_group(hada_replica *replica, const train_case *c, int group, double *values)
 {
     const size_t count = hada_parameters_floats(hada_replica_parameters(replica), group, HADA_CONTENT_GRADIENT);
-    float *gradient = train_read(replica, group, HADA_CONTENT_GRADIENT);
+    SCOPED_MEMORY float *gradient = train_read(replica, group, HADA_CONTENT_GRADIENT);
     train_difference(c, values, gradient, count, group == HADA_GROUP_DISCRIMINATOR);
-    free(gradient);
 }
 
 TEST(gradients_are_differences)
@@ -204,11 +203,11 @@ TEST(norms_and_updates)
     for (int g = 0; g < 3; g++) {
         const double rate = 1e-3, scale = 0.25, eps = groups[g] >= HADA_GROUP_FILTERS ? 1e-24 : 1e-7;
         const size_t count = hada_parameters_floats(hada_replica_parameters(replica), groups[g], HADA_CONTENT_GRADIENT);
-        float *gradient = train_read(replica, groups[g], HADA_CONTENT_GRADIENT);
-        float *before = train_read(replica, groups[g], HADA_CONTENT_VALUES);
+        SCOPED_MEMORY float *gradient = train_read(replica, groups[g], HADA_CONTENT_GRADIENT);
+        SCOPED_MEMORY float *before = train_read(replica, groups[g], HADA_CONTENT_VALUES);
         ASSERT_OK(hada_parameters_update(hada_replica_parameters(replica), groups[g], 1, rate, scale, err));
-        float *after = train_read(replica, groups[g], HADA_CONTENT_VALUES);
-        float *squares = train_read(replica, groups[g], HADA_CONTENT_STATE);
+        SCOPED_MEMORY float *after = train_read(replica, groups[g], HADA_CONTENT_VALUES);
+        SCOPED_MEMORY float *squares = train_read(replica, groups[g], HADA_CONTENT_STATE);
         for (size_t i = 0; i < count; i++) {
             const double v = 0.1 * scale * scale * gradient[i] * (double)gradient[i];
             const double step = gradient[i] != 0.0f ? rate * scale * gradient[i] / sqrt(v + eps) : 0.0;
@@ -216,10 +215,6 @@ TEST(norms_and_updates)
             assert_true(fabs(squares[i] - v) < 1e-5 * v + 1e-30);
             sums[g] += (double)gradient[i] * gradient[i];
         }
-        free(gradient);
-        free(before);
-        free(after);
-        free(squares);
     }
     near(norm, sqrt(sums[0] + sums[1]), "norm");
     near(discriminator_norm, sqrt(sums[2]), "norm of the discriminator");

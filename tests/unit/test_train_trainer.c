@@ -54,12 +54,11 @@ TEST(new_nets_start_with_the_planes)
     ASSERT_OK(hada_trainer_validate(trainer, 0, &result, err));
     assert_true(fabs(result.psnr - result.psnr_before) < 1e-3);
     hada_trainer_destroy(&trainer);
-    hada_net *paper;
+    SCOPED(hada_net) * paper;
     ASSERT_OK(hada_net_create_preset(&paper, "paper", 3, 1, err));
     const float first = paper->values[0];
     assert_false(hada_net_start_as_identity(paper)); /* its batch norm stands in the way */
     assert_true(paper->values[0] == first);
-    hada_net_destroy(&paper);
 }
 
 /* Scenes of several depths are made of pairs, to learn from and to validate with, and have the same bits on any devices
@@ -102,7 +101,7 @@ TEST(new_nets_see_the_other_planes)
 {
     hada_train_options options = options_of(HADA_STAGE_ENHANCE);
     hada_validation result = {.size = sizeof result};
-    hada_model *model;
+    SCOPED(hada_model) * model;
     hada_trainer *trainer;
     options.net_given = NULL;
     options.compose = 0.5;
@@ -129,13 +128,11 @@ TEST(new_nets_see_the_other_planes)
     ASSERT_FAILS(hada_trainer_create(&trainer, &f.whole, 1, model, pairs, held, &options, err), HADA_ERROR_MODEL,
                  "options.net");
     hada_plan *plan;
-    hada_result enhanced = {0};
+    SCOPED(hada_result) enhanced = {0};
     ASSERT_OK(hada_plan_create(&plan, f.whole, model, NULL, err));
     ASSERT_OK(hada_plan_run(plan, &f.raw[0][0], &enhanced, err));
     assert_true(enhanced.report->enhanced > 0);
-    hada_result_destroy(&enhanced);
     hada_plan_destroy(&plan);
-    hada_model_destroy(&model);
 }
 
 /* As one that learns from scenes of several depths alone does: the model keeps that, and other stages refuse it. */
@@ -143,7 +140,7 @@ TEST(a_net_may_only_share_light_out)
 {
     hada_train_options options = options_of(HADA_STAGE_ENHANCE);
     hada_validation result = {.size = sizeof result};
-    hada_model *model;
+    SCOPED(hada_model) * model;
     hada_trainer *trainer;
     options.net_given = NULL;
     for (int by_itself = 0; by_itself < 2; by_itself++) {
@@ -176,7 +173,7 @@ TEST(a_net_may_only_share_light_out)
     for (int depths = 1; depths < 3; depths++) {
         static const int told[] = {0, 1};
         hada_plan *plan;
-        hada_result planes = {0};
+        SCOPED(hada_result) planes = {0};
         DEFAULTS(hada_plan_options, how);
         how.occupied = HADA_OCCUPIED_LIST;
         how.occupied_list = told;
@@ -184,10 +181,8 @@ TEST(a_net_may_only_share_light_out)
         ASSERT_OK(hada_plan_create(&plan, f.whole, model, &how, err));
         ASSERT_OK(hada_plan_run(plan, &f.raw[0][0], &planes, err));
         assert_int_equal(planes.report->enhanced, depths > 1 ? depths : 0);
-        hada_result_destroy(&planes);
         hada_plan_destroy(&plan);
     }
-    hada_model_destroy(&model);
 }
 
 TEST(composing_that_makes_no_sense_is_refused)
@@ -243,8 +238,8 @@ TEST(two_devices_share_a_step)
             size_t count, other;
             if (!hada_workers_have(&one->workers, group))
                 continue;
-            float *alone = values_of(one, 0, group, &count), *first = values_of(two, 0, group, &other),
-                  *second = values_of(two, 1, group, &other);
+            SCOPED_MEMORY float *alone = values_of(one, 0, group, &count), *first = values_of(two, 0, group, &other),
+                                *second = values_of(two, 1, group, &other);
             double apart = 0.0, norm = 0.0;
             assert_memory_equal(first, second, count * sizeof *first);
             for (size_t i = 0; i < count; i++) {
@@ -253,9 +248,6 @@ TEST(two_devices_share_a_step)
             }
             /* batch norms see half as many pairs on each device */
             assert_true(sqrt(apart / norm) < (batch == 5 ? 0.1 : 1e-4));
-            free(alone);
-            free(first);
-            free(second);
         }
         hada_trainer_destroy(&one);
         hada_trainer_destroy(&two);
@@ -301,9 +293,8 @@ TEST(broken_numbers_are_rolled_back)
         assert_int_equal(status, HADA_ERROR_NUMERIC);
         assert_non_null(strstr(error.message, "a rate a tenth as large"));
         size_t count;
-        float *values = values_of(trainer, devices - 1, HADA_GROUP_NET, &count);
+        SCOPED_MEMORY float *values = values_of(trainer, devices - 1, HADA_GROUP_NET, &count);
         assert_true(isfinite(values[0]));
-        free(values);
         hada_trainer_destroy(&trainer);
     }
 }
@@ -377,8 +368,8 @@ TEST(stages_follow_one_another)
 {
     hada_train_options options = options_of(HADA_STAGE_ENHANCE);
     hada_trainer *trainer = make(&options, 1);
-    hada_model *enhanced, *joint;
-    hada_net *net;
+    SCOPED(hada_model) * enhanced, *joint;
+    SCOPED(hada_net) * net;
     steps(trainer, 5);
     ASSERT_OK(hada_trainer_model(trainer, &enhanced, err));
     ASSERT_OK(hada_trainer_net(trainer, &net, err));
@@ -411,9 +402,6 @@ TEST(stages_follow_one_another)
     hada_model *none;
     ASSERT_FAILS(hada_trainer_model(trainer, &none, err), HADA_ERROR_STATE, "");
     hada_trainer_destroy(&trainer);
-    hada_model_destroy(&enhanced);
-    hada_model_destroy(&joint);
-    hada_net_destroy(&net);
 }
 
 TEST(options_that_make_no_sense_are_refused)

@@ -17,7 +17,7 @@
 #include <unistd.h>
 
 #include "core/random.h"
-#include "defaults.h"
+#include "helpers.h"
 #include "runtime/context.h"
 
 /* Fails the test with the library's own message when a call does not succeed. */

@@ -50,7 +50,7 @@ static inline tiny_camera tiny_make(int frame_rows, int frame_cols, int window_r
         y[s] = hada_random_range(&random, -0.3, 0.3) * frame_rows;
         x[s] = hada_random_range(&random, -0.3, 0.3) * frame_cols;
     }
-    double *psf = tiny_zeros(camera.pixels);
+    SCOPED_MEMORY double *psf = tiny_zeros(camera.pixels);
     for (int z = 0; z < depths; z++) {
         const double scale = 1.0 + 0.5 * (depths - 1 - z) / (depths > 1 ? depths - 1 : 1), sigma = 0.7 + 0.1 * z;
         double sum = 0.0;
@@ -70,7 +70,6 @@ static inline tiny_camera tiny_make(int frame_rows, int frame_cols, int window_r
             psf[i] /= sum;
         ASSERT_OK(hada_ref_fft_forward(psf, camera.rows, camera.cols, camera.otf + (size_t)z * camera.values * 2, err));
     }
-    free(psf);
     return camera;
 }
 
@@ -190,8 +189,8 @@ static inline void tiny_upload(tiny_device *device, const tiny_camera *camera)
 /* Puts a frame on the device: images[channel][grid]. */
 static inline void tiny_expose_colours(tiny_device *device, const tiny_camera *camera, const double *images)
 {
-    float *whole = calloc(camera->pixels * (size_t)camera->channels, sizeof *whole);
-    float *part = calloc(camera->frame_area * (size_t)camera->channels, sizeof *part);
+    SCOPED_MEMORY float *whole = calloc(camera->pixels * (size_t)camera->channels, sizeof *whole);
+    SCOPED_MEMORY float *part = calloc(camera->frame_area * (size_t)camera->channels, sizeof *part);
     float *to = part;
     assert_true(whole && part);
     for (size_t i = 0; i < camera->pixels * (size_t)camera->channels; i++)
@@ -217,19 +216,16 @@ static inline void tiny_expose_colours(tiny_device *device, const tiny_camera *c
     ASSERT_OK(hada_fft_forward(plan, camera->channels, device->image.mem, 0, device->spectrum.mem, 0, err));
     ASSERT_OK(hada_slot_finish(device->slot, err));
     hada_fft_destroy(&plan);
-    free(whole);
-    free(part);
 }
 
 /* One image in every channel, channel c scaled by gain / (1 + c). */
 static inline void tiny_expose(tiny_device *device, const tiny_camera *camera, const double *image, double gain)
 {
-    double *images = tiny_zeros(camera->pixels * (size_t)camera->channels);
+    SCOPED_MEMORY double *images = tiny_zeros(camera->pixels * (size_t)camera->channels);
     for (int c = 0; c < camera->channels; c++)
         for (size_t i = 0; i < camera->pixels; i++)
             images[(size_t)c * camera->pixels + i] = image[i] * gain / (1 + c);
     tiny_expose_colours(device, camera, images);
-    free(images);
 }
 
 /* The Wiener prior: power of noise of `noise` times the frame's maximum over the mean power of scenes; the same for all
@@ -238,9 +234,9 @@ static inline void tiny_prior(tiny_device *device, const tiny_camera *camera, co
 {
     const double share = (double)camera->window_area / (double)camera->pixels;
     double *scene = tiny_zeros(camera->window_area), *grid = tiny_zeros(camera->pixels), top = 0.0;
-    double *spectrum = tiny_zeros(2 * camera->values), *power = tiny_zeros(camera->values);
-    float *rows = calloc(camera->values, sizeof *rows);
-    float *packed = calloc(device->layout.count * (size_t)camera->channels, sizeof *packed);
+    SCOPED_MEMORY double *spectrum = tiny_zeros(2 * camera->values), *power = tiny_zeros(camera->values);
+    SCOPED_MEMORY float *rows = calloc(camera->values, sizeof *rows);
+    SCOPED_MEMORY float *packed = calloc(device->layout.count * (size_t)camera->channels, sizeof *packed);
     assert_true(rows && packed);
     for (unsigned seed = 50; seed < 58; seed++) {
         tiny_scene(camera, seed, scene);
@@ -263,10 +259,6 @@ static inline void tiny_prior(tiny_device *device, const tiny_camera *camera, co
     device->data.prior = device->prior.mem;
     free(scene);
     free(grid);
-    free(spectrum);
-    free(power);
-    free(rows);
-    free(packed);
 }
 
 static inline void tiny_release(tiny_device *device)

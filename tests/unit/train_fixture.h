@@ -62,7 +62,7 @@ static inline hada_model *train_model(int channels, int rows, int cols, int wind
     ASSERT_OK(hada_model_set_sizes(&info, rows, cols, window_rows, window_cols, err));
     ASSERT_OK(hada_model_create(&model, &info, 0, err));
     const size_t pixels = (size_t)info.grid_rows * (size_t)info.grid_cols, plane = 2 * hada_model_plane(model);
-    double *kernel = calloc(pixels, sizeof *kernel), *spectrum = calloc(plane, sizeof *spectrum);
+    SCOPED_MEMORY double *kernel = calloc(pixels, sizeof *kernel), *spectrum = calloc(plane, sizeof *spectrum);
     hada_random random;
     hada_random_seed(&random, 3, 0);
     for (size_t image = 0; image < (size_t)(TRAIN_DEPTHS * channels); image++) {
@@ -75,8 +75,6 @@ static inline hada_model *train_model(int channels, int rows, int cols, int wind
             filter[i + 1] = (float)(split ? 0.5 * spectrum[i] : spectrum[i + 1]);
         }
     }
-    free(kernel);
-    free(spectrum);
     return model;
 }
 
@@ -160,14 +158,13 @@ static inline void train_plane(const train_case *c, const hada_sample *sample, d
     const hada_ref_grid grid = train_grid(c->info);
     const size_t spectrum = 2 * hada_model_info_plane(c->info), frame = (size_t)grid.raw_rows * (size_t)grid.raw_cols;
     const size_t window = (size_t)grid.window_rows * (size_t)grid.window_cols;
-    double *b = calloc(spectrum, sizeof *b);
+    SCOPED_MEMORY double *b = calloc(spectrum, sizeof *b);
     for (size_t k = 0; k < (size_t)c->info->channels; k++) {
         ASSERT_OK(hada_ref_grid_forward(&grid, sample->input->data + k * frame, grid.raw_row, grid.raw_col,
                                         grid.raw_rows, grid.raw_cols, b, err));
         ASSERT_OK(hada_ref_train_plane(&grid, b, c->filters[sample->depth] + k * spectrum,
                                        c->info->form == HADA_FORM_SPLIT, plane + k * window, err));
     }
-    free(b);
 }
 
 static inline double *train_run(const hada_net *net, const double *values, int images, int rows, int cols,
@@ -206,11 +203,10 @@ static inline double *train_output(const train_case *c)
         return x;
     double *in = calloc(hada_ref_values(&small), sizeof *in), *out = calloc(hada_ref_values(&window), sizeof *out);
     hada_ref_resize(&window, net_rows, net_cols, 2, 0, x, in);
-    double *y = train_run(c->net, c->values, c->count, net_rows, net_cols, in, hada_ref_values(&small));
+    SCOPED_MEMORY double *y = train_run(c->net, c->values, c->count, net_rows, net_cols, in, hada_ref_values(&small));
     hada_ref_resize(&small, rows, cols, 2, 0, y, out);
     free(x);
     free(in);
-    free(y);
     return out;
 }
 
@@ -230,7 +226,7 @@ static inline double *train_features(const train_case *c, const double *images, 
     const int rows = c->info->window_rows, cols = c->info->window_cols;
     const size_t pixels = (size_t)rows * (size_t)cols, channels = (size_t)c->info->channels;
     hada_size sizes[64];
-    double *colours = calloc(3 * pixels * (size_t)c->count, sizeof *colours);
+    SCOPED_MEMORY double *colours = calloc(3 * pixels * (size_t)c->count, sizeof *colours);
     for (size_t i = 0; i < (size_t)c->count; i++)
         for (size_t k = 0; k < 3 * pixels; k++)
             colours[i * 3 * pixels + k] = images[i * channels * pixels + (channels == 1 ? k % pixels : k)];
@@ -238,10 +234,8 @@ static inline double *train_features(const train_case *c, const double *images, 
     const hada_size last = sizes[c->vgg->count - 1];
     *count =
         (size_t)c->count * (size_t)c->vgg->layers[c->vgg->count - 1].channels * (size_t)last.rows * (size_t)last.cols;
-    double *values = train_doubles(c->vgg->values, c->vgg->floats);
+    SCOPED_MEMORY double *values = train_doubles(c->vgg->values, c->vgg->floats);
     double *features = train_run(c->vgg, values, c->count, rows, cols, colours, *count);
-    free(values);
-    free(colours);
     return features;
 }
 
@@ -253,7 +247,7 @@ static inline double train_logits(const train_case *c, const double *images, dou
     ASSERT_OK(hada_net_sizes(c->discriminator, rows, cols, sizes, err));
     const hada_size last = sizes[c->discriminator->count - 1];
     const size_t count = (size_t)c->count * (size_t)last.rows * (size_t)last.cols;
-    double *labels = calloc(count, sizeof *labels);
+    SCOPED_MEMORY double *labels = calloc(count, sizeof *labels);
     for (size_t i = 0; i < count; i++)
         labels[i] = label;
     const size_t plane = (size_t)c->info->channels * (size_t)rows * (size_t)cols;
@@ -265,12 +259,10 @@ static inline double train_logits(const train_case *c, const double *images, dou
         memcpy(at, images + i * plane, plane * sizeof *at);
         at += plane;
     }
-    double *logits =
+    SCOPED_MEMORY double *logits =
         train_run(c->discriminator, c->discriminator_values, c->count, rows, cols, paired ? pairs : images, count);
     const double loss = hada_ref_logits(count, weight, logits, labels, NULL);
     free(pairs);
-    free(logits);
-    free(labels);
     return loss;
 }
 
@@ -280,23 +272,19 @@ static inline hada_terms train_terms(const train_case *c)
     const hada_train_options *o = c->options;
     const hada_ref_shape shape = {c->count, c->info->channels, c->info->window_rows, c->info->window_cols};
     const size_t values = hada_ref_values(&shape);
-    double *x = train_output(c), *t = train_scenes(c);
+    SCOPED_MEMORY double *x = train_output(c), *t = train_scenes(c);
     hada_terms terms = {.mse = hada_ref_mse(values, o->mse, x, t, NULL)};
     if (c->net)
         terms.variation = hada_ref_variation(&shape, o->variation_squared, o->variation, x, NULL);
     if (c->vgg) {
         size_t count;
-        double *a = train_features(c, x, &count), *b = train_features(c, t, &count);
+        SCOPED_MEMORY double *a = train_features(c, x, &count), *b = train_features(c, t, &count);
         terms.perceptual = hada_ref_mse(count, o->perceptual, a, b, NULL);
-        free(a);
-        free(b);
     }
     if (c->discriminator) {
         terms.adversarial = train_logits(c, x, 1.0, o->adversarial);
         terms.discriminator = train_logits(c, t, 1.0, 1.0) + train_logits(c, x, 0.0, 1.0);
     }
-    free(x);
-    free(t);
     return terms;
 }
 

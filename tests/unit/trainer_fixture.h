@@ -103,7 +103,7 @@ static inline void make_model(void)
     options.lambda = 1e-3;
     ASSERT_OK(hada_fitter_create(&fitter, f.whole, &options, err));
     for (int z = 0; z < DEPTHS; z++) {
-        hada_image psf = small_psf(1, ROWS, COLS, 30, (uint64_t)z + 1);
+        SCOPED(hada_image) psf = small_psf(1, ROWS, COLS, 30, (uint64_t)z + 1);
         for (int i = 0; i < PAIRS + HELD; i++) {
             ASSERT_OK(hada_image_create(&f.scene[z][i], 1, WINDOW, WINDOW, err));
             paint(&f.scene[z][i], (uint64_t)(100 * z + i));
@@ -111,7 +111,6 @@ static inline void make_model(void)
             if (i < PAIRS)
                 ASSERT_OK(hada_fitter_add_pair(fitter, z, &f.raw[z][i], &f.scene[z][i], err));
         }
-        hada_image_destroy(&psf);
     }
     ASSERT_OK(hada_fitter_finish(fitter, NULL, &f.model, err));
     hada_fitter_destroy(&fitter);

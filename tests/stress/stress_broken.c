@@ -37,7 +37,7 @@ static hada_plan *plan_of(const scene *s, int refine, int repair, const hada_ima
 static void repaired(const scene *s, const hada_image *broken, int refine, const char *what)
 {
     hada_status status;
-    hada_plan *plan = plan_of(s, refine, 1, NULL, &status);
+    SCOPED(hada_plan) *plan = plan_of(s, refine, 1, NULL, &status);
     SCOPED(hada_image) mended = copy_of(broken);
     SCOPED(hada_result) by_plan = {0}, by_hand = {0};
     size_t count, differ = 0;
@@ -53,7 +53,6 @@ static void repaired(const scene *s, const hada_image *broken, int refine, const
     differ += stress_not_finite(by_plan.all_in_focus.data, hada_image_count(&by_plan.all_in_focus));
     stress_none("B1", differ + (by_plan.report->repaired_pixels != count),
                 "%s, repaired: pixels that are not as by hand", what);
-    hada_plan_destroy(&plan);
 }
 
 static void broken_frames(const scene *s)
@@ -88,7 +87,7 @@ static void broken_frames(const scene *s)
 static void broken_pairs(const scene *s)
 {
     static const double distance[] = {100.0};
-    hada_fitter *fitter;
+    SCOPED(hada_fitter) * fitter;
     hada_error error;
     DEFAULTS(hada_fit_options, options);
     options.depths = options.channels = 1;
@@ -106,7 +105,6 @@ static void broken_pairs(const scene *s)
                     (hada_fitter_add_pair(fitter, 0, &s->frame, &window, &error) != HADA_ERROR_NOT_FINITE) +
                     (size_t)hada_fitter_get_info(fitter)->pairs[0],
                 "a pair with NaN or infinity: not refused, or counted");
-    hada_fitter_destroy(&fitter);
 }
 
 static void broken_elsewhere(const scene *s)
@@ -161,7 +159,7 @@ static void too_large(const scene *s)
             hada_error error;
             SCOPED(hada_result) result = {0};
             size_t bad = 0;
-            hada_plan *plan = plan_of(s, refine, 0, NULL, &status);
+            SCOPED(hada_plan) *plan = plan_of(s, refine, 0, NULL, &status);
             assert_int_equal(status, HADA_OK);
             status = hada_plan_run(plan, &frame, &result, &error);
             for (int z = 0; !status && z < result.depths; z++)
@@ -172,7 +170,6 @@ static void too_large(const scene *s)
             }
             stress_none("B2", status ? status != HADA_ERROR_NUMERIC : bad, "%s planes, pixels up to %.0e: not finite%s",
                         refine ? "refined" : "linear", (double)scales[k], status ? " (refused)" : "");
-            hada_plan_destroy(&plan);
         }
         hada_fitter *fitter;
         SCOPED(hada_model) *model = NULL;

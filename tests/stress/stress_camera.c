@@ -23,8 +23,7 @@ stress_camera stress_camera_make(const stress_device *device, int rows, int cols
 
 void stress_camera_free(stress_camera *camera)
 {
-    for (int z = 0; z < camera->depths; z++)
-        hada_image_destroy(&camera->psf[z]);
+    destroy_images(camera->psf, camera->depths);
     hada_model_destroy(&camera->model);
 }
 

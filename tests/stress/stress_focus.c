@@ -86,8 +86,7 @@ static void focus(const stress_device *device, fill_kind kind, int fuse)
             stress_none("O1", covered, "focus, %s: pixels with a distance", kind_names[kind]);
         }
     }
-    for (int z = 0; z < DEPTHS; z++)
-        hada_image_destroy(&planes[z]);
+    destroy_images(planes, DEPTHS);
 }
 
 /* Counts beyond 32 bits: 2^33 times every count has the same medians. */

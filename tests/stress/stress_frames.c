@@ -57,7 +57,7 @@ static hada_plan *plan_of(const stress_device *device, const stress_camera *came
 
 static void linear(const stress_device *device, const stress_camera *camera)
 {
-    hada_plan *plan = plan_of(device, camera, 0);
+    SCOPED(hada_plan) *plan = plan_of(device, camera, 0);
     SCOPED(hada_image) frame = image_of(camera->rows, camera->cols);
     const size_t n = hada_image_count(&frame);
     hada_random random;
@@ -87,14 +87,13 @@ static void linear(const stress_device *device, const stress_camera *camera)
     linear_row(device, camera, plan, &frame, "constant");
     memset(frame.data, 0, n * sizeof *frame.data);
     linear_row(device, camera, plan, &frame, "black");
-    hada_plan_destroy(&plan);
 }
 
 /* Powers of two change no mantissa, so the pictures of a frame scaled by one must be those of the frame, scaled: a
  * difference betrays a constant that does not scale, or numbers that leave the range of single precision. */
 static void scales(const stress_device *device, const stress_camera *camera, int refine, int power)
 {
-    hada_plan *plan = plan_of(device, camera, refine);
+    SCOPED(hada_plan) *plan = plan_of(device, camera, refine);
     SCOPED(hada_image) frame = image_of(camera->rows, camera->cols);
     SCOPED(hada_result) plain = {0}, scaled = {0};
     hada_error error;
@@ -116,7 +115,6 @@ static void scales(const stress_device *device, const stress_camera *camera, int
     stress_none("L2", status ? status != HADA_ERROR_NUMERIC : differ,
                 "%s, frame times 2^%d: pixels that do not scale%s", refine ? "refined planes" : "linear planes", power,
                 status ? " (refused)" : "");
-    hada_plan_destroy(&plan);
 }
 
 enum { FIT_DEPTHS = 2, FIT_PAIRS = 3, FIT_ROWS = 24, FIT_COLS = 32, FIT_WINDOW = 12 };

@@ -80,7 +80,6 @@ static inline unsigned char *io_read_bytes(const char *path, size_t *bytes)
     *bytes = (size_t)ftell(file);
     rewind(file);
     unsigned char *data = malloc(*bytes + 1);
-    assert_non_null(data);
     assert_int_equal(fread(data, 1, *bytes, file), *bytes);
     fclose(file);
     return data;

@@ -98,8 +98,7 @@ static inline void job_make_frames(job_fixture *f)
         f->frames[i] = small_frame(&psf[3 * i % JOB_DEPTHS], &scene, 0, 0.003, (uint64_t)i + 1);
     }
     ASSERT_OK(hada_model_from_psf(&f->model, f->whole, psf, JOB_DEPTHS, distances, &options, err));
-    for (int z = 0; z < JOB_DEPTHS; z++)
-        hada_image_destroy(&psf[z]);
+    destroy_images(psf, JOB_DEPTHS);
 }
 
 static inline void job_open(job_fixture *f)
@@ -123,7 +122,7 @@ static inline int job_setup(void **state)
     job_open(&f);
     job_make_frames(&f);
     for (int kind = 0; kind < JOB_KINDS; kind++) {
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         hada_plan_options_init(&f.options[kind]);
         f.options[kind].refine = kind >= JOB_REFINED ? 4 : 0;
         f.options[kind].dark = HADA_DARK_NONE;
@@ -135,7 +134,6 @@ static inline int job_setup(void **state)
         ASSERT_OK(hada_plan_create(&plan, f.whole, f.model, &f.options[kind], err));
         for (int i = 0; i < JOB_FRAMES; i++)
             ASSERT_OK(hada_plan_run(plan, &f.frames[i], &f.expected[kind][i], err));
-        hada_plan_destroy(&plan);
     }
     *state = &f;
     return 0;

@@ -34,7 +34,7 @@ static inline hada_image learned_frame(const learned_camera *learned, const hada
 static inline void learned_fit(learned_camera *learned)
 {
     const hada_camera *camera = &learned->camera;
-    hada_fitter *fitter;
+    SCOPED(hada_fitter) * fitter;
     DEFAULTS(hada_fit_options, options);
     options.depths = camera->depths;
     options.channels = camera->channels;
@@ -56,7 +56,6 @@ static inline void learned_fit(learned_camera *learned)
                     ASSERT_OK(hada_fit_score_pair(fitter, z, i, &raw, &scene, err));
             }
     ASSERT_OK(hada_fit_solve(fitter, &learned->model, err));
-    hada_fitter_destroy(&fitter);
 }
 
 /* The camera of the quality figures, in grey to be quick. */
@@ -88,7 +87,6 @@ static inline void learned_split(const learned_camera *learned, const hada_image
                                  uint64_t seed, hada_image *parts, hada_plane *planes)
 {
     int *labels = malloc((size_t)scene->rows * (size_t)scene->cols * sizeof *labels);
-    assert_non_null(labels);
     ASSERT_OK(hada_scene_regions(labels, seed, count, scene->rows, scene->cols, err));
     for (int i = 0; i < count; i++) {
         ASSERT_OK(hada_scene_part(&parts[i], scene, labels, i, err));

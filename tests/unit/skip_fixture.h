@@ -38,7 +38,6 @@ static inline size_t skip_pixels(void)
 static inline void skip_blur(float *plane, int times)
 {
     SCOPED_MEMORY float *room = malloc(skip_pixels() * sizeof *room);
-    assert_non_null(room);
     for (int t = 0; t < times; t++) {
         memcpy(room, plane, skip_pixels() * sizeof *room);
         for (int r = 0; r < SKIP_ROWS; r++)
@@ -180,12 +179,10 @@ static inline int skip_setup(void **state)
 static inline int skip_teardown(void **state)
 {
     skip_fixture *f = *state;
-    for (int z = 0; z < SKIP_DEPTHS; z++)
-        hada_image_destroy(&f->psf[z]);
+    destroy_images(f->psf, SKIP_DEPTHS);
     for (int m = 0; m < SKIP_MODELS; m++)
         hada_model_destroy(&f->model[m]);
-    for (int i = 0; i < SKIP_FRAMES; i++)
-        hada_image_destroy(&f->frame[i]);
+    destroy_images(f->frame, SKIP_FRAMES);
     assert_int_equal(hada_context_bytes(f->context), 0);
     hada_context_destroy(&f->context);
     return 0;

@@ -50,8 +50,7 @@ static int setup(void **state)
     for (size_t i = 0; i < hada_image_count(&f->frame); i++)
         f->frame.data[i] += other.data[i];
     hada_image_destroy(&other);
-    for (int z = 0; z < DEPTHS; z++)
-        hada_image_destroy(&psf[z]);
+    destroy_images(psf, DEPTHS);
     *state = f;
     return 0;
 }
@@ -89,10 +88,9 @@ static hada_plan_options options_of(hada_method method, int iterations)
 
 static void run(const fixture *f, int padded, const hada_plan_options *options, hada_result *result)
 {
-    hada_plan *plan;
+    SCOPED(hada_plan) * plan;
     ASSERT_OK(hada_plan_create(&plan, f->context, f->model[padded], options, err));
     ASSERT_OK(hada_plan_run(plan, &f->frame, result, err));
-    hada_plan_destroy(&plan);
 }
 
 static double error_of(const fixture *f, const hada_result *result)
@@ -148,7 +146,6 @@ TEST(lucy_stands_noisy_optics)
     SCOPED(hada_result) clean = {0}, noisy = {0};
     hada_random random;
     SCOPED_MEMORY float *kept = malloc(values * sizeof *kept);
-    assert_non_null(kept);
     memcpy(kept, model->otf, values * sizeof *kept);
     hada_random_seed(&random, 5, 0);
     run(f, 0, &options, &clean);
@@ -169,7 +166,7 @@ TEST(wiener_of_one_depth_is_the_models)
         hada_plan_options options = options_of(HADA_METHOD_WIENER, 1), linear;
         SCOPED(hada_result) joint = {0}, single = {0};
         SCOPED(hada_model) * wiener;
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         options.depths = &one;
         options.depth_count = 1;
         options.occupied = HADA_OCCUPIED_ALL;
@@ -185,7 +182,6 @@ TEST(wiener_of_one_depth_is_the_models)
         assert_true(small_image_distance(joint.planes[0].data, single.planes[0].data,
                                          hada_image_count(&single.planes[0])) < 0.01);
         assert_int_equal(joint.report->refine_steps, 0);
-        hada_plan_destroy(&plan);
     }
 }
 
@@ -200,7 +196,7 @@ TEST(scales_and_repeats)
         bright.data[i] = 1024 * f->frame.data[i];
     for (int method = HADA_METHOD_WIENER; method <= HADA_METHOD_ADMM; method++) {
         const hada_plan_options options = options_of((hada_method)method, 12);
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         SCOPED(hada_result) first = {0}, again = {0}, scaled = {0};
         uint64_t device, host, held;
         ASSERT_OK(hada_plan_estimate(f->context, f->model[1], &options, &device, &host, err));
@@ -215,7 +211,6 @@ TEST(scales_and_repeats)
         for (size_t i = 0; i < count; i++)
             scaled.planes[0].data[i] /= 1024;
         assert_true(small_image_distance(scaled.planes[0].data, first.planes[0].data, count) < 1e-5);
-        hada_plan_destroy(&plan);
     }
 }
 
@@ -245,13 +240,12 @@ TEST(darkness_stays_dark)
     ASSERT_OK(hada_image_create(&black, CHANNELS, ROWS, COLS, err));
     for (int method = HADA_METHOD_WIENER; method <= HADA_METHOD_ADMM; method++) {
         const hada_plan_options options = options_of((hada_method)method, 5);
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         SCOPED(hada_result) result = {0};
         ASSERT_OK(hada_plan_create(&plan, f->context, f->model[1], &options, err));
         ASSERT_OK(hada_plan_run(plan, &black, &result, err));
         for (size_t i = 0; i < hada_image_count(&result.planes[0]); i++)
             assert_true(fabsf(result.planes[0].data[i]) <= 1e-30f);
-        hada_plan_destroy(&plan);
     }
 }
 
@@ -296,7 +290,7 @@ TEST(can_be_cancelled)
 {
     const fixture *f = *state;
     hada_plan_options options = options_of(HADA_METHOD_ADMM, 10000000);
-    hada_plan *plan;
+    SCOPED(hada_plan) * plan;
     hada_job *job;
     hada_result result = {0};
     ASSERT_OK(hada_plan_create(&plan, f->context, f->model[1], &options, err));
@@ -309,7 +303,6 @@ TEST(can_be_cancelled)
         assert_null(result.planes);
         hada_job_destroy(&job);
     }
-    hada_plan_destroy(&plan);
 }
 
 FIXTURE(setup, teardown)

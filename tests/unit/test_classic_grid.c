@@ -140,8 +140,7 @@ TEST(becomes_as_small_as_can_be)
         free(again);
         free(large);
         hada_model_destroy(&model);
-        for (int z = 0; z < DEPTHS; z++)
-            hada_image_destroy(&psf[z]);
+        destroy_images(psf, DEPTHS);
     }
 }
 
@@ -154,13 +153,11 @@ TEST(minds_faint_light)
         psf[1].data[0] = faint[i]; /* the top left pixel */
         SCOPED(hada_model) *model = model_of(psf, ROWS, COLS, HADA_BOUNDARY_PADDED);
         const hada_plan_options options = options_of(HADA_METHOD_FISTA);
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         ASSERT_OK(hada_plan_create(&plan, context, model, &options, err));
         const int expected = hada_fft_quick_size(i < 2 ? ROWS - 1 + ROWS / 2 + 1 : ROWS + 5, 1);
         assert_int_equal(plan->setup.config.method.grid_rows, expected);
-        hada_plan_destroy(&plan);
-        for (int z = 0; z < DEPTHS; z++)
-            hada_image_destroy(&psf[z]);
+        destroy_images(psf, DEPTHS);
     }
 }
 
@@ -174,15 +171,13 @@ TEST(stays_where_it_must)
                                                : k == 2 ? HADA_METHOD_WIENER
                                                         : HADA_METHOD_FISTA);
         choice.support = k == 3 ? HADA_SUPPORT_GRID : HADA_SUPPORT_AUTO;
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         ASSERT_OK(hada_plan_create(&plan, context, model, &options, err));
         assert_int_equal(plan->setup.config.method.grid_rows, hada_model_get_info(model)->grid_rows);
         assert_int_equal(plan->setup.config.method.grid_cols, hada_model_get_info(model)->grid_cols);
         assert_int_equal(plan->setup.config.method.reach.rows, 0);
-        hada_plan_destroy(&plan);
     }
-    for (int z = 0; z < DEPTHS; z++)
-        hada_image_destroy(&psf[z]);
+    destroy_images(psf, DEPTHS);
 }
 
 /* A plan on a smaller grid holds less, as its estimate says. */
@@ -193,14 +188,12 @@ TEST(estimates_know_it)
         hada_image psf[DEPTHS] = {corners(2, 2, 2, 2), wide ? corners(20, 19, 24, 23) : corners(2, 2, 2, 2)};
         SCOPED(hada_model) *model = model_of(psf, ROWS, COLS, HADA_BOUNDARY_PADDED);
         const hada_plan_options options = options_of(HADA_METHOD_FISTA);
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         ASSERT_OK(hada_plan_estimate(context, model, &options, &bytes[wide], &host, err));
         ASSERT_OK(hada_plan_create(&plan, context, model, &options, err));
         hada_plan_memory(plan, &held, NULL);
         assert_true(held <= bytes[wide] && held > bytes[wide] / 2);
-        hada_plan_destroy(&plan);
-        for (int z = 0; z < DEPTHS; z++)
-            hada_image_destroy(&psf[z]);
+        destroy_images(psf, DEPTHS);
     }
     assert_true(bytes[0] < bytes[1]);
 }
@@ -215,8 +208,7 @@ TEST(refuses_broken_models)
         model->otf[2 * hada_model_plane(model) + 5] = NAN;
         ASSERT_FAILS(hada_plan_create(&plan, context, model, &options, err), HADA_ERROR_MODEL, "not finite");
     }
-    for (int z = 0; z < DEPTHS; z++)
-        hada_image_destroy(&psf[z]);
+    destroy_images(psf, DEPTHS);
 }
 
 FIXTURE(setup, teardown)

@@ -142,7 +142,7 @@ TEST(scores_agree_with_brute_force)
         const int split = k & 1, z = 1, held = 2;
         hada_fit_options options = usual(DEPTHS, split ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX);
         options.boundary = k & 2 ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR;
-        hada_fitter *fitter;
+        SCOPED(hada_fitter) * fitter;
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         add_all(f, fitter, DEPTHS, 0, PAIRS);
         reference r = reference_make(f, fitter);
@@ -170,7 +170,6 @@ TEST(scores_agree_with_brute_force)
                          single, twofold);
         }
         reference_free(&r);
-        hada_fitter_destroy(&fitter);
     }
 }
 

@@ -286,7 +286,7 @@ TEST(iterations_agree_with_the_reference)
 {
     enum { ITERATIONS = 6 };
     fixture *f = *state;
-    hada_fitter *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, ITERATIONS, 0);
+    SCOPED(hada_fitter) *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, ITERATIONS, 0);
     const hada_fit_grid *grid = &fitter->grid;
     const size_t plane = hada_model_info_plane(&grid->info);
     hada_nonnegative *nonnegative;
@@ -323,7 +323,6 @@ TEST(iterations_agree_with_the_reference)
     free(otf);
     hada_fit_cropped_destroy(&cropped);
     hada_nonnegative_destroy(&nonnegative);
-    hada_fitter_destroy(&fitter);
 }
 
 TEST(light_beyond_the_sensor_is_found)
@@ -415,7 +414,7 @@ TEST(other_pairs_are_refused)
 {
     fixture *f = *state;
     shower at = {.f = f, .swap = 1};
-    hada_fitter *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, (int)HADA_AUTO, 0);
+    SCOPED(hada_fitter) *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, (int)HADA_AUTO, 0);
     ASSERT_FAILS(learn_cropped(fitter, &at, err), HADA_ERROR_STATE, "");
     at.swap = 0;
     ASSERT_OK(learn_cropped(fitter, &at, err));
@@ -424,7 +423,6 @@ TEST(other_pairs_are_refused)
     fitter = fitter_of(f, HADA_BOUNDARY_CIRCULAR, (int)HADA_AUTO, 0);
     ASSERT_OK(learn_cropped(fitter, &at, err));
     assert_int_equal(at.shown, 0);
-    hada_fitter_destroy(&fitter);
 }
 
 static hada_status find_boundary(hada_fit_options *options, fixture *f, shower *at, int pairs, hada_error *error)

@@ -75,7 +75,7 @@ TEST(equal_inputs_give_equal_models)
     hada_model *models[3];
     options.lambda = 1e-4;
     for (int k = 0; k < 3; k++) {
-        hada_fitter *fitter;
+        SCOPED(hada_fitter) * fitter;
         options.dark = k == 1 ? 0.25 : 0.0;
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         SCOPED(hada_image) frame, scene;
@@ -90,7 +90,6 @@ TEST(equal_inputs_give_equal_models)
         for (int i = 0; i < (k == 2 ? 4 : 1); i++)
             ASSERT_OK(hada_fitter_add_pair(fitter, 0, &frame, k == 1 ? &scene : &f->scene[0][0], err));
         ASSERT_OK(hada_fitter_finish(fitter, NULL, &models[k], err));
-        hada_fitter_destroy(&fitter);
     }
     const size_t values = hada_model_plane(models[0]) * 2 * CHANNELS;
     double distance[3] = {0};

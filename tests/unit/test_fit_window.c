@@ -61,7 +61,7 @@ TEST(iterations_lead_to_the_minimum)
     for (int k = 0; k < 4; k++) {
         hada_fit_options options = usual(DEPTHS, k & 1 ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX);
         options.boundary = k & 2 ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR;
-        hada_fitter *fitter;
+        SCOPED(hada_fitter) * fitter;
         hada_fit_window *window;
         int converged = 0;
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
@@ -105,7 +105,6 @@ TEST(iterations_lead_to_the_minimum)
             reference_free(&r);
         }
         hada_fit_window_destroy(&window);
-        hada_fitter_destroy(&fitter);
     }
 }
 

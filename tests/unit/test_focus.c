@@ -41,8 +41,7 @@ static void make_planes(hada_image *planes, int channels, double noise, uint64_t
 
 static void destroy_planes(hada_image *planes)
 {
-    for (int d = 0; d < DEPTHS; d++)
-        hada_image_destroy(&planes[d]);
+    destroy_images(planes, DEPTHS);
 }
 
 static void compare(const hada_image *planes, const unsigned char *competing, const hada_focus_options *options)

@@ -111,7 +111,6 @@ TEST(a_plan_takes_them_as_they_are)
     hada_plan *plan;
     hada_result file = {0}, view = {0};
     hada_job *job;
-    assert_non_null(apart);
     memset(apart, 0xa5, (size_t)(rows + 2 * MARGIN) * (size_t)wide * sizeof *apart);
     for (int r = 0; r < rows; r++)
         memcpy(apart + (r + MARGIN) * wide + MARGIN, d.numbers + r * cols, (size_t)cols * sizeof *apart);
@@ -150,14 +149,13 @@ TEST(results_go_into_the_callers_arrays)
     const size_t plane = map * (size_t)info->channels, stack = plane * (size_t)info->depths;
     SCOPED(hada_image) scene = learned_scene(learned, 41);
     SCOPED(hada_image) raw = learned_frame(learned, &(hada_plane){1, &scene}, 1, 41);
-    hada_plan *plan;
+    SCOPED(hada_plan) * plan;
     hada_result own = {0}, into = {0};
     ASSERT_OK(hada_plan_create(&plan, learned->context, learned->model, NULL, err));
     ASSERT_OK(hada_plan_run(plan, &raw, &own, err));
     for (int z = 1; z < own.depths; z++)
         assert_ptr_equal(own.planes[z].data, own.planes[0].data + (size_t)z * plane); /* one stack */
     SCOPED_MEMORY float *values = malloc((stack + plane + map) * sizeof *values);
-    assert_non_null(values);
     DEFAULTS(hada_result_arrays, arrays);
     arrays.stack = values;
     arrays.stack_count = stack;
@@ -187,7 +185,6 @@ TEST(results_go_into_the_callers_arrays)
     hada_result_destroy(&into);
     values[0] = values[stack + map - 1]; /* still the caller's */
     hada_result_destroy(&own);
-    hada_plan_destroy(&plan);
 }
 
 FIXTURE(learned_setup, learned_teardown)

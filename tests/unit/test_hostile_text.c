@@ -86,9 +86,8 @@ static hada_status read_camera(const char *path, hada_error *err)
 
 static hada_status read_tuning(const char *path, hada_error *err)
 {
-    hada_tuning *tuning;
+    SCOPED(hada_tuning) * tuning;
     const hada_status status = hada_tuning_read(&tuning, path, err);
-    hada_tuning_destroy(&tuning);
     return status;
 }
 
@@ -103,7 +102,6 @@ static hada_status read_picture(const char *path, hada_error *err)
 static void write_text(const char *head, const char *part, const char *tail, size_t bytes, int framed)
 {
     char *text = malloc(bytes + 400), *at = text + 8;
-    assert_non_null(text);
     at += sprintf(at, "%s", head);
     for (int i = 0; (size_t)(at - text) + strlen(part) + 20 + strlen(tail) < bytes; i++) {
         const char *number = strstr(part, "%d");
@@ -171,7 +169,6 @@ TEST(small_text_files)
         expect(parts[i], read_camera, io_path("text"), REFUSED);
     }
     char *rows = malloc(4 << 20), *at = rows;
-    assert_non_null(rows);
     while (at - rows < (4 << 20) - 40)
         at += sprintf(at, "fft cpu %dx%d own\n", 1 + (int)(at - rows) % 999, 1 + (int)(at - rows) / 999);
     io_write_bytes(io_path("text"), rows, (size_t)(at - rows));
@@ -206,7 +203,6 @@ static void write_zeros(uint32_t rows, uint32_t cols, uint16_t bits, uint16_t sa
     }
     const tmsize_t size = tiled ? TIFFTileSize(tif) : TIFFStripSize(tif);
     void *zeros = calloc(1, (size_t)size);
-    assert_non_null(zeros);
     const uint32_t pieces = tiled ? TIFFNumberOfTiles(tif) : TIFFNumberOfStrips(tif);
     for (uint32_t i = 0; i < pieces; i++)
         assert_true((tiled ? TIFFWriteEncodedTile(tif, i, zeros, size) : TIFFWriteEncodedStrip(tif, i, zeros, size)) >

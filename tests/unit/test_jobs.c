@@ -48,13 +48,12 @@ TEST(gives_the_same_bits_everywhere)
     for (int kind = 0; kind < JOB_KINDS; kind++)
         for (int w = 0; w < WAYS; w++)
             for (int batch = 0; batch <= (kind < JOB_REFINED ? JOB_DEPTHS : 1); batch++) {
-                hada_plan *plan;
+                SCOPED(hada_plan) * plan;
                 hada_plan_options options = f->options[kind];
                 options.batch = batch;
                 make_plan(f, &ways[w], &options, &plan);
                 submit_all(f, plan, jobs, results);
                 check_all(f, kind, ways[w].name, batch, jobs, results);
-                hada_plan_destroy(&plan);
             }
     for (int i = 0; i < JOB_FRAMES; i++)
         hada_result_destroy(&results[i]);
@@ -77,7 +76,7 @@ TEST(there_is_something_to_compare)
 TEST(another_device_helps)
 {
     const job_fixture *f = *state;
-    hada_plan *plan;
+    SCOPED(hada_plan) * plan;
     SCOPED(hada_result) result = {0};
     hada_queue_info queues[2];
     enum { BOTH = 10, MOST = 20000 };
@@ -99,7 +98,6 @@ TEST(another_device_helps)
     assert_int_equal(queues[1].device, 1);
     assert_true(queues[0].busy_seconds + queues[1].busy_seconds > 0);
     assert_false(queues[0].lost || queues[1].lost);
-    hada_plan_destroy(&plan);
 }
 
 typedef struct submitter {
@@ -141,7 +139,7 @@ TEST(many_threads_submit)
     enum { THREADS = 6 };
     for (int w = 0; w < WAYS; w++)
         for (int kind = 0; kind < JOB_KINDS; kind += 2) {
-            hada_plan *plan;
+            SCOPED(hada_plan) * plan;
             pthread_t threads[THREADS];
             submitter all[THREADS];
             make_plan(f, &ways[w], &f->options[kind], &plan);
@@ -156,7 +154,6 @@ TEST(many_threads_submit)
                     fail_msg("%s, thread %d: %s", ways[w].name, i, all[i].error.message);
                 assert_int_equal(all[i].different, 0);
             }
-            hada_plan_destroy(&plan);
         }
 }
 

@@ -45,12 +45,12 @@ TEST(ends_at_every_stage)
     const job_fixture *f = *state;
     for (int kind = 0; kind < JOB_KINDS; kind++)
         for (int parts = 0; parts <= 2; parts += 2) {
-            hada_plan *plan;
+            SCOPED(hada_plan) * plan;
             SCOPED(hada_result) result = {0};
             make_plan(f, kind, parts, 1, &plan);
             for (int i = 0; i < 60; i++) {
                 const double when = (double)(i % 12) / 12;
-                hada_job *job;
+                SCOPED(hada_job) * job;
                 ASSERT_OK(hada_job_submit(&job, plan, &f->frames[i % JOB_FRAMES], &result, err));
                 while (hada_job_poll(job) == HADA_JOB_WAITING)
                     pause_shortly();
@@ -61,12 +61,10 @@ TEST(ends_at_every_stage)
                 was_cancelled(f, kind, i % JOB_FRAMES, job, &result);
                 hada_job_cancel(job); /* too late to change anything */
                 assert_true(hada_job_poll(job) >= HADA_JOB_DONE);
-                hada_job_destroy(&job);
             }
             /* and the plan works on */
             ASSERT_OK(hada_plan_run(plan, &f->frames[0], &result, err));
             assert_true(job_same(&result, &f->expected[kind][0]));
-            hada_plan_destroy(&plan);
         }
 }
 
@@ -76,7 +74,7 @@ TEST(a_running_job_ends_when_asked)
     const job_fixture *f = *state;
     for (int kind = 0; kind < JOB_KINDS; kind++)
         for (int parts = 0; parts <= 2; parts += 2) {
-            hada_plan *plan;
+            SCOPED(hada_plan) * plan;
             hada_job *job;
             SCOPED(hada_result) result = {0};
             make_plan(f, kind, parts, 1, &plan);
@@ -93,7 +91,6 @@ TEST(a_running_job_ends_when_asked)
             hada_job_destroy(&job);
             ASSERT_OK(hada_plan_run(plan, &f->frames[0], &result, err));
             assert_true(job_same(&result, &f->expected[kind][0]));
-            hada_plan_destroy(&plan);
         }
 }
 
@@ -101,7 +98,7 @@ TEST(ends_while_it_waits)
 {
     const job_fixture *f = *state;
     enum { JOBS = 60, QUEUES = 2, LEFT = 3 };
-    hada_plan *plan;
+    SCOPED(hada_plan) * plan;
     hada_job *jobs[JOBS];
     hada_result results[JOBS] = {{0}};
     make_plan(f, JOB_PURSUED, 0, QUEUES, &plan);
@@ -119,7 +116,6 @@ TEST(ends_while_it_waits)
         hada_job_destroy(&jobs[i]);
         hada_result_destroy(&results[i]);
     }
-    hada_plan_destroy(&plan);
 }
 
 typedef struct watch {
@@ -146,10 +142,10 @@ TEST(progress_never_falls)
 {
     const job_fixture *f = *state;
     for (int kind = 0; kind < JOB_KINDS; kind++) {
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         make_plan(f, kind, 2, 1, &plan);
         for (int i = 0; i < JOB_FRAMES; i++) {
-            hada_job *job;
+            SCOPED(hada_job) * job;
             SCOPED(hada_result) result = {0};
             pthread_t thread;
             const job_gate gate = job_hold(plan, 0, 2);
@@ -163,9 +159,7 @@ TEST(progress_never_falls)
             pthread_join(thread, NULL);
             assert_int_equal(w.fell, 0);
             assert_true(hada_job_progress(job) == 1.0);
-            hada_job_destroy(&job);
         }
-        hada_plan_destroy(&plan);
     }
 }
 

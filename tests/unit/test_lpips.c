@@ -107,7 +107,6 @@ static void check_case(hada_lpips *lpips, int channels, int rows, int cols, cons
     double value, again, grey;
     make_pair(&a, &b, channels, rows, cols);
     SCOPED_MEMORY unsigned char *mask = calloc((size_t)rows, (size_t)cols);
-    assert_non_null(mask);
     for (int r = 0; r < rows; r++)
         for (int c = 0; c < cols; c++)
             mask[r * cols + c] = (r + 2 * c) % 5 < 2;
@@ -172,7 +171,7 @@ TEST(golden_alex)
 /* What is stated is what is held. */
 TEST(bytes)
 {
-    hada_lpips *lpips = open_net(1);
+    SCOPED(hada_lpips) *lpips = open_net(1);
     SCOPED(hada_image) a, b;
     uint64_t stated;
     double value;
@@ -180,7 +179,6 @@ TEST(bytes)
     ASSERT_OK(hada_lpips_bytes(lpips, 40, 45, &stated, err));
     ASSERT_OK(hada_lpips_run(lpips, &a, &b, 1.0, NULL, &value, err));
     assert_int_equal(hada_context_bytes(context), stated);
-    hada_lpips_destroy(&lpips);
 }
 
 /* Two files, and files that do not do. */
@@ -208,7 +206,7 @@ TEST(files)
 
 TEST(images)
 {
-    hada_lpips *lpips = open_net(1);
+    SCOPED(hada_lpips) *lpips = open_net(1);
     hada_image map = {0};
     SCOPED(hada_image) a, b, small, other, two;
     double value;
@@ -224,7 +222,6 @@ TEST(images)
     b.data[7] = NAN;
     ASSERT_FAILS(hada_lpips_map(lpips, &a, &b, 1.0, &map, err), HADA_ERROR_NOT_FINITE, "");
     assert_null(map.data);
-    hada_lpips_destroy(&lpips);
 }
 
 static int open_all(void **state)

@@ -22,7 +22,6 @@ static trainee begin(net_device *device, hada_optimizer optimizer)
     }
     const size_t state = hada_optimizer_state_floats(&t.desc, COUNT) * sizeof(float);
     SCOPED_MEMORY float *start = calloc(COUNT, sizeof *start);
-    assert_non_null(start);
     net_fill(start, COUNT, 1);
     ASSERT_OK(hada_buffer_create_from(&t.parameters, device->slot, start, COUNT * sizeof(float), "parameters", err));
     ASSERT_OK(hada_buffer_create(&t.gradients, device->context, COUNT * sizeof(float), "gradients", err));
@@ -84,7 +83,6 @@ TEST(training_resumes)
         trainee a = begin(device, (hada_optimizer)kind), b = begin(device, (hada_optimizer)kind);
         const size_t bytes = hada_optimizer_state_floats(&a.desc, COUNT) * sizeof(float);
         float *saved = malloc(bytes);
-        assert_non_null(saved);
         steps(device, &a, 1, 4);
         read_back(device, &a, resumed);
         ASSERT_OK(hada_buffer_read(&a.state, device->slot, 0, saved, bytes, err));

@@ -45,7 +45,6 @@ static cl_mem buffer_of(const outside *o, size_t bytes)
 static void expect_floats(const outside *o, cl_mem mem, size_t offset, const float *expected, size_t count)
 {
     SCOPED_MEMORY float *values = malloc(count * sizeof *values);
-    assert_non_null(values);
     assert_int_equal(clEnqueueReadBuffer(o->queue, mem, CL_TRUE, offset, count * sizeof *values, values, 0, NULL, NULL),
                      CL_SUCCESS);
     assert_memory_equal(values, expected, count * sizeof *values);
@@ -76,7 +75,7 @@ TEST(frames_and_results_stay_on_the_device)
     arrays.all_in_focus = buffer_of(&o, plane * sizeof(float));
     arrays.distance_map = buffer_of(&o, map * sizeof(float));
     for (int kind = 0; kind < 4; kind++) {
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         SCOPED(hada_result) host = {0}, device = {0};
         DEFAULTS(hada_plan_options, options);
         options.refine = kind == 1 || kind == 3 ? 3 : 0;
@@ -92,10 +91,9 @@ TEST(frames_and_results_stay_on_the_device)
                          CL_SUCCESS);
         ASSERT_OK(hada_result_use_cl(&device, &arrays, err));
         if (kind == 2) {
-            hada_job *job;
+            SCOPED(hada_job) * job;
             ASSERT_OK(hada_job_submit_cl(&job, plan, &frame, &device, err));
             ASSERT_OK(hada_job_wait(job, err));
-            hada_job_destroy(&job);
         } else
             ASSERT_OK(hada_plan_run_cl(plan, &frame, &device, err));
         expect_floats(&o, arrays.stack, STACK_OFFSET, host.planes[0].data, stack);
@@ -106,7 +104,6 @@ TEST(frames_and_results_stay_on_the_device)
         assert_non_null(queue);
         assert_int_equal(clFinish(queue), CL_SUCCESS);
         assert_null(hada_plan_cl_queue(plan, 1));
-        hada_plan_destroy(&plan);
     }
     clReleaseMemObject(pixels);
     clReleaseMemObject(arrays.stack);

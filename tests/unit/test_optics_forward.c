@@ -104,7 +104,7 @@ TEST(parallax)
 TEST(white_exposure)
 {
     const hada_camera camera = small_camera(HADA_BOUNDARY_CIRCULAR);
-    hada_simulator *simulator = simulator_of(&camera, 0, 0, 0, 0);
+    SCOPED(hada_simulator) *simulator = simulator_of(&camera, 0, 0, 0, 0);
     double exposure, most = 0.0;
     ASSERT_OK(hada_simulator_white_exposure(simulator, 0.75, &exposure, err));
     hada_image white, raw;
@@ -119,7 +119,6 @@ TEST(white_exposure)
     }
     assert_true(fabs(exposure * most - 0.75) < 1e-6);
     hada_image_destroy(&white);
-    hada_simulator_destroy(&simulator);
 }
 
 TEST(refusals)

@@ -124,8 +124,6 @@ TEST(nearest_sites)
 {
     enum { COUNT = 700 };
     double *x = malloc(COUNT * sizeof *x), *y = malloc(COUNT * sizeof *y);
-    assert_non_null(x);
-    assert_non_null(y);
     for (int i = 0; i < COUNT; i++) { /* along a spiral: crowded and empty places */
         x[i] = 4.9 * cos(0.03 * i) * i / COUNT;
         y[i] = 4.9 * sin(0.03 * i) * i / COUNT;

@@ -45,7 +45,7 @@ TEST(occlusion)
 {
     static double expected[PIXELS];
     const hada_camera camera = small_camera(HADA_BOUNDARY_PADDED);
-    hada_simulator *simulator = simulator_of(&camera, 0, 0, 0, 0);
+    SCOPED(hada_simulator) *simulator = simulator_of(&camera, 0, 0, 0, 0);
     hada_image scenes[3], opacity[2], raw;
     for (int i = 0; i < 3; i++)
         scenes[i] = drawn(20 + (uint64_t)i, i == 1 ? 1 : 3, HIGH, WIDE);
@@ -71,11 +71,8 @@ TEST(occlusion)
         }
         hada_image_destroy(&raw);
     }
-    for (int i = 0; i < 3; i++)
-        hada_image_destroy(&scenes[i]);
-    for (int i = 0; i < 2; i++)
-        hada_image_destroy(&opacity[i]);
-    hada_simulator_destroy(&simulator);
+    destroy_images(scenes, 3);
+    destroy_images(opacity, 2);
 }
 
 static double largest_difference(const hada_image *a, const hada_image *b)
@@ -106,7 +103,7 @@ TEST(limits_of_occlusion)
     options.shift_cols = 5;
     options.field_rows = HIGHER;
     options.field_cols = WIDER;
-    hada_simulator *simulator;
+    SCOPED(hada_simulator) * simulator;
     ASSERT_OK(hada_simulator_create(&simulator, context, &camera, &options, err));
     scenes[0] = drawn(31, 3, HIGHER, WIDER);
     scenes[1] = drawn(32, 3, HIGHER, WIDER);
@@ -149,7 +146,6 @@ TEST(limits_of_occlusion)
                          &plain,  &raw,    &alone,  &sum,    &inner,     &cut};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++)
         hada_image_destroy(all[i]);
-    hada_simulator_destroy(&simulator);
 }
 
 static double distance_of(const hada_image *a, const hada_image *b)
@@ -236,7 +232,7 @@ TEST(patches)
     const hada_image *const opacities[] = {&opacity, NULL};
     for (int k = 0; k < 3; k++) {
         const hada_camera camera = plain_mask(masks[k]);
-        hada_simulator *simulator = simulator_of(&camera, 0, 0, 0, 0);
+        SCOPED(hada_simulator) *simulator = simulator_of(&camera, 0, 0, 0, 0);
         memset(expected, 0, sizeof expected);
         add_rays(&camera, &scenes[1], 3, &opacity, 0, expected);
         add_rays(&camera, &scenes[0], 0, NULL, 0, expected);
@@ -252,7 +248,6 @@ TEST(patches)
             first = first > 0.0 ? first : error;
         }
         assert_true(first < 0.03 && before < 0.1 * first);
-        hada_simulator_destroy(&simulator);
     }
     hada_image_destroy(&scenes[0]);
     hada_image_destroy(&scenes[1]);
@@ -286,17 +281,15 @@ TEST(all_patches)
                  HADA_ERROR_ARGUMENT, "whole mask");
     for (int k = 0; k < 2; k++)
         hada_simulator_destroy(&simulators[k]);
-    for (int z = 0; z < 4; z++)
-        hada_image_destroy(&psf[z]);
-    for (int i = 0; i < 2; i++)
-        hada_image_destroy(&scenes[i]);
+    destroy_images(psf, 4);
+    destroy_images(scenes, 2);
     hada_image_destroy(&opacity);
 }
 
 TEST(refusals)
 {
     const hada_camera camera = small_camera(HADA_BOUNDARY_CIRCULAR);
-    hada_simulator *simulator;
+    SCOPED(hada_simulator) * simulator;
     hada_image raw;
     SCOPED(hada_image) scene = drawn(1, 3, HIGH, WIDE), opacity;
     simulator = simulator_of(&camera, 0, 0, 0, 0);
@@ -315,7 +308,6 @@ TEST(refusals)
     ASSERT_FAILS(hada_simulator_render_occluded(simulator, planes, NULL, 2, LENSES, 0.0, 0, &raw, err),
                  HADA_ERROR_ARGUMENT, "7 lenses");
     assert_null(raw.data);
-    hada_simulator_destroy(&simulator);
 }
 
 FIXTURE(open_device, close_device)

@@ -42,7 +42,7 @@ TEST(every_distance_has_its_psf)
         hada_camera camera = small_camera(HADA_BOUNDARY_PADDED);
         if (mask)
             ASSERT_OK(hada_camera_set_mask(&camera, HADA_MASK_DIFFUSER, err));
-        hada_simulator *simulator = simulator_of(&camera, 0, 0, 0, 0);
+        SCOPED(hada_simulator) *simulator = simulator_of(&camera, 0, 0, 0, 0);
         hada_image map[] = {slanted(80.0, 900.0), slanted(300.0, 120.0)},
                    scene[] = {drawn(3, 3, HIGH, WIDE), drawn(4, 1, HIGH, WIDE)}, raw, again;
         const hada_relief reliefs[] = {{&scene[0], &map[0]}, {&scene[1], &map[1]}};
@@ -62,7 +62,6 @@ TEST(every_distance_has_its_psf)
         }
         hada_image_destroy(&raw);
         hada_image_destroy(&again);
-        hada_simulator_destroy(&simulator);
     }
 }
 
@@ -78,7 +77,7 @@ static double difference(const hada_image *a, const hada_image *b)
 TEST(opaque_surfaces)
 {
     const hada_camera camera = small_camera(HADA_BOUNDARY_PADDED);
-    hada_simulator *simulator = simulator_of(&camera, 0, 0, 0, 0);
+    SCOPED(hada_simulator) *simulator = simulator_of(&camera, 0, 0, 0, 0);
     hada_image slope = slanted(100.0, 600.0), jump, scene = drawn(5, 3, HIGH, WIDE), clear, opaque, planes[2], hidden,
                mask;
     hada_relief relief = {&scene, &slope};
@@ -106,12 +105,10 @@ TEST(opaque_surfaces)
     ASSERT_OK(hada_simulator_render_reliefs(simulator, &relief, 1, 1, 0.0, 0, &opaque, err));
     assert_true(difference(&clear, &hidden) > 0.1);
     assert_true(difference(&opaque, &hidden) < 3e-3);
-    for (int k = 0; k < 2; k++)
-        hada_image_destroy(&planes[k]);
+    destroy_images(planes, 2);
     hada_image *all[] = {&slope, &jump, &scene, &clear, &opaque, &hidden, &mask};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++)
         hada_image_destroy(all[i]);
-    hada_simulator_destroy(&simulator);
 }
 
 /* How much of pixel i's light each lens sees past what stands nearer by more than a pixel of parallax at the rim of the
@@ -169,7 +166,7 @@ TEST(opaque_ball)
     static double expected[PIXELS];
     hada_camera camera = small_camera(HADA_BOUNDARY_PADDED);
     camera.pixel_pitch_mm /= 4.0; /* 15 pixels of parallax from the nearest to the farthest depth */
-    hada_simulator *simulator = simulator_of(&camera, 0, 0, 0, 0);
+    SCOPED(hada_simulator) *simulator = simulator_of(&camera, 0, 0, 0, 0);
     hada_image raw;
     SCOPED(hada_image) map, scene = drawn(8, 3, HIGH, WIDE);
     ASSERT_OK(hada_scene_relief(&map, HADA_RELIEF_BALL, 0, HIGH, WIDE, err));
@@ -185,14 +182,13 @@ TEST(opaque_ball)
         assert_true(opaque ? error < 4e-2 : error > 0.15);
         hada_image_destroy(&raw);
     }
-    hada_simulator_destroy(&simulator);
 }
 
 /* Where the map is NaN nothing stands; the same noise as planes get. */
 TEST(holes_and_noise)
 {
     const hada_camera camera = small_camera(HADA_BOUNDARY_PADDED);
-    hada_simulator *simulator = simulator_of(&camera, 0, 0, 0, 0);
+    SCOPED(hada_simulator) *simulator = simulator_of(&camera, 0, 0, 0, 0);
     hada_image map = slanted(100.0, 600.0), scene = drawn(6, 3, HIGH, WIDE), dark, holes, noisy;
     hada_relief relief = {&scene, &map};
     ASSERT_OK(hada_image_crop(&dark, &scene, 0, 0, HIGH, WIDE, err));
@@ -218,7 +214,6 @@ TEST(holes_and_noise)
     hada_image *all[] = {&map, &scene, &dark, &holes};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++)
         hada_image_destroy(all[i]);
-    hada_simulator_destroy(&simulator);
 }
 
 TEST(refusals)
@@ -254,8 +249,7 @@ TEST(refusals)
     with_psf.psf = psf;
     ASSERT_OK(hada_simulator_create(&given, context, &camera, &with_psf, err));
     assert_int_equal(hada_simulator_render_reliefs(given, relief, 1, 0, 0.0, 0, &raw, &error), HADA_ERROR_UNSUPPORTED);
-    for (int z = 0; z < 4; z++)
-        hada_image_destroy(&psf[z]);
+    destroy_images(psf, 4);
     hada_image_destroy(&map);
     hada_image_destroy(&scene);
     hada_simulator_destroy(&given);

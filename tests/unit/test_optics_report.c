@@ -33,7 +33,7 @@ static hada_image spots(const hada_camera *camera, double sigma, int apart)
 TEST(gaussians)
 {
     const hada_camera camera = camera_of(90, 101, 3);
-    hada_optics_report *report;
+    SCOPED(hada_optics_report) * report;
     ASSERT_OK(hada_optics_report_create(&report, context, &camera, 0.1, err));
     const hada_optics_curves *curves = hada_optics_report_curves(report);
     const double sigma[] = {1.0, 2.0, 3.0};
@@ -73,7 +73,6 @@ TEST(gaussians)
     assert_true(fabs(hada_optics_report_row(report, 1)->magnification - (1.0 + 30.0 / 160.0)) < 1e-12);
     SCOPED(hada_image) psf = spots(&camera, 1.0, 0);
     assert_int_equal(hada_optics_report_add(report, &psf, NULL), HADA_ERROR_ARGUMENT);
-    hada_optics_report_destroy(&report);
 }
 
 TEST(twins)
@@ -81,7 +80,7 @@ TEST(twins)
     /* two equal spots `apart`: the self-correlation has side peaks of one half there; and depths are told apart by
      * where the second one stands */
     const hada_camera camera = camera_of(64, 120, 3);
-    hada_optics_report *report;
+    SCOPED(hada_optics_report) * report;
     ASSERT_OK(hada_optics_report_create(&report, context, &camera, HADA_AUTO, err));
     const hada_optics_curves *curves = hada_optics_report_curves(report);
     assert_true(curves->threshold == 0.05);
@@ -108,13 +107,12 @@ TEST(twins)
     ASSERT_OK(hada_optics_report_add(report, &psf, err));
     assert_true(fabs(hada_optics_report_row(report, 0)->axial_mm - (1.0 / (0.5 / 100.0 + 0.5 / 400.0) - 100.0)) < 1e-3);
     assert_true(fabs(hada_optics_report_row(report, 1)->axial_mm - (400.0 - 1.0 / (0.5 / 100.0 + 0.5 / 400.0))) < 1e-2);
-    hada_optics_report_destroy(&report);
 }
 
 TEST(refusals)
 {
     const hada_camera camera = camera_of(40, 40, 2);
-    hada_optics_report *report;
+    SCOPED(hada_optics_report) * report;
     ASSERT_OK(hada_optics_report_create(&report, context, &camera, HADA_AUTO, err));
     hada_image wrong, dark;
     ASSERT_OK(hada_image_create(&wrong, 1, 41, 40, err));
@@ -129,7 +127,6 @@ TEST(refusals)
     hada_camera broken = camera;
     broken.size = 1;
     assert_int_equal(hada_optics_report_create(&report, context, &broken, HADA_AUTO, NULL), HADA_ERROR_ARGUMENT);
-    hada_optics_report_destroy(&report);
 }
 
 static int open_context(void **state)

@@ -76,7 +76,7 @@ TEST(frames_equal_the_reference)
         hada_camera camera = small_camera(boundaries[b]);
         if (b) /* a pattern wider than the sensor */
             camera.distance_mm *= 2.0;
-        hada_simulator *simulator;
+        SCOPED(hada_simulator) * simulator;
         ASSERT_OK(hada_simulator_create(&simulator, context, &camera, NULL, err));
         hada_image scenes[3], raw;
         const int depths[] = {0, 3, 0};
@@ -113,10 +113,8 @@ TEST(frames_equal_the_reference)
         assert_memory_equal(noisy.data, again.data, sizeof(float) * 3 * PIXELS);
         ASSERT_OK(hada_metric_compare(HADA_METRIC_MSE, &raw, &noisy, 1.0, NULL, &mse, err));
         assert_true(fabs(sqrt(mse) / (0.05 * most) - 1.0) < 0.03);
-        for (int i = 0; i < 3; i++)
-            hada_image_destroy(&scenes[i]);
+        destroy_images(scenes, 3);
         hada_image_destroy(&raw);
-        hada_simulator_destroy(&simulator);
     }
 }
 
@@ -127,7 +125,7 @@ TEST(light_is_kept_or_lost)
         hada_camera camera = small_camera(b ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR);
         camera.rows = 44;
         camera.cols = 40;
-        hada_simulator *simulator;
+        SCOPED(hada_simulator) * simulator;
         SCOPED(hada_image) scene, raw;
         ASSERT_OK(hada_simulator_create(&simulator, context, &camera, NULL, err));
         ASSERT_OK(hada_scene_procedural(&scene, 4, 1, 25, 24, err));
@@ -148,7 +146,6 @@ TEST(light_is_kept_or_lost)
             assert_true(caught > 0.5 * light && caught < 0.95 * light);
         else
             assert_true(fabs(caught / (light * kept) - 1.0) < 1e-5);
-        hada_simulator_destroy(&simulator);
     }
 }
 
@@ -181,8 +178,7 @@ TEST(given_psfs)
     psf[1].channels = 2;
     ASSERT_FAILS(hada_simulator_create(&simulator, context, &camera, &with_psf, err), HADA_ERROR_SIZE, "");
     assert_null(simulator);
-    for (int i = 0; i < 2; i++)
-        hada_image_destroy(&psf[i]);
+    destroy_images(psf, 2);
 }
 
 TEST(refusals)

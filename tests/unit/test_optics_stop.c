@@ -90,7 +90,7 @@ TEST(goes_on_afterwards)
 {
     const hada_camera camera = camera_of(HADA_MASK_DIFFUSER, HADA_OPTICS_WAVE);
     asked who = {.stop_at = 4};
-    hada_wave *wave;
+    SCOPED(hada_wave) * wave;
     SCOPED(hada_image) psf, again;
     DEFAULTS(hada_monitor, monitor);
     monitor.user = &who;
@@ -106,7 +106,6 @@ TEST(goes_on_afterwards)
     ASSERT_OK(hada_wave_create(&wave, context, &camera, NULL, err));
     ASSERT_OK(hada_wave_psf(wave, 100.0, ROWS, COLS, &again, err));
     assert_memory_equal(psf.data, again.data, hada_image_count(&psf) * sizeof(float));
-    hada_wave_destroy(&wave);
 }
 
 /* Numbers of a camera that would take hours are refused, whatever file they come from. */

@@ -181,13 +181,12 @@ TEST(test_plot)
     unsigned char *text = io_read_bytes(io_path("plot.svg"), &bytes);
     assert_true(bytes > 500 && !memcmp(text, "<?xml", 5));
     free(text);
-    hada_plot *none = NULL; /* as after a failed create: nothing happens */
+    SCOPED(hada_plot) *none = NULL; /* as after a failed create: nothing happens */
     hada_plot_point(none, 1, 1, &(hada_plot_mark){0});
     assert_int_equal(hada_plot_save(none, NULL, NULL), HADA_OK);
     hada_plot_destroy(&none);
     assert_int_equal(hada_plot_create(&none, 10, 10, NULL), HADA_OK);
     assert_int_equal(hada_plot_save(none, NULL, NULL), HADA_ERROR_ARGUMENT);
-    hada_plot_destroy(&none);
 }
 
 typedef struct scene {
@@ -233,8 +232,7 @@ static void drop(scene *s)
     hada_image_destroy(&s->raw);
     hada_image_destroy(&s->aif);
     hada_image_destroy(&s->map);
-    for (int i = 0; i < 20; i++)
-        hada_image_destroy(&s->planes[i]);
+    destroy_images(s->planes, 20);
 }
 
 TEST(test_sheets)
@@ -272,7 +270,7 @@ TEST(test_far_away)
     static const double ends[][2] = {{9e15, 9.1e15}, {1e17, 1e17 + 64}, {1e300, 2e300}, {-1e18, 1e18}};
     for (size_t i = 0; i < sizeof ends / sizeof *ends; i++) {
         scene s;
-        hada_plot *plot;
+        SCOPED(hada_plot) * plot;
         hada_plot_panel panel = {.left = 40, .top = 10, .width = 200, .height = 100};
         make(&s, 2, 1, 300, 40);
         memcpy(s.distances, ends[i], sizeof ends[i]);
@@ -282,7 +280,6 @@ TEST(test_far_away)
         assert_int_equal(hada_plot_create(&plot, 300, 150, NULL), HADA_OK);
         hada_plot_panel_begin(plot, &panel);
         assert_int_equal(hada_plot_save(plot, io_path("far.svg"), NULL), HADA_OK);
-        hada_plot_destroy(&plot);
     }
 }
 

@@ -54,7 +54,7 @@ static void run(const learned_camera *learned, int refine, const char *const *st
     hada_plane planes[2];
     learned_split(learned, &scene, depths, 2, 1, parts, planes);
     SCOPED(hada_image) raw = learned_frame(learned, planes, 2, 5);
-    hada_plan *plan;
+    SCOPED(hada_plan) * plan;
     SCOPED(hada_result) plain = {0}, profiled = {0};
     hada_kernel_time *rows = NULL;
     size_t count = 0;
@@ -98,9 +98,7 @@ static void run(const learned_camera *learned, int refine, const char *const *st
     ASSERT_FAILS(hada_plan_kernel_times(plan, &rows, &count, err), HADA_ERROR_STATE, "");
     assert_null(rows);
     same_calls(plan, &raw, &profiled);
-    hada_plan_destroy(&plan);
-    for (int i = 0; i < 2; i++)
-        hada_image_destroy(&parts[i]);
+    destroy_images(parts, 2);
     hada_image_destroy(&scene);
 }
 

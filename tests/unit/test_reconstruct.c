@@ -34,7 +34,7 @@ static double map_right(const hada_camera *camera, const hada_image *map, const 
 TEST(finds_one_depth_and_refines_it)
 {
     const learned_camera *learned = *state;
-    hada_plan *plan;
+    SCOPED(hada_plan) * plan;
     SCOPED(hada_result) result = {0};
     double mean = 0;
     plan_of(learned, NULL, &plan);
@@ -56,14 +56,13 @@ TEST(finds_one_depth_and_refines_it)
      * scatter about them by half a decibel. */
     if (mean < 27.4)
         fail_msg("one depth: %.2f dB", mean);
-    hada_plan_destroy(&plan);
 }
 
 TEST(finds_two_depths_and_tells_them_apart)
 {
     const learned_camera *learned = *state;
     static const int pairs[][2] = {{0, 3}, {0, 1}, {1, 3}, {2, 3}};
-    hada_plan *plan;
+    SCOPED(hada_plan) * plan;
     SCOPED(hada_result) result = {0};
     double mean = 0;
     plan_of(learned, NULL, &plan);
@@ -82,12 +81,10 @@ TEST(finds_two_depths_and_tells_them_apart)
         assert_true(covered >= 0.5);
         assert_true(learned_psnr(&result.all_in_focus, &scene) >= 22);
         hada_image_destroy(&scene);
-        for (int i = 0; i < 2; i++)
-            hada_image_destroy(&parts[i]);
+        destroy_images(parts, 2);
     }
     if (mean < 24.8)
         fail_msg("two depths: %.2f dB", mean);
-    hada_plan_destroy(&plan);
 }
 
 /* A model whose held-out pairs preferred a blend: refined planes and those of the linear filters, by its share. Steps
@@ -106,7 +103,7 @@ TEST(refined_and_linear_planes_are_blended)
     learned_split(learned, &scene, listed, 2, 31, parts, planes);
     SCOPED(hada_image) raw = learned_frame(learned, planes, 2, 31);
     for (int i = 0; i < 4; i++) {
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         uint64_t device, host;
         const uint64_t before = hada_context_bytes(learned->context);
         const hada_model *model = i < 2 ? learned->model : blended;
@@ -122,7 +119,6 @@ TEST(refined_and_linear_planes_are_blended)
         const double held = (double)(hada_context_bytes(learned->context) - before);
         if (fabs(held / (double)device - 1) > 0.1)
             fail_msg("plan %d: %llu bytes stated, %.0f held", i, (unsigned long long)device, held);
-        hada_plan_destroy(&plan);
     }
     const size_t count = hada_image_count(&scene);
     for (int k = 0; k < 2; k++) {
@@ -139,8 +135,7 @@ TEST(refined_and_linear_planes_are_blended)
     }
     for (int i = 0; i < 4; i++)
         hada_result_destroy(&of[i]);
-    for (int i = 0; i < 2; i++)
-        hada_image_destroy(&parts[i]);
+    destroy_images(parts, 2);
     hada_image_destroy(&scene);
 }
 
@@ -222,7 +217,7 @@ TEST(gives_the_same_bits_in_every_batch_and_run)
     for (int refine = -1; refine <= 0; refine++) {
         SCOPED(hada_result) first = {0}, other = {0};
         for (int batch = 0; batch <= 3; batch++) {
-            hada_plan *plan;
+            SCOPED(hada_plan) * plan;
             DEFAULTS(hada_plan_options, options);
             options.refine = refine;
             options.batch = batch;
@@ -232,11 +227,9 @@ TEST(gives_the_same_bits_in_every_batch_and_run)
                 assert_same_bits(&first, &other);
             ASSERT_OK(hada_plan_run(plan, &raw, &other, err));
             assert_same_bits(&first, &other);
-            hada_plan_destroy(&plan);
         }
     }
-    for (int i = 0; i < 2; i++)
-        hada_image_destroy(&parts[i]);
+    destroy_images(parts, 2);
     hada_image_destroy(&scene);
 }
 
@@ -247,13 +240,12 @@ TEST(half_filters_stay_close)
     SCOPED(hada_image) raw = learned_frame(learned, &(hada_plane){2, &scene}, 1, 8);
     hada_result results[2] = {{0}, {0}};
     for (int half = 0; half < 2; half++) {
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         DEFAULTS(hada_plan_options, options);
         options.refine = 0;
         options.half = half;
         plan_of(learned, &options, &plan);
         ASSERT_OK(hada_plan_run(plan, &raw, &results[half], err));
-        hada_plan_destroy(&plan);
     }
     double difference = 0, norm = 0;
     for (size_t i = 0; i < hada_image_count(&scene); i++) {

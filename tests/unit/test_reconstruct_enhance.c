@@ -38,8 +38,7 @@ static int setup(void **state)
     unet.shared = unet.last_norm = 1;
     ASSERT_OK(hada_net_create_unet(&f.net, &unet, 3, err));
     ASSERT_OK(hada_model_with_enhance(&f.model, f.plain, f.net, 0, 0, err));
-    for (int z = 0; z < DEPTHS; z++)
-        hada_image_destroy(&psf[z]);
+    destroy_images(psf, DEPTHS);
     hada_image_destroy(&scene);
     *state = &f;
     return 0;
@@ -77,7 +76,7 @@ static hada_plan_options options_of(int path)
 static hada_result run(const fixture *f, const hada_model *model, const hada_plan_options *options,
                        const hada_image *frame)
 {
-    hada_plan *plan;
+    SCOPED(hada_plan) * plan;
     hada_result result = {0};
     uint64_t device, host;
     const uint64_t before = hada_context_bytes(f->context);
@@ -86,7 +85,6 @@ static hada_result run(const fixture *f, const hada_model *model, const hada_pla
     ASSERT_OK(hada_plan_create(&plan, f->context, model, options, err));
     assert_int_equal(hada_context_peak_bytes(f->context) - before, device);
     ASSERT_OK(hada_plan_run(plan, frame, &result, err));
-    hada_plan_destroy(&plan);
     return result;
 }
 

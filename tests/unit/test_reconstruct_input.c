@@ -11,7 +11,7 @@ static hada_image frame_of_one_depth(const learned_camera *learned, int depth, h
 TEST(refuses_frames_of_another_sensor)
 {
     const learned_camera *learned = *state;
-    hada_plan *plan;
+    SCOPED(hada_plan) * plan;
     hada_result result = {0};
     hada_error error;
     SCOPED(hada_image) small, colour;
@@ -23,14 +23,13 @@ TEST(refuses_frames_of_another_sensor)
     assert_non_null(strstr(error.message, "300 x 400"));
     assert_int_equal(hada_plan_run(plan, &colour, &result, &error), HADA_ERROR_MODEL);
     assert_int_equal(hada_plan_run(plan, &colour, NULL, &error), HADA_ERROR_ARGUMENT);
-    hada_plan_destroy(&plan);
 }
 
 TEST(refuses_or_repairs_broken_pixels)
 {
     const learned_camera *learned = *state;
     SCOPED(hada_image) scene, raw = frame_of_one_depth(learned, 2, &scene);
-    hada_plan *plan;
+    SCOPED(hada_plan) * plan;
     SCOPED(hada_result) whole = {0}, mended = {0};
     hada_error error;
     DEFAULTS(hada_plan_options, options);
@@ -51,7 +50,6 @@ TEST(refuses_or_repairs_broken_pixels)
     assert_int_equal(hada_plan_run(plan, &raw, &mended, &error), HADA_ERROR_NOT_FINITE);
     assert_non_null(strstr(error.message, "3 pixel"));
     assert_non_null(strstr(error.message, "--repair"));
-    hada_plan_destroy(&plan);
 }
 
 TEST(repairs_from_the_nearest_finite_pixels)
@@ -109,7 +107,7 @@ TEST(refuses_a_dark_level_above_everything)
     const learned_camera *learned = *state;
     SCOPED(hada_image) scene, raw = frame_of_one_depth(learned, 1, &scene);
     SCOPED(hada_result) result = {0};
-    hada_plan *plan;
+    SCOPED(hada_plan) * plan;
     DEFAULTS(hada_plan_options, options);
     options.dark = HADA_DARK_LEVEL;
     options.dark_level = 200.0;
@@ -118,7 +116,6 @@ TEST(refuses_a_dark_level_above_everything)
     for (size_t i = 0; i < hada_image_count(&raw); i++)
         raw.data[i] = 200.0f + 1000.0f * raw.data[i];
     ASSERT_OK(hada_plan_run(plan, &raw, &result, err));
-    hada_plan_destroy(&plan);
 }
 
 TEST(refuses_options_that_cannot_work)
@@ -171,7 +168,7 @@ TEST(zero_leaves_open_as_auto_does)
     const learned_camera *learned = *state;
     uint64_t bytes[3];
     for (int k = 0; k < 3; k++) {
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         DEFAULTS(hada_plan_options, options);
         assert_true(options.batch == HADA_AUTO && options.queues == HADA_AUTO);
         if (k == 1)
@@ -180,7 +177,6 @@ TEST(zero_leaves_open_as_auto_does)
             options.queues = 2;
         ASSERT_OK(hada_plan_create(&plan, learned->context, learned->model, &options, err));
         hada_plan_memory(plan, &bytes[k], NULL);
-        hada_plan_destroy(&plan);
     }
     assert_true(bytes[0] == bytes[1] && bytes[0] < bytes[2]);
 }
@@ -191,12 +187,11 @@ TEST(gamma_is_an_exponent_on_the_pictures)
     SCOPED(hada_image) scene, raw = frame_of_one_depth(learned, 0, &scene);
     SCOPED(hada_result) plain = {0}, root = {0};
     for (int k = 0; k < 2; k++) {
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         DEFAULTS(hada_plan_options, options);
         options.gamma = k ? 0.5 : 1.0;
         ASSERT_OK(hada_plan_create(&plan, learned->context, learned->model, &options, err));
         ASSERT_OK(hada_plan_run(plan, &raw, k ? &root : &plain, err));
-        hada_plan_destroy(&plan);
     }
     for (size_t i = 0; i < hada_image_count(&scene); i++)
         assert_true(fabsf(root.planes[0].data[i] - sqrtf(plain.planes[0].data[i])) < 1e-6f);

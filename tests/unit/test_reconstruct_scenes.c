@@ -4,10 +4,9 @@
 static void run(const learned_camera *learned, const hada_plan_options *options, const hada_image *raw,
                 hada_result *result)
 {
-    hada_plan *plan;
+    SCOPED(hada_plan) * plan;
     ASSERT_OK(hada_plan_create(&plan, learned->context, learned->model, options, err));
     ASSERT_OK(hada_plan_run(plan, raw, result, err));
-    hada_plan_destroy(&plan);
 }
 
 /* A scene whose distance runs from nearest to farthest across the window, each depth a stripe. */
@@ -43,8 +42,7 @@ TEST(a_slanted_plane_occupies_every_depth)
     assert_true(seen * 2 >= (size_t)(rows * cols));
     assert_true((double)right >= 0.85 * (double)seen);
     assert_true(learned_psnr(&result.all_in_focus, &scene) > 20);
-    for (int z = 0; z < LEARNED_DEPTHS; z++)
-        hada_image_destroy(&parts[z]);
+    destroy_images(parts, LEARNED_DEPTHS);
     hada_image_destroy(&scene);
 }
 
@@ -54,7 +52,7 @@ TEST(an_object_between_depths_shows_at_its_neighbours)
 {
     const learned_camera *learned = *state;
     hada_camera between = learned->camera;
-    hada_simulator *simulator;
+    SCOPED(hada_simulator) * simulator;
     between.depths = 1;
     between.distances_mm[0] = 2 / (1 / learned->camera.distances_mm[1] + 1 / learned->camera.distances_mm[2]);
     ASSERT_OK(hada_simulator_create(&simulator, learned->context, &between, NULL, err));
@@ -79,7 +77,6 @@ TEST(an_object_between_depths_shows_at_its_neighbours)
     if (fmin(light[1], light[2]) < 1.5 * fmax(light[0], light[3]) || (double)right < 0.9 * (double)seen)
         fail_msg("light %.2f %.2f %.2f %.2f of %.2f; map right at %zu of %zu", light[0], light[1], light[2], light[3],
                  all, right, seen);
-    hada_simulator_destroy(&simulator);
 }
 
 TEST(a_black_frame_holds_nothing)

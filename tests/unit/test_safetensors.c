@@ -284,7 +284,6 @@ TEST(test_cut_and_flipped)
     size_t bytes;
     unsigned char *data = io_read_bytes(io_golden("tensors.safetensors"), &bytes);
     unsigned char *copy = malloc(bytes);
-    assert_non_null(copy);
     uint64_t random = 3;
     for (size_t round = 0; round < bytes + 1500; round++) {
         memcpy(copy, data, bytes);

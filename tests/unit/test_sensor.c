@@ -151,8 +151,7 @@ TEST(seeds)
         channels += frames[0].data[i] == frames[0].data[PIXELS + i];
     }
     assert_true(same < PIXELS / 100 && channels < PIXELS / 100);
-    for (int i = 0; i < 3; i++)
-        hada_image_destroy(&frames[i]);
+    destroy_images(frames, 3);
 }
 
 /* Light far above the full well, and below zero. */
@@ -188,7 +187,7 @@ TEST(vignetting)
     sensor.vignetting = HADA_VIGNETTING_COS4;
     DEFAULTS(hada_simulator_options, options);
     for (int moved = 0; moved < 2; moved++) {
-        hada_simulator *simulator;
+        SCOPED(hada_simulator) * simulator;
         options.shift_rows = 20 * moved;
         options.shift_cols = -30 * moved;
         ASSERT_OK(hada_simulator_create(&simulator, b->context, &b->camera, &options, err));
@@ -201,7 +200,6 @@ TEST(vignetting)
             const double expected = pow(cos(atan(hypot(x, y) / b->camera.distance_mm)), 4.0);
             assert_true(fabs(frame.data[2 * PIXELS + at[i][0] * COLS + at[i][1]] - expected) < 1e-6);
         }
-        hada_simulator_destroy(&simulator);
     }
     SCOPED(hada_image) gain = flat(1, 0.5f), frame = flat(3, 1.0f);
     gain.data[3] = 0.25f;

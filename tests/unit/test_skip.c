@@ -41,10 +41,9 @@ static void all_frames(const skip_fixture *f, int model, unsigned skip, tally *s
     hada_plan_destroy(&exact);
     for (int e = 0; e < ERRORS; e++) {
         const hada_plan_options options = skip_options(skip, errors[e]);
-        hada_plan *plan = skip_plan(f, model, &options);
+        SCOPED(hada_plan) *plan = skip_plan(f, model, &options);
         for (int which = 0; which < SKIP_FRAMES; which++)
             hold(f, model, skip, errors[e], which, plan, &dense[which], &seen[e]);
-        hada_plan_destroy(&plan);
     }
     for (int which = 0; which < SKIP_FRAMES; which++)
         hada_result_destroy(&dense[which]);
@@ -117,11 +116,11 @@ TEST(a_band_keeps_its_bound_and_its_size)
     const skip_fixture *f = *state;
     for (int model = 0; model < SKIP_MODELS; model++) {
         const hada_plan_options plain = skip_options(HADA_SKIP_PRUNE, 0.0);
-        hada_plan *exact = skip_plan(f, model, &plain);
+        SCOPED(hada_plan) *exact = skip_plan(f, model, &plain);
         for (size_t b = 0; b < 5; b++) {
             hada_plan_options options = skip_options(HADA_SKIP_PRUNE, 0.0);
             options.band = bands[b];
-            hada_plan *plan = skip_plan(f, model, &options);
+            SCOPED(hada_plan) *plan = skip_plan(f, model, &options);
             for (int which = 0; which < SKIP_FRAMES; which++) {
                 SCOPED(hada_result) dense = {0}, result = {0};
                 ASSERT_OK(hada_plan_run(exact, &f->frame[which], &dense, err));
@@ -131,9 +130,7 @@ TEST(a_band_keeps_its_bound_and_its_size)
                 assert_true(skip_change(&result, &dense) <= report->bound + 1e-5);
                 assert_true(report->frequencies > 0.9 - bands[b] && report->frequencies < 1.0);
             }
-            hada_plan_destroy(&plan);
         }
-        hada_plan_destroy(&exact);
     }
 }
 

@@ -4,9 +4,8 @@
 static void run(const skip_fixture *f, int model, const hada_plan_options *options, const hada_image *frame,
                 hada_result *result)
 {
-    hada_plan *plan = skip_plan(f, model, options);
+    SCOPED(hada_plan) *plan = skip_plan(f, model, options);
     ASSERT_OK(hada_plan_run(plan, frame, result, err));
-    hada_plan_destroy(&plan);
 }
 
 /* Pruning alone rounds otherwise. */

@@ -17,7 +17,7 @@ TEST(an_equal_frame_takes_the_result_of_the_one_before)
         hada_plan_options options = skip_options(HADA_SKIP_ALL, 0.0);
         options.refine = refine;
         options.gamma = 0.5;
-        hada_plan *plan = skip_plan(f, SKIP_WIENER, &options);
+        SCOPED(hada_plan) *plan = skip_plan(f, SKIP_WIENER, &options);
         SCOPED(hada_image) frame = copy_of(&f->frame[SKIP_EDGE]);
         SCOPED(hada_result) first = {0}, again = {0}, third = {0};
         ASSERT_OK(hada_plan_run(plan, &frame, &first, err));
@@ -41,7 +41,6 @@ TEST(an_equal_frame_takes_the_result_of_the_one_before)
         assert_int_equal(third.report->skipped->frame, 0);
         ASSERT_OK(hada_plan_run(plan, &f->frame[SKIP_EDGE], &third, err)); /* not the one before any more */
         assert_int_equal(third.report->skipped->frame, 0);
-        hada_plan_destroy(&plan);
     }
 }
 
@@ -49,13 +48,12 @@ TEST(the_switch_is_obeyed)
 {
     const skip_fixture *f = *state;
     const hada_plan_options options = skip_options(HADA_SKIP_ALL & ~(unsigned)HADA_SKIP_FRAMES, 0.1);
-    hada_plan *plan = skip_plan(f, SKIP_WIENER, &options);
+    SCOPED(hada_plan) *plan = skip_plan(f, SKIP_WIENER, &options);
     for (int i = 0; i < 2; i++) {
         SCOPED(hada_result) result = {0};
         ASSERT_OK(hada_plan_run(plan, &f->frame[SKIP_EDGE], &result, err));
         assert_int_equal(result.report->skipped->frame, 0);
     }
-    hada_plan_destroy(&plan);
 }
 
 /* A frame that could not be done serves nobody. */
@@ -63,7 +61,7 @@ TEST(a_failed_frame_is_not_reused)
 {
     const skip_fixture *f = *state;
     const hada_plan_options options = skip_options(HADA_SKIP_ALL, 0.0);
-    hada_plan *plan = skip_plan(f, SKIP_WIENER, &options);
+    SCOPED(hada_plan) *plan = skip_plan(f, SKIP_WIENER, &options);
     SCOPED(hada_image) broken = copy_of(&f->frame[SKIP_EDGE]);
     broken.data[7] = NAN;
     for (int i = 0; i < 3; i++) {
@@ -72,7 +70,6 @@ TEST(a_failed_frame_is_not_reused)
         assert_int_equal(hada_plan_run(plan, &broken, &result, &err), HADA_ERROR_NOT_FINITE);
         assert_null(result.planes);
     }
-    hada_plan_destroy(&plan);
 }
 
 /* The same results, in the same way, however many queues a plan has and however many frames are in flight. */
@@ -94,7 +91,7 @@ TEST(queues_and_batches_find_the_same)
         hada_result results[LONG] = {{0}};
         options.queues = variant ? variant : 1;
         options.batch = variant == 2 ? 1 : 0;
-        hada_plan *plan = skip_plan(f, SKIP_SMOOTH, &options);
+        SCOPED(hada_plan) *plan = skip_plan(f, SKIP_SMOOTH, &options);
         for (int i = 0; i < LONG; i++)
             if (variant)
                 ASSERT_OK(hada_job_submit(&jobs[i], plan, &frames[i], &results[i], err));
@@ -108,7 +105,6 @@ TEST(queues_and_batches_find_the_same)
             assert_int_equal(results[i].report->skipped->frame, expected[i].report->skipped->frame);
             hada_result_destroy(&results[i]);
         }
-        hada_plan_destroy(&plan);
     }
     assert_int_equal(expected[2].report->skipped->frame, 1);
     assert_int_equal(expected[4].report->skipped->frame, 1);

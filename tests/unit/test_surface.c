@@ -75,7 +75,6 @@ static void upload_camera(fixture *f)
 {
     const int images = DEPTHS * CHANNELS;
     SCOPED_MEMORY float *psfs = calloc((size_t)images * f->grid, sizeof *psfs);
-    assert_non_null(psfs);
     ASSERT_OK(hada_buffer_create(&f->otf, f->context, (size_t)images * f->layout.count * 8, "the OTFs", err));
     for (int i = 0; i < images; i++)
         shine(f, i / CHANNELS, i % CHANNELS, 1.0, 0, 0, psfs + (size_t)i * f->grid);
@@ -155,7 +154,6 @@ static void shoot(fixture *f, const double *scene, const double *depth)
                         *pixels = calloc(CHANNELS * f->grid, sizeof *pixels);
     float *to = pixels;
     hada_random random;
-    assert_true(images && pixels);
     hada_random_seed(&random, 9, 0);
     for (int c = 0; c < CHANNELS; c++) {
         float *image = images + (size_t)c * f->grid, top = 0.0F;
@@ -184,7 +182,6 @@ static void shade(fixture *f, double part)
     const size_t area = (size_t)frame->rows * (size_t)frame->cols;
     SCOPED_MEMORY float *pixels = calloc(CHANNELS * area, sizeof *pixels),
                         *images = calloc(CHANNELS * f->grid, sizeof *images);
-    assert_true(pixels && images);
     ASSERT_OK(hada_buffer_read(&f->pixels, f->slot, 0, pixels, CHANNELS * area * sizeof *pixels, err));
     for (int c = 0; c < CHANNELS; c++)
         for (int y = 0; y < frame->rows; y++)
@@ -203,7 +200,6 @@ static double frame_energy(const fixture *f)
     const size_t values = CHANNELS * (size_t)f->shape.frame.rows * (size_t)f->shape.frame.cols;
     SCOPED_MEMORY float *pixels = calloc(values, sizeof *pixels);
     double sum = 0.0;
-    assert_non_null(pixels);
     ASSERT_OK(hada_buffer_read(&f->pixels, f->slot, 0, pixels, values * sizeof *pixels, err));
     for (size_t i = 0; i < values; i++)
         sum += (double)pixels[i] * pixels[i];
@@ -215,7 +211,6 @@ static float *read_texture(const fixture *f, const hada_surface_result *result)
     const hada_buffer view = {
         .context = f->context, .mem = result->texture, .bytes = CHANNELS * AREA * sizeof(float), .part = 1};
     float *texture = calloc(CHANNELS * AREA, sizeof *texture);
-    assert_non_null(texture);
     ASSERT_OK(hada_buffer_read(&view, f->slot, 0, texture, CHANNELS * AREA * sizeof *texture, err));
     return texture;
 }
@@ -364,7 +359,6 @@ TEST(test_in_vain)
         assert_false(result.in_vain);
         const double left = result.energy[result.levels - 1];
         SCOPED_MEMORY float *texture = read_texture(&f, &result), *depths = calloc(AREA, sizeof *depths);
-        assert_non_null(depths);
         memcpy(depths, result.depth, AREA * sizeof *depths);
         limited.frame = frame_energy(&f);
         limited.enough = left / 3.0;

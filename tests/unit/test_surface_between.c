@@ -130,7 +130,6 @@ static float *read_made(fixture *f, int place, int channel)
 {
     const size_t bytes = 2 * f->layout.count * sizeof(float);
     float *blocks = malloc(bytes), *rows = calloc(VALUES, 2 * sizeof *rows);
-    assert_true(blocks && rows);
     ASSERT_OK(hada_buffer_read(&f->made, f->slot, (size_t)(place * CHANNELS + channel) * bytes, blocks, bytes, err));
     hada_layout_unpack(&f->layout, blocks, rows);
     free(blocks);
@@ -155,7 +154,6 @@ static double made_apart(fixture *f, double depth, int channel)
 {
     hada_between *between;
     SCOPED_MEMORY double *psf = calloc(PIXELS, sizeof *psf), *spectrum = calloc(VALUES, 2 * sizeof *spectrum);
-    assert_true(psf && spectrum);
     ASSERT_OK(hada_between_create(&between, f->slot, &f->camera, &f->law, err));
     ASSERT_OK(hada_between_make(between, 1, &depth, f->made.mem, 0, NULL, err));
     SCOPED_MEMORY float *made = read_made(f, 0, channel);
@@ -258,7 +256,6 @@ static void reference(const fixture *f, double depth, int channel, double *spect
     const int beyond = depth < 0.0 || depth > DEPTHS - 1, low = depth < 0.0 ? 0 : (int)fmin(depth, DEPTHS - 1);
     const hada_magnified to = hada_magnification_at(&f->law, depth);
     SCOPED_MEMORY double *coefficients = calloc(PIXELS, sizeof *coefficients), *image = calloc(PIXELS, sizeof *image);
-    assert_true(coefficients && image);
     for (int i = 0; i < 2 - beyond; i++) {
         const hada_magnified by = hada_magnified_between(&f->law.depth[low + i], &to);
         const double share = beyond ? 1.0 : i ? depth - low : 1.0 - (depth - low);
@@ -276,7 +273,6 @@ TEST(test_reference)
     fixture f;
     set_up(&f, pinhole, 60.0, 0.01);
     double *spectrum = calloc(VALUES, 2 * sizeof *spectrum);
-    assert_non_null(spectrum);
     ASSERT_OK(hada_between_create(&between, f.slot, &f.camera, &f.law, err));
     ASSERT_OK(hada_between_make(between, 4, depths, f.made.mem, 0, NULL, err));
     for (int i = 0; i < 4; i++)
@@ -316,7 +312,6 @@ TEST(test_coarse)
     const hada_spectrum_layout small = hada_surface_layout(f.context, ROWS / 2, COLS / 2);
     const size_t image = 2 * small.count;
     float *blocks = calloc(2 * CHANNELS * image, sizeof *blocks);
-    assert_non_null(blocks);
     ASSERT_OK(hada_between_create(&between, f.slot, &f.camera, &f.law, err));
     ASSERT_OK(hada_between_make(between, 2, depths, f.made.mem, 0, &small, err));
     ASSERT_OK(hada_buffer_read(&f.made, f.slot, 0, blocks, 2 * CHANNELS * image * sizeof *blocks, err));

@@ -45,7 +45,7 @@ static int same(const hada_result *a, const hada_result *b)
 static hada_status work_with(job *j, hada_context *context, const hada_plan_options *options,
                              const hada_result *expected)
 {
-    hada_plan *plan;
+    SCOPED(hada_plan) * plan;
     SCOPED(hada_result) result = {0};
     hada_status status = hada_plan_create(&plan, context, j->f->model, options, &j->error);
     for (int i = 0; !status && i < 2 * FRAMES; i++) {
@@ -54,7 +54,6 @@ static hada_status work_with(job *j, hada_context *context, const hada_plan_opti
         if (!status)
             j->different += !same(&result, &expected[frame]);
     }
-    hada_plan_destroy(&plan);
     return status;
 }
 
@@ -101,8 +100,7 @@ static void make_frames(fixture *f)
         f->frames[i] = small_frame(&psf[i % DEPTHS], &scene, 0, 0.003, (uint64_t)i + 1);
     }
     ASSERT_OK(hada_model_from_psf(&f->model, f->context, psf, DEPTHS, distances, &options, err));
-    for (int z = 0; z < DEPTHS; z++)
-        hada_image_destroy(&psf[z]);
+    destroy_images(psf, DEPTHS);
 }
 
 static int setup(void **state)
@@ -111,14 +109,13 @@ static int setup(void **state)
     ASSERT_OK(hada_context_create(&f.context, NULL, err));
     make_frames(&f);
     for (int kind = 0; kind < 2; kind++) {
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         hada_plan_options_init(&f.options[kind]);
         f.options[kind].refine = kind ? 5 : 0;
         f.options[kind].dark = HADA_DARK_NONE;
         ASSERT_OK(hada_plan_create(&plan, f.context, f.model, &f.options[kind], err));
         for (int i = 0; i < FRAMES; i++)
             ASSERT_OK(hada_plan_run(plan, &f.frames[i], &f.expected[kind][i], err));
-        hada_plan_destroy(&plan);
     }
     *state = &f;
     return 0;

@@ -232,7 +232,6 @@ TEST(test_flipped)
         size_t bytes;
         SCOPED_MEMORY unsigned char *data = io_read_bytes(io_golden(victims[k]), &bytes);
         SCOPED_MEMORY unsigned char *copy = malloc(bytes);
-        assert_non_null(copy);
         for (int round = 0; round < 150; round++) {
             memcpy(copy, data, bytes);
             for (int flips = 1 + round % 4; flips > 0; flips--)

@@ -10,7 +10,7 @@ TEST(going_on_gives_the_same_bits)
             hada_train_options options = options_of(stage);
             augment.noise = 0.01;
             augment.exposure = 0.1;
-            hada_trainer *trainer = make(&options, devices);
+            SCOPED(hada_trainer) *trainer = make(&options, devices);
             steps(trainer, 6);
             save(trainer, 0);
             hada_trainer_destroy(&trainer);
@@ -26,7 +26,6 @@ TEST(going_on_gives_the_same_bits)
             steps(trainer, 3);
             save(trainer, 1);
             assert_true(same_files());
-            hada_trainer_destroy(&trainer);
         }
 }
 
@@ -67,10 +66,9 @@ TEST(fewer_filters_at_once_give_the_same_bits)
     for (int i = 0; i < 2; i++) {
         hada_train_options options = options_of(HADA_STAGE_FILTERS);
         options.at_once = i ? 1 : 4;
-        hada_trainer *trainer = make(&options, 1);
+        SCOPED(hada_trainer) *trainer = make(&options, 1);
         steps(trainer, 4);
         save(trainer, i);
-        hada_trainer_destroy(&trainer);
     }
     assert_true(same_files());
 }
@@ -129,7 +127,7 @@ TEST(checkpoints_of_others_are_refused)
 TEST(damaged_checkpoints_are_refused)
 {
     hada_train_options options = options_of(HADA_STAGE_ENHANCE);
-    hada_trainer *trainer = make(&options, 1);
+    SCOPED(hada_trainer) *trainer = make(&options, 1);
     hada_error error = {0};
     steps(trainer, 1);
     save(trainer, 0);
@@ -144,7 +142,6 @@ TEST(damaged_checkpoints_are_refused)
     assert_int_equal(hada_trainer_save(trainer, "/nowhere/at/all", &error), HADA_ERROR_FILE_WRITE);
     assert_int_equal(trainer->progress.step, 1);
     steps(trainer, 1);
-    hada_trainer_destroy(&trainer);
 }
 
 /* Writes the header of a checkpoint as 0.1.0 did: it is shorter, and ends with spaces. */
@@ -157,7 +154,6 @@ static void rename_discriminator(const char *path)
     assert_non_null(file);
     assert_int_equal(fread(&bytes, sizeof bytes, 1, file), 1);
     char *header = calloc(bytes + 1, 1), *to = header;
-    assert_non_null(header);
     assert_int_equal(fread(header, 1, bytes, file), bytes);
     for (const char *from = header; *from;) {
         const int here = !strncmp(from, now, strlen(now));
@@ -181,7 +177,7 @@ static void rename_discriminator(const char *path)
 TEST(checkpoints_of_older_versions_go_on)
 {
     const hada_train_options options = options_of(HADA_STAGE_ADVERSARIAL);
-    hada_trainer *trainer = make(&options, 1);
+    SCOPED(hada_trainer) *trainer = make(&options, 1);
     steps(trainer, 2);
     save(trainer, 0);
     save(trainer, 1);
@@ -192,7 +188,6 @@ TEST(checkpoints_of_older_versions_go_on)
     ASSERT_OK(hada_trainer_load(trainer, f.path[1], err));
     save(trainer, 1);
     assert_true(same_files());
-    hada_trainer_destroy(&trainer);
 }
 
 FIXTURE(setup, teardown)

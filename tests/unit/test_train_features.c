@@ -57,7 +57,7 @@ static void watch(const train_device *device, replica_run *run, int way, seen *o
     } calls[CALLS] = {{3, {0, 1, 2}}, {3, {0, 1, 2}}, {2, {1, 0}}, {3, {0, 1, 2}}, {3, {2, 0, 1}}, {2, {0, 1}}};
     run->desc.scenes = way ? 8 : 0;
     run->desc.feature_bytes = (size_t)1 << 20;
-    hada_replica *replica = train_replica(device, &run->desc);
+    SCOPED(hada_replica) *replica = train_replica(device, &run->desc);
     hada_features *features = hada_replica_features(replica);
     if (way == 2)
         features->most = 2 * features->floats * sizeof(float);
@@ -86,7 +86,6 @@ static void watch(const train_device *device, replica_run *run, int way, seen *o
     ASSERT_OK(hada_slot_profile(device->slot, 0, err));
     out->kept = features->bytes / sizeof(float) / features->floats;
     assert_true(features->bytes <= features->most);
-    hada_replica_destroy(&replica);
 }
 
 TEST(steps_have_the_same_bits)

@@ -133,14 +133,13 @@ TEST(pieces_give_the_same_bits)
     for (int run = 0; run < 3; run++) {
         const int at_once = run == 1 ? 1 : TRAIN_PAIRS;
         const hada_replica_desc desc = {.model = model, .options = &options, .at_once = at_once};
-        hada_replica *replica = train_replica(*state, &desc);
+        SCOPED(hada_replica) *replica = train_replica(*state, &desc);
         hada_terms terms;
         hada_parameters_clear(hada_replica_parameters(replica));
         for (int i = 0; i < TRAIN_PAIRS; i += at_once)
             ASSERT_OK(hada_replica_backward(replica, pairs.samples + i, at_once, 0.25, 1, 0, &terms, NULL, err));
         gradients[run] = train_read(replica, HADA_GROUP_FILTERS + 1, HADA_CONTENT_GRADIENT);
         count = hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_FILTERS + 1, HADA_CONTENT_GRADIENT);
-        hada_replica_destroy(&replica);
     }
     assert_memory_equal(gradients[0], gradients[1], count * sizeof(float));
     assert_memory_equal(gradients[0], gradients[2], count * sizeof(float));
@@ -161,7 +160,7 @@ TEST(starts_and_contents)
         const hada_replica_desc desc = {.model = model, .options = &options, .at_once = 1};
         options.seed = i == 2 ? 6 : 5;
         options.rule = HADA_RULE_ADAM;
-        hada_replica *replica = train_replica(*state, &desc);
+        SCOPED(hada_replica) *replica = train_replica(*state, &desc);
         starts[i] = train_read(replica, HADA_GROUP_FILTERS, HADA_CONTENT_VALUES);
         count = hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_FILTERS, HADA_CONTENT_VALUES);
         assert_int_equal(hada_replica_parameters(replica)->count, HADA_GROUP_FILTERS + TRAIN_DEPTHS);
@@ -178,7 +177,6 @@ TEST(starts_and_contents)
             SCOPED_MEMORY float *out = train_read(replica, HADA_GROUP_FILTERS + 1, content);
             assert_memory_equal(in, out, values * sizeof *in);
         }
-        hada_replica_destroy(&replica);
     }
     assert_memory_equal(starts[0], starts[1], count * sizeof(float));
     assert_memory_not_equal(starts[0], starts[2], count * sizeof(float));
@@ -243,7 +241,7 @@ TEST(what_does_not_fit_is_refused)
     SCOPED(hada_model) *model = model_of(&cases[1]);
     hada_train_options options = train_options(HADA_STAGE_FILTERS);
     hada_replica_desc desc = {.model = model, .options = &options, .at_once = 0};
-    hada_replica *replica;
+    SCOPED(hada_replica) * replica;
     size_t bytes;
     ASSERT_FAILS(hada_replica_create(&replica, device->slot, &desc, err), HADA_ERROR_ARGUMENT, "");
     assert_null(replica);
@@ -276,7 +274,6 @@ TEST(what_does_not_fit_is_refused)
         hada_parameters_update(hada_replica_parameters(replica), HADA_GROUP_FILTERS + TRAIN_DEPTHS, 1, 1.0, 1.0, err),
         HADA_ERROR_ARGUMENT, "");
     train_pairs_free(&pairs);
-    hada_replica_destroy(&replica);
 }
 
 FIXTURE(train_open, train_close)

@@ -53,7 +53,7 @@ TEST(planes_are_those_of_a_plan)
         ASSERT_OK(hada_planes_create(&planes, device->slot, model, 0, 0, err));
         assert_int_equal(hada_context_bytes(device->context) - before, bytes);
         for (int z = 0; z < DEPTHS; z++) {
-            hada_plan *plan;
+            SCOPED(hada_plan) * plan;
             SCOPED(hada_result) result = {0};
             DEFAULTS(hada_plan_options, options);
             options.occupied = HADA_OCCUPIED_LIST;
@@ -65,13 +65,11 @@ TEST(planes_are_those_of_a_plan)
             assert_int_equal(result.report->refine_steps > 0, cases[i].steps > 0);
             assert_int_equal(hada_image_count(&plane), hada_image_count(&result.planes[z]));
             assert_memory_equal(plane.data, result.planes[z].data, hada_image_count(&plane) * sizeof(float));
-            hada_plan_destroy(&plan);
         }
         hada_planes_destroy(&planes);
     }
     hada_image_destroy(&scene);
-    for (int z = 0; z < DEPTHS; z++)
-        hada_image_destroy(&psfs[z]);
+    destroy_images(psfs, DEPTHS);
 }
 
 /* A scene at depths 0 and 2 in place of the captured one at depth 1: left half, right half, and a neighbour told. */
@@ -106,14 +104,13 @@ static double *expected_frame(const hada_image *psfs, const hada_image *frame, c
 static void told(hada_context *context, const hada_model *model, const hada_composed *composed, const hada_image *frame,
                  hada_result *result)
 {
-    hada_plan *plan;
+    SCOPED(hada_plan) * plan;
     DEFAULTS(hada_plan_options, options);
     options.occupied = HADA_OCCUPIED_LIST;
     options.occupied_list = composed->depth;
     options.occupied_count = composed->count;
     ASSERT_OK(hada_plan_create(&plan, context, model, &options, err));
     ASSERT_OK(hada_plan_run(plan, frame, result, err));
-    hada_plan_destroy(&plan);
 }
 
 /* Beside a plane stands what the others hold; 0 where they were not explained together, or the frame is as captured. */
@@ -189,8 +186,7 @@ TEST(composed_frames_are_those_of_their_scene)
         SCOPED(hada_model) *model = model_of(device->context, &how[i], psfs);
         check_composed(device, model, psfs, how[i].padded);
     }
-    for (int z = 0; z < DEPTHS; z++)
-        hada_image_destroy(&psfs[z]);
+    destroy_images(psfs, DEPTHS);
 }
 
 TEST(what_does_not_fit_is_refused)

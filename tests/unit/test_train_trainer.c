@@ -14,7 +14,7 @@ TEST(every_stage_learns)
         hada_train_options options = options_of(stage);
         options.steps = (uint64_t)count;
         options.discriminator_steps = stage == HADA_STAGE_ADVERSARIAL ? 5 : 0;
-        hada_trainer *trainer = make(&options, 1);
+        SCOPED(hada_trainer) *trainer = make(&options, 1);
         hada_validation first = {.size = sizeof first}, last = {.size = sizeof last};
         hada_step_report report = {.size = sizeof report};
         double discriminator = NAN;
@@ -41,7 +41,6 @@ TEST(every_stage_learns)
                         isfinite(report.adversarial));
         else
             assert_true(isnan(report.discriminator) && isnan(report.adversarial) && isnan(report.perceptual));
-        hada_trainer_destroy(&trainer);
     }
 }
 
@@ -127,12 +126,11 @@ TEST(new_nets_see_the_other_planes)
     options.net_given = NULL;
     ASSERT_FAILS(hada_trainer_create(&trainer, &f.whole, 1, model, pairs, held, &options, err), HADA_ERROR_MODEL,
                  "options.net");
-    hada_plan *plan;
+    SCOPED(hada_plan) * plan;
     SCOPED(hada_result) enhanced = {0};
     ASSERT_OK(hada_plan_create(&plan, f.whole, model, NULL, err));
     ASSERT_OK(hada_plan_run(plan, &f.raw[0][0], &enhanced, err));
     assert_true(enhanced.report->enhanced > 0);
-    hada_plan_destroy(&plan);
 }
 
 /* As one that learns from scenes of several depths alone does: the model keeps that, and other stages refuse it. */
@@ -172,7 +170,7 @@ TEST(a_net_may_only_share_light_out)
     }
     for (int depths = 1; depths < 3; depths++) {
         static const int told[] = {0, 1};
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         SCOPED(hada_result) planes = {0};
         DEFAULTS(hada_plan_options, how);
         how.occupied = HADA_OCCUPIED_LIST;
@@ -181,13 +179,12 @@ TEST(a_net_may_only_share_light_out)
         ASSERT_OK(hada_plan_create(&plan, f.whole, model, &how, err));
         ASSERT_OK(hada_plan_run(plan, &f.raw[0][0], &planes, err));
         assert_int_equal(planes.report->enhanced, depths > 1 ? depths : 0);
-        hada_plan_destroy(&plan);
     }
 }
 
 TEST(composing_that_makes_no_sense_is_refused)
 {
-    hada_trainer *trainer;
+    SCOPED(hada_trainer) * trainer;
     hada_train_options options = options_of(HADA_STAGE_JOINT);
     options.compose = 0.5;
     ASSERT_FAILS(hada_trainer_create(&trainer, &f.whole, 1, f.model, pairs, held, &options, err), HADA_ERROR_ARGUMENT,
@@ -200,7 +197,6 @@ TEST(composing_that_makes_no_sense_is_refused)
     options.compose = HADA_AUTO; /* the caller leaves it open */
     trainer = make(&options, 1);
     assert_true(trainer->options.compose == 0.0);
-    hada_trainer_destroy(&trainer);
 }
 
 /* The values of a group on a device. */
@@ -209,7 +205,6 @@ static float *values_of(const hada_trainer *trainer, int worker, int group, size
     hada_replica *replica = trainer->workers.worker[worker].replica;
     *count = hada_parameters_floats(hada_replica_parameters(replica), group, HADA_CONTENT_VALUES);
     float *values = malloc(*count * sizeof *values);
-    assert_non_null(values);
     ASSERT_OK(hada_parameters_read(hada_replica_parameters(replica), group, HADA_CONTENT_VALUES, values, err));
     return values;
 }
@@ -266,7 +261,7 @@ TEST(broken_numbers_are_rolled_back)
         options.batch = devices;
         options.schedule = HADA_RATE_CONSTANT;
         options.warmup = 0;
-        hada_trainer *trainer = make(&options, devices);
+        SCOPED(hada_trainer) *trainer = make(&options, devices);
         steps(trainer, 3);
         ASSERT_OK(hada_trainer_step(trainer, &report, err));
         const double rate = report.rate;
@@ -295,7 +290,6 @@ TEST(broken_numbers_are_rolled_back)
         size_t count;
         SCOPED_MEMORY float *values = values_of(trainer, devices - 1, HADA_GROUP_NET, &count);
         assert_true(isfinite(values[0]));
-        hada_trainer_destroy(&trainer);
     }
 }
 
@@ -307,7 +301,7 @@ TEST(a_rate_that_is_too_high_is_halved)
     options.rate = 1e12;
     options.clip = 0.0;
     options.warmup = 0;
-    hada_trainer *trainer = make(&options, 1);
+    SCOPED(hada_trainer) *trainer = make(&options, 1);
     hada_error error = {0};
     hada_status status = HADA_OK;
     int rolled = 0;
@@ -319,17 +313,15 @@ TEST(a_rate_that_is_too_high_is_halved)
     assert_true(report.rate < 1e12 / 2.0 * 1.01);
     save(trainer, 0); /* what is saved is finite */
     ASSERT_OK(hada_trainer_load(trainer, f.path[0], err));
-    hada_trainer_destroy(&trainer);
 }
 
 TEST(pairs_are_read_once_where_nothing_changes_them)
 {
     hada_train_options options = options_of(HADA_STAGE_ENHANCE);
     f.reads = 0;
-    hada_trainer *trainer = make(&options, 1);
+    SCOPED(hada_trainer) *trainer = make(&options, 1);
     steps(trainer, 20);
     assert_in_range(f.reads, DEPTHS * PAIRS, DEPTHS * PAIRS + 8); /* and some that were on their way */
-    hada_trainer_destroy(&trainer);
 }
 
 /* Kept features rest on that: a number stands for one scene, flipped in one way. */
@@ -437,9 +429,8 @@ TEST(options_that_make_no_sense_are_refused)
     uint64_t bytes = 0;
     const hada_train_options good = options_of(HADA_STAGE_ENHANCE);
     ASSERT_OK(hada_trainer_bytes(f.whole, f.model, &good, &bytes, err));
-    hada_trainer *trainer = make(&good, 1);
+    SCOPED(hada_trainer) *trainer = make(&good, 1);
     assert_true(bytes > 0 && hada_context_bytes(f.whole) <= bytes);
-    hada_trainer_destroy(&trainer);
 }
 
 FIXTURE(setup, teardown)

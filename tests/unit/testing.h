@@ -70,6 +70,12 @@
         unit_run_again(__FILE__, tests, sizeof tests / sizeof *tests, set_up, tear_down);                              \
     }
 
+static inline void destroy_images(hada_image *images, int count)
+{
+    for (int i = 0; i < count; i++)
+        hada_image_destroy(&images[i]);
+}
+
 void unit_add_test(const char *file, const char *name, CMUnitTestFunction test);
 void unit_set_fixture(const char *file, CMFixtureFunction set_up, CMFixtureFunction tear_down);
 void unit_set_fixture_of_each(const char *file, CMFixtureFunction set_up, CMFixtureFunction tear_down);

@@ -21,7 +21,6 @@ typedef struct tiny_camera {
 static inline double *tiny_zeros(size_t count)
 {
     double *zeros = calloc(count, sizeof *zeros);
-    assert_non_null(zeros);
     return zeros;
 }
 
@@ -152,7 +151,6 @@ static inline void tiny_upload(tiny_device *device, const tiny_camera *camera)
     const size_t count = device->layout.count;
     float *rows = calloc(camera->values, 2 * sizeof *rows);
     float *packed = calloc(count * (size_t)(camera->depths * camera->channels), 2 * sizeof *packed);
-    assert_true(rows && packed);
     for (int z = 0; z < camera->depths; z++)
         for (int c = 0; c < camera->channels; c++) {
             for (size_t f = 0; f < 2 * camera->values; f++)
@@ -192,7 +190,6 @@ static inline void tiny_expose_colours(tiny_device *device, const tiny_camera *c
     SCOPED_MEMORY float *whole = calloc(camera->pixels * (size_t)camera->channels, sizeof *whole);
     SCOPED_MEMORY float *part = calloc(camera->frame_area * (size_t)camera->channels, sizeof *part);
     float *to = part;
-    assert_true(whole && part);
     for (size_t i = 0; i < camera->pixels * (size_t)camera->channels; i++)
         whole[i] = (float)images[i];
     for (int c = 0; c < camera->channels; c++)
@@ -237,7 +234,6 @@ static inline void tiny_prior(tiny_device *device, const tiny_camera *camera, co
     SCOPED_MEMORY double *spectrum = tiny_zeros(2 * camera->values), *power = tiny_zeros(camera->values);
     SCOPED_MEMORY float *rows = calloc(camera->values, sizeof *rows);
     SCOPED_MEMORY float *packed = calloc(device->layout.count * (size_t)camera->channels, sizeof *packed);
-    assert_true(rows && packed);
     for (unsigned seed = 50; seed < 58; seed++) {
         tiny_scene(camera, seed, scene);
         for (size_t i = 0; i < camera->window_area; i++)

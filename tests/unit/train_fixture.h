@@ -120,7 +120,6 @@ static inline hada_train_options train_options(hada_stage stage)
 static inline double *train_doubles(const float *values, size_t count)
 {
     double *out = calloc(count + 1, sizeof *out);
-    assert_non_null(out);
     for (size_t i = 0; i < count; i++)
         out[i] = values[i];
     return out;
@@ -171,7 +170,6 @@ static inline double *train_run(const hada_net *net, const double *values, int i
                                 const double *x, size_t out)
 {
     double *y = calloc(out, sizeof *y);
-    assert_non_null(y);
     ASSERT_OK(hada_ref_net_forward(net, values, 1, images, rows, cols, x, y, err));
     return y;
 }
@@ -331,7 +329,6 @@ static inline void train_difference(const train_case *c, double *values, const f
 static inline float *train_read(hada_replica *replica, int group, hada_content content)
 {
     float *out = calloc(hada_parameters_floats(hada_replica_parameters(replica), group, content) + 1, sizeof *out);
-    assert_non_null(out);
     ASSERT_OK(hada_parameters_read(hada_replica_parameters(replica), group, content, out, err));
     return out;
 }

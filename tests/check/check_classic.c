@@ -1,11 +1,9 @@
 /* The classic methods: planes after a few iterations against the references, and their proximal steps, frames and
  * transposes with them. */
-#include "check.h"
+#include "check_camera.h"
 #include "classic/classic.h"
-#include "filter/bank.h"
 #include "model/model.h"
 #include "ref/ref_classic.h"
-#include "ref/ref_fft.h"
 
 enum { MAX_DEPTHS = 16 };
 
@@ -15,12 +13,10 @@ typedef struct classic_state {
     hada_refine_data data;
     hada_classic_camera camera;
     hada_classic_job job;
-    hada_buffer otf, spectrum, frame;
+    check_camera seen;
     hada_model model; /* what is needed to make the grid smaller: sizes and transfer functions */
     int depths, channels, list[MAX_DEPTHS];
     size_t pixels, values, floats; /* of the grid, its half spectrum, the window of all planes */
-    double *otfs;                  /* [depth][channel][values] complex */
-    double *images;                /* [channel][pixels] */
 } classic_state;
 
 static hada_status read_shape(const check_state *state, classic_state *own, hada_error *err)
@@ -70,8 +66,9 @@ static int within(const check_state *state, const classic_state *own, int row, i
 }
 
 /* Sparse point spread functions of brightness 1, and frames without negative values: image `number`. */
-static void fill_image(const check_state *state, const classic_state *own, size_t number, int is_frame, float *out)
+static void fill_image(const check_state *state, size_t number, int is_frame, float *out)
 {
+    const classic_state *own = state->own;
     const hada_refine_rect *frame = &own->shape.place.frame;
     const size_t cols = (size_t)own->shape.place.grid_cols;
     const int cut = is_frame && own->shape.place.boundary == HADA_BOUNDARY_PADDED;
@@ -96,50 +93,27 @@ static hada_status make_smaller(check_state *state, classic_state *own, hada_err
     hada_status status = hada_classic_fit_grid(&own->shape, context, &own->model, NULL, own->depths + 1, err);
     if (status || !own->shape.reach.rows)
         return status;
-    hada_buffer_destroy(&own->otf);
-    return hada_classic_optics(&own->otf, context, &own->shape, &own->model, NULL, own->depths + 1, err);
+    hada_buffer_destroy(&own->seen.otf);
+    return hada_classic_optics(&own->seen.otf, context, &own->shape, &own->model, NULL, own->depths + 1, err);
 }
 
 static hada_status make_camera(check_state *state, classic_state *own, hada_error *err)
 {
     const hada_refine_shape *place = &own->shape.place;
-    const hada_spectrum_layout layout =
-        hada_fft_layout(state->slot->context, place->grid_rows, place->grid_cols, HADA_FFT_AUTO);
-    const hada_refine_rect *frame = &place->frame;
-    const size_t channels = (size_t)own->channels, otfs = ((size_t)own->depths + 1) * channels;
-    const size_t frame_area = (size_t)frame->rows * (size_t)frame->cols;
-    float *image = check_room(state, own->pixels * sizeof *image);
-    float *half = check_room(state, (otfs + channels) * 2 * own->values * sizeof *half);
-    float *packed = check_room(state, (otfs + channels) * layout.count * 2 * sizeof *packed);
-    float *seen = check_room(state, channels * frame_area * sizeof *seen);
-    double *spectrum = check_room(state, 2 * own->values * sizeof *spectrum);
-    own->otfs = check_room(state, otfs * 2 * own->values * sizeof *own->otfs);
-    own->images = check_room(state, (channels + 1) * own->pixels * sizeof *own->images);
-    own->camera.largest = check_room(state, channels * sizeof *own->camera.largest);
-    for (size_t k = 0; k < otfs + channels; k++) {
-        const int is_frame = k >= otfs;
-        double *to = is_frame ? spectrum : own->otfs + k * 2 * own->values;
-        double *grid = own->images + (is_frame ? k - otfs : channels) * own->pixels;
-        fill_image(state, own, k, is_frame, image);
-        for (size_t i = 0; i < own->pixels; i++)
-            grid[i] = image[i];
-        for (size_t i = 0; is_frame && i < frame_area; i++)
-            seen[(k - otfs) * frame_area + i] =
-                image[((size_t)frame->row0 + i / (size_t)frame->cols) * (size_t)place->grid_cols + (size_t)frame->col0 +
-                      i % (size_t)frame->cols];
-        HADA_TRY(hada_ref_fft_forward(grid, place->grid_rows, place->grid_cols, to, err));
-        for (size_t i = 0; i < 2 * own->values; i++)
-            half[2 * k * own->values + i] = (float)to[i];
-        hada_layout_pack(&layout, half + 2 * k * own->values, packed + k * layout.count * 2);
-    }
-    HADA_TRY(check_upload(state, &own->otf, packed, otfs * layout.count * 8, err));
-    HADA_TRY(check_upload(state, &own->spectrum, packed + otfs * layout.count * 2, channels * layout.count * 8, err));
-    HADA_TRY(check_upload(state, &own->frame, seen, channels * frame_area * 4, err));
-    own->model.otf = half;
+    check_camera *seen = &own->seen;
+    *seen = (check_camera){.rows = place->grid_rows,
+                           .cols = place->grid_cols,
+                           .frame = place->frame,
+                           .functions = ((size_t)own->depths + 1) * (size_t)own->channels,
+                           .channels = (size_t)own->channels,
+                           .fill = fill_image};
+    HADA_TRY(check_camera_make(state, seen, err));
+    own->camera.largest = check_room(state, seen->channels * sizeof *own->camera.largest);
+    own->model.otf = seen->half;
     if (check_get(state, 'o', 0))
         HADA_TRY(make_smaller(state, own, err));
     own->data = (hada_refine_data){
-        .spectrum = own->spectrum.mem, .frame = own->frame.mem, .otf = own->otf.mem, .otf_depths = own->depths + 1};
+        .spectrum = seen->spectrum.mem, .frame = seen->seen.mem, .otf = seen->otf.mem, .otf_depths = own->depths + 1};
     own->model.otf = NULL;
     return HADA_OK;
 }
@@ -149,7 +123,7 @@ static void gather(classic_state *own, int channel, double *otf)
 {
     for (int s = 0; s < own->depths; s++)
         memcpy(otf + (size_t)s * 2 * own->values,
-               own->otfs + (size_t)(own->list[s] * own->channels + channel) * 2 * own->values,
+               own->seen.otfs + (size_t)(own->list[s] * own->channels + channel) * 2 * own->values,
                2 * own->values * sizeof *otf);
     for (size_t f = 0; f < own->values; f++) {
         double square = 0.0;
@@ -178,7 +152,7 @@ static hada_ref_classic problem_of(const classic_state *own, int channel, const 
                               .frame = {f->row0, f->col0, f->rows, f->cols},
                               .support = {s->row0, s->col0, s->rows, s->cols},
                               .otf = otf,
-                              .image = own->images + (size_t)channel * own->pixels,
+                              .image = own->seen.image + (size_t)channel * own->pixels,
                               .iterations = o->iterations,
                               .prior = priors[o->prior],
                               .weight = o->prior == HADA_PRIOR_NONE ? 0.0 : o->weight,

@@ -1,9 +1,6 @@
 /* Refinement: planes after a few steps, for several sets side by side, against textbook ADMM. */
-#include "check.h"
-#include "filter/bank.h"
-#include "ref/ref_fft.h"
+#include "check_camera.h"
 #include "ref/ref_refine.h"
-#include "refine/admm.h"
 #include "refine/proximal.h"
 
 enum { MAX_LIST = 64 };
@@ -13,11 +10,11 @@ typedef struct refine_state {
     hada_refine_shape shape;
     hada_refine_data data;
     hada_refine_rule rule;
-    hada_buffer otf, spectrum, frame, weights;
+    check_camera camera;
+    hada_buffer weights;
     int sets, depths, channels, list[MAX_LIST];
     size_t set_floats;
-    double *otfs, *image; /* of the reference: all depths, the grid */
-    double *weigh;        /* as the image; NULL: no weights */
+    double *weigh; /* weights of the pixels of the grid; NULL: none */
 } refine_state;
 
 static void read_shape(const check_state *state, refine_state *own)
@@ -75,62 +72,6 @@ static hada_status make_weights(check_state *state, refine_state *own, hada_erro
     return check_upload(state, &own->weights, weights, channels * area * sizeof *weights, err);
 }
 
-/* Random point spread functions with |OTF|^2 about 1, and a random frame. */
-static hada_status make_camera(check_state *state, refine_state *own, hada_error *err)
-{
-    const hada_refine_shape *shape = &own->shape;
-    const int rows = shape->grid_rows, cols = shape->grid_cols;
-    const size_t pixels = (size_t)rows * (size_t)cols, values = (size_t)rows * (size_t)(cols / 2 + 1);
-    const hada_spectrum_layout layout = hada_fft_layout(state->slot->context, rows, cols, HADA_FFT_AUTO);
-    const size_t channels = (size_t)own->channels, images = ((size_t)own->depths + 1) * channels;
-    const hada_refine_rect *frame = &shape->frame;
-    const size_t frame_area = (size_t)frame->rows * (size_t)frame->cols;
-    float *noise = check_room(state, pixels * sizeof *noise), *half = check_room(state, 2 * values * sizeof *half);
-    float *packed = check_room(state, (images + channels) * layout.count * 2 * sizeof *packed);
-    float *seen = check_room(state, channels * frame_area * sizeof *seen);
-    double *spectrum = check_room(state, 2 * values * sizeof *spectrum),
-           *drawn = check_room(state, pixels * sizeof *drawn);
-    own->otfs = check_room(state, images * 2 * values * sizeof *own->otfs);
-    own->image = check_room(state, channels * pixels * sizeof *own->image);
-    hada_status status = HADA_OK;
-    for (size_t k = 0; !status && k < images + channels; k++) { /* the OTFs' images, then the frame's */
-        const int is_frame = k >= images;
-        double *to = is_frame ? spectrum : own->otfs + k * 2 * values;
-        check_fill_normal(state, k, noise, pixels);
-        for (size_t i = 0; i < pixels; i++) {
-            const int row = (int)(i / (size_t)cols) - frame->row0, col = (int)(i % (size_t)cols) - frame->col0;
-            const int inside = row >= 0 && row < frame->rows && col >= 0 && col < frame->cols;
-            if (shape->boundary == HADA_BOUNDARY_PADDED && is_frame && !inside)
-                noise[i] = 0.0f;
-            if (is_frame && inside)
-                seen[(k - images) * frame_area + (size_t)row * (size_t)frame->cols + (size_t)col] = noise[i];
-            drawn[i] = is_frame ? noise[i] : noise[i] / (float)rows;
-            if (is_frame)
-                own->image[(k - images) * pixels + i] = drawn[i];
-        }
-        status = hada_ref_fft_forward(drawn, rows, cols, to, err);
-        for (size_t i = 0; !status && i < 2 * values; i++)
-            half[i] = (float)to[i];
-        if (!status)
-            hada_layout_pack(&layout, half, packed + k * layout.count * 2);
-    }
-    if (!status)
-        status = check_upload(state, &own->otf, packed, images * layout.count * 8, err);
-    if (!status)
-        status =
-            check_upload(state, &own->spectrum, packed + images * layout.count * 2, channels * layout.count * 8, err);
-    if (!status)
-        status = check_upload(state, &own->frame, seen, channels * frame_area * 4, err);
-    if (!status && check_get(state, 'v', 0))
-        status = make_weights(state, own, err);
-    own->data = (hada_refine_data){.spectrum = own->spectrum.mem,
-                                   .frame = own->frame.mem,
-                                   .weights = own->weights.mem,
-                                   .otf = own->otf.mem,
-                                   .otf_depths = own->depths + 1};
-    return status;
-}
-
 static hada_status expect(check_state *state, const refine_state *own, hada_error *err)
 {
     const hada_refine_shape *s = &own->shape;
@@ -138,19 +79,13 @@ static hada_status expect(check_state *state, const refine_state *own, hada_erro
     double *otf = check_room(state, (size_t)own->depths * values * sizeof *otf);
     for (int set = 0; set < own->sets; set++) {
         for (int place = 0; place < own->depths; place++)
-            memcpy(otf + (size_t)place * values, own->otfs + (size_t)own->list[set * own->depths + place] * values,
-                   values * sizeof *otf);
+            memcpy(otf + (size_t)place * values,
+                   own->camera.otfs + (size_t)own->list[set * own->depths + place] * values, values * sizeof *otf);
         const hada_ref_refine problem = {.rows = s->grid_rows,
                                          .cols = s->grid_cols,
-                                         .window_row0 = s->window.row0,
-                                         .window_col0 = s->window.col0,
-                                         .window_rows = s->window.rows,
-                                         .window_cols = s->window.cols,
+                                         .window = s->window,
                                          .padded = s->boundary == HADA_BOUNDARY_PADDED,
-                                         .frame_row0 = s->frame.row0,
-                                         .frame_col0 = s->frame.col0,
-                                         .frame_rows = s->frame.rows,
-                                         .frame_cols = s->frame.cols,
+                                         .frame = s->frame,
                                          .depths = own->depths,
                                          .channels = own->channels,
                                          .tv = own->rule.tv,
@@ -162,7 +97,7 @@ static hada_status expect(check_state *state, const refine_state *own, hada_erro
                                          .shrink_colour = HADA_SHRINKAGE_COLOUR,
                                          .shrink_steps = own->rule.shrink > 0.0 ? HADA_SHRINKAGE_STEPS : 0,
                                          .otf = otf,
-                                         .image = own->image,
+                                         .image = own->camera.image,
                                          .weights = own->weigh,
                                          .rho = own->rule.rho,
                                          .first_rho = own->rule.first_rho,
@@ -183,7 +118,20 @@ static hada_status prepare(check_state *state, hada_error *err)
     read_shape(state, own);
     if (own->sets * own->depths > MAX_LIST)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "at most %d planes", MAX_LIST);
-    HADA_TRY(make_camera(state, own, err));
+    own->camera = (check_camera){.rows = own->shape.grid_rows,
+                                 .cols = own->shape.grid_cols,
+                                 .padded = own->shape.boundary == HADA_BOUNDARY_PADDED,
+                                 .frame = own->shape.frame,
+                                 .functions = ((size_t)own->depths + 1) * (size_t)own->channels,
+                                 .channels = (size_t)own->channels};
+    HADA_TRY(check_camera_make(state, &own->camera, err));
+    if (check_get(state, 'v', 0))
+        HADA_TRY(make_weights(state, own, err));
+    own->data = (hada_refine_data){.spectrum = own->camera.spectrum.mem,
+                                   .frame = own->camera.seen.mem,
+                                   .weights = own->weights.mem,
+                                   .otf = own->camera.otf.mem,
+                                   .otf_depths = own->depths + 1};
     HADA_TRY(hada_refiner_create(&own->refiner, state->slot, &own->shape, err));
     HADA_TRY(check_output(state, (size_t)own->sets * own->set_floats, err));
     HADA_TRY(expect(state, own, err));

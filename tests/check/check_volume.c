@@ -1,7 +1,5 @@
 /* Volumes: free planes, or a texture on continuous depths, after a few steps, against the reference. */
-#include "check.h"
-#include "filter/bank.h"
-#include "ref/ref_fft.h"
+#include "check_camera.h"
 #include "ref/ref_volume.h"
 #include "refine/proximal.h"
 #include "surface/volume.h"
@@ -10,10 +8,11 @@ typedef struct volume_state {
     hada_volume *volume;
     hada_volume_shape shape;
     hada_volume_rule rule;
-    hada_buffer otf, spectrum, frame, allowed, depth, texture, start;
+    check_camera camera;
+    hada_buffer allowed, depth, texture, start;
     int is_texture, is_masked;
     size_t area, unknown;
-    double *otfs, *image, *mask, *depths; /* of the reference */
+    double *mask, *depths; /* of the reference */
 } volume_state;
 
 static void read_shape(const check_state *state, volume_state *own)
@@ -40,47 +39,6 @@ static void read_shape(const check_state *state, volume_state *own)
                                    .bound = own->shape.planes + 0.5};
     own->area = (size_t)window_rows * (size_t)window_cols;
     own->unknown = (size_t)(own->is_texture ? 1 : own->shape.planes) * (size_t)own->shape.channels * own->area;
-}
-
-/* Random point spread functions with |OTF|^2 about 1, then a random frame, as half spectra of the layout. */
-static hada_status make_camera(check_state *state, volume_state *own, hada_error *err)
-{
-    const hada_volume_shape *shape = &own->shape;
-    const int rows = shape->rows, cols = shape->cols, padded = shape->boundary == HADA_BOUNDARY_PADDED;
-    const size_t pixels = (size_t)rows * (size_t)cols, values = (size_t)rows * (size_t)(cols / 2 + 1);
-    const hada_spectrum_layout layout = hada_fft_layout(state->slot->context, rows, cols, HADA_FFT_AUTO);
-    const size_t channels = (size_t)shape->channels, images = (size_t)shape->planes * channels;
-    const hada_refine_rect *frame = &shape->frame;
-    const size_t frame_area = (size_t)frame->rows * (size_t)frame->cols;
-    float *noise = check_room(state, pixels * sizeof *noise), *half = check_room(state, 2 * values * sizeof *half);
-    float *packed = check_room(state, (images + channels) * layout.count * 2 * sizeof *packed);
-    float *seen = check_room(state, channels * frame_area * sizeof *seen);
-    double *spectrum = check_room(state, 2 * values * sizeof *spectrum);
-    double *drawn = check_room(state, pixels * sizeof *drawn);
-    own->otfs = check_room(state, images * 2 * values * sizeof *own->otfs);
-    own->image = check_room(state, channels * pixels * sizeof *own->image);
-    for (size_t k = 0; k < images + channels; k++) {
-        const int is_frame = k >= images;
-        double *to = is_frame ? spectrum : own->otfs + k * 2 * values;
-        check_fill_normal(state, k, noise, pixels);
-        for (size_t i = 0; i < pixels; i++) {
-            const int row = (int)(i / (size_t)cols) - frame->row0, col = (int)(i % (size_t)cols) - frame->col0;
-            const int inside = row >= 0 && row < frame->rows && col >= 0 && col < frame->cols;
-            const float value = padded && is_frame && !inside ? 0.0f : noise[i];
-            if (is_frame && inside)
-                seen[(k - images) * frame_area + (size_t)row * (size_t)frame->cols + (size_t)col] = value;
-            drawn[i] = is_frame ? value : value / (float)rows;
-            if (is_frame)
-                own->image[(k - images) * pixels + i] = drawn[i];
-        }
-        HADA_TRY(hada_ref_fft_forward(drawn, rows, cols, to, err));
-        for (size_t i = 0; i < 2 * values; i++)
-            half[i] = (float)to[i];
-        hada_layout_pack(&layout, half, packed + k * layout.count * 2);
-    }
-    HADA_TRY(check_upload(state, &own->otf, packed, images * layout.count * 8, err));
-    HADA_TRY(check_upload(state, &own->spectrum, packed + images * layout.count * 2, channels * layout.count * 8, err));
-    return check_upload(state, &own->frame, seen, channels * frame_area * 4, err);
 }
 
 /* Of several planes the first is left out by a mask. */
@@ -122,19 +80,13 @@ static hada_status expect(check_state *state, const volume_state *own, hada_erro
     const hada_volume_shape *s = &own->shape;
     const hada_ref_volume problem = {.rows = s->rows,
                                      .cols = s->cols,
-                                     .window_row0 = s->window.row0,
-                                     .window_col0 = s->window.col0,
-                                     .window_rows = s->window.rows,
-                                     .window_cols = s->window.cols,
+                                     .window = s->window,
                                      .padded = s->boundary == HADA_BOUNDARY_PADDED,
-                                     .frame_row0 = s->frame.row0,
-                                     .frame_col0 = s->frame.col0,
-                                     .frame_rows = s->frame.rows,
-                                     .frame_cols = s->frame.cols,
+                                     .frame = s->frame,
                                      .planes = s->planes,
                                      .channels = s->channels,
-                                     .otf = own->otfs,
-                                     .image = own->image,
+                                     .otf = own->camera.otfs,
+                                     .image = own->camera.image,
                                      .allowed = own->is_masked ? own->mask : NULL,
                                      .depth = own->is_texture ? own->depths : NULL,
                                      .floor = own->rule.floor,
@@ -156,10 +108,16 @@ static hada_status prepare(check_state *state, hada_error *err)
     volume_state *own = check_own(state, sizeof *own);
     read_shape(state, own);
     const double points = (double)own->shape.rows * own->shape.cols * own->shape.planes * own->shape.channels;
-    HADA_TRY(make_camera(state, own, err));
+    own->camera = (check_camera){.rows = own->shape.rows,
+                                 .cols = own->shape.cols,
+                                 .padded = own->shape.boundary == HADA_BOUNDARY_PADDED,
+                                 .frame = own->shape.frame,
+                                 .functions = (size_t)own->shape.planes * (size_t)own->shape.channels,
+                                 .channels = (size_t)own->shape.channels};
+    HADA_TRY(check_camera_make(state, &own->camera, err));
     HADA_TRY(hada_volume_create(&own->volume, state->slot, &own->shape, err));
-    HADA_TRY(hada_volume_set_camera(own->volume, 0, own->shape.planes, own->otf.mem, 0, err));
-    hada_volume_set_frame(own->volume, own->spectrum.mem, 0, own->frame.mem, 0);
+    HADA_TRY(hada_volume_set_camera(own->volume, 0, own->shape.planes, own->camera.otf.mem, 0, err));
+    hada_volume_set_frame(own->volume, own->camera.spectrum.mem, 0, own->camera.seen.mem, 0);
     HADA_TRY(check_output(state, own->unknown, err));
     HADA_TRY(make_scene(state, own, state->expected, err));
     HADA_TRY(expect(state, own, err));

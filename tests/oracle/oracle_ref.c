@@ -159,15 +159,15 @@ static void refine(void)
 {
     hada_error error;
     hada_ref_refine p = {.rows = whole(), .channels = 1};
-    int *to[] = {&p.cols,       &p.window_row0, &p.window_col0, &p.window_rows, &p.window_cols, &p.padded,
-                 &p.frame_row0, &p.frame_col0,  &p.frame_rows,  &p.frame_cols,  &p.depths,      &p.steps};
+    int *to[] = {&p.cols,       &p.window.row0, &p.window.col0, &p.window.rows, &p.window.cols, &p.padded,
+                 &p.frame.row0, &p.frame.col0,  &p.frame.rows,  &p.frame.cols,  &p.depths,      &p.steps};
     for (size_t i = 0; i < sizeof to / sizeof *to; i++)
         *to[i] = whole();
     p.rho = number();
     p.relaxation = number();
     p.mu = number();
     const size_t values = half_count(p.rows, p.cols), depths = (size_t)p.depths, steps = (size_t)p.steps;
-    const size_t planes = depths * (size_t)p.window_rows * (size_t)p.window_cols;
+    const size_t planes = depths * (size_t)p.window.rows * (size_t)p.window.cols;
     double *otf = take(2 * depths * values), *prior = take(values), *image = take((size_t)p.rows * (size_t)p.cols);
     double *out = room(planes), *residual = room(steps + 1), *split = room(steps + 1);
     p.otf = otf;

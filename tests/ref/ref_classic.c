@@ -14,15 +14,9 @@ typedef struct work {
     double *sum;                /* [values] complex */
 } work;
 
-static int inside(const hada_ref_rect *rect, const hada_ref_classic *p, size_t pixel)
-{
-    const int row = (int)(pixel / (size_t)p->cols) - rect->row0, col = (int)(pixel % (size_t)p->cols) - rect->col0;
-    return row >= 0 && row < rect->rows && col >= 0 && col < rect->cols;
-}
-
 static int seen(const hada_ref_classic *p, size_t pixel)
 {
-    return !p->padded || inside(&p->frame, p, pixel);
+    return !p->padded || hada_ref_inside(&p->frame, p->cols, pixel);
 }
 
 static hada_status room(double **out, size_t count, hada_error *err)
@@ -123,7 +117,7 @@ static hada_status wiener(work *w, double *x, hada_error *err)
     if (!status)
         status = from_spectra(w, x, err);
     for (size_t i = 0; !status && i < w->all; i++)
-        if (!inside(&w->p->support, w->p, i % w->pixels))
+        if (!hada_ref_inside(&w->p->support, w->p->cols, i % w->pixels))
             x[i] = 0.0;
     free(d);
     return status;
@@ -167,7 +161,7 @@ static hada_status lucy(work *w, double *x, double *change, hada_error *err)
         image[i] = seen(p, i);
     status = transpose(w, image, norm, err);
     for (size_t i = 0; i < w->all; i++)
-        x[i] = y[i] = inside(&p->support, p, i % w->pixels) ? p->flat : 0.0;
+        x[i] = y[i] = hada_ref_inside(&p->support, p->cols, i % w->pixels) ? p->flat : 0.0;
     for (int k = 0; !status && k < p->iterations; k++) {
         status = project(w, y, image, err);
         for (size_t i = 0; i < w->pixels; i++)
@@ -179,7 +173,7 @@ static hada_status lucy(work *w, double *x, double *change, hada_error *err)
         double mixed = 0.0, last = 0.0;
         for (size_t i = 0; i < w->all; i++) {
             const size_t pixel = i % w->pixels;
-            if (!inside(&p->support, p, pixel))
+            if (!hada_ref_inside(&p->support, p->cols, pixel))
                 continue;
             double divisor = fmax(norm[i], p->seen);
             if (p->weight > 0.0)
@@ -227,7 +221,7 @@ static hada_status fista(work *w, double *x, double *change, hada_error *err)
         if (!status)
             status = transpose(w, image, z, err);
         for (size_t i = 0; i < w->all; i++)
-            z[i] = inside(&p->support, p, i % w->pixels) ? v[i] + p->step * z[i] : 0.0;
+            z[i] = hada_ref_inside(&p->support, p->cols, i % w->pixels) ? v[i] + p->step * z[i] : 0.0;
         for (size_t d = 0; !status && p->prior != HADA_REF_NONE && d < (size_t)p->depths; d++) {
             cut(p, z + d * w->pixels, small, 0);
             status = p->prior == HADA_REF_TV ? hada_ref_tv(small, duals + 2 * d * part, p->support.rows,
@@ -304,7 +298,7 @@ static hada_status admm(work *w, double *x, double *change, hada_error *err)
             u[i] = copysign(fmax(fabs(s) - theta, 0.0), s);
         }
         for (size_t i = 0; i < all; i++)
-            split[i] = inside(&p->support, p, i % n) ? fmax(0.0, x[i] + r[i]) : 0.0;
+            split[i] = hada_ref_inside(&p->support, p->cols, i % n) ? fmax(0.0, x[i] + r[i]) : 0.0;
         for (size_t i = 0; i < n; i++) {
             v[i] = seen(p, i) ? (p->image[i] + p->mu1 * (y[i] + a[i])) / (1.0 + p->mu1) : y[i] + a[i];
             image[i] = p->padded ? p->mu1 * (v[i] - a[i]) : p->image[i];

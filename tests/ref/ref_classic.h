@@ -4,15 +4,10 @@
 #ifndef HADA_REF_CLASSIC_H
 #define HADA_REF_CLASSIC_H
 
-#include "core/error.h"
+#include "ref/ref_rect.h"
 
 typedef enum hada_ref_method { HADA_REF_WIENER, HADA_REF_RL, HADA_REF_FISTA, HADA_REF_ADMM } hada_ref_method;
 typedef enum hada_ref_prior { HADA_REF_NONE, HADA_REF_TV, HADA_REF_WAVELET, HADA_REF_HAAR } hada_ref_prior;
-
-/* A rectangle of the grid. */
-typedef struct hada_ref_rect {
-    int row0, col0, rows, cols;
-} hada_ref_rect;
 
 typedef struct hada_ref_classic {
     hada_ref_method method;

@@ -21,13 +21,6 @@ typedef struct ref_state {
     double *data;              /* [values] complex */
 } ref_state;
 
-static int in_frame(const hada_ref_refine *p, size_t pixel)
-{
-    const int row = (int)(pixel / (size_t)p->cols) - p->frame_row0,
-              col = (int)(pixel % (size_t)p->cols) - p->frame_col0;
-    return !p->padded || (row >= 0 && row < p->frame_rows && col >= 0 && col < p->frame_cols);
-}
-
 static const double *otf_of(const ref_state *s, int z)
 {
     return s->p->otf + 2 * ((size_t)z * (size_t)s->p->channels + s->channel) * s->values;
@@ -84,7 +77,8 @@ static hada_status project(ref_state *s, hada_error *err)
 static double weight_of(const ref_state *s, size_t i, double light)
 {
     const double weight = s->p->weights ? s->p->weights[s->channel * s->pixels + i] : 1.0;
-    return !in_frame(s->p, i) || (weight < 0.0 && light > s->given[i]) ? 0.0 : fabs(weight);
+    const int known = !s->p->padded || hada_ref_inside(&s->p->frame, s->p->cols, i);
+    return !known || (weight < 0.0 && light > s->given[i]) ? 0.0 : fabs(weight);
 }
 
 static double energy(const ref_state *s, const double *image)
@@ -146,24 +140,18 @@ typedef struct tv_room {
     double *duals; /* [depth][channel][2][window] */
 } tv_room;
 
-static size_t window_pixel(const hada_ref_refine *p, size_t i)
-{
-    const size_t row = i / (size_t)p->window_cols + (size_t)p->window_row0;
-    return row * (size_t)p->cols + i % (size_t)p->window_cols + (size_t)p->window_col0;
-}
-
 /* From w to u with total variation, and with shrinkage in the last steps. */
 static hada_status smooth(const hada_ref_refine *p, int number, const tv_room *tv, double *duals, hada_error *err)
 {
     const int shrinks = number >= p->steps - p->shrink_steps;
     const double theta = p->tv / rho_of(p, number);
-    HADA_TRY(hada_ref_tv_coupled(tv->w, p->channels, p->window_rows, p->window_cols,
+    HADA_TRY(hada_ref_tv_coupled(tv->w, p->channels, p->window.rows, p->window.cols,
                                  shrinks ? p->shrink_tv * theta : theta, p->tv_colour, p->tv_length, p->tv_steps, duals,
                                  tv->u, err));
     if (shrinks)
-        HADA_TRY(hada_ref_dct_shrink(tv->u, p->channels, p->window_rows, p->window_cols, p->shrink * theta,
+        HADA_TRY(hada_ref_dct_shrink(tv->u, p->channels, p->window.rows, p->window.cols, p->shrink * theta,
                                      p->shrink_colour, tv->w, err));
-    for (size_t i = 0; shrinks && i < (size_t)p->channels * (size_t)p->window_rows * (size_t)p->window_cols; i++)
+    for (size_t i = 0; shrinks && i < (size_t)p->channels * (size_t)p->window.rows * (size_t)p->window.cols; i++)
         tv->u[i] = tv->w[i];
     return HADA_OK;
 }
@@ -171,14 +159,14 @@ static hada_status smooth(const hada_ref_refine *p, int number, const tv_room *t
 static hada_status proximal(ref_state *states, int number, const tv_room *tv, hada_error *err)
 {
     const hada_ref_refine *p = states->p;
-    const size_t channels = (size_t)p->channels, area = (size_t)p->window_rows * (size_t)p->window_cols;
+    const size_t channels = (size_t)p->channels, area = (size_t)p->window.rows * (size_t)p->window.cols;
     for (size_t z = 0; z < (size_t)p->depths; z++) {
         for (size_t i = 0; i < channels * area; i++)
-            tv->w[i] = states[i / area].x[z * states->pixels + window_pixel(p, i % area)];
+            tv->w[i] = states[i / area].x[z * states->pixels + hada_ref_on_grid(&p->window, p->cols, i % area)];
         if (p->tv > 0.0)
             HADA_TRY(smooth(p, number, tv, tv->duals + z * 2 * channels * area, err));
         for (size_t i = 0; i < channels * area; i++)
-            states[i / area].u[z * states->pixels + window_pixel(p, i % area)] =
+            states[i / area].u[z * states->pixels + hada_ref_on_grid(&p->window, p->cols, i % area)] =
                 p->tv > 0.0 ? tv->u[i] : fmax(tv->w[i], 0.0);
     }
     for (size_t c = 0; c < channels; c++)
@@ -243,7 +231,7 @@ hada_status hada_ref_refine_run(const hada_ref_refine *p, double *planes, double
                                 hada_error *err)
 {
     const size_t channels = (size_t)p->channels, depths = (size_t)p->depths;
-    const size_t area = (size_t)p->window_rows * (size_t)p->window_cols;
+    const size_t area = (size_t)p->window.rows * (size_t)p->window.cols;
     ref_state *states;
     double *memory;
     hada_status status = hada_allocated(states = hada_alloc(channels, sizeof *states, "the reference refinement", err));
@@ -258,7 +246,8 @@ hada_status hada_ref_refine_run(const hada_ref_refine *p, double *planes, double
         status = run(states, &tv, residual, split, err);
     }
     for (size_t i = 0; !status && i < depths * channels * area; i++)
-        planes[i] = states[i / area % channels].u[i / area / channels * states->pixels + window_pixel(p, i % area)];
+        planes[i] = states[i / area % channels]
+                        .u[i / area / channels * states->pixels + hada_ref_on_grid(&p->window, p->cols, i % area)];
     for (size_t c = 0; c < channels; c++)
         free(states[c].memory);
     free(states);

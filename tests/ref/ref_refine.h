@@ -3,13 +3,13 @@
 #ifndef HADA_REF_REFINE_H
 #define HADA_REF_REFINE_H
 
-#include "core/error.h"
+#include "ref/ref_rect.h"
 
 typedef struct hada_ref_refine {
-    int rows, cols;                                         /* grid */
-    int window_row0, window_col0, window_rows, window_cols; /* where planes may be bright */
-    int padded;                                             /* 0: data everywhere (circular) */
-    int frame_row0, frame_col0, frame_rows, frame_cols;     /* padded: where data is known */
+    int rows, cols;       /* grid */
+    hada_ref_rect window; /* where planes may be bright */
+    int padded;           /* 0: data everywhere (circular) */
+    hada_ref_rect frame;  /* padded: where data is known */
     int depths, channels;
     const double *otf;     /* [depth][channel][rows][cols / 2 + 1] complex, row-major */
     const double *prior;   /* [channel][rows][cols / 2 + 1], or NULL */

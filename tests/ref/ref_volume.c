@@ -32,19 +32,11 @@ static const double *otf_of(const state *s, int plane, int channel)
     return s->p->otf + 2 * ((size_t)plane * (size_t)s->p->channels + (size_t)channel) * s->values;
 }
 
-static size_t on_grid(const hada_ref_volume *p, size_t pixel)
-{
-    const size_t row = pixel / (size_t)p->window_cols, col = pixel % (size_t)p->window_cols;
-    return ((size_t)p->window_row0 + row) * (size_t)p->cols + (size_t)p->window_col0 + col;
-}
-
 static void crop(const hada_ref_volume *p, double *image)
 {
-    for (int row = 0; row < p->rows; row++)
-        for (int col = 0; col < p->cols; col++)
-            if (p->padded && (row < p->frame_row0 || row >= p->frame_row0 + p->frame_rows || col < p->frame_col0 ||
-                              col >= p->frame_col0 + p->frame_cols))
-                image[(size_t)row * (size_t)p->cols + (size_t)col] = 0.0;
+    for (size_t i = 0; p->padded && i < (size_t)p->rows * (size_t)p->cols; i++)
+        if (!hada_ref_inside(&p->frame, p->cols, i))
+            image[i] = 0.0;
 }
 
 static void make_weight(state *s, int channel)
@@ -70,7 +62,7 @@ static hada_status explain(state *s, int channel, hada_error *err)
         const double *h = otf_of(s, z, channel), *x = s->at + place(s, z, channel);
         memset(s->image, 0, s->pixels * sizeof *s->image);
         for (size_t i = 0; i < s->area; i++)
-            s->image[on_grid(p, i)] = share(p, z, i) * x[i];
+            s->image[hada_ref_on_grid(&p->window, p->cols, i)] = share(p, z, i) * x[i];
         HADA_TRY(hada_ref_fft_forward(s->image, p->rows, p->cols, s->spectrum, err));
         for (size_t f = 0; f < s->values; f++) {
             s->sum[2 * f] += h[2 * f] * s->spectrum[2 * f] - h[2 * f + 1] * s->spectrum[2 * f + 1];
@@ -108,7 +100,7 @@ static hada_status correlate(state *s, int channel, hada_error *err)
         }
         HADA_TRY(hada_ref_fft_inverse(s->spectrum, p->rows, p->cols, s->image, err));
         for (size_t i = 0; i < s->area; i++)
-            g[i] += share(p, z, i) * s->image[on_grid(p, i)];
+            g[i] += share(p, z, i) * s->image[hada_ref_on_grid(&p->window, p->cols, i)];
     }
     return HADA_OK;
 }
@@ -120,10 +112,10 @@ static hada_status smooth(state *s, int number, size_t first, hada_error *err)
     const int shrinks = number >= p->steps - p->shrink_steps;
     const double theta = p->variation / p->bound;
     double *u = s->gradient + first, *w = s->point + first;
-    HADA_TRY(hada_ref_tv_coupled(w, p->channels, p->window_rows, p->window_cols, shrinks ? p->shrink_tv * theta : theta,
+    HADA_TRY(hada_ref_tv_coupled(w, p->channels, p->window.rows, p->window.cols, shrinks ? p->shrink_tv * theta : theta,
                                  fmax(p->colour, 1.0), p->tv_length, p->tv_steps, s->duals + 2 * first, u, err));
     if (shrinks) {
-        HADA_TRY(hada_ref_dct_shrink(u, p->channels, p->window_rows, p->window_cols, p->shrink * theta,
+        HADA_TRY(hada_ref_dct_shrink(u, p->channels, p->window.rows, p->window.cols, p->shrink * theta,
                                      p->shrink_colour, w, err));
         memcpy(u, w, (size_t)p->channels * s->area * sizeof *u);
     }
@@ -160,7 +152,7 @@ hada_status hada_ref_volume_run(const hada_ref_volume *p, double *values, hada_e
     state s = {.p = p,
                .pixels = (size_t)p->rows * (size_t)p->cols,
                .values = (size_t)p->rows * (size_t)(p->cols / 2 + 1),
-               .area = (size_t)p->window_rows * (size_t)p->window_cols};
+               .area = (size_t)p->window.rows * (size_t)p->window.cols};
     double t = 1, *memory = NULL;
     hada_status status = HADA_OK;
     s.unknown = (p->depth ? 1 : (size_t)p->planes) * (size_t)p->channels * s.area;

@@ -113,8 +113,8 @@ TEST(authors)
 TEST(refusals)
 {
     SCOPED(hada_image)
-    a = fill(1, 12, 12, value_a),
-    b = fill(1, 12, 13, value_a), c = fill(1, 12, 12, value_b), small = fill(1, 10, 12, value_a);
+    a = fill(1, 12, 12, value_a), b = fill(1, 12, 13, value_a), c = fill(1, 12, 12, value_b),
+    small = fill(1, 10, 12, value_a);
     double value;
     ASSERT_FAILS(hada_metric_compare(HADA_METRIC_MSE, &a, &b, 1.0, NULL, &value, err), HADA_ERROR_SIZE, "12 x 13");
     c.data[7] = NAN;

@@ -25,7 +25,7 @@ typedef struct hada_exposure_rule {
     int hash;    /* 1: the hash is needed */
 } hada_exposure_rule;
 
-typedef struct hada_raw_frame {
+typedef struct hada_exposure {
     const hada_model_info *info;
     hada_pixels came;   /* the caller's pixels, which must stay */
     hada_pixels pixels; /* what goes to the device: these, or `own` */
@@ -34,25 +34,25 @@ typedef struct hada_raw_frame {
     double energy;      /* sum of squares above dark levels and dark frame */
     size_t repaired;
     uint64_t hash[2]; /* of the floats as they came: frames of equal hashes are taken to be equal */
-} hada_raw_frame;
+} hada_exposure;
 
 /* Checks the size. After a failure there is nothing to end. */
-hada_status hada_exposure_begin(hada_raw_frame *exposure, const hada_model_info *info, const hada_pixels *pixels,
+hada_status hada_exposure_begin(hada_exposure *exposure, const hada_model_info *info, const hada_pixels *pixels,
                                 hada_error *err);
-void hada_exposure_end(hada_raw_frame *exposure);
+void hada_exposure_end(hada_exposure *exposure);
 
 /* Reads the frame from memory once, and once more where its dark level has to be known first: pixels that are not
  * finite, the largest value, dark levels, energy, hash. May be called again. HADA_ERROR_NOT_FINITE; HADA_ERROR_NUMERIC
  * where single precision cannot hold the frame's spectrum; HADA_ERROR_MODEL where no pixel is above a dark level. */
-hada_status hada_exposure_examine(hada_raw_frame *exposure, const hada_exposure_rule *rule, hada_error *err);
+hada_status hada_exposure_examine(hada_exposure *exposure, const hada_exposure_rule *rule, hada_error *err);
 
 /* A hash of a few of its pixels as they came: frames whose samples differ are not equal. */
-uint64_t hada_exposure_sample(const hada_raw_frame *exposure);
+uint64_t hada_exposure_sample(const hada_exposure *exposure);
 
 /* The number of its values, and the unit of weights that are proportional to noise (image/statistics.h). share:
  * hada_model_noise_share(), or 0. */
-size_t hada_exposure_count(const hada_raw_frame *exposure);
-double hada_exposure_noise_unit(const hada_raw_frame *exposure, double share);
+size_t hada_exposure_count(const hada_exposure *exposure);
+double hada_exposure_noise_unit(const hada_exposure *exposure, double share);
 
 /* Single precision holds the spectrum of a frame whose brightest pixel has the size `largest` on a grid of `points`
  * points, and the squares of both: sizes from 2^-40 to 2^63 / points. HADA_ERROR_NUMERIC else. */

@@ -229,7 +229,7 @@ hada_status hada_planes_bytes(const hada_context *context, const hada_model *mod
 
 /* Depths that are refined together: all of a composed frame's, counted from the first one of the camera, or the pair's
  * alone. */
-static hada_status refine(hada_planes *planes, int depth, const hada_raw_frame *exposure, const hada_composed *composed,
+static hada_status refine(hada_planes *planes, int depth, const hada_exposure *exposure, const hada_composed *composed,
                           hada_error *err)
 {
     hada_plane_maker *maker = &planes->maker;
@@ -251,7 +251,7 @@ static hada_status expose(hada_planes *planes, int depth, const hada_image *raw,
     const hada_model_info *info = planes->info;
     const hada_exposure_rule rule = {
         .dark_varies = info->dark < 0, .dark = info->dark, .energy = planes->refiner != NULL};
-    hada_raw_frame exposure;
+    hada_exposure exposure;
     hada_pixels pixels;
     hada_status status = HADA_OK;
     hada_pixels_of_image(&pixels, raw);

@@ -6,7 +6,6 @@
 #ifndef HADA_CHECK_H
 #define HADA_CHECK_H
 
-#include <hadalens/hadalens.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -4,7 +4,6 @@
 #ifndef HADA_TESTS_FAULT_H
 #define HADA_TESTS_FAULT_H
 
-#include <hadalens/hadalens.h>
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>

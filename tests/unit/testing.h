@@ -8,7 +8,6 @@
 #include <stdint.h>
 /* cmocka needs the four above first */
 #include <cmocka.h>
-#include <hadalens/hadalens.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -2,24 +2,9 @@
 #ifndef TESTS_FORWARD_FIXTURE_H
 #define TESTS_FORWARD_FIXTURE_H
 
-#include "testing.h"
+#include "device_fixture.h"
 
 enum { ROWS = 60, COLS = 72, PIXELS = ROWS * COLS, HIGH = 24, WIDE = 26, LENSES = 7 };
-static hada_context *context;
-
-static inline int open_device(void **state)
-{
-    (void)state;
-    return hada_context_create(&context, NULL, NULL);
-}
-
-static inline int close_device(void **state)
-{
-    (void)state;
-    assert_int_equal(hada_context_bytes(context), 0);
-    hada_context_destroy(&context);
-    return 0;
-}
 
 static inline hada_camera small_camera(hada_boundary boundary)
 {

@@ -48,6 +48,15 @@ static inline const char *io_path(const char *name)
     return path;
 }
 
+/* A new file outside the folder. */
+static inline void make_path(char *path)
+{
+    strcpy(path, "/tmp/hadalens-test-XXXXXX");
+    const int file = mkstemp(path);
+    assert_true(file >= 0);
+    close(file);
+}
+
 static inline const char *io_golden(const char *name)
 {
     static char path[1024];

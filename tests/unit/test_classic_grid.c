@@ -1,27 +1,12 @@
 /* The grid of a classic method's transforms: how small it becomes, and that planes are those of the model's grid. */
 #include "camera_small.h"
 #include "classic/classic.h"
+#include "device_fixture.h"
 #include "dispatch/plan.h"
 #include "fft/fft_fused.h"
 #include "model/model.h"
 
 enum { ROWS = 40, COLS = 48, CHANNELS = 3, DEPTHS = 2 };
-
-static hada_context *context;
-
-static int setup(void **state)
-{
-    (void)state;
-    ASSERT_OK(hada_context_create(&context, NULL, err));
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    (void)state;
-    hada_context_destroy(&context);
-    return 0;
-}
 
 /* A spot in each corner of a rectangle about a middle of the sensor, and one within it. */
 static hada_image corners(int above, int below, int left, int right)
@@ -211,4 +196,4 @@ TEST(refuses_broken_models)
     destroy_images(psf, DEPTHS);
 }
 
-FIXTURE(setup, teardown)
+FIXTURE(open_device, close_device)

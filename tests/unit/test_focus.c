@@ -1,26 +1,11 @@
 /* Focus on the device against the reference, and on scenes with a known answer. */
+#include "device_fixture.h"
 #include "dry.h"
 #include "focus/focus.h"
 #include "ref/ref_focus.h"
-#include "testing.h"
 
 enum { ROWS = 45, COLS = 53, DEPTHS = 5, PIXELS = ROWS * COLS };
 static const double distances[DEPTHS] = {100.0, 130.0, 180.0, 290.0, 600.0};
-
-static hada_context *context;
-
-static int open_device(void **state)
-{
-    (void)state;
-    return hada_context_create(&context, NULL, NULL);
-}
-
-static int close_device(void **state)
-{
-    (void)state;
-    hada_context_destroy(&context);
-    return 0;
-}
 
 /* Planes of a scene whose right depth varies over the columns: sharp texture there, weak texture elsewhere. */
 static void make_planes(hada_image *planes, int channels, double noise, uint64_t seed)

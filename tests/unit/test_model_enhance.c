@@ -1,5 +1,5 @@
 /* Models with a net for enhancement: copies and files. */
-#include "testing.h"
+#include "io_testing.h"
 
 #include "model/model.h"
 #include "netlist/weights_file.h"
@@ -54,14 +54,6 @@ static void expect_same_net(const hada_model *model, const hada_net *net, int ro
     assert_int_equal(own->count, net->count);
     for (int i = 0; i < net->count; i++)
         assert_memory_equal(&own->layers[i], &net->layers[i], sizeof(hada_layer));
-}
-
-static void make_path(char *path)
-{
-    strcpy(path, "/tmp/hadalens-test-XXXXXX");
-    const int file = mkstemp(path);
-    assert_true(file >= 0);
-    close(file);
 }
 
 TEST(the_net_goes_with_files_and_copies)

@@ -1,8 +1,8 @@
 /* Model files: what is saved comes back bit for bit, and what is damaged or inconsistent is refused. */
 #include "comma.h"
 #include "io/safetensors.h"
+#include "io_testing.h"
 #include "model/model.h"
-#include "testing.h"
 
 static const double distances[] = {100.0, 133.25, 600.0 / 7.0 * 3.0};
 
@@ -40,14 +40,6 @@ static hada_model *make(int statistics)
     for (int i = 0; statistics && i < 3; i++)
         model->pairs[i] = i + 5;
     return model;
-}
-
-static void make_path(char *path)
-{
-    strcpy(path, "/tmp/hadalens-test-XXXXXX");
-    const int file = mkstemp(path);
-    assert_true(file >= 0);
-    close(file);
 }
 
 TEST(files_come_back_bit_for_bit)
@@ -140,22 +132,15 @@ static void rewrite(const char *path, const char *key, const char *value, const 
     assert_int_equal(rename(beside, path), 0);
 }
 
+/* What test_model_refusals.c does not try: numbers out of range, tensors that are too short. */
 TEST(damaged_files_are_refused)
 {
     static const struct {
         const char *key, *value, *drop;
         int cut;
         hada_status status;
-    } cases[] = {{"format", "something", "", 0, HADA_ERROR_FILE_FORMAT},
-                 {"format", NULL, "", 0, HADA_ERROR_FILE_FORMAT},
-                 {"version", "2", "", 0, HADA_ERROR_FILE_FORMAT},
-                 {"form", "cubic", "", 0, HADA_ERROR_FILE_FORMAT},
-                 {"boundary", "circular", "", 0, HADA_ERROR_MODEL}, /* the grid is not the frame */
-                 {"boundary", NULL, "", 0, HADA_ERROR_FILE_FORMAT},
-                 {"raw", "10", "", 0, HADA_ERROR_FILE_FORMAT},
-                 {"raw", "3x13", "", 0, HADA_ERROR_MODEL},
-                 {"window", "11x6", "", 0, HADA_ERROR_MODEL},
-                 {"grid", "16x20", "", 0, HADA_ERROR_FILE_FORMAT}, /* not what the tensors have */
+    } cases[] = {{"boundary", "circular", "", 0, HADA_ERROR_MODEL}, /* the grid is not the frame */
+                 {"grid", "16x20", "", 0, HADA_ERROR_FILE_FORMAT},  /* not what the tensors have */
                  {"alpha", "-1", "", 0, HADA_ERROR_MODEL},
                  {"lambda", "nan", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"dark", "0.1x", "", 0, HADA_ERROR_FILE_FORMAT},
@@ -169,9 +154,6 @@ TEST(damaged_files_are_refused)
                  {"refine_share", "half", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"scene_response", "bright", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"scene_response", "auto", "", 0, HADA_ERROR_FILE_FORMAT},
-                 {"", NULL, "filter", 0, HADA_ERROR_FILE_FORMAT},
-                 {"", NULL, "distances_mm", 0, HADA_ERROR_FILE_FORMAT},
-                 {"", NULL, "pairs", 0, HADA_ERROR_FILE_FORMAT},
                  {"", NULL, "otf", 1, HADA_ERROR_FILE_FORMAT},
                  {"", NULL, "filter", 1, HADA_ERROR_FILE_FORMAT},
                  {"", NULL, "scene_power", 1, HADA_ERROR_FILE_FORMAT}};

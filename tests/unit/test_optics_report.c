@@ -1,7 +1,5 @@
 /* What reports say of PSFs whose transforms are known. */
-#include "testing.h"
-
-static hada_context *context;
+#include "device_fixture.h"
 
 static hada_camera camera_of(int rows, int cols, int depths)
 {
@@ -129,17 +127,4 @@ TEST(refusals)
     assert_int_equal(hada_optics_report_create(&report, context, &broken, HADA_AUTO, NULL), HADA_ERROR_ARGUMENT);
 }
 
-static int open_context(void **state)
-{
-    (void)state;
-    return hada_context_create(&context, NULL, NULL);
-}
-
-static int close_context(void **state)
-{
-    (void)state;
-    hada_context_destroy(&context);
-    return 0;
-}
-
-FIXTURE(open_context, close_context)
+FIXTURE(open_device, close_device)

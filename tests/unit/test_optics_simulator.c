@@ -1,21 +1,6 @@
 /* Simulated frames: against convolution by its definition in double precision, and by what light does. */
+#include "device_fixture.h"
 #include "ref/ref_convolve.h"
-#include "testing.h"
-
-static hada_context *context;
-
-static int open_device(void **state)
-{
-    (void)state;
-    return hada_context_create(&context, NULL, NULL);
-}
-
-static int close_device(void **state)
-{
-    (void)state;
-    hada_context_destroy(&context);
-    return 0;
-}
 
 static hada_camera small_camera(hada_boundary boundary)
 {

@@ -1,9 +1,7 @@
 /* Designed cameras whose light takes long can be stopped, wherever they are asked, and leave nothing behind. */
-#include "testing.h"
+#include "device_fixture.h"
 
 enum { ROWS = 24, COLS = 30, WINDOW = 12 };
-
-static hada_context *context;
 
 /* Says stop when it is asked for the n-th time; 0: never. */
 typedef struct asked {
@@ -128,18 +126,4 @@ TEST(too_much_is_refused)
     ASSERT_FAILS(hada_camera_lenses(&camera, x, y, err), HADA_ERROR_ARGUMENT, "do not fit");
 }
 
-static int open_context(void **state)
-{
-    (void)state;
-    hada_error why;
-    return hada_context_create(&context, NULL, &why) != HADA_OK;
-}
-
-static int close_context(void **state)
-{
-    (void)state;
-    hada_context_destroy(&context);
-    return 0;
-}
-
-FIXTURE(open_context, close_context)
+FIXTURE(open_device, close_device)

@@ -1,10 +1,8 @@
 /* PSFs by wave optics against closed forms: Airy pattern, magnification, defocus, energy, colour; against the Fresnel
  * integral summed in double precision; and against geometry. */
+#include "device_fixture.h"
 #include "optics/mask.h"
 #include "ref/ref_optics.h"
-#include "testing.h"
-
-static hada_context *context;
 
 /* One lens of 1 mm, f = 20 mm, the axis in its middle or near it, d = 20 mm: in focus at infinity. Fine pixels. */
 static hada_camera one_lens(void)
@@ -323,18 +321,4 @@ TEST(refusals)
     ASSERT_FAILS(hada_wave_psf(wave, 10.0, 10, 10, &psf, err), HADA_ERROR_UNSUPPORTED, "");
 }
 
-static int open_context(void **state)
-{
-    (void)state;
-    hada_error why;
-    return hada_context_create(&context, NULL, &why) != HADA_OK;
-}
-
-static int close_context(void **state)
-{
-    (void)state;
-    hada_context_destroy(&context);
-    return 0;
-}
-
-FIXTURE(open_context, close_context)
+FIXTURE(open_device, close_device)

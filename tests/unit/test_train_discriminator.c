@@ -58,7 +58,7 @@ typedef struct player {
 } player;
 
 /* `net` is taken over. */
-static void begin(player *p, const train_device *device, hada_stage stage, const char *discriminator, hada_net *net)
+static void begin(player *p, const net_device *device, hada_stage stage, const char *discriminator, hada_net *net)
 {
     *p = (player){.model = train_model(1, SIDE, SIDE, SIDE, SIDE, 0, 0), .net = net};
     hada_train_options_init(&p->options, stage);
@@ -175,4 +175,4 @@ TEST(results_become_sharper)
     hada_net_destroy(&net);
 }
 
-FIXTURE(train_open, train_close)
+FIXTURE(net_device_open, net_device_close)

@@ -50,7 +50,7 @@ typedef struct seen {
 } seen;
 
 /* The pairs twice, two of them, with a scene that has changed and says so, in another order, two that are kept. */
-static void watch(const train_device *device, replica_run *run, int way, seen *out)
+static void watch(const net_device *device, replica_run *run, int way, seen *out)
 {
     static const struct {
         int count, pair[TRAIN_PAIRS];
@@ -118,4 +118,4 @@ TEST(steps_have_the_same_bits)
     }
 }
 
-FIXTURE(train_open, train_close)
+FIXTURE(net_device_open, net_device_close)

@@ -237,7 +237,7 @@ TEST(random_starts_converge)
 
 TEST(what_does_not_fit_is_refused)
 {
-    train_device *device = *state;
+    net_device *device = *state;
     SCOPED(hada_model) *model = model_of(&cases[1]);
     hada_train_options options = train_options(HADA_STAGE_FILTERS);
     hada_replica_desc desc = {.model = model, .options = &options, .at_once = 0};
@@ -276,4 +276,4 @@ TEST(what_does_not_fit_is_refused)
     train_pairs_free(&pairs);
 }
 
-FIXTURE(train_open, train_close)
+FIXTURE(net_device_open, net_device_close)

@@ -6,7 +6,7 @@
 TEST(forward_is_the_enhancement)
 {
     static const int which[] = {0, 1, 2, 9};
-    train_device *device = *state;
+    net_device *device = *state;
     for (size_t i = 0; i < HADA_COUNT(which); i++) {
         replica_run run;
         hada_terms terms;
@@ -50,7 +50,7 @@ TEST(forward_is_the_enhancement)
 /* Joint: what the model with that net reconstructs, bit for bit. */
 TEST(forward_is_the_reconstruction)
 {
-    train_device *device = *state;
+    net_device *device = *state;
     static const int listed[] = {1};
     for (int i = 6; i <= 8; i++) {
         replica_run run;
@@ -113,7 +113,7 @@ TEST(dropout_follows_the_step)
 
 TEST(nets_that_do_not_fit_are_refused)
 {
-    train_device *device = *state;
+    net_device *device = *state;
     replica_run run;
     size_t bytes;
     run_make(&run, &train_cases[5]);
@@ -134,4 +134,4 @@ TEST(nets_that_do_not_fit_are_refused)
     run_free(&run);
 }
 
-FIXTURE(train_open, train_close)
+FIXTURE(net_device_open, net_device_close)

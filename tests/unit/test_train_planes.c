@@ -39,7 +39,7 @@ static const hada_composed as_captured = {0};
 
 TEST(planes_are_those_of_a_plan)
 {
-    train_device *device = *state;
+    net_device *device = *state;
     hada_image psfs[DEPTHS], scene = small_scene(CHANNELS, WINDOW_ROWS, WINDOW_COLS, 1);
     for (int z = 0; z < DEPTHS; z++)
         psfs[z] = small_psf(CHANNELS, ROWS, COLS, 12, (uint64_t)z + 1);
@@ -114,7 +114,7 @@ static void told(hada_context *context, const hada_model *model, const hada_comp
 }
 
 /* Beside a plane stands what the others hold; 0 where they were not explained together, or the frame is as captured. */
-static void check_others(const train_device *device, const hada_model *model, const hada_composed *composed,
+static void check_others(const net_device *device, const hada_model *model, const hada_composed *composed,
                          const hada_image *psfs, const hada_result *result, int padded)
 {
     const hada_image scene = small_scene(CHANNELS, WINDOW_ROWS, WINDOW_COLS, 1);
@@ -138,7 +138,7 @@ static void check_others(const train_device *device, const hada_model *model, co
     hada_image_destroy((hada_image *)&scene);
 }
 
-static void check_composed(const train_device *device, const hada_model *model, const hada_image *psfs, int padded)
+static void check_composed(const net_device *device, const hada_model *model, const hada_image *psfs, int padded)
 {
     const hada_image scene = small_scene(CHANNELS, WINDOW_ROWS, WINDOW_COLS, 1);
     hada_composed composed = halves(&scene);
@@ -178,7 +178,7 @@ TEST(composed_frames_are_those_of_their_scene)
 {
     static const planes_case how[] = {
         {0, 8, 0, 0.0, 3e-3}, {1, 5, 0, 0.01, 1e-3}, {0, 4, 1, -1.0, 0}, {1, 0, 0, 0.0, 0}};
-    train_device *device = *state;
+    net_device *device = *state;
     hada_image psfs[DEPTHS];
     for (int z = 0; z < DEPTHS; z++)
         psfs[z] = small_psf(CHANNELS, ROWS, COLS, 12, (uint64_t)z + 1);
@@ -191,7 +191,7 @@ TEST(composed_frames_are_those_of_their_scene)
 
 TEST(what_does_not_fit_is_refused)
 {
-    train_device *device = *state;
+    net_device *device = *state;
     SCOPED(hada_model) *model = train_model(1, 12, 14, 8, 10, 0, 0);
     hada_planes *planes;
     hada_image frame, plane = {0};
@@ -208,4 +208,4 @@ TEST(what_does_not_fit_is_refused)
     hada_planes_destroy(&planes);
 }
 
-FIXTURE(train_open, train_close)
+FIXTURE(net_device_open, net_device_close)

@@ -130,7 +130,7 @@ TEST(pieces_and_recomputing)
         run_make(&run, &without_norm);
         run.desc.at_once = way == 3 ? 1 : TRAIN_PAIRS;
         run.options.recompute = way == 2;
-        ASSERT_OK(hada_replica_bytes(((train_device *)*state)->context, &run.desc, &bytes[way], err));
+        ASSERT_OK(hada_replica_bytes(((net_device *)*state)->context, &run.desc, &bytes[way], err));
         hada_replica *replica = train_replica(*state, &run.desc);
         hada_parameters_clear(hada_replica_parameters(replica));
         for (int i = 0; i < TRAIN_PAIRS; i += run.desc.at_once) {
@@ -266,4 +266,4 @@ TEST(weights_are_of_the_gradient)
     }
 }
 
-FIXTURE(train_open, train_close)
+FIXTURE(net_device_open, net_device_close)

@@ -2,7 +2,7 @@
 #ifndef HADA_TESTS_TRAIN_FIXTURE_H
 #define HADA_TESTS_TRAIN_FIXTURE_H
 
-#include "testing.h"
+#include "net_fixture.h"
 
 #include "model/model.h"
 #include "netlist/presets.h"
@@ -13,32 +13,6 @@
 #include "train/replica.h"
 
 enum { TRAIN_DEPTHS = 2, TRAIN_PAIRS = 3 };
-
-typedef struct train_device {
-    hada_context *context;
-    hada_slot *slot;
-} train_device;
-
-static inline int train_open(void **state)
-{
-    static train_device device;
-    hada_error error = {0};
-    if (hada_context_create(&device.context, NULL, &error) || hada_slot_create(&device.slot, device.context, &error)) {
-        print_error("%s\n", error.message);
-        return -1;
-    }
-    *state = &device;
-    return 0;
-}
-
-static inline int train_close(void **state)
-{
-    train_device *device = *state;
-    hada_slot_destroy(&device->slot);
-    const int left = hada_context_bytes(device->context) != 0;
-    hada_context_destroy(&device->context);
-    return left ? -1 : 0;
-}
 
 static inline void train_fill(float *out, size_t count, double shift, double scale, uint64_t stream)
 {
@@ -334,7 +308,7 @@ static inline float *train_read(hada_replica *replica, int group, hada_content c
 }
 
 /* An replica that holds what it stated. */
-static inline hada_replica *train_replica(const train_device *device, const hada_replica_desc *desc)
+static inline hada_replica *train_replica(const net_device *device, const hada_replica_desc *desc)
 {
     hada_replica *replica;
     size_t bytes;

@@ -38,3 +38,9 @@ char *hada_string_copy(const char *text)
         memcpy(copy, text, bytes);
     return copy;
 }
+
+void hada_free_each(void *const *pointers, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        free(pointers[i]);
+}

@@ -90,6 +90,27 @@ static inline hada_status hada_allocated(const void *pointer)
 #define HADA_NEW_RAW(pointer, count, what, err)                                                                        \
     hada_allocated((pointer) = hada_alloc_raw(count, sizeof *(pointer), what, err))
 
+/* free() of each of some pointers: HADA_FREE(rows, sums). */
+#define HADA_FREE(...) hada_free_each((void *[]){__VA_ARGS__}, HADA_COUNT(((void *[]){__VA_ARGS__})))
+void hada_free_each(void *const *pointers, size_t count);
+
+/* Takes a pointer out of its place, for functions that destroy: returns it and leaves NULL there; NULL where `place` is
+ * NULL. place: the address of a pointer of any type. */
+static inline void *hada_taken(void *place)
+{
+    void *pointer = NULL;
+    if (place) {
+        memcpy(&pointer, place, sizeof pointer);
+        memset(place, 0, sizeof pointer);
+    }
+    return pointer;
+}
+
+static inline int hada_least(int a, int b)
+{
+    return a < b ? a : b;
+}
+
 /* A copy of a string, NULL when memory is short. */
 char *hada_string_copy(const char *text);
 

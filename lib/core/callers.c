@@ -194,9 +194,8 @@ static hada_limits chosen; /* size 0: the environment's */
 hada_status hada_limits_set(const hada_limits *limits, hada_error *err)
 {
     hada_limits own = {0};
-    if (limits) {
+    if (limits)
         HADA_TRY(HADA_OPTIONS_TAKE(&own, limits, hada_limits, err));
-    }
     pthread_mutex_lock(&lock);
     chosen = own;
     pthread_mutex_unlock(&lock);

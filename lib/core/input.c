@@ -119,10 +119,8 @@ hada_status hada_inputs_protect(hada_inputs **out, const char *const *paths, siz
     struct stat what;
     hada_inputs *inputs = NULL;
     *out = NULL;
-    const hada_status status = hada_allocated(
-        inputs = hada_alloc(1, sizeof *inputs + count * sizeof *inputs->files, "the names of a command's files", err));
-    if (status)
-        return status;
+    HADA_TRY(hada_allocated(
+        inputs = hada_alloc(1, sizeof *inputs + count * sizeof *inputs->files, "the names of a command's files", err)));
     for (size_t i = 0; i < count; i++)
         if (paths[i] && !stat(paths[i], &what) && S_ISREG(what.st_mode))
             inputs->files[inputs->count++] = (identity){what.st_dev, what.st_ino};
@@ -137,10 +135,9 @@ hada_status hada_inputs_protect(hada_inputs **out, const char *const *paths, siz
 
 void hada_inputs_release(hada_inputs **inputs)
 {
-    hada_inputs *mine = inputs ? *inputs : NULL;
+    hada_inputs *mine = hada_taken(inputs);
     if (!mine)
         return;
-    *inputs = NULL;
     pthread_mutex_lock(&lock);
     for (hada_inputs **at = &in_use; *at; at = &(*at)->next)
         if (*at == mine) {

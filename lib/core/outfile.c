@@ -140,9 +140,8 @@ void hada_outfile_abandon(hada_outfile *out)
 hada_status hada_outfile_save(const char *path, const void *data, size_t bytes, hada_error *err)
 {
     hada_outfile out;
-    hada_status status = hada_outfile_open(&out, path, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_outfile_open(&out, path, err));
     HADA_TRY_OR_DONE(hada_outfile_write(&out, data, bytes, err));
     return hada_outfile_commit(&out, err);
 done:
@@ -180,8 +179,7 @@ static void enlist(char *name, hada_staged_kind kind)
 
 void hada_staged_forget(char **name)
 {
-    char *gone = *name;
-    *name = NULL;
+    char *gone = hada_taken(name);
     if (!gone)
         return;
     pthread_mutex_lock(&lock);

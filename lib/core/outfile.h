@@ -52,7 +52,7 @@ int hada_staged_holds(const char *path);
 
 /* All give 0, or -1 with the reason in errno. What a file system cannot do (folders on some) counts as done. */
 int hada_sync(int fd);
-/* The folder that `path` stands in: its names outlast a loss of power. */
+/* The folder that `path` is in: its names outlast a loss of power. */
 int hada_sync_parent(const char *path);
 /* A folder and all that is in it. */
 int hada_sync_tree(const char *path);

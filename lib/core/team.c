@@ -41,14 +41,12 @@ done:
 
 void hada_team_destroy(hada_team **pointer)
 {
-    hada_team *team = pointer ? *pointer : NULL;
+    hada_team *team = hada_taken(pointer);
     if (!team)
         return;
-    *pointer = NULL;
     pthread_cond_destroy(&team->changed);
     pthread_mutex_destroy(&team->lock);
-    free(team->members);
-    free(team);
+    HADA_FREE(team->members, team);
 }
 
 void hada_team_abort(hada_team *team)

@@ -43,8 +43,7 @@ static void end_thread(hada_pair_store *store)
 
 void hada_pair_store_release(hada_pair_store **pointer)
 {
-    hada_pair_store *store = *pointer;
-    *pointer = NULL;
+    hada_pair_store *store = hada_taken(pointer);
     if (!store)
         return;
     pthread_mutex_lock(&store->lock);
@@ -58,17 +57,13 @@ void hada_pair_store_release(hada_pair_store **pointer)
             free((char *)store->depth[z].files[i].raw);
             free((char *)store->depth[z].files[i].scene);
         }
-        free(store->depth[z].files);
-        free(store->depth[z].folder);
+        HADA_FREE(store->depth[z].files, store->depth[z].folder);
     }
     for (int i = 0; store->kept && i < store->pairs; i++)
         images_free(&store->kept[i]);
-    free(store->kept);
-    free(store->depth);
-    free(store->folders);
+    HADA_FREE(store->kept, store->depth, store->folders);
     hada_inputs_release(&store->inputs);
-    free(store->psf);
-    free(store->camera);
+    HADA_FREE(store->psf, store->camera);
     pthread_cond_destroy(&store->ahead.changed);
     pthread_mutex_destroy(&store->lock);
     pthread_mutex_destroy(&store->reading);
@@ -77,17 +72,11 @@ void hada_pair_store_release(hada_pair_store **pointer)
 
 void hada_dataset_destroy(hada_dataset **dataset)
 {
-    hada_dataset *set = dataset ? *dataset : NULL;
+    hada_dataset *set = hada_taken(dataset);
     if (!set)
         return;
-    *dataset = NULL;
     hada_pair_store_release(&set->store);
-    free(set->first);
-    free(set->counts);
-    free(set->distances_mm);
-    free(set->files);
-    free(set->gain);
-    free(set);
+    HADA_FREE(set->first, set->counts, set->distances_mm, set->files, set->gain, set);
 }
 
 const hada_dataset_info *hada_dataset_get_info(const hada_dataset *dataset)
@@ -279,8 +268,7 @@ static hada_status name_pairs(hada_dataset_depth *depth, int count, hada_error *
         raw = scene = NULL;
     }
 done:
-    free(raw);
-    free(scene);
+    HADA_FREE(raw, scene);
     return status;
 }
 
@@ -348,11 +336,6 @@ hada_status hada_dataset_from_images(hada_dataset **out, int depths, const doubl
     return open_named(out, store, depths, distances_mm, counts, err);
 }
 
-static hada_status load(hada_image *image, const char *path, hada_error *err)
-{
-    return hada_named(hada_tiff_load(path, 0, image, err), path, err);
-}
-
 /* Reads a pair, by its number over all depths, from its files or by the caller's function. */
 static hada_status read_images(hada_pair_store *store, int number, hada_pair_images *images, hada_error *err)
 {
@@ -371,8 +354,8 @@ static hada_status read_images(hada_pair_store *store, int number, hada_pair_ima
         if (!images->raw.data || !images->scene.data)
             HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_DATASET, "no images were given for %s", files->raw));
     } else {
-        HADA_TRY_OR_DONE(load(&images->raw, files->raw, err));
-        HADA_TRY_OR_DONE(load(&images->scene, files->scene, err));
+        HADA_TRY_OR_DONE(hada_tiff_load(files->raw, 0, &images->raw, err));
+        HADA_TRY_OR_DONE(hada_tiff_load(files->scene, 0, &images->scene, err));
     }
 done:
     if (status)
@@ -609,7 +592,6 @@ hada_status hada_dark_frame_load(hada_image *image, double *level, const char *p
     hada_tiff_reader *reader = NULL;
     hada_status status = HADA_OK;
     double sum = 0.0;
-    HADA_NEED(image && path, err);
     *image = (hada_image){0};
     HADA_TRY_OR_DONE(hada_tiff_open(&reader, path, err));
     HADA_TRY_OR_DONE(add_pages(reader, image, err));
@@ -619,9 +601,7 @@ hada_status hada_dark_frame_load(hada_image *image, double *level, const char *p
         *level = sum / (double)hada_image_count(image);
 done:
     hada_tiff_close(&reader);
-    if (status) {
+    if (status)
         hada_image_destroy(image);
-        hada_error_prefix_path(err, path);
-    }
-    return status;
+    return hada_named(status, path, err);
 }

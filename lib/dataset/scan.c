@@ -39,8 +39,7 @@ static void listing_free(listing *of)
     free(of->raws_by_stem);
     hada_names_free(&of->raws, &of->raw_count);
     hada_names_free(&of->scenes, &of->scene_count);
-    free(of->raw_folder);
-    free(of->scene_folder);
+    HADA_FREE(of->raw_folder, of->scene_folder);
 }
 
 /* The stems of names, in the order of their bytes. */
@@ -129,8 +128,7 @@ static hada_status scan_depth(hada_pair_store *store, hada_dataset_depth *depth,
         if (!partner(files.scenes[i], files.raws_by_stem, files.raw_count))
             note_incomplete(store, depth->folder, "scene", files.scenes[i], "raw frame");
 done:
-    free(raw_path);
-    free(scene_path);
+    HADA_FREE(raw_path, scene_path);
     listing_free(&files);
     return status;
 }
@@ -242,9 +240,7 @@ hada_status hada_dataset_scan(hada_dataset **out, const char *folder, const hada
     hada_dataset_options options;
     hada_pair_store *store = NULL;
     hada_status status = HADA_OK;
-    HADA_NEED(out, err);
     *out = NULL;
-    HADA_NEED(folder, err);
     hada_dataset_options_init(&options);
     HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_dataset_options, err));
     HADA_TRY(hada_pair_store_create(&store, &options, err));

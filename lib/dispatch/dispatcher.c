@@ -105,12 +105,6 @@ static int take_near(hada_frame *frame, int most, int *first)
     return take(job, job->worker, 0, most, first);
 }
 
-/* For a helper. */
-static int take_far(hada_job *job, const hada_queue_worker *worker, int *first)
-{
-    return take(job, worker, 1, hada_pipeline_batch(worker->pipeline), first);
-}
-
 static void put_batch(hada_job *job, hada_queue_worker *worker, int first, int count, int done)
 {
     hada_dispatcher *dispatcher = job->dispatcher;
@@ -173,9 +167,7 @@ hada_status hada_dispatcher_add(hada_dispatcher *dispatcher, const hada_setup *s
     hada_queue_worker *worker = &dispatcher->workers[dispatcher->worker_count];
     *worker = (hada_queue_worker){
         .dispatcher = dispatcher, .context = constants->context, .number = number, .info.device = device};
-    hada_status status = hada_pipeline_create(&worker->pipeline, setup, constants, batch, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_pipeline_create(&worker->pipeline, setup, constants, batch, err));
     dispatcher->worker_count++;
     dispatcher->alive++;
     return HADA_OK;
@@ -190,8 +182,7 @@ void hada_dispatcher_release(hada_dispatcher *dispatcher)
         return;
     pthread_cond_destroy(&dispatcher->changed);
     pthread_mutex_destroy(&dispatcher->lock);
-    free(dispatcher->workers);
-    free(dispatcher);
+    HADA_FREE(dispatcher->workers, dispatcher);
 }
 
 static void push_back(hada_job **list, hada_job *job)
@@ -325,7 +316,7 @@ static hada_job *find_help(const hada_dispatcher *dispatcher, const hada_queue_w
 static hada_status help_once(hada_queue_worker *worker, hada_job *job, hada_error *err)
 {
     int first;
-    const int count = take_far(job, worker, &first);
+    const int count = take(job, worker, 1, hada_pipeline_batch(worker->pipeline), &first);
     if (!count)
         return HADA_OK;
     const hada_status status = hada_pipeline_help(worker->pipeline, &job->frame, first, count, err);

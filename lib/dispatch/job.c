@@ -94,14 +94,6 @@ typedef struct frame_input {
     const hada_cl_frame *device;
 } frame_input;
 
-static hada_status check_arguments(const void *plan, const frame_input *input, const void *result, const char *name,
-                                   hada_error *err)
-{
-    if (plan && (input->pixels || input->device || (input->image && input->image->data)) && result)
-        return HADA_OK;
-    return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: a plan, a frame and a result are needed", name);
-}
-
 /* A frame on the device is examined on the host as well. */
 static hada_status begin_device(hada_job *job, hada_plan *plan, const hada_cl_frame *callers, hada_result *result,
                                 hada_error *err)
@@ -133,6 +125,8 @@ static hada_status begin_frame(hada_job *job, hada_plan *plan, const frame_input
         return begin_device(job, plan, input->device, result, err);
     if (input->pixels)
         HADA_TRY(hada_pixels_take(&pixels, input->pixels, err));
+    else if (!input->image->data)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "the frame has no data");
     else
         hada_pixels_of_image(&pixels, input->image);
     return hada_frame_begin(&job->frame, &plan->setup, &pixels, result, err);
@@ -163,10 +157,7 @@ static hada_status submit(hada_job **out, hada_plan *plan, const frame_input *in
     hada_job *job = NULL;
     int begun = 0;
     hada_status status = HADA_OK;
-    if (!out)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_job_submit: out is needed");
     *out = NULL;
-    HADA_TRY_OR_DONE(check_arguments(plan, input, result, "hada_job_submit", err));
     HADA_TRY_OR_DONE(HADA_NEW(job, 1, "a job", err));
     HADA_TRY_OR_DONE(begin(job, plan, input, result, err));
     begun = 1;
@@ -214,15 +205,12 @@ hada_job_state hada_job_poll(const hada_job *job)
 
 double hada_job_progress(const hada_job *job)
 {
-    if (!job)
-        return 0.0;
-    return (double)atomic_load(&job->frame.progress) / HADA_PROGRESS;
+    return job ? (double)atomic_load(&job->frame.progress) / HADA_PROGRESS : 0.0;
 }
 
 hada_status hada_job_wait(hada_job *job, hada_error *err)
 {
-    if (!job)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_job_wait: a job is needed");
+    HADA_NEED(job, err);
     hada_dispatcher *dispatcher = job->dispatcher;
     pthread_mutex_lock(&dispatcher->lock);
     while (job->state < HADA_JOB_DONE)
@@ -250,18 +238,15 @@ hada_job_state hada_job_wait_for(hada_job *job, double seconds)
 
 void hada_job_cancel(hada_job *job)
 {
-    if (!job)
-        return;
     if (job)
         hada_dispatcher_cancel(job->dispatcher, job);
 }
 
 void hada_job_destroy(hada_job **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_job *job = hada_taken(pointer);
+    if (!job)
         return;
-    hada_job *job = *pointer;
-    *pointer = NULL;
     hada_job_cancel(job);
     hada_job_wait(job, NULL);
     hada_dispatcher_release(job->dispatcher);
@@ -299,7 +284,6 @@ static hada_status run(hada_plan *plan, const frame_input *input, hada_result *r
 {
     hada_job *job = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(check_arguments(plan, input, result, "hada_plan_run", err));
     const uint64_t serial = hada_dispatcher_occupy(plan->dispatcher);
     if (serial)
         return run_here(plan, serial, input, result, err);

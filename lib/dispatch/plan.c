@@ -73,10 +73,9 @@ done:
 
 void hada_plan_destroy(hada_plan **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_plan *plan = hada_taken(pointer);
+    if (!plan)
         return;
-    hada_plan *plan = *pointer;
-    *pointer = NULL;
     if (plan->dispatcher)
         hada_dispatcher_stop(plan->dispatcher);
     for (int i = 0; i < plan->contexts; i++)
@@ -85,8 +84,7 @@ void hada_plan_destroy(hada_plan **pointer)
         hada_dispatcher_release(plan->dispatcher);
     hada_frame_cache_free(&plan->cache);
     hada_setup_free(&plan->setup);
-    free(plan->constants);
-    free(plan);
+    HADA_FREE(plan->constants, plan);
 }
 
 hada_status hada_plan_estimate(hada_context *context, const hada_model *model, const hada_plan_options *callers,
@@ -155,8 +153,7 @@ int hada_plan_queues(const hada_plan *plan, hada_queue_info *info, int capacity)
 
 hada_status hada_plan_profile(hada_plan *plan, int on, hada_error *err)
 {
-    if (!plan)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_plan_profile: a plan is needed");
+    HADA_NEED(plan, err);
     for (int i = 0; i < plan->dispatcher->worker_count; i++) {
         hada_slot *slot = hada_pipeline_slot(plan->dispatcher->workers[i].pipeline);
         if (slot)
@@ -168,8 +165,7 @@ hada_status hada_plan_profile(hada_plan *plan, int on, hada_error *err)
 hada_status hada_plan_calls(const hada_plan *plan, hada_call_counts *counts, hada_error *err)
 {
     hada_call_counts all = {0};
-    if (!plan || !counts)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_plan_calls: plan and counts are needed");
+    HADA_NEED(plan && counts, err);
     for (int i = 0; i < plan->dispatcher->worker_count; i++) {
         const hada_slot *slot = hada_pipeline_slot(plan->dispatcher->workers[i].pipeline);
         const hada_calls calls = slot ? slot->calls : (hada_calls){0};
@@ -188,8 +184,7 @@ hada_status hada_plan_kernel_times(hada_plan *plan, hada_kernel_time **rows, siz
 {
     int found = 0;
     hada_status status = HADA_OK;
-    if (!plan || !rows || !count)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_plan_kernel_times: plan, rows and count are needed");
+    HADA_NEED(plan && rows && count, err);
     *rows = NULL;
     *count = 0;
     for (int i = 0; i < plan->dispatcher->worker_count; i++) {

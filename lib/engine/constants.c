@@ -186,13 +186,10 @@ done:
 
 void hada_constants_destroy(hada_constants **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_constants *constants = hada_taken(pointer);
+    if (!constants)
         return;
-    hada_constants *constants = *pointer;
-    *pointer = NULL;
-    hada_buffer_destroy(&constants->prior);
-    hada_buffer_destroy(&constants->gains);
-    hada_buffer_destroy(&constants->optics);
+    HADA_DESTROY_BUFFERS(&constants->prior, &constants->gains, &constants->optics);
     hada_bank_destroy(&constants->bank);
     hada_surfaces_destroy(&constants->surfaces);
     free(constants);

@@ -89,9 +89,8 @@ static hada_status all_batches(hada_pipeline *pipeline, hada_frame *frame, hada_
 static hada_status all_planes(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
     const unsigned char *occupied = frame->result->memory->occupied;
-    hada_status status = hada_focus_begin(pipeline->focus, occupied, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_focus_begin(pipeline->focus, occupied, err));
     frame->batches->open(frame, occupied);
     status = all_batches(pipeline, frame, err);
     frame->batches->close(frame);

@@ -37,13 +37,11 @@ done:
 
 void hada_pipeline_destroy(hada_pipeline **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_pipeline *pipeline = hada_taken(pointer);
+    if (!pipeline)
         return;
-    hada_pipeline *pipeline = *pointer;
-    *pointer = NULL;
     hada_pipeline_clear(pipeline);
-    free(pipeline->occupied);
-    free(pipeline);
+    HADA_FREE(pipeline->occupied, pipeline);
 }
 
 int hada_pipeline_batch(const hada_pipeline *pipeline)
@@ -90,9 +88,8 @@ static hada_status all_stages(hada_pipeline *pipeline, hada_frame *frame, hada_e
 
 static hada_status run(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
-    hada_status status = hada_pipeline_ready(pipeline, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_pipeline_ready(pipeline, err));
     hada_slot_cancel_by(pipeline->slot, &frame->cancelled);
     status = all_stages(pipeline, frame, err);
     if (status)
@@ -121,9 +118,8 @@ hada_status hada_pipeline_run(hada_pipeline *pipeline, hada_frame *frame, hada_e
 
 hada_status hada_pipeline_help(hada_pipeline *pipeline, hada_frame *frame, int first, int count, hada_error *err)
 {
-    hada_status status = hada_pipeline_ready(pipeline, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_pipeline_ready(pipeline, err));
     hada_slot_cancel_by(pipeline->slot, &frame->cancelled);
     HADA_TRY_OR_DONE(hada_pipeline_load(pipeline, frame, err));
     HADA_TRY_OR_DONE(hada_pipeline_linear_batch(pipeline, frame, first, count, err));

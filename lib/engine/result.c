@@ -14,8 +14,7 @@ void hada_result_clear(hada_result *result)
     hada_result_memory *memory = result->memory;
     if (memory) {
         const hada_result_arrays *arrays = &memory->arrays;
-        free(memory->stack);
-        free(memory->occupied);
+        HADA_FREE(memory->stack, memory->occupied);
         hada_image_destroy(&memory->all_in_focus);
         hada_image_destroy(&memory->distance_map);
         hada_image_destroy(&memory->confidence);
@@ -39,8 +38,7 @@ static hada_status make_memory(hada_result *result, hada_error *err)
 hada_status hada_result_use(hada_result *result, const hada_result_arrays *arrays, hada_error *err)
 {
     hada_result_arrays own;
-    if (!result)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_result_use: a result is needed");
+    HADA_NEED(result, err);
     HADA_TRY(HADA_OPTIONS_TAKE(&own, arrays, hada_result_arrays, err));
     hada_result_clear(result);
     HADA_TRY(make_memory(result, err));
@@ -51,8 +49,7 @@ hada_status hada_result_use(hada_result *result, const hada_result_arrays *array
 hada_status hada_result_use_cl(hada_result *result, const hada_cl_arrays *arrays, hada_error *err)
 {
     hada_cl_arrays own;
-    if (!result)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_result_use_cl: a result is needed");
+    HADA_NEED(result, err);
     HADA_TRY(HADA_OPTIONS_TAKE(&own, arrays, hada_cl_arrays, err));
     hada_result_clear(result);
     HADA_TRY(make_memory(result, err));
@@ -161,9 +158,7 @@ static void copy_image(hada_image *to, const hada_image *from)
 
 hada_status hada_result_copy(hada_result *to, const hada_result *from, const hada_model_info *info, hada_error *err)
 {
-    hada_status status = hada_result_fit(to, info, from->depths, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_result_fit(to, info, from->depths, err));
     hada_result_memory *memory = to->memory;
     memcpy(memory->occupied, from->memory->occupied, (size_t)from->depths);
     memory->skipped = from->memory->skipped;
@@ -179,7 +174,7 @@ hada_status hada_result_copy(hada_result *to, const hada_result *from, const had
         HADA_TRY(hada_result_make_confidence(to, err));
         copy_image(&memory->confidence, &from->memory->confidence);
     }
-    return status;
+    return HADA_OK;
 }
 
 static void raise(hada_image *image, float gamma)

@@ -30,11 +30,6 @@ static void leave_out(const hada_tiles *tiles, int channels, int band_rows, int 
     }
 }
 
-static int smaller(int a, int b)
-{
-    return a < b ? a : b;
-}
-
 /* The smallest band whose change, together with those of half filters and of rounding, stays within max_error of the
  * expected planes. */
 static void choose_band(const hada_setup *setup, const float *energy, hada_frame_skip *skip)
@@ -56,8 +51,8 @@ static void choose_band(const hada_setup *setup, const float *energy, hada_frame
         return;
     const int rows = gains->tiles.row_last[band], cols = gains->tiles.col_last[band];
     const int banded = config->band_rows || config->band_cols;
-    skip->band_rows = banded ? smaller(rows, config->band_rows) : rows;
-    skip->band_cols = banded ? smaller(cols, config->band_cols) : cols;
+    skip->band_rows = banded ? hada_least(rows, config->band_rows) : rows;
+    skip->band_cols = banded ? hada_least(cols, config->band_cols) : cols;
 }
 
 hada_status hada_skip_frequencies(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)

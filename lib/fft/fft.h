@@ -57,6 +57,27 @@ typedef struct hada_fft_desc {
     int band_rows, band_cols;
 } hada_fft_desc;
 
+/* A part of an image: top left and size. */
+typedef struct hada_rectangle {
+    int row, col, rows, cols;
+} hada_rectangle;
+
+/* A transform of rows x cols; `part` of each image is in memory, without gaps. */
+static inline hada_fft_desc hada_fft_of(hada_fft_direction direction, int rows, int cols, int batch,
+                                        hada_rectangle part)
+{
+    return (hada_fft_desc){.direction = direction,
+                           .rows = rows,
+                           .cols = cols,
+                           .batch = batch,
+                           .row0 = part.row,
+                           .col0 = part.col,
+                           .real_rows = part.rows,
+                           .real_cols = part.cols,
+                           .real_pitch = (size_t)part.cols,
+                           .real_distance = (size_t)part.rows * (size_t)part.cols};
+}
+
 /* The layout of spectra on this context for a size, given the back end that would serve (AUTO: by table). Both
  * directions of a size and a back end share it. */
 hada_spectrum_layout hada_fft_layout(const hada_context *context, int rows, int cols, hada_fft_backend backend);

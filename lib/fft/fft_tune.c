@@ -138,8 +138,7 @@ static int batch_for(const hada_context *context, size_t pixels)
 
 hada_status hada_tune_fft(hada_context *context, int rows, int cols, int rounds, hada_tune_row *row, hada_error *err)
 {
-    if (!context || !row)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_tune_fft: a context and a row are needed");
+    HADA_NEED(context && row, err);
     if (rows < 1 || cols < 1 || rows > 1 << 24 || cols > 1 << 24 || (rounds < 1 && rounds != HADA_AUTO) ||
         rounds > MOST_ROUNDS)
         return hada_fail(err, HADA_ERROR_ARGUMENT,

@@ -50,24 +50,13 @@ struct hada_fit_cropped {
 
 void hada_fit_cropped_destroy(hada_fit_cropped **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_fit_cropped *own = hada_taken(pointer);
+    if (!own)
         return;
-    hada_fit_cropped *own = *pointer;
-    *pointer = NULL;
     hada_slot_finish(own->grid->slot, NULL);
     hada_fft_destroy(&own->inverse);
-    hada_buffer_destroy(&own->frame);
-    hada_buffer_destroy(&own->transfers);
-    hada_buffer_destroy(&own->filled);
-    hada_buffer_destroy(&own->result);
-    hada_buffer_destroy(&own->partial);
-    free(own->partial_sums);
-    free(own->often);
-    free(own->scenes);
-    free(own->mean);
-    free(own->left);
-    free(own->trust);
-    free(own);
+    HADA_DESTROY_BUFFERS(&own->frame, &own->transfers, &own->filled, &own->result, &own->partial);
+    HADA_FREE(own->partial_sums, own->often, own->scenes, own->mean, own->left, own->trust, own);
 }
 
 static hada_status make_room(hada_fit_cropped *own, hada_error *err)

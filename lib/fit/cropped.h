@@ -59,7 +59,7 @@ const double *hada_fit_cropped_left(const hada_fit_cropped *cropped);
  * saw its pairs. */
 /* In the place of what sums give. */
 typedef struct hada_fit_transfers {
-    float *otf;    /* as in a model; NULL: those of the sums serve */
+    float *otf;    /* as in a model; NULL: those of the sums */
     double *noise; /* [depth][channel]: |N|^2 of what is left of a frame */
 } hada_fit_transfers;
 

@@ -37,11 +37,6 @@ hada_status hada_fit_score_pair(hada_fitter *fitter, int depth, int number, cons
     return fitter->options.refine_steps < 0 ? hada_fit_keep(&fitter->kept, pair, depth, number, err) : HADA_OK;
 }
 
-static int least(int a, int b)
-{
-    return a < b ? a : b;
-}
-
 hada_status hada_fit_score_pairs(hada_fitter *fitter, const hada_dataset *pairs, hada_error *err)
 {
     const hada_dataset_info *info = hada_dataset_get_info(pairs);
@@ -51,10 +46,10 @@ hada_status hada_fit_score_pairs(hada_fitter *fitter, const hada_dataset *pairs,
     hada_status status = HADA_OK;
     long total = 0;
     for (int z = 0; z < info->depths; z++)
-        total += least(info->counts[z], most);
+        total += hada_least(info->counts[z], most);
     hada_progress progress = hada_progress_begin(fitter->options.monitor, "leave-one-out", total);
     for (int z = 0; z < info->depths; z++) {
-        const int count = least(info->counts[z], most);
+        const int count = hada_least(info->counts[z], most);
         for (int i = 0; i < count; i++) {
             const int number = (int)((long)i * info->counts[z] / count); /* evenly spread */
             HADA_TRY_OR_DONE(hada_pair_take(&pair, pairs, z, number, err));

@@ -16,9 +16,7 @@ enum { VECTOR_BYTES = HADA_FIT_VECTOR * 2 * sizeof(float) };
 static hada_status copy_distances(hada_fit_grid *grid, const double *distances_mm, hada_error *err)
 {
     const size_t depths = (size_t)grid->info.depths;
-    hada_status status = HADA_NEW(grid->distances, depths, "the distances", err);
-    if (status)
-        return status;
+    HADA_TRY(HADA_NEW(grid->distances, depths, "the distances", err));
     memcpy(grid->distances, distances_mm, depths * sizeof(double));
     grid->info.distances_mm = grid->distances;
     return HADA_OK;
@@ -47,25 +45,21 @@ hada_status hada_fit_grid_create(hada_fit_grid *grid, hada_context *context, con
                                  hada_error *err)
 {
     hada_model_info *info = &grid->info;
-    hada_status status = HADA_OK;
     *grid = (hada_fit_grid){0};
     hada_communicator_init(&grid->communicator);
-    HADA_TRY_OR_DONE(hada_communicator_check(options->communicator, err));
-    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&grid->communicator, options->communicator, hada_communicator, err));
-    HADA_TRY_OR_DONE(hada_fit_info(info, options, err));
+    HADA_TRY(hada_communicator_check(options->communicator, err));
+    HADA_TRY(HADA_OPTIONS_TAKE(&grid->communicator, options->communicator, hada_communicator, err));
+    HADA_TRY(hada_fit_info(info, options, err));
     info->has_otf = 1;
-    HADA_TRY_OR_DONE(hada_geometry_of(info, &grid->geometry, err));
-    HADA_TRY_OR_DONE(copy_distances(grid, options->distances_mm, err));
-    HADA_TRY_OR_DONE(hada_slot_create(&grid->slot, context, err));
+    HADA_TRY(hada_geometry_of(info, &grid->geometry, err));
+    HADA_TRY(copy_distances(grid, options->distances_mm, err));
+    HADA_TRY(hada_slot_create(&grid->slot, context, err));
     grid->layout = hada_fft_layout(context, info->grid_rows, info->grid_cols, HADA_FFT_AUTO);
     grid->vectors = hada_divide_up(grid->layout.count, HADA_FIT_VECTOR);
     grid->stride = hada_round_up(grid->vectors, GROUP) * HADA_FIT_VECTOR;
     grid->chunks = hada_divide_up(grid->vectors, HADA_FIT_CHUNK);
     grid->sum_count = hada_fit_is_split(grid) ? HADA_FIT_SUMS_SPLIT : HADA_FIT_SUMS;
-done:
-    if (status)
-        hada_fit_grid_destroy(grid);
-    return status;
+    return HADA_OK;
 }
 
 void hada_fit_grid_destroy(hada_fit_grid *grid)
@@ -96,17 +90,9 @@ hada_fft_desc hada_fit_transform_desc(const hada_fit_grid *grid, hada_fft_direct
 {
     const hada_model_info *info = &grid->info;
     const hada_geometry *at = &grid->geometry;
-    const int rows = window ? info->window_rows : info->raw_rows, cols = window ? info->window_cols : info->raw_cols;
-    return (hada_fft_desc){.direction = direction,
-                           .rows = info->grid_rows,
-                           .cols = info->grid_cols,
-                           .batch = info->channels,
-                           .row0 = window ? at->window_row : at->raw_row,
-                           .col0 = window ? at->window_col : at->raw_col,
-                           .real_rows = rows,
-                           .real_cols = cols,
-                           .real_pitch = (size_t)cols,
-                           .real_distance = (size_t)rows * (size_t)cols};
+    const hada_rectangle frame = {at->raw_row, at->raw_col, info->raw_rows, info->raw_cols};
+    const hada_rectangle inside = {at->window_row, at->window_col, info->window_rows, info->window_cols};
+    return hada_fft_of(direction, info->grid_rows, info->grid_cols, info->channels, window ? inside : frame);
 }
 
 hada_fft_filter hada_fit_product(const hada_fit_grid *grid, cl_mem filters, int first)
@@ -121,9 +107,7 @@ hada_status hada_fit_read_plane(const hada_fit_grid *grid, const hada_buffer *fr
                                 const char *what, hada_error *err)
 {
     const size_t plane = hada_model_info_plane(&grid->info), bytes = grid->layout.count * 2 * sizeof(float);
-    hada_status status = hada_buffer_read(from, grid->slot, at * 2 * sizeof(float), blocks, bytes, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_buffer_read(from, grid->slot, at * 2 * sizeof(float), blocks, bytes, err));
     hada_layout_unpack(&grid->layout, blocks, to);
     float sum = 0.0f; /* x - x is 0 for finite x alone */
     for (size_t i = 0; i < 2 * plane; i++)
@@ -206,15 +190,8 @@ void hada_fit_pair_destroy(hada_fit_pair *pair)
 {
     hada_fft_destroy(&pair->raw_fft);
     hada_fft_destroy(&pair->scene_fft);
-    hada_buffer_destroy(&pair->raw);
-    hada_buffer_destroy(&pair->scene);
-    hada_buffer_destroy(&pair->raw_spectrum);
-    hada_buffer_destroy(&pair->scene_spectrum);
-    free(pair->raw_pixels);
-    free(pair->scene_pixels);
-    free(pair->raw_energy);
-    free(pair->scene_energy);
-    free(pair->scratch);
+    HADA_DESTROY_BUFFERS(&pair->raw, &pair->scene, &pair->raw_spectrum, &pair->scene_spectrum);
+    HADA_FREE(pair->raw_pixels, pair->scene_pixels, pair->raw_energy, pair->scene_energy, pair->scratch);
     *pair = (hada_fit_pair){0};
 }
 

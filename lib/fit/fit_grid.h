@@ -1,4 +1,4 @@
-/* What every module of a fit knows of it: the sizes of the model to be, how spectra and sums stand on the device, and
+/* What every module of a fit knows of it: the sizes of the model to be, how spectra and sums lie on the device, and
  * the queue. Nothing of it changes once it is made. Internal. */
 #ifndef HADA_FIT_FIT_GRID_H
 #define HADA_FIT_FIT_GRID_H
@@ -36,7 +36,7 @@ hada_status hada_fit_info(hada_model_info *info, const hada_fit_options *options
 
 hada_status hada_fit_grid_create(hada_fit_grid *grid, hada_context *context, const hada_fit_options *options,
                                  hada_error *err);
-void hada_fit_grid_destroy(hada_fit_grid *grid); /* after all that stands on it */
+void hada_fit_grid_destroy(hada_fit_grid *grid); /* after all that uses it */
 
 /* A program of a file that has one of each form, and others for work-groups. */
 #define HADA_FIT_PROGRAM(FILE, split, groups)                                                                          \
@@ -57,10 +57,10 @@ static inline int hada_fit_is_split(const hada_fit_grid *grid)
 size_t hada_fit_raw_floats(const hada_fit_grid *grid);
 size_t hada_fit_window_floats(const hada_fit_grid *grid);
 
-/* Bytes of so many spectra that stand one after the other, with what kernels write beyond the last frequency. */
+/* Bytes of so many spectra that lie one after the other, with what kernels write beyond the last frequency. */
 size_t hada_fit_spectra_bytes(const hada_fit_grid *grid, size_t images);
 
-/* The transform of frames (0) or of what stands in the window (1), of all channels. */
+/* The transform of frames (0) or of what is in the window (1), of all channels. */
 hada_fft_desc hada_fit_transform_desc(const hada_fit_grid *grid, hada_fft_direction direction, int window);
 
 /* How filters act on a spectrum, beside which ones. */

@@ -27,16 +27,6 @@ static hada_status work_create(solve_work *work, hada_error *err)
     return hada_buffer_create(&work->partial, context, grid->chunks * sizeof(float), "partial sums", err);
 }
 
-static void work_destroy(solve_work *work)
-{
-    hada_slot_finish(work->sums->grid->slot, NULL);
-    hada_buffer_destroy(&work->out);
-    hada_buffer_destroy(&work->partial);
-    free(work->blocks);
-    free(work->rows);
-    free(work->trust);
-}
-
 /* Mean over frequencies of what no linear camera explains, per degree of freedom: the noise's |N|^2. */
 static hada_status noise_power(solve_work *work, int z, int channel, double *power, hada_error *err)
 {
@@ -158,7 +148,9 @@ hada_status hada_fit_model_make(hada_model **out, hada_fit_sums *sums, hada_fit_
     (*out)->info.noise =
         sqrt(noise / ((double)info.depths * info.channels) / ((double)info.raw_rows * (double)info.raw_cols));
 done:
-    work_destroy(&work);
+    hada_slot_finish(work.sums->grid->slot, NULL);
+    HADA_DESTROY_BUFFERS(&work.out, &work.partial);
+    HADA_FREE(work.blocks, work.rows, work.trust);
     if (status)
         hada_model_destroy(out);
     return status;

@@ -73,14 +73,9 @@ void hada_fit_sums_destroy(hada_fit_sums *sums)
     for (int c = 0; sums->pool && c < sums->grid->info.channels; c++)
         hada_buffer_destroy(&sums->pool[c]);
     hada_buffer_destroy(&sums->weights);
-    for (int z = 0; sums->depth && z < sums->grid->info.depths; z++) {
-        free(sums->depth[z].sums);
-        free(sums->depth[z].raw_energy);
-        free(sums->depth[z].scene_energy);
-    }
-    free(sums->depth);
-    free(sums->sums);
-    free(sums->pool);
+    for (int z = 0; sums->depth && z < sums->grid->info.depths; z++)
+        HADA_FREE(sums->depth[z].sums, sums->depth[z].raw_energy, sums->depth[z].scene_energy);
+    HADA_FREE(sums->depth, sums->sums, sums->pool);
     *sums = (hada_fit_sums){0};
 }
 
@@ -232,7 +227,7 @@ static hada_status count_pairs(const hada_fit_sums *sums, double *pairs, hada_er
     return hada_reduce(ranks, pairs, (size_t)depths * (size_t)ranks->count, err);
 }
 
-/* High and low parts of one sum over the pairs, as they stand one after the other: as doubles, and back. Both parts
+/* High and low parts of one sum over the pairs, as they lie one after the other: as doubles, and back. Both parts
  * together have fewer bits than a double. */
 static hada_status add_sum(const hada_communicator *ranks, float *parts, double *values, size_t count, hada_error *err)
 {
@@ -305,7 +300,6 @@ hada_status hada_fit_sums_reduce(hada_fit_sums *sums, hada_error *err)
     for (size_t z = 0; z < depths; z++)
         HADA_TRY_OR_DONE(share_depth(sums, (int)z, pairs + z * ranks, values, err));
 done:
-    free(pairs);
-    free(values);
+    HADA_FREE(pairs, values);
     return status;
 }

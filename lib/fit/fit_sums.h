@@ -1,6 +1,6 @@
 /* The first pass: sums over the pairs of each depth. Internal.
  *
- * The sums of one depth stand on the device, those of the others wait on the host in the device's layout: pairs are
+ * The sums of one depth are on the device, those of the others wait on the host in the device's layout: pairs are
  * best given depth by depth. Kernels and the order of the sums: kernels/inc_fit.h. */
 #ifndef HADA_FIT_FIT_SUMS_H
 #define HADA_FIT_FIT_SUMS_H
@@ -21,7 +21,7 @@ typedef struct hada_fit_sums {
     hada_buffer weights; /* how often a frequency of the half spectrum counts; 0 in the padding */
     hada_fit_depth *depth;
     uint64_t bytes; /* of device memory */
-    int current;    /* depth whose sums stand on the device, -1: none */
+    int current;    /* depth whose sums are on the device, -1: none */
     int changed;    /* they differ from the host's copy */
     int pooled;     /* the pools are up to date */
 } hada_fit_sums;

@@ -136,10 +136,9 @@ done:
 
 void hada_fitter_destroy(hada_fitter **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_fitter *fitter = hada_taken(pointer);
+    if (!fitter)
         return;
-    hada_fitter *fitter = *pointer;
-    *pointer = NULL;
     if (fitter->grid.slot)
         hada_slot_finish(fitter->grid.slot, NULL);
     hada_fit_transfers_free(&fitter->transfers);
@@ -149,8 +148,7 @@ void hada_fitter_destroy(hada_fitter **pointer)
     hada_fit_sums_destroy(&fitter->sums);
     hada_fit_pair_destroy(&fitter->pair);
     hada_fit_grid_destroy(&fitter->grid);
-    free(fitter->pairs);
-    free(fitter);
+    HADA_FREE(fitter->pairs, fitter);
 }
 
 const hada_fitter_info *hada_fitter_get_info(hada_fitter *fitter)
@@ -323,8 +321,7 @@ hada_status hada_fitter_add_part(hada_fitter *fitter, const hada_dataset *pairs,
     HADA_TRY_OR_DONE(resume(&of, err));
     status = add_share(&of, err);
     if (status == HADA_ERROR_CANCELLED && part->path)
-        hada_fitter_save_sums(fitter, part->path,
-                              NULL); /* the caller is told that it is cancelled, whatever becomes of it */
+        hada_fitter_save_sums(fitter, part->path, NULL); /* the caller gets 'cancelled', whatever becomes of it */
     HADA_TRY_OR_DONE(status);
     HADA_TRY_OR_DONE(hada_fitter_reduce(fitter, err));
 done:

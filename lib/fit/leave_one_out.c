@@ -54,15 +54,10 @@ hada_status hada_leave_one_out_create(hada_leave_one_out *scores, const hada_fit
 void hada_leave_one_out_destroy(hada_leave_one_out *scores)
 {
     hada_fft_destroy(&scores->inverse);
-    hada_buffer_destroy(&scores->errors);
-    hada_buffer_destroy(&scores->planes);
-    hada_buffer_destroy(&scores->partial);
-    for (int z = 0; scores->depth && z < scores->grid->info.depths; z++) {
-        free(scores->depth[z].single);
-        free(scores->depth[z].twofold);
-    }
-    free(scores->depth);
-    free(scores->settings);
+    HADA_DESTROY_BUFFERS(&scores->errors, &scores->planes, &scores->partial);
+    for (int z = 0; scores->depth && z < scores->grid->info.depths; z++)
+        HADA_FREE(scores->depth[z].single, scores->depth[z].twofold);
+    HADA_FREE(scores->depth, scores->settings);
     *scores = (hada_leave_one_out){0};
 }
 
@@ -227,8 +222,7 @@ hada_status hada_leave_one_out_add(hada_leave_one_out *scores, const hada_fit_su
         to->twofold[s] += decibels(scores->grid, own[s] + own[count + s]);
     }
 done:
-    free(partial);
-    free(own);
+    HADA_FREE(partial, own);
     return status;
 }
 
@@ -325,10 +319,7 @@ done:
 
 void hada_fit_kept_free(hada_fit_kept *kept)
 {
-    for (int k = 0; k < kept->count; k++) {
-        free(kept->pair[k].raw);
-        free(kept->pair[k].scene);
-        free(kept->pair[k].transfers);
-    }
+    for (int k = 0; k < kept->count; k++)
+        HADA_FREE(kept->pair[k].raw, kept->pair[k].scene, kept->pair[k].transfers);
     *kept = (hada_fit_kept){0};
 }

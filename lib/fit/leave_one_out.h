@@ -40,7 +40,7 @@ void hada_leave_one_out_destroy(hada_leave_one_out *scores);
 /* Clears the scores. */
 void hada_leave_one_out_forget(hada_leave_one_out *scores);
 
-/* Scores a pair, taken and transformed, that is among the sums of its depth, which stand on the device; pools are up to
+/* Scores a pair, taken and transformed, that is among the sums of its depth, which are on the device; pools are up to
  * date. Among ranks, one of them does. */
 hada_status hada_leave_one_out_add(hada_leave_one_out *scores, const hada_fit_sums *sums, const hada_fit_pair *pair,
                                    int depth, hada_error *err);

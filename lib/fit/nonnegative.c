@@ -36,25 +36,8 @@ double hada_nonnegative_trust(double noise, double raw_energy)
     return noise > 0.0 && trust < 1.0 ? fmax(trust, LEAST_TRUST) : 1.0;
 }
 
-static hada_fft_desc describe(int rows, int cols, int channels, hada_fft_direction direction)
-{
-    return (hada_fft_desc){.direction = direction,
-                           .rows = rows,
-                           .cols = cols,
-                           .batch = channels,
-                           .real_rows = rows,
-                           .real_cols = cols,
-                           .real_pitch = (size_t)cols,
-                           .real_distance = (size_t)rows * (size_t)cols};
-}
-
 /* Kernels take vectors of eight complex values at most, hence the bytes beyond the last one. */
 enum { VECTOR_BYTES = HADA_FIT_VECTOR * 2 * sizeof(float) };
-
-static size_t image_bytes(int rows, int cols, int channels)
-{
-    return (size_t)channels * (size_t)rows * (size_t)cols * sizeof(float) + VECTOR_BYTES;
-}
 
 static size_t spectrum_bytes(const hada_spectrum_layout *layout, int channels)
 {
@@ -64,9 +47,10 @@ static size_t spectrum_bytes(const hada_spectrum_layout *layout, int channels)
 hada_status hada_nonnegative_create(hada_nonnegative **out, hada_slot *slot, int rows, int cols, int channels,
                                     hada_error *err)
 {
-    const hada_fft_desc forward = describe(rows, cols, channels, HADA_FFT_FORWARD);
-    const hada_fft_desc inverse = describe(rows, cols, channels, HADA_FFT_INVERSE);
-    const size_t image = image_bytes(rows, cols, channels);
+    const hada_rectangle whole = {0, 0, rows, cols};
+    const hada_fft_desc forward = hada_fft_of(HADA_FFT_FORWARD, rows, cols, channels, whole);
+    const hada_fft_desc inverse = hada_fft_of(HADA_FFT_INVERSE, rows, cols, channels, whole);
+    const size_t image = (size_t)channels * forward.real_distance * sizeof(float) + VECTOR_BYTES;
     hada_nonnegative *plan = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
@@ -91,16 +75,13 @@ done:
 
 void hada_nonnegative_destroy(hada_nonnegative **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_nonnegative *plan = hada_taken(pointer);
+    if (!plan)
         return;
-    hada_nonnegative *plan = *pointer;
-    *pointer = NULL;
     hada_slot_finish(plan->slot, NULL);
     hada_fft_destroy(&plan->forward);
     hada_fft_destroy(&plan->inverse);
-    hada_buffer_destroy(&plan->spectrum);
-    hada_buffer_destroy(&plan->image);
-    hada_buffer_destroy(&plan->state);
+    HADA_DESTROY_BUFFERS(&plan->spectrum, &plan->image, &plan->state);
     free(plan);
 }
 

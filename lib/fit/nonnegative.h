@@ -58,7 +58,7 @@ typedef struct hada_nonnegative_weights {
 hada_status hada_nonnegative_step(hada_nonnegative *plan, int channels, const hada_nonnegative_data *data,
                                   const hada_nonnegative_weights *at, cl_mem out, hada_error *err);
 
-/* Enqueues H = (S + q F(u)) / (w + q) of the image as it stands. Steps may follow, with `filled` data. */
+/* Enqueues H = (S + q F(u)) / (w + q) of the image as it is. Steps may follow, with `filled` data. */
 hada_status hada_nonnegative_end(hada_nonnegative *plan, int channels, const hada_nonnegative_data *data,
                                  const double *trust, cl_mem out, size_t at, hada_error *err);
 

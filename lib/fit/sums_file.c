@@ -37,7 +37,7 @@ static hada_status put_metadata(const hada_fit_grid *grid, hada_tensors_writer *
         err);
 }
 
-/* The small tensors in their order: names, and where their values stand. */
+/* The small tensors in their order: names, and where their values are. */
 typedef struct small {
     const char *name;
     int dims;
@@ -51,9 +51,7 @@ static hada_status list_small(const hada_fit_grid *grid, double **all, small lis
 {
     const int64_t depths = grid->info.depths, channels = grid->info.channels;
     const size_t z = (size_t)depths, images = z * (size_t)channels;
-    hada_status status = HADA_NEW(*all, 2 * z + 2 * images + 1, "sums", err);
-    if (status)
-        return status;
+    HADA_TRY(HADA_NEW(*all, 2 * z + 2 * images + 1, "sums", err));
     double *at = *all;
     list[DISTANCES] = (small){"distances_mm", 1, {depths, 0}, at, z};
     list[PAIRS] = (small){"pairs", 1, {depths, 0}, at + z, z};
@@ -98,8 +96,7 @@ static hada_status write_sums(hada_fit_sums *sums, hada_tensors_writer *writer, 
         }
     }
 done:
-    free(blocks);
-    free(rows);
+    HADA_FREE(blocks, rows);
     return status;
 }
 

@@ -28,7 +28,7 @@ typedef struct pair_level {
     float *work;  /* room: a transform */
 } pair_level;
 
-/* What stands under a transfer function beside the scenes' power, as a share of its mean: frequencies where others of a
+/* What is under a transfer function beside the scenes' power, as a share of its mean: frequencies where others of a
  * depth had no light explain nothing. */
 #define FLOOR 1e-3
 /* Exposures from each other, after those from the light alone: on simulated and real pairs the third changed them by
@@ -58,19 +58,12 @@ static hada_status level_create(pair_level *level, int size, int channels, int m
 static void level_destroy(pair_level *level)
 {
     hada_small_fft_destroy(&level->fft);
-    free(level->depth);
-    free(level->frame);
-    free(level->scene);
-    free(level->frame_energy);
-    free(level->frame_light);
-    free(level->scene_light);
-    free(level->judged);
-    free(level->sums);
-    free(level->work);
+    HADA_FREE(level->depth, level->frame, level->scene, level->frame_energy, level->frame_light, level->scene_light,
+              level->judged, level->sums, level->work);
     *level = (pair_level){0};
 }
 
-/* How often a frequency of the half spectrum counts: it stands [kx][ky] with kx from 0 to size / 2. */
+/* How often a frequency of the half spectrum counts: it lies as [kx][ky] with kx from 0 to size / 2. */
 static double weight_of(const pair_level *level, size_t i)
 {
     const size_t size = (size_t)level->fft.size, kx = i / size;
@@ -161,7 +154,7 @@ static void add_up(pair_level *level, int depth, int channel, const double *gain
     }
 }
 
-/* Adds a channel, whose sums stand ready. */
+/* Adds a channel, whose sums are ready. */
 static void judge_channel(const pair_level *level, int pair, int channel, double gain, judgement *to)
 {
     const float *frame = level->frame + first_of(level, pair, channel);
@@ -270,7 +263,7 @@ enum { DEPTHS = 3, PAIRS_EACH = 6, MOST_PAIRS = DEPTHS * PAIRS_EACH, LEAST = 3 }
 /* Of a depth, pairs from which exposures are found; further ones are held against these. */
 enum { EXPOSED_TOGETHER = 32 };
 
-/* From nothing to what displays and cameras use, and beyond; pairs told exponents a tenth apart. */
+/* From nothing to what displays and cameras use, and beyond; pairs showed exponents a tenth apart. */
 static const double responses[] = {HADA_RESPONSE_LINEAR, 1.25, 1.5, 1.8, 2.0, HADA_RESPONSE_SRGB, 2.2, 2.6};
 enum { RESPONSES = sizeof responses / sizeof *responses };
 
@@ -310,19 +303,14 @@ typedef struct surveying {
     float *room;                                  /* a channel of a frame */
 } surveying;
 
-static int least(int a, int b)
-{
-    return a < b ? a : b;
-}
-
 /* A reduction that keeps some pixels of frame and window. */
 static void choose_grid(surveying *work)
 {
     const hada_fit_options *options = &work->options;
     const int frame = options->raw_rows > options->raw_cols ? options->raw_rows : options->raw_cols;
     const int window = options->window_rows > options->window_cols ? options->window_rows : options->window_cols;
-    const int narrow = least(options->window_rows, options->window_cols);
-    work->factor = least((frame + FRAME_SIDE - 1) / FRAME_SIDE, narrow / WINDOW_LEAST);
+    const int narrow = hada_least(options->window_rows, options->window_cols);
+    work->factor = hada_least((frame + FRAME_SIDE - 1) / FRAME_SIDE, narrow / WINDOW_LEAST);
     work->factor = work->factor > 1 ? work->factor : 1;
     for (work->grid = 1; work->grid < (frame + window) / work->factor;)
         work->grid *= 2;
@@ -406,10 +394,10 @@ static void forget_pairs(surveying *work)
 /* Up to PAIRS_EACH pairs, evenly spread, of the depths that are looked at. */
 static hada_status take_pairs(surveying *work, hada_error *err)
 {
-    const int depths = work->options.depths, looked = least(depths, DEPTHS);
+    const int depths = work->options.depths, looked = hada_least(depths, DEPTHS);
     for (int k = 0; k < looked; k++) {
         const int z = looked == 1 ? 0 : k * (depths - 1) / (looked - 1), all = work->counts[z];
-        const int count = all < LEAST ? 0 : least(all, PAIRS_EACH);
+        const int count = all < LEAST ? 0 : hada_least(all, PAIRS_EACH);
         for (int i = 0; i < count; i++)
             HADA_TRY(take_pair(work, z, (int)((long)i * all / count), err));
     }
@@ -600,8 +588,7 @@ void hada_survey_destroy(hada_survey **pointer)
     *pointer = NULL;
     for (int z = 0; own->gain && z < own->depths; z++)
         free(own->gain[z]);
-    free(own->gain);
-    free(own);
+    HADA_FREE(own->gain, own);
 }
 
 hada_status hada_survey_apply(hada_dataset **out, const hada_survey *survey, const hada_dataset *pairs, hada_error *err)

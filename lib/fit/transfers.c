@@ -23,8 +23,7 @@ typedef struct passes {
 
 void hada_fit_transfers_free(hada_fit_transfers *transfers)
 {
-    free(transfers->otf);
-    free(transfers->noise);
+    HADA_FREE(transfers->otf, transfers->noise);
     *transfers = (hada_fit_transfers){0};
 }
 
@@ -41,10 +40,8 @@ static hada_status upload(passes *with, hada_buffer *raw, const hada_buffer *spe
 static void release(passes *with)
 {
     hada_slot_finish(with->from->pair->grid->slot, NULL);
-    for (int64_t i = 0; with->stored && i < with->count; i++) {
-        hada_buffer_destroy(&with->stored[i].raw);
-        hada_buffer_destroy(&with->stored[i].spectrum);
-    }
+    for (int64_t i = 0; with->stored && i < with->count; i++)
+        HADA_DESTROY_BUFFERS(&with->stored[i].raw, &with->stored[i].spectrum);
     free(with->stored);
     with->stored = NULL;
 }
@@ -252,9 +249,7 @@ static void free_room(passes *with)
 {
     hada_fit_cropped_destroy(&with->cropped);
     hada_nonnegative_destroy(&with->nonnegative);
-    free(with->scene_energy);
-    free(with->noise);
-    free(with->blocks);
+    HADA_FREE(with->scene_energy, with->noise, with->blocks);
 }
 
 hada_status hada_fit_transfers_learn(hada_fit_transfers *out, hada_fit_sums *sums, hada_fit_reader *from,

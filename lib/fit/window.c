@@ -40,24 +40,15 @@ struct hada_fit_window {
 
 void hada_fit_window_destroy(hada_fit_window **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_fit_window *window = hada_taken(pointer);
+    if (!window)
         return;
-    hada_fit_window *window = *pointer;
-    *pointer = NULL;
     hada_slot_finish(window->grid->slot, NULL);
     hada_fft_destroy(&window->inverse);
-    hada_buffer_destroy(&window->residual);
-    hada_buffer_destroy(&window->product);
-    hada_buffer_destroy(&window->partial);
-    for (int s = 0; s < window->most; s++) {
-        hada_buffer_destroy(&window->filters[s]);
-        hada_buffer_destroy(&window->directions[s]);
-    }
-    free(window->partial_sums);
-    free(window->planes);
-    free(window->inner);
-    free(window->channel);
-    free(window);
+    HADA_DESTROY_BUFFERS(&window->residual, &window->product, &window->partial);
+    for (int s = 0; s < window->most; s++)
+        HADA_DESTROY_BUFFERS(&window->filters[s], &window->directions[s]);
+    HADA_FREE(window->partial_sums, window->planes, window->inner, window->channel, window);
 }
 
 static hada_status make_buffers(hada_fit_window *window, hada_error *err)

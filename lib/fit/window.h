@@ -29,7 +29,7 @@ void hada_fit_window_destroy(hada_fit_window **window);
 hada_status hada_fit_window_begin(hada_fit_window *window, int z, hada_fit_setting setting, const double *outside,
                                   int count, hada_error *err);
 
-/* Adds a pair to the product of this iteration: its frame's spectra stand in pair->raw_spectrum; pair->scene_spectrum
+/* Adds a pair to the product of this iteration: its frame's spectra are in pair->raw_spectrum; pair->scene_spectrum
  * and pair->scene are overwritten. */
 hada_status hada_fit_window_pair(hada_fit_window *window, hada_error *err);
 
@@ -52,7 +52,7 @@ enum { HADA_FIT_OUTSIDES = 6 };
 
 /* Filters in the place of the exact fit's, and what was compared. */
 typedef struct hada_fit_outside {
-    float *filters; /* as in a model; NULL: the exact fit's serve */
+    float *filters; /* as in a model; NULL: the exact fit's */
     int count;      /* weights that were compared; 0: none */
     int chosen;
     double weight[HADA_FIT_OUTSIDES], psnr[HADA_FIT_OUTSIDES];

@@ -13,11 +13,8 @@ hada_status hada_image_create(hada_image *image, int channels, int rows, int col
         return hada_fail(err, HADA_ERROR_ARGUMENT, "an image of %d channels, %d x %d is not possible", channels, rows,
                          cols);
     void *data;
-    hada_status status =
-        hada_allocated(data = hada_alloc(hada_size_product((size_t)channels * (size_t)rows, (size_t)cols),
-                                         sizeof(float), "an image", err));
-    if (status)
-        return status;
+    HADA_TRY(hada_allocated(data = hada_alloc(hada_size_product((size_t)channels * (size_t)rows, (size_t)cols),
+                                              sizeof(float), "an image", err)));
     *image = (hada_image){channels, rows, cols, data};
     return HADA_OK;
 }
@@ -47,9 +44,7 @@ typedef struct gather {
 
 static void gather_free(gather *g)
 {
-    free(g->first);
-    free(g->count);
-    free(g->weight);
+    HADA_FREE(g->first, g->count, g->weight);
 }
 
 /* Shrinking: the share of each input pixel in the output pixel's area. Growing: the two nearest centres. */
@@ -63,8 +58,7 @@ static hada_status gather_make(gather *g, int in, int out, hada_error *err)
         (status = hada_allocated(count = hada_alloc((size_t)out, sizeof(int), "a resize", err))) ||
         (status =
              hada_allocated(weight = hada_alloc((size_t)out * (size_t)g->most, sizeof(double), "a resize", err)))) {
-        free(first);
-        free(count);
+        HADA_FREE(first, count);
         return status;
     }
     g->first = first, g->count = count, g->weight = weight;
@@ -161,9 +155,7 @@ hada_status hada_image_crop(hada_image *out, const hada_image *image, int row0, 
                             hada_error *err)
 {
     HADA_NEED(out && image, err);
-    hada_status status = hada_image_create(out, image->channels, rows, cols, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_image_create(out, image->channels, rows, cols, err));
     for (int c = 0; c < image->channels; c++)
         for (int r = 0; r < rows; r++) {
             const int from = row0 + r;

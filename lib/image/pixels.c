@@ -14,9 +14,7 @@ hada_status hada_pixels_take(hada_pixels *own, const hada_pixels *callers, hada_
 {
     if (!callers)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "pixels are needed: start from hada_pixels_init()");
-    hada_status status = HADA_OPTIONS_TAKE(own, callers, hada_pixels, err);
-    if (status)
-        return status;
+    HADA_TRY(HADA_OPTIONS_TAKE(own, callers, hada_pixels, err));
     if (!own->data || own->type < HADA_PIXEL_U8 || own->type > HADA_PIXEL_F32 || own->channels < 1 || own->rows < 1 ||
         own->cols < 1 || own->channels > 4096 || own->rows > MOST || own->cols > MOST)
         return hada_fail(err, HADA_ERROR_ARGUMENT,

@@ -3,9 +3,8 @@
 hada_status hada_small_fft_create(hada_small_fft *fft, int size, hada_error *err)
 {
     *fft = (hada_small_fft){.size = size};
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(HADA_NEW(fft->twiddles, (size_t)size, "a transform", err));
-    HADA_TRY_OR_DONE(HADA_NEW(fft->order, (size_t)size, "a transform", err));
+    HADA_TRY(HADA_NEW(fft->twiddles, (size_t)size, "a transform", err));
+    HADA_TRY(HADA_NEW(fft->order, (size_t)size, "a transform", err));
     for (int k = 0; k < size / 2; k++) {
         const double angle = -2.0 * 3.14159265358979323846 * k / size;
         fft->twiddles[2 * k] = (float)cos(angle);
@@ -13,16 +12,12 @@ hada_status hada_small_fft_create(hada_small_fft *fft, int size, hada_error *err
     }
     for (int i = 1; i < size; i++)
         fft->order[i] = fft->order[i / 2] / 2 + (i % 2 ? size / 2 : 0);
-done:
-    if (status)
-        hada_small_fft_destroy(fft);
-    return status;
+    return HADA_OK;
 }
 
 void hada_small_fft_destroy(hada_small_fft *fft)
 {
-    free(fft->twiddles);
-    free(fft->order);
+    HADA_FREE(fft->twiddles, fft->order);
     *fft = (hada_small_fft){0};
 }
 

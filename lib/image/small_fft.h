@@ -10,6 +10,7 @@ typedef struct hada_small_fft {
     int *order;      /* bits reversed */
 } hada_small_fft;
 
+/* Destroyed by the caller, also where this failed. */
 hada_status hada_small_fft_create(hada_small_fft *fft, int size, hada_error *err);
 void hada_small_fft_destroy(hada_small_fft *fft);
 

@@ -278,15 +278,12 @@ done:
 
 void hada_tensors_close(hada_tensors **tensors)
 {
-    hada_tensors *t = tensors ? *tensors : NULL;
+    hada_tensors *t = hada_taken(tensors);
     if (!t)
         return;
     free(t->data);
     json_decref(t->header);
-    free(t->list);
-    free(t->by_name);
-    free(t);
-    *tensors = NULL;
+    HADA_FREE(t->list, t->by_name, t);
 }
 
 size_t hada_tensors_bytes(const hada_tensors *tensors)
@@ -429,9 +426,7 @@ static hada_status not_started(const hada_tensors_writer *w, const char *what, h
 
 hada_status hada_tensors_put_meta(hada_tensors_writer *w, const char *key, const char *value, hada_error *err)
 {
-    hada_status status = not_started(w, "metadata", err);
-    if (status)
-        return status;
+    HADA_TRY(not_started(w, "metadata", err));
     json_t *text = json_string(value);
     if (!text || json_object_set_new(w->meta, key, text))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "the metadata \"%.200s\" is not UTF-8 text (or memory ran out)",
@@ -442,9 +437,7 @@ hada_status hada_tensors_put_meta(hada_tensors_writer *w, const char *key, const
 hada_status hada_tensors_declare(hada_tensors_writer *w, const char *name, hada_dtype type, int dims,
                                  const int64_t *shape, hada_error *err)
 {
-    hada_status status = not_started(w, "declarations", err);
-    if (status)
-        return status;
+    HADA_TRY(not_started(w, "declarations", err));
     uint64_t bytes = hada_dtype_bytes(type);
     if (!bytes || dims < 0 || dims > HADA_TENSOR_DIMS || json_object_get(w->header, name))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
@@ -520,12 +513,11 @@ done:
 
 void hada_tensors_abandon(hada_tensors_writer **writer)
 {
-    hada_tensors_writer *w = writer ? *writer : NULL;
+    hada_tensors_writer *w = hada_taken(writer);
     if (!w)
         return;
     hada_outfile_abandon(&w->file);
     json_decref(w->header);
     json_decref(w->meta);
     free(w);
-    *writer = NULL;
 }

@@ -39,7 +39,7 @@ typedef struct hada_stored_tensor {
 
 typedef struct hada_tensors hada_tensors;
 /* Reads the file and checks the whole header (offsets inside the file, no overlap, sizes equal shapes) before anything
- * is used. Tensors stand in the order of their data. Several threads may read one hada_tensors. What happens to
+ * is used. Tensors are in the order of their data. Several threads may read one hada_tensors. What happens to
  * the file afterwards does not matter: it is not mapped, since one that shrinks would end the process. */
 hada_status hada_tensors_open(hada_tensors **out, const char *path, hada_error *err);
 void hada_tensors_close(hada_tensors **tensors);
@@ -55,7 +55,7 @@ hada_status hada_tensor_copy_f32(const hada_stored_tensor *tensor, size_t first,
                                  hada_error *err);
 
 /* Writing: declare everything, then supply the data in the order declared. The data begin at a multiple of 8 bytes and
- * tensors stand without gaps, as the format asks: declare 8-byte types first, bytes last, to keep each one aligned. */
+ * tensors lie without gaps, as the format asks: declare 8-byte types first, bytes last, to keep each one aligned. */
 typedef struct hada_tensors_writer hada_tensors_writer;
 hada_status hada_tensors_create(hada_tensors_writer **out, const char *path, hada_error *err);
 hada_status hada_tensors_put_meta(hada_tensors_writer *writer, const char *key, const char *value, hada_error *err);

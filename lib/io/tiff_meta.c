@@ -449,8 +449,6 @@ hada_status hada_tiff_text_build(hada_tiff_text *text, int channels, int rows, i
 
 void hada_tiff_text_free(hada_tiff_text *text)
 {
-    free(text->description);
-    free(text->extra);
-    free(text->counts);
+    HADA_FREE(text->description, text->extra, text->counts);
     *text = (hada_tiff_text){0};
 }

@@ -157,7 +157,7 @@ uint64_t hada_tiff_page_least(const hada_tiff_page *page)
     return hada_tiff_page_bytes(page) / largest_ratio(page->compression);
 }
 
-/* The piece that is read at once stands beside the numbers (four bytes are as many as a number has). */
+/* The piece that is read at once lies beside the numbers (four bytes are as many as a number has). */
 hada_status hada_tiff_budget(uint64_t values, uint64_t piece_bytes, uint64_t file_bytes, hada_error *err)
 {
     hada_limits limits = {.size = sizeof limits};

@@ -76,7 +76,7 @@ uint64_t hada_tiff_page_bytes(const hada_tiff_page *page);
 uint64_t hada_tiff_page_least(const hada_tiff_page *page);
 /* What a file claims, against the limits: `values` numbers in memory at once, and the bytes of a piece that is read. */
 hada_status hada_tiff_budget(uint64_t values, uint64_t piece_bytes, uint64_t file_bytes, hada_error *err);
-/* Converts an uncompressed page that was read from the file as it stands; `raw` is put into the machine's byte order
+/* Converts an uncompressed page that was read from the file as it is; `raw` is put into the machine's byte order
  * in place when `swapped`. Not for palettes. */
 void hada_tiff_page_convert(const hada_tiff_page *page, void *raw, int swapped, hada_pixel_type form, void *out);
 

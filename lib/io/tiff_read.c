@@ -280,9 +280,8 @@ static hada_status take_description(hada_tiff_reader *reader, hada_error *err)
 static hada_status open_file(hada_tiff_reader *reader, hada_error *err)
 {
     size_t bytes;
-    hada_status status = hada_input_open(&reader->fd, &bytes, reader->path, NULL, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_input_open(&reader->fd, &bytes, reader->path, NULL, err));
     hada_tiff_handle handle;
     TIFF *tif = NULL;
     char *text = NULL;
@@ -326,26 +325,19 @@ hada_status hada_tiff_open(hada_tiff_reader **out, const char *path, hada_error 
 
 void hada_tiff_close(hada_tiff_reader **reader)
 {
-    hada_tiff_reader *r = reader ? *reader : NULL;
+    hada_tiff_reader *r = hada_taken(reader);
     if (!r)
         return;
     if (r->fd >= 0)
         close(r->fd);
     hada_tiff_chain_free(&r->chain);
     hada_tiff_stack_free(&r->stack);
-    free(r->seen);
-    free(r->path);
-    free(r->description);
-    free(r->distances_mm);
-    free(r);
-    *reader = NULL;
+    HADA_FREE(r->seen, r->path, r->description, r->distances_mm, r);
 }
 
 const hada_tiff_info *hada_tiff_get_info(const hada_tiff_reader *reader)
 {
-    if (!reader)
-        return NULL;
-    return &reader->info;
+    return reader ? &reader->info : NULL;
 }
 
 hada_status hada_tiff_check_all(const hada_tiff_reader *reader, hada_error *err)
@@ -359,10 +351,8 @@ static hada_status read_raw_image(const hada_tiff_reader *reader, size_t number,
                                   hada_error *err)
 {
     void *buffer;
-    hada_status status =
-        hada_allocated(buffer = hada_alloc_raw(1, (size_t)reader->raw_bytes, "an image of the stack", err));
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_allocated(buffer = hada_alloc_raw(1, (size_t)reader->raw_bytes, "an image of the stack", err)));
     if (hada_read_at(reader->fd, buffer, (size_t)reader->raw_bytes, reader->raw_at + number * reader->raw_bytes))
         status = hada_fail(err, HADA_ERROR_FILE_READ, "image %zu cannot be read: the file is cut off; get it again",
                            number + 1);

@@ -37,9 +37,7 @@ struct hada_tiff_writer {
 static hada_status complete_options(hada_tiff_writer *w, const hada_tiff_write_options *given, hada_error *err)
 {
     hada_tiff_write_options *o = &w->options;
-    hada_status status = HADA_OPTIONS_TAKE(o, given, hada_tiff_write_options, err);
-    if (status)
-        return status;
+    HADA_TRY(HADA_OPTIONS_TAKE(o, given, hada_tiff_write_options, err));
     if (!(o->scale > 0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a full scale of %g was asked for; it is above 0", o->scale);
     if (o->encoding != 0.0 && !hada_response_is_known(o->encoding))
@@ -357,19 +355,14 @@ done:
 
 void hada_tiff_abandon(hada_tiff_writer **writer)
 {
-    hada_tiff_writer *w = writer ? *writer : NULL;
+    hada_tiff_writer *w = hada_taken(writer);
     if (!w)
         return;
     if (w->tif)
         TIFFClose(w->tif);
     hada_outfile_abandon(&w->file);
     hada_tiff_text_free(&w->text);
-    free(w->distances);
-    free(w->description);
-    free(w->strip);
-    free(w->encoded);
-    free(w);
-    *writer = NULL;
+    HADA_FREE(w->distances, w->description, w->strip, w->encoded, w);
 }
 
 hada_status hada_tiff_save(const char *path, const hada_image *image, const hada_tiff_write_options *options,

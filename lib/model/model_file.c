@@ -125,11 +125,6 @@ done:
     return status;
 }
 
-static hada_status write_enhance(const hada_model *model, hada_tensors_writer *writer, hada_error *err)
-{
-    return model->enhance ? hada_net_write(model->enhance, writer, err) : HADA_OK;
-}
-
 /* Everything of a model into a file that has been opened. */
 static hada_status write_model(const hada_model *model, hada_tensors_writer *writer, hada_error *err)
 {
@@ -141,15 +136,14 @@ static hada_status write_model(const hada_model *model, hada_tensors_writer *wri
     HADA_TRY(declare_enhance(model, writer, err));
     for (int i = 0; i < count; i++)
         HADA_TRY(hada_tensors_write(writer, parts[i].data, parts[i].bytes, err));
-    return write_enhance(model, writer, err);
+    return model->enhance ? hada_net_write(model->enhance, writer, err) : HADA_OK;
 }
 
 hada_status hada_model_save(const hada_model *model, const char *path, hada_error *err)
 {
     hada_status status = HADA_OK;
     hada_tensors_writer *writer = NULL;
-    if (!model || !path)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_save: model and path are needed");
+    HADA_NEED(model && path, err);
     HADA_TRY_OR_DONE(hada_tensors_create(&writer, path, err));
     HADA_TRY_OR_DONE(write_model(model, writer, err));
     HADA_TRY_OR_DONE(hada_tensors_finish(&writer, err));
@@ -208,23 +202,24 @@ static hada_status get_metadata(const hada_tensors *file, const char *path, hada
     const struct {
         const char *key;
         double *out;
-    } numbers[] = {{"alpha", &info->alpha}, {"lambda", &info->lambda},         {"dark", &info->dark},
-                   {"noise", &info->noise}, {"refine_rho", &info->refine_rho}, {"refine_steps", &steps}};
-    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
-        HADA_TRY(get_number(file, path, numbers[i].key, numbers[i].out, err));
-    if (hada_tensors_meta(file, "refine_tv")) /* models of before have none */
-        HADA_TRY(get_number(file, path, "refine_tv", &info->refine_tv, err));
-    if (hada_tensors_meta(file, "refine_share"))
-        HADA_TRY(get_number(file, path, "refine_share", &info->refine_share, err));
-    if (hada_tensors_meta(file, "refine_shrink"))
-        HADA_TRY(get_number(file, path, "refine_shrink", &info->refine_shrink, err));
-    const char *response = hada_tensors_meta(file, RESPONSE); /* the same */
+    } numbers[] = {{"alpha", &info->alpha},
+                   {"lambda", &info->lambda},
+                   {"dark", &info->dark},
+                   {"noise", &info->noise},
+                   {"refine_rho", &info->refine_rho},
+                   {"refine_steps", &steps},
+                   {"refine_tv", &info->refine_tv}, /* older models lack what follows */
+                   {"refine_share", &info->refine_share},
+                   {"refine_shrink", &info->refine_shrink},
+                   {"refine_colour", &info->refine_colour}};
+    for (size_t i = 0; i < HADA_COUNT(numbers); i++)
+        if (i < 6 || hada_tensors_meta(file, numbers[i].key))
+            HADA_TRY(get_number(file, path, numbers[i].key, numbers[i].out, err));
+    const char *response = hada_tensors_meta(file, RESPONSE); /* older models lack it */
     info->scene_response = HADA_RESPONSE_LINEAR;
     if (response && (hada_response_from_name(&info->scene_response, response, NULL) ||
                      !hada_response_is_known(info->scene_response)))
         HADA_TRY(missing(path, RESPONSE, err));
-    if (hada_tensors_meta(file, "refine_colour"))
-        HADA_TRY(get_number(file, path, "refine_colour", &info->refine_colour, err));
     if (steps < 0 || steps > MOST_STEPS || steps != floor(steps))
         HADA_TRY(missing(path, "refine_steps", err));
     info->refine_steps = (int)steps;
@@ -261,12 +256,8 @@ static hada_status take_parts(hada_model *model, const hada_tensors *file, const
     const int count = list_parts(model, parts);
     for (int i = 0; i < count; i++) {
         HADA_TRY(check_part(file, path, &parts[i], &data, err));
-        if (!strcmp(parts[i].name, "distances_mm"))
-            memcpy(model->distances, data, parts[i].bytes);
-        else if (!strcmp(parts[i].name, "noise_power"))
-            memcpy(model->noise_power, data, parts[i].bytes);
-        else if (!strcmp(parts[i].name, "pairs"))
-            memcpy(model->pairs, data, parts[i].bytes);
+        if (parts[i].type == HADA_F64)
+            memcpy((void *)(uintptr_t)parts[i].data, data, parts[i].bytes);
         else if (!strcmp(parts[i].name, "scene_power"))
             model->scene_power = (float *)(uintptr_t)data;
         else if (!strcmp(parts[i].name, "otf"))
@@ -321,7 +312,7 @@ static hada_status complete(hada_model *model, const hada_tensors *file, hada_er
 
 static hada_status load(hada_model **out, hada_tensors *file, const char *path, hada_error *err)
 {
-    /* list_parts() asks which arrays exist: any pointer but NULL serves until the file's arrays replace it */
+    /* list_parts() asks which arrays exist: any pointer but NULL will do until the file's arrays replace it */
     static float present;
     hada_status status = HADA_OK;
     hada_model_info info = {0};
@@ -358,8 +349,7 @@ hada_status hada_model_load(hada_model **out, const char *path, hada_error *err)
 {
     hada_status status = HADA_OK;
     hada_tensors *file = NULL;
-    if (!out || !path)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_load: out and path are needed");
+    HADA_NEED(out && path, err);
     *out = NULL;
     HADA_TRY_OR_DONE(hada_tensors_open(&file, path, err));
     HADA_TRY_OR_DONE(load(out, file, path, err));

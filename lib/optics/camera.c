@@ -4,7 +4,7 @@
 #include "optics/mask.h"
 
 /* The two small presets are a 36 x 24 mm sensor, binned, with lenses that resolve about one binned pixel. The focus
- * stands near the middle of the range in 1/z (1/f = 1/d + 1/170 mm), the widest pattern (at the nearest depth) of a
+ * is near the middle of the range in 1/z (1/f = 1/d + 1/170 mm), the widest pattern (at the nearest depth) of a
  * scene that fills the window just fits on the sensor, and the outermost spots move by more than two pixels from depth
  * to depth. */
 static const hada_camera small_camera = {

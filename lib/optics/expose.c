@@ -10,9 +10,7 @@ static hada_status take_sensor(hada_sensor *s, const hada_sensor *callers, hada_
 {
     if (!callers)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a sensor is needed: start from hada_sensor_init()");
-    hada_status status = HADA_OPTIONS_TAKE(s, callers, hada_sensor, err);
-    if (status)
-        return status;
+    HADA_TRY(HADA_OPTIONS_TAKE(s, callers, hada_sensor, err));
     if (!(s->exposure > 0.0) || !isfinite(s->exposure))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "an exposure of %g is not possible; it must be above 0",
                          s->exposure);
@@ -130,7 +128,6 @@ hada_status hada_simulator_expose(hada_simulator *s, const hada_sensor *callers,
     HADA_TRY_OR_DONE(hada_optics_expose(s->slot, values.mem, 0, gain.mem, pixels, count, sensor, seed, err));
     HADA_TRY_OR_DONE(hada_buffer_read(&values, s->slot, 0, frame->data, count * sizeof(float), err));
 done:
-    hada_buffer_destroy(&gain);
-    hada_buffer_destroy(&values);
+    HADA_DESTROY_BUFFERS(&gain, &values);
     return status;
 }

@@ -31,21 +31,17 @@ hada_status hada_lenses_create(hada_lenses *lenses, const hada_camera *camera, d
     }
     const size_t room = whole ? (size_t)lenses->across * (size_t)lenses->across : (size_t)camera->lenses;
     void *memory;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(memory = hada_alloc(room, 2 * sizeof(double), "the lens positions", err)));
+    HADA_TRY(hada_allocated(memory = hada_alloc(room, 2 * sizeof(double), "the lens positions", err)));
     lenses->x = memory;
     lenses->y = lenses->x + room;
     if (whole) {
         place_patches(lenses, camera->aperture_mm);
-        HADA_TRY_OR_DONE(hada_mask_make_watched(&lenses->design, camera, monitor, err));
+        HADA_TRY(hada_mask_make_watched(&lenses->design, camera, monitor, err));
     } else {
         lenses->count = camera->lenses;
-        HADA_TRY_OR_DONE(hada_camera_lenses(camera, lenses->x, lenses->y, err));
+        HADA_TRY(hada_camera_lenses(camera, lenses->x, lenses->y, err));
     }
-done:
-    if (status)
-        hada_lenses_destroy(lenses);
-    return status;
+    return HADA_OK;
 }
 
 void hada_lenses_destroy(hada_lenses *lenses)

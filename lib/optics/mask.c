@@ -17,8 +17,7 @@ static hada_status make_lenses(hada_mask_design *design, hada_error *err)
     HADA_TRY_OR_DONE(hada_camera_lenses(camera, x, y, err));
     return hada_sites_make(&design->sites, x, y, camera->lenses, camera->aperture_mm / 2.0, err); /* takes x and y */
 done:
-    free(x);
-    free(y);
+    HADA_FREE(x, y);
     return status;
 }
 
@@ -109,22 +108,18 @@ hada_status hada_mask_make_watched(hada_mask_design *design, const hada_camera *
 {
     *design = (hada_mask_design){.monitor = monitor};
     const hada_camera *camera = &design->camera;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_camera_take(&design->camera, callers, err));
+    HADA_TRY(hada_camera_take(&design->camera, callers, err));
     if (hada_mask_has_lenses(camera)) {
         design->bend = hada_mask_power(camera);
         design->feature = fmin(camera->lens_diameter_mm, camera->aperture_mm);
-        HADA_TRY_OR_DONE(make_lenses(design, err));
+        HADA_TRY(make_lenses(design, err));
     } else if (camera->mask == HADA_MASK_DIFFUSER)
-        HADA_TRY_OR_DONE(make_diffuser(design, err));
+        HADA_TRY(make_diffuser(design, err));
     else if (camera->mask == HADA_MASK_CONTOUR)
-        HADA_TRY_OR_DONE(make_contour(design, err));
+        HADA_TRY(make_contour(design, err));
     else
-        HADA_TRY_OR_DONE(make_cells(design, err));
-done:
-    if (status)
-        hada_mask_free(design);
-    return status;
+        HADA_TRY(make_cells(design, err));
+    return HADA_OK;
 }
 
 void hada_mask_free(hada_mask_design *design)

@@ -1,4 +1,6 @@
-/* What a mask does to light at a point. Internal. */
+/* What a mask does to light at a point. Internal.
+ *
+ * What a function here makes the caller frees, also where making it failed. */
 #ifndef HADA_OPTICS_MASK_H
 #define HADA_OPTICS_MASK_H
 
@@ -37,16 +39,16 @@ static inline double hada_mask_power(const hada_camera *camera)
     return camera->mask == HADA_MASK_APERTURE ? 0.0 : 1.0 / camera->focal_length_mm;
 }
 
-/* How far from the axis the outermost of a square lattice's nodes nearest to it stands, in periods. */
+/* How far from the axis the outermost of a square lattice's nodes nearest to it is, in periods. */
 double hada_lattice_radius(int nodes);
 
-/* A smooth random surface on a lattice, between whose nodes cubic B-splines stand: twice differentiable, of mean 0 and
+/* A smooth random surface on a lattice, between whose nodes are cubic B-splines: twice differentiable, of mean 0 and
  * variance 1 at the nodes, with an autocorrelation of nearly exp(-r^2 / l^2). Made with IEEE operations only, so a seed
  * gives the same bits everywhere. */
 typedef struct hada_surface {
     double *node; /* count x count */
     int count;
-    double origin, step; /* node i stands at origin + i step, on both axes */
+    double origin, step; /* node i is at origin + i step, on both axes */
 } hada_surface;
 
 hada_status hada_surface_make(hada_surface *surface, uint64_t seed, double correlation, double half_width,
@@ -137,7 +139,7 @@ typedef struct hada_rays {
     int half;                          /* rays on either side of the axis */
     double *sum, *line;                /* the screen: the image with a margin, from which light is blurred into it */
     int rows, cols, margin;
-    int top, bottom, left, right; /* where light stands on the screen */
+    int top, bottom, left, right; /* where light is on the screen */
     double kernel[HADA_RAYS_REACH];
     int reach;
 } hada_rays;

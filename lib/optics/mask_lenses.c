@@ -1,4 +1,4 @@
-/* Where the lenses or holes of a mask stand. */
+/* Where the lenses or holes of a mask are. */
 #include <hadalens/camera.h>
 
 #include "core/random.h"

@@ -15,7 +15,7 @@ static int bucket_at(const hada_sites *sites, int i)
     return bucket_of(sites, sites->y[i]) * sites->buckets + bucket_of(sites, sites->x[i]);
 }
 
-/* Sites by buckets: counting sort, from the last to the first, so that a bucket's stand in their order. */
+/* Sites by buckets: counting sort, from the last to the first, so that a bucket's keep their order. */
 static hada_status sort(hada_sites *sites, hada_error *err)
 {
     const size_t all = (size_t)sites->buckets * (size_t)sites->buckets;
@@ -32,10 +32,7 @@ static hada_status sort(hada_sites *sites, hada_error *err)
 
 void hada_sites_free(hada_sites *sites)
 {
-    free(sites->x);
-    free(sites->y);
-    free(sites->first);
-    free(sites->order);
+    HADA_FREE(sites->x, sites->y, sites->first, sites->order);
     *sites = (hada_sites){0};
 }
 
@@ -115,8 +112,7 @@ static hada_status replace_by_candidates(hada_sites *sites, hada_error *err)
     kept = sites->first, sites->first = first, first = kept;
     kept = sites->order, sites->order = order, order = kept;
 done: /* the old lists, or new ones that failed */
-    free(first);
-    free(order);
+    HADA_FREE(first, order);
     return status;
 }
 
@@ -127,13 +123,8 @@ hada_status hada_sites_make(hada_sites *sites, double *x, double *y, int count, 
     sites->buckets = (int)ceil(sqrt((double)count));
     sites->buckets = sites->buckets < BUCKETS_MOST ? sites->buckets : BUCKETS_MOST;
     sites->size = 2.0 * sites->half / sites->buckets;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(sort(sites, err));
-    HADA_TRY_OR_DONE(replace_by_candidates(sites, err));
-done:
-    if (status)
-        hada_sites_free(sites);
-    return status;
+    HADA_TRY(sort(sites, err));
+    return replace_by_candidates(sites, err);
 }
 
 int hada_sites_nearest(const hada_sites *sites, double x, double y, double *square)

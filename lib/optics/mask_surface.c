@@ -155,8 +155,6 @@ hada_status hada_contour_points(const hada_surface *surface, double half_width, 
     *out = points;
     points = (hada_contour){0};
 done:
-    free(memory);
-    free(points.x);
-    free(points.y);
+    HADA_FREE(memory, points.x, points.y);
     return status;
 }

@@ -3,8 +3,8 @@
  *
  * A point q of the mask that belongs to the lens on p lands at p m + (q - p)(m - d/f), m = 1 + d/z. q is nearer to p
  * than to any other centre, and as long as |m - d/f| <= m, where it lands is nearer to p m than to any other spot. So
- * the PSF is parted exactly by the nearest spot, but for the tails of the blur over the borders of touching lenses; and
- * this holds for PSFs from elsewhere (measured, wave optics, in colour) as well as for those of the geometry. */
+ * the PSF is divided exactly by the nearest spot, but for the tails of the blur over the borders of touching lenses;
+ * and this holds for PSFs from elsewhere (measured, wave optics, in colour) as well as for those of the geometry. */
 #ifndef HADA_OPTICS_OCCLUSION_H
 #define HADA_OPTICS_OCCLUSION_H
 

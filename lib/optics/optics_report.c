@@ -17,29 +17,21 @@ typedef struct hada_mtf {
 static hada_status mtf_create(hada_mtf *mtf, hada_context *context, int rows, int cols, hada_error *err)
 {
     *mtf = (hada_mtf){.rows = rows, .cols = cols};
-    hada_fft_desc desc = {.direction = HADA_FFT_FORWARD,
-                          .rows = hada_fft_good_size(2 * rows),
-                          .cols = hada_fft_good_size(2 * cols),
-                          .batch = 1,
-                          .real_rows = rows,
-                          .real_cols = cols,
-                          .real_pitch = (size_t)cols,
-                          .real_distance = (size_t)rows * (size_t)cols};
+    const int grid_rows = hada_fft_good_size(2 * rows), grid_cols = hada_fft_good_size(2 * cols);
+    const hada_fft_desc desc =
+        hada_fft_of(HADA_FFT_FORWARD, grid_rows, grid_cols, 1, (hada_rectangle){0, 0, rows, cols});
+    const hada_fft_desc back =
+        hada_fft_of(HADA_FFT_INVERSE, grid_rows, grid_cols, 1, (hada_rectangle){0, 0, grid_rows, grid_cols});
     void *values = NULL;
     HADA_TRY(hada_slot_create(&mtf->slot, context, err));
     HADA_TRY(hada_fft_create(&mtf->forward, mtf->slot, &desc, err));
-    desc.direction = HADA_FFT_INVERSE;
-    desc.real_rows = desc.rows;
-    desc.real_cols = desc.cols;
-    desc.real_pitch = (size_t)desc.cols;
-    desc.real_distance = (size_t)desc.rows * (size_t)desc.cols;
-    HADA_TRY(hada_fft_create(&mtf->inverse, mtf->slot, &desc, err));
+    HADA_TRY(hada_fft_create(&mtf->inverse, mtf->slot, &back, err));
     mtf->layout = *hada_fft_plan_layout(mtf->forward);
     const size_t spectrum = 2 * mtf->layout.count;
-    const size_t floats = spectrum > desc.real_distance ? spectrum : desc.real_distance;
+    const size_t floats = spectrum > back.real_distance ? spectrum : back.real_distance;
     HADA_TRY(hada_allocated(values = hada_alloc(floats, sizeof(float), "a spectrum", err)));
     mtf->values = values;
-    HADA_TRY(hada_buffer_create(&mtf->real, context, desc.real_distance * sizeof(float), "an image", err));
+    HADA_TRY(hada_buffer_create(&mtf->real, context, back.real_distance * sizeof(float), "an image", err));
     return hada_buffer_create(&mtf->spectrum, context, spectrum * sizeof(float), "a spectrum", err);
 }
 
@@ -49,8 +41,7 @@ static void mtf_destroy(hada_mtf *mtf)
         hada_slot_finish(mtf->slot, NULL);
     hada_fft_destroy(&mtf->forward);
     hada_fft_destroy(&mtf->inverse);
-    hada_buffer_destroy(&mtf->real);
-    hada_buffer_destroy(&mtf->spectrum);
+    HADA_DESTROY_BUFFERS(&mtf->real, &mtf->spectrum);
     hada_slot_destroy(&mtf->slot);
     free(mtf->values);
     *mtf = (hada_mtf){0};
@@ -177,34 +168,24 @@ done:
 
 void hada_optics_report_destroy(hada_optics_report **pointer)
 {
-    hada_optics_report *report = pointer ? *pointer : NULL;
+    hada_optics_report *report = hada_taken(pointer);
     if (!report)
         return;
-    *pointer = NULL;
     for (int z = 0; report->mean && z < report->curves.depths; z++)
         hada_image_destroy(&report->mean[z]);
-    free(report->mean);
-    free(report->norm);
+    HADA_FREE(report->mean, report->norm);
     mtf_destroy(&report->measure);
-    free(report->row);
-    free(report->mtf);
-    free(report->self);
-    free(report->correlation);
-    free(report);
+    HADA_FREE(report->row, report->mtf, report->self, report->correlation, report);
 }
 
 const hada_optics_curves *hada_optics_report_curves(const hada_optics_report *report)
 {
-    if (!report)
-        return NULL;
-    return &report->curves;
+    return report ? &report->curves : NULL;
 }
 
 const hada_optics_row *hada_optics_report_row(const hada_optics_report *report, int depth)
 {
-    if (!report)
-        return NULL;
-    return &report->row[depth];
+    return report ? &report->row[depth] : NULL;
 }
 
 static hada_status mean_of_channels(hada_image *mean, const hada_image *psf, hada_error *err)

@@ -33,12 +33,11 @@ hada_status hada_patch_light_make(hada_patch_light *light, const hada_lenses *pa
                                   int cols, double axis_row, double axis_col, hada_error *err)
 {
     *light = (hada_patch_light){.patches = patches, .rows = rows, .cols = cols};
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_rays_make(&light->rays, &patches->design, distance_mm, rows, cols, axis_row, axis_col, err));
-    HADA_TRY_OR_DONE(HADA_NEW(light->all, (size_t)rows * (size_t)cols, "the light of patches", err));
+    HADA_TRY(hada_rays_make(&light->rays, &patches->design, distance_mm, rows, cols, axis_row, axis_col, err));
+    HADA_TRY(HADA_NEW(light->all, (size_t)rows * (size_t)cols, "the light of patches", err));
     for (int p = 0; p < patches->count; p++) {
         int first[2], end[2];
-        HADA_TRY_OR_DONE(trace(light, p, err));
+        HADA_TRY(trace(light, p, err));
         box(light, first, end);
         for (int r = first[0]; r < end[0]; r++)
             for (int c = first[1]; c < end[1]; c++) {
@@ -47,10 +46,7 @@ hada_status hada_patch_light_make(hada_patch_light *light, const hada_lenses *pa
                 light->least = fmax(light->least, LEAST * *sum);
             }
     }
-done:
-    if (status)
-        hada_patch_light_free(light);
-    return status;
+    return HADA_OK;
 }
 
 void hada_patch_light_free(hada_patch_light *light)

@@ -75,20 +75,14 @@ hada_status hada_rays_make(hada_rays *rays, const hada_mask_design *design, doub
     rays->step = radius / rays->half;
     rays->top = rays->rows;
     rays->left = rays->cols;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(HADA_NEW(rays->sum, (size_t)rays->rows * (size_t)rays->cols, "a point spread function", err));
-    HADA_TRY_OR_DONE(HADA_NEW(rays->line, (size_t)(rays->rows > rays->cols ? rays->rows : rays->cols),
-                              "a point spread function", err));
-done:
-    if (status)
-        hada_rays_free(rays);
-    return status;
+    HADA_TRY(HADA_NEW(rays->sum, (size_t)rays->rows * (size_t)rays->cols, "a point spread function", err));
+    return HADA_NEW(rays->line, (size_t)(rays->rows > rays->cols ? rays->rows : rays->cols), "a point spread function",
+                    err);
 }
 
 void hada_rays_free(hada_rays *rays)
 {
-    free(rays->sum);
-    free(rays->line);
+    HADA_FREE(rays->sum, rays->line);
     *rays = (hada_rays){0};
 }
 

@@ -122,7 +122,7 @@ hada_status hada_scene_procedural(hada_image *out, uint64_t seed, int channels, 
     for (int r = 0; r < rows; r++)
         for (int k = 0; k < cols; k++) {
             double light = 1.0;
-            const shape *front = NULL; /* the last one drawn stands in front */
+            const shape *front = NULL; /* the last one drawn is in front */
             for (int i = count - 1; i >= 0 && !front; i--)
                 if (shape_at(&shapes[i], r, k, &light))
                     front = &shapes[i];

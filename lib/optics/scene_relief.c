@@ -1,4 +1,4 @@
-/* Surfaces that scenes stand on: depth as a share of the camera's range. */
+/* Surfaces that scenes lie on: depth as a share of the camera's range. */
 #include <hadalens/scene.h>
 
 #include "core/base.h"
@@ -93,9 +93,7 @@ static hada_status draw_hill(hada_image *out, hada_random *random, hada_error *e
     for (size_t i = 0; i < count; i++)
         out->data[i] = (float)(0.1 + 0.8 * (most > least ? (one[i] - least) / (most - least) : 0.5));
 done:
-    free(one);
-    free(two);
-    free(weight);
+    HADA_FREE(one, two, weight);
     return status;
 }
 

@@ -13,7 +13,7 @@ static size_t max_size(size_t a, size_t b)
     return a > b ? a : b;
 }
 
-/* Where the first row (or column) of the field stands on the sensor; negative: before it. */
+/* Where the first row (or column) of the field lies on the sensor; negative: before it. */
 static int field_origin(int sensor, int window, int field)
 {
     return hada_window_origin(sensor, window) - hada_window_origin(field, window);
@@ -23,37 +23,15 @@ static hada_status make_plans(hada_simulator *s, hada_error *err)
 {
     const hada_camera *c = &s->camera;
     const int images = c->channels > s->psf_images ? c->channels : s->psf_images;
-    const hada_fft_desc psf = {.direction = HADA_FFT_FORWARD,
-                               .rows = s->rows,
-                               .cols = s->cols,
-                               .batch = 1,
-                               .real_rows = s->rows,
-                               .real_cols = s->cols,
-                               .real_pitch = (size_t)s->cols,
-                               .real_distance = (size_t)s->rows * (size_t)s->cols};
-    /* the sensor's first pixel is the transform's first pixel, or as far behind it as the field stands over */
+    const hada_fft_desc psf =
+        hada_fft_of(HADA_FFT_FORWARD, s->rows, s->cols, 1, (hada_rectangle){0, 0, s->rows, s->cols});
+    /* the sensor's first pixel is the transform's first pixel, or as far behind it as the field goes beyond */
     const int row0 = field_origin(c->rows, c->window_rows, s->field.rows),
               col0 = field_origin(c->cols, c->window_cols, s->field.cols);
-    const hada_fft_desc scene = {.direction = HADA_FFT_FORWARD,
-                                 .rows = s->rows,
-                                 .cols = s->cols,
-                                 .batch = c->channels,
-                                 .row0 = row0 > 0 ? row0 : 0,
-                                 .col0 = col0 > 0 ? col0 : 0,
-                                 .real_rows = s->field.rows,
-                                 .real_cols = s->field.cols,
-                                 .real_pitch = (size_t)s->field.cols,
-                                 .real_distance = (size_t)s->field.rows * (size_t)s->field.cols};
-    const hada_fft_desc frame = {.direction = HADA_FFT_INVERSE,
-                                 .rows = s->rows,
-                                 .cols = s->cols,
-                                 .batch = c->channels,
-                                 .row0 = row0 < 0 ? -row0 : 0,
-                                 .col0 = col0 < 0 ? -col0 : 0,
-                                 .real_rows = c->rows,
-                                 .real_cols = c->cols,
-                                 .real_pitch = (size_t)c->cols,
-                                 .real_distance = (size_t)c->rows * (size_t)c->cols};
+    const hada_rectangle field = {row0 > 0 ? row0 : 0, col0 > 0 ? col0 : 0, s->field.rows, s->field.cols};
+    const hada_rectangle sensor = {row0 < 0 ? -row0 : 0, col0 < 0 ? -col0 : 0, c->rows, c->cols};
+    const hada_fft_desc scene = hada_fft_of(HADA_FFT_FORWARD, s->rows, s->cols, c->channels, field);
+    const hada_fft_desc frame = hada_fft_of(HADA_FFT_INVERSE, s->rows, s->cols, c->channels, sensor);
     HADA_TRY(hada_fft_create(&s->forward_psf, s->slot, &psf, err));
     HADA_TRY(hada_fft_create(&s->forward_scene, s->slot, &scene, err));
     HADA_TRY(hada_fft_create(&s->inverse, s->slot, &frame, err));
@@ -167,20 +145,16 @@ done:
 
 void hada_simulator_destroy(hada_simulator **simulator)
 {
-    hada_simulator *s = simulator ? *simulator : NULL;
+    hada_simulator *s = hada_taken(simulator);
     if (!s)
         return;
-    *simulator = NULL;
     if (s->slot)
         hada_slot_finish(s->slot, NULL);
     hada_wave_destroy(&s->wave);
     hada_fft_destroy(&s->forward_psf);
     hada_fft_destroy(&s->forward_scene);
     hada_fft_destroy(&s->inverse);
-    hada_buffer_destroy(&s->real);
-    hada_buffer_destroy(&s->scene);
-    hada_buffer_destroy(&s->spectrum);
-    hada_buffer_destroy(&s->sum);
+    HADA_DESTROY_BUFFERS(&s->real, &s->scene, &s->spectrum, &s->sum);
     for (int i = 0; i < s->camera.depths; i++) {
         if (s->otf)
             hada_buffer_destroy(&s->otf[i]);
@@ -189,17 +163,12 @@ void hada_simulator_destroy(hada_simulator **simulator)
     }
     for (int i = 0; i < s->between.count; i++)
         hada_buffer_destroy(&s->between.otf[i]);
-    free(s->between.otf);
-    free(s->between.distance_mm);
-    free(s->otf);
-    free(s->psf);
+    HADA_FREE(s->between.otf, s->between.distance_mm, s->otf, s->psf);
     hada_slot_destroy(&s->slot);
     free(s);
 }
 
 const hada_camera *hada_simulator_camera(const hada_simulator *simulator)
 {
-    if (!simulator)
-        return NULL;
-    return &simulator->camera;
+    return simulator ? &simulator->camera : NULL;
 }

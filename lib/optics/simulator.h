@@ -13,7 +13,7 @@ typedef struct hada_extent {
     int rows, cols;
 } hada_extent;
 
-/* Where a plane stands: at a depth of the camera, or (depth -1) at any distance, with a PSF by the camera's optics. */
+/* Where a plane is: at a depth of the camera, or (depth -1) at any distance, with a PSF by the camera's optics. */
 typedef struct hada_place {
     int depth;
     double distance_mm;
@@ -85,7 +85,7 @@ hada_status hada_simulator_otf(hada_simulator *simulator, hada_place place, hada
 hada_status hada_simulator_add_image(hada_simulator *simulator, const hada_image *image, const hada_buffer *otf,
                                      int add, hada_error *err);
 
-/* The frame's spectrum of layers that hide each other: opaque ones hide those that stand behind by more than `gap`
+/* The frame's spectrum of layers that hide each other: opaque ones hide those that lie behind by more than `gap`
  * (1/mm). `reach`, where given, has a row of `count` for each layer: which of the others can hide some of its light at
  * all. `lens` as for hada_simulator_render_occluded. */
 hada_status hada_simulator_add_layers(hada_simulator *simulator, const hada_layer *layers, int count, int lens,

@@ -18,7 +18,7 @@ typedef struct occluded {
     hada_buffer seen;    /* a plane as one lens sees it, channels x field */
     hada_buffer weights; /* of one lens */
     hada_buffer otf;     /* of one lens */
-    int any;             /* light stands in the frame's spectrum */
+    int any;             /* light is in the frame's spectrum */
 } occluded;
 
 static hada_status check_opacity(const hada_image *opacity, const hada_image *image, hada_error *err)
@@ -191,13 +191,9 @@ hada_status hada_simulator_add_layers(hada_simulator *s, const hada_layer *layer
 done:
     if (status)
         hada_slot_finish(s->slot, NULL);
-    hada_buffer_destroy(&o.opaque);
-    hada_buffer_destroy(&o.seen);
-    hada_buffer_destroy(&o.weights);
-    hada_buffer_destroy(&o.otf);
+    HADA_DESTROY_BUFFERS(&o.opaque, &o.seen, &o.weights, &o.otf);
     hada_lenses_destroy(&o.lenses);
-    free(o.labels);
-    free(o.share);
+    HADA_FREE(o.labels, o.share);
     return status;
 }
 

@@ -1,4 +1,4 @@
-/* PSFs of a simulator: where they stand, and their transfer functions. */
+/* PSFs of a simulator: where they lie, and their transfer functions. */
 #include <hadalens/scene.h>
 
 #include "optics/simulator.h"
@@ -36,7 +36,7 @@ hada_status hada_simulator_place_psf(const hada_simulator *s, hada_place place, 
                                      hada_error *err)
 {
     const hada_extent shift = s->shift;
-    if (s->psf) { /* stands about the axis: what is beyond it is dark */
+    if (s->psf) { /* lies about the axis: what is beyond it is dark */
         const hada_image *given = &s->psf[place.depth];
         return hada_image_crop(psf, given, given->rows / 2 - rows / 2 + shift.rows,
                                given->cols / 2 - cols / 2 + shift.cols, rows, cols, err);
@@ -114,17 +114,15 @@ static hada_status make_room(hada_between *between, hada_error *err)
         more.distance_mm[i] = between->distance_mm[i];
         more.otf[i] = between->otf[i];
     }
-    free(between->distance_mm);
-    free(between->otf);
+    HADA_FREE(between->distance_mm, between->otf);
     *between = more;
     return HADA_OK;
 done:
-    free(more.distance_mm);
-    free(more.otf);
+    HADA_FREE(more.distance_mm, more.otf);
     return status;
 }
 
-/* Where the transfer functions of a place stand, or shall stand. */
+/* Where the transfer functions of a place are, or shall be. */
 static hada_status find_otf(hada_simulator *s, hada_place place, hada_buffer *scratch, hada_buffer **otf,
                             hada_error *err)
 {

@@ -1,4 +1,4 @@
-/* Scenes that stand on surfaces: every pixel at its own distance. */
+/* Scenes on surfaces: every pixel at its own distance. */
 
 #include "optics/mask.h"
 #include "optics/simulator.h"
@@ -44,7 +44,7 @@ static hada_status check_surface(const standing *all, const hada_relief *surface
     for (size_t i = 0; i < hada_image_count(map); i++)
         if (!isnan(map->data[i]) && !(map->data[i] > 0.0f && isfinite(map->data[i])))
             return hada_fail(err, HADA_ERROR_ARGUMENT,
-                             "a distance of %g mm is not possible; use values above 0, or NaN where nothing stands",
+                             "a distance of %g mm is not possible; use values above 0, or NaN where nothing is",
                              (double)map->data[i]);
     return HADA_OK;
 }
@@ -144,15 +144,6 @@ typedef struct stage {
     int count;
 } stage;
 
-static void stage_free(stage *on)
-{
-    for (int i = 0; on->images && i < on->count; i++)
-        hada_image_destroy(&on->images[i]);
-    free(on->images);
-    free(on->layers);
-    free(on->reach);
-}
-
 static hada_status stage_light(const standing *all, stage *on, hada_error *err)
 {
     for (int k = all->first; k <= all->last; k++) {
@@ -176,7 +167,7 @@ static hada_status stage_opacity(const standing *all, int from, stage *on, hada_
     HADA_TRY(hada_image_create(opacity, 1, first->rows, first->cols, err));
     for (int s = 0; s < all->count; s++)
         for (size_t i = 0; i < all->pixels; i++) {
-            const double at = steps_at(all, &all->surfaces[s], i); /* NaN where nothing stands */
+            const double at = steps_at(all, &all->surfaces[s], i); /* NaN where nothing is */
             if (!(at >= from && at < from + OPAQUE_STEPS))
                 continue;
             opacity->data[i] = 1.0f;
@@ -207,7 +198,7 @@ static int clamp(int value, int most)
     return value < 0 ? 0 : value > most ? most : value;
 }
 
-/* Whether light stands within a square of `radius` pixels about an opaque pixel. */
+/* Whether there is light within a square of `radius` pixels about an opaque pixel. */
 static int is_near(const hada_image *light, const int *sums, int radius)
 {
     const int rows = light->rows, cols = light->cols, wide = cols + 1;
@@ -266,7 +257,9 @@ static hada_status add_opaque(const standing *all, hada_error *err)
     HADA_TRY_OR_DONE(
         hada_simulator_add_layers(all->simulator, on.layers, on.count, -1, OPAQUE_STEPS * all->step, on.reach, err));
 done:
-    stage_free(&on);
+    for (int i = 0; on.images && i < on.count; i++)
+        hada_image_destroy(&on.images[i]);
+    HADA_FREE(on.images, on.layers, on.reach);
     return status;
 }
 

@@ -25,8 +25,7 @@ static hada_status upload_lenses(hada_wave *wave, hada_error *err)
     HADA_TRY_OR_DONE(hada_buffer_create_from(&wave->planes, wave->slot, planes, (size_t)(count + 1) * sizeof *planes,
                                              "the lenses", err));
 done:
-    free(lenses);
-    free(planes);
+    HADA_FREE(lenses, planes);
     return status;
 }
 
@@ -61,15 +60,13 @@ done:
 
 void hada_wave_destroy(hada_wave **wave)
 {
-    hada_wave *w = wave ? *wave : NULL;
+    hada_wave *w = hada_taken(wave);
     if (!w)
         return;
-    *wave = NULL;
     if (w->slot)
         hada_slot_finish(w->slot, NULL);
     hada_wave_rest(w);
-    hada_buffer_destroy(&w->lenses);
-    hada_buffer_destroy(&w->planes);
+    HADA_DESTROY_BUFFERS(&w->lenses, &w->planes);
     hada_slot_destroy(&w->slot);
     hada_mask_free(&w->design);
     free(w);

@@ -9,7 +9,7 @@
 #define PI                3.14159265358979323846
 #define OVERSAMPLING      1.5 /* of the field of a lens on the sensor, beyond lambda d / diameter, at least */
 #define OVERSAMPLING_MOST 4.0
-#define SAMPLES_GOOD      8                  /* on a pixel: with so many, the least oversampling serves */
+#define SAMPLES_GOOD      8                  /* on a pixel: with so many, the least oversampling is enough */
 #define SAMPLES_LEAST     3                  /* on a pixel */
 #define SPOT_MOST         4096               /* samples of the square round a spot, a side */
 #define SPOT_BYTES        ((size_t)48 << 20) /* of spectra at a time */
@@ -134,18 +134,6 @@ typedef struct work {
     int batch;
 } work;
 
-static void work_free(work *w)
-{
-    hada_fft_destroy(&w->fft);
-    hada_buffer_destroy(&w->field);
-    hada_buffer_destroy(&w->phase);
-    hada_buffer_destroy(&w->spectra);
-    hada_buffer_destroy(&w->part);
-    hada_buffer_destroy(&w->image);
-    free(w->phases);
-    free(w->images);
-}
-
 static hada_status work_make(work *w, const hada_wave *wave, const hada_wave_spot *spot, hada_error *err)
 {
     hada_context *context = wave->slot->context;
@@ -157,15 +145,11 @@ static hada_status work_make(work *w, const hada_wave *wave, const hada_wave_spo
     w->batch = spectra * 2 > SPOT_BYTES ? 1 : (int)(SPOT_BYTES / spectra);
     w->batch = w->batch < wave->design.sites.count ? w->batch : wave->design.sites.count;
     const size_t batch = (size_t)w->batch;
-    const hada_fft_desc desc = {.direction = HADA_FFT_FORWARD,
-                                .backend = HADA_FFT_OWN,
-                                .rows = spot->n,
-                                .cols = spot->n,
-                                .batch = 2 * w->batch,
-                                .real_rows = spot->points,
-                                .real_cols = spot->points,
-                                .real_pitch = (size_t)spot->pitch,
-                                .real_distance = values};
+    hada_fft_desc desc = hada_fft_of(HADA_FFT_FORWARD, spot->n, spot->n, 2 * w->batch,
+                                     (hada_rectangle){0, 0, spot->points, spot->points});
+    desc.backend = HADA_FFT_OWN;
+    desc.real_pitch = (size_t)spot->pitch;
+    desc.real_distance = values;
     HADA_TRY(HADA_NEW(w->phases, batch * 4 * (size_t)spot->pitch, "phases of lenses", err));
     HADA_TRY(HADA_NEW(w->images, batch * pixels, "spots of lenses", err));
     HADA_TRY(hada_fft_create(&w->fft, wave->slot, &desc, err));
@@ -177,8 +161,8 @@ static hada_status work_make(work *w, const hada_wave *wave, const hada_wave_spo
     return hada_buffer_create(&w->image, context, batch * pixels * sizeof(float), "spots of lenses", err);
 }
 
-/* Where a spot stands along an axis: the pixel it is in, and how many samples its middle lies from the transform's. A
- * pixel's samples stand at (k + 1/2 - samples/2) / samples pixels from its middle. */
+/* Where a spot is along an axis: the pixel it is in, and how many samples its middle lies from the transform's. A
+ * pixel's samples are at (k + 1/2 - samples/2) / samples pixels from its middle. */
 static int spot_place(double position_mm, double pitch, int middle, int samples, double *shift)
 {
     const double at = middle + position_mm / pitch;
@@ -247,6 +231,8 @@ hada_status hada_wave_by_lens(hada_wave *wave, double distance_mm, double wavele
     /* Parseval, with the true area: what the softened edges lack in |P|^2 is the light beyond a spot's square */
     *light = (double)spot.n * spot.n * wave->area / (spot.step * spot.step);
 done:
-    work_free(&w);
+    hada_fft_destroy(&w.fft);
+    HADA_DESTROY_BUFFERS(&w.field, &w.phase, &w.spectra, &w.part, &w.image);
+    HADA_FREE(w.phases, w.images);
     return status;
 }

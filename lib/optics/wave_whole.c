@@ -172,8 +172,7 @@ static hada_status upload_mask(const hada_wave *wave, struct hada_wave_work *w, 
     HADA_TRY_OR_DONE(hada_buffer_create_from(&w->path, wave->slot, path, count * sizeof(float), "a mask", err));
     HADA_TRY_OR_DONE(hada_buffer_create_from(&w->open, wave->slot, open, count * sizeof(float), "a mask", err));
 done:
-    free(path);
-    free(open);
+    HADA_FREE(path, open);
     return status;
 }
 
@@ -199,21 +198,11 @@ static hada_status make_work(hada_wave *wave, const grid *g, hada_error *err)
     hada_slot *slot = wave->slot;
     w->grid = *g;
     const int off = (g->n - g->points) / 2;
-    const size_t points = (size_t)g->points * (size_t)g->points;
-    const hada_fft_desc desc = {.direction = HADA_FFT_FORWARD,
-                                .backend = HADA_FFT_OWN,
-                                .rows = g->n,
-                                .cols = g->n,
-                                .batch = 2,
-                                .row0 = off,
-                                .col0 = off,
-                                .real_rows = g->points,
-                                .real_cols = g->points,
-                                .real_pitch = (size_t)g->points,
-                                .real_distance = points};
+    hada_fft_desc desc = hada_fft_of(HADA_FFT_FORWARD, g->n, g->n, 2, (hada_rectangle){off, off, g->points, g->points});
+    desc.backend = HADA_FFT_OWN;
     const hada_spectrum_layout layout = hada_fft_layout(slot->context, g->n, g->n, HADA_FFT_OWN);
     HADA_TRY_OR_DONE(upload_mask(wave, w, err));
-    HADA_TRY_OR_DONE(make_field(wave, w, points, err));
+    HADA_TRY_OR_DONE(make_field(wave, w, desc.real_distance, err));
     HADA_TRY_OR_DONE(hada_buffer_create(&w->spectrum, slot->context, 4 * layout.count * sizeof(float), "a field", err));
     HADA_TRY_OR_DONE(hada_fft_create(&w->forward, slot, &desc, err));
 done:
@@ -255,8 +244,7 @@ static hada_status spread(const hada_wave *wave, const travel *t, double path_sc
     HADA_TRY_OR_DONE(hada_wave_launch_travel(slot, w->spectrum.mem, across.mem, down.mem, g->n, blocks, err));
     HADA_TRY_OR_DONE(hada_slot_finish(slot, err));
 done:
-    hada_buffer_destroy(&across);
-    hada_buffer_destroy(&down);
+    HADA_DESTROY_BUFFERS(&across, &down);
     return status;
 }
 
@@ -279,7 +267,7 @@ static hada_status upload_shares(const hada_wave *wave, hada_buffer *buffer, con
     hada_wave_pixel *table = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(HADA_NEW(table, (size_t)o->count, "pixels", err));
-    /* sample i of the mask, of `points`, stands at (i - (points - 1) / 2) step, and (n - points) / 2 are before it */
+    /* sample i of the mask, of `points`, is at (i - (points - 1) / 2) step, and (n - points) / 2 are before it */
     const double begin = (o->sample - (g->n - g->points) / 2 - 0.5 * g->points) * g->step;
     hada_wave_share(table, o->count, (o->first - 0.5 - pixels / 2) * width, width, o->sample_count, begin, g->step);
     HADA_TRY_OR_DONE(
@@ -293,19 +281,10 @@ done:
 static hada_status make_inverse(const hada_wave *wave, const overlap *down, const overlap *across, hada_error *err)
 {
     struct hada_wave_work *w = wave->work;
-    const size_t samples = (size_t)down->sample_count * (size_t)across->sample_count;
-    const hada_fft_desc desc = {.direction = HADA_FFT_INVERSE,
-                                .backend = HADA_FFT_OWN,
-                                .rows = w->grid.n,
-                                .cols = w->grid.n,
-                                .batch = 2,
-                                .row0 = down->sample,
-                                .col0 = across->sample,
-                                .real_rows = down->sample_count,
-                                .real_cols = across->sample_count,
-                                .real_pitch = (size_t)across->sample_count,
-                                .real_distance = samples};
-    HADA_TRY(make_field(wave, w, samples, err));
+    const hada_rectangle seen = {down->sample, across->sample, down->sample_count, across->sample_count};
+    hada_fft_desc desc = hada_fft_of(HADA_FFT_INVERSE, w->grid.n, w->grid.n, 2, seen);
+    desc.backend = HADA_FFT_OWN;
+    HADA_TRY(make_field(wave, w, desc.real_distance, err));
     if (w->inverse && w->down.sample == down->sample && w->down.sample_count == down->sample_count &&
         w->across.sample == across->sample && w->across.sample_count == across->sample_count)
         return HADA_OK;

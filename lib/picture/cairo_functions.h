@@ -55,7 +55,7 @@
     EACH(translate)
 
 typedef struct hada_cairo {
-/* a declaration: its name cannot stand in parentheses */
+/* a declaration: its name cannot be in parentheses */
 #define HADA_CAIRO_MEMBER(name) __typeof__(cairo_##name) *name; /* NOLINT(bugprone-macro-parentheses) */
     HADA_CAIRO_FUNCTIONS(HADA_CAIRO_MEMBER)
 #undef HADA_CAIRO_MEMBER

@@ -110,8 +110,7 @@ done:
 
 void hada_drawing_destroy(hada_drawing **pointer)
 {
-    hada_drawing *drawing = *pointer;
-    *pointer = NULL;
+    hada_drawing *drawing = hada_taken(pointer);
     if (!drawing)
         return;
     if (drawing->cairo)

@@ -1,7 +1,7 @@
 /* A sheet to draw on, for previews and plots alike: cairo's, with real type. Internal.
  *
  * Lengths are pixels, y runs down; colours are sRGB. Everything is recorded, and saved as PNG or SVG by the name's
- * ending. What goes wrong on the way (memory) is kept and told by hada_drawing_save(). In a build without cairo
+ * ending. What goes wrong on the way (memory) is kept and reported by hada_drawing_save(). In a build without cairo
  * hada_drawing_create() fails with HADA_ERROR_UNSUPPORTED. */
 #ifndef HADA_PICTURE_DRAWING_H
 #define HADA_PICTURE_DRAWING_H
@@ -13,7 +13,7 @@ typedef struct hada_drawing hada_drawing;
 /* 0xRRGGBB */
 typedef uint32_t hada_colour;
 
-/* Where a text, or what else, stands from its x. */
+/* Where a text, or anything else, lies from its x. */
 typedef enum hada_anchor { HADA_ANCHOR_LEFT, HADA_ANCHOR_MIDDLE, HADA_ANCHOR_RIGHT } hada_anchor;
 
 /* The step of a scale: 1, 2 or 5 times a power of ten, which divides `range` in at most `most` parts. */

@@ -388,17 +388,15 @@ hada_status hada_plot_save(const hada_plot *plot, const char *path, hada_error *
 {
     if (!plot)
         return HADA_OK;
-    if (!path)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_plot_save: a path is needed");
+    HADA_NEED(path, err);
     return hada_drawing_save(plot->drawing, path, err);
 }
 
 void hada_plot_destroy(hada_plot **pointer)
 {
-    hada_plot *plot = pointer ? *pointer : NULL;
+    hada_plot *plot = hada_taken(pointer);
     if (!plot)
         return;
-    *pointer = NULL;
     hada_drawing_destroy(&plot->drawing);
     free(plot);
 }

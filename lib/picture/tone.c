@@ -175,7 +175,6 @@ hada_status hada_tone_pixels(uint32_t **pixels, int width, int height, const had
     show(out, count, planes, image->channels, white > 0 ? white : 1, gamma);
     *pixels = out;
 done:
-    free(lines);
-    free(planes);
+    HADA_FREE(lines, planes);
     return status;
 }

@@ -62,9 +62,9 @@ static hada_status search(const hada_register_set *set, const hada_register_opti
     if (-scores[0] < LEAST || -scores[0] < CLEARLY * -scores[1])
         HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_DATASET,
-                      "the pairs do not tell how the scenes stand: the best transform explains %.1f %% of the "
+                      "the pairs do not show where the scenes lie: the best transform explains %.1f %% of the "
                       "frames' structure, another orientation %.1f %%. More pairs help, and scenes with more "
-                      "detail and without symmetry; scenes may also belong to other frames, or stand outside the "
+                      "detail and without symmetry; scenes may also belong to other frames, or lie outside the "
                       "range searched (magnification %.3g to %.3g)",
                       100.0 * out->explained, 100.0 * out->explained_otherwise, options->least_magnification,
                       options->most_magnification));
@@ -117,9 +117,7 @@ hada_status hada_register_apply(hada_image *out, const hada_image *scene, const 
     hada_register_view view = {0};
     hada_status status = HADA_OK;
     hada_registration_init(registration);
-    status = HADA_OPTIONS_TAKE(registration, callers, hada_registration, err);
-    if (status)
-        return status;
+    HADA_TRY(HADA_OPTIONS_TAKE(registration, callers, hada_registration, err));
     if (!out || !scene || !scene->data || !callers || !(registration->magnification > 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_register_apply: an argument is missing or not possible");
     if (!rows && !cols)

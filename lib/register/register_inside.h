@@ -5,7 +5,8 @@
  * was learned from the other pairs explains each pair best (leave-one-out), judged at all spatial frequencies alike:
  * docs/explanation/learning-a-camera.md. A shift of the scenes is absorbed by the PSF and cannot be found from one
  * depth; hada_register_offset() finds it between depths. All is computed on the host, on reduced copies of the images.
- */
+ *
+ * What a function here creates the caller destroys, also where creating it failed. */
 #ifndef HADA_REGISTER_REGISTER_INSIDE_H
 #define HADA_REGISTER_REGISTER_INSIDE_H
 

@@ -92,35 +92,31 @@ static hada_status check_pairs(const hada_image *raws, const hada_image *scenes,
 hada_status hada_register_set_create(hada_register_set *set, const hada_image *raws, const hada_image *scenes,
                                      int count, hada_error *err)
 {
-    hada_status status = HADA_OK;
     *set = (hada_register_set){0};
     if (!raws || !scenes || count < 1)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "registration needs pairs of a frame and a scene");
     if (count < 2)
         return hada_fail(
             err, HADA_ERROR_DATASET,
-            "one pair cannot tell how scenes stand on the sensor: the PSF is unknown, so any transform explains "
+            "one pair does not show where scenes lie on the sensor: the PSF is unknown, so any transform explains "
             "it; give two or more, better five");
     count = count < HADA_REGISTER_PAIRS ? count : HADA_REGISTER_PAIRS;
-    HADA_TRY_OR_DONE(check_pairs(raws, scenes, count, err));
+    HADA_TRY(check_pairs(raws, scenes, count, err));
     const int channel = choose_channel(raws, scenes, count);
     if (channel < 0)
-        HADA_TRY_OR_DONE(
+        HADA_TRY(
             hada_fail(err, HADA_ERROR_DATASET, "the frames or the scenes are flat: nothing in them can be registered"));
     set->frame_side = raws->rows > raws->cols ? raws->rows : raws->cols;
     for (int i = 0; i < count; i++) {
         const hada_image *raw = &raws[i], *scene = &scenes[i];
         set->count = i + 1;
-        HADA_TRY_OR_DONE(take_frame(&set->raws[i], raw->data + (size_t)channel * (size_t)raw->rows * (size_t)raw->cols,
-                                    raw->rows, raw->cols, err));
-        HADA_TRY_OR_DONE(hada_register_plane_create(
-            &set->scenes[i], scene->data + (size_t)channel * (size_t)scene->rows * (size_t)scene->cols, scene->rows,
-            scene->cols, err));
+        HADA_TRY(take_frame(&set->raws[i], raw->data + (size_t)channel * (size_t)raw->rows * (size_t)raw->cols,
+                            raw->rows, raw->cols, err));
+        HADA_TRY(hada_register_plane_create(&set->scenes[i],
+                                            scene->data + (size_t)channel * (size_t)scene->rows * (size_t)scene->cols,
+                                            scene->rows, scene->cols, err));
     }
-done:
-    if (status)
-        hada_register_set_destroy(set);
-    return status;
+    return HADA_OK;
 }
 
 void hada_register_set_destroy(hada_register_set *set)
@@ -142,9 +138,7 @@ static hada_status transform(hada_register_level *level, const hada_register_pla
         memset(level->work, 0, 2 * (size_t)n * (size_t)n * sizeof(float));
         for (int k = i; k < count && k < i + 2; k++) {
             hada_register_view view;
-            hada_status status = hada_register_view_create(&view, &planes[k], step, err);
-            if (status)
-                return status;
+            HADA_TRY(hada_register_view_create(&view, &planes[k], step, err));
             hada_register_sample(&view, inverse, level->pitch, row, col, n, n, level->work + (k - i), 2 * n, 2);
             hada_register_view_destroy(&view);
         }
@@ -196,7 +190,7 @@ static int ring_of(const hada_register_level *level, int row, int col)
     return (int)(sqrt((double)row * row + (double)col * col) * 2 * HADA_REGISTER_RINGS / level->size);
 }
 
-/* The frequencies of one half of the plane, between the lowest, where shading and the fading stand, and the highest,
+/* The frequencies of one half of the plane, between the lowest, where shading and the fading are, and the highest,
  * which the grid hardly holds. */
 static hada_status list_bins(hada_register_level *level, hada_error *err)
 {
@@ -241,25 +235,17 @@ hada_status hada_register_level_create(hada_register_level *level, const hada_re
 {
     const size_t area = (size_t)size * (size_t)size;
     *level = (hada_register_level){.set = set, .size = size, .pitch = (double)set->frame_side / size};
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_small_fft_create(&level->fft, size, err));
-    HADA_TRY_OR_DONE(HADA_NEW_RAW(level->work, 2 * area, "a transform", err));
-    HADA_TRY_OR_DONE(HADA_NEW_RAW(level->x, 2 * area * (size_t)set->count, "spectra", err));
-    HADA_TRY_OR_DONE(list_bins(level, err));
-    HADA_TRY_OR_DONE(take_frames(level, err));
-done:
-    if (status)
-        hada_register_level_destroy(level);
-    return status;
+    HADA_TRY(hada_small_fft_create(&level->fft, size, err));
+    HADA_TRY(HADA_NEW_RAW(level->work, 2 * area, "a transform", err));
+    HADA_TRY(HADA_NEW_RAW(level->x, 2 * area * (size_t)set->count, "spectra", err));
+    HADA_TRY(list_bins(level, err));
+    return take_frames(level, err);
 }
 
 void hada_register_level_destroy(hada_register_level *level)
 {
     hada_small_fft_destroy(&level->fft);
-    free(level->at);
-    free(level->b);
-    free(level->x);
-    free(level->work);
+    HADA_FREE(level->at, level->b, level->x, level->work);
     *level = (hada_register_level){0};
 }
 

@@ -63,9 +63,7 @@ static hada_status correlate(match *m, peak *at, hada_error *err)
     const size_t area = (size_t)n * (size_t)n;
     double per = exp(-at->log_scale), inverse[2][2] = {{per, 0}, {0, per}};
     hada_register_view view;
-    hada_status status = hada_register_view_create(&view, &m->plane, per, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_register_view_create(&view, &m->plane, per, err));
     memset(m->work, 0, 2 * area * sizeof(float));
     hada_register_sample(&view, inverse, 1.0, 0, 0, m->side, m->side, m->work, 2 * n, 2);
     hada_register_view_destroy(&view);
@@ -165,8 +163,7 @@ hada_status hada_register_offset(const hada_image *psf, const hada_image *other,
     *col = best.col * pitch;
     *likeness = best.likeness > 0.0 ? best.likeness : 0.0;
 done:
-    free(m.work);
-    free(m.other);
+    HADA_FREE(m.work, m.other);
     hada_register_plane_destroy(&m.plane);
     hada_small_fft_destroy(&m.fft);
     return status;

@@ -2,7 +2,7 @@
 
 #define PI 3.14159265358979323846
 
-/* Means of 2 x 2; at odd sizes the last row and column stand twice. */
+/* Means of 2 x 2; at odd sizes the last row and column are repeated. */
 static void halve(const float *in, int rows, int cols, float *out)
 {
     for (int r = 0; r < (rows + 1) / 2; r++)
@@ -17,13 +17,12 @@ hada_status hada_register_plane_create(hada_register_plane *plane, const float *
                                        hada_error *err)
 {
     *plane = (hada_register_plane){0};
-    hada_status status = HADA_OK;
     for (int k = 0; k < HADA_REGISTER_HALVINGS && (!k || rows > 4 || cols > 4); k++) {
         if (k) {
             rows = (rows + 1) / 2;
             cols = (cols + 1) / 2;
         }
-        HADA_TRY_OR_DONE(HADA_NEW_RAW(plane->data[k], (size_t)rows * (size_t)cols, "a copy", err));
+        HADA_TRY(HADA_NEW_RAW(plane->data[k], (size_t)rows * (size_t)cols, "a copy", err));
         plane->rows[k] = rows;
         plane->cols[k] = cols;
         plane->levels = k + 1;
@@ -32,10 +31,7 @@ hada_status hada_register_plane_create(hada_register_plane *plane, const float *
         else
             memcpy(plane->data[0], data, (size_t)rows * (size_t)cols * sizeof(float));
     }
-done:
-    if (status)
-        hada_register_plane_destroy(plane);
-    return status;
+    return HADA_OK;
 }
 
 void hada_register_plane_destroy(hada_register_plane *plane)
@@ -80,9 +76,7 @@ hada_status hada_register_view_create(hada_register_view *view, const hada_regis
     for (int i = 0; i <= 2 * RADIUS; i++)
         weight[i] /= sum;
     const size_t count = (size_t)rows * (size_t)cols;
-    hada_status status = HADA_NEW_RAW(view->room, 2 * count, "a smoothed copy", err);
-    if (status)
-        return status;
+    HADA_TRY(HADA_NEW_RAW(view->room, 2 * count, "a smoothed copy", err));
     for (int r = 0; r < rows; r++)
         smooth(view->data + (size_t)r * (size_t)cols, view->room + count + (size_t)r * (size_t)cols, cols, 1, weight,
                RADIUS);

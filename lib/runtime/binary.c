@@ -120,9 +120,7 @@ hada_status hada_program_binary(cl_program program, unsigned char **out, size_t 
     if (!*bytes)
         return hada_fail(err, HADA_ERROR_UNSUPPORTED, "the driver gives no binary of this program");
     void *data;
-    hada_status status = hada_allocated(data = hada_alloc(*bytes, 1, "a program binary", err));
-    if (status)
-        return status;
+    HADA_TRY(hada_allocated(data = hada_alloc(*bytes, 1, "a program binary", err)));
     unsigned char *pointer = data;
     code = clGetProgramInfo(program, CL_PROGRAM_BINARIES, sizeof pointer, &pointer, NULL);
     if (code != CL_SUCCESS) {

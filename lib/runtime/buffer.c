@@ -101,9 +101,8 @@ hada_status hada_buffer_part(hada_buffer *part, const hada_buffer *whole, size_t
     const cl_buffer_region region = {offset, bytes};
     cl_int code;
     *part = (hada_buffer){0};
-    hada_status status = check_range(whole, offset, bytes, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(check_range(whole, offset, bytes, err));
     cl_mem mem = clCreateSubBuffer(whole->mem, CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &region, &code);
     if (code != CL_SUCCESS) {
         status = hada_fail_cl(err, code, "clCreateSubBuffer");
@@ -126,6 +125,12 @@ void hada_buffer_destroy(hada_buffer *buffer)
     buffer->context->bytes -= buffer->part ? 0 : buffer->bytes;
     pthread_mutex_unlock(&buffer->context->lock);
     *buffer = (hada_buffer){0};
+}
+
+void hada_buffers_destroy(hada_buffer *const *buffers, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        hada_buffer_destroy(buffers[i]);
 }
 
 static hada_status enqueue_write(const hada_buffer *buffer, hada_slot *slot, cl_bool blocking, size_t offset,
@@ -187,9 +192,7 @@ hada_status hada_buffer_read_later(const hada_buffer *buffer, hada_slot *slot, s
 hada_status hada_buffer_read_event(const hada_buffer *buffer, hada_slot *slot, size_t offset, void *data, size_t bytes,
                                    cl_event *event, hada_error *err)
 {
-    hada_status status = check_range(buffer, offset, bytes, err);
-    if (status)
-        return status;
+    HADA_TRY(check_range(buffer, offset, bytes, err));
     cl_int code = clEnqueueReadBuffer(slot->queue, buffer->mem, CL_FALSE, offset, bytes, data, 0, NULL, event);
     if (code != CL_SUCCESS)
         return hada_fail_cl(err, code, "clEnqueueReadBuffer");

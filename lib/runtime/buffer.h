@@ -1,6 +1,6 @@
 /* Device memory with books: every buffer of a context is counted, so that a plan's stated bytes can be held. Internal.
  *
- * On CPU devices buffers stand in 2 MiB-aligned host memory with huge pages where the system gives them: large
+ * On CPU devices buffers lie in 2 MiB-aligned host memory with huge pages where the system gives them: large
  * transforms run up to 1.6 times faster. */
 #ifndef HADA_RUNTIME_BUFFER_H
 #define HADA_RUNTIME_BUFFER_H
@@ -42,6 +42,10 @@ hada_status hada_buffer_part(hada_buffer *part, const hada_buffer *whole, size_t
 /* Frees; an empty buffer is fine. Commands that still use it keep its memory until they are done, as they may after a
  * failure in their midst. */
 void hada_buffer_destroy(hada_buffer *buffer);
+/* Frees each of some buffers: HADA_DESTROY_BUFFERS(&frame, &sums). */
+#define HADA_DESTROY_BUFFERS(...)                                                                                      \
+    hada_buffers_destroy((hada_buffer *[]){__VA_ARGS__}, HADA_COUNT(((hada_buffer *[]){__VA_ARGS__})))
+void hada_buffers_destroy(hada_buffer *const *buffers, size_t count);
 
 /* Blocking transfers on the compute queue (in order with the kernels). */
 hada_status hada_buffer_write(hada_buffer *buffer, hada_slot *slot, size_t offset, const void *data, size_t bytes,

@@ -20,9 +20,8 @@ hada_status hada_platform_devices(hada_platform_device **out, size_t *count, had
     if (clGetPlatformIDs(0, NULL, &platforms) != CL_SUCCESS || !platforms)
         return no_device(err);
     cl_platform_id *ids;
-    hada_status status = HADA_NEW(ids, platforms, "the list of platforms", err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(HADA_NEW(ids, platforms, "the list of platforms", err));
     hada_platform_device *devices = NULL;
     size_t n = 0;
     if (clGetPlatformIDs(platforms, ids, NULL) != CL_SUCCESS)
@@ -158,8 +157,7 @@ hada_status hada_device_list_create(hada_device_list **out, hada_error *err)
     hada_platform_device *devices = NULL;
     hada_device_list *list = NULL;
     size_t count;
-    if (!out)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_device_list_create: out is needed");
+    HADA_NEED(out, err);
     *out = NULL;
     HADA_TRY_OR_DONE(hada_platform_devices(&devices, &count, err));
     HADA_TRY_OR_DONE(
@@ -170,23 +168,18 @@ hada_status hada_device_list_create(hada_device_list **out, hada_error *err)
     *out = list;
     list = NULL;
 done:
-    free(devices);
-    free(list);
+    HADA_FREE(devices, list);
     return status;
 }
 
 size_t hada_device_list_count(const hada_device_list *list)
 {
-    if (!list)
-        return 0;
-    return list->count;
+    return list ? list->count : 0;
 }
 
 const hada_device_info *hada_device_list_get(const hada_device_list *list, size_t index)
 {
-    if (!list)
-        return NULL;
-    return index < list->count ? &list->infos[index] : NULL;
+    return list ? (index < list->count ? &list->infos[index] : NULL) : NULL;
 }
 
 void hada_device_list_destroy(hada_device_list **list)
@@ -269,7 +262,7 @@ hada_status hada_device_choose(const hada_device_info *infos, size_t count, cons
 }
 
 /* What is done differently on which device, and why: data, in one place. Rows add up; a row applies when each of its
- * words stands in the device's platform, name or vendor and its kind fits. */
+ * words is in the device's platform, name or vendor and its kind fits. */
 
 typedef struct quirk_row {
     const char *platform, *name; /* NULL: any */
@@ -306,7 +299,7 @@ static const quirk_row rows[] = {
      HADA_DEVICE_ACCELERATOR,
      {.avoid_clfft = 1, .stated_local = 1},
      "clFFT writes source at run time, which an FPGA cannot compile: own transforms; compilers for FPGAs lay local memory "
-     "out: 64 KiB of it serve at most"},
+     "out: at most 64 KiB of it is used"},
 };
 
 static int has(const char *word, const char *a, const char *b)

@@ -1,5 +1,5 @@
 /* Parts of a device, as devices of their own. They are made once and stay: PoCL's threads look at the device of a
- * command after whoever waited for it was told, so that a part that is given back then is read after it is gone. */
+ * command after whoever waited for it was called, so that a part that is given back then is read after it is gone. */
 #include <pthread.h>
 
 #include "runtime/context.h"
@@ -23,9 +23,7 @@ static hada_status describe_parts(cl_device_id device, const hada_device_info *i
 {
     const unsigned each = info->compute_units / parts, rest = info->compute_units % parts;
     const int counts = can(device, CL_DEVICE_PARTITION_BY_COUNTS);
-    hada_status status = HADA_NEW(*out, parts + 3, "the parts of a device", err);
-    if (status)
-        return status;
+    HADA_TRY(HADA_NEW(*out, parts + 3, "the parts of a device", err));
     cl_device_partition_property *list = *out;
     if (!rest && can(device, CL_DEVICE_PARTITION_EQUALLY)) {
         list[0] = CL_DEVICE_PARTITION_EQUALLY;
@@ -86,8 +84,7 @@ static hada_status make_division(cl_device_id whole, const hada_device_info *inf
 done:
     for (cl_uint i = 0; made && i < count && i < parts; i++)
         clReleaseDevice(made->part[i]);
-    free(made);
-    free(list);
+    HADA_FREE(made, list);
     return status;
 }
 

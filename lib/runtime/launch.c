@@ -83,7 +83,7 @@ static int is_set(const hada_kernel_object *object, const hada_kernel_parameter 
            !memcmp(object->args + parameter->offset, (const char *)args + parameter->offset, parameter->size);
 }
 
-/* What the object has is not known while it is being set: after a failure all arguments are set anew. */
+/* What the object has is not known while it is being set: after a failure all arguments are set again. */
 static hada_status set_arguments(hada_slot *slot, hada_kernel_object *object, const hada_kernel *kernel,
                                  const void *args, hada_error *err)
 {
@@ -113,8 +113,7 @@ static hada_status set_arguments(hada_slot *slot, hada_kernel_object *object, co
     object->releases = releases;
 done:
     if (status) {
-        free(known);
-        free(object->args);
+        HADA_FREE(known, object->args);
         object->args = NULL;
     }
     return status;

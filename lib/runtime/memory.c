@@ -122,8 +122,7 @@ hada_status hada_lifetimes_plan(hada_piece *pieces, int count, size_t alignment,
     for (int i = 0; i < count; i++)
         HADA_TRY_OR_DONE(place(list, i, largest, arenas, near, err));
 done:
-    free(list);
-    free(near);
+    HADA_FREE(list, near);
     if (status)
         hada_arenas_free(arenas);
     return status;
@@ -223,8 +222,7 @@ void hada_scratch_free(hada_scratch *scratch)
 {
     for (int i = 0; scratch->buffers && i < scratch->arenas.count; i++)
         hada_buffer_destroy(&scratch->buffers[i]);
-    free(scratch->buffers);
-    free(scratch->pieces);
+    HADA_FREE(scratch->buffers, scratch->pieces);
     hada_arenas_free(&scratch->arenas);
     *scratch = (hada_scratch){0};
 }

@@ -32,9 +32,8 @@ static hada_status take_part(hada_context *context, int part, int parts, hada_er
 {
     cl_device_id device;
     const int index = context->info.index;
-    hada_status status = hada_device_divide(context->device, &context->info, part, parts, &device, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_device_divide(context->device, &context->info, part, parts, &device, err));
     context->device = device;
     status = hada_device_describe(context->platform, device, index, &context->info, err);
     context->info.part = part;
@@ -60,8 +59,7 @@ static hada_status choose_device(hada_context *context, const hada_context_optio
     if (part || parts)
         HADA_TRY_OR_DONE(take_part(context, part, parts, err));
 done:
-    free(devices);
-    free(infos);
+    HADA_FREE(devices, infos);
     return status;
 }
 
@@ -170,9 +168,7 @@ static hada_status take_device(hada_context *context, const adopted *from, hada_
 static hada_status make_device(hada_context *context, const hada_context_options *options, hada_error *err)
 {
     cl_int code;
-    hada_status status = choose_device(context, options, err);
-    if (status)
-        return status;
+    HADA_TRY(choose_device(context, options, err));
     cl_context_properties properties[] = {CL_CONTEXT_PLATFORM, (cl_context_properties)context->platform, 0};
     context->cl = clCreateContext(properties, 1, &context->device, NULL, NULL, &code);
     return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clCreateContext");
@@ -212,39 +208,32 @@ done:
 
 hada_status hada_context_create(hada_context **out, const hada_context_options *options, hada_error *err)
 {
-    if (!out)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_context_create: out is needed");
-    return open_context(out, NULL, options, err);
+    return out ? open_context(out, NULL, options, err)
+               : hada_fail(err, HADA_ERROR_ARGUMENT, "hada_context_create: out is needed");
 }
 
 hada_status hada_context_adopt(hada_context **out, cl_context context, cl_device_id device,
                                const hada_context_options *options, hada_error *err)
 {
-    if (!out || !context || !device)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_context_adopt: out, a context and a device are needed");
+    HADA_NEED(out && context && device, err);
     return open_context(out, &(adopted){context, device}, options, err);
 }
 
 cl_context hada_context_cl_context(const hada_context *context)
 {
-    if (!context)
-        return NULL;
-    return context->cl;
+    return context ? context->cl : NULL;
 }
 
 cl_device_id hada_context_cl_device(const hada_context *context)
 {
-    if (!context)
-        return NULL;
-    return context->device;
+    return context ? context->device : NULL;
 }
 
 void hada_context_destroy(hada_context **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_context *context = hada_taken(pointer);
+    if (!context)
         return;
-    hada_context *context = *pointer;
-    *pointer = NULL;
     hada_program_store_destroy(context);
     for (hada_trial *trial = context->trials, *next; trial; trial = next) {
         next = trial->next;

@@ -104,8 +104,7 @@ static hada_status best_copy(hada_slot *slot, double *rate, hada_error *err)
     }
 done:
     hada_slot_finish(slot, NULL);
-    hada_buffer_destroy(&in);
-    hada_buffer_destroy(&out);
+    HADA_DESTROY_BUFFERS(&in, &out);
     return status;
 }
 
@@ -144,8 +143,7 @@ done:
 hada_status hada_device_peaks(hada_context *context, double *copy_bytes_per_second, double *flops_per_second,
                               hada_error *err)
 {
-    if (!context)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_device_peaks: a context is needed");
+    HADA_NEED(context, err);
     double copy = 0, flops = 0;
     hada_slot *slot = NULL;
     hada_status status = HADA_OK;
@@ -230,8 +228,7 @@ hada_status hada_device_call_costs(hada_context *context, double *launch_seconds
     double launch = 0, wait = 0, rate = 0;
     hada_slot *slot = NULL;
     hada_status status = HADA_OK;
-    if (!context)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_device_call_costs: a context is needed");
+    HADA_NEED(context, err);
     HADA_TRY_OR_DONE(hada_slot_create(&slot, context, err));
     HADA_TRY_OR_DONE(best_calls(slot, &launch, &wait, err));
     HADA_TRY_OR_DONE(best_write(slot, &rate, err));

@@ -58,8 +58,7 @@ static void destroy(hada_slot *slot)
     if (!slot->profile)
         return;
     drain(slot->profile);
-    free(slot->profile->rows);
-    free(slot->profile);
+    HADA_FREE(slot->profile->rows, slot->profile);
     slot->profile = NULL;
 }
 
@@ -85,9 +84,7 @@ static hada_status row_of(hada_kernel_time **rows, size_t *count, size_t *room, 
     if (*count == *room) {
         hada_kernel_time *larger;
         const size_t more = *room ? 2 * *room : 32;
-        hada_status status = HADA_NEW(larger, more, "a profile", err);
-        if (status)
-            return status;
+        HADA_TRY(HADA_NEW(larger, more, "a profile", err));
         if (*count)
             memcpy(larger, *rows, *count * sizeof *larger);
         free(*rows);

@@ -17,7 +17,7 @@ hada_status hada_slot_profile(hada_slot *slot, int on, hada_error *err);
 hada_status hada_slot_times(hada_slot *slot, hada_kernel_time **rows, size_t *count, hada_error *err);
 
 /* Keeps a command that was enqueued; takes the events. `begin` NULL: it took from the start of `end` to its end, else
- * from the end of `begin`. A failure to keep it is told by hada_slot_times(). */
+ * from the end of `begin`. hada_slot_times() reports a failure to keep it. */
 void hada_profile_add(hada_slot *slot, const char *name, int transfer, cl_event begin, cl_event end);
 
 #endif

@@ -28,9 +28,7 @@ static char *cache_folder(const hada_context *context, const hada_context_option
 hada_status hada_program_store_create(hada_context *context, const hada_context_options *options, hada_error *err)
 {
     hada_program_store *store;
-    hada_status status = HADA_NEW(store, 1, "the program store", err);
-    if (status)
-        return status;
+    HADA_TRY(HADA_NEW(store, 1, "the program store", err));
     store->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     context->programs = store;
     const char *binaries = options->binaries ? options->binaries : getenv("HADALENS_BINARIES");
@@ -88,14 +86,10 @@ void hada_program_store_destroy(hada_context *context)
         store->entries = entry->next;
         if (entry->program)
             clReleaseProgram(entry->program);
-        free(entry->file);
-        free(entry->options);
-        free(entry);
+        HADA_FREE(entry->file, entry->options, entry);
     }
     pthread_mutex_destroy(&store->lock);
-    free(store->binaries);
-    free(store->cache);
-    free(store);
+    HADA_FREE(store->binaries, store->cache, store);
     context->programs = NULL;
 }
 
@@ -130,8 +124,7 @@ static hada_status make(hada_context *context, hada_program_store *store, const 
     store->compiled++;
     hada_log(context, HADA_LOG_TRACE, "compiled %s.cl '%s'", file, options);
 done:
-    free(binary);
-    free(text);
+    HADA_FREE(binary, text);
     return status;
 }
 
@@ -145,9 +138,8 @@ static hada_status get_locked(hada_context *context, const char *file, const cha
             return HADA_OK;
         }
     hada_program_entry *entry;
-    hada_status status = HADA_NEW(entry, 1, "a program", err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(HADA_NEW(entry, 1, "a program", err));
     entry->file = hada_string_copy(file);
     entry->options = hada_string_copy(options);
     if (!entry->file || !entry->options)
@@ -155,9 +147,7 @@ static hada_status get_locked(hada_context *context, const char *file, const cha
     else
         status = make(context, store, file, options, &entry->program, err);
     if (status) {
-        free(entry->file);
-        free(entry->options);
-        free(entry);
+        HADA_FREE(entry->file, entry->options, entry);
         return status;
     }
     entry->next = store->entries;
@@ -284,8 +274,7 @@ static hada_status save(hada_context *context, const char *folder, const char *f
     HADA_TRY_OR_DONE(hada_program_key(context, file, macros, text, name, sizeof name, err));
     HADA_TRY_OR_DONE(hada_binary_write(folder, name, binary, bytes, err));
 done:
-    free(text);
-    free(binary);
+    HADA_FREE(text, binary);
     return status;
 }
 

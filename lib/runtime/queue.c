@@ -2,7 +2,7 @@
 #include "runtime/slot.h"
 
 /* A context's first queue is its own, for every slot that the device gives none: work waits for others' work there, and
- * is the same. It keeps times, since it may serve all. In-order: out-of-order queues are only a hint, and run in order
+ * is the same. It keeps times, since all may use it. In-order: out-of-order queues are only a hint, and run in order
  * or not at all on many drivers. */
 hada_status hada_slot_open(hada_slot *slot, int timed, hada_error *err)
 {

@@ -88,8 +88,6 @@ hada_status hada_self_test(hada_context *context, hada_error *err)
     HADA_TRY_OR_DONE(test_half(slot, &in, &second, &out, err));
 done:
     hada_slot_destroy(&slot);
-    hada_buffer_destroy(&in);
-    hada_buffer_destroy(&second);
-    hada_buffer_destroy(&out);
+    HADA_DESTROY_BUFFERS(&in, &second, &out);
     return status;
 }

@@ -23,10 +23,9 @@ done:
 
 void hada_slot_destroy(hada_slot **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_slot *slot = hada_taken(pointer);
+    if (!slot)
         return;
-    hada_slot *slot = *pointer;
-    *pointer = NULL;
     hada_slot_profile(slot, 0, NULL);
     if (slot->landmark)
         clReleaseEvent(slot->landmark);

@@ -205,7 +205,7 @@ static hada_status write_rows(hada_outfile *to, const news *now, hada_error *err
     return HADA_OK;
 }
 
-/* Held from reading the old file until the new one stands: two tuners at once must not lose each other's rows. The
+/* Held from reading the old file until the new one is in place: two tuners at once must not lose each other's rows. The
  * folder is locked, since the file is replaced. -1 where the file system has no locks: then there is none. */
 static int lock_folder(const char *path)
 {

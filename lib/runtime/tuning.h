@@ -1,4 +1,4 @@
-/* The tuning file: which of several ways of doing the same serves, for kinds of devices and shapes. It overrides
+/* The tuning file: which of several ways of doing the same to use, for kinds of devices and shapes. It overrides
  * shipped tables; docs/reference/devices.md describes it. Read once, when a context opens; a row that cannot be
  * understood is an error then. Internal. */
 #ifndef HADA_RUNTIME_TUNING_H
@@ -30,7 +30,7 @@ void hada_tuning_destroy(hada_tuning **tuning);
  * equal, or where the row's begins the shape and ends in "*". NULL: none. */
 const hada_tuning_row *hada_tuning_find(const hada_context *context, const char *operation, const char *shape);
 
-/* Writes rows for the context's kind of device into a file: `choices` are what stands behind the shapes. Lines of an
+/* Writes rows for the context's kind of device into a file: `choices` are what follows the shapes. Lines of an
  * existing file stay, but for those about the same operation, kind, shape; also when several
  * processes write at once. */
 hada_status hada_tuning_write(const hada_context *context, const char *path, const char *operation,

@@ -12,7 +12,7 @@ hada_status hada_optics_tables(const hada_optics_report *report, const char *fol
 /* mtf.svg, self_correlation.svg, correlation.svg, depths.svg. */
 hada_status hada_optics_plots(const hada_optics_report *report, const char *folder, hada_error *err);
 
-/* lenses.csv: where the lenses or holes stand; for masks that have them. */
+/* lenses.csv: where the lenses or holes are; for masks that have them. */
 hada_status hada_optics_lenses(const hada_camera *camera, const char *folder, hada_error *err);
 
 /* mask.png: the mask's thickness where it is open, or its openings. */

@@ -42,9 +42,7 @@ static hada_status set_channels(hada_image *image, int channels, hada_error *err
     hada_image other;
     if (image->channels == channels)
         return HADA_OK;
-    const hada_status status = hada_image_create(&other, channels, image->rows, image->cols, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_image_create(&other, channels, image->rows, image->cols, err));
     const size_t plane = (size_t)image->rows * (size_t)image->cols;
     for (int c = 0; c < channels; c++)
         for (size_t i = 0; i < plane; i++) {

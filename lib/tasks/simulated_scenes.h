@@ -26,7 +26,7 @@ void hada_scenes_close(hada_scenes *scenes);
 /* The light of scene number `index`; *name (may be NULL) is a file name without ending, on the heap. */
 hada_status hada_scenes_get(const hada_scenes *scenes, int index, hada_image *image, char **name, hada_error *err);
 
-/* Scenes that stand at several depths, for test frames. Internal. */
+/* Scenes at several depths, for test frames. Internal. */
 
 /* All images have the size of the scenes that they are made from. */
 typedef struct hada_test_scene {
@@ -44,7 +44,7 @@ typedef struct hada_test_scene {
     hada_image over; /* NaN where the second is not */
 } hada_test_scene;
 
-/* One picture in regions that stand at `count` depths; or, with `occlude`, a whole picture at the farthest of them and
+/* One picture in regions at `count` depths; or, with `occlude`, a whole picture at the farthest of them and
  * opaque pieces of others (numbers `number` + `step`, `number` + 2 step, ...) before it. */
 hada_status hada_test_scene_make(hada_test_scene *scene, const hada_scenes *source, int number, int step,
                                  const hada_camera *camera, int count, int occlude, uint64_t seed, hada_error *err);
@@ -53,7 +53,7 @@ void hada_test_scene_free(hada_test_scene *scene);
 hada_status hada_test_scene_render(const hada_test_scene *scene, hada_simulator *simulator, double noise, uint64_t seed,
                                    hada_image *raw, hada_error *err);
 
-/* Test scenes that stand on surfaces: which kinds there are, and their making. Internal. */
+/* Test scenes on surfaces: which kinds there are, and their making. Internal. */
 
 /* The words of "slant,map.tif,...": kinds, and files of distance maps. */
 typedef struct hada_surface_words {

@@ -102,9 +102,8 @@ hada_status hada_fit_agree(hada_fit_options *fit, const hada_communicator *ranks
 static hada_status merge(learning *of, int first, hada_error *err)
 {
     hada_status status = HADA_OK;
-    for (int i = first; i < of->task.merge_count; i++) {
+    for (int i = first; i < of->task.merge_count; i++)
         HADA_TRY(hada_named(hada_fitter_load_sums(of->fitter, of->task.merge[i], err), of->task.merge[i], err));
-    }
     return status;
 }
 

@@ -14,14 +14,6 @@ typedef struct pages {
     double *distances_mm;
 } pages;
 
-static void pages_free(pages *of)
-{
-    for (int z = 0; of->image && z < of->count; z++)
-        hada_image_destroy(&of->image[z]);
-    free(of->image);
-    free(of->distances_mm);
-}
-
 static hada_status find_distances(pages *of, hada_tiff_reader *reader, const char *path, const hada_psf_task *task,
                                   hada_error *err)
 {
@@ -50,9 +42,7 @@ static hada_status to_colour(hada_image *image, hada_error *err)
     hada_image colour = {0};
     if (image->channels != 1)
         return HADA_OK;
-    const hada_status status = hada_image_create(&colour, 3, image->rows, image->cols, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_image_create(&colour, 3, image->rows, image->cols, err));
     for (size_t c = 0; c < 3; c++)
         memcpy(colour.data + c * area, image->data, area * sizeof(float));
     hada_image_destroy(image);
@@ -97,7 +87,9 @@ hada_status hada_psf_run(hada_model **out, hada_context *context, const char *pa
     if (task->half)
         HADA_TRY_OR_DONE(hada_model_make_half(out, err));
 done:
-    pages_free(&of);
+    for (int z = 0; of.image && z < of.count; z++)
+        hada_image_destroy(&of.image[z]);
+    HADA_FREE(of.image, of.distances_mm);
     if (status)
         hada_model_destroy(out);
     return status;

@@ -28,9 +28,7 @@ typedef struct run {
 
 int hada_files_ahead(const hada_plan *plan)
 {
-    if (!plan)
-        return 0;
-    return hada_plan_queues(plan, NULL, 0) + 2;
+    return plan ? hada_plan_queues(plan, NULL, 0) + 2 : 0;
 }
 
 static void tell(run *own, hada_files_event event, const hada_streamed *frame)
@@ -149,7 +147,7 @@ static void take_all(run *own)
         if (frame->file == bad)
             continue;
         const hada_status status = take_frame(own, frame, &error);
-        (void)hada_progress_step(&own->progress, NULL, NULL); /* the stream minds the wish to stop */
+        (void)hada_progress_step(&own->progress, NULL, NULL); /* the stream itself heeds the wish to stop */
         if (status) {
             fail_file(own, frame, &error);
             bad = frame->file;
@@ -213,8 +211,6 @@ done:
     hada_inputs_release(&inputs);
     for (int i = 0; own.names && i < count; i++)
         free(own.names[i]);
-    free(own.names);
-    free(own.todo);
-    free(own.here);
+    HADA_FREE(own.names, own.todo, own.here);
     return status;
 }

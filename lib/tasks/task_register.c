@@ -16,7 +16,7 @@
 #define LEAST_LIKENESS 0.3
 /* Figures that explain a smaller share of the frames' structure are rough. */
 #define LEAST_EXPLAINED 0.05
-/* What cannot be told from nothing: a pixel, or this share of the way from the middle to a corner. */
+/* What cannot be distinguished from nothing: a pixel, or this share of the way from the middle to a corner. */
 #define PRECISION 0.005
 
 /* A depth and what it points to. */
@@ -37,9 +37,7 @@ void hada_register_report_destroy(hada_register_report **report)
     if (!own)
         return;
     *report = NULL;
-    free(own->depth);
-    free(own->list);
-    free(own);
+    HADA_FREE(own->depth, own->list, own);
 }
 
 /* The pairs of a depth that are looked at, evenly spread; images are the pairs'. */
@@ -48,12 +46,6 @@ typedef struct pictures {
     hada_image raws[HADA_REGISTER_PAIRS], scenes[HADA_REGISTER_PAIRS];
     int count;
 } pictures;
-
-static void pictures_return(pictures *all)
-{
-    for (int i = 0; i < all->count; i++)
-        hada_pair_return(&all->pair[i]);
-}
 
 static hada_status pictures_take(pictures *all, const hada_dataset *data, int z, hada_error *err)
 {
@@ -141,7 +133,8 @@ static hada_status find_depth(owned_report *report, int z, const hada_dataset *d
     depth->offset_unknown = depth->likeness < LEAST_LIKENESS;
     choose_applied(one, &report->depth[0].found);
 done:
-    pictures_return(&of);
+    for (int i = 0; i < of.count; i++)
+        hada_pair_return(&of.pair[i]);
     hada_image_destroy(last);
     *last = psf;
     return hada_named(status, hada_dataset_get_info(data)->folders[z], err);

@@ -127,8 +127,7 @@ hada_status hada_simulate_run(hada_context *context, const hada_camera *camera, 
 {
     hada_recipe recipe = {.context = context};
     hada_status status = HADA_OK;
-    if (!context || !camera || !folder)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_simulate_run: a context, a camera and a folder are needed");
+    HADA_NEED(context && camera && folder, err);
     HADA_TRY_OR_DONE(HADA_REPORT_CHECK(report, hada_simulate_report, err));
     HADA_TRY_OR_DONE(take_task(&recipe, camera, task, err));
     HADA_TRY_OR_DONE(hada_folder_create(folder, fill, &recipe, err));

@@ -27,9 +27,7 @@ void hada_test_scene_free(hada_test_scene *scene)
     hada_image_destroy(&scene->light[0]);
     hada_image_destroy(&scene->light[1]);
     hada_image_destroy(&scene->over);
-    free(scene->planes);
-    free(scene->opacity);
-    free(scene->depths);
+    HADA_FREE(scene->planes, scene->opacity, scene->depths);
     memset(scene, 0, sizeof *scene);
 }
 
@@ -42,7 +40,7 @@ static hada_status cut(hada_test_scene *scene, const int *labels, const hada_cam
     return HADA_OK;
 }
 
-/* An object for the plane k: a piece of another picture. It covers what stands behind it, as seen from the middle. */
+/* An object for the plane k: a piece of another picture. It covers what is behind it, as seen from the middle. */
 static hada_status put_object(hada_test_scene *scene, int k, const hada_image *picture, const int *labels,
                               const hada_camera *camera, hada_error *err)
 {
@@ -123,7 +121,6 @@ hada_status hada_test_scene_render(const hada_test_scene *scene, hada_simulator 
     else
         HADA_TRY_OR_DONE(hada_simulator_render(simulator, planes, scene->count, noise, seed, raw, err));
 done:
-    free(planes);
-    free(opacity);
+    HADA_FREE(planes, opacity);
     return status;
 }

@@ -14,7 +14,7 @@ static const char outside_word[] = "outside", overlap_word[] = "overlap";
 #define OUTSIDE_STEPS 2.0
 #define OUTSIDE_SHARE 0.15
 #define OUTSIDE_FAR   0.9
-/* Where the two surfaces of 'overlap' stand. */
+/* Where the two surfaces of 'overlap' are. */
 #define OVERLAP_NEAR 0.25f
 #define OVERLAP_FAR  0.75f
 
@@ -87,8 +87,8 @@ static hada_status make_outside(hada_image *map, const hada_scenes *source, cons
     return HADA_OK;
 }
 
-/* The middle of a map with the source's aspect ratio, each pixel that of the map which is nearest: means would stand
- * where nothing is. */
+/* The middle of a map with the source's aspect ratio, each pixel that of the map which is nearest: means would give
+ * values where nothing is. */
 static hada_status fit_map(hada_image *out, const hada_image *map, const hada_scenes *source, hada_error *err)
 {
     const double scale = fmin((double)map->rows / source->rows, (double)map->cols / source->cols);
@@ -103,7 +103,7 @@ static hada_status fit_map(hada_image *out, const hada_image *map, const hada_sc
     return HADA_OK;
 }
 
-/* Floats are millimetres, NaN where nothing stands; integers are shares of the range of depths. */
+/* Floats are millimetres, NaN where nothing is; integers are shares of the range of depths. */
 static hada_status read_map(hada_image *out, const char *path, const hada_scenes *source, const hada_camera *camera,
                             hada_error *err)
 {
@@ -121,8 +121,8 @@ static hada_status read_map(hada_image *out, const char *path, const hada_scenes
         if (!isnan(out->data[i]) && !(out->data[i] > 0.0f && isfinite(out->data[i])))
             HADA_TRY_OR_DONE(
                 hada_fail(err, HADA_ERROR_DATASET,
-                          "a distance of %g is not possible; floats are millimetres above 0, or NaN where nothing "
-                          "stands, integers shares of the range of depths",
+                          "a distance of %g is not possible; floats are millimetres above 0, or NaN where nothing is, "
+                          "integers are shares of the range of depths",
                           (double)out->data[i]));
 done:
     hada_tiff_close(&reader);

@@ -3,7 +3,7 @@
 # readers: of what reads and writes files, by the corpora, the tests of files, and every fault of the stages for files;
 # all, the default: of everything, by unit tests, corpora, commands, and a fault at every call site of every stage, which
 # takes an hour on two cores. It goes by parts; --go-on leaves out those whose counts an interrupted run of the same build has
-# left. Builds in FOLDER (build/coverage), compared and told by coverage.py (with --missed that tells what was not
+# left. Builds in FOLDER (build/coverage), compared and printed by coverage.py (with --missed that prints what was not
 # reached). Fails where a part fails, or branches are below an aim.
 set -euo pipefail
 cd "$(dirname "$0")/.."

@@ -246,7 +246,7 @@ static verdict run_case(hada_slot *slot, const check_op *op, const char *shape, 
     const hada_kernel_shape own_shape = slot->context->shape;
     const uint64_t own_local = slot->context->info.local_memory_bytes;
     const unsigned own_units = slot->context->info.compute_units, own_floats = slot->context->vector_floats;
-    /* which kernels serve depends on the number of units: the same ones are checked on every machine */
+    /* which kernels are used depends on the number of units: the same ones are checked on every machine */
     if (!state.timing)
         slot->context->info.compute_units = 2;
     slot->context->vector_floats = (unsigned)check_get(&state, 'v', state.timing ? (int)own_floats : 8);

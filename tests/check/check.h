@@ -1,8 +1,8 @@
 /* One program that checks and times every operation of the device against the double-precision reference.
  *
  * An operation is described by a check_op in check_<op>.c; a problem by a short string of letter-number pairs
- * ("r64c48b3"), read into check_state.value by check_get(). Shapes stand in shapes/<op>.txt, and the same files serve
- * correctness, bitwise and timing runs. */
+ * ("r64c48b3"), read into check_state.value by check_get(). Shapes are in shapes/<op>.txt, and the same files are used
+ * for correctness, bitwise and timing runs. */
 #ifndef HADA_CHECK_H
 #define HADA_CHECK_H
 

@@ -133,7 +133,7 @@ static hada_status begin(check_state *state, conv_what what, hada_error *err)
     context->tensor_cores = tensor_cores;
     if (d->method && hada_conv_serving(own->conv) != d->method)
         HADA_TRY(hada_fail(err,
-                           /* Winograd's tiles stand in local memory */
+                           /* Winograd's tiles are in local memory */
                            state->slot->context->info.local_memory_bytes < (size_t)64 << 10 ? HADA_ERROR_UNSUPPORTED
                                                                                             : HADA_ERROR_STATE,
                            "method %d serves instead of %d", (int)hada_conv_serving(own->conv), (int)d->method));

@@ -1,5 +1,5 @@
 /* Which kernels the operations launched, seen where every launch passes: the linker sends clEnqueueNDRangeKernel here
- * (see CMakeLists.txt). And whether every kernel file stands by itself. */
+ * (see CMakeLists.txt). And whether every kernel file compiles alone. */
 #include <sys/stat.h>
 
 #include "check.h"
@@ -149,7 +149,7 @@ static int wanted(const hada_slot *slot, const hada_program_row *program)
            hada_program_serves(slot->context, program);
 }
 
-/* Whether runs are to launch a kernel: programs that serve the shape have it. Macros may leave kernels out, so that a
+/* Whether runs are to launch a kernel: programs of that shape have it. Macros may leave kernels out, so that a
  * program must be asked. */
 static int kernel_wanted(const hada_slot *slot, const hada_kernel_file *file, const char *name)
 {

@@ -98,7 +98,7 @@ static hada_status forward_launch(check_state *state, hada_error *err)
     size_t count = hada_fft_plan_layout(own->plan)->count;
     for (int b = 0, n; b < own->batch; b += n) {
         n = piece(state, own->batch - b);
-        /* the output stands behind its guard zone: an offset in complex numbers */
+        /* the output follows its guard zone: an offset in complex numbers */
         HADA_TRY(hada_fft_forward(own->plan, n, own->in.mem, (size_t)b * own->desc.real_distance, state->out.mem,
                                   state->out_offset / 2 + (size_t)b * count, err));
     }

@@ -1,4 +1,4 @@
-/* The energy of filtered spectra in tiles: whole numbers, exact. What stands in the padding does not count. */
+/* The energy of filtered spectra in tiles: whole numbers, exact. The padding does not count. */
 #include "check.h"
 #include "filter/bank.h"
 #include "filter/gains.h"

@@ -1,4 +1,4 @@
-/* Stored numbers to the floats that they stand for: exact, every number of a full scale in the largest shape; and
+/* Stored numbers to the floats that they mean: exact, every number of a full scale in the largest shape; and
  * samples with any strides, exact as well. */
 #include "check.h"
 #include "filter/hadamard.h"

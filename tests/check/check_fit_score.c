@@ -15,7 +15,7 @@ typedef struct score_state {
     float *weight;
     int rows, cols; /* of the planes */
     size_t chunks;
-    size_t leak, unexplained, energy; /* where these stand in the output, behind the error spectra */
+    size_t leak, unexplained, energy; /* the places of these in the output, behind the error spectra */
 } score_state;
 
 static size_t rounded(size_t n)

@@ -20,7 +20,7 @@ static void put_pair(double value, size_t stride, double *sums)
     sums[stride] = value - (float)value;
 }
 
-/* In the output stand the sums of all pairs but the first one, plus `more`; then the pools of these, pushed twice. */
+/* The output holds the sums of all pairs but the first one, plus `more`; then the pools of these, pushed twice. */
 static void expect(check_state *state, const sums_state *own, const float *x, const float *b, float *more)
 {
     const size_t n = own->count;

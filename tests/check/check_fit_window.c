@@ -17,7 +17,7 @@ typedef struct window_state {
     size_t at[PARTS + 1];
 } window_state;
 
-/* Double by double, from the sums: what stands under the fraction, with (1) or without (0) the depth's own part. */
+/* Double by double, from the sums: the denominator, with (1) or without (0) the depth's own part. */
 static double under(const check_fit *fit, size_t i, int k, int whole)
 {
     const size_t n = fit->count;

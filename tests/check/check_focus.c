@@ -32,7 +32,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     double *distance = check_room(state, 2 * pixels * sizeof *distance);
     hada_focus_report report = {.size = sizeof report};
     check_fill_normal(state, 1, planes, all);
-    /* refined planes are dark where another depth's light stands */
+    /* refined planes are dark where another depth is bright */
     for (size_t i = 0; check_get(state, 'z', 0) && i < all; i++)
         planes[i] = (int)(i % (size_t)desc.cols) % 64 < 16 ? planes[i] : 0.0f;
     HADA_TRY(hada_focus_create(&own->focus, state->slot, &desc, err));

@@ -15,7 +15,7 @@ struct check_net {
     hada_buffer memory[CHECK_NET_INPUTS];
     int inputs;
     hada_tensor y;     /* the output's tensor */
-    hada_buffer start; /* what stands in the output before each run */
+    hada_buffer start; /* the output before each run */
     hada_buffer scratch;
     int mode, accumulate, size, stride, row, col, channel;
     float number;

@@ -4,7 +4,7 @@
 
 #define EPS 1e-3
 
-enum { X, NORM, KERNELS };                     /* inputs; the convolution's biases stand behind its kernels */
+enum { X, NORM, KERNELS };                     /* inputs; the convolution's biases follow its kernels */
 enum { WEIGHT, BIAS, MEAN, VARIANCE, VALUES }; /* of a norm, `channels` each */
 
 /* Each run makes its convolution anew. */

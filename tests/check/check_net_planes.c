@@ -10,7 +10,7 @@ typedef struct planes_state {
     float floor;
 } planes_state;
 
-/* Images stand 7 floats apart. */
+/* Images are 7 floats apart. */
 enum { GAP = 7 };
 
 static hada_status prepare(check_state *state, hada_error *err)

@@ -102,7 +102,7 @@ static size_t items_of(const train_state *own)
     return hada_divide_up(own->count, HADA_TRAIN_RUN);
 }
 
-/* Where the sums stand in the output, behind the planes. */
+/* The place of the sums in the output, behind the planes. */
 static size_t sums_at(const train_state *own)
 {
     return (own->count + 255) / 256 * 256;

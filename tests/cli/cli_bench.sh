@@ -73,7 +73,7 @@ elif command -v xmllint >/dev/null; then
     xmllint --noout out/*.svg || fail "SVG that is not XML"
 fi
 
-# With a net, which no error is told of.
+# With a net, whose error is not stated.
 expect 0 'Latency of a frame' \
     bench -m "$model" "${raws[@]}" -o net --net compact --net-size 32x32 --quick --rounds 1 --no-start --device 0
 for mode in linear refined; do

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Other methods: each runs, stops as told, says so, and refuses what makes no sense.
+# Other methods: each runs, stops by its rule, says so, and refuses what makes no sense.
 . "$(dirname "$0")/cli_testing.sh"
 one=("$camera/test/raw/test01.tif" -m "$model" --no-preview)
 

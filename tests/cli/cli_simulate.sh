@@ -49,7 +49,7 @@ cmp -s a/z100mm/raw/scene0001.tif j/z100mm/raw/scene0001.tif && fail '--scene-re
 expect 0 '(inf|1[0-9][0-9]\.[0-9]+) +1\.000' evaluate a/z100mm/scene/scene0001.tif j/z100mm/scene/scene0001.tif
 expect 0 '(inf|1[0-9][0-9]\.[0-9]+) +1\.000' evaluate a/test/truth/test01_aif.tif j/test/truth/test01_aif.tif
 expect 0 '"result_encoding": "2"' evaluate j/test/truth/test01_aif.tif a/test/truth/test01_aif.tif --json
-grep -q '"scene_response": "2"' j/sensor.json || fail 'sensor.json does not say how the scenes stand for light'
+grep -q '"scene_response": "2"' j/sensor.json || fail 'sensor.json does not give the response of the scenes'
 expect 2 'no response' simulate "${small[@]}" --scene-response film -o f
 expect 2 'scene_response|scene-response' simulate "${small[@]}" --scene-response auto -o f
 # A sensor that crops.

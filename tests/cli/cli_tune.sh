@@ -21,12 +21,12 @@ files . 3 # with stdout and stderr
 expect 0 'Wrote model.txt' tune -o model.txt -m "$model" --rounds 1
 [ "$(grep -c '^fft' model.txt)" = 1 ] || fail "model: $(cat model.txt)"
 
-# Wrong rows are refused by line, where the file is opened or where they would serve.
+# Wrong rows are refused by line, where the file is opened or where they would be used.
 printf '# one\nfft cpu 15x14 ours\n' >wrong.txt
 HADALENS_TUNING=wrong.txt expect 3 'wrong.txt, line 2 names an unknown choice: fft cpu 15x14 ours' tune -o x --size 15x14
 lacks x
 
-# A file says what serves; what it says of other things stays.
+# Rows of a file are used; those about other things stay as they are.
 printf 'fft gpu * clfft\nfft cpu 15x14 clfft\n# a remark without an end' >tuning.txt
 HADALENS_TUNING=tuning.txt expect 0 '"before": "clfft"' tune -o tuning.txt --size 15x14 --rounds 3 --json
 is_json 'tune'

@@ -13,7 +13,7 @@ for command in devices optics simulate register fit train reconstruct evaluate t
     if command -v groff >/dev/null; then
         [ -z "$(groff -man -ww -z -Tutf8 stdout 2>&1)" ] || fail "troff complains about the manual of $command"
     fi
-    # Every option of the help stands in the manual, and the other way round.
+    # Every option of the help is in the manual, and the other way round.
     cp stdout manual
     expect 0 '' "$command" --help
     grep -oE -- '^ +(-., )?--[a-z-]+' stdout | grep -oE -- '--[a-z-]+' | sort >in_help

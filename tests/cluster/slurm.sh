@@ -156,7 +156,7 @@ if command -v hadalens-mpi >/dev/null; then
     until_so "the training that was warned is not requeued" '[ "$(restarts)" = 2 ]'
     until_so "the training that was warned does not go on" '[ "$(state)" = RUNNING ] && [ "$(steps on.log)" -ge 100 ]'
     stop
-    grep -q 'stopped after step' jobs/hadalens-mpi-"$job".log || fail "no rank told that it stopped and saved"
+    grep -q 'stopped after step' jobs/hadalens-mpi-"$job".log || fail "no rank said that it stopped and saved"
     # but for their seconds
     cmp <(head -n 101 through.log/losses.csv | cut -d, -f1-11) <(head -n 101 on.log/losses.csv | cut -d, -f1-11) ||
         fail "the training that went on has other losses"

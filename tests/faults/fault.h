@@ -54,7 +54,7 @@ void fault_lose(const fault_device_loss *loss); /* NULL: no more; two contexts a
 /* For the wrappers: the code to return for a command to a context, 0: none. */
 int fault_lost(void *context);
 
-/* Where not NULL: is told of every call of the kind that is armed, with its number, from 1 on. */
+/* Where not NULL: called for every call of the armed kind, with its number, from 1 on. */
 extern void (*fault_counted)(long n);
 
 /* For the wrappers: whether this call is the one to fail. */

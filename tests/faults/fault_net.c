@@ -39,7 +39,7 @@ static hada_status run_step(fault_job *job, const hada_net *net, hada_slot *slot
     if (!host)
         return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the gradients");
     const hada_tensor *x = hada_graph_input(graph);
-    /* the weights serve as an image and as the gradient of the output */
+    /* the weights are used as an image and as the gradient of the output */
     const hada_planar image = {values->mem, 0, 0, 0, (size_t)x->cols};
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_graph_set_weights(graph, (hada_floats){values->mem, 0}, err));

@@ -10,7 +10,7 @@ static void add(fault_job *job, const float *values, size_t count)
         job->sum = (job->sum ^ at[i]) * 1099511628211u;
 }
 
-/* A net, a discriminator, and what serves as VGG, for one channel of the window. */
+/* A net, a discriminator, and a stand-in for VGG, for one channel of the window. */
 typedef struct nets {
     hada_net *net, *discriminator, *vgg;
 } nets;

@@ -1,4 +1,4 @@
-/* The disk cache of programs is a help, never a need: whatever stands in its place, contexts open and compute. */
+/* The disk cache of programs is optional: contexts open and compute whatever is found in its place. */
 #include <dirent.h>
 #include <sys/wait.h>
 

@@ -43,7 +43,7 @@ static int replay_file(const fuzz_target *target, const char *path)
     return 1;
 }
 
-/* Inputs of the corpora have no ending; of other files those of the kind serve. */
+/* Inputs of the corpora have no ending; of other files only those of the kind are read. */
 static int is_of_kind(const fuzz_target *target, const char *name)
 {
     const size_t length = strlen(name), end = strlen(target->ends);

@@ -2,7 +2,7 @@
 # Format and static analysis, with no finding: clang-format, cppcheck and the checks of .clang-tidy.
 #   tests/house/lint.sh BUILD            a build folder with compile_commands.json, built
 #   tests/house/lint.sh --fix            only formats the sources
-# Where a finding is none, the code is mended so that tools and readers see why; else a suppression stands at its line
+# Where a finding is none, the code is mended so that tools and readers see why; else a suppression is put on its line
 # with the reason (cppcheck-suppress, NOLINT).
 set -euo pipefail
 [ $# = 1 ] || { sed -n '3,4s/^# *//p' "$0"; exit 2; }

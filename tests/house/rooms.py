@@ -6,7 +6,7 @@
 
 A room is a folder of lib. It may see itself, the public headers, and the rooms that lib/layers.txt names on its line, all
 of which stand above it. Both kinds of seeing count: quoted includes, and symbols, so a call through a public header is
-seen as well. What is allowed and not used is told too. Files of a room see each other one way: no circles.
+seen as well. What is allowed and not used is reported too. Files of a room see each other one way: no circles.
 """
 import pathlib
 import re
@@ -147,7 +147,7 @@ def other_rules(root):
 
 
 def floors(rows):
-    """How deep each room stands: one below the deepest that it sees."""
+    """How deep each room is: one below the deepest that it sees."""
     floor = {}
     for name, allowed in rows.items():
         floor[name] = 1 + max((floor[a] for a in allowed), default=-1)
@@ -163,7 +163,7 @@ def draw(rows):
             through[n] |= through[a] | set(rows[a])
     wide, tall, gap, rise = 104, 34, 26, 92
     lines = {f: [n for n in rows if floor[n] == f] for f in range(max(floor.values()) + 1)}
-    # where neighbours stand decides the order on a floor: the mean place of what is seen
+    # the order on a floor follows the mean place of the rooms seen
     place = {}
     for f, names in lines.items():
         names.sort(key=lambda n: (sum(place.get(a, 0.5) for a in rows[n]) / max(len(rows[n]), 1), n))

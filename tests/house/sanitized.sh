@@ -26,7 +26,7 @@ expect crashes_once 2 0 2 0 "$crash"
 expect crashes_then_fails 2 3 2 3 "$crash"
 expect crashes_always 4 99 9 0 "$crash"
 
-# What tests/leaks.txt leaves out: memory of C++, which our own code has none of; a leak of C is told.
+# What tests/leaks.txt leaves out: memory of C++, which our own code has none of; a leak of C is reported.
 cat >"$work/leak.c" <<'END'
 #include <stdlib.h>
 #ifdef __cplusplus

@@ -2,7 +2,7 @@
 """Hold the tensors of two safetensors files against each other.
 
 compare.py ONE OTHER LIMIT: the relative L2 difference of each tensor is at most LIMIT; "same": the bits. Sums of a fit,
-whose values stand as value and rest (docs/reference/files.md), are compared as their sum.
+whose values are stored as value and rest (docs/reference/files.md), are compared as their sum.
 """
 
 import array

@@ -104,7 +104,7 @@ must "nothing is saved yet" test ! -e warned.log/checkpoint.safetensors
 kill -USR2 $job
 wait $job
 code=$?
-[ $code = 130 ] || { echo "FAILED: the job that was told to stop has code $code"; bad=1; }
+[ $code = 130 ] || { echo "FAILED: the job that was asked to stop has code $code"; bad=1; }
 must "words" grep -q 'stopped after step .* --resume goes on' out.txt
 must "a checkpoint" test -s warned.log/checkpoint.safetensors
 finish

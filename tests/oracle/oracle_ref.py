@@ -373,7 +373,7 @@ def spectra():
         expected[small_rows // 2] = 0
         expected[:, -1] = 0
         check(("taper", tapers), got, expected)
-    # the product gives the spectrum of the real part of what it stands for
+    # the product gives the spectrum of the real part of its image
     for kind in (0, 1, 2):
         for rows, cols in ((8, 10), (7, 9)):
             half = cols // 2 + 1

@@ -15,7 +15,7 @@ commands=$("$program" --help | sed -n '/^Commands:/,/^$/s/^  \([a-z]\+\) .*/\1/p
 # shellcheck source=/dev/null
 source ./hadalens
 compopt() { :; } # which works only while a person completes
-complete_words() { # WORD...: what stands on the command line; the last is being completed
+complete_words() { # WORD...: the words of the command line; the last is being completed
     COMP_WORDS=("$@") COMP_CWORD=$(($# - 1)) COMPREPLY=()
     _hadalens
     printf '%s\n' "${COMPREPLY[@]}" | LC_ALL=C sort

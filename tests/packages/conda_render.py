@@ -1,7 +1,7 @@
 """Reads the conda recipe by rattler-build's own reader and renders it for each platform: conda_render.py RECIPE VERSION.
 
 Without conda's channels nothing can be built; what is held is that the recipe is valid, that every platform gets the
-three packages of this version, that what the packages need is told, and that nothing needed for building is forgotten
+three packages of this version, that the packages name what they need, and that nothing needed for building is forgotten
 (the names are those of CMake's checks).
 """
 

@@ -1,5 +1,5 @@
 #!/bin/sh
-# The version stands in the headers; what packages have to repeat says the same. version.sh SOURCE VERSION SOVERSION
+# The version is that of the headers; packages that repeat it must agree. version.sh SOURCE VERSION SOVERSION
 set -eu
 cd "$1"
 version=$2 soversion=$3 status=0

@@ -11,7 +11,7 @@ small=(--preset sim300 --size 40x48 --window 24x24 --depths 2 --lenses 3 --pairs
 #   whole     it appears at once, with all that is in it, as a whole run leaves it
 #   files     each file of it is as a whole run leaves it
 #   measured  files of it hold times: each is a whole one of its kind
-#   model     it is a model that serves
+#   model     it is a model that can be used
 #   nothing   the command writes nothing
 # FRESH 1: the command wants no old result; else it runs over the old one at times.
 killed() {
@@ -75,7 +75,7 @@ for path in pathlib.Path(sys.argv[1]).rglob("[!.]*"):
 PYTHON
 }
 
-# Training writes the best model so far, which may be an earlier one: it serves.
+# Training writes the best model so far, which may be an earlier one; that is fine.
 fits_model() { "$HADALENS" reconstruct data/test/raw/test01.tif -m "$1" -o served --no-preview -q >stdout 2>stderr; }
 
 # A tuning file: rows, each whole; those of others stay.

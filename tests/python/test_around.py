@@ -1,4 +1,4 @@
-"""What stands around a reconstruction: simulation, optics, registration, metrics, files."""
+"""What surrounds a reconstruction: simulation, optics, registration, metrics, files."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def test_optics(design: hadalens.Camera, tmp_path: Path) -> None:
 
 
 def test_register(camera: Path, design: hadalens.Camera) -> None:
-    """Scenes that were turned upside down are found; a data set that stands right is left."""
+    """Scenes that were turned upside down are found; a data set that is upright is left."""
     data = hadalens.Dataset.scan(camera)
     raws, scenes = zip(*(data.read(0, pair) for pair in range(3)), strict=True)
     found = hadalens.register(raws, [scene[:, ::-1, ::-1] for scene in scenes])

@@ -77,7 +77,7 @@ def test_what_is_no_array_is_a_type_error(wrong: Any, linear: hadalens.Plan) -> 
 
 
 def test_float32_is_shared(raw: Array) -> None:
-    """C reads where the array stands, whatever its strides."""
+    """C reads the array in place, whatever its strides."""
     for view in (raw, raw[:, ::-1], raw[:, :, ::2], np.moveaxis(raw, 0, -1).copy()):
         axis = -1 if view.shape[-1] == 3 else None
         pixels = Pixels(view, axis, None)

@@ -1,4 +1,4 @@
-"""Nothing of the C interface is forgotten, and what stands twice is the same."""
+"""Nothing of the C interface is forgotten, and what is written twice is the same."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ def same(a: hadalens.Model, b: hadalens.Model) -> bool:
 
 
 def test_fit_is_that_of_the_program(camera: Path, model: hadalens.Model) -> None:
-    """A folder gives what `hadalens fit` gives, and progress is told."""
+    """A folder gives what `hadalens fit` gives, and progress is reported."""
     told: list[tuple[str, int, int]] = []
     learned = hadalens.fit(camera, progress=lambda what, done, total, _: told.append((what, done, total)))
     assert same(learned, model)

@@ -44,7 +44,7 @@ def portable(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_wheel_for_other_machines(portable: Path, tmp_path: Path) -> None:
-    """What it links to is inside; OpenCL's loader is asked of the system, and works; one stands by."""
+    """What it links to is inside; OpenCL's loader is asked of the system, and works; a second one is bundled."""
     assert "-cp311-abi3-manylinux_" in portable.name
     with zipfile.ZipFile(portable) as file:
         names = file.namelist()

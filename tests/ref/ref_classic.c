@@ -305,7 +305,7 @@ static hada_status admm(work *w, double *x, double *change, hada_error *err)
         }
         status = transpose(w, image, q, err);
         for (size_t z = 0; z < (size_t)p->depths; z++) {
-            double *back = old + 2 * z * n, *to = q + z * n; /* `old` serves as scratch here */
+            double *back = old + 2 * z * n, *to = q + z * n; /* `old` is scratch here */
             for (size_t i = 0; i < 2 * n; i++)
                 back[i] = u[2 * z * n + i] - e[2 * z * n + i];
             gradient_back(p, back, p->mu2, to);

@@ -37,7 +37,7 @@ static void multiply(const double *b, const double *w, size_t count, int split, 
     }
 }
 
-/* The spectrum of what stands in the window of an inverse transform. */
+/* The spectrum of the part of an inverse transform that is in the window. */
 static hada_status crop(const hada_ref_grid *grid, double *spectrum, double *pixels, hada_error *err)
 {
     HADA_TRY(hada_ref_fft_inverse(spectrum, grid->rows, grid->cols, pixels, err));

@@ -21,7 +21,7 @@ static double share(const hada_ref_volume *p, int plane, size_t pixel)
     return p->depth ? fmax(0.0, 1.0 - fabs(p->depth[pixel] - plane)) : 1.0;
 }
 
-/* Where the unknown of a plane and a channel stands. */
+/* The place of the unknown of a plane and a channel. */
 static size_t place(const state *s, int plane, int channel)
 {
     return ((s->p->depth ? 0 : (size_t)plane * (size_t)s->p->channels) + (size_t)channel) * s->area;

@@ -40,7 +40,7 @@ for _ in $(seq "$1"); do
     [ "$ended_well" = 4 ] || fail "only $ended_well of 4 onto one model: $(cat err?)"
     cmp -s one.model a.model || fail 'one model: other bits than alone'
     [ -z "$(find . -name '.*.hadalens-*')" ] || fail 'temporary files left'
-    # what the cache holds now serves
+    # the cache is filled now
     "$HADALENS" reconstruct data/test/raw/test01.tif -m a.model -o whole --refine 0 >stdout 2>stderr ||
         fail 'from the cache that four have filled'
 done

@@ -82,7 +82,7 @@ static inline int learned_teardown(void **state)
     return 0;
 }
 
-/* A scene cut into parts that stand at `count` depths; parts[] are the caller's to destroy. */
+/* A scene cut into parts at `count` depths; parts[] are the caller's to destroy. */
 static inline void learned_split(const learned_camera *learned, const hada_image *scene, const int *depths, int count,
                                  uint64_t seed, hada_image *parts, hada_plane *planes)
 {

@@ -137,7 +137,7 @@ TEST(finds_both_depths)
 
 /* Transfer functions that were learned have noise, which gives point spread functions negative values: Richardson-Lucy
  * takes them for noise instead of dividing by them. */
-TEST(lucy_stands_noisy_optics)
+TEST(lucy_tolerates_noisy_optics)
 {
     const fixture *f = *state;
     hada_model *const model = f->model[0];

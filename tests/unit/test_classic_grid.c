@@ -130,7 +130,7 @@ TEST(becomes_as_small_as_can_be)
 }
 
 /* Nothing may be cut that shows: faint light far away counts, roundings do not. */
-TEST(minds_faint_light)
+TEST(faint_light_counts)
 {
     static const float faint[] = {1e-3f, 1e-6f, 1e-9f};
     for (int i = 0; i < 3; i++) {
@@ -166,7 +166,7 @@ TEST(stays_where_it_must)
 }
 
 /* A plan on a smaller grid holds less, as its estimate says. */
-TEST(estimates_know_it)
+TEST(estimates_include_it)
 {
     uint64_t bytes[2], host, held;
     for (int wide = 0; wide < 2; wide++) {

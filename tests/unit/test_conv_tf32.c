@@ -1,5 +1,5 @@
-/* Convolutions by tensor cores: whether they serve follows from a trial on the device. Here there are none, so that the
- * trial of the true ones fails, and the emulation stands for them. */
+/* Convolutions by tensor cores: whether they are used follows from a trial on the device. Here there are none, so the
+ * trial of the true ones fails, and an emulation replaces them. */
 #include "dry.h"
 #include "net_fixture.h"
 
@@ -95,7 +95,7 @@ TEST(what_fails_is_off)
 }
 
 /* Where the trial went well, layers with enough channels take them, and hold as many bytes as before. */
-TEST(what_is_right_serves)
+TEST(what_is_right_is_used)
 {
     net_device *device = *state;
     hada_context *context = device->context;

@@ -74,7 +74,7 @@ static void refused(int skip, hada_status status, const char *const *words)
 
 #define REFUSED(skip, status, ...) refused(skip, status, (const char *const[]){__VA_ARGS__, NULL})
 
-TEST(depths_stand_near_to_far_and_pairs_by_name)
+TEST(depths_ascend_and_pairs_are_sorted_by_name)
 {
     hada_dataset *data;
     put_pair("z100mm", "b", 1);
@@ -115,7 +115,7 @@ TEST(depths_stand_near_to_far_and_pairs_by_name)
     assert_null(data);
 }
 
-TEST(what_stands_beside_is_found)
+TEST(neighbours_are_found)
 {
     hada_dataset *data;
     put_pair("z1mm", "a", 1);
@@ -127,7 +127,7 @@ TEST(what_stands_beside_is_found)
     hada_dataset_destroy(&data);
 }
 
-TEST(files_without_partner_are_told)
+TEST(files_without_partner_are_reported)
 {
     hada_dataset *data;
     hada_dataset_options options;
@@ -149,7 +149,7 @@ TEST(files_without_partner_are_told)
     hada_dataset_destroy(&data);
 }
 
-/* Partners are found by what stands before the ending, whatever order whole names have ('-' stands before '.'). */
+/* Partners are found by the name before the ending, whatever order whole names have ('-' stands before '.'). */
 TEST(partners_have_the_same_stem)
 {
     static const char *const names[] = {"a", "a-b", "a.b", "a b", "a0", "a.", "-", "b"};

@@ -60,7 +60,7 @@ TEST(chooses_by_index_kind_and_name)
     ASSERT_OK(hada_device_choose(no_gpu, 2, NULL, 0, &chosen, err));
     assert_int_equal(chosen, 0);
     ASSERT_OK(hada_device_choose(no_gpu, 2, NULL, 1, &chosen, err));
-    assert_int_equal(chosen, 1); /* binaries at hand: the FPGA serves */
+    assert_int_equal(chosen, 1); /* binaries at hand: the FPGA can be used */
     static const char *const wrong[] = {"7", "-1", "teapot", "other"};
     for (size_t i = 0; i < HADA_COUNT(wrong); i++) {
         ASSERT_FAILS(hada_device_choose(infos, 3, wrong[i], 0, &chosen, err), HADA_ERROR_DEVICE_CHOICE,

@@ -1,4 +1,4 @@
-/* Paths and folders: what stands somewhere, names, where output may go, and folders that appear whole. */
+/* Paths and folders: what a path is, names, where output may go, and folders that appear whole. */
 #include "core/error.h"
 #include "io/folder.h"
 #include "io_testing.h"
@@ -12,7 +12,7 @@ static const char *endless(void)
     return path;
 }
 
-TEST(what_stands_somewhere)
+TEST(what_a_path_is)
 {
     hada_stands kind;
     io_write_bytes(io_path("file"), "x", 1);

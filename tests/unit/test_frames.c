@@ -128,7 +128,7 @@ TEST(a_plan_takes_them_as_they_are)
     ASSERT_OK(hada_job_wait(job, err));
     hada_job_destroy(&job);
     expect_same(&file, &view);
-    /* floats where they stand */
+    /* floats in place */
     hada_pixels_of_image(&pixels, &d.frame);
     ASSERT_OK(hada_plan_run_pixels(plan, &pixels, &view, err));
     expect_same(&file, &view);

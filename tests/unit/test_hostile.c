@@ -172,7 +172,7 @@ TEST(pages_have_pixels_of_their_own)
         ASSERT_OK(hada_tiff_read(reader, 7, &image, err));
         hada_image_destroy(&image);
     }
-    /* whoever holds all of them at once is told before */
+    /* who wants to hold all of them at once gets an error first */
     ASSERT_FAILS(hada_tiff_check_all(reader, err), HADA_ERROR_FILE_FORMAT, "2000000000 numbers");
     hada_tiff_close(&reader);
     write_pages(io_path("few.tif"), 4, "");

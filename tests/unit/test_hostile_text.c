@@ -1,5 +1,5 @@
 /* Texts and pictures that are made to cost: each is read in a process of its own, which ends within two seconds and
- * 256 MiB, whatever it is told. */
+ * 256 MiB, whatever the file says. */
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <tiffio.h>
@@ -14,7 +14,7 @@ enum { MOST_MS = 40000, MOST_KIB = 1 << 30 }; /* shadow memory is not ours */
 enum { MOST_MS = 2000, MOST_KIB = 256 << 10 };
 #endif
 
-/* Reads what stands at the path, and frees it. */
+/* Reads the file at the path, and frees what it read. */
 typedef hada_status (*attempt)(const char *path, hada_error *err);
 
 enum { REFUSED = 1, READ = 0, ANY = -1 };

@@ -207,7 +207,7 @@ TEST(nets_that_do_not_fit)
     hada_model_destroy(&model);
 }
 
-/* The model's file with `from` replaced once by `to`, which is as long; NULL: it serves all the same. */
+/* The model's file with `from` replaced once by `to`, which is as long; NULL: it is read all the same. */
 static void assert_file(const char *whole, const char *from, const char *to, const char *word)
 {
     size_t bytes;

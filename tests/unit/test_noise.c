@@ -1,4 +1,4 @@
-/* The noise of a frame, what weights go by, and the noise that a model knows of. */
+/* The noise of a frame, the unit of the weights, and the noise that a model states. */
 #include "image/statistics.h"
 #include "model/model.h"
 #include "testing.h"

@@ -96,7 +96,7 @@ TEST(light_sums_to_one)
     assert_memory_equal(part.data, cut.data, hada_image_count(&cut) * sizeof(float));
 }
 
-TEST(spots_stand_where_rays_meet)
+TEST(spots_are_where_rays_meet)
 {
     const hada_camera camera = single_lens();
     double x, y;

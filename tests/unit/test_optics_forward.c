@@ -25,7 +25,7 @@ TEST(shift)
                                   here.data[k * PIXELS + (r + down) * COLS + c + across]) < 2e-7f);
             assert_true(fabsf(psf_there.data[r * COLS + c] - psf.data[(r + down) * COLS + c + across]) < 1e-8f);
         }
-    /* beyond the edge stands light that the straight sensor never saw */
+    /* beyond the edge is light that the straight sensor never saw */
     double beyond = 0.0;
     double all = 0.0;
     for (int i = 0; i < PIXELS; i++) {

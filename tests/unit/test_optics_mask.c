@@ -1,4 +1,4 @@
-/* Masks: where things stand, what is open, how random surfaces vary, what files keep. */
+/* Masks: positions, what is open, how random surfaces vary, what files keep. */
 #include "optics/mask.h"
 #include "testing.h"
 
@@ -23,7 +23,7 @@ TEST(grids_are_regular)
             assert_true(hypot(x[i] - x[j], y[i] - y[j]) > 0.999 * camera.minimum_spacing_mm);
     }
     assert_true(x[0] == 0.0 && y[0] == 0.0);
-    /* 29 nodes stand within 3 periods; the half period round the outermost touches the aperture */
+    /* 29 nodes are within 3 periods; the half period round the outermost touches the aperture */
     assert_true(fabs(far - 3.0 * camera.minimum_spacing_mm) < 1e-12);
     assert_true(fabs(far + camera.minimum_spacing_mm / 2.0 - camera.aperture_mm / 2.0) < 1e-12);
     hada_camera wide = camera;
@@ -149,7 +149,7 @@ TEST(nearest_sites)
 
 TEST(contours_focus_on_lines)
 {
-    /* in focus, the light of a contour mask stands on the lines: where the landscape is 0, scaled by 1 + d/z */
+    /* in focus, the light of a contour mask is on the lines: where the landscape is 0, scaled by 1 + d/z */
     hada_camera camera = camera_with(HADA_MASK_CONTOUR);
     const double distance = 1.0 / (1.0 / camera.focal_length_mm - 1.0 / camera.distance_mm);
     const double scale = camera.pixel_pitch_mm / hada_camera_magnification(&camera, distance);

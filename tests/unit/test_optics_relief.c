@@ -19,7 +19,7 @@ static hada_image slanted(double near_mm, double far_mm)
     return map;
 }
 
-/* One channel of the frame of an image whose columns stand at the map's distances. */
+/* One channel of the frame of an image whose columns are at the map's distances. */
 static void add_columns(const hada_camera *camera, const hada_image *image, int channel, const hada_image *map,
                         double *out)
 {
@@ -111,8 +111,8 @@ TEST(opaque_surfaces)
         hada_image_destroy(all[i]);
 }
 
-/* How much of pixel i's light each lens sees past what stands nearer by more than a pixel of parallax at the rim of the
- * aperture, each of these pixels at its own distance. Nothing stands behind anything else, so shadows add up. */
+/* How much of pixel i's light each lens sees past what is nearer by more than a pixel of parallax at the rim of the
+ * aperture, each of these pixels at its own distance. Nothing is behind anything else, so shadows add up. */
 static void see(const hada_camera *camera, const hada_image *map, int i, const double *x, const double *y, double *seen)
 {
     static float opacity[AREA];
@@ -184,7 +184,7 @@ TEST(opaque_ball)
     }
 }
 
-/* Where the map is NaN nothing stands; the same noise as planes get. */
+/* Where the map is NaN there is nothing; the noise is that of planes. */
 TEST(holes_and_noise)
 {
     const hada_camera camera = small_camera(HADA_BOUNDARY_PADDED);

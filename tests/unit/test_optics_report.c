@@ -95,7 +95,7 @@ TEST(twins)
     const double near = 0.5 + 0.5 * exp(-1.0 / 9.0);
     assert_true(fabs(curves->correlation[1] - near) < 1e-3 && fabs(curves->correlation[2] - 0.5) < 1e-3);
     hada_optics_report_destroy(&report);
-    /* axial: correlation falls from 1 to 0 between neighbours, so one half stands half way in 1/z */
+    /* axial: correlation falls from 1 to 0 between neighbours, so one half is half way in 1/z */
     const hada_camera two = camera_of(64, 120, 2);
     ASSERT_OK(hada_optics_report_create(&report, context, &two, HADA_AUTO, err));
     SCOPED(hada_image) psf = spots(&two, 1.5, 0);

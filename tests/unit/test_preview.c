@@ -1,4 +1,4 @@
-/* Pictures: decoded again and looked at where something must stand. */
+/* Pictures are decoded again and examined where something must be drawn. */
 #include <cairo.h>
 
 #include "io_testing.h"
@@ -145,7 +145,7 @@ TEST(test_text)
     hada_drawing_destroy(&drawing);
 }
 
-/* A point, a line and a bar of a plot stand where the axes say, in PNG; as SVG the same plot is XML. */
+/* A point, a line and a bar of a plot are where the axes say, in PNG; as SVG the same plot is XML. */
 TEST(test_plot)
 {
     for (int svg = 0; svg < 2; svg++) {

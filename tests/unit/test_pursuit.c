@@ -154,7 +154,7 @@ TEST(says_that_a_scene_fills_all_depths)
     tear_down(&f);
 }
 
-TEST(does_not_mind_brightness_or_repetition)
+TEST(ignores_brightness_and_repetition)
 {
     static const int list[] = {1, 3};
     fixture f;

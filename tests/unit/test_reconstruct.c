@@ -1,4 +1,4 @@
-/* The main job: quality on scenes not fitted, occupancy not told; stated bytes; same bits. */
+/* The main job: quality on scenes not fitted, occupancy unknown; stated bytes; same bits. */
 #include "learned_camera.h"
 #include "model/model.h"
 

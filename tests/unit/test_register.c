@@ -95,7 +95,7 @@ TEST(shrinking)
     ASSERT_FAILS(hada_register_apply(&out, &scene, &by, 21, 21, err), HADA_ERROR_ARGUMENT, "");
 }
 
-/* Pairs: scene files, and frames of them as they stand under the truth, through a mask of a few holes. */
+/* Pairs: scene files, and frames of them placed by the true registration, through a mask of a few holes. */
 typedef struct pairs {
     hada_image raws[HADA_REGISTER_PAIRS], scenes[HADA_REGISTER_PAIRS];
     int count;
@@ -237,7 +237,7 @@ TEST(search_can_be_stopped)
     free_pairs(&all);
 }
 
-/* Scenes of a second depth that stand elsewhere; the mask's PSF is 0.9 times as wide there. */
+/* Scenes of a second depth with another offset; the mask's PSF is 0.9 times as wide there. */
 TEST(offsets)
 {
     const hada_registration at = {.size = sizeof(hada_registration), .magnification = 1.0};
@@ -298,7 +298,7 @@ TEST(refusals)
         all.scenes[i] = all.scenes[i + 1];
     all.scenes[PAIRS - 1] = first;
     ASSERT_FAILS(hada_register_pairs(&found, all.raws, all.scenes, PAIRS, &options, err), HADA_ERROR_DATASET, "");
-    /* scenes that are their own mirror images stand as well mirrored as not */
+    /* scenes that are their own mirror images fit as well mirrored as not */
     hada_registration flip = {.size = sizeof(hada_registration), .magnification = 1.0, .mirrored = 1};
     for (int i = 0; i < PAIRS; i++) {
         SCOPED(hada_image) mirrored, stands;

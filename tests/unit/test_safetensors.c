@@ -80,7 +80,7 @@ TEST(test_round_trip)
     assert_int_equal((uintptr_t)hada_tensors_at(tensors, 0)->data % 8, 0);
     assert_memory_equal(hada_tensors_find(tensors, "one")->data, data, sizeof data);
     assert_memory_equal(hada_tensors_find(tensors, "bytes")->data, "abc", 3);
-    float odd; /* stands at no multiple of 4 */
+    float odd; /* at no multiple of 4 */
     ASSERT_OK(hada_tensor_copy_f32(hada_tensors_find(tensors, "odd"), 0, 1, &odd, err));
     assert_true(odd == data[0]);
     assert_string_equal(hada_tensors_meta(tensors, "a \"key\""), "line\nline");

@@ -56,7 +56,7 @@ TEST(the_switch_is_obeyed)
     }
 }
 
-/* A frame that could not be done serves nobody. */
+/* The result of a failed frame is not reused. */
 TEST(a_failed_frame_is_not_reused)
 {
     const skip_fixture *f = *state;

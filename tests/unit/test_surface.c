@@ -266,7 +266,7 @@ TEST(test_cropped)
     tear_down(&f);
 }
 
-/* What stands beyond the camera's depths is said not to be known; what stands between them is not. */
+/* Surfaces beyond the camera's depths are reported as unknown; those between them are not. */
 TEST(test_outside)
 {
     hada_surface_result result;
@@ -398,7 +398,7 @@ TEST(test_levels)
     assert_true(last->before == 0 && last->shape.planes == (DEPTHS - 1) * last->steps + 1);
     f.law.kind = HADA_MAGNIFICATION_LAW;
     assert_int_equal(hada_surface_levels(f.context, &f.camera, &f.shape, &f.law, plans), 3);
-    /* a window's pixel stands where it stood, within the coarse window's margin */
+    /* a window's pixel keeps its place, within the coarse window's margin */
     const hada_map_place place = hada_surface_level_place(&plans[2], &plans[0]);
     assert_true(place.row >= 2.0 && place.row < 4.0 && fabs(place.down - 0.25) < 0.01);
     f.shape.window.rows = 40;

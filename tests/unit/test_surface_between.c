@@ -40,7 +40,7 @@ static double distance_of(double depth)
     return 1.0 / (1.0 / 60.0 - 0.0019 * depth);
 }
 
-/* What stands where a pattern magnified about a point lands: spots of the same width, each channel 0.2 % larger. */
+/* The target of a pattern magnified about a point: spots of the same width, each channel 0.2 % larger. */
 static void expose(double scale, double row, double col, int channel, double noise, unsigned seed, double *psf)
 {
     hada_random random;

@@ -96,7 +96,7 @@ TEST(test_smooth_exact)
     float apart[2] = {0.0F, 1.0F};
     ASSERT_OK(hada_map_smooth(apart, even, edge, 1, two, &rule, err));
     assert_near(apart[0], 0.1 * exp(-2.5), 1e-6);
-    /* nothing to go by */
+    /* no measurements */
     const float dark[2] = {0.0F, 0.0F};
     apart[0] = 5.0F;
     ASSERT_OK(hada_map_smooth(apart, dark, edge, 1, two, &rule, err));

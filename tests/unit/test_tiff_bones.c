@@ -192,7 +192,7 @@ static hada_tiff_stack parse(const char *text, size_t pages)
     return stack;
 }
 
-TEST(imagej_says_how_pages_stand)
+TEST(imagej_gives_the_order_of_pages)
 {
     hada_tiff_stack s = parse("ImageJ=1.53\nimages=12\nchannels=2\nframes=3\n", 12); /* the slices can be told */
     assert_true(s.known && s.slices == 2 && s.channels == 2 && s.times == 3);
@@ -213,7 +213,7 @@ TEST(imagej_says_how_pages_stand)
 #define SIZES(c, z, t)       "SizeC=\"" c "\" SizeZ='" z "' SizeT=\"" t "\""
 #define END                  "</Pixels></Image></OME>"
 
-TEST(ome_says_how_pages_stand)
+TEST(ome_gives_the_order_of_pages)
 {
     hada_tiff_stack s = parse(PIXELS("XYTZC", SIZES("2", "3", "4")) END, 24);
     assert_true(s.known && s.time_step == 1 && s.slice_step == 4 && s.channel_step == 12 && !s.pages);
@@ -232,7 +232,7 @@ TEST(ome_says_how_pages_stand)
         PIXELS("XYCZT", SIZES("x", "-2", "1")) END,
         "<OME><Pixels DimensionOrder=\"XYCZT",
         "<OME><Pixels DimensionOrder=XYCZT SizeZ=\"2\">",
-        /* planes that are placed twice, left out, or stand nowhere */
+        /* planes that are placed twice, left out, or have no place */
         PIXELS("XYCZT",
                SIZES("1", "2", "1")) "<TiffData FirstZ=\"0\" IFD=\"0\"/><TiffData FirstZ=\"0\" IFD=\"1\"/>" END,
         PIXELS("XYCZT",
@@ -296,7 +296,7 @@ static void save_pages(const char *text, int pages, int wider)
     }
 }
 
-/* Channels on pages of their own; the text stands behind our own words, so it is OME's. */
+/* Channels on pages of their own; the text follows our own words, so it is OME's. */
 TEST(channels_on_pages_are_one_frame)
 {
     hada_tiff_reader *reader;
@@ -343,7 +343,7 @@ static void expect_write(int channels, const hada_tiff_write_options *options, h
     assert_false(io_exists(io_path("none.tif")));
 }
 
-TEST(what_cannot_be_written_is_said_before)
+TEST(what_cannot_be_written_is_refused_first)
 {
     static const double scales[] = {0, -1, NAN};
     static const int channels[] = {0, -1, 4097};

@@ -74,7 +74,7 @@ TEST(test_pixels)
             info->slices != g->slices || info->times != g->times || info->bits != g->bits)
             fail_msg("%s: %d frames, %d channels, %d x %d, %d slices, %d times, %d bits", g->name, info->frames,
                      info->channels, info->rows, info->cols, info->slices, info->times, info->bits);
-        /* Backwards, so that pages are reached in another order than they stand. */
+        /* Backwards, so that pages are not read in the order of the file. */
         for (int frame = g->frames - 1; frame >= 0; frame--) {
             SCOPED(hada_image) image;
             if (hada_tiff_read(reader, frame, &image, &err))

@@ -29,7 +29,8 @@ TEST(going_on_gives_the_same_bits)
         }
 }
 
-/* States stand on the devices that update their values: files hold them whole, and serve any number of devices. */
+/* Optimizer states are kept on the devices that update their values; files hold them whole, for any number of devices.
+ */
 TEST(devices_may_be_more_or_fewer)
 {
     for (hada_stage stage = HADA_STAGE_ADVERSARIAL; stage <= HADA_STAGE_JOINT; stage++) {

@@ -1,4 +1,4 @@
-/* Scenes of several depths, made of pairs of one: light adds up, nothing is told twice, and seeds decide alone. */
+/* Scenes of several depths, made of pairs of one: light adds up, nothing is counted twice, and seeds alone decide. */
 #include "testing.h"
 
 #include "core/error.h"
@@ -52,7 +52,7 @@ typedef struct seen {
     int whole, others, between, dark, told_too_many, planes[HADA_COMPOSED_DEPTHS + 1];
 } seen;
 
-/* What stands at a pixel after the change: the light of one depth, or of two neighbours that share it. */
+/* A pixel after the change: the light of one depth, or of two neighbours that share it. */
 static void check_pixel(const hada_composed *composed, size_t i, float truth, seen *all, int *lit)
 {
     float total = 0.0f;
@@ -188,7 +188,7 @@ static hada_status read_point(void *user, int depth, int pair, hada_image *raw, 
 }
 
 /* Two depths are the fewest, and a window may be a single pixel. */
-TEST(small_cameras_are_served)
+TEST(small_cameras_work)
 {
     static const int few[2] = {1, 0};
     hada_dataset *pairs;

@@ -110,7 +110,7 @@ static double play(player *p, int net, int discriminator, double noise)
     return terms.discriminator;
 }
 
-TEST(blurred_is_told_from_sharp)
+TEST(blurred_differs_from_sharp)
 {
     for (size_t i = 0; i < HADA_COUNT(names); i++) {
         player p;

@@ -1,4 +1,4 @@
-/* Planes for training: those of a plan that is told the depths, bit for bit, also of a frame that was composed. */
+/* Planes for training: those of a plan with given depths, bit for bit, also of a frame that was composed. */
 #include "camera_small.h"
 #include "model/model.h"
 #include "train/planes.h"

@@ -56,7 +56,7 @@ TEST(new_nets_start_with_the_planes)
     SCOPED(hada_net) * paper;
     ASSERT_OK(hada_net_create_preset(&paper, "paper", 3, 1, err));
     const float first = paper->values[0];
-    assert_false(hada_net_start_as_identity(paper)); /* its batch norm stands in the way */
+    assert_false(hada_net_start_as_identity(paper)); /* its batch norm prevents it */
     assert_true(paper->values[0] == first);
 }
 
@@ -324,7 +324,7 @@ TEST(pairs_are_read_once_where_nothing_changes_them)
     assert_in_range(f.reads, DEPTHS * PAIRS, DEPTHS * PAIRS + 8); /* and some that were on their way */
 }
 
-/* Kept features rest on that: a number stands for one scene, flipped in one way. */
+/* The store of features needs that: a number identifies one scene, flipped in one way. */
 TEST(scenes_have_numbers)
 {
     enum { MOST = DEPTHS * PAIRS * HADA_FLIPPED_WAYS };

@@ -45,14 +45,14 @@ inside "$far/scene/scene0011.tif"
 expect 0 'pairs' fit back -o back.model
 
 # Refusals leave nothing behind.
-expect 4 'do not tell.*magnification 1.5 to 2' register moved --magnification 1.5,2 --rotation 3 -o none
+expect 4 'do not show.*magnification 1.5 to 2' register moved --magnification 1.5,2 --rotation 3 -o none
 lacks none
 expect 4 'larger than the frames, 64x80' register moved $range --window 65x80 -o none
 lacks none
 mkdir -p single/z1mm/raw single/z1mm/scene
 cp "$camera/$near/raw/scene0001.tif" single/z1mm/raw/a.tif
 cp "$camera/$near/scene/scene0001.tif" single/z1mm/scene/a.tif
-expect 4 'z1mm: one pair cannot tell' register single -o none
+expect 4 'z1mm: one pair does not show' register single -o none
 lacks none
 "$FRAME_TOOL" flat single/z1mm/scene/b.tif 24 24 3 0.5
 cp single/z1mm/scene/b.tif single/z1mm/scene/a.tif

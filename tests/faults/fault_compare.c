@@ -11,7 +11,7 @@ hada_status fault_stage_register(fault_job *job, hada_error *err)
     hada_image psf = {0}, out = {0};
     double pitch, where[4];
     hada_status status = hada_register_pairs(&found, raws, scenes, JOB_PAIRS, &options, err);
-    if (status == HADA_ERROR_DATASET && strstr(err->message, "do not tell"))
+    if (status == HADA_ERROR_DATASET && strstr(err->message, "do not show"))
         status = HADA_OK; /* two pairs of a small camera need not suffice */
     if (!status)
         status = hada_register_psf(&psf, &pitch, raws, scenes, JOB_PAIRS, &found, err);

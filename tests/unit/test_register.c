@@ -280,7 +280,7 @@ TEST(refusals)
     hada_register_options options = search_all;
     ASSERT_FAILS(hada_register_pairs(&found, all.raws, all.scenes, 0, &options, err), HADA_ERROR_ARGUMENT, "");
     ASSERT_FAILS(hada_register_pairs(&found, all.raws, all.scenes, 1, &options, err), HADA_ERROR_DATASET,
-                 "one pair cannot tell");
+                 "one pair does not show");
     options.most_rotation_deg = 50.0;
     ASSERT_FAILS(hada_register_pairs(&found, all.raws, all.scenes, PAIRS, &options, err), HADA_ERROR_ARGUMENT, "");
     options.most_rotation_deg = 3.0;
@@ -290,7 +290,7 @@ TEST(refusals)
     /* outside the range; and scenes that belong to other frames */
     options.most_magnification = 2.2;
     ASSERT_FAILS(hada_register_pairs(&found, all.raws, all.scenes, PAIRS, &options, err), HADA_ERROR_DATASET,
-                 "do not tell");
+                 "do not show");
     options.least_magnification = 0.7;
     options.most_magnification = 1.4;
     const hada_image first = all.scenes[0];

@@ -48,6 +48,7 @@ static const hada_limits limits = {.size = sizeof(hada_limits),
                                    .text = 8u << 20,        /* OME-XML of some 30,000 planes */
                                    .parameters = 50000000}; /* three times VGG-16's convolutions */
 static const hada_psf_options psf_options = {.size = sizeof(hada_psf_options),
+                                             .refine_tv = HADA_AUTO,
                                              .form = HADA_FORM_WIENER,
                                              .boundary = HADA_BOUNDARY_PADDED,
                                              .lambda = HADA_AUTO,

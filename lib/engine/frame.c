@@ -144,6 +144,7 @@ hada_status hada_frame_examine(hada_frame *frame, hada_error *err)
                                      .dark_frame = setup->dark_frame.data,
                                      .repairs = setup->options.repair_not_finite,
                                      .energy = setup->config.joint,
+                                     .weights = setup->config.joint && !setup->config.classic,
                                      .hash = frame->hashed};
     if (frame->examined)
         return HADA_OK;
@@ -163,6 +164,7 @@ hada_status hada_frame_prepare(hada_frame *frame, hada_error *err)
     hada_report *report = &frame->result->memory->report;
     const hada_exposure *exposure = &frame->exposure;
     report->repaired_pixels = exposure->repaired;
+    report->saturated_pixels = exposure->saturated;
     for (int c = 0; c < exposure->pixels.channels; c++) /* the mean of the channels' levels */
         report->dark += exposure->levels[c] / exposure->pixels.channels;
     skip_channels(frame);

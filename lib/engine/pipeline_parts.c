@@ -100,7 +100,7 @@ static hada_status make_solver(hada_pipeline *pipeline, hada_error *err)
     return config->joint ? hada_refiner_create(&pipeline->refiner, pipeline->slot, &refine, err) : HADA_OK;
 }
 
-static void make_maker(hada_pipeline *pipeline)
+static hada_status make_maker(hada_pipeline *pipeline, hada_error *err)
 {
     const hada_setup *setup = pipeline->setup;
     const hada_constants *constants = pipeline->constants;
@@ -111,11 +111,15 @@ static void make_maker(hada_pipeline *pipeline)
                                          .bank = constants->bank,
                                          .refiner = pipeline->refiner,
                                          .weights = setup->config.weights,
-                                         .noise_share = setup->noise_share};
+                                         .noise_share = setup->noise_share,
+                                         .boundary = hada_config_refine(&setup->config, setup->model).boundary};
+    if (pipeline->refiner && pipeline->maker.boundary == HADA_BOUNDARY_PADDED)
+        HADA_TRY(hada_maker_make_weights(&pipeline->maker, setup->config.choose, err));
     if (!setup->config.joint || pipeline->slot->context->dry)
-        return;
+        return HADA_OK;
     const cl_mem otf = hada_constants_otf(constants, &offset);
     hada_maker_use_otf(&pipeline->maker, otf, offset, setup->config.depths, constants->prior.mem);
+    return HADA_OK;
 }
 
 /* The parts on the pipeline's slot, which may be dry, each with the steps in which it works. */
@@ -129,7 +133,8 @@ static hada_status make_parts(hada_pipeline *pipeline, hada_error *err)
     const size_t planes = planes_bytes(info, config, pipeline->batch);
     /* where the sensor crops, refinement compares with the frame itself; some classic methods do in any case */
     const int raw_last =
-        config->classic || (config->joint && info->boundary == HADA_BOUNDARY_PADDED) ? COMPUTE : UPLOAD;
+        config->classic || (config->joint && (info->boundary == HADA_BOUNDARY_PADDED || config->choose)) ? COMPUTE
+                                                                                                         : UPLOAD;
     focus.distances_mm = setup->distances;
     hada_scratch_steps(slot->scratch, UPLOAD, COMPUTE, raw_last);
     HADA_TRY(make_stage(pipeline, err));
@@ -139,7 +144,7 @@ static hada_status make_parts(hada_pipeline *pipeline, hada_error *err)
     hada_scratch_steps(slot->scratch, config->joint ? FOCUS : COMPUTE, FOCUS, FOCUS);
     HADA_TRY(hada_focus_create(&pipeline->focus, slot, &focus, err));
     HADA_TRY(make_solver(pipeline, err));
-    make_maker(pipeline);
+    HADA_TRY(make_maker(pipeline, err));
     hada_scratch_steps(slot->scratch, PURSUE, PURSUE, PURSUE);
     if (config->pursuit)
         HADA_TRY(make_pursuit(pipeline, err));
@@ -156,6 +161,7 @@ static hada_status make_parts(hada_pipeline *pipeline, hada_error *err)
 static void destroy_parts(hada_pipeline *pipeline)
 {
     hada_pursuit_destroy(&pipeline->pursuit);
+    hada_maker_free_weights(&pipeline->maker);
     hada_refiner_destroy(&pipeline->refiner);
     hada_classic_destroy(&pipeline->classic);
     hada_focus_destroy(&pipeline->focus);

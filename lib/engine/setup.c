@@ -28,8 +28,10 @@ static hada_status check_numbers(const hada_plan_options *options, hada_error *e
     if (options->depth_count < 0 || options->occupied_count < 0 ||
         (options->batch < 0 && options->batch != HADA_AUTO) || !(options->gamma > 0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: counts are not negative and gamma is above 0");
-    if (!isfinite(options->refine_tv))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: the weight of total variation is not a number");
+    if (!isfinite(options->refine_tv) ||
+        (options->refine_tv < 0 && options->refine_tv != HADA_AUTO && options->refine_tv != HADA_REFINE_TV_FRAME))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: the weight of total variation is %g; it is 0 or more",
+                         options->refine_tv);
     if (!isfinite(options->refine_colour) ||
         (options->refine_colour >= 0 && !hada_refine_colour_known(options->refine_colour)))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
@@ -153,12 +155,21 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     /* auto: what leave-one-out found to pay for this camera */
     config->steps = options->refine >= 0 ? options->refine : info->has_otf ? info->refine_steps : 0;
     config->parting = options->refine < 0 && config->depths > 1;
-    config->weights.tv = options->refine_tv >= 0 ? options->refine_tv : info->refine_tv;
-    config->weights.colour = options->refine_colour >= 0 ? options->refine_colour : info->refine_colour;
-    config->weights.shrink = options->refine_shrink >= 0 ? options->refine_shrink : info->refine_shrink;
+    const double tv = options->refine_tv == HADA_AUTO ? info->refine_tv : options->refine_tv;
+    config->choose = tv == HADA_REFINE_TV_FRAME || tv == HADA_AUTO;
+    config->weights.tv = config->choose ? 0.0 : tv;
+    /* no fit has measured what pays beside a weight that is found from the frame */
+    const int measured = !config->choose || info->refine_tv > 0.0;
+    config->weights.colour = options->refine_colour >= 0 ? options->refine_colour
+                             : measured                  ? info->refine_colour
+                                                         : HADA_REFINE_COLOUR;
+    config->weights.shrink = options->refine_shrink >= 0 ? options->refine_shrink
+                             : measured                  ? info->refine_shrink
+                                                         : HADA_REFINE_SHRINK;
     config->crosstalk = options->crosstalk >= 0 ? options->crosstalk : HADA_CROSSTALK;
     HADA_TRY(use_classic(info, options, config, err));
     config->joint = config->steps > 0;
+    config->choose = config->choose && config->joint && !config->classic;
     config->pursuit =
         config->joint && !config->classic && options->occupied == HADA_OCCUPIED_AUTO && config->depths > 1;
     config->dark = options->dark == HADA_DARK_FRAME;
@@ -199,7 +210,9 @@ hada_refine_shape hada_config_refine(const hada_config *config, const hada_model
     const int steps = config->parting ? hada_refine_most_steps(config->steps, config->depths) : config->steps;
     hada_refine_shape refine = hada_refine_shape_of(hada_model_get_info(model), config->depths, steps);
     refine.settle = config->parting;
-    refine.tv = config->weights.tv > 0;
+    refine.tv = config->choose || config->weights.tv > 0;
+    if (config->choose) /* held-out pixels need the data's split */
+        refine.boundary = HADA_BOUNDARY_PADDED;
     refine.shrink = config->weights.shrink > 0;
     refine.crosstalk = config->crosstalk > 0 && config->depths > 1;
     return refine;

@@ -20,6 +20,7 @@ typedef struct hada_config {
                                     classic method; 0: linear filters */
     int classic;                 /* 1: by a classic method */
     hada_refine_weights weights; /* of refinement */
+    int choose;                  /* 1: the weight of total variation is found from each frame */
     double share;                /* of refined planes, the rest being those of the linear filters; 1: refined alone */
     int steps;                   /* refinement steps or iterations at most */
     double crosstalk;            /* share at which a plane halves beside another one; 0: none does */

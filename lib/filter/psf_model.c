@@ -181,7 +181,8 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
                       "a point spread function gives filters of the forms matched and wiener; for complex or "
                       "split, fit from pairs"));
     if (!isfinite(options->lambda) || (options->lambda <= 0.0 && options->lambda != HADA_AUTO) ||
-        !isfinite(options->refine_tv) || options->refine_tv < 0.0 || !isfinite(options->dark) ||
+        !isfinite(options->refine_tv) || (options->refine_tv < 0.0 && options->refine_tv != HADA_AUTO) ||
+        !isfinite(options->dark) ||
         !isfinite(options->psf_dark))
         HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_ARGUMENT,

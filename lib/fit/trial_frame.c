@@ -24,6 +24,7 @@ hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
     HADA_TRY(hada_bank_prior(&bench->prior, grid->slot, bench->with->model, &grid->layout, err));
     bench->maker.slot = grid->slot;
     bench->maker.model = bench->with->model;
+    bench->maker.boundary = shape.boundary;
     bench->maker.noise_share = hada_model_noise_share(bench->with->model);
     bench->maker.data = (hada_refine_data){.spectrum = bench->with->pair->raw_spectrum.mem,
                                            .frame = bench->with->pair->raw.mem,

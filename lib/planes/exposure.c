@@ -124,6 +124,7 @@ typedef struct examination {
     const hada_exposure_rule *rule;
     size_t broken;
     float largest;
+    size_t equal, near; /* values as large as that, and a little smaller */
     double sums[SUMS];
     uint64_t lanes[LANES];
 } examination;
@@ -182,7 +183,24 @@ size_t hada_exposure_count(const hada_exposure *exposure)
 }
 
 /* What of an examination a pass over the frame finds. */
-enum { VALUES = 1, ENERGY = 2 };
+enum { VALUES = 1, ENERGY = 2, BRIGHT = 4 };
+
+/* Pixels are saturated where the brightest value occurs this often, and this many times as often as all values in the
+ * 128th part below it: noise spreads light that is not cut off. */
+enum { SATURATED = 16, PER_NEAR = 4 };
+#define NEAR (1.0f - 0x1p-7f)
+
+static void count_bright(examination *look, const float *values, size_t count)
+{
+    const float largest = look->largest, near = NEAR * largest;
+    size_t equal = 0, above = 0;
+    for (size_t i = 0; i < count; i++) {
+        equal += values[i] == largest;
+        above += values[i] > near;
+    }
+    look->equal += equal;
+    look->near += above - equal;
+}
 
 static void pass(const hada_exposure *exposure, examination *look, int what)
 {
@@ -200,6 +218,8 @@ static void pass(const hada_exposure *exposure, examination *look, int what)
                 if (look->rule->hash)
                     hash(look->lanes, values, count);
             }
+            if (what & BRIGHT)
+                count_bright(look, values, count);
             if (what & ENERGY)
                 add_energy(look->sums, values, dark ? dark + (size_t)c * plane + first : NULL, exposure->levels[c],
                            count);
@@ -289,6 +309,13 @@ hada_status hada_exposure_examine(hada_exposure *exposure, const hada_exposure_r
     if (look.broken) /* which takes values of neighbours: none is brighter than the brightest */
         HADA_TRY(repair(exposure, &look, err));
     HADA_TRY(hada_frame_check_range(look.largest, (double)info->grid_rows * info->grid_cols, err));
+    exposure->saturated = 0;
+    exposure->brightest = look.largest;
+    if (rule->weights && look.largest > 0.0f) {
+        pass(exposure, &look, BRIGHT);
+        if (look.equal >= SATURATED && look.equal > PER_NEAR * look.near)
+            exposure->saturated = look.equal;
+    }
     if (rule->dark_varies)
         HADA_TRY(find_levels(exposure, err));
     else if (rule->dark > 1.0 && all_below(exposure, rule->dark))
@@ -305,6 +332,27 @@ hada_status hada_exposure_examine(hada_exposure *exposure, const hada_exposure_r
     for (int k = 0; k < SUMS; k++)
         exposure->energy += look.sums[k];
     return HADA_OK;
+}
+
+size_t hada_exposure_weigh(const hada_exposure *exposure, float *weights)
+{
+    const hada_pixels *came = &exposure->came;
+    const size_t plane = plane_of(exposure);
+    float room[CHUNK];
+    size_t good = 0;
+    for (int c = 0; c < came->channels; c++)
+        for (size_t first = 0, count; first < plane; first += count) {
+            count = plane - first < CHUNK ? plane - first : CHUNK;
+            const float *values = hada_pixels_floats(came, c, first, count, room);
+            float *to = weights + (size_t)c * plane + first;
+            for (size_t i = 0; i < count; i++) {
+                to[i] = !isfinite(values[i])                                      ? 0.0f
+                        : exposure->saturated && values[i] == exposure->brightest ? -1.0f
+                                                                                  : 1.0f;
+                good += to[i] > 0.0f;
+            }
+        }
+    return good;
 }
 
 double hada_exposure_noise_unit(const hada_exposure *exposure, double share)

@@ -1,5 +1,9 @@
 /* Planes on the device: linear filters, or depths that are refined together. */
 #include "planes/maker.h"
+
+#include <stdlib.h>
+
+#include "core/alloc.h"
 #include "filter/hadamard.h"
 
 void hada_maker_use_otf(hada_plane_maker *maker, cl_mem otf, size_t offset, int depths, cl_mem prior)
@@ -10,6 +14,38 @@ void hada_maker_use_otf(hada_plane_maker *maker, cl_mem otf, size_t offset, int 
                                      .otf_offset = offset,
                                      .otf_depths = depths,
                                      .prior = prior};
+}
+
+hada_status hada_maker_make_weights(hada_plane_maker *maker, int choose, hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(maker->model);
+    const size_t bytes = (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols * sizeof(float);
+    HADA_TRY(hada_buffer_take(&maker->pixels, maker->slot, HADA_OWN_STEPS, bytes, "the weights of pixels", err));
+    return choose ? hada_buffer_take(&maker->held, maker->slot, HADA_OWN_STEPS, bytes, "held-out pixels", err)
+                  : HADA_OK;
+}
+
+void hada_maker_free_weights(hada_plane_maker *maker)
+{
+    hada_buffer_destroy(&maker->pixels);
+    hada_buffer_destroy(&maker->held);
+}
+
+hada_status hada_maker_weigh(hada_plane_maker *maker, const hada_exposure *exposure, hada_error *err)
+{
+    float *weights = NULL;
+    hada_status status = HADA_OK;
+    maker->data.weights = NULL;
+    if (!maker->pixels.mem || !(exposure->repaired || exposure->saturated))
+        return HADA_OK;
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(weights, hada_exposure_count(exposure), "the weights of pixels", err));
+    hada_exposure_weigh(exposure, weights);
+    HADA_TRY_OR_DONE(hada_buffer_write(&maker->pixels, maker->slot, 0, weights,
+                                       hada_exposure_count(exposure) * sizeof *weights, err));
+    maker->data.weights = maker->pixels.mem;
+done:
+    free(weights);
+    return status;
 }
 
 static size_t plane_values(const hada_plane_maker *maker)
@@ -24,16 +60,26 @@ hada_status hada_maker_filter(const hada_plane_maker *maker, int first, int coun
     return hada_image_clip(maker->slot, planes, plane_values(maker) * (size_t)count, err);
 }
 
+/* rho of refinement with a weight that a frame chose: hada_refine_rule_follow() */
+#define RHO_PER_WEIGHT 100.0
+#define MOST_RHO       3e-2
+
 hada_status hada_maker_refine(const hada_plane_maker *maker, const hada_maker_steps *steps, double unit, int count,
                               const int *list, int *done, hada_error *err)
 {
-    const hada_model_info *info = hada_model_get_info(maker->model);
+    hada_model_info info = *hada_model_get_info(maker->model);
+    hada_refine_weights weights = maker->weights;
     hada_refine_rule rule;
     hada_refine_rule_init(&rule);
     rule.steps = steps->steps;
-    hada_refine_rule_weigh(&rule, info, &maker->weights, count, hada_model_gain(maker->model), unit);
+    info.boundary = maker->boundary;
+    if (steps->tv > 0.0)
+        weights.tv = steps->tv;
+    hada_refine_rule_weigh(&rule, &info, &weights, count, hada_model_gain(maker->model), unit);
+    if (steps->tv > 0.0)
+        hada_refine_rule_follow(&rule, steps->tv, hada_model_gain(maker->model), RHO_PER_WEIGHT, MOST_RHO);
     if (steps->stop)
-        hada_refine_rule_stop(&rule, info->boundary, steps->stop);
+        hada_refine_rule_stop(&rule, info.boundary, steps->stop);
     else
         rule.stop = 0.0;
     rule.start = steps->before ? HADA_REFINE_CONTINUE : HADA_REFINE_COLD;

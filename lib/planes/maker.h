@@ -22,18 +22,20 @@ typedef struct hada_exposure_rule {
     const float *dark_frame; /* subtracted as well, [channel][row][col]; NULL: none */
     int repairs; /* 1: pixels that are not finite are repaired from their neighbours; 0: they are an error */
     int energy;  /* 1: the energy is needed */
+    int weights; /* 1: saturated pixels are looked for */
     int hash;    /* 1: the hash is needed */
 } hada_exposure_rule;
 
 typedef struct hada_exposure {
     const hada_model_info *info;
-    hada_pixels came;   /* the caller's pixels, which must stay */
-    hada_pixels pixels; /* what goes to the device: these, or `own` */
-    hada_image own;     /* floats of pixels that were repaired, or that the device does not take; else empty */
-    double *levels;     /* per channel: the dark level */
-    double energy;      /* sum of squares above dark levels and dark frame */
-    size_t repaired;
-    uint64_t hash[2]; /* of the floats as they came: frames of equal hashes are taken to be equal */
+    hada_pixels came;           /* the caller's pixels, which must stay */
+    hada_pixels pixels;         /* what goes to the device: these, or `own` */
+    hada_image own;             /* floats of pixels that were repaired, or that the device does not take; else empty */
+    double *levels;             /* per channel: the dark level */
+    float brightest;            /* value, as it came */
+    double energy;              /* sum of squares above dark levels and dark frame */
+    size_t repaired, saturated; /* pixels */
+    uint64_t hash[2];           /* of the floats as they came: frames of equal hashes are taken to be equal */
 } hada_exposure;
 
 /* Checks the size. After a failure there is nothing to end. */
@@ -45,6 +47,10 @@ void hada_exposure_end(hada_exposure *exposure);
  * finite, the largest value, dark levels, energy, hash. May be called again. HADA_ERROR_NOT_FINITE; HADA_ERROR_NUMERIC
  * where single precision cannot hold the frame's spectrum; HADA_ERROR_MODEL where no pixel is above a dark level. */
 hada_status hada_exposure_examine(hada_exposure *exposure, const hada_exposure_rule *rule, hada_error *err);
+
+/* Weights of the frame's values, as hada_refine_data has them: 0 for those that were repaired, -1 for saturated ones,
+ * else 1. Returns how many are above 0. */
+size_t hada_exposure_weigh(const hada_exposure *exposure, float *weights);
 
 /* A hash of a few of its pixels as they came: frames whose samples differ are not equal. */
 uint64_t hada_exposure_sample(const hada_exposure *exposure);
@@ -72,7 +78,30 @@ typedef struct hada_plane_maker {
     hada_refine_data data;       /* of refinement: spectrum and frame (the stage's), transfer functions, prior */
     hada_refine_weights weights; /* of refinement */
     double noise_share;          /* the usual share of noise; 0: weights do not depend on it */
+    hada_boundary boundary;      /* of the refiner: padded also where pixels of a circular camera have weights */
+    hada_buffer pixels;          /* weights of a frame's pixels, as large as the frame; empty: they have none */
+    hada_buffer held;            /* 1 at held-out pixels, else 0; empty: no weight is found from frames */
 } hada_plane_maker;
+
+/* Room for weights of pixels, and with `choose` for finding the weight of total variation from a frame: the latter
+ * needs a padded refiner. Freed by hada_maker_free_weights(). */
+hada_status hada_maker_make_weights(hada_plane_maker *maker, int choose, hada_error *err);
+void hada_maker_free_weights(hada_plane_maker *maker);
+
+/* Brings the weights of a frame's pixels to the device; none where all are equal. */
+hada_status hada_maker_weigh(hada_plane_maker *maker, const hada_exposure *exposure, hada_error *err);
+
+/* The weight of total variation that a frame chooses. */
+typedef struct hada_maker_choice {
+    double tv;
+    double factor; /* of the weight, up or down, at which held-out pixels are predicted 1 % worse; 0: not known */
+    int steps;     /* of refinement that it took */
+} hada_maker_choice;
+
+/* Finds the weight of total variation with which the planes of `count` depths predict held-out pixels best
+ * (choose_weight.c). The frame's own weights must be on the device, and are there afterwards. */
+hada_status hada_maker_choose(hada_plane_maker *maker, const hada_exposure *exposure, int count, const int *list,
+                              hada_maker_choice *choice, hada_error *err);
 
 /* What the refiner reads from the maker's stage and bank: transfer functions from `depth` on. */
 void hada_maker_use_otf(hada_plane_maker *maker, cl_mem otf, size_t offset, int depths, cl_mem prior);
@@ -85,6 +114,7 @@ typedef struct hada_maker_steps {
     int steps;  /* at most; exactly where stop is 0 */
     int stop;   /* 0: never early; 1: when the residual settles; n > 1: when n planes settle, too */
     int before; /* steps that were done before, which these continue */
+    double tv;  /* weight of total variation, where it is above 0; else the maker's */
 } hada_maker_steps;
 
 /* Refines the planes of `count` depths of the transfer functions together; weights are in `unit`s (of the exposure's

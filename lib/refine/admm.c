@@ -110,6 +110,15 @@ void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info,
     }
 }
 
+/* The least rho that follows a weight, in units of the gain. */
+#define LEAST_RHO 3e-4
+
+void hada_refine_rule_follow(hada_refine_rule *rule, double tv, double gain, double per, double most)
+{
+    rule->rho = gain * fmin(fmax(per * tv, LEAST_RHO), most);
+    rule->first_rho = fmin(rule->first_rho, rule->rho);
+}
+
 /* A `stop` that ended within 0.1 dB of the best number of steps, for such a rule (docs/explanation/refinement.md).
  * Padded, what is known of a step is |b - v| within the frame, which settles before the planes do. Steps with shrinkage
  * settle what those before them left, which need not have come so near. */

@@ -68,10 +68,11 @@ typedef struct hada_refine_data {
     size_t spectrum_offset; /* in complex numbers */
     cl_mem frame;           /* padded boundary only: [channel][frame rows][frame cols] floats, dark level removed */
     size_t frame_offset;    /* in floats */
-    cl_mem weights; /* padded boundary only: as the frame, offset 0, of its pixels' squared errors: 0 leaves a pixel out;
-                       below zero it has the size |w|, and the true value may be larger (saturated); NULL: 1 each */
-    cl_mem otf;             /* [depth][channel][count] complex */
-    size_t otf_offset;      /* in complex numbers */
+    cl_mem
+        weights; /* padded boundary only: as the frame, offset 0, of its pixels' squared errors: 0 leaves a pixel out;
+                    below zero it has the size |w|, and the true value may be larger (saturated); NULL: 1 each */
+    cl_mem otf;  /* [depth][channel][count] complex */
+    size_t otf_offset; /* in complex numbers */
     int otf_depths;
     cl_mem prior; /* [channel][count] floats: noise power over scene power; NULL: none. Where a rule has total variation
                      that is the prior, and this one is not used */
@@ -156,6 +157,11 @@ static inline int hada_refine_most_steps(int steps, int depths)
  * is not the model's. */
 void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info, const hada_refine_weights *weights,
                             int depths, double gain, double mean_square);
+
+/* rho, in a rule that has been weighed, in proportion to a weight of total variation that may be far from the usual: a
+ * small weight with a large rho changes planes so little a step that they stay hazy. per: rho of weight 1, most: the
+ * largest rho, both in units of gain. */
+void hada_refine_rule_follow(hada_refine_rule *rule, double tv, double gain, double per, double most);
 
 typedef struct hada_refiner hada_refiner;
 

@@ -184,6 +184,7 @@ hada_status hada_planes_create(hada_planes **out, hada_slot *slot, const hada_mo
         HADA_TRY_OR_DONE(hada_buffer_create(&planes->planes, slot->context, plane_bytes(info), "a plane", err));
     }
     planes->maker = (hada_plane_maker){.slot = slot,
+                                       .boundary = hada_model_get_info(model)->boundary,
                                        .model = model,
                                        .stage = planes->stage,
                                        .bank = planes->bank,

@@ -141,6 +141,10 @@ static int take(const hada_cli_option *option, void *target, const char *text)
         return 1;
     case HADA_OPTION_SEED: *(uint64_t *)target = strtoull(text, &end, 10); return *text >= '0' && *text <= '9' && !*end;
     case HADA_OPTION_WEIGHT:
+        if (!strcmp(text, "frame") && strstr(option->argument, text)) {
+            *weight = HADA_REFINE_TV_FRAME;
+            return 1;
+        }
         if (strcmp(text, "auto"))
             return hada_cli_read_real(text, weight) && *weight >= (option->values ? option->values[0] : 0) &&
                    (!option->values || *weight <= option->values[1]);

@@ -89,7 +89,8 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_PASSES, "refine", 0, "N|auto|0", "refinement steps that the model recommends (default: auto)",
      "auto measures by leave-one-out whether refinement pays for this camera.", AT(fit.refine_steps)},
     {HADA_OPTION_WEIGHT, "refine-tv", 0, "W|auto|0", "weight of total variation in refinement (default: auto)",
-     "auto compares a few weights by leave-one-out where the steps are chosen too; otherwise, and from a PSF, none.",
+     "auto compares a few weights by leave-one-out where the steps are chosen too; otherwise none. From a PSF, auto finds "
+     "the weight from each frame.",
      AT(fit.refine_tv)},
     {HADA_OPTION_WEIGHT, "refine-colour", 0, "K|auto",
      "in total variation, how much heavier differences of colour are (default: auto)",
@@ -181,7 +182,7 @@ static hada_status fit_psf(const settings *set, hada_context *context, hada_mode
     }
     HADA_TRY(hada_cli_read_dark_level(&psf.dark, set->dark, err));
     psf.refine_steps = set->fit.refine_steps;
-    psf.refine_tv = set->fit.refine_tv > 0 ? set->fit.refine_tv : 0;
+    psf.refine_tv = set->fit.refine_tv;
     return hada_psf_run(model, context, set->psf, &task, err);
 }
 

@@ -59,8 +59,10 @@ static const hada_cli_option options[] = {
      "auto takes what the fit measured to pay for this camera, and more where several depths have not parted by then. 0: "
      "the linear filters alone, the quickest; the default with --method matched.",
      AT(plan.refine)},
-    {HADA_OPTION_WEIGHT, "refine-tv", 0, "W|auto|0", "weight of total variation in refinement (default: auto)",
-     "auto takes what the fit measured to pay, which goes with the noise; more is smoother.", AT(plan.refine_tv)},
+    {HADA_OPTION_WEIGHT, "refine-tv", 0, "W|auto|frame|0", "weight of total variation in refinement (default: auto)",
+     "More is smoother. auto takes what the fit measured to pay, which goes with the noise, and for a model from a PSF: "
+     "frame. frame finds the weight from each frame: the one with which the other pixels predict 5 % of them best.",
+     AT(plan.refine_tv)},
     {HADA_OPTION_WEIGHT, "refine-colour", 0, "K|auto",
      "in total variation, how much heavier differences of colour are (default: auto)",
      "1 to 16. auto takes what the fit measured to pay; more takes more of colour noise and of colour.",

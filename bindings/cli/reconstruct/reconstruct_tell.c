@@ -17,15 +17,17 @@ static json_t *frame_json(const hada_result *result)
     for (int z = 0; report->occupied && z < result->depths; z++)
         if (report->occupied[z])
             json_array_append_new(occupied, hada_cli_real(result->distances_mm[z]));
-    return json_pack("{s:o, s:s, s:s, s:i, s:o, s:o, s:o, s:i, s:I, s:o, s:{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}}",
-                     "occupied_mm", occupied, "scene", report->scene == HADA_SCENE_SURFACE ? "surface" : "planes",
-                     "method", methods[report->method], "refine_steps", report->refine_steps, "residual_linear",
-                     hada_cli_real(report->residual_linear), "residual", hada_cli_real(report->residual), "dark",
-                     hada_cli_real(report->dark), "enhanced", report->enhanced, "repaired_pixels",
-                     (json_int_t)report->repaired_pixels, "skipped", hada_cli_skip_json(result), "seconds", "total",
-                     report->seconds_total, "upload", report->seconds_upload, "linear", report->seconds_linear,
-                     "pursuit", report->seconds_pursuit, "refine", report->seconds_refine, "enhance",
-                     report->seconds_enhance, "focus", report->seconds_focus, "download", report->seconds_download);
+    return json_pack(
+        "{s:o, s:s, s:s, s:i, s:o, s:o, s:o, s:o, s:o, s:i, s:I, s:I, s:o, s:{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}}",
+        "occupied_mm", occupied, "scene", report->scene == HADA_SCENE_SURFACE ? "surface" : "planes", "method",
+        methods[report->method], "refine_steps", report->refine_steps, "refine_tv", hada_cli_real(report->refine_tv),
+        "refine_tv_factor", hada_cli_real(report->refine_tv_factor), "residual_linear",
+        hada_cli_real(report->residual_linear), "residual", hada_cli_real(report->residual), "dark",
+        hada_cli_real(report->dark), "enhanced", report->enhanced, "repaired_pixels",
+        (json_int_t)report->repaired_pixels, "saturated_pixels", (json_int_t)report->saturated_pixels, "skipped",
+        hada_cli_skip_json(result), "seconds", "total", report->seconds_total, "upload", report->seconds_upload,
+        "linear", report->seconds_linear, "pursuit", report->seconds_pursuit, "refine", report->seconds_refine,
+        "enhance", report->seconds_enhance, "focus", report->seconds_focus, "download", report->seconds_download);
 }
 
 /* "a surface, 120 to 340 mm" */
@@ -80,6 +82,9 @@ static void frame_words(const hada_result *result, char *text, size_t size)
     } else if (report->refine_steps && report->scene != HADA_SCENE_SURFACE) {
         hada_cli_append(text, size, "; %d refinement step%s", report->refine_steps,
                         report->refine_steps == 1 ? "" : "s");
+        if (report->refine_tv_factor > 0)
+            hada_cli_append(text, size, ", total variation %.2g found from the frame (within a factor of %.2g)",
+                            report->refine_tv, report->refine_tv_factor);
     }
     double residual = isfinite(report->residual) ? report->residual : report->residual_linear;
     if (isfinite(residual))
@@ -88,6 +93,9 @@ static void frame_words(const hada_result *result, char *text, size_t size)
         hada_cli_append(text, size, "; %d plane%s enhanced", report->enhanced, report->enhanced == 1 ? "" : "s");
     if (report->repaired_pixels)
         hada_cli_append(text, size, "; %lld pixels repaired", (long long)report->repaired_pixels);
+    if (report->saturated_pixels)
+        hada_cli_append(text, size, "; %lld saturated pixels count as \"at least this\"",
+                        (long long)report->saturated_pixels);
     hada_cli_skip_words(result, text, size);
 }
 

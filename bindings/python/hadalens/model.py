@@ -138,7 +138,7 @@ class Model(Handle):
         psf_dark: float | None = None,
         dark: float | None = 0.0,
         refine_steps: int | None = None,
-        refine_tv: float = 0.0,
+        refine_tv: float | None = None,
         channel_axis: int | None = None,
     ) -> Self:
         """Return a model made from measured or designed point spread functions.
@@ -155,7 +155,7 @@ class Model(Handle):
             psf_dark: taken off the point spread functions; None: estimated from their background.
             dark: of the frames to come; None: estimated from each.
             refine_steps: of refinement; None: chosen.
-            refine_tv: weight of total variation in refinement.
+            refine_tv: weight of total variation in refinement; None: found from each frame.
             channel_axis: of each image, where it is not the first of three.
 
         Raises:

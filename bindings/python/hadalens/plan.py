@@ -66,7 +66,7 @@ class Plan(Handle):
         scene: what scenes are taken for: "auto", "planes" (objects at some depths) or "surface" (one texture on one
             continuous surface, anywhere between the depths).
         refine: steps of refinement; None: the model's, 0: linear filters alone.
-        refine_tv: weight of total variation in it; None: the model's.
+        refine_tv: weight of total variation in it; "frame": found from each frame; None: the model's.
         refine_colour: there, weight of differences of colour over those of brightness, 1 to 16; None: the model's.
         refine_shrink: there, where one depth is occupied, threshold of the shrinkage of blocks in units of `refine_tv`,
             0 (none) to 100; None: the model's.
@@ -106,7 +106,7 @@ class Plan(Handle):
         occupied: Literal["auto", "all"] | Sequence[int] = "auto",
         scene: Literal["auto", "planes", "surface"] = "auto",
         refine: int | None = None,
-        refine_tv: float | None = None,
+        refine_tv: float | Literal["frame"] | None = None,
         refine_colour: float | None = None,
         refine_shrink: float | None = None,
         crosstalk: float | None = None,
@@ -128,7 +128,7 @@ class Plan(Handle):
             occupied=occupied,
             scene=scene,
             refine=refine,
-            refine_tv=refine_tv,
+            refine_tv=float(lib.HADA_REFINE_TV_FRAME) if refine_tv == "frame" else refine_tv,
             refine_colour=refine_colour,
             refine_shrink=refine_shrink,
             crosstalk=crosstalk,

@@ -1,5 +1,6 @@
 #include "option.h"
 
+#include <hadalens/reconstruct.h>
 #include <popt.h>
 #include <stddef.h>
 #include <stdint.h>

@@ -66,38 +66,19 @@ OPTIMIZER_INLINE float optimizer_sum(optimizer_v v)
     for (uint i = get_global_id(1) * HADA_OPTIMIZER_RUN + OPTIMIZER_WIDTH * get_global_id(0);                          \
          i < min((uint)(get_global_id(1) + 1) * HADA_OPTIMIZER_RUN, count); i += OPTIMIZER_WIDTH * get_global_size(0))
 
-/* Keras: eps below the root, decay of the parameters themselves, steps with their rate in the momentum. PyTorch
- * (`outside`): eps beside the root, decay through the gradient, the rate outside the momentum. State: v, then a where
- * centered, then b where there is momentum. */
+/* State: v. */
 __kernel void net_optimizer_rmsprop(__global const float *gradient, __global float *parameters, __global float *state,
                                     hada_update_layout at, hada_rmsprop rule)
 {
     const uint count = at.count;
     const float scale = at.scale, rate = rule.rate, decay = rule.decay, rest = rule.rest, eps = rule.eps;
-    const float momentum = rule.momentum, weight_decay = rule.weight_decay;
-    const int centered = rule.centered, outside = rule.outside;
     __global const float *grad = gradient + at.gradient;
     __global float *values = parameters + at.parameters, *squares = state + at.state;
-    __global float *means = squares + count, *moving = squares + (centered ? 2 : 1) * (size_t)count;
     OPTIMIZER_EACH (i, count) {
-        optimizer_v g = scale * optimizer_get(grad, i, count), p = optimizer_get(values, i, count);
-        if (outside)
-            g = fma((optimizer_v)weight_decay, p, g);
-        else
-            p = fma((optimizer_v)(-rate * weight_decay), p, p);
-        optimizer_v v = fma((optimizer_v)decay, optimizer_get(squares, i, count), rest * g * g), centre = v;
+        const optimizer_v g = scale * optimizer_get(grad, i, count), p = optimizer_get(values, i, count);
+        const optimizer_v v = fma((optimizer_v)decay, optimizer_get(squares, i, count), rest * g * g);
         optimizer_put(v, squares, i, count);
-        if (centered) {
-            const optimizer_v a = fma((optimizer_v)decay, optimizer_get(means, i, count), rest * g);
-            optimizer_put(a, means, i, count);
-            centre = fma(-a, a, v);
-        }
-        optimizer_v step = outside ? g / (sqrt(max(centre, 0.0f)) + eps) : rate * g / sqrt(max(centre, 0.0f) + eps);
-        if (momentum > 0.0f) {
-            step = fma((optimizer_v)momentum, optimizer_get(moving, i, count), step);
-            optimizer_put(step, moving, i, count);
-        }
-        optimizer_put(outside ? fma((optimizer_v)-rate, step, p) : p - step, values, i, count);
+        optimizer_put(p - rate * g / sqrt(v + eps), values, i, count);
     }
 }
 
@@ -108,22 +89,20 @@ __kernel void net_optimizer_adam(__global const float *gradient, __global float 
     const uint count = at.count;
     const float scale = at.scale, rate1 = rule.rate, root2 = rule.inverse_root, beta1 = rule.beta1;
     const float rest1 = rule.rest1, beta2 = rule.beta2, rest2 = rule.rest2, eps = rule.eps;
-    const float weight_decay = rule.weight_decay, shrink = rule.shrink;
     __global const float *grad = gradient + at.gradient;
     __global float *values = parameters + at.parameters, *means = state + at.state, *squares = means + count;
     OPTIMIZER_EACH (i, count) {
-        const optimizer_v p = optimizer_get(values, i, count);
-        const optimizer_v g = fma((optimizer_v)weight_decay, p, scale * optimizer_get(grad, i, count));
+        const optimizer_v g = scale * optimizer_get(grad, i, count), p = optimizer_get(values, i, count);
         const optimizer_v m = fma((optimizer_v)beta1, optimizer_get(means, i, count), rest1 * g);
         const optimizer_v v = fma((optimizer_v)beta2, optimizer_get(squares, i, count), rest2 * g * g);
         optimizer_put(m, means, i, count);
         optimizer_put(v, squares, i, count);
-        optimizer_put(fma((optimizer_v)-rate1, m / fma(sqrt(v), (optimizer_v)root2, (optimizer_v)eps), p * shrink),
-                      values, i, count);
+        optimizer_put(fma((optimizer_v)-rate1, m / fma(sqrt(v), (optimizer_v)root2, (optimizer_v)eps), p), values, i,
+                      count);
     }
 }
 
-/* Sums of squares, one per work-item, and the scaling of gradients by norm[1]. */
+/* Sums of squares, one per work-item. */
 __kernel void net_optimizer_squares(__global const float *values, ulong offset, uint count, __global float *sums,
                                     ulong sums_offset)
 {
@@ -133,22 +112,4 @@ __kernel void net_optimizer_squares(__global const float *values, ulong offset, 
         sum = fma(v, v, sum);
     }
     sums[sums_offset + get_global_id(1) * get_global_size(0) + get_global_id(0)] = optimizer_sum(sum);
-}
-
-/* norm[0], a sum of squares, becomes its root, norm[1] the factor that brings it down to `limit`; limit 0: 1. */
-__kernel void net_optimizer_norm(__global float *norm, ulong offset, float limit)
-{
-    const float root = sqrt(norm[offset]);
-    norm[offset] = root;
-    norm[offset + 1] = limit > 0.0f ? min(1.0f, limit / (root + 1e-6f)) : 1.0f;
-}
-
-__kernel void net_optimizer_scale(__global float *values, ulong offset, uint count, __global const float *norm,
-                                  ulong norm_offset)
-{
-    const float factor = norm[norm_offset + 1];
-    if (factor == 1.0f)
-        return;
-    OPTIMIZER_EACH (i, count)
-        optimizer_put(factor * optimizer_get(values + offset, i, count), values + offset, i, count);
 }

@@ -129,20 +129,16 @@ typedef struct hada_update_layout {
 HADA_SHARED_SIZE(hada_update_layout, 32)
 
 typedef struct hada_rmsprop {
-    float rate, decay, rest; /* rest: 1 - decay */
-    float eps, momentum, weight_decay;
-    int centered;
-    int outside; /* PyTorch's form: eps beside the root, the rate outside the momentum */
+    float rate, decay, rest, eps; /* rest: 1 - decay */
 } hada_rmsprop;
-HADA_SHARED_SIZE(hada_rmsprop, 32)
+HADA_SHARED_SIZE(hada_rmsprop, 16)
 
 typedef struct hada_adam {
     float rate;         /* / (1 - beta1^t) */
     float inverse_root; /* 1 / sqrt(1 - beta2^t) */
     float beta1, rest1, beta2, rest2;
-    float eps, weight_decay; /* through the gradient */
-    float shrink;            /* what decoupled decay leaves of the parameters */
+    float eps;
 } hada_adam;
-HADA_SHARED_SIZE(hada_adam, 36)
+HADA_SHARED_SIZE(hada_adam, 28)
 
 #endif

@@ -1,5 +1,5 @@
 /* Training besides transforms and nets (docs/explanation/nets.md): gradients of Hadamard filters, the squared error of
- * planes, the gradient of clipping. */
+ * planes. */
 #include "inc_vectors.h"
 #include "shared_train.h"
 
@@ -87,13 +87,4 @@ __kernel void train_error(__global float *x, __global const float *target, ulong
     }
     const float4 a = sum.lo + sum.hi;
     sums[get_global_id(0)] = (a.x + a.z) + (a.y + a.w);
-}
-
-/* The gradient of max(plane, 0): 0 where the clipped plane is 0. */
-__kernel void train_mask(__global const float *plane, __global float *gradient, ulong count)
-{
-    TRAIN_EACH (i, count) {
-        const float8 g = train_get(gradient, i, count);
-        train_put(select((float8)0.0f, g, train_get(plane, i, count) > 0.0f), gradient, i, count);
-    }
 }

@@ -2,7 +2,7 @@
  * shows which stage takes what; and a step of filters against its transforms.
  *
  *     perf_train [--rounds N] [--at-once N] [CASE...]      cases: compact192 compact512 paper256 adversarial192
- *                                                             joint192 filters512
+ *                                                             filters512
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -28,7 +28,6 @@ static const perf_case cases[] = {
     {"compact192", "compact", HADA_STAGE_ENHANCE, 192, 192},
     {"compact512", "compact", HADA_STAGE_ENHANCE, 512, 512},
     {"paper256", "paper", HADA_STAGE_ENHANCE, 256, 256},
-    {"joint192", "compact", HADA_STAGE_JOINT, 512, 192},
     {"adversarial192", "compact", HADA_STAGE_ADVERSARIAL, 192, 192},
     {"filters512", NULL, HADA_STAGE_FILTERS, 512, 192},
 };
@@ -188,7 +187,7 @@ static void run(const perf_case *c, int rounds, int at_once)
     if (c->net)
         must(hada_net_create_preset(&net, c->net, 3, 1, &err));
     if (c->stage == HADA_STAGE_ADVERSARIAL) {
-        must(hada_discriminator_make(&discriminator, "conditional", 3, &err));
+        must(hada_discriminator_make(&discriminator, "patch", 3, &err));
         must(hada_vgg16_make(&vgg, &err));
         must(hada_net_init(discriminator, 1, &err));
         must(hada_net_init(vgg, 1, &err));

@@ -3,7 +3,7 @@
  *
  *     perf_train_devices [--rounds N] [--profile] [--only 1|2] [CASE...]
  *
- * Cases: compact72 odd72 compact96 compact192 joint96 filters192. --profile: what each device's commands take; --only:
+ * Cases: compact72 odd72 compact96 compact192 filters192. --profile: what each device's commands take; --only:
  * one device alone, or two alone, for a profiler of the system. */
 #include <stdio.h>
 #include <stdlib.h>
@@ -25,7 +25,7 @@ typedef struct perf_case {
 static const perf_case cases[] = {
     {"compact72", HADA_STAGE_ENHANCE, 72, 72, 4},  {"odd72", HADA_STAGE_ENHANCE, 72, 72, 5},
     {"compact96", HADA_STAGE_ENHANCE, 96, 96, 16}, {"compact192", HADA_STAGE_ENHANCE, 192, 192, 4},
-    {"joint96", HADA_STAGE_JOINT, 192, 96, 4},     {"filters192", HADA_STAGE_FILTERS, 512, 192, 4},
+    {"filters192", HADA_STAGE_FILTERS, 512, 192, 4},
 };
 
 static hada_error err;

@@ -111,7 +111,7 @@ static const hada_tiff_write_options tiff_write_options = {
     .size = sizeof(hada_tiff_write_options), .bits = 32, .scale = 1};
 static const hada_augment augment = {.size = sizeof(hada_augment), .plane_flips = HADA_AUTO};
 
-/* What differs from stage to stage: the adversarial ones, and JOINT, begin with a net that knows much. */
+/* What differs from stage to stage: the adversarial one begins with a trained net. */
 #define TRAIN(stage_, rate_, steps_, discriminator_steps_, clip_, adversarial_)                                        \
     {                                                                                                                  \
         .size = sizeof(hada_train_options), .stage = stage_, .seed = 1, .net = "compact", .discriminator = "patch",    \
@@ -121,9 +121,10 @@ static const hada_augment augment = {.size = sizeof(hada_augment), .plane_flips 
         .discriminator_steps = discriminator_steps_, .compose = HADA_AUTO                                              \
     }
 static const hada_train_options train_options[] = {
-    TRAIN((hada_stage)0, 1e-3, 1000, 0, 0.1, 0.0),      TRAIN(HADA_STAGE_FILTERS, 1e-3, 1000, 0, 0.0, 0.0),
-    TRAIN(HADA_STAGE_ENHANCE, 1e-3, 1000, 0, 0.1, 0.0), TRAIN(HADA_STAGE_ADVERSARIAL, 2e-4, 300, 60, 0.1, HADA_AUTO),
-    TRAIN(HADA_STAGE_JOINT, 1e-4, 1000, 0, 0.1, 0.0),   TRAIN(HADA_STAGE_CONVENTIONAL, 1e-3, 1000, 0, 0.1, 0.0)};
+    [HADA_STAGE_FILTERS] = TRAIN(HADA_STAGE_FILTERS, 1e-3, 1000, 0, 0.0, 0.0),
+    [HADA_STAGE_ENHANCE] = TRAIN(HADA_STAGE_ENHANCE, 1e-3, 1000, 0, 0.1, 0.0),
+    [HADA_STAGE_ADVERSARIAL] = TRAIN(HADA_STAGE_ADVERSARIAL, 2e-4, 300, 60, 0.1, HADA_AUTO),
+    [HADA_STAGE_CONVENTIONAL] = TRAIN(HADA_STAGE_CONVENTIONAL, 1e-3, 1000, 0, 0.1, 0.0)};
 
 static const struct {
     const void *values;
@@ -160,8 +161,6 @@ static const struct {
                                                                    sizeof *train_options},
     [(int)HADA_STRUCT_TRAIN_OPTIONS + (int) HADA_STAGE_ADVERSARIAL] = {&train_options[HADA_STAGE_ADVERSARIAL],
                                                                        sizeof *train_options},
-    [(int)HADA_STRUCT_TRAIN_OPTIONS + (int) HADA_STAGE_JOINT] = {&train_options[HADA_STAGE_JOINT],
-                                                                 sizeof *train_options},
     [(int)HADA_STRUCT_TRAIN_OPTIONS + (int) HADA_STAGE_CONVENTIONAL] = {&train_options[HADA_STAGE_CONVENTIONAL],
                                                                         sizeof *train_options},
 };

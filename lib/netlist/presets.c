@@ -245,16 +245,13 @@ static hada_status add_paper(hada_net *net, hada_error *err)
 hada_status hada_discriminator_make(hada_net **out, const char *name, int channels, hada_error *err)
 {
     hada_status status = HADA_OK;
-    static const char *const names[] = {"conditional", "patch", "paper"};
-    int which = 0;
+    const int paper = name && !strcmp(name, "paper");
     *out = NULL;
-    while (which < 3 && (!name || strcmp(name, names[which])))
-        which++;
-    if (which == 3)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no discriminator \"%s\": take conditional, patch or paper",
+    if (!paper && (!name || strcmp(name, "patch") != 0))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no discriminator \"%s\": take patch or paper",
                          name ? name : "");
-    HADA_TRY_OR_DONE(begin_discriminator(out, which ? channels : 2 * channels, err));
-    HADA_TRY_OR_DONE(which < 2 ? add_patch(*out, err) : add_paper(*out, err));
+    HADA_TRY_OR_DONE(begin_discriminator(out, channels, err));
+    HADA_TRY_OR_DONE(paper ? add_paper(*out, err) : add_patch(*out, err));
     HADA_TRY_OR_DONE(hada_net_finish(*out, err));
 done:
     if (status)

@@ -12,8 +12,6 @@ hada_status hada_unet_make(hada_net **out, const hada_unet_options *options, had
  * patch: at the image's own size; widths 32, 64, 128, 128 with strides 1, 2, 2, 1, then one channel of logits, each of
  * a patch of 25 x 25 pixels (Isola et al., CVPR 2017, call it PatchGAN).
  *
- * conditional: the same on twice the channels, those of what the image was made of and the image's.
- *
  * paper: resizes to 256 x 256; widths 32, 64, 128, 128, 128 with stride 2, and two fully connected layers (256, 1): one
  * logit an image (Tian and Yang 2022). */
 hada_status hada_discriminator_make(hada_net **out, const char *name, int channels, hada_error *err);

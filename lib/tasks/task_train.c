@@ -181,12 +181,11 @@ static hada_status find_model(training *own, hada_context *context, hada_error *
     return HADA_OK;
 }
 
-/* The planes of these stages are linear, in training and afterwards. */
+/* The planes of trained filters are linear, in training and afterwards. */
 static void note_linear(const training *own)
 {
-    const hada_stage stage = own->work.stage;
     const int steps = hada_model_get_info(own->model)->refine_steps;
-    if (steps > 0 && (stage == HADA_STAGE_JOINT || (stage == HADA_STAGE_FILTERS && !own->options.random_start)))
+    if (steps > 0 && own->work.stage == HADA_STAGE_FILTERS && !own->options.random_start)
         hada_monitor_tell(own->task.monitor, HADA_MESSAGE_NOTE,
                           "the model refines its planes (%d steps); this stage trains linear filters and leaves that "
                           "out, so its pictures may be worse than the model's own",

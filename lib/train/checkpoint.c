@@ -13,8 +13,8 @@
 
 #define FORMAT "hadalens-checkpoint-1"
 
-static const char *const stages[] = {"", "filters", "enhance", "adversarial", "joint", "conventional"};
-static const char *const rules[] = {"rmsprop", "adam", "adamw"};
+static const char *const stages[] = {"", "filters", "enhance", "adversarial", "", "conventional"};
+static const char *const rules[] = {"rmsprop", "adam"};
 enum { NAME = 48, NUMBERS = 8 };
 
 /* What must agree, with the words of a message where it does not. */

@@ -95,11 +95,12 @@ static hada_status add_gradient(hada_filter_step *step, int image, int depth, ha
         .split = shape->form == HADA_FORM_SPLIT);
 }
 
-hada_status hada_filter_step_backward(hada_filter_step *step, const hada_sample *samples, int count, cl_mem planes,
+hada_status hada_filter_step_backward(hada_filter_step *step, const hada_sample *samples, int count,
                                       unsigned char *touched, hada_error *err)
 {
     const hada_step_images *images = step->images;
     const hada_replica_shape *shape = images->shape;
+    const cl_mem planes = hada_step_mem(images, HADA_STEP_PLANES);
     hada_slot_stage(images->slot, "filters");
     for (int i = 0; i < count; i++) {
         HADA_TRY(hada_fft_forward(step->back, shape->channels, planes, (size_t)i * shape->plane,
@@ -128,15 +129,4 @@ hada_status hada_filter_step_error(hada_filter_step *step, int count, double wei
                                      .target = hada_step_mem(images, HADA_STEP_SCENES), .count = values,
                                      .scale = (cl_float)(2.0 * share), .sums = sums));
     return hada_sum_floats(images->slot, sums, 0, items, (float)share, 0.0f, value, err);
-}
-
-hada_status hada_filter_step_mask(hada_filter_step *step, hada_error *err)
-{
-    const hada_step_images *images = step->images;
-    const size_t values = (size_t)images->shape->at_once * images->shape->plane;
-    const hada_range range = hada_layer_flat_range(images->slot, hada_divide_up(values, HADA_TRAIN_RUN), 1);
-    hada_slot_cost(images->slot, 12.0 * (double)values, (double)values);
-    return hada_launch_train_mask(images->slot, HADA_PROGRAM_TRAIN_DEFAULT, &range, err,
-                                  .plane = hada_step_mem(images, HADA_STEP_PLANES),
-                                  .gradient = hada_step_mem(images, HADA_STEP_PLAIN), .count = values);
 }

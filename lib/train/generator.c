@@ -78,19 +78,6 @@ hada_status hada_generator_forward(hada_generator *generator, uint64_t step, had
     return HADA_OK;
 }
 
-/* The gradient of the input, to plain floats. */
-static hada_status store_input_gradient(hada_generator *generator, hada_error *err)
-{
-    const hada_step_images *images = generator->images;
-    const hada_tensor *gradient = hada_graph_input_gradient(generator->training);
-    if (images->shape->resized) { /* what the net took is not needed any more */
-        HADA_TRY(hada_resize_backward(images->slot, HADA_RESIZE_LINEAR, gradient, &generator->input, 0, err));
-        gradient = &generator->input;
-    }
-    const hada_planar plain = hada_step_plain(gradient, hada_step_mem(images, HADA_STEP_PLAIN), 0);
-    return hada_tensor_store(images->slot, gradient, &plain, err);
-}
-
 hada_status hada_generator_backward(hada_generator *generator, hada_error *err)
 {
     const hada_step_images *images = generator->images;
@@ -99,11 +86,8 @@ hada_status hada_generator_backward(hada_generator *generator, hada_error *err)
     if (images->shape->resized)
         HADA_TRY(hada_resize_backward(images->slot, HADA_RESIZE_LINEAR, &generator->output_gradient,
                                       hada_graph_output_gradient(generator->training), 0, err));
-    HADA_TRY(hada_graph_backward(generator->training, gradient,
-                                 hada_parameters_accumulates(generator->parameters, HADA_GROUP_NET), err));
-    if (images->shape->filters)
-        HADA_TRY(store_input_gradient(generator, err));
-    return HADA_OK;
+    return hada_graph_backward(generator->training, gradient,
+                               hada_parameters_accumulates(generator->parameters, HADA_GROUP_NET), err);
 }
 
 hada_status hada_generator_infer(hada_generator *generator, hada_error *err)

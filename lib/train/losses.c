@@ -174,11 +174,10 @@ static hada_status variation(const terms_call *now, hada_error *err)
 }
 
 /* Plain images of the window to the input of VGG-16 (repeated: one channel for all three) or of the discriminator. */
-static hada_status load_images(const terms_call *now, hada_graph *graph, int repeated, cl_mem mem, size_t image_stride,
-                               hada_error *err)
+static hada_status load_images(const terms_call *now, hada_graph *graph, int repeated, cl_mem mem, hada_error *err)
 {
     const hada_planar images = {.mem = mem,
-                                .image_stride = image_stride,
+                                .image_stride = now->images->shape->plane,
                                 .channel_stride = repeated ? 0 : now->images->shape->pixels,
                                 .row_stride = (size_t)now->images->shape->cols};
     return hada_graph_load(graph, &images, err);
@@ -260,8 +259,7 @@ static hada_status scene_features(const terms_call *now, int repeated, hada_erro
     HADA_TRY(find_features(now, &found, err));
     if (found)
         return HADA_OK;
-    HADA_TRY(load_images(now, losses->vgg, repeated, hada_step_mem(now->images, HADA_STEP_SCENES),
-                         now->images->shape->plane, err));
+    HADA_TRY(load_images(now, losses->vgg, repeated, hada_step_mem(now->images, HADA_STEP_SCENES), err));
     HADA_TRY(hada_graph_forward(losses->vgg, err));
     HADA_TRY(hada_blend(now->images->slot, 1.0f, hada_graph_output(losses->vgg), 0.0f, &losses->features, err));
     return keep_features(now, err);
@@ -297,7 +295,7 @@ static hada_status perceptual(const terms_call *now, hada_error *err)
     hada_slot_stage(now->images->slot, "perceptual");
     HADA_TRY(scene_features(now, repeated, err));
     HADA_TRY(store_output(now, err));
-    HADA_TRY(load_images(now, losses->vgg, repeated, hada_step_mem(now->images, HADA_STEP_PLAIN), shape->plane, err));
+    HADA_TRY(load_images(now, losses->vgg, repeated, hada_step_mem(now->images, HADA_STEP_PLAIN), err));
     HADA_TRY(hada_graph_forward(losses->vgg, err));
     HADA_TRY(hada_loss_run(now->images->slot, &loss, &x, &target, term(now, HADA_TERM_PERCEPTUAL), &dx, 0, scratch(now),
                            err));
@@ -305,37 +303,16 @@ static hada_status perceptual(const terms_call *now, hada_error *err)
     return perceptual_backward(now, repeated, err);
 }
 
-/* All at_once images of `mem`, each `pitch` floats from the other, into one half of HADA_STEP_CONDITIONED, or (out) out
- * of it: planes are the first half, what is discriminated the second. */
-static hada_status copy_half(const terms_call *now, int half, cl_mem mem, size_t pitch, int out, hada_error *err)
-{
-    const hada_replica_shape *shape = now->images->shape;
-    const cl_command_queue queue = now->images->slot->queue;
-    const cl_mem both = hada_step_mem(now->images, HADA_STEP_CONDITIONED);
-    const size_t bytes = shape->plane * sizeof(float), apart = pitch * sizeof(float), alone[3] = {0, 0, 0},
-                 among[3] = {half ? bytes : 0, 0, 0};
-    const size_t region[3] = {bytes, (size_t)shape->at_once, 1};
-    const cl_int code =
-        out ? clEnqueueCopyBufferRect(queue, both, mem, among, alone, region, 2 * bytes, 0, apart, 0, 0, NULL, NULL)
-            : clEnqueueCopyBufferRect(queue, mem, both, alone, among, region, apart, 0, 2 * bytes, 0, 0, NULL, NULL);
-    return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clEnqueueCopyBufferRect");
-}
-
 /* The discriminator on the images of `mem`, as far as the gradient of its logits; which: the term. */
 static hada_status discriminate(const terms_call *now, cl_mem mem, int label, double weight, int which, hada_error *err)
 {
     hada_losses *losses = now->losses;
-    const hada_replica_shape *shape = now->images->shape;
     const hada_tensor *y = hada_graph_output(losses->discriminator);
     const hada_tensor *dy = hada_graph_output_gradient(losses->discriminator);
     const hada_tensor x = first_images(now, y), target = first_images(now, &losses->labels[label]);
     const hada_tensor dx = first_images(now, dy);
     const hada_loss_desc loss = {.loss = HADA_LOSS_LOGITS, .weight = (float)weight};
-    if (shape->conditioned) {
-        HADA_TRY(copy_half(now, 1, mem, shape->plane, 0, err));
-        mem = hada_step_mem(now->images, HADA_STEP_CONDITIONED);
-    }
-    HADA_TRY(load_images(now, losses->discriminator, 0, mem, shape->plane << shape->conditioned, err));
+    HADA_TRY(load_images(now, losses->discriminator, 0, mem, err));
     HADA_TRY(hada_graph_forward(losses->discriminator, err));
     HADA_TRY(hada_loss_run(now->images->slot, &loss, &x, &target, term(now, which), &dx, 0, scratch(now), err));
     return clear_rest(now, &losses->labels[FAKE], dy, err);
@@ -360,17 +337,12 @@ static hada_status discriminator_loss(const terms_call *now, hada_error *err)
 static hada_status generator_loss(const terms_call *now, hada_error *err)
 {
     hada_losses *losses = now->losses;
-    const hada_replica_shape *shape = now->images->shape;
-    const int conditioned = shape->conditioned;
     const cl_mem plain = hada_step_mem(now->images, HADA_STEP_PLAIN);
-    const cl_mem gradient = conditioned ? hada_step_mem(now->images, HADA_STEP_CONDITIONED) : plain;
     const hada_planar part = hada_step_plain(&losses->term_gradient, plain, 0);
     /* backward overwrites what it passes, so the images go through the discriminator again */
     HADA_TRY(discriminate(now, plain, REAL, losses->options->adversarial * now->weight, HADA_TERM_ADVERSARIAL, err));
     HADA_TRY(hada_graph_backward(losses->discriminator, (hada_floats){0}, 0, err));
-    HADA_TRY(store_gradient(now, losses->discriminator, shape->channels << conditioned, gradient, err));
-    if (conditioned)
-        HADA_TRY(copy_half(now, 1, plain, shape->plane, 1, err));
+    HADA_TRY(store_gradient(now, losses->discriminator, now->images->shape->channels, plain, err));
     return add_gradient(now, &part, err);
 }
 
@@ -383,8 +355,6 @@ static hada_status adversarial(const terms_call *now, hada_error *err)
         HADA_TRY(hada_graph_set_weights(losses->discriminator, (hada_floats){group->values.mem, 0}, err));
     losses->discriminator_version = group->version;
     hada_graph_set_step(losses->discriminator, losses->options->seed + 1, now->call->step);
-    if (now->images->shape->conditioned)
-        HADA_TRY(copy_half(now, 0, hada_step_mem(now->images, HADA_STEP_PLANES), now->images->shape->input, 0, err));
     HADA_TRY(discriminator_loss(now, err));
     if (!now->call->discriminator_only && losses->options->adversarial > 0.0)
         HADA_TRY(generator_loss(now, err));

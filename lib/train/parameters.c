@@ -1,6 +1,7 @@
 /* Groups of parameters, and where the training of filters begins: the model's, or random ones. */
 #include "train/parameters.h"
 
+#include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
@@ -45,7 +46,6 @@ static hada_status first_filters(const hada_replica_shape *shape, const hada_rep
 {
     const hada_spectrum_layout *layout = &shape->layout;
     const size_t channels = (size_t)shape->channels, plane = hada_model_plane(desc->model);
-    const int drawn = shape->stage == HADA_STAGE_FILTERS && desc->options->random_start;
     float *filter = NULL;
     hada_random random;
     hada_status status = HADA_OK;
@@ -53,7 +53,7 @@ static hada_status first_filters(const hada_replica_shape *shape, const hada_rep
     hada_random_seed(&random, desc->options->seed, (uint64_t)depth);
     for (size_t c = 0; c < channels; c++) {
         const size_t first = ((size_t)depth * channels + c) * 2 * plane;
-        if (drawn)
+        if (desc->options->random_start)
             random_filter(layout, shape->form == HADA_FORM_SPLIT, &random, filter);
         else
             take_filter(desc->model, first, 2 * plane, filter);
@@ -193,17 +193,17 @@ hada_status hada_parameters_settle(hada_parameters *parameters, int group, hada_
     return status;
 }
 
-/* The norm over `count` parts and its factor, `at` floats behind HADA_TERM_NORM; without any part 0. */
-static hada_status norm_of(hada_parameters *parameters, const hada_gradient_part *parts, int count, size_t at,
-                           hada_error *err)
+/* The sum of squares over `count` parts to place number `at` of the two; 0 without any part. */
+static hada_status squares_of(hada_parameters *parameters, const hada_gradient_part *parts, int count, size_t at,
+                              hada_error *err)
 {
     hada_step_images *images = parameters->images;
-    const hada_floats norm = {hada_step_mem(images, HADA_STEP_TERMS), HADA_TERM_NORM + at};
+    const hada_floats out = {hada_step_mem(images, HADA_STEP_TERMS), HADA_TERM_SQUARES + at};
     if (count)
-        return hada_clip_gradients(parameters->slot, parts, count, 0.0f, norm, hada_step_mem(images, HADA_STEP_SCRATCH),
-                                   err);
-    return hada_buffer_clear(&images->place[HADA_STEP_TERMS], parameters->slot, norm.offset * sizeof(float),
-                             2 * sizeof(float), err);
+        return hada_gradient_squares(parameters->slot, parts, count, out, hada_step_mem(images, HADA_STEP_SCRATCH),
+                                     err);
+    return hada_buffer_clear(&images->place[HADA_STEP_TERMS], parameters->slot, out.offset * sizeof(float),
+                             sizeof(float), err);
 }
 
 static hada_status list_gradient(hada_parameters *parameters, int group, hada_gradient_part *part, hada_error *err)
@@ -216,7 +216,7 @@ static hada_status list_gradient(hada_parameters *parameters, int group, hada_gr
 hada_status hada_parameters_norm(hada_parameters *parameters, const unsigned char *touched, double *norm,
                                  double *discriminator_norm, hada_error *err)
 {
-    float values[4] = {0.0f};
+    float squares[2] = {0.0f};
     hada_gradient_part *parts = NULL;
     int count = 0, discriminator = 0;
     hada_status status = HADA_OK;
@@ -229,14 +229,14 @@ hada_status hada_parameters_norm(hada_parameters *parameters, const unsigned cha
             continue;
         HADA_TRY_OR_DONE(list_gradient(parameters, group, &parts[count++], err));
     }
-    HADA_TRY_OR_DONE(norm_of(parameters, parts, count, 0, err));
+    HADA_TRY_OR_DONE(squares_of(parameters, parts, count, 0, err));
     if (parameters->group[HADA_GROUP_DISCRIMINATOR].trained)
         HADA_TRY_OR_DONE(list_gradient(parameters, HADA_GROUP_DISCRIMINATOR, &parts[discriminator++], err));
-    HADA_TRY_OR_DONE(norm_of(parameters, parts, discriminator, 2, err));
+    HADA_TRY_OR_DONE(squares_of(parameters, parts, discriminator, 1, err));
     HADA_TRY_OR_DONE(hada_buffer_read(&parameters->images->place[HADA_STEP_TERMS], parameters->slot,
-                                      HADA_TERM_NORM * sizeof(float), values, sizeof values, err));
-    *norm = values[0];
-    *discriminator_norm = values[2];
+                                      HADA_TERM_SQUARES * sizeof(float), squares, sizeof squares, err));
+    *norm = sqrtf(squares[0]);
+    *discriminator_norm = sqrtf(squares[1]);
 done:
     free(parts);
     return status;

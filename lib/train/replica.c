@@ -109,9 +109,9 @@ hada_status hada_replica_create(hada_replica **out, hada_slot *slot, const hada_
     HADA_TRY_OR_DONE(hada_replica_shape_of(slot->context, desc, &replica->shape, err));
     HADA_TRY_OR_DONE(hada_step_images_create(&replica->images, slot, &replica->shape, err));
     HADA_TRY_OR_DONE(hada_parameters_create(&replica->parameters, &replica->images, desc, err));
-    if (replica->shape.filters)
+    if (replica->shape.filters) {
         HADA_TRY_OR_DONE(hada_filter_step_create(&replica->filters, &replica->images, &replica->parameters, err));
-    if (replica->shape.net) {
+    } else {
         HADA_TRY_OR_DONE(hada_generator_create(&replica->generator, &replica->images, &replica->parameters, desc, err));
         HADA_TRY_OR_DONE(hada_losses_create(&replica->losses, &replica->generator, desc, &replica->options, err));
     }
@@ -189,18 +189,15 @@ static hada_status take_samples(hada_replica *replica, const hada_sample *sample
 {
     for (int i = 0; i < count; i++)
         HADA_TRY(hada_step_upload(&replica->images, HADA_STEP_SCENES, samples[i].scene, i, err));
-    if (replica->shape.filters) {
-        HADA_TRY(hada_filter_step_forward(&replica->filters, samples, count, replica->shape.net, err));
-        return HADA_OK;
-    }
+    if (replica->shape.filters)
+        return hada_filter_step_forward(&replica->filters, samples, count, 0, err);
     for (int i = 0; i < count; i++)
         HADA_TRY(hada_step_upload(&replica->images, HADA_STEP_PLANES, samples[i].input, i, err));
     return HADA_OK;
 }
 
-/* A step of a net, and (joint) of the filters before it, on all at_once samples. */
-static hada_status net_step(hada_replica *replica, const hada_losses_call *call, unsigned char *touched,
-                            hada_error *err)
+/* A step of a net on all at_once samples. */
+static hada_status net_step(hada_replica *replica, const hada_losses_call *call, hada_error *err)
 {
     const int at_once = replica->shape.at_once;
     HADA_TRY(take_samples(replica, call->samples, at_once, err));
@@ -213,16 +210,11 @@ static hada_status net_step(hada_replica *replica, const hada_losses_call *call,
     HADA_TRY(hada_generator_backward(&replica->generator, err));
     if (replica->buckets) /* the device goes on meanwhile */
         HADA_TRY(hada_buckets_exchange(replica->buckets, err));
-    if (replica->shape.filters) {
-        HADA_TRY(hada_filter_step_mask(&replica->filters, err));
-        HADA_TRY(hada_filter_step_backward(&replica->filters, call->samples, at_once,
-                                           hada_step_mem(&replica->images, HADA_STEP_PLAIN), touched, err));
-    }
     return HADA_OK;
 }
 
 /* All images of the graphs are computed: where there are fewer samples they come again. */
-static hada_status filled_step(hada_replica *replica, hada_losses_call call, unsigned char *touched, hada_error *err)
+static hada_status filled_step(hada_replica *replica, hada_losses_call call, hada_error *err)
 {
     const int at_once = replica->shape.at_once;
     hada_sample *all = NULL;
@@ -231,7 +223,7 @@ static hada_status filled_step(hada_replica *replica, hada_losses_call call, uns
     for (int i = 0; i < at_once; i++)
         all[i] = call.samples[i % call.count];
     call.samples = all;
-    HADA_TRY_OR_DONE(net_step(replica, &call, touched, err));
+    HADA_TRY_OR_DONE(net_step(replica, &call, err));
 done:
     free(all);
     return status;
@@ -242,8 +234,7 @@ static hada_status filters_alone(hada_replica *replica, const hada_sample *sampl
 {
     HADA_TRY(take_samples(replica, samples, count, err));
     HADA_TRY(hada_filter_step_error(&replica->filters, count, replica->options.mse * weight, err));
-    return hada_filter_step_backward(&replica->filters, samples, count,
-                                     hada_step_mem(&replica->images, HADA_STEP_PLANES), touched, err);
+    return hada_filter_step_backward(&replica->filters, samples, count, touched, err);
 }
 
 hada_status hada_replica_backward(hada_replica *replica, const hada_sample *samples, int count, double weight,
@@ -258,7 +249,7 @@ hada_status hada_replica_backward(hada_replica *replica, const hada_sample *samp
     if (discriminator_only && !replica->shape.has_discriminator)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "training: there is no discriminator");
     HADA_TRY(hada_buffer_clear(buffer, slot, 0, sizeof values, err));
-    HADA_TRY(replica->shape.net ? filled_step(replica, call, touched, err)
+    HADA_TRY(replica->shape.net ? filled_step(replica, call, err)
                                 : filters_alone(replica, samples, count, weight, touched, err));
     HADA_TRY(hada_buffer_read(buffer, slot, 0, values, sizeof values, err));
     *terms = (hada_terms){.mse = values[HADA_TERM_MSE],

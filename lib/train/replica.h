@@ -70,8 +70,8 @@ hada_status hada_replica_backward(hada_replica *replica, const hada_sample *samp
 void hada_replica_share(hada_replica *replica, hada_buckets *buckets);
 
 /* Forward alone, as reconstruction does it: batch norms with their running statistics, no dropout, and what is below
- * zero becomes zero (training takes what the net and, in FILTERS, the filters give without that). `before` (FILTERS,
- * JOINT: the linear plane; else the input; may be NULL) and `after` are created by the call at the window's size where
+ * zero becomes zero (training takes what the net and, in FILTERS, the filters give without that). `before` (FILTERS:
+ * the linear plane; else the input; may be NULL) and `after` are created by the call at the window's size where
  * they are empty; FILTERS has the same in both. */
 hada_status hada_replica_forward(hada_replica *replica, const hada_sample *sample, hada_image *before,
                                  hada_image *after, hada_error *err);

@@ -16,10 +16,9 @@
 
 hada_optimizer_desc hada_group_rule(const hada_train_options *options, int group)
 {
-    static const hada_optimizer rules[] = {HADA_OPTIMIZER_RMSPROP, HADA_OPTIMIZER_ADAM, HADA_OPTIMIZER_ADAMW};
     hada_optimizer_desc rule;
-    hada_optimizer_desc_init(&rule, rules[options->rule]);
-    rule.weight_decay = options->rule == HADA_RULE_ADAMW && group < HADA_GROUP_FILTERS ? options->weight_decay : 0.0;
+    hada_optimizer_desc_init(&rule,
+                             options->rule == HADA_RULE_RMSPROP ? HADA_OPTIMIZER_RMSPROP : HADA_OPTIMIZER_ADAM);
     if (group >= HADA_GROUP_FILTERS)
         rule.eps = options->rule == HADA_RULE_RMSPROP ? FILTER_EPS_SQUARED : FILTER_EPS;
     return rule;
@@ -72,10 +71,6 @@ static hada_status check(const hada_replica_desc *desc, hada_error *err)
 {
     const hada_train_options *options = desc->options;
     const hada_stage stage = options->stage;
-    if ((int)stage < HADA_STAGE_FILTERS || stage > HADA_STAGE_CONVENTIONAL)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no stage of training %d", (int)stage);
-    if ((int)options->rule < HADA_RULE_RMSPROP || options->rule > HADA_RULE_ADAMW)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no rule of training %d", (int)options->rule);
     if (desc->at_once < 1)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "training with %d pairs at once is not possible", desc->at_once);
     if (!desc->model || (stage != HADA_STAGE_FILTERS && !desc->net) ||
@@ -112,10 +107,8 @@ static hada_status choose_form(const hada_replica_desc *desc, hada_replica_shape
 {
     const hada_form made = hada_model_get_info(desc->model)->form;
     const hada_form own = made == HADA_FORM_SPLIT ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX;
-    const int random = shape->stage == HADA_STAGE_FILTERS && desc->options->random_start;
-    shape->form = own;
-    if (shape->stage == HADA_STAGE_FILTERS && (desc->options->form || random))
-        shape->form = desc->options->form ? desc->options->form : HADA_FORM_COMPLEX;
+    const int random = desc->options->random_start;
+    shape->form = desc->options->form ? desc->options->form : random ? HADA_FORM_COMPLEX : own;
     if (shape->form != HADA_FORM_COMPLEX && shape->form != HADA_FORM_SPLIT)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "filters are trained in the forms complex and split");
     if (!random && shape->form != own)
@@ -181,7 +174,6 @@ static hada_status net_shape(const hada_replica_desc *desc, hada_replica_shape *
                                            .cols = shape->net_cols,
                                            .training = 1,
                                            .weight_gradients = 1,
-                                           .input_gradient = shape->filters,
                                            .recompute = options->recompute};
     shape->inference = (hada_graph_options){.images = 1, .rows = shape->net_rows, .cols = shape->net_cols};
     return HADA_OK;
@@ -199,9 +191,8 @@ static hada_status loss_shapes(const hada_replica_desc *desc, hada_replica_shape
     shape->discriminator.weight_gradients = 1;
     if (shape->has_discriminator) {
         const hada_net_info *info = hada_net_get_info(desc->discriminator);
-        shape->conditioned = info->channels == 2 * shape->channels;
-        HADA_TRY(check_net(desc->discriminator, "discriminator", shape->channels << shape->conditioned, shape->rows,
-                           shape->cols, &shape->logits, err));
+        HADA_TRY(check_net(desc->discriminator, "discriminator", shape->channels, shape->rows, shape->cols,
+                           &shape->logits, err));
         if (info->out_channels != 1)
             return hada_fail(err, HADA_ERROR_MODEL, "a discriminator gives one channel of logits, not %d",
                              info->out_channels);
@@ -257,8 +248,6 @@ static void net_buffers(const hada_context *context, const hada_replica_desc *de
         bytes[HADA_STEP_FAKE] = bytes[HADA_STEP_REAL] = tensor_bytes(&logits);
         at_least(&bytes[HADA_STEP_SCRATCH], hada_loss_scratch(&logits));
     }
-    if (shape->conditioned)
-        bytes[HADA_STEP_CONDITIONED] = 2 * at_once * shape->plane * sizeof(float);
     if (!shape->vgg)
         return;
     const hada_tensor features = hada_step_features(context, shape, desc->vgg, NULL);
@@ -281,7 +270,7 @@ static hada_status norm_buffer(const hada_replica_desc *desc, hada_replica_shape
         hada_group_sizes(shape, desc, group, &floats, &parts[count].count);
         count += parts[count].count > 0;
     }
-    at_least(&shape->bytes[HADA_STEP_SCRATCH], hada_clip_scratch(parts, count));
+    at_least(&shape->bytes[HADA_STEP_SCRATCH], hada_squares_scratch(parts, count));
 done:
     free(parts);
     return status;
@@ -297,7 +286,7 @@ static void base_shape(const hada_replica_desc *desc, hada_replica_shape *shape)
                                   .cols = info->window_cols,
                                   .at_once = desc->at_once,
                                   .depths = info->depths,
-                                  .filters = stage == HADA_STAGE_FILTERS || stage == HADA_STAGE_JOINT,
+                                  .filters = stage == HADA_STAGE_FILTERS,
                                   .net = stage != HADA_STAGE_FILTERS};
     shape->has_discriminator = shape->net && desc->discriminator;
     shape->vgg = shape->net && desc->vgg && desc->options->perceptual > 0.0;
@@ -314,15 +303,14 @@ hada_status hada_replica_shape_of(const hada_context *context, const hada_replic
 {
     HADA_TRY(check(desc, err));
     base_shape(desc, shape);
-    if (shape->filters)
+    if (shape->filters) {
         HADA_TRY(filter_shape(context, desc, shape, err));
-    if (shape->net)
-        HADA_TRY(net_shape(desc, shape, err));
-    HADA_TRY(loss_shapes(desc, shape, err));
-    if (shape->filters)
         filter_buffers(shape);
-    if (shape->net)
+    } else {
+        HADA_TRY(net_shape(desc, shape, err));
+        HADA_TRY(loss_shapes(desc, shape, err));
         net_buffers(context, desc, shape);
+    }
     return norm_buffer(desc, shape, err);
 }
 

@@ -14,7 +14,7 @@
 #include "net/graph.h"
 #include "net/optimizer.h"
 
-/* A pair in a training step. FILTERS and JOINT: `input` is the raw frame (dark level taken off). The other stages: what
+/* A pair in a training step. FILTERS: `input` is the raw frame (dark level taken off). The other stages: what
  * the net takes, at the window's size (ENHANCE, ADVERSARIAL: a reconstructed plane; CONVENTIONAL: the raw frame,
  * resized). */
 typedef struct hada_sample {
@@ -41,7 +41,7 @@ typedef struct hada_part {
 } hada_part;
 
 /* `net`, `discriminator` and `vgg` may be NULL where the stage has none; copied values, lists must live as long.
- * `model` gives the sizes, and for FILTERS and JOINT the start of the filters; with `random_start` those of FILTERS
+ * `model` gives the sizes, and for FILTERS the start of the filters; with `random_start` those of FILTERS
  * start from normal numbers (real and imaginary parts, deviation 0.05: planes of about 7 % of the frames' contrast),
  * symmetric as those of a real kernel. It may go once the replica is made. */
 typedef struct hada_replica_desc {
@@ -73,10 +73,9 @@ typedef enum hada_step_place {
     HADA_STEP_TERM_GRADIENT,   /* a term's gradient that comes back from the discriminator or VGG-16 */
     HADA_STEP_FEATURES,        /* VGG-16: features of the scenes */
     HADA_STEP_VGG,             /* its weights */
-    HADA_STEP_CONDITIONED,     /* conditional discriminator: plane and image of each sample; plain */
     HADA_STEP_FAKE,            /* discriminator: labels of what the net made, 0 */
     HADA_STEP_REAL,            /* of scenes, 1 */
-    HADA_STEP_TERMS,           /* values of the terms, then norms */
+    HADA_STEP_TERMS,           /* values of the terms, then squares of norms */
     HADA_STEP_SCRATCH,         /* of sums */
     HADA_STEP_PLACES
 } hada_step_place;
@@ -90,16 +89,15 @@ enum {
     HADA_TERM_REAL,
     HADA_TERM_FAKE,
     HADA_TERM_COUNT,
-    HADA_TERM_NORM = HADA_TERM_COUNT, /* the norm and its factor, twice */
-    HADA_TERM_FLOATS = HADA_TERM_NORM + 4
+    HADA_TERM_SQUARES = HADA_TERM_COUNT, /* of the gradients of net and filters, of the discriminator's */
+    HADA_TERM_FLOATS = HADA_TERM_SQUARES + 2
 };
 
 typedef struct hada_replica_shape {
     hada_stage stage;
     int channels, rows, cols; /* of the window */
     int at_once, depths;
-    int filters, net, has_discriminator, vgg; /* 1: there are some */
-    int conditioned;                          /* the discriminator takes the plane beside the image */
+    int filters, net, has_discriminator, vgg; /* 1: there are some; either filters or a net */
     size_t pixels, plane;                     /* of the window; floats of all its channels */
     size_t input; /* floats that the net takes: a plane, or as many again of the others beside it */
     size_t frame; /* floats of a raw frame, all channels */

@@ -27,15 +27,12 @@ void hada_filter_step_destroy(hada_filter_step *step);
 hada_status hada_filter_step_forward(hada_filter_step *step, const hada_sample *samples, int count, int clipped,
                                      hada_error *err);
 
-/* Gradients of `count` planes, plain floats in `planes`, to those of filters. */
-hada_status hada_filter_step_backward(hada_filter_step *step, const hada_sample *samples, int count, cl_mem planes,
-                                      unsigned char *touched, hada_error *err);
-
-/* FILTERS: the squared error of the planes, times `weight` over the samples; they become its gradient. */
+/* The squared error of the planes, times `weight` over the samples; they become its gradient. */
 hada_status hada_filter_step_error(hada_filter_step *step, int count, double weight, hada_error *err);
 
-/* The gradient of clipping at zero, in HADA_STEP_PLAIN. */
-hada_status hada_filter_step_mask(hada_filter_step *step, hada_error *err);
+/* The gradients of `count` planes, in their place, to those of filters. */
+hada_status hada_filter_step_backward(hada_filter_step *step, const hada_sample *samples, int count,
+                                      unsigned char *touched, hada_error *err);
 
 /* The net that training improves, at the window's size: its input and output are resized (bilinear) if it runs at
  * another size. */
@@ -56,7 +53,7 @@ void hada_generator_destroy(hada_generator *generator);
 /* All at_once images of HADA_STEP_PLANES. `step` names the random numbers of dropout. */
 hada_status hada_generator_forward(hada_generator *generator, uint64_t step, hada_error *err);
 
-/* From the gradient of the output on; joint: the gradient of its input goes to HADA_STEP_PLAIN. */
+/* From the gradient of the output to those of the parameters. */
 hada_status hada_generator_backward(hada_generator *generator, hada_error *err);
 
 /* As in reconstruction: the first image of HADA_STEP_PLANES, to HADA_STEP_PLAIN. */

@@ -15,8 +15,7 @@ int hada_stage_has_net(hada_stage stage)
 
 int hada_stage_has_discriminator(const hada_train_options *options)
 {
-    return options->stage == HADA_STAGE_ADVERSARIAL ||
-           (options->stage == HADA_STAGE_JOINT && options->adversarial > 0.0);
+    return options->stage == HADA_STAGE_ADVERSARIAL;
 }
 
 int hada_stage_has_planes(hada_stage stage)
@@ -44,22 +43,20 @@ static int is_weight(double weight)
     return isfinite(weight) && weight >= 0.0;
 }
 
-static hada_schedule schedule_of(const hada_train_options *options)
-{
-    const uint64_t after = options->steps > options->warmup ? options->steps - options->warmup : 1;
-    return (hada_schedule){.kind = (hada_schedule_kind)options->schedule,
-                           .rate = 1.0,
-                           .factor = options->last_rate,
-                           .last = options->last_rate,
-                           .period = options->schedule == HADA_RATE_COSINE ? after : options->rate_period,
-                           .warmup = options->warmup,
-                           .warmup_from = 0.1};
-}
+/* The share of the rates that the warm-up begins with. */
+#define WARMUP_FROM 0.1
+#define PI          3.14159265358979323846
 
 double hada_train_rate(const hada_train_options *options, uint64_t step)
 {
-    const hada_schedule schedule = schedule_of(options);
-    return hada_schedule_rate(&schedule, step);
+    const double last = options->last_rate;
+    if (step < options->warmup)
+        return WARMUP_FROM + (1.0 - WARMUP_FROM) * ((double)step / (double)options->warmup);
+    if (options->schedule == HADA_RATE_CONSTANT)
+        return 1.0;
+    const uint64_t period = options->steps > options->warmup ? options->steps - options->warmup : 1;
+    step -= options->warmup;
+    return step < period ? last + (1.0 - last) * (1.0 + cos(PI * (double)step / (double)period)) / 2.0 : last;
 }
 
 static hada_status check_numbers(const hada_train_options *options, hada_error *err)
@@ -71,15 +68,16 @@ static hada_status check_numbers(const hada_train_options *options, hada_error *
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "a step takes 1 to 4096 pairs, and at most as many at once; not %d and %d", options->batch,
                          options->at_once);
-    if ((int)options->rule < HADA_RULE_RMSPROP || options->rule > HADA_RULE_ADAMW)
+    if ((int)options->rule < HADA_RULE_RMSPROP || options->rule > HADA_RULE_ADAM)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no rule %d", (int)options->rule);
+    if (options->schedule != HADA_RATE_CONSTANT && options->schedule != HADA_RATE_COSINE)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no schedule %d", (int)options->schedule);
     if (!is_rate(options->rate) || !is_rate(options->filter_rate) || !is_rate(options->discriminator_rate))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "learning rates are above 0; not %g, %g, %g", options->rate,
                          options->filter_rate, options->discriminator_rate);
-    if (!is_weight(options->clip) || !is_weight(options->weight_decay) || !is_weight(options->last_rate))
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "clipping, weight decay and the last rate are not below 0; not %g, %g, %g", options->clip,
-                         options->weight_decay, options->last_rate);
+    if (!is_weight(options->clip) || !is_weight(options->last_rate))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "clipping and the last rate are not below 0; not %g, %g",
+                         options->clip, options->last_rate);
     if (!is_weight(options->mse) || !is_weight(options->perceptual) || !is_weight(options->adversarial) ||
         !is_weight(options->variation))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "weights of losses are not below 0; not %g, %g, %g, %g",
@@ -87,8 +85,7 @@ static hada_status check_numbers(const hada_train_options *options, hada_error *
     if (options->net_rows < 0 || options->net_cols < 0 || !options->net_rows != !options->net_cols)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a net cannot run at %d x %d pixels", options->net_rows,
                          options->net_cols);
-    const hada_schedule schedule = schedule_of(options);
-    return hada_schedule_validate(&schedule, err);
+    return HADA_OK;
 }
 
 /* FILTERS: the form that is trained. */
@@ -193,7 +190,8 @@ hada_status hada_train_options_settle(hada_train_options *options, hada_augment 
     HADA_TRY(hada_sized_take(options, sizeof *options, callers, "hada_train_options", err));
     const hada_augment *given = options->augment;
     options->augment = augment;
-    if ((int)options->stage < HADA_STAGE_FILTERS || options->stage > HADA_STAGE_CONVENTIONAL)
+    if ((options->stage < HADA_STAGE_FILTERS || options->stage > HADA_STAGE_ADVERSARIAL) &&
+        options->stage != HADA_STAGE_CONVENTIONAL)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no stage %d", (int)options->stage);
     settle_rates(options);
     HADA_TRY(check_numbers(options, err));

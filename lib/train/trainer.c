@@ -276,7 +276,6 @@ static hada_status with_filters(hada_model **out, hada_trainer *trainer, hada_er
 hada_status hada_trainer_model(hada_trainer *trainer, hada_model **out, hada_error *err)
 {
     hada_net *net = NULL;
-    hada_model *filters = NULL;
     hada_status status = HADA_OK;
     if (!trainer || !out)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_model: trainer and out are needed");
@@ -284,18 +283,16 @@ hada_status hada_trainer_model(hada_trainer *trainer, hada_model **out, hada_err
     const hada_train_options *options = &trainer->options;
     if (options->stage == HADA_STAGE_CONVENTIONAL)
         return hada_fail(err, HADA_ERROR_STATE, "the conventional net has no filters; take it with hada_trainer_net()");
-    if (!hada_stage_has_planes(options->stage))
-        HADA_TRY_OR_DONE(with_filters(&filters, trainer, err));
     if (trainer->nets.net) {
         HADA_TRY_OR_DONE(hada_trainer_net(trainer, &net, err));
-        HADA_TRY_OR_DONE(hada_model_with_enhance(out, filters ? filters : trainer->model, net, options->net_rows,
-                                                 options->net_cols, err));
+        HADA_TRY_OR_DONE(
+            hada_model_with_enhance(out, trainer->model, net, options->net_rows, options->net_cols, err));
     } else {
-        *out = filters;
-        filters = NULL;
+        HADA_TRY_OR_DONE(with_filters(out, trainer, err));
     }
 done:
-    hada_model_destroy(&filters);
+    if (status)
+        hada_model_destroy(out);
     hada_net_destroy(&net);
     return status;
 }

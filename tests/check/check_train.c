@@ -151,32 +151,6 @@ static hada_status launch_error(check_state *state, hada_error *err)
                                    .count = own->count, .scale = 0.25f, .sums = sums);
 }
 
-static hada_status prepare_mask(check_state *state, hada_error *err)
-{
-    train_state *own;
-    float *plane = NULL, *gradient = NULL;
-    HADA_TRY(begin(state, &own, err));
-    HADA_TRY(prepare_planes(state, own, &plane, &gradient, err));
-    HADA_TRY(check_output(state, own->count, err));
-    for (size_t i = 0; i < own->count; i++)
-        state->expected[i] = plane[i] > 0.0f ? gradient[i] : 0.0;
-    state->bytes = 12.0 * (state->own ? (double)own->count : 0.0);
-    return HADA_OK;
-}
-
-static hada_status launch_mask(check_state *state, hada_error *err)
-{
-    train_state *own = state->own;
-    const hada_range range = hada_range_of(items_of(own), local_of(state), 1, 1);
-    cl_mem out = state->region[0];
-    if (!state->regions)
-        HADA_TRY(check_region(state, 0, own->count, &out, err));
-    HADA_TRY(put(state, &own->b, out, err));
-    return hada_launch_train_mask(state->slot, HADA_PROGRAM_TRAIN_DEFAULT, &range, err, .plane = own->a.mem,
-                                  .gradient = out, .count = own->count);
-}
-
 const check_op check_train_filter = {"train_filter", "n frequencies, k channels, p pairs, s1 split", prepare_filter,
                                      launch_filter, NULL};
 const check_op check_train_error = {"train_error", "n values", prepare_error, launch_error, NULL};
-const check_op check_train_mask = {"train_mask", "n values", prepare_mask, launch_mask, NULL};

@@ -19,8 +19,7 @@ expect 0 '' reconstruct "$camera/test/raw/test01.tif" -m enhanced.model -o enhan
 expect 0 '"stage": "adversarial".*"kept": "last"' train "$camera" -m enhanced.model -o sharp.model --stage adversarial \
     --batch 2 --steps 3 --discriminator-steps 1 --show-every 0 --json
 is_json 'train'
-expect 0 'Stage joint' train "$camera" -m sharp.model -o joint.model --stage joint --batch 2 --steps 4 --filter-rate 1e-5
-expect 0 'linear filters alone.*enhanced' reconstruct "$camera/test/raw/test01.tif" -m joint.model -o joint
+expect 0 'linear filters alone.*enhanced' reconstruct "$camera/test/raw/test01.tif" -m sharp.model -o flat --refine 0
 expect 0 'Stage filters.*dB at the start' train "$camera" --stage filters -o filters.model --steps 20 --filter-rate 0.02
 expect 0 '' reconstruct "$camera/test/raw/test01.tif" -m filters.model -o filters -q --refine 0
 expect 0 'Stage filters' train "$camera" --stage filters --form split -o split.model --steps 2
@@ -28,7 +27,7 @@ expect 0 'Stage filters' train "$camera" -m "$model" --stage filters -o warm.mod
 expect 0 'Stage conventional' train "$camera" --stage conventional -o plain.net "${quick[@]}" --epochs 1 --hold-out 0.4
 expect 0 'exact fit of the 12 pairs to learn from comes first' train "$camera" -o fitted.model "${quick[@]}" --steps 2
 expect 2 '--discriminator takes one of patch' train "$camera" -m enhanced.model -o none.model --critic none # its old name
-has sharp.model joint.model filters.model split.model plain.net fitted.model
+has sharp.model filters.model split.model plain.net fitted.model
 expect 0 'on 2 devices' train "$camera" -m "$model" -o two.model "${quick[@]}" --steps 2 --device cpu/2
 
 # Options reach the trainer.
@@ -46,7 +45,7 @@ expect 0 '' train "$camera" -m "$model" -o composed.model --steps 2 --batch 2 --
 expect 0 'enhanced' reconstruct "$camera/test/raw/test01.tif" -m composed.model -o composed
 expect 0 '' train "$camera" -m "$model" -o single.model "${quick[@]}" --steps 2 --compose 0 --show-every 0
 expect 2 'a share from 0 to 1' train "$camera" -m "$model" -o none.model "${quick[@]}" --compose 1.5
-expect 2 'for the stages enhance and adversarial' train "$camera" -m "$model" --stage joint -o none.model "${quick[@]}" \
+expect 2 'for the stages enhance and adversarial' train "$camera" -m "$model" --stage conventional -o none.model "${quick[@]}" \
     --compose 0.5
 expect 4 'belongs to another training: the share of scenes' train "$camera" -m "$model" -o single.model "${quick[@]}" \
     --steps 2 --compose 0.5 --resume --show-every 0
@@ -105,7 +104,7 @@ expect 0 'begin|Stage' train "$camera" -m "$model" -o stopped.model "${quick[@]}
 # What is refused.
 expect 4 'the seed is 1 there and 2 here' "${go[@]}" -o killed.model --resume --seed 2
 expect 4 'the batch is 2 there and 4 here' "${go[@]}" -o killed.model --resume --batch 4
-expect 4 'the stage is enhance there' "${go[@]}" -o killed.model --resume --stage joint
+expect 4 'the stage is enhance there' "${go[@]}" -o killed.model --resume --stage adversarial
 head -c 3000 killed.model.log/checkpoint.safetensors >cut && cp cut killed.model.log/checkpoint.safetensors
 expect 3 'checkpoint.safetensors' "${go[@]}" -o killed.model --resume
 expect 2 'DATASET folder' train -o x

@@ -128,7 +128,7 @@ hada_status fault_stage_training_step(fault_job *job, hada_error *err)
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_slot_create(&slot, job->context, err));
     HADA_TRY_OR_DONE(make_nets(&all, err));
-    HADA_TRY_OR_DONE(train(job, slot, HADA_STAGE_JOINT, &all, err));
+    HADA_TRY_OR_DONE(train(job, slot, HADA_STAGE_ADVERSARIAL, &all, err));
     HADA_TRY_OR_DONE(train(job, slot, HADA_STAGE_FILTERS, &all, err));
     HADA_TRY_OR_DONE(make_plane(job, slot, err));
 done:

@@ -58,10 +58,10 @@ static hada_status train(fault_job *job, hada_context *const *contexts, int coun
     hada_trainer *trainer = NULL;
     hada_train_options_init(&options, stage);
     options.net_given = net;
-    options.compose = stage == HADA_STAGE_JOINT ? 0.0 : 0.5;
+    options.compose = stage == HADA_STAGE_FILTERS ? 0.0 : 0.5;
     options.batch = count == 1 ? 2 : 3;
     DEFAULTS(hada_augment, augment);
-    augment.noise = stage == HADA_STAGE_JOINT ? 0.01 : 0.0;
+    augment.noise = stage == HADA_STAGE_FILTERS ? 0.01 : 0.0;
     options.augment = &augment;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_dataset_create(&pairs, JOB_DEPTHS, distances, counts, read_pair, job, NULL, err));
@@ -86,7 +86,7 @@ static hada_status train_both(fault_job *job, hada_context *const *contexts, int
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_net_create_unet(&net, &unet, 1, err));
     HADA_TRY_OR_DONE(train(job, contexts, count, HADA_STAGE_ENHANCE, net, path, err));
-    HADA_TRY_OR_DONE(train(job, contexts, count, HADA_STAGE_JOINT, net, path, err));
+    HADA_TRY_OR_DONE(train(job, contexts, count, HADA_STAGE_FILTERS, net, path, err));
 done:
     hada_net_destroy(&net);
     return status;

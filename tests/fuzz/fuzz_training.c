@@ -53,7 +53,7 @@ void fuzz_checkpoint_begin(void)
     static const double distances[DEPTHS] = {1.0, 2.0};
     hada_train_options options;
     hada_error err = {0};
-    hada_train_options_init(&options, HADA_STAGE_JOINT);
+    hada_train_options_init(&options, HADA_STAGE_ADVERSARIAL);
     must(hada_context_create(&fixed.context, NULL, &err), &err);
     must(hada_model_load(&fixed.model, FUZZ_CORPUS "/model/small", &err), &err);
     must(hada_dataset_create(&fixed.pairs, DEPTHS, distances, counts, no_pair, NULL, NULL, &err), &err);

@@ -130,17 +130,16 @@ train filters-warm padded -m padded.model --stage filters --steps 2 --filter-rat
 train enhance colour -m colour.model "${small[@]}" --steps 3
 train perceptual opaque -m opaque.model --net-size 32x40 --batch 1 "${vgg[@]}" --steps 1 --validate-every 0
 train sharp colour -m enhance.model --stage adversarial --batch 2 --steps 2 $opponent-steps 1
-train conditional colour -m enhance.model --stage adversarial $opponent conditional --batch 1 --steps 1 $opponent-steps 1
-train joint colour -m enhance.model --stage joint --batch 2 --steps 2 --filter-rate 1e-5
+train paper colour -m enhance.model --stage adversarial $opponent paper --batch 1 --steps 1 $opponent-steps 1
 train conventional grey --stage conventional "${small[@]}" --steps 2
 train changed colour -m colour.model "${small[@]}" --steps 2 --shift 3 --noise 0.02 --exposure 0.2 --flips both \
-    --plane-flips none --mse 1 --tv 0 --at-once 1 --recompute --rule rmsprop --schedule step --period 1 --seed 9
+    --plane-flips none --mse 1 --tv 0 --at-once 1 --recompute --rule rmsprop --schedule constant --seed 9
 train resumed colour -m colour.model "${small[@]}" --steps 4 --save-every 2 --schedule constant
 train again colour -m colour.model "${small[@]}" --steps 2 --save-every 2 --schedule constant
 step train-again-resumed train colour -m colour.model "${small[@]}" --steps 4 --save-every 2 --schedule constant \
     --resume -o again.model --show-every 0
 reconstruct enhanced "${frames[@]}" -m enhance.model
-reconstruct enhanced-linear "${frames[0]}" -m joint.model --refine 0
+reconstruct enhanced-linear "${frames[0]}" -m enhance.model --refine 0
 reconstruct not-enhanced "${frames[0]}" -m enhance.model --no-enhance
 
 tool turned colour/z100mm turned/z100mm

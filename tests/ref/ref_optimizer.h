@@ -5,23 +5,17 @@
 #include <stddef.h>
 
 typedef struct hada_ref_rmsprop {
-    double rate, decay, eps, momentum, weight_decay;
-    int centered;
+    double rate, decay, eps;
 } hada_ref_rmsprop;
 
-/* keras.optimizers.RMSprop (eps below the root) and torch.optim.RMSprop (eps beside it). v, a (centered) and b
- * (momentum) are the state, zero before the first step; those that are not used may be NULL. */
-void hada_ref_rmsprop_keras(const hada_ref_rmsprop *rule, size_t count, const double *g, double *p, double *v,
-                            double *a, double *b);
-void hada_ref_rmsprop_torch(const hada_ref_rmsprop *rule, size_t count, const double *g, double *p, double *v,
-                            double *a, double *b);
+/* keras.optimizers.RMSprop (eps below the root). v is the state, zero before the first step. */
+void hada_ref_rmsprop_step(const hada_ref_rmsprop *rule, size_t count, const double *g, double *p, double *v);
 
 typedef struct hada_ref_adam {
-    double rate, beta1, beta2, eps, weight_decay;
-    int decoupled; /* AdamW */
+    double rate, beta1, beta2, eps;
 } hada_ref_adam;
 
-/* torch.optim.Adam and AdamW; t counts from 1. */
+/* torch.optim.Adam; t counts from 1. */
 void hada_ref_adam_step(const hada_ref_adam *rule, int t, size_t count, const double *g, double *p, double *m,
                         double *v);
 

@@ -77,8 +77,6 @@ TEST(descriptions_come_back_as_they_were)
     check_round_trip(net);
     ASSERT_OK(hada_discriminator_make(&net, "patch", 1, err));
     check_round_trip(net);
-    ASSERT_OK(hada_discriminator_make(&net, "conditional", 3, err));
-    check_round_trip(net);
     ASSERT_OK(hada_vgg16_make(&net, err));
     check_round_trip(net);
     DEFAULTS(hada_unet_options, options);

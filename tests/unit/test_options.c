@@ -93,7 +93,6 @@ TEST(every_init_keeps_to_the_callers_size)
         hada_struct which;
         size_t size;
     } all[] = {{HADA_STRUCT_FOCUS_SHARED, sizeof(hada_focus_options)},
-               {HADA_STRUCT_TRAIN_OPTIONS + HADA_STAGE_JOINT, sizeof(hada_train_options)},
                {HADA_STRUCT_AUGMENT, sizeof(hada_augment)},
                {HADA_STRUCT_CLASSIC_OPTIONS, sizeof(hada_classic_options)},
                {HADA_STRUCT_CONTEXT_OPTIONS, sizeof(hada_context_options)},

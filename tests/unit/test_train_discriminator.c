@@ -5,7 +5,7 @@
 #include "train/train_options.h"
 
 enum { SIDE = 24, COUNT = 4 };
-static const char *const names[] = {"conditional", "patch"};
+static const char *const name = "patch";
 
 /* Scenes of blocks with a fine grain, and planes: the same through a box of 3 x 3 and with noise. */
 typedef struct examples {
@@ -112,20 +112,18 @@ static double play(player *p, int net, int discriminator, double noise)
 
 TEST(blurred_differs_from_sharp)
 {
-    for (size_t i = 0; i < HADA_COUNT(names); i++) {
-        player p;
-        double last = 0.0;
-        begin(&p, *state, HADA_STAGE_ADVERSARIAL, names[i], new_net());
-        const double first = play(&p, 0, 1, 0.0);
-        for (int k = 0; k < 60; k++) {
-            const double loss = play(&p, 0, 1, 0.0);
-            last += k < 50 ? 0.0 : loss / 10.0;
-        }
-        print_message("%s: %.3f, then %.3f\n", names[i], first, last);
-        assert_true(fabs(first - 2.0 * log(2.0)) < 0.2);
-        assert_true(last < 1.0);
-        end(&p);
+    player p;
+    double last = 0.0;
+    begin(&p, *state, HADA_STAGE_ADVERSARIAL, name, new_net());
+    const double first = play(&p, 0, 1, 0.0);
+    for (int k = 0; k < 60; k++) {
+        const double loss = play(&p, 0, 1, 0.0);
+        last += k < 50 ? 0.0 : loss / 10.0;
     }
+    print_message("%s: %.3f, then %.3f\n", name, first, last);
+    assert_true(fabs(first - 2.0 * log(2.0)) < 0.2);
+    assert_true(last < 1.0);
+    end(&p);
 }
 
 /* Of what the net makes of new planes: sharpness as a share of the scenes'. */
@@ -159,19 +157,17 @@ TEST(results_become_sharper)
     ASSERT_OK(hada_parameters_read(hada_replica_parameters(p.replica), HADA_GROUP_NET, HADA_CONTENT_VALUES, net->values,
                                    err));
     end(&p);
-    for (size_t i = 0; i < HADA_COUNT(names); i++) {
-        ASSERT_OK(hada_net_copy(&start, net, err));
-        begin(&p, *state, HADA_STAGE_ADVERSARIAL, names[i], start);
-        for (int k = 0; k < 50; k++)
-            play(&p, 0, 1, noise);
-        for (int k = 0; k < 80; k++)
-            play(&p, 1, 1, noise);
-        const double sharp = sharpness(&p, noise);
-        print_message("%s: %.3f of the scenes' sharpness, then %.3f\n", names[i], smooth, sharp);
-        assert_true(smooth < 0.8);
-        assert_true(sharp > smooth + 0.1 && sharp < 1.3);
-        end(&p);
-    }
+    ASSERT_OK(hada_net_copy(&start, net, err));
+    begin(&p, *state, HADA_STAGE_ADVERSARIAL, name, start);
+    for (int k = 0; k < 50; k++)
+        play(&p, 0, 1, noise);
+    for (int k = 0; k < 80; k++)
+        play(&p, 1, 1, noise);
+    const double sharp = sharpness(&p, noise);
+    print_message("%s: %.3f of the scenes' sharpness, then %.3f\n", name, smooth, sharp);
+    assert_true(smooth < 0.8);
+    assert_true(sharp > smooth + 0.1 && sharp < 1.3);
+    end(&p);
     hada_net_destroy(&net);
 }
 

@@ -251,7 +251,7 @@ TEST(what_does_not_fit_is_refused)
     options.form = HADA_FORM_WIENER;
     ASSERT_FAILS(hada_replica_bytes(device->context, &desc, &bytes, err), HADA_ERROR_ARGUMENT, "");
     options.form = HADA_FORM_SPLIT;
-    options.stage = HADA_STAGE_JOINT; /* without a net */
+    options.stage = HADA_STAGE_ENHANCE; /* without a net */
     ASSERT_FAILS(hada_replica_bytes(device->context, &desc, &bytes, err), HADA_ERROR_ARGUMENT, "");
     options.stage = HADA_STAGE_FILTERS;
     replica = train_replica(device, &desc);

@@ -5,7 +5,7 @@
 /* What reconstruction makes of the same plane, bit for bit, also after the weights were changed. */
 TEST(forward_is_the_enhancement)
 {
-    static const int which[] = {0, 1, 2, 9};
+    static const int which[] = {0, 1, 2, 6};
     net_device *device = *state;
     for (size_t i = 0; i < HADA_COUNT(which); i++) {
         replica_run run;
@@ -42,43 +42,6 @@ TEST(forward_is_the_enhancement)
         hada_buffer_destroy(&buffer);
         hada_image_destroy(&before);
         hada_image_destroy(&after);
-        hada_replica_destroy(&replica);
-        run_free(&run);
-    }
-}
-
-/* Joint: what the model with that net reconstructs, bit for bit. */
-TEST(forward_is_the_reconstruction)
-{
-    net_device *device = *state;
-    static const int listed[] = {1};
-    for (int i = 6; i <= 8; i++) {
-        replica_run run;
-        hada_model *model;
-        hada_plan *plan;
-        hada_plan_options options;
-        hada_result result = {0};
-        hada_image before = {0}, after = {0};
-        run_make(&run, &train_cases[i]);
-        hada_replica *replica = train_replica(device, &run.desc);
-        ASSERT_OK(hada_replica_forward(replica, &run.pairs.samples[0], &before, &after, err));
-        ASSERT_OK(hada_model_with_enhance(&model, run.model, run.net, run.options.net_rows, run.options.net_cols, err));
-        hada_plan_options_init(&options);
-        options.occupied = HADA_OCCUPIED_LIST;
-        options.occupied_list = listed;
-        options.occupied_count = 1;
-        for (int enhance = 0; enhance < 2; enhance++) {
-            options.enhance = enhance;
-            ASSERT_OK(hada_plan_create(&plan, device->context, model, &options, err));
-            ASSERT_OK(hada_plan_run(plan, &run.pairs.input[0], &result, err));
-            assert_memory_equal(result.planes[1].data, enhance ? after.data : before.data,
-                                hada_image_count(&after) * sizeof(float));
-            hada_plan_destroy(&plan);
-        }
-        hada_result_destroy(&result);
-        hada_image_destroy(&before);
-        hada_image_destroy(&after);
-        hada_model_destroy(&model);
         hada_replica_destroy(&replica);
         run_free(&run);
     }

@@ -9,7 +9,8 @@ TEST(every_stage_learns)
     /* dB on held-out pairs: filters and the conventional net against their start, the others against the planes before
      * the net, which the discriminator leads away from */
     static const double better[] = {0.0, 15.0, 1.0, -8.0, 1.0, 3.0};
-    for (hada_stage stage = HADA_STAGE_FILTERS; stage <= HADA_STAGE_CONVENTIONAL; stage++) {
+    for (size_t s = 0; s < HADA_COUNT(all_stages); s++) {
+        const hada_stage stage = all_stages[s];
         const int count = stage == HADA_STAGE_ADVERSARIAL ? 10 : 100;
         hada_train_options options = options_of(stage);
         options.steps = (uint64_t)count;
@@ -115,17 +116,13 @@ TEST(new_nets_see_the_other_planes)
     hada_trainer_destroy(&trainer);
     options = options_of(HADA_STAGE_ADVERSARIAL);
     options.net_given = NULL;
-    options.discriminator = "conditional";
+    options.discriminator = "patch";
     for (int composed = 0; composed < 2; composed++) { /* the net has two inputs whether scenes are composed or not */
         options.compose = 0.5 * composed;
         ASSERT_OK(hada_trainer_create(&trainer, &f.whole, 1, model, pairs, held, &options, err));
         steps(trainer, 4);
         hada_trainer_destroy(&trainer);
     }
-    options = options_of(HADA_STAGE_JOINT);
-    options.net_given = NULL;
-    ASSERT_FAILS(hada_trainer_create(&trainer, &f.whole, 1, model, pairs, held, &options, err), HADA_ERROR_MODEL,
-                 "options.net");
     SCOPED(hada_plan) * plan;
     SCOPED(hada_result) enhanced = {0};
     ASSERT_OK(hada_plan_create(&plan, f.whole, model, NULL, err));
@@ -185,7 +182,7 @@ TEST(a_net_may_only_share_light_out)
 TEST(composing_that_makes_no_sense_is_refused)
 {
     SCOPED(hada_trainer) * trainer;
-    hada_train_options options = options_of(HADA_STAGE_JOINT);
+    hada_train_options options = options_of(HADA_STAGE_CONVENTIONAL);
     options.compose = 0.5;
     ASSERT_FAILS(hada_trainer_create(&trainer, &f.whole, 1, f.model, pairs, held, &options, err), HADA_ERROR_ARGUMENT,
                  "enhance and adversarial");
@@ -193,7 +190,7 @@ TEST(composing_that_makes_no_sense_is_refused)
     options.compose = 1.5;
     ASSERT_FAILS(hada_trainer_create(&trainer, &f.whole, 1, f.model, pairs, held, &options, err), HADA_ERROR_ARGUMENT,
                  "");
-    options = options_of(HADA_STAGE_JOINT);
+    options = options_of(HADA_STAGE_CONVENTIONAL);
     options.compose = HADA_AUTO; /* the caller leaves it open */
     trainer = make(&options, 1);
     assert_true(trainer->options.compose == 0.0);
@@ -219,7 +216,7 @@ TEST(two_devices_share_a_step)
     unet.last_norm = 1; /* with running statistics */
     ASSERT_OK(hada_net_create_unet(&normed, &unet, 4, err));
     for (int batch = 4; batch <= 5; batch++) {
-        hada_train_options options = options_of(HADA_STAGE_JOINT);
+        hada_train_options options = options_of(HADA_STAGE_ENHANCE);
         options.batch = batch;
         options.net_given = batch == 5 ? normed : f.net;
         hada_trainer *one = make(&options, 1), *two = make(&options, 2), *again = make(&options, 2);
@@ -254,7 +251,7 @@ TEST(two_devices_share_a_step)
 TEST(broken_numbers_are_rolled_back)
 {
     for (int devices = 1; devices <= 2; devices++) {
-        hada_train_options options = options_of(HADA_STAGE_JOINT);
+        hada_train_options options = options_of(HADA_STAGE_ENHANCE);
         hada_step_report report = {.size = sizeof report};
         augment.noise = 0.01; /* nothing is kept: each pair is read every time */
         options.at_once = 1;
@@ -360,7 +357,7 @@ TEST(stages_follow_one_another)
 {
     hada_train_options options = options_of(HADA_STAGE_ENHANCE);
     hada_trainer *trainer = make(&options, 1);
-    SCOPED(hada_model) * enhanced, *joint;
+    SCOPED(hada_model) * enhanced, *sharp;
     SCOPED(hada_net) * net;
     steps(trainer, 5);
     ASSERT_OK(hada_trainer_model(trainer, &enhanced, err));
@@ -370,14 +367,13 @@ TEST(stages_follow_one_another)
     assert_memory_equal(own->values, net->values, net->floats * sizeof(float));
     assert_memory_not_equal(own->values, f.net->values, net->floats * sizeof(float));
     assert_int_equal(hada_model_get_info(enhanced)->refine_steps, hada_model_get_info(f.model)->refine_steps);
-    options = options_of(HADA_STAGE_JOINT);
+    options = options_of(HADA_STAGE_ADVERSARIAL);
     options.net_given = NULL; /* the model's */
     ASSERT_OK(hada_trainer_create(&trainer, &f.whole, 1, enhanced, pairs, held, &options, err));
     assert_memory_equal(trainer->nets.net->values, net->values, net->floats * sizeof(float));
     steps(trainer, 2);
-    ASSERT_OK(hada_trainer_model(trainer, &joint, err));
-    assert_int_equal(hada_model_get_info(joint)->refine_steps, 0); /* the net sees linear planes */
-    assert_true(hada_model_get_info(joint)->has_otf && hada_model_get_info(joint)->enhance);
+    ASSERT_OK(hada_trainer_model(trainer, &sharp, err));
+    assert_true(hada_model_get_info(sharp)->has_otf && hada_model_get_info(sharp)->enhance);
     hada_image raw, before, after, truth;
     ASSERT_OK(hada_trainer_show(trainer, 3, &raw, &before, &after, &truth, err));
     assert_int_equal(raw.cols, COLS);

@@ -152,7 +152,7 @@ static inline double *train_run(const hada_net *net, const double *values, int i
 static inline double *train_output(const train_case *c)
 {
     const hada_model_info *info = c->info;
-    const int filters = c->options->stage == HADA_STAGE_FILTERS || c->options->stage == HADA_STAGE_JOINT;
+    const int filters = c->options->stage == HADA_STAGE_FILTERS;
     const int rows = info->window_rows, cols = info->window_cols;
     const int net_rows = c->options->net_rows ? c->options->net_rows : rows;
     const int net_cols = c->options->net_cols ? c->options->net_cols : cols;

@@ -4,25 +4,22 @@
 
 #include "train_fixture.h"
 
-/* discriminator: 1 gives one logit an image, 2 one a patch, 3 as well, and sees the plane. */
+/* discriminator: 1 gives one logit an image, 2 one a patch. */
 typedef struct replica_case {
     const char *name;
     hada_stage stage;
-    int channels, shared, norm, net_rows, net_cols, vgg, discriminator, squared, padded, split;
+    int channels, shared, norm, net_rows, net_cols, vgg, discriminator, squared;
 } replica_case;
 
 static const replica_case train_cases[] = {
-    {"plain", HADA_STAGE_ENHANCE, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0},
-    {"shared, batch norm, squared variation", HADA_STAGE_ENHANCE, 3, 1, 1, 0, 0, 0, 0, 1, 0, 0},
-    {"another size, perceptual", HADA_STAGE_ENHANCE, 3, 1, 0, 10, 8, 1, 0, 0, 0, 0},
-    {"grey, perceptual", HADA_STAGE_ENHANCE, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0},
-    {"adversarial", HADA_STAGE_ADVERSARIAL, 3, 0, 1, 0, 0, 0, 1, 0, 0, 0},
-    {"conditional, shared, perceptual", HADA_STAGE_ADVERSARIAL, 3, 1, 0, 16, 12, 1, 3, 0, 0, 0},
-    {"joint", HADA_STAGE_JOINT, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0},
-    {"joint, split, padded, shared, another size", HADA_STAGE_JOINT, 3, 1, 1, 9, 11, 0, 0, 0, 1, 1},
-    {"joint, adversarial of patches", HADA_STAGE_JOINT, 1, 0, 0, 0, 0, 1, 2, 1, 0, 0},
-    {"conventional", HADA_STAGE_CONVENTIONAL, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0},
-    {"conditional, grey, perceptual", HADA_STAGE_ADVERSARIAL, 1, 0, 0, 0, 0, 1, 3, 0, 0, 0},
+    {"plain", HADA_STAGE_ENHANCE, 2, 0, 0, 0, 0, 0, 0, 0},
+    {"shared, batch norm, squared variation", HADA_STAGE_ENHANCE, 3, 1, 1, 0, 0, 0, 0, 1},
+    {"another size, perceptual", HADA_STAGE_ENHANCE, 3, 1, 0, 10, 8, 1, 0, 0},
+    {"grey, perceptual", HADA_STAGE_ENHANCE, 1, 0, 0, 0, 0, 1, 0, 0},
+    {"adversarial", HADA_STAGE_ADVERSARIAL, 3, 0, 1, 0, 0, 0, 1, 0},
+    {"patches, shared, perceptual", HADA_STAGE_ADVERSARIAL, 3, 1, 0, 16, 12, 1, 2, 0},
+    {"conventional", HADA_STAGE_CONVENTIONAL, 3, 0, 0, 0, 0, 0, 0, 0},
+    {"patches, grey, perceptual, squared variation", HADA_STAGE_ADVERSARIAL, 1, 0, 0, 0, 0, 1, 2, 1},
 };
 enum { ROWS = 15, COLS = 18, WINDOW_ROWS = 12, WINDOW_COLS = 14 };
 
@@ -64,7 +61,7 @@ static inline void run_make(replica_run *run, const replica_case *c)
         "{\"layer\": \"conv\", \"name\": \"b\", \"channels\": 9, \"activation\": \"relu\"}]}";
     char text[512];
     memset(run, 0, sizeof *run);
-    run->model = train_model(c->channels, ROWS, COLS, WINDOW_ROWS, WINDOW_COLS, c->padded, c->split);
+    run->model = train_model(c->channels, ROWS, COLS, WINDOW_ROWS, WINDOW_COLS, 0, 0);
     DEFAULTS(hada_unet_options, unet);
     unet.channels = unet.out_channels = c->channels;
     unet.down = "5|6";
@@ -74,8 +71,7 @@ static inline void run_make(replica_run *run, const replica_case *c)
     ASSERT_OK(hada_net_create_unet(&run->net, &unet, 3, err));
     shake(run->net, 1);
     if (c->discriminator) {
-        snprintf(text, sizeof text, discriminator, c->discriminator == 3 ? 2 * c->channels : c->channels,
-                 ends[c->discriminator > 1]);
+        snprintf(text, sizeof text, discriminator, c->channels, ends[c->discriminator > 1]);
         run->discriminator = net_from(text, 4);
     }
     if (c->vgg) {
@@ -86,7 +82,7 @@ static inline void run_make(replica_run *run, const replica_case *c)
     run->options.net_rows = c->net_rows;
     run->options.net_cols = c->net_cols;
     run->options.variation_squared = c->squared;
-    train_pairs_make(&run->pairs, hada_model_get_info(run->model), c->stage == HADA_STAGE_JOINT);
+    train_pairs_make(&run->pairs, hada_model_get_info(run->model), 0);
     run->desc = (hada_replica_desc){.model = run->model,
                                     .options = &run->options,
                                     .net = run->net,

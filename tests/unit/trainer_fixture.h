@@ -162,6 +162,9 @@ static inline int teardown(void **state)
     return 0;
 }
 
+static const hada_stage all_stages[] = {HADA_STAGE_FILTERS, HADA_STAGE_ENHANCE, HADA_STAGE_ADVERSARIAL,
+                                        HADA_STAGE_CONVENTIONAL};
+
 /* Of the options that were made last. */
 static hada_augment augment;
 
@@ -177,7 +180,7 @@ static inline hada_train_options options_of(hada_stage stage)
     options.warmup = 2;
     options.discriminator_steps = stage == HADA_STAGE_ADVERSARIAL ? 2 : 0;
     options.random_start = stage == HADA_STAGE_FILTERS;
-    options.filter_rate = stage == HADA_STAGE_JOINT ? 1e-5 : 5e-2;
+    options.filter_rate = 5e-2;
     options.rate = 5e-3;
     options.compose = 0.0;
     return options;

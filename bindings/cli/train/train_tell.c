@@ -30,7 +30,7 @@ static hada_stage stage_of(const hada_train_state *state)
 
 static void tell_begin(listener *to, const hada_train_state *state)
 {
-    static const char *const stages[] = {"", "filters", "enhance", "adversarial", "joint", "conventional"};
+    static const char *const stages[] = {"", "filters", "enhance", "adversarial", "", "conventional"};
     const hada_train_options *use = state->options;
     const hada_net *net = state->net;
     json_t *document = to->cli->document;

@@ -25,7 +25,7 @@ from .device import Context, default
 from .model import Model
 from .net import Net
 
-Stage: TypeAlias = Literal["filters", "enhance", "adversarial", "joint", "conventional"]
+Stage: TypeAlias = Literal["filters", "enhance", "adversarial", "conventional"]
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Trainer(Handle):
         model: filters, sizes and (where it has one) the net that training begins with.
         pairs: a folder, a :class:`Dataset`, or pairs, to learn from.
         stage: "filters" (the filters alone, the paper's method), "enhance" (a net behind the filters), "adversarial"
-            (the same against a discriminator), "joint" (net and filters), "conventional" (a net without filters).
+            (the same against a discriminator), "conventional" (a net without filters).
         held_out: pairs to validate with; None: none.
         context: a device, or several that share the pairs of a step; None: :meth:`Context.default`.
         net: a preset ("compact", "paper") or a :class:`Net` to begin with, in place of the model's.

@@ -7,8 +7,6 @@
  *   ENHANCE       a net that enhances refocused planes, shared by all depths; the filters stay as they are. It sees the
  *                 planes that reconstruction would give: refined ones where the model refines
  *   ADVERSARIAL   the same, with a discriminator that is trained against it (first alone for some steps)
- *   JOINT         net and filters together, gradients flowing through resize, crop, inverse transform and Hadamard
- *                 product; the net sees linear planes
  *   CONVENTIONAL  a net from the raw frame to the image without filters (Appendix C), to compare with
  *
  * A trainer works step by step: each takes `batch` pairs, drawn by seed, changed by the augmentations, and updates the
@@ -36,7 +34,6 @@ typedef enum hada_stage {
     HADA_STAGE_FILTERS = 1,
     HADA_STAGE_ENHANCE = 2,
     HADA_STAGE_ADVERSARIAL = 3,
-    HADA_STAGE_JOINT = 4,
     HADA_STAGE_CONVENTIONAL = 5
 } hada_stage;
 
@@ -53,8 +50,8 @@ typedef struct hada_augment {
 } hada_augment;
 HADA_INIT(hada_augment, HADA_STRUCT_AUGMENT)
 
-typedef enum hada_rule { HADA_RULE_RMSPROP = 0, HADA_RULE_ADAM = 1, HADA_RULE_ADAMW = 2 } hada_rule;
-typedef enum hada_rate { HADA_RATE_CONSTANT = 0, HADA_RATE_STEP = 1, HADA_RATE_COSINE = 2 } hada_rate;
+typedef enum hada_rule { HADA_RULE_RMSPROP = 0, HADA_RULE_ADAM = 1 } hada_rule;
+typedef enum hada_rate { HADA_RATE_CONSTANT = 0, HADA_RATE_COSINE = 2 } hada_rate;
 
 typedef struct hada_train_options {
     size_t size; /* sizeof(hada_train_options) */
@@ -68,8 +65,8 @@ typedef struct hada_train_options {
     const char *net;  /* preset of a new net ("compact", "paper"), used where the model has none or `new_net` is 1 */
     const hada_net *net_given; /* instead of a preset; copied; NULL: none */
     int new_net;
-    const char *discriminator; /* preset of the discriminator: "patch" (default) sees the image patch by patch at the
-                           window's own size, "conditional" the plane beside it, "paper" the whole image at 256 x 256 */
+    const char *discriminator; /* preset of the discriminator: "patch" (default) judges the image patch by patch at the
+                                  window's own size, "paper" the whole image at 256 x 256 */
     int net_rows, net_cols;    /* size at which the net runs; 0, 0: the window's */
 
     /* steps */
@@ -82,17 +79,14 @@ typedef struct hada_train_options {
     double rate, filter_rate, discriminator_rate; /* of the net, the filters (HADA_AUTO: 0.1 for a random start, else
                                               1e-3), the discriminator (HADA_AUTO: 3e-4 for "paper", else 1e-3) */
     hada_rate schedule;
-    double last_rate;             /* COSINE: at the end, as a share of the rate; STEP: factor after each period */
-    uint64_t rate_period;         /* STEP */
+    double last_rate;             /* COSINE: at the end, as a share of the rate */
     uint64_t warmup;              /* steps in which the rate rises from a tenth */
     double clip;                  /* largest norm of a step's gradient; 0: as it is */
-    double weight_decay;          /* ADAMW */
     uint64_t discriminator_steps; /* steps (of `steps`) of the discriminator alone, before the first of the net */
 
     /* losses: weights; those of the paper's code by default: 1.5, 0.1, 8e-3, 5e-7, but ADVERSARIAL with another
-       discriminator than "paper" 2e-3 (adversarial HADA_AUTO, as it is set up: that default); JOINT: adversarial 0, and
-       with more it has a discriminator as ADVERSARIAL has; the other stages know no adversarial term. FILTERS: the mean
-       squared error alone. */
+       discriminator than "paper" 2e-3 (adversarial HADA_AUTO, as it is set up: that default); the other stages have no
+       adversarial term. FILTERS: the mean squared error alone. */
     double mse, perceptual, adversarial, variation;
     int variation_squared; /* 1: the paper's formula; 0 (default): absolute values, as its code */
     const char *vgg;       /* safetensors file of VGG-16; NULL: the perceptual term is off */
@@ -178,8 +172,8 @@ HADA_API hada_status hada_trainer_validate(hada_trainer *trainer, int most, hada
 HADA_API hada_status hada_trainer_show(hada_trainer *trainer, int pair, hada_image *raw, hada_image *before,
                                        hada_image *after, hada_image *truth, hada_error *err);
 
-/* The parameters as they are now, as a model; CONVENTIONAL has none, but a net. FILTERS and JOINT: no OTF is changed,
- * and the model recommends no refinement, which would pass the trained filters by. */
+/* The parameters as they are now, as a model; CONVENTIONAL has none, but a net. FILTERS: no OTF is changed, and
+ * the model recommends no refinement, which would bypass the trained filters. */
 HADA_API hada_status hada_trainer_model(hada_trainer *trainer, hada_model **out, hada_error *err);
 HADA_API hada_status hada_trainer_net(hada_trainer *trainer, hada_net **out, hada_error *err);
 

@@ -23,8 +23,8 @@ typedef struct perf_case {
     int frame, window, batch;
 } perf_case;
 static const perf_case cases[] = {
-    {"compact72", HADA_STAGE_ENHANCE, 72, 72, 4},  {"odd72", HADA_STAGE_ENHANCE, 72, 72, 5},
-    {"compact96", HADA_STAGE_ENHANCE, 96, 96, 16}, {"compact192", HADA_STAGE_ENHANCE, 192, 192, 4},
+    {"compact72", HADA_STAGE_ENHANCE, 72, 72, 4},    {"odd72", HADA_STAGE_ENHANCE, 72, 72, 5},
+    {"compact96", HADA_STAGE_ENHANCE, 96, 96, 16},   {"compact192", HADA_STAGE_ENHANCE, 192, 192, 4},
     {"filters192", HADA_STAGE_FILTERS, 512, 192, 4},
 };
 

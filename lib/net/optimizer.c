@@ -39,8 +39,7 @@ static hada_status check_optimizer(const hada_optimizer_desc *desc, uint64_t ste
     const double shares[] = {desc->decay, desc->beta1, desc->beta2};
     for (size_t i = 0; i < HADA_COUNT(shares); i++)
         if (!(shares[i] >= 0.0 && shares[i] < 1.0))
-            return hada_fail(err, HADA_ERROR_ARGUMENT, "decay and betas must be from 0 to below 1, not %g",
-                             shares[i]);
+            return hada_fail(err, HADA_ERROR_ARGUMENT, "decay and betas must be from 0 to below 1, not %g", shares[i]);
     if (!isfinite(desc->scale))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a gradient cannot be scaled by %g", desc->scale);
     if (!(desc->eps > 0.0 && isfinite(desc->eps)))

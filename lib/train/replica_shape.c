@@ -17,8 +17,7 @@
 hada_optimizer_desc hada_group_rule(const hada_train_options *options, int group)
 {
     hada_optimizer_desc rule;
-    hada_optimizer_desc_init(&rule,
-                             options->rule == HADA_RULE_RMSPROP ? HADA_OPTIMIZER_RMSPROP : HADA_OPTIMIZER_ADAM);
+    hada_optimizer_desc_init(&rule, options->rule == HADA_RULE_RMSPROP ? HADA_OPTIMIZER_RMSPROP : HADA_OPTIMIZER_ADAM);
     if (group >= HADA_GROUP_FILTERS)
         rule.eps = options->rule == HADA_RULE_RMSPROP ? FILTER_EPS_SQUARED : FILTER_EPS;
     return rule;

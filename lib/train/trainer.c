@@ -285,8 +285,7 @@ hada_status hada_trainer_model(hada_trainer *trainer, hada_model **out, hada_err
         return hada_fail(err, HADA_ERROR_STATE, "the conventional net has no filters; take it with hada_trainer_net()");
     if (trainer->nets.net) {
         HADA_TRY_OR_DONE(hada_trainer_net(trainer, &net, err));
-        HADA_TRY_OR_DONE(
-            hada_model_with_enhance(out, trainer->model, net, options->net_rows, options->net_cols, err));
+        HADA_TRY_OR_DONE(hada_model_with_enhance(out, trainer->model, net, options->net_rows, options->net_cols, err));
     } else {
         HADA_TRY_OR_DONE(with_filters(out, trainer, err));
     }

@@ -131,7 +131,8 @@ TEST(no_gradient_is_no_trouble)
         trainee t = begin(device, (hada_optimizer)kind);
         const hada_gradient_part part = {{t.gradients.mem, 0}, COUNT};
         hada_buffer scratch;
-        ASSERT_OK(hada_buffer_create(&scratch, device->context, hada_squares_scratch(&part, 1) + sizeof squares, "", err));
+        ASSERT_OK(
+            hada_buffer_create(&scratch, device->context, hada_squares_scratch(&part, 1) + sizeof squares, "", err));
         ASSERT_OK(hada_buffer_clear(&t.gradients, device->slot, 0, COUNT * sizeof(float), err));
         const hada_floats to = {scratch.mem, hada_squares_scratch(&part, 1) / sizeof(float)};
         ASSERT_OK(hada_gradient_squares(device->slot, &part, 1, to, scratch.mem, err));

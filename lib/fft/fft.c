@@ -1,11 +1,6 @@
 /* Plans: the checks that all back ends share, and the way to the one that serves. */
 #include "fft/fft.h"
 
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
 #include "fft/fft_internal.h"
 #include "runtime/program.h"
 #include "runtime/tuning.h"
@@ -75,7 +70,7 @@ hada_status hada_fft_create(hada_fft **out, hada_slot *slot, const hada_fft_desc
     hada_fft *plan = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(check_desc(desc, err));
-    HADA_TRY_OR_DONE(hada_allocated(plan = hada_alloc(1, sizeof *plan, "a transform's plan", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(plan, 1, "a transform's plan", err));
     plan->slot = slot;
     plan->desc = *desc;
     plan->desc.backend = resolve(slot->context, desc->backend, desc->rows, desc->cols);

@@ -1,7 +1,5 @@
 /* A new plan is run once on a few points whose transform is evaluated directly in double precision. The points reach
  * every output, so that a wrong lane, block or twiddle factor anywhere on their way shows. */
-#include <math.h>
-#include <string.h>
 
 #include "fft/fft_internal.h"
 

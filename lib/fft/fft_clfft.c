@@ -4,11 +4,8 @@
  * baking reports success for kernels that do not compile. It has no pruning, bands or products: kernels/fft_plain.cl
  * does these around it. */
 #include <locale.h>
-#include <math.h>
 #include <pthread.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "fft/fft_internal.h" /* says which OpenCL version, before clFFT does */
 #include "launch/fft_plain.h"
 #include "runtime/program.h"

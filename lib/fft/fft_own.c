@@ -6,10 +6,6 @@
  * these rows to the image. */
 #include "fft/fft_own.h"
 
-#include <math.h>
-#include <stdlib.h>
-
-#include "core/alloc.h"
 #include "fft/fft_internal.h"
 #include "launch/fft_group_cols.h"
 #include "launch/fft_group_rows_forward.h"

@@ -1,10 +1,7 @@
 /* Tables of a pass: stages, digit-reversed order, twiddle factors, cosines of odd radices, chirps. All computed in
  * double precision and rounded once. */
 #include <complex.h>
-#include <math.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "core/fft_factor.h"
 #include "fft/fft_own.h"
 #include "kernels/shared_fft.h"
@@ -150,8 +147,7 @@ static void transform(int n, const double complex *in, int stride, double comple
 static hada_status fill_chirp(float *chirp, float *spectrum, int n, int points, hada_error *err)
 {
     double complex *work;
-    hada_status status =
-        hada_allocated(work = hada_alloc(3 * (size_t)points, sizeof *work, "a table of a transform", err));
+    hada_status status = HADA_NEW(work, 3 * (size_t)points, "a table of a transform", err);
     if (status)
         return status;
     for (int j = 0; j < n; j++) {
@@ -203,12 +199,9 @@ hada_status hada_fft_pass_make(hada_fft_pass *pass, const hada_fft_pass_desc *de
     hada_fft_factor(n, desc->direct, &stages);
     pass->points = stages.points;
     sizes_of(n, &stages, &pass->int_count, &pass->float_count);
-    HADA_TRY_OR_DONE(
-        hada_allocated(pass->ints = hada_alloc(pass->int_count, sizeof *pass->ints, "a table of a transform", err)));
-    HADA_TRY_OR_DONE(hada_allocated(
-        pass->floats = hada_alloc(pass->float_count, sizeof *pass->floats, "a table of a transform", err)));
-    HADA_TRY_OR_DONE(
-        hada_allocated(order = hada_alloc((size_t)stages.points, sizeof *order, "a table of a transform", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(pass->ints, pass->int_count, "a table of a transform", err));
+    HADA_TRY_OR_DONE(HADA_NEW(pass->floats, pass->float_count, "a table of a transform", err));
+    HADA_TRY_OR_DONE(HADA_NEW(order, (size_t)stages.points, "a table of a transform", err));
 
     fill_header(pass->ints, &stages, n);
     pass->ints[FFT_FLOATS] = (int32_t)pass->int_count;
@@ -381,7 +374,7 @@ static hada_status make_sized(hada_own_pass *pass, hada_slot *slot, hada_fft_pas
     hada_status status = HADA_OK;
     if (slot->context->dry)
         return hada_buffer_create(&pass->table, slot->context, count * sizeof *floats, "a transform's tables", err);
-    HADA_TRY_OR_DONE(hada_allocated(floats = hada_alloc(count, sizeof *floats, "a table of a transform", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(floats, count, "a table of a transform", err));
     hada_fft_sized_fill(&pass->size, kind, floats);
     HADA_TRY_OR_DONE(
         hada_buffer_create_from(&pass->table, slot, floats, count * sizeof *floats, "a transform's tables", err));

@@ -1,10 +1,7 @@
 /* Measuring the back ends against each other, on request only. */
 #include <hadalens/tune.h>
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "core/clock.h"
 #include "fft/fft_internal.h"
 #include "runtime/tuning.h"

@@ -1,12 +1,8 @@
 /* Distance maps: errors, fractional depth indices, and where maps are hard: at jumps, beyond the camera's depths, and
  * where they do not trust themselves. */
 #include <hadalens/metrics.h>
-#include <math.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
-#include "core/error.h"
 
 double hada_depth_index(const double *distances_mm, int count, double distance_mm)
 {
@@ -83,7 +79,7 @@ hada_status hada_metric_depth(const hada_image *map, const hada_image *truth, co
 static hada_status indices_of(double **out, const hada_image *map, const double *distances_mm, int count,
                               hada_error *err)
 {
-    HADA_TRY(hada_allocated(*out = hada_alloc(hada_image_count(map), sizeof **out, "depth indices", err)));
+    HADA_TRY(HADA_NEW(*out, hada_image_count(map), "depth indices", err));
     for (size_t i = 0; i < hada_image_count(map); i++)
         (*out)[i] = isnan(map->data[i]) ? (double)NAN : hada_depth_index(distances_mm, count, (double)map->data[i]);
     return HADA_OK;
@@ -181,8 +177,7 @@ hada_status hada_metric_depth_confidence(const hada_image *map, const hada_image
                              "channel");
     if (distances_mm && count < 2)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a list of %d distances has no depth step; give two or more", count);
-    HADA_TRY_OR_DONE(
-        hada_allocated(claims = hada_alloc(hada_image_count(map), sizeof *claims, "the pixels of a map", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(claims, hada_image_count(map), "the pixels of a map", err));
     for (size_t i = 0; i < hada_image_count(map); i++) {
         const double m = (double)map->data[i], t = (double)truth->data[i], c = (double)confidence->data[i];
         if ((mask && !mask[i]) || isnan(m) || isnan(t) || isnan(c))

@@ -1,9 +1,5 @@
 /* LPIPS of two images: a net in five stages, each followed by the distance of its features. */
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "metrics/lpips_stage.h"
 #include "net/graph.h"
 #include "runtime/memory.h"
@@ -107,9 +103,8 @@ static hada_status make_size(hada_lpips *lpips, int rows, int cols, hada_error *
     }
     HADA_TRY_OR_DONE(
         hada_buffer_create(&lpips->distances, lpips->context, distances * sizeof(float), "distances of features", err));
-    HADA_TRY_OR_DONE(hada_allocated(lpips->pair = hada_alloc_raw(in, sizeof(float), "the images to compare", err)));
-    HADA_TRY_OR_DONE(
-        hada_allocated(lpips->maps = hada_alloc_raw(distances, sizeof(float), "distances of features", err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(lpips->pair, in, "the images to compare", err));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(lpips->maps, distances, "distances of features", err));
     lpips->rows = rows;
     lpips->cols = cols;
 done:
@@ -306,7 +301,7 @@ hada_status hada_lpips_create(hada_lpips **out, hada_context *context, hada_lpip
     if (!out || !context || !backbone || (unsigned)net > HADA_LPIPS_ALEX)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_create: an argument is missing or out of range");
     *out = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(lpips = hada_alloc(1, sizeof *lpips, "LPIPS", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(lpips, 1, "LPIPS", err));
     lpips->context = context;
     lpips->net = net;
     HADA_TRY_OR_DONE(hada_slot_create(&lpips->slot, context, err));

@@ -1,10 +1,5 @@
 #include "metrics/lpips_stage.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-
-#include "core/alloc.h"
 #include "launch/lpips_distance.h"
 #include "net/layer_launch.h"
 
@@ -148,7 +143,7 @@ static hada_status fold_weights(hada_net *net, const hada_tensors *file, hada_er
     if (!tensor || tensor->dims != 4 || tensor->shape[0] != out || tensor->shape[1] != 3 ||
         tensor->shape[2] != kernel || tensor->shape[3] != kernel)
         return hada_fail(err, HADA_ERROR_MODEL, "the tensor features.0.weight has another shape than that of AlexNet");
-    HADA_TRY_OR_DONE(hada_allocated(given = hada_alloc((size_t)values, sizeof *given, "the weights", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(given, (size_t)values, "the weights", err));
     HADA_TRY_OR_DONE(hada_tensor_copy_f32(tensor, 0, (size_t)values, given, err));
     for (int i = 0; i < values; i++) {
         const int x = i % kernel, y = i / kernel % kernel, c = i / kernel / kernel % 3, o = i / kernel / kernel / 3;

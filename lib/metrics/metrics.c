@@ -3,12 +3,8 @@
 #include "metrics/metrics.h"
 
 #include <hadalens/metrics.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
-#include "core/error.h"
+#include "core/base.h"
 
 enum { RADIUS = 5, TAPS = 2 * RADIUS + 1 };
 #define DEVIATION 1.5
@@ -114,8 +110,7 @@ hada_status hada_similarities(const hada_image *a, const hada_image *b, hada_sim
         return hada_fail(err, HADA_ERROR_SIZE, "structural similarity needs images of at least 11 x 11, not %d x %d",
                          a->rows, a->cols);
     const size_t rows = (size_t)a->rows, cols = (size_t)a->cols, inner = cols - 2 * RADIUS, stride = cols + LANES;
-    HADA_TRY_OR_DONE(
-        hada_allocated(means = hada_alloc(stride * (MEANS + 1), sizeof *means, "structural similarity", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(means, stride * (MEANS + 1), "structural similarity", err));
     double *row = means + MEANS * stride;
     gaussian(weight);
     for (size_t c = 0; c < (size_t)a->channels; c++)

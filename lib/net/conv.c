@@ -1,8 +1,5 @@
 /* Convolutions: objects, and which implementation a call goes to. */
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "launch/conv_normed.h"
 #include "net/conv_launch.h"
 #include "net/layers.h"
@@ -14,7 +11,7 @@ hada_status hada_conv_create(hada_conv **out, hada_slot *slot, const hada_conv_d
     hada_conv *conv = NULL;
     *out = NULL;
     HADA_TRY_OR_DONE(hada_conv_plan_make(&plan, slot->context, desc, err));
-    HADA_TRY_OR_DONE(hada_allocated(conv = hada_alloc(1, sizeof *conv, "a convolution", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(conv, 1, "a convolution", err));
     conv->slot = slot;
     conv->plan = plan;
     for (int p = 0; p < plan.pass_count; p++)

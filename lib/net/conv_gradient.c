@@ -1,6 +1,5 @@
 /* Gradients of weights and biases: partial sums, then their sum in order; or by Winograd's tiles, part by part in local
  * memory or step by step. */
-#include "core/alloc.h"
 #include "launch/conv_group_reduce.h"
 #include "launch/conv_group_weights.h"
 #include "launch/conv_plain.h"

@@ -1,7 +1,6 @@
 /* Launches of the passes of a convolution: packed weights, direct sums, the definition, and Winograd's tiles, in one
  * launch or, with many channels, in three. */
 #include "net/conv_launch.h"
-#include "core/alloc.h"
 #include "launch/conv_direct.h"
 #include "launch/conv_few.h"
 #include "launch/conv_group.h"

@@ -5,7 +5,6 @@
 
 #include <limits.h>
 
-#include "core/alloc.h"
 #include "launch/conv_direct.h"
 #include "launch/conv_few.h"
 #include "launch/conv_group.h"

@@ -2,10 +2,6 @@
  * vendor's compiler, and nothing else says whether a driver takes it and what it computes. */
 #include "net/conv_plan.h"
 
-#include <math.h>
-#include <stdlib.h>
-
-#include "core/alloc.h"
 #include "core/random.h"
 
 /* A convolution compared with the plain one, on random values. */
@@ -32,7 +28,7 @@ static hada_status random_buffer(comparison *c, hada_buffer *buffer, uint64_t st
     hada_status status = HADA_OK;
     float *values = NULL;
     hada_random random;
-    HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc(count, sizeof *values, "the values of a measurement", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(values, count, "the values of a measurement", err));
     hada_random_seed(&random, 1, stream);
     for (size_t i = 0; i < count; i++)
         values[i] = scale * (float)hada_random_normal(&random);
@@ -66,8 +62,7 @@ static hada_status begin(comparison *c, hada_slot *slot, const hada_conv_desc *d
     HADA_TRY_OR_DONE(random_buffer(c, &c->bias, 2, (size_t)d->out_channels, 0.1f, err));
     HADA_TRY_OR_DONE(hada_buffer_create(&c->x, context, c->in.image_stride * sizeof(float), "a measurement", err));
     HADA_TRY_OR_DONE(hada_buffer_create(&c->y, context, c->out.image_stride * sizeof(float), "a measurement", err));
-    HADA_TRY_OR_DONE(
-        hada_allocated(c->expected = hada_alloc(2 * c->out.image_stride, sizeof(float), "a measurement", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(c->expected, 2 * c->out.image_stride, "a measurement", err));
     c->got = c->expected + c->out.image_stride;
     c->in.mem = c->x.mem;
     c->out.mem = c->y.mem;

@@ -1,10 +1,6 @@
 /* Enhancing planes: memory, and the way of a plane through the net. */
 #include "net/enhance.h"
 
-#include <math.h>
-#include <stdlib.h>
-
-#include "core/alloc.h"
 #include "launch/net_tensor.h"
 #include "net/layer_launch.h"
 
@@ -64,15 +60,13 @@ hada_status hada_enhance_create(hada_enhance **out, hada_slot *slot, const hada_
     hada_status status = HADA_OK;
     hada_enhance *e = NULL;
     *out = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(e = hada_alloc(1, sizeof *e, "the enhancement", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(e, 1, "the enhancement", err));
     e->slot = slot;
     e->desc = *desc;
     HADA_TRY_OR_DONE(hada_enhance_shape_of(slot->context, desc, &e->shape, err));
     const size_t cells = (size_t)desc->rows * (size_t)e->shape.content_cells;
-    HADA_TRY_OR_DONE(hada_allocated(
-        e->map = hada_alloc((size_t)e->shape.planes * cells, sizeof *e->map, "the map of content", err)));
-    HADA_TRY_OR_DONE(
-        hada_allocated(e->waiting = hada_alloc((size_t)e->shape.planes, sizeof *e->waiting, "the planes", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(e->map, (size_t)e->shape.planes * cells, "the map of content", err));
+    HADA_TRY_OR_DONE(HADA_NEW(e->waiting, (size_t)e->shape.planes, "the planes", err));
     HADA_TRY_OR_DONE(hada_graph_create(&e->graph, slot, desc->net, &e->shape.graph, err));
     HADA_TRY_OR_DONE(make_buffers(e, err));
     HADA_TRY_OR_DONE(hada_graph_set_weights(e->graph, (hada_floats){e->values.mem, 0}, err));

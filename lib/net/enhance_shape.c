@@ -1,10 +1,6 @@
 /* Sizes of an enhancement: the receptive field of its net, and tiles that fit the memory. */
 #include "net/enhance.h"
 
-#include <stdlib.h>
-
-#include "core/alloc.h"
-
 /* Pixels of the input to a pixel of each layer, 0 where a layer cannot be run in tiles; and pixels beyond a tile,
  * counted in the layer's own, on which the tile's output depends. */
 typedef struct reach {
@@ -67,7 +63,7 @@ hada_status hada_net_receptive_field(const hada_net *net, hada_receptive_field *
 {
     reach *of;
     *field = (hada_receptive_field){0};
-    hada_status status = hada_allocated(of = hada_alloc((size_t)net->count, sizeof *of, "a net's reach", err));
+    hada_status status = HADA_NEW(of, (size_t)net->count, "a net's reach", err);
     if (status)
         return status;
     int multiple = 1, possible = 1;
@@ -108,7 +104,7 @@ static hada_status check_net(const hada_enhance_desc *desc, int rows, int cols, 
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the net for enhancement takes %d channel(s) and gives %d, but the planes have %d",
                          info->channels, info->out_channels, desc->channels);
-    HADA_TRY_OR_DONE(hada_allocated(sizes = hada_alloc((size_t)desc->net->count, sizeof *sizes, "a net", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(sizes, (size_t)desc->net->count, "a net", err));
     HADA_TRY_OR_DONE(hada_net_sizes(desc->net, rows, cols, sizes, err));
     const hada_size out = sizes[desc->net->count - 1];
     if (out.rows != rows || out.cols != cols)

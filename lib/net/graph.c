@@ -1,7 +1,5 @@
 /* Graphs: making, weights, running. */
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "net/conv.h"
 #include "net/graph_layers.h"
 
@@ -18,10 +16,8 @@ static hada_status make_memory(hada_graph *graph, hada_error *err)
 {
     graph_plan *plan = &graph->plan;
     const hada_context *context = graph->slot->context;
-    HADA_TRY(
-        hada_allocated(graph->arenas = hada_alloc((size_t)plan->arenas.count, sizeof *graph->arenas, "a net", err)));
-    HADA_TRY(
-        hada_allocated(graph->tensors = hada_alloc((size_t)plan->piece_count, sizeof *graph->tensors, "a net", err)));
+    HADA_TRY(HADA_NEW(graph->arenas, (size_t)plan->arenas.count, "a net", err));
+    HADA_TRY(HADA_NEW(graph->tensors, (size_t)plan->piece_count, "a net", err));
     for (int i = 0; i < plan->arenas.count; i++)
         HADA_TRY(make_buffer(graph, &graph->arenas[i], plan->arenas.bytes[i], "the net's activations", err));
     HADA_TRY(make_buffer(graph, &graph->extras, plan->extras * sizeof(float), "the net's statistics", err));
@@ -38,7 +34,7 @@ static hada_status make_memory(hada_graph *graph, hada_error *err)
 static hada_status make_convs(hada_graph *graph, hada_error *err)
 {
     const graph_plan *plan = &graph->plan;
-    HADA_TRY(hada_allocated(graph->convs = hada_alloc((size_t)plan->node_count, sizeof *graph->convs, "a net", err)));
+    HADA_TRY(HADA_NEW(graph->convs, (size_t)plan->node_count, "a net", err));
     for (int i = 1; i < plan->node_count; i++) {
         if (plan->nodes[i].layer->kind != HADA_LAYER_CONV)
             continue;
@@ -54,7 +50,7 @@ hada_status hada_graph_create(hada_graph **out, hada_slot *slot, const hada_net 
     hada_status status = HADA_OK;
     hada_graph *graph = NULL;
     *out = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(graph = hada_alloc(1, sizeof *graph, "a net", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(graph, 1, "a net", err));
     graph->slot = slot;
     HADA_TRY_OR_DONE(hada_conv_tf32_try(slot, err)); /* what serves has to stand before plans are made */
     HADA_TRY_OR_DONE(hada_graph_plan_make(&graph->plan, slot->context, net, options, err));

@@ -1,9 +1,7 @@
 /* The nodes of a graph: what is fused into one launch, and which values alias the memory of another. In inference
  * convolutions also take over bilinear doubling and concatenation (the way up of a U-net) or a batch norm before them,
  * whose results are then never written. */
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "net/graph_plan.h"
 
 /* Whether a node that is not fused reads a value. */
@@ -247,9 +245,9 @@ hada_status hada_graph_nodes_make(graph_plan *plan, const hada_context *context,
     const size_t count = (size_t)net->count;
     hada_size *sizes = NULL;
     int *level = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(plan->nodes = hada_alloc(count, sizeof *plan->nodes, "a net's plan", err)));
-    HADA_TRY_OR_DONE(hada_allocated(sizes = hada_alloc(count, sizeof *sizes, "a net's plan", err)));
-    HADA_TRY_OR_DONE(hada_allocated(level = hada_alloc(count, sizeof *level, "a net's plan", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(plan->nodes, count, "a net's plan", err));
+    HADA_TRY_OR_DONE(HADA_NEW(sizes, count, "a net's plan", err));
+    HADA_TRY_OR_DONE(HADA_NEW(level, count, "a net's plan", err));
     HADA_TRY_OR_DONE(hada_net_sizes(net, plan->options.rows, plan->options.cols, sizes, err));
     plan->node_count = net->count;
     plan->output = net->count - 1;

@@ -3,10 +3,6 @@
  * at 0 the input comes in. */
 #include "net/graph_plan.h"
 
-#include <stdlib.h>
-
-#include "core/alloc.h"
-
 /* The steps of backward are made one after the other. */
 typedef struct backward_pass {
     graph_plan *plan;
@@ -146,10 +142,10 @@ static hada_status make_room(graph_plan *plan, unsigned char **has_gradient, had
 {
     const size_t nodes = (size_t)plan->node_count, steps = 3 * nodes + 1;
     plan->piece_room = 4 * plan->node_count;
-    HADA_TRY(hada_allocated(plan->steps = hada_alloc(steps, sizeof *plan->steps, "a net's plan", err)));
-    HADA_TRY(hada_allocated(plan->pieces = hada_alloc(4 * nodes, sizeof *plan->pieces, "a net's plan", err)));
-    HADA_TRY(hada_allocated(plan->tensors = hada_alloc(4 * nodes, sizeof *plan->tensors, "a net's plan", err)));
-    return hada_allocated(*has_gradient = hada_alloc(nodes, 1, "a net's plan", err));
+    HADA_TRY(HADA_NEW(plan->steps, steps, "a net's plan", err));
+    HADA_TRY(HADA_NEW(plan->pieces, 4 * nodes, "a net's plan", err));
+    HADA_TRY(HADA_NEW(plan->tensors, 4 * nodes, "a net's plan", err));
+    return HADA_NEW(*has_gradient, nodes, "a net's plan", err);
 }
 
 static size_t rounded(size_t floats)

@@ -1,9 +1,7 @@
 /* The layers that are neither convolutions nor batch norms: activations, sums, dropout, placing; pooling; resizing;
  * fully connected layers. */
 #include <limits.h>
-#include <math.h>
 
-#include "core/alloc.h"
 #include "launch/net_dropout.h"
 #include "launch/net_elementwise.h"
 #include "launch/net_linear.h"

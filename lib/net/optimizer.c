@@ -2,7 +2,6 @@
 #include "net/optimizer.h"
 
 #include <limits.h>
-#include <math.h>
 
 #include "launch/net_optimizer.h"
 #include "net/layer_launch.h"

@@ -1,7 +1,5 @@
 /* A net made ready for images of one size: the public way of running one. */
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "net/graph.h"
 #include "runtime/memory.h"
 
@@ -27,7 +25,7 @@ static hada_status output_size(const hada_net *net, int rows, int cols, hada_siz
 {
     hada_status status = HADA_OK;
     hada_size *sizes = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(sizes = hada_alloc((size_t)net->count, sizeof *sizes, "a net", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(sizes, (size_t)net->count, "a net", err));
     HADA_TRY_OR_DONE(hada_net_sizes(net, rows, cols, sizes, err));
     *out = sizes[net->count - 1];
 done:
@@ -69,7 +67,7 @@ hada_status hada_net_runner_create(hada_net_runner **out, hada_context *context,
     *out = NULL;
     const hada_net_info *info = hada_net_get_info(net);
     HADA_TRY_OR_DONE(output_size(net, rows, cols, &size, err));
-    HADA_TRY_OR_DONE(hada_allocated(runner = hada_alloc(1, sizeof *runner, "a net", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(runner, 1, "a net", err));
     *runner = (hada_net_runner){.channels = info->channels,
                                 .rows = rows,
                                 .cols = cols,

@@ -1,8 +1,6 @@
 /* The words by which lists of layers name kinds. */
 #include "netlist/net_list.h"
 
-#include <string.h>
-
 static const char *const layer_kinds[HADA_LAYER_KINDS] = {"input",  "conv", "activation", "pool",  "resize",
                                                           "concat", "norm", "dropout",    "linear"};
 static const char *const activations[] = {"none", "relu", "leaky_relu", "sigmoid"};

@@ -2,11 +2,7 @@
  * what differs from hada_layer_of(). */
 #include <hadalens/limits.h>
 #include <jansson.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "core/input.h"
 #include "netlist/net_list.h"
 

@@ -2,12 +2,7 @@
 #include "netlist/net_list.h"
 
 #include <limits.h>
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "core/random.h"
 
 /* Bounds on what a list read from a file may claim: far above any net in use, and small enough that products of two of
@@ -24,7 +19,7 @@ hada_status hada_net_begin(hada_net **out, int colours, hada_error *err)
     if (colours < 1 || colours > MOST_COLOURS)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a net shared by %d channels: 1 to %d can be", colours,
                          MOST_COLOURS);
-    const hada_status status = hada_allocated(net = hada_alloc(1, sizeof *net, "a net", err));
+    const hada_status status = HADA_NEW(net, 1, "a net", err);
     if (status)
         return status;
     net->colours = colours;
@@ -159,7 +154,7 @@ static hada_status check_used(const hada_net *net, hada_error *err)
 {
     unsigned char *used = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(used = hada_alloc((size_t)net->count, 1, "a net", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(used, (size_t)net->count, "a net", err));
     for (int k = 0; k < net->count; k++)
         for (int n = 0; n < net->layers[k].input_count; n++)
             used[net->layers[k].inputs[n]] = 1;
@@ -230,7 +225,7 @@ static hada_status check_names(const hada_net *net, hada_error *err)
     const size_t count = (size_t)net->parameter_count;
     const hada_parameter **sorted = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(sorted = hada_alloc(count, sizeof *sorted, "the table of parameters", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(sorted, count, "the table of parameters", err));
     for (size_t i = 0; i < count; i++)
         sorted[i] = &net->parameters[i];
     qsort(sorted, count, sizeof *sorted, by_name);
@@ -250,8 +245,7 @@ static hada_status make_table(hada_net *net, hada_error *err)
     if (count > MOST_PARAMETERS)
         return hada_fail(err, HADA_ERROR_MODEL, "the net has %zu tensors of parameters; at most %d are offered", count,
                          MOST_PARAMETERS);
-    HADA_TRY(
-        hada_allocated(net->parameters = hada_alloc(count, sizeof *net->parameters, "the table of parameters", err)));
+    HADA_TRY(HADA_NEW(net->parameters, count, "the table of parameters", err));
     for (int i = 0; i < net->count; i++)
         add_parameters(net, i);
     return HADA_OK;
@@ -290,7 +284,7 @@ static hada_status make_parameters(hada_net *net, hada_error *err)
         if (trained)
             net->trained = net->floats;
     }
-    return hada_allocated(net->values = hada_alloc(net->floats, sizeof *net->values, "the weights", err));
+    return HADA_NEW(net->values, net->floats, "the weights", err);
 }
 
 hada_status hada_net_finish(hada_net *net, hada_error *err)

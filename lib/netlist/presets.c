@@ -1,10 +1,6 @@
 /* The nets that the library knows, as lists: U-nets (Ronneberger, Fischer and Brox 2015), discriminators, VGG-16. */
 #include "netlist/presets.h"
 
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
 #include "core/callers.h"
 #include "netlist/weights_file.h"
 

@@ -1,12 +1,5 @@
 #include "netlist/weights_file.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
-
 /* The tensor of a parameter, checked. */
 static hada_status find(const hada_parameter *parameter, const hada_tensors *file, const char *prefix,
                         const hada_stored_tensor **out, hada_error *err)
@@ -31,7 +24,7 @@ hada_status hada_net_read_but(hada_net *net, const hada_tensors *file, const cha
 {
     hada_status status = HADA_OK;
     float *values = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc(net->floats, sizeof *values, "the weights", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(values, net->floats, "the weights", err));
     for (int i = 0; i < net->parameter_count; i++) {
         const hada_parameter *parameter = &net->parameters[i];
         const hada_stored_tensor *tensor = NULL;

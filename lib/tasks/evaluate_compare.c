@@ -59,7 +59,7 @@ static hada_status find_places(unsigned char *mask[PLACES], const hada_compared 
     HADA_TRY_OR_DONE(hada_evaluate_parts_beside(&parts, open, t, one, by, region, err));
     for (int k = 0; parts && k < PLACES; k++) {
         size_t found = 0;
-        HADA_TRY_OR_DONE(hada_allocated(mask[k] = hada_alloc(pixels, 1, "a mask", err)));
+        HADA_TRY_OR_DONE(HADA_NEW(mask[k], pixels, "a mask", err));
         for (size_t i = 0; i < pixels; i++)
             found += mask[k][i] = (unsigned char)(parts[i] == which[k] && hada_compared_counts(one, i));
         if (!found) {

@@ -109,7 +109,7 @@ hada_status hada_evaluate_parts_beside(unsigned char **parts, const hada_compare
     HADA_TRY_OR_DONE(read_beside(&map, open->truth_path, "_aif", "_depth", t, region, err));
     if (!map.data || map.channels != 1 || map.rows != one->truth.rows || map.cols != one->truth.cols)
         goto done;
-    HADA_TRY_OR_DONE(hada_allocated(*parts = hada_alloc(hada_image_count(&map), 1, "parts of a map", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(*parts, hada_image_count(&map), "parts of a map", err));
     HADA_TRY_OR_DONE(hada_metric_depth_parts(&map, list.distances, list.count, HADA_AUTO, HADA_AUTO, *parts, err));
 done:
     free(list.own);
@@ -203,9 +203,9 @@ static hada_status add_page(map_sums *sums, const hada_compared *open, int t, ha
     if (!one->result.data || one->truth.channels != 1)
         return hada_fail(err, HADA_ERROR_SIZE, "%s has no distance map for page %d of %s", open->result_path, t + 1,
                          open->truth_path);
-    HADA_TRY_OR_DONE(hada_allocated(chosen = hada_alloc(pixels, 1, "a mask", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(chosen, pixels, "a mask", err));
     if (sums->steps_known) {
-        HADA_TRY_OR_DONE(hada_allocated(parts = hada_alloc(pixels, 1, "parts of a map", err)));
+        HADA_TRY_OR_DONE(HADA_NEW(parts, pixels, "parts of a map", err));
         HADA_TRY_OR_DONE(hada_metric_depth_parts(&one->truth, distances, count, HADA_AUTO, HADA_AUTO, parts, err));
         add_outside(sums, one, parts);
     }

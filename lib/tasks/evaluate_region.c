@@ -60,7 +60,7 @@ hada_status hada_region_mask(const hada_region *region, int rows, int cols, unsi
                          region->mask.rows, region->mask.cols, rows, cols);
     HADA_TRY_OR_DONE(hada_image_crop(&part, &region->mask, 0, 0, rows, cols, err));
     HADA_TRY_OR_DONE(hada_region_cut(region, &part, err));
-    HADA_TRY_OR_DONE(hada_allocated(*mask = hada_alloc((size_t)part.rows * (size_t)part.cols, 1, "a mask", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(*mask, (size_t)part.rows * (size_t)part.cols, "a mask", err));
     if (!mark(*mask, &part))
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_SIZE, "the mask leaves no pixel to compare: all of it is 0%s",
                                    region->rows ? " within the window" : ""));

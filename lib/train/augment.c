@@ -1,10 +1,5 @@
 #include "train/augment.h"
 
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "core/random.h"
 
@@ -31,7 +26,7 @@ static hada_status shift(hada_image *image, int rows, int cols, int circular, ha
     const size_t area = (size_t)image->rows * (size_t)image->cols;
     float *old = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(old = hada_alloc(area, sizeof *old, "a shifted image", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(old, area, "a shifted image", err));
     for (int c = 0; c < image->channels; c++) {
         float *at = image->data + (size_t)c * area;
         memcpy(old, at, area * sizeof *old);

@@ -1,12 +1,7 @@
 /* Checkpoints: where training stands, in a safetensors file (docs/explanation/nets.md lists what it holds). */
 #include <inttypes.h>
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <xxhash.h>
 
-#include "core/alloc.h"
 #include "io/safetensors.h"
 #include "model/model.h"
 #include "train/trainer.h"
@@ -152,7 +147,7 @@ static hada_status declare(hada_trainer *trainer, const array *what, void *user,
 /* An array, to be freed. */
 static hada_status fetch(hada_trainer *trainer, const array *what, float **out, hada_error *err)
 {
-    HADA_TRY(hada_allocated(*out = hada_alloc_raw(what->count, sizeof **out, "a checkpoint", err)));
+    HADA_TRY(HADA_NEW_RAW(*out, what->count, "a checkpoint", err));
     return hada_workers_read(&trainer->workers, what->group, what->content, *out, err);
 }
 

@@ -1,10 +1,6 @@
 #include "train/compose.h"
 
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
+#include "core/base.h"
 #include "core/random.h"
 
 /* One sequence of random numbers for each purpose; those of augmentation end at 2 (train/augment.c). */
@@ -288,8 +284,7 @@ hada_status hada_compose(hada_composed *out, const hada_dataset *pairs, const ha
         number += (uint64_t)hada_dataset_get_info(pairs)->counts[z];
     hada_random_seed(&random, seed,
                      (uint64_t)SCENE << 60 | (number * (HADA_COMPOSED_VARIANTS + 1) + (uint64_t)variant));
-    HADA_TRY_OR_DONE(hada_allocated(plan.parts.label = hada_alloc((size_t)scene->rows * (size_t)scene->cols,
-                                                                  sizeof *plan.parts.label, "a scene's parts", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(plan.parts.label, (size_t)scene->rows * (size_t)scene->cols, "a scene's parts", err));
     if (chance(&random, ON_SURFACE))
         plan_surface(&plan, &random, info->depths, depth);
     else

@@ -1,10 +1,7 @@
 #include "train/examples.h"
 
 #include <hadalens/scene.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "image/statistics.h"
 
 void hada_example_free(hada_example *example)
@@ -38,7 +35,7 @@ static hada_status take_dark_off(hada_image *raw, double level, hada_error *err)
     float *room = NULL;
     hada_status status = HADA_OK;
     if (level < 0.0)
-        HADA_TRY_OR_DONE(hada_allocated(room = hada_alloc(area, sizeof *room, "a frame's dark level", err)));
+        HADA_TRY_OR_DONE(HADA_NEW(room, area, "a frame's dark level", err));
     for (int c = 0; c < raw->channels; c++) {
         float *at = raw->data + (size_t)c * area;
         const double dark = room ? hada_dark_estimate(at, area, room) : level;
@@ -81,8 +78,8 @@ enum { WAYS = HADA_COMPOSED_VARIANTS + 1 };
 hada_status hada_examples_create(hada_examples *examples, const hada_dataset *pairs, size_t most, hada_error *err)
 {
     *examples = (hada_examples){.pairs = pairs, .most = most};
-    HADA_TRY(hada_allocated(examples->kept = hada_alloc(hada_size_product((size_t)hada_pairs_total(pairs), WAYS),
-                                                        sizeof *examples->kept, "the list of pairs", err)));
+    HADA_TRY(
+        HADA_NEW(examples->kept, hada_size_product((size_t)hada_pairs_total(pairs), WAYS), "the list of pairs", err));
     examples->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     return HADA_OK;
 }

@@ -1,10 +1,6 @@
 /* Gradients and values between workers and ranks, and the last good ones on the host. */
 #include "train/workers.h"
 
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
 #include "core/callers.h"
 
 /* Values that are added up at a time, and sums of squares side by side. */
@@ -231,18 +227,15 @@ hada_status hada_snapshot_create(hada_snapshot *snapshot, hada_workers *workers,
 {
     const size_t groups = (size_t)workers->groups;
     *snapshot = (hada_snapshot){.groups = workers->groups};
-    HADA_TRY(hada_allocated(snapshot->values = hada_alloc(groups, sizeof *snapshot->values, "a snapshot", err)));
-    HADA_TRY(hada_allocated(snapshot->states = hada_alloc(groups, sizeof *snapshot->states, "a snapshot", err)));
-    HADA_TRY(hada_allocated(snapshot->dirty = hada_alloc(groups, 1, "a snapshot", err)));
-    HADA_TRY(
-        hada_allocated(snapshot->group_steps = hada_alloc(groups, sizeof *snapshot->group_steps, "a snapshot", err)));
+    HADA_TRY(HADA_NEW(snapshot->values, groups, "a snapshot", err));
+    HADA_TRY(HADA_NEW(snapshot->states, groups, "a snapshot", err));
+    HADA_TRY(HADA_NEW(snapshot->dirty, groups, "a snapshot", err));
+    HADA_TRY(HADA_NEW(snapshot->group_steps, groups, "a snapshot", err));
     for (int g = 0; g < workers->groups; g++) {
-        HADA_TRY(
-            hada_allocated(snapshot->values[g] = hada_alloc_raw(hada_workers_floats(workers, g, HADA_CONTENT_VALUES),
-                                                                sizeof(float), "a copy of the parameters", err)));
-        HADA_TRY(hada_allocated(snapshot->states[g] =
-                                    hada_alloc_raw(hada_workers_floats(workers, g, HADA_CONTENT_STATE), sizeof(float),
-                                                   "a copy of the optimiser's state", err)));
+        HADA_TRY(HADA_NEW_RAW(snapshot->values[g], hada_workers_floats(workers, g, HADA_CONTENT_VALUES),
+                              "a copy of the parameters", err));
+        HADA_TRY(HADA_NEW_RAW(snapshot->states[g], hada_workers_floats(workers, g, HADA_CONTENT_STATE),
+                              "a copy of the optimiser's state", err));
         snapshot->dirty[g] = 1;
     }
     return hada_snapshot_take(snapshot, workers, progress, err);
@@ -312,7 +305,7 @@ static hada_status take_first(const hada_communicator *ranks, float *values, siz
     const size_t bytes = count * sizeof *values;
     float *own = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(own = hada_alloc_raw(count, sizeof *own, "a copy of the parameters", err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(own, count, "a copy of the parameters", err));
     memcpy(own, values, bytes);
     HADA_TRY_OR_DONE(hada_broadcast(ranks, 0, values, bytes, err));
     *changed |= memcmp(own, values, bytes) != 0;

@@ -3,10 +3,8 @@
 
 #include <pthread.h>
 #include <signal.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 
 struct hada_feed {
     hada_feed_desc desc;
@@ -105,12 +103,11 @@ hada_status hada_feed_create(hada_feed **out, const hada_feed_desc *desc, hada_e
     if (desc->ahead < 1 || !hada_pairs_total(desc->pairs))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "training needs at least one pair, and room for it");
     HADA_TRY_OR_DONE(hada_augment_check(&desc->augment, desc->info, err));
-    HADA_TRY_OR_DONE(hada_allocated(feed = hada_alloc(1, sizeof *feed, "the pairs to read", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(feed, 1, "the pairs to read", err));
     feed->desc = *desc;
     feed->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     feed->changed = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
-    HADA_TRY_OR_DONE(
-        hada_allocated(feed->ring = hada_alloc((size_t)desc->ahead, sizeof *feed->ring, "the pairs to read", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(feed->ring, (size_t)desc->ahead, "the pairs to read", err));
     feed->running = !start(feed);
     if (!feed->running)
         status = hada_fail(err, HADA_ERROR_MEMORY, "no thread could be started to read pairs");

@@ -1,8 +1,5 @@
 #include "train/step.h"
 
-#include <stdlib.h>
-
-#include "core/alloc.h"
 #include "filter/bank.h"
 #include "filter/hadamard.h"
 #include "kernels/shared_train.h"
@@ -17,7 +14,7 @@ static hada_status write_columns(hada_step_images *images, hada_error *err)
     const hada_spectrum_layout *layout = &images->shape->layout;
     float *columns = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(columns = hada_alloc(layout->count, sizeof *columns, "a half spectrum", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(columns, layout->count, "a half spectrum", err));
     hada_layout_weights(layout, columns);
     HADA_TRY_OR_DONE(hada_buffer_write(&images->place[HADA_STEP_COLUMN_WEIGHTS], images->slot, 0, columns,
                                        layout->count * sizeof *columns, err));

@@ -1,9 +1,6 @@
 /* The terms of the loss, and the store of features. */
 #include "train/step.h"
 
-#include <stdlib.h>
-
-#include "core/alloc.h"
 #include "net/loss.h"
 
 hada_status hada_features_create(hada_features *features, size_t scenes, size_t floats, size_t most, hada_error *err)
@@ -11,8 +8,7 @@ hada_status hada_features_create(hada_features *features, size_t scenes, size_t 
     *features = (hada_features){.floats = floats, .most = most};
     if (!scenes)
         return HADA_OK;
-    hada_status status =
-        hada_allocated(features->kept = hada_alloc(scenes, sizeof *features->kept, "the list of scenes", err));
+    hada_status status = HADA_NEW(features->kept, scenes, "the list of scenes", err);
     features->count = status ? 0 : scenes;
     return status;
 }
@@ -37,7 +33,7 @@ float *hada_features_room(hada_features *features, size_t scene)
         return NULL;
     float **at = &features->kept[scene - 1];
     /* training goes on without what does not fit */
-    if (hada_allocated(*at = hada_alloc_raw(features->floats, sizeof(float), "features", NULL)))
+    if (HADA_NEW_RAW(*at, features->floats, "features", NULL))
         return NULL;
     features->bytes += bytes;
     return *at;
@@ -69,7 +65,7 @@ static hada_status make_labels(hada_losses *losses, hada_error *err)
     const size_t count = ones->bytes / sizeof(float);
     float *values = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc_raw(count, sizeof *values, "labels", err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(values, count, "labels", err));
     for (size_t i = 0; i < count; i++)
         values[i] = 1.0f;
     HADA_TRY_OR_DONE(hada_buffer_write(ones, images->slot, 0, values, ones->bytes, err));

@@ -1,10 +1,6 @@
 /* Groups of parameters, and where the training of filters begins: the model's, or random ones. */
 #include "train/parameters.h"
 
-#include <math.h>
-#include <stdlib.h>
-
-#include "core/alloc.h"
 #include "core/random.h"
 #include "filter/bank.h"
 #include "io/safetensors.h"
@@ -49,7 +45,7 @@ static hada_status first_filters(const hada_replica_shape *shape, const hada_rep
     float *filter = NULL;
     hada_random random;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(filter = hada_alloc(2 * plane, sizeof *filter, "a filter", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(filter, 2 * plane, "a filter", err));
     hada_random_seed(&random, desc->options->seed, (uint64_t)depth);
     for (size_t c = 0; c < channels; c++) {
         const size_t first = ((size_t)depth * channels + c) * 2 * plane;
@@ -82,7 +78,7 @@ static hada_status write_first(hada_parameters *parameters, const hada_replica_s
         return HADA_OK;
     if (group < HADA_GROUP_FILTERS)
         return hada_buffer_write(&it->values, parameters->slot, 0, net->values, bytes, err);
-    HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc(it->floats, sizeof *values, "a depth's filters", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(values, it->floats, "a depth's filters", err));
     HADA_TRY_OR_DONE(first_filters(shape, desc, group - HADA_GROUP_FILTERS, values, err));
     HADA_TRY_OR_DONE(hada_buffer_write(&it->values, parameters->slot, 0, values, bytes, err));
 done:
@@ -114,8 +110,7 @@ hada_status hada_parameters_create(hada_parameters *parameters, hada_step_images
     const hada_replica_shape *shape = images->shape;
     *parameters =
         (hada_parameters){.slot = images->slot, .images = images, .layout = shape->layout, .count = shape->groups};
-    HADA_TRY(hada_allocated(parameters->group =
-                                hada_alloc((size_t)shape->groups, sizeof *parameters->group, "the parameters", err)));
+    HADA_TRY(HADA_NEW(parameters->group, (size_t)shape->groups, "the parameters", err));
     for (int group = 0; group < shape->groups; group++)
         HADA_TRY(make_group(parameters, shape, desc, group, err));
     return HADA_OK;
@@ -221,8 +216,7 @@ hada_status hada_parameters_norm(hada_parameters *parameters, const unsigned cha
     int count = 0, discriminator = 0;
     hada_status status = HADA_OK;
     hada_slot_stage(parameters->slot, "update");
-    HADA_TRY_OR_DONE(
-        hada_allocated(parts = hada_alloc((size_t)parameters->count + 1, sizeof *parts, "the norm of gradients", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(parts, (size_t)parameters->count + 1, "the norm of gradients", err));
     for (int group = 0; group < parameters->count; group++) {
         if (group == HADA_GROUP_DISCRIMINATOR || !parameters->group[group].trained ||
             (group >= HADA_GROUP_FILTERS && touched && !touched[group - HADA_GROUP_FILTERS]))

@@ -1,10 +1,6 @@
 /* A replica: its parts, a step, forward alone; its gradient in buckets. */
 #include "train/replica.h"
 
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
 #include "train/step.h"
 
 hada_status hada_buckets_create(hada_buckets *buckets, const hada_communicator *ranks, hada_parameters *parameters,
@@ -18,9 +14,8 @@ hada_status hada_buckets_create(hada_buckets *buckets, const hada_communicator *
         return HADA_OK;
     buckets->ranks = ranks;
     buckets->parameters = parameters;
-    HADA_TRY_OR_DONE(hada_allocated(buckets->values = hada_alloc_raw(floats, sizeof(float), "a gradient", err)));
-    HADA_TRY_OR_DONE(hada_allocated(
-        buckets->bucket = hada_alloc(floats / HADA_BUCKET + 1, sizeof *buckets->bucket, "a gradient", err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(buckets->values, floats, "a gradient", err));
+    HADA_TRY_OR_DONE(HADA_NEW(buckets->bucket, floats / HADA_BUCKET + 1, "a gradient", err));
 done:
     if (status)
         hada_buckets_free(buckets);
@@ -103,7 +98,7 @@ hada_status hada_replica_create(hada_replica **out, hada_slot *slot, const hada_
     hada_replica *replica = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(replica = hada_alloc(1, sizeof *replica, "training", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(replica, 1, "training", err));
     replica->images.slot = slot;
     replica->options = *desc->options;
     HADA_TRY_OR_DONE(hada_replica_shape_of(slot->context, desc, &replica->shape, err));
@@ -219,7 +214,7 @@ static hada_status filled_step(hada_replica *replica, hada_losses_call call, had
     const int at_once = replica->shape.at_once;
     hada_sample *all = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(all = hada_alloc((size_t)at_once, sizeof *all, "the pairs of a step", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(all, (size_t)at_once, "the pairs of a step", err));
     for (int i = 0; i < at_once; i++)
         all[i] = call.samples[i % call.count];
     call.samples = all;

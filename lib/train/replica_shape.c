@@ -1,8 +1,5 @@
 #include "train/replica_shape.h"
 
-#include <stdlib.h>
-
-#include "core/alloc.h"
 #include "filter/hadamard.h"
 #include "kernels/shared_train.h"
 #include "net/enhance.h"
@@ -91,7 +88,7 @@ static hada_status check_net(const hada_net *net, const char *what, int channels
     if (info->channels != channels)
         return hada_fail(err, HADA_ERROR_MODEL, "the %s takes %d channel(s), but images have %d", what, info->channels,
                          channels);
-    HADA_TRY_OR_DONE(hada_allocated(sizes = hada_alloc((size_t)net->count, sizeof *sizes, "a net", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(sizes, (size_t)net->count, "a net", err));
     HADA_TRY_OR_DONE(hada_net_sizes(net, rows, cols, sizes, err));
     *out = sizes[net->count - 1];
 done:
@@ -262,8 +259,7 @@ static hada_status norm_buffer(const hada_replica_desc *desc, hada_replica_shape
     hada_gradient_part *parts = NULL;
     int count = 0;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(
-        hada_allocated(parts = hada_alloc((size_t)shape->groups, sizeof *parts, "the norm of gradients", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(parts, (size_t)shape->groups, "the norm of gradients", err));
     for (int group = 0; group < shape->groups; group++) {
         size_t floats;
         hada_group_sizes(shape, desc, group, &floats, &parts[count].count);

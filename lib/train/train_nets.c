@@ -1,10 +1,6 @@
 /* The nets of a stage: new ones begin close to giving back their input. */
 #include "train/train_options.h"
 
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/error.h"
 #include "net/enhance.h"
 #include "netlist/presets.h"
 

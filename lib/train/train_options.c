@@ -1,8 +1,5 @@
 #include "train/train_options.h"
 
-#include <math.h>
-#include <string.h>
-
 #include "core/callers.h"
 #include "net/optimizer.h"
 #include "netlist/net_list.h"

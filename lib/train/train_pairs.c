@@ -1,7 +1,6 @@
 #include "train/train_pairs.h"
 
 #include <hadalens/response.h>
-#include <string.h>
 
 #include "core/callers.h"
 #include "core/random.h"

@@ -1,10 +1,6 @@
 /* Making and unmaking trainers, and what training gives: a net, a model. */
 #include "train/trainer.h"
 
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "model/model.h"
 
@@ -80,9 +76,8 @@ static hada_status make_lists(hada_trainer *trainer, hada_error *err)
     const hada_workers *workers = &trainer->workers;
     const size_t wave = (size_t)trainer->options.at_once * (size_t)workers->count;
     const int features = trainer->nets.vgg != NULL;
-    HADA_TRY(hada_allocated(trainer->fed = hada_alloc(wave, sizeof(hada_fed *), "a step", err)));
-    HADA_TRY(hada_allocated(trainer->progress.group_steps =
-                                hada_alloc((size_t)workers->groups, sizeof(uint64_t), "a trainer", err)));
+    HADA_TRY(HADA_NEW(trainer->fed, wave, "a step", err));
+    HADA_TRY(HADA_NEW(trainer->progress.group_steps, (size_t)workers->groups, "a trainer", err));
     HADA_TRY(hada_examples_create(&trainer->known, trainer->pairs, kept_bytes(0, features), err));
     if (trainer->held_out.pairs)
         HADA_TRY(
@@ -155,7 +150,7 @@ hada_status hada_trainer_create(hada_trainer **out, hada_context *const *context
         for (int k = 0; k <= i; k++)
             if (!contexts[i] || (k < i && contexts[k] == contexts[i]))
                 return hada_fail(err, HADA_ERROR_ARGUMENT, "a trainer's contexts are different ones");
-    HADA_TRY_OR_DONE(hada_allocated(trainer = hada_alloc(1, sizeof *trainer, "a trainer", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(trainer, 1, "a trainer", err));
     trainer->held_out.reading = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     trainer->model = model;
     trainer->info = *hada_model_get_info(model);

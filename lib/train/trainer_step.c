@@ -1,9 +1,5 @@
 /* A step: waves of pairs through all workers, one gradient, one update; and what happens where numbers break down. */
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "core/clock.h"
 #include "train/trainer.h"
@@ -154,7 +150,7 @@ static hada_status share_terms(hada_trainer *trainer, hada_terms *terms, hada_er
     hada_status status = HADA_OK;
     if (trainer->ranks.count == 1)
         return HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc(TERMS + depths, sizeof *values, "a step", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(values, TERMS + depths, "a step", err));
     memcpy(values, terms, sizeof *terms);
     for (size_t z = 0; z < depths; z++)
         values[TERMS + z] = touched[z];

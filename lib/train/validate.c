@@ -1,10 +1,6 @@
 /* Held-out pairs: how good training is. */
 #include <hadalens/metrics.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
-#include "core/alloc.h"
 #include "core/callers.h"
 #include "train/trainer.h"
 
@@ -197,7 +193,7 @@ hada_status hada_trainer_validate(hada_trainer *trainer, int most, hada_validati
     if (trainer->options.compose > 0.0)
         all.total *= COMPOSED_WAYS + !hada_trainer_shares(trainer);
     all.count = most > 0 && (uint64_t)most < all.total ? most : (int)all.total;
-    HADA_TRY_OR_DONE(hada_allocated(all.rows = hada_alloc((size_t)all.count, sizeof *all.rows, "validation", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(all.rows, (size_t)all.count, "validation", err));
     HADA_TRY_OR_DONE(hada_workers_run(&trainer->workers, measure_share, &all, err));
     /* rows are doubles, those of other ranks zero */
     HADA_TRY_OR_DONE(

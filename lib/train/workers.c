@@ -3,10 +3,7 @@
 
 #include <pthread.h>
 #include <signal.h>
-#include <stdint.h>
-#include <stdlib.h>
 
-#include "core/alloc.h"
 #include "net/enhance.h"
 
 typedef struct member {
@@ -56,9 +53,8 @@ static hada_status threads_create(hada_worker_threads **out, int count, hada_err
     sigset_t all, before;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(threads = hada_alloc(1, sizeof *threads, "threads", err)));
-    HADA_TRY_OR_DONE(
-        hada_allocated(threads->members = hada_alloc((size_t)count, sizeof *threads->members, "threads", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(threads, 1, "threads", err));
+    HADA_TRY_OR_DONE(HADA_NEW(threads->members, (size_t)count, "threads", err));
     threads->count = count;
     threads->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     threads->begins = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
@@ -128,9 +124,9 @@ static hada_status make_worker(hada_worker *worker, hada_context *context, const
     if (planes)
         HADA_TRY(hada_planes_create(&worker->planes, worker->slot, desc->model, desc->options->compose > 0.0,
                                     hada_enhance_sees_others(desc->net, desc->model->info.channels), err));
-    HADA_TRY(hada_allocated(worker->samples = hada_alloc(most, sizeof *worker->samples, "a step", err)));
-    HADA_TRY(hada_allocated(worker->own = hada_alloc(most, sizeof *worker->own, "a step", err)));
-    HADA_TRY(hada_allocated(worker->touched = hada_alloc(depths, 1, "a step", err)));
+    HADA_TRY(HADA_NEW(worker->samples, most, "a step", err));
+    HADA_TRY(HADA_NEW(worker->own, most, "a step", err));
+    HADA_TRY(HADA_NEW(worker->touched, depths, "a step", err));
     worker->at_once = desc->at_once;
     return HADA_OK;
 }
@@ -145,7 +141,7 @@ static hada_status make_exchange(hada_workers *workers, const hada_communicator 
         most = count > most ? count : most;
     }
     for (int i = 0; most && several && i < workers->count; i++)
-        HADA_TRY(hada_allocated(workers->worker[i].room = hada_alloc_raw(most, sizeof(float), "averaging", err)));
+        HADA_TRY(HADA_NEW_RAW(workers->worker[i].room, most, "averaging", err));
     return HADA_OK;
 }
 
@@ -156,7 +152,7 @@ hada_status hada_workers_create(hada_workers *workers, hada_context *const *cont
     hada_replica_desc own = *desc;
     hada_status status = HADA_OK;
     *workers = (hada_workers){0};
-    HADA_TRY(hada_allocated(workers->worker = hada_alloc((size_t)count, sizeof *workers->worker, "a trainer", err)));
+    HADA_TRY(HADA_NEW(workers->worker, (size_t)count, "a trainer", err));
     workers->count = own.shares = count;
     if (count > 1)
         HADA_TRY(threads_create(&workers->threads, count, err));

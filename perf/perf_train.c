@@ -10,9 +10,9 @@
 
 #include "core/clock.h"
 #include "net/graph.h"
-#include "net/loss.h"
+#include "net/layers.h"
 #include "net/optimizer.h"
-#include "netlist/presets.h"
+#include "netlist/net_list.h"
 #include "runtime/profile.h"
 #include "train/replica.h"
 #include "train_model.h"

@@ -14,9 +14,9 @@
 
 #include "core/clock.h"
 #include "net/graph.h"
-#include "net/loss.h"
+#include "net/layers.h"
 #include "net/optimizer.h"
-#include "netlist/presets.h"
+#include "netlist/net_list.h"
 
 #define MOST_ROUNDS 200
 

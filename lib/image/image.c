@@ -4,6 +4,7 @@
 
 #include "core/base.h"
 #include "core/finite.h"
+#include "image/pixels.h"
 
 hada_status hada_image_create(hada_image *image, int channels, int rows, int cols, hada_error *err)
 {
@@ -25,6 +26,21 @@ void hada_image_destroy(hada_image *image)
         return;
     free(image->data);
     *image = (hada_image){0};
+}
+
+hada_status hada_image_ensure(hada_image *image, int channels, int rows, int cols, hada_error *err)
+{
+    if (image->data && image->channels == channels && image->rows == rows && image->cols == cols)
+        return HADA_OK;
+    hada_image_destroy(image);
+    return hada_image_create(image, channels, rows, cols, err);
+}
+
+hada_status hada_image_copy(hada_image *out, const hada_image *image, hada_error *err)
+{
+    HADA_TRY(hada_image_create(out, image->channels, image->rows, image->cols, err));
+    memcpy(out->data, image->data, hada_image_count(image) * sizeof *out->data);
+    return HADA_OK;
 }
 
 size_t hada_image_count_not_finite(const hada_image *image)

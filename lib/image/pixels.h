@@ -37,4 +37,10 @@ hada_stored hada_pixels_stored(const hada_pixels *pixels);
  * numbers need a whole scale up to 65535: kernels/filter_unpack.cl was held against the host for all of these. */
 int hada_pixels_uploads(const hada_pixels *pixels);
 
+/* Creates the image where it is empty or has another shape; what it held is undefined then. */
+hada_status hada_image_ensure(hada_image *image, int channels, int rows, int cols, hada_error *err);
+
+/* A copy; what *out held before is not freed. */
+hada_status hada_image_copy(hada_image *out, const hada_image *image, hada_error *err);
+
 #endif

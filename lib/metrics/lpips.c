@@ -1,5 +1,6 @@
 /* LPIPS of two images: a net in five stages, each followed by the distance of its features. */
 
+#include "image/pixels.h"
 #include "metrics/lpips_stage.h"
 #include "net/graph.h"
 #include "runtime/memory.h"
@@ -240,10 +241,7 @@ hada_status hada_lpips_map(hada_lpips *lpips, const hada_image *a, const hada_im
     if (!lpips || !map)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_map: an argument is missing");
     HADA_TRY(compare(lpips, a, b, peak, err));
-    if (!map->data || map->channels != 1 || map->rows != a->rows || map->cols != a->cols) {
-        hada_image_destroy(map);
-        HADA_TRY(hada_image_create(map, 1, a->rows, a->cols, err));
-    }
+    HADA_TRY(hada_image_ensure(map, 1, a->rows, a->cols, err));
     for (int r = 0; r < a->rows; r++)
         for (int c = 0; c < a->cols; c++)
             map->data[(size_t)r * (size_t)a->cols + (size_t)c] = (float)distance_at(lpips, r, c);

@@ -91,8 +91,7 @@ hada_status hada_net_receptive_field(const hada_net *net, hada_receptive_field *
 
 static hada_status check_net(const hada_enhance_desc *desc, int rows, int cols, hada_error *err)
 {
-    hada_status status = HADA_OK;
-    hada_size *sizes = NULL;
+    hada_size out;
     const hada_net_info *info = hada_net_get_info(desc->net);
     const int others = hada_enhance_sees_others(desc->net, desc->channels);
     if (others && (rows != desc->rows || cols != desc->cols))
@@ -104,15 +103,11 @@ static hada_status check_net(const hada_enhance_desc *desc, int rows, int cols, 
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the net for enhancement takes %d channel(s) and gives %d, but the planes have %d",
                          info->channels, info->out_channels, desc->channels);
-    HADA_TRY_OR_DONE(HADA_NEW(sizes, (size_t)desc->net->count, "a net", err));
-    HADA_TRY_OR_DONE(hada_net_sizes(desc->net, rows, cols, sizes, err));
-    const hada_size out = sizes[desc->net->count - 1];
+    HADA_TRY(hada_net_output_size(desc->net, rows, cols, &out, err));
     if (out.rows != rows || out.cols != cols)
-        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MODEL, "the net for enhancement makes %d x %d pixels of %d x %d",
-                                   out.rows, out.cols, rows, cols));
-done:
-    free(sizes);
-    return status;
+        return hada_fail(err, HADA_ERROR_MODEL, "the net for enhancement makes %d x %d pixels of %d x %d", out.rows,
+                         out.cols, rows, cols);
+    return HADA_OK;
 }
 
 /* Whether a graph of this size fits; *bytes is what it needs. */

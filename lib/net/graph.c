@@ -1,7 +1,7 @@
 /* Graphs: making, weights, running. */
 
 #include "net/conv.h"
-#include "net/graph_layers.h"
+#include "net/graph_plan.h"
 
 /* Zero everywhere: halos that nobody writes stay zero for good. */
 static hada_status make_buffer(hada_graph *graph, hada_buffer *buffer, size_t bytes, const char *what, hada_error *err)

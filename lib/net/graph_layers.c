@@ -1,5 +1,5 @@
 /* One layer of a graph, forward or backward: the tensors and parameters of its node, and the launches. */
-#include "net/graph_layers.h"
+#include "net/graph_plan.h"
 
 /* The value of a node; for_backward: the recomputed one where there is one. */
 static hada_tensor value_of(const hada_graph *graph, int node, int for_backward)

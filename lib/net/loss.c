@@ -1,5 +1,5 @@
 /* Losses: value by value, and of neighbours. */
-#include "net/loss.h"
+#include "net/layers.h"
 
 #include "launch/net_loss.h"
 #include "net/layer_launch.h"

@@ -1,5 +1,6 @@
 /* A net made ready for images of one size: the public way of running one. */
 
+#include "image/pixels.h"
 #include "net/graph.h"
 #include "runtime/memory.h"
 
@@ -19,18 +20,6 @@ static hada_planar planar_of(const hada_buffer *buffer, int channels, int rows, 
                          .image_stride = plane * (size_t)channels,
                          .channel_stride = plane,
                          .row_stride = (size_t)cols};
-}
-
-static hada_status output_size(const hada_net *net, int rows, int cols, hada_size *out, hada_error *err)
-{
-    hada_status status = HADA_OK;
-    hada_size *sizes = NULL;
-    HADA_TRY_OR_DONE(HADA_NEW(sizes, (size_t)net->count, "a net", err));
-    HADA_TRY_OR_DONE(hada_net_sizes(net, rows, cols, sizes, err));
-    *out = sizes[net->count - 1];
-done:
-    free(sizes);
-    return status;
 }
 
 static size_t image_bytes(int channels, int rows, int cols)
@@ -66,7 +55,7 @@ hada_status hada_net_runner_create(hada_net_runner **out, hada_context *context,
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_runner_create: an argument is missing");
     *out = NULL;
     const hada_net_info *info = hada_net_get_info(net);
-    HADA_TRY_OR_DONE(output_size(net, rows, cols, &size, err));
+    HADA_TRY_OR_DONE(hada_net_output_size(net, rows, cols, &size, err));
     HADA_TRY_OR_DONE(HADA_NEW(runner, 1, "a net", err));
     *runner = (hada_net_runner){.channels = info->channels,
                                 .rows = rows,
@@ -121,11 +110,7 @@ hada_status hada_net_run(hada_net_runner *runner, const hada_image *in, hada_ima
         return hada_fail(err, HADA_ERROR_SIZE,
                          "the image has %d channel(s) of %d x %d pixels; the net was made ready for %d of %d x %d",
                          in->channels, in->rows, in->cols, runner->channels, runner->rows, runner->cols);
-    if (!out->data || out->channels != runner->out_channels || out->rows != runner->out_rows ||
-        out->cols != runner->out_cols) {
-        hada_image_destroy(out);
-        HADA_TRY(hada_image_create(out, runner->out_channels, runner->out_rows, runner->out_cols, err));
-    }
+    HADA_TRY(hada_image_ensure(out, runner->out_channels, runner->out_rows, runner->out_cols, err));
     HADA_TRY(hada_buffer_write(&runner->in, runner->slot, 0, in->data, runner->in.bytes, err));
     HADA_TRY(hada_graph_load(runner->graph, &runner->from, err));
     HADA_TRY(hada_graph_forward(runner->graph, err));

@@ -43,14 +43,13 @@ static const attribute attributes[] = {
 /* The attributes that are words. */
 typedef struct word {
     const char *key;
-    const char *(*name)(int);
-    int (*find)(const char *);
+    hada_net_words list;
     unsigned kinds;
 } word;
 static const word words[] = {
-    {"activation", hada_activation_name, hada_activation_find, BIT(CONV) | BIT(LINEAR) | BIT(ACTIVATION)},
-    {"pool", hada_pool_name, hada_pool_find, BIT(POOL)},
-    {"resize", hada_resize_name, hada_resize_find, BIT(RESIZE)},
+    {"activation", HADA_WORDS_ACTIVATION, BIT(CONV) | BIT(LINEAR) | BIT(ACTIVATION)},
+    {"pool", HADA_WORDS_POOL, BIT(POOL)},
+    {"resize", HADA_WORDS_RESIZE, BIT(RESIZE)},
 };
 #define WORDS (sizeof words / sizeof *words)
 
@@ -83,7 +82,7 @@ static int has(const hada_layer *layer, unsigned kinds)
 static json_t *describe_layer(const hada_layer *layer)
 {
     const hada_layer usual = hada_layer_of(layer->kind, "", 0);
-    json_t *object = json_pack("{s:s}", "layer", hada_layer_kind_name((int)layer->kind));
+    json_t *object = json_pack("{s:s}", "layer", hada_net_word(HADA_WORDS_KIND, (int)layer->kind));
     int bad = !object;
     if (*layer->name)
         bad |= json_object_set_new(object, "name", json_string(layer->name));
@@ -95,7 +94,8 @@ static json_t *describe_layer(const hada_layer *layer)
     }
     for (size_t i = 0; i < WORDS; i++)
         if (has(layer, words[i].kinds) && (i || get_word(layer, i)))
-            bad |= json_object_set_new(object, words[i].key, json_string(words[i].name(get_word(layer, i))));
+            bad |= json_object_set_new(object, words[i].key,
+                                       json_string(hada_net_word(words[i].list, get_word(layer, i))));
     for (size_t i = 0; i < ATTRIBUTES; i++) {
         const attribute *a = &attributes[i];
         const void *value = field(layer, a), *other = field(&usual, a);
@@ -138,7 +138,7 @@ static hada_status read_attribute(hada_layer *layer, int index, const char *key,
     for (size_t i = 0; i < WORDS; i++) {
         if (strcmp(key, words[i].key) || !has(layer, words[i].kinds))
             continue;
-        const int number = words[i].find(json_string_value(value));
+        const int number = hada_net_word_find(words[i].list, json_string_value(value));
         if (number < 0)
             return damaged(index, key, "is none of the words that it can be", err);
         set_word(layer, i, number);
@@ -186,7 +186,7 @@ static hada_status read_from(hada_layer *layer, int index, const json_t *from, h
 static hada_status read_layer(hada_net *net, int index, const json_t *object, hada_error *err)
 {
     const char *name = json_string_value(json_object_get(object, "name"));
-    const int kind = hada_layer_kind_find(json_string_value(json_object_get(object, "layer")));
+    const int kind = hada_net_word_find(HADA_WORDS_KIND, json_string_value(json_object_get(object, "layer")));
     if (kind < 0)
         return damaged(index, "layer", "is no kind of layer", err);
     if (name && strlen(name) >= HADA_LAYER_NAME)

@@ -12,6 +12,29 @@
 #define MOST_COLOURS    64
 #define MOST_PARAMETERS 65536 /* tensors of them */
 
+static const struct {
+    int count;
+    const char *word[HADA_LAYER_KINDS];
+} words[] = {
+    [HADA_WORDS_KIND] = {HADA_LAYER_KINDS,
+                         {"input", "conv", "activation", "pool", "resize", "concat", "norm", "dropout", "linear"}},
+    [HADA_WORDS_ACTIVATION] = {4, {"none", "relu", "leaky_relu", "sigmoid"}},
+    [HADA_WORDS_POOL] = {2, {"max", "mean"}},
+    [HADA_WORDS_RESIZE] = {5, {"nearest", "linear", "linear_aligned", "cubic", "cubic_aligned"}}};
+
+const char *hada_net_word(hada_net_words list, int number)
+{
+    return number >= 0 && number < words[list].count ? words[list].word[number] : NULL;
+}
+
+int hada_net_word_find(hada_net_words list, const char *word)
+{
+    for (int i = 0; word && i < words[list].count; i++)
+        if (!strcmp(words[list].word[i], word))
+            return i;
+    return -1;
+}
+
 hada_status hada_net_begin(hada_net **out, int colours, hada_error *err)
 {
     hada_net *net = NULL;
@@ -77,7 +100,7 @@ hada_status hada_net_add(hada_net *net, const hada_layer *layer, int *index, had
 static hada_status refuse(const hada_net *net, int index, const char *why, hada_error *err)
 {
     const hada_layer *layer = &net->layers[index];
-    const char *kind = hada_layer_kind_name((int)layer->kind);
+    const char *kind = hada_net_word(HADA_WORDS_KIND, (int)layer->kind);
     return hada_fail(err, HADA_ERROR_MODEL, "layer %d of the net (%s%s%s) %s", index, kind ? kind : "of no known kind",
                      *layer->name ? " " : "", layer->name, why);
 }
@@ -133,8 +156,9 @@ static hada_status check_numbers(const hada_net *net, int index, hada_error *err
         return refuse(net, index, "needs eps above 0 and a momentum from 0 to 1", err);
     if (layer->kind == HADA_LAYER_DROPOUT && !(layer->p >= 0 && layer->p < 1))
         return refuse(net, index, "needs p from 0 to less than 1", err);
-    if (!hada_activation_name((int)layer->activation) || !hada_pool_name((int)layer->pool) ||
-        !hada_resize_name((int)layer->resize) || !isfinite(layer->slope))
+    if (!hada_net_word(HADA_WORDS_ACTIVATION, (int)layer->activation) ||
+        !hada_net_word(HADA_WORDS_POOL, (int)layer->pool) || !hada_net_word(HADA_WORDS_RESIZE, (int)layer->resize) ||
+        !isfinite(layer->slope))
         return refuse(net, index, "has an activation, pooling or resizing that is none", err);
     return HADA_OK;
 }
@@ -429,7 +453,7 @@ hada_status hada_net_sizes(const hada_net *net, int rows, int cols, hada_size *s
                              "layer %d (%s %s) gives %d x %d",
                              rows, cols,
                              size.rows > HADA_NET_MOST_PIXELS || size.cols > HADA_NET_MOST_PIXELS ? "large" : "small",
-                             i, hada_layer_kind_name((int)layer->kind), layer->name, size.rows, size.cols);
+                             i, hada_net_word(HADA_WORDS_KIND, (int)layer->kind), layer->name, size.rows, size.cols);
         if (layer->kind == HADA_LAYER_LINEAR) {
             const hada_size in = sizes[layer->inputs[0]];
             const long long values = (long long)net->layers[layer->inputs[0]].channels * in.rows * in.cols;
@@ -443,4 +467,16 @@ hada_status hada_net_sizes(const hada_net *net, int rows, int cols, hada_size *s
         sizes[i] = size;
     }
     return HADA_OK;
+}
+
+hada_status hada_net_output_size(const hada_net *net, int rows, int cols, hada_size *out, hada_error *err)
+{
+    hada_size *sizes = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(HADA_NEW(sizes, (size_t)net->count, "a net", err));
+    HADA_TRY_OR_DONE(hada_net_sizes(net, rows, cols, sizes, err));
+    *out = sizes[net->count - 1];
+done:
+    free(sizes);
+    return status;
 }

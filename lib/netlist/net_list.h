@@ -47,16 +47,16 @@ typedef enum hada_resize {
     HADA_RESIZE_CUBIC_ALIGNED = 4
 } hada_resize;
 
-/* Words for kinds: "conv", "relu", "max", "linear", ...; NULL for a number out of range. The find
- * functions return -1 for a word that is none. */
-const char *hada_layer_kind_name(int kind);
-const char *hada_activation_name(int activation);
-const char *hada_pool_name(int pool);
-const char *hada_resize_name(int resize);
-int hada_layer_kind_find(const char *name);
-int hada_activation_find(const char *name);
-int hada_pool_find(const char *name);
-int hada_resize_find(const char *name);
+/* The words by which lists name kinds ("conv"), activations ("relu"), pooling ("max") and resizing ("linear"); NULL for
+ * a number out of range. find returns -1 for a word that is none. */
+typedef enum hada_net_words {
+    HADA_WORDS_KIND = 0,
+    HADA_WORDS_ACTIVATION = 1,
+    HADA_WORDS_POOL = 2,
+    HADA_WORDS_RESIZE = 3
+} hada_net_words;
+const char *hada_net_word(hada_net_words list, int number);
+int hada_net_word_find(hada_net_words list, const char *word);
 
 /* Of a side of an image, a kernel, a stride, at most: products of two do not overflow. */
 #define HADA_NET_MOST_PIXELS (1 << 20)
@@ -127,6 +127,9 @@ typedef struct hada_size {
 } hada_size;
 hada_status hada_net_sizes(const hada_net *net, int rows, int cols, hada_size *sizes, hada_error *err);
 
+/* The output's alone. */
+hada_status hada_net_output_size(const hada_net *net, int rows, int cols, hada_size *out, hada_error *err);
+
 /* As hada_net_create(), of at most `most` parameters: HADA_ERROR_MODEL before memory for more is taken. */
 hada_status hada_net_create_within(hada_net **out, const char *description, uint64_t most, uint64_t seed,
                                    hada_error *err);
@@ -140,5 +143,28 @@ const hada_parameter *hada_net_find(const hada_net *net, const char *name);
 /* A parameter of a layer: the weight (0) or the bias (1) of a convolution or linear layer; weight, bias, running mean
  * and running variance (0 to 3) of a batch norm for one colour. */
 const hada_parameter *hada_net_parameter(const hada_net *net, int layer, int colour, int which);
+
+/* The nets that the library knows, as lists. Weights are zero until hada_net_init() or a file fills them. */
+
+/* hadalens/net.h says what the options mean. Names: down.<level>.<number>, lift.<level> (transposed
+ * convolutions), up.<level>.<number>, norm, last. */
+hada_status hada_unet_make(hada_net **out, const hada_unet_options *options, hada_error *err);
+
+/* By name; 3 x 3 convolutions with leaky ReLU 0.2.
+ * patch: at the image's own size; widths 32, 64, 128, 128 with strides 1, 2, 2, 1, then one channel of logits, each of
+ * a patch of 25 x 25 pixels (Isola et al., CVPR 2017, call it PatchGAN).
+ *
+ * paper: resizes to 256 x 256; widths 32, 64, 128, 128, 128 with stride 2, and two fully connected layers (256, 1): one
+ * logit an image (Tian and Yang 2022). */
+hada_status hada_discriminator_make(hada_net **out, const char *name, int channels, hada_error *err);
+
+/* The convolutional part of VGG-16 (Simonyan and Zisserman 2015, configuration D) with torchvision's names,
+ * behind the normalisation that its weights were trained with; takes RGB in 0 ... 1. It ends with the last pooling, so
+ * that its output is what stands before the fully connected layers. */
+hada_status hada_vgg16_make(hada_net **out, hada_error *err);
+
+/* The same with the weights of a file, such as torchvision's: "features.N.weight" and so on; the normalisation, which
+ * such a file does not hold, has its values already, and what else the file holds is ignored. */
+hada_status hada_vgg16_load(hada_net **out, const char *path, hada_error *err);
 
 #endif

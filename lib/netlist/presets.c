@@ -1,5 +1,5 @@
 /* The nets that the library knows, as lists: U-nets (Ronneberger, Fischer and Brox 2015), discriminators, VGG-16. */
-#include "netlist/presets.h"
+#include "netlist/net_list.h"
 
 #include "core/callers.h"
 #include "netlist/weights_file.h"

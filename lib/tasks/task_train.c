@@ -4,7 +4,7 @@
 #include "core/callers.h"
 #include "io/folder.h"
 #include "tasks/fit_steps.h"
-#include "tasks/train_loop.h"
+#include "tasks/train_log.h"
 
 /* Pairs of each depth that are held out where the caller does not say, and how many of them validate. */
 #define HOLD_OUT       0.125

@@ -1,4 +1,3 @@
-#include "tasks/train_loop.h"
 
 #include "core/callers.h"
 #include "core/clock.h"

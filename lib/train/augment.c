@@ -1,4 +1,4 @@
-#include "train/augment.h"
+#include "train/feed.h"
 
 #include "core/callers.h"
 #include "core/random.h"

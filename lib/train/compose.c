@@ -276,12 +276,10 @@ hada_status hada_compose(hada_composed *out, const hada_dataset *pairs, const ha
                          int depth, int pair, int variant, int planes_only, hada_image *scene, hada_error *err)
 {
     scene_plan plan = {.parts = {.rows = scene->rows, .cols = scene->cols}};
-    uint64_t number = (uint64_t)pair;
+    const uint64_t number = hada_pairs_number(pairs, depth, pair);
     hada_random random;
     hada_status status = HADA_OK;
     *out = (hada_composed){0};
-    for (int z = 0; z < depth; z++)
-        number += (uint64_t)hada_dataset_get_info(pairs)->counts[z];
     hada_random_seed(&random, seed,
                      (uint64_t)SCENE << 60 | (number * (HADA_COMPOSED_VARIANTS + 1) + (uint64_t)variant));
     HADA_TRY_OR_DONE(HADA_NEW(plan.parts.label, (size_t)scene->rows * (size_t)scene->cols, "a scene's parts", err));

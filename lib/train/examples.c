@@ -10,19 +10,12 @@ void hada_example_free(hada_example *example)
     hada_image_destroy(&example->scene);
 }
 
-static hada_status copy(hada_image *out, const hada_image *image, hada_error *err)
-{
-    HADA_TRY(hada_image_create(out, image->channels, image->rows, image->cols, err));
-    memcpy(out->data, image->data, hada_image_count(image) * sizeof(float));
-    return HADA_OK;
-}
-
 hada_status hada_example_copy(hada_example *out, const hada_example *example, hada_error *err)
 {
     *out = (hada_example){0};
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(copy(&out->input, &example->input, err));
-    HADA_TRY_OR_DONE(copy(&out->scene, &example->scene, err));
+    HADA_TRY_OR_DONE(hada_image_copy(&out->input, &example->input, err));
+    HADA_TRY_OR_DONE(hada_image_copy(&out->scene, &example->scene, err));
 done:
     if (status)
         hada_example_free(out);
@@ -96,17 +89,9 @@ void hada_examples_free(hada_examples *examples)
     *examples = (hada_examples){0};
 }
 
-size_t hada_examples_number(const hada_examples *examples, int depth, int pair)
-{
-    size_t number = (size_t)pair;
-    for (int z = 0; z < depth; z++)
-        number += (size_t)hada_dataset_get_info(examples->pairs)->counts[z];
-    return number;
-}
-
 static hada_example *place_of(hada_examples *examples, int depth, int pair, int variant)
 {
-    return examples->kept + hada_examples_number(examples, depth, pair) * WAYS + (size_t)variant;
+    return examples->kept + hada_pairs_number(examples->pairs, depth, pair) * WAYS + (size_t)variant;
 }
 
 const hada_example *hada_examples_find(hada_examples *examples, int depth, int pair, int variant)

@@ -33,9 +33,6 @@ typedef struct hada_examples {
 hada_status hada_examples_create(hada_examples *examples, const hada_dataset *pairs, size_t most, hada_error *err);
 void hada_examples_free(hada_examples *examples);
 
-/* The number of a pair over all depths, from 0 on. */
-size_t hada_examples_number(const hada_examples *examples, int depth, int pair);
-
 /* NULL: not kept. What is found stays until the end. */
 const hada_example *hada_examples_find(hada_examples *examples, int depth, int pair, int variant);
 

@@ -1,7 +1,7 @@
 /* The terms of the loss, and the store of features. */
 #include "train/step.h"
 
-#include "net/loss.h"
+#include "net/layers.h"
 
 hada_status hada_features_create(hada_features *features, size_t scenes, size_t floats, size_t most, hada_error *err)
 {

@@ -1,6 +1,7 @@
 /* A replica: its parts, a step, forward alone; its gradient in buckets. */
 #include "train/replica.h"
 
+#include "image/pixels.h"
 #include "train/step.h"
 
 hada_status hada_buckets_create(hada_buckets *buckets, const hada_communicator *ranks, hada_parameters *parameters,
@@ -255,14 +256,6 @@ hada_status hada_replica_backward(hada_replica *replica, const hada_sample *samp
     return HADA_OK;
 }
 
-static hada_status make_image(const hada_replica_shape *shape, hada_image *image, hada_error *err)
-{
-    if (image->data && hada_image_count(image) == shape->plane)
-        return HADA_OK;
-    hada_image_destroy(image);
-    return hada_image_create(image, shape->channels, shape->rows, shape->cols, err);
-}
-
 static int is_black(const hada_image *image)
 {
     for (size_t i = 0; i < hada_image_count(image); i++)
@@ -288,16 +281,17 @@ hada_status hada_replica_forward(hada_replica *replica, const hada_sample *sampl
                                  hada_image *after, hada_error *err)
 {
     hada_step_images *images = &replica->images;
-    const size_t bytes = replica->shape.plane * sizeof(float);
-    HADA_TRY(check_samples(&replica->shape, sample, 1, 0, err));
-    HADA_TRY(make_image(&replica->shape, after, err));
+    const hada_replica_shape *shape = &replica->shape;
+    const size_t bytes = shape->plane * sizeof(float);
+    HADA_TRY(check_samples(shape, sample, 1, 0, err));
+    HADA_TRY(hada_image_ensure(after, shape->channels, shape->rows, shape->cols, err));
     if (before)
-        HADA_TRY(make_image(&replica->shape, before, err));
+        HADA_TRY(hada_image_ensure(before, shape->channels, shape->rows, shape->cols, err));
     HADA_TRY(make_plane(replica, sample, after, err));
     if (before)
         memcpy(before->data, after->data, bytes);
     /* a plane without content stays so, as in reconstruction */
-    if (!replica->shape.net || is_black(after))
+    if (!shape->net || is_black(after))
         return HADA_OK;
     HADA_TRY(hada_generator_infer(&replica->generator, err));
     return hada_buffer_read(&images->place[HADA_STEP_PLAIN], images->slot, 0, after->data, bytes, err);

@@ -4,7 +4,7 @@
 #include "kernels/shared_train.h"
 #include "net/enhance.h"
 #include "net/layer_launch.h"
-#include "net/loss.h"
+#include "net/layers.h"
 
 /* The rule's eps is negligible for filters, whose gradients are far smaller than those of nets: beside the root of the
  * mean square, or below it. */
@@ -82,19 +82,13 @@ static hada_status check(const hada_replica_desc *desc, hada_error *err)
 static hada_status check_net(const hada_net *net, const char *what, int channels, int rows, int cols, hada_size *out,
                              hada_error *err)
 {
-    hada_size *sizes = NULL;
-    hada_status status = HADA_OK;
     const hada_net_info *info = hada_net_get_info(net);
     if (info->channels != channels)
         return hada_fail(err, HADA_ERROR_MODEL, "the %s takes %d channel(s), but images have %d", what, info->channels,
                          channels);
-    HADA_TRY_OR_DONE(HADA_NEW(sizes, (size_t)net->count, "a net", err));
-    HADA_TRY_OR_DONE(hada_net_sizes(net, rows, cols, sizes, err));
-    *out = sizes[net->count - 1];
-done:
+    const hada_status status = hada_net_output_size(net, rows, cols, out, err);
     if (status)
         hada_error_prefix(err, "the %s: ", what);
-    free(sizes);
     return status;
 }
 

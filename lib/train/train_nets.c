@@ -2,7 +2,7 @@
 #include "train/train_options.h"
 
 #include "net/enhance.h"
-#include "netlist/presets.h"
+#include "netlist/net_list.h"
 
 /* For each layer: the channel from which on it holds the net's input; -1: nowhere. */
 enum { NOWHERE = -1 };

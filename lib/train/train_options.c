@@ -3,7 +3,7 @@
 #include "core/callers.h"
 #include "net/optimizer.h"
 #include "netlist/net_list.h"
-#include "train/augment.h"
+#include "train/feed.h"
 
 int hada_stage_has_net(hada_stage stage)
 {

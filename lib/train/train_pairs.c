@@ -19,6 +19,14 @@ void hada_pairs_find(const hada_dataset *pairs, uint64_t index, int *depth, int 
     *pair = (int)index;
 }
 
+size_t hada_pairs_number(const hada_dataset *pairs, int depth, int pair)
+{
+    size_t number = (size_t)pair;
+    for (int z = 0; z < depth; z++)
+        number += (size_t)hada_dataset_get_info(pairs)->counts[z];
+    return number;
+}
+
 enum { ROUNDS = 6 };
 
 /* A Feistel network on 2 * half bits (Luby and Rackoff, "How to construct pseudorandom permutations from pseudorandom

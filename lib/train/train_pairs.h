@@ -10,6 +10,9 @@ uint64_t hada_pairs_total(const hada_dataset *pairs);
 /* The depth and the number within it of the pair that is the `index`-th over all depths, near to far. */
 void hada_pairs_find(const hada_dataset *pairs, uint64_t index, int *depth, int *pair);
 
+/* Its inverse: the number of a pair over all depths, from 0 on. */
+size_t hada_pairs_number(const hada_dataset *pairs, int depth, int pair);
+
 /* Reads and checks a pair, brings its scene to light (the model's scene_response), and cuts the centre out of a scene
  * that has the raw frame's size. Errors name the pair. */
 hada_status hada_pairs_read(const hada_dataset *pairs, const hada_model_info *info, int depth, int pair,

@@ -86,7 +86,7 @@ static hada_status sample_of(hada_trainer *trainer, hada_worker *worker, hada_fe
         out->weight = weight_of(example);
     if (keeps && !fed->variant)
         out->scene_number =
-            1 + HADA_FLIPPED_WAYS * hada_examples_number(&trainer->known, fed->depth, fed->pair) + (size_t)sides;
+            1 + HADA_FLIPPED_WAYS * hada_pairs_number(trainer->pairs, fed->depth, fed->pair) + (size_t)sides;
     return HADA_OK;
 }
 

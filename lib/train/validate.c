@@ -2,6 +2,7 @@
 #include <hadalens/metrics.h>
 
 #include "core/callers.h"
+#include "image/pixels.h"
 #include "train/trainer.h"
 
 /* A held-out pair's raw frame where it is wanted, its example, and what the parameters make of it. */
@@ -17,13 +18,6 @@ static void free_prediction(prediction *what)
     hada_image_destroy(&what->raw);
     hada_image_destroy(&what->before);
     hada_image_destroy(&what->after);
-}
-
-static hada_status copy_raw(hada_image *out, const hada_image *raw, hada_error *err)
-{
-    HADA_TRY(hada_image_create(out, raw->channels, raw->rows, raw->cols, err));
-    memcpy(out->data, raw->data, hada_image_count(raw) * sizeof(float));
-    return HADA_OK;
 }
 
 /* Scenes of several depths that each held-out pair becomes, where training composes them; they are the same for any
@@ -62,7 +56,7 @@ static hada_status find_example(hada_trainer *trainer, const hada_worker *worker
         return HADA_OK;
     HADA_TRY_OR_DONE(read_pair(trainer, which, &raw, &composed, &scene, err));
     if (with_raw)
-        HADA_TRY_OR_DONE(copy_raw(&what->raw, &raw, err));
+        HADA_TRY_OR_DONE(hada_image_copy(&what->raw, &raw, err));
     HADA_TRY_OR_DONE(hada_example_make(&what->own, trainer->options.stage, &trainer->info, worker->planes, which->depth,
                                        &raw, &composed, &scene, err));
     if (!with_raw)

@@ -1,7 +1,7 @@
 /* Losses: the gradient as a tensor, and behind it the value; d0: the value alone, d1: the gradient, d2: both are made,
  * the value is compared. */
 #include "check_net.h"
-#include "net/loss.h"
+#include "net/layers.h"
 #include "ref/ref_loss.h"
 
 #define WEIGHT 1.5f

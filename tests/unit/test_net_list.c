@@ -1,7 +1,7 @@
 /* Lists of layers: descriptions, parameters, sizes, files. */
 #include "testing.h"
 
-#include "netlist/presets.h"
+#include "netlist/net_list.h"
 #include "netlist/weights_file.h"
 
 TEST(presets_have_the_values_they_should)

@@ -1,5 +1,5 @@
 /* Optimisers, norms, learning rates and first weights as training uses them. */
-#include "net/loss.h"
+#include "net/layers.h"
 #include "net/optimizer.h"
 #include "net_fixture.h"
 #include "netlist/net_list.h"

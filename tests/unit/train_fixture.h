@@ -5,7 +5,7 @@
 #include "net_fixture.h"
 
 #include "model/model.h"
-#include "netlist/presets.h"
+#include "netlist/net_list.h"
 #include "ref/ref_fft.h"
 #include "ref/ref_loss.h"
 #include "ref/ref_net.h"

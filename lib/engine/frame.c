@@ -74,8 +74,7 @@ static void skip_channels(hada_frame *frame)
 static void free_parts(hada_frame *frame)
 {
     hada_exposure_end(&frame->exposure);
-    free(frame->skip.spectra);
-    free(frame->skip.planes);
+    HADA_FREE(frame->skip.spectra, frame->skip.planes);
     frame->skip = (hada_frame_skip){0};
 }
 
@@ -124,9 +123,7 @@ static hada_status prepare_result(hada_frame *frame, hada_error *err)
     const hada_setup *setup = frame->setup;
     const int depths = setup->config.depths;
     hada_result *result = frame->result;
-    hada_status status = hada_result_fit(result, hada_model_get_info(setup->model), depths, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_result_fit(result, hada_model_get_info(setup->model), depths, err));
     hada_result_renew(result);
     memcpy((double *)result->distances_mm, setup->distances, (size_t)depths * sizeof(double));
     return HADA_OK;

@@ -278,15 +278,11 @@ hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada
         HADA_TRY(look(pipeline, frame, &k, &surface, err));
     else
         take_listed(pipeline, &k);
-    if (surface) {
-        HADA_TRY(hada_pipeline_take_surface(pipeline, frame, k.surface, err));
-        return HADA_OK;
-    }
+    if (surface)
+        return hada_pipeline_take_surface(pipeline, frame, k.surface, err);
     HADA_TRY(mark_occupied(pipeline, frame, k.count, err));
-    if (!k.count) {
-        HADA_TRY(hada_pipeline_no_pictures(pipeline, frame, err));
-        return HADA_OK;
-    }
+    if (!k.count)
+        return hada_pipeline_no_pictures(pipeline, frame, err);
     const int parting = pipeline->setup->config.parting && k.count > 1;
     if (parting || !k.solved)
         HADA_TRY(solve(pipeline, frame, k.count, parting, err));

@@ -70,8 +70,7 @@ static hada_status set_power(hada_pipeline *pipeline, hada_error *err)
     }
 done:
     hada_buffer_destroy(&buffer);
-    free(scaled);
-    free(packed);
+    HADA_FREE(scaled, packed);
     return status;
 }
 
@@ -166,8 +165,7 @@ static void destroy_parts(hada_pipeline *pipeline)
     hada_classic_destroy(&pipeline->classic);
     hada_focus_destroy(&pipeline->focus);
     hada_enhance_destroy(&pipeline->enhance);
-    hada_buffer_destroy(&pipeline->planes);
-    hada_buffer_destroy(&pipeline->pictures);
+    HADA_DESTROY_BUFFERS(&pipeline->planes, &pipeline->pictures);
     hada_meter_destroy(&pipeline->meter);
     hada_hadamard_destroy(&pipeline->stage);
 }

@@ -388,12 +388,9 @@ hada_status hada_setup_make(hada_setup *setup, hada_context *context, const hada
 void hada_setup_free(hada_setup *setup)
 {
     hada_gains_destroy(&setup->gains);
-    free(setup->same_dark);
-    free(setup->same_filter);
+    HADA_FREE(setup->same_dark, setup->same_filter);
     hada_image_destroy(&setup->dark_frame);
     hada_classic_camera_free(&setup->camera);
-    free(setup->depths);
-    free(setup->distances);
-    free(setup->listed);
+    HADA_FREE(setup->depths, setup->distances, setup->listed);
     *setup = (hada_setup){0};
 }

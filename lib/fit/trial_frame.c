@@ -43,14 +43,8 @@ void hada_trial_bench_destroy(hada_trial_bench *bench)
     hada_slot_finish(bench->grid->slot, NULL);
     hada_refiner_destroy(&bench->maker.refiner);
     hada_fft_destroy(&bench->inverse);
-    hada_buffer_destroy(&bench->filters);
-    hada_buffer_destroy(&bench->otfs);
-    hada_buffer_destroy(&bench->prior);
-    free(bench->raw);
-    free(bench->planes);
-    free(bench->linear);
-    free(bench->scene_energy);
-    free(bench->trust);
+    HADA_DESTROY_BUFFERS(&bench->filters, &bench->otfs, &bench->prior);
+    HADA_FREE(bench->raw, bench->planes, bench->linear, bench->scene_energy, bench->trust);
 }
 
 double hada_trial_energy(const float *values, size_t count)

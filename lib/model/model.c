@@ -185,32 +185,22 @@ done:
 
 void hada_model_destroy(hada_model **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_model *model = hada_taken(pointer);
+    if (!model)
         return;
-    hada_model *model = *pointer;
-    *pointer = NULL;
     if (model->file) {
         hada_tensors *tensors = model->file;
         hada_tensors_close(&tensors);
     } else {
-        free(model->filter);
-        free(model->filter_half);
-        free(model->otf);
-        free(model->scene_power);
+        HADA_FREE(model->filter, model->filter_half, model->otf, model->scene_power);
     }
     hada_net_destroy(&model->enhance);
-    free(model->noise_power);
-    free(model->pairs);
-    free(model->distances);
-    free(model->name);
-    free(model);
+    HADA_FREE(model->noise_power, model->pairs, model->distances, model->name, model);
 }
 
 const hada_model_info *hada_model_get_info(const hada_model *model)
 {
-    if (!model)
-        return NULL;
-    return &model->info;
+    return model ? &model->info : NULL;
 }
 
 hada_status hada_model_own_enhance(hada_model *model, hada_net *net, int rows, int cols, hada_error *err)
@@ -244,9 +234,7 @@ hada_status hada_model_get_arrays(const hada_model *model, hada_model_arrays *ar
 
 const hada_net *hada_model_get_enhance(const hada_model *model)
 {
-    if (!model)
-        return NULL;
-    return model->enhance;
+    return model ? model->enhance : NULL;
 }
 
 /* Sizes: frame and window on the grid. */
@@ -356,8 +344,7 @@ hada_status hada_filter_to_half(const float *filter, size_t values, uint16_t *ha
 hada_status hada_model_to_half(hada_model **out, const hada_model *model, hada_error *err)
 {
     hada_status status = HADA_OK;
-    if (!out || !model)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_to_half: out and model are needed");
+    HADA_NEED(out && model, err);
     hada_model_info info = model->info;
     info.half = 1;
     HADA_TRY_OR_DONE(hada_model_create(out, &info, model->scene_power != NULL, err));
@@ -380,8 +367,7 @@ hada_status hada_model_with_enhance(hada_model **out, const hada_model *model, c
                                     hada_error *err)
 {
     hada_status status = HADA_OK;
-    if (!out || !model)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_with_enhance: out and model are needed");
+    HADA_NEED(out && model, err);
     HADA_TRY_OR_DONE(hada_model_create(out, &model->info, model->scene_power != NULL, err));
     const size_t images = (size_t)model->info.depths * (size_t)model->info.channels;
     const size_t values = images * hada_model_plane(model) * 2;
@@ -430,8 +416,7 @@ static void make_filter(const float *otf, const hada_model_info *info, float *fi
 hada_status hada_model_with_form(hada_model **out, const hada_model *model, hada_form form, double lambda,
                                  hada_error *err)
 {
-    if (!out || !model)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_with_form: out and model are needed");
+    HADA_NEED(out && model, err);
     *out = NULL;
     if (form != HADA_FORM_MATCHED && form != HADA_FORM_WIENER)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "only the forms matched and wiener can be made from a model");
@@ -446,9 +431,7 @@ hada_status hada_model_with_form(hada_model **out, const hada_model *model, hada
     info.half = 0;
     info.alpha = 0.0;
     info.lambda = form == HADA_FORM_WIENER ? lambda : 0.0;
-    const hada_status status = hada_model_create(out, &info, model->scene_power != NULL, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_model_create(out, &info, model->scene_power != NULL, err));
     hada_model *copy = *out;
     const size_t plane = hada_model_plane(model), images = (size_t)info.depths * (size_t)info.channels;
     copy_knowledge(copy, model);

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from . import errors
 from ._arrays import Float32, NewImage
-from ._native import call, ffi, lib, members, path, text, value_of, word
+from ._native import call, ffi, lib, members, path, value_of, word
 from .device import Context, default
 
 Mask: TypeAlias = Literal["mla", "grid", "diffuser", "contour", "aperture"]

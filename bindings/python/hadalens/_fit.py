@@ -38,10 +38,7 @@ def scores_of(
 ) -> tuple[tuple[FilterScore, ...], tuple[OutsideScore, ...], tuple[RefineScore, ...]]:
     """Return what was compared, of each kind."""
     return (
-        tuple(
-            record(FilterScore, row, regularisation=getattr(row, "lambda"))
-            for row in _each(scores.filters)
-        ),
+        tuple(record(FilterScore, row, regularisation=getattr(row, "lambda")) for row in _each(scores.filters)),
         tuple(record(OutsideScore, row) for row in _each(scores.outsides)),
         tuple(record(RefineScore, row) for row in _each(scores.refinements)),
     )
@@ -127,7 +124,7 @@ def fit(
         form: of the filters.
         dark: taken off the frames; None: estimated from each.
         alpha, regularisation, outside, refine_steps, refine_tv, refine_colour, refine_shrink, crop_passes: None: chosen
-            by leaving pairs out (docs/explanation/learning-a-camera.md, docs/explanation/refinement.md, docs/explanation/learning-a-camera.md).
+            by leaving pairs out (docs/explanation/learning-a-camera.md, docs/explanation/refinement.md).
         nonnegative: point spread functions are nowhere negative, where the pairs say too little.
         scene_response: how scenes stand for light: "linear", "srgb", a power; None: found.
         exposure: whether frames of a depth were exposed alike: "auto" (found), "same" or "each".

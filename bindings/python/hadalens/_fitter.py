@@ -23,10 +23,10 @@ class _Shown(Sequence[tuple[Any, Any]]):
     """The pairs of a depth, which a function gives when they are read."""
 
     def __init__(self, show: Show, depth: int, count: int) -> None:
-        self.show, self.depth, self.count = show, depth, count
+        self.show, self.depth, self.pairs = show, depth, count
 
     def __len__(self) -> int:
-        return self.count
+        return self.pairs
 
     def __getitem__(self, pair: Any) -> Any:
         return self.show(self.depth, pair)
@@ -136,7 +136,7 @@ class Fitter(Handle):
     def _distance(self, depth: int) -> float:
         if not 0 <= depth < len(self._distances):
             raise ValueError(f"depth {depth} is not one of the {len(self._distances)} of this fit")
-        return self._distances[depth]
+        return float(self._distances[depth])
 
     def score(self, depth: int, raw: Any, scene: Any) -> None:
         """Give a pair of the sums again, for :meth:`finish` to leave out. A few choose alpha and regularisation."""

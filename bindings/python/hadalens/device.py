@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from . import errors
-from ._native import Handle, Options, Owner, call, ffi, lib, path, record, text, value_of
+from ._native import Handle, Options, Owner, call, ffi, lib, path, record, value_of, word
 
 
 @dataclass(frozen=True)

@@ -65,9 +65,9 @@ def convert(values: Any, source: float | str, target: float | str) -> Float32:
 
 def to_light(response: float | str, value: float) -> float:
     """Return the light of one value."""
-    return float(convert([value], response, LINEAR)[0])
+    return float(convert(np.asarray([value]), response, LINEAR)[0])
 
 
 def from_light(response: float | str, light: float) -> float:
     """Return the value that stands for a light."""
-    return float(convert([light], LINEAR, response)[0])
+    return float(convert(np.asarray([light]), LINEAR, response)[0])

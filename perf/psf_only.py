@@ -1,0 +1,104 @@
+#!/usr/bin/env python3
+"""Cameras that are known by their point spread function alone: five photographs each at three levels of noise, and with
+saturated pixels; PSNR with the weight of total variation that the frame chooses and with given ones.
+  perf/psf_only.py HADALENS PHOTOGRAPHS [--seeds 3 7] [--weights 0 1e-2 3e-3 1e-3 3e-4 1e-4]
+The camera: 29 lenses, 300 x 400 pixels, colours, a sensor that crops, a window of 120 x 120. Noise is Gaussian, in parts of
+the brightest pixel. Saturated: cut at 0.6 of it, 16 bits. Needs NumPy, tifffile, Pillow."""
+import argparse
+import pathlib
+import tempfile
+
+import numpy as np
+import tifffile
+from PIL import Image
+
+import frames
+
+SHAPE, WINDOW, GRID, LENSES = (300, 400), 120, (432, 540), 29
+TOP, LEFT = (GRID[0] - SHAPE[0]) // 2, (GRID[1] - SHAPE[1]) // 2
+SENSOR = (slice(None), slice(TOP, TOP + SHAPE[0]), slice(LEFT, LEFT + SHAPE[1]))
+FIELD = (slice(None), *(slice((n - WINDOW) // 2, (n + WINDOW) // 2) for n in GRID))
+NOISE = (0.002, 0.01, 0.04)
+
+
+def lenses(seed):
+    """A point spread function on the grid, (3, rows, cols), sum 1 a channel: spots that keep apart, slightly coloured."""
+    random, places, apart = np.random.default_rng(seed), [], 26.0
+    while len(places) < LENSES:
+        place = random.uniform(-125, 125, 2)
+        apart *= 0.9999
+        if np.hypot(*place) <= 125 and all(np.hypot(*(place - other)) > apart for other in places):
+            places.append(place)
+    y, x = np.mgrid[:GRID[0], :GRID[1]].astype(float)
+    y, x = y - GRID[0] // 2, x - GRID[1] // 2
+    channels = []
+    for c in range(3):
+        scale, sigma = 1 + 0.004 * (c - 1), 0.8 + 0.1 * c
+        spots = sum(np.exp(-((x - scale * a) ** 2 + (y - scale * b) ** 2) / (2 * sigma**2)) for a, b in places)
+        channels.append(spots / spots.sum())
+    return np.stack(channels)
+
+
+def save(path, image):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    tifffile.imwrite(path, np.ascontiguousarray(np.moveaxis(image, 0, -1)), photometric="rgb")
+
+
+def make(folder, seed, photographs):
+    """PSF and frames as files; returns the scenes, (rows, cols, 3)."""
+    psf, scenes = lenses(seed), []
+    otf = np.fft.rfft2(np.fft.ifftshift(psf, axes=(1, 2)))
+    save(folder / "psf.tif", (psf[SENSOR] / psf.max()).astype(np.float32))
+    for k in range(5):
+        path = photographs[(k + seed) % len(photographs)]
+        scene = np.asarray(Image.fromarray(tifffile.imread(path)).resize((WINDOW, WINDOW), Image.LANCZOS)) / 255
+        scenes.append(scene)
+        light = np.zeros((3, *GRID))
+        light[FIELD] = np.moveaxis(scene, -1, 0)
+        clean = np.fft.irfft2(np.fft.rfft2(light) * otf, s=GRID)[SENSOR]
+        random = np.random.default_rng(k).standard_normal(clean.shape)
+        for noise in NOISE:
+            save(folder / f"{noise}" / f"f{k}.tif", (clean + noise * clean.max() * random).astype(np.float32))
+        seen = (clean + 0.005 * clean.max() * random) / clean.max()
+        for name, full in (("whole", 1.1), ("saturated", 0.6)):
+            save(folder / name / f"f{k}.tif", (np.clip(seen / full, 0, 1) * 65535).round().astype(np.uint16))
+    return scenes
+
+
+def psnr(folder, scenes, scaled):
+    found = []
+    for k, scene in enumerate(scenes):
+        image = frames.picture(next(folder.glob(f"f{k}_*aif*.tif")))
+        scale = (image * scene).sum() / (image**2).sum() if scaled else 1.0
+        found.append(-10 * np.log10(np.mean((np.clip(scale * image, 0, 1) - scene) ** 2)))
+    return np.mean(found)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("hadalens")
+    parser.add_argument("photographs", type=pathlib.Path)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[3, 7])
+    parser.add_argument("--weights", nargs="+", default=["0", "1e-2", "3e-3", "1e-3", "3e-4", "1e-4"])
+    arguments = parser.parse_args()
+    photographs = sorted(arguments.photographs.glob("*.tif"))
+    sets = [str(noise) for noise in NOISE] + ["whole", "saturated"]
+    print("| camera | weight |" + "".join(f" {name} |" for name in sets) + "\n|" + "---|" * (len(sets) + 2))
+    for seed in arguments.seeds:
+        with tempfile.TemporaryDirectory() as name:
+            folder = pathlib.Path(name)
+            scenes = make(folder, seed, photographs)
+            model, out = folder / "camera.model", folder / "out"
+            frames.run(arguments.hadalens, "fit", "--psf", folder / "psf.tif", "--distances", "100", "--window",
+                       f"{WINDOW}x{WINDOW}", "-o", model)
+            for weight in ["frame", *arguments.weights]:
+                row = []
+                for part in sets:
+                    options = ["--refine-tv", weight, "--refine-colour", "1.5", "--refine-shrink", "1.6"]
+                    files = sorted((folder / part).glob("*.tif"))
+                    seconds = frames.reconstruct(arguments.hadalens, files, model, out, options)
+                    row.append(f" {psnr(out, scenes, part in ('whole', 'saturated')):.2f} dB, {seconds:.2f} s |")
+                print(f"| {seed} | {weight} |" + "".join(row), flush=True)
+
+
+main()

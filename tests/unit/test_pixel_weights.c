@@ -1,0 +1,131 @@
+/* A camera known by its point spread function alone: the weight of total variation that a frame chooses, saturated
+ * pixels, pixels that are not finite. */
+#include "camera_small.h"
+#include "device_fixture.h"
+
+enum { ROWS = 60, COLS = 72, WINDOW = 24, CHANNELS = 3 };
+
+typedef struct bench {
+    hada_image psf, scene;
+    hada_model *model;
+} bench;
+
+/* Blocks of light: what total variation is made for. */
+static bench make(hada_boundary boundary)
+{
+    const double distance = 100.0;
+    bench b = {.psf = small_psf(CHANNELS, ROWS, COLS, 8, 3), .scene = small_scene(CHANNELS, WINDOW, WINDOW, 1)};
+    for (int c = 0; c < CHANNELS; c++)
+        for (int i = 0; i < WINDOW; i++)
+            for (int j = 0; j < WINDOW; j++) {
+                const int inside = i >= 3 && i < 15 && j >= 5 && j < 18;
+                b.scene.data[(c * WINDOW + i) * WINDOW + j] = inside ? 0.4f + 0.2f * (float)c : 0.15f;
+            }
+    DEFAULTS(hada_psf_options, options);
+    options.window_rows = options.window_cols = WINDOW;
+    options.psf_dark = options.dark = 0;
+    options.boundary = boundary;
+    ASSERT_OK(hada_model_from_psf(&b.model, context, &b.psf, 1, &distance, &options, err));
+    assert_true(hada_model_get_info(b.model)->refine_tv == HADA_AUTO);
+    return b;
+}
+
+static void unmake(bench *b)
+{
+    hada_image_destroy(&b->psf);
+    hada_image_destroy(&b->scene);
+    hada_model_destroy(&b->model);
+}
+
+/* Error of the plane, and the report. */
+static double solve(const bench *b, const hada_image *frame, double tv, int repair, hada_report *report)
+{
+    DEFAULTS(hada_plan_options, options);
+    SCOPED(hada_result) result = {0};
+    hada_plan *plan;
+    options.refine_tv = tv;
+    options.repair_not_finite = repair;
+    ASSERT_OK(hada_plan_create(&plan, context, b->model, &options, err));
+    ASSERT_OK(hada_plan_run(plan, frame, &result, err));
+    const double error = small_image_distance(result.planes[0].data, b->scene.data, hada_image_count(&b->scene));
+    *report = *result.report;
+    hada_plan_destroy(&plan);
+    return error;
+}
+
+/* No fixed weight suits frames of little and of strong noise; the chosen one does, for both boundaries. */
+TEST(frames_choose_their_weight)
+{
+    static const hada_boundary boundaries[] = {HADA_BOUNDARY_CIRCULAR, HADA_BOUNDARY_PADDED};
+    for (size_t k = 0; k < HADA_COUNT(boundaries); k++) {
+        bench b = make(boundaries[k]);
+        hada_report chosen[2], given;
+        for (int strong = 0; strong < 2; strong++) {
+            hada_image frame =
+                small_frame(&b.psf, &b.scene, boundaries[k] == HADA_BOUNDARY_PADDED, strong ? 0.1 : 0.005, 5);
+            const double own = solve(&b, &frame, HADA_AUTO, 0, &chosen[strong]);
+            const double none = solve(&b, &frame, 0, 0, &given);
+            const double much = solve(&b, &frame, 0.3, 0, &given);
+            assert_true(given.refine_tv == 0.3 && given.refine_tv_factor == 0);
+            if (own > 0.7 * none || own > (strong ? 1.1 : 0.7) * much)
+                fail_msg("boundary %zu, noise %d: error %.3g, without total variation %.3g, with much %.3g", k, strong,
+                         own, none, much);
+            assert_true(chosen[strong].refine_tv > 0);
+            hada_image_destroy(&frame);
+        }
+        assert_true(chosen[1].refine_tv > 2 * chosen[0].refine_tv);
+        unmake(&b);
+    }
+}
+
+/* Saturated pixels say "at least this", and pixels that are not finite nothing: the planes are nearly as good. */
+TEST(spoiled_pixels_have_weights)
+{
+    bench b = make(HADA_BOUNDARY_PADDED);
+    hada_image frame = small_frame(&b.psf, &b.scene, 1, 0.002, 5);
+    hada_report report;
+    const size_t count = hada_image_count(&frame);
+    const double good = solve(&b, &frame, 1e-3, 0, &report);
+    float largest = 0.0f;
+    size_t cut = 0;
+    assert_int_equal(report.saturated_pixels, 0);
+    for (size_t i = 0; i < count; i++)
+        largest = fmaxf(largest, frame.data[i]);
+    for (size_t i = 0; i < count; i++)
+        if (frame.data[i] > 0.6f * largest) {
+            frame.data[i] = 0.6f * largest;
+            cut++;
+        }
+    const double clipped = solve(&b, &frame, 1e-3, 0, &report);
+    assert_int_equal(report.saturated_pixels, cut);
+    assert_true(cut > count / 100);
+    for (size_t i = 7; i < count; i += 97)
+        frame.data[i] = NAN;
+    const double holes = solve(&b, &frame, 1e-3, 1, &report);
+    assert_int_equal(report.repaired_pixels, (count - 7 + 96) / 97);
+    if (clipped > 1.5 * good || holes > 1.6 * good)
+        fail_msg("error %.3g, with %zu saturated pixels %.3g, with holes besides %.3g", good, cut, clipped, holes);
+    hada_image_destroy(&frame);
+    unmake(&b);
+}
+
+/* Twice the same bits, and no weight that is none. */
+TEST(repeats_and_refuses)
+{
+    bench b = make(HADA_BOUNDARY_PADDED);
+    hada_image frame = small_frame(&b.psf, &b.scene, 1, 0.02, 5);
+    hada_report first, second;
+    DEFAULTS(hada_plan_options, options);
+    hada_plan *plan;
+    hada_error error;
+    assert_true(solve(&b, &frame, HADA_REFINE_TV_FRAME, 0, &first) ==
+                solve(&b, &frame, HADA_REFINE_TV_FRAME, 0, &second));
+    assert_true(first.refine_tv == second.refine_tv);
+    options.refine_tv = -0.5;
+    assert_int_equal(hada_plan_create(&plan, context, b.model, &options, &error), HADA_ERROR_ARGUMENT);
+    assert_non_null(strstr(error.message, "-0.5"));
+    hada_image_destroy(&frame);
+    unmake(&b);
+}
+
+FIXTURE(open_device, close_device)

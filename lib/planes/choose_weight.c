@@ -24,9 +24,8 @@
 #define MOST_RHO       1e-2
 
 enum {
-    FIRST_STEPS = 12, /* with the first weight, from nothing */
-    STEPS = 6,        /* with each one after it */
-    MOST = 11         /* weights */
+    STEPS = 6, /* with each weight after the first, which takes HADA_CHOICE_STEPS from nothing */
+    MOST = 11  /* weights */
 };
 
 typedef struct trial {
@@ -57,7 +56,7 @@ static hada_status try_weight(sweep *s, double tv, hada_error *err)
     hada_refine_rule_follow(&rule, tv, gain, RHO_PER_WEIGHT, MOST_RHO);
     rule.growth = 1.0;
     rule.first_rho = 0.0;
-    rule.steps = s->steps ? STEPS : FIRST_STEPS;
+    rule.steps = s->steps ? STEPS : HADA_CHOICE_STEPS;
     rule.before = s->steps;
     rule.start = s->steps ? HADA_REFINE_CONTINUE : HADA_REFINE_COLD;
     rule.quiet = 1;

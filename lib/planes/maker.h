@@ -91,6 +91,9 @@ void hada_maker_free_weights(hada_plane_maker *maker);
 /* Brings the weights of a frame's pixels to the device; none where all are equal. */
 hada_status hada_maker_weigh(hada_plane_maker *maker, const hada_exposure *exposure, hada_error *err);
 
+/* Steps in a row that choosing a weight takes; the refiner must be made for as many. */
+enum { HADA_CHOICE_STEPS = 12 };
+
 /* The weight of total variation that a frame chooses. */
 typedef struct hada_maker_choice {
     double tv;

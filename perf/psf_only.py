@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """Cameras that are known by their point spread function alone: five photographs each at three levels of noise, and with
 saturated pixels; PSNR with the weight of total variation that the frame chooses and with given ones.
-  perf/psf_only.py HADALENS PHOTOGRAPHS [--seeds 3 7] [--weights 0 1e-2 3e-3 1e-3 3e-4 1e-4]
-The camera: 29 lenses, 300 x 400 pixels, colours, a sensor that crops, a window of 120 x 120. Noise is Gaussian, in parts of
+  perf/psf_only.py HADALENS PHOTOGRAPHS [--seeds 3 7] [--boundary padded|circular]
+                   [--weights 0 1e-2 3e-3 1e-3 3e-4 1e-4]
+The camera: 29 lenses, 300 x 400 pixels, colours, a sensor that crops (or light that wraps around), a window of 120 x 120. Noise is Gaussian, in parts of
 the brightest pixel. Saturated: cut at 0.6 of it, 16 bits. Needs NumPy, tifffile, Pillow."""
 import argparse
 import pathlib
@@ -14,14 +15,17 @@ from PIL import Image
 
 import frames
 
-SHAPE, WINDOW, GRID, LENSES = (300, 400), 120, (432, 540), 29
-TOP, LEFT = (GRID[0] - SHAPE[0]) // 2, (GRID[1] - SHAPE[1]) // 2
-SENSOR = (slice(None), slice(TOP, TOP + SHAPE[0]), slice(LEFT, LEFT + SHAPE[1]))
-FIELD = (slice(None), *(slice((n - WINDOW) // 2, (n + WINDOW) // 2) for n in GRID))
+SHAPE, WINDOW, LENSES = (300, 400), 120, 29
+GRID = {"padded": (432, 540), "circular": SHAPE}  # light beyond the sensor is lost, or wraps around
 NOISE = (0.002, 0.01, 0.04)
 
 
-def lenses(seed):
+def middle(grid, rows, cols):
+    """Of images on the grid, (channels, rows, cols)."""
+    return (slice(None), *(slice((n - size) // 2, (n - size) // 2 + size) for n, size in zip(grid, (rows, cols))))
+
+
+def lenses(seed, grid):
     """A point spread function on the grid, (3, rows, cols), sum 1 a channel: spots that keep apart, slightly coloured."""
     random, places, apart = np.random.default_rng(seed), [], 26.0
     while len(places) < LENSES:
@@ -29,8 +33,8 @@ def lenses(seed):
         apart *= 0.9999
         if np.hypot(*place) <= 125 and all(np.hypot(*(place - other)) > apart for other in places):
             places.append(place)
-    y, x = np.mgrid[:GRID[0], :GRID[1]].astype(float)
-    y, x = y - GRID[0] // 2, x - GRID[1] // 2
+    y, x = np.mgrid[:grid[0], :grid[1]].astype(float)
+    y, x = y - grid[0] // 2, x - grid[1] // 2
     channels = []
     for c in range(3):
         scale, sigma = 1 + 0.004 * (c - 1), 0.8 + 0.1 * c
@@ -44,18 +48,18 @@ def save(path, image):
     tifffile.imwrite(path, np.ascontiguousarray(np.moveaxis(image, 0, -1)), photometric="rgb")
 
 
-def make(folder, seed, photographs):
+def make(folder, seed, photographs, grid):
     """PSF and frames as files; returns the scenes, (rows, cols, 3)."""
-    psf, scenes = lenses(seed), []
+    psf, scenes, sensor = lenses(seed, grid), [], middle(grid, *SHAPE)
     otf = np.fft.rfft2(np.fft.ifftshift(psf, axes=(1, 2)))
-    save(folder / "psf.tif", (psf[SENSOR] / psf.max()).astype(np.float32))
+    save(folder / "psf.tif", (psf[sensor] / psf.max()).astype(np.float32))
     for k in range(5):
         path = photographs[(k + seed) % len(photographs)]
         scene = np.asarray(Image.fromarray(tifffile.imread(path)).resize((WINDOW, WINDOW), Image.LANCZOS)) / 255
         scenes.append(scene)
-        light = np.zeros((3, *GRID))
-        light[FIELD] = np.moveaxis(scene, -1, 0)
-        clean = np.fft.irfft2(np.fft.rfft2(light) * otf, s=GRID)[SENSOR]
+        light = np.zeros((3, *grid))
+        light[middle(grid, WINDOW, WINDOW)] = np.moveaxis(scene, -1, 0)
+        clean = np.fft.irfft2(np.fft.rfft2(light) * otf, s=grid)[sensor]
         random = np.random.default_rng(k).standard_normal(clean.shape)
         for noise in NOISE:
             save(folder / f"{noise}" / f"f{k}.tif", (clean + noise * clean.max() * random).astype(np.float32))
@@ -79,7 +83,8 @@ def main():
     parser.add_argument("hadalens")
     parser.add_argument("photographs", type=pathlib.Path)
     parser.add_argument("--seeds", type=int, nargs="+", default=[3, 7])
-    parser.add_argument("--weights", nargs="+", default=["0", "1e-2", "3e-3", "1e-3", "3e-4", "1e-4"])
+    parser.add_argument("--weights", nargs="*", default=["0", "1e-2", "3e-3", "1e-3", "3e-4", "1e-4"])
+    parser.add_argument("--boundary", choices=GRID, default="padded")
     arguments = parser.parse_args()
     photographs = sorted(arguments.photographs.glob("*.tif"))
     sets = [str(noise) for noise in NOISE] + ["whole", "saturated"]
@@ -87,10 +92,10 @@ def main():
     for seed in arguments.seeds:
         with tempfile.TemporaryDirectory() as name:
             folder = pathlib.Path(name)
-            scenes = make(folder, seed, photographs)
+            scenes = make(folder, seed, photographs, GRID[arguments.boundary])
             model, out = folder / "camera.model", folder / "out"
             frames.run(arguments.hadalens, "fit", "--psf", folder / "psf.tif", "--distances", "100", "--window",
-                       f"{WINDOW}x{WINDOW}", "-o", model)
+                       f"{WINDOW}x{WINDOW}", "--boundary", arguments.boundary, "-o", model)
             for weight in ["frame", *arguments.weights]:
                 row = []
                 for part in sets:

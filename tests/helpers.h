@@ -3,10 +3,7 @@
 #define HADA_TESTS_HELPERS_H
 
 #include <stdlib.h>
-/* lib/planes has a struct of the same name as this enum of the survey */
-#define hada_exposure hada_survey_exposure
 #include <hadalens/hadalens.h>
-#undef hada_exposure
 
 /* Declares a struct of options that has its defaults. */
 #define DEFAULTS(type, name)                                                                                           \

@@ -9,7 +9,7 @@ enum { STRETCH = 1024 /* pixels that are compared at a time: most comparisons en
 /* Whether nothing remains of a channel above dark level and dark frame: in float, as on the device. */
 static int is_black(const hada_frame *frame, int channel)
 {
-    const hada_exposure *exposure = &frame->exposure;
+    const hada_frame_exposure *exposure = &frame->exposure;
     const hada_pixels *pixels = &exposure->pixels;
     const size_t plane = (size_t)pixels->rows * (size_t)pixels->cols;
     const float *dark = frame->setup->dark_frame.data, level = (float)exposure->levels[channel];
@@ -27,7 +27,7 @@ static int is_black(const hada_frame *frame, int channel)
 
 static int is_same(const hada_frame *frame, int a, int b)
 {
-    const hada_exposure *exposure = &frame->exposure;
+    const hada_frame_exposure *exposure = &frame->exposure;
     const hada_pixels *pixels = &exposure->pixels;
     const int *dark = frame->setup->same_dark;
     const size_t plane = (size_t)pixels->rows * (size_t)pixels->cols;
@@ -159,7 +159,7 @@ hada_status hada_frame_prepare(hada_frame *frame, hada_error *err)
     HADA_TRY(prepare_result(frame, err));
     HADA_TRY(hada_frame_examine(frame, err));
     hada_report *report = &frame->result->memory->report;
-    const hada_exposure *exposure = &frame->exposure;
+    const hada_frame_exposure *exposure = &frame->exposure;
     report->repaired_pixels = exposure->repaired;
     report->saturated_pixels = exposure->saturated;
     for (int c = 0; c < exposure->pixels.channels; c++) /* the mean of the channels' levels */

@@ -74,9 +74,9 @@ typedef struct hada_frame_skip {
 
 struct hada_frame {
     const hada_setup *setup;
-    hada_exposure exposure; /* the pixels */
-    int examined, hashed;   /* 1: hada_frame_examine() was there; it computes the hash as well */
-    cl_mem device;          /* the same values on the device, device_offset bytes into a buffer; NULL: they are not */
+    hada_frame_exposure exposure; /* the pixels */
+    int examined, hashed;         /* 1: hada_frame_examine() was there; it computes the hash as well */
+    cl_mem device; /* the same values on the device, device_offset bytes into a buffer; NULL: they are not */
     size_t device_offset;
     hada_result *result;
     uint64_t serial;             /* no two frames of a plan have the same; from 1 on */

@@ -38,37 +38,26 @@ static void take_listed(hada_pipeline *pipeline, knowledge *k)
             pipeline->occupied[k->count++] = z;
 }
 
-/* The weight of total variation for this frame, into its report. */
-static hada_status choose_weight(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
-{
-    const hada_config *config = &pipeline->setup->config;
-    hada_report *report = &frame->result->memory->report;
-    hada_maker_choice choice;
-    if (!config->choose)
-        report->refine_tv = config->weights.tv;
-    if (!config->choose || pipeline->chosen == frame->serial)
-        return HADA_OK;
-    HADA_TRY(hada_maker_choose(&pipeline->maker, &frame->exposure, count, pipeline->occupied, &choice, err));
-    report->refine_tv = choice.tv;
-    report->refine_tv_factor = choice.factor;
-    pipeline->chosen = frame->serial;
-    return HADA_OK;
-}
-
 /* settle: several depths are refined until they no longer change. */
 static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count, int settle, hada_error *err)
 {
     const hada_setup *setup = pipeline->setup;
-    const hada_plane_maker *maker = &pipeline->maker;
-    const int stop = setup->options.refine >= 0 ? 0 : settle ? count : 1;
+    const double given = setup->config.weights.tv;
+    const int psf_alone = hada_model_get_info(setup->model)->refine_tv == HADA_AUTO; /* rho was not fitted either */
+    const hada_maker_steps steps = {.steps = setup->config.steps,
+                                    .stop = setup->options.refine >= 0 ? 0
+                                            : settle                   ? count
+                                                                       : 1,
+                                    .tv = psf_alone ? given : 0.0};
     hada_report *report = &frame->result->memory->report;
-    /* pursuit may have worked in the same memory since the last time */
-    HADA_TRY(hada_maker_weigh(&pipeline->maker, &frame->exposure, err));
-    HADA_TRY(choose_weight(pipeline, frame, count, err));
-    const hada_maker_steps steps = {.steps = setup->config.steps, .stop = stop, .tv = report->refine_tv};
-    HADA_TRY(hada_maker_refine(maker, &steps, hada_exposure_noise_unit(&frame->exposure, maker->noise_share), count,
-                               pipeline->occupied, &frame->result->memory->report.refine_steps, err));
-    HADA_TRY(hada_refiner_residual_later(pipeline->refiner, &maker->data, 1, count, pipeline->occupied, err));
+    hada_maker_choice choice = {0};
+    if (setup->config.choose) /* may be known from planes that were refined before */
+        choice = (hada_maker_choice){report->refine_tv, report->refine_tv_factor, 0};
+    HADA_TRY(hada_maker_refine_exposure(&pipeline->maker, &frame->exposure, &steps, count, pipeline->occupied, &choice,
+                                        &report->refine_steps, err));
+    report->refine_tv = setup->config.choose ? choice.tv : given;
+    report->refine_tv_factor = choice.factor;
+    HADA_TRY(hada_refiner_residual_later(pipeline->refiner, &pipeline->maker.data, 1, count, pipeline->occupied, err));
     pipeline->residual_due = 1;
     return HADA_OK;
 }

@@ -154,23 +154,18 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     HADA_TRY(check_options(info, options, err));
     *config = (hada_config){.depths = options->depths ? options->depth_count : info->depths};
     /* auto: what leave-one-out found to pay for this camera */
-    config->steps = options->refine >= 0 ? options->refine : info->has_otf ? info->refine_steps : 0;
+    const hada_maker_way way = hada_maker_way_of(info, options->refine_tv);
+    config->steps = options->refine >= 0 ? options->refine : way.steps;
     config->parting = options->refine < 0 && config->depths > 1;
-    const double tv = options->refine_tv == HADA_AUTO ? info->refine_tv : options->refine_tv;
-    config->choose = tv == HADA_REFINE_TV_FRAME || tv == HADA_AUTO;
-    config->weights.tv = config->choose ? 0.0 : tv;
-    /* no fit has measured what pays beside a weight that is found from the frame */
-    const int measured = !config->choose || info->refine_tv > 0.0;
-    config->weights.colour = options->refine_colour >= 0 ? options->refine_colour
-                             : measured                  ? info->refine_colour
-                                                         : HADA_REFINE_COLOUR;
-    config->weights.shrink = options->refine_shrink >= 0 ? options->refine_shrink
-                             : measured                  ? info->refine_shrink
-                                                         : HADA_REFINE_SHRINK;
+    config->weights = way.weights;
+    if (options->refine_colour >= 0)
+        config->weights.colour = options->refine_colour;
+    if (options->refine_shrink >= 0)
+        config->weights.shrink = options->refine_shrink;
     config->crosstalk = options->crosstalk >= 0 ? options->crosstalk : HADA_CROSSTALK;
     HADA_TRY(use_classic(info, options, config, err));
     config->joint = config->steps > 0;
-    config->choose = config->choose && config->joint && !config->classic;
+    config->choose = way.choose && config->joint && !config->classic;
     config->pursuit =
         config->joint && !config->classic && options->occupied == HADA_OCCUPIED_AUTO && config->depths > 1;
     config->dark = options->dark == HADA_DARK_FRAME;
@@ -213,7 +208,7 @@ hada_refine_shape hada_config_refine(const hada_config *config, const hada_model
     hada_refine_shape refine = hada_refine_shape_of(hada_model_get_info(model), config->depths, steps);
     refine.settle = config->parting;
     refine.tv = config->choose || config->weights.tv > 0;
-    if (config->choose) /* held-out pixels need the data's split */
+    if (config->choose)
         refine.boundary = HADA_BOUNDARY_PADDED;
     refine.shrink = config->weights.shrink > 0;
     refine.crosstalk = config->crosstalk > 0 && config->depths > 1;

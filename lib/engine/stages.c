@@ -26,7 +26,7 @@ hada_status hada_pipeline_load(hada_pipeline *pipeline, hada_frame *frame, hada_
         return HADA_OK;
     pipeline->loaded = 0;
     hada_pipeline_apply_skip(pipeline, frame);
-    const hada_exposure *exposure = &frame->exposure;
+    const hada_frame_exposure *exposure = &frame->exposure;
     const int on_device = frame->device && !exposure->own.data; /* repaired pixels are on the host alone */
     HADA_TRY(on_device
                  ? hada_hadamard_frame_from(pipeline->stage, frame->device, frame->device_offset, exposure->levels, err)

@@ -31,7 +31,6 @@ struct hada_pipeline {
     int *occupied;         /* a list of computed depths, ascending */
     int residual_due;      /* 1: the residual of the current frame is being read */
     uint64_t loaded;       /* serial of the frame with its spectrum in the stage; 0: none */
-    uint64_t chosen;       /* serial of the frame whose weight of total variation is in its report; 0: none */
 };
 
 /* Bytes of device memory that the plan leaves to a pipeline for what a frame may need beyond it. */

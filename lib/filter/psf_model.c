@@ -188,20 +188,17 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
                       "lambda, refine_tv and dark levels must be finite, lambda above 0 and refine_tv not negative"));
     HADA_TRY_OR_DONE(check_psfs(psfs, depths, err));
     const choice *chosen = options->boundary == HADA_BOUNDARY_PADDED ? &for_padded : &for_circular;
-    hada_model_info info = {
-        .depths = depths,
-        .channels = psfs->channels,
-        .form = options->form,
-        .boundary = options->boundary,
-        .lambda = options->lambda > 0.0 ? options->lambda : chosen->lambda,
-        .dark = options->dark,
-        .refine_steps = options->refine_steps < 0 ? chosen->steps : options->refine_steps,
-        .refine_rho = chosen->rho,
-        /* held-out pixels need the data step of a sensor that crops, which circular cameras do without */
-        .refine_tv =
-            options->refine_tv == HADA_AUTO && options->boundary == HADA_BOUNDARY_CIRCULAR ? 0.0 : options->refine_tv,
-        .has_otf = 1,
-        .distances_mm = distances_mm};
+    hada_model_info info = {.depths = depths,
+                            .channels = psfs->channels,
+                            .form = options->form,
+                            .boundary = options->boundary,
+                            .lambda = options->lambda > 0.0 ? options->lambda : chosen->lambda,
+                            .dark = options->dark,
+                            .refine_steps = options->refine_steps < 0 ? chosen->steps : options->refine_steps,
+                            .refine_rho = chosen->rho,
+                            .refine_tv = options->refine_tv,
+                            .has_otf = 1,
+                            .distances_mm = distances_mm};
     if (info.form == HADA_FORM_MATCHED)
         info.lambda = 0.0;
     HADA_TRY_OR_DONE(

@@ -25,7 +25,8 @@
 
 enum {
     STEPS = 6, /* with each weight after the first, which takes HADA_CHOICE_STEPS from nothing */
-    MOST = 11  /* weights */
+    MOST = 11, /* weights downwards, the first one among them */
+    UP = 2     /* weights above the first one, if that is the best */
 };
 
 typedef struct trial {
@@ -38,12 +39,13 @@ typedef struct sweep {
     const int *list;
     double unit;
     int steps; /* done */
-    trial trials[MOST];
-    int tried;
+    double first;
+    trial trials[UP + MOST]; /* from large to small weights, the first one at UP */
 } sweep;
 
-static hada_status try_weight(sweep *s, double tv, hada_error *err)
+static hada_status try_weight(sweep *s, int at, hada_error *err)
 {
+    const double tv = s->first * pow(RATIO, UP - at);
     const hada_plane_maker *maker = s->maker;
     const hada_model_info *info = hada_model_get_info(maker->model);
     const hada_refine_weights weights = {tv, maker->weights.colour, 0.0};
@@ -61,15 +63,14 @@ static hada_status try_weight(sweep *s, double tv, hada_error *err)
     rule.start = s->steps ? HADA_REFINE_CONTINUE : HADA_REFINE_COLD;
     rule.quiet = 1;
     held.weights = maker->held.mem;
-    trial *now = &s->trials[s->tried++];
-    *now = (trial){.tv = tv};
+    s->trials[at] = (trial){.tv = tv};
     HADA_TRY(hada_refiner_run(maker->refiner, &maker->data, &rule, 1, s->count, s->list, &done, err));
     s->steps += done;
-    return hada_refiner_residual(maker->refiner, &held, 1, s->count, s->list, &now->left, err);
+    return hada_refiner_residual(maker->refiner, &held, 1, s->count, s->list, &s->trials[at].left, err);
 }
 
 /* Leaves some of the values out, the same ones of every frame. */
-static hada_status hold_out(hada_plane_maker *maker, const hada_exposure *exposure, hada_error *err)
+static hada_status hold_out(hada_plane_maker *maker, const hada_frame_exposure *exposure, hada_error *err)
 {
     const size_t count = hada_exposure_count(exposure), bytes = count * sizeof(float);
     float *weights = NULL, *held = NULL;
@@ -102,29 +103,47 @@ static void interpolate(const trial *near, hada_maker_choice *choice)
     choice->factor = bend > 0.0 ? pow(RATIO, sqrt(2.0 * 0.01 * b / bend)) : 0.0;
 }
 
-hada_status hada_maker_choose(hada_plane_maker *maker, const hada_exposure *exposure, int count, const int *list,
+hada_status hada_maker_choose(hada_plane_maker *maker, const hada_frame_exposure *exposure, int count, const int *list,
                               hada_maker_choice *choice, hada_error *err)
 {
     const double mean_square = exposure->energy / (double)hada_exposure_count(exposure);
     const double usual = USUAL * hada_noise_estimate(&exposure->pixels) / sqrt(fmax(mean_square, 1e-300));
     const double most = fmin(fmax(FIRST_OF_USUAL * usual, 1e-3), LARGEST);
     sweep s = {.maker = maker, .count = count, .list = list, .unit = mean_square};
-    int best = 0;
+    int best = UP, from = UP, to = UP;
     *choice = (hada_maker_choice){0};
     HADA_TRY(hold_out(maker, exposure, err));
     /* on fixed places, so that frames of a sequence choose alike */
-    const double first = pow(RATIO, ceil(log(most) / log(RATIO)));
-    while (s.tried < MOST) {
-        HADA_TRY(try_weight(&s, first * pow(RATIO, -s.tried), err));
-        const double now = s.trials[s.tried - 1].left;
-        if (now < s.trials[best].left)
-            best = s.tried - 1;
-        else if (best < s.tried - 2 || now > WORSE * s.trials[best].left)
+    s.first = pow(RATIO, ceil(log(most) / log(RATIO)));
+    for (int at = UP; at < UP + MOST; at++) {
+        HADA_TRY(try_weight(&s, to = at, err));
+        if (s.trials[at].left < s.trials[best].left)
+            best = at;
+        else if (at > best + 1 || s.trials[at].left > WORSE * s.trials[best].left)
             break;
+    }
+    while (best == from && from > 0) {
+        HADA_TRY(try_weight(&s, --from, err));
+        if (s.trials[from].left < s.trials[best].left)
+            best = from;
     }
     choice->tv = s.trials[best].tv;
     choice->steps = s.steps;
-    if (best > 0 && best + 1 < s.tried)
+    if (best > from && best < to)
         interpolate(s.trials + best - 1, choice);
     return hada_maker_weigh(maker, exposure, err);
+}
+
+hada_status hada_maker_refine_exposure(hada_plane_maker *maker, const hada_frame_exposure *exposure,
+                                       const hada_maker_steps *steps, int count, const int *list,
+                                       hada_maker_choice *choice, int *done, hada_error *err)
+{
+    hada_maker_steps own = *steps;
+    HADA_TRY(hada_maker_weigh(maker, exposure, err));
+    if (maker->held.mem && !(choice->tv > 0.0))
+        HADA_TRY(hada_maker_choose(maker, exposure, count, list, choice, err));
+    if (choice->tv > 0.0)
+        own.tv = choice->tv;
+    return hada_maker_refine(maker, &own, hada_exposure_noise_unit(exposure, maker->noise_share), count, list, done,
+                             err);
 }

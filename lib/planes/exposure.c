@@ -149,7 +149,7 @@ static void hash(uint64_t lanes[LANES], const float *values, size_t count)
     }
 }
 
-uint64_t hada_exposure_sample(const hada_exposure *exposure)
+uint64_t hada_exposure_sample(const hada_frame_exposure *exposure)
 {
     enum { STRETCHES = 16, PIXELS = 64 };
     const size_t plane = (size_t)exposure->came.rows * (size_t)exposure->came.cols;
@@ -172,12 +172,12 @@ static void add_energy(double sums[SUMS], const float *values, const float *belo
         }
 }
 
-static size_t plane_of(const hada_exposure *exposure)
+static size_t plane_of(const hada_frame_exposure *exposure)
 {
     return (size_t)exposure->came.rows * (size_t)exposure->came.cols;
 }
 
-size_t hada_exposure_count(const hada_exposure *exposure)
+size_t hada_exposure_count(const hada_frame_exposure *exposure)
 {
     return (size_t)exposure->came.channels * plane_of(exposure);
 }
@@ -202,7 +202,7 @@ static void count_bright(examination *look, const float *values, size_t count)
     look->near += above - equal;
 }
 
-static void pass(const hada_exposure *exposure, examination *look, int what)
+static void pass(const hada_frame_exposure *exposure, examination *look, int what)
 {
     const size_t plane = plane_of(exposure);
     const float *dark = look->rule->dark_frame;
@@ -227,7 +227,7 @@ static void pass(const hada_exposure *exposure, examination *look, int what)
 }
 
 /* From now on the exposure's pixels are floats of its own. */
-static hada_status copy(hada_exposure *exposure, hada_error *err)
+static hada_status copy(hada_frame_exposure *exposure, hada_error *err)
 {
     if (!exposure->own.data)
         HADA_TRY(hada_pixels_copy(&exposure->came, &exposure->own, err));
@@ -235,7 +235,7 @@ static hada_status copy(hada_exposure *exposure, hada_error *err)
     return HADA_OK;
 }
 
-static hada_status repair(hada_exposure *exposure, const examination *look, hada_error *err)
+static hada_status repair(hada_frame_exposure *exposure, const examination *look, hada_error *err)
 {
     if (!look->rule->repairs)
         return hada_fail(err, HADA_ERROR_NOT_FINITE,
@@ -247,7 +247,7 @@ static hada_status repair(hada_exposure *exposure, const examination *look, hada
 }
 
 /* The first percentile: of whole numbers by counting them, of floats by selection. */
-static hada_status find_levels(hada_exposure *exposure, hada_error *err)
+static hada_status find_levels(hada_frame_exposure *exposure, hada_error *err)
 {
     const hada_pixels *pixels = &exposure->pixels;
     void *room = NULL;
@@ -260,7 +260,7 @@ done:
     return status;
 }
 
-static int all_below(const hada_exposure *exposure, double level)
+static int all_below(const hada_frame_exposure *exposure, double level)
 {
     const size_t plane = plane_of(exposure);
     float room[CHUNK];
@@ -275,23 +275,23 @@ static int all_below(const hada_exposure *exposure, double level)
     return 1;
 }
 
-hada_status hada_exposure_begin(hada_exposure *exposure, const hada_model_info *info, const hada_pixels *pixels,
+hada_status hada_exposure_begin(hada_frame_exposure *exposure, const hada_model_info *info, const hada_pixels *pixels,
                                 hada_error *err)
 {
-    *exposure = (hada_exposure){.info = info, .came = *pixels, .pixels = *pixels};
+    *exposure = (hada_frame_exposure){.info = info, .came = *pixels, .pixels = *pixels};
     HADA_TRY(hada_frame_check_size(info, pixels->channels, pixels->rows, pixels->cols, err));
     return hada_allocated(exposure->levels =
                               hada_alloc((size_t)info->channels, sizeof *exposure->levels, "a frame", err));
 }
 
-void hada_exposure_end(hada_exposure *exposure)
+void hada_exposure_end(hada_frame_exposure *exposure)
 {
     hada_image_destroy(&exposure->own);
     free(exposure->levels);
     exposure->levels = NULL;
 }
 
-hada_status hada_exposure_examine(hada_exposure *exposure, const hada_exposure_rule *rule, hada_error *err)
+hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_exposure_rule *rule, hada_error *err)
 {
     const hada_model_info *info = exposure->info;
     const int at_once = rule->energy && !rule->dark_varies;
@@ -334,7 +334,7 @@ hada_status hada_exposure_examine(hada_exposure *exposure, const hada_exposure_r
     return HADA_OK;
 }
 
-size_t hada_exposure_weigh(const hada_exposure *exposure, float *weights)
+size_t hada_exposure_weigh(const hada_frame_exposure *exposure, float *weights)
 {
     const hada_pixels *came = &exposure->came;
     const size_t plane = plane_of(exposure);
@@ -355,7 +355,7 @@ size_t hada_exposure_weigh(const hada_exposure *exposure, float *weights)
     return good;
 }
 
-double hada_exposure_noise_unit(const hada_exposure *exposure, double share)
+double hada_exposure_noise_unit(const hada_frame_exposure *exposure, double share)
 {
     return hada_noise_unit(&exposure->pixels, share, exposure->energy / (double)hada_exposure_count(exposure));
 }

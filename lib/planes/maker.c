@@ -1,6 +1,8 @@
 /* Planes on the device: linear filters, or depths that are refined together. */
 #include "planes/maker.h"
 
+#include <hadalens/reconstruct.h>
+
 #include <stdlib.h>
 
 #include "core/alloc.h"
@@ -14,6 +16,24 @@ void hada_maker_use_otf(hada_plane_maker *maker, cl_mem otf, size_t offset, int 
                                      .otf_offset = offset,
                                      .otf_depths = depths,
                                      .prior = prior};
+}
+
+hada_maker_way hada_maker_way_of(const hada_model_info *info, double tv)
+{
+    const double own = tv == HADA_AUTO ? info->refine_tv : tv;
+    hada_maker_way way = {.steps = info->has_otf ? info->refine_steps : 0,
+                          .weights = {own, info->refine_colour, info->refine_shrink},
+                          .boundary = info->boundary};
+    way.choose = own == HADA_AUTO || own == HADA_REFINE_TV_FRAME;
+    if (!way.choose)
+        return way;
+    way.boundary = HADA_BOUNDARY_PADDED;
+    way.weights.tv = 0.0;
+    if (info->refine_tv == HADA_AUTO) /* no fit has measured what pays beside it */
+        way.weights = (hada_refine_weights){0.0, HADA_REFINE_COLOUR, HADA_REFINE_SHRINK};
+    if (way.steps > 0 && way.steps < HADA_CHOSEN_STEPS)
+        way.steps = HADA_CHOSEN_STEPS;
+    return way;
 }
 
 hada_status hada_maker_make_weights(hada_plane_maker *maker, int choose, hada_error *err)
@@ -31,7 +51,7 @@ void hada_maker_free_weights(hada_plane_maker *maker)
     hada_buffer_destroy(&maker->held);
 }
 
-hada_status hada_maker_weigh(hada_plane_maker *maker, const hada_exposure *exposure, hada_error *err)
+hada_status hada_maker_weigh(hada_plane_maker *maker, const hada_frame_exposure *exposure, hada_error *err)
 {
     float *weights = NULL;
     hada_status status = HADA_OK;

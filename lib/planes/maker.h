@@ -26,7 +26,7 @@ typedef struct hada_exposure_rule {
     int hash;    /* 1: the hash is needed */
 } hada_exposure_rule;
 
-typedef struct hada_exposure {
+typedef struct hada_frame_exposure {
     const hada_model_info *info;
     hada_pixels came;           /* the caller's pixels, which must stay */
     hada_pixels pixels;         /* what goes to the device: these, or `own` */
@@ -36,29 +36,29 @@ typedef struct hada_exposure {
     double energy;              /* sum of squares above dark levels and dark frame */
     size_t repaired, saturated; /* pixels */
     uint64_t hash[2];           /* of the floats as they came: frames of equal hashes are taken to be equal */
-} hada_exposure;
+} hada_frame_exposure;
 
 /* Checks the size. After a failure there is nothing to end. */
-hada_status hada_exposure_begin(hada_exposure *exposure, const hada_model_info *info, const hada_pixels *pixels,
+hada_status hada_exposure_begin(hada_frame_exposure *exposure, const hada_model_info *info, const hada_pixels *pixels,
                                 hada_error *err);
-void hada_exposure_end(hada_exposure *exposure);
+void hada_exposure_end(hada_frame_exposure *exposure);
 
 /* Reads the frame from memory once, and once more where its dark level has to be known first: pixels that are not
  * finite, the largest value, dark levels, energy, hash. May be called again. HADA_ERROR_NOT_FINITE; HADA_ERROR_NUMERIC
  * where single precision cannot hold the frame's spectrum; HADA_ERROR_MODEL where no pixel is above a dark level. */
-hada_status hada_exposure_examine(hada_exposure *exposure, const hada_exposure_rule *rule, hada_error *err);
+hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_exposure_rule *rule, hada_error *err);
 
 /* Weights of the frame's values, as hada_refine_data has them: 0 for those that were repaired, -1 for saturated ones,
  * else 1. Returns how many are above 0. */
-size_t hada_exposure_weigh(const hada_exposure *exposure, float *weights);
+size_t hada_exposure_weigh(const hada_frame_exposure *exposure, float *weights);
 
 /* A hash of a few of its pixels as they came: frames whose samples differ are not equal. */
-uint64_t hada_exposure_sample(const hada_exposure *exposure);
+uint64_t hada_exposure_sample(const hada_frame_exposure *exposure);
 
 /* The number of its values, and the unit of weights that are proportional to noise (image/statistics.h). share:
  * hada_model_noise_share(), or 0. */
-size_t hada_exposure_count(const hada_exposure *exposure);
-double hada_exposure_noise_unit(const hada_exposure *exposure, double share);
+size_t hada_exposure_count(const hada_frame_exposure *exposure);
+double hada_exposure_noise_unit(const hada_frame_exposure *exposure, double share);
 
 /* Single precision holds the spectrum of a frame whose brightest pixel has the size `largest` on a grid of `points`
  * points, and the squares of both: sizes from 2^-40 to 2^63 / points. HADA_ERROR_NUMERIC else. */
@@ -89,10 +89,23 @@ hada_status hada_maker_make_weights(hada_plane_maker *maker, int choose, hada_er
 void hada_maker_free_weights(hada_plane_maker *maker);
 
 /* Brings the weights of a frame's pixels to the device; none where all are equal. */
-hada_status hada_maker_weigh(hada_plane_maker *maker, const hada_exposure *exposure, hada_error *err);
+hada_status hada_maker_weigh(hada_plane_maker *maker, const hada_frame_exposure *exposure, hada_error *err);
 
-/* Steps in a row that choosing a weight takes; the refiner must be made for as many. */
-enum { HADA_CHOICE_STEPS = 12 };
+/* Steps in a row that choosing a weight takes, for which the refiner must be made, and steps that refinement with a
+ * chosen weight takes at least. */
+enum { HADA_CHOICE_STEPS = 12, HADA_CHOSEN_STEPS = 20 };
+
+/* How planes are refined if nobody says otherwise. */
+typedef struct hada_maker_way {
+    int steps;                   /* 0: not refined */
+    int choose;                  /* 1: the weight of total variation is found from each frame */
+    hada_refine_weights weights; /* tv is 0 with `choose` */
+    hada_boundary boundary;      /* of the refiner: held-out pixels need the data step of a sensor that crops */
+} hada_maker_way;
+
+/* tv: a weight of total variation; HADA_AUTO: the model's, or found from each frame where it knows none;
+ * HADA_REFINE_TV_FRAME: found from each frame. */
+hada_maker_way hada_maker_way_of(const hada_model_info *info, double tv);
 
 /* The weight of total variation that a frame chooses. */
 typedef struct hada_maker_choice {
@@ -103,7 +116,7 @@ typedef struct hada_maker_choice {
 
 /* Finds the weight of total variation with which the planes of `count` depths predict held-out pixels best
  * (choose_weight.c). The frame's own weights must be on the device, and are there afterwards. */
-hada_status hada_maker_choose(hada_plane_maker *maker, const hada_exposure *exposure, int count, const int *list,
+hada_status hada_maker_choose(hada_plane_maker *maker, const hada_frame_exposure *exposure, int count, const int *list,
                               hada_maker_choice *choice, hada_error *err);
 
 /* What the refiner reads from the maker's stage and bank: transfer functions from `depth` on. */
@@ -112,18 +125,24 @@ void hada_maker_use_otf(hada_plane_maker *maker, cl_mem otf, size_t offset, int 
 /* `count` linear planes from depth `first` of the bank, clipped at zero, into `planes` (enqueued). */
 hada_status hada_maker_filter(const hada_plane_maker *maker, int first, int count, cl_mem planes, hada_error *err);
 
-/* How refinement ends. */
+/* How far refinement goes. */
 typedef struct hada_maker_steps {
     int steps;  /* at most; exactly where stop is 0 */
     int stop;   /* 0: never early; 1: when the residual settles; n > 1: when n planes settle, too */
     int before; /* steps that were done before, which these continue */
-    double tv;  /* weight of total variation, where it is above 0; else the maker's */
+    double tv;  /* weight of total variation, which rho follows (hada_refine_rule_follow()); 0: the maker's */
 } hada_maker_steps;
 
 /* Refines the planes of `count` depths of the transfer functions together; weights are in `unit`s (of the exposure's
  * noise). *done (may be NULL): the steps. The planes are hada_refiner_planes(). */
 hada_status hada_maker_refine(const hada_plane_maker *maker, const hada_maker_steps *steps, double unit, int count,
                               const int *list, int *done, hada_error *err);
+
+/* The same for an exposure, with the weights of its pixels. A maker with held-out pixels finds the weight of total
+ * variation if choice->tv is 0; *choice says which one was taken. */
+hada_status hada_maker_refine_exposure(hada_plane_maker *maker, const hada_frame_exposure *exposure,
+                                       const hada_maker_steps *steps, int count, const int *list,
+                                       hada_maker_choice *choice, int *done, hada_error *err);
 
 /* Several refined planes fade where others are far brighter: by this share of crosstalk; 0: none does. */
 hada_status hada_maker_fade(const hada_plane_maker *maker, int count, double share, hada_error *err);

@@ -115,7 +115,7 @@ void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info,
 
 void hada_refine_rule_follow(hada_refine_rule *rule, double tv, double gain, double per, double most)
 {
-    rule->rho = gain * fmin(fmax(per * tv, LEAST_RHO), most);
+    rule->rho = gain * fmin(fmax(per * tv, LEAST_RHO), fmax(most, tv));
     rule->first_rho = fmin(rule->first_rho, rule->rho);
 }
 

@@ -110,11 +110,6 @@ struct hada_planes {
     int others;                /* 1: a plane comes with the sum of the others */
 };
 
-static int is_refined(const hada_model_info *info)
-{
-    return info->has_otf && info->refine_steps > 0;
-}
-
 /* Depths that are explained together, at most. */
 static int most_depths(const hada_model_info *info, int composes)
 {
@@ -123,18 +118,20 @@ static int most_depths(const hada_model_info *info, int composes)
 
 static hada_refine_shape refine_shape(const hada_model_info *info, int composes)
 {
+    const hada_maker_way way = hada_maker_way_of(info, HADA_AUTO);
     const int depths = most_depths(info, composes);
     hada_refine_shape shape =
-        hada_refine_shape_of(info, depths, is_refined(info) ? hada_refine_most_steps(info->refine_steps, depths) : 1);
+        hada_refine_shape_of(info, depths, way.steps ? hada_refine_most_steps(way.steps, depths) : 1);
+    shape.boundary = way.boundary;
     shape.settle = shape.crosstalk = depths > 1;
-    shape.tv = info->refine_tv > 0;
-    shape.shrink = info->refine_shrink > 0;
+    shape.tv = way.choose || way.weights.tv > 0;
+    shape.shrink = way.weights.shrink > 0;
     return shape;
 }
 
 static int bank_parts(const hada_model_info *info, int composes)
 {
-    const int refined = is_refined(info);
+    const int refined = hada_maker_way_of(info, HADA_AUTO).steps > 0;
     return (refined ? 0 : HADA_BANK_FILTERS) | (refined || composes ? HADA_BANK_OTFS : 0);
 }
 
@@ -161,7 +158,8 @@ hada_status hada_planes_create(hada_planes **out, hada_slot *slot, const hada_mo
                                hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(model);
-    const int refined = is_refined(info);
+    const hada_maker_way way = hada_maker_way_of(info, HADA_AUTO);
+    const int refined = way.steps > 0;
     const hada_refine_shape shape = refine_shape(info, composes);
     hada_planes *planes = NULL;
     hada_status status = HADA_OK;
@@ -184,12 +182,14 @@ hada_status hada_planes_create(hada_planes **out, hada_slot *slot, const hada_mo
         HADA_TRY_OR_DONE(hada_buffer_create(&planes->planes, slot->context, plane_bytes(info), "a plane", err));
     }
     planes->maker = (hada_plane_maker){.slot = slot,
-                                       .boundary = hada_model_get_info(model)->boundary,
+                                       .boundary = way.boundary,
                                        .model = model,
                                        .stage = planes->stage,
                                        .bank = planes->bank,
                                        .refiner = planes->refiner,
-                                       .weights = {info->refine_tv, info->refine_colour, info->refine_shrink}};
+                                       .weights = way.weights};
+    if (refined && way.boundary == HADA_BOUNDARY_PADDED)
+        HADA_TRY_OR_DONE(hada_maker_make_weights(&planes->maker, way.choose, err));
     if (refined && info->refine_tv > 0 && !slot->context->dry)
         planes->maker.noise_share = hada_model_noise_share(model);
 done:
@@ -206,6 +206,7 @@ void hada_planes_destroy(hada_planes **pointer)
     hada_planes *planes = *pointer;
     *pointer = NULL;
     hada_slot_finish(planes->maker.slot, NULL);
+    hada_maker_free_weights(&planes->maker);
     hada_refiner_destroy(&planes->refiner);
     hada_bank_destroy(&planes->bank);
     hada_hadamard_destroy(&planes->stage);
@@ -230,18 +231,19 @@ hada_status hada_planes_bytes(const hada_context *context, const hada_model *mod
 
 /* Depths that are refined together: all of a composed frame's, counted from the first one of the camera, or the pair's
  * alone. */
-static hada_status refine(hada_planes *planes, int depth, const hada_exposure *exposure, const hada_composed *composed,
-                          hada_error *err)
+static hada_status refine(hada_planes *planes, int depth, const hada_frame_exposure *exposure,
+                          const hada_composed *composed, hada_error *err)
 {
     hada_plane_maker *maker = &planes->maker;
     const int one[1] = {0}, several = composed->count, count = several ? several : 1;
-    const hada_maker_steps steps = {.steps = planes->info->refine_steps, .stop = count};
+    const hada_maker_steps steps = {.steps = hada_maker_way_of(planes->info, HADA_AUTO).steps, .stop = count};
+    hada_maker_choice choice = {0};
     size_t image;
     int depths;
     const cl_mem otf = hada_bank_otf(planes->bank, several ? 0 : depth, &image, &depths);
     hada_maker_use_otf(maker, otf, image * planes->stage->layout.count, depths, planes->prior.mem);
-    HADA_TRY(hada_maker_refine(maker, &steps, hada_exposure_noise_unit(exposure, maker->noise_share), count,
-                               several ? composed->depth : one, NULL, err));
+    HADA_TRY(hada_maker_refine_exposure(maker, exposure, &steps, count, several ? composed->depth : one, &choice, NULL,
+                                        err));
     return hada_maker_fade(maker, count, HADA_CROSSTALK, err);
 }
 
@@ -250,9 +252,11 @@ static hada_status expose(hada_planes *planes, int depth, const hada_image *raw,
                           hada_error *err)
 {
     const hada_model_info *info = planes->info;
-    const hada_exposure_rule rule = {
-        .dark_varies = info->dark < 0, .dark = info->dark, .energy = planes->refiner != NULL};
-    hada_exposure exposure;
+    const hada_exposure_rule rule = {.dark_varies = info->dark < 0,
+                                     .dark = info->dark,
+                                     .energy = planes->refiner != NULL,
+                                     .weights = planes->refiner != NULL};
+    hada_frame_exposure exposure;
     hada_pixels pixels;
     hada_status status = HADA_OK;
     hada_pixels_of_image(&pixels, raw);

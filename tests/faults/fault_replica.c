@@ -32,11 +32,12 @@ static hada_status make_nets(nets *all, hada_error *err)
 }
 
 /* Forward, backward, norm, an update of everything, and a look. */
-static hada_status step(fault_job *job, hada_replica *replica, hada_error *err)
+static hada_status step(fault_job *job, hada_replica *replica, hada_stage stage, hada_error *err)
 {
     static const unsigned char touched[JOB_DEPTHS] = {1, 1};
-    const hada_sample samples[2] = {{0, &job->frame[0][0], &job->scene[0][0], 1, 0.0},
-                                    {1, &job->frame[1][0], &job->scene[1][0], 2, 0.5}};
+    hada_image(*inputs)[JOB_PAIRS] = stage == HADA_STAGE_FILTERS ? job->frame : job->scene; /* planes are as scenes */
+    const hada_sample samples[2] = {{0, &inputs[0][0], &job->scene[0][0], 1, 0.0},
+                                    {1, &inputs[1][0], &job->scene[1][0], 2, 0.5}};
     hada_terms terms;
     hada_image before = {0}, after = {0};
     double norms[2];
@@ -99,8 +100,9 @@ static hada_status train(fault_job *job, hada_slot *slot, hada_stage stage, cons
     hada_replica *replica;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_replica_create(&replica, slot, &desc, err));
-    HADA_TRY_OR_DONE(step(job, replica, err));
-    HADA_TRY_OR_DONE(copy_filters(replica, job, err));
+    HADA_TRY_OR_DONE(step(job, replica, stage, err));
+    if (stage == HADA_STAGE_FILTERS)
+        HADA_TRY_OR_DONE(copy_filters(replica, job, err));
 done:
     hada_replica_destroy(&replica);
     return status;

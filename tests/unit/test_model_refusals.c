@@ -54,7 +54,7 @@ TEST(numbers_that_no_camera_has)
     REFUSED(form, (hada_form)99, "form or boundary");
     REFUSED(boundary, (hada_boundary)0, "form or boundary");
     REFUSED(boundary, (hada_boundary)99, "form or boundary");
-    const double wrong[] = {NAN, INFINITY, -1.0};
+    const double wrong[] = {NAN, INFINITY, -1.5};
     for (int i = 0; i < 3; i++) {
         REFUSED(alpha, wrong[i], "not usable numbers");
         REFUSED(lambda, wrong[i], "not usable numbers");

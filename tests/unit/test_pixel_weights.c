@@ -21,12 +21,20 @@ static bench make(hada_boundary boundary)
                 const int inside = i >= 3 && i < 15 && j >= 5 && j < 18;
                 b.scene.data[(c * WINDOW + i) * WINDOW + j] = inside ? 0.4f + 0.2f * (float)c : 0.15f;
             }
+    /* a fainter spot on the axis, so that light which saturates a pixel reaches others */
+    for (int c = 0; c < CHANNELS; c++) {
+        float *to = b.psf.data + c * ROWS * COLS, *axis = to + (ROWS / 2) * COLS + COLS / 2;
+        const float rest = 1.0f - 0.8f * *axis;
+        *axis *= 0.2f;
+        for (int i = 0; i < ROWS * COLS; i++)
+            to[i] /= rest;
+    }
     DEFAULTS(hada_psf_options, options);
     options.window_rows = options.window_cols = WINDOW;
     options.psf_dark = options.dark = 0;
     options.boundary = boundary;
     ASSERT_OK(hada_model_from_psf(&b.model, context, &b.psf, 1, &distance, &options, err));
-    assert_true(hada_model_get_info(b.model)->refine_tv == (boundary == HADA_BOUNDARY_PADDED ? HADA_AUTO : 0));
+    assert_true(hada_model_get_info(b.model)->refine_tv == HADA_AUTO);
     return b;
 }
 
@@ -53,8 +61,7 @@ static double solve(const bench *b, const hada_image *frame, double tv, int repa
     return error;
 }
 
-/* The weight goes by the noise, and the planes are better than with a large one or, where noise is strong, without any,
- * for both boundaries. */
+/* The weight goes by the noise; planes are better than without any, and with little noise than with a large one. */
 TEST(frames_choose_their_weight)
 {
     static const hada_boundary boundaries[] = {HADA_BOUNDARY_CIRCULAR, HADA_BOUNDARY_PADDED};
@@ -63,18 +70,17 @@ TEST(frames_choose_their_weight)
         hada_report chosen[2], given;
         for (int strong = 0; strong < 2; strong++) {
             hada_image frame =
-                small_frame(&b.psf, &b.scene, boundaries[k] == HADA_BOUNDARY_PADDED, strong ? 0.1 : 0.005, 5);
+                small_frame(&b.psf, &b.scene, boundaries[k] == HADA_BOUNDARY_PADDED, strong ? 0.03 : 0.01, 5);
             const double own = solve(&b, &frame, HADA_REFINE_TV_FRAME, 0, &chosen[strong]);
             const double none = solve(&b, &frame, 0, 0, &given);
             const double much = solve(&b, &frame, 0.3, 0, &given);
             assert_true(given.refine_tv == 0.3 && given.refine_tv_factor == 0);
-            if ((strong && own > 0.7 * none) || own > (strong ? 1.1 : 0.7) * much)
+            if (own > 0.95 * none || own > (strong ? 1.5 : 0.9) * much)
                 fail_msg("boundary %zu, noise %d: error %.3g, without total variation %.3g, with much %.3g", k, strong,
                          own, none, much);
-            assert_true(chosen[strong].refine_tv > 0);
             hada_image_destroy(&frame);
         }
-        assert_true(chosen[1].refine_tv > 2 * chosen[0].refine_tv);
+        assert_true(chosen[0].refine_tv > 0.0 && chosen[1].refine_tv > chosen[0].refine_tv);
         unmake(&b);
     }
 }
@@ -93,13 +99,13 @@ TEST(spoiled_pixels_have_weights)
     for (size_t i = 0; i < count; i++)
         largest = fmaxf(largest, frame.data[i]);
     for (size_t i = 0; i < count; i++)
-        if (frame.data[i] > 0.9f * largest) {
-            frame.data[i] = 0.9f * largest;
+        if (frame.data[i] > 0.8f * largest) {
+            frame.data[i] = 0.8f * largest;
             cut++;
         }
     const double clipped = solve(&b, &frame, 1e-3, 0, &report);
     assert_int_equal(report.saturated_pixels, cut);
-    assert_true(cut >= 16);
+    assert_true(cut >= 64);
     for (size_t i = 7; i < count; i += 97)
         frame.data[i] = NAN;
     const double holes = solve(&b, &frame, 1e-3, 1, &report);

@@ -77,7 +77,7 @@ static hada_fit_options sizes(void)
 
 static const int counts[DEPTHS] = {PAIRS, PAIRS, PAIRS, PAIRS};
 
-static hada_survey *ask(pairs *set, hada_survey_exposure exposure)
+static hada_survey *ask(pairs *set, hada_exposure exposure)
 {
     const hada_fit_options options = sizes();
     hada_dataset *data = data_of(set, counts);

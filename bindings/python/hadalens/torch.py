@@ -1,8 +1,8 @@
 """Nets of Hadalens as PyTorch modules, with the same weights and the same output.
 
 A net is a list of layers with weights by PyTorch's names (``docs/explanation/nets.md``); :class:`Net` runs any such
-list. On the same input it gives what the library gives, within 1e-5 (relative L2) in single precision: sums are taken in
-another order.
+list. On the same input it gives what the library gives, within 1e-5 (relative L2) in single precision: sums are taken
+in another order.
 """
 
 from __future__ import annotations

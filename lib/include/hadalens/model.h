@@ -114,8 +114,7 @@ typedef struct hada_psf_options {
     double psf_dark;  /* taken off the PSF's pixels; HADA_AUTO (default): estimated from its background */
     double dark;      /* of the frames, kept in the model; HADA_AUTO: per frame, estimated; 0 by default */
     int refine_steps; /* HADA_AUTO (default): chosen */
-    double refine_tv; /* weight of total variation in refinement; 0: none; HADA_AUTO (default): found from each frame
-                         with the padded boundary, none with the circular one */
+    double refine_tv; /* weight of total variation in refinement; 0: none; HADA_AUTO (default): found from each frame */
 } hada_psf_options;
 HADA_INIT(hada_psf_options, HADA_STRUCT_PSF_OPTIONS)
 

@@ -49,7 +49,7 @@ typedef struct hada_model_info {
     int refine_steps;     /* refinement that pays for this camera; 0: none does */
     double refine_rho;    /* in units of the largest |OTF(0)|^2 of all depths and channels */
     double refine_tv; /* weight of total variation in it, docs/explanation/refinement.md; 0: none, but the prior that
-                         the pairs give */
+                         the pairs give; HADA_AUTO: found from each frame */
     int has_otf;
     int half;                       /* filters are kept in half precision */
     int enhance;                    /* 1: it holds a net that enhances refocused planes */
@@ -114,7 +114,7 @@ typedef struct hada_psf_options {
     double psf_dark;  /* taken off the PSF's pixels; HADA_AUTO (default): estimated from its background */
     double dark;      /* of the frames, kept in the model; HADA_AUTO: per frame, estimated; 0 by default */
     int refine_steps; /* HADA_AUTO (default): chosen */
-    double refine_tv; /* weight of total variation in refinement; 0 (default): none */
+    double refine_tv; /* weight of total variation in refinement; 0: none; HADA_AUTO (default): found from each frame */
 } hada_psf_options;
 HADA_INIT(hada_psf_options, HADA_STRUCT_PSF_OPTIONS)
 

@@ -54,6 +54,10 @@ typedef enum hada_skip {
     HADA_SKIP_ALL = 127
 } hada_skip;
 
+/* The weight of total variation is found from each frame: the one with which the other pixels predict 5 % of them best
+ * (docs/explanation/refinement.md). Models of point spread functions alone do so by themselves. */
+#define HADA_REFINE_TV_FRAME (-2)
+
 typedef struct hada_plan_options {
     size_t size;       /* sizeof(hada_plan_options) */
     const int *depths; /* indices of the depths to compute, ascending; NULL: all */
@@ -63,7 +67,8 @@ typedef struct hada_plan_options {
     int occupied_count;
     int refine;        /* steps; HADA_AUTO (default): the model's, and more until several depths have parted; 0: linear
                         * filters alone */
-    double refine_tv;  /* weight of total variation in refinement; HADA_AUTO (default): the model's, 0: none */
+    double refine_tv;  /* weight of total variation in refinement; HADA_AUTO (default): the model's, 0: none,
+                        * HADA_REFINE_TV_FRAME: found from each frame */
     hada_dark dark;    /* HADA_DARK_MODEL by default: what the model says */
     double dark_level; /* for HADA_DARK_LEVEL, in units of full scale */
     const hada_image *dark_frame; /* for HADA_DARK_FRAME; copied */
@@ -151,6 +156,10 @@ typedef struct hada_report {
     double seconds_total, seconds_upload, seconds_linear, seconds_pursuit, seconds_refine, seconds_enhance,
         seconds_focus, seconds_download;
     hada_scene scene; /* what the frame was taken for: planes or a surface */
+    size_t saturated_pixels; /* values at the frame's upper end, taken for "at least this" */
+    double refine_tv;        /* weight of total variation in refinement; 0: none */
+    double refine_tv_factor; /* where it was found from the frame: so many times more or less predicts held-out pixels
+                                1 % worse; 0: not known */
 } hada_report;
 
 /* What comes of a frame. Begin with an empty one, hada_result result = {0}; its members are the result's until it is

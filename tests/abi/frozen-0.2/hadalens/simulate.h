@@ -55,6 +55,7 @@ HADA_API hada_status hada_simulator_render(hada_simulator *simulator, const hada
 
 /* As hada_simulator_render, with planes that hide what stands behind them, seen by every lens from its own place.
  * opacity[i] is NULL where plane i hides nothing, else one channel of the size of its image, 0 (clear) to 1 (opaque);
+ * opacity NULL: no plane hides anything;
  * the image is the light that the plane sends itself. A plane hides those of larger depth indices. `lens` is an index
  * of hada_camera_lenses() to look through that lens alone, or -1 for all. A mask without lenses is parted into patches
  * (docs/explanation/simulation.md), and takes -1 alone. */

@@ -139,6 +139,7 @@ hada_status hada_frame_examine(hada_frame *frame, hada_error *err)
                                              : kind == HADA_DARK_LEVEL ? setup->options.dark_level
                                                                        : 0.0,
                                      .dark_frame = setup->dark_frame.data,
+                                     .pixel_weights = setup->pixel_weights.data,
                                      .repairs = setup->options.repair_not_finite,
                                      .energy = setup->config.joint,
                                      .weights = setup->config.joint && !setup->config.classic,

@@ -65,7 +65,7 @@ static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count,
 void hada_pipeline_residual(hada_pipeline *pipeline, const hada_frame *frame)
 {
     hada_report *report = &frame->result->memory->report;
-    const int circular = hada_model_get_info(pipeline->setup->model)->boundary == HADA_BOUNDARY_CIRCULAR;
+    const int circular = pipeline->setup->config.boundary == HADA_BOUNDARY_CIRCULAR;
     double left = 0;
     if (!pipeline->residual_due)
         return;

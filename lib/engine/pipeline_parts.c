@@ -111,7 +111,7 @@ static hada_status make_maker(hada_pipeline *pipeline, hada_error *err)
                                          .refiner = pipeline->refiner,
                                          .weights = setup->config.weights,
                                          .noise_share = setup->noise_share,
-                                         .boundary = hada_config_refine(&setup->config, setup->model).boundary};
+                                         .boundary = setup->config.boundary};
     if (pipeline->refiner && pipeline->maker.boundary == HADA_BOUNDARY_PADDED)
         HADA_TRY(hada_maker_make_weights(&pipeline->maker, setup->config.choose, err));
     if (!setup->config.joint || pipeline->slot->context->dry)
@@ -132,8 +132,7 @@ static hada_status make_parts(hada_pipeline *pipeline, hada_error *err)
     const size_t planes = planes_bytes(info, config, pipeline->batch);
     /* where the sensor crops, refinement compares with the frame itself; some classic methods do in any case */
     const int raw_last =
-        config->classic || (config->joint && (info->boundary == HADA_BOUNDARY_PADDED || config->choose)) ? COMPUTE
-                                                                                                         : UPLOAD;
+        config->classic || (config->joint && config->boundary == HADA_BOUNDARY_PADDED) ? COMPUTE : UPLOAD;
     focus.distances_mm = setup->distances;
     hada_scratch_steps(slot->scratch, UPLOAD, COMPUTE, raw_last);
     HADA_TRY(make_stage(pipeline, err));

@@ -1,6 +1,9 @@
 /* What the options come to for a model, then what is known on the host before any frame comes. */
 
 #include "engine/setup.h"
+
+#include <float.h>
+
 #include "core/callers.h"
 #include "filter/bank.h"
 #include "filter/gains.h"
@@ -73,7 +76,12 @@ static hada_status check_options(const hada_model_info *info, const hada_plan_op
                            "the model %s holds no transfer functions, so nothing can be refined: use --refine 0, or "
                            "make the model again with fit",
                            info->name));
-    const hada_image *dark = options->dark_frame;
+    const hada_image *dark = options->dark_frame, *weights = options->pixel_weights;
+    if (weights && ((weights->channels != info->channels && weights->channels != 1) ||
+                    weights->rows != info->raw_rows || weights->cols != info->raw_cols))
+        HADA_TRY(hada_fail(err, HADA_ERROR_SIZE,
+                           "the weights of pixels must have 1 or %d channel(s) of %d x %d pixels, as the model",
+                           info->channels, info->raw_rows, info->raw_cols));
     if (options->dark == HADA_DARK_FRAME &&
         (!dark || dark->channels != info->channels || dark->rows != info->raw_rows || dark->cols != info->raw_cols))
         HADA_TRY(hada_fail(err, HADA_ERROR_SIZE,
@@ -166,6 +174,11 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     HADA_TRY(use_classic(info, options, config, err));
     config->joint = config->steps > 0;
     config->choose = way.choose && config->joint && !config->classic;
+    if (options->pixel_weights && (!config->joint || config->classic))
+        return hada_fail(
+            err, HADA_ERROR_ARGUMENT,
+            "weights of pixels belong to refinement: leave them out, or refine with the model's own method");
+    config->boundary = config->choose || options->pixel_weights ? HADA_BOUNDARY_PADDED : info->boundary;
     config->pursuit =
         config->joint && !config->classic && options->occupied == HADA_OCCUPIED_AUTO && config->depths > 1;
     config->dark = options->dark == HADA_DARK_FRAME;
@@ -208,8 +221,7 @@ hada_refine_shape hada_config_refine(const hada_config *config, const hada_model
     hada_refine_shape refine = hada_refine_shape_of(hada_model_get_info(model), config->depths, steps);
     refine.settle = config->parting;
     refine.tv = config->choose || config->weights.tv > 0;
-    if (config->choose)
-        refine.boundary = HADA_BOUNDARY_PADDED;
+    refine.boundary = config->boundary;
     refine.shrink = config->weights.shrink > 0;
     refine.crosstalk = config->crosstalk > 0 && config->depths > 1;
     return refine;
@@ -303,6 +315,25 @@ static hada_status copy_dark(hada_setup *setup, const hada_image *dark, hada_err
     return HADA_OK;
 }
 
+static hada_status copy_weights(hada_setup *setup, const hada_image *weights, hada_error *err)
+{
+    const int channels = setup->model->info.channels;
+    const size_t pixels = (size_t)weights->rows * (size_t)weights->cols, count = hada_image_count(weights);
+    hada_image *to = &setup->pixel_weights;
+    float largest = 0.0f;
+    for (size_t i = 0; i < count; i++) {
+        if (!(weights->data[i] >= 0.0f && weights->data[i] <= FLT_MAX))
+            return hada_fail(err, HADA_ERROR_ARGUMENT, "the weights of pixels must be finite and not negative");
+        largest = fmaxf(largest, weights->data[i]);
+    }
+    if (!(largest > 0.0f))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "all weights of pixels are 0: nothing of the frame would be used");
+    HADA_TRY(hada_image_create(to, channels, weights->rows, weights->cols, err));
+    for (size_t i = 0; i < hada_image_count(to); i++)
+        to->data[i] = weights->data[weights->channels > 1 ? i : i % pixels] / largest;
+    return HADA_OK;
+}
+
 static int is_dark_same(const hada_image *dark, int a, int b)
 {
     const size_t pixels = (size_t)dark->rows * (size_t)dark->cols;
@@ -360,13 +391,15 @@ hada_status hada_setup_begin(hada_setup *setup, hada_context *context, const had
 {
     *setup = (hada_setup){.model = model, .options = *options};
     setup->options.depths = setup->options.occupied_list = NULL;
-    setup->options.dark_frame = NULL;
+    setup->options.dark_frame = setup->options.pixel_weights = NULL;
     setup->options.classic = NULL;
     HADA_TRY(hada_config_of(model, options, &setup->config, err));
     HADA_TRY(make_lists(setup, options, err));
     if (setup->config.classic)
         HADA_TRY(
             hada_classic_fit_grid(&setup->config.method, context, model, setup->depths, setup->config.depths, err));
+    if (options->pixel_weights)
+        HADA_TRY(copy_weights(setup, options->pixel_weights, err));
     return setup->config.dark ? copy_dark(setup, options->dark_frame, err) : HADA_OK;
 }
 
@@ -387,6 +420,7 @@ void hada_setup_free(hada_setup *setup)
     hada_gains_destroy(&setup->gains);
     HADA_FREE(setup->same_dark, setup->same_filter);
     hada_image_destroy(&setup->dark_frame);
+    hada_image_destroy(&setup->pixel_weights);
     hada_classic_camera_free(&setup->camera);
     HADA_FREE(setup->depths, setup->distances, setup->listed);
     *setup = (hada_setup){0};

@@ -21,6 +21,7 @@ typedef struct hada_config {
     int classic;                 /* 1: by a classic method */
     hada_refine_weights weights; /* of refinement */
     int choose;                  /* 1: the weight of total variation is found from each frame */
+    hada_boundary boundary;      /* of refinement: weights of pixels need the data step of a sensor that crops */
     double share;                /* of refined planes, the rest being those of the linear filters; 1: refined alone */
     int steps;                   /* refinement steps or iterations at most */
     double crosstalk;            /* share at which a plane halves beside another one; 0: none does */
@@ -66,6 +67,7 @@ typedef struct hada_setup {
     double noise_share;           /* hada_model_noise_share(); 0 where the caller set a weight */
     hada_classic_camera camera;   /* of the listed depths, for a classic method */
     hada_image dark_frame;        /* empty where none */
+    hada_image pixel_weights;     /* of all channels, the largest one 1; empty where none */
     hada_gains *gains;            /* of the listed depths; NULL where spectra are not measured */
     int *same_dark, *same_filter; /* per channel: the first one with the same dark frame, the same filters */
 } hada_setup;

@@ -235,15 +235,32 @@ static hada_status copy(hada_frame_exposure *exposure, hada_error *err)
     return HADA_OK;
 }
 
-static hada_status repair(hada_frame_exposure *exposure, const examination *look, hada_error *err)
+/* Pixels of weight 0 become such that are repaired; *blanked: how many. */
+static hada_status blank(hada_frame_exposure *exposure, const float *weights, size_t *blanked, hada_error *err)
 {
-    if (!look->rule->repairs)
+    *blanked = 0;
+    if (!weights)
+        return HADA_OK;
+    HADA_TRY(copy(exposure, err));
+    for (size_t i = 0; i < hada_image_count(&exposure->own); i++)
+        if (!(weights[i] > 0.0f)) {
+            exposure->own.data[i] = NAN;
+            ++*blanked;
+        }
+    return HADA_OK;
+}
+
+static hada_status repair(hada_frame_exposure *exposure, const examination *look, size_t blanked, hada_error *err)
+{
+    if (!look->rule->repairs && look->broken > blanked)
         return hada_fail(err, HADA_ERROR_NOT_FINITE,
                          "%zu pixel(s) of the frame are NaN or infinite; repair them from their neighbours with "
                          "--repair, or mend the file",
-                         look->broken);
+                         look->broken - blanked);
     HADA_TRY(copy(exposure, err));
-    return hada_frame_repair(&exposure->own, &exposure->repaired, err);
+    HADA_TRY(hada_frame_repair(&exposure->own, &exposure->repaired, err));
+    exposure->repaired -= blanked;
+    return HADA_OK;
 }
 
 /* The first percentile: of whole numbers by counting them, of floats by selection. */
@@ -296,18 +313,21 @@ hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_expo
     const hada_model_info *info = exposure->info;
     const int at_once = rule->energy && !rule->dark_varies;
     examination look = {.rule = rule, .lanes = {1, 2, 3, 4}};
+    size_t blanked;
     hada_image_destroy(&exposure->own);
+    exposure->pixel_weights = rule->pixel_weights;
     exposure->pixels = exposure->came;
     exposure->repaired = 0;
     for (int c = 0; c < info->channels; c++)
         exposure->levels[c] = rule->dark;
     if (!hada_pixels_uploads(&exposure->came))
         HADA_TRY(copy(exposure, err));
+    HADA_TRY(blank(exposure, rule->pixel_weights, &blanked, err));
     pass(exposure, &look, at_once ? VALUES | ENERGY : VALUES);
     for (int k = 0; k < 2; k++)
         exposure->hash[k] = mix(mix(look.lanes[k], look.lanes[k + 2]), look.lanes[3 - k]);
     if (look.broken) /* which takes values of neighbours: none is brighter than the brightest */
-        HADA_TRY(repair(exposure, &look, err));
+        HADA_TRY(repair(exposure, &look, blanked, err));
     HADA_TRY(hada_frame_check_range(look.largest, (double)info->grid_rows * info->grid_cols, err));
     exposure->saturated = 0;
     exposure->brightest = look.largest;
@@ -338,6 +358,7 @@ size_t hada_exposure_weigh(const hada_frame_exposure *exposure, float *weights)
 {
     const hada_pixels *came = &exposure->came;
     const size_t plane = plane_of(exposure);
+    const float *given = exposure->pixel_weights;
     float room[CHUNK];
     size_t good = 0;
     for (int c = 0; c < came->channels; c++)
@@ -346,9 +367,10 @@ size_t hada_exposure_weigh(const hada_frame_exposure *exposure, float *weights)
             const float *values = hada_pixels_floats(came, c, first, count, room);
             float *to = weights + (size_t)c * plane + first;
             for (size_t i = 0; i < count; i++) {
+                const float weight = given ? given[(size_t)c * plane + first + i] : 1.0f;
                 to[i] = !isfinite(values[i])                                      ? 0.0f
-                        : exposure->saturated && values[i] == exposure->brightest ? -1.0f
-                                                                                  : 1.0f;
+                        : exposure->saturated && values[i] == exposure->brightest ? -weight
+                                                                                  : weight;
                 good += to[i] > 0.0f;
             }
         }

@@ -56,7 +56,7 @@ hada_status hada_maker_weigh(hada_plane_maker *maker, const hada_frame_exposure 
     float *weights = NULL;
     hada_status status = HADA_OK;
     maker->data.weights = NULL;
-    if (!maker->pixels.mem || !(exposure->repaired || exposure->saturated))
+    if (!maker->pixels.mem || !(exposure->repaired || exposure->saturated || exposure->pixel_weights))
         return HADA_OK;
     HADA_TRY_OR_DONE(HADA_NEW_RAW(weights, hada_exposure_count(exposure), "the weights of pixels", err));
     hada_exposure_weigh(exposure, weights);

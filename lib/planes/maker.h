@@ -19,7 +19,9 @@ hada_status hada_frame_check_size(const hada_model_info *info, int channels, int
 typedef struct hada_exposure_rule {
     int dark_varies; /* 1: each channel of each frame has a dark level of its own; 0: `dark` is that of all */
     double dark;
-    const float *dark_frame; /* subtracted as well, [channel][row][col]; NULL: none */
+    const float *dark_frame;    /* subtracted as well, [channel][row][col]; NULL: none */
+    const float *pixel_weights; /* as the caller has them, [channel][row][col], 0 to 1; NULL: all 1. Pixels of weight 0
+                                   are filled from their neighbours */
     int repairs; /* 1: pixels that are not finite are repaired from their neighbours; 0: they are an error */
     int energy;  /* 1: the energy is needed */
     int weights; /* 1: saturated pixels are looked for */
@@ -35,6 +37,7 @@ typedef struct hada_frame_exposure {
     float brightest;            /* value, as it came */
     double energy;              /* sum of squares above dark levels and dark frame */
     size_t repaired, saturated; /* pixels */
+    const float *pixel_weights; /* of the rule */
     uint64_t hash[2];           /* of the floats as they came: frames of equal hashes are taken to be equal */
 } hada_frame_exposure;
 
@@ -48,8 +51,8 @@ void hada_exposure_end(hada_frame_exposure *exposure);
  * where single precision cannot hold the frame's spectrum; HADA_ERROR_MODEL where no pixel is above a dark level. */
 hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_exposure_rule *rule, hada_error *err);
 
-/* Weights of the frame's values, as hada_refine_data has them: 0 for those that were repaired, -1 for saturated ones,
- * else 1. Returns how many are above 0. */
+/* Weights of the frame's values, as hada_refine_data has them: the caller's or 1, 0 for those that were repaired, below
+ * 0 for saturated ones. Returns how many are above 0. */
 size_t hada_exposure_weigh(const hada_frame_exposure *exposure, float *weights);
 
 /* A hash of a few of its pixels as they came: frames whose samples differ are not equal. */

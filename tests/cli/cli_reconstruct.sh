@@ -72,6 +72,19 @@ psnr=$(grep '"psnr"' stdout | grep -oE '[0-9]+' | head -n 1)
 "$FRAME_TOOL" flat small.tif 6 8 3 0.25
 expect 4 '' reconstruct offset.tif -m "$model" -o frame --dark small.tif
 
+# Weights of pixels: equal ones change little, black ones leave nothing.
+"$FRAME_TOOL" flat even.tif 64 80 1 0.5
+"$FRAME_TOOL" flat black.tif 64 80 3 0
+expect 0 '' reconstruct "${one[@]}" -o weighed --occupied 100mm --weights even.tif --no-preview
+expect 0 '' reconstruct "${one[@]}" -o unweighed --occupied 100mm --no-preview
+expect 0 '' evaluate weighed/test01_aif.tif unweighed/test01_aif.tif --json
+psnr=$(grep '"psnr"' stdout | grep -oE '[0-9]+' | head -n 1)
+[ "${psnr:-0}" -ge 35 ] || fail "--weights EVEN: $psnr dB"
+expect 4 'weights of pixels must have' reconstruct "${one[@]}" -o weighed --weights small.tif
+expect 2 'all weights of pixels are 0' reconstruct "${one[@]}" -o weighed --weights black.tif
+expect 2 'belong to refinement' reconstruct "${one[@]}" -o weighed --weights even.tif --refine 0
+expect 3 'nosuch.tif' reconstruct "${one[@]}" -o weighed --weights nosuch.tif
+
 # A sequence.
 "$FRAME_TOOL" pages "$raw/test01.tif" sequence.tif 3
 expect 0 'sequence: 3 frames' reconstruct sequence.tif -m "$model" -o seq

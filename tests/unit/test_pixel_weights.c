@@ -45,10 +45,12 @@ static void unmake(bench *b)
     hada_model_destroy(&b->model);
 }
 
-/* Error of the plane, and the report. */
-static double solve(const bench *b, const hada_image *frame, double tv, int repair, hada_report *report)
+/* Error of the plane, and the report. weights: of pixels; NULL: none. */
+static double solve_weighed(const bench *b, const hada_image *frame, const hada_image *weights, double tv, int repair,
+                            hada_report *report)
 {
     DEFAULTS(hada_plan_options, options);
+    options.pixel_weights = weights;
     SCOPED(hada_result) result = {0};
     hada_plan *plan;
     options.refine_tv = tv;
@@ -59,6 +61,11 @@ static double solve(const bench *b, const hada_image *frame, double tv, int repa
     *report = *result.report;
     hada_plan_destroy(&plan);
     return error;
+}
+
+static double solve(const bench *b, const hada_image *frame, double tv, int repair, hada_report *report)
+{
+    return solve_weighed(b, frame, NULL, tv, repair, report);
 }
 
 /* The weight goes by the noise; planes are better than without any, and with little noise than with a large one. */
@@ -113,6 +120,60 @@ TEST(spoiled_pixels_have_weights)
     if (clipped > 1.5 * good || holes > 1.6 * good)
         fail_msg("error %.3g, with %zu saturated pixels %.3g, with holes besides %.3g", good, cut, clipped, holes);
     hada_image_destroy(&frame);
+    unmake(&b);
+}
+
+/* Pixels that the caller knows to be bad do no harm, with both boundaries; a frame that is half a weight everywhere is
+ * as one without weights. */
+TEST(bad_pixels_have_no_part)
+{
+    static const hada_boundary boundaries[] = {HADA_BOUNDARY_CIRCULAR, HADA_BOUNDARY_PADDED};
+    for (size_t k = 0; k < HADA_COUNT(boundaries); k++) {
+        bench b = make(boundaries[k]);
+        SCOPED(hada_image)
+        frame = small_frame(&b.psf, &b.scene, boundaries[k] == HADA_BOUNDARY_PADDED, 0.002, 5),
+        weights = {0};
+        hada_report report;
+        const size_t plane = (size_t)ROWS * COLS;
+        ASSERT_OK(hada_image_create(&weights, k ? 1 : CHANNELS, ROWS, COLS, err));
+        for (size_t i = 0; i < hada_image_count(&weights); i++)
+            weights.data[i] = 0.5f;
+        const double good = solve_weighed(&b, &frame, &weights, 1e-3, 0, &report);
+        assert_true(k == 0 || fabs(good / solve(&b, &frame, 1e-3, 0, &report) - 1.0) < 1e-3);
+        for (size_t i = 5; i < plane; i += 61)
+            for (int c = 0; c < CHANNELS; c++) {
+                frame.data[(size_t)c * plane + i] = i % 2 ? 3.0f : NAN;
+                weights.data[k ? i : (size_t)c * plane + i] = 0.0f;
+            }
+        const double left_out = solve_weighed(&b, &frame, &weights, 1e-3, 0, &report);
+        assert_int_equal(report.repaired_pixels, 0);
+        const double taken = solve(&b, &frame, 1e-3, 1, &report);
+        if (left_out > 1.3 * good || taken < 5 * good)
+            fail_msg("boundary %zu: error %.3g, with bad pixels left out %.3g, taken %.3g", k, good, left_out, taken);
+        unmake(&b);
+    }
+}
+
+TEST(weights_that_cannot_be)
+{
+    bench b = make(HADA_BOUNDARY_PADDED);
+    DEFAULTS(hada_plan_options, options);
+    SCOPED(hada_image) weights = {0}, small = {0};
+    hada_plan *plan;
+    ASSERT_OK(hada_image_create(&weights, 1, ROWS, COLS, err));
+    ASSERT_OK(hada_image_create(&small, 1, ROWS, COLS - 1, err));
+    options.pixel_weights = &small;
+    ASSERT_FAILS(hada_plan_create(&plan, context, b.model, &options, err), HADA_ERROR_SIZE, "60 x 72");
+    options.pixel_weights = &weights;
+    ASSERT_FAILS(hada_plan_create(&plan, context, b.model, &options, err), HADA_ERROR_ARGUMENT, "all weights");
+    weights.data[7] = 1.0f;
+    weights.data[8] = -1.0f;
+    ASSERT_FAILS(hada_plan_create(&plan, context, b.model, &options, err), HADA_ERROR_ARGUMENT, "negative");
+    weights.data[8] = NAN;
+    ASSERT_FAILS(hada_plan_create(&plan, context, b.model, &options, err), HADA_ERROR_ARGUMENT, "finite");
+    weights.data[8] = 1.0f;
+    options.refine = 0;
+    ASSERT_FAILS(hada_plan_create(&plan, context, b.model, &options, err), HADA_ERROR_ARGUMENT, "refine");
     unmake(&b);
 }
 

@@ -4,6 +4,7 @@
 #include "reconstruct_tell.h"
 #include "skip_words.h"
 
+#include <hadalens/dataset.h>
 #include <hadalens/folder.h>
 #include <hadalens/job.h>
 #include <hadalens/response.h>
@@ -18,7 +19,7 @@ typedef struct settings {
     hada_cli_common common;
     hada_plan_options plan;
     hada_files_task task;
-    const char *model, *depths, *occupied, *dark, *skip, *encoding;
+    const char *model, *depths, *occupied, *dark, *weights, *skip, *encoding;
     int no_enhance, no_preview;
     hada_cli_method_settings method;
 } settings;
@@ -79,6 +80,11 @@ static const hada_cli_option options[] = {
      ONE_OF(plan.crosstalk, 0, 1)},
     {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL", "dark level of the frames (default: what the model says)",
      "FILE: a dark frame of the camera; auto: each frame's own; LEVEL: a share of full scale.", AT(dark)},
+    {HADA_OPTION_TEXT, "weights", 0, "FILE",
+     "how much each pixel of the frames counts in refinement (default: all alike)",
+     "An image of the frame's size, grey or in its colours: black where pixels are bad or covered by dust, white where "
+     "they are good; brightness is in units of the largest value.",
+     AT(weights)},
     {HADA_OPTION_FLAG, "repair", 0, NULL, "fill NaN and infinite pixels from their neighbours",
      "Without it such a frame is refused.", AT(plan.repair_not_finite)},
     {HADA_OPTION_FLAG, "no-enhance", 0, NULL, "leave out the net that the model holds", NULL, AT(no_enhance)},
@@ -152,6 +158,7 @@ typedef struct job {
     hada_plan_options options;
     hada_classic_options classic;
     hada_cli_dark dark;
+    hada_image weights; /* of pixels */
     int *depths, *occupied;
     double encoding;
 } job;
@@ -196,6 +203,10 @@ static hada_status read_options(job *work, hada_error *err)
         plan->dark = work->dark.kind;
         plan->dark_level = work->dark.level;
         plan->dark_frame = work->dark.kind == HADA_DARK_FRAME ? &work->dark.frame : NULL;
+    }
+    if (set->weights) {
+        HADA_TRY(hada_dark_frame_load(&work->weights, NULL, set->weights, err));
+        plan->pixel_weights = &work->weights;
     }
     HADA_TRY(hada_cli_read_skip(set->skip, &plan->skip, err));
     HADA_TRY(hada_cli_read_method(&set->method, &work->classic, err));
@@ -317,6 +328,7 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     hada_model_destroy(&work.model);
     hada_cli_close_all(cli, &work.devices);
     hada_cli_dark_free(&work.dark);
+    hada_image_destroy(&work.weights);
     free(work.depths);
     free(work.occupied);
     return code;

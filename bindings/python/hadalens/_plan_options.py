@@ -56,6 +56,7 @@ def plan_options(
     occupied: str | Sequence[int] = "auto",
     repair: bool | None = None,
     dark: Any = None,
+    pixel_weights: Any = None,
     classic: Classic | Method | None = None,
     skip: Iterable[Skip] | None = None,
     **others: Any,
@@ -70,6 +71,10 @@ def plan_options(
     )
     _set_occupied(options, occupied)
     _set_dark(options, dark)
+    if pixel_weights is not None:
+        weights = Image(pixel_weights, what="pixel_weights")
+        options.kept.append(weights)
+        options.set(pixel_weights=weights.c)
     if classic is not None:
         options.set(classic=(classic if isinstance(classic, Classic) else Classic(classic))._options())
     if skip is not None:

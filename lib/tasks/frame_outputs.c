@@ -71,12 +71,14 @@ static hada_status save_preview(const hada_outputs *out, const hada_pixels *raw,
     hada_preview_init(&preview);
     preview.title = out->title;
     preview.raw = &frame;
-    preview.planes = result->planes;
+    if (result->depths > 1) { /* a single one is the all-in-focus image, and its distance says nothing of the scene */
+        preview.planes = result->planes;
+        preview.distance_map = &result->distance_map;
+    }
     preview.depths = result->depths;
     preview.distances_mm = result->distances_mm;
     preview.occupied = result->report->occupied;
     preview.all_in_focus = &result->all_in_focus;
-    preview.distance_map = &result->distance_map;
     const hada_status status = hada_preview_save(out->path[HADA_OUTPUT_PREVIEW], &preview, err);
     hada_image_destroy(&frame);
     return status;

@@ -131,8 +131,7 @@ TEST(bad_pixels_have_no_part)
     for (size_t k = 0; k < HADA_COUNT(boundaries); k++) {
         bench b = make(boundaries[k]);
         SCOPED(hada_image)
-        frame = small_frame(&b.psf, &b.scene, boundaries[k] == HADA_BOUNDARY_PADDED, 0.002, 5),
-        weights = {0};
+        frame = small_frame(&b.psf, &b.scene, boundaries[k] == HADA_BOUNDARY_PADDED, 0.002, 5), weights = {0};
         hada_report report;
         const size_t plane = (size_t)ROWS * COLS;
         ASSERT_OK(hada_image_create(&weights, k ? 1 : CHANNELS, ROWS, COLS, err));

@@ -81,8 +81,8 @@ static const hada_register_task register_task = {.size = sizeof(hada_register_ta
                                                  .most_magnification = HADA_AUTO,
                                                  .most_rotation_deg = 15.0};
 /* a cache for some hundred pairs of a small camera */
-static const hada_dataset_options dataset_options = {.size = sizeof(hada_dataset_options),
-                                                     .cache_bytes = (uint64_t)256 << 20};
+static const hada_dataset_options dataset_options = {
+    .size = sizeof(hada_dataset_options), .cache_bytes = (uint64_t)256 << 20, .frame_encoding = HADA_AUTO};
 static const hada_sensor sensor = {.size = sizeof(hada_sensor), .exposure = 1.0, .saturate = 1};
 static const hada_evaluate_task evaluate_task = {.size = sizeof(hada_evaluate_task),
                                                  .peak = 1.0,
@@ -91,10 +91,15 @@ static const hada_evaluate_task evaluate_task = {.size = sizeof(hada_evaluate_ta
                                                  .window_col = HADA_AUTO,
                                                  .truth_encoding = HADA_AUTO,
                                                  .encoding = HADA_AUTO};
+static const hada_psf_task psf_task = {.size = sizeof(hada_psf_task), .frame_encoding = HADA_AUTO};
 static const hada_fit_task fit_task = {.size = sizeof(hada_fit_task), .save_seconds = 60.0};
 static const hada_optics_task optics_task = {.size = sizeof(hada_optics_task), .threshold = HADA_AUTO};
-static const hada_files_task files_task = {
-    .size = sizeof(hada_files_task), .preview = 1, .bits = 32, .white = 1.0, .encoding = HADA_AUTO};
+static const hada_files_task files_task = {.size = sizeof(hada_files_task),
+                                           .preview = 1,
+                                           .bits = 32,
+                                           .white = 1.0,
+                                           .encoding = HADA_AUTO,
+                                           .frame_encoding = HADA_AUTO};
 static const hada_simulate_task simulate_task = {.size = sizeof(hada_simulate_task),
                                                  .pairs = 8,
                                                  .test_depths = 2,
@@ -147,6 +152,7 @@ static const struct {
     [HADA_STRUCT_DATASET_OPTIONS] = {&dataset_options, sizeof dataset_options},
     [HADA_STRUCT_SENSOR] = {&sensor, sizeof sensor},
     [HADA_STRUCT_EVALUATE_TASK] = {&evaluate_task, sizeof evaluate_task},
+    [HADA_STRUCT_PSF_TASK] = {&psf_task, sizeof psf_task},
     [HADA_STRUCT_FIT_TASK] = {&fit_task, sizeof fit_task},
     [HADA_STRUCT_OPTICS_TASK] = {&optics_task, sizeof optics_task},
     [HADA_STRUCT_FILES_TASK] = {&files_task, sizeof files_task},

@@ -9,6 +9,7 @@
 #include "core/callers.h"
 #include "io/folder.h"
 #include "io/text.h"
+#include "io/tiff_page.h"
 
 hada_status hada_pair_store_create(hada_pair_store **out, const hada_dataset_options *callers, hada_error *err)
 {
@@ -16,9 +17,13 @@ hada_status hada_pair_store_create(hada_pair_store **out, const hada_dataset_opt
     hada_dataset_options_init(&options);
     *out = NULL;
     HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_dataset_options, err));
+    if (options.frame_encoding != HADA_AUTO && !hada_response_is_known(options.frame_encoding))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a frame encoding of %g is not possible (hadalens/response.h)",
+                         options.frame_encoding);
     HADA_TRY(HADA_NEW(*out, 1, "a data set", err));
     (*out)->users = 1;
     (*out)->room = options.cache_bytes;
+    (*out)->frame_encoding = options.frame_encoding;
     (*out)->reading = (*out)->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     (*out)->ahead.changed = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
     return HADA_OK;
@@ -354,7 +359,7 @@ static hada_status read_images(hada_pair_store *store, int number, hada_pair_ima
         if (!images->raw.data || !images->scene.data)
             HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_DATASET, "no images were given for %s", files->raw));
     } else {
-        HADA_TRY_OR_DONE(hada_tiff_load(files->raw, 0, &images->raw, err));
+        HADA_TRY_OR_DONE(hada_tiff_load_light(files->raw, 0, store->frame_encoding, &images->raw, err));
         HADA_TRY_OR_DONE(hada_tiff_load(files->scene, 0, &images->scene, err));
     }
 done:
@@ -566,10 +571,10 @@ static hada_status add_pages(hada_tiff_reader *reader, hada_image *mean, hada_er
     const int frames = hada_tiff_get_info(reader)->frames;
     hada_image page = {0};
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_tiff_read(reader, 0, mean, err));
+    HADA_TRY_OR_DONE(hada_tiff_read_light(reader, 0, HADA_AUTO, mean, err));
     const size_t count = hada_image_count(mean);
     for (int t = 1; t < frames; t++) {
-        HADA_TRY_OR_DONE(hada_tiff_read(reader, t, &page, err));
+        HADA_TRY_OR_DONE(hada_tiff_read_light(reader, t, HADA_AUTO, &page, err));
         if (page.channels != mean->channels || page.rows != mean->rows || page.cols != mean->cols)
             HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_SIZE, "the pages have different sizes"));
         for (size_t i = 0; i < count; i++)

@@ -34,6 +34,7 @@ typedef struct hada_pair_store {
     char **folders;
     char incomplete_text[600];
     char *psf, *camera;
+    double frame_encoding;
     hada_inputs *inputs; /* all files, which no output may replace */
 
     /* one of these reads pairs: files (both NULL), the caller's function, or the caller's images */

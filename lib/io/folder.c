@@ -169,10 +169,14 @@ static int by_name(const void *a, const void *b)
     return strcmp(*(char *const *)a, *(char *const *)b);
 }
 
-static int is_tiff(const char *name)
+static int is_picture(const char *name)
 {
+    static const char *const endings[] = {"tif", "tiff", "png", "jpg", "jpeg", "npy", "mat", "dng"};
     const char *dot = strrchr(name, '.');
-    return name[0] != '.' && dot && (!strcasecmp(dot, ".tif") || !strcasecmp(dot, ".tiff"));
+    for (size_t i = 0; name[0] != '.' && dot && i < HADA_COUNT(endings); i++)
+        if (!strcasecmp(dot + 1, endings[i]))
+            return 1;
+    return 0;
 }
 
 static hada_status add_name(char ***names, int *count, int *room, const char *name, hada_error *err)
@@ -200,7 +204,7 @@ hada_status hada_folder_list_tiffs(const char *folder, char ***names, int *count
         return hada_fail(err, HADA_ERROR_FILE_OPEN, "the folder %s cannot be read: %s", folder, strerror(errno));
     const struct dirent *entry;
     while ((errno = 0, entry = readdir(open)))
-        if (is_tiff(entry->d_name))
+        if (is_picture(entry->d_name))
             HADA_TRY_OR_DONE(add_name(names, count, &room, entry->d_name, err));
     if (errno)
         HADA_TRY_OR_DONE(

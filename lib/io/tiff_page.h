@@ -80,8 +80,13 @@ hada_status hada_tiff_budget(uint64_t values, uint64_t piece_bytes, uint64_t fil
  * in place when `swapped`. Not for palettes. */
 void hada_tiff_page_convert(const hada_tiff_page *page, void *raw, int swapped, hada_pixel_type form, void *out);
 
-/* As hada_tiff_read(), in the form in which the file has the frame where that is one form of 8 or 16 bits, else as
- * floats; planar and without gaps. The caller frees pixels->data. */
-hada_status hada_tiff_read_stored(hada_tiff_reader *reader, int index, hada_pixels *pixels, hada_error *err);
+/* A frame of a sensor, in linear light. encoding: how its values stand for light (hadalens/response.h); HADA_AUTO: as
+ * the file says, linear where it says nothing. STORED: in the form in which the file has it where that is linear and of
+ * 8 or 16 bits, else as floats; planar and without gaps; the caller frees pixels->data. LOAD: opens, reads, closes. */
+hada_status hada_tiff_read_stored(hada_tiff_reader *reader, int index, double encoding, hada_pixels *pixels,
+                                  hada_error *err);
+hada_status hada_tiff_read_light(hada_tiff_reader *reader, int index, double encoding, hada_image *image,
+                                 hada_error *err);
+hada_status hada_tiff_load_light(const char *path, int index, double encoding, hada_image *image, hada_error *err);
 
 #endif

@@ -1,11 +1,13 @@
 #include <errno.h>
 #include <hadalens/limits.h>
+#include <hadalens/response.h>
 #include <hadalens/tiff.h>
 #include <limits.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "core/input.h"
+#include "io/decode.h"
 #include "io/folder.h"
 #include "io/text.h"
 #include "io/tiff_meta.h"
@@ -138,10 +140,11 @@ struct hada_tiff_reader {
     hada_tiff_stack stack;
     hada_tiff_page first;
     hada_tiff_info info;
-    int grouped;         /* each channel of a frame has its own page */
-    uint64_t raw_at;     /* ImageJ's single directory for many images: where the pixels begin; 0 else */
-    uint64_t raw_bytes;  /* of one image there */
-    unsigned char *seen; /* pages that were read before, and the fewest bytes that these have in a file */
+    int grouped;            /* each channel of a frame has its own page */
+    uint64_t raw_bytes;     /* of one image where all stand one after the other, uncompressed; 0 else */
+    uint64_t raw_at;        /* where the first one begins: in the file, or in `decoded` */
+    unsigned char *decoded; /* what a file that is not TIFF holds; NULL: it is read from the file */
+    unsigned char *seen;    /* pages that were read before, and the fewest bytes that these have in a file */
     uint64_t seen_bytes;
 };
 
@@ -209,7 +212,7 @@ static hada_status fill_info(hada_tiff_reader *reader, hada_error *err)
     hada_tiff_info *info = &reader->info;
     hada_tiff_stack *stack = &reader->stack;
     const hada_tiff_page *first = &reader->first;
-    size_t pages = reader->raw_at ? (size_t)stack->images : reader->chain.count;
+    size_t pages = reader->raw_bytes ? (size_t)stack->images : reader->chain.count;
     if (pages > INT_MAX)
         return hada_fail(err, HADA_ERROR_UNSUPPORTED, "the file has %zu pages; at most %d are offered", pages, INT_MAX);
     /* A text that speaks of other pages than are there says nothing about their order. */
@@ -277,11 +280,44 @@ static hada_status take_description(hada_tiff_reader *reader, hada_error *err)
     return HADA_OK;
 }
 
+/* Opens a file that is not TIFF; *known 0: it is none that is known. */
+static hada_status open_decoded(hada_tiff_reader *reader, size_t bytes, int *known, hada_error *err)
+{
+    hada_decoded file;
+    HADA_TRY(hada_decode(&file, reader->fd, bytes, known, err));
+    if (!*known)
+        return HADA_OK;
+    const hada_tiff_page *page = &file.page;
+    reader->first = file.page;
+    reader->raw_bytes = hada_tiff_page_bytes(page);
+    reader->raw_at = file.at;
+    reader->decoded = file.samples;
+    reader->chain.swapped = file.swapped;
+    reader->chain.bytes = bytes;
+    reader->info = (hada_tiff_info){.frames = file.frames,
+                                    .channels = page->channels,
+                                    .rows = page->rows,
+                                    .cols = page->cols,
+                                    .bits = page->bits,
+                                    .is_float = page->is_float,
+                                    .is_signed = page->is_signed,
+                                    .scale = page->scale,
+                                    .slices = 1,
+                                    .times = file.frames,
+                                    .description = "",
+                                    .encoding = file.encoding};
+    return HADA_OK;
+}
+
 static hada_status open_file(hada_tiff_reader *reader, hada_error *err)
 {
     size_t bytes;
+    int known;
     hada_status status = HADA_OK;
     HADA_TRY(hada_input_open(&reader->fd, &bytes, reader->path, NULL, err));
+    HADA_TRY(open_decoded(reader, bytes, &known, err));
+    if (known)
+        return HADA_OK;
     hada_tiff_handle handle;
     TIFF *tif = NULL;
     char *text = NULL;
@@ -332,7 +368,7 @@ void hada_tiff_close(hada_tiff_reader **reader)
         close(r->fd);
     hada_tiff_chain_free(&r->chain);
     hada_tiff_stack_free(&r->stack);
-    HADA_FREE(r->seen, r->path, r->description, r->distances_mm, r);
+    HADA_FREE(r->seen, r->path, r->description, r->distances_mm, r->decoded, r);
 }
 
 const hada_tiff_info *hada_tiff_get_info(const hada_tiff_reader *reader)
@@ -353,10 +389,13 @@ static hada_status read_raw_image(const hada_tiff_reader *reader, size_t number,
     void *buffer;
     hada_status status = HADA_OK;
     HADA_TRY(hada_allocated(buffer = hada_alloc_raw(1, (size_t)reader->raw_bytes, "an image of the stack", err)));
-    if (hada_read_at(reader->fd, buffer, (size_t)reader->raw_bytes, reader->raw_at + number * reader->raw_bytes))
+    const uint64_t at = reader->raw_at + number * reader->raw_bytes;
+    if (reader->decoded)
+        memcpy(buffer, reader->decoded + at, (size_t)reader->raw_bytes);
+    else if (hada_read_at(reader->fd, buffer, (size_t)reader->raw_bytes, at))
         status = hada_fail(err, HADA_ERROR_FILE_READ, "image %zu cannot be read: the file is cut off; get it again",
                            number + 1);
-    else
+    if (!status)
         hada_tiff_page_convert(&reader->first, buffer, reader->chain.swapped, form, out);
     free(buffer);
     return status;
@@ -408,7 +447,7 @@ static hada_status read_page(hada_tiff_reader *reader, size_t number, int channe
     TIFF *tif = NULL;
     hada_tiff_page page = reader->first;
     hada_status status = HADA_OK;
-    if (!reader->raw_at) {
+    if (!reader->raw_bytes) {
         HADA_TRY_OR_DONE(open_page(reader, number, &handle, &tif, &page, err));
         HADA_TRY_OR_DONE(note_page(reader, number, &page, err));
     }
@@ -422,7 +461,7 @@ static hada_status read_page(hada_tiff_reader *reader, size_t number, int channe
     if (*mixed)
         goto done;
     void *out = (unsigned char *)frame->data + (ptrdiff_t)channel * frame->channel_stride;
-    if (reader->raw_at)
+    if (reader->raw_bytes)
         HADA_TRY_OR_DONE(read_raw_image(reader, number, frame->type, out, err));
     else
         HADA_TRY_OR_DONE(hada_tiff_page_read(tif, &handle, &page, frame->type, out, err));
@@ -464,9 +503,33 @@ done:
     return mixed ? read_frame(reader, index, 0, frame, err) : status;
 }
 
-hada_status hada_tiff_read_stored(hada_tiff_reader *reader, int index, hada_pixels *pixels, hada_error *err)
+/* 1: it is linear, or nothing is said. */
+static int is_linear(const hada_tiff_reader *reader, double *encoding)
 {
-    return read_frame(reader, index, 1, pixels, err);
+    if (*encoding == HADA_AUTO)
+        *encoding = reader->info.encoding ? reader->info.encoding : HADA_RESPONSE_LINEAR;
+    return *encoding == HADA_RESPONSE_LINEAR;
+}
+
+hada_status hada_tiff_read_stored(hada_tiff_reader *reader, int index, double encoding, hada_pixels *pixels,
+                                  hada_error *err)
+{
+    if (is_linear(reader, &encoding))
+        return read_frame(reader, index, 1, pixels, err);
+    hada_image image;
+    hada_pixels_init(pixels);
+    HADA_TRY(hada_tiff_read_light(reader, index, encoding, &image, err));
+    hada_pixels_of_image(pixels, &image);
+    return HADA_OK;
+}
+
+hada_status hada_tiff_read_light(hada_tiff_reader *reader, int index, double encoding, hada_image *image,
+                                 hada_error *err)
+{
+    HADA_TRY(hada_tiff_read(reader, index, image, err));
+    if (!is_linear(reader, &encoding))
+        hada_response_convert(image->data, hada_image_count(image), encoding, HADA_RESPONSE_LINEAR);
+    return HADA_OK;
 }
 
 hada_status hada_tiff_read(hada_tiff_reader *reader, int index, hada_image *image, hada_error *err)
@@ -479,15 +542,18 @@ hada_status hada_tiff_read(hada_tiff_reader *reader, int index, hada_image *imag
     return HADA_OK;
 }
 
+hada_status hada_tiff_load_light(const char *path, int index, double encoding, hada_image *image, hada_error *err)
+{
+    hada_tiff_reader *reader = NULL;
+    *image = (hada_image){0};
+    HADA_TRY(hada_tiff_open(&reader, path, err));
+    const hada_status status = hada_tiff_read_light(reader, index, encoding, image, err);
+    hada_tiff_close(&reader);
+    return status;
+}
+
 hada_status hada_tiff_load(const char *path, int index, hada_image *image, hada_error *err)
 {
     HADA_NEED(path && image, err);
-    *image = (hada_image){0};
-    hada_status status = HADA_OK;
-    hada_tiff_reader *reader = NULL;
-    HADA_TRY_OR_DONE(hada_tiff_open(&reader, path, err));
-    HADA_TRY_OR_DONE(hada_tiff_read(reader, index, image, err));
-done:
-    hada_tiff_close(&reader);
-    return status;
+    return hada_tiff_load_light(path, index, HADA_RESPONSE_LINEAR, image, err);
 }

@@ -9,10 +9,15 @@
 #define STOP_SECONDS 0.05
 
 hada_status hada_stream_begin(hada_stream *stream, hada_plan *plan, const hada_model *model, const char *const *paths,
-                              int count, int ahead, const hada_monitor *monitor, hada_error *err)
+                              int count, double encoding, int ahead, const hada_monitor *monitor, hada_error *err)
 {
-    *stream =
-        (hada_stream){.plan = plan, .model = model, .paths = paths, .count = count, .ahead = ahead, .monitor = monitor};
+    *stream = (hada_stream){.plan = plan,
+                            .model = model,
+                            .paths = paths,
+                            .count = count,
+                            .encoding = encoding,
+                            .ahead = ahead,
+                            .monitor = monitor};
     return HADA_NEW(stream->ring, (size_t)ahead, "frames in flight", err);
 }
 
@@ -55,7 +60,7 @@ static hada_status read_frame(hada_stream *stream, hada_streamed *frame)
     if (!stream->reader)
         HADA_TRY(open_file(stream, err));
     frame->frames = hada_tiff_get_info(stream->reader)->frames;
-    HADA_TRY(hada_tiff_read_stored(stream->reader, stream->frame, &frame->raw, err));
+    HADA_TRY(hada_tiff_read_stored(stream->reader, stream->frame, stream->encoding, &frame->raw, err));
     return hada_job_submit_pixels(&frame->job, stream->plan, &frame->raw, &frame->result, err);
 }
 

@@ -25,6 +25,7 @@ typedef struct hada_stream {
     const hada_model *model;
     const char *const *paths;
     int count;
+    double encoding; /* of the frames: hada_tiff_read_light() */
     const hada_monitor *monitor;
 
     hada_tiff_reader *reader; /* of the file that is being read */
@@ -36,7 +37,7 @@ typedef struct hada_stream {
 
 /* `ahead`: frames in memory at a time. All that is handed in must stay. */
 hada_status hada_stream_begin(hada_stream *stream, hada_plan *plan, const hada_model *model, const char *const *paths,
-                              int count, int ahead, const hada_monitor *monitor, hada_error *err);
+                              int count, double encoding, int ahead, const hada_monitor *monitor, hada_error *err);
 
 /* The next frame in order, when it is done or has failed; it stays until the next call. NULL: there are no more, or the
  * caller wants to stop. */

@@ -61,7 +61,7 @@ static hada_status read_pages(pages *of, const char *path, const hada_psf_task *
     HADA_TRY_OR_DONE(HADA_NEW(of->image, (size_t)of->count, "point spread functions", err));
     HADA_TRY_OR_DONE(find_distances(of, reader, path, task, err));
     for (int z = 0; z < of->count; z++) {
-        HADA_TRY_OR_DONE(hada_tiff_read(reader, z, &of->image[z], err));
+        HADA_TRY_OR_DONE(hada_tiff_read_light(reader, z, task->frame_encoding, &of->image[z], err));
         if (task->colour)
             HADA_TRY_OR_DONE(to_colour(&of->image[z], err));
     }

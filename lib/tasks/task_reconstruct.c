@@ -196,8 +196,8 @@ hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, con
     HADA_TRY_OR_DONE(hada_inputs_protect(&inputs, paths, (size_t)count, err));
     HADA_TRY_OR_DONE(hada_folder_ensure(own.task.output, err));
     HADA_TRY_OR_DONE(choose_files(&own, err));
-    HADA_TRY_OR_DONE(hada_stream_begin(&own.stream, plan, model, own.here, own.here_count, hada_files_ahead(plan),
-                                       own.task.monitor, err));
+    HADA_TRY_OR_DONE(hada_stream_begin(&own.stream, plan, model, own.here, own.here_count, own.task.frame_encoding,
+                                       hada_files_ahead(plan), own.task.monitor, err));
     own.progress = hada_progress_begin(own.task.monitor, "frames", own.here_count);
     take_all(&own);
     if (own.open)

@@ -10,7 +10,7 @@ typedef struct settings {
     hada_cli_common common;
     hada_fit_options fit;
     hada_fit_task task;
-    const char *output, *psf, *dark, *distances, *response;
+    const char *output, *psf, *dark, *distances, *response, *frame_encoding;
     hada_cli_texts merge;
     int form;     /* 0: not given */
     int psf_sign; /* 1: nowhere negative, 0: free, -1: not given */
@@ -70,6 +70,9 @@ static const hada_cli_option options[] = {
      "Taken off every pixel. FILE: the mean of a dark frame; auto: each frame's own, its darkest percent; LEVEL: a "
      "share of full scale. The model remembers it.",
      AT(dark)},
+    {HADA_OPTION_TEXT, "frame-encoding", 0, "auto|linear|srgb|P",
+     "how values of raw frames and PSFs stand for light (default: auto)",
+     "auto: as their files say, which is sRGB for JPEG files, and linear otherwise.", AT(frame_encoding)},
     {HADA_OPTION_REAL, "psf-dark", 0, "LEVEL", "dark level of the PSF (default: its own background)", NULL,
      AT(psf_dark)},
     {HADA_OPTION_FLAG, "colour", 0, NULL, "a grey PSF serves red, green and blue alike", NULL, AT(colour)},
@@ -114,6 +117,7 @@ static void defaults(void *user)
 {
     settings *set = user;
     set->dark = "none";
+    set->frame_encoding = "auto";
     set->response = "auto";
     hada_fit_options_init(&set->fit);
     hada_fit_task_init(&set->task);
@@ -144,6 +148,7 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     task.monitor = &cli->monitor;
     HADA_TRY_OR_DONE(hada_response_from_name(&fit.scene_response, set->response, err));
     if (folder) {
+        HADA_TRY_OR_DONE(hada_response_from_name(&scan.frame_encoding, set->frame_encoding, err));
         HADA_TRY_OR_DONE(hada_dataset_scan(&data, folder, &scan, err));
         HADA_TRY_OR_DONE(hada_file_check_target(set->output, err)); /* now that the data set's own files are known */
         HADA_TRY_OR_DONE(hada_cli_read_dark_level(&fit.dark, set->dark, err));
@@ -180,6 +185,7 @@ static hada_status fit_psf(const settings *set, hada_context *context, hada_mode
         task.distances_mm = distances;
         HADA_TRY(hada_cli_read_distances("distances", set->distances, distances, MOST_DISTANCES, &task.distances, err));
     }
+    HADA_TRY(hada_response_from_name(&task.frame_encoding, set->frame_encoding, err));
     HADA_TRY(hada_cli_read_dark_level(&psf.dark, set->dark, err));
     psf.refine_steps = set->fit.refine_steps;
     psf.refine_tv = set->fit.refine_tv;

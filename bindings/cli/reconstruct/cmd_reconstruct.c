@@ -19,7 +19,7 @@ typedef struct settings {
     hada_cli_common common;
     hada_plan_options plan;
     hada_files_task task;
-    const char *model, *depths, *occupied, *dark, *weights, *skip, *encoding;
+    const char *model, *depths, *occupied, *dark, *weights, *skip, *encoding, *frame_encoding;
     int no_enhance, no_preview;
     hada_cli_method_settings method;
 } settings;
@@ -41,6 +41,11 @@ static const hada_cli_option options[] = {
      "scene: as those of the scenes that the model was learned from, which results then compare with. linear: light. "
      "srgb, or a power P such as 2.2: for a display. The metadata say which; distance maps have none.",
      AT(encoding)},
+    {HADA_OPTION_TEXT, "frame-encoding", 0, "auto|linear|srgb|P",
+     "how the frames' values stand for light (default: auto)",
+     "auto: as the file says, which is sRGB for JPEG files, and linear otherwise. srgb: for other files that a camera has "
+     "encoded for a display.",
+     AT(frame_encoding)},
     {HADA_OPTION_FLAG, "no-preview", 0, NULL, "write no NAME_preview.png", NULL, AT(no_preview)},
     {HADA_OPTION_FLAG, "resume", 0, NULL, "pass over files whose results are in the folder already",
      "For going on after an interruption: results stand under their names only when they are whole. What made them is not "
@@ -141,6 +146,7 @@ static void defaults(void *user)
     settings *set = user;
     set->occupied = "auto";
     set->encoding = "scene";
+    set->frame_encoding = "auto";
     set->skip = "all";
     hada_plan_options_init(&set->plan);
     set->plan.refine = NOT_GIVEN;
@@ -160,7 +166,7 @@ typedef struct job {
     hada_cli_dark dark;
     hada_image weights; /* of pixels */
     int *depths, *occupied;
-    double encoding;
+    double encoding, frame_encoding;
 } job;
 
 static hada_status read_depths(job *work, hada_error *err)
@@ -258,6 +264,7 @@ static hada_status prepare(job *work, hada_error *err)
     const char *encoding = work->set->encoding;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_response_from_name(&work->encoding, strcmp(encoding, "scene") ? encoding : "auto", err));
+    HADA_TRY_OR_DONE(hada_response_from_name(&work->frame_encoding, work->set->frame_encoding, err));
     HADA_TRY_OR_DONE(hada_model_load(&work->model, work->set->model, err));
     HADA_TRY_OR_DONE(change_form(work, err));
     HADA_TRY_OR_DONE(read_options(work, err));
@@ -283,6 +290,7 @@ static int run_files(job *work, int count, const char **paths)
     task.monitor = &work->cli->monitor;
     json_object_set_new(work->cli->document, "files", json_array());
     task.encoding = work->encoding;
+    task.frame_encoding = work->frame_encoding;
     task.communicator = hada_cli_communicator(work->cli);
     const hada_status status = hada_reconstruct_files(work->plan, work->model, paths, count, &task, NULL, &err);
     if (status == HADA_ERROR_CANCELLED) {

@@ -27,6 +27,9 @@ typedef struct hada_dataset_options {
     size_t size;          /* sizeof(hada_dataset_options) */
     uint64_t cache_bytes; /* of host memory for pairs that were read; 256 MiB by default, 0: none are kept */
     int skip_incomplete;  /* of a folder: 1: files without their partner are left out; 0 (default): they are an error */
+    double frame_encoding; /* how the values of raw frames in files stand for light (hadalens/response.h), which is made
+                              linear; HADA_AUTO (default): as their files say (JPEG: sRGB), linear where they say
+                              nothing */
 } hada_dataset_options;
 HADA_INIT(hada_dataset_options, HADA_STRUCT_DATASET_OPTIONS)
 

@@ -63,8 +63,10 @@ typedef struct hada_psf_task {
     const hada_psf_options *psf; /* how to make the model; NULL: hada_psf_options_init() */
     const double *distances_mm;  /* of the pages, near to far; NULL: what the file says */
     int distances;
-    int colour; /* 1: a grey PSF serves red, green and blue alike */
-    int half;   /* 1: the model's filters in half precision */
+    int colour;            /* 1: a grey PSF serves red, green and blue alike */
+    int half;              /* 1: the model's filters in half precision */
+    double frame_encoding; /* how the values of the pages stand for light (hadalens/response.h), which is made linear;
+                              HADA_AUTO (default): as their files say (JPEG: sRGB), linear where they say nothing */
 } hada_psf_task;
 HADA_INIT(hada_psf_task, HADA_STRUCT_PSF_TASK)
 

@@ -50,6 +50,8 @@ typedef struct hada_files_task {
                         them: to go on after an interruption. 0 (default): they are made anew */
     const hada_communicator *communicator; /* ranks that share the files: dealt to them in order, each writing its own;
                                               copied; NULL (default): none do. All ranks name the same files */
+    double frame_encoding; /* how the values of the frames stand for light (hadalens/response.h), which is made linear;
+                              HADA_AUTO (default): as their files say (JPEG: sRGB), linear where they say nothing */
 } hada_files_task;
 HADA_INIT(hada_files_task, HADA_STRUCT_FILES_TASK)
 

@@ -1,0 +1,185 @@
+#include "io/decode.h"
+
+#include "core/input.h"
+
+/* The largest head by which a format is recognised. */
+enum { HEAD = 132 };
+/* Beyond it, a size is that of a damaged file. */
+#define MOST_OF_A_SIDE (UINT64_C(1) << 24)
+
+static int begins(const unsigned char *head, size_t bytes, const char *with, size_t length)
+{
+    return bytes >= length && !memcmp(head, with, length);
+}
+
+static uint64_t number(const unsigned char *at, size_t bytes, int big_endian)
+{
+    uint64_t value = 0;
+    for (size_t i = 0; i < bytes; i++)
+        value = value << 8 | at[big_endian ? i : bytes - 1 - i];
+    return value;
+}
+
+/* Raw files of most cameras are TIFF files; their first directory has a picture for displays. DNG files have a version
+ * tag there (50706); others name a maker (271) and keep the sensor's pixels in sub-directories (330). */
+static int is_tiff_raw(int fd, const unsigned char *head, size_t bytes)
+{
+    const int big_endian = head[0] == 'M';
+    enum { MAKER = 271, SUB_DIRECTORIES = 330, DNG_VERSION = 50706, ENTRY = 12, MOST = 512 };
+    unsigned char entries[MOST * ENTRY];
+    if (bytes < 8 || !(begins(head, bytes, "II*", 4) || begins(head, bytes, "MM\0*", 4)))
+        return 0;
+    if (begins(head + 8, bytes - 8, "CR", 2)) /* Canon's */
+        return 1;
+    const uint64_t at = number(head + 4, 4, big_endian);
+    if (hada_read_at(fd, entries, 2, at))
+        return 0;
+    const size_t count = (size_t)number(entries, 2, big_endian);
+    if (count > MOST || hada_read_at(fd, entries, count * ENTRY, at + 2))
+        return 0;
+    int maker = 0, parts = 0;
+    for (size_t i = 0; i < count; i++) {
+        const uint64_t tag = number(entries + i * ENTRY, 2, big_endian);
+        if (tag == DNG_VERSION)
+            return 1;
+        maker |= tag == MAKER;
+        parts |= tag == SUB_DIRECTORIES;
+    }
+    return maker && parts;
+}
+
+static hada_decoder *recognise(int fd, const unsigned char *head, size_t bytes)
+{
+    /* the formats of raw files that are not TIFF: Fujifilm, Olympus, Panasonic, Canon since 2018, Minolta, Sigma */
+    static const char *const raw[] = {"FUJIFILMCCD-RAW", "IIRO", "IIRS", "MMOR", "IIU", "FOVb"};
+    if (begins(head, bytes, "\211PNG\r\n\032\n", 8))
+        return hada_decode_png;
+    if (begins(head, bytes, "\377\330\377", 3))
+        return hada_decode_jpeg;
+    if (begins(head, bytes, "\223NUMPY", 6))
+        return hada_decode_numpy;
+    if (begins(head, bytes, "MATLAB ", 7) || begins(head, bytes, "\211HDF\r\n\032\n", 8))
+        return hada_decode_matlab;
+    for (size_t i = 0; i < HADA_COUNT(raw); i++)
+        if (begins(head, bytes, raw[i], strlen(raw[i])))
+            return hada_decode_raw;
+    if (bytes > 12 && begins(head + 4, bytes - 4, "ftypcrx", 7))
+        return hada_decode_raw;
+    return is_tiff_raw(fd, head, bytes) ? hada_decode_raw : NULL;
+}
+
+hada_status hada_decode(hada_decoded *out, int fd, size_t bytes, int *known, hada_error *err)
+{
+    unsigned char head[HEAD] = {0};
+    const size_t length = bytes < HEAD ? bytes : HEAD;
+    *out = (hada_decoded){0};
+    *known = 0;
+    if (hada_read_at(fd, head, length, 0))
+        return HADA_OK; /* the reader of TIFF files says why */
+    hada_decoder *const decoder = recognise(fd, head, length);
+    *known = decoder != NULL;
+    if (!decoder)
+        return HADA_OK;
+    hada_status status = decoder(out, fd, bytes, err);
+    if (!status && (out->page.rows < 1 || out->page.cols < 1 || out->frames < 1))
+        status = hada_fail(err, HADA_ERROR_FILE_FORMAT, "the file holds no picture; get it again");
+    if (status) {
+        free(out->samples);
+        *out = (hada_decoded){0};
+    }
+    return status;
+}
+
+hada_status hada_decode_read(unsigned char **data, int fd, size_t bytes, hada_error *err)
+{
+    HADA_TRY(hada_allocated(*data = hada_alloc_raw(bytes, 1, "a file", err)));
+    if (!hada_read_at(fd, *data, bytes, 0))
+        return HADA_OK;
+    free(*data);
+    *data = NULL;
+    return hada_fail(err, HADA_ERROR_FILE_READ, "the file cannot be read whole; get it again");
+}
+
+void hada_decoded_scale(hada_tiff_page *page)
+{
+    page->scale = page->is_float ? 1.0 : ldexp(1.0, page->bits - page->is_signed) - 1.0;
+}
+
+/* Which dimension of an array is which; -1: none is. */
+typedef struct axes {
+    int frame, channel, row, col;
+} axes;
+
+static int are_channels(const hada_array *array, int dimension)
+{
+    const uint64_t count = array->size[dimension];
+    return count == 1 || count == 3 || (count == 4 && dimension == array->dimensions - 1 && !array->frames_last);
+}
+
+static axes axes_of(const hada_array *array)
+{
+    const int n = array->dimensions;
+    if (array->frames_last) {
+        const int channels = n == 4 || (n == 3 && are_channels(array, 2));
+        return (axes){n == 4 ? 3 : n == 3 && !channels ? 2 : -1, channels ? 2 : -1, 0, 1};
+    }
+    if (n == 2)
+        return (axes){-1, -1, 0, 1};
+    const int last = are_channels(array, n - 1), first = !last && are_channels(array, n - 3);
+    if (last)
+        return (axes){n == 4 ? 0 : -1, n - 1, n - 3, n - 2};
+    return (axes){first && n == 3 ? -1 : 0, first ? n - 3 : -1, n - 2, n - 1};
+}
+
+static uint64_t size_of(const hada_array *array, int dimension)
+{
+    return dimension < 0 ? 1 : array->size[dimension];
+}
+
+hada_status hada_array_frames(hada_decoded *out, const hada_array *array, size_t file_bytes, hada_error *err)
+{
+    const int n = array->dimensions;
+    const axes of = n >= 2 && n <= 4 ? axes_of(array) : (axes){0};
+    hada_tiff_page *page = &out->page;
+    if (n < 2 || n > 4 || (n == 4 && (of.channel < 0 || !are_channels(array, of.channel))))
+        return hada_fail(err, HADA_ERROR_UNSUPPORTED,
+                         "an array of %d dimensions with these sizes is no picture; save rows x cols, with 1 or 3 "
+                         "channels as a third dimension, or several frames of these (docs/reference/files.md)",
+                         n);
+    const uint64_t rows = array->size[of.row], cols = array->size[of.col], samples = size_of(array, of.channel),
+                   frames = size_of(array, of.frame);
+    if (!rows || !cols || !frames || rows > MOST_OF_A_SIDE || cols > MOST_OF_A_SIDE || frames > MOST_OF_A_SIDE)
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "an array of %llu images of %llu x %llu is not plausible",
+                         (unsigned long long)frames, (unsigned long long)rows, (unsigned long long)cols);
+    page->rows = (int)rows;
+    page->cols = (int)cols;
+    page->samples = (int)samples;
+    page->channels = samples == 4 ? 3 : (int)samples;
+    page->separate = samples > 1 && (array->columns_first || of.channel < of.row);
+    hada_decoded_scale(page);
+    out->frames = (int)frames;
+    HADA_TRY(hada_tiff_budget(rows * cols * samples, 0, file_bytes, err));
+    return array->columns_first ? hada_tiff_budget(frames * rows * cols * samples, 0, file_bytes, err) : HADA_OK;
+}
+
+hada_status hada_array_order(hada_decoded *out, const hada_array *array, const unsigned char *from, hada_error *err)
+{
+    const axes of = axes_of(array);
+    const hada_tiff_page *page = &out->page;
+    const size_t bytes = (size_t)page->bits / 8, rows = (size_t)page->rows, cols = (size_t)page->cols,
+                 frames = (size_t)out->frames, samples = (size_t)page->samples;
+    size_t step[5] = {0}; /* of each dimension, in samples; the last one is that of none */
+    for (int i = 0; i < array->dimensions; i++)
+        step[i] = i ? step[i - 1] * (size_t)array->size[i - 1] : 1;
+    const size_t frame = step[of.frame < 0 ? 4 : of.frame], sample = step[of.channel < 0 ? 4 : of.channel],
+                 row = step[of.row], col = step[of.col];
+    HADA_TRY(hada_allocated(
+        out->samples = hada_alloc_raw(hada_size_product(frames * samples, rows * cols), bytes, "an array", err)));
+    unsigned char *to = out->samples;
+    for (size_t f = 0; f < frames; f++)
+        for (size_t s = 0; s < samples; s++)
+            for (size_t r = 0; r < rows; r++)
+                for (size_t c = 0; c < cols; c++, to += bytes)
+                    memcpy(to, from + bytes * (f * frame + s * sample + r * row + c * col), bytes);
+    return HADA_OK;
+}

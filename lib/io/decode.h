@@ -1,0 +1,51 @@
+/* Files that are not TIFF: PNG, JPEG, NumPy arrays, MATLAB files, cameras' raw files. They are recognised by their
+ * content. All but NumPy arrays are decoded whole, by libraries that are loaded when such a file is first read.
+ * Internal. */
+#ifndef HADA_IO_DECODE_H
+#define HADA_IO_DECODE_H
+
+#include "io/tiff_page.h"
+
+/* Frames of samples, one after the other, each as an uncompressed TIFF page would have them. */
+typedef struct hada_decoded {
+    hada_tiff_page page; /* of every frame */
+    int frames;
+    int swapped;   /* samples are not in the machine's byte order */
+    void *samples; /* of all frames, freed with free(); NULL: they are in the file, from `at` on */
+    uint64_t at;
+    double encoding; /* how values stand for light (hadalens/response.h); 0: the file does not say */
+} hada_decoded;
+
+/* Decodes the file `fd`, which stays the caller's, if it has one of these formats; else *known is 0. What it claims to
+ * hold is checked against the limits before memory is taken. */
+hada_status hada_decode(hada_decoded *out, int fd, size_t bytes, int *known, hada_error *err);
+
+/* For the decoders: */
+
+/* An array of 2 to 4 dimensions. */
+typedef struct hada_array {
+    int dimensions;
+    uint64_t size[4];
+    int columns_first; /* 1: the first dimension is the fastest in memory (Fortran, MATLAB); 0: the last one is */
+    int frames_last;   /* 1: rows, cols, channels, frames (MATLAB); 0: frames first */
+} hada_array;
+
+/* What an array is as frames: (rows, cols), (rows, cols, channels), (channels, rows, cols), (frames, rows, cols),
+ * (frames, rows, cols, channels) or (frames, channels, rows, cols); with frames last: (rows, cols), (rows, cols,
+ * channels), (rows, cols, frames) or (rows, cols, channels, frames). Channels are 1 or 3, or with frames
+ * first 4 as the last dimension (colour and opacity). out->page.bits, is_float and is_signed are known. */
+hada_status hada_array_frames(hada_decoded *out, const hada_array *array, size_t file_bytes, hada_error *err);
+
+/* Makes out->samples of those of an array whose columns come first. */
+hada_status hada_array_order(hada_decoded *out, const hada_array *array, const unsigned char *from, hada_error *err);
+
+/* Fills in the divisor of the samples, as TIFF files have it. */
+void hada_decoded_scale(hada_tiff_page *page);
+
+typedef hada_status hada_decoder(hada_decoded *out, int fd, size_t bytes, hada_error *err);
+hada_decoder hada_decode_png, hada_decode_jpeg, hada_decode_numpy, hada_decode_matlab, hada_decode_raw;
+
+/* The whole file, freed with free(). */
+hada_status hada_decode_read(unsigned char **data, int fd, size_t bytes, hada_error *err);
+
+#endif

@@ -2,7 +2,7 @@
 # What is there already is left alone; with nothing missing, nothing is asked.
 hadalens_install() {
     local packages="gcc libc6-dev cmake ninja-build pkg-config python3 ocl-icd-opencl-dev libclfft-dev libtiff-dev
-        libcairo2-dev libjansson-dev libxxhash-dev libpopt-dev"
+        libcairo2-dev libjansson-dev libxxhash-dev libpopt-dev libpng-dev libturbojpeg0-dev libraw-dev"
     local missing="" package root=""
     if ! command -v dpkg-query >/dev/null; then
         echo "This is not Debian or Ubuntu: docs/start/install.md lists what has to be installed."
@@ -13,7 +13,7 @@ hadalens_install() {
     case ${1:-} in
     # the tests run on PoCL whatever else is there; the C++ compiler and doxygen read the public headers, abigail-tools
     # compare them with earlier ones, zsh tries its completion
-    tests) packages="$packages pocl-opencl-icd libcmocka-dev g++ doxygen abigail-tools zsh" ;;
+    tests) packages="$packages pocl-opencl-icd libmatio-dev libcmocka-dev g++ doxygen abigail-tools zsh" ;;
     # independent software that checks results and files (tests/oracle/environment.sh)
     oracle) packages="python3-venv python3-numpy python3-scipy python3-skimage python3-tifffile python3-torch" ;;
     # what looks at kernels as a GPU's compiler makes them (tests/budget/environment.sh)

@@ -88,7 +88,7 @@ hada_status hada_decode_raw(hada_decoded *out, int fd, size_t bytes, hada_error 
     hada_status status = HADA_OK;
     HADA_TRY(hada_library_load(&library, err));
     HADA_TRY(hada_decode_read(&data, fd, bytes, err));
-    libraw_data_t *raw = api.create(0);
+    libraw_data_t *raw = api.create(LIBRAW_OPTIONS_NO_DATAERR_CALLBACK | LIBRAW_OPTIONS_NO_MEMERR_CALLBACK);
     if (!raw)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory to read a raw file"));
     int code = api.open(raw, data, bytes);

@@ -154,6 +154,9 @@ expect 0 '"encoding": "linear"' evaluate as_srgb/test01_aif.tif "$truth" --truth
 expect 2 'does not say.*--truth-encoding' evaluate "$truth" "$truth" --encoding srgb
 expect 2 "'dim' is no response" evaluate as_linear/test01_aif.tif "$truth" --encoding dim
 expect 2 "'dim' is no response" reconstruct "$frame" -m srgb.model -o x --encoding dim
+expect 2 "'dim' is no response" reconstruct "$frame" -m srgb.model -o x --frame-encoding dim
+expect 0 '' reconstruct "$frame" -m srgb.model -o as_encoded --frame-encoding srgb --no-preview
+cmp -s as_encoded/test01_stack.tif as_scene/test01_stack.tif && fail '--frame-encoding changed nothing'
 expect 2 'encoding already' reconstruct "$frame" -m srgb.model -o x --encoding srgb --gamma 0.5
 expect 0 '' reconstruct "$frame" -m srgb.model -o as_gamma --gamma 0.5 --no-preview
 expect 0 '"result_encoding": "2"' evaluate as_gamma/test01_aif.tif "$truth" --json

@@ -203,6 +203,9 @@ def test_evaluate_and_files(
     assert [(one.there, one.outputs) for one in again] == [(True, ())] * len(frames)
     stack = hadalens.read_tiff(tmp_path / "out" / f"{frames[0].stem}_stack.tif")
     np.testing.assert_array_equal(stack, plan.run(hadalens.read_tiff(frames[0], 0)).stack)
+    np.save(tmp_path / "array.npy", hadalens.read_tiff(frames[0], 0))  # (channels, rows, cols)
+    assert hadalens.reconstruct_files(plan, [tmp_path / "array.npy"], tmp_path / "out", preview=False)[0].error is None
+    np.testing.assert_array_equal(stack, hadalens.read_tiff(tmp_path / "out" / "array_stack.tif"))
     rows = hadalens.metrics.evaluate(tmp_path / "out", camera / "test" / "truth")
     assert {row.what for row in rows} >= {"stack", "map"}
     assert all(np.isfinite(row.psnr) for row in rows if row.what == "stack")

@@ -9,6 +9,7 @@ from typing import Any, Self, TypeAlias
 import numpy as np
 
 from . import errors
+from . import response as responses
 from ._arrays import Float32, NewImage, address, as_array, copy_of, planes_first, to_float
 from ._native import Caller, Handle, Options, Owner, call, ffi, keep_error, lib, path, text
 
@@ -108,12 +109,19 @@ class Dataset(Handle):
         self._owner = owner
 
     @classmethod
-    def scan(cls, folder: str | os.PathLike[str], *, skip_incomplete: bool = False) -> Self:
+    def scan(
+        cls,
+        folder: str | os.PathLike[str],
+        *,
+        skip_incomplete: bool = False,
+        frame_encoding: float | str | None = None,
+    ) -> Self:
         """Return the data set of a folder: z<distance>mm/raw/NAME.tif and z<distance>mm/scene/NAME.tif.
 
         Args:
             folder: where the depths' folders stand.
             skip_incomplete: files without their partner are left out; otherwise they are an error.
+            frame_encoding: how raw frames stand for light; None: as their files say, else linear.
 
         Raises:
             DatasetError: no depths, a depth without a pair, files without their partner.
@@ -122,7 +130,11 @@ class Dataset(Handle):
         new = cls.__new__(cls)
         new._reader = None
         owner = Owner("hada_dataset", lib.hada_dataset_destroy)
-        options = Options("hada_dataset_options", skip_incomplete=skip_incomplete)
+        options = Options(
+            "hada_dataset_options",
+            skip_incomplete=skip_incomplete,
+            frame_encoding=None if frame_encoding is None else responses.number(frame_encoding),
+        )
         call(lib.hada_dataset_scan, owner.pointer, path(folder), options.c)
         new._owner = owner
         return new

@@ -234,6 +234,7 @@ def reconstruct_files(
     bits: Literal[8, 16, 32] = 32,
     white: float = 1.0,
     encoding: float | str | None = None,
+    frame_encoding: float | str | None = None,
     resume: bool = False,
     tell: Callable[[str, int], None] | None = None,
     progress: Progress | bool | None = None,
@@ -245,12 +246,13 @@ def reconstruct_files(
 
     Args:
         plan: of the model.
-        files: TIFF files of one frame or a sequence.
+        files: of one frame or a sequence; TIFF, PNG, JPEG, NumPy, MATLAB or raw files.
         output: the folder, made where it is missing.
         preview: a picture to look at.
         bits: of stack and all-in-focus image.
         white: value that becomes full scale in 8 and 16 bits.
         encoding: how these stand for light; None: as the scenes of the model did.
+        frame_encoding: how the frames stand for light; None: as their files say, else linear.
         resume: files whose results stand in the folder are passed over, whatever made them.
         tell: called with path and frame number as frames are done.
         progress: a function, or True for tqdm's bars.
@@ -268,6 +270,7 @@ def reconstruct_files(
         bits=bits,
         white=white,
         encoding=None if encoding is None else responses.number(encoding),
+        frame_encoding=None if frame_encoding is None else responses.number(frame_encoding),
         resume=resume,
         tell=lib.py_files_task_tell,
         user=monitor.user,

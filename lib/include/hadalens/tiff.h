@@ -1,6 +1,11 @@
-/* Hadalens: frames from and to TIFF files.
+/* Hadalens: frames from TIFF and other files, and to TIFF files.
  *
- * Reads 8, 16 and 32-bit integers and 16, 32 and 64-bit floats, grey and RGB (alpha is dropped), planar or
+ * Readers recognise a file by its content. They read PNG (8 and 16 bits), JPEG, NumPy arrays (.npy), MATLAB files (the
+ * largest array of numbers) and raw files of cameras (DNG and others) as well as TIFF, where the build has their
+ * libraries (docs/reference/files.md); HADA_ERROR_UNSUPPORTED names what is missing. Of a raw file, values are 0 at the
+ * black level and 1 at white; a sensor with a colour filter mosaic has one channel.
+ *
+ * Of TIFF files they read 8, 16 and 32-bit integers and 16, 32 and 64-bit floats, grey and RGB (alpha is dropped), planar or
  * interleaved, palettes (looked up; in ImageJ files, where they only colour a grey image, left aside), either byte
  * order, strips or tiles, every compression that libtiff was built with, many pages, BigTIFF, ImageJ hyperstacks (also
  * those of several GiB that ImageJ writes with a single directory) and OME-TIFF. Where 0 is white, values are turned

@@ -23,12 +23,17 @@ static struct {
     __typeof__(libraw_close) *destroy;
     __typeof__(libraw_strerror) *message;
     __typeof__(libraw_COLOR) *colour;
+    __typeof__(libraw_set_dataerror_handler) *on_error;
 } api;
 
 static const hada_symbol symbols[] = {
-    HADA_SYMBOL(api.create, "libraw_init"),      HADA_SYMBOL(api.open, "libraw_open_buffer"),
-    HADA_SYMBOL(api.unpack, "libraw_unpack"),    HADA_SYMBOL(api.destroy, "libraw_close"),
-    HADA_SYMBOL(api.message, "libraw_strerror"), HADA_SYMBOL(api.colour, "libraw_COLOR"),
+    HADA_SYMBOL(api.create, "libraw_init"),
+    HADA_SYMBOL(api.open, "libraw_open_buffer"),
+    HADA_SYMBOL(api.unpack, "libraw_unpack"),
+    HADA_SYMBOL(api.destroy, "libraw_close"),
+    HADA_SYMBOL(api.message, "libraw_strerror"),
+    HADA_SYMBOL(api.colour, "libraw_COLOR"),
+    HADA_SYMBOL(api.on_error, "libraw_set_dataerror_handler"),
 };
 
 static hada_library library = {
@@ -88,9 +93,10 @@ hada_status hada_decode_raw(hada_decoded *out, int fd, size_t bytes, hada_error 
     hada_status status = HADA_OK;
     HADA_TRY(hada_library_load(&library, err));
     HADA_TRY(hada_decode_read(&data, fd, bytes, err));
-    libraw_data_t *raw = api.create(LIBRAW_OPTIONS_NO_DATAERR_CALLBACK | LIBRAW_OPTIONS_NO_MEMERR_CALLBACK);
+    libraw_data_t *raw = api.create(0);
     if (!raw)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory to read a raw file"));
+    api.on_error(raw, NULL, NULL); /* which would print */
     int code = api.open(raw, data, bytes);
     if (code)
         HADA_TRY_OR_DONE(failed(code, err));

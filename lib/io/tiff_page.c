@@ -62,6 +62,17 @@ static const char *codec_name(int compression)
 }
 
 /* The largest number of decoded bytes for one byte of the file that the format allows, rounded up. */
+/* Codecs that fail on damaged data by an error: not JBIG, whose library ends the process, and none that nobody tests.
+ */
+static int is_trusted(int compression)
+{
+    static const int codecs[] = {1, 2, 3, 4, 5, 7, 8, 32773, 32946, 34887, 34925, 50000, 50001};
+    for (size_t i = 0; i < HADA_COUNT(codecs); i++)
+        if (compression == codecs[i])
+            return 1;
+    return 0;
+}
+
 static uint64_t largest_ratio(int compression)
 {
     switch (compression) {
@@ -152,9 +163,15 @@ uint64_t hada_tiff_page_bytes(const hada_tiff_page *page)
     return row * (uint64_t)page->rows * (page->separate ? (uint64_t)page->samples : 1);
 }
 
-uint64_t hada_tiff_page_least(const hada_tiff_page *page)
+/* Bytes of its strips or tiles in the file, by what it says and at least as many as such pixels can have. */
+static uint64_t stored_bytes(TIFF *tif, const hada_tiff_page *page, uint64_t file_bytes)
 {
-    return hada_tiff_page_bytes(page) / largest_ratio(page->compression);
+    const uint32_t pieces = TIFFIsTiled(tif) ? TIFFNumberOfTiles(tif) : TIFFNumberOfStrips(tif);
+    uint64_t all = 0, least = hada_tiff_page_bytes(page) / largest_ratio(page->compression);
+    for (uint32_t i = 0; i < pieces && all < file_bytes; i++)
+        all += TIFFGetStrileByteCount(tif, i);
+    all = all < file_bytes ? all : file_bytes;
+    return all > least ? all : least;
 }
 
 /* The piece that is read at once lies beside the numbers (four bytes are as many as a number has). */
@@ -186,11 +203,10 @@ hada_status hada_tiff_page_check(TIFF *tif, uint64_t file_bytes, int keep_indice
     TIFFGetFieldDefaulted(tif, TIFFTAG_COMPRESSION, &compression);
     TIFFGetFieldDefaulted(tif, TIFFTAG_PLANARCONFIG, &planar);
     TIFFGetField(tif, TIFFTAG_PHOTOMETRIC, &photometric);
-    if (!TIFFIsCODECConfigured(compression))
-        return hada_fail(
-            err, HADA_ERROR_UNSUPPORTED,
-            "the compression is %s (%u), which this libtiff cannot read; save without compression or with deflate",
-            codec_name(compression), compression);
+    if (!is_trusted(compression) || !TIFFIsCODECConfigured(compression))
+        return hada_fail(err, HADA_ERROR_UNSUPPORTED,
+                         "the compression is %s (%u), which is not read here; save without compression or with deflate",
+                         codec_name(compression), compression);
     if (!rows || !cols || !samples || rows > LARGEST_SIDE || cols > LARGEST_SIDE || samples > 4096 ||
         (uint64_t)rows * cols * samples > LARGEST_VALUES)
         return hada_fail(err, HADA_ERROR_FILE_FORMAT,
@@ -212,6 +228,7 @@ hada_status hada_tiff_page_check(TIFF *tif, uint64_t file_bytes, int keep_indice
                          "%u x %u pixels need %llu bytes, more than a file of %llu bytes can hold: it is cut off or "
                          "damaged; get it again",
                          cols, rows, (unsigned long long)pixels, (unsigned long long)file_bytes);
+    page->stored_bytes = stored_bytes(tif, page, file_bytes);
     return hada_tiff_budget((uint64_t)rows * cols * samples, chunk, file_bytes, err);
 }
 
@@ -446,6 +463,29 @@ static hada_status cut_off(hada_error *err, size_t page)
                      page + 1);
 }
 
+/* Bytes of a value of each type of TIFF. */
+static uint64_t type_bytes(unsigned type)
+{
+    static const unsigned char sizes[] = {0, 1, 1, 2, 4, 8, 1, 1, 2, 4, 8, 4, 8, 4, 0, 0, 8, 8, 8};
+    return type < sizeof sizes ? sizes[type] : 0;
+}
+
+/* Whether the values of a directory's tags are more than the file holds: tags that share bytes make libtiff take memory
+ * for each of them. */
+static int tags_share(const hada_tiff_chain *chain, const unsigned char *entries, uint64_t count)
+{
+    const uint64_t wide = chain->big ? 8 : 4;
+    uint64_t all = 0;
+    for (uint64_t i = 0; i < count && all <= chain->bytes; i++) {
+        const unsigned char *entry = entries + i * (4 + 2 * wide);
+        const uint64_t values = number(chain, entry + 4, (int)wide), at = number(chain, entry + 4 + wide, (int)wide),
+                       bytes = values <= chain->bytes ? values * type_bytes((unsigned)number(chain, entry + 2, 2)) : 0;
+        if (at <= chain->bytes && bytes <= chain->bytes - at) /* libtiff refuses others */
+            all += bytes;
+    }
+    return all > chain->bytes;
+}
+
 /* Reads the entries of the directory at `offset` into *entries (allocated). */
 static hada_status read_directory(const hada_tiff_chain *chain, int fd, uint64_t offset, size_t page,
                                   unsigned char **entries, uint64_t *count, uint64_t *next, hada_error *err)
@@ -564,6 +604,10 @@ hada_status hada_tiff_chain_read(hada_tiff_chain *chain, int fd, hada_error *err
         if (seen > chain->bytes)
             HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_READ,
                                        "the directories of the pages overlap: the file is damaged; get it again"));
+        if (tags_share(chain, entries, count))
+            HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_READ,
+                                       "the tags of page %zu hold more than the file: it is damaged; get it again",
+                                       step + 1));
         if (is_frame(chain, entries, count))
             HADA_TRY_OR_DONE(append(chain, offset, &room, err));
         free(entries);
@@ -587,7 +631,6 @@ void hada_tiff_chain_free(hada_tiff_chain *chain)
 
 uint64_t hada_tiff_chain_find(const hada_tiff_chain *chain, int fd, uint64_t directory, unsigned tag, uint64_t *bytes)
 {
-    static const unsigned char sizes[] = {0, 1, 1, 2, 4, 8, 1, 1, 2, 4, 8, 4, 8, 4, 0, 0, 8, 8, 8};
     unsigned char *entries;
     uint64_t count, next, found = 0;
     const int step = chain->big ? 20 : 12, wide = chain->big ? 8 : 4;
@@ -596,12 +639,12 @@ uint64_t hada_tiff_chain_find(const hada_tiff_chain *chain, int fd, uint64_t dir
     for (uint64_t i = 0; i < count && !found; i++) {
         const unsigned char *entry = entries + i * (uint64_t)step;
         unsigned type = (unsigned)number(chain, entry + 2, 2);
-        if (number(chain, entry, 2) != tag || type >= sizeof sizes)
+        if (number(chain, entry, 2) != tag)
             continue;
         uint64_t values = number(chain, entry + 4, wide);
         if (values > chain->bytes)
             continue;
-        *bytes = values * sizes[type];
+        *bytes = values * type_bytes(type);
         found = *bytes <= (uint64_t)wide ? directory + (chain->big ? 8u : 2u) + i * (uint64_t)step + 4 + (uint64_t)wide
                                          : number(chain, entry + 4 + wide, wide);
         if (found > chain->bytes || *bytes > chain->bytes - found)

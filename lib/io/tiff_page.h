@@ -54,7 +54,8 @@ typedef struct hada_tiff_page {
     int inverted; /* 0 is white */
     int palette;  /* samples are indices; the colours come from the file */
     int compression;
-    double scale; /* the divisor of stored numbers */
+    double scale;          /* the divisor of stored numbers */
+    uint64_t stored_bytes; /* of its pixels in the file, at most the file's */
 } hada_tiff_page;
 
 /* Reads and checks the tags of the current directory; what cannot be read is refused by name. Sizes that a file of
@@ -71,9 +72,8 @@ hada_pixel_type hada_tiff_page_form(const hada_tiff_page *page);
 hada_status hada_tiff_page_read(TIFF *tif, const hada_tiff_handle *handle, const hada_tiff_page *page,
                                 hada_pixel_type form, void *out, hada_error *err);
 
-/* Bytes of an uncompressed page, and the fewest that it can have in a file. */
+/* Bytes of an uncompressed page. */
 uint64_t hada_tiff_page_bytes(const hada_tiff_page *page);
-uint64_t hada_tiff_page_least(const hada_tiff_page *page);
 /* What a file claims, against the limits: `values` numbers in memory at once, and the bytes of a piece that is read. */
 hada_status hada_tiff_budget(uint64_t values, uint64_t piece_bytes, uint64_t file_bytes, hada_error *err);
 /* Converts an uncompressed page that was read from the file as it is; `raw` is put into the machine's byte order

@@ -144,7 +144,7 @@ struct hada_tiff_reader {
     uint64_t raw_bytes;     /* of one image where all stand one after the other, uncompressed; 0 else */
     uint64_t raw_at;        /* where the first one begins: in the file, or in `decoded` */
     unsigned char *decoded; /* what a file that is not TIFF holds; NULL: it is read from the file */
-    unsigned char *seen;    /* pages that were read before, and the fewest bytes that these have in a file */
+    unsigned char *seen;    /* pages that were read before, and the bytes that these have in the file */
     uint64_t seen_bytes;
 };
 
@@ -407,7 +407,7 @@ static hada_status note_page(hada_tiff_reader *reader, size_t number, const hada
     if (reader->seen[number])
         return HADA_OK;
     reader->seen[number] = 1;
-    reader->seen_bytes += hada_tiff_page_least(page);
+    reader->seen_bytes += page->stored_bytes;
     return reader->seen_bytes <= reader->chain.bytes
                ? HADA_OK
                : hada_fail(err, HADA_ERROR_FILE_READ,

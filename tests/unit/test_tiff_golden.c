@@ -219,6 +219,38 @@ TEST(test_absurd_sizes)
     }
 }
 
+/* JBIG's library ends the process where a file is damaged. */
+TEST(test_codecs_that_are_not_trusted)
+{
+    size_t bytes;
+    SCOPED_MEMORY unsigned char *data = io_read_bytes(io_golden("grey_u2.tif"), &bytes);
+    set_tag(data, bytes, 259, 34661);
+    io_write_bytes(io_path("jbig.tif"), data, bytes);
+    expect_refusal(io_path("jbig.tif"), HADA_ERROR_UNSUPPORTED, "JBIG", "deflate");
+}
+
+/* Private tags that share bytes: libtiff would take 40 MB for a file of 200 KB. */
+TEST(test_tags_that_share_bytes)
+{
+    enum { TAGS = 200, BYTES = 200000, DIRECTORY = BYTES - 2 - 12 * TAGS - 4 };
+    SCOPED_MEMORY unsigned char *data = calloc(BYTES, 1);
+    memcpy(data, "II*\0", 4);
+    const uint32_t at = DIRECTORY, count = BYTES - 20, offset = 8;
+    const uint16_t tags = TAGS, type = 1;
+    memcpy(data + 4, &at, 4);
+    memcpy(data + at, &tags, 2);
+    for (int i = 0; i < TAGS; i++) {
+        const uint16_t tag = (uint16_t)(65000 + i);
+        unsigned char *entry = data + at + 2 + 12 * i;
+        memcpy(entry, &tag, 2);
+        memcpy(entry + 2, &type, 2);
+        memcpy(entry + 4, &count, 4);
+        memcpy(entry + 8, &offset, 4);
+    }
+    io_write_bytes(io_path("shared.tif"), data, BYTES);
+    expect_refusal(io_path("shared.tif"), HADA_ERROR_FILE_READ, "tags of page 1", "get it again");
+}
+
 /* A ring of directories must end. */
 TEST(test_ring)
 {

@@ -639,7 +639,7 @@ uint64_t hada_tiff_chain_find(const hada_tiff_chain *chain, int fd, uint64_t dir
     for (uint64_t i = 0; i < count && !found; i++) {
         const unsigned char *entry = entries + i * (uint64_t)step;
         unsigned type = (unsigned)number(chain, entry + 2, 2);
-        if (number(chain, entry, 2) != tag)
+        if (number(chain, entry, 2) != tag || !type_bytes(type))
             continue;
         uint64_t values = number(chain, entry + 4, wide);
         if (values > chain->bytes)

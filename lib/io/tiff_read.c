@@ -386,17 +386,18 @@ hada_status hada_tiff_check_all(const hada_tiff_reader *reader, hada_error *err)
 static hada_status read_raw_image(const hada_tiff_reader *reader, size_t number, hada_pixel_type form, void *out,
                                   hada_error *err)
 {
-    void *buffer;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_allocated(buffer = hada_alloc_raw(1, (size_t)reader->raw_bytes, "an image of the stack", err)));
     const uint64_t at = reader->raw_at + number * reader->raw_bytes;
+    void *buffer = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(
+        hada_allocated(buffer = hada_alloc_raw(1, (size_t)reader->raw_bytes, "an image of the stack", err)));
     if (reader->decoded)
-        memcpy(buffer, reader->decoded + at, (size_t)reader->raw_bytes);
+        memcpy(buffer, (const unsigned char *)reader->decoded + at, (size_t)reader->raw_bytes);
     else if (hada_read_at(reader->fd, buffer, (size_t)reader->raw_bytes, at))
-        status = hada_fail(err, HADA_ERROR_FILE_READ, "image %zu cannot be read: the file is cut off; get it again",
-                           number + 1);
-    if (!status)
-        hada_tiff_page_convert(&reader->first, buffer, reader->chain.swapped, form, out);
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_READ,
+                                   "image %zu cannot be read: the file is cut off; get it again", number + 1));
+    hada_tiff_page_convert(&reader->first, buffer, reader->chain.swapped, form, out);
+done:
     free(buffer);
     return status;
 }

@@ -6,18 +6,11 @@
 
 #include "inc_refine.h"
 
+#define image_get(p, i)    wide_get((p) + (i))
+#define image_put(p, i, v) wide_put(v, (p) + (i))
+
 #if REFINE_WIDTH == 8
 #define IMAGE_LANES ((int8)(0, 1, 2, 3, 4, 5, 6, 7))
-
-REFINE_INLINE refine_real image_get(__global const float *p, size_t i)
-{
-    return vload8(0, p + i);
-}
-
-REFINE_INLINE void image_put(__global float *p, size_t i, refine_real v)
-{
-    VECTORS_STORE8(__global, v, p + i);
-}
 
 /* The pixels to the left and to the right of `here`, given the one before the first and the one after the last. */
 REFINE_INLINE refine_real image_left(refine_real here, float before)
@@ -41,16 +34,6 @@ REFINE_INLINE refine_real image_cut(refine_real v, int j, int first, int cols)
     return select((float8)0.0f, v, (IMAGE_LANES + j >= first) & (IMAGE_LANES + j < cols));
 }
 #else
-REFINE_INLINE refine_real image_get(__global const float *p, size_t i)
-{
-    return p[i];
-}
-
-REFINE_INLINE void image_put(__global float *p, size_t i, refine_real v)
-{
-    p[i] = v;
-}
-
 REFINE_INLINE refine_real image_left(refine_real here, float before)
 {
     return before;

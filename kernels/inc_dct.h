@@ -7,10 +7,13 @@
 #define DCT_GROUP 1
 #endif
 #if DCT_GROUP == 1
-typedef float8 dct_real;
+#define WIDE_WIDTH 8
 #else
-typedef float dct_real;
+#define WIDE_WIDTH 1
 #endif
+#include "inc_wide.h"
+
+typedef wide_real dct_real;
 
 #define DCT_INLINE static inline __attribute__((always_inline))
 

@@ -4,8 +4,6 @@
 #ifndef INC_REFINE_H
 #define INC_REFINE_H
 
-#include "inc_lanes.h"
-
 #ifndef REFINE_WIDTH
 #define REFINE_WIDTH 8
 #endif
@@ -14,11 +12,16 @@
 #define REFINE_GROUP 1
 #endif
 
+#define WIDE_WIDTH REFINE_WIDTH
+#include "inc_lanes.h"
+#include "inc_wide.h"
+
 #define REFINE_INLINE static inline __attribute__((always_inline))
 
-#if REFINE_WIDTH == 8
-typedef float8 refine_real;
+typedef wide_real refine_real;
+#define refine_sum wide_sum
 
+#if REFINE_WIDTH == 8
 REFINE_INLINE void refine_get(__global const float *p, size_t i, refine_real *re, refine_real *im)
 {
     lanes_apart(vload8(0, p + 2 * i), vload8(1, p + 2 * i), re, im);
@@ -33,13 +36,6 @@ REFINE_INLINE void refine_put(__global float *p, size_t i, refine_real re, refin
 REFINE_INLINE refine_real refine_get_real(__global const float *p, size_t i)
 {
     return lanes_real(vload8(0, p + i));
-}
-
-REFINE_INLINE float refine_sum(refine_real v)
-{
-    const float4 a = v.lo + v.hi;
-    const float2 b = a.lo + a.hi;
-    return b.x + b.y;
 }
 
 /* A frequency's energy counted as often as it occurs in the whole spectrum: interior columns of the half spectrum
@@ -59,8 +55,6 @@ REFINE_INLINE refine_real refine_band(refine_real energy, uint i, uint rows, uin
     return select(energy, (float8)0.0f, 2 * k >= (int)band_cols);
 }
 #else
-typedef float refine_real;
-
 REFINE_INLINE void refine_get(__global const float *p, size_t i, refine_real *re, refine_real *im)
 {
     const float2 a = vload2(i, p);
@@ -78,11 +72,6 @@ REFINE_INLINE refine_real refine_get_real(__global const float *p, size_t i)
     return p[i];
 }
 
-REFINE_INLINE float refine_sum(refine_real v)
-{
-    return v;
-}
-
 REFINE_INLINE refine_real refine_count(refine_real energy, uint i, uint rows, uint block, uint cols)
 {
     const uint k = i / (rows * block) * block + i % block;
@@ -95,9 +84,9 @@ REFINE_INLINE refine_real refine_band(refine_real energy, uint i, uint rows, uin
 }
 #endif
 
-/* What a pixel of weight w keeps of the difference a - b between its light and its value b: w / (w + mu) of it. A weight
- * below zero is that of a saturated pixel, whose true value is b or more: it has the size |w|, and where a is above b
- * nothing is kept. For scalars and vectors. */
+/* What a pixel of weight w keeps of the difference a - b between its light and its value b: w / (w + mu) of it. A
+ * weight below zero is that of a saturated pixel, whose true value is b or more: it has the size |w|, and where a is
+ * above b nothing is kept. For scalars and vectors. */
 #define REFINE_LEAST_WEIGHT 1e-30f
 #define REFINE_WEIGHED(difference, w, mu)                                                                              \
     (((w) < 0.0f ? min(difference, 0.0f) : (difference)) * (fabs(w) / fmax(fabs(w) + (mu), REFINE_LEAST_WEIGHT)))

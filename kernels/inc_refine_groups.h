@@ -22,8 +22,8 @@ REFINE_INLINE void refine_stages(__local float2 *scratch, int points, fft_side s
 {
     for (int s = from; s < to; ++s) {
         FFT_WAIT();
-        fft_stage(scratch, points, side, table + FFT_HEADER + s * FFT_STAGE_INTS,
-                  late ? FFT_FLOATS_OF(table) : floats, 0);
+        fft_stage(scratch, points, side, table + FFT_HEADER + s * FFT_STAGE_INTS, late ? FFT_FLOATS_OF(table) : floats,
+                  0);
     }
 }
 
@@ -33,8 +33,8 @@ REFINE_INLINE void refine_stages_back(__local float2 *scratch, int points, fft_s
 {
     for (int s = to - 1; s >= 0; --s) {
         FFT_WAIT();
-        fft_stage(scratch, points, side, table + FFT_HEADER + s * FFT_STAGE_INTS,
-                  late ? FFT_FLOATS_OF(table) : floats, 1);
+        fft_stage(scratch, points, side, table + FFT_HEADER + s * FFT_STAGE_INTS, late ? FFT_FLOATS_OF(table) : floats,
+                  1);
     }
 }
 
@@ -51,14 +51,14 @@ typedef struct refine_column {
 REFINE_INLINE refine_column refine_column_of(const hada_refine_columns *job, __global float *planes,
                                              __global const float *otf, __global const int *list,
                                              __global const float *frame, __global const float *prior,
-                                             __global float *now_w, __global float *split)
+                                             __global float *now_w)
 {
     const uint parts = HADA_FFT_BLOCK / job->width, channels = get_num_groups(1);
     const size_t block_values = (size_t)job->rows * HADA_FFT_BLOCK;
     refine_column column;
     column.side = fft_side_of(job->width);
-    column.at = refine_channel_step(&job->step, get_group_id(2), get_group_id(1), channels, REFINE_CROPPED, otf, list,
-                                    frame, prior, now_w, split);
+    column.at =
+        refine_channel_step(&job->step, get_group_id(2), get_group_id(1), channels, otf, list, frame, prior, now_w);
     column.blocks = get_num_groups(0) / parts;
     column.block = get_group_id(0) / parts;
     column.col = get_group_id(0) % parts * job->width + column.side.w;
@@ -134,8 +134,7 @@ REFINE_INLINE void refine_rows_apart(__local const float2 *scratch, __global flo
                                      int count, int n, int width, __global const int *place)
 {
     FFT_SHARE (k, (n / 2 / HADA_FFT_BLOCK + 1) * HADA_FFT_BLOCK) {
-        __global float2 *to =
-            values + (size_t)(k / HADA_FFT_BLOCK * height + w) * HADA_FFT_BLOCK + k % HADA_FFT_BLOCK;
+        __global float2 *to = values + (size_t)(k / HADA_FFT_BLOCK * height + w) * HADA_FFT_BLOCK + k % HADA_FFT_BLOCK;
         float2 z = (float2)0.0f, u = z;
         if (k <= n / 2) {
             z = 0.5f * scratch[REFINE_ROW_POINT(place, k) * width + w];

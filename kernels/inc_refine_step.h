@@ -70,13 +70,13 @@ REFINE_INLINE void refine_next(const hada_refine_step *now, refine_real per_g, r
 
 /* Where the arrays of one channel of a set begin. */
 typedef struct refine_channel {
-    __global const int *z;    /* the set's depths */
-    __global const float *h;  /* OTFs, of depth 0 */
-    size_t step;              /* floats from a depth's spectrum to the next one's, in OTFs and planes */
-    size_t first;             /* the first depth's plane, counted in planes */
-    __global const float *b;  /* the frame's spectrum */
+    __global const int *z;   /* the set's depths */
+    __global const float *h; /* OTFs, of depth 0 */
+    size_t step;             /* floats from a depth's spectrum to the next one's, in OTFs and planes */
+    size_t first;            /* the first depth's plane, counted in planes */
+    __global const float *b; /* the frame's spectrum */
     __global const float *prior;
-    __global float *w, *a;    /* of the first depth; of the set */
+    __global float *w, *a; /* of the first depth; of the set */
 } refine_channel;
 
 REFINE_INLINE refine_channel refine_channel_of(const hada_refine_problem *problem, uint set, uint channel,
@@ -93,17 +93,17 @@ REFINE_INLINE refine_channel refine_channel_of(const hada_refine_problem *proble
     return at;
 }
 
-/* The same with what a linear step needs besides; crops: whether the sensor does, else there is no `split`. */
+/* The same with what a linear step needs besides. */
 REFINE_INLINE refine_channel refine_channel_step(const hada_refine_step *now, uint set, uint channel, uint channels,
-                                                 int crops, __global const float *otf, __global const int *list,
+                                                 __global const float *otf, __global const int *list,
                                                  __global const float *frame, __global const float *prior,
-                                                 __global float *now_w, __global float *split)
+                                                 __global float *now_w)
 {
     const size_t count = now->problem.spectrum.count;
     refine_channel at = refine_channel_of(&now->problem, set, channel, channels, otf, list, frame);
     at.prior = prior + (now->has_prior ? channel * count : 0);
     at.w = now_w + 2 * at.first * count;
-    at.a = split + (crops ? 2 * ((size_t)set * channels + channel) * count : 0);
+    at.a = now_w + 2 * (now->split + ((size_t)set * channels + channel) * count);
     return at;
 }
 

@@ -1,9 +1,6 @@
 /* Fully connected layers on plain arrays: y[n][o] = bias[o] + sum_i w[o][i] x[n][i], and the gradients. Four images and
  * four outputs are computed at once, so that each value read is used four times. CPUs: vectors of eight, work-groups of
  * one; GPUs: LINEAR_WIDTH 1, and LINEAR_GROUP work-items sum the products of an output. */
-#include "inc_vectors.h"
-#include "shared_net.h"
-
 #ifndef LINEAR_WIDTH
 #define LINEAR_WIDTH 8
 #endif
@@ -11,64 +8,28 @@
 #define LINEAR_GROUP 1
 #endif
 
-#define LINEAR_INLINE static inline __attribute__((always_inline))
-
-#if LINEAR_WIDTH == 8
-typedef float8 linear_vector;
-
-LINEAR_INLINE linear_vector linear_get(__global const float *p)
-{
-    return vload8(0, p);
-}
-
-LINEAR_INLINE void linear_put(linear_vector v, __global float *p)
-{
-    VECTORS_STORE8(__global, v, p);
-}
-
-LINEAR_INLINE float linear_sum(linear_vector v)
-{
-    const float4 a = v.lo + v.hi;
-    const float2 b = a.lo + a.hi;
-    return b.x + b.y;
-}
-#else
-typedef float linear_vector;
-
-LINEAR_INLINE linear_vector linear_get(__global const float *p)
-{
-    return *p;
-}
-
-LINEAR_INLINE void linear_put(linear_vector v, __global float *p)
-{
-    *p = v;
-}
-
-LINEAR_INLINE float linear_sum(linear_vector v)
-{
-    return v;
-}
-#endif
+#define WIDE_WIDTH LINEAR_WIDTH
+#include "inc_wide.h"
+#include "shared_net.h"
 
 /* sum[o][n]: rows[o] times x[n], as far as this work-item of its group goes; `images` is known when it is compiled. */
-LINEAR_INLINE void linear_products(__global const float *const *rows, __global const float *const *x, int images,
-                                   int in, int item, float sum[HADA_LINEAR_OUTPUTS][HADA_LINEAR_IMAGES])
+WIDE_INLINE void linear_products(__global const float *const *rows, __global const float *const *x, int images, int in,
+                                 int item, float sum[HADA_LINEAR_OUTPUTS][HADA_LINEAR_IMAGES])
 {
-    linear_vector lanes[HADA_LINEAR_OUTPUTS][HADA_LINEAR_IMAGES];
+    wide_real lanes[HADA_LINEAR_OUTPUTS][HADA_LINEAR_IMAGES];
 #pragma unroll
     for (int o = 0; o < HADA_LINEAR_OUTPUTS; o++)
 #pragma unroll
         for (int n = 0; n < images; n++)
             lanes[o][n] = 0.0f;
     for (int i = item * LINEAR_WIDTH; i + LINEAR_WIDTH <= in; i += LINEAR_GROUP * LINEAR_WIDTH) {
-        linear_vector v[HADA_LINEAR_IMAGES];
+        wide_real v[HADA_LINEAR_IMAGES];
 #pragma unroll
         for (int n = 0; n < images; n++)
-            v[n] = linear_get(x[n] + i);
+            v[n] = wide_get(x[n] + i);
 #pragma unroll
         for (int o = 0; o < HADA_LINEAR_OUTPUTS; o++) {
-            const linear_vector w = linear_get(rows[o] + i);
+            const wide_real w = wide_get(rows[o] + i);
 #pragma unroll
             for (int n = 0; n < images; n++)
                 lanes[o][n] = fma(w, v[n], lanes[o][n]);
@@ -78,7 +39,7 @@ LINEAR_INLINE void linear_products(__global const float *const *rows, __global c
     for (int o = 0; o < HADA_LINEAR_OUTPUTS; o++)
 #pragma unroll
         for (int n = 0; n < images; n++) {
-            sum[o][n] = linear_sum(lanes[o][n]);
+            sum[o][n] = wide_sum(lanes[o][n]);
 #if LINEAR_WIDTH > 1
             for (int i = in / LINEAR_WIDTH * LINEAR_WIDTH; i < in; i++)
                 sum[o][n] = fma(rows[o][i], x[n][i], sum[o][n]);
@@ -154,7 +115,7 @@ __kernel void net_linear_data(__global const float *w, __global const float *dy,
          first += get_global_size(1) * HADA_LINEAR_IMAGES) {
         __global const float *column = w + w_offset + i, *from[HADA_LINEAR_IMAGES];
         __global float *to = dx + at.x + (size_t)first * in + i;
-        linear_vector sum[LINEAR_COLUMNS / LINEAR_WIDTH][HADA_LINEAR_IMAGES];
+        wide_real sum[LINEAR_COLUMNS / LINEAR_WIDTH][HADA_LINEAR_IMAGES];
         const int here = min(HADA_LINEAR_IMAGES, images - first);
         for (int n = 0; n < HADA_LINEAR_IMAGES; n++)
             from[n] = dy + dy_offset + (size_t)min(first + n, images - 1) * out;
@@ -164,18 +125,18 @@ __kernel void net_linear_data(__global const float *w, __global const float *dy,
         int o = 0;
         for (; o + 2 <= out; o += 2, column += 2 * (size_t)in)
             for (int k = 0; k < whole; k++) {
-                const linear_vector a = linear_get(column + k * LINEAR_WIDTH);
-                const linear_vector b = linear_get(column + in + k * LINEAR_WIDTH);
+                const wide_real a = wide_get(column + k * LINEAR_WIDTH);
+                const wide_real b = wide_get(column + in + k * LINEAR_WIDTH);
 #pragma unroll
                 for (int n = 0; n < HADA_LINEAR_IMAGES; n++)
-                    sum[k][n] = fma((linear_vector)from[n][o + 1], b, fma((linear_vector)from[n][o], a, sum[k][n]));
+                    sum[k][n] = fma((wide_real)from[n][o + 1], b, fma((wide_real)from[n][o], a, sum[k][n]));
             }
         for (int k = 0; o < out && k < whole; k++)
             for (int n = 0; n < HADA_LINEAR_IMAGES; n++)
-                sum[k][n] = fma((linear_vector)from[n][o], linear_get(column + k * LINEAR_WIDTH), sum[k][n]);
+                sum[k][n] = fma((wide_real)from[n][o], wide_get(column + k * LINEAR_WIDTH), sum[k][n]);
         for (int n = 0; n < here; n++)
             for (int k = 0; k < whole; k++)
-                linear_put(sum[k][n], to + (size_t)n * in + k * LINEAR_WIDTH);
+                wide_put(sum[k][n], to + (size_t)n * in + k * LINEAR_WIDTH);
         for (int n = 0; n < here; n++)
             for (int k = whole * LINEAR_WIDTH; k < columns; k++) {
                 float rest = 0.0f;
@@ -196,11 +157,10 @@ __kernel void net_linear_weights(__global const float *x, __global const float *
     __global float *to = dw + at.w + (size_t)o * in;
     int i = get_global_id(0) * run;
     for (; i + LINEAR_WIDTH <= end; i += LINEAR_WIDTH) {
-        linear_vector sum = accumulate ? linear_get(to + i) : 0.0f;
+        wide_real sum = accumulate ? wide_get(to + i) : 0.0f;
         for (int n = 0; n < images; n++)
-            sum = fma((linear_vector)dy[dy_offset + (size_t)n * out + o], linear_get(x + x_offset + (size_t)n * in + i),
-                      sum);
-        linear_put(sum, to + i);
+            sum = fma((wide_real)dy[dy_offset + (size_t)n * out + o], wide_get(x + x_offset + (size_t)n * in + i), sum);
+        wide_put(sum, to + i);
     }
 #if LINEAR_WIDTH > 1
     for (; i < end; i++) {

@@ -1,66 +1,13 @@
 /* Optimisers: one step on an array of parameters (lib/net/optimizer.h). Dimension 1 counts runs of HADA_OPTIMIZER_RUN
  * values, dimension 0 the work-items that share a run. */
-
-#include "inc_vectors.h"
-#include "shared_net.h"
-
-/* Values that a work-item takes at once: a vector on CPUs, or one, so that neighbouring work-items access neighbouring
- * values; arrays begin anywhere. */
+/* Values that a work-item takes at once. */
 #ifndef OPTIMIZER_WIDTH
 #define OPTIMIZER_WIDTH 8
 #endif
 
-#define OPTIMIZER_INLINE static inline __attribute__((always_inline))
-
-#if OPTIMIZER_WIDTH == 8
-typedef float8 optimizer_v;
-
-/* Values of the array as a vector; beyond its end nothing is read or written. */
-OPTIMIZER_INLINE optimizer_v optimizer_get(__global const float *p, uint first, uint count)
-{
-    if (first + 8 <= count)
-        return vload8(0, p + first);
-    float lane[8];
-    for (uint i = 0; i < 8; i++)
-        lane[i] = first + i < count ? p[first + i] : 0.0f;
-    return vload8(0, lane);
-}
-
-OPTIMIZER_INLINE void optimizer_put(optimizer_v v, __global float *p, uint first, uint count)
-{
-    if (first + 8 <= count) {
-        VECTORS_STORE8(__global, v, p + first);
-        return;
-    }
-    float lane[8];
-    vstore8(v, 0, lane);
-    for (uint i = 0; first + i < count; i++)
-        p[first + i] = lane[i];
-}
-
-OPTIMIZER_INLINE float optimizer_sum(optimizer_v v)
-{
-    const float4 a = v.lo + v.hi;
-    return (a.x + a.z) + (a.y + a.w);
-}
-#else
-typedef float optimizer_v;
-
-OPTIMIZER_INLINE optimizer_v optimizer_get(__global const float *p, uint first, uint count)
-{
-    return p[first];
-}
-
-OPTIMIZER_INLINE void optimizer_put(optimizer_v v, __global float *p, uint first, uint count)
-{
-    p[first] = v;
-}
-
-OPTIMIZER_INLINE float optimizer_sum(optimizer_v v)
-{
-    return v;
-}
-#endif
+#define WIDE_WIDTH OPTIMIZER_WIDTH
+#include "inc_wide.h"
+#include "shared_net.h"
 
 #define OPTIMIZER_EACH(i, count)                                                                                       \
     for (uint i = get_global_id(1) * HADA_OPTIMIZER_RUN + OPTIMIZER_WIDTH * get_global_id(0);                          \
@@ -75,10 +22,10 @@ __kernel void net_optimizer_rmsprop(__global const float *gradient, __global flo
     __global const float *grad = gradient + at.gradient;
     __global float *values = parameters + at.parameters, *squares = state + at.state;
     OPTIMIZER_EACH (i, count) {
-        const optimizer_v g = scale * optimizer_get(grad, i, count), p = optimizer_get(values, i, count);
-        const optimizer_v v = fma((optimizer_v)decay, optimizer_get(squares, i, count), rest * g * g);
-        optimizer_put(v, squares, i, count);
-        optimizer_put(p - rate * g / sqrt(v + eps), values, i, count);
+        const wide_real g = scale * wide_get_some(grad + i, count - i), p = wide_get_some(values + i, count - i);
+        const wide_real v = fma((wide_real)decay, wide_get_some(squares + i, count - i), rest * g * g);
+        wide_put_some(v, squares + i, count - i);
+        wide_put_some(p - rate * g / sqrt(v + eps), values + i, count - i);
     }
 }
 
@@ -92,13 +39,13 @@ __kernel void net_optimizer_adam(__global const float *gradient, __global float 
     __global const float *grad = gradient + at.gradient;
     __global float *values = parameters + at.parameters, *means = state + at.state, *squares = means + count;
     OPTIMIZER_EACH (i, count) {
-        const optimizer_v g = scale * optimizer_get(grad, i, count), p = optimizer_get(values, i, count);
-        const optimizer_v m = fma((optimizer_v)beta1, optimizer_get(means, i, count), rest1 * g);
-        const optimizer_v v = fma((optimizer_v)beta2, optimizer_get(squares, i, count), rest2 * g * g);
-        optimizer_put(m, means, i, count);
-        optimizer_put(v, squares, i, count);
-        optimizer_put(fma((optimizer_v)-rate1, m / fma(sqrt(v), (optimizer_v)root2, (optimizer_v)eps), p), values, i,
-                      count);
+        const wide_real g = scale * wide_get_some(grad + i, count - i), p = wide_get_some(values + i, count - i);
+        const wide_real m = fma((wide_real)beta1, wide_get_some(means + i, count - i), rest1 * g);
+        const wide_real v = fma((wide_real)beta2, wide_get_some(squares + i, count - i), rest2 * g * g);
+        wide_put_some(m, means + i, count - i);
+        wide_put_some(v, squares + i, count - i);
+        wide_put_some(fma((wide_real)-rate1, m / fma(sqrt(v), (wide_real)root2, (wide_real)eps), p), values + i,
+                      count - i);
     }
 }
 
@@ -106,10 +53,10 @@ __kernel void net_optimizer_adam(__global const float *gradient, __global float 
 __kernel void net_optimizer_squares(__global const float *values, ulong offset, uint count, __global float *sums,
                                     ulong sums_offset)
 {
-    optimizer_v sum = 0.0f;
+    wide_real sum = 0.0f;
     OPTIMIZER_EACH (i, count) {
-        const optimizer_v v = optimizer_get(values + offset, i, count);
+        const wide_real v = wide_get_some(values + offset + i, count - i);
         sum = fma(v, v, sum);
     }
-    sums[sums_offset + get_global_id(1) * get_global_size(0) + get_global_id(0)] = optimizer_sum(sum);
+    sums[sums_offset + get_global_id(1) * get_global_size(0) + get_global_id(0)] = wide_sum(sum);
 }

@@ -14,13 +14,13 @@
  * v = sum H X, kept as A = F(Hx + e') and E = F(e'): Y = A - 2 E, and A is written for this step.
  *
  * Dimensions: slices of frequencies, channels, sets. OTFs stand as [depth][channel][count], U and W as
- * [set][place in the set][channel][count], A and, from now.split_e on, E as [set][channel][count], B and prior as
- * [channel][count].
+ * [set][place in the set][channel][count], from now.split on A behind W and E behind U as [set][channel][count], B and
+ * prior as [channel][count].
  * now.start: cold, the first step from u = d = 0; warm, from U (d = 0); on, a further step.
  * partial[set][channel][slice]: sum of |B - sum H U|^2 over the whole spectrum (of the start's U: not padded, or
  * start). */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-refine_solve(__global const float *otf, __global const int *list, __global const float *frame, __global float *split,
+refine_solve(__global const float *otf, __global const int *list, __global const float *frame,
              __global const float *prior, __global const float *now_u, __global float *now_w, __global float *partial,
              hada_refine_step now)
 {
@@ -32,10 +32,8 @@ refine_solve(__global const float *otf, __global const int *list, __global const
     const uint channel = get_global_id(1), channels = get_global_size(1), set = get_global_id(2);
     const uint from = get_group_id(0) * slice, to = min(count, from + slice);
     const size_t plane = (size_t)set * channels + channel;
-    const refine_channel at =
-        refine_channel_step(&now, set, channel, channels, padded, otf, list, frame, prior, now_w, split);
-    const refine_held held = {now_u + 2 * at.first * count, split + (padded ? 2 * (now.split_e + plane * count) : 0),
-                              at.step};
+    const refine_channel at = refine_channel_step(&now, set, channel, channels, otf, list, frame, prior, now_w);
+    const refine_held held = {now_u + 2 * at.first * count, now_u + 2 * (now.split + plane * count), at.step};
     refine_real sum = (refine_real)0.0f;
     for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH)
         sum += refine_count(refine_step_at(&now, &at, padded, i, held), i, rows, block, cols);
@@ -117,9 +115,9 @@ refine_score(__global const float *otf, __global const int *list, __global const
 
 /* The data step where a sensor crops: a (the split variable plus its dual, within the frame) becomes the dual
  *     e = (a - b) w / (w + mu),
- * in place; b is the frame (use_frame 0: b is taken as 0, for plain energies), w a pixel's weight (inc_refine.h), without
- * weights 1. partial[plane][slice]: sum of e^2. Dimensions: slices of pixels, planes; plane p belongs to channel
- * p % channels of the frame and of the weights. */
+ * in place; b is the frame (use_frame 0: b is taken as 0, for plain energies), w a pixel's weight (inc_refine.h),
+ * without weights 1. partial[plane][slice]: sum of e^2. Dimensions: slices of pixels, planes; plane p belongs to
+ * channel p % channels of the frame and of the weights. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 refine_frame(__global float *a, __global const float *frame, __global const float *weights, __global float *partial,
              hada_refine_frame_step now)

@@ -3,11 +3,11 @@
  * refine.cl, and an inverse transform makes half spectra of rows of the next W. U is never stored in global memory.
  * Where a sensor crops, E and A take the same way: E comes from half spectra of the frame's rows, and A becomes such.
  *
- * planes: complex [set][place in the set][channel][block of eight columns][row of the window][8]; cold: not read
- * split: complex; A as [set][channel][count], then from step.split_e on half spectra of E and A as those of planes, but
- *     [set][channel][block][row of the frame][8]. Not used where no sensor crops
+ * planes: complex [set][place in the set][channel][block of eight columns][row of the window][8]; cold: not read. From
+ *     step.split on half spectra of E and A, as [set][channel][block][row of the frame][8]
+ * list: the depths of the sets, and from job.table on the transform along columns (shared_fft_table.h)
  * partial: [set][channel][block], sums of |Y - sum H U|^2
- * the others: as in refine_solve; table: the transform along columns (shared_fft_table.h)
+ * the others: as in refine_solve
  * scratch: a block of columns for each depth of a set, and one more where a sensor crops
  * Dimensions: blocks of columns, channels, sets. */
 #define REFINE_FUSED 1
@@ -17,20 +17,19 @@
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 refine_columns(__global float *planes, __global const float *otf, __global const int *list, __global const float *frame,
-               __global const float *prior, __global float *now_w, __global float *split, __global float *partial,
-               hada_refine_columns job, __global const int *table, __local STATED_SIZE float8 *scratch)
+               __global const float *prior, __global float *now_w, __global float *partial, hada_refine_columns job,
+               __local STATED_SIZE float8 *scratch)
 {
     const hada_refine_step now = job.step;
+    __global const int *table = list + job.table;
     const int depths = now.problem.depths, padded = now.padded, n = table[FFT_LENGTH];
     __global const int *place = table + table[FFT_PLACE];
     __global const float *floats = FFT_FLOATS_OF(table);
     const uint block = get_group_id(0), blocks = get_num_groups(0), cols = now.problem.spectrum.cols;
     const uint channel = get_group_id(1), channels = get_num_groups(1), set = get_group_id(2);
-    const refine_channel at =
-        refine_channel_step(&now, set, channel, channels, padded, otf, list, frame, prior, now_w, split);
-    __global float *half_a = split + (padded ? 2 * now.split_e : 0);
-    const fft_columns cropped =
-        fft_window_block(half_a, (set * channels + channel) * blocks + block, job.frame_row0, job.frame_rows);
+    const refine_channel at = refine_channel_step(&now, set, channel, channels, otf, list, frame, prior, now_w);
+    const fft_columns cropped = fft_window_block(planes + 2 * now.split, (set * channels + channel) * blocks + block,
+                                                 job.frame_row0, job.frame_rows);
     float8 sum = 0.0f;
     if (now.start != HADA_REFINE_COLD)
         for (int s = 0; s < depths; ++s) {

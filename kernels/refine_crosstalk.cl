@@ -8,9 +8,6 @@
  * of the brightest plane's light at which another one halves. Planes: float [plane][channel][row][col], not negative.
  * Their sum does not change, nor does a single plane.
  * light: float [plane][row][col]. */
-#include "inc_vectors.h"
-#include "shared_refine.h"
-
 #ifndef CROSSTALK_WIDTH
 #define CROSSTALK_WIDTH 8
 #endif
@@ -18,51 +15,23 @@
 #define CROSSTALK_GROUP 1
 #endif
 
+#define WIDE_WIDTH CROSSTALK_WIDTH
+#include "inc_wide.h"
+#include "shared_refine.h"
+
 #define CROSSTALK_REACH 2
 
 /* Channels that share their weights and are handled together. */
 #define CROSSTALK_SIDE              3
 #define CROSSTALK_CHANNEL(c, count) _Pragma("unroll") for (int c = 0; c < CROSSTALK_SIDE; ++c) if (c < (count))
 
-#define CROSSTALK_INLINE static inline __attribute__((always_inline))
-
-/* A CPU's vectors, or single values, so that neighbouring work-items access neighbouring values. */
 #if CROSSTALK_WIDTH == 8
-typedef float8 crosstalk_real;
 typedef int8 crosstalk_int;
-#define CROSSTALK_GET(p)           vload8(0, p)
-#define CROSSTALK_PUT(space, v, p) VECTORS_STORE8(space, v, p)
-#define CROSSTALK_ANY(here)        any(here)
+#define CROSSTALK_ANY(here) any(here)
 #else
-typedef float crosstalk_real;
 typedef int crosstalk_int;
-#define CROSSTALK_GET(p)           (*(p))
-#define CROSSTALK_PUT(space, v, p) (*(p) = (v))
-#define CROSSTALK_ANY(here)        (here)
+#define CROSSTALK_ANY(here) (here)
 #endif
-
-/* The first `count` values from p on, a vector of them at most; what is beyond is 0. */
-CROSSTALK_INLINE crosstalk_real crosstalk_get(__global const float *p, int count)
-{
-    float some[CROSSTALK_WIDTH];
-    if (count >= CROSSTALK_WIDTH)
-        return CROSSTALK_GET(p);
-    for (int i = 0; i < CROSSTALK_WIDTH; ++i)
-        some[i] = i < count ? p[i] : 0.0f;
-    return CROSSTALK_GET(some);
-}
-
-CROSSTALK_INLINE void crosstalk_put(crosstalk_real v, __global float *p, int count)
-{
-    float some[CROSSTALK_WIDTH];
-    if (count >= CROSSTALK_WIDTH) {
-        CROSSTALK_PUT(__global, v, p);
-        return;
-    }
-    CROSSTALK_PUT(__private, v, some);
-    for (int i = 0; i < count; ++i)
-        p[i] = some[i];
-}
 
 /* light[plane][row][col]: a plane's channels, added up along rows. Dimensions: columns by the width, rows, planes. */
 __kernel __attribute__((reqd_work_group_size(CROSSTALK_GROUP, 1, 1))) void
@@ -74,11 +43,11 @@ refine_crosstalk_light(__global const float *planes, __global float *light, hada
     __global const float *image = planes + plane * (size_t)channels * area + at;
     __global float *out = light + plane * area + at;
     if (first >= CROSSTALK_REACH && first + CROSSTALK_WIDTH + CROSSTALK_REACH <= cols) {
-        crosstalk_real sum = (crosstalk_real)0.0f;
+        wide_real sum = (wide_real)0.0f;
         for (int c = 0; c < channels; ++c)
             for (int d = -CROSSTALK_REACH; d <= CROSSTALK_REACH; ++d)
-                sum += CROSSTALK_GET(image + (size_t)c * area + first + d);
-        CROSSTALK_PUT(__global, sum, out + first);
+                sum += wide_get(image + (size_t)c * area + first + d);
+        wide_put(sum, out + first);
         return;
     }
     for (int col = first; col < min(first + CROSSTALK_WIDTH, cols); ++col) {
@@ -91,19 +60,19 @@ refine_crosstalk_light(__global const float *planes, __global float *light, hada
 }
 
 /* The share of a plane's light that a pixel keeps. */
-CROSSTALK_INLINE crosstalk_real crosstalk_weight(crosstalk_real light, crosstalk_real most, float k)
+WIDE_INLINE wide_real crosstalk_weight(wide_real light, wide_real most, float k)
 {
-    const crosstalk_real part = light / fmax(most, (crosstalk_real)FLT_MIN);
-    const crosstalk_real square = part * part, power = square * square;
+    const wide_real part = light / fmax(most, (wide_real)FLT_MIN);
+    const wide_real square = part * part, power = square * square;
     return (1.0f + k) * power / (power + k);
 }
 
 /* Columns from `first` on of rows `from` to `to`, added up; as many as there are. */
-CROSSTALK_INLINE crosstalk_real crosstalk_around(__global const float *light, int from, int to, int cols, int first)
+WIDE_INLINE wide_real crosstalk_around(__global const float *light, int from, int to, int cols, int first)
 {
-    crosstalk_real sum = (crosstalk_real)0.0f;
+    wide_real sum = (wide_real)0.0f;
     for (int i = from; i <= to; ++i)
-        sum += crosstalk_get(light + (size_t)i * (size_t)cols + first, cols - first);
+        sum += wide_get_some(light + (size_t)i * (size_t)cols + first, cols - first);
     return sum;
 }
 
@@ -117,13 +86,13 @@ refine_crosstalk_fade(__global float *planes, __global const float *light, hada_
     const int from = max(row - CROSSTALK_REACH, 0), to = min(row + CROSSTALK_REACH, rows - 1);
     const size_t area = (size_t)rows * (size_t)cols, at = (size_t)row * (size_t)cols + (size_t)first;
     const float k = share * share * share * share;
-    const crosstalk_real none = (crosstalk_real)0.0f;
-    crosstalk_real most = none;
+    const wide_real none = (wide_real)0.0f;
+    wide_real most = none;
     crosstalk_int brightest = (crosstalk_int)0;
     if (first >= cols)
         return;
     for (int z = 0; z < depths; ++z) {
-        const crosstalk_real around = crosstalk_around(light + (size_t)z * area, from, to, cols, first);
+        const wide_real around = crosstalk_around(light + (size_t)z * area, from, to, cols, first);
         brightest = select(brightest, (crosstalk_int)z, isgreater(around, most));
         most = fmax(most, around);
     }
@@ -131,19 +100,19 @@ refine_crosstalk_fade(__global float *planes, __global const float *light, hada_
         __global float *image = planes + (size_t)c0 * area + at;
         const size_t step = (size_t)channels * area;
         const int side = channels - c0;
-        crosstalk_real moved[CROSSTALK_SIDE];
+        wide_real moved[CROSSTALK_SIDE];
         CROSSTALK_CHANNEL(c, CROSSTALK_SIDE)
         moved[c] = none;
         for (int z = 0; z < depths; ++z) {
-            const crosstalk_real around = crosstalk_around(light + (size_t)z * area, from, to, cols, first);
-            const crosstalk_real weight = crosstalk_weight(around, most, k);
+            const wide_real around = crosstalk_around(light + (size_t)z * area, from, to, cols, first);
+            const wide_real weight = crosstalk_weight(around, most, k);
             CROSSTALK_CHANNEL(c, side)
             {
                 __global float *p = image + (size_t)z * step + (size_t)c * area;
-                const crosstalk_real value = crosstalk_get(p, cols - first);
-                const crosstalk_real kept = weight * value;
+                const wide_real value = wide_get_some(p, cols - first);
+                const wide_real kept = weight * value;
                 moved[c] += value - kept;
-                crosstalk_put(kept, p, cols - first);
+                wide_put_some(kept, p, cols - first);
             }
         }
         for (int z = 0; z < depths; ++z) {
@@ -152,8 +121,8 @@ refine_crosstalk_fade(__global float *planes, __global const float *light, hada_
                 CROSSTALK_CHANNEL(c, side)
                 {
                     __global float *p = image + (size_t)z * step + (size_t)c * area;
-                    const crosstalk_real kept = crosstalk_get(p, cols - first);
-                    crosstalk_put(kept + select(none, moved[c], here), p, cols - first);
+                    const wide_real kept = wide_get_some(p, cols - first);
+                    wide_put_some(kept + select(none, moved[c], here), p, cols - first);
                 }
         }
     }

@@ -9,7 +9,6 @@
  * each other: blocks across their borders are computed on both sides, in the same order. Images: [channel][rows][cols].
  */
 #include "inc_dct.h"
-#include "inc_vectors.h"
 #include "shared_refine.h"
 
 /* Pixels of a tile, even. */
@@ -29,51 +28,16 @@
 /* A pixel is in 16 blocks. */
 #define DCT_SHARE 0.0625f
 
-/* Pixels side by side in a vector, and vectors of a work-item, for which the basis is computed once. */
-#if DCT_GROUP == 1
-#define DCT_WIDTH 8
-#define DCT_RUN   (HADA_REFINE_DCT_RUN / DCT_WIDTH)
-#else
-#define DCT_WIDTH 1
-#define DCT_RUN   1
-#endif
-
-/* Those from i on, of an image of `area` pixels. */
-DCT_INLINE dct_real dct_get(__global const float *image, int i, int area)
-{
-#if DCT_GROUP == 1
-    float8 v = (float8)0.0f;
-    if (i + 8 <= area)
-        return vload8(0, image + i);
-    for (int j = 0; j < area - i; ++j)
-        ((float *)&v)[j] = image[i + j];
-    return v;
-#else
-    return i < area ? image[i] : 0.0f;
-#endif
-}
-
-DCT_INLINE void dct_put(__global float *image, int i, int area, dct_real v)
-{
-#if DCT_GROUP == 1
-    if (i + 8 <= area)
-        VECTORS_STORE8(__global, v, image + i);
-    else
-        for (int j = 0; j < area - i; ++j)
-            image[i + j] = ((const float *)&v)[j];
-#else
-    if (i < area)
-        image[i] = v;
-#endif
-}
+/* Vectors of a work-item, for which the basis is computed once. */
+#define DCT_RUN (DCT_GROUP == 1 ? HADA_REFINE_DCT_RUN / WIDE_WIDTH : 1)
 
 /* Channels to brightness and colours (back 0), or from them to non-negative channels, with the rows of an orthonormal
- * cosine transform. first: where the image that is read begins. Dimensions: runs of DCT_WIDTH x DCT_RUN pixels. */
+ * cosine transform. first: where the image that is read begins. Dimensions: runs of WIDE_WIDTH x DCT_RUN pixels. */
 __kernel void refine_dct_colours(__global const float *from, uint first, __global float *out, hada_refine_window window,
                                  int back)
 {
     const int area = window.rows * window.cols, channels = window.channels;
-    const int i = get_global_id(0) * DCT_WIDTH * DCT_RUN;
+    const int i = get_global_id(0) * WIDE_WIDTH * DCT_RUN;
     for (int k = 0; k < channels; ++k) {
         dct_real sum[DCT_RUN];
         for (int j = 0; j < DCT_RUN; ++j)
@@ -82,10 +46,12 @@ __kernel void refine_dct_colours(__global const float *from, uint first, __globa
             const float weight = dct_basis(back ? c : k, back ? k : c, channels);
             __global const float *in = from + first + (size_t)c * area;
             for (int j = 0; j < DCT_RUN; ++j)
-                sum[j] = fma((dct_real)weight, dct_get(in, i + j * DCT_WIDTH, area), sum[j]);
+                sum[j] =
+                    fma((dct_real)weight, wide_get_some(in + i + j * WIDE_WIDTH, area - i - j * WIDE_WIDTH), sum[j]);
         }
         for (int j = 0; j < DCT_RUN; ++j)
-            dct_put(out + (size_t)k * area, i + j * DCT_WIDTH, area, back ? max(sum[j], 0.0f) : sum[j]);
+            wide_put_some(back ? max(sum[j], 0.0f) : sum[j], out + (size_t)k * area + i + j * WIDE_WIDTH,
+                          area - i - j * WIDE_WIDTH);
     }
 }
 

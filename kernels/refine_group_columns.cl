@@ -3,7 +3,7 @@
  * whose other stages have butterflies. Between the transforms points are in natural order; the stages backwards leave
  * them in the digit-reversed order of the input.
  *
- * Buffers as in refine_columns.cl; split: NULL where no sensor crops.
+ * Buffers as in refine_columns.cl.
  * partial: [set][channel][part of a block]
  * scratch: float2 [depth of the set, then E][n][width]
  * Dimensions: parts of blocks of columns, channels, sets. */
@@ -14,18 +14,18 @@
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 refine_group_columns(__global float *planes, __global const float *otf, __global const int *list,
                      __global const float *frame, __global const float *prior, __global float *now_w,
-                     __global float *split, __global float *partial, hada_refine_columns job,
-                     __global const int *table, __local float2 *scratch)
+                     __global float *partial, hada_refine_columns job, __local float2 *scratch)
 {
     REFINE_LOCAL
     const hada_refine_step now = job.step;
+    __global const int *table = list + job.table;
     const int depths = now.problem.depths, n = table[FFT_LENGTH], stages = table[FFT_STAGES];
     const int cold = now.start == HADA_REFINE_COLD, further = now.start == HADA_REFINE_CONTINUE, each = n * job.width;
     __global const int *place = table + table[FFT_PLACE];
-    const refine_column column = refine_column_of(&job, planes, otf, list, frame, prior, now_w, split);
+    const refine_column column = refine_column_of(&job, planes, otf, list, frame, prior, now_w);
     const fft_side side = column.side;
     __global float2 *cropped =
-        (__global float2 *)split + (REFINE_CROPPED ? now.split_e : 0) +
+        (__global float2 *)planes + now.split +
         ((size_t)column.image * column.blocks + column.block) * (size_t)job.frame_rows * HADA_FFT_BLOCK + column.col;
     float sum = 0.0f;
 

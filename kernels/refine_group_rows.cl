@@ -6,9 +6,9 @@
  * Where a sensor crops (REFINE_CROPPED, a program of its own), the groups from job.data.first_group on take rows of the
  * frame instead, as in refine_frame_rows.cl, with the same steps but for HADA_REFINE_TO_SPECTRA, and no clipping.
  *
- * spectra: half spectra of the planes' rows, complex [plane][block of eight columns][row of the window][8]
+ * spectra: half spectra of the planes' rows, complex [plane][block of eight columns][row of the window][8], and from
+ *     job.data.at on of the frame's rows, complex [set * channel][block][row of the frame][8]
  * planes: pixels [plane][row of the window][column of the window]
- * split, from job.data.at on: half spectra of the frame's rows, complex [set * channel][block][row of the frame][8]
  * duals: e' as [set * channel][row][column of the frame]; frame: [channel][row][column]; weights: the same from the
  * beginning on, NULL where job.data.has_weights is 0
  * partial: [group of the frame], sums of e'^2
@@ -20,9 +20,9 @@
 #include "inc_refine_groups.h"
 
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-refine_group_rows(__global float *spectra, __global float *planes, __global float *split, __global float *duals,
-                  __global const float *frame, __global const float *weights, __global float *partial,
-                  hada_refine_rows_pair job, __global const int *table, __local float2 *scratch)
+refine_group_rows(__global float *spectra, __global float *planes, __global float *duals, __global const float *frame,
+                  __global const float *weights, __global float *partial, hada_refine_rows_pair job,
+                  __global const int *table, __local float2 *scratch)
 {
 #if REFINE_CROPPED
     REFINE_LOCAL
@@ -42,7 +42,7 @@ refine_group_rows(__global float *spectra, __global float *planes, __global floa
     const fft_side side = fft_side_of(width);
     __global const int *place = table + table[FFT_PLACE];
     __global const float *floats = FFT_FLOATS_OF(table);
-    __global float2 *values = (on_frame ? (__global float2 *)split + job.data.at : (__global float2 *)spectra) +
+    __global float2 *values = (__global float2 *)spectra + (on_frame ? job.data.at : 0) +
                               (size_t)(plane * blocks * height + first) * HADA_FFT_BLOCK; /* an int has room */
 
     for (int w = 0; w < (inverse ? width : 0); ++w)

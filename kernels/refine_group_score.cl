@@ -12,9 +12,10 @@
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 refine_group_score(__global const float *planes, __global const float *otf, __global const int *list,
                    __global const float *frame, __global const float *prior, __global const float *variance,
-                   __global float *partial, hada_refine_scoring job, __global const int *table, __local float2 *scratch)
+                   __global float *partial, hada_refine_scoring job, __local float2 *scratch)
 {
     REFINE_LOCAL
+    __global const int *table = list + job.table;
     const hada_refine_problem problem = job.problem;
     const hada_refine_band band = job.band;
     const int depths = problem.depths, n = table[FFT_LENGTH], stages = table[FFT_STAGES], width = job.width;

@@ -3,12 +3,11 @@
  * straight from memory; on the way out it comes last and writes them there. Between the transforms points are in
  * digit-reversed order.
  *
- * Buffers as in refine_group_columns.cl, without split and E. Dimensions: parts of blocks of columns, channels, sets.
- */
+ * Buffers as in refine_group_columns.cl, without A and E. Dimensions: parts of blocks of columns, channels, sets. */
 #include "shared_refine.h"
 #define REFINE_GROUP HADA_REFINE_ODD_GROUP
-#include "inc_refine_groups.h"
 #include "inc_fft_groups_odd.h"
+#include "inc_refine_groups.h"
 
 /* A row of a column of the window; zero beyond. */
 FFT_INLINE float2 row_of(__global const float2 *window, int row, int rows)
@@ -42,15 +41,16 @@ FFT_INLINE void way_in(__global const float2 *window, const hada_refine_columns 
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 refine_odd_columns(__global float *planes, __global const float *otf, __global const int *list,
                    __global const float *frame, __global const float *prior, __global float *now_w,
-                   __global float *partial, hada_refine_columns job, __global const int *table, __local float2 *scratch)
+                   __global float *partial, hada_refine_columns job, __local float2 *scratch)
 {
     REFINE_LOCAL
     const hada_refine_step now = job.step;
+    __global const int *table = list + job.table;
     const int depths = now.problem.depths, n = table[FFT_LENGTH], cold = now.start == HADA_REFINE_COLD;
     const int each = n * job.width, last = table[FFT_STAGES] - 1;
     __global const int *place = table + table[FFT_PLACE];
     __global const float *floats = FFT_FLOATS_OF(table);
-    const refine_column column = refine_column_of(&job, planes, otf, list, frame, prior, now_w, now_w);
+    const refine_column column = refine_column_of(&job, planes, otf, list, frame, prior, now_w);
     const fft_side side = column.side;
     const fft_odd_stage stage = fft_odd_stage_of(table, job.width, job.row0, job.rows);
     const int span = stage.span;

@@ -14,16 +14,6 @@
 #include "shared_refine.h"
 
 #if REFINE_WIDTH == 8
-REFINE_INLINE refine_real tv_get(__global const float *p, size_t i)
-{
-    return vload8(0, p + i);
-}
-
-REFINE_INLINE void tv_put(__global float *p, size_t i, refine_real v)
-{
-    VECTORS_STORE8(__global, v, p + i);
-}
-
 /* 0 at the last of a row's pixels */
 REFINE_INLINE refine_real tv_end(refine_real v, int last)
 {
@@ -38,16 +28,6 @@ REFINE_INLINE refine_real tv_rest(refine_real kept, refine_real v, int done)
     return select(v, kept, (int8)(0, 1, 2, 3, 4, 5, 6, 7) < done);
 }
 #else
-REFINE_INLINE refine_real tv_get(__global const float *p, size_t i)
-{
-    return p[i];
-}
-
-REFINE_INLINE void tv_put(__global float *p, size_t i, refine_real v)
-{
-    p[i] = v;
-}
-
 REFINE_INLINE refine_real tv_end(refine_real v, int last)
 {
     return last ? 0.0f : v;
@@ -64,9 +44,9 @@ REFINE_INLINE refine_real tv_plane(__global const float *w, __global const float
                                    float theta)
 {
     __global const float *pj = p + area;
-    const refine_real up = at < cols ? (refine_real)0.0f : tv_get(p, at - cols);
-    const refine_real div = (tv_get(p, at) - up) + (tv_get(pj, at) - tv_get(pj, at - 1));
-    return max(fma((refine_real)theta, div, tv_get(w, at)), 0.0f);
+    const refine_real up = at < cols ? (refine_real)0.0f : wide_get(p + at - cols);
+    const refine_real div = (wide_get(p + at) - up) + (wide_get(pj + at) - wide_get(pj + at - 1));
+    return max(fma((refine_real)theta, div, wide_get(w + at)), 0.0f);
 }
 
 /* p' from p; fresh: p is 0; per_colour: 1 / colour^2 */
@@ -87,21 +67,21 @@ refine_tv_duals(__global const float *given, __global const float *old, __global
                 __global float *q = next + 2 * (first + (size_t)c * area);
                 refine_real here, below, right, qi = (refine_real)0.0f, qj = qi;
                 if (fresh) {
-                    here = max(tv_get(w, at), 0.0f);
-                    below = max(tv_get(w, down), 0.0f);
-                    right = max(tv_get(w, at + 1), 0.0f);
+                    here = max(wide_get(w + at), 0.0f);
+                    below = max(wide_get(w + down), 0.0f);
+                    right = max(wide_get(w + at + 1), 0.0f);
                 } else {
                     here = tv_plane(w, p, area, cols, at, theta);
                     below = tv_plane(w, p, area, cols, down, theta);
                     /* beyond the end of a row it is not used */
                     right = tv_plane(w, p, area, cols, at + 1, theta);
-                    qi = tv_get(p, at);
-                    qj = tv_get(p, at + area);
+                    qi = wide_get(p + at);
+                    qj = wide_get(p + at + area);
                 }
                 qi = fma((refine_real)step, below - here, qi);
                 qj = tv_end(fma((refine_real)step, right - here, qj), col + REFINE_WIDTH == cols);
-                tv_put(q, at, qi);
-                tv_put(q, at + area, qj);
+                wide_put(qi, q + at);
+                wide_put(qj, q + at + area);
                 square = fma(qi, qi, fma(qj, qj, square));
                 sum_i += qi;
                 sum_j += qj;
@@ -112,8 +92,8 @@ refine_tv_duals(__global const float *given, __global const float *old, __global
             sum_j *= share * (of_mean - of_rest);
             for (int c = 0; c < channels; ++c) {
                 __global float *q = next + 2 * (first + (size_t)c * area);
-                tv_put(q, at, fma(of_rest, tv_get(q, at), sum_i));
-                tv_put(q, at + area, fma(of_rest, tv_get(q, at + area), sum_j));
+                wide_put(fma(of_rest, wide_get(q + at), sum_i), q + at);
+                wide_put(fma(of_rest, wide_get(q + at + area), sum_j), q + at + area);
             }
         }
     }
@@ -132,7 +112,7 @@ refine_tv_planes(__global float *planes, __global const float *duals, hada_refin
         for (int i = from; i < to; ++i) {
             for (int j = get_local_id(0) * REFINE_WIDTH; j < cols; j += REFINE_GROUP * REFINE_WIDTH) {
                 const int col = min(j, cols - REFINE_WIDTH), at = i * cols + col;
-                tv_put(w, at, tv_rest(tv_get(w, at), tv_plane(w, p, area, cols, at, theta), j - col));
+                wide_put(tv_rest(wide_get(w + at), tv_plane(w, p, area, cols, at, theta), j - col), w + at);
             }
         }
     }

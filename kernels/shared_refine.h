@@ -31,7 +31,7 @@ HADA_SHARED_SIZE(hada_refine_problem, 48)
 /* A linear step. */
 typedef struct hada_refine_step {
     hada_refine_problem problem;
-    hada_ulong split_e; /* where E stands behind A, in complex numbers */
+    hada_ulong split; /* where A stands behind W and E behind U, in complex numbers */
     float rho;
     float keep; /* the last step's rho over this one's: the dual is scaled by rho */
     float relaxation;
@@ -54,7 +54,7 @@ typedef struct hada_refine_scoring {
     hada_refine_band band;
     int row0, rows; /* the window's rows on the grid */
     int width;      /* columns side by side, a power of two up to 8 */
-    int unused;
+    int table;      /* where the transform's table stands behind the list of depths, in numbers */
 } hada_refine_scoring;
 HADA_SHARED_SIZE(hada_refine_scoring, 80)
 
@@ -95,7 +95,7 @@ typedef struct hada_refine_columns {
     int row0, rows;             /* the window's rows on the grid */
     int frame_row0, frame_rows; /* where a sensor crops: the frame's */
     int width;                  /* groups: columns side by side, a power of two up to 8 */
-    int unused;
+    int table;                  /* where the transform's table stands behind the list of depths, in numbers */
 } hada_refine_columns;
 HADA_SHARED_SIZE(hada_refine_columns, 104)
 

@@ -1,6 +1,6 @@
 /* Training besides transforms and nets (docs/explanation/nets.md): gradients of Hadamard filters, the squared error of
  * planes. */
-#include "inc_vectors.h"
+#include "inc_wide.h"
 #include "shared_train.h"
 
 /* Adds the gradient of filters: scale m conj(B) G (form complex), or scale m (Re(B) Re(G), Im(B) Im(G)) (split), for
@@ -51,28 +51,6 @@ __kernel void train_filter(__global const float *b, ulong offset, __global const
     for (size_t i = get_global_id(0) * HADA_TRAIN_RUN, train_end = min(i + HADA_TRAIN_RUN, (size_t)(count));           \
          i < train_end; i += 8)
 
-static inline float8 train_get(__global const float *p, size_t i, ulong count)
-{
-    if (i + 8 <= count)
-        return vload8(0, p + i);
-    float lanes[8] = {0.0f};
-    for (size_t k = 0; i + k < count; k++)
-        lanes[k] = p[i + k];
-    return vload8(0, lanes);
-}
-
-static inline void train_put(float8 v, __global float *p, size_t i, ulong count)
-{
-    if (i + 8 <= count) {
-        VECTORS_STORE8(__global, v, p + i);
-        return;
-    }
-    float lanes[8];
-    vstore8(v, 0, lanes);
-    for (size_t k = 0; i + k < count; k++)
-        p[i + k] = lanes[k];
-}
-
 /* x becomes scale (x - target); sums[work-item] = the sum of (x - target)^2 over its values. */
 __kernel void train_error(__global float *x, __global const float *target, ulong count, float scale,
                           __global float *sums)
@@ -81,10 +59,9 @@ __kernel void train_error(__global float *x, __global const float *target, ulong
     if (get_global_id(0) * HADA_TRAIN_RUN >= count)
         return;
     TRAIN_EACH (i, count) {
-        const float8 d = train_get(x, i, count) - train_get(target, i, count);
+        const float8 d = wide_get_some(x + i, count - i) - wide_get_some(target + i, count - i);
         sum = fma(d, d, sum);
-        train_put(scale * d, x, i, count);
+        wide_put_some(scale * d, x + i, count - i);
     }
-    const float4 a = sum.lo + sum.hi;
-    sums[get_global_id(0)] = (a.x + a.z) + (a.y + a.w);
+    sums[get_global_id(0)] = wide_sum(sum);
 }

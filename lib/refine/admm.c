@@ -185,7 +185,7 @@ static hada_fft_desc describe(const hada_refine_shape *shape, const hada_refine_
 
 /* Bytes of every buffer. */
 typedef struct sizes {
-    size_t spectra, planes, kept, split, dual, list, partial, partials, tv;
+    size_t spectra, planes, kept, split, dual, partial, partials, tv;
     int slices;
 } sizes;
 
@@ -213,7 +213,6 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
         if (hada_rect_area(&shape->frame) > longest)
             longest = hada_rect_area(&shape->frame);
     }
-    b.list = (size_t)shape->max_planes * sizeof(cl_int);
     b.slices = (int)((longest + HADA_REFINE_SLICE - 1) / HADA_REFINE_SLICE);
     const int fused = hada_refine_fused_most_slices(context, &layout);
     if (b.slices < fused)
@@ -227,18 +226,16 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     return b;
 }
 
-enum { ROWS = 12, PLANS = 4 };
+enum { ROWS = 10, PLANS = 4 };
 
 static void list_buffers(const sizes *b, hada_buffer_row *rows)
 {
     const hada_buffer_row list[ROWS] = {
         {offsetof(hada_refiner, planes), b->planes, "the refined planes", HADA_RESULT},
         {offsetof(hada_refiner, kept), b->kept, "the planes of a step before", HADA_OWN_STEPS},
-        {offsetof(hada_refiner, now_u), b->spectra, "the spectra of the refined planes", HADA_OWN_STEPS},
-        {offsetof(hada_refiner, now_w), b->spectra, "the spectra of the refinement's duals", HADA_OWN_STEPS},
-        {offsetof(hada_refiner, list), b->list, "the list of occupied depths", HADA_OWN_STEPS},
+        {offsetof(hada_refiner, now_u), b->spectra + b->split, "the spectra of the refined planes", HADA_OWN_STEPS},
+        {offsetof(hada_refiner, now_w), b->spectra + b->split, "the spectra of the refinement's duals", HADA_OWN_STEPS},
         {offsetof(hada_refiner, partial), b->partial, "the refinement's residuals", HADA_OWN_STEPS},
-        {offsetof(hada_refiner, split), 2 * b->split, "the refinement's split at the frame", HADA_OWN_STEPS},
         {offsetof(hada_refiner, dual), b->dual, "the refinement's split at the frame", HADA_OWN_STEPS},
         {offsetof(hada_refiner, residual), b->split, "the refinement's residuals", HADA_OWN_STEPS},
         {offsetof(hada_refiner, residual_frame), b->dual, "the refinement's residuals", HADA_OWN_STEPS},
@@ -291,7 +288,7 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_
     refiner->shape = *shape;
     refiner->layout = hada_fft_layout(slot->context, shape->grid_rows, shape->grid_cols, HADA_FFT_AUTO);
     refiner->partials = b.partials;
-    refiner->split_e = (size_t)shape->max_sets * (size_t)shape->channels * refiner->layout.count;
+    refiner->split = (size_t)shape->max_planes * (size_t)shape->channels * refiner->layout.count;
     refiner->window_area = hada_rect_area(&shape->window);
     refiner->frame_area = hada_rect_area(&shape->frame);
     HADA_TRY_OR_DONE(
@@ -334,6 +331,7 @@ void hada_refiner_destroy(hada_refiner **pointer)
     hada_fft_destroy(&refiner->frame_forward);
     hada_fft_destroy(&refiner->frame_inverse);
     hada_fft_fused_free(&refiner->fused);
+    hada_buffer_destroy(&refiner->list);
     list_buffers(&(sizes){0}, rows);
     hada_buffer_rows_destroy(refiner, rows, ROWS);
     free(refiner->energy);

@@ -53,16 +53,24 @@ hada_status hada_refine_fused_make(hada_refiner *refiner, hada_error *err)
 {
     const hada_refine_shape *shape = &refiner->shape;
     hada_slot *slot = refiner->slot;
-    if (!hada_refine_fused_grid(slot->context, shape))
+    hada_buffer *table = &refiner->fused.columns.table;
+    const size_t list = hada_round_up((size_t)shape->max_planes, HADA_FFT_BLOCK) * sizeof(cl_int);
+    const int fuses = hada_refine_fused_grid(slot->context, shape);
+    if (fuses)
+        HADA_TRY(hada_fft_fused_make(&refiner->fused, slot, shape->grid_rows, shape->grid_cols, err));
+    HADA_TRY(
+        hada_buffer_create(&refiner->list, slot->context, list + table->bytes, "the list of occupied depths", err));
+    if (!fuses)
         return HADA_OK;
-    HADA_TRY(hada_fft_fused_make(&refiner->fused, slot, shape->grid_rows, shape->grid_cols, err));
-    HADA_TRY(way_of(slot->context)->prepare(slot, &refiner->fused, shape->boundary == HADA_BOUNDARY_PADDED, err));
-    return HADA_OK;
+    refiner->table = (int)(list / sizeof(cl_int));
+    HADA_TRY(hada_buffer_copy(slot, table->mem, 0, refiner->list.mem, list, table->bytes, err));
+    hada_buffer_destroy(table);
+    return way_of(slot->context)->prepare(slot, &refiner->fused, shape->boundary == HADA_BOUNDARY_PADDED, err);
 }
 
 int hada_refine_fused_takes(const hada_refiner *refiner, int depths)
 {
-    return refiner->fused.columns.table.mem && can_fuse(refiner->slot->context, &refiner->shape, depths);
+    return refiner->table && can_fuse(refiner->slot->context, &refiner->shape, depths);
 }
 
 int hada_refine_fused_most_slices(const hada_context *context, const hada_spectrum_layout *layout)
@@ -109,7 +117,8 @@ static hada_refine_columns columns_of(const hada_refiner *refiner, const hada_re
                                  .rows = window->rows,
                                  .frame_row0 = frame->row0,
                                  .frame_rows = frame->rows,
-                                 .width = width};
+                                 .width = width,
+                                 .table = refiner->table};
 }
 
 hada_status hada_refine_fused_columns(const hada_refine_run *run, const hada_refine_rule *rule, int start, int step,
@@ -139,7 +148,7 @@ enum { SCORE_COLUMNS = 2 };
 int hada_refine_fused_scores(const hada_refiner *refiner, int depths)
 {
     const hada_context *context = refiner->slot->context;
-    return refiner->fused.columns.table.mem && way_of(context)->scores && !refiner->fused.odd_columns &&
+    return refiner->table && way_of(context)->scores && !refiner->fused.odd_columns &&
            can_fuse(context, &refiner->shape, depths + SCORE_COLUMNS);
 }
 
@@ -151,8 +160,8 @@ hada_status hada_refine_fused_score(const hada_refine_run *run, const hada_refin
     const int columns = run->depths + SCORE_COLUMNS, images = run->sets * run->depths * refiner->shape.channels;
     const int width = way_of(refiner->slot->context)->columns(refiner->slot->context, &refiner->shape, columns);
     const hada_refine_rect *window = &refiner->shape.window;
-    const hada_refine_scoring job = {hada_refine_problem_of(run, 0), *band, .row0 = window->row0, .rows = window->rows,
-                                     .width = width};
+    const hada_refine_scoring job = {hada_refine_problem_of(run, 0), *band,          .row0 = window->row0,
+                                     .rows = window->rows,           .width = width, .table = refiner->table};
     const hada_local scratch = {(size_t)(width * columns * refiner->layout.rows) * 2 * sizeof(float)};
     *slices = parts_of(refiner, width);
     const hada_range range = hada_range_groups(*slices, HADA_REFINE_FUSED_GROUP, (size_t)run->sets, 1);
@@ -163,8 +172,7 @@ hada_status hada_refine_fused_score(const hada_refine_run *run, const hada_refin
     return hada_launch_refine_group_score(refiner->slot, HADA_PROGRAM_REFINE_GROUP_SCORE_DEFAULT, &range, err,
                                           .planes = refiner->now_u.mem, .otf = data->otf, .list = refiner->list.ints,
                                           .frame = data->spectrum, .prior = data->prior, .variance = data->variance,
-                                          .partial = refiner->partial.mem, .job = job,
-                                          .table = refiner->fused.columns.table.ints, .scratch = scratch);
+                                          .partial = refiner->partial.mem, .job = job, .scratch = scratch);
 }
 
 /* What a pass along the rows of so many images costs; touched: arrays of pixels that are read or written. */
@@ -213,7 +221,7 @@ hada_status hada_refine_fused_rows(const hada_refine_run *run, int planes, int f
     hada_refiner *refiner = run->refiner;
     const rows_pass pass = {.planes = planes,
                             .frame = frame,
-                            .now = {.at = refiner->split_e,
+                            .now = {.at = refiner->split,
                                     .frame_offset = run->data->frame_offset,
                                     .channels = (unsigned)refiner->shape.channels,
                                     .sums = (unsigned)(refiner->partials * (size_t)place),
@@ -251,8 +259,7 @@ static hada_status launch_lane_columns(const hada_refine_run *run, const hada_re
     return hada_launch_refine_columns(refiner->slot, HADA_PROGRAM_REFINE_COLUMNS_DEFAULT, &range, err,
                                       .planes = refiner->now_u.mem, .otf = data->otf, .list = refiner->list.ints,
                                       .frame = data->spectrum, .prior = data->prior, .now_w = refiner->now_w.mem,
-                                      .split = refiner->split.mem, .partial = refiner->partial.mem, .job = job,
-                                      .table = pass->table.ints, .scratch = scratch);
+                                      .partial = refiner->partial.mem, .job = job, .scratch = scratch);
 }
 
 static hada_status launch_lane_frame(const hada_refine_run *run, const rows_pass *pass, hada_error *err)
@@ -265,7 +272,7 @@ static hada_status launch_lane_frame(const hada_refine_run *run, const rows_pass
     cost_frame(run, pass->frame, &bytes, &flops);
     hada_slot_cost(refiner->slot, bytes, flops);
     return hada_launch_refine_frame_rows(refiner->slot, HADA_PROGRAM_REFINE_FRAME_ROWS_DEFAULT, &range, err,
-                                         .spectra = refiner->split.mem, .duals = refiner->dual.mem,
+                                         .spectra = refiner->now_u.mem, .duals = refiner->dual.mem,
                                          .frame = run->data->frame, .weights = run->data->weights,
                                          .partial = refiner->partial.mem, .now = pass->now, .rows = rows,
                                          .tables = refiner->fused.row_tables.ints, .scratch = scratch);
@@ -338,8 +345,7 @@ static hada_status launch_odd_columns(const hada_refine_run *run, const hada_ref
     return hada_launch_refine_odd_columns(refiner->slot, HADA_PROGRAM_REFINE_ODD_COLUMNS_DEFAULT, &range, err,
                                           .planes = refiner->now_u.mem, .otf = data->otf, .list = refiner->list.ints,
                                           .frame = data->spectrum, .prior = data->prior, .now_w = refiner->now_w.mem,
-                                          .partial = refiner->partial.mem, .job = *job,
-                                          .table = refiner->fused.columns.table.ints, .scratch = scratch);
+                                          .partial = refiner->partial.mem, .job = *job, .scratch = scratch);
 }
 
 static hada_status launch_group_columns(const hada_refine_run *run, const hada_refine_step *now, hada_error *err)
@@ -357,8 +363,7 @@ static hada_status launch_group_columns(const hada_refine_run *run, const hada_r
     return hada_launch_refine_group_columns(refiner->slot, group_columns_program(run->padded), &range, err,
                                             .planes = refiner->now_u.mem, .otf = data->otf, .list = refiner->list.ints,
                                             .frame = data->spectrum, .prior = data->prior, .now_w = refiner->now_w.mem,
-                                            .split = refiner->split.mem, .partial = refiner->partial.mem, .job = job,
-                                            .table = refiner->fused.columns.table.ints, .scratch = scratch);
+                                            .partial = refiner->partial.mem, .job = job, .scratch = scratch);
 }
 
 static int group_frame_rows(const hada_context *context, const hada_refine_shape *shape)
@@ -393,9 +398,9 @@ static hada_status launch_group_rows(const hada_refine_run *run, const rows_pass
     }
     return hada_launch_refine_group_rows(
         refiner->slot, group_rows_program(run->padded), &range, err, .spectra = refiner->now_u.mem,
-        .planes = refiner->planes.mem, .split = refiner->split.mem, .duals = refiner->dual.mem,
-        .frame = run->padded ? run->data->frame : NULL, .weights = run->padded ? run->data->weights : NULL,
-        .partial = refiner->partial.mem, .job = job, .table = refiner->fused.rows.table.ints, .scratch = scratch);
+        .planes = refiner->planes.mem, .duals = refiner->dual.mem, .frame = run->padded ? run->data->frame : NULL,
+        .weights = run->padded ? run->data->weights : NULL, .partial = refiner->partial.mem, .job = job,
+        .table = refiner->fused.rows.table.ints, .scratch = scratch);
 }
 
 /* The one place that asks for the shape. */

@@ -142,7 +142,7 @@ static hada_status iterate(const hada_refine_run *r, const hada_refine_rule *rul
     HADA_TRY(hada_refine_planes_inverse(r, err));
     HADA_TRY(constrain(r, rule, step, start != HADA_REFINE_CONTINUE, shrink, err));
     if (r->padded) {
-        HADA_TRY(hada_refine_frame_inverse(r, &refiner->split, &refiner->dual, err));
+        HADA_TRY(hada_refine_frame_inverse(r, &refiner->now_w, refiner->split, &refiner->dual, err));
         HADA_TRY(hada_refine_frame_dual(r, refiner->dual.mem, 1, rule->mu, step + 1, err));
     }
     return HADA_OK;
@@ -280,7 +280,7 @@ static hada_status explain(hada_refine_run *r, hada_refiner *refiner, const hada
     hada_refine_arriving *arriving = &refiner->arriving;
     HADA_TRY(explain_spectra(r, refiner, data, sets, depths, list, err));
     if (r->padded) {
-        HADA_TRY(hada_refine_frame_inverse(r, &refiner->residual, &refiner->residual_frame, err));
+        HADA_TRY(hada_refine_frame_inverse(r, &refiner->residual, 0, &refiner->residual_frame, err));
         HADA_TRY(hada_refine_frame_dual(r, refiner->residual_frame.mem, 0, 0.0, 0, err));
     }
     arriving->sets = sets;

@@ -90,7 +90,7 @@ hada_refine_step hada_refine_step_of(const hada_refine_run *r, const hada_refine
                                      int place)
 {
     return (hada_refine_step){.problem = hada_refine_problem_of(r, place),
-                              .split_e = r->refiner->split_e,
+                              .split = r->refiner->split,
                               .rho = (float)hada_refine_rho_at(rule, step),
                               .keep = step + rule->before
                                           ? (float)(hada_refine_rho_at(rule, step - 1) / hada_refine_rho_at(rule, step))
@@ -111,8 +111,8 @@ hada_status hada_refine_solve(const hada_refine_run *r, const hada_refine_rule *
     const hada_range range = slices_range(r, refiner->layout.count, refiner->shape.channels, r->sets);
     cost_solve(r, start, now.has_prior);
     return hada_launch_refine_solve(refiner->slot, refiner->program, &range, err, .otf = data->otf,
-                                    .list = refiner->list.ints, .frame = data->spectrum, .split = refiner->split.mem,
-                                    .prior = data->prior, .now_u = refiner->now_u.mem, .now_w = refiner->now_w.mem,
+                                    .list = refiner->list.ints, .frame = data->spectrum, .prior = data->prior,
+                                    .now_u = refiner->now_u.mem, .now_w = refiner->now_w.mem,
                                     .partial = refiner->partial.mem, .now = now);
 }
 
@@ -313,15 +313,15 @@ hada_status hada_refine_frame_forward(const hada_refine_run *r, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
     return transform(refiner, refiner->frame_forward, 1, r->sets * refiner->shape.channels, refiner->dual.mem,
-                     refiner->frame_area, &refiner->split, refiner->split_e, err);
+                     refiner->frame_area, &refiner->now_u, refiner->split, err);
 }
 
-hada_status hada_refine_frame_inverse(const hada_refine_run *r, const hada_buffer *spectrum, const hada_buffer *frame,
-                                      hada_error *err)
+hada_status hada_refine_frame_inverse(const hada_refine_run *r, const hada_buffer *spectrum, size_t at,
+                                      const hada_buffer *frame, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
     return transform(refiner, refiner->frame_inverse, 0, r->sets * refiner->shape.channels, frame->mem,
-                     refiner->frame_area, spectrum, 0, err);
+                     refiner->frame_area, spectrum, at, err);
 }
 
 /* Parseval: from energies of spectra to energies of images. */

@@ -25,14 +25,16 @@ struct hada_refiner {
     hada_slot *slot;
     hada_refine_shape shape;
     hada_spectrum_layout layout;
-    hada_fft *forward, *inverse;             /* planes of the window */
-    hada_fft *frame_forward, *frame_inverse; /* padded: of the frame */
-    hada_fft_fused fused;                    /* empty where steps cannot be fused: see the end */
-    hada_buffer now_u, now_w, planes, list, partial;
-    hada_buffer kept;                     /* settle: planes of a step before, behind them those set aside */
-    hada_buffer split, dual;              /* padded: the split at the frame, A and behind it E, and its dual */
-    hada_buffer residual, residual_frame; /* padded: what the planes do not explain */
-    size_t partials;                      /* partial sums of one step, at most */
+    hada_fft *forward, *inverse;               /* planes of the window */
+    hada_fft *frame_forward, *frame_inverse;   /* padded: of the frame */
+    hada_fft_fused fused;                      /* empty where steps cannot be fused: see the end */
+    hada_buffer now_u, now_w, planes, partial; /* U and W, padded: and behind them E and A */
+    hada_buffer list;                          /* the depths of the sets, and behind them the table of fused columns */
+    int table;                                 /* where that begins, in numbers; 0: steps cannot be fused */
+    hada_buffer kept;                          /* settle: planes of a step before, behind them those set aside */
+    hada_buffer dual;                          /* padded: that of the split at the frame */
+    hada_buffer residual, residual_frame;      /* padded: what the planes do not explain */
+    size_t partials;                           /* partial sums of one step, at most */
     float *host_partial;
     int *host_list;              /* what stands in `list`, host_count depths */
     int host_count, list_busy;   /* 1: `list` may still be read from there */
@@ -44,7 +46,7 @@ struct hada_refiner {
     hada_crosstalk crosstalk;
     size_t group; /* work-items of a group in the kernels with sums */
     size_t window_area, frame_area;
-    size_t split_e; /* where E begins, in complex numbers */
+    size_t split; /* where E and A begin, in complex numbers */
     size_t transforms;
     hada_refine_arriving arriving;
     int half_there; /* 1: half spectra of rows of the planes stand in now_u */
@@ -118,13 +120,14 @@ hada_status hada_refine_changes(const hada_refine_run *run, size_t looks, double
 hada_status hada_refine_set_aside(const hada_refine_run *run, hada_error *err);
 hada_status hada_refine_take_back(const hada_refine_run *run, hada_error *err);
 
-/* Planes to their spectra U and from W; padded: the frame's dual to its spectrum E, and from a spectrum to the frame.
+/* Planes to their spectra U and from W; padded: the frame's dual to its spectrum E, and from a spectrum, from number
+ * `at` on, to the frame.
  */
 hada_status hada_refine_planes_forward(const hada_refine_run *run, hada_error *err);
 hada_status hada_refine_planes_inverse(const hada_refine_run *run, hada_error *err);
 hada_status hada_refine_frame_forward(const hada_refine_run *run, hada_error *err);
-hada_status hada_refine_frame_inverse(const hada_refine_run *run, const hada_buffer *spectrum, const hada_buffer *frame,
-                                      hada_error *err);
+hada_status hada_refine_frame_inverse(const hada_refine_run *run, const hada_buffer *spectrum, size_t at,
+                                      const hada_buffer *frame, hada_error *err);
 
 /* Slices of so many frequencies or pixels. */
 size_t hada_refine_slices(size_t count);
@@ -147,7 +150,7 @@ hada_status hada_refine_energies(const hada_refine_run *run, int parts, size_t s
  * of U. Where a sensor crops, half spectra of the frame's rows are in the place of E; lanes take a third launch for
  * them (refine_frame_rows.cl). Internal to lib/refine. */
 
-/* Whether a grid's transforms can be fused at all; and making the tables, which does nothing where they cannot. */
+/* Whether a grid's transforms can be fused at all; and making the list of depths, with the tables where they can. */
 int hada_refine_fused_grid(const hada_context *context, const hada_refine_shape *shape);
 hada_status hada_refine_fused_make(hada_refiner *refiner, hada_error *err);
 

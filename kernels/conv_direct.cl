@@ -70,9 +70,8 @@ conv_direct(__global const float *restrict x, __global const float *restrict wei
 
     conv_v biases[CONV_BLOCKS];
     for (int o = 0; o < CONV_BLOCKS; ++o)
-        biases[o] = flags & HADA_CONV_HAS_BIAS ? conv_bias(bias + problem.epilogue.bias + (first_block + o) * NET_BLOCK,
-                                                           out_channels - (first_block + o) * NET_BLOCK)
-                                               : (conv_v)(0.0f);
+        biases[o] = conv_bias(bias + problem.epilogue.bias + (first_block + o) * NET_BLOCK, flags,
+                              out_channels - (first_block + o) * NET_BLOCK);
     for (int row = row_first; row < row_end; ++row)
         for (int phase = 0; phase < step; ++phase) {
             const hada_conv_taps rows = hada_conv_taps_of(kernel_rows, pad_rows, step, row % step);
@@ -105,19 +104,12 @@ conv_direct(__global const float *restrict x, __global const float *restrict wei
                     const int present = out_channels - (first_block + o) * NET_BLOCK;
 #pragma unroll
                     for (int p = 0; p < CONV_PIXELS; ++p) {
-                        __global float *restrict yp = y + at + p * step * NET_BLOCK;
+                        const size_t to_pixel = at + p * step * NET_BLOCK;
                         if (start + p < col) /* the tile before has done them, perhaps adding to y */
                             continue;
                         if (flat && (start + p) % pitch >= out_cols)
                             continue;
-                        conv_v v = conv_activate(sums[o][p], activation, slope);
-                        if (flags & HADA_CONV_HAS_MASK)
-                            v = select((conv_v)(0.0f), v, CONV_LOAD(mask + at + p * step * NET_BLOCK) > (conv_v)(0.0f));
-                        if (flags & HADA_CONV_ACCUMULATES)
-                            v += CONV_LOAD(yp);
-                        if (present < NET_BLOCK)
-                            v = conv_present(v, present);
-                        conv_write(v, flags, yp);
+                        conv_put(sums[o][p], flags, activation, slope, present, mask + to_pixel, y + to_pixel);
                     }
                 }
             }

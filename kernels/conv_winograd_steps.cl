@@ -11,19 +11,17 @@ conv_winograd_in(__global const float *restrict x, __global const float *restric
                  hada_tensor_layout at_x, hada_tensor_layout at_low, int begin, int room)
 {
     const int in_blocks = at_x.blocks + at_low.blocks, rows = at_x.rows, cols = at_x.cols;
-    const int all = (cols + CONV_TILE - 1) / CONV_TILE * ((rows + CONV_TILE - 1) / CONV_TILE);
-    const int tile = get_global_id(0), image = (begin + tile) / all;
-    const conv_place place = conv_place_of((begin + tile) % all, rows, cols);
-    const size_t row_floats = (size_t)(cols + 2) * NET_BLOCK, plane = (rows + 2) * row_floats;
-    const size_t low_plane = (size_t)(rows / 2 + 2) * (cols / 2 + 2) * NET_BLOCK;
+    const conv_grid grid = conv_grid_of(rows, cols);
+    const int tile = get_global_id(0), image = (begin + tile) / grid.tiles;
+    const conv_place place = conv_place_of((begin + tile) % grid.tiles, rows, cols);
     const size_t block_floats = (size_t)room * NET_BLOCK;
-    x += at_x.offset + image * at_x.image + place.row * row_floats + place.col * NET_BLOCK;
+    x += at_x.offset + image * at_x.image + place.row * grid.row + place.col * NET_BLOCK;
     low += at_low.offset + image * at_low.image;
     v += tile * NET_BLOCK;
     for (int b = 0; b < at_x.blocks; ++b, v += block_floats)
-        conv_tile_in(x + b * plane, row_floats, v, CONV_APART(in_blocks * block_floats));
+        conv_tile_in(x + b * grid.plane, grid.row, v, CONV_APART(in_blocks * block_floats));
     for (int b = 0; b < at_low.blocks; ++b, v += block_floats)
-        conv_tile_in_doubled(low + b * low_plane, place, rows, cols, v, CONV_APART(in_blocks * block_floats));
+        conv_tile_in_doubled(low + b * grid.half_plane, place, rows, cols, v, CONV_APART(in_blocks * block_floats));
 }
 
 /* Tiles in steps of CONV_PIXELS, the last ones at most `room`. Dimensions: groups of output blocks, places. */
@@ -51,27 +49,22 @@ conv_winograd_out(__global const float *restrict m, __global const float *restri
     const int out_channels = problem.out.channels, rows = problem.out.rows, cols = problem.out.cols;
     const int flags = problem.epilogue.flags, activation = problem.epilogue.activation;
     const float slope = problem.epilogue.slope;
-    const int all = (cols + CONV_TILE - 1) / CONV_TILE * ((rows + CONV_TILE - 1) / CONV_TILE);
-    const int tile = get_global_id(0), image = (begin + tile) / all;
+    const conv_grid grid = conv_grid_of(rows, cols);
+    const int tile = get_global_id(0), image = (begin + tile) / grid.tiles;
     const int out_blocks = (out_channels + NET_BLOCK - 1) / NET_BLOCK;
-    const conv_place place = conv_place_of((begin + tile) % all, rows, cols);
-    const size_t row_floats = (size_t)(cols + 2) * NET_BLOCK, plane = (rows + 2) * row_floats;
-    const size_t pooled_row = (size_t)(cols / 2 + 2) * NET_BLOCK, pooled_plane = (rows / 2 + 2) * pooled_row;
-    const size_t at = (place.row + 1) * row_floats + (place.col + 1) * NET_BLOCK,
-                 block_floats = (size_t)room * NET_BLOCK;
+    const conv_place place = conv_place_of((begin + tile) % grid.tiles, rows, cols);
+    const size_t at = (place.row + 1) * grid.row + (place.col + 1) * NET_BLOCK, block_floats = (size_t)room * NET_BLOCK;
     m += m_offset;
     y += problem.out.offset + image * problem.out.image + at;
     mask += problem.epilogue.mask + image * problem.epilogue.mask_image + at;
-    pooled += problem.epilogue.pooled + image * problem.epilogue.pooled_image + (place.row / 2 + 1) * pooled_row +
+    pooled += problem.epilogue.pooled + image * problem.epilogue.pooled_image + (place.row / 2 + 1) * grid.half_row +
               (place.col / 2 + 1) * NET_BLOCK;
     for (int b = 0; b < out_blocks; ++b) {
         const int present = out_channels - b * NET_BLOCK;
         conv_v out[CONV_TILE][CONV_TILE];
         conv_tile_out(m + b * block_floats + tile * NET_BLOCK, CONV_APART(out_blocks * block_floats),
-                      flags & HADA_CONV_HAS_BIAS ? conv_bias(bias + problem.epilogue.bias + b * NET_BLOCK, present)
-                                                 : (conv_v)(0.0f),
-                      out);
-        conv_tile_put(out, place, flags, activation, slope, present, mask + b * plane, y + b * plane, row_floats,
-                      pooled + b * pooled_plane, pooled_row);
+                      conv_bias(bias + problem.epilogue.bias + b * NET_BLOCK, flags, present), out);
+        conv_tile_put(out, place, flags, activation, slope, present, mask + b * grid.plane, y + b * grid.plane,
+                      grid.row, pooled + b * grid.half_plane, grid.half_row);
     }
 }

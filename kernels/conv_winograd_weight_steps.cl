@@ -12,14 +12,13 @@ __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void conv_winograd_back(
                                                                                 ulong d_offset, int begin, int room)
 {
     const int coarse_blocks = at_dy.blocks, rows = at_dy.rows, cols = at_dy.cols;
-    const int all = (cols + CONV_TILE - 1) / CONV_TILE * ((rows + CONV_TILE - 1) / CONV_TILE);
-    const int tile = get_global_id(0), image = (begin + tile) / all;
-    const conv_place place = conv_place_of((begin + tile) % all, rows, cols);
-    const size_t row_floats = (size_t)(cols + 2) * NET_BLOCK, plane = (rows + 2) * row_floats;
+    const conv_grid grid = conv_grid_of(rows, cols);
+    const int tile = get_global_id(0), image = (begin + tile) / grid.tiles;
+    const conv_place place = conv_place_of((begin + tile) % grid.tiles, rows, cols);
     const size_t block_floats = (size_t)room * NET_BLOCK;
-    dy += at_dy.offset + image * at_dy.image + (place.row + 1) * row_floats + (place.col + 1) * NET_BLOCK;
+    dy += at_dy.offset + image * at_dy.image + (place.row + 1) * grid.row + (place.col + 1) * NET_BLOCK;
     for (int b = 0; b < coarse_blocks; ++b)
-        conv_tile_back(dy + b * plane, row_floats, place, scratch + d_offset + b * block_floats + tile * NET_BLOCK,
+        conv_tile_back(dy + b * grid.plane, grid.row, place, scratch + d_offset + b * block_floats + tile * NET_BLOCK,
                        CONV_APART(coarse_blocks * block_floats));
 }
 

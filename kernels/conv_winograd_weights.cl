@@ -16,29 +16,28 @@ conv_winograd_weights(__global const float *restrict coarse, __global const floa
     const int coarse_blocks = sizes.coarse.blocks, fine_blocks = sizes.fine.blocks;
     const ulong coarse_image = sizes.coarse.image, fine_image = sizes.fine.image;
     const int part = get_global_id(0), parts = get_global_size(0);
-    const int all = (cols + CONV_TILE - 1) / CONV_TILE * ((rows + CONV_TILE - 1) / CONV_TILE);
-    const int end = (long)(part + 1) * images * all / parts;
-    const size_t row_floats = (size_t)(cols + 2) * NET_BLOCK, plane = (rows + 2) * row_floats;
+    const conv_grid grid = conv_grid_of(rows, cols);
+    const int end = (long)(part + 1) * images * grid.tiles / parts;
     const size_t block_floats = (size_t)tiles * NET_BLOCK, v_place = CONV_APART(fine_blocks * block_floats);
     const size_t d_place = CONV_APART(coarse_blocks * block_floats), width = (size_t)coarse_blocks * NET_BLOCK;
     const int fine_channels = fine_blocks * NET_BLOCK;
     __global float *restrict sums_of_dy = partial + parts * CONV_PLACES * fine_channels * width + part * width;
-    coarse += sizes.coarse.offset + row_floats + NET_BLOCK;
+    coarse += sizes.coarse.offset + grid.row + NET_BLOCK;
     fine += sizes.fine.offset;
     partial += part * CONV_PLACES * fine_channels * width;
 
     int started = 0;
-    for (int first = (long)part * images * all / parts; first < end; first += tiles, started = 1) {
+    for (int first = (long)part * images * grid.tiles / parts; first < end; first += tiles, started = 1) {
         const int count = min(tiles, end - first);
         for (int t = 0; t < count; ++t) {
-            const int image = (first + t) / all;
-            const conv_place place = conv_place_of((first + t) % all, rows, cols);
-            const size_t at = place.row * row_floats + place.col * NET_BLOCK;
+            const int image = (first + t) / grid.tiles;
+            const conv_place place = conv_place_of((first + t) % grid.tiles, rows, cols);
+            const size_t at = place.row * grid.row + place.col * NET_BLOCK;
             for (int b = 0; b < fine_blocks; ++b)
-                conv_tile_in(fine + image * fine_image + b * plane + at, row_floats,
+                conv_tile_in(fine + image * fine_image + b * grid.plane + at, grid.row,
                              v + b * block_floats + t * NET_BLOCK, v_place);
             for (int b = 0; b < coarse_blocks; ++b)
-                conv_tile_back(coarse + image * coarse_image + b * plane + at, row_floats, place,
+                conv_tile_back(coarse + image * coarse_image + b * grid.plane + at, grid.row, place,
                                d + b * block_floats + t * NET_BLOCK, d_place);
         }
         /* the place (1, 1) of A dy A^T is the sum of a tile */

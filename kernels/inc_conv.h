@@ -44,52 +44,34 @@ typedef int8 conv_iv;
 #define CONV_STREAM(v, p) CONV_STORE(v, p)
 #endif
 
-static inline void conv_write(conv_v v, int flags, __global float *y)
+/* A finished sum (bias and all) to y, zero in lanes beyond the first `present` channels. Returns what it stored. */
+static inline conv_v conv_put(conv_v v, int flags, int activation, float slope, int present, __global const float *mask,
+                              __global float *y)
 {
-    if (flags & HADA_CONV_STREAMS)
-        CONV_STREAM(v, y);
-    else
-        CONV_STORE(v, y);
-}
-
-static inline conv_v conv_activate(conv_v v, int activation, float slope)
-{
-    if (activation == HADA_ACTIVATION_RELU)
-        v = max(v, (conv_v)(0.0f));
-    else if (activation == HADA_ACTIVATION_LEAKY_RELU)
+    if (activation == HADA_ACTIVATION_LEAKY_RELU)
         v = select(v * slope, v, v > (conv_v)(0.0f));
     else if (activation == HADA_ACTIVATION_SIGMOID)
         v = (conv_v)(1.0f) / ((conv_v)(1.0f) + exp(-v));
-    return v;
-}
-
-/* v where the lane is one of the first `present` channels, else zero. */
-static inline conv_v conv_present(conv_v v, int present)
-{
-    return select((conv_v)(0.0f), v, CONV_LANES < (conv_iv)(present));
-}
-
-/* A finished sum (bias and all) to y; `floor` is 0 for ReLU, else -INFINITY. Returns what it stored. */
-static inline conv_v conv_put(conv_v v, int flags, int activation, float floor, float slope, int present,
-                              __global const float *mask, __global float *y)
-{
-    if (activation > HADA_ACTIVATION_RELU)
-        v = conv_activate(v, activation, slope);
-    v = max(v, (conv_v)(floor));
+    v = max(v, (conv_v)(activation == HADA_ACTIVATION_RELU ? 0.0f : -INFINITY));
     if (flags & HADA_CONV_HAS_MASK)
         v = select((conv_v)(0.0f), v, CONV_LOAD(mask) > (conv_v)(0.0f));
     if (flags & HADA_CONV_ACCUMULATES)
         v += CONV_LOAD(y);
     if (present < NET_BLOCK)
-        v = conv_present(v, present);
-    conv_write(v, flags, y);
+        v = select((conv_v)(0.0f), v, CONV_LANES < (conv_iv)(present));
+    if (flags & HADA_CONV_STREAMS)
+        CONV_STREAM(v, y);
+    else
+        CONV_STORE(v, y);
     return v;
 }
 
-/* The biases of a block of channels, zero beyond the last of `present`. */
-static inline conv_v conv_bias(__global const float *bias, int present)
+/* The biases of a block of channels, zero beyond the last of `present`, and where there are none. */
+static inline conv_v conv_bias(__global const float *bias, int flags, int present)
 {
     float lanes[NET_BLOCK];
+    if (!(flags & HADA_CONV_HAS_BIAS))
+        return (conv_v)(0.0f);
     for (int k = 0; k < NET_BLOCK; ++k)
         lanes[k] = k < present ? bias[k] : 0.0f;
     return CONV_LOAD(lanes);

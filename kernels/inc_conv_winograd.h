@@ -91,6 +91,23 @@ static inline void conv_tile_out(CONV_MEM const float *restrict from, size_t pit
     }
 }
 
+/* An image's tiles, and the floats of a row and of a plane with their halo; the same of an image of half its size. */
+typedef struct conv_grid {
+    int tiles;
+    size_t row, plane, half_row, half_plane;
+} conv_grid;
+
+static inline conv_grid conv_grid_of(int rows, int cols)
+{
+    conv_grid grid;
+    grid.tiles = (cols + CONV_TILE - 1) / CONV_TILE * ((rows + CONV_TILE - 1) / CONV_TILE);
+    grid.row = (size_t)(cols + 2) * NET_BLOCK;
+    grid.plane = (rows + 2) * grid.row;
+    grid.half_row = (size_t)(cols / 2 + 2) * NET_BLOCK;
+    grid.half_plane = (rows / 2 + 2) * grid.half_row;
+    return grid;
+}
+
 /* A tile: its first output pixel, moved back at the far edges, and how many of its rows and columns earlier tiles have
  * done. */
 typedef struct conv_place {
@@ -113,7 +130,6 @@ static inline void conv_tile_put(conv_v out[CONV_TILE][CONV_TILE], conv_place pl
                                  __global float *restrict y, size_t row_floats, __global float *restrict pooled,
                                  size_t pooled_row)
 {
-    const float floor = activation == HADA_ACTIVATION_RELU ? 0.0f : -INFINITY;
 #pragma unroll
     for (int r = 0; r < CONV_TILE; ++r) {
         if (r < place.done_rows)
@@ -121,7 +137,7 @@ static inline void conv_tile_put(conv_v out[CONV_TILE][CONV_TILE], conv_place pl
 #pragma unroll
         for (int c = 0; c < CONV_TILE; ++c)
             if (c >= place.done_cols)
-                out[r][c] = conv_put(out[r][c], flags, activation, floor, slope, present,
+                out[r][c] = conv_put(out[r][c], flags, activation, slope, present,
                                      mask + r * row_floats + c * NET_BLOCK, y + r * row_floats + c * NET_BLOCK);
         if (flags & HADA_CONV_POOLS && r % 2) {
 #pragma unroll

@@ -60,18 +60,6 @@ static hada_planar flat_of(const hada_graph *graph, const hada_tensor *tensor, s
                          .row_stride = cols};
 }
 
-/* Behind a batch norm_forward, whose values each colour has of its own. */
-static hada_status conv_normed_forward(hada_graph *graph, int i, const hada_tensor *x, hada_floats bias,
-                                       const hada_tensor *y, hada_error *err)
-{
-    for (int colour = 0; colour < graph->plan.net->colours; colour++) {
-        const hada_batch_norm norm = norm_of(graph, graph->plan.nodes[i].norm, colour);
-        const hada_tensor in = colour_of(graph, x, colour), out = colour_of(graph, y, colour);
-        HADA_TRY(hada_conv_forward_normed(graph->convs[i], &norm, &in, bias, &out, err));
-    }
-    return HADA_OK;
-}
-
 static hada_status conv_forward(hada_graph *graph, int i, const hada_tensor *x, const hada_tensor *y, hada_error *err)
 {
     const graph_node *node = &graph->plan.nodes[i];
@@ -81,8 +69,6 @@ static hada_status conv_forward(hada_graph *graph, int i, const hada_tensor *x, 
         bias = hada_graph_parameter(graph, graph->values, i, 0, 1);
     if (node->fused_pool >= 0)
         pooled = value_of(graph, node->fused_pool, 0);
-    if (node->norm >= 0)
-        return conv_normed_forward(graph, i, x, bias, y, err);
     if (node->low >= 0) {
         const hada_tensor low = value_of(graph, node->low, 0);
         return hada_conv_forward_doubled(graph->convs[i], x, &low, bias, y, node->fused_pool >= 0 ? &pooled : NULL,

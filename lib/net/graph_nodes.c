@@ -1,6 +1,6 @@
 /* The nodes of a graph: what is fused into one launch, and which values alias the memory of another. In inference
- * convolutions also take over bilinear doubling and concatenation (the way up of a U-net) or a batch norm before them,
- * whose results are then never written. */
+ * convolutions also take over bilinear doubling and concatenation (the way up of a U-net) before them, whose results are
+ * then never written. */
 
 #include "net/graph_plan.h"
 
@@ -213,29 +213,11 @@ static void try_doubling(graph_plan *plan, const hada_context *context, int resi
         *conv = kept;
 }
 
-/* A batch norm that a convolution reads, and nobody else. */
-static void try_norm(graph_plan *plan, const hada_context *context, int norm)
-{
-    const int reader = only_reader(plan, norm);
-    if (reader < 0 || plan->nodes[reader].layer->kind != HADA_LAYER_CONV || plan->nodes[reader].fused_pool >= 0 ||
-        plan->nodes[reader].low >= 0)
-        return;
-    graph_node *conv = &plan->nodes[reader];
-    const hada_conv_desc desc = hada_graph_conv_desc(plan, conv);
-    if (!hada_conv_norms(context, &desc))
-        return;
-    conv->inputs[0] = plan->nodes[norm].inputs[0];
-    conv->norm = norm;
-    plan->nodes[norm].fused = 1;
-}
-
 static void fuse_inference(graph_plan *plan, const hada_context *context)
 {
     for (int i = 1; i < plan->node_count; i++)
         if (plan->nodes[i].layer->kind == HADA_LAYER_RESIZE)
             try_doubling(plan, context, i);
-        else if (plan->nodes[i].layer->kind == HADA_LAYER_NORM)
-            try_norm(plan, context, i);
 }
 
 hada_status hada_graph_nodes_make(graph_plan *plan, const hada_context *context, hada_error *err)
@@ -260,7 +242,6 @@ hada_status hada_graph_nodes_make(graph_plan *plan, const hada_context *context,
                              .cols = sizes[i].cols,
                              .fused_pool = -1,
                              .low = -1,
-                             .norm = -1,
                              .activation = layer->activation,
                              .slope = layer->slope,
                              .alias_of = i,

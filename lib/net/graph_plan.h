@@ -15,7 +15,6 @@ typedef struct graph_node {
     int fused_pool;             /* CONV: the pooling that is done in the same launch; -1: none */
     int pooled;                 /* POOL: done by the convolution before */
     int low;                    /* CONV: the value whose channels come behind those of its input, doubled; -1: none */
-    int norm;                   /* CONV: the batch norm that it does to its input; -1: none */
     hada_activation activation; /* of its own or fused into it */
     float slope;
     int alias_of, alias_channel; /* the node whose memory its value stands in (itself, or a concatenation), from which

@@ -68,15 +68,6 @@ hada_status hada_batch_norm_backward(hada_slot *slot, const hada_batch_norm *nor
                                      hada_floats dweight, hada_floats dbias, int accumulate, cl_mem scratch,
                                      hada_error *err);
 
-/* Whether a convolution of this description can take a batch norm's input: without backward, few output channels (up to
- * 3), 3 x 3 with padding 1, on CPUs. */
-int hada_conv_norms(const hada_context *context, const hada_conv_desc *desc);
-
-/* y = hada_conv_forward() of what hada_batch_norm_infer() makes of x, which is not written. The same bits. The norm's
- * values stand in one buffer. */
-hada_status hada_conv_forward_normed(hada_conv *conv, const hada_batch_norm *norm, const hada_tensor *x,
-                                     hada_floats bias, const hada_tensor *y, hada_error *err);
-
 /* Dropout: y = x * keep / (1 - p), keep drawn from (seed, step, place of the value) by a counter-based generator, so
  * that backward draws the same again and the layout does not matter. Forward and backward are the same operation. Each
  * layer of a net needs a seed of its own. */

@@ -15,7 +15,7 @@ extern const check_op check_net_activation, check_net_blend, check_net_dropout, 
     check_net_place, check_net_batch_norm, check_net_linear;
 extern const check_op check_surface_magnify, check_volume;
 extern const check_op check_net_loss, check_net_optimizer, check_net_squares, check_net_content, check_net_part,
-    check_net_beside, check_net_share, check_net_planes, check_net_normed, check_lpips;
+    check_net_beside, check_net_share, check_net_planes, check_lpips;
 
 const check_op *const check_ops[] = {
     &check_fft_forward,   &check_fft_inverse,
@@ -48,7 +48,6 @@ const check_op *const check_ops[] = {
     &check_lpips,         &check_surface_magnify,
     &check_volume,        &check_filter_blend,
     &check_dct,           &check_crosstalk,
-    &check_net_planes,    &check_net_normed,
-    &check_gather,
+    &check_net_planes,    &check_gather,
 };
 const size_t check_op_count = HADA_COUNT(check_ops);

@@ -1,5 +1,5 @@
 /* What convolutions take over where nobody trains. Doubling a part of their channels: the bits of resizing,
- * concatenating and convolving one after the other; nets that have it; a batch norm before few channels. */
+ * concatenating and convolving one after the other; nets that have it. */
 #include "net_fixture.h"
 
 typedef struct doubled_case {
@@ -175,39 +175,6 @@ TEST(nets)
             net_case_free(&one);
             net_case_free(&other);
         }
-}
-
-/* A batch norm for each colour before a convolution to one channel and to three: inference has the bits of the norm in
- * a launch of its own, which a second reader asks for. */
-#define NORMED(reader)                                                                                                 \
-    "{\"format\":\"hadalens-net-1\",\"colours\":2,\"layers\":[{\"layer\":\"input\",\"channels\":1},"                   \
-    "{\"layer\":\"conv\",\"name\":\"a\",\"channels\":20,\"activation\":\"relu\"},{\"layer\":\"norm\",\"name\":\"n\"}," \
-    "{\"layer\":\"conv\",\"name\":\"b\",\"channels\":3,\"activation\":\"relu\"}" reader "]}"
-TEST(norms)
-{
-    hada_net *nets[2];
-    net_case cases_of[2];
-    ASSERT_OK(hada_net_create(&nets[0], NORMED(""), 3, err));
-    /* the other reader's channels come behind those of the first */
-    ASSERT_OK(hada_net_create(&nets[1], NORMED(",{\"layer\":\"concat\",\"from\":[3,2]}"), 3, err));
-    for (int i = 0; i < 2; i++) {
-        for (int p = 0; p < nets[i]->parameter_count; p++)
-            for (size_t k = 0; nets[i]->parameters[p].dims == 1 && k < nets[i]->parameters[p].count; k++)
-                nets[i]->values[nets[i]->parameters[p].offset + k] += 0.01f * (float)(k + 1);
-        cases_of[i] = net_case_make(nets[i], 2, 19, 23);
-        net_case_run(*state, nets[i], &cases_of[i], (hada_graph_options){0}, 0);
-    }
-    const size_t plane = (size_t)19 * 23, all = (size_t)cases_of[1].out_channels * plane;
-    const size_t colour = 3 * plane, both = all / 2;
-    assert_int_equal(cases_of[0].out_channels, 6);
-    for (size_t n = 0; n < 2; n++)
-        for (size_t c = 0; c < 2; c++)
-            assert_memory_equal(cases_of[0].y + n * 2 * colour + c * colour, cases_of[1].y + n * all + c * both,
-                                colour * sizeof(float));
-    for (int i = 0; i < 2; i++) {
-        net_case_free(&cases_of[i]);
-        hada_net_destroy(&nets[i]);
-    }
 }
 
 FIXTURE(net_device_open, net_device_close)

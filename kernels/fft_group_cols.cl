@@ -35,11 +35,8 @@ __kernel void fft_group_cols(__global const float *in, hada_fft_columns_in from,
             float2 v = (float2)0.0f;
             if ((uint)(row - from.first_row) < (uint)from.rows || row >= from.last_row) {
                 v = *(__global const float2 *)(p + 16 * (size_t)row + 2 * w);
-#if FFT_PRODUCT == 1
-                const float2 h = load_filter_value(f + 16 * (size_t)row + 2 * w);
-                v = fft_twiddled(v, h.x, h.y);
-#elif FFT_PRODUCT == 2
-                v *= load_filter_value(f + 16 * (size_t)row + 2 * w);
+#if FFT_PRODUCT
+                v = filter_product(v, load_filter_value(f + 16 * (size_t)row + 2 * w));
 #endif
             }
             fft_put_in(scratch, width, w, place[y], y, v, chirped, chirp);

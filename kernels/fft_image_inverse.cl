@@ -20,21 +20,8 @@ fft_image_inverse(__global const float *in, hada_fft_columns_in from, __global c
     __local float *between = (__local float *)(local_memory + 2 * max(row_table[FFT_POINTS], column_table[FFT_POINTS]));
     for (int image = get_group_id(0); image < real.images; image += get_num_groups(0)) {
         for (int block = 0; block <= band / HADA_FFT_BLOCK; ++block) {
-            fft_columns columns;
-            columns.in = in + 2 * (from.offset + (ulong)((from.first + image) % from.count) * from.distance +
-                                   (ulong)block * (ulong)rows * 8);
-            columns.out = between + block * rows_out * 16;
-            columns.first = from.first_row;
-            columns.count = from.rows;
-            columns.last = from.last_row;
-            columns.row0 = real.row0;
-            columns.rows_out = rows_out;
-            columns.swapped = 0;
-            columns.filter = (__global const filter_value *)filter;
-#if FFT_PRODUCT
-            columns.filter +=
-                2 * (from.filter_offset + (ulong)image * from.filter_distance + (ulong)block * (ulong)rows * 8);
-#endif
+            const fft_columns columns = fft_columns_of(in, from, filter, image, block, rows,
+                                                       between + block * rows_out * 16, real.row0, rows_out);
             fft_columns_block(&columns, scratch, column_table, FFT_FLOATS_OF(column_table));
         }
         for (int first = 0; first < rows_out; first += ROWS)

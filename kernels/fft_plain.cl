@@ -47,13 +47,8 @@ __kernel void fft_plain_product(__global const float *in, ulong in_offset, int i
         const ulong at = (ulong)(part ? mirror : y) * (ulong)half_cols + (ulong)x;
         float2 v = vload2(0, in + 2 * (in_offset + image % (ulong)in_count * one + at));
 #if FFT_PRODUCT
-        const float2 w = load_filter_value((__global const filter_value *)filter +
-                                           2 * (filter_offset + image * (ulong)filter_step * one + at));
-#if FFT_PRODUCT == 1
-        v = (float2)(fma(v.x, w.x, -(v.y * w.y)), fma(v.x, w.y, v.y * w.x));
-#else
-        v *= w;
-#endif
+        v = filter_product(v, load_filter_value((__global const filter_value *)filter +
+                                                2 * (filter_offset + image * (ulong)filter_step * one + at)));
 #endif
         sum += part ? (float2)(v.x, -v.y) : v;
     }

@@ -52,21 +52,10 @@ fft_cols(__global const float *in, hada_fft_columns_in from, __global const void
     const int images = to.images, tasks = (from.band / HADA_FFT_BLOCK + 1) * images;
     for (int task = get_group_id(0); task < tasks; task += get_num_groups(0)) {
         const int block = task / images, image = task % images;
-        const int n = table[FFT_LENGTH];
-        fft_columns columns;
-        columns.in = in + 2 * (from.offset + (ulong)((from.first + image) % from.count) * from.distance +
-                               (ulong)block * (ulong)n * 8);
-        columns.out = out + 2 * (to.offset + (ulong)image * to.distance + (ulong)block * (ulong)to.rows * 8);
-        columns.first = from.first_row;
-        columns.count = from.rows;
-        columns.last = from.last_row;
-        columns.row0 = to.row0;
-        columns.rows_out = to.rows;
-        columns.swapped = 0;
-        columns.filter = (__global const filter_value *)filter;
-#if FFT_PRODUCT
-        columns.filter += 2 * (from.filter_offset + (ulong)image * from.filter_distance + (ulong)block * (ulong)n * 8);
-#endif
+        __global float *to_block =
+            out + 2 * (to.offset + (ulong)image * to.distance + (ulong)block * (ulong)to.rows * 8);
+        const fft_columns columns =
+            fft_columns_of(in, from, filter, image, block, table[FFT_LENGTH], to_block, to.row0, to.rows);
         fft_columns_block(&columns, scratch, table, FFT_FLOATS_OF(table));
     }
 }

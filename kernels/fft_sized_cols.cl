@@ -130,18 +130,6 @@ typedef struct sized_input {
     int first_row, rows, last_row;
 } sized_input;
 
-#if FFT_PRODUCT == 1
-FFT_INLINE float2 product(float2 v, float2 h)
-{
-    return (float2)(fma(v.x, h.x, -(v.y * h.y)), fma(v.x, h.y, v.y * h.x));
-}
-#elif FFT_PRODUCT == 2
-FFT_INLINE float2 product(float2 v, float2 h)
-{
-    return v * h;
-}
-#endif
-
 /* Whether a row is to be read: the others are zero. */
 FFT_INLINE int is_read(const sized_input *input, int row)
 {
@@ -156,7 +144,7 @@ FFT_INLINE float4 load_row(const sized_input *input, int row, uint at)
         v = *(__global const float4 *)(input->in + at);
 #if FFT_PRODUCT
         const float4 h = load_filter_values(input->filter + at);
-        v = (float4)(product(v.lo, h.lo), product(v.hi, h.hi));
+        v = (float4)(filter_product(v.lo, h.lo), filter_product(v.hi, h.hi));
 #endif
     }
     return FFT_INVERSE ? v.yxwz : v;
@@ -193,7 +181,7 @@ FFT_INLINE void load_odd(const sized_input *input, float *x, float *y)
         if (is_read(input, row)) {
             v = *(__global const float2 *)(input->in + at);
 #if FFT_PRODUCT
-            v = product(v, load_filter_value(input->filter + at));
+            v = filter_product(v, load_filter_value(input->filter + at));
 #endif
         }
         x[k] = FFT_INVERSE ? v.y : v.x;

@@ -7,6 +7,7 @@
 
 #include "inc_fft_lanes.h"
 #include "inc_fft_product.h"
+#include "shared_fft.h"
 
 /* Where the columns are read from and written to. */
 #ifndef FFT_COLS_IN
@@ -24,6 +25,28 @@ typedef struct fft_columns {
     int row0, rows_out;
     int swapped; /* whether real and imaginary parts are changed over on output */
 } fft_columns;
+
+/* Block number `block` of an image's columns of n rows, from the list that `from` describes. */
+FFT_INLINE fft_columns fft_columns_of(FFT_COLS_IN const float *in, hada_fft_columns_in from,
+                                      __global const void *filter, int image, int block, int n, FFT_COLS_OUT float *out,
+                                      int row0, int rows_out)
+{
+    fft_columns columns;
+    columns.in = in + 2 * (from.offset + (ulong)((from.first + image) % from.count) * from.distance +
+                           (ulong)block * (ulong)n * 8);
+    columns.out = out;
+    columns.first = from.first_row;
+    columns.count = from.rows;
+    columns.last = from.last_row;
+    columns.row0 = row0;
+    columns.rows_out = rows_out;
+    columns.swapped = 0;
+    columns.filter = (__global const filter_value *)filter;
+#if FFT_PRODUCT
+    columns.filter += 2 * (from.filter_offset + (ulong)image * from.filter_distance + (ulong)block * (ulong)n * 8);
+#endif
+    return columns;
+}
 
 FFT_INLINE void fft_get(const fft_columns *columns, int row, float8 *re, float8 *im)
 {

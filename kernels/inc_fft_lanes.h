@@ -264,18 +264,24 @@ FFT_INLINE void fft_unstage_odd(FFT_MEM float8 *scratch, int from, int to, int r
     }
 }
 
-/* The points from..to-1 through the stage s, in place. */
+/* The points from_point..to_point-1 through the stage s, in place. Of a stage of any radix, `back` 0: only the outputs
+ * first..first+count-1 need be right; 1: inputs outside these are 0. */
 FFT_INLINE void fft_stage(FFT_MEM float8 *scratch, __global const int *table, __global const float *floats, int s,
-                          int from_point, int to_point, int low, int wanted)
+                          int from_point, int to_point, int back, int first, int count)
 {
     __global const int *stage = table + FFT_HEADER + s * FFT_STAGE_INTS;
     const int radix = stage[FFT_RADIX], span = stage[FFT_SPAN];
     const int from = from_point / (radix * span), to = to_point / (radix * span);
-    __global const float *w = floats + stage[FFT_TWIDDLES];
+    __global const float *w = floats + stage[FFT_TWIDDLES], *cosines = floats + stage[FFT_COSINES];
     switch (radix) {
     case 1: break;
-    FFT_CASES(fft_stage, scratch, from, to, span, w, 0)
-    default: fft_stage_odd(scratch, from, to, radix, span, w, floats + stage[FFT_COSINES], low, wanted); break;
+    FFT_CASES(fft_stage, scratch, from, to, span, w, back)
+    default:
+        if (back)
+            fft_unstage_odd(scratch, from, to, radix, span, w, cosines, first, first + count);
+        else
+            fft_stage_odd(scratch, from, to, radix, span, w, cosines, first, count);
+        break;
     }
 }
 
@@ -311,22 +317,7 @@ FFT_INLINE void fft_stages(FFT_MEM float8 *scratch, __global const int *table, _
     for (int i = 0; i <= points / table[FFT_CHUNK]; ++i) {
         const fft_part part = fft_part_of(table, i);
         for (int s = max(part.first, first); s < min(part.last, last); ++s)
-            fft_stage(scratch, table, floats, s, part.from, part.to, 0, points);
-    }
-}
-
-/* And backwards, where points of a block outside first..end-1 are 0. */
-FFT_INLINE void fft_unstage(FFT_MEM float8 *scratch, __global const int *table, __global const float *floats, int s,
-                            int from_point, int to_point, int first, int end)
-{
-    __global const int *stage = table + FFT_HEADER + s * FFT_STAGE_INTS;
-    const int radix = stage[FFT_RADIX], span = stage[FFT_SPAN];
-    const int from = from_point / (radix * span), to = to_point / (radix * span);
-    __global const float *w = floats + stage[FFT_TWIDDLES];
-    switch (radix) {
-    case 1: break;
-    FFT_CASES(fft_stage, scratch, from, to, span, w, 1)
-    default: fft_unstage_odd(scratch, from, to, radix, span, w, floats + stage[FFT_COSINES], first, end); break;
+            fft_stage(scratch, table, floats, s, part.from, part.to, 0, 0, points);
     }
 }
 
@@ -337,7 +328,7 @@ FFT_INLINE void fft_unstages(FFT_MEM float8 *scratch, __global const int *table,
     for (int i = points / table[FFT_CHUNK]; i >= 0; --i) {
         const fft_part part = fft_part_of(table, i);
         for (int s = min(part.last, last) - 1; s >= part.first; --s)
-            fft_unstage(scratch, table, floats, s, part.from, part.to, 0, points);
+            fft_stage(scratch, table, floats, s, part.from, part.to, 1, 0, points);
     }
 }
 

@@ -45,4 +45,17 @@ static inline float4 load_filter_values(__global const float *p)
 }
 #endif
 
+/* A value of a spectrum times one of its filter. */
+#if FFT_PRODUCT == 1
+static inline float2 filter_product(float2 v, float2 h)
+{
+    return (float2)(fma(v.x, h.x, -(v.y * h.y)), fma(v.x, h.y, v.y * h.x));
+}
+#elif FFT_PRODUCT == 2
+static inline float2 filter_product(float2 v, float2 h)
+{
+    return v * h;
+}
+#endif
+
 #endif

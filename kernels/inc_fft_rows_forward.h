@@ -35,15 +35,22 @@ FFT_INLINE void load_tile(__global const float *const *rows, int column, int cou
     scratch[2 * (i + c)] = tile[c];                                                                                    \
     scratch[2 * (i + c) + 1] = tile[8 + c];
 
-/* Takes the spectra of two rows apart, at the frequency k = 8 block + c, from Z[k] and Z[n-k]. */
+/* The spectra x and y of two rows at the frequency k, from z = Z[k] and w = Z[n-k]. */
+FFT_INLINE void take_apart(float8 zr, float8 zi, float8 wr, float8 wi, float8 *x, float8 *y)
+{
+    zr *= 0.5f;
+    zi *= 0.5f;
+    x[0] = fma(wr, (float8)0.5f, zr);
+    x[1] = fma(wi, (float8)-0.5f, zi);
+    y[0] = fma(wi, (float8)0.5f, zi);
+    y[1] = fma(wr, (float8)0.5f, -zr);
+}
+
+/* At k = 8 block + c of a full tile. */
 #define APART(c)                                                                                                       \
     {                                                                                                                  \
         FFT_MEM const float8 *z = scratch + 2 * low[c], *w = scratch + 2 * high[-c];                                   \
-        const float8 zr = z[0] * 0.5f, zi = z[1] * 0.5f, wr = w[0], wi = w[1];                                         \
-        x[2 * c] = fma(wr, (float8)0.5f, zr);                                                                          \
-        x[2 * c + 1] = fma(wi, (float8)-0.5f, zi);                                                                     \
-        y[2 * c] = fma(wi, (float8)0.5f, zi);                                                                          \
-        y[2 * c + 1] = fma(wr, (float8)0.5f, -zr);                                                                     \
+        take_apart(z[0], z[1], w[0], w[1], x + 2 * c, y + 2 * c);                                                      \
     }
 
 /* The first `count` of sixteen rows, of which the columns col0..col0+cols_in-1 are in memory and the others are zero.
@@ -92,7 +99,7 @@ FFT_INLINE void fft_rows_forward_task(__global const float *in, ulong pitch, int
         fft_stages(scratch, table, floats, 0, table[FFT_STAGES]);
         fft_convolve(scratch, table, floats);
     } else { /* backwards, where what is 0 is left out of the largest radix; frequency k stands at place[k] then */
-        fft_unstage(scratch, table, floats, table[FFT_STAGES] - 1, 0, n, col0, col0 + cols_in);
+        fft_stage(scratch, table, floats, table[FFT_STAGES] - 1, 0, n, 1, col0, cols_in);
         fft_unstages(scratch, table, floats, table[FFT_STAGES] - 1);
     }
 
@@ -123,12 +130,7 @@ FFT_INLINE void fft_rows_forward_task(__global const float *in, ulong pitch, int
                     wr = scratch[2 * place[mirror]];
                     wi = scratch[2 * place[mirror] + 1];
                 }
-                zr *= 0.5f;
-                zi *= 0.5f;
-                x[2 * c] = fma(wr, (float8)0.5f, zr);
-                x[2 * c + 1] = fma(wi, (float8)-0.5f, zi);
-                y[2 * c] = fma(wi, (float8)0.5f, zi);
-                y[2 * c + 1] = fma(wr, (float8)0.5f, -zr);
+                take_apart(zr, zi, wr, wi, x + 2 * c, y + 2 * c);
             }
         }
         fft_transpose(x);

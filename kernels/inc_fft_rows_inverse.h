@@ -102,7 +102,7 @@ FFT_INLINE void fft_rows_inverse_task(FFT_ROWS_IN const float *in, int rows_in, 
     if (chirped)
         fft_convolve(scratch, table, floats);
     else
-        fft_stage(scratch, table, floats, table[FFT_STAGES] - 1, 0, points, col0, cols_out);
+        fft_stage(scratch, table, floats, table[FFT_STAGES] - 1, 0, points, 0, col0, cols_out);
 
     for (int done = 0; done < cols_out; done += 8) {
         const int start = min(done, max(cols_out - 8, 0)), width = min(8, cols_out - start);

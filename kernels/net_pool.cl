@@ -2,35 +2,9 @@
  * gradient. The work is divided by the tensor that is written (inc_layers.h). */
 #include "inc_layers.h"
 
-__kernel void net_pool_max_forward(__global const float *x, __global float *y, hada_tensor_layout at_x,
-                                   hada_tensor_layout at_y, int span, hada_pool_window windows)
-{
-    const int in_cols = at_x.cols, rows = at_y.rows, cols = at_y.cols;
-    const int size = windows.size, stride = windows.stride;
-    const net_part part = net_part_of(at_y.blocks, rows, span);
-    const int pitch = (in_cols + 2) * NET_BLOCK;
-    for (int r = part.first; r < part.last; r++) {
-        __global const float *in = x + net_row(at_x, part.image, part.block, r * stride);
-        __global float *out = y + net_row(at_y, part.image, part.block, r);
-        NET_EACH_PIXEL (c, cols) {
-            __global const float *window = in + c * stride * NET_BLOCK;
-            net_vector v;
-            if (size == 2) {
-                v = max(max(net_get(window), net_get(window + NET_BLOCK)),
-                        max(net_get(window + pitch), net_get(window + pitch + NET_BLOCK)));
-            } else {
-                v = net_get(window);
-                for (int i = 0; i < size; i++)
-                    for (int k = 0; k < size; k++)
-                        v = max(v, net_get(window + i * pitch + k * NET_BLOCK));
-            }
-            net_put(v, out + c * NET_BLOCK);
-        }
-    }
-}
-
-__kernel void net_pool_mean_forward(__global const float *x, __global float *y, hada_tensor_layout at_x,
-                                    hada_tensor_layout at_y, int span, hada_pool_window windows)
+/* The largest value of each window, or the mean. */
+__kernel void net_pool_forward(__global const float *x, __global float *y, hada_tensor_layout at_x,
+                               hada_tensor_layout at_y, int span, hada_pool_window windows, int mean)
 {
     const int in_cols = at_x.cols, rows = at_y.rows, cols = at_y.cols;
     const int size = windows.size, stride = windows.stride;
@@ -42,11 +16,19 @@ __kernel void net_pool_mean_forward(__global const float *x, __global float *y, 
         __global float *out = y + net_row(at_y, part.image, part.block, r);
         NET_EACH_PIXEL (c, cols) {
             __global const float *window = in + c * stride * NET_BLOCK;
-            net_vector v = 0.0f;
-            for (int i = 0; i < size; i++)
-                for (int k = 0; k < size; k++)
-                    v += net_get(window + i * pitch + k * NET_BLOCK);
-            net_put(v * share, out + c * NET_BLOCK);
+            net_vector v;
+            if (!mean && size == 2) {
+                v = max(max(net_get(window), net_get(window + NET_BLOCK)),
+                        max(net_get(window + pitch), net_get(window + pitch + NET_BLOCK)));
+            } else {
+                v = mean ? (net_vector)0.0f : net_get(window);
+                for (int i = 0; i < size; i++)
+                    for (int k = 0; k < size; k++) {
+                        const net_vector one = net_get(window + i * pitch + k * NET_BLOCK);
+                        v = mean ? v + one : max(v, one);
+                    }
+            }
+            net_put(mean ? v * share : v, out + c * NET_BLOCK);
         }
     }
 }

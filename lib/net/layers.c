@@ -32,13 +32,9 @@ hada_status hada_activation_forward(hada_slot *slot, hada_activation activation,
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
     const hada_tensor_layout at_x = hada_layout_of(x), at_y = hada_layout_of(y);
     const hada_program_net_elementwise program = HADA_PROGRAM_OF_LAYER(NET_ELEMENTWISE, slot, x->block);
-    if (activation == HADA_ACTIVATION_SIGMOID)
-        HADA_TRY(hada_launch_net_sigmoid_forward(slot, program, &grid.range, err, .x = x->mem, .y = y->mem,
-                                                 .at_x = at_x, .at_y = at_y, .span = grid.span));
-    else
-        HADA_TRY(hada_launch_net_leaky_forward(slot, program, &grid.range, err, .x = x->mem, .y = y->mem, .at_x = at_x,
-                                               .at_y = at_y, .span = grid.span, .slope = slope));
-    return HADA_OK;
+    return hada_launch_net_activation_forward(slot, program, &grid.range, err, .x = x->mem, .y = y->mem, .at_x = at_x,
+                                              .at_y = at_y, .span = grid.span,
+                                              .sigmoid = activation == HADA_ACTIVATION_SIGMOID, .slope = slope);
 }
 
 hada_status hada_activation_backward(hada_slot *slot, hada_activation activation, float slope, const hada_tensor *y,
@@ -50,15 +46,9 @@ hada_status hada_activation_backward(hada_slot *slot, hada_activation activation
     const hada_layer_grid grid = hada_layer_grid_of(slot, y, y->rows, y->cols);
     const hada_tensor_layout at_y = hada_layout_of(y), at_dy = hada_layout_of(dy), at_dx = hada_layout_of(dx);
     const hada_program_net_elementwise program = HADA_PROGRAM_OF_LAYER(NET_ELEMENTWISE, slot, y->block);
-    if (activation == HADA_ACTIVATION_SIGMOID)
-        HADA_TRY(hada_launch_net_sigmoid_backward(slot, program, &grid.range, err, .y = y->mem, .dy = dy->mem,
-                                                  .dx = dx->mem, .at_y = at_y, .at_dy = at_dy, .at_dx = at_dx,
-                                                  .span = grid.span));
-    else
-        HADA_TRY(hada_launch_net_leaky_backward(slot, program, &grid.range, err, .y = y->mem, .dy = dy->mem,
-                                                .dx = dx->mem, .at_y = at_y, .at_dy = at_dy, .at_dx = at_dx,
-                                                .span = grid.span, .slope = slope));
-    return HADA_OK;
+    return hada_launch_net_activation_backward(
+        slot, program, &grid.range, err, .y = y->mem, .dy = dy->mem, .dx = dx->mem, .at_y = at_y, .at_dy = at_dy,
+        .at_dx = at_dx, .span = grid.span, .sigmoid = activation == HADA_ACTIVATION_SIGMOID, .slope = slope);
 }
 
 hada_status hada_blend(hada_slot *slot, float a, const hada_tensor *x, float b, const hada_tensor *y, hada_error *err)
@@ -150,11 +140,9 @@ hada_status hada_pool_forward(hada_slot *slot, hada_pool pool, int size, int str
     const hada_tensor_layout at_x = hada_layout_of(x), at_y = hada_layout_of(y);
     const hada_pool_window windows = {size, stride};
     const hada_program_net_pool program = HADA_PROGRAM_OF_LAYER(NET_POOL, slot, x->block);
-    if (pool == HADA_POOL_MAX)
-        return hada_launch_net_pool_max_forward(slot, program, &grid.range, err, .x = x->mem, .y = y->mem, .at_x = at_x,
-                                                .at_y = at_y, .span = grid.span, .windows = windows);
-    return hada_launch_net_pool_mean_forward(slot, program, &grid.range, err, .x = x->mem, .y = y->mem, .at_x = at_x,
-                                             .at_y = at_y, .span = grid.span, .windows = windows);
+    return hada_launch_net_pool_forward(slot, program, &grid.range, err, .x = x->mem, .y = y->mem, .at_x = at_x,
+                                        .at_y = at_y, .span = grid.span, .windows = windows,
+                                        .mean = pool != HADA_POOL_MAX);
 }
 
 static hada_pool_gradient gradient_of(const hada_tensor *x, const hada_tensor *y, const hada_tensor *dy,

@@ -2,8 +2,8 @@
 #ifndef HADA_TESTS_HELPERS_H
 #define HADA_TESTS_HELPERS_H
 
-#include <stdlib.h>
 #include <hadalens/hadalens.h>
+#include <stdlib.h>
 
 /* Declares a struct of options that has its defaults. */
 #define DEFAULTS(type, name)                                                                                           \
@@ -20,6 +20,20 @@
 static inline void helpers_free(void *pointer)
 {
     free(*(void **)pointer);
+}
+
+/* Options of a fit with their defaults, for frames of rows x cols and a square window. */
+static inline hada_fit_options helpers_fit(int depths, int channels, const double *distances_mm, int rows, int cols,
+                                           int window)
+{
+    DEFAULTS(hada_fit_options, options);
+    options.depths = depths;
+    options.channels = channels;
+    options.distances_mm = distances_mm;
+    options.raw_rows = rows;
+    options.raw_cols = cols;
+    options.window_rows = options.window_cols = window;
+    return options;
 }
 
 #endif

@@ -4,7 +4,7 @@
 static hada_status run(fault_job *job, const hada_model *model, hada_method method, hada_prior prior, hada_error *err)
 {
     hada_plan *plan = NULL;
-    hada_result result = {0};
+    SCOPED(hada_result) result = {0};
     DEFAULTS(hada_plan_options, options);
     DEFAULTS(hada_classic_options, classic);
     classic.method = method;
@@ -19,7 +19,6 @@ static hada_status run(fault_job *job, const hada_model *model, hada_method meth
     hada_plan_destroy(&plan);
     for (int z = 0; !status && z < result.depths; z++)
         fault_add_image(job, &result.planes[z]);
-    hada_result_destroy(&result);
     return status;
 }
 
@@ -48,15 +47,11 @@ static hada_status make_cropped(fault_job *job, hada_model **model, hada_error *
 
 hada_status fault_stage_classic(fault_job *job, hada_error *err)
 {
-    hada_model *cropped = NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(run(job, job->model, HADA_METHOD_RL, HADA_PRIOR_TV, err));
-    HADA_TRY_OR_DONE(run(job, job->model, HADA_METHOD_FISTA, HADA_PRIOR_TV, err));
-    HADA_TRY_OR_DONE(run(job, job->model, HADA_METHOD_FISTA, HADA_PRIOR_WAVELET, err));
-    HADA_TRY_OR_DONE(run(job, job->model, HADA_METHOD_ADMM, HADA_PRIOR_TV, err));
-    HADA_TRY_OR_DONE(make_cropped(job, &cropped, err));
-    HADA_TRY_OR_DONE(run(job, cropped, HADA_METHOD_FISTA, HADA_PRIOR_NONE, err));
-done:
-    hada_model_destroy(&cropped);
-    return status;
+    SCOPED(hada_model) *cropped = NULL;
+    HADA_TRY(run(job, job->model, HADA_METHOD_RL, HADA_PRIOR_TV, err));
+    HADA_TRY(run(job, job->model, HADA_METHOD_FISTA, HADA_PRIOR_TV, err));
+    HADA_TRY(run(job, job->model, HADA_METHOD_FISTA, HADA_PRIOR_WAVELET, err));
+    HADA_TRY(run(job, job->model, HADA_METHOD_ADMM, HADA_PRIOR_TV, err));
+    HADA_TRY(make_cropped(job, &cropped, err));
+    return run(job, cropped, HADA_METHOD_FISTA, HADA_PRIOR_NONE, err);
 }

@@ -8,7 +8,7 @@ hada_status fault_stage_register(fault_job *job, hada_error *err)
     const hada_image *raws = job->frame[0], *scenes = job->scene[0];
     hada_registration found = {.size = sizeof found};
     const hada_register_options options = {.least_magnification = 0.95, .most_magnification = 1.05};
-    hada_image psf = {0}, out = {0};
+    SCOPED(hada_image) psf = {0}, out = {0};
     double pitch, where[4];
     hada_status status = hada_register_pairs(&found, raws, scenes, JOB_PAIRS, &options, err);
     if (status == HADA_ERROR_DATASET && strstr(err->message, "do not show"))
@@ -24,8 +24,6 @@ hada_status fault_stage_register(fault_job *job, hada_error *err)
         fault_add(job, where, sizeof where);
         fault_add(job, out.data, hada_image_count(&out) * sizeof *out.data);
     }
-    hada_image_destroy(&psf);
-    hada_image_destroy(&out);
     return status;
 }
 
@@ -46,30 +44,23 @@ static hada_status save_weights(const char *path, hada_error *err)
                          "\"kernel\": 1, \"pad\": 0}",
                          i, i + 1);
     snprintf(list + used, sizeof list - (size_t)used, ", {\"layer\": \"concat\", \"from\": [6, 7, 8, 9, 10]}]}");
-    hada_net *net = NULL;
-    hada_status status = hada_net_create(&net, list, 1, err);
-    if (!status)
-        status = hada_net_save(net, path, err);
-    hada_net_destroy(&net);
-    return status;
+    SCOPED(hada_net) *net = NULL;
+    HADA_TRY(hada_net_create(&net, list, 1, err));
+    return hada_net_save(net, path, err);
 }
 
 hada_status fault_stage_lpips(fault_job *job, hada_error *err)
 {
     char path[200];
-    hada_lpips *lpips = NULL;
-    hada_image map = {0};
+    SCOPED(hada_lpips) *lpips = NULL;
+    SCOPED(hada_image) map = {0};
     double value = 0.0;
     snprintf(path, sizeof path, "%s/lpips.model", job->folder);
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(save_weights(path, err));
-    HADA_TRY_OR_DONE(hada_lpips_create(&lpips, job->context, HADA_LPIPS_AUTO, path, NULL, err));
-    HADA_TRY_OR_DONE(hada_lpips_run(lpips, &job->frame[0][0], &job->frame[0][1], 1.0, NULL, &value, err));
-    HADA_TRY_OR_DONE(hada_lpips_map(lpips, &job->frame[0][0], &job->frame[1][0], 1.0, &map, err));
+    HADA_TRY(save_weights(path, err));
+    HADA_TRY(hada_lpips_create(&lpips, job->context, HADA_LPIPS_AUTO, path, NULL, err));
+    HADA_TRY(hada_lpips_run(lpips, &job->frame[0][0], &job->frame[0][1], 1.0, NULL, &value, err));
+    HADA_TRY(hada_lpips_map(lpips, &job->frame[0][0], &job->frame[1][0], 1.0, &map, err));
     fault_add(job, &value, sizeof value);
     fault_add(job, map.data, hada_image_count(&map) * sizeof *map.data);
-done:
-    hada_image_destroy(&map);
-    hada_lpips_destroy(&lpips);
-    return status;
+    return HADA_OK;
 }

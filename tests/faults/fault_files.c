@@ -62,16 +62,13 @@ static hada_status tune_twice(fault_job *job, hada_error *err)
 {
     static const char *const shapes[] = {"8x8", "9x9"}, *const choices[] = {"own", "clfft"};
     char path[400];
-    hada_tuning *tuning = NULL;
-    hada_status status = HADA_OK;
+    SCOPED(hada_tuning) *tuning = NULL;
     snprintf(path, sizeof path, "%s/rows.bin", job->folder); /* an ending that says "whole" to the test */
     for (int i = 0; i < 2; i++)
-        HADA_TRY_OR_DONE(hada_tuning_write(job->context, path, "fft", shapes + i, choices + i, 1, err));
-    HADA_TRY_OR_DONE(hada_tuning_read(&tuning, path, err));
+        HADA_TRY(hada_tuning_write(job->context, path, "fft", shapes + i, choices + i, 1, err));
+    HADA_TRY(hada_tuning_read(&tuning, path, err));
     job->sum = job->sum * 31 + (tuning ? tuning->count : 0);
-done:
-    hada_tuning_destroy(&tuning);
-    return status;
+    return HADA_OK;
 }
 
 hada_status fault_stage_files(fault_job *job, hada_error *err)

@@ -60,22 +60,19 @@ static hada_status simulate(fault_job *job, hada_context *context,
                             hada_error *err)
 {
     hada_camera camera;
-    hada_simulator *simulator = NULL;
+    SCOPED(hada_simulator) *simulator = NULL;
     hada_status status = fault_camera_make(&camera, err);
     if (!status)
         status = hada_simulator_create(&simulator, context, &camera, NULL, err);
     for (int k = 0; !status && k < JOB_DEPTHS * JOB_PAIRS; k++) {
-        hada_image scene = {0}, raw = {0};
+        SCOPED(hada_image) scene = {0}, raw = {0};
         status = hada_scene_procedural(&scene, (uint64_t)k + 1, 1, JOB_WINDOW, JOB_WINDOW, err);
         const hada_plane plane = {k / JOB_PAIRS, &scene};
         if (!status)
             status = hada_simulator_render(simulator, &plane, 1, 0.01, (uint64_t)k, &raw, err);
         if (!status)
             status = take(job, k / JOB_PAIRS, k % JOB_PAIRS, &scene, &raw, err);
-        hada_image_destroy(&scene);
-        hada_image_destroy(&raw);
     }
-    hada_simulator_destroy(&simulator);
     return status;
 }
 
@@ -103,14 +100,7 @@ hada_status fault_stage_simulate(fault_job *job, hada_error *err)
 
 hada_fit_options fault_fit_options(void)
 {
-    DEFAULTS(hada_fit_options, options);
-    options.depths = JOB_DEPTHS;
-    options.channels = 1;
-    options.distances_mm = distances;
-    options.raw_rows = JOB_ROWS;
-    options.raw_cols = JOB_COLS;
-    options.window_rows = options.window_cols = JOB_WINDOW;
-    return options;
+    return helpers_fit(JOB_DEPTHS, 1, distances, JOB_ROWS, JOB_COLS, JOB_WINDOW);
 }
 
 static hada_status fit(fault_job *job, hada_context *context, hada_model **model, const char *sums, hada_error *err)
@@ -148,12 +138,10 @@ done:
 
 hada_status fault_stage_fit(fault_job *job, hada_error *err)
 {
-    hada_model *model = NULL;
+    SCOPED(hada_model) *model = NULL;
     char sums[256];
     path_in(job, sums, "new.sums");
-    hada_status status = fit(job, job->context, &model, sums, err);
-    hada_model_destroy(&model);
-    return status;
+    return fit(job, job->context, &model, sums, err);
 }
 
 hada_status fault_stage_psf(fault_job *job, hada_error *err)
@@ -199,10 +187,8 @@ static hada_status reconstruct(fault_job *job, hada_context *context, const hada
 
 hada_status fault_stage_reconstruct(fault_job *job, hada_error *err)
 {
-    hada_result result = {0};
-    hada_status status = reconstruct(job, job->context, job->model, 3, &result, err);
-    hada_result_destroy(&result);
-    return status;
+    SCOPED(hada_result) result = {0};
+    return reconstruct(job, job->context, job->model, 3, &result, err);
 }
 
 /* A context on a part of the device (where it has parts) beside the job's own. */
@@ -256,15 +242,12 @@ done:
 hada_status fault_stage_model_file(fault_job *job, hada_error *err)
 {
     char path[256];
-    hada_model *model = NULL;
+    SCOPED(hada_model) *model = NULL;
     path_in(job, path, "new.model");
-    hada_status status = hada_model_save(job->model, path, err);
-    if (!status)
-        status = hada_model_load(&model, path, err);
-    if (!status)
-        fault_add(job, &hada_model_get_info(model)->refine_rho, sizeof(double));
-    hada_model_destroy(&model);
-    return status;
+    HADA_TRY(hada_model_save(job->model, path, err));
+    HADA_TRY(hada_model_load(&model, path, err));
+    fault_add(job, &hada_model_get_info(model)->refine_rho, sizeof(double));
+    return HADA_OK;
 }
 
 static hada_status write_stack(const fault_job *job, const char *path, hada_tiff_layout layout, hada_error *err)
@@ -324,7 +307,7 @@ hada_status fault_stage_preview(fault_job *job, hada_error *err)
 /* One transform forward and back. */
 hada_status fault_stage_clfft(fault_job *job, hada_error *err)
 {
-    hada_slot *slot = NULL;
+    SCOPED(hada_slot) *slot = NULL;
     hada_fft *plan = NULL;
     hada_fft_desc desc = {.direction = HADA_FFT_FORWARD,
                           .backend = HADA_FFT_CLFFT,
@@ -341,7 +324,6 @@ hada_status fault_stage_clfft(fault_job *job, hada_error *err)
         status = hada_fft_create(&plan, slot, &desc, err);
         hada_fft_destroy(&plan);
     }
-    hada_slot_destroy(&slot);
     return status;
 }
 
@@ -355,13 +337,12 @@ static hada_status open_context(const fault_job *job, hada_context **context, co
 
 hada_status fault_stage_context(fault_job *job, hada_error *err)
 {
-    hada_context *context = NULL;
+    SCOPED(hada_context) *context = NULL;
     hada_device_list *list;
     hada_status status = hada_device_list_create(&list, err);
     hada_device_list_destroy(&list);
     if (!status)
         status = open_context(job, &context, job->cache, err);
-    hada_context_destroy(&context);
     return status;
 }
 

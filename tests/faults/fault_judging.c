@@ -27,48 +27,35 @@ static hada_fit_options options_of(void)
 static hada_status survey(fault_job *job, const hada_dataset *pairs, hada_fit_options *options, hada_dataset **even,
                           hada_error *err)
 {
-    hada_survey *found = NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_survey_create(&found, options, pairs, HADA_EXPOSURE_AUTO, err));
+    SCOPED(hada_survey) *found = NULL;
+    HADA_TRY(hada_survey_create(&found, options, pairs, HADA_EXPOSURE_AUTO, err));
     options->scene_response = found->response;
     const double gain = found->gains ? found->gains[1][0] : 1.0;
     fault_add(job, &options->scene_response, sizeof options->scene_response);
     fault_add(job, &gain, sizeof gain);
-    HADA_TRY_OR_DONE(hada_survey_apply(even, found, pairs, err));
-done:
-    hada_survey_destroy(&found);
-    return status;
+    return hada_survey_apply(even, found, pairs, err);
 }
 
 static hada_status learn(fault_job *job, const hada_dataset *pairs, const hada_fit_options *options, hada_error *err)
 {
-    hada_fitter *fitter = NULL;
-    hada_model *model = NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_fitter_create(&fitter, job->context, options, err));
-    HADA_TRY_OR_DONE(hada_fitter_add(fitter, pairs, err));
-    HADA_TRY_OR_DONE(hada_fitter_finish(fitter, pairs, &model, err));
+    SCOPED(hada_fitter) *fitter = NULL;
+    SCOPED(hada_model) *model = NULL;
+    HADA_TRY(hada_fitter_create(&fitter, job->context, options, err));
+    HADA_TRY(hada_fitter_add(fitter, pairs, err));
+    HADA_TRY(hada_fitter_finish(fitter, pairs, &model, err));
     for (const hada_fit_outside_score *const *row = hada_fitter_get_info(fitter)->scores->outsides; *row; row++)
         fault_add(job, &(*row)->psnr, sizeof(*row)->psnr);
-done:
-    hada_model_destroy(&model);
-    hada_fitter_destroy(&fitter);
-    return status;
+    return HADA_OK;
 }
 
 hada_status fault_stage_judging(fault_job *job, hada_error *err)
 {
     hada_fit_options options = options_of();
-    hada_dataset *pairs = NULL, *even = NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_dataset_create(&pairs, JOB_DEPTHS, options.distances_mm, counts, read_pair, job, NULL, err));
-    HADA_TRY_OR_DONE(survey(job, pairs, &options, &even, err));
-    HADA_TRY_OR_DONE(hada_fit_find_boundary(&options, job->context, even, err));
+    SCOPED(hada_dataset) *pairs = NULL, *even = NULL;
+    HADA_TRY(hada_dataset_create(&pairs, JOB_DEPTHS, options.distances_mm, counts, read_pair, job, NULL, err));
+    HADA_TRY(survey(job, pairs, &options, &even, err));
+    HADA_TRY(hada_fit_find_boundary(&options, job->context, even, err));
     fault_add(job, &options.grid_rows, sizeof options.grid_rows);
     options.boundary = HADA_BOUNDARY_PADDED; /* whatever so few pairs say */
-    HADA_TRY_OR_DONE(learn(job, even, &options, err));
-done:
-    hada_dataset_destroy(&even);
-    hada_dataset_destroy(&pairs);
-    return status;
+    return learn(job, even, &options, err);
 }

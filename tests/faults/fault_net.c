@@ -16,42 +16,34 @@ static hada_status make_net(const fault_job *job, hada_net **net, hada_error *er
 static hada_status files(fault_job *job, const hada_net *net, hada_model **with, hada_error *err)
 {
     char path[200];
-    hada_net *back = NULL;
-    hada_model *model = NULL;
+    SCOPED(hada_net) *back = NULL;
+    SCOPED(hada_model) *model = NULL;
     snprintf(path, sizeof path, "%s/net.model", job->folder);
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_net_save(net, path, err));
-    HADA_TRY_OR_DONE(hada_net_load(&back, path, err));
+    HADA_TRY(hada_net_save(net, path, err));
+    HADA_TRY(hada_net_load(&back, path, err));
     fault_add(job, back->values, back->floats * sizeof(float));
-    HADA_TRY_OR_DONE(hada_model_with_enhance(&model, job->model, back, 16, 18, err));
-    HADA_TRY_OR_DONE(hada_model_save(model, path, err));
-    HADA_TRY_OR_DONE(hada_model_load(with, path, err));
-done:
-    hada_model_destroy(&model);
-    hada_net_destroy(&back);
-    return status;
+    HADA_TRY(hada_model_with_enhance(&model, job->model, back, 16, 18, err));
+    HADA_TRY(hada_model_save(model, path, err));
+    return hada_model_load(with, path, err);
 }
 
 static hada_status run_step(fault_job *job, const hada_net *net, hada_slot *slot, hada_graph *graph,
                             hada_buffer *values, hada_buffer *gradients, hada_error *err)
 {
-    float *host = calloc(net->trained, sizeof *host);
+    SCOPED_MEMORY float *host = calloc(net->trained, sizeof *host);
     if (!host)
         return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the gradients");
     const hada_tensor *x = hada_graph_input(graph);
     /* the weights are used as an image and as the gradient of the output */
     const hada_planar image = {values->mem, 0, 0, 0, (size_t)x->cols};
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_graph_set_weights(graph, (hada_floats){values->mem, 0}, err));
-    HADA_TRY_OR_DONE(hada_graph_load(graph, &image, err));
-    HADA_TRY_OR_DONE(hada_graph_forward(graph, err));
-    HADA_TRY_OR_DONE(hada_graph_load_gradient(graph, &image, err));
-    HADA_TRY_OR_DONE(hada_graph_backward(graph, (hada_floats){gradients->mem, 0}, 0, err));
-    HADA_TRY_OR_DONE(hada_buffer_read(gradients, slot, 0, host, net->trained * sizeof *host, err));
+    HADA_TRY(hada_graph_set_weights(graph, (hada_floats){values->mem, 0}, err));
+    HADA_TRY(hada_graph_load(graph, &image, err));
+    HADA_TRY(hada_graph_forward(graph, err));
+    HADA_TRY(hada_graph_load_gradient(graph, &image, err));
+    HADA_TRY(hada_graph_backward(graph, (hada_floats){gradients->mem, 0}, 0, err));
+    HADA_TRY(hada_buffer_read(gradients, slot, 0, host, net->trained * sizeof *host, err));
     fault_add(job, host, net->trained * sizeof *host);
-done:
-    free(host);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status train(fault_job *job, const hada_net *net, hada_error *err)
@@ -111,15 +103,10 @@ done:
 
 hada_status fault_stage_net(fault_job *job, hada_error *err)
 {
-    hada_net *net = NULL;
-    hada_model *with = NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(make_net(job, &net, err));
-    HADA_TRY_OR_DONE(files(job, net, &with, err));
-    HADA_TRY_OR_DONE(train(job, net, err));
-    HADA_TRY_OR_DONE(enhance(job, with, err));
-done:
-    hada_model_destroy(&with);
-    hada_net_destroy(&net);
-    return status;
+    SCOPED(hada_net) *net = NULL;
+    SCOPED(hada_model) *with = NULL;
+    HADA_TRY(make_net(job, &net, err));
+    HADA_TRY(files(job, net, &with, err));
+    HADA_TRY(train(job, net, err));
+    return enhance(job, with, err);
 }

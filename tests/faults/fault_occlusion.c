@@ -17,33 +17,24 @@ static hada_status render(fault_job *job, hada_mask mask, const hada_image *scen
                           hada_error *err)
 {
     hada_camera camera;
-    hada_simulator *simulator = NULL;
-    hada_image raw = {0};
+    SCOPED(hada_simulator) *simulator = NULL;
+    SCOPED(hada_image) raw = {0};
     const hada_plane planes[] = {{0, scene}, {1, scene}};
     const hada_image *const opacities[] = {opacity, NULL};
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(camera_make(&camera, mask, err));
-    HADA_TRY_OR_DONE(hada_simulator_create(&simulator, job->context, &camera, NULL, err));
-    HADA_TRY_OR_DONE(hada_simulator_render_occluded(simulator, planes, opacities, 2, -1, 0.0, 0, &raw, err));
+    HADA_TRY(camera_make(&camera, mask, err));
+    HADA_TRY(hada_simulator_create(&simulator, job->context, &camera, NULL, err));
+    HADA_TRY(hada_simulator_render_occluded(simulator, planes, opacities, 2, -1, 0.0, 0, &raw, err));
     fault_add_image(job, &raw);
-done:
-    hada_image_destroy(&raw);
-    hada_simulator_destroy(&simulator);
-    return status;
+    return HADA_OK;
 }
 
 hada_status fault_stage_occlusion(fault_job *job, hada_error *err)
 {
-    hada_image scene = {0}, opacity = {0};
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_scene_procedural(&scene, 1, 1, 10, 10, err));
-    HADA_TRY_OR_DONE(hada_image_create(&opacity, 1, 10, 10, err));
+    SCOPED(hada_image) scene = {0}, opacity = {0};
+    HADA_TRY(hada_scene_procedural(&scene, 1, 1, 10, 10, err));
+    HADA_TRY(hada_image_create(&opacity, 1, 10, 10, err));
     for (int i = 0; i < 30; i++)
         opacity.data[i] = 1.0f;
-    HADA_TRY_OR_DONE(render(job, HADA_MASK_MLA, &scene, &opacity, err));
-    HADA_TRY_OR_DONE(render(job, HADA_MASK_DIFFUSER, &scene, &opacity, err));
-done:
-    hada_image_destroy(&scene);
-    hada_image_destroy(&opacity);
-    return status;
+    HADA_TRY(render(job, HADA_MASK_MLA, &scene, &opacity, err));
+    return render(job, HADA_MASK_DIFFUSER, &scene, &opacity, err);
 }

@@ -5,17 +5,13 @@
 
 static hada_status waves(fault_job *job, const hada_camera *camera, hada_error *err)
 {
-    hada_wave *wave = NULL;
-    hada_image psf = {0};
-    hada_status status = HADA_OK;
+    SCOPED(hada_wave) *wave = NULL;
+    SCOPED(hada_image) psf = {0};
     DEFAULTS(hada_wave_options, options);
-    HADA_TRY_OR_DONE(hada_wave_create(&wave, job->context, camera, &options, err));
-    HADA_TRY_OR_DONE(hada_wave_psf(wave, camera->distances_mm[0], camera->rows, camera->cols, &psf, err));
+    HADA_TRY(hada_wave_create(&wave, job->context, camera, &options, err));
+    HADA_TRY(hada_wave_psf(wave, camera->distances_mm[0], camera->rows, camera->cols, &psf, err));
     fault_add_image(job, &psf);
-done:
-    hada_image_destroy(&psf);
-    hada_wave_destroy(&wave);
-    return status;
+    return HADA_OK;
 }
 
 hada_status fault_stage_optics(fault_job *job, hada_error *err)

@@ -39,7 +39,7 @@ static hada_status step(fault_job *job, hada_replica *replica, hada_stage stage,
     const hada_sample samples[2] = {{0, &inputs[0][0], &job->scene[0][0], 1, 0.0},
                                     {1, &inputs[1][0], &job->scene[1][0], 2, 0.5}};
     hada_terms terms;
-    hada_image before = {0}, after = {0};
+    SCOPED(hada_image) before = {0}, after = {0};
     double norms[2];
     hada_status status = HADA_OK;
     hada_parameters_clear(hada_replica_parameters(replica));
@@ -56,8 +56,6 @@ static hada_status step(fault_job *job, hada_replica *replica, hada_stage stage,
         add(job, before.data, hada_image_count(&before));
         add(job, after.data, hada_image_count(&after));
     }
-    hada_image_destroy(&before);
-    hada_image_destroy(&after);
     return status;
 }
 
@@ -111,16 +109,12 @@ done:
 static hada_status make_plane(fault_job *job, hada_slot *slot, hada_error *err)
 {
     static const hada_composed as_captured = {0};
-    hada_planes *planes;
-    hada_image plane = {0};
-    hada_status status = hada_planes_create(&planes, slot, job->model, 0, 0, err);
-    if (!status)
-        status = hada_planes_make(planes, 1, &job->frame[1][1], &as_captured, &plane, err);
-    if (!status)
-        add(job, plane.data, hada_image_count(&plane));
-    hada_image_destroy(&plane);
-    hada_planes_destroy(&planes);
-    return status;
+    SCOPED(hada_planes) *planes = NULL;
+    SCOPED(hada_image) plane = {0};
+    HADA_TRY(hada_planes_create(&planes, slot, job->model, 0, 0, err));
+    HADA_TRY(hada_planes_make(planes, 1, &job->frame[1][1], &as_captured, &plane, err));
+    add(job, plane.data, hada_image_count(&plane));
+    return HADA_OK;
 }
 
 hada_status fault_stage_training_step(fault_job *job, hada_error *err)

@@ -77,17 +77,14 @@ done:
 static hada_status evaluate(fault_job *job, const char *folder, hada_error *err)
 {
     char truth[LONGEST];
-    hada_evaluate_report *report = NULL;
-    hada_status status = HADA_OK;
+    SCOPED(hada_evaluate_report) *report = NULL;
     snprintf(truth, sizeof truth, "%s/test/truth", job->set);
     DEFAULTS(hada_evaluate_task, task);
     task.match_gain = task.authors = 1;
-    HADA_TRY_OR_DONE(hada_evaluate_run(&report, folder, truth, &task, err));
+    HADA_TRY(hada_evaluate_run(&report, folder, truth, &task, err));
     for (int i = 0; i < hada_evaluate_report_count(report); i++)
         fault_add(job, &hada_evaluate_report_get(report, i)->psnr, sizeof(double));
-done:
-    hada_evaluate_report_destroy(&report);
-    return status;
+    return HADA_OK;
 }
 
 hada_status fault_stage_tasks(fault_job *job, hada_error *err)

@@ -26,26 +26,19 @@ static hada_status use(fault_job *job, hada_trainer *trainer, const char *path, 
 {
     hada_step_report report = {.size = sizeof report};
     hada_validation result = {.size = sizeof result};
-    hada_model *model = NULL;
-    hada_image raw = {0}, before = {0}, after = {0}, truth = {0};
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_trainer_step(trainer, &report, err));
-    HADA_TRY_OR_DONE(hada_trainer_save(trainer, path, err));
-    HADA_TRY_OR_DONE(hada_trainer_step(trainer, &report, err));
-    HADA_TRY_OR_DONE(hada_trainer_load(trainer, path, err));
-    HADA_TRY_OR_DONE(hada_trainer_step(trainer, &report, err));
-    HADA_TRY_OR_DONE(hada_trainer_validate(trainer, 0, &result, err));
-    HADA_TRY_OR_DONE(hada_trainer_show(trainer, 1, &raw, &before, &after, &truth, err));
-    HADA_TRY_OR_DONE(hada_trainer_model(trainer, &model, err));
+    SCOPED(hada_model) *model = NULL;
+    SCOPED(hada_image) raw = {0}, before = {0}, after = {0}, truth = {0};
+    HADA_TRY(hada_trainer_step(trainer, &report, err));
+    HADA_TRY(hada_trainer_save(trainer, path, err));
+    HADA_TRY(hada_trainer_step(trainer, &report, err));
+    HADA_TRY(hada_trainer_load(trainer, path, err));
+    HADA_TRY(hada_trainer_step(trainer, &report, err));
+    HADA_TRY(hada_trainer_validate(trainer, 0, &result, err));
+    HADA_TRY(hada_trainer_show(trainer, 1, &raw, &before, &after, &truth, err));
+    HADA_TRY(hada_trainer_model(trainer, &model, err));
     const double known[] = {report.loss, report.norm, result.psnr, result.mae, result.sharpness};
     add(job, known, sizeof known / sizeof *known);
-done:
-    hada_model_destroy(&model);
-    hada_image_destroy(&raw);
-    hada_image_destroy(&before);
-    hada_image_destroy(&after);
-    hada_image_destroy(&truth);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status train(fault_job *job, hada_context *const *contexts, int count, hada_stage stage,
@@ -53,9 +46,9 @@ static hada_status train(fault_job *job, hada_context *const *contexts, int coun
 {
     static const int counts[JOB_DEPTHS] = {JOB_PAIRS, JOB_PAIRS};
     static const double distances[JOB_DEPTHS] = {100.0, 200.0};
-    hada_dataset *pairs = NULL;
+    SCOPED(hada_dataset) *pairs = NULL;
     hada_train_options options;
-    hada_trainer *trainer = NULL;
+    SCOPED(hada_trainer) *trainer = NULL;
     hada_train_options_init(&options, stage);
     options.net_given = net;
     options.compose = stage == HADA_STAGE_FILTERS ? 0.0 : 0.5;
@@ -63,19 +56,14 @@ static hada_status train(fault_job *job, hada_context *const *contexts, int coun
     DEFAULTS(hada_augment, augment);
     augment.noise = stage == HADA_STAGE_FILTERS ? 0.01 : 0.0;
     options.augment = &augment;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_dataset_create(&pairs, JOB_DEPTHS, distances, counts, read_pair, job, NULL, err));
-    HADA_TRY_OR_DONE(hada_trainer_create(&trainer, contexts, count, job->model, pairs, pairs, &options, err));
-    HADA_TRY_OR_DONE(use(job, trainer, path, err));
-done:
-    hada_trainer_destroy(&trainer);
-    hada_dataset_destroy(&pairs);
-    return status;
+    HADA_TRY(hada_dataset_create(&pairs, JOB_DEPTHS, distances, counts, read_pair, job, NULL, err));
+    HADA_TRY(hada_trainer_create(&trainer, contexts, count, job->model, pairs, pairs, &options, err));
+    return use(job, trainer, path, err);
 }
 
 static hada_status train_both(fault_job *job, hada_context *const *contexts, int count, hada_error *err)
 {
-    hada_net *net = NULL;
+    SCOPED(hada_net) *net = NULL;
     char path[160];
     snprintf(path, sizeof path, "%s/training.model", job->folder);
     DEFAULTS(hada_unet_options, unet);
@@ -83,13 +71,9 @@ static hada_status train_both(fault_job *job, hada_context *const *contexts, int
     unet.down = "4|4";
     unet.up = "4";
     unet.last_norm = count > 1; /* statistics, which devices average */
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_net_create_unet(&net, &unet, 1, err));
-    HADA_TRY_OR_DONE(train(job, contexts, count, HADA_STAGE_ENHANCE, net, path, err));
-    HADA_TRY_OR_DONE(train(job, contexts, count, HADA_STAGE_FILTERS, net, path, err));
-done:
-    hada_net_destroy(&net);
-    return status;
+    HADA_TRY(hada_net_create_unet(&net, &unet, 1, err));
+    HADA_TRY(train(job, contexts, count, HADA_STAGE_ENHANCE, net, path, err));
+    return train(job, contexts, count, HADA_STAGE_FILTERS, net, path, err);
 }
 
 hada_status fault_stage_trainer(fault_job *job, hada_error *err)

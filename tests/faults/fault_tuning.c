@@ -9,19 +9,15 @@ hada_status fault_stage_tuning(fault_job *job, hada_error *err)
 {
     char path[300];
     hada_tune_row row;
-    hada_context *tuned = NULL;
-    hada_status status = HADA_OK;
+    SCOPED(hada_context) *tuned = NULL;
     snprintf(path, sizeof path, "%s/tuning.bin", job->folder); /* an ending that says "whole" to the test */
-    HADA_TRY_OR_DONE(hada_tune_fft(job->context, 8, 10, 1, &row, err));
-    HADA_TRY_OR_DONE(hada_tune_save(job->context, path, &row, 1, err));
+    HADA_TRY(hada_tune_fft(job->context, 8, 10, 1, &row, err));
+    HADA_TRY(hada_tune_save(job->context, path, &row, 1, err));
     DEFAULTS(hada_context_options, options);
     options.tuning = path;
     options.cache = "off";
     options.skip_self_test = 1;
-    HADA_TRY_OR_DONE(hada_context_create(&tuned, &options, err));
-done:
-    hada_context_destroy(&tuned);
-    return status;
+    return hada_context_create(&tuned, &options, err);
 }
 
 hada_status fault_stage_offline(fault_job *job, hada_error *err)

@@ -29,13 +29,11 @@ static hada_status open_context(hada_context **context, const char *binaries, co
 
 static void reconstruct_one(const fault_job *job, hada_context *context)
 {
-    hada_plan *plan;
-    hada_result result = {0};
+    SCOPED(hada_plan) * plan;
+    SCOPED(hada_result) result = {0};
     DEFAULTS(hada_plan_options, options);
     ASSERT_OK(hada_plan_create(&plan, context, job->model, &options, err));
     ASSERT_OK(hada_plan_run(plan, &job->frame[0][0], &result, err));
-    hada_result_destroy(&result);
-    hada_plan_destroy(&plan);
 }
 
 TEST(nothing_installed)
@@ -139,7 +137,7 @@ TEST(a_fit_goes_on_without_its_trial_for_want_of_memory_alone)
 {
     static const cl_int codes[] = {CL_MEM_OBJECT_ALLOCATION_FAILURE, CL_DEVICE_NOT_AVAILABLE};
     static const hada_status statuses[] = {HADA_ERROR_DEVICE_MEMORY, HADA_ERROR_DEVICE};
-    hada_context *context;
+    SCOPED(hada_context) * context;
     hada_fitter *fitter;
     hada_dataset *pairs;
     hada_model *tried, *model;
@@ -172,7 +170,6 @@ TEST(a_fit_goes_on_without_its_trial_for_want_of_memory_alone)
     hada_fitter_destroy(&fitter);
     hada_dataset_destroy(&pairs);
     assert_int_equal(hada_context_bytes(context), 0);
-    hada_context_destroy(&context);
 }
 
 FIXTURE(begin, end)

@@ -49,7 +49,7 @@ TEST(the_other_device_takes_over)
     static const long when[] = {1, 2, 5, 9, 17, 40, 100, 250};
     for (int kind = 0; kind < JOB_KINDS; kind++)
         for (size_t i = 0; i < sizeof when / sizeof *when; i++) {
-            hada_plan *plan;
+            SCOPED(hada_plan) * plan;
             hada_queue_info queues[2];
             make_plan(f, kind, 2, 3, &plan);
             job_warnings = 0;
@@ -61,7 +61,6 @@ TEST(the_other_device_takes_over)
             hada_plan_queues(plan, queues, 2);
             assert_false(queues[1 - i % 2].lost);
             assert_int_equal(queues[i % 2].lost, job_warnings);
-            hada_plan_destroy(&plan);
         }
 }
 
@@ -74,9 +73,9 @@ TEST(helpers_fail)
     int lost = 0;
     for (long i = 0; i < COMMANDS || (!lost && i < MOST); i++) {
         const long n = 1 + i % COMMANDS;
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         hada_queue_info queues[2];
-        hada_result result = {0};
+        SCOPED(hada_result) result = {0};
         make_plan(f, JOB_LINEAR, 2, 2, &plan);
         lose(f->part[1], n, 0, LOST);
         for (int k = 0; k < 2; k++) {
@@ -87,8 +86,6 @@ TEST(helpers_fail)
         hada_plan_queues(plan, queues, 2);
         assert_false(queues[0].lost);
         lost += queues[1].lost;
-        hada_result_destroy(&result);
-        hada_plan_destroy(&plan);
     }
     assert_true(lost >= 1);
 }
@@ -99,7 +96,7 @@ TEST(jobs_fail_when_no_device_is_left)
     const job_fixture *f = *state;
     for (int kind = 0; kind < JOB_KINDS; kind++)
         for (long n = 1; n < 50; n += 11) {
-            hada_plan *plan;
+            SCOPED(hada_plan) * plan;
             hada_queue_info queues[2];
             make_plan(f, kind, 2, 3, &plan);
             lose(f->part[0], n, 0, LOST);
@@ -110,7 +107,6 @@ TEST(jobs_fail_when_no_device_is_left)
             assert_int_equal(run_all(f, plan, kind, HADA_ERROR_DEVICE), JOB_FRAMES);
             hada_plan_queues(plan, queues, 2);
             assert_false(queues[0].lost && queues[1].lost);
-            hada_plan_destroy(&plan);
         }
 }
 
@@ -154,7 +150,7 @@ TEST(a_device_short_of_memory_is_left_out)
 {
     const job_fixture *f = *state;
     for (int kind = 0; kind < JOB_KINDS; kind++) {
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         hada_queue_info queues[2];
         make_plan(f, kind, 2, 8, &plan);
         lose(f->part[0], 30, 0, SHORT);
@@ -162,7 +158,6 @@ TEST(a_device_short_of_memory_is_left_out)
         fault_lose(NULL);
         hada_plan_queues(plan, queues, 2);
         assert_false(queues[1].lost);
-        hada_plan_destroy(&plan);
     }
 }
 

@@ -34,7 +34,7 @@ TEST(searches_end_where_an_evaluation_fails)
     tiny_device device;
     hada_pursuit *pursuit;
     hada_pursuit_result result;
-    double *scenes = tiny_zeros(DEPTHS * camera.window_area), *image = tiny_zeros(camera.pixels);
+    SCOPED_MEMORY double *scenes = tiny_zeros(DEPTHS * camera.window_area), *image = tiny_zeros(camera.pixels);
     tiny_upload(&device, &camera);
     DEFAULTS(hada_pursuit_options, options);
     options.shape = device.shape;
@@ -70,6 +70,4 @@ TEST(searches_end_where_an_evaluation_fails)
     hada_pursuit_destroy(&pursuit);
     tiny_release(&device);
     tiny_free(&camera);
-    free(scenes);
-    free(image);
 }

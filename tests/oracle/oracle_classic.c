@@ -4,6 +4,7 @@
  * MU3 LAMBDA     otf, image oracle_classic tv|haar ROWS COLS WEIGHT INNER|LEVELS PLAIN           image */
 #include <string.h>
 
+#include "helpers.h"
 #include "oracle_words.h"
 #include "ref/ref_classic.h"
 
@@ -49,13 +50,11 @@ static void run(void)
     p.mu3 = number();
     p.lambda = number();
     const size_t pixels = (size_t)p.rows * (size_t)p.cols, depths = (size_t)p.depths;
-    double *otf = take(depths * 2 * (size_t)p.rows * (size_t)(p.cols / 2 + 1)), *image = take(pixels);
+    SCOPED_MEMORY double *otf = take(depths * 2 * (size_t)p.rows * (size_t)(p.cols / 2 + 1)), *image = take(pixels);
     double *planes = room(depths * pixels);
     p.otf = otf;
     p.image = image;
     give_checked(hada_ref_classic_run(&p, planes, NULL, &error), &error, planes, depths * pixels);
-    free(otf);
-    free(image);
 }
 
 static void proximal(int tv)

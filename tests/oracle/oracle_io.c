@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "helpers.h"
 #include "io/safetensors.h"
 
 static int report(hada_status status, const hada_error *err)
@@ -30,11 +31,10 @@ static int read_tiff(const char *path, const char *out)
            info->times, info->bits, info->pixel_width_um, info->slice_spacing);
     FILE *file = fopen(out, "wb");
     for (int i = 0; file && !status && i < info->frames; i++) {
-        hada_image image;
+        SCOPED(hada_image) image;
         status = hada_tiff_read(reader, i, &image, &err);
         if (!status)
             fwrite(image.data, sizeof(float), hada_image_count(&image), file);
-        hada_image_destroy(&image);
     }
     if (file)
         fclose(file);

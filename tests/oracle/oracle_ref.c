@@ -15,6 +15,7 @@
  *   oracle_ref product PRODUCT ROWS COLS BAND_ROWS BAND_COLS   spectrum, filter */
 #include <string.h>
 
+#include "helpers.h"
 #include "oracle_words.h"
 #include "ref/ref_convolve.h"
 #include "ref/ref_crosstalk.h"
@@ -37,29 +38,24 @@ static void transform(int inverse)
     const int rows = whole(), cols = whole();
     const size_t pixels = (size_t)rows * (size_t)cols, values = 2 * half_count(rows, cols);
     const size_t in = inverse ? values : pixels, out = inverse ? pixels : values;
-    double *from = take(in), *to = room(out);
+    SCOPED_MEMORY double *from = take(in), *to = room(out);
     check(inverse ? hada_ref_fft_inverse(from, rows, cols, to, &error)
                   : hada_ref_fft_forward(from, rows, cols, to, &error),
           &error);
     give(to, out);
-    free(from);
-    free(to);
 }
 
 static void convolve(int crop)
 {
     const int rows = whole(), cols = whole(), psf_rows = crop ? whole() : rows, psf_cols = crop ? whole() : cols;
     const size_t pixels = (size_t)rows * (size_t)cols;
-    float *scene = take_floats(pixels), *psf = take_floats((size_t)psf_rows * (size_t)psf_cols);
-    double *out = room(pixels);
+    SCOPED_MEMORY float *scene = take_floats(pixels), *psf = take_floats((size_t)psf_rows * (size_t)psf_cols);
+    SCOPED_MEMORY double *out = room(pixels);
     if (crop)
         hada_ref_convolve_crop(rows, cols, scene, psf_rows, psf_cols, psf, out);
     else
         hada_ref_convolve(rows, cols, scene, psf, out);
     give(out, pixels);
-    free(scene);
-    free(psf);
-    free(out);
 }
 
 static hada_ref_grid take_grid(void)
@@ -79,16 +75,13 @@ static void hadamard(void)
     const hada_ref_grid grid = take_grid();
     const size_t values = 2 * half_count(grid.rows, grid.cols),
                  window = (size_t)grid.window_rows * (size_t)grid.window_cols;
-    float *raw = take_floats((size_t)grid.raw_rows * (size_t)grid.raw_cols), *filter = take_floats(values);
-    double *spectrum = room(values), *out = room(window);
+    SCOPED_MEMORY float *raw = take_floats((size_t)grid.raw_rows * (size_t)grid.raw_cols),
+                        *filter = take_floats(values);
+    SCOPED_MEMORY double *spectrum = room(values), *out = room(window);
     check(hada_ref_grid_forward(&grid, raw, grid.raw_row, grid.raw_col, grid.raw_rows, grid.raw_cols, spectrum, &error),
           &error);
     check(hada_ref_hadamard(&grid, spectrum, filter, split, out, &error), &error);
     give(out, window);
-    free(raw);
-    free(filter);
-    free(spectrum);
-    free(out);
 }
 
 /* The plane of a filter, and the gradient of the filter. */
@@ -99,7 +92,7 @@ static void train(void)
     const hada_ref_grid grid = take_grid();
     const size_t values = 2 * half_count(grid.rows, grid.cols),
                  window = (size_t)grid.window_rows * (size_t)grid.window_cols;
-    float *raw = take_floats((size_t)grid.raw_rows * (size_t)grid.raw_cols);
+    SCOPED_MEMORY float *raw = take_floats((size_t)grid.raw_rows * (size_t)grid.raw_cols);
     double *filter = take(values), *fall = take(window);
     double *spectrum = room(values), *out = room(window), *gradient = room(values);
     check(hada_ref_grid_forward(&grid, raw, grid.raw_row, grid.raw_col, grid.raw_rows, grid.raw_cols, spectrum, &error),
@@ -111,7 +104,6 @@ static void train(void)
     double *all[] = {filter, fall, spectrum, out, gradient};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++)
         free(all[i]);
-    free(raw);
 }
 
 static void fit(void)
@@ -119,14 +111,12 @@ static void fit(void)
     const size_t count = (size_t)whole();
     const int pairs = whole(), split = whole();
     const double alpha = number(), ridge = number(), least = number();
-    double *sums = room(HADA_REF_FIT_SUMS * count), *out = room(2 * count);
+    SCOPED_MEMORY double *sums = room(HADA_REF_FIT_SUMS * count), *out = room(2 * count);
     for (int i = 0; i < pairs; i++) {
-        double *x = take(2 * count), *b = take(2 * count);
+        SCOPED_MEMORY double *x = take(2 * count), *b = take(2 * count);
         hada_ref_fit_pair(x, b, count, 1.0, sums);
-        free(x);
-        free(b);
     }
-    double *other = take(2 * count), *weights = take(count);
+    SCOPED_MEMORY double *other = take(2 * count), *weights = take(count);
     give(sums, HADA_REF_FIT_SUMS * count);
     hada_ref_fit_filter(sums, other, count, alpha, ridge, split, out);
     give(out, 2 * count);
@@ -134,10 +124,6 @@ static void fit(void)
     give(out, 2 * count);
     const double unexplained = hada_ref_fit_unexplained(sums, weights, count, least);
     give(&unexplained, 1);
-    free(sums);
-    free(out);
-    free(other);
-    free(weights);
 }
 
 static void score(void)
@@ -189,13 +175,10 @@ static void variation(void)
     const double theta = number(), colour = number(), length = number();
     const int steps = whole();
     const size_t values = (size_t)channels * (size_t)rows * (size_t)cols;
-    double *w = take(values), *duals = room(2 * values), *u = room(values);
+    SCOPED_MEMORY double *w = take(values), *duals = room(2 * values), *u = room(values);
     check(hada_ref_tv_coupled(w, channels, rows, cols, theta, colour, length, steps, duals, u, &error), &error);
     give(u, values);
     give(duals, 2 * values);
-    free(w);
-    free(duals);
-    free(u);
 }
 
 static void crosstalk(void)
@@ -203,10 +186,9 @@ static void crosstalk(void)
     const int depths = whole(), channels = whole(), rows = whole(), cols = whole();
     const double share = number();
     const size_t values = (size_t)depths * (size_t)channels * (size_t)rows * (size_t)cols;
-    double *planes = take(values);
+    SCOPED_MEMORY double *planes = take(values);
     hada_ref_crosstalk(planes, depths, channels, rows, cols, share);
     give(planes, values);
-    free(planes);
 }
 
 static void focus(void)
@@ -223,8 +205,8 @@ static void focus(void)
     const size_t pixels = (size_t)rows * (size_t)cols, all = (size_t)channels * pixels;
     for (int z = 0; z < 64; z++)
         distances[z] = 100.0 + 10.0 * z;
-    float *planes = take_floats(all * (size_t)depths);
-    double *fused = room(all), *distance = room(pixels), *lead = room(pixels);
+    SCOPED_MEMORY float *planes = take_floats(all * (size_t)depths);
+    SCOPED_MEMORY double *fused = room(all), *distance = room(pixels), *lead = room(pixels);
     check(hada_ref_focus(planes, channels, rows, cols, depths, distances, NULL, &options, fused, distance, lead,
                          &report, &error),
           &error);
@@ -232,10 +214,6 @@ static void focus(void)
     give(distance, pixels);
     const double numbers[] = {report.noise, report.threshold, report.margin, report.coverage};
     give(numbers, 4);
-    free(planes);
-    free(fused);
-    free(distance);
-    free(lead);
 }
 
 static void crop(void)
@@ -244,25 +222,20 @@ static void crop(void)
     const int parts = whole();
     const double factor = number(), tapers = number();
     const size_t out_count = half_count(rows, cols) * (size_t)parts;
-    float *in = take_floats((size_t)channels * half_count(in_rows, in_cols) * (size_t)parts);
-    double *out = room(out_count);
+    SCOPED_MEMORY float *in = take_floats((size_t)channels * half_count(in_rows, in_cols) * (size_t)parts);
+    SCOPED_MEMORY double *out = room(out_count);
     hada_ref_crop(in, in_rows, in_cols, channels, rows, cols, parts, factor, tapers, whole(), out);
     give(out, out_count);
-    free(in);
-    free(out);
 }
 
 static void product(void)
 {
     const int kind = whole(), rows = whole(), cols = whole(), band_rows = whole(), band_cols = whole();
     const size_t values = 2 * half_count(rows, cols);
-    float *in = take_floats(values), *filter = take_floats(values);
-    double *out = room(values);
+    SCOPED_MEMORY float *in = take_floats(values), *filter = take_floats(values);
+    SCOPED_MEMORY double *out = room(values);
     hada_ref_product(in, filter, kind, rows, cols, band_rows, band_cols, out);
     give(out, values);
-    free(in);
-    free(filter);
-    free(out);
 }
 
 int main(int count, char **arguments)

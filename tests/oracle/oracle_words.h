@@ -47,13 +47,12 @@ static double *take(size_t count)
 /* Values that are floats, as devices have them. */
 static inline float *take_floats(size_t count)
 {
-    double *values = take(count);
+    SCOPED_MEMORY double *values = take(count);
     float *floats = calloc(count + 1, sizeof *floats);
     if (!floats)
         quit("no memory");
     for (size_t i = 0; i < count; i++)
         floats[i] = (float)values[i];
-    free(values);
     return floats;
 }
 

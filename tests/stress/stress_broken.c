@@ -171,7 +171,7 @@ static void too_large(const scene *s)
             stress_none("B2", status ? status != HADA_ERROR_NUMERIC : bad, "%s planes, pixels up to %.0e: not finite%s",
                         refine ? "refined" : "linear", (double)scales[k], status ? " (refused)" : "");
         }
-        hada_fitter *fitter;
+        SCOPED(hada_fitter) * fitter;
         SCOPED(hada_model) *model = NULL;
         hada_error error;
         DEFAULTS(hada_fit_options, options);
@@ -189,7 +189,6 @@ static void too_large(const scene *s)
         stress_none("B2",
                     status ? status != HADA_ERROR_NUMERIC : !(model->filter[0] != 0.0f && isfinite(model->info.noise)),
                     "a pair with pixels up to %.0e: not noticed%s", (double)scales[k], status ? " (refused)" : "");
-        hada_fitter_destroy(&fitter);
     }
 }
 

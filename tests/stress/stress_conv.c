@@ -1,5 +1,5 @@
 /* Convolutions of nets by every implementation, against double precision. */
-#include "net/conv.h"
+#include "net_fixture.h"
 #include "ref/ref_conv.h"
 #include "stress.h"
 
@@ -18,17 +18,7 @@ static double bound_of(const method *m, int channels)
 
 static void convolve(const stress_device *device, const method *m, int rows, int cols, int in, int out, int range)
 {
-    const hada_conv_desc desc = {.images = 1,
-                                 .in_channels = in,
-                                 .out_channels = out,
-                                 .in_rows = rows,
-                                 .in_cols = cols,
-                                 .kernel_rows = 3,
-                                 .kernel_cols = 3,
-                                 .stride = 1,
-                                 .pad_rows = 1,
-                                 .pad_cols = 1,
-                                 .method = m->method};
+    hada_conv_desc desc = net_conv3(1, in, out, rows, cols);
     const hada_ref_conv shape = {.coarse_channels = out,
                                  .coarse_rows = rows,
                                  .coarse_cols = cols,
@@ -42,6 +32,7 @@ static void convolve(const stress_device *device, const method *m, int rows, int
                                  .pad_cols = 1};
     const size_t area = (size_t)rows * (size_t)cols, inputs = area * (size_t)in, outputs = area * (size_t)out;
     const size_t weights = 9 * (size_t)in * (size_t)out;
+    desc.method = m->method;
     float *x = stress_memory(inputs, sizeof *x), *w = stress_memory(weights, sizeof *w);
     float *got = stress_memory(outputs, sizeof *got);
     double *want = stress_memory(outputs, sizeof *want);

@@ -13,9 +13,9 @@ static void run(const stress_device *device, const hada_model *model, const hada
     const hada_model_info *info = hada_model_get_info(model);
     const hada_spectrum_layout layout = hada_hadamard_layout(device->context, info);
     const size_t area = (size_t)info->window_rows * (size_t)info->window_cols;
-    hada_hadamard *stage;
-    hada_bank *bank;
-    hada_buffer planes;
+    SCOPED(hada_hadamard) * stage;
+    SCOPED(hada_bank) * bank;
+    SCOPED(hada_buffer) planes;
     ASSERT_OK(hada_hadamard_create(&stage, device->slot, info, 1, err));
     ASSERT_OK(hada_bank_create(&bank, device->slot, model, &layout, NULL, 0, HADA_BANK_FILTERS, 0, err));
     ASSERT_OK(hada_buffer_create(&planes, device->context, area * sizeof(float) * (size_t)info->depths, "planes", err));
@@ -24,9 +24,6 @@ static void run(const stress_device *device, const hada_model *model, const hada
     ASSERT_OK(hada_hadamard_frame(stage, &pixels, NULL, err));
     ASSERT_OK(hada_hadamard_run(stage, bank, 0, 1, planes.mem, 0, err));
     ASSERT_OK(hada_buffer_read(&planes, device->slot, 0, window, area * sizeof *window, err));
-    hada_bank_destroy(&bank);
-    hada_hadamard_destroy(&stage);
-    hada_buffer_destroy(&planes);
 }
 
 /* Half filters (H1): each value is off by at most 2^-11 of itself, so by Parseval's theorem the image on the whole grid

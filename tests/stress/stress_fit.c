@@ -140,7 +140,7 @@ static void fit(const stress_device *device, pair_kind kind, int64_t pairs, cons
     ASSERT_OK(hada_image_create(&raw, 1, rows, cols, err));
     ASSERT_OK(hada_image_create(&scene, 1, rows, cols, err));
     for (size_t k = 0; k < lambda_count; k++) {
-        hada_fitter *fitter;
+        SCOPED(hada_fitter) * fitter;
         SCOPED(hada_model) * model;
         DEFAULTS(hada_fit_options, options);
         options.depths = options.channels = 1;
@@ -166,7 +166,6 @@ static void fit(const stress_device *device, pair_kind kind, int64_t pairs, cons
             stress_row("F2", model->info.noise / sqrt(s.raw_energy / (double)pairs / (rows * cols)),
                        sqrt(6.0 * STRESS_U), "fit, %s (%lld pairs): noise found over the frames' rms", what,
                        (long long)pairs);
-        hada_fitter_destroy(&fitter);
     }
     hada_image_destroy(&raw);
     hada_image_destroy(&scene);

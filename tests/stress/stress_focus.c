@@ -92,7 +92,8 @@ static void focus(const stress_device *device, fill_kind kind, int fuse)
 /* Counts beyond 32 bits: 2^33 times every count has the same medians. */
 static void large_counts(void)
 {
-    int64_t *few = stress_memory(HADA_FOCUS_BINS, sizeof *few), *many = stress_memory(HADA_FOCUS_BINS, sizeof *many);
+    SCOPED_MEMORY int64_t *few = stress_memory(HADA_FOCUS_BINS, sizeof *few),
+                          *many = stress_memory(HADA_FOCUS_BINS, sizeof *many);
     hada_random random;
     double median[2], spread[2];
     int64_t total;
@@ -106,8 +107,6 @@ static void large_counts(void)
     const double a = hada_focus_bins_median_positive(few, &total), b = hada_focus_bins_median_positive(many, &total);
     stress_row("O3", fabs(median[0] - median[1]) + fabs(spread[0] - spread[1]) + fabs(a - b), 0.0,
                "focus, medians of 1e16 counts against those of 2e6");
-    free(few);
-    free(many);
 }
 
 /* The spread of losing pixels when one plane comes `depths` times: it does not depend on how often, were it not for the
@@ -138,7 +137,7 @@ static double spread_of(const stress_device *device, int side, int depths, const
 static void large_stack(const stress_device *device, int side, int depths)
 {
     const size_t n = (size_t)side * (size_t)side;
-    hada_buffer plane;
+    SCOPED(hada_buffer) plane;
     float *values = stress_memory(n, sizeof *values);
     stress_fill_uniform(values, n, 1);
     ASSERT_OK(hada_buffer_create_from(&plane, device->slot, values, n * sizeof *values, "a plane", err));
@@ -146,7 +145,6 @@ static void large_stack(const stress_device *device, int side, int depths)
     const double few = spread_of(device, side, 2, &plane), many = spread_of(device, side, depths, &plane);
     stress_row("O3", fabs(many / few - 1.0), 4e-16, "focus, spread of %d planes of %d x %d against that of 2", depths,
                side, side);
-    hada_buffer_destroy(&plane);
 }
 
 void stress_focus(void **state)

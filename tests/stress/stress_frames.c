@@ -123,17 +123,11 @@ enum { FIT_DEPTHS = 2, FIT_PAIRS = 3, FIT_ROWS = 24, FIT_COLS = 32, FIT_WINDOW =
 static void fit_and_run(const stress_device *device, int power, hada_result *result)
 {
     static const double distances[] = {100.0, 200.0};
-    hada_fitter *fitter;
+    SCOPED(hada_fitter) * fitter;
     SCOPED(hada_model) * model;
-    hada_plan *plan;
+    SCOPED(hada_plan) * plan;
     SCOPED(hada_image) last = {0};
-    DEFAULTS(hada_fit_options, options);
-    options.depths = FIT_DEPTHS;
-    options.channels = 1;
-    options.distances_mm = distances;
-    options.raw_rows = FIT_ROWS;
-    options.raw_cols = FIT_COLS;
-    options.window_rows = options.window_cols = FIT_WINDOW;
+    hada_fit_options options = helpers_fit(FIT_DEPTHS, 1, distances, FIT_ROWS, FIT_COLS, FIT_WINDOW);
     options.lambda = 1e-4;
     options.refine_steps = 6;
     ASSERT_OK(hada_fitter_create(&fitter, device->context, &options, err));
@@ -160,8 +154,6 @@ static void fit_and_run(const stress_device *device, int power, hada_result *res
     plan_options.occupied = HADA_OCCUPIED_ALL;
     ASSERT_OK(hada_plan_create(&plan, device->context, model, &plan_options, err));
     ASSERT_OK(hada_plan_run(plan, &last, result, err));
-    hada_plan_destroy(&plan);
-    hada_fitter_destroy(&fitter);
 }
 
 /* A camera learned and used in other units of light gives the same pictures. */

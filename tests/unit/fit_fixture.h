@@ -77,13 +77,7 @@ static inline int fit_teardown(void **state)
 
 static inline hada_fit_options usual(int depths, hada_form form)
 {
-    DEFAULTS(hada_fit_options, options);
-    options.depths = depths;
-    options.channels = CHANNELS;
-    options.distances_mm = distances;
-    options.raw_rows = ROWS;
-    options.raw_cols = COLS;
-    options.window_rows = options.window_cols = WINDOW;
+    hada_fit_options options = helpers_fit(depths, CHANNELS, distances, ROWS, COLS, WINDOW);
     options.form = form;
     options.refine_steps = 0;
     return options;

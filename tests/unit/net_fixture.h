@@ -4,6 +4,7 @@
 
 #include "testing.h"
 
+#include "net/conv.h"
 #include "net/graph.h"
 
 typedef struct net_device {
@@ -32,6 +33,21 @@ static inline int net_device_close(void **state)
     return left ? -1 : 0;
 }
 
+/* A convolution of 3 x 3 that keeps the size. */
+static inline hada_conv_desc net_conv3(int images, int in_channels, int out_channels, int rows, int cols)
+{
+    return (hada_conv_desc){.images = images,
+                            .in_channels = in_channels,
+                            .out_channels = out_channels,
+                            .in_rows = rows,
+                            .in_cols = cols,
+                            .kernel_rows = 3,
+                            .kernel_cols = 3,
+                            .stride = 1,
+                            .pad_rows = 1,
+                            .pad_cols = 1};
+}
+
 /* What goes in and comes out; arrays as the caller of a net has them, freed by net_case_free(). */
 typedef struct net_case {
     int images, rows, cols, channels, out_channels, out_rows, out_cols;
@@ -51,7 +67,7 @@ static inline void net_fill(float *out, size_t count, uint64_t stream)
 static inline net_case net_case_make(const hada_net *net, int images, int rows, int cols)
 {
     net_case c = {.images = images, .rows = rows, .cols = cols};
-    hada_size *sizes = calloc((size_t)net->count, sizeof *sizes);
+    SCOPED_MEMORY hada_size *sizes = calloc((size_t)net->count, sizeof *sizes);
     const hada_net_info *info = hada_net_get_info(net);
     ASSERT_OK(hada_net_sizes(net, rows, cols, sizes, err));
     c.channels = info->channels;
@@ -67,7 +83,6 @@ static inline net_case net_case_make(const hada_net *net, int images, int rows, 
     c.gradients = calloc(net->trained + 1, sizeof(float));
     net_fill(c.x, c.in_count, 1);
     net_fill(c.dy, c.out_count, 2);
-    free(sizes);
     return c;
 }
 

@@ -98,7 +98,7 @@ static void *of_other_sizes(void *user)
 
 TEST(ranks_that_fail_end_the_others)
 {
-    hada_team *team;
+    SCOPED(hada_team) * team;
     ASSERT_OK(hada_team_create(&team, 3, err));
     run_all(team, 3, of_other_sizes);
     for (int r = 0; r < 3; r++)
@@ -106,7 +106,6 @@ TEST(ranks_that_fail_end_the_others)
     run_all(team, 3, fail_or_wait);
     assert_int_equal(ranks[0].status, HADA_ERROR_STATE);
     assert_int_equal(ranks[2].status, HADA_ERROR_STATE);
-    hada_team_destroy(&team);
 }
 
 TEST(wrong_calls_are_refused)

@@ -33,16 +33,7 @@ static int open_groups(void **state)
 
 static hada_conv_desc conv_of(int in_channels, int out_channels)
 {
-    return (hada_conv_desc){.images = 1,
-                            .in_channels = in_channels,
-                            .out_channels = out_channels,
-                            .in_rows = 20,
-                            .in_cols = 24,
-                            .kernel_rows = 3,
-                            .kernel_cols = 3,
-                            .stride = 1,
-                            .pad_rows = 1,
-                            .pad_cols = 1};
+    return net_conv3(1, in_channels, out_channels, 20, 24);
 }
 
 static hada_conv_plan plan_of(const hada_context *context, int in_channels, int out_channels)

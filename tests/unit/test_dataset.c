@@ -117,19 +117,18 @@ TEST(depths_ascend_and_pairs_are_sorted_by_name)
 
 TEST(neighbours_are_found)
 {
-    hada_dataset *data;
+    SCOPED(hada_dataset) * data;
     put_pair("z1mm", "a", 1);
     put("psf.tif", 0);
     ASSERT_OK(hada_file_write(at("camera.json"), "{}", 2, err));
     ASSERT_OK(hada_dataset_scan(&data, set, NULL, err));
     assert_string_equal(hada_dataset_get_info(data)->psf, at("psf.tif"));
     assert_string_equal(hada_dataset_get_info(data)->camera, at("camera.json"));
-    hada_dataset_destroy(&data);
 }
 
 TEST(files_without_partner_are_reported)
 {
-    hada_dataset *data;
+    SCOPED(hada_dataset) * data;
     hada_dataset_options options;
     put_pair("z1mm", "a", 1);
     put("z1mm/raw/alone.tif", 1);
@@ -146,7 +145,6 @@ TEST(files_without_partner_are_reported)
     assert_int_equal(hada_dataset_get_info(data)->pairs, 1);
     assert_int_equal(hada_dataset_get_info(data)->incomplete, 6);
     assert_non_null(strstr(hada_dataset_get_info(data)->incomplete_text, "alone.tif has no scene"));
-    hada_dataset_destroy(&data);
 }
 
 /* Partners are found by the name before the ending, whatever order whole names have ('-' stands before '.'). */

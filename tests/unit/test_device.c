@@ -86,7 +86,7 @@ TEST(takes_kernels_in_the_shape_that_is_asked_for)
     const char *before = getenv("HADALENS_SHAPE");
     char *kept = before ? strdup(before) : NULL;
     for (size_t i = 0; i < HADA_COUNT(rows); i++) {
-        hada_context *context;
+        SCOPED(hada_context) * context;
         hada_error error = {0};
         DEFAULTS(hada_context_options, options);
         options.shape = rows[i].option;
@@ -96,7 +96,6 @@ TEST(takes_kernels_in_the_shape_that_is_asked_for)
             assert_int_equal(context->shape, rows[i].shape);
         else
             assert_non_null(strstr(error.message, rows[i].variable ? "lanes or groups" : "HADA_AUTO"));
-        hada_context_destroy(&context);
     }
     kept ? setenv("HADALENS_SHAPE", kept, 1) : unsetenv("HADALENS_SHAPE");
     free(kept);
@@ -127,8 +126,8 @@ TEST(counts_bytes_and_keeps_the_peak)
 
 TEST(moves_bytes_to_and_fro)
 {
-    hada_context *context;
-    hada_slot *slot;
+    SCOPED(hada_context) * context;
+    SCOPED(hada_slot) * slot;
     hada_buffer buffer;
     ASSERT_OK(hada_context_create(&context, NULL, err));
     ASSERT_OK(hada_slot_create(&slot, context, err));
@@ -147,14 +146,12 @@ TEST(moves_bytes_to_and_fro)
         ASSERT_FAILS(hada_buffer_read(&buffer, slot, 1, out, sizes[s], err), HADA_ERROR_SIZE, "");
         hada_buffer_destroy(&buffer);
     }
-    hada_slot_destroy(&slot);
-    hada_context_destroy(&context);
 }
 
 TEST(programs_come_from_the_cache_the_second_time)
 {
     char folder[64];
-    hada_context *context;
+    SCOPED(hada_context) * context;
     folder_make(folder);
     DEFAULTS(hada_context_options, options);
     options.cache = folder;
@@ -177,7 +174,6 @@ TEST(programs_come_from_the_cache_the_second_time)
     /* so is a cache that cannot be written */
     options.cache = "/proc/none";
     ASSERT_OK(hada_context_create(&context, &options, err));
-    hada_context_destroy(&context);
 }
 
 /* Writes the binary of one program where an offline device looks for it. (hada_programs_save() does so for the whole
@@ -185,7 +181,7 @@ TEST(programs_come_from_the_cache_the_second_time)
 static void save_program(hada_context *context, const char *file, const char *folder)
 {
     cl_program program;
-    unsigned char *binary;
+    SCOPED_MEMORY unsigned char *binary;
     size_t bytes;
     char name[256], *text = hada_kernel_text(file);
     assert_non_null(text);
@@ -193,7 +189,6 @@ static void save_program(hada_context *context, const char *file, const char *fo
     ASSERT_OK(hada_program_binary(program, &binary, &bytes, err));
     ASSERT_OK(hada_program_key(context, file, "", text, name, sizeof name, err));
     ASSERT_OK(hada_binary_write(folder, name, binary, bytes, err));
-    free(binary);
     free(text);
 }
 
@@ -257,7 +252,7 @@ TEST(offline_binaries_need_no_compiler)
 
 TEST(a_kernel_that_does_not_build_says_so)
 {
-    hada_context *context;
+    SCOPED(hada_context) * context;
     cl_program program;
     hada_error error;
     ASSERT_OK(hada_context_create(&context, NULL, err));
@@ -265,5 +260,4 @@ TEST(a_kernel_that_does_not_build_says_so)
                      HADA_ERROR_BUILD);
     assert_non_null(strstr(error.message, "broken.cl"));
     assert_true(error.detail[0] != '\0');
-    hada_context_destroy(&context);
 }

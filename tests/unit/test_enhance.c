@@ -44,8 +44,8 @@ static hada_status bytes_of(const hada_context *context, const hada_enhance_desc
 static void run_as(net_device *device, const hada_enhance_desc *desc, float *planes, int count, int together,
                    int *computed, int *left_out)
 {
-    hada_enhance *enhance;
-    hada_buffer buffer;
+    SCOPED(hada_enhance) * enhance;
+    SCOPED(hada_buffer) buffer;
     uint64_t stated;
     const size_t values = (size_t)count * (size_t)desc->channels * (size_t)desc->rows * (size_t)desc->cols;
     const uint64_t before = hada_context_bytes(device->context);
@@ -64,8 +64,6 @@ static void run_as(net_device *device, const hada_enhance_desc *desc, float *pla
         hada_buffer_read(&buffer, device->slot, region.origin + sizeof(float), planes, values * sizeof(float), err));
     hada_enhance_counts(enhance, computed, left_out);
     clReleaseMemObject(part);
-    hada_enhance_destroy(&enhance);
-    hada_buffer_destroy(&buffer);
 }
 
 static void run(net_device *device, const hada_enhance_desc *desc, float *planes, int count, int *computed,
@@ -80,7 +78,7 @@ TEST(a_plane_at_once_is_the_net)
     net_device *device = *state;
     for (int shared = 0; shared < 2; shared++) {
         SCOPED(hada_net) *net = unet_of("6|10", "7", 3, HADA_UNET_LINEAR, shared);
-        hada_net_runner *runner;
+        SCOPED(hada_net_runner) * runner;
         SCOPED(hada_image) in, out = {0};
         const hada_enhance_desc desc = {.net = net, .channels = 3, .rows = 21, .cols = 34};
         SCOPED_MEMORY float *planes = planes_of(&desc, 2);
@@ -103,7 +101,6 @@ TEST(a_plane_at_once_is_the_net)
             }
             assert_true(positive > 100);
         }
-        hada_net_runner_destroy(&runner);
     }
 }
 
@@ -146,9 +143,9 @@ TEST(a_net_may_see_the_other_planes)
 {
     enum { COUNT = 3, ROWS = 32, COLS = 48, CHANNELS = 2, PLANE = CHANNELS * ROWS * COLS };
     net_device *device = *state;
-    hada_net *net;
-    hada_net_runner *runner;
-    hada_image in, out = {0};
+    SCOPED(hada_net) * net;
+    SCOPED(hada_net_runner) * runner;
+    SCOPED(hada_image) in, out = {0};
     DEFAULTS(hada_unet_options, options);
     options.channels = 2 * CHANNELS;
     options.out_channels = CHANNELS;
@@ -156,7 +153,7 @@ TEST(a_net_may_see_the_other_planes)
     options.up = "9";
     ASSERT_OK(hada_net_create_unet(&net, &options, 5, err));
     hada_enhance_desc desc = {.net = net, .channels = CHANNELS, .rows = ROWS, .cols = COLS, .method = HADA_CONV_DIRECT};
-    float *before = planes_of(&desc, COUNT);
+    SCOPED_MEMORY float *before = planes_of(&desc, COUNT);
     int nobodys = 0;
     ASSERT_OK(hada_net_runner_create(&runner, device->context, net, ROWS, COLS, err));
     ASSERT_OK(hada_image_create(&in, 2 * CHANNELS, ROWS, COLS, err));
@@ -202,11 +199,6 @@ TEST(a_net_may_see_the_other_planes)
     desc.net_rows = desc.net_cols = 16; /* it has no other size */
     hada_enhance *enhance;
     ASSERT_FAILS(hada_enhance_create(&enhance, device->slot, &desc, err), HADA_ERROR_MODEL, "at the window's size");
-    hada_net_runner_destroy(&runner);
-    hada_net_destroy(&net);
-    hada_image_destroy(&in);
-    hada_image_destroy(&out);
-    free(before);
 }
 
 /* A net between two resizings, as one list. */
@@ -374,7 +366,7 @@ TEST(fields_are_what_layers_reach)
 /* Launches of kernels but those that take planes to the net and back. */
 static uint64_t launches_of(net_device *device, const hada_enhance_desc *desc, int count)
 {
-    hada_kernel_time *rows = NULL;
+    SCOPED_MEMORY hada_kernel_time *rows = NULL;
     size_t row_count = 0;
     uint64_t launches = 0;
     int computed, left_out;
@@ -388,7 +380,6 @@ static uint64_t launches_of(net_device *device, const hada_enhance_desc *desc, i
         if (!rows[i].transfer && strcmp(rows[i].name, "net_tensor_load") != 0 &&
             strcmp(rows[i].name, "net_tensor_store") != 0)
             launches += rows[i].launches;
-    free(rows);
     return launches;
 }
 

@@ -71,7 +71,7 @@ static void make(images *all, hada_fft_backend backend)
 static void run(images *all, const hada_fft_desc *desc, int batch, int channel, const hada_fft_filter *filter,
                 float *result)
 {
-    hada_fft *plan;
+    SCOPED(hada_fft) * plan;
     const size_t out = all->pixels * CHANNELS * DEPTHS;
     for (size_t i = 0; i < out; i++)
         result[i] = MARK;
@@ -80,7 +80,6 @@ static void run(images *all, const hada_fft_desc *desc, int batch, int channel, 
     ASSERT_OK(hada_fft_inverse(plan, batch, all->spectra.mem, (size_t)channel * all->count, all->real.mem,
                                (size_t)channel * all->pixels, filter, err));
     ASSERT_OK(hada_buffer_read(&all->real, slot, 0, result, out * sizeof *result, err));
-    hada_fft_destroy(&plan);
 }
 
 static void drop(images *all)

@@ -82,9 +82,9 @@ static double path_error(fixture *f, const hada_model *model, int batch, int hal
     const hada_spectrum_layout layout = hada_hadamard_layout(f->context, info);
     const size_t window = (size_t)info->window_rows * (size_t)info->window_cols;
     const size_t area = (size_t)info->raw_rows * (size_t)info->raw_cols;
-    hada_bank *bank;
-    hada_hadamard *stage;
-    hada_buffer planes;
+    SCOPED(hada_bank) * bank;
+    SCOPED(hada_hadamard) * stage;
+    SCOPED(hada_buffer) planes;
     hada_geometry at;
     const uint64_t before = hada_context_bytes(f->context);
     ASSERT_OK(hada_bank_create(&bank, f->slot, model, &layout, NULL, 0, HADA_BANK_FILTERS, half, err));
@@ -120,9 +120,6 @@ static double path_error(fixture *f, const hada_model *model, int batch, int hal
             worst = fmax(worst, small_distance(got + image * window, expected, window));
         }
     }
-    hada_buffer_destroy(&planes);
-    hada_hadamard_destroy(&stage);
-    hada_bank_destroy(&bank);
     return worst;
 }
 
@@ -263,9 +260,9 @@ TEST(wiener_models_invert_the_camera)
         SCOPED(hada_image) psf = small_psf(2, 36, 48, 12, 3), scene = small_scene(2, 12, 16, 8);
         SCOPED(hada_image) frame = small_frame(&psf, &scene, padded, 0.0, 0);
         SCOPED(hada_model) * model;
-        hada_hadamard *stage;
-        hada_bank *bank;
-        hada_buffer planes;
+        SCOPED(hada_hadamard) * stage;
+        SCOPED(hada_bank) * bank;
+        SCOPED(hada_buffer) planes;
         DEFAULTS(hada_psf_options, options);
         options.boundary = padded ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR;
         options.window_rows = 12;
@@ -287,9 +284,6 @@ TEST(wiener_models_invert_the_camera)
         /* the cropped frame loses a little light at its edges */
         if (!(error < (padded ? 0.02 : 1e-4)))
             fail_msg("%s: relative error %g", padded ? "padded" : "circular", error);
-        hada_hadamard_destroy(&stage);
-        hada_bank_destroy(&bank);
-        hada_buffer_destroy(&planes);
     }
 }
 

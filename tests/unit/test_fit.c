@@ -97,7 +97,7 @@ TEST(filters_agree_with_the_reference)
         options.alpha = 0.2;
         options.lambda = 1e-3;
         options.nonnegative = k >> 2;
-        hada_fitter *fitter;
+        SCOPED(hada_fitter) * fitter;
         SCOPED(hada_model) * model;
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         add_all(f, fitter, DEPTHS, 0, PAIRS);
@@ -131,7 +131,6 @@ TEST(filters_agree_with_the_reference)
             assert_true(fabs(model->info.noise / 0.003 - 1.0) < 0.05);
         free(expected);
         reference_free(&r);
-        hada_fitter_destroy(&fitter);
     }
 }
 
@@ -177,8 +176,8 @@ TEST(the_table_marks_the_best_row)
 {
     fixture *f = *state;
     hada_fit_options options = usual(DEPTHS, HADA_FORM_COMPLEX);
-    hada_dataset *data = data_of(f, PAIRS);
-    hada_fitter *fitter;
+    SCOPED(hada_dataset) *data = data_of(f, PAIRS);
+    SCOPED(hada_fitter) * fitter;
     SCOPED(hada_model) * model;
     const hada_fit_filter_score *row, *other;
     size_t count, chosen = 0;
@@ -205,8 +204,6 @@ TEST(the_table_marks_the_best_row)
     ASSERT_OK(hada_fitter_finish(fitter, NULL, &model, err));
     assert_null(hada_fitter_get_info(fitter)->scores->filters[0]);
     assert_true(model->info.lambda == HADA_FIT_LAMBDA && model->info.alpha == HADA_FIT_ALPHA);
-    hada_fitter_destroy(&fitter);
-    hada_dataset_destroy(&data);
 }
 
 /* Depths of a data set are found by their distances; what does not belong to the fit is refused. */
@@ -277,7 +274,7 @@ TEST(point_spread_functions_are_nowhere_negative)
     for (int nonnegative = 0; nonnegative < 2; nonnegative++) {
         hada_fit_options options = usual(1, HADA_FORM_COMPLEX);
         options.nonnegative = nonnegative;
-        hada_fitter *fitter;
+        SCOPED(hada_fitter) * fitter;
         SCOPED(hada_model) * model;
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         for (int i = 0; i < 2; i++) {
@@ -291,7 +288,6 @@ TEST(point_spread_functions_are_nowhere_negative)
         ASSERT_OK(hada_fitter_finish(fitter, NULL, &model, err));
         assert_int_equal(hada_context_bytes(f->context), held);
         error[nonnegative] = small_distance(model->otf, truth, hada_model_plane(model) * 2);
-        hada_fitter_destroy(&fitter);
     }
     free(image);
     free(truth);

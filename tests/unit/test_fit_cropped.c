@@ -124,13 +124,7 @@ static int tear_down_both(void **state)
 
 static hada_fit_options options_of(hada_boundary boundary, int passes, int refine_steps)
 {
-    DEFAULTS(hada_fit_options, options);
-    options.depths = DEPTHS;
-    options.channels = CHANNELS;
-    options.distances_mm = distances;
-    options.raw_rows = ROWS;
-    options.raw_cols = COLS;
-    options.window_rows = options.window_cols = WINDOW;
+    hada_fit_options options = helpers_fit(DEPTHS, CHANNELS, distances, ROWS, COLS, WINDOW);
     options.boundary = boundary;
     options.crop_passes = passes;
     options.refine_steps = refine_steps;
@@ -177,10 +171,8 @@ static hada_dataset *shown_by(shower *at, int pairs)
 
 static hada_status learn_cropped(hada_fitter *fitter, shower *at, hada_error *error)
 {
-    hada_dataset *data = shown_by(at, PAIRS);
-    const hada_status status = hada_fit_learn_cropped(fitter, data, error);
-    hada_dataset_destroy(&data);
-    return status;
+    SCOPED(hada_dataset) *data = shown_by(at, PAIRS);
+    return hada_fit_learn_cropped(fitter, data, error);
 }
 
 /* The truth of a depth and channel on the grid of a fit. */
@@ -211,7 +203,7 @@ static double error_of(const fixture *f, const hada_fit_grid *grid, const hada_m
 
 static hada_model *learn(fixture *f, int passes, double *error, int *shown)
 {
-    hada_fitter *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, passes, 0);
+    SCOPED(hada_fitter) *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, passes, 0);
     hada_model *model;
     shower at = {.f = f};
     ASSERT_OK(learn_cropped(fitter, &at, err));
@@ -220,14 +212,13 @@ static hada_model *learn(fixture *f, int passes, double *error, int *shown)
         *error = error_of(f, &fitter->grid, model);
     if (shown)
         *shown = at.shown;
-    hada_fitter_destroy(&fitter);
     return model;
 }
 
 /* The error of what is learned with such options, on their grid. */
 static void learn_on(fixture *f, const hada_fit_options *options, double *error)
 {
-    hada_fitter *fitter;
+    SCOPED(hada_fitter) * fitter;
     SCOPED(hada_model) * model;
     shower at = {.f = f};
     ASSERT_OK(hada_fitter_create(&fitter, f->context, options, err));
@@ -237,7 +228,6 @@ static void learn_on(fixture *f, const hada_fit_options *options, double *error)
     ASSERT_OK(learn_cropped(fitter, &at, err));
     ASSERT_OK(hada_fit_solve(fitter, &model, err));
     *error = error_of(f, &fitter->grid, model);
-    hada_fitter_destroy(&fitter);
 }
 
 /* What the reference makes of a channel of the first depth. */
@@ -289,8 +279,8 @@ TEST(iterations_agree_with_the_reference)
     SCOPED(hada_fitter) *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, ITERATIONS, 0);
     const hada_fit_grid *grid = &fitter->grid;
     const size_t plane = hada_model_info_plane(&grid->info);
-    hada_nonnegative *nonnegative;
-    hada_fit_cropped *cropped;
+    SCOPED(hada_nonnegative) * nonnegative;
+    SCOPED(hada_fit_cropped) * cropped;
     const hada_buffer *transfers;
     double noise[CHANNELS], left, *otf = malloc(2 * plane * sizeof *otf);
     SCOPED_MEMORY float *got = malloc(2 * plane * sizeof *got), *blocks = malloc(2 * grid->stride * sizeof *blocks);
@@ -321,8 +311,6 @@ TEST(iterations_agree_with_the_reference)
             fail_msg("channel %d: left %g, expected %g", c, hada_fit_cropped_left(cropped)[c], left);
     }
     free(otf);
-    hada_fit_cropped_destroy(&cropped);
-    hada_nonnegative_destroy(&nonnegative);
 }
 
 TEST(light_beyond_the_sensor_is_found)
@@ -342,10 +330,10 @@ TEST(passes_can_be_stopped)
     patience of = {.most = -1};
     const hada_monitor monitor = patience_monitor(&of);
     hada_fit_options options = options_of(HADA_BOUNDARY_PADDED, HADA_AUTO, 0);
-    hada_fitter *fitter;
+    SCOPED(hada_fitter) * fitter;
     SCOPED(hada_model) * model, *expected = learn(f, HADA_AUTO, NULL, NULL);
     shower at = {.f = f};
-    hada_dataset *data = shown_by(&at, PAIRS);
+    SCOPED(hada_dataset) *data = shown_by(&at, PAIRS);
     options.monitor = &monitor;
     options.leave_one_out = 0;
     ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
@@ -360,8 +348,6 @@ TEST(passes_can_be_stopped)
     of = (patience){.most = -1};
     ASSERT_OK(hada_fitter_finish(fitter, data, &model, err));
     assert_memory_equal(model->otf, expected->otf, 2 * hada_model_plane(model) * DEPTHS * CHANNELS * sizeof(float));
-    hada_fitter_destroy(&fitter);
-    hada_dataset_destroy(&data);
 }
 
 TEST(light_that_stays_costs_little)
@@ -394,10 +380,10 @@ TEST(streamed_pairs_give_the_same_bits)
 TEST(the_trial_has_transfer_functions_of_its_own)
 {
     fixture *f = *state;
-    hada_fitter *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, (int)HADA_AUTO, (int)HADA_AUTO);
+    SCOPED(hada_fitter) *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, (int)HADA_AUTO, (int)HADA_AUTO);
     SCOPED(hada_model) * model;
     shower at = {.f = f};
-    hada_dataset *data = shown_by(&at, PAIRS);
+    SCOPED(hada_dataset) *data = shown_by(&at, PAIRS);
     ASSERT_OK(hada_fitter_finish(fitter, data, &model, err));
     assert_int_equal(fitter->kept.count, HADA_FIT_KEPT);
     const size_t bytes = CHANNELS * fitter->grid.layout.count * 2 * sizeof(float);
@@ -406,8 +392,6 @@ TEST(the_trial_has_transfer_functions_of_its_own)
         assert_true(k == 0 || memcmp(fitter->kept.pair[0].transfers, fitter->kept.pair[3].transfers, bytes));
     }
     assert_non_null(hada_fitter_get_info(fitter)->scores->refinements[0]);
-    hada_fitter_destroy(&fitter);
-    hada_dataset_destroy(&data);
 }
 
 TEST(other_pairs_are_refused)

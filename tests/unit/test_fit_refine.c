@@ -45,13 +45,7 @@ static hada_model *fit(hada_context *context, int strange, hada_fit_rows *rows)
     hada_fitter *fitter;
     hada_model *model;
     hada_image scene[DEPTHS][PAIRS], frame[DEPTHS][PAIRS];
-    DEFAULTS(hada_fit_options, options);
-    options.depths = DEPTHS;
-    options.channels = 1;
-    options.distances_mm = distances;
-    options.raw_rows = ROWS;
-    options.raw_cols = COLS;
-    options.window_rows = options.window_cols = WINDOW;
+    hada_fit_options options = helpers_fit(DEPTHS, 1, distances, ROWS, COLS, WINDOW);
     options.monitor = &monitor;
     options.outside = 1.0;
     ASSERT_OK(hada_fitter_create(&fitter, context, &options, err));
@@ -93,7 +87,7 @@ static hada_model *fit(hada_context *context, int strange, hada_fit_rows *rows)
 
 TEST(refinement_is_chosen_where_it_pays)
 {
-    hada_context *context;
+    SCOPED(hada_context) * context;
     hada_fit_rows rows;
     ASSERT_OK(hada_context_create(&context, NULL, err));
     for (int strange = 0; strange < 2; strange++) {
@@ -121,5 +115,4 @@ TEST(refinement_is_chosen_where_it_pays)
             assert_true(model->info.refine_steps > 0);
     }
     assert_int_equal(hada_context_bytes(context), 0);
-    hada_context_destroy(&context);
 }

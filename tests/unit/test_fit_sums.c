@@ -7,7 +7,7 @@ TEST(many_additions_stay_accurate)
     fixture *f = *state;
     enum { MANY = 10000 };
     hada_fit_options options = usual(1, HADA_FORM_SPLIT);
-    hada_fitter *fitter;
+    SCOPED(hada_fitter) * fitter;
     ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
     const size_t spectrum = (size_t)CHANNELS * fitter->grid.layout.count * 2, count = fitter->grid.layout.count;
     const size_t stride = fitter->grid.stride;
@@ -39,14 +39,13 @@ TEST(many_additions_stay_accurate)
     }
     if (!(worst < 1e-11))
         fail_msg("relative error %g after %d additions", worst, MANY);
-    hada_fitter_destroy(&fitter);
 }
 
 TEST(bad_pairs_leave_the_sums_as_they_were)
 {
     fixture *f = *state;
     hada_fit_options options = usual(1, HADA_FORM_COMPLEX);
-    hada_fitter *fitter;
+    SCOPED(hada_fitter) * fitter;
     SCOPED(hada_model) * before, *after;
     options.lambda = 1e-3;
     ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
@@ -64,7 +63,6 @@ TEST(bad_pairs_leave_the_sums_as_they_were)
     assert_int_equal(hada_fitter_get_info(fitter)->pairs[0], 2);
     ASSERT_OK(hada_fitter_finish(fitter, NULL, &after, err));
     assert_memory_equal(before->filter, after->filter, hada_model_plane(before) * 2 * CHANNELS * sizeof(float));
-    hada_fitter_destroy(&fitter);
 }
 
 /* A scene of the frame's size counts by its centre; a dark level is taken off; identical pairs change nothing. */

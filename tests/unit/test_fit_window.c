@@ -62,7 +62,7 @@ TEST(iterations_lead_to_the_minimum)
         hada_fit_options options = usual(DEPTHS, k & 1 ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX);
         options.boundary = k & 2 ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR;
         SCOPED(hada_fitter) * fitter;
-        hada_fit_window *window;
+        SCOPED(hada_fit_window) * window;
         int converged = 0;
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         add_all(f, fitter, DEPTHS, 0, PAIRS);
@@ -104,7 +104,6 @@ TEST(iterations_lead_to_the_minimum)
             }
             reference_free(&r);
         }
-        hada_fit_window_destroy(&window);
     }
 }
 
@@ -180,7 +179,7 @@ TEST(a_lower_weight_lowers_the_error_in_the_window)
         static const double weights[] = {1.0, 0.5, 0.1, 0.02};
         double inside[4];
         for (int s = 0; s < 4; s++) {
-            hada_fitter *fitter = fitter_of(f, weights[s], split ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX);
+            SCOPED(hada_fitter) *fitter = fitter_of(f, weights[s], split ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX);
             SCOPED(hada_model) * model;
             shower at = {.f = f};
             hada_dataset *data = shown_by(&at);
@@ -190,7 +189,6 @@ TEST(a_lower_weight_lowers_the_error_in_the_window)
             assert_true(at.shown <= DEPTHS * PAIRS * HADA_FIT_ITERATIONS);
             ASSERT_OK(hada_fit_solve(fitter, &model, err));
             inside[s] = objective(f, fitter, model, 0.0);
-            hada_fitter_destroy(&fitter);
         }
         for (int s = 1; s < 4; s++)
             if (!(inside[s] < inside[s - 1]))
@@ -202,8 +200,8 @@ TEST(a_lower_weight_lowers_the_error_in_the_window)
 TEST(the_weight_is_chosen_on_held_out_pairs)
 {
     fixture *f = *state;
-    hada_fitter *fitter = fitter_of(f, -1.0, HADA_FORM_COMPLEX);
-    hada_dataset *data = data_of(f, PAIRS);
+    SCOPED(hada_fitter) *fitter = fitter_of(f, -1.0, HADA_FORM_COMPLEX);
+    SCOPED(hada_dataset) *data = data_of(f, PAIRS);
     SCOPED(hada_model) * plain, *first, *second;
     const hada_fit_outside_score *row, *taken = NULL, *last = NULL;
     double best = -INFINITY;
@@ -238,8 +236,6 @@ TEST(the_weight_is_chosen_on_held_out_pairs)
     ASSERT_OK(hada_fitter_finish(fitter, NULL, &second, err));
     assert_null(fitter->outside.filters);
     assert_memory_equal(second->filter, plain->filter, values * sizeof(float));
-    hada_fitter_destroy(&fitter);
-    hada_dataset_destroy(&data);
 }
 
 TEST(what_cannot_be_judged_is_refused)
@@ -248,7 +244,7 @@ TEST(what_cannot_be_judged_is_refused)
     hada_error error = {0};
     SCOPED(hada_model) * plain, *after;
     hada_fit_options options = usual(DEPTHS, HADA_FORM_COMPLEX);
-    hada_fitter *fitter = NULL;
+    SCOPED(hada_fitter) *fitter = NULL;
     static const double wrong[] = {0.0, 0.005, 1.5, NAN};
     for (size_t i = 0; i < HADA_COUNT(wrong); i++) {
         options.outside = wrong[i];
@@ -278,7 +274,6 @@ TEST(what_cannot_be_judged_is_refused)
     const size_t values = hada_model_plane(plain) * DEPTHS * CHANNELS * 2;
     assert_memory_equal(plain->filter, after->filter, values * sizeof(float));
     assert_memory_equal(plain->otf, after->otf, values * sizeof(float));
-    hada_fitter_destroy(&fitter);
 }
 
 /* One pair a depth: nothing can be left out, so the exact fit stays and no pair is read. */
@@ -286,7 +281,7 @@ TEST(single_pairs_are_left_alone)
 {
     fixture *f = *state;
     hada_fit_options options = usual(DEPTHS, HADA_FORM_COMPLEX);
-    hada_fitter *fitter;
+    SCOPED(hada_fitter) * fitter;
     ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
     add_all(f, fitter, DEPTHS, 0, 1);
     shower at = {.f = f};
@@ -295,7 +290,6 @@ TEST(single_pairs_are_left_alone)
     hada_dataset_destroy(&data);
     assert_int_equal(at.shown, 0);
     assert_null(fitter->outside.filters);
-    hada_fitter_destroy(&fitter);
 }
 
 FIXTURE(fit_setup, fit_teardown)

@@ -39,7 +39,7 @@ static void compare(const hada_image *planes, const unsigned char *competing, co
     hada_focus_report expected, report = {.size = sizeof report};
     ASSERT_OK(hada_ref_focus(packed, channels, ROWS, COLS, DEPTHS, distances, competing, options, all, distance, lead,
                              &expected, err));
-    hada_image fused, map;
+    SCOPED(hada_image) fused, map;
     ASSERT_OK(hada_focus_stack(context, planes, distances, DEPTHS, competing, options, &fused, &map, &report, err));
     /* medians come from bins of 1/128 octave */
     assert_true(fabs(report.noise - expected.noise) <= 0.006 * expected.noise);
@@ -62,8 +62,6 @@ static void compare(const hada_image *planes, const unsigned char *competing, co
                              hada_depth_index(distances, DEPTHS, distance[i])) < 2e-2);
     }
     assert_true(checked > PIXELS / 2);
-    hada_image_destroy(&fused);
-    hada_image_destroy(&map);
 }
 
 TEST(equals_the_reference)

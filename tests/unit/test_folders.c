@@ -46,10 +46,9 @@ TEST(names_and_messages)
     } cases[] = {{"a/b.c/d.tif", "d"}, {"d.tar.gz", "d.tar"}, {"a.b/.hidden", ".hidden"}, {"plain", "plain"}};
     hada_error err = {0};
     for (size_t i = 0; i < 4; i++) {
-        char *stem;
+        SCOPED_MEMORY char *stem;
         assert_int_equal(hada_path_stem(&stem, cases[i].path, &err), HADA_OK);
         assert_string_equal(stem, cases[i].stem);
-        free(stem);
     }
     snprintf(err.message, sizeof err.message, "it is cut off");
     for (int i = 0; i < 2; i++) /* said once, however often it is asked for */

@@ -74,8 +74,7 @@ static hada_status read_net(const char *path, hada_error *err)
     size_t bytes;
     SCOPED_MEMORY char *text = (char *)io_read_bytes(path, &bytes);
     text[bytes] = '\0';
-    const hada_status status = hada_net_create(&net, text, 1, err);
-    return status;
+    return hada_net_create(&net, text, 1, err);
 }
 
 static hada_status read_camera(const char *path, hada_error *err)
@@ -87,15 +86,13 @@ static hada_status read_camera(const char *path, hada_error *err)
 static hada_status read_tuning(const char *path, hada_error *err)
 {
     SCOPED(hada_tuning) * tuning;
-    const hada_status status = hada_tuning_read(&tuning, path, err);
-    return status;
+    return hada_tuning_read(&tuning, path, err);
 }
 
 static hada_status read_picture(const char *path, hada_error *err)
 {
     SCOPED(hada_image) image;
-    const hada_status status = hada_tiff_load(path, 0, &image, err);
-    return status;
+    return hada_tiff_load(path, 0, &image, err);
 }
 
 /* `head`, `part` so often that `bytes` are filled, `tail`; %d in a part: its number. */

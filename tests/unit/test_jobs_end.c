@@ -221,7 +221,7 @@ TEST(endless_jobs_end_with_their_plan)
 TEST(refuses_what_cannot_be_done)
 {
     const job_fixture *f = *state;
-    hada_plan *plan;
+    SCOPED(hada_plan) * plan;
     hada_job *job, *good;
     hada_error error = {0};
     hada_result result = {0}, other = {0};
@@ -255,7 +255,6 @@ TEST(refuses_what_cannot_be_done)
     hada_job_destroy(&job);
     hada_job_destroy(&good);
     hada_result_destroy(&other);
-    hada_plan_destroy(&plan);
 }
 
 FIXTURE(job_setup, job_teardown)

@@ -4,7 +4,6 @@
 #include "net_fixture.h"
 
 #include "io/safetensors.h"
-#include "net/conv.h"
 #include "ref/ref_conv.h"
 
 static const char *const names[] = {"same", "strided", "one", "large", "flat", "doubling", "growing", "channels"};
@@ -145,16 +144,7 @@ TEST(mistakes)
 {
     net_device *device = *state;
     hada_context *context = device->context;
-    const hada_conv_desc good = {.images = 1,
-                                 .in_channels = 4,
-                                 .out_channels = 5,
-                                 .in_rows = 6,
-                                 .in_cols = 7,
-                                 .kernel_rows = 3,
-                                 .kernel_cols = 3,
-                                 .stride = 1,
-                                 .pad_rows = 1,
-                                 .pad_cols = 1};
+    const hada_conv_desc good = net_conv3(1, 4, 5, 6, 7);
     hada_conv *conv;
     hada_conv_desc bad = good;
     bad.stride = 0;
@@ -168,7 +158,7 @@ TEST(mistakes)
     bad.kernel_rows = 5;
     assert_int_equal(hada_conv_create(&conv, device->slot, &bad, NULL), HADA_ERROR_SIZE);
 
-    hada_buffer buffer;
+    SCOPED(hada_buffer) buffer;
     const hada_floats none = {0};
     hada_tensor x = hada_tensor_at(context, NULL, 0, 1, 4, 6, 7), y = hada_tensor_at(context, NULL, 0, 1, 5, 6, 7);
     ASSERT_OK(hada_buffer_create(&buffer, context, (x.image_stride + y.image_stride) * sizeof(float), "tensors", err));
@@ -197,7 +187,6 @@ TEST(mistakes)
                    hada_conv_create(&object, &dry.slot, &desc, NULL), hada_conv_destroy);
         hada_conv_destroy(&conv);
     }
-    hada_buffer_destroy(&buffer);
 }
 
 FIXTURE(net_device_open, net_device_close)

@@ -15,18 +15,10 @@ static const doubled_case cases[] = {{1, 16, 32, 16, 12, 20},
 
 static hada_conv_desc desc_of(const doubled_case *c)
 {
-    return (hada_conv_desc){.images = c->images,
-                            .in_channels = c->before + c->doubled,
-                            .out_channels = c->out,
-                            .in_rows = c->rows,
-                            .in_cols = c->cols,
-                            .kernel_rows = 3,
-                            .kernel_cols = 3,
-                            .stride = 1,
-                            .pad_rows = 1,
-                            .pad_cols = 1,
-                            .activation = HADA_ACTIVATION_RELU,
-                            .method = HADA_CONV_WINOGRAD4};
+    hada_conv_desc desc = net_conv3(c->images, c->before + c->doubled, c->out, c->rows, c->cols);
+    desc.activation = HADA_ACTIVATION_RELU;
+    desc.method = HADA_CONV_WINOGRAD4;
+    return desc;
 }
 
 static hada_tensor tensor_of(net_device *device, hada_buffer *buffer, int images, int channels, int rows, int cols)
@@ -42,7 +34,7 @@ static hada_tensor tensor_of(net_device *device, hada_buffer *buffer, int images
 static hada_tensor noise_of(net_device *device, hada_buffer *buffer, int images, int channels, int rows, int cols,
                             uint64_t stream)
 {
-    hada_buffer planes;
+    SCOPED(hada_buffer) planes;
     const size_t plane = (size_t)rows * (size_t)cols, count = plane * (size_t)(images * channels);
     SCOPED_MEMORY float *values = calloc(count, sizeof *values);
     net_fill(values, count, stream);
@@ -50,7 +42,6 @@ static hada_tensor noise_of(net_device *device, hada_buffer *buffer, int images,
     ASSERT_OK(hada_buffer_create_from(&planes, device->slot, values, count * sizeof(float), "planes", err));
     const hada_planar planar = {planes.mem, 0, plane * (size_t)channels, plane, (size_t)cols};
     ASSERT_OK(hada_tensor_load(device->slot, &planar, &tensor, err));
-    hada_buffer_destroy(&planes);
     return tensor;
 }
 

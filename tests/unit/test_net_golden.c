@@ -42,7 +42,7 @@ static void take(const hada_tensors *file, const char *name, float *out, size_t 
 static void check(net_device *device, const char *name, int recompute)
 {
     char path[512];
-    hada_net *net;
+    SCOPED(hada_net) * net;
     hada_tensors *file = open_golden(name, path, sizeof path);
     const hada_stored_tensor *x = hada_tensors_find(file, "golden.x");
     assert_non_null(x);
@@ -72,7 +72,6 @@ static void check(net_device *device, const char *name, int recompute)
     }
     assert_true(sqrt(difference / size) < 1e-5);
     net_case_free(&c);
-    hada_net_destroy(&net);
     hada_tensors_close(&file);
 }
 
@@ -99,7 +98,7 @@ TEST(a_runner_gives_the_same)
 {
     net_device *device = *state;
     char path[512];
-    hada_net *net;
+    SCOPED(hada_net) * net;
     hada_net_runner *runner;
     hada_tensors *file = open_golden("shared", path, sizeof path);
     ASSERT_OK(hada_net_load(&net, path, err));
@@ -124,7 +123,6 @@ TEST(a_runner_gives_the_same)
     hada_image_destroy(&in);
     hada_image_destroy(&out);
     hada_net_runner_destroy(&runner);
-    hada_net_destroy(&net);
     hada_tensors_close(&file);
 }
 

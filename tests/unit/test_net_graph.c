@@ -66,14 +66,11 @@ TEST(outputs_follow_the_reference)
         for (int training = 0; training < 2; training++) {
             SCOPED(hada_net) *net = net_of(lists[i]);
             net_case c = net_case_make(net, 2, 14 + i, 11);
-            double *values = doubles(net->values, net->floats), *x = doubles(c.x, c.in_count);
-            double *y = calloc(c.out_count, sizeof *y);
+            SCOPED_MEMORY double *values = doubles(net->values, net->floats), *x = doubles(c.x, c.in_count);
+            SCOPED_MEMORY double *y = calloc(c.out_count, sizeof *y);
             ASSERT_OK(hada_ref_net_forward(net, values, training, c.images, c.rows, c.cols, x, y, err));
             net_case_run(*state, net, &c, training ? with_gradients : (hada_graph_options){0}, 0);
             assert_true(net_error(c.y, y, c.out_count) < 2e-6);
-            free(values);
-            free(x);
-            free(y);
             net_case_free(&c);
         }
 }
@@ -118,12 +115,10 @@ TEST(gradients_follow_differences_of_the_reference)
     for (int i = 0; i < LISTS; i++) {
         SCOPED(hada_net) *net = net_of(lists[i]);
         net_case c = net_case_make(net, 2, 12, 9 + i);
-        double *values = doubles(net->values, net->floats), *x = doubles(c.x, c.in_count);
+        SCOPED_MEMORY double *values = doubles(net->values, net->floats), *x = doubles(c.x, c.in_count);
         net_case_run(*state, net, &c, with_gradients, 0);
         check_differences(net, &c, values, x, values, net->trained, c.gradients, 40);
         check_differences(net, &c, values, x, x, c.in_count, c.dx, 20);
-        free(values);
-        free(x);
         net_case_free(&c);
     }
 }
@@ -235,7 +230,7 @@ TEST(dropout_draws_by_step_and_layer)
 TEST(wrong_use_is_refused)
 {
     net_device *device = *state;
-    hada_graph *graph;
+    SCOPED(hada_graph) * graph;
     SCOPED(hada_net) *net = net_of(lists[0]);
     hada_graph_options options = {.images = 1, .rows = 8, .cols = 8, .weight_gradients = 1};
     ASSERT_FAILS(hada_graph_create(&graph, device->slot, net, &options, err), HADA_ERROR_ARGUMENT, "");
@@ -250,7 +245,6 @@ TEST(wrong_use_is_refused)
     ASSERT_OK(hada_graph_create(&graph, device->slot, net, &options, err));
     ASSERT_FAILS(hada_graph_forward(graph, err), HADA_ERROR_STATE, "");
     ASSERT_FAILS(hada_graph_backward(graph, (hada_floats){0}, 0, err), HADA_ERROR_STATE, "");
-    hada_graph_destroy(&graph);
 }
 
 FIXTURE(net_device_open, net_device_close)

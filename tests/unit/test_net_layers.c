@@ -18,7 +18,7 @@ static owned make(net_device *device, int block, hada_ref_shape shape, float sca
     owned o = {.shape = shape};
     const size_t count = hada_ref_values(&shape);
     const size_t image = hada_tensor_image_floats(block, shape.channels, shape.rows, shape.cols);
-    hada_buffer plain;
+    SCOPED(hada_buffer) plain;
     o.values = calloc(count, sizeof *o.values);
     assert_non_null(o.values);
     net_fill(o.values, count, stream);
@@ -30,7 +30,6 @@ static owned make(net_device *device, int block, hada_ref_shape shape, float sca
     const hada_planar from = net_planar(plain.mem, shape.channels, shape.rows, shape.cols);
     ASSERT_OK(hada_tensor_load(device->slot, &from, &o.tensor, err));
     ASSERT_OK(hada_slot_finish(device->slot, err));
-    hada_buffer_destroy(&plain);
     return o;
 }
 
@@ -38,12 +37,11 @@ static owned make(net_device *device, int block, hada_ref_shape shape, float sca
 static void fetch(net_device *device, owned *o)
 {
     const size_t bytes = hada_ref_values(&o->shape) * sizeof(float);
-    hada_buffer plain;
+    SCOPED(hada_buffer) plain;
     ASSERT_OK(hada_buffer_create(&plain, device->context, bytes, "y", err));
     const hada_planar to = net_planar(plain.mem, o->shape.channels, o->shape.rows, o->shape.cols);
     ASSERT_OK(hada_tensor_store(device->slot, &o->tensor, &to, err));
     ASSERT_OK(hada_buffer_read(&plain, device->slot, 0, o->values, bytes, err));
-    hada_buffer_destroy(&plain);
 }
 
 static void drop(owned *o)

@@ -104,11 +104,10 @@ TEST(any_unet_gives_the_size_it_takes)
                 options.up = shapes[i][1];
                 options.up_by = (hada_unet_up)up_by;
                 ASSERT_OK(hada_net_create_unet(&net, &options, 1, err));
-                hada_size *sizes = calloc((size_t)net->count, sizeof *sizes);
+                SCOPED_MEMORY hada_size *sizes = calloc((size_t)net->count, sizeof *sizes);
                 ASSERT_OK(hada_net_sizes(net, rows, 23, sizes, err));
                 assert_int_equal(sizes[net->count - 1].rows, rows);
                 assert_int_equal(sizes[net->count - 1].cols, 23);
-                free(sizes);
             }
     SCOPED(hada_net) * net;
     hada_size sizes[64];

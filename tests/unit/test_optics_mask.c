@@ -153,7 +153,7 @@ TEST(contours_focus_on_lines)
     hada_camera camera = camera_with(HADA_MASK_CONTOUR);
     const double distance = 1.0 / (1.0 / camera.focal_length_mm - 1.0 / camera.distance_mm);
     const double scale = camera.pixel_pitch_mm / hada_camera_magnification(&camera, distance);
-    hada_image psf;
+    SCOPED(hada_image) psf;
     hada_surface landscape;
     ASSERT_OK(hada_camera_psf(&camera, distance, 0, 0, &psf, err));
     ASSERT_OK(hada_surface_make(&landscape, camera.seed, camera.correlation_mm, camera.aperture_mm / 2.0, err));
@@ -171,7 +171,6 @@ TEST(contours_focus_on_lines)
         }
     assert_true(fabs(all - 1.0) < 1e-4 && near > 0.93); /* the rest: where lines turn sharply, or end */
     hada_surface_free(&landscape);
-    hada_image_destroy(&psf);
 }
 
 TEST(holes_cast_shadows)

@@ -13,7 +13,7 @@ static void add_expected(const hada_camera *camera, const hada_image *image, int
 {
     static float view[PIXELS], part[4 * PIXELS];
     double x[LENSES], y[LENSES];
-    hada_image psf;
+    SCOPED(hada_image) psf;
     const double far_mm = camera->distances_mm[depth], pitch = camera->pixel_pitch_mm;
     ASSERT_OK(hada_camera_lenses(camera, x, y, err));
     ASSERT_OK(hada_camera_psf(camera, far_mm, 2 * ROWS, 2 * COLS, &psf, err));
@@ -37,7 +37,6 @@ static void add_expected(const hada_camera *camera, const hada_image *image, int
                         : 0.0f;
         hada_ref_convolve_crop(ROWS, COLS, view, 2 * ROWS, 2 * COLS, part, out);
     }
-    hada_image_destroy(&psf);
 }
 
 /* Three planes, the nearer two opaque in places; and the same through one lens. */

@@ -70,7 +70,7 @@ TEST(devices_and_fifos_are_never_replaced_and_never_waited_for)
 {
     hada_error error = {0};
     const char *fifo = io_path("fifo");
-    char *text;
+    SCOPED_MEMORY char *text;
     size_t bytes;
     int code = -1;
     assert_int_equal(mkfifo(fifo, 0666), 0);
@@ -91,7 +91,6 @@ TEST(devices_and_fifos_are_never_replaced_and_never_waited_for)
     ASSERT_FAILS(hada_input_read(&text, &bytes, io_path("long"), 5, &code, err), HADA_ERROR_FILE_FORMAT, "");
     ASSERT_OK(hada_input_read(&text, &bytes, io_path("long"), 6, &code, err));
     assert_string_equal(text, "123456");
-    free(text);
 }
 
 TEST(inputs_are_not_overwritten_while_they_are_in_use)

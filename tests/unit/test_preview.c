@@ -81,7 +81,7 @@ TEST(test_resampling)
             mean += (double)image.data[i] / 35;
         }
         for (int k = 0; k < 6; k++) {
-            uint32_t *pixels;
+            SCOPED_MEMORY uint32_t *pixels;
             int width = sizes[k][0], height = sizes[k][1];
             assert_int_equal(hada_tone_pixels(&pixels, width, height, &image, 1, 1, NULL), HADA_OK);
             double sum = 0;
@@ -90,7 +90,6 @@ TEST(test_resampling)
                 assert_true(!constant || pixels[i] == 0x808080);
             }
             assert_float_equal(sum / (width * height), 255 * mean, 1.0);
-            free(pixels);
         }
     }
 }
@@ -120,7 +119,7 @@ TEST(test_colours)
 /* Text is as wide as it says, is cut where it must be, between characters, and may leave the sheet. */
 TEST(test_text)
 {
-    hada_drawing *drawing;
+    SCOPED(hada_drawing) * drawing;
     assert_int_equal(hada_drawing_create(&drawing, 200, 40, 0x000000, NULL), HADA_OK);
     const double whole = hada_drawing_text_width(drawing, 12, "much too long for it");
     assert_true(whole > 60 && hada_drawing_text_width(drawing, 24, "much too long for it") > 1.8 * whole);
@@ -142,7 +141,6 @@ TEST(test_text)
     assert_true(count_colour(&p, 0, 0, 0) < 200 * 40 - 50); /* something was drawn */
     free(p.rgb);
     ASSERT_FAILS(hada_drawing_save(drawing, io_path("text.gif"), err), HADA_ERROR_ARGUMENT, ".svg");
-    hada_drawing_destroy(&drawing);
 }
 
 /* A point, a line and a bar of a plot are where the axes say, in PNG; as SVG the same plot is XML. */

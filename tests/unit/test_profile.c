@@ -177,7 +177,7 @@ TEST(another_librarys_commands_have_a_row)
 
 TEST(peaks_are_plausible)
 {
-    hada_context *context;
+    SCOPED(hada_context) * context;
     double copy = 0, flops = 0, again = 0;
     ASSERT_OK(hada_context_create(&context, NULL, err));
     ASSERT_OK(hada_device_peaks(context, &copy, &flops, err));
@@ -187,12 +187,11 @@ TEST(peaks_are_plausible)
     assert_true(flops > 1e8 && flops < 1e16);
     assert_true(again > 1e8 && again < 1e14);
     assert_int_equal(hada_context_bytes(context), 0);
-    hada_context_destroy(&context);
 }
 
 TEST(costs_of_calls_are_plausible)
 {
-    hada_context *context;
+    SCOPED(hada_context) * context;
     double launch = 0, wait = -1, rate = 0;
     ASSERT_OK(hada_context_create(&context, NULL, err));
     ASSERT_OK(hada_device_call_costs(context, &launch, &wait, &rate, err));
@@ -200,5 +199,4 @@ TEST(costs_of_calls_are_plausible)
     assert_true(wait >= 0 && wait < 1);
     assert_true(rate > 1e7);
     ASSERT_OK(hada_device_call_costs(context, NULL, NULL, NULL, err));
-    hada_context_destroy(&context);
 }

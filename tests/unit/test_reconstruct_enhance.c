@@ -97,14 +97,12 @@ static void apply_net(const fixture *f, int rows, int cols, hada_image *plane)
                                     .net_rows = rows,
                                     .net_cols = cols};
     const size_t bytes = hada_image_count(plane) * sizeof(float);
-    hada_enhance *enhance;
-    hada_buffer buffer;
+    SCOPED(hada_enhance) * enhance;
+    SCOPED(hada_buffer) buffer;
     ASSERT_OK(hada_enhance_create(&enhance, f->slot, &desc, err));
     ASSERT_OK(hada_buffer_create_from(&buffer, f->slot, plane->data, bytes, "a plane", err));
     ASSERT_OK(hada_enhance_run(enhance, buffer.mem, 0, 1, 1, err));
     ASSERT_OK(hada_buffer_read(&buffer, f->slot, 0, plane->data, bytes, err));
-    hada_enhance_destroy(&enhance);
-    hada_buffer_destroy(&buffer);
 }
 
 static int same(const hada_image *a, const hada_image *b)

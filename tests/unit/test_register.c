@@ -20,7 +20,7 @@ static float *pixel(const hada_image *image, int row, int col)
 TEST(transforms)
 {
     enum { SIZE = 32 };
-    hada_small_fft fft;
+    SCOPED(hada_small_fft) fft;
     hada_random random;
     static float data[2 * SIZE * SIZE];
     static double image[SIZE * SIZE], spectrum[SIZE * (SIZE / 2 + 1) * 2];
@@ -38,7 +38,6 @@ TEST(transforms)
                 const double want = spectrum[2 * (ky * (SIZE / 2 + 1) + kx) + part];
                 assert_true(fabs(data[2 * (kx * SIZE + ky) + part] - want) < 1e-4);
             }
-    hada_small_fft_destroy(&fft);
 }
 
 /* What the header promises of directions, by one bright pixel; flips and quarter turns move pixels exactly. */

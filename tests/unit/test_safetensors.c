@@ -282,8 +282,8 @@ TEST(test_no_header)
 TEST(test_cut_and_flipped)
 {
     size_t bytes;
-    unsigned char *data = io_read_bytes(io_golden("tensors.safetensors"), &bytes);
-    unsigned char *copy = malloc(bytes);
+    SCOPED_MEMORY unsigned char *data = io_read_bytes(io_golden("tensors.safetensors"), &bytes);
+    SCOPED_MEMORY unsigned char *copy = malloc(bytes);
     uint64_t random = 3;
     for (size_t round = 0; round < bytes + 1500; round++) {
         memcpy(copy, data, bytes);
@@ -306,8 +306,6 @@ TEST(test_cut_and_flipped)
         }
         hada_tensors_close(&tensors);
     }
-    free(copy);
-    free(data);
 }
 
 TEST(test_halves)

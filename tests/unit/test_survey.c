@@ -66,13 +66,7 @@ static hada_dataset *data_of(pairs *set, const int *counts)
 
 static hada_fit_options sizes(void)
 {
-    DEFAULTS(hada_fit_options, options);
-    options.depths = DEPTHS;
-    options.channels = CHANNELS;
-    options.raw_rows = ROWS;
-    options.raw_cols = COLS;
-    options.window_rows = options.window_cols = WINDOW;
-    return options;
+    return helpers_fit(DEPTHS, CHANNELS, NULL, ROWS, COLS, WINDOW);
 }
 
 static const int counts[DEPTHS] = {PAIRS, PAIRS, PAIRS, PAIRS};
@@ -80,10 +74,9 @@ static const int counts[DEPTHS] = {PAIRS, PAIRS, PAIRS, PAIRS};
 static hada_survey *ask(pairs *set, hada_exposure exposure)
 {
     const hada_fit_options options = sizes();
-    hada_dataset *data = data_of(set, counts);
+    SCOPED(hada_dataset) *data = data_of(set, counts);
     hada_survey *survey;
     ASSERT_OK(hada_survey_create(&survey, &options, data, exposure, err));
-    hada_dataset_destroy(&data);
     return survey;
 }
 

@@ -108,9 +108,9 @@ static hada_status optics(const hada_monitor *monitor, hada_error *err)
 
 static hada_status fit(const hada_monitor *monitor, hada_error *err)
 {
-    hada_dataset *data;
+    SCOPED(hada_dataset) * data;
     SCOPED(hada_model) *model = NULL;
-    hada_fit_report *report = NULL;
+    SCOPED(hada_fit_report) *report = NULL;
     hada_status status = scan(&data, err);
     assert_int_equal(status, HADA_OK);
     DEFAULTS(hada_fit_task, own);
@@ -121,15 +121,13 @@ static hada_status fit(const hada_monitor *monitor, hada_error *err)
     if (!status)
         for (int z = 0; z < DEPTHS; z++)
             assert_int_equal(report->pairs[z], PAIRS);
-    hada_fit_report_destroy(&report);
-    hada_dataset_destroy(&data);
     return status;
 }
 
 static hada_status register_set(const hada_monitor *monitor, hada_error *err)
 {
-    hada_dataset *data;
-    hada_register_report *report = NULL;
+    SCOPED(hada_dataset) * data;
+    SCOPED(hada_register_report) *report = NULL;
     hada_status status = scan(&data, err);
     assert_int_equal(status, HADA_OK);
     DEFAULTS(hada_register_task, own);
@@ -138,8 +136,6 @@ static hada_status register_set(const hada_monitor *monitor, hada_error *err)
     assert_true(!status == !!report);
     if (!status)
         status = hada_register_write(report, data, at("out"), &own, NULL, NULL, err);
-    hada_register_report_destroy(&report);
-    hada_dataset_destroy(&data);
     return status;
 }
 
@@ -212,12 +208,12 @@ TEST(nobody_has_to_listen)
 TEST(notes_say_what_was_passed_over)
 {
     listener ear;
-    hada_evaluate_report *report = NULL;
+    SCOPED(hada_evaluate_report) *report = NULL;
     DEFAULTS(hada_evaluate_task, own);
     own.monitor = &listen(&ear, 0)->monitor;
     ASSERT_OK(hada_folder_ensure(at("results"), err));
     char name[300], truth[300];
-    hada_dataset *data;
+    SCOPED(hada_dataset) * data;
     SCOPED(hada_image) raw, scene;
     ASSERT_OK(scan(&data, err));
     ASSERT_OK(hada_dataset_read(data, 0, 0, &raw, &scene, err));
@@ -229,8 +225,6 @@ TEST(notes_say_what_was_passed_over)
     assert_int_equal(ear.wrong, 0);
     assert_non_null(strstr(ear.notes, "1 file in "));
     assert_non_null(strstr(ear.notes, "without a result in "));
-    hada_evaluate_report_destroy(&report);
-    hada_dataset_destroy(&data);
 }
 
 static int begin(void **state)

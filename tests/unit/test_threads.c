@@ -60,12 +60,11 @@ static hada_status work_with(job *j, hada_context *context, const hada_plan_opti
 static void *work(void *argument)
 {
     job *j = argument;
-    hada_context *own = NULL;
+    SCOPED(hada_context) *own = NULL;
     if (!j->context)
         j->status = hada_context_create(&own, NULL, &j->error);
     for (int kind = 0; !j->status && kind < 2; kind++)
         j->status = work_with(j, own ? own : j->context, &j->f->options[kind], j->f->expected[kind]);
-    hada_context_destroy(&own);
     return NULL;
 }
 
@@ -156,11 +155,10 @@ TEST(threads_share_a_context)
 TEST(threads_share_a_new_context)
 {
     const fixture *f = *state;
-    hada_context *context;
+    SCOPED(hada_context) * context;
     ASSERT_OK(hada_context_create(&context, NULL, err));
     run_threads(f, context, THREADS);
     assert_int_equal(hada_context_bytes(context), 0);
-    hada_context_destroy(&context);
 }
 
 TEST(contexts_are_independent)

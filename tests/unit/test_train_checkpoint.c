@@ -79,7 +79,7 @@ TEST(fewer_filters_at_once_give_the_same_bits)
 TEST(checkpoints_of_others_are_refused)
 {
     hada_train_options options = options_of(HADA_STAGE_ENHANCE), other;
-    hada_trainer *trainer = make(&options, 1);
+    SCOPED(hada_trainer) *trainer = make(&options, 1);
     hada_error error = {0};
     steps(trainer, 1);
     save(trainer, 0);
@@ -125,7 +125,6 @@ TEST(checkpoints_of_others_are_refused)
     hada_trainer_destroy(&trainer);
     ASSERT_OK(hada_trainer_create(&trainer, &f.whole, 1, flat, pairs, NULL, &filters, err));
     ASSERT_FAILS(hada_trainer_load(trainer, f.path[0], err), HADA_ERROR_MODEL, "filters differs");
-    hada_trainer_destroy(&trainer);
 }
 
 TEST(damaged_checkpoints_are_refused)

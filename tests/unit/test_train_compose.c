@@ -80,7 +80,7 @@ static void check_pixel(const hada_composed *composed, size_t i, float truth, se
 
 static void check_scene(int variant, int planes_only, uint64_t seed, seen *all)
 {
-    hada_dataset *pairs = pairs_of(NULL);
+    SCOPED(hada_dataset) *pairs = pairs_of(NULL);
     SCOPED(hada_image) scene = own_scene(1), again = own_scene(1);
     hada_composed composed, same;
     int own = 0, lit[HADA_COMPOSED_DEPTHS] = {0}, dark = 0;
@@ -106,7 +106,6 @@ static void check_scene(int variant, int planes_only, uint64_t seed, seen *all)
     all->planes[composed.count]++;
     hada_composed_free(&composed);
     hada_composed_free(&same);
-    hada_dataset_destroy(&pairs);
 }
 
 TEST(light_is_moved_and_not_made)
@@ -136,7 +135,7 @@ TEST(the_sum_may_be_left_out)
 
 TEST(variants_are_a_share_and_change_by_round)
 {
-    hada_dataset *pairs = pairs_of(NULL);
+    SCOPED(hada_dataset) *pairs = pairs_of(NULL);
     const uint64_t total = hada_pairs_total(pairs);
     int composed = 0, kinds[HADA_COMPOSED_VARIANTS + 1] = {0}, differ = 0;
     for (uint64_t place = 0; place < 4000; place++) {
@@ -152,13 +151,12 @@ TEST(variants_are_a_share_and_change_by_round)
     assert_true(differ > 1000);
     for (int variant = 1; variant <= HADA_COMPOSED_VARIANTS; variant++)
         assert_true(kinds[variant] > 60);
-    hada_dataset_destroy(&pairs);
 }
 
 TEST(a_pair_that_cannot_be_read_is_named)
 {
     int broken = 1, failed = 0;
-    hada_dataset *pairs = pairs_of(&broken);
+    SCOPED(hada_dataset) *pairs = pairs_of(&broken);
     for (uint64_t seed = 0; seed < 20; seed++) {
         SCOPED(hada_image) scene = own_scene(0);
         hada_composed composed;
@@ -173,7 +171,6 @@ TEST(a_pair_that_cannot_be_read_is_named)
         hada_composed_free(&composed);
     }
     assert_in_range(failed, 1, 19); /* others' scenes are read now and then */
-    hada_dataset_destroy(&pairs);
 }
 
 static hada_status read_point(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *error)
@@ -191,7 +188,7 @@ static hada_status read_point(void *user, int depth, int pair, hada_image *raw, 
 TEST(small_cameras_work)
 {
     static const int few[2] = {1, 0};
-    hada_dataset *pairs;
+    SCOPED(hada_dataset) * pairs;
     ASSERT_OK(hada_dataset_create(&pairs, 2, distances, few, read_point, NULL, NULL, err));
     hada_model_info two = info;
     two.depths = 2;
@@ -205,5 +202,4 @@ TEST(small_cameras_work)
         assert_in_range(composed.count, 1, 2);
         hada_composed_free(&composed);
     }
-    hada_dataset_destroy(&pairs);
 }

@@ -55,7 +55,7 @@ static hada_dataset *pairs_of(source *from)
 TEST(each_round_shows_every_pair_once)
 {
     source from = {.broken = -1};
-    hada_dataset *pairs = pairs_of(&from);
+    SCOPED(hada_dataset) *pairs = pairs_of(&from);
     int same_place = 0, same_seed = 0, first[13] = {0};
     assert_int_equal(hada_pairs_total(pairs), 13);
     for (uint64_t round = 0; round < 50; round++) {
@@ -76,7 +76,6 @@ TEST(each_round_shows_every_pair_once)
     assert_in_range(same_seed, 20, 85);
     for (int i = 0; i < 13; i++)
         assert_in_range(first[i], 0, 16); /* 50 / 13 each; no place is a pair's own */
-    hada_dataset_destroy(&pairs);
 }
 
 static hada_image image_of(int rows, int cols, float base)
@@ -207,7 +206,7 @@ TEST(planes_flip_with_their_scenes)
 TEST(the_feed_keeps_its_order_and_its_bounds)
 {
     source from = {.broken = -1, .whole = 1};
-    hada_dataset *pairs = pairs_of(&from);
+    SCOPED(hada_dataset) *pairs = pairs_of(&from);
     hada_feed_desc desc = {.pairs = pairs, .info = &info, .seed = 5, .ahead = 4, .augment = {.shift = 2, .noise = 0.1}};
     hada_feed *feed, *late;
     hada_fed *fed[4], *again[4];
@@ -236,15 +235,14 @@ TEST(the_feed_keeps_its_order_and_its_bounds)
     hada_feed_destroy(&late);
     hada_feed_destroy(&feed);
     assert_null(feed);
-    hada_dataset_destroy(&pairs);
 }
 
 TEST(a_bad_pair_is_named_when_its_turn_comes)
 {
     source from = {.broken = 6};
-    hada_dataset *pairs = pairs_of(&from);
+    SCOPED(hada_dataset) *pairs = pairs_of(&from);
     const hada_feed_desc desc = {.pairs = pairs, .info = &info, .seed = 5, .ahead = 2};
-    hada_feed *feed;
+    SCOPED(hada_feed) * feed;
     hada_fed *fed[1];
     hada_error error = {0};
     ASSERT_OK(hada_feed_create(&feed, &desc, err));
@@ -257,8 +255,6 @@ TEST(a_bad_pair_is_named_when_its_turn_comes)
     assert_int_equal(error.status, HADA_ERROR_FILE_READ);
     assert_string_equal(error.message, "pair 7 of the depth at 300 mm: the disk is gone");
     assert_int_equal(hada_feed_take(feed, 1, fed, &error), HADA_ERROR_FILE_READ);
-    hada_feed_destroy(&feed);
-    hada_dataset_destroy(&pairs);
 }
 
 static hada_status read_wrong(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *error)

@@ -46,7 +46,7 @@ TEST(planes_are_those_of_a_plan)
     for (size_t i = 0; i < HADA_COUNT(cases); i++) {
         SCOPED(hada_model) *model = model_of(device->context, &cases[i], psfs);
         SCOPED(hada_image) frame = small_frame(&psfs[1], &scene, cases[i].padded, 0.003, i), plane = {0};
-        hada_planes *planes;
+        SCOPED(hada_planes) * planes;
         size_t bytes;
         const uint64_t before = hada_context_bytes(device->context);
         ASSERT_OK(hada_planes_bytes(device->context, model, 0, &bytes, err));
@@ -66,7 +66,6 @@ TEST(planes_are_those_of_a_plan)
             assert_int_equal(hada_image_count(&plane), hada_image_count(&result.planes[z]));
             assert_memory_equal(plane.data, result.planes[z].data, hada_image_count(&plane) * sizeof(float));
         }
-        hada_planes_destroy(&planes);
     }
     hada_image_destroy(&scene);
     destroy_images(psfs, DEPTHS);
@@ -193,7 +192,7 @@ TEST(what_does_not_fit_is_refused)
 {
     net_device *device = *state;
     SCOPED(hada_model) *model = train_model(1, 12, 14, 8, 10, 0, 0);
-    hada_planes *planes;
+    SCOPED(hada_planes) * planes;
     hada_image frame, plane = {0};
     ASSERT_OK(hada_image_create(&frame, 1, 12, 14, err));
     ASSERT_OK(hada_planes_create(&planes, device->slot, model, 0, 0, err));
@@ -205,7 +204,6 @@ TEST(what_does_not_fit_is_refused)
     ASSERT_FAILS(hada_planes_make(planes, 0, &frame, &as_captured, &plane, err), HADA_ERROR_MODEL, "");
     assert_null(plane.data);
     hada_image_destroy(&frame);
-    hada_planes_destroy(&planes);
 }
 
 FIXTURE(net_device_open, net_device_close)

@@ -38,7 +38,7 @@ static void *train(void *user)
  * other. */
 static void train_together(const hada_train_options *options, int network, double norms[STEPS])
 {
-    hada_team *team;
+    SCOPED(hada_team) * team;
     rank ranks[RANKS];
     ASSERT_OK(hada_team_create(&team, RANKS, err));
     for (int r = 0; r < RANKS; r++) {
@@ -65,7 +65,6 @@ static void train_together(const hada_train_options *options, int network, doubl
     memcpy(norms, ranks[0].norms, sizeof ranks[0].norms);
     for (int r = 0; r < RANKS; r++)
         hada_trainer_destroy(&ranks[r].trainer);
-    hada_team_destroy(&team);
 }
 
 TEST(ranks_train_as_one)

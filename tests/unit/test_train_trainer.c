@@ -208,7 +208,7 @@ static float *values_of(const hada_trainer *trainer, int worker, int group, size
 
 TEST(two_devices_share_a_step)
 {
-    hada_net *normed;
+    SCOPED(hada_net) * normed;
     DEFAULTS(hada_unet_options, unet);
     unet.channels = unet.out_channels = 1;
     unet.down = "4|8";
@@ -245,7 +245,6 @@ TEST(two_devices_share_a_step)
         hada_trainer_destroy(&two);
         hada_trainer_destroy(&again);
     }
-    hada_net_destroy(&normed);
 }
 
 TEST(broken_numbers_are_rolled_back)
@@ -356,7 +355,7 @@ TEST(scenes_have_numbers)
 TEST(stages_follow_one_another)
 {
     hada_train_options options = options_of(HADA_STAGE_ENHANCE);
-    hada_trainer *trainer = make(&options, 1);
+    SCOPED(hada_trainer) *trainer = make(&options, 1);
     SCOPED(hada_model) * enhanced, *sharp;
     SCOPED(hada_net) * net;
     steps(trainer, 5);
@@ -389,7 +388,6 @@ TEST(stages_follow_one_another)
     trainer = make(&options, 1);
     hada_model *none;
     ASSERT_FAILS(hada_trainer_model(trainer, &none, err), HADA_ERROR_STATE, "");
-    hada_trainer_destroy(&trainer);
 }
 
 TEST(options_that_make_no_sense_are_refused)

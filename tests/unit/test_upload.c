@@ -48,7 +48,7 @@ TEST(gives_the_device_the_same_bits)
     static uint8_t bytes[2 * NUMBERS];
     static uint16_t words[2 * NUMBERS];
     static float floats[2 * NUMBERS];
-    hada_context *context;
+    SCOPED(hada_context) * context;
     const double distance = 100.0;
     for (int i = 0; i < 2 * NUMBERS; i++) {
         bytes[i] = (uint8_t)(i * 7);
@@ -62,8 +62,8 @@ TEST(gives_the_device_the_same_bits)
                                 .form = HADA_FORM_COMPLEX,
                                 .boundary = HADA_BOUNDARY_CIRCULAR,
                                 .distances_mm = &distance};
-        hada_slot *slot;
-        hada_hadamard *stage;
+        SCOPED(hada_slot) * slot;
+        SCOPED(hada_hadamard) * stage;
         const int rows = sides[k % SIDES][0], cols = sides[k % SIDES][1], apart = k >= SIDES;
         context->info.unified_memory = !apart;
         ASSERT_OK(hada_model_set_sizes(&info, rows, cols, rows, cols, err));
@@ -75,10 +75,7 @@ TEST(gives_the_device_the_same_bits)
             send_all(stage, words, HADA_PIXEL_U16, scales[s], rows, cols);
         }
         send_all(stage, floats, HADA_PIXEL_F32, HADA_AUTO, rows, cols);
-        hada_hadamard_destroy(&stage);
-        hada_slot_destroy(&slot);
     }
-    hada_context_destroy(&context);
 }
 
 /* Memory with wide gaps, and scales whose quotients the device was not tested for, are converted on the host. */

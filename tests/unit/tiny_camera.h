@@ -198,7 +198,7 @@ static inline void tiny_expose_colours(tiny_device *device, const tiny_camera *c
                    whole + (size_t)c * camera->pixels + (size_t)(camera->frame.row0 + i) * (size_t)camera->cols +
                        (size_t)camera->frame.col0,
                    (size_t)camera->frame.cols * sizeof *to);
-    hada_fft *plan;
+    SCOPED(hada_fft) * plan;
     const hada_fft_desc desc = {.direction = HADA_FFT_FORWARD,
                                 .rows = camera->rows,
                                 .cols = camera->cols,
@@ -212,7 +212,6 @@ static inline void tiny_expose_colours(tiny_device *device, const tiny_camera *c
     ASSERT_OK(hada_fft_create(&plan, device->slot, &desc, err));
     ASSERT_OK(hada_fft_forward(plan, camera->channels, device->image.mem, 0, device->spectrum.mem, 0, err));
     ASSERT_OK(hada_slot_finish(device->slot, err));
-    hada_fft_destroy(&plan);
 }
 
 /* One image in every channel, channel c scaled by gain / (1 + c). */

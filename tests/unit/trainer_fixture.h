@@ -25,10 +25,9 @@ static fixture f;
 
 static inline hada_status give(const hada_image *from, hada_image *to, hada_error *error)
 {
-    const hada_status status = hada_image_create(to, from->channels, from->rows, from->cols, error);
-    if (!status)
-        memcpy(to->data, from->data, hada_image_count(from) * sizeof(float));
-    return status;
+    HADA_TRY(hada_image_create(to, from->channels, from->rows, from->cols, error));
+    memcpy(to->data, from->data, hada_image_count(from) * sizeof(float));
+    return HADA_OK;
 }
 
 static inline hada_status read_from(int depth, int at, hada_image *raw, hada_image *scene, hada_error *error)
@@ -91,13 +90,7 @@ static inline void paint(hada_image *scene, uint64_t seed)
 static inline void make_model(void)
 {
     hada_fitter *fitter;
-    DEFAULTS(hada_fit_options, options);
-    options.depths = DEPTHS;
-    options.channels = 1;
-    options.distances_mm = distances;
-    options.raw_rows = ROWS;
-    options.raw_cols = COLS;
-    options.window_rows = options.window_cols = WINDOW;
+    hada_fit_options options = helpers_fit(DEPTHS, 1, distances, ROWS, COLS, WINDOW);
     options.refine_steps = 2;
     options.alpha = 0.0;
     options.lambda = 1e-3;

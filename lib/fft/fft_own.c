@@ -8,8 +8,7 @@
 
 #include "fft/fft_internal.h"
 #include "launch/fft_group_cols.h"
-#include "launch/fft_group_rows_forward.h"
-#include "launch/fft_group_rows_inverse.h"
+#include "launch/fft_group_rows.h"
 #include "launch/fft_image_forward.h"
 #include "launch/fft_image_inverse.h"
 #include "launch/fft_rows_cols.h"
@@ -275,12 +274,10 @@ static hada_status launch_rows_forward(hada_fft *plan, cl_mem in, const hada_fft
     }
     const hada_range range = hada_own_pass_range(pass, plan->slot, row_tasks(state, &plan->desc) * real->images);
     if (plan->slot->context->shape == HADA_SHAPE_GROUPS)
-        return hada_launch_fft_group_rows_forward(plan->slot,
-                                                  pass->local_bytes ? HADA_PROGRAM_FFT_GROUP_ROWS_FORWARD_DEFAULT
-                                                                    : HADA_PROGRAM_FFT_GROUP_ROWS_FORWARD_GLOBAL,
-                                                  &range, err, .in = in, .real = *real, .out = out, .spectra = *spectra,
-                                                  .table = pass->table.ints, .width = pass->width,
-                                                  .scratches = hada_own_pass_scratch(pass));
+        return hada_launch_fft_group_rows_forward(
+            plan->slot, pass->local_bytes ? HADA_PROGRAM_FFT_GROUP_ROWS_DEFAULT : HADA_PROGRAM_FFT_GROUP_ROWS_GLOBAL,
+            &range, err, .in = in, .real = *real, .out = out, .spectra = *spectra, .table = pass->table.ints,
+            .width = pass->width, .scratches = hada_own_pass_scratch(pass));
     return hada_launch_fft_rows_forward(
         plan->slot, pass->local_bytes ? HADA_PROGRAM_FFT_ROWS_COLS_DEFAULT : HADA_PROGRAM_FFT_ROWS_COLS_GLOBAL, &range,
         err, .in = in, .real = *real, .out = out, .spectra = *spectra, .table = pass->table.ints,
@@ -300,12 +297,10 @@ static hada_status launch_rows_inverse(hada_fft *plan, cl_mem in, const hada_fft
     }
     const hada_range range = hada_own_pass_range(pass, plan->slot, row_tasks(state, &plan->desc) * real->images);
     if (plan->slot->context->shape == HADA_SHAPE_GROUPS)
-        return hada_launch_fft_group_rows_inverse(plan->slot,
-                                                  pass->local_bytes ? HADA_PROGRAM_FFT_GROUP_ROWS_INVERSE_DEFAULT
-                                                                    : HADA_PROGRAM_FFT_GROUP_ROWS_INVERSE_GLOBAL,
-                                                  &range, err, .in = in, .spectra = *spectra, .out = out, .real = *real,
-                                                  .table = pass->table.ints, .width = pass->width,
-                                                  .scratches = hada_own_pass_scratch(pass));
+        return hada_launch_fft_group_rows_inverse(
+            plan->slot, pass->local_bytes ? HADA_PROGRAM_FFT_GROUP_ROWS_DEFAULT : HADA_PROGRAM_FFT_GROUP_ROWS_GLOBAL,
+            &range, err, .in = in, .spectra = *spectra, .out = out, .real = *real, .table = pass->table.ints,
+            .width = pass->width, .scratches = hada_own_pass_scratch(pass));
     return hada_launch_fft_rows_inverse(
         plan->slot, pass->local_bytes ? HADA_PROGRAM_FFT_ROWS_COLS_DEFAULT : HADA_PROGRAM_FFT_ROWS_COLS_GLOBAL, &range,
         err, .in = in, .spectra = *spectra, .out = out, .real = *real, .table = pass->table.ints,

@@ -1,6 +1,5 @@
 /* Gradients of weights and biases: partial sums, then their sum in order; or by Winograd's tiles, part by part in local
  * memory or step by step. */
-#include "launch/conv_group_reduce.h"
 #include "launch/conv_group_weights.h"
 #include "launch/conv_plain.h"
 #include "launch/conv_reduce.h"
@@ -58,14 +57,20 @@ static hada_status partial_weights(hada_conv *conv, const hada_tensor *coarse, c
                                     .sizes = sizes);
 }
 
+static hada_program_conv_reduce reduce_program(const hada_conv *conv)
+{
+    return (hada_program_conv_reduce)hada_find_conv_reduce(.net_block = conv->plan.block,
+                                                           .conv_groups = conv->plan.groups);
+}
+
 static hada_status reduce_lanes(hada_conv *conv, const hada_tensor *coarse, hada_floats dw,
                                 const hada_conv_partials *sizes, int accumulate, hada_error *err)
 {
     const hada_range range =
         hada_range_of((size_t)sizes->fine_channels, LOCAL, (size_t)hada_layout_of(coarse).blocks, 1);
-    return hada_launch_conv_reduce_weights(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_REDUCE, conv->plan.block), &range,
-                                           err, .partial = conv->scratch.mem, .dw = dw.mem, .sizes = *sizes,
-                                           .dw_offset = dw.offset, .accumulate = accumulate);
+    return hada_launch_conv_reduce_weights(conv->slot, reduce_program(conv), &range, err, .partial = conv->scratch.mem,
+                                           .dw = dw.mem, .sizes = *sizes, .dw_offset = dw.offset,
+                                           .accumulate = accumulate);
 }
 
 static hada_status reduce_groups(hada_conv *conv, const hada_tensor *coarse, hada_floats dw,
@@ -74,9 +79,9 @@ static hada_status reduce_groups(hada_conv *conv, const hada_tensor *coarse, had
     const size_t fours = (size_t)conv->plan.block / 4 * (size_t)sizes->places;
     const hada_range range = hada_range_of((size_t)sizes->fine_channels * fours, HADA_CONV_GROUP_ITEMS,
                                            (size_t)hada_layout_of(coarse).blocks, 1);
-    return hada_launch_conv_group_reduce_weights(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_GROUP_REDUCE, conv->plan.block),
-                                                 &range, err, .partial = conv->scratch.mem, .dw = dw.mem,
-                                                 .sizes = *sizes, .dw_offset = dw.offset, .accumulate = accumulate);
+    return hada_launch_conv_group_reduce_weights(conv->slot, reduce_program(conv), &range, err,
+                                                 .partial = conv->scratch.mem, .dw = dw.mem, .sizes = *sizes,
+                                                 .dw_offset = dw.offset, .accumulate = accumulate);
 }
 
 static hada_status weights_of(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, hada_floats dw,
@@ -112,11 +117,10 @@ static hada_status reduce_bias(hada_conv *conv, size_t scratch_offset, int parts
 {
     const int block = conv->plan.block;
     const hada_range range = hada_range_of((size_t)channels, LOCAL, 1, 1);
-    const int program = hada_find_conv_reduce(.net_block = block, .conv_partials = !conv->plan.groups);
-    return hada_launch_conv_reduce_bias(
-        conv->slot, (hada_program_conv_reduce)program, &range, err, .partial = conv->scratch.mem, .db = db.mem,
-        .offset = scratch_offset, .db_offset = db.offset, .parts = parts, .blocks = (channels + block - 1) / block,
-        .channels = channels, .accumulate = accumulate);
+    return hada_launch_conv_reduce_bias(conv->slot, reduce_program(conv), &range, err, .partial = conv->scratch.mem,
+                                        .db = db.mem, .offset = scratch_offset, .db_offset = db.offset, .parts = parts,
+                                        .blocks = (channels + block - 1) / block, .channels = channels,
+                                        .accumulate = accumulate);
 }
 
 static hada_status bias_of(hada_conv *conv, const hada_tensor *dy, hada_floats db, int accumulate, hada_error *err)
@@ -127,13 +131,11 @@ static hada_status bias_of(hada_conv *conv, const hada_tensor *dy, hada_floats d
     const hada_range range = hada_range_of((size_t)at_dy.blocks, 1, (size_t)parts, 1);
     const hada_range groups = hada_range_groups(1, HADA_CONV_GROUP_ITEMS, (size_t)at_dy.blocks, (size_t)parts);
     if (conv->plan.groups)
-        HADA_TRY(hada_launch_conv_group_bias(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_GROUP_REDUCE, conv->plan.block),
-                                             &groups, err, .dy = dy->mem, .partial = conv->scratch.mem, .at_dy = at_dy,
-                                             .images = dy->images));
+        HADA_TRY(hada_launch_conv_group_bias(conv->slot, reduce_program(conv), &groups, err, .dy = dy->mem,
+                                             .partial = conv->scratch.mem, .at_dy = at_dy, .images = dy->images));
     else
-        HADA_TRY(hada_launch_conv_bias_partial(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_REDUCE, conv->plan.block), &range,
-                                               err, .dy = dy->mem, .partial = conv->scratch.mem, .at_dy = at_dy,
-                                               .images = dy->images));
+        HADA_TRY(hada_launch_conv_bias_partial(conv->slot, reduce_program(conv), &range, err, .dy = dy->mem,
+                                               .partial = conv->scratch.mem, .at_dy = at_dy, .images = dy->images));
     return reduce_bias(conv, 0, parts, dy->channels, db, accumulate, err);
 }
 

@@ -1,6 +1,6 @@
 /* Transforms of FFT_POINTS points along rows: a group takes some pairs of rows of one image, FFT_ITEMS work-items a
  * pair, as one complex transform each. Memory is read and written by four points in a row, 128 bits an access. As
- * fft_group_rows_forward.cl and fft_group_rows_inverse.cl otherwise. */
+ * fft_group_rows.cl otherwise. */
 #include "inc_fft_sized.h"
 #include "shared_fft.h"
 

@@ -68,13 +68,12 @@ WIDE_INLINE void wide_put(wide_real v, __global float *p)
 
 WIDE_INLINE wide_real wide_get_some(__global const float *p, long count)
 {
-    return count > 0 ? *p : 0.0f;
+    return *p;
 }
 
 WIDE_INLINE void wide_put_some(wide_real v, __global float *p, long count)
 {
-    if (count > 0)
-        *p = v;
+    *p = v;
 }
 
 WIDE_INLINE float wide_sum(wide_real v)

@@ -47,9 +47,13 @@ __kernel void net_blend(__global const float *x, __global float *y, hada_tensor_
     for (int r = part.first; r < part.last; r++) {
         __global const float *in = x + net_row(at_x, part.image, part.block, r);
         __global float *out = y + net_row(at_y, part.image, part.block, r);
-        NET_EACH_PIXEL (c, cols) {
-            const net_vector v = net_get(in + c * NET_BLOCK);
-            net_put(b == 0.0f ? a * v : fma((net_vector)a, v, b * net_get(out + c * NET_BLOCK)), out + c * NET_BLOCK);
+        if (b == 0.0f) {
+            NET_EACH_PIXEL (c, cols)
+                net_put(a * net_get(in + c * NET_BLOCK), out + c * NET_BLOCK);
+        } else {
+            NET_EACH_PIXEL (c, cols)
+                net_put(fma((net_vector)a, net_get(in + c * NET_BLOCK), b * net_get(out + c * NET_BLOCK)),
+                        out + c * NET_BLOCK);
         }
     }
 }

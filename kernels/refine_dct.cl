@@ -38,6 +38,8 @@ __kernel void refine_dct_colours(__global const float *from, uint first, __globa
 {
     const int area = window.rows * window.cols, channels = window.channels;
     const int i = get_global_id(0) * WIDE_WIDTH * DCT_RUN;
+    if (i >= area)
+        return;
     for (int k = 0; k < channels; ++k) {
         dct_real sum[DCT_RUN];
         for (int j = 0; j < DCT_RUN; ++j)

@@ -99,7 +99,8 @@ static const hada_files_task files_task = {.size = sizeof(hada_files_task),
                                            .bits = 32,
                                            .white = 1.0,
                                            .encoding = HADA_AUTO,
-                                           .frame_encoding = HADA_AUTO};
+                                           .frame_encoding = HADA_AUTO,
+                                           .match = HADA_FILES_MATCH_FIRST};
 static const hada_simulate_task simulate_task = {.size = sizeof(hada_simulate_task),
                                                  .pairs = 8,
                                                  .test_depths = 2,

@@ -31,20 +31,27 @@ static double measure(const hada_image *psf, double dark, double *background, fl
     return total;
 }
 
+/* The place on a grid of a point that is `from_axis` pixels from the axis, which is at the origin. */
+static int on_grid(int from_axis, int turned, int grid)
+{
+    return (grid + (turned ? -from_axis : from_axis)) % grid;
+}
+
 /* A channel of a PSF onto the grid: background off, times `scale`, axis at the origin. Returns the sum of squares,
  * which is the mean of |OTF|^2. */
-static double place(const hada_image *psf, const hada_model_info *info, int channel, double background, double scale,
-                    float *grid)
+static double place(const hada_image *psf, const hada_model_info *info, hada_turn turn, int channel, double background,
+                    double scale, float *grid)
 {
     const float *from = psf->data + (size_t)channel * (size_t)psf->rows * (size_t)psf->cols;
-    const int row0 = info->grid_rows - psf->rows / 2, col0 = info->grid_cols - psf->cols / 2;
     double square = 0.0;
     memset(grid, 0, (size_t)info->grid_rows * (size_t)info->grid_cols * sizeof *grid);
     for (int row = 0; row < psf->rows; row++) {
-        float *to = grid + (size_t)((row0 + row) % info->grid_rows) * (size_t)info->grid_cols;
+        float *to = grid + (size_t)on_grid(row - psf->rows / 2, turn & HADA_TURN_FLIP, info->grid_rows) *
+                               (size_t)info->grid_cols;
         for (int col = 0; col < psf->cols; col++) {
             const double value = fmax((double)from[(size_t)row * (size_t)psf->cols + (size_t)col] - background, 0.0);
-            to[(col0 + col) % info->grid_cols] = (float)((double)(float)value * scale);
+            to[on_grid(col - psf->cols / 2, turn & HADA_TURN_MIRROR, info->grid_cols)] =
+                (float)((double)(float)value * scale);
             square += value * value;
         }
     }
@@ -110,13 +117,13 @@ static void work_destroy(psf_work *work)
 }
 
 /* The transfer functions of a depth, brightness 1 (mean over channels), and the sums of squares of its channels. */
-static hada_status transform_depth(psf_work *work, hada_model *model, const hada_image *psf, double psf_dark, int depth,
-                                   double *square, hada_error *err)
+static hada_status transform_depth(psf_work *work, hada_model *model, const hada_image *psf,
+                                   const hada_psf_options *options, int depth, double *square, hada_error *err)
 {
     const hada_model_info *info = &model->info;
     const hada_spectrum_layout *layout = hada_fft_plan_layout(work->fft);
     const size_t plane = hada_model_plane(model), area = (size_t)info->grid_rows * (size_t)info->grid_cols;
-    const double total = measure(psf, psf_dark, work->background, work->room);
+    const double total = measure(psf, options->psf_dark, work->background, work->room);
     if (!(total > 0.0))
         return hada_fail(err, HADA_ERROR_NUMERIC,
                          "the point spread function of depth %d is dark everywhere once its background is taken off; "
@@ -125,7 +132,7 @@ static hada_status transform_depth(psf_work *work, hada_model *model, const hada
     const double scale = psf->channels / total;
     for (int c = 0; c < info->channels; c++) {
         const size_t image = (size_t)depth * (size_t)info->channels + (size_t)c;
-        square[image] = place(psf, info, c, work->background[c], scale, work->room);
+        square[image] = place(psf, info, options->turn, c, work->background[c], scale, work->room);
         HADA_TRY(hada_buffer_write(&work->real, work->slot, 0, work->room, area * 4, err));
         HADA_TRY(hada_fft_forward(work->fft, 1, work->real.mem, 0, work->spectrum.mem, 0, err));
         HADA_TRY(hada_buffer_read(&work->spectrum, work->slot, 0, work->room, layout->count * 8, err));
@@ -134,14 +141,14 @@ static hada_status transform_depth(psf_work *work, hada_model *model, const hada
     return HADA_OK;
 }
 
-static hada_status transform_all(hada_model *model, hada_context *context, const hada_image *psfs, double psf_dark,
-                                 double *square, hada_error *err)
+static hada_status transform_all(hada_model *model, hada_context *context, const hada_image *psfs,
+                                 const hada_psf_options *options, double *square, hada_error *err)
 {
     psf_work work = {0};
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(work_create(&work, context, &model->info, err));
     for (int z = 0; z < model->info.depths; z++)
-        HADA_TRY_OR_DONE(transform_depth(&work, model, &psfs[z], psf_dark, z, square, err));
+        HADA_TRY_OR_DONE(transform_depth(&work, model, &psfs[z], options, z, square, err));
 done:
     work_destroy(&work);
     return status;
@@ -186,6 +193,8 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
         HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_ARGUMENT,
                       "lambda, refine_tv and dark levels must be finite, lambda above 0 and refine_tv not negative"));
+    if ((int)options->turn < HADA_TURN_NONE || options->turn > HADA_TURN_180)
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "there is no turn %d (hada_turn)", (int)options->turn));
     HADA_TRY_OR_DONE(check_psfs(psfs, depths, err));
     const choice *chosen = options->boundary == HADA_BOUNDARY_PADDED ? &for_padded : &for_circular;
     hada_model_info info = {.depths = depths,
@@ -206,7 +215,7 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
     HADA_TRY_OR_DONE(hada_model_create(out, &info, 0, err));
     const size_t images = (size_t)depths * (size_t)info.channels, plane = hada_model_plane(*out);
     HADA_TRY_OR_DONE(hada_allocated(square = hada_alloc(images, sizeof *square, "point spread functions", err)));
-    HADA_TRY_OR_DONE(transform_all(*out, context, psfs, options->psf_dark, square, err));
+    HADA_TRY_OR_DONE(transform_all(*out, context, psfs, options, square, err));
     /* the device's memory is given back by now: the filters are as large */
     for (size_t i = 0; i < images; i++)
         make_filter((*out)->otf + i * plane * 2, plane, info.form, info.lambda, square[i],

@@ -5,11 +5,13 @@
 #include "core/callers.h"
 #include "dispatch/plan.h"
 #include "io/folder.h"
+#include "model/model.h"
 #include "tasks/frames.h"
 
 /* A run over all files, and the file whose results are being written. */
 typedef struct run {
     hada_files_task task;
+    const hada_plan *plan;
     const hada_model *model;
     double gamma; /* of the plan */
     const char *const *paths;
@@ -21,7 +23,9 @@ typedef struct run {
     hada_stream stream;
     hada_outputs out;
     hada_files_state state;
-    int open; /* a file's turn has begun */
+    int open;    /* a file's turn has begun */
+    int matched; /* a frame was compared with the camera */
+    hada_match match;
     int failed;
     hada_progress progress;
 } run;
@@ -46,6 +50,7 @@ static void tell(run *own, hada_files_event event, const hada_streamed *frame)
     if (own->task.tell)
         own->task.tell(own->task.user, state);
     state->result = NULL;
+    state->match = NULL;
 }
 
 /* Two inputs must not write the same files. */
@@ -71,6 +76,8 @@ static hada_status choose_files(run *own, hada_error *err)
     HADA_TRY(hada_communicator_check(own->task.communicator, err));
     HADA_TRY(HADA_OPTIONS_TAKE(&ranks, own->task.communicator, hada_communicator, err));
     own->task.communicator = NULL;
+    if (hada_rank(&ranks) && own->task.match == HADA_FILES_MATCH_FIRST)
+        own->task.match = HADA_FILES_MATCH_NONE; /* one of them looks */
     HADA_TRY(HADA_NEW(own->todo, (size_t)own->count, "the files", err));
     HADA_TRY(HADA_NEW(own->here, (size_t)own->count, "the files", err));
     for (int i = 0; i < own->count; i++) {
@@ -121,6 +128,54 @@ static void fail_file(run *own, const hada_streamed *frame, hada_error *err)
     leave_file(own);
 }
 
+static void tell_match(const run *own, const char *name)
+{
+    static const char *const turns[] = {"", "mirrored left to right", "flipped top to bottom", "turned by 180 degrees"};
+    static const char *const values[] = {"none", "mirror", "flip", "180"};
+    const hada_monitor *monitor = own->task.monitor;
+    const hada_match *match = &own->match;
+    if (match->verdict == HADA_MATCH_TURNED && own->model->scene_power)
+        hada_monitor_tell(monitor, HADA_MESSAGE_NOTE,
+                          "%s: the camera %s explains the frame %.2g times better; turn the frames as those of the "
+                          "pairs were, or learn the camera from pairs that lie as the frames do",
+                          name, turns[match->turn], match->factor);
+    else if (match->verdict == HADA_MATCH_TURNED)
+        hada_monitor_tell(monitor, HADA_MESSAGE_NOTE,
+                          "%s: the point spread function %s explains the frame %.2g times better; make the model again "
+                          "with options.turn %s",
+                          name, turns[match->turn], match->factor, values[match->turn]);
+    else if (match->verdict == HADA_MATCH_MAGNIFIED)
+        hada_monitor_tell(monitor, HADA_MESSAGE_NOTE,
+                          "%s: the point spread function magnified by %.2f explains the frame %.2g times better; check "
+                          "whether it was taken at the distance of the scene, and not scaled",
+                          name, match->magnification, match->factor);
+    else if (match->verdict == HADA_MATCH_UNRELATED)
+        hada_monitor_tell(
+            monitor, HADA_MESSAGE_NOTE,
+            "%s: the camera explains the frame no better than any other would; check that the model is of "
+            "the camera, the mask and the size of pixels that took the frame",
+            name);
+}
+
+/* Compares a frame with the camera, if it is one of those that are. A comparison that fails is no failure of the
+ * frame. */
+static void match_frame(run *own, const hada_streamed *frame)
+{
+    hada_error error = {0};
+    if (frame->frame || own->task.match == HADA_FILES_MATCH_NONE ||
+        (own->task.match == HADA_FILES_MATCH_FIRST && (own->matched || !own->plan->setup.config.joint)))
+        return;
+    own->matched = 1;
+    own->match = (hada_match){.size = sizeof own->match};
+    if (hada_plan_match(own->plan, &frame->raw, &own->match, &error)) {
+        hada_monitor_tell(own->task.monitor, HADA_MESSAGE_DETAIL,
+                          "whether the camera belongs to the frame is not known: %s", error.message);
+        return;
+    }
+    own->state.match = &own->match;
+    tell_match(own, own->names[own->todo[frame->file]]);
+}
+
 /* Writes a frame, the file's last one with all that ends a file. */
 static hada_status take_frame(run *own, hada_streamed *frame, hada_error *err)
 {
@@ -129,6 +184,7 @@ static hada_status take_frame(run *own, hada_streamed *frame, hada_error *err)
     *err = frame->error;
     HADA_TRY(frame->status);
     HADA_TRY(hada_outputs_add(&own->out, &frame->raw, &frame->result, err));
+    match_frame(own, frame);
     tell(own, HADA_FILES_FRAME, frame);
     if (frame->frame == frame->frames - 1) {
         HADA_TRY(hada_outputs_finish(&own->out, err));
@@ -183,10 +239,12 @@ static hada_status check_encoding(const run *own, hada_error *err)
 hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, const char *const *paths, int count,
                                    const hada_files_task *task, int *failed, hada_error *err)
 {
-    run own = {.model = model, .paths = paths, .count = count};
+    run own = {.plan = plan, .model = model, .paths = paths, .count = count};
     hada_inputs *inputs = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&own.task, task, hada_files_task, err));
+    if ((int)own.task.match < HADA_FILES_MATCH_NONE || own.task.match > HADA_FILES_MATCH_EACH)
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "there is no options.match %d", (int)own.task.match));
     if (!plan || !model || !paths || !own.task.output)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT,
                                    "hada_reconstruct_files: a plan, its model, files and a folder are needed"));

@@ -41,6 +41,7 @@ enum {
     HADA_EXIT_DEVICE = 5, /* OpenCL: none, not the one asked for, or it fails */
     HADA_EXIT_MEMORY = 6,
     HADA_EXIT_NUMERIC = 7,
+    HADA_EXIT_STRANGE = 8, /* reconstruct --strict: all was written, but the camera does not belong to a frame */
     HADA_EXIT_INTERRUPTED = 130
 };
 

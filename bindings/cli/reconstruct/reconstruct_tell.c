@@ -30,6 +30,25 @@ static json_t *frame_json(const hada_result *result)
         "enhance", report->seconds_enhance, "focus", report->seconds_focus, "download", report->seconds_download);
 }
 
+static json_t *match_json(const hada_match *match)
+{
+    static const char *const verdicts[] = {"unknown", "belongs", "turned", "magnified", "unrelated"};
+    static const char *const turns[] = {"none", "mirror", "flip", "180"};
+    return json_pack("{s:s, s:s, s:f, s:o, s:o}", "verdict", verdicts[match->verdict], "turn", turns[match->turn],
+                     "magnification", match->magnification, "factor", hada_cli_real(match->factor), "unexplained",
+                     hada_cli_real(match->unexplained));
+}
+
+static void tell_frame(listener *to, const hada_files_state *state)
+{
+    json_t *frame = frame_json(state->result);
+    if (state->match) {
+        json_object_set_new(frame, "camera", match_json(state->match));
+        to->strange += state->match->verdict > HADA_MATCH_BELONGS;
+    }
+    json_array_append_new(to->frames, frame);
+}
+
 /* "a surface, 120 to 340 mm" */
 static void surface_words(const hada_result *result, char *text, size_t size)
 {
@@ -163,7 +182,7 @@ void hada_cli_files_tell(void *user, const hada_files_state *state)
     listener *to = user;
     switch (state->event) {
     case HADA_FILES_BEGINS: begin_file(to, state); break;
-    case HADA_FILES_FRAME: json_array_append_new(to->frames, frame_json(state->result)); break;
+    case HADA_FILES_FRAME: tell_frame(to, state); break;
     case HADA_FILES_DONE: tell_file(to, state); break;
     case HADA_FILES_FAILED: fail_file(to, state); break;
     case HADA_FILES_THERE: pass_over(to, state); break;

@@ -11,6 +11,7 @@ typedef struct hada_cli_files_listener {
     json_t *entry, *frames; /* of the file at hand; owned by the document */
     double before;          /* when the file before was done */
     int failed, code;       /* files, and the exit code for them */
+    int strange;            /* frames that the camera does not belong to, of those that were compared */
 } hada_cli_files_listener;
 
 /* As hada_files_task asks for it; `user` is a listener. */

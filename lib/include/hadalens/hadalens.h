@@ -16,6 +16,7 @@
 #include <hadalens/job.h>
 #include <hadalens/limits.h>
 #include <hadalens/lpips.h>
+#include <hadalens/match.h>
 #include <hadalens/metrics.h>
 #include <hadalens/model.h>
 #include <hadalens/monitor.h>

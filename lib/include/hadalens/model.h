@@ -102,6 +102,14 @@ HADA_API hada_status hada_model_with_enhance(hada_model **out, const hada_model 
 /* The net of a model, owned by it; NULL where it has none. */
 HADA_API const hada_net *hada_model_get_enhance(const hada_model *model);
 
+/* How a point spread function is turned about its axis: for images that were taken or saved the other way round. */
+typedef enum hada_turn {
+    HADA_TURN_NONE = 0,
+    HADA_TURN_MIRROR = 1, /* left to right */
+    HADA_TURN_FLIP = 2,   /* top to bottom */
+    HADA_TURN_180 = 3     /* both */
+} hada_turn;
+
 /* From point spread functions: one image per depth (channels x rows x cols, optical axis at (rows/2, cols/2)), forms
  * matched or wiener. The OTF is kept, so refinement works. */
 typedef struct hada_psf_options {
@@ -115,6 +123,7 @@ typedef struct hada_psf_options {
     double dark;      /* of the frames, kept in the model; HADA_AUTO: per frame, estimated; 0 by default */
     int refine_steps; /* HADA_AUTO (default): chosen */
     double refine_tv; /* weight of total variation in refinement; 0: none; HADA_AUTO (default): found from each frame */
+    hada_turn turn;   /* HADA_TURN_NONE by default: how all of them are turned first */
 } hada_psf_options;
 HADA_INIT(hada_psf_options, HADA_STRUCT_PSF_OPTIONS)
 

@@ -13,12 +13,21 @@
 #define HADALENS_TASK_RECONSTRUCT_H
 
 #include <hadalens/communicator.h>
+#include <hadalens/match.h>
 #include <hadalens/monitor.h>
 #include <hadalens/reconstruct.h>
 
 #ifdef __cplusplus
 extern "C" {
 #endif
+
+/* Which frames are compared with the camera turned and magnified (hadalens/match.h). Where another way is better, or
+ * the camera explains nothing, the monitor gets a note. */
+typedef enum hada_files_match {
+    HADA_FILES_MATCH_NONE = 0,
+    HADA_FILES_MATCH_FIRST = 1, /* the first one, where planes are refined */
+    HADA_FILES_MATCH_EACH = 2   /* the first one of each file */
+} hada_files_match;
 
 /* What is written for an input. */
 typedef enum hada_output {
@@ -52,6 +61,7 @@ typedef struct hada_files_task {
                                               copied; NULL (default): none do. All ranks name the same files */
     double frame_encoding; /* how the values of the frames stand for light (hadalens/response.h), which is made linear;
                               HADA_AUTO (default): as their files say (JPEG: sRGB), linear where they say nothing */
+    hada_files_match match;                /* HADA_FILES_MATCH_FIRST by default */
 } hada_files_task;
 HADA_INIT(hada_files_task, HADA_STRUCT_FILES_TASK)
 
@@ -73,6 +83,7 @@ struct hada_files_state {
     const char *outputs[HADA_OUTPUTS]; /* paths; NULL: not written */
     const hada_error *error;           /* FAILED: why, the path in front */
     const char *confidence;            /* path of the confidence map; NULL: not written */
+    const hada_match *match;           /* FRAME: whether the camera belongs to it; NULL: not compared */
 };
 
 /* Frames that hada_reconstruct_files() holds at a time: one for each queue, one that is read, one that is written. */

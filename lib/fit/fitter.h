@@ -72,6 +72,10 @@ hada_status hada_fit_solve(hada_fitter *fitter, hada_model **out, hada_error *er
 hada_status hada_fit_model_make(hada_model **out, hada_fit_sums *sums, hada_fit_setting setting, const float *filters,
                                 const hada_fit_transfers *learned, hada_nonnegative *nonnegative, hada_error *err);
 
+/* HADA_ERROR_DATASET where all frames or all scenes of a depth are constant images. Reads one pair of a depth, and more
+ * of those where it is constant. */
+hada_status hada_fit_check_content(const hada_dataset *pairs, hada_error *err);
+
 /* Depths, distances and sizes of a data set (of its first pair; the others are checked when they are read), into
  * options. A window that options give is cut from scenes that are as large as the frame. */
 hada_status hada_fit_sizes_from(hada_fit_options *options, const hada_dataset *pairs, hada_error *err);

@@ -67,6 +67,7 @@ void hada_leave_one_out_forget(hada_leave_one_out *scores)
     scores->taken = 0;
     for (int z = 0; z < scores->grid->info.depths; z++) {
         scores->depth[z].scored = 0;
+        scores->depth[z].constant = 0.0;
         memset(scores->depth[z].single, 0, bytes);
         memset(scores->depth[z].twofold, 0, bytes);
     }
@@ -190,12 +191,29 @@ static double decibels(const hada_fit_grid *grid, double sum)
     return -10.0 * log10(fmax(sum / (double)hada_fit_window_floats(grid), LEAST_ERROR));
 }
 
+/* Squared deviations of a scene from the mean of each channel. */
+static double spread(const hada_fit_grid *grid, const float *scene)
+{
+    const size_t area = hada_fit_window_floats(grid) / (size_t)grid->info.channels;
+    double total = 0.0;
+    for (int c = 0; c < grid->info.channels; c++, scene += area) {
+        double sum = 0.0, square = 0.0;
+        for (size_t i = 0; i < area; i++) {
+            sum += scene[i];
+            square += (double)scene[i] * scene[i];
+        }
+        total += fmax(square - sum * sum / (double)area, 0.0);
+    }
+    return total;
+}
+
 hada_status hada_leave_one_out_share(hada_leave_one_out *scores, hada_error *err)
 {
     const hada_communicator *ranks = &scores->grid->communicator;
     for (int z = 0; z < scores->grid->info.depths; z++) {
         if (!scores->depth[z].scored)
             continue;
+        HADA_TRY(hada_reduce(ranks, &scores->depth[z].constant, 1, err));
         HADA_TRY(hada_reduce(ranks, scores->depth[z].single, (size_t)scores->setting_count, err));
         HADA_TRY(hada_reduce(ranks, scores->depth[z].twofold, (size_t)scores->setting_count, err));
     }
@@ -216,6 +234,7 @@ hada_status hada_leave_one_out_add(hada_leave_one_out *scores, const hada_fit_su
     HADA_TRY_OR_DONE(prepare(scores, err));
     HADA_TRY_OR_DONE(hada_allocated(partial = hada_alloc_raw(scores->partial.bytes, 1, "scores", err)));
     HADA_TRY_OR_DONE(HADA_NEW(own, 2 * count, "scores", err));
+    to->constant += decibels(scores->grid, spread(scores->grid, pair->scene_pixels));
     HADA_TRY_OR_DONE(score_pair(scores, sums, pair, depth, partial, own, own + count, err));
     for (size_t s = 0; s < count; s++) {
         to->single[s] += decibels(scores->grid, own[s]);
@@ -244,6 +263,19 @@ static int mean_psnr(const hada_leave_one_out *scores, int setting, double *sing
         *twofold /= depths;
     }
     return depths;
+}
+
+double hada_leave_one_out_gain(const hada_leave_one_out *scores)
+{
+    double most = -INFINITY, constant = 0.0, single, twofold;
+    int depths = 0;
+    for (int s = 0; s < scores->distinct; s++)
+        if ((depths = mean_psnr(scores, s, &single, &twofold)) > 0)
+            most = fmax(most, single);
+    for (int z = 0; z < scores->grid->info.depths; z++)
+        if (scores->depth[z].scored)
+            constant += scores->depth[z].constant / (double)scores->depth[z].scored / depths;
+    return depths ? most - constant : NAN;
 }
 
 /* The setting with the highest score; -1 without any. */

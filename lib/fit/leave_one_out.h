@@ -14,6 +14,7 @@ enum { HADA_FIT_SETTINGS = 10 };
 /* Of the pairs of a depth that were scored: PSNR summed over them, per setting. */
 typedef struct hada_fit_score {
     int64_t scored;
+    double constant;          /* of a constant image in each channel, the best one */
     double *single, *twofold; /* with this depth alone occupied, and with the light of another */
 } hada_fit_score;
 
@@ -52,6 +53,10 @@ hada_status hada_leave_one_out_share(hada_leave_one_out *scores, hada_error *err
  * alone plus the PSNR with another depth's light, means over scored depths: in decibels, as the mean squared error with
  * other light alone would choose filters that are bad for single depths. */
 hada_fit_setting hada_leave_one_out_best(const hada_leave_one_out *scores);
+
+/* By how many decibels the best filters make single depths of held-out pairs better than constant images, the best
+ * ones, are; NaN where nothing was scored. */
+double hada_leave_one_out_gain(const hada_leave_one_out *scores);
 
 /* The table: a row for each setting, none where nothing was scored. */
 int hada_leave_one_out_row_count(const hada_leave_one_out *scores);

@@ -1,6 +1,7 @@
 /* A camera from a data set, or from saved sums. */
 #include <hadalens/camera.h>
 #include <hadalens/task_fit.h>
+#include <math.h>
 #include <unistd.h>
 
 #include "core/callers.h"
@@ -195,12 +196,29 @@ static hada_status find_boundary(learning *of, hada_context *context, hada_error
     return hada_fit_choose_boundary(&of->fit, context, of->data, of->task.monitor, err);
 }
 
+/* Held-out scenes of a usable model are better than constant images by this many decibels: the poorest real camera
+ * (six pairs) has 4, pairs that do not belong together have less than 0. */
+#define LEAST_GAIN 0.5
+
+static void tell_gain(const learning *of)
+{
+    const double gain = hada_leave_one_out_gain(&of->fitter->scores);
+    if (gain < LEAST_GAIN)
+        hada_monitor_tell(
+            of->task.monitor, HADA_MESSAGE_NOTE,
+            "the model is of no use: held-out scenes come out %.1f dB %s than images of one brightness; "
+            "check that each frame is of the scene with its name, that scenes are not turned or mirrored, "
+            "and that frames show more than noise",
+            fabs(gain), gain < 0.0 ? "worse" : "better");
+}
+
 static hada_status learn_pairs(learning *of, hada_context *context, hada_model **out, hada_error *err)
 {
     const hada_fit_task *task = &of->task;
     const hada_monitor *monitor = task->monitor;
     tell_data(of);
     HADA_TRY(hada_fit_prepare(&of->fit, of->data, task->boundary, monitor, err));
+    HADA_TRY(hada_fit_check_content(of->data, err));
     HADA_TRY(survey(of, err));
     HADA_TRY(find_boundary(of, context, err));
     HADA_TRY(hada_fit_agree(&of->fit, &of->ranks, err));
@@ -212,7 +230,9 @@ static hada_status learn_pairs(learning *of, hada_context *context, hada_model *
         hada_monitor_tell(monitor, HADA_MESSAGE_NOTE,
                           "transfer functions are learned without the light that left the sensor, since merged sums do "
                           "not hold the pairs; give all pairs in one data set to have it learned");
-    return hada_fitter_finish(of->fitter, of->data, out, err);
+    HADA_TRY(hada_fitter_finish(of->fitter, of->data, out, err));
+    tell_gain(of);
+    return HADA_OK;
 }
 
 /* Nothing can be left out here, so what is not given takes its stated default. */

@@ -15,6 +15,7 @@ const char *const hada_cli_exit_texts[] = {
     "5    no OpenCL device, not the one asked for, or it fails",
     "6    out of memory",
     "7    a computation broke down",
+    "8    reconstruct --strict: the camera does not belong to a frame",
     "130  stopped with Ctrl-C",
     NULL,
 };

@@ -21,10 +21,9 @@ enum { AROUND = 8 };
 #define KEPT 0.1
 /* Ways that correlate more with the camera as it is are the same one: a symmetric mask. */
 #define ALIKE 0.9
-/* Right cameras leave less than all other ways by CLEAR at least; unrelated ones differ by less. A way that leaves
- * less by TURNED is the right one. */
-#define CLEAR  1.1
-#define TURNED 1.15
+/* The right way leaves less than all others by this at least: real cameras by 1.2 to 5, while ways of unrelated cameras
+ * differ by up to 1.12. */
+#define CLEAR 1.2
 /* Where so many times the noise is left, noise does not explain it. */
 #define ABOVE_NOISE 1.5
 
@@ -32,9 +31,11 @@ typedef struct way {
     hada_turn turn;
     double magnification;
 } way;
-static const way turns[] = {{HADA_TURN_MIRROR, 1.0}, {HADA_TURN_FLIP, 1.0}, {HADA_TURN_180, 1.0}};
-static const way sizes[] = {{HADA_TURN_NONE, 0.9},  {HADA_TURN_NONE, 0.93}, {HADA_TURN_NONE, 0.96},
-                            {HADA_TURN_NONE, 1.04}, {HADA_TURN_NONE, 1.07}, {HADA_TURN_NONE, 1.1}};
+enum { TURNS = 3, SIZES = 6, NEAR = 2, NEARS = 2 }; /* NEAR: the first of those that are near 1 */
+static const way as_it_is = {HADA_TURN_NONE, 1.0};
+static const way turns[TURNS] = {{HADA_TURN_MIRROR, 1.0}, {HADA_TURN_FLIP, 1.0}, {HADA_TURN_180, 1.0}};
+static const way sizes[SIZES] = {{HADA_TURN_NONE, 0.9},  {HADA_TURN_NONE, 0.93}, {HADA_TURN_NONE, 0.96},
+                                 {HADA_TURN_NONE, 1.04}, {HADA_TURN_NONE, 1.07}, {HADA_TURN_NONE, 1.1}};
 
 /* A camera and a frame with larger pixels. */
 typedef struct reduced {
@@ -343,48 +344,84 @@ done:
     return status;
 }
 
-/* Tries ways, all but those that are the camera as it is: *most: the largest that one leaves. */
-static hada_status try_ways(const reduced *of, const way *ways, size_t count, hada_match *match, double *least,
-                            double *most, hada_error *err)
+/* The two of some ways that leave least; `best` NULL: all are the camera as it is. */
+typedef struct leaders {
+    const way *best;
+    double left, second;
+} leaders;
+
+static hada_status try_ways(const reduced *of, const way *ways, int count, leaders *of_these, hada_error *err)
 {
-    for (size_t i = 0; i < count; i++) {
+    *of_these = (leaders){.left = INFINITY, .second = INFINITY};
+    for (int i = 0; i < count; i++) {
         double left;
         make_psfs(of, &ways[i], of->psfs);
         if (likeness(of) > ALIKE)
             continue;
         HADA_TRY(explain(of, of->psfs, &left, err));
-        *most = fmax(*most, left);
-        if (left < *least) {
-            *least = left;
-            match->turn = ways[i].turn;
-            match->magnification = ways[i].magnification;
+        of_these->second = fmin(of_these->second, fmax(left, of_these->left));
+        if (left < of_these->left) {
+            of_these->left = left;
+            of_these->best = &ways[i];
         }
     }
     return HADA_OK;
 }
 
+/* Whether the first leaves clearly less. */
+static int is_clear(double left, double other)
+{
+    return CLEAR * left < other;
+}
+
+static void judge(hada_match *match, hada_match_verdict verdict, double left, const way *best)
+{
+    match->verdict = verdict;
+    match->factor = match->unexplained / left;
+    if (verdict == HADA_MATCH_TURNED || verdict == HADA_MATCH_MAGNIFIED) {
+        match->turn = best->turn;
+        match->magnification = best->magnification;
+    }
+}
+
+/* Cameras of one depth, magnified: those of several depths are so by themselves. Where turns say that the camera
+ * belongs, only a size near it can be better. */
+static hada_status try_sizes(const reduced *of, int near, double mine, leaders *magnified, hada_error *err)
+{
+    *magnified = (leaders){.left = INFINITY, .second = INFINITY};
+    if (of->model->info.depths > 1 || mine < ABOVE_NOISE * of->noise)
+        return HADA_OK;
+    if (near) {
+        HADA_TRY(try_ways(of, sizes + NEAR, NEARS, magnified, err));
+        if (!is_clear(magnified->left, mine))
+            return HADA_OK;
+    }
+    return try_ways(of, sizes, SIZES, magnified, err);
+}
+
 static hada_status compare(const reduced *of, hada_match *match, hada_error *err)
 {
-    const way as_it_is = {HADA_TURN_NONE, 1.0};
-    double least = INFINITY, most = 0.0;
+    leaders turned, magnified;
+    double mine;
     make_psfs(of, &as_it_is, of->plain);
-    HADA_TRY(explain(of, of->plain, &match->unexplained, err));
-    HADA_TRY(try_ways(of, turns, sizeof turns / sizeof *turns, match, &least, &most, err));
-    /* a camera of one depth whose frame no turn explains: magnified; one of several depths is so by itself */
-    if (of->model->info.depths == 1 && !(most > CLEAR * match->unexplained) && !(TURNED * least < match->unexplained) &&
-        match->unexplained > ABOVE_NOISE * of->noise)
-        HADA_TRY(try_ways(of, sizes, sizeof sizes / sizeof *sizes, match, &least, &most, err));
-    match->factor = match->unexplained / least;
-    if (match->factor > TURNED)
-        match->verdict = match->turn ? HADA_MATCH_TURNED : HADA_MATCH_MAGNIFIED;
-    else if (most > CLEAR * match->unexplained)
-        match->verdict = HADA_MATCH_BELONGS;
-    else if (most > 0.0 && match->unexplained > ABOVE_NOISE * of->noise)
-        match->verdict = HADA_MATCH_UNRELATED;
-    if (match->verdict != HADA_MATCH_TURNED && match->verdict != HADA_MATCH_MAGNIFIED) {
-        match->turn = HADA_TURN_NONE;
-        match->magnification = 1.0;
+    HADA_TRY(explain(of, of->plain, &mine, err));
+    match->unexplained = mine;
+    HADA_TRY(try_ways(of, turns, TURNS, &turned, err));
+    if (is_clear(turned.left, fmin(mine, turned.second))) {
+        judge(match, HADA_MATCH_TURNED, turned.left, turned.best);
+        return HADA_OK;
     }
+    const int belongs = turned.best && is_clear(mine, turned.left);
+    HADA_TRY(try_sizes(of, belongs, mine, &magnified, err));
+    const double least = fmin(turned.left, magnified.left);
+    if (is_clear(magnified.left, fmin(mine, turned.left)))
+        judge(match, HADA_MATCH_MAGNIFIED, magnified.left, magnified.best);
+    else if (belongs || (magnified.best && is_clear(mine, least)))
+        judge(match, HADA_MATCH_BELONGS, least, NULL);
+    else if (mine < ABOVE_NOISE * of->noise || least > mine)
+        judge(match, HADA_MATCH_UNKNOWN, least, NULL);
+    else
+        judge(match, HADA_MATCH_UNRELATED, least, NULL);
     return HADA_OK;
 }
 

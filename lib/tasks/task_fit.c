@@ -210,6 +210,9 @@ static void tell_gain(const learning *of)
             "check that each frame is of the scene with its name, that scenes are not turned or mirrored, "
             "and that frames show more than noise",
             fabs(gain), gain < 0.0 ? "worse" : "better");
+    else if (isfinite(gain))
+        hada_monitor_tell(of->task.monitor, HADA_MESSAGE_DETAIL,
+                          "held-out scenes come out %.1f dB better than images of one brightness", gain);
 }
 
 static hada_status learn_pairs(learning *of, hada_context *context, hada_model **out, hada_error *err)

@@ -104,6 +104,41 @@ expect 2 'names 2 distances, but plain.tif has 1 page' fit --psf plain.tif --dis
 expect 2 "from near to far.*not '200,100'" fit --psf plain.tif --distances 200,100 -o x
 expect 3 'nosuch.tif' fit --psf nosuch.tif -o x
 expect 2 'belong to pairs' fit --psf "$camera/psf.tif" --sums s -o x
+expect 0 '' fit --psf "$camera/psf.tif" -o turned.model --turn 180
+cmp -s psf.model turned.model && fail '--turn changed nothing'
+expect 0 '' fit --psf "$camera/psf.tif" -o turned.model --turn none
+cmp -s psf.model turned.model || fail '--turn none changed something'
+expect 2 '180' fit --psf "$camera/psf.tif" -o x --turn 90
+expect 2 '--turn turns the point spread functions' fit "$camera" -o x --turn 180
+
+# Pairs that show nothing, or that do not belong together.
+flat() { find "set/$1" -name '*.tif' | while read -r file; do "$FRAME_TOOL" flat "$file" "$2" "$3" 3 "$4"; done; }
+for value in 0 0.3; do
+    copy
+    for depth in set/z*; do flat "${depth#set/}/raw" 64 80 $value; done
+    expect 4 'all raw frames at 100 mm are black or of one brightness' fit set -o x
+    copy
+    for depth in set/z*; do flat "${depth#set/}/scene" 24 24 $value; done
+    expect 4 'all scenes at 100 mm are black or of one brightness' fit set -o x
+    copy
+    flat z600mm/raw 64 80 $value
+    expect 4 'all raw frames at 600 mm are black or of one brightness.*leave the depth out' fit set -o x
+done
+copy
+find set -path '*/raw/*.tif' | while read -r file; do "$FRAME_TOOL" nan "$file" bad.tif 15360 && cp bad.tif "$file"; done
+expect 4 'holds 15360 NaN' fit set -o x
+lacks x
+expect 0 'held-out scenes come out [0-9.]* dB better' fit "$camera" -o use.model -v
+grep -q 'of no use' stdout stderr && fail 'good pairs are of no use'
+copy # each frame with the scene after it
+for depth in set/z*; do
+    mv "$depth/raw/scene0001.tif" first.tif
+    for i in 1 2 3 4; do mv "$depth/raw/scene000$((i + 1)).tif" "$depth/raw/scene000$i.tif"; done
+    mv first.tif "$depth/raw/scene0005.tif"
+done
+expect 0 'the model is of no use: held-out scenes come out .* worse .*check that each frame' fit set -o no_use.model
+expect 0 '' simulate --preset sim300 --size 64x80 --window 24x24 --depths 3 --lenses 9 --pairs 5 --noise 100 --seed 5 -o noise
+expect 0 'the model is of no use' fit noise -o no_use.model
 
 # Data sets that are not in order.
 expect 3 'nosuch' fit nosuch -o x

@@ -72,6 +72,33 @@ psnr=$(grep '"psnr"' stdout | grep -oE '[0-9]+' | head -n 1)
 "$FRAME_TOOL" flat small.tif 6 8 3 0.25
 expect 4 '' reconstruct offset.tif -m "$model" -o frame --dark small.tif
 
+# The camera belongs to the frames, or turned another way it would.
+psf=(fit --psf "$camera/psf.tif" --colour --boundary circular --window 24x24)
+expect 0 '' "${psf[@]}" -o upright.model
+expect 0 '"verdict": "belongs"' reconstruct "${one[@]/$model/upright.model}" -o match --strict --no-preview --json
+is_json 'a frame and its camera'
+for turn in 180 mirror flip; do
+    expect 0 '' "${psf[@]}" -o turned.model --turn "$turn"
+    expect 0 "test01: the point spread function .* explains the frame .* times better.*--turn $turn" \
+        reconstruct "${one[@]/$model/turned.model}" -o match --no-preview
+    expect 8 '"verdict": "turned"' reconstruct "${one[@]/$model/turned.model}" -o strict --no-preview --strict --json
+    is_json "a camera turned: $turn"
+    has strict/test01_{stack,aif,depth}.tif
+    rm -r strict
+done
+grep -q '"exit_code": 8' stdout || fail 'the document has not exit code 8'
+grep -q 'note' stderr || fail 'no note with --json'
+expect 0 '' reconstruct "$raw"/*.tif -m turned.model -o match --no-preview
+[ "$(grep -c 'times better' stderr)" = 1 ] || fail 'not the first frame alone'
+expect 8 '' reconstruct "$raw"/*.tif -m turned.model -o match --no-preview --strict
+[ "$(grep -c 'times better' stderr)" = 2 ] || fail '--strict: not the first frame of each file'
+expect 0 '' reconstruct "$raw"/*.tif -m turned.model -o match --no-preview --refine 0
+[ ! -s stderr ] || fail 'linear filters were compared'
+expect 0 '' simulate --preset sim300 --mask contour --size 64x80 --window 24x24 --depths 3 --pairs 1 --test 1 --seed 8 -o other
+expect 8 'no better than any other' reconstruct other/test/raw/test01.tif -m upright.model -o match --no-preview --strict
+expect 8 '"verdict": "unrelated"' reconstruct other/test/raw/test01.tif -m "$model" -o match --no-preview --strict --json
+expect 0 '"verdict": "belongs"' reconstruct "${one[@]}" -o match --no-preview --strict --json
+
 # Weights of pixels: equal ones change little, black ones leave nothing.
 "$FRAME_TOOL" flat even.tif 64 80 1 0.5
 "$FRAME_TOOL" flat black.tif 64 80 3 0

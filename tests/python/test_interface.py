@@ -89,6 +89,7 @@ def test_enumerations_have_words() -> None:
     """Words come from the headers."""
     assert words("hada_form")["wiener"] == lib.HADA_FORM_WIENER
     assert words("hada_skip")["all"] == lib.HADA_SKIP_ALL
+    assert words("hada_turn") == {"none": 0, "mirror": 1, "flip": 2, "180": 3}
     assert words("hada_exposure") == {"auto": 0, "same": 1, "each": 2}
 
 
@@ -102,6 +103,7 @@ def test_enumerations_have_words() -> None:
         (hadalens.Validation, "hada_validation", {"size"}),
         (hadalens.NetInfo, "hada_net_info", set()),
         (hadalens.QueueInfo, "hada_queue_info", set()),
+        (hadalens.Match, "hada_match", {"size"}),
         (hadalens.KernelTime, "hada_kernel_time", set()),
         (hadalens.CallCounts, "hada_call_counts", set()),
         (hadalens.FilterScore, "hada_fit_filter_score", {"lambda"}),

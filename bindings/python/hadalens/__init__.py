@@ -60,7 +60,7 @@ from .files import (
 )
 from .model import Model, ModelInfo
 from .net import Net, NetInfo, NetRunner
-from .plan import CallCounts, KernelTime, Plan, QueueInfo
+from .plan import CallCounts, KernelTime, Match, Plan, QueueInfo
 from .result import Report, Result, SkipReport
 
 if TYPE_CHECKING:
@@ -104,6 +104,7 @@ __all__ = [
     "HostMemoryError",
     "Job",
     "KernelTime",
+    "Match",
     "Model",
     "ModelError",
     "ModelInfo",

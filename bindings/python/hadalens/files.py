@@ -14,7 +14,7 @@ from . import errors
 from . import response as responses
 from ._arrays import Float32, Floats, Image, NewImage, as_array
 from ._native import Handle, Monitor, Options, Owner, Progress, call, ffi, keep_error, lib, path, record, text
-from .plan import Plan
+from .plan import Match, Plan
 from .result import Result
 
 
@@ -190,6 +190,7 @@ class FileResult:
         outputs: files that were written; empty where it failed or was passed over.
         error: why, where it failed.
         there: its results were there already, and it was passed over.
+        match: whether the camera belongs to its first frame; None: they were not compared.
 
     """
 
@@ -198,6 +199,7 @@ class FileResult:
     outputs: tuple[Path, ...]
     error: errors.HadalensError | None
     there: bool = False
+    match: Match | None = None
 
 
 class _FilesMonitor(Monitor):
@@ -205,6 +207,7 @@ class _FilesMonitor(Monitor):
         super().__init__(progress)
         self.tell = tell
         self.results: list[FileResult] = []
+        self.match: Match | None = None
 
 
 @ffi.def_extern(onerror=keep_error)  # type: ignore[untyped-decorator]
@@ -214,11 +217,17 @@ def py_files_task_tell(user: Any, state: Any) -> None:
 
     monitor = ffi.from_handle(user)
     name = Path(text(state.path))
-    if state.event == lib.HADA_FILES_FRAME and monitor.tell is not None:
-        monitor.tell(str(name), state.frame)
+    if state.event == lib.HADA_FILES_BEGINS:
+        monitor.match = None
+    elif state.event == lib.HADA_FILES_FRAME:
+        if state.match:
+            monitor.match = record(Match, state.match)
+        if monitor.tell is not None:
+            monitor.tell(str(name), state.frame)
     elif state.event == lib.HADA_FILES_DONE:
         places = [text(one) for one in (*state.outputs, state.confidence)]
-        monitor.results.append(FileResult(name, state.frames, tuple(Path(one) for one in places if one), None))
+        outputs = tuple(Path(one) for one in places if one)
+        monitor.results.append(FileResult(name, state.frames, outputs, None, match=monitor.match))
     elif state.event == lib.HADA_FILES_THERE:
         monitor.results.append(FileResult(name, 0, (), None, there=True))
     elif state.event == lib.HADA_FILES_FAILED:
@@ -236,6 +245,7 @@ def reconstruct_files(
     encoding: float | str | None = None,
     frame_encoding: float | str | None = None,
     resume: bool = False,
+    match: Literal["none", "first", "each"] = "first",
     tell: Callable[[str, int], None] | None = None,
     progress: Progress | bool | None = None,
 ) -> list[FileResult]:
@@ -254,6 +264,8 @@ def reconstruct_files(
         encoding: how these stand for light; None: as the scenes of the model did.
         frame_encoding: how the frames stand for light; None: as their files say, else linear.
         resume: files whose results stand in the folder are passed over, whatever made them.
+        match: whether the camera belongs to the first frame, or to the first one of each file, is in the results, and
+            logged where it does not (:meth:`Plan.match`).
         tell: called with path and frame number as frames are done.
         progress: a function, or True for tqdm's bars.
 
@@ -272,6 +284,7 @@ def reconstruct_files(
         encoding=None if encoding is None else responses.number(encoding),
         frame_encoding=None if frame_encoding is None else responses.number(frame_encoding),
         resume=resume,
+        match=match,
         tell=lib.py_files_task_tell,
         user=monitor.user,
         monitor=monitor.options,

@@ -139,6 +139,7 @@ class Model(Handle):
         dark: float | None = 0.0,
         refine_steps: int | None = None,
         refine_tv: float | None = None,
+        turn: Literal["none", "mirror", "flip", "180"] = "none",
         channel_axis: int | None = None,
     ) -> Self:
         """Return a model made from measured or designed point spread functions.
@@ -156,6 +157,8 @@ class Model(Handle):
             dark: of the frames to come; None: estimated from each.
             refine_steps: of refinement; None: chosen.
             refine_tv: weight of total variation in refinement; None: found from each frame.
+            turn: how the point spread functions are turned first, about the axis: "mirror" left to right, "flip" top to
+                bottom, "180" both. :meth:`Plan.match` says which explains a frame.
             channel_axis: of each image, where it is not the first of three.
 
         Raises:
@@ -179,6 +182,7 @@ class Model(Handle):
             dark=float(lib.HADA_AUTO) if dark is None else dark,
             refine_steps=refine_steps,
             refine_tv=refine_tv,
+            turn=turn,
             **{"lambda": regularisation},
         )
         return cls._new(

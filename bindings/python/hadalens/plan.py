@@ -31,6 +31,27 @@ class QueueInfo:
 
 
 @dataclass(frozen=True)
+class Match:
+    """Whether a camera belongs to a frame.
+
+    Attributes:
+        verdict: "belongs"; "turned" or "magnified": such a camera explains the frame better; "unrelated": the camera
+            explains it no better than turned ones; "unknown": noise is all that is left, or the frame says too little.
+        turn: how the point spread functions have to be turned, as :meth:`Model.from_psf` has it.
+        magnification: of the better camera.
+        factor: what the camera leaves unexplained over what the best other way leaves.
+        unexplained: of the frame's fine structure, at a reduced size.
+
+    """
+
+    verdict: str
+    turn: str
+    magnification: float
+    factor: float
+    unexplained: float
+
+
+@dataclass(frozen=True)
 class KernelTime:
     """Time of a kernel, or of a kind of transfer, in a stage; bytes and flops are the least that the work needs."""
 
@@ -271,6 +292,19 @@ class Plan(Handle):
         finally:
             for job in jobs:
                 job.cancel()
+
+    def match(self, raw: Any, *, channel_axis: int | None = None, full_scale: float | None = None) -> Match:
+        """Return whether the camera belongs to a frame, by turned and magnified ones beside it.
+
+        Example:
+            >>> if plan.match(raw).verdict not in ("belongs", "unknown"):
+            ...     print("another camera, or its point spread function lies another way")
+
+        """
+        pixels = Pixels(raw, channel_axis, full_scale)
+        match = ffi.new("hada_match *", {"size": ffi.sizeof("hada_match")})
+        call(lib.hada_plan_match, self._c, pixels.c, match)
+        return record(Match, match)
 
     @staticmethod
     def estimate(model: Model, *, context: Context | None = None, **options: Any) -> tuple[int, int]:

@@ -11,8 +11,9 @@
 #include "model/model.h"
 
 #define CIRCLE 6.283185307179586
-/* The longer side of the reduced grid, and the least side of a reduced frame that says anything. */
-enum { SIDE = 256, LEAST_SIDE = 48 };
+/* The longer side of the reduced grid, of one depth and of several, which all take part; and the least side of a
+ * reduced frame that says anything. */
+enum { SIDE = 256, SIDE_OF_SEVERAL = 192, LEAST_SIDE = 48 };
 /* Refinement of each way: residuals part in the first steps, and this weight does for all cameras and any noise. */
 enum { STEPS = 12 };
 #define TV 3e-4
@@ -242,7 +243,8 @@ static void reduced_destroy(reduced *of)
 static void choose_sizes(reduced *of)
 {
     const hada_model_info *info = &of->model->info;
-    const double pitch = fmax(1.0, fmax(info->grid_rows, info->grid_cols) / (double)SIDE);
+    const double side = info->depths > 1 ? SIDE_OF_SEVERAL : SIDE;
+    const double pitch = fmax(1.0, fmax(info->grid_rows, info->grid_cols) / side);
     of->rows = (int)fmax(1.0, floor(info->raw_rows / pitch + 0.5));
     of->cols = (int)fmax(1.0, floor(info->raw_cols / pitch + 0.5));
     of->pitch_rows = info->raw_rows / (double)of->rows;

@@ -132,9 +132,10 @@ expect 0 'held-out scenes come out [0-9.]* dB better' fit "$camera" -o use.model
 grep -q 'of no use' stdout stderr && fail 'good pairs are of no use'
 copy # each frame with the scene after it
 for depth in set/z*; do
-    mv "$depth/raw/scene0001.tif" first.tif
-    for i in 1 2 3 4; do mv "$depth/raw/scene000$((i + 1)).tif" "$depth/raw/scene000$i.tif"; done
-    mv first.tif "$depth/raw/scene0005.tif"
+    names=("$depth"/raw/*.tif)
+    mv "${names[0]}" first.tif
+    for ((i = 1; i < ${#names[@]}; i++)); do mv "${names[i]}" "${names[i - 1]}"; done
+    mv first.tif "${names[-1]}"
 done
 expect 0 'the model is of no use: held-out scenes come out .* worse .*check that each frame' fit set -o no_use.model
 expect 0 '' simulate --preset sim300 --size 64x80 --window 24x24 --depths 3 --lenses 9 --pairs 5 --noise 100 --seed 5 -o noise

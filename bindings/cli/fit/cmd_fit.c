@@ -13,7 +13,7 @@ typedef struct settings {
     const char *output, *psf, *dark, *distances, *response, *frame_encoding;
     hada_cli_texts merge;
     int form;     /* 0: not given */
-    int turn;     /* hada_turn; -1: not given */
+    int turn;     /* hada_turn */
     int psf_sign; /* 1: nowhere negative, 0: free, -1: not given */
     int skip_incomplete, no_leave_one_out, colour;
     int window[2];
@@ -76,10 +76,8 @@ static const hada_cli_option options[] = {
      "auto: as their files say, which is sRGB for JPEG files, and linear otherwise.", AT(frame_encoding)},
     {HADA_OPTION_REAL, "psf-dark", 0, "LEVEL", "dark level of the PSF (default: its own background)", NULL,
      AT(psf_dark)},
-    {HADA_OPTION_CHOICE, "turn", 0, "none|180|mirror|flip", "how the PSF is turned first (default: none)",
-     "About the axis: by 180 degrees, left to right, or top to bottom, where it was taken or saved another way round than "
-     "the frames. 'reconstruct' says which one explains a frame.",
-     ONE_OF(turn, HADA_TURN_NONE, HADA_TURN_180, HADA_TURN_MIRROR, HADA_TURN_FLIP)},
+    {HADA_OPTION_CHOICE, "turn", 0, "none|180|mirror|flip", "how the PSF is turned about its axis (default: none)",
+     NULL, ONE_OF(turn, HADA_TURN_NONE, HADA_TURN_180, HADA_TURN_MIRROR, HADA_TURN_FLIP)},
     {HADA_OPTION_FLAG, "colour", 0, NULL, "a grey PSF serves red, green and blue alike", NULL, AT(colour)},
     {HADA_OPTION_REAL, "alpha", 0, "A", "weight of the other depths' light (default: by leave-one-out)", NULL,
      AT(fit.alpha)},
@@ -126,7 +124,7 @@ static void defaults(void *user)
     set->response = "auto";
     hada_fit_options_init(&set->fit);
     hada_fit_task_init(&set->task);
-    set->psf_dark = set->psf_sign = set->turn = -1;
+    set->psf_dark = set->psf_sign = -1;
 }
 
 /* From a data set's pairs, or (folder NULL) from saved sums. */
@@ -183,7 +181,7 @@ static hada_status fit_psf(const settings *set, hada_context *context, hada_mode
     psf.window_cols = set->window[1];
     psf.lambda = set->fit.lambda > 0 ? set->fit.lambda : HADA_AUTO;
     psf.psf_dark = set->psf_dark;
-    psf.turn = set->turn < 0 ? HADA_TURN_NONE : (hada_turn)set->turn;
+    psf.turn = (hada_turn)set->turn;
     task.psf = &psf;
     task.colour = set->colour;
     task.half = set->task.half;
@@ -220,17 +218,16 @@ static int check(hada_cli *cli, const settings *set, int count, const char **arg
         return hada_cli_usage(cli, "--save-seconds takes 0 or more");
     if (set->psf && learned)
         return hada_cli_usage(cli, "forms complex and split are learned from pairs; with --psf take wiener or matched");
-    if (!set->psf && set->turn >= 0)
+    if (!set->psf && set->turn)
         return hada_cli_usage(cli, "--turn turns the point spread functions of --psf; pairs give them as they are");
     if (set->psf && set->psf_sign >= 0)
         return hada_cli_usage(cli, "--psf-sign belongs to pairs; what --psf gives is made non-negative anyway");
-    if (set->psf && set->fit.crop_passes != HADA_AUTO)
-        return hada_cli_usage(cli, "--crop-passes belongs to pairs, not to --psf");
+    if (set->psf && (set->fit.crop_passes != HADA_AUTO || set->fit.outside >= 0))
+        return hada_cli_usage(cli, "--%s belongs to pairs, not to --psf",
+                              set->fit.outside >= 0 ? "outside" : "crop-passes");
     if (set->psf && (set->fit.refine_colour != HADA_AUTO || set->fit.refine_shrink != HADA_AUTO))
         return hada_cli_usage(cli, "--refine-colour and --refine-shrink belong to pairs, not to --psf; reconstruct has "
                                    "them too");
-    if (set->fit.outside >= 0 && set->psf)
-        return hada_cli_usage(cli, "--outside belongs to pairs, not to --psf");
     if (set->fit.outside >= 0 && set->fit.outside < 1 && set->merge.count)
         return hada_cli_usage(cli, "--outside below 1 looks at every pair several times, and sums (--merge) have none; "
                                    "give all pairs in one DATASET");

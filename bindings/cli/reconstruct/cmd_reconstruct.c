@@ -52,9 +52,7 @@ static const hada_cli_option options[] = {
      "looked at.",
      AT(task.resume)},
     {HADA_OPTION_FLAG, "strict", 0, NULL, "exit code 8 where the camera does not belong to a frame",
-     "The first frame of each file is compared with the camera turned, mirrored, flipped and magnified; results are "
-     "written all the same. Without it the first frame of all is, and a warning is printed.",
-     AT(strict)},
+     "Each file's first frame is compared, not that of the first file alone; results are written.", AT(strict)},
 
     HADA_CLI_GROUP("Reconstruction"),
     {HADA_OPTION_TEXT, "depths", 0, "LIST", "depths to compute (default: all)",
@@ -295,8 +293,7 @@ static int run_files(job *work, int count, const char **paths)
     json_object_set_new(work->cli->document, "files", json_array());
     task.encoding = work->encoding;
     task.frame_encoding = work->frame_encoding;
-    if (set->strict)
-        task.match = HADA_FILES_MATCH_EACH;
+    task.match = set->strict ? HADA_FILES_MATCH_EACH : HADA_FILES_MATCH_FIRST;
     task.communicator = hada_cli_communicator(work->cli);
     const hada_status status = hada_reconstruct_files(work->plan, work->model, paths, count, &task, NULL, &err);
     if (status == HADA_ERROR_CANCELLED) {
@@ -310,9 +307,8 @@ static int run_files(job *work, int count, const char **paths)
     if (status)
         return hada_cli_fail(work->cli, &err);
     hada_cli_gather(work->cli, "files");
-    if (set->strict && !failed && listener.strange)
-        listener.code = HADA_EXIT_STRANGE;
-    return hada_cli_agree(work->cli, listener.code);
+    const int strange = set->strict && !failed && listener.strange;
+    return hada_cli_agree(work->cli, strange ? HADA_EXIT_STRANGE : listener.code);
 }
 
 static int check(hada_cli *cli, const settings *set, int count)

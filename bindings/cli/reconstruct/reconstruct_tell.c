@@ -30,23 +30,20 @@ static json_t *frame_json(const hada_result *result)
         "enhance", report->seconds_enhance, "focus", report->seconds_focus, "download", report->seconds_download);
 }
 
-static json_t *match_json(const hada_match *match)
+static void tell_frame(listener *to, const hada_files_state *state)
 {
     static const char *const verdicts[] = {"unknown", "belongs", "turned", "magnified", "unrelated"};
     static const char *const turns[] = {"none", "mirror", "flip", "180"};
-    return json_pack("{s:s, s:s, s:f, s:o, s:o}", "verdict", verdicts[match->verdict], "turn", turns[match->turn],
-                     "magnification", match->magnification, "factor", hada_cli_real(match->factor), "unexplained",
-                     hada_cli_real(match->unexplained));
-}
-
-static void tell_frame(listener *to, const hada_files_state *state)
-{
+    const hada_match *match = state->match;
     json_t *frame = frame_json(state->result);
-    if (state->match) {
-        json_object_set_new(frame, "camera", match_json(state->match));
-        to->strange += state->match->verdict > HADA_MATCH_BELONGS;
-    }
     json_array_append_new(to->frames, frame);
+    if (!match)
+        return;
+    to->strange += match->verdict > HADA_MATCH_BELONGS;
+    json_object_set_new(frame, "camera",
+                        json_pack("{s:s, s:s, s:f, s:o, s:o}", "verdict", verdicts[match->verdict], "turn",
+                                  turns[match->turn], "magnification", match->magnification, "factor",
+                                  hada_cli_real(match->factor), "unexplained", hada_cli_real(match->unexplained)));
 }
 
 /* "a surface, 120 to 340 mm" */

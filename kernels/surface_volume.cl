@@ -17,25 +17,34 @@ __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void volume_c
 }
 
 /* The residual's weight of each channel at every frequency: 1 / (mean over planes of |H|^2 + floor |H(0)|^2), |H(0)|^2
- * a mean likewise. Dimensions: slices of frequencies, channels. */
+ * a mean likewise. The planes come in batches: all but the last (`all` is 0) leave sums over |H|^2 in `weight`, and
+ * that of |H(0)|^2 in still[channel] as well. all: the number of planes. Dimensions: slices of frequencies, channels.
+ */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-volume_weights(__global const float *otf, ulong offset, __global float *weight, hada_volume_batch batch, float floor)
+volume_weights(__global const float *otf, ulong offset, __global float *weight, __global float *still,
+               hada_volume_batch batch, uint all, float floor)
 {
     const uint count = batch.spectrum.count, channel = get_global_id(1), planes = batch.planes;
     const uint from = get_group_id(0) * HADA_VOLUME_SLICE, to = min(count, from + (uint)HADA_VOLUME_SLICE);
     const size_t step = 2 * (size_t)batch.channels * count;
     __global const float *h = otf + 2 * (offset + (size_t)channel * count);
-    float still = 0.0f;
-    for (uint p = 0; p < planes; ++p)
-        still = fma(h[p * step], h[p * step], still);
-    still *= floor;
+    __global float *w = weight + (size_t)channel * count;
+    float least = 0.0f;
+    if (all || !(get_group_id(0) || get_local_id(0))) {
+        least = batch.add ? still[channel] : 0.0f;
+        for (uint p = 0; p < planes; ++p)
+            least = fma(h[p * step], h[p * step], least);
+        if (!all)
+            still[channel] = least;
+    }
+    least *= floor;
     for (uint i = from + get_local_id(0); i < to; i += REFINE_GROUP) {
-        float sum = 0.0f;
+        float sum = batch.add ? w[i] : 0.0f;
         for (uint p = 0; p < planes; ++p) {
             const float re = h[p * step + 2 * i], im = h[p * step + 2 * i + 1];
             sum = fma(re, re, fma(im, im, sum));
         }
-        weight[(size_t)channel * count + i] = (float)planes / (sum + still);
+        w[i] = all ? (float)all / (sum + least) : sum;
     }
 }
 

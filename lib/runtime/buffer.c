@@ -8,7 +8,7 @@ static hada_status too_large(const hada_context *context, size_t bytes, const ch
 {
     return hada_fail(
         err, HADA_ERROR_DEVICE_MEMORY,
-        "%s need %.2f GiB in one piece; %s takes at most %.2f GiB: use fewer depths at once, half filters, "
+        "%s: %.2f GiB are needed in one piece; %s takes at most %.2f GiB: use fewer depths at once, half filters, "
         "or another device",
         what, (double)bytes / 1073741824.0, context->info.name,
         (double)context->info.max_allocation_bytes / 1073741824.0);

@@ -1,5 +1,6 @@
 #include "surface/volume.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stddef.h>
 #include <stdlib.h>
@@ -21,16 +22,34 @@ enum {
 /* On GPUs, which small images leave idle: as many as this many bytes of spectra hold. */
 #define GROUPS_BYTES ((size_t)64 << 20)
 
+/* How many of `bytes` a buffer of the device holds; one at least, which the buffer's making refuses where it must. */
+static int in_one_buffer(const hada_context *context, size_t bytes)
+{
+    const uint64_t most = context->info.max_allocation_bytes / bytes;
+    return most < 1 ? 1 : most > INT_MAX ? INT_MAX : (int)most;
+}
+
 static int batch_of(const hada_context *context, const hada_volume_shape *shape)
 {
     const hada_spectrum_layout layout = hada_fft_layout(context, shape->rows, shape->cols, HADA_FFT_AUTO);
     const size_t plane = (size_t)shape->channels * layout.count * 2 * sizeof(float);
     const int few = BATCH / shape->channels > 1 ? BATCH / shape->channels : 1, held = (int)(GROUPS_BYTES / plane);
     const int most = context->shape == HADA_SHAPE_GROUPS && held > few ? held : few;
-    return shape->planes < most ? shape->planes : most;
+    const int batch = shape->planes < most ? shape->planes : most, possible = in_one_buffer(context, plane);
+    return possible < batch ? possible : batch;
 }
 
-enum { PLANS = 4, ROWS = 12 };
+/* Planes whose transfer functions share a buffer: evenly spread over the fewest. */
+static int piece_of(const hada_context *context, const hada_volume_shape *shape)
+{
+    const hada_spectrum_layout layout = hada_fft_layout(context, shape->rows, shape->cols, HADA_FFT_AUTO);
+    const int most = in_one_buffer(context, (size_t)shape->channels * layout.count * 2 * sizeof(float));
+    int pieces = (shape->planes + most - 1) / most;
+    pieces = pieces > HADA_VOLUME_PIECES ? HADA_VOLUME_PIECES : pieces;
+    return (shape->planes + pieces - 1) / pieces;
+}
+
+enum { PLANS = 4, ROWS = HADA_VOLUME_PIECES + 11 };
 
 /* The transforms; returns how many. */
 static int list_plans(const hada_context *context, const hada_volume_shape *shape, hada_fft_desc *plans)
@@ -62,8 +81,8 @@ static void list_buffers(const hada_context *context, const hada_volume_shape *s
     const size_t batch = ((size_t)batch_of(context, shape) * channels * window + HADA_VARIATION_ROOM) * sizeof(float);
     const size_t duals = sizeof(float) * hada_variation_floats(context, shape->channels, shape->window.rows,
                                                                shape->window.cols, (int)unknown);
-    const hada_buffer_row list[ROWS] = {
-        {offsetof(hada_volume, otf), planes * spectrum, what, HADA_OWN_STEPS},
+    const size_t piece = (size_t)piece_of(context, shape);
+    const hada_buffer_row list[ROWS - HADA_VOLUME_PIECES] = {
         {offsetof(hada_volume, weight), spectrum / 2, what, HADA_OWN_STEPS},
         {offsetof(hada_volume, spectra), (size_t)batch_of(context, shape) * spectrum, what, HADA_OWN_STEPS},
         {offsetof(hada_volume, sum), spectrum, what, HADA_OWN_STEPS},
@@ -77,7 +96,12 @@ static void list_buffers(const hada_context *context, const hada_volume_shape *s
         {offsetof(hada_volume, duals[0]), duals, what, HADA_OWN_STEPS},
         {offsetof(hada_volume, duals[1]), duals, what, HADA_OWN_STEPS},
         {offsetof(hada_volume, partial), sums_of(context, shape, &layout) * sizeof(float), what, HADA_OWN_STEPS}};
-    memcpy(rows, list, sizeof list);
+    for (size_t i = 0, left = planes, here; i < HADA_VOLUME_PIECES; i++, left -= here) {
+        here = left < piece ? left : piece;
+        rows[i] = (hada_buffer_row){offsetof(hada_volume, otf) + i * sizeof(hada_buffer), here * spectrum, what,
+                                    HADA_OWN_STEPS};
+    }
+    memcpy(rows + HADA_VOLUME_PIECES, list, sizeof list);
 }
 
 static hada_status check_shape(const hada_volume_shape *shape, hada_error *err)
@@ -123,6 +147,7 @@ hada_status hada_volume_create(hada_volume **out, hada_slot *slot, const hada_vo
     v->shape = *shape;
     v->layout = hada_fft_layout(slot->context, shape->rows, shape->cols, HADA_FFT_AUTO);
     v->batch = batch_of(slot->context, shape);
+    v->piece = piece_of(slot->context, shape);
     v->window_area = hada_rect_area(&shape->window);
     v->frame_area = hada_rect_area(&shape->frame);
     {

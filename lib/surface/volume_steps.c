@@ -22,17 +22,41 @@ static hada_volume_batch batch_at(const hada_volume *v, int first, int planes, i
                                .add = add};
 }
 
-hada_status hada_volume_set_camera(hada_volume *v, int first, int count, cl_mem otf, size_t from, hada_error *err)
+/* Planes first ... last, in batches whose transfer functions stand in one buffer: how many the next one has. */
+static int batch_from(const hada_volume *v, int first, int last, int most)
+{
+    const int left = last - first + 1, there = v->piece - first % v->piece;
+    const int batch = left < most ? left : most;
+    return batch < there ? batch : there;
+}
+
+/* The buffer with the transfer functions of a plane. */
+static cl_mem otf_of(const hada_volume *v, int plane)
+{
+    return v->otf[plane / v->piece].mem;
+}
+
+static hada_status set_camera(hada_volume *v, int first, int count, cl_mem otf, size_t from, hada_error *err)
 {
     const size_t each = (size_t)v->shape.channels * v->layout.count, values = (size_t)count * each;
-    const size_t offset = (size_t)first * each;
+    const size_t offset = (size_t)(first % v->piece) * each;
     const hada_range range = slices(v, values, 1, 1);
-    v->floor = 0;
-    HADA_TRY(hada_buffer_copy(v->slot, otf, from * 2 * sizeof(float), v->otf.mem, offset * 2 * sizeof(float),
+    HADA_TRY(hada_buffer_copy(v->slot, otf, from * 2 * sizeof(float), otf_of(v, first), offset * 2 * sizeof(float),
                               values * 2 * sizeof(float), err));
     hada_slot_cost(v->slot, 8.0 * (double)values, (double)values);
-    return hada_launch_volume_conjugate(v->slot, v->program, &range, err, .otf = v->otf.mem, .offset = (cl_ulong)offset,
-                                        .count = (cl_ulong)values);
+    return hada_launch_volume_conjugate(v->slot, v->program, &range, err, .otf = otf_of(v, first),
+                                        .offset = (cl_ulong)offset, .count = (cl_ulong)values);
+}
+
+hada_status hada_volume_set_camera(hada_volume *v, int first, int count, cl_mem otf, size_t from, hada_error *err)
+{
+    const size_t each = (size_t)v->shape.channels * v->layout.count;
+    v->floor = 0;
+    for (int done = 0, here; done < count; done += here) {
+        here = batch_from(v, first + done, first + count - 1, count);
+        HADA_TRY(set_camera(v, first + done, here, otf, from + (size_t)done * each, err));
+    }
+    return HADA_OK;
 }
 
 hada_status hada_volume_weigh(hada_volume *v, double floor, hada_error *err)
@@ -42,10 +66,17 @@ hada_status hada_volume_weigh(hada_volume *v, double floor, hada_error *err)
     if (floor == v->floor)
         return HADA_OK;
     v->floor = floor;
-    hada_slot_cost(v->slot, (8.0 * v->shape.planes + 4.0) * values, 4.0 * v->shape.planes * values);
-    return hada_launch_volume_weights(v->slot, v->program, &range, err, .otf = v->otf.mem, .offset = 0,
-                                      .weight = v->weight.mem, .batch = batch_at(v, 0, v->shape.planes, 0),
-                                      .floor = (float)floor);
+    for (int first = 0, here; first < v->shape.planes; first += here) {
+        here = batch_from(v, first, v->shape.planes - 1, v->piece);
+        const int last = first + here == v->shape.planes;
+        hada_slot_cost(v->slot, (8.0 * here + 4.0) * values, 4.0 * here * values);
+        /* sums of energies, which are not in use, have room for those of |H(0)|^2 */
+        HADA_TRY(hada_launch_volume_weights(v->slot, v->program, &range, err, .otf = otf_of(v, first), .offset = 0,
+                                            .weight = v->weight.mem, .still = v->partial.mem,
+                                            .batch = batch_at(v, 0, here, first > 0),
+                                            .all = last ? (cl_uint)v->shape.planes : 0, .floor = (float)floor));
+    }
+    return HADA_OK;
 }
 
 static hada_volume_splat splat_of(const hada_volume *v, int first, int planes, int add)
@@ -86,8 +117,9 @@ static hada_status explain(hada_volume *v, const hada_volume_unknown *u, int fir
     HADA_TRY(hada_fft_forward(v->forward, planes * v->shape.channels, u->texture ? v->planes.mem : v->at.mem,
                               u->texture ? 0 : (size_t)first * channels * v->window_area, v->spectra.mem, 0, err));
     hada_slot_cost(v->slot, 16.0 * values, 8.0 * values);
-    return hada_launch_volume_explain(v->slot, v->program, &range, err, .otf = v->otf.mem, .offset = 0,
-                                      .u = v->spectra.mem, .sum = v->sum.mem, .batch = batch_at(v, first, planes, add));
+    return hada_launch_volume_explain(v->slot, v->program, &range, err, .otf = otf_of(v, first), .offset = 0,
+                                      .u = v->spectra.mem, .sum = v->sum.mem,
+                                      .batch = batch_at(v, first % v->piece, planes, add));
 }
 
 static hada_status weigh_sum(hada_volume *v, hada_error *err)
@@ -162,9 +194,9 @@ static hada_status correlate(hada_volume *v, const hada_volume_unknown *u, int f
 {
     const int channels = v->shape.channels;
     const hada_fft_filter filter = {.product = HADA_FFT_COMPLEX,
-                                    .filter = v->otf.mem,
+                                    .filter = otf_of(v, first),
                                     .spectrum_count = channels,
-                                    .filter_first = first * channels,
+                                    .filter_first = first % v->piece * channels,
                                     .stride = 1};
     const hada_range range = slices(v, v->window_area, (size_t)channels, 1);
     const hada_volume_splat splat = splat_of(v, first, planes, add);
@@ -182,14 +214,14 @@ static hada_status correlate(hada_volume *v, const hada_volume_unknown *u, int f
 
 hada_status hada_volume_differentiate(hada_volume *v, const hada_volume_unknown *u, int look, hada_error *err)
 {
-    for (int first = u->first; first <= u->last; first += v->batch) {
-        const int left = u->last - first + 1;
-        HADA_TRY(explain(v, u, first, left < v->batch ? left : v->batch, first > u->first, err));
+    for (int first = u->first, here; first <= u->last; first += here) {
+        here = batch_from(v, first, u->last, v->batch);
+        HADA_TRY(explain(v, u, first, here, first > u->first, err));
     }
     HADA_TRY(leave_residual(v, look, err));
-    for (int first = u->first; first <= u->last; first += v->batch) {
-        const int left = u->last - first + 1;
-        HADA_TRY(correlate(v, u, first, left < v->batch ? left : v->batch, first > u->first, err));
+    for (int first = u->first, here; first <= u->last; first += here) {
+        here = batch_from(v, first, u->last, v->batch);
+        HADA_TRY(correlate(v, u, first, here, first > u->first, err));
     }
     return HADA_OK;
 }

@@ -7,6 +7,9 @@
 #include "refine/proximal.h"
 #include "surface/volume.h"
 
+/* Buffers that transfer functions are spread over, at most, where the device has not so much memory in one piece. */
+enum { HADA_VOLUME_PIECES = 16 };
+
 struct hada_volume {
     hada_slot *slot;
     hada_volume_shape shape;
@@ -17,10 +20,11 @@ struct hada_volume {
     hada_variation variation;
     hada_shrinkage shrinkage;
     int batch; /* planes at once */
+    int piece; /* planes whose transfer functions are in one buffer */
     size_t window_area, frame_area;
     hada_fft *forward, *inverse;             /* of the window's planes */
     hada_fft *frame_forward, *frame_inverse; /* padded */
-    hada_buffer otf;                         /* conjugate */
+    hada_buffer otf[HADA_VOLUME_PIECES];     /* conjugate, `piece` planes in each but the last */
     hada_buffer weight, spectra, sum, frame; /* weights; spectra of a batch; of what the planes make; in the frame */
     hada_buffer planes;                      /* free planes; textures: those of a batch */
     hada_buffer at, gradient, start;         /* the extrapolated point, the gradient there, where a run began */

@@ -103,6 +103,20 @@ static hada_status expect(check_state *state, const volume_state *own, hada_erro
     return hada_ref_volume_run(&problem, state->expected, err);
 }
 
+/* The volume, on a device that takes the transfer functions of so many planes in one piece; 0: as it is. */
+static hada_status make_volume(check_state *state, volume_state *own, int planes, hada_error *err)
+{
+    const uint64_t largest = state->slot->context->info.max_allocation_bytes;
+    const hada_volume_shape *s = &own->shape;
+    const uint64_t plane =
+        (uint64_t)s->channels * hada_fft_layout(state->slot->context, s->rows, s->cols, HADA_FFT_AUTO).count * 8;
+    if (planes)
+        state->slot->context->info.max_allocation_bytes = (uint64_t)planes * plane;
+    const hada_status status = hada_volume_create(&own->volume, state->slot, s, err);
+    state->slot->context->info.max_allocation_bytes = largest;
+    return status;
+}
+
 static hada_status prepare(check_state *state, hada_error *err)
 {
     volume_state *own = check_own(state, sizeof *own);
@@ -115,7 +129,7 @@ static hada_status prepare(check_state *state, hada_error *err)
                                  .functions = (size_t)own->shape.planes * (size_t)own->shape.channels,
                                  .channels = (size_t)own->shape.channels};
     HADA_TRY(check_camera_make(state, &own->camera, err));
-    HADA_TRY(hada_volume_create(&own->volume, state->slot, &own->shape, err));
+    HADA_TRY(make_volume(state, own, check_get(state, 'q', 0), err));
     HADA_TRY(hada_volume_set_camera(own->volume, 0, own->shape.planes, own->camera.otf.mem, 0, err));
     hada_volume_set_frame(own->volume, own->camera.spectrum.mem, 0, own->camera.seen.mem, 0);
     HADA_TRY(check_output(state, own->unknown, err));
@@ -152,5 +166,5 @@ const check_op check_volume = {
     "volume",
     "r rows, c columns, h and w of the window, d planes, k channels, n steps, p1 cropped by "
     "the sensor, y total variation (thousandths), z its weight of colour (tenths), m1 within a mask, x1 a texture, "
-    "s shrinkage of its blocks (tenths)",
+    "s shrinkage of its blocks (tenths), q planes whose transfer functions share a buffer",
     prepare, launch, release};

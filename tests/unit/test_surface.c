@@ -339,6 +339,41 @@ TEST(test_objects)
     tear_down(&f);
 }
 
+/* A device that has not so much memory in one piece: transfer functions in several buffers, the same bits. */
+TEST(test_pieces)
+{
+    fixture f;
+    hada_surface_result result;
+    set_up(&f, 180, 216, 1);
+    DEFAULTS(hada_surface_rule, rule);
+    uint64_t *largest = &f.context->info.max_allocation_bytes;
+    const uint64_t before = *largest, plane = (uint64_t)f.layout.count * CHANNELS * 8;
+    paint(scene);
+    ball(depth);
+    shoot(&f, scene, depth);
+    ASSERT_OK(hada_surface_run(f.surface, f.spectrum.mem, 0, f.pixels.mem, 0, &rule, &result, err));
+    SCOPED_MEMORY float *whole = read_texture(&f, &result), *depths = calloc(AREA, sizeof *depths);
+    memcpy(depths, result.depth, AREA * sizeof *depths);
+    hada_surface_destroy(&f.surface);
+    const uint64_t held = hada_context_bytes(f.context);
+    *largest = 5 * plane;
+    ASSERT_OK(hada_surface_create(&f.surface, f.slot, &f.camera, &f.shape, &f.law, err));
+    assert_true(hada_context_bytes(f.context) - held > 2 * *largest);
+    ASSERT_DRY(hada_context_bytes(f.context) - held, f.context, hada_surface,
+               hada_surface_create(&object, &dry.slot, &f.camera, &f.shape, &f.law, NULL), hada_surface_destroy);
+    ASSERT_OK(hada_surface_run(f.surface, f.spectrum.mem, 0, f.pixels.mem, 0, &rule, &result, err));
+    SCOPED_MEMORY float *pieces = read_texture(&f, &result);
+    assert_memory_equal(whole, pieces, CHANNELS * AREA * sizeof *whole);
+    assert_memory_equal(depths, result.depth, AREA * sizeof *depths);
+    /* not one plane */
+    hada_surface_destroy(&f.surface);
+    *largest = plane - 1;
+    ASSERT_FAILS(hada_surface_create(&f.surface, f.slot, &f.camera, &f.shape, &f.law, err), HADA_ERROR_DEVICE_MEMORY,
+                 "in one piece");
+    *largest = before;
+    tear_down(&f);
+}
+
 /* A try that is in vain ends at its first level, where the camera does not explain the frame; one that is just enough
  * goes to its end, with the bits of one that nobody limits. */
 TEST(test_in_vain)

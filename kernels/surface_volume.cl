@@ -117,6 +117,23 @@ volume_weigh(__global float *sum, __global const float *weight, uint count)
     }
 }
 
+/* What the weights of a frame's values leave of it, in place. given: `weights` are those of hada_refine_data, and the
+ * frame is a residual of which saturated values that are reached keep nothing; mask takes what each value's weight is
+ * then. Else the weights are those of such a mask. Dimensions: slices of values. */
+__kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
+volume_mask(__global float *restrict frame, __global const float *restrict weights, __global float *restrict mask,
+            int given, uint values)
+{
+    const uint from = get_group_id(0) * HADA_VOLUME_SLICE, to = min(values, from + (uint)HADA_VOLUME_SLICE);
+    for (uint i = from + get_local_id(0); i < to; i += REFINE_GROUP) {
+        const float residual = frame[i],
+                    weight = given && weights[i] < 0.0f && residual >= 0.0f ? 0.0f : fabs(weights[i]);
+        if (given)
+            mask[i] = weight;
+        frame[i] = residual * weight;
+    }
+}
+
 /* A gradient step from y, in the gradient's place: g = allowed (y - length g). Dimensions: slices of values. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 volume_descend(__global float *restrict g, __global const float *restrict y, __global const float *restrict allowed,

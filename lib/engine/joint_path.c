@@ -65,7 +65,7 @@ static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count,
 void hada_pipeline_residual(hada_pipeline *pipeline, const hada_frame *frame)
 {
     hada_report *report = &frame->result->memory->report;
-    const int circular = pipeline->setup->config.boundary == HADA_BOUNDARY_CIRCULAR;
+    const int circular = pipeline->maker.boundary == HADA_BOUNDARY_CIRCULAR;
     double left = 0;
     if (!pipeline->residual_due)
         return;
@@ -257,13 +257,33 @@ static hada_status look(hada_pipeline *pipeline, hada_frame *frame, knowledge *k
     return HADA_OK;
 }
 
-hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
+/* Fills the gaps of a frame for steps that use no weights, by planes of the depths that a first pursuit finds. */
+static hada_status fill_gaps(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
+    hada_report *report = &frame->result->memory->report;
+    knowledge k = {0};
+    HADA_TRY(pursue(pipeline, frame, &k, err));
+    if (!k.count)
+        return HADA_OK;
+    HADA_TRY(solve(pipeline, frame, k.count, 0, err));
+    HADA_TRY(hada_pipeline_fill(pipeline, frame, k.count, err));
+    pipeline->residual_due = 0;
+    report->refine_tv = report->refine_tv_factor = 0.0;
+    return HADA_OK;
+}
+
+static hada_status joint(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
+{
+    const int pursuit = pipeline->setup->config.pursuit;
     knowledge k = {.planes = -1.0, .surface = -1.0};
-    int surface = 0;
+    int surface = 0, weighs = 0;
+    if (hada_pipeline_has_gaps(pipeline, frame))
+        HADA_TRY(hada_pipeline_weigh(pipeline, &weighs, err));
+    if (weighs && pursuit)
+        HADA_TRY(fill_gaps(pipeline, frame, err));
     if (pipeline->setup->config.scene == HADA_SCENE_SURFACE)
         return only_surface(pipeline, frame, err);
-    if (pipeline->setup->config.pursuit)
+    if (pursuit)
         HADA_TRY(look(pipeline, frame, &k, &surface, err));
     else
         take_listed(pipeline, &k);
@@ -282,4 +302,12 @@ hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_enhance, err));
     HADA_TRY(focus(pipeline, frame, k.count, err));
     return read_planes(pipeline, frame, k.count, err);
+}
+
+hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
+{
+    const hada_status status = joint(pipeline, frame, err);
+    if (status && pipeline->weighing.used)
+        frame->examined = 0; /* its values may be filled */
+    return status;
 }

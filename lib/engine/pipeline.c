@@ -94,6 +94,7 @@ static hada_status run(hada_pipeline *pipeline, hada_frame *frame, hada_error *e
     status = all_stages(pipeline, frame, err);
     if (status)
         reset(pipeline);
+    hada_pipeline_weigh_end(pipeline);
     hada_slot_cancel_by(pipeline->slot, NULL);
     if (frame->result->memory)
         frame->result->memory->report.seconds_total = hada_seconds() - frame->start;

@@ -158,6 +158,7 @@ static hada_status make_parts(hada_pipeline *pipeline, hada_error *err)
 
 static void destroy_parts(hada_pipeline *pipeline)
 {
+    hada_weighing_free(&pipeline->weighing);
     hada_pursuit_destroy(&pipeline->pursuit);
     hada_maker_free_weights(&pipeline->maker);
     hada_refiner_destroy(&pipeline->refiner);

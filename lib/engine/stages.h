@@ -9,6 +9,15 @@
 #include "filter/hadamard.h"
 #include "refine/admm.h"
 
+/* What a frame needs of whose pixels some have weights, made when there first is one. */
+typedef struct hada_weighing {
+    hada_buffer raw;       /* the frame as it came: the stage has it filled */
+    hada_refiner *refiner; /* these two of a circular camera, whose own refiner uses no weights */
+    hada_buffer pixels;
+    hada_plane_maker before; /* the pipeline's, while `used` */
+    int used;
+} hada_weighing;
+
 struct hada_pipeline {
     const hada_setup *setup;
     const hada_constants *constants;
@@ -20,7 +29,8 @@ struct hada_pipeline {
     hada_pursuit *pursuit;
     hada_refiner *refiner; /* this or the next, or neither */
     hada_classic *classic;
-    hada_plane_maker maker;    /* of these: from a frame on the device to planes */
+    hada_plane_maker maker; /* of these: from a frame on the device to planes */
+    hada_weighing weighing;
     hada_surface *surface;     /* made when a frame first needs it */
     hada_surface_result shape; /* of the current frame */
     int no_surface;            /* 1: this camera, or the device's memory, allows none */
@@ -85,6 +95,20 @@ hada_status hada_pipeline_find_surface(hada_pipeline *pipeline, hada_frame *fram
                                        double *energy, hada_error *err);
 /* The result, from the surface that was found last. */
 hada_status hada_pipeline_take_surface(hada_pipeline *pipeline, hada_frame *frame, double energy, hada_error *err);
+
+/* Whether a frame that is refined has values that say little or nothing: saturated, not finite, or of a small weight.
+ */
+int hada_pipeline_has_gaps(const hada_pipeline *pipeline, const hada_frame *frame);
+
+/* Keeps the frame as it came, and lets refinement use its weights, until the frame ends: a circular camera is refined
+ * as one whose sensor crops. *weighs: 0 where the device's memory does not allow it, which is said. */
+hada_status hada_pipeline_weigh(hada_pipeline *pipeline, int *weighs, hada_error *err);
+void hada_pipeline_weigh_end(hada_pipeline *pipeline);
+void hada_weighing_free(hada_weighing *weighing);
+
+/* Replaces these values by what the `count` planes in the refiner predict, and loads the frame again: for its spectrum.
+ */
+hada_status hada_pipeline_fill(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err);
 
 /* What refinement left of the frame, into its report, once the slot was waited for; nothing where none was done. */
 void hada_pipeline_residual(hada_pipeline *pipeline, const hada_frame *frame);

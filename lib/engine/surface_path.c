@@ -21,7 +21,8 @@ static hada_surface_camera camera_of(const hada_pipeline *pipeline)
 static hada_surface_shape shape_of(const hada_pipeline *pipeline)
 {
     const hada_refine_shape refine = hada_refine_shape_of(hada_model_get_info(pipeline->setup->model), 1, 1);
-    return (hada_surface_shape){.frame = refine.frame, .window = refine.window, .boundary = refine.boundary};
+    return (hada_surface_shape){
+        .frame = refine.frame, .window = refine.window, .boundary = refine.boundary, .weighs = 1};
 }
 
 static hada_status make_surface(hada_pipeline *pipeline, hada_error *err)
@@ -67,8 +68,11 @@ hada_status hada_pipeline_find_surface(hada_pipeline *pipeline, hada_frame *fram
     hada_surface_rule_init(&rule);
     rule.enough = enough;
     rule.frame = frame->exposure.energy;
-    HADA_TRY(hada_surface_run(pipeline->surface, pipeline->stage->spectrum.mem, 0, pipeline->stage->raw.mem, 0, &rule,
-                              result, err));
+    const hada_surface_frame seen = {.spectrum = pipeline->stage->spectrum.mem,
+                                     .pixels = pipeline->maker.data.frame,
+                                     .weights = pipeline->maker.data.weights};
+    HADA_TRY(hada_maker_weigh(&pipeline->maker, &frame->exposure, err));
+    HADA_TRY(hada_surface_run(pipeline->surface, &seen, &rule, result, err));
     *found = !result->in_vain;
     if (*found)
         *energy = result->energy[result->levels - 1];

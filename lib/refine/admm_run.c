@@ -252,20 +252,20 @@ done:
 
 /* The spectra of what the planes leave and sums over these, to the first place. */
 static hada_status explain_spectra(hada_refine_run *r, hada_refiner *refiner, const hada_refine_data *data, int sets,
-                                   int depths, const int *list, hada_error *err)
+                                   int depths, const int *list, cl_mem spectra, hada_error *err)
 {
     refiner->half_there = 0;
     HADA_TRY(begin(r, refiner, data, sets, depths, list, 1, err));
     HADA_TRY(hada_refine_planes_forward(r, err));
-    return hada_refine_explain(r, r->padded, err);
+    return hada_refine_explain(r, spectra, err);
 }
 
 hada_status hada_refiner_residual_spectra(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
                                           const int *list, cl_mem *spectra, hada_error *err)
 {
     hada_refine_run r;
-    *spectra = refiner->residual.mem;
-    return explain_spectra(&r, refiner, data, sets, depths, list, err);
+    *spectra = refiner->residual.mem ? refiner->residual.mem : refiner->now_w.mem;
+    return explain_spectra(&r, refiner, data, sets, depths, list, *spectra, err);
 }
 
 void hada_refiner_waited(hada_refiner *refiner)
@@ -278,7 +278,7 @@ static hada_status explain(hada_refine_run *r, hada_refiner *refiner, const hada
                            int depths, const int *list, hada_error *err)
 {
     hada_refine_arriving *arriving = &refiner->arriving;
-    HADA_TRY(explain_spectra(r, refiner, data, sets, depths, list, err));
+    HADA_TRY(explain_spectra(r, refiner, data, sets, depths, list, refiner->residual.mem, err));
     if (r->padded) {
         HADA_TRY(hada_refine_frame_inverse(r, &refiner->residual, 0, &refiner->residual_frame, err));
         HADA_TRY(hada_refine_frame_dual(r, refiner->residual_frame.mem, 0, 0.0, 0, err));

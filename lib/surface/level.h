@@ -93,8 +93,7 @@ void hada_surface_level_free(hada_surface_level *level);
 
 /* Hands a level the frame, brought to its grid. */
 hada_status hada_surface_level_load(hada_surface_level *level, hada_slot *slot, const hada_spectrum_layout *from,
-                                    cl_mem spectrum, size_t offset, cl_mem pixels, size_t pixels_offset,
-                                    hada_error *err);
+                                    const hada_surface_frame *frame, hada_error *err);
 
 /* Where the window's pixels of a level lie in the window of another. */
 hada_map_place hada_surface_level_place(const hada_surface_plan *of, const hada_surface_plan *in);

@@ -334,8 +334,8 @@ static hada_status nothing(hada_surface *s, hada_error *err)
     return hada_buffer_clear(&s->texture, s->slot, 0, area * (size_t)plan->shape.channels * sizeof(float), err);
 }
 
-hada_status hada_surface_run(hada_surface *s, cl_mem spectrum, size_t offset, cl_mem pixels, size_t pixels_offset,
-                             const hada_surface_rule *rule, hada_surface_result *result, hada_error *err)
+hada_status hada_surface_run(hada_surface *s, const hada_surface_frame *frame, const hada_surface_rule *rule,
+                             hada_surface_result *result, hada_error *err)
 {
     const hada_surface_plan *last = &s->level[s->levels - 1].plan;
     double mean;
@@ -348,14 +348,13 @@ hada_status hada_surface_run(hada_surface *s, cl_mem spectrum, size_t offset, cl
                               .texture = s->texture.mem,
                               .levels = s->levels,
                               .steps = rule->first_steps + (s->levels - 2) * rule->band_steps + rule->texture_steps};
-    HADA_TRY(mean_light(s, spectrum, offset, &mean, err));
+    HADA_TRY(mean_light(s, frame->spectrum, frame->spectrum_offset, &mean, err));
     if (!(mean > 0.0)) {
         HADA_TRY(nothing(s, err));
         return HADA_OK;
     }
     for (int l = 0; l < s->levels; l++)
-        HADA_TRY(
-            hada_surface_level_load(&s->level[l], s->slot, &s->layout, spectrum, offset, pixels, pixels_offset, err));
+        HADA_TRY(hada_surface_level_load(&s->level[l], s->slot, &s->layout, frame, err));
     s->gradient_power = gradient_power(s, rule->floor);
     for (int l = 0; l + 1 < s->levels && !result->in_vain; l++) {
         HADA_TRY(solve_planes(s, l, rule, mean, result, err));

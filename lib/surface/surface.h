@@ -16,7 +16,20 @@ typedef struct hada_surface_shape {
     hada_refine_rect frame;  /* what the sensor sees; the whole grid where the boundary is circular */
     hada_refine_rect window; /* where the scene may be bright */
     hada_boundary boundary;
+    int weighs; /* 1: pixels may have weights */
 } hada_surface_shape;
+
+/* A frame without dark level: its spectrum [channel][count] complex, zero outside the sensor, and where the sensor
+ * crops its pixels [channel][frame] and their weights in the data term of the whole resolution, as hada_refine_data has
+ * them (NULL: all 1). Offsets in complex numbers, in floats. Values of small weights are those of a guess in the
+ * spectrum. */
+typedef struct hada_surface_frame {
+    cl_mem spectrum;
+    size_t spectrum_offset;
+    cl_mem pixels;
+    size_t pixels_offset;
+    cl_mem weights;
+} hada_surface_frame;
 
 enum { HADA_SURFACE_LEVELS = 8 };
 
@@ -53,10 +66,9 @@ hada_status hada_surface_create(hada_surface **out, hada_slot *slot, const hada_
                                 hada_error *err);
 void hada_surface_destroy(hada_surface **surface);
 
-/* The surface of a frame: its spectrum [channel][count] complex, zero outside the sensor and without dark level; offset
- * in complex numbers. *result is the object's, until the next call. A frame without light has a texture without. */
-hada_status hada_surface_run(hada_surface *surface, cl_mem spectrum, size_t offset, cl_mem pixels, size_t pixels_offset,
-                             const hada_surface_rule *rule, hada_surface_result *result, hada_error *err);
+/* The surface of a frame. *result is the object's, until the next call. A frame without light has a texture without. */
+hada_status hada_surface_run(hada_surface *surface, const hada_surface_frame *frame, const hada_surface_rule *rule,
+                             hada_surface_result *result, hada_error *err);
 
 /* The planes at the camera's depths that the texture makes, as it is now: shares of it, linear between two depths.
  * [depth][channel][window] floats. Enqueued. */

@@ -56,7 +56,8 @@ static hada_surface_plan plan_of(const hada_context *context, const hada_surface
                                      .boundary = shape->boundary,
                                      .channels = camera->channels,
                                      .planes = (plan.before + camera->depths - 1) * plan.steps + 1 + behind,
-                                     .free = !texture};
+                                     .free = !texture,
+                                     .weighs = whole && shape->weighs};
     if (!whole) {
         plan.shape.frame = narrow(&shape->frame, camera, rows, cols, 0, CROP_MARGIN);
         plan.shape.window = narrow(&shape->window, camera, rows, cols, 1, MARGIN);
@@ -133,23 +134,23 @@ void hada_surface_level_free(hada_surface_level *level)
 }
 
 hada_status hada_surface_level_load(hada_surface_level *level, hada_slot *slot, const hada_spectrum_layout *from,
-                                    cl_mem spectrum, size_t offset, cl_mem pixels, size_t pixels_offset,
-                                    hada_error *err)
+                                    const hada_surface_frame *frame, hada_error *err)
 {
     const hada_surface_plan *plan = &level->plan;
     const hada_spectrum_layout *to = &plan->layout;
     /* image values stay as they are */
     const double ratio = (double)to->rows * to->cols / ((double)from->rows * from->cols);
     if (plan->whole) {
-        hada_volume_set_frame(level->volume, spectrum, offset, pixels, pixels_offset);
+        hada_volume_set_frame(level->volume, frame->spectrum, frame->spectrum_offset, frame->pixels,
+                              frame->pixels_offset, frame->weights);
         return HADA_OK;
     }
-    HADA_TRY(hada_surface_crop(slot, spectrum, offset, from, plan->shape.channels, 1, ratio, 0.0, level->spectrum.mem,
-                               0, to, err));
+    HADA_TRY(hada_surface_crop(slot, frame->spectrum, frame->spectrum_offset, from, plan->shape.channels, 1, ratio, 0.0,
+                               level->spectrum.mem, 0, to, err));
     if (level->inverse)
         HADA_TRY(hada_fft_inverse(level->inverse, plan->shape.channels, level->spectrum.mem, 0, level->pixels.mem, 0,
                                   NULL, err));
-    hada_volume_set_frame(level->volume, level->spectrum.mem, 0, level->pixels.mem, 0);
+    hada_volume_set_frame(level->volume, level->spectrum.mem, 0, level->pixels.mem, 0, NULL);
     return HADA_OK;
 }
 

@@ -49,7 +49,7 @@ static int piece_of(const hada_context *context, const hada_volume_shape *shape)
     return (shape->planes + pieces - 1) / pieces;
 }
 
-enum { PLANS = 4, ROWS = HADA_VOLUME_PIECES + 11 };
+enum { PLANS = 4, ROWS = HADA_VOLUME_PIECES + 12 };
 
 /* The transforms; returns how many. */
 static int list_plans(const hada_context *context, const hada_volume_shape *shape, hada_fft_desc *plans)
@@ -89,6 +89,9 @@ static void list_buffers(const hada_context *context, const hada_volume_shape *s
         {offsetof(hada_volume, frame),
          hada_volume_is_padded(shape) ? channels * hada_rect_area(&shape->frame) * sizeof(float) : 0, what,
          HADA_OWN_STEPS},
+        {offsetof(hada_volume, mask),
+         hada_volume_is_padded(shape) && shape->weighs ? channels * hada_rect_area(&shape->frame) * sizeof(float) : 0,
+         what, HADA_OWN_STEPS},
         {offsetof(hada_volume, planes), shape->free ? values : batch, what, HADA_OWN_STEPS},
         {offsetof(hada_volume, at), values, what, HADA_OWN_STEPS},
         {offsetof(hada_volume, gradient), values, what, HADA_OWN_STEPS},
@@ -199,8 +202,10 @@ size_t hada_volume_values(const hada_volume *v)
     return (size_t)v->shape.planes * (size_t)v->shape.channels * v->window_area;
 }
 
-void hada_volume_set_frame(hada_volume *v, cl_mem spectrum, size_t spectrum_offset, cl_mem pixels, size_t pixels_offset)
+void hada_volume_set_frame(hada_volume *v, cl_mem spectrum, size_t spectrum_offset, cl_mem pixels, size_t pixels_offset,
+                           cl_mem weights)
 {
+    v->weights = v->mask.mem ? weights : NULL;
     v->frame_spectrum = spectrum;
     v->spectrum_offset = spectrum_offset;
     v->frame_pixels = pixels;

@@ -1,11 +1,11 @@
 /* The planes near a surface that explain a frame, or the one texture that does at given depths. Internal.
  *
  * Accelerated proximal gradients (A. Beck and M. Teboulle, SIAM Journal on Imaging Sciences 2(1), 2009) on
- *     1/2 |P^(1/2) M (b - sum_p PSF_p * x_p)|^2 + variation sum TV(x),   x >= 0 in the window and 0 outside,
- * M the sensor's frame (circular boundary: everything) and P = 1 / (mean_p |H_p|^2 + floor |H(0)|^2) a weight at every
- * frequency, which makes the steps of all frequencies alike (docs/explanation/surfaces.md). The planes x_p are free
- * within a mask, each with a total variation of its own; or they are shares a_p(d) t of one texture t at depths d,
- * counted in planes, linear between two planes.
+ *     1/2 |P^(1/2) W M (b - sum_p PSF_p * x_p)|^2 + variation sum TV(x),   x >= 0 in the window and 0 outside,
+ * M the sensor's frame (circular boundary: everything), W weights of its pixels and P = 1 / (mean_p |H_p|^2 + floor
+ * |H(0)|^2) a weight at every frequency, which makes the steps of all frequencies alike (docs/explanation/surfaces.md).
+ * The planes x_p are free within a mask, each with a total variation of its own; or they are shares a_p(d) t of one
+ * texture t at depths d, counted in planes, linear between two planes.
  *
  * A volume belongs to one slot. Same bits at every run. */
 #ifndef HADA_SURFACE_VOLUME_H
@@ -21,6 +21,7 @@ typedef struct hada_volume_shape {
     int channels;
     int planes; /* with transfer functions of their own */
     int free;   /* 1: hada_volume_solve() will be called; 0: only textures */
+    int weighs; /* 1: pixels may have weights; used with the padded boundary */
 } hada_volume_shape;
 
 typedef struct hada_volume_rule {
@@ -43,10 +44,11 @@ void hada_volume_destroy(hada_volume **volume); /* waits for its queue */
  * hada_fft_layout(context, rows, cols, AUTO), `from` complex numbers into a buffer. Enqueued; copied. */
 hada_status hada_volume_set_camera(hada_volume *volume, int first, int count, cl_mem otf, size_t from, hada_error *err);
 
-/* The frame, dark level removed: its spectrum [channel][count] and, padded, its pixels [channel][frame]. They stay as
- * they are meanwhile. Offsets in complex numbers, in floats. */
+/* The frame, dark level removed: its spectrum [channel][count] and, padded, its pixels [channel][frame] and the weights
+ * of these in the data term, as hada_refine_data has them; NULL: all 1. They stay as they are meanwhile. Offsets in
+ * complex numbers, in floats. */
 void hada_volume_set_frame(hada_volume *volume, cl_mem spectrum, size_t spectrum_offset, cl_mem pixels,
-                           size_t pixels_offset);
+                           size_t pixels_offset, cl_mem weights);
 
 /* The planes, [plane][channel][window] floats: where hada_volume_solve() starts, and what it found. */
 cl_mem hada_volume_planes(const hada_volume *volume);

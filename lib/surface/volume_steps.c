@@ -152,12 +152,13 @@ static hada_status residual_padded(hada_volume *v, int look, hada_error *err)
                                         .channels = (cl_uint)channels,
                                         .pixels = (cl_uint)v->frame_area,
                                         .use_frame = 1,
+                                        .has_weights = v->weights != NULL,
                                         .scale = 1.0f,
                                         .sums = {HADA_VOLUME_SLICE, (unsigned)((size_t)look * sums_of(v))}};
     HADA_TRY(hada_fft_inverse(v->frame_inverse, channels, v->sum.mem, 0, v->frame.mem, 0, NULL, err));
     hada_slot_cost(v->slot, 12.0 * channels * (double)v->frame_area, 4.0 * channels * (double)v->frame_area);
     return hada_launch_refine_frame(v->slot, v->refine, &range, err, .a = v->frame.mem, .frame = v->frame_pixels,
-                                    .weights = NULL, .partial = v->partial.mem, .now = now);
+                                    .weights = v->weights, .partial = v->partial.mem, .now = now);
 }
 
 /* The same where the sensor sees everything: its spectrum, weighted where that is wanted. */
@@ -174,6 +175,19 @@ static hada_status residual_circular(hada_volume *v, int weighted, int look, had
                                        .first = (cl_uint)((size_t)look * sums_of(v)));
 }
 
+/* The weights of pixels on what stands in v->frame: of a residual, or once more, by the same ones. */
+static hada_status mask(hada_volume *v, int given, hada_error *err)
+{
+    const size_t values = v->frame_area * (size_t)v->shape.channels;
+    const hada_range range = slices(v, values, 1, 1);
+    if (!v->weights)
+        return HADA_OK;
+    hada_slot_cost(v->slot, 16.0 * (double)values, 2.0 * (double)values);
+    return hada_launch_volume_mask(v->slot, v->program, &range, err, .frame = v->frame.mem,
+                                   .weights = given ? v->weights : v->mask.mem, .mask = v->mask.mem, .given = given,
+                                   .values = (cl_uint)values);
+}
+
 /* What the spectrum of the model leaves of the frame, its energy, and its weighted spectrum; where the sensor crops,
  * all of that within it. */
 static hada_status leave_residual(hada_volume *v, int look, hada_error *err)
@@ -182,9 +196,11 @@ static hada_status leave_residual(hada_volume *v, int look, hada_error *err)
     if (!hada_volume_is_padded(&v->shape))
         return residual_circular(v, 1, look, err);
     HADA_TRY(residual_padded(v, look, err));
+    HADA_TRY(mask(v, 1, err));
     HADA_TRY(hada_fft_forward(v->frame_forward, channels, v->frame.mem, 0, v->sum.mem, 0, err));
     HADA_TRY(weigh_sum(v, err));
     HADA_TRY(hada_fft_inverse(v->frame_inverse, channels, v->sum.mem, 0, v->frame.mem, 0, NULL, err));
+    HADA_TRY(mask(v, 0, err));
     return hada_fft_forward(v->frame_forward, channels, v->frame.mem, 0, v->sum.mem, 0, err);
 }
 

@@ -26,12 +26,13 @@ struct hada_volume {
     hada_fft *frame_forward, *frame_inverse; /* padded */
     hada_buffer otf[HADA_VOLUME_PIECES];     /* conjugate, `piece` planes in each but the last */
     hada_buffer weight, spectra, sum, frame; /* weights; spectra of a batch; of what the planes make; in the frame */
+    hada_buffer mask;                        /* weights of the frame's pixels, as they are of a residual */
     hada_buffer planes;                      /* free planes; textures: those of a batch */
     hada_buffer at, gradient, start;         /* the extrapolated point, the gradient there, where a run began */
     hada_buffer duals[2], partial;
     float *host_partial; /* of a look or more: see hada_volume_looks() */
     double floor;        /* that the weights were made with; 0: not yet */
-    cl_mem frame_spectrum, frame_pixels;
+    cl_mem frame_spectrum, frame_pixels, weights;
     size_t spectrum_offset, pixels_offset;
 };
 

@@ -53,3 +53,22 @@ hada_status check_camera_make(check_state *state, check_camera *camera, hada_err
                           camera->channels * layout.count * 8, err));
     return check_upload(state, &camera->seen, seen, camera->channels * area * 4, err);
 }
+
+hada_status check_camera_weights(check_state *state, const check_camera *camera, hada_buffer *weights, double **of_grid,
+                                 hada_error *err)
+{
+    const hada_refine_rect *frame = &camera->frame;
+    const size_t grid = (size_t)camera->rows * (size_t)camera->cols,
+                 values = camera->channels * (size_t)frame->rows * (size_t)frame->cols;
+    float *made = check_room(state, values * sizeof *made);
+    *of_grid = check_room(state, camera->channels * grid * sizeof **of_grid);
+    for (size_t c = 0, i = 0; c < camera->channels; c++)
+        for (int row = 0; row < frame->rows; row++)
+            for (int col = 0; col < frame->cols; col++, i++) {
+                static const float kinds[] = {0.0f, 0.5f, 1.0f, 1.0f, -1.0f, 1.0f, -0.25f};
+                made[i] = kinds[(i * 2654435761u >> 7) % HADA_COUNT(kinds)];
+                (*of_grid)[c * grid + (size_t)(row + frame->row0) * (size_t)camera->cols +
+                           (size_t)(col + frame->col0)] = (double)made[i];
+            }
+    return check_upload(state, weights, made, values * sizeof *made, err);
+}

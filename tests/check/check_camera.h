@@ -23,4 +23,9 @@ typedef struct check_camera {
 
 hada_status check_camera_make(check_state *state, check_camera *camera, hada_error *err);
 
+/* Weights of the frame's pixels: such that are left out, that count half or once, and saturated ones; of the reference
+ * [channel][rows][cols] of the grid. */
+hada_status check_camera_weights(check_state *state, const check_camera *camera, hada_buffer *weights, double **of_grid,
+                                 hada_error *err);
+
 #endif

@@ -53,25 +53,6 @@ static void read_shape(const check_state *state, refine_state *own)
     own->set_floats = (size_t)own->depths * (size_t)own->channels * (size_t)window_rows * (size_t)window_cols;
 }
 
-/* Pixels that are left out, that count half or once, and saturated ones. */
-static hada_status make_weights(check_state *state, refine_state *own, hada_error *err)
-{
-    const hada_refine_rect *frame = &own->shape.frame;
-    const size_t grid = (size_t)own->shape.grid_rows * (size_t)own->shape.grid_cols,
-                 area = (size_t)frame->rows * (size_t)frame->cols, channels = (size_t)own->channels;
-    float *weights = check_room(state, channels * area * sizeof *weights);
-    own->weigh = check_room(state, channels * grid * sizeof *own->weigh);
-    for (size_t c = 0, i = 0; c < channels; c++)
-        for (int row = 0; row < frame->rows; row++)
-            for (int col = 0; col < frame->cols; col++, i++) {
-                static const float kinds[] = {0.0f, 0.5f, 1.0f, 1.0f, -1.0f, 1.0f, -0.25f};
-                weights[i] = kinds[(i * 2654435761u >> 7) % HADA_COUNT(kinds)];
-                own->weigh[c * grid + (size_t)(row + frame->row0) * (size_t)own->shape.grid_cols +
-                           (size_t)(col + frame->col0)] = (double)weights[i];
-            }
-    return check_upload(state, &own->weights, weights, channels * area * sizeof *weights, err);
-}
-
 static hada_status expect(check_state *state, const refine_state *own, hada_error *err)
 {
     const hada_refine_shape *s = &own->shape;
@@ -126,7 +107,7 @@ static hada_status prepare(check_state *state, hada_error *err)
                                  .channels = (size_t)own->channels};
     HADA_TRY(check_camera_make(state, &own->camera, err));
     if (check_get(state, 'v', 0))
-        HADA_TRY(make_weights(state, own, err));
+        HADA_TRY(check_camera_weights(state, &own->camera, &own->weights, &own->weigh, err));
     own->data = (hada_refine_data){.spectrum = own->camera.spectrum.mem,
                                    .frame = own->camera.seen.mem,
                                    .weights = own->weights.mem,

@@ -12,7 +12,8 @@ typedef struct volume_state {
     hada_buffer allowed, depth, texture, start;
     int is_texture, is_masked;
     size_t area, unknown;
-    double *mask, *depths; /* of the reference */
+    hada_buffer weights;
+    double *mask, *depths, *weigh; /* of the reference */
 } volume_state;
 
 static void read_shape(const check_state *state, volume_state *own)
@@ -29,7 +30,8 @@ static void read_shape(const check_state *state, volume_state *own)
                             .boundary = padded ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR,
                             .channels = check_get(state, 'k', 1),
                             .planes = check_get(state, 'd', 2),
-                            .free = !own->is_texture};
+                            .free = !own->is_texture,
+                            .weighs = padded && check_get(state, 'v', 0)};
     own->rule = (hada_volume_rule){.steps = check_get(state, 'n', 6),
                                    .floor = 0.01,
                                    .variation = 1e-3 * check_get(state, 'y', 0),
@@ -87,6 +89,7 @@ static hada_status expect(check_state *state, const volume_state *own, hada_erro
                                      .channels = s->channels,
                                      .otf = own->camera.otfs,
                                      .image = own->camera.image,
+                                     .weights = own->weigh,
                                      .allowed = own->is_masked ? own->mask : NULL,
                                      .depth = own->is_texture ? own->depths : NULL,
                                      .floor = own->rule.floor,
@@ -131,7 +134,9 @@ static hada_status prepare(check_state *state, hada_error *err)
     HADA_TRY(check_camera_make(state, &own->camera, err));
     HADA_TRY(make_volume(state, own, check_get(state, 'q', 0), err));
     HADA_TRY(hada_volume_set_camera(own->volume, 0, own->shape.planes, own->camera.otf.mem, 0, err));
-    hada_volume_set_frame(own->volume, own->camera.spectrum.mem, 0, own->camera.seen.mem, 0);
+    if (own->shape.weighs)
+        HADA_TRY(check_camera_weights(state, &own->camera, &own->weights, &own->weigh, err));
+    hada_volume_set_frame(own->volume, own->camera.spectrum.mem, 0, own->camera.seen.mem, 0, own->weights.mem);
     HADA_TRY(check_output(state, own->unknown, err));
     HADA_TRY(make_scene(state, own, state->expected, err));
     HADA_TRY(expect(state, own, err));
@@ -166,5 +171,5 @@ const check_op check_volume = {
     "volume",
     "r rows, c columns, h and w of the window, d planes, k channels, n steps, p1 cropped by "
     "the sensor, y total variation (thousandths), z its weight of colour (tenths), m1 within a mask, x1 a texture, "
-    "s shrinkage of its blocks (tenths), q planes whose transfer functions share a buffer",
+    "s shrinkage of its blocks (tenths), q planes whose transfer functions share a buffer, v1 weights of pixels (with p1)",
     prepare, launch, release};

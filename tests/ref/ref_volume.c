@@ -12,7 +12,7 @@
 typedef struct state {
     const hada_ref_volume *p;
     size_t pixels, values, area, unknown; /* of the grid, its half spectrum, the window, the run */
-    double *image, *sum, *spectrum, *weight;
+    double *image, *kept, *sum, *spectrum, *weight;
     double *at, *gradient, *point, *duals;
 } state;
 
@@ -72,18 +72,31 @@ static hada_status explain(state *s, int channel, hada_error *err)
     return HADA_OK;
 }
 
-/* sum = the spectrum of M' P M (model - data) */
+/* The weight of a value of the data by its residual, model - data. */
+static double weight_of(const hada_ref_volume *p, size_t value, double residual)
+{
+    const double weight = p->weights ? p->weights[value] : 1.0;
+    return weight < 0 ? (residual < 0 ? -weight : 0.0) : weight;
+}
+
+/* sum = the spectrum of M' W P W M (model - data) */
 static hada_status weigh_residual(state *s, int channel, hada_error *err)
 {
     const hada_ref_volume *p = s->p;
+    const size_t first = (size_t)channel * s->pixels;
     HADA_TRY(hada_ref_fft_inverse(s->sum, p->rows, p->cols, s->image, err));
-    for (size_t i = 0; i < s->pixels; i++)
-        s->image[i] -= p->image[(size_t)channel * s->pixels + i];
+    for (size_t i = 0; i < s->pixels; i++) {
+        const double residual = s->image[i] - p->image[first + i];
+        s->kept[i] = weight_of(p, first + i, residual);
+        s->image[i] = s->kept[i] * residual;
+    }
     crop(p, s->image);
     HADA_TRY(hada_ref_fft_forward(s->image, p->rows, p->cols, s->sum, err));
     for (size_t f = 0; f < 2 * s->values; f++)
         s->sum[f] *= s->weight[f / 2];
     HADA_TRY(hada_ref_fft_inverse(s->sum, p->rows, p->cols, s->image, err));
+    for (size_t i = 0; i < s->pixels; i++)
+        s->image[i] *= s->kept[i];
     crop(p, s->image);
     return hada_ref_fft_forward(s->image, p->rows, p->cols, s->sum, err);
 }
@@ -157,9 +170,10 @@ hada_status hada_ref_volume_run(const hada_ref_volume *p, double *values, hada_e
     hada_status status = HADA_OK;
     s.unknown = (p->depth ? 1 : (size_t)p->planes) * (size_t)p->channels * s.area;
     HADA_TRY_OR_DONE(
-        hada_allocated(memory = hada_alloc(s.pixels + 5 * s.values + 5 * s.unknown, sizeof *memory, what, err)));
+        hada_allocated(memory = hada_alloc(2 * s.pixels + 5 * s.values + 5 * s.unknown, sizeof *memory, what, err)));
     s.image = memory;
-    s.sum = s.image + s.pixels;
+    s.kept = s.image + s.pixels;
+    s.sum = s.kept + s.pixels;
     s.spectrum = s.sum + 2 * s.values;
     s.weight = s.spectrum + 2 * s.values;
     s.at = s.weight + s.values;

@@ -13,6 +13,8 @@ typedef struct hada_ref_volume {
     int planes, channels;
     const double *otf;     /* [plane][channel][rows][cols / 2 + 1] complex, row-major */
     const double *image;   /* [channel][rows][cols]: the data, zero outside the frame */
+    const double *weights; /* [channel][rows][cols], of the data; below 0: of values that are so bright or brighter, its
+                              size their weight; NULL: all 1 */
     const double *allowed; /* [plane][channel][window], or NULL: everywhere */
     const double *depth;   /* [window]: of a texture, in planes; NULL: the planes are free */
     double floor, variation, bound;

@@ -22,6 +22,9 @@ typedef struct fixture {
     size_t grid; /* pixels */
 } fixture;
 
+/* What a surface is to be found from. */
+#define FRAME(f) (&(hada_surface_frame){.spectrum = (f).spectrum.mem, .pixels = (f).pixels.mem})
+
 static double distance_of(double depth)
 {
     return 1.0 / (1.0 / 60.0 - 0.00115 * depth);
@@ -222,7 +225,7 @@ static void find(fixture *f, const double *scene, const double *depth, double er
     double apart = 0.0, square = 0.0, close = 0.0;
     DEFAULTS(hada_surface_rule, rule);
     shoot(f, scene, depth);
-    ASSERT_OK(hada_surface_run(f->surface, f->spectrum.mem, 0, f->pixels.mem, 0, &rule, &result, err));
+    ASSERT_OK(hada_surface_run(f->surface, FRAME(*f), &rule, &result, err));
     SCOPED_MEMORY float *texture = read_texture(f, &result);
     assert_int_equal(result.rows, WINDOW);
     assert_int_equal(result.cols, WINDOW);
@@ -278,7 +281,7 @@ TEST(test_outside)
     for (int i = 0; i < AREA; i++)
         depth[i] = -1.2 + (DEPTHS + 1.4) * (i % WINDOW) / (WINDOW - 1.0);
     shoot(&f, scene, depth);
-    ASSERT_OK(hada_surface_run(f.surface, f.spectrum.mem, 0, f.pixels.mem, 0, &rule, &result, err));
+    ASSERT_OK(hada_surface_run(f.surface, FRAME(f), &rule, &result, err));
     for (int i = 0; i < AREA; i++) {
         const int far = depth[i] < -0.7 || depth[i] > DEPTHS - 0.3, near = depth[i] > 0.0 && depth[i] < DEPTHS - 1;
         beyond += far;
@@ -318,18 +321,18 @@ TEST(test_objects)
     paint(scene);
     slant(depth);
     find(&f, scene, depth, 0.3, 23.5);
-    ASSERT_OK(hada_surface_run(f.surface, f.spectrum.mem, 0, f.pixels.mem, 0, &rule, &result, err));
+    ASSERT_OK(hada_surface_run(f.surface, FRAME(f), &rule, &result, err));
     float *first = read_texture(&f, &result), kept = result.depth[AREA / 3];
     assert_int_equal(result.levels, 3);
     assert_true(result.energy[0] > 0.0 && result.energy[2] > 0.0);
     hada_buffer_clear(&f.spectrum, f.slot, 0, f.spectrum.bytes, NULL);
     hada_buffer_clear(&f.pixels, f.slot, 0, f.pixels.bytes, NULL);
-    ASSERT_OK(hada_surface_run(f.surface, f.spectrum.mem, 0, f.pixels.mem, 0, &rule, &result, err));
+    ASSERT_OK(hada_surface_run(f.surface, FRAME(f), &rule, &result, err));
     float *dark = read_texture(&f, &result);
     for (int i = 0; i < AREA; i++)
         assert_true(dark[i] == 0.0F && result.confidence[i] == 0.0F);
     shoot(&f, scene, depth);
-    ASSERT_OK(hada_surface_run(f.surface, f.spectrum.mem, 0, f.pixels.mem, 0, &rule, &result, err));
+    ASSERT_OK(hada_surface_run(f.surface, FRAME(f), &rule, &result, err));
     float *again = read_texture(&f, &result);
     assert_memory_equal(first, again, CHANNELS * AREA * sizeof *first);
     assert_true(kept == result.depth[AREA / 3]);
@@ -351,7 +354,7 @@ TEST(test_pieces)
     paint(scene);
     ball(depth);
     shoot(&f, scene, depth);
-    ASSERT_OK(hada_surface_run(f.surface, f.spectrum.mem, 0, f.pixels.mem, 0, &rule, &result, err));
+    ASSERT_OK(hada_surface_run(f.surface, FRAME(f), &rule, &result, err));
     SCOPED_MEMORY float *whole = read_texture(&f, &result), *depths = calloc(AREA, sizeof *depths);
     memcpy(depths, result.depth, AREA * sizeof *depths);
     hada_surface_destroy(&f.surface);
@@ -361,7 +364,7 @@ TEST(test_pieces)
     assert_true(hada_context_bytes(f.context) - held > 2 * *largest);
     ASSERT_DRY(hada_context_bytes(f.context) - held, f.context, hada_surface,
                hada_surface_create(&object, &dry.slot, &f.camera, &f.shape, &f.law, NULL), hada_surface_destroy);
-    ASSERT_OK(hada_surface_run(f.surface, f.spectrum.mem, 0, f.pixels.mem, 0, &rule, &result, err));
+    ASSERT_OK(hada_surface_run(f.surface, FRAME(f), &rule, &result, err));
     SCOPED_MEMORY float *pieces = read_texture(&f, &result);
     assert_memory_equal(whole, pieces, CHANNELS * AREA * sizeof *whole);
     assert_memory_equal(depths, result.depth, AREA * sizeof *depths);
@@ -390,20 +393,20 @@ TEST(test_in_vain)
         shoot(&f, scene, depth);
         if (spoilt)
             shade(&f, 0.6);
-        ASSERT_OK(hada_surface_run(f.surface, f.spectrum.mem, 0, f.pixels.mem, 0, &rule, &result, err));
+        ASSERT_OK(hada_surface_run(f.surface, FRAME(f), &rule, &result, err));
         assert_false(result.in_vain);
         const double left = result.energy[result.levels - 1];
         SCOPED_MEMORY float *texture = read_texture(&f, &result), *depths = calloc(AREA, sizeof *depths);
         memcpy(depths, result.depth, AREA * sizeof *depths);
         limited.frame = frame_energy(&f);
         limited.enough = left / 3.0;
-        ASSERT_OK(hada_surface_run(f.surface, f.spectrum.mem, 0, f.pixels.mem, 0, &limited, &result, err));
+        ASSERT_OK(hada_surface_run(f.surface, FRAME(f), &limited, &result, err));
         if (spoilt != result.in_vain)
             fail_msg("%s: %.3e is left of %.3e, and the level says %d", spoilt ? "spoilt" : "a ball", left,
                      limited.frame, result.in_vain);
         assert_true(!spoilt || (result.energy[0] > 0.0 && result.energy[1] == 0.0));
         limited.enough = left;
-        ASSERT_OK(hada_surface_run(f.surface, f.spectrum.mem, 0, f.pixels.mem, 0, &limited, &result, err));
+        ASSERT_OK(hada_surface_run(f.surface, FRAME(f), &limited, &result, err));
         assert_false(result.in_vain);
         SCOPED_MEMORY float *again = read_texture(&f, &result);
         assert_true(left == result.energy[result.levels - 1]);

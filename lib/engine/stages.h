@@ -106,8 +106,8 @@ hada_status hada_pipeline_weigh(hada_pipeline *pipeline, int *weighs, hada_error
 void hada_pipeline_weigh_end(hada_pipeline *pipeline);
 void hada_weighing_free(hada_weighing *weighing);
 
-/* Replaces these values by what the `count` planes in the refiner predict, and loads the frame again: for its spectrum.
- */
+/* Replaces saturated values, and those of weight 0, by what the `count` planes in the refiner predict, and loads the
+ * frame again, for its spectrum. */
 hada_status hada_pipeline_fill(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err);
 
 /* What refinement left of the frame, into its report, once the slot was waited for; nothing where none was done. */

@@ -117,6 +117,51 @@ TEST(a_constant_frame_stays_finite)
     assert_int_equal(hada_image_count_not_finite(&result.all_in_focus), 0);
 }
 
+static int by_brightness(const void *a, const void *b)
+{
+    const float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+/* A frame with a twentieth of its values saturated: the same depths, planes nearly as good, and nothing of it in the
+ * frame that follows. */
+TEST(saturated_values_mislead_nobody)
+{
+    const learned_camera *learned = *state;
+    SCOPED(hada_image) scene = learned_scene(learned, 33), near = {0}, far = {0}, cut = {0};
+    const size_t pixels = (size_t)scene.rows * (size_t)scene.cols;
+    SCOPED_MEMORY int *labels = malloc(pixels * sizeof *labels);
+    for (size_t i = 0; i < pixels; i++)
+        labels[i] = i % (size_t)scene.cols * 2 >= (size_t)scene.cols;
+    ASSERT_OK(hada_scene_part(&near, &scene, labels, 0, err));
+    ASSERT_OK(hada_scene_part(&far, &scene, labels, 1, err));
+    const hada_plane planes[] = {{0, &near}, {2, &far}};
+    SCOPED(hada_image) raw = learned_frame(learned, planes, 2, 33);
+    const size_t count = hada_image_count(&raw);
+    ASSERT_OK(hada_image_create(&cut, raw.channels, raw.rows, raw.cols, err));
+    SCOPED_MEMORY float *sorted = malloc(count * sizeof *sorted);
+    memcpy(sorted, raw.data, count * sizeof *sorted);
+    qsort(sorted, count, sizeof *sorted, by_brightness);
+    for (size_t i = 0; i < count; i++)
+        cut.data[i] = fminf(raw.data[i], sorted[count - count / 20]);
+    SCOPED(hada_plan) * plan;
+    SCOPED(hada_result) whole = {0}, saturated = {0}, after = {0};
+    ASSERT_OK(hada_plan_create(&plan, learned->context, learned->model, NULL, err));
+    ASSERT_OK(hada_plan_run(plan, &raw, &whole, err));
+    ASSERT_OK(hada_plan_run(plan, &cut, &saturated, err));
+    ASSERT_OK(hada_plan_run(plan, &raw, &after, err));
+    assert_true(saturated.report->saturated_pixels >= count / 20 && !whole.report->saturated_pixels);
+    assert_int_equal(whole.report->occupied_count, 2);
+    assert_memory_equal(whole.report->occupied, saturated.report->occupied, LEARNED_DEPTHS);
+    const double good = learned_psnr(&whole.all_in_focus, &scene),
+                 clipped = learned_psnr(&saturated.all_in_focus, &scene);
+    if (clipped < good - 2.5)
+        fail_msg("%.2f dB, with saturated values %.2f", good, clipped);
+    assert_memory_equal(whole.all_in_focus.data, after.all_in_focus.data,
+                        hada_image_count(&scene) * sizeof *scene.data);
+    assert_true(whole.report->residual == after.report->residual);
+}
+
 /* Occupied depths by list: only those are refined; the rest is dark. */
 TEST(a_list_of_occupied_depths_is_obeyed)
 {

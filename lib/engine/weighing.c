@@ -1,8 +1,11 @@
-/* Values of a frame that say little or nothing, replaced by what planes predict there, so that steps that use no
- * weights are not misled: saturated values, those that are not finite, and those of which the caller's weights say so.
- */
+/* Weights of a frame's values: a refiner that uses them, and values filled for what does not, the pursuit and the
+ * coarse levels of surfaces, which saturated values would mislead (docs/explanation/refinement.md). */
 
 #include "engine/stages.h"
+
+#include <float.h>
+
+#include "image/pixels.h"
 
 /* What planes leave of the frame as it is loaded, on the host. */
 static hada_status read_residual(hada_pipeline *pipeline, int count, hada_buffer *image, hada_fft **inverse,
@@ -23,23 +26,18 @@ static hada_status read_residual(hada_pipeline *pipeline, int count, hada_buffer
     return hada_buffer_read(image, pipeline->slot, 0, residual, bytes, err);
 }
 
-/* Values as planes predict them, as far as their weights leave room. */
+/* Saturated values as planes predict them, if that is more, and those of weight 0. */
 static hada_status put_values(hada_frame_exposure *exposure, const float *weights, const float *residual,
                               hada_error *err)
 {
-    const hada_pixels *came = &exposure->came;
-    const size_t plane = (size_t)came->rows * (size_t)came->cols;
-    float room;
+    float *values;
     if (!exposure->own.data)
-        HADA_TRY(hada_pixels_copy(came, &exposure->own, err));
+        HADA_TRY(hada_pixels_copy(&exposure->came, &exposure->own, err));
     hada_pixels_of_image(&exposure->pixels, &exposure->own);
-    for (size_t i = 0; i < plane * (size_t)came->channels; i++) {
-        const float weight = weights[i], predicted = exposure->own.data[i] - residual[i];
-        if (weight >= 1.0f)
-            continue;
-        const float given = weight == 0.0f ? 0.0f : *hada_pixels_floats(came, (int)(i / plane), i % plane, 1, &room);
-        exposure->own.data[i] = weight < 0.0f ? fmaxf(given, predicted) : weight * given + (1.0f - weight) * predicted;
-    }
+    values = exposure->own.data;
+    for (size_t i = 0; i < hada_exposure_count(exposure); i++)
+        if (weights[i] <= 0.0f)
+            values[i] = fmaxf(values[i] - residual[i], weights[i] < 0.0f ? exposure->brightest : -FLT_MAX);
     return HADA_OK;
 }
 

@@ -257,17 +257,28 @@ static hada_status look(hada_pipeline *pipeline, hada_frame *frame, knowledge *k
     return HADA_OK;
 }
 
-/* Fills saturated values for steps that use no weights, by planes of the depths that a first pursuit finds. Planes that
- * have not settled predict too little light: with them a surface's depth was three times as wrong. */
+static int is_same(const hada_pursuit_result *a, const hada_pursuit_result *b)
+{
+    return a->all == b->all && a->count == b->count && !memcmp(a->list, b->list, sizeof a->list);
+}
+
+/* Fills saturated values for steps that use no weights, by planes of the depths that a pursuit finds, until it finds
+ * them again. Planes that have not settled predict too little light: with them a surface's depth was three times as
+ * wrong. */
 static hada_status fill_saturated(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
+    enum { MOST = 3 };
     hada_report *report = &frame->result->memory->report;
-    knowledge k = {0};
-    HADA_TRY(pursue(pipeline, frame, &k, err));
-    if (!k.count)
-        return HADA_OK;
-    HADA_TRY(solve(pipeline, frame, k.count, pipeline->setup->config.parting, err));
-    HADA_TRY(hada_pipeline_fill(pipeline, frame, k.count, err));
+    hada_pursuit_result before = {.count = -1};
+    for (int i = 0; i < MOST; i++) {
+        knowledge k = {0};
+        HADA_TRY(pursue(pipeline, frame, &k, err));
+        if (!k.count || is_same(&k.found, &before))
+            break;
+        before = k.found;
+        HADA_TRY(solve(pipeline, frame, k.count, pipeline->setup->config.parting, err));
+        HADA_TRY(hada_pipeline_fill(pipeline, frame, k.count, err));
+    }
     pipeline->residual_due = 0;
     report->refine_tv = report->refine_tv_factor = 0.0;
     return HADA_OK;

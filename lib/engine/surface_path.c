@@ -50,7 +50,8 @@ static hada_status ready(hada_pipeline *pipeline, int *found, hada_error *err)
             *err = error;
         return status;
     }
-    hada_log(pipeline->constants->context, HADA_LOG_INFO, "no surfaces: %s", error.message);
+    hada_log(pipeline->constants->context, status == HADA_ERROR_MODEL ? HADA_LOG_INFO : HADA_LOG_WARNING,
+             "planes are taken, for surfaces are not possible: %s", error.message);
     pipeline->no_surface = 1;
     *found = 0;
     return HADA_OK;

@@ -1,6 +1,6 @@
 /* The nodes of a graph: what is fused into one launch, and which values alias the memory of another. In inference
- * convolutions also take over bilinear doubling and concatenation (the way up of a U-net) before them, whose results are
- * then never written. */
+ * convolutions also take over bilinear doubling and concatenation (the way up of a U-net) before them, whose results
+ * are then never written. */
 
 #include "net/graph_plan.h"
 

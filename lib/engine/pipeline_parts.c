@@ -156,6 +156,12 @@ static hada_status make_parts(hada_pipeline *pipeline, hada_error *err)
     return HADA_OK;
 }
 
+void hada_weighing_free(hada_weighing *weighing)
+{
+    hada_refiner_destroy(&weighing->refiner);
+    HADA_DESTROY_BUFFERS(&weighing->raw, &weighing->pixels);
+}
+
 static void destroy_parts(hada_pipeline *pipeline)
 {
     hada_weighing_free(&pipeline->weighing);

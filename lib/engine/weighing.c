@@ -7,25 +7,6 @@
 
 #include "image/pixels.h"
 
-/* What planes leave of the frame as it is loaded, on the host. */
-static hada_status read_residual(hada_pipeline *pipeline, int count, hada_buffer *image, hada_fft **inverse,
-                                 float *residual, hada_error *err)
-{
-    const hada_refine_shape shape = hada_refine_shape_of(hada_model_get_info(pipeline->setup->model), 1, 1);
-    const hada_fft_desc desc =
-        hada_rect_transform(&shape.frame, shape.grid_rows, shape.grid_cols, shape.channels, HADA_FFT_INVERSE);
-    const size_t bytes = hada_rect_area(&shape.frame) * (size_t)shape.channels * sizeof(float);
-    cl_mem spectra;
-    if (!*inverse) {
-        HADA_TRY(hada_buffer_create(image, pipeline->slot->context, bytes, "what planes leave of a frame", err));
-        HADA_TRY(hada_fft_create(inverse, pipeline->slot, &desc, err));
-    }
-    HADA_TRY(hada_refiner_residual_spectra(pipeline->refiner, &pipeline->maker.data, 1, count, pipeline->occupied,
-                                           &spectra, err));
-    HADA_TRY(hada_fft_inverse(*inverse, shape.channels, spectra, 0, image->mem, 0, NULL, err));
-    return hada_buffer_read(image, pipeline->slot, 0, residual, bytes, err);
-}
-
 /* Saturated values as planes predict them, if that is more, and those of weight 0. */
 static hada_status put_values(hada_frame_exposure *exposure, const float *weights, const float *residual,
                               hada_error *err)
@@ -52,19 +33,16 @@ hada_status hada_pipeline_fill(hada_pipeline *pipeline, hada_frame *frame, int c
     hada_frame_exposure *exposure = &frame->exposure;
     const size_t values = hada_exposure_count(exposure);
     float *residual = NULL, *weights = NULL;
-    hada_buffer image = {0};
-    hada_fft *inverse = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(HADA_NEW_RAW(weights, values, "the weights of pixels", err));
     HADA_TRY_OR_DONE(HADA_NEW_RAW(residual, values, "what planes leave of a frame", err));
     hada_exposure_weigh(exposure, weights);
-    HADA_TRY_OR_DONE(read_residual(pipeline, count, &image, &inverse, residual, err));
+    HADA_TRY_OR_DONE(hada_refiner_residual_values(pipeline->refiner, &pipeline->maker.data, count, pipeline->occupied,
+                                                  residual, err));
     HADA_TRY_OR_DONE(put_values(exposure, weights, residual, err));
     pipeline->loaded = 0;
     HADA_TRY_OR_DONE(hada_pipeline_load(pipeline, frame, err));
 done:
-    hada_fft_destroy(&inverse);
-    hada_buffer_destroy(&image);
     HADA_FREE(residual, weights);
     return status;
 }
@@ -89,13 +67,6 @@ static hada_status make_weighing(hada_weighing *weighing, const hada_pipeline *p
 done:
     weighing->pixels = maker.pixels;
     return status;
-}
-
-void hada_weighing_free(hada_weighing *weighing)
-{
-    hada_refiner_destroy(&weighing->refiner);
-    hada_buffer_destroy(&weighing->raw);
-    hada_buffer_destroy(&weighing->pixels);
 }
 
 /* The same without allocating, for its bytes. */

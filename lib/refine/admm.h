@@ -214,6 +214,11 @@ hada_status hada_refiner_score(hada_refiner *refiner, const hada_refine_data *da
 hada_status hada_refiner_residual_spectra(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
                                           const int *list, cl_mem *spectra, hada_error *err);
 
+/* What one set leaves of data->spectrum within the frame, [channel][frame] floats, to the host; waits for it. Takes
+ * memory of its own meanwhile. */
+hada_status hada_refiner_residual_values(hada_refiner *refiner, const hada_refine_data *data, int depths,
+                                         const int *list, float *values, hada_error *err);
+
 /* Tells that the slot was waited for since, so that nothing of the host's is read any more. */
 void hada_refiner_waited(hada_refiner *refiner);
 

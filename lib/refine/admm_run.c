@@ -268,6 +268,29 @@ hada_status hada_refiner_residual_spectra(hada_refiner *refiner, const hada_refi
     return explain_spectra(&r, refiner, data, sets, depths, list, *spectra, err);
 }
 
+hada_status hada_refiner_residual_values(hada_refiner *refiner, const hada_refine_data *data, int depths,
+                                         const int *list, float *values, hada_error *err)
+{
+    const hada_refine_shape *shape = &refiner->shape;
+    const size_t bytes = refiner->frame_area * (size_t)shape->channels * sizeof *values;
+    const hada_fft_desc desc =
+        hada_rect_transform(&shape->frame, shape->grid_rows, shape->grid_cols, shape->channels, HADA_FFT_INVERSE);
+    hada_buffer image = {0};
+    hada_fft *inverse = NULL;
+    cl_mem spectra;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_buffer_create(&image, refiner->slot->context, bytes, "the refinement's residuals", err));
+    HADA_TRY_OR_DONE(hada_fft_create(&inverse, refiner->slot, &desc, err));
+    HADA_TRY_OR_DONE(hada_refiner_residual_spectra(refiner, data, 1, depths, list, &spectra, err));
+    HADA_TRY_OR_DONE(hada_fft_inverse(inverse, shape->channels, spectra, 0, image.mem, 0, NULL, err));
+    HADA_TRY_OR_DONE(hada_buffer_read(&image, refiner->slot, 0, values, bytes, err));
+    refiner->list_busy = 0;
+done:
+    hada_fft_destroy(&inverse);
+    hada_buffer_destroy(&image);
+    return status;
+}
+
 void hada_refiner_waited(hada_refiner *refiner)
 {
     refiner->list_busy = 0;

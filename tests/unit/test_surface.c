@@ -377,6 +377,51 @@ TEST(test_pieces)
     tear_down(&f);
 }
 
+/* Weights of pixels: all 1 they change no bit; the light of pixels with weight 0, which is wrong, is not fitted. */
+TEST(test_weights)
+{
+    fixture f;
+    hada_surface_result result;
+    set_up(&f, 180, 216, 1);
+    DEFAULTS(hada_surface_rule, rule);
+    hada_surface_destroy(&f.surface);
+    f.shape.weighs = 1;
+    ASSERT_OK(hada_surface_create(&f.surface, f.slot, &f.camera, &f.shape, &f.law, err));
+    paint(scene);
+    slant(depth);
+    shoot(&f, scene, depth);
+    const size_t values = f.pixels.bytes / sizeof(float);
+    SCOPED_MEMORY float *weights = malloc(f.pixels.bytes), *pixels = malloc(f.pixels.bytes);
+    for (size_t i = 0; i < values; i++)
+        weights[i] = 1.0F;
+    hada_buffer buffer;
+    ASSERT_OK(hada_buffer_create_from(&buffer, f.slot, weights, f.pixels.bytes, "weights", err));
+    hada_surface_frame frame = *FRAME(f);
+    ASSERT_OK(hada_surface_run(f.surface, &frame, &rule, &result, err));
+    SCOPED_MEMORY float *without = read_texture(&f, &result);
+    const double left = result.energy[result.levels - 1];
+    frame.weights = buffer.mem;
+    ASSERT_OK(hada_surface_run(f.surface, &frame, &rule, &result, err));
+    SCOPED_MEMORY float *ones = read_texture(&f, &result);
+    assert_memory_equal(without, ones, CHANNELS * AREA * sizeof *ones);
+    /* every tenth value is wrong where the whole resolution sees it; the coarse levels have it right */
+    ASSERT_OK(hada_buffer_read(&f.pixels, f.slot, 0, pixels, f.pixels.bytes, err));
+    for (size_t i = 0; i < values; i += 10) {
+        pixels[i] = 0.0F;
+        weights[i] = 0.0F;
+    }
+    ASSERT_OK(hada_buffer_write(&f.pixels, f.slot, 0, pixels, f.pixels.bytes, err));
+    ASSERT_OK(hada_surface_run(f.surface, FRAME(f), &rule, &result, err));
+    const double taken = result.energy[result.levels - 1];
+    ASSERT_OK(hada_buffer_write(&buffer, f.slot, 0, weights, f.pixels.bytes, err));
+    ASSERT_OK(hada_surface_run(f.surface, &frame, &rule, &result, err));
+    const double left_out = result.energy[result.levels - 1];
+    if (left_out > 1.1 * left || taken < 4.0 * left)
+        fail_msg("%.3e is left; with wrong values taken %.3e, left out %.3e", left, taken, left_out);
+    hada_buffer_destroy(&buffer);
+    tear_down(&f);
+}
+
 /* A try that is in vain ends at its first level, where the camera does not explain the frame; one that is just enough
  * goes to its end, with the bits of one that nobody limits. */
 TEST(test_in_vain)

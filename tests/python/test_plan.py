@@ -25,3 +25,20 @@ def test_bits_are_those_of_the_program(
         sharp = np.moveaxis(tifffile.imread(tmp_path / f"{frame.stem}_aif.tif"), -1, 0)
         np.testing.assert_array_equal(result.all_in_focus, sharp.reshape(result.all_in_focus.shape))
         np.testing.assert_array_equal(result.distance_map, tifffile.imread(tmp_path / f"{frame.stem}_depth.tif"))
+
+
+def test_a_camera_belongs_to_its_frames(camera: Path, frames: list[Path], tmp_path: Path) -> None:
+    """A turned point spread function is told, by the plan and by files."""
+    psfs = hadalens.read_tiff(camera / "psf.tif").reshape(4, 1, 96, 128).repeat(3, axis=1)
+    distances = hadalens.TiffReader(camera / "psf.tif").info.distances_mm
+    raw = tifffile.imread(frames[0])
+    for turn, verdict in (("none", "belongs"), ("180", "turned"), ("mirror", "turned"), ("flip", "turned")):
+        model = hadalens.Model.from_psf(psfs, distances, boundary="circular", window=(48, 48), turn=turn)
+        with hadalens.Plan(model) as plan:
+            match = plan.match(raw, channel_axis=-1)
+            assert (match.verdict, match.turn, match.magnification) == (verdict, turn, 1.0)
+            assert (match.factor > 1.2) == (turn != "none")
+            done = hadalens.reconstruct_files(plan, frames, tmp_path / turn, preview=False)
+            assert [one.match for one in done] == [match, None]
+            none = hadalens.reconstruct_files(plan, frames[:1], tmp_path / turn, preview=False, match="none")
+            assert none[0].match is None

@@ -35,7 +35,7 @@ typedef enum hada_status {
 
     /* what the files hold */
     HADA_ERROR_NOT_FINITE = 60, /* NaN or infinite values */
-    HADA_ERROR_DATASET = 61,    /* a data set is incomplete */
+    HADA_ERROR_DATASET = 61,    /* a data set is incomplete, or shows nothing */
     HADA_ERROR_MODEL = 62,      /* a model does not fit the frame or the request */
 
     /* devices */

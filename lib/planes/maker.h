@@ -117,8 +117,12 @@ typedef struct hada_maker_choice {
     int steps;     /* of refinement that it took */
 } hada_maker_choice;
 
-/* Finds the weight of total variation with which the planes of `count` depths predict held-out pixels best
- * (choose_weight.c). The frame's own weights must be on the device, and are there afterwards. */
+/* Brings the weights of a frame without held-out pixels, and those of held-out pixels, to the device
+ * (planes/weight_search.h). hada_maker_weigh() brings all back. */
+hada_status hada_maker_hold_out(hada_plane_maker *maker, const hada_frame_exposure *exposure, hada_error *err);
+
+/* Finds the weight of total variation with which the planes of `count` depths predict held-out pixels best. The
+ * frame's own weights are on the device afterwards. */
 hada_status hada_maker_choose(hada_plane_maker *maker, const hada_frame_exposure *exposure, int count, const int *list,
                               hada_maker_choice *choice, hada_error *err);
 

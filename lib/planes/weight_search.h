@@ -1,0 +1,26 @@
+/* A prior's weight, found from a frame alone: a part of its values is left out of the data, planes are made with one
+ * weight after the other, from large to small, each going on from those before, and the weight whose planes predict
+ * the values that were left out best is taken (cross-validation: G. Golub, M. Heath, G. Wahba, Technometrics 21(2),
+ * 1979; of pixels). docs/explanation/refinement.md has the figures. Internal. */
+#ifndef HADA_PLANES_WEIGHT_SEARCH_H
+#define HADA_PLANES_WEIGHT_SEARCH_H
+
+#include "planes/maker.h"
+
+/* Of all values of a frame: `weights` as hada_exposure_weigh() has them, but 0 for those that are left out, the same
+ * ones of every frame; `held` is 1 there, else 0. */
+void hada_exposure_hold_out(const hada_frame_exposure *exposure, float *weights, float *held);
+
+typedef struct hada_weight_search {
+    /* Planes with this weight, from those of the call before (*steps is 0: from nothing). Adds the steps that it took
+     * to *steps; *left: the energy that they leave of the values that were left out. */
+    hada_status (*solve)(void *user, double weight, int *steps, double *left, hada_error *err);
+    void *user;
+    int most_steps; /* no other weight is tried after so many; 0: any number */
+} hada_weight_search;
+
+/* Weights are in units of the frame's root mean square. */
+hada_status hada_weight_find(const hada_weight_search *search, const hada_frame_exposure *exposure,
+                             hada_maker_choice *choice, hada_error *err);
+
+#endif

@@ -1,7 +1,8 @@
-/* Turns a prediction y of the frame b into what a method needs next, on the sensor's pixels and in place.
+/* Turns a prediction y of the frame b into what a method needs next, on the sensor's pixels and in place. Where values
+ * have weights (image_weighed() of inc_classic.h), `weights` is as the frame; else it is not read.
  *     ratio:    y = max(b, 0) / max(y, number)                       Richardson-Lucy
  *     residual: y = b - y
- *     split:    e = number (b - s - 2 y), s = -e - y, y = e          ADMM; number = 1 / (1 + mu)
+ *     split:    e = number (b - s - 2 y), s = -e - y, y = e          ADMM; number = 1 / (1 + mu), with weights mu
  * The last is the split v = sum PSF * x for the data (unknown boundaries): with its scaled dual d, v minimises |b -
  * v|^2 + mu |v - y - d|^2, and only s = d - v is kept: docs/explanation/mathematics.md.
  * Images: [channel][row][pitch]. Dimensions: slices of pixels, channels. */
@@ -9,8 +10,8 @@
 #include "shared_classic.h"
 
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-classic_frame(__global float *images, __global const float *frame, __global float *dual, int step, float number,
-              hada_classic_slices slices)
+classic_frame(__global float *images, __global const float *frame, __global const float *weights, int weighted,
+              __global float *dual, int step, float number, hada_classic_slices slices)
 {
     const uint slice = slices.slice, pixels = slices.pixels;
     const uint from = get_group_id(0) * slice, to = min(pixels, from + slice);
@@ -20,9 +21,19 @@ classic_frame(__global float *images, __global const float *frame, __global floa
 
     for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH) {
         const refine_real recorded = image_get(b, i), predicted = image_get(y, i);
-        if (step == HADA_CLASSIC_RATIO) {
+        if (weighted) {
+            const refine_real w = image_get(weights, plane + i);
+            if (step == HADA_CLASSIC_SPLIT) {
+                const refine_real met = fma((refine_real)2.0f, predicted, image_get(dual, plane + i));
+                const refine_real e = image_weighed(step, recorded, met, w, number);
+                image_put(dual, plane + i, -e - predicted);
+                image_put(y, i, e);
+            } else {
+                image_put(y, i, image_weighed(step, recorded, predicted, w, number));
+            }
+        } else if (step == HADA_CLASSIC_RATIO) {
             image_put(y, i, max(recorded, 0.0f) / max(predicted, number));
-        } else if (step == HADA_CLASSIC_RESIDUAL) {
+        } else if (step != HADA_CLASSIC_SPLIT) {
             image_put(y, i, recorded - predicted);
         } else {
             const refine_real e = number * (recorded - image_get(dual, plane + i) - 2.0f * predicted);

@@ -5,6 +5,7 @@
 #define INC_CLASSIC_H
 
 #include "inc_refine.h"
+#include "shared_classic.h"
 
 #define image_get(p, i)    wide_get((p) + (i))
 #define image_put(p, i, v) wide_put(v, (p) + (i))
@@ -54,6 +55,26 @@ REFINE_INLINE refine_real image_cut(refine_real v, int j, int first, int cols)
     return j >= first && j < cols ? v : 0.0f;
 }
 #endif
+
+/* A step on values b of the frame and their prediction y, with weights w. A weight below 0 is that of a saturated value,
+ * whose true value is b or more: it has the size |w|, and what predicts more than b is right.
+ *     ratio: |w| max(b, 0) / max(y, number)    residual: |w| (b - y)    left: b - y, or 0    weigh: |w| y
+ *     split: |w| (b - y) / (|w| + number)      number is mu
+ */
+REFINE_INLINE refine_real image_weighed(int step, refine_real b, refine_real y, refine_real w, float number)
+{
+    const refine_real size = fabs(w), none = (refine_real)0.0f, left = b - y;
+    const refine_real short_of = w < 0.0f ? max(left, 0.0f) : left;
+    if (step == HADA_CLASSIC_RATIO) {
+        const refine_real ratio = max(b, 0.0f) / max(y, number);
+        return size * (w < 0.0f ? max(ratio, 1.0f) : ratio);
+    }
+    if (step == HADA_CLASSIC_SPLIT)
+        return short_of * (size / max(size + number, REFINE_LEAST_WEIGHT));
+    if (step == HADA_CLASSIC_LEFT)
+        return size > 0.0f ? short_of : none;
+    return step == HADA_CLASSIC_WEIGH ? size * y : size * short_of;
+}
 
 /* For several sums of one kernel, one after the other. */
 #if REFINE_GROUP > 1

@@ -10,7 +10,9 @@ typedef enum hada_classic_pixel_step {
     HADA_CLASSIC_RATIO = 1,    /* y = max(b, 0) / max(y, number): Richardson-Lucy */
     HADA_CLASSIC_SPLIT = 2,    /* the split that meets the data: ADMM */
     HADA_CLASSIC_RESIDUAL = 3, /* y = b - y */
-    HADA_CLASSIC_MOMENTUM = 4  /* of planes: gradient step, non-negativity and momentum of FISTA */
+    HADA_CLASSIC_MOMENTUM = 4, /* of planes: gradient step, non-negativity and momentum of FISTA */
+    HADA_CLASSIC_LEFT = 5,     /* y = b - y, where a value has a weight; else 0 */
+    HADA_CLASSIC_WEIGH = 6     /* y = |weight| y */
 } hada_classic_pixel_step;
 
 /* Half spectra of a set of depths: OTFs as [depth][channel][count], the frame as [channel][count]. */
@@ -82,7 +84,8 @@ typedef struct hada_classic_rows {
     float number;   /* of the step */
     float scale;    /* of the inverse transform */
     int back_table; /* where the inverse transform's table begins in that of both, in numbers */
+    int weighted;   /* 1: values of the frame have weights */
 } hada_classic_rows;
-HADA_SHARED_SIZE(hada_classic_rows, 48)
+HADA_SHARED_SIZE(hada_classic_rows, 52)
 
 #endif

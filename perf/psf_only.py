@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Cameras that are known by their point spread function alone: five photographs each at three levels of noise, and with
-saturated pixels; PSNR with the weight of total variation that the frame chooses and with given ones.
+saturated pixels; PSNR with the weight of total variation that the frame chooses and with given ones, by refinement or a classic method.
   perf/psf_only.py HADALENS PHOTOGRAPHS [--seeds 3 7] [--boundary padded|circular]
-                   [--weights 0 1e-2 3e-3 1e-3 3e-4 1e-4]
+                   [--weights 0 1e-2 3e-3 1e-3 3e-4 1e-4] [--method fista|admm]
 The camera: 29 lenses, 300 x 400 pixels, colours, a sensor that crops (or light that wraps around), a window of 120 x 120. Noise is Gaussian, in parts of
 the brightest pixel. Saturated: cut at 0.6 of it, 16 bits. Needs NumPy, tifffile, Pillow."""
 import argparse
@@ -85,6 +85,7 @@ def main():
     parser.add_argument("--seeds", type=int, nargs="+", default=[3, 7])
     parser.add_argument("--weights", nargs="*", default=["0", "1e-2", "3e-3", "1e-3", "3e-4", "1e-4"])
     parser.add_argument("--boundary", choices=GRID, default="padded")
+    parser.add_argument("--method", choices=["fista", "admm"])
     arguments = parser.parse_args()
     photographs = sorted(arguments.photographs.glob("*.tif"))
     sets = [str(noise) for noise in NOISE] + ["whole", "saturated"]
@@ -100,10 +101,13 @@ def main():
                 row = []
                 for part in sets:
                     options = ["--refine-tv", weight, "--refine-colour", "1.5", "--refine-shrink", "1.6"]
+                    if arguments.method:
+                        options = ["--method", arguments.method, "--tv", "auto" if weight == "frame" else weight]
                     files = sorted((folder / part).glob("*.tif"))
                     seconds = frames.reconstruct(arguments.hadalens, files, model, out, options)
                     row.append(f" {psnr(out, scenes, part in ('whole', 'saturated')):.2f} dB, {seconds:.2f} s |")
                 print(f"| {seed} | {weight} |" + "".join(row), flush=True)
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -37,6 +37,11 @@ static int has_frame(const hada_classic_shape *shape)
     return shape->place.boundary == HADA_BOUNDARY_PADDED || shape->options.method == HADA_METHOD_RL;
 }
 
+int hada_classic_weighs(const hada_classic_shape *shape)
+{
+    return has_frame(shape) && shape->options.method != HADA_METHOD_WIENER;
+}
+
 /* Whether its transforms are taken together with what lies between them (classic_fused.c). */
 static int fuses(const hada_context *context, const hada_classic_shape *shape)
 {
@@ -104,6 +109,7 @@ static void sizes_of(const hada_context *context, const hada_classic_shape *shap
         [HADA_CLASSIC_PROJECTION] = channels * frame_spectrum,
         [HADA_CLASSIC_PRIMAL] = planes,
         [HADA_CLASSIC_FRAME] = has ? frames : 0,
+        [HADA_CLASSIC_WEIGHTS] = hada_classic_weighs(shape) ? frames : 0,
         [HADA_CLASSIC_PREDICTION] = has ? frames : 0,
         [HADA_CLASSIC_PREVIOUS] = rl || admm ? planes : 0,
         [HADA_CLASSIC_EXTRAPOLATED] = rl || fista ? planes : 0,

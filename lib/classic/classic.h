@@ -7,11 +7,12 @@
 
 #include <hadalens/classic.h>
 
-#include "refine/admm.h"
+#include "planes/maker.h"
 
 typedef struct hada_classic_shape {
     hada_refine_shape place;      /* max_planes: the most depths of a run */
     hada_refine_rect support;     /* where planes may be bright while the method works */
+    int choose;                   /* 1: the prior's weight is found from each frame */
     hada_classic_options options; /* nothing in it is left open */
     int grid_rows, grid_cols;     /* of the method's transforms: the model's, or smaller ones */
     hada_refine_rect reach; /* on a smaller grid: the lags at which point spread functions are not 0; else empty */
@@ -21,6 +22,9 @@ typedef struct hada_classic_shape {
  * transfer functions. */
 hada_status hada_classic_shape_of(const hada_model_info *info, int depths, const hada_classic_options *options,
                                   hada_classic_shape *shape, hada_error *err);
+
+/* Whether the method heeds weights of the frame's values: all that iterate on its pixels do. */
+int hada_classic_weighs(const hada_classic_shape *shape);
 
 /* What the methods must know of a camera and a set of its depths. */
 typedef struct hada_classic_camera {
@@ -53,10 +57,12 @@ hada_status hada_classic_create(hada_classic **out, hada_slot *slot, const hada_
 void hada_classic_destroy(hada_classic **classic);
 
 typedef struct hada_classic_job {
-    const hada_refine_data *data; /* prior and variance are not looked at; the frame is read by padded ADMM and by RL */
+    const hada_refine_data *data; /* prior and variance are not looked at; the frame is read by padded ADMM and by RL,
+                                     weights where hada_classic_weighs() */
     const hada_classic_camera *camera;
     int depths; /* of this run */
     const int *list;
+    double weight;     /* of the prior */
     double brightness; /* of the frame, root of the mean square over its pixels and channels */
     void (*progress)(void *user, int iterations); /* may be NULL */
     void *user;
@@ -64,8 +70,15 @@ typedef struct hada_classic_job {
 
 typedef struct hada_classic_result {
     int iterations;
-    double energy; /* of b - sum PSF * x within the frame, x the planes */
+    double energy; /* of b - sum PSF * x within the frame, x the planes, of values whose weight is not 0 */
 } hada_classic_result;
+
+/* Finds the prior's weight with which the planes predict held-out values best (planes/weight_search.h): the job's data
+ * have the weights of the others, `held` is 1 at held-out values. It takes hada_classic_search_most() iterations at
+ * most, 2.5 times the method's own or fewer; 0 where no weight is searched. */
+int hada_classic_search_most(const hada_classic_shape *shape);
+hada_status hada_classic_choose(hada_classic *classic, const hada_classic_job *job, cl_mem held,
+                                const hada_frame_exposure *exposure, hada_maker_choice *choice, hada_error *err);
 
 /* Runs the method from nothing. The planes may still be on their way when it returns. */
 hada_status hada_classic_run(hada_classic *classic, const hada_classic_job *job, hada_classic_result *result,

@@ -66,7 +66,8 @@ hada_status hada_classic_admm_step(hada_classic *classic, int number, int wanted
     if (classic->bytes[HADA_CLASSIC_DATA_SPLIT]) {
         if (number) /* at first PROJECTION is 0, and so is what it makes of the frame */
             HADA_TRY(hada_classic_frame_inverse(classic, err));
-        HADA_TRY(hada_classic_step_pixels(classic, HADA_CLASSIC_SPLIT, 1.0 / (1.0 + mu1(classic)), err));
+        HADA_TRY(hada_classic_step_pixels(classic, HADA_CLASSIC_SPLIT,
+                                          classic->weighted ? mu1(classic) : 1.0 / (1.0 + mu1(classic)), err));
         HADA_TRY(hada_classic_frame_forward(classic, HADA_CLASSIC_DATA_SPLIT, err));
     }
     if (number)

@@ -64,6 +64,7 @@ static hada_status run_rows(hada_classic *classic, const rows_pass *pass, hada_e
                                    .channels = classic->shape.place.channels,
                                    .rows = rows,
                                    .pitch = pass->image->pitch,
+                                   .weighted = classic->weighted && pass->step != HADA_CLASSIC_MOMENTUM,
                                    .col0 = pass->rect.col0,
                                    .cols = cols,
                                    .number = (float)pass->number,
@@ -79,8 +80,9 @@ static hada_status run_rows(hada_classic *classic, const rows_pass *pass, hada_e
     return hada_launch_classic_rows(
         classic->slot, HADA_PROGRAM_CLASSIC_ROWS_DEFAULT, &range, err, .spectra = classic->part[pass->spectra].mem,
         .images = classic->part[pass->images].mem, .first = classic->part[pass->first].mem,
-        .work = classic->part[pass->work].mem, .alpha = classic->part[alpha].mem, .job = job,
-        .tables = fused->row_tables.ints, .partial = classic->part[HADA_CLASSIC_PARTIAL].mem, .scratch = scratch);
+        .work = classic->part[pass->work].mem, .weights = classic->part[HADA_CLASSIC_WEIGHTS].mem,
+        .alpha = classic->part[alpha].mem, .job = job, .tables = fused->row_tables.ints,
+        .partial = classic->part[HADA_CLASSIC_PARTIAL].mem, .scratch = scratch);
 }
 
 hada_status hada_classic_fused_frame(hada_classic *classic, int inverse, int forward, hada_classic_pixel_step step,
@@ -97,7 +99,7 @@ hada_status hada_classic_fused_frame(hada_classic *classic, int inverse, int for
                             .forward = forward,
                             .step = step,
                             .number = number,
-                            .traffic = step ? 8.0 : 4.0};
+                            .traffic = (step ? 8.0 : 4.0) + (step && classic->weighted ? 4.0 : 0.0)};
     return run_rows(classic, &pass, err);
 }
 

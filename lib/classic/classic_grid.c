@@ -297,7 +297,7 @@ hada_status hada_classic_fit_grid(hada_classic_shape *shape, hada_context *conte
     psf_reader reader = {0};
     int small = pays(&rows, &cols);
     hada_status status = HADA_OK;
-    if ((method != HADA_METHOD_RL && method != HADA_METHOD_FISTA) || place->boundary != HADA_BOUNDARY_PADDED)
+    if ((method != HADA_METHOD_RL && method != HADA_METHOD_FISTA) || model->info.boundary != HADA_BOUNDARY_PADDED)
         small = 0;
     if (!small)
         goto done;

@@ -24,12 +24,14 @@ static hada_status fill(hada_classic *classic, hada_classic_part part, double nu
     return HADA_OK;
 }
 
-/* Flat planes to start from, and the transpose of the sensor's frame. The first step takes the scale of the start away,
- * but the extrapolation sees it: it goes with the frame's brightness. */
+/* Flat planes to start from, and the transpose of the sensor's frame, or of the weights of its values. The first step
+ * takes the scale of the start away, but the extrapolation sees it: it goes with the frame's brightness. */
 hada_status hada_classic_rl_begin(hada_classic *classic, hada_error *err)
 {
     const double flat = classic->job->brightness / sqrt(classic->job->camera->gain);
     HADA_TRY(fill(classic, HADA_CLASSIC_PREDICTION, 1.0, err));
+    if (classic->weighted)
+        HADA_TRY(hada_classic_step_pixels(classic, HADA_CLASSIC_WEIGH, 0.0, err));
     HADA_TRY(classic->fuses ? hada_classic_fused_frame(classic, 0, 1, HADA_CLASSIC_NO_STEP, 0.0, err)
                             : hada_classic_frame_forward(classic, HADA_CLASSIC_PROJECTION, err));
     HADA_TRY(hada_classic_transpose(classic, HADA_CLASSIC_NORM, err));
@@ -50,7 +52,7 @@ static hada_status multiplicative_step(hada_classic *classic, hada_error *err)
         .start = classic->part[HADA_CLASSIC_EXTRAPOLATED].mem, .corrected = classic->part[HADA_CLASSIC_PRIMAL].mem,
         .norms = classic->part[HADA_CLASSIC_NORM].mem, .before = classic->part[HADA_CLASSIC_PREVIOUS].mem,
         .direction = classic->part[HADA_CLASSIC_DIRECTION].mem, .image = hada_classic_plane_bands(classic),
-        .weight = tv ? (float)o->weight : 0.0f, .least = (float)(least_norm * sqrt(classic->job->camera->gain)),
+        .weight = tv ? (float)classic->weight : 0.0f, .least = (float)(least_norm * sqrt(classic->job->camera->gain)),
         .partial = classic->part[HADA_CLASSIC_PARTIAL].mem);
 }
 

@@ -34,23 +34,31 @@ static hada_status clear(hada_classic *classic, hada_error *err)
 {
     for (int i = 0; i < HADA_CLASSIC_PARTS; i++)
         if (i != HADA_CLASSIC_LIST && i != HADA_CLASSIC_WINDOW && i != HADA_CLASSIC_TABLE &&
-            i != HADA_CLASSIC_SPECTRA && i != HADA_CLASSIC_FRAME)
+            i != HADA_CLASSIC_SPECTRA && i != HADA_CLASSIC_FRAME && i != HADA_CLASSIC_WEIGHTS)
             HADA_TRY(hada_classic_clear(classic, (hada_classic_part)i, err));
     return HADA_OK;
 }
 
-static hada_status begin(hada_classic *classic, const hada_classic_job *job, hada_error *err)
+hada_status hada_classic_weigh(hada_classic *classic, cl_mem weights, hada_error *err)
+{
+    classic->weighted = weights && classic->bytes[HADA_CLASSIC_WEIGHTS];
+    return classic->weighted ? hada_classic_load(classic, HADA_CLASSIC_WEIGHTS, weights, 0, err) : HADA_OK;
+}
+
+hada_status hada_classic_ready(hada_classic *classic, const hada_classic_job *job, hada_error *err)
 {
     HADA_TRY(check_job(classic, job, err));
     classic->job = job;
     classic->planes = job->depths * classic->shape.place.channels;
     classic->momentum = 1.0;
+    classic->weighted = 0;
+    classic->weight = job->weight;
     HADA_TRY(clear(classic, err));
     HADA_TRY(hada_buffer_write(&classic->part[HADA_CLASSIC_LIST], classic->slot, 0, job->list,
                                (size_t)job->depths * sizeof(cl_int), err));
     if (classic->bytes[HADA_CLASSIC_FRAME])
-        HADA_TRY(hada_classic_load_frame(classic, err));
-    return HADA_OK;
+        HADA_TRY(hada_classic_load(classic, HADA_CLASSIC_FRAME, job->data->frame, job->data->frame_offset, err));
+    return hada_classic_weigh(classic, job->data->weights, err);
 }
 
 static hada_status wiener(hada_classic *classic, hada_error *err)
@@ -60,6 +68,18 @@ static hada_status wiener(hada_classic *classic, hada_error *err)
     HADA_TRY(hada_classic_write_table(classic, err));
     HADA_TRY(hada_classic_solve(classic, 1, 1.0, 0.0, noise, err));
     return hada_classic_inverse(classic, HADA_CLASSIC_PRIMAL, err);
+}
+
+hada_status hada_classic_step(hada_classic *classic, int first, int number, hada_error *err)
+{
+    const method *m = &methods[classic->shape.options.method];
+    double sums[2];
+    for (int k = 0; k < number; k++) {
+        if (!k)
+            HADA_TRY(m->begin(classic, err));
+        HADA_TRY(m->step(classic, first + k, 0, sums, err));
+    }
+    return HADA_OK;
 }
 
 /* Until the relative change was small twice running, or a limit is reached. */
@@ -90,7 +110,7 @@ hada_status hada_classic_run(hada_classic *classic, const hada_classic_job *job,
                              hada_error *err)
 {
     *result = (hada_classic_result){0};
-    HADA_TRY(begin(classic, job, err));
+    HADA_TRY(hada_classic_ready(classic, job, err));
     HADA_TRY(classic->shape.options.method == HADA_METHOD_WIENER ? wiener(classic, err)
                                                                  : iterate(classic, &result->iterations, err));
     HADA_TRY(hada_classic_crop(classic, err));

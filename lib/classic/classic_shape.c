@@ -60,6 +60,8 @@ hada_status hada_classic_shape_of(const hada_model_info *info, int depths, const
     o->iterations = o->method == HADA_METHOD_WIENER ? 1 : o->iterations;
     if (o->prior == HADA_PRIOR_AUTO)
         o->prior = o->method == HADA_METHOD_ADMM ? HADA_PRIOR_TV : HADA_PRIOR_NONE;
+    shape->choose = o->weight < 0.0 && o->prior == HADA_PRIOR_TV && !(o->seconds > 0.0) &&
+                    (o->method == HADA_METHOD_FISTA || o->method == HADA_METHOD_ADMM);
     if (o->weight < 0.0)
         o->weight = usual_weight(o);
     if (o->weight <= 0.0)

@@ -154,10 +154,11 @@ hada_status hada_classic_step_pixels(hada_classic *classic, hada_classic_pixel_s
     const int split = step == HADA_CLASSIC_SPLIT;
     const hada_range range = frame_range(classic);
     const double all = (double)classic->frame.pixels * classic->shape.place.channels;
-    hada_slot_cost(classic->slot, (split ? 20.0 : 12.0) * all, 6.0 * all);
+    hada_slot_cost(classic->slot, ((split ? 20.0 : 12.0) + (classic->weighted ? 4.0 : 0.0)) * all, 6.0 * all);
     return hada_launch_classic_frame(
         classic->slot, hada_program_classic_frame_of(classic->slot), &range, err,
         .images = classic->part[HADA_CLASSIC_PREDICTION].mem, .frame = classic->part[HADA_CLASSIC_FRAME].mem,
+        .weights = classic->part[HADA_CLASSIC_WEIGHTS].mem, .weighted = classic->weighted,
         .dual = classic->part[split ? HADA_CLASSIC_DATA_DUAL : HADA_CLASSIC_PREDICTION].mem, .step = (cl_int)step,
         .number = (float)number, .slices = frame_slices(classic));
 }
@@ -198,16 +199,16 @@ hada_status hada_classic_transpose(hada_classic *classic, hada_classic_part plan
     return HADA_OK;
 }
 
-hada_status hada_classic_load_frame(hada_classic *classic, hada_error *err)
+hada_status hada_classic_load(hada_classic *classic, hada_classic_part part, cl_mem image, size_t offset,
+                              hada_error *err)
 {
-    const hada_refine_data *data = classic->job->data;
     const hada_classic_image *frame = &classic->frame;
     const size_t channels = (size_t)classic->shape.place.channels;
     const hada_range range = hada_range_of((size_t)frame->pitch, 8, (size_t)frame->rows, channels);
     hada_slot_cost(classic->slot, 8.0 * (double)frame->pixels * (double)channels, 0.0);
     return hada_launch_classic_pad(classic->slot, hada_program_classic_frame_of(classic->slot), &range, err,
-                                   .frame = data->frame, .offset = data->frame_offset,
-                                   .images = classic->part[HADA_CLASSIC_FRAME].mem, .cols = frame->cols);
+                                   .frame = image, .offset = offset, .images = classic->part[part].mem,
+                                   .cols = frame->cols);
 }
 
 size_t hada_classic_band_count(const hada_classic *classic)
@@ -296,7 +297,7 @@ hada_status hada_classic_energy(hada_classic *classic, double *energy, hada_erro
     if (!classic->has_frame)
         return spectral_energy(classic, energy, err);
     HADA_TRY(hada_classic_predict(classic, HADA_CLASSIC_PRIMAL, err));
-    HADA_TRY(hada_classic_data_step(classic, HADA_CLASSIC_RESIDUAL, 0.0, 0, err));
+    HADA_TRY(hada_classic_data_step(classic, HADA_CLASSIC_LEFT, 0.0, 0, err));
     HADA_TRY(hada_launch_classic_energy(classic->slot, hada_program_classic_frame_of(classic->slot), &range, err,
                                         .images = classic->part[HADA_CLASSIC_PREDICTION].mem,
                                         .slices = frame_slices(classic),
@@ -317,5 +318,5 @@ void hada_classic_gradient_power(hada_classic *classic, int zero)
 
 double hada_classic_prior_weight(const hada_classic *classic)
 {
-    return classic->shape.options.weight * sqrt(classic->job->camera->gain) * classic->job->brightness;
+    return classic->weight * sqrt(classic->job->camera->gain) * classic->job->brightness;
 }

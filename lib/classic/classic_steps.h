@@ -23,6 +23,7 @@ typedef enum hada_classic_part {
     HADA_CLASSIC_PROJECTION,   /* the same of channels: what the planes make of the frame, or leave of it */
     HADA_CLASSIC_PRIMAL,       /* planes */
     HADA_CLASSIC_FRAME,        /* channels: the frame */
+    HADA_CLASSIC_WEIGHTS,      /* channels: weights of the frame's values */
     HADA_CLASSIC_PREDICTION,   /* channels: what the planes make of it */
     HADA_CLASSIC_PREVIOUS,     /* planes of the iteration before (RL, ADMM) */
     HADA_CLASSIC_EXTRAPOLATED, /* planes: where an iteration starts (RL, FISTA) */
@@ -64,7 +65,9 @@ struct hada_classic {
 
     /* of the run in hand */
     const hada_classic_job *job;
-    int planes; /* depths x channels */
+    int planes;    /* depths x channels */
+    int weighted;  /* 1: values of the frame have weights: HADA_CLASSIC_WEIGHTS */
+    double weight; /* of the prior */
     double momentum;
     float *table; /* on the host, what goes into HADA_CLASSIC_TABLE */
 };
@@ -101,8 +104,9 @@ hada_status hada_classic_data_step(hada_classic *classic, hada_classic_pixel_ste
                                    hada_error *err);
 hada_status hada_classic_transpose(hada_classic *classic, hada_classic_part planes, hada_error *err);
 
-/* HADA_CLASSIC_FRAME = the frame. */
-hada_status hada_classic_load_frame(hada_classic *classic, hada_error *err);
+/* HADA_CLASSIC_FRAME or WEIGHTS = an image of the frame's size, from `offset` floats on. */
+hada_status hada_classic_load(hada_classic *classic, hada_classic_part part, cl_mem image, size_t offset,
+                              hada_error *err);
 
 /* The step on the pixels alone, on HADA_CLASSIC_PREDICTION. */
 hada_status hada_classic_step_pixels(hada_classic *classic, hada_classic_pixel_step step, double number,
@@ -138,7 +142,8 @@ hada_status hada_classic_sums(hada_classic *classic, size_t each, int count, dou
  */
 hada_status hada_classic_crop(hada_classic *classic, hada_error *err);
 
-/* The energy of what HADA_CLASSIC_PRIMAL does not explain; waits. */
+/* The energy of what HADA_CLASSIC_PRIMAL does not explain of the frame's values, those of weight 0 left out; waits.
+ * Where the frame's pixels are used, PRIMAL and what an iteration starts from stay. */
 hada_status hada_classic_energy(hada_classic *classic, double *energy, hada_error *err);
 
 /* The gradient's |transfer function|^2 by row and column into the host's table, or zeros. */
@@ -153,6 +158,13 @@ double hada_classic_prior_weight(const hada_classic *classic);
 typedef hada_status (*hada_classic_begin_call)(hada_classic *classic, hada_error *err);
 typedef hada_status (*hada_classic_step_call)(hada_classic *classic, int number, int wanted, double sums[2],
                                               hada_error *err);
+
+/* Parts of a run (classic_run.c): everything to begin from nothing; weights of the frame's values (NULL: none);
+ * `number` iterations after `first` others, from where they left everything. */
+hada_status hada_classic_ready(hada_classic *classic, const hada_classic_job *job, hada_error *err);
+hada_status hada_classic_weigh(hada_classic *classic, cl_mem weights, hada_error *err);
+hada_status hada_classic_step(hada_classic *classic, int first, int number, hada_error *err);
+
 hada_status hada_classic_rl_begin(hada_classic *classic, hada_error *err);
 hada_status hada_classic_rl_step(hada_classic *classic, int number, int wanted, double sums[2], hada_error *err);
 hada_status hada_classic_fista_begin(hada_classic *classic, hada_error *err);

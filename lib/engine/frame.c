@@ -88,6 +88,8 @@ hada_status hada_frame_begin(hada_frame *frame, const hada_setup *setup, const h
     *frame = (hada_frame){.setup = setup, .result = result};
     /* upload and pictures are a unit each */
     frame->work = 2 + (config->joint ? config->steps + (config->pursuit ? HADA_WORK_PURSUIT : 0) : config->depths);
+    if (config->classic)
+        frame->work += hada_classic_search_most(&config->method);
     HADA_TRY_OR_DONE(hada_exposure_begin(&frame->exposure, info, raw, err));
     HADA_TRY_OR_DONE(HADA_NEW(frame->skip.spectra, channels, "a frame", err));
     HADA_TRY_OR_DONE(HADA_NEW(frame->skip.planes, channels, "a frame", err));
@@ -142,7 +144,7 @@ hada_status hada_frame_examine(hada_frame *frame, hada_error *err)
                                      .pixel_weights = setup->pixel_weights.data,
                                      .repairs = setup->options.repair_not_finite,
                                      .energy = setup->config.joint,
-                                     .weights = setup->config.joint && !setup->config.classic,
+                                     .weights = setup->config.weighs || (setup->config.joint && !setup->config.classic),
                                      .hash = frame->hashed};
     if (frame->examined)
         return HADA_OK;

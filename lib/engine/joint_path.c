@@ -79,26 +79,46 @@ void hada_pipeline_residual(hada_pipeline *pipeline, const hada_frame *frame)
         report->residual_linear = sqrt(hada_refiner_energy(pipeline->refiner, 0, 1) / frame->exposure.energy);
 }
 
-static void classic_progress(void *user, int iterations)
+typedef struct classic_progress {
+    hada_frame *frame;
+    int before; /* units of work */
+} classic_progress;
+
+static void tell_progress(void *user, int iterations)
 {
-    hada_frame_progress(user, 1 + iterations);
+    const classic_progress *now = user;
+    hada_frame_progress(now->frame, now->before + iterations);
 }
 
 static hada_status solve_classic(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
 {
+    const hada_config *config = &pipeline->setup->config;
+    const hada_frame_exposure *exposure = &frame->exposure;
+    hada_plane_maker *maker = &pipeline->maker;
     hada_report *report = &frame->result->memory->report;
-    const hada_classic_job job = {.data = &pipeline->maker.data,
-                                  .camera = &pipeline->setup->camera,
-                                  .depths = count,
-                                  .list = pipeline->occupied,
-                                  .brightness =
-                                      sqrt(frame->exposure.energy / (double)hada_exposure_count(&frame->exposure)),
-                                  .progress = classic_progress,
-                                  .user = frame};
+    classic_progress progress = {frame, 1};
+    hada_classic_job job = {.data = &maker->data,
+                            .camera = &pipeline->setup->camera,
+                            .depths = count,
+                            .list = pipeline->occupied,
+                            .weight = config->method.options.weight,
+                            .brightness = sqrt(exposure->energy / (double)hada_exposure_count(exposure)),
+                            .progress = tell_progress,
+                            .user = &progress};
     hada_classic_result result;
+    if (config->choose) {
+        hada_maker_choice choice;
+        HADA_TRY(hada_maker_hold_out(maker, exposure, err));
+        HADA_TRY(hada_classic_choose(pipeline->classic, &job, maker->held.mem, exposure, &choice, err));
+        job.weight = choice.tv;
+        report->refine_tv_factor = choice.factor;
+        progress.before += hada_classic_search_most(&config->method);
+    }
+    HADA_TRY(hada_maker_weigh(maker, exposure, err));
     HADA_TRY(hada_classic_run(pipeline->classic, &job, &result, err));
     report->method = pipeline->setup->config.method.options.method;
     report->refine_steps = result.iterations;
+    report->refine_tv = config->method.options.prior == HADA_PRIOR_TV ? job.weight : 0.0;
     if (frame->exposure.energy > 0)
         report->residual = sqrt(result.energy / frame->exposure.energy);
     return HADA_OK;

@@ -112,7 +112,7 @@ static hada_status make_maker(hada_pipeline *pipeline, hada_error *err)
                                          .weights = setup->config.weights,
                                          .noise_share = setup->noise_share,
                                          .boundary = setup->config.boundary};
-    if (pipeline->refiner && pipeline->maker.boundary == HADA_BOUNDARY_PADDED)
+    if (setup->config.weighs)
         HADA_TRY(hada_maker_make_weights(&pipeline->maker, setup->config.choose, err));
     if (!setup->config.joint || pipeline->slot->context->dry)
         return HADA_OK;

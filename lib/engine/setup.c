@@ -173,12 +173,15 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     config->crosstalk = options->crosstalk >= 0 ? options->crosstalk : HADA_CROSSTALK;
     HADA_TRY(use_classic(info, options, config, err));
     config->joint = config->steps > 0;
-    config->choose = way.choose && config->joint && !config->classic;
-    if (options->pixel_weights && (!config->joint || config->classic))
-        return hada_fail(
-            err, HADA_ERROR_ARGUMENT,
-            "weights of pixels belong to refinement: leave them out, or refine with the model's own method");
+    config->choose = config->classic ? config->method.choose : way.choose && config->joint;
+    if (options->pixel_weights && (!config->joint || config->method.options.method == HADA_METHOD_WIENER))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "linear filters take no weights of pixels: leave the weights out, or refine, or take "
+                         "Richardson-Lucy, FISTA or ADMM");
     config->boundary = config->choose || options->pixel_weights ? HADA_BOUNDARY_PADDED : info->boundary;
+    config->method.place.boundary = config->boundary;
+    config->weighs = config->classic ? hada_classic_weighs(&config->method)
+                                     : config->joint && config->boundary == HADA_BOUNDARY_PADDED;
     config->pursuit =
         config->joint && !config->classic && options->occupied == HADA_OCCUPIED_AUTO && config->depths > 1;
     config->dark = options->dark == HADA_DARK_FRAME;
@@ -320,14 +323,17 @@ static hada_status copy_weights(hada_setup *setup, const hada_image *weights, ha
     const int channels = setup->model->info.channels;
     const size_t pixels = (size_t)weights->rows * (size_t)weights->cols, count = hada_image_count(weights);
     hada_image *to = &setup->pixel_weights;
-    float largest = 0.0f;
+    float largest = 0.0f, least = FLT_MAX;
     for (size_t i = 0; i < count; i++) {
         if (!(weights->data[i] >= 0.0f && weights->data[i] <= FLT_MAX))
             return hada_fail(err, HADA_ERROR_ARGUMENT, "the weights of pixels must be finite and not negative");
         largest = fmaxf(largest, weights->data[i]);
+        least = fminf(least, weights->data[i]);
     }
     if (!(largest > 0.0f))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "all weights of pixels are 0: nothing of the frame would be used");
+    if (least == largest) /* as without weights, bit for bit */
+        return HADA_OK;
     HADA_TRY(hada_image_create(to, channels, weights->rows, weights->cols, err));
     for (size_t i = 0; i < hada_image_count(to); i++)
         to->data[i] = weights->data[weights->channels > 1 ? i : i % pixels] / largest;

@@ -21,7 +21,8 @@ typedef struct hada_config {
     int classic;                 /* 1: by a classic method */
     hada_refine_weights weights; /* of refinement */
     int choose;                  /* 1: the weight of total variation is found from each frame */
-    hada_boundary boundary;      /* of refinement: weights of pixels need the data step of a sensor that crops */
+    hada_boundary boundary;      /* of joint planes: weights of pixels need the data step of a sensor that crops */
+    int weighs;                  /* 1: pixels of a frame may have weights */
     double share;                /* of refined planes, the rest being those of the linear filters; 1: refined alone */
     int steps;                   /* refinement steps or iterations at most */
     double crosstalk;            /* share at which a plane halves beside another one; 0: none does */

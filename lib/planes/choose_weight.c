@@ -63,7 +63,7 @@ hada_status hada_maker_choose(hada_plane_maker *maker, const hada_frame_exposure
 {
     sweep s = {
         .maker = maker, .count = count, .list = list, .unit = exposure->energy / (double)hada_exposure_count(exposure)};
-    const hada_weight_search search = {try_weight, &s, 0};
+    const hada_weight_search search = {try_weight, &s, 0, 0.0};
     HADA_TRY(hada_maker_hold_out(maker, exposure, err));
     HADA_TRY(hada_weight_find(&search, exposure, choice, err));
     return hada_maker_weigh(maker, exposure, err);

@@ -63,9 +63,10 @@ hada_status hada_weight_find(const hada_weight_search *search, const hada_frame_
         trials[i] = (trial){.weight = first * pow(RATIO, UP - i)};
     for (int at = UP; at < UP + MOST && choice->steps < limit; at++) {
         HADA_TRY(search->solve(search->user, trials[to = at].weight, &choice->steps, &trials[at].left, err));
-        if (trials[at].left < trials[best].left)
+        const double before = trials[best].left, left = trials[at].left;
+        if (left < before)
             best = at;
-        else if (at > best + 1 || trials[at].left > WORSE * trials[best].left)
+        if (left < before ? left > (1.0 - search->least) * before : at > best + 1 || left > WORSE * before)
             break;
     }
     while (best == from && from > 0 && choice->steps < limit) {

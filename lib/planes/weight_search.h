@@ -17,6 +17,7 @@ typedef struct hada_weight_search {
     hada_status (*solve)(void *user, double weight, int *steps, double *left, hada_error *err);
     void *user;
     int most_steps; /* no other weight is tried after so many; 0: any number */
+    double least;   /* the sweep ends with a weight that predicts better by less than this share; 0: it goes on */
 } hada_weight_search;
 
 /* Weights are in units of the frame's root mean square. */

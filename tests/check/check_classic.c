@@ -14,7 +14,9 @@ typedef struct classic_state {
     hada_classic_camera camera;
     hada_classic_job job;
     check_camera seen;
-    hada_model model; /* what is needed to make the grid smaller: sizes and transfer functions */
+    hada_buffer weights; /* of the frame's values */
+    double *weighed;     /* the same on the grid, [channel][row][col]; NULL: none */
+    hada_model model;    /* what is needed to make the grid smaller: sizes and transfer functions */
     int depths, channels, list[MAX_DEPTHS];
     size_t pixels, values, floats; /* of the grid, its half spectrum, the window of all planes */
 } classic_state;
@@ -54,7 +56,10 @@ static hada_status read_shape(const check_state *state, classic_state *own, hada
     options.mu2 = options.mu3 = 0.03;
     for (int i = 0; i < own->depths; i++)
         own->list[i] = (i + 1) % (own->depths + 1);
-    return hada_classic_shape_of(&own->model.info, own->depths, &options, &own->shape, err);
+    HADA_TRY(hada_classic_shape_of(&own->model.info, own->depths, &options, &own->shape, err));
+    if (check_get(state, 'k', 0)) /* a camera that wraps around takes the data step of a sensor that crops */
+        own->shape.place.boundary = HADA_BOUNDARY_PADDED;
+    return HADA_OK;
 }
 
 /* Whether a point spread function is not 0 here: within o x q pixels from (y, z) on, round the edges. */
@@ -97,6 +102,25 @@ static hada_status make_smaller(check_state *state, classic_state *own, hada_err
     return hada_classic_optics(&own->seen.otf, context, &own->shape, &own->model, NULL, own->depths + 1, err);
 }
 
+/* Values without weight, saturated ones, and others of all sizes up to 1. */
+static hada_status make_weights(check_state *state, classic_state *own, hada_error *err)
+{
+    const hada_refine_rect *frame = &own->shape.place.frame;
+    const size_t area = hada_rect_area(frame), cols = (size_t)own->shape.place.grid_cols;
+    float *weights = check_room(state, (size_t)own->channels * area * sizeof *weights);
+    own->weighed = check_room(state, (size_t)own->channels * own->pixels * sizeof *own->weighed);
+    for (size_t i = 0; i < (size_t)own->channels * area; i++) {
+        const size_t row = i % area / (size_t)frame->cols, col = i % area % (size_t)frame->cols;
+        weights[i] = i % 7 == 3 ? 0.0f : i % 5 == 1 ? -0.9f : 1.0f - 0.1f * (float)(i % 8);
+        own->weighed[i / area * own->pixels + ((size_t)frame->row0 + row) * cols + (size_t)frame->col0 + col] =
+            weights[i];
+    }
+    own->data.weights = NULL;
+    HADA_TRY(check_upload(state, &own->weights, weights, (size_t)own->channels * area * sizeof *weights, err));
+    own->data.weights = own->weights.mem;
+    return HADA_OK;
+}
+
 static hada_status make_camera(check_state *state, classic_state *own, hada_error *err)
 {
     const hada_refine_shape *place = &own->shape.place;
@@ -115,7 +139,7 @@ static hada_status make_camera(check_state *state, classic_state *own, hada_erro
     own->data = (hada_refine_data){
         .spectrum = seen->spectrum.mem, .frame = seen->seen.mem, .otf = seen->otf.mem, .otf_depths = own->depths + 1};
     own->model.otf = NULL;
-    return HADA_OK;
+    return check_get(state, 'k', 0) ? make_weights(state, own, err) : HADA_OK;
 }
 
 /* One channel's transfer functions, in the order of the list; its largest sum of squares. */
@@ -166,7 +190,8 @@ static hada_ref_classic problem_of(const classic_state *own, int channel, const 
                               .mu1 = mu1,
                               .mu2 = o->prior == HADA_PRIOR_TV ? o->mu2 * mu1 : 0.0,
                               .mu3 = o->mu3 * mu1,
-                              .lambda = o->lambda};
+                              .lambda = o->lambda,
+                              .weights = own->weighed ? own->weighed + (size_t)channel * own->pixels : NULL};
 }
 
 static hada_status expect(check_state *state, classic_state *own, hada_error *err)
@@ -199,8 +224,12 @@ static hada_status prepare(check_state *state, hada_error *err)
     HADA_TRY(hada_classic_create(&own->classic, state->slot, &own->shape, err));
     HADA_TRY(check_output(state, own->floats, err));
     HADA_TRY(expect(state, own, err));
-    own->job = (hada_classic_job){
-        .data = &own->data, .camera = &own->camera, .depths = own->depths, .list = own->list, .brightness = 1.0};
+    own->job = (hada_classic_job){.data = &own->data,
+                                  .camera = &own->camera,
+                                  .depths = own->depths,
+                                  .list = own->list,
+                                  .brightness = 1.0,
+                                  .weight = own->shape.options.weight};
     state->tolerance = 3e-6;
     /* per iteration: four transforms that read and write, and about three passes over planes and spectra */
     const double all = (double)own->shape.options.iterations * own->depths * own->channels * (double)own->pixels;
@@ -231,5 +260,5 @@ const check_op check_classic = {"classic",
                                 "TV, x2 and x3 wavelets (l levels); r rows, c columns, h and w of the window, d "
                                 "depths, b channels, n iterations, p1 cropped by the sensor, s1 planes on the grid; "
                                 "o and q rows and columns of point spread functions from (y, z) on, on the grid that "
-                                "they allow",
+                                "they allow; k1 values of the frame have weights",
                                 prepare, launch, release};

@@ -32,6 +32,22 @@ for prior in wavelet haar; do
     cmp -s $prior/test01_stack.tif fista/test01_stack.tif && fail "--prior $prior changed nothing"
 done
 
+# The weight of total variation: each frame's own by default, and what was chosen is said; another one as it is given.
+expect 0 '' reconstruct "${one[@]}" -o auto --method fista --iterations 8 --tv auto
+expect 0 '' reconstruct "${one[@]}" -o same --method fista --iterations 8 --prior tv
+cmp -s auto/test01_stack.tif same/test01_stack.tif || fail '--tv auto is not --prior tv'
+cmp -s auto/test01_stack.tif fista/test01_stack.tif && fail '--tv auto takes no total variation'
+expect 0 'admm, 8 iterations, total variation [0-9.e-]+' reconstruct "${one[@]}" -o same --method admm --iterations 8 --weight auto
+cmp -s admm/test01_stack.tif same/test01_stack.tif || fail '--weight auto is not the default'
+expect 0 '"refine_tv": 0.003,' reconstruct "${one[@]}" -o given --method admm --iterations 8 --weight 0.003 --json
+cmp -s admm/test01_stack.tif given/test01_stack.tif && fail 'admm takes 0.003 by default'
+expect 0 '"refine_tv": 0.003,' reconstruct "${one[@]}" -o a --method admm --seconds 9 --iterations 3 --json
+
+# Weights of pixels: methods that iterate take them, a Wiener filter cannot.
+expect 0 '' reconstruct "${one[@]}" -o weighed --method rl --iterations 8 --weights "$camera/test/raw/test01.tif"
+cmp -s rl/test01_stack.tif weighed/test01_stack.tif && fail 'rl takes no weights'
+expect 2 'linear filters take no weights' reconstruct "${one[@]}" -o b --method wiener --weights "$camera/test/raw/test01.tif"
+
 # Stopping rules, settings, depths.
 expect 0 '"method": "admm".*"refine_steps": 1,' reconstruct "${one[@]}" -o a --method admm --seconds 1e-9 --json
 is_json 'reconstruct --method admm'

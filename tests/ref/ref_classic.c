@@ -19,6 +19,17 @@ static int seen(const hada_ref_classic *p, size_t pixel)
     return !p->padded || hada_ref_inside(&p->frame, p->cols, pixel);
 }
 
+static double size_of(const hada_ref_classic *p, size_t pixel)
+{
+    return !seen(p, pixel) ? 0.0 : p->weights ? fabs(p->weights[pixel]) : 1.0;
+}
+
+/* Whether a saturated value says nothing against this prediction, for it is above it. */
+static int above(const hada_ref_classic *p, size_t pixel, double prediction)
+{
+    return p->weights && p->weights[pixel] < 0.0 && prediction > p->image[pixel];
+}
+
 static hada_status room(double **out, size_t count, hada_error *err)
 {
     return hada_allocated(*out = hada_alloc(count, sizeof(double), "the reference", err));
@@ -158,14 +169,15 @@ static hada_status lucy(work *w, double *x, double *change, hada_error *err)
     double *y = memory, *norm = y + w->all, *old = norm + w->all, *correct = old + w->all, *g = correct + w->all;
     double *g_last = g + w->all, *image = g_last + w->all;
     for (size_t i = 0; i < w->pixels; i++)
-        image[i] = seen(p, i);
+        image[i] = size_of(p, i);
     status = transpose(w, image, norm, err);
     for (size_t i = 0; i < w->all; i++)
         x[i] = y[i] = hada_ref_inside(&p->support, p->cols, i % w->pixels) ? p->flat : 0.0;
     for (int k = 0; !status && k < p->iterations; k++) {
         status = project(w, y, image, err);
         for (size_t i = 0; i < w->pixels; i++)
-            image[i] = seen(p, i) ? fmax(p->image[i], 0.0) / fmax(image[i], p->floor) : 0.0;
+            image[i] =
+                size_of(p, i) * (above(p, i, image[i]) ? 1.0 : fmax(p->image[i], 0.0) / fmax(image[i], p->floor));
         if (!status)
             status = transpose(w, image, correct, err);
         memcpy(old, x, w->all * sizeof *x);
@@ -217,7 +229,7 @@ static hada_status fista(work *w, double *x, double *change, hada_error *err)
     for (int k = 0; !status && k < p->iterations; k++) {
         status = project(w, v, image, err);
         for (size_t i = 0; i < w->pixels; i++)
-            image[i] = seen(p, i) ? p->image[i] - image[i] : 0.0;
+            image[i] = above(p, i, image[i]) ? 0.0 : size_of(p, i) * (p->image[i] - image[i]);
         if (!status)
             status = transpose(w, image, z, err);
         for (size_t i = 0; i < w->all; i++)
@@ -300,7 +312,8 @@ static hada_status admm(work *w, double *x, double *change, hada_error *err)
         for (size_t i = 0; i < all; i++)
             split[i] = hada_ref_inside(&p->support, p->cols, i % n) ? fmax(0.0, x[i] + r[i]) : 0.0;
         for (size_t i = 0; i < n; i++) {
-            v[i] = seen(p, i) ? (p->image[i] + p->mu1 * (y[i] + a[i])) / (1.0 + p->mu1) : y[i] + a[i];
+            const double size = above(p, i, y[i] + a[i]) ? 0.0 : size_of(p, i);
+            v[i] = (size * p->image[i] + p->mu1 * (y[i] + a[i])) / (size + p->mu1);
             image[i] = p->padded ? p->mu1 * (v[i] - a[i]) : p->image[i];
         }
         status = transpose(w, image, q, err);

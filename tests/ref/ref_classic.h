@@ -19,14 +19,16 @@ typedef struct hada_ref_classic {
     const double *image;   /* [rows][cols]: the data, zero outside the frame */
     int iterations;
     hada_ref_prior prior;
-    double weight;        /* FISTA, ADMM: of the prior's norm; RL: of the divergence */
-    double step;          /* FISTA: of the gradient */
-    int inner, levels;    /* FISTA: iterations of the TV step; levels of the wavelets */
-    int accelerate;       /* RL */
-    double flat;          /* RL: what planes start from */
-    double floor, seen;   /* RL: smallest prediction of a pixel, smallest share of light that is seen */
-    double mu1, mu2, mu3; /* ADMM: weights of the splits of data, gradient, planes */
-    double lambda;        /* Wiener: added to the sum of |H|^2 */
+    double weight;         /* FISTA, ADMM: of the prior's norm; RL: of the divergence */
+    double step;           /* FISTA: of the gradient */
+    int inner, levels;     /* FISTA: iterations of the TV step; levels of the wavelets */
+    int accelerate;        /* RL */
+    double flat;           /* RL: what planes start from */
+    double floor, seen;    /* RL: smallest prediction of a pixel, smallest share of light that is seen */
+    double mu1, mu2, mu3;  /* ADMM: weights of the splits of data, gradient, planes */
+    double lambda;         /* Wiener: added to the sum of |H|^2 */
+    const double *weights; /* of `image`, where it is known (not Wiener, `padded` alone but for RL): a value counts |w|
+                              times; below 0: what predicts more than it is right. NULL: all 1 */
 } hada_ref_classic;
 
 /* planes[depth][rows][cols]: the whole grid, with negative values where the method leaves some. `change` (may be NULL):

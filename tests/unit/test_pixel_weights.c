@@ -8,7 +8,19 @@ enum { ROWS = 60, COLS = 72, WINDOW = 24, CHANNELS = 3 };
 typedef struct bench {
     hada_image psf, scene;
     hada_model *model;
+    const hada_classic_options *classic; /* NULL: refinement */
 } bench;
+
+static hada_classic_options classic_of(hada_method method, double weight)
+{
+    DEFAULTS(hada_classic_options, options);
+    options.method = method;
+    options.iterations = 60;
+    options.prior = HADA_PRIOR_TV;
+    options.weight = weight;
+    options.support = HADA_SUPPORT_WINDOW;
+    return options;
+}
 
 /* Blocks of light: what total variation is made for. */
 static bench make(hada_boundary boundary)
@@ -51,6 +63,7 @@ static double solve_weighed(const bench *b, const hada_image *frame, const hada_
 {
     DEFAULTS(hada_plan_options, options);
     options.pixel_weights = weights;
+    options.classic = b->classic;
     SCOPED(hada_result) result = {0};
     hada_plan *plan;
     options.refine_tv = tv;
@@ -153,6 +166,69 @@ TEST(bad_pixels_have_no_part)
     }
 }
 
+/* The classic methods find their weight by the noise as well, with both boundaries; a given one stays. */
+TEST(classic_methods_choose_their_weight)
+{
+    static const hada_method methods[] = {HADA_METHOD_FISTA, HADA_METHOD_ADMM};
+    for (int k = 0; k < 4; k++) {
+        bench b = make(k % 2 ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR);
+        const hada_classic_options own = classic_of(methods[k / 2], HADA_AUTO), given = classic_of(methods[k / 2], 0.3);
+        hada_report chosen[2], report;
+        for (int strong = 0; strong < 2; strong++) {
+            SCOPED(hada_image) frame = small_frame(&b.psf, &b.scene, k % 2, strong ? 0.03 : 0.005, 5);
+            b.classic = &own;
+            const double error = solve(&b, &frame, HADA_AUTO, 0, &chosen[strong]);
+            b.classic = &given;
+            const double much = solve(&b, &frame, HADA_AUTO, 0, &report);
+            assert_true(report.refine_tv == 0.3 && report.refine_tv_factor == 0);
+            assert_int_equal(chosen[strong].refine_steps, own.iterations);
+            if (error > (strong ? 1.2 : 0.8) * much)
+                fail_msg("case %d, noise %d: error %.3g, with much total variation %.3g", k, strong, error, much);
+        }
+        if (!(chosen[0].refine_tv > 0.0 && chosen[1].refine_tv > chosen[0].refine_tv))
+            fail_msg("case %d: weights %.3g and %.3g", k, chosen[0].refine_tv, chosen[1].refine_tv);
+        unmake(&b);
+    }
+}
+
+/* Saturated and bad pixels do little harm to classic methods (ADMM converges more slowly with them); equal weights are
+ * as none, bit for bit. */
+TEST(classic_methods_weigh_pixels)
+{
+    static const hada_method methods[] = {HADA_METHOD_RL, HADA_METHOD_FISTA, HADA_METHOD_ADMM};
+    const size_t plane = (size_t)ROWS * COLS;
+    for (int k = 0; k < 6; k++) {
+        const int padded = k % 2;
+        bench b = make(padded ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR);
+        const hada_classic_options given = classic_of(methods[k / 2], 1e-3);
+        SCOPED(hada_image) frame = small_frame(&b.psf, &b.scene, padded, 0.002, 5), weights = {0};
+        hada_report report;
+        float largest = 0.0f;
+        b.classic = &given;
+        ASSERT_OK(hada_image_create(&weights, 1, ROWS, COLS, err));
+        for (size_t i = 0; i < plane; i++)
+            weights.data[i] = 0.5f;
+        const double good = solve(&b, &frame, HADA_AUTO, 0, &report);
+        const double equal = solve_weighed(&b, &frame, &weights, HADA_AUTO, 0, &report);
+        assert_true(padded ? equal == good : fabs(equal / good - 1.0) < 0.3);
+        for (size_t i = 0; i < hada_image_count(&frame); i++)
+            largest = fmaxf(largest, frame.data[i]);
+        for (size_t i = 0; i < hada_image_count(&frame); i++)
+            frame.data[i] = fminf(frame.data[i], 0.8f * largest);
+        for (size_t i = 5; i < plane; i += 61)
+            for (int c = 0; c < CHANNELS; c++) {
+                frame.data[(size_t)c * plane + i] = i % 2 ? 0.0f : NAN;
+                weights.data[i] = 0.0f;
+            }
+        const double left_out = solve_weighed(&b, &frame, &weights, HADA_AUTO, 0, &report);
+        assert_true(report.saturated_pixels >= 64);
+        const double taken = solve(&b, &frame, HADA_AUTO, 1, &report);
+        if (left_out > 3 * good || left_out > 0.5 * taken)
+            fail_msg("case %d: error %.3g, with bad pixels left out %.3g, taken %.3g", k, good, left_out, taken);
+        unmake(&b);
+    }
+}
+
 TEST(weights_that_cannot_be)
 {
     bench b = make(HADA_BOUNDARY_PADDED);
@@ -173,6 +249,19 @@ TEST(weights_that_cannot_be)
     weights.data[8] = 1.0f;
     options.refine = 0;
     ASSERT_FAILS(hada_plan_create(&plan, context, b.model, &options, err), HADA_ERROR_ARGUMENT, "refine");
+    const hada_classic_options wiener = {.size = sizeof wiener,
+                                         .method = HADA_METHOD_WIENER,
+                                         .iterations = 1,
+                                         .weight = HADA_AUTO,
+                                         .lambda = 0.1,
+                                         .step = 1,
+                                         .inner = 1,
+                                         .levels = 1,
+                                         .mu1 = 1,
+                                         .mu2 = 1,
+                                         .mu3 = 1};
+    options.classic = &wiener;
+    ASSERT_FAILS(hada_plan_create(&plan, context, b.model, &options, err), HADA_ERROR_ARGUMENT, "linear filters");
     unmake(&b);
 }
 

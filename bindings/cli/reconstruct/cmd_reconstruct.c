@@ -88,7 +88,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL", "dark level of the frames (default: what the model says)",
      "FILE: a dark frame of the camera; auto: each frame's own; LEVEL: a share of full scale.", AT(dark)},
     {HADA_OPTION_TEXT, "weights", 0, "FILE",
-     "how much each pixel of the frames counts in refinement (default: all alike)",
+     "how much each pixel of the frames counts in refinement, rl, fista and admm (default: all alike)",
      "An image of the frame's size, grey or in its colours: black where pixels are bad or covered by dust, white where "
      "they are good; brightness is in units of the largest value.",
      AT(weights)},
@@ -127,9 +127,11 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_CHOICE, "prior", 0, "none|tv|wavelet|haar", "beside non-negativity (default: admm tv, else none)",
      "tv: total variation. For fista also Haar wavelets, translation-invariant (wavelet) or orthonormal (haar).",
      ONE_OF(method.prior, HADA_PRIOR_NONE, HADA_PRIOR_TV, HADA_PRIOR_WAVELET, HADA_PRIOR_HAAR)},
-    {HADA_OPTION_REAL, "weight", 0, "W", "weight of the prior (default: 0.003; rl, wavelet 0.005)", NULL,
+    {HADA_OPTION_WEIGHT, "weight", 0, "W|auto", "weight of the prior (default: auto)",
+     "auto: admm and fista with tv find the weight from each frame: the one with which the other pixels predict 5 % of "
+     "them best. That takes up to 2.5 times the iterations again. rl and wavelet 0.005, haar 0.003.",
      AT(method.weight)},
-    {HADA_OPTION_REAL, "tv", 0, "W", "the same as --prior tv --weight W", NULL, AT(method.tv)},
+    {HADA_OPTION_WEIGHT, "tv", 0, "W|auto", "the same as --prior tv --weight W", NULL, AT(method.tv)},
     {HADA_OPTION_CHOICE, "support", 0, "window|grid", "where light may come from (default: admm grid, else window)",
      NULL, ONE_OF(method.support, HADA_SUPPORT_WINDOW, HADA_SUPPORT_GRID)},
     {HADA_OPTION_REAL, "lambda", 0, "L", "noise that wiener reckons with, in mean |OTF|^2 (default: 0.1)", NULL,

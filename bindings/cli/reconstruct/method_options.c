@@ -3,11 +3,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { NOT_GIVEN = -1 };
+enum { NOT_GIVEN = -3 }; /* which is not HADA_AUTO */
 
 void hada_cli_method_defaults(hada_cli_method_settings *set)
 {
-    *set = (hada_cli_method_settings){.weight = NOT_GIVEN, .tv = NOT_GIVEN, .lambda = NOT_GIVEN};
+    *set = (hada_cli_method_settings){.weight = HADA_AUTO, .tv = NOT_GIVEN, .lambda = NOT_GIVEN};
 }
 
 /* "M1,M2,M3" */
@@ -29,6 +29,11 @@ static hada_status read_mu(const char *text, hada_classic_options *out, hada_err
     return HADA_OK;
 }
 
+static int has_tv(const hada_cli_method_settings *set)
+{
+    return set->tv != NOT_GIVEN;
+}
+
 /* Options of methods that iterate, without one. */
 static hada_status check_none(const hada_cli_method_settings *set, hada_error *err)
 {
@@ -41,7 +46,7 @@ static hada_status check_none(const hada_cli_method_settings *set, hada_error *e
                          : set->stop > 0    ? "stop"
                          : set->seconds > 0 ? "seconds"
                          : set->weight >= 0 ? "weight"
-                         : set->tv >= 0     ? "tv"
+                         : has_tv(set)      ? "tv"
                          : set->step > 0    ? "step"
                          : set->mu          ? "mu"
                                             : NULL;
@@ -51,11 +56,11 @@ static hada_status check_none(const hada_cli_method_settings *set, hada_error *e
 
 static hada_status read_prior(const hada_cli_method_settings *set, hada_classic_options *out, hada_error *err)
 {
-    if (set->tv >= 0 && (set->prior || set->weight >= 0))
+    if (has_tv(set) && (set->prior || set->weight >= 0))
         return hada_cli_error(err, HADA_ERROR_ARGUMENT,
                               "--tv W stands for --prior tv --weight W; give one or the other");
-    out->prior = set->tv >= 0 ? HADA_PRIOR_TV : (hada_prior)set->prior;
-    out->weight = set->tv >= 0 ? set->tv : set->weight;
+    out->prior = has_tv(set) ? HADA_PRIOR_TV : (hada_prior)set->prior;
+    out->weight = has_tv(set) ? set->tv : set->weight;
     if (set->weight >= 0 && set->prior < HADA_PRIOR_TV && out->method != HADA_METHOD_ADMM)
         return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--weight is that of a prior: choose one with --prior");
     return HADA_OK;

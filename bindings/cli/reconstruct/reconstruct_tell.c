@@ -61,6 +61,15 @@ static void surface_words(const hada_result *result, char *text, size_t size)
         hada_cli_append(text, size, ", %.4g to %.4g mm", least, most);
 }
 
+static void weight_words(const hada_report *report, char *text, size_t size)
+{
+    if (report->refine_tv_factor > 0)
+        hada_cli_append(text, size, ", total variation %.2g found from the frame (within a factor of %.2g)",
+                        report->refine_tv, report->refine_tv_factor);
+    else if (report->method != HADA_METHOD_MODEL && report->refine_tv > 0)
+        hada_cli_append(text, size, ", total variation %.2g", report->refine_tv);
+}
+
 /* "100 and 250 mm; 8 refinement steps; 2.1 % unexplained" into `text` of `size` bytes. */
 static void frame_words(const hada_result *result, char *text, size_t size)
 {
@@ -95,12 +104,11 @@ static void frame_words(const hada_result *result, char *text, size_t size)
         hada_cli_append(text, size, "; %s", methods[report->method]);
         if (report->refine_steps)
             hada_cli_append(text, size, ", %d iteration%s", report->refine_steps, report->refine_steps == 1 ? "" : "s");
+        weight_words(report, text, size);
     } else if (report->refine_steps && report->scene != HADA_SCENE_SURFACE) {
         hada_cli_append(text, size, "; %d refinement step%s", report->refine_steps,
                         report->refine_steps == 1 ? "" : "s");
-        if (report->refine_tv_factor > 0)
-            hada_cli_append(text, size, ", total variation %.2g found from the frame (within a factor of %.2g)",
-                            report->refine_tv, report->refine_tv_factor);
+        weight_words(report, text, size);
     }
     double residual = isfinite(report->residual) ? report->residual : report->residual_linear;
     if (isfinite(residual))

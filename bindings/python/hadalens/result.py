@@ -46,7 +46,7 @@ class Report:
         method: "model", or a classic method.
         scene: what the frame was taken for, "planes" or "surface".
         refine_steps: steps of refinement, or iterations of a classic method, that were done.
-        refine_tv: weight of total variation in refinement; 0: none.
+        refine_tv: weight of total variation in refinement, or in a classic method; 0: none.
         refine_tv_factor: where it was found from the frame, so many times more or less predicts held-out pixels 1 %
             worse; 0: not known.
         residual_linear, residual: what the linear result, and the refined one, leave unexplained of the frame, as a

@@ -100,7 +100,8 @@ typedef struct hada_plan_options {
     double crosstalk; /* where a refined plane is dark beside another one, its light goes to the brightest: the share of
                          that one's light at which a plane keeps half, at most 1; HADA_AUTO (default): 0.12; 0: planes
                          stay as refined. Their sum does either way (docs/explanation/refinement.md) */
-    const hada_image *pixel_weights; /* how much each of the frame's values counts in refinement, 0 (not at all: bad
+    const hada_image *pixel_weights; /* how much each of the frame's values counts in refinement and in classic methods
+                                        that iterate, 0 (not at all: bad
                                         pixels, dust) or more, in units of the largest; of the frame's size, with its
                                         channels or one for all; NULL (default): all alike. Copied */
 } hada_plan_options;
@@ -160,7 +161,7 @@ typedef struct hada_report {
         seconds_focus, seconds_download;
     hada_scene scene;        /* what the frame was taken for: planes or a surface */
     size_t saturated_pixels; /* values at the frame's upper end, taken for "at least this" */
-    double refine_tv;        /* weight of total variation in refinement; 0: none */
+    double refine_tv;        /* weight of total variation in refinement, or in a classic method; 0: none */
     double refine_tv_factor; /* where it was found from the frame: so many times more or less predicts held-out pixels
                                 1 % worse; 0: not known */
 } hada_report;

@@ -43,10 +43,14 @@ expect 0 '"refine_tv": 0.003,' reconstruct "${one[@]}" -o given --method admm --
 cmp -s admm/test01_stack.tif given/test01_stack.tif && fail 'admm takes 0.003 by default'
 expect 0 '"refine_tv": 0.003,' reconstruct "${one[@]}" -o a --method admm --seconds 9 --iterations 3 --json
 
-# Weights of pixels: methods that iterate take them, a Wiener filter cannot.
-expect 0 '' reconstruct "${one[@]}" -o weighed --method rl --iterations 8 --weights "$camera/test/raw/test01.tif"
-cmp -s rl/test01_stack.tif weighed/test01_stack.tif && fail 'rl takes no weights'
-expect 2 'linear filters take no weights' reconstruct "${one[@]}" -o b --method wiener --weights "$camera/test/raw/test01.tif"
+# Weights of pixels: methods that iterate take them, and equal ones change nothing; a Wiener filter cannot.
+read -r _ _ rows cols _ <<< "$(info "$camera/test/raw/test01.tif")"
+"$FRAME_TOOL" flat even.tif "$rows" "$cols" 1 0.5
+for method in rl admm; do
+    expect 0 '' reconstruct "${one[@]}" -o weighed --method $method --iterations 8 --weights even.tif
+    cmp -s $method/test01_stack.tif weighed/test01_stack.tif || fail "--weights EVEN changed $method"
+done
+expect 2 'linear filters take no weights' reconstruct "${one[@]}" -o b --method wiener --weights even.tif
 
 # Stopping rules, settings, depths.
 expect 0 '"method": "admm".*"refine_steps": 1,' reconstruct "${one[@]}" -o a --method admm --seconds 1e-9 --json

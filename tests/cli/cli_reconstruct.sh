@@ -109,7 +109,7 @@ psnr=$(grep '"psnr"' stdout | grep -oE '[0-9]+' | head -n 1)
 [ "${psnr:-0}" -ge 35 ] || fail "--weights EVEN: $psnr dB"
 expect 4 'weights of pixels must have' reconstruct "${one[@]}" -o weighed --weights small.tif
 expect 2 'all weights of pixels are 0' reconstruct "${one[@]}" -o weighed --weights black.tif
-expect 2 'belong to refinement' reconstruct "${one[@]}" -o weighed --weights even.tif --refine 0
+expect 2 'linear filters take no weights' reconstruct "${one[@]}" -o weighed --weights even.tif --refine 0
 expect 3 'nosuch.tif' reconstruct "${one[@]}" -o weighed --weights nosuch.tif
 
 # A sequence.

@@ -220,9 +220,9 @@ hada_focus_desc hada_config_focus(const hada_config *config, const hada_model_in
 hada_refine_shape hada_config_refine(const hada_config *config, const hada_model *model)
 {
     const int own = config->parting ? hada_refine_most_steps(config->steps, config->depths) : config->steps;
-    const int steps = config->choose && own < HADA_CHOICE_STEPS ? HADA_CHOICE_STEPS : own;
+    const int steps = config->choose && own < HADA_SETTLING_STEPS ? HADA_SETTLING_STEPS : own;
     hada_refine_shape refine = hada_refine_shape_of(hada_model_get_info(model), config->depths, steps);
-    refine.settle = config->parting;
+    refine.settle = config->parting || config->choose;
     refine.tv = config->choose || config->weights.tv > 0;
     refine.boundary = config->boundary;
     refine.shrink = config->weights.shrink > 0;

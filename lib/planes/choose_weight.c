@@ -4,11 +4,15 @@
 #include "core/alloc.h"
 #include "planes/weight_search.h"
 
-/* rho of the sweep: hada_refine_rule_follow() */
-#define RHO_PER_WEIGHT 30.0
-#define MOST_RHO       1e-2
+/* rho of the sweep: hada_refine_rule_follow(); it begins at FIRST_RHO, or at this part of the weight, and grows. With
+ * less the first weights are judged by planes that have not settled, which favours small ones. */
+#define RHO_PER_WEIGHT   30.0
+#define MOST_RHO         3e-3
+#define FIRST_RHO        1e-3
+#define FIRST_PER_WEIGHT 0.3
+#define GROWTH           1.1
 
-enum { STEPS = 6 /* with each weight after the first, which takes HADA_CHOICE_STEPS from nothing */ };
+enum { STEPS = 8 /* with each weight after the first, which takes HADA_CHOICE_STEPS from nothing */ };
 
 typedef struct sweep {
     hada_plane_maker *maker;
@@ -30,8 +34,9 @@ static hada_status try_weight(void *user, double tv, int *steps, double *left, h
     hada_refine_rule_init(&rule);
     hada_refine_rule_weigh(&rule, info, &weights, 1, gain, s->unit);
     hada_refine_rule_follow(&rule, tv, gain, RHO_PER_WEIGHT, MOST_RHO);
-    rule.growth = 1.0;
-    rule.first_rho = 0.0;
+    rule.growth = GROWTH;
+    rule.first_rho = gain * fmax(FIRST_RHO, FIRST_PER_WEIGHT * tv);
+    rule.rho = fmax(rule.rho, rule.first_rho);
     rule.steps = *steps ? STEPS : HADA_CHOICE_STEPS;
     rule.before = *steps;
     rule.start = *steps ? HADA_REFINE_CONTINUE : HADA_REFINE_COLD;
@@ -75,8 +80,13 @@ hada_status hada_maker_refine_exposure(hada_plane_maker *maker, const hada_frame
 {
     hada_maker_steps own = *steps;
     HADA_TRY(hada_maker_weigh(maker, exposure, err));
-    if (maker->held.mem && !(choice->tv > 0.0))
+    if (maker->held.mem && !(choice->tv > 0.0)) {
         HADA_TRY(hada_maker_choose(maker, exposure, count, list, choice, err));
+        if (count == 1) { /* several planes part from the beginning */
+            own.before = choice->steps;
+            own.steps = own.stop ? HADA_SETTLING_STEPS : own.steps;
+        }
+    }
     if (choice->tv > 0.0)
         own.tv = choice->tv;
     return hada_maker_refine(maker, &own, hada_exposure_noise_unit(exposure, maker->noise_share), count, list, done,

@@ -80,8 +80,10 @@ hada_status hada_maker_filter(const hada_plane_maker *maker, int first, int coun
     return hada_image_clip(maker->slot, planes, plane_values(maker) * (size_t)count, err);
 }
 
-/* rho of refinement with a weight that a frame chose: hada_refine_rule_follow() */
+/* rho of refinement with a weight that a frame chose: hada_refine_rule_follow(); less where the steps that found it go
+ * on */
 #define RHO_PER_WEIGHT 100.0
+#define RHO_CONTINUING 30.0
 #define MOST_RHO       3e-2
 
 hada_status hada_maker_refine(const hada_plane_maker *maker, const hada_maker_steps *steps, double unit, int count,
@@ -97,8 +99,11 @@ hada_status hada_maker_refine(const hada_plane_maker *maker, const hada_maker_st
         weights.tv = steps->tv;
     hada_refine_rule_weigh(&rule, &info, &weights, count, hada_model_gain(maker->model), unit);
     if (steps->tv > 0.0)
-        hada_refine_rule_follow(&rule, steps->tv, hada_model_gain(maker->model), RHO_PER_WEIGHT, MOST_RHO);
-    if (steps->stop)
+        hada_refine_rule_follow(&rule, steps->tv, hada_model_gain(maker->model),
+                                steps->before ? RHO_CONTINUING : RHO_PER_WEIGHT, MOST_RHO);
+    if (steps->stop && steps->before)
+        hada_refine_rule_settle(&rule);
+    else if (steps->stop)
         hada_refine_rule_stop(&rule, info.boundary, steps->stop);
     else
         rule.stop = 0.0;

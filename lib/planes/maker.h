@@ -94,9 +94,10 @@ void hada_maker_free_weights(hada_plane_maker *maker);
 /* Brings the weights of a frame's pixels to the device; none where all are equal. */
 hada_status hada_maker_weigh(hada_plane_maker *maker, const hada_frame_exposure *exposure, hada_error *err);
 
-/* Steps in a row that choosing a weight takes, for which the refiner must be made, and steps that refinement with a
- * chosen weight takes at least. */
-enum { HADA_CHOICE_STEPS = 12, HADA_CHOSEN_STEPS = 20 };
+/* Steps in a row that choosing a weight takes, steps at most with which a single depth goes on from there until its
+ * plane settles, for both of which the refiner must be made; and steps that refinement with a chosen weight takes at
+ * most from nothing. */
+enum { HADA_CHOICE_STEPS = 20, HADA_SETTLING_STEPS = 60, HADA_CHOSEN_STEPS = 20 };
 
 /* How planes are refined if nobody says otherwise. */
 typedef struct hada_maker_way {
@@ -136,7 +137,7 @@ hada_status hada_maker_filter(const hada_plane_maker *maker, int first, int coun
 typedef struct hada_maker_steps {
     int steps;  /* at most; exactly where stop is 0 */
     int stop;   /* 0: never early; 1: when the residual settles; n > 1: when n planes settle, too */
-    int before; /* steps that were done before, which these continue */
+    int before; /* steps that were done before, which these continue, with `stop` until the planes settle */
     double tv;  /* weight of total variation, which rho follows (hada_refine_rule_follow()); 0: the maker's */
 } hada_maker_steps;
 

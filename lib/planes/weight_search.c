@@ -18,24 +18,39 @@
 
 enum {
     MOST = 11, /* weights downwards, the first one among them */
-    UP = 2     /* weights above the first one, if that is the best */
+    UP = 2,    /* weights above the first one, if that is the best */
+    BLOCK = 8  /* pixels that are left out together: the errors of a point spread function are alike nearby, and small
+                  weights would fit those of a single pixel to its neighbours */
 };
 
 typedef struct trial {
     double weight, left;
 } trial;
 
+/* Marks a block of an image whose first pixel is `first`, as far as its values have a weight. */
+static void hold_block(size_t first, size_t row_step, size_t rows, size_t cols, float *weights, float *held)
+{
+    for (size_t row = 0; row < rows; row++)
+        for (size_t i = first + row * row_step, end = i + cols; i < end; i++)
+            if (weights[i] > 0.0f) {
+                held[i] = 1.0f;
+                weights[i] = 0.0f;
+            }
+}
+
 void hada_exposure_hold_out(const hada_frame_exposure *exposure, float *weights, float *held)
 {
-    const size_t count = hada_exposure_count(exposure);
+    const size_t count = hada_exposure_count(exposure), cols = (size_t)exposure->came.cols,
+                 rows = count / cols; /* of all channels */
     hada_random random;
     hada_exposure_weigh(exposure, weights);
+    memset(held, 0, count * sizeof *held);
     hada_random_seed(&random, 1, 1);
-    for (size_t i = 0; i < count; i++) {
-        held[i] = hada_random_bits(&random) < HELD_OUT * 0x1p32 && weights[i] > 0.0f;
-        if (held[i] > 0.0f)
-            weights[i] = 0.0f;
-    }
+    for (size_t row = 0; row < rows; row += BLOCK)
+        for (size_t col = 0; col < cols; col += BLOCK)
+            if (hada_random_bits(&random) < HELD_OUT * 0x1p32)
+                hold_block(row * cols + col, cols, rows - row < BLOCK ? rows - row : BLOCK,
+                           cols - col < BLOCK ? cols - col : BLOCK, weights, held);
 }
 
 /* The lowest point of the parabola through three trials that follow each other, over the logarithm of the weight. */

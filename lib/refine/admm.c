@@ -133,10 +133,16 @@ static double residual_stop(hada_boundary boundary, const hada_refine_rule *rule
  * (docs/explanation/refinement.md). */
 #define SETTLED 0.015
 
+void hada_refine_rule_settle(hada_refine_rule *rule)
+{
+    rule->settle = SETTLED;
+    rule->stop = 0.0;
+}
+
 void hada_refine_rule_stop(hada_refine_rule *rule, hada_boundary boundary, int depths)
 {
     if (depths > 1 && rule->tv > 0.0) {
-        rule->settle = SETTLED;
+        hada_refine_rule_settle(rule);
         rule->steps = hada_refine_most_steps(rule->steps, depths);
     } else {
         rule->stop = residual_stop(boundary, rule);

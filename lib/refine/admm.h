@@ -145,6 +145,9 @@ enum { HADA_REFINE_PARTING = 6 };
  * however many there are. */
 void hada_refine_rule_stop(hada_refine_rule *rule, hada_boundary boundary, int depths);
 
+/* Stops it where the planes have settled, of one depth too. */
+void hada_refine_rule_settle(hada_refine_rule *rule);
+
 /* The most steps that such a rule makes of `steps` with up to so many depths. */
 static inline int hada_refine_most_steps(int steps, int depths)
 {

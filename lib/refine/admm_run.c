@@ -187,12 +187,14 @@ static int shrink_steps(const hada_refine_run *r, const hada_refine_rule *rule)
 }
 
 /* Whether the planes have settled after *count steps. Planes seldom have at the first look: where a look leaves the
- * device idle, the first two are read together, and if they had, the planes of the first come back, and *count. */
+ * device idle, the first two are read together, and if they had, the planes of the first come back, and *count; not
+ * where steps with shrinkage follow, which go on from all that there is. */
 static hada_status look(const hada_refine_run *r, const hada_refine_rule *rule, int *count, int *settled,
                         hada_error *err)
 {
     enum { FIRST = KEEP_FIRST + KEEP_EVERY, SECOND = FIRST + KEEP_EVERY };
-    const int now = *count, both = hada_refine_looks(r->refiner->slot->context) > 1 && SECOND < rule->steps;
+    const int now = *count,
+              both = !(rule->shrink > 0.0) && hada_refine_looks(r->refiner->slot->context) > 1 && SECOND < rule->steps;
     const size_t place = both && now == SECOND;
     double change[2];
     *settled = 0;
@@ -229,10 +231,10 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
         const int shrink = count >= end - last;
         HADA_TRY_OR_DONE(r.fused ? iterate_fused(&r, rule, count, shrink, err) : iterate(&r, rule, count, shrink, err));
         count++;
-        if (rule->settle > 0.0 && count < end) {
+        if (rule->settle > 0.0 && count < end && !shrink) {
             int settled;
             HADA_TRY_OR_DONE(look(&r, rule, &count, &settled, err));
-            end = settled ? count : end;
+            end = settled && count + last < end ? count + last : end;
         }
         if (count < end ? shrink || !(rule->stop > 0.0) || count < least : rule->quiet)
             continue;

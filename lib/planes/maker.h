@@ -97,7 +97,7 @@ hada_status hada_maker_weigh(hada_plane_maker *maker, const hada_frame_exposure 
 /* Steps in a row that choosing a weight takes, steps at most with which a single depth goes on from there until its
  * plane settles, for both of which the refiner must be made; and steps that refinement with a chosen weight takes at
  * most from nothing. */
-enum { HADA_CHOICE_STEPS = 20, HADA_SETTLING_STEPS = 60, HADA_CHOSEN_STEPS = 20 };
+enum { HADA_CHOICE_STEPS = 20, HADA_SETTLING_STEPS = 40, HADA_CHOSEN_STEPS = 20 };
 
 /* How planes are refined if nobody says otherwise. */
 typedef struct hada_maker_way {

@@ -74,7 +74,8 @@ static const hada_plan_options plan_options = {.size = sizeof(hada_plan_options)
                                                .queues = HADA_AUTO,
                                                .gamma = 1.0,
                                                .skip = HADA_SKIP_ALL,
-                                               .band = 1.0};
+                                               .band = 1.0,
+                                               .mosaic = HADA_MOSAIC_AUTO};
 static const hada_registration registration = {.size = sizeof(hada_registration), .magnification = 1.0};
 static const hada_register_task register_task = {.size = sizeof(hada_register_task),
                                                  .least_magnification = HADA_AUTO,

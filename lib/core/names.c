@@ -30,7 +30,12 @@ static const struct {
              {HADA_ENUM_OPTICS, HADA_OPTICS_GEOMETRY, "geometry"},
              {HADA_ENUM_OPTICS, HADA_OPTICS_WAVE, "wave"},
              {HADA_ENUM_BOUNDARY, HADA_BOUNDARY_CIRCULAR, "circular"},
-             {HADA_ENUM_BOUNDARY, HADA_BOUNDARY_PADDED, "padded"}};
+             {HADA_ENUM_BOUNDARY, HADA_BOUNDARY_PADDED, "padded"},
+             {HADA_ENUM_MOSAIC, HADA_MOSAIC_NONE, "none"},
+             {HADA_ENUM_MOSAIC, HADA_MOSAIC_RGGB, "rggb"},
+             {HADA_ENUM_MOSAIC, HADA_MOSAIC_BGGR, "bggr"},
+             {HADA_ENUM_MOSAIC, HADA_MOSAIC_GRBG, "grbg"},
+             {HADA_ENUM_MOSAIC, HADA_MOSAIC_GBRG, "gbrg"}};
 #define NAMES (sizeof names / sizeof *names)
 
 const char *hada_enum_name(hada_enum which, int value)

@@ -3,6 +3,7 @@
 
 #include "engine/stages.h"
 #include "filter/hadamard.h"
+#include "image/mosaic.h"
 
 /* What is known of a frame: `count` depths are in pipeline->occupied; the energy that planes leave after a few steps,
  * and that a surface leaves, which is in pipeline->surface. */
@@ -73,6 +74,8 @@ void hada_pipeline_residual(hada_pipeline *pipeline, const hada_frame *frame)
     hada_refiner_residual_arrived(pipeline->refiner, &left);
     if (!(frame->exposure.energy > 0))
         return;
+    if (frame->exposure.mosaic != HADA_MOSAIC_NONE) /* it is of the colours that pixels hold, one of three */
+        left *= HADA_MOSAIC_COLOURS;
     report->residual = sqrt(left / frame->exposure.energy);
     /* the first step is the joint linear filter; the second one measures what it left */
     if (circular && report->refine_steps > 1)

@@ -8,6 +8,7 @@
 #include "filter/bank.h"
 #include "filter/gains.h"
 #include "filter/hadamard.h"
+#include "image/mosaic.h"
 #include "planes/maker.h"
 #include "refine/proximal.h"
 
@@ -82,8 +83,17 @@ static hada_status check_options(const hada_model_info *info, const hada_plan_op
         HADA_TRY(hada_fail(err, HADA_ERROR_SIZE,
                            "the weights of pixels must have 1 or %d channel(s) of %d x %d pixels, as the model",
                            info->channels, info->raw_rows, info->raw_cols));
-    if (options->dark == HADA_DARK_FRAME &&
-        (!dark || dark->channels != info->channels || dark->rows != info->raw_rows || dark->cols != info->raw_cols))
+    const int mosaic = options->mosaic == HADA_MOSAIC_AUTO ? (int)info->mosaic : (int)options->mosaic;
+    if (!hada_mosaic_is_known(options->mosaic))
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: mosaic is one of HADA_MOSAIC_..."));
+    if (hada_mosaic_is_pattern(mosaic) && info->channels != HADA_MOSAIC_COLOURS)
+        HADA_TRY(hada_fail(err, HADA_ERROR_MODEL,
+                           "a colour filter mosaic needs a model of three channels, and the model %s has %d: leave "
+                           "--bayer out, or make the model with fit --bayer",
+                           info->name, info->channels));
+    const int grey_dark = dark && dark->channels == 1 && hada_mosaic_is_pattern(mosaic);
+    if (options->dark == HADA_DARK_FRAME && (!dark || (dark->channels != info->channels && !grey_dark) ||
+                                             dark->rows != info->raw_rows || dark->cols != info->raw_cols))
         HADA_TRY(hada_fail(err, HADA_ERROR_SIZE,
                            "the dark frame must have %d channel(s) of %d x %d pixels, as the model", info->channels,
                            info->raw_rows, info->raw_cols));
@@ -161,8 +171,9 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     const hada_model_info *info = hada_model_get_info(model);
     HADA_TRY(check_options(info, options, err));
     *config = (hada_config){.depths = options->depths ? options->depth_count : info->depths};
+    config->mosaic = options->mosaic == HADA_MOSAIC_AUTO ? info->mosaic : options->mosaic;
     /* auto: what leave-one-out found to pay for this camera */
-    const hada_maker_way way = hada_maker_way_of(info, options->refine_tv);
+    const hada_maker_way way = hada_maker_way_of(info, options->refine_tv, config->mosaic);
     config->steps = options->refine >= 0 ? options->refine : way.steps;
     config->parting = options->refine < 0 && config->depths > 1;
     config->weights = way.weights;
@@ -174,11 +185,13 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     HADA_TRY(use_classic(info, options, config, err));
     config->joint = config->steps > 0;
     config->choose = config->classic ? config->method.choose : way.choose && config->joint;
-    if (options->pixel_weights && (!config->joint || config->method.options.method == HADA_METHOD_WIENER))
+    const int linear = !config->joint || (config->classic && config->method.options.method == HADA_METHOD_WIENER);
+    if (options->pixel_weights && linear)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "linear filters take no weights of pixels: leave the weights out, or refine, or take "
                          "Richardson-Lucy, FISTA or ADMM");
-    config->boundary = config->choose || options->pixel_weights ? HADA_BOUNDARY_PADDED : info->boundary;
+    const int weighted = options->pixel_weights || (config->mosaic && !linear);
+    config->boundary = config->choose || weighted ? HADA_BOUNDARY_PADDED : info->boundary;
     config->method.place.boundary = config->boundary;
     config->weighs = config->classic ? hada_classic_weighs(&config->method)
                                      : config->joint && config->boundary == HADA_BOUNDARY_PADDED;
@@ -311,8 +324,12 @@ done:
 static hada_status copy_dark(hada_setup *setup, const hada_image *dark, hada_error *err)
 {
     const size_t broken = hada_image_count_not_finite(dark);
-    HADA_TRY(hada_image_create(&setup->dark_frame, dark->channels, dark->rows, dark->cols, err));
-    memcpy(setup->dark_frame.data, dark->data, hada_image_count(dark) * sizeof(float));
+    const int channels = setup->model->info.channels;
+    HADA_TRY(hada_image_create(&setup->dark_frame, channels, dark->rows, dark->cols, err));
+    if (dark->channels == channels)
+        memcpy(setup->dark_frame.data, dark->data, hada_image_count(dark) * sizeof(float));
+    else /* filled in as frames are */
+        hada_mosaic_fill(setup->config.mosaic, dark->data, dark->rows, dark->cols, setup->dark_frame.data);
     if (broken)
         HADA_TRY(hada_fail(err, HADA_ERROR_NOT_FINITE, "the dark frame holds %zu values that are not finite", broken));
     return HADA_OK;

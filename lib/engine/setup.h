@@ -23,6 +23,7 @@ typedef struct hada_config {
     int choose;                  /* 1: the weight of total variation is found from each frame */
     hada_boundary boundary;      /* of joint planes: weights of pixels need the data step of a sensor that crops */
     int weighs;                  /* 1: pixels of a frame may have weights */
+    hada_mosaic mosaic;          /* of frames of one channel; HADA_MOSAIC_NONE: there are none */
     double share;                /* of refined planes, the rest being those of the linear filters; 1: refined alone */
     int steps;                   /* refinement steps or iterations at most */
     double crosstalk;            /* share at which a plane halves beside another one; 0: none does */

@@ -207,6 +207,7 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
                             .refine_rho = chosen->rho,
                             .refine_tv = options->refine_tv,
                             .has_otf = 1,
+                            .mosaic = options->mosaic,
                             .distances_mm = distances_mm};
     if (info.form == HADA_FORM_MATCHED)
         info.lambda = 0.0;

@@ -7,6 +7,30 @@
 /* Mean squared errors below this, 200 dB, count as this. */
 #define LEAST_ERROR 1e-20
 
+/* Frames of a mosaic are refined as a reconstruction does: filled-in values have no part. */
+static hada_status make_mask(hada_trial_bench *bench, hada_error *err)
+{
+    const hada_model_info *info = &bench->grid->info;
+    const size_t plane = (size_t)info->raw_rows * (size_t)info->raw_cols, count = hada_fit_raw_floats(bench->grid);
+    hada_slot *slot = bench->grid->slot;
+    float *weights = NULL;
+    hada_status status = HADA_OK;
+    if (info->mosaic == HADA_MOSAIC_NONE)
+        return HADA_OK;
+    HADA_TRY_OR_DONE(HADA_NEW(weights, count, "the weights of pixels", err));
+    for (size_t i = 0; i < plane; i++) {
+        const int row = (int)(i / (size_t)info->raw_cols), col = (int)(i % (size_t)info->raw_cols);
+        weights[(size_t)hada_mosaic_channel(info->mosaic, row, col) * plane + i] = 1.0f;
+    }
+    HADA_TRY_OR_DONE(
+        hada_buffer_create(&bench->mask, slot->context, count * sizeof *weights, "the weights of pixels", err));
+    HADA_TRY_OR_DONE(hada_buffer_write(&bench->mask, slot, 0, weights, bench->mask.bytes, err));
+    bench->maker.data.weights = bench->mask.mem;
+done:
+    free(weights);
+    return status;
+}
+
 hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
 {
     const hada_fit_grid *grid = bench->grid;
@@ -16,6 +40,8 @@ hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
     const hada_fft_desc desc = hada_fit_transform_desc(grid, HADA_FFT_INVERSE, 1);
     hada_refine_shape shape = hada_refine_shape_of(&grid->info, HADA_TRIAL_MEMBERS, HADA_TRIAL_STEPS);
     shape.tv = bench->with->tv != 0.0;
+    if (grid->info.mosaic != HADA_MOSAIC_NONE)
+        shape.boundary = HADA_BOUNDARY_PADDED;
     shape.shrink = bench->with->shrink != 0.0;
     HADA_TRY(hada_refiner_create(&bench->maker.refiner, grid->slot, &shape, err));
     HADA_TRY(hada_fft_create(&bench->inverse, grid->slot, &desc, err));
@@ -31,6 +57,7 @@ hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
                                            .otf = bench->otfs.mem,
                                            .otf_depths = HADA_TRIAL_MEMBERS,
                                            .prior = bench->prior.mem};
+    HADA_TRY(make_mask(bench, err));
     HADA_TRY(HADA_NEW_RAW(bench->raw, hada_fit_raw_floats(grid), "a raw frame", err));
     HADA_TRY(HADA_NEW_RAW(bench->planes, HADA_TRIAL_MEMBERS * hada_fit_window_floats(grid), "planes on trial", err));
     HADA_TRY(HADA_NEW_RAW(bench->linear, HADA_TRIAL_MEMBERS * hada_fit_window_floats(grid), "planes on trial", err));
@@ -43,7 +70,7 @@ void hada_trial_bench_destroy(hada_trial_bench *bench)
     hada_slot_finish(bench->grid->slot, NULL);
     hada_refiner_destroy(&bench->maker.refiner);
     hada_fft_destroy(&bench->inverse);
-    HADA_DESTROY_BUFFERS(&bench->filters, &bench->otfs, &bench->prior);
+    HADA_DESTROY_BUFFERS(&bench->filters, &bench->otfs, &bench->prior, &bench->mask);
     HADA_FREE(bench->raw, bench->planes, bench->linear, bench->scene_energy, bench->trust);
 }
 
@@ -128,8 +155,8 @@ hada_status hada_trial_expose(hada_trial_bench *bench, const hada_trial_frame *f
     const hada_model_info *info = &bench->with->model->info;
     hada_pixels pixels;
     hada_pixels_planar(&pixels, bench->raw, HADA_PIXEL_F32, info->channels, info->raw_rows, info->raw_cols);
-    bench->noise_unit =
-        hada_noise_unit(&pixels, bench->maker.noise_share, hada_trial_energy(bench->raw, raw) / (double)raw);
+    bench->noise_unit = hada_noise_unit(&pixels, bench->grid->info.mosaic, bench->maker.noise_share,
+                                        hada_trial_energy(bench->raw, raw) / (double)raw);
     return hada_fit_pair_transform(bench->with->pair, bench->raw, NULL, err);
 }
 

@@ -14,8 +14,8 @@ typedef struct hada_trial_bench {
     const hada_fit_grid *grid;
     hada_plane_maker maker;
     hada_fft *inverse;
-    hada_buffer filters, otfs; /* [member][channel][count] complex */
-    hada_buffer prior;
+    hada_buffer filters, otfs;    /* [member][channel][count] complex */
+    hada_buffer prior, mask;      /* mask: weights of a mosaic's values; empty: all alike */
     double noise_unit;            /* hada_noise_unit() of the current frame */
     float *raw, *planes, *linear; /* planes at hand, and those of the linear filters */
     double *scene_energy, *trust; /* per channel; without a pair, and the model's */

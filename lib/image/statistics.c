@@ -101,11 +101,36 @@ static double of_channel(const hada_pixels *pixels, int channel)
     return hada_select_rank(coefficients, count, count / 2) / MEDIAN;
 }
 
-double hada_noise_estimate(const hada_pixels *pixels)
+/* Of a mosaic: of every second pixel of every second row, which hold one colour. */
+static double of_mosaic(const hada_pixels *pixels, hada_mosaic mosaic)
+{
+    double sum = 0.0;
+    for (int row = 0; row < 2; row++)
+        for (int col = 0; col < 2; col++) {
+            const int channel = hada_mosaic_channel(mosaic, row, col), green = channel == 1;
+            hada_pixels own = *pixels;
+            own.data = (const unsigned char *)pixels->data + channel * pixels->channel_stride +
+                       row * pixels->row_stride + col * pixels->col_stride;
+            own.channels = 1;
+            own.rows = (pixels->rows + 1 - row) / 2;
+            own.cols = (pixels->cols + 1 - col) / 2;
+            own.row_stride *= 2;
+            own.col_stride *= 2;
+            if (own.rows < 2 || own.cols < 2)
+                return 0.0;
+            const double deviation = of_channel(&own, 0);
+            sum += deviation * deviation / (green ? 2 * HADA_MOSAIC_COLOURS : HADA_MOSAIC_COLOURS);
+        }
+    return sqrt(sum);
+}
+
+double hada_noise_estimate(const hada_pixels *pixels, hada_mosaic mosaic)
 {
     double sum = 0.0;
     if (pixels->rows < 2 || pixels->cols < 2)
         return 0.0;
+    if (mosaic != HADA_MOSAIC_NONE)
+        return of_mosaic(pixels, mosaic);
     for (int c = 0; c < pixels->channels; c++) {
         const double deviation = of_channel(pixels, c);
         sum += deviation * deviation / pixels->channels;
@@ -120,11 +145,11 @@ static double believed(double more)
     return fmin(fmin(beyond * sqrt(beyond), fmax(more, 1.0)), FARTHEST);
 }
 
-double hada_noise_unit(const hada_pixels *pixels, double share, double mean_square)
+double hada_noise_unit(const hada_pixels *pixels, hada_mosaic mosaic, double share, double mean_square)
 {
     if (!(share > 0.0 && mean_square > 0.0))
         return mean_square;
-    const double more = hada_noise_estimate(pixels) / (share * sqrt(mean_square));
+    const double more = hada_noise_estimate(pixels, mosaic) / (share * sqrt(mean_square));
     const double by =
         more >= 1.0 ? believed(more) : 1.0 / believed(1.0 / fmax(more, 1.0 / (2.0 * FARTHEST * FARTHEST)));
     return mean_square * by * by;

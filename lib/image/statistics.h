@@ -2,7 +2,7 @@
 #ifndef HADA_IMAGE_STATISTICS_H
 #define HADA_IMAGE_STATISTICS_H
 
-#include "image/pixels.h"
+#include "image/mosaic.h"
 
 /* The value of rank k (0: the least) of `count` values, which are reordered; k < count, no NaN. */
 float hada_select_rank(float *values, size_t count, size_t k);
@@ -17,12 +17,12 @@ size_t hada_dark_room(const hada_pixels *pixels);
 /* Standard deviation of a frame's noise, assumed to be white; over channels the root mean square. From the median of
  * the finest diagonal wavelet coefficients, which an image hardly reaches (D. Donoho and I. Johnstone, Biometrika
  * 81(3), 1994, section 4.1, with Haar's wavelet), of some thousand blocks of 2 x 2 pixels spread over the frame. 0
- * where there are no such blocks. */
-double hada_noise_estimate(const hada_pixels *pixels);
+ * where there are no such blocks. mosaic: of three channels, the pixels that hold each; the blocks are of these. */
+double hada_noise_estimate(const hada_pixels *pixels, hada_mosaic mosaic);
 
 /* The unit of weights that are proportional to noise: the mean square that a frame with this noise would have if the
  * noise were its usual `share` (deviation over root mean square). Returns the frame's own mean square where share is 0
  * or the noise is near its usual share; 1/64 to 64 times that otherwise. */
-double hada_noise_unit(const hada_pixels *pixels, double share, double mean_square);
+double hada_noise_unit(const hada_pixels *pixels, hada_mosaic mosaic, double share, double mean_square);
 
 #endif

@@ -144,7 +144,8 @@ static hada_status check_colours(TIFF *tif, int photometric, int keep_indices, h
     case PHOTOMETRIC_CFA:
         return hada_fail(
             err, HADA_ERROR_UNSUPPORTED,
-            "the pixels are a colour filter mosaic (Bayer); demosaic to linear RGB, or save one colour as grey");
+            "the file says that its pixels are a colour filter mosaic (Bayer); save them as grey, and name the pattern with "
+            "--bayer");
     default: break;
     }
     return hada_fail(err, HADA_ERROR_UNSUPPORTED,

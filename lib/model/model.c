@@ -115,6 +115,13 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
     if (info->scene_response != 0.0 && !hada_response_is_known(info->scene_response)) /* 0: not set, linear */
         return hada_fail(err, HADA_ERROR_MODEL, "the response of the model's scenes, %g, is none (hadalens/response.h)",
                          info->scene_response);
+    if (info->mosaic != HADA_MOSAIC_NONE && !hada_enum_name(HADA_ENUM_MOSAIC, (int)info->mosaic))
+        return hada_fail(err, HADA_ERROR_MODEL, "the model's colour filter mosaic, %d, is none", (int)info->mosaic);
+    if (info->mosaic != HADA_MOSAIC_NONE && info->channels != 3)
+        return hada_fail(
+            err, HADA_ERROR_MODEL,
+            "a camera with a colour filter mosaic has three channels, red, green and blue; this one has %d",
+            info->channels);
     if (info->distances_mm)
         for (int z = 0; z < info->depths; z++)
             if (!isfinite(info->distances_mm[z]) || (z && info->distances_mm[z] <= info->distances_mm[z - 1]))

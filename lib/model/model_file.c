@@ -9,7 +9,8 @@
 #define FORMAT         "hadalens-model"
 #define FORMAT_VERSION 1
 #define RESPONSE       "scene_response"
-#define MOST_STEPS     100000 /* of refinement: more is a damaged number */
+#define MOSAIC         "mosaic" /* models of frames in full colour lack it */
+#define MOST_STEPS     100000   /* of refinement: more is a damaged number */
 
 /* What a reader must know and the numbers cannot say; the same in every file. */
 static const char *const conventions[][2] = {
@@ -67,6 +68,8 @@ static hada_status put_metadata(hada_tensors_writer *writer, const hada_model_in
     char response[HADA_RESPONSE_NAME];
     hada_response_name(response, info->scene_response);
     HADA_TRY(hada_tensors_put_meta(writer, RESPONSE, response, err));
+    if (info->mosaic != HADA_MOSAIC_NONE)
+        HADA_TRY(hada_tensors_put_meta(writer, MOSAIC, hada_enum_name(HADA_ENUM_MOSAIC, (int)info->mosaic), err));
     for (size_t i = 0; i < sizeof conventions / sizeof *conventions; i++)
         HADA_TRY(hada_tensors_put_meta(writer, conventions[i][0], conventions[i][1], err));
     return HADA_OK;
@@ -220,6 +223,11 @@ static hada_status get_metadata(const hada_tensors *file, const char *path, hada
     if (response && (hada_response_from_name(&info->scene_response, response, NULL) ||
                      !hada_response_is_known(info->scene_response)))
         HADA_TRY(missing(path, RESPONSE, err));
+    const char *mosaic = hada_tensors_meta(file, MOSAIC);
+    const int pattern = mosaic ? hada_enum_value(HADA_ENUM_MOSAIC, mosaic) : HADA_MOSAIC_NONE;
+    if (pattern < 0)
+        HADA_TRY(missing(path, MOSAIC, err));
+    info->mosaic = (hada_mosaic)pattern;
     if (steps < 0 || steps > MOST_STEPS || steps != floor(steps))
         HADA_TRY(missing(path, "refine_steps", err));
     info->refine_steps = (int)steps;

@@ -12,13 +12,17 @@
 #define FIRST_PER_WEIGHT 0.3
 #define GROWTH           1.1
 
-enum { STEPS = 8 /* with each weight after the first, which takes HADA_CHOICE_STEPS from nothing */ };
+enum {
+    STEPS = 8,        /* with each weight after the first, which takes HADA_CHOICE_STEPS from nothing */
+    MOSAIC_STEPS = 12 /* the same of a mosaic, a third of whose values are known: after 6, weights were too small */
+};
 
 typedef struct sweep {
     hada_plane_maker *maker;
     int count;
     const int *list;
     double unit;
+    int each; /* steps with each weight after the first */
 } sweep;
 
 static hada_status try_weight(void *user, double tv, int *steps, double *left, hada_error *err)
@@ -37,7 +41,7 @@ static hada_status try_weight(void *user, double tv, int *steps, double *left, h
     rule.growth = GROWTH;
     rule.first_rho = gain * fmax(FIRST_RHO, FIRST_PER_WEIGHT * tv);
     rule.rho = fmax(rule.rho, rule.first_rho);
-    rule.steps = *steps ? STEPS : HADA_CHOICE_STEPS;
+    rule.steps = *steps ? s->each : HADA_CHOICE_STEPS;
     rule.before = *steps;
     rule.start = *steps ? HADA_REFINE_CONTINUE : HADA_REFINE_COLD;
     rule.quiet = 1;
@@ -66,8 +70,11 @@ done:
 hada_status hada_maker_choose(hada_plane_maker *maker, const hada_frame_exposure *exposure, int count, const int *list,
                               hada_maker_choice *choice, hada_error *err)
 {
-    sweep s = {
-        .maker = maker, .count = count, .list = list, .unit = exposure->energy / (double)hada_exposure_count(exposure)};
+    sweep s = {.maker = maker,
+               .count = count,
+               .list = list,
+               .unit = exposure->energy / (double)hada_exposure_count(exposure),
+               .each = exposure->mosaic == HADA_MOSAIC_NONE ? STEPS : MOSAIC_STEPS};
     const hada_weight_search search = {try_weight, &s, 0, 0.0};
     HADA_TRY(hada_maker_hold_out(maker, exposure, err));
     HADA_TRY(hada_weight_find(&search, exposure, choice, err));

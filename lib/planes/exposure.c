@@ -9,10 +9,29 @@
 #include "image/statistics.h"
 #include "planes/maker.h"
 
-hada_status hada_frame_check_size(const hada_model_info *info, int channels, int rows, int cols, hada_error *err)
+/* The mosaic that a frame of the model's size is. */
+static hada_mosaic mosaic_of(const hada_model_info *info, hada_mosaic mosaic, int channels)
 {
-    if (channels == info->channels && rows == info->raw_rows && cols == info->raw_cols)
+    return channels > 1 || info->channels != HADA_MOSAIC_COLOURS ? HADA_MOSAIC_NONE
+           : mosaic == HADA_MOSAIC_AUTO                          ? info->mosaic
+                                                                 : mosaic;
+}
+
+hada_status hada_frame_check_size(const hada_model_info *info, hada_mosaic mosaic, int channels, int rows, int cols,
+                                  hada_error *err)
+{
+    const int same = rows == info->raw_rows && cols == info->raw_cols, pattern = hada_mosaic_is_pattern(mosaic);
+    if (same && pattern && channels != 1)
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "the frame has %d channels, but a colour filter mosaic has one: leave --bayer out", channels);
+    if (same && (channels == info->channels || mosaic_of(info, mosaic, channels) != HADA_MOSAIC_NONE))
         return HADA_OK;
+    if (same && channels == 1 && info->channels == HADA_MOSAIC_COLOURS)
+        return hada_fail(
+            err, HADA_ERROR_MODEL,
+            "the frame has one channel, and the model %s is for colours: if the sensor has a colour filter "
+            "mosaic, name its pattern with --bayer, such as --bayer rggb",
+            info->name);
     return hada_fail(err, HADA_ERROR_MODEL,
                      "the frame has %d channel(s) of %d x %d pixels; the model %s is for %d channel(s) of %d x %d: use "
                      "the model of this camera, or make one with fit",
@@ -97,7 +116,32 @@ static hada_status repair_plane(const float *before, float *after, int rows, int
     return HADA_OK;
 }
 
-hada_status hada_frame_repair(hada_image *frame, size_t *repaired, hada_error *err)
+/* Of every second pixel of every second row, from (row, col) on. */
+static hada_status repair_quarter(hada_image *frame, int row, int col, hada_error *err)
+{
+    const int rows = (frame->rows + 1 - row) / 2, cols = (frame->cols + 1 - col) / 2;
+    hada_image quarter = {0}, before = {0};
+    hada_status status = HADA_OK;
+    if (rows < 1 || cols < 1)
+        return HADA_OK;
+    HADA_TRY_OR_DONE(hada_image_create(&quarter, 1, rows, cols, err));
+    for (int r = 0; r < rows; r++)
+        for (int c = 0; c < cols; c++)
+            quarter.data[(size_t)r * (size_t)cols + (size_t)c] =
+                frame->data[(size_t)(2 * r + row) * (size_t)frame->cols + (size_t)(2 * c + col)];
+    HADA_TRY_OR_DONE(hada_image_copy(&before, &quarter, err));
+    HADA_TRY_OR_DONE(repair_plane(before.data, quarter.data, rows, cols, err));
+    for (int r = 0; r < rows; r++)
+        for (int c = 0; c < cols; c++)
+            frame->data[(size_t)(2 * r + row) * (size_t)frame->cols + (size_t)(2 * c + col)] =
+                quarter.data[(size_t)r * (size_t)cols + (size_t)c];
+done:
+    hada_image_destroy(&before);
+    hada_image_destroy(&quarter);
+    return status;
+}
+
+hada_status hada_frame_repair(hada_image *frame, hada_mosaic mosaic, size_t *repaired, hada_error *err)
 {
     const size_t pixels = (size_t)frame->rows * (size_t)frame->cols;
     hada_image before = {0};
@@ -105,6 +149,11 @@ hada_status hada_frame_repair(hada_image *frame, size_t *repaired, hada_error *e
     *repaired = hada_image_count_not_finite(frame);
     if (!*repaired)
         return HADA_OK;
+    if (mosaic != HADA_MOSAIC_NONE) {
+        for (int i = 0; i < 4; i++)
+            HADA_TRY(repair_quarter(frame, i / 2, i % 2, err));
+        return HADA_OK;
+    }
     HADA_TRY_OR_DONE(hada_image_create(&before, frame->channels, frame->rows, frame->cols, err));
     memcpy(before.data, frame->data, hada_image_count(frame) * sizeof(float));
     for (size_t at = 0; at < pixels * (size_t)frame->channels; at += pixels)
@@ -179,7 +228,14 @@ static size_t plane_of(const hada_frame_exposure *exposure)
 
 size_t hada_exposure_count(const hada_frame_exposure *exposure)
 {
-    return (size_t)exposure->came.channels * plane_of(exposure);
+    return (size_t)exposure->info->channels * plane_of(exposure);
+}
+
+/* The channel of a pixel of the frame as it came. */
+static int channel_of(const hada_frame_exposure *exposure, size_t pixel)
+{
+    const size_t cols = (size_t)exposure->came.cols;
+    return hada_mosaic_channel(exposure->mosaic, (int)(pixel / cols), (int)(pixel % cols));
 }
 
 /* What of an examination a pass over the frame finds. */
@@ -235,15 +291,24 @@ static hada_status copy(hada_frame_exposure *exposure, hada_error *err)
     return HADA_OK;
 }
 
+/* A caller's weight of value i of the frame as it came. */
+static float given_weight(const hada_frame_exposure *exposure, size_t i)
+{
+    const float *given = exposure->pixel_weights;
+    if (!given)
+        return 1.0f;
+    return given[exposure->mosaic == HADA_MOSAIC_NONE ? i : (size_t)channel_of(exposure, i) * plane_of(exposure) + i];
+}
+
 /* Pixels of weight 0 become such that are repaired; *blanked: how many. */
-static hada_status blank(hada_frame_exposure *exposure, const float *weights, size_t *blanked, hada_error *err)
+static hada_status blank(hada_frame_exposure *exposure, size_t *blanked, hada_error *err)
 {
     *blanked = 0;
-    if (!weights)
+    if (!exposure->pixel_weights)
         return HADA_OK;
     HADA_TRY(copy(exposure, err));
     for (size_t i = 0; i < hada_image_count(&exposure->own); i++)
-        if (!(weights[i] > 0.0f)) {
+        if (!(given_weight(exposure, i) > 0.0f)) {
             exposure->own.data[i] = NAN;
             ++*blanked;
         }
@@ -258,7 +323,7 @@ static hada_status repair(hada_frame_exposure *exposure, const examination *look
                          "--repair, or mend the file",
                          look->broken - blanked);
     HADA_TRY(copy(exposure, err));
-    HADA_TRY(hada_frame_repair(&exposure->own, &exposure->repaired, err));
+    HADA_TRY(hada_frame_repair(&exposure->own, exposure->mosaic, &exposure->repaired, err));
     exposure->repaired -= blanked;
     return HADA_OK;
 }
@@ -270,8 +335,15 @@ static hada_status find_levels(hada_frame_exposure *exposure, hada_error *err)
     void *room = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_allocated(room = hada_alloc_raw(hada_dark_room(pixels), 1, "the dark level", err)));
-    for (int c = 0; c < pixels->channels; c++)
-        exposure->levels[c] = hada_dark_level(pixels, c, room);
+    for (int c = 0; c < exposure->info->channels; c++) {
+        if (exposure->mosaic == HADA_MOSAIC_NONE) {
+            exposure->levels[c] = hada_dark_level(pixels, c, room);
+        } else {
+            const size_t own =
+                hada_mosaic_own(exposure->mosaic, c, exposure->own.data, pixels->rows, pixels->cols, room);
+            exposure->levels[c] = hada_dark_estimate(room, own, room);
+        }
+    }
 done:
     free(room);
     return status;
@@ -292,11 +364,43 @@ static int all_below(const hada_frame_exposure *exposure, double level)
     return 1;
 }
 
-hada_status hada_exposure_begin(hada_frame_exposure *exposure, const hada_model_info *info, const hada_pixels *pixels,
-                                hada_error *err)
+/* The energy of a mosaic, before its other colours are filled in. */
+static double mosaic_energy(const hada_frame_exposure *exposure, const float *dark)
 {
-    *exposure = (hada_frame_exposure){.info = info, .came = *pixels, .pixels = *pixels};
-    HADA_TRY(hada_frame_check_size(info, pixels->channels, pixels->rows, pixels->cols, err));
+    const size_t plane = plane_of(exposure);
+    double sums[HADA_MOSAIC_COLOURS] = {0.0}, energy = 0.0;
+    size_t counts[HADA_MOSAIC_COLOURS] = {0};
+    for (size_t i = 0; i < plane; i++) {
+        const int c = channel_of(exposure, i);
+        const double value = exposure->own.data[i] - exposure->levels[c] - (dark ? dark[(size_t)c * plane + i] : 0.0f);
+        sums[c] += value * value;
+        counts[c]++;
+    }
+    for (int c = 0; c < HADA_MOSAIC_COLOURS; c++)
+        energy += sums[c] * (double)plane / (double)counts[c];
+    return energy;
+}
+
+/* Fills the other colours of a mosaic in. */
+static hada_status fill(hada_frame_exposure *exposure, hada_error *err)
+{
+    hada_image *own = &exposure->own, filled = {0};
+    HADA_TRY(hada_image_create(&filled, HADA_MOSAIC_COLOURS, own->rows, own->cols, err));
+    hada_mosaic_fill(exposure->mosaic, own->data, own->rows, own->cols, filled.data);
+    hada_image_destroy(own);
+    *own = filled;
+    hada_pixels_of_image(&exposure->pixels, own);
+    return HADA_OK;
+}
+
+hada_status hada_exposure_begin(hada_frame_exposure *exposure, const hada_model_info *info, hada_mosaic mosaic,
+                                const hada_pixels *pixels, hada_error *err)
+{
+    *exposure = (hada_frame_exposure){
+        .info = info, .mosaic = mosaic_of(info, mosaic, pixels->channels), .came = *pixels, .pixels = *pixels};
+    HADA_TRY(hada_frame_check_size(info, mosaic, pixels->channels, pixels->rows, pixels->cols, err));
+    if (exposure->mosaic != HADA_MOSAIC_NONE && (pixels->rows < 2 || pixels->cols < 2))
+        return hada_fail(err, HADA_ERROR_MODEL, "a colour filter mosaic has at least 2 x 2 pixels");
     return hada_allocated(exposure->levels =
                               hada_alloc((size_t)info->channels, sizeof *exposure->levels, "a frame", err));
 }
@@ -311,7 +415,8 @@ void hada_exposure_end(hada_frame_exposure *exposure)
 hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_exposure_rule *rule, hada_error *err)
 {
     const hada_model_info *info = exposure->info;
-    const int at_once = rule->energy && !rule->dark_varies;
+    const int mosaic = exposure->mosaic != HADA_MOSAIC_NONE;
+    const int at_once = rule->energy && !rule->dark_varies && !mosaic;
     examination look = {.rule = rule, .lanes = {1, 2, 3, 4}};
     size_t blanked;
     hada_image_destroy(&exposure->own);
@@ -320,9 +425,9 @@ hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_expo
     exposure->repaired = 0;
     for (int c = 0; c < info->channels; c++)
         exposure->levels[c] = rule->dark;
-    if (!hada_pixels_uploads(&exposure->came))
+    if (mosaic || !hada_pixels_uploads(&exposure->came))
         HADA_TRY(copy(exposure, err));
-    HADA_TRY(blank(exposure, rule->pixel_weights, &blanked, err));
+    HADA_TRY(blank(exposure, &blanked, err));
     pass(exposure, &look, at_once ? VALUES | ENERGY : VALUES);
     for (int k = 0; k < 2; k++)
         exposure->hash[k] = mix(mix(look.lanes[k], look.lanes[k + 2]), look.lanes[3 - k]);
@@ -344,40 +449,60 @@ hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_expo
             "no pixel of the frame is above the dark level of %g that is subtracted: the level seems to be "
             "in other units; set options.dark",
             rule->dark);
-    if (rule->energy && (!at_once || look.broken)) {
+    if (rule->energy && !mosaic && (!at_once || look.broken)) {
         memset(look.sums, 0, sizeof look.sums);
         pass(exposure, &look, ENERGY);
     }
     exposure->energy = 0.0;
     for (int k = 0; k < SUMS; k++)
         exposure->energy += look.sums[k];
-    return HADA_OK;
+    if (rule->energy && mosaic)
+        exposure->energy = mosaic_energy(exposure, rule->dark_frame);
+    return mosaic ? fill(exposure, err) : HADA_OK;
+}
+
+int hada_exposure_is_weighted(const hada_frame_exposure *exposure)
+{
+    return exposure->mosaic != HADA_MOSAIC_NONE || exposure->repaired || exposure->saturated || exposure->pixel_weights;
+}
+
+/* The weight of value i of the frame as it came. */
+static float weight_of(const hada_frame_exposure *exposure, size_t i, float value)
+{
+    const float weight = given_weight(exposure, i);
+    return !isfinite(value) ? 0.0f : exposure->saturated && value == exposure->brightest ? -weight : weight;
 }
 
 size_t hada_exposure_weigh(const hada_frame_exposure *exposure, float *weights)
 {
     const hada_pixels *came = &exposure->came;
     const size_t plane = plane_of(exposure);
-    const float *given = exposure->pixel_weights;
+    const int mosaic = exposure->mosaic != HADA_MOSAIC_NONE;
     float room[CHUNK];
     size_t good = 0;
+    if (mosaic)
+        memset(weights, 0, hada_exposure_count(exposure) * sizeof *weights);
     for (int c = 0; c < came->channels; c++)
         for (size_t first = 0, count; first < plane; first += count) {
             count = plane - first < CHUNK ? plane - first : CHUNK;
             const float *values = hada_pixels_floats(came, c, first, count, room);
-            float *to = weights + (size_t)c * plane + first;
-            for (size_t i = 0; i < count; i++) {
-                const float weight = given ? given[(size_t)c * plane + first + i] : 1.0f;
-                to[i] = !isfinite(values[i])                                      ? 0.0f
-                        : exposure->saturated && values[i] == exposure->brightest ? -weight
-                                                                                  : weight;
-                good += to[i] > 0.0f;
+            for (size_t k = 0; k < count; k++) {
+                const size_t pixel = first + k, i = (size_t)c * plane + pixel;
+                float *to = weights + (mosaic ? (size_t)channel_of(exposure, pixel) * plane + pixel : i);
+                *to = weight_of(exposure, i, values[k]);
+                good += *to > 0.0f;
             }
         }
     return good;
 }
 
+double hada_exposure_noise(const hada_frame_exposure *exposure)
+{
+    return hada_noise_estimate(&exposure->pixels, exposure->mosaic);
+}
+
 double hada_exposure_noise_unit(const hada_frame_exposure *exposure, double share)
 {
-    return hada_noise_unit(&exposure->pixels, share, exposure->energy / (double)hada_exposure_count(exposure));
+    return hada_noise_unit(&exposure->pixels, exposure->mosaic, share,
+                           exposure->energy / (double)hada_exposure_count(exposure));
 }

@@ -18,21 +18,23 @@ void hada_maker_use_otf(hada_plane_maker *maker, cl_mem otf, size_t offset, int 
                                      .prior = prior};
 }
 
-hada_maker_way hada_maker_way_of(const hada_model_info *info, double tv)
+hada_maker_way hada_maker_way_of(const hada_model_info *info, double tv, hada_mosaic mosaic)
 {
+    const int least = mosaic == HADA_MOSAIC_NONE ? HADA_CHOSEN_STEPS : HADA_CHOSEN_MOSAIC_STEPS;
     const double own = tv == HADA_AUTO ? info->refine_tv : tv;
     hada_maker_way way = {.steps = info->has_otf ? info->refine_steps : 0,
                           .weights = {own, info->refine_colour, info->refine_shrink},
                           .boundary = info->boundary};
     way.choose = own == HADA_AUTO || own == HADA_REFINE_TV_FRAME;
+    const int open = way.choose || (mosaic != HADA_MOSAIC_NONE && info->refine_tv == HADA_AUTO);
+    if (open && way.steps > 0 && way.steps < least)
+        way.steps = least;
     if (!way.choose)
         return way;
     way.boundary = HADA_BOUNDARY_PADDED;
     way.weights.tv = 0.0;
     if (info->refine_tv == HADA_AUTO) /* no fit has measured what pays beside it */
         way.weights = (hada_refine_weights){0.0, HADA_REFINE_COLOUR, HADA_REFINE_SHRINK};
-    if (way.steps > 0 && way.steps < HADA_CHOSEN_STEPS)
-        way.steps = HADA_CHOSEN_STEPS;
     return way;
 }
 
@@ -56,7 +58,7 @@ hada_status hada_maker_weigh(hada_plane_maker *maker, const hada_frame_exposure 
     float *weights = NULL;
     hada_status status = HADA_OK;
     maker->data.weights = NULL;
-    if (!maker->pixels.mem || !(exposure->repaired || exposure->saturated || exposure->pixel_weights))
+    if (!maker->pixels.mem || !hada_exposure_is_weighted(exposure))
         return HADA_OK;
     HADA_TRY_OR_DONE(HADA_NEW_RAW(weights, hada_exposure_count(exposure), "the weights of pixels", err));
     hada_exposure_weigh(exposure, weights);

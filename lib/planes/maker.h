@@ -12,8 +12,10 @@
 #include "filter/hadamard.h"
 #include "refine/admm.h"
 
-/* HADA_ERROR_MODEL where a frame has not the size that the model is for. */
-hada_status hada_frame_check_size(const hada_model_info *info, int channels, int rows, int cols, hada_error *err);
+/* HADA_ERROR_MODEL where a frame has not the size that the model is for. mosaic: what a caller says of frames of one
+ * channel; HADA_MOSAIC_AUTO: what the model does. */
+hada_status hada_frame_check_size(const hada_model_info *info, hada_mosaic mosaic, int channels, int rows, int cols,
+                                  hada_error *err);
 
 /* How a frame is examined. */
 typedef struct hada_exposure_rule {
@@ -21,7 +23,7 @@ typedef struct hada_exposure_rule {
     double dark;
     const float *dark_frame;    /* subtracted as well, [channel][row][col]; NULL: none */
     const float *pixel_weights; /* as the caller has them, [channel][row][col], 0 to 1; NULL: all 1. Pixels of weight 0
-                                   are filled from their neighbours */
+                                   are filled from their neighbours. Of a mosaic, what its pixels hold counts */
     int repairs; /* 1: pixels that are not finite are repaired from their neighbours; 0: they are an error */
     int energy;  /* 1: the energy is needed */
     int weights; /* 1: saturated pixels are looked for */
@@ -30,20 +32,23 @@ typedef struct hada_exposure_rule {
 
 typedef struct hada_frame_exposure {
     const hada_model_info *info;
+    hada_mosaic mosaic;         /* HADA_MOSAIC_NONE: each pixel holds all channels */
     hada_pixels came;           /* the caller's pixels, which must stay */
     hada_pixels pixels;         /* what goes to the device: these, or `own` */
-    hada_image own;             /* floats of pixels that were repaired, or that the device does not take; else empty */
+    hada_image own;             /* floats of pixels that were repaired, or that the device does not take, or whose
+                                   other colours were filled in; else empty */
     double *levels;             /* per channel: the dark level */
     float brightest;            /* value, as it came */
-    double energy;              /* sum of squares above dark levels and dark frame */
+    double energy;              /* sum of squares above dark levels and dark frame; of a mosaic, as if each colour were
+                                   everywhere what it is at its pixels */
     size_t repaired, saturated; /* pixels */
     const float *pixel_weights; /* of the rule */
     uint64_t hash[2];           /* of the floats as they came: frames of equal hashes are taken to be equal */
 } hada_frame_exposure;
 
 /* Checks the size. After a failure there is nothing to end. */
-hada_status hada_exposure_begin(hada_frame_exposure *exposure, const hada_model_info *info, const hada_pixels *pixels,
-                                hada_error *err);
+hada_status hada_exposure_begin(hada_frame_exposure *exposure, const hada_model_info *info, hada_mosaic mosaic,
+                                const hada_pixels *pixels, hada_error *err);
 void hada_exposure_end(hada_frame_exposure *exposure);
 
 /* Reads the frame from memory once, and once more where its dark level has to be known first: pixels that are not
@@ -51,16 +56,20 @@ void hada_exposure_end(hada_frame_exposure *exposure);
  * where single precision cannot hold the frame's spectrum; HADA_ERROR_MODEL where no pixel is above a dark level. */
 hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_exposure_rule *rule, hada_error *err);
 
-/* Weights of the frame's values, as hada_refine_data has them: the caller's or 1, 0 for those that were repaired, below
- * 0 for saturated ones. Returns how many are above 0. */
+/* 1: not all values of the frame are alike. */
+int hada_exposure_is_weighted(const hada_frame_exposure *exposure);
+
+/* Weights of the frame's values, as hada_refine_data has them: the caller's or 1, 0 for those that were repaired and
+ * for colours that a pixel of a mosaic does not hold, below 0 for saturated ones. Returns how many are above 0. */
 size_t hada_exposure_weigh(const hada_frame_exposure *exposure, float *weights);
 
 /* A hash of a few of its pixels as they came: frames whose samples differ are not equal. */
 uint64_t hada_exposure_sample(const hada_frame_exposure *exposure);
 
-/* The number of its values, and the unit of weights that are proportional to noise (image/statistics.h). share:
- * hada_model_noise_share(), or 0. */
+/* The number of its values, of all channels; the standard deviation of its noise, and the unit of weights that are
+ * proportional to that (image/statistics.h). share: hada_model_noise_share(), or 0. */
 size_t hada_exposure_count(const hada_frame_exposure *exposure);
+double hada_exposure_noise(const hada_frame_exposure *exposure);
 double hada_exposure_noise_unit(const hada_frame_exposure *exposure, double share);
 
 /* Single precision holds the spectrum of a frame whose brightest pixel has the size `largest` on a grid of `points`
@@ -68,8 +77,9 @@ double hada_exposure_noise_unit(const hada_frame_exposure *exposure, double shar
 hada_status hada_frame_check_range(float largest, double points, hada_error *err);
 
 /* Replaces pixels that are not finite by the median of the finite pixels in the smallest square around them (up to
- * 15 x 15, else the plane's median, else 0), of the frame as it came. *repaired: how many. */
-hada_status hada_frame_repair(hada_image *frame, size_t *repaired, hada_error *err);
+ * 15 x 15, else the plane's median, else 0), of the frame as it came. mosaic: of one channel, pixels of the same place
+ * in the pattern count, in squares of these. *repaired: how many. */
+hada_status hada_frame_repair(hada_image *frame, hada_mosaic mosaic, size_t *repaired, hada_error *err);
 
 /* A maker is filled in by its owner, who keeps what it points to. */
 typedef struct hada_plane_maker {
@@ -96,8 +106,8 @@ hada_status hada_maker_weigh(hada_plane_maker *maker, const hada_frame_exposure 
 
 /* Steps in a row that choosing a weight takes, steps at most with which a single depth goes on from there until its
  * plane settles, for both of which the refiner must be made; and steps that refinement with a chosen weight takes at
- * most from nothing. */
-enum { HADA_CHOICE_STEPS = 20, HADA_SETTLING_STEPS = 40, HADA_CHOSEN_STEPS = 20 };
+ * most from nothing, and for a mosaic. */
+enum { HADA_CHOICE_STEPS = 20, HADA_SETTLING_STEPS = 40, HADA_CHOSEN_STEPS = 20, HADA_CHOSEN_MOSAIC_STEPS = 30 };
 
 /* How planes are refined if nobody says otherwise. */
 typedef struct hada_maker_way {
@@ -108,8 +118,8 @@ typedef struct hada_maker_way {
 } hada_maker_way;
 
 /* tv: a weight of total variation; HADA_AUTO: the model's, or found from each frame where it knows none;
- * HADA_REFINE_TV_FRAME: found from each frame. */
-hada_maker_way hada_maker_way_of(const hada_model_info *info, double tv);
+ * HADA_REFINE_TV_FRAME: found from each frame. mosaic: of the frames, or none. */
+hada_maker_way hada_maker_way_of(const hada_model_info *info, double tv, hada_mosaic mosaic);
 
 /* The weight of total variation that a frame chooses. */
 typedef struct hada_maker_choice {

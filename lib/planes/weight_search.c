@@ -4,7 +4,6 @@
 #include <math.h>
 
 #include "core/random.h"
-#include "image/statistics.h"
 
 /* Weights are tried in half decades, from this many times 0.1 noise / rms, the usual weight, downwards. */
 #define FIRST_OF_USUAL 2.0
@@ -66,7 +65,7 @@ hada_status hada_weight_find(const hada_weight_search *search, const hada_frame_
                              hada_maker_choice *choice, hada_error *err)
 {
     const double mean_square = exposure->energy / (double)hada_exposure_count(exposure);
-    const double usual = USUAL * hada_noise_estimate(&exposure->pixels) / sqrt(fmax(mean_square, 1e-300));
+    const double usual = USUAL * hada_exposure_noise(exposure) / sqrt(fmax(mean_square, 1e-300));
     const double most = fmin(fmax(FIRST_OF_USUAL * usual, 1e-3), LARGEST);
     /* on fixed places, so that frames of a sequence choose alike */
     const double first = pow(RATIO, ceil(log(most) / log(RATIO)));

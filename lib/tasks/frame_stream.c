@@ -1,6 +1,7 @@
 #include "tasks/frames.h"
 
 #include "core/callers.h"
+#include "dispatch/plan.h"
 #include "io/folder.h"
 #include "io/tiff_page.h"
 #include "planes/maker.h"
@@ -51,7 +52,8 @@ static hada_status open_file(hada_stream *stream, hada_error *err)
         return hada_fail(err, HADA_ERROR_FILE_OPEN, "a folder; name the files in it, such as %s/*.tif", path);
     HADA_TRY(hada_tiff_open(&stream->reader, path, err));
     const hada_tiff_info *info = hada_tiff_get_info(stream->reader);
-    return hada_frame_check_size(hada_model_get_info(stream->model), info->channels, info->rows, info->cols, err);
+    return hada_frame_check_size(hada_model_get_info(stream->model), stream->plan->setup.options.mosaic, info->channels,
+                                 info->rows, info->cols, err);
 }
 
 static hada_status read_frame(hada_stream *stream, hada_streamed *frame)

@@ -118,7 +118,7 @@ static int most_depths(const hada_model_info *info, int composes)
 
 static hada_refine_shape refine_shape(const hada_model_info *info, int composes)
 {
-    const hada_maker_way way = hada_maker_way_of(info, HADA_AUTO);
+    const hada_maker_way way = hada_maker_way_of(info, HADA_AUTO, HADA_MOSAIC_NONE);
     const int depths = most_depths(info, composes);
     hada_refine_shape shape =
         hada_refine_shape_of(info, depths, way.steps ? hada_refine_most_steps(way.steps, depths) : 1);
@@ -131,7 +131,7 @@ static hada_refine_shape refine_shape(const hada_model_info *info, int composes)
 
 static int bank_parts(const hada_model_info *info, int composes)
 {
-    const int refined = hada_maker_way_of(info, HADA_AUTO).steps > 0;
+    const int refined = hada_maker_way_of(info, HADA_AUTO, HADA_MOSAIC_NONE).steps > 0;
     return (refined ? 0 : HADA_BANK_FILTERS) | (refined || composes ? HADA_BANK_OTFS : 0);
 }
 
@@ -158,7 +158,7 @@ hada_status hada_planes_create(hada_planes **out, hada_slot *slot, const hada_mo
                                hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(model);
-    const hada_maker_way way = hada_maker_way_of(info, HADA_AUTO);
+    const hada_maker_way way = hada_maker_way_of(info, HADA_AUTO, HADA_MOSAIC_NONE);
     const int refined = way.steps > 0;
     const hada_refine_shape shape = refine_shape(info, composes);
     hada_planes *planes = NULL;
@@ -236,7 +236,8 @@ static hada_status refine(hada_planes *planes, int depth, const hada_frame_expos
 {
     hada_plane_maker *maker = &planes->maker;
     const int one[1] = {0}, several = composed->count, count = several ? several : 1;
-    const hada_maker_steps steps = {.steps = hada_maker_way_of(planes->info, HADA_AUTO).steps, .stop = count};
+    const hada_maker_steps steps = {.steps = hada_maker_way_of(planes->info, HADA_AUTO, HADA_MOSAIC_NONE).steps,
+                                    .stop = count};
     hada_maker_choice choice = {0};
     size_t image;
     int depths;
@@ -260,7 +261,7 @@ static hada_status expose(hada_planes *planes, int depth, const hada_image *raw,
     hada_pixels pixels;
     hada_status status = HADA_OK;
     hada_pixels_of_image(&pixels, raw);
-    HADA_TRY(hada_exposure_begin(&exposure, info, &pixels, err));
+    HADA_TRY(hada_exposure_begin(&exposure, info, HADA_MOSAIC_NONE, &pixels, err));
     HADA_TRY_OR_DONE(hada_exposure_examine(&exposure, &rule, err));
     HADA_TRY_OR_DONE(hada_hadamard_frame(planes->stage, &exposure.pixels, exposure.levels, err));
     if (planes->refiner)
@@ -351,7 +352,7 @@ hada_status hada_planes_make(hada_planes *planes, int depth, hada_image *raw, co
     const hada_model_info *info = planes->info;
     if (depth < 0 || depth >= info->depths)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a plane of depth %d of %d", depth, info->depths);
-    HADA_TRY(hada_frame_check_size(info, raw->channels, raw->rows, raw->cols, err));
+    HADA_TRY(hada_frame_check_size(info, HADA_MOSAIC_NONE, raw->channels, raw->rows, raw->cols, err));
     for (int i = 0; i < composed->count; i++)
         if (composed->light[i].data)
             HADA_TRY(add_light(&planes->light, planes->bank, composed->depth[i], &composed->light[i], raw, err));

@@ -42,7 +42,7 @@ static void repaired(const scene *s, const hada_image *broken, int refine, const
     SCOPED(hada_result) by_plan = {0}, by_hand = {0};
     size_t count, differ = 0;
     assert_int_equal(status, HADA_OK);
-    ASSERT_OK(hada_frame_repair(&mended, &count, err));
+    ASSERT_OK(hada_frame_repair(&mended, HADA_MOSAIC_NONE, &count, err));
     ASSERT_OK(hada_plan_run(plan, broken, &by_plan, err));
     ASSERT_OK(hada_plan_run(plan, &mended, &by_hand, err));
     for (size_t i = 0; i < hada_image_count(&mended); i++) /* what was whole is as it was */

@@ -36,13 +36,13 @@ static hada_pixels pixels_of(const float *frame, int channels, int rows, int col
 static double estimate(const float *frame, int channels, int rows, int cols)
 {
     const hada_pixels pixels = pixels_of(frame, channels, rows, cols);
-    return hada_noise_estimate(&pixels);
+    return hada_noise_estimate(&pixels, HADA_MOSAIC_NONE);
 }
 
 static double unit(const float *frame, double share, double mean)
 {
     const hada_pixels pixels = pixels_of(frame, 2, ROWS, COLS);
-    return hada_noise_unit(&pixels, share, mean);
+    return hada_noise_unit(&pixels, HADA_MOSAIC_NONE, share, mean);
 }
 
 TEST(test_estimate)

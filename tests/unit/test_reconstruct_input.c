@@ -64,7 +64,7 @@ TEST(repairs_from_the_nearest_finite_pixels)
     frame.data[400 + 399] = 7;
     frame.data[5 * 20 + 5] = NAN;
     frame.data[0] = INFINITY;
-    ASSERT_OK(hada_frame_repair(&frame, &repaired, err));
+    ASSERT_OK(hada_frame_repair(&frame, HADA_MOSAIC_NONE, &repaired, err));
     assert_int_equal(repaired, 2 + 399);
     assert_true(frame.data[5 * 20 + 5] == 5); /* median of rows 4, 5, 6 */
     assert_true(frame.data[0] == 1);          /* of 0, 1, 1 */

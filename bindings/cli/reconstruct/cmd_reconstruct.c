@@ -92,6 +92,12 @@ static const hada_cli_option options[] = {
      "An image of the frame's size, grey or in its colours: black where pixels are bad or covered by dust, white where "
      "they are good; brightness is in units of the largest value.",
      AT(weights)},
+    {HADA_OPTION_CHOICE, "bayer", 0, "auto|none|rggb|bggr|grbg|gbrg",
+     "colour filter mosaic of frames of one channel (default: auto)",
+     "The colours of the first two rows and columns. Each pixel is compared with the colour that it holds; nothing is "
+     "demosaiced. auto: what the model says.",
+     ONE_OF(plan.mosaic, HADA_MOSAIC_AUTO, HADA_MOSAIC_NONE, HADA_MOSAIC_RGGB, HADA_MOSAIC_BGGR, HADA_MOSAIC_GRBG,
+            HADA_MOSAIC_GBRG)},
     {HADA_OPTION_FLAG, "repair", 0, NULL, "fill NaN and infinite pixels from their neighbours",
      "Without it such a frame is refused.", AT(plan.repair_not_finite)},
     {HADA_OPTION_FLAG, "no-enhance", 0, NULL, "leave out the net that the model holds", NULL, AT(no_enhance)},

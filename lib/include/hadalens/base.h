@@ -118,7 +118,8 @@ typedef enum hada_enum {
     HADA_ENUM_MASK = 4,         /* hada_mask: "mla", "grid", "diffuser", "contour", "aperture" */
     HADA_ENUM_RELIEF = 5,       /* hada_relief_kind: "slant", "half", "hill", "ball", "steps", "bars" */
     HADA_ENUM_OPTICS = 6,       /* hada_optics: "geometry", "wave" */
-    HADA_ENUM_BOUNDARY = 7      /* hada_boundary: "circular", "padded" */
+    HADA_ENUM_BOUNDARY = 7,     /* hada_boundary: "circular", "padded" */
+    HADA_ENUM_MOSAIC = 8        /* hada_mosaic: "none", "rggb", "bggr", "grbg", "gbrg" */
 } hada_enum;
 /* NULL for a value without a name. */
 HADA_API const char *hada_enum_name(hada_enum which, int value);

@@ -31,6 +31,17 @@ static inline size_t hada_image_count(const hada_image *image)
     return (size_t)image->channels * (size_t)image->rows * (size_t)image->cols;
 }
 
+/* Colour filter mosaics (C. E. Bayer, US patent 3,971,065): frames of one channel whose pixels hold one colour each.
+ * The names are the colours of the first two rows and columns, row by row. */
+typedef enum hada_mosaic {
+    HADA_MOSAIC_AUTO = -1, /* in options only: what the model says */
+    HADA_MOSAIC_NONE = 0,
+    HADA_MOSAIC_RGGB = 1,
+    HADA_MOSAIC_BGGR = 2,
+    HADA_MOSAIC_GRBG = 3,
+    HADA_MOSAIC_GBRG = 4
+} hada_mosaic;
+
 /* Number of NaN and infinite values. */
 HADA_API size_t hada_image_count_not_finite(const hada_image *image);
 

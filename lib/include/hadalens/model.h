@@ -65,6 +65,8 @@ typedef struct hada_model_info {
     double refine_shrink; /* with refine_tv, for a single depth: threshold of the shrinkage of cosine transforms of
                              blocks in the last steps, in units of the weight of total variation; 0: none
                              (docs/explanation/refinement.md) */
+    hada_mosaic mosaic;   /* frames of one channel are a colour filter mosaic of this pattern; HADA_MOSAIC_NONE: not
+                             known to be */
 } hada_model_info;
 
 HADA_API hada_status hada_model_load(hada_model **out, const char *path, hada_error *err);
@@ -124,6 +126,7 @@ typedef struct hada_psf_options {
     int refine_steps; /* HADA_AUTO (default): chosen */
     double refine_tv; /* weight of total variation in refinement; 0: none; HADA_AUTO (default): found from each frame */
     hada_turn turn;   /* HADA_TURN_NONE by default: how all of them are turned first */
+    hada_mosaic mosaic; /* of the frames, kept in the model; three channels; HADA_MOSAIC_NONE by default */
 } hada_psf_options;
 HADA_INIT(hada_psf_options, HADA_STRUCT_PSF_OPTIONS)
 

@@ -4,8 +4,8 @@
  * Images of pixels are stored channel by channel. */
 #include "inc_fit.h"
 
-/* The residual of a model's prediction e of a frame b: e becomes e - b. Work-items: chunks of 8 HADA_FIT_CHUNK pixels
- * of a channel; the sum of the squares of a chunk is added to out[channel * chunks + chunk]. */
+/* The residual of a model's prediction e of a frame b: e becomes e - b, 0 where b is not known. Work-items: chunks of 8
+ * HADA_FIT_CHUNK pixels of a channel; the sum of the squares of a chunk is added to out[channel * chunks + chunk]. */
 __kernel void fit_remain(__global float *e, __global const float *b, __global float *out, ulong pixels, ulong chunks)
 {
     const size_t chunk = get_global_id(0), channel = get_global_id(1);
@@ -17,13 +17,14 @@ __kernel void fit_remain(__global float *e, __global const float *b, __global fl
     float8 sum = 0.0f;
     size_t i = from;
     for (; i + 8 <= to; i += 8) {
-        const float8 left = vload8(0, at + i) - vload8(0, frame + i);
+        const float8 seen = vload8(0, frame + i);
+        const float8 left = select(vload8(0, at + i) - seen, (float8)0.0f, seen >= HADA_FIT_UNKNOWN);
         VECTORS_STORE8(__global, left, at + i);
         sum += left * left;
     }
     float rest = 0.0f;
     for (; i < to; i++) {
-        const float left = at[i] - frame[i];
+        const float left = frame[i] >= HADA_FIT_UNKNOWN ? 0.0f : at[i] - frame[i];
         at[i] = left;
         rest += left * left;
     }

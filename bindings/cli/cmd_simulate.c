@@ -41,6 +41,10 @@ static const hada_cli_option options[] = {
      "srgb or a power such as 2.2: as photographs mostly are. The frames are made of the light, the scenes and the truth "
      "are written as the pictures are.",
      AT(response)},
+    {HADA_OPTION_CHOICE, "bayer", 0, "none|rggb|bggr|grbg|gbrg", "colour filter mosaic of the sensor (default: none)",
+     "Raw frames have one channel then, whose pixels hold one colour each. The colours of the first two rows and columns.",
+     HADA_CLI_ONE_OF(settings, task.mosaic, HADA_MOSAIC_NONE, HADA_MOSAIC_RGGB, HADA_MOSAIC_BGGR, HADA_MOSAIC_GRBG,
+                     HADA_MOSAIC_GBRG)},
     {HADA_OPTION_CHOICE, "bits", 0, "16|32", "raw frames and scenes as 16-bit integers or floats (default: 32)",
      "A camera writes 16 bits; then noise below zero is cut off.", HADA_CLI_ONE_OF(settings, task.bits, 16, 32)},
     {0},

@@ -7,6 +7,7 @@
 #include <signal.h>
 
 #include "core/callers.h"
+#include "image/mosaic.h"
 #include "io/folder.h"
 #include "io/text.h"
 #include "io/tiff_page.h"
@@ -20,8 +21,11 @@ hada_status hada_pair_store_create(hada_pair_store **out, const hada_dataset_opt
     if (options.frame_encoding != HADA_AUTO && !hada_response_is_known(options.frame_encoding))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a frame encoding of %g is not possible (hadalens/response.h)",
                          options.frame_encoding);
+    if (options.mosaic != HADA_MOSAIC_NONE && !hada_mosaic_is_pattern(options.mosaic))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "the mosaic of a data set, %d, is not a pattern", options.mosaic);
     HADA_TRY(HADA_NEW(*out, 1, "a data set", err));
     (*out)->users = 1;
+    (*out)->mosaic = options.mosaic;
     (*out)->room = options.cache_bytes;
     (*out)->frame_encoding = options.frame_encoding;
     (*out)->reading = (*out)->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
@@ -107,7 +111,8 @@ static hada_status describe(hada_dataset *set, hada_error *err)
                                 .psf = store->psf,
                                 .camera = store->camera,
                                 .incomplete = store->incomplete,
-                                .incomplete_text = store->incomplete_text};
+                                .incomplete_text = store->incomplete_text,
+                                .mosaic = store->mosaic};
     for (int z = 0; z < store->depths; z++) {
         set->distances_mm[z] = store->depth[z].distance_mm;
         set->files[z] = store->depth[z].files + set->first[z];
@@ -498,6 +503,24 @@ static void brighten(hada_image *scene, double gain, double response)
     hada_response_convert(scene->data, count, HADA_RESPONSE_LINEAR, response);
 }
 
+/* A raw frame with all its colours, in the pair's own image. */
+static hada_status fill(hada_pair *pair, hada_mosaic mosaic, hada_error *err)
+{
+    const hada_image *raw = pair->raw;
+    hada_image filled = {0};
+    if (raw->channels != 1 || raw->rows < 2 || raw->cols < 2)
+        return hada_fail(err, HADA_ERROR_SIZE,
+                         "the raw frame has %d channels of %d x %d pixels; a colour filter mosaic has one channel and "
+                         "at least 2 x 2 pixels: leave --bayer out if it is none",
+                         raw->channels, raw->rows, raw->cols);
+    HADA_TRY(hada_image_create(&filled, HADA_MOSAIC_COLOURS, raw->rows, raw->cols, err));
+    hada_mosaic_fill(mosaic, raw->data, raw->rows, raw->cols, filled.data);
+    hada_image_destroy(&pair->own.raw);
+    pair->own.raw = filled;
+    pair->raw = &pair->own.raw;
+    return HADA_OK;
+}
+
 static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth, int number, int keep, hada_error *err)
 {
     hada_pair_store *store = dataset->store;
@@ -513,6 +536,10 @@ static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth,
         HADA_TRY(find_images(store, index, keep, &pair->own, &found, err));
         pair->raw = &found->raw;
         pair->scene = &found->scene;
+    }
+    if (store->mosaic != HADA_MOSAIC_NONE && (status = fill(pair, store->mosaic, err)) != HADA_OK) {
+        hada_pair_name(dataset, depth, number, err);
+        goto done;
     }
     if (gain != 1.0) {
         if (!pair->own.scene.data)

@@ -35,6 +35,7 @@ typedef struct hada_pair_store {
     char incomplete_text[600];
     char *psf, *camera;
     double frame_encoding;
+    hada_mosaic mosaic;  /* of the raw frames */
     hada_inputs *inputs; /* all files, which no output may replace */
 
     /* one of these reads pairs: files (both NULL), the caller's function, or the caller's images */

@@ -1,6 +1,7 @@
 #include "fit/cropped.h"
 
 #include "filter/bank.h"
+#include "image/mosaic.h"
 #include "launch/fit_cropped.h"
 #include "launch/fit_window.h"
 
@@ -251,6 +252,19 @@ hada_status hada_fit_cropped_explain(hada_fit_cropped *own, cl_mem raw, cl_mem s
     return read_left(own, left, err);
 }
 
+/* Pixels of a frame that hold a channel. */
+static double seen_of(const hada_model_info *info, int channel)
+{
+    double seen = 0.0;
+    if (info->mosaic == HADA_MOSAIC_NONE)
+        return (double)info->raw_rows * info->raw_cols;
+    for (int row = 0; row < 2; row++)
+        for (int col = 0; col < 2; col++)
+            if (hada_mosaic_channel(info->mosaic, row, col) == channel)
+                seen += (double)((info->raw_rows + 1 - row) / 2) * ((info->raw_cols + 1 - col) / 2);
+    return seen;
+}
+
 /* The noise of a channel: what is left, per degree of freedom that the fit did not use, over the frequencies where
  * scenes outweigh the constraint. */
 static hada_status noise_of(hada_fit_cropped *own, int c, double *noise, hada_error *err)
@@ -266,8 +280,8 @@ static hada_status noise_of(hada_fit_cropped *own, int c, double *noise, hada_er
     for (size_t i = 0; i < count; i++)
         if (own->often[i] > 0.0f && own->scenes[i] > 0.0f)
             used += own->often[i] * own->scenes[i] / (own->scenes[i] + LAST_WEIGHT * own->mean[c]);
-    const double all = (double)own->pairs * (double)own->pixels;
-    *noise = own->left[c] / (double)own->pairs / fmax(1.0 - used / all, LEAST_FREE);
+    const double seen = seen_of(&grid->info, c), all = (double)own->pairs * seen;
+    *noise = own->left[c] / (double)own->pairs * ((double)own->pixels / seen) / fmax(1.0 - used / all, LEAST_FREE);
     return HADA_OK;
 }
 

@@ -11,7 +11,8 @@
  * that share V: the linearised method of multipliers (Z. Lin et al., NIPS 2011). What lies half beyond the sensor comes
  * slowly, so that every third step is longer: 1, 3, 1 leaves (1 - s)^2 (1 - 3 s) of an error whose share s the sensor
  * sees, which is below 1 in magnitude for all s in (0, 1]. docs/explanation/learning-a-camera.md has the figures.
- * Results are the same bits at every run, whether pairs are kept on the device or brought again. */
+ * Of a colour filter mosaic, crop takes away the values that a pixel does not hold as well; the sums have what was
+ * filled in for them. Results are the same bits at every run, whether pairs are kept on the device or brought again. */
 #ifndef HADA_FIT_CROPPED_H
 #define HADA_FIT_CROPPED_H
 
@@ -20,8 +21,8 @@
 #include "fit/trial.h"
 
 /* Iterations of a fit from nothing, and of one that goes on with other pairs; whole rounds of three steps. The first
- * of those from nothing needs no pass. */
-enum { HADA_FIT_CROP_PASSES = 15, HADA_FIT_CROP_FURTHER = 6, HADA_FIT_LEAST_PASSES = 3 };
+ * of those from nothing needs no pass. Of a mosaic, frames show a third as much, and so many times more are taken. */
+enum { HADA_FIT_CROP_PASSES = 15, HADA_FIT_CROP_FURTHER = 6, HADA_FIT_LEAST_PASSES = 3, HADA_FIT_CROP_MOSAIC = 3 };
 
 typedef struct hada_fit_cropped hada_fit_cropped;
 

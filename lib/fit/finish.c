@@ -71,11 +71,13 @@ done:
 hada_status hada_fit_learn_cropped(hada_fitter *fitter, const hada_dataset *pairs, hada_error *err)
 {
     const hada_fit_options *options = &fitter->options;
-    const int passes = options->crop_passes < 0 ? HADA_FIT_CROP_PASSES : options->crop_passes;
+    const int times = options->mosaic == HADA_MOSAIC_NONE ? 1 : HADA_FIT_CROP_MOSAIC;
+    const int passes = options->crop_passes < 0 ? times * HADA_FIT_CROP_PASSES : options->crop_passes;
     hada_fit_reader from;
     hada_status status = HADA_OK;
     hada_fit_transfers_free(&fitter->transfers);
-    if (options->boundary != HADA_BOUNDARY_PADDED || !options->nonnegative || !passes)
+    const int partly = options->boundary == HADA_BOUNDARY_PADDED || options->mosaic != HADA_MOSAIC_NONE;
+    if (!partly || !options->nonnegative || !passes) /* frames show all light of the scenes */
         return HADA_OK;
     HADA_TRY(hada_fit_reader_create(&from, pairs, &fitter->pair, options->monitor,
                                     "looks at pairs, for the light beyond the sensor", err));

@@ -29,6 +29,7 @@ hada_status hada_fit_info(hada_model_info *info, const hada_fit_options *options
                               .form = options->form,
                               .boundary = options->boundary,
                               .dark = options->dark,
+                              .mosaic = options->mosaic,
                               .distances_mm = options->distances_mm,
                               .scene_response = options->scene_response == HADA_AUTO ? HADA_RESPONSE_LINEAR
                                                                                      : options->scene_response};
@@ -250,6 +251,17 @@ static double energy_of(const float *values, size_t count)
     return energy;
 }
 
+/* The dark level of a channel's frame, by the pixels that hold it. */
+static double dark_of(const hada_model_info *info, int channel, const float *frame, float *room)
+{
+    size_t count = (size_t)info->raw_rows * (size_t)info->raw_cols;
+    if (info->mosaic != HADA_MOSAIC_NONE) {
+        count = hada_mosaic_own(info->mosaic, channel, frame, info->raw_rows, info->raw_cols, room);
+        frame = room;
+    }
+    return hada_dark_estimate(frame, count, room);
+}
+
 void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_image *scene)
 {
     const hada_model_info *info = &pair->grid->info;
@@ -259,7 +271,7 @@ void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_i
                  col0 = (size_t)(scene->cols - info->window_cols) / 2;
     for (int c = 0; c < info->channels; c++) {
         const float *from = raw->data + (size_t)c * raw_area;
-        const double dark = info->dark < 0.0 ? hada_dark_estimate(from, raw_area, pair->scratch) : info->dark;
+        const double dark = info->dark < 0.0 ? dark_of(info, c, from, pair->scratch) : info->dark;
         pair->raw_energy[c] =
             take(from, (size_t)raw->cols, raw->rows, raw->cols, dark, pair->raw_pixels + (size_t)c * raw_area);
         float *light = pair->scene_pixels + (size_t)c * window;

@@ -298,6 +298,9 @@ static hada_status check_pairs(const hada_fitter *fitter, const hada_dataset_inf
 {
     if (fitter->reduced)
         return hada_fail(err, HADA_ERROR_STATE, "the sums are those of all ranks: nothing more can be added to them");
+    if (info->mosaic != fitter->grid.info.mosaic)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "the colour filter mosaic of the data set is not that of this fit: give both options.mosaic");
     for (int z = 0; z < info->depths; z++)
         if (depth_of(fitter, info->distances_mm[z]) < 0)
             return hada_fail(err, HADA_ERROR_ARGUMENT, "this fit has no depth at %g mm, as the data set has",

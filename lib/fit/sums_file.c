@@ -6,6 +6,7 @@
 
 #define FORMAT   "hadalens-sums-1"
 #define RESPONSE "scene_response"
+#define MOSAIC   "mosaic" /* frames in full colour: not there */
 
 /* What must agree, as text. */
 typedef struct sizes_text {
@@ -30,6 +31,8 @@ static hada_status put_metadata(const hada_fit_grid *grid, hada_tensors_writer *
     HADA_TRY(hada_tensors_put_meta(writer, "library", "hadalens " HADALENS_VERSION, err));
     HADA_TRY(hada_tensors_put_meta(writer, "sizes", sizes.text, err));
     HADA_TRY(hada_tensors_put_meta(writer, RESPONSE, response, err));
+    if (grid->info.mosaic != HADA_MOSAIC_NONE)
+        HADA_TRY(hada_tensors_put_meta(writer, MOSAIC, hada_enum_name(HADA_ENUM_MOSAIC, (int)grid->info.mosaic), err));
     return hada_tensors_put_meta(
         writer, "axes",
         "sums: [depth, channel, sum, value/rest, ky, kx]; the sums are Re and Im of sum X conj(B), sum |B|^2, sum "
@@ -220,6 +223,17 @@ static hada_status response_of(const hada_tensors *file, const char *path, doubl
     return HADA_OK;
 }
 
+/* The mosaic of the frames behind the sums. */
+static hada_status mosaic_of(const hada_tensors *file, const char *path, hada_mosaic *mosaic, hada_error *err)
+{
+    const char *name = hada_tensors_meta(file, MOSAIC);
+    const int value = name ? hada_enum_value(HADA_ENUM_MOSAIC, name) : HADA_MOSAIC_NONE;
+    if (value < 0)
+        return damaged(path, err);
+    *mosaic = (hada_mosaic)value;
+    return HADA_OK;
+}
+
 static hada_status check_response(const hada_fit_grid *grid, const hada_tensors *file, const char *path,
                                   hada_error *err)
 {
@@ -245,6 +259,10 @@ static hada_status check_file(const hada_fit_grid *grid, const hada_tensors *fil
     HADA_TRY(read_small(file, path, list, err));
     HADA_TRY(check_small(grid, path, list, err));
     HADA_TRY(check_sums(grid, file, path, err));
+    hada_mosaic mosaic;
+    HADA_TRY(mosaic_of(file, path, &mosaic, err));
+    if (mosaic != grid->info.mosaic)
+        return foreign(path, "the colour filter mosaic differs", err);
     return check_response(grid, file, path, err);
 }
 
@@ -334,6 +352,7 @@ hada_status hada_fit_sums_camera(const hada_tensors *file, const char *path, had
     memcpy(&options->dark, dark->data, sizeof options->dark);
     if (!options->boundary)
         return damaged(path, err);
+    HADA_TRY(mosaic_of(file, path, &options->mosaic, err));
     return options->scene_response == HADA_AUTO ? response_of(file, path, &options->scene_response, err) : HADA_OK;
 }
 

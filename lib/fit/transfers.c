@@ -1,4 +1,5 @@
 #include "fit/cropped.h"
+#include "image/mosaic.h"
 
 /* The part of the device's memory that pairs may take. */
 enum { MEMORY_SHARE = 4 };
@@ -27,11 +28,24 @@ void hada_fit_transfers_free(hada_fit_transfers *transfers)
     *transfers = (hada_fit_transfers){0};
 }
 
+/* Of a mosaic, the values that were filled in become unknown. */
+static void forget_filled(hada_fit_pair *pair)
+{
+    const hada_model_info *info = &pair->grid->info;
+    const size_t plane = (size_t)info->raw_rows * (size_t)info->raw_cols;
+    for (int c = 0; info->mosaic != HADA_MOSAIC_NONE && c < info->channels; c++)
+        for (size_t i = 0; i < plane; i++)
+            if (hada_mosaic_channel(info->mosaic, (int)(i / (size_t)info->raw_cols),
+                                    (int)(i % (size_t)info->raw_cols)) != c)
+                pair->raw_pixels[(size_t)c * plane + i] = HADA_FIT_UNKNOWN;
+}
+
 /* The pair that was read, to the device: the frame's pixels and the scene's spectra. */
 static hada_status upload(passes *with, hada_buffer *raw, const hada_buffer *spectrum, hada_error *err)
 {
     hada_fit_pair *pair = with->from->pair;
     hada_slot *slot = pair->grid->slot;
+    forget_filled(pair);
     HADA_TRY(hada_buffer_write(raw, slot, 0, pair->raw_pixels, pair->raw.bytes, err));
     HADA_TRY(hada_buffer_write(&pair->scene, slot, 0, pair->scene_pixels, pair->scene.bytes, err));
     return hada_fft_forward(pair->scene_fft, pair->grid->info.channels, pair->scene.mem, 0, spectrum->mem, 0, err);
@@ -191,12 +205,13 @@ static hada_status learn_depth(passes *with, int z, int count, hada_fit_transfer
     const hada_fit_grid *grid = with->sums->grid;
     const size_t plane = hada_model_info_plane(&grid->info), channels = (size_t)grid->info.channels;
     const hada_buffer *transfers = NULL;
+    const int further =
+        grid->info.mosaic == HADA_MOSAIC_NONE ? HADA_FIT_CROP_FURTHER : HADA_FIT_CROP_MOSAIC * HADA_FIT_CROP_FURTHER;
     int tried = 0;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(open_depth(with, z, err));
     HADA_TRY_OR_DONE(solve_held(with, count, &tried, err));
-    HADA_TRY_OR_DONE(
-        solve(with, 0, tried && count > HADA_FIT_CROP_FURTHER ? HADA_FIT_CROP_FURTHER : count, tried, &transfers, err));
+    HADA_TRY_OR_DONE(solve(with, 0, tried && count > further ? further : count, tried, &transfers, err));
     for (size_t c = 0; c < channels; c++) {
         out->noise[(size_t)z * channels + c] = with->noise[c];
         HADA_TRY_OR_DONE(hada_fit_read_plane(grid, transfers, c * grid->layout.count, with->blocks,

@@ -14,6 +14,7 @@ enum { TRIED = sizeof steps_tried / sizeof *steps_tried };
 enum { TV_SIDE = 2, TV_PLACES = 2 * TV_SIDE + 1, TV_STEPS = 6, TV_STEPS_CROPPED = 12 };
 #define TV_RATIO     1.6
 #define TV_PER_NOISE 0.1
+#define TV_MOSAIC    0.5 /* times that of a mosaic, a third of whose values are known */
 #define TV_UNKNOWN   0.003
 #define TV_LEAST     1e-5
 
@@ -82,7 +83,8 @@ static double guess_weight(const trial_work *work, const hada_trial_frame *frame
     double noise = 0.0;
     for (size_t i = 0; i < images; i++)
         noise += work->bench.with->model->noise_power[i] / (double)images;
-    return fmax(noise > 0.0 && light > 0.0 ? TV_PER_NOISE * sqrt(noise / light) : TV_UNKNOWN, TV_LEAST);
+    const double each = info->mosaic == HADA_MOSAIC_NONE ? 1.0 : TV_MOSAIC;
+    return fmax(each * (noise > 0.0 && light > 0.0 ? TV_PER_NOISE * sqrt(noise / light) : TV_UNKNOWN), TV_LEAST);
 }
 
 /* Frames of one pair each, with filters that were learned without these pairs. */

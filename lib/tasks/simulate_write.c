@@ -4,6 +4,7 @@
 #include <hadalens/tiff.h>
 #include <jansson.h>
 
+#include "image/mosaic.h"
 #include "io/folder.h"
 #include "io/text.h"
 
@@ -66,6 +67,23 @@ static hada_status expose(const hada_recipe *recipe, uint64_t seed, hada_image *
     return recipe->has_sensor ? hada_simulator_expose(recipe->simulator, &recipe->sensor, seed, raw, err) : HADA_OK;
 }
 
+/* A frame as its sensor gives it. */
+static hada_status save_raw(const hada_recipe *recipe, const char *folder, const char *name, const hada_image *raw,
+                            hada_error *err)
+{
+    const hada_mosaic mosaic = recipe->task.mosaic;
+    hada_image taken = {0};
+    hada_status status = HADA_OK;
+    if (mosaic == HADA_MOSAIC_NONE)
+        return save(folder, name, raw, 0.0, recipe->task.bits, err);
+    HADA_TRY_OR_DONE(hada_image_create(&taken, 1, raw->rows, raw->cols, err));
+    hada_mosaic_take(mosaic, raw->data, raw->rows, raw->cols, taken.data);
+    HADA_TRY_OR_DONE(save(folder, name, &taken, 0.0, recipe->task.bits, err));
+done:
+    hada_image_destroy(&taken);
+    return status;
+}
+
 /* A page per depth, near to far. */
 static hada_status create_stack(hada_tiff_writer **writer, const char *path, const hada_camera *camera, int channels,
                                 int rows, int cols, double encoding, hada_error *err)
@@ -119,7 +137,7 @@ static hada_status write_pair(const hada_recipe *recipe, int z, int i, const cha
     const hada_plane plane = {z, &scene};
     HADA_TRY_OR_DONE(hada_simulator_render(recipe->simulator, &plane, 1, recipe->task.noise, seed, &raw, err));
     HADA_TRY_OR_DONE(expose(recipe, seed, &raw, err));
-    HADA_TRY_OR_DONE(save(raw_folder, name, &raw, 0.0, recipe->task.bits, err));
+    HADA_TRY_OR_DONE(save_raw(recipe, raw_folder, name, &raw, err));
     HADA_TRY_OR_DONE(
         save_window(&recipe->camera, scene_folder, name, &scene, recipe->task.scene_response, recipe->task.bits, err));
 done:
@@ -204,7 +222,7 @@ static hada_status write_test(const hada_recipe *recipe, int t, const char *raw_
                                                                    task->test_depths, task->occlude, seed, err));
     HADA_TRY_OR_DONE(hada_test_scene_render(&scene, recipe->simulator, task->noise, noise_seed, &raw, err));
     HADA_TRY_OR_DONE(expose(recipe, noise_seed, &raw, err));
-    HADA_TRY_OR_DONE(save(raw_folder, name, &raw, 0.0, task->bits, err));
+    HADA_TRY_OR_DONE(save_raw(recipe, raw_folder, name, &raw, err));
     HADA_TRY_OR_DONE(write_truth_stack(&scene, camera, task->scene_response, truth_folder, name, err));
     HADA_TRY_OR_DONE(save_window(camera, truth_folder, map_name, &scene.map, 0.0, 32, err));
     if (scene.over.data)
@@ -242,6 +260,9 @@ static json_t *sensor_json(const hada_recipe *recipe)
         hada_response_name(name, recipe->task.scene_response);
         json_object_set_new(document, "scene_response", json_string(name));
     }
+    if (document && recipe->task.mosaic != HADA_MOSAIC_NONE)
+        json_object_set_new(document, "mosaic",
+                            json_string(hada_enum_name(HADA_ENUM_MOSAIC, (int)recipe->task.mosaic)));
     if (document && recipe->has_sensor)
         json_object_update_new(document,
                                json_pack("{s:f, s:f, s:f, s:f, s:i, s:s}", "exposure", s->exposure, "full_well",
@@ -258,7 +279,7 @@ static hada_status write_sensor(const hada_recipe *recipe, const char *folder, h
     hada_path path;
     hada_status status = HADA_OK;
     if (!recipe->has_sensor && !o->shift_rows && !o->shift_cols && !o->field_rows &&
-        recipe->task.scene_response == HADA_RESPONSE_LINEAR)
+        recipe->task.scene_response == HADA_RESPONSE_LINEAR && recipe->task.mosaic == HADA_MOSAIC_NONE)
         return HADA_OK;
     json_t *document = sensor_json(recipe);
     HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/sensor.json", folder));

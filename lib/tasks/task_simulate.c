@@ -1,6 +1,7 @@
 /* What a simulated data set is made of: scenes for pairs and tests, a simulator, a sensor. */
 
 #include "core/callers.h"
+#include "image/mosaic.h"
 #include "io/folder.h"
 #include "tasks/simulated_scenes.h"
 
@@ -24,6 +25,13 @@ static hada_status take_task(hada_recipe *recipe, const hada_camera *camera, con
                            "options.scene_response: %g is no response; use linear, srgb, or "
                            "a power from %g to %g",
                            task->scene_response, HADA_RESPONSE_LEAST, HADA_RESPONSE_MOST));
+    if (task->mosaic != HADA_MOSAIC_NONE &&
+        (!hada_mosaic_is_pattern(task->mosaic) || recipe->camera.channels != HADA_MOSAIC_COLOURS))
+        HADA_TRY(
+            hada_fail(err, HADA_ERROR_ARGUMENT,
+                      "options.mosaic: a colour filter mosaic needs a pattern and a camera of three channels; this "
+                      "one has %d",
+                      recipe->camera.channels));
     if (task->test_depths > recipe->camera.depths)
         task->test_depths = recipe->camera.depths;
     if (task->surfaces) {

@@ -8,6 +8,7 @@ from typing import Any
 import hadalens
 import numpy as np
 import numpy.typing as npt
+import pytest
 import tifffile
 
 Array = npt.NDArray[Any]
@@ -42,3 +43,27 @@ def test_a_camera_belongs_to_its_frames(camera: Path, frames: list[Path], tmp_pa
             assert [one.match for one in done] == [match, None]
             none = hadalens.reconstruct_files(plan, frames[:1], tmp_path / turn, preview=False, match="none")
             assert none[0].match is None
+
+
+def test_mosaics(program: Any, tmp_path: Path) -> None:
+    """A camera that is learned from pairs of mosaics takes frames of one channel; its program gives the same bits."""
+    small = hadalens.Camera("sim300", rows=64, cols=80, window_rows=24, window_cols=24, lenses=9)
+    small.set_depths(100, 100, 1)
+    pairs, _ = hadalens.simulate(small, tmp_path / "camera", pairs=3, tests=1, test_depths=1, mosaic="gbrg")
+    assert pairs.read(0, 0)[0].shape == (3, 64, 80)
+    model = hadalens.fit(pairs)
+    assert model.info.mosaic == "gbrg"
+    frame = tmp_path / "camera/test/raw/test01.tif"
+    raw = tifffile.imread(frame)
+    assert raw.shape == (64, 80)
+    known = hadalens.Plan(model).run(raw).stack
+    assert known.shape == (1, 3, 24, 24)
+    np.testing.assert_array_equal(known, hadalens.Plan(model, mosaic="gbrg").run(raw).stack)
+    assert not np.array_equal(known, hadalens.Plan(model, mosaic="rggb").run(raw).stack)
+    model.save(tmp_path / "camera.model")
+    program("reconstruct", frame, "-m", tmp_path / "camera.model", "-o", tmp_path, "--no-preview")
+    np.testing.assert_array_equal(known, tifffile.imread(tmp_path / "test01_stack.tif").reshape(known.shape))
+    with pytest.raises(hadalens.ModelError, match="--bayer"):
+        hadalens.Plan(model, mosaic="none").run(raw)
+    arrays = hadalens.Dataset({100.0: [(raw, np.zeros((3, 24, 24), np.float32))]}, mosaic="gbrg")
+    np.testing.assert_array_equal(arrays.read(0, 0)[0][1, ::2, ::2], raw[::2, ::2])

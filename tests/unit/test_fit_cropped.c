@@ -230,10 +230,17 @@ static void learn_on(fixture *f, const hada_fit_options *options, double *error)
     *error = error_of(f, &fitter->grid, model);
 }
 
-/* What the reference makes of a channel of the first depth. */
-static void expect(const fixture *f, const hada_fit_grid *grid, int c, double trust, int iterations, double *otf,
-                   double *left)
+/* Every third value of a frame is not known in the passes, or (0) all are. */
+static int is_unknown(int hidden, int pixel)
 {
+    return hidden && pixel % 3 == 1;
+}
+
+/* What the reference makes of a channel of the first depth. */
+static void expect(const fixture *f, const hada_fit_grid *grid, int c, double trust, int iterations, int hidden,
+                   double *otf, double *left)
+{
+    static float known[PAIRS][AREA];
     static const double lengths[] = {1.0, 3.0, 1.0, 1.0, 3.0, 1.0};
     const hada_geometry *at = &grid->geometry;
     const hada_ref_grid sizes = {grid->info.grid_rows, grid->info.grid_cols, at->raw_row, at->raw_col, ROWS, COLS,
@@ -251,6 +258,9 @@ static void expect(const fixture *f, const hada_fit_grid *grid, int c, double tr
         hada_ref_fit_pair(x[i], b, plane, 1.0, sums);
         for (int k = 0; k < WINDOW * WINDOW; k++)
             mean += (double)scene[k] * scene[k];
+        for (int k = 0; k < AREA; k++)
+            known[i][k] = is_unknown(hidden, k) ? NAN : frames[i][k];
+        frames[i] = known[i];
     }
     const hada_ref_fit_cropped fit = {.grid = &sizes,
                                       .x = (const double *const *)x,
@@ -272,10 +282,9 @@ static void expect(const fixture *f, const hada_fit_grid *grid, int c, double tr
     free(sums);
 }
 
-TEST(iterations_agree_with_the_reference)
+static void agrees(fixture *f, int hidden)
 {
     enum { ITERATIONS = 6 };
-    fixture *f = *state;
     SCOPED(hada_fitter) *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, ITERATIONS, 0);
     const hada_fit_grid *grid = &fitter->grid;
     const size_t plane = hada_model_info_plane(&grid->info);
@@ -295,14 +304,19 @@ TEST(iterations_agree_with_the_reference)
         for (int i = 0; i < PAIRS; i++) {
             hada_fit_pair_take(&fitter->pair, &f->frame[0][i], &f->scene[0][i]);
             ASSERT_OK(hada_fit_pair_transform(&fitter->pair, fitter->pair.raw_pixels, fitter->pair.scene_pixels, err));
+            for (int k = 0; k < CHANNELS * AREA; k++)
+                if (is_unknown(hidden, k % AREA))
+                    fitter->pair.raw_pixels[k] = HADA_FIT_UNKNOWN;
+            ASSERT_OK(hada_buffer_write(&fitter->pair.raw, grid->slot, 0, fitter->pair.raw_pixels,
+                                        fitter->pair.raw.bytes, err));
             ASSERT_OK(hada_fit_cropped_pair(cropped, fitter->pair.raw.mem, fitter->pair.scene_spectrum.mem, err));
         }
         ASSERT_OK(hada_fit_cropped_next(cropped, &more, err));
     }
     ASSERT_OK(hada_fit_cropped_end(cropped, fitter->sums.depth[0].raw_energy, noise, &transfers, err));
     for (int c = 0; c < CHANNELS; c++) {
-        expect(f, grid, c, hada_nonnegative_trust(noise[c], fitter->sums.depth[0].raw_energy[c]), ITERATIONS, otf,
-               &left);
+        expect(f, grid, c, hada_nonnegative_trust(noise[c], fitter->sums.depth[0].raw_energy[c]), ITERATIONS, hidden,
+               otf, &left);
         ASSERT_OK(hada_fit_read_plane(grid, transfers, (size_t)c * grid->layout.count, blocks, got, "a transfer", err));
         const double error = small_distance(got, otf, 2 * plane);
         if (!(error < 2e-5))
@@ -311,6 +325,16 @@ TEST(iterations_agree_with_the_reference)
             fail_msg("channel %d: left %g, expected %g", c, hada_fit_cropped_left(cropped)[c], left);
     }
     free(otf);
+}
+
+TEST(iterations_agree_with_the_reference)
+{
+    agrees(*state, 0);
+}
+
+TEST(values_that_are_not_known_have_no_part)
+{
+    agrees(*state, 1);
 }
 
 TEST(light_beyond_the_sensor_is_found)

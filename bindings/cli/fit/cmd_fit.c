@@ -53,6 +53,11 @@ static const hada_cli_option options[] = {
      "each: every pair has an exposure of its own, as with a camera that sets it by itself; it is found. auto: each "
      "where that explains most of what is unexplained otherwise.",
      ONE_OF(task.exposure, HADA_EXPOSURE_AUTO, HADA_EXPOSURE_SAME, HADA_EXPOSURE_EACH)},
+    {HADA_OPTION_CHOICE, "bayer", 0, "none|rggb|bggr|grbg|gbrg",
+     "colour filter mosaic of raw frames of one channel (default: none)",
+     "The colours of the first two rows and columns. Each colour's transfer function is learned from the pixels that hold "
+     "it. The model remembers the pattern; with --psf too.",
+     ONE_OF(fit.mosaic, HADA_MOSAIC_NONE, HADA_MOSAIC_RGGB, HADA_MOSAIC_BGGR, HADA_MOSAIC_GRBG, HADA_MOSAIC_GBRG)},
     {HADA_OPTION_FLAG, "skip-incomplete", 0, NULL, "leave out files that have no partner, instead of refusing", NULL,
      AT(skip_incomplete)},
 
@@ -139,6 +144,7 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     hada_status status = HADA_OK;
     hada_dataset_options_init(&scan);
     scan.skip_incomplete = set->skip_incomplete;
+    scan.mosaic = set->fit.mosaic;
     fit.nonnegative = set->psf_sign != 0;
     fit.leave_one_out = !set->no_leave_one_out;
     fit.form = set->form ? (hada_form)set->form : HADA_FORM_COMPLEX;
@@ -182,6 +188,7 @@ static hada_status fit_psf(const settings *set, hada_context *context, hada_mode
     psf.lambda = set->fit.lambda > 0 ? set->fit.lambda : HADA_AUTO;
     psf.psf_dark = set->psf_dark;
     psf.turn = (hada_turn)set->turn;
+    psf.mosaic = set->fit.mosaic;
     task.psf = &psf;
     task.colour = set->colour;
     task.half = set->task.half;

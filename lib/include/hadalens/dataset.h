@@ -30,6 +30,9 @@ typedef struct hada_dataset_options {
     double frame_encoding; /* how the values of raw frames in files stand for light (hadalens/response.h), which is made
                               linear; HADA_AUTO (default): as their files say (JPEG: sRGB), linear where they say
                               nothing */
+    hada_mosaic mosaic;    /* the raw frames have one channel, a colour filter mosaic of this pattern, and are given out
+                              with three: colours that a pixel does not hold are means of its neighbours.
+                              HADA_MOSAIC_NONE (default): frames are given out as they are */
 } hada_dataset_options;
 HADA_INIT(hada_dataset_options, HADA_STRUCT_DATASET_OPTIONS)
 
@@ -50,6 +53,7 @@ typedef struct hada_dataset_info {
     const char *psf, *camera;            /* paths of psf.tif and camera.json, NULL where they are missing */
     int incomplete;                      /* number of files that were left out */
     const char *incomplete_text;         /* names the first of them; "" where there is none */
+    hada_mosaic mosaic;                  /* that the raw frames are; HADA_MOSAIC_NONE: they are not filled in */
 } hada_dataset_info;
 HADA_API const hada_dataset_info *hada_dataset_get_info(const hada_dataset *dataset);
 

@@ -44,7 +44,8 @@ typedef struct hada_fit_options {
                                anything is learned. HADA_AUTO (default): chosen by hada_fit_run(); saved sums say it
                                themselves; a fitter that is given none takes them as linear */
     int crop_passes; /* boundary padded: iterations that learn transfer functions with the crop of the sensor in the
-                        model, in hada_fitter_finish() with all pairs; at least 3; HADA_AUTO (default): 15; 0: none */
+                        model, in hada_fitter_finish() with all pairs; at least 3; HADA_AUTO (default): 15; 0: none.
+                        With a mosaic, whatever the boundary, and 45 by default */
     double refine_colour;     /* in total variation, weight of differences of colour over those of brightness, 1 to 16;
                                  HADA_AUTO (default): chosen with the weight, 1.5 where that is given */
     int grid_rows, grid_cols; /* boundary padded: the grid, at least the frame's size; 0 (default): large enough for all
@@ -57,10 +58,14 @@ typedef struct hada_fit_options {
                                               (default): none; in hada_fit_run() the task's */
     const hada_communicator *communicator; /* ranks that share the fit, each with a fitter of its own; copied; NULL
                                               (default): none do */
-    int leave_one_out; /* 1 (default): hada_fitter_finish() leaves pairs out to choose what is open; 0: alpha 0, lambda
-                          1e-4, outside 1 and 12 steps of refinement are the defaults */
-    const char *sums;  /* a file of saved sums to begin with: sizes, depths, distances, boundary and dark level are the
-                          file's, and so is the response of the scenes where it is open. NULL (default): none */
+    int leave_one_out;  /* 1 (default): hada_fitter_finish() leaves pairs out to choose what is open; 0: alpha 0, lambda
+                           1e-4, outside 1 and 12 steps of refinement are the defaults */
+    const char *sums;   /* a file of saved sums to begin with: sizes, depths, distances, boundary and dark level are the
+                           file's, and so is the response of the scenes where it is open. NULL (default): none */
+    hada_mosaic mosaic; /* the frames' colours were filled in from a colour filter mosaic of this pattern
+                           (hada_dataset_options): transfer functions are learned from the values that pixels hold, by
+                           hada_fitter_finish() with all pairs, and the model knows the pattern. In hada_fit_run() that
+                           of the data set. HADA_MOSAIC_NONE (default): pixels hold all channels */
 } hada_fit_options;
 HADA_INIT(hada_fit_options, HADA_STRUCT_FIT_OPTIONS)
 

@@ -48,6 +48,9 @@ typedef struct hada_simulate_task {
     /* How the pictures stand for light, which is what reaches the sensor; scenes and truth are written as the pictures
      * are. A response of hadalens/response.h, HADA_RESPONSE_LINEAR by default */
     double scene_response;
+
+    hada_mosaic mosaic; /* the sensor has a colour filter mosaic of this pattern, and frames have one channel; the
+                           camera has three. HADA_MOSAIC_NONE by default */
 } hada_simulate_task;
 HADA_INIT(hada_simulate_task, HADA_STRUCT_SIMULATE_TASK)
 

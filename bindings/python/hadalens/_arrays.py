@@ -8,7 +8,7 @@ protocol.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,8 @@ from ._native import ffi, lib, tie
 Float32: TypeAlias = npt.NDArray[np.float32]
 #: Numbers, such as the distances of depths.
 Floats: TypeAlias = Sequence[float] | npt.NDArray[np.float64]
+#: The pattern of a colour filter mosaic: the colours of the first two rows and columns.
+Mosaic: TypeAlias = Literal["none", "rggb", "bggr", "grbg", "gbrg"]
 
 # Memory that the host reads, of dlpack.h: kDLCPU, kDLCUDAHost, kDLROCMHost, kDLCUDAManaged; NumPy takes these.
 _DLPACK_HOST = (1, 3, 11, 13)

@@ -10,7 +10,7 @@ import numpy as np
 
 from . import errors
 from . import response as responses
-from ._arrays import Float32, NewImage, address, as_array, copy_of, planes_first, to_float
+from ._arrays import Float32, Mosaic, NewImage, address, as_array, copy_of, planes_first, to_float
 from ._native import Caller, Handle, Options, Owner, call, ffi, keep_error, lib, path, text
 
 #: An image of a pair: an array, a TIFF or .npy file, or a function without arguments that returns an array.
@@ -74,6 +74,8 @@ class Dataset(Handle):
             raw, scene). Each image is an array (Y, X) or (C, Y, X), a TIFF or .npy file, or a function that returns an
             array; sequences may read what they are asked for. dtypes as for :meth:`Plan.run`.
         channel_axis: of images of three axes; None: the first, -1 for (Y, X, C). Files of TIFF need none.
+        mosaic: pattern of the colour filter mosaic that raw frames of one channel are; they are read with three, and a
+            camera that is learned from them knows the pattern.
 
     Example:
         >>> pairs = hadalens.Dataset({100.0: [(raw, scene), ...], 250.0: [...]})
@@ -83,7 +85,7 @@ class Dataset(Handle):
 
     """
 
-    def __init__(self, pairs: Pairs, *, channel_axis: int | None = None) -> None:
+    def __init__(self, pairs: Pairs, *, channel_axis: int | None = None, mosaic: Mosaic = "none") -> None:
         """Take the pairs; none is read yet."""
         if not isinstance(pairs, Mapping):
             collected: dict[float, list[tuple[Source, Source]]] = {}
@@ -104,7 +106,7 @@ class Dataset(Handle):
             ffi.new("int[]", [len(some) for some in self._reader.depths]),
             lib.py_dataset_read_pair,
             self._reader.user,
-            ffi.NULL,
+            Options("hada_dataset_options", mosaic=mosaic).c,
         )
         self._owner = owner
 
@@ -115,6 +117,7 @@ class Dataset(Handle):
         *,
         skip_incomplete: bool = False,
         frame_encoding: float | str | None = None,
+        mosaic: Mosaic = "none",
     ) -> Self:
         """Return the data set of a folder: z<distance>mm/raw/NAME.tif and z<distance>mm/scene/NAME.tif.
 
@@ -122,6 +125,7 @@ class Dataset(Handle):
             folder: where the depths' folders stand.
             skip_incomplete: files without their partner are left out; otherwise they are an error.
             frame_encoding: how raw frames stand for light; None: as their files say, else linear.
+            mosaic: as of a data set of arrays.
 
         Raises:
             DatasetError: no depths, a depth without a pair, files without their partner.
@@ -134,6 +138,7 @@ class Dataset(Handle):
             "hada_dataset_options",
             skip_incomplete=skip_incomplete,
             frame_encoding=None if frame_encoding is None else responses.number(frame_encoding),
+            mosaic=mosaic,
         )
         call(lib.hada_dataset_scan, owner.pointer, path(folder), options.c)
         new._owner = owner

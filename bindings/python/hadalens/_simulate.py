@@ -11,7 +11,7 @@ import numpy as np
 
 from . import errors
 from . import response as responses
-from ._arrays import Float32, Image, NewImage, as_array, planes_first, to_float
+from ._arrays import Float32, Image, Mosaic, NewImage, as_array, planes_first, to_float
 from ._camera import Camera
 from ._native import (
     Handle,
@@ -207,6 +207,7 @@ def simulate(
     white: float | None = None,
     surfaces: str | None = None,
     scene_response: float | str = "linear",
+    mosaic: Mosaic = "none",
     progress: Progress | bool | None = None,
 ) -> tuple[Dataset, SimulateReport]:
     """Write the data set of a camera by design, as ``hadalens simulate`` does.
@@ -227,6 +228,7 @@ def simulate(
         white: with a sensor: its exposure is that with which a white scene reaches this share.
         surfaces: kinds of test scenes on surfaces: "slant,hill,ball", ...
         scene_response: how the pictures stand for light.
+        mosaic: pattern of the sensor's colour filter mosaic; raw frames have one channel then.
         progress: a function, or True for tqdm's bars.
 
     Returns:
@@ -252,9 +254,10 @@ def simulate(
         white=white,
         surfaces=surfaces,
         scene_response=responses.number(scene_response),
+        mosaic=mosaic,
         monitor=monitor.options,
     )
     report = ffi.new("hada_simulate_report *", {"size": ffi.sizeof("hada_simulate_report")})
     design = Camera(camera) if isinstance(camera, str) else camera
     monitor.run(lib.hada_simulate_run, default(context)._c, design._c, path(folder), task.c, report)
-    return Dataset.scan(folder), record(SimulateReport, report[0])
+    return Dataset.scan(folder, mosaic=mosaic), record(SimulateReport, report[0])

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import errors
-from ._arrays import Float32, Floats, Image, address
+from ._arrays import Float32, Floats, Image, Mosaic, address
 from ._fit_report import FitReport
 from ._native import Handle, Options, Owner, call, doubles, ffi, lib, path, record, value_of
 from .device import Context, default
@@ -36,6 +36,8 @@ class ModelInfo:
         refine_shrink: for a single depth, threshold of the shrinkage of blocks in units of `refine_tv`; 0: none.
         scene_response: how the scenes that it was learned from stand for light.
         enhance: it holds a net that enhances refocused planes.
+        mosaic: frames of one channel are a colour filter mosaic of this pattern: "rggb", "bggr", "grbg", "gbrg";
+            "none": not known to be.
 
     """
 
@@ -66,6 +68,7 @@ class ModelInfo:
     refine_colour: float
     refine_share: float
     refine_shrink: float
+    mosaic: str
     regularisation: float  # "lambda" in C
     distances_mm: tuple[float, ...]
 
@@ -140,6 +143,7 @@ class Model(Handle):
         refine_steps: int | None = None,
         refine_tv: float | None = None,
         turn: Literal["none", "mirror", "flip", "180"] = "none",
+        mosaic: Mosaic = "none",
         channel_axis: int | None = None,
     ) -> Self:
         """Return a model made from measured or designed point spread functions.
@@ -159,6 +163,7 @@ class Model(Handle):
             refine_tv: weight of total variation in refinement; None: found from each frame.
             turn: how the point spread functions are turned first, about the axis: "mirror" left to right, "flip" top to
                 bottom, "180" both. :meth:`Plan.match` says which explains a frame.
+            mosaic: pattern of the colour filter mosaic of frames to come, which have one channel then.
             channel_axis: of each image, where it is not the first of three.
 
         Raises:
@@ -183,6 +188,7 @@ class Model(Handle):
             refine_steps=refine_steps,
             refine_tv=refine_tv,
             turn=turn,
+            mosaic=mosaic,
             **{"lambda": regularisation},
         )
         return cls._new(

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from . import errors
-from ._arrays import Pixels, check_out
+from ._arrays import Mosaic, Pixels, check_out
 from ._job import Job
 from ._native import Handle, Options, Owner, call, ffi, lib, record
 from ._plan_options import Classic, Method, Skip, plan_options
@@ -97,6 +97,8 @@ class Plan(Handle):
             (nothing) to 1, or a dark frame (an array like raw frames).
         pixel_weights: how much each of a frame's values counts in refinement and in classic methods that iterate: 0 (bad
             pixels, dust) or more, in units of the largest; an array (rows, cols), or like raw frames; None: all alike.
+        mosaic: pattern of the colour filter mosaic that frames of one channel are: "rggb", "bggr", "grbg", "gbrg",
+            "none"; "auto": what the model says. Planes have the model's three channels.
         repair: NaN and infinite pixels take the median of their neighbours; otherwise such frames are refused.
         enhance: planes go through the model's net, where it has one.
         classic: a :class:`Classic` method in place of filters and refinement, or its word.
@@ -135,6 +137,7 @@ class Plan(Handle):
         crosstalk: float | None = None,
         dark: Any = None,
         pixel_weights: Any = None,
+        mosaic: Literal["auto"] | Mosaic = "auto",
         repair: bool = False,
         enhance: bool = True,
         classic: Classic | Method | None = None,
@@ -158,6 +161,7 @@ class Plan(Handle):
             crosstalk=crosstalk,
             dark=dark,
             pixel_weights=pixel_weights,
+            mosaic=mosaic,
             repair=repair,
             enhance=enhance,
             classic=classic,

@@ -211,14 +211,13 @@ hada_status hada_refiner_score(hada_refiner *refiner, const hada_refine_data *da
                                const int *list, int band_rows, int band_cols, double *energy, double *frame,
                                hada_error *err);
 
-/* The spectra [set][channel][count] of what the sets do not explain of the whole grid, in *spectra, until the refiner's
- * next run, which cannot go on from this one where the boundary is circular; no energy is measured, and nothing waited
- * for. */
+/* Padded boundary: the spectra [set][channel][count] of what the sets do not explain of the whole grid, in *spectra; no
+ * energy is measured, and nothing waited for. */
 hada_status hada_refiner_residual_spectra(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
                                           const int *list, cl_mem *spectra, hada_error *err);
 
-/* What one set leaves of data->spectrum within the frame, [channel][frame] floats, to the host; waits for it. Takes
- * memory of its own meanwhile. */
+/* Padded boundary: what one set leaves of data->spectrum within the frame, [channel][frame] floats, to the host; waits
+ * for it. */
 hada_status hada_refiner_residual_values(hada_refiner *refiner, const hada_refine_data *data, int depths,
                                          const int *list, float *values, hada_error *err);
 

@@ -254,43 +254,32 @@ done:
 
 /* The spectra of what the planes leave and sums over these, to the first place. */
 static hada_status explain_spectra(hada_refine_run *r, hada_refiner *refiner, const hada_refine_data *data, int sets,
-                                   int depths, const int *list, cl_mem spectra, hada_error *err)
+                                   int depths, const int *list, hada_error *err)
 {
     refiner->half_there = 0;
     HADA_TRY(begin(r, refiner, data, sets, depths, list, 1, err));
     HADA_TRY(hada_refine_planes_forward(r, err));
-    return hada_refine_explain(r, spectra, err);
+    return hada_refine_explain(r, r->padded, err);
 }
 
 hada_status hada_refiner_residual_spectra(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
                                           const int *list, cl_mem *spectra, hada_error *err)
 {
     hada_refine_run r;
-    *spectra = refiner->residual.mem ? refiner->residual.mem : refiner->now_w.mem;
-    return explain_spectra(&r, refiner, data, sets, depths, list, *spectra, err);
+    *spectra = refiner->residual.mem;
+    return explain_spectra(&r, refiner, data, sets, depths, list, err);
 }
 
 hada_status hada_refiner_residual_values(hada_refiner *refiner, const hada_refine_data *data, int depths,
                                          const int *list, float *values, hada_error *err)
 {
-    const hada_refine_shape *shape = &refiner->shape;
-    const size_t bytes = refiner->frame_area * (size_t)shape->channels * sizeof *values;
-    const hada_fft_desc desc =
-        hada_rect_transform(&shape->frame, shape->grid_rows, shape->grid_cols, shape->channels, HADA_FFT_INVERSE);
-    hada_buffer image = {0};
-    hada_fft *inverse = NULL;
-    cl_mem spectra;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_buffer_create(&image, refiner->slot->context, bytes, "the refinement's residuals", err));
-    HADA_TRY_OR_DONE(hada_fft_create(&inverse, refiner->slot, &desc, err));
-    HADA_TRY_OR_DONE(hada_refiner_residual_spectra(refiner, data, 1, depths, list, &spectra, err));
-    HADA_TRY_OR_DONE(hada_fft_inverse(inverse, shape->channels, spectra, 0, image.mem, 0, NULL, err));
-    HADA_TRY_OR_DONE(hada_buffer_read(&image, refiner->slot, 0, values, bytes, err));
+    const size_t bytes = refiner->frame_area * (size_t)refiner->shape.channels * sizeof *values;
+    hada_refine_run r;
+    HADA_TRY(explain_spectra(&r, refiner, data, 1, depths, list, err));
+    HADA_TRY(hada_refine_frame_inverse(&r, &refiner->residual, &refiner->residual_frame, err));
+    HADA_TRY(hada_buffer_read(&refiner->residual_frame, refiner->slot, 0, values, bytes, err));
     refiner->list_busy = 0;
-done:
-    hada_fft_destroy(&inverse);
-    hada_buffer_destroy(&image);
-    return status;
+    return HADA_OK;
 }
 
 void hada_refiner_waited(hada_refiner *refiner)
@@ -303,7 +292,7 @@ static hada_status explain(hada_refine_run *r, hada_refiner *refiner, const hada
                            int depths, const int *list, hada_error *err)
 {
     hada_refine_arriving *arriving = &refiner->arriving;
-    HADA_TRY(explain_spectra(r, refiner, data, sets, depths, list, refiner->residual.mem, err));
+    HADA_TRY(explain_spectra(r, refiner, data, sets, depths, list, err));
     if (r->padded) {
         HADA_TRY(hada_refine_frame_inverse(r, &refiner->residual, 0, &refiner->residual_frame, err));
         HADA_TRY(hada_refine_frame_dual(r, refiner->residual_frame.mem, 0, 0.0, 0, err));

@@ -116,16 +116,15 @@ hada_status hada_refine_solve(const hada_refine_run *r, const hada_refine_rule *
                                     .partial = refiner->partial.mem, .now = now);
 }
 
-hada_status hada_refine_explain(const hada_refine_run *r, cl_mem residual, hada_error *err)
+hada_status hada_refine_explain(const hada_refine_run *r, int has_residual, hada_error *err)
 {
-    const int has_residual = residual != NULL;
     hada_refiner *refiner = r->refiner;
     const hada_range range = slices_range(r, refiner->layout.count, refiner->shape.channels, r->sets);
     cost_explain(r, has_residual);
     return hada_launch_refine_explain(
         refiner->slot, refiner->program, &range, err, .otf = r->data->otf, .list = refiner->list.ints,
         .frame = r->data->spectrum, .now_u = refiner->now_u.mem,
-        .residual = residual, .has_residual = has_residual,
+        .residual = has_residual ? refiner->residual.mem : NULL, .has_residual = has_residual,
         .partial = refiner->partial.mem, .problem = hada_refine_problem_of(r, 0));
 }
 

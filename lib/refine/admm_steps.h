@@ -79,9 +79,8 @@ hada_refine_step hada_refine_step_of(const hada_refine_run *run, const hada_refi
 hada_status hada_refine_solve(const hada_refine_run *run, const hada_refine_rule *rule, int start, int step, int place,
                               hada_error *err);
 
-/* Sums of |residual|^2 of the planes, to the first place; with the residual itself, into `residual`, if that is not NULL.
- */
-hada_status hada_refine_explain(const hada_refine_run *run, cl_mem residual, hada_error *err);
+/* Sums of |residual|^2 of the planes, to the first place; with the residual itself where `has_residual`. */
+hada_status hada_refine_explain(const hada_refine_run *run, int has_residual, hada_error *err);
 
 /* What hada_refiner_score() is made of, to `place`. */
 hada_status hada_refine_score(const hada_refine_run *run, const hada_refine_band *band, int place, hada_error *err);

@@ -376,11 +376,12 @@ static int is_clear(double left, double other)
     return CLEAR * left < other;
 }
 
+/* best: the way that is right, where that is not the camera as it is; else NULL. */
 static void judge(hada_match *match, hada_match_verdict verdict, double left, const way *best)
 {
     match->verdict = verdict;
     match->factor = match->unexplained / left;
-    if (verdict == HADA_MATCH_TURNED || verdict == HADA_MATCH_MAGNIFIED) {
+    if (best) {
         match->turn = best->turn;
         match->magnification = best->magnification;
     }

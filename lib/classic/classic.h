@@ -8,6 +8,7 @@
 #include <hadalens/classic.h>
 
 #include "planes/maker.h"
+#include "refine/admm.h"
 
 typedef struct hada_classic_shape {
     hada_refine_shape place;      /* max_planes: the most depths of a run */

@@ -105,6 +105,31 @@ TEST(frames_choose_their_weight)
     }
 }
 
+/* With a weight that was found, refinement ends where a hundred steps end, or nearly. */
+TEST(found_weights_settle)
+{
+    bench b = make(HADA_BOUNDARY_PADDED);
+    SCOPED(hada_image) frame = small_frame(&b.psf, &b.scene, 1, 0.01, 5);
+    hada_result results[2] = {{0}};
+    for (int k = 0; k < 2; k++) {
+        DEFAULTS(hada_plan_options, options);
+        hada_plan *plan;
+        options.refine = k ? 100 : -1;
+        ASSERT_OK(hada_plan_create(&plan, context, b.model, &options, err));
+        ASSERT_OK(hada_plan_run(plan, &frame, &results[k], err));
+        hada_plan_destroy(&plan);
+    }
+    const double apart = small_image_distance(results[0].planes[0].data, results[1].planes[0].data,
+                                              hada_image_count(&results[0].planes[0]));
+    assert_true(results[0].report->refine_tv == results[1].report->refine_tv);
+    assert_int_equal(results[1].report->refine_steps, 100);
+    if (apart > 0.03 || results[0].report->refine_steps > 40)
+        fail_msg("%d steps end %.3g away from 100", results[0].report->refine_steps, apart);
+    for (int k = 0; k < 2; k++)
+        hada_result_destroy(&results[k]);
+    unmake(&b);
+}
+
 /* Saturated pixels say "at least this", and pixels that are not finite nothing: the planes are nearly as good. */
 TEST(spoiled_pixels_have_weights)
 {

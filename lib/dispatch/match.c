@@ -7,6 +7,7 @@
 
 #include "core/callers.h"
 #include "dispatch/plan.h"
+#include "image/mosaic.h"
 #include "image/statistics.h"
 #include "model/model.h"
 
@@ -292,8 +293,9 @@ static int take_frame(reduced *of, const hada_image *frame, const hada_pixels *p
     sharpen_frame(of);
     for (size_t i = 0; i < count; i++)
         energy += (double)of->frame.data[i] * of->frame.data[i];
-    of->noise = hada_noise_estimate(pixels) /
-                sqrt(fmax(of->pitch_rows * of->pitch_cols * frame->channels * energy / (double)count, 1e-300));
+    of->noise =
+        hada_noise_estimate(pixels, frame->channels > pixels->channels ? plan->setup.config.mosaic : HADA_MOSAIC_NONE) /
+        sqrt(fmax(of->pitch_rows * of->pitch_cols * frame->channels * energy / (double)count, 1e-300));
     return energy > 0.0 && isfinite(energy);
 }
 
@@ -428,6 +430,17 @@ static hada_status compare(const reduced *of, hada_match *match, hada_error *err
     return HADA_OK;
 }
 
+/* A colour filter mosaic becomes a frame of three channels. */
+static hada_status fill_colours(hada_image *frame, hada_mosaic mosaic, hada_error *err)
+{
+    hada_image colours = {0};
+    HADA_TRY(hada_image_create(&colours, HADA_MOSAIC_COLOURS, frame->rows, frame->cols, err));
+    hada_mosaic_fill(mosaic, frame->data, frame->rows, frame->cols, colours.data);
+    hada_image_destroy(frame);
+    *frame = colours;
+    return HADA_OK;
+}
+
 hada_status hada_plan_match(const hada_plan *plan, const hada_pixels *raw, hada_match *match, hada_error *err)
 {
     HADA_NEED(plan && raw && match, err);
@@ -439,10 +452,13 @@ hada_status hada_plan_match(const hada_plan *plan, const hada_pixels *raw, hada_
     hada_status status = HADA_OK;
     own.unexplained = NAN;
     HADA_TRY_OR_DONE(hada_pixels_take(&pixels, raw, err));
-    HADA_TRY_OR_DONE(hada_frame_check_size(&of.model->info, pixels.channels, pixels.rows, pixels.cols, err));
+    HADA_TRY_OR_DONE(hada_frame_check_size(&of.model->info, plan->setup.options.mosaic, pixels.channels, pixels.rows,
+                                           pixels.cols, err));
     choose_sizes(&of);
     if (of.model->otf && of.rows >= LEAST_SIDE && of.cols >= LEAST_SIDE) {
         HADA_TRY_OR_DONE(hada_pixels_copy(&pixels, &frame, err));
+        if (pixels.channels < of.model->info.channels)
+            HADA_TRY_OR_DONE(fill_colours(&frame, plan->setup.config.mosaic, err));
         HADA_TRY_OR_DONE(allocate(&of, err));
         if (take_frame(&of, &frame, &pixels, plan))
             HADA_TRY_OR_DONE(compare(&of, &own, err));

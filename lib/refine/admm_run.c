@@ -276,7 +276,7 @@ hada_status hada_refiner_residual_values(hada_refiner *refiner, const hada_refin
     const size_t bytes = refiner->frame_area * (size_t)refiner->shape.channels * sizeof *values;
     hada_refine_run r;
     HADA_TRY(explain_spectra(&r, refiner, data, 1, depths, list, err));
-    HADA_TRY(hada_refine_frame_inverse(&r, &refiner->residual, &refiner->residual_frame, err));
+    HADA_TRY(hada_refine_frame_inverse(&r, &refiner->residual, 0, &refiner->residual_frame, err));
     HADA_TRY(hada_buffer_read(&refiner->residual_frame, refiner->slot, 0, values, bytes, err));
     refiner->list_busy = 0;
     return HADA_OK;

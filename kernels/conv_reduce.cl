@@ -2,7 +2,7 @@
  * adds to the biases. */
 #include "inc_conv.h"
 
-/* 1: by work-groups. */
+/* 1: without the kernels of the lanes shape. */
 #ifndef CONV_GROUPS
 #define CONV_GROUPS 0
 #endif
@@ -65,7 +65,8 @@ __kernel void conv_bias_partial(__global const float *dy, __global float *partia
     CONV_STORE(sum, partial + ((size_t)part * get_global_size(0) + block) * NET_BLOCK);
 }
 
-#else
+#endif
+
 #define CONV_FOURS (NET_BLOCK / 4)
 
 /* dw[coarse][fine][place] from partial[part][coarse block][fine filled up][place][coarse], `blocks` coarse blocks. A
@@ -118,8 +119,6 @@ conv_group_bias(__global const float *dy, __global float *partial, hada_tensor_l
     if (item < CONV_FOURS)
         *(__global float4 *)(partial + ((size_t)part * get_global_size(1) + block) * NET_BLOCK + item * 4) = sums[item];
 }
-
-#endif
 
 /* db from partial sums, which begin at `offset`. One work-item takes a channel. */
 __kernel void conv_reduce_bias(__global const float *partial, __global float *db, ulong offset, ulong db_offset,

@@ -56,6 +56,7 @@ def test_mosaics(program: Any, tmp_path: Path) -> None:
     frame = tmp_path / "camera/test/raw/test01.tif"
     raw = tifffile.imread(frame)
     assert raw.shape == (64, 80)
+    np.testing.assert_array_equal(hadalens.fit(tmp_path / "camera", mosaic="gbrg").otf, model.otf)
     known = hadalens.Plan(model).run(raw).stack
     assert known.shape == (1, 3, 24, 24)
     np.testing.assert_array_equal(known, hadalens.Plan(model, mosaic="gbrg").run(raw).stack)
@@ -67,3 +68,6 @@ def test_mosaics(program: Any, tmp_path: Path) -> None:
         hadalens.Plan(model, mosaic="none").run(raw)
     arrays = hadalens.Dataset({100.0: [(raw, np.zeros((3, 24, 24), np.float32))]}, mosaic="gbrg")
     np.testing.assert_array_equal(arrays.read(0, 0)[0][1, ::2, ::2], raw[::2, ::2])
+    fitter = hadalens.Fitter([100.0], (64, 80), window=(24, 24), channels=3, mosaic="gbrg")
+    fitter.add(0, raw, np.ones((3, 24, 24), np.float32))
+    assert fitter.finish().info.mosaic == "gbrg"

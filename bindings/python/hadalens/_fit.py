@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal
 
 from . import response as responses
+from ._arrays import Mosaic
 from ._fit_report import FilterScore, FitReport, OutsideScore, RefineScore, ResponseRow
 from ._native import (
     Monitor,
@@ -60,6 +61,7 @@ def fit_options(
     scene_response: float | str | None = None,
     crop_passes: int | None = None,
     leave_one_out: bool = True,
+    mosaic: Mosaic = "none",
     **others: Any,
 ) -> Options:
     """Return hada_fit_options of what fit and Fitter take alike."""
@@ -80,6 +82,7 @@ def fit_options(
         scene_response=None if scene_response is None else responses.number(scene_response),
         crop_passes=crop_passes,
         leave_one_out=leave_one_out,
+        mosaic=mosaic,
         **{"lambda": regularisation},
         **others,
     )
@@ -110,6 +113,7 @@ def fit(
     save_sums: str | os.PathLike[str] | None = None,
     resume: bool = False,
     save_seconds: float | None = None,
+    mosaic: Mosaic = "none",
     channel_axis: int | None = None,
     progress: Progress | bool | None = None,
 ) -> Model:
@@ -135,6 +139,8 @@ def fit(
         resume: go on after an interruption: pairs that `save_sums` holds, or what was saved on the way beside it, are
             not added again. The bits are those of a fit without interruption.
         save_seconds: between saves on the way, at least; None: 60.
+        mosaic: of pairs that are no :class:`Dataset`, which knows it: pattern of the colour filter mosaic that raw
+            frames of one channel are.
         channel_axis: of arrays of three axes; None: the first.
         progress: a function (what, done, total, note), or True for tqdm's bars.
 
@@ -151,7 +157,7 @@ def fit(
         >>> model.save("camera.model")
 
     """
-    data = None if pairs is None else as_dataset(pairs, channel_axis)
+    data = None if pairs is None else as_dataset(pairs, channel_axis, mosaic)
     options = fit_options(
         form=form,
         window=window,

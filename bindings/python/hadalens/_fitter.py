@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 from . import errors
-from ._arrays import Floats
+from ._arrays import Floats, Mosaic
 from ._fit import fit_options, monitored, scores_of
 from ._fit_report import FitReport
-from ._native import Handle, Monitor, Options, Owner, call, ffi, lib, path
+from ._native import Handle, Monitor, Options, Owner, call, ffi, lib, path, word
 from ._pairs import Dataset, Pairs, as_dataset
 from .device import Context, default
 from .model import Boundary, Model
@@ -48,7 +48,7 @@ class Fitter(Handle):
         context: a device; None: :meth:`Context.default`.
         channel_axis: of arrays of three axes; None: the first.
         options: form, dark, alpha, regularisation, outside, refine_steps, refine_tv, refine_colour,
-            refine_shrink, nonnegative, scene_response, crop_passes, leave_one_out as in :func:`fit`.
+            refine_shrink, nonnegative, scene_response, crop_passes, leave_one_out, mosaic as in :func:`fit`.
 
     Example:
         >>> fitter = hadalens.Fitter([100.0, 600.0], raw_size=(300, 400), window=(120, 120), channels=3)
@@ -93,6 +93,7 @@ class Fitter(Handle):
         call(lib.hada_fitter_create, owner.pointer, context._c, options.c)
         self._owner = owner
         self._channel_axis = channel_axis
+        self._mosaic = cast(Mosaic, word("hada_mosaic", options.c.mosaic))
         info = self._info
         self._distances = tuple(info.distances_mm[z] for z in range(info.depths))
         self._scored: dict[float, list[tuple[Any, Any]]] = {distance: [] for distance in self._distances}
@@ -130,7 +131,7 @@ class Fitter(Handle):
             NotFiniteError, SizeError: the pair is refused; the sums are as they were.
 
         """
-        pair = Dataset({self._distance(depth): [(raw, scene)]}, channel_axis=self._channel_axis)
+        pair = Dataset({self._distance(depth): [(raw, scene)]}, channel_axis=self._channel_axis, mosaic=self._mosaic)
         monitored(self._monitor, pair._call, lib.hada_fitter_add, self._c, pair._c)
 
     def _distance(self, depth: int) -> float:
@@ -179,7 +180,8 @@ class Fitter(Handle):
             again = {self._distances[depth]: _Shown(show, depth, count) for depth, count in counts}
         elif any(self._scored.values()):
             again = self._scored
-        data = None if again is None else Dataset(again, channel_axis=self._channel_axis)
+        axis, mosaic = self._channel_axis, self._mosaic
+        data = None if again is None else Dataset(again, channel_axis=axis, mosaic=mosaic)
         model = Owner("hada_model", lib.hada_model_destroy)
         arguments = (lib.hada_fitter_finish, self._c, ffi.NULL if data is None else data._c, model.pointer)
         monitored(self._monitor, call if data is None else data._call, *arguments)

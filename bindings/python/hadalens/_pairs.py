@@ -209,13 +209,15 @@ class Dataset(Handle):
             self._reader.run(function, *arguments)
 
 
-def as_dataset(pairs: Dataset | Pairs | str | os.PathLike[str], channel_axis: int | None = None) -> Dataset:
+def as_dataset(
+    pairs: Dataset | Pairs | str | os.PathLike[str], channel_axis: int | None = None, mosaic: Mosaic = "none"
+) -> Dataset:
     """Return a data set of what is given: one, a folder, or pairs."""
     if isinstance(pairs, Dataset):
         return pairs
     if isinstance(pairs, str | os.PathLike):
-        return Dataset.scan(pairs)
-    return Dataset(pairs, channel_axis=channel_axis)
+        return Dataset.scan(pairs, mosaic=mosaic)
+    return Dataset(pairs, channel_axis=channel_axis, mosaic=mosaic)
 
 
 def load_dark(name: str | os.PathLike[str]) -> tuple[Float32, float]:

@@ -22,7 +22,7 @@ if [ ! -e "$workload.model" ]; then
     [ "$workload" != surface300 ] || scenes=(--preset sim300 --surface slant,hill)
     "$hadalens" simulate "${scenes[@]}" --pairs "$pairs" --seed 4 --bits 16 -o "$workload" --quiet
     case $workload in
-    paper2022) "$hadalens" fit --psf "$workload/psf.tif" --boundary circular --window 383x383 --colour -o part --quiet ;;
+    paper2022) "$hadalens" fit --psf "$workload/psf.tif" --boundary circular --window 383x383 --colour --refine-tv 0 -o part --quiet ;;
     *) "$hadalens" fit "$workload" -o part --quiet ;;
     esac
     mv part "$workload.model"

@@ -13,6 +13,7 @@ typedef struct hada_decoded {
     int swapped;   /* samples are not in the machine's byte order */
     void *samples; /* of all frames, freed with free(); NULL: they are in the file, from `at` on */
     uint64_t at;
+    hada_mosaic mosaic;
     double encoding; /* how values stand for light (hadalens/response.h); 0: the file does not say */
 } hada_decoded;
 

@@ -58,6 +58,27 @@ static double black_of(const libraw_data_t *raw, int row, int col)
     return black;
 }
 
+/* The pattern of the filters, where it is one of red, two greens, blue. */
+static hada_mosaic mosaic_of(libraw_data_t *raw)
+{
+    static const struct {
+        char colours[5];
+        hada_mosaic mosaic;
+    } known[] = {
+        {"RGGB", HADA_MOSAIC_RGGB}, {"BGGR", HADA_MOSAIC_BGGR}, {"GRBG", HADA_MOSAIC_GRBG}, {"GBRG", HADA_MOSAIC_GBRG}};
+    char colours[5] = "";
+    for (int i = 0; i < 4; i++) {
+        const int which = api.colour(raw, i / 2, i % 2);
+        colours[i] = '?';
+        if (which >= 0 && which < 4)
+            colours[i] = raw->idata.cdesc[which];
+    }
+    for (size_t i = 0; raw->idata.filters > 1000 && i < HADA_COUNT(known); i++) /* less: other patterns */
+        if (!strcmp(colours, known[i].colours))
+            return known[i].mosaic;
+    return HADA_MOSAIC_NONE;
+}
+
 static hada_status take_values(hada_decoded *out, const libraw_data_t *raw, hada_error *err)
 {
     const libraw_image_sizes_t *sizes = &raw->sizes;
@@ -111,6 +132,7 @@ hada_status hada_decode_raw(hada_decoded *out, int fd, size_t bytes, hada_error 
     page->scale = 1.0;
     out->frames = 1;
     out->encoding = HADA_RESPONSE_LINEAR;
+    out->mosaic = mosaic_of(raw);
 done:
     if (raw)
         api.destroy(raw);

@@ -305,7 +305,8 @@ static hada_status open_decoded(hada_tiff_reader *reader, size_t bytes, int *kno
                                     .slices = 1,
                                     .times = file.frames,
                                     .description = "",
-                                    .encoding = file.encoding};
+                                    .encoding = file.encoding,
+                                    .mosaic = file.mosaic};
     return HADA_OK;
 }
 

@@ -52,6 +52,13 @@ static hada_status open_file(hada_stream *stream, hada_error *err)
         return hada_fail(err, HADA_ERROR_FILE_OPEN, "a folder; name the files in it, such as %s/*.tif", path);
     HADA_TRY(hada_tiff_open(&stream->reader, path, err));
     const hada_tiff_info *info = hada_tiff_get_info(stream->reader);
+    const hada_mosaic taken = stream->plan->setup.config.mosaic;
+    if (info->mosaic != HADA_MOSAIC_NONE && info->mosaic != taken && hada_model_get_info(stream->model)->channels > 1)
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "the file says that its colour filter mosaic is %s, but %s is expected: "
+                         "set options.mosaic",
+                         hada_enum_name(HADA_ENUM_MOSAIC, (int)info->mosaic),
+                         hada_enum_name(HADA_ENUM_MOSAIC, (int)taken));
     return hada_frame_check_size(hada_model_get_info(stream->model), stream->plan->setup.options.mosaic, info->channels,
                                  info->rows, info->cols, err);
 }

@@ -163,6 +163,10 @@ TEST(test_jpeg)
 TEST(test_raw_file)
 {
     SCOPED(hada_image) image;
+    hada_tiff_reader *reader;
+    assert_int_equal(hada_tiff_open(&reader, io_golden("mosaic.dng"), NULL), HADA_OK);
+    assert_int_equal(hada_tiff_get_info(reader)->mosaic, HADA_MOSAIC_BGGR);
+    hada_tiff_close(&reader);
     assert_int_equal(hada_tiff_load(io_golden("mosaic.dng"), 0, &image, NULL), HADA_OK);
     assert_true(image.channels == 1 && image.rows == 24 && image.cols == 32);
     for (int i = 0; i < 24 * 32; i++)

@@ -5,14 +5,14 @@
  * libraries (docs/reference/files.md); HADA_ERROR_UNSUPPORTED names what is missing. Of a raw file, values are 0 at the
  * black level and 1 at white; a sensor with a colour filter mosaic has one channel.
  *
- * Of TIFF files they read 8, 16 and 32-bit integers and 16, 32 and 64-bit floats, grey and RGB (alpha is dropped), planar or
- * interleaved, palettes (looked up; in ImageJ files, where they only colour a grey image, left aside), either byte
- * order, strips or tiles, every compression that libtiff was built with, many pages, BigTIFF, ImageJ hyperstacks (also
- * those of several GiB that ImageJ writes with a single directory) and OME-TIFF. Where 0 is white, values are turned
- * round. Thumbnails are passed over. The orientation tag is not applied, as in ImageJ and tifffile: rows are read as
- * they stand. Readers and writers belong to one thread at a time; several may be in use at once. Files are read page by
- * page: memory does not grow with the number of pages. Writes beside the file and renames at the end: a failed write
- * leaves nothing. */
+ * Of TIFF files they read 8, 16 and 32-bit integers and 16, 32 and 64-bit floats, grey and RGB (alpha is dropped),
+ * planar or interleaved, palettes (looked up; in ImageJ files, where they only colour a grey image, left aside), either
+ * byte order, strips or tiles, every compression that libtiff was built with, many pages, BigTIFF, ImageJ hyperstacks
+ * (also those of several GiB that ImageJ writes with a single directory) and OME-TIFF. Where 0 is white, values are
+ * turned round. Thumbnails are passed over. The orientation tag is not applied, as in ImageJ and tifffile: rows are
+ * read as they stand. Readers and writers belong to one thread at a time; several may be in use at once. Files are read
+ * page by page: memory does not grow with the number of pages. Writes beside the file and renames at the end: a failed
+ * write leaves nothing. */
 #ifndef HADALENS_TIFF_H
 #define HADALENS_TIFF_H
 
@@ -40,6 +40,7 @@ typedef struct hada_tiff_info {
     int distances;              /* how many; 0 where the file does not say */
     double encoding;            /* how the values stand for light (hadalens/response.h), where the file says it (files
                                    written by this library); 0 where it does not */
+    hada_mosaic mosaic; /* of a raw file: its colour filter mosaic; HADA_MOSAIC_NONE where it has none of 2 x 2 */
 } hada_tiff_info;
 
 HADA_API hada_status hada_tiff_open(hada_tiff_reader **out, const char *path, hada_error *err);

@@ -5,8 +5,8 @@
  *     residual: y = b - y
  *     momentum: z = max(0, v + alpha[channel] g), v = z + number (z - x), x = z    FISTA; g: from the half spectra,
  *     not kept; x is `first`, v is `images`
- * Where values of the frame have weights (image_weighed() of inc_classic.h), `weights` is as the frame; else it is not
- * read.
+ * factors: of the momentum step alpha, by channel; of the others, where job.weighted, the weights of the frame's values,
+ * as the frame (image_weighed() of inc_classic.h); else not read.
  * partial: the momentum step's sums of (z - x)^2, then those of z^2, of each work-item. */
 #include "inc_fft_rows_forward.h"
 #include "inc_fft_rows_inverse.h"
@@ -17,7 +17,7 @@
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 classic_rows(__global float *spectra, __global float *images, __global float *first, __global float *work,
-             __global const float *weights, __global const float *alpha, hada_classic_rows job, __global const int *tables, __global float *partial,
+             __global const float *factors, hada_classic_rows job, __global const int *tables, __global float *partial,
              __local STATED_SIZE float8 *scratch)
 {
     __global const int *table = tables, *back_table = tables + job.back_table;
@@ -34,7 +34,7 @@ classic_rows(__global float *spectra, __global float *images, __global float *fi
         fft_rows_inverse_task(values, rows, count, table[FFT_LENGTH] / 2, g, pitch, col0, cols, job.scale, scratch,
                               back_table, FFT_FLOATS_OF(back_table));
     if (step == HADA_CLASSIC_MOMENTUM) {
-        const float8 a = alpha[image % job.channels];
+        const float8 a = factors[image % job.channels];
         float8 change = 0.0f, size = 0.0f;
         for (int i = 0; i < count * pitch; i += 8) {
             const float8 z = max(fma(a, image_get(g, i), image_get(y, i)), 0.0f), move = z - image_get(x, i);
@@ -46,7 +46,7 @@ classic_rows(__global float *spectra, __global float *images, __global float *fi
         partial[get_group_id(0)] = refine_sum(change);
         partial[get_num_groups(0) + get_group_id(0)] = refine_sum(size);
     } else if (step && job.weighted) {
-        __global const float *w = weights + pixels;
+        __global const float *w = factors + pixels;
         for (int i = 0; i < count * pitch; i += 8)
             image_put(y, i, image_weighed(step, image_get(x, i), image_get(y, i), image_get(w, i), number));
     } else if (step == HADA_CLASSIC_RESIDUAL || step == HADA_CLASSIC_LEFT) {

@@ -75,14 +75,13 @@ static hada_status run_rows(hada_classic *classic, const rows_pass *pass, hada_e
     const double all = (double)pass->count * rows, times = pass->inverse + pass->forward;
     hada_slot_cost(classic->slot, all * (8.0 * times * (layout->cols / 2 + 1.0) + pass->traffic * cols),
                    all * (0.5 * times * transform(layout->cols) + (pass->step ? 8.0 : 0.0) * cols));
-    /* steps per channel, where the method has them */
-    const hada_classic_part alpha = classic->bytes[HADA_CLASSIC_TABLE] ? HADA_CLASSIC_TABLE : HADA_CLASSIC_PARTIAL;
+    /* steps per channel, or weights of the frame's values */
+    const hada_classic_part factors = pass->step == HADA_CLASSIC_MOMENTUM ? HADA_CLASSIC_TABLE : HADA_CLASSIC_WEIGHTS;
     return hada_launch_classic_rows(
         classic->slot, HADA_PROGRAM_CLASSIC_ROWS_DEFAULT, &range, err, .spectra = classic->part[pass->spectra].mem,
         .images = classic->part[pass->images].mem, .first = classic->part[pass->first].mem,
-        .work = classic->part[pass->work].mem, .weights = classic->part[HADA_CLASSIC_WEIGHTS].mem,
-        .alpha = classic->part[alpha].mem, .job = job, .tables = fused->row_tables.ints,
-        .partial = classic->part[HADA_CLASSIC_PARTIAL].mem, .scratch = scratch);
+        .work = classic->part[pass->work].mem, .factors = classic->part[factors].mem, .job = job,
+        .tables = fused->row_tables.ints, .partial = classic->part[HADA_CLASSIC_PARTIAL].mem, .scratch = scratch);
 }
 
 hada_status hada_classic_fused_frame(hada_classic *classic, int inverse, int forward, hada_classic_pixel_step step,

@@ -111,7 +111,7 @@ static hada_status solve_classic(hada_pipeline *pipeline, hada_frame *frame, int
     hada_classic_result result;
     if (config->choose) {
         hada_maker_choice choice;
-        HADA_TRY(hada_maker_hold_out(maker, exposure, err));
+        HADA_TRY(hada_maker_hold_out(maker, exposure, 1, err));
         HADA_TRY(hada_classic_choose(pipeline->classic, &job, maker->held.mem, exposure, &choice, err));
         job.weight = choice.tv;
         report->refine_tv_factor = choice.factor;

@@ -14,6 +14,8 @@
 
 enum {
     STEPS = 8,        /* with each weight after the first, which takes HADA_CHOICE_STEPS from nothing */
+    BLOCK = 8,        /* pixels that are left out together: the errors of a point spread function are alike nearby, and
+                         small weights would fit those of a single pixel to its neighbours */
     MOSAIC_STEPS = 12 /* the same of a mosaic, a third of whose values are known: after 6, weights were too small */
 };
 
@@ -51,14 +53,15 @@ static hada_status try_weight(void *user, double tv, int *steps, double *left, h
     return hada_refiner_residual(maker->refiner, &held, 1, s->count, s->list, left, err);
 }
 
-hada_status hada_maker_hold_out(hada_plane_maker *maker, const hada_frame_exposure *exposure, hada_error *err)
+hada_status hada_maker_hold_out(hada_plane_maker *maker, const hada_frame_exposure *exposure, int block,
+                                hada_error *err)
 {
     const size_t count = hada_exposure_count(exposure), bytes = count * sizeof(float);
     float *weights = NULL, *held = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(HADA_NEW_RAW(weights, count, "the weights of pixels", err));
     HADA_TRY_OR_DONE(HADA_NEW_RAW(held, count, "held-out pixels", err));
-    hada_exposure_hold_out(exposure, weights, held);
+    hada_exposure_hold_out(exposure, block, weights, held);
     HADA_TRY_OR_DONE(hada_buffer_write(&maker->held, maker->slot, 0, held, bytes, err));
     HADA_TRY_OR_DONE(hada_buffer_write(&maker->pixels, maker->slot, 0, weights, bytes, err));
     maker->data.weights = maker->pixels.mem;
@@ -76,7 +79,7 @@ hada_status hada_maker_choose(hada_plane_maker *maker, const hada_frame_exposure
                .unit = exposure->energy / (double)hada_exposure_count(exposure),
                .each = exposure->mosaic == HADA_MOSAIC_NONE ? STEPS : MOSAIC_STEPS};
     const hada_weight_search search = {try_weight, &s, 0, 0.0};
-    HADA_TRY(hada_maker_hold_out(maker, exposure, err));
+    HADA_TRY(hada_maker_hold_out(maker, exposure, BLOCK, err));
     HADA_TRY(hada_weight_find(&search, exposure, choice, err));
     return hada_maker_weigh(maker, exposure, err);
 }

@@ -128,9 +128,10 @@ typedef struct hada_maker_choice {
     int steps;     /* of refinement that it took */
 } hada_maker_choice;
 
-/* Brings the weights of a frame without held-out pixels, and those of held-out pixels, to the device
- * (planes/weight_search.h). hada_maker_weigh() brings all back. */
-hada_status hada_maker_hold_out(hada_plane_maker *maker, const hada_frame_exposure *exposure, hada_error *err);
+/* Brings the weights of a frame without held-out pixels, and those of held-out pixels, to the device; blocks of `block`
+ * pixels a side are held out (planes/weight_search.h). hada_maker_weigh() brings all back. */
+hada_status hada_maker_hold_out(hada_plane_maker *maker, const hada_frame_exposure *exposure, int block,
+                                hada_error *err);
 
 /* Finds the weight of total variation with which the planes of `count` depths predict held-out pixels best. The
  * frame's own weights are on the device afterwards. */

@@ -17,9 +17,7 @@
 
 enum {
     MOST = 11, /* weights downwards, the first one among them */
-    UP = 2,    /* weights above the first one, if that is the best */
-    BLOCK = 8  /* pixels that are left out together: the errors of a point spread function are alike nearby, and small
-                  weights would fit those of a single pixel to its neighbours */
+    UP = 2     /* weights above the first one, if that is the best */
 };
 
 typedef struct trial {
@@ -37,19 +35,20 @@ static void hold_block(size_t first, size_t row_step, size_t rows, size_t cols, 
             }
 }
 
-void hada_exposure_hold_out(const hada_frame_exposure *exposure, float *weights, float *held)
+void hada_exposure_hold_out(const hada_frame_exposure *exposure, int block, float *weights, float *held)
 {
     const size_t count = hada_exposure_count(exposure), cols = (size_t)exposure->came.cols,
-                 rows = count / cols; /* of all channels */
+                 rows = count / cols, /* of all channels */
+        side = (size_t)block;
     hada_random random;
     hada_exposure_weigh(exposure, weights);
     memset(held, 0, count * sizeof *held);
     hada_random_seed(&random, 1, 1);
-    for (size_t row = 0; row < rows; row += BLOCK)
-        for (size_t col = 0; col < cols; col += BLOCK)
+    for (size_t row = 0; row < rows; row += side)
+        for (size_t col = 0; col < cols; col += side)
             if (hada_random_bits(&random) < HELD_OUT * 0x1p32)
-                hold_block(row * cols + col, cols, rows - row < BLOCK ? rows - row : BLOCK,
-                           cols - col < BLOCK ? cols - col : BLOCK, weights, held);
+                hold_block(row * cols + col, cols, rows - row < side ? rows - row : side,
+                           cols - col < side ? cols - col : side, weights, held);
 }
 
 /* The lowest point of the parabola through three trials that follow each other, over the logarithm of the weight. */

@@ -127,7 +127,7 @@ head -c 2000 "$raw/test01.tif" >cut.tif
 echo 'not a picture' >text.tif
 expect 4 'nan.tif: 5 .*--repair' reconstruct nan.tif -m "$model" -o bad
 expect 4 'size.tif: .*60 x 80.*64 x 80' reconstruct size.tif -m "$model" -o bad
-expect 4 'grey.tif: .*1 channel' reconstruct grey.tif -m "$model" -o bad
+expect 4 'grey.tif: .*one channel.*--bayer' reconstruct grey.tif -m "$model" -o bad
 expect 3 'cut.tif' reconstruct cut.tif -m "$model" -o bad
 expect 3 'empty.tif' reconstruct empty.tif -m "$model" -o bad
 expect 3 'text.tif' reconstruct text.tif -m "$model" -o bad

@@ -33,7 +33,9 @@ def test_a_camera_belongs_to_its_frames(camera: Path, frames: list[Path], tmp_pa
     psfs = hadalens.read_tiff(camera / "psf.tif").reshape(4, 1, 96, 128).repeat(3, axis=1)
     distances = hadalens.TiffReader(camera / "psf.tif").info.distances_mm
     raw = tifffile.imread(frames[0])
-    for turn, verdict in (("none", "belongs"), ("180", "turned"), ("mirror", "turned"), ("flip", "turned")):
+    turns: tuple[Literal["none", "180", "mirror", "flip"], ...] = ("none", "180", "mirror", "flip")
+    for turn in turns:
+        verdict = "belongs" if turn == "none" else "turned"
         model = hadalens.Model.from_psf(psfs, distances, boundary="circular", window=(48, 48), turn=turn)
         with hadalens.Plan(model) as plan:
             match = plan.match(raw, channel_axis=-1)

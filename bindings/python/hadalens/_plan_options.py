@@ -23,8 +23,8 @@ class Classic:
         stop: ends when the planes' relative change is below it twice running; 0: never.
         seconds: ends after so much time, which makes the result depend on it; 0: never.
         prior: "auto", "none", "tv", "wavelet" or "haar".
-        weight: of the prior; None: for total variation of FISTA and ADMM found from each frame (without `seconds`), else
-            the method's own.
+        weight: of the prior; None: for total variation of FISTA and ADMM found from each frame (without `seconds`),
+            else the method's own.
         support: where planes may be bright: "auto", "window" or "grid".
         regularisation: of Wiener, noise in units of the mean power.
 

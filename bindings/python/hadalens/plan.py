@@ -95,8 +95,9 @@ class Plan(Handle):
             at which they keep half, 0 (they stay as refined) to 1; None: 0.12.
         dark: taken off the frames: None (what the model says), "auto" (each frame's own, estimated), a level from 0
             (nothing) to 1, or a dark frame (an array like raw frames).
-        pixel_weights: how much each of a frame's values counts in refinement and in classic methods that iterate: 0 (bad
-            pixels, dust) or more, in units of the largest; an array (rows, cols), or like raw frames; None: all alike.
+        pixel_weights: how much each of a frame's values counts in refinement and in classic methods that iterate: 0
+            (bad pixels, dust) or more, in units of the largest; an array (rows, cols), or like raw frames; None: all
+            alike.
         mosaic: pattern of the colour filter mosaic that frames of one channel are: "rggb", "bggr", "grbg", "gbrg",
             "none"; "auto": what the model says. Planes have the model's three channels.
         repair: NaN and infinite pixels take the median of their neighbours; otherwise such frames are refused.

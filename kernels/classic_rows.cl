@@ -5,9 +5,9 @@
  *     residual: y = b - y
  *     momentum: z = max(0, v + alpha[channel] g), v = z + number (z - x), x = z    FISTA; g: from the half spectra,
  *     not kept; x is `first`, v is `images`
- * factors: of the momentum step alpha, by channel; of the others, where job.weighted, the weights of the frame's values,
- * as the frame (image_weighed() of inc_classic.h); else not read.
- * partial: the momentum step's sums of (z - x)^2, then those of z^2, of each work-item. */
+ * factors: of the momentum step alpha, by channel; of the others, where job.weighted, the weights of the frame's
+ * values, as the frame (image_weighed() of inc_classic.h); else not read. partial: the momentum step's sums of (z -
+ * x)^2, then those of z^2, of each work-item. */
 #include "inc_fft_rows_forward.h"
 #include "inc_fft_rows_inverse.h"
 

@@ -56,10 +56,10 @@ REFINE_INLINE refine_real image_cut(refine_real v, int j, int first, int cols)
 }
 #endif
 
-/* A step on values b of the frame and their prediction y, with weights w. A weight below 0 is that of a saturated value,
- * whose true value is b or more: it has the size |w|, and what predicts more than b is right.
- *     ratio: |w| max(b, 0) / max(y, number)    residual: |w| (b - y)    left: b - y, or 0    weigh: |w| y
- *     split: |w| (b - y) / (|w| + number)      number is mu
+/* A step on values b of the frame and their prediction y, with weights w. A weight below 0 is that of a saturated
+ * value, whose true value is b or more: it has the size |w|, and what predicts more than b is right. ratio: |w| max(b,
+ * 0) / max(y, number)    residual: |w| (b - y)    left: b - y, or 0    weigh: |w| y split: |w| (b - y) / (|w| + number)
+ * number is mu
  */
 REFINE_INLINE refine_real image_weighed(int step, refine_real b, refine_real y, refine_real w, float number)
 {

@@ -23,7 +23,9 @@
 /* Radices of the stages that a table may ask for: functions NAME2 ... NAME8 made by M, and their cases in a switch. */
 #define FFT_EACH_RADIX(M) M(2) M(3) M(4) M(5) M(7) M(8)
 #define FFT_CASE(name, radix, ...)                                                                                     \
-    case radix: name##radix(__VA_ARGS__); break;
+    case radix:                                                                                                        \
+        name##radix(__VA_ARGS__);                                                                                      \
+        break;
 #define FFT_CASES(name, ...)                                                                                           \
     FFT_CASE(name, 2, __VA_ARGS__)                                                                                     \
     FFT_CASE(name, 3, __VA_ARGS__)                                                                                     \

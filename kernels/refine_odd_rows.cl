@@ -6,8 +6,8 @@
  * spectra, planes, table, scratch: as in refine_group_rows.cl. Dimension: groups of rows of all planes. */
 #include "shared_refine.h"
 #define REFINE_GROUP HADA_REFINE_ODD_GROUP
-#include "inc_refine_groups.h"
 #include "inc_fft_groups_odd.h"
+#include "inc_refine_groups.h"
 
 /* Where an item's pixels are: in a row of the window, and in the row that shares its transform. */
 typedef struct pixel_rows {

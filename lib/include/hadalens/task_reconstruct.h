@@ -59,9 +59,9 @@ typedef struct hada_files_task {
                         them: to go on after an interruption. 0 (default): they are made anew */
     const hada_communicator *communicator; /* ranks that share the files: dealt to them in order, each writing its own;
                                               copied; NULL (default): none do. All ranks name the same files */
-    double frame_encoding; /* how the values of the frames stand for light (hadalens/response.h), which is made linear;
-                              HADA_AUTO (default): as their files say (JPEG: sRGB), linear where they say nothing */
-    hada_files_match match;                /* HADA_FILES_MATCH_FIRST by default */
+    double frame_encoding;  /* how the values of the frames stand for light (hadalens/response.h), which is made linear;
+                               HADA_AUTO (default): as their files say (JPEG: sRGB), linear where they say nothing */
+    hada_files_match match; /* HADA_FILES_MATCH_FIRST by default */
 } hada_files_task;
 HADA_INIT(hada_files_task, HADA_STRUCT_FILES_TASK)
 

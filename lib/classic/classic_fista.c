@@ -128,7 +128,7 @@ static hada_status haar_up(hada_classic *classic, int number, hada_error *err)
 {
     const hada_range range = hada_classic_band_range(classic);
     const int more = number + 1 < classic->shape.options.levels;
-    hada_classic_level level = {.spacing = 1 << number,
+    hada_classic_level level = {.spacing = 1 << hada_least(number, 7) /* there are at most 8 */,
                                 .decimated = classic->shape.options.prior == HADA_PRIOR_HAAR,
                                 .more = more,
                                 .image = number == 0};

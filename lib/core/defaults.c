@@ -121,11 +121,11 @@ static const hada_augment augment = {.size = sizeof(hada_augment), .plane_flips 
 /* What differs from stage to stage: the adversarial one begins with a trained net. */
 #define TRAIN(stage_, rate_, steps_, discriminator_steps_, clip_, adversarial_)                                        \
     {                                                                                                                  \
-        .size = sizeof(hada_train_options), .stage = stage_, .seed = 1, .net = "compact", .discriminator = "patch",    \
-        .steps = steps_, .batch = 4, .at_once = HADA_AUTO, .rule = HADA_RULE_ADAM, .rate = rate_,                      \
+        .size = sizeof(hada_train_options), .stage = (stage_), .seed = 1, .net = "compact", .discriminator = "patch",  \
+        .steps = (steps_), .batch = 4, .at_once = HADA_AUTO, .rule = HADA_RULE_ADAM, .rate = (rate_),                  \
         .filter_rate = HADA_AUTO, .discriminator_rate = HADA_AUTO, .schedule = HADA_RATE_COSINE, .last_rate = 0.02,    \
-        .warmup = 20, .clip = clip_, .mse = 1.5, .perceptual = 0.1, .adversarial = adversarial_, .variation = 5e-7,    \
-        .discriminator_steps = discriminator_steps_, .compose = HADA_AUTO                                              \
+        .warmup = 20, .clip = (clip_), .mse = 1.5, .perceptual = 0.1, .adversarial = (adversarial_),                   \
+        .variation = 5e-7, .discriminator_steps = (discriminator_steps_), .compose = HADA_AUTO                         \
     }
 static const hada_train_options train_options[] = {
     [HADA_STAGE_FILTERS] = TRAIN(HADA_STAGE_FILTERS, 1e-3, 1000, 0, 0.0, 0.0),

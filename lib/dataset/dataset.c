@@ -496,7 +496,7 @@ static hada_status copy(hada_image *out, const hada_image *image, hada_error *er
 /* Makes a scene so many times as bright, in its own encoding. */
 static void brighten(hada_image *scene, double gain, double response)
 {
-    const size_t count = hada_image_count(scene);
+    const size_t count = scene->data ? hada_image_count(scene) : 0;
     hada_response_convert(scene->data, count, response, HADA_RESPONSE_LINEAR);
     for (size_t i = 0; i < count; i++)
         scene->data[i] *= (float)gain;

@@ -16,7 +16,8 @@ static hada_status put_values(hada_frame_exposure *exposure, const float *weight
         HADA_TRY(hada_pixels_copy(&exposure->came, &exposure->own, err));
     hada_pixels_of_image(&exposure->pixels, &exposure->own);
     values = exposure->own.data;
-    for (size_t i = 0; i < hada_exposure_count(exposure); i++)
+    const size_t count = values ? hada_exposure_count(exposure) : 0;
+    for (size_t i = 0; i < count; i++)
         if (weights[i] <= 0.0f)
             values[i] = fmaxf(values[i] - residual[i], weights[i] < 0.0f ? exposure->brightest : -FLT_MAX);
     return HADA_OK;

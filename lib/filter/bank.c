@@ -250,7 +250,7 @@ hada_status hada_bank_prior(hada_buffer *out, hada_slot *slot, const hada_model 
     *out = (hada_buffer){0};
     for (size_t i = 0; model->noise_power && i < channels * (size_t)info->depths; i++)
         noise += model->noise_power[i];
-    if (!model->scene_power || !(noise > 0.0))
+    if (!model->scene_power || !model->noise_power || !(noise > 0.0))
         return HADA_OK;
     HADA_TRY_OR_DONE(hada_allocated(rows = hada_alloc_raw(plane, sizeof *rows, "the prior", err)));
     HADA_TRY_OR_DONE(

@@ -46,11 +46,11 @@ static double place(const hada_image *psf, const hada_model_info *info, hada_tur
     double square = 0.0;
     memset(grid, 0, (size_t)info->grid_rows * (size_t)info->grid_cols * sizeof *grid);
     for (int row = 0; row < psf->rows; row++) {
-        float *to = grid + (size_t)on_grid(row - psf->rows / 2, turn & HADA_TURN_FLIP, info->grid_rows) *
+        float *to = grid + (size_t)on_grid(row - psf->rows / 2, (turn & HADA_TURN_FLIP) != 0, info->grid_rows) *
                                (size_t)info->grid_cols;
         for (int col = 0; col < psf->cols; col++) {
             const double value = fmax((double)from[(size_t)row * (size_t)psf->cols + (size_t)col] - background, 0.0);
-            to[on_grid(col - psf->cols / 2, turn & HADA_TURN_MIRROR, info->grid_cols)] =
+            to[on_grid(col - psf->cols / 2, (turn & HADA_TURN_MIRROR) != 0, info->grid_cols)] =
                 (float)((double)(float)value * scale);
             square += value * value;
         }

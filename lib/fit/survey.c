@@ -502,8 +502,7 @@ done:
 
 static hada_status expose_all(owned_survey *own, surveying *work, hada_error *err)
 {
-    const double response = own->survey.response;
-    work->response = &response;
+    work->response = &own->survey.response;
     work->tried = 1;
     level_destroy(&work->level);
     HADA_TRY(level_create(&work->level, work->grid, work->options.channels, EXPOSED_TOGETHER + 1, err));

@@ -141,7 +141,7 @@ static hada_status choose_tv(trial_work *work, const trial_set *set, double *psn
 {
     enum { NEAR = 1 + 3 }; /* none, the guess, and a step to both sides */
     const double guess = guess_weight(work, set->frames);
-    double tv[NEAR] = {0.0}, near[NEAR], value[TV_PLACES];
+    double tv[NEAR] = {0.0}, near[NEAR], value[TV_PLACES] = {0.0};
     int best = TV_SIDE;
     for (int i = 1; i < NEAR; i++)
         tv[i] = guess * pow(TV_RATIO, i - 2);

@@ -8,7 +8,7 @@
 /* The middle of a bin. */
 static double bin_value(int bin)
 {
-    const uint32_t pattern = (uint32_t)bin << 16 | 0x8000u;
+    const uint32_t pattern = ((uint32_t)bin & 0xffffu) << 16 | 0x8000u;
     float value;
     if (!bin)
         return 0.0;

@@ -91,7 +91,7 @@ static double of_channel(const hada_pixels *pixels, int channel)
 {
     const size_t cols = (size_t)pixels->cols, across = cols / 2, all = (size_t)pixels->rows / 2 * across;
     const size_t count = all < BLOCKS ? all : BLOCKS;
-    float coefficients[BLOCKS], room[4];
+    float coefficients[BLOCKS] = {0.0f}, room[4];
     for (size_t i = 0; i < count; i++) {
         const size_t block = i * all / count, place = block / across * 2 * cols + block % across * 2;
         const float *up = hada_pixels_floats(pixels, channel, place, 2, room);

@@ -310,7 +310,7 @@ hada_pixel_type hada_tiff_page_form(const hada_tiff_page *page)
 #define STORED(type)                                                                                                   \
     do {                                                                                                               \
         const type *from = (const type *)row + first;                                                                  \
-        type *to = out;                                                                                                \
+        type *to = out; /* NOLINT(bugprone-macro-parentheses) */                                                       \
         for (size_t i = 0; i < count; i++)                                                                             \
             to[i] = whole ? from[i * stride] : (type)packed(page, row, first + i * stride);                            \
     } while (0)

@@ -509,7 +509,7 @@ done:
 static int is_linear(const hada_tiff_reader *reader, double *encoding)
 {
     if (*encoding == HADA_AUTO)
-        *encoding = reader->info.encoding ? reader->info.encoding : HADA_RESPONSE_LINEAR;
+        *encoding = reader->info.encoding != 0.0 ? reader->info.encoding : HADA_RESPONSE_LINEAR;
     return *encoding == HADA_RESPONSE_LINEAR;
 }
 

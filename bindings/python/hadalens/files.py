@@ -20,7 +20,7 @@ from .result import Result
 
 @dataclass(frozen=True)
 class TiffInfo:
-    """What a TIFF file holds.
+    """What a file holds.
 
     Attributes:
         frames: images to read, (C, Y, X) each.
@@ -32,6 +32,7 @@ class TiffInfo:
         distances_mm: of the slices, where the file says them.
         encoding: how values stand for light, as :mod:`hadalens.response` has it; 0 where the file does not say.
         description: the text of ImageDescription.
+        mosaic: of a raw file: the pattern of its colour filter mosaic, "rggb", "bggr", "grbg", "gbrg"; else "none".
 
     """
 
@@ -51,6 +52,7 @@ class TiffInfo:
     distances_mm: tuple[float, ...]
     encoding: float
     description: str
+    mosaic: str
 
 
 class TiffReader(Handle):

@@ -102,7 +102,7 @@ HADA_API void hada_struct_init(hada_struct which, void *options, size_t size);
 
 /* Defines hada_..._init() for a struct. */
 #define HADA_INIT(type, which)                                                                                         \
-    static inline void type##_init(type *options)                                                                      \
+    static inline void type##_init(type *options) /* NOLINT(bugprone-macro-parentheses) */                             \
     {                                                                                                                  \
         hada_struct_init(which, options, sizeof *options);                                                             \
     }

@@ -178,7 +178,7 @@ FFT_INLINE void fft_last(const fft_columns *columns, FFT_MEM float8 *scratch, __
     case 1:
         fft_last1(columns, scratch, span, w);
         break;
-        FFT_CASES(fft_last, columns, scratch, span, w)
+        FFT_CASES(fft_last, (columns, scratch, span, w))
     default: fft_last_odd(columns, scratch, radix, span, w, floats + stage[FFT_COSINES]); break;
     }
 }

@@ -77,7 +77,7 @@ FFT_INLINE void fft_enter(const fft_columns *columns, FFT_MEM float8 *scratch, _
     case 1:
         fft_begin1(columns, scratch, span, w);
         break;
-        FFT_CASES(fft_begin, columns, scratch, span, w)
+        FFT_CASES(fft_begin, (columns, scratch, span, w))
     default: fft_begin_odd(columns, scratch, radix, span, w, floats + stage[FFT_COSINES]); break;
     }
     fft_unstages(scratch, table, floats, table[FFT_STAGES] - 1);

@@ -112,7 +112,7 @@ FFT_INLINE void fft_stage(FFT_MEM float2 *scratch, int points, fft_side side, __
     const int span = stage[FFT_SPAN], magic = stage[FFT_MAGIC];
     __global const float2 *w = (__global const float2 *)(floats + stage[FFT_TWIDDLES]);
     switch (stage[FFT_RADIX]) {
-        FFT_CASES(fft_stage, scratch, points, side, span, magic, w, back)
+        FFT_CASES(fft_stage, (scratch, points, side, span, magic, w, back))
     default: break;
     }
 }

@@ -274,7 +274,7 @@ FFT_INLINE void fft_stage(FFT_MEM float8 *scratch, __global const int *table, __
     const int from = from_point / (radix * span), to = to_point / (radix * span);
     __global const float *w = floats + stage[FFT_TWIDDLES], *cosines = floats + stage[FFT_COSINES];
     switch (radix) {
-    case 1: break; FFT_CASES(fft_stage, scratch, from, to, span, w, back)
+    case 1: break; FFT_CASES(fft_stage, (scratch, from, to, span, w, back))
     default:
         if (back)
             fft_unstage_odd(scratch, from, to, radix, span, w, cosines, first, first + count);

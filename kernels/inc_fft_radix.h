@@ -22,17 +22,17 @@
 
 /* Radices of the stages that a table may ask for: functions NAME2 ... NAME8 made by M, and their cases in a switch. */
 #define FFT_EACH_RADIX(M) M(2) M(3) M(4) M(5) M(7) M(8)
-#define FFT_CASE(name, radix, ...)                                                                                     \
+#define FFT_CASE(name, radix, arguments)                                                                               \
     case radix:                                                                                                        \
-        name##radix(__VA_ARGS__);                                                                                      \
+        name##radix arguments;                                                                                         \
         break;
-#define FFT_CASES(name, ...)                                                                                           \
-    FFT_CASE(name, 2, __VA_ARGS__)                                                                                     \
-    FFT_CASE(name, 3, __VA_ARGS__)                                                                                     \
-    FFT_CASE(name, 4, __VA_ARGS__)                                                                                     \
-    FFT_CASE(name, 5, __VA_ARGS__)                                                                                     \
-    FFT_CASE(name, 7, __VA_ARGS__)                                                                                     \
-    FFT_CASE(name, 8, __VA_ARGS__)
+#define FFT_CASES(name, arguments)                                                                                     \
+    FFT_CASE(name, 2, arguments)                                                                                       \
+    FFT_CASE(name, 3, arguments)                                                                                       \
+    FFT_CASE(name, 4, arguments)                                                                                       \
+    FFT_CASE(name, 5, arguments)                                                                                       \
+    FFT_CASE(name, 7, arguments)                                                                                       \
+    FFT_CASE(name, 8, arguments)
 
 /* (re, im) *= c + i d */
 FFT_INLINE void fft_times_twiddle(FFT_V *re, FFT_V *im, float c, float d)

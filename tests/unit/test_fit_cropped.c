@@ -380,6 +380,7 @@ TEST(light_that_stays_costs_little)
     double before, now;
     int shown;
     SCOPED(hada_model) *one = learn(f, 0, &before, &shown), *model;
+    assert_non_null(one);
     assert_int_equal(shown, 0);
     model = learn(f, HADA_AUTO, &now, &shown);
     assert_int_equal(shown, DEPTHS * PAIRS);

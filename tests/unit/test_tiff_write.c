@@ -229,6 +229,7 @@ TEST(test_full_disk)
         assert_int_equal(io_count(), files);
         size_t bytes;
         SCOPED_MEMORY unsigned char *data = io_read_bytes(io_path("old.tif"), &bytes);
+        assert_non_null(data);
         assert_int_equal(bytes, 3);
     }
 }

@@ -424,6 +424,7 @@ TEST(options_that_make_no_sense_are_refused)
     const hada_train_options good = options_of(HADA_STAGE_ENHANCE);
     ASSERT_OK(hada_trainer_bytes(f.whole, f.model, &good, &bytes, err));
     SCOPED(hada_trainer) *trainer = make(&good, 1);
+    assert_non_null(trainer);
     assert_true(bytes > 0 && hada_context_bytes(f.whole) <= bytes);
 }
 

@@ -513,8 +513,7 @@ static hada_status fill(hada_pair *pair, hada_mosaic mosaic, hada_error *err)
                          "the raw frame has %d channels of %d x %d pixels; a colour filter mosaic has one channel and "
                          "at least 2 x 2 pixels: leave --bayer out if it is none",
                          raw->channels, raw->rows, raw->cols);
-    HADA_TRY(hada_image_create(&filled, HADA_MOSAIC_COLOURS, raw->rows, raw->cols, err));
-    hada_mosaic_fill(mosaic, raw->data, raw->rows, raw->cols, filled.data);
+    HADA_TRY(hada_mosaic_colours(mosaic, raw, &filled, err));
     hada_image_destroy(&pair->own.raw);
     pair->own.raw = filled;
     pair->raw = &pair->own.raw;

@@ -430,17 +430,6 @@ static hada_status compare(const reduced *of, hada_match *match, hada_error *err
     return HADA_OK;
 }
 
-/* A colour filter mosaic becomes a frame of three channels. */
-static hada_status fill_colours(hada_image *frame, hada_mosaic mosaic, hada_error *err)
-{
-    hada_image colours = {0};
-    HADA_TRY(hada_image_create(&colours, HADA_MOSAIC_COLOURS, frame->rows, frame->cols, err));
-    hada_mosaic_fill(mosaic, frame->data, frame->rows, frame->cols, colours.data);
-    hada_image_destroy(frame);
-    *frame = colours;
-    return HADA_OK;
-}
-
 hada_status hada_plan_match(const hada_plan *plan, const hada_pixels *raw, hada_match *match, hada_error *err)
 {
     HADA_NEED(plan && raw && match, err);
@@ -448,7 +437,7 @@ hada_status hada_plan_match(const hada_plan *plan, const hada_pixels *raw, hada_
     reduced of = {.context = plan->constants[0]->context, .model = plan->setup.model};
     hada_match own = {.size = sizeof own, .magnification = 1.0};
     hada_pixels pixels;
-    hada_image frame = {0};
+    hada_image frame = {0}, colours = {0};
     hada_status status = HADA_OK;
     own.unexplained = NAN;
     HADA_TRY_OR_DONE(hada_pixels_take(&pixels, raw, err));
@@ -458,14 +447,15 @@ hada_status hada_plan_match(const hada_plan *plan, const hada_pixels *raw, hada_
     if (of.model->otf && of.rows >= LEAST_SIDE && of.cols >= LEAST_SIDE) {
         HADA_TRY_OR_DONE(hada_pixels_copy(&pixels, &frame, err));
         if (pixels.channels < of.model->info.channels)
-            HADA_TRY_OR_DONE(fill_colours(&frame, plan->setup.config.mosaic, err));
+            HADA_TRY_OR_DONE(hada_mosaic_colours(plan->setup.config.mosaic, &frame, &colours, err));
         HADA_TRY_OR_DONE(allocate(&of, err));
-        if (take_frame(&of, &frame, &pixels, plan))
+        if (take_frame(&of, colours.data ? &colours : &frame, &pixels, plan))
             HADA_TRY_OR_DONE(compare(&of, &own, err));
     }
     HADA_REPORT_GIVE(match, &own);
 done:
     hada_image_destroy(&frame);
+    hada_image_destroy(&colours);
     reduced_destroy(&of);
     return status;
 }

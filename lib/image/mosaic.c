@@ -60,6 +60,13 @@ void hada_mosaic_fill(hada_mosaic mosaic, const float *values, int rows, int col
         }
 }
 
+hada_status hada_mosaic_colours(hada_mosaic mosaic, const hada_image *frame, hada_image *colours, hada_error *err)
+{
+    HADA_TRY(hada_image_create(colours, HADA_MOSAIC_COLOURS, frame->rows, frame->cols, err));
+    hada_mosaic_fill(mosaic, frame->data, frame->rows, frame->cols, colours->data);
+    return HADA_OK;
+}
+
 void hada_mosaic_take(hada_mosaic mosaic, const float *colours, int rows, int cols, float *values)
 {
     const size_t plane = (size_t)rows * (size_t)cols;

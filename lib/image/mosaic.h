@@ -24,6 +24,9 @@ int hada_mosaic_channel(hada_mosaic mosaic, int row, int col);
  * lacks is the mean of those pixels of the 3 x 3 around it that hold it (bilinear interpolation). */
 void hada_mosaic_fill(hada_mosaic mosaic, const float *values, int rows, int cols, float *colours);
 
+/* The same for an image of one channel, which becomes one of three, created by the call. */
+hada_status hada_mosaic_colours(hada_mosaic mosaic, const hada_image *frame, hada_image *colours, hada_error *err);
+
 /* Of images of three channels, the values that a mosaic holds: `values` has the size of a channel. */
 void hada_mosaic_take(hada_mosaic mosaic, const float *colours, int rows, int cols, float *values);
 

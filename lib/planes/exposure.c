@@ -385,8 +385,7 @@ static double mosaic_energy(const hada_frame_exposure *exposure, const float *da
 static hada_status fill(hada_frame_exposure *exposure, hada_error *err)
 {
     hada_image *own = &exposure->own, filled = {0};
-    HADA_TRY(hada_image_create(&filled, HADA_MOSAIC_COLOURS, own->rows, own->cols, err));
-    hada_mosaic_fill(exposure->mosaic, own->data, own->rows, own->cols, filled.data);
+    HADA_TRY(hada_mosaic_colours(exposure->mosaic, own, &filled, err));
     hada_image_destroy(own);
     *own = filled;
     hada_pixels_of_image(&exposure->pixels, own);

@@ -55,8 +55,7 @@ static hada_status open_file(hada_stream *stream, hada_error *err)
     const hada_mosaic taken = stream->plan->setup.config.mosaic;
     if (info->mosaic != HADA_MOSAIC_NONE && info->mosaic != taken && hada_model_get_info(stream->model)->channels > 1)
         return hada_fail(err, HADA_ERROR_MODEL,
-                         "the file says that its colour filter mosaic is %s, but %s is expected: "
-                         "set options.mosaic",
+                         "the colour filter mosaic of the file is %s, and %s is expected: name it with --bayer",
                          hada_enum_name(HADA_ENUM_MOSAIC, (int)info->mosaic),
                          hada_enum_name(HADA_ENUM_MOSAIC, (int)taken));
     return hada_frame_check_size(hada_model_get_info(stream->model), stream->plan->setup.options.mosaic, info->channels,

@@ -8,7 +8,7 @@
 
 enum { DEPTHS = 16, WINDOW = 36 };
 
-static struct {
+static _Thread_local struct {
     int calls, fail_at; /* 0: none */
 } evaluation;
 

@@ -3,6 +3,7 @@
 #include "camera_small.h"
 #include "device_fixture.h"
 #include "image/statistics.h"
+#include "io_testing.h"
 #include "planes/maker.h"
 #include "ref/ref_mosaic.h"
 
@@ -380,8 +381,11 @@ TEST(pairs_of_mosaics)
                      error[1], error[0], exact);
         assert_int_equal(hada_model_get_info(learned[1])->mosaic, HADA_MOSAIC_GBRG);
         assert_int_equal(hada_model_get_info(learned[0])->mosaic, HADA_MOSAIC_NONE);
-        ASSERT_OK(hada_model_save(learned[1], "mosaic.model", err));
-        ASSERT_OK(hada_model_load(&loaded, "mosaic.model", err));
+        char path[64];
+        make_path(path);
+        ASSERT_OK(hada_model_save(learned[1], path, err));
+        ASSERT_OK(hada_model_load(&loaded, path, err));
+        remove(path);
         assert_int_equal(hada_model_get_info(loaded)->mosaic, HADA_MOSAIC_GBRG);
         hada_model_destroy(&loaded);
         for (int i = 0; i < PAIRS; i++) {

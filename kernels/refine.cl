@@ -142,6 +142,17 @@ __kernel void refine_prox(__global float *w)
     VECTORS_STORE8(__global, max(vload8(i, w), 0.0f), w + 8 * i);
 }
 
+/* Part of images of rows x cols: what begins at (row0, col0) and has to_cols columns. Dimensions: columns of the part
+ * or more, its rows, images. */
+__kernel void refine_part(__global const float *in, __global float *out, int rows, int cols, int row0, int col0,
+                          int to_cols)
+{
+    const int col = get_global_id(0), row = get_global_id(1), image = get_global_id(2);
+    if (col < to_cols)
+        out[((size_t)image * get_global_size(1) + row) * to_cols + col] =
+            in[((size_t)image * rows + row0 + row) * cols + col0 + col];
+}
+
 /* From spectra of the whole grid to those of a coarse grid, channels averaged: out[image] = factor * mean over its
  * channels of in[image][channel], at the frequencies that both grids have. A Gaussian window over the frequencies,
  * 2^-(fy^2 + fx^2) with f = 1 at the coarse grid's last frequency, is applied `tapers` times (negative: divided out).

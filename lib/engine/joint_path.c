@@ -330,8 +330,10 @@ static hada_status joint(hada_pipeline *pipeline, hada_frame *frame, hada_error 
     const int parting = pipeline->setup->config.parting && k.count > 1;
     if (parting || !k.solved)
         HADA_TRY(solve(pipeline, frame, k.count, parting, err));
-    if (!pipeline->classic) /* planes of a classic method are not changed */
+    if (!pipeline->classic) { /* planes of a classic method are not changed */
         HADA_TRY(hada_maker_fade(&pipeline->maker, k.count, pipeline->setup->config.crosstalk, err));
+        HADA_TRY(hada_refiner_crop(pipeline->refiner, k.count, err));
+    }
     HADA_TRY(blend(pipeline, k.count, err));
     HADA_TRY(hada_pipeline_enhance(pipeline, frame, planes_of(pipeline), k.count, 1, err));
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_enhance, err));

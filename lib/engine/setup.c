@@ -124,6 +124,31 @@ static hada_status choose_scene(const hada_plan_options *options, hada_config *c
     return HADA_OK;
 }
 
+/* Whether light comes from outside the window. Where it is the whole frame of a camera that nobody calibrated, it
+ * probably does; a window that somebody named holds the scene, as do surfaces. */
+static hada_status choose_support(const hada_model_info *info, const hada_plan_options *options, hada_config *config,
+                                  hada_error *err)
+{
+    const int whole = info->window_rows == info->raw_rows && info->window_cols == info->raw_cols;
+    const int probably = info->refine_tv == HADA_AUTO && whole && config->scene == HADA_SCENE_PLANES;
+    const int iterates = config->classic && config->method.options.method != HADA_METHOD_WIENER;
+    const int possible = config->joint && !config->classic && info->boundary == HADA_BOUNDARY_PADDED;
+    if ((int)options->support < HADA_SUPPORT_AUTO || options->support > HADA_SUPPORT_GRID)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: support is one of HADA_SUPPORT_...");
+    if (options->support == HADA_SUPPORT_GRID && !possible && !iterates)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "the support is the grid only for refinement of a sensor that crops (boundary padded) and for "
+                         "methods that iterate: take the window");
+    if (options->support == HADA_SUPPORT_GRID && config->scene == HADA_SCENE_SURFACE)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "a surface fills the window alone: take the window as support, or planes as scene");
+    config->outside =
+        possible && (options->support == HADA_SUPPORT_GRID || (options->support == HADA_SUPPORT_AUTO && probably));
+    if (options->support == HADA_SUPPORT_GRID)
+        config->scene = HADA_SCENE_PLANES;
+    return HADA_OK;
+}
+
 static hada_status choose_skips(const hada_model *model, const hada_plan_options *options, hada_config *config,
                                 hada_error *err)
 {
@@ -213,6 +238,7 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     config->batch_whole = options->batch <= 0 && config->queues == 1;
     hada_focus_options_init(&config->focus, config->joint);
     HADA_TRY(choose_scene(options, config, err));
+    HADA_TRY(choose_support(info, options, config, err));
     return choose_skips(model, options, config, err);
 }
 
@@ -239,6 +265,10 @@ hada_refine_shape hada_config_refine(const hada_config *config, const hada_model
     refine.tv = config->choose || config->weights.tv > 0;
     refine.boundary = config->boundary;
     refine.shrink = config->weights.shrink > 0;
+    if (config->outside) {
+        refine.shown = refine.window;
+        refine.window = (hada_refine_rect){0, 0, refine.grid_rows, refine.grid_cols};
+    }
     refine.crosstalk = config->crosstalk > 0 && config->depths > 1;
     return refine;
 }

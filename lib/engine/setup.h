@@ -22,6 +22,7 @@ typedef struct hada_config {
     hada_refine_weights weights; /* of refinement */
     int choose;                  /* 1: the weight of total variation is found from each frame */
     hada_boundary boundary;      /* of joint planes: weights of pixels need the data step of a sensor that crops */
+    int outside;                 /* 1: refinement explains light from outside the window as well */
     int weighs;                  /* 1: pixels of a frame may have weights */
     hada_mosaic mosaic;          /* of frames of one channel; HADA_MOSAIC_NONE: there are none */
     double share;                /* of refined planes, the rest being those of the linear filters; 1: refined alone */

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
+#include "launch/refine.h"
 #include "refine/admm_steps.h"
 
 size_t hada_rect_area(const hada_refine_rect *rect)
@@ -191,7 +192,7 @@ static hada_fft_desc describe(const hada_refine_shape *shape, const hada_refine_
 
 /* Bytes of every buffer. */
 typedef struct sizes {
-    size_t spectra, planes, kept, split, dual, partial, partials, tv;
+    size_t spectra, planes, shown, kept, split, dual, partial, partials, tv;
     int slices;
 } sizes;
 
@@ -206,6 +207,7 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     b.spectra = images * layout.count * complex_bytes;
     /* total variation's loads reach a vector beyond the last image */
     b.planes = hada_round_up(images * hada_rect_area(&shape->window) + 8, HADA_REFINE_PAD) * sizeof(float);
+    b.shown = images * hada_rect_area(&shape->shown) * sizeof(float);
     const size_t settling_images = shape->settle ? images : 0;
     const size_t looks = hada_refine_looks(context);
     b.kept = looks * settling_images * hada_rect_area(&shape->window) * sizeof(float);
@@ -232,12 +234,13 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     return b;
 }
 
-enum { ROWS = 10, PLANS = 4 };
+enum { ROWS = 11, PLANS = 4 };
 
 static void list_buffers(const sizes *b, hada_buffer_row *rows)
 {
     const hada_buffer_row list[ROWS] = {
-        {offsetof(hada_refiner, planes), b->planes, "the refined planes", HADA_RESULT},
+        {offsetof(hada_refiner, planes), b->planes, "the refined planes", b->shown ? HADA_OWN_STEPS : HADA_RESULT},
+        {offsetof(hada_refiner, shown), b->shown, "the refined planes", HADA_RESULT},
         {offsetof(hada_refiner, kept), b->kept, "the planes of a step before", HADA_OWN_STEPS},
         {offsetof(hada_refiner, now_u), b->spectra + b->split, "the spectra of the refined planes", HADA_OWN_STEPS},
         {offsetof(hada_refiner, now_w), b->spectra + b->split, "the spectra of the refinement's duals", HADA_OWN_STEPS},
@@ -354,9 +357,23 @@ hada_status hada_refiner_fade(hada_refiner *refiner, int depths, double share, h
                                share, err);
 }
 
+hada_status hada_refiner_crop(hada_refiner *refiner, int depths, hada_error *err)
+{
+    const hada_refine_rect *window = &refiner->shape.window, *shown = &refiner->shape.shown;
+    const size_t images = (size_t)depths * (size_t)refiner->shape.channels;
+    if (!refiner->shown.mem)
+        return HADA_OK;
+    const hada_range range = hada_range_of((size_t)shown->cols, 64, (size_t)shown->rows, images);
+    hada_slot_cost(refiner->slot, 8.0 * (double)(hada_rect_area(shown) * images), 0.0);
+    return hada_launch_refine_part(refiner->slot, refiner->program, &range, err, .in = refiner->planes.mem,
+                                   .out = refiner->shown.mem, .rows = window->rows, .cols = window->cols,
+                                   .row0 = shown->row0 - window->row0, .col0 = shown->col0 - window->col0,
+                                   .to_cols = shown->cols);
+}
+
 cl_mem hada_refiner_planes(const hada_refiner *refiner)
 {
-    return refiner->planes.mem;
+    return refiner->shown.mem ? refiner->shown.mem : refiner->planes.mem;
 }
 
 double hada_refiner_energy(const hada_refiner *refiner, int set, int step)

@@ -48,6 +48,7 @@ typedef struct hada_refine_shape {
     int grid_rows, grid_cols;
     hada_refine_rect frame;  /* what the sensor sees; used with the padded boundary */
     hada_refine_rect window; /* where the scene may be bright */
+    hada_refine_rect shown;  /* the part of the window that results have; 0 x 0: all of it */
     hada_boundary boundary;
     int channels;
     int max_sets;   /* sets in one run, at most */
@@ -178,12 +179,15 @@ void hada_refiner_destroy(hada_refiner **refiner);
 hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data, const hada_refine_rule *rule,
                              int sets, int depths, const int *list, int *steps, hada_error *err);
 
-/* The planes: [set][place in the set][channel][window rows][window cols] floats, to be read or (for a warm start)
- * written on the slot's compute queue. */
 /* Fades planes of the last run, of so many depths, where they are dark beside others (refine/proximal.h); what is
  * asked of them afterwards is asked of the faded ones. */
 hada_status hada_refiner_fade(hada_refiner *refiner, int depths, double share, hada_error *err);
 
+/* Where results have a part of the window: brings that of the first `depths` planes to hada_refiner_planes(). */
+hada_status hada_refiner_crop(hada_refiner *refiner, int depths, hada_error *err);
+
+/* The planes: [set][place in the set][channel][rows][cols] floats of the window, to be read or (for a warm start)
+ * written on the slot's compute queue; or of what is shown of it. */
 cl_mem hada_refiner_planes(const hada_refiner *refiner);
 
 /* Energies that the last run met on its way, sum of squares over pixels and channels. Circular: of

@@ -29,6 +29,7 @@ struct hada_refiner {
     hada_fft *frame_forward, *frame_inverse;   /* padded: of the frame */
     hada_fft_fused fused;                      /* empty where steps cannot be fused: see the end */
     hada_buffer now_u, now_w, planes, partial; /* U and W, padded: and behind them E and A */
+    hada_buffer shown;                         /* what results have of the planes; empty: all */
     hada_buffer list;                          /* the depths of the sets, and behind them the table of fused columns */
     int table;                                 /* where that begins, in numbers; 0: steps cannot be fused */
     hada_buffer kept;                          /* settle: planes of a step before, behind them those set aside */

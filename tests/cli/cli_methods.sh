@@ -63,6 +63,8 @@ expect 0 '' reconstruct "${one[@]}" -o a --method fista --depths 1,3 --iteration
 [ "$(info a/test01_stack.tif)" = '2 3 24 24 32' ] || fail "--depths: $(info a/test01_stack.tif)"
 
 # What makes no sense.
+expect 2 'support is the grid only' reconstruct "${one[@]}" -o b --support grid
+expect 2 'support is the grid only' reconstruct "${one[@]}" -o b --method wiener --support grid
 expect 2 '--iterations belongs to --method' reconstruct "${one[@]}" -o b --iterations 5
 expect 2 '--tv belongs to --method' reconstruct "${one[@]}" -o b --method wiener --tv 1
 expect 2 'one or the other' reconstruct "${one[@]}" -o b --method fista --tv 1 --weight 1

@@ -22,6 +22,19 @@ static hada_classic_options classic_of(hada_method method, double weight)
     return options;
 }
 
+/* A fainter spot on the axis, so that light which saturates a pixel reaches others. */
+static void dim_axis(hada_image *psf)
+{
+    const int area = psf->rows * psf->cols;
+    for (int c = 0; c < CHANNELS; c++) {
+        float *to = psf->data + c * area, *axis = to + (psf->rows / 2) * psf->cols + psf->cols / 2;
+        const float rest = 1.0f - 0.8f * *axis;
+        *axis *= 0.2f;
+        for (int i = 0; i < area; i++)
+            to[i] /= rest;
+    }
+}
+
 /* Blocks of light: what total variation is made for. */
 static bench make(hada_boundary boundary)
 {
@@ -33,14 +46,7 @@ static bench make(hada_boundary boundary)
                 const int inside = i >= 3 && i < 15 && j >= 5 && j < 18;
                 b.scene.data[(c * WINDOW + i) * WINDOW + j] = inside ? 0.4f + 0.2f * (float)c : 0.15f;
             }
-    /* a fainter spot on the axis, so that light which saturates a pixel reaches others */
-    for (int c = 0; c < CHANNELS; c++) {
-        float *to = b.psf.data + c * ROWS * COLS, *axis = to + (ROWS / 2) * COLS + COLS / 2;
-        const float rest = 1.0f - 0.8f * *axis;
-        *axis *= 0.2f;
-        for (int i = 0; i < ROWS * COLS; i++)
-            to[i] /= rest;
-    }
+    dim_axis(&b.psf);
     DEFAULTS(hada_psf_options, options);
     options.window_rows = options.window_cols = WINDOW;
     options.psf_dark = options.dark = 0;
@@ -55,6 +61,46 @@ static void unmake(bench *b)
     hada_image_destroy(&b->psf);
     hada_image_destroy(&b->scene);
     hada_model_destroy(&b->model);
+}
+
+/* A scene that goes on beyond the frame: blocks of light in one of `rows` x `cols`, of which the window has the middle,
+ * as a sensor of ROWS x COLS sees it. The window is the whole frame. */
+enum { WIDE_ROWS = ROWS + 40, WIDE_COLS = COLS + 44 };
+
+static hada_image part_of(const hada_image *from, int rows, int cols)
+{
+    hada_image part;
+    const int row0 = (from->rows - rows) / 2, col0 = (from->cols - cols) / 2;
+    ASSERT_OK(hada_image_create(&part, from->channels, rows, cols, err));
+    for (int c = 0; c < from->channels; c++)
+        for (int i = 0; i < rows; i++)
+            memcpy(part.data + ((size_t)c * (size_t)rows + (size_t)i) * (size_t)cols,
+                   from->data + ((size_t)c * (size_t)from->rows + (size_t)(row0 + i)) * (size_t)from->cols + col0,
+                   (size_t)cols * sizeof *part.data);
+    return part;
+}
+
+static bench make_wide(hada_image *frame)
+{
+    const double distance = 100.0;
+    SCOPED(hada_image) wide = small_psf(CHANNELS, WIDE_ROWS, WIDE_COLS, 8, 3);
+    dim_axis(&wide);
+    SCOPED(hada_image) scene = small_scene(CHANNELS, WIDE_ROWS, WIDE_COLS, 1);
+    for (int c = 0; c < CHANNELS; c++)
+        for (int i = 0; i < WIDE_ROWS; i++)
+            for (int j = 0; j < WIDE_COLS; j++) {
+                const int beside = i < (WIDE_ROWS - ROWS) / 2; /* a lamp above the window */
+                scene.data[(c * WIDE_ROWS + i) * WIDE_COLS + j] = beside                  ? 1.5f
+                                                                  : (i / 11 + j / 13) % 2 ? 0.4f + 0.2f * (float)c
+                                                                                          : 0.15f;
+            }
+    SCOPED(hada_image) seen = small_frame(&wide, &scene, 1, 0.003, 5);
+    bench b = {.psf = part_of(&wide, ROWS, COLS), .scene = part_of(&scene, ROWS, COLS)};
+    *frame = part_of(&seen, ROWS, COLS);
+    DEFAULTS(hada_psf_options, options);
+    options.psf_dark = options.dark = 0;
+    ASSERT_OK(hada_model_from_psf(&b.model, context, &b.psf, 1, &distance, &options, err));
+    return b;
 }
 
 /* Error of the plane, and the report. weights: of pixels; NULL: none. */
@@ -103,6 +149,31 @@ TEST(frames_choose_their_weight)
         assert_true(chosen[0].refine_tv > 0.0 && chosen[1].refine_tv > chosen[0].refine_tv);
         unmake(&b);
     }
+}
+
+/* Light from outside the window is explained there, and not by what the window shows at its borders. */
+TEST(light_comes_from_outside_the_window)
+{
+    static const hada_support supports[] = {HADA_SUPPORT_AUTO, HADA_SUPPORT_WINDOW};
+    hada_image frame;
+    bench b = make_wide(&frame);
+    double error[HADA_COUNT(supports)], left[HADA_COUNT(supports)];
+    for (size_t k = 0; k < HADA_COUNT(supports); k++) {
+        DEFAULTS(hada_plan_options, options);
+        SCOPED(hada_result) result = {0};
+        hada_plan *plan;
+        options.support = supports[k];
+        ASSERT_OK(hada_plan_create(&plan, context, b.model, &options, err));
+        ASSERT_OK(hada_plan_run(plan, &frame, &result, err));
+        error[k] = small_image_distance(result.planes[0].data, b.scene.data, hada_image_count(&b.scene));
+        left[k] = result.report->residual;
+        hada_plan_destroy(&plan);
+    }
+    if (error[0] > 0.8 * error[1] || left[0] > 0.8 * left[1])
+        fail_msg("errors with the grid and the window: %.3g, %.3g; unexplained %.3g, %.3g", error[0], error[1], left[0],
+                 left[1]);
+    hada_image_destroy(&frame);
+    unmake(&b);
 }
 
 /* With a weight that was found, refinement ends where a hundred steps end, or nearly. */
@@ -252,6 +323,20 @@ TEST(classic_methods_weigh_pixels)
             fail_msg("case %d: error %.3g, with bad pixels left out %.3g, taken %.3g", k, good, left_out, taken);
         unmake(&b);
     }
+}
+
+TEST(supports_that_cannot_be)
+{
+    bench b = make(HADA_BOUNDARY_CIRCULAR);
+    hada_plan *plan;
+    hada_error error = {0};
+    DEFAULTS(hada_plan_options, options);
+    options.support = HADA_SUPPORT_GRID;
+    assert_int_equal(hada_plan_create(&plan, context, b.model, &options, &error), HADA_ERROR_ARGUMENT);
+    assert_true(strstr(error.message, "padded") != NULL);
+    options.support = (hada_support)7;
+    assert_int_equal(hada_plan_create(&plan, context, b.model, &options, &error), HADA_ERROR_ARGUMENT);
+    unmake(&b);
 }
 
 TEST(weights_that_cannot_be)

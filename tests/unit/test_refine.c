@@ -144,6 +144,37 @@ TEST(gives_the_same_bits_whatever_runs_beside)
     }
 }
 
+/* A result that has a part of the window has its bits. */
+TEST(shows_a_part_of_the_window)
+{
+    enum { ROWS = 21, COLS = 26, DEPTHS = 2, CHANNELS = 3, ROW0 = 4, COL0 = 7, PART_ROWS = 10, PART_COLS = 13 };
+    static const int list[DEPTHS] = {0, 1};
+    fixture f;
+    hada_refine_rule rule;
+    hada_refiner *refiner;
+    set_up(&f, 30, 36, ROWS, COLS, DEPTHS, CHANNELS, 1);
+    two_depths(&f, 0, 1);
+    expose(&f, 0.01, 1.0);
+    hada_refine_rule_init(&rule);
+    rule.steps = 4;
+    ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, DEPTHS, list, NULL, err));
+    SCOPED_MEMORY float *whole = read_planes(&f, DEPTHS);
+    hada_refine_shape shape = f.device.shape;
+    shape.shown = (hada_refine_rect){shape.window.row0 + ROW0, shape.window.col0 + COL0, PART_ROWS, PART_COLS};
+    ASSERT_OK(hada_refiner_create(&refiner, f.device.slot, &shape, err));
+    ASSERT_OK(hada_refiner_run(refiner, &f.device.data, &rule, 1, DEPTHS, list, NULL, err));
+    ASSERT_OK(hada_refiner_crop(refiner, DEPTHS, err));
+    float part[DEPTHS * CHANNELS][PART_ROWS][PART_COLS];
+    const cl_int code = clEnqueueReadBuffer(f.device.slot->queue, hada_refiner_planes(refiner), CL_TRUE, 0, sizeof part,
+                                            part, 0, NULL, NULL);
+    assert_int_equal(code, CL_SUCCESS);
+    for (int image = 0; image < DEPTHS * CHANNELS; image++)
+        for (int row = 0; row < PART_ROWS; row++)
+            assert_memory_equal(part[image][row], whole + (image * ROWS + ROW0 + row) * COLS + COL0, sizeof part[0][0]);
+    hada_refiner_destroy(&refiner);
+    tear_down(&f);
+}
+
 TEST(scales_with_the_frame)
 {
     for (int k = 0; k < 4; k++) {

@@ -138,8 +138,9 @@ static const hada_cli_option options[] = {
      "them best. That takes up to 2.5 times the iterations again. rl and wavelet 0.005, haar 0.003.",
      AT(method.weight)},
     {HADA_OPTION_WEIGHT, "tv", 0, "W|auto", "the same as --prior tv --weight W", NULL, AT(method.tv)},
-    {HADA_OPTION_CHOICE, "support", 0, "window|grid", "where light may come from (default: admm grid, else window)",
-     NULL, ONE_OF(method.support, HADA_SUPPORT_WINDOW, HADA_SUPPORT_GRID)},
+    {HADA_OPTION_CHOICE, "support", 0, "window|grid", "where light may come from (default: admm grid, else window;",
+     "refinement: grid where the window is the whole frame of a measured PSF)",
+     ONE_OF(plan.support, HADA_SUPPORT_WINDOW, HADA_SUPPORT_GRID)},
     {HADA_OPTION_REAL, "lambda", 0, "L", "noise that wiener reckons with, in mean |OTF|^2 (default: 0.1)", NULL,
      AT(method.lambda)},
     {HADA_OPTION_FLAG, "no-accelerate", 0, NULL, "rl: without Biggs and Andrews' acceleration", NULL, AT(method.plain)},
@@ -226,6 +227,7 @@ static hada_status read_options(job *work, hada_error *err)
     }
     HADA_TRY(hada_cli_read_skip(set->skip, &plan->skip, err));
     HADA_TRY(hada_cli_read_method(&set->method, &work->classic, err));
+    work->classic.support = plan->support;
     plan->classic = &work->classic;
     plan->enhance = !set->no_enhance;
     return HADA_OK;

@@ -38,7 +38,6 @@ static int has_tv(const hada_cli_method_settings *set)
 static hada_status check_none(const hada_cli_method_settings *set, hada_error *err)
 {
     const char *option = set->prior         ? "prior"
-                         : set->support     ? "support"
                          : set->iterations  ? "iterations"
                          : set->inner       ? "inner"
                          : set->levels      ? "levels"
@@ -82,7 +81,6 @@ hada_status hada_cli_read_method(const hada_cli_method_settings *set, hada_class
         out->iterations = set->iterations;
     out->stop = set->stop;
     out->seconds = set->seconds;
-    out->support = (hada_support)set->support;
     out->accelerate = !set->plain;
     if (set->step > 0)
         out->step = set->step;

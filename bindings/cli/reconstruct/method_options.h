@@ -10,7 +10,7 @@
 enum { HADA_CLI_MATCHED = -1 };
 
 typedef struct hada_cli_method_settings {
-    int method, prior, support, iterations, inner, levels, plain;
+    int method, prior, iterations, inner, levels, plain;
     double stop, seconds, weight, tv, step, lambda;
     const char *mu;
 } hada_cli_method_settings;

@@ -104,11 +104,15 @@ typedef struct hada_plan_options {
                                         that iterate, 0 (not at all: bad
                                         pixels, dust) or more, in units of the largest; of the frame's size, with its
                                         channels or one for all; NULL (default): all alike. Copied */
-    hada_mosaic mosaic; /* frames of one channel are a colour filter mosaic of this pattern, whose planes have three
-                           channels: refinement compares each pixel with the colour that it holds, and what needs all
-                           colours of a pixel takes means of its neighbours. Then dark_frame and pixel_weights have one
-                           channel, or three whose values at such pixels count. HADA_MOSAIC_AUTO (default): what the
-                           model says */
+    hada_mosaic mosaic;   /* frames of one channel are a colour filter mosaic of this pattern, whose planes have three
+                             channels: refinement compares each pixel with the colour that it holds, and what needs all
+                             colours of a pixel takes means of its neighbours. Then dark_frame and pixel_weights have one
+                             channel, or three whose values at such pixels count. HADA_MOSAIC_AUTO (default): what the
+                             model says */
+    hada_support support; /* of refinement with the padded boundary: where light may come from. HADA_SUPPORT_AUTO
+                             (default): the grid where the window is the whole frame, the model was made from point
+                             spread functions and the scene cannot be a surface; else the window. With
+                             HADA_SUPPORT_GRID the scene is never a surface. Results are of the window in any case */
 } hada_plan_options;
 HADA_INIT(hada_plan_options, HADA_STRUCT_PLAN_OPTIONS)
 

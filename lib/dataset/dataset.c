@@ -285,7 +285,8 @@ done:
 static hada_status check(int depths, const double *distances_mm, const int *counts, hada_error *err)
 {
     for (int z = 0; z < depths; z++) {
-        if (!(isfinite(distances_mm[z]) && distances_mm[z] > (z ? distances_mm[z - 1] : 0.0)))
+        const int unknown = depths == 1 && distances_mm[z] == 0.0;
+        if (!unknown && !(isfinite(distances_mm[z]) && distances_mm[z] > (z ? distances_mm[z - 1] : 0.0)))
             return hada_fail(err, HADA_ERROR_ARGUMENT,
                              "distance %d is %g mm: distances must be above 0 and ascend from near to far", z,
                              distances_mm[z]);

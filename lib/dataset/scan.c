@@ -5,20 +5,9 @@
 #include "core/callers.h"
 #include "dataset/dataset.h"
 #include "io/folder.h"
-#include "io/text.h"
 
 /* At most so many files without their partner are named. */
 enum { INCOMPLETE_NAMED = 4 };
-
-/* "z100mm", "z250.5mm": the distance; negative for other names. */
-static double folder_distance(const char *name)
-{
-    const char *end;
-    if (name[0] != 'z' || name[1] < '0' || name[1] > '9')
-        return -1.0;
-    const double distance = hada_text_number(name + 1, &end);
-    return !strcmp(end, "mm") && isfinite(distance) ? distance : -1.0;
-}
 
 static int by_distance(const void *a, const void *b)
 {
@@ -133,6 +122,7 @@ done:
     return status;
 }
 
+/* `name` NULL: the folder itself. */
 static hada_status add_depth(hada_pair_store *store, const char *folder, const char *name, double distance,
                              hada_error *err)
 {
@@ -142,7 +132,7 @@ static hada_status add_depth(hada_pair_store *store, const char *folder, const c
     store->depth = more;
     hada_dataset_depth *depth = &store->depth[store->depths];
     *depth = (hada_dataset_depth){.distance_mm = distance};
-    const hada_status status = hada_path_format(&depth->folder, err, "%s/%s", folder, name);
+    const hada_status status = hada_path_format(&depth->folder, err, name ? "%s/%s" : "%s", folder, name);
     store->depths += !status;
     return status;
 }
@@ -155,18 +145,23 @@ static hada_status find_depths(hada_pair_store *store, const char *folder, hada_
         return hada_fail(err, HADA_ERROR_FILE_OPEN, "the data set %s cannot be read: %s", folder, strerror(errno));
     const struct dirent *entry;
     while ((errno = 0, entry = readdir(open))) {
-        const double distance = folder_distance(entry->d_name);
-        if (distance >= 0.0)
+        const char *rest;
+        const double distance = hada_name_distance(entry->d_name, &rest);
+        if (distance >= 0.0 && !*rest)
             HADA_TRY_OR_DONE(add_depth(store, folder, entry->d_name, distance, err));
     }
     if (errno)
         HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_FILE_READ, "the data set %s cannot be read: %s", folder, strerror(errno)));
+    hada_path raw;
+    HADA_TRY_OR_DONE(hada_path_write(raw, err, "%s/raw", folder));
+    if (!store->depths && hada_path_is_folder(raw)) /* one depth, whose distance is not known */
+        HADA_TRY_OR_DONE(add_depth(store, folder, NULL, 0.0, err));
     if (!store->depths)
         HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_DATASET,
                       "%s holds no folder named z<distance>mm; a data set looks like %s/z100mm/raw/NAME.tif and "
-                      "%s/z100mm/scene/NAME.tif",
+                      "%s/z100mm/scene/NAME.tif, and without z100mm where there is one depth",
                       folder, folder, folder));
     qsort(store->depth, (size_t)store->depths, sizeof *store->depth, by_distance);
 done:
@@ -186,8 +181,9 @@ static hada_status check(const hada_pair_store *store, int skip_incomplete, hada
             return hada_fail(err, HADA_ERROR_DATASET,
                              "%s holds no pair of raw/NAME.tif and scene/NAME.tif; add some or move the folder away",
                              depth->folder);
-        if (depth->distance_mm == 0.0)
-            return hada_fail(err, HADA_ERROR_DATASET, "%s: a distance of 0 mm is not possible; it must be above 0",
+        if (depth->distance_mm == 0.0 && store->depths > 1)
+            return hada_fail(err, HADA_ERROR_DATASET,
+                             "%s: among several depths every distance must be known; name the folder by it, above 0 mm",
                              depth->folder);
         if (z && depth->distance_mm <= store->depth[z - 1].distance_mm)
             return hada_fail(err, HADA_ERROR_DATASET, "%s and %s have the same distance", store->depth[z - 1].folder,

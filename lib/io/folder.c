@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "core/outfile.h"
+#include "io/text.h"
 
 hada_status hada_path_kind(const char *path, hada_stands *out, hada_error *err)
 {
@@ -88,6 +89,18 @@ size_t hada_name_stem(const char *name)
 {
     const char *dot = strrchr(name, '.');
     return dot && dot > name ? (size_t)(dot - name) : strlen(name);
+}
+
+double hada_name_distance(const char *name, const char **rest)
+{
+    const char *end;
+    if (name[0] != 'z' || name[1] < '0' || name[1] > '9')
+        return -1.0;
+    const double distance = hada_text_number(name + 1, &end);
+    if (strncmp(end, "mm", 2) || !isfinite(distance))
+        return -1.0;
+    *rest = end + 2;
+    return distance;
 }
 
 hada_status hada_path_stem(char **out, const char *path, hada_error *err)

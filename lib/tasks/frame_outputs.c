@@ -6,6 +6,7 @@
 
 #include "io/folder.h"
 #include "io/tiff_write.h"
+#include "model/model.h"
 
 static const char *const endings[HADA_OUTPUT_FILES] = {"stack.tif", "aif.tif", "depth.tif", "preview.png",
                                                        "confidence.tif"};
@@ -19,16 +20,23 @@ static void choose_encoding(hada_outputs *out, const hada_files_task *task, doub
     out->convert = gamma == 1.0 && out->encoding != HADA_RESPONSE_LINEAR;
 }
 
+/* Whether it is written at all: a camera of one depth whose distance is not known says no distances. */
+static int is_written(const hada_files_task *task, const hada_model_info *model, int which)
+{
+    return which == HADA_OUTPUT_PREVIEW        ? task->preview && hada_pictures_available()
+           : which == HADA_OUTPUT_DISTANCE_MAP ? !hada_distance_is_unknown(model)
+                                               : 1;
+}
+
 hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, const char *name,
                                const hada_model_info *model, double gamma, int frames, hada_error *err)
 {
     const char *slash = strrchr(model->name, '/');
-    const int preview = task->preview && hada_pictures_available();
     *out = (hada_outputs){
         .frames = frames, .bits = task->bits, .white = task->white, .scene_response = model->scene_response};
     choose_encoding(out, task, gamma);
     for (int k = 0; k < HADA_OUTPUT_FILES; k++)
-        if (k != HADA_OUTPUT_PREVIEW || preview)
+        if (is_written(task, model, k))
             HADA_TRY(hada_path_format(&out->path[k], err, "%s/%s_%s", task->output, name, endings[k]));
     return hada_path_format(&out->title, err, "%s, %s", name, slash ? slash + 1 : model->name);
 }
@@ -48,7 +56,7 @@ static hada_status open_writer(hada_outputs *out, int which, const hada_image *f
     if (which == HADA_OUTPUT_STACK) {
         options.layout = HADA_TIFF_HYPERSTACK;
         options.slices = result->depths;
-        options.distances_mm = result->distances_mm;
+        options.distances_mm = result->distances_mm[0] > 0.0 ? result->distances_mm : NULL;
     }
     if (which == HADA_OUTPUT_DISTANCE_MAP) {
         options.description = "unit=millimetre\n";
@@ -88,7 +96,8 @@ static hada_status open_all(hada_outputs *out, const hada_pixels *raw, const had
 {
     HADA_TRY(open_writer(out, HADA_OUTPUT_STACK, &result->planes[0], result, err));
     HADA_TRY(open_writer(out, HADA_OUTPUT_ALL_IN_FOCUS, &result->all_in_focus, result, err));
-    HADA_TRY(open_writer(out, HADA_OUTPUT_DISTANCE_MAP, &result->distance_map, result, err));
+    if (out->path[HADA_OUTPUT_DISTANCE_MAP])
+        HADA_TRY(open_writer(out, HADA_OUTPUT_DISTANCE_MAP, &result->distance_map, result, err));
     if (hada_result_confidence(result))
         HADA_TRY(open_writer(out, HADA_OUTPUT_CONFIDENCE, &result->distance_map, result, err));
     out->has_confidence = out->writer[HADA_OUTPUT_CONFIDENCE] != NULL;
@@ -122,7 +131,8 @@ hada_status hada_outputs_add(hada_outputs *out, const hada_pixels *raw, const ha
     for (int z = 0; z < result->depths; z++)
         HADA_TRY(write_light(out, HADA_OUTPUT_STACK, &result->planes[z], err));
     HADA_TRY(write_light(out, HADA_OUTPUT_ALL_IN_FOCUS, &result->all_in_focus, err));
-    HADA_TRY(hada_tiff_write(out->writer[HADA_OUTPUT_DISTANCE_MAP], &result->distance_map, err));
+    if (out->writer[HADA_OUTPUT_DISTANCE_MAP])
+        HADA_TRY(hada_tiff_write(out->writer[HADA_OUTPUT_DISTANCE_MAP], &result->distance_map, err));
     if (out->writer[HADA_OUTPUT_CONFIDENCE])
         HADA_TRY(write_confidence(out, result, err));
     return HADA_OK;
@@ -140,17 +150,19 @@ hada_status hada_outputs_finish(hada_outputs *out, hada_error *err)
         unlink(out->path[HADA_OUTPUT_CONFIDENCE]); /* of a run before */
 done:
     for (int k = next + 1; status && k < HADA_OUTPUT_FILES; k++)
-        if (k != HADA_OUTPUT_PREVIEW)
+        if (k != HADA_OUTPUT_PREVIEW && out->path[k])
             unlink(out->path[k]);
     return status;
 }
 
-int hada_outputs_are_there(const hada_files_task *task, const char *name)
+int hada_outputs_are_there(const hada_files_task *task, const hada_model_info *model, const char *name)
 {
     static const hada_output needed[] = {HADA_OUTPUT_STACK, HADA_OUTPUT_ALL_IN_FOCUS, HADA_OUTPUT_DISTANCE_MAP};
     int there = 1;
     for (size_t k = 0; there && k < sizeof needed / sizeof *needed; k++) {
         char *path = NULL;
+        if (!is_written(task, model, (int)needed[k]))
+            continue;
         there = !hada_path_format(&path, NULL, "%s/%s_%s", task->output, name, endings[needed[k]]) &&
                 hada_path_is_file(path);
         free(path);

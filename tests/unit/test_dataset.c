@@ -195,6 +195,20 @@ TEST(folders_that_are_none_are_refused)
     REFUSED(1, HADA_ERROR_DATASET, "z0mm", "above 0");
 }
 
+/* Of one depth the distance need not be known. */
+TEST(one_depth_may_be_at_an_unknown_distance)
+{
+    for (int i = 0; i < 2; i++) {
+        SCOPED(hada_dataset) * data;
+        snprintf(set, sizeof set, "%s/unknown%d", root, i);
+        put_pair(i ? "z0mm" : ".", "a", 1);
+        ASSERT_OK(hada_dataset_scan(&data, set, NULL, err));
+        assert_int_equal(hada_dataset_get_info(data)->depths, 1);
+        assert_true(hada_dataset_get_info(data)->distances_mm[0] == 0.0);
+    }
+    snprintf(set, sizeof set, "%s/set", root);
+}
+
 TEST(two_parts_have_every_pair_once)
 {
     static const struct {

@@ -86,8 +86,8 @@ static void frame_words(const hada_result *result, char *text, size_t size)
         hada_cli_append(text, size, "all %d depths", count);
     } else if (count > 8) {
         hada_cli_append(text, size, "%d of %d depths", count, result->depths);
-    } else if (!count) {
-        hada_cli_append(text, size, "no depth occupied");
+    } else if (!count || !result->distances_mm[0]) {
+        hada_cli_append(text, size, count ? "one depth" : "no depth occupied");
     } else {
         for (int z = 0; z < result->depths; z++)
             if (report->occupied[z]) {

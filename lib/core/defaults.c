@@ -53,6 +53,7 @@ static const hada_psf_options psf_options = {.size = sizeof(hada_psf_options),
                                              .boundary = HADA_BOUNDARY_PADDED,
                                              .lambda = HADA_AUTO,
                                              .psf_dark = HADA_AUTO,
+                                             .psf_gate = HADA_AUTO,
                                              .refine_steps = HADA_AUTO};
 static const hada_unet_options unet_options = {.size = sizeof(hada_unet_options),
                                                .channels = 3,

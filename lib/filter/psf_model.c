@@ -1,4 +1,5 @@
 /* Models from point spread functions: transfer functions, matched and Wiener filters. */
+#include <hadalens/scene.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,7 +8,8 @@
 #include "core/callers.h"
 #include "filter/bank.h"
 #include "filter/hadamard.h"
-#include "image/statistics.h"
+#include "filter/psf.h"
+#include "image/pixels.h"
 
 /* Chosen on simulated frames with 1 % noise (circular) and on a real caustic PSF whose frame is cropped (padded), where
  * the light that left the frame counts as noise: docs/explanation/learning-a-camera.md. */
@@ -17,17 +19,11 @@ typedef struct choice {
 } choice;
 static const choice for_circular = {0.2, 3e-3, 12}, for_padded = {2.0, 1e-3, 20};
 
-/* The background of each channel, and the brightness of all that lies above. */
-static double measure(const hada_image *psf, double dark, double *background, float *room)
+static double total_light(const hada_image *psf)
 {
-    const size_t pixels = (size_t)psf->rows * (size_t)psf->cols;
     double total = 0.0;
-    for (int c = 0; c < psf->channels; c++) {
-        const float *from = psf->data + (size_t)c * pixels;
-        background[c] = dark < 0.0 ? hada_dark_estimate(from, pixels, room) : dark;
-        for (size_t i = 0; i < pixels; i++)
-            total += fmax((double)from[i] - background[c], 0.0);
-    }
+    for (size_t i = 0; i < hada_image_count(psf); i++)
+        total += psf->data[i];
     return total;
 }
 
@@ -37,10 +33,38 @@ static int on_grid(int from_axis, int turned, int grid)
     return (grid + (turned ? -from_axis : from_axis)) % grid;
 }
 
-/* A channel of a PSF onto the grid: background off, times `scale`, axis at the origin. Returns the sum of squares,
- * which is the mean of |OTF|^2. */
-static double place(const hada_image *psf, const hada_model_info *info, hada_turn turn, int channel, double background,
-                    double scale, float *grid)
+hada_status hada_psf_reach(hada_image *out, const hada_image *psf, const hada_model_info *info, hada_error *err)
+{
+    const int rows = psf->rows < info->grid_rows ? psf->rows : info->grid_rows;
+    const int cols = psf->cols < info->grid_cols ? psf->cols : info->grid_cols;
+    return hada_image_crop(out, psf, psf->rows / 2 - rows / 2, psf->cols / 2 - cols / 2, rows, cols, err);
+}
+
+/* A copy, cleaned, of what the grid can hold. */
+static hada_status take(hada_image *out, const hada_image *psf, const hada_psf_options *options,
+                        const hada_model_info *info, int depth, hada_error *err)
+{
+    hada_image whole = {0};
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_image_copy(&whole, psf, err));
+    HADA_TRY_OR_DONE(hada_psf_clean(&whole, options, NULL, err));
+    if (whole.rows > info->grid_rows || whole.cols > info->grid_cols) {
+        HADA_TRY_OR_DONE(hada_psf_reach(out, &whole, info, err));
+    } else {
+        *out = whole;
+        whole = (hada_image){0};
+    }
+done:
+    hada_image_destroy(&whole);
+    if (status)
+        hada_error_prefix(err, "depth %d: ", depth);
+    return status;
+}
+
+/* A channel of a PSF onto the grid, which is as large at least: times `scale`, axis at the origin. Returns the sum of
+ * squares, which is the mean of |OTF|^2. */
+static double place(const hada_image *psf, const hada_model_info *info, hada_turn turn, int channel, double scale,
+                    float *grid)
 {
     const float *from = psf->data + (size_t)channel * (size_t)psf->rows * (size_t)psf->cols;
     double square = 0.0;
@@ -49,9 +73,8 @@ static double place(const hada_image *psf, const hada_model_info *info, hada_tur
         float *to = grid + (size_t)on_grid(row - psf->rows / 2, (turn & HADA_TURN_FLIP) != 0, info->grid_rows) *
                                (size_t)info->grid_cols;
         for (int col = 0; col < psf->cols; col++) {
-            const double value = fmax((double)from[(size_t)row * (size_t)psf->cols + (size_t)col] - background, 0.0);
-            to[on_grid(col - psf->cols / 2, (turn & HADA_TURN_MIRROR) != 0, info->grid_cols)] =
-                (float)((double)(float)value * scale);
+            const double value = from[(size_t)row * (size_t)psf->cols + (size_t)col];
+            to[on_grid(col - psf->cols / 2, (turn & HADA_TURN_MIRROR) != 0, info->grid_cols)] = (float)(value * scale);
             square += value * value;
         }
     }
@@ -78,8 +101,8 @@ typedef struct psf_work {
     hada_slot *slot;
     hada_fft *fft;
     hada_buffer real, spectrum;
-    float *room; /* for the background's estimate, then a channel on the grid, then its spectrum */
-    double *background;
+    float *room;      /* for a channel on the grid, then its spectrum */
+    hada_image clean; /* the PSF in hand, as far as the grid reaches */
 } psf_work;
 
 static hada_status work_create(psf_work *work, hada_context *context, const hada_model_info *info, hada_error *err)
@@ -98,10 +121,8 @@ static hada_status work_create(psf_work *work, hada_context *context, const hada
     const size_t values = 2 * hada_fft_plan_layout(work->fft)->count;
     HADA_TRY(hada_buffer_create(&work->real, context, area * 4, "a point spread function", err));
     HADA_TRY(hada_buffer_create(&work->spectrum, context, values * 4, "a transfer function", err));
-    HADA_TRY(
-        hada_allocated(work->room = hada_alloc_raw(values > area ? values : area, 4, "a point spread function", err)));
-    return hada_allocated(work->background =
-                              hada_alloc((size_t)info->channels, sizeof(double), "a point spread function", err));
+    return hada_allocated(work->room =
+                              hada_alloc_raw(values > area ? values : area, 4, "a point spread function", err));
 }
 
 static void work_destroy(psf_work *work)
@@ -112,7 +133,7 @@ static void work_destroy(psf_work *work)
     hada_buffer_destroy(&work->real);
     hada_buffer_destroy(&work->spectrum);
     free(work->room);
-    free(work->background);
+    hada_image_destroy(&work->clean);
     hada_slot_destroy(&work->slot);
 }
 
@@ -123,16 +144,18 @@ static hada_status transform_depth(psf_work *work, hada_model *model, const hada
     const hada_model_info *info = &model->info;
     const hada_spectrum_layout *layout = hada_fft_plan_layout(work->fft);
     const size_t plane = hada_model_plane(model), area = (size_t)info->grid_rows * (size_t)info->grid_cols;
-    const double total = measure(psf, options->psf_dark, work->background, work->room);
-    if (!(total > 0.0))
+    hada_image_destroy(&work->clean);
+    HADA_TRY(take(&work->clean, psf, options, info, depth, err));
+    const double light = total_light(&work->clean);
+    if (!(light > 0.0))
         return hada_fail(err, HADA_ERROR_NUMERIC,
-                         "the point spread function of depth %d is dark everywhere once its background is taken off; "
-                         "check the file, or give its dark level",
-                         depth);
-    const double scale = psf->channels / total;
+                         "depth %d: no light of the point spread function is near its middle, where the optical axis "
+                         "is; check that it belongs to frames of %d x %d",
+                         depth, info->raw_rows, info->raw_cols);
+    const double scale = psf->channels / light;
     for (int c = 0; c < info->channels; c++) {
         const size_t image = (size_t)depth * (size_t)info->channels + (size_t)c;
-        square[image] = place(psf, info, options->turn, c, work->background[c], scale, work->room);
+        square[image] = place(&work->clean, info, options->turn, c, scale, work->room);
         HADA_TRY(hada_buffer_write(&work->real, work->slot, 0, work->room, area * 4, err));
         HADA_TRY(hada_fft_forward(work->fft, 1, work->real.mem, 0, work->spectrum.mem, 0, err));
         HADA_TRY(hada_buffer_read(&work->spectrum, work->slot, 0, work->room, layout->count * 8, err));
@@ -189,10 +212,11 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
                       "split, fit from pairs"));
     if (!isfinite(options->lambda) || (options->lambda <= 0.0 && options->lambda != HADA_AUTO) ||
         !isfinite(options->refine_tv) || (options->refine_tv < 0.0 && options->refine_tv != HADA_AUTO) ||
-        !isfinite(options->dark) || !isfinite(options->psf_dark))
-        HADA_TRY_OR_DONE(
-            hada_fail(err, HADA_ERROR_ARGUMENT,
-                      "lambda, refine_tv and dark levels must be finite, lambda above 0 and refine_tv not negative"));
+        !isfinite(options->dark) || !isfinite(options->psf_dark) || !isfinite(options->psf_gate) ||
+        options->psf_taper < 0)
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT,
+                                   "lambda, refine_tv, psf_gate and dark levels must be finite, lambda above 0, "
+                                   "refine_tv and psf_taper not negative"));
     if ((int)options->turn < HADA_TURN_NONE || options->turn > HADA_TURN_180)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "there is no turn %d (hada_turn)", (int)options->turn));
     HADA_TRY_OR_DONE(check_psfs(psfs, depths, err));
@@ -211,8 +235,9 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
                             .distances_mm = distances_mm};
     if (info.form == HADA_FORM_MATCHED)
         info.lambda = 0.0;
-    HADA_TRY_OR_DONE(
-        hada_model_set_sizes(&info, psfs->rows, psfs->cols, options->window_rows, options->window_cols, err));
+    HADA_TRY_OR_DONE(hada_model_set_sizes(&info, options->frame_rows ? options->frame_rows : psfs->rows,
+                                          options->frame_cols ? options->frame_cols : psfs->cols, options->window_rows,
+                                          options->window_cols, err));
     HADA_TRY_OR_DONE(hada_model_create(out, &info, 0, err));
     const size_t images = (size_t)depths * (size_t)info.channels, plane = hada_model_plane(*out);
     HADA_TRY_OR_DONE(hada_allocated(square = hada_alloc(images, sizeof *square, "point spread functions", err)));

@@ -51,6 +51,9 @@ size_t hada_image_count_not_finite(const hada_image *image)
     return hada_not_finite(image->data, hada_image_count(image), &largest);
 }
 
+/* Of a resampled image: spots of 1.1 pixels (standard deviation) change by less than 2 % (test_psf). */
+enum { LOBES = 5 };
+
 /* How an output line gathers input lines: `first` .. `first + count - 1` with weights that sum to 1. */
 typedef struct gather {
     int *first, *count;
@@ -63,21 +66,19 @@ static void gather_free(gather *g)
     HADA_FREE(g->first, g->count, g->weight);
 }
 
+static hada_status gather_create(gather *g, int out, int most, hada_error *err)
+{
+    *g = (gather){.most = most};
+    HADA_TRY(hada_allocated(g->first = hada_alloc((size_t)out, sizeof *g->first, "a resize", err)));
+    HADA_TRY(hada_allocated(g->count = hada_alloc((size_t)out, sizeof *g->count, "a resize", err)));
+    return hada_allocated(g->weight = hada_alloc((size_t)out * (size_t)most, sizeof *g->weight, "a resize", err));
+}
+
 /* Shrinking: the share of each input pixel in the output pixel's area. Growing: the two nearest centres. */
 static hada_status gather_make(gather *g, int in, int out, hada_error *err)
 {
-    *g = (gather){.most = in > out ? in / out + 3 : 2};
     const double ratio = (double)in / out;
-    void *first = NULL, *count = NULL, *weight = NULL;
-    hada_status status;
-    if ((status = hada_allocated(first = hada_alloc((size_t)out, sizeof(int), "a resize", err))) ||
-        (status = hada_allocated(count = hada_alloc((size_t)out, sizeof(int), "a resize", err))) ||
-        (status =
-             hada_allocated(weight = hada_alloc((size_t)out * (size_t)g->most, sizeof(double), "a resize", err)))) {
-        HADA_FREE(first, count);
-        return status;
-    }
-    g->first = first, g->count = count, g->weight = weight;
+    HADA_TRY(gather_create(g, out, in > out ? in / out + 3 : 2, err));
     for (int i = 0; i < out; i++) {
         double *w = g->weight + (size_t)i * (size_t)g->most;
         if (in > out) {
@@ -99,23 +100,14 @@ static hada_status gather_make(gather *g, int in, int out, hada_error *err)
     return HADA_OK;
 }
 
-/* The rectangle (row0, col0, rows x cols) of an image, scaled to out_rows x out_cols. */
-static hada_status scale(hada_image *out, const hada_image *image, int row0, int col0, int rows, int cols, int out_rows,
-                         int out_cols, hada_error *err)
+/* The rectangle (row0, col0, rows x ...) of an image, by tables, to out_rows x out_cols. */
+static hada_status apply(hada_image *out, const hada_image *image, int row0, int col0, int rows, int out_rows,
+                         int out_cols, gather down, gather across, hada_error *err)
 {
-    *out = (hada_image){0};
-    gather down = {0}, across = {0};
-    void *lines = NULL;
-    hada_status status;
-    if (out_rows < 1 || out_cols < 1)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "an image of %d x %d is not possible", out_rows, out_cols);
-    if ((status = gather_make(&down, rows, out_rows, err)) || (status = gather_make(&across, cols, out_cols, err)) ||
-        (status =
-             hada_allocated(lines = hada_alloc((size_t)rows * (size_t)out_cols, sizeof(double), "a resize", err))) ||
-        (status = hada_image_create(out, image->channels, out_rows, out_cols, err)))
-        goto done;
-    double *narrow = lines;
-    for (int c = 0; c < image->channels; c++) {
+    double *narrow;
+    HADA_TRY(hada_allocated(narrow = hada_alloc((size_t)rows * (size_t)out_cols, sizeof *narrow, "a resize", err)));
+    const hada_status status = hada_image_create(out, image->channels, out_rows, out_cols, err);
+    for (int c = 0; c < out->channels; c++) {
         for (int r = 0; r < rows; r++) {
             const float *in =
                 image->data + ((size_t)c * (size_t)image->rows + (size_t)(row0 + r)) * (size_t)image->cols;
@@ -138,10 +130,70 @@ static hada_status scale(hada_image *out, const hada_image *image, int row0, int
             }
         }
     }
+    free(narrow);
+    return status;
+}
+
+/* The rectangle (row0, col0, rows x cols) of an image, scaled to out_rows x out_cols. */
+static hada_status scale(hada_image *out, const hada_image *image, int row0, int col0, int rows, int cols, int out_rows,
+                         int out_cols, hada_error *err)
+{
+    gather down = {0}, across = {0};
+    hada_status status = HADA_OK;
+    *out = (hada_image){0};
+    if (out_rows < 1 || out_cols < 1)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "an image of %d x %d is not possible", out_rows, out_cols);
+    HADA_TRY_OR_DONE(gather_make(&down, rows, out_rows, err));
+    HADA_TRY_OR_DONE(gather_make(&across, cols, out_cols, err));
+    HADA_TRY_OR_DONE(apply(out, image, row0, col0, rows, out_rows, out_cols, down, across, err));
 done:
     gather_free(&down);
     gather_free(&across);
-    free(lines);
+    return status;
+}
+
+/* Samples of the sine cardinal, under one of LOBES times its width (C. E. Duchon, Journal of Applied Meteorology 18(8),
+ * 1016 (1979)). */
+static double lanczos(double x)
+{
+    const double pi = 3.14159265358979323846;
+    return fabs(x) < 1e-9 ? 1.0 : LOBES * sin(pi * x) * sin(pi * x / LOBES) / (pi * pi * x * x);
+}
+
+/* Line i of the output reads at (i - out/2 - place) / scale + in/2. Shrinking leaves out what the output cannot hold.
+ * Light beyond the input is 0; 1 / scale of the light stays in each line, so that its sum does. */
+static hada_status gather_magnified(gather *g, int in, int out, double scale, double place, hada_error *err)
+{
+    const double wide = fmax(1.0, 1.0 / scale);
+    HADA_TRY(gather_create(g, out, 2 * (int)ceil(LOBES * wide) + 1, err));
+    for (int i = 0; i < out; i++) {
+        const double at = (i - out / 2 - place) / scale + in / 2;
+        const double low = ceil(at - LOBES * wide), high = floor(at + LOBES * wide);
+        double *w = g->weight + (size_t)i * (size_t)g->most, sum = 0.0;
+        if (high < 0.0 || low > in - 1.0)
+            continue;
+        for (double k = low; k <= high; k++)
+            sum += lanczos((k - at) / wide);
+        g->first[i] = (int)fmax(low, 0.0);
+        g->count[i] = (int)fmin(high, in - 1.0) - g->first[i] + 1;
+        for (int k = 0; k < g->count[i]; k++)
+            w[k] = lanczos((g->first[i] + k - at) / wide) / (sum * scale);
+    }
+    return HADA_OK;
+}
+
+hada_status hada_image_magnify(hada_image *out, const hada_image *image, double scale, double row, double col, int rows,
+                               int cols, hada_error *err)
+{
+    gather down = {0}, across = {0};
+    hada_status status = HADA_OK;
+    *out = (hada_image){0};
+    HADA_TRY_OR_DONE(gather_magnified(&down, image->rows, rows, scale, row, err));
+    HADA_TRY_OR_DONE(gather_magnified(&across, image->cols, cols, scale, col, err));
+    HADA_TRY_OR_DONE(apply(out, image, 0, 0, image->rows, rows, cols, down, across, err));
+done:
+    gather_free(&down);
+    gather_free(&across);
     return status;
 }
 

@@ -40,6 +40,11 @@ int hada_pixels_uploads(const hada_pixels *pixels);
 /* Creates the image where it is empty or has another shape; what it held is undefined then. */
 hada_status hada_image_ensure(hada_image *image, int channels, int rows, int cols, hada_error *err);
 
+/* An image magnified about its axis, pixel (rows / 2, cols / 2), and moved by row and col: out(x) = image((x - place) /
+ * scale) / scale^2 with x from either's axis. The light stays. Created by the call. */
+hada_status hada_image_magnify(hada_image *out, const hada_image *image, double scale, double row, double col, int rows,
+                               int cols, hada_error *err);
+
 /* A copy; what *out held before is not freed. */
 hada_status hada_image_copy(hada_image *out, const hada_image *image, hada_error *err);
 

@@ -32,10 +32,12 @@ hada_status hada_frame_check_size(const hada_model_info *info, hada_mosaic mosai
             "the frame has one channel, and the model %s is for colours: if the sensor has a colour filter "
             "mosaic, name its pattern with --bayer, such as --bayer rggb",
             info->name);
-    return hada_fail(err, HADA_ERROR_MODEL,
-                     "the frame has %d channel(s) of %d x %d pixels; the model %s is for %d channel(s) of %d x %d: use "
-                     "the model of this camera, or make one with fit",
-                     channels, rows, cols, info->name, info->channels, info->raw_rows, info->raw_cols);
+    return hada_fail(
+        err, HADA_ERROR_MODEL,
+        "the frame has %d channel(s) of %d x %d pixels; the model %s is for %d channel(s) of %d x %d: use "
+        "the model of this camera, or make one with fit (from a PSF of another size or in grey: fit --psf PSF "
+        "--frame FRAME)",
+        channels, rows, cols, info->name, info->channels, info->raw_rows, info->raw_cols);
 }
 
 /* The square of a spectrum's largest value, `points` times the brightest pixel, stays a factor 4 below the largest

@@ -1,73 +1,453 @@
-/* A camera from its point spread functions. */
+/* A camera from its point spread functions: finds and reads them, and says what is wrong with them. */
+#include <dirent.h>
+#include <errno.h>
 #include <hadalens/task_fit.h>
 #include <hadalens/tiff.h>
 
 #include "core/callers.h"
+#include "core/input.h"
+#include "filter/psf.h"
+#include "fit/psf_depths.h"
+#include "image/mosaic.h"
 #include "io/folder.h"
+#include "io/text.h"
 #include "io/tiff_page.h"
+#include "model/model.h"
 #include "tasks/fit_steps.h"
 
-/* The pages of a file and their distances. */
-typedef struct pages {
+/* Bytes of a list of distances. */
+#define LIST_BYTES ((size_t)1 << 16)
+/* Notes appear where more than this share of the light is cut off, and where a pixel at the border has more than this
+ * share of a mean one's: where light ends at the border for good it has less than a hundredth. */
+#define LOST   0.005
+#define BORDER 0.1
+
+typedef struct capture {
+    char *path;
+    double distance; /* below 0: its name says none */
+} capture;
+
+typedef struct psfs {
+    const hada_psf_task *task;
+    const char *path;
+    hada_psf_options options;
+    int grey, colour; /* what a frame says of channels */
+    int spread;       /* a grey one became one of three channels */
+    int filled;       /* a mosaic became three channels */
+    capture *capture;
+    int captures, stack; /* stack: one file, whose pages are depths */
     int count;
     hada_image *image;
     double *distances_mm;
-} pages;
+    double *list; /* of the file beside */
+    int listed;
+} psfs;
 
-static hada_status find_distances(pages *of, hada_tiff_reader *reader, const char *path, const hada_psf_task *task,
-                                  hada_error *err)
+static hada_status add_capture(psfs *of, double distance, const char *folder, const char *name, hada_error *err)
 {
-    const size_t count = (size_t)of->count;
-    if (task->distances_mm && task->distances != of->count)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "options.distances names %d distance%s, but %s has %d page%s",
-                         task->distances, task->distances == 1 ? "" : "s", path, of->count, of->count == 1 ? "" : "s");
-    const hada_tiff_info *info = hada_tiff_get_info(reader);
-    const double *known = task->distances_mm             ? task->distances_mm
-                          : info->distances == of->count ? info->distances_mm
-                                                         : NULL;
-    if (known) {
-        memcpy(of->distances_mm, known, count * sizeof *of->distances_mm);
-        return HADA_OK;
-    }
-    return hada_fail(err, HADA_ERROR_ARGUMENT,
-                     "%s does not say at which %s its %d %s taken; add options.distances with %s in mm", path,
-                     of->count == 1 ? "distance" : "distances", of->count, of->count == 1 ? "page was" : "pages were",
-                     of->count == 1 ? "it" : "them");
-}
-
-/* A grey image becomes one of three equal channels. */
-static hada_status to_colour(hada_image *image, hada_error *err)
-{
-    const size_t area = hada_image_count(image);
-    hada_image colour = {0};
-    if (image->channels != 1)
-        return HADA_OK;
-    HADA_TRY(hada_image_create(&colour, 3, image->rows, image->cols, err));
-    for (size_t c = 0; c < 3; c++)
-        memcpy(colour.data + c * area, image->data, area * sizeof(float));
-    hada_image_destroy(image);
-    *image = colour;
+    capture *more = realloc(of->capture, (size_t)(of->captures + 1) * sizeof *more);
+    if (!more)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the names of point spread functions");
+    of->capture = more;
+    more += of->captures;
+    *more = (capture){.distance = distance};
+    HADA_TRY(hada_path_format(&more->path, err, folder ? "%s/%s" : "%s%s", folder ? folder : "", name));
+    of->captures++;
     return HADA_OK;
 }
 
-static hada_status read_pages(pages *of, const char *path, const hada_psf_task *task, hada_error *err)
+/* The pictures of a folder; distance below 0: what their names say. */
+static hada_status add_folder(psfs *of, double distance, const char *folder, hada_error *err)
+{
+    char **names;
+    int count;
+    const char *rest;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_folder_list_tiffs(folder, &names, &count, err));
+    for (int i = 0; i < count; i++)
+        HADA_TRY_OR_DONE(
+            add_capture(of, distance < 0.0 ? hada_name_distance(names[i], &rest) : distance, folder, names[i], err));
+done:
+    hada_names_free(&names, &count);
+    return status;
+}
+
+static hada_status add_depth_folders(psfs *of, const char *folder, hada_error *err)
+{
+    DIR *open = opendir(folder);
+    hada_status status = HADA_OK;
+    if (!open)
+        return hada_fail(err, HADA_ERROR_FILE_OPEN, "the folder %s cannot be read: %s", folder, strerror(errno));
+    for (const struct dirent *entry; (entry = readdir(open));) {
+        const char *rest;
+        const double distance = hada_name_distance(entry->d_name, &rest);
+        hada_path path;
+        if (distance < 0.0 || *rest)
+            continue;
+        HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/%s", folder, entry->d_name));
+        HADA_TRY_OR_DONE(add_folder(of, distance, path, err));
+    }
+done:
+    closedir(open);
+    return status;
+}
+
+static int by_distance(const void *a, const void *b)
+{
+    const capture *one = a, *two = b;
+    const int order = (one->distance > two->distance) - (one->distance < two->distance);
+    return order ? order : strcmp(one->path, two->path);
+}
+
+static hada_status find_captures(psfs *of, hada_error *err)
+{
+    const int folder = hada_path_is_folder(of->path);
+    if (folder) {
+        HADA_TRY(add_depth_folders(of, of->path, err));
+        if (!of->captures)
+            HADA_TRY(add_folder(of, -1.0, of->path, err));
+        if (!of->captures)
+            return hada_fail(err, HADA_ERROR_FILE_OPEN,
+                             "%s holds no pictures; put point spread functions there, or into folders of it that are "
+                             "named by their distance, such as %s/z100mm",
+                             of->path, of->path);
+    } else {
+        HADA_TRY(add_capture(of, -1.0, NULL, of->path, err));
+    }
+    for (int i = 0; i < of->task->more_count; i++)
+        HADA_TRY(add_capture(of, -1.0, NULL, of->task->more[i], err));
+    for (int i = 0; i < of->captures && !folder; i++) {
+        const char *slash = strrchr(of->capture[i].path, '/'), *rest;
+        of->capture[i].distance = hada_name_distance(slash ? slash + 1 : of->capture[i].path, &rest);
+    }
+    of->stack = !folder && of->captures == 1;
+    qsort(of->capture, (size_t)of->captures, sizeof *of->capture, by_distance);
+    if (of->capture[0].distance < 0.0 && of->capture[of->captures - 1].distance >= 0.0)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "%s does not say its distance, and %s does; name all of them so, or none", of->capture[0].path,
+                         of->capture[of->captures - 1].path);
+    return HADA_OK;
+}
+
+/* The list of distances beside, where there is one: numbers in millimetres, with blanks or commas between them. */
+static hada_status read_list(psfs *of, hada_error *err)
+{
+    hada_path path;
+    char *text = NULL;
+    size_t bytes;
+    int there, room = 0;
+    hada_status status = HADA_OK;
+    if (hada_path_is_folder(of->path))
+        HADA_TRY(hada_path_write(path, err, "%s/distances.txt", of->path));
+    else
+        HADA_TRY(hada_path_write(path, err, "%.*s.txt", (int)hada_name_stem(of->path), of->path));
+    HADA_TRY(hada_path_finds_file(path, &there, err));
+    if (!there)
+        return HADA_OK;
+    HADA_TRY_OR_DONE(hada_named(hada_input_read(&text, &bytes, path, LIST_BYTES, NULL, err), path, err));
+    room = (int)(bytes / 2 + 1);
+    HADA_TRY_OR_DONE(HADA_NEW(of->list, (size_t)room, "distances", err));
+    for (const char *at = text, *end;; at = end) {
+        at += strspn(at, " \t\r\n,;");
+        if (!*at)
+            break;
+        const double value = hada_text_number(at, &end);
+        if (end == at || !(value > (of->listed ? of->list[of->listed - 1] : 0.0)) || !isfinite(value))
+            HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                                       "%s: number %d is no distance; the file holds distances in mm, above 0, from "
+                                       "near to far",
+                                       path, of->listed + 1));
+        end += strncmp(end, "mm", 2) ? 0 : 2;
+        of->list[of->listed++] = value;
+    }
+done:
+    free(text);
+    return status;
+}
+
+/* Brings an image to the channels that the camera has. */
+static hada_status set_channels(psfs *of, hada_image *image, hada_error *err)
+{
+    const size_t area = (size_t)image->rows * (size_t)image->cols;
+    hada_image changed = {0};
+    if (image->channels == 1 && of->colour) {
+        HADA_TRY(hada_image_create(&changed, 3, image->rows, image->cols, err));
+        of->spread = 1;
+        for (size_t c = 0; c < 3; c++)
+            memcpy(changed.data + c * area, image->data, area * sizeof(float));
+    } else if (image->channels == 1 && of->options.mosaic) { /* of a camera with a mosaic, as it wrote it */
+        HADA_TRY(hada_mosaic_colours(of->options.mosaic, image, &changed, err));
+        of->filled = 1;
+    } else if (image->channels == 3 && of->grey) {
+        HADA_TRY(hada_image_create(&changed, 1, image->rows, image->cols, err));
+        for (size_t i = 0; i < 3 * area; i++)
+            changed.data[i % area] += image->data[i] / 3.0F;
+    } else {
+        return HADA_OK;
+    }
+    hada_image_destroy(image);
+    *image = changed;
+    return HADA_OK;
+}
+
+/* A page, into a depth of its own or added to one: *pages of it so far. */
+static hada_status add_page(psfs *of, hada_tiff_reader *reader, int page, const char *path, hada_image *depth,
+                            int *pages, hada_error *err)
+{
+    hada_image image = {0};
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_tiff_read_light(reader, page, of->task->frame_encoding, &image, err));
+    HADA_TRY_OR_DONE(set_channels(of, &image, err));
+    if (hada_image_count_not_finite(&image))
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_NOT_FINITE, "%s: page %d holds %zu NaN or infinite pixels", path,
+                                   page + 1, hada_image_count_not_finite(&image)));
+    if (of->image->data &&
+        (of->image->channels != image.channels || of->image->rows != image.rows || of->image->cols != image.cols))
+        HADA_TRY_OR_DONE(
+            hada_fail(err, HADA_ERROR_SIZE,
+                      "%s: page %d has %d channels, %d x %d; the point spread functions before it have %d, "
+                      "%d x %d, and all must be alike",
+                      path, page + 1, image.channels, image.rows, image.cols, of->image->channels, of->image->rows,
+                      of->image->cols));
+    if ((*pages)++) {
+        for (size_t i = 0; i < hada_image_count(depth); i++)
+            depth->data[i] += (image.data[i] - depth->data[i]) / (float)*pages;
+    } else {
+        *depth = image;
+        return HADA_OK;
+    }
+done:
+    hada_image_destroy(&image);
+    return status;
+}
+
+/* The pages of a file, each a depth. */
+static hada_status read_stack(psfs *of, hada_error *err)
 {
     hada_tiff_reader *reader = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_tiff_open(&reader, path, err));
+    HADA_TRY(hada_tiff_open(&reader, of->path, err));
     HADA_TRY_OR_DONE(hada_tiff_check_all(reader, err));
-    of->count = hada_tiff_get_info(reader)->frames;
-    HADA_TRY_OR_DONE(HADA_NEW(of->distances_mm, (size_t)of->count, "distances", err));
-    HADA_TRY_OR_DONE(HADA_NEW(of->image, (size_t)of->count, "point spread functions", err));
-    HADA_TRY_OR_DONE(find_distances(of, reader, path, task, err));
-    for (int z = 0; z < of->count; z++) {
-        HADA_TRY_OR_DONE(hada_tiff_read_light(reader, z, task->frame_encoding, &of->image[z], err));
-        if (task->colour)
-            HADA_TRY_OR_DONE(to_colour(&of->image[z], err));
+    const hada_tiff_info *info = hada_tiff_get_info(reader);
+    HADA_TRY_OR_DONE(HADA_NEW(of->image, (size_t)info->frames, "point spread functions", err));
+    HADA_TRY_OR_DONE(HADA_NEW(of->distances_mm, (size_t)info->frames, "distances", err));
+    for (; of->count < info->frames; of->count++) {
+        int pages = 0;
+        HADA_TRY_OR_DONE(add_page(of, reader, of->count, of->path, &of->image[of->count], &pages, err));
     }
+    if (info->distances == of->count)
+        memcpy(of->distances_mm, info->distances_mm, (size_t)of->count * sizeof *of->distances_mm);
+    else if (of->count == 1)
+        of->distances_mm[0] = fmax(of->capture[0].distance, 0.0);
 done:
     hada_tiff_close(&reader);
     return status;
+}
+
+/* Files, each the captures of one depth; `apart`: each of another. */
+static hada_status read_captures(psfs *of, int apart, hada_error *err)
+{
+    int pages = 0, files = 0;
+    HADA_TRY(HADA_NEW(of->image, (size_t)of->captures, "point spread functions", err));
+    HADA_TRY(HADA_NEW(of->distances_mm, (size_t)of->captures, "distances", err));
+    for (int i = 0; i < of->captures; i++) {
+        const capture *now = &of->capture[i];
+        hada_tiff_reader *reader = NULL;
+        if (!i || apart || now->distance > now[-1].distance) {
+            pages = files = 0;
+            of->distances_mm[of->count++] = fmax(now->distance, 0.0);
+        }
+        HADA_TRY(hada_tiff_open(&reader, now->path, err));
+        const int frames = hada_tiff_get_info(reader)->frames;
+        hada_status status = HADA_OK;
+        for (int page = 0; page < frames && !status; page++)
+            status = add_page(of, reader, page, now->path, &of->image[of->count - 1], &pages, err);
+        hada_tiff_close(&reader);
+        HADA_TRY(status);
+        files++;
+        if (pages > 1 && (i + 1 == of->captures || apart || now[1].distance > now->distance))
+            hada_monitor_tell(of->task->monitor, HADA_MESSAGE_INFO, "%s: %d captures of %d %s averaged", now->path,
+                              pages, files, files == 1 ? "file" : "files");
+    }
+    return HADA_OK;
+}
+
+/* What a frame of the camera says. */
+static hada_status ask_frame(psfs *of, hada_error *err)
+{
+    hada_tiff_reader *reader = NULL;
+    of->colour = of->task->colour;
+    if (!of->task->frame)
+        return HADA_OK;
+    HADA_TRY(hada_tiff_open(&reader, of->task->frame, err));
+    const hada_tiff_info *info = hada_tiff_get_info(reader);
+    of->options.frame_rows = info->rows;
+    of->options.frame_cols = info->cols;
+    if (info->mosaic && !of->options.mosaic)
+        of->options.mosaic = info->mosaic;
+    of->colour |= info->channels == 3;
+    of->grey = info->channels == 1 && !of->options.mosaic && !of->colour;
+    hada_tiff_close(&reader);
+    return HADA_OK;
+}
+
+static hada_status read_all(psfs *of, hada_error *err)
+{
+    const hada_psf_task *task = of->task;
+    const int law = task->mask_distance_mm > 0.0 || task->psf_distances_mm;
+    const double *given = law ? task->psf_distances_mm : task->distances_mm;
+    int number = law ? task->psf_distances : task->distances;
+    if (!(task->mask_distance_mm >= 0.0 && isfinite(task->mask_distance_mm)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "options.mask_distance is in mm and above 0, not %g",
+                         task->mask_distance_mm);
+    HADA_TRY(find_captures(of, err));
+    HADA_TRY(ask_frame(of, err));
+    if (!given && of->capture[0].distance < 0.0) {
+        HADA_TRY(read_list(of, err));
+        given = of->list;
+        number = of->listed;
+    }
+    number = given ? number : 0;
+    HADA_TRY(of->stack ? read_stack(of, err) : read_captures(of, number > 1 && of->capture[0].distance < 0.0, err));
+    if (of->filled)
+        hada_monitor_tell(task->monitor, HADA_MESSAGE_NOTE,
+                          "%s has one channel and is taken for a raw capture of the mosaic; if it is grey, add "
+                          "options.colour",
+                          of->path);
+    if (of->spread && !task->colour)
+        hada_monitor_tell(task->monitor, HADA_MESSAGE_NOTE,
+                          "%s: a grey one serves red, green and blue alike; where the optics place them differently, "
+                          "edges get coloured",
+                          of->path);
+    if (given && number != of->count)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "%s names %d distance%s, but %s has %d %s%s",
+                         of->list ? "the list beside it"
+                         : law    ? "options.psf_distance"
+                                  : "options.distances",
+                         number, number == 1 ? "" : "s", of->path, of->count, of->stack ? "page" : "depth",
+                         of->count == 1 ? "" : "s");
+    if (given)
+        memcpy(of->distances_mm, given, (size_t)number * sizeof *given);
+    if (of->count > 1 && of->distances_mm[0] <= 0.0)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "%s does not say at which distances its %d %s were taken; add options.distances with them in "
+                         "mm",
+                         of->path, of->count, of->stack ? "pages" : "depths");
+    return HADA_OK;
+}
+
+static hada_status tell_cleaned(const psfs *of, int z, const hada_psf_seen *seen, hada_error *err)
+{
+    hada_psf_shape shape;
+    char where[64] = "", like[64] = "";
+    HADA_TRY(hada_psf_measure(&shape, &of->image[z], z ? &of->image[z - 1] : NULL, err));
+    if (of->count > 1)
+        snprintf(where, sizeof where, ", depth %d", z + 1);
+    if (z)
+        snprintf(like, sizeof like, "; %.0f %% like the depth before", 100.0 * shape.alike);
+    hada_monitor_tell(of->task->monitor, z ? HADA_MESSAGE_DETAIL : HADA_MESSAGE_INFO,
+                      "%s%s: background %.4g taken off; noise is %.2g %% of the brightest pixel, and %.1f %% of the "
+                      "pixels, which are no brighter, are 0",
+                      of->path, where, seen->background, 100.0 * seen->noise / seen->peak, 100.0 * seen->dark);
+    hada_monitor_tell(
+        of->task->monitor, HADA_MESSAGE_DETAIL,
+        "%s%s: 99 %% of the light within %d x %d pixels; details of %.1f pixels, by its autocorrelation; a "
+        "pixel at the border has %.2g %% of a mean one's light%s",
+        of->path, where, shape.rows, shape.cols, shape.detail, 100.0 * seen->border, like);
+    return HADA_OK;
+}
+
+static hada_status clean(psfs *of, hada_error *err)
+{
+    double border = 0.0;
+    for (int z = 0; z < of->count; z++) {
+        hada_psf_seen seen;
+        HADA_TRY(hada_named(hada_psf_clean(&of->image[z], &of->options, &seen, err), of->path, err));
+        HADA_TRY(tell_cleaned(of, z, &seen, err));
+        border = fmax(border, seen.border);
+    }
+    if (border > BORDER && !of->options.psf_taper)
+        hada_monitor_tell(
+            of->task->monitor, HADA_MESSAGE_NOTE,
+            "%s: light reaches the borders, where a pixel has %.0f %% of a mean one's: what lies beyond is "
+            "missing, and the picture may have a bright cross or stripes. Take a picture that is larger "
+            "than a frame, or let it fade out with options.psf_taper",
+            of->path, 100.0 * border);
+    of->options.psf_dark = 0.0;
+    of->options.psf_taper = 0;
+    return HADA_OK;
+}
+
+/* Makes those of the wanted depths from those that were read. */
+static hada_status change_depths(psfs *of, hada_context *context, hada_error *err)
+{
+    const hada_psf_task *task = of->task;
+    const hada_psfs known = {of->image, of->distances_mm, of->count};
+    double mask = task->mask_distance_mm;
+    hada_image *image = NULL;
+    double *distances = NULL;
+    hada_status status = HADA_OK;
+    if (!(of->distances_mm[0] > 0.0))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "%s does not say at which distance it was taken; add options.psf_distance with it in mm",
+                         of->path);
+    if (!task->distances_mm)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "say with options.distances which depths shall be made from %s by the law of magnification",
+                         of->path);
+    if (!(mask > 0.0) && of->count == 1)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "one point spread function gives others with the mask's distance from the sensor; add "
+                         "options.mask_distance with it in mm, or a point spread function of another distance");
+    HADA_TRY_OR_DONE(HADA_NEW(image, (size_t)task->distances, "point spread functions", err));
+    HADA_TRY_OR_DONE(HADA_NEW(distances, (size_t)task->distances, "distances", err));
+    memcpy(distances, task->distances_mm, (size_t)task->distances * sizeof *distances);
+    for (int z = 0; z < task->distances; z++)
+        if (!(distances[z] > (z ? distances[z - 1] : 0.0)))
+            HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "options.distances are above 0, from near to far"));
+    HADA_TRY_OR_DONE(hada_psf_depths(image, distances, task->distances, &known, &mask, context, err));
+    hada_monitor_tell(task->monitor, HADA_MESSAGE_INFO, "%d depths by the law of magnification, 1 + %.4g mm / distance",
+                      task->distances, mask);
+done:
+    if (status) {
+        for (int z = 0; image && z < task->distances; z++)
+            hada_image_destroy(&image[z]);
+        HADA_FREE(image, distances);
+        return status;
+    }
+    if (!of->options.frame_rows) { /* magnified ones are larger than frames */
+        of->options.frame_rows = known.image->rows;
+        of->options.frame_cols = known.image->cols;
+    }
+    for (int z = 0; z < of->count; z++)
+        hada_image_destroy(&of->image[z]);
+    HADA_FREE(of->image, of->distances_mm);
+    of->image = image;
+    of->distances_mm = distances;
+    of->count = task->distances;
+    return HADA_OK;
+}
+
+/* Light that frames of the model's size never see. */
+static void tell_lost(const psfs *of, const hada_model_info *info)
+{
+    double light = 0.0, kept = 0.0;
+    for (int z = 0; z < of->count; z++) {
+        hada_image reach;
+        if (hada_psf_reach(&reach, &of->image[z], info, NULL))
+            return;
+        for (size_t i = 0; i < hada_image_count(&of->image[z]); i++)
+            light += of->image[z].data[i];
+        for (size_t i = 0; i < hada_image_count(&reach); i++)
+            kept += reach.data[i];
+        hada_image_destroy(&reach);
+    }
+    if (kept < (1.0 - LOST) * light)
+        hada_monitor_tell(
+            of->task->monitor, HADA_MESSAGE_NOTE,
+            "%s: %d x %d pixels are more than frames of %d x %d with this window can see; they were cropped "
+            "about the middle, where the optical axis is, and %.1f %% of the light with them",
+            of->path, of->image->rows, of->image->cols, info->raw_rows, info->raw_cols, 100.0 * (1.0 - kept / light));
 }
 
 hada_status hada_psf_run(hada_model **out, hada_context *context, const char *path, const hada_psf_task *callers,
@@ -75,21 +455,26 @@ hada_status hada_psf_run(hada_model **out, hada_context *context, const char *pa
 {
     HADA_NEED(out && context && path, err);
     hada_psf_task own, *task = &own;
-    pages of = {0};
+    psfs of = {.task = task, .path = path};
     hada_status status = HADA_OK;
     *out = NULL;
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(task, callers, hada_psf_task, err));
-    if (!path)
-        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "hada_psf_run: a file is needed"));
-    HADA_TRY_OR_DONE(read_pages(&of, path, task, err));
-    HADA_TRY_OR_DONE(
-        hada_named(hada_model_from_psf(out, context, of.image, of.count, of.distances_mm, task->psf, err), path, err));
+    HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&of.options, task->psf, hada_psf_options, err));
+    HADA_TRY_OR_DONE(read_all(&of, err));
+    HADA_TRY_OR_DONE(clean(&of, err));
+    if (task->mask_distance_mm > 0.0 || task->psf_distances_mm)
+        HADA_TRY_OR_DONE(change_depths(&of, context, err));
+    HADA_TRY_OR_DONE(hada_named(
+        hada_model_from_psf(out, context, of.image, of.count, of.distances_mm, &of.options, err), path, err));
+    tell_lost(&of, hada_model_get_info(*out));
     if (task->half)
         HADA_TRY_OR_DONE(hada_model_make_half(out, err));
 done:
     for (int z = 0; of.image && z < of.count; z++)
         hada_image_destroy(&of.image[z]);
-    HADA_FREE(of.image, of.distances_mm);
+    for (int i = 0; i < of.captures; i++)
+        free(of.capture[i].path);
+    HADA_FREE(of.image, of.distances_mm, of.capture, of.list);
     if (status)
         hada_model_destroy(out);
     return status;

@@ -51,9 +51,9 @@ expect 0 'circular' fit set -o found.model --refine 0 --outside 1 # nothing leav
 cmp -s found.model exact.model || fail 'the boundary that was found gave another model'
 expect 2 'at least 3' fit "$camera" -o x --boundary padded --crop-passes 2
 expect 2 '--crop-passes takes a whole number such as 8, or .auto' fit "$camera" -o x --crop-passes many
-expect 2 'belongs to pairs' fit --psf "$camera/psf.tif" -o x --crop-passes 0
+expect 2 'belong to pairs' fit --psf "$camera/psf.tif" -o x --crop-passes 0
 expect 2 '0.01 and 1' fit "$camera" -o x --outside 2
-expect 2 'belongs to pairs' fit --psf "$camera/psf.tif" -o x --outside 0.5
+expect 2 'belong to pairs' fit --psf "$camera/psf.tif" -o x --outside 0.5
 
 # Sums: the pairs in two parts, merged, give the filters of the whole.
 part() { # part KEEP: leaves in every folder what 'KEEP' of the sorted list leaves
@@ -99,7 +99,6 @@ expect 3 'nosuch.tif' fit set -o x --dark nosuch.tif
 expect 0 'wiener, padded' fit --psf "$camera/psf.tif" -o psf.model
 expect 0 'matched, circular' fit --psf "$camera/psf.tif" -o psf2.model --form matched --boundary circular --window 24x24
 "$FRAME_TOOL" flat plain.tif 32 32 1 0.5
-expect 2 'add --distances' fit --psf plain.tif -o x
 expect 2 'names 2 distances, but plain.tif has 1 page' fit --psf plain.tif --distances 100,200 -o x
 expect 2 "from near to far.*not '200,100'" fit --psf plain.tif --distances 200,100 -o x
 expect 3 'nosuch.tif' fit --psf nosuch.tif -o x
@@ -110,6 +109,70 @@ expect 0 '' fit --psf "$camera/psf.tif" -o turned.model --turn none
 cmp -s psf.model turned.model || fail '--turn none changed something'
 expect 2 '180' fit --psf "$camera/psf.tif" -o x --turn 90
 expect 2 '--turn turns the point spread functions' fit "$camera" -o x --turn 180
+
+# PSFs as people have them: one of an unknown distance, with noise and a background, of another size, several captures.
+"$FRAME_TOOL" spots spots.tif 64 80 9 1
+"$FRAME_TOOL" spots unlike.tif 64 80 9 2
+expect 0 'spots.tif: background 0.(1|0999).* noise is 0.1.*1 depth, 64x80 frames' fit --psf spots.tif -o spots.model
+expect 0 '1 depth, 90x100 frames' fit --psf spots.tif -o padded.model --frame 90x100 --window 24x24
+expect 0 '1 depth, 24x24 frames' fit --psf spots.tif -o cut.model --frame 24x24 --window 12x12
+grep -q 'spots.tif: 64 x 80 pixels are more than frames of 24 x 24.* % of the light' stderr || fail 'no word of lost light'
+expect 0 '1 depth, 64x80 frames' fit --psf spots.tif -o psf.model --frame "$camera/test/raw/test01.tif" --window 24x24
+expect 0 'a grey one serves red, green and blue alike' fit --psf spots.tif -o grey.model --frame "$camera/test/raw/test01.tif"
+expect 0 '' reconstruct "$camera/test/raw/test01.tif" -m psf.model -o psf
+grep -q 'distance is not known, so no distance map' stderr || fail 'no word of the unknown distance'
+lacks psf/test01_depth.tif
+has psf/test01_stack.tif
+expect 3 'nosuch.tif' fit --psf spots.tif -o x --frame nosuch.tif
+expect 0 'light reaches the borders, where a pixel has 100 %.*--psf-taper' fit --psf plain.tif -o flat.model --psf-dark 0.1
+expect 0 '' fit --psf plain.tif -o taper.model --psf-dark 0.1 --psf-taper 8
+grep -q 'light reaches' stdout stderr && fail 'a PSF that fades out reaches the borders'
+expect 7 'nothing of the point spread function is brighter.*--psf-dark' fit --psf plain.tif -o x
+mkdir -p psfs/z100mm psfs/z50mm files
+cp spots.tif psfs/z100mm/1.tif
+cp spots.tif psfs/z100mm/2.tif
+cp spots.tif psfs/z50mm
+expect 0 'z100mm/2.tif: 2 captures of 2 files averaged.*2 depths' fit --psf psfs -o two.model
+expect 0 '"distances_mm": \[ +50.0, +100.0 +\]' fit --psf psfs -o two.model --json
+cp spots.tif files/a.tif
+cp spots.tif files/b.tif
+expect 0 '2 captures of 2 files averaged.*1 depth' fit --psf files -o one.model
+expect 0 '2 captures of 2 files averaged.*1 depth' fit --psf files/a.tif files/b.tif -o same.model
+cmp -s one.model same.model || fail 'two files and their folder gave two models'
+cmp -s one.model spots.model || fail 'two equal captures gave another model than one'
+expect 0 '2 depths' fit --psf files --distances 50,100 -o list.model
+echo '50, 100mm' >files/distances.txt
+expect 0 '2 depths' fit --psf files -o beside.model
+cmp -s list.model beside.model || fail 'the list beside gave another model'
+echo '50 x' >files/distances.txt
+expect 3 'files/distances.txt: number 2 is no distance' fit --psf files -o x
+echo '50 60 70' >files/distances.txt
+expect 2 'the list beside it names 3 distances, but files has 2 depths' fit --psf files -o x
+cp plain.tif files/c.tif
+expect 4 'c.tif: page 1 has 1 channels, 32 x 32.*64 x 80.*alike' fit --psf files -o x
+mv files/c.tif files/z70mm.tif
+expect 2 'a.tif does not say its distance, and .*z70mm.tif does' fit --psf files -o x
+mkdir none
+expect 3 'none holds no pictures.*none/z100mm' fit --psf none -o x
+"$FRAME_TOOL" pages spots.tif stack.tif 2
+expect 2 'stack.tif does not say at which distances its 2 pages were taken; add --distances' fit --psf stack.tif -o x
+"$FRAME_TOOL" nan spots.tif holes.tif 5
+expect 4 'holes.tif: page 1 holds 5 NaN' fit --psf holes.tif -o x
+
+# Depths by the law of magnification.
+expect 0 '3 depths by the law of magnification, 1 . 3.7 mm / distance.*3 depths, 64x80 frames' \
+    fit --psf spots.tif --psf-distance 60 --distances 40,60,100 --mask-distance 3.7 -o law.model
+expect 2 'does not say at which distance it was taken; add --psf-distance' \
+    fit --psf spots.tif --distances 40,60,100 --mask-distance 3.7 -o x
+expect 2 'say with --distances which depths' fit --psf spots.tif --psf-distance 60 --mask-distance 3.7 -o x
+expect 2 'add --mask-distance' fit --psf spots.tif --psf-distance 60 --distances 40,60 -o x
+expect 0 '2 depths by the law of magnification, 1 . 2?[0-9.]* mm' \
+    fit --psf "$camera/psf.tif" --psf-distance 100,200,600 --distances 150,300 -o two.model
+expect 2 '--mask-distance is in mm and above 0, not -3' \
+    fit --psf spots.tif --psf-distance 60 --distances 70 --mask-distance -3 -o x
+expect 7 'do not become one another by magnification' fit --psf spots.tif unlike.tif --psf-distance 60,100 --distances 70 -o x
+expect 2 '--psf-distance names 2 distances, but spots.tif has 1 page' \
+    fit --psf spots.tif --psf-distance 60,80 --distances 70 -o x
 
 # Pairs that show nothing, or that do not belong together.
 flat() { find "set/$1" -name '*.tif' | while read -r file; do "$FRAME_TOOL" flat "$file" "$2" "$3" 3 "$4"; done; }
@@ -140,6 +203,19 @@ done
 expect 0 'the model is of no use: held-out scenes come out .* worse .*check that each frame' fit set -o no_use.model
 expect 0 '' simulate --preset sim300 --size 64x80 --window 24x24 --depths 3 --lenses 9 --pairs 5 --noise 100 --seed 5 -o noise
 expect 0 'the model is of no use' fit noise -o no_use.model
+
+# One depth at an unknown distance.
+mkdir unknown && cp -r "$camera/z100mm" unknown/z0mm
+expect 0 '1 depth' fit unknown -o unknown.model --no-leave-one-out --boundary circular
+expect 0 'scene0001: one depth; .*distance is not known' reconstruct "$camera/z100mm/raw/scene0001.tif" -m unknown.model -o unknown_out
+has unknown_out/scene0001_stack.tif
+lacks unknown_out/scene0001_depth.tif
+expect 0 'there already' reconstruct "$camera/z100mm/raw/scene0001.tif" -m unknown.model -o unknown_out --resume
+expect 2 'at least' reconstruct "$camera/z100mm/raw/scene0001.tif" -m unknown.model -o surface --scene surface
+expect 0 '1 depth' fit unknown/z0mm -o same.model --no-leave-one-out --boundary circular
+cmp -s unknown.model same.model || fail 'raw and scene without a folder of the depth gave another model'
+mkdir unknown/z50mm && cp -r "$camera"/z100mm/* unknown/z50mm
+expect 4 'z0mm: among several depths every distance must be known' fit unknown -o x
 
 # Data sets that are not in order.
 expect 3 'nosuch' fit nosuch -o x

@@ -2,6 +2,7 @@
  *   frame_tool nan IN OUT N          copy of IN's first frame with N pixels made NaN
  *   frame_tool pages IN OUT N        N pages, each IN's first frame
  *   frame_tool flat OUT H W CHANNELS VALUE
+ *   frame_tool spots OUT H W COUNT SEED   a point spread function: spots on a background of 0.1, noise of 0.001
  *   frame_tool offset IN OUT LEVEL   every page of IN plus LEVEL
  *   frame_tool enhance MODEL OUT     the model with a net (preset compact, random weights)
  *   frame_tool net OUT CHANNELS      a U-net of a few weights
@@ -66,6 +67,37 @@ static hada_status save_flat(char **argv, hada_error *err)
     hada_status status = hada_image_create(&image, atoi(argv[5]), atoi(argv[3]), atoi(argv[4]), err);
     for (size_t i = 0; !status && i < hada_image_count(&image); i++)
         image.data[i] = (float)atof(argv[6]);
+    if (!status)
+        status = hada_tiff_save(argv[2], &image, &options, err);
+    hada_image_destroy(&image);
+    return status;
+}
+
+static double next_random(unsigned long *state)
+{
+    *state = *state * 6364136223846793005UL + 1442695040888963407UL;
+    return (double)(*state >> 33) / 2147483648.0;
+}
+
+static hada_status save_spots(char **argv, hada_error *err)
+{
+    const int rows = atoi(argv[3]), cols = atoi(argv[4]);
+    unsigned long state = strtoul(argv[6], NULL, 10);
+    hada_image image = {0};
+    hada_tiff_write_options options;
+    hada_tiff_write_options_init(&options);
+    hada_status status = hada_image_create(&image, 1, rows, cols, err);
+    for (int i = 0; !status && i < rows * cols; i++) {
+        double normal = -6.0;
+        for (int k = 0; k < 12; k++)
+            normal += next_random(&state);
+        image.data[i] = (float)(0.1 + 0.001 * normal);
+    }
+    for (int s = 0; !status && s < atoi(argv[5]); s++) {
+        const double y = rows * (0.2 + 0.6 * next_random(&state)), x = cols * (0.2 + 0.6 * next_random(&state));
+        for (int i = 0; i < rows * cols; i++)
+            image.data[i] += (float)(0.8 * exp(-(pow(i / cols - y, 2) + pow(i % cols - x, 2)) / 2.0));
+    }
     if (!status)
         status = hada_tiff_save(argv[2], &image, &options, err);
     hada_image_destroy(&image);
@@ -193,6 +225,8 @@ int main(int argc, char **argv)
         status = save_net(argv[2], atoi(argv[3]), &err);
     else if (!strcmp(what, "flat") && argc == 7)
         status = save_flat(argv, &err);
+    else if (!strcmp(what, "spots") && argc == 7)
+        status = save_spots(argv, &err);
     else if (!strcmp(what, "enhance") && argc == 4)
         status = save_enhanced(argv[2], argv[3], &err);
     else if (!strcmp(what, "lpips") && argc == 3)

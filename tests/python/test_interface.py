@@ -147,7 +147,11 @@ def test_records_have_every_member(kind: type, struct: str, left_out: set[str]) 
             {"depths", "raw_rows", "raw_cols", "window_rows", "window_cols", "lambda"}
             | {"grid_rows", "grid_cols", "monitor", "communicator", "sums"},
         ),
-        (hadalens.Model.from_psf, "hada_psf_options", {"lambda", "window_rows", "window_cols"}),
+        (
+            hadalens.Model.from_psf,
+            "hada_psf_options",
+            {"lambda", "window_rows", "window_cols", "frame_rows", "frame_cols"},
+        ),
         (
             hadalens.Plan,
             "hada_plan_options",

@@ -111,18 +111,19 @@ hada_status hada_cli_read_distances(const char *option, const char *text, double
     const char *rest = text;
     char *end;
     *found = 0;
-    for (;;) {
+    while (rest) {
         double value = strtod(rest, &end);
         if (end == rest || !isfinite(value) || value <= 0 || *found == capacity ||
             (*found > 0 && value <= out[*found - 1]))
             break;
         out[(*found)++] = value;
         rest = end + (strncmp(end, "mm", 2) ? 0 : 2);
-        if (!*rest)
-            return HADA_OK;
-        if (*rest++ != ',')
+        if (*rest && *rest != ',')
             break;
+        rest = *rest ? rest + 1 : NULL;
     }
+    if (!rest)
+        return HADA_OK;
     return hada_cli_error(err, HADA_ERROR_ARGUMENT,
                           "--%s takes distances in millimetres from near to far, such as 100,250.5,600, not '%s'",
                           option, text);

@@ -123,7 +123,7 @@ int hada_cli_read_size(const char *text, int size[2]);
 hada_status hada_cli_read_depths(const char *option, const char *text, const double *distances_mm, int count, int *out,
                                  int *found, hada_error *err);
 
-/* "100,250.5": distances in millimetres, ascending. */
+/* "100,250.5": distances in millimetres, ascending; NULL: none. */
 hada_status hada_cli_read_distances(const char *option, const char *text, double *out, int capacity, int *found,
                                     hada_error *err);
 

@@ -26,9 +26,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_TEXT, "distances", 0, "LIST", "the camera's distances in mm, which say what a depth step is",
      "Without it they are read from NAME_stack.tif beside NAME_depth.tif.", AT(distances)},
     {HADA_OPTION_FLAG, "authors", 0, NULL, "show PSNR and SSIM also as the code of the 2022 paper computes them",
-     "The mean of each pixel's PSNR, and SSIM with twice the data range: for comparing with that paper's figures "
-     "alone. --json always has them.",
-     AT(task.authors)},
+     "The mean of each pixel's PSNR, and SSIM with twice the data range. --json always has them.", AT(task.authors)},
     {HADA_OPTION_TEXT, "encoding", 0, "linear|srgb|P", "compare in this encoding (default: the truth's)",
      "Both are brought to it; the result says how its values stand for light.", AT(encoding)},
     {HADA_OPTION_TEXT, "truth-encoding", 0, "linear|srgb|P", "how the values of the truth stand for light",
@@ -39,8 +37,7 @@ static const hada_cli_option options[] = {
      "It stands at the centre where the row and column of its top left are not given. Nothing outside it is looked at.",
      AT(window)},
     {HADA_OPTION_TEXT, "mask", 0, "FILE", "compare only where this image is not 0",
-     "A TIFF file of the size of the images, first page. SSIM and sharpness still see the neighbours of the pixels "
-     "that count.",
+     "A TIFF file of the size of the images, first page. SSIM and sharpness still see the neighbours of these pixels.",
      AT(task.mask)},
     HADA_CLI_GROUP("LPIPS"),
     {HADA_OPTION_TEXT, "lpips", 0, "FILE", "weights of VGG-16 or AlexNet (safetensors): adds the perceptual distance",
@@ -107,8 +104,7 @@ static hada_status evaluate(hada_cli *cli, settings *set, const char **paths, ha
                            set->window));
     HADA_TRY_OR_DONE(hada_response_from_name(&task->encoding, set->encoding, err));
     HADA_TRY_OR_DONE(hada_response_from_name(&task->truth_encoding, set->truth_encoding, err));
-    if (set->distances)
-        HADA_TRY_OR_DONE(hada_cli_read_distances("distances", set->distances, distances, 4096, &task->distances, err));
+    HADA_TRY_OR_DONE(hada_cli_read_distances("distances", set->distances, distances, 4096, &task->distances, err));
     if (set->lpips)
         HADA_TRY_OR_DONE(open_lpips(cli, set, &context, &task->lpips, err));
     HADA_TRY_OR_DONE(hada_evaluate_run(&report, paths[0], paths[1], task, err));

@@ -10,14 +10,14 @@ typedef struct settings {
     hada_cli_common common;
     hada_fit_options fit;
     hada_fit_task task;
-    const char *output, *psf, *dark, *distances, *response, *frame_encoding;
+    hada_psf_options psf_options;
+    hada_psf_task psf_task;
+    const char *output, *psf, *dark, *distances, *response, *frame_encoding, *frame, *psf_distance;
     hada_cli_texts merge;
     int form;     /* 0: not given */
-    int turn;     /* hada_turn */
     int psf_sign; /* 1: nowhere negative, 0: free, -1: not given */
-    int skip_incomplete, no_leave_one_out, colour;
+    int skip_incomplete, no_leave_one_out;
     int window[2];
-    double psf_dark;
 } settings;
 
 #define AT(member)          HADA_CLI_AT(settings, member)
@@ -28,11 +28,18 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_FLAG, "half", 0, NULL, "store the filters in half precision: half the size", NULL, AT(task.half)},
 
     HADA_CLI_GROUP("What to learn from"),
-    {HADA_OPTION_TEXT, "psf", 0, "PSF.tif", "make the model from point spread functions instead of pairs",
-     "A page per depth, near to far, the optical axis at pixel (height/2, width/2). No DATASET is needed then.",
+    {HADA_OPTION_TEXT, "psf", 0, "PSF", "make the model from point spread functions instead of pairs",
+     "A file with a page per depth, near to far; files, or a folder with files or folders named such as z100mm, whose "
+     "captures are averaged. The optical axis is at pixel (height/2, width/2).",
      AT(psf)},
-    {HADA_OPTION_TEXT, "distances", 0, "LIST", "the distances of the pages of --psf in mm, such as 100,200,400",
-     "Needed where the file does not say them.", AT(distances)},
+    {HADA_OPTION_TEXT, "distances", 0, "LIST", "the distances of the depths of --psf in mm, such as 100,200,400",
+     "Needed for several unless files, names or a list beside them say them.", AT(distances)},
+    {HADA_OPTION_REAL, "mask-distance", 0, "MM", "from mask to sensor: --distances are made from one PSF, magnified",
+     NULL, AT(psf_task.mask_distance_mm)},
+    {HADA_OPTION_TEXT, "psf-distance", 0, "LIST", "where PSFs were taken, if --distances shall be made from them",
+     "Two or more give the mask's distance as well.", AT(psf_distance)},
+    {HADA_OPTION_TEXT, "frame", 0, "HxW|FILE", "with --psf: the size of the camera's frames (default: the PSF's)",
+     "FILE: a frame, which says what it holds as well: grey, colour, or a mosaic.", AT(frame)},
     {HADA_OPTION_TARGET, "sums", 0, "FILE", "also save the sums over the pairs",
      "A later fit adds to them with --merge, without the pairs.", AT(task.save_sums)},
     {HADA_OPTION_FLAG, "resume", 0, NULL, "with --sums: go on after an interruption",
@@ -80,10 +87,14 @@ static const hada_cli_option options[] = {
      "how values of raw frames and PSFs stand for light (default: auto)",
      "auto: as their files say, which is sRGB for JPEG files, and linear otherwise.", AT(frame_encoding)},
     {HADA_OPTION_REAL, "psf-dark", 0, "LEVEL", "dark level of the PSF (default: its own background)", NULL,
-     AT(psf_dark)},
+     AT(psf_options.psf_dark)},
+    {HADA_OPTION_REAL, "psf-gate", 0, "K", "set to 0 what is below K deviations of the PSF's noise (default: 4)", NULL,
+     AT(psf_options.psf_gate)},
+    {HADA_OPTION_COUNT, "psf-taper", 0, "PIXELS", "let a PSF that reaches its borders fade out towards them", NULL,
+     AT(psf_options.psf_taper)},
     {HADA_OPTION_CHOICE, "turn", 0, "none|180|mirror|flip", "how the PSF is turned about its axis (default: none)",
-     NULL, ONE_OF(turn, HADA_TURN_NONE, HADA_TURN_180, HADA_TURN_MIRROR, HADA_TURN_FLIP)},
-    {HADA_OPTION_FLAG, "colour", 0, NULL, "a grey PSF serves red, green and blue alike", NULL, AT(colour)},
+     NULL, ONE_OF(psf_options.turn, HADA_TURN_NONE, HADA_TURN_180, HADA_TURN_MIRROR, HADA_TURN_FLIP)},
+    {HADA_OPTION_FLAG, "colour", 0, NULL, "a grey PSF serves red, green and blue alike", NULL, AT(psf_task.colour)},
     {HADA_OPTION_REAL, "alpha", 0, "A", "weight of the other depths' light (default: by leave-one-out)", NULL,
      AT(fit.alpha)},
     {HADA_OPTION_REAL, "lambda", 0, "L", "regularisation (default: by leave-one-out)", NULL, AT(fit.lambda)},
@@ -129,7 +140,9 @@ static void defaults(void *user)
     set->response = "auto";
     hada_fit_options_init(&set->fit);
     hada_fit_task_init(&set->task);
-    set->psf_dark = set->psf_sign = -1;
+    hada_psf_options_init(&set->psf_options);
+    hada_psf_task_init(&set->psf_task);
+    set->psf_sign = -1;
 }
 
 /* From a data set's pairs, or (folder NULL) from saved sums. */
@@ -173,29 +186,34 @@ done:
     return status;
 }
 
-static hada_status fit_psf(const settings *set, hada_context *context, hada_model **model, hada_error *err)
+static hada_status fit_psf(hada_cli *cli, const settings *set, const char **more, int count, hada_context *context,
+                           hada_model **model, hada_error *err)
 {
     enum { MOST_DISTANCES = 256 };
-    double distances[MOST_DISTANCES];
-    hada_psf_options psf;
-    hada_psf_task task;
-    hada_psf_options_init(&psf);
-    hada_psf_task_init(&task);
+    double wanted[MOST_DISTANCES], taken[MOST_DISTANCES];
+    int frame[2] = {0};
+    hada_psf_options psf = set->psf_options;
+    hada_psf_task task = set->psf_task;
     psf.form = set->form ? (hada_form)set->form : HADA_FORM_WIENER;
     psf.boundary = set->task.boundary ? (hada_boundary)set->task.boundary : HADA_BOUNDARY_PADDED;
     psf.window_rows = set->window[0];
     psf.window_cols = set->window[1];
     psf.lambda = set->fit.lambda > 0 ? set->fit.lambda : HADA_AUTO;
-    psf.psf_dark = set->psf_dark;
-    psf.turn = (hada_turn)set->turn;
+    if (set->frame && !hada_cli_read_size(set->frame, frame))
+        task.frame = set->frame;
+    psf.frame_rows = frame[0];
+    psf.frame_cols = frame[1];
     psf.mosaic = set->fit.mosaic;
     task.psf = &psf;
-    task.colour = set->colour;
+    task.more = more;
+    task.more_count = count;
+    task.monitor = &cli->monitor;
     task.half = set->task.half;
-    if (set->distances) {
-        task.distances_mm = distances;
-        HADA_TRY(hada_cli_read_distances("distances", set->distances, distances, MOST_DISTANCES, &task.distances, err));
-    }
+    task.distances_mm = set->distances ? wanted : NULL;
+    task.psf_distances_mm = set->psf_distance ? taken : NULL;
+    HADA_TRY(hada_cli_read_distances("distances", set->distances, wanted, MOST_DISTANCES, &task.distances, err));
+    HADA_TRY(
+        hada_cli_read_distances("psf-distance", set->psf_distance, taken, MOST_DISTANCES, &task.psf_distances, err));
     HADA_TRY(hada_response_from_name(&task.frame_encoding, set->frame_encoding, err));
     HADA_TRY(hada_cli_read_dark_level(&psf.dark, set->dark, err));
     psf.refine_steps = set->fit.refine_steps;
@@ -207,13 +225,13 @@ static hada_status fit_psf(const settings *set, hada_context *context, hada_mode
 static int check(hada_cli *cli, const settings *set, int count, const char **arguments)
 {
     const int learned = set->form == HADA_FORM_COMPLEX || set->form == HADA_FORM_SPLIT;
-    if (count > 1)
+    if (count > 1 && !set->psf)
         return hada_cli_usage(cli, "one DATASET at a time; '%s' is too many (--merge adds sums of others)",
                               arguments[1]);
     if (!count && !set->psf && !set->merge.count)
         return hada_cli_usage(cli,
                               "say what to learn from: a DATASET folder, --psf PSF.tif, or saved sums with --merge");
-    if (count && set->psf)
+    if (count && set->psf && !hada_path_is_file(arguments[0]))
         return hada_cli_usage(cli, "either the pairs of %s or --psf %s, not both", arguments[0], set->psf);
     if (!set->output)
         return hada_cli_usage(cli, "say where the model shall be written, with -o MODEL");
@@ -225,25 +243,20 @@ static int check(hada_cli *cli, const settings *set, int count, const char **arg
         return hada_cli_usage(cli, "--save-seconds takes 0 or more");
     if (set->psf && learned)
         return hada_cli_usage(cli, "forms complex and split are learned from pairs; with --psf take wiener or matched");
-    if (!set->psf && set->turn)
+    if (!set->psf && set->psf_options.turn)
         return hada_cli_usage(cli, "--turn turns the point spread functions of --psf; pairs give them as they are");
-    if (set->psf && set->psf_sign >= 0)
-        return hada_cli_usage(cli, "--psf-sign belongs to pairs; what --psf gives is made non-negative anyway");
-    if (set->psf && (set->fit.crop_passes != HADA_AUTO || set->fit.outside >= 0))
-        return hada_cli_usage(cli, "--%s belongs to pairs, not to --psf",
-                              set->fit.outside >= 0 ? "outside" : "crop-passes");
+    if (set->psf && (set->psf_sign >= 0 || set->fit.crop_passes != HADA_AUTO || set->fit.outside >= 0))
+        return hada_cli_usage(cli, "--psf-sign, --crop-passes and --outside belong to pairs, not to --psf");
     if (set->psf && (set->fit.refine_colour != HADA_AUTO || set->fit.refine_shrink != HADA_AUTO))
-        return hada_cli_usage(cli, "--refine-colour and --refine-shrink belong to pairs, not to --psf; reconstruct has "
-                                   "them too");
+        return hada_cli_usage(
+            cli, "--refine-colour and --refine-shrink belong to pairs; with --psf give them to reconstruct");
     if (set->fit.outside >= 0 && set->fit.outside < 1 && set->merge.count)
         return hada_cli_usage(cli, "--outside below 1 looks at every pair several times, and sums (--merge) have none; "
                                    "give all pairs in one DATASET");
-    if (set->psf && (strcmp(set->response, "auto") || set->task.exposure))
-        return hada_cli_usage(cli, "--scene-response and --exposure belong to pairs, not to --psf");
+    if (set->psf && (strcmp(set->response, "auto") || set->task.exposure || set->task.save_sums || set->merge.count))
+        return hada_cli_usage(cli, "--scene-response, --exposure, --sums and --merge belong to pairs, not to --psf");
     if (!count && set->merge.count && set->task.exposure)
         return hada_cli_usage(cli, "--exposure is found from pairs, which sums (--merge) do not hold");
-    if (set->psf && (set->task.save_sums || set->merge.count))
-        return hada_cli_usage(cli, "--sums and --merge belong to pairs, not to --psf");
     if (!set->psf && set->form && !learned)
         return hada_cli_usage(cli, "forms matched and wiener need a PSF: hadalens fit --psf %s/psf.tif -o %s",
                               count ? arguments[0] : "DATASET", set->output);
@@ -265,7 +278,7 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     if (set->task.save_sums)
         HADA_TRY_OR_DONE(hada_file_check_target(set->task.save_sums, &err));
     HADA_TRY_OR_DONE(hada_cli_open(cli, &context, &err));
-    HADA_TRY_OR_DONE(set->psf ? fit_psf(set, context, &model, &err)
+    HADA_TRY_OR_DONE(set->psf ? fit_psf(cli, set, arguments, count, context, &model, &err)
                               : fit_pairs(cli, set, count ? arguments[0] : NULL, context, &model, &err));
     if (hada_cli_writes(cli))
         HADA_TRY_OR_DONE(hada_model_save(model, set->output, &err));
@@ -289,10 +302,9 @@ const hada_cli_command hada_cli_fit = {
     .name = "fit",
     .summary = "learn a camera from pairs of raw frame and known scene, or from its PSF",
     .synopsis =
-        "DATASET -o MODEL [OPTION...] | --psf PSF.tif -o MODEL [OPTION...] | --merge FILE... -o MODEL [OPTION...]",
+        "DATASET -o MODEL [OPTION...] | --psf PSF... -o MODEL [OPTION...] | --merge FILE... -o MODEL [OPTION...]",
     .description =
-        "Each frequency of each depth is a least-squares problem of its own, so the filters are learned exactly, in "
-        "one "
+        "Each frequency of each depth is a least-squares problem of its own: the filters are learned exactly, in one "
         "pass, without random numbers. Memory does not grow with the number of pairs.\n\n"
         "DATASET is a folder with a folder per depth named z<distance>mm, each with raw/NAME.tif and scene/NAME.tif of "
         "the same names ('hadalens simulate' writes one). About eight pairs per depth do.\n\n"

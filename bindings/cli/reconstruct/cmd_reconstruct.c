@@ -48,8 +48,7 @@ static const hada_cli_option options[] = {
      AT(frame_encoding)},
     {HADA_OPTION_FLAG, "no-preview", 0, NULL, "write no NAME_preview.png", NULL, AT(no_preview)},
     {HADA_OPTION_FLAG, "resume", 0, NULL, "pass over files whose results are in the folder already",
-     "For going on after an interruption: results stand under their names only when they are whole. What made them is not "
-     "looked at.",
+     "For going on after an interruption: results get their names when they are whole. What made them is not looked at.",
      AT(task.resume)},
     {HADA_OPTION_FLAG, "strict", 0, NULL, "exit code 8 where the camera does not belong to a frame",
      "Each file's first frame is compared, not that of the first file alone; results are written.", AT(strict)},

@@ -25,8 +25,7 @@ const hada_cli_option hada_cli_camera_options[] = {
      "circular is the simplest model; padded is what a real sensor does. 'fit' reads the choice from camera.json.",
      ONE_OF(boundary, HADA_BOUNDARY_CIRCULAR, HADA_BOUNDARY_PADDED)},
     {HADA_OPTION_CHOICE, "optics", 0, "geometry|wave", "how the camera's response to a point is made",
-     "geometry (the preset's): rays, the same for all colours. wave: Fresnel diffraction, for each colour by its "
-     "wavelength.",
+     "geometry (the preset's): rays, the same for all colours. wave: Fresnel diffraction, each colour by itself.",
      ONE_OF(optics, HADA_OPTICS_GEOMETRY, HADA_OPTICS_WAVE)},
     {HADA_OPTION_TEXT, "wavelengths", 0, "R,G,B", "wavelengths in nanometres, for wave optics (default: 610,530,460)",
      NULL, AT(wavelengths)},

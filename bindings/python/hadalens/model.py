@@ -144,6 +144,9 @@ class Model(Handle):
         refine_tv: float | None = None,
         turn: Literal["none", "mirror", "flip", "180"] = "none",
         mosaic: Mosaic = "none",
+        frame: tuple[int, int] | None = None,
+        psf_gate: float | None = None,
+        psf_taper: int = 0,
         channel_axis: int | None = None,
     ) -> Self:
         """Return a model made from measured or designed point spread functions.
@@ -164,6 +167,9 @@ class Model(Handle):
             turn: how the point spread functions are turned first, about the axis: "mirror" left to right, "flip" top to
                 bottom, "180" both. :meth:`Plan.match` says which explains a frame.
             mosaic: pattern of the colour filter mosaic of frames to come, which have one channel then.
+            frame: rows and columns of the frames to come; None: those of the point spread functions.
+            psf_gate: standard deviations of noise above the background below which a pixel is set to 0; None: chosen.
+            psf_taper: pixels over which a point spread function fades out towards its borders.
             channel_axis: of each image, where it is not the first of three.
 
         Raises:
@@ -177,8 +183,13 @@ class Model(Handle):
         if len(images.arrays) != len(distances_mm):
             raise errors.SizeError(f"{len(images.arrays)} psfs and {len(distances_mm)} distances: one distance a psf")
         rows, cols = window or (None, None)
+        frame_rows, frame_cols = frame or (None, None)
         options = Options(
             "hada_psf_options",
+            frame_rows=frame_rows,
+            frame_cols=frame_cols,
+            psf_gate=psf_gate,
+            psf_taper=psf_taper,
             form=form,
             boundary=boundary,
             window_rows=rows,

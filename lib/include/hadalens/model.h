@@ -113,7 +113,8 @@ typedef enum hada_turn {
 } hada_turn;
 
 /* From point spread functions: one image per depth (channels x rows x cols, optical axis at (rows/2, cols/2)), forms
- * matched or wiener. The OTF is kept, so refinement works. */
+ * matched or wiener. The OTF is kept, so refinement works. They may be smaller than the frame, or larger: then light
+ * too far from the axis to reach the frame is left out. */
 typedef struct hada_psf_options {
     size_t size;
     hada_form form;               /* HADA_FORM_WIENER by default */
@@ -126,7 +127,11 @@ typedef struct hada_psf_options {
     int refine_steps; /* HADA_AUTO (default): chosen */
     double refine_tv; /* weight of total variation in refinement; 0: none; HADA_AUTO (default): found from each frame */
     hada_turn turn;   /* HADA_TURN_NONE by default: how all of them are turned first */
-    hada_mosaic mosaic; /* of the frames, kept in the model; three channels; HADA_MOSAIC_NONE by default */
+    hada_mosaic mosaic;         /* of the frames, kept in the model; three channels; HADA_MOSAIC_NONE by default */
+    int frame_rows, frame_cols; /* of the frames; 0 (default): the PSFs' size */
+    double psf_gate; /* what does not rise above the background by so many standard deviations of its noise is set to 0;
+                        0: nothing is; HADA_AUTO (default): chosen; none where psf_dark is 0, as of computed PSFs */
+    int psf_taper;   /* pixels over which a PSF fades out towards its borders; 0 by default */
 } hada_psf_options;
 HADA_INIT(hada_psf_options, HADA_STRUCT_PSF_OPTIONS)
 

@@ -61,16 +61,30 @@ HADA_API hada_status hada_fit_run(hada_model **out, hada_fit_report **report, ha
 typedef struct hada_psf_task {
     size_t size;                 /* sizeof(hada_psf_task) */
     const hada_psf_options *psf; /* how to make the model; NULL: hada_psf_options_init() */
-    const double *distances_mm;  /* of the pages, near to far; NULL: what the file says */
+    const double *distances_mm;  /* of the depths, near to far; NULL: what names, files or a list beside them say, else,
+                                    of one depth, not known (0) */
     int distances;
-    int colour;            /* 1: a grey PSF serves red, green and blue alike */
-    int half;              /* 1: the model's filters in half precision */
-    double frame_encoding; /* how the values of the pages stand for light (hadalens/response.h), which is made linear;
-                              HADA_AUTO (default): as their files say (JPEG: sRGB), linear where they say nothing */
+    int colour;              /* 1: a grey PSF serves red, green and blue alike */
+    int half;                /* 1: the model's filters in half precision */
+    double frame_encoding;   /* how the values of the pages stand for light (hadalens/response.h), which is made linear;
+                                HADA_AUTO (default): as their files say (JPEG: sRGB), linear where they say nothing */
+    const char *const *more; /* further files, as if they were in one folder */
+    int more_count;
+    const char *frame; /* a frame of the camera: psf->frame_rows and frame_cols, colour or grey, mosaic; NULL: none */
+    /* Depths that were not measured, by the law of magnification: the distance between mask and sensor, and those at
+     * which the point spread functions were taken (NULL: what names, files or a list beside them say); distances_mm are
+     * those of the model then. 0 and psf_distances_mm given: the mask's is found from two or more of them. */
+    double mask_distance_mm;
+    const double *psf_distances_mm;
+    int psf_distances;
+    const hada_monitor *monitor; /* is told what was done to them, and what is wrong with them */
 } hada_psf_task;
 HADA_INIT(hada_psf_task, HADA_STRUCT_PSF_TASK)
 
-/* A model from the pages of a TIFF file of point spread functions, near to far. `task` may be NULL. */
+/* A model from point spread functions. `path` is a file with a page per depth, near to far, or a folder with folders
+ * z<distance>mm, of which each holds captures of one depth (pages and files are averaged), or with files; so are `more`
+ * files. Files are one for each depth where there are as many distances (distances.txt in a folder or, of one file, its
+ * name with .txt, names z<distance>mm..., options), and of the same depth, averaged, otherwise. `task` may be NULL. */
 HADA_API hada_status hada_psf_run(hada_model **out, hada_context *context, const char *path, const hada_psf_task *task,
                                   hada_error *err);
 

@@ -1,0 +1,32 @@
+/* Point spread functions as people take them: cleaned before a model is made of them. Internal. */
+#ifndef HADA_FILTER_PSF_H
+#define HADA_FILTER_PSF_H
+
+#include <hadalens/model.h>
+
+/* What was found in a point spread function. Means over channels; values as they were in the image. */
+typedef struct hada_psf_seen {
+    double background; /* taken off */
+    double noise;      /* standard deviation of the dark pixels */
+    double peak;       /* of the brightest pixel, above the background */
+    double dark;       /* share of the pixels that are 0 now */
+    double border;     /* light of a pixel at the border, over that of a mean pixel; before the taper */
+} hada_psf_seen;
+
+/* Takes the background off, sets what is no more than noise to 0 and lets the edges fade out, as the options say. */
+hada_status hada_psf_clean(hada_image *psf, const hada_psf_options *options, hada_psf_seen *seen, hada_error *err);
+
+/* The shape of a clean one, means over channels: rows and columns between which 99 % of the light are, the width at
+ * half height of its autocorrelation, which is that of its finest details, and how much it is like another of its size,
+ * 0 to 1 (NULL: 0). */
+typedef struct hada_psf_shape {
+    int rows, cols;
+    double detail, alike;
+} hada_psf_shape;
+hada_status hada_psf_measure(hada_psf_shape *out, const hada_image *psf, const hada_image *other, hada_error *err);
+
+/* What a model with this grid makes use of: light farther from the axis never reaches a frame from a scene in the
+ * window. Created by the call. */
+hada_status hada_psf_reach(hada_image *out, const hada_image *psf, const hada_model_info *info, hada_error *err);
+
+#endif

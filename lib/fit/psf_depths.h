@@ -1,0 +1,24 @@
+/* Point spread functions of depths between and beyond those that were measured. Internal. */
+#ifndef HADA_FIT_PSF_DEPTHS_H
+#define HADA_FIT_PSF_DEPTHS_H
+
+#include <hadalens/device.h>
+#include <hadalens/image.h>
+
+#include "core/base.h"
+
+/* What was measured: clean point spread functions of one size, axis in the middle, distances rising from above 0. */
+typedef struct hada_psfs {
+    const hada_image *image;
+    const double *distances_mm;
+    int count;
+} hada_psfs;
+
+/* out[count], created by the call: the pattern of a mask at *mask_mm from the sensor is 1 + mask / distance times as
+ * large on it. Of two neighbours that were measured each is magnified, and they are blended, linear in 1 / distance;
+ * beyond the first and the last of them these are magnified alone. *mask_mm 0: found, with the axis, from `psfs`, at
+ * least two. HADA_ERROR_NUMERIC where they do not follow the law. */
+hada_status hada_psf_depths(hada_image *out, const double *distances_mm, int count, const hada_psfs *psfs,
+                            double *mask_mm, hada_context *context, hada_error *err);
+
+#endif

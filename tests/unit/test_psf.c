@@ -1,0 +1,237 @@
+/* Point spread functions as people take them: cleaned, of another size, of depths that were not measured. */
+#include <hadalens/scene.h>
+
+#include "filter/psf.h"
+#include "fit/psf_depths.h"
+#include "image/pixels.h"
+#include "model/model.h"
+#include "ref/ref_fft.h"
+#include "ref/ref_surface.h"
+#include "testing.h"
+
+enum { ROWS = 96, COLS = 120, SPOTS = 15 };
+#define MASK 8.0
+
+static int setup(void **state)
+{
+    static hada_context *context;
+    ASSERT_OK(hada_context_create(&context, NULL, err));
+    *state = context;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    hada_context *context = *state;
+    assert_int_equal(hada_context_bytes(context), 0);
+    hada_context_destroy(&context);
+    return 0;
+}
+
+/* Spots of the standard deviation `sigma` within 30 pixels, the pattern `scale` times as large, of light 1 each. */
+static hada_image spots(int rows, int cols, double scale, double sigma)
+{
+    const double pi = 3.14159265358979323846;
+    hada_image psf;
+    hada_random random;
+    ASSERT_OK(hada_image_create(&psf, 1, rows, cols, err));
+    hada_random_seed(&random, 3, 0);
+    for (int s = 0; s < SPOTS; s++) {
+        const double y = rows / 2 + scale * hada_random_range(&random, -30.0, 30.0);
+        const double x = cols / 2 + scale * hada_random_range(&random, -30.0, 30.0);
+        for (int i = 0; i < rows * cols; i++) {
+            const double dy = i / cols - y, dx = i % cols - x;
+            psf.data[i] += (float)(exp(-(dy * dy + dx * dx) / (2 * sigma * sigma)) / (2 * pi * sigma * sigma));
+        }
+    }
+    return psf;
+}
+
+static double sum_of(const hada_image *image)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < hada_image_count(image); i++)
+        sum += image->data[i];
+    return sum;
+}
+
+static double distance(const hada_image *a, const hada_image *b)
+{
+    double square = 0.0, energy = 0.0;
+    for (size_t i = 0; i < hada_image_count(b); i++) {
+        square += pow((double)a->data[i] - b->data[i], 2);
+        energy += pow(b->data[i], 2);
+    }
+    return sqrt(square / energy);
+}
+
+/* Without a gate the noise of 10,000 dark pixels would add up to more than all spots. */
+TEST(background_and_noise_are_taken_off)
+{
+    static const double noises[] = {0.0005, 0.002};
+    for (int n = 0; n < 2; n++) {
+        SCOPED(hada_image) right = spots(ROWS, COLS, 1.0, 1.0), psf = spots(ROWS, COLS, 1.0, 1.0);
+        DEFAULTS(hada_psf_options, options);
+        hada_random random;
+        hada_psf_seen seen;
+        hada_random_seed(&random, 8, 0);
+        for (size_t i = 0; i < hada_image_count(&psf); i++)
+            psf.data[i] += (float)(0.1 + noises[n] * hada_random_normal(&random));
+        ASSERT_OK(hada_psf_clean(&psf, &options, &seen, err));
+        assert_true(fabs(seen.noise / noises[n] - 1.0) < 0.1);
+        assert_true(fabs(seen.background - 0.1) < 0.3 * noises[n]);
+        assert_true(seen.dark > 0.85 && seen.dark < 0.99 && seen.border < 0.01);
+        assert_true(fabs(sum_of(&psf) - SPOTS) < 0.03 * SPOTS);
+        assert_true(distance(&psf, &right) < 40.0 * noises[n]);
+    }
+}
+
+TEST(shapes_are_measured)
+{
+    SCOPED(hada_image) psf = spots(2 * ROWS, 2 * COLS, 1.0, 1.0), wider = spots(2 * ROWS, 2 * COLS, 1.02, 1.0), small;
+    hada_psf_shape shape;
+    ASSERT_OK(hada_psf_measure(&shape, &psf, &psf, err));
+    /* Gaussian spots of deviation 1: the autocorrelation falls to half at 1.67 pixels */
+    assert_true(fabs(shape.detail - 3.33) < 0.3 && fabs(shape.alike - 1.0) < 1e-6);
+    assert_true(shape.rows > 40 && shape.rows < 66 && shape.cols > 40 && shape.cols < 66);
+    ASSERT_OK(hada_psf_measure(&shape, &wider, &psf, err));
+    assert_true(shape.alike > 0.7 && shape.alike < 0.99);
+    ASSERT_OK(hada_image_create(&small, 1, 1, 2, err));
+    small.data[0] = 1.0F;
+    ASSERT_OK(hada_psf_measure(&shape, &small, NULL, err));
+    assert_true(shape.rows == 1 && shape.cols == 1 && shape.detail == 0.0 && shape.alike == 0.0);
+}
+
+TEST(computed_psfs_stay_as_they_are)
+{
+    SCOPED(hada_image) right = spots(ROWS, COLS, 1.0, 1.0), psf = spots(ROWS, COLS, 1.0, 1.0);
+    DEFAULTS(hada_psf_options, options);
+    ASSERT_OK(hada_psf_clean(&psf, &options, NULL, err));
+    assert_true(distance(&psf, &right) < 1e-6);
+    options.psf_dark = 0.0;
+    right.data[7] = -1.0F;
+    ASSERT_OK(hada_psf_clean(&right, &options, NULL, err));
+    assert_true(right.data[7] == 0.0F);
+}
+
+TEST(edges_are_told_and_fade_out)
+{
+    SCOPED(hada_image) psf;
+    DEFAULTS(hada_psf_options, options);
+    hada_psf_seen seen;
+    ASSERT_OK(hada_image_create(&psf, 2, 20, 30, err));
+    for (size_t i = 0; i < hada_image_count(&psf); i++)
+        psf.data[i] = 2.0F;
+    options.psf_dark = 0.0;
+    options.psf_taper = 5;
+    ASSERT_OK(hada_psf_clean(&psf, &options, &seen, err));
+    assert_true(fabs(seen.border - 1.0) < 1e-9);
+    assert_true(psf.data[0] < 0.01F && psf.data[10 * 30 + 15] == 2.0F && psf.data[600 + 10 * 30] < 0.1F);
+    options.psf_dark = 3.0;
+    ASSERT_FAILS(hada_psf_clean(&psf, &options, &seen, err), HADA_ERROR_NUMERIC, "brighter than its background (3)");
+}
+
+/* A PSF in a frame of zeros is the PSF alone; of one that is larger, what the frame cannot see does not matter. */
+TEST(psfs_of_any_size_make_the_same_model)
+{
+    static const double distances[] = {100.0};
+    static const int frames[][2] = {{ROWS, COLS}, {ROWS - 15, COLS + 7}};
+    for (int i = 0; i < 4; i++) {
+        const int rows = frames[i / 2][0], cols = frames[i / 2][1], larger = i % 2;
+        SCOPED(hada_image) psf = larger ? spots(3 * ROWS, 3 * COLS + 1, 1.0, 1.0) : spots(82, 71, 1.0, 1.0);
+        SCOPED(hada_image) framed;
+        SCOPED(hada_model) * one, *two;
+        DEFAULTS(hada_psf_options, options);
+        ASSERT_OK(hada_image_crop(&framed, &psf, psf.rows / 2 - rows / 2, psf.cols / 2 - cols / 2, rows, cols, err));
+        options.psf_dark = 0.0;
+        options.window_rows = options.window_cols = 20;
+        options.frame_rows = rows;
+        options.frame_cols = cols;
+        ASSERT_OK(hada_model_from_psf(&one, *state, &psf, 1, distances, &options, err));
+        ASSERT_OK(hada_model_from_psf(&two, *state, &framed, 1, distances, &options, err));
+        assert_int_equal(one->info.raw_rows, rows);
+        assert_int_equal(one->info.raw_cols, cols);
+        for (size_t k = 0; k < 2 * hada_model_plane(one); k++)
+            assert_true(fabsf(one->otf[k] - two->otf[k]) < 1e-5F);
+    }
+}
+
+TEST(magnified_images_keep_light_and_stay_sharp)
+{
+    static const double scales[] = {1.0, 1.03, 1.2, 0.97, 0.8};
+    for (int i = 0; i < 5; i++) {
+        const double scale = scales[i];
+        /* the spots are magnified with their places */
+        SCOPED(hada_image) psf = spots(ROWS, COLS, 1.0, 1.1), right = spots(ROWS, COLS + 2, scale, 1.1 * scale), got;
+        ASSERT_OK(hada_image_magnify(&got, &psf, scale, 0.0, 0.0, ROWS, COLS + 2, err));
+        assert_true(fabs(sum_of(&got) - SPOTS) < 1e-3 * SPOTS);
+        const double error = distance(&got, &right);
+        if (!(error < 0.02))
+            fail_msg("%g: %g", scale, error);
+    }
+}
+
+/* Against the quintic spline, which is what surfaces take between depths. */
+TEST(magnified_images_are_those_of_the_reference)
+{
+    enum { PIXELS = ROWS * COLS };
+    SCOPED(hada_image) psf = spots(ROWS, COLS, 1.0, 1.2), got;
+    double *image = calloc(PIXELS, sizeof *image), *out = calloc(PIXELS, sizeof *out), square = 0.0, energy = 0.0;
+    double *spectrum = calloc((size_t)ROWS * (COLS / 2 + 1) * 2, sizeof *spectrum);
+    for (int i = 0; i < PIXELS; i++) /* the reference has its origin at (0, 0) */
+        image[(i / COLS + ROWS - ROWS / 2) % ROWS * COLS + (i % COLS + COLS - COLS / 2) % COLS] = psf.data[i];
+    ASSERT_OK(hada_ref_fft_forward(image, ROWS, COLS, spectrum, err));
+    ASSERT_OK(hada_ref_spline(spectrum, ROWS, COLS, image, err));
+    hada_ref_magnify(image, ROWS, COLS, 1.07, 0.8, -1.3, 1.0, out);
+    ASSERT_OK(hada_image_magnify(&got, &psf, 1.07, 0.8, -1.3, ROWS, COLS, err));
+    for (int i = 0; i < PIXELS; i++) {
+        const double right = out[(i / COLS + ROWS - ROWS / 2) % ROWS * COLS + (i % COLS + COLS - COLS / 2) % COLS];
+        square += pow(got.data[i] - right, 2);
+        energy += right * right;
+    }
+    free(image);
+    free(out);
+    free(spectrum);
+    assert_true(sqrt(square / energy) < 0.01);
+}
+
+/* All of the pattern is magnified, the spots too. */
+static hada_image of_distance(double distance_mm, int rows, int cols)
+{
+    const double scale = 1.0 + MASK / distance_mm;
+    return spots(rows, cols, scale, scale);
+}
+
+TEST(other_depths_follow_the_law)
+{
+    static const double known_mm[] = {60.0, 200.0}, wanted_mm[] = {40.0, 60.0, 100.0, 400.0};
+    hada_image known[2] = {of_distance(60.0, ROWS, COLS), of_distance(200.0, ROWS, COLS)};
+    const hada_psfs psfs = {known, known_mm, 2}, one = {known, known_mm, 1};
+    for (int i = 0; i < 2; i++) {
+        hada_image got[4] = {{0}};
+        double mask = i ? MASK : 0.0;
+        ASSERT_OK(hada_psf_depths(got, wanted_mm, 4, i ? &one : &psfs, &mask, *state, err));
+        assert_true(fabs(mask / MASK - 1.0) < 0.02);
+        for (int z = 0; z < 4; z++) {
+            SCOPED(hada_image) right = of_distance(wanted_mm[z], got[z].rows, got[z].cols);
+            const double error = distance(&got[z], &right);
+            if (!(error < 0.03))
+                fail_msg("%g mm: %g", wanted_mm[z], error);
+            hada_image_destroy(&got[z]);
+        }
+    }
+    double mask = 0.0;
+    hada_image got[1] = {{0}};
+    hada_image_destroy(&known[1]);
+    known[1] = spots(ROWS, COLS, 1.0, 1.0);
+    for (int i = 0; i < ROWS * COLS / 2; i++) { /* turned: no law */
+        const float swap = known[1].data[i];
+        known[1].data[i] = known[1].data[ROWS * COLS - 1 - i];
+        known[1].data[ROWS * COLS - 1 - i] = swap;
+    }
+    ASSERT_FAILS(hada_psf_depths(got, wanted_mm, 1, &psfs, &mask, *state, err), HADA_ERROR_NUMERIC, "magnification");
+    hada_image_destroy(&known[0]);
+    hada_image_destroy(&known[1]);
+}
+
+FIXTURE(setup, teardown)

@@ -117,6 +117,11 @@ expect 3 'nosuch.tif' reconstruct "${one[@]}" -o weighed --weights nosuch.tif
 expect 0 'sequence: 3 frames' reconstruct sequence.tif -m "$model" -o seq
 [ "$(info seq/sequence_stack.tif)" = '9 3 24 24 32' ] || fail "sequence: $(info seq/sequence_stack.tif)"
 [ "$(info seq/sequence_depth.tif)" = '3 1 24 24 32' ] || fail "sequence: $(info seq/sequence_depth.tif)"
+# A weight that the first frame finds is kept for the others.
+expect 0 '"refine_tv_kept": false.*"refine_tv_kept": true.*"refine_tv_kept": true' \
+    reconstruct sequence.tif -m upright.model -o seq --depths 1 --skip none --json
+expect 0 'kept from an earlier frame' reconstruct sequence.tif -m upright.model -o seq --skip none
+expect 0 'found from the frame' reconstruct sequence.tif -m upright.model -o seq --skip none --refine-tv frame
 
 # Bad files do not stop the others, and leave nothing.
 "$FRAME_TOOL" nan "$raw/test01.tif" nan.tif 5

@@ -68,8 +68,9 @@ static const hada_cli_option options[] = {
      "the linear filters alone, the quickest; the default with --method matched.",
      AT(plan.refine)},
     {HADA_OPTION_WEIGHT, "refine-tv", 0, "W|auto|frame|0", "weight of total variation in refinement (default: auto)",
-     "More is smoother. auto takes what the fit measured to pay, which goes with the noise, and for a model from a PSF: "
-     "frame. frame finds the weight from each frame: the one with which the other pixels predict 5 % of them best.",
+     "More is smoother. auto takes what the fit measured to pay, which goes with the noise, and for a model from a PSF "
+     "finds it from a frame and keeps it for others of the same noise and light. frame finds the weight from each frame: "
+     "the one with which the other pixels predict 5 % of them best.",
      AT(plan.refine_tv)},
     {HADA_OPTION_WEIGHT, "refine-colour", 0, "K|auto",
      "in total variation, how much heavier differences of colour are (default: auto)",

@@ -169,7 +169,9 @@ static hada_status focus(hada_pipeline *pipeline, hada_frame *frame, int count, 
     hada_slot_stage(pipeline->slot, "focus");
     HADA_TRY(hada_focus_begin(pipeline->focus, frame->result->memory->occupied, err));
     HADA_TRY(hada_focus_push_list(pipeline->focus, pipeline->occupied, count, planes_of(pipeline), 0, err));
-    return hada_pipeline_pictures(pipeline, frame, err);
+    HADA_TRY(hada_slot_finish(pipeline->slot, err));
+    hada_pipeline_residual(pipeline, frame);
+    return hada_pipeline_pictures(pipeline, frame, hada_pipeline_noise_light(frame), err);
 }
 
 static hada_status read_planes(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)

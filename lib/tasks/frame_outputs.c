@@ -4,6 +4,7 @@
 #include <hadalens/response.h>
 #include <unistd.h>
 
+#include "dispatch/plan.h"
 #include "io/folder.h"
 #include "io/tiff_write.h"
 
@@ -19,14 +20,24 @@ static void choose_encoding(hada_outputs *out, const hada_files_task *task, doub
     out->convert = gamma == 1.0 && out->encoding != HADA_RESPONSE_LINEAR;
 }
 
-hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, const char *name,
-                               const hada_model_info *model, double gamma, int frames, hada_error *err)
+/* The distance of a single depth says nothing of the scene. */
+static int has_map(const hada_plan *plan)
 {
+    return plan->setup.config.depths > 1;
+}
+
+hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, const hada_plan *plan, const char *name,
+                               int frames, hada_error *err)
+{
+    const hada_model_info *model = hada_model_get_info(plan->setup.model);
     const char *slash = strrchr(model->name, '/');
     const int preview = task->preview && hada_pictures_available();
-    *out = (hada_outputs){
-        .frames = frames, .bits = task->bits, .white = task->white, .scene_response = model->scene_response};
-    choose_encoding(out, task, gamma);
+    *out = (hada_outputs){.frames = frames,
+                          .bits = task->bits,
+                          .white = task->white,
+                          .scene_response = model->scene_response,
+                          .has_map = has_map(plan)};
+    choose_encoding(out, task, plan->setup.options.gamma);
     for (int k = 0; k < HADA_OUTPUT_FILES; k++)
         if (k != HADA_OUTPUT_PREVIEW || preview)
             HADA_TRY(hada_path_format(&out->path[k], err, "%s/%s_%s", task->output, name, endings[k]));
@@ -71,7 +82,7 @@ static hada_status save_preview(const hada_outputs *out, const hada_pixels *raw,
     hada_preview_init(&preview);
     preview.title = out->title;
     preview.raw = &frame;
-    if (result->depths > 1) { /* a single one is the all-in-focus image, and its distance says nothing of the scene */
+    if (result->depths > 1) { /* a single one is the all-in-focus image */
         preview.planes = result->planes;
         preview.distance_map = &result->distance_map;
     }
@@ -88,7 +99,8 @@ static hada_status open_all(hada_outputs *out, const hada_pixels *raw, const had
 {
     HADA_TRY(open_writer(out, HADA_OUTPUT_STACK, &result->planes[0], result, err));
     HADA_TRY(open_writer(out, HADA_OUTPUT_ALL_IN_FOCUS, &result->all_in_focus, result, err));
-    HADA_TRY(open_writer(out, HADA_OUTPUT_DISTANCE_MAP, &result->distance_map, result, err));
+    if (out->has_map)
+        HADA_TRY(open_writer(out, HADA_OUTPUT_DISTANCE_MAP, &result->distance_map, result, err));
     if (hada_result_confidence(result))
         HADA_TRY(open_writer(out, HADA_OUTPUT_CONFIDENCE, &result->distance_map, result, err));
     out->has_confidence = out->writer[HADA_OUTPUT_CONFIDENCE] != NULL;
@@ -122,7 +134,8 @@ hada_status hada_outputs_add(hada_outputs *out, const hada_pixels *raw, const ha
     for (int z = 0; z < result->depths; z++)
         HADA_TRY(write_light(out, HADA_OUTPUT_STACK, &result->planes[z], err));
     HADA_TRY(write_light(out, HADA_OUTPUT_ALL_IN_FOCUS, &result->all_in_focus, err));
-    HADA_TRY(hada_tiff_write(out->writer[HADA_OUTPUT_DISTANCE_MAP], &result->distance_map, err));
+    if (out->has_map)
+        HADA_TRY(hada_tiff_write(out->writer[HADA_OUTPUT_DISTANCE_MAP], &result->distance_map, err));
     if (out->writer[HADA_OUTPUT_CONFIDENCE])
         HADA_TRY(write_confidence(out, result, err));
     return HADA_OK;
@@ -138,6 +151,8 @@ hada_status hada_outputs_finish(hada_outputs *out, hada_error *err)
     out->finished = 1;
     if (!out->has_confidence)
         unlink(out->path[HADA_OUTPUT_CONFIDENCE]); /* of a run before */
+    if (!out->has_map)
+        unlink(out->path[HADA_OUTPUT_DISTANCE_MAP]);
 done:
     for (int k = next + 1; status && k < HADA_OUTPUT_FILES; k++)
         if (k != HADA_OUTPUT_PREVIEW)
@@ -145,11 +160,12 @@ done:
     return status;
 }
 
-int hada_outputs_are_there(const hada_files_task *task, const char *name)
+int hada_outputs_are_there(const hada_files_task *task, const hada_plan *plan, const char *name)
 {
     static const hada_output needed[] = {HADA_OUTPUT_STACK, HADA_OUTPUT_ALL_IN_FOCUS, HADA_OUTPUT_DISTANCE_MAP};
+    const size_t count = HADA_COUNT(needed) - !has_map(plan);
     int there = 1;
-    for (size_t k = 0; there && k < sizeof needed / sizeof *needed; k++) {
+    for (size_t k = 0; there && k < count; k++) {
         char *path = NULL;
         there = !hada_path_format(&path, NULL, "%s/%s_%s", task->output, name, endings[needed[k]]) &&
                 hada_path_is_file(path);

@@ -373,7 +373,7 @@ const hada_cli_command hada_cli_reconstruct = {
     .synopsis = "RAW.tif... -m MODEL -o FOLDER [OPTION...]",
     .description =
         "For each NAME.tif it writes NAME_stack.tif (a refocused image per depth, near to far, as ImageJ hyperstack "
-        "with the distances), NAME_aif.tif (everything in focus), NAME_depth.tif (distances in millimetres, NaN where "
+        "with the distances), NAME_aif.tif (everything in focus), NAME_depth.tif (of several depths: millimetres, NaN where "
         "nothing is in focus) and NAME_preview.png, a sheet to look at; of a surface also NAME_confidence.tif, 0 to 1, how "
         "sure each distance is.\n\n"
         "A file of many pages is a sequence: its results have as many frames, and memory does not grow with them; the "

@@ -186,7 +186,7 @@ typedef struct hada_result {
     hada_image *planes;         /* per computed depth, channels x window; their pixels stand behind each other, so that
                                    planes[0].data is the stack, [depth][channel][row][col] */
     hada_image all_in_focus;    /* channels x window */
-    hada_image distance_map;    /* 1 x window, millimetres, NaN where nothing is in focus */
+    hada_image distance_map;    /* 1 x window, millimetres, NaN where nothing is in focus or light is noise */
     const hada_report *report;  /* NULL while the result is empty */
     struct hada_result_memory *memory; /* the library's */
 } hada_result;

@@ -17,8 +17,8 @@ enum { WAITS, RUNS, DONE, FAILED };
 enum { KEEP = 8 };
 
 /* A frame takes the weight of one whose noise and light are at most so many times its own, and the other way round.
- * Those of a scene that moves were within 1.07 and 1.01; of different photographs, which want weights up to five times
- * as large as each other's, one in ten was (perf/results/weights.md). */
+ * Those of a scene that moves were within 1.07 and 1.01; of different photographs, which want other weights, one or two
+ * in ten were (perf/results/weights.md). */
 #define SAME_NOISE 1.1
 #define SAME_LIGHT 1.05
 

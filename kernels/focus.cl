@@ -265,6 +265,20 @@ FOCUS_INLINE real between_depths(real best, real before, real after, real best_d
     return select(mix(here, there, fabs(step)), here, step == 0.0f);
 }
 
+/* The sum of the all-in-focus image over all channels, HADA_FOCUS_NEAR pixels to every side of row r, columns x .. */
+FOCUS_INLINE real light_near(__global const float *fused, const hada_focus_image image, int r, int x)
+{
+    const size_t one = (size_t)image.rows * image.pitch;
+    real sum = (real)0.0f;
+    for (int c = 0; c < image.channels; c++)
+        for (int i = r - HADA_FOCUS_NEAR; i <= r + HADA_FOCUS_NEAR; i++) {
+            __global const float *row = fused + c * one + (size_t)clamp(i, 0, image.rows - 1) * image.pitch;
+            for (int k = x - HADA_FOCUS_NEAR; k <= x + HADA_FOCUS_NEAR; k++)
+                sum += load_row(row, k, image.cols);
+        }
+    return sum;
+}
+
 /* The distance of each pixel, row by row; NaN where it has none. The all-in-focus image from its sums. */
 __kernel __attribute__((reqd_work_group_size(FOCUS_GROUP, 1, 1))) void
 focus_finish(__global const float *kept, __global const float *inverse_distances, const int depths,
@@ -273,6 +287,8 @@ focus_finish(__global const float *kept, __global const float *inverse_distances
 {
     const int channels = image.channels, rows = image.rows, cols = image.cols, pitch = image.pitch;
     const size_t one = (size_t)rows * pitch, pixels = (size_t)rows * cols;
+    const int side = 2 * HADA_FOCUS_NEAR + 1;
+    const float dark = limits.light * (float)(side * side * channels);
     FOR_TILES (r, rows) {
         for (int x = FOCUS_WIDTH * get_local_id(0); x < cols; x += FOCUS_WIDTH * FOCUS_GROUP) {
             __global const float *at = kept + (size_t)r * pitch + x;
@@ -280,7 +296,9 @@ focus_finish(__global const float *kept, __global const float *inverse_distances
             const real best = LOAD(at);
             const real inverse = between_depths(best, LOAD(at + BEFORE * one), LOAD(at + AFTER * one),
                                                 LOAD(at + BEST_DEPTH * one), depths, limits.base, inverse_distances);
-            const whole found = (best > limits.threshold) & (best - LOAD(at + SECOND * one) > limits.margin);
+            whole found = (best > limits.threshold) & (best - LOAD(at + SECOND * one) > limits.margin);
+            if (dark > 0.0f)
+                found &= light_near(kept + FUSED * one, image, r, x) > dark;
             store_row(select((real)as_float(0x7fc00000), 1.0f / inverse, found), distance + distance_offset + i,
                       cols - x);
             for (int c = 0; c < channels; c++)

@@ -43,10 +43,12 @@ typedef struct hada_focus_past {
 HADA_SHARED_SIZE(hada_focus_past, 12)
 
 /* Where a pixel has a distance: the best measure above `threshold`, and by more than `margin` above those that are not
- * next to it. `base`: the level of losing depths. */
+ * next to it, and the all-in-focus image above `light`, if that is not 0: the mean of its channels, HADA_FOCUS_NEAR
+ * pixels to every side. `base`: the level of losing depths. */
+#define HADA_FOCUS_NEAR 2
 typedef struct hada_focus_limits {
-    float threshold, margin, base;
+    float threshold, margin, base, light;
 } hada_focus_limits;
-HADA_SHARED_SIZE(hada_focus_limits, 12)
+HADA_SHARED_SIZE(hada_focus_limits, 16)
 
 #endif

@@ -39,7 +39,8 @@ said = exec(program, "reconstruct", raw, "-m", model, "-o", output, "--no-previe
 if (written(results + "_stack.tif") == old)
     stop("it was not done: " + reason(said));
 
-show(results + "_depth.tif");
+if (File.exists(results + "_depth.tif")) // not of a single depth
+    show(results + "_depth.tif");
 show(results + "_stack.tif");
 
 // Why, of what the program says.

@@ -279,6 +279,7 @@ static void run_frame(hada_dispatcher *dispatcher, hada_queue_worker *worker, ha
     push_back(&dispatcher->running, job);
     job->state = HADA_JOB_RUNNING;
     job->worker = worker;
+    hada_frame_cache_take(job);
     worker->info.frames++;
     pthread_mutex_unlock(&dispatcher->lock);
     const double start = hada_seconds();

@@ -259,6 +259,7 @@ static hada_status run_begun(hada_job *job, hada_plan *plan, hada_error *err)
     hada_status status = HADA_OK;
     job->worker = &plan->dispatcher->workers[0];
     HADA_TRY_OR_DONE(hada_frame_cache_enter(&plan->cache, job, err));
+    hada_frame_cache_take(job);
     HADA_TRY_OR_DONE(hada_worker_run(job->worker, job, err));
 done:
     hada_job_release(job, status);

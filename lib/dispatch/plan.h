@@ -35,6 +35,7 @@ struct hada_job {
     unsigned char *depths;            /* per computed depth: who has it (dispatch/dispatcher.c) */
     int open, helpers;                /* other workers may take batches; how many are at it */
     hada_cache_entry *entry, *source; /* of this frame, or of the previous one where that is equal */
+    hada_cache_entry *chooser;        /* of the frame whose weight of total variation this one takes; NULL: its own */
 };
 
 struct hada_dispatcher {
@@ -57,25 +58,30 @@ static inline int hada_worker_helps(const hada_queue_worker *worker, const hada_
     return worker->info.device != owner->info.device;
 }
 
-/* The frame that was submitted last, for frames that equal it (dispatch/frame_cache.c). Whether a frame may equal it is
- * decided when it is submitted, one frame after the other, so that the answer does not depend on which worker does
- * what. */
+/* The frame that was submitted last, for frames that equal it, and the one whose weight of total variation is kept
+ * (dispatch/frame_cache.c). Whether a frame may equal it, or takes the weight, is decided when it is submitted, one
+ * frame after the other, so that the answer does not depend on which worker does what. */
 typedef struct hada_frame_cache {
     pthread_mutex_t lock; /* held while a frame is compared */
-    hada_cache_entry *last;
+    hada_cache_entry *last, *chosen;
     int keeps; /* so many further frames have their results kept */
 } hada_frame_cache;
 
 void hada_frame_cache_make(hada_frame_cache *cache);
 void hada_frame_cache_free(hada_frame_cache *cache);
 
-/* Before a job is submitted: the job gets the last frame as its source, or becomes the last frame itself. */
+/* Before a job is submitted: the job gets the last frame as its source, or becomes the last frame itself; and the same
+ * with the frame whose weight is kept. */
 hada_status hada_frame_cache_enter(hada_frame_cache *cache, hada_job *job, hada_error *err);
 
 /* In the worker. *reused: 1: the source's result was copied; 0: the frame is to be computed. */
 hada_status hada_frame_cache_reuse(hada_job *job, int *reused, hada_error *err);
 
-/* Before and after a frame is computed, and when its job ends. */
+/* A worker takes the job: in the order of submission, so that frames wait only for frames that run. */
+void hada_frame_cache_take(hada_job *job);
+
+/* Before and after a frame is computed, and when its job ends. The frame gets the weight that was kept for it, once
+ * that is found. */
 void hada_frame_cache_begin(hada_job *job);
 void hada_frame_cache_done(hada_job *job, hada_status status);
 void hada_frame_cache_leave(hada_job *job);

@@ -52,12 +52,14 @@ static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count,
                                     .tv = psf_alone ? given : 0.0};
     hada_report *report = &frame->result->memory->report;
     hada_maker_choice choice = {0};
-    if (setup->config.choose) /* may be known from planes that were refined before */
-        choice = (hada_maker_choice){report->refine_tv, report->refine_tv_factor, 0};
+    if (setup->config.choose) /* may be known from planes that were refined before, or from an earlier frame */
+        choice = (hada_maker_choice){report->refine_tv > 0.0 ? report->refine_tv : frame->kept_tv,
+                                     report->refine_tv_factor, 0};
     HADA_TRY(hada_maker_refine_exposure(&pipeline->maker, &frame->exposure, &steps, count, pipeline->occupied, &choice,
                                         &report->refine_steps, err));
     report->refine_tv = setup->config.choose ? choice.tv : given;
     report->refine_tv_factor = choice.factor;
+    report->refine_tv_kept = frame->kept_tv > 0.0;
     HADA_TRY(hada_refiner_residual_later(pipeline->refiner, &pipeline->maker.data, 1, count, pipeline->occupied, err));
     pipeline->residual_due = 1;
     return HADA_OK;
@@ -105,11 +107,14 @@ static hada_status solve_classic(hada_pipeline *pipeline, hada_frame *frame, int
                             .depths = count,
                             .list = pipeline->occupied,
                             .weight = config->method.options.weight,
-                            .brightness = sqrt(exposure->energy / (double)hada_exposure_count(exposure)),
+                            .brightness = hada_exposure_light(exposure),
                             .progress = tell_progress,
                             .user = &progress};
     hada_classic_result result;
-    if (config->choose) {
+    if (frame->kept_tv > 0.0) {
+        job.weight = frame->kept_tv;
+        report->refine_tv_kept = 1;
+    } else if (config->choose) {
         hada_maker_choice choice;
         HADA_TRY(hada_maker_hold_out(maker, exposure, 1, err));
         HADA_TRY(hada_classic_choose(pipeline->classic, &job, maker->held.mem, exposure, &choice, err));
@@ -164,7 +169,9 @@ static hada_status focus(hada_pipeline *pipeline, hada_frame *frame, int count, 
     hada_slot_stage(pipeline->slot, "focus");
     HADA_TRY(hada_focus_begin(pipeline->focus, frame->result->memory->occupied, err));
     HADA_TRY(hada_focus_push_list(pipeline->focus, pipeline->occupied, count, planes_of(pipeline), 0, err));
-    return hada_pipeline_pictures(pipeline, frame, err);
+    HADA_TRY(hada_slot_finish(pipeline->slot, err));
+    hada_pipeline_residual(pipeline, frame);
+    return hada_pipeline_pictures(pipeline, frame, hada_pipeline_noise_light(frame), err);
 }
 
 static hada_status read_planes(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)

@@ -111,7 +111,7 @@ hada_status hada_pipeline_linear(hada_pipeline *pipeline, hada_frame *frame, had
         if (pipeline->setup->config.measured) /* their norm is asked for */
             HADA_TRY(hada_slot_finish(pipeline->slot, err));
     } while (!hada_skip_kept(frame));
-    return hada_pipeline_pictures(pipeline, frame, err);
+    return hada_pipeline_pictures(pipeline, frame, 0.0, err);
 }
 
 hada_status hada_pipeline_linear_batch(hada_pipeline *pipeline, hada_frame *frame, int first, int count,

@@ -210,6 +210,7 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     HADA_TRY(use_classic(info, options, config, err));
     config->joint = config->steps > 0;
     config->choose = config->classic ? config->method.choose : way.choose && config->joint;
+    config->keep = config->choose && options->refine_tv != HADA_REFINE_TV_FRAME;
     const int linear = !config->joint || (config->classic && config->method.options.method == HADA_METHOD_WIENER);
     if (options->pixel_weights && linear)
         return hada_fail(err, HADA_ERROR_ARGUMENT,

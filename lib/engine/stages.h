@@ -80,8 +80,13 @@ hada_status hada_pipeline_dark_planes(hada_pipeline *pipeline, hada_frame *frame
 /* For a frame that no depth explains: everything dark, no distance anywhere. */
 hada_status hada_pipeline_no_pictures(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
 
-/* All-in-focus image and distance map from what was pushed to the focus, into the result; enqueued as well. */
-hada_status hada_pipeline_pictures(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
+/* Planes' light that is no more than what the frame leaves unexplained: where a pixel and its neighbours have no more,
+ * there is no distance. From the report's residual; 0 where that is not known. */
+double hada_pipeline_noise_light(const hada_frame *frame);
+
+/* All-in-focus image and distance map from what was pushed to the focus, into the result; enqueued as well. No distance
+ * where there is no more than `light` (0: not looked at). */
+hada_status hada_pipeline_pictures(hada_pipeline *pipeline, hada_frame *frame, double light, hada_error *err);
 
 /* The two paths from a loaded frame to its result: linear filters, depths in batches; or the occupied depths jointly,
  * by refinement or a classic method. */

@@ -80,8 +80,27 @@ hada_status hada_pipeline_find_surface(hada_pipeline *pipeline, hada_frame *fram
     return hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_refine, err);
 }
 
-/* Millimetres from depths, which are linear in 1 / distance between those of the camera; NaN where there is no light,
- * or the light is from outside this range. */
+static int clamp(int i, int n)
+{
+    return i < 0 ? 0 : i >= n ? n - 1 : i;
+}
+
+/* The mean over channels, and over the pixels around (row, col) that the focus of planes looks at, too. */
+static double light_near(const hada_image *image, int row, int col)
+{
+    enum { NEAR = HADA_FOCUS_NEAR, SIDE = 2 * NEAR + 1 };
+    double sum = 0.0;
+    for (int c = 0; c < image->channels; c++)
+        for (int i = row - NEAR; i <= row + NEAR; i++) {
+            const float *line = image->data + (size_t)(c * image->rows + clamp(i, image->rows)) * (size_t)image->cols;
+            for (int k = col - NEAR; k <= col + NEAR; k++)
+                sum += line[clamp(k, image->cols)];
+        }
+    return sum / (SIDE * SIDE * image->channels);
+}
+
+/* Millimetres from depths, which are linear in 1 / distance between those of the camera; NaN where there is no light
+ * but noise, or the light is from outside this range. */
 static void fill_distances(const hada_pipeline *pipeline, hada_frame *frame)
 {
     hada_result *result = frame->result;
@@ -89,6 +108,7 @@ static void fill_distances(const hada_pipeline *pipeline, hada_frame *frame)
     const int channels = result->all_in_focus.channels, last = pipeline->setup->config.depths - 1;
     const size_t area = hada_image_count(&result->distance_map);
     const float *texture = result->all_in_focus.data;
+    const double noise = hada_pipeline_noise_light(frame);
     double mean = 0.0;
     for (size_t i = 0; i < area * (size_t)channels; i++)
         mean += texture[i];
@@ -100,7 +120,9 @@ static void fill_distances(const hada_pipeline *pipeline, hada_frame *frame)
         double light = 0.0;
         for (size_t c = 0; c < (size_t)channels; c++)
             light += texture[c * area + i];
-        const int known = light > DARK * mean && !pipeline->shape.outside[i];
+        const int at = (int)i, cols = result->distance_map.cols;
+        const int known = light > DARK * mean && !pipeline->shape.outside[i] &&
+                          light_near(&result->all_in_focus, at / cols, at % cols) > noise;
         result->distance_map.data[i] = known ? (float)(1.0 / ((1.0 - part) / mm[low] + part / mm[low + 1])) : NAN;
         result->memory->confidence.data[i] = known ? pipeline->shape.confidence[i] : 0.0F;
     }

@@ -144,17 +144,16 @@ static hada_status launch_counts(hada_focus *f, hada_error *err)
                                     .share = ALL / GROUPS, .counts = f->counts.ints);
 }
 
-static hada_status launch_finish(hada_focus *f, const hada_focus_report *found, double base, cl_mem all_in_focus,
+static hada_status launch_finish(hada_focus *f, const hada_focus_limits *limits, cl_mem all_in_focus,
                                  size_t all_in_focus_offset, cl_mem distance_map, size_t distance_offset,
                                  hada_error *err)
 {
-    const hada_focus_limits limits = {(float)found->threshold, (float)found->margin, (float)base};
     const double pixels = (double)f->rows * f->cols;
     const hada_range range = range_for(f, f->rows);
     hada_slot_cost(f->slot, 4.0 * pixels * (6.0 + 2.0 * f->channels), pixels * 12.0);
     return hada_launch_focus_finish(
         f->slot, f->way.program, &range, err, .kept = f->kept.mem, .inverse_distances = f->inverse_distances.mem,
-        .depths = f->depths, .image = image_of(f), .limits = limits, .all_in_focus = all_in_focus,
+        .depths = f->depths, .image = image_of(f), .limits = *limits, .all_in_focus = all_in_focus,
         .all_in_focus_offset = all_in_focus_offset, .distance = distance_map, .distance_offset = distance_offset);
 }
 
@@ -411,8 +410,8 @@ static hada_status thresholds(hada_focus *f, hada_focus_report *report, double *
     return HADA_OK;
 }
 
-hada_status hada_focus_finish(hada_focus *focus, cl_mem all_in_focus, size_t all_in_focus_offset, cl_mem distance_map,
-                              size_t distance_offset, hada_focus_report *report, hada_error *err)
+hada_status hada_focus_finish(hada_focus *focus, double light, cl_mem all_in_focus, size_t all_in_focus_offset,
+                              cl_mem distance_map, size_t distance_offset, hada_focus_report *report, hada_error *err)
 {
     hada_focus *f = focus;
     if (!f->begun || f->last < 0)
@@ -421,8 +420,8 @@ hada_status hada_focus_finish(hada_focus *focus, cl_mem all_in_focus, size_t all
     double base;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(thresholds(f, &found, &base, err));
-    HADA_TRY_OR_DONE(
-        launch_finish(f, &found, base, all_in_focus, all_in_focus_offset, distance_map, distance_offset, err));
+    const hada_focus_limits limits = {(float)found.threshold, (float)found.margin, (float)base, (float)light};
+    HADA_TRY_OR_DONE(launch_finish(f, &limits, all_in_focus, all_in_focus_offset, distance_map, distance_offset, err));
     if (report)
         *report = found;
 done:

@@ -35,10 +35,11 @@ hada_status hada_focus_push_list(hada_focus *focus, const int *depths, int count
                                  hada_error *err);
 
 /* Writes channels x rows x cols floats of the all-in-focus image and rows x cols floats of the distance map at the
- * given offsets (in floats). Waits for the queue, since the thresholds are taken from what was pushed. `report` may be
- * NULL; its coverage is left at NaN (it is known when the map is read). */
-hada_status hada_focus_finish(hada_focus *focus, cl_mem all_in_focus, size_t all_in_focus_offset, cl_mem distance_map,
-                              size_t distance_offset, hada_focus_report *report, hada_error *err);
+ * given offsets (in floats). Waits for the queue, since the thresholds are taken from what was pushed. `light`: where
+ * the all-in-focus image, its channels' mean over 5 x 5 pixels, is not above this, there is no distance; 0: not looked
+ * at. `report` may be NULL; its coverage is left at NaN (it is known when the map is read). */
+hada_status hada_focus_finish(hada_focus *focus, double light, cl_mem all_in_focus, size_t all_in_focus_offset,
+                              cl_mem distance_map, size_t distance_offset, hada_focus_report *report, hada_error *err);
 
 /* Parts of the rule that the reference shares no code with (focus_noise.c). */
 

@@ -34,7 +34,7 @@ static hada_status focus_planes(hada_focus *focus, hada_slot *slot, hada_buffer 
         HADA_TRY(hada_buffer_write(plane, slot, 0, planes[i].data, count * sizeof(float), err));
         HADA_TRY(hada_focus_push(focus, i, 1, plane->mem, 0, err));
     }
-    return hada_focus_finish(focus, results->mem, 0, results->mem, count, report, err);
+    return hada_focus_finish(focus, 0.0, results->mem, 0, results->mem, count, report, err);
 }
 
 static hada_status read_results(const hada_buffer *results, hada_slot *slot, const hada_image *like,

@@ -38,12 +38,6 @@ hada_status hada_geometry_of(const hada_model_info *info, hada_geometry *out, ha
 hada_status hada_model_set_sizes(hada_model_info *info, int raw_rows, int raw_cols, int window_rows, int window_cols,
                                  hada_error *err);
 
-/* One depth at an unknown distance, which stands as 0. */
-static inline int hada_distance_is_unknown(const hada_model_info *info)
-{
-    return info->depths == 1 && info->distances_mm[0] == 0.0;
-}
-
 /* The largest |OTF(0)|^2 of all depths and channels: the unit of refine_rho. 1 without transfer functions. */
 double hada_model_gain(const hada_model *model);
 

@@ -88,17 +88,20 @@ hada_status hada_maker_refine_exposure(hada_plane_maker *maker, const hada_frame
                                        const hada_maker_steps *steps, int count, const int *list,
                                        hada_maker_choice *choice, int *done, hada_error *err)
 {
+    const double unit = hada_exposure_noise_unit(exposure, maker->noise_share);
     hada_maker_steps own = *steps;
     HADA_TRY(hada_maker_weigh(maker, exposure, err));
     if (maker->held.mem && !(choice->tv > 0.0)) {
         HADA_TRY(hada_maker_choose(maker, exposure, count, list, choice, err));
-        if (count == 1) { /* several planes part from the beginning */
-            own.before = choice->steps;
-            own.steps = own.stop ? HADA_SETTLING_STEPS : own.steps;
-        }
+    } else if (maker->held.mem && count == 1) { /* as many steps as a sweep begins with */
+        const hada_maker_steps first = {.steps = HADA_CHOICE_STEPS, .tv = choice->tv};
+        HADA_TRY(hada_maker_refine(maker, &first, unit, count, list, &choice->steps, err));
+    }
+    if (count == 1 && choice->steps) { /* several planes part from the beginning */
+        own.before = choice->steps;
+        own.steps = own.stop ? HADA_SETTLING_STEPS : own.steps;
     }
     if (choice->tv > 0.0)
         own.tv = choice->tv;
-    return hada_maker_refine(maker, &own, hada_exposure_noise_unit(exposure, maker->noise_share), count, list, done,
-                             err);
+    return hada_maker_refine(maker, &own, unit, count, list, done, err);
 }

@@ -502,6 +502,11 @@ double hada_exposure_noise(const hada_frame_exposure *exposure)
     return hada_noise_estimate(&exposure->pixels, exposure->mosaic);
 }
 
+double hada_exposure_light(const hada_frame_exposure *exposure)
+{
+    return sqrt(exposure->energy / (double)hada_exposure_count(exposure));
+}
+
 double hada_exposure_noise_unit(const hada_frame_exposure *exposure, double share)
 {
     return hada_noise_unit(&exposure->pixels, exposure->mosaic, share,

@@ -66,10 +66,11 @@ size_t hada_exposure_weigh(const hada_frame_exposure *exposure, float *weights);
 /* A hash of a few of its pixels as they came: frames whose samples differ are not equal. */
 uint64_t hada_exposure_sample(const hada_frame_exposure *exposure);
 
-/* The number of its values, of all channels; the standard deviation of its noise, and the unit of weights that are
- * proportional to that (image/statistics.h). share: hada_model_noise_share(), or 0. */
+/* The number of its values, of all channels; their root mean square; the standard deviation of its noise, and the unit
+ * of weights that are proportional to that (image/statistics.h). share: hada_model_noise_share(), or 0. */
 size_t hada_exposure_count(const hada_frame_exposure *exposure);
 double hada_exposure_noise(const hada_frame_exposure *exposure);
+double hada_exposure_light(const hada_frame_exposure *exposure);
 double hada_exposure_noise_unit(const hada_frame_exposure *exposure, double share);
 
 /* Single precision holds the spectrum of a frame whose brightest pixel has the size `largest` on a grid of `points`
@@ -112,7 +113,7 @@ enum { HADA_CHOICE_STEPS = 20, HADA_SETTLING_STEPS = 40, HADA_CHOSEN_STEPS = 20,
 /* How planes are refined if nobody says otherwise. */
 typedef struct hada_maker_way {
     int steps;                   /* 0: not refined */
-    int choose;                  /* 1: the weight of total variation is found from each frame */
+    int choose;                  /* 1: the weight of total variation is found from frames */
     hada_refine_weights weights; /* tv is 0 with `choose` */
     hada_boundary boundary;      /* of the refiner: held-out pixels need the data step of a sensor that crops */
 } hada_maker_way;

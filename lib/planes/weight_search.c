@@ -63,8 +63,7 @@ static void interpolate(const trial *near, hada_maker_choice *choice)
 hada_status hada_weight_find(const hada_weight_search *search, const hada_frame_exposure *exposure,
                              hada_maker_choice *choice, hada_error *err)
 {
-    const double mean_square = exposure->energy / (double)hada_exposure_count(exposure);
-    const double usual = USUAL * hada_exposure_noise(exposure) / sqrt(fmax(mean_square, 1e-300));
+    const double usual = USUAL * hada_exposure_noise(exposure) / fmax(hada_exposure_light(exposure), 1e-150);
     const double most = fmin(fmax(FIRST_OF_USUAL * usual, 1e-3), LARGEST);
     /* on fixed places, so that frames of a sequence choose alike */
     const double first = pow(RATIO, ceil(log(most) / log(RATIO)));

@@ -4,9 +4,9 @@
 #include <hadalens/response.h>
 #include <unistd.h>
 
+#include "dispatch/plan.h"
 #include "io/folder.h"
 #include "io/tiff_write.h"
-#include "model/model.h"
 
 static const char *const endings[HADA_OUTPUT_FILES] = {"stack.tif", "aif.tif", "depth.tif", "preview.png",
                                                        "confidence.tif"};
@@ -20,23 +20,26 @@ static void choose_encoding(hada_outputs *out, const hada_files_task *task, doub
     out->convert = gamma == 1.0 && out->encoding != HADA_RESPONSE_LINEAR;
 }
 
-/* Whether it is written at all: a camera of one depth whose distance is not known says no distances. */
-static int is_written(const hada_files_task *task, const hada_model_info *model, int which)
+/* The distance of a single depth says nothing of the scene. */
+static int has_map(const hada_plan *plan)
 {
-    return which == HADA_OUTPUT_PREVIEW        ? task->preview && hada_pictures_available()
-           : which == HADA_OUTPUT_DISTANCE_MAP ? !hada_distance_is_unknown(model)
-                                               : 1;
+    return plan->setup.config.depths > 1;
 }
 
-hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, const char *name,
-                               const hada_model_info *model, double gamma, int frames, hada_error *err)
+hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, const hada_plan *plan, const char *name,
+                               int frames, hada_error *err)
 {
+    const hada_model_info *model = hada_model_get_info(plan->setup.model);
     const char *slash = strrchr(model->name, '/');
-    *out = (hada_outputs){
-        .frames = frames, .bits = task->bits, .white = task->white, .scene_response = model->scene_response};
-    choose_encoding(out, task, gamma);
+    const int preview = task->preview && hada_pictures_available();
+    *out = (hada_outputs){.frames = frames,
+                          .bits = task->bits,
+                          .white = task->white,
+                          .scene_response = model->scene_response,
+                          .has_map = has_map(plan)};
+    choose_encoding(out, task, plan->setup.options.gamma);
     for (int k = 0; k < HADA_OUTPUT_FILES; k++)
-        if (is_written(task, model, k))
+        if (k != HADA_OUTPUT_PREVIEW || preview)
             HADA_TRY(hada_path_format(&out->path[k], err, "%s/%s_%s", task->output, name, endings[k]));
     return hada_path_format(&out->title, err, "%s, %s", name, slash ? slash + 1 : model->name);
 }
@@ -56,7 +59,7 @@ static hada_status open_writer(hada_outputs *out, int which, const hada_image *f
     if (which == HADA_OUTPUT_STACK) {
         options.layout = HADA_TIFF_HYPERSTACK;
         options.slices = result->depths;
-        options.distances_mm = result->distances_mm[0] > 0.0 ? result->distances_mm : NULL;
+        options.distances_mm = result->distances_mm[0] > 0.0 ? result->distances_mm : NULL; /* 0: unknown */
     }
     if (which == HADA_OUTPUT_DISTANCE_MAP) {
         options.description = "unit=millimetre\n";
@@ -79,7 +82,7 @@ static hada_status save_preview(const hada_outputs *out, const hada_pixels *raw,
     hada_preview_init(&preview);
     preview.title = out->title;
     preview.raw = &frame;
-    if (result->depths > 1) { /* a single one is the all-in-focus image, and its distance says nothing of the scene */
+    if (result->depths > 1) { /* a single one is the all-in-focus image */
         preview.planes = result->planes;
         preview.distance_map = &result->distance_map;
     }
@@ -96,7 +99,7 @@ static hada_status open_all(hada_outputs *out, const hada_pixels *raw, const had
 {
     HADA_TRY(open_writer(out, HADA_OUTPUT_STACK, &result->planes[0], result, err));
     HADA_TRY(open_writer(out, HADA_OUTPUT_ALL_IN_FOCUS, &result->all_in_focus, result, err));
-    if (out->path[HADA_OUTPUT_DISTANCE_MAP])
+    if (out->has_map)
         HADA_TRY(open_writer(out, HADA_OUTPUT_DISTANCE_MAP, &result->distance_map, result, err));
     if (hada_result_confidence(result))
         HADA_TRY(open_writer(out, HADA_OUTPUT_CONFIDENCE, &result->distance_map, result, err));
@@ -131,7 +134,7 @@ hada_status hada_outputs_add(hada_outputs *out, const hada_pixels *raw, const ha
     for (int z = 0; z < result->depths; z++)
         HADA_TRY(write_light(out, HADA_OUTPUT_STACK, &result->planes[z], err));
     HADA_TRY(write_light(out, HADA_OUTPUT_ALL_IN_FOCUS, &result->all_in_focus, err));
-    if (out->writer[HADA_OUTPUT_DISTANCE_MAP])
+    if (out->has_map)
         HADA_TRY(hada_tiff_write(out->writer[HADA_OUTPUT_DISTANCE_MAP], &result->distance_map, err));
     if (out->writer[HADA_OUTPUT_CONFIDENCE])
         HADA_TRY(write_confidence(out, result, err));
@@ -148,21 +151,22 @@ hada_status hada_outputs_finish(hada_outputs *out, hada_error *err)
     out->finished = 1;
     if (!out->has_confidence)
         unlink(out->path[HADA_OUTPUT_CONFIDENCE]); /* of a run before */
+    if (!out->has_map)
+        unlink(out->path[HADA_OUTPUT_DISTANCE_MAP]);
 done:
     for (int k = next + 1; status && k < HADA_OUTPUT_FILES; k++)
-        if (k != HADA_OUTPUT_PREVIEW && out->path[k])
+        if (k != HADA_OUTPUT_PREVIEW)
             unlink(out->path[k]);
     return status;
 }
 
-int hada_outputs_are_there(const hada_files_task *task, const hada_model_info *model, const char *name)
+int hada_outputs_are_there(const hada_files_task *task, const hada_plan *plan, const char *name)
 {
     static const hada_output needed[] = {HADA_OUTPUT_STACK, HADA_OUTPUT_ALL_IN_FOCUS, HADA_OUTPUT_DISTANCE_MAP};
+    const size_t count = HADA_COUNT(needed) - !has_map(plan);
     int there = 1;
-    for (size_t k = 0; there && k < sizeof needed / sizeof *needed; k++) {
+    for (size_t k = 0; there && k < count; k++) {
         char *path = NULL;
-        if (!is_written(task, model, (int)needed[k]))
-            continue;
         there = !hada_path_format(&path, NULL, "%s/%s_%s", task->output, name, endings[needed[k]]) &&
                 hada_path_is_file(path);
         free(path);

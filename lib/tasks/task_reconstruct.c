@@ -85,7 +85,7 @@ static hada_status choose_files(run *own, hada_error *err)
             continue;
         own->todo[own->here_count] = i;
         own->here[own->here_count] = own->paths[i];
-        if (own->task.resume && hada_outputs_are_there(&own->task, hada_model_get_info(own->model), own->names[i]))
+        if (own->task.resume && hada_outputs_are_there(&own->task, own->plan, own->names[i]))
             tell(own, HADA_FILES_THERE, &(hada_streamed){.file = own->here_count});
         else
             own->here_count++;
@@ -101,11 +101,11 @@ static hada_status begin_file(run *own, const hada_streamed *frame, hada_error *
     own->state.confidence = NULL;
     if (frame->frames) {
         own->progress.total += frame->frames - 1;
-        status = hada_outputs_begin(&own->out, &own->task, own->names[own->todo[frame->file]],
-                                    hada_model_get_info(own->model), own->gamma, frame->frames, err);
+        status = hada_outputs_begin(&own->out, &own->task, own->plan, own->names[own->todo[frame->file]], frame->frames,
+                                    err);
     }
     for (int k = 0; k < HADA_OUTPUTS; k++)
-        own->state.outputs[k] = own->out.path[k];
+        own->state.outputs[k] = k != HADA_OUTPUT_DISTANCE_MAP || own->out.has_map ? own->out.path[k] : NULL;
     tell(own, HADA_FILES_BEGINS, frame);
     return status;
 }
@@ -254,9 +254,6 @@ hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, con
     HADA_TRY_OR_DONE(hada_inputs_protect(&inputs, paths, (size_t)count, err));
     HADA_TRY_OR_DONE(hada_folder_ensure(own.task.output, err));
     HADA_TRY_OR_DONE(choose_files(&own, err));
-    if (hada_distance_is_unknown(hada_model_get_info(model)))
-        hada_monitor_tell(own.task.monitor, HADA_MESSAGE_NOTE,
-                          "the camera's distance is not known, so no distance map is written");
     HADA_TRY_OR_DONE(hada_stream_begin(&own.stream, plan, model, own.here, own.here_count, own.task.frame_encoding,
                                        hada_files_ahead(plan), own.task.monitor, err));
     own.progress = hada_progress_begin(own.task.monitor, "frames", own.here_count);

@@ -57,7 +57,7 @@ static hada_status launch(check_state *state, hada_error *err)
             n = state->batch_limit;
         HADA_TRY(hada_focus_push(own->focus, d, n, own->planes.mem, (size_t)d * own->plane, err));
     }
-    return hada_focus_finish(own->focus, state->out.mem, state->out_offset, own->map.mem, 0, NULL, err);
+    return hada_focus_finish(own->focus, 0.0, state->out.mem, state->out_offset, own->map.mem, 0, NULL, err);
 }
 
 static void release(check_state *state)

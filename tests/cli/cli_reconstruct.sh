@@ -117,6 +117,16 @@ expect 3 'nosuch.tif' reconstruct "${one[@]}" -o weighed --weights nosuch.tif
 expect 0 'sequence: 3 frames' reconstruct sequence.tif -m "$model" -o seq
 [ "$(info seq/sequence_stack.tif)" = '9 3 24 24 32' ] || fail "sequence: $(info seq/sequence_stack.tif)"
 [ "$(info seq/sequence_depth.tif)" = '3 1 24 24 32' ] || fail "sequence: $(info seq/sequence_depth.tif)"
+# A weight that the first frame finds is kept for the others; with a single depth there is no distance map.
+"$FRAME_TOOL" flat seq/sequence_depth.tif 24 24 1 100
+expect 0 '"refine_tv_kept": false.*"refine_tv_kept": true.*"refine_tv_kept": true' \
+    reconstruct sequence.tif -m upright.model -o seq --depths 1 --skip none --json
+grep -q distance_map stdout && fail 'a distance map of a single depth'
+lacks seq/sequence_depth.tif
+expect 0 'sequence: there already' reconstruct sequence.tif -m upright.model -o seq --depths 1 --resume
+expect 0 'kept from an earlier frame' reconstruct sequence.tif -m upright.model -o seq --skip none
+has seq/sequence_depth.tif
+expect 0 'found from the frame' reconstruct sequence.tif -m upright.model -o seq --skip none --refine-tv frame
 
 # Bad files do not stop the others, and leave nothing.
 "$FRAME_TOOL" nan "$raw/test01.tif" nan.tif 5

@@ -269,3 +269,22 @@ done:
     free(work);
     return status;
 }
+
+double hada_ref_focus_dark(const double *all_in_focus, int channels, int rows, int cols, double light, double *distance)
+{
+    double nearest = INFINITY;
+    for (int r = 0; r < rows; r++)
+        for (int c = 0; c < cols; c++) {
+            double sum = 0.0;
+            for (int k = 0; k < channels; k++)
+                for (int i = -2; i <= 2; i++)
+                    for (int j = -2; j <= 2; j++)
+                        sum += all_in_focus[((size_t)k * (size_t)rows + (size_t)clamp(r + i, rows)) * (size_t)cols +
+                                            (size_t)clamp(c + j, cols)];
+            const double mean = sum / (25.0 * channels);
+            nearest = fmin(nearest, fabs(mean / light - 1.0));
+            if (!(mean > light))
+                distance[(size_t)r * (size_t)cols + (size_t)c] = NAN;
+        }
+    return nearest;
+}

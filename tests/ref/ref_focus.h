@@ -13,4 +13,9 @@ hada_status hada_ref_focus(const float *planes, int channels, int rows, int cols
                            const hada_focus_options *options, double *all_in_focus, double *distance, double *lead,
                            hada_focus_report *report, hada_error *err);
 
+/* Distances become NaN where the all-in-focus image, the mean of its channels over 5 x 5 pixels with its edge pixels
+ * repeated, is not above `light`. Returns how near any pixel is to that, relative to it. */
+double hada_ref_focus_dark(const double *all_in_focus, int channels, int rows, int cols, double light,
+                           double *distance);
+
 #endif

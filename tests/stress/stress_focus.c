@@ -128,7 +128,7 @@ static double spread_of(const stress_device *device, int side, int depths, const
     ASSERT_OK(hada_focus_begin(object, NULL, err));
     for (int z = 0; z < depths; z++)
         ASSERT_OK(hada_focus_push(object, z, 1, plane->mem, 0, err));
-    ASSERT_OK(hada_focus_finish(object, results.mem, 0, results.mem, n, &report, err));
+    ASSERT_OK(hada_focus_finish(object, 0.0, results.mem, 0, results.mem, n, &report, err));
     hada_focus_destroy(&object);
     hada_buffer_destroy(&results);
     return report.margin / hada_focus_normal_quantile(desc.options.false_alarm / depths);

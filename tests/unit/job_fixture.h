@@ -125,6 +125,7 @@ static inline int job_setup(void **state)
         SCOPED(hada_plan) * plan;
         hada_plan_options_init(&f.options[kind]);
         f.options[kind].refine = kind >= JOB_REFINED ? 4 : 0;
+        f.options[kind].refine_tv = HADA_REFINE_TV_FRAME; /* frames come in any order */
         f.options[kind].dark = HADA_DARK_NONE;
         f.options[kind].occupied = kind == JOB_PURSUED  ? HADA_OCCUPIED_AUTO
                                    : kind == JOB_LINEAR ? HADA_OCCUPIED_ALL

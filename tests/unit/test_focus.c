@@ -199,28 +199,48 @@ TEST(batches)
         else
             for (int d = 0; d < DEPTHS; d++)
                 ASSERT_OK(hada_focus_push(focus, d, 1, stack.mem, (size_t)d * 3 * PIXELS, err));
-        ASSERT_OK(hada_focus_finish(focus, results.mem, 0, results.mem, 3 * PIXELS, NULL, err));
+        ASSERT_OK(hada_focus_finish(focus, 0.0, results.mem, 0, results.mem, 3 * PIXELS, NULL, err));
         ASSERT_OK(hada_buffer_read(&results, slot, 0, out[turn], sizeof out[0], err));
     }
     assert_memory_equal(out[0], out[1], sizeof out[0]);
     assert_memory_equal(out[0], out[2], sizeof out[0]);
+    /* no distance where there is little light: the same map otherwise */
+    static double all_in_focus[3 * PIXELS], distance[PIXELS];
+    double light = 0.0;
+    for (int i = 0; i < 3 * PIXELS; i++)
+        light += (all_in_focus[i] = out[0][i]) / (3 * PIXELS);
+    for (int i = 0; i < PIXELS; i++)
+        distance[i] = out[0][3 * PIXELS + i];
+    assert_true(hada_ref_focus_dark(all_in_focus, 3, ROWS, COLS, light, distance) > 1e-6);
+    ASSERT_OK(hada_focus_begin(focus, NULL, err));
+    ASSERT_OK(hada_focus_push(focus, 0, DEPTHS, stack.mem, 0, err));
+    ASSERT_OK(hada_focus_finish(focus, light, results.mem, 0, results.mem, 3 * PIXELS, NULL, err));
+    ASSERT_OK(hada_buffer_read(&results, slot, 0, out[1], sizeof out[0], err));
+    assert_memory_equal(out[0], out[1], 3 * PIXELS * sizeof(float));
+    int dark = 0;
+    for (int i = 0; i < PIXELS; i++) {
+        assert_int_equal(isnan(out[1][3 * PIXELS + i]) != 0, isnan(distance[i]) != 0);
+        assert_true(isnan(distance[i]) || distance[i] == out[1][3 * PIXELS + i]);
+        dark += isnan(distance[i]) && !isnan(out[0][3 * PIXELS + i]);
+    }
+    assert_true(dark > PIXELS / 8 && dark < 7 * PIXELS / 8);
     /* planes of some depths, packed: the same as those of all with the others left out */
     const unsigned char some[DEPTHS] = {1, 0, 1, 0, 1};
     const int list[3] = {0, 2, 4};
     ASSERT_OK(hada_focus_begin(focus, some, err));
     ASSERT_OK(hada_focus_push(focus, 0, DEPTHS, stack.mem, 0, err));
-    ASSERT_OK(hada_focus_finish(focus, results.mem, 0, results.mem, 3 * PIXELS, NULL, err));
+    ASSERT_OK(hada_focus_finish(focus, 0.0, results.mem, 0, results.mem, 3 * PIXELS, NULL, err));
     ASSERT_OK(hada_buffer_read(&results, slot, 0, out[0], sizeof out[0], err));
     for (int i = 0; i < 3; i++)
         ASSERT_OK(hada_buffer_write(&stack, slot, (size_t)i * 3 * PIXELS * sizeof(float), planes[list[i]].data,
                                     3 * PIXELS * sizeof(float), err));
     ASSERT_OK(hada_focus_begin(focus, some, err));
     ASSERT_OK(hada_focus_push_list(focus, list, 3, stack.mem, 0, err));
-    ASSERT_OK(hada_focus_finish(focus, results.mem, 0, results.mem, 3 * PIXELS, NULL, err));
+    ASSERT_OK(hada_focus_finish(focus, 0.0, results.mem, 0, results.mem, 3 * PIXELS, NULL, err));
     ASSERT_OK(hada_buffer_read(&results, slot, 0, out[1], sizeof out[1], err));
     assert_memory_equal(out[0], out[1], sizeof out[0]);
     ASSERT_OK(hada_focus_begin(focus, NULL, err));
-    ASSERT_FAILS(hada_focus_finish(focus, results.mem, 0, results.mem, 0, NULL, err), HADA_ERROR_STATE, "");
+    ASSERT_FAILS(hada_focus_finish(focus, 0.0, results.mem, 0, results.mem, 0, NULL, err), HADA_ERROR_STATE, "");
     ASSERT_OK(hada_focus_push(focus, 1, 2, stack.mem, 0, err));
     ASSERT_FAILS(hada_focus_push(focus, 2, 1, stack.mem, 0, err), HADA_ERROR_ARGUMENT, "");
     ASSERT_FAILS(hada_focus_push(focus, 3, 3, stack.mem, 0, err), HADA_ERROR_ARGUMENT, "");

@@ -3,6 +3,8 @@
 
 #include <pthread.h>
 
+#include "image/pixels.h"
+
 /* Ways to work: contexts and queues. */
 static const struct way {
     const char *name;
@@ -187,6 +189,50 @@ TEST(holds_the_bytes_it_states)
             for (int i = 0; i < JOB_FRAMES; i++)
                 hada_result_destroy(&results[i]);
         }
+}
+
+/* A weight is found by the first frame, by one of another brightness, and by the first one when its turn comes again;
+ * the others take it, whoever does what. */
+TEST(weights_are_kept_in_order)
+{
+    static const double light[JOB_FRAMES] = {1.0, 1.04, 2.0, 2.08, 2.05, 1.0};
+    static const int chooser[JOB_FRAMES] = {0, 0, 2, 2, 2, 5};
+    const job_fixture *f = *state;
+    hada_image frames[JOB_FRAMES];
+    for (int i = 0; i < JOB_FRAMES; i++) {
+        ASSERT_OK(hada_image_copy(&frames[i], &f->frames[0], err));
+        for (size_t k = 0; k < hada_image_count(&frames[i]); k++)
+            frames[i].data[k] *= (float)light[i];
+    }
+    for (int kind = JOB_REFINED; kind < JOB_KINDS; kind++) {
+        hada_result expected[JOB_FRAMES] = {{0}};
+        for (int w = 0; w < WAYS; w++) {
+            SCOPED(hada_plan) * plan;
+            hada_plan_options options = f->options[kind];
+            hada_result results[JOB_FRAMES] = {{0}};
+            hada_job *jobs[JOB_FRAMES];
+            options.refine_tv = HADA_AUTO;
+            make_plan(f, &ways[w], &options, &plan);
+            for (int i = 0; i < JOB_FRAMES; i++)
+                ASSERT_OK(w ? hada_job_submit(&jobs[i], plan, &frames[i], &results[i], err)
+                            : hada_plan_run(plan, &frames[i], &expected[i], err));
+            for (int i = 0; w && i < JOB_FRAMES; i++) {
+                ASSERT_OK(hada_job_wait(jobs[i], err));
+                hada_job_destroy(&jobs[i]);
+                assert_true(job_same(&results[i], &expected[i]));
+                hada_result_destroy(&results[i]);
+            }
+        }
+        for (int i = 0; i < JOB_FRAMES; i++) {
+            const hada_report *report = expected[i].report;
+            assert_int_equal(report->refine_tv_kept, chooser[i] != i);
+            assert_true(report->refine_tv > 0 && report->refine_tv == expected[chooser[i]].report->refine_tv);
+        }
+        assert_false(f->expected[kind][1].report->refine_tv_kept);
+        for (int i = 0; i < JOB_FRAMES; i++)
+            hada_result_destroy(&expected[i]);
+    }
+    destroy_images(frames, JOB_FRAMES);
 }
 
 FIXTURE(job_setup, job_teardown)

@@ -111,6 +111,7 @@ static int setup(void **state)
         SCOPED(hada_plan) * plan;
         hada_plan_options_init(&f.options[kind]);
         f.options[kind].refine = kind ? 5 : 0;
+        f.options[kind].refine_tv = HADA_REFINE_TV_FRAME; /* frames come in any order */
         f.options[kind].dark = HADA_DARK_NONE;
         ASSERT_OK(hada_plan_create(&plan, f.context, f.model, &f.options[kind], err));
         for (int i = 0; i < FRAMES; i++)

@@ -67,8 +67,9 @@ static const hada_cli_option options[] = {
      "the linear filters alone, the quickest; the default with --method matched.",
      AT(plan.refine)},
     {HADA_OPTION_WEIGHT, "refine-tv", 0, "W|auto|frame|0", "weight of total variation in refinement (default: auto)",
-     "More is smoother. auto takes what the fit measured to pay, which goes with the noise, and for a model from a PSF: "
-     "frame. frame finds the weight from each frame: the one with which the other pixels predict 5 % of them best.",
+     "More is smoother. auto takes what the fit measured to pay, which goes with the noise, and for a model from a PSF "
+     "finds it from a frame and keeps it for others of the same noise and light. frame finds the weight from each frame: "
+     "the one with which the other pixels predict 5 % of them best.",
      AT(plan.refine_tv)},
     {HADA_OPTION_WEIGHT, "refine-colour", 0, "K|auto",
      "in total variation, how much heavier differences of colour are (default: auto)",
@@ -371,7 +372,7 @@ const hada_cli_command hada_cli_reconstruct = {
     .synopsis = "RAW.tif... -m MODEL -o FOLDER [OPTION...]",
     .description =
         "For each NAME.tif it writes NAME_stack.tif (a refocused image per depth, near to far, as ImageJ hyperstack "
-        "with the distances), NAME_aif.tif (everything in focus), NAME_depth.tif (distances in millimetres, NaN where "
+        "with the distances), NAME_aif.tif (everything in focus), NAME_depth.tif (of several depths: millimetres, NaN where "
         "nothing is in focus) and NAME_preview.png, a sheet to look at; of a surface also NAME_confidence.tif, 0 to 1, how "
         "sure each distance is.\n\n"
         "A file of many pages is a sequence: its results have as many frames, and memory does not grow with them; the "

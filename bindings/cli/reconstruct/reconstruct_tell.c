@@ -18,11 +18,11 @@ static json_t *frame_json(const hada_result *result)
         if (report->occupied[z])
             json_array_append_new(occupied, hada_cli_real(result->distances_mm[z]));
     return json_pack(
-        "{s:o, s:s, s:s, s:i, s:o, s:o, s:o, s:o, s:o, s:i, s:I, s:I, s:o, s:{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}}",
+        "{s:o, s:s, s:s, s:i, s:o, s:o, s:b, s:o, s:o, s:o, s:i, s:I, s:I, s:o, s:{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}}",
         "occupied_mm", occupied, "scene", report->scene == HADA_SCENE_SURFACE ? "surface" : "planes", "method",
         methods[report->method], "refine_steps", report->refine_steps, "refine_tv", hada_cli_real(report->refine_tv),
-        "refine_tv_factor", hada_cli_real(report->refine_tv_factor), "residual_linear",
-        hada_cli_real(report->residual_linear), "residual", hada_cli_real(report->residual), "dark",
+        "refine_tv_factor", hada_cli_real(report->refine_tv_factor), "refine_tv_kept", report->refine_tv_kept,
+        "residual_linear", hada_cli_real(report->residual_linear), "residual", hada_cli_real(report->residual), "dark",
         hada_cli_real(report->dark), "enhanced", report->enhanced, "repaired_pixels",
         (json_int_t)report->repaired_pixels, "saturated_pixels", (json_int_t)report->saturated_pixels, "skipped",
         hada_cli_skip_json(result), "seconds", "total", report->seconds_total, "upload", report->seconds_upload,
@@ -66,6 +66,8 @@ static void weight_words(const hada_report *report, char *text, size_t size)
     if (report->refine_tv_factor > 0)
         hada_cli_append(text, size, ", total variation %.2g found from the frame (within a factor of %.2g)",
                         report->refine_tv, report->refine_tv_factor);
+    else if (report->refine_tv_kept)
+        hada_cli_append(text, size, ", total variation %.2g kept from an earlier frame", report->refine_tv);
     else if (report->method != HADA_METHOD_MODEL && report->refine_tv > 0)
         hada_cli_append(text, size, ", total variation %.2g", report->refine_tv);
 }

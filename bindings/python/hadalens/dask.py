@@ -87,6 +87,8 @@ def reconstruct(
         raise ValueError(f"frames are (T, Y, X), (T, C, Y, X), or (T, Y, X, C) with channel_axis=-1, not {array.shape}")
     array = array.rechunk(dict.fromkeys(range(1, array.ndim), -1))
     info = model.info
+    if info.refine_tv < 0 and options.get("refine_tv") is None:
+        options["refine_tv"] = "frame"  # a weight that is kept would go by the order in which blocks are done
     distances = tuple(info.distances_mm[z] for z in options.get("depths") or range(info.depths))
     window = (info.channels, info.window_rows, info.window_cols)
     # The plan's key says all that it depends on: the same call again finds its plan.

@@ -253,7 +253,7 @@ def reconstruct_files(
 ) -> list[FileResult]:
     """Reconstruct files of frames into a folder, as ``hadalens reconstruct`` does.
 
-    For each NAME.tif: NAME_stack.tif, NAME_aif.tif, NAME_depth.tif, NAME_preview.png, and of surfaces
+    For each NAME.tif: NAME_stack.tif, NAME_aif.tif, NAME_preview.png, NAME_depth.tif of several depths, and of surfaces
     NAME_confidence.tif. A file that cannot be done does not stop the others.
 
     Args:
@@ -312,6 +312,8 @@ def save_preview(
 ) -> Path:
     """Draw a sheet (PNG) of a result: all-in-focus image, distance map with its scale, and the stack.
 
+    Of a single depth the first alone, which shows it.
+
     Raises:
         UnsupportedError: there is no cairo.
 
@@ -319,16 +321,17 @@ def save_preview(
     images = Image(*result.stack, what="stack")
     others = Image(result.all_in_focus, result.distance_map, what="result")
     frame = None if raw is None else Image(raw, what="raw")
+    several = len(images.arrays) > 1
     options = Options(
         "hada_preview",
         title=title,
         raw=None if frame is None else frame.c,
-        planes=images.c,
+        planes=images.c if several else None,
         depths=len(images.arrays),
         distances_mm=result.distances_mm,
         occupied=result.report.occupied,
         all_in_focus=others.c,
-        distance_map=others.c + 1,
+        distance_map=others.c + 1 if several else None,
         gamma=gamma,
     )
     call(lib.hada_preview_save, path(name), options.c)

@@ -87,7 +87,8 @@ class Plan(Handle):
         scene: what scenes are taken for: "auto", "planes" (objects at some depths) or "surface" (one texture on one
             continuous surface, anywhere between the depths).
         refine: steps of refinement; None: the model's, 0: linear filters alone.
-        refine_tv: weight of total variation in it; "frame": found from each frame; None: the model's.
+        refine_tv: weight of total variation in it; "frame": found from each frame; None: the model's, or where it knows
+            none found from a frame, and kept for those after it while their noise and light stay the same.
         refine_colour: there, weight of differences of colour over those of brightness, 1 to 16; None: the model's.
         refine_shrink: there, where one depth is occupied, threshold of the shrinkage of blocks in units of `refine_tv`,
             0 (none) to 100; None: the model's.

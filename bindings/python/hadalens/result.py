@@ -49,6 +49,7 @@ class Report:
         refine_tv: weight of total variation in refinement, or in a classic method; 0: none.
         refine_tv_factor: where it was found from the frame, so many times more or less predicts held-out pixels 1 %
             worse; 0: not known.
+        refine_tv_kept: whether it was found from an earlier frame of the plan, of the same noise and light.
         residual_linear, residual: what the linear result, and the refined one, leave unexplained of the frame, as a
             share of it; NaN where not computed.
         dark: level taken off.
@@ -65,6 +66,7 @@ class Report:
     refine_steps: int
     refine_tv: float
     refine_tv_factor: float
+    refine_tv_kept: bool
     residual_linear: float
     residual: float
     dark: float

@@ -67,8 +67,10 @@ typedef struct hada_plan_options {
     int occupied_count;
     int refine;        /* steps; HADA_AUTO (default): the model's, and more until several depths have parted; 0: linear
                         * filters alone */
-    double refine_tv;  /* weight of total variation in refinement; HADA_AUTO (default): the model's, 0: none,
-                        * HADA_REFINE_TV_FRAME: found from each frame */
+    double refine_tv;  /* weight of total variation in refinement; HADA_AUTO (default): the model's, or where it knows
+                        * none found from a frame, and kept for those that are run after it until the noise of one
+                        * differs by more than a tenth, or its light by a twentieth; 0: none; HADA_REFINE_TV_FRAME: found
+                        * from each frame */
     hada_dark dark;    /* HADA_DARK_MODEL by default: what the model says */
     double dark_level; /* for HADA_DARK_LEVEL, in units of full scale */
     const hada_image *dark_frame; /* for HADA_DARK_FRAME; copied */
@@ -173,6 +175,7 @@ typedef struct hada_report {
     double refine_tv;        /* weight of total variation in refinement, or in a classic method; 0: none */
     double refine_tv_factor; /* where it was found from the frame: so many times more or less predicts held-out pixels
                                 1 % worse; 0: not known */
+    int refine_tv_kept; /* 1: it was found from an earlier frame of the plan, and noise and light are still the same */
 } hada_report;
 
 /* What comes of a frame. Begin with an empty one, hada_result result = {0}; its members are the result's until it is
@@ -183,7 +186,7 @@ typedef struct hada_result {
     hada_image *planes;         /* per computed depth, channels x window; their pixels stand behind each other, so that
                                    planes[0].data is the stack, [depth][channel][row][col] */
     hada_image all_in_focus;    /* channels x window */
-    hada_image distance_map;    /* 1 x window, millimetres, NaN where nothing is in focus */
+    hada_image distance_map;    /* 1 x window, millimetres, NaN where nothing is in focus or light is noise */
     const hada_report *report;  /* NULL while the result is empty */
     struct hada_result_memory *memory; /* the library's */
 } hada_result;

@@ -97,11 +97,11 @@ def surface_of(distance_map: Array, distances: Sequence[float]) -> tuple[Array, 
 
 
 def result_layers(result: Any, name: str) -> list[LayerData]:
-    """Return the layers of a :class:`hadalens.Result`."""
+    """Return the layers of a :class:`hadalens.Result`; the map of a single depth says nothing and is left out."""
     distances = [float(distance) for distance in result.distances_mm]
     white = white_of(result.all_in_focus)
     return [
         stack_layer(result.stack, distances, f"{name}: planes", white),
-        *map_layers(result.distance_map, distances, f"{name}: distances"),
+        *(map_layers(result.distance_map, distances, f"{name}: distances") if len(distances) > 1 else []),
         image_layer(result.all_in_focus, f"{name}: all in focus", white),
     ]

@@ -29,37 +29,33 @@ static hada_status read_mu(const char *text, hada_classic_options *out, hada_err
     return HADA_OK;
 }
 
-static int has_tv(const hada_cli_method_settings *set)
-{
-    return set->tv != NOT_GIVEN;
-}
-
 /* Options of methods that iterate, without one. */
 static hada_status check_none(const hada_cli_method_settings *set, hada_error *err)
 {
-    const char *option = set->prior         ? "prior"
-                         : set->iterations  ? "iterations"
-                         : set->inner       ? "inner"
-                         : set->levels      ? "levels"
-                         : set->plain       ? "no-accelerate"
-                         : set->stop > 0    ? "stop"
-                         : set->seconds > 0 ? "seconds"
-                         : set->weight >= 0 ? "weight"
-                         : has_tv(set)      ? "tv"
-                         : set->step > 0    ? "step"
-                         : set->mu          ? "mu"
-                                            : NULL;
+    const char *option = set->prior             ? "prior"
+                         : set->iterations      ? "iterations"
+                         : set->inner           ? "inner"
+                         : set->levels          ? "levels"
+                         : set->plain           ? "no-accelerate"
+                         : set->stop > 0        ? "stop"
+                         : set->seconds > 0     ? "seconds"
+                         : set->weight >= 0     ? "weight"
+                         : set->tv != NOT_GIVEN ? "tv"
+                         : set->step > 0        ? "step"
+                         : set->mu              ? "mu"
+                                                : NULL;
     return option ? hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s belongs to --method rl, fista or admm", option)
                   : HADA_OK;
 }
 
 static hada_status read_prior(const hada_cli_method_settings *set, hada_classic_options *out, hada_error *err)
 {
-    if (has_tv(set) && (set->prior || set->weight >= 0))
+    const int has_tv = set->tv != NOT_GIVEN;
+    if (has_tv && (set->prior || set->weight >= 0))
         return hada_cli_error(err, HADA_ERROR_ARGUMENT,
                               "--tv W stands for --prior tv --weight W; give one or the other");
-    out->prior = has_tv(set) ? HADA_PRIOR_TV : (hada_prior)set->prior;
-    out->weight = has_tv(set) ? set->tv : set->weight;
+    out->prior = has_tv ? HADA_PRIOR_TV : (hada_prior)set->prior;
+    out->weight = has_tv ? set->tv : set->weight;
     if (set->weight >= 0 && set->prior < HADA_PRIOR_TV && out->method != HADA_METHOD_ADMM)
         return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--weight is that of a prior: choose one with --prior");
     return HADA_OK;

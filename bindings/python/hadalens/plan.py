@@ -101,8 +101,8 @@ class Plan(Handle):
             alike.
         mosaic: pattern of the colour filter mosaic that frames of one channel are: "rggb", "bggr", "grbg", "gbrg",
             "none"; "auto": what the model says. Planes have the model's three channels.
-        support: of refinement where a sensor crops: where light may come from, the "window" or the whole "grid"; "auto":
-            the grid for models of point spread functions whose window is the whole frame.
+        support: of refinement where a sensor crops: where light may come from, the "window" or the whole "grid";
+            "auto": the grid for models of point spread functions whose window is the whole frame.
         repair: NaN and infinite pixels take the median of their neighbours; otherwise such frames are refused.
         enhance: planes go through the model's net, where it has one.
         classic: a :class:`Classic` method in place of filters and refinement, or its word.

@@ -68,8 +68,8 @@ static const hada_cli_option options[] = {
      AT(plan.refine)},
     {HADA_OPTION_WEIGHT, "refine-tv", 0, "W|auto|frame|0", "weight of total variation in refinement (default: auto)",
      "More is smoother. auto takes what the fit measured to pay, which goes with the noise, and for a model from a PSF "
-     "finds it from a frame and keeps it for others of the same noise and light. frame finds the weight from each frame: "
-     "the one with which the other pixels predict 5 % of them best.",
+     "finds it from the frame, and keeps it for the file's others of the same noise and light. frame finds it from each "
+     "frame: the weight with which the other pixels predict 5 % of them best.",
      AT(plan.refine_tv)},
     {HADA_OPTION_WEIGHT, "refine-colour", 0, "K|auto",
      "in total variation, how much heavier differences of colour are (default: auto)",
@@ -138,8 +138,8 @@ static const hada_cli_option options[] = {
      "them best. That takes up to 2.5 times the iterations again. rl and wavelet 0.005, haar 0.003.",
      AT(method.weight)},
     {HADA_OPTION_WEIGHT, "tv", 0, "W|auto", "the same as --prior tv --weight W", NULL, AT(method.tv)},
-    {HADA_OPTION_CHOICE, "support", 0, "window|grid", "where light may come from (default: admm grid, else window;",
-     "refinement: grid where the window is the whole frame of a measured PSF)",
+    {HADA_OPTION_CHOICE, "support", 0, "window|grid", "where light may come from (default: by method and model)",
+     "grid: from outside the window, too; the default of admm, and where a measured PSF's window is the whole frame.",
      ONE_OF(plan.support, HADA_SUPPORT_WINDOW, HADA_SUPPORT_GRID)},
     {HADA_OPTION_REAL, "lambda", 0, "L", "noise that wiener reckons with, in mean |OTF|^2 (default: 0.1)", NULL,
      AT(method.lambda)},
@@ -176,7 +176,7 @@ typedef struct job {
     hada_classic_options classic;
     hada_cli_dark dark;
     hada_image weights; /* of pixels */
-    int *depths, *occupied;
+    int files, *depths, *occupied;
     double encoding, frame_encoding;
 } job;
 
@@ -194,10 +194,9 @@ static hada_status read_depths(job *work, hada_error *err)
                                       &plan->depth_count, err));
         plan->depths = work->depths;
     }
-    if (!strcmp(set->occupied, "all")) {
-        plan->occupied = HADA_OCCUPIED_ALL;
-    } else if (strcmp(set->occupied, "auto")) {
-        plan->occupied = HADA_OCCUPIED_LIST;
+    if (strcmp(set->occupied, "auto"))
+        plan->occupied = strcmp(set->occupied, "all") ? HADA_OCCUPIED_LIST : HADA_OCCUPIED_ALL;
+    if (plan->occupied == HADA_OCCUPIED_LIST) {
         plan->occupied_list = work->occupied;
         HADA_TRY(hada_cli_read_depths("occupied", set->occupied, info->distances_mm, info->depths, work->occupied,
                                       &plan->occupied_count, err));
@@ -228,6 +227,10 @@ static hada_status read_options(job *work, hada_error *err)
     HADA_TRY(hada_cli_read_skip(set->skip, &plan->skip, err));
     HADA_TRY(hada_cli_read_method(&set->method, &work->classic, err));
     work->classic.support = plan->support;
+    /* several files are no sequence: each frame finds the weight that it wants */
+    if (work->files > 1 && plan->refine_tv == HADA_AUTO &&
+        (work->classic.method || hada_model_get_info(work->model)->refine_tv == HADA_AUTO))
+        plan->refine_tv = HADA_REFINE_TV_FRAME;
     plan->classic = &work->classic;
     plan->enhance = !set->no_enhance;
     return HADA_OK;
@@ -292,8 +295,8 @@ done:
 /* The exit code. */
 static int run_files(job *work, int count, const char **paths)
 {
-    const settings *set = work->set;
     hada_error err = {0};
+    const settings *set = work->set;
     hada_files_task task = set->task;
     hada_cli_files_listener listener = {.cli = work->cli, .before = hada_cli_seconds()};
     task.preview = !set->no_preview && hada_cli_pictures(work->cli);
@@ -340,10 +343,9 @@ static int check(hada_cli *cli, const settings *set, int count)
 
 static int run(hada_cli *cli, void *user, int count, const char **arguments)
 {
-    const settings *set = user;
     hada_error err = {0};
-    job work = {.cli = cli, .set = set};
-    int code = check(cli, set, count);
+    job work = {.cli = cli, .set = user, .files = count};
+    int code = check(cli, user, count);
     if (!code)
         code = prepare(&work, &err) ? hada_cli_fail(cli, &err) : run_files(&work, count, arguments);
     hada_plan_destroy(&work.plan);

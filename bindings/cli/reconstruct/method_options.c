@@ -50,12 +50,11 @@ static hada_status check_none(const hada_cli_method_settings *set, hada_error *e
 
 static hada_status read_prior(const hada_cli_method_settings *set, hada_classic_options *out, hada_error *err)
 {
-    const int has_tv = set->tv != NOT_GIVEN;
-    if (has_tv && (set->prior || set->weight >= 0))
+    if (set->tv != NOT_GIVEN && (set->prior || set->weight >= 0))
         return hada_cli_error(err, HADA_ERROR_ARGUMENT,
                               "--tv W stands for --prior tv --weight W; give one or the other");
-    out->prior = has_tv ? HADA_PRIOR_TV : (hada_prior)set->prior;
-    out->weight = has_tv ? set->tv : set->weight;
+    out->prior = set->tv != NOT_GIVEN ? HADA_PRIOR_TV : (hada_prior)set->prior;
+    out->weight = set->tv != NOT_GIVEN ? set->tv : set->weight;
     if (set->weight >= 0 && set->prior < HADA_PRIOR_TV && out->method != HADA_METHOD_ADMM)
         return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--weight is that of a prior: choose one with --prior");
     return HADA_OK;

@@ -35,7 +35,7 @@ struct hada_job {
     unsigned char *depths;            /* per computed depth: who has it (dispatch/dispatcher.c) */
     int open, helpers;                /* other workers may take batches; how many are at it */
     hada_cache_entry *entry, *source; /* of this frame, or of the previous one where that is equal */
-    hada_cache_entry *chooser;        /* of the frame whose weight of total variation this one takes; NULL: its own */
+    hada_cache_entry *chooser;        /* of the frame that finds the weight of total variation for this one; NULL: none */
 };
 
 struct hada_dispatcher {
@@ -58,9 +58,9 @@ static inline int hada_worker_helps(const hada_queue_worker *worker, const hada_
     return worker->info.device != owner->info.device;
 }
 
-/* The frame that was submitted last, for frames that equal it, and the one whose weight of total variation is kept
- * (dispatch/frame_cache.c). Whether a frame may equal it, or takes the weight, is decided when it is submitted, one
- * frame after the other, so that the answer does not depend on which worker does what. */
+/* Two frames that later ones depend on (dispatch/frame_cache.c): the last one submitted, for frames that equal it, and
+ * the one that found the weight of total variation, for frames that use this weight. Whether a frame depends on either
+ * is decided when it is submitted, one frame after the other, so the answer does not depend on the workers. */
 typedef struct hada_frame_cache {
     pthread_mutex_t lock; /* held while a frame is compared */
     hada_cache_entry *last, *chosen;
@@ -70,8 +70,8 @@ typedef struct hada_frame_cache {
 void hada_frame_cache_make(hada_frame_cache *cache);
 void hada_frame_cache_free(hada_frame_cache *cache);
 
-/* Before a job is submitted: the job gets the last frame as its source, or becomes the last frame itself; and the same
- * with the frame whose weight is kept. */
+/* Before a job is submitted: the job gets the last frame as its source, or becomes the last frame itself. It also gets
+ * the frame that finds its weight, or becomes that frame for later ones. */
 hada_status hada_frame_cache_enter(hada_frame_cache *cache, hada_job *job, hada_error *err);
 
 /* In the worker. *reused: 1: the source's result was copied; 0: the frame is to be computed. */

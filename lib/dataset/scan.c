@@ -1,6 +1,4 @@
 /* Finding depths and pairs by the names of folders and files. */
-#include <dirent.h>
-#include <errno.h>
 
 #include "core/callers.h"
 #include "dataset/dataset.h"
@@ -139,21 +137,14 @@ static hada_status add_depth(hada_pair_store *store, const char *folder, const c
 
 static hada_status find_depths(hada_pair_store *store, const char *folder, hada_error *err)
 {
-    hada_status status = HADA_OK;
-    DIR *open = opendir(folder);
-    if (!open)
-        return hada_fail(err, HADA_ERROR_FILE_OPEN, "the data set %s cannot be read: %s", folder, strerror(errno));
-    const struct dirent *entry;
-    while ((errno = 0, entry = readdir(open))) {
-        const char *rest;
-        const double distance = hada_name_distance(entry->d_name, &rest);
-        if (distance >= 0.0 && !*rest)
-            HADA_TRY_OR_DONE(add_depth(store, folder, entry->d_name, distance, err));
-    }
-    if (errno)
-        HADA_TRY_OR_DONE(
-            hada_fail(err, HADA_ERROR_FILE_READ, "the data set %s cannot be read: %s", folder, strerror(errno)));
+    char **names;
+    int count;
+    const char *rest;
     hada_path raw;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_folder_list_depths(folder, "data set", &names, &count, err));
+    for (int i = 0; i < count; i++)
+        HADA_TRY_OR_DONE(add_depth(store, folder, names[i], hada_name_distance(names[i], &rest), err));
     HADA_TRY_OR_DONE(hada_path_write(raw, err, "%s/raw", folder));
     if (!store->depths && hada_path_is_folder(raw)) /* one depth, whose distance is not known */
         HADA_TRY_OR_DONE(add_depth(store, folder, NULL, 0.0, err));
@@ -165,7 +156,7 @@ static hada_status find_depths(hada_pair_store *store, const char *folder, hada_
                       folder, folder, folder));
     qsort(store->depth, (size_t)store->depths, sizeof *store->depth, by_distance);
 done:
-    closedir(open);
+    hada_names_free(&names, &count);
     return status;
 }
 

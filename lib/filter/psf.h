@@ -25,6 +25,9 @@ typedef struct hada_psf_shape {
 } hada_psf_shape;
 hada_status hada_psf_measure(hada_psf_shape *out, const hada_image *psf, const hada_image *other, hada_error *err);
 
+/* The sum of its values. */
+double hada_psf_light(const hada_image *psf);
+
 /* What a model with this grid makes use of: light farther from the axis never reaches a frame from a scene in the
  * window. Created by the call. */
 hada_status hada_psf_reach(hada_image *out, const hada_image *psf, const hada_model_info *info, hada_error *err);

@@ -19,7 +19,7 @@ typedef struct choice {
 } choice;
 static const choice for_circular = {0.2, 3e-3, 12}, for_padded = {2.0, 1e-3, 20};
 
-static double total_light(const hada_image *psf)
+double hada_psf_light(const hada_image *psf)
 {
     double total = 0.0;
     for (size_t i = 0; i < hada_image_count(psf); i++)
@@ -48,12 +48,7 @@ static hada_status take(hada_image *out, const hada_image *psf, const hada_psf_o
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_image_copy(&whole, psf, err));
     HADA_TRY_OR_DONE(hada_psf_clean(&whole, options, NULL, err));
-    if (whole.rows > info->grid_rows || whole.cols > info->grid_cols) {
-        HADA_TRY_OR_DONE(hada_psf_reach(out, &whole, info, err));
-    } else {
-        *out = whole;
-        whole = (hada_image){0};
-    }
+    HADA_TRY_OR_DONE(hada_psf_reach(out, &whole, info, err));
 done:
     hada_image_destroy(&whole);
     if (status)
@@ -146,7 +141,7 @@ static hada_status transform_depth(psf_work *work, hada_model *model, const hada
     const size_t plane = hada_model_plane(model), area = (size_t)info->grid_rows * (size_t)info->grid_cols;
     hada_image_destroy(&work->clean);
     HADA_TRY(take(&work->clean, psf, options, info, depth, err));
-    const double light = total_light(&work->clean);
+    const double light = hada_psf_light(&work->clean);
     if (!(light > 0.0))
         return hada_fail(err, HADA_ERROR_NUMERIC,
                          "depth %d: no light of the point spread function is near its middle, where the optical axis "

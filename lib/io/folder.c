@@ -206,7 +206,9 @@ static hada_status add_name(char ***names, int *count, int *room, const char *na
     return status;
 }
 
-hada_status hada_folder_list_tiffs(const char *folder, char ***names, int *count, hada_error *err)
+/* `what`: the folder's kind, for messages. */
+static hada_status list_names(const char *folder, const char *what, int (*is_wanted)(const char *name), char ***names,
+                              int *count, hada_error *err)
 {
     hada_status status = HADA_OK;
     int room = 0;
@@ -214,14 +216,14 @@ hada_status hada_folder_list_tiffs(const char *folder, char ***names, int *count
     *count = 0;
     DIR *open = opendir(folder);
     if (!open)
-        return hada_fail(err, HADA_ERROR_FILE_OPEN, "the folder %s cannot be read: %s", folder, strerror(errno));
+        return hada_fail(err, HADA_ERROR_FILE_OPEN, "the %s %s cannot be read: %s", what, folder, strerror(errno));
     const struct dirent *entry;
     while ((errno = 0, entry = readdir(open)))
-        if (is_picture(entry->d_name))
+        if (is_wanted(entry->d_name))
             HADA_TRY_OR_DONE(add_name(names, count, &room, entry->d_name, err));
     if (errno)
         HADA_TRY_OR_DONE(
-            hada_fail(err, HADA_ERROR_FILE_READ, "the folder %s cannot be read: %s", folder, strerror(errno)));
+            hada_fail(err, HADA_ERROR_FILE_READ, "the %s %s cannot be read: %s", what, folder, strerror(errno)));
     if (*count)
         qsort(*names, (size_t)*count, sizeof **names, by_name);
 done:
@@ -229,6 +231,22 @@ done:
     if (status)
         hada_names_free(names, count);
     return status;
+}
+
+static int is_depth(const char *name)
+{
+    const char *rest;
+    return hada_name_distance(name, &rest) >= 0.0 && !*rest;
+}
+
+hada_status hada_folder_list_tiffs(const char *folder, char ***names, int *count, hada_error *err)
+{
+    return list_names(folder, "folder", is_picture, names, count, err);
+}
+
+hada_status hada_folder_list_depths(const char *folder, const char *what, char ***names, int *count, hada_error *err)
+{
+    return list_names(folder, what, is_depth, names, count, err);
 }
 
 void hada_names_free(char ***names, int *count)

@@ -24,6 +24,9 @@ hada_status hada_folder_create(const char *path, hada_folder_fill fill, void *us
 /* The names of a folder's TIFF files (.tif, .tiff in any case; hidden ones left out), sorted; freed with
  * hada_names_free(). */
 hada_status hada_folder_list_tiffs(const char *folder, char ***names, int *count, hada_error *err);
+
+/* The same of names that are a distance as a whole, such as z100mm. `what`: the kind of the folder, for messages. */
+hada_status hada_folder_list_depths(const char *folder, const char *what, char ***names, int *count, hada_error *err);
 void hada_names_free(char ***names, int *count);
 
 /* A file's name without folders and without its ending, on the heap. */

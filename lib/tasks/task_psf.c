@@ -1,6 +1,4 @@
 /* A camera from its point spread functions: finds and reads them, and says what is wrong with them. */
-#include <dirent.h>
-#include <errno.h>
 #include <hadalens/task_fit.h>
 #include <hadalens/tiff.h>
 
@@ -74,21 +72,18 @@ done:
 
 static hada_status add_depth_folders(psfs *of, const char *folder, hada_error *err)
 {
-    DIR *open = opendir(folder);
+    char **names;
+    int count;
+    const char *rest;
     hada_status status = HADA_OK;
-    if (!open)
-        return hada_fail(err, HADA_ERROR_FILE_OPEN, "the folder %s cannot be read: %s", folder, strerror(errno));
-    for (const struct dirent *entry; (entry = readdir(open));) {
-        const char *rest;
-        const double distance = hada_name_distance(entry->d_name, &rest);
+    HADA_TRY(hada_folder_list_depths(folder, "folder", &names, &count, err));
+    for (int i = 0; i < count; i++) {
         hada_path path;
-        if (distance < 0.0 || *rest)
-            continue;
-        HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/%s", folder, entry->d_name));
-        HADA_TRY_OR_DONE(add_folder(of, distance, path, err));
+        HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/%s", folder, names[i]));
+        HADA_TRY_OR_DONE(add_folder(of, hada_name_distance(names[i], &rest), path, err));
     }
 done:
-    closedir(open);
+    hada_names_free(&names, &count);
     return status;
 }
 
@@ -436,10 +431,8 @@ static void tell_lost(const psfs *of, const hada_model_info *info)
         hada_image reach;
         if (hada_psf_reach(&reach, &of->image[z], info, NULL))
             return;
-        for (size_t i = 0; i < hada_image_count(&of->image[z]); i++)
-            light += of->image[z].data[i];
-        for (size_t i = 0; i < hada_image_count(&reach); i++)
-            kept += reach.data[i];
+        light += hada_psf_light(&of->image[z]);
+        kept += hada_psf_light(&reach);
         hada_image_destroy(&reach);
     }
     if (kept < (1.0 - LOST) * light)

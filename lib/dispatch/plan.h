@@ -35,7 +35,7 @@ struct hada_job {
     unsigned char *depths;            /* per computed depth: who has it (dispatch/dispatcher.c) */
     int open, helpers;                /* other workers may take batches; how many are at it */
     hada_cache_entry *entry, *source; /* of this frame, or of the previous one where that is equal */
-    hada_cache_entry *chooser;        /* of the frame that finds the weight of total variation for this one; NULL: none */
+    hada_cache_entry *chooser; /* of the frame that finds the weight of total variation for this one; NULL: none */
 };
 
 struct hada_dispatcher {

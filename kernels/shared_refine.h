@@ -142,6 +142,18 @@ typedef struct hada_refine_window {
 } hada_refine_window;
 HADA_SHARED_SIZE(hada_refine_window, 16)
 
+/* Steps of total variation in one pass (refine_tv_rows.cl), and the columns that tiles overlap by at either side. */
+#define HADA_REFINE_TV_ROWS_STEPS  3
+#define HADA_REFINE_TV_ROWS_MARGIN 8
+#define HADA_REFINE_TV_ROWS_ROOM   808
+
+typedef struct hada_refine_tv_rows {
+    hada_refine_window window;
+    int tiles, inner; /* of a row: tiles, and columns of each without its halo, a multiple of eight */
+    int fresh;        /* the duals are taken as 0 */
+} hada_refine_tv_rows;
+HADA_SHARED_SIZE(hada_refine_tv_rows, 28)
+
 /* Steps of total variation on tiles (refine_tv_tile.cl): square tiles of that many pixels a side with their halo, by
  * groups of that many work-items. Three channels of a tile take 24 KiB of local memory. */
 #define HADA_REFINE_TV_TILE  32

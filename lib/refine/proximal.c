@@ -3,6 +3,9 @@
 /* Rows of a work-group: enough groups for a few cores or many, few enough that a launch is cheap. */
 enum { LANES_BAND = 16, GROUPS_BAND = 2 };
 
+/* Rows of a band that a work-item of refine_tv_rows takes: each core has some bands, and few rows are done twice. */
+enum { MOST_BAND = 96, LEAST_BAND = 24, BANDS_PER_CORE = 2 };
+
 /* Of a launch on tiles. All six at once would leave a third of a tile right (19 x 19 of 32 x 32 pixels), three leave
  * two thirds: a launch more costs less than doing twice the work. */
 enum { TILE_STEPS = 3 };
@@ -14,6 +17,21 @@ static int on_tiles(const hada_context *context, int channels)
            context->info.max_work_group >= HADA_REFINE_TV_GROUP;
 }
 
+/* As few tiles of a row as have room, all of the same width. */
+static hada_refine_tv_rows rows_of(const hada_context *context, int channels, int rows, int cols)
+{
+    const int margins = 3 * HADA_REFINE_TV_ROWS_MARGIN, most = HADA_REFINE_TV_ROWS_ROOM / channels / 8 * 8 - margins;
+    hada_refine_tv_rows by = {.window = {channels, rows, cols, rows}};
+    if (context->shape != HADA_SHAPE_LANES || most < margins)
+        return by;
+    const int bands = BANDS_PER_CORE * (int)context->info.compute_units;
+    by.tiles = (int)hada_divide_up((size_t)cols, (size_t)most);
+    by.inner = 8 * (int)hada_divide_up((size_t)cols, 8 * (size_t)by.tiles);
+    by.window.band = (int)hada_divide_up((size_t)rows, (size_t)bands);
+    by.window.band = by.window.band < LEAST_BAND ? LEAST_BAND : by.window.band > MOST_BAND ? MOST_BAND : by.window.band;
+    return by;
+}
+
 hada_status hada_variation_prepare(hada_variation *variation, hada_slot *slot, int channels, int rows, int cols,
                                    hada_error *err)
 {
@@ -22,6 +40,9 @@ hada_status hada_variation_prepare(hada_variation *variation, hada_slot *slot, i
     variation->group = (size_t)hada_macros_of_refine_tv(variation->program)->refine_group;
     variation->tiled = on_tiles(slot->context, channels);
     variation->tile_program = channels == 1 ? HADA_PROGRAM_REFINE_TV_TILE_GREY : HADA_PROGRAM_REFINE_TV_TILE_COLOUR;
+    variation->by_rows = rows_of(slot->context, channels, rows, cols);
+    if (variation->by_rows.tiles)
+        HADA_TRY(hada_prepare_refine_tv_rows(slot, HADA_PROGRAM_REFINE_TV_ROWS_DEFAULT, err));
     return variation->tiled ? hada_prepare_refine_tv_tile(slot, variation->tile_program, err)
                             : hada_prepare_refine_tv(slot, variation->program, err);
 }
@@ -69,6 +90,22 @@ static hada_status dual_step(const hada_variation *v, hada_slot *slot, cl_mem pl
                                        .per_colour = (float)per_colour_of(v, colour));
 }
 
+/* HADA_REFINE_TV_ROWS_STEPS steps on the dual. */
+static hada_status row_steps(const hada_variation *v, hada_slot *slot, cl_mem planes, cl_mem old, cl_mem next,
+                             int count, double theta, double colour, int fresh, hada_error *err)
+{
+    const double values = values_of(v, count);
+    hada_refine_tv_rows rows = v->by_rows;
+    rows.fresh = fresh;
+    const size_t bands = hada_divide_up((size_t)v->rows, (size_t)rows.window.band);
+    const hada_range range = hada_range_groups(bands * (size_t)rows.tiles, 1, (size_t)count, 1);
+    hada_slot_cost(slot, (fresh ? 12.0 : 20.0) * values, 20.0 * HADA_REFINE_TV_ROWS_STEPS * values);
+    return hada_launch_refine_tv_rows(slot, HADA_PROGRAM_REFINE_TV_ROWS_DEFAULT, &range, err, .given = planes,
+                                      .old = old, .next = next, .rows = rows, .theta = (float)theta,
+                                      .step = (float)(HADA_REFINE_TV_LENGTH / theta),
+                                      .per_colour = (float)per_colour_of(v, colour));
+}
+
 /* The planes that the dual stands for. */
 static hada_status primal_step(const hada_variation *v, hada_slot *slot, cl_mem planes, cl_mem duals, int count,
                                double theta, hada_error *err)
@@ -105,14 +142,17 @@ static hada_status tile_steps(const hada_variation *v, hada_slot *slot, cl_mem p
 hada_status hada_variation_step(const hada_variation *variation, hada_slot *slot, cl_mem planes, const cl_mem duals[2],
                                 int count, double theta, double colour, int fresh, hada_error *err)
 {
-    const int launches = HADA_REFINE_TV_STEPS / TILE_STEPS;
+    const int launches = HADA_REFINE_TV_STEPS / TILE_STEPS, by_rows = variation->by_rows.tiles > 0;
     /* an even number of steps or launches: the duals end where they began */
     for (int k = 0; variation->tiled && k < launches; k++)
         HADA_TRY(tile_steps(variation, slot, planes, duals[k % 2], duals[!(k % 2)], count, theta, colour, fresh && !k,
                             k + 1 == launches, err));
     if (variation->tiled)
         return HADA_OK;
-    for (int k = 0; k < HADA_REFINE_TV_STEPS; k++)
+    for (int k = 0; by_rows && k < HADA_REFINE_TV_STEPS / HADA_REFINE_TV_ROWS_STEPS; k++)
+        HADA_TRY(
+            row_steps(variation, slot, planes, duals[k % 2], duals[!(k % 2)], count, theta, colour, fresh && !k, err));
+    for (int k = 0; !by_rows && k < HADA_REFINE_TV_STEPS; k++)
         HADA_TRY(
             dual_step(variation, slot, planes, duals[k % 2], duals[!(k % 2)], count, theta, colour, fresh && !k, err));
     HADA_TRY(primal_step(variation, slot, planes, duals[0], count, theta, err));

@@ -5,6 +5,7 @@
 #include "launch/refine_crosstalk.h"
 #include "launch/refine_dct.h"
 #include "launch/refine_tv.h"
+#include "launch/refine_tv_rows.h"
 #include "launch/refine_tv_tile.h"
 #include "runtime/buffer.h"
 
@@ -24,6 +25,7 @@ typedef struct hada_variation {
     size_t group;
     int tiled; /* 1: some steps a launch, on tiles by work-groups (kernels/refine_tv_tile.cl) */
     hada_program_refine_tv_tile tile_program;
+    hada_refine_tv_rows by_rows; /* bands and tiles of kernels/refine_tv_rows.cl; tiles is 0: it is not used */
 } hada_variation;
 
 /* Chooses the program for the window and makes it. */

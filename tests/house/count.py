@@ -148,7 +148,7 @@ def count_build(root, build, row):
                 break
             name, _, seconds = line.split()
             costs[name] = float(seconds)
-    for tier in ('quick', 'full', 'oracle', 'stress'):
+    for tier in ('quick', 'full', 'long', 'oracle', 'stress'):
         names = re.findall(r'Test +#\d+: (\S+)', run('ctest', '--test-dir', build, '-N', '-FS', '.', '-L', f'^{tier}$'))
         if names:
             row(f'  {tier}: tests', len(names))

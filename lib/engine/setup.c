@@ -77,12 +77,19 @@ static hada_status check_options(const hada_model_info *info, const hada_plan_op
                            "the model %s holds no transfer functions, so nothing can be refined: use --refine 0, or "
                            "make the model again with fit",
                            info->name));
-    const hada_image *dark = options->dark_frame, *weights = options->pixel_weights;
+    const hada_image *dark = options->dark_frame, *weights = options->pixel_weights, *flat = options->flat_frame;
     if (weights && ((weights->channels != info->channels && weights->channels != 1) ||
                     weights->rows != info->raw_rows || weights->cols != info->raw_cols))
         HADA_TRY(hada_fail(err, HADA_ERROR_SIZE,
                            "the weights of pixels must have 1 or %d channel(s) of %d x %d pixels, as the model",
                            info->channels, info->raw_rows, info->raw_cols));
+    if (flat && ((flat->channels != info->channels && flat->channels != 1) || flat->rows != info->raw_rows ||
+                 flat->cols != info->raw_cols))
+        HADA_TRY(
+            hada_fail(err, HADA_ERROR_SIZE,
+                      "the flat frame must have 1 or %d channel(s) of %d x %d pixels, as the model; it has %d of %d "
+                      "x %d",
+                      info->channels, info->raw_rows, info->raw_cols, flat->channels, flat->rows, flat->cols));
     const int mosaic = options->mosaic == HADA_MOSAIC_AUTO ? (int)info->mosaic : (int)options->mosaic;
     if (!hada_mosaic_is_known(options->mosaic))
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: mosaic is one of HADA_MOSAIC_..."));
@@ -388,6 +395,34 @@ static hada_status copy_weights(hada_setup *setup, const hada_image *weights, ha
     return HADA_OK;
 }
 
+/* The caller's flat frame, or the model's. Pixels that it says are hardly lit have no weight. */
+static hada_status take_flat(hada_setup *setup, const hada_image *flat, hada_error *err)
+{
+    const hada_model_info *info = &setup->model->info;
+    const hada_dark kind = setup->options.dark;
+    const double level = kind == HADA_DARK_MODEL ? info->dark : kind == HADA_DARK_LEVEL ? setup->options.dark_level : 0;
+    hada_image *weights = &setup->pixel_weights;
+    size_t unlit = 0;
+    setup->flat = setup->model->info.flat;
+    if (flat) {
+        HADA_TRY(hada_flat_sensitivity(&setup->own_flat, flat, info->channels, setup->config.mosaic,
+                                       level > 0.0 ? level : 0.0, setup->dark_frame.data, &unlit, err));
+        setup->flat = &setup->own_flat;
+    }
+    const size_t count = setup->flat ? hada_image_count(setup->flat) : 0;
+    for (size_t i = 0; i < count && !unlit; i++)
+        unlit = setup->flat->data[i] == 0.0f;
+    if (unlit && !weights->data) {
+        HADA_TRY(hada_image_create(weights, info->channels, info->raw_rows, info->raw_cols, err));
+        for (size_t i = 0; i < count; i++)
+            weights->data[i] = 1.0f;
+    }
+    for (size_t i = 0; i < count && unlit; i++)
+        if (setup->flat->data[i] == 0.0f)
+            weights->data[i] = 0.0f;
+    return HADA_OK;
+}
+
 static int is_dark_same(const hada_image *dark, int a, int b)
 {
     const size_t pixels = (size_t)dark->rows * (size_t)dark->cols;
@@ -445,7 +480,7 @@ hada_status hada_setup_begin(hada_setup *setup, hada_context *context, const had
 {
     *setup = (hada_setup){.model = model, .options = *options};
     setup->options.depths = setup->options.occupied_list = NULL;
-    setup->options.dark_frame = setup->options.pixel_weights = NULL;
+    setup->options.dark_frame = setup->options.flat_frame = setup->options.pixel_weights = NULL;
     setup->options.classic = NULL;
     HADA_TRY(hada_config_of(model, options, &setup->config, err));
     HADA_TRY(make_lists(setup, options, err));
@@ -454,7 +489,9 @@ hada_status hada_setup_begin(hada_setup *setup, hada_context *context, const had
             hada_classic_fit_grid(&setup->config.method, context, model, setup->depths, setup->config.depths, err));
     if (options->pixel_weights)
         HADA_TRY(copy_weights(setup, options->pixel_weights, err));
-    return setup->config.dark ? copy_dark(setup, options->dark_frame, err) : HADA_OK;
+    if (setup->config.dark)
+        HADA_TRY(copy_dark(setup, options->dark_frame, err));
+    return take_flat(setup, options->flat_frame, err);
 }
 
 hada_status hada_setup_make(hada_setup *setup, hada_context *context, const hada_model *model,
@@ -474,6 +511,7 @@ void hada_setup_free(hada_setup *setup)
     hada_gains_destroy(&setup->gains);
     HADA_FREE(setup->same_dark, setup->same_filter);
     hada_image_destroy(&setup->dark_frame);
+    hada_image_destroy(&setup->own_flat);
     hada_image_destroy(&setup->pixel_weights);
     hada_classic_camera_free(&setup->camera);
     HADA_FREE(setup->depths, setup->distances, setup->listed);

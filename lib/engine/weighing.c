@@ -19,7 +19,8 @@ static hada_status put_values(hada_frame_exposure *exposure, const float *weight
     const size_t count = values ? hada_exposure_count(exposure) : 0;
     for (size_t i = 0; i < count; i++)
         if (weights[i] <= 0.0f)
-            values[i] = fmaxf(values[i] - residual[i], weights[i] < 0.0f ? exposure->brightest : -FLT_MAX);
+            values[i] =
+                fmaxf(values[i] - residual[i], weights[i] < 0.0f ? hada_exposure_brightest(exposure, i) : -FLT_MAX);
     return HADA_OK;
 }
 

@@ -5,6 +5,7 @@
 
 #include "core/callers.h"
 #include "core/fft_factor.h"
+#include "image/pixels.h"
 #include "io/safetensors.h"
 #include "netlist/net_list.h"
 
@@ -154,6 +155,7 @@ hada_status hada_model_create_head(hada_model **out, const hada_model_info *info
         memcpy(model->distances, info->distances_mm, depths * sizeof *model->distances);
     model->info.distances_mm = model->distances;
     model->info.name = model->name;
+    HADA_TRY_OR_DONE(hada_model_set_flat(model, info->flat, err));
     const uint64_t values = (uint64_t)info->depths * (uint64_t)info->channels * hada_model_plane(model);
     model->info.bytes = values * (info->half ? 4u : 8u) + (info->has_otf ? values * 8u : 0u);
 done:
@@ -161,6 +163,22 @@ done:
         hada_model_destroy(&model);
     *out = model;
     return status;
+}
+
+hada_status hada_model_set_flat(hada_model *model, const hada_image *flat, hada_error *err)
+{
+    hada_model_info *info = &model->info;
+    hada_image_destroy(&model->flat);
+    info->flat = NULL;
+    if (!flat)
+        return HADA_OK;
+    if (flat->channels != info->channels || flat->rows != info->raw_rows || flat->cols != info->raw_cols)
+        return hada_fail(err, HADA_ERROR_SIZE,
+                         "the flat frame has %d channel(s) of %d x %d pixels; the model's frames have %d of %d x %d",
+                         flat->channels, flat->rows, flat->cols, info->channels, info->raw_rows, info->raw_cols);
+    HADA_TRY(hada_image_copy(&model->flat, flat, err));
+    info->flat = &model->flat;
+    return HADA_OK;
 }
 
 hada_status hada_model_create_arrays(hada_model *model, int with_statistics, hada_error *err)
@@ -203,6 +221,7 @@ void hada_model_destroy(hada_model **pointer)
         HADA_FREE(model->filter, model->filter_half, model->otf, model->scene_power);
     }
     hada_net_destroy(&model->enhance);
+    hada_image_destroy(&model->flat);
     HADA_FREE(model->noise_power, model->pairs, model->distances, model->name, model);
 }
 

@@ -19,6 +19,7 @@ struct hada_model {
     float *scene_power;
     double *noise_power;
     double *pairs;
+    hada_image flat;   /* of info; empty: none */
     hada_net *enhance; /* may be NULL */
     void *file;        /* non-NULL: the large arrays are in this opened file (hada_tensors), not freed one by one */
 };
@@ -58,6 +59,9 @@ hada_status hada_model_create_head(hada_model **out, const hada_model_info *info
 
 /* Room for the arrays that hada_model_create_head leaves out. */
 hada_status hada_model_create_arrays(hada_model *model, int with_statistics, hada_error *err);
+
+/* Gives it a copy of what pixels make of the same light (hada_model_info.flat), or NULL: none. HADA_ERROR_SIZE. */
+hada_status hada_model_set_flat(hada_model *model, const hada_image *flat, hada_error *err);
 
 /* Gives a model a net, which becomes its own (also on failure), with the size at which it runs. */
 hada_status hada_model_own_enhance(hada_model *model, hada_net *net, int rows, int cols, hada_error *err);

@@ -84,7 +84,7 @@ typedef struct part {
     const void *data;
     size_t bytes;
 } part;
-enum { PARTS = 6 };
+enum { PARTS = 7 };
 
 static int list_parts(const hada_model *model, part parts[PARTS])
 {
@@ -102,6 +102,13 @@ static int list_parts(const hada_model *model, part parts[PARTS])
         parts[n++] = (part){"scene_power", HADA_F32, 2, {rows, half}, model->scene_power, plane * 4};
     if (model->otf)
         parts[n++] = (part){"otf", HADA_F32, 5, {z, c, rows, half, 2}, model->otf, values * 4};
+    if (model->flat.data)
+        parts[n++] = (part){"flat",
+                            HADA_F32,
+                            3,
+                            {c, info->raw_rows, info->raw_cols},
+                            model->flat.data,
+                            (size_t)c * (size_t)info->raw_rows * (size_t)info->raw_cols * 4};
     parts[n++] = info->half ? (part){"filter", HADA_F16, 5, {z, c, rows, half, 2}, model->filter_half, values * 2}
                             : (part){"filter", HADA_F32, 5, {z, c, rows, half, 2}, model->filter, values * 4};
     return n;
@@ -259,6 +266,7 @@ static hada_status check_part(const hada_tensors *file, const char *path, const 
 /* Points the model's arrays into the file; small ones were allocated and are copied. */
 static hada_status take_parts(hada_model *model, const hada_tensors *file, const char *path, hada_error *err)
 {
+    const hada_model_info *info = &model->info;
     part parts[PARTS];
     const void *data = NULL;
     const int count = list_parts(model, parts);
@@ -266,7 +274,11 @@ static hada_status take_parts(hada_model *model, const hada_tensors *file, const
         HADA_TRY(check_part(file, path, &parts[i], &data, err));
         if (parts[i].type == HADA_F64)
             memcpy((void *)(uintptr_t)parts[i].data, data, parts[i].bytes);
-        else if (!strcmp(parts[i].name, "scene_power"))
+        else if (!strcmp(parts[i].name, "flat")) {
+            hada_image in_file = {info->channels, info->raw_rows, info->raw_cols, (float *)(uintptr_t)data};
+            model->flat.data = NULL;
+            HADA_TRY(hada_model_set_flat(model, &in_file, err));
+        } else if (!strcmp(parts[i].name, "scene_power"))
             model->scene_power = (float *)(uintptr_t)data;
         else if (!strcmp(parts[i].name, "otf"))
             model->otf = (float *)(uintptr_t)data;
@@ -333,6 +345,8 @@ static hada_status load(hada_model **out, hada_tensors *file, const char *path, 
     model->file = file;
     if (info.has_otf)
         model->otf = &present;
+    if (hada_tensors_find(file, "flat"))
+        model->flat.data = &present;
     if (hada_tensors_find(file, "scene_power")) {
         const size_t images = (size_t)info.depths * (size_t)info.channels;
         model->scene_power = &present;
@@ -345,6 +359,8 @@ static hada_status load(hada_model **out, hada_tensors *file, const char *path, 
 done:
     if (status && model) {
         model->file = NULL; /* closed by the caller */
+        if (model->flat.data == &present)
+            model->flat.data = NULL;
         model->filter = model->otf = model->scene_power = NULL;
         model->filter_half = NULL;
         hada_model_destroy(&model);

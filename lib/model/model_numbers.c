@@ -12,6 +12,7 @@
 #define FILTER_MOST 1e18
 #define POWER_MOST  1e30
 #define NOISE_MOST  1e12 /* over the power of the frames' light */
+#define FLAT_MOST   1e9  /* 1 in the mean */
 
 /* The largest magnitude; infinite where one of them is NaN or infinite. */
 static double largest(const float *values, size_t count)
@@ -91,6 +92,11 @@ hada_status hada_model_check_numbers(const hada_model *model, hada_error *err)
         const double most = model->filter ? largest(model->filter + z * values, values)
                                           : largest_half(model->filter_half + z * values, values);
         HADA_TRY(check_largest("filter", depth, most, FILTER_MOST, err));
+    }
+    if (info->flat) {
+        const size_t pixels = hada_image_count(info->flat);
+        HADA_TRY(any_negative(info->flat->data, pixels) ? wrong("flat", err) : HADA_OK);
+        HADA_TRY(check_largest("flat", -1, largest(info->flat->data, pixels), FLAT_MOST, err));
     }
     HADA_TRY(check_doubles("pairs", model->pairs, (size_t)info->depths, HUGE_VAL, err));
     if (model->scene_power) {

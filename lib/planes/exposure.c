@@ -1,4 +1,4 @@
-/* A frame on the host: checked, repaired, examined. */
+/* A frame on the host: checked, corrected, examined. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -55,114 +55,6 @@ hada_status hada_frame_check_range(float largest, double points, hada_error *err
             "about 1",
             (double)largest, largest < 1.0f ? "small" : "large", least_light, most_light / points);
     return HADA_OK;
-}
-
-static int by_value(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
-/* The median of the finite values, NaN where there is none. The array is sorted. */
-static float median(float *values, size_t count)
-{
-    if (!count)
-        return NAN;
-    qsort(values, count, sizeof *values, by_value);
-    return count % 2 ? values[count / 2] : 0.5f * (values[count / 2 - 1] + values[count / 2]);
-}
-
-static float neighbours_median(const float *plane, int rows, int cols, int row, int col)
-{
-    enum { REACH = 7 };
-    float found[(2 * REACH + 1) * (2 * REACH + 1)];
-    for (int reach = 1; reach <= REACH; reach++) {
-        size_t n = 0;
-        for (int r = row - reach; r <= row + reach; r++)
-            for (int c = col - reach; c <= col + reach; c++)
-                if (r >= 0 && r < rows && c >= 0 && c < cols && isfinite(plane[(size_t)r * (size_t)cols + (size_t)c]))
-                    found[n++] = plane[(size_t)r * (size_t)cols + (size_t)c];
-        if (n)
-            return median(found, n);
-    }
-    return NAN;
-}
-
-static hada_status plane_median(const float *plane, size_t count, float *out, hada_error *err)
-{
-    float *finite = NULL;
-    size_t n = 0;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(finite = hada_alloc_raw(count, sizeof *finite, "repairing a frame", err)));
-    for (size_t i = 0; i < count; i++)
-        if (isfinite(plane[i]))
-            finite[n++] = plane[i];
-    *out = n ? median(finite, n) : 0.0f;
-done:
-    free(finite);
-    return status;
-}
-
-static hada_status repair_plane(const float *before, float *after, int rows, int cols, hada_error *err)
-{
-    const size_t pixels = (size_t)rows * (size_t)cols;
-    float whole = NAN; /* the plane's median, found when first needed */
-    for (size_t i = 0; i < pixels; i++) {
-        if (isfinite(before[i]))
-            continue;
-        const float value = neighbours_median(before, rows, cols, (int)(i / (size_t)cols), (int)(i % (size_t)cols));
-        if (isnan(value) && isnan(whole))
-            HADA_TRY(plane_median(before, pixels, &whole, err));
-        after[i] = isnan(value) ? whole : value;
-    }
-    return HADA_OK;
-}
-
-/* Of every second pixel of every second row, from (row, col) on. */
-static hada_status repair_quarter(hada_image *frame, int row, int col, hada_error *err)
-{
-    const int rows = (frame->rows + 1 - row) / 2, cols = (frame->cols + 1 - col) / 2;
-    hada_image quarter = {0}, before = {0};
-    hada_status status = HADA_OK;
-    if (rows < 1 || cols < 1)
-        return HADA_OK;
-    HADA_TRY_OR_DONE(hada_image_create(&quarter, 1, rows, cols, err));
-    for (int r = 0; r < rows; r++)
-        for (int c = 0; c < cols; c++)
-            quarter.data[(size_t)r * (size_t)cols + (size_t)c] =
-                frame->data[(size_t)(2 * r + row) * (size_t)frame->cols + (size_t)(2 * c + col)];
-    HADA_TRY_OR_DONE(hada_image_copy(&before, &quarter, err));
-    HADA_TRY_OR_DONE(repair_plane(before.data, quarter.data, rows, cols, err));
-    for (int r = 0; r < rows; r++)
-        for (int c = 0; c < cols; c++)
-            frame->data[(size_t)(2 * r + row) * (size_t)frame->cols + (size_t)(2 * c + col)] =
-                quarter.data[(size_t)r * (size_t)cols + (size_t)c];
-done:
-    hada_image_destroy(&before);
-    hada_image_destroy(&quarter);
-    return status;
-}
-
-hada_status hada_frame_repair(hada_image *frame, hada_mosaic mosaic, size_t *repaired, hada_error *err)
-{
-    const size_t pixels = (size_t)frame->rows * (size_t)frame->cols;
-    hada_image before = {0};
-    hada_status status = HADA_OK;
-    *repaired = hada_image_count_not_finite(frame);
-    if (!*repaired)
-        return HADA_OK;
-    if (mosaic != HADA_MOSAIC_NONE) {
-        for (int i = 0; i < 4; i++)
-            HADA_TRY(repair_quarter(frame, i / 2, i % 2, err));
-        return HADA_OK;
-    }
-    HADA_TRY_OR_DONE(hada_image_create(&before, frame->channels, frame->rows, frame->cols, err));
-    memcpy(before.data, frame->data, hada_image_count(frame) * sizeof(float));
-    for (size_t at = 0; at < pixels * (size_t)frame->channels; at += pixels)
-        HADA_TRY_OR_DONE(repair_plane(before.data + at, frame->data + at, frame->rows, frame->cols, err));
-done:
-    hada_image_destroy(&before);
-    return status;
 }
 
 enum {
@@ -293,13 +185,16 @@ static hada_status copy(hada_frame_exposure *exposure, hada_error *err)
     return HADA_OK;
 }
 
+/* Where value i of the frame as it came stands among those of all channels. */
+static size_t value_of(const hada_frame_exposure *exposure, size_t i)
+{
+    return exposure->mosaic == HADA_MOSAIC_NONE ? i : (size_t)channel_of(exposure, i) * plane_of(exposure) + i;
+}
+
 /* A caller's weight of value i of the frame as it came. */
 static float given_weight(const hada_frame_exposure *exposure, size_t i)
 {
-    const float *given = exposure->pixel_weights;
-    if (!given)
-        return 1.0f;
-    return given[exposure->mosaic == HADA_MOSAIC_NONE ? i : (size_t)channel_of(exposure, i) * plane_of(exposure) + i];
+    return exposure->pixel_weights ? exposure->pixel_weights[value_of(exposure, i)] : 1.0f;
 }
 
 /* Pixels of weight 0 become such that are repaired; *blanked: how many. */
@@ -367,8 +262,9 @@ static int all_below(const hada_frame_exposure *exposure, double level)
 }
 
 /* The energy of a mosaic, before its other colours are filled in. */
-static double mosaic_energy(const hada_frame_exposure *exposure, const float *dark)
+static double mosaic_energy(const hada_frame_exposure *exposure)
 {
+    const float *dark = exposure->dark_frame;
     const size_t plane = plane_of(exposure);
     double sums[HADA_MOSAIC_COLOURS] = {0.0}, energy = 0.0;
     size_t counts[HADA_MOSAIC_COLOURS] = {0};
@@ -381,6 +277,26 @@ static double mosaic_energy(const hada_frame_exposure *exposure, const float *da
     for (int c = 0; c < HADA_MOSAIC_COLOURS; c++)
         energy += sums[c] * (double)plane / (double)counts[c];
     return energy;
+}
+
+static void flatten(hada_frame_exposure *exposure)
+{
+    const size_t plane = plane_of(exposure), count = hada_image_count(&exposure->own);
+    const size_t run = exposure->mosaic == HADA_MOSAIC_NONE ? plane : 1; /* values of one colour in a row */
+    for (size_t i = 0; i < count; i += run) {
+        const size_t at = value_of(exposure, i);
+        hada_flat_divide(exposure->own.data + i, exposure->flat + at, run, exposure->levels[at / plane],
+                         exposure->dark_frame ? exposure->dark_frame + at : NULL);
+    }
+}
+
+float hada_exposure_brightest(const hada_frame_exposure *exposure, size_t i)
+{
+    float value = exposure->brightest;
+    if (exposure->flat)
+        hada_flat_divide(&value, exposure->flat + i, 1, exposure->levels[i / plane_of(exposure)],
+                         exposure->dark_frame ? exposure->dark_frame + i : NULL);
+    return value;
 }
 
 /* Fills the other colours of a mosaic in. */
@@ -417,16 +333,18 @@ hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_expo
 {
     const hada_model_info *info = exposure->info;
     const int mosaic = exposure->mosaic != HADA_MOSAIC_NONE;
-    const int at_once = rule->energy && !rule->dark_varies && !mosaic;
+    const int at_once = rule->energy && !rule->dark_varies && !rule->flat && !mosaic;
     examination look = {.rule = rule, .lanes = {1, 2, 3, 4}};
     size_t blanked;
     hada_image_destroy(&exposure->own);
     exposure->pixel_weights = rule->pixel_weights;
+    exposure->dark_frame = rule->dark_frame;
+    exposure->flat = rule->flat;
     exposure->pixels = exposure->came;
     exposure->repaired = 0;
     for (int c = 0; c < info->channels; c++)
         exposure->levels[c] = rule->dark;
-    if (mosaic || !hada_pixels_uploads(&exposure->came))
+    if (mosaic || rule->flat || !hada_pixels_uploads(&exposure->came))
         HADA_TRY(copy(exposure, err));
     HADA_TRY(blank(exposure, &blanked, err));
     pass(exposure, &look, at_once ? VALUES | ENERGY : VALUES);
@@ -450,6 +368,8 @@ hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_expo
             "no pixel of the frame is above the dark level of %g that is subtracted: the level seems to be "
             "in other units; set options.dark",
             rule->dark);
+    if (rule->flat)
+        flatten(exposure);
     if (rule->energy && !mosaic && (!at_once || look.broken)) {
         memset(look.sums, 0, sizeof look.sums);
         pass(exposure, &look, ENERGY);
@@ -458,7 +378,7 @@ hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_expo
     for (int k = 0; k < SUMS; k++)
         exposure->energy += look.sums[k];
     if (rule->energy && mosaic)
-        exposure->energy = mosaic_energy(exposure, rule->dark_frame);
+        exposure->energy = mosaic_energy(exposure);
     return mosaic ? fill(exposure, err) : HADA_OK;
 }
 

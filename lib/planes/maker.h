@@ -10,6 +10,7 @@
 #include <stdint.h>
 
 #include "filter/hadamard.h"
+#include "image/correct.h"
 #include "refine/admm.h"
 
 /* HADA_ERROR_MODEL where a frame has not the size that the model is for. mosaic: what a caller says of frames of one
@@ -24,10 +25,12 @@ typedef struct hada_exposure_rule {
     const float *dark_frame;    /* subtracted as well, [channel][row][col]; NULL: none */
     const float *pixel_weights; /* as the caller has them, [channel][row][col], 0 to 1; NULL: all 1. Pixels of weight 0
                                    are filled from their neighbours. Of a mosaic, what its pixels hold counts */
-    int repairs; /* 1: pixels that are not finite are repaired from their neighbours; 0: they are an error */
-    int energy;  /* 1: the energy is needed */
-    int weights; /* 1: saturated pixels are looked for */
-    int hash;    /* 1: the hash is needed */
+    const float *flat; /* what pixels make of the same light (image/correct.h), as pixel_weights, which are 0 where this
+                          is; NULL: all alike */
+    int repairs;       /* 1: pixels that are not finite are repaired from their neighbours; 0: they are an error */
+    int energy;        /* 1: the energy is needed */
+    int weights;       /* 1: saturated pixels are looked for */
+    int hash;          /* 1: the hash is needed */
 } hada_exposure_rule;
 
 typedef struct hada_frame_exposure {
@@ -35,15 +38,15 @@ typedef struct hada_frame_exposure {
     hada_mosaic mosaic;         /* HADA_MOSAIC_NONE: each pixel holds all channels */
     hada_pixels came;           /* the caller's pixels, which must stay */
     hada_pixels pixels;         /* what goes to the device: these, or `own` */
-    hada_image own;             /* floats of pixels that were repaired, or that the device does not take, or whose
+    hada_image own;             /* floats of pixels that were corrected, or that the device does not take, or whose
                                    other colours were filled in; else empty */
     double *levels;             /* per channel: the dark level */
     float brightest;            /* value, as it came */
     double energy;              /* sum of squares above dark levels and dark frame; of a mosaic, as if each colour were
                                    everywhere what it is at its pixels */
     size_t repaired, saturated; /* pixels */
-    const float *pixel_weights; /* of the rule */
-    uint64_t hash[2];           /* of the floats as they came: frames of equal hashes are taken to be equal */
+    const float *dark_frame, *pixel_weights, *flat; /* of the rule */
+    uint64_t hash[2]; /* of the floats as they came: frames of equal hashes are taken to be equal */
 } hada_frame_exposure;
 
 /* Checks the size. After a failure there is nothing to end. */
@@ -63,6 +66,9 @@ int hada_exposure_is_weighted(const hada_frame_exposure *exposure);
  * for colours that a pixel of a mosaic does not hold, below 0 for saturated ones. Returns how many are above 0. */
 size_t hada_exposure_weigh(const hada_frame_exposure *exposure, float *weights);
 
+/* What value i, of all channels, is where it is saturated. */
+float hada_exposure_brightest(const hada_frame_exposure *exposure, size_t i);
+
 /* A hash of a few of its pixels as they came: frames whose samples differ are not equal. */
 uint64_t hada_exposure_sample(const hada_frame_exposure *exposure);
 
@@ -76,11 +82,6 @@ double hada_exposure_noise_unit(const hada_frame_exposure *exposure, double shar
 /* Single precision holds the spectrum of a frame whose brightest pixel has the size `largest` on a grid of `points`
  * points, and the squares of both: sizes from 2^-40 to 2^63 / points. HADA_ERROR_NUMERIC else. */
 hada_status hada_frame_check_range(float largest, double points, hada_error *err);
-
-/* Replaces pixels that are not finite by the median of the finite pixels in the smallest square around them (up to
- * 15 x 15, else the plane's median, else 0), of the frame as it came. mosaic: of one channel, pixels of the same place
- * in the pattern count, in squares of these. *repaired: how many. */
-hada_status hada_frame_repair(hada_image *frame, hada_mosaic mosaic, size_t *repaired, hada_error *err);
 
 /* A maker is filled in by its owner, who keeps what it points to. */
 typedef struct hada_plane_maker {

@@ -60,13 +60,15 @@ typedef struct hada_model_info {
     double scene_response;          /* how the scenes that it was learned from were encoded (hadalens/response.h); what
                                        it makes of a frame is linear light all the same */
     double refine_colour;           /* in refine_tv, weight of differences of colour over those of brightness, from 1 */
-    double refine_share;  /* share of refined planes where refine_steps recommends refinement; the rest is the linear
-                             filters', whose errors are others. 1: refined planes alone */
-    double refine_shrink; /* with refine_tv, for a single depth: threshold of the shrinkage of cosine transforms of
-                             blocks in the last steps, in units of the weight of total variation; 0: none
-                             (docs/explanation/refinement.md) */
-    hada_mosaic mosaic;   /* frames of one channel are a colour filter mosaic of this pattern; HADA_MOSAIC_NONE: not
-                             known to be */
+    double refine_share;    /* share of refined planes where refine_steps recommends refinement; the rest is the linear
+                               filters', whose errors are others. 1: refined planes alone */
+    double refine_shrink;   /* with refine_tv, for a single depth: threshold of the shrinkage of cosine transforms of
+                               blocks in the last steps, in units of the weight of total variation; 0: none
+                               (docs/explanation/refinement.md) */
+    hada_mosaic mosaic;     /* frames of one channel are a colour filter mosaic of this pattern; HADA_MOSAIC_NONE: not
+                               known to be */
+    const hada_image *flat; /* what the pixels of each channel make of the same light, 1 in the mean, 0 where they see
+                               hardly any: frames are divided by it. NULL: not known. Owned by the model */
 } hada_model_info;
 
 HADA_API hada_status hada_model_load(hada_model **out, const char *path, hada_error *err);

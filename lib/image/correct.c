@@ -1,0 +1,176 @@
+#include "image/correct.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "core/finite.h"
+#include "image/pixels.h"
+
+static int by_value(const void *a, const void *b)
+{
+    float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+/* The median of the finite values, NaN where there is none. The array is sorted. */
+static float median(float *values, size_t count)
+{
+    if (!count)
+        return NAN;
+    qsort(values, count, sizeof *values, by_value);
+    return count % 2 ? values[count / 2] : 0.5f * (values[count / 2 - 1] + values[count / 2]);
+}
+
+static float neighbours_median(const float *plane, int rows, int cols, int row, int col)
+{
+    enum { REACH = 7 };
+    float found[(2 * REACH + 1) * (2 * REACH + 1)];
+    for (int reach = 1; reach <= REACH; reach++) {
+        size_t n = 0;
+        for (int r = row - reach; r <= row + reach; r++)
+            for (int c = col - reach; c <= col + reach; c++)
+                if (r >= 0 && r < rows && c >= 0 && c < cols && isfinite(plane[(size_t)r * (size_t)cols + (size_t)c]))
+                    found[n++] = plane[(size_t)r * (size_t)cols + (size_t)c];
+        if (n)
+            return median(found, n);
+    }
+    return NAN;
+}
+
+static hada_status plane_median(const float *plane, size_t count, float *out, hada_error *err)
+{
+    float *finite = NULL;
+    size_t n = 0;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_allocated(finite = hada_alloc_raw(count, sizeof *finite, "repairing a frame", err)));
+    for (size_t i = 0; i < count; i++)
+        if (isfinite(plane[i]))
+            finite[n++] = plane[i];
+    *out = n ? median(finite, n) : 0.0f;
+done:
+    free(finite);
+    return status;
+}
+
+static hada_status repair_plane(const float *before, float *after, int rows, int cols, hada_error *err)
+{
+    const size_t pixels = (size_t)rows * (size_t)cols;
+    float whole = NAN; /* the plane's median, found when first needed */
+    for (size_t i = 0; i < pixels; i++) {
+        if (isfinite(before[i]))
+            continue;
+        const float value = neighbours_median(before, rows, cols, (int)(i / (size_t)cols), (int)(i % (size_t)cols));
+        if (isnan(value) && isnan(whole))
+            HADA_TRY(plane_median(before, pixels, &whole, err));
+        after[i] = isnan(value) ? whole : value;
+    }
+    return HADA_OK;
+}
+
+/* Of every second pixel of every second row, from (row, col) on. */
+static hada_status repair_quarter(hada_image *frame, int row, int col, hada_error *err)
+{
+    const int rows = (frame->rows + 1 - row) / 2, cols = (frame->cols + 1 - col) / 2;
+    hada_image quarter = {0}, before = {0};
+    hada_status status = HADA_OK;
+    if (rows < 1 || cols < 1)
+        return HADA_OK;
+    HADA_TRY_OR_DONE(hada_image_create(&quarter, 1, rows, cols, err));
+    for (int r = 0; r < rows; r++)
+        for (int c = 0; c < cols; c++)
+            quarter.data[(size_t)r * (size_t)cols + (size_t)c] =
+                frame->data[(size_t)(2 * r + row) * (size_t)frame->cols + (size_t)(2 * c + col)];
+    HADA_TRY_OR_DONE(hada_image_copy(&before, &quarter, err));
+    HADA_TRY_OR_DONE(repair_plane(before.data, quarter.data, rows, cols, err));
+    for (int r = 0; r < rows; r++)
+        for (int c = 0; c < cols; c++)
+            frame->data[(size_t)(2 * r + row) * (size_t)frame->cols + (size_t)(2 * c + col)] =
+                quarter.data[(size_t)r * (size_t)cols + (size_t)c];
+done:
+    hada_image_destroy(&before);
+    hada_image_destroy(&quarter);
+    return status;
+}
+
+hada_status hada_frame_repair(hada_image *frame, hada_mosaic mosaic, size_t *repaired, hada_error *err)
+{
+    const size_t pixels = (size_t)frame->rows * (size_t)frame->cols;
+    hada_image before = {0};
+    hada_status status = HADA_OK;
+    *repaired = hada_image_count_not_finite(frame);
+    if (!*repaired)
+        return HADA_OK;
+    if (mosaic != HADA_MOSAIC_NONE) {
+        for (int i = 0; i < 4; i++)
+            HADA_TRY(repair_quarter(frame, i / 2, i % 2, err));
+        return HADA_OK;
+    }
+    HADA_TRY_OR_DONE(hada_image_create(&before, frame->channels, frame->rows, frame->cols, err));
+    memcpy(before.data, frame->data, hada_image_count(frame) * sizeof(float));
+    for (size_t at = 0; at < pixels * (size_t)frame->channels; at += pixels)
+        HADA_TRY_OR_DONE(repair_plane(before.data + at, frame->data + at, frame->rows, frame->cols, err));
+done:
+    hada_image_destroy(&before);
+    return status;
+}
+
+/* A pixel that sees less than this share of what others see: its noise would be made 20 times as strong. */
+#define HARDLY_LIT 0.05
+
+/* Divides the values that stand for one colour by their mean, those that `mosaic` says hold it. */
+static hada_status by_mean(float *plane, int rows, int cols, int channel, hada_mosaic mosaic, hada_error *err)
+{
+    const size_t pixels = (size_t)rows * (size_t)cols;
+    double sum = 0.0;
+    size_t count = 0;
+    for (size_t i = 0; i < pixels; i++)
+        if (isfinite(plane[i]) &&
+            (mosaic == HADA_MOSAIC_NONE ||
+             hada_mosaic_channel(mosaic, (int)(i / (size_t)cols), (int)(i % (size_t)cols)) == channel)) {
+            sum += plane[i];
+            count++;
+        }
+    const double mean = count ? sum / (double)count : 0.0;
+    if (!(mean > 0.0))
+        return hada_fail(
+            err, HADA_ERROR_ARGUMENT,
+            "the flat frame is not brighter than its dark level: a frame of an evenly lit sensor is needed");
+    for (size_t i = 0; i < pixels; i++)
+        plane[i] = plane[i] > HARDLY_LIT * mean && isfinite(plane[i]) ? (float)(plane[i] / mean) : 0.0f;
+    return HADA_OK;
+}
+
+hada_status hada_flat_sensitivity(hada_image *out, const hada_image *flat, int channels, hada_mosaic mosaic,
+                                  double dark, const float *dark_frame, size_t *unlit, hada_error *err)
+{
+    const size_t pixels = (size_t)flat->rows * (size_t)flat->cols, count = (size_t)channels * pixels;
+    const int filled = flat->channels == 1 && mosaic != HADA_MOSAIC_NONE;
+    *unlit = 0;
+    if (flat->channels != channels && flat->channels != 1)
+        return hada_fail(err, HADA_ERROR_SIZE, "the flat frame has %d channels, and 1 or %d are needed", flat->channels,
+                         channels);
+    HADA_TRY(hada_image_create(out, channels, flat->rows, flat->cols, err));
+    if (filled)
+        hada_mosaic_fill(mosaic, flat->data, flat->rows, flat->cols, out->data);
+    for (size_t i = 0; i < count; i++) {
+        const float value = filled ? out->data[i] : flat->data[flat->channels == 1 ? i % pixels : i];
+        out->data[i] = (float)(value - dark - (dark_frame ? dark_frame[i] : 0.0f));
+    }
+    for (int c = 0; c < channels; c++)
+        HADA_TRY(by_mean(out->data + (size_t)c * pixels, flat->rows, flat->cols, c, filled ? mosaic : HADA_MOSAIC_NONE,
+                         err));
+    for (size_t i = 0; i < count; i++)
+        *unlit += !(out->data[i] > 0.0f);
+    return HADA_OK;
+}
+
+void hada_flat_divide(float *values, const float *sensitivity, size_t count, double dark, const float *dark_frame)
+{
+    for (size_t i = 0; i < count; i++) {
+        const double below = dark + (dark_frame ? dark_frame[i] : 0.0f);
+        if (sensitivity[i] > 0.0f)
+            values[i] = (float)(below + (values[i] - below) / sensitivity[i]);
+    }
+}

@@ -7,10 +7,18 @@
 #include <signal.h>
 
 #include "core/callers.h"
-#include "image/mosaic.h"
+#include "image/correct.h"
 #include "io/folder.h"
 #include "io/text.h"
 #include "io/tiff_page.h"
+
+static hada_status take_flat(hada_pair_store *store, const hada_dataset_options *options, hada_error *err)
+{
+    const hada_image *flat = options->flat_frame;
+    const int channels = options->mosaic != HADA_MOSAIC_NONE ? HADA_MOSAIC_COLOURS : flat ? flat->channels : 1;
+    store->flat_dark = options->flat_dark;
+    return flat ? hada_flat_sensitivity(&store->flat, flat, channels, options->mosaic, err) : HADA_OK;
+}
 
 hada_status hada_pair_store_create(hada_pair_store **out, const hada_dataset_options *callers, hada_error *err)
 {
@@ -24,6 +32,13 @@ hada_status hada_pair_store_create(hada_pair_store **out, const hada_dataset_opt
     if (options.mosaic != HADA_MOSAIC_NONE && !hada_mosaic_is_pattern(options.mosaic))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "the mosaic of a data set, %d, is not a pattern", options.mosaic);
     HADA_TRY(HADA_NEW(*out, 1, "a data set", err));
+    const hada_status status = take_flat(*out, &options, err);
+    if (status) {
+        hada_image_destroy(&(*out)->flat);
+        free(*out);
+        *out = NULL;
+        return status;
+    }
     (*out)->users = 1;
     (*out)->mosaic = options.mosaic;
     (*out)->room = options.cache_bytes;
@@ -71,6 +86,7 @@ void hada_pair_store_release(hada_pair_store **pointer)
     for (int i = 0; store->kept && i < store->pairs; i++)
         images_free(&store->kept[i]);
     HADA_FREE(store->kept, store->depth, store->folders);
+    hada_image_destroy(&store->flat);
     hada_inputs_release(&store->inputs);
     HADA_FREE(store->psf, store->camera);
     pthread_cond_destroy(&store->ahead.changed);
@@ -112,7 +128,8 @@ static hada_status describe(hada_dataset *set, hada_error *err)
                                 .camera = store->camera,
                                 .incomplete = store->incomplete,
                                 .incomplete_text = store->incomplete_text,
-                                .mosaic = store->mosaic};
+                                .mosaic = store->mosaic,
+                                .flat = store->flat.data ? &store->flat : NULL};
     for (int z = 0; z < store->depths; z++) {
         set->distances_mm[z] = store->depth[z].distance_mm;
         set->files[z] = store->depth[z].files + set->first[z];
@@ -368,6 +385,9 @@ static hada_status read_images(hada_pair_store *store, int number, hada_pair_ima
         HADA_TRY_OR_DONE(hada_tiff_load_light(files->raw, 0, store->frame_encoding, &images->raw, err));
         HADA_TRY_OR_DONE(hada_tiff_load(files->scene, 0, &images->scene, err));
     }
+    if (store->flat.data)
+        HADA_TRY_OR_DONE(hada_named(hada_flat_correct(&images->raw, store->mosaic, &store->flat, store->flat_dark, err),
+                                    files->raw, err));
 done:
     if (status)
         images_free(images);

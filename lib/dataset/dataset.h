@@ -35,7 +35,9 @@ typedef struct hada_pair_store {
     char incomplete_text[600];
     char *psf, *camera;
     double frame_encoding;
-    hada_mosaic mosaic;  /* of the raw frames */
+    hada_mosaic mosaic; /* of the raw frames */
+    hada_image flat;    /* sensitivity of their pixels; empty: all alike */
+    double flat_dark;
     hada_inputs *inputs; /* all files, which no output may replace */
 
     /* one of these reads pairs: files (both NULL), the caller's function, or the caller's images */

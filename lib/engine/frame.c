@@ -142,7 +142,7 @@ hada_status hada_frame_examine(hada_frame *frame, hada_error *err)
                                                                        : 0.0,
                                      .dark_frame = setup->dark_frame.data,
                                      .pixel_weights = setup->pixel_weights.data,
-                                     .flat = setup->flat ? setup->flat->data : NULL,
+                                     .flat = setup->flat,
                                      .repairs = setup->options.repair_not_finite,
                                      .energy = setup->config.joint,
                                      .weights = setup->config.weighs || (setup->config.joint && !setup->config.classic),

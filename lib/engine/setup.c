@@ -395,31 +395,28 @@ static hada_status copy_weights(hada_setup *setup, const hada_image *weights, ha
     return HADA_OK;
 }
 
-/* The caller's flat frame, or the model's. Pixels that it says are hardly lit have no weight. */
+/* The caller's flat frame, or the model's. Refinement weighs pixels by it: the variance of what is divided by a
+ * sensitivity, most of which is shot noise, is as many times larger. Pixels that see hardly any light have no weight.
+ */
 static hada_status take_flat(hada_setup *setup, const hada_image *flat, hada_error *err)
 {
     const hada_model_info *info = &setup->model->info;
-    const hada_dark kind = setup->options.dark;
-    const double level = kind == HADA_DARK_MODEL ? info->dark : kind == HADA_DARK_LEVEL ? setup->options.dark_level : 0;
     hada_image *weights = &setup->pixel_weights;
-    size_t unlit = 0;
-    setup->flat = setup->model->info.flat;
+    float largest = 0.0f;
+    setup->flat = info->flat;
     if (flat) {
-        HADA_TRY(hada_flat_sensitivity(&setup->own_flat, flat, info->channels, setup->config.mosaic,
-                                       level > 0.0 ? level : 0.0, setup->dark_frame.data, &unlit, err));
+        HADA_TRY(hada_flat_sensitivity(&setup->own_flat, flat, info->channels, setup->config.mosaic, err));
         setup->flat = &setup->own_flat;
     }
-    const size_t count = setup->flat ? hada_image_count(setup->flat) : 0;
-    for (size_t i = 0; i < count && !unlit; i++)
-        unlit = setup->flat->data[i] == 0.0f;
-    if (unlit && !weights->data) {
+    const float *values = setup->flat ? setup->flat->data : NULL;
+    const size_t count = values ? hada_image_count(setup->flat) : 0;
+    const int given = weights->data != NULL;
+    if (values && !given)
         HADA_TRY(hada_image_create(weights, info->channels, info->raw_rows, info->raw_cols, err));
-        for (size_t i = 0; i < count; i++)
-            weights->data[i] = 1.0f;
-    }
-    for (size_t i = 0; i < count && unlit; i++)
-        if (setup->flat->data[i] == 0.0f)
-            weights->data[i] = 0.0f;
+    for (size_t i = 0; i < count; i++)
+        largest = fmaxf(largest, values[i]);
+    for (size_t i = 0; i < count; i++)
+        weights->data[i] = (given ? weights->data[i] : 1.0f) * fminf(values[i] / largest, 1.0f);
     return HADA_OK;
 }
 

@@ -7,6 +7,7 @@
 #include "core/alloc.h"
 #include "core/finite.h"
 #include "image/pixels.h"
+#include "image/statistics.h"
 
 static int by_value(const void *a, const void *b)
 {
@@ -143,34 +144,75 @@ static hada_status by_mean(float *plane, int rows, int cols, int channel, hada_m
 }
 
 hada_status hada_flat_sensitivity(hada_image *out, const hada_image *flat, int channels, hada_mosaic mosaic,
-                                  double dark, const float *dark_frame, size_t *unlit, hada_error *err)
+                                  hada_error *err)
 {
-    const size_t pixels = (size_t)flat->rows * (size_t)flat->cols, count = (size_t)channels * pixels;
+    const size_t pixels = (size_t)flat->rows * (size_t)flat->cols, count = hada_image_count(flat);
     const int filled = flat->channels == 1 && mosaic != HADA_MOSAIC_NONE;
-    *unlit = 0;
     if (flat->channels != channels && flat->channels != 1)
         return hada_fail(err, HADA_ERROR_SIZE, "the flat frame has %d channels, and 1 or %d are needed", flat->channels,
                          channels);
     HADA_TRY(hada_image_create(out, channels, flat->rows, flat->cols, err));
     if (filled)
         hada_mosaic_fill(mosaic, flat->data, flat->rows, flat->cols, out->data);
-    for (size_t i = 0; i < count; i++) {
-        const float value = filled ? out->data[i] : flat->data[flat->channels == 1 ? i % pixels : i];
-        out->data[i] = (float)(value - dark - (dark_frame ? dark_frame[i] : 0.0f));
-    }
+    for (size_t i = 0; i < hada_image_count(out) && !filled; i++)
+        out->data[i] = flat->data[i % count];
     for (int c = 0; c < channels; c++)
         HADA_TRY(by_mean(out->data + (size_t)c * pixels, flat->rows, flat->cols, c, filled ? mosaic : HADA_MOSAIC_NONE,
                          err));
-    for (size_t i = 0; i < count; i++)
-        *unlit += !(out->data[i] > 0.0f);
     return HADA_OK;
 }
 
-void hada_flat_divide(float *values, const float *sensitivity, size_t count, double dark, const float *dark_frame)
+/* Where the sensitivity of value i of a frame is; *channel: of the value. */
+static size_t sensitivity_of(const hada_image *frame, hada_mosaic mosaic, const hada_image *sensitivity, size_t i,
+                             int *channel)
 {
-    for (size_t i = 0; i < count; i++) {
-        const double below = dark + (dark_frame ? dark_frame[i] : 0.0f);
-        if (sensitivity[i] > 0.0f)
-            values[i] = (float)(below + (values[i] - below) / sensitivity[i]);
+    const size_t pixels = (size_t)frame->rows * (size_t)frame->cols, cols = (size_t)frame->cols;
+    *channel =
+        mosaic == HADA_MOSAIC_NONE ? (int)(i / pixels) : hada_mosaic_channel(mosaic, (int)(i / cols), (int)(i % cols));
+    return i % pixels + (sensitivity->channels == 1 ? 0 : (size_t)*channel * pixels);
+}
+
+void hada_flat_apply(hada_image *frame, hada_mosaic mosaic, const hada_image *sensitivity, const double *levels,
+                     const float *dark_frame)
+{
+    const size_t pixels = (size_t)frame->rows * (size_t)frame->cols;
+    for (size_t i = 0; i < hada_image_count(frame); i++) {
+        int channel;
+        const size_t at = sensitivity_of(frame, mosaic, sensitivity, i, &channel);
+        const double dark = levels[channel] + (dark_frame ? dark_frame[(size_t)channel * pixels + i % pixels] : 0.0f);
+        frame->data[i] = hada_flat_value(frame->data[i], sensitivity->data[at], dark);
     }
+}
+
+hada_status hada_flat_correct(hada_image *frame, hada_mosaic mosaic, const hada_image *sensitivity, double dark,
+                              hada_error *err)
+{
+    const int colours = mosaic == HADA_MOSAIC_NONE ? frame->channels : HADA_MOSAIC_COLOURS;
+    double *levels = NULL;
+    hada_pixels pixels;
+    size_t repaired;
+    hada_status status = HADA_OK;
+    if (frame->rows != sensitivity->rows || frame->cols != sensitivity->cols ||
+        (sensitivity->channels != 1 && sensitivity->channels != colours))
+        return hada_fail(
+            err, HADA_ERROR_SIZE, "the frame has %d channel(s) of %d x %d pixels, and the flat frame %d of %d x %d",
+            frame->channels, frame->rows, frame->cols, sensitivity->channels, sensitivity->rows, sensitivity->cols);
+    if (hada_image_count_not_finite(frame))
+        return HADA_OK;
+    hada_pixels_of_image(&pixels, frame);
+    HADA_TRY_OR_DONE(HADA_NEW(levels, (size_t)colours, "the dark level", err));
+    for (int c = 0; c < colours; c++)
+        levels[c] = dark;
+    if (dark == HADA_AUTO)
+        HADA_TRY_OR_DONE(hada_dark_levels(&pixels, mosaic, levels, err));
+    for (size_t i = 0; i < hada_image_count(frame); i++) {
+        int channel;
+        if (sensitivity->data[sensitivity_of(frame, mosaic, sensitivity, i, &channel)] == 0.0f)
+            frame->data[i] = NAN;
+    }
+    HADA_TRY_OR_DONE(hada_frame_repair(frame, mosaic, &repaired, err));
+    hada_flat_apply(frame, mosaic, sensitivity, levels, NULL);
+done:
+    free(levels);
+    return status;
 }

@@ -10,17 +10,29 @@
  * in the pattern count, in squares of these. *repaired: how many. */
 hada_status hada_frame_repair(hada_image *frame, hada_mosaic mosaic, size_t *repaired, hada_error *err);
 
-/* What each pixel makes of the same light, from a flat frame (an evenly lit sensor without optics) above its dark
- * level, over the mean of its colour: [channels][rows][cols], which it has or, where it has one channel, which are
- * alike; of a mosaic of one channel filled in as frames are. 0: less than a twentieth of the mean, or not finite;
- * *unlit: how many. `dark`: subtracted from the flat frame, as `dark_frame` is, which may be NULL and has as many
- * channels as the result. HADA_ERROR_SIZE, HADA_ERROR_ARGUMENT where a flat frame is not brighter than its dark level.
- */
+/* What each pixel makes of the same light, from a flat frame (an evenly lit sensor without optics, its dark level taken
+ * off), over the mean of its colour: `channels` planes, which it has or, where it has one, which are alike; of a mosaic
+ * of one channel filled in as frames are. 0: less than a twentieth of the mean, or not finite. The same again of what
+ * this gives. HADA_ERROR_SIZE; HADA_ERROR_ARGUMENT where the flat frame holds no light. */
 hada_status hada_flat_sensitivity(hada_image *out, const hada_image *flat, int channels, hada_mosaic mosaic,
-                                  double dark, const float *dark_frame, size_t *unlit, hada_error *err);
+                                  hada_error *err);
 
-/* The values of a row of pixels as if all were equally sensitive: what is above the dark level is divided; a pixel that
- * is hardly lit stays. dark_frame: subtracted as well; NULL: none. */
-void hada_flat_divide(float *values, const float *sensitivity, size_t count, double dark, const float *dark_frame);
+/* A value as a pixel of the mean sensitivity would have it: what is above the dark level is divided. A pixel that sees
+ * hardly any light stays as it is. */
+static inline float hada_flat_value(float value, float sensitivity, double dark)
+{
+    return sensitivity > 0.0f ? (float)(dark + (value - dark) / sensitivity) : value;
+}
+
+/* All values of a frame; mosaic: of one channel. sensitivity: of all channels or one for all; levels: the dark level of
+ * each channel; dark_frame: subtracted as well, [channel][row][col]; NULL: none. */
+void hada_flat_apply(hada_image *frame, hada_mosaic mosaic, const hada_image *sensitivity, const double *levels,
+                     const float *dark_frame);
+
+/* The same for a frame whose dark level is `dark`, or (HADA_AUTO) the first percentile of each of its channels. Pixels
+ * that see hardly any light are repaired, but in a frame with values that are not finite, which stay. HADA_ERROR_SIZE.
+ */
+hada_status hada_flat_correct(hada_image *frame, hada_mosaic mosaic, const hada_image *sensitivity, double dark,
+                              hada_error *err);
 
 #endif

@@ -77,6 +77,23 @@ double hada_dark_level(const hada_pixels *pixels, int channel, void *room)
                             : hada_dark_estimate(hada_pixels_floats(pixels, channel, 0, plane, room), plane, room);
 }
 
+hada_status hada_dark_levels(const hada_pixels *pixels, hada_mosaic mosaic, double *levels, hada_error *err)
+{
+    const int colours = mosaic == HADA_MOSAIC_NONE ? pixels->channels : HADA_MOSAIC_COLOURS;
+    void *room = hada_alloc_raw(hada_dark_room(pixels), 1, "the dark level", err);
+    HADA_TRY(hada_allocated(room));
+    for (int c = 0; c < colours; c++) {
+        if (mosaic == HADA_MOSAIC_NONE) {
+            levels[c] = hada_dark_level(pixels, c, room);
+        } else {
+            const size_t own = hada_mosaic_own(mosaic, c, pixels->data, pixels->rows, pixels->cols, room);
+            levels[c] = hada_dark_estimate(room, own, room);
+        }
+    }
+    free(room);
+    return HADA_OK;
+}
+
 /* Blocks of a channel that are examined: the median then gives the deviation to 2 %. */
 enum { BLOCKS = 4096 };
 /* The median of the magnitude of a normal number of deviation 1. */

@@ -13,6 +13,8 @@ double hada_dark_estimate(const float *pixels, size_t count, float *room);
 /* That of a channel, of whole numbers by counting them. `room` holds hada_dark_room() bytes. */
 double hada_dark_level(const hada_pixels *pixels, int channel, void *room);
 size_t hada_dark_room(const hada_pixels *pixels);
+/* That of each channel of a frame; mosaic: of one channel of floats, that of each of its three colours. */
+hada_status hada_dark_levels(const hada_pixels *pixels, hada_mosaic mosaic, double *levels, hada_error *err);
 
 /* Standard deviation of a frame's noise, assumed to be white; over channels the root mean square. From the median of
  * the finest diagonal wavelet coefficients, which an image hardly reaches (D. Donoho and I. Johnstone, Biometrika

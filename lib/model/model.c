@@ -5,7 +5,6 @@
 
 #include "core/callers.h"
 #include "core/fft_factor.h"
-#include "image/pixels.h"
 #include "io/safetensors.h"
 #include "netlist/net_list.h"
 
@@ -172,11 +171,15 @@ hada_status hada_model_set_flat(hada_model *model, const hada_image *flat, hada_
     info->flat = NULL;
     if (!flat)
         return HADA_OK;
-    if (flat->channels != info->channels || flat->rows != info->raw_rows || flat->cols != info->raw_cols)
+    if ((flat->channels != info->channels && flat->channels != 1) || flat->rows != info->raw_rows ||
+        flat->cols != info->raw_cols)
         return hada_fail(err, HADA_ERROR_SIZE,
                          "the flat frame has %d channel(s) of %d x %d pixels; the model's frames have %d of %d x %d",
                          flat->channels, flat->rows, flat->cols, info->channels, info->raw_rows, info->raw_cols);
-    HADA_TRY(hada_image_copy(&model->flat, flat, err));
+    HADA_TRY(hada_image_create(&model->flat, info->channels, flat->rows, flat->cols, err));
+    const size_t count = hada_image_count(flat);
+    for (size_t i = 0; i < hada_image_count(&model->flat); i++)
+        model->flat.data[i] = flat->data[i % count];
     info->flat = &model->flat;
     return HADA_OK;
 }

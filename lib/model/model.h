@@ -60,7 +60,8 @@ hada_status hada_model_create_head(hada_model **out, const hada_model_info *info
 /* Room for the arrays that hada_model_create_head leaves out. */
 hada_status hada_model_create_arrays(hada_model *model, int with_statistics, hada_error *err);
 
-/* Gives it a copy of what pixels make of the same light (hada_model_info.flat), or NULL: none. HADA_ERROR_SIZE. */
+/* Gives it a copy of what pixels make of the same light (hada_model_info.flat), of all its channels or one for all;
+ * NULL: none. HADA_ERROR_SIZE. */
 hada_status hada_model_set_flat(hada_model *model, const hada_image *flat, hada_error *err);
 
 /* Gives a model a net, which becomes its own (also on failure), with the size at which it runs. */

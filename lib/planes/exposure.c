@@ -225,27 +225,6 @@ static hada_status repair(hada_frame_exposure *exposure, const examination *look
     return HADA_OK;
 }
 
-/* The first percentile: of whole numbers by counting them, of floats by selection. */
-static hada_status find_levels(hada_frame_exposure *exposure, hada_error *err)
-{
-    const hada_pixels *pixels = &exposure->pixels;
-    void *room = NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(room = hada_alloc_raw(hada_dark_room(pixels), 1, "the dark level", err)));
-    for (int c = 0; c < exposure->info->channels; c++) {
-        if (exposure->mosaic == HADA_MOSAIC_NONE) {
-            exposure->levels[c] = hada_dark_level(pixels, c, room);
-        } else {
-            const size_t own =
-                hada_mosaic_own(exposure->mosaic, c, exposure->own.data, pixels->rows, pixels->cols, room);
-            exposure->levels[c] = hada_dark_estimate(room, own, room);
-        }
-    }
-done:
-    free(room);
-    return status;
-}
-
 static int all_below(const hada_frame_exposure *exposure, double level)
 {
     const size_t plane = plane_of(exposure);
@@ -279,24 +258,20 @@ static double mosaic_energy(const hada_frame_exposure *exposure)
     return energy;
 }
 
-static void flatten(hada_frame_exposure *exposure)
+/* By the flat frame. A dark level that is estimated is so again, as in a fit, which has divided frames alone. */
+static hada_status divide(hada_frame_exposure *exposure, const hada_exposure_rule *rule, hada_error *err)
 {
-    const size_t plane = plane_of(exposure), count = hada_image_count(&exposure->own);
-    const size_t run = exposure->mosaic == HADA_MOSAIC_NONE ? plane : 1; /* values of one colour in a row */
-    for (size_t i = 0; i < count; i += run) {
-        const size_t at = value_of(exposure, i);
-        hada_flat_divide(exposure->own.data + i, exposure->flat + at, run, exposure->levels[at / plane],
-                         exposure->dark_frame ? exposure->dark_frame + at : NULL);
-    }
+    double *levels = exposure->levels, *before = levels + exposure->info->channels;
+    memcpy(before, levels, (size_t)exposure->info->channels * sizeof *levels);
+    hada_flat_apply(&exposure->own, exposure->mosaic, rule->flat, before, rule->dark_frame);
+    return rule->dark_varies ? hada_dark_levels(&exposure->pixels, exposure->mosaic, levels, err) : HADA_OK;
 }
 
 float hada_exposure_brightest(const hada_frame_exposure *exposure, size_t i)
 {
-    float value = exposure->brightest;
-    if (exposure->flat)
-        hada_flat_divide(&value, exposure->flat + i, 1, exposure->levels[i / plane_of(exposure)],
-                         exposure->dark_frame ? exposure->dark_frame + i : NULL);
-    return value;
+    const double level = exposure->levels[(size_t)exposure->info->channels + i / plane_of(exposure)];
+    const double dark = exposure->dark_frame ? level + exposure->dark_frame[i] : level;
+    return exposure->flat ? hada_flat_value(exposure->brightest, exposure->flat->data[i], dark) : exposure->brightest;
 }
 
 /* Fills the other colours of a mosaic in. */
@@ -319,7 +294,7 @@ hada_status hada_exposure_begin(hada_frame_exposure *exposure, const hada_model_
     if (exposure->mosaic != HADA_MOSAIC_NONE && (pixels->rows < 2 || pixels->cols < 2))
         return hada_fail(err, HADA_ERROR_MODEL, "a colour filter mosaic has at least 2 x 2 pixels");
     return hada_allocated(exposure->levels =
-                              hada_alloc((size_t)info->channels, sizeof *exposure->levels, "a frame", err));
+                              hada_alloc(2 * (size_t)info->channels, sizeof *exposure->levels, "a frame", err));
 }
 
 void hada_exposure_end(hada_frame_exposure *exposure)
@@ -361,7 +336,7 @@ hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_expo
             exposure->saturated = look.equal;
     }
     if (rule->dark_varies)
-        HADA_TRY(find_levels(exposure, err));
+        HADA_TRY(hada_dark_levels(&exposure->pixels, exposure->mosaic, exposure->levels, err));
     else if (rule->dark > 1.0 && all_below(exposure, rule->dark))
         return hada_fail(
             err, HADA_ERROR_MODEL,
@@ -369,7 +344,7 @@ hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_expo
             "in other units; set options.dark",
             rule->dark);
     if (rule->flat)
-        flatten(exposure);
+        HADA_TRY(divide(exposure, rule, err));
     if (rule->energy && !mosaic && (!at_once || look.broken)) {
         memset(look.sums, 0, sizeof look.sums);
         pass(exposure, &look, ENERGY);

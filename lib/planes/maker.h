@@ -25,12 +25,12 @@ typedef struct hada_exposure_rule {
     const float *dark_frame;    /* subtracted as well, [channel][row][col]; NULL: none */
     const float *pixel_weights; /* as the caller has them, [channel][row][col], 0 to 1; NULL: all 1. Pixels of weight 0
                                    are filled from their neighbours. Of a mosaic, what its pixels hold counts */
-    const float *flat; /* what pixels make of the same light (image/correct.h), as pixel_weights, which are 0 where this
-                          is; NULL: all alike */
-    int repairs;       /* 1: pixels that are not finite are repaired from their neighbours; 0: they are an error */
-    int energy;        /* 1: the energy is needed */
-    int weights;       /* 1: saturated pixels are looked for */
-    int hash;          /* 1: the hash is needed */
+    const hada_image *flat; /* what pixels make of the same light (image/correct.h), as pixel_weights, which are 0 where
+                          this is; NULL: all alike */
+    int repairs;            /* 1: pixels that are not finite are repaired from their neighbours; 0: they are an error */
+    int energy;             /* 1: the energy is needed */
+    int weights;            /* 1: saturated pixels are looked for */
+    int hash;               /* 1: the hash is needed */
 } hada_exposure_rule;
 
 typedef struct hada_frame_exposure {
@@ -40,12 +40,13 @@ typedef struct hada_frame_exposure {
     hada_pixels pixels;         /* what goes to the device: these, or `own` */
     hada_image own;             /* floats of pixels that were corrected, or that the device does not take, or whose
                                    other colours were filled in; else empty */
-    double *levels;             /* per channel: the dark level */
+    double *levels;             /* per channel: the dark level; then the one above which it was divided by `flat` */
     float brightest;            /* value, as it came */
     double energy;              /* sum of squares above dark levels and dark frame; of a mosaic, as if each colour were
                                    everywhere what it is at its pixels */
     size_t repaired, saturated; /* pixels */
-    const float *dark_frame, *pixel_weights, *flat; /* of the rule */
+    const float *dark_frame, *pixel_weights; /* of the rule, as is: */
+    const hada_image *flat;
     uint64_t hash[2]; /* of the floats as they came: frames of equal hashes are taken to be equal */
 } hada_frame_exposure;
 

@@ -8,6 +8,7 @@
 #include "fit/fit_sums.h"
 #include "fit/fitter.h"
 #include "io/folder.h"
+#include "model/model.h"
 #include "tasks/fit_steps.h"
 
 /* A report and what it points to. */
@@ -299,6 +300,8 @@ hada_status hada_fit_run(hada_model **out, hada_fit_report **report, hada_contex
     HADA_TRY_OR_DONE(HADA_NEW(of.report, 1, "a report", err));
     HADA_TRY_OR_DONE(data ? learn_pairs(&of, context, out, err) : learn_sums(&of, context, out, err));
     HADA_TRY_OR_DONE(fill_report(&of, err));
+    if (data)
+        HADA_TRY_OR_DONE(hada_model_set_flat(*out, hada_dataset_get_info(data)->flat, err));
     if (of.task.half)
         HADA_TRY_OR_DONE(hada_model_make_half(out, err));
     if (report) {

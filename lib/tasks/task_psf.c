@@ -6,7 +6,7 @@
 #include "core/input.h"
 #include "filter/psf.h"
 #include "fit/psf_depths.h"
-#include "image/mosaic.h"
+#include "image/correct.h"
 #include "io/folder.h"
 #include "io/text.h"
 #include "io/tiff_page.h"
@@ -29,6 +29,7 @@ typedef struct psfs {
     const hada_psf_task *task;
     const char *path;
     hada_psf_options options;
+    hada_image flat;  /* sensitivity of the camera's pixels; empty: all alike */
     int grey, colour; /* what a frame says of channels */
     int spread;       /* a grey one became one of three channels */
     int filled;       /* a mosaic became three channels */
@@ -185,6 +186,28 @@ static hada_status set_channels(psfs *of, hada_image *image, hada_error *err)
     return HADA_OK;
 }
 
+/* Divides a page by the flat frame of the camera, where it is a frame of that. */
+static hada_status flatten(const psfs *of, hada_image *image, const char *path, hada_error *err)
+{
+    const hada_image *flat = &of->flat;
+    const hada_mosaic mosaic = image->channels == 1 && !of->colour ? of->options.mosaic : HADA_MOSAIC_NONE;
+    if (!flat->data)
+        return HADA_OK;
+    if (image->rows == flat->rows && image->cols == flat->cols)
+        return hada_named(hada_flat_correct(image, mosaic, flat, HADA_AUTO, err), path, err);
+    hada_monitor_tell(of->task->monitor, HADA_MESSAGE_NOTE,
+                      "%s has %d x %d pixels, the flat frame %d x %d: it is not divided by that", path, image->rows,
+                      image->cols, flat->rows, flat->cols);
+    return HADA_OK;
+}
+
+static hada_status take_flat(psfs *of, hada_error *err)
+{
+    const hada_image *flat = of->task->flat_frame;
+    const int channels = of->options.mosaic ? HADA_MOSAIC_COLOURS : flat ? flat->channels : 1;
+    return flat ? hada_flat_sensitivity(&of->flat, flat, channels, of->options.mosaic, err) : HADA_OK;
+}
+
 /* A page, into a depth of its own or added to one: *pages of it so far. */
 static hada_status add_page(psfs *of, hada_tiff_reader *reader, int page, const char *path, hada_image *depth,
                             int *pages, hada_error *err)
@@ -192,6 +215,7 @@ static hada_status add_page(psfs *of, hada_tiff_reader *reader, int page, const 
     hada_image image = {0};
     hada_status status = HADA_OK;
     HADA_TRY(hada_tiff_read_light(reader, page, of->task->frame_encoding, &image, err));
+    HADA_TRY_OR_DONE(flatten(of, &image, path, err));
     HADA_TRY_OR_DONE(set_channels(of, &image, err));
     if (hada_image_count_not_finite(&image))
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_NOT_FINITE, "%s: page %d holds %zu NaN or infinite pixels", path,
@@ -453,12 +477,14 @@ hada_status hada_psf_run(hada_model **out, hada_context *context, const char *pa
     *out = NULL;
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(task, callers, hada_psf_task, err));
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&of.options, task->psf, hada_psf_options, err));
+    HADA_TRY_OR_DONE(take_flat(&of, err));
     HADA_TRY_OR_DONE(read_all(&of, err));
     HADA_TRY_OR_DONE(clean(&of, err));
     if (task->mask_distance_mm > 0.0 || task->psf_distances_mm)
         HADA_TRY_OR_DONE(change_depths(&of, context, err));
     HADA_TRY_OR_DONE(hada_named(
         hada_model_from_psf(out, context, of.image, of.count, of.distances_mm, &of.options, err), path, err));
+    HADA_TRY_OR_DONE(hada_model_set_flat(*out, of.flat.data ? &of.flat : NULL, err));
     tell_lost(&of, hada_model_get_info(*out));
     if (task->half)
         HADA_TRY_OR_DONE(hada_model_make_half(out, err));
@@ -467,6 +493,7 @@ done:
         hada_image_destroy(&of.image[z]);
     for (int i = 0; i < of.captures; i++)
         free(of.capture[i].path);
+    hada_image_destroy(&of.flat);
     HADA_FREE(of.image, of.distances_mm, of.capture, of.list);
     if (status)
         hada_model_destroy(out);

@@ -113,10 +113,16 @@ done:
     return status;
 }
 
-/* Distances must be those of the model: a depth's number means the same in both. */
-static hada_status check_depths(const hada_model *model, const hada_dataset_info *data, hada_error *err)
+/* Distances must be those of the model: a depth's number means the same in both. Raw frames are divided by the model's
+ * flat frame. */
+static hada_status check_data(const hada_model *model, const hada_dataset_info *data, hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(model);
+    if (info->flat && !data->flat)
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "%s divides frames by a flat frame: open the data set with that (flat_frame of "
+                         "hada_dataset_options)",
+                         *info->name ? info->name : "the model");
     int same = info->depths == data->depths;
     for (int z = 0; same && z < info->depths; z++)
         same = fabs(info->distances_mm[z] - data->distances_mm[z]) <= SAME_DISTANCE * info->distances_mm[z];
@@ -168,7 +174,7 @@ static hada_status find_model(training *own, hada_context *context, hada_error *
     hada_fit_options fit;
     own->model = task->model;
     if (own->model)
-        HADA_TRY(check_depths(own->model, hada_dataset_get_info(own->data), err));
+        HADA_TRY(check_data(own->model, hada_dataset_get_info(own->data), err));
     HADA_TRY(survey(own, &fit, err));
     if (own->model)
         return HADA_OK;

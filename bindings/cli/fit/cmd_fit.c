@@ -12,7 +12,7 @@ typedef struct settings {
     hada_fit_task task;
     hada_psf_options psf_options;
     hada_psf_task psf_task;
-    const char *output, *psf, *dark, *distances, *response, *frame_encoding, *frame, *psf_distance;
+    const char *output, *psf, *dark, *flat, *distances, *response, *frame_encoding, *frame, *psf_distance;
     hada_cli_texts merge;
     int form;     /* 0: not given */
     int psf_sign; /* 1: nowhere negative, 0: free, -1: not given */
@@ -83,6 +83,9 @@ static const hada_cli_option options[] = {
      "Taken off every pixel. FILE: the mean of a dark frame; auto: each frame's own, its darkest percent; LEVEL: a "
      "share of full scale. The model remembers it.",
      AT(dark)},
+    {HADA_OPTION_TEXT, "flat", 0, "FILE", "divide raw frames by a flat frame, and PSFs that are as large",
+     "A frame of the camera's sensor evenly lit, without a mask. --dark is taken off both. The model remembers it.",
+     AT(flat)},
     {HADA_OPTION_TEXT, "frame-encoding", 0, "auto|linear|srgb|P",
      "how values of raw frames and PSFs stand for light (default: auto)",
      "auto: as their files say, which is sRGB for JPEG files, and linear otherwise.", AT(frame_encoding)},
@@ -152,6 +155,7 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     hada_dataset *data = NULL;
     hada_fit_report *report = NULL;
     hada_dataset_options scan;
+    hada_image flat = {0};
     hada_fit_options fit = set->fit;
     hada_fit_task task = set->task;
     hada_status status = HADA_OK;
@@ -171,9 +175,12 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     HADA_TRY_OR_DONE(hada_response_from_name(&fit.scene_response, set->response, err));
     if (folder) {
         HADA_TRY_OR_DONE(hada_response_from_name(&scan.frame_encoding, set->frame_encoding, err));
+        HADA_TRY_OR_DONE(hada_cli_read_dark_level(&fit.dark, set->dark, err));
+        HADA_TRY_OR_DONE(hada_cli_read_flat(&flat, set->flat, set->dark, err));
+        scan.flat_frame = set->flat ? &flat : NULL;
+        scan.flat_dark = fit.dark;
         HADA_TRY_OR_DONE(hada_dataset_scan(&data, folder, &scan, err));
         HADA_TRY_OR_DONE(hada_file_check_target(set->output, err)); /* now that the data set's own files are known */
-        HADA_TRY_OR_DONE(hada_cli_read_dark_level(&fit.dark, set->dark, err));
     }
     HADA_TRY_OR_DONE(hada_fit_run(model, &report, context, data, &task, err));
     if (folder)
@@ -183,6 +190,7 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
 done:
     hada_fit_report_destroy(&report);
     hada_dataset_destroy(&data);
+    hada_image_destroy(&flat);
     return status;
 }
 
@@ -192,6 +200,7 @@ static hada_status fit_psf(hada_cli *cli, const settings *set, const char **more
     enum { MOST_DISTANCES = 256 };
     double wanted[MOST_DISTANCES], taken[MOST_DISTANCES];
     int frame[2] = {0};
+    hada_image flat = {0};
     hada_psf_options psf = set->psf_options;
     hada_psf_task task = set->psf_task;
     psf.form = set->form ? (hada_form)set->form : HADA_FORM_WIENER;
@@ -218,7 +227,11 @@ static hada_status fit_psf(hada_cli *cli, const settings *set, const char **more
     HADA_TRY(hada_cli_read_dark_level(&psf.dark, set->dark, err));
     psf.refine_steps = set->fit.refine_steps;
     psf.refine_tv = set->fit.refine_tv;
-    return hada_psf_run(model, context, set->psf, &task, err);
+    HADA_TRY(hada_cli_read_flat(&flat, set->flat, set->dark, err));
+    task.flat_frame = set->flat ? &flat : NULL;
+    const hada_status status = hada_psf_run(model, context, set->psf, &task, err);
+    hada_image_destroy(&flat);
+    return status;
 }
 
 /* What cannot go together; HADA_EXIT_OK where all does. */

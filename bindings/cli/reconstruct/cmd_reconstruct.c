@@ -19,7 +19,7 @@ typedef struct settings {
     hada_cli_common common;
     hada_plan_options plan;
     hada_files_task task;
-    const char *model, *depths, *occupied, *dark, *weights, *skip, *encoding, *frame_encoding;
+    const char *model, *depths, *occupied, *dark, *flat, *weights, *skip, *encoding, *frame_encoding;
     int no_enhance, no_preview, strict;
     hada_cli_method_settings method;
 } settings;
@@ -87,6 +87,8 @@ static const hada_cli_option options[] = {
      ONE_OF(plan.crosstalk, 0, 1)},
     {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL", "dark level of the frames (default: what the model says)",
      "FILE: a dark frame of the camera; auto: each frame's own; LEVEL: a share of full scale.", AT(dark)},
+    {HADA_OPTION_TEXT, "flat", 0, "FILE", "divide frames by a flat frame (default: the model's, where it has one)",
+     "A frame of the camera's sensor evenly lit, without a mask. --dark is taken off both.", AT(flat)},
     {HADA_OPTION_TEXT, "weights", 0, "FILE",
      "how much each pixel of the frames counts in refinement, rl, fista and admm (default: all alike)",
      "An image of the frame's size, grey or in its colours: black where pixels are bad or covered by dust, white where "
@@ -175,7 +177,7 @@ typedef struct job {
     hada_plan_options options;
     hada_classic_options classic;
     hada_cli_dark dark;
-    hada_image weights; /* of pixels */
+    hada_image weights, flat; /* of pixels */
     int files, *depths, *occupied;
     double encoding, frame_encoding;
 } job;
@@ -220,6 +222,8 @@ static hada_status read_options(job *work, hada_error *err)
         plan->dark_level = work->dark.level;
         plan->dark_frame = work->dark.kind == HADA_DARK_FRAME ? &work->dark.frame : NULL;
     }
+    HADA_TRY(hada_cli_read_flat(&work->flat, set->flat, set->dark, err));
+    plan->flat_frame = set->flat ? &work->flat : NULL;
     if (set->weights) {
         HADA_TRY(hada_dark_frame_load(&work->weights, NULL, set->weights, err));
         plan->pixel_weights = &work->weights;
@@ -353,6 +357,7 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     hada_cli_close_all(cli, &work.devices);
     hada_cli_dark_free(&work.dark);
     hada_image_destroy(&work.weights);
+    hada_image_destroy(&work.flat);
     free(work.depths);
     free(work.occupied);
     return code;

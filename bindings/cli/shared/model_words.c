@@ -42,3 +42,20 @@ hada_status hada_cli_read_dark_level(double *level, const char *text, hada_error
     hada_cli_dark_free(&dark);
     return status;
 }
+
+hada_status hada_cli_read_flat(hada_image *flat, const char *path, const char *dark_text, hada_error *err)
+{
+    hada_cli_dark dark = {0};
+    hada_status status = HADA_OK;
+    if (!path)
+        return HADA_OK;
+    HADA_TRY(hada_dark_frame_load(flat, NULL, path, err));
+    if (dark_text)
+        HADA_TRY_OR_DONE(hada_cli_read_dark(&dark, dark_text, err));
+    const size_t count = dark.frame.data ? hada_image_count(&dark.frame) : 1;
+    for (size_t i = 0; i < hada_image_count(flat); i++)
+        flat->data[i] -= dark.frame.data ? dark.frame.data[i % count] : (float)dark.level;
+done:
+    hada_cli_dark_free(&dark);
+    return status;
+}

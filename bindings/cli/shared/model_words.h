@@ -18,4 +18,7 @@ void hada_cli_dark_free(hada_cli_dark *dark);
 /* The same as one number: negative for each frame's own, a file's mean. */
 hada_status hada_cli_read_dark_level(double *level, const char *text, hada_error *err);
 
+/* The flat frame of a file, above the level or the dark frame that --dark names (NULL: 0). path NULL: none. */
+hada_status hada_cli_read_flat(hada_image *flat, const char *path, const char *dark, hada_error *err);
+
 #endif

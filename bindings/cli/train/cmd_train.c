@@ -246,8 +246,12 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     hada_dataset_options_init(&scan);
     scan.skip_incomplete = set->skip_incomplete;
     HADA_TRY_OR_DONE(hada_file_check_target(set->task.output, &err));
-    HADA_TRY_OR_DONE(hada_dataset_scan(&of.data, arguments[0], &scan, &err));
     HADA_TRY_OR_DONE(complete(cli, set, &of, &err));
+    if (of.model) {
+        scan.flat_frame = hada_model_get_info(of.model)->flat;
+        scan.flat_dark = hada_model_get_info(of.model)->dark;
+    }
+    HADA_TRY_OR_DONE(hada_dataset_scan(&of.data, arguments[0], &scan, &err));
     HADA_TRY_OR_DONE(hada_cli_open_all(cli, &devices, &err));
     hada_cli_train_listener listener = {.cli = cli, .devices = &devices};
     set->task.tell = hada_cli_train_tell;

@@ -33,6 +33,11 @@ typedef struct hada_dataset_options {
     hada_mosaic mosaic;    /* the raw frames have one channel, a colour filter mosaic of this pattern, and are given out
                               with three: colours that a pixel does not hold are means of its neighbours.
                               HADA_MOSAIC_NONE (default): frames are given out as they are */
+    const hada_image *flat_frame; /* an evenly lit sensor, its dark level taken off, of the raw frames' size, with their
+                                     channels or one for all; or hada_model_info's flat. Raw frames are divided by it,
+                                     above the dark level `flat_dark`; pixels that see less than a twentieth of the mean
+                                     are filled from their neighbours. NULL (default): none. Copied */
+    double flat_dark;             /* 0 by default; HADA_AUTO: of each frame and channel its first percentile */
 } hada_dataset_options;
 HADA_INIT(hada_dataset_options, HADA_STRUCT_DATASET_OPTIONS)
 
@@ -54,6 +59,7 @@ typedef struct hada_dataset_info {
     int incomplete;                      /* number of files that were left out */
     const char *incomplete_text;         /* names the first of them; "" where there is none */
     hada_mosaic mosaic;                  /* that the raw frames are; HADA_MOSAIC_NONE: they are not filled in */
+    const hada_image *flat; /* by which they are divided, 1 in the mean (hada_model_info); NULL: they are not */
 } hada_dataset_info;
 HADA_API const hada_dataset_info *hada_dataset_get_info(const hada_dataset *dataset);
 

@@ -115,11 +115,10 @@ typedef struct hada_plan_options {
                              (default): the grid where the window is the whole frame, the model was made from point
                              spread functions and the scene cannot be a surface; else the window. With
                              HADA_SUPPORT_GRID the scene is never a surface. Results are of the window in any case */
-    const hada_image *flat_frame; /* an evenly lit sensor, of the frame's size, with its channels or one for all: frames
-                                     are divided by it, above the dark level that is taken off both (a level that is
-                                     estimated is not taken off this one). Pixels that see less than a twentieth of the
-                                     mean count as if their weight were 0. NULL (default): the model's, where it has
-                                     one. Copied */
+    const hada_image *flat_frame; /* an evenly lit sensor, its dark level taken off, of the frame's size, with its
+                                     channels or one for all: frames are divided by it above their dark level. Pixels
+                                     that see less than a twentieth of the mean count as if their weight were 0. NULL
+                                     (default): the model's, where it has one. Copied */
 } hada_plan_options;
 HADA_INIT(hada_plan_options, HADA_STRUCT_PLAN_OPTIONS)
 

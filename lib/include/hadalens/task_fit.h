@@ -77,7 +77,10 @@ typedef struct hada_psf_task {
     double mask_distance_mm;
     const double *psf_distances_mm;
     int psf_distances;
-    const hada_monitor *monitor; /* is told what was done to them, and what is wrong with them */
+    const hada_monitor *monitor;  /* is told what was done to them, and what is wrong with them */
+    const hada_image *flat_frame; /* an evenly lit sensor, its dark level taken off, of the camera's frames' size, with
+                                     their channels or one for all: pages of that size are divided by it, and the model
+                                     keeps it for frames. NULL (default): none */
 } hada_psf_task;
 HADA_INIT(hada_psf_task, HADA_STRUCT_PSF_TASK)
 

@@ -137,7 +137,7 @@ static hada_status by_mean(float *plane, int rows, int cols, int channel, hada_m
     if (!(mean > 0.0))
         return hada_fail(
             err, HADA_ERROR_ARGUMENT,
-            "the flat frame is not brighter than its dark level: a frame of an evenly lit sensor is needed");
+            "the flat frame holds no light above its dark level: a frame of an evenly lit sensor is needed");
     for (size_t i = 0; i < pixels; i++)
         plane[i] = plane[i] > HARDLY_LIT * mean && isfinite(plane[i]) ? (float)(plane[i] / mean) : 0.0f;
     return HADA_OK;
@@ -205,13 +205,13 @@ hada_status hada_flat_correct(hada_image *frame, hada_mosaic mosaic, const hada_
         levels[c] = dark;
     if (dark == HADA_AUTO)
         HADA_TRY_OR_DONE(hada_dark_levels(&pixels, mosaic, levels, err));
+    hada_flat_apply(frame, mosaic, sensitivity, levels, NULL);
     for (size_t i = 0; i < hada_image_count(frame); i++) {
         int channel;
         if (sensitivity->data[sensitivity_of(frame, mosaic, sensitivity, i, &channel)] == 0.0f)
             frame->data[i] = NAN;
     }
     HADA_TRY_OR_DONE(hada_frame_repair(frame, mosaic, &repaired, err));
-    hada_flat_apply(frame, mosaic, sensitivity, levels, NULL);
 done:
     free(levels);
     return status;

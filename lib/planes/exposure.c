@@ -258,12 +258,16 @@ static double mosaic_energy(const hada_frame_exposure *exposure)
     return energy;
 }
 
-/* By the flat frame. A dark level that is estimated is so again, as in a fit, which has divided frames alone. */
+/* By the flat frame. Values of weight 0 are those of divided neighbours. A dark level that is estimated is so again, as
+ * in a fit, which has divided frames alone. */
 static hada_status divide(hada_frame_exposure *exposure, const hada_exposure_rule *rule, hada_error *err)
 {
     double *levels = exposure->levels, *before = levels + exposure->info->channels;
+    size_t blanked;
     memcpy(before, levels, (size_t)exposure->info->channels * sizeof *levels);
     hada_flat_apply(&exposure->own, exposure->mosaic, rule->flat, before, rule->dark_frame);
+    HADA_TRY(blank(exposure, &blanked, err));
+    HADA_TRY(hada_frame_repair(&exposure->own, exposure->mosaic, &blanked, err));
     return rule->dark_varies ? hada_dark_levels(&exposure->pixels, exposure->mosaic, levels, err) : HADA_OK;
 }
 

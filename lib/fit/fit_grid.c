@@ -251,6 +251,19 @@ static double energy_of(const float *values, size_t count)
     return energy;
 }
 
+float hada_fit_cut_off(const float *values, size_t count)
+{
+    float largest = 0.0f;
+    size_t equal = 0, near = 0;
+    for (size_t i = 0; i < count; i++)
+        largest = fmaxf(largest, values[i]);
+    for (size_t i = 0; i < count; i++) {
+        equal += values[i] == largest;
+        near += values[i] > HADA_NEAR_LARGEST * largest && values[i] < largest;
+    }
+    return largest > 0.0f && hada_is_cut_off(equal, near) ? largest : INFINITY;
+}
+
 /* The dark level of a channel's frame, by the pixels that hold it. */
 static double dark_of(const hada_model_info *info, int channel, const float *frame, float *room)
 {

@@ -40,11 +40,26 @@ static void forget_filled(hada_fit_pair *pair)
                 pair->raw_pixels[(size_t)c * plane + i] = HADA_FIT_UNKNOWN;
 }
 
+/* Values that are cut off at the largest one of a channel become unknown. */
+static void forget_saturated(hada_fit_pair *pair)
+{
+    const hada_model_info *info = &pair->grid->info;
+    const size_t plane = (size_t)info->raw_rows * (size_t)info->raw_cols;
+    for (int c = 0; c < info->channels; c++) {
+        float *values = pair->raw_pixels + (size_t)c * plane;
+        const float largest = hada_fit_cut_off(values, plane);
+        for (size_t i = 0; i < plane; i++)
+            if (values[i] == largest)
+                values[i] = HADA_FIT_UNKNOWN;
+    }
+}
+
 /* The pair that was read, to the device: the frame's pixels and the scene's spectra. */
 static hada_status upload(passes *with, hada_buffer *raw, const hada_buffer *spectrum, hada_error *err)
 {
     hada_fit_pair *pair = with->from->pair;
     hada_slot *slot = pair->grid->slot;
+    forget_saturated(pair);
     forget_filled(pair);
     HADA_TRY(hada_buffer_write(raw, slot, 0, pair->raw_pixels, pair->raw.bytes, err));
     HADA_TRY(hada_buffer_write(&pair->scene, slot, 0, pair->scene_pixels, pair->scene.bytes, err));

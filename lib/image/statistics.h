@@ -16,6 +16,14 @@ size_t hada_dark_room(const hada_pixels *pixels);
 /* That of each channel of a frame; mosaic: of one channel of floats, that of each of its three colours. */
 hada_status hada_dark_levels(const hada_pixels *pixels, hada_mosaic mosaic, double *levels, hada_error *err);
 
+/* Values are cut off where the largest one occurs `equal` times and values in the 128th part below it `near` times:
+ * noise spreads light that is not cut off. */
+#define HADA_NEAR_LARGEST (1.0f - 0x1p-7f)
+static inline int hada_is_cut_off(size_t equal, size_t near)
+{
+    return equal >= 16 && equal > 4 * near;
+}
+
 /* Standard deviation of a frame's noise, assumed to be white; over channels the root mean square. From the median of
  * the finest diagonal wavelet coefficients, which an image hardly reaches (D. Donoho and I. Johnstone, Biometrika
  * 81(3), 1994, section 4.1, with Haar's wavelet), of some thousand blocks of 2 x 2 pixels spread over the frame. 0

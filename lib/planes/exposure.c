@@ -135,14 +135,9 @@ static int channel_of(const hada_frame_exposure *exposure, size_t pixel)
 /* What of an examination a pass over the frame finds. */
 enum { VALUES = 1, ENERGY = 2, BRIGHT = 4 };
 
-/* Pixels are saturated where the brightest value occurs this often, and this many times as often as all values in the
- * 128th part below it: noise spreads light that is not cut off. */
-enum { SATURATED = 16, PER_NEAR = 4 };
-#define NEAR (1.0f - 0x1p-7f)
-
 static void count_bright(examination *look, const float *values, size_t count)
 {
-    const float largest = look->largest, near = NEAR * largest;
+    const float largest = look->largest, near = HADA_NEAR_LARGEST * largest;
     size_t equal = 0, above = 0;
     for (size_t i = 0; i < count; i++) {
         equal += values[i] == largest;
@@ -336,7 +331,7 @@ hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_expo
     exposure->brightest = look.largest;
     if (rule->weights && look.largest > 0.0f) {
         pass(exposure, &look, BRIGHT);
-        if (look.equal >= SATURATED && look.equal > PER_NEAR * look.near)
+        if (hada_is_cut_off(look.equal, look.near))
             exposure->saturated = look.equal;
     }
     if (rule->dark_varies)

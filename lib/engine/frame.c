@@ -135,8 +135,9 @@ hada_status hada_frame_examine(hada_frame *frame, hada_error *err)
 {
     const hada_setup *setup = frame->setup;
     const hada_dark kind = setup->options.dark;
-    const double models = hada_model_get_info(setup->model)->dark; /* below zero: each frame has a level of its own */
-    const hada_exposure_rule rule = {.dark_varies = kind == HADA_DARK_AUTO || (kind == HADA_DARK_MODEL && models < 0),
+    const double models = hada_model_get_info(setup->model)->dark; /* HADA_AUTO: each frame has a level of its own */
+    const hada_exposure_rule rule = {.dark_varies =
+                                         kind == HADA_DARK_AUTO || (kind == HADA_DARK_MODEL && models == HADA_AUTO),
                                      .dark = kind == HADA_DARK_MODEL   ? models
                                              : kind == HADA_DARK_LEVEL ? setup->options.dark_level
                                                                        : 0.0,

@@ -132,7 +132,7 @@ static int take(const hada_cli_option *option, void *target, const char *text)
         else
             return 0;
         return 1;
-    case HADA_OPTION_REAL: return hada_cli_read_real(text, target);
+    case HADA_OPTION_REAL: return hada_cli_read_real(text, target) && *weight >= 0; /* -1 stands for "not given" */
     case HADA_OPTION_COUNT: return hada_cli_read_count(text, target);
     case HADA_OPTION_STEPS:
         if (hada_cli_read_count(text, &count))
@@ -169,7 +169,7 @@ static int take(const hada_cli_option *option, void *target, const char *text)
 
 static hada_status store(const hada_cli_option *option, char *settings, const char *text, hada_error *err)
 {
-    static const char *const takes[] = {[HADA_OPTION_REAL] = "a number such as 0.5",
+    static const char *const takes[] = {[HADA_OPTION_REAL] = "a number from 0 on, such as 0.5",
                                         [HADA_OPTION_COUNT] = "a whole number such as 8",
                                         [HADA_OPTION_STEPS] = "a whole number such as 8",
                                         [HADA_OPTION_SEED] = "a whole number",

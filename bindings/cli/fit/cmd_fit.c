@@ -198,7 +198,7 @@ static hada_status fit_psf(hada_cli *cli, const settings *set, const char **more
     psf.boundary = set->task.boundary ? (hada_boundary)set->task.boundary : HADA_BOUNDARY_PADDED;
     psf.window_rows = set->window[0];
     psf.window_cols = set->window[1];
-    psf.lambda = set->fit.lambda > 0 ? set->fit.lambda : HADA_AUTO;
+    psf.lambda = set->fit.lambda;
     if (set->frame && !hada_cli_read_size(set->frame, frame))
         task.frame = set->frame;
     psf.frame_rows = frame[0];
@@ -239,8 +239,6 @@ static int check(hada_cli *cli, const settings *set, int count, const char **arg
         return hada_cli_usage(cli,
                               "--resume goes on with the pairs of a DATASET from what --sums FILE has of them; sums of "
                               "others (--merge) are added afterwards");
-    if (!(set->task.save_seconds >= 0))
-        return hada_cli_usage(cli, "--save-seconds takes 0 or more");
     if (set->psf && learned)
         return hada_cli_usage(cli, "forms complex and split are learned from pairs; with --psf take wiener or matched");
     if (!set->psf && set->psf_options.turn)

@@ -49,6 +49,9 @@ static hada_status check_numbers(const hada_plan_options *options, hada_error *e
     if (options->crosstalk != HADA_AUTO && !hada_crosstalk_known(options->crosstalk))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: the share of crosstalk is %g; 0 to 1 are possible",
                          options->crosstalk);
+    if (options->dark == HADA_DARK_LEVEL && !isfinite(options->dark_level))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: the dark level is %g; it is finite",
+                         options->dark_level);
     if ((options->queues < 0 && options->queues != HADA_AUTO) || options->queues > MOST_QUEUES)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: %d queues; a device can have 1 to %d",
                          options->queues, MOST_QUEUES);

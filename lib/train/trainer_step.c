@@ -265,6 +265,7 @@ static hada_status roll_back(hada_trainer *trainer, hada_step_report *report, ha
     hada_status status = HADA_OK;
     HADA_TRY(hada_snapshot_restore(&trainer->snapshot, &trainer->workers, progress, err));
     progress->halvings++;
+    progress->failed = at;
     report->rolled_back = 1;
     report->step = progress->step;
     if (++progress->bad >= MOST_ROLLBACKS)
@@ -316,8 +317,9 @@ static hada_status step(hada_trainer *trainer, hada_step_report *report, hada_er
     if (progress->step % SNAPSHOT_EVERY == 0)
         HADA_TRY(hada_snapshot_take(&trainer->snapshot, &trainer->workers, progress, err));
     HADA_TRY(update(trainer, discriminator_only, share, norm, discriminator_norm, err));
-    progress->bad = 0;
     report->step = ++progress->step;
+    if (progress->step >= progress->failed)
+        progress->bad = 0;
     return HADA_OK;
 }
 

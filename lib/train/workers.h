@@ -82,7 +82,8 @@ typedef struct hada_train_progress {
     uint64_t place;        /* places of the order that were passed */
     uint64_t *group_steps; /* updates of each group */
     int halvings;          /* of the rates: one for each rollback */
-    int bad;               /* rollbacks since the last good step */
+    int bad;               /* rollbacks without getting beyond the step that failed */
+    uint64_t failed;       /* that step; not in checkpoints */
 } hada_train_progress;
 
 typedef struct hada_snapshot {

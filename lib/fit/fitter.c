@@ -246,7 +246,7 @@ static hada_status save_part(adding *of, hada_error *err)
     const double now = hada_seconds();
     if (!part->path || now - of->saved < part->seconds || now - of->saved < SAVE_SHARE * of->took)
         return HADA_OK;
-    const hada_status status = hada_fitter_save_sums(of->fitter, part->path, err);
+    const hada_status status = hada_fit_sums_save(&of->fitter->sums, part->path, 1, err);
     of->saved = hada_seconds();
     of->took = of->saved - now;
     return status;
@@ -324,6 +324,8 @@ hada_status hada_fitter_add_part(hada_fitter *fitter, const hada_dataset *pairs,
     long total = 0;
     hada_status status = HADA_OK;
     HADA_TRY(check_pairs(fitter, of.info, err));
+    if (part->path)
+        HADA_TRY(hada_fit_sums_check_part(part->path, err));
     for (int z = 0; z < of.info->depths; z++) {
         const range mine = share_of(&fitter->grid.communicator, of.info, z);
         total += mine.end - mine.begin;
@@ -332,7 +334,8 @@ hada_status hada_fitter_add_part(hada_fitter *fitter, const hada_dataset *pairs,
     HADA_TRY_OR_DONE(resume(&of, err));
     status = add_share(&of, err);
     if (status == HADA_ERROR_CANCELLED && part->path)
-        hada_fitter_save_sums(fitter, part->path, NULL); /* the caller gets 'cancelled', whatever becomes of it */
+        hada_fit_sums_save(&fitter->sums, part->path, 1,
+                           NULL); /* the caller gets 'cancelled', whatever becomes of it */
     HADA_TRY_OR_DONE(status);
     HADA_TRY_OR_DONE(hada_fitter_reduce(fitter, err));
 done:
@@ -358,7 +361,7 @@ hada_status hada_fitter_reduce(hada_fitter *fitter, hada_error *err)
 hada_status hada_fitter_save_sums(hada_fitter *fitter, const char *path, hada_error *err)
 {
     HADA_NEED(fitter && path, err);
-    return hada_fit_sums_save(&fitter->sums, path, err);
+    return hada_fit_sums_save(&fitter->sums, path, 0, err);
 }
 
 hada_status hada_fitter_load_sums(hada_fitter *fitter, const char *path, hada_error *err)

@@ -150,13 +150,13 @@ hada_status hada_outputs_finish(hada_outputs *out, hada_error *err)
             HADA_TRY_OR_DONE(hada_tiff_finish(&out->writer[next], err));
     out->finished = 1;
     if (!out->has_confidence)
-        unlink(out->path[HADA_OUTPUT_CONFIDENCE]); /* of a run before */
+        hada_outfile_remove(out->path[HADA_OUTPUT_CONFIDENCE]); /* of a run before */
     if (!out->has_map)
-        unlink(out->path[HADA_OUTPUT_DISTANCE_MAP]);
+        hada_outfile_remove(out->path[HADA_OUTPUT_DISTANCE_MAP]);
 done:
     for (int k = next + 1; status && k < HADA_OUTPUT_FILES; k++)
         if (k != HADA_OUTPUT_PREVIEW)
-            unlink(out->path[k]);
+            hada_outfile_remove(out->path[k]);
     return status;
 }
 
@@ -180,7 +180,7 @@ void hada_outputs_end(hada_outputs *out)
         if (out->writer[k])
             hada_tiff_abandon(&out->writer[k]);
     if (out->path[HADA_OUTPUT_PREVIEW] && out->written && !out->finished)
-        unlink(out->path[HADA_OUTPUT_PREVIEW]);
+        hada_outfile_remove(out->path[HADA_OUTPUT_PREVIEW]);
     for (int k = 0; k < HADA_OUTPUT_FILES; k++)
         free(out->path[k]);
     free(out->title);

@@ -264,6 +264,11 @@ static hada_status parse_all(hada_cli_parsed *parsed, const hada_cli_command *co
             parsed->texts[parsed->text_count++] = text;
         if (text && list[count].option->kind != HADA_OPTION_TARGET)
             named[names++] = text;
+        for (int i = 0; text && i < count; i++) /* outputs are protected against each other */
+            if (list[i].option->kind == HADA_OPTION_TARGET && list[count].option->kind == HADA_OPTION_TARGET &&
+                list[i].option != list[count].option && hada_path_is_same(list[i].text, text))
+                HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s and --%s both name %s",
+                                                list[i].option->name, list[count].option->name, text));
         count++;
     }
     HADA_TRY_OR_DONE(store_all(command, parsed->settings, list, count, err));

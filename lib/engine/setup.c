@@ -58,8 +58,8 @@ static hada_status check_numbers(const hada_plan_options *options, hada_error *e
     if (!(options->max_error >= 0 && options->max_error < 1) || !(options->band > 0 && options->band <= 1) ||
         options->skip & ~(unsigned)HADA_SKIP_ALL)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "plan options: max_error is from 0 to below 1, band above 0 and at most 1, and skip made of "
-                         "HADA_SKIP_...");
+                         "options.max_error takes 0 to below 1, options.band a share above 0 and at most 1, and "
+                         "options.skip is made of HADA_SKIP_...");
     return HADA_OK;
 }
 

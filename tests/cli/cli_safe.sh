@@ -123,6 +123,21 @@ expect 3 '' reconstruct "none $odd.tif" -m "$model" -o odd --json
 grep -q '"message": "none odd' stdout || fail 'JSON without the message'
 grep -q "$(printf '\033')" stderr && fail 'a message reached the terminal as it is'
 
+# Ends of line in names forge no line, also with the byte that stands for ends of line meanwhile; single bytes of the
+# upper set of controls reach no terminal; a preview's title loses what is no UTF-8, and not the frame.
+forged=$(printf 'a\nhadalens: done\233x')
+cp "$camera/test/raw/test01.tif" "$forged.tif"
+expect 0 'a.hadalens: done.x: .* mm' reconstruct "$forged.tif" -m "$model" -o forged
+has "forged/${forged}_aif.tif" "forged/${forged}_preview.png"
+for name in "$forged" "$(printf 'b\001\nhadalens: done\233x')"; do
+    expect 3 '' reconstruct "$name" none.tif -m "$model" -o x
+    "$HADALENS" "$name" >>stdout 2>>stderr
+    "$HADALENS" fit "$name" -o x >>stdout 2>>stderr
+    "$HADALENS" fit "--$name" >>stdout 2>>stderr
+    grep -aq '^hadalens: done' stdout stderr && fail 'a name forged a line'
+    LC_ALL=C grep -aq "$(printf '[\200-\237]')" stdout stderr && fail 'a control of the upper set was printed'
+done
+
 # Whoever reads our words goes away: an end by SIGPIPE, as of other programs, and nothing half-written.
 (trap - PIPE && exec "$HADALENS" simulate "${small[@]}" --pairs 400 -o set 2>stderr) | true
 code=${PIPESTATUS[0]}

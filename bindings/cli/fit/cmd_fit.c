@@ -248,9 +248,6 @@ static int check(hada_cli *cli, const settings *set, int count, const char **arg
     if (set->psf && (set->fit.refine_colour != HADA_AUTO || set->fit.refine_shrink != HADA_AUTO))
         return hada_cli_usage(
             cli, "--refine-colour and --refine-shrink belong to pairs; with --psf give them to reconstruct");
-    if (set->fit.outside >= 0 && set->fit.outside < 1 && set->merge.count)
-        return hada_cli_usage(cli, "--outside below 1 looks at every pair several times, and sums (--merge) have none; "
-                                   "give all pairs in one DATASET");
     if (set->psf && (strcmp(set->response, "auto") || set->task.exposure || set->task.save_sums || set->merge.count))
         return hada_cli_usage(cli, "--scene-response, --exposure, --sums and --merge belong to pairs, not to --psf");
     if (!count && set->merge.count && set->task.exposure)

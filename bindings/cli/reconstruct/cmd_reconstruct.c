@@ -334,10 +334,6 @@ static int check(hada_cli *cli, const settings *set, int count)
         return hada_cli_usage(cli, "say where the results shall go, with -o FOLDER");
     if (!(set->plan.gamma > 0) || !(set->task.white > 0))
         return hada_cli_usage(cli, "--gamma and --white must be greater than zero");
-    if (set->plan.gamma != 1 && strcmp(set->encoding, "scene"))
-        return hada_cli_usage(cli, "--gamma is an encoding already; leave it or --encoding out");
-    if (!(set->plan.max_error >= 0 && set->plan.max_error < 1) || !(set->plan.band > 0 && set->plan.band <= 1))
-        return hada_cli_usage(cli, "--max-error takes 0 to below 1, --band a share above 0 and at most 1");
     return HADA_EXIT_OK;
 }
 

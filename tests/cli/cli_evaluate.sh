@@ -18,6 +18,8 @@ expect 0 '100.0% +100.0% +5 mm' evaluate a_depth.tif b_depth.tif --distances 100
 "$FRAME_TOOL" flat b.tif 20 20 1 0.4
 expect 0 '20\.00 .*0\.1000' evaluate a.tif b.tif
 expect 0 '0\.0000' evaluate a.tif b.tif --match-gain
+"$FRAME_TOOL" flat negative.tif 20 20 1 -0.4
+expect 0 '"gain": 0' evaluate negative.tif a.tif --match-gain --json
 # NAME_aif.tif goes with NAME.tif.
 mkdir scenes results
 cp b.tif scenes/one.tif

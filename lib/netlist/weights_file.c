@@ -56,7 +56,8 @@ hada_status hada_net_from_file(hada_net **out, const char *description, const ha
                                hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_net_create_within(out, description, hada_tensors_bytes(file), 0, err));
+    HADA_TRY_OR_DONE(
+        hada_error_of_file(hada_net_create_within(out, description, hada_tensors_bytes(file), 0, err), err));
     HADA_TRY_OR_DONE(hada_net_read(*out, file, prefix, err));
 done:
     if (status)

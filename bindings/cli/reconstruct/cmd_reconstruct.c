@@ -5,7 +5,6 @@
 #include "skip_words.h"
 
 #include <hadalens/dataset.h>
-#include <hadalens/folder.h>
 #include <hadalens/job.h>
 #include <hadalens/response.h>
 #include <stddef.h>

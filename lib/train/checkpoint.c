@@ -349,6 +349,7 @@ static hada_status take(hada_trainer *trainer, hada_tensors *file, hada_error *e
     progress->place = at.place;
     progress->bad = at.bad < MOST_HALVINGS ? (int)at.bad : MOST_HALVINGS;
     progress->failed = 0;
+    progress->stuck = 0;
     progress->halvings = at.halvings < MOST_HALVINGS ? (int)at.halvings : MOST_HALVINGS;
     hada_feed_destroy(&trainer->feed);
     return HADA_OK;

@@ -82,8 +82,9 @@ typedef struct hada_train_progress {
     uint64_t place;        /* places of the order that were passed */
     uint64_t *group_steps; /* updates of each group */
     int halvings;          /* of the rates: one for each rollback */
-    int bad;               /* rollbacks without getting beyond the step that failed */
-    uint64_t failed;       /* that step; not in checkpoints */
+    int bad;               /* rollbacks since the last good step */
+    uint64_t failed;       /* step of the last rollback, and rollbacks without getting there; not in checkpoints */
+    int stuck;
 } hada_train_progress;
 
 typedef struct hada_snapshot {

@@ -227,6 +227,7 @@ hada_status hada_evaluate_compare(hada_evaluation *one, const hada_evaluate_task
     if (one->what == HADA_EVALUATED_IMAGES)
         one->what = kind_of(one->result);
     HADA_TRY_OR_DONE(hada_compared_open(&open, one->result, one->truth, err));
+    open.monitor = by->monitor;
     if (one->what == HADA_EVALUATED_MAP) {
         HADA_TRY_OR_DONE(hada_evaluate_maps(one, &open, by, region, err));
     } else {

@@ -304,6 +304,7 @@ hada_status hada_fit_run(hada_model **out, hada_fit_report **report, hada_contex
     HADA_TRY_OR_DONE(HADA_NEW(of.report, 1, "a report", err));
     HADA_TRY_OR_DONE(data ? learn_pairs(&of, context, out, err) : learn_sums(&of, context, out, err));
     HADA_TRY_OR_DONE(fill_report(&of, err));
+    hada_fitter_destroy(&of.fitter); /* whose memory the model's trial can use */
     HADA_TRY_OR_DONE(hada_model_complete(out, of.task.half, context, of.data, err));
     if (report) {
         *report = &of.report->report;
@@ -388,5 +389,5 @@ hada_status hada_model_complete(hada_model **model, int half, hada_context *cont
         *model = halved;
     }
     HADA_TRY(hada_model_check_numbers(*model, err));
-    return try_model(*model, context, pairs, err);
+    return context ? try_model(*model, context, pairs, err) : HADA_OK;
 }

@@ -460,7 +460,7 @@ hada_status hada_psf_run(hada_model **out, hada_context *context, const char *pa
     HADA_TRY_OR_DONE(hada_named(
         hada_model_from_psf(out, context, of.image, of.count, of.distances_mm, &of.options, err), path, err));
     tell_lost(&of, hada_model_get_info(*out));
-    HADA_TRY_OR_DONE(hada_model_complete(out, task->half, context, NULL, err));
+    HADA_TRY_OR_DONE(hada_model_complete(out, task->half, NULL, NULL, err));
 done:
     for (int z = 0; of.image && z < of.count; z++)
         hada_image_destroy(&of.image[z]);

@@ -10,7 +10,6 @@ typedef struct settings {
     hada_cli_camera_settings camera;
     hada_optics_task task;
     const char *output;
-    double threshold;
 } settings;
 
 #define AT(member) HADA_CLI_AT(settings, member)
@@ -19,7 +18,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_TARGET, "output", 'o', "FOLDER", "the folder to make", "It must not exist yet, or be empty.",
      AT(output)},
     {HADA_OPTION_REAL, "threshold", 0, "MTF", "frequencies count as passed from here on (default: 0.05)", NULL,
-     AT(threshold)},
+     AT(task.threshold)},
     {HADA_OPTION_TEXT, "psf", 0, "FILE", "PSFs from a TIFF file, a page per depth, instead of by design",
      "Measured ones, for instance: of the sensor's size, near to far as the camera's distances.", AT(task.psf)},
     {HADA_OPTION_FLAG, "coherent", 0, NULL, "wave optics of all lenses together",
@@ -102,9 +101,6 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         set->camera.file = arguments[0];
     if (!set->output)
         return hada_cli_usage(cli, "say where tables, figures and PSFs shall be written, with -o FOLDER");
-    if (set->threshold < 0 || set->threshold >= 1)
-        return hada_cli_usage(cli, "--threshold takes a number from 0 to 1");
-    set->task.threshold = set->threshold > 0 ? set->threshold : HADA_AUTO;
     set->task.monitor = &cli->monitor;
     hada_cli_pictures(cli);
     HADA_TRY_OR_DONE(hada_cli_make_camera(&camera, &set->camera, &err));

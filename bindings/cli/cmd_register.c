@@ -159,8 +159,6 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     hada_status status = HADA_OK;
     if (count != 1)
         return hada_cli_usage(cli, "one data set is needed, not %d", count);
-    if (!(set->task.most_rotation_deg >= 0 && set->task.most_rotation_deg <= 45))
-        return hada_cli_usage(cli, "--rotation takes 0 to 45 degrees, to either side of every quarter turn");
     if (set->output && !hada_path_is_vacant(set->output))
         return hada_cli_usage(cli, "%s is there already; give -o the name of a new folder", set->output);
     set->task.window_rows = set->window[0];

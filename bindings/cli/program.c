@@ -16,9 +16,9 @@ static int unknown_command(const char *name)
     for (int i = 0; hada_cli_commands[i]; i++)
         hada_cli_nearest_try(&nearest, hada_cli_commands[i]->name);
     if (nearest.best)
-        fprintf(stderr, "hadalens: there is no command '%s'; did you mean '%s'?\n", name, nearest.best);
+        hada_cli_put(stderr, "hadalens: there is no command '%s'; did you mean '%s'?\n", name, nearest.best);
     else
-        fprintf(stderr, "hadalens: there is no command '%s'; 'hadalens --help' lists them\n", name);
+        hada_cli_put(stderr, "hadalens: there is no command '%s'; 'hadalens --help' lists them\n", name);
     return HADA_EXIT_USAGE;
 }
 

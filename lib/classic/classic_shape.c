@@ -17,9 +17,10 @@ static hada_status check_options(const hada_classic_options *o, hada_error *err)
             err, HADA_ERROR_ARGUMENT,
             "the stopping rules make no sense: there is one iteration at least, seconds are not negative, the relative "
             "change is from 0 to below 1");
-    if (!isfinite(o->weight) || !(o->lambda > 0.0 && isfinite(o->lambda)) || !(o->step > 0.0 && o->step < 2.0))
+    if (!(o->weight >= 0.0 || o->weight == HADA_AUTO) || !isfinite(o->weight) ||
+        !(o->lambda > 0.0 && isfinite(o->lambda)) || !(o->step > 0.0 && o->step < 2.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "the weight must be finite, lambda above 0 and the step between 0 and 2");
+                         "the weight is 0 or more (HADA_AUTO: found), lambda above 0 and the step between 0 and 2");
     if (o->inner < 1 || o->inner > 1000 || o->levels < 1 || o->levels > 8)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "inner iterations are from 1 to 1000, levels of wavelets 1 to 8");
     if (!(o->mu1 > 0.0 && isfinite(o->mu1)) || !(o->mu2 > 0.0 && isfinite(o->mu2)) ||

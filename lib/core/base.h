@@ -63,6 +63,9 @@ static inline hada_status hada_fail_cl(hada_error *err, int code, const char *ca
                              #pointers);                                                                               \
     } while (0)
 
+/* What a file says is no fault of the call: errors of arguments and of what is not offered become those of a file. */
+hada_status hada_error_of_file(hada_status status, hada_error *err);
+
 /* Puts context before the message of a record that a callee filled: "reading x.tif: <message>". */
 void hada_error_prefix(hada_error *err, const char *format, ...) HADA_PRINTF(2, 3);
 

@@ -43,10 +43,11 @@ static const hada_focus_options focus_shared = {.size = sizeof(hada_focus_option
                                                 .window_sigma = 2.5,
                                                 .false_alarm = 0.01};
 static const hada_limits limits = {.size = sizeof(hada_limits),
-                                   .pixels = 1u << 22,      /* 16 MiB of float; a fit from a PSF takes 18 times that */
-                                   .pages = 1u << 18,       /* two hours of frames at 30 a second */
-                                   .text = 8u << 20,        /* OME-XML of some 30,000 planes */
-                                   .parameters = 50000000}; /* three times VGG-16's convolutions */
+                                   .pixels =
+                                       HADA_LIMITS_PIXELS, /* 16 MiB of float; a fit from a PSF takes 18 times that */
+                                   .pages = HADA_LIMITS_PAGES,            /* two hours of frames at 30 a second */
+                                   .text = HADA_LIMITS_TEXT,              /* OME-XML of some 30,000 planes */
+                                   .parameters = HADA_LIMITS_PARAMETERS}; /* three times VGG-16's convolutions */
 static const hada_psf_options psf_options = {.size = sizeof(hada_psf_options),
                                              .refine_tv = HADA_AUTO,
                                              .form = HADA_FORM_WIENER,

@@ -61,6 +61,15 @@ void hada_error_set_cl(hada_error *err, int code, const char *call)
         err->cl_code = code;
 }
 
+hada_status hada_error_of_file(hada_status status, hada_error *err)
+{
+    if (status != HADA_ERROR_ARGUMENT && status != HADA_ERROR_UNSUPPORTED)
+        return status;
+    if (err)
+        err->status = HADA_ERROR_FILE_FORMAT;
+    return HADA_ERROR_FILE_FORMAT;
+}
+
 void hada_error_prefix(hada_error *err, const char *format, ...)
 {
     if (!err)

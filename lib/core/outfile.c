@@ -137,6 +137,13 @@ void hada_outfile_abandon(hada_outfile *out)
     release(out);
 }
 
+void hada_outfile_remove(const char *path)
+{
+    struct stat old;
+    if (!stat(path, &old) && !hada_input_is_in_use(&old))
+        unlink(path);
+}
+
 hada_status hada_outfile_save(const char *path, const void *data, size_t bytes, hada_error *err)
 {
     hada_outfile out;

@@ -30,6 +30,9 @@ hada_status hada_outfile_commit(hada_outfile *out, hada_error *err);
 /* Closes and removes the temporary file. */
 void hada_outfile_abandon(hada_outfile *out);
 
+/* Removes what an earlier run left at an output's place, unless a command in progress reads it. */
+void hada_outfile_remove(const char *path);
+
 /* A whole file at once. */
 hada_status hada_outfile_save(const char *path, const void *data, size_t bytes, hada_error *err);
 

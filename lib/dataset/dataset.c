@@ -88,6 +88,7 @@ void hada_pair_store_release(hada_pair_store **pointer)
     HADA_FREE(store->kept, store->depth, store->folders);
     hada_image_destroy(&store->flat);
     hada_inputs_release(&store->inputs);
+    hada_names_free(&store->alone, &store->alone_count);
     HADA_FREE(store->psf, store->camera);
     pthread_cond_destroy(&store->ahead.changed);
     pthread_mutex_destroy(&store->lock);

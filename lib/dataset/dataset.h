@@ -39,6 +39,8 @@ typedef struct hada_pair_store {
     hada_image flat;    /* sensitivity of their pixels; empty: all alike */
     double flat_dark;
     hada_inputs *inputs; /* all files, which no output may replace */
+    char **alone;        /* files without a partner, which belong to them until these are protected */
+    int alone_count;
 
     /* one of these reads pairs: files (both NULL), the caller's function, or the caller's images */
     hada_dataset_read_pair read;

@@ -81,8 +81,8 @@ static const char *partner(const char *name, char **names, int count)
     return first < count && !compare_stems(names[first], name) ? names[first] : NULL;
 }
 
-static void note_incomplete(hada_pair_store *store, const char *folder, const char *kind, const char *name,
-                            const char *other)
+static hada_status note_incomplete(hada_pair_store *store, const char *folder, const char *kind, const char *name,
+                                   const char *other, hada_error *err)
 {
     char *text = store->incomplete_text;
     const size_t used = strlen(text), room = sizeof store->incomplete_text - used;
@@ -91,6 +91,12 @@ static void note_incomplete(hada_pair_store *store, const char *folder, const ch
         snprintf(text + used, room, "%s%s/%s/%s has no %s", used ? "; " : "", folder, kind, name, other);
     else if (number == INCOMPLETE_NAMED)
         snprintf(text + used, room, "; and so on");
+    char **more = realloc(store->alone, (size_t)(store->alone_count + 1) * sizeof *more);
+    if (!more)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for a data set");
+    store->alone = more;
+    store->alone[store->alone_count] = NULL;
+    return hada_path_format(&store->alone[store->alone_count++], err, "%s/%s/%s", folder, kind, name);
 }
 
 static hada_status scan_depth(hada_pair_store *store, hada_dataset_depth *depth, hada_error *err)
@@ -103,7 +109,7 @@ static hada_status scan_depth(hada_pair_store *store, hada_dataset_depth *depth,
     for (int i = 0; i < files.raw_count; i++) {
         const char *scene = partner(files.raws[i], files.scenes, files.scene_count);
         if (!scene) {
-            note_incomplete(store, depth->folder, "raw", files.raws[i], "scene");
+            HADA_TRY_OR_DONE(note_incomplete(store, depth->folder, "raw", files.raws[i], "scene", err));
             continue;
         }
         HADA_TRY_OR_DONE(hada_path_format(&raw_path, err, "%s/%s", files.raw_folder, files.raws[i]));
@@ -113,7 +119,7 @@ static hada_status scan_depth(hada_pair_store *store, hada_dataset_depth *depth,
     }
     for (int i = 0; i < files.scene_count; i++)
         if (!partner(files.scenes[i], files.raws_by_stem, files.raw_count))
-            note_incomplete(store, depth->folder, "scene", files.scenes[i], "raw frame");
+            HADA_TRY_OR_DONE(note_incomplete(store, depth->folder, "scene", files.scenes[i], "raw frame", err));
 done:
     HADA_FREE(raw_path, scene_path);
     listing_free(&files);
@@ -206,7 +212,9 @@ static hada_status protect(hada_pair_store *store, hada_error *err)
     hada_status status = HADA_OK;
     for (int z = 0; z < store->depths; z++)
         pairs += (size_t)store->depth[z].count;
-    HADA_TRY_OR_DONE(HADA_NEW(paths, 2 * pairs + 2, "a data set", err));
+    HADA_TRY_OR_DONE(HADA_NEW(paths, 2 * pairs + (size_t)store->alone_count + 2, "a data set", err));
+    for (int i = 0; i < store->alone_count; i++)
+        paths[count++] = store->alone[i];
     for (int z = 0; z < store->depths; z++)
         for (int i = 0; i < store->depth[z].count; i++) {
             paths[count++] = store->depth[z].files[i].raw;

@@ -220,9 +220,8 @@ static void take_dark_off(reduced *of, const hada_plan_options *options)
     const size_t count = hada_image_count(&of->frame);
     double level = options->dark == HADA_DARK_MODEL   ? of->model->info.dark
                    : options->dark == HADA_DARK_LEVEL ? options->dark_level
-                   : options->dark == HADA_DARK_AUTO  ? HADA_AUTO
                                                       : 0.0;
-    if (level == HADA_AUTO)
+    if (options->dark == HADA_DARK_AUTO || (options->dark == HADA_DARK_MODEL && level == HADA_AUTO))
         level = hada_dark_estimate(of->frame.data, count, of->psfs[0].data);
     for (size_t i = 0; i < count; i++)
         of->frame.data[i] -= (float)level;

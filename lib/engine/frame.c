@@ -2,7 +2,9 @@
 #include "engine/frame.h"
 
 #include "core/clock.h"
+#include "core/finite.h"
 #include "image/pixels.h"
+#include "image/statistics.h"
 
 enum { STRETCH = 1024 /* pixels that are compared at a time: most comparisons end with the first */ };
 
@@ -135,8 +137,9 @@ hada_status hada_frame_examine(hada_frame *frame, hada_error *err)
 {
     const hada_setup *setup = frame->setup;
     const hada_dark kind = setup->options.dark;
-    const double models = hada_model_get_info(setup->model)->dark; /* below zero: each frame has a level of its own */
-    const hada_exposure_rule rule = {.dark_varies = kind == HADA_DARK_AUTO || (kind == HADA_DARK_MODEL && models < 0),
+    const double models = hada_model_get_info(setup->model)->dark; /* HADA_AUTO: each frame has a level of its own */
+    const hada_exposure_rule rule = {.dark_varies =
+                                         kind == HADA_DARK_AUTO || (kind == HADA_DARK_MODEL && models == HADA_AUTO),
                                      .dark = kind == HADA_DARK_MODEL   ? models
                                              : kind == HADA_DARK_LEVEL ? setup->options.dark_level
                                                                        : 0.0,
@@ -170,4 +173,68 @@ hada_status hada_frame_prepare(hada_frame *frame, hada_error *err)
         report->dark += exposure->levels[c] / exposure->pixels.channels;
     skip_channels(frame);
     return HADA_OK;
+}
+
+/* A frame shows something where one of so many of its pixels lies so many standard deviations of its noise from the
+ * median of its channel: light of a lensless camera covers much of the sensor, broken pixels one of a thousand. */
+enum { SHOWN = 100 };
+#define BEYOND_NOISE 6.0
+
+/* A channel without the dark frame, into `out`, where it is reordered. */
+static int channel_shows(const hada_frame *frame, int channel, double noise, float *out)
+{
+    const hada_pixels *pixels = &frame->exposure.pixels;
+    const size_t plane = (size_t)pixels->rows * (size_t)pixels->cols;
+    const float *dark = frame->setup->dark_frame.data;
+    size_t found = 0;
+    for (size_t first = 0, count; first < plane; first += count) {
+        count = plane - first < STRETCH ? plane - first : STRETCH;
+        const float *values = hada_pixels_floats(pixels, channel, first, count, out + first);
+        for (size_t i = 0; i < count; i++)
+            out[first + i] = values[i] - (dark ? dark[(size_t)channel * plane + first + i] : 0.0F);
+    }
+    const double median = hada_select_rank(out, plane, plane / 2),
+                 limit = fmax(BEYOND_NOISE * noise, 1e-6 * fabs(median));
+    for (size_t i = 0; i < plane; i++)
+        found += fabs(out[i] - median) > limit;
+    return SHOWN * found >= plane;
+}
+
+static hada_status shows_something(const hada_frame *frame, int *shows, hada_error *err)
+{
+    const hada_pixels *pixels = &frame->exposure.pixels;
+    float *room = NULL;
+    HADA_TRY(HADA_NEW_RAW(room, (size_t)pixels->rows * (size_t)pixels->cols, "a frame that gave nothing", err));
+    const double noise = hada_exposure_noise(&frame->exposure);
+    *shows = 0;
+    for (int c = 0; c < pixels->channels && !*shows; c++)
+        *shows = channel_shows(frame, c, noise, room);
+    free(room);
+    return HADA_OK;
+}
+
+hada_status hada_frame_check_result(const hada_frame *frame, hada_error *err)
+{
+    const hada_result *result = frame->result;
+    const hada_image *all = &result->all_in_focus;
+    float most;
+    int shows;
+    size_t broken = hada_not_finite(all->data, hada_image_count(all), &most);
+    for (int z = 0; !broken && most == 0.0F && z < result->depths; z++)
+        broken = hada_not_finite(result->planes[z].data, hada_image_count(&result->planes[z]), &most);
+    if (broken)
+        return hada_fail(err, HADA_ERROR_NUMERIC,
+                         "%zu values of the result are NaN or infinite: the model, its net or an option has numbers "
+                         "that single precision cannot hold",
+                         broken);
+    if (most > 0.0F)
+        return HADA_OK;
+    HADA_TRY(shows_something(frame, &shows, err));
+    if (!shows)
+        return HADA_OK;
+    return hada_fail(err, HADA_ERROR_NUMERIC,
+                     "the frame shows something, but all planes came out black (dark level %.3g): the dark level or "
+                     "dark frame is not this frame's, the model is of another camera, or it, its net or an option "
+                     "has numbers that single precision cannot hold",
+                     result->memory->report.dark);
 }

@@ -115,6 +115,11 @@ void hada_frame_progress(hada_frame *frame, int done);
 /* HADA_ERROR_CANCELLED when it was asked to end. */
 hada_status hada_frame_check(hada_frame *frame, hada_error *err);
 
+/* The one place where a finished result is looked at: HADA_ERROR_NUMERIC where it holds NaN or infinite values, or
+ * nothing but 0 while the frame shows more than noise. For devices that take NaN for 0 the latter is all that is left
+ * of numbers that broke down. */
+hada_status hada_frame_check_result(const hada_frame *frame, hada_error *err);
+
 /* Frees what the frame holds; a result that failed is emptied. */
 void hada_frame_end(hada_frame *frame, hada_status status);
 

@@ -82,6 +82,7 @@ static hada_status all_stages(hada_pipeline *pipeline, hada_frame *frame, hada_e
     hada_skip_fill_report(frame);
     HADA_TRY(hada_slot_finish(pipeline->slot, err)); /* results are on their way until now */
     hada_pipeline_residual(pipeline, frame);
+    HADA_TRY(hada_frame_check_result(frame, err));
     hada_result_apply_gamma(frame->result, setup->options.gamma);
     return hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_download, err);
 }

@@ -31,33 +31,35 @@ static hada_status check_list(const int *list, int count, int limit, const char 
 static hada_status check_numbers(const hada_plan_options *options, hada_error *err)
 {
     if (options->depth_count < 0 || options->occupied_count < 0 ||
-        (options->batch < 0 && options->batch != HADA_AUTO) || !(options->gamma > 0))
+        (options->batch < 0 && options->batch != HADA_AUTO) || (options->refine < 0 && options->refine != HADA_AUTO) ||
+        !(options->gamma > 0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: counts are not negative and gamma is above 0");
     if (!isfinite(options->refine_tv) ||
         (options->refine_tv < 0 && options->refine_tv != HADA_AUTO && options->refine_tv != HADA_REFINE_TV_FRAME))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: the weight of total variation is %g; it is 0 or more",
                          options->refine_tv);
-    if (!isfinite(options->refine_colour) ||
-        (options->refine_colour >= 0 && !hada_refine_colour_known(options->refine_colour)))
+    if (options->refine_colour != HADA_AUTO && !hada_refine_colour_known(options->refine_colour))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "plan options: the weight of colour in total variation is %g; 1 to %g are possible",
                          options->refine_colour, HADA_REFINE_MOST_COLOUR);
-    if (!isfinite(options->refine_shrink) ||
-        (options->refine_shrink >= 0 && !hada_refine_shrink_known(options->refine_shrink)))
+    if (options->refine_shrink != HADA_AUTO && !hada_refine_shrink_known(options->refine_shrink))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "plan options: the threshold of shrinkage is %g; 0 to %g are possible", options->refine_shrink,
                          HADA_REFINE_MOST_SHRINK);
-    if (!isfinite(options->crosstalk) || (options->crosstalk >= 0 && !hada_crosstalk_known(options->crosstalk)))
+    if (options->crosstalk != HADA_AUTO && !hada_crosstalk_known(options->crosstalk))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: the share of crosstalk is %g; 0 to 1 are possible",
                          options->crosstalk);
+    if (options->dark == HADA_DARK_LEVEL && !isfinite(options->dark_level))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: the dark level is %g; it is finite",
+                         options->dark_level);
     if ((options->queues < 0 && options->queues != HADA_AUTO) || options->queues > MOST_QUEUES)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: %d queues; a device can have 1 to %d",
                          options->queues, MOST_QUEUES);
     if (!(options->max_error >= 0 && options->max_error < 1) || !(options->band > 0 && options->band <= 1) ||
         options->skip & ~(unsigned)HADA_SKIP_ALL)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "plan options: max_error is from 0 to below 1, band above 0 and at most 1, and skip made of "
-                         "HADA_SKIP_...");
+                         "options.max_error takes 0 to below 1, options.band a share above 0 and at most 1, and "
+                         "options.skip is made of HADA_SKIP_...");
     return HADA_OK;
 }
 

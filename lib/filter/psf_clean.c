@@ -101,8 +101,8 @@ static double clean_channel(float *pixels, const hada_image *psf, const hada_psf
     const double part = 1.0 / psf->channels,
                  noise = options->psf_dark == 0.0 ? 0.0 : dark_noise(pixels, rows, cols, room);
     const double gate = options->psf_gate == HADA_AUTO ? GATE : options->psf_gate;
-    const double dark =
-        options->psf_dark < 0.0 ? background_of(pixels, count, gate > 0.0 ? noise : 0.0, room) : options->psf_dark;
+    const double dark = options->psf_dark == HADA_AUTO ? background_of(pixels, count, gate > 0.0 ? noise : 0.0, room)
+                                                       : options->psf_dark;
     double border = 0.0, light = 0.0, most = 0.0;
     const double least = gate * noise;
     float *narrow = room, *wide = room + count;

@@ -208,10 +208,11 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
     if (!isfinite(options->lambda) || (options->lambda <= 0.0 && options->lambda != HADA_AUTO) ||
         !isfinite(options->refine_tv) || (options->refine_tv < 0.0 && options->refine_tv != HADA_AUTO) ||
         !isfinite(options->dark) || !isfinite(options->psf_dark) || !isfinite(options->psf_gate) ||
-        options->psf_taper < 0)
+        (options->psf_gate < 0.0 && options->psf_gate != HADA_AUTO) ||
+        (options->refine_steps < 0 && options->refine_steps != HADA_AUTO) || options->psf_taper < 0)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT,
                                    "lambda, refine_tv, psf_gate and dark levels must be finite, lambda above 0, "
-                                   "refine_tv and psf_taper not negative"));
+                                   "refine_tv, refine_steps, psf_gate and psf_taper not negative"));
     if ((int)options->turn < HADA_TURN_NONE || options->turn > HADA_TURN_180)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "there is no turn %d (hada_turn)", (int)options->turn));
     HADA_TRY_OR_DONE(check_psfs(psfs, depths, err));

@@ -284,7 +284,7 @@ void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_i
                  col0 = (size_t)(scene->cols - info->window_cols) / 2;
     for (int c = 0; c < info->channels; c++) {
         const float *from = raw->data + (size_t)c * raw_area;
-        const double dark = info->dark < 0.0 ? dark_of(info, c, from, pair->scratch) : info->dark;
+        const double dark = info->dark == HADA_AUTO ? dark_of(info, c, from, pair->scratch) : info->dark;
         pair->raw_energy[c] =
             take(from, (size_t)raw->cols, raw->rows, raw->cols, dark, pair->raw_pixels + (size_t)c * raw_area);
         float *light = pair->scene_pixels + (size_t)c * window;

@@ -53,8 +53,12 @@ hada_status hada_fit_sums_pool(hada_fit_sums *sums, hada_error *err);
 hada_status hada_fit_sums_reduce(hada_fit_sums *sums, hada_error *err);
 
 /* Sums to and from files: to go on later, or to merge what several machines have added up (docs/reference/files.md).
- * */
-hada_status hada_fit_sums_save(hada_fit_sums *sums, const char *path, hada_error *err);
+ * part: 1 for those that a fit saves on its way, and removes at its end; the file says so. */
+hada_status hada_fit_sums_save(hada_fit_sums *sums, const char *path, int part, hada_error *err);
+
+/* HADA_ERROR_FILE_WRITE where something stands at `path` that is no part which a fit left, so that no file of anybody
+ * else's is taken for one, replaced and removed. */
+hada_status hada_fit_sums_check_part(const char *path, hada_error *err);
 
 /* Adds a file's sums; one that does not belong to this fit is refused before anything changes. */
 hada_status hada_fit_sums_load(hada_fit_sums *sums, const char *path, hada_error *err);

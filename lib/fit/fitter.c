@@ -50,6 +50,12 @@ done:
     return status;
 }
 
+/* Only HADA_AUTO has something chosen, and no other number. */
+static int is_open_or_given(double value)
+{
+    return value == HADA_AUTO || (value >= 0.0 && isfinite(value));
+}
+
 static hada_status check_options(const hada_fit_options *options, hada_error *err)
 {
     if (options->form != HADA_FORM_COMPLEX && options->form != HADA_FORM_SPLIT)
@@ -58,32 +64,34 @@ static hada_status check_options(const hada_fit_options *options, hada_error *er
                          "spread functions");
     if (!options->distances_mm)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "the distances of the depths are needed");
-    if (!isfinite(options->alpha) || !isfinite(options->lambda) || !isfinite(options->refine_tv) ||
-        !isfinite(options->dark))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "alpha, lambda and the dark level must be finite");
+    if (!is_open_or_given(options->alpha) || !is_open_or_given(options->lambda) ||
+        !is_open_or_given(options->refine_tv) || !is_open_or_given(options->refine_steps) || !isfinite(options->dark))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "alpha, lambda, refine_tv and refine_steps are HADA_AUTO or 0 and more, and the dark level is "
+                         "finite (%g, %g, %g, %d, %g)",
+                         options->alpha, options->lambda, options->refine_tv, options->refine_steps, options->dark);
     if (options->scene_response != HADA_AUTO && !hada_response_is_known(options->scene_response))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "the response of the scenes, %g, is none (hadalens/response.h)",
                          options->scene_response);
-    if (!isfinite(options->refine_colour) ||
-        (options->refine_colour >= 0.0 && !hada_refine_colour_known(options->refine_colour)))
+    if (options->refine_colour != HADA_AUTO && !hada_refine_colour_known(options->refine_colour))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "the weight of colour in total variation is %g; it must lie between 1 and %g, or be negative "
-                         "to have it chosen",
+                         "the weight of colour in total variation is %g; it must lie between 1 and %g, or be "
+                         "HADA_AUTO to have it chosen",
                          options->refine_colour, HADA_REFINE_MOST_COLOUR);
-    if (!isfinite(options->refine_shrink) ||
-        (options->refine_shrink >= 0.0 && !hada_refine_shrink_known(options->refine_shrink)))
+    if (options->refine_shrink != HADA_AUTO && !hada_refine_shrink_known(options->refine_shrink))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "the threshold of shrinkage is %g; it must lie between 0 and %g, or be negative to have it "
+                         "the threshold of shrinkage is %g; it must lie between 0 and %g, or be HADA_AUTO to have it "
                          "chosen",
                          options->refine_shrink, HADA_REFINE_MOST_SHRINK);
-    if (!(options->outside <= 1.0) || (options->outside >= 0.0 && options->outside < HADA_FIT_LEAST_OUTSIDE))
+    if (options->outside != HADA_AUTO && !(options->outside >= HADA_FIT_LEAST_OUTSIDE && options->outside <= 1.0))
+        return hada_fail(
+            err, HADA_ERROR_ARGUMENT,
+            "the weight outside the window is %g; it must lie between %g and 1, or be HADA_AUTO to have it "
+            "chosen",
+            options->outside, HADA_FIT_LEAST_OUTSIDE);
+    if (options->crop_passes && options->crop_passes != HADA_AUTO && options->crop_passes < HADA_FIT_LEAST_PASSES)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "the weight outside the window is %g; it must lie between %g and 1, or be negative to have it "
-                         "chosen",
-                         options->outside, HADA_FIT_LEAST_OUTSIDE);
-    if (options->crop_passes > 0 && options->crop_passes < HADA_FIT_LEAST_PASSES)
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "crop_passes is %d; it must be at least %d, or 0 for none, or negative to have it chosen",
+                         "crop_passes is %d; it must be at least %d, or 0 for none, or HADA_AUTO to have it chosen",
                          options->crop_passes, HADA_FIT_LEAST_PASSES);
     return HADA_OK;
 }
@@ -238,7 +246,7 @@ static hada_status save_part(adding *of, hada_error *err)
     const double now = hada_seconds();
     if (!part->path || now - of->saved < part->seconds || now - of->saved < SAVE_SHARE * of->took)
         return HADA_OK;
-    const hada_status status = hada_fitter_save_sums(of->fitter, part->path, err);
+    const hada_status status = hada_fit_sums_save(&of->fitter->sums, part->path, 1, err);
     of->saved = hada_seconds();
     of->took = of->saved - now;
     return status;
@@ -316,6 +324,8 @@ hada_status hada_fitter_add_part(hada_fitter *fitter, const hada_dataset *pairs,
     long total = 0;
     hada_status status = HADA_OK;
     HADA_TRY(check_pairs(fitter, of.info, err));
+    if (part->path)
+        HADA_TRY(hada_fit_sums_check_part(part->path, err));
     for (int z = 0; z < of.info->depths; z++) {
         const range mine = share_of(&fitter->grid.communicator, of.info, z);
         total += mine.end - mine.begin;
@@ -324,7 +334,8 @@ hada_status hada_fitter_add_part(hada_fitter *fitter, const hada_dataset *pairs,
     HADA_TRY_OR_DONE(resume(&of, err));
     status = add_share(&of, err);
     if (status == HADA_ERROR_CANCELLED && part->path)
-        hada_fitter_save_sums(fitter, part->path, NULL); /* the caller gets 'cancelled', whatever becomes of it */
+        hada_fit_sums_save(&fitter->sums, part->path, 1,
+                           NULL); /* the caller gets 'cancelled', whatever becomes of it */
     HADA_TRY_OR_DONE(status);
     HADA_TRY_OR_DONE(hada_fitter_reduce(fitter, err));
 done:
@@ -350,7 +361,7 @@ hada_status hada_fitter_reduce(hada_fitter *fitter, hada_error *err)
 hada_status hada_fitter_save_sums(hada_fitter *fitter, const char *path, hada_error *err)
 {
     HADA_NEED(fitter && path, err);
-    return hada_fit_sums_save(&fitter->sums, path, err);
+    return hada_fit_sums_save(&fitter->sums, path, 0, err);
 }
 
 hada_status hada_fitter_load_sums(hada_fitter *fitter, const char *path, hada_error *err)

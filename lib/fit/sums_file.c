@@ -1,12 +1,14 @@
 #include "fit/fit_sums.h"
 
 #include <hadalens/response.h>
+#include <sys/stat.h>
 
 #include "filter/bank.h"
 
 #define FORMAT   "hadalens-sums-1"
 #define RESPONSE "scene_response"
 #define MOSAIC   "mosaic" /* frames in full colour: not there */
+#define PART     "part"   /* of a fit that is under way; else not there */
 
 /* What must agree, as text. */
 typedef struct sizes_text {
@@ -103,12 +105,15 @@ done:
     return status;
 }
 
-static hada_status write_file(hada_fit_sums *sums, hada_tensors_writer *writer, small list[SMALL], hada_error *err)
+static hada_status write_file(hada_fit_sums *sums, hada_tensors_writer *writer, small list[SMALL], int part,
+                              hada_error *err)
 {
     const hada_model_info *info = &sums->grid->info;
     const int64_t shape[] = {info->depths,    info->channels,         sums->grid->sum_count, 2,
                              info->grid_rows, info->grid_cols / 2 + 1};
     HADA_TRY(put_metadata(sums->grid, writer, err));
+    if (part)
+        HADA_TRY(hada_tensors_put_meta(writer, PART, "1", err));
     for (int i = 0; i < SMALL; i++)
         HADA_TRY(hada_tensors_declare(writer, list[i].name, HADA_F64, list[i].dims, list[i].shape, err));
     HADA_TRY(hada_tensors_declare(writer, "sums", HADA_F32, 6, shape, err));
@@ -118,7 +123,7 @@ static hada_status write_file(hada_fit_sums *sums, hada_tensors_writer *writer, 
     return write_sums(sums, writer, err);
 }
 
-hada_status hada_fit_sums_save(hada_fit_sums *sums, const char *path, hada_error *err)
+hada_status hada_fit_sums_save(hada_fit_sums *sums, const char *path, int part, hada_error *err)
 {
     hada_tensors_writer *writer = NULL;
     small list[SMALL];
@@ -126,7 +131,7 @@ hada_status hada_fit_sums_save(hada_fit_sums *sums, const char *path, hada_error
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_tensors_create(&writer, path, err));
     HADA_TRY_OR_DONE(list_small(sums->grid, &values, list, err));
-    HADA_TRY_OR_DONE(write_file(sums, writer, list, err));
+    HADA_TRY_OR_DONE(write_file(sums, writer, list, part, err));
     HADA_TRY_OR_DONE(hada_tensors_finish(&writer, err));
 done:
     hada_tensors_abandon(&writer);
@@ -221,6 +226,21 @@ static hada_status response_of(const hada_tensors *file, const char *path, doubl
     if (name && (hada_response_from_name(response, name, NULL) || !hada_response_is_known(*response)))
         return damaged(path, err);
     return HADA_OK;
+}
+
+hada_status hada_fit_sums_check_part(const char *path, hada_error *err)
+{
+    hada_tensors *file = NULL;
+    struct stat what;
+    if (lstat(path, &what))
+        return HADA_OK;
+    const int part = !hada_tensors_open(&file, path, NULL) && hada_tensors_meta(file, PART);
+    hada_tensors_close(&file);
+    return part ? HADA_OK
+                : hada_fail(err, HADA_ERROR_FILE_WRITE,
+                            "%s, where sums are kept until all pairs are added, is there already and not what an "
+                            "interrupted fit left; move it away, or choose another options.sums",
+                            path);
 }
 
 /* The mosaic of the frames behind the sums. */

@@ -341,7 +341,7 @@ static hada_status reduce_frame(const surveying *work, const hada_image *raw, ha
     const size_t small = (size_t)out->rows * (size_t)out->cols;
     for (size_t c = 0; c < (size_t)out->channels; c++) {
         const double dark =
-            options->dark < 0.0 ? hada_dark_estimate(raw->data + c * area, area, work->room) : options->dark;
+            options->dark == HADA_AUTO ? hada_dark_estimate(raw->data + c * area, area, work->room) : options->dark;
         for (size_t i = 0; i < small; i++)
             out->data[c * small + i] -= (float)dark;
     }

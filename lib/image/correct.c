@@ -49,7 +49,11 @@ static hada_status plane_median(const float *plane, size_t count, float *out, ha
     for (size_t i = 0; i < count; i++)
         if (isfinite(plane[i]))
             finite[n++] = plane[i];
-    *out = n ? median(finite, n) : 0.0f;
+    if (!n)
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_NOT_FINITE,
+                                   "a channel of the frame holds no finite pixel of weight above 0: nothing is left to "
+                                   "repair it from"));
+    *out = median(finite, n);
 done:
     free(finite);
     return status;

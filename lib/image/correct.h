@@ -6,8 +6,8 @@
 #include "image/mosaic.h"
 
 /* Replaces pixels that are not finite by the median of the finite pixels in the smallest square around them (up to
- * 15 x 15, else the plane's median, else 0), of the frame as it came. mosaic: of one channel, pixels of the same place
- * in the pattern count, in squares of these. *repaired: how many. */
+ * 15 x 15, else the plane's median; HADA_ERROR_NOT_FINITE where the plane has none), of the frame as it came. mosaic:
+ * of one channel, pixels of the same place in the pattern count, in squares of these. *repaired: how many. */
 hada_status hada_frame_repair(hada_image *frame, hada_mosaic mosaic, size_t *repaired, hada_error *err);
 
 /* What each pixel makes of the same light, from a flat frame (an evenly lit sensor without optics, its dark level taken

@@ -57,7 +57,7 @@ hada_status hada_array_frames(hada_decoded *out, const hada_array *array, size_t
     const axes of = n >= 2 && n <= 4 ? axes_of(array) : (axes){0};
     hada_tiff_page *page = &out->page;
     if (n < 2 || n > 4 || (n == 4 && (of.channel < 0 || !are_channels(array, of.channel))))
-        return hada_fail(err, HADA_ERROR_UNSUPPORTED,
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT,
                          "an array of %d dimensions with these sizes is no picture; save rows x cols, with 1 or 3 "
                          "channels as a third dimension, or several frames of these (docs/reference/files.md)",
                          n);

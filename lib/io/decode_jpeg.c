@@ -48,7 +48,7 @@ hada_status hada_decode_jpeg(hada_decoded *out, int fd, size_t bytes, hada_error
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_READ, "this JPEG file cannot be read (%s); get it again",
                                    api.message(jpeg)));
     if (colours == TJCS_CMYK || colours == TJCS_YCCK)
-        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_UNSUPPORTED, "a JPEG file for printers (CMYK); save it as RGB"));
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_FORMAT, "a JPEG file for printers (CMYK); save it as RGB"));
     page->samples = page->channels = colours == TJCS_GRAY ? 1 : 3;
     page->bits = 8;
     hada_decoded_scale(page);

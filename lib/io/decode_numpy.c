@@ -25,7 +25,7 @@ static hada_status read_kind(hada_decoded *out, const char *text, hada_error *er
     const uint16_t one = 1;
     const int big_machine = *(const unsigned char *)&one == 0;
     if (!at || *at != '\'' || !strchr("<>|=", at[1]) || !at[1] || !at[2])
-        return hada_fail(err, HADA_ERROR_UNSUPPORTED,
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT,
                          "this NumPy array has records or objects; save an array of numbers");
     const char kind = at[2];
     const int bytes = at[3] - '0';
@@ -33,7 +33,7 @@ static hada_status read_kind(hada_decoded *out, const char *text, hada_error *er
                       ((kind == 'u' && bytes <= 4) || (kind == 'i' && bytes <= 4) || (kind == 'b' && bytes == 1) ||
                        (kind == 'f' && bytes >= 2));
     if (!known)
-        return hada_fail(err, HADA_ERROR_UNSUPPORTED,
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT,
                          "this NumPy array has numbers of the kind %.4s, which are not read; save uint8, uint16 or "
                          "float32 (array.astype)",
                          at + 1);

@@ -140,7 +140,7 @@ hada_status hada_decode_png(hada_decoded *out, int fd, size_t bytes, hada_error 
         hada_tiff_budget((uint64_t)page->rows * (uint64_t)page->cols * (uint64_t)page->samples, 0, bytes, err));
     if (row_bytes != api.get_rowbytes(png, info))
         HADA_TRY_OR_DONE(
-            hada_fail(err, HADA_ERROR_UNSUPPORTED, "a PNG file of a kind that is not read; save it as RGB"));
+            hada_fail(err, HADA_ERROR_FILE_FORMAT, "a PNG file of a kind that is not read; save it as RGB"));
     HADA_TRY_OR_DONE(HADA_NEW_RAW(rows, (size_t)page->rows, "the rows of a picture", err));
     HADA_TRY_OR_DONE(hada_allocated(out->samples = hada_alloc((size_t)page->rows, row_bytes, "a picture", err)));
     for (int r = 0; r < page->rows; r++)

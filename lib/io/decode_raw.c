@@ -85,7 +85,7 @@ static hada_status take_values(hada_decoded *out, const libraw_data_t *raw, hada
     hada_tiff_page *page = &out->page;
     enum { PATTERN = 64 };
     if (!raw->rawdata.raw_image)
-        return hada_fail(err, HADA_ERROR_UNSUPPORTED,
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT,
                          "this raw file does not hold one value for each pixel of the sensor; save it as TIFF");
     if (sizes->top_margin + sizes->height > sizes->raw_height || sizes->left_margin + sizes->width > sizes->raw_width ||
         !sizes->height || !sizes->width)

@@ -44,6 +44,31 @@ int hada_path_is_file(const char *path)
     return !stat(path, &what) && !S_ISDIR(what.st_mode);
 }
 
+/* What stands at the folder of a path that leads to nothing, and the name in it. */
+static const char *stat_folder(const char *path, struct stat *what)
+{
+    hada_path folder;
+    const char *slash = strrchr(path, '/');
+    const int length = slash == path ? 1 : slash ? (int)(slash - path) : 1;
+    return hada_path_write(folder, NULL, "%.*s", length, slash ? path : ".") || stat(folder, what) ? NULL
+           : slash                                                                                 ? slash + 1
+                                                                                                   : path;
+}
+
+int hada_path_is_same(const char *one, const char *other)
+{
+    struct stat a, b;
+    const char *name, *others;
+    if (!one || !other)
+        return 0;
+    const int missing = stat(one, &a) != 0;
+    if (missing != (stat(other, &b) != 0))
+        return 0;
+    if (missing && (!(name = stat_folder(one, &a)) || !(others = stat_folder(other, &b)) || strcmp(name, others) != 0))
+        return !strcmp(one, other);
+    return a.st_dev == b.st_dev && a.st_ino == b.st_ino;
+}
+
 int hada_path_is_vacant(const char *path)
 {
     if (!path)

@@ -76,11 +76,11 @@ static hada_status read_entry(const char *name, const json_t *entry, const unsig
     tensor->type = hada_dtype_find(json_string_value(dtype));
     if (!tensor->type)
         return hada_fail(
-            err, HADA_ERROR_UNSUPPORTED,
+            err, HADA_ERROR_FILE_FORMAT,
             "tensor \"%.200s\" has the type \"%.40s\", which is not offered; convert it to F32, F16 or BF16", name,
             json_string_value(dtype));
     if (json_array_size(shape) > HADA_TENSOR_DIMS)
-        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "tensor \"%.200s\" has %zu dimensions; at most %d are offered",
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "tensor \"%.200s\" has %zu dimensions; at most %d are offered",
                          name, json_array_size(shape), HADA_TENSOR_DIMS);
     tensor->dims = (int)json_array_size(shape);
     uint64_t count = 1;
@@ -347,7 +347,7 @@ hada_status hada_tensor_copy_f32(const hada_stored_tensor *tensor, size_t first,
         }
         return HADA_OK;
     default:
-        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "tensor \"%.200s\" holds %s; a float type is needed here",
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "tensor \"%.200s\" holds %s; a float type is needed here",
                          tensor->name, hada_dtype_name(tensor->type));
     }
 }

@@ -92,10 +92,10 @@ static hada_status check_samples(hada_tiff_page *page, int format, hada_error *e
     page->is_signed = page->is_float || format == SAMPLEFORMAT_INT;
     int whole = bits == 8 || bits == 16 || bits == 32;
     if (format == SAMPLEFORMAT_COMPLEXINT || format == SAMPLEFORMAT_COMPLEXIEEEFP)
-        return hada_fail(err, HADA_ERROR_UNSUPPORTED,
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT,
                          "the pixels are complex numbers; write their modulus or real part");
     if (page->is_float ? bits != 16 && bits != 32 && bits != 64 : !whole && (page->is_signed || bits > 16 || bits < 1))
-        return hada_fail(err, HADA_ERROR_UNSUPPORTED,
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT,
                          "samples of %d bits (%s) are not offered; convert to 8 or 16 bits or float", bits,
                          page->is_float    ? "float"
                          : page->is_signed ? "signed"
@@ -135,7 +135,7 @@ static hada_status check_colours(TIFF *tif, int photometric, int keep_indices, h
         page->channels = keep_indices ? 1 : 3;
         page->palette = !keep_indices;
         if (page->samples != 1 || page->is_signed || page->bits > 16)
-            return hada_fail(err, HADA_ERROR_UNSUPPORTED,
+            return hada_fail(err, HADA_ERROR_FILE_FORMAT,
                              "a palette image with %d samples of %d bits is not offered; convert to RGB", page->samples,
                              page->bits);
         if (page->palette)
@@ -143,12 +143,12 @@ static hada_status check_colours(TIFF *tif, int photometric, int keep_indices, h
         return HADA_OK;
     case PHOTOMETRIC_CFA:
         return hada_fail(
-            err, HADA_ERROR_UNSUPPORTED,
+            err, HADA_ERROR_FILE_FORMAT,
             "the file says that its pixels are a colour filter mosaic (Bayer); save them as grey, and name the pattern with "
             "--bayer");
     default: break;
     }
-    return hada_fail(err, HADA_ERROR_UNSUPPORTED,
+    return hada_fail(err, HADA_ERROR_FILE_FORMAT,
                      "colours of kind %d (%s) are not offered; convert to linear grey or RGB", photometric,
                      photometric == PHOTOMETRIC_SEPARATED                                     ? "CMYK"
                      : photometric == PHOTOMETRIC_YCBCR                                       ? "YCbCr without JPEG"
@@ -205,7 +205,7 @@ hada_status hada_tiff_page_check(TIFF *tif, uint64_t file_bytes, int keep_indice
     TIFFGetFieldDefaulted(tif, TIFFTAG_PLANARCONFIG, &planar);
     TIFFGetField(tif, TIFFTAG_PHOTOMETRIC, &photometric);
     if (!is_trusted(compression) || !TIFFIsCODECConfigured(compression))
-        return hada_fail(err, HADA_ERROR_UNSUPPORTED,
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT,
                          "the compression is %s (%u), which is not read here; save without compression or with deflate",
                          codec_name(compression), compression);
     if (!rows || !cols || !samples || rows > LARGEST_SIDE || cols > LARGEST_SIDE || samples > 4096 ||

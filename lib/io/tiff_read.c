@@ -214,7 +214,7 @@ static hada_status fill_info(hada_tiff_reader *reader, hada_error *err)
     const hada_tiff_page *first = &reader->first;
     size_t pages = reader->raw_bytes ? (size_t)stack->images : reader->chain.count;
     if (pages > INT_MAX)
-        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "the file has %zu pages; at most %d are offered", pages, INT_MAX);
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "the file has %zu pages; at most %d are offered", pages, INT_MAX);
     /* A text that speaks of other pages than are there says nothing about their order. */
     stack->known = stack->known && (size_t)stack->images == pages;
     reader->grouped = stack->known && stack->channels > 1 && first->channels == 1;

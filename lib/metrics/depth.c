@@ -10,9 +10,14 @@ double hada_depth_index(const double *distances_mm, int count, double distance_m
         return 0.0;
     if (count < 2)
         return 0.0;
-    int i = 0;
-    while (i < count - 2 && distance_mm > distances_mm[i + 1])
-        i++;
+    int i = 0; /* the first step that does not end before it: lists may be long, and maps ask for every pixel */
+    for (int last = count - 2; i < last;) {
+        const int middle = i + (last - i) / 2;
+        if (distance_mm > distances_mm[middle + 1])
+            i = middle + 1;
+        else
+            last = middle;
+    }
     const double a = 1.0 / distances_mm[i], b = 1.0 / distances_mm[i + 1];
     return i + (a - 1.0 / distance_mm) / (a - b);
 }

@@ -86,6 +86,7 @@ enum { MOST_DEPTHS = 4096, MOST_CHANNELS = 64, MOST_NET_SIDE = 1 << 20 };
 
 /* Refinement with a rho far above the gain leaves nothing but black; a dark level is one of the frames' own units,
  * whose widest are counts of 32 bits. */
+#define LEAST_RHO 1e-30 /* of a model that is refined */
 #define MOST_RHO  1e3
 #define MOST_DARK 4294967296.0
 
@@ -103,7 +104,7 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
     if (!*hada_form_name(info->form) || !*hada_boundary_name(info->boundary))
         return hada_fail(err, HADA_ERROR_MODEL, "the model's form or boundary is unknown");
     if (!not_negative(info->alpha) || !not_negative(info->lambda) || !not_negative(info->noise) ||
-        !(info->refine_rho >= 0.0 && info->refine_rho <= MOST_RHO) ||
+        !(info->refine_rho >= (info->refine_steps > 0 ? LEAST_RHO : 0.0) && info->refine_rho <= MOST_RHO) ||
         !(not_negative(info->refine_tv) || info->refine_tv == HADA_AUTO) || !(fabs(info->dark) <= MOST_DARK) ||
         info->refine_steps < 0 || !not_negative(info->refine_shrink) ||
         (info->refine_colour != 0.0 && !(info->refine_colour >= 1.0)) || !isfinite(info->refine_colour))

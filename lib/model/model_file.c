@@ -1,4 +1,5 @@
 /* Model files: safetensors with every convention in the metadata (docs/reference/files.md). */
+#include <hadalens/limits.h>
 #include <hadalens/response.h>
 
 #include "io/safetensors.h"
@@ -290,6 +291,37 @@ static hada_status take_parts(hada_model *model, const hada_tensors *file, const
     return HADA_OK;
 }
 
+/* A net's layers times the pixels of the size at which it runs: two small numbers of a file, whose product is memory
+ * and time. Many times the window's values, which the file's own tensors hold, are always allowed: nets come to some
+ * hundred; else the budget for pixels, several times. */
+enum { NET_TIMES_WINDOW = 1 << 14, NET_TIMES_PIXELS = 8 };
+
+static hada_status check_net_budget(const hada_model *model, hada_error *err)
+{
+    const hada_model_info *info = &model->info;
+    const hada_net *net = model->enhance;
+    const double window = (double)info->channels * info->window_rows * info->window_cols;
+    const int rows = info->enhance_rows ? info->enhance_rows : info->window_rows,
+              cols = info->enhance_cols ? info->enhance_cols : info->window_cols;
+    hada_limits limits = {.size = sizeof limits};
+    hada_size *sizes = NULL;
+    double values = 0.0;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_limits_get(&limits, err));
+    HADA_TRY_OR_DONE(HADA_NEW(sizes, (size_t)net->count, "a net", err));
+    HADA_TRY_OR_DONE(hada_net_sizes(net, rows, cols, sizes, err));
+    for (int i = 0; i < net->count; i++)
+        values += (double)net->layers[i].channels * sizes[i].rows * sizes[i].cols;
+    if (values > NET_TIMES_WINDOW * window && values / NET_TIMES_PIXELS > (double)limits.pixels)
+        status = hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                           "the net's %d layers hold %.3g numbers at %d x %d pixels, beyond the limits; where it is to "
+                           "be trusted, allow it (options.limits pixels=%.0f)",
+                           net->count, values, rows, cols, ceil(values / NET_TIMES_PIXELS));
+done:
+    free(sizes);
+    return status;
+}
+
 /* Takes the net of a file, if it has one. */
 static hada_status read_enhance(hada_model *model, const hada_tensors *file, hada_error *err)
 {
@@ -302,7 +334,8 @@ static hada_status read_enhance(hada_model *model, const hada_tensors *file, had
     if (size && (strlen(size) > 15 || sscanf(size, "%dx%d%c", &rows, &cols, &extra) != 2))
         return hada_fail(err, HADA_ERROR_FILE_FORMAT, "the metadata " NET_SIZE " are not usable");
     const hada_status status = hada_net_from_file(&net, description, file, NET_PREFIX, err);
-    return status ? status : hada_model_own_enhance(model, net, rows, cols, err);
+    HADA_TRY(status ? status : hada_model_own_enhance(model, net, rows, cols, err));
+    return check_net_budget(model, err);
 }
 
 /* What the metadata and the tensors' shapes say. */

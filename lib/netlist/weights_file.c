@@ -36,10 +36,10 @@ hada_status hada_net_read_but(hada_net *net, const hada_tensors *file, const cha
         HADA_TRY_OR_DONE(find(parameter, file, prefix, &tensor, err));
         HADA_TRY_OR_DONE(hada_tensor_copy_f32(tensor, 0, parameter->count, at, err));
         for (size_t k = 0; k < parameter->count; k++)
-            if (!isfinite(at[k]))
+            if (!isfinite(at[k]) || (at[k] < 0.0f && strstr(parameter->name, "running_var")))
                 HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_NOT_FINITE,
-                                           "the tensor %s%s holds values that are not finite", prefix,
-                                           parameter->name));
+                                           "the tensor %s%s holds values that are not finite, or negative variances",
+                                           prefix, parameter->name));
     }
     memcpy(net->values, values, net->floats * sizeof *values);
 done:
@@ -56,7 +56,8 @@ hada_status hada_net_from_file(hada_net **out, const char *description, const ha
                                hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_net_create_within(out, description, hada_tensors_bytes(file), 0, err));
+    HADA_TRY_OR_DONE(
+        hada_error_of_file(hada_net_create_within(out, description, hada_tensors_bytes(file), 0, err), err));
     HADA_TRY_OR_DONE(hada_net_read(*out, file, prefix, err));
 done:
     if (status)

@@ -1,4 +1,5 @@
 /* Cameras as JSON files. */
+#include <errno.h>
 #include <hadalens/camera.h>
 #include <hadalens/limits.h>
 #include <jansson.h>
@@ -125,17 +126,18 @@ static hada_status read_fields(hada_camera *camera, const json_t *object, const 
             *(double *)(void *)at = json_number_value(value);
     }
     const json_t *seed = json_object_get(object, "seed");
-    if (json_is_string(seed)) {
-        char *end;
-        camera->seed = strtoull(json_string_value(seed), &end, 10);
-        if (*end || end == json_string_value(seed))
-            return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s': \"seed\" must be a whole number", path);
-    } else if (json_is_integer(seed)) {
+    const char *text = json_string_value(seed);
+    char *end = NULL;
+    errno = 0;
+    if (text && *text >= '0' && *text <= '9') /* strtoull() takes signs and blanks as well */
+        camera->seed = strtoull(text, &end, 10);
+    else if (!text && json_is_integer(seed) && json_integer_value(seed) >= 0)
         camera->seed = (uint64_t)json_integer_value(seed);
-    } else if (seed) {
-        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s': \"seed\" must be a whole number", path);
-    }
-    return HADA_OK;
+    else if (seed)
+        errno = EINVAL;
+    return errno || (end && *end) ? hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                                              "'%s': \"seed\" must be a whole number from 0 to 2^64 - 1", path)
+                                  : HADA_OK;
 }
 
 static hada_status read_word(const char **word, const json_t *object, const char *name, const char *path,
@@ -154,7 +156,7 @@ static hada_status read_kinds(hada_camera *camera, const json_t *object, const c
     HADA_TRY(read_word(&boundary, object, "boundary", path, err));
     HADA_TRY(read_word(&optics, object, "optics", path, err));
     if (mask && hada_enum_value(HADA_ENUM_MASK, mask) < 0)
-        return hada_fail(err, HADA_ERROR_UNSUPPORTED,
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT,
                          "'%s': mask kind '%s' is not known; use \"mla\", \"grid\", \"diffuser\", \"contour\" or "
                          "\"aperture\"",
                          path, mask);
@@ -224,7 +226,7 @@ hada_status hada_camera_load(hada_camera *callers, const char *path, hada_error 
     }
     HADA_TRY_OR_DONE(read_fields(camera, object, path, err));
     HADA_TRY_OR_DONE(read_kinds(camera, object, path, err));
-    status = hada_camera_check(camera, err);
+    status = hada_error_of_file(hada_camera_check(camera, err), err);
     status = status ? status : check_budget(camera, err);
     if (status)
         hada_error_prefix(err, "'%s': ", path);

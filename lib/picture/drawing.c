@@ -167,7 +167,47 @@ void hada_drawing_pixels(hada_drawing *drawing, int x, int y, int width, int hei
     api->surface_destroy(image);
 }
 
-double hada_drawing_text_width(hada_drawing *drawing, double size, const char *text)
+static int is_continuation(char byte)
+{
+    return ((unsigned char)byte & 0xc0u) == 0x80u;
+}
+
+/* Bytes of the character that begins here, 0 where it is none of UTF-8 (RFC 3629: none too long, no surrogates). */
+static size_t character(const char *at)
+{
+    const unsigned char *b = (const unsigned char *)at;
+    const size_t bytes = b[0] < 0x80 ? 1 : b[0] < 0xc2 ? 0 : b[0] < 0xe0 ? 2 : b[0] < 0xf0 ? 3 : b[0] < 0xf5 ? 4 : 0;
+    for (size_t i = 1; i < bytes; i++)
+        if (!is_continuation(at[i]))
+            return 0;
+    const int wrong = bytes > 2 && ((b[0] == 0xe0 && b[1] < 0xa0) || (b[0] == 0xed && b[1] > 0x9f) ||
+                                    (b[0] == 0xf0 && b[1] < 0x90) || (b[0] == 0xf4 && b[1] > 0x8f));
+    return wrong ? 0 : bytes;
+}
+
+/* A text as it can be drawn: what is no UTF-8, and controls, are question marks; longer ones than any sheet is wide are
+ * cut between two characters. */
+typedef struct shown_text {
+    char text[512];
+} shown_text;
+
+static void show(shown_text *shown, const char *text)
+{
+    size_t length = 0;
+    for (size_t bytes; *text && length < sizeof shown->text - 8; text += bytes) { /* room for the longest, dots, NUL */
+        const size_t found = character(text);
+        bytes = found ? found : 1;
+        if (found && (found > 1 || ((unsigned char)*text >= ' ' && *text != 0x7f))) {
+            memcpy(shown->text + length, text, bytes);
+            length += bytes;
+        } else {
+            shown->text[length++] = '?';
+        }
+    }
+    shown->text[length] = '\0';
+}
+
+static double width_of(hada_drawing *drawing, double size, const char *text)
 {
     cairo_text_extents_t extents = {0};
     api->set_font_size(drawing->cairo, size);
@@ -175,9 +215,11 @@ double hada_drawing_text_width(hada_drawing *drawing, double size, const char *t
     return extents.x_advance;
 }
 
-static int is_continuation(char byte)
+double hada_drawing_text_width(hada_drawing *drawing, double size, const char *text)
 {
-    return ((unsigned char)byte & 0xc0u) == 0x80u;
+    shown_text shown;
+    show(&shown, text);
+    return width_of(drawing, size, shown.text);
 }
 
 /* The longest beginning that has room for an ellipsis behind it. */
@@ -190,25 +232,18 @@ static void cut(hada_drawing *drawing, char *text, size_t room, double size, dou
             ;
         if (length + sizeof dots <= room)
             memcpy(text + length, dots, sizeof dots);
-    } while (length && hada_drawing_text_width(drawing, size, text) > limit);
+    } while (length && width_of(drawing, size, text) > limit);
 }
 
 double hada_drawing_text(hada_drawing *drawing, double x, double y, hada_anchor anchor, double size, double limit,
                          hada_colour colour, const char *text)
 {
-    char shown[512];
-    size_t length = strlen(text);
-    if (length > sizeof shown - 4) { /* longer than any sheet is wide; not within a character */
-        length = sizeof shown - 4;
-        while (length && is_continuation(text[length]))
-            length--;
-    }
-    memcpy(shown, text, length);
-    shown[length] = '\0';
-    double width = hada_drawing_text_width(drawing, size, shown);
+    shown_text shown;
+    show(&shown, text);
+    double width = width_of(drawing, size, shown.text);
     if (limit > 0.0 && width > limit) {
-        cut(drawing, shown, sizeof shown, size, limit);
-        width = hada_drawing_text_width(drawing, size, shown);
+        cut(drawing, shown.text, sizeof shown.text, size, limit);
+        width = width_of(drawing, size, shown.text);
     }
     set_colour(drawing->cairo, colour);
     api->move_to(drawing->cairo,
@@ -216,7 +251,7 @@ double hada_drawing_text(hada_drawing *drawing, double x, double y, hada_anchor 
                  : anchor == HADA_ANCHOR_RIGHT ? x - width
                                                : x - width / 2,
                  y);
-    api->show_text(drawing->cairo, shown);
+    api->show_text(drawing->cairo, shown.text);
     api->new_path(drawing->cairo);
     return width;
 }

@@ -22,7 +22,7 @@ static hada_status check_options(hada_register_options *options, const hada_imag
                          options->least_magnification, options->most_magnification);
     if (!(options->most_rotation_deg >= 0.0 && options->most_rotation_deg <= 45.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "a rotation of %g degrees to either side: 0 to 45 are searched, about every quarter turn",
+                         "options.rotation takes 0 to 45 degrees, to either side of every quarter turn, not %g",
                          options->most_rotation_deg);
     return HADA_OK;
 }

@@ -29,6 +29,7 @@ hada_status hada_region_mask(const hada_region *region, int rows, int cols, unsi
 
 typedef struct hada_compared {
     const char *result_path, *truth_path;
+    const hada_monitor *monitor;
     hada_tiff_reader *result, *truth;
     int count;
     int *page;                                        /* of the result, for each page of the truth; -1: none */

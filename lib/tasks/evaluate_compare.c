@@ -21,7 +21,7 @@ static int is_dark(const hada_compared_page *one)
     return 1;
 }
 
-/* The factor that brings the result nearest to the truth. */
+/* The factor from 0 on that brings the result nearest to the truth: no negative turned into a picture. */
 static hada_status find_gain(const hada_compared *open, const hada_region *region, double *gain, hada_error *err)
 {
     double cross = 0, square = 0;
@@ -40,7 +40,7 @@ static hada_status find_gain(const hada_compared *open, const hada_region *regio
     }
 done:
     hada_compared_page_free(&one);
-    *gain = square > 0 && isfinite(cross / square) ? cross / square : 1;
+    *gain = square > 0 && isfinite(cross / square) ? fmax(cross / square, 0.0) : 1;
     return status;
 }
 
@@ -227,6 +227,7 @@ hada_status hada_evaluate_compare(hada_evaluation *one, const hada_evaluate_task
     if (one->what == HADA_EVALUATED_IMAGES)
         one->what = kind_of(one->result);
     HADA_TRY_OR_DONE(hada_compared_open(&open, one->result, one->truth, err));
+    open.monitor = by->monitor;
     if (one->what == HADA_EVALUATED_MAP) {
         HADA_TRY_OR_DONE(hada_evaluate_maps(one, &open, by, region, err));
     } else {

@@ -3,6 +3,7 @@
 #include <hadalens/folder.h>
 #include <hadalens/response.h>
 
+#include "core/callers.h"
 #include "io/folder.h"
 #include "io/tiff_meta.h"
 
@@ -28,19 +29,31 @@ void hada_compared_close(hada_compared *open)
     free(open->page);
 }
 
-/* Slices by their distances, when the numbers of pages differ. */
+static int rises(const double *values, int count)
+{
+    for (int i = 1; i < count; i++)
+        if (!(values[i] > values[i - 1]))
+            return 0;
+    return 1;
+}
+
+/* Slices by their distances, near to far, when the numbers of pages differ. */
 static hada_status match_slices(hada_compared *open, hada_error *err)
 {
     const hada_tiff_info *result = hada_tiff_get_info(open->result), *truth = hada_tiff_get_info(open->truth);
     const double *have = result->distances_mm, *want = truth->distances_mm;
     int found = 0;
-    if (result->distances == result->frames && truth->distances == truth->frames)
-        for (int t = 0; t < truth->frames; t++)
-            for (int r = 0; r < result->frames && open->page[t] < 0; r++)
-                if (fabs(have[r] - want[t]) < SAME_DISTANCE * want[t]) {
-                    open->page[t] = r;
-                    found++;
-                }
+    if (result->distances == result->frames && truth->distances == truth->frames && rises(have, result->frames) &&
+        rises(want, truth->frames))
+        for (int t = 0, r = 0; t < truth->frames; t++) {
+            const double off = SAME_DISTANCE * want[t];
+            while (r < result->frames && have[r] <= want[t] - off)
+                r++;
+            if (r < result->frames && have[r] < want[t] + off) {
+                open->page[t] = r;
+                found++;
+            }
+        }
     if (!found)
         return hada_fail(err, HADA_ERROR_SIZE,
                          "%s has %d %s and %s has %d, and their distances do not tell which belong together",
@@ -138,6 +151,7 @@ hada_status hada_compared_read(hada_compared_page *one, const hada_compared *ope
     hada_status status = HADA_OK;
     int reading_truth = 1;
     *one = (hada_compared_page){0};
+    HADA_TRY(hada_monitor_check(open->monitor, err)); /* files may have many pages */
     HADA_TRY_OR_DONE(hada_tiff_read(open->truth, t, truth, err));
     HADA_TRY_OR_DONE(hada_region_mask(region, truth->rows, truth->cols, &one->mask, err));
     reading_truth = 0;

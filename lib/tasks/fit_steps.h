@@ -21,7 +21,11 @@ hada_status hada_fit_choose_boundary(hada_fit_options *fit, hada_context *contex
 /* Among ranks: what the first of them has found so far, as devices round differently. */
 hada_status hada_fit_agree(hada_fit_options *fit, const hada_communicator *ranks, hada_error *err);
 
-/* The model's filters in half precision. */
-hada_status hada_model_make_half(hada_model **model, hada_error *err);
+/* What a fit ends with: filters in half precision where `half` is 1; then the model is tried before it is called one:
+ * its numbers are those that a file may hold, and a frame of its `pairs` (NULL: a point of light, by its filters alone)
+ * is reconstructed and not black; context NULL: no frame is, as of point spread functions, which are looked at before
+ * they become a model. HADA_ERROR_MODEL or HADA_ERROR_NUMERIC. */
+hada_status hada_model_complete(hada_model **model, int half, hada_context *context, const hada_dataset *pairs,
+                                hada_error *err);
 
 #endif

@@ -2,6 +2,7 @@
 
 #include <hadalens/preview.h>
 #include <hadalens/response.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "dispatch/plan.h"
@@ -150,26 +151,57 @@ hada_status hada_outputs_finish(hada_outputs *out, hada_error *err)
             HADA_TRY_OR_DONE(hada_tiff_finish(&out->writer[next], err));
     out->finished = 1;
     if (!out->has_confidence)
-        unlink(out->path[HADA_OUTPUT_CONFIDENCE]); /* of a run before */
+        hada_outfile_remove(out->path[HADA_OUTPUT_CONFIDENCE]); /* of a run before */
     if (!out->has_map)
-        unlink(out->path[HADA_OUTPUT_DISTANCE_MAP]);
+        hada_outfile_remove(out->path[HADA_OUTPUT_DISTANCE_MAP]);
 done:
     for (int k = next + 1; status && k < HADA_OUTPUT_FILES; k++)
         if (k != HADA_OUTPUT_PREVIEW)
-            unlink(out->path[k]);
+            hada_outfile_remove(out->path[k]);
     return status;
 }
 
-int hada_outputs_are_there(const hada_files_task *task, const hada_plan *plan, const char *name)
+static int is_older(const char *path, const char *than)
+{
+    struct stat one, other;
+    if (stat(than, &other))
+        return 0; /* a model that was never a file, say */
+    return stat(path, &one) || one.st_mtim.tv_sec < other.st_mtim.tv_sec ||
+           (one.st_mtim.tv_sec == other.st_mtim.tv_sec && one.st_mtim.tv_nsec < other.st_mtim.tv_nsec);
+}
+
+/* Opens a result and reads the last of its images; *images: how many. */
+static int is_whole(const char *path, int channels, int rows, int cols, int *images)
+{
+    hada_tiff_reader *reader = NULL;
+    hada_image last = {0};
+    int whole = 0;
+    if (!hada_tiff_open(&reader, path, NULL)) {
+        const hada_tiff_info *info = hada_tiff_get_info(reader);
+        *images = info->frames;
+        whole = !hada_tiff_read(reader, info->frames - 1, &last, NULL) && last.channels == channels &&
+                last.rows == rows && last.cols == cols;
+    }
+    hada_image_destroy(&last);
+    hada_tiff_close(&reader);
+    return whole;
+}
+
+int hada_outputs_are_there(const hada_files_task *task, const hada_plan *plan, const char *name, const char *path)
 {
     static const hada_output needed[] = {HADA_OUTPUT_STACK, HADA_OUTPUT_ALL_IN_FOCUS, HADA_OUTPUT_DISTANCE_MAP};
+    const hada_model_info *info = hada_model_get_info(plan->setup.model);
     const size_t count = HADA_COUNT(needed) - !has_map(plan);
-    int there = 1;
+    int there = 1, images[HADA_COUNT(needed)] = {0};
     for (size_t k = 0; there && k < count; k++) {
-        char *path = NULL;
-        there = !hada_path_format(&path, NULL, "%s/%s_%s", task->output, name, endings[needed[k]]) &&
-                hada_path_is_file(path);
-        free(path);
+        char *result = NULL;
+        there = !hada_path_format(&result, NULL, "%s/%s_%s", task->output, name, endings[needed[k]]) &&
+                hada_path_is_file(result) && !is_older(result, path) && !is_older(result, info->name) &&
+                is_whole(result, needed[k] == HADA_OUTPUT_DISTANCE_MAP ? 1 : info->channels, info->window_rows,
+                         info->window_cols, &images[k]) &&
+                images[k] == (k ? images[0] / plan->setup.config.depths : images[0]) &&
+                images[0] % plan->setup.config.depths == 0;
+        free(result);
     }
     return there;
 }
@@ -180,7 +212,7 @@ void hada_outputs_end(hada_outputs *out)
         if (out->writer[k])
             hada_tiff_abandon(&out->writer[k]);
     if (out->path[HADA_OUTPUT_PREVIEW] && out->written && !out->finished)
-        unlink(out->path[HADA_OUTPUT_PREVIEW]);
+        hada_outfile_remove(out->path[HADA_OUTPUT_PREVIEW]);
     for (int k = 0; k < HADA_OUTPUT_FILES; k++)
         free(out->path[k]);
     free(out->title);

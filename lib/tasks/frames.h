@@ -76,8 +76,9 @@ hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, c
                                int frames, hada_error *err);
 /* Adds a frame; the first one is shown in the preview. */
 hada_status hada_outputs_add(hada_outputs *out, const hada_pixels *raw, const hada_result *result, hada_error *err);
-/* Whether an input's results are there, all of them: the stack gets its name last. */
-int hada_outputs_are_there(const hada_files_task *task, const hada_plan *plan, const char *name);
+/* Whether an input's results are there: all of them, whole, of the plan's depths and size, and not older than the input
+ * at `path` and the file of the model. */
+int hada_outputs_are_there(const hada_files_task *task, const hada_plan *plan, const char *name, const char *path);
 /* Gives the files their names: all of them, or none. */
 hada_status hada_outputs_finish(hada_outputs *out, hada_error *err);
 /* Removes what was written when it was not finished; frees. */

@@ -1,12 +1,16 @@
 /* A camera from a data set, or from saved sums. */
 #include <hadalens/camera.h>
+#include <hadalens/job.h>
 #include <hadalens/task_fit.h>
 #include <math.h>
 #include <unistd.h>
 
 #include "core/callers.h"
+#include "core/finite.h"
+#include "dataset/dataset.h"
 #include "fit/fit_sums.h"
 #include "fit/fitter.h"
+#include "image/pixels.h"
 #include "io/folder.h"
 #include "model/model.h"
 #include "tasks/fit_steps.h"
@@ -300,10 +304,10 @@ hada_status hada_fit_run(hada_model **out, hada_fit_report **report, hada_contex
     HADA_TRY_OR_DONE(HADA_NEW(of.report, 1, "a report", err));
     HADA_TRY_OR_DONE(data ? learn_pairs(&of, context, out, err) : learn_sums(&of, context, out, err));
     HADA_TRY_OR_DONE(fill_report(&of, err));
-    if (data)
+    hada_fitter_destroy(&of.fitter); /* whose memory the model's trial can use */
+    HADA_TRY_OR_DONE(hada_model_complete(out, of.task.half, context, of.data, err));
+    if (data) /* whose frames are divided already */
         HADA_TRY_OR_DONE(hada_model_set_flat(*out, hada_dataset_get_info(data)->flat, err));
-    if (of.task.half)
-        HADA_TRY_OR_DONE(hada_model_make_half(out, err));
     if (report) {
         *report = &of.report->report;
         of.report = NULL;
@@ -319,11 +323,73 @@ done:
     return status;
 }
 
-hada_status hada_model_make_half(hada_model **model, hada_error *err)
+/* The frame that a model is tried on. */
+static hada_status take_trial(hada_image *frame, const hada_model_info *info, const hada_dataset *pairs,
+                              hada_error *err)
 {
-    hada_model *half = NULL;
-    HADA_TRY(hada_model_to_half(&half, *model, err));
-    hada_model_destroy(model);
-    *model = half;
-    return HADA_OK;
+    hada_pair pair = {0};
+    hada_status status = HADA_OK;
+    if (!pairs) {
+        const size_t plane = (size_t)info->raw_rows * (size_t)info->raw_cols;
+        HADA_TRY(hada_image_create(frame, info->channels, info->raw_rows, info->raw_cols, err));
+        for (size_t c = 0; c < (size_t)info->channels; c++)
+            frame->data[c * plane + plane / 2 + (size_t)info->raw_cols / 2] = 1.0f;
+        return HADA_OK;
+    }
+    HADA_TRY(hada_pair_take(&pair, pairs, info->depths / 2, 0, err));
+    status = hada_image_copy(frame, pair.raw, err);
+    hada_pair_return(&pair);
+    return status;
+}
+
+static int is_black(const hada_result *result)
+{
+    float most = 0.0f;
+    for (int z = 0; most == 0.0f && z < result->depths; z++)
+        hada_not_finite(result->planes[z].data, hada_image_count(&result->planes[z]), &most);
+    return most == 0.0f;
+}
+
+static hada_status try_model(const hada_model *model, hada_context *context, const hada_dataset *pairs, hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(model);
+    hada_plan_options options;
+    hada_plan *plan = NULL;
+    hada_image frame = {0};
+    hada_result result = {0};
+    hada_error why = {0};
+    hada_status status = HADA_OK;
+    hada_plan_options_init(&options);
+    options.scene = HADA_SCENE_PLANES;
+    options.repair_not_finite = 1;
+    if (!pairs) {
+        options.refine = 0;
+        options.dark = HADA_DARK_NONE;
+        options.mosaic = HADA_MOSAIC_NONE;
+    }
+    HADA_TRY_OR_DONE(take_trial(&frame, info, pairs, &why));
+    HADA_TRY_OR_DONE(hada_plan_create(&plan, context, model, &options, &why));
+    HADA_TRY_OR_DONE(hada_plan_run(plan, &frame, &result, &why));
+    if (!pairs && is_black(&result))
+        status = hada_fail(&why, HADA_ERROR_NUMERIC, "its filters make nothing but black of a point of light");
+done:
+    hada_result_destroy(&result);
+    hada_plan_destroy(&plan);
+    hada_image_destroy(&frame);
+    if (status == HADA_ERROR_DEVICE_MEMORY) /* which says nothing of the model */
+        return HADA_OK;
+    return status ? hada_fail(err, status, "what was learned is no model of a camera: %s", why.message) : HADA_OK;
+}
+
+hada_status hada_model_complete(hada_model **model, int half, hada_context *context, const hada_dataset *pairs,
+                                hada_error *err)
+{
+    hada_model *halved = NULL;
+    if (half) {
+        HADA_TRY(hada_model_to_half(&halved, *model, err));
+        hada_model_destroy(model);
+        *model = halved;
+    }
+    HADA_TRY(hada_model_check_numbers(*model, err));
+    return context ? try_model(*model, context, pairs, err) : HADA_OK;
 }

@@ -486,8 +486,7 @@ hada_status hada_psf_run(hada_model **out, hada_context *context, const char *pa
         hada_model_from_psf(out, context, of.image, of.count, of.distances_mm, &of.options, err), path, err));
     HADA_TRY_OR_DONE(hada_model_set_flat(*out, of.flat.data ? &of.flat : NULL, err));
     tell_lost(&of, hada_model_get_info(*out));
-    if (task->half)
-        HADA_TRY_OR_DONE(hada_model_make_half(out, err));
+    HADA_TRY_OR_DONE(hada_model_complete(out, task->half, NULL, NULL, err));
 done:
     for (int z = 0; of.image && z < of.count; z++)
         hada_image_destroy(&of.image[z]);

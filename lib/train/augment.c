@@ -103,7 +103,7 @@ hada_status hada_augment_pair(const hada_augment *augment, double dark, uint64_t
     flip(raw, sides);
     flip(scene, sides);
     if (augment->exposure > 0.0) {
-        scale(raw, dark > 0.0 ? dark : 0.0, exposure);
+        scale(raw, dark == HADA_AUTO ? 0.0 : dark, exposure);
         scale(scene, 0.0, exposure);
     }
     if (augment->noise > 0.0)

@@ -281,13 +281,24 @@ static const hada_stored_tensor *find_array(const hada_tensors *file, const arra
     return hada_tensors_find(file, old);
 }
 
+/* A step from values that are not finite, or with a mean square below 0, is not finite, and neither is any after it. */
 static hada_status check_array(hada_trainer *trainer, const array *what, void *user, hada_error *err)
 {
     const hada_stored_tensor *tensor = find_array(user, what);
-    (void)trainer;
-    return tensor && tensor->type == HADA_F32 && tensor->bytes == what->count * sizeof(float)
-               ? HADA_OK
-               : damaged(what->name, err);
+    if (!tensor || tensor->type != HADA_F32 || tensor->bytes != what->count * sizeof(float))
+        return damaged(what->name, err);
+    const size_t means = trainer->options.rule == HADA_RULE_ADAM ? what->count / 2 : 0,
+                 squares = what->content == HADA_CONTENT_STATE ? means : what->count;
+    enum { STRETCH = 4096 };
+    float values[STRETCH];
+    for (size_t first = 0, count; first < what->count; first += count) {
+        count = what->count - first < STRETCH ? what->count - first : STRETCH;
+        HADA_TRY(hada_tensor_copy_f32(tensor, first, count, values, err));
+        for (size_t i = 0; i < count; i++)
+            if (!isfinite(values[i]) || (first + i >= squares && values[i] < 0.0f))
+                return damaged(what->name, err);
+    }
+    return HADA_OK;
 }
 
 static hada_status read_array(hada_trainer *trainer, const array *what, void *user, hada_error *err)
@@ -336,7 +347,9 @@ static hada_status take(hada_trainer *trainer, hada_tensors *file, hada_error *e
     memcpy(snapshot->group_steps, at.steps->data, at.steps->bytes);
     snapshot->step = progress->step = at.step;
     progress->place = at.place;
-    progress->bad = (int)at.bad;
+    progress->bad = at.bad < MOST_HALVINGS ? (int)at.bad : MOST_HALVINGS;
+    progress->failed = 0;
+    progress->stuck = 0;
     progress->halvings = at.halvings < MOST_HALVINGS ? (int)at.halvings : MOST_HALVINGS;
     hada_feed_destroy(&trainer->feed);
     return HADA_OK;

@@ -27,7 +27,7 @@ static hada_status take_dark_off(hada_image *raw, double level, hada_error *err)
     const size_t area = (size_t)raw->rows * (size_t)raw->cols;
     float *room = NULL;
     hada_status status = HADA_OK;
-    if (level < 0.0)
+    if (level == HADA_AUTO)
         HADA_TRY_OR_DONE(HADA_NEW(room, area, "a frame's dark level", err));
     for (int c = 0; c < raw->channels; c++) {
         float *at = raw->data + (size_t)c * area;

@@ -253,7 +253,7 @@ static hada_status expose(hada_planes *planes, int depth, const hada_image *raw,
                           hada_error *err)
 {
     const hada_model_info *info = planes->info;
-    const hada_exposure_rule rule = {.dark_varies = info->dark < 0,
+    const hada_exposure_rule rule = {.dark_varies = info->dark == HADA_AUTO,
                                      .dark = info->dark,
                                      .energy = planes->refiner != NULL,
                                      .weights = planes->refiner != NULL};

@@ -6,8 +6,9 @@
 #include "train/workers.h"
 
 /* Steps between copies of the parameters to the host, which cost about a step; rollbacks in a row after which training
- * gives up: the rates are 2^-10 of what they were. */
-enum { SNAPSHOT_EVERY = 25, MOST_ROLLBACKS = 10 };
+ * gives up: the rates are 2^-10 of what they were; and with good steps between them, but never beyond the one that
+ * failed, by when the rates are next to nothing. */
+enum { SNAPSHOT_EVERY = 25, MOST_ROLLBACKS = 10, MOST_STUCK = 200 };
 
 /* Waves that are read ahead: the one at work and the next. */
 enum { WAVES_AHEAD = 2 };
@@ -265,15 +266,16 @@ static hada_status roll_back(hada_trainer *trainer, hada_step_report *report, ha
     hada_status status = HADA_OK;
     HADA_TRY(hada_snapshot_restore(&trainer->snapshot, &trainer->workers, progress, err));
     progress->halvings++;
+    progress->failed = at;
     report->rolled_back = 1;
     report->step = progress->step;
-    if (++progress->bad >= MOST_ROLLBACKS)
+    if (++progress->bad >= MOST_ROLLBACKS || ++progress->stuck >= MOST_STUCK)
         status = hada_fail(
             err, HADA_ERROR_NUMERIC,
             "loss or gradient were not finite in step %llu, and %d smaller rates did not help; the parameters are "
             "those of step %llu. Begin with a rate a tenth as large, a smaller clip, or look for a pair that is much "
             "brighter than the others",
-            (unsigned long long)at, MOST_ROLLBACKS, (unsigned long long)progress->step);
+            (unsigned long long)at, progress->halvings, (unsigned long long)progress->step);
     return status;
 }
 
@@ -318,6 +320,8 @@ static hada_status step(hada_trainer *trainer, hada_step_report *report, hada_er
     HADA_TRY(update(trainer, discriminator_only, share, norm, discriminator_norm, err));
     progress->bad = 0;
     report->step = ++progress->step;
+    if (progress->step >= progress->failed)
+        progress->stuck = 0;
     return HADA_OK;
 }
 

@@ -83,6 +83,8 @@ typedef struct hada_train_progress {
     uint64_t *group_steps; /* updates of each group */
     int halvings;          /* of the rates: one for each rollback */
     int bad;               /* rollbacks since the last good step */
+    uint64_t failed;       /* step of the last rollback, and rollbacks without getting there; not in checkpoints */
+    int stuck;
 } hada_train_progress;
 
 typedef struct hada_snapshot {

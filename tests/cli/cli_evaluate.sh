@@ -18,6 +18,20 @@ expect 0 '100.0% +100.0% +5 mm' evaluate a_depth.tif b_depth.tif --distances 100
 "$FRAME_TOOL" flat b.tif 20 20 1 0.4
 expect 0 '20\.00 .*0\.1000' evaluate a.tif b.tif
 expect 0 '0\.0000' evaluate a.tif b.tif --match-gain
+"$FRAME_TOOL" flat negative.tif 20 20 1 -0.4
+expect 0 '"gain": 0' evaluate negative.tif a.tif --match-gain --json
+# A signal ends it between two pages, of which files may have many.
+"$FRAME_TOOL" pages "$truth/test01_aif.tif" many.tif 20000
+"$HADALENS" evaluate many.tif many.tif >stdout 2>stderr &
+process=$!
+sleep 1
+kill -s TERM $process
+SECONDS=0
+wait $process
+code=$?
+[ $code = 130 ] || fail "exit code $code of evaluate after TERM"
+[ $SECONDS -le 2 ] || fail "evaluate took $SECONDS s to stop"
+rm many.tif
 # NAME_aif.tif goes with NAME.tif.
 mkdir scenes results
 cp b.tif scenes/one.tif

@@ -94,6 +94,11 @@ expect 0 'dark level 0.05,' fit set -o dark.model --dark 0.05
 expect 0 'dark level 0.05,' fit set -o dark2.model --dark dark.tif
 expect 0 'dark level found per frame' fit set -o dark3.model --dark auto
 expect 3 'nosuch.tif' fit set -o x --dark nosuch.tif
+"$FRAME_TOOL" flat dark.tif 64 80 3 -0.05 # no number stands for "auto"
+expect 0 'dark level -0.05,' fit set -o dark4.model --dark dark.tif
+"$FRAME_TOOL" flat dark.tif 64 80 3 -1
+expect 0 'dark level -1,' fit set -o dark5.model --dark dark.tif
+"$FRAME_TOOL" flat dark.tif 64 80 3 -0.05
 
 # From the PSF.
 expect 0 'wiener, padded' fit --psf "$camera/psf.tif" -o psf.model
@@ -167,7 +172,7 @@ expect 2 'say with --distances which depths' fit --psf spots.tif --psf-distance 
 expect 2 'add --mask-distance' fit --psf spots.tif --psf-distance 60 --distances 40,60 -o x
 expect 0 '2 depths by the law of magnification, 1 . 2?[0-9.]* mm' \
     fit --psf "$camera/psf.tif" --psf-distance 100,200,600 --distances 150,300 -o two.model
-expect 2 '--mask-distance is in mm and above 0, not -3' \
+expect 2 '--mask-distance takes a number from 0 on.*not .-3' \
     fit --psf spots.tif --psf-distance 60 --distances 70 --mask-distance -3 -o x
 expect 7 'do not become one another by magnification' fit --psf spots.tif unlike.tif --psf-distance 60,100 --distances 70 -o x
 expect 2 '--psf-distance names 2 distances, but spots.tif has 1 page' \

@@ -43,7 +43,7 @@ cmp -s {clear,opaque}-diffuser/test/raw/test01.tif && fail '--occlude changed no
 
 # What is not possible, and leaves nothing.
 expect 2 'two kinds of noise' simulate "${small[@]}" --full-well 5000 --noise 0.1 -o f
-expect 2 'noise.*negative' simulate "${small[@]}" --noise=-1 -o f
+expect 2 'noise takes a number from 0 on' simulate "${small[@]}" --noise=-1 -o f
 expect 2 'shift takes' simulate "${small[@]}" --shift 5x7 -o f
 expect 2 'shift takes' simulate "${small[@]}" --shift 5,7.5 -o f
 expect 2 'field of 90 x 100' simulate "${small[@]}" --field 90x100 -o f

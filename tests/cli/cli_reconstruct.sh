@@ -206,5 +206,19 @@ expect 0 '"there": true' reconstruct "$frame" -m "$model" -o as_ever --no-previe
 rm as_ever/test01_depth.tif
 expect 0 'test01: [^t]' reconstruct "$frame" -m "$model" -o as_ever --no-preview --resume
 has as_ever/test01_depth.tif
+# results that are cut, of another frame's size, of fewer depths, or older than frame or model are made anew
+for file in stack aif depth; do
+    truncate -s 2000 as_ever/test01_$file.tif
+    expect 0 'test01: [^t]' reconstruct "$frame" -m "$model" -o as_ever --no-preview --resume
+done
+cp as_ever/test01_aif.tif as_ever/test01_stack.tif
+expect 0 'test01: [^t]' reconstruct "$frame" -m "$model" -o as_ever --no-preview --resume
+"$FRAME_TOOL" flat as_ever/test01_aif.tif 12 12 3 0.5
+expect 0 'test01: [^t]' reconstruct "$frame" -m "$model" -o as_ever --no-preview --resume
+cp "$frame" test01.tif
+expect 0 'test01: [^t]' reconstruct test01.tif -m "$model" -o as_ever --no-preview --resume
+expect 0 'test01: there already' reconstruct test01.tif -m "$model" -o as_ever --no-preview --resume
+cp "$model" newer.model
+expect 0 'test01: [^t]' reconstruct test01.tif -m newer.model -o as_ever --no-preview --resume
 lacks x
 finish

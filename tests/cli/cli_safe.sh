@@ -16,6 +16,34 @@ expect 3 'read by this command' fit data -o "$frame"
 [ "$before" = "$(cksum <"$frame")" ] || fail 'fit overwrote a frame of its data set'
 expect 3 'read by this command' fit --psf "$camera/psf.tif" --distances 100,600 -o "$camera/psf.tif"
 
+# Outputs against each other, against what a data set leaves out, against files that are nobody's rest of a fit, and
+# against inputs at the place of a map that a camera of one depth does not make.
+expect 2 'output and --sums both name ./m1' fit data -o m1 --sums ./m1
+lacks m1
+ln -s nowhere m2
+expect 2 'both name' fit data -o m2 --sums "$PWD/m2"
+rm m2
+folder=$(dirname "$frame")
+cp "$frame" "$folder/alone.tif"
+expect 3 'alone.tif is read by this command' fit data --skip-incomplete -o "$folder/alone.tif"
+cmp -s "$frame" "$folder/alone.tif" || fail 'fit overwrote a frame that it had left out'
+rm "$folder/alone.tif"
+echo mine >r.1-of-1
+expect 3 'r.1-of-1.*not what an interrupted fit left' fit data -o x --sums r
+[ "$(cat r.1-of-1)" = mine ] || fail 'a file was taken for the rest of a fit'
+expect 0 '' fit data -o x --sums r.1-of-1.whole
+mv r.1-of-1.whole r.1-of-1
+before=$(cksum <r.1-of-1)
+expect 3 'r.1-of-1.*not what an interrupted fit left' fit data -o x --sums r --resume
+[ "$before" = "$(cksum <r.1-of-1)" ] || fail 'saved sums were taken for the rest of a fit'
+rm -f x r.1-of-1
+"$FRAME_TOOL" spots spots.tif 64 80 9 1
+expect 0 '1 depth' fit --psf spots.tif -o one.model --frame "$camera/test/raw/test01.tif"
+cp "$camera/test/raw/test01.tif" cap/g.tif
+cp "$camera/test/raw/test02.tif" cap/g_depth.tif
+expect 0 '' reconstruct cap/g.tif cap/g_depth.tif -m one.model -o cap --no-preview
+cmp -s "$camera/test/raw/test02.tif" cap/g_depth.tif || fail 'an input was removed as the map of a run before'
+
 # A device, a FIFO, a full disk.
 mkfifo pipe.tif
 expect 3 'not an ordinary file' fit data -o pipe.tif
@@ -94,6 +122,21 @@ grep -q "\"input\": \"odd$(printf '\357\277\275').u001B\[31m" stdout || fail 'JS
 expect 3 '' reconstruct "none $odd.tif" -m "$model" -o odd --json
 grep -q '"message": "none odd' stdout || fail 'JSON without the message'
 grep -q "$(printf '\033')" stderr && fail 'a message reached the terminal as it is'
+
+# Ends of line in names forge no line, also with the byte that stands for ends of line meanwhile; single bytes of the
+# upper set of controls reach no terminal; a preview's title loses what is no UTF-8, and not the frame.
+forged=$(printf 'a\nhadalens: done\233x')
+cp "$camera/test/raw/test01.tif" "$forged.tif"
+expect 0 'a.hadalens: done.x: .* mm' reconstruct "$forged.tif" -m "$model" -o forged
+has "forged/${forged}_aif.tif" "forged/${forged}_preview.png"
+for name in "$forged" "$(printf 'b\001\nhadalens: done\233x')"; do
+    expect 3 '' reconstruct "$name" none.tif -m "$model" -o x
+    "$HADALENS" "$name" >>stdout 2>>stderr
+    "$HADALENS" fit "$name" -o x >>stdout 2>>stderr
+    "$HADALENS" fit "--$name" >>stdout 2>>stderr
+    grep -aq '^hadalens: done' stdout stderr && fail 'a name forged a line'
+    LC_ALL=C grep -aq "$(printf '[\200-\237]')" stdout stderr && fail 'a control of the upper set was printed'
+done
 
 # Whoever reads our words goes away: an end by SIGPIPE, as of other programs, and nothing half-written.
 (trap - PIPE && exec "$HADALENS" simulate "${small[@]}" --pairs 400 -o set 2>stderr) | true

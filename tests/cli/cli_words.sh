@@ -35,10 +35,16 @@ expect 2 "whole number.*not '8.5'" simulate -o x --pairs 8.5
 expect 2 "takes a number.*not '1,5'" simulate -o x --near 1,5
 expect 2 "one of circular\|padded, not 'round'" simulate -o x --boundary round
 expect 2 'presets are .*sim300' simulate -o x --preset nosuch
-expect 2 'must not be negative' simulate -o x --noise -1
+expect 2 "seed takes a whole number below" simulate -o x --seed 18446744073709551615
+expect 2 "seed takes a whole number below" simulate -o x --seed 99999999999999999999
+expect 0 "pixels=4194304,pages=262144,text=8388608, *parameters=50000000" simulate --help
+expect 2 'noise takes a number from 0 on' simulate -o x --noise -1
 expect 2 'DATASET folder, --psf' fit -o x
 expect 2 'resume goes on with the pairs' fit "$camera" -o x --resume
-expect 2 'takes 0 or more' fit "$camera" -o x --save-seconds -1
+for option in alpha lambda outside psf-dark psf-gate save-seconds; do
+    expect 2 "$option takes a number from 0 on" fit "$camera" -o x --$option -1
+done
+expect 2 'takes a number from 0 on' optics -o x --threshold -0.5
 expect 2 'with -o MODEL' fit "$camera"
 expect 2 'not both' fit "$camera" --psf p.tif -o x
 expect 2 'need a PSF' fit "$camera" --form wiener -o x

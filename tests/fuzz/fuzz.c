@@ -93,3 +93,14 @@ void fuzz_check(hada_status status, const hada_error *err)
         abort();
     }
 }
+
+void fuzz_check_file(hada_status status, const hada_error *err)
+{
+    fuzz_check(status, err);
+    if (status == HADA_ERROR_UNSUPPORTED && (strstr(err->message, "this build") || strstr(err->message, "install it")))
+        return; /* a library for files of this kind is missing */
+    if (status == HADA_ERROR_ARGUMENT || status == HADA_ERROR_STATE || status == HADA_ERROR_UNSUPPORTED) {
+        fprintf(stderr, "a file is said to be a wrong call (status %d): '%s'\n", (int)status, err->message);
+        abort();
+    }
+}

@@ -25,6 +25,8 @@ const char *fuzz_folder(void);
 char *fuzz_text(const uint8_t *data, size_t bytes);
 /* Ends the program where a failure has no message, or a success has one that is left to read. */
 void fuzz_check(hada_status status, const hada_error *err);
+/* The same of a reader of files: whatever a file holds is no fault of the call. */
+void fuzz_check_file(hada_status status, const hada_error *err);
 
 void fuzz_tiff(const uint8_t *data, size_t bytes);
 void fuzz_tiff_text(const uint8_t *data, size_t bytes);

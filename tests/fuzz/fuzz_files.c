@@ -19,13 +19,13 @@ void fuzz_tiff(const uint8_t *data, size_t bytes)
     hada_error err = {0};
     double distances[8];
     const hada_status opened = hada_tiff_open(&reader, fuzz_path(data, bytes), &err);
-    fuzz_check(opened, &err);
+    fuzz_check_file(opened, &err);
     if (opened)
         return;
     for (int i = 0; i < hada_tiff_get_info(reader)->frames && i < MOST_FRAMES; i++) {
         hada_image image;
         const hada_status status = hada_tiff_read(reader, i, &image, &err);
-        fuzz_check(status, &err);
+        fuzz_check_file(status, &err);
         if (!status)
             hada_image_destroy(&image);
     }
@@ -54,12 +54,13 @@ void fuzz_safetensors(const uint8_t *data, size_t bytes)
     hada_tensors *tensors;
     hada_error err = {0};
     const hada_status opened = hada_tensors_open(&tensors, fuzz_path(data, bytes), &err);
-    fuzz_check(opened, &err);
+    fuzz_check_file(opened, &err);
     for (size_t i = 0; !opened && i < hada_tensors_count(tensors); i++) {
         const hada_stored_tensor *tensor = hada_tensors_at(tensors, i);
         float few[4];
         const size_t size = hada_dtype_bytes(tensor->type), count = tensor->bytes / size;
-        fuzz_check(hada_tensor_copy_f32(tensor, count > 4 ? count - 4 : 0, count > 4 ? 4 : count, few, &err), &err);
+        fuzz_check_file(hada_tensor_copy_f32(tensor, count > 4 ? count - 4 : 0, count > 4 ? 4 : count, few, &err),
+                        &err);
         if (hada_tensors_find(tensors, tensor->name) != tensor)
             abort();
     }
@@ -72,7 +73,7 @@ void fuzz_model(const uint8_t *data, size_t bytes)
     hada_model *model;
     hada_error err = {0};
     const hada_status status = hada_model_load(&model, fuzz_path(data, bytes), &err);
-    fuzz_check(status, &err);
+    fuzz_check_file(status, &err);
     if (!status)
         hada_model_destroy(&model);
 }
@@ -84,11 +85,11 @@ void fuzz_sums(const uint8_t *data, size_t bytes)
     hada_error err = {0};
     const char *path = fuzz_path(data, bytes);
     double response;
-    fuzz_check(hada_fit_sums_response(path, &response, &err), &err);
+    fuzz_check_file(hada_fit_sums_response(path, &response, &err), &err);
     if (hada_tensors_open(&tensors, path, &err))
         return;
     hada_fit_options_init(&options);
-    fuzz_check(hada_fit_sums_camera(tensors, path, &options, &err), &err);
+    fuzz_check_file(hada_fit_sums_camera(tensors, path, &options, &err), &err);
     hada_tensors_close(&tensors);
 }
 
@@ -97,7 +98,7 @@ void fuzz_net(const uint8_t *data, size_t bytes)
     hada_net *net;
     hada_error err = {0};
     const hada_status status = hada_net_load(&net, fuzz_path(data, bytes), &err);
-    fuzz_check(status, &err);
+    fuzz_check_file(status, &err);
     if (!status)
         hada_net_destroy(&net);
 }
@@ -107,5 +108,5 @@ void fuzz_camera(const uint8_t *data, size_t bytes)
     hada_camera camera = {.size = sizeof camera};
     hada_error err = {0};
     hada_camera_init(&camera);
-    fuzz_check(hada_camera_load(&camera, fuzz_path(data, bytes), &err), &err);
+    fuzz_check_file(hada_camera_load(&camera, fuzz_path(data, bytes), &err), &err);
 }

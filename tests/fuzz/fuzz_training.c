@@ -70,5 +70,5 @@ void fuzz_checkpoint_begin(void)
 void fuzz_checkpoint(const uint8_t *data, size_t bytes)
 {
     hada_error err = {0};
-    fuzz_check(hada_trainer_load(fixed.trainer, fuzz_path(data, bytes), &err), &err);
+    fuzz_check_file(hada_trainer_load(fixed.trainer, fuzz_path(data, bytes), &err), &err);
 }

@@ -52,7 +52,7 @@ void fuzz_tuning(const uint8_t *data, size_t bytes)
 {
     hada_tuning *tuning;
     hada_error err = {0};
-    fuzz_check(hada_tuning_read(&tuning, fuzz_path(data, bytes), &err), &err);
+    fuzz_check_file(hada_tuning_read(&tuning, fuzz_path(data, bytes), &err), &err);
     hada_tuning_destroy(&tuning);
 }
 
@@ -65,7 +65,7 @@ void fuzz_binary(const uint8_t *data, size_t bytes)
     char path[100];
     snprintf(path, sizeof path, "%s/x.bin", folder);
     write_file(path, data, bytes);
-    fuzz_check(hada_binary_read(folder, "x.bin", &binary, &length, &err), &err);
+    fuzz_check_file(hada_binary_read(folder, "x.bin", &binary, &length, &err), &err);
     if (length && length >= bytes)
         abort();
     free(binary);
@@ -118,7 +118,7 @@ void fuzz_log(const uint8_t *data, size_t bytes)
     write_file(path, data, bytes);
     snprintf(path, sizeof path, "%s/validation.csv", folder);
     write_file(path, data, bytes);
-    fuzz_check(hada_train_log_open(&log, folder, 1, 1000, &err), &err);
+    fuzz_check_file(hada_train_log_open(&log, folder, 1, 1000, &err), &err);
     hada_train_log_close(&log);
 }
 

@@ -70,11 +70,11 @@ TEST(equal_inputs_give_equal_models)
 {
     fixture *f = *state;
     hada_fit_options options = usual(1, HADA_FORM_COMPLEX);
-    hada_model *models[3];
+    hada_model *models[4];
     options.lambda = 1e-4;
-    for (int k = 0; k < 3; k++) {
+    for (int k = 0; k < 4; k++) {
         SCOPED(hada_fitter) * fitter;
-        options.dark = k == 1 ? 0.25 : 0.0;
+        options.dark = k == 1 ? 0.25 : k == 3 ? -0.25 : 0.0;
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         SCOPED(hada_image) frame, scene;
         ASSERT_OK(hada_image_create(&frame, CHANNELS, ROWS, COLS, err));
@@ -90,13 +90,31 @@ TEST(equal_inputs_give_equal_models)
         ASSERT_OK(hada_fitter_finish(fitter, NULL, &models[k], err));
     }
     const size_t values = hada_model_plane(models[0]) * 2 * CHANNELS;
-    double distance[3] = {0};
-    for (int k = 1; k < 3; k++)
+    double distance[4] = {0};
+    for (int k = 1; k < 4; k++)
         distance[k] = small_image_distance(models[k]->filter, models[0]->filter, values);
     assert_true(distance[1] < 1e-4); /* the level costs bits of the frame */
     assert_true(distance[2] < 1e-6);
-    for (int k = 0; k < 3; k++)
+    assert_true(distance[3] < 1e-4);
+    for (int k = 0; k < 4; k++)
         hada_model_destroy(&models[k]);
+}
+
+/* No number but HADA_AUTO has anything chosen. */
+TEST(negative_numbers_choose_nothing)
+{
+    fixture *f = *state;
+    hada_fitter *fitter;
+    for (int k = 0; k < 8; k++) {
+        hada_fit_options options = usual(1, HADA_FORM_COMPLEX);
+        double *const numbers[] = {&options.alpha,         &options.lambda,        &options.refine_tv,
+                                   &options.refine_colour, &options.refine_shrink, &options.outside};
+        if (k < 6)
+            *numbers[k] = -0.5;
+        else
+            *(k == 6 ? &options.refine_steps : &options.crop_passes) = -2;
+        ASSERT_FAILS(hada_fitter_create(&fitter, f->context, &options, err), HADA_ERROR_ARGUMENT, "HADA_AUTO");
+    }
 }
 
 TEST(sums_merge_and_go_on)

@@ -6,6 +6,7 @@
 #include "io/tiff_meta.h"
 #include "io/tiff_page.h"
 #include "io_testing.h"
+#include "model/model.h"
 
 #ifdef HADALENS_SANITIZED
 enum { MOST_SECONDS = 20, MOST_KIB = 1 << 30 }; /* shadow memory is not ours */
@@ -339,6 +340,71 @@ TEST(nets_are_no_larger_than_their_files)
     begin();
     assert_int_equal(hada_net_load(&net, io_path("net.safetensors"), &err), HADA_ERROR_MODEL);
     assert_cheap(&err, "more than");
+}
+
+/* Layers times the size at which a net runs, in a model of a few kilobytes. */
+TEST(nets_in_models_run_at_no_size_out_of_proportion)
+{
+    static const double distance = 100.0;
+    const hada_model_info info = {.depths = 1,
+                                  .channels = 1,
+                                  .form = HADA_FORM_COMPLEX,
+                                  .boundary = HADA_BOUNDARY_CIRCULAR,
+                                  .raw_rows = 6,
+                                  .raw_cols = 8,
+                                  .grid_rows = 6,
+                                  .grid_cols = 8,
+                                  .window_rows = 4,
+                                  .window_cols = 4,
+                                  .distances_mm = &distance};
+    SCOPED(hada_model) * model, *with = NULL;
+    SCOPED(hada_net) * net;
+    hada_model *back;
+    hada_error error = {0};
+    ASSERT_OK(hada_model_create(&model, &info, 0, err));
+    for (size_t i = 0; i < 2 * hada_model_plane(model); i++)
+        model->filter[i] = 1.0f;
+    if (model->pairs)
+        model->pairs[0] = 1.0;
+    ASSERT_OK(hada_net_create_preset(&net, "compact", 1, 1, err));
+    ASSERT_OK(hada_model_with_enhance(&with, model, net, 64, 64, err));
+    ASSERT_OK(hada_model_save(with, io_path("net.model"), err));
+    ASSERT_OK(hada_model_load(&back, io_path("net.model"), err));
+    hada_model_destroy(&back);
+    hada_model_destroy(&with);
+    ASSERT_OK(hada_model_with_enhance(&with, model, net, 2000, 2000, err));
+    ASSERT_OK(hada_model_save(with, io_path("net.model"), err));
+    begin();
+    assert_int_equal(hada_model_load(&back, io_path("net.model"), &error), HADA_ERROR_FILE_FORMAT);
+    assert_cheap(&error, "options.limits pixels=");
+    DEFAULTS(hada_limits, limits);
+    limits.pixels = UINT64_C(1) << 40;
+    assert_int_equal(hada_limits_set(&limits, &error), HADA_OK);
+    ASSERT_OK(hada_model_load(&back, io_path("net.model"), err));
+    hada_model_destroy(&back);
+    assert_int_equal(hada_limits_set(NULL, &error), HADA_OK);
+}
+
+/* A map and a long list of distances: two files, each sound. */
+TEST(long_lists_of_distances_cost_little)
+{
+    enum { LIST = 1000000, SIDE = 300 };
+    double *list = malloc(LIST * sizeof *list);
+    unsigned char *parts = malloc(SIDE * SIDE);
+    SCOPED(hada_image) map;
+    hada_error error = {0};
+    assert_true(list && parts);
+    ASSERT_OK(hada_image_create(&map, 1, SIDE, SIDE, err));
+    for (int i = 0; i < LIST; i++)
+        list[i] = 100.0 + 0.001 * i;
+    for (int i = 0; i < SIDE * SIDE; i++)
+        map.data[i] = 100.0f + 0.01f * (float)i;
+    begin();
+    ASSERT_OK(hada_metric_depth_parts(&map, list, LIST, HADA_AUTO, HADA_AUTO, parts, err));
+    assert_cheap(&error, NULL);
+    assert_true(parts[0] == HADA_DEPTH_JUMP && parts[SIDE * SIDE - 1] == HADA_DEPTH_JUMP);
+    free(list);
+    free(parts);
 }
 
 /* Many layers, many parameters each: names are compared once. */

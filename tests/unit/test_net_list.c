@@ -199,6 +199,7 @@ TEST(files_come_back_and_others_are_refused)
     assert_true(fd >= 0);
     close(fd);
     hada_net *net, *again, *wider;
+    int variances = 0;
     DEFAULTS(hada_unet_options, options);
     options.down = "4|6";
     options.up = "5";
@@ -218,6 +219,17 @@ TEST(files_come_back_and_others_are_refused)
     ASSERT_FAILS(hada_net_load_weights(wider, path, NULL, err), HADA_ERROR_MODEL, "up.0.0.weight has another shape");
     ASSERT_FAILS(hada_net_load_weights(wider, path, "other.", err), HADA_ERROR_MODEL, "other.down.0.0.weight");
     assert_memory_equal(before, wider->values, wider->floats * sizeof(float));
+    for (int i = 0; i < again->parameter_count; i++) { /* a variance below 0 gives NaN */
+        float *variance = again->values + again->parameters[i].offset, kept = *variance;
+        if (!strstr(again->parameters[i].name, "running_var"))
+            continue;
+        *variance = -1.0f;
+        ASSERT_OK(hada_net_save(again, path, err));
+        ASSERT_FAILS(hada_net_load_weights(net, path, "", err), HADA_ERROR_NOT_FINITE, "negative variances");
+        *variance = kept;
+        variances++;
+    }
+    assert_true(variances > 0);
     again->values[3] = NAN;
     ASSERT_OK(hada_net_save(again, path, err));
     ASSERT_FAILS(hada_net_load_weights(net, path, "", err), HADA_ERROR_NOT_FINITE, "");

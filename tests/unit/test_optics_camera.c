@@ -207,9 +207,15 @@ TEST(files)
                                "{\"boundary\": 1}",
                                "{\"optics\": [\"wave\"]}",
                                "{\"seed\": [1]}",
-                               "{\"seed\": 1.5}"};
+                               "{\"seed\": 1.5}",
+                               "{\"seed\": -5}",
+                               "{\"seed\": \"-5\"}",
+                               "{\"seed\": \" 5\"}",
+                               "{\"seed\": \"5x\"}",
+                               "{\"seed\": \"\"}",
+                               "{\"seed\": \"18446744073709551616\"}"};
     const hada_status why[] = {HADA_ERROR_FILE_FORMAT, HADA_ERROR_FILE_FORMAT, HADA_ERROR_FILE_FORMAT, HADA_ERROR_SIZE,
-                               HADA_ERROR_ARGUMENT,    HADA_ERROR_UNSUPPORTED, HADA_ERROR_FILE_FORMAT};
+                               HADA_ERROR_FILE_FORMAT, HADA_ERROR_FILE_FORMAT, HADA_ERROR_FILE_FORMAT};
     for (int i = 0; i < (int)(sizeof bad / sizeof *bad); i++) {
         FILE *file = fopen(path, "w");
         fputs(bad[i], file);

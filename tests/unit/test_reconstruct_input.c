@@ -1,5 +1,6 @@
 /* Frames and options that cannot work, broken pixels, dark levels. */
 #include "learned_camera.h"
+#include "netlist/net_list.h"
 #include "planes/maker.h"
 
 static hada_image frame_of_one_depth(const learned_camera *learned, int depth, hada_image *scene)
@@ -50,6 +51,14 @@ TEST(refuses_or_repairs_broken_pixels)
     assert_int_equal(hada_plan_run(plan, &raw, &mended, &error), HADA_ERROR_NOT_FINITE);
     assert_non_null(strstr(error.message, "3 pixel"));
     assert_non_null(strstr(error.message, "--repair"));
+    hada_plan_destroy(&plan);
+
+    /* nothing is left to repair them from */
+    options.repair_not_finite = 1;
+    for (size_t i = 0; i < hada_image_count(&raw); i++)
+        raw.data[i] = NAN;
+    ASSERT_OK(hada_plan_create(&plan, learned->context, learned->model, &options, err));
+    ASSERT_FAILS(hada_plan_run(plan, &raw, &mended, err), HADA_ERROR_NOT_FINITE, "nothing is left to repair it from");
 }
 
 TEST(repairs_from_the_nearest_finite_pixels)
@@ -118,6 +127,73 @@ TEST(refuses_a_dark_level_above_everything)
     ASSERT_OK(hada_plan_run(plan, &raw, &result, err));
 }
 
+/* All that makes planes black is an error where the frame shows something, and none where it does not. */
+TEST(black_results_of_frames_that_show_something_are_an_error)
+{
+    const learned_camera *learned = *state;
+    SCOPED(hada_image) scene, raw = frame_of_one_depth(learned, 1, &scene), dark, nothing;
+    SCOPED(hada_result) result = {0};
+    DEFAULTS(hada_classic_options, classic);
+    ASSERT_OK(hada_image_create(&dark, 1, raw.rows, raw.cols, err));
+    ASSERT_OK(hada_image_create(&nothing, 1, raw.rows, raw.cols, err));
+    hada_random random;
+    hada_random_seed(&random, 3, 0);
+    for (size_t i = 0; i < hada_image_count(&dark); i++) {
+        dark.data[i] = 64.0f; /* counts */
+        nothing.data[i] = 0.1f + 0.003f * (float)hada_random_normal(&random);
+    }
+    for (int i = 0; i < 300; i++) /* hot pixels */
+        nothing.data[i * 331] = 1.0f;
+    for (int k = 0; k < 9; k++) {
+        hada_plan *plan;
+        DEFAULTS(hada_plan_options, options);
+        options.dark = k == 0 || k == 1 ? HADA_DARK_LEVEL : k < 4 ? HADA_DARK_FRAME : HADA_DARK_MODEL;
+        options.dark_level = 0.95;
+        options.dark_frame = &dark;
+        options.refine = k % 2 ? 0 : HADA_AUTO;
+        hada_classic_options_init(&classic);
+        classic.method = k < 6 ? HADA_METHOD_WIENER : HADA_METHOD_ADMM;
+        classic.iterations = 3;
+        classic.lambda = k == 4 ? 1e-38 : 1e38;
+        classic.weight = 0.003;
+        classic.mu1 = classic.mu2 = classic.mu3 = k == 6 ? 1e-40 : 1e38;
+        options.classic = k < 4 || k == 8 ? NULL : &classic;
+        if (k == 8)
+            options.dark = HADA_DARK_AUTO;
+        hada_error error = {0};
+        ASSERT_OK(hada_plan_create(&plan, learned->context, learned->model, &options, err));
+        const hada_status status = hada_plan_run(plan, k == 8 ? &nothing : &raw, &result, &error);
+        if (status != (k == 8 ? HADA_OK : HADA_ERROR_NUMERIC) || (k < 8 && !strstr(error.message, "black")))
+            fail_msg("case %d: %s '%s'", k, hada_status_name(status), error.message);
+        hada_plan_destroy(&plan);
+    }
+}
+
+/* Nets that make nothing of planes, or numbers that are none. */
+TEST(nets_that_break_down_are_an_error)
+{
+    const learned_camera *learned = *state;
+    SCOPED(hada_image) scene, raw = frame_of_one_depth(learned, 1, &scene);
+    SCOPED(hada_result) result = {0};
+    SCOPED(hada_net) * net;
+    DEFAULTS(hada_unet_options, unet);
+    unet.channels = unet.out_channels = 1;
+    unet.down = "4";
+    unet.up = "";
+    ASSERT_OK(hada_net_create_unet(&net, &unet, 3, err));
+    for (int k = 0; k < 2; k++) {
+        hada_model *model;
+        hada_plan *plan;
+        for (size_t i = 0; i < net->floats; i++)
+            net->values[i] = k ? 1e38f : 0.0f;
+        ASSERT_OK(hada_model_with_enhance(&model, learned->model, net, 0, 0, err));
+        ASSERT_OK(hada_plan_create(&plan, learned->context, model, NULL, err));
+        ASSERT_FAILS(hada_plan_run(plan, &raw, &result, err), HADA_ERROR_NUMERIC, k ? "" : "black");
+        hada_plan_destroy(&plan);
+        hada_model_destroy(&model);
+    }
+}
+
 TEST(refuses_options_that_cannot_work)
 {
     const learned_camera *learned = *state;
@@ -127,7 +203,7 @@ TEST(refuses_options_that_cannot_work)
     hada_error error;
     SCOPED(hada_image) dark;
     ASSERT_OK(hada_image_create(&dark, 1, 10, 10, err));
-    for (int k = 0; k < 8; k++) {
+    for (int k = 0; k < 11; k++) {
         hada_plan_options_init(&options);
         hada_status expected = HADA_ERROR_ARGUMENT;
         switch (k) {
@@ -143,6 +219,12 @@ TEST(refuses_options_that_cannot_work)
         case 3: options.occupied = HADA_OCCUPIED_LIST; break;
         case 4: options.gamma = 0; break;
         case 5: options.batch = -2; break;
+        case 8: /* no number but HADA_AUTO has something chosen */ options.refine_colour = -2; break;
+        case 9: options.refine = -2; break;
+        case 10:
+            options.dark = HADA_DARK_LEVEL;
+            options.dark_level = NAN;
+            break;
         case 6:
             options.dark = HADA_DARK_FRAME;
             options.dark_frame = &dark;

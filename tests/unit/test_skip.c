@@ -95,8 +95,11 @@ TEST(a_bound_that_is_not_kept_leads_to_the_dense_result)
             ASSERT_OK(hada_image_create(&hidden, SKIP_CHANNELS, SKIP_ROWS, SKIP_COLS, err));
             for (size_t i = 0; i < hada_image_count(&hidden); i++) /* the negative of a frame, on a little light */
                 hidden.data[i] = 1e-4f - f->frame[which].data[i];
-            ASSERT_OK(hada_plan_run(exact, &hidden, &dense, err));
-            ASSERT_OK(hada_plan_run(plan, &hidden, &result, err));
+            const hada_status status = hada_plan_run(exact, &hidden, &dense, NULL);
+            assert_int_equal(hada_plan_run(plan, &hidden, &result, NULL), status);
+            if (status == HADA_ERROR_NUMERIC) /* all is black */
+                continue;
+            assert_int_equal(status, HADA_OK);
             if (result.report->skipped->recomputed) {
                 assert_true(skip_same(&result, &dense));
                 assert_true(result.report->skipped->bound == 0.0);

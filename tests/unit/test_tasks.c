@@ -192,6 +192,37 @@ TEST(stopped_at_any_moment_nothing_is_left)
     }
 }
 
+/* Sums of nothing make no model, whatever reconstruct would say of it later. */
+TEST(sums_of_nothing_make_no_model)
+{
+    listener ear;
+    SCOPED(hada_model) *model = NULL;
+    DEFAULTS(hada_fit_task, own);
+    static char text[16384], path[600];
+    const char *const merged[] = {path};
+    uint64_t header;
+    size_t first, end;
+    snprintf(path, sizeof path, "%s", at("out"));
+    ASSERT_OK(fit(&listen(&ear, 0)->monitor, err)); /* saves sums */
+    FILE *file = fopen(path, "r+b");
+    assert_non_null(file);
+    assert_int_equal(fread(&header, sizeof header, 1, file), 1);
+    assert_true(header < sizeof text && fread(text, 1, header, file) == header);
+    const char *sums = strstr(text, "\"sums\"");
+    assert_non_null(sums);
+    assert_int_equal(sscanf(strstr(sums, "data_offsets"), "data_offsets\":[%zu,%zu]", &first, &end), 2);
+    fseek(file, (long)(sizeof header + header + first), SEEK_SET);
+    for (size_t i = first; i < end; i++)
+        fputc(0, file);
+    fclose(file);
+    own.merge = merged;
+    own.merge_count = 1;
+    const hada_status status = hada_fit_run(&model, NULL, context, NULL, &own, NULL);
+    assert_true(status == HADA_ERROR_MODEL || status == HADA_ERROR_NUMERIC);
+    assert_null(model);
+    remove(path);
+}
+
 /* Callbacks are optional one by one, and a caller whose monitor ends before one of them does not have it. */
 TEST(nobody_has_to_listen)
 {

@@ -225,18 +225,18 @@ TEST(what_is_not_offered_is_named)
         {TIFFTAG_SAMPLEFORMAT, SAMPLEFORMAT_COMPLEXIEEEFP, "complex"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
-        expect_tag(cases[i].tag, cases[i].value, HADA_ERROR_UNSUPPORTED, cases[i].word);
+        expect_tag(cases[i].tag, cases[i].value, HADA_ERROR_FILE_FORMAT, cases[i].word);
     expect_tag(TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_RGB, HADA_ERROR_FILE_FORMAT, "RGB image with 1 samples");
     expect_tag(TIFFTAG_IMAGEWIDTH, 1 << 25, HADA_ERROR_FILE_FORMAT, "not plausible");
     /* signed numbers of odd length; colours that only JPEG brings */
     static const unsigned char row[8 * COLS * MOST_SAMPLES];
     const form odd = {.bits = 12, .samples = 1, .format = SAMPLEFORMAT_INT, .photometric = 1};
     write_form(io_path("form.tif"), &odd, row);
-    expect(HADA_ERROR_UNSUPPORTED, "12 bits (signed)", "odd");
+    expect(HADA_ERROR_FILE_FORMAT, "12 bits (signed)", "odd");
     const form colours = {.bits = 8, .samples = 3, .photometric = PHOTOMETRIC_RGB};
     write_form(io_path("form.tif"), &colours, row);
     set_tag(TIFFTAG_PHOTOMETRIC, TIFF_SHORT, PHOTOMETRIC_YCBCR);
-    expect(HADA_ERROR_UNSUPPORTED, "YCbCr without JPEG", "YCbCr");
+    expect(HADA_ERROR_FILE_FORMAT, "YCbCr without JPEG", "YCbCr");
 }
 
 /* Whatever this libtiff has: a codec that it lacks is refused by its name. */
@@ -253,7 +253,7 @@ TEST(codecs_are_named)
                   {50002, "JPEG XL"}, {52546, "JPEG XL"},   {12345, "unknown (12345)"}};
     for (size_t i = 0; i < sizeof codecs / sizeof *codecs; i++)
         if (!TIFFIsCODECConfigured(codecs[i].code))
-            expect_tag(TIFFTAG_COMPRESSION, codecs[i].code, HADA_ERROR_UNSUPPORTED, codecs[i].name);
+            expect_tag(TIFFTAG_COMPRESSION, codecs[i].code, HADA_ERROR_FILE_FORMAT, codecs[i].name);
 }
 
 TEST(resolutions_have_units)

@@ -147,6 +147,50 @@ TEST(damaged_checkpoints_are_refused)
     steps(trainer, 1);
 }
 
+/* Replaces a number of an array, the last one or the first, in a checkpoint. */
+static void spoil(const char *path, const char *name, int last, float value)
+{
+    FILE *file = fopen(path, "r+b");
+    uint64_t bytes;
+    size_t first, end;
+    assert_non_null(file);
+    assert_int_equal(fread(&bytes, sizeof bytes, 1, file), 1);
+    char *header = calloc(bytes + 1, 1), quoted[64];
+    assert_int_equal(fread(header, 1, bytes, file), bytes);
+    snprintf(quoted, sizeof quoted, "\"%s\"", name);
+    const char *at = strstr(header, quoted);
+    assert_non_null(at);
+    assert_int_equal(sscanf(strstr(at, "data_offsets"), "data_offsets\":[%zu,%zu]", &first, &end), 2);
+    fseek(file, (long)(sizeof bytes + bytes + (last ? end - sizeof value : first)), SEEK_SET);
+    assert_int_equal(fwrite(&value, sizeof value, 1, file), 1);
+    fclose(file);
+    free(header);
+}
+
+/* Numbers from which no step is finite: training would go back and on for ever. */
+TEST(numbers_that_no_step_leads_to_are_refused)
+{
+    static const struct {
+        const char *name;
+        int last, refused;
+        float value;
+    } rows[] = {{"net.values", 0, 1, NAN},     {"net.values", 1, 1, INFINITY}, {"net.state", 0, 1, NAN},
+                {"net.state", 1, 1, NAN},      {"net.state", 1, 1, -1e-3f},    {"net.state", 0, 0, -1e-3f},
+                {"net.state", 1, 1, -INFINITY}};
+    const hada_train_options options = options_of(HADA_STAGE_ENHANCE);
+    for (size_t i = 0; i < HADA_COUNT(rows); i++) {
+        SCOPED(hada_trainer) *trainer = make(&options, 1);
+        steps(trainer, 1);
+        save(trainer, 0);
+        spoil(f.path[0], rows[i].name, rows[i].last, rows[i].value);
+        if (rows[i].refused)
+            ASSERT_FAILS(hada_trainer_load(trainer, f.path[0], err), HADA_ERROR_FILE_FORMAT, rows[i].name);
+        else
+            ASSERT_OK(hada_trainer_load(trainer, f.path[0], err));
+        steps(trainer, 1); /* it is as it was, or goes on */
+    }
+}
+
 /* Writes the header of a checkpoint as 0.1.0 did: it is shorter, and ends with spaces. */
 static void rename_discriminator(const char *path)
 {

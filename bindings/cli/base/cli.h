@@ -112,8 +112,8 @@ hada_status hada_cli_error(hada_error *err, hada_status status, const char *form
 /* Puts text before a message. */
 void hada_cli_prefix(hada_error *err, const char *format, ...) HADA_CLI_PRINTF(2, 3);
 
-/* Texts hold names that others chose: control characters, which a terminal would obey, become question marks. */
-void hada_cli_clean(char *text);
+/* Texts hold names that others chose: control characters, which a terminal would obey, become question marks, and so
+ * do ends of line that are not the format's, and bytes that are no UTF-8. */
 void hada_cli_put(FILE *to, const char *format, ...) HADA_CLI_PRINTF(2, 3);
 void hada_cli_put_list(FILE *to, const char *format, va_list arguments) HADA_CLI_PRINTF(2, 0);
 /* Results for a person, on stdout: nothing with --json or --quiet. */

@@ -9,7 +9,7 @@ static void log_message(void *user, hada_log_level level, const char *message)
     hada_cli *cli = user;
     if (level == HADA_LOG_WARNING && !cli->common->quiet) {
         hada_cli_progress_hide(cli);
-        fprintf(stderr, "hadalens %s: note: %s\n", cli->command, message);
+        hada_cli_put(stderr, "hadalens %s: note: %s\n", cli->command, message);
     } else {
         hada_cli_detail(cli, "%s", message);
     }

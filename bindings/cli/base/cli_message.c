@@ -178,9 +178,9 @@ void hada_cli_print_error(hada_cli *cli, hada_error *err)
     else
         hada_cli_put(stderr, "hadalens %s, rank %d of %d: %s\n", cli->command, cli->ranks->communicator.rank,
                      cli->ranks->communicator.count, err->message);
-    if (err->detail[0] && cli->common->verbose)
-        hada_cli_put(stderr, "%s\n", err->detail);
-    else if (err->detail[0])
+    for (const char *line = err->detail; cli->common->verbose && *line; line += strcspn(line, "\n"), line += *line > 0)
+        hada_cli_put(stderr, "%.*s\n", (int)strcspn(line, "\n"), line);
+    if (err->detail[0] && !cli->common->verbose)
         fprintf(stderr, "(--verbose shows more)\n");
 }
 

@@ -1,5 +1,6 @@
 #include "option.h"
 
+#include <hadalens/limits.h>
 #include <hadalens/reconstruct.h>
 #include <popt.h>
 #include <stddef.h>
@@ -34,7 +35,7 @@ const hada_cli_option hada_cli_common_options[] = {
     {HADA_OPTION_FLAG, "verbose", 'v', NULL, "say more on stderr", NULL, HADA_CLI_AT(hada_cli_common, verbose)},
     {HADA_OPTION_TEXT, "limits", 0, "NAME=N,...", "how much a file may claim: pixels, pages, text, parameters",
      "A small file can claim to be a large picture or net; beyond these budgets it is refused. The environment variable "
-     "HADALENS_LIMITS says the same. Default: pixels=4194304,pages=262144,text=8388608,parameters=50000000.",
+     "HADALENS_LIMITS says the same. Default: " HADA_LIMITS_DEFAULTS ".",
      HADA_CLI_AT(hada_cli_common, limits)},
     {HADA_OPTION_FLAG, "help", 'h', NULL, "print this help", NULL, HADA_CLI_AT(hada_cli_common, help)},
     {0},
@@ -132,15 +133,16 @@ static int take(const hada_cli_option *option, void *target, const char *text)
         else
             return 0;
         return 1;
-    case HADA_OPTION_REAL: return hada_cli_read_real(text, target);
+    case HADA_OPTION_REAL: return hada_cli_read_real(text, target) && *weight >= 0; /* -1 stands for "not given" */
     case HADA_OPTION_COUNT: return hada_cli_read_count(text, target);
     case HADA_OPTION_STEPS:
-        if (hada_cli_read_count(text, &count))
-            *(uint64_t *)target = (uint64_t)count;
-        else
+        if (!hada_cli_read_count(text, &count))
             return 0;
+        *(uint64_t *)target = (uint64_t)count;
         return 1;
-    case HADA_OPTION_SEED: *(uint64_t *)target = strtoull(text, &end, 10); return *text >= '0' && *text <= '9' && !*end;
+    case HADA_OPTION_SEED: /* the largest of all stands for "not given" */
+        *(uint64_t *)target = strtoull(text, &end, 10);
+        return *text >= '0' && *text <= '9' && !*end && *(uint64_t *)target != UINT64_MAX;
     case HADA_OPTION_WEIGHT:
         if (!strcmp(text, "frame") && strstr(option->argument, text)) {
             *weight = HADA_REFINE_TV_FRAME;
@@ -169,10 +171,10 @@ static int take(const hada_cli_option *option, void *target, const char *text)
 
 static hada_status store(const hada_cli_option *option, char *settings, const char *text, hada_error *err)
 {
-    static const char *const takes[] = {[HADA_OPTION_REAL] = "a number such as 0.5",
+    static const char *const takes[] = {[HADA_OPTION_REAL] = "a number from 0 on, such as 0.5",
                                         [HADA_OPTION_COUNT] = "a whole number such as 8",
                                         [HADA_OPTION_STEPS] = "a whole number such as 8",
-                                        [HADA_OPTION_SEED] = "a whole number",
+                                        [HADA_OPTION_SEED] = "a whole number below 2^64 - 1",
                                         [HADA_OPTION_WEIGHT] = "a number from 0 on, or 'auto'",
                                         [HADA_OPTION_PASSES] = "a whole number such as 8, or 'auto'",
                                         [HADA_OPTION_SIZE] = "HEIGHTxWIDTH in pixels, such as 300x400 (rows first)"};
@@ -264,6 +266,11 @@ static hada_status parse_all(hada_cli_parsed *parsed, const hada_cli_command *co
             parsed->texts[parsed->text_count++] = text;
         if (text && list[count].option->kind != HADA_OPTION_TARGET)
             named[names++] = text;
+        for (int i = 0; text && i < count; i++) /* outputs are protected against each other */
+            if (list[i].option->kind == HADA_OPTION_TARGET && list[count].option->kind == HADA_OPTION_TARGET &&
+                list[i].option != list[count].option && hada_path_is_same(list[i].text, text))
+                HADA_TRY_OR_DONE(hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s and --%s both name %s",
+                                                list[i].option->name, list[count].option->name, text));
         count++;
     }
     HADA_TRY_OR_DONE(store_all(command, parsed->settings, list, count, err));

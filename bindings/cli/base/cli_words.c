@@ -36,15 +36,22 @@ json_t *hada_cli_json_text(const char *text)
     return plain;
 }
 
-void hada_cli_clean(char *text)
+/* Stands for an end of line of a format while the text is made. */
+enum { LINE = 1 };
+
+/* Controls of both sets become question marks, and what is no UTF-8, which may be one of the upper set. foreign: a
+ * name holds LINE as well, so that none but the last is known. */
+static void clean(char *text, int foreign)
 {
-    for (unsigned char *at = (unsigned char *)text; *at; at++) {
-        const int control = (*at < ' ' && *at != '\n' && *at != '\t') || *at == 0x7f;
-        const int upper = at[0] == 0xc2 && at[1] >= 0x80 && at[1] < 0xa0; /* U+0080 to U+009F in UTF-8 */
-        if (control || upper)
-            *at = '?';
-        if (upper)
-            at[1] = '?';
+    for (size_t bytes; *text; text += bytes) {
+        const unsigned char *at = (unsigned char *)text;
+        const size_t found = *at < 0x80 ? 1 : character(text);
+        const int upper = found == 2 && at[0] == 0xc2 && at[1] < 0xa0; /* U+0080 to U+009F */
+        bytes = found ? found : 1;
+        if (*text == LINE && (!foreign || !text[1]))
+            *text = '\n';
+        else if (!found || upper || (*at < ' ' && *at != '\t') || *at == 0x7f)
+            memset(text, '?', bytes);
     }
 }
 
@@ -58,10 +65,16 @@ void hada_cli_put(FILE *to, const char *format, ...)
 
 void hada_cli_put_list(FILE *to, const char *format, va_list arguments)
 {
-    char *text = NULL;
-    if (vasprintf(&text, format, arguments) < 0)
-        return;
-    hada_cli_clean(text);
-    fputs(text, to);
-    free(text);
+    char *text = NULL, *marked = strdup(format);
+    int lines = 0;
+    for (char *at = marked; at && (at = strchr(at, '\n')); lines++)
+        *at = LINE;
+    if (marked && vasprintf(&text, marked, arguments) >= 0) {
+        for (const char *at = text; (at = strchr(at, LINE)); at++)
+            lines--;
+        clean(text, lines);
+        fputs(text, to);
+        free(text);
+    }
+    free(marked);
 }

@@ -12,7 +12,7 @@ typedef enum hada_cli_kind {
     HADA_OPTION_TEXT,      /* const char * */
     HADA_OPTION_TARGET,    /* const char *: what is written; every other text may name an input */
     HADA_OPTION_TEXTS,     /* hada_cli_texts: may be given more than once */
-    HADA_OPTION_REAL,      /* double */
+    HADA_OPTION_REAL,      /* double, not negative */
     HADA_OPTION_COUNT,     /* int, not negative */
     HADA_OPTION_STEPS,     /* the same as uint64_t */
     HADA_OPTION_SEED,      /* uint64_t */

@@ -207,7 +207,7 @@ static hada_status fit_psf(hada_cli *cli, const settings *set, const char **more
     psf.boundary = set->task.boundary ? (hada_boundary)set->task.boundary : HADA_BOUNDARY_PADDED;
     psf.window_rows = set->window[0];
     psf.window_cols = set->window[1];
-    psf.lambda = set->fit.lambda > 0 ? set->fit.lambda : HADA_AUTO;
+    psf.lambda = set->fit.lambda;
     if (set->frame && !hada_cli_read_size(set->frame, frame))
         task.frame = set->frame;
     psf.frame_rows = frame[0];
@@ -252,8 +252,6 @@ static int check(hada_cli *cli, const settings *set, int count, const char **arg
         return hada_cli_usage(cli,
                               "--resume goes on with the pairs of a DATASET from what --sums FILE has of them; sums of "
                               "others (--merge) are added afterwards");
-    if (!(set->task.save_seconds >= 0))
-        return hada_cli_usage(cli, "--save-seconds takes 0 or more");
     if (set->psf && learned)
         return hada_cli_usage(cli, "forms complex and split are learned from pairs; with --psf take wiener or matched");
     if (!set->psf && set->psf_options.turn)
@@ -263,9 +261,6 @@ static int check(hada_cli *cli, const settings *set, int count, const char **arg
     if (set->psf && (set->fit.refine_colour != HADA_AUTO || set->fit.refine_shrink != HADA_AUTO))
         return hada_cli_usage(
             cli, "--refine-colour and --refine-shrink belong to pairs; with --psf give them to reconstruct");
-    if (set->fit.outside >= 0 && set->fit.outside < 1 && set->merge.count)
-        return hada_cli_usage(cli, "--outside below 1 looks at every pair several times, and sums (--merge) have none; "
-                                   "give all pairs in one DATASET");
     if (set->psf && (strcmp(set->response, "auto") || set->task.exposure || set->task.save_sums || set->merge.count))
         return hada_cli_usage(cli, "--scene-response, --exposure, --sums and --merge belong to pairs, not to --psf");
     if (!count && set->merge.count && set->task.exposure)

@@ -139,7 +139,7 @@ void hada_cli_fit_tell_model(hada_cli *cli, const char *path, const hada_model *
     hada_cli_bytes(size, info->bytes);
     const char *mosaic = hada_enum_name(HADA_ENUM_MOSAIC, (int)info->mosaic);
     hada_response_name(response, info->scene_response);
-    if (info->dark >= 0)
+    if (info->dark != HADA_AUTO)
         snprintf(dark, sizeof dark, "%.4g", info->dark);
     if (info->refine_steps)
         snprintf(refine, sizeof refine,
@@ -157,9 +157,10 @@ void hada_cli_fit_tell_model(hada_cli *cli, const char *path, const hada_model *
                               info->grid_cols, "window", info->window_rows, info->window_cols, "refine_steps",
                               info->refine_steps, "half", info->half, "bytes", (json_int_t)info->bytes);
     json_object_set_new(entry, "distances_mm", hada_cli_reals(info->distances_mm, info->depths));
-    HADA_CLI_SET(entry, {"alpha", info->alpha}, {"lambda", info->lambda}, {"dark", info->dark >= 0 ? info->dark : NAN},
-                 {"refine_tv", info->refine_tv}, {"refine_colour", info->refine_colour},
-                 {"refine_shrink", info->refine_shrink}, {"refine_share", info->refine_share}, {"noise", info->noise});
+    HADA_CLI_SET(entry, {"alpha", info->alpha}, {"lambda", info->lambda},
+                 {"dark", info->dark == HADA_AUTO ? NAN : info->dark}, {"refine_tv", info->refine_tv},
+                 {"refine_colour", info->refine_colour}, {"refine_shrink", info->refine_shrink},
+                 {"refine_share", info->refine_share}, {"noise", info->noise});
     json_object_set_new(entry, "scene_response", json_string(response));
     json_object_set_new(entry, "mosaic", json_string(mosaic));
     json_object_set_new(cli->document, "model", entry);

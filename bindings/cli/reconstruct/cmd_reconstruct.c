@@ -5,7 +5,6 @@
 #include "skip_words.h"
 
 #include <hadalens/dataset.h>
-#include <hadalens/folder.h>
 #include <hadalens/job.h>
 #include <hadalens/response.h>
 #include <stddef.h>
@@ -48,7 +47,7 @@ static const hada_cli_option options[] = {
      AT(frame_encoding)},
     {HADA_OPTION_FLAG, "no-preview", 0, NULL, "write no NAME_preview.png", NULL, AT(no_preview)},
     {HADA_OPTION_FLAG, "resume", 0, NULL, "pass over files whose results are in the folder already",
-     "For going on after an interruption: results get their names when they are whole. What made them is not looked at.",
+     "For going on after an interruption. Results count if they are whole and not older than the frame and the model.",
      AT(task.resume)},
     {HADA_OPTION_FLAG, "strict", 0, NULL, "exit code 8 where the camera does not belong to a frame",
      "Each file's first frame is compared, not that of the first file alone; results are written.", AT(strict)},
@@ -287,7 +286,6 @@ static hada_status prepare(job *work, hada_error *err)
     HADA_TRY_OR_DONE(hada_model_load(&work->model, work->set->model, err));
     HADA_TRY_OR_DONE(change_form(work, err));
     HADA_TRY_OR_DONE(read_options(work, err));
-    HADA_TRY_OR_DONE(hada_folder_ensure(work->set->task.output, err));
     HADA_TRY_OR_DONE(hada_cli_open_all(work->cli, &work->devices, err));
     HADA_TRY_OR_DONE(make_plan(work, err));
 done:
@@ -338,10 +336,6 @@ static int check(hada_cli *cli, const settings *set, int count)
         return hada_cli_usage(cli, "say where the results shall go, with -o FOLDER");
     if (!(set->plan.gamma > 0) || !(set->task.white > 0))
         return hada_cli_usage(cli, "--gamma and --white must be greater than zero");
-    if (set->plan.gamma != 1 && strcmp(set->encoding, "scene"))
-        return hada_cli_usage(cli, "--gamma is an encoding already; leave it or --encoding out");
-    if (!(set->plan.max_error >= 0 && set->plan.max_error < 1) || !(set->plan.band > 0 && set->plan.band <= 1))
-        return hada_cli_usage(cli, "--max-error takes 0 to below 1, --band a share above 0 and at most 1");
     return HADA_EXIT_OK;
 }
 

@@ -17,7 +17,7 @@ const hada_cli_option hada_cli_camera_options[] = {
     {HADA_OPTION_SIZE, "size", 0, "HxW", "pixels of the sensor, rows first",
      "The sensor keeps its length in millimetres, so the pixels change.", AT(size)},
     {HADA_OPTION_SIZE, "window", 0, "HxW", "field of view: pixels of the scene", NULL, AT(window)},
-    {HADA_OPTION_CHOICE, "channels", 0, "1|2|3", "1 for grey, 3 for colour", NULL, ONE_OF(channels, 1, 2, 3)},
+    {HADA_OPTION_CHOICE, "channels", 0, "1|3", "1 for grey, 3 for colour", NULL, ONE_OF(channels, 1, 3)},
     {HADA_OPTION_COUNT, "depths", 0, "N", "number of distances, equal steps in 1/distance", NULL, AT(depths)},
     {HADA_OPTION_REAL, "near", 0, "MM", "nearest distance", NULL, AT(near_mm)},
     {HADA_OPTION_REAL, "far", 0, "MM", "farthest distance", NULL, AT(far_mm)},
@@ -110,8 +110,6 @@ static hada_status set_sensor(hada_camera *camera, const hada_cli_camera_setting
 {
     if (set->size[0])
         HADA_TRY(hada_camera_resize(camera, set->size[0], set->size[1], set->window[0], set->window[1], err));
-    if (set->channels == 2)
-        HADA_TRY(hada_cli_error(err, HADA_ERROR_ARGUMENT, "--channels takes 1 or 3"));
     if (set->window[0]) {
         camera->window_rows = set->window[0];
         camera->window_cols = set->window[1];

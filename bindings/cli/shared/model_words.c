@@ -38,7 +38,7 @@ hada_status hada_cli_read_dark_level(double *level, const char *text, hada_error
 {
     hada_cli_dark dark;
     const hada_status status = hada_cli_read_dark(&dark, text, err);
-    *level = dark.kind == HADA_DARK_AUTO ? -1 : dark.level;
+    *level = dark.kind == HADA_DARK_AUTO ? HADA_AUTO : dark.level == HADA_AUTO ? nextafter(dark.level, 0) : dark.level;
     hada_cli_dark_free(&dark);
     return status;
 }

@@ -92,8 +92,6 @@ hada_status hada_cli_make_sensor(hada_cli_sensor *out, const hada_cli_sensor_set
     if (own_noise && given(set->noise))
         return hada_cli_error(err, HADA_ERROR_ARGUMENT,
                               "--noise and --full-well or --read-noise are two kinds of noise; choose one");
-    if (set->noise < 0)
-        return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--noise must not be negative");
     out->noise = given(set->noise) ? set->noise : own_noise ? 0.0 : 0.01;
     out->auto_exposure = !given(set->exposure);
     if (given(set->exposure))

@@ -21,6 +21,9 @@ HADA_API int hada_path_is_file(const char *path);
 /* Nothing, or an empty folder. */
 HADA_API int hada_path_is_vacant(const char *path);
 
+/* 1: both name one file or folder, which need not be there, by whatever path. */
+HADA_API int hada_path_is_same(const char *one, const char *other);
+
 /* Makes a folder, with those above it where they are missing, and checks that files can be made in it
  * (HADA_ERROR_FILE_WRITE otherwise). A folder that is there already is fine. */
 HADA_API hada_status hada_folder_ensure(const char *path, hada_error *err);

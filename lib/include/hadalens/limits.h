@@ -14,6 +14,17 @@
 extern "C" {
 #endif
 
+/* The defaults, and the text that says the same. */
+#define HADA_LIMITS_PIXELS        4194304
+#define HADA_LIMITS_PAGES         262144
+#define HADA_LIMITS_TEXT          8388608
+#define HADA_LIMITS_PARAMETERS    50000000
+#define HADA_LIMITS_WORD_(number) #number
+#define HADA_LIMITS_WORD(number)  HADA_LIMITS_WORD_(number)
+#define HADA_LIMITS_DEFAULTS                                                                                                \
+    "pixels=" HADA_LIMITS_WORD(HADA_LIMITS_PIXELS) ",pages=" HADA_LIMITS_WORD(HADA_LIMITS_PAGES) ",text=" HADA_LIMITS_WORD( \
+        HADA_LIMITS_TEXT) ",parameters=" HADA_LIMITS_WORD(HADA_LIMITS_PARAMETERS)
+
 typedef struct hada_limits {
     size_t size;         /* sizeof(hada_limits) */
     uint64_t pixels;     /* numbers (pixels times samples) of a page and of the piece of it that is read at once; a file

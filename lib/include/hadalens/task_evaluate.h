@@ -26,9 +26,9 @@ typedef struct hada_evaluate_task {
     double tolerance; /* of distances, in depth steps (millimetres where these are not known); 0.5 by default */
     const double *distances_mm; /* of the camera, near to far, which say what a depth step is */
     int distances;              /* 0 (default): read from NAME_stack.tif beside NAME_depth.tif, where there is one */
-    int match_gain;             /* 1: each result is multiplied by the factor that brings it nearest to the truth */
-    int authors;                /* 1: also PSNR and SSIM as the code of the 2022 paper has them */
-    hada_lpips *lpips;          /* NULL: none */
+    int match_gain;    /* 1: each result is multiplied by the factor from 0 on that brings it nearest to the truth */
+    int authors;       /* 1: also PSNR and SSIM as the code of the 2022 paper has them */
+    hada_lpips *lpips; /* NULL: none */
 
     /* Where: a window, at the centre where its top left is HADA_AUTO, and pixels of a mask that are not 0 in some
      * channel. Nothing outside the window is looked at; SSIM and sharpness see the neighbours of a mask's pixels. */

@@ -4,6 +4,8 @@
 #include "filter/bank.h"
 #include "fit/cropped.h"
 #include "fit/fitter.h"
+#include "image/pixels.h"
+#include "image/statistics.h"
 #include "patience.h"
 #include "ref/ref_fft.h"
 #include "ref/ref_filter.h"
@@ -345,6 +347,35 @@ TEST(light_beyond_the_sensor_is_found)
         fail_msg("error %g in one pass, %g with the crop in the model", before, now);
     if (!(model->info.noise < 0.5 * one->info.noise))
         fail_msg("noise %g in one pass, %g with the crop in the model", one->info.noise, model->info.noise);
+}
+
+/* Values that are cut off are found and have no part, so that transfer functions are nearly those of whole frames. */
+TEST(saturated_values_have_no_part)
+{
+    enum { COUNT = CHANNELS * AREA };
+    fixture *f = *state;
+    hada_image whole[DEPTHS][PAIRS];
+    double error[3];
+    SCOPED(hada_model) *unclipped = learn(f, HADA_AUTO, &error[0], NULL);
+    for (int z = 0; z < DEPTHS; z++)
+        for (int i = 0; i < PAIRS; i++) {
+            float sorted[COUNT], *values = f->frame[z][i].data;
+            ASSERT_OK(hada_image_copy(&whole[z][i], &f->frame[z][i], err));
+            memcpy(sorted, values, sizeof sorted);
+            const float white = hada_select_rank(sorted, COUNT, COUNT - COUNT / 16);
+            for (int k = 0; k < COUNT; k++)
+                values[k] = fminf(values[k], white);
+        }
+    SCOPED(hada_model) *clipped = learn(f, HADA_AUTO, &error[1], NULL);
+    SCOPED(hada_model) *one = learn(f, 0, &error[2], NULL);
+    for (int z = 0; z < DEPTHS; z++)
+        for (int i = 0; i < PAIRS; i++) {
+            hada_image_destroy(&f->frame[z][i]);
+            f->frame[z][i] = whole[z][i];
+        }
+    if (!(error[1] < 1.5 * error[0] && error[1] < error[2] / 3.0))
+        fail_msg("error %g of whole frames, %g of saturated ones, %g of those in one pass", error[0], error[1],
+                 error[2]);
 }
 
 /* Passes over pairs that stay on the device read none, and can be stopped all the same. */

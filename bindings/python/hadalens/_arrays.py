@@ -86,13 +86,17 @@ def to_float(array: npt.NDArray[Any], full_scale: float | None = None) -> Float3
 class Pixels:
     """A frame as the library takes it: `c` is a hada_pixels that looks into the caller's memory where it can."""
 
-    def __init__(self, given: Any, channel_axis: int | None, full_scale: float | None, what: str = "raw") -> None:
-        """Check and wrap."""
+    def __init__(
+        self, given: Any, channel_axis: int | None, full_scale: float | None, what: str = "raw", copy: bool = False
+    ) -> None:
+        """Check and wrap; `copy`: never the caller's memory."""
         if full_scale is not None and not full_scale > 0:
             raise errors.ArgumentError(f"full_scale={full_scale} is not possible; it is above 0")
         array = planes_first(as_array(given, what), channel_axis, what)
         if array.dtype.newbyteorder("<").str not in _PIXELS or not array.dtype.isnative or not array.flags.aligned:
             array = to_float(array, full_scale)
+        if copy and np.may_share_memory(array, given if isinstance(given, np.ndarray) else array):
+            array = array.copy()
         self.array = array  # whose memory C reads
         self.c = tie(ffi.new("hada_pixels *"), array)
         lib.hada_pixels_init(self.c)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import threading
+import weakref
 from collections.abc import Generator
-from typing import Any
+from typing import Any, ClassVar
 
+from . import errors
 from ._native import Owner, call, error_of, ffi, lib, word
 from .result import Result, Results
 
@@ -24,6 +26,9 @@ class Job:
 
     """
 
+    _all: ClassVar[weakref.WeakSet[Job]] = weakref.WeakSet()  # those that may still fill arrays
+    _adding = threading.Lock()
+
     def __init__(self, plan: Owner, submit: Any, frame: Any, results: Results, kept: Any) -> None:
         """Jobs come from :meth:`Plan.submit`."""
         self._kept: Any = (frame, kept)  # C reads the frame in place
@@ -32,7 +37,13 @@ class Job:
         self._lock = threading.Lock()
         # the result, the frame and the plan must outlive the C job
         self._owner = Owner("hada_job", lib.hada_job_destroy, plan, results, frame, kept)
-        call(submit, self._owner.pointer, plan.c, frame, results.c)
+        with Job._adding:
+            for job in list(Job._all):
+                others = job._results
+                if others is not None and results.meets(others) and not job.done():
+                    raise errors.StateError("out is being filled by another job: wait for it, or give each its own")
+            call(submit, self._owner.pointer, plan.c, frame, results.c)
+            Job._all.add(self)
 
     @property
     def state(self) -> str:
@@ -81,6 +92,7 @@ class Job:
                 self._result = self._results.take()
                 self._results = None
                 self._kept = None
+                Job._all.discard(self)
         assert self._result is not None
         return self._result
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import collections
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -203,6 +204,8 @@ class Plan(Handle):
             arrays = Options("hada_cl_arrays", stack=buffer[0], stack_offset=buffer[1])
             call(lib.hada_result_use_cl, results.c, arrays.c)
             results.device = out  # which must live as long
+            start = int(ffi.cast("uintptr_t", buffer[0]))
+            results.filled.append((start, buffer[1], buffer[1] + 4 * math.prod(shape)))
             return results
         if isinstance(out, Result):
             return Results(
@@ -259,10 +262,16 @@ class Plan(Handle):
         *,
         channel_axis: int | None = None,
         full_scale: float | None = None,
+        copy: bool = False,
     ) -> Job:
         """Hand a frame in and return at once; arguments as :meth:`run`.
 
-        The frame must not change until the job has ended.
+        Args:
+            raw, out, channel_axis, full_scale: as of :meth:`run`.
+            copy: the frame is copied; otherwise it must not change until the job has ended.
+
+        Raises:
+            StateError: another job that has not ended fills `out`, or a part of it.
 
         Example:
             >>> first, second = plan.submit(a), plan.submit(b)
@@ -274,15 +283,26 @@ class Plan(Handle):
         if buffer is not None:
             frame = Options("hada_cl_frame", pixels=buffer[0], offset=buffer[1], queue=buffer[2])
             return Job(self._own, lib.hada_job_submit_cl, frame.c, results, (raw, frame))
-        pixels = Pixels(raw, channel_axis, full_scale)
+        pixels = Pixels(raw, channel_axis, full_scale, copy=copy)
         return Job(self._own, lib.hada_job_submit_pixels, pixels.c, results, pixels)
 
     def map(
-        self, frames: Iterable[Any], *, channel_axis: int | None = None, full_scale: float | None = None
+        self,
+        frames: Iterable[Any],
+        *,
+        channel_axis: int | None = None,
+        full_scale: float | None = None,
+        copy: bool = True,
     ) -> Iterator[Result]:
         """Yield the results of many frames in their order, some of them being computed while others are read.
 
         Memory does not grow with their number: as many frames are in flight as the plan has queues, and two more.
+
+        Args:
+            frames: one after the other, as :meth:`run` takes them.
+            channel_axis, full_scale: as of :meth:`run`.
+            copy: each frame is copied when it comes, so that cameras and readers may fill one buffer again and again.
+                False saves the copy where every frame is an array of its own. Frames on a device are never copied.
 
         Example:
             >>> with tifffile.TiffFile("sequence.tif") as file:
@@ -294,7 +314,7 @@ class Plan(Handle):
         ahead = lib.hada_files_ahead(self._c)
         try:
             for raw in frames:
-                jobs.append(self.submit(raw, channel_axis=channel_axis, full_scale=full_scale))
+                jobs.append(self.submit(raw, channel_axis=channel_axis, full_scale=full_scale, copy=copy))
                 if len(jobs) >= ahead:
                     yield jobs.popleft().result()
             while jobs:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ._arrays import Float32, copy_of, floats
+from ._arrays import Float32, address, copy_of, floats
 from ._native import call, ffi, lib, record, words
 
 
@@ -132,6 +132,14 @@ class Results:
         arrays.all_in_focus, arrays.all_in_focus_count = floats(all_in_focus), all_in_focus.size
         arrays.distance_map, arrays.distance_map_count = floats(distance_map), distance_map.size
         call(lib.hada_result_use, self.c, arrays)
+        #: What is filled: (0, or the address of an OpenCL buffer; first byte, byte behind the last).
+        self.filled = [
+            (0, address(array), address(array) + array.nbytes) for array in (stack, all_in_focus, distance_map)
+        ]
+
+    def meets(self, other: Results) -> bool:
+        """Return whether both fill the same memory."""
+        return any(a[0] == b[0] and a[1] < b[2] and b[1] < a[2] for a in self.filled for b in other.filled)
 
     def take(self) -> Result:
         """What was computed."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy as copying
+import pickle
 from collections.abc import Iterator
 from typing import Any
 
@@ -9,6 +11,7 @@ import hadalens
 import numpy as np
 import numpy.typing as npt
 import pytest
+from hadalens._native import ffi
 
 Array = npt.NDArray[Any]
 
@@ -52,3 +55,20 @@ def test_two_jobs_do_not_fill_one_array(model: hadalens.Model, raw: Array) -> No
     first.wait()
     hadalens.Plan(model, refine=0).run(raw, room[:planes])
     assert room[:planes].any()
+
+
+# pickles from elsewhere -----------------------------------------------------------------------------------------------
+
+
+def test_cameras_are_pickled_member_by_member() -> None:
+    """All bits come back; what is no camera is refused, not copied into memory."""
+    camera = hadalens.Camera("paper2022", rows=1000, pixel_pitch_mm=0.0034567890123456789)
+    camera.set_depths(100, 600, 3)
+    for copy in (pickle.loads(pickle.dumps(camera)), copying.deepcopy(camera)):
+        assert bytes(ffi.buffer(copy._c)) == bytes(ffi.buffer(camera._c))
+    with pytest.raises((AttributeError, TypeError)):
+        hadalens.Camera.__new__(hadalens.Camera).__setstate__(b"\xff" * 100_000)
+    restore, (kind, members) = camera.__reduce__()
+    for wrong in ({"rows": "many"}, {"distances_mm": (1.0,) * 10_000}, {"mask": "fog"}, {"nothing": 1}):
+        with pytest.raises((hadalens.ArgumentError, TypeError, AttributeError)):
+            restore(kind, members | wrong)

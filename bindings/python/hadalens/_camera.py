@@ -174,15 +174,17 @@ class Camera:
         scale = self._c.distance_mm * (1.0 / near_mm - 1.0 / far_mm) / self._c.pixel_pitch_mm
         return y_mm * scale, x_mm * scale
 
-    def __getstate__(self) -> bytes:
-        """Cameras can be pickled."""
-        return bytes(ffi.buffer(self._c))
-
-    def __setstate__(self, state: bytes) -> None:
-        """Restore a camera."""
-        object.__setattr__(self, "_c", ffi.new("hada_camera *"))
-        ffi.memmove(self._c, state, len(state))
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Cameras can be pickled, member by member; each is checked when it is set again."""
+        return _restored, (
+            type(self),
+            {name: self.__getattr__(name) for name in members("hada_camera") if name != "size"},
+        )
 
     def __repr__(self) -> str:
         """Return mask and sizes."""
         return f"<Camera {self.mask}: {self.channels} x {self.rows} x {self.cols}, {self.depths} depths>"
+
+
+def _restored(kind: type[Camera], given: dict[str, Any]) -> Camera:
+    return kind(**given)

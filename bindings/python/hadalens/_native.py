@@ -9,8 +9,10 @@ import itertools
 import logging
 import os
 import sys
+import tempfile
 import weakref
 from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
@@ -279,6 +281,22 @@ class Handle:
     ) -> None:
         """Close."""
         self.close()
+
+
+def saved(thing: Any, name: str = "file") -> bytes:
+    """Return the bytes of the file that `thing.save` writes: how objects are pickled."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / name
+        thing.save(file)
+        return file.read_bytes()
+
+
+def loaded(kind: Any, content: bytes, name: str = "file") -> Any:
+    """Return what `kind.load` makes of a file of these bytes."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / name
+        file.write_bytes(content)
+        return kind.load(file)
 
 
 # callbacks ------------------------------------------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Self, TypeAlias
@@ -14,7 +13,7 @@ import numpy.typing as npt
 from . import errors
 from ._arrays import Float32, Floats, Image, Mosaic, address
 from ._fit_report import FitReport
-from ._native import Handle, Options, Owner, call, doubles, ffi, lib, path, record, value_of
+from ._native import Handle, Options, Owner, call, doubles, ffi, lib, loaded, path, record, saved, value_of
 from .device import Context, default
 from .net import Net
 
@@ -404,8 +403,7 @@ class Model(Handle):
     def __reduce__(self) -> tuple[Any, ...]:
         """Models can be pickled, as the bytes of their file."""
         name = Path(self.info.name).name or "model"
-        with tempfile.TemporaryDirectory() as folder:
-            return _unpickle, (name, self.save(Path(folder) / name).read_bytes())
+        return loaded, (Model, saved(self, name), name)
 
     def __repr__(self) -> str:
         """Return the model's name and sizes."""
@@ -417,10 +415,3 @@ class Model(Handle):
             f"{info.distances_mm[-1]:g} mm, {info.channels} x {info.raw_rows} x {info.raw_cols}, window "
             f"{info.window_rows} x {info.window_cols}>"
         )
-
-
-def _unpickle(name: str, content: bytes) -> Model:
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / name
-        file.write_bytes(content)
-        return Model.load(file)

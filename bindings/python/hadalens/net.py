@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, Self
 
 from ._arrays import Float32, Image, NewImage
-from ._native import Handle, Options, Owner, call, ffi, lib, path, record, text
+from ._native import Handle, Options, Owner, call, ffi, lib, loaded, path, record, saved, text
 from .device import Context, default
 
 
@@ -161,14 +161,7 @@ class Net(Handle):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Nets can be pickled, as the bytes of their file."""
-        with tempfile.TemporaryDirectory() as folder:
-            return _unpickle, (self.save(Path(folder) / "net").read_bytes(),)
-
-
-def _unpickle(content: bytes) -> Net:
-    with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "net").write_bytes(content)
-        return Net.load(Path(folder) / "net")
+        return loaded, (Net, saved(self))
 
 
 class NetRunner(Handle):

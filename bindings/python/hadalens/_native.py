@@ -236,12 +236,43 @@ class Owner:
     def __init__(self, kind: str, destroy: Callable[[Any], None], *parents: Any) -> None:
         """Make room for the pointer, which a create function fills through `pointer`."""
         self.pointer = ffi.new(f"{kind} **")
-        weakref.finalize(self, _destroy, destroy, self.pointer, parents, os.getpid())
+        self.process = os.getpid()
+        self.on_device = kind == "hada_context" or _any_on_device(parents)
+        weakref.finalize(self, _destroy, destroy, self.pointer, parents, self.process)
 
     @property
     def c(self) -> Any:
         """The C pointer."""
+        if self.on_device:
+            check_process(self.process)
         return self.pointer[0]
+
+
+def _any_on_device(things: Iterable[Any]) -> bool:
+    return any(
+        _any_on_device(one) if isinstance(one, list | tuple) else isinstance(one, Owner) and one.on_device
+        for one in things
+    )
+
+
+_opener: int | None = None  # the process that asked OpenCL for devices first
+
+
+def open_devices() -> None:
+    """Note that this process uses OpenCL; StateError where a parent did so before it forked."""
+    global _opener
+    _opener = _opener or os.getpid()
+    check_process(_opener)
+
+
+def check_process(process: int) -> None:
+    """Raise StateError in a child of a process that used OpenCL: threads of drivers are missing there."""
+    if process != os.getpid():
+        raise errors.StateError(
+            f"process {process} used OpenCL before it forked, and drivers do not survive that: its child, process "
+            f"{os.getpid()}, would wait for ever; start children by multiprocessing.get_context('spawn') or "
+            "'forkserver', or let the parent open no device before it forks"
+        )
 
 
 def _destroy(destroy: Callable[[Any], None], pointer: Any, _parents: Any, process: int) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from . import errors
-from ._native import Handle, Options, Owner, call, ffi, lib, path, record, value_of, word
+from ._native import Handle, Options, Owner, call, ffi, lib, open_devices, path, record, value_of, word
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,7 @@ def devices() -> list[DeviceInfo]:
         ...     print(device.index, device.name, device.memory_bytes // 2**20, "MiB")
 
     """
+    open_devices()
     found = Owner("hada_device_list", lib.hada_device_list_destroy)
     call(lib.hada_device_list_create, found.pointer)
     return [_info(lib.hada_device_list_get(found.c, index)) for index in range(lib.hada_device_list_count(found.c))]
@@ -97,7 +98,7 @@ class Context(Handle):
 
     """
 
-    _default: tuple[int, Context] | None = None
+    _default: Context | None = None
     _lock = threading.Lock()
 
     def __init__(
@@ -117,6 +118,7 @@ class Context(Handle):
         self._open(lib.hada_context_create, options)
 
     def _open(self, create: Any, options: Options, *given: Any) -> None:
+        open_devices()
         owner = Owner("hada_context", lib.hada_context_destroy, options)
         call(create, owner.pointer, *given, options.c)
         self._owner = owner
@@ -124,11 +126,11 @@ class Context(Handle):
     @classmethod
     def default(cls) -> Context:
         """Return the context of this process on the device that the library chooses; opened when first asked for."""
+        open_devices()  # before the lock, which a fork may have left locked
         with cls._lock:
-            # a child of fork() cannot use its parent's device
-            if cls._default is None or cls._default[0] != os.getpid() or cls._default[1]._owner is None:
-                cls._default = (os.getpid(), cls())
-            return cls._default[1]
+            if cls._default is None or cls._default._owner is None:
+                cls._default = cls()
+            return cls._default
 
     @classmethod
     def adopt(cls, context: Any, device: Any = None) -> Context:

@@ -206,6 +206,31 @@ def test_ctrl_c(what: str, model_file: Path, camera: Path, tmp_path: Path) -> No
         assert process.wait() == 0
 
 
+DAEMON = """
+import sys, threading, time, numpy, hadalens
+model = hadalens.Model.load(sys.argv[1])
+net = hadalens.Net.unet("4|4", "4")
+plan = hadalens.Plan(model)
+trainer = hadalens.Trainer(model, sys.argv[3], net=net, batch=1, steps=10**6)
+def run(): plan.run(numpy.ones((3, 96, 128), numpy.float32))
+def fit(): hadalens.fit(sys.argv[3])
+def step(): trainer.step()
+def train(): hadalens.train(sys.argv[3], sys.argv[4], model=model, net=net, batch=1, steps=10**6, restart=True)
+def work():
+    while True: globals()[sys.argv[2]]()
+threading.Thread(target=work, daemon=True).start()
+time.sleep(0.5)
+"""
+
+
+@pytest.mark.parametrize("what", ["run", "fit", "step", "train"])
+def test_python_may_end_beside_a_daemon_thread(what: str, model_file: Path, camera: Path, tmp_path: Path) -> None:
+    """What a daemon thread has begun is stopped, and its memory is not taken away below it: no crash, no complaint."""
+    code = [sys.executable, "-c", DAEMON, str(model_file), what, str(camera), str(tmp_path / "out.model")]
+    done = subprocess.run(code, text=True, capture_output=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 @pytest.mark.parametrize("what", ["finish", "learn", "register"])
 def test_ctrl_c_ends_what_asks_nothing_else(what: str, camera: Path) -> None:
     """C is stopped where it takes long and calls nothing of Python's: the ends of fits, passes, registration."""

@@ -8,7 +8,7 @@ from collections.abc import Generator
 from typing import Any, ClassVar
 
 from . import errors
-from ._native import Owner, call, error_of, ffi, lib, word
+from ._native import Owner, busy, call, error_of, ffi, lib, word
 from .result import Result, Results
 
 # Seconds after which a wait for C lets Python look for signals: Ctrl-C is heard within these.
@@ -67,7 +67,7 @@ class Job:
         """Wait for the end, for `timeout` seconds at most; return whether it has come. Ctrl-C is heard meanwhile."""
         left = float("inf") if timeout is None else timeout
         while True:
-            if lib.hada_job_wait_for(self._owner.c, min(_HEARTBEAT, left)) >= lib.HADA_JOB_DONE:
+            if busy(lib.hada_job_wait_for, self._owner.c, min(_HEARTBEAT, left)) >= lib.HADA_JOB_DONE:
                 return True
             left -= _HEARTBEAT
             if left <= 0:
@@ -85,7 +85,7 @@ class Job:
         if not self.wait(timeout):
             raise TimeoutError(f"the frame is not done after {timeout} seconds")
         failure = ffi.new("hada_error *")
-        if lib.hada_job_wait(self._owner.c, failure):
+        if busy(lib.hada_job_wait, self._owner.c, failure):
             raise error_of(failure)
         with self._lock:
             if self._result is None and self._results is not None:

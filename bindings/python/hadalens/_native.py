@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import dataclasses
 import functools
 import glob
@@ -10,6 +11,8 @@ import logging
 import os
 import sys
 import tempfile
+import threading
+import time
 import weakref
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -88,13 +91,48 @@ def error_of(record: Any) -> errors.HadalensError:
     return errors.BY_STATUS[status](message, code=int(record.cl_code), detail=text(record.detail))
 
 
-def call(function: Callable[..., int], *arguments: Any) -> None:
-    """Call a C function whose last argument is a hada_error, and raise what it says.
+# The end of Python: objects are destroyed, so other threads (daemons) must not be at work in C, nor begin.
+_busy: list[None] = []  # one for each call that runs
+_ending: int | None = None  # the thread that ends Python
+_PATIENCE = 30.0  # seconds for calls that cannot be stopped, such as compiling
 
-    The GIL is free meanwhile, as in all calls through cffi.
-    """
+
+def busy(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Call a C function that may take long: the end of Python waits for it. The GIL is free meanwhile."""
+    stay_if_ending()
+    _busy.append(None)
+    try:
+        return function(*arguments)
+    finally:
+        _busy.pop()
+        stay_if_ending()
+
+
+def stay_if_ending() -> None:
+    """Let a thread rest for ever where another one ends Python."""
+    if _ending is not None and _ending != threading.get_ident():
+        threading.Event().wait()
+
+
+def _end() -> None:
+    """Stop what runs in other threads, and wait for it."""
+    global _ending
+    _ending = threading.get_ident()
+    until = time.monotonic() + _PATIENCE
+    while _busy and time.monotonic() < until:
+        time.sleep(0.005)
+
+
+weakref.finalize(log, int)  # so that what finalize does at the end is registered, and thus runs after this:
+atexit.register(_end)
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_busy.clear)
+
+
+def call(function: Callable[..., int], *arguments: Any) -> None:
+    """Call a C function whose last argument is a hada_error, and raise what it says."""
     failure = ffi.new("hada_error *")
-    status = function(*arguments, failure)
+    status = busy(function, *arguments, failure)
     if status:
         failure.status = status  # a callback that raised leaves the record empty
         raise error_of(failure)
@@ -245,6 +283,7 @@ class Owner:
         """The C pointer."""
         if self.on_device:
             check_process(self.process)
+        stay_if_ending()
         return self.pointer[0]
 
 
@@ -276,8 +315,8 @@ def check_process(process: int) -> None:
 
 
 def _destroy(destroy: Callable[[Any], None], pointer: Any, _parents: Any, process: int) -> None:
-    # in a child of fork() the threads are gone that would have to end
-    if pointer[0] != ffi.NULL and process == os.getpid():
+    # in a child of fork() the threads are gone that would have to end; calls that cannot be stopped use what they use
+    if pointer[0] != ffi.NULL and process == os.getpid() and not (_ending and _busy):
         destroy(pointer)
 
 
@@ -423,8 +462,8 @@ def py_monitor_message(user: Any, kind: int, message: Any) -> None:  # noqa: ARG
 
 @ffi.def_extern(error=1, onerror=keep_error)  # type: ignore[untyped-decorator]
 def py_monitor_cancelled(user: Any) -> int:
-    """Stop once a callback raised; a Ctrl-C of this moment is raised here and kept like that."""
-    return int(ffi.from_handle(user).error is not None)
+    """Stop once a callback raised, and at Python's end; a Ctrl-C of this moment is raised here and kept like that."""
+    return int(ffi.from_handle(user).error is not None or _ending is not None)
 
 
 @ffi.def_extern()  # type: ignore[untyped-decorator]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy as copying
 import pickle
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import hadalens
@@ -72,3 +73,69 @@ def test_cameras_are_pickled_member_by_member() -> None:
     for wrong in ({"rows": "many"}, {"distances_mm": (1.0,) * 10_000}, {"mask": "fog"}, {"nothing": 1}):
         with pytest.raises((hadalens.ArgumentError, TypeError, AttributeError)):
             restore(kind, members | wrong)
+
+
+# values that mean nothing ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        {"refine": -1},
+        {"refine": -2},
+        {"refine_tv": -1.0},
+        {"refine_tv": -2},
+        {"refine_colour": -1.0},
+        {"refine_shrink": -1},
+        {"crosstalk": -1.0},
+        {"batch": -1},
+        {"queues": -1},
+        {"dark": -1.0},
+        {"dark": 2},
+        {"dark": np.float32("nan")},
+        {"dark": float("nan")},
+        {"gamma": float("nan")},
+        {"max_error": -0.5},
+    ],
+)
+def test_options_below_zero_and_nan_are_refused(option: dict[str, Any], model: hadalens.Model) -> None:
+    """In C, -1 stands for "automatic", -2 for "found from the frame": here None and words do."""
+    with pytest.raises(hadalens.ArgumentError, match=next(iter(option))):
+        hadalens.Plan(model, **option)
+
+
+def test_wrong_values_elsewhere_are_refused(model: hadalens.Model, camera: Path) -> None:
+    """The same for learning."""
+    for dark in (-1.0, float("nan")):
+        with pytest.raises(hadalens.ArgumentError, match="dark"):
+            hadalens.fit(camera, dark=dark)
+        with pytest.raises(hadalens.ArgumentError, match="dark"):
+            hadalens.Model.from_psf([np.eye(8)], [100.0], dark=dark)
+    with pytest.raises(hadalens.ArgumentError, match="regularisation"):
+        hadalens.fit(camera, regularisation=-1.0)
+    with pytest.raises(hadalens.ArgumentError, match="steps"):
+        hadalens.Trainer(model, camera, steps=-1)
+    with pytest.raises(hadalens.ArgumentError, match="gamma"):
+        hadalens.save_png("no.png", np.ones((4, 4)), gamma=-1)
+
+
+def test_numbers_of_numpy_are_taken(model: hadalens.Model, raw: Array) -> None:
+    """What stands for a number is one."""
+    plan = hadalens.Plan(model, refine=np.int64(0), dark=np.float32(0.125), gamma=np.float64(1))  # type: ignore[arg-type]
+    np.testing.assert_array_equal(plan.run(raw).stack, hadalens.Plan(model, refine=0, dark=0.125).run(raw).stack)
+
+
+def test_masked_values_are_no_pixels(linear: hadalens.Plan, raw: Array) -> None:
+    """What stands below a mask must not count unseen; a mask without effect is fine."""
+    with pytest.raises(hadalens.ArgumentError, match="masked"):
+        linear.run(np.ma.masked_array(raw, raw > raw.mean()))
+    whole = linear.run(np.ma.masked_array(raw, False))
+    np.testing.assert_array_equal(whole.stack, linear.run(raw).stack)
+
+
+def test_light_is_not_negative(linear: hadalens.Plan, raw: Array) -> None:
+    """Signed integers below 0 are an offset that somebody forgot."""
+    levels = (np.abs(raw) / raw.max() * 1000).astype(np.int16)
+    linear.run(levels)
+    with pytest.raises(hadalens.ArgumentError, match="down to -3"):
+        linear.run(levels - np.int16(3))

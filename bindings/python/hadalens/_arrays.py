@@ -45,6 +45,18 @@ def as_array(given: Any, what: str) -> npt.NDArray[Any]:
     else:
         raise TypeError(f"{what} is a {type(given).__name__}: an array is needed (NumPy's, or one with DLPack)")
     kind, size = array.dtype.kind, array.dtype.itemsize
+    if isinstance(array, np.ma.MaskedArray):
+        if np.ma.is_masked(array):
+            raise errors.ArgumentError(
+                f"{what} has {np.sum(array.mask)} masked values, whose numbers would count: fill them "
+                "(array.filled(0)); a plan takes pixel_weights=~array.mask"
+            )
+        array = array.data
+    if kind == "i" and size <= 4 and array.size and array.min() < 0:
+        raise errors.ArgumentError(
+            f"{what} of {array.dtype} has values below 0, down to {array.min()}, but light is 0 or more: take off its "
+            "offset, or convert to float32 with 1 for full scale"
+        )
     if (kind in "ui" and size <= 4) or (kind == "f" and size in (4, 8)):
         return array
     raise TypeError(

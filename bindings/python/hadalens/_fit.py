@@ -10,6 +10,7 @@ from . import response as responses
 from ._arrays import Mosaic
 from ._fit_report import FilterScore, FitReport, OutsideScore, RefineScore, ResponseRow
 from ._native import (
+    AUTO,
     Monitor,
     Options,
     Owner,
@@ -71,7 +72,7 @@ def fit_options(
         form=form,
         window_rows=rows,
         window_cols=cols,
-        dark=float(lib.HADA_AUTO) if dark is None else dark,
+        dark=AUTO if dark is None else dark,
         alpha=alpha,
         outside=outside,
         refine_steps=refine_steps,

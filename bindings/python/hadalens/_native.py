@@ -8,6 +8,7 @@ import functools
 import glob
 import itertools
 import logging
+import numbers
 import os
 import sys
 import tempfile
@@ -71,7 +72,12 @@ except ImportError as error:
 ffi = _binding.ffi
 lib = _binding.lib
 
-AUTO: int = lib.HADA_AUTO
+
+class Special(float):
+    """A number below 0 that has a meaning, such as "chosen by the library"; those of users are checked."""
+
+
+AUTO = Special(lib.HADA_AUTO)
 
 #: Called as progress(what, done, total, note): `done` of `total` `what` are done; `total` 0: not known beforehand.
 Progress = Callable[[str, int, int, str | None], None]
@@ -192,6 +198,21 @@ def members(struct: str) -> dict[str, Any]:
     return dict(ffi.typeof(struct).fields)
 
 
+#: Options that may be below 0.
+_SIGNED = ("shift_rows", "shift_cols")
+#: Options that have another name here than in C.
+_NAMES = {"lambda": "regularisation", "repair_not_finite": "repair"}
+
+
+def checked(name: str, value: Any) -> Any:
+    """Return a number; ArgumentError where it is below 0 or NaN."""
+    if isinstance(value, Special):
+        return value
+    if value != value or (value < 0 and name not in _SIGNED):
+        raise errors.ArgumentError(f"{name}={value} is not possible: it is 0 or more; None stands for the default")
+    return value
+
+
 class Options:
     """A C struct of options with what its pointers point to: `c` is the pointer to hand over."""
 
@@ -218,8 +239,8 @@ class Options:
             value = value.c
         elif kind.kind == "pointer" and not isinstance(value, ffi.CData):
             value = self._pointed(kind, value)
-        elif kind.kind == "primitive" and isinstance(value, bool | np.bool_):
-            value = int(value)
+        elif kind.kind == "primitive":
+            value = _number(_NAMES.get(name, name), kind, value)
         setattr(self.c, name, value)
 
     def _pointed(self, kind: Any, value: Any) -> Any:
@@ -230,6 +251,19 @@ class Options:
             made = ffi.new(f"{item}[]", list(value))
         self.kept.append(made)
         return made
+
+
+def _number(name: str, kind: Any, value: Any) -> Any:
+    """Return a number as a C member takes it."""
+    whole = kind.cname not in ("double", "float")
+    if isinstance(value, bool | np.bool_ | Special):
+        return int(value) if whole else float(value)
+    if not isinstance(value, numbers.Real) or (whole and not isinstance(value, numbers.Integral)):
+        raise TypeError(f"{name}={value!r}: a {'whole ' * whole}number is needed")
+    try:
+        return ffi.new(f"{kind.cname} *", checked(name, value))[0]
+    except OverflowError:
+        raise errors.ArgumentError(f"{name}={value} is too large") from None
 
 
 R = TypeVar("R")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numbers
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
+from . import errors
 from ._arrays import Image
 from ._native import Options, value_of
 
@@ -95,8 +97,11 @@ def _set_dark(options: Options, dark: Any) -> None:
         return
     if isinstance(dark, str):
         options.set(dark=dark)
-    elif isinstance(dark, float | int):
-        options.set(dark="level", dark_level=float(dark))
+    elif isinstance(dark, numbers.Real):
+        level = float(dark)
+        if not 0 <= level <= 1:
+            raise errors.ArgumentError(f"dark={dark} is not possible: a level is from 0 to 1, full scale being 1")
+        options.set(dark="level", dark_level=level)
     else:
         frame = Image(dark, what="dark")
         options.kept.append(frame)

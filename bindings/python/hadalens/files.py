@@ -13,7 +13,22 @@ import numpy as np
 from . import errors
 from . import response as responses
 from ._arrays import Float32, Floats, Image, NewImage, as_array
-from ._native import Handle, Monitor, Options, Owner, Progress, call, ffi, keep_error, lib, path, record, text
+from ._native import (
+    AUTO,
+    Handle,
+    Monitor,
+    Options,
+    Owner,
+    Progress,
+    call,
+    checked,
+    ffi,
+    keep_error,
+    lib,
+    path,
+    record,
+    text,
+)
 from .plan import Match, Plan
 from .result import Result
 
@@ -350,8 +365,7 @@ def save_png(
         gamma: exponent; None: as sRGB.
 
     """
-    auto = float(lib.HADA_AUTO)
-    chosen = [auto if value is None else value for value in (white, gamma)]
+    chosen = [AUTO if value is None else checked(name, value) for name, value in (("white", white), ("gamma", gamma))]
     call(lib.hada_png_save, path(name), Image(image).c, *chosen)
     return Path(name)
 

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from . import errors
 from . import response as responses
 from ._arrays import Float32, Floats, Image, NewImage
-from ._native import Handle, Monitor, Options, Owner, call, ffi, lib, path, record, value_of, word
+from ._native import AUTO, Handle, Monitor, Options, Owner, call, checked, ffi, lib, path, record, value_of, word
 from .device import Context, default
 
 
@@ -178,8 +178,8 @@ def depth_parts(
         lib.hada_metric_depth_parts,
         image.c,
         *_distances(distances_mm),
-        lib.HADA_AUTO if jump_steps is None else jump_steps,
-        lib.HADA_AUTO if reach_pixels is None else reach_pixels,
+        AUTO if jump_steps is None else checked("jump_steps", jump_steps),
+        lib.HADA_AUTO if reach_pixels is None else checked("reach_pixels", reach_pixels),
         ffi.cast("unsigned char *", ffi.from_buffer(parts)),
     )
     return parts

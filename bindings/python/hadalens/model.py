@@ -13,7 +13,7 @@ import numpy.typing as npt
 from . import errors
 from ._arrays import Float32, Floats, Image, Mosaic, address
 from ._fit_report import FitReport
-from ._native import Handle, Options, Owner, call, doubles, ffi, lib, loaded, path, record, saved, value_of
+from ._native import AUTO, Handle, Options, Owner, call, doubles, ffi, lib, loaded, path, record, saved, value_of
 from .device import Context, default
 from .net import Net
 
@@ -194,7 +194,7 @@ class Model(Handle):
             window_rows=rows,
             window_cols=cols,
             psf_dark=psf_dark,
-            dark=float(lib.HADA_AUTO) if dark is None else dark,
+            dark=AUTO if dark is None else dark,
             refine_steps=refine_steps,
             refine_tv=refine_tv,
             turn=turn,
@@ -264,7 +264,7 @@ class Model(Handle):
             boundary=boundary,
             grid_rows=None if grid is None else grid[0],
             grid_cols=None if grid is None else grid[1],
-            dark=float(lib.HADA_AUTO) if dark is None else dark,
+            dark=AUTO if dark is None else dark,
         )
         blank = cls._new(lib.hada_model_from_filters, sizes.c, ffi.NULL, ffi.NULL)
         shape = blank._shape()

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ._arrays import Float32, Image, NewImage
 from ._camera import Camera
-from ._native import Handle, Monitor, Options, Owner, Progress, call, ffi, lib, path, record
+from ._native import AUTO, Handle, Monitor, Options, Owner, Progress, call, checked, ffi, lib, path, record
 from .device import Context, default
 
 
@@ -122,7 +122,7 @@ def report(
     used = default(context)
     images = Image(*(camera.psf_stack(context=used) if psfs is None else psfs), what="psfs")
     owner = Owner("hada_optics_report", lib.hada_optics_report_destroy, used._own)
-    level = float(lib.HADA_AUTO) if threshold is None else threshold
+    level = AUTO if threshold is None else checked("threshold", threshold)
     call(lib.hada_optics_report_create, owner.pointer, used._c, camera._c, level)
     for index in range(len(images.arrays)):
         call(lib.hada_optics_report_add, owner.c, images.c + index)

@@ -13,7 +13,7 @@ import numpy as np
 from . import errors
 from ._arrays import Mosaic, Pixels, check_out
 from ._job import Job
-from ._native import Handle, Options, Owner, call, ffi, lib, record
+from ._native import Handle, Options, Owner, Special, call, ffi, lib, record
 from ._plan_options import Classic, Method, Skip, plan_options
 from .device import Context, address_of, default
 from .model import Model
@@ -161,7 +161,7 @@ class Plan(Handle):
             occupied=occupied,
             scene=scene,
             refine=refine,
-            refine_tv=float(lib.HADA_REFINE_TV_FRAME) if refine_tv == "frame" else refine_tv,
+            refine_tv=Special(lib.HADA_REFINE_TV_FRAME) if refine_tv == "frame" else refine_tv,
             refine_colour=refine_colour,
             refine_shrink=refine_shrink,
             crosstalk=crosstalk,

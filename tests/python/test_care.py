@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy as copying
 import pickle
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -139,3 +139,73 @@ def test_light_is_not_negative(linear: hadalens.Plan, raw: Array) -> None:
     linear.run(levels)
     with pytest.raises(hadalens.ArgumentError, match="down to -3"):
         linear.run(levels - np.int16(3))
+
+
+# shapes ---------------------------------------------------------------------------------------------------------------
+
+
+def test_one_psf_will_do() -> None:
+    """One measured PSF, grey or colour, with its distance: what most people have."""
+    spot = np.zeros((24, 32), np.float32)
+    spot[10:14, 12:20] = np.arange(32).reshape(4, 8)
+    colour = np.stack([spot, spot / 2, spot / 3])
+    for psf, channels, axis in ((spot, 1, None), (colour, 3, None), (np.moveaxis(colour, 0, -1), 3, -1)):
+        expected = hadalens.Model.from_psf([psf], [250.0], channel_axis=axis)
+        assert (expected.info.channels, expected.info.raw_cols) == (channels, 32)
+        for distance in (250, 250.0, [250.0], np.array([250.0])):
+            model = hadalens.Model.from_psf(psf, distance, channel_axis=axis)
+            np.testing.assert_array_equal(model.otf, expected.otf)
+    assert hadalens.Model.from_psf(colour, [100.0, 200.0, 300.0]).info.depths == 3  # three grey ones
+    assert hadalens.Model.from_psf(spot[None], 250.0).info.channels == 1
+    with pytest.raises(hadalens.SizeError, match="channel_axis=-1"):
+        hadalens.Model.from_psf(np.moveaxis(colour, 0, -1), 250.0)
+
+
+def test_channels_last_are_recognised(linear: hadalens.Plan, raw: Array, camera: Path, tmp_path: Path) -> None:
+    """The commonest slip: the error says what to give."""
+    last = np.moveaxis(raw, 0, -1)
+    scene = hadalens.Dataset.scan(camera).read(0, 0)[1]
+    simulator = hadalens.Simulator(hadalens.Camera.load(camera / "camera.json"))
+    for work in (
+        lambda: linear.run(last),
+        lambda: list(linear.map([last])),
+        lambda: linear.match(last),
+        lambda: hadalens.metrics.psnr(last, last / 2),
+        lambda: hadalens.metrics.sharpness(last),
+        lambda: hadalens.save_png(tmp_path / "a.png", last),
+        lambda: hadalens.write_tiff(tmp_path / "a.tif", last),
+        lambda: hadalens.fit({100.0: [(last, last)] * 3}),
+        lambda: hadalens.resize(last, 10, 10),
+        lambda: simulator.render({0: np.moveaxis(scene, 0, -1)}),
+        lambda: hadalens.Plan(linear.model, dark=last),
+    ):
+        with pytest.raises(hadalens.SizeError, match=r"last.*channel_axis=-1"):
+            work()
+
+
+def test_channel_axis_everywhere(raw: Array, camera: Path, tmp_path: Path) -> None:
+    """Metrics, pictures, files and scenes take channels where they stand."""
+    last, dim = np.moveaxis(raw, 0, -1), np.moveaxis(raw / 2, 0, -1)
+    metrics = hadalens.metrics
+    for metric in (metrics.mse, metrics.mae, metrics.psnr, metrics.ssim, metrics.authors_psnr, metrics.authors_ssim):
+        assert metric(last, dim, channel_axis=-1) == metric(raw, raw / 2)
+    assert metrics.sharpness(last, channel_axis=-1) == metrics.sharpness(raw)
+    first = hadalens.save_png(tmp_path / "a.png", raw).read_bytes()
+    assert hadalens.save_png(tmp_path / "b.png", last, channel_axis=-1).read_bytes() == first
+    np.testing.assert_array_equal(
+        hadalens.read_tiff(hadalens.write_tiff(tmp_path / "a.tif", last, channel_axis=-1), 0), raw
+    )
+    works: list[Callable[..., Array]] = [
+        lambda image, **axis: hadalens.resize(image, 10, 10, **axis),
+        lambda image, **axis: hadalens.fit_scene(image, 10, 10, **axis),
+        lambda image, **axis: hadalens.crop(image, 1, 2, 10, 10, **axis),
+        lambda image, **axis: hadalens.add_noise(image, 0.1, **axis),
+        lambda image, **axis: hadalens.focus_stack([image, image], [100.0, 200.0], **axis)[0],
+        lambda image, **axis: hadalens.Registration().apply(image, **axis),
+    ]
+    for work in works:
+        np.testing.assert_array_equal(work(last, channel_axis=-1), work(raw))
+    data = hadalens.Dataset.scan(camera)
+    pairs = [data.read(0, pair) for pair in range(3)]
+    turned = [[np.moveaxis(image, 0, -1) for image in images] for images in zip(*pairs, strict=True)]
+    assert hadalens.register(*turned, channel_axis=-1) == hadalens.register(*zip(*pairs, strict=True))

@@ -25,6 +25,7 @@ Mosaic: TypeAlias = Literal["none", "rggb", "bggr", "grbg", "gbrg"]
 # Memory that the host reads, of dlpack.h: kDLCPU, kDLCUDAHost, kDLROCMHost, kDLCUDAManaged; NumPy takes these.
 _DLPACK_HOST = (1, 3, 11, 13)
 _TO_HOST = "bring it to the host first (.cpu() of PyTorch, .get() of CuPy, .copy_to_host() of Numba)"
+_FEW = 4  # channels of pictures, at most: no image has so few columns
 _PIXELS = {"|u1": lib.HADA_PIXEL_U8, "<u2": lib.HADA_PIXEL_U16, "<f4": lib.HADA_PIXEL_F32}
 
 
@@ -75,13 +76,22 @@ def _from_dlpack(given: Any, what: str) -> npt.NDArray[Any]:
 
 def planes_first(array: npt.NDArray[Any], channel_axis: int | None, what: str) -> npt.NDArray[Any]:
     """Return a view (C, Y, X) of an image (Y, X), or of three axes one of which is the channels'."""
-    if array.ndim == 2 and channel_axis is None:
+    if array.ndim == 2:
         return array[np.newaxis]
     if array.ndim != 3:
         raise errors.SizeError(
             f"{what} has the shape {array.shape}: (Y, X), (C, Y, X), or (Y, X, C) with channel_axis=-1"
         )
-    return array if channel_axis is None else np.moveaxis(array, channel_axis, 0)
+    if channel_axis is None:
+        if array.shape[-1] <= _FEW < array.shape[0]:
+            raise errors.SizeError(
+                f"{what} has the shape {array.shape}: channels seem to stand last, but (C, Y, X) is expected; give "
+                f"channel_axis=-1, or np.moveaxis({what}, -1, 0)"
+            )
+        return array
+    if not -3 <= channel_axis < 3:
+        raise errors.ArgumentError(f"channel_axis={channel_axis}: {what} has three axes, 0 to 2, or -1 for the last")
+    return np.moveaxis(array, channel_axis, 0)
 
 
 def to_float(array: npt.NDArray[Any], full_scale: float | None = None) -> Float32:

@@ -40,7 +40,7 @@ class _Reader(Caller):
         elif callable(source) and not hasattr(source, "__array_interface__"):
             source = source()
         array = as_array(source, what)
-        return to_float(planes_first(array, self.channel_axis if array.ndim == 3 else None, what))
+        return to_float(planes_first(array, self.channel_axis, what))
 
 
 def _load(name: str | os.PathLike[str]) -> Float32:

@@ -123,6 +123,7 @@ class Simulator(Handle):
         lens: int | None = None,
         noise: float = 0.0,
         seed: int = 0,
+        channel_axis: int | None = None,
     ) -> Float32:
         """Return the frame (C, Y, X) of a scene of planes.
 
@@ -132,9 +133,10 @@ class Simulator(Handle):
             lens: look through this lens alone.
             noise: Gaussian, its standard deviation as a share of the frame's maximum.
             seed: of the noise.
+            channel_axis: of the images; None: the first.
 
         """
-        images = Image(*planes.values(), what="planes")
+        images = Image(*planes.values(), what="planes", channel_axis=channel_axis)
         given = ffi.new("hada_plane[]", [(depth, images.c + i) for i, depth in enumerate(planes)])
         frame = NewImage()
         if opacity is None and lens is None:
@@ -159,9 +161,9 @@ class Simulator(Handle):
         call(lib.hada_simulator_render_reliefs, self._c, given, len(surfaces), opaque, noise, seed, frame.c)
         return frame.array()
 
-    def expose(self, frame: Any, sensor: Sensor, *, seed: int = 0) -> Float32:
+    def expose(self, frame: Any, sensor: Sensor, *, seed: int = 0, channel_axis: int | None = None) -> Float32:
         """Return what a sensor makes of a frame of light (C, Y, X)."""
-        copy = np.array(to_float(planes_first(as_array(frame, "frame"), None, "frame")), copy=True)
+        copy = np.array(to_float(planes_first(as_array(frame, "frame"), channel_axis, "frame")), copy=True)
         image = Image(copy)
         call(lib.hada_simulator_expose, self._c, sensor._options().c, seed, image.c)
         return image.arrays[0]

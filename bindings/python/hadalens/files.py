@@ -146,6 +146,7 @@ def write_tiff(
     description: str | None = None,
     compress: bool = False,
     encoding: float | str | None = None,
+    channel_axis: int | None = None,
 ) -> Path:
     """Write frames into a TIFF file with the metadata that the library reads again; whole or not at all.
 
@@ -160,6 +161,7 @@ def write_tiff(
         description: further lines for the metadata, "key=value".
         compress: deflate.
         encoding: how the values stand for light ("linear", "srgb", a power), stated in the metadata.
+        channel_axis: of each frame; None: the first.
 
     Returns:
         The path.
@@ -170,7 +172,7 @@ def write_tiff(
     """
     array = as_array(frames, "frames")
     several = array if array.ndim == 4 else array[np.newaxis]
-    images = Image(*several, what="frames")
+    images = Image(*several, what="frames", channel_axis=channel_axis)
     if distances_mm is not None and len(distances_mm) != len(images.arrays):
         raise errors.SizeError(f"{len(distances_mm)} distances for {len(images.arrays)} frames")
     options = Options(
@@ -324,10 +326,11 @@ def save_preview(
     raw: Any = None,
     title: str | None = None,
     gamma: float | None = None,
+    channel_axis: int | None = None,
 ) -> Path:
     """Draw a sheet (PNG) of a result: all-in-focus image, distance map with its scale, and the stack.
 
-    Of a single depth the first alone, which shows it.
+    Of a single depth the first alone, which shows it. `channel_axis` is the raw frame's.
 
     Raises:
         UnsupportedError: there is no cairo.
@@ -335,7 +338,7 @@ def save_preview(
     """
     images = Image(*result.stack, what="stack")
     others = Image(result.all_in_focus, result.distance_map, what="result")
-    frame = None if raw is None else Image(raw, what="raw")
+    frame = None if raw is None else Image(raw, what="raw", channel_axis=channel_axis)
     several = len(images.arrays) > 1
     options = Options(
         "hada_preview",
@@ -354,7 +357,12 @@ def save_preview(
 
 
 def save_png(
-    name: str | os.PathLike[str], image: Any, *, white: float | None = None, gamma: float | None = None
+    name: str | os.PathLike[str],
+    image: Any,
+    *,
+    white: float | None = None,
+    gamma: float | None = None,
+    channel_axis: int | None = None,
 ) -> Path:
     """Draw an image (Y, X) or (C, Y, X) of linear light as PNG.
 
@@ -363,10 +371,11 @@ def save_png(
         image: the image.
         white: the value that is white; None: the 99.9th percentile.
         gamma: exponent; None: as sRGB.
+        channel_axis: where the channels stand; None: first.
 
     """
     chosen = [AUTO if value is None else checked(name, value) for name, value in (("white", white), ("gamma", gamma))]
-    call(lib.hada_png_save, path(name), Image(image).c, *chosen)
+    call(lib.hada_png_save, path(name), Image(image, channel_axis=channel_axis).c, *chosen)
     return Path(name)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Self, TypeAlias
@@ -11,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import errors
-from ._arrays import Float32, Floats, Image, Mosaic, address
+from ._arrays import Float32, Floats, Image, Mosaic, address, as_array
 from ._fit_report import FitReport
 from ._native import AUTO, Handle, Options, Owner, call, doubles, ffi, lib, loaded, path, record, saved, value_of
 from .device import Context, default
@@ -130,7 +131,7 @@ class Model(Handle):
     def from_psf(
         cls,
         psfs: Any,
-        distances_mm: Floats,
+        distances_mm: Floats | float,
         *,
         context: Context | None = None,
         form: Literal["matched", "wiener"] = "wiener",
@@ -152,8 +153,9 @@ class Model(Handle):
 
         Args:
             psfs: a sequence of images (Y, X) or (C, Y, X), or an array (Z, Y, X) or (Z, C, Y, X), one a depth, near to
-                far, the optical axis at (rows // 2, columns // 2); dtypes as for :meth:`Plan.run`.
-            distances_mm: of the depths, near to far.
+                far, the optical axis at (rows // 2, columns // 2); of one distance the image itself will do, grey or
+                colour. dtypes as for :meth:`Plan.run`.
+            distances_mm: of the depths, near to far; of one depth its number will do.
             context: a device for the transforms.
             form: of the linear filters.
             boundary: "padded" for a sensor that crops what the optics cast, "circular" otherwise.
@@ -178,9 +180,10 @@ class Model(Handle):
             >>> model = hadalens.Model.from_psf([psf], [250.0], dark=None)
 
         """
-        images = Image(*psfs, what="psfs", channel_axis=channel_axis)
-        if len(images.arrays) != len(distances_mm):
-            raise errors.SizeError(f"{len(images.arrays)} psfs and {len(distances_mm)} distances: one distance a psf")
+        distances = np.atleast_1d(np.asarray(distances_mm, np.float64)).tolist()
+        images = Image(*_each_psf(psfs, len(distances)), what="psf", channel_axis=channel_axis)
+        if len(images.arrays) != len(distances):
+            raise errors.SizeError(f"{len(images.arrays)} psfs and {len(distances)} distances: one distance a psf")
         rows, cols = window or (None, None)
         frame_rows, frame_cols = frame or (None, None)
         options = Options(
@@ -206,7 +209,7 @@ class Model(Handle):
             default(context)._c,
             images.c,
             len(images.arrays),
-            doubles(distances_mm),
+            doubles(distances),
             options.c,
         )
 
@@ -415,3 +418,12 @@ class Model(Handle):
             f"{info.distances_mm[-1]:g} mm, {info.channels} x {info.raw_rows} x {info.raw_cols}, window "
             f"{info.window_rows} x {info.window_cols}>"
         )
+
+
+def _each_psf(psfs: Any, depths: int) -> Sequence[Any]:
+    """Return one image a depth: an array for a single depth may be that image itself."""
+    if isinstance(psfs, list | tuple):
+        return psfs
+    array = as_array(psfs, "psfs")
+    one = array.ndim == 2 or (array.ndim == 3 and depths == 1 and array.shape[0] != 1)
+    return [array] if one else list(array)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy as copying
+import errno
 import pickle
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,7 +13,7 @@ import hadalens
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hadalens._native import ffi
+from hadalens._native import ffi, spoken
 
 Array = npt.NDArray[Any]
 
@@ -209,3 +210,92 @@ def test_channel_axis_everywhere(raw: Array, camera: Path, tmp_path: Path) -> No
     pairs = [data.read(0, pair) for pair in range(3)]
     turned = [[np.moveaxis(image, 0, -1) for image in images] for images in zip(*pairs, strict=True)]
     assert hadalens.register(*turned, channel_axis=-1) == hadalens.register(*zip(*pairs, strict=True))
+
+
+# names and strings ----------------------------------------------------------------------------------------------------
+
+
+def test_keywords_that_are_none_are_named(model: hadalens.Model, camera: Path, tmp_path: Path) -> None:
+    """The error names the keyword, what it may be meant for, and what there is."""
+    works: list[tuple[str, str, Callable[[dict[str, Any]], Any]]] = [
+        ("step", "steps", lambda given: hadalens.Trainer(model, camera, **given)),
+        ("step", "steps", lambda given: hadalens.train(camera, tmp_path / "a.model", model=model, **given)),
+        ("regularization", "regularisation", lambda given: hadalens.Fitter([100.0], (8, 8), **given)),
+        ("refin", "refine", lambda given: hadalens.Plan.estimate(model, **given)),
+        ("row", "rows", lambda given: hadalens.Camera(**given)),
+    ]
+    for wrong, right, work in works:
+        with pytest.raises(TypeError, match=f"'{wrong}'.*'{right}' meant.*there are "):
+            work({wrong: 1})
+    with pytest.raises(AttributeError, match="'rows' meant"):
+        hadalens.Camera().row = 3
+    for values in ({"refine": "many"}, {"refine": 2.5}, {"gamma": "bright"}):
+        with pytest.raises(TypeError, match=f"{next(iter(values))}="):
+            hadalens.Plan(model, **values)
+
+
+def test_strings_stand_for_objects(model_file: Path, camera: Path, raw: Array, tmp_path: Path) -> None:
+    """A model's file, a device's name and a camera's preset will do; what will not is a clear TypeError."""
+    model = hadalens.Model.load(model_file)
+    expected = hadalens.Plan(model, refine=0).run(raw).stack
+    for given in (str(model_file), model_file):
+        np.testing.assert_array_equal(hadalens.Plan(given, context="cpu", refine=0).run(raw).stack, expected)
+        assert hadalens.Plan.estimate(given, context="0") == hadalens.Plan.estimate(model)
+    hadalens.train(camera, tmp_path / "b.model", model=str(model_file), context="cpu", stage="filters", steps=1)
+    assert hadalens.Trainer(model_file, camera, stage="filters", steps=1).steps == 1
+    assert hadalens.Simulator("sim300").camera.rows == 300
+    assert hadalens.register_dataset(str(camera))
+    with pytest.raises(hadalens.DeviceChoiceError):
+        hadalens.Plan(model, context="no such device")
+    wrong: Any
+    for wrong in (3, model):
+        with pytest.raises(TypeError, match=r"hadalens.Context"):
+            hadalens.Plan(model, context=wrong)
+    for wrong in (None, raw, camera):
+        with pytest.raises((TypeError, hadalens.FileError), match=r"hadalens.Model|ordinary file"):
+            hadalens.Plan(wrong)
+    with pytest.raises(TypeError, match=r"hadalens.Plan"):
+        hadalens.reconstruct_files(str(model_file), [], tmp_path)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="read_tiff"):
+        hadalens.Plan(model).run("frame.tif")
+
+
+def test_files_that_are_missing_are_found_missing(tmp_path: Path) -> None:
+    """What Python programs catch: FileNotFoundError with errno, also over the borders of processes."""
+    for work in (hadalens.Model.load, hadalens.fit, hadalens.Plan, hadalens.read_tiff, hadalens.Camera.load):
+        with pytest.raises(FileNotFoundError) as caught:
+            work(tmp_path / "none")
+        assert isinstance(caught.value, hadalens.FileMissingError)
+        for error in (caught.value, pickle.loads(pickle.dumps(caught.value))):
+            assert error.errno == errno.ENOENT
+            assert "none" in str(error)
+    with pytest.raises(hadalens.FileWriteError) as denied:
+        hadalens.Camera().save(tmp_path / "no folder" / "camera.json")
+    assert denied.value.errno == errno.ENOENT
+
+
+@pytest.mark.parametrize(
+    ("told", "here"),
+    [
+        ("compute fewer depths (--depths), or use linear filters (--refine 0)", ["(depths)", "refine=0"]),
+        ("leave it out (--no-enhance), or use another device", ["enhance=False"]),
+        ("another --method: take --scene planes, or leave those out", ["classic", "scene='planes'"]),
+        ("fit (from a PSF: fit --psf PSF --frame FRAME)", ["Model.from_psf"]),
+        ("go on with it (options.resume), or try options.at_once 1", ["(resume)", "at_once=1"]),
+        ("more than the limits allow (options.limits pixels=N)", ["set_limits('pixels=N')"]),
+        ("and skip made of HADA_SKIP_...", ["the words of skip"]),
+    ],
+)
+def test_messages_speak_python(told: str, here: list[str]) -> None:
+    """What the library calls by its name on the command line is called by its name here."""
+    assert all(word in spoken(told) for word in here)
+    assert not any(word in spoken(told) for word in ("--", "options.", "HADA_"))
+
+
+def test_a_message_on_its_way_is_translated(linear: hadalens.Plan, raw: Array) -> None:
+    """The whole way."""
+    with pytest.raises(hadalens.ModelError, match=r"Model.from_psf") as caught:
+        linear.run(raw[:, :-1])
+    assert "--" not in str(caught.value)
+    with pytest.raises(hadalens.ArgumentError, match="the words of skip"):
+        hadalens.Plan(linear.model, max_error=2)

@@ -7,6 +7,7 @@ protocol.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from typing import Any, Literal, TypeAlias
 
@@ -44,7 +45,10 @@ def as_array(given: Any, what: str) -> npt.NDArray[Any]:
     elif hasattr(given, "__array__") or isinstance(given, memoryview):
         array = np.asarray(given)
     else:
-        raise TypeError(f"{what} is a {type(given).__name__}: an array is needed (NumPy's, or one with DLPack)")
+        raise TypeError(
+            f"{what} is a {type(given).__name__}: an array is needed (NumPy's, or one with DLPack)"
+            + "; hadalens.read_tiff reads a file" * isinstance(given, str | os.PathLike)
+        )
     kind, size = array.dtype.kind, array.dtype.itemsize
     if isinstance(array, np.ma.MaskedArray):
         if np.ma.is_masked(array):

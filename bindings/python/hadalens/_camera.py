@@ -11,9 +11,10 @@ import numpy.typing as npt
 
 from . import errors
 from ._arrays import Float32, NewImage
-from ._native import call, ffi, lib, members, path, value_of, word
-from .device import Context, default
+from ._native import call, check_names, expect, ffi, lib, meant, members, path, value_of, word
+from .device import Device, default
 
+_MEMBERS = [name for name in members("hada_camera") if name != "size"]
 Mask: TypeAlias = Literal["mla", "grid", "diffuser", "contour", "aperture"]
 
 
@@ -40,6 +41,7 @@ class Camera:
         """Begin with a preset."""
         object.__setattr__(self, "_c", ffi.new("hada_camera *", {"size": ffi.sizeof("hada_camera")}))
         call(lib.hada_camera_preset, self._c, preset.encode())
+        check_names(members, _MEMBERS, "Camera")
         for name, value in members.items():
             setattr(self, name, value)
 
@@ -49,6 +51,11 @@ class Camera:
         camera = cls()
         call(lib.hada_camera_load, camera._c, path(name))
         return camera
+
+    @classmethod
+    def _of(cls, given: Camera | str) -> Camera:
+        """Return a camera, or that of a preset."""
+        return cls(given) if isinstance(given, str) else expect(given, Camera, "camera", "or a preset's name")
 
     @classmethod
     def _copy(cls, struct: Any) -> Self:
@@ -65,7 +72,7 @@ class Camera:
         """Return a member of hada_camera."""
         field = members("hada_camera").get(name)
         if field is None or name == "size":
-            raise AttributeError(f"a camera has no {name}")
+            raise AttributeError(f"a camera has no {name!r}{meant(name, _MEMBERS)}")
         value = getattr(self._c, name)
         if name == "distances_mm":
             return tuple(value[z] for z in range(self._c.depths))
@@ -77,7 +84,7 @@ class Camera:
         """Set a member of hada_camera."""
         field = members("hada_camera").get(name)
         if field is None or name == "size":
-            raise AttributeError(f"a camera has no {name}")
+            raise AttributeError(f"a camera has no {name!r}{meant(name, _MEMBERS)}")
         if name == "distances_mm":
             if len(value) > lib.HADA_CAMERA_DEPTHS:
                 raise errors.ArgumentError(f"{len(value)} distances: {lib.HADA_CAMERA_DEPTHS} at most")
@@ -141,7 +148,7 @@ class Camera:
         call(lib.hada_camera_psf, self._c, distance_mm, *(size or (0, 0)), image.c)
         return image.plane()
 
-    def psf_stack(self, *, context: Context | None = None) -> Float32:
+    def psf_stack(self, *, context: Device | None = None) -> Float32:
         """Return the point spread functions of all distances by the camera's `optics`: (Z, C, Y, X)."""
         images = NewImage(self._c.depths)
         used = ffi.NULL if self.optics == "geometry" else default(context)._c

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict
 
 from . import response as responses
 from ._arrays import Mosaic
@@ -23,7 +23,7 @@ from ._native import (
     value_of,
 )
 from ._pairs import Dataset, Pairs, as_dataset
-from .device import Context, default
+from .device import Device, default
 from .model import Boundary, Model
 
 
@@ -44,6 +44,25 @@ def scores_of(
         tuple(record(OutsideScore, row) for row in _each(scores.outsides)),
         tuple(record(RefineScore, row) for row in _each(scores.refinements)),
     )
+
+
+class FitOptions(TypedDict, total=False):
+    """What :func:`fit` and :class:`Fitter` take alike, by keyword."""
+
+    form: Literal["complex", "split"]
+    dark: float | None
+    alpha: float | None
+    regularisation: float | None
+    outside: float | None
+    refine_steps: int | None
+    refine_tv: float | None
+    refine_colour: float | None
+    refine_shrink: float | None
+    nonnegative: bool
+    scene_response: float | str | None
+    crop_passes: int | None
+    leave_one_out: bool
+    mosaic: Mosaic
 
 
 def fit_options(
@@ -92,7 +111,7 @@ def fit_options(
 def fit(
     pairs: Dataset | Pairs | str | os.PathLike[str] | None,
     *,
-    context: Context | None = None,
+    context: Device | None = None,
     boundary: Boundary | None = None,
     window: tuple[int, int] | None = None,
     form: Literal["complex", "split"] = "complex",

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from typing import Any, TypeAlias, cast
+from typing import Any, TypeAlias, Unpack, cast
 
 from . import errors
 from ._arrays import Floats, Mosaic
-from ._fit import fit_options, monitored, scores_of
+from ._fit import FitOptions, fit_options, monitored, scores_of
 from ._fit_report import FitReport
-from ._native import Handle, Monitor, Options, Owner, call, ffi, lib, path, word
+from ._native import Handle, Monitor, Options, Owner, call, check_names, ffi, lib, path, word
 from ._pairs import Dataset, Pairs, as_dataset
-from .device import Context, default
+from .device import Context, Device, default
 from .model import Boundary, Model
 
 #: Shows a pair again: (depth, pair) -> (raw, scene).
@@ -67,11 +67,12 @@ class Fitter(Handle):
         channels: int = 1,
         boundary: Boundary = "circular",
         grid: tuple[int, int] | None = None,
-        context: Context | None = None,
+        context: Device | None = None,
         channel_axis: int | None = None,
-        **options: Any,
+        **options: Unpack[FitOptions],
     ) -> None:
         """Take room for the sums."""
+        check_names(options, FitOptions.__annotations__, "Fitter")
         chosen = fit_options(
             window=window or raw_size,
             depths=len(distances_mm),
@@ -108,11 +109,12 @@ class Fitter(Handle):
         name: str | os.PathLike[str],
         *,
         depths: int,
-        context: Context | None = None,
+        context: Device | None = None,
         channel_axis: int | None = None,
-        **options: Any,
+        **options: Unpack[FitOptions],
     ) -> Fitter:
         """Return a fitter from a file of sums; camera, depths and dark level are the file's."""
+        check_names(options, FitOptions.__annotations__, "Fitter.from_sums")
         new = cls.__new__(cls)
         new._start(default(context), fit_options(sums=name, **options), channel_axis)
         if len(new._distances) != depths:
@@ -191,7 +193,7 @@ class Fitter(Handle):
 
 
 def find_boundary(
-    pairs: Dataset | Pairs | str | os.PathLike[str], *, context: Context | None = None, channel_axis: int | None = None
+    pairs: Dataset | Pairs | str | os.PathLike[str], *, context: Device | None = None, channel_axis: int | None = None
 ) -> tuple[str, tuple[int, int] | None]:
     """Find from pairs whether light leaves the sensor, and the grid that serves.
 

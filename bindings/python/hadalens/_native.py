@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import atexit
 import dataclasses
+import errno
 import functools
 import glob
 import itertools
 import logging
 import numbers
 import os
+import re
 import sys
 import tempfile
 import threading
@@ -91,10 +93,46 @@ def text(pointer: Any) -> str:
 def error_of(record: Any) -> errors.HadalensError:
     """Return the exception that a filled hada_error stands for."""
     status = errors.Status(record.status)
-    message = text(record.message) or status.name
+    message = spoken(text(record.message)) or status.name
     if status is errors.Status.NO_DEVICE:
         message = f"{message} {INSTALL}"
-    return errors.BY_STATUS[status](message, code=int(record.cl_code), detail=text(record.detail))
+    kind = errors.BY_STATUS[status]
+    if not issubclass(kind, OSError):
+        return kind(message, code=int(record.cl_code), detail=text(record.detail))
+    number = next((code for code in errno.errorcode if f": {os.strerror(code)}" in message), None)
+    if status is errors.Status.FILE_OPEN and number == errno.ENOENT:
+        kind = errors.FileMissingError
+    failed = kind(message, code=int(record.cl_code), detail=text(record.detail))
+    if number is not None and isinstance(failed, OSError):
+        failed.errno, failed.strerror = number, os.strerror(number)
+    return failed
+
+
+# What messages call by its name on the command line or in C, and what it is here.
+_SPOKEN = (
+    (r"'hadalens devices --save-binaries FOLDER'", "Context.save_programs(folder)"),
+    (r"fit --psf PSF --frame FRAME", "Model.from_psf(psf, distance_mm, frame=raw.shape[-2:])"),
+    (r"fit --bayer", "fit(mosaic=...)"),
+    (r"from --psf", "by Model.from_psf"),
+    (r"options\.(limits) (\w+=N)", r"set_limits('\2')"),
+    (r"--no-([a-z]+)", r"\1=False"),
+    (r"--device", "context"),
+    (r"--bayer ([a-z]{4})\b", r"mosaic='\1'"),
+    (r"--bayer", "mosaic"),
+    (r"--method", "classic"),
+    (r"(?:--|options\.)([a-z_]+) (\d[\d.]*)", r"\1=\2"),
+    (r"--scene planes", "scene='planes'"),
+    (r"(?:--|options\.)([a-z_]+)", r"\1"),
+    (r"HADA_([A-Z]+)_\.\.\.", lambda found: f"the words of {found[1].lower()}"),
+)
+
+
+def spoken(message: str) -> str:
+    """Return a message of the library in Python's words."""
+    if "--" in message or "options." in message or "HADA_" in message:
+        for pattern, word_here in _SPOKEN:
+            message = re.sub(pattern, word_here, message)
+    return message
 
 
 # The end of Python: objects are destroyed, so other threads (daemons) must not be at work in C, nor begin.
@@ -147,6 +185,32 @@ def call(function: Callable[..., int], *arguments: Any) -> None:
 def path(name: str | os.PathLike[str]) -> bytes:
     """Return a path as C takes it."""
     return os.fsencode(name)
+
+
+K = TypeVar("K")
+
+
+def expect(thing: Any, kind: type[K], what: str, others: str = "") -> K:
+    """Return a thing that is of a kind; TypeError otherwise."""
+    if not isinstance(thing, kind):
+        raise TypeError(f"{what}={thing!r:.80}: a hadalens.{kind.__name__} {others}".rstrip() + " is needed")
+    return thing
+
+
+def meant(name: str, known: Iterable[str]) -> str:
+    """Return what a name that is none may be meant for, and all that there are, in words."""
+    import difflib
+
+    names = sorted(known)
+    near = difflib.get_close_matches(name, names, 1)
+    return "".join(f"; is {one!r} meant? " for one in near) + f"{'' if near else '; '}there are {', '.join(names)}"
+
+
+def check_names(given: Iterable[str], known: Iterable[str], what: str) -> None:
+    """Raise TypeError for a keyword that is none."""
+    for name in given:
+        if name not in known:
+            raise TypeError(f"{what} takes no keyword {name!r}{meant(name, known)}")
 
 
 # words of enumerations ------------------------------------------------------------------------------------------------
@@ -491,7 +555,7 @@ _LOG_LEVELS = {1: logging.WARNING, 2: logging.INFO, 3: logging.DEBUG}  # of hada
 @ffi.def_extern(onerror=keep_error)  # type: ignore[untyped-decorator]
 def py_monitor_message(user: Any, kind: int, message: Any) -> None:  # noqa: ARG001 (keep_error reads it)
     """Log a message."""
-    log.log(_MESSAGE_LEVELS.get(kind, logging.DEBUG), "%s", text(message))
+    log.log(_MESSAGE_LEVELS.get(kind, logging.DEBUG), "%s", spoken(text(message)))
 
 
 @ffi.def_extern(error=1, onerror=keep_error)  # type: ignore[untyped-decorator]
@@ -503,7 +567,7 @@ def py_monitor_cancelled(user: Any) -> int:
 @ffi.def_extern()  # type: ignore[untyped-decorator]
 def py_log_function(_user: Any, level: int, message: Any) -> None:
     """Log what a context tells."""
-    log.log(_LOG_LEVELS.get(level, logging.DEBUG), "%s", text(message))
+    log.log(_LOG_LEVELS.get(level, logging.DEBUG), "%s", spoken(text(message)))
 
 
 def doubles(values: Iterable[float]) -> Any:

@@ -11,7 +11,7 @@ from typing import Any
 from ._arrays import Float32, Image, NewImage
 from ._fit import monitored
 from ._native import Monitor, Options, Owner, Progress, call, ffi, lib, path, record
-from ._pairs import Dataset
+from ._pairs import Dataset, Pairs, as_dataset
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ class RegisteredDepth:
 
 
 def register_dataset(
-    data: Dataset,
+    data: Dataset | Pairs | str | os.PathLike[str],
     output: str | os.PathLike[str] | None = None,
     *,
     keep_offsets: bool = False,
@@ -133,7 +133,7 @@ def register_dataset(
     """Find how the scenes of each depth of a data set stand, as ``hadalens register`` does.
 
     Args:
-        data: the pairs.
+        data: the pairs, or their folder.
         output: a folder for a data set with registered scenes, for pairs that are files; None: nothing is written.
         keep_offsets: shifts between the depths are left as they are.
         window: rows and columns of the registered scenes; None: what they fill.
@@ -146,7 +146,7 @@ def register_dataset(
         >>> model = hadalens.fit("registered")
 
     """
-    monitor = Monitor(progress)
+    monitor, data = Monitor(progress), as_dataset(data)
     rows, cols = window or (None, None)
     task = _task(
         magnification,

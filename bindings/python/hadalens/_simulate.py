@@ -26,7 +26,7 @@ from ._native import (
     record,
 )
 from ._pairs import Dataset
-from .device import Context, default
+from .device import Device, default
 
 
 def window_origin(full: int, window: int) -> int:
@@ -74,7 +74,7 @@ class Simulator(Handle):
     """Renders raw frames of a camera on a device; used by one thread at a time.
 
     Args:
-        camera: it is copied.
+        camera: it is copied; or a preset.
         psf: point spread functions (Z, Y, X) or (Z, C, Y, X) in place of the camera's own.
         shift: rows and columns by which the sensor's middle stands from the axis.
         field: rows and columns of scenes that are larger than the window; None: the window.
@@ -88,15 +88,15 @@ class Simulator(Handle):
 
     def __init__(
         self,
-        camera: Camera,
+        camera: Camera | str,
         *,
         psf: Any = None,
         shift: tuple[int, int] = (0, 0),
         field: tuple[int, int] | None = None,
-        context: Context | None = None,
+        context: Device | None = None,
     ) -> None:
         """Make ready; point spread functions are made when a depth is first used."""
-        used = default(context)
+        used, camera = default(context), Camera._of(camera)
         options = Options("hada_simulator_options", shift_rows=shift[0], shift_cols=shift[1])
         if field is not None:
             options.set(field_rows=field[0], field_cols=field[1])
@@ -196,7 +196,7 @@ def simulate(
     camera: Camera | str,
     folder: str | os.PathLike[str],
     *,
-    context: Context | None = None,
+    context: Device | None = None,
     scenes: str | os.PathLike[str] | None = None,
     test_scenes: str | os.PathLike[str] | None = None,
     pairs: int = 8,
@@ -260,6 +260,6 @@ def simulate(
         monitor=monitor.options,
     )
     report = ffi.new("hada_simulate_report *", {"size": ffi.sizeof("hada_simulate_report")})
-    design = Camera(camera) if isinstance(camera, str) else camera
+    design = Camera._of(camera)
     monitor.run(lib.hada_simulate_run, default(context)._c, design._c, path(folder), task.c, report)
     return Dataset.scan(folder, mosaic=mosaic), record(SimulateReport, report[0])

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 import threading
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal, TypeAlias
 
-from . import errors
-from ._native import Handle, Options, Owner, call, ffi, lib, open_devices, path, record, value_of, word
+from ._native import Handle, Options, Owner, call, expect, ffi, lib, open_devices, path, record, value_of, word
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Context(Handle):
 
     """
 
-    _default: Context | None = None
+    _opened: ClassVar[dict[str | None, Context]] = {}  # by the device's name; None: the default
     _lock = threading.Lock()
 
     def __init__(
@@ -126,11 +126,16 @@ class Context(Handle):
     @classmethod
     def default(cls) -> Context:
         """Return the context of this process on the device that the library chooses; opened when first asked for."""
+        return cls._of(None)
+
+    @classmethod
+    def _of(cls, device: str | None) -> Context:
+        """Return the context of this process on a device, opened when first asked for."""
         open_devices()  # before the lock, which a fork may have left locked
         with cls._lock:
-            if cls._default is None or cls._default._owner is None:
-                cls._default = cls()
-            return cls._default
+            if device not in cls._opened or cls._opened[device]._owner is None:
+                cls._opened[device] = cls(device)
+            return cls._opened[device]
 
     @classmethod
     def adopt(cls, context: Any, device: Any = None) -> Context:
@@ -236,6 +241,10 @@ class Context(Handle):
         raise TypeError("a Context cannot be pickled: open one in each process (Context.default())")
 
 
+#: A context, or a device's name as :class:`Context` takes it, whose context is opened when first asked for.
+Device: TypeAlias = Context | str
+
+
 def _options(device: str | None, binaries: Any, cache: Any, tuning: Any, log_level: str) -> Options:
     return Options(
         "hada_context_options",
@@ -258,10 +267,15 @@ def address_of(thing: Any) -> int:
         raise TypeError(f"{type(thing).__name__} is no OpenCL object: pyopencl's, or an address, is needed") from None
 
 
-def default(context: Context | None) -> Context:
-    """Return the context, or the process's own."""
-    if context is None:
-        return Context.default()
-    if not isinstance(context, Context):
-        raise errors.ArgumentError(f"context={context!r} is no hadalens.Context")
-    return context
+def default(context: Device | None) -> Context:
+    """Return the context, that of a device's name, or the process's own."""
+    if context is None or isinstance(context, str):
+        return Context._of(context)
+    return expect(context, Context, "context", "or a device's name")
+
+
+def contexts(given: Device | Sequence[Device] | None) -> list[Context]:
+    """Return what :func:`default` makes of one, or of several."""
+    if given is None or isinstance(given, str | Context) or not isinstance(given, Sequence):
+        return [default(given)]
+    return [default(one) for one in given]

@@ -22,6 +22,7 @@ from ._native import (
     Progress,
     call,
     checked,
+    expect,
     ffi,
     keep_error,
     lib,
@@ -293,6 +294,7 @@ def reconstruct_files(
         ...     print(done.path, done.error or done.outputs)
 
     """
+    expect(plan, Plan, "plan")
     monitor = _FilesMonitor(progress, tell)
     task = Options(
         "hada_files_task",

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from . import errors
 from ._arrays import Float32, Floats, Image, NewImage
 from ._native import Options, call, doubles, ffi, lib, record
-from .device import Context, default
+from .device import Device, default
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ def focus_stack(
     window_sigma: float | None = None,
     false_alarm: float | None = None,
     channel_axis: int | None = None,
-    context: Context | None = None,
+    context: Device | None = None,
 ) -> tuple[Float32, Float32, FocusReport]:
     """Return an all-in-focus image (C, Y, X), a distance map (Y, X) in millimetres, and a report.
 

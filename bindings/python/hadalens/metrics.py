@@ -17,7 +17,7 @@ from . import errors
 from . import response as responses
 from ._arrays import Float32, Floats, Image, NewImage
 from ._native import AUTO, Handle, Monitor, Options, Owner, call, checked, ffi, lib, path, record, value_of, word
-from .device import Context, default
+from .device import Device, default
 
 
 class _Mask:
@@ -224,7 +224,7 @@ class Lpips(Handle):
         heads: str | os.PathLike[str] | None = None,
         *,
         net: Literal["auto", "vgg", "alex"] = "auto",
-        context: Context | None = None,
+        context: Device | None = None,
     ) -> None:
         """Read the weights."""
         used = default(context)

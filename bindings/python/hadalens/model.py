@@ -14,8 +14,23 @@ import numpy.typing as npt
 from . import errors
 from ._arrays import Float32, Floats, Image, Mosaic, address, as_array
 from ._fit_report import FitReport
-from ._native import AUTO, Handle, Options, Owner, call, doubles, ffi, lib, loaded, path, record, saved, value_of
-from .device import Context, default
+from ._native import (
+    AUTO,
+    Handle,
+    Options,
+    Owner,
+    call,
+    doubles,
+    expect,
+    ffi,
+    lib,
+    loaded,
+    path,
+    record,
+    saved,
+    value_of,
+)
+from .device import Device, default
 from .net import Net
 
 Form: TypeAlias = Literal["complex", "split", "matched", "wiener"]
@@ -133,7 +148,7 @@ class Model(Handle):
         psfs: Any,
         distances_mm: Floats | float,
         *,
-        context: Context | None = None,
+        context: Device | None = None,
         form: Literal["matched", "wiener"] = "wiener",
         boundary: Boundary = "padded",
         window: tuple[int, int] | None = None,
@@ -284,7 +299,7 @@ class Model(Handle):
         name: str | os.PathLike[str],
         distances_mm: Floats | None = None,
         *,
-        context: Context | None = None,
+        context: Device | None = None,
         colour: bool = False,
         half: bool = False,
     ) -> Self:
@@ -427,3 +442,10 @@ def _each_psf(psfs: Any, depths: int) -> Sequence[Any]:
     array = as_array(psfs, "psfs")
     one = array.ndim == 2 or (array.ndim == 3 and depths == 1 and array.shape[0] != 1)
     return [array] if one else list(array)
+
+
+def as_model(given: Model | str | os.PathLike[str]) -> Model:
+    """Return a model, or that of a file."""
+    if isinstance(given, str | os.PathLike):
+        return Model.load(given)
+    return expect(given, Model, "model", "or the file of one")

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import collections
 import math
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, Unpack
 
 import numpy as np
 
 from . import errors
 from ._arrays import Mosaic, Pixels, check_out
 from ._job import Job
-from ._native import Handle, Options, Owner, Special, call, ffi, lib, record
-from ._plan_options import Classic, Method, Skip, plan_options
-from .device import Context, address_of, default
-from .model import Model
+from ._native import Handle, Options, Owner, call, check_names, ffi, lib, record
+from ._plan_options import Classic, Method, PlanOptions, Skip, plan_options
+from .device import Device, address_of, contexts, default
+from .model import Model, as_model
 from .result import Result, Results
 
 
@@ -81,8 +82,8 @@ class Plan(Handle):
     """A model on one or more devices, ready to reconstruct frames. Any thread may hand frames in.
 
     Args:
-        model: the camera.
-        context: a device, or several that share the frames; None: :meth:`Context.default`.
+        model: the camera, or its file.
+        context: a device, by its name as well, or several that share the frames; None: :meth:`Context.default`.
         depths: indices of the depths to compute, ascending; None: all.
         occupied: depths where the scene may be: "auto" (found for each frame), "all", or their indices.
         scene: what scenes are taken for: "auto", "planes" (objects at some depths) or "surface" (one texture on one
@@ -129,9 +130,9 @@ class Plan(Handle):
 
     def __init__(
         self,
-        model: Model,
+        model: Model | str | os.PathLike[str],
         *,
-        context: Context | Sequence[Context] | None = None,
+        context: Device | Sequence[Device] | None = None,
         depths: Sequence[int] | None = None,
         occupied: Literal["auto", "all"] | Sequence[int] = "auto",
         scene: Literal["auto", "planes", "surface"] = "auto",
@@ -161,7 +162,7 @@ class Plan(Handle):
             occupied=occupied,
             scene=scene,
             refine=refine,
-            refine_tv=Special(lib.HADA_REFINE_TV_FRAME) if refine_tv == "frame" else refine_tv,
+            refine_tv=refine_tv,
             refine_colour=refine_colour,
             refine_shrink=refine_shrink,
             crosstalk=crosstalk,
@@ -180,10 +181,10 @@ class Plan(Handle):
             batch=batch,
             queues=queues,
         )
-        contexts = [default(context)] if context is None or isinstance(context, Context) else list(context)
-        owner = Owner("hada_plan", lib.hada_plan_destroy, [one._own for one in contexts], model._own)
-        array = ffi.new("hada_context *[]", [one._c for one in contexts])
-        call(lib.hada_plan_create_on, owner.pointer, array, len(contexts), model._c, options.c)
+        model, used = as_model(model), contexts(context)
+        owner = Owner("hada_plan", lib.hada_plan_destroy, [one._own for one in used], model._own)
+        array = ffi.new("hada_context *[]", [one._c for one in used])
+        call(lib.hada_plan_create_on, owner.pointer, array, len(used), model._c, options.c)
         self._owner = owner
         self.model = model
         info = model.info
@@ -337,13 +338,16 @@ class Plan(Handle):
         return record(Match, match)
 
     @staticmethod
-    def estimate(model: Model, *, context: Context | None = None, **options: Any) -> tuple[int, int]:
+    def estimate(
+        model: Model | str | os.PathLike[str], *, context: Device | None = None, **options: Unpack[PlanOptions]
+    ) -> tuple[int, int]:
         """Return the bytes that a plan would need on the device, and that a run would add on the host.
 
         `options` are those of a plan; nothing is allocated.
         """
         device, host = ffi.new("uint64_t *"), ffi.new("uint64_t *")
-        chosen = plan_options(**options)
+        check_names(options, PlanOptions.__annotations__, "Plan.estimate")
+        chosen, model = plan_options(**options), as_model(model)
         call(lib.hada_plan_estimate, default(context)._c, model._c, chosen.c, device, host)
         return int(device[0]), int(host[0])
 

@@ -299,3 +299,53 @@ def test_a_message_on_its_way_is_translated(linear: hadalens.Plan, raw: Array) -
     assert "--" not in str(caught.value)
     with pytest.raises(hadalens.ArgumentError, match="the words of skip"):
         hadalens.Plan(linear.model, max_error=2)
+
+
+# learning from nothing ------------------------------------------------------------------------------------------------
+
+
+def pairs_of(kind: str) -> list[tuple[Array, Array]]:
+    """Return pairs that nothing can be learned from."""
+    random = np.random.default_rng(5)
+
+    def noise() -> Array:
+        return random.random((48, 48)).astype(np.float32)
+
+    flat = {"black": 0.0, "grey": 0.25, "nan": np.nan}
+    frames = [noise() if kind in ("noise", "dark scenes") else np.full((48, 48), flat[kind]) for _ in range(4)]
+    return [(frame, np.zeros((48, 48)) if kind == "dark scenes" else noise()) for frame in frames]
+
+
+@pytest.mark.parametrize("kind", ["noise", "black", "grey", "dark scenes", "nan"])
+@pytest.mark.parametrize("way", ["fit", "fitter"])
+def test_useless_pairs_are_told(kind: str, way: str, caplog: pytest.LogCaptureFixture) -> None:
+    """Noise makes a model with a warning; black frames, frames of one brightness and NaN make none."""
+    pairs = pairs_of(kind)
+
+    def learn() -> hadalens.Model:
+        if way == "fit":
+            return hadalens.fit({100.0: pairs}, boundary="circular")
+        fitter = hadalens.Fitter([100.0], (48, 48))
+        for raw, scene in pairs:
+            fitter.add(0, raw, scene)
+        return fitter.finish(show=lambda _, pair: pairs[pair])
+
+    if kind == "noise":
+        assert learn().info.depths == 1
+        assert "of no use" in caplog.text
+    else:
+        with pytest.raises(
+            hadalens.NotFiniteError if kind == "nan" else hadalens.DatasetError, match=r"NaN|brightness"
+        ):
+            learn()
+
+
+def test_useful_pairs_are_not_warned_of(camera: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A fitter is silent about a camera that works."""
+    data = hadalens.Dataset.scan(camera)
+    fitter = hadalens.Fitter(data.distances_mm, (96, 128), window=(48, 48), channels=3, boundary="padded")
+    for depth, count in enumerate(data.counts):
+        for pair in range(count):
+            fitter.add(depth, *data.read(depth, pair))
+    fitter.finish(show=data.read)
+    assert "of no use" not in caplog.text

@@ -19,7 +19,7 @@ Source: TypeAlias = Any
 Pairs: TypeAlias = Mapping[float, Sequence[tuple[Source, Source]]] | Iterable[tuple[float, Source, Source]]
 
 
-class _Reader(Caller):
+class Reader(Caller):
     """Gives pairs of arrays to C."""
 
     def __init__(self, depths: list[Sequence[tuple[Source, Source]]], channel_axis: int | None) -> None:
@@ -96,7 +96,7 @@ class Dataset(Handle):
         if not distances:
             raise errors.DatasetError("there is no pair")
         given = {float(distance): some for distance, some in pairs.items()}
-        self._reader: _Reader | None = _Reader([given[distance] for distance in distances], channel_axis)
+        self._reader: Reader | None = Reader([given[distance] for distance in distances], channel_axis)
         owner = Owner("hada_dataset", lib.hada_dataset_destroy, self._reader)
         call(
             lib.hada_dataset_create,

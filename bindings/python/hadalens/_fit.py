@@ -213,7 +213,7 @@ def fit(
     report = Owner("hada_fit_report", lib.hada_fit_report_destroy)
     monitored(
         monitor,
-        call if data is None else data._call,
+        data,
         lib.hada_fit_run,
         model.pointer,
         report.pointer,
@@ -226,15 +226,24 @@ def fit(
     return learned
 
 
-def monitored(monitor: Monitor, run: Callable[..., None], function: Callable[..., int], *arguments: Any) -> None:
-    """Call C by `run`; what a Ctrl-C or progress raised comes before what reading pairs raised, and that before C."""
+def monitored(monitor: Monitor, data: Dataset | None, function: Callable[..., int], *arguments: Any) -> None:
+    """Call C, which may read pairs of `data`.
+
+    What a Ctrl-C or progress raised comes before what reading pairs raised, and that before C.
+    """
     monitor.error = None
+    reader = None if data is None else data._reader
+    if reader is not None:
+        reader.monitor = monitor
     try:
-        run(function, *arguments)
+        (call if data is None else data._call)(function, *arguments)
     except Exception as failed:
         if monitor.error is not None:
             raise monitor.error from failed
         raise
+    finally:
+        if reader is not None:
+            reader.monitor = None
     if monitor.error is not None:
         raise monitor.error
 

@@ -163,7 +163,7 @@ class Fitter(Handle):
         """
         distance, images = self._distance(depth), Reader([[(raw, scene)]], self._channel_axis).read(0, 0)
         pair = Dataset({distance: [images]}, mosaic=self._mosaic)
-        monitored(self._monitor, pair._call, lib.hada_fitter_add, self._c, pair._c)
+        monitored(self._monitor, pair, lib.hada_fitter_add, self._c, pair._c)
         self._seen[depth].add(*images, self._window, self._response)
 
     def _seen_elsewhere(self) -> None:
@@ -231,7 +231,7 @@ class Fitter(Handle):
         data = None if again is None else Dataset(again, channel_axis=axis, mosaic=mosaic)
         model = Owner("hada_model", lib.hada_model_destroy)
         arguments = (lib.hada_fitter_finish, self._c, ffi.NULL if data is None else data._c, model.pointer)
-        monitored(self._monitor, call if data is None else data._call, *arguments)
+        monitored(self._monitor, data, *arguments)
         learned = Model._of(model)
         learned.fit_report = FitReport(*scores_of(self._info.scores), self.pairs, None, (), False)
         held_out = [score.psnr_single for score in learned.fit_report.filters]
@@ -259,7 +259,7 @@ def find_boundary(
     data = as_dataset(pairs, channel_axis)
     monitor = Monitor(None)
     options = fit_options(monitor=monitor.options)
-    monitored(monitor, data._call, lib.hada_fit_find_boundary, options.c, default(context)._c, data._c)
+    monitored(monitor, data, lib.hada_fit_find_boundary, options.c, default(context)._c, data._c)
     if options.c.boundary == lib.HADA_BOUNDARY_CIRCULAR:
         return "circular", None
     rows, cols = options.c.grid_rows, options.c.grid_cols

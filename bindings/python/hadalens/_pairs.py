@@ -11,7 +11,7 @@ import numpy as np
 from . import errors
 from . import response as responses
 from ._arrays import Float32, Mosaic, NewImage, address, as_array, copy_of, planes_first, to_float
-from ._native import Caller, Handle, Options, Owner, call, ffi, keep_error, lib, path, text
+from ._native import Caller, Handle, Monitor, Options, Owner, call, ffi, keep_error, lib, path, text
 
 #: An image of a pair: an array, a TIFF or .npy file, or a function without arguments that returns an array.
 Source: TypeAlias = Any
@@ -20,7 +20,13 @@ Pairs: TypeAlias = Mapping[float, Sequence[tuple[Source, Source]]] | Iterable[tu
 
 
 class Reader(Caller):
-    """Gives pairs of arrays to C."""
+    """Gives pairs of arrays to C.
+
+    A Ctrl-C while a pair is read is kept with the monitor of the call, if there is one, and the pair is read again: C
+    then stops as it does for any Ctrl-C, and keeps what is done so far. A second one comes through at once.
+    """
+
+    monitor: Monitor | None = None
 
     def __init__(self, depths: list[Sequence[tuple[Source, Source]]], channel_axis: int | None) -> None:
         super().__init__()
@@ -28,6 +34,15 @@ class Reader(Caller):
         self.channel_axis = channel_axis
 
     def read(self, depth: int, pair: int) -> tuple[Float32, Float32]:
+        try:
+            return self._read(depth, pair)
+        except KeyboardInterrupt as stop:
+            if self.monitor is None or self.monitor.error is not None:
+                raise
+            self.monitor.error = stop
+        return self._read(depth, pair)
+
+    def _read(self, depth: int, pair: int) -> tuple[Float32, Float32]:
         raw, scene = self.depths[depth][pair]
         return self._image(raw, "raw"), self._image(scene, "scene")
 

@@ -157,10 +157,10 @@ def register_dataset(
         monitor=monitor.options,
     )
     report = Owner("hada_register_report", lib.hada_register_report_destroy)
-    monitored(monitor, data._call, lib.hada_register_run, report.pointer, data._c, task.c)
+    monitored(monitor, data, lib.hada_register_run, report.pointer, data._c, task.c)
     if output is not None:
         arguments = (report.c, data._c, path(Path(output)), task.c, ffi.NULL, ffi.NULL)
-        monitored(monitor, data._call, lib.hada_register_write, *arguments)
+        monitored(monitor, data, lib.hada_register_write, *arguments)
     found = [report.c.depths[z][0] for z in range(len(data.distances_mm))]
     return [
         record(

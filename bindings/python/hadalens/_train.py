@@ -149,5 +149,5 @@ def train(
         monitor=monitor.options,
     )
     array = ffi.new("hada_context *[]", [one._c for one in used])
-    monitored(monitor, data._call, lib.hada_train_run, array, len(used), data._c, task.c)
+    monitored(monitor, data, lib.hada_train_run, array, len(used), data._c, task.c)
     return Path(output)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy as copying
 import errno
+import inspect
 import pickle
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,7 +14,11 @@ import hadalens
 import numpy as np
 import numpy.typing as npt
 import pytest
+from hadalens._camera import CameraMembers
+from hadalens._fit import FitOptions, fit_options
 from hadalens._native import ffi, spoken
+from hadalens._plan_options import PlanOptions
+from hadalens._trainer import TrainOptions
 
 Array = npt.NDArray[Any]
 
@@ -69,7 +74,7 @@ def test_cameras_are_pickled_member_by_member() -> None:
     for copy in (pickle.loads(pickle.dumps(camera)), copying.deepcopy(camera)):
         assert bytes(ffi.buffer(copy._c)) == bytes(ffi.buffer(camera._c))
     with pytest.raises((AttributeError, TypeError)):
-        hadalens.Camera.__new__(hadalens.Camera).__setstate__(b"\xff" * 100_000)
+        hadalens.Camera.__new__(hadalens.Camera).__setstate__(b"\xff" * 100_000)  # type: ignore[attr-defined]
     restore, (kind, members) = camera.__reduce__()
     for wrong in ({"rows": "many"}, {"distances_mm": (1.0,) * 10_000}, {"mask": "fog"}, {"nothing": 1}):
         with pytest.raises((hadalens.ArgumentError, TypeError, AttributeError)):
@@ -349,3 +354,98 @@ def test_useful_pairs_are_not_warned_of(camera: Path, caplog: pytest.LogCaptureF
             fitter.add(depth, *data.read(depth, pair))
     fitter.finish(show=data.read)
     assert "of no use" not in caplog.text
+
+
+# what is seen at the prompt -------------------------------------------------------------------------------------------
+
+
+def test_members_are_real(model: hadalens.Model, camera: Path) -> None:
+    """Completion and type checkers see the members of a camera; all of hada_camera can be read and set."""
+    design = hadalens.Camera("sim300", lenses=30)
+    there = {"lens_count": "lenses", "material_index": "refractive_index"}
+    names = {name for name, _ in ffi.typeof("hada_camera").fields} - {"size"}
+    assert {there.get(name, name) for name in dir(design)} >= names
+    assert set(CameraMembers.__annotations__) == names
+    assert (design.lens_count, design.material_index) == (30, design._c.refractive_index)
+    for name in names - {"distances_mm", "depths"}:
+        mine = next((here for here, theirs in there.items() if theirs == name), name)
+        setattr(design, mine, getattr(design, mine))
+    design.distances_mm = [100, 250.5]
+    assert (design.depths, design.distances_mm) == (2, (100.0, 250.5))
+    with pytest.raises(TypeError, match="rows="):
+        design.rows = 2.5  # type: ignore[assignment]
+    struct = {name for name, _ in ffi.typeof("hada_train_options").fields}
+    assert struct - set(TrainOptions.__annotations__) == {
+        "size",
+        "stage",
+        "net",
+        "net_given",
+        "augment",
+        "communicator",
+    }
+    assert set(PlanOptions.__annotations__) == set(inspect.signature(hadalens.Plan).parameters) - {"model", "context"}
+    chosen = set(inspect.signature(fit_options).parameters) - {"window", "others"}
+    assert set(FitOptions.__annotations__) == chosen
+    assert {"steps", "done", "validate"} <= set(dir(hadalens.Trainer(model, camera, stage="filters", steps=1)))
+
+
+def test_private_names_do_not_leak() -> None:
+    """`dir` lists what is for users."""
+    for module in (hadalens, hadalens.metrics, hadalens.optics, hadalens.response):
+        names = [name for name in dir(module) if not name.startswith("__")]
+        assert not [
+            name for name in names if name.startswith("_") or name in ("lib", "ffi", "np", "call", "text", "Any")
+        ]
+        assert not [name for name in names if name not in module.__all__]
+        assert [name for name in module.__all__ if not hasattr(module, name)] == []
+
+
+def test_reprs_are_short(
+    model: hadalens.Model, plan: hadalens.Plan, raw: Array, camera: Path, frames: list[Path]
+) -> None:
+    """One line says what it is."""
+    result, learned, model = plan.run(raw), hadalens.fit(camera), plan.model
+    things = {
+        "Result": (result, "4 depths"),
+        "Report": (result.report, "model"),
+        "FitReport": (learned.fit_report, "dB"),
+        "Model": (model, "96 x 128"),
+        "Plan": (plan, "4 x 3 x 48 x 48"),
+        "Context": (hadalens.Context.default(), ""),
+        "Dataset": (hadalens.Dataset.scan(camera), "12 pairs"),
+        "Fitter": (hadalens.Fitter([100.0], (8, 8)), "0 pairs"),
+        "Trainer": (hadalens.Trainer(model, camera, stage="filters", steps=7), "of 7"),
+        "Net": (hadalens.Net.unet("4|4", "4"), "3 to 3 channels"),
+        "TiffReader": (hadalens.TiffReader(frames[0]), "1 frames"),
+        "Job": (plan.submit(raw), "%"),
+        "Simulator": (hadalens.Simulator("sim300"), "300"),
+        "OpticsReport": (hadalens.optics.report(hadalens.Camera.load(camera / "camera.json")), "4 depths"),
+    }
+    for name, (thing, part) in things.items():
+        shown = repr(thing)
+        assert shown.startswith(f"<{name}")
+        assert part in shown
+        assert len(shown) < 300
+        assert "\n" not in shown
+    with hadalens.Plan(model) as closed:
+        pass
+    assert repr(closed) == "<Plan: closed>"
+
+
+def test_notebooks_show_pictures_and_tables(plan: hadalens.Plan, raw: Array, camera: Path) -> None:
+    """Results are pictures, models and reports tables."""
+    result, learned = plan.run(raw), hadalens.fit(camera)
+    if hadalens.pictures_available():
+        assert (result._repr_png_() or b"").startswith(b"\x89PNG")
+    optics = hadalens.optics.report(hadalens.Camera.load(camera / "camera.json"))
+    assert learned.fit_report is not None
+    for thing, part in (
+        (plan.model, "refine steps"),
+        (result.report, "occupied"),
+        (learned.fit_report, "FilterScore"),
+        (optics, "lateral mm"),
+    ):
+        shown = thing._repr_html_()
+        assert shown.startswith("<table>")
+        assert part in shown
+        assert "&lt;" in shown

@@ -11,12 +11,11 @@ from a few pairs of raw frame and known scene per distance.
 
 from typing import TYPE_CHECKING, Any
 
-from . import response
+from . import _native, response
 from ._fit import fit
 from ._fit_report import FilterScore, FitReport, OutsideScore, RefineScore, ResponseRow
 from ._fitter import Fitter, find_boundary
 from ._job import Job
-from ._native import lib, text
 from ._pairs import Dataset, load_dark
 from ._plan_options import Classic
 from .device import Context, DeviceInfo, devices
@@ -74,7 +73,7 @@ if TYPE_CHECKING:
     from ._trainer import Augment, Step, Trainer, Validation
     from .focus import FocusReport, focus_stack
 
-__version__ = text(lib.hada_version())
+__version__ = _native.text(_native.lib.hada_version())
 
 __all__ = [
     "ArgumentError",
@@ -199,5 +198,5 @@ if not TYPE_CHECKING:
 
 
 def __dir__() -> list[str]:
-    """Return all names."""
-    return sorted({*globals(), *__all__})
+    """Return the names for users."""
+    return [*__all__, "__doc__", "__version__"]

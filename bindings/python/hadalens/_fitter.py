@@ -15,7 +15,7 @@ from . import response as responses
 from ._arrays import Float32, Floats, Mosaic
 from ._fit import FitOptions, fit_options, monitored, scores_of
 from ._fit_report import FitReport
-from ._native import Handle, Monitor, Options, Owner, call, check_names, ffi, lib, log, path, word
+from ._native import Handle, Monitor, Options, Owner, call, check_names, ffi, lib, log, path, span, word
 from ._pairs import Dataset, Pairs, Reader, as_dataset
 from .device import Context, Device, default
 from .model import Boundary, Model
@@ -193,6 +193,9 @@ class Fitter(Handle):
         """Number of pairs in the sums of each depth."""
         info = self._info
         return tuple(info.pairs[z] for z in range(info.depths))
+
+    def _shown(self) -> str:
+        return f"{sum(self.pairs)} pairs, {span(self._distances)}"
 
     @property
     def bytes(self) -> int:

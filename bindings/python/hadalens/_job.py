@@ -55,6 +55,10 @@ class Job:
         """Part done, 0 to 1; never falls."""
         return float(lib.hada_job_progress(self._owner.c))
 
+    def __repr__(self) -> str:
+        """Return state and progress."""
+        return f"<Job: {self.state}, {self.progress:.0%}>"
+
     def done(self) -> bool:
         """Return whether it has ended, well or not."""
         return bool(lib.hada_job_poll(self._owner.c) >= lib.HADA_JOB_DONE)

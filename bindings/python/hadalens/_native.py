@@ -17,7 +17,7 @@ import tempfile
 import threading
 import time
 import weakref
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
@@ -304,7 +304,7 @@ class Options:
         elif kind.kind == "pointer" and not isinstance(value, ffi.CData):
             value = self._pointed(kind, value)
         elif kind.kind == "primitive":
-            value = _number(_NAMES.get(name, name), kind, value)
+            value = c_number(_NAMES.get(name, name), kind, value)
         setattr(self.c, name, value)
 
     def _pointed(self, kind: Any, value: Any) -> Any:
@@ -317,7 +317,7 @@ class Options:
         return made
 
 
-def _number(name: str, kind: Any, value: Any) -> Any:
+def c_number(name: str, kind: Any, value: Any) -> Any:
     """Return a number as a C member takes it."""
     whole = kind.cname not in ("double", "float")
     if isinstance(value, bool | np.bool_ | Special):
@@ -436,6 +436,18 @@ class Handle:
             raise errors.StateError(f"this {type(self).__name__} is closed")
         return self._owner
 
+    def _shown(self) -> str:
+        """Return what `repr` says beside the name of the class."""
+        return ""
+
+    def __repr__(self) -> str:
+        """Return what the object is, in a line."""
+        name = type(self).__name__
+        if self._owner is None:
+            return f"<{name}: closed>"
+        shown = self._shown()
+        return f"<{name}{': ' * bool(shown)}{shown}>"
+
     def close(self) -> None:
         """Give the memory back; once is enough, and again is fine. What was made from it keeps what it needs."""
         self._owner = None
@@ -465,6 +477,13 @@ def loaded(kind: Any, content: bytes, name: str = "file") -> Any:
         file = Path(folder) / name
         file.write_bytes(content)
         return kind.load(file)
+
+
+def span(distances_mm: Sequence[float]) -> str:
+    """Return how many depths there are, and where, in words."""
+    if len(distances_mm) == 1:
+        return f"1 depth at {distances_mm[0]:g} mm"
+    return f"{len(distances_mm)} depths from {distances_mm[0]:g} to {distances_mm[-1]:g} mm"
 
 
 # callbacks ------------------------------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ import numpy as np
 from . import errors
 from . import response as responses
 from ._arrays import Float32, Mosaic, NewImage, address, as_array, copy_of, planes_first, to_float
-from ._native import Caller, Handle, Monitor, Options, Owner, call, ffi, keep_error, lib, path, text
+from ._native import Caller, Handle, Monitor, Options, Owner, call, ffi, keep_error, lib, path, span, text
 
 #: An image of a pair: an array, a TIFF or .npy file, or a function without arguments that returns an array.
 Source: TypeAlias = Any
@@ -181,6 +181,9 @@ class Dataset(Handle):
     def __len__(self) -> int:
         """Return the number of pairs."""
         return int(self._info.pairs)
+
+    def _shown(self) -> str:
+        return f"{len(self)} pairs, {span(self.distances_mm)}"
 
     def names(self, depth: int, pair: int) -> tuple[str, str]:
         """Return the paths of a pair's files; of arrays, the names that they would have."""

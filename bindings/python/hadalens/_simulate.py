@@ -115,6 +115,9 @@ class Simulator(Handle):
         """A copy of the camera."""
         return Camera._copy(lib.hada_simulator_camera(self._c))
 
+    def _shown(self) -> str:
+        return repr(self.camera)
+
     def render(
         self,
         planes: dict[int, Any],

@@ -242,16 +242,19 @@ class Trainer(Handle):
         """Steps done."""
         return int(self._info.steps)
 
+    def _shown(self) -> str:
+        return f"step {self.done} of {self.steps}"
+
     @property
     def seen(self) -> int:
         """Pairs seen on the way."""
         return int(self._info.seen)
 
     @property
-    def options(self) -> dict[str, Any]:
+    def options(self) -> dict[str, int | float | str]:
         """Options as the trainer understood them: numbers, and words of enumerations."""
         struct = self._info.options[0]
-        found: dict[str, Any] = {}
+        found: dict[str, int | float | str] = {}
         for name, field in ffi.typeof(struct).fields:
             if field.type.kind == "enum":
                 found[name] = word(field.type.cname.removeprefix("enum "), int(getattr(struct, name)))

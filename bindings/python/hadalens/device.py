@@ -232,9 +232,8 @@ class Context(Handle):
         call(lib.hada_device_call_costs, self._c, launch, wait, write)
         return launch[0], wait[0], write[0]
 
-    def __repr__(self) -> str:
-        """Return the device's name."""
-        return "Context(closed)" if self._owner is None else f"Context({self.device.name!r})"
+    def _shown(self) -> str:
+        return self.device.name
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Contexts stay in their process."""

@@ -103,6 +103,10 @@ class TiffReader(Handle):
         call(lib.hada_tiff_read, self._c, index, image.c)
         return image.array()
 
+    def _shown(self) -> str:
+        info = self.info
+        return f"{info.frames} frames of {info.channels} x {info.rows} x {info.cols}"
+
     def __len__(self) -> int:
         """Return the number of frames."""
         return int(lib.hada_tiff_get_info(self._c).frames)

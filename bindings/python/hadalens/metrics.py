@@ -19,6 +19,32 @@ from ._arrays import Float32, Floats, Image, NewImage
 from ._native import AUTO, Handle, Monitor, Options, Owner, call, checked, ffi, lib, path, record, value_of, word
 from .device import Device, default
 
+__all__ = [
+    "ConfidenceScore",
+    "DepthScore",
+    "Evaluation",
+    "Lpips",
+    "authors_psnr",
+    "authors_ssim",
+    "depth",
+    "depth_confidence",
+    "depth_distance",
+    "depth_index",
+    "depth_nearer",
+    "depth_parts",
+    "evaluate",
+    "mae",
+    "mse",
+    "psnr",
+    "sharpness",
+    "ssim",
+]
+
+
+def __dir__() -> list[str]:
+    """Return the names for users."""
+    return __all__
+
 
 class _Mask:
     """A mask as C takes it, NULL for none."""
@@ -238,6 +264,9 @@ class Lpips(Handle):
     def net(self) -> str:
         """Which net it is: "vgg" or "alex"."""
         return word("hada_lpips_net", lib.hada_lpips_get_net(self._c))
+
+    def _shown(self) -> str:
+        return self.net
 
     def bytes(self, rows: int, cols: int) -> int:
         """Return the device memory that comparing images of a size takes."""

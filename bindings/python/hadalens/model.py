@@ -28,8 +28,10 @@ from ._native import (
     path,
     record,
     saved,
+    span,
     value_of,
 )
+from ._show import members, table
 from .device import Device, default
 from .net import Net
 
@@ -423,16 +425,15 @@ class Model(Handle):
         name = Path(self.info.name).name or "model"
         return loaded, (Model, saved(self, name), name)
 
-    def __repr__(self) -> str:
-        """Return the model's name and sizes."""
-        if self._owner is None:
-            return "Model(closed)"
+    def _shown(self) -> str:
         info = self.info
         return (
-            f"<Model {info.name or 'without a file'}: {info.depths} depths from {info.distances_mm[0]:g} to "
-            f"{info.distances_mm[-1]:g} mm, {info.channels} x {info.raw_rows} x {info.raw_cols}, window "
-            f"{info.window_rows} x {info.window_cols}>"
+            f"{info.name + ', ' if info.name else ''}{span(info.distances_mm)}, {info.channels} x {info.raw_rows} x "
+            f"{info.raw_cols}, window {info.window_rows} x {info.window_cols}"
         )
+
+    def _repr_html_(self) -> str:
+        return table(repr(self), [] if self._owner is None else members(self.info))
 
 
 def _each_psf(psfs: Any, depths: int) -> Sequence[Any]:

@@ -153,6 +153,10 @@ class Net(Handle):
         lib.hada_memory_destroy(out)
         return words
 
+    def _shown(self) -> str:
+        info = self.info
+        return f"{info.channels} to {info.out_channels} channels, {info.layers} layers, {info.values} values"
+
     def bytes(self, rows: int, cols: int, *, context: Device | None = None) -> int:
         """Return the device memory that running it on images of a size takes."""
         out = ffi.new("uint64_t *")

@@ -11,8 +11,22 @@ import numpy.typing as npt
 
 from ._arrays import Float32, Image, NewImage
 from ._camera import Camera
-from ._native import AUTO, Handle, Monitor, Options, Owner, Progress, call, checked, ffi, lib, path, record
+from ._native import AUTO, Handle, Monitor, Options, Owner, Progress, call, checked, ffi, lib, path, record, span
+from ._show import members, table
 from .device import Device, default
+
+__all__ = [
+    "OpticsReport",
+    "OpticsRow",
+    "Wave",
+    "report",
+    "write_report",
+]
+
+
+def __dir__() -> list[str]:
+    """Return the names for users."""
+    return __all__
 
 
 class Wave(Handle):
@@ -67,7 +81,7 @@ class OpticsRow:
     occupancy: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class OpticsReport:
     """What a camera resolves.
 
@@ -85,6 +99,14 @@ class OpticsReport:
     mtf: npt.NDArray[np.float64]
     self_correlation: npt.NDArray[np.float64]
     correlation: npt.NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        """Return distances in a line."""
+        return f"<OpticsReport: {span([row.distance_mm for row in self.rows])}>"
+
+    def _repr_html_(self) -> str:
+        names = [name for name, _ in members(self.rows[0])]
+        return table(repr(self), [names, *([value for _, value in members(row)] for row in self.rows)])
 
 
 def _array(pointer: Any, *shape: int) -> npt.NDArray[np.float64]:

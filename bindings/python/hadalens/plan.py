@@ -393,9 +393,8 @@ class Plan(Handle):
         call(lib.hada_plan_calls, self._c, counts)
         return record(CallCounts, counts)
 
-    def __repr__(self) -> str:
-        """Return the shape of the stacks."""
-        return "Plan(closed)" if self._owner is None else f"<Plan of {self.model!r}: stacks of {self.stack_shape}>"
+    def _shown(self) -> str:
+        return f"stacks of {' x '.join(map(str, self.stack_shape))}, of {self.model!r}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Plans stay in their process."""

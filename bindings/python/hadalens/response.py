@@ -12,6 +12,23 @@ import numpy as np
 from ._arrays import Float32, address, as_array
 from ._native import Special, call, ffi, lib, text
 
+__all__ = [
+    "LINEAR",
+    "SRGB",
+    "convert",
+    "from_light",
+    "is_known",
+    "name",
+    "number",
+    "to_light",
+]
+
+
+def __dir__() -> list[str]:
+    """Return the names for users."""
+    return __all__
+
+
 LINEAR: float = lib.HADA_RESPONSE_LINEAR
 SRGB: float = lib.HADA_RESPONSE_SRGB
 

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ._arrays import Float32, address, copy_of, floats
-from ._native import call, ffi, lib, record, words
+from ._native import call, ffi, lib, record, span, words
+from ._show import members, png, table
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class SkipReport:
     recomputed: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Report:
     """How a frame was reconstructed.
 
@@ -76,8 +77,17 @@ class Report:
     seconds: dict[str, float]
     skipped: SkipReport
 
+    def __repr__(self) -> str:
+        """Return the most of it in a line."""
+        there = ", ".join(str(depth) for depth, found in enumerate(self.occupied) if found)
+        steps = f", {self.refine_steps} steps" * bool(self.refine_steps)
+        return f"<Report: {self.method}, {self.scene} at {there or 'no depth'}{steps}, {self.seconds['total']:.3g} s>"
 
-@dataclass(frozen=True, eq=False)
+    def _repr_html_(self) -> str:
+        return table(repr(self), [*members(self), *members(self.skipped)])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """What comes of a frame; arrays are NumPy's and stay as they are, whatever happens to the plan.
 
@@ -97,6 +107,14 @@ class Result:
     confidence: Float32 | None
     distances_mm: npt.NDArray[np.float64]
     report: Report
+
+    def __repr__(self) -> str:
+        """Return sizes in a line."""
+        _, *size = self.stack.shape
+        return f"<Result: {span(self.distances_mm.tolist())}, {' x '.join(map(str, size))}>"
+
+    def _repr_png_(self) -> bytes | None:
+        return png(self.all_in_focus)
 
 
 def _skip_report(struct: Any) -> SkipReport:

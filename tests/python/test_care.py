@@ -6,6 +6,8 @@ import copy as copying
 import errno
 import inspect
 import pickle
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -449,3 +451,38 @@ def test_notebooks_show_pictures_and_tables(plan: hadalens.Plan, raw: Array, cam
         assert shown.startswith("<table>")
         assert part in shown
         assert "&lt;" in shown
+
+
+# what is not installed ------------------------------------------------------------------------------------------------
+
+WITHOUT = """
+import sys
+
+class Without:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] == sys.argv[1]:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, Without())
+try:
+    exec(sys.argv[2])
+except ImportError as error:
+    print(error, error.name)
+"""
+
+
+@pytest.mark.parametrize(
+    ("package", "name", "code"),
+    [
+        ("torch", "torch", "import hadalens.torch"),
+        ("dask", "dask", "import hadalens.dask"),
+        ("zarr", "ome", "import hadalens.ome; hadalens.ome.OmeZarrWriter('/tmp/none.zarr')._create('', None, [])"),
+        ("tifffile", "ome", "import hadalens.ome; hadalens.ome.write_ome_tiff('a.tif', None)"),
+        ("h5py", "keras", "import hadalens.keras; hadalens.keras.import_filters(['a.h5'], [1.0])"),
+    ],
+)
+def test_missing_packages_name_their_extra(package: str, name: str, code: str) -> None:
+    """The error says what to install."""
+    text = subprocess.check_output([sys.executable, "-c", WITHOUT, package, code], text=True)
+    assert f"hadalens[{name}]" in text
+    assert package in text

@@ -540,6 +540,7 @@ def _bars() -> Progress | None:
     try:
         from tqdm.auto import tqdm
     except ImportError:
+        log.warning("progress=True shows nothing without tqdm: pip install 'hadalens[progress]'")
         return None
     bars: dict[str, Any] = {}
 

@@ -13,17 +13,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Unpack
 
-import dask
-import dask.array as da
 import numpy as np
 import numpy.typing as npt
-from dask.base import tokenize
 
+from ._files import extra
 from ._native import check_names
 from ._plan_options import PlanOptions
 from .device import Context
 from .model import Model, as_model
 from .plan import Plan
+
+with extra("dask"):
+    import dask
+    import dask.array as da
+    from dask.base import tokenize
 
 __all__ = ["Frames", "reconstruct"]
 

@@ -10,11 +10,12 @@ from __future__ import annotations
 import json
 from typing import Any
 
-import torch
-import torch.nn.functional as F  # noqa: N812  PyTorch's own habit
-from torch import Tensor, nn
+from ._files import PathLike, extra, replaced
 
-from ._files import PathLike, replaced
+with extra("torch"):
+    import torch
+    import torch.nn.functional as F  # noqa: N812  PyTorch's own habit
+    from torch import Tensor, nn
 
 __all__ = ["Net"]
 
@@ -70,7 +71,8 @@ class Net(nn.Module):  # type: ignore[misc]  # which is Any to the type checker
             RuntimeError: where its weights do not fit its list of layers.
 
         """
-        from safetensors import safe_open
+        with extra("torch"):
+            from safetensors import safe_open
 
         with safe_open(str(path), "pt") as file:
             metadata = file.metadata() or {}
@@ -85,7 +87,8 @@ class Net(nn.Module):  # type: ignore[misc]  # which is Any to the type checker
 
     def save(self, path: PathLike) -> None:
         """Write a net's file, which the library loads."""
-        from safetensors.torch import save_file
+        with extra("torch"):
+            from safetensors.torch import save_file
 
         weights = {name: value.detach().cpu().contiguous() for name, value in self.state_dict().items()}
         weights = {name: value for name, value in weights.items() if not name.endswith(COUNTER)}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy as copying
 import errno
 import inspect
+import itertools
 import pickle
 import subprocess
 import sys
@@ -486,3 +487,31 @@ def test_missing_packages_name_their_extra(package: str, name: str, code: str) -
     text = subprocess.check_output([sys.executable, "-c", WITHOUT, package, code], text=True)
     assert f"hadalens[{name}]" in text
     assert package in text
+
+
+ONLY_NUMPY = """
+import sys
+
+class OnlyNumpy:
+    def find_spec(self, name, path=None, target=None):
+        root = name.partition(".")[0]
+        if root not in {"hadalens", "numpy", "cffi", "_cffi_backend"} and root not in sys.stdlib_module_names:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, OnlyNumpy())
+"""
+
+
+@pytest.mark.parametrize(
+    "page", ["README.md", "bindings/python/README.md", "docs/start/first-pictures.md", "docs/reference/python.md", ""]
+)
+def test_the_first_example_runs_after_a_plain_install(page: str, tmp_path: Path) -> None:
+    """Nothing has to be there before, and no package but NumPy and cffi."""
+    text = (Path(__file__).parents[2] / page).read_text() if page else (hadalens.__doc__ or "").replace(">>> ", "")
+    lines = text.splitlines()
+    block = itertools.takewhile(
+        lambda line: line[:4].isspace() or not line, lines[lines.index("    import hadalens") :]
+    )
+    code = ONLY_NUMPY + "\n".join(line[4:] for line in block)
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
+    assert (tmp_path / "camera" / "camera.json").exists()

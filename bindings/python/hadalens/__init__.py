@@ -4,7 +4,9 @@ A stack of refocused images, an all-in-focus image and a distance map; and learn
 from a few pairs of raw frame and known scene per distance.
 
     >>> import hadalens
-    >>> model = hadalens.fit("camera")                 # a folder of pairs
+    >>> pairs, _ = hadalens.simulate("sim300", "camera", tests=1)      # in place of your captures
+    >>> model = hadalens.fit(pairs)                    # or a folder of pairs, or arrays
+    >>> raw = hadalens.read_tiff("camera/test/raw/test01.tif", 0)
     >>> result = hadalens.Plan(model).run(raw)         # a NumPy array, or anything that is one
     >>> result.stack, result.all_in_focus, result.distance_map
 """

@@ -32,9 +32,12 @@ COUNTER = ".num_batches_tracked"  # of PyTorch's batch norms alone
 class Net(nn.Module):  # type: ignore[misc]  # which is Any to the type checker
     """A net of Hadalens.
 
-    Takes and gives ``(N, C, Y, X)``: planes in linear intensity. ``state_dict()`` has the names and layouts of the
-    net's file (and a counter for each batch norm), so ``torch.save(net.state_dict(), path)`` exports it, and a module
-    of your own with these names loads it.
+    Takes and gives ``(N, C, Y, X)``: planes in linear intensity. A net for several depths has twice as many input
+    channels as a plane (:attr:`channels`): beside each plane it sees the sum of the frame's other planes, which
+    :meth:`inputs` puts there. :meth:`enhance` does all that the library does with the planes of a frame.
+
+    ``state_dict()`` has the names and layouts of the net's file (and a counter for each batch norm), so
+    ``torch.save(net.state_dict(), path)`` exports it, and a module of your own with these names loads it.
 
     Args:
         description: the list of layers, as a net's file holds it: JSON text, or what it means. Weights start as PyTorch
@@ -42,7 +45,8 @@ class Net(nn.Module):  # type: ignore[misc]  # which is Any to the type checker
 
     Example:
         >>> net = hadalens.torch.Net.load("enhance.safetensors")   # of a net's file, or of a model that holds a net
-        >>> image = net.eval()(torch.from_numpy(planes))
+        >>> planes = torch.from_numpy(hadalens.Plan(model, enhance=False).run(raw).stack)
+        >>> better = net.eval().enhance(planes)
         >>> net.save("tuned.safetensors")                          # which the library loads
 
     """
@@ -95,8 +99,60 @@ class Net(nn.Module):  # type: ignore[misc]  # which is Any to the type checker
         with replaced(path) as beside:
             save_file(weights, str(beside), metadata={"net": json.dumps(self.description)})
 
+    @property
+    def channels(self) -> int:
+        """Channels of the images that the net takes; twice a plane's where it sees the others too."""
+        return int(self.layers[0]["channels"]) * self.colours
+
+    def inputs(self, planes: Tensor) -> Tensor:
+        """Return what the net takes of the planes ``(Z, C, Y, X)`` of one frame.
+
+        That is each plane, and of a net with twice the channels beside it the sum of the others.
+
+        Raises:
+            ValueError: the planes have other channels than the net is for.
+
+        """
+        count = planes.shape[1]
+        if self.channels == 2 * count:
+            return torch.cat([planes, planes.sum(0, keepdim=True) - planes], 1)
+        self._check(count)
+        return planes
+
+    def enhance(self, planes: Tensor) -> Tensor:
+        """Return enhanced planes of those ``(Z, C, Y, X)`` of one frame that are refined together, as the library does.
+
+        A net that sees the other planes shares the light out among the planes: that of their sum, which it enhances as
+        well unless it is made to share alone (docs/explanation/nets.md). Light that no plane claims is split equally.
+
+        """
+        beside, shares = self.inputs(planes), self.description.get("shares", False)
+        if beside is planes or len(planes) == 1:
+            return planes if shares and beside is not planes else self(beside).clamp(min=0)
+        whole = planes.sum(0, keepdim=True)
+        if not shares:
+            whole = self(torch.cat([whole, torch.zeros_like(whole)], 1)).clamp(min=0)
+        bright = planes.abs().amax((1, 2, 3), keepdim=True) > 0  # planes of zeros stay such
+        out = self(beside).clamp(min=0) * bright
+        claimed = out.sum(0, keepdim=True)
+        return torch.where(claimed > 0, out * (whole / claimed.clamp(min=1e-38)), whole / len(planes))
+
+    def _check(self, count: int) -> None:
+        if count == self.channels:
+            return
+        told = f"images of {count} channels, and this net takes {self.channels}"
+        if self.channels == 2 * count:
+            told += ": beside each plane it sees the sum of the others; net.inputs(planes) puts them there"
+        raise ValueError(told)
+
     def forward(self, image: Tensor) -> Tensor:
-        """Images ``(N, C, Y, X)`` of any size that the list of layers can take."""
+        """Images ``(N, C, Y, X)`` of any size that the list of layers can take.
+
+        Raises:
+            ValueError: the images have other channels than the net takes (:meth:`inputs`).
+
+        """
+        self._check(image.shape[1])
         rows, cols = image.shape[-2:]
         images = image.reshape(-1, image.shape[1] // self.colours, rows, cols)
         values: list[Tensor] = []

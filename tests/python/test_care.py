@@ -6,6 +6,7 @@ import copy as copying
 import errno
 import inspect
 import itertools
+import json
 import pickle
 import subprocess
 import sys
@@ -515,3 +516,41 @@ def test_the_first_example_runs_after_a_plain_install(page: str, tmp_path: Path)
     code = ONLY_NUMPY + "\n".join(line[4:] for line in block)
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
     assert (tmp_path / "camera" / "camera.json").exists()
+
+
+# measuring time -------------------------------------------------------------------------------------------------------
+
+
+def test_time_of_repeated_frames_is_warned_of(
+    model: hadalens.Model, raw: Array, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A frame that was just seen is not computed again: who times that is told, once, and not who times new frames."""
+    plan = hadalens.Plan(model, refine=0)
+    for factor in range(1, 6):
+        plan.run(raw * np.float32(factor))
+    assert "measure time" not in caplog.text
+    for _ in range(9):
+        plan.run(raw)
+    assert caplog.text.count("measure time") == 1
+    every = hadalens.Plan(model, refine=0, skip=())
+    for _ in range(5):
+        every.run(raw)
+    assert caplog.text.count("measure time") == 1
+
+
+def test_the_notebook_times_new_frames(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every time in time-against-error is that of a frame that was computed."""
+    pytest.importorskip("matplotlib").use("agg")
+    page = Path(__file__).parents[2] / "docs/python/notebooks/time-against-error.ipynb"
+    cells = json.loads(page.read_text())["cells"]
+    results: list[hadalens.Result] = []
+    run = hadalens.Plan.run
+
+    def watched(*given: Any, **more: Any) -> hadalens.Result:
+        results.append(run(*given, **more))
+        return results[-1]
+
+    monkeypatch.setattr(hadalens.Plan, "run", watched)
+    exec("\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"), {})
+    assert len(results) >= 18
+    assert not [result for result in results if result.report.skipped.frame]

@@ -14,11 +14,13 @@ import numpy as np
 from . import errors
 from ._arrays import Mosaic, Pixels, check_out
 from ._job import Job
-from ._native import Handle, Options, Owner, call, check_names, ffi, lib, record
+from ._native import Handle, Options, Owner, call, check_names, ffi, lib, log, record
 from ._plan_options import Classic, Method, PlanOptions, Skip, plan_options
 from .device import Device, address_of, contexts, default
 from .model import Model, as_model
 from .result import Result, Results
+
+_SAME = 3  # frames in a row that are repeated: somebody measures time
 
 
 @dataclass(frozen=True)
@@ -186,6 +188,7 @@ class Plan(Handle):
         array = ffi.new("hada_context *[]", [one._c for one in used])
         call(lib.hada_plan_create_on, owner.pointer, array, len(used), model._c, options.c)
         self._owner = owner
+        self._same = 0
         self.model = model
         info = model.info
         self._planes = info.depths if depths is None else len(depths)
@@ -251,10 +254,18 @@ class Plan(Handle):
         """
         job = self.submit(raw, out, channel_axis=channel_axis, full_scale=full_scale)
         try:
-            return job.result()
+            result = job.result()
         except BaseException:
             job.cancel()
             raise
+        self._same = self._same + 1 if result.report.skipped.frame else 0
+        if self._same == _SAME:
+            log.warning(
+                "%d frames in a row were that before them, and were not computed: take new frames to measure time, or "
+                "plans with skip=()",
+                _SAME,
+            )
+        return result
 
     def submit(
         self,

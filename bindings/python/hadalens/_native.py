@@ -482,7 +482,7 @@ def loaded(kind: Any, content: bytes, name: str = "file") -> Any:
 def span(distances_mm: Sequence[float]) -> str:
     """Return how many depths there are, and where, in words."""
     if len(distances_mm) == 1:
-        return f"1 depth at {distances_mm[0]:g} mm"
+        return f"1 depth at {distances_mm[0]:g} mm" if distances_mm[0] else "1 depth"
     return f"{len(distances_mm)} depths from {distances_mm[0]:g} to {distances_mm[-1]:g} mm"
 
 

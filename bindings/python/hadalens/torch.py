@@ -1,4 +1,4 @@
-"""Nets of Hadalens as PyTorch modules, with the same weights and the same output.
+"""Nets of Hadalens as PyTorch modules, with the same weights and the same output; cameras as modules.
 
 A net is a list of layers with weights by PyTorch's names (``docs/explanation/nets.md``); :class:`Net` runs any such
 list. On the same input it gives what the library gives, within 1e-5 (relative L2) in single precision: sums are taken
@@ -10,14 +10,16 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from . import operators
 from ._files import PathLike, extra, replaced
+from .model import Model
 
 with extra("torch"):
     import torch
     import torch.nn.functional as F  # noqa: N812  PyTorch's own habit
     from torch import Tensor, nn
 
-__all__ = ["Net"]
+__all__ = ["Adjoint", "Forward", "Net"]
 
 RESIZE: dict[str, dict[str, Any]] = {
     "nearest": {"mode": "nearest"},
@@ -273,3 +275,68 @@ def _activate(x: Tensor, layer: dict[str, Any]) -> Tensor:
 def _to_size(x: Tensor, size: torch.Size) -> Tensor:
     """Cropped, or filled up with zeros at the bottom and right."""
     return F.pad(x, (0, size[1] - x.shape[3], 0, size[0] - x.shape[2]))
+
+
+class _Camera(nn.Module):  # type: ignore[misc]  # which is Any to the type checker
+    """What a camera does to a scene: sizes, and transfer functions as a buffer."""
+
+    otf: Any
+
+    def __init__(self, model: operators.Forward | Model | PathLike) -> None:
+        """Take them from a model, its file, or the operator of NumPy; in single precision: ``.double()`` is exact."""
+        super().__init__()
+        self.operator = model if isinstance(model, operators.Forward) else operators.Forward(model)
+        otf = torch.view_as_real(torch.from_numpy(self.operator.otf))
+        self.register_buffer("otf", otf.float(), persistent=False)
+
+    def _apply(self, change: Any) -> Any:
+        """Make the transfer functions anew of the exact ones, so that no precision is lost on the way."""
+        super()._apply(change)
+        self.otf = torch.view_as_real(torch.from_numpy(self.operator.otf)).to(self.otf)
+        return self
+
+    def _through(self, image: Tensor, top: int, left: int, adjoint: bool) -> Tensor:
+        """Return the light on the whole grid of images whose first pixel stands at (top, left)."""
+        rows, cols = self.operator.grid
+        high, wide = image.shape[-2:]
+        spectrum = torch.fft.rfft2(F.pad(image, (left, cols - left - wide, top, rows - top - high)))
+        otf = torch.view_as_complex(self.otf)
+        seen = otf.conj() * spectrum[:, None] if adjoint else (otf * spectrum).sum(1)
+        return torch.fft.irfft2(seen, s=(rows, cols))
+
+
+class Forward(_Camera):
+    """Frames ``(N, C, Y, X)`` of planes ``(N, Z, C, Y, X)``, as :class:`hadalens.operators.Forward` has them.
+
+    Plain PyTorch: any device, gradients of any order, no OpenCL. Of one depth planes may be ``(N, C, Y, X)``.
+
+    Args:
+        model: a :class:`hadalens.Model` with transfer functions, its file, or a :class:`hadalens.operators.Forward`.
+
+    Example:
+        >>> camera = hadalens.torch.Forward("camera.model").to("cuda")
+        >>> loss = (camera(planes) - frames).square().mean()
+
+    """
+
+    def forward(self, planes: Tensor) -> Tensor:
+        """Return the frames."""
+        operator = self.operator
+        if planes.ndim == 4 and operator.planes_shape[0] == 1:
+            planes = planes[:, None]
+        if planes.ndim != 5 or tuple(planes.shape[1:]) != operator.planes_shape:
+            raise ValueError(f"planes of {tuple(planes.shape)}: (N, *{operator.planes_shape}) is needed")
+        _, rows, cols = operator.frame_shape
+        return self._through(planes, *operator.origin, adjoint=False)[..., :rows, :cols]
+
+
+class Adjoint(_Camera):
+    """Planes ``(N, Z, C, Y, X)`` that the transpose of :class:`Forward` makes of frames ``(N, C, Y, X)``."""
+
+    def forward(self, frames: Tensor) -> Tensor:
+        """Return the planes."""
+        operator = self.operator
+        if frames.ndim != 4 or tuple(frames.shape[1:]) != operator.frame_shape:
+            raise ValueError(f"frames of {tuple(frames.shape)}: (N, *{operator.frame_shape}) is needed")
+        (top, left), (rows, cols) = operator.origin, operator.planes_shape[2:]
+        return self._through(frames, 0, 0, adjoint=True)[..., top : top + rows, left : left + cols]

@@ -218,6 +218,11 @@ def test_keywords_that_are_none_are_named(model: hadalens.Model, camera: Path, t
         ("step", "steps", lambda given: hadalens.train(camera, tmp_path / "a.model", model=model, **given)),
         ("regularization", "regularisation", lambda given: hadalens.Fitter([100.0], (8, 8), **given)),
         ("refin", "refine", lambda given: hadalens.Plan.estimate(model, **given)),
+        ("refin", "refine", lambda given: hadalens.Plan(model, **given)),
+        ("regularization", "regularisation", lambda given: hadalens.fit(camera, **given)),
+        ("distance", "distances_mm", lambda given: hadalens.Model.from_psf(psfs=None, **given)),
+        ("pair", "pairs", lambda given: hadalens.simulate("sim300", tmp_path, **given)),
+        ("devise", "device", lambda given: hadalens.Context(**given)),
         ("row", "rows", lambda given: hadalens.Camera(**given)),
     ]
     for wrong, right, work in works:

@@ -18,6 +18,7 @@ from ._native import (
     call,
     ffi,
     lib,
+    named,
     path,
     record,
     value_of,
@@ -108,6 +109,7 @@ def fit_options(
     )
 
 
+@named
 def fit(
     pairs: Dataset | Pairs | str | os.PathLike[str] | None,
     *,

@@ -7,6 +7,7 @@ import dataclasses
 import errno
 import functools
 import glob
+import inspect
 import itertools
 import logging
 import numbers
@@ -20,7 +21,7 @@ import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, ParamSpec, Self, TypeVar
 
 import numpy as np
 
@@ -211,6 +212,27 @@ def check_names(given: Iterable[str], known: Iterable[str], what: str) -> None:
     for name in given:
         if name not in known:
             raise TypeError(f"{what} takes no keyword {name!r}{meant(name, known)}")
+
+
+P = ParamSpec("P")
+V = TypeVar("V")
+
+
+def named(function: Callable[P, V]) -> Callable[P, V]:
+    """Let a function that is called with a keyword that is none say what it may be meant for, and what there are."""
+
+    @functools.wraps(function)
+    def call_it(*given: P.args, **more: P.kwargs) -> V:
+        try:
+            return function(*given, **more)
+        except TypeError as error:
+            wrong = re.search(r"unexpected keyword argument '(\w+)'", str(error))
+            if wrong is None or (error.__traceback__ and error.__traceback__.tb_next):  # from within
+                raise
+            known = inspect.signature(function).parameters.keys() - {"self", "cls"}
+            raise TypeError(f"{error}{meant(wrong[1], known)}") from None
+
+    return call_it
 
 
 # words of enumerations ------------------------------------------------------------------------------------------------

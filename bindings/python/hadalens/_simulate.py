@@ -22,6 +22,7 @@ from ._native import (
     call,
     ffi,
     lib,
+    named,
     path,
     record,
 )
@@ -195,6 +196,7 @@ class SimulateReport:
     light_lost: float
 
 
+@named
 def simulate(
     camera: Camera | str,
     folder: str | os.PathLike[str],

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal, TypeAlias
 
-from ._native import Handle, Options, Owner, call, expect, ffi, lib, open_devices, path, record, value_of, word
+from ._native import Handle, Options, Owner, call, expect, ffi, lib, named, open_devices, path, record, value_of, word
 
 
 @dataclass(frozen=True)
@@ -101,6 +101,7 @@ class Context(Handle):
     _opened: ClassVar[dict[str | None, Context]] = {}  # by the device's name; None: the default
     _lock = threading.Lock()
 
+    @named
     def __init__(
         self,
         device: str | int | None = None,

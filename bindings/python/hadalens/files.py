@@ -26,6 +26,7 @@ from ._native import (
     ffi,
     keep_error,
     lib,
+    named,
     path,
     record,
     text,
@@ -258,6 +259,7 @@ def py_files_task_tell(user: Any, state: Any) -> None:
         monitor.results.append(FileResult(name, state.frames, (), error_of(state.error[0])))
 
 
+@named
 def reconstruct_files(
     plan: Plan,
     files: Sequence[str | os.PathLike[str]],

@@ -25,6 +25,7 @@ from ._native import (
     ffi,
     lib,
     loaded,
+    named,
     path,
     record,
     saved,
@@ -145,6 +146,7 @@ class Model(Handle):
         return Path(name)
 
     @classmethod
+    @named
     def from_psf(
         cls,
         psfs: Any,

@@ -14,7 +14,7 @@ import numpy as np
 from . import errors
 from ._arrays import Mosaic, Pixels, check_out
 from ._job import Job
-from ._native import Handle, Options, Owner, call, check_names, ffi, lib, log, record
+from ._native import Handle, Options, Owner, call, check_names, ffi, lib, log, named, record
 from ._plan_options import Classic, Method, PlanOptions, Skip, plan_options
 from .device import Device, address_of, contexts, default
 from .model import Model, as_model
@@ -130,6 +130,7 @@ class Plan(Handle):
 
     """
 
+    @named
     def __init__(
         self,
         model: Model | str | os.PathLike[str],

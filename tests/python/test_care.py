@@ -230,7 +230,7 @@ def test_keywords_that_are_none_are_named(model: hadalens.Model, camera: Path, t
             work({wrong: 1})
     with pytest.raises(AttributeError, match="'rows' meant"):
         hadalens.Camera().row = 3
-    for values in ({"refine": "many"}, {"refine": 2.5}, {"gamma": "bright"}):
+    for values in ({"refine": "many"}, {"refine": 2.5}, {"gamma": "bright"}, {"depths": 1}, {"occupied": np.int64(2)}):
         with pytest.raises(TypeError, match=f"{next(iter(values))}="):
             hadalens.Plan(model, **values)
 

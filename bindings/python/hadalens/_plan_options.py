@@ -93,6 +93,9 @@ def plan_options(
     **others: Any,
 ) -> Options:
     """Return hada_plan_options of what a plan takes."""
+    for name, given in (("depths", depths), ("occupied", occupied)):
+        if isinstance(given, numbers.Integral):
+            raise TypeError(f"{name}={given}: a list of depths is needed, such as [{given}]")
     options = Options(
         "hada_plan_options",
         depths=depths,

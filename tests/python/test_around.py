@@ -56,7 +56,7 @@ def test_camera(design: hadalens.Camera, tmp_path: Path) -> None:
     with pytest.raises(AttributeError):
         other.colour = 3
     with pytest.raises(AttributeError):
-        _ = other.colour
+        _ = other.colour  # type: ignore[attr-defined]
     with pytest.raises(ValueError, match="sim512"):
         hadalens.Camera("no such preset")
     design.set_fill_factor(design.fill_factor)

@@ -87,7 +87,8 @@ def test_device_memory() -> None:
 
 def test_files(tmp_path: Path, model_file: Path, model: hadalens.Model) -> None:
     """Missing, truncated, of another kind, and not to be written."""
-    error = fails(errors.FileOpenError, OSError, hadalens.Model.load, tmp_path / "no such.model")
+    error = fails(errors.FileMissingError, FileNotFoundError, hadalens.Model.load, tmp_path / "no such.model")
+    assert isinstance(error, errors.FileOpenError)
     assert "no such.model" in str(error)
     content = model_file.read_bytes()
     (tmp_path / "short.model").write_bytes(content[: len(content) // 2])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -301,3 +302,48 @@ def test_nets(tmp_path: Path) -> None:
     fresh.load_weights(tmp_path / "net")
     np.testing.assert_array_equal(hadalens.NetRunner(fresh, 32, 40).run(image), expected)
     assert net.bytes(32, 40) > 0
+
+
+def test_ctrl_c_while_a_pair_is_read_leaves_the_checkpoint(model: hadalens.Model, camera: Path, tmp_path: Path) -> None:
+    """Training goes on from the very step, wherever Ctrl-C came; a second one stops at once."""
+    data = hadalens.Dataset.scan(camera)
+    stops = 0
+
+    def read(depth: int, pair: int, which: int) -> Array:
+        nonlocal stops
+        if stops:
+            stops -= 1
+            raise KeyboardInterrupt
+        return data.read(depth, pair)[which]
+
+    pairs = {
+        distance: [(partial(read, z, pair, 0), partial(read, z, pair, 1)) for pair in range(data.counts[z])]
+        for z, distance in enumerate(data.distances_mm)
+    }
+
+    net = hadalens.Net.unet("4|4", "4")
+
+    def train(**options: Any) -> Path:
+        file = tmp_path / "a.model"
+        return hadalens.train(pairs, file, model=model, net=net, batch=1, steps=10, tell=tell, **options)
+
+    begins = 1
+
+    def tell(state: hadalens.TrainState) -> None:
+        nonlocal stops
+        if state.event == "begins":
+            stops = begins
+
+    checkpoint = tmp_path / "a.model.log" / "checkpoint.safetensors"
+    with pytest.raises(KeyboardInterrupt):
+        train()
+    assert checkpoint.exists()
+    checkpoint.unlink()
+    begins = 2
+    with pytest.raises(KeyboardInterrupt):
+        train(restart=True)
+    begins = 1
+    with pytest.raises(KeyboardInterrupt):
+        train(restart=True)
+    begins = 0
+    assert hadalens.Model.load(train(resume=True)).enhance is not None

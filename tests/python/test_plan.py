@@ -66,10 +66,10 @@ def test_mosaics(program: Any, tmp_path: Path) -> None:
     model.save(tmp_path / "camera.model")
     program("reconstruct", frame, "-m", tmp_path / "camera.model", "-o", tmp_path, "--no-preview")
     np.testing.assert_array_equal(known, tifffile.imread(tmp_path / "test01_stack.tif").reshape(known.shape))
-    with pytest.raises(hadalens.ModelError, match="--bayer"):
+    with pytest.raises(hadalens.ModelError, match="mosaic='rggb'"):
         hadalens.Plan(model, mosaic="none").run(raw)
     arrays = hadalens.Dataset({100.0: [(raw, np.zeros((3, 24, 24), np.float32))]}, mosaic="gbrg")
     np.testing.assert_array_equal(arrays.read(0, 0)[0][1, ::2, ::2], raw[::2, ::2])
     fitter = hadalens.Fitter([100.0], (64, 80), window=(24, 24), channels=3, mosaic="gbrg")
-    fitter.add(0, raw, np.ones((3, 24, 24), np.float32))
+    fitter.add(0, raw, pairs.read(0, 0)[1])
     assert fitter.finish().info.mosaic == "gbrg"

@@ -129,3 +129,33 @@ def test_what_is_wrong_is_said(tmp_path: Path) -> None:
     )
     with pytest.raises(RuntimeError, match=r"a\.bias"):
         Net.load(tmp_path / "b.safetensors")
+
+
+@pytest.mark.parametrize("shares", [False, True])
+def test_a_net_that_sees_the_other_planes(
+    shares: bool, model: hadalens.Model, raw: npt.NDArray[Any], tmp_path: Path
+) -> None:
+    """It has twice the channels: the error says so, `inputs` puts them there, `enhance` does what the library does."""
+    torch.manual_seed(3)
+    layers = [{"layer": "input", "channels": 6}, conv("a", 8, activation="relu"), conv("b", 3)]
+    net = Net({"format": "hadalens-net-1", "shares": shares, "layers": layers}).eval()
+    net.save(tmp_path / "net.safetensors")
+    enhanced = model.with_enhance(hadalens.Net.load(tmp_path / "net.safetensors"))
+    before = hadalens.Plan(model, scene="planes").run(raw)
+    found = [depth for depth, there in enumerate(before.report.occupied) if there]
+    assert len(found) > 1
+    planes = torch.from_numpy(before.stack[found])
+    assert net.channels == 6
+    with pytest.raises(ValueError, match="inputs"):
+        net(planes)
+    with pytest.raises(ValueError, match="takes 6"):
+        net(planes[:, :1])
+    sum_of_others = net.inputs(planes)[:, 3:]
+    torch.testing.assert_close(sum_of_others + planes, planes.sum(0, keepdim=True).expand_as(planes))
+    got = hadalens.Plan(enhanced, scene="planes").run(raw)
+    assert got.report.enhanced
+    with torch.no_grad():
+        want = net.enhance(planes).numpy()
+        alone = net.enhance(planes[:1]).numpy()
+    assert np.linalg.norm(got.stack[found] - want) < TOLERANCE * np.linalg.norm(want)
+    assert np.array_equal(alone, planes[:1].numpy()) == shares

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -69,3 +70,23 @@ def test_what_is_inside(wheel: Path) -> None:
     assert not [name for name in names if "OpenCL" in name or name.endswith((".c", ".h"))]
     modules = {file.name for file in (ROOT / "bindings/python/hadalens").glob("*.py")}
     assert modules <= files
+
+
+def test_a_build_names_all_that_is_missing(tmp_path: Path) -> None:
+    """Once, with a line to copy for each way of installing; before, one package a try."""
+    defines = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["scikit-build"]["cmake"]["define"]
+    given = [f"-D{name}={value}" for name, value in defines.items()]
+    nothing = {**os.environ, "PKG_CONFIG_LIBDIR": str(tmp_path), "PKG_CONFIG_PATH": ""}
+
+    given += [f"-DPython3_EXECUTABLE={sys.executable}", f"-DCMAKE_FIND_ROOT_PATH={tmp_path}"]
+    given += ["-DCMAKE_FIND_ROOT_PATH_MODE_INCLUDE=ONLY", f"-B{tmp_path / 'build'}", f"-S{ROOT}"]
+    done = subprocess.run(["cmake", *given], env=nothing, text=True, capture_output=True, check=False)
+    assert done.returncode
+    told = " ".join(done.stderr.split())
+    for words in (
+        "apt install ocl-icd-opencl-dev libtiff-dev libjansson-dev libxxhash-dev libclfft-dev",
+        "dnf install ocl-icd-devel opencl-headers libtiff-devel jansson-devel xxhash-devel clfft-devel",
+        "brew install opencl-icd-loader opencl-headers libtiff jansson xxhash clfft",
+        "conda install -c conda-forge khronos-opencl-icd-loader opencl-headers libtiff jansson xxhash clfft",
+    ):
+        assert words in told

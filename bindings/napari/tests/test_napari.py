@@ -12,8 +12,8 @@ import hadalens
 import numpy as np
 import pytest
 import tifffile
-from hadalens.ome import is_even
-from napari_hadalens import _layers, _reader, _widgets
+from hadalens.ome import OmeZarrWriter, is_even
+from napari_hadalens import _layers, _reader, _sample, _widgets, _writer
 from npe2 import PluginManifest
 from qtpy.QtCore import QTimer
 
@@ -210,3 +210,79 @@ def test_files(viewer: Any, tmp_path: Path) -> None:
     tifffile.imwrite(tmp_path / "b_stack.tif", where)
     assert _reader.get_reader(str(tmp_path / "b_stack.tif")) is None
     assert _reader.get_reader(str(tmp_path / "none.model")) is None
+
+
+@pytest.fixture(scope="module")
+def film(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[hadalens.Result]]:
+    """Return a folder with a sequence as ``hadalens reconstruct`` writes it, and its results."""
+    folder = tmp_path_factory.mktemp("film")
+    (psf, options, _), (_, raw, _) = _sample.small_camera()
+    model = hadalens.Model.from_psf(options["metadata"]["light"], options["metadata"]["distances_mm"])
+    assert psf.shape[0] == 3
+    plan = hadalens.Plan(model, refine=0)
+    frames = [raw["metadata"]["light"] * np.float32(1 + i) for i in range(3)]
+    hadalens.write_tiff(folder / "film.tif", np.stack(frames))
+    hadalens.reconstruct_files(plan, [folder / "film.tif"], folder, preview=False)
+    return folder, list(plan.map(frames))
+
+
+def test_sequences(film: tuple[Path, list[hadalens.Result]]) -> None:
+    """Every frame of the files of a sequence is there, not the first alone."""
+    folder, results = film
+    (_, planes, _), *maps = _reader.read([str(folder / "film_stack.tif"), str(folder / "film_depth.tif")])
+    ((_, picture, _),) = _reader.read(str(folder / "film_aif.tif"))
+    np.testing.assert_allclose(planes["metadata"]["light"], [result.stack for result in results], rtol=1e-6)
+    np.testing.assert_allclose(picture["metadata"]["light"], [result.all_in_focus for result in results], rtol=1e-6)
+    np.testing.assert_array_equal(maps[0][0], [result.distance_map for result in results])
+    assert planes["scale"] == (1, 100, 1, 1)
+    assert planes["axis_labels"][0] == "frame"
+    assert [kind for _, _, kind in maps] == ["image"]
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_ome_zarr(count: int, film: tuple[Path, list[hadalens.Result]], viewer: Any, tmp_path: Path) -> None:
+    """OME-Zarr of Hadalens is opened, written from the layers, and the same again; other folders are left to others."""
+    pytest.importorskip("zarr")
+    with OmeZarrWriter(tmp_path / "film.zarr") as writer:
+        for result in film[1][:count]:
+            writer.append(result)
+    viewer.open(tmp_path / "film.zarr", plugin="napari-hadalens")
+    made = [layer for layer in viewer.layers if layer.name.startswith("film")]
+    light = made[0].metadata["light"]
+    np.testing.assert_array_equal(light.reshape(count, *film[1][0].stack.shape), [r.stack for r in film[1][:count]])
+    viewer.layers.selection = set(made)
+    assert viewer.layers.save(str(tmp_path / "again.zarr"), selected=True, plugin="napari-hadalens")
+    for before, after in zip(*(_reader.read(str(tmp_path / f"{one}.zarr")) for one in ("film", "again")), strict=True):
+        np.testing.assert_array_equal(before[0] if before[2] == "image" else 0, after[0] if after[2] == "image" else 0)
+    planes = [made[0].as_layer_data_tuple()]
+    _writer.write(str(tmp_path / "planes.zarr"), planes)
+    ((_, options, _), *_) = _reader.read(str(tmp_path / "planes.zarr"))
+    np.testing.assert_array_equal(options["metadata"]["light"], light)
+    with pytest.raises(ValueError, match="there are 0"):
+        _writer.write(str(tmp_path / "none.zarr"), [])
+    assert _reader.get_reader(str(tmp_path)) is None
+
+
+def test_a_plain_layer_can_be_a_camera(viewer: Any, qtbot: Any) -> None:
+    """An image of a point spread function, of one depth or of several whose distances are typed."""
+    psf = viewer.layers["point spread functions"].metadata["light"]
+    for data, rgb, distances in (
+        (psf[0, 0], False, ""),
+        (np.moveaxis(psf[0], 0, -1), True, "250"),
+        (psf[:, 0], False, "1, 2, 3"),
+    ):
+        layer = viewer.add_image(data, rgb=rgb, name="mine")
+        widget = reconstruct(viewer)
+        assert layer in widget.camera.choices
+        widget.camera.value, widget.distances.value = layer, distances
+        assert hadalens.Plan(_widgets.model_of(layer, None, _widgets.numbers_of(distances))).stack_shape[0] in (1, 3)
+        viewer.layers.remove(layer)
+    with pytest.raises(ValueError, match="numbers"):
+        _widgets.numbers_of("near, far")
+    single = viewer.add_image(psf[0].max(0), name="single")
+    widget = reconstruct(viewer)
+    viewer.layers.selection.active = viewer.add_image(viewer.layers["raw frame"].metadata["light"].mean(0), name="grey")
+    widget.camera.value, widget.distances.value = single, ""
+    widget.start.native.click()
+    qtbot.waitUntil(lambda: widget.message.value == "done", timeout=60000)
+    qtbot.waitUntil(lambda: "grey: all in focus" in viewer.layers, timeout=60000)

@@ -4,19 +4,20 @@ A stack of refocused images, an all-in-focus image and a distance map; and learn
 from a few pairs of raw frame and known scene per distance.
 
     >>> import hadalens
-    >>> model = hadalens.fit("camera")                 # a folder of pairs
+    >>> pairs, _ = hadalens.simulate("sim300", "camera", tests=1)      # in place of your captures
+    >>> model = hadalens.fit(pairs)                    # or a folder of pairs, or arrays
+    >>> raw = hadalens.read_tiff("camera/test/raw/test01.tif", 0)
     >>> result = hadalens.Plan(model).run(raw)         # a NumPy array, or anything that is one
     >>> result.stack, result.all_in_focus, result.distance_map
 """
 
 from typing import TYPE_CHECKING, Any
 
-from . import response
+from . import _native, response
 from ._fit import fit
 from ._fit_report import FilterScore, FitReport, OutsideScore, RefineScore, ResponseRow
 from ._fitter import Fitter, find_boundary
 from ._job import Job
-from ._native import lib, text
 from ._pairs import Dataset, load_dark
 from ._plan_options import Classic
 from .device import Context, DeviceInfo, devices
@@ -30,6 +31,7 @@ from .errors import (
     DeviceMemoryError,
     FileError,
     FileFormatError,
+    FileMissingError,
     FileOpenError,
     FileReadError,
     FileWriteError,
@@ -73,7 +75,7 @@ if TYPE_CHECKING:
     from ._trainer import Augment, Step, Trainer, Validation
     from .focus import FocusReport, focus_stack
 
-__version__ = text(lib.hada_version())
+__version__ = _native.text(_native.lib.hada_version())
 
 __all__ = [
     "ArgumentError",
@@ -92,6 +94,7 @@ __all__ = [
     "DeviceMemoryError",
     "FileError",
     "FileFormatError",
+    "FileMissingError",
     "FileOpenError",
     "FileReadError",
     "FileResult",
@@ -197,5 +200,5 @@ if not TYPE_CHECKING:
 
 
 def __dir__() -> list[str]:
-    """Return all names."""
-    return sorted({*globals(), *__all__})
+    """Return the names for users."""
+    return [*__all__, "__doc__", "__version__"]

@@ -7,6 +7,7 @@ protocol.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from typing import Any, Literal, TypeAlias
 
@@ -25,6 +26,7 @@ Mosaic: TypeAlias = Literal["none", "rggb", "bggr", "grbg", "gbrg"]
 # Memory that the host reads, of dlpack.h: kDLCPU, kDLCUDAHost, kDLROCMHost, kDLCUDAManaged; NumPy takes these.
 _DLPACK_HOST = (1, 3, 11, 13)
 _TO_HOST = "bring it to the host first (.cpu() of PyTorch, .get() of CuPy, .copy_to_host() of Numba)"
+_FEW = 4  # channels of pictures, at most: no image has so few columns
 _PIXELS = {"|u1": lib.HADA_PIXEL_U8, "<u2": lib.HADA_PIXEL_U16, "<f4": lib.HADA_PIXEL_F32}
 
 
@@ -43,8 +45,23 @@ def as_array(given: Any, what: str) -> npt.NDArray[Any]:
     elif hasattr(given, "__array__") or isinstance(given, memoryview):
         array = np.asarray(given)
     else:
-        raise TypeError(f"{what} is a {type(given).__name__}: an array is needed (NumPy's, or one with DLPack)")
+        raise TypeError(
+            f"{what} is a {type(given).__name__}: an array is needed (NumPy's, or one with DLPack)"
+            + "; hadalens.read_tiff reads a file" * isinstance(given, str | os.PathLike)
+        )
     kind, size = array.dtype.kind, array.dtype.itemsize
+    if isinstance(array, np.ma.MaskedArray):
+        if np.ma.is_masked(array):
+            raise errors.ArgumentError(
+                f"{what} has {np.sum(array.mask)} masked values, whose numbers would count: fill them "
+                "(array.filled(0)); a plan takes pixel_weights=~array.mask"
+            )
+        array = array.data
+    if kind == "i" and size <= 4 and array.size and array.min() < 0:
+        raise errors.ArgumentError(
+            f"{what} of {array.dtype} has values below 0, down to {array.min()}, but light is 0 or more: take off its "
+            "offset, or convert to float32 with 1 for full scale"
+        )
     if (kind in "ui" and size <= 4) or (kind == "f" and size in (4, 8)):
         return array
     raise TypeError(
@@ -63,13 +80,22 @@ def _from_dlpack(given: Any, what: str) -> npt.NDArray[Any]:
 
 def planes_first(array: npt.NDArray[Any], channel_axis: int | None, what: str) -> npt.NDArray[Any]:
     """Return a view (C, Y, X) of an image (Y, X), or of three axes one of which is the channels'."""
-    if array.ndim == 2 and channel_axis is None:
+    if array.ndim == 2:
         return array[np.newaxis]
     if array.ndim != 3:
         raise errors.SizeError(
             f"{what} has the shape {array.shape}: (Y, X), (C, Y, X), or (Y, X, C) with channel_axis=-1"
         )
-    return array if channel_axis is None else np.moveaxis(array, channel_axis, 0)
+    if channel_axis is None:
+        if array.shape[-1] <= _FEW < array.shape[0]:
+            raise errors.SizeError(
+                f"{what} has the shape {array.shape}: channels seem to stand last, but (C, Y, X) is expected; give "
+                f"channel_axis=-1, or np.moveaxis({what}, -1, 0)"
+            )
+        return array
+    if not -3 <= channel_axis < 3:
+        raise errors.ArgumentError(f"channel_axis={channel_axis}: {what} has three axes, 0 to 2, or -1 for the last")
+    return np.moveaxis(array, channel_axis, 0)
 
 
 def to_float(array: npt.NDArray[Any], full_scale: float | None = None) -> Float32:
@@ -86,13 +112,17 @@ def to_float(array: npt.NDArray[Any], full_scale: float | None = None) -> Float3
 class Pixels:
     """A frame as the library takes it: `c` is a hada_pixels that looks into the caller's memory where it can."""
 
-    def __init__(self, given: Any, channel_axis: int | None, full_scale: float | None, what: str = "raw") -> None:
-        """Check and wrap."""
+    def __init__(
+        self, given: Any, channel_axis: int | None, full_scale: float | None, what: str = "raw", copy: bool = False
+    ) -> None:
+        """Check and wrap; `copy`: never the caller's memory."""
         if full_scale is not None and not full_scale > 0:
             raise errors.ArgumentError(f"full_scale={full_scale} is not possible; it is above 0")
         array = planes_first(as_array(given, what), channel_axis, what)
         if array.dtype.newbyteorder("<").str not in _PIXELS or not array.dtype.isnative or not array.flags.aligned:
             array = to_float(array, full_scale)
+        if copy and np.may_share_memory(array, given if isinstance(given, np.ndarray) else array):
+            array = array.copy()
         self.array = array  # whose memory C reads
         self.c = tie(ffi.new("hada_pixels *"), array)
         lib.hada_pixels_init(self.c)

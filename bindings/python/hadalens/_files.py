@@ -1,4 +1,4 @@
-"""Files that are whole or not there."""
+"""Files that are whole or not there, and what optional modules import."""
 
 from __future__ import annotations
 
@@ -27,3 +27,15 @@ def replaced(path: PathLike) -> Iterator[Path]:
         beside.replace(target)
     finally:
         beside.unlink(missing_ok=True)
+
+
+@contextmanager
+def extra(name: str) -> Iterator[None]:
+    """Import the packages of an extra within this block: where one is missing, the error says what to install."""
+    try:
+        yield
+    except ModuleNotFoundError as missing:
+        raise ModuleNotFoundError(
+            f"{missing.name} is not installed: pip install 'hadalens[{name}]', or of the sources '.[{name}]'",
+            name=missing.name,
+        ) from missing

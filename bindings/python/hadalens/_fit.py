@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict
 
 from . import response as responses
 from ._arrays import Mosaic
 from ._fit_report import FilterScore, FitReport, OutsideScore, RefineScore, ResponseRow
 from ._native import (
+    AUTO,
     Monitor,
     Options,
     Owner,
@@ -17,12 +18,13 @@ from ._native import (
     call,
     ffi,
     lib,
+    named,
     path,
     record,
     value_of,
 )
 from ._pairs import Dataset, Pairs, as_dataset
-from .device import Context, default
+from .device import Device, default
 from .model import Boundary, Model
 
 
@@ -43,6 +45,25 @@ def scores_of(
         tuple(record(OutsideScore, row) for row in _each(scores.outsides)),
         tuple(record(RefineScore, row) for row in _each(scores.refinements)),
     )
+
+
+class FitOptions(TypedDict, total=False):
+    """What :func:`fit` and :class:`Fitter` take alike, by keyword."""
+
+    form: Literal["complex", "split"]
+    dark: float | None
+    alpha: float | None
+    regularisation: float | None
+    outside: float | None
+    refine_steps: int | None
+    refine_tv: float | None
+    refine_colour: float | None
+    refine_shrink: float | None
+    nonnegative: bool
+    scene_response: float | str | None
+    crop_passes: int | None
+    leave_one_out: bool
+    mosaic: Mosaic
 
 
 def fit_options(
@@ -71,7 +92,7 @@ def fit_options(
         form=form,
         window_rows=rows,
         window_cols=cols,
-        dark=float(lib.HADA_AUTO) if dark is None else dark,
+        dark=AUTO if dark is None else dark,
         alpha=alpha,
         outside=outside,
         refine_steps=refine_steps,
@@ -88,10 +109,11 @@ def fit_options(
     )
 
 
+@named
 def fit(
     pairs: Dataset | Pairs | str | os.PathLike[str] | None,
     *,
-    context: Context | None = None,
+    context: Device | None = None,
     boundary: Boundary | None = None,
     window: tuple[int, int] | None = None,
     form: Literal["complex", "split"] = "complex",
@@ -193,7 +215,7 @@ def fit(
     report = Owner("hada_fit_report", lib.hada_fit_report_destroy)
     monitored(
         monitor,
-        call if data is None else data._call,
+        data,
         lib.hada_fit_run,
         model.pointer,
         report.pointer,
@@ -206,15 +228,24 @@ def fit(
     return learned
 
 
-def monitored(monitor: Monitor, run: Callable[..., None], function: Callable[..., int], *arguments: Any) -> None:
-    """Call C by `run`; what a Ctrl-C or progress raised comes before what reading pairs raised, and that before C."""
+def monitored(monitor: Monitor, data: Dataset | None, function: Callable[..., int], *arguments: Any) -> None:
+    """Call C, which may read pairs of `data`.
+
+    What a Ctrl-C or progress raised comes before what reading pairs raised, and that before C.
+    """
     monitor.error = None
+    reader = None if data is None else data._reader
+    if reader is not None:
+        reader.monitor = monitor
     try:
-        run(function, *arguments)
+        (call if data is None else data._call)(function, *arguments)
     except Exception as failed:
         if monitor.error is not None:
             raise monitor.error from failed
         raise
+    finally:
+        if reader is not None:
+            reader.monitor = None
     if monitor.error is not None:
         raise monitor.error
 

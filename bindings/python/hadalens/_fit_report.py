@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ._show import members, table
+
 
 @dataclass(frozen=True)
 class FilterScore:
@@ -54,7 +56,7 @@ class ResponseRow:
     chosen: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FitReport:
     """What the choices of a fit were made from.
 
@@ -74,3 +76,15 @@ class FitReport:
     response: float | None
     responses: tuple[ResponseRow, ...]
     exposed_apart: bool
+
+    def __repr__(self) -> str:
+        """Return the most of it in a line."""
+        best = [f"{one.psnr_single:.1f} dB" for one in self.filters if one.chosen]
+        refined = [f"refined {one.psnr_single:.1f} dB" for one in self.refinement if one.chosen]
+        return f"<FitReport: {', '.join([f'{sum(self.pairs)} pairs', *best[:1], *refined[-1:]])}>"
+
+    def _repr_html_(self) -> str:
+        compared = [one for rows in (self.filters, self.outside, self.refinement, self.responses) for one in rows]
+        return table(
+            repr(self), [(type(one).__name__, *(cell for pair in members(one) for cell in pair)) for one in compared]
+        )

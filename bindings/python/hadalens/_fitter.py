@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Sequence
-from typing import Any, TypeAlias, cast
+from dataclasses import dataclass
+from typing import Any, TypeAlias, Unpack, cast
+
+import numpy as np
 
 from . import errors
-from ._arrays import Floats, Mosaic
-from ._fit import fit_options, monitored, scores_of
+from . import response as responses
+from ._arrays import Float32, Floats, Mosaic
+from ._fit import FitOptions, fit_options, monitored, scores_of
 from ._fit_report import FitReport
-from ._native import Handle, Monitor, Options, Owner, call, ffi, lib, path, word
-from ._pairs import Dataset, Pairs, as_dataset
-from .device import Context, default
+from ._native import Handle, Monitor, Options, Owner, call, check_names, ffi, lib, log, path, span, word
+from ._pairs import Dataset, Pairs, Reader, as_dataset
+from .device import Context, Device, default
 from .model import Boundary, Model
 
 #: Shows a pair again: (depth, pair) -> (raw, scene).
@@ -30,6 +35,25 @@ class _Shown(Sequence[tuple[Any, Any]]):
 
     def __getitem__(self, pair: Any) -> Any:
         return self.show(self.depth, pair)
+
+
+@dataclass
+class _Seen:
+    """What the pairs of a depth showed: frames and scenes with contrast, least PSNR of a scene as one brightness."""
+
+    frames: int = 0
+    scenes: int = 0
+    flat: float = math.inf
+
+    def add(self, raw: Float32, scene: Float32, window: tuple[int, int], response: float) -> None:
+        rows, cols = (min(most, size) for most, size in zip(window, scene.shape[1:], strict=True))
+        top, left = (scene.shape[1] - rows) // 2, (scene.shape[2] - cols) // 2
+        shown = scene[:, top : top + rows, left : left + cols]
+        light = shown if response < 0 and response != responses.SRGB else responses.convert(shown, response, "linear")
+        spread = float(np.mean(np.var(light, axis=(1, 2), dtype=np.float64)))
+        self.frames += bool(raw.min() != raw.max())
+        self.scenes += spread > 0
+        self.flat = min(self.flat, -10 * math.log10(max(spread, 1e-30)))
 
 
 class Fitter(Handle):
@@ -67,11 +91,12 @@ class Fitter(Handle):
         channels: int = 1,
         boundary: Boundary = "circular",
         grid: tuple[int, int] | None = None,
-        context: Context | None = None,
+        context: Device | None = None,
         channel_axis: int | None = None,
-        **options: Any,
+        **options: Unpack[FitOptions],
     ) -> None:
         """Take room for the sums."""
+        check_names(options, FitOptions.__annotations__, "Fitter")
         chosen = fit_options(
             window=window or raw_size,
             depths=len(distances_mm),
@@ -93,9 +118,12 @@ class Fitter(Handle):
         call(lib.hada_fitter_create, owner.pointer, context._c, options.c)
         self._owner = owner
         self._channel_axis = channel_axis
+        self._window = (int(options.c.window_rows), int(options.c.window_cols))
+        self._response = float(options.c.scene_response)
         self._mosaic = cast(Mosaic, word("hada_mosaic", options.c.mosaic))
         info = self._info
         self._distances = tuple(info.distances_mm[z] for z in range(info.depths))
+        self._seen = [_Seen() for _ in self._distances]
         self._scored: dict[float, list[tuple[Any, Any]]] = {distance: [] for distance in self._distances}
 
     @property
@@ -108,13 +136,15 @@ class Fitter(Handle):
         name: str | os.PathLike[str],
         *,
         depths: int,
-        context: Context | None = None,
+        context: Device | None = None,
         channel_axis: int | None = None,
-        **options: Any,
+        **options: Unpack[FitOptions],
     ) -> Fitter:
         """Return a fitter from a file of sums; camera, depths and dark level are the file's."""
+        check_names(options, FitOptions.__annotations__, "Fitter.from_sums")
         new = cls.__new__(cls)
         new._start(default(context), fit_options(sums=name, **options), channel_axis)
+        new._seen_elsewhere()
         if len(new._distances) != depths:
             raise errors.SizeError(f"{os.fspath(name)} has {len(new._distances)} depths, not {depths}")
         return new
@@ -131,8 +161,14 @@ class Fitter(Handle):
             NotFiniteError, SizeError: the pair is refused; the sums are as they were.
 
         """
-        pair = Dataset({self._distance(depth): [(raw, scene)]}, channel_axis=self._channel_axis, mosaic=self._mosaic)
-        monitored(self._monitor, pair._call, lib.hada_fitter_add, self._c, pair._c)
+        distance, images = self._distance(depth), Reader([[(raw, scene)]], self._channel_axis).read(0, 0)
+        pair = Dataset({distance: [images]}, mosaic=self._mosaic)
+        monitored(self._monitor, pair, lib.hada_fitter_add, self._c, pair._c)
+        self._seen[depth].add(*images, self._window, self._response)
+
+    def _seen_elsewhere(self) -> None:
+        """Nothing is known of pairs whose sums come from a file."""
+        self._seen = [_Seen(1, 1, -math.inf) for _ in self._distances]
 
     def _distance(self, depth: int) -> float:
         if not 0 <= depth < len(self._distances):
@@ -150,12 +186,16 @@ class Fitter(Handle):
     def load_sums(self, name: str | os.PathLike[str]) -> None:
         """Add the sums of a file to those that are there."""
         call(lib.hada_fitter_load_sums, self._c, path(name))
+        self._seen_elsewhere()
 
     @property
     def pairs(self) -> tuple[int, ...]:
         """Number of pairs in the sums of each depth."""
         info = self._info
         return tuple(info.pairs[z] for z in range(info.depths))
+
+    def _shown(self) -> str:
+        return f"{sum(self.pairs)} pairs, {span(self._distances)}"
 
     @property
     def bytes(self) -> int:
@@ -170,10 +210,20 @@ class Fitter(Handle):
                 some out, and to learn with the crop and in the window where that pays; None: the exact fit, with the
                 choices of the pairs that were given to :meth:`score`.
 
+        Raises:
+            DatasetError: all frames of a depth, or all its scenes, are black or of one brightness.
+
         Example:
             >>> model = fitter.finish(show=lambda depth, pair: pairs[depth][pair])
 
         """
+        for distance, seen, pairs in zip(self._distances, self._seen, self.pairs, strict=True):
+            if pairs and not (seen.frames and seen.scenes):
+                what = "scenes" if seen.frames else "raw frames"
+                raise errors.DatasetError(
+                    f"all {what} at {distance:g} mm are black or of one brightness: nothing can be learned from them; "
+                    "check the light, the exposure, the lens cap and the pictures"
+                )
         again: Pairs | None = None
         if show is not None:
             counts = enumerate(self.pairs)
@@ -184,14 +234,20 @@ class Fitter(Handle):
         data = None if again is None else Dataset(again, channel_axis=axis, mosaic=mosaic)
         model = Owner("hada_model", lib.hada_model_destroy)
         arguments = (lib.hada_fitter_finish, self._c, ffi.NULL if data is None else data._c, model.pointer)
-        monitored(self._monitor, call if data is None else data._call, *arguments)
+        monitored(self._monitor, data, *arguments)
         learned = Model._of(model)
         learned.fit_report = FitReport(*scores_of(self._info.scores), self.pairs, None, (), False)
+        held_out = [score.psnr_single for score in learned.fit_report.filters]
+        if held_out and max(held_out) < sum(seen.flat for seen in self._seen) / len(self._seen):
+            log.warning(
+                "the model is of no use: held-out scenes come out worse than images of one brightness; check that each "
+                "frame is of its scene, that scenes are not turned or mirrored, and that frames show more than noise"
+            )
         return learned
 
 
 def find_boundary(
-    pairs: Dataset | Pairs | str | os.PathLike[str], *, context: Context | None = None, channel_axis: int | None = None
+    pairs: Dataset | Pairs | str | os.PathLike[str], *, context: Device | None = None, channel_axis: int | None = None
 ) -> tuple[str, tuple[int, int] | None]:
     """Find from pairs whether light leaves the sensor, and the grid that serves.
 
@@ -206,7 +262,7 @@ def find_boundary(
     data = as_dataset(pairs, channel_axis)
     monitor = Monitor(None)
     options = fit_options(monitor=monitor.options)
-    monitored(monitor, data._call, lib.hada_fit_find_boundary, options.c, default(context)._c, data._c)
+    monitored(monitor, data, lib.hada_fit_find_boundary, options.c, default(context)._c, data._c)
     if options.c.boundary == lib.HADA_BOUNDARY_CIRCULAR:
         return "circular", None
     rows, cols = options.c.grid_rows, options.c.grid_cols

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import threading
+import weakref
 from collections.abc import Generator
-from typing import Any
+from typing import Any, ClassVar
 
-from ._native import Owner, call, error_of, ffi, lib, word
+from . import errors
+from ._native import Owner, busy, call, error_of, ffi, lib, word
 from .result import Result, Results
 
 # Seconds after which a wait for C lets Python look for signals: Ctrl-C is heard within these.
@@ -24,6 +26,9 @@ class Job:
 
     """
 
+    _all: ClassVar[weakref.WeakSet[Job]] = weakref.WeakSet()  # those that may still fill arrays
+    _adding = threading.Lock()
+
     def __init__(self, plan: Owner, submit: Any, frame: Any, results: Results, kept: Any) -> None:
         """Jobs come from :meth:`Plan.submit`."""
         self._kept: Any = (frame, kept)  # C reads the frame in place
@@ -32,7 +37,13 @@ class Job:
         self._lock = threading.Lock()
         # the result, the frame and the plan must outlive the C job
         self._owner = Owner("hada_job", lib.hada_job_destroy, plan, results, frame, kept)
-        call(submit, self._owner.pointer, plan.c, frame, results.c)
+        with Job._adding:
+            for job in list(Job._all):
+                others = job._results
+                if others is not None and results.meets(others) and not job.done():
+                    raise errors.StateError("out is being filled by another job: wait for it, or give each its own")
+            call(submit, self._owner.pointer, plan.c, frame, results.c)
+            Job._all.add(self)
 
     @property
     def state(self) -> str:
@@ -43,6 +54,10 @@ class Job:
     def progress(self) -> float:
         """Part done, 0 to 1; never falls."""
         return float(lib.hada_job_progress(self._owner.c))
+
+    def __repr__(self) -> str:
+        """Return state and progress."""
+        return f"<Job: {self.state}, {self.progress:.0%}>"
 
     def done(self) -> bool:
         """Return whether it has ended, well or not."""
@@ -56,7 +71,7 @@ class Job:
         """Wait for the end, for `timeout` seconds at most; return whether it has come. Ctrl-C is heard meanwhile."""
         left = float("inf") if timeout is None else timeout
         while True:
-            if lib.hada_job_wait_for(self._owner.c, min(_HEARTBEAT, left)) >= lib.HADA_JOB_DONE:
+            if busy(lib.hada_job_wait_for, self._owner.c, min(_HEARTBEAT, left)) >= lib.HADA_JOB_DONE:
                 return True
             left -= _HEARTBEAT
             if left <= 0:
@@ -74,13 +89,14 @@ class Job:
         if not self.wait(timeout):
             raise TimeoutError(f"the frame is not done after {timeout} seconds")
         failure = ffi.new("hada_error *")
-        if lib.hada_job_wait(self._owner.c, failure):
+        if busy(lib.hada_job_wait, self._owner.c, failure):
             raise error_of(failure)
         with self._lock:
             if self._result is None and self._results is not None:
                 self._result = self._results.take()
                 self._results = None
                 self._kept = None
+                Job._all.discard(self)
         assert self._result is not None
         return self._result
 

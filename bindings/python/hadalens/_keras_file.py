@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ._files import PathLike
+from ._files import PathLike, extra
 
 Array: TypeAlias = NDArray[np.float32]
 
@@ -17,7 +17,8 @@ def read_layers(path: PathLike) -> list[dict[str, Array]]:
 
     Keras numbers layers of a kind as they are made (conv2d_7), starting anywhere, and writes them in another order.
     """
-    import h5py
+    with extra("keras"):
+        import h5py
 
     found: dict[str, dict[str, Array]] = {}
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ._files import PathLike, replaced
+from ._files import PathLike, extra, replaced
 from ._keras_file import Array, read_layers
 
 # The authors' U-net: widths of its convolutions on the way down, level by level, and up (bottom first).
@@ -28,7 +28,8 @@ class Net:
 
     def save(self, path: PathLike) -> None:
         """Write a net's file (safetensors), which the library and :class:`hadalens.torch.Net` load."""
-        from safetensors.numpy import save_file
+        with extra("keras"):
+            from safetensors.numpy import save_file
 
         with replaced(path) as beside:
             save_file(self.weights, beside, metadata={"net": json.dumps(self.description)})

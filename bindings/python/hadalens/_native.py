@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+import atexit
 import dataclasses
+import errno
 import functools
 import glob
+import inspect
 import itertools
 import logging
+import numbers
 import os
+import re
 import sys
+import tempfile
+import threading
+import time
 import weakref
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, ParamSpec, Self, TypeVar
 
 import numpy as np
 
@@ -66,7 +75,12 @@ except ImportError as error:
 ffi = _binding.ffi
 lib = _binding.lib
 
-AUTO: int = lib.HADA_AUTO
+
+class Special(float):
+    """A number below 0 that has a meaning, such as "chosen by the library"; those of users are checked."""
+
+
+AUTO = Special(lib.HADA_AUTO)
 
 #: Called as progress(what, done, total, note): `done` of `total` `what` are done; `total` 0: not known beforehand.
 Progress = Callable[[str, int, int, str | None], None]
@@ -80,19 +94,90 @@ def text(pointer: Any) -> str:
 def error_of(record: Any) -> errors.HadalensError:
     """Return the exception that a filled hada_error stands for."""
     status = errors.Status(record.status)
-    message = text(record.message) or status.name
+    message = spoken(text(record.message)) or status.name
     if status is errors.Status.NO_DEVICE:
         message = f"{message} {INSTALL}"
-    return errors.BY_STATUS[status](message, code=int(record.cl_code), detail=text(record.detail))
+    kind = errors.BY_STATUS[status]
+    if not issubclass(kind, OSError):
+        return kind(message, code=int(record.cl_code), detail=text(record.detail))
+    number = next((code for code in errno.errorcode if f": {os.strerror(code)}" in message), None)
+    if status is errors.Status.FILE_OPEN and number == errno.ENOENT:
+        kind = errors.FileMissingError
+    failed = kind(message, code=int(record.cl_code), detail=text(record.detail))
+    if number is not None and isinstance(failed, OSError):
+        failed.errno, failed.strerror = number, os.strerror(number)
+    return failed
+
+
+# What messages call by its name on the command line or in C, and what it is here.
+_SPOKEN = (
+    (r"'hadalens devices --save-binaries FOLDER'", "Context.save_programs(folder)"),
+    (r"fit --psf PSF --frame FRAME", "Model.from_psf(psf, distance_mm, frame=raw.shape[-2:])"),
+    (r"fit --bayer", "fit(mosaic=...)"),
+    (r"from --psf", "by Model.from_psf"),
+    (r"options\.(limits) (\w+=N)", r"set_limits('\2')"),
+    (r"--no-([a-z]+)", r"\1=False"),
+    (r"--device", "context"),
+    (r"--bayer ([a-z]{4})\b", r"mosaic='\1'"),
+    (r"--bayer", "mosaic"),
+    (r"--method", "classic"),
+    (r"(?:--|options\.)([a-z_]+) (\d[\d.]*)", r"\1=\2"),
+    (r"--scene planes", "scene='planes'"),
+    (r"(?:--|options\.)([a-z_]+)", r"\1"),
+    (r"HADA_([A-Z]+)_\.\.\.", lambda found: f"the words of {found[1].lower()}"),
+)
+
+
+def spoken(message: str) -> str:
+    """Return a message of the library in Python's words."""
+    if "--" in message or "options." in message or "HADA_" in message:
+        for pattern, word_here in _SPOKEN:
+            message = re.sub(pattern, word_here, message)
+    return message
+
+
+# The end of Python: objects are destroyed, so other threads (daemons) must not be at work in C, nor begin.
+_busy: list[None] = []  # one for each call that runs
+_ending: int | None = None  # the thread that ends Python
+_PATIENCE = 30.0  # seconds for calls that cannot be stopped, such as compiling
+
+
+def busy(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Call a C function that may take long: the end of Python waits for it. The GIL is free meanwhile."""
+    stay_if_ending()
+    _busy.append(None)
+    try:
+        return function(*arguments)
+    finally:
+        _busy.pop()
+        stay_if_ending()
+
+
+def stay_if_ending() -> None:
+    """Let a thread rest for ever where another one ends Python."""
+    if _ending is not None and _ending != threading.get_ident():
+        threading.Event().wait()
+
+
+def _end() -> None:
+    """Stop what runs in other threads, and wait for it."""
+    global _ending
+    _ending = threading.get_ident()
+    until = time.monotonic() + _PATIENCE
+    while _busy and time.monotonic() < until:
+        time.sleep(0.005)
+
+
+weakref.finalize(log, int)  # so that what finalize does at the end is registered, and thus runs after this:
+atexit.register(_end)
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_busy.clear)
 
 
 def call(function: Callable[..., int], *arguments: Any) -> None:
-    """Call a C function whose last argument is a hada_error, and raise what it says.
-
-    The GIL is free meanwhile, as in all calls through cffi.
-    """
+    """Call a C function whose last argument is a hada_error, and raise what it says."""
     failure = ffi.new("hada_error *")
-    status = function(*arguments, failure)
+    status = busy(function, *arguments, failure)
     if status:
         failure.status = status  # a callback that raised leaves the record empty
         raise error_of(failure)
@@ -101,6 +186,53 @@ def call(function: Callable[..., int], *arguments: Any) -> None:
 def path(name: str | os.PathLike[str]) -> bytes:
     """Return a path as C takes it."""
     return os.fsencode(name)
+
+
+K = TypeVar("K")
+
+
+def expect(thing: Any, kind: type[K], what: str, others: str = "") -> K:
+    """Return a thing that is of a kind; TypeError otherwise."""
+    if not isinstance(thing, kind):
+        raise TypeError(f"{what}={thing!r:.80}: a hadalens.{kind.__name__} {others}".rstrip() + " is needed")
+    return thing
+
+
+def meant(name: str, known: Iterable[str]) -> str:
+    """Return what a name that is none may be meant for, and all that there are, in words."""
+    import difflib
+
+    names = sorted(known)
+    near = difflib.get_close_matches(name, names, 1)
+    return "".join(f"; is {one!r} meant? " for one in near) + f"{'' if near else '; '}there are {', '.join(names)}"
+
+
+def check_names(given: Iterable[str], known: Iterable[str], what: str) -> None:
+    """Raise TypeError for a keyword that is none."""
+    for name in given:
+        if name not in known:
+            raise TypeError(f"{what} takes no keyword {name!r}{meant(name, known)}")
+
+
+P = ParamSpec("P")
+V = TypeVar("V")
+
+
+def named(function: Callable[P, V]) -> Callable[P, V]:
+    """Let a function that is called with a keyword that is none say what it may be meant for, and what there are."""
+
+    @functools.wraps(function)
+    def call_it(*given: P.args, **more: P.kwargs) -> V:
+        try:
+            return function(*given, **more)
+        except TypeError as error:
+            wrong = re.search(r"unexpected keyword argument '(\w+)'", str(error))
+            if wrong is None or (error.__traceback__ and error.__traceback__.tb_next):  # from within
+                raise
+            known = inspect.signature(function).parameters.keys() - {"self", "cls"}
+            raise TypeError(f"{error}{meant(wrong[1], known)}") from None
+
+    return call_it
 
 
 # words of enumerations ------------------------------------------------------------------------------------------------
@@ -152,6 +284,21 @@ def members(struct: str) -> dict[str, Any]:
     return dict(ffi.typeof(struct).fields)
 
 
+#: Options that may be below 0.
+_SIGNED = ("shift_rows", "shift_cols")
+#: Options that have another name here than in C.
+_NAMES = {"lambda": "regularisation", "repair_not_finite": "repair"}
+
+
+def checked(name: str, value: Any) -> Any:
+    """Return a number; ArgumentError where it is below 0 or NaN."""
+    if isinstance(value, Special):
+        return value
+    if value != value or (value < 0 and name not in _SIGNED):
+        raise errors.ArgumentError(f"{name}={value} is not possible: it is 0 or more; None stands for the default")
+    return value
+
+
 class Options:
     """A C struct of options with what its pointers point to: `c` is the pointer to hand over."""
 
@@ -178,8 +325,8 @@ class Options:
             value = value.c
         elif kind.kind == "pointer" and not isinstance(value, ffi.CData):
             value = self._pointed(kind, value)
-        elif kind.kind == "primitive" and isinstance(value, bool | np.bool_):
-            value = int(value)
+        elif kind.kind == "primitive":
+            value = c_number(_NAMES.get(name, name), kind, value)
         setattr(self.c, name, value)
 
     def _pointed(self, kind: Any, value: Any) -> Any:
@@ -190,6 +337,19 @@ class Options:
             made = ffi.new(f"{item}[]", list(value))
         self.kept.append(made)
         return made
+
+
+def c_number(name: str, kind: Any, value: Any) -> Any:
+    """Return a number as a C member takes it."""
+    whole = kind.cname not in ("double", "float")
+    if isinstance(value, bool | np.bool_ | Special):
+        return int(value) if whole else float(value)
+    if not isinstance(value, numbers.Real) or (whole and not isinstance(value, numbers.Integral)):
+        raise TypeError(f"{name}={value!r}: a {'whole ' * whole}number is needed")
+    try:
+        return ffi.new(f"{kind.cname} *", checked(name, value))[0]
+    except OverflowError:
+        raise errors.ArgumentError(f"{name}={value} is too large") from None
 
 
 R = TypeVar("R")
@@ -234,17 +394,49 @@ class Owner:
     def __init__(self, kind: str, destroy: Callable[[Any], None], *parents: Any) -> None:
         """Make room for the pointer, which a create function fills through `pointer`."""
         self.pointer = ffi.new(f"{kind} **")
-        weakref.finalize(self, _destroy, destroy, self.pointer, parents, os.getpid())
+        self.process = os.getpid()
+        self.on_device = kind == "hada_context" or _any_on_device(parents)
+        weakref.finalize(self, _destroy, destroy, self.pointer, parents, self.process)
 
     @property
     def c(self) -> Any:
         """The C pointer."""
+        if self.on_device:
+            check_process(self.process)
+        stay_if_ending()
         return self.pointer[0]
 
 
+def _any_on_device(things: Iterable[Any]) -> bool:
+    return any(
+        _any_on_device(one) if isinstance(one, list | tuple) else isinstance(one, Owner) and one.on_device
+        for one in things
+    )
+
+
+_opener: int | None = None  # the process that asked OpenCL for devices first
+
+
+def open_devices() -> None:
+    """Note that this process uses OpenCL; StateError where a parent did so before it forked."""
+    global _opener
+    _opener = _opener or os.getpid()
+    check_process(_opener)
+
+
+def check_process(process: int) -> None:
+    """Raise StateError in a child of a process that used OpenCL: threads of drivers are missing there."""
+    if process != os.getpid():
+        raise errors.StateError(
+            f"process {process} used OpenCL before it forked, and drivers do not survive that: its child, process "
+            f"{os.getpid()}, would wait for ever; start children by multiprocessing.get_context('spawn') or "
+            "'forkserver', or let the parent open no device before it forks"
+        )
+
+
 def _destroy(destroy: Callable[[Any], None], pointer: Any, _parents: Any, process: int) -> None:
-    # in a child of fork() the threads are gone that would have to end
-    if pointer[0] != ffi.NULL and process == os.getpid():
+    # in a child of fork() the threads are gone that would have to end; calls that cannot be stopped use what they use
+    if pointer[0] != ffi.NULL and process == os.getpid() and not (_ending and _busy):
         destroy(pointer)
 
 
@@ -266,6 +458,18 @@ class Handle:
             raise errors.StateError(f"this {type(self).__name__} is closed")
         return self._owner
 
+    def _shown(self) -> str:
+        """Return what `repr` says beside the name of the class."""
+        return ""
+
+    def __repr__(self) -> str:
+        """Return what the object is, in a line."""
+        name = type(self).__name__
+        if self._owner is None:
+            return f"<{name}: closed>"
+        shown = self._shown()
+        return f"<{name}{': ' * bool(shown)}{shown}>"
+
     def close(self) -> None:
         """Give the memory back; once is enough, and again is fine. What was made from it keeps what it needs."""
         self._owner = None
@@ -279,6 +483,29 @@ class Handle:
     ) -> None:
         """Close."""
         self.close()
+
+
+def saved(thing: Any, name: str = "file") -> bytes:
+    """Return the bytes of the file that `thing.save` writes: how objects are pickled."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / name
+        thing.save(file)
+        return file.read_bytes()
+
+
+def loaded(kind: Any, content: bytes, name: str = "file") -> Any:
+    """Return what `kind.load` makes of a file of these bytes."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / name
+        file.write_bytes(content)
+        return kind.load(file)
+
+
+def span(distances_mm: Sequence[float]) -> str:
+    """Return how many depths there are, and where, in words."""
+    if len(distances_mm) == 1:
+        return f"1 depth at {distances_mm[0]:g} mm" if distances_mm[0] else "1 depth"
+    return f"{len(distances_mm)} depths from {distances_mm[0]:g} to {distances_mm[-1]:g} mm"
 
 
 # callbacks ------------------------------------------------------------------------------------------------------------
@@ -335,6 +562,7 @@ def _bars() -> Progress | None:
     try:
         from tqdm.auto import tqdm
     except ImportError:
+        log.warning("progress=True shows nothing without tqdm: pip install 'hadalens[progress]'")
         return None
     bars: dict[str, Any] = {}
 
@@ -369,19 +597,19 @@ _LOG_LEVELS = {1: logging.WARNING, 2: logging.INFO, 3: logging.DEBUG}  # of hada
 @ffi.def_extern(onerror=keep_error)  # type: ignore[untyped-decorator]
 def py_monitor_message(user: Any, kind: int, message: Any) -> None:  # noqa: ARG001 (keep_error reads it)
     """Log a message."""
-    log.log(_MESSAGE_LEVELS.get(kind, logging.DEBUG), "%s", text(message))
+    log.log(_MESSAGE_LEVELS.get(kind, logging.DEBUG), "%s", spoken(text(message)))
 
 
 @ffi.def_extern(error=1, onerror=keep_error)  # type: ignore[untyped-decorator]
 def py_monitor_cancelled(user: Any) -> int:
-    """Stop once a callback raised; a Ctrl-C of this moment is raised here and kept like that."""
-    return int(ffi.from_handle(user).error is not None)
+    """Stop once a callback raised, and at Python's end; a Ctrl-C of this moment is raised here and kept like that."""
+    return int(ffi.from_handle(user).error is not None or _ending is not None)
 
 
 @ffi.def_extern()  # type: ignore[untyped-decorator]
 def py_log_function(_user: Any, level: int, message: Any) -> None:
     """Log what a context tells."""
-    log.log(_LOG_LEVELS.get(level, logging.DEBUG), "%s", text(message))
+    log.log(_LOG_LEVELS.get(level, logging.DEBUG), "%s", spoken(text(message)))
 
 
 def doubles(values: Iterable[float]) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 from . import errors
 from . import response as responses
 from ._arrays import Float32, Mosaic, NewImage, address, as_array, copy_of, planes_first, to_float
-from ._native import Caller, Handle, Options, Owner, call, ffi, keep_error, lib, path, text
+from ._native import Caller, Handle, Monitor, Options, Owner, call, ffi, keep_error, lib, path, span, text
 
 #: An image of a pair: an array, a TIFF or .npy file, or a function without arguments that returns an array.
 Source: TypeAlias = Any
@@ -19,8 +19,14 @@ Source: TypeAlias = Any
 Pairs: TypeAlias = Mapping[float, Sequence[tuple[Source, Source]]] | Iterable[tuple[float, Source, Source]]
 
 
-class _Reader(Caller):
-    """Gives pairs of arrays to C."""
+class Reader(Caller):
+    """Gives pairs of arrays to C.
+
+    A Ctrl-C while a pair is read is kept with the monitor of the call, if there is one, and the pair is read again: C
+    then stops as it does for any Ctrl-C, and keeps what is done so far. A second one comes through at once.
+    """
+
+    monitor: Monitor | None = None
 
     def __init__(self, depths: list[Sequence[tuple[Source, Source]]], channel_axis: int | None) -> None:
         super().__init__()
@@ -28,6 +34,15 @@ class _Reader(Caller):
         self.channel_axis = channel_axis
 
     def read(self, depth: int, pair: int) -> tuple[Float32, Float32]:
+        try:
+            return self._read(depth, pair)
+        except KeyboardInterrupt as stop:
+            if self.monitor is None or self.monitor.error is not None:
+                raise
+            self.monitor.error = stop
+        return self._read(depth, pair)
+
+    def _read(self, depth: int, pair: int) -> tuple[Float32, Float32]:
         raw, scene = self.depths[depth][pair]
         return self._image(raw, "raw"), self._image(scene, "scene")
 
@@ -40,7 +55,7 @@ class _Reader(Caller):
         elif callable(source) and not hasattr(source, "__array_interface__"):
             source = source()
         array = as_array(source, what)
-        return to_float(planes_first(array, self.channel_axis if array.ndim == 3 else None, what))
+        return to_float(planes_first(array, self.channel_axis, what))
 
 
 def _load(name: str | os.PathLike[str]) -> Float32:
@@ -96,7 +111,7 @@ class Dataset(Handle):
         if not distances:
             raise errors.DatasetError("there is no pair")
         given = {float(distance): some for distance, some in pairs.items()}
-        self._reader: _Reader | None = _Reader([given[distance] for distance in distances], channel_axis)
+        self._reader: Reader | None = Reader([given[distance] for distance in distances], channel_axis)
         owner = Owner("hada_dataset", lib.hada_dataset_destroy, self._reader)
         call(
             lib.hada_dataset_create,
@@ -166,6 +181,9 @@ class Dataset(Handle):
     def __len__(self) -> int:
         """Return the number of pairs."""
         return int(self._info.pairs)
+
+    def _shown(self) -> str:
+        return f"{len(self)} pairs, {span(self.distances_mm)}"
 
     def names(self, depth: int, pair: int) -> tuple[str, str]:
         """Return the paths of a pair's files; of arrays, the names that they would have."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import numbers
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, TypedDict
 
-from ._arrays import Image
-from ._native import Options, value_of
+from . import errors
+from ._arrays import Image, Mosaic
+from ._native import Options, Special, lib, value_of
 
 Method: TypeAlias = Literal["wiener", "rl", "fista", "admm"]
 Skip: TypeAlias = Literal["prune", "depths", "frequencies", "half", "channels", "frames", "tiles"]
@@ -51,6 +53,33 @@ class Classic:
         return Options("hada_classic_options", **given, **{"lambda": self.regularisation})
 
 
+class PlanOptions(TypedDict, total=False):
+    """What :class:`Plan` takes, by keyword."""
+
+    depths: Sequence[int] | None
+    occupied: Literal["auto", "all"] | Sequence[int]
+    scene: Literal["auto", "planes", "surface"]
+    refine: int | None
+    refine_tv: float | Literal["frame"] | None
+    refine_colour: float | None
+    refine_shrink: float | None
+    crosstalk: float | None
+    dark: Any
+    pixel_weights: Any
+    mosaic: Literal["auto"] | Mosaic
+    support: Literal["auto", "window", "grid"]
+    repair: bool
+    enhance: bool
+    classic: Classic | Method | None
+    gamma: float
+    max_error: float
+    skip: Iterable[Skip] | None
+    band: float
+    half: bool
+    batch: int | None
+    queues: int | None
+
+
 def plan_options(
     *,
     depths: Sequence[int] | None = None,
@@ -60,14 +89,19 @@ def plan_options(
     pixel_weights: Any = None,
     classic: Classic | Method | None = None,
     skip: Iterable[Skip] | None = None,
+    refine_tv: float | str | None = None,
     **others: Any,
 ) -> Options:
     """Return hada_plan_options of what a plan takes."""
+    for name, given in (("depths", depths), ("occupied", occupied)):
+        if isinstance(given, numbers.Integral):
+            raise TypeError(f"{name}={given}: a list of depths is needed, such as [{given}]")
     options = Options(
         "hada_plan_options",
         depths=depths,
         depth_count=None if depths is None else len(depths),
         repair_not_finite=repair,
+        refine_tv=Special(lib.HADA_REFINE_TV_FRAME) if refine_tv == "frame" else refine_tv,
         **others,
     )
     _set_occupied(options, occupied)
@@ -95,8 +129,11 @@ def _set_dark(options: Options, dark: Any) -> None:
         return
     if isinstance(dark, str):
         options.set(dark=dark)
-    elif isinstance(dark, float | int):
-        options.set(dark="level", dark_level=float(dark))
+    elif isinstance(dark, numbers.Real):
+        level = float(dark)
+        if not 0 <= level <= 1:
+            raise errors.ArgumentError(f"dark={dark} is not possible: a level is from 0 to 1, full scale being 1")
+        options.set(dark="level", dark_level=level)
     else:
         frame = Image(dark, what="dark")
         options.kept.append(frame)

@@ -11,7 +11,7 @@ from typing import Any
 from ._arrays import Float32, Image, NewImage
 from ._fit import monitored
 from ._native import Monitor, Options, Owner, Progress, call, ffi, lib, path, record
-from ._pairs import Dataset
+from ._pairs import Dataset, Pairs, as_dataset
 
 
 @dataclass(frozen=True)
@@ -41,15 +41,16 @@ class Registration:
     def _options(self) -> Options:
         return Options("hada_registration", **vars(self))
 
-    def apply(self, scene: Any, size: tuple[int, int] | None = None) -> Float32:
+    def apply(self, scene: Any, size: tuple[int, int] | None = None, *, channel_axis: int | None = None) -> Float32:
         """Return a scene on the sensor's grid, (C, Y, X); zero where it has nothing.
 
         Args:
             scene: (Y, X) or (C, Y, X).
             size: rows and columns about the same middle; None: what the scene fills.
+            channel_axis: of the scene; None: the first.
 
         """
-        given, made, options = Image(scene, what="scene"), NewImage(), self._options()
+        given, made, options = Image(scene, what="scene", channel_axis=channel_axis), NewImage(), self._options()
         rows, cols = size or self.size(given.arrays[0].shape[1], given.arrays[0].shape[2])
         call(lib.hada_register_apply, made.c, given.c, options.c, rows, cols)
         return made.array()
@@ -78,6 +79,7 @@ def register(
     *,
     magnification: tuple[float, float] | None = None,
     most_rotation_deg: float | None = None,
+    channel_axis: int | None = None,
 ) -> Registration:
     """Find how the scenes of one depth stand on the sensor, from two pairs or more.
 
@@ -86,6 +88,7 @@ def register(
         scenes: of one size.
         magnification: least and most that are searched; None: chosen.
         most_rotation_deg: to either side of the quarter turns; None: 15.
+        channel_axis: of arrays of three axes; None: the first.
 
     Raises:
         DatasetError: the pairs do not tell.
@@ -96,7 +99,7 @@ def register(
         >>> registered = [found.apply(scene) for scene in scenes]
 
     """
-    data = Dataset({1.0: list(zip(raws, scenes, strict=True))})
+    data = Dataset({1.0: list(zip(raws, scenes, strict=True))}, channel_axis=channel_axis)
     return register_dataset(data, magnification=magnification, most_rotation_deg=most_rotation_deg)[0].found
 
 
@@ -118,7 +121,7 @@ class RegisteredDepth:
 
 
 def register_dataset(
-    data: Dataset,
+    data: Dataset | Pairs | str | os.PathLike[str],
     output: str | os.PathLike[str] | None = None,
     *,
     keep_offsets: bool = False,
@@ -130,7 +133,7 @@ def register_dataset(
     """Find how the scenes of each depth of a data set stand, as ``hadalens register`` does.
 
     Args:
-        data: the pairs.
+        data: the pairs, or their folder.
         output: a folder for a data set with registered scenes, for pairs that are files; None: nothing is written.
         keep_offsets: shifts between the depths are left as they are.
         window: rows and columns of the registered scenes; None: what they fill.
@@ -143,7 +146,7 @@ def register_dataset(
         >>> model = hadalens.fit("registered")
 
     """
-    monitor = Monitor(progress)
+    monitor, data = Monitor(progress), as_dataset(data)
     rows, cols = window or (None, None)
     task = _task(
         magnification,
@@ -154,10 +157,10 @@ def register_dataset(
         monitor=monitor.options,
     )
     report = Owner("hada_register_report", lib.hada_register_report_destroy)
-    monitored(monitor, data._call, lib.hada_register_run, report.pointer, data._c, task.c)
+    monitored(monitor, data, lib.hada_register_run, report.pointer, data._c, task.c)
     if output is not None:
         arguments = (report.c, data._c, path(Path(output)), task.c, ffi.NULL, ffi.NULL)
-        monitored(monitor, data._call, lib.hada_register_write, *arguments)
+        monitored(monitor, data, lib.hada_register_write, *arguments)
     found = [report.c.depths[z][0] for z in range(len(data.distances_mm))]
     return [
         record(

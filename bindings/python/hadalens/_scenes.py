@@ -19,23 +19,23 @@ def procedural_scene(rows: int, cols: int, *, channels: int = 3, seed: int = 0) 
     return image.array()
 
 
-def fit_scene(image: Any, rows: int, cols: int) -> Float32:
+def fit_scene(image: Any, rows: int, cols: int, *, channel_axis: int | None = None) -> Float32:
     """Return the largest centred part of an image with the aspect ratio rows:cols, scaled to that size."""
     made = NewImage()
-    call(lib.hada_scene_fit, made.c, Image(image).c, rows, cols)
+    call(lib.hada_scene_fit, made.c, Image(image, channel_axis=channel_axis).c, rows, cols)
     return made.array()
 
 
-def resize(image: Any, rows: int, cols: int) -> Float32:
+def resize(image: Any, rows: int, cols: int, *, channel_axis: int | None = None) -> Float32:
     """Return a whole image scaled to rows x cols: mean over area where it shrinks, bilinear where it grows."""
-    given, made = Image(image), NewImage()
+    given, made = Image(image, channel_axis=channel_axis), NewImage()
     call(lib.hada_image_resize, made.c, given.c, rows, cols)
     return made.array()
 
 
-def crop(image: Any, row: int, col: int, rows: int, cols: int) -> Float32:
+def crop(image: Any, row: int, col: int, rows: int, cols: int, *, channel_axis: int | None = None) -> Float32:
     """Return a rectangle of an image; parts outside it are zero."""
-    given, made = Image(image), NewImage()
+    given, made = Image(image, channel_axis=channel_axis), NewImage()
     call(lib.hada_image_crop, made.c, given.c, row, col, rows, cols)
     return made.array()
 
@@ -47,9 +47,9 @@ def regions(count: int, rows: int, cols: int, *, seed: int = 0) -> npt.NDArray[n
     return labels
 
 
-def part(image: Any, labels: npt.NDArray[np.int32], label: int) -> Float32:
+def part(image: Any, labels: npt.NDArray[np.int32], label: int, *, channel_axis: int | None = None) -> Float32:
     """Return the part of an image whose label is `label`; the rest is zero."""
-    given, made = Image(image), NewImage()
+    given, made = Image(image, channel_axis=channel_axis), NewImage()
     marks = np.ascontiguousarray(labels, np.int32)
     if marks.shape != given.arrays[0].shape[1:]:
         raise errors.SizeError(f"labels of {marks.shape} for an image of {given.arrays[0].shape[1:]}")
@@ -66,9 +66,9 @@ def relief(
     return made.plane()
 
 
-def add_noise(image: Any, sigma: float, *, seed: int = 0) -> Float32:
+def add_noise(image: Any, sigma: float, *, seed: int = 0, channel_axis: int | None = None) -> Float32:
     """Return an image with Gaussian noise of standard deviation `sigma`."""
-    copy = np.array(to_float(planes_first(as_array(image, "image"), None, "image")), copy=True)
+    copy = np.array(to_float(planes_first(as_array(image, "image"), channel_axis, "image")), copy=True)
     noisy = Image(copy)
     lib.hada_image_add_noise(noisy.c, sigma, seed)
     return noisy.arrays[0]

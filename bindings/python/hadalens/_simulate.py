@@ -22,11 +22,12 @@ from ._native import (
     call,
     ffi,
     lib,
+    named,
     path,
     record,
 )
 from ._pairs import Dataset
-from .device import Context, default
+from .device import Device, default
 
 
 def window_origin(full: int, window: int) -> int:
@@ -74,7 +75,7 @@ class Simulator(Handle):
     """Renders raw frames of a camera on a device; used by one thread at a time.
 
     Args:
-        camera: it is copied.
+        camera: it is copied; or a preset.
         psf: point spread functions (Z, Y, X) or (Z, C, Y, X) in place of the camera's own.
         shift: rows and columns by which the sensor's middle stands from the axis.
         field: rows and columns of scenes that are larger than the window; None: the window.
@@ -88,15 +89,15 @@ class Simulator(Handle):
 
     def __init__(
         self,
-        camera: Camera,
+        camera: Camera | str,
         *,
         psf: Any = None,
         shift: tuple[int, int] = (0, 0),
         field: tuple[int, int] | None = None,
-        context: Context | None = None,
+        context: Device | None = None,
     ) -> None:
         """Make ready; point spread functions are made when a depth is first used."""
-        used = default(context)
+        used, camera = default(context), Camera._of(camera)
         options = Options("hada_simulator_options", shift_rows=shift[0], shift_cols=shift[1])
         if field is not None:
             options.set(field_rows=field[0], field_cols=field[1])
@@ -115,6 +116,9 @@ class Simulator(Handle):
         """A copy of the camera."""
         return Camera._copy(lib.hada_simulator_camera(self._c))
 
+    def _shown(self) -> str:
+        return repr(self.camera)
+
     def render(
         self,
         planes: dict[int, Any],
@@ -123,6 +127,7 @@ class Simulator(Handle):
         lens: int | None = None,
         noise: float = 0.0,
         seed: int = 0,
+        channel_axis: int | None = None,
     ) -> Float32:
         """Return the frame (C, Y, X) of a scene of planes.
 
@@ -132,9 +137,10 @@ class Simulator(Handle):
             lens: look through this lens alone.
             noise: Gaussian, its standard deviation as a share of the frame's maximum.
             seed: of the noise.
+            channel_axis: of the images; None: the first.
 
         """
-        images = Image(*planes.values(), what="planes")
+        images = Image(*planes.values(), what="planes", channel_axis=channel_axis)
         given = ffi.new("hada_plane[]", [(depth, images.c + i) for i, depth in enumerate(planes)])
         frame = NewImage()
         if opacity is None and lens is None:
@@ -159,9 +165,9 @@ class Simulator(Handle):
         call(lib.hada_simulator_render_reliefs, self._c, given, len(surfaces), opaque, noise, seed, frame.c)
         return frame.array()
 
-    def expose(self, frame: Any, sensor: Sensor, *, seed: int = 0) -> Float32:
+    def expose(self, frame: Any, sensor: Sensor, *, seed: int = 0, channel_axis: int | None = None) -> Float32:
         """Return what a sensor makes of a frame of light (C, Y, X)."""
-        copy = np.array(to_float(planes_first(as_array(frame, "frame"), None, "frame")), copy=True)
+        copy = np.array(to_float(planes_first(as_array(frame, "frame"), channel_axis, "frame")), copy=True)
         image = Image(copy)
         call(lib.hada_simulator_expose, self._c, sensor._options().c, seed, image.c)
         return image.arrays[0]
@@ -190,11 +196,12 @@ class SimulateReport:
     light_lost: float
 
 
+@named
 def simulate(
     camera: Camera | str,
     folder: str | os.PathLike[str],
     *,
-    context: Context | None = None,
+    context: Device | None = None,
     scenes: str | os.PathLike[str] | None = None,
     test_scenes: str | os.PathLike[str] | None = None,
     pairs: int = 8,
@@ -258,6 +265,6 @@ def simulate(
         monitor=monitor.options,
     )
     report = ffi.new("hada_simulate_report *", {"size": ffi.sizeof("hada_simulate_report")})
-    design = Camera(camera) if isinstance(camera, str) else camera
+    design = Camera._of(camera)
     monitor.run(lib.hada_simulate_run, default(context)._c, design._c, path(folder), task.c, report)
     return Dataset.scan(folder, mosaic=mosaic), record(SimulateReport, report[0])

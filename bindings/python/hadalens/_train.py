@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Unpack
 
 from ._fit import monitored
 from ._native import (
@@ -19,9 +19,9 @@ from ._native import (
     record,
 )
 from ._pairs import Dataset, Pairs, as_dataset
-from ._trainer import Augment, Stage, Validation, train_options
-from .device import Context, default
-from .model import Model
+from ._trainer import Augment, Stage, TrainOptions, Validation, train_options
+from .device import Device, contexts
+from .model import Model, as_model
 from .net import Net
 
 
@@ -72,9 +72,9 @@ def train(
     pairs: Dataset | Pairs | str | os.PathLike[str],
     output: str | os.PathLike[str],
     *,
-    model: Model | None = None,
+    model: Model | str | os.PathLike[str] | None = None,
     stage: Stage = "enhance",
-    context: Context | Sequence[Context] | None = None,
+    context: Device | Sequence[Device] | None = None,
     net: Net | Literal["compact", "paper"] | None = None,
     augment: Augment | None = None,
     epochs: int | None = None,
@@ -91,14 +91,14 @@ def train(
     tell: Callable[[TrainState], None] | None = None,
     channel_axis: int | None = None,
     progress: Progress | bool | None = None,
-    **options: Any,
+    **options: Unpack[TrainOptions],
 ) -> Path:
     """Train as ``hadalens train`` does: pairs held out, validations, checkpoints, a log, the best parameters kept.
 
     Args:
         pairs: a folder, a :class:`Dataset`, or pairs.
         output: the file to write, of the model ("conventional": of the net).
-        model: what training begins with; None: the exact fit of the pairs, made first.
+        model: what training begins with, or its file; None: the exact fit of the pairs, made first.
         stage, context, net, augment, options: as of a :class:`Trainer`.
         epochs: how often every pair is seen, in place of the option steps.
         hold_out: pairs of each depth to validate with, a number or a share; None: an eighth.
@@ -125,13 +125,14 @@ def train(
 
     """
     data = as_dataset(pairs, channel_axis)
-    contexts = [default(context)] if context is None or isinstance(context, Context) else list(context)
+    used = contexts(context)
+    given = None if model is None else as_model(model)
     monitor = _TrainMonitor(progress, tell)
     task = Options(
         "hada_train_task",
         options=train_options(stage, augment, net, options),
         epochs=epochs,
-        model=None if model is None else model._c,
+        model=None if given is None else given._c,
         hold_out=hold_out,
         output=output,
         log=log,
@@ -147,6 +148,6 @@ def train(
         user=monitor.user,
         monitor=monitor.options,
     )
-    array = ffi.new("hada_context *[]", [one._c for one in contexts])
-    monitored(monitor, data._call, lib.hada_train_run, array, len(contexts), data._c, task.c)
+    array = ffi.new("hada_context *[]", [one._c for one in used])
+    monitored(monitor, data, lib.hada_train_run, array, len(used), data._c, task.c)
     return Path(output)

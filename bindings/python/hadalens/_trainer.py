@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Self, TypeAlias
+from typing import Any, Literal, Self, TypeAlias, TypedDict, Unpack
 
 from ._arrays import Float32, NewImage, copy_of
 from ._native import (
@@ -14,6 +14,7 @@ from ._native import (
     Options,
     Owner,
     call,
+    check_names,
     ffi,
     lib,
     record,
@@ -21,8 +22,8 @@ from ._native import (
     word,
 )
 from ._pairs import Dataset, Pairs, as_dataset
-from .device import Context, default
-from .model import Model
+from .device import Device, contexts, default
+from .model import Model, as_model
 from .net import Net
 
 Stage: TypeAlias = Literal["filters", "enhance", "adversarial", "conventional"]
@@ -82,8 +83,41 @@ class Augment:
     plane_flips: int | None = None
 
 
-def train_options(stage: Stage, augment: Augment | None, net: Net | str | None, given: dict[str, Any]) -> Options:
-    """Return hada_train_options: `given` has its members by their names."""
+class TrainOptions(TypedDict, total=False):
+    """Members of hada_train_options (hadalens/train.h), by their names."""
+
+    seed: int
+    form: Literal["complex", "split"]
+    random_start: bool
+    new_net: bool
+    discriminator: Literal["patch", "paper"]
+    net_rows: int
+    net_cols: int
+    steps: int
+    batch: int
+    at_once: int
+    recompute: bool
+    rule: Literal["adam", "rmsprop"]
+    rate: float
+    filter_rate: float
+    discriminator_rate: float
+    schedule: Literal["constant", "cosine"]
+    last_rate: float
+    warmup: int
+    clip: float
+    discriminator_steps: int
+    mse: float
+    perceptual: float
+    adversarial: float
+    variation: float
+    variation_squared: bool
+    vgg: str | os.PathLike[str]
+    compose: float
+
+
+def train_options(stage: Stage, augment: Augment | None, net: Net | str | None, given: TrainOptions) -> Options:
+    """Return hada_train_options."""
+    check_names(given, TrainOptions.__annotations__, "training")
     options = Options("hada_train_options", value_of("hada_stage", stage, "stage"))
     options.set(**given)
     if augment is not None:
@@ -100,7 +134,7 @@ class Trainer(Handle):
     """Trains step by step; the same pairs, options and device give the same bits, also after going on from a file.
 
     Args:
-        model: filters, sizes and (where it has one) the net that training begins with.
+        model: filters, sizes and (where it has one) the net that training begins with; or its file.
         pairs: a folder, a :class:`Dataset`, or pairs, to learn from.
         stage: "filters" (the filters alone, the paper's method), "enhance" (a net behind the filters), "adversarial"
             (the same against a discriminator), "conventional" (a net without filters).
@@ -122,30 +156,30 @@ class Trainer(Handle):
 
     def __init__(
         self,
-        model: Model,
+        model: Model | str | os.PathLike[str],
         pairs: Dataset | Pairs | str | os.PathLike[str],
         *,
         stage: Stage = "enhance",
         held_out: Dataset | Pairs | str | os.PathLike[str] | None = None,
-        context: Context | Sequence[Context] | None = None,
+        context: Device | Sequence[Device] | None = None,
         net: Net | Literal["compact", "paper"] | None = None,
         augment: Augment | None = None,
         channel_axis: int | None = None,
-        **options: Any,
+        **options: Unpack[TrainOptions],
     ) -> None:
         """Make the trainer, at step 0."""
         chosen = train_options(stage, augment, net, options)
-        contexts = [default(context)] if context is None or isinstance(context, Context) else list(context)
+        model, used = as_model(model), contexts(context)
         self._data = [as_dataset(data, channel_axis) for data in (pairs, held_out) if data is not None]
-        kept = ([one._own for one in contexts], model._own, [data._own for data in self._data])
+        kept = ([one._own for one in used], model._own, [data._own for data in self._data])
         owner = Owner("hada_trainer", lib.hada_trainer_destroy, *kept)
-        array = ffi.new("hada_context *[]", [one._c for one in contexts])
+        array = ffi.new("hada_context *[]", [one._c for one in used])
         self._owner = owner
         self._run(
             lib.hada_trainer_create,
             owner.pointer,
             array,
-            len(contexts),
+            len(used),
             model._c,
             self._data[0]._c,
             self._data[1]._c if held_out is not None else ffi.NULL,
@@ -171,16 +205,16 @@ class Trainer(Handle):
 
     @staticmethod
     def bytes(
-        model: Model,
+        model: Model | str | os.PathLike[str],
         *,
         stage: Stage = "enhance",
-        context: Context | None = None,
+        context: Device | None = None,
         net: Net | Literal["compact", "paper"] | None = None,
-        **options: Any,
+        **options: Unpack[TrainOptions],
     ) -> int:
         """Return the device memory that training would take."""
-        out = ffi.new("uint64_t *")
-        call(lib.hada_trainer_bytes, default(context)._c, model._c, train_options(stage, None, net, options).c, out)
+        out, chosen, model = ffi.new("uint64_t *"), train_options(stage, None, net, options), as_model(model)
+        call(lib.hada_trainer_bytes, default(context)._c, model._c, chosen.c, out)
         return int(out[0])
 
     def step(self) -> Step:
@@ -208,16 +242,19 @@ class Trainer(Handle):
         """Steps done."""
         return int(self._info.steps)
 
+    def _shown(self) -> str:
+        return f"step {self.done} of {self.steps}"
+
     @property
     def seen(self) -> int:
         """Pairs seen on the way."""
         return int(self._info.seen)
 
     @property
-    def options(self) -> dict[str, Any]:
+    def options(self) -> dict[str, int | float | str]:
         """Options as the trainer understood them: numbers, and words of enumerations."""
         struct = self._info.options[0]
-        found: dict[str, Any] = {}
+        found: dict[str, int | float | str] = {}
         for name, field in ffi.typeof(struct).fields:
             if field.type.kind == "enum":
                 found[name] = word(field.type.cname.removeprefix("enum "), int(getattr(struct, name)))

@@ -6,21 +6,27 @@ its process says which, or the argument `devices` here.
 
 from __future__ import annotations
 
+import os
 import threading
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Unpack
 
-import dask
-import dask.array as da
 import numpy as np
 import numpy.typing as npt
-from dask.base import tokenize
 
+from ._files import extra
+from ._native import check_names
+from ._plan_options import PlanOptions
 from .device import Context
-from .model import Model
+from .model import Model, as_model
 from .plan import Plan
+
+with extra("dask"):
+    import dask
+    import dask.array as da
+    from dask.base import tokenize
 
 __all__ = ["Frames", "reconstruct"]
 
@@ -48,12 +54,12 @@ class Frames:
 
 def reconstruct(
     frames: Any,
-    model: Model,
+    model: Model | str | os.PathLike[str],
     *,
     channel_axis: int | None = None,
     full_scale: float | None = None,
     devices: str | Sequence[str] | None = None,
-    **options: Any,
+    **options: Unpack[PlanOptions],
 ) -> Frames:
     """Reconstruct an array of frames in blocks.
 
@@ -82,6 +88,8 @@ def reconstruct(
         ...     pictures = results.all_in_focus.compute()
 
     """
+    check_names(options, PlanOptions.__annotations__, "hadalens.dask.reconstruct")
+    model = as_model(model)
     array = da.asarray(frames)
     if array.ndim not in (3, 4) or not array.shape[0]:
         raise ValueError(f"frames are (T, Y, X), (T, C, Y, X), or (T, Y, X, C) with channel_axis=-1, not {array.shape}")
@@ -110,7 +118,7 @@ class _Camera:
 
     key: str
     model: Model
-    options: dict[str, Any]
+    options: PlanOptions
     devices: str | Sequence[str] | None
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 import threading
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal, TypeAlias
 
-from . import errors
-from ._native import Handle, Options, Owner, call, ffi, lib, path, record, value_of, word
+from ._native import Handle, Options, Owner, call, expect, ffi, lib, named, open_devices, path, record, value_of, word
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,7 @@ def devices() -> list[DeviceInfo]:
         ...     print(device.index, device.name, device.memory_bytes // 2**20, "MiB")
 
     """
+    open_devices()
     found = Owner("hada_device_list", lib.hada_device_list_destroy)
     call(lib.hada_device_list_create, found.pointer)
     return [_info(lib.hada_device_list_get(found.c, index)) for index in range(lib.hada_device_list_count(found.c))]
@@ -97,9 +98,10 @@ class Context(Handle):
 
     """
 
-    _default: tuple[int, Context] | None = None
+    _opened: ClassVar[dict[str | None, Context]] = {}  # by the device's name; None: the default
     _lock = threading.Lock()
 
+    @named
     def __init__(
         self,
         device: str | int | None = None,
@@ -117,6 +119,7 @@ class Context(Handle):
         self._open(lib.hada_context_create, options)
 
     def _open(self, create: Any, options: Options, *given: Any) -> None:
+        open_devices()
         owner = Owner("hada_context", lib.hada_context_destroy, options)
         call(create, owner.pointer, *given, options.c)
         self._owner = owner
@@ -124,11 +127,16 @@ class Context(Handle):
     @classmethod
     def default(cls) -> Context:
         """Return the context of this process on the device that the library chooses; opened when first asked for."""
+        return cls._of(None)
+
+    @classmethod
+    def _of(cls, device: str | None) -> Context:
+        """Return the context of this process on a device, opened when first asked for."""
+        open_devices()  # before the lock, which a fork may have left locked
         with cls._lock:
-            # a child of fork() cannot use its parent's device
-            if cls._default is None or cls._default[0] != os.getpid() or cls._default[1]._owner is None:
-                cls._default = (os.getpid(), cls())
-            return cls._default[1]
+            if device not in cls._opened or cls._opened[device]._owner is None:
+                cls._opened[device] = cls(device)
+            return cls._opened[device]
 
     @classmethod
     def adopt(cls, context: Any, device: Any = None) -> Context:
@@ -225,13 +233,16 @@ class Context(Handle):
         call(lib.hada_device_call_costs, self._c, launch, wait, write)
         return launch[0], wait[0], write[0]
 
-    def __repr__(self) -> str:
-        """Return the device's name."""
-        return "Context(closed)" if self._owner is None else f"Context({self.device.name!r})"
+    def _shown(self) -> str:
+        return self.device.name
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Contexts stay in their process."""
         raise TypeError("a Context cannot be pickled: open one in each process (Context.default())")
+
+
+#: A context, or a device's name as :class:`Context` takes it, whose context is opened when first asked for.
+Device: TypeAlias = Context | str
 
 
 def _options(device: str | None, binaries: Any, cache: Any, tuning: Any, log_level: str) -> Options:
@@ -256,10 +267,15 @@ def address_of(thing: Any) -> int:
         raise TypeError(f"{type(thing).__name__} is no OpenCL object: pyopencl's, or an address, is needed") from None
 
 
-def default(context: Context | None) -> Context:
-    """Return the context, or the process's own."""
-    if context is None:
-        return Context.default()
-    if not isinstance(context, Context):
-        raise errors.ArgumentError(f"context={context!r} is no hadalens.Context")
-    return context
+def default(context: Device | None) -> Context:
+    """Return the context, that of a device's name, or the process's own."""
+    if context is None or isinstance(context, str):
+        return Context._of(context)
+    return expect(context, Context, "context", "or a device's name")
+
+
+def contexts(given: Device | Sequence[Device] | None) -> list[Context]:
+    """Return what :func:`default` makes of one, or of several."""
+    if given is None or isinstance(given, str | Context) or not isinstance(given, Sequence):
+        return [default(given)]
+    return [default(one) for one in given]

@@ -60,13 +60,21 @@ class HadalensError(Exception):
         self.code = code
         self.detail = detail
 
+    def __str__(self) -> str:
+        """Return the message."""
+        return str(self.args[0])
+
     def __reduce__(self) -> tuple[object, ...]:
         """Errors cross the borders of processes (Dask, multiprocessing) with all they say."""
-        return _rebuilt, (type(self), str(self), self.code, self.detail)
+        more = {name: getattr(self, name) for name in ("errno", "strerror") if hasattr(self, name)}
+        return _rebuilt, (type(self), str(self), self.code, self.detail, more)
 
 
-def _rebuilt(kind: type[HadalensError], message: str, code: int, detail: str) -> HadalensError:
-    return kind(message, code=code, detail=detail)
+def _rebuilt(kind: type[HadalensError], message: str, code: int, detail: str, more: dict[str, object]) -> HadalensError:
+    error = kind(message, code=code, detail=detail)
+    for name, value in more.items():
+        setattr(error, name, value)
+    return error
 
 
 class ArgumentError(HadalensError, ValueError):
@@ -112,13 +120,17 @@ class DeviceMemoryError(HadalensError, MemoryError):
 
 
 class FileError(HadalensError, OSError):
-    """A file could not be read or written: what the errors of files have in common."""
+    """A file could not be read or written: what the errors of files have in common; `errno` where it is known."""
 
 
 class FileOpenError(FileError):
     """A file is missing or not readable."""
 
     status = Status.FILE_OPEN
+
+
+class FileMissingError(FileOpenError, FileNotFoundError):
+    """A file is not there."""
 
 
 class FileReadError(FileError):

@@ -13,7 +13,24 @@ import numpy as np
 from . import errors
 from . import response as responses
 from ._arrays import Float32, Floats, Image, NewImage, as_array
-from ._native import Handle, Monitor, Options, Owner, Progress, call, ffi, keep_error, lib, path, record, text
+from ._native import (
+    AUTO,
+    Handle,
+    Monitor,
+    Options,
+    Owner,
+    Progress,
+    call,
+    checked,
+    expect,
+    ffi,
+    keep_error,
+    lib,
+    named,
+    path,
+    record,
+    text,
+)
 from .plan import Match, Plan
 from .result import Result
 
@@ -87,6 +104,10 @@ class TiffReader(Handle):
         call(lib.hada_tiff_read, self._c, index, image.c)
         return image.array()
 
+    def _shown(self) -> str:
+        info = self.info
+        return f"{info.frames} frames of {info.channels} x {info.rows} x {info.cols}"
+
     def __len__(self) -> int:
         """Return the number of frames."""
         return int(lib.hada_tiff_get_info(self._c).frames)
@@ -131,6 +152,7 @@ def write_tiff(
     description: str | None = None,
     compress: bool = False,
     encoding: float | str | None = None,
+    channel_axis: int | None = None,
 ) -> Path:
     """Write frames into a TIFF file with the metadata that the library reads again; whole or not at all.
 
@@ -145,6 +167,7 @@ def write_tiff(
         description: further lines for the metadata, "key=value".
         compress: deflate.
         encoding: how the values stand for light ("linear", "srgb", a power), stated in the metadata.
+        channel_axis: of each frame; None: the first.
 
     Returns:
         The path.
@@ -155,7 +178,7 @@ def write_tiff(
     """
     array = as_array(frames, "frames")
     several = array if array.ndim == 4 else array[np.newaxis]
-    images = Image(*several, what="frames")
+    images = Image(*several, what="frames", channel_axis=channel_axis)
     if distances_mm is not None and len(distances_mm) != len(images.arrays):
         raise errors.SizeError(f"{len(distances_mm)} distances for {len(images.arrays)} frames")
     options = Options(
@@ -236,6 +259,7 @@ def py_files_task_tell(user: Any, state: Any) -> None:
         monitor.results.append(FileResult(name, state.frames, (), error_of(state.error[0])))
 
 
+@named
 def reconstruct_files(
     plan: Plan,
     files: Sequence[str | os.PathLike[str]],
@@ -276,6 +300,7 @@ def reconstruct_files(
         ...     print(done.path, done.error or done.outputs)
 
     """
+    expect(plan, Plan, "plan")
     monitor = _FilesMonitor(progress, tell)
     task = Options(
         "hada_files_task",
@@ -309,10 +334,11 @@ def save_preview(
     raw: Any = None,
     title: str | None = None,
     gamma: float | None = None,
+    channel_axis: int | None = None,
 ) -> Path:
     """Draw a sheet (PNG) of a result: all-in-focus image, distance map with its scale, and the stack.
 
-    Of a single depth the first alone, which shows it.
+    Of a single depth the first alone, which shows it. `channel_axis` is the raw frame's.
 
     Raises:
         UnsupportedError: there is no cairo.
@@ -320,7 +346,7 @@ def save_preview(
     """
     images = Image(*result.stack, what="stack")
     others = Image(result.all_in_focus, result.distance_map, what="result")
-    frame = None if raw is None else Image(raw, what="raw")
+    frame = None if raw is None else Image(raw, what="raw", channel_axis=channel_axis)
     several = len(images.arrays) > 1
     options = Options(
         "hada_preview",
@@ -339,7 +365,12 @@ def save_preview(
 
 
 def save_png(
-    name: str | os.PathLike[str], image: Any, *, white: float | None = None, gamma: float | None = None
+    name: str | os.PathLike[str],
+    image: Any,
+    *,
+    white: float | None = None,
+    gamma: float | None = None,
+    channel_axis: int | None = None,
 ) -> Path:
     """Draw an image (Y, X) or (C, Y, X) of linear light as PNG.
 
@@ -348,11 +379,11 @@ def save_png(
         image: the image.
         white: the value that is white; None: the 99.9th percentile.
         gamma: exponent; None: as sRGB.
+        channel_axis: where the channels stand; None: first.
 
     """
-    auto = float(lib.HADA_AUTO)
-    chosen = [auto if value is None else value for value in (white, gamma)]
-    call(lib.hada_png_save, path(name), Image(image).c, *chosen)
+    chosen = [AUTO if value is None else checked(name, value) for name, value in (("white", white), ("gamma", gamma))]
+    call(lib.hada_png_save, path(name), Image(image, channel_axis=channel_axis).c, *chosen)
     return Path(name)
 
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from . import errors
 from ._arrays import Float32, Floats, Image, NewImage
 from ._native import Options, call, doubles, ffi, lib, record
-from .device import Context, default
+from .device import Device, default
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,8 @@ def focus_stack(
     fuse: Literal["weighted", "sum"] | None = None,
     window_sigma: float | None = None,
     false_alarm: float | None = None,
-    context: Context | None = None,
+    channel_axis: int | None = None,
+    context: Device | None = None,
 ) -> tuple[Float32, Float32, FocusReport]:
     """Return an all-in-focus image (C, Y, X), a distance map (Y, X) in millimetres, and a report.
 
@@ -42,13 +43,14 @@ def focus_stack(
         competing: depths that take part; None: all.
         shared: the planes share out the light (refined ones); otherwise each holds the whole scene (linear filters).
         measure, fuse, window_sigma, false_alarm: None: what suits (hadalens/focus.h).
+        channel_axis: of each plane; None: the first.
         context: a device.
 
     Example:
         >>> sharp, distances, report = hadalens.focus_stack(stack, [100.0, 250.0, 600.0])
 
     """
-    images = Image(*stack, what="stack")
+    images = Image(*stack, what="stack", channel_axis=channel_axis)
     if len(images.arrays) != len(distances_mm):
         raise errors.SizeError(f"{len(images.arrays)} planes and {len(distances_mm)} distances")
     options = Options("hada_focus_options", int(shared))

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._files import PathLike, replaced
+from ._files import PathLike, extra, replaced
 from ._keras_file import Array, read_layers
 from ._keras_net import Net, import_net
 
@@ -187,7 +187,8 @@ def _metadata(imported: Imported) -> dict[str, str]:
 
 def _read_crop(path: PathLike) -> list[list[int]] | None:
     """Pixels that the file's cropping layers cut off: [[top, bottom], [left, right]]."""
-    import h5py
+    with extra("keras"):
+        import h5py
 
     with h5py.File(path, "r") as file:
         config = file.attrs.get("model_config")

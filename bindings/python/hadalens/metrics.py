@@ -1,7 +1,7 @@
 """Yardsticks for images and distance maps; on the host, in double precision.
 
-Images are (Y, X) or (C, Y, X) of the same shape. A mask (Y, X) leaves out the pixels where it is 0. ``peak`` is the
-largest value that could occur, 1 for images that were divided by their full scale.
+Images are (Y, X) or (C, Y, X) of the same shape, or with channel_axis=-1 (Y, X, C). A mask (Y, X) leaves out the pixels
+where it is 0. ``peak`` is the largest value that could occur, 1 for images that were divided by their full scale.
 """
 
 from __future__ import annotations
@@ -16,8 +16,34 @@ import numpy.typing as npt
 from . import errors
 from . import response as responses
 from ._arrays import Float32, Floats, Image, NewImage
-from ._native import Handle, Monitor, Options, Owner, call, ffi, lib, path, record, value_of, word
-from .device import Context, default
+from ._native import AUTO, Handle, Monitor, Options, Owner, call, checked, ffi, lib, path, record, value_of, word
+from .device import Device, default
+
+__all__ = [
+    "ConfidenceScore",
+    "DepthScore",
+    "Evaluation",
+    "Lpips",
+    "authors_psnr",
+    "authors_ssim",
+    "depth",
+    "depth_confidence",
+    "depth_distance",
+    "depth_index",
+    "depth_nearer",
+    "depth_parts",
+    "evaluate",
+    "mae",
+    "mse",
+    "psnr",
+    "sharpness",
+    "ssim",
+]
+
+
+def __dir__() -> list[str]:
+    """Return the names for users."""
+    return __all__
 
 
 class _Mask:
@@ -32,24 +58,24 @@ class _Mask:
             self.c = ffi.from_buffer("unsigned char[]", marks)  # which holds the array
 
 
-def _compare(metric: str, a: Any, b: Any, mask: Any, peak: float = 1.0) -> float:
-    images, out = Image(a, b), ffi.new("double *")
+def _compare(metric: str, a: Any, b: Any, mask: Any, axis: int | None, peak: float = 1.0) -> float:
+    images, out = Image(a, b, channel_axis=axis), ffi.new("double *")
     kind = value_of("hada_metric", metric, "metric")
     call(lib.hada_metric_compare, kind, images.c, images.c + 1, peak, _Mask(mask, images).c, out)
     return float(out[0])
 
 
-def mse(a: Any, b: Any, *, mask: Any = None) -> float:
+def mse(a: Any, b: Any, *, mask: Any = None, channel_axis: int | None = None) -> float:
     """Return the mean of squared differences."""
-    return _compare("mse", a, b, mask)
+    return _compare("mse", a, b, mask, channel_axis)
 
 
-def mae(a: Any, b: Any, *, mask: Any = None) -> float:
+def mae(a: Any, b: Any, *, mask: Any = None, channel_axis: int | None = None) -> float:
     """Return the mean of absolute differences."""
-    return _compare("mae", a, b, mask)
+    return _compare("mae", a, b, mask, channel_axis)
 
 
-def psnr(a: Any, b: Any, *, peak: float = 1.0, mask: Any = None) -> float:
+def psnr(a: Any, b: Any, *, peak: float = 1.0, mask: Any = None, channel_axis: int | None = None) -> float:
     """Return 10 log10(peak^2 / mse) in dB; infinite for equal images.
 
     Example:
@@ -57,27 +83,27 @@ def psnr(a: Any, b: Any, *, peak: float = 1.0, mask: Any = None) -> float:
         31.4
 
     """
-    return _compare("psnr", a, b, mask, peak)
+    return _compare("psnr", a, b, mask, channel_axis, peak)
 
 
-def ssim(a: Any, b: Any, *, peak: float = 1.0, mask: Any = None) -> float:
+def ssim(a: Any, b: Any, *, peak: float = 1.0, mask: Any = None, channel_axis: int | None = None) -> float:
     """Return the structural similarity (Wang et al. 2004): Gaussian window, as scikit-image has it."""
-    return _compare("ssim", a, b, mask, peak)
+    return _compare("ssim", a, b, mask, channel_axis, peak)
 
 
-def authors_psnr(a: Any, b: Any, *, peak: float = 1.0, mask: Any = None) -> float:
+def authors_psnr(a: Any, b: Any, *, peak: float = 1.0, mask: Any = None, channel_axis: int | None = None) -> float:
     """Return what the code of the 2022 paper calls PSNR, for comparing with its figures."""
-    return _compare("authors_psnr", a, b, mask, peak)
+    return _compare("authors_psnr", a, b, mask, channel_axis, peak)
 
 
-def authors_ssim(a: Any, b: Any, *, peak: float = 1.0, mask: Any = None) -> float:
+def authors_ssim(a: Any, b: Any, *, peak: float = 1.0, mask: Any = None, channel_axis: int | None = None) -> float:
     """Return what the code of the 2022 paper calls SSIM, for comparing with its figures."""
-    return _compare("authors_ssim", a, b, mask, peak)
+    return _compare("authors_ssim", a, b, mask, channel_axis, peak)
 
 
-def sharpness(image: Any, *, mask: Any = None) -> float:
+def sharpness(image: Any, *, mask: Any = None, channel_axis: int | None = None) -> float:
     """Return the mean magnitude of the gradient, in intensity per pixel."""
-    given, out = Image(image), ffi.new("double *")
+    given, out = Image(image, channel_axis=channel_axis), ffi.new("double *")
     call(lib.hada_metric_sharpness, given.c, _Mask(mask, given).c, out)
     return float(out[0])
 
@@ -178,8 +204,8 @@ def depth_parts(
         lib.hada_metric_depth_parts,
         image.c,
         *_distances(distances_mm),
-        lib.HADA_AUTO if jump_steps is None else jump_steps,
-        lib.HADA_AUTO if reach_pixels is None else reach_pixels,
+        AUTO if jump_steps is None else checked("jump_steps", jump_steps),
+        lib.HADA_AUTO if reach_pixels is None else checked("reach_pixels", reach_pixels),
         ffi.cast("unsigned char *", ffi.from_buffer(parts)),
     )
     return parts
@@ -224,7 +250,7 @@ class Lpips(Handle):
         heads: str | os.PathLike[str] | None = None,
         *,
         net: Literal["auto", "vgg", "alex"] = "auto",
-        context: Context | None = None,
+        context: Device | None = None,
     ) -> None:
         """Read the weights."""
         used = default(context)
@@ -239,21 +265,26 @@ class Lpips(Handle):
         """Which net it is: "vgg" or "alex"."""
         return word("hada_lpips_net", lib.hada_lpips_get_net(self._c))
 
+    def _shown(self) -> str:
+        return self.net
+
     def bytes(self, rows: int, cols: int) -> int:
         """Return the device memory that comparing images of a size takes."""
         out = ffi.new("uint64_t *")
         call(lib.hada_lpips_bytes, self._c, rows, cols, out)
         return int(out[0])
 
-    def __call__(self, a: Any, b: Any, *, peak: float = 1.0, mask: Any = None) -> float:
+    def __call__(
+        self, a: Any, b: Any, *, peak: float = 1.0, mask: Any = None, channel_axis: int | None = None
+    ) -> float:
         """Return the distance of two images; 0 for equal ones."""
-        images, out = Image(a, b), ffi.new("double *")
+        images, out = Image(a, b, channel_axis=channel_axis), ffi.new("double *")
         call(lib.hada_lpips_run, self._c, images.c, images.c + 1, peak, _Mask(mask, images).c, out)
         return float(out[0])
 
-    def map(self, a: Any, b: Any, *, peak: float = 1.0) -> Float32:
+    def map(self, a: Any, b: Any, *, peak: float = 1.0, channel_axis: int | None = None) -> Float32:
         """Return the distance at every pixel, (Y, X)."""
-        images, made = Image(a, b), NewImage()
+        images, made = Image(a, b, channel_axis=channel_axis), NewImage()
         call(lib.hada_lpips_map, self._c, images.c, images.c + 1, peak, made.c)
         return made.plane()
 

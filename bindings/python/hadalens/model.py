@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Self, TypeAlias
@@ -12,10 +12,28 @@ import numpy as np
 import numpy.typing as npt
 
 from . import errors
-from ._arrays import Float32, Floats, Image, Mosaic, address
+from ._arrays import Float32, Floats, Image, Mosaic, address, as_array
 from ._fit_report import FitReport
-from ._native import Handle, Options, Owner, call, doubles, ffi, lib, path, record, value_of
-from .device import Context, default
+from ._native import (
+    AUTO,
+    Handle,
+    Options,
+    Owner,
+    call,
+    doubles,
+    expect,
+    ffi,
+    lib,
+    loaded,
+    named,
+    path,
+    record,
+    saved,
+    span,
+    value_of,
+)
+from ._show import members, table
+from .device import Device, default
 from .net import Net
 
 Form: TypeAlias = Literal["complex", "split", "matched", "wiener"]
@@ -128,12 +146,13 @@ class Model(Handle):
         return Path(name)
 
     @classmethod
+    @named
     def from_psf(
         cls,
         psfs: Any,
-        distances_mm: Floats,
+        distances_mm: Floats | float,
         *,
-        context: Context | None = None,
+        context: Device | None = None,
         form: Literal["matched", "wiener"] = "wiener",
         boundary: Boundary = "padded",
         window: tuple[int, int] | None = None,
@@ -153,8 +172,9 @@ class Model(Handle):
 
         Args:
             psfs: a sequence of images (Y, X) or (C, Y, X), or an array (Z, Y, X) or (Z, C, Y, X), one a depth, near to
-                far, the optical axis at (rows // 2, columns // 2); dtypes as for :meth:`Plan.run`.
-            distances_mm: of the depths, near to far.
+                far, the optical axis at (rows // 2, columns // 2); of one distance the image itself will do, grey or
+                colour. dtypes as for :meth:`Plan.run`.
+            distances_mm: of the depths, near to far; of one depth its number will do.
             context: a device for the transforms.
             form: of the linear filters.
             boundary: "padded" for a sensor that crops what the optics cast, "circular" otherwise.
@@ -179,9 +199,10 @@ class Model(Handle):
             >>> model = hadalens.Model.from_psf([psf], [250.0], dark=None)
 
         """
-        images = Image(*psfs, what="psfs", channel_axis=channel_axis)
-        if len(images.arrays) != len(distances_mm):
-            raise errors.SizeError(f"{len(images.arrays)} psfs and {len(distances_mm)} distances: one distance a psf")
+        distances = np.atleast_1d(np.asarray(distances_mm, np.float64)).tolist()
+        images = Image(*_each_psf(psfs, len(distances)), what="psf", channel_axis=channel_axis)
+        if len(images.arrays) != len(distances):
+            raise errors.SizeError(f"{len(images.arrays)} psfs and {len(distances)} distances: one distance a psf")
         rows, cols = window or (None, None)
         frame_rows, frame_cols = frame or (None, None)
         options = Options(
@@ -195,7 +216,7 @@ class Model(Handle):
             window_rows=rows,
             window_cols=cols,
             psf_dark=psf_dark,
-            dark=float(lib.HADA_AUTO) if dark is None else dark,
+            dark=AUTO if dark is None else dark,
             refine_steps=refine_steps,
             refine_tv=refine_tv,
             turn=turn,
@@ -207,7 +228,7 @@ class Model(Handle):
             default(context)._c,
             images.c,
             len(images.arrays),
-            doubles(distances_mm),
+            doubles(distances),
             options.c,
         )
 
@@ -265,7 +286,7 @@ class Model(Handle):
             boundary=boundary,
             grid_rows=None if grid is None else grid[0],
             grid_cols=None if grid is None else grid[1],
-            dark=float(lib.HADA_AUTO) if dark is None else dark,
+            dark=AUTO if dark is None else dark,
         )
         blank = cls._new(lib.hada_model_from_filters, sizes.c, ffi.NULL, ffi.NULL)
         shape = blank._shape()
@@ -282,7 +303,7 @@ class Model(Handle):
         name: str | os.PathLike[str],
         distances_mm: Floats | None = None,
         *,
-        context: Context | None = None,
+        context: Device | None = None,
         colour: bool = False,
         half: bool = False,
     ) -> Self:
@@ -404,23 +425,30 @@ class Model(Handle):
     def __reduce__(self) -> tuple[Any, ...]:
         """Models can be pickled, as the bytes of their file."""
         name = Path(self.info.name).name or "model"
-        with tempfile.TemporaryDirectory() as folder:
-            return _unpickle, (name, self.save(Path(folder) / name).read_bytes())
+        return loaded, (Model, saved(self, name), name)
 
-    def __repr__(self) -> str:
-        """Return the model's name and sizes."""
-        if self._owner is None:
-            return "Model(closed)"
+    def _shown(self) -> str:
         info = self.info
         return (
-            f"<Model {info.name or 'without a file'}: {info.depths} depths from {info.distances_mm[0]:g} to "
-            f"{info.distances_mm[-1]:g} mm, {info.channels} x {info.raw_rows} x {info.raw_cols}, window "
-            f"{info.window_rows} x {info.window_cols}>"
+            f"{info.name + ', ' if info.name else ''}{span(info.distances_mm)}, {info.channels} x {info.raw_rows} x "
+            f"{info.raw_cols}, window {info.window_rows} x {info.window_cols}"
         )
 
+    def _repr_html_(self) -> str:
+        return table(repr(self), [] if self._owner is None else members(self.info))
 
-def _unpickle(name: str, content: bytes) -> Model:
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / name
-        file.write_bytes(content)
-        return Model.load(file)
+
+def _each_psf(psfs: Any, depths: int) -> Sequence[Any]:
+    """Return one image a depth: an array for a single depth may be that image itself."""
+    if isinstance(psfs, list | tuple):
+        return psfs
+    array = as_array(psfs, "psfs")
+    one = array.ndim == 2 or (array.ndim == 3 and depths == 1 and array.shape[0] != 1)
+    return [array] if one else list(array)
+
+
+def as_model(given: Model | str | os.PathLike[str]) -> Model:
+    """Return a model, or that of a file."""
+    if isinstance(given, str | os.PathLike):
+        return Model.load(given)
+    return expect(given, Model, "model", "or the file of one")

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, Literal, Self
 
 from ._arrays import Float32, Image, NewImage
-from ._native import Handle, Options, Owner, call, ffi, lib, path, record, text
-from .device import Context, default
+from ._native import Handle, Options, Owner, call, expect, ffi, lib, loaded, path, record, saved, text
+from .device import Device, default
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,11 @@ class Net(Handle):
         lib.hada_memory_destroy(out)
         return words
 
-    def bytes(self, rows: int, cols: int, *, context: Context | None = None) -> int:
+    def _shown(self) -> str:
+        info = self.info
+        return f"{info.channels} to {info.out_channels} channels, {info.layers} layers, {info.values} values"
+
+    def bytes(self, rows: int, cols: int, *, context: Device | None = None) -> int:
         """Return the device memory that running it on images of a size takes."""
         out = ffi.new("uint64_t *")
         call(lib.hada_net_bytes, default(context)._c, self._c, rows, cols, out)
@@ -161,14 +165,7 @@ class Net(Handle):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Nets can be pickled, as the bytes of their file."""
-        with tempfile.TemporaryDirectory() as folder:
-            return _unpickle, (self.save(Path(folder) / "net").read_bytes(),)
-
-
-def _unpickle(content: bytes) -> Net:
-    with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "net").write_bytes(content)
-        return Net.load(Path(folder) / "net")
+        return loaded, (Net, saved(self))
 
 
 class NetRunner(Handle):
@@ -181,9 +178,9 @@ class NetRunner(Handle):
 
     """
 
-    def __init__(self, net: Net, rows: int, cols: int, *, context: Context | None = None) -> None:
+    def __init__(self, net: Net, rows: int, cols: int, *, context: Device | None = None) -> None:
         """Take room on the device."""
-        used = default(context)
+        used, net = default(context), expect(net, Net, "net")
         owner = Owner("hada_net_runner", lib.hada_net_runner_destroy, used._own, net._own)
         call(lib.hada_net_runner_create, owner.pointer, used._c, net._c, rows, cols)
         self._owner = owner

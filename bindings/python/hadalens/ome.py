@@ -18,7 +18,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ._files import PathLike, replaced
+from ._files import PathLike, extra, replaced
 
 __all__ = ["OmeZarrWriter", "is_even", "mean_step", "write_ome_tiff", "write_ome_zarr"]
 
@@ -147,7 +147,8 @@ class OmeZarrWriter:
             self._work = None
 
     def _create(self, name: str, image: NDArray[np.float32], distances: list[float]) -> Any:
-        import zarr
+        with extra("ome"):
+            import zarr
 
         assert self._work is not None
         axes = {4: "tczyx", 3: "tcyx", 2: "tyx"}[image.ndim]
@@ -219,7 +220,8 @@ def write_ome_tiff(path: PathLike, result: Reconstruction, *, pixel_um: float | 
         >>> hadalens.ome.write_ome_tiff("scene.ome.tif", plan.run(raw))
 
     """
-    import tifffile
+    with extra("ome"):
+        import tifffile
 
     distances = [float(d) for d in result.distances_mm]
     channels = result.stack.shape[1]

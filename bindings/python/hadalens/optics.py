@@ -11,8 +11,22 @@ import numpy.typing as npt
 
 from ._arrays import Float32, Image, NewImage
 from ._camera import Camera
-from ._native import Handle, Monitor, Options, Owner, Progress, call, ffi, lib, path, record
-from .device import Context, default
+from ._native import AUTO, Handle, Monitor, Options, Owner, Progress, call, checked, ffi, lib, path, record, span
+from ._show import members, table
+from .device import Device, default
+
+__all__ = [
+    "OpticsReport",
+    "OpticsRow",
+    "Wave",
+    "report",
+    "write_report",
+]
+
+
+def __dir__() -> list[str]:
+    """Return the names for users."""
+    return __all__
 
 
 class Wave(Handle):
@@ -30,7 +44,7 @@ class Wave(Handle):
     """
 
     def __init__(
-        self, camera: Camera, *, coherent: bool = False, stray: float | None = None, context: Context | None = None
+        self, camera: Camera, *, coherent: bool = False, stray: float | None = None, context: Device | None = None
     ) -> None:
         """Make ready."""
         used = default(context)
@@ -67,7 +81,7 @@ class OpticsRow:
     occupancy: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class OpticsReport:
     """What a camera resolves.
 
@@ -85,6 +99,14 @@ class OpticsReport:
     mtf: npt.NDArray[np.float64]
     self_correlation: npt.NDArray[np.float64]
     correlation: npt.NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        """Return distances in a line."""
+        return f"<OpticsReport: {span([row.distance_mm for row in self.rows])}>"
+
+    def _repr_html_(self) -> str:
+        names = [name for name, _ in members(self.rows[0])]
+        return table(repr(self), [names, *([value for _, value in members(row)] for row in self.rows)])
 
 
 def _array(pointer: Any, *shape: int) -> npt.NDArray[np.float64]:
@@ -104,12 +126,12 @@ def _report(report: Any) -> OpticsReport:
 
 
 def report(
-    camera: Camera, psfs: Any = None, *, threshold: float | None = None, context: Context | None = None
+    camera: Camera | str, psfs: Any = None, *, threshold: float | None = None, context: Device | None = None
 ) -> OpticsReport:
     """Return what a camera resolves.
 
     Args:
-        camera: with its distances.
+        camera: with its distances; or a preset.
         psfs: (Z, Y, X) or (Z, C, Y, X), designed or measured, of the sensor's size; None: the camera's own.
         threshold: of the MTF; None: 0.05.
         context: a device; None: :meth:`Context.default`.
@@ -119,10 +141,10 @@ def report(
         ...     print(row.distance_mm, row.lateral_mm, row.axial_mm)
 
     """
-    used = default(context)
+    used, camera = default(context), Camera._of(camera)
     images = Image(*(camera.psf_stack(context=used) if psfs is None else psfs), what="psfs")
     owner = Owner("hada_optics_report", lib.hada_optics_report_destroy, used._own)
-    level = float(lib.HADA_AUTO) if threshold is None else threshold
+    level = AUTO if threshold is None else checked("threshold", threshold)
     call(lib.hada_optics_report_create, owner.pointer, used._c, camera._c, level)
     for index in range(len(images.arrays)):
         call(lib.hada_optics_report_add, owner.c, images.c + index)
@@ -130,17 +152,17 @@ def report(
 
 
 def write_report(
-    camera: Camera,
+    camera: Camera | str,
     folder: str | os.PathLike[str],
     *,
     psf: str | os.PathLike[str] | None = None,
     coherent: bool = False,
     threshold: float | None = None,
-    context: Context | None = None,
+    context: Device | None = None,
     progress: Progress | bool | None = None,
 ) -> OpticsReport:
     """Write what ``hadalens optics`` writes into a folder: tables, curves and pictures; return the report."""
-    monitor = Monitor(progress)
+    monitor, camera = Monitor(progress), Camera._of(camera)
     task = Options("hada_optics_task", psf=psf, coherent=coherent, threshold=threshold, monitor=monitor.options)
     owner = Owner("hada_optics_report", lib.hada_optics_report_destroy)
     monitor.run(lib.hada_optics_run, owner.pointer, default(context)._c, camera._c, path(folder), task.c)

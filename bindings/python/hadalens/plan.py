@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import collections
+import math
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, Unpack
 
 import numpy as np
 
 from . import errors
 from ._arrays import Mosaic, Pixels, check_out
 from ._job import Job
-from ._native import Handle, Options, Owner, call, ffi, lib, record
-from ._plan_options import Classic, Method, Skip, plan_options
-from .device import Context, address_of, default
-from .model import Model
+from ._native import Handle, Options, Owner, call, check_names, ffi, lib, log, named, record
+from ._plan_options import Classic, Method, PlanOptions, Skip, plan_options
+from .device import Device, address_of, contexts, default
+from .model import Model, as_model
 from .result import Result, Results
+
+_SAME = 3  # frames in a row that are repeated: somebody measures time
 
 
 @dataclass(frozen=True)
@@ -80,8 +84,8 @@ class Plan(Handle):
     """A model on one or more devices, ready to reconstruct frames. Any thread may hand frames in.
 
     Args:
-        model: the camera.
-        context: a device, or several that share the frames; None: :meth:`Context.default`.
+        model: the camera, or its file.
+        context: a device, by its name as well, or several that share the frames; None: :meth:`Context.default`.
         depths: indices of the depths to compute, ascending; None: all.
         occupied: depths where the scene may be: "auto" (found for each frame), "all", or their indices.
         scene: what scenes are taken for: "auto", "planes" (objects at some depths) or "surface" (one texture on one
@@ -126,11 +130,12 @@ class Plan(Handle):
 
     """
 
+    @named
     def __init__(
         self,
-        model: Model,
+        model: Model | str | os.PathLike[str],
         *,
-        context: Context | Sequence[Context] | None = None,
+        context: Device | Sequence[Device] | None = None,
         depths: Sequence[int] | None = None,
         occupied: Literal["auto", "all"] | Sequence[int] = "auto",
         scene: Literal["auto", "planes", "surface"] = "auto",
@@ -160,7 +165,7 @@ class Plan(Handle):
             occupied=occupied,
             scene=scene,
             refine=refine,
-            refine_tv=float(lib.HADA_REFINE_TV_FRAME) if refine_tv == "frame" else refine_tv,
+            refine_tv=refine_tv,
             refine_colour=refine_colour,
             refine_shrink=refine_shrink,
             crosstalk=crosstalk,
@@ -179,11 +184,12 @@ class Plan(Handle):
             batch=batch,
             queues=queues,
         )
-        contexts = [default(context)] if context is None or isinstance(context, Context) else list(context)
-        owner = Owner("hada_plan", lib.hada_plan_destroy, [one._own for one in contexts], model._own)
-        array = ffi.new("hada_context *[]", [one._c for one in contexts])
-        call(lib.hada_plan_create_on, owner.pointer, array, len(contexts), model._c, options.c)
+        model, used = as_model(model), contexts(context)
+        owner = Owner("hada_plan", lib.hada_plan_destroy, [one._own for one in used], model._own)
+        array = ffi.new("hada_context *[]", [one._c for one in used])
+        call(lib.hada_plan_create_on, owner.pointer, array, len(used), model._c, options.c)
         self._owner = owner
+        self._same = 0
         self.model = model
         info = model.info
         self._planes = info.depths if depths is None else len(depths)
@@ -203,6 +209,8 @@ class Plan(Handle):
             arrays = Options("hada_cl_arrays", stack=buffer[0], stack_offset=buffer[1])
             call(lib.hada_result_use_cl, results.c, arrays.c)
             results.device = out  # which must live as long
+            start = int(ffi.cast("uintptr_t", buffer[0]))
+            results.filled.append((start, buffer[1], buffer[1] + 4 * math.prod(shape)))
             return results
         if isinstance(out, Result):
             return Results(
@@ -247,10 +255,18 @@ class Plan(Handle):
         """
         job = self.submit(raw, out, channel_axis=channel_axis, full_scale=full_scale)
         try:
-            return job.result()
+            result = job.result()
         except BaseException:
             job.cancel()
             raise
+        self._same = self._same + 1 if result.report.skipped.frame else 0
+        if self._same == _SAME:
+            log.warning(
+                "%d frames in a row were that before them, and were not computed: take new frames to measure time, or "
+                "plans with skip=()",
+                _SAME,
+            )
+        return result
 
     def submit(
         self,
@@ -259,10 +275,16 @@ class Plan(Handle):
         *,
         channel_axis: int | None = None,
         full_scale: float | None = None,
+        copy: bool = False,
     ) -> Job:
         """Hand a frame in and return at once; arguments as :meth:`run`.
 
-        The frame must not change until the job has ended.
+        Args:
+            raw, out, channel_axis, full_scale: as of :meth:`run`.
+            copy: the frame is copied; otherwise it must not change until the job has ended.
+
+        Raises:
+            StateError: another job that has not ended fills `out`, or a part of it.
 
         Example:
             >>> first, second = plan.submit(a), plan.submit(b)
@@ -274,15 +296,26 @@ class Plan(Handle):
         if buffer is not None:
             frame = Options("hada_cl_frame", pixels=buffer[0], offset=buffer[1], queue=buffer[2])
             return Job(self._own, lib.hada_job_submit_cl, frame.c, results, (raw, frame))
-        pixels = Pixels(raw, channel_axis, full_scale)
+        pixels = Pixels(raw, channel_axis, full_scale, copy=copy)
         return Job(self._own, lib.hada_job_submit_pixels, pixels.c, results, pixels)
 
     def map(
-        self, frames: Iterable[Any], *, channel_axis: int | None = None, full_scale: float | None = None
+        self,
+        frames: Iterable[Any],
+        *,
+        channel_axis: int | None = None,
+        full_scale: float | None = None,
+        copy: bool = True,
     ) -> Iterator[Result]:
         """Yield the results of many frames in their order, some of them being computed while others are read.
 
         Memory does not grow with their number: as many frames are in flight as the plan has queues, and two more.
+
+        Args:
+            frames: one after the other, as :meth:`run` takes them.
+            channel_axis, full_scale: as of :meth:`run`.
+            copy: each frame is copied when it comes, so that cameras and readers may fill one buffer again and again.
+                False saves the copy where every frame is an array of its own. Frames on a device are never copied.
 
         Example:
             >>> with tifffile.TiffFile("sequence.tif") as file:
@@ -294,7 +327,7 @@ class Plan(Handle):
         ahead = lib.hada_files_ahead(self._c)
         try:
             for raw in frames:
-                jobs.append(self.submit(raw, channel_axis=channel_axis, full_scale=full_scale))
+                jobs.append(self.submit(raw, channel_axis=channel_axis, full_scale=full_scale, copy=copy))
                 if len(jobs) >= ahead:
                     yield jobs.popleft().result()
             while jobs:
@@ -317,13 +350,16 @@ class Plan(Handle):
         return record(Match, match)
 
     @staticmethod
-    def estimate(model: Model, *, context: Context | None = None, **options: Any) -> tuple[int, int]:
+    def estimate(
+        model: Model | str | os.PathLike[str], *, context: Device | None = None, **options: Unpack[PlanOptions]
+    ) -> tuple[int, int]:
         """Return the bytes that a plan would need on the device, and that a run would add on the host.
 
         `options` are those of a plan; nothing is allocated.
         """
         device, host = ffi.new("uint64_t *"), ffi.new("uint64_t *")
-        chosen = plan_options(**options)
+        check_names(options, PlanOptions.__annotations__, "Plan.estimate")
+        chosen, model = plan_options(**options), as_model(model)
         call(lib.hada_plan_estimate, default(context)._c, model._c, chosen.c, device, host)
         return int(device[0]), int(host[0])
 
@@ -369,9 +405,8 @@ class Plan(Handle):
         call(lib.hada_plan_calls, self._c, counts)
         return record(CallCounts, counts)
 
-    def __repr__(self) -> str:
-        """Return the shape of the stacks."""
-        return "Plan(closed)" if self._owner is None else f"<Plan of {self.model!r}: stacks of {self.stack_shape}>"
+    def _shown(self) -> str:
+        return f"stacks of {' x '.join(map(str, self.stack_shape))}, of {self.model!r}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Plans stay in their process."""

@@ -10,7 +10,24 @@ from typing import Any
 import numpy as np
 
 from ._arrays import Float32, address, as_array
-from ._native import call, ffi, lib, text
+from ._native import Special, call, ffi, lib, text
+
+__all__ = [
+    "LINEAR",
+    "SRGB",
+    "convert",
+    "from_light",
+    "is_known",
+    "name",
+    "number",
+    "to_light",
+]
+
+
+def __dir__() -> list[str]:
+    """Return the names for users."""
+    return __all__
+
 
 LINEAR: float = lib.HADA_RESPONSE_LINEAR
 SRGB: float = lib.HADA_RESPONSE_SRGB
@@ -30,7 +47,7 @@ def number(response: float | str) -> float:
     out = ffi.new("double *")
     given = response if isinstance(response, str) else name(response)
     call(lib.hada_response_from_name, out, given.encode())
-    return float(out[0])
+    return Special(out[0])
 
 
 def name(response: float) -> str:

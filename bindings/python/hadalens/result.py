@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ._arrays import Float32, copy_of, floats
-from ._native import call, ffi, lib, record, words
+from ._arrays import Float32, address, copy_of, floats
+from ._native import call, ffi, lib, record, span, words
+from ._show import members, png, table
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class SkipReport:
     recomputed: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Report:
     """How a frame was reconstructed.
 
@@ -76,8 +77,17 @@ class Report:
     seconds: dict[str, float]
     skipped: SkipReport
 
+    def __repr__(self) -> str:
+        """Return the most of it in a line."""
+        there = ", ".join(str(depth) for depth, found in enumerate(self.occupied) if found)
+        steps = f", {self.refine_steps} steps" * bool(self.refine_steps)
+        return f"<Report: {self.method}, {self.scene} at {there or 'no depth'}{steps}, {self.seconds['total']:.3g} s>"
 
-@dataclass(frozen=True, eq=False)
+    def _repr_html_(self) -> str:
+        return table(repr(self), [*members(self), *members(self.skipped)])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """What comes of a frame; arrays are NumPy's and stay as they are, whatever happens to the plan.
 
@@ -97,6 +107,14 @@ class Result:
     confidence: Float32 | None
     distances_mm: npt.NDArray[np.float64]
     report: Report
+
+    def __repr__(self) -> str:
+        """Return sizes in a line."""
+        _, *size = self.stack.shape
+        return f"<Result: {span(self.distances_mm.tolist())}, {' x '.join(map(str, size))}>"
+
+    def _repr_png_(self) -> bytes | None:
+        return png(self.all_in_focus)
 
 
 def _skip_report(struct: Any) -> SkipReport:
@@ -132,6 +150,14 @@ class Results:
         arrays.all_in_focus, arrays.all_in_focus_count = floats(all_in_focus), all_in_focus.size
         arrays.distance_map, arrays.distance_map_count = floats(distance_map), distance_map.size
         call(lib.hada_result_use, self.c, arrays)
+        #: What is filled: (0, or the address of an OpenCL buffer; first byte, byte behind the last).
+        self.filled = [
+            (0, address(array), address(array) + array.nbytes) for array in (stack, all_in_focus, distance_map)
+        ]
+
+    def meets(self, other: Results) -> bool:
+        """Return whether both fill the same memory."""
+        return any(a[0] == b[0] and a[1] < b[2] and b[1] < a[2] for a in self.filled for b in other.filled)
 
     def take(self) -> Result:
         """What was computed."""

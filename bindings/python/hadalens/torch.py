@@ -1,4 +1,4 @@
-"""Nets of Hadalens as PyTorch modules, with the same weights and the same output.
+"""Nets of Hadalens as PyTorch modules, with the same weights and the same output; cameras as modules.
 
 A net is a list of layers with weights by PyTorch's names (``docs/explanation/nets.md``); :class:`Net` runs any such
 list. On the same input it gives what the library gives, within 1e-5 (relative L2) in single precision: sums are taken
@@ -10,13 +10,16 @@ from __future__ import annotations
 import json
 from typing import Any
 
-import torch
-import torch.nn.functional as F  # noqa: N812  PyTorch's own habit
-from torch import Tensor, nn
+from . import operators
+from ._files import PathLike, extra, replaced
+from .model import Model
 
-from ._files import PathLike, replaced
+with extra("torch"):
+    import torch
+    import torch.nn.functional as F  # noqa: N812  PyTorch's own habit
+    from torch import Tensor, nn
 
-__all__ = ["Net"]
+__all__ = ["Adjoint", "Forward", "Net"]
 
 RESIZE: dict[str, dict[str, Any]] = {
     "nearest": {"mode": "nearest"},
@@ -31,9 +34,12 @@ COUNTER = ".num_batches_tracked"  # of PyTorch's batch norms alone
 class Net(nn.Module):  # type: ignore[misc]  # which is Any to the type checker
     """A net of Hadalens.
 
-    Takes and gives ``(N, C, Y, X)``: planes in linear intensity. ``state_dict()`` has the names and layouts of the
-    net's file (and a counter for each batch norm), so ``torch.save(net.state_dict(), path)`` exports it, and a module
-    of your own with these names loads it.
+    Takes and gives ``(N, C, Y, X)``: planes in linear intensity. A net for several depths has twice as many input
+    channels as a plane (:attr:`channels`): beside each plane it sees the sum of the frame's other planes, which
+    :meth:`inputs` puts there. :meth:`enhance` does all that the library does with the planes of a frame.
+
+    ``state_dict()`` has the names and layouts of the net's file (and a counter for each batch norm), so
+    ``torch.save(net.state_dict(), path)`` exports it, and a module of your own with these names loads it.
 
     Args:
         description: the list of layers, as a net's file holds it: JSON text, or what it means. Weights start as PyTorch
@@ -41,7 +47,8 @@ class Net(nn.Module):  # type: ignore[misc]  # which is Any to the type checker
 
     Example:
         >>> net = hadalens.torch.Net.load("enhance.safetensors")   # of a net's file, or of a model that holds a net
-        >>> image = net.eval()(torch.from_numpy(planes))
+        >>> planes = torch.from_numpy(hadalens.Plan(model, enhance=False).run(raw).stack)
+        >>> better = net.eval().enhance(planes)
         >>> net.save("tuned.safetensors")                          # which the library loads
 
     """
@@ -70,7 +77,8 @@ class Net(nn.Module):  # type: ignore[misc]  # which is Any to the type checker
             RuntimeError: where its weights do not fit its list of layers.
 
         """
-        from safetensors import safe_open
+        with extra("torch"):
+            from safetensors import safe_open
 
         with safe_open(str(path), "pt") as file:
             metadata = file.metadata() or {}
@@ -85,15 +93,68 @@ class Net(nn.Module):  # type: ignore[misc]  # which is Any to the type checker
 
     def save(self, path: PathLike) -> None:
         """Write a net's file, which the library loads."""
-        from safetensors.torch import save_file
+        with extra("torch"):
+            from safetensors.torch import save_file
 
         weights = {name: value.detach().cpu().contiguous() for name, value in self.state_dict().items()}
         weights = {name: value for name, value in weights.items() if not name.endswith(COUNTER)}
         with replaced(path) as beside:
             save_file(weights, str(beside), metadata={"net": json.dumps(self.description)})
 
+    @property
+    def channels(self) -> int:
+        """Channels of the images that the net takes; twice a plane's where it sees the others too."""
+        return int(self.layers[0]["channels"]) * self.colours
+
+    def inputs(self, planes: Tensor) -> Tensor:
+        """Return what the net takes of the planes ``(Z, C, Y, X)`` of one frame.
+
+        That is each plane, and of a net with twice the channels beside it the sum of the others.
+
+        Raises:
+            ValueError: the planes have other channels than the net is for.
+
+        """
+        count = planes.shape[1]
+        if self.channels == 2 * count:
+            return torch.cat([planes, planes.sum(0, keepdim=True) - planes], 1)
+        self._check(count)
+        return planes
+
+    def enhance(self, planes: Tensor) -> Tensor:
+        """Return enhanced planes of those ``(Z, C, Y, X)`` of one frame that are refined together, as the library does.
+
+        A net that sees the other planes shares the light out among the planes: that of their sum, which it enhances as
+        well unless it is made to share alone (docs/explanation/nets.md). Light that no plane claims is split equally.
+
+        """
+        beside, shares = self.inputs(planes), self.description.get("shares", False)
+        if beside is planes or len(planes) == 1:
+            return planes if shares and beside is not planes else self(beside).clamp(min=0)
+        whole = planes.sum(0, keepdim=True)
+        if not shares:
+            whole = self(torch.cat([whole, torch.zeros_like(whole)], 1)).clamp(min=0)
+        bright = planes.abs().amax((1, 2, 3), keepdim=True) > 0  # planes of zeros stay such
+        out = self(beside).clamp(min=0) * bright
+        claimed = out.sum(0, keepdim=True)
+        return torch.where(claimed > 0, out * (whole / claimed.clamp(min=1e-38)), whole / len(planes))
+
+    def _check(self, count: int) -> None:
+        if count == self.channels:
+            return
+        told = f"images of {count} channels, and this net takes {self.channels}"
+        if self.channels == 2 * count:
+            told += ": beside each plane it sees the sum of the others; net.inputs(planes) puts them there"
+        raise ValueError(told)
+
     def forward(self, image: Tensor) -> Tensor:
-        """Images ``(N, C, Y, X)`` of any size that the list of layers can take."""
+        """Images ``(N, C, Y, X)`` of any size that the list of layers can take.
+
+        Raises:
+            ValueError: the images have other channels than the net takes (:meth:`inputs`).
+
+        """
+        self._check(image.shape[1])
         rows, cols = image.shape[-2:]
         images = image.reshape(-1, image.shape[1] // self.colours, rows, cols)
         values: list[Tensor] = []
@@ -214,3 +275,68 @@ def _activate(x: Tensor, layer: dict[str, Any]) -> Tensor:
 def _to_size(x: Tensor, size: torch.Size) -> Tensor:
     """Cropped, or filled up with zeros at the bottom and right."""
     return F.pad(x, (0, size[1] - x.shape[3], 0, size[0] - x.shape[2]))
+
+
+class _Camera(nn.Module):  # type: ignore[misc]  # which is Any to the type checker
+    """What a camera does to a scene: sizes, and transfer functions as a buffer."""
+
+    otf: Any
+
+    def __init__(self, model: operators.Forward | Model | PathLike) -> None:
+        """Take them from a model, its file, or the operator of NumPy; in single precision: ``.double()`` is exact."""
+        super().__init__()
+        self.operator = model if isinstance(model, operators.Forward) else operators.Forward(model)
+        otf = torch.view_as_real(torch.from_numpy(self.operator.otf))
+        self.register_buffer("otf", otf.float(), persistent=False)
+
+    def _apply(self, change: Any) -> Any:
+        """Make the transfer functions anew of the exact ones, so that no precision is lost on the way."""
+        super()._apply(change)
+        self.otf = torch.view_as_real(torch.from_numpy(self.operator.otf)).to(self.otf)
+        return self
+
+    def _through(self, image: Tensor, top: int, left: int, adjoint: bool) -> Tensor:
+        """Return the light on the whole grid of images whose first pixel stands at (top, left)."""
+        rows, cols = self.operator.grid
+        high, wide = image.shape[-2:]
+        spectrum = torch.fft.rfft2(F.pad(image, (left, cols - left - wide, top, rows - top - high)))
+        otf = torch.view_as_complex(self.otf)
+        seen = otf.conj() * spectrum[:, None] if adjoint else (otf * spectrum).sum(1)
+        return torch.fft.irfft2(seen, s=(rows, cols))
+
+
+class Forward(_Camera):
+    """Frames ``(N, C, Y, X)`` of planes ``(N, Z, C, Y, X)``, as :class:`hadalens.operators.Forward` has them.
+
+    Plain PyTorch: any device, gradients of any order, no OpenCL. Of one depth planes may be ``(N, C, Y, X)``.
+
+    Args:
+        model: a :class:`hadalens.Model` with transfer functions, its file, or a :class:`hadalens.operators.Forward`.
+
+    Example:
+        >>> camera = hadalens.torch.Forward("camera.model").to("cuda")
+        >>> loss = (camera(planes) - frames).square().mean()
+
+    """
+
+    def forward(self, planes: Tensor) -> Tensor:
+        """Return the frames."""
+        operator = self.operator
+        if planes.ndim == 4 and operator.planes_shape[0] == 1:
+            planes = planes[:, None]
+        if planes.ndim != 5 or tuple(planes.shape[1:]) != operator.planes_shape:
+            raise ValueError(f"planes of {tuple(planes.shape)}: (N, *{operator.planes_shape}) is needed")
+        _, rows, cols = operator.frame_shape
+        return self._through(planes, *operator.origin, adjoint=False)[..., :rows, :cols]
+
+
+class Adjoint(_Camera):
+    """Planes ``(N, Z, C, Y, X)`` that the transpose of :class:`Forward` makes of frames ``(N, C, Y, X)``."""
+
+    def forward(self, frames: Tensor) -> Tensor:
+        """Return the planes."""
+        operator = self.operator
+        if frames.ndim != 4 or tuple(frames.shape[1:]) != operator.frame_shape:
+            raise ValueError(f"frames of {tuple(frames.shape)}: (N, *{operator.frame_shape}) is needed")
+        (top, left), (rows, cols) = operator.origin, operator.planes_shape[2:]
+        return self._through(frames, 0, 0, adjoint=True)[..., top : top + rows, left : left + cols]

@@ -53,25 +53,26 @@ def depth_axis(distances: Sequence[float]) -> tuple[dict[str, Any], str]:
 
 
 def stack_layer(stack: Array, distances: Sequence[float], name: str, white: float | None = None) -> LayerData:
-    """Return a layer of refocused planes ``(Z, C, Y, X)``."""
+    """Return a layer of refocused planes ``(Z, C, Y, X)``, or of a sequence of such."""
     axis, label = depth_axis(distances)
+    frames = stack.ndim - 4
     return image_layer(
         stack,
         name,
         white,
-        scale=(axis["scale"], 1.0, 1.0),
-        translate=(axis["translate"], 0.0, 0.0),
-        axis_labels=(label, "row", "column"),
+        scale=(*(1.0,) * frames, axis["scale"], 1.0, 1.0),
+        translate=(*(0.0,) * frames, axis["translate"], 0.0, 0.0),
+        axis_labels=(*("frame",) * frames, label, "row", "column"),
         metadata={"distances_mm": list(distances)},
     )
 
 
 def map_layers(distance_map: Array, distances: Sequence[float], name: str) -> list[LayerData]:
-    """Return the distance map as an image, and as a surface that stands among the planes of the stack."""
+    """Return the distance map as an image, and of one frame as a surface that stands among the planes of the stack."""
     limits = (float(min(distances)), float(max(distances)) + (len(distances) == 1))
     look = {"colormap": "viridis", "contrast_limits": limits, "visible": False}
     layers: list[LayerData] = [(distance_map, {"name": name, **look}, "image")]
-    surface = surface_of(distance_map, distances)
+    surface = surface_of(distance_map, distances) if distance_map.ndim == 2 else None
     if surface is not None:
         layers.append((surface, {"name": f"{name}, surface", "shading": "none", **look}, "surface"))
     return layers
@@ -99,9 +100,16 @@ def surface_of(distance_map: Array, distances: Sequence[float]) -> tuple[Array, 
 def result_layers(result: Any, name: str) -> list[LayerData]:
     """Return the layers of a :class:`hadalens.Result`; the map of a single depth says nothing and is left out."""
     distances = [float(distance) for distance in result.distances_mm]
-    white = white_of(result.all_in_focus)
+    return stacked_layers(result.stack, result.all_in_focus, result.distance_map, distances, name)
+
+
+def stacked_layers(
+    stack: Array, picture: Array, distance_map: Array, distances: Sequence[float], name: str
+) -> list[LayerData]:
+    """Return the layers of a result, or of a sequence of results, each with one axis more."""
+    white = white_of(picture)
     return [
-        stack_layer(result.stack, distances, f"{name}: planes", white),
-        *(map_layers(result.distance_map, distances, f"{name}: distances") if len(distances) > 1 else []),
-        image_layer(result.all_in_focus, f"{name}: all in focus", white),
+        stack_layer(stack, distances, f"{name}: planes", white),
+        *(map_layers(distance_map, distances, f"{name}: distances") if len(distances) > 1 else []),
+        image_layer(picture, f"{name}: all in focus", white),
     ]

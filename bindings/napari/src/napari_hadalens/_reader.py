@@ -1,16 +1,18 @@
-"""Reads models (their point spread functions) and the files that ``hadalens reconstruct`` writes."""
+"""Reads models (their point spread functions), what ``hadalens reconstruct`` writes, and OME-Zarr of Hadalens."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import tifffile
+from hadalens._files import extra
 from numpy.typing import NDArray
 
-from ._layers import LayerData, image_layer, map_layers, stack_layer, white_of
+from ._layers import LayerData, image_layer, map_layers, stack_layer, stacked_layers, white_of
 
 Reader = Callable[[str | Sequence[str]], list[LayerData]]
 
@@ -24,11 +26,17 @@ def get_reader(path: str | Sequence[str]) -> Reader | None:
 def read(path: str | Sequence[str]) -> list[LayerData]:
     """Return the layers of files."""
     paths = [path] if isinstance(path, str) else path
-    return [layer for one in paths for layer in (_model if _is_model(Path(one)) else _picture)(Path(one))]
+    return [layer for one in map(Path, paths) for layer in _kind(one)(one)]
+
+
+def _kind(path: Path) -> Callable[[Path], list[LayerData]]:
+    return _zarr if path.is_dir() else _model if _is_model(path) else _picture
 
 
 def _is_ours(path: Path) -> bool:
     try:
+        if path.is_dir():
+            return "hadalens" in json.loads((path / "zarr.json").read_text()).get("attributes", {})
         return _is_model(path) or "hadalens" in _lines(path)
     except (OSError, ValueError):  # missing, or no TIFF file
         return False
@@ -76,22 +84,43 @@ def _lines(path: Path) -> dict[str, str]:
 
 def _picture(path: Path) -> list[LayerData]:
     lines = _lines(path)
-    image = np.asarray(tifffile.imread(path))
+    with tifffile.TiffFile(path) as file:
+        image, pages, colours = file.asarray(), len(file.pages), file.pages[0].samplesperpixel
     scale = float(lines.get("value_scale", 1))
     if image.dtype.kind == "u":
         image = image * np.float32(scale / float(lines.get("full_scale", np.iinfo(image.dtype).max)))
     image = image.astype(np.float32)
     name, _, kind = path.stem.rpartition("_")
+    if kind in ("depth", "aif"):
+        image = image.reshape(*([pages] if pages > 1 else []), *image.shape[-3 if colours > 1 else -2 :])
     if kind == "depth":
         return map_layers(image, _distances_beside(path.with_name(f"{name}_stack.tif"), image), f"{name}: distances")
     if kind == "aif":
-        planes = np.moveaxis(image, -1, 0) if image.ndim == 3 else image[np.newaxis]
+        planes = np.moveaxis(image, -1, -3) if colours > 1 else image[..., np.newaxis, :, :]
         return [image_layer(planes, f"{name}: all in focus")]
     distances = [float(distance) for distance in lines["distances_mm"].split(",")]
     channels = int(lines.get("channels", 1))
     rows, cols = image.shape[-2:]
-    planes = image.reshape(-1, len(distances), channels, rows, cols)[0]  # of a sequence, the first
+    planes = _without_one_time(image.reshape(-1, len(distances), channels, rows, cols))
     return [stack_layer(planes, distances, f"{name}: planes", white_of(planes))]
+
+
+def _without_one_time(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return a sequence, or what it holds where that is one frame."""
+    return image[0] if len(image) == 1 else image
+
+
+def _zarr(path: Path) -> list[LayerData]:
+    """Return what :class:`hadalens.ome.OmeZarrWriter` wrote."""
+    with extra("ome"):
+        import zarr
+
+    group: Any = zarr.open_group(path, mode="r")
+    distances = [float(distance) for distance in group.attrs["hadalens"]["distances_mm"]]
+    planes, picture, where = (
+        _without_one_time(np.asarray(group[one])) for one in ("0", "all_in_focus/0", "distance_map/0")
+    )
+    return stacked_layers(np.moveaxis(planes, -4, -3), picture, where, distances, path.stem)
 
 
 def _distances_beside(stack: Path, distance_map: NDArray[np.float32]) -> list[float]:

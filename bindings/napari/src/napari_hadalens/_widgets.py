@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import threading
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -124,11 +124,18 @@ class Reconstruct(Worker):
     def __init__(self, napari_viewer: napari.Viewer) -> None:
         """Make the settings."""
         self.camera = ComboBox(label="Camera", choices=lambda _: _cameras(napari_viewer), nullable=True)
+        self.distances = LineEdit(
+            label="Its distances (mm)",
+            value="",
+            tooltip="of a plain layer of point spread functions: near to far, with commas; empty for a single one",
+        )
         self.scene = ComboBox(label="Scene", choices=["auto", "planes", "surface"], value="auto")
         self.quick = CheckBox(label="Quick: linear filters alone", value=False)
         self.device = LineEdit(label="Device", value="", tooltip="an index, a kind, or part of a name; empty: chosen")
         super().__init__(
-            napari_viewer, "Reconstruct the selected layer", [self.camera, self.scene, self.quick, self.device]
+            napari_viewer,
+            "Reconstruct the selected layer",
+            [self.camera, self.distances, self.scene, self.quick, self.device],
         )
         self._kept: tuple[Any, hadalens.Plan] | None = None
         for event in (napari_viewer.layers.events.inserted, napari_viewer.layers.events.removed):
@@ -140,11 +147,11 @@ class Reconstruct(Worker):
         if not isinstance(layer, Image) or layer is self.camera.value:
             raise ValueError("Select the layer with the raw frame.")
         if self.camera.value is None:
-            raise ValueError("Open a camera first: a model file, or the sample's point spread functions.")
+            raise ValueError("Open a camera first: a model file, or an image of its point spread function.")
         frame, channel_axis = frame_of(layer, self._viewer.dims.current_step)
-        device = self.device.value.strip()
+        device, distances = self.device.value.strip(), numbers_of(self.distances.value)
         return functools.partial(
-            self._reconstruct, layer.name, frame, channel_axis, self.camera.value, self.options(), device
+            self._reconstruct, layer.name, frame, channel_axis, self.camera.value, distances, self.options(), device
         )
 
     def options(self) -> dict[str, Any]:
@@ -157,15 +164,16 @@ class Reconstruct(Worker):
         frame: Any,
         channel_axis: int | None,
         camera: Layer,
+        distances: list[float],
         options: dict[str, Any],
         device: str,
         halt: threading.Event,
     ) -> Work:
         yield 0.0, "getting the camera ready"
-        key = (camera, device, *options.values())
+        key = (camera, device, *distances, *options.values())
         if self._kept is None or self._kept[0] != key:
             context = hadalens.Context(device) if device else None
-            self._kept = (key, hadalens.Plan(model_of(camera, context), context=context, **options))
+            self._kept = (key, hadalens.Plan(model_of(camera, context, distances), context=context, **options))
         job = self._kept[1].submit(frame, channel_axis=channel_axis)
         while not job.wait(POLL):
             if halt.is_set():
@@ -220,11 +228,26 @@ def learn(folder: Path, model: Path, halt: threading.Event) -> Work:
     return read(str(model))
 
 
-def model_of(camera: Layer, context: hadalens.Context | None) -> hadalens.Model:
-    """Return the model of a layer: of its file, or made from its point spread functions."""
+def numbers_of(text: str) -> list[float]:
+    """Return the numbers of a text, with commas or spaces between."""
+    try:
+        return [float(word) for word in text.replace(",", " ").split()]
+    except ValueError:
+        raise ValueError("Distances are numbers in millimetres, near to far, with commas between.") from None
+
+
+def model_of(camera: Layer, context: hadalens.Context | None, distances: Sequence[float] = ()) -> hadalens.Model:
+    """Return the model of a layer: of its file, or made from its point spread functions.
+
+    Those of a plain image have the `distances` that are given; a single one may be without.
+    """
     if "hadalens_model" in camera.metadata:
         return hadalens.Model.load(camera.metadata["hadalens_model"])
-    return hadalens.Model.from_psf(camera.metadata["light"], camera.metadata["distances_mm"], context=context)
+    psfs, axis = camera.metadata.get("light"), None
+    if psfs is None:
+        psfs, axis = np.asarray(camera.data), -1 if camera.rgb else None
+    known = camera.metadata.get("distances_mm") or list(distances) or [0.0]
+    return hadalens.Model.from_psf(psfs, known, context=context, channel_axis=axis)
 
 
 def frame_of(layer: Image, step: tuple[int, ...]) -> tuple[Any, int | None]:
@@ -255,7 +278,9 @@ def follow(viewer: napari.Viewer, layer: Layer, distances: list[float]) -> None:
 
 
 def _cameras(viewer: napari.Viewer) -> list[Layer]:
-    return [layer for layer in viewer.layers if {"hadalens_model", "hadalens_psf"} & layer.metadata.keys()]
+    """Return the layers that may be a camera: those that are known to be first, then all other images."""
+    known = [layer for layer in viewer.layers if {"hadalens_model", "hadalens_psf"} & layer.metadata.keys()]
+    return known + [layer for layer in viewer.layers if isinstance(layer, Image) and layer not in known]
 
 
 def _words(error: BaseException) -> str:

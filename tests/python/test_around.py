@@ -312,8 +312,8 @@ def test_plan_options(model: hadalens.Model, raw: Array) -> None:
     listed = hadalens.Plan(model, occupied=[1]).run(raw)
     assert listed.report.occupied == (False, True, False, False)
     dark = hadalens.Plan(model, dark=np.full(raw.shape, 0.01)).run(raw)
-    level = hadalens.Plan(model, dark=0.25).run(raw)
-    assert level.report.dark == 0.25
+    level = hadalens.Plan(model, dark=0.004).run(raw)
+    assert level.report.dark == 0.004
     assert not np.array_equal(dark.stack, level.stack)
     for method in ("wiener", "rl", "fista", "admm"):
         classic = hadalens.Classic(method, iterations=2)

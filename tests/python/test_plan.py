@@ -47,6 +47,25 @@ def test_a_camera_belongs_to_its_frames(camera: Path, frames: list[Path], tmp_pa
             assert none[0].match is None
 
 
+def test_flat_frames(tmp_path: Path) -> None:
+    """A frame of an uneven sensor gives what one of an even sensor does."""
+    small = hadalens.Camera("sim300", rows=64, cols=80, window_rows=24, window_cols=24, lenses=9, channels=1)
+    small.set_depths(100, 100, 1)
+    pairs, _ = hadalens.simulate(small, tmp_path / "camera", pairs=3, tests=1, test_depths=1)
+    model = hadalens.fit(pairs)
+    assert model.flat is None
+    even = tifffile.imread(tmp_path / "camera/test/raw/test01.tif")
+    across = np.linspace(-1, 1, 80)
+    flat = np.tile(1.3 - 0.9 * across**2, (64, 1)).astype(np.float32)
+    expected = hadalens.Plan(model).run(even).stack
+    got = hadalens.Plan(model, flat_frame=flat).run(even * flat / flat.mean()).stack
+    without = hadalens.Plan(model).run(even * flat / flat.mean()).stack
+    size = np.linalg.norm(expected)
+    assert np.linalg.norm(got - expected) < 0.1 * size < np.linalg.norm(without - expected)
+    with pytest.raises(ValueError, match="flat frame"):
+        hadalens.Plan(model, flat_frame=flat[1:])
+
+
 def test_mosaics(program: Any, tmp_path: Path) -> None:
     """A camera that is learned from pairs of mosaics takes frames of one channel; its program gives the same bits."""
     small = hadalens.Camera("sim300", rows=64, cols=80, window_rows=24, window_cols=24, lenses=9)

@@ -66,6 +66,7 @@ class PlanOptions(TypedDict, total=False):
     crosstalk: float | None
     dark: Any
     pixel_weights: Any
+    flat_frame: Any
     mosaic: Literal["auto"] | Mosaic
     support: Literal["auto", "window", "grid"]
     repair: bool
@@ -87,6 +88,7 @@ def plan_options(
     repair: bool | None = None,
     dark: Any = None,
     pixel_weights: Any = None,
+    flat_frame: Any = None,
     classic: Classic | Method | None = None,
     skip: Iterable[Skip] | None = None,
     refine_tv: float | str | None = None,
@@ -106,10 +108,11 @@ def plan_options(
     )
     _set_occupied(options, occupied)
     _set_dark(options, dark)
-    if pixel_weights is not None:
-        weights = Image(pixel_weights, what="pixel_weights")
-        options.kept.append(weights)
-        options.set(pixel_weights=weights.c)
+    for name, array in (("pixel_weights", pixel_weights), ("flat_frame", flat_frame)):
+        if array is not None:
+            image = Image(array, what=name)
+            options.kept.append(image)
+            options.set(**{name: image.c})
     if classic is not None:
         options.set(classic=(classic if isinstance(classic, Classic) else Classic(classic))._options())
     if skip is not None:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import errors
-from ._arrays import Float32, Floats, Image, Mosaic, address, as_array
+from ._arrays import Float32, Floats, Image, Mosaic, address, as_array, copy_of
 from ._fit_report import FitReport
 from ._native import (
     AUTO,
@@ -363,6 +363,12 @@ class Model(Handle):
         """The optical transfer functions H, as :attr:`filters`; None where the model has none."""
         pointer = self._arrays.otf
         return None if pointer == ffi.NULL else self._array(pointer, np.float32).view(np.complex64)[..., 0]
+
+    @property
+    def flat(self) -> Float32 | None:
+        """What pixels make of the same light, 1 in the mean of a channel: frames are divided by it; None: not known."""
+        flat = lib.hada_model_get_info(self._c).flat
+        return None if flat == ffi.NULL else copy_of(flat)
 
     @property
     def psf(self) -> Float32 | None:

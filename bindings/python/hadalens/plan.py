@@ -103,6 +103,8 @@ class Plan(Handle):
         pixel_weights: how much each of a frame's values counts in refinement and in classic methods that iterate: 0
             (bad pixels, dust) or more, in units of the largest; an array (rows, cols), or like raw frames; None: all
             alike.
+        flat_frame: an evenly lit sensor, its dark level taken off, by which frames are divided: an array (rows, cols),
+            or like raw frames; None: the model's, where it has one.
         mosaic: pattern of the colour filter mosaic that frames of one channel are: "rggb", "bggr", "grbg", "gbrg",
             "none"; "auto": what the model says. Planes have the model's three channels.
         support: of refinement where a sensor crops: where light may come from, the "window" or the whole "grid";
@@ -146,6 +148,7 @@ class Plan(Handle):
         crosstalk: float | None = None,
         dark: Any = None,
         pixel_weights: Any = None,
+        flat_frame: Any = None,
         mosaic: Literal["auto"] | Mosaic = "auto",
         support: Literal["auto", "window", "grid"] = "auto",
         repair: bool = False,
@@ -171,6 +174,7 @@ class Plan(Handle):
             crosstalk=crosstalk,
             dark=dark,
             pixel_weights=pixel_weights,
+            flat_frame=flat_frame,
             mosaic=mosaic,
             support=support,
             repair=repair,

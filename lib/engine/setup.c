@@ -397,6 +397,24 @@ static hada_status copy_weights(hada_setup *setup, const hada_image *weights, ha
     return HADA_OK;
 }
 
+/* Weights by a flat frame pay where noise without them is so many times as strong, in its variance. */
+#define UNEVEN 1.01
+
+/* Whether they pay, or a pixel sees hardly any light; *even: all are alike. */
+static int is_uneven(const hada_image *flat, int *even)
+{
+    double sum = 0.0, inverse = 0.0;
+    const size_t count = hada_image_count(flat);
+    *even = 1;
+    for (size_t i = 0; i < count; i++) {
+        const double value = flat->data[i];
+        *even &= value == 1.0;
+        sum += value;
+        inverse += 1.0 / value; /* infinite where it is 0 */
+    }
+    return sum * inverse > UNEVEN * (double)count * (double)count;
+}
+
 /* The caller's flat frame, or the model's. Refinement weighs pixels by it: the variance of what is divided by a
  * sensitivity, most of which is shot noise, is as many times larger. Pixels that see hardly any light have no weight.
  */
@@ -405,20 +423,23 @@ static hada_status take_flat(hada_setup *setup, const hada_image *flat, hada_err
     const hada_model_info *info = &setup->model->info;
     hada_image *weights = &setup->pixel_weights;
     float largest = 0.0f;
-    setup->flat = info->flat;
-    if (flat) {
+    int even;
+    if (flat)
         HADA_TRY(hada_flat_sensitivity(&setup->own_flat, flat, info->channels, setup->config.mosaic, err));
-        setup->flat = &setup->own_flat;
-    }
-    const float *values = setup->flat ? setup->flat->data : NULL;
-    const size_t count = values ? hada_image_count(setup->flat) : 0;
-    const int given = weights->data != NULL;
-    if (values && !given)
+    const hada_image *used = flat ? &setup->own_flat : info->flat;
+    if (!used)
+        return HADA_OK;
+    const int weighs = is_uneven(used, &even), given = weights->data != NULL;
+    setup->flat = even ? NULL : used;
+    if (!weighs)
+        return HADA_OK;
+    const size_t count = hada_image_count(used);
+    if (!given)
         HADA_TRY(hada_image_create(weights, info->channels, info->raw_rows, info->raw_cols, err));
     for (size_t i = 0; i < count; i++)
-        largest = fmaxf(largest, values[i]);
+        largest = fmaxf(largest, used->data[i]);
     for (size_t i = 0; i < count; i++)
-        weights->data[i] = (given ? weights->data[i] : 1.0f) * fminf(values[i] / largest, 1.0f);
+        weights->data[i] = (given ? weights->data[i] : 1.0f) * (used->data[i] / largest);
     return HADA_OK;
 }
 

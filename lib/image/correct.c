@@ -140,7 +140,7 @@ static hada_status by_mean(float *plane, int rows, int cols, int channel, hada_m
     const double mean = count ? sum / (double)count : 0.0;
     if (!(mean > 0.0))
         return hada_fail(
-            err, HADA_ERROR_ARGUMENT,
+            err, HADA_ERROR_NUMERIC,
             "the flat frame holds no light above its dark level: a frame of an evenly lit sensor is needed");
     for (size_t i = 0; i < pixels; i++)
         plane[i] = plane[i] > HARDLY_LIT * mean && isfinite(plane[i]) ? (float)(plane[i] / mean) : 0.0f;

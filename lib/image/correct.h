@@ -13,7 +13,7 @@ hada_status hada_frame_repair(hada_image *frame, hada_mosaic mosaic, size_t *rep
 /* What each pixel makes of the same light, from a flat frame (an evenly lit sensor without optics, its dark level taken
  * off), over the mean of its colour: `channels` planes, which it has or, where it has one, which are alike; of a mosaic
  * of one channel filled in as frames are. 0: less than a twentieth of the mean, or not finite. The same again of what
- * this gives. HADA_ERROR_SIZE; HADA_ERROR_ARGUMENT where the flat frame holds no light. */
+ * this gives. HADA_ERROR_SIZE; HADA_ERROR_NUMERIC where the flat frame holds no light. */
 hada_status hada_flat_sensitivity(hada_image *out, const hada_image *flat, int channels, hada_mosaic mosaic,
                                   hada_error *err);
 

@@ -193,11 +193,12 @@ static hada_status flatten(const psfs *of, hada_image *image, const char *path, 
     const hada_mosaic mosaic = image->channels == 1 && !of->colour ? of->options.mosaic : HADA_MOSAIC_NONE;
     if (!flat->data)
         return HADA_OK;
-    if (image->rows == flat->rows && image->cols == flat->cols)
+    const int channels = mosaic == HADA_MOSAIC_NONE ? image->channels : HADA_MOSAIC_COLOURS;
+    if (image->rows == flat->rows && image->cols == flat->cols && (flat->channels == 1 || flat->channels == channels))
         return hada_named(hada_flat_correct(image, mosaic, flat, HADA_AUTO, err), path, err);
     hada_monitor_tell(of->task->monitor, HADA_MESSAGE_NOTE,
-                      "%s has %d x %d pixels, the flat frame %d x %d: it is not divided by that", path, image->rows,
-                      image->cols, flat->rows, flat->cols);
+                      "%s has %d channel(s) of %d x %d pixels, the flat frame %d of %d x %d: it is not divided by that",
+                      path, image->channels, image->rows, image->cols, flat->channels, flat->rows, flat->cols);
     return HADA_OK;
 }
 

@@ -63,6 +63,19 @@ expect 4 'three channels' reconstruct $raw -m grey.model -o x --bayer gbrg
 expect 0 '' reconstruct $raw -m a.model -o dark --dark dark.tif --weights grey.tif
 expect 0 '' reconstruct $raw -m a.model -o even --dark none --weights even.tif
 cmp -s known/test01_stack.tif even/test01_stack.tif || fail 'equal weights changed the planes'
+# Flat frames: even ones change nothing; the model keeps what it was learned with.
+expect 0 '' reconstruct $raw -m a.model -o even-flat --flat even.tif
+cmp -s known/test01_stack.tif even-flat/test01_stack.tif || fail 'an even flat frame changed the planes'
+expect 0 '' fit a --bayer gbrg --flat grey.tif -o flat.model
+expect 0 '' reconstruct $raw -m flat.model -o kept
+cmp -s known/test01_stack.tif kept/test01_stack.tif || fail 'pairs that were divided by 1 gave another camera'
+expect 0 'not divided' fit --psf a/psf.tif --colour --distances 100 --window 24x24 --bayer gbrg --flat grey.tif -o x.model
+expect 0 '' fit --psf a/psf.tif --distances 100 --window 24x24 --bayer gbrg --flat grey.tif -o x.model
+expect 7 'no light' reconstruct $raw -m a.model -o x --flat dark.tif
+expect 4 'flat frame must have' reconstruct $raw -m a.model -o x --flat known/test01_aif.tif
+expect 4 'flat frame 3 of 24 x 24' fit a --bayer gbrg --flat known/test01_aif.tif -o x.model
+expect 2 'belong to pairs' fit --merge a.sums --flat grey.tif -o x.model
+
 "$FRAME_TOOL" nan $raw nan.tif 5
 expect 4 '5 pixel' reconstruct nan.tif -m a.model -o x
 expect 0 '5 ' reconstruct nan.tif -m a.model -o nan --repair

@@ -102,7 +102,7 @@ TEST(corrected_frames_are_those_of_even_sensors)
     ASSERT_FAILS(hada_flat_correct(&small, HADA_MOSAIC_NONE, &sensitivity, 0.0, err), HADA_ERROR_SIZE, "60 x 71");
     memset(flat.data + AREA, 0, AREA * sizeof *flat.data);
     SCOPED(hada_image) none = {0};
-    ASSERT_FAILS(hada_flat_sensitivity(&none, &flat, CHANNELS, HADA_MOSAIC_NONE, err), HADA_ERROR_ARGUMENT, "no light");
+    ASSERT_FAILS(hada_flat_sensitivity(&none, &flat, CHANNELS, HADA_MOSAIC_NONE, err), HADA_ERROR_NUMERIC, "no light");
 }
 
 /* Saturation shows in values as they came. Levels that are estimated are those of divided frames. */
@@ -249,7 +249,7 @@ TEST(flat_frames_that_do_not_fit)
     ASSERT_FAILS(hada_plan_create(&plan, context, model, &options, err), HADA_ERROR_SIZE, "59 x 72");
     flat.rows++;
     memset(flat.data, 0, COUNT * sizeof *flat.data);
-    ASSERT_FAILS(hada_plan_create(&plan, context, model, &options, err), HADA_ERROR_ARGUMENT, "no light");
+    ASSERT_FAILS(hada_plan_create(&plan, context, model, &options, err), HADA_ERROR_NUMERIC, "no light");
     assert_null(plan);
     hada_model_destroy(&model);
 }

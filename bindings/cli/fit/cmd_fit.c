@@ -263,8 +263,8 @@ static int check(hada_cli *cli, const settings *set, int count, const char **arg
             cli, "--refine-colour and --refine-shrink belong to pairs; with --psf give them to reconstruct");
     if (set->psf && (strcmp(set->response, "auto") || set->task.exposure || set->task.save_sums || set->merge.count))
         return hada_cli_usage(cli, "--scene-response, --exposure, --sums and --merge belong to pairs, not to --psf");
-    if (!count && set->merge.count && set->task.exposure)
-        return hada_cli_usage(cli, "--exposure is found from pairs, which sums (--merge) do not hold");
+    if (!count && set->merge.count && (set->task.exposure || set->flat))
+        return hada_cli_usage(cli, "--exposure and --flat belong to pairs, which sums (--merge) do not hold");
     if (!set->psf && set->form && !learned)
         return hada_cli_usage(cli, "forms matched and wiener need a PSF: hadalens fit --psf %s/psf.tif -o %s",
                               count ? arguments[0] : "DATASET", set->output);

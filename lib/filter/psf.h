@@ -16,6 +16,9 @@ typedef struct hada_psf_seen {
 /* Takes the background off, sets what is no more than noise to 0 and lets the edges fade out, as the options say. */
 hada_status hada_psf_clean(hada_image *psf, const hada_psf_options *options, hada_psf_seen *seen, hada_error *err);
 
+/* Exchanges its rows and columns. */
+hada_status hada_psf_transpose(hada_image *psf, hada_error *err);
+
 /* The shape of a clean one, means over channels: rows and columns between which 99 % of the light are, the width at
  * half height of its autocorrelation, which is that of its finest details, and how much it is like another of its size,
  * 0 to 1 (NULL: 0). */

@@ -222,3 +222,17 @@ hada_status hada_psf_measure(hada_psf_shape *out, const hada_image *psf, const h
     free(light);
     return HADA_OK;
 }
+
+hada_status hada_psf_transpose(hada_image *psf, hada_error *err)
+{
+    const size_t rows = (size_t)psf->rows, cols = (size_t)psf->cols, area = rows * cols;
+    hada_image turned = {0};
+    HADA_TRY(hada_image_create(&turned, psf->channels, psf->cols, psf->rows, err));
+    for (size_t i = 0; i < hada_image_count(psf); i++) {
+        const size_t row = i % area / cols, col = i % cols;
+        turned.data[i / area * area + col * rows + row] = psf->data[i];
+    }
+    hada_image_destroy(psf);
+    *psf = turned;
+    return HADA_OK;
+}

@@ -47,6 +47,8 @@ static hada_status take(hada_image *out, const hada_image *psf, const hada_psf_o
     hada_image whole = {0};
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_image_copy(&whole, psf, err));
+    if (options->turn & HADA_TURN_TRANSPOSE)
+        HADA_TRY_OR_DONE(hada_psf_transpose(&whole, err));
     HADA_TRY_OR_DONE(hada_psf_clean(&whole, options, NULL, err));
     HADA_TRY_OR_DONE(hada_psf_reach(out, &whole, info, err));
 done:
@@ -213,7 +215,7 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT,
                                    "lambda, refine_tv, psf_gate and dark levels must be finite, lambda above 0, "
                                    "refine_tv, refine_steps, psf_gate and psf_taper not negative"));
-    if ((int)options->turn < HADA_TURN_NONE || options->turn > HADA_TURN_180)
+    if ((int)options->turn < HADA_TURN_NONE || options->turn > HADA_TURN_270)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "there is no turn %d (hada_turn)", (int)options->turn));
     HADA_TRY_OR_DONE(check_psfs(psfs, depths, err));
     const choice *chosen = options->boundary == HADA_BOUNDARY_PADDED ? &for_padded : &for_circular;
@@ -231,8 +233,10 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
                             .distances_mm = distances_mm};
     if (info.form == HADA_FORM_MATCHED)
         info.lambda = 0.0;
-    HADA_TRY_OR_DONE(hada_model_set_sizes(&info, options->frame_rows ? options->frame_rows : psfs->rows,
-                                          options->frame_cols ? options->frame_cols : psfs->cols, options->window_rows,
+    const int across = options->turn & HADA_TURN_TRANSPOSE;
+    const int rows = across ? psfs->cols : psfs->rows, cols = across ? psfs->rows : psfs->cols;
+    HADA_TRY_OR_DONE(hada_model_set_sizes(&info, options->frame_rows ? options->frame_rows : rows,
+                                          options->frame_cols ? options->frame_cols : cols, options->window_rows,
                                           options->window_cols, err));
     HADA_TRY_OR_DONE(hada_model_create(out, &info, 0, err));
     const size_t images = (size_t)depths * (size_t)info.channels, plane = hada_model_plane(*out);

@@ -218,6 +218,8 @@ static hada_status add_page(psfs *of, hada_tiff_reader *reader, int page, const 
     HADA_TRY(hada_tiff_read_light(reader, page, of->task->frame_encoding, &image, err));
     HADA_TRY_OR_DONE(flatten(of, &image, path, err));
     HADA_TRY_OR_DONE(set_channels(of, &image, err));
+    if (of->options.turn & HADA_TURN_TRANSPOSE)
+        HADA_TRY_OR_DONE(hada_psf_transpose(&image, err));
     if (hada_image_count_not_finite(&image))
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_NOT_FINITE, "%s: page %d holds %zu NaN or infinite pixels", path,
                                    page + 1, hada_image_count_not_finite(&image)));
@@ -480,6 +482,7 @@ hada_status hada_psf_run(hada_model **out, hada_context *context, const char *pa
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&of.options, task->psf, hada_psf_options, err));
     HADA_TRY_OR_DONE(take_flat(&of, err));
     HADA_TRY_OR_DONE(read_all(&of, err));
+    of.options.turn &= ~HADA_TURN_TRANSPOSE; /* pages are, by now */
     HADA_TRY_OR_DONE(clean(&of, err));
     if (task->mask_distance_mm > 0.0 || task->psf_distances_mm)
         HADA_TRY_OR_DONE(change_depths(&of, context, err));

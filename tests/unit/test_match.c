@@ -90,30 +90,33 @@ TEST(turns_are_about_the_axis)
 {
     hada_image psf = spots(2, 1.0, 0), turned;
     const double distance = 100.0;
-    ASSERT_OK(hada_image_create(&turned, 1, ROWS, COLS, err));
-    for (int turn = HADA_TURN_NONE; turn <= HADA_TURN_180; turn++) {
+    for (int turn = HADA_TURN_NONE; turn <= HADA_TURN_270; turn++) {
+        const int across = (turn & HADA_TURN_TRANSPOSE) != 0, rows = across ? COLS : ROWS, cols = across ? ROWS : COLS;
         hada_model *model, *expected;
         DEFAULTS(hada_psf_options, options);
         options.psf_dark = 0.0;
-        for (int row = 1; row < ROWS; row++)
-            for (int col = 1; col < COLS; col++)
-                turned.data[(turn & HADA_TURN_FLIP ? ROWS - row : row) * COLS +
-                            (turn & HADA_TURN_MIRROR ? COLS - col : col)] = psf.data[row * COLS + col];
+        ASSERT_OK(hada_image_create(&turned, 1, rows, cols, err));
+        for (int row = 1; row < rows; row++)
+            for (int col = 1; col < cols; col++)
+                turned.data[(turn & HADA_TURN_FLIP ? rows - row : row) * cols +
+                            (turn & HADA_TURN_MIRROR ? cols - col : col)] =
+                    psf.data[across ? col * COLS + row : row * COLS + col];
         ASSERT_OK(hada_model_from_psf(&expected, context, &turned, 1, &distance, &options, err));
         options.turn = (hada_turn)turn;
         ASSERT_OK(hada_model_from_psf(&model, context, &psf, 1, &distance, &options, err));
         const size_t count = 2 * hada_model_plane(model);
+        assert_int_equal(hada_model_get_info(model)->raw_rows, rows);
         assert_true(small_image_distance(model->otf, expected->otf, count) < 1e-5);
+        hada_image_destroy(&turned);
         hada_model_destroy(&model);
         hada_model_destroy(&expected);
     }
     DEFAULTS(hada_psf_options, options);
     hada_model *model;
-    options.turn = (hada_turn)4;
+    options.turn = (hada_turn)7;
     ASSERT_FAILS(hada_model_from_psf(&model, context, &psf, 1, &distance, &options, err), HADA_ERROR_ARGUMENT,
-                 "no turn 4");
+                 "no turn 7");
     hada_image_destroy(&psf);
-    hada_image_destroy(&turned);
 }
 
 TEST(magnified_cameras_are_found)

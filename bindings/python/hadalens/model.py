@@ -161,7 +161,7 @@ class Model(Handle):
         dark: float | None = 0.0,
         refine_steps: int | None = None,
         refine_tv: float | None = None,
-        turn: Literal["none", "mirror", "flip", "180"] = "none",
+        turn: Literal["none", "mirror", "flip", "180", "90", "270", "transpose"] = "none",
         mosaic: Mosaic = "none",
         frame: tuple[int, int] | None = None,
         psf_gate: float | None = None,
@@ -185,7 +185,8 @@ class Model(Handle):
             refine_steps: of refinement; None: chosen.
             refine_tv: weight of total variation in refinement; None: found from each frame.
             turn: how the point spread functions are turned first, about the axis: "mirror" left to right, "flip" top to
-                bottom, "180" both. :meth:`Plan.match` says which explains a frame.
+                bottom, "180" both, "90" and "270" degrees to the right, "transpose". :meth:`Plan.match` says which of
+                the first three explains a frame.
             mosaic: pattern of the colour filter mosaic of frames to come, which have one channel then.
             frame: rows and columns of the frames to come; None: those of the point spread functions.
             psf_gate: standard deviations of noise above the background below which a pixel is set to 0; None: chosen.

@@ -109,9 +109,12 @@ HADA_API const hada_net *hada_model_get_enhance(const hada_model *model);
 /* How a point spread function is turned about its axis: for images that were taken or saved the other way round. */
 typedef enum hada_turn {
     HADA_TURN_NONE = 0,
-    HADA_TURN_MIRROR = 1, /* left to right */
-    HADA_TURN_FLIP = 2,   /* top to bottom */
-    HADA_TURN_180 = 3     /* both */
+    HADA_TURN_MIRROR = 1,    /* left to right */
+    HADA_TURN_FLIP = 2,      /* top to bottom */
+    HADA_TURN_180 = 3,       /* both */
+    HADA_TURN_TRANSPOSE = 4, /* rows become columns; then, with those above: */
+    HADA_TURN_90 = 5,        /* to the right (clockwise), as seen on a screen */
+    HADA_TURN_270 = 6        /* to the left */
 } hada_turn;
 
 /* From point spread functions: one image per depth (channels x rows x cols, optical axis at (rows/2, cols/2)), forms

@@ -482,7 +482,8 @@ hada_status hada_psf_run(hada_model **out, hada_context *context, const char *pa
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&of.options, task->psf, hada_psf_options, err));
     HADA_TRY_OR_DONE(take_flat(&of, err));
     HADA_TRY_OR_DONE(read_all(&of, err));
-    of.options.turn = (hada_turn)(of.options.turn & HADA_TURN_180); /* pages are, by now */
+    if ((int)of.options.turn > 0 && of.options.turn <= HADA_TURN_270)
+        of.options.turn = (hada_turn)(of.options.turn & HADA_TURN_180); /* pages are transposed by now */
     HADA_TRY_OR_DONE(clean(&of, err));
     if (task->mask_distance_mm > 0.0 || task->psf_distances_mm)
         HADA_TRY_OR_DONE(change_depths(&of, context, err));

@@ -112,7 +112,9 @@ expect 0 '' fit --psf "$camera/psf.tif" -o turned.model --turn 180
 cmp -s psf.model turned.model && fail '--turn changed nothing'
 expect 0 '' fit --psf "$camera/psf.tif" -o turned.model --turn none
 cmp -s psf.model turned.model || fail '--turn none changed something'
-expect 2 '180' fit --psf "$camera/psf.tif" -o x --turn 90
+expect 0 '' fit --psf "$camera/psf.tif" -o quarter.model --turn 90
+cmp -s psf.model quarter.model && fail '--turn 90 changed nothing'
+expect 2 '180' fit --psf "$camera/psf.tif" -o x --turn 45
 expect 2 '--turn turns the point spread functions' fit "$camera" -o x --turn 180
 
 # PSFs as people have them: one of an unknown distance, with noise and a background, of another size, several captures.

@@ -89,7 +89,7 @@ def test_enumerations_have_words() -> None:
     """Words come from the headers."""
     assert words("hada_form")["wiener"] == lib.HADA_FORM_WIENER
     assert words("hada_skip")["all"] == lib.HADA_SKIP_ALL
-    assert words("hada_turn") == {"none": 0, "mirror": 1, "flip": 2, "180": 3}
+    assert words("hada_turn") == {"none": 0, "mirror": 1, "flip": 2, "180": 3, "transpose": 4, "90": 5, "270": 6}
     assert words("hada_exposure") == {"auto": 0, "same": 1, "each": 2}
 
 

@@ -67,8 +67,11 @@ void hada_cli_put_list(FILE *to, const char *format, va_list arguments)
 {
     char *text = NULL, *marked = strdup(format);
     int lines = 0;
-    for (char *at = marked; at && (at = strchr(at, '\n')); lines++)
-        *at = LINE;
+    for (char *at = marked; at && *at; at++)
+        if (*at == '\n') {
+            *at = LINE;
+            lines++;
+        }
     if (marked && vasprintf(&text, marked, arguments) >= 0) {
         for (const char *at = text; (at = strchr(at, LINE)); at++)
             lines--;

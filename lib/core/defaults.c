@@ -19,6 +19,7 @@ static const hada_communicator communicator = {.size = sizeof(hada_communicator)
 static const hada_context_options context_options = {
     .size = sizeof(hada_context_options), .log_level = HADA_LOG_WARNING, .shape = HADA_AUTO};
 static const hada_fit_options fit_options = {.size = sizeof(hada_fit_options),
+                                             .downsample = 1,
                                              .boundary = HADA_BOUNDARY_CIRCULAR,
                                              .form = HADA_FORM_COMPLEX,
                                              .alpha = HADA_AUTO,
@@ -49,6 +50,7 @@ static const hada_limits limits = {.size = sizeof(hada_limits),
                                    .text = HADA_LIMITS_TEXT,              /* OME-XML of some 30,000 planes */
                                    .parameters = HADA_LIMITS_PARAMETERS}; /* three times VGG-16's convolutions */
 static const hada_psf_options psf_options = {.size = sizeof(hada_psf_options),
+                                             .downsample = 1,
                                              .refine_tv = HADA_AUTO,
                                              .form = HADA_FORM_WIENER,
                                              .boundary = HADA_BOUNDARY_PADDED,
@@ -77,15 +79,18 @@ static const hada_plan_options plan_options = {.size = sizeof(hada_plan_options)
                                                .gamma = 1.0,
                                                .skip = HADA_SKIP_ALL,
                                                .band = 1.0,
-                                               .mosaic = HADA_MOSAIC_AUTO};
+                                               .mosaic = HADA_MOSAIC_AUTO,
+                                               .downsample = HADA_AUTO};
 static const hada_registration registration = {.size = sizeof(hada_registration), .magnification = 1.0};
 static const hada_register_task register_task = {.size = sizeof(hada_register_task),
                                                  .least_magnification = HADA_AUTO,
                                                  .most_magnification = HADA_AUTO,
                                                  .most_rotation_deg = 15.0};
 /* a cache for some hundred pairs of a small camera */
-static const hada_dataset_options dataset_options = {
-    .size = sizeof(hada_dataset_options), .cache_bytes = (uint64_t)256 << 20, .frame_encoding = HADA_AUTO};
+static const hada_dataset_options dataset_options = {.size = sizeof(hada_dataset_options),
+                                                     .cache_bytes = (uint64_t)256 << 20,
+                                                     .frame_encoding = HADA_AUTO,
+                                                     .downsample = 1};
 static const hada_sensor sensor = {.size = sizeof(hada_sensor), .exposure = 1.0, .saturate = 1};
 static const hada_evaluate_task evaluate_task = {.size = sizeof(hada_evaluate_task),
                                                  .peak = 1.0,

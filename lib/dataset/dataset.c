@@ -31,6 +31,11 @@ hada_status hada_pair_store_create(hada_pair_store **out, const hada_dataset_opt
                          options.frame_encoding);
     if (options.mosaic != HADA_MOSAIC_NONE && !hada_mosaic_is_pattern(options.mosaic))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "the mosaic of a data set, %d, is not a pattern", options.mosaic);
+    if (options.downsample < 1 ||
+        (options.mosaic != HADA_MOSAIC_NONE && options.downsample > 1 && options.downsample % 2))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "pairs cannot be binned by %d: options.downsample is 1 or more, and even for a mosaic",
+                         options.downsample);
     HADA_TRY(HADA_NEW(*out, 1, "a data set", err));
     const hada_status status = take_flat(*out, &options, err);
     if (status) {
@@ -40,7 +45,8 @@ hada_status hada_pair_store_create(hada_pair_store **out, const hada_dataset_opt
         return status;
     }
     (*out)->users = 1;
-    (*out)->mosaic = options.mosaic;
+    (*out)->downsample = options.downsample;
+    *(options.downsample > 1 ? &(*out)->sensor_mosaic : &(*out)->mosaic) = options.mosaic;
     (*out)->room = options.cache_bytes;
     (*out)->frame_encoding = options.frame_encoding;
     (*out)->reading = (*out)->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
@@ -130,7 +136,9 @@ static hada_status describe(hada_dataset *set, hada_error *err)
                                 .incomplete = store->incomplete,
                                 .incomplete_text = store->incomplete_text,
                                 .mosaic = store->mosaic,
-                                .flat = store->flat.data ? &store->flat : NULL};
+                                .flat = store->flat.data ? &store->flat : NULL,
+                                .downsample = store->downsample,
+                                .sensor_mosaic = store->sensor_mosaic};
     for (int z = 0; z < store->depths; z++) {
         set->distances_mm[z] = store->depth[z].distance_mm;
         set->files[z] = store->depth[z].files + set->first[z];
@@ -365,6 +373,30 @@ hada_status hada_dataset_from_images(hada_dataset **out, int depths, const doubl
     return open_named(out, store, depths, distances_mm, counts, err);
 }
 
+/* Puts a binned image in the place of one. */
+static hada_status bin(hada_image *image, int factor, hada_mosaic mosaic, int raw, const char *name, hada_error *err)
+{
+    hada_image binned;
+    HADA_TRY(hada_named(hada_image_downsample(&binned, image, factor, mosaic, raw, err), name, err));
+    hada_image_destroy(image);
+    *image = binned;
+    return HADA_OK;
+}
+
+/* Divides a raw frame by the flat frame and bins it, in the order that the flat frame's size says. */
+static hada_status correct(const hada_pair_store *store, hada_image *raw, const char *name, hada_error *err)
+{
+    const hada_image *flat = &store->flat;
+    const int bins = store->downsample > 1, first = bins && flat->rows == raw->rows && flat->cols == raw->cols;
+    if (first)
+        HADA_TRY(hada_named(hada_flat_correct(raw, store->sensor_mosaic, flat, store->flat_dark, err), name, err));
+    if (bins)
+        HADA_TRY(bin(raw, store->downsample, store->sensor_mosaic, 1, name, err));
+    return flat->data && !first
+               ? hada_named(hada_flat_correct(raw, store->mosaic, flat, store->flat_dark, err), name, err)
+               : HADA_OK;
+}
+
 /* Reads a pair, by its number over all depths, from its files or by the caller's function. */
 static hada_status read_images(hada_pair_store *store, int number, hada_pair_images *images, hada_error *err)
 {
@@ -386,9 +418,9 @@ static hada_status read_images(hada_pair_store *store, int number, hada_pair_ima
         HADA_TRY_OR_DONE(hada_tiff_load_light(files->raw, 0, store->frame_encoding, &images->raw, err));
         HADA_TRY_OR_DONE(hada_tiff_load(files->scene, 0, &images->scene, err));
     }
-    if (store->flat.data)
-        HADA_TRY_OR_DONE(hada_named(hada_flat_correct(&images->raw, store->mosaic, &store->flat, store->flat_dark, err),
-                                    files->raw, err));
+    HADA_TRY_OR_DONE(correct(store, &images->raw, files->raw, err));
+    if (store->downsample > 1)
+        HADA_TRY_OR_DONE(bin(&images->scene, store->downsample, HADA_MOSAIC_NONE, 0, files->scene, err));
 done:
     if (status)
         images_free(images);

@@ -35,8 +35,10 @@ typedef struct hada_pair_store {
     char incomplete_text[600];
     char *psf, *camera;
     double frame_encoding;
-    hada_mosaic mosaic; /* of the raw frames */
-    hada_image flat;    /* sensitivity of their pixels; empty: all alike */
+    hada_mosaic mosaic;        /* of the raw frames that are given out */
+    int downsample;            /* by which those of the sensor and scenes are binned */
+    hada_mosaic sensor_mosaic; /* of those */
+    hada_image flat;           /* sensitivity of the pixels of either; empty: all alike */
     double flat_dark;
     hada_inputs *inputs; /* all files, which no output may replace */
     char **alone;        /* files without a partner, which belong to them until these are protected */

@@ -436,12 +436,13 @@ hada_status hada_plan_match(const hada_plan *plan, const hada_pixels *raw, hada_
     reduced of = {.context = plan->constants[0]->context, .model = plan->setup.model};
     hada_match own = {.size = sizeof own, .magnification = 1.0};
     hada_pixels pixels;
-    hada_image frame = {0}, colours = {0};
+    hada_image binned = {0}, frame = {0}, colours = {0};
     hada_status status = HADA_OK;
     own.unexplained = NAN;
     HADA_TRY_OR_DONE(hada_pixels_take(&pixels, raw, err));
-    HADA_TRY_OR_DONE(hada_frame_check_size(&of.model->info, plan->setup.options.mosaic, pixels.channels, pixels.rows,
-                                           pixels.cols, err));
+    const hada_frame_kind *kind = &plan->setup.config.kind;
+    HADA_TRY_OR_DONE(hada_frame_check_size(&of.model->info, kind, pixels.channels, pixels.rows, pixels.cols, err));
+    HADA_TRY_OR_DONE(hada_frame_bin(&pixels, &binned, &of.model->info, kind, err));
     choose_sizes(&of);
     if (of.model->otf && of.rows >= LEAST_SIDE && of.cols >= LEAST_SIDE) {
         HADA_TRY_OR_DONE(hada_pixels_copy(&pixels, &frame, err));
@@ -455,6 +456,7 @@ hada_status hada_plan_match(const hada_plan *plan, const hada_pixels *raw, hada_
 done:
     hada_image_destroy(&frame);
     hada_image_destroy(&colours);
+    hada_image_destroy(&binned);
     reduced_destroy(&of);
     return status;
 }

@@ -107,8 +107,10 @@ hada_status hada_plan_estimate(hada_context *context, const hada_model *model, c
         sizeof(float) * (uint64_t)info->raw_rows * (uint64_t)info->raw_cols * (uint64_t)info->channels;
     const uint64_t result = plane * (uint64_t)setup.config.depths + plane + sizeof(float) * pixels;
     /* the result, a copy of the frame while broken pixels are repaired, and the frame before with its result */
-    /* a mosaic's other colours are filled in */
-    *host_bytes = result + (options.repair_not_finite || setup.config.mosaic ? 2 * frame : 0) +
+    /* a mosaic's other colours are filled in; a frame of the sensor's size is binned */
+    const uint64_t times = (uint64_t)setup.config.kind.downsample;
+    *host_bytes = result + (times > 1 ? (1 + times * times) * frame : 0) +
+                  (options.repair_not_finite || setup.config.mosaic ? 2 * frame : 0) +
                   (options.skip & HADA_SKIP_FRAMES ? frame + result : 0);
 done:
     hada_setup_free(&setup);

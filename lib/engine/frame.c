@@ -92,7 +92,7 @@ hada_status hada_frame_begin(hada_frame *frame, const hada_setup *setup, const h
     frame->work = 2 + (config->joint ? config->steps + (config->pursuit ? HADA_WORK_PURSUIT : 0) : config->depths);
     if (config->classic)
         frame->work += hada_classic_search_most(&config->method);
-    HADA_TRY_OR_DONE(hada_exposure_begin(&frame->exposure, info, setup->options.mosaic, raw, err));
+    HADA_TRY_OR_DONE(hada_exposure_begin(&frame->exposure, info, &config->kind, raw, err));
     HADA_TRY_OR_DONE(HADA_NEW(frame->skip.spectra, channels, "a frame", err));
     HADA_TRY_OR_DONE(HADA_NEW(frame->skip.planes, channels, "a frame", err));
 done:

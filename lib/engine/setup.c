@@ -63,6 +63,16 @@ static hada_status check_numbers(const hada_plan_options *options, hada_error *e
     return HADA_OK;
 }
 
+static hada_frame_kind kind_of(const hada_model_info *info, const hada_plan_options *options)
+{
+    const int downsample = options->downsample == HADA_AUTO ? info->downsample : options->downsample;
+    const hada_mosaic model = info->sensor_mosaic != HADA_MOSAIC_NONE ? info->sensor_mosaic : info->mosaic;
+    if (downsample <= 1)
+        return (hada_frame_kind){options->mosaic, 1, HADA_MOSAIC_NONE};
+    return (hada_frame_kind){HADA_MOSAIC_NONE, downsample,
+                             options->mosaic == HADA_MOSAIC_AUTO ? model : options->mosaic};
+}
+
 static hada_status check_options(const hada_model_info *info, const hada_plan_options *options, hada_error *err)
 {
     HADA_TRY(check_numbers(options, err));
@@ -92,10 +102,19 @@ static hada_status check_options(const hada_model_info *info, const hada_plan_op
                       "the flat frame must have 1 or %d channel(s) of %d x %d pixels, as the model; it has %d of %d "
                       "x %d",
                       info->channels, info->raw_rows, info->raw_cols, flat->channels, flat->rows, flat->cols));
-    const int mosaic = options->mosaic == HADA_MOSAIC_AUTO ? (int)info->mosaic : (int)options->mosaic;
     if (!hada_mosaic_is_known(options->mosaic))
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: mosaic is one of HADA_MOSAIC_..."));
-    if (hada_mosaic_is_pattern(mosaic) && info->channels != HADA_MOSAIC_COLOURS)
+    if (options->downsample < 1 && options->downsample != HADA_AUTO)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "options.downsample is 1 or more, or HADA_AUTO; not %d",
+                           options->downsample));
+    const hada_frame_kind kind = kind_of(info, options);
+    const int mosaic = kind.mosaic == HADA_MOSAIC_AUTO ? (int)info->mosaic : (int)kind.mosaic;
+    if (hada_mosaic_is_pattern(kind.sensor_mosaic) && kind.downsample % 2)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
+                           "frames of a colour filter mosaic are binned by an even number, not by %d",
+                           kind.downsample));
+    if ((hada_mosaic_is_pattern(mosaic) || hada_mosaic_is_pattern(kind.sensor_mosaic)) &&
+        info->channels != HADA_MOSAIC_COLOURS)
         HADA_TRY(hada_fail(err, HADA_ERROR_MODEL,
                            "a colour filter mosaic needs a model of three channels, and the model %s has %d: leave "
                            "--bayer out, or make the model with fit --bayer",
@@ -205,7 +224,8 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     const hada_model_info *info = hada_model_get_info(model);
     HADA_TRY(check_options(info, options, err));
     *config = (hada_config){.depths = options->depths ? options->depth_count : info->depths};
-    config->mosaic = options->mosaic == HADA_MOSAIC_AUTO ? info->mosaic : options->mosaic;
+    config->kind = kind_of(info, options);
+    config->mosaic = config->kind.mosaic == HADA_MOSAIC_AUTO ? info->mosaic : config->kind.mosaic;
     /* auto: what leave-one-out found to pay for this camera */
     const hada_maker_way way = hada_maker_way_of(info, options->refine_tv, config->mosaic);
     config->steps = options->refine >= 0 ? options->refine : way.steps;
@@ -495,13 +515,21 @@ done:
     return status;
 }
 
-hada_status hada_setup_begin(hada_setup *setup, hada_context *context, const hada_model *model,
-                             const hada_plan_options *options, hada_error *err)
+/* An image of the sensor's size is binned into *own, which takes its place. */
+static hada_status bin_one(const hada_image **image, hada_image *own, const hada_model_info *info,
+                           const hada_frame_kind *kind, hada_error *err)
 {
-    *setup = (hada_setup){.model = model, .options = *options};
-    setup->options.depths = setup->options.occupied_list = NULL;
-    setup->options.dark_frame = setup->options.flat_frame = setup->options.pixel_weights = NULL;
-    setup->options.classic = NULL;
+    const hada_image *from = *image;
+    if (!from || !from->data || !hada_is_of_sensor(info, kind->downsample, from->rows, from->cols))
+        return HADA_OK;
+    const hada_mosaic mosaic = from->channels == 1 && info->channels > 1 ? kind->sensor_mosaic : HADA_MOSAIC_NONE;
+    *image = own;
+    return hada_image_downsample(own, from, kind->downsample, mosaic, 0, err);
+}
+
+static hada_status begin(hada_setup *setup, hada_context *context, const hada_plan_options *options, hada_error *err)
+{
+    const hada_model *model = setup->model;
     HADA_TRY(hada_config_of(model, options, &setup->config, err));
     HADA_TRY(make_lists(setup, options, err));
     if (setup->config.classic)
@@ -512,6 +540,27 @@ hada_status hada_setup_begin(hada_setup *setup, hada_context *context, const had
     if (setup->config.dark)
         HADA_TRY(copy_dark(setup, options->dark_frame, err));
     return take_flat(setup, options->flat_frame, err);
+}
+
+hada_status hada_setup_begin(hada_setup *setup, hada_context *context, const hada_model *model,
+                             const hada_plan_options *options, hada_error *err)
+{
+    const hada_frame_kind kind = kind_of(&model->info, options);
+    hada_plan_options own = *options;
+    hada_image binned[3] = {{0}};
+    hada_status status = HADA_OK;
+    *setup = (hada_setup){.model = model, .options = *options};
+    setup->options.depths = setup->options.occupied_list = NULL;
+    setup->options.dark_frame = setup->options.flat_frame = setup->options.pixel_weights = NULL;
+    setup->options.classic = NULL;
+    HADA_TRY_OR_DONE(bin_one(&own.dark_frame, &binned[0], &model->info, &kind, err));
+    HADA_TRY_OR_DONE(bin_one(&own.flat_frame, &binned[1], &model->info, &kind, err));
+    HADA_TRY_OR_DONE(bin_one(&own.pixel_weights, &binned[2], &model->info, &kind, err));
+    HADA_TRY_OR_DONE(begin(setup, context, &own, err));
+done:
+    for (size_t i = 0; i < HADA_COUNT(binned); i++)
+        hada_image_destroy(&binned[i]);
+    return status;
 }
 
 hada_status hada_setup_make(hada_setup *setup, hada_context *context, const hada_model *model,

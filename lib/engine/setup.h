@@ -25,7 +25,8 @@ typedef struct hada_config {
     hada_boundary boundary;      /* of joint planes: weights of pixels need the data step of a sensor that crops */
     int outside;                 /* 1: refinement explains light from outside the window as well */
     int weighs;                  /* 1: pixels of a frame may have weights */
-    hada_mosaic mosaic;          /* of frames of one channel; HADA_MOSAIC_NONE: there are none */
+    hada_frame_kind kind;        /* what the caller or the model says of frames */
+    hada_mosaic mosaic;          /* of frames of one channel that are not binned; HADA_MOSAIC_NONE: there are none */
     double share;                /* of refined planes, the rest being those of the linear filters; 1: refined alone */
     int steps;                   /* refinement steps or iterations at most */
     double crosstalk;            /* share at which a plane halves beside another one; 0: none does */

@@ -229,7 +229,9 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
                             .refine_rho = chosen->rho,
                             .refine_tv = options->refine_tv,
                             .has_otf = 1,
-                            .mosaic = options->mosaic,
+                            .mosaic = options->downsample > 1 ? HADA_MOSAIC_NONE : options->mosaic,
+                            .downsample = options->downsample,
+                            .sensor_mosaic = options->downsample > 1 ? options->mosaic : HADA_MOSAIC_NONE,
                             .distances_mm = distances_mm};
     if (info.form == HADA_FORM_MATCHED)
         info.lambda = 0.0;

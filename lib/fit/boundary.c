@@ -73,7 +73,7 @@ static hada_status left_on(const look *at, int rows, int cols, double *left, had
     hada_fit_reader from = {0}, held = {0};
     hada_status status = HADA_OK;
     options.depths = options.channels = 1;
-    options.mosaic = HADA_MOSAIC_NONE;
+    options.mosaic = options.sensor_mosaic = HADA_MOSAIC_NONE; /* of that channel */
     options.distances_mm = at->options->distances_mm + at->depth;
     options.boundary =
         rows == options.raw_rows && cols == options.raw_cols ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED;
@@ -168,6 +168,8 @@ hada_status hada_fit_sizes_from(hada_fit_options *options, const hada_dataset *p
     options->distances_mm = info->distances_mm;
     options->channels = pair.raw->channels;
     options->mosaic = info->mosaic;
+    options->downsample = info->downsample;
+    options->sensor_mosaic = info->sensor_mosaic;
     hada_pair_return(&pair);
     options->raw_rows = rows;
     options->raw_cols = cols;

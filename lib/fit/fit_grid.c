@@ -30,6 +30,8 @@ hada_status hada_fit_info(hada_model_info *info, const hada_fit_options *options
                               .boundary = options->boundary,
                               .dark = options->dark,
                               .mosaic = options->mosaic,
+                              .downsample = options->downsample > 1 ? options->downsample : 1,
+                              .sensor_mosaic = options->sensor_mosaic,
                               .distances_mm = options->distances_mm,
                               .scene_response = options->scene_response == HADA_AUTO ? HADA_RESPONSE_LINEAR
                                                                                      : options->scene_response};
@@ -249,19 +251,6 @@ static double energy_of(const float *values, size_t count)
     for (size_t i = 0; i < count; i++)
         energy += (double)values[i] * (double)values[i];
     return energy;
-}
-
-float hada_fit_cut_off(const float *values, size_t count)
-{
-    float largest = 0.0f;
-    size_t equal = 0, near = 0;
-    for (size_t i = 0; i < count; i++)
-        largest = fmaxf(largest, values[i]);
-    for (size_t i = 0; i < count; i++) {
-        equal += values[i] == largest;
-        near += values[i] > HADA_NEAR_LARGEST * largest && values[i] < largest;
-    }
-    return largest > 0.0f && hada_is_cut_off(equal, near) ? largest : INFINITY;
 }
 
 /* The dark level of a channel's frame, by the pixels that hold it. */

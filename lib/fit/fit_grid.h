@@ -102,10 +102,6 @@ hada_status hada_fit_pair_check(const hada_fit_grid *grid, int depth, const hada
  * which it brings to linear light. */
 void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_image *scene);
 
-/* The value at which those of a channel are cut off, by how often it occurs (image/statistics.h); infinite: none are.
- */
-float hada_fit_cut_off(const float *values, size_t count);
-
 /* Spectra of pixels, `pair`'s own or others of that size; scene NULL: of the frame alone. */
 hada_status hada_fit_pair_transform(hada_fit_pair *pair, const float *raw, const float *scene, hada_error *err);
 

@@ -309,6 +309,11 @@ static hada_status check_pairs(const hada_fitter *fitter, const hada_dataset_inf
     if (info->mosaic != fitter->grid.info.mosaic)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "the colour filter mosaic of the data set is not that of this fit: give both options.mosaic");
+    if (info->downsample != fitter->grid.info.downsample || info->sensor_mosaic != fitter->grid.info.sensor_mosaic)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "the data set bins its frames by %d, this fit expects %d: give both options.downsample, and "
+                         "the same mosaic",
+                         info->downsample, fitter->grid.info.downsample);
     for (int z = 0; z < info->depths; z++)
         if (depth_of(fitter, info->distances_mm[z]) < 0)
             return hada_fail(err, HADA_ERROR_ARGUMENT, "this fit has no depth at %g mm, as the data set has",

@@ -1,5 +1,6 @@
 #include "fit/cropped.h"
 #include "image/mosaic.h"
+#include "image/statistics.h"
 
 /* The part of the device's memory that pairs may take. */
 enum { MEMORY_SHARE = 4 };
@@ -47,7 +48,7 @@ static void forget_saturated(hada_fit_pair *pair)
     const size_t plane = (size_t)info->raw_rows * (size_t)info->raw_cols;
     for (int c = 0; c < info->channels; c++) {
         float *values = pair->raw_pixels + (size_t)c * plane;
-        const float largest = hada_fit_cut_off(values, plane);
+        const float largest = hada_cut_off_value(values, plane);
         for (size_t i = 0; i < plane; i++)
             if (values[i] == largest)
                 values[i] = HADA_FIT_UNKNOWN;

@@ -171,3 +171,16 @@ double hada_noise_unit(const hada_pixels *pixels, hada_mosaic mosaic, double sha
         more >= 1.0 ? believed(more) : 1.0 / believed(1.0 / fmax(more, 1.0 / (2.0 * FARTHEST * FARTHEST)));
     return mean_square * by * by;
 }
+
+float hada_cut_off_value(const float *values, size_t count)
+{
+    float largest = 0.0f;
+    size_t equal = 0, near = 0;
+    for (size_t i = 0; i < count; i++)
+        largest = fmaxf(largest, values[i]);
+    for (size_t i = 0; i < count; i++) {
+        equal += values[i] == largest;
+        near += values[i] > HADA_NEAR_LARGEST * largest && values[i] < largest;
+    }
+    return largest > 0.0f && hada_is_cut_off(equal, near) ? largest : INFINITY;
+}

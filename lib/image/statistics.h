@@ -23,6 +23,8 @@ static inline int hada_is_cut_off(size_t equal, size_t near)
 {
     return equal >= 16 && equal > 4 * near;
 }
+/* The value at which they are; infinite: they are not. */
+float hada_cut_off_value(const float *values, size_t count);
 
 /* Standard deviation of a frame's noise, assumed to be white; over channels the root mean square. From the median of
  * the finest diagonal wavelet coefficients, which an image hardly reaches (D. Donoho and I. Johnstone, Biometrika

@@ -82,7 +82,7 @@ double hada_model_noise_share(const hada_model *model)
 }
 
 /* Limits of a model file's claims: far above any camera, and small enough that sizes do not overflow. */
-enum { MOST_DEPTHS = 4096, MOST_CHANNELS = 64, MOST_NET_SIDE = 1 << 20 };
+enum { MOST_DEPTHS = 4096, MOST_CHANNELS = 64, MOST_NET_SIDE = 1 << 20, MOST_DOWNSAMPLE = 256 };
 
 /* Refinement with a rho far above the gain leaves nothing but black; a dark level is one of the frames' own units,
  * whose widest are counts of 32 bits. */
@@ -123,6 +123,15 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
             err, HADA_ERROR_MODEL,
             "a camera with a colour filter mosaic has three channels, red, green and blue; this one has %d",
             info->channels);
+    if (info->downsample < 0 || info->downsample > MOST_DOWNSAMPLE || /* 0: not set, 1 */
+        (info->downsample < 2 && info->sensor_mosaic != HADA_MOSAIC_NONE) ||
+        (info->sensor_mosaic != HADA_MOSAIC_NONE &&
+         (!hada_enum_name(HADA_ENUM_MOSAIC, (int)info->sensor_mosaic) || info->channels != 3 || info->downsample % 2)))
+        return hada_fail(
+            err, HADA_ERROR_MODEL,
+            "downsample %d is not possible: it is 1 to %d, and even for a colour filter mosaic, of a camera "
+            "of three channels",
+            info->downsample, MOST_DOWNSAMPLE);
     if (info->distances_mm)
         for (int z = 0; z < info->depths; z++)
             if (!isfinite(info->distances_mm[z]) || (z && info->distances_mm[z] <= info->distances_mm[z - 1]))
@@ -147,6 +156,7 @@ hada_status hada_model_create_head(hada_model **out, const hada_model_info *info
         model->info.scene_response = HADA_RESPONSE_LINEAR;
     if (!(info->refine_colour > 0.0)) /* not said */
         model->info.refine_colour = 1.0;
+    model->info.downsample += !info->downsample;
     model->info.enhance = model->info.enhance_rows = model->info.enhance_cols = 0; /* until it has the net */
     HADA_TRY_OR_DONE(HADA_NEW(model->distances, depths, "the distances", err));
     if (!(model->name = hada_string_copy(info->name ? info->name : "")))
@@ -165,13 +175,9 @@ done:
     return status;
 }
 
-hada_status hada_model_set_flat(hada_model *model, const hada_image *flat, hada_error *err)
+static hada_status set_flat(hada_model *model, const hada_image *flat, hada_error *err)
 {
     hada_model_info *info = &model->info;
-    hada_image_destroy(&model->flat);
-    info->flat = NULL;
-    if (!flat)
-        return HADA_OK;
     if ((flat->channels != info->channels && flat->channels != 1) || flat->rows != info->raw_rows ||
         flat->cols != info->raw_cols)
         return hada_fail(err, HADA_ERROR_SIZE,
@@ -183,6 +189,19 @@ hada_status hada_model_set_flat(hada_model *model, const hada_image *flat, hada_
         model->flat.data[i] = flat->data[i % count];
     info->flat = &model->flat;
     return HADA_OK;
+}
+
+hada_status hada_model_set_flat(hada_model *model, const hada_image *flat, hada_error *err)
+{
+    hada_model_info *info = &model->info;
+    hada_image binned = {0};
+    hada_image_destroy(&model->flat);
+    info->flat = NULL;
+    if (flat && hada_is_of_sensor(info, info->downsample, flat->rows, flat->cols))
+        HADA_TRY(hada_image_downsample(&binned, flat, info->downsample, HADA_MOSAIC_NONE, 0, err));
+    const hada_status status = flat ? set_flat(model, binned.data ? &binned : flat, err) : HADA_OK;
+    hada_image_destroy(&binned);
+    return status;
 }
 
 hada_status hada_model_create_arrays(hada_model *model, int with_statistics, hada_error *err)

@@ -60,8 +60,14 @@ hada_status hada_model_create_head(hada_model **out, const hada_model_info *info
 /* Room for the arrays that hada_model_create_head leaves out. */
 hada_status hada_model_create_arrays(hada_model *model, int with_statistics, hada_error *err);
 
-/* Gives it a copy of what pixels make of the same light (hada_model_info.flat), of all its channels or one for all;
- * NULL: none. HADA_ERROR_SIZE. */
+/* 1: rows and columns of a frame are `downsample` times those of the model's frames, or a few more. */
+static inline int hada_is_of_sensor(const hada_model_info *info, int downsample, int rows, int cols)
+{
+    return downsample > 1 && rows / downsample == info->raw_rows && cols / downsample == info->raw_cols;
+}
+
+/* Gives it a copy of what pixels make of the same light (hada_model_info.flat), of all its channels or one for all, of
+ * the size of its frames or of its sensor; NULL: none. HADA_ERROR_SIZE. */
 hada_status hada_model_set_flat(hada_model *model, const hada_image *flat, hada_error *err);
 
 /* Gives a model a net, which becomes its own (also on failure), with the size at which it runs. */

@@ -1,6 +1,7 @@
 /* Model files: safetensors with every convention in the metadata (docs/reference/files.md). */
 #include <hadalens/limits.h>
 #include <hadalens/response.h>
+#include <limits.h>
 
 #include "io/safetensors.h"
 #include "io/text.h"
@@ -11,7 +12,9 @@
 #define FORMAT_VERSION 1
 #define RESPONSE       "scene_response"
 #define MOSAIC         "mosaic" /* models of frames in full colour lack it */
-#define MOST_STEPS     100000   /* of refinement: more is a damaged number */
+#define SENSOR_MOSAIC  "sensor_mosaic"
+#define DOWNSAMPLE     "downsample"
+#define MOST_STEPS     100000 /* of refinement: more is a damaged number */
 
 /* What a reader must know and the numbers cannot say; the same in every file. */
 static const char *const conventions[][2] = {
@@ -63,14 +66,15 @@ static hada_status put_metadata(hada_tensors_writer *writer, const hada_model_in
                    {"refine_tv", info->refine_tv},
                    {"refine_colour", info->refine_colour},
                    {"refine_shrink", info->refine_shrink},
-                   {"refine_share", info->refine_share}};
+                   {"refine_share", info->refine_share},
+                   {DOWNSAMPLE, info->downsample}};
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         HADA_TRY(put_number(writer, numbers[i].key, numbers[i].value, err));
     char response[HADA_RESPONSE_NAME];
     hada_response_name(response, info->scene_response);
     HADA_TRY(hada_tensors_put_meta(writer, RESPONSE, response, err));
-    if (info->mosaic != HADA_MOSAIC_NONE)
-        HADA_TRY(hada_tensors_put_meta(writer, MOSAIC, hada_enum_name(HADA_ENUM_MOSAIC, (int)info->mosaic), err));
+    HADA_TRY(hada_tensors_put_mosaic(writer, MOSAIC, info->mosaic, err));
+    HADA_TRY(hada_tensors_put_mosaic(writer, SENSOR_MOSAIC, info->sensor_mosaic, err));
     for (size_t i = 0; i < sizeof conventions / sizeof *conventions; i++)
         HADA_TRY(hada_tensors_put_meta(writer, conventions[i][0], conventions[i][1], err));
     return HADA_OK;
@@ -193,7 +197,7 @@ static hada_status get_size(const hada_tensors *file, const char *path, const ch
 
 static hada_status get_metadata(const hada_tensors *file, const char *path, hada_model_info *info, hada_error *err)
 {
-    double version = 0, steps = 0;
+    double version = 0, steps = 0, downsample = 1;
     const char *format = hada_tensors_meta(file, "format");
     const char *form = hada_tensors_meta(file, "form"), *boundary = hada_tensors_meta(file, "boundary");
     if (!format || strcmp(format, FORMAT))
@@ -222,7 +226,8 @@ static hada_status get_metadata(const hada_tensors *file, const char *path, hada
                    {"refine_tv", &info->refine_tv}, /* older models lack what follows */
                    {"refine_share", &info->refine_share},
                    {"refine_shrink", &info->refine_shrink},
-                   {"refine_colour", &info->refine_colour}};
+                   {"refine_colour", &info->refine_colour},
+                   {DOWNSAMPLE, &downsample}};
     for (size_t i = 0; i < HADA_COUNT(numbers); i++)
         if (i < 6 || hada_tensors_meta(file, numbers[i].key))
             HADA_TRY(get_number(file, path, numbers[i].key, numbers[i].out, err));
@@ -231,11 +236,13 @@ static hada_status get_metadata(const hada_tensors *file, const char *path, hada
     if (response && (hada_response_from_name(&info->scene_response, response, NULL) ||
                      !hada_response_is_known(info->scene_response)))
         HADA_TRY(missing(path, RESPONSE, err));
-    const char *mosaic = hada_tensors_meta(file, MOSAIC);
-    const int pattern = mosaic ? hada_enum_value(HADA_ENUM_MOSAIC, mosaic) : HADA_MOSAIC_NONE;
-    if (pattern < 0)
+    if (!hada_tensors_mosaic(file, MOSAIC, &info->mosaic))
         HADA_TRY(missing(path, MOSAIC, err));
-    info->mosaic = (hada_mosaic)pattern;
+    if (!hada_tensors_mosaic(file, SENSOR_MOSAIC, &info->sensor_mosaic))
+        HADA_TRY(missing(path, SENSOR_MOSAIC, err));
+    if (!(downsample >= 1 && downsample <= INT_MAX) || downsample != floor(downsample))
+        HADA_TRY(missing(path, DOWNSAMPLE, err));
+    info->downsample = (int)downsample;
     if (steps < 0 || steps > MOST_STEPS || steps != floor(steps))
         HADA_TRY(missing(path, "refine_steps", err));
     info->refine_steps = (int)steps;

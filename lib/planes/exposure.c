@@ -17,11 +17,13 @@ static hada_mosaic mosaic_of(const hada_model_info *info, hada_mosaic mosaic, in
                                                                  : mosaic;
 }
 
-hada_status hada_frame_check_size(const hada_model_info *info, hada_mosaic mosaic, int channels, int rows, int cols,
-                                  hada_error *err)
+hada_status hada_frame_check_size(const hada_model_info *info, const hada_frame_kind *kind, int channels, int rows,
+                                  int cols, hada_error *err)
 {
-    const int same = rows == info->raw_rows && cols == info->raw_cols, pattern = hada_mosaic_is_pattern(mosaic);
-    if (same && pattern && channels != 1)
+    const int binned = hada_is_of_sensor(info, kind->downsample, rows, cols), times = rows / info->raw_rows;
+    const int same = binned || (rows == info->raw_rows && cols == info->raw_cols);
+    const hada_mosaic mosaic = binned ? kind->sensor_mosaic : kind->mosaic;
+    if (same && hada_mosaic_is_pattern(mosaic) && channels != 1)
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the frame has %d channels, but a colour filter mosaic has one: leave --bayer out", channels);
     if (same && (channels == info->channels || mosaic_of(info, mosaic, channels) != HADA_MOSAIC_NONE))
@@ -32,12 +34,33 @@ hada_status hada_frame_check_size(const hada_model_info *info, hada_mosaic mosai
             "the frame has one channel, and the model %s is for colours: if the sensor has a colour filter "
             "mosaic, name its pattern with --bayer, such as --bayer rggb",
             info->name);
+    if (!same && hada_is_of_sensor(info, times, rows, cols))
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "the frame has %d x %d pixels, %d times the %d x %d that the model %s is for: bin it with "
+                         "--downsample %d, or make the model with fit --downsample %d",
+                         rows, cols, times, info->raw_rows, info->raw_cols, info->name, times, times);
     return hada_fail(
         err, HADA_ERROR_MODEL,
         "the frame has %d channel(s) of %d x %d pixels; the model %s is for %d channel(s) of %d x %d: use "
         "the model of this camera, or make one with fit (from a PSF of another size or in grey: fit --psf PSF "
         "--frame FRAME)",
         channels, rows, cols, info->name, info->channels, info->raw_rows, info->raw_cols);
+}
+
+hada_status hada_frame_bin(hada_pixels *pixels, hada_image *own, const hada_model_info *info,
+                           const hada_frame_kind *kind, hada_error *err)
+{
+    const hada_mosaic mosaic = pixels->channels == 1 ? kind->sensor_mosaic : HADA_MOSAIC_NONE;
+    hada_image whole;
+    *own = (hada_image){0};
+    if (!hada_is_of_sensor(info, kind->downsample, pixels->rows, pixels->cols))
+        return HADA_OK;
+    HADA_TRY(hada_pixels_copy(pixels, &whole, err));
+    const hada_status status = hada_image_downsample(own, &whole, kind->downsample, mosaic, 1, err);
+    hada_image_destroy(&whole);
+    if (!status)
+        hada_pixels_of_image(pixels, own);
+    return status;
 }
 
 /* The square of a spectrum's largest value, `points` times the brightest pixel, stays a factor 4 below the largest
@@ -284,21 +307,34 @@ static hada_status fill(hada_frame_exposure *exposure, hada_error *err)
     return HADA_OK;
 }
 
-hada_status hada_exposure_begin(hada_frame_exposure *exposure, const hada_model_info *info, hada_mosaic mosaic,
-                                const hada_pixels *pixels, hada_error *err)
+static hada_status begin(hada_frame_exposure *exposure, const hada_frame_kind *kind, hada_error *err)
 {
-    *exposure = (hada_frame_exposure){
-        .info = info, .mosaic = mosaic_of(info, mosaic, pixels->channels), .came = *pixels, .pixels = *pixels};
-    HADA_TRY(hada_frame_check_size(info, mosaic, pixels->channels, pixels->rows, pixels->cols, err));
+    const hada_model_info *info = exposure->info;
+    hada_pixels *pixels = &exposure->came;
+    HADA_TRY(hada_frame_check_size(info, kind, pixels->channels, pixels->rows, pixels->cols, err));
+    HADA_TRY(hada_frame_bin(pixels, &exposure->binned, info, kind, err));
+    exposure->mosaic = mosaic_of(info, kind->mosaic, pixels->channels);
     if (exposure->mosaic != HADA_MOSAIC_NONE && (pixels->rows < 2 || pixels->cols < 2))
         return hada_fail(err, HADA_ERROR_MODEL, "a colour filter mosaic has at least 2 x 2 pixels");
+    exposure->pixels = *pixels;
     return hada_allocated(exposure->levels =
                               hada_alloc(2 * (size_t)info->channels, sizeof *exposure->levels, "a frame", err));
+}
+
+hada_status hada_exposure_begin(hada_frame_exposure *exposure, const hada_model_info *info, const hada_frame_kind *kind,
+                                const hada_pixels *pixels, hada_error *err)
+{
+    *exposure = (hada_frame_exposure){.info = info, .came = *pixels};
+    const hada_status status = begin(exposure, kind, err);
+    if (status)
+        hada_exposure_end(exposure);
+    return status;
 }
 
 void hada_exposure_end(hada_frame_exposure *exposure)
 {
     hada_image_destroy(&exposure->own);
+    hada_image_destroy(&exposure->binned);
     free(exposure->levels);
     exposure->levels = NULL;
 }

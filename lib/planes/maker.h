@@ -13,10 +13,21 @@
 #include "image/correct.h"
 #include "refine/admm.h"
 
-/* HADA_ERROR_MODEL where a frame has not the size that the model is for. mosaic: what a caller says of frames of one
- * channel; HADA_MOSAIC_AUTO: what the model does. */
-hada_status hada_frame_check_size(const hada_model_info *info, hada_mosaic mosaic, int channels, int rows, int cols,
-                                  hada_error *err);
+/* What a caller says of frames. */
+typedef struct hada_frame_kind {
+    hada_mosaic mosaic;        /* of those of one channel; HADA_MOSAIC_AUTO: as the model says */
+    int downsample;            /* those of so many times the model's rows and columns are binned; 1: none are */
+    hada_mosaic sensor_mosaic; /* of those of one channel that are binned */
+} hada_frame_kind;
+static const hada_frame_kind hada_frame_plain = {HADA_MOSAIC_NONE, 1, HADA_MOSAIC_NONE};
+
+/* HADA_ERROR_MODEL where a frame has not the size that the model is for. */
+hada_status hada_frame_check_size(const hada_model_info *info, const hada_frame_kind *kind, int channels, int rows,
+                                  int cols, hada_error *err);
+
+/* A checked frame of the sensor's size is binned into *own, which *pixels becomes then; others leave it empty. */
+hada_status hada_frame_bin(hada_pixels *pixels, hada_image *own, const hada_model_info *info,
+                           const hada_frame_kind *kind, hada_error *err);
 
 /* How a frame is examined. */
 typedef struct hada_exposure_rule {
@@ -36,7 +47,8 @@ typedef struct hada_exposure_rule {
 typedef struct hada_frame_exposure {
     const hada_model_info *info;
     hada_mosaic mosaic;         /* HADA_MOSAIC_NONE: each pixel holds all channels */
-    hada_pixels came;           /* the caller's pixels, which must stay */
+    hada_pixels came;           /* the caller's pixels, which must stay, or */
+    hada_image binned;          /* what they became; else empty */
     hada_pixels pixels;         /* what goes to the device: these, or `own` */
     hada_image own;             /* floats of pixels that were corrected, or that the device does not take, or whose
                                    other colours were filled in; else empty */
@@ -50,8 +62,8 @@ typedef struct hada_frame_exposure {
     uint64_t hash[2]; /* of the floats as they came: frames of equal hashes are taken to be equal */
 } hada_frame_exposure;
 
-/* Checks the size. After a failure there is nothing to end. */
-hada_status hada_exposure_begin(hada_frame_exposure *exposure, const hada_model_info *info, hada_mosaic mosaic,
+/* Checks the size, and bins a frame of the sensor's. After a failure there is nothing to end. */
+hada_status hada_exposure_begin(hada_frame_exposure *exposure, const hada_model_info *info, const hada_frame_kind *kind,
                                 const hada_pixels *pixels, hada_error *err);
 void hada_exposure_end(hada_frame_exposure *exposure);
 

@@ -32,7 +32,8 @@ typedef struct hada_compared {
     const hada_monitor *monitor;
     hada_tiff_reader *result, *truth;
     int count;
-    int *page;                                        /* of the result, for each page of the truth; -1: none */
+    int *page; /* of the result, for each page of the truth; -1: none */
+    int times; /* as many rows and columns has the truth, which is binned: the result is of binned frames */
     double result_encoding, truth_encoding, encoding; /* of the files, and in which they are compared; 0: not known, as
                                                          they are */
 } hada_compared;
@@ -48,9 +49,12 @@ typedef struct hada_compared_page {
     unsigned char *mask;      /* NULL: all */
 } hada_compared_page;
 
-/* Page t of the truth, cut to the region. */
-hada_status hada_compared_read(hada_compared_page *one, const hada_compared *open, int t, const hada_region *region,
-                               hada_error *err);
+/* Page t of the truth, cut to the region. map: its values are distances, of which a bin takes the middle one. */
+hada_status hada_compared_read(hada_compared_page *one, const hada_compared *open, int t, int map,
+                               const hada_region *region, hada_error *err);
+
+/* The middle pixels of bins of `times` x `times`, in place. */
+hada_status hada_compared_thin(hada_image *image, int times, hada_error *err);
 void hada_compared_page_free(hada_compared_page *one);
 
 /* Whether a value of an image counts. */

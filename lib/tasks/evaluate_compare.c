@@ -28,7 +28,7 @@ static hada_status find_gain(const hada_compared *open, const hada_region *regio
     hada_status status = HADA_OK;
     hada_compared_page one = {0};
     for (int t = 0; t < open->count; t++) {
-        HADA_TRY_OR_DONE(hada_compared_read(&one, open, t, region, err));
+        HADA_TRY_OR_DONE(hada_compared_read(&one, open, t, 0, region, err));
         for (size_t i = 0; one.result.data && i < hada_image_count(&one.truth); i++) {
             const double result = (double)one.result.data[i];
             if (hada_compared_counts(&one, i)) {
@@ -172,7 +172,7 @@ static hada_status compare_page(hada_evaluation *score, sums *of_all, const hada
     unsigned char *place[PLACES] = {NULL};
     hada_compared_page one = {0};
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_compared_read(&one, open, t, region, err));
+    HADA_TRY_OR_DONE(hada_compared_read(&one, open, t, 0, region, err));
     if (!one.result.data) {
         score->missing += !is_dark(&one);
         goto done;
@@ -228,6 +228,7 @@ hada_status hada_evaluate_compare(hada_evaluation *one, const hada_evaluate_task
         one->what = kind_of(one->result);
     HADA_TRY_OR_DONE(hada_compared_open(&open, one->result, one->truth, err));
     open.monitor = by->monitor;
+    one->downsample = open.times;
     if (one->what == HADA_EVALUATED_MAP) {
         HADA_TRY_OR_DONE(hada_evaluate_maps(one, &open, by, region, err));
     } else {

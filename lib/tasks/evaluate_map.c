@@ -57,8 +57,9 @@ static hada_status find_steps(steps *out, const hada_compared *open, const hada_
     return HADA_OK;
 }
 
-/* Page t of a file, cut to the region; empty where there is no such page. */
-static hada_status read_page(hada_image *out, const char *path, int t, const hada_region *region, hada_error *err)
+/* Page t of a file, thinned out and cut to the region; empty where there is no such page. */
+static hada_status read_page(hada_image *out, const char *path, int t, int times, const hada_region *region,
+                             hada_error *err)
 {
     hada_tiff_reader *reader = NULL;
     hada_status status = HADA_OK;
@@ -66,6 +67,7 @@ static hada_status read_page(hada_image *out, const char *path, int t, const had
     if (t >= hada_tiff_get_info(reader)->frames)
         goto done;
     HADA_TRY_OR_DONE(hada_tiff_read(reader, t, out, err));
+    HADA_TRY_OR_DONE(hada_compared_thin(out, times, err));
     HADA_TRY_OR_DONE(hada_region_cut(region, out, err));
 done:
     hada_tiff_close(&reader);
@@ -73,7 +75,7 @@ done:
 }
 
 /* Page t of the image whose name has another tail, cut to the region; empty where there is no such file or page. */
-static hada_status read_beside(hada_image *out, const char *path, const char *tail, const char *other, int t,
+static hada_status read_beside(hada_image *out, const char *path, const char *tail, const char *other, int t, int times,
                                const hada_region *region, hada_error *err)
 {
     const size_t stem = hada_stem_of(path), length = strlen(tail);
@@ -87,7 +89,7 @@ static hada_status read_beside(hada_image *out, const char *path, const char *ta
     HADA_TRY_OR_DONE(hada_path_finds_file(beside, &there, err));
     if (!there)
         goto done;
-    status = read_page(out, beside, t, region, err);
+    status = read_page(out, beside, t, times, region, err);
     if (status)
         hada_error_prefix_path(err, beside);
 done:
@@ -106,7 +108,7 @@ hada_status hada_evaluate_parts_beside(unsigned char **parts, const hada_compare
     HADA_TRY_OR_DONE(find_steps(&list, open, by, "_aif", err));
     if (list.count < 2)
         goto done;
-    HADA_TRY_OR_DONE(read_beside(&map, open->truth_path, "_aif", "_depth", t, region, err));
+    HADA_TRY_OR_DONE(read_beside(&map, open->truth_path, "_aif", "_depth", t, open->times, region, err));
     if (!map.data || map.channels != 1 || map.rows != one->truth.rows || map.cols != one->truth.cols)
         goto done;
     HADA_TRY_OR_DONE(HADA_NEW(*parts, hada_image_count(&map), "parts of a map", err));
@@ -175,7 +177,7 @@ static hada_status add_confidence(map_sums *sums, const hada_compared *open, int
     hada_confidence_score score = {.size = sizeof score};
     hada_image confidence = {0};
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(read_beside(&confidence, open->result_path, "_depth", "_confidence", t, region, err));
+    HADA_TRY_OR_DONE(read_beside(&confidence, open->result_path, "_depth", "_confidence", t, 1, region, err));
     if (!confidence.data)
         goto done;
     HADA_TRY_OR_DONE(hada_metric_depth_confidence(&one->result, &one->truth, &confidence,
@@ -209,7 +211,7 @@ static hada_status add_page(map_sums *sums, const hada_compared *open, int t, ha
         HADA_TRY_OR_DONE(hada_metric_depth_parts(&one->truth, distances, count, HADA_AUTO, HADA_AUTO, parts, err));
         add_outside(sums, one, parts);
     }
-    HADA_TRY_OR_DONE(read_beside(&second, open->truth_path, "_depth", "_depth2", t, region, err));
+    HADA_TRY_OR_DONE(read_beside(&second, open->truth_path, "_depth", "_depth2", t, open->times, region, err));
     if (second.data)
         HADA_TRY_OR_DONE(hada_metric_depth_nearer(&one->truth, &second, &one->result, distances, count, err));
     for (int place = PLACES - 1; place >= ALL; place--) { /* so that `chosen` is all in the end */
@@ -261,7 +263,7 @@ hada_status hada_evaluate_maps(hada_evaluation *score, const hada_compared *open
     HADA_TRY_OR_DONE(find_steps(&sums.list, open, by, "_depth", err));
     sums.steps_known = score->steps_known = sums.list.count >= 2;
     for (int t = 0; t < open->count; t++) {
-        HADA_TRY_OR_DONE(hada_compared_read(&one, open, t, region, err));
+        HADA_TRY_OR_DONE(hada_compared_read(&one, open, t, 1, region, err));
         HADA_TRY_OR_DONE(add_page(&sums, open, t, &one, region, err));
         score->pages++;
         hada_compared_page_free(&one);

@@ -70,6 +70,16 @@ static hada_status open_tiff(hada_tiff_reader **reader, const char *path, hada_e
     return status;
 }
 
+/* By how much a truth of whole frames is larger than a result of binned ones; 1 where it is none. */
+static int times_larger(const hada_tiff_info *truth, const hada_tiff_info *result)
+{
+    const int times = truth->rows / result->rows;
+    return times > 1 && truth->rows - times * result->rows < times && truth->cols >= times * result->cols &&
+                   truth->cols - times * result->cols < times
+               ? times
+               : 1;
+}
+
 hada_status hada_compared_open(hada_compared *open, const char *result, const char *truth, hada_error *err)
 {
     *open = (hada_compared){.result_path = result, .truth_path = truth};
@@ -77,6 +87,7 @@ hada_status hada_compared_open(hada_compared *open, const char *result, const ch
     HADA_TRY(open_tiff(&open->truth, truth, err));
     open->count = hada_tiff_get_info(open->truth)->frames;
     HADA_TRY(HADA_NEW(open->page, (size_t)open->count, "a list of pages", err));
+    open->times = times_larger(hada_tiff_get_info(open->truth), hada_tiff_get_info(open->result));
     const int equal = hada_tiff_get_info(open->result)->frames == open->count;
     for (int t = 0; t < open->count; t++)
         open->page[t] = equal ? t : -1;
@@ -144,8 +155,40 @@ static hada_status read_result(hada_compared_page *one, const hada_compared *ope
     return status;
 }
 
-hada_status hada_compared_read(hada_compared_page *one, const hada_compared *open, int t, const hada_region *region,
-                               hada_error *err)
+hada_status hada_compared_thin(hada_image *image, int times, hada_error *err)
+{
+    hada_image thin;
+    if (times < 2 || image->rows < times || image->cols < times)
+        return HADA_OK;
+    HADA_TRY(hada_image_create(&thin, image->channels, image->rows / times, image->cols / times, err));
+    float *to = thin.data;
+    for (int c = 0; c < thin.channels; c++)
+        for (int row = 0; row < thin.rows; row++)
+            for (int col = 0; col < thin.cols; col++)
+                *to++ = image->data[((size_t)c * (size_t)image->rows + (size_t)(row * times + times / 2)) *
+                                        (size_t)image->cols +
+                                    (size_t)(col * times + times / 2)];
+    hada_image_destroy(image);
+    *image = thin;
+    return HADA_OK;
+}
+
+/* Means of light. */
+static hada_status bin(hada_image *image, int times, double encoding, hada_error *err)
+{
+    hada_image binned;
+    if (times < 2)
+        return HADA_OK;
+    encode(image, encoding, HADA_RESPONSE_LINEAR);
+    HADA_TRY(hada_image_downsample(&binned, image, times, HADA_MOSAIC_NONE, 0, err));
+    encode(&binned, HADA_RESPONSE_LINEAR, encoding);
+    hada_image_destroy(image);
+    *image = binned;
+    return HADA_OK;
+}
+
+hada_status hada_compared_read(hada_compared_page *one, const hada_compared *open, int t, int map,
+                               const hada_region *region, hada_error *err)
 {
     hada_image *truth = &one->truth;
     hada_status status = HADA_OK;
@@ -153,6 +196,8 @@ hada_status hada_compared_read(hada_compared_page *one, const hada_compared *ope
     *one = (hada_compared_page){0};
     HADA_TRY(hada_monitor_check(open->monitor, err)); /* files may have many pages */
     HADA_TRY_OR_DONE(hada_tiff_read(open->truth, t, truth, err));
+    HADA_TRY_OR_DONE(map ? hada_compared_thin(truth, open->times, err)
+                         : bin(truth, open->times, open->truth_encoding, err));
     HADA_TRY_OR_DONE(hada_region_mask(region, truth->rows, truth->cols, &one->mask, err));
     reading_truth = 0;
     if (open->page[t] >= 0) {

@@ -52,14 +52,16 @@ static hada_status open_file(hada_stream *stream, hada_error *err)
         return hada_fail(err, HADA_ERROR_FILE_OPEN, "a folder; name the files in it, such as %s/*.tif", path);
     HADA_TRY(hada_tiff_open(&stream->reader, path, err));
     const hada_tiff_info *info = hada_tiff_get_info(stream->reader);
-    const hada_mosaic taken = stream->plan->setup.config.mosaic;
-    if (info->mosaic != HADA_MOSAIC_NONE && info->mosaic != taken && hada_model_get_info(stream->model)->channels > 1)
+    const hada_config *config = &stream->plan->setup.config;
+    const hada_model_info *model = hada_model_get_info(stream->model);
+    const int binned = hada_is_of_sensor(model, config->kind.downsample, info->rows, info->cols);
+    const hada_mosaic taken = binned ? config->kind.sensor_mosaic : config->mosaic;
+    if (info->mosaic != HADA_MOSAIC_NONE && info->mosaic != taken && model->channels > 1)
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the colour filter mosaic of the file is %s, and %s is expected: name it with --bayer",
                          hada_enum_name(HADA_ENUM_MOSAIC, (int)info->mosaic),
                          hada_enum_name(HADA_ENUM_MOSAIC, (int)taken));
-    return hada_frame_check_size(hada_model_get_info(stream->model), stream->plan->setup.options.mosaic, info->channels,
-                                 info->rows, info->cols, err);
+    return hada_frame_check_size(model, &config->kind, info->channels, info->rows, info->cols, err);
 }
 
 static hada_status read_frame(hada_stream *stream, hada_streamed *frame)

@@ -132,6 +132,11 @@ hada_status hada_evaluate_run(hada_evaluate_report **out, const char *result, co
         HADA_TRY_OR_DONE(hada_evaluate_compare(&report->rows[i], &task, &region, err));
         HADA_TRY_OR_DONE(hada_monitor_check(task.monitor, err));
     }
+    if (report->rows[0].downsample > 1)
+        hada_monitor_tell(
+            task.monitor, HADA_MESSAGE_NOTE,
+            "the truth has %d times the rows and columns of the results, and is binned as the frames were",
+            report->rows[0].downsample);
     *out = report;
     report = NULL;
 done:

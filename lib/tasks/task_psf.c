@@ -29,6 +29,7 @@ typedef struct psfs {
     const hada_psf_task *task;
     const char *path;
     hada_psf_options options;
+    int times;        /* by which pages are binned; 1: they are not */
     hada_image flat;  /* sensitivity of the camera's pixels; empty: all alike */
     int grey, colour; /* what a frame says of channels */
     int spread;       /* a grey one became one of three channels */
@@ -161,17 +162,25 @@ done:
     return status;
 }
 
-/* Brings an image to the channels that the camera has. */
+/* Brings an image to the pixels and channels that the camera has. */
 static hada_status set_channels(psfs *of, hada_image *image, hada_error *err)
 {
-    const size_t area = (size_t)image->rows * (size_t)image->cols;
+    const int raw = image->channels == 1 && !of->colour && of->options.mosaic != HADA_MOSAIC_NONE;
     hada_image changed = {0};
+    if (of->times > 1) {
+        HADA_TRY(
+            hada_image_downsample(&changed, image, of->times, raw ? of->options.mosaic : HADA_MOSAIC_NONE, 1, err));
+        hada_image_destroy(image);
+        *image = changed;
+        of->filled |= raw;
+    }
+    const size_t area = (size_t)image->rows * (size_t)image->cols;
     if (image->channels == 1 && of->colour) {
         HADA_TRY(hada_image_create(&changed, 3, image->rows, image->cols, err));
         of->spread = 1;
         for (size_t c = 0; c < 3; c++)
             memcpy(changed.data + c * area, image->data, area * sizeof(float));
-    } else if (image->channels == 1 && of->options.mosaic) { /* of a camera with a mosaic, as it wrote it */
+    } else if (image->channels == 1 && raw) { /* of a camera with a mosaic, as it wrote it */
         HADA_TRY(hada_mosaic_colours(of->options.mosaic, image, &changed, err));
         of->filled = 1;
     } else if (image->channels == 3 && of->grey) {
@@ -303,8 +312,8 @@ static hada_status ask_frame(psfs *of, hada_error *err)
         return HADA_OK;
     HADA_TRY(hada_tiff_open(&reader, of->task->frame, err));
     const hada_tiff_info *info = hada_tiff_get_info(reader);
-    of->options.frame_rows = info->rows;
-    of->options.frame_cols = info->cols;
+    of->options.frame_rows = info->rows / of->times;
+    of->options.frame_cols = info->cols / of->times;
     if (info->mosaic && !of->options.mosaic)
         of->options.mosaic = info->mosaic;
     of->colour |= info->channels == 3;
@@ -480,6 +489,7 @@ hada_status hada_psf_run(hada_model **out, hada_context *context, const char *pa
     *out = NULL;
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(task, callers, hada_psf_task, err));
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&of.options, task->psf, hada_psf_options, err));
+    of.times = of.options.downsample > 1 ? of.options.downsample : 1;
     HADA_TRY_OR_DONE(take_flat(&of, err));
     HADA_TRY_OR_DONE(read_all(&of, err));
     if ((int)of.options.turn > 0 && of.options.turn <= HADA_TURN_270)

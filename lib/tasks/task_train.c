@@ -123,6 +123,11 @@ static hada_status check_data(const hada_model *model, const hada_dataset_info *
                          "%s divides frames by a flat frame: open the data set with that (flat_frame of "
                          "hada_dataset_options)",
                          *info->name ? info->name : "the model");
+    if (info->downsample != data->downsample || info->sensor_mosaic != data->sensor_mosaic)
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "%s bins frames by %d: open the data set with the same downsample and mosaic "
+                         "(hada_dataset_options)",
+                         *info->name ? info->name : "the model", info->downsample);
     int same = info->depths == data->depths;
     for (int z = 0; same && z < info->depths; z++)
         same = fabs(info->distances_mm[z] - data->distances_mm[z]) <= SAME_DISTANCE * info->distances_mm[z];

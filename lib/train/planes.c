@@ -261,7 +261,7 @@ static hada_status expose(hada_planes *planes, int depth, const hada_image *raw,
     hada_pixels pixels;
     hada_status status = HADA_OK;
     hada_pixels_of_image(&pixels, raw);
-    HADA_TRY(hada_exposure_begin(&exposure, info, HADA_MOSAIC_NONE, &pixels, err));
+    HADA_TRY(hada_exposure_begin(&exposure, info, &hada_frame_plain, &pixels, err));
     HADA_TRY_OR_DONE(hada_exposure_examine(&exposure, &rule, err));
     HADA_TRY_OR_DONE(hada_hadamard_frame(planes->stage, &exposure.pixels, exposure.levels, err));
     if (planes->refiner)
@@ -352,7 +352,7 @@ hada_status hada_planes_make(hada_planes *planes, int depth, hada_image *raw, co
     const hada_model_info *info = planes->info;
     if (depth < 0 || depth >= info->depths)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a plane of depth %d of %d", depth, info->depths);
-    HADA_TRY(hada_frame_check_size(info, HADA_MOSAIC_NONE, raw->channels, raw->rows, raw->cols, err));
+    HADA_TRY(hada_frame_check_size(info, &hada_frame_plain, raw->channels, raw->rows, raw->cols, err));
     for (int i = 0; i < composed->count; i++)
         if (composed->light[i].data)
             HADA_TRY(add_light(&planes->light, planes->bank, composed->depth[i], &composed->light[i], raw, err));

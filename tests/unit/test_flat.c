@@ -136,7 +136,7 @@ TEST(exposures_are_divided)
         hada_frame_exposure exposure;
         hada_pixels pixels;
         hada_pixels_of_image(&pixels, &seen);
-        ASSERT_OK(hada_exposure_begin(&exposure, &info, HADA_MOSAIC_NONE, &pixels, err));
+        ASSERT_OK(hada_exposure_begin(&exposure, &info, &hada_frame_plain, &pixels, err));
         ASSERT_OK(hada_exposure_examine(&exposure, &rule, err));
         assert_true(exposure.saturated >= clipped &&
                     exposure.saturated <= clipped + 4 * CHANNELS); /* unlit: as beside */

@@ -62,6 +62,7 @@ TEST(exposures_weigh_what_pixels_hold)
     size_t good = 0, saturated = 0;
     double energy = 0.0, sums[3] = {0.0};
     int counts[3] = {0};
+    const hada_frame_kind kind = {.mosaic = HADA_MOSAIC_AUTO, .downsample = 1};
     hada_random_seed(&random, 3, 0);
     for (int i = 0; i < AREA; i++) {
         const int c = hada_ref_mosaic_channel("grbg", i / C, i % C);
@@ -75,7 +76,7 @@ TEST(exposures_weigh_what_pixels_hold)
     values[6 * C + 4] = 7.0f; /* said to be bad: neither saturated nor the brightest */
     given[hada_ref_mosaic_channel("grbg", 6, 4) * AREA + 6 * C + 4] = 0.0f;
     hada_pixels_planar(&pixels, values, HADA_PIXEL_F32, 1, R, C);
-    ASSERT_OK(hada_exposure_begin(&exposure, &info, HADA_MOSAIC_AUTO, &pixels, err));
+    ASSERT_OK(hada_exposure_begin(&exposure, &info, &kind, &pixels, err));
     ASSERT_OK(hada_exposure_examine(&exposure, &rule, err));
     assert_int_equal(exposure.mosaic, HADA_MOSAIC_GRBG);
     assert_int_equal(exposure.repaired, 1);

@@ -65,6 +65,8 @@ static const hada_cli_option options[] = {
      "The colours of the first two rows and columns. Each colour's transfer function is learned from the pixels that hold "
      "it. The model remembers the pattern; with --psf too.",
      ONE_OF(fit.mosaic, HADA_MOSAIC_NONE, HADA_MOSAIC_RGGB, HADA_MOSAIC_BGGR, HADA_MOSAIC_GRBG, HADA_MOSAIC_GBRG)},
+    {HADA_OPTION_COUNT, "downsample", 0, "N", "make one pixel of N x N pixels of frames, PSFs and scenes (default: 1)",
+     "Their mean; of a mosaic each colour's, N even. The model does so with frames of that size.", AT(fit.downsample)},
     {HADA_OPTION_FLAG, "skip-incomplete", 0, NULL, "leave out files that have no partner, instead of refusing", NULL,
      AT(skip_incomplete)},
 
@@ -164,11 +166,12 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     hada_dataset_options_init(&scan);
     scan.skip_incomplete = set->skip_incomplete;
     scan.mosaic = set->fit.mosaic;
+    scan.downsample = set->fit.downsample;
     fit.nonnegative = set->psf_sign != 0;
     fit.leave_one_out = !set->no_leave_one_out;
     fit.form = set->form ? (hada_form)set->form : HADA_FORM_COMPLEX;
-    fit.window_rows = set->window[0];
-    fit.window_cols = set->window[1];
+    fit.window_rows = set->window[0] / set->fit.downsample;
+    fit.window_cols = set->window[1] / set->fit.downsample;
     task.fit = &fit;
     task.merge = set->merge.items;
     task.merge_count = set->merge.count;
@@ -207,14 +210,15 @@ static hada_status fit_psf(hada_cli *cli, const settings *set, const char **more
     hada_psf_task task = set->psf_task;
     psf.form = set->form ? (hada_form)set->form : HADA_FORM_WIENER;
     psf.boundary = set->task.boundary ? (hada_boundary)set->task.boundary : HADA_BOUNDARY_PADDED;
-    psf.window_rows = set->window[0];
-    psf.window_cols = set->window[1];
+    psf.window_rows = set->window[0] / set->fit.downsample;
+    psf.window_cols = set->window[1] / set->fit.downsample;
     psf.lambda = set->fit.lambda;
     if (set->frame && !hada_cli_read_size(set->frame, frame))
         task.frame = set->frame;
-    psf.frame_rows = frame[0];
-    psf.frame_cols = frame[1];
+    psf.frame_rows = frame[0] / set->fit.downsample;
+    psf.frame_cols = frame[1] / set->fit.downsample;
     psf.mosaic = set->fit.mosaic;
+    psf.downsample = set->fit.downsample;
     task.psf = &psf;
     task.more = more;
     task.more_count = count;
@@ -248,6 +252,8 @@ static int check(hada_cli *cli, const settings *set, int count, const char **arg
                               "say what to learn from: a DATASET folder, --psf PSF.tif, or saved sums with --merge");
     if (count && set->psf && !hada_path_is_file(arguments[0]))
         return hada_cli_usage(cli, "either the pairs of %s or --psf %s, not both", arguments[0], set->psf);
+    if (set->fit.downsample < 1 || (set->fit.downsample > 1 && set->merge.count))
+        return hada_cli_usage(cli, "--downsample needs 1 or more, and no sums (--merge), which say it themselves");
     if (!set->output)
         return hada_cli_usage(cli, "say where the model shall be written, with -o MODEL");
     if (set->task.resume && (!set->task.save_sums || !count || set->merge.count))

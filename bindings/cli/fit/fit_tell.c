@@ -137,7 +137,13 @@ void hada_cli_fit_tell_model(hada_cli *cli, const char *path, const hada_model *
     const char *boundary = info->boundary == HADA_BOUNDARY_PADDED ? "padded" : "circular";
     char size[16], dark[32] = "found per frame", refine[96] = "no refinement", response[HADA_RESPONSE_NAME];
     hada_cli_bytes(size, info->bytes);
-    const char *mosaic = hada_enum_name(HADA_ENUM_MOSAIC, (int)info->mosaic);
+    const int binned = info->downsample > 1, pattern = binned ? (int)info->sensor_mosaic : (int)info->mosaic;
+    const char *mosaic = hada_enum_name(HADA_ENUM_MOSAIC, pattern);
+    char pixels[64] = "";
+    if (binned)
+        hada_cli_append(pixels, sizeof pixels, " binned by %d", info->downsample);
+    if (pattern)
+        hada_cli_append(pixels, sizeof pixels, " of the mosaic %s", mosaic);
     hada_response_name(response, info->scene_response);
     if (info->dark != HADA_AUTO)
         snprintf(dark, sizeof dark, "%.4g", info->dark);
@@ -147,10 +153,10 @@ void hada_cli_fit_tell_model(hada_cli *cli, const char *path, const hada_model *
                  info->refine_steps, info->refine_tv);
     if (info->refine_steps && info->refine_share < 1)
         hada_cli_append(refine, sizeof refine, ", %.0f %% linear", 100 * (1 - info->refine_share));
-    hada_cli_say(cli, "%s: %d %s, %dx%d frames%s%s, window %dx%d, %s, %s, scenes %s, dark level %s, %s, %s (%.1f s)",
-                 path, info->depths, info->depths == 1 ? "depth" : "depths", info->raw_rows, info->raw_cols,
-                 info->mosaic ? " of the mosaic " : "", info->mosaic ? mosaic : "", info->window_rows,
-                 info->window_cols, forms[info->form], boundary, response, dark, refine, size, seconds);
+    hada_cli_say(cli, "%s: %d %s, %dx%d frames%s, window %dx%d, %s, %s, scenes %s, dark level %s, %s, %s (%.1f s)",
+                 path, info->depths, info->depths == 1 ? "depth" : "depths", info->raw_rows, info->raw_cols, pixels,
+                 info->window_rows, info->window_cols, forms[info->form], boundary, response, dark, refine, size,
+                 seconds);
     json_t *entry = json_pack("{s:o, s:s, s:s, s:i, s:[ii], s:[ii], s:[ii], s:i, s:b, s:I}", "file",
                               hada_cli_json_text(path), "form", forms[info->form], "boundary", boundary, "channels",
                               info->channels, "frame", info->raw_rows, info->raw_cols, "grid", info->grid_rows,
@@ -163,6 +169,7 @@ void hada_cli_fit_tell_model(hada_cli *cli, const char *path, const hada_model *
                  {"refine_share", info->refine_share}, {"noise", info->noise});
     json_object_set_new(entry, "scene_response", json_string(response));
     json_object_set_new(entry, "mosaic", json_string(mosaic));
+    json_object_set_new(entry, "downsample", json_integer(info->downsample));
     json_object_set_new(cli->document, "model", entry);
     json_object_set_new(cli->document, "seconds", json_real(seconds));
 }

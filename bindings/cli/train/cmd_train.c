@@ -248,8 +248,11 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     HADA_TRY_OR_DONE(hada_file_check_target(set->task.output, &err));
     HADA_TRY_OR_DONE(complete(cli, set, &of, &err));
     if (of.model) {
-        scan.flat_frame = hada_model_get_info(of.model)->flat;
-        scan.flat_dark = hada_model_get_info(of.model)->dark;
+        const hada_model_info *info = hada_model_get_info(of.model);
+        scan.flat_frame = info->flat;
+        scan.flat_dark = info->dark;
+        scan.downsample = info->downsample;
+        scan.mosaic = info->sensor_mosaic;
     }
     HADA_TRY_OR_DONE(hada_dataset_scan(&of.data, arguments[0], &scan, &err));
     HADA_TRY_OR_DONE(hada_cli_open_all(cli, &devices, &err));

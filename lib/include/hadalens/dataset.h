@@ -38,6 +38,9 @@ typedef struct hada_dataset_options {
                                      above the dark level `flat_dark`; pixels that see less than a twentieth of the mean
                                      are filled from their neighbours. NULL (default): none. Copied */
     double flat_dark;             /* 0 by default; HADA_AUTO: of each frame and channel its first percentile */
+    int downsample; /* raw frames and scenes are binned by it (hada_image_downsample()), raw frames of a mosaic by
+                       colour; scenes in their own encoding. The flat frame may have either size. 1 (default): they are
+                       not */
 } hada_dataset_options;
 HADA_INIT(hada_dataset_options, HADA_STRUCT_DATASET_OPTIONS)
 
@@ -59,7 +62,9 @@ typedef struct hada_dataset_info {
     int incomplete;                      /* number of files that were left out */
     const char *incomplete_text;         /* names the first of them; "" where there is none */
     hada_mosaic mosaic;                  /* that the raw frames are; HADA_MOSAIC_NONE: they are not filled in */
-    const hada_image *flat; /* by which they are divided, 1 in the mean (hada_model_info); NULL: they are not */
+    const hada_image *flat;    /* by which they are divided, 1 in the mean (hada_model_info); NULL: they are not */
+    int downsample;            /* by which they and the scenes are binned; 1: they are not */
+    hada_mosaic sensor_mosaic; /* of raw frames that are binned */
 } hada_dataset_info;
 HADA_API const hada_dataset_info *hada_dataset_get_info(const hada_dataset *dataset);
 

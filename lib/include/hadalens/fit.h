@@ -66,6 +66,8 @@ typedef struct hada_fit_options {
                            (hada_dataset_options): transfer functions are learned from the values that pixels hold, by
                            hada_fitter_finish() with all pairs, and the model knows the pattern. In hada_fit_run() that
                            of the data set. HADA_MOSAIC_NONE (default): pixels hold all channels */
+    int downsample;     /* by which the data set bins pairs, for the model to do the same: in hada_fit_run() as */
+    hada_mosaic sensor_mosaic; /* hada_dataset_info says; 1 and HADA_MOSAIC_NONE by default */
 } hada_fit_options;
 HADA_INIT(hada_fit_options, HADA_STRUCT_FIT_OPTIONS)
 

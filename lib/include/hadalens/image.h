@@ -42,6 +42,13 @@ typedef enum hada_mosaic {
     HADA_MOSAIC_GBRG = 4
 } hada_mosaic;
 
+/* Binning: each pixel of *out, created by the call, is the mean of factor x factor pixels; rows and columns that fill
+ * no bin are left out. mosaic: of an image of one channel; the three channels are means of the pixels that hold each
+ * colour, and the factor is even. keep_saturated: 1, for raw frames: where values of a channel are cut off at its
+ * largest one, bins that hold such a value get it, so that they are still known to be saturated; 0: means alone. */
+HADA_API hada_status hada_image_downsample(hada_image *out, const hada_image *image, int factor, hada_mosaic mosaic,
+                                           int keep_saturated, hada_error *err);
+
 /* Number of NaN and infinite values. */
 HADA_API size_t hada_image_count_not_finite(const hada_image *image);
 

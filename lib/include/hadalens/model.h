@@ -69,6 +69,9 @@ typedef struct hada_model_info {
                                known to be */
     const hada_image *flat; /* what the pixels of each channel make of the same light, 1 in the mean, 0 where they see
                                hardly any: frames are divided by it. NULL: not known. Owned by the model */
+    int downsample;         /* the sensor has so many times the rows and columns: frames of its own size are binned
+                               (hada_image_downsample()); 1: it has not */
+    hada_mosaic sensor_mosaic; /* of frames of one channel that are binned; HADA_MOSAIC_NONE: not known to be */
 } hada_model_info;
 
 HADA_API hada_status hada_model_load(hada_model **out, const char *path, hada_error *err);
@@ -137,6 +140,8 @@ typedef struct hada_psf_options {
     double psf_gate; /* what does not rise above the background by so many standard deviations of its noise is set to 0;
                         0: nothing is; HADA_AUTO (default): chosen; none where psf_dark is 0, as of computed PSFs */
     int psf_taper;   /* pixels over which a PSF fades out towards its borders; 0 by default */
+    int downsample;  /* of the frames to come, kept in the model, which bins them by it; the PSFs and frame_rows are of
+                        binned pixels, and `mosaic` is that of the sensor; 1 by default */
 } hada_psf_options;
 HADA_INIT(hada_psf_options, HADA_STRUCT_PSF_OPTIONS)
 

@@ -119,6 +119,9 @@ typedef struct hada_plan_options {
                                      channels or one for all: frames are divided by it above their dark level. Pixels
                                      that see less than a twentieth of the mean count as if their weight were 0. NULL
                                      (default): the model's, where it has one. Copied */
+    int downsample; /* frames of so many times the model's rows and columns are binned (hada_image_downsample()); then
+                       `mosaic` is that of the sensor, and dark_frame, flat_frame and pixel_weights may have the
+                       sensor's size as well. HADA_AUTO (default): as the model says; 1: none are */
 } hada_plan_options;
 HADA_INIT(hada_plan_options, HADA_STRUCT_PLAN_OPTIONS)
 

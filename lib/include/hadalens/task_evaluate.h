@@ -71,6 +71,8 @@ typedef struct hada_evaluation {
     /* Of images, as hadalens/response.h has it, 0 where it is not known: how the result was written, and in which
      * encoding the two were compared, to which it was brought. */
     double result_encoding, encoding;
+    int downsample; /* the truth has so many times the rows and columns and was binned: a frame had been for the result
+                     */
 } hada_evaluation;
 
 typedef struct hada_evaluate_report hada_evaluate_report;

@@ -13,8 +13,8 @@
 #define RESPONSE       "scene_response"
 #define MOSAIC         "mosaic" /* models of frames in full colour lack it */
 #define SENSOR_MOSAIC  "sensor_mosaic"
-#define DOWNSAMPLE     "downsample"
-#define MOST_STEPS     100000 /* of refinement: more is a damaged number */
+#define DOWNSAMPLE     "downsample" /* models of frames that are not binned lack these */
+#define MOST_STEPS     100000       /* of refinement: more is a damaged number */
 
 /* What a reader must know and the numbers cannot say; the same in every file. */
 static const char *const conventions[][2] = {
@@ -66,10 +66,11 @@ static hada_status put_metadata(hada_tensors_writer *writer, const hada_model_in
                    {"refine_tv", info->refine_tv},
                    {"refine_colour", info->refine_colour},
                    {"refine_shrink", info->refine_shrink},
-                   {"refine_share", info->refine_share},
-                   {DOWNSAMPLE, info->downsample}};
+                   {"refine_share", info->refine_share}};
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         HADA_TRY(put_number(writer, numbers[i].key, numbers[i].value, err));
+    if (info->downsample > 1)
+        HADA_TRY(put_number(writer, DOWNSAMPLE, info->downsample, err));
     char response[HADA_RESPONSE_NAME];
     hada_response_name(response, info->scene_response);
     HADA_TRY(hada_tensors_put_meta(writer, RESPONSE, response, err));

@@ -92,3 +92,36 @@ def test_mosaics(program: Any, tmp_path: Path) -> None:
     fitter = hadalens.Fitter([100.0], (64, 80), window=(24, 24), channels=3, mosaic="gbrg")
     fitter.add(0, raw, pairs.read(0, 0)[1])
     assert fitter.finish().info.mosaic == "gbrg"
+
+
+def test_downsample(tmp_path: Path) -> None:
+    """A camera learned from binned pairs bins frames of the sensor: what arrays that were binned before give."""
+    small = hadalens.Camera("sim300", rows=128, cols=160, window_rows=48, window_cols=48, lenses=9)
+    small.set_depths(100, 100, 1)
+    hadalens.simulate(small, tmp_path / "camera", pairs=3, tests=1, test_depths=1, mosaic="gbrg")
+    pairs = hadalens.Dataset.scan(tmp_path / "camera", mosaic="gbrg", downsample=2)
+    raw, scene = pairs.read(0, 0)
+    assert (raw.shape, scene.shape) == ((3, 64, 80), (3, 24, 24))
+    model = hadalens.fit(pairs)
+    assert (model.info.downsample, model.info.sensor_mosaic, model.info.mosaic) == (2, "gbrg", "none")
+    np.testing.assert_array_equal(hadalens.fit(tmp_path / "camera", mosaic="gbrg", downsample=2).otf, model.otf)
+    frame = tifffile.imread(tmp_path / "camera/test/raw/test01.tif")
+    binned = hadalens.downsample(frame, 2, mosaic="gbrg", keep_saturated=True)
+    np.testing.assert_array_equal(binned[0], frame[1::2, ::2])
+    np.testing.assert_allclose(binned[1], (frame[::2, ::2] + frame[1::2, 1::2]) / 2, rtol=1e-6)
+    known = hadalens.Plan(model).run(frame).stack
+    np.testing.assert_array_equal(known, hadalens.Plan(model).run(binned).stack)
+    even = np.full((128, 160), 0.5, np.float32)
+    told = hadalens.Plan(model, dark=0 * even, flat_frame=even, pixel_weights=even, downsample=2, mosaic="gbrg")
+    np.testing.assert_array_equal(known, told.run(frame).stack)
+    with pytest.raises(hadalens.ModelError, match="128 x 160"):
+        hadalens.Plan(model, downsample=1).run(frame)
+    with pytest.raises(ValueError, match="even number"):
+        hadalens.downsample(frame, 3, mosaic="gbrg")
+    psf = tifffile.imread(tmp_path / "camera/psf.tif").reshape(128, 160)
+    made = hadalens.Model.from_psf(hadalens.downsample(np.stack([psf] * 3), 2), 100.0, downsample=2, mosaic="gbrg")
+    assert hadalens.Plan(made).run(frame).stack.shape == (1, 3, 64, 80)
+    files = sorted((tmp_path / "camera").glob("z*/raw/*"))
+    arrays = [(tifffile.imread(file), np.zeros((3, 48, 48), np.float32)) for file in files]
+    divided = hadalens.Dataset({100.0: arrays}, mosaic="gbrg", downsample=2, flat_frame=even, flat_dark=None)
+    np.testing.assert_allclose(divided.read(0, 0)[0][1, 0, 0], arrays[0][0][[0, 1], [0, 1]].mean(), rtol=1e-5)

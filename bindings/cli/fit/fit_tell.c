@@ -169,7 +169,8 @@ void hada_cli_fit_tell_model(hada_cli *cli, const char *path, const hada_model *
                  {"refine_share", info->refine_share}, {"noise", info->noise});
     json_object_set_new(entry, "scene_response", json_string(response));
     json_object_set_new(entry, "mosaic", json_string(mosaic));
-    json_object_set_new(entry, "downsample", json_integer(info->downsample));
+    if (binned)
+        json_object_set_new(entry, "downsample", json_integer(info->downsample));
     json_object_set_new(cli->document, "model", entry);
     json_object_set_new(cli->document, "seconds", json_real(seconds));
 }

@@ -69,7 +69,7 @@ if TYPE_CHECKING:
     from . import metrics, optics
     from ._camera import Camera
     from ._register import RegisteredDepth, Registration, register, register_dataset
-    from ._scenes import add_noise, crop, fit_scene, part, procedural_scene, regions, relief, resize
+    from ._scenes import add_noise, crop, downsample, fit_scene, part, procedural_scene, regions, relief, resize
     from ._simulate import Sensor, SimulateReport, Simulator, simulate, window_origin
     from ._train import TrainState, train
     from ._trainer import Augment, Step, Trainer, Validation
@@ -144,6 +144,7 @@ __all__ = [
     "add_noise",
     "crop",
     "devices",
+    "downsample",
     "find_boundary",
     "fit",
     "fit_scene",
@@ -177,7 +178,17 @@ _LATER = {
     None: ("metrics", "optics"),
     "_camera": ("Camera",),
     "_register": ("RegisteredDepth", "Registration", "register", "register_dataset"),
-    "_scenes": ("add_noise", "crop", "fit_scene", "part", "procedural_scene", "regions", "relief", "resize"),
+    "_scenes": (
+        "add_noise",
+        "crop",
+        "downsample",
+        "fit_scene",
+        "part",
+        "procedural_scene",
+        "regions",
+        "relief",
+        "resize",
+    ),
     "_simulate": ("Sensor", "SimulateReport", "Simulator", "simulate", "window_origin"),
     "_train": ("TrainState", "train"),
     "_trainer": ("Augment", "Step", "Trainer", "Validation"),

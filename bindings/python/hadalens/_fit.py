@@ -136,6 +136,7 @@ def fit(
     resume: bool = False,
     save_seconds: float | None = None,
     mosaic: Mosaic = "none",
+    downsample: int = 1,
     channel_axis: int | None = None,
     progress: Progress | bool | None = None,
 ) -> Model:
@@ -163,6 +164,7 @@ def fit(
         save_seconds: between saves on the way, at least; None: 60.
         mosaic: of pairs that are no :class:`Dataset`, which knows it: pattern of the colour filter mosaic that raw
             frames of one channel are.
+        downsample: of the same: raw frames and scenes are binned, N x N pixels to one.
         channel_axis: of arrays of three axes; None: the first.
         progress: a function (what, done, total, note), or True for tqdm's bars.
 
@@ -179,7 +181,7 @@ def fit(
         >>> model.save("camera.model")
 
     """
-    data = None if pairs is None else as_dataset(pairs, channel_axis, mosaic)
+    data = None if pairs is None else as_dataset(pairs, channel_axis, mosaic, downsample)
     options = fit_options(
         form=form,
         window=window,

@@ -10,8 +10,8 @@ import numpy as np
 
 from . import errors
 from . import response as responses
-from ._arrays import Float32, Mosaic, NewImage, address, as_array, copy_of, planes_first, to_float
-from ._native import Caller, Handle, Monitor, Options, Owner, call, ffi, keep_error, lib, path, span, text
+from ._arrays import Float32, Image, Mosaic, NewImage, address, as_array, copy_of, planes_first, to_float
+from ._native import AUTO, Caller, Handle, Monitor, Options, Owner, call, ffi, keep_error, lib, path, span, text
 
 #: An image of a pair: an array, a TIFF or .npy file, or a function without arguments that returns an array.
 Source: TypeAlias = Any
@@ -81,6 +81,17 @@ def py_dataset_read_pair(user: Any, depth: int, pair: int, raw: Any, scene: Any,
     return give_image(raw, frame) or give_image(scene, shown)
 
 
+def _options(mosaic: Mosaic, downsample: int, flat_frame: Any, flat_dark: float | None) -> Options:
+    options = Options(
+        "hada_dataset_options", mosaic=mosaic, downsample=downsample, flat_dark=AUTO if flat_dark is None else flat_dark
+    )
+    if flat_frame is not None:
+        image = Image(flat_frame, what="flat_frame")
+        options.kept.append(image)
+        options.set(flat_frame=image.c)
+    return options
+
+
 class Dataset(Handle):
     """Pairs of raw frame and known scene, per distance; read when they are needed.
 
@@ -91,6 +102,11 @@ class Dataset(Handle):
         channel_axis: of images of three axes; None: the first, -1 for (Y, X, C). Files of TIFF need none.
         mosaic: pattern of the colour filter mosaic that raw frames of one channel are; they are read with three, and a
             camera that is learned from them knows the pattern.
+        downsample: raw frames and scenes are binned, N x N pixels to one, raw frames of a mosaic by colour; a camera
+            that is learned from them bins frames.
+        flat_frame: an evenly lit sensor, its dark level taken off, by which raw frames are divided: an array (rows,
+            cols), or like raw frames, binned or not; None: none.
+        flat_dark: dark level above which they are divided; None: of each frame and channel its first percentile.
 
     Example:
         >>> pairs = hadalens.Dataset({100.0: [(raw, scene), ...], 250.0: [...]})
@@ -100,7 +116,16 @@ class Dataset(Handle):
 
     """
 
-    def __init__(self, pairs: Pairs, *, channel_axis: int | None = None, mosaic: Mosaic = "none") -> None:
+    def __init__(
+        self,
+        pairs: Pairs,
+        *,
+        channel_axis: int | None = None,
+        mosaic: Mosaic = "none",
+        downsample: int = 1,
+        flat_frame: Any = None,
+        flat_dark: float | None = 0.0,
+    ) -> None:
         """Take the pairs; none is read yet."""
         if not isinstance(pairs, Mapping):
             collected: dict[float, list[tuple[Source, Source]]] = {}
@@ -121,7 +146,7 @@ class Dataset(Handle):
             ffi.new("int[]", [len(some) for some in self._reader.depths]),
             lib.py_dataset_read_pair,
             self._reader.user,
-            Options("hada_dataset_options", mosaic=mosaic).c,
+            _options(mosaic, downsample, flat_frame, flat_dark).c,
         )
         self._owner = owner
 
@@ -133,6 +158,9 @@ class Dataset(Handle):
         skip_incomplete: bool = False,
         frame_encoding: float | str | None = None,
         mosaic: Mosaic = "none",
+        downsample: int = 1,
+        flat_frame: Any = None,
+        flat_dark: float | None = 0.0,
     ) -> Self:
         """Return the data set of a folder: z<distance>mm/raw/NAME.tif and z<distance>mm/scene/NAME.tif.
 
@@ -140,7 +168,7 @@ class Dataset(Handle):
             folder: where the depths' folders stand.
             skip_incomplete: files without their partner are left out; otherwise they are an error.
             frame_encoding: how raw frames stand for light; None: as their files say, else linear.
-            mosaic: as of a data set of arrays.
+            mosaic, downsample, flat_frame, flat_dark: as of a data set of arrays.
 
         Raises:
             DatasetError: no depths, a depth without a pair, files without their partner.
@@ -149,12 +177,10 @@ class Dataset(Handle):
         new = cls.__new__(cls)
         new._reader = None
         owner = Owner("hada_dataset", lib.hada_dataset_destroy)
-        options = Options(
-            "hada_dataset_options",
-            skip_incomplete=skip_incomplete,
-            frame_encoding=None if frame_encoding is None else responses.number(frame_encoding),
-            mosaic=mosaic,
-        )
+        options = _options(mosaic, downsample, flat_frame, flat_dark)
+        options.set(skip_incomplete=skip_incomplete)
+        if frame_encoding is not None:
+            options.set(frame_encoding=responses.number(frame_encoding))
         call(lib.hada_dataset_scan, owner.pointer, path(folder), options.c)
         new._owner = owner
         return new
@@ -228,14 +254,17 @@ class Dataset(Handle):
 
 
 def as_dataset(
-    pairs: Dataset | Pairs | str | os.PathLike[str], channel_axis: int | None = None, mosaic: Mosaic = "none"
+    pairs: Dataset | Pairs | str | os.PathLike[str],
+    channel_axis: int | None = None,
+    mosaic: Mosaic = "none",
+    downsample: int = 1,
 ) -> Dataset:
     """Return a data set of what is given: one, a folder, or pairs."""
     if isinstance(pairs, Dataset):
         return pairs
     if isinstance(pairs, str | os.PathLike):
-        return Dataset.scan(pairs, mosaic=mosaic)
-    return Dataset(pairs, channel_axis=channel_axis, mosaic=mosaic)
+        return Dataset.scan(pairs, mosaic=mosaic, downsample=downsample)
+    return Dataset(pairs, channel_axis=channel_axis, mosaic=mosaic, downsample=downsample)
 
 
 def load_dark(name: str | os.PathLike[str]) -> tuple[Float32, float]:

@@ -79,6 +79,7 @@ class PlanOptions(TypedDict, total=False):
     half: bool
     batch: int | None
     queues: int | None
+    downsample: int | None
 
 
 def plan_options(

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import errors
-from ._arrays import Float32, Image, NewImage, as_array, planes_first, to_float
+from ._arrays import Float32, Image, Mosaic, NewImage, as_array, planes_first, to_float
 from ._native import call, ffi, lib, value_of
 
 
@@ -23,6 +23,35 @@ def fit_scene(image: Any, rows: int, cols: int, *, channel_axis: int | None = No
     """Return the largest centred part of an image with the aspect ratio rows:cols, scaled to that size."""
     made = NewImage()
     call(lib.hada_scene_fit, made.c, Image(image, channel_axis=channel_axis).c, rows, cols)
+    return made.array()
+
+
+def downsample(
+    image: Any,
+    factor: int,
+    *,
+    mosaic: Mosaic = "none",
+    keep_saturated: bool = False,
+    channel_axis: int | None = None,
+) -> Float32:
+    """Return an image whose pixels are the means of factor x factor pixels, (C, Y, X).
+
+    Args:
+        image: (Y, X) or (C, Y, X); what fills no bin is left out.
+        factor: a whole number, even for a mosaic.
+        mosaic: pattern of the colour filter mosaic that an image of one channel is; each colour is binned by itself.
+        keep_saturated: for raw frames: where values of a channel are cut off at its largest one, bins that hold such a
+            value get it, so that they are still known to be saturated.
+        channel_axis: of three axes; None: the first.
+
+    Example:
+        >>> hadalens.downsample(np.ones((480, 640)), 4).shape
+        (1, 120, 160)
+
+    """
+    taken, made = Image(image, channel_axis=channel_axis), NewImage()
+    pattern = value_of("hada_mosaic", mosaic, "mosaic")
+    call(lib.hada_image_downsample, made.c, taken.c, factor, pattern, keep_saturated)
     return made.array()
 
 

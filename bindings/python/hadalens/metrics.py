@@ -328,6 +328,7 @@ class Evaluation:
     risk: float
     result_encoding: float
     encoding: float
+    downsample: int
 
 
 def evaluate(

@@ -56,6 +56,8 @@ class ModelInfo:
         enhance: it holds a net that enhances refocused planes.
         mosaic: frames of one channel are a colour filter mosaic of this pattern: "rggb", "bggr", "grbg", "gbrg";
             "none": not known to be.
+        downsample: the sensor has so many times the rows and columns: frames of its size are binned; 1: it has not.
+        sensor_mosaic: of frames of one channel that are binned; "none": not known to be one.
 
     """
 
@@ -87,6 +89,8 @@ class ModelInfo:
     refine_share: float
     refine_shrink: float
     mosaic: str
+    downsample: int
+    sensor_mosaic: str
     regularisation: float  # "lambda" in C
     distances_mm: tuple[float, ...]
 
@@ -167,6 +171,7 @@ class Model(Handle):
         psf_gate: float | None = None,
         psf_taper: int = 0,
         channel_axis: int | None = None,
+        downsample: int = 1,
     ) -> Self:
         """Return a model made from measured or designed point spread functions.
 
@@ -192,6 +197,8 @@ class Model(Handle):
             psf_gate: standard deviations of noise above the background below which a pixel is set to 0; None: chosen.
             psf_taper: pixels over which a point spread function fades out towards its borders.
             channel_axis: of each image, where it is not the first of three.
+            downsample: frames to come have so many times the rows and columns and are binned; the point spread
+                functions and `frame` are of binned pixels (:func:`hadalens.downsample`), `mosaic` is the sensor's.
 
         Raises:
             SizeError, ArgumentError: sizes or values do not fit.
@@ -222,6 +229,7 @@ class Model(Handle):
             refine_tv=refine_tv,
             turn=turn,
             mosaic=mosaic,
+            downsample=downsample,
             **{"lambda": regularisation},
         )
         return cls._new(

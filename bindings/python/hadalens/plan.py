@@ -107,6 +107,8 @@ class Plan(Handle):
             or like raw frames; None: the model's, where it has one.
         mosaic: pattern of the colour filter mosaic that frames of one channel are: "rggb", "bggr", "grbg", "gbrg",
             "none"; "auto": what the model says. Planes have the model's three channels.
+        downsample: frames of so many times the model's rows and columns are binned; `mosaic` is the sensor's then, and
+            dark and flat frame and `pixel_weights` may be of the sensor's size too; None: as the model says.
         support: of refinement where a sensor crops: where light may come from, the "window" or the whole "grid";
             "auto": the grid for models of point spread functions whose window is the whole frame.
         repair: NaN and infinite pixels take the median of their neighbours; otherwise such frames are refused.
@@ -161,6 +163,7 @@ class Plan(Handle):
         half: bool = False,
         batch: int | None = None,
         queues: int | None = None,
+        downsample: int | None = None,
     ) -> None:
         """Make the plan: memory on the device is taken, kernels are compiled or loaded."""
         options = plan_options(
@@ -187,6 +190,7 @@ class Plan(Handle):
             half=half,
             batch=batch,
             queues=queues,
+            downsample=downsample,
         )
         model, used = as_model(model), contexts(context)
         owner = Owner("hada_plan", lib.hada_plan_destroy, [one._own for one in used], model._own)

@@ -2,6 +2,7 @@
 
 #include "core/callers.h"
 #include "dispatch/plan.h"
+#include "image/pixels.h"
 #include "io/folder.h"
 #include "io/tiff_page.h"
 #include "planes/maker.h"
@@ -67,6 +68,14 @@ static hada_status open_file(hada_stream *stream, hada_error *err)
 static hada_status read_frame(hada_stream *stream, hada_streamed *frame)
 {
     hada_error *err = &frame->error;
+    if (stream->given) {
+        hada_image copy;
+        frame->frames = 1;
+        HADA_TRY(hada_image_copy(&copy, stream->given, err));
+        hada_pixels_init(&frame->raw);
+        hada_pixels_of_image(&frame->raw, &copy);
+        return hada_job_submit_pixels(&frame->job, stream->plan, &frame->raw, &frame->result, err);
+    }
     if (!stream->reader)
         HADA_TRY(open_file(stream, err));
     frame->frames = hada_tiff_get_info(stream->reader)->frames;

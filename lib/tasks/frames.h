@@ -27,6 +27,7 @@ typedef struct hada_stream {
     int count;
     double encoding; /* of the frames: hada_tiff_read_light() */
     const hada_monitor *monitor;
+    const hada_image *given; /* in place of the only file's; may be set after hada_stream_begin(). NULL: none */
 
     hada_tiff_reader *reader; /* of the file that is being read */
     int file, frame;          /* to be read next */

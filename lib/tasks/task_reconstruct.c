@@ -248,6 +248,8 @@ hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, con
     if (!plan || !model || !paths || !own.task.output)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT,
                                    "hada_reconstruct_files: a plan, its model, files and a folder are needed"));
+    if (own.task.frame && count != 1)
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "options.frame goes with one path, not with %d", count));
     own.gamma = plan->setup.options.gamma;
     HADA_TRY_OR_DONE(check_encoding(&own, err));
     HADA_TRY_OR_DONE(make_names(&own, err));
@@ -256,6 +258,7 @@ hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, con
     HADA_TRY_OR_DONE(choose_files(&own, err));
     HADA_TRY_OR_DONE(hada_stream_begin(&own.stream, plan, model, own.here, own.here_count, own.task.frame_encoding,
                                        hada_files_ahead(plan), own.task.monitor, err));
+    own.stream.given = own.task.frame;
     own.progress = hada_progress_begin(own.task.monitor, "frames", own.here_count);
     take_all(&own);
     if (own.open)

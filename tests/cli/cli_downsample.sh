@@ -47,4 +47,32 @@ expect 0 'frames binned by 2' fit --merge none.sums -o x.model
 expect 4 'binned by another number' fit little --merge none.sums -o x.model
 expect 2 'sums' fit --merge none.sums --downsample 2 -o x.model
 
+# Exposures of one scene: the long ones saturate, the short ones are noise; together they are better than each.
+sensor=(--preset sim300 --size 64x80 --window 24x24 --depths 1 --lenses 9 --test 1 --test-depths 1 --pairs 4
+    --full-well 8000 --read-noise 10)
+expect 0 '' simulate "${sensor[@]}" -o sensor
+expect 0 '' fit sensor -o sensor.model
+for e in 0.4 3 24; do
+    expect 0 '' simulate "${sensor[@]}" --exposure $e --adc-bits 12 -o exposed-$e
+    cp exposed-$e/test/raw/test01.tif $e.tif
+done
+best=0
+psnr() {
+    expect 0 '' evaluate $1 sensor/test/truth/test01_aif.tif --match-gain --json
+    grep '"psnr"' stdout | grep -oE '[0-9]+\.[0-9]' | head -n 1 | tr -d .
+}
+for e in 0.4 3 24; do
+    expect 0 '' reconstruct $e.tif -m sensor.model -o single
+    got=$(psnr single/${e}_aif.tif)
+    [ "$got" -le "$best" ] || best=$got
+done
+expect 0 'exposure 3 is .* times the shortest' reconstruct --bracket 0.4.tif 3.tif 24.tif -m sensor.model -o bracket
+got=$(psnr bracket/0.4_aif.tif)
+[ "$got" -gt $((best + 5)) ] || fail "a bracket: $got, the best exposure: $best (tenths of dB)"
+expect 0 'linear filters' reconstruct --bracket 0.4.tif 3.tif -m sensor.model -o x --refine 0
+expect 2 'two exposures' reconstruct --bracket 0.4.tif -m sensor.model -o x
+expect 2 'weights of its own' reconstruct --bracket 0.4.tif 3.tif --weights 24.tif -m sensor.model -o x
+expect 3 'none.tif' reconstruct --bracket 0.4.tif none.tif -m sensor.model -o x
+expect 4 '128 x 160' reconstruct --bracket 0.4.tif none/test/raw/test01.tif -m sensor.model -o x
+
 finish

@@ -125,3 +125,23 @@ def test_downsample(tmp_path: Path) -> None:
     arrays = [(tifffile.imread(file), np.zeros((3, 48, 48), np.float32)) for file in files]
     divided = hadalens.Dataset({100.0: arrays}, mosaic="gbrg", downsample=2, flat_frame=even, flat_dark=None)
     np.testing.assert_allclose(divided.read(0, 0)[0][1, 0, 0], arrays[0][0][[0, 1], [0, 1]].mean(), rtol=1e-5)
+
+
+def test_exposures(tmp_path: Path) -> None:
+    """Exposures of one scene become one frame with weights, from arrays and from files."""
+    light = np.random.default_rng(3).random((1, 48, 60)) ** 2
+    frames = [np.minimum(0.05 + length * light, 1).astype(np.float32) for length in (0.3, 4.0)]
+    merged, weights, lengths, dark = hadalens.merge_exposures(*reversed(frames))
+    np.testing.assert_allclose(merged, frames[0], atol=1e-5)
+    np.testing.assert_allclose(lengths, (4 / 0.3, 1), rtol=1e-4)
+    assert abs(dark - 0.05) < 1e-4
+    assert set(np.unique(weights[frames[1] > 0.995]).round(4)) == {np.float32(round(0.3 / 4.3, 4))}
+    for i, frame in enumerate(frames):
+        tifffile.imwrite(tmp_path / f"{i}.tif", frame[0])
+    loaded = hadalens.load_exposures(tmp_path / "1.tif", tmp_path / "0.tif")
+    np.testing.assert_array_equal(loaded[0], merged)
+    np.testing.assert_array_equal(loaded[1], weights)
+    with pytest.raises(hadalens.NumericError, match="same scene"):
+        hadalens.merge_exposures(frames[0], 1 - frames[1])
+    with pytest.raises(FileNotFoundError):
+        hadalens.load_exposures(tmp_path / "2.tif")

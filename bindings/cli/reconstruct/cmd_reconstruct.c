@@ -19,7 +19,7 @@ typedef struct settings {
     hada_plan_options plan;
     hada_files_task task;
     const char *model, *depths, *occupied, *dark, *flat, *weights, *skip, *encoding, *frame_encoding;
-    int no_enhance, no_preview, strict;
+    int no_enhance, no_preview, strict, bracket;
     hada_cli_method_settings method;
 } settings;
 
@@ -99,6 +99,8 @@ static const hada_cli_option options[] = {
      "demosaiced. auto: what the model says.",
      ONE_OF(plan.mosaic, HADA_MOSAIC_AUTO, HADA_MOSAIC_NONE, HADA_MOSAIC_RGGB, HADA_MOSAIC_BGGR, HADA_MOSAIC_GRBG,
             HADA_MOSAIC_GBRG)},
+    {HADA_OPTION_FLAG, "bracket", 0, NULL, "the files are exposures of one scene, to merge into one frame",
+     "Their lengths are found from them. Saturated pixels of longer ones are taken from shorter ones.", AT(bracket)},
     {HADA_OPTION_COUNT, "downsample", 0, "N",
      "make pixels of N x N pixels of larger frames (default: as the model does)",
      "The dark and flat frame and the weights may be as large.", AT(plan.downsample)},
@@ -180,6 +182,8 @@ typedef struct job {
     hada_classic_options classic;
     hada_cli_dark dark;
     hada_image weights, flat; /* of pixels */
+    hada_image merged;        /* a bracket's frame */
+    const char **paths;
     int files, *depths, *occupied;
     double encoding, frame_encoding;
 } job;
@@ -234,11 +238,30 @@ static hada_status read_options(job *work, hada_error *err)
     HADA_TRY(hada_cli_read_method(&set->method, &work->classic, err));
     work->classic.support = plan->support;
     /* several files are no sequence: each frame finds the weight that it wants */
-    if (work->files > 1 && plan->refine_tv == HADA_AUTO &&
+    if (work->files > 1 && !set->bracket && plan->refine_tv == HADA_AUTO &&
         (work->classic.method || hada_model_get_info(work->model)->refine_tv == HADA_AUTO))
         plan->refine_tv = HADA_REFINE_TV_FRAME;
     plan->classic = &work->classic;
     plan->enhance = !set->no_enhance;
+    return HADA_OK;
+}
+
+/* Linear filters take no weights. */
+static int is_linear(const job *work)
+{
+    const int steps =
+        work->options.refine == HADA_AUTO ? hada_model_get_info(work->model)->refine_steps : work->options.refine;
+    return work->classic.method == HADA_METHOD_MODEL ? !steps : work->classic.method == HADA_METHOD_WIENER;
+}
+
+static hada_status merge_bracket(job *work, hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(work->model);
+    const hada_mosaic known = info->sensor_mosaic ? info->sensor_mosaic : info->mosaic;
+    const hada_mosaic mosaic = work->options.mosaic == HADA_MOSAIC_AUTO ? known : work->options.mosaic;
+    HADA_TRY(hada_exposures_load(&work->merged, &work->weights, work->paths, work->files, work->frame_encoding, mosaic,
+                                 &work->cli->monitor, err));
+    work->options.pixel_weights = is_linear(work) ? NULL : &work->weights;
     return HADA_OK;
 }
 
@@ -289,6 +312,8 @@ static hada_status prepare(job *work, hada_error *err)
     HADA_TRY_OR_DONE(hada_model_load(&work->model, work->set->model, err));
     HADA_TRY_OR_DONE(change_form(work, err));
     HADA_TRY_OR_DONE(read_options(work, err));
+    if (work->set->bracket)
+        HADA_TRY_OR_DONE(merge_bracket(work, err));
     HADA_TRY_OR_DONE(hada_cli_open_all(work->cli, &work->devices, err));
     HADA_TRY_OR_DONE(make_plan(work, err));
 done:
@@ -311,6 +336,7 @@ static int run_files(job *work, int count, const char **paths)
     json_object_set_new(work->cli->document, "files", json_array());
     task.encoding = work->encoding;
     task.frame_encoding = work->frame_encoding;
+    task.frame = set->bracket ? &work->merged : NULL;
     task.match = set->strict ? HADA_FILES_MATCH_EACH : HADA_FILES_MATCH_FIRST;
     task.communicator = hada_cli_communicator(work->cli);
     const hada_status status = hada_reconstruct_files(work->plan, work->model, paths, count, &task, NULL, &err);
@@ -337,6 +363,8 @@ static int check(hada_cli *cli, const settings *set, int count)
         return hada_cli_usage(cli, "say which camera took the frames, with -m MODEL ('hadalens fit' makes one)");
     if (!set->task.output)
         return hada_cli_usage(cli, "say where the results shall go, with -o FOLDER");
+    if (set->bracket && set->weights)
+        return hada_cli_usage(cli, "--bracket has weights of its own; leave --weights out");
     if (!(set->plan.gamma > 0) || !(set->task.white > 0))
         return hada_cli_usage(cli, "--gamma and --white must be greater than zero");
     return HADA_EXIT_OK;
@@ -345,16 +373,18 @@ static int check(hada_cli *cli, const settings *set, int count)
 static int run(hada_cli *cli, void *user, int count, const char **arguments)
 {
     hada_error err = {0};
-    job work = {.cli = cli, .set = user, .files = count};
+    job work = {.cli = cli, .set = user, .paths = arguments, .files = count};
     int code = check(cli, user, count);
     if (!code)
-        code = prepare(&work, &err) ? hada_cli_fail(cli, &err) : run_files(&work, count, arguments);
+        code = prepare(&work, &err) ? hada_cli_fail(cli, &err)
+                                    : run_files(&work, work.set->bracket ? 1 : count, arguments);
     hada_plan_destroy(&work.plan);
     hada_model_destroy(&work.model);
     hada_cli_close_all(cli, &work.devices);
     hada_cli_dark_free(&work.dark);
     hada_image_destroy(&work.weights);
     hada_image_destroy(&work.flat);
+    hada_image_destroy(&work.merged);
     free(work.depths);
     free(work.occupied);
     return code;

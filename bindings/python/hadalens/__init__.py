@@ -18,7 +18,7 @@ from ._fit import fit
 from ._fit_report import FilterScore, FitReport, OutsideScore, RefineScore, ResponseRow
 from ._fitter import Fitter, find_boundary
 from ._job import Job
-from ._pairs import Dataset, load_dark
+from ._pairs import Dataset, load_dark, load_exposures, merge_exposures
 from ._plan_options import Classic
 from .device import Context, DeviceInfo, devices
 from .errors import (
@@ -151,6 +151,8 @@ __all__ = [
     "focus_stack",
     "limits",
     "load_dark",
+    "load_exposures",
+    "merge_exposures",
     "metrics",
     "optics",
     "part",

@@ -11,7 +11,22 @@ import numpy as np
 from . import errors
 from . import response as responses
 from ._arrays import Float32, Image, Mosaic, NewImage, address, as_array, copy_of, planes_first, to_float
-from ._native import AUTO, Caller, Handle, Monitor, Options, Owner, call, ffi, keep_error, lib, path, span, text
+from ._native import (
+    AUTO,
+    Caller,
+    Handle,
+    Monitor,
+    Options,
+    Owner,
+    call,
+    ffi,
+    keep_error,
+    lib,
+    path,
+    span,
+    text,
+    value_of,
+)
 
 #: An image of a pair: an array, a TIFF or .npy file, or a function without arguments that returns an array.
 Source: TypeAlias = Any
@@ -278,3 +293,46 @@ def load_dark(name: str | os.PathLike[str]) -> tuple[Float32, float]:
     image, level = NewImage(), ffi.new("double *")
     call(lib.hada_dark_frame_load, image.c, level, path(name))
     return image.array(), level[0]
+
+
+def merge_exposures(
+    *frames: Any, mosaic: Mosaic = "none", channel_axis: int | None = None
+) -> tuple[Float32, Float32, tuple[float, ...], float]:
+    """Return one frame of exposures of the same scene, linear in light and in any order.
+
+    The frame (C, Y, X) is in the units of the shortest exposure. Its weights, which a plan takes as `pixel_weights`, are
+    larger where longer exposures are not saturated and noise is lower. Then come the lengths of the exposures over the
+    shortest, found from the frames, and what a pixel without light reads.
+
+    Raises:
+        NumericError: exposures of different scenes, or that share too few pixels which neither saturates.
+
+    Example:
+        >>> frame, weights, lengths, dark = hadalens.merge_exposures(short, medium, long)
+        >>> result = hadalens.Plan(model, pixel_weights=weights, dark=dark).run(frame)
+
+    """
+    images = Image(*frames, channel_axis=channel_axis)
+    made, weights = NewImage(), NewImage()
+    scales, dark = ffi.new("double[]", len(frames)), ffi.new("double *")
+    pattern = value_of("hada_mosaic", mosaic, "mosaic")
+    call(lib.hada_image_merge_exposures, made.c, weights.c, images.c, len(frames), pattern, scales, dark)
+    return made.array(), weights.array(), tuple(scales), dark[0]
+
+
+def load_exposures(
+    *names: str | os.PathLike[str], frame_encoding: float | str | None = None, mosaic: Mosaic = "none"
+) -> tuple[Float32, Float32]:
+    """Return one frame of all pages of some files, exposures of the same scene, and its weights: merge_exposures.
+
+    Example:
+        >>> frame, weights = hadalens.load_exposures("short.tif", "long.tif")
+
+    """
+    made, weights = NewImage(), NewImage()
+    paths = [ffi.new("char[]", path(name)) for name in names]
+    encoding = AUTO if frame_encoding is None else responses.number(frame_encoding)
+    pattern = value_of("hada_mosaic", mosaic, "mosaic")
+    array = ffi.new("char *[]", paths)
+    call(lib.hada_exposures_load, made.c, weights.c, array, len(paths), encoding, pattern, ffi.NULL)
+    return made.array(), weights.array()

@@ -49,6 +49,19 @@ typedef enum hada_mosaic {
 HADA_API hada_status hada_image_downsample(hada_image *out, const hada_image *image, int factor, hada_mosaic mosaic,
                                            int keep_saturated, hada_error *err);
 
+/* One frame, created by the call, of `count` exposures of the same scene (2 or more, in any order, linear in light, of
+ * one size; a mosaic of one channel by its pattern). Values are in the units of the shortest exposure, its dark level
+ * with them. An exposure counts by the square of its length at pixels that it does not saturate; one that all saturate
+ * stays so. weights (may be NULL; created by the call): the length of the exposures that each value is made of, over
+ * that of all: noise is lower where it is larger, and a plan needs it as its pixel_weights. dark (may be NULL): what a
+ * pixel without light reads, by what the exposures have in common. scales (may be NULL): how many times the shortest
+ * each exposure is, found from the frames themselves by orthogonal regression (W. E. Deming, Statistical Adjustment of
+ * Data, 1943). HADA_ERROR_NUMERIC where two of them show different scenes, or share too few pixels that neither
+ * saturates. */
+HADA_API hada_status hada_image_merge_exposures(hada_image *out, hada_image *weights, const hada_image *frames,
+                                                int count, hada_mosaic mosaic, double *scales, double *dark,
+                                                hada_error *err);
+
 /* Number of NaN and infinite values. */
 HADA_API size_t hada_image_count_not_finite(const hada_image *image);
 

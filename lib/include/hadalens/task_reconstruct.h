@@ -63,6 +63,7 @@ typedef struct hada_files_task {
     double frame_encoding;  /* how the values of the frames stand for light (hadalens/response.h), which is made linear;
                                HADA_AUTO (default): as their files say (JPEG: sRGB), linear where they say nothing */
     hada_files_match match; /* HADA_FILES_MATCH_FIRST by default */
+    const hada_image *frame; /* in place of what the only path's file holds: hada_exposures_load(); NULL (default) */
 } hada_files_task;
 HADA_INIT(hada_files_task, HADA_STRUCT_FILES_TASK)
 
@@ -95,6 +96,13 @@ HADA_API int hada_files_ahead(const hada_plan *plan);
  * two paths would write the same files; HADA_ERROR_CANCELLED where the monitor wanted to stop. */
 HADA_API hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, const char *const *paths,
                                             int count, const hada_files_task *task, int *failed, hada_error *err);
+
+/* One frame of all pages of some files, exposures of one scene (hada_image_merge_exposures()), which hada_files_task
+ * takes, and its weights, which a plan needs. encoding: as hada_files_task.frame_encoding; mosaic: of pages of one
+ * channel. Both images are created by the call. The monitor (may be NULL) is told the lengths. */
+HADA_API hada_status hada_exposures_load(hada_image *frame, hada_image *weights, const char *const *paths, int count,
+                                         double encoding, hada_mosaic mosaic, const hada_monitor *monitor,
+                                         hada_error *err);
 
 #ifdef __cplusplus
 }

@@ -300,9 +300,9 @@ def merge_exposures(
 ) -> tuple[Float32, Float32, tuple[float, ...], float]:
     """Return one frame of exposures of the same scene, linear in light and in any order.
 
-    The frame (C, Y, X) is in the units of the shortest exposure. Its weights, which a plan takes as `pixel_weights`, are
-    larger where longer exposures are not saturated and noise is lower. Then come the lengths of the exposures over the
-    shortest, found from the frames, and what a pixel without light reads.
+    The frame (C, Y, X) is in the units of the shortest exposure. Its weights, which a plan takes as `pixel_weights`,
+    are larger where longer exposures are not saturated and noise is lower. Then come the lengths of the exposures over
+    the shortest, found from the frames, and what a pixel without light reads.
 
     Raises:
         NumericError: exposures of different scenes, or that share too few pixels which neither saturates.

@@ -112,7 +112,7 @@ def test_downsample(tmp_path: Path) -> None:
     known = hadalens.Plan(model).run(frame).stack
     np.testing.assert_array_equal(known, hadalens.Plan(model).run(binned).stack)
     even = np.full((128, 160), 0.5, np.float32)
-    told = hadalens.Plan(model, dark=0 * even, flat_frame=even, pixel_weights=even, downsample=2, mosaic="gbrg")
+    told = hadalens.Plan(model, dark=0 * even, flat_frame=even, downsample=2, mosaic="gbrg")
     np.testing.assert_array_equal(known, told.run(frame).stack)
     with pytest.raises(hadalens.ModelError, match="128 x 160"):
         hadalens.Plan(model, downsample=1).run(frame)
@@ -123,6 +123,9 @@ def test_downsample(tmp_path: Path) -> None:
     assert hadalens.Plan(made).run(frame).stack.shape == (1, 3, 64, 80)
     files = sorted((tmp_path / "camera").glob("z*/raw/*"))
     arrays = [(tifffile.imread(file), np.zeros((3, 48, 48), np.float32)) for file in files]
+    fitter = hadalens.Fitter([100.0], (64, 80), window=(24, 24), channels=3, mosaic="gbrg", downsample=2)
+    fitter.add(0, arrays[0][0], np.ones((3, 48, 48), np.float32))
+    assert fitter.finish().info.sensor_mosaic == "gbrg"
     divided = hadalens.Dataset({100.0: arrays}, mosaic="gbrg", downsample=2, flat_frame=even, flat_dark=None)
     np.testing.assert_allclose(divided.read(0, 0)[0][1, 0, 0], arrays[0][0][[0, 1], [0, 1]].mean(), rtol=1e-5)
 
@@ -141,6 +144,10 @@ def test_exposures(tmp_path: Path) -> None:
     loaded = hadalens.load_exposures(tmp_path / "1.tif", tmp_path / "0.tif")
     np.testing.assert_array_equal(loaded[0], merged)
     np.testing.assert_array_equal(loaded[1], weights)
+    model = hadalens.Model.from_psf(np.eye(48, 60, dtype=np.float32)[::-1], 100.0, dark=dark)
+    plan = hadalens.Plan(model, pixel_weights=weights)
+    hadalens.reconstruct_files(plan, [tmp_path / "0.tif"], tmp_path, preview=False, frame=merged)
+    np.testing.assert_array_equal(tifffile.imread(tmp_path / "0_aif.tif"), plan.run(merged).all_in_focus[0])
     with pytest.raises(hadalens.NumericError, match="same scene"):
         hadalens.merge_exposures(frames[0], 1 - frames[1])
     with pytest.raises(FileNotFoundError):

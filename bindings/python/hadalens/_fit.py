@@ -64,6 +64,7 @@ class FitOptions(TypedDict, total=False):
     crop_passes: int | None
     leave_one_out: bool
     mosaic: Mosaic
+    downsample: int
 
 
 def fit_options(
@@ -83,6 +84,7 @@ def fit_options(
     crop_passes: int | None = None,
     leave_one_out: bool = True,
     mosaic: Mosaic = "none",
+    downsample: int = 1,
     **others: Any,
 ) -> Options:
     """Return hada_fit_options of what fit and Fitter take alike."""
@@ -103,7 +105,9 @@ def fit_options(
         scene_response=None if scene_response is None else responses.number(scene_response),
         crop_passes=crop_passes,
         leave_one_out=leave_one_out,
-        mosaic=mosaic,
+        mosaic="none" if downsample > 1 else mosaic,
+        downsample=downsample,
+        sensor_mosaic=mosaic if downsample > 1 else "none",
         **{"lambda": regularisation},
         **others,
     )

@@ -72,7 +72,8 @@ class Fitter(Handle):
         context: a device; None: :meth:`Context.default`.
         channel_axis: of arrays of three axes; None: the first.
         options: form, dark, alpha, regularisation, outside, refine_steps, refine_tv, refine_colour,
-            refine_shrink, nonnegative, scene_response, crop_passes, leave_one_out, mosaic as in :func:`fit`.
+            refine_shrink, nonnegative, scene_response, crop_passes, leave_one_out, mosaic, downsample as in
+            :func:`fit`; `raw_size` and `window` are of binned pixels, frames and scenes of the sensor's.
 
     Example:
         >>> fitter = hadalens.Fitter([100.0, 600.0], raw_size=(300, 400), window=(120, 120), channels=3)
@@ -120,7 +121,8 @@ class Fitter(Handle):
         self._channel_axis = channel_axis
         self._window = (int(options.c.window_rows), int(options.c.window_cols))
         self._response = float(options.c.scene_response)
-        self._mosaic = cast(Mosaic, word("hada_mosaic", options.c.mosaic))
+        sensor = options.c.sensor_mosaic if options.c.downsample > 1 else options.c.mosaic
+        self._mosaic, self._downsample = cast(Mosaic, word("hada_mosaic", sensor)), int(options.c.downsample)
         info = self._info
         self._distances = tuple(info.distances_mm[z] for z in range(info.depths))
         self._seen = [_Seen() for _ in self._distances]
@@ -162,7 +164,7 @@ class Fitter(Handle):
 
         """
         distance, images = self._distance(depth), Reader([[(raw, scene)]], self._channel_axis).read(0, 0)
-        pair = Dataset({distance: [images]}, mosaic=self._mosaic)
+        pair = Dataset({distance: [images]}, mosaic=self._mosaic, downsample=self._downsample)
         monitored(self._monitor, pair, lib.hada_fitter_add, self._c, pair._c)
         self._seen[depth].add(*images, self._window, self._response)
 
@@ -230,8 +232,8 @@ class Fitter(Handle):
             again = {self._distances[depth]: _Shown(show, depth, count) for depth, count in counts}
         elif any(self._scored.values()):
             again = self._scored
-        axis, mosaic = self._channel_axis, self._mosaic
-        data = None if again is None else Dataset(again, channel_axis=axis, mosaic=mosaic)
+        axis, mosaic, downsample = self._channel_axis, self._mosaic, self._downsample
+        data = None if again is None else Dataset(again, channel_axis=axis, mosaic=mosaic, downsample=downsample)
         model = Owner("hada_model", lib.hada_model_destroy)
         arguments = (lib.hada_fitter_finish, self._c, ffi.NULL if data is None else data._c, model.pointer)
         monitored(self._monitor, data, *arguments)

@@ -272,6 +272,7 @@ def reconstruct_files(
     frame_encoding: float | str | None = None,
     resume: bool = False,
     match: Literal["none", "first", "each"] = "first",
+    frame: Any = None,
     tell: Callable[[str, int], None] | None = None,
     progress: Progress | bool | None = None,
 ) -> list[FileResult]:
@@ -292,6 +293,7 @@ def reconstruct_files(
         resume: files whose results stand in the folder are passed over, whatever made them.
         match: whether the camera belongs to the first frame, or to the first one of each file, is in the results, and
             logged where it does not (:meth:`Plan.match`).
+        frame: in place of what the only file holds, such as that of :func:`hadalens.merge_exposures`.
         tell: called with path and frame number as frames are done.
         progress: a function, or True for tqdm's bars.
 
@@ -316,6 +318,10 @@ def reconstruct_files(
         user=monitor.user,
         monitor=monitor.options,
     )
+    if frame is not None:
+        image = Image(frame, what="frame")
+        task.kept.append(image)
+        task.set(frame=image.c)
     names = [ffi.new("char[]", path(name)) for name in files]
     array = ffi.new("char *[]", names)
     monitor.run(lib.hada_reconstruct_files, plan._c, plan.model._c, array, len(names), task.c, ffi.NULL)

@@ -187,6 +187,7 @@ static hada_status open_context(hada_context **out, const adopted *from, const h
     context->log = options.log;
     context->log_user = options.log_user;
     context->log_level = options.log_level;
+    context->monitor = options.monitor;
     const char *tuning = options.tuning ? options.tuning : getenv("HADALENS_TUNING");
     if (tuning && *tuning)
         HADA_TRY_OR_DONE(hada_tuning_read(&context->tuning, tuning, err));

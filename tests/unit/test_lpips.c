@@ -231,8 +231,8 @@ TEST(stops_within_a_comparison)
 {
     patience none = {0};
     const hada_monitor monitor = patience_monitor(&none);
-    hada_lpips *lpips = open_net(0);
-    hada_image a = {0}, b = {0};
+    SCOPED(hada_lpips) *lpips = open_net(0);
+    SCOPED(hada_image) a = {0}, b = {0};
     double before, after;
     make_pair(&a, &b, 3, 64, 72);
     ASSERT_OK(hada_lpips_run(lpips, &a, &b, 1.0, NULL, &before, err));
@@ -241,9 +241,6 @@ TEST(stops_within_a_comparison)
     hada_lpips_watch(lpips, NULL);
     ASSERT_OK(hada_lpips_run(lpips, &a, &b, 1.0, NULL, &after, err));
     assert_true(before == after);
-    hada_image_destroy(&a);
-    hada_image_destroy(&b);
-    hada_lpips_destroy(&lpips);
 }
 
 static int open_all(void **state)

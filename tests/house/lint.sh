@@ -3,7 +3,7 @@
 #   tests/house/lint.sh BUILD [whole]    a build folder with compile_commands.json, built
 #   tests/house/lint.sh --fix            only formats the sources
 # What follows calls from file to file or from branch to branch, cppcheck and clang's analyzer, takes nine tenths of the
-# time: it looks at the files of the last 40 commits and at a third of the others, another one each day; whole: at all.
+# time: it looks at the files of the last ten commits and at a fifth of all, another one each day; whole: at all.
 # Where a finding is none, the code is mended so that tools and readers see why; else a suppression is put on its line
 # with the reason (cppcheck-suppress, NOLINT).
 set -euo pipefail
@@ -14,8 +14,8 @@ sources() { git ls-files -- "$@" | while read -r file; do [ ! -e "$file" ] || ec
 failed=0
 all=$(sources 'lib/*.c' 'bindings/*.c')
 deep=$all
-if [ "${2:-}" != whole ] && lately=$(git log -n 40 --name-only --format= -- lib bindings && git diff --name-only HEAD); then
-    deep=$({ echo "$lately" | grep -xF "$all" || true; echo "$all" | awk -v day="$(date +%j)" 'NR % 3 == day % 3'; } | sort -u)
+if [ "${2:-}" != whole ] && lately=$(git log -n 10 --name-only --format= -- lib bindings && git diff --name-only HEAD); then
+    deep=$({ echo "$lately" | grep -xF "$all" || true; echo "$all" | awk -v day="$(date +%j)" 'NR % 5 == day % 5'; } | sort -u)
 fi
 
 formatted=$(sources '*.c' '*.h' '*.cl' | grep -v '^tests/abi/frozen')

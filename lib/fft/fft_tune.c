@@ -1,7 +1,7 @@
 /* Measuring the back ends against each other, on request only. */
 #include <hadalens/tune.h>
 
-#include "core/base.h"
+#include "core/callers.h"
 #include "core/clock.h"
 #include "fft/fft_internal.h"
 #include "runtime/tuning.h"
@@ -90,7 +90,8 @@ static hada_status make_buffers(contest *c, hada_error *err)
 
 static hada_status measure(contest *c, int rounds, hada_error *err)
 {
-    for (int r = 0; r < rounds; r++)
+    for (int r = 0; r < rounds; r++) {
+        HADA_TRY(hada_monitor_check(c->slot->context->monitor, err));
         for (int k = 0; k < BACKENDS * DIRECTIONS; k++) {
             /* they take turns, and who goes first changes */
             const int b = (k + r) % BACKENDS, d = k / BACKENDS;
@@ -100,6 +101,8 @@ static hada_status measure(contest *c, int rounds, hada_error *err)
             HADA_TRY(run(c, b, d, err));
             c->seconds[b][d][r] = hada_seconds() - start;
         }
+    }
+    HADA_TRY(hada_monitor_check(c->slot->context->monitor, err));
     return HADA_OK;
 }
 

@@ -2,6 +2,7 @@
 
 #include "image/pixels.h"
 #include "metrics/lpips_stage.h"
+#include "metrics/metrics.h"
 #include "net/graph.h"
 #include "runtime/memory.h"
 
@@ -328,6 +329,11 @@ void hada_lpips_destroy(hada_lpips **pointer)
     hada_buffer_destroy(&lpips->heads);
     hada_slot_destroy(&lpips->slot);
     free(lpips);
+}
+
+void hada_lpips_watch(hada_lpips *lpips, const hada_monitor *monitor)
+{
+    hada_slot_watch(lpips->slot, monitor);
 }
 
 hada_lpips_net hada_lpips_get_net(const hada_lpips *lpips)

@@ -4,6 +4,8 @@
 #define HADA_METRICS_METRICS_H
 
 #include <hadalens/image.h>
+#include <hadalens/lpips.h>
+#include <hadalens/monitor.h>
 
 /* The data range, in peaks, that the code of Tian and Yang 2022 reckons with. */
 #define HADA_AUTHORS_RANGE 2.0
@@ -22,5 +24,8 @@ hada_status hada_similarities(const hada_image *a, const hada_image *b, hada_sim
 
 /* That two images can be compared: of one shape, and finite. */
 hada_status hada_images_check_pair(const hada_image *a, const hada_image *b, hada_error *err);
+
+/* From now on the monitor is asked within a comparison, which may take long. NULL: nobody is asked. */
+void hada_lpips_watch(hada_lpips *lpips, const hada_monitor *monitor);
 
 #endif

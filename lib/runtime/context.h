@@ -48,6 +48,7 @@ struct hada_context {
     hada_log_function log;
     void *log_user;
     hada_log_level log_level;
+    const hada_monitor *monitor; /* for what measures the device; NULL: nobody */
 
     atomic_ulong releases; /* of buffers: a handle may then come back for another one */
 

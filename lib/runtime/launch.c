@@ -119,8 +119,9 @@ done:
     return status;
 }
 
-/* Launches that may be in flight when a monitor is asked: what is left of a long computation takes a part of a second
- * then, and waiting so seldom costs nothing that could be measured. */
+/* Launches that may be in flight when a monitor is asked, or less where they take longer (SECONDS_UNASKED): what is
+ * left of a long computation takes a part of a second then, and waiting so seldom costs nothing that could be measured.
+ */
 enum { LAUNCHES_UNASKED = 16 };
 
 /* Work between two landmarks, the one before the last of which is waited for: so much to twice as much is in flight.
@@ -129,16 +130,22 @@ enum { LAUNCHES_UNASKED = 16 };
  * where the memory is the device's own, since what has one moves 100 GB/s at least; faster devices end sooner, and
  * launches of which nothing is known count by their number. */
 #define SECONDS_AHEAD       0.05
+#define SECONDS_UNASKED     0.5
 #define BYTES_A_SECOND      20e9
 #define OPERATIONS_A_SECOND 50e9
 #define OWN_MEMORY_FASTER   5.0
 enum { LAUNCHES_AHEAD = 256 };
 
-static hada_status stay_near(hada_slot *slot, hada_error *err)
+static double next_seconds(const hada_slot *slot)
 {
     const double faster = slot->context->info.unified_memory ? 1.0 : OWN_MEMORY_FASTER;
+    return (slot->cost_bytes / BYTES_A_SECOND + slot->cost_flops / OPERATIONS_A_SECOND) / faster;
+}
+
+static hada_status stay_near(hada_slot *slot, hada_error *err)
+{
     cl_event here;
-    slot->past_seconds += (slot->cost_bytes / BYTES_A_SECOND + slot->cost_flops / OPERATIONS_A_SECOND) / faster;
+    slot->past_seconds += next_seconds(slot);
     if (++slot->past_landmark < LAUNCHES_AHEAD && slot->past_seconds < SECONDS_AHEAD)
         return HADA_OK;
     cl_int code = clEnqueueMarkerWithWaitList(slot->queue, 0, NULL, &here);
@@ -161,9 +168,13 @@ static hada_status may_go_on(hada_slot *slot, hada_error *err)
         return hada_fail(err, HADA_ERROR_CANCELLED, "the work was cancelled");
     if (slot->cancelled)
         HADA_TRY(stay_near(slot, err));
-    if (!slot->monitor || ++slot->unasked < LAUNCHES_UNASKED)
+    if (!slot->monitor)
+        return HADA_OK;
+    slot->unasked_seconds += next_seconds(slot);
+    if (++slot->unasked < LAUNCHES_UNASKED && slot->unasked_seconds < SECONDS_UNASKED)
         return HADA_OK;
     slot->unasked = 0;
+    slot->unasked_seconds = 0.0;
     HADA_TRY(hada_slot_finish(slot, err));
     return hada_monitor_check(slot->monitor, err);
 }

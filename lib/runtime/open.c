@@ -187,6 +187,7 @@ static hada_status open_context(hada_context **out, const adopted *from, const h
     context->log = options.log;
     context->log_user = options.log_user;
     context->log_level = options.log_level;
+    context->monitor = options.monitor;
     const char *tuning = options.tuning ? options.tuning : getenv("HADALENS_TUNING");
     if (tuning && *tuning)
         HADA_TRY_OR_DONE(hada_tuning_read(&context->tuning, tuning, err));
@@ -194,6 +195,7 @@ static hada_status open_context(hada_context **out, const adopted *from, const h
     HADA_TRY_OR_DONE(look_at_device(context, err));
     HADA_TRY_OR_DONE(choose_shape(context, options.shape, err));
     HADA_TRY_OR_DONE(hada_program_store_create(context, &options, err));
+    hada_driver_cache_mend(context);
     if (!options.skip_self_test)
         HADA_TRY_OR_DONE(hada_self_test(context, err));
     hada_log(context, HADA_LOG_INFO, "device %d: %s (%s, %s), kernels as %s", context->info.index, context->info.name,

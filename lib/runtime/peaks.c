@@ -2,6 +2,7 @@
 
 #include <hadalens/profile.h>
 
+#include "core/callers.h"
 #include "core/clock.h"
 #include "kernels/shared_peaks.h"
 #include "launch/peak_copy.h"
@@ -96,6 +97,7 @@ static hada_status best_copy(hada_slot *slot, double *rate, hada_error *err)
     HADA_TRY_OR_DONE(hada_buffer_clear(&in, slot, 0, in.bytes, err));
     for (int run = -1; run < RUNS; run++) { /* the first one touches the memory */
         double seconds = 0;
+        HADA_TRY_OR_DONE(hada_monitor_check(slot->context->monitor, err));
         HADA_TRY_OR_DONE(hada_slot_profile(slot, 1, err));
         HADA_TRY_OR_DONE(hada_peak_copy(slot, in.mem, out.mem, count, err));
         HADA_TRY_OR_DONE(last_seconds(slot, &seconds, err));
@@ -124,6 +126,7 @@ static hada_status best_flops(hada_slot *slot, double *rate, hada_error *err)
     for (int run = -2; run < 2 * RUNS; run++) { /* the first ones compile */
         const int width = !groups && run % 2 ? WIDTH_WIDE : hada_peak_width(context);
         double seconds = 0, flops = 0;
+        HADA_TRY_OR_DONE(hada_monitor_check(slot->context->monitor, err));
         HADA_TRY_OR_DONE(hada_slot_profile(slot, 1, err));
         HADA_TRY_OR_DONE(hada_peak_flops(slot, width, out.mem, items, 0.999f, 0.001f, rounds, &flops, err));
         HADA_TRY_OR_DONE(last_seconds(slot, &seconds, err));
@@ -190,6 +193,7 @@ static hada_status best_calls(hada_slot *slot, double *launch, double *wait, had
     /* a group's items at most, of the widest vector */
     HADA_TRY_OR_DONE(hada_buffer_create(&out, slot->context, 1024 * 16 * sizeof(float), "a few sums", err));
     for (int run = -1; run < CALL_RUNS; run++) { /* the first one compiles */
+        HADA_TRY_OR_DONE(hada_monitor_check(slot->context->monitor, err));
         HADA_TRY_OR_DONE(time_launches(slot, &out, LAUNCHES, 0, &seconds, err));
         *launch = run <= 0 || seconds < *launch ? seconds : *launch;
         HADA_TRY_OR_DONE(time_launches(slot, &out, WAITS, 1, &seconds, err));

@@ -95,6 +95,9 @@ hada_status hada_folder_make(const char *folder, unsigned mode, hada_error *err)
 /* Whether only this user (or root) can put files into a folder; true for a folder that does not exist yet. */
 int hada_folder_is_ours(const char *folder);
 
+/* Removes files of PoCL's own cache that a loss of power has left empty or cut, once for each start of the machine. */
+void hada_driver_cache_mend(hada_context *context);
+
 /* The device binary of a built program; *out is freed with free(). */
 hada_status hada_program_binary(cl_program program, unsigned char **out, size_t *bytes, hada_error *err);
 

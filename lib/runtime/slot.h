@@ -33,9 +33,10 @@ typedef struct hada_slot {
     cl_event event;
     const atomic_int *cancelled; /* where set and not 0, launches are refused: HADA_ERROR_CANCELLED */
     const hada_monitor *monitor; /* may be NULL */
-    int unasked;                 /* launches since it was asked */
-    cl_event landmark;           /* in the queue, where work can be cancelled; NULL: none yet */
-    int past_landmark;           /* launches since, and the time that they may take */
+    int unasked;                 /* launches since it was asked, and the time that they may take */
+    double unasked_seconds;
+    cl_event landmark; /* in the queue, where work can be cancelled; NULL: none yet */
+    int past_landmark; /* launches since, and the time that they may take */
     double past_seconds;
 } hada_slot;
 
@@ -55,6 +56,7 @@ static inline void hada_slot_watch(hada_slot *slot, const hada_monitor *monitor)
 {
     slot->monitor = monitor;
     slot->unasked = 0;
+    slot->unasked_seconds = 0.0;
 }
 
 /* Gives a slot without a queue one; timed: it keeps the times of its events. And takes it away, when it is done. */

@@ -117,8 +117,12 @@ static hada_status measure(marks *of, const hada_compared_page *one, unsigned ch
         HADA_TRY(measure_ssim(of, one, place, by, err));
     HADA_TRY(hada_metric_sharpness(result, mask, &of->sharpness, err));
     HADA_TRY(hada_metric_sharpness(truth, mask, &of->sharpness_truth, err));
-    if (by->lpips)
-        HADA_TRY(hada_lpips_run(by->lpips, result, truth, by->peak, mask, &of->lpips, err));
+    if (by->lpips) {
+        hada_lpips_watch(by->lpips, by->monitor);
+        const hada_status status = hada_lpips_run(by->lpips, result, truth, by->peak, mask, &of->lpips, err);
+        hada_lpips_watch(by->lpips, NULL);
+        HADA_TRY(status);
+    }
     if (by->authors)
         HADA_TRY(hada_metric_compare(HADA_METRIC_AUTHORS_PSNR, result, truth, by->peak, mask, &of->authors_psnr, err));
     for (int k = 0; k < PLACES; k++)

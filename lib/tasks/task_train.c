@@ -5,6 +5,7 @@
 #include "io/folder.h"
 #include "tasks/fit_steps.h"
 #include "tasks/train_log.h"
+#include "train/trainer.h"
 
 /* Pairs of each depth that are held out where the caller does not say, and how many of them validate. */
 #define HOLD_OUT       0.125
@@ -211,6 +212,8 @@ static hada_status make_trainer(training *own, hada_context *const *contexts, in
     if (status == HADA_ERROR_DEVICE_MEMORY)
         hada_error_prefix(err, "training needs more memory than the device has; try options.at_once 1, "
                                "options.recompute or a smaller options.net_size: ");
+    if (own->work.trainer)
+        own->work.trainer->monitor = own->task.monitor;
     own->work.state.options = hada_trainer_info_of(own->work.trainer).options;
     own->work.state.net = hada_trainer_info_of(own->work.trainer).net;
     return status;

@@ -16,6 +16,8 @@ typedef struct loop {
     int without_better; /* validations since the best */
     int whole;          /* the output holds what this training, or the one it goes on from, has written */
     int writes;         /* this rank does */
+    int stopped;        /* within a validation, which the next run makes */
+    int due;            /* a validation that the run before was stopped in */
     hada_progress progress;
 } loop;
 
@@ -84,7 +86,10 @@ static hada_status validate(loop *own, hada_error *err)
     hada_validation result = {.size = sizeof result};
     if (!state->held_out)
         return HADA_OK;
-    HADA_TRY(hada_trainer_validate(own->work->trainer, own->work->task->validate_pairs, &result, err));
+    const hada_status status = hada_trainer_validate(own->work->trainer, own->work->task->validate_pairs, &result, err);
+    own->stopped = status == HADA_ERROR_CANCELLED;
+    if (status)
+        return own->stopped ? HADA_OK : status;
     if (own->writes)
         HADA_TRY(hada_train_log_validation(&own->log, state->step, &result, err));
     state->better = is_better(own, state->step, result.psnr);
@@ -131,6 +136,8 @@ static hada_status after_step(loop *own, hada_error *err)
 {
     if (is_due(own, own->validate_every))
         HADA_TRY(validate(own, err));
+    if (own->stopped)
+        return HADA_OK;
     if (is_due(own, own->show_every))
         HADA_TRY(show(own, err));
     if (is_due(own, own->save_every) || own->state->step == own->state->steps)
@@ -191,7 +198,7 @@ static hada_status stop(loop *own, hada_error *err)
 /* Whether any rank is asked to. */
 static hada_status wish_to_stop(const loop *own, int *wish, hada_error *err)
 {
-    double wishes = hada_monitor_check(own->work->task->monitor, NULL) != HADA_OK;
+    double wishes = own->stopped || hada_monitor_check(own->work->task->monitor, NULL) != HADA_OK;
     const hada_status status = hada_reduce(&own->work->ranks, &wishes, 1, err);
     *wish = wishes > 0.0;
     return status;
@@ -202,11 +209,11 @@ static hada_status steps(loop *own, hada_error *err)
     hada_train_state *state = own->state;
     const hada_train_task *task = own->work->task;
     int wish = 0;
-    if (!state->first && own->validate_every)
+    if (own->due)
         HADA_TRY(validate(own, err));
-    if (!state->first && own->show_every)
+    if (own->due && is_due(own, own->show_every) && !own->stopped)
         HADA_TRY(show(own, err));
-    while (state->step < state->steps) {
+    while (state->step < state->steps || own->stopped) {
         HADA_TRY(wish_to_stop(own, &wish, err));
         if (wish)
             return stop(own, err);
@@ -233,11 +240,15 @@ static hada_status recall(loop *own, hada_error *err)
     hada_train_state *state = own->state;
     for (size_t i = 0; i < own->log.row_count && (own->whole || !state->keep_best); i++)
         is_better(own, own->log.rows[i].step, own->log.rows[i].result->psnr);
-    double best[] = {state->best_psnr, (double)state->best_step, own->without_better};
+    const uint64_t last = own->log.row_count ? own->log.rows[own->log.row_count - 1].step : 0;
+    const int there = own->log.row_count && last == state->first;
+    double best[] = {state->best_psnr, (double)state->best_step, own->without_better,
+                     !there && is_due(own, own->validate_every)};
     const hada_status status = hada_broadcast(&own->work->ranks, 0, best, sizeof best, err);
     state->best_psnr = best[0];
     state->best_step = (uint64_t)best[1];
     own->without_better = (int)best[2];
+    own->due = best[3] > 0.0;
     return status;
 }
 

@@ -33,6 +33,7 @@ struct hada_trainer {
     int first, share; /* this rank's pairs of a step, of options.batch */
     hada_train_progress progress;
     hada_snapshot snapshot;
+    const hada_monitor *monitor; /* asked within a validation; NULL: nobody */
 };
 
 /* Whether the net only says whose light is whose: then it learns from planes of several depths alone. */

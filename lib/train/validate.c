@@ -119,7 +119,7 @@ static hada_status measure(const hada_image *image, const hada_image *truth, mea
 typedef struct list {
     hada_trainer *trainer;
     uint64_t total;
-    int count;
+    int count, first; /* first: of those that are measured now */
     row *rows;
 } list;
 
@@ -141,13 +141,26 @@ done:
     return status;
 }
 
-static hada_status measure_share(hada_workers *workers, int number, void *user, hada_error *err)
+static hada_status measure_next(hada_workers *workers, int number, void *user, hada_error *err)
 {
     const list *all = user;
-    const int ranks = hada_ranks(workers->ranks), first = hada_rank(workers->ranks) * workers->count + number;
-    for (int i = first; i < all->count; i += ranks * workers->count)
-        HADA_TRY(measure_one(all, &workers->worker[number], i, err));
-    return HADA_OK;
+    const int i = all->first + hada_rank(workers->ranks) * workers->count + number;
+    return i < all->count ? measure_one(all, &workers->worker[number], i, err) : HADA_OK;
+}
+
+/* The rows of this rank; those of others stay zero. HADA_ERROR_CANCELLED on all ranks where one of them wants to stop.
+ */
+static hada_status measure_all(list *all, hada_error *err)
+{
+    hada_trainer *trainer = all->trainer;
+    double wishes = 0.0;
+    for (; all->first < all->count && wishes == 0.0;
+         all->first += hada_ranks(&trainer->ranks) * trainer->workers.count) {
+        HADA_TRY(hada_workers_run(&trainer->workers, measure_next, all, err));
+        wishes = hada_monitor_check(trainer->monitor, NULL) != HADA_OK;
+    }
+    HADA_TRY(hada_reduce(&trainer->ranks, &wishes, 1, err));
+    return wishes > 0.0 ? hada_fail(err, HADA_ERROR_CANCELLED, "the validation was stopped") : HADA_OK;
 }
 
 /* Means over the rows. */
@@ -188,8 +201,8 @@ hada_status hada_trainer_validate(hada_trainer *trainer, int most, hada_validati
         all.total *= COMPOSED_WAYS + !hada_trainer_shares(trainer);
     all.count = most > 0 && (uint64_t)most < all.total ? most : (int)all.total;
     HADA_TRY_OR_DONE(HADA_NEW(all.rows, (size_t)all.count, "validation", err));
-    HADA_TRY_OR_DONE(hada_workers_run(&trainer->workers, measure_share, &all, err));
-    /* rows are doubles, those of other ranks zero */
+    HADA_TRY_OR_DONE(measure_all(&all, err));
+    /* rows are doubles */
     HADA_TRY_OR_DONE(
         hada_reduce(&trainer->ranks, (double *)all.rows, (size_t)all.count * (sizeof(row) / sizeof(double)), err));
     add_up(&all, &result);

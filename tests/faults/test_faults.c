@@ -1,7 +1,7 @@
 /* The n-th call for memory, to OpenCL or to a file fails, for n = 1, 2, ...: every time there is a status with a
  * message, or the result is that of an undisturbed run; nothing leaks, and no file is left half-written.
  *
- * At most FAULT_RUNS runs (30 by default, "all" for every n) are spread over the calls of a stage; "chains" and "sites"
+ * At most FAULT_RUNS runs (10 by default, "all" for every n) are spread over the calls of a stage; "chains" and "sites"
  * choose them by their callers (fault_chain.h). To reproduce a
  * failure: FAULT_ONLY=STAGE:KIND:N (or a part of it from the left); FAULT_TRACE=1 names each run before it starts. */
 #include <dirent.h>
@@ -135,7 +135,7 @@ static long runs_of(const struct stage *stage, long calls)
         return chains.count;
     if (words && !strcmp(words, "all"))
         return calls;
-    long runs = (words ? atol(words) : 30) * stage->share / 100;
+    long runs = (words ? atol(words) : 10) * stage->share / 100;
     return runs < 1 ? 1 : runs > calls ? calls : runs;
 }
 

@@ -158,7 +158,7 @@ def test_records_have_every_member(kind: type, struct: str, left_out: set[str]) 
             {"depth_count", "occupied_list", "occupied_count", "dark_level", "dark_frame", "repair_not_finite"},
         ),
         # parts are in the device's name; the self-test is left out by nobody
-        (hadalens.Context, "hada_context_options", {"part", "parts", "log", "log_user", "skip_self_test"}),
+        (hadalens.Context, "hada_context_options", {"part", "parts", "log", "log_user", "skip_self_test", "monitor"}),
         (hadalens.focus_stack, "hada_focus_options", set()),
         (
             hadalens.train,

@@ -240,7 +240,7 @@ TEST(flat_frames_that_do_not_fit)
     const double distance = 100.0;
     SCOPED(hada_image) psf = small_psf(CHANNELS, ROWS, COLS, 8, 3);
     SCOPED(hada_image) flat = sensor(CHANNELS);
-    hada_model *model;
+    SCOPED(hada_model) * model;
     hada_plan *plan = NULL;
     DEFAULTS(hada_plan_options, options);
     ASSERT_OK(hada_model_from_psf(&model, context, &psf, 1, &distance, NULL, err));
@@ -251,7 +251,6 @@ TEST(flat_frames_that_do_not_fit)
     memset(flat.data, 0, COUNT * sizeof *flat.data);
     ASSERT_FAILS(hada_plan_create(&plan, context, model, &options, err), HADA_ERROR_NUMERIC, "no light");
     assert_null(plan);
-    hada_model_destroy(&model);
 }
 
 enum { PAIRS = 5 };
@@ -287,7 +286,7 @@ TEST(cameras_are_learned_from_divided_frames)
         DEFAULTS(hada_fit_options, fit);
         DEFAULTS(hada_fit_task, task);
         hada_dataset *pairs;
-        hada_model *model;
+        SCOPED(hada_model) * model;
         scan.flat_frame = k ? &flat : NULL;
         scan.flat_dark = fit.dark = DARK;
         fit.scene_response = HADA_RESPONSE_LINEAR;
@@ -310,7 +309,6 @@ TEST(cameras_are_learned_from_divided_frames)
             ASSERT_FAILS(hada_train_run(&context, 1, pairs, &train, err), HADA_ERROR_MODEL, "flat frame");
             hada_dataset_destroy(&pairs);
         }
-        hada_model_destroy(&model);
     }
     if (error[1] > 0.6 * error[0])
         fail_msg("error %.3g with the flat frame, %.3g without it", error[1], error[0]);

@@ -3,6 +3,8 @@
 
 #include "io/safetensors.h"
 #include "io_testing.h"
+#include "metrics/metrics.h"
+#include "patience.h"
 
 static hada_context *context;
 
@@ -222,6 +224,23 @@ TEST(images)
     b.data[7] = NAN;
     ASSERT_FAILS(hada_lpips_map(lpips, &a, &b, 1.0, &map, err), HADA_ERROR_NOT_FINITE, "");
     assert_null(map.data);
+}
+
+/* The wish to stop is met within one comparison, and leaves nothing for the next one. */
+TEST(stops_within_a_comparison)
+{
+    patience none = {0};
+    const hada_monitor monitor = patience_monitor(&none);
+    SCOPED(hada_lpips) *lpips = open_net(0);
+    SCOPED(hada_image) a = {0}, b = {0};
+    double before, after;
+    make_pair(&a, &b, 3, 64, 72);
+    ASSERT_OK(hada_lpips_run(lpips, &a, &b, 1.0, NULL, &before, err));
+    hada_lpips_watch(lpips, &monitor);
+    ASSERT_FAILS(hada_lpips_run(lpips, &a, &b, 1.0, NULL, &after, err), HADA_ERROR_CANCELLED, "stopped");
+    hada_lpips_watch(lpips, NULL);
+    ASSERT_OK(hada_lpips_run(lpips, &a, &b, 1.0, NULL, &after, err));
+    assert_true(before == after);
 }
 
 static int open_all(void **state)

@@ -71,7 +71,7 @@ static hada_match match_camera(const hada_image *known, const hada_image *taker,
 TEST(turned_cameras_are_found)
 {
     static const hada_boundary boundaries[] = {HADA_BOUNDARY_CIRCULAR, HADA_BOUNDARY_PADDED};
-    hada_image psf = spots(1, 1.0, 0);
+    SCOPED(hada_image) psf = spots(1, 1.0, 0);
     for (size_t b = 0; b < HADA_COUNT(boundaries); b++)
         for (int turn = HADA_TURN_NONE; turn <= HADA_TURN_180; turn++) {
             const hada_match match = match_camera(&psf, &psf, (hada_turn)turn, boundaries[b], 1e-4);
@@ -82,7 +82,6 @@ TEST(turned_cameras_are_found)
             assert_true(match.magnification == 1.0);
             assert_true(turn ? match.factor > 1.5 : match.factor < 1.0 / 1.5);
         }
-    hada_image_destroy(&psf);
 }
 
 /* A turned point spread function is the same as one of pixels in the other order about the axis. */
@@ -121,46 +120,40 @@ TEST(turns_are_about_the_axis)
 
 TEST(magnified_cameras_are_found)
 {
-    hada_image psf = spots(1, 1.0, 0), larger = spots(1, 1.07, 0);
+    SCOPED(hada_image) psf = spots(1, 1.0, 0), larger = spots(1, 1.07, 0);
     const hada_match match = match_camera(&psf, &larger, HADA_TURN_NONE, HADA_BOUNDARY_PADDED, 1e-4);
     assert_int_equal(match.verdict, HADA_MATCH_MAGNIFIED);
     assert_true(match.magnification == 1.07);
     assert_true(match.factor > 1.5);
-    hada_image_destroy(&psf);
-    hada_image_destroy(&larger);
 }
 
 TEST(unrelated_cameras_are_told)
 {
     for (uint64_t seed = 2; seed < 6; seed++) {
-        hada_image psf = spots(1, 1.0, 0), other = spots(seed, 1.0, 0);
+        SCOPED(hada_image) psf = spots(1, 1.0, 0), other = spots(seed, 1.0, 0);
         const hada_match match = match_camera(&psf, &other, HADA_TURN_NONE, HADA_BOUNDARY_PADDED, 1e-4);
         print_message("seed %d: verdict %d, factor %.2f, %.4f left\n", (int)seed, match.verdict, match.factor,
                       match.unexplained);
         assert_int_equal(match.verdict, HADA_MATCH_UNRELATED);
-        hada_image_destroy(&psf);
-        hada_image_destroy(&other);
     }
 }
 
 /* A camera that is symmetric has no turned ones, but magnified ones beside it. */
 TEST(symmetric_cameras_are_not_turned)
 {
-    hada_image psf = spots(3, 1.0, 1), other = spots(4, 1.0, 1);
+    SCOPED(hada_image) psf = spots(3, 1.0, 1), other = spots(4, 1.0, 1);
     const hada_match right = match_camera(&psf, &psf, HADA_TURN_180, HADA_BOUNDARY_PADDED, 1e-4);
     const hada_match wrong = match_camera(&psf, &other, HADA_TURN_NONE, HADA_BOUNDARY_PADDED, 1e-4);
     assert_int_equal(right.verdict, HADA_MATCH_BELONGS);
     assert_int_not_equal(wrong.verdict, HADA_MATCH_BELONGS);
     assert_int_not_equal(wrong.verdict, HADA_MATCH_TURNED);
-    hada_image_destroy(&psf);
-    hada_image_destroy(&other);
 }
 
 TEST(frames_of_nothing_say_nothing)
 {
-    hada_image psf = spots(1, 1.0, 0), frame;
+    SCOPED(hada_image) psf = spots(1, 1.0, 0), frame;
     const double distance = 100.0;
-    hada_model *model;
+    SCOPED(hada_model) * model;
     DEFAULTS(hada_psf_options, options);
     hada_random random;
     ASSERT_OK(hada_model_from_psf(&model, context, &psf, 1, &distance, &options, err));
@@ -175,16 +168,13 @@ TEST(frames_of_nothing_say_nothing)
     for (int i = 0; i < ROWS * COLS; i++)
         frame.data[i] = (float)(0.5 + 0.05 * hada_random_normal(&random));
     assert_int_equal(match_pixels(model, &frame).verdict, HADA_MATCH_UNKNOWN);
-    hada_model_destroy(&model);
-    hada_image_destroy(&psf);
-    hada_image_destroy(&frame);
 }
 
 TEST(wrong_arguments_are_refused)
 {
-    hada_image psf = spots(1, 1.0, 0), frame;
+    SCOPED(hada_image) psf = spots(1, 1.0, 0), frame;
     const double distance = 100.0;
-    hada_model *model;
+    SCOPED(hada_model) * model;
     hada_plan *plan;
     hada_pixels pixels;
     hada_match match = {.size = sizeof match};
@@ -199,9 +189,6 @@ TEST(wrong_arguments_are_refused)
     hada_pixels_of_image(&pixels, &psf);
     ASSERT_FAILS(hada_plan_match(plan, &pixels, &match, err), HADA_ERROR_ARGUMENT, "");
     hada_plan_destroy(&plan);
-    hada_model_destroy(&model);
-    hada_image_destroy(&psf);
-    hada_image_destroy(&frame);
 }
 
 FIXTURE(open_device, close_device)

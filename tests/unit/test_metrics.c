@@ -43,7 +43,7 @@ TEST(golden)
         assert_int_equal(sscanf(line, "%d %d %d %lf %lf %lf %lf %lf %lf %lf", &channels, &rows, &cols, &mse, &mae,
                                 &psnr, &ssim, &sharpness, &authors_psnr, &authors_ssim),
                          10);
-        hada_image a = fill(channels, rows, cols, value_a), b = fill(channels, rows, cols, value_b);
+        SCOPED(hada_image) a = fill(channels, rows, cols, value_a), b = fill(channels, rows, cols, value_b);
         assert_int_equal(hada_metric_compare(HADA_METRIC_MSE, &a, &b, 1.0, NULL, &value, NULL), HADA_OK);
         close_to(value, mse, 1e-9);
         assert_int_equal(hada_metric_compare(HADA_METRIC_MAE, &a, &b, 1.0, NULL, &value, NULL), HADA_OK);
@@ -58,8 +58,6 @@ TEST(golden)
         close_to(value, authors_psnr, 1e-6);
         assert_int_equal(hada_metric_compare(HADA_METRIC_AUTHORS_SSIM, &a, &b, 1.0, NULL, &value, NULL), HADA_OK);
         close_to(value, authors_ssim, 1e-6);
-        hada_image_destroy(&a);
-        hada_image_destroy(&b);
         cases++;
     }
     fclose(file);

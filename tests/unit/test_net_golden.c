@@ -107,7 +107,7 @@ TEST(a_runner_gives_the_same)
     ASSERT_OK(hada_net_bytes(device->context, net, 10, 13, &stated, err));
     ASSERT_OK(hada_net_runner_create(&runner, device->context, net, 10, 13, err));
     assert_int_equal(hada_context_bytes(device->context) - before, stated);
-    hada_image in, out = {0};
+    SCOPED(hada_image) in, out = {0};
     ASSERT_OK(hada_image_create(&in, 3, 10, 13, err));
     SCOPED_MEMORY float *x = calloc(2 * hada_image_count(&in), sizeof *x),
                         *y = calloc(2 * hada_image_count(&in), sizeof *y);
@@ -120,8 +120,6 @@ TEST(a_runner_gives_the_same)
     expect(file, "golden.y", y, 2 * hada_image_count(&in), 2e-6);
     in.rows = 9;
     ASSERT_FAILS(hada_net_run(runner, &in, &out, err), HADA_ERROR_SIZE, "");
-    hada_image_destroy(&in);
-    hada_image_destroy(&out);
     hada_net_runner_destroy(&runner);
     hada_tensors_close(&file);
 }

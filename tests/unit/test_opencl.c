@@ -61,8 +61,8 @@ TEST(frames_and_results_stay_on_the_device)
     const size_t stack = plane * (size_t)info->depths;
     static const int list[] = {1};
     outside o = open_outside(learned);
-    hada_image scene = learned_scene(learned, 42);
-    hada_image raw = learned_frame(learned, &(hada_plane){1, &scene}, 1, 42);
+    SCOPED(hada_image) scene = learned_scene(learned, 42);
+    SCOPED(hada_image) raw = learned_frame(learned, &(hada_plane){1, &scene}, 1, 42);
     const size_t bytes = hada_image_count(&raw) * sizeof(float);
     cl_mem pixels = buffer_of(&o, FRAME_OFFSET + bytes);
     DEFAULTS(hada_cl_frame, frame);
@@ -109,8 +109,6 @@ TEST(frames_and_results_stay_on_the_device)
     clReleaseMemObject(arrays.stack);
     clReleaseMemObject(arrays.all_in_focus);
     clReleaseMemObject(arrays.distance_map);
-    hada_image_destroy(&raw);
-    hada_image_destroy(&scene);
     close_outside(&o);
 }
 

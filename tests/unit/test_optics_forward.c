@@ -63,7 +63,7 @@ TEST(field)
     static double all[R * C], expected[PIXELS];
     const hada_camera camera = small_camera(HADA_BOUNDARY_PADDED);
     hada_simulator *simulator = simulator_of(&camera, 0, 0, HIGHER, WIDER);
-    hada_image raw;
+    SCOPED(hada_image) raw;
     SCOPED(hada_image) scene = drawn(8, 1, HIGHER, WIDER), psf, window, small, again;
     memset(canvas, 0, sizeof canvas);
     memset(all, 0, sizeof all);
@@ -78,7 +78,6 @@ TEST(field)
     ASSERT_OK(hada_simulator_render(simulator, &(hada_plane){2, &scene}, 1, 0.0, 0, &raw, err));
     for (int k = 0; k < 3; k++)
         assert_true(distance(raw.data + k * PIXELS, expected, PIXELS) < 5e-7);
-    hada_image_destroy(&raw);
     hada_simulator_destroy(&simulator);
     /* a scene of the window's size means the same with a field and without */
     ASSERT_OK(hada_image_crop(&window, &scene, (HIGHER - HIGH) / 2, (WIDER - WIDE) / 2, HIGH, WIDE, err));

@@ -112,7 +112,7 @@ TEST(refusals)
     const hada_camera camera = camera_of(40, 40, 2);
     SCOPED(hada_optics_report) * report;
     ASSERT_OK(hada_optics_report_create(&report, context, &camera, HADA_AUTO, err));
-    hada_image wrong, dark;
+    SCOPED(hada_image) wrong, dark;
     ASSERT_OK(hada_image_create(&wrong, 1, 41, 40, err));
     ASSERT_OK(hada_image_create(&dark, 1, 40, 40, err));
     assert_int_equal(hada_optics_report_add(report, &wrong, NULL), HADA_ERROR_SIZE);
@@ -120,8 +120,6 @@ TEST(refusals)
     dark.data[7] = NAN;
     assert_int_equal(hada_optics_report_add(report, &dark, NULL), HADA_ERROR_NOT_FINITE);
     hada_optics_report_destroy(&report);
-    hada_image_destroy(&wrong);
-    hada_image_destroy(&dark);
     hada_camera broken = camera;
     broken.size = 1;
     assert_int_equal(hada_optics_report_create(&report, context, &broken, HADA_AUTO, NULL), HADA_ERROR_ARGUMENT);

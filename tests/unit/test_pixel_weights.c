@@ -155,7 +155,7 @@ TEST(frames_choose_their_weight)
 TEST(light_comes_from_outside_the_window)
 {
     static const hada_support supports[] = {HADA_SUPPORT_AUTO, HADA_SUPPORT_WINDOW};
-    hada_image frame;
+    SCOPED(hada_image) frame;
     bench b = make_wide(&frame);
     double error[HADA_COUNT(supports)], left[HADA_COUNT(supports)];
     for (size_t k = 0; k < HADA_COUNT(supports); k++) {
@@ -172,7 +172,6 @@ TEST(light_comes_from_outside_the_window)
     if (error[0] > 0.8 * error[1] || left[0] > 0.8 * left[1])
         fail_msg("errors with the grid and the window: %.3g, %.3g; unexplained %.3g, %.3g", error[0], error[1], left[0],
                  left[1]);
-    hada_image_destroy(&frame);
     unmake(&b);
 }
 
@@ -205,7 +204,7 @@ TEST(found_weights_settle)
 TEST(spoiled_pixels_have_weights)
 {
     bench b = make(HADA_BOUNDARY_PADDED);
-    hada_image frame = small_frame(&b.psf, &b.scene, 1, 0.002, 5);
+    SCOPED(hada_image) frame = small_frame(&b.psf, &b.scene, 1, 0.002, 5);
     hada_report report;
     const size_t count = hada_image_count(&frame);
     const double good = solve(&b, &frame, 1e-3, 0, &report);
@@ -228,7 +227,6 @@ TEST(spoiled_pixels_have_weights)
     assert_int_equal(report.repaired_pixels, (count - 7 + 96) / 97);
     if (clipped > 1.5 * good || holes > 1.6 * good)
         fail_msg("error %.3g, with %zu saturated pixels %.3g, with holes besides %.3g", good, cut, clipped, holes);
-    hada_image_destroy(&frame);
     unmake(&b);
 }
 
@@ -379,7 +377,7 @@ TEST(weights_that_cannot_be)
 TEST(repeats_and_refuses)
 {
     bench b = make(HADA_BOUNDARY_PADDED);
-    hada_image frame = small_frame(&b.psf, &b.scene, 1, 0.02, 5);
+    SCOPED(hada_image) frame = small_frame(&b.psf, &b.scene, 1, 0.02, 5);
     hada_report first, second;
     DEFAULTS(hada_plan_options, options);
     hada_plan *plan;
@@ -390,7 +388,6 @@ TEST(repeats_and_refuses)
     options.refine_tv = -0.5;
     assert_int_equal(hada_plan_create(&plan, context, b.model, &options, &error), HADA_ERROR_ARGUMENT);
     assert_non_null(strstr(error.message, "-0.5"));
-    hada_image_destroy(&frame);
     unmake(&b);
 }
 

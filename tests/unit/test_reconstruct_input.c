@@ -182,7 +182,7 @@ TEST(nets_that_break_down_are_an_error)
     unet.up = "";
     ASSERT_OK(hada_net_create_unet(&net, &unet, 3, err));
     for (int k = 0; k < 2; k++) {
-        hada_model *model;
+        SCOPED(hada_model) * model;
         hada_plan *plan;
         for (size_t i = 0; i < net->floats; i++)
             net->values[i] = k ? 1e38f : 0.0f;
@@ -190,7 +190,6 @@ TEST(nets_that_break_down_are_an_error)
         ASSERT_OK(hada_plan_create(&plan, learned->context, model, NULL, err));
         ASSERT_FAILS(hada_plan_run(plan, &raw, &result, err), HADA_ERROR_NUMERIC, k ? "" : "black");
         hada_plan_destroy(&plan);
-        hada_model_destroy(&model);
     }
 }
 

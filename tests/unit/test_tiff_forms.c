@@ -239,7 +239,7 @@ TEST(what_is_not_offered_is_named)
     expect(HADA_ERROR_FILE_FORMAT, "YCbCr without JPEG", "YCbCr");
 }
 
-/* Whatever this libtiff has: a codec that it lacks is refused by its name. */
+/* Whatever this libtiff has: a codec that it lacks is refused by its name, and JBIG, whose library ends the process. */
 TEST(codecs_are_named)
 {
     static const struct {
@@ -252,7 +252,7 @@ TEST(codecs_are_named)
                   {34927, "WebP"},    {34934, "JPEG XR"},   {22610, "JPEG XR"},
                   {50002, "JPEG XL"}, {52546, "JPEG XL"},   {12345, "unknown (12345)"}};
     for (size_t i = 0; i < sizeof codecs / sizeof *codecs; i++)
-        if (!TIFFIsCODECConfigured(codecs[i].code))
+        if (codecs[i].code == 34661 || !TIFFIsCODECConfigured(codecs[i].code))
             expect_tag(TIFFTAG_COMPRESSION, codecs[i].code, HADA_ERROR_FILE_FORMAT, codecs[i].name);
 }
 

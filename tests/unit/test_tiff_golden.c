@@ -131,9 +131,8 @@ TEST(test_sizes_in_the_world)
 static void expect_refusal(const char *path, hada_status status, const char *word, const char *more)
 {
     hada_error err = {0};
-    hada_image image;
+    SCOPED(hada_image) image;
     hada_status got = hada_tiff_load(path, 0, &image, &err);
-    hada_image_destroy(&image);
     if (got != status || !strstr(err.message, word) || !strstr(err.message, more) || !strstr(err.message, path))
         fail_msg("%s: status %d, \"%s\"; expected %d with \"%s\" and \"%s\"", path, got, err.message, status, word,
                  more);

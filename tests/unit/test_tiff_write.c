@@ -94,14 +94,13 @@ TEST(test_round_trips)
 
 TEST(test_stated_range)
 {
-    hada_image image;
+    SCOPED(hada_image) image;
     fill(&image, 3, 4, 4, 1);
     image.data[5] = -0.25f;
     image.data[20] = 1.5f;
     DEFAULTS(hada_tiff_write_options, options);
     options.layout = HADA_TIFF_HYPERSTACK;
     assert_int_equal(hada_tiff_save(io_path("range.tif"), &image, &options, NULL), HADA_OK);
-    hada_image_destroy(&image);
     hada_tiff_reader *reader;
     assert_int_equal(hada_tiff_open(&reader, io_path("range.tif"), NULL), HADA_OK);
     const char *text = hada_tiff_get_info(reader)->description;

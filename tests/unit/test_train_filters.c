@@ -221,14 +221,12 @@ TEST(random_starts_converge)
         }
         if (!(terms.mse < 5e-3 * first))
             fail_msg("run %d: from %g to %g", run, first, terms.mse);
-        hada_image before = {0}, after = {0};
+        SCOPED(hada_image) before = {0}, after = {0};
         ASSERT_OK(hada_replica_forward(replica, &pairs.samples[0], &before, &after, err));
         for (size_t k = 0; k < 80; k++) {
             assert_true(before.data[k] == after.data[k] && after.data[k] >= 0.0f);
             assert_true(fabs(after.data[k] - fmax(pairs.scene[0].data[k], 0.0)) < 0.1);
         }
-        hada_image_destroy(&before);
-        hada_image_destroy(&after);
         hada_replica_destroy(&replica);
         case_free(&c);
         train_pairs_free(&pairs);

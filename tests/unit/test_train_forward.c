@@ -10,7 +10,7 @@ TEST(forward_is_the_enhancement)
     for (size_t i = 0; i < HADA_COUNT(which); i++) {
         replica_run run;
         hada_terms terms;
-        hada_image before = {0}, after = {0};
+        SCOPED(hada_image) before = {0}, after = {0};
         run_make(&run, &train_cases[which[i]]);
         hada_replica *replica = train_replica(device, &run.desc);
         hada_parameters_clear(hada_replica_parameters(replica));
@@ -40,8 +40,6 @@ TEST(forward_is_the_enhancement)
         assert_memory_equal(input->data, after.data, bytes);
         hada_enhance_destroy(&enhance);
         hada_buffer_destroy(&buffer);
-        hada_image_destroy(&before);
-        hada_image_destroy(&after);
         hada_replica_destroy(&replica);
         run_free(&run);
     }
@@ -56,7 +54,7 @@ TEST(dropout_follows_the_step)
                                "{\"layer\": \"conv\", \"name\": \"b\", \"channels\": 2}]}";
     replica_run run;
     hada_terms terms[3];
-    hada_image first = {0}, second = {0};
+    SCOPED(hada_image) first = {0}, second = {0};
     run_make(&run, &train_cases[0]);
     hada_net_destroy(&run.net);
     run.desc.net = run.net = net_from(text, 6);
@@ -68,8 +66,6 @@ TEST(dropout_follows_the_step)
     ASSERT_OK(hada_replica_forward(replica, &run.pairs.samples[0], NULL, &second, err));
     assert_true(terms[0].mse == terms[2].mse && terms[0].mse != terms[1].mse);
     assert_memory_equal(first.data, second.data, hada_image_count(&first) * sizeof(float));
-    hada_image_destroy(&first);
-    hada_image_destroy(&second);
     hada_replica_destroy(&replica);
     run_free(&run);
 }

@@ -120,7 +120,7 @@ static void check_others(const net_device *device, const hada_model *model, cons
     const size_t values = hada_image_count(&scene);
     const int refined = hada_model_get_info(model)->refine_steps > 0;
     hada_planes *planes;
-    hada_image plane = {0};
+    SCOPED(hada_image) plane = {0};
     ASSERT_OK(hada_planes_create(&planes, device->slot, model, 1, 1, err));
     for (int alone = 0; alone < 2; alone++) {
         SCOPED(hada_image) frame = small_frame(&psfs[1], &scene, padded, 0.003, 5);
@@ -132,7 +132,6 @@ static void check_others(const net_device *device, const hada_model *model, cons
             assert_true(alone || plane.data[i] == result->planes[1].data[i]);
         }
     }
-    hada_image_destroy(&plane);
     hada_planes_destroy(&planes);
     hada_image_destroy((hada_image *)&scene);
 }
@@ -143,7 +142,7 @@ static void check_composed(const net_device *device, const hada_model *model, co
     hada_composed composed = halves(&scene);
     hada_planes *planes;
     hada_result result = {0};
-    hada_image plane = {0}, all = {0}, first = {0};
+    SCOPED(hada_image) plane = {0}, all = {0}, first = {0};
     size_t bytes;
     const uint64_t before = hada_context_bytes(device->context);
     ASSERT_OK(hada_planes_bytes(device->context, model, 1, &bytes, err));
@@ -164,9 +163,6 @@ static void check_composed(const net_device *device, const hada_model *model, co
     ASSERT_OK(hada_planes_make(planes, 1, &first, &composed, &all, err));
     for (size_t i = 0; i < hada_image_count(&all); i++)
         assert_true(all.data[i] == result.planes[0].data[i] + result.planes[1].data[i] + result.planes[2].data[i]);
-    hada_image_destroy(&first);
-    hada_image_destroy(&all);
-    hada_image_destroy(&plane);
     hada_result_destroy(&result);
     hada_planes_destroy(&planes);
     hada_composed_free(&composed);

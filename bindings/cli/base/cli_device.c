@@ -25,6 +25,7 @@ static hada_status open_one(hada_cli *cli, const char *words, hada_context **out
         options.shape = strcmp(cli->common->shape, "groups") ? HADA_SHAPE_LANES : HADA_SHAPE_GROUPS;
     options.log = log_message;
     options.log_user = cli;
+    options.monitor = &cli->monitor;
     options.log_level = cli->common->verbose ? HADA_LOG_INFO : HADA_LOG_WARNING;
     const hada_status status = hada_context_create(out, &options, err);
     /* LLVM, in CPU drivers, has put its own handlers before ours, which a signal takes away for a moment */

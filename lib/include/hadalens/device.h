@@ -85,6 +85,9 @@ typedef struct hada_context_options {
     /* A hada_kernel_shape. HADA_AUTO: what the environment variable HADALENS_SHAPE names ("lanes" or "groups"), else
      * groups on GPUs and lanes elsewhere. */
     int shape;
+    /* Asked by what measures the device (hada_tune_fft(), hada_device_peaks(), hada_device_call_costs()) whether to
+     * stop: HADA_ERROR_CANCELLED then. As long as the context is. NULL: nobody. */
+    const hada_monitor *monitor;
 } hada_context_options;
 
 HADA_INIT(hada_context_options, HADA_STRUCT_CONTEXT_OPTIONS)

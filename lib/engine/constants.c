@@ -161,6 +161,7 @@ hada_status hada_constants_create(hada_constants **out, hada_context *context, c
     HADA_TRY_OR_DONE(HADA_NEW(constants, 1, "a plan", err));
     constants->context = context;
     HADA_TRY_OR_DONE(hada_surfaces_create(&constants->surfaces, err));
+    HADA_TRY_OR_DONE(hada_volumes_create(&constants->volumes, err));
     HADA_TRY_OR_DONE(hada_slot_create(&slot, context, err));
     HADA_TRY_OR_DONE(hada_bank_create(&constants->bank, slot, model, &layout, setup->depths, config->depths,
                                       has_optics(config) ? 0 : config->bank, config->half, err));
@@ -192,5 +193,6 @@ void hada_constants_destroy(hada_constants **pointer)
     HADA_DESTROY_BUFFERS(&constants->prior, &constants->gains, &constants->optics);
     hada_bank_destroy(&constants->bank);
     hada_surfaces_destroy(&constants->surfaces);
+    hada_volumes_destroy(&constants->volumes);
     free(constants);
 }

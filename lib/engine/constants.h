@@ -33,6 +33,14 @@ void hada_surfaces_unmake(hada_surfaces *surfaces, hada_surface **surface);
 /* Bytes of device memory that all surfaces hold now. */
 uint64_t hada_surfaces_bytes(hada_surfaces *surfaces);
 
+/* What volumes of all pipelines share, their transfer functions, made when a frame first needs them (volume_path.c);
+ * bytes of device memory that they and all volumes hold now. Calls may come from several threads. */
+typedef struct hada_volumes hada_volumes;
+
+hada_status hada_volumes_create(hada_volumes **out, hada_error *err);
+void hada_volumes_destroy(hada_volumes **volumes); /* the pipelines' must be gone */
+uint64_t hada_volumes_bytes(hada_volumes *volumes);
+
 typedef struct hada_constants {
     hada_context *context;
     hada_bank *bank;
@@ -40,6 +48,7 @@ typedef struct hada_constants {
     hada_buffer optics; /* transfer functions of a classic method's own; empty where it takes the bank's */
     hada_buffer gains;  /* of the filters; empty where spectra are not measured */
     hada_surfaces *surfaces;
+    hada_volumes *volumes;
 } hada_constants;
 
 hada_status hada_constants_create(hada_constants **out, hada_context *context, const hada_setup *setup,

@@ -28,7 +28,8 @@ typedef enum hada_scene {
     HADA_SCENE_AUTO = 0,   /* what explains the frame with the fewest unknowns */
     HADA_SCENE_PLANES = 1, /* objects at some of the depths */
     HADA_SCENE_SURFACE =
-        2 /* one texture on one continuous surface, anywhere between the depths (docs/explanation/surfaces.md) */
+        2, /* one texture on one continuous surface, anywhere between the depths (docs/explanation/surfaces.md) */
+    HADA_SCENE_VOLUME = 3 /* light at all depths, found by Richardson-Lucy (docs/explanation/volumes.md) */
 } hada_scene;
 
 typedef enum hada_dark {
@@ -174,7 +175,7 @@ typedef struct hada_report {
     int enhanced; /* planes that went through the model's net */
     double seconds_total, seconds_upload, seconds_linear, seconds_pursuit, seconds_refine, seconds_enhance,
         seconds_focus, seconds_download;
-    hada_scene scene;        /* what the frame was taken for: planes or a surface */
+    hada_scene scene;        /* what the frame was taken for: planes, a surface or a volume */
     size_t saturated_pixels; /* values at the frame's upper end, taken for "at least this" */
     double refine_tv;        /* weight of total variation in refinement, or in a classic method; 0: none */
     double refine_tv_factor; /* where it was found from the frame: so many times more or less predicts held-out pixels

@@ -228,7 +228,7 @@ void hada_pipeline_clear(hada_pipeline *pipeline)
     if (pipeline->slot)
         hada_slot_finish(pipeline->slot, NULL);
     hada_surfaces_unmake(pipeline->constants->surfaces, &pipeline->surface);
-    hada_pipeline_unmake_volume(pipeline);
+    hada_volumes_unmake(pipeline->constants->volumes, &pipeline->volume);
     pipeline->no_surface = 0;
     destroy_parts(pipeline);
     hada_slot_destroy(&pipeline->slot);

@@ -84,7 +84,6 @@ hada_status hada_pipeline_dark_planes(hada_pipeline *pipeline, hada_frame *frame
  * iterations is found. The planes of the result are overwritten. The frame must be loaded. */
 hada_status hada_pipeline_find_volume(hada_pipeline *pipeline, hada_frame *frame, double energy, int *found,
                                       hada_error *err);
-void hada_pipeline_unmake_volume(hada_pipeline *pipeline);
 
 /* For a frame that no depth explains: everything dark, no distance anywhere. */
 hada_status hada_pipeline_no_pictures(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);

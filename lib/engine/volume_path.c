@@ -1,7 +1,5 @@
 /* The path of a frame that is taken for a volume: light at all depths, by Richardson-Lucy
- * (docs/explanation/volumes.md). */
-
-#include <pthread.h>
+ * (docs/explanation/surfaces.md#volumes). */
 
 #include "core/alloc.h"
 #include "engine/stages.h"
@@ -9,8 +7,8 @@
 /* A frame is a volume if its light fills few voxels, in units of a plane's pixels, which are the unknowns of a single
  * plane. After FIRST iterations emitters in 24 and 40 depths filled 0.007 to 0.3; photographs, text and vessels 0.8 to
  * 21. Where it is less than DOUBT, more iterations tell: hundreds of emitters filled 0.3 to 0.7, vessels 1.2 and more,
- * and text as little as 0.3, but its neighbouring pixels are at the same depth (docs/explanation/volumes.md). Light
- * that leaves more energy than so much of the frame's, and of its noise's, is no explanation. */
+ * and text as little as 0.3, but its neighbouring pixels are at the same depth (docs/explanation/surfaces.md#volumes).
+ * Light that leaves more energy than so much of the frame's, and of its noise's, is no explanation. */
 enum { FIRST = 24, SECOND = 50 };
 #define FIRST_VOXELS  0.5
 #define DOUBT         4.0
@@ -28,42 +26,6 @@ enum { FIRST = 24, SECOND = 50 };
 #define LEAST_DEPTHS 0.5
 
 enum { BLOCK = 12 /* pixels a side, among which depths are mixed or alike */ };
-
-struct hada_volumes {
-    pthread_mutex_t lock;
-    int known; /* 1: the members below are; -1: there is no room for them */
-    hada_classic_shape shape;
-    hada_classic_camera camera;
-    hada_buffer optics;
-    uint64_t each; /* bytes of a pipeline's own part */
-    int made;
-};
-
-hada_status hada_volumes_create(hada_volumes **out, hada_error *err)
-{
-    HADA_TRY(HADA_NEW(*out, 1, "a plan", err));
-    pthread_mutex_init(&(*out)->lock, NULL);
-    return HADA_OK;
-}
-
-void hada_volumes_destroy(hada_volumes **pointer)
-{
-    hada_volumes *volumes = hada_taken(pointer);
-    if (!volumes)
-        return;
-    hada_buffer_destroy(&volumes->optics);
-    hada_classic_camera_free(&volumes->camera);
-    pthread_mutex_destroy(&volumes->lock);
-    free(volumes);
-}
-
-uint64_t hada_volumes_bytes(hada_volumes *volumes)
-{
-    pthread_mutex_lock(&volumes->lock);
-    const uint64_t bytes = volumes->optics.bytes + (uint64_t)volumes->made * volumes->each;
-    pthread_mutex_unlock(&volumes->lock);
-    return bytes;
-}
 
 /* Bytes of the transfer functions and of a pipeline's part, without allocating. */
 static hada_status count(const hada_volumes *volumes, const hada_pipeline *pipeline, uint64_t *optics, uint64_t *each,
@@ -137,17 +99,6 @@ static hada_status ready(hada_pipeline *pipeline, hada_error *err)
     const hada_status status = make(volumes, pipeline, err);
     pthread_mutex_unlock(&volumes->lock);
     return status;
-}
-
-void hada_pipeline_unmake_volume(hada_pipeline *pipeline)
-{
-    hada_volumes *volumes = pipeline->constants->volumes;
-    if (!pipeline->volume)
-        return;
-    hada_classic_destroy(&pipeline->volume);
-    pthread_mutex_lock(&volumes->lock);
-    volumes->made--;
-    pthread_mutex_unlock(&volumes->lock);
 }
 
 /* How light is spread: the voxels that hold it, in units of a plane's pixels, and the depths, of all: both count by the

@@ -29,7 +29,7 @@ typedef enum hada_scene {
     HADA_SCENE_PLANES = 1, /* objects at some of the depths */
     HADA_SCENE_SURFACE =
         2, /* one texture on one continuous surface, anywhere between the depths (docs/explanation/surfaces.md) */
-    HADA_SCENE_VOLUME = 3 /* light at all depths, found by Richardson-Lucy (docs/explanation/volumes.md) */
+    HADA_SCENE_VOLUME = 3 /* light at all depths, found by Richardson-Lucy (docs/explanation/surfaces.md#volumes) */
 } hada_scene;
 
 typedef enum hada_dark {

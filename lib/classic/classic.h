@@ -65,6 +65,8 @@ typedef struct hada_classic_job {
     const int *list;
     double weight;     /* of the prior */
     double brightness; /* of the frame, root of the mean square over its pixels and channels */
+    int iterations;    /* at most; 0: the options' */
+    int before;        /* > 0: goes on from the planes of the last run, of the same job, which did so many of them */
     void (*progress)(void *user, int iterations); /* may be NULL */
     void *user;
 } hada_classic_job;

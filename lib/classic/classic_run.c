@@ -89,9 +89,11 @@ static hada_status iterate(hada_classic *classic, int *count, hada_error *err)
     const method *m = &methods[o->method];
     const hada_classic_job *job = classic->job;
     const double start = hada_seconds();
+    const int most = job->iterations ? job->iterations : o->iterations;
     int settled = 0;
-    HADA_TRY(m->begin(classic, err));
-    while (*count < o->iterations && settled < 2) {
+    if (!job->before)
+        HADA_TRY(m->begin(classic, err));
+    while (*count < most && settled < 2) {
         double sums[2] = {1.0, 1.0};
         HADA_TRY(m->step(classic, *count, o->stop > 0.0, sums, err));
         ++*count;
@@ -109,8 +111,11 @@ static hada_status iterate(hada_classic *classic, int *count, hada_error *err)
 hada_status hada_classic_run(hada_classic *classic, const hada_classic_job *job, hada_classic_result *result,
                              hada_error *err)
 {
-    *result = (hada_classic_result){0};
-    HADA_TRY(hada_classic_ready(classic, job, err));
+    *result = (hada_classic_result){.iterations = job->before};
+    if (job->before)
+        classic->job = job;
+    else
+        HADA_TRY(hada_classic_ready(classic, job, err));
     HADA_TRY(classic->shape.options.method == HADA_METHOD_WIENER ? wiener(classic, err)
                                                                  : iterate(classic, &result->iterations, err));
     HADA_TRY(hada_classic_crop(classic, err));

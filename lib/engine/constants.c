@@ -1,6 +1,4 @@
 /* The constants of a device: filters, transfer functions, the optics between depths. */
-#include <pthread.h>
-
 #include "engine/constants.h"
 #include "filter/hadamard.h"
 
@@ -118,6 +116,42 @@ uint64_t hada_surfaces_bytes(hada_surfaces *surfaces)
     return bytes;
 }
 
+static hada_status create_volumes(hada_volumes **out, hada_error *err)
+{
+    HADA_TRY(HADA_NEW(*out, 1, "a plan", err));
+    pthread_mutex_init(&(*out)->lock, NULL);
+    return HADA_OK;
+}
+
+static void destroy_volumes(hada_volumes **pointer)
+{
+    hada_volumes *volumes = hada_taken(pointer);
+    if (!volumes)
+        return;
+    hada_buffer_destroy(&volumes->optics);
+    hada_classic_camera_free(&volumes->camera);
+    pthread_mutex_destroy(&volumes->lock);
+    free(volumes);
+}
+
+void hada_volumes_unmake(hada_volumes *volumes, hada_classic **volume)
+{
+    if (!*volume)
+        return;
+    hada_classic_destroy(volume);
+    pthread_mutex_lock(&volumes->lock);
+    volumes->made--;
+    pthread_mutex_unlock(&volumes->lock);
+}
+
+uint64_t hada_volumes_bytes(hada_volumes *volumes)
+{
+    pthread_mutex_lock(&volumes->lock);
+    const uint64_t bytes = volumes->optics.bytes + (uint64_t)volumes->made * volumes->each;
+    pthread_mutex_unlock(&volumes->lock);
+    return bytes;
+}
+
 cl_mem hada_constants_otf(const hada_constants *constants, size_t *offset)
 {
     size_t first;
@@ -161,6 +195,7 @@ hada_status hada_constants_create(hada_constants **out, hada_context *context, c
     HADA_TRY_OR_DONE(HADA_NEW(constants, 1, "a plan", err));
     constants->context = context;
     HADA_TRY_OR_DONE(hada_surfaces_create(&constants->surfaces, err));
+    HADA_TRY_OR_DONE(create_volumes(&constants->volumes, err));
     HADA_TRY_OR_DONE(hada_slot_create(&slot, context, err));
     HADA_TRY_OR_DONE(hada_bank_create(&constants->bank, slot, model, &layout, setup->depths, config->depths,
                                       has_optics(config) ? 0 : config->bank, config->half, err));
@@ -192,5 +227,6 @@ void hada_constants_destroy(hada_constants **pointer)
     HADA_DESTROY_BUFFERS(&constants->prior, &constants->gains, &constants->optics);
     hada_bank_destroy(&constants->bank);
     hada_surfaces_destroy(&constants->surfaces);
+    destroy_volumes(&constants->volumes);
     free(constants);
 }

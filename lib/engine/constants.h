@@ -4,6 +4,8 @@
 #ifndef HADA_ENGINE_CONSTANTS_H
 #define HADA_ENGINE_CONSTANTS_H
 
+#include <pthread.h>
+
 #include "engine/setup.h"
 #include "filter/bank.h"
 #include "surface/surface.h"
@@ -33,6 +35,22 @@ void hada_surfaces_unmake(hada_surfaces *surfaces, hada_surface **surface);
 /* Bytes of device memory that all surfaces hold now. */
 uint64_t hada_surfaces_bytes(hada_surfaces *surfaces);
 
+/* What volumes of all pipelines share, made when a frame first needs it (volume_path.c), with the lock held. */
+typedef struct hada_volumes {
+    pthread_mutex_t lock;
+    int known; /* 1: the members below are; -1: there is no room for them */
+    hada_classic_shape shape;
+    hada_classic_camera camera;
+    hada_buffer optics;
+    uint64_t each; /* bytes of a pipeline's own part */
+    int made;
+} hada_volumes;
+
+void hada_volumes_unmake(hada_volumes *volumes, hada_classic **volume);
+
+/* Bytes of device memory that volumes hold now. */
+uint64_t hada_volumes_bytes(hada_volumes *volumes);
+
 typedef struct hada_constants {
     hada_context *context;
     hada_bank *bank;
@@ -40,6 +58,7 @@ typedef struct hada_constants {
     hada_buffer optics; /* transfer functions of a classic method's own; empty where it takes the bank's */
     hada_buffer gains;  /* of the filters; empty where spectra are not measured */
     hada_surfaces *surfaces;
+    hada_volumes *volumes;
 } hada_constants;
 
 hada_status hada_constants_create(hada_constants **out, hada_context *context, const hada_setup *setup,

@@ -13,6 +13,7 @@ typedef struct knowledge {
     double planes, surface;    /* energies; negative: not known */
     double vain;               /* no surface was found that leaves less than this; 0: not searched */
     int solved;                /* 1: the refiner holds the planes of these first steps */
+    int volume;                /* 1: it is a volume, whatever the others say */
 } knowledge;
 
 static void take_found(hada_pipeline *pipeline, knowledge *k)
@@ -124,7 +125,8 @@ static hada_status solve_classic(hada_pipeline *pipeline, hada_frame *frame, int
     }
     HADA_TRY(hada_maker_weigh(maker, exposure, err));
     HADA_TRY(hada_classic_run(pipeline->classic, &job, &result, err));
-    report->method = pipeline->setup->config.method.options.method;
+    report->method = config->method.options.method;
+    report->scene = config->scene == HADA_SCENE_VOLUME ? HADA_SCENE_VOLUME : HADA_SCENE_PLANES;
     report->refine_steps = result.iterations;
     report->refine_tv = config->method.options.prior == HADA_PRIOR_TV ? job.weight : 0.0;
     if (frame->exposure.energy > 0)
@@ -141,24 +143,32 @@ static hada_status solve(hada_pipeline *pipeline, hada_frame *frame, int count, 
     return hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_refine, err);
 }
 
-static cl_mem planes_of(const hada_pipeline *pipeline)
+/* What has the planes: a classic method, of a plan or of a frame that is a volume; NULL: the refiner. */
+static const hada_classic *classic_of(const hada_pipeline *pipeline, const hada_frame *frame)
 {
-    return pipeline->classic ? hada_classic_planes(pipeline->classic) : hada_refiner_planes(pipeline->refiner);
+    return frame->result->memory->report.scene == HADA_SCENE_VOLUME && pipeline->volume ? pipeline->volume
+                                                                                        : pipeline->classic;
+}
+
+static cl_mem planes_of(const hada_pipeline *pipeline, const hada_frame *frame)
+{
+    const hada_classic *classic = classic_of(pipeline, frame);
+    return classic ? hada_classic_planes(classic) : hada_refiner_planes(pipeline->refiner);
 }
 
 /* Refined planes and those of the linear filters, as their errors on held-out pairs say
  * (docs/explanation/refinement.md). */
-static hada_status blend(hada_pipeline *pipeline, int count, hada_error *err)
+static hada_status blend(hada_pipeline *pipeline, const hada_frame *frame, int count, hada_error *err)
 {
     const double share = pipeline->setup->config.share;
     const size_t values = hada_plane_values(hada_model_get_info(pipeline->setup->model));
-    if (share >= 1.0)
+    if (share >= 1.0 || classic_of(pipeline, frame))
         return HADA_OK;
     for (int i = 0; i < count; i++) {
         HADA_TRY(hada_hadamard_run(pipeline->stage, pipeline->constants->bank, pipeline->occupied[i], 1,
                                    pipeline->planes.mem, 0, err));
-        HADA_TRY(hada_image_blend(pipeline->slot, planes_of(pipeline), (size_t)i * values, pipeline->planes.mem, values,
-                                  share, err));
+        HADA_TRY(hada_image_blend(pipeline->slot, planes_of(pipeline, frame), (size_t)i * values, pipeline->planes.mem,
+                                  values, share, err));
     }
     return HADA_OK;
 }
@@ -168,7 +178,7 @@ static hada_status focus(hada_pipeline *pipeline, hada_frame *frame, int count, 
 {
     hada_slot_stage(pipeline->slot, "focus");
     HADA_TRY(hada_focus_begin(pipeline->focus, frame->result->memory->occupied, err));
-    HADA_TRY(hada_focus_push_list(pipeline->focus, pipeline->occupied, count, planes_of(pipeline), 0, err));
+    HADA_TRY(hada_focus_push_list(pipeline->focus, pipeline->occupied, count, planes_of(pipeline, frame), 0, err));
     HADA_TRY(hada_slot_finish(pipeline->slot, err));
     hada_pipeline_residual(pipeline, frame);
     return hada_pipeline_pictures(pipeline, frame, hada_pipeline_noise_light(frame), err);
@@ -177,7 +187,7 @@ static hada_status focus(hada_pipeline *pipeline, hada_frame *frame, int count, 
 static hada_status read_planes(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
 {
     const size_t values = hada_plane_values(hada_model_get_info(pipeline->setup->model));
-    const hada_buffer planes = {.mem = planes_of(pipeline), .bytes = values * (size_t)count * sizeof(float)};
+    const hada_buffer planes = {.mem = planes_of(pipeline, frame), .bytes = values * (size_t)count * sizeof(float)};
     for (int i = 0, next; i < count; i = next) {
         /* depths that follow each other, at once */
         for (next = i + 1; next < count && pipeline->occupied[next] == pipeline->occupied[next - 1] + 1;)
@@ -277,6 +287,10 @@ static hada_status pursue_hidden(hada_pipeline *pipeline, hada_frame *frame, kno
 static hada_status look(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, int *surface, hada_error *err)
 {
     HADA_TRY(pursue(pipeline, frame, k, err));
+    if (may_be_surface(pipeline, k) && pipeline->setup->config.volume == 1)
+        HADA_TRY(hada_pipeline_find_volume(pipeline, frame, -1.0, &k->volume, err));
+    if (k->volume)
+        return HADA_OK;
     if (may_be_surface(pipeline, k) && (k->count > SURFACE_UNKNOWNS || !k->found.hides))
         HADA_TRY(is_surface(pipeline, frame, k, surface, err));
     if (*surface || !k->found.hides)
@@ -314,35 +328,67 @@ static hada_status fill_saturated(hada_pipeline *pipeline, hada_frame *frame, ha
     return HADA_OK;
 }
 
+/* Looks for a volume, given what planes or a surface leave. It is looked for at all where there are many depths. */
+static hada_status find_volume(hada_pipeline *pipeline, hada_frame *frame, double energy, knowledge *k, hada_error *err)
+{
+    if (pipeline->setup->config.volume > 1)
+        HADA_TRY(hada_pipeline_find_volume(pipeline, frame, energy, &k->volume, err));
+    return HADA_OK;
+}
+
+/* What the frame is: one of the three, its depths, and the planes of all but a surface. */
+static hada_status find_scene(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, int *surface, hada_error *err)
+{
+    const hada_config *config = &pipeline->setup->config;
+    const hada_report *report = &frame->result->memory->report;
+    HADA_TRY(find_volume(pipeline, frame, -1.0, k, err));
+    if (k->volume)
+        return HADA_OK;
+    if (config->pursuit)
+        HADA_TRY(look(pipeline, frame, k, surface, err));
+    else
+        take_listed(pipeline, k);
+    if (k->volume || (!*surface && !k->count))
+        return HADA_OK;
+    if (*surface)
+        return find_volume(pipeline, frame, k->surface, k, err);
+    const int parting = config->parting && k->count > 1;
+    if (parting || !k->solved)
+        HADA_TRY(solve(pipeline, frame, k->count, parting, err));
+    if (config->volume < 2)
+        return HADA_OK;
+    HADA_TRY(hada_slot_finish(pipeline->slot, err));
+    hada_pipeline_residual(pipeline, frame);
+    return find_volume(pipeline, frame, report->residual * report->residual * frame->exposure.energy, k, err);
+}
+
 static hada_status joint(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
-    const int pursuit = pipeline->setup->config.pursuit;
+    const hada_config *config = &pipeline->setup->config;
     knowledge k = {.planes = -1.0, .surface = -1.0};
     int surface = 0, weighs = 0;
+    pipeline->volume_now = (hada_classic_result){0};
     if (hada_pipeline_has_gaps(pipeline, frame))
         HADA_TRY(hada_pipeline_weigh(pipeline, &weighs, err));
-    if (weighs && pursuit && frame->exposure.saturated)
+    if (weighs && config->pursuit && frame->exposure.saturated)
         HADA_TRY(fill_saturated(pipeline, frame, err));
-    if (pipeline->setup->config.scene == HADA_SCENE_SURFACE)
+    if (config->scene == HADA_SCENE_SURFACE)
         return only_surface(pipeline, frame, err);
-    if (pursuit)
-        HADA_TRY(look(pipeline, frame, &k, &surface, err));
-    else
-        take_listed(pipeline, &k);
-    if (surface)
+    HADA_TRY(find_scene(pipeline, frame, &k, &surface, err));
+    if (k.volume)
+        k.count = config->depths;
+    else if (surface)
         return hada_pipeline_take_surface(pipeline, frame, k.surface, err);
     HADA_TRY(mark_occupied(pipeline, frame, k.count, err));
     if (!k.count)
         return hada_pipeline_no_pictures(pipeline, frame, err);
-    const int parting = pipeline->setup->config.parting && k.count > 1;
-    if (parting || !k.solved)
-        HADA_TRY(solve(pipeline, frame, k.count, parting, err));
-    if (!pipeline->classic) { /* planes of a classic method are not changed */
-        HADA_TRY(hada_maker_fade(&pipeline->maker, k.count, pipeline->setup->config.crosstalk, err));
+    if (!classic_of(pipeline, frame)) { /* planes of a classic method are not changed */
+        HADA_TRY(hada_maker_fade(&pipeline->maker, k.count, config->crosstalk, err));
         HADA_TRY(hada_refiner_crop(pipeline->refiner, k.count, err));
     }
-    HADA_TRY(blend(pipeline, k.count, err));
-    HADA_TRY(hada_pipeline_enhance(pipeline, frame, planes_of(pipeline), k.count, 1, err));
+    HADA_TRY(blend(pipeline, frame, k.count, err));
+    if (!k.volume) /* a net was trained behind refined planes */
+        HADA_TRY(hada_pipeline_enhance(pipeline, frame, planes_of(pipeline, frame), k.count, 1, err));
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_enhance, err));
     HADA_TRY(focus(pipeline, frame, k.count, err));
     return read_planes(pipeline, frame, k.count, err);

@@ -27,6 +27,9 @@ hada_status hada_pipeline_create(hada_pipeline **out, const hada_setup *setup, c
     HADA_TRY_OR_DONE(HADA_NEW(pipeline, 1, "a plan", err));
     *pipeline = (hada_pipeline){.setup = setup, .constants = constants, .batch = batch};
     HADA_TRY_OR_DONE(HADA_NEW(pipeline->occupied, (size_t)setup->config.depths, "a plan", err));
+    HADA_TRY_OR_DONE(HADA_NEW(pipeline->all, (size_t)setup->config.depths, "a plan", err));
+    for (int z = 0; z < setup->config.depths; z++)
+        pipeline->all[z] = z;
     HADA_TRY_OR_DONE(hada_pipeline_ready(pipeline, err));
 done:
     if (status)
@@ -41,7 +44,7 @@ void hada_pipeline_destroy(hada_pipeline **pointer)
     if (!pipeline)
         return;
     hada_pipeline_clear(pipeline);
-    HADA_FREE(pipeline->occupied, pipeline);
+    HADA_FREE(pipeline->occupied, pipeline->all, pipeline);
 }
 
 int hada_pipeline_batch(const hada_pipeline *pipeline)

@@ -132,7 +132,8 @@ static hada_status make_parts(hada_pipeline *pipeline, hada_error *err)
     const size_t planes = planes_bytes(info, config, pipeline->batch);
     /* where the sensor crops, refinement compares with the frame itself; some classic methods do in any case */
     const int raw_last =
-        config->classic || (config->joint && config->boundary == HADA_BOUNDARY_PADDED) ? COMPUTE : UPLOAD;
+        config->classic || config->volume || (config->joint && config->boundary == HADA_BOUNDARY_PADDED) ? COMPUTE
+                                                                                                         : UPLOAD;
     focus.distances_mm = setup->distances;
     hada_scratch_steps(slot->scratch, UPLOAD, COMPUTE, raw_last);
     HADA_TRY(make_stage(pipeline, err));
@@ -227,6 +228,7 @@ void hada_pipeline_clear(hada_pipeline *pipeline)
     if (pipeline->slot)
         hada_slot_finish(pipeline->slot, NULL);
     hada_surfaces_unmake(pipeline->constants->surfaces, &pipeline->surface);
+    hada_volumes_unmake(pipeline->constants->volumes, &pipeline->volume);
     pipeline->no_surface = 0;
     destroy_parts(pipeline);
     hada_slot_destroy(&pipeline->slot);

@@ -13,9 +13,11 @@
 #include "refine/proximal.h"
 
 enum {
-    LEAST_DEPTHS = 3, /* of a surface: two do not determine the law between them */
-    MOST_QUEUES = 64, /* of a device: more than any needs to be kept busy */
-    BATCH = 8         /* depths at once: more only cost memory, the spectrum stays in the cache either way */
+    LEAST_DEPTHS = 3,  /* of a surface: two do not determine the law between them */
+    LEAST_VOLUME = 8,  /* of a volume that nobody asked for: among fewer depths scenes are planes or surfaces */
+    VOLUME_FIRST = 16, /* with so many, searching them takes longer than finding a volume */
+    MOST_QUEUES = 64,  /* of a device: more than any needs to be kept busy */
+    BATCH = 8          /* depths at once: more only cost memory, the spectrum stays in the cache either way */
 };
 
 static hada_status check_list(const int *list, int count, int limit, const char *what, hada_error *err)
@@ -60,6 +62,8 @@ static hada_status check_numbers(const hada_plan_options *options, hada_error *e
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "options.max_error takes 0 to below 1, options.band a share above 0 and at most 1, and "
                          "options.skip is made of HADA_SKIP_...");
+    if ((int)options->scene < HADA_SCENE_AUTO || options->scene > HADA_SCENE_VOLUME)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: scene is one of HADA_SCENE_...");
     return HADA_OK;
 }
 
@@ -141,15 +145,22 @@ static int at_least_one(double value)
 static hada_status choose_scene(const hada_plan_options *options, hada_config *config, hada_error *err)
 {
     const int possible = config->pursuit && config->depths >= LEAST_DEPTHS;
-    if ((int)options->scene < HADA_SCENE_AUTO || options->scene > HADA_SCENE_SURFACE)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: scene is one of HADA_SCENE_...");
     if (options->scene == HADA_SCENE_SURFACE && !possible)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "a surface is found among %d depths at least, with refinement and without --occupied or "
                          "another --method: take --scene planes, or leave those out",
                          LEAST_DEPTHS);
-    config->scene = possible ? options->scene : HADA_SCENE_PLANES;
+    config->scene = possible || options->scene == HADA_SCENE_VOLUME ? options->scene : HADA_SCENE_PLANES;
     return HADA_OK;
+}
+
+/* Volumes are looked for among many depths: first of all where these are so many that it takes less time than the
+ * pursuit, else where a surface is tried. */
+static int choose_volume(const hada_config *config)
+{
+    if (config->scene != HADA_SCENE_AUTO || config->depths < LEAST_VOLUME)
+        return 0;
+    return config->depths < VOLUME_FIRST ? 1 : 2;
 }
 
 /* Whether light comes from outside the window. Where it is the whole frame of a camera that nobody calibrated, it
@@ -172,7 +183,7 @@ static hada_status choose_support(const hada_model_info *info, const hada_plan_o
                          "a surface fills the window alone: take the window as support, or planes as scene");
     config->outside =
         possible && (options->support == HADA_SUPPORT_GRID || (options->support == HADA_SUPPORT_AUTO && probably));
-    if (options->support == HADA_SUPPORT_GRID)
+    if (options->support == HADA_SUPPORT_GRID && config->scene != HADA_SCENE_VOLUME)
         config->scene = HADA_SCENE_PLANES;
     return HADA_OK;
 }
@@ -202,6 +213,24 @@ static hada_status choose_skips(const hada_model *model, const hada_plan_options
     return HADA_OK;
 }
 
+static void volume_options(hada_classic_options *classic, hada_support support)
+{
+    hada_classic_options_init(classic);
+    classic->method = HADA_METHOD_RL;
+    classic->iterations = HADA_VOLUME_ITERATIONS;
+    classic->support = support;
+}
+
+hada_status hada_config_volume(const hada_config *config, const hada_model_info *info, hada_classic_shape *shape,
+                               hada_error *err)
+{
+    hada_classic_options classic;
+    volume_options(&classic, HADA_SUPPORT_WINDOW);
+    HADA_TRY(hada_classic_shape_of(info, config->depths, &classic, shape, err));
+    shape->place.boundary = config->boundary;
+    return HADA_OK;
+}
+
 /* The planes come from a classic method, all depths of the list at once. */
 static hada_status use_classic(const hada_model_info *info, const hada_plan_options *options, hada_config *config,
                                hada_error *err)
@@ -210,6 +239,12 @@ static hada_status use_classic(const hada_model_info *info, const hada_plan_opti
     const int depths = listed ? options->occupied_count : config->depths;
     hada_classic_options classic;
     HADA_TRY(HADA_OPTIONS_TAKE(&classic, options->classic, hada_classic_options, err));
+    if (options->scene == HADA_SCENE_VOLUME) {
+        if (classic.method != HADA_METHOD_MODEL)
+            return hada_fail(err, HADA_ERROR_ARGUMENT,
+                             "a volume has a method of its own: leave --scene volume or --method out");
+        volume_options(&classic, options->support);
+    }
     config->classic = classic.method != HADA_METHOD_MODEL;
     if (config->classic) {
         HADA_TRY(hada_classic_shape_of(info, depths, &classic, &config->method, err));
@@ -269,6 +304,7 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     hada_focus_options_init(&config->focus, config->joint);
     HADA_TRY(choose_scene(options, config, err));
     HADA_TRY(choose_support(info, options, config, err));
+    config->volume = choose_volume(config);
     return choose_skips(model, options, config, err);
 }
 

@@ -32,17 +32,19 @@ typedef struct hada_config {
     double crosstalk;            /* share at which a plane halves beside another one; 0: none does */
     int parting;                 /* 1: several depths take more steps, until they no longer change */
     int pursuit;                 /* 1: the occupied depths are found */
-    hada_scene scene;            /* what it may be taken for; planes where it cannot be a surface */
-    int half;                    /* filters on the device as half */
-    int bank;                    /* contents of the bank: HADA_BANK_FILTERS, HADA_BANK_OTFS, or both */
-    int dark;                    /* 1: a dark frame is taken off */
-    int enhance;                 /* 1: planes go through the model's net */
-    int full_grid;               /* of the pursuit: 1: no small grids */
-    int pruned;                  /* 1: inverse transforms compute the window alone */
-    int bounded;                 /* 1: max_error may change the planes */
-    int measured;                /* 1: the energy of spectra is measured */
-    int half_by_error;           /* 1: max_error chose half */
-    int band_rows, band_cols;    /* of the caller; 0, 0: all */
+    hada_scene scene;         /* what it may be taken for; planes where it cannot be a surface; a volume is found by a
+                                 classic method */
+    int volume;               /* 1: a frame may be found to be a volume; 2: before its depths are looked for */
+    int half;                 /* filters on the device as half */
+    int bank;                 /* contents of the bank: HADA_BANK_FILTERS, HADA_BANK_OTFS, or both */
+    int dark;                 /* 1: a dark frame is taken off */
+    int enhance;              /* 1: planes go through the model's net */
+    int full_grid;            /* of the pursuit: 1: no small grids */
+    int pruned;               /* 1: inverse transforms compute the window alone */
+    int bounded;              /* 1: max_error may change the planes */
+    int measured;             /* 1: the energy of spectra is measured */
+    int half_by_error;        /* 1: max_error chose half */
+    int band_rows, band_cols; /* of the caller; 0, 0: all */
     hada_focus_options focus;
     hada_classic_shape method; /* of the classic method */
 } hada_config;
@@ -53,6 +55,13 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
 
 /* Values of one plane: channels x window. */
 size_t hada_plane_values(const hada_model_info *info);
+
+/* Iterations of Richardson-Lucy that a volume takes. */
+enum { HADA_VOLUME_ITERATIONS = 120 };
+
+/* The method that finds volumes, of all computed depths; its grid may become smaller. */
+hada_status hada_config_volume(const hada_config *config, const hada_model_info *info, hada_classic_shape *shape,
+                               hada_error *err);
 
 /* What the parts of a pipeline are made from. The distances of the focus are for the caller to set; `skip` of the net:
  * HADA_SKIP_TILES or not. */

@@ -31,14 +31,16 @@ struct hada_pipeline {
     hada_classic *classic;
     hada_plane_maker maker; /* of these: from a frame on the device to planes */
     hada_weighing weighing;
-    hada_surface *surface;     /* made when a frame first needs it */
+    hada_classic *volume;           /* this and the surface are made when a frame first needs them */
+    hada_classic_result volume_now; /* of the current frame, as far as it went */
+    hada_surface *surface;
     hada_surface_result shape; /* of the current frame */
     int no_surface;            /* 1: this camera, or the device's memory, allows none */
     hada_focus *focus;
     hada_enhance *enhance; /* NULL where no net is used */
     hada_buffer planes;    /* linear: a batch, [depth][channel][window]; joint, blended: one */
     hada_buffer pictures;  /* all-in-focus image, then distance map */
-    int *occupied;         /* a list of computed depths, ascending */
+    int *occupied, *all;   /* lists of computed depths, ascending; of all of them */
     int residual_due;      /* 1: the residual of the current frame is being read */
     uint64_t loaded;       /* serial of the frame with its spectrum in the stage; 0: none */
 };
@@ -76,6 +78,12 @@ hada_status hada_pipeline_read_planes(hada_pipeline *pipeline, hada_frame *frame
 
 /* Zeros for the depths of the result that are not occupied. */
 hada_status hada_pipeline_dark_planes(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
+
+/* Looks whether a frame is a volume; then its planes, of all depths, are hada_classic_planes() of pipeline->volume, and
+ * the report says so. energy: what planes or a surface leave; below 0: not known, and only what is plain after few
+ * iterations is found. The planes of the result are overwritten. The frame must be loaded. */
+hada_status hada_pipeline_find_volume(hada_pipeline *pipeline, hada_frame *frame, double energy, int *found,
+                                      hada_error *err);
 
 /* For a frame that no depth explains: everything dark, no distance anywhere. */
 hada_status hada_pipeline_no_pictures(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);

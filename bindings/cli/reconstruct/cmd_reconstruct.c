@@ -57,10 +57,11 @@ static const hada_cli_option options[] = {
      "Slices counted from 1 (near), such as 1,3-5, or distances, such as 100mm,250mm.", AT(depths)},
     {HADA_OPTION_TEXT, "occupied", 0, "auto|all|LIST", "depths at which the scene has something (default: auto)",
      "auto finds the few depths that explain the frame; the others are dark then. LIST as for --depths.", AT(occupied)},
-    {HADA_OPTION_CHOICE, "scene", 0, "auto|planes|surface", "what a scene is taken for (default: auto)",
+    {HADA_OPTION_CHOICE, "scene", 0, "auto|planes|surface|volume", "what a scene is taken for (default: auto)",
      "planes: objects at some of the depths. surface: one texture at a distance that changes from pixel to pixel, between "
-     "the depths too. auto: what explains the frame with the fewest unknowns.",
-     ONE_OF(plan.scene, HADA_SCENE_AUTO, HADA_SCENE_PLANES, HADA_SCENE_SURFACE)},
+     "the depths too. volume: light at all depths, such as that of emitters. auto: what explains the frame with the fewest "
+     "unknowns.",
+     ONE_OF(plan.scene, HADA_SCENE_AUTO, HADA_SCENE_PLANES, HADA_SCENE_SURFACE, HADA_SCENE_VOLUME)},
     {HADA_OPTION_PASSES, "refine", 0, "N|auto|0", "refinement steps on the occupied depths (default: auto)",
      "auto takes what the fit measured to pay for this camera, and more where several depths have not parted by then. 0: "
      "the linear filters alone, the quickest; the default with --method matched.",

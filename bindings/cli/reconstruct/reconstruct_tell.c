@@ -9,6 +9,8 @@ typedef hada_cli_files_listener listener;
 
 /* In the order of hada_method. */
 static const char *const methods[] = {"model", "wiener", "rl", "fista", "admm"};
+/* In the order of hada_scene. */
+static const char *const scenes[] = {"auto", "planes", "surface", "volume"};
 
 static json_t *frame_json(const hada_result *result)
 {
@@ -19,10 +21,10 @@ static json_t *frame_json(const hada_result *result)
             json_array_append_new(occupied, hada_cli_real(result->distances_mm[z]));
     return json_pack(
         "{s:o, s:s, s:s, s:i, s:o, s:o, s:b, s:o, s:o, s:o, s:i, s:I, s:I, s:o, s:{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}}",
-        "occupied_mm", occupied, "scene", report->scene == HADA_SCENE_SURFACE ? "surface" : "planes", "method",
-        methods[report->method], "refine_steps", report->refine_steps, "refine_tv", hada_cli_real(report->refine_tv),
-        "refine_tv_factor", hada_cli_real(report->refine_tv_factor), "refine_tv_kept", report->refine_tv_kept,
-        "residual_linear", hada_cli_real(report->residual_linear), "residual", hada_cli_real(report->residual), "dark",
+        "occupied_mm", occupied, "scene", scenes[report->scene], "method", methods[report->method], "refine_steps",
+        report->refine_steps, "refine_tv", hada_cli_real(report->refine_tv), "refine_tv_factor",
+        hada_cli_real(report->refine_tv_factor), "refine_tv_kept", report->refine_tv_kept, "residual_linear",
+        hada_cli_real(report->residual_linear), "residual", hada_cli_real(report->residual), "dark",
         hada_cli_real(report->dark), "enhanced", report->enhanced, "repaired_pixels",
         (json_int_t)report->repaired_pixels, "saturated_pixels", (json_int_t)report->saturated_pixels, "skipped",
         hada_cli_skip_json(result), "seconds", "total", report->seconds_total, "upload", report->seconds_upload,
@@ -85,7 +87,7 @@ static void frame_words(const hada_result *result, char *text, size_t size)
     } else if (!report->refine_steps && report->method == HADA_METHOD_MODEL && count == result->depths) {
         hada_cli_append(text, size, "linear filters alone");
     } else if (count == result->depths && count > 1) {
-        hada_cli_append(text, size, "all %d depths", count);
+        hada_cli_append(text, size, "%sall %d depths", report->scene == HADA_SCENE_VOLUME ? "volume, " : "", count);
     } else if (count > 8) {
         hada_cli_append(text, size, "%d of %d depths", count, result->depths);
     } else if (!count || !result->distances_mm[0]) {

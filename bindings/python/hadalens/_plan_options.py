@@ -58,7 +58,7 @@ class PlanOptions(TypedDict, total=False):
 
     depths: Sequence[int] | None
     occupied: Literal["auto", "all"] | Sequence[int]
-    scene: Literal["auto", "planes", "surface"]
+    scene: Literal["auto", "planes", "surface", "volume"]
     refine: int | None
     refine_tv: float | Literal["frame"] | None
     refine_colour: float | None

@@ -88,8 +88,8 @@ class Plan(Handle):
         context: a device, by its name as well, or several that share the frames; None: :meth:`Context.default`.
         depths: indices of the depths to compute, ascending; None: all.
         occupied: depths where the scene may be: "auto" (found for each frame), "all", or their indices.
-        scene: what scenes are taken for: "auto", "planes" (objects at some depths) or "surface" (one texture on one
-            continuous surface, anywhere between the depths).
+        scene: what scenes are taken for: "auto", "planes" (objects at some depths), "surface" (one texture on one
+            continuous surface, anywhere between the depths) or "volume" (light at all depths, such as emitters).
         refine: steps of refinement; None: the model's, 0: linear filters alone.
         refine_tv: weight of total variation in it; "frame": found from each frame; None: the model's, or where it knows
             none found from a frame, and kept for those after it while their noise and light stay the same.
@@ -142,7 +142,7 @@ class Plan(Handle):
         context: Device | Sequence[Device] | None = None,
         depths: Sequence[int] | None = None,
         occupied: Literal["auto", "all"] | Sequence[int] = "auto",
-        scene: Literal["auto", "planes", "surface"] = "auto",
+        scene: Literal["auto", "planes", "surface", "volume"] = "auto",
         refine: int | None = None,
         refine_tv: float | Literal["frame"] | None = None,
         refine_colour: float | None = None,

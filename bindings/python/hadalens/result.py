@@ -45,7 +45,7 @@ class Report:
     Attributes:
         occupied: for each computed depth, whether the scene was found there.
         method: "model", or a classic method.
-        scene: what the frame was taken for, "planes" or "surface".
+        scene: what the frame was taken for, "planes", "surface" or "volume".
         refine_steps: steps of refinement, or iterations of a classic method, that were done.
         refine_tv: weight of total variation in refinement, or in a classic method; 0: none.
         refine_tv_factor: where it was found from the frame, so many times more or less predicts held-out pixels 1 %

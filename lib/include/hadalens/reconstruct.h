@@ -28,7 +28,8 @@ typedef enum hada_scene {
     HADA_SCENE_AUTO = 0,   /* what explains the frame with the fewest unknowns */
     HADA_SCENE_PLANES = 1, /* objects at some of the depths */
     HADA_SCENE_SURFACE =
-        2 /* one texture on one continuous surface, anywhere between the depths (docs/explanation/surfaces.md) */
+        2, /* one texture on one continuous surface, anywhere between the depths (docs/explanation/surfaces.md) */
+    HADA_SCENE_VOLUME = 3 /* light at all depths, found by Richardson-Lucy (docs/explanation/surfaces.md#volumes) */
 } hada_scene;
 
 typedef enum hada_dark {
@@ -91,9 +92,10 @@ typedef struct hada_plan_options {
                                             are all that are computed, or those of the list, and no net follows; NULL
                                             (default): none. Copied */
     hada_scene scene; /* HADA_SCENE_AUTO by default. A surface needs three depths, their transfer functions, refinement
-                         and HADA_OCCUPIED_AUTO. Its memory on the device is taken when a frame first needs it, beyond
-                         a plan's estimate; where there is too little, frames are taken for planes, or, told to be
-                         surfaces, fail */
+                         and HADA_OCCUPIED_AUTO. Its memory on the device, and that of a volume that is found, is taken
+                         when a frame first needs it, beyond a plan's estimate; where there is too little, frames are
+                         taken for planes, or, told to be surfaces, fail. HADA_SCENE_VOLUME needs transfer functions
+                         alone, and no `classic` method beside it */
     double refine_colour; /* in total variation, weight of differences of colour over those of brightness, 1 to 16;
                              HADA_AUTO (default): the model's */
     double
@@ -177,7 +179,7 @@ typedef struct hada_report {
     int enhanced; /* planes that went through the model's net */
     double seconds_total, seconds_upload, seconds_linear, seconds_pursuit, seconds_refine, seconds_enhance,
         seconds_focus, seconds_download;
-    hada_scene scene;        /* what the frame was taken for: planes or a surface */
+    hada_scene scene;        /* what the frame was taken for: planes, a surface or a volume */
     size_t saturated_pixels; /* values at the frame's upper end, taken for "at least this" */
     double refine_tv;        /* weight of total variation in refinement, or in a classic method; 0: none */
     double refine_tv_factor; /* where it was found from the frame: so many times more or less predicts held-out pixels

@@ -129,7 +129,7 @@ class Reconstruct(Worker):
             value="",
             tooltip="of a plain layer of point spread functions: near to far, with commas; empty for a single one",
         )
-        self.scene = ComboBox(label="Scene", choices=["auto", "planes", "surface"], value="auto")
+        self.scene = ComboBox(label="Scene", choices=["auto", "planes", "surface", "volume"], value="auto")
         self.quick = CheckBox(label="Quick: linear filters alone", value=False)
         self.device = LineEdit(label="Device", value="", tooltip="an index, a kind, or part of a name; empty: chosen")
         super().__init__(

@@ -1,0 +1,242 @@
+/* The path of a frame that is taken for a volume: light at all depths, by Richardson-Lucy
+ * (docs/explanation/surfaces.md#volumes). */
+
+#include "core/alloc.h"
+#include "engine/stages.h"
+
+/* A frame is a volume if its light fills few voxels, in units of a plane's pixels, which are the unknowns of a single
+ * plane. After FIRST iterations emitters in 24 and 40 depths filled 0.007 to 0.3; photographs, text and vessels 0.8 to
+ * 21. Where it is less than DOUBT, more iterations tell: hundreds of emitters filled 0.3 to 0.7, vessels 1.2 and more,
+ * and text as little as 0.3, but its neighbouring pixels are at the same depth (docs/explanation/surfaces.md#volumes).
+ * Light that leaves more energy than so much of the frame's, and of its noise's, is no explanation. */
+enum { FIRST = 24, SECOND = 50 };
+#define FIRST_VOXELS  0.5
+#define DOUBT         4.0
+#define SECOND_VOXELS 0.8
+#define SECOND_MIXED  0.75
+#define FIRST_LEFT    0.25
+#define FIRST_NOISE   1.5
+
+/* Else it is one if planes, or a surface, leave more than this many times what the volume does, and than the frame's
+ * noise, and the volume's light fills fewer voxels than a surface has unknowns. */
+#define CLEARLY     1.21
+#define MOST_VOXELS 2.0
+
+/* In any case light is at more than this share of the depths. */
+#define LEAST_DEPTHS 0.5
+
+enum { BLOCK = 12 /* pixels a side, among which depths are mixed or alike */ };
+
+/* Bytes of the transfer functions and of a pipeline's part, without allocating. */
+static hada_status count(const hada_volumes *volumes, const hada_pipeline *pipeline, uint64_t *optics, uint64_t *each,
+                         hada_error *err)
+{
+    const hada_setup *setup = pipeline->setup;
+    hada_classic *classic = NULL;
+    hada_buffer trial = {0};
+    hada_dry dry;
+    hada_status status = HADA_OK;
+    hada_dry_begin(&dry, pipeline->slot->context);
+    HADA_TRY_OR_DONE(hada_classic_optics(&trial, &dry.context, &volumes->shape, setup->model, setup->depths,
+                                         setup->config.depths, err));
+    *optics = hada_context_peak_bytes(&dry.context);
+    const uint64_t before = hada_context_bytes(&dry.context);
+    HADA_TRY_OR_DONE(hada_classic_create(&classic, &dry.slot, &volumes->shape, err));
+    *each = hada_context_bytes(&dry.context) - before;
+done:
+    hada_classic_destroy(&classic);
+    hada_buffer_destroy(&trial);
+    hada_dry_end(&dry);
+    return status;
+}
+
+/* With the lock held: what all pipelines of the device share. A volume may take half of the room, for a surface may
+ * follow. */
+static hada_status prepare(hada_volumes *volumes, const hada_pipeline *pipeline, hada_error *err)
+{
+    const hada_setup *setup = pipeline->setup;
+    const int depths = setup->config.depths;
+    hada_context *context = pipeline->constants->context;
+    uint64_t room, optics, each;
+    if (volumes->known)
+        return HADA_OK;
+    HADA_TRY(hada_config_volume(&setup->config, hada_model_get_info(setup->model), &volumes->shape, err));
+    HADA_TRY(hada_classic_fit_grid(&volumes->shape, context, setup->model, setup->depths, depths, err));
+    HADA_TRY(hada_pipeline_room(pipeline, &room, err));
+    HADA_TRY(count(volumes, pipeline, &optics, &each, err));
+    volumes->known = -1;
+    if (optics + each > room / 2) {
+        hada_log(
+            context, HADA_LOG_WARNING,
+            "a volume takes %.0f MiB more on the device, and %.0f MiB are left for it: frames are taken for planes "
+            "or surfaces",
+            (double)(optics + each) / 0x1p20, (double)room / 2 / 0x1p20);
+        return HADA_OK;
+    }
+    HADA_TRY(hada_classic_camera_of(&volumes->camera, setup->model, setup->depths, depths, err));
+    HADA_TRY(hada_classic_optics(&volumes->optics, context, &volumes->shape, setup->model, setup->depths, depths, err));
+    volumes->each = each;
+    volumes->known = 1;
+    return HADA_OK;
+}
+
+static hada_status make(hada_volumes *volumes, hada_pipeline *pipeline, hada_error *err)
+{
+    HADA_TRY(prepare(volumes, pipeline, err));
+    if (volumes->known < 0)
+        return HADA_OK;
+    HADA_TRY(hada_classic_create(&pipeline->volume, pipeline->slot, &volumes->shape, err));
+    volumes->made++;
+    return HADA_OK;
+}
+
+static hada_status ready(hada_pipeline *pipeline, hada_error *err)
+{
+    hada_volumes *volumes = pipeline->constants->volumes;
+    if (pipeline->volume)
+        return HADA_OK;
+    pthread_mutex_lock(&volumes->lock);
+    const hada_status status = make(volumes, pipeline, err);
+    pthread_mutex_unlock(&volumes->lock);
+    return status;
+}
+
+/* How light is spread: the voxels that hold it, in units of a plane's pixels, and the depths, of all: both count by the
+ * square of the sum over the sum of squares; the variance of depths within blocks of pixels, of that of all light. */
+typedef struct spread {
+    double voxels, depths, mixed;
+} spread;
+
+typedef struct moments {
+    double light, first, second; /* sums of light, of light times depth, and times its square */
+} moments;
+
+static double variance(const moments *m)
+{
+    return m->light > 0.0 ? m->second - m->first * m->first / m->light : 0.0;
+}
+
+static void add_light(moments *m, double light, int depth)
+{
+    m->light += light;
+    m->first += light * depth;
+    m->second += light * depth * depth;
+}
+
+static hada_status spread_of(const hada_pipeline *pipeline, const hada_result *result, spread *out, hada_error *err)
+{
+    const int depths = pipeline->setup->config.depths;
+    const int rows = result->planes[0].rows, cols = result->planes[0].cols;
+    const int across = (cols + BLOCK - 1) / BLOCK, down = (rows + BLOCK - 1) / BLOCK;
+    const size_t values = hada_image_count(&result->planes[0]);
+    moments *blocks = NULL, all = {0};
+    double squares = 0.0, squares_of_depths = 0.0, within = 0.0;
+    HADA_TRY(HADA_NEW(blocks, (size_t)across * (size_t)down, "the depths of light", err));
+    for (int z = 0; z < depths; z++) {
+        double light = 0.0;
+        for (size_t i = 0; i < values; i++) {
+            const double value = result->planes[z].data[i];
+            const int row = (int)(i / (size_t)cols) % rows, col = (int)(i % (size_t)cols);
+            light += value;
+            squares += value * value;
+            add_light(&blocks[row / BLOCK * across + col / BLOCK], value, z);
+        }
+        add_light(&all, light, z);
+        squares_of_depths += light * light;
+    }
+    for (int i = 0; i < across * down; i++)
+        within += variance(&blocks[i]);
+    free(blocks);
+    *out = (spread){INFINITY, 0.0, 0.0};
+    if (all.light > 0.0)
+        *out = (spread){all.light * all.light / (squares * (double)values),
+                        all.light * all.light / (squares_of_depths * depths), within / fmax(variance(&all), 1e-300)};
+    return HADA_OK;
+}
+
+/* Goes on to so many iterations, and says how the light is spread then. */
+static hada_status iterate(hada_pipeline *pipeline, hada_frame *frame, int iterations, spread *light, hada_error *err)
+{
+    hada_volumes *volumes = pipeline->constants->volumes;
+    const int depths = pipeline->setup->config.depths;
+    const size_t bytes = hada_image_count(&frame->result->planes[0]) * sizeof(float);
+    const hada_buffer view = {.mem = hada_classic_planes(pipeline->volume), .bytes = bytes * (size_t)depths};
+    hada_refine_data data = pipeline->maker.data;
+    data.otf = volumes->optics.mem;
+    data.otf_offset = 0;
+    const hada_classic_job job = {.data = &data,
+                                  .camera = &volumes->camera,
+                                  .depths = depths,
+                                  .list = pipeline->all,
+                                  .brightness = hada_exposure_light(&frame->exposure),
+                                  .iterations = iterations,
+                                  .before = pipeline->volume_now.iterations};
+    HADA_TRY(hada_maker_weigh(&pipeline->maker, &frame->exposure, err));
+    HADA_TRY(hada_classic_run(pipeline->volume, &job, &pipeline->volume_now, err));
+    for (int z = 0; z < depths; z++)
+        HADA_TRY(hada_buffer_read(&view, pipeline->slot, (size_t)z * bytes, frame->result->planes[z].data, bytes, err));
+    return spread_of(pipeline, frame->result, light, err);
+}
+
+static hada_status take(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
+{
+    hada_report *report = &frame->result->memory->report;
+    spread unused;
+    if (pipeline->volume_now.iterations < HADA_VOLUME_ITERATIONS)
+        HADA_TRY(iterate(pipeline, frame, HADA_VOLUME_ITERATIONS, &unused, err));
+    memcpy(pipeline->occupied, pipeline->all, (size_t)pipeline->setup->config.depths * sizeof *pipeline->all);
+    report->scene = HADA_SCENE_VOLUME;
+    report->method = HADA_METHOD_RL;
+    report->refine_steps = pipeline->volume_now.iterations;
+    report->residual = sqrt(pipeline->volume_now.energy / frame->exposure.energy);
+    report->residual_linear = NAN;
+    report->refine_tv = report->refine_tv_factor = 0.0;
+    report->refine_tv_kept = 0;
+    return HADA_OK;
+}
+
+/* Whether the first iterations tell that it is a volume. */
+static hada_status is_plain(hada_pipeline *pipeline, hada_frame *frame, double noise, int *found, hada_error *err)
+{
+    spread light;
+    HADA_TRY(iterate(pipeline, frame, FIRST, &light, err));
+    *found = light.voxels < FIRST_VOXELS;
+    if (!*found && light.voxels < DOUBT && light.depths > LEAST_DEPTHS) {
+        HADA_TRY(iterate(pipeline, frame, SECOND, &light, err));
+        *found = light.voxels < SECOND_VOXELS && light.mixed > SECOND_MIXED;
+    }
+    *found = *found && light.depths > LEAST_DEPTHS &&
+             pipeline->volume_now.energy < fmax(FIRST_LEFT * frame->exposure.energy, FIRST_NOISE * noise);
+    return HADA_OK;
+}
+
+/* Whether a volume explains the frame clearly better than what leaves so much. */
+static hada_status is_better(hada_pipeline *pipeline, hada_frame *frame, double noise, double energy, int *found,
+                             hada_error *err)
+{
+    spread light;
+    HADA_TRY(iterate(pipeline, frame, HADA_VOLUME_ITERATIONS, &light, err));
+    *found = energy > CLEARLY * fmax(pipeline->volume_now.energy, noise) && light.depths > LEAST_DEPTHS &&
+             light.voxels < MOST_VOXELS;
+    return HADA_OK;
+}
+
+hada_status hada_pipeline_find_volume(hada_pipeline *pipeline, hada_frame *frame, double energy, int *found,
+                                      hada_error *err)
+{
+    const hada_frame_exposure *exposure = &frame->exposure;
+    const double deviation = hada_exposure_noise(exposure),
+                 noise = deviation * deviation * (double)hada_exposure_count(exposure);
+    *found = 0;
+    if (!(exposure->energy > 0) || (energy >= 0.0 && energy <= CLEARLY * noise))
+        return HADA_OK;
+    hada_slot_stage(pipeline->slot, "volume");
+    HADA_TRY(ready(pipeline, err));
+    if (!pipeline->volume)
+        return HADA_OK;
+    HADA_TRY(energy < 0.0 ? is_plain(pipeline, frame, noise, found, err)
+                          : is_better(pipeline, frame, noise, energy, found, err));
+    if (*found)
+        HADA_TRY(take(pipeline, frame, err));
+    return hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_refine, err);
+}

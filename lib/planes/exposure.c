@@ -58,9 +58,9 @@ hada_status hada_frame_bin(hada_pixels *pixels, hada_image *own, const hada_mode
     HADA_TRY(hada_pixels_copy(pixels, &whole, err));
     const hada_status status = hada_image_downsample(own, &whole, kind->downsample, mosaic, 1, err);
     hada_image_destroy(&whole);
-    if (!status)
-        hada_pixels_of_image(pixels, own);
-    return status;
+    HADA_TRY(status);
+    hada_pixels_of_image(pixels, own);
+    return HADA_OK;
 }
 
 /* The square of a spectrum's largest value, `points` times the brightest pixel, stays a factor 4 below the largest

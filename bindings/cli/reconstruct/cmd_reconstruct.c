@@ -182,8 +182,7 @@ typedef struct job {
     hada_plan_options options;
     hada_classic_options classic;
     hada_cli_dark dark;
-    hada_image weights, flat; /* of pixels */
-    hada_image merged;        /* a bracket's frame */
+    hada_image weights, flat, merged; /* of pixels; a bracket's frame */
     const char **paths;
     int files, *depths, *occupied;
     double encoding, frame_encoding;

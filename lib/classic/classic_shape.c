@@ -54,7 +54,7 @@ hada_status hada_classic_shape_of(const hada_model_info *info, int depths, const
     if (!info->has_otf)
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the model %s holds no transfer functions, which this method needs: make the model again "
-                         "with fit, from pairs or from --psf",
+                         "with fit, from pairs or from PSFs",
                          info->name);
     *o = *options;
     shape->place = hada_refine_shape_of(info, depths, 1);

@@ -565,7 +565,7 @@ static hada_status fill(hada_pair *pair, hada_mosaic mosaic, hada_error *err)
     if (raw->channels != 1 || raw->rows < 2 || raw->cols < 2)
         return hada_fail(err, HADA_ERROR_SIZE,
                          "the raw frame has %d channels of %d x %d pixels; a colour filter mosaic has one channel and "
-                         "at least 2 x 2 pixels: leave --bayer out if it is none",
+                         "at least 2 x 2 pixels: leave options.mosaic out if it is none",
                          raw->channels, raw->rows, raw->cols);
     HADA_TRY(hada_mosaic_colours(mosaic, raw, &filled, err));
     hada_image_destroy(&pair->own.raw);

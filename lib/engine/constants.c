@@ -38,7 +38,7 @@ static hada_status check_law(const hada_magnification *law, hada_error *err)
         return HADA_OK;
     return hada_fail(err, HADA_ERROR_MODEL,
                      "neighbouring depths of this camera have too little in common for optics between them "
-                     "(%.0f %% of a PSF stays unexplained): learn more depths, or take --scene planes",
+                     "(%.0f %% of a PSF stays unexplained): learn more depths, or take options.scene planes",
                      100 * unexplained);
 }
 
@@ -49,7 +49,7 @@ static hada_status check_memory(const hada_context *context, const hada_surfaces
         return HADA_OK;
     return hada_fail(err, HADA_ERROR_DEVICE_MEMORY,
                      "a surface takes %.0f MiB of %s on each queue, and %.0f MiB are left for it: take fewer queues, "
-                     "fewer depths (--depths), or --scene planes",
+                     "fewer depths (options.depths), or options.scene planes",
                      (double)bytes / 0x1p20, context->info.name, (double)desc->most_bytes / 0x1p20);
 }
 
@@ -180,7 +180,7 @@ static hada_status check_together(const hada_constants *constants, hada_error *e
     return hada_fail(
         err, HADA_ERROR_DEVICE_MEMORY,
         "planes that explain the frame jointly need the transfer functions of %d depths in one buffer, and "
-        "%s takes %d: compute fewer depths (--depths), or use linear filters (--refine 0)",
+        "%s takes %d: compute fewer depths (options.depths), or use linear filters (options.refine 0)",
         constants->bank->depths, constants->context->info.name, together);
 }
 

@@ -89,10 +89,11 @@ static hada_status check_options(const hada_model_info *info, const hada_plan_op
     if (options->occupied == HADA_OCCUPIED_LIST)
         HADA_TRY(check_list(options->occupied_list, options->occupied_count, info->depths, "occupied depths", err));
     if (options->refine > 0 && !info->has_otf)
-        HADA_TRY(hada_fail(err, HADA_ERROR_MODEL,
-                           "the model %s holds no transfer functions, so nothing can be refined: use --refine 0, or "
-                           "make the model again with fit",
-                           info->name));
+        HADA_TRY(
+            hada_fail(err, HADA_ERROR_MODEL,
+                      "the model %s holds no transfer functions, so nothing can be refined: use options.refine 0, or "
+                      "make the model again with fit",
+                      info->name));
     const hada_image *dark = options->dark_frame, *weights = options->pixel_weights, *flat = options->flat_frame;
     if (weights && ((weights->channels != info->channels && weights->channels != 1) ||
                     weights->rows != info->raw_rows || weights->cols != info->raw_cols))
@@ -121,7 +122,7 @@ static hada_status check_options(const hada_model_info *info, const hada_plan_op
         info->channels != HADA_MOSAIC_COLOURS)
         HADA_TRY(hada_fail(err, HADA_ERROR_MODEL,
                            "a colour filter mosaic needs a model of three channels, and the model %s has %d: leave "
-                           "--bayer out, or make the model with fit --bayer",
+                           "options.mosaic out, or make the model with fit options.mosaic",
                            info->name, info->channels));
     const int grey_dark = dark && dark->channels == 1 && hada_mosaic_is_pattern(mosaic);
     if (options->dark == HADA_DARK_FRAME && (!dark || (dark->channels != info->channels && !grey_dark) ||
@@ -147,8 +148,8 @@ static hada_status choose_scene(const hada_plan_options *options, hada_config *c
     const int possible = config->pursuit && config->depths >= LEAST_DEPTHS;
     if (options->scene == HADA_SCENE_SURFACE && !possible)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "a surface is found among %d depths at least, with refinement and without --occupied or "
-                         "another --method: take --scene planes, or leave those out",
+                         "a surface is found among %d depths at least, by refinement: leave options.occupied and "
+                         "options.classic out, or take options.scene planes",
                          LEAST_DEPTHS);
     config->scene = possible || options->scene == HADA_SCENE_VOLUME ? options->scene : HADA_SCENE_PLANES;
     return HADA_OK;
@@ -195,9 +196,10 @@ static hada_status choose_skips(const hada_model *model, const hada_plan_options
     config->full_grid = config->pursuit && !(options->skip & HADA_SKIP_DEPTHS);
     config->pruned = config->joint || (options->skip & HADA_SKIP_PRUNE);
     if (options->band < 1.0 && config->joint)
-        return hada_fail(
-            err, HADA_ERROR_ARGUMENT, "a band limits the linear filters, but the planes are to %s, or leave --band out",
-            config->classic ? "come from another method: take the model's own filters" : "be refined: add --refine 0");
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "a band limits the linear filters, but the planes are to %s, or leave options.band out",
+                         config->classic ? "come from another method: take the model's own filters"
+                                         : "be refined: add options.refine 0");
     if (options->band < 1.0) {
         config->band_rows = at_least_one(options->band * (info->grid_rows / 2));
         config->band_cols = at_least_one(options->band * (info->grid_cols / 2));
@@ -242,7 +244,7 @@ static hada_status use_classic(const hada_model_info *info, const hada_plan_opti
     if (options->scene == HADA_SCENE_VOLUME) {
         if (classic.method != HADA_METHOD_MODEL)
             return hada_fail(err, HADA_ERROR_ARGUMENT,
-                             "a volume has a method of its own: leave --scene volume or --method out");
+                             "a volume has a method of its own: leave options.scene volume or options.classic out");
         volume_options(&classic, options->support);
     }
     config->classic = classic.method != HADA_METHOD_MODEL;

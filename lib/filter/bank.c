@@ -176,8 +176,9 @@ hada_status hada_bank_create(hada_bank **out, hada_slot *slot, const hada_model 
             return hada_fail(err, HADA_ERROR_ARGUMENT, "depth %d is not in the model, which has %d (from 0)", depths[i],
                              info->depths);
     if ((parts & HADA_BANK_OTFS) && !model->otf)
-        return hada_fail(err, HADA_ERROR_MODEL,
-                         "the model holds no transfer functions, which refinement needs; fit again, or use --refine 0");
+        return hada_fail(
+            err, HADA_ERROR_MODEL,
+            "the model holds no transfer functions, which refinement needs; fit again, or use options.refine 0");
     HADA_TRY_OR_DONE(hada_allocated(bank = hada_alloc(1, sizeof *bank, "a filter bank", err)));
     bank->layout = *layout;
     bank->depths = count;

@@ -145,7 +145,7 @@ static hada_status check_colours(TIFF *tif, int photometric, int keep_indices, h
         return hada_fail(
             err, HADA_ERROR_FILE_FORMAT,
             "the file says that its pixels are a colour filter mosaic (Bayer); save them as grey, and name the pattern with "
-            "--bayer");
+            "options.mosaic");
     default: break;
     }
     return hada_fail(err, HADA_ERROR_FILE_FORMAT,

@@ -164,7 +164,7 @@ static hada_status find_tiles(const hada_context *context, const hada_enhance_de
         if (shape->core_rows <= field.multiple && shape->core_cols <= field.multiple)
             return hada_fail(err, HADA_ERROR_DEVICE_MEMORY,
                              "the net for enhancement needs %.1f MiB for its smallest tile, %d x %d pixels with halo: "
-                             "leave it out (--no-enhance), or use another device",
+                             "leave it out (options.enhance 0), or use another device",
                              (double)shape->graph_bytes / 1048576.0, shape->tile_rows, shape->tile_cols);
         if (shape->core_rows >= shape->core_cols)
             down++;

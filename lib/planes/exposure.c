@@ -25,19 +25,20 @@ hada_status hada_frame_check_size(const hada_model_info *info, const hada_frame_
     const hada_mosaic mosaic = binned ? kind->sensor_mosaic : kind->mosaic;
     if (same && hada_mosaic_is_pattern(mosaic) && channels != 1)
         return hada_fail(err, HADA_ERROR_MODEL,
-                         "the frame has %d channels, but a colour filter mosaic has one: leave --bayer out", channels);
+                         "the frame has %d channels, but a colour filter mosaic has one: leave options.mosaic out",
+                         channels);
     if (same && (channels == info->channels || mosaic_of(info, mosaic, channels) != HADA_MOSAIC_NONE))
         return HADA_OK;
     if (same && channels == 1 && info->channels == HADA_MOSAIC_COLOURS)
         return hada_fail(
             err, HADA_ERROR_MODEL,
             "the frame has one channel, and the model %s is for colours: if the sensor has a colour filter "
-            "mosaic, name its pattern with --bayer, such as --bayer rggb",
+            "mosaic, name its pattern with options.mosaic, such as options.mosaic rggb",
             info->name);
     if (!same && hada_is_of_sensor(info, times, rows, cols))
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the frame has %d x %d pixels, %d times the %d x %d that the model %s is for: bin it with "
-                         "--downsample %d, or make the model with fit --downsample %d",
+                         "options.downsample %d, or make the model with fit options.downsample %d",
                          rows, cols, times, info->raw_rows, info->raw_cols, info->name, times, times);
     return hada_fail(
         err, HADA_ERROR_MODEL,
@@ -235,7 +236,7 @@ static hada_status repair(hada_frame_exposure *exposure, const examination *look
     if (!look->rule->repairs && look->broken > blanked)
         return hada_fail(err, HADA_ERROR_NOT_FINITE,
                          "%zu pixel(s) of the frame are NaN or infinite; repair them from their neighbours with "
-                         "--repair, or mend the file",
+                         "options.repair_not_finite, or mend the file",
                          look->broken - blanked);
     HADA_TRY(copy(exposure, err));
     HADA_TRY(hada_frame_repair(&exposure->own, exposure->mosaic, &exposure->repaired, err));

@@ -89,7 +89,7 @@ hada_status hada_program_compile(hada_context *context, const char *file, const 
     *out = NULL;
     if (!context->info.has_compiler)
         return hada_fail(err, HADA_ERROR_BUILD,
-                         "%s cannot compile kernels: give a folder of offline binaries (--binaries or "
+                         "%s cannot compile kernels: give a folder of offline binaries (options.binaries or "
                          "HADALENS_BINARIES), made for it by 'hadalens devices --save-binaries FOLDER' where its "
                          "compiler is, or with the vendor's tools (docs/reference/devices.md)",
                          context->info.name);

@@ -8,7 +8,7 @@ enum { GROUP = 64, GROUPS = 4, ITEMS = GROUP * GROUPS };
 static hada_status wrong(const hada_context *context, const char *what, hada_error *err)
 {
     return hada_fail(err, HADA_ERROR_SELF_TEST,
-                     "%s computes wrong results (%s); update its driver or choose another device with --device",
+                     "%s computes wrong results (%s); update its driver or choose another device with options.device",
                      context->info.name, what);
 }
 

@@ -59,7 +59,7 @@ static hada_status open_file(hada_stream *stream, hada_error *err)
     const hada_mosaic taken = binned ? config->kind.sensor_mosaic : config->mosaic;
     if (info->mosaic != HADA_MOSAIC_NONE && info->mosaic != taken && model->channels > 1)
         return hada_fail(err, HADA_ERROR_MODEL,
-                         "the colour filter mosaic of the file is %s, and %s is expected: name it with --bayer",
+                         "the colour filter mosaic of the file is %s, and %s is expected: name it with options.mosaic",
                          hada_enum_name(HADA_ENUM_MOSAIC, (int)info->mosaic),
                          hada_enum_name(HADA_ENUM_MOSAIC, (int)taken));
     return hada_frame_check_size(model, &config->kind, info->channels, info->rows, info->cols, err);

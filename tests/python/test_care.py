@@ -278,9 +278,12 @@ def test_files_that_are_missing_are_found_missing(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("told", "here"),
     [
-        ("compute fewer depths (--depths), or use linear filters (--refine 0)", ["(depths)", "refine=0"]),
-        ("leave it out (--no-enhance), or use another device", ["enhance=False"]),
-        ("another --method: take --scene planes, or leave those out", ["classic", "scene='planes'"]),
+        ("compute fewer depths (options.depths), or use linear filters (options.refine 0)", ["(depths)", "refine=0"]),
+        ("leave it out (options.enhance 0), or use another device", ["enhance=False"]),
+        ("leave options.classic out, or take options.scene planes", ["classic", "scene='planes'"]),
+        ("leave options.mosaic out, or make it with fit options.mosaic", ["leave mosaic out", "fit(mosaic=...)"]),
+        ("such as options.mosaic rggb", ["mosaic='rggb'"]),
+        ("bin it with options.downsample 4", ["downsample=4"]),
         ("fit (from a PSF: fit --psf PSF --frame FRAME)", ["Model.from_psf"]),
         ("go on with it (options.resume), or try options.at_once 1", ["(resume)", "at_once=1"]),
         ("more than the limits allow (options.limits pixels=N)", ["set_limits('pixels=N')"]),

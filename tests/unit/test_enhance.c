@@ -320,7 +320,7 @@ TEST(short_memory_makes_tiles)
     run(device, &desc, planes, 1, &computed, &left_out);
     assert_true(computed > 2);
     desc.memory = 1000;
-    ASSERT_FAILS(bytes_of(device->context, &desc, &tiled, err), HADA_ERROR_DEVICE_MEMORY, "--no-enhance");
+    ASSERT_FAILS(bytes_of(device->context, &desc, &tiled, err), HADA_ERROR_DEVICE_MEMORY, "options.enhance 0");
 }
 
 TEST(nets_that_do_not_fit_are_refused)

@@ -297,16 +297,16 @@ TEST(what_cannot_be)
     DEFAULTS(hada_plan_options, options);
     DEFAULTS(hada_psf_options, psf);
     ASSERT_OK(hada_plan_create(&plan, context, b.plain, &options, err));
-    ASSERT_FAILS(hada_plan_run(plan, &mosaic, &result, err), HADA_ERROR_MODEL, "--bayer");
+    ASSERT_FAILS(hada_plan_run(plan, &mosaic, &result, err), HADA_ERROR_MODEL, "options.mosaic");
     hada_plan_destroy(&plan);
     options.mosaic = HADA_MOSAIC_NONE; /* whatever the model says */
     ASSERT_OK(hada_plan_create(&plan, context, b.model, &options, err));
-    ASSERT_FAILS(hada_plan_run(plan, &mosaic, &result, err), HADA_ERROR_MODEL, "--bayer");
+    ASSERT_FAILS(hada_plan_run(plan, &mosaic, &result, err), HADA_ERROR_MODEL, "options.mosaic");
     ASSERT_OK(hada_plan_run(plan, &colours, &result, err));
     hada_plan_destroy(&plan);
     options.mosaic = HADA_MOSAIC_RGGB;
     ASSERT_OK(hada_plan_create(&plan, context, b.model, &options, err));
-    ASSERT_FAILS(hada_plan_run(plan, &colours, &result, err), HADA_ERROR_MODEL, "leave --bayer out");
+    ASSERT_FAILS(hada_plan_run(plan, &colours, &result, err), HADA_ERROR_MODEL, "leave options.mosaic out");
     hada_plan_destroy(&plan);
     ASSERT_FAILS(hada_plan_create(&plan, context, grey, &options, err), HADA_ERROR_MODEL, "three channels");
     options.mosaic = (hada_mosaic)9;

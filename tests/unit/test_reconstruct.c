@@ -156,7 +156,7 @@ TEST(surfaces_are_planned)
     hada_plan_memory(plan, &without, NULL);
     assert_true(without == hada_context_bytes(learned->context) - before);
     learned->context->info.memory_bytes = without / 3 * 4 + 4000000; /* less than the three quarters that count */
-    ASSERT_FAILS(hada_plan_run(plan, &raw, &result, err), HADA_ERROR_DEVICE_MEMORY, "--scene planes");
+    ASSERT_FAILS(hada_plan_run(plan, &raw, &result, err), HADA_ERROR_DEVICE_MEMORY, "options.scene planes");
     assert_true(without == hada_context_bytes(learned->context) - before);
     learned->context->info.memory_bytes = memory;
     for (int i = 0; i < 3; i++) {

@@ -180,7 +180,8 @@ TEST(wrong_options_are_refused)
     refined.refine = 4;
     refined.band = 0.5;
     hada_plan *plan;
-    ASSERT_FAILS(hada_plan_create(&plan, f->context, f->model[0], &refined, err), HADA_ERROR_ARGUMENT, "--refine 0");
+    ASSERT_FAILS(hada_plan_create(&plan, f->context, f->model[0], &refined, err), HADA_ERROR_ARGUMENT,
+                 "options.refine 0");
 }
 
 FIXTURE(skip_setup, skip_teardown)

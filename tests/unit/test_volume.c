@@ -200,7 +200,8 @@ TEST(refuses_a_method_beside_it)
     classic.method = HADA_METHOD_FISTA;
     options.scene = HADA_SCENE_VOLUME;
     options.classic = &classic;
-    ASSERT_FAILS(hada_plan_create(&plan, f->context, f->model, &options, err), HADA_ERROR_ARGUMENT, "--scene volume");
+    ASSERT_FAILS(hada_plan_create(&plan, f->context, f->model, &options, err), HADA_ERROR_ARGUMENT,
+                 "options.scene volume");
     options.classic = NULL;
     options.scene = (hada_scene)(HADA_SCENE_VOLUME + 1);
     ASSERT_FAILS(hada_plan_create(&plan, f->context, f->model, &options, err), HADA_ERROR_ARGUMENT, "HADA_SCENE_");

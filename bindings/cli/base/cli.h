@@ -112,6 +112,9 @@ hada_status hada_cli_error(hada_error *err, hada_status status, const char *form
 /* Puts text before a message. */
 void hada_cli_prefix(hada_error *err, const char *format, ...) HADA_CLI_PRINTF(2, 3);
 
+/* Names options of the library (options.NAME) as this program spells them, in place: never longer than before. */
+void hada_cli_translate(char *text);
+
 /* Texts hold names that others chose: control characters, which a terminal would obey, become question marks, and so
  * do ends of line that are not the format's, and bytes that are no UTF-8. */
 void hada_cli_put(FILE *to, const char *format, ...) HADA_CLI_PRINTF(2, 3);

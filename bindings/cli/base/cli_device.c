@@ -7,11 +7,14 @@
 static void log_message(void *user, hada_log_level level, const char *message)
 {
     hada_cli *cli = user;
+    char words[1200];
+    snprintf(words, sizeof words, "%s", message);
+    hada_cli_translate(words);
     if (level == HADA_LOG_WARNING && !cli->common->quiet) {
         hada_cli_progress_hide(cli);
-        hada_cli_put(stderr, "hadalens %s: note: %s\n", cli->command, message);
+        hada_cli_put(stderr, "hadalens %s: note: %s\n", cli->command, words);
     } else {
-        hada_cli_detail(cli, "%s", message);
+        hada_cli_detail(cli, "%s", words);
     }
 }
 

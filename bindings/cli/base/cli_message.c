@@ -138,40 +138,47 @@ void hada_cli_warn(hada_cli *cli, const char *format, ...)
     json_array_append_new(list, hada_cli_json_text(text));
 }
 
-static int is_word(const char *text, size_t length, const char *word)
+/* How this program spells the option whose name `text` begins with; NULL: as it is. *length: of the name. */
+static const char *spell(const char *text, size_t *length)
 {
-    return strlen(word) == length && !strncmp(text, word, length);
+    static const char *const own[][2] = {{"output", "-o"},        {"model", "-m"},
+                                         {"mosaic", "--bayer"},   {"repair_not_finite", "--repair"},
+                                         {"classic", "--method"}, {"enhance 0", "--no-enhance"}};
+    *length = strspn(text, "abcdefghijklmnopqrstuvwxyz_");
+    for (size_t i = 0; i < sizeof own / sizeof *own; i++) {
+        const size_t all = strlen(own[i][0]);
+        if (all >= *length && !strncmp(text, own[i][0], all)) {
+            *length = all;
+            return own[i][1];
+        }
+    }
+    return NULL;
 }
 
-/* Options as this program spells them, in place: never longer than before. */
-static void translate(char *text)
+void hada_cli_translate(char *text)
 {
     static const char mark[] = "options.";
     char *to = text;
     for (const char *from = text; *from;) {
-        const size_t before = sizeof mark - 1;
-        const size_t length = strncmp(from, mark, before) ? 0 : strspn(from + before, "abcdefghijklmnopqrstuvwxyz_");
+        const char *name = from + sizeof mark - 1, *own = NULL;
+        size_t length = 0;
+        if (!strncmp(from, mark, sizeof mark - 1))
+            own = spell(name, &length);
         if (!length) {
             *to++ = *from++;
             continue;
         }
-        from += before;
-        *to++ = '-';
-        if (is_word(from, length, "output") || is_word(from, length, "model")) { /* -o, -m */
-            *to++ = *from;
-        } else {
-            *to++ = '-';
-            for (size_t i = 0; i < length; i++)
-                *to++ = (char)(from[i] == '_' ? '-' : from[i]);
-        }
-        from += length;
+        to = stpcpy(to, own ? own : "--");
+        for (size_t i = 0; !own && i < length; i++)
+            *to++ = (char)(name[i] == '_' ? '-' : name[i]);
+        from = name + length;
     }
     *to = '\0';
 }
 
 void hada_cli_print_error(hada_cli *cli, hada_error *err)
 {
-    translate(err->message);
+    hada_cli_translate(err->message);
     hada_cli_progress_hide(cli);
     if (hada_cli_writes(cli))
         hada_cli_put(stderr, "hadalens %s: %s\n", cli->command, err->message);
@@ -231,7 +238,7 @@ static void take_message(void *user, hada_message kind, const char *text)
     hada_cli *cli = user;
     char words[1200];
     snprintf(words, sizeof words, "%s", text);
-    translate(words);
+    hada_cli_translate(words);
     if (kind == HADA_MESSAGE_NOTE)
         hada_cli_warn(cli, "%s", words);
     else if (kind == HADA_MESSAGE_INFO)

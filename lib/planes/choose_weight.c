@@ -19,6 +19,9 @@ enum {
     MOSAIC_STEPS = 12 /* the same of a mosaic, a third of whose values are known: after 6, weights were too small */
 };
 
+/* One of which w / (w + 1) is 1. */
+#define WHOLE 1e30f
+
 typedef struct sweep {
     hada_plane_maker *maker;
     int count;
@@ -48,9 +51,17 @@ static hada_status try_weight(void *user, double tv, int *steps, double *left, h
     rule.start = *steps ? HADA_REFINE_CONTINUE : HADA_REFINE_COLD;
     rule.quiet = 1;
     held.weights = maker->held.mem;
+    held.score_mu = 1.0;
     HADA_TRY(hada_refiner_run(maker->refiner, &maker->data, &rule, 1, s->count, s->list, &done, err));
     *steps += done;
     return hada_refiner_residual(maker->refiner, &held, 1, s->count, s->list, left, err);
+}
+
+/* The weight of which w / (w + 1) is the root of a value's: what of its error counts, as squares are added. */
+static float of_score(float weight)
+{
+    const float root = sqrtf(weight);
+    return root < 1.0f ? root / (1.0f - root) : WHOLE;
 }
 
 hada_status hada_maker_hold_out(hada_plane_maker *maker, const hada_frame_exposure *exposure, int block,
@@ -62,6 +73,8 @@ hada_status hada_maker_hold_out(hada_plane_maker *maker, const hada_frame_exposu
     HADA_TRY_OR_DONE(HADA_NEW_RAW(weights, count, "the weights of pixels", err));
     HADA_TRY_OR_DONE(HADA_NEW_RAW(held, count, "held-out pixels", err));
     hada_exposure_hold_out(exposure, block, weights, held);
+    for (size_t i = 0; i < count; i++)
+        held[i] = block == 1 ? (float)(held[i] > 0.0f) : of_score(held[i]);
     HADA_TRY_OR_DONE(hada_buffer_write(&maker->held, maker->slot, 0, held, bytes, err));
     HADA_TRY_OR_DONE(hada_buffer_write(&maker->pixels, maker->slot, 0, weights, bytes, err));
     maker->data.weights = maker->pixels.mem;

@@ -30,7 +30,7 @@ static void hold_block(size_t first, size_t row_step, size_t rows, size_t cols, 
     for (size_t row = 0; row < rows; row++)
         for (size_t i = first + row * row_step, end = i + cols; i < end; i++)
             if (weights[i] > 0.0f) {
-                held[i] = 1.0f;
+                held[i] = weights[i];
                 weights[i] = 0.0f;
             }
 }

@@ -8,7 +8,7 @@
 #include "planes/maker.h"
 
 /* Of all values of a frame: `weights` as hada_exposure_weigh() has them, but 0 for those that are left out, the same
- * ones of every frame, in blocks of `block` x `block` pixels of a channel; `held` is 1 there, else 0. */
+ * ones of every frame, in blocks of `block` x `block` pixels of a channel; `held` is their weight there, else 0. */
 void hada_exposure_hold_out(const hada_frame_exposure *exposure, int block, float *weights, float *held);
 
 typedef struct hada_weight_search {

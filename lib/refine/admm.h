@@ -72,7 +72,8 @@ typedef struct hada_refine_data {
     cl_mem
         weights; /* padded boundary only: as the frame, offset 0, of its pixels' squared errors: 0 leaves a pixel out;
                     below zero it has the size |w|, and the true value may be larger (saturated); NULL: 1 each */
-    cl_mem otf;  /* [depth][channel][count] complex */
+    double score_mu;   /* hada_refiner_residual(): an error counts by w / (w + score_mu); 0: whole where w is not 0 */
+    cl_mem otf;        /* [depth][channel][count] complex */
     size_t otf_offset; /* in complex numbers */
     int otf_depths;
     cl_mem prior; /* [channel][count] floats: noise power over scene power; NULL: none. Where a rule has total variation

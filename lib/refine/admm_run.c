@@ -295,7 +295,7 @@ static hada_status explain(hada_refine_run *r, hada_refiner *refiner, const hada
     HADA_TRY(explain_spectra(r, refiner, data, sets, depths, list, err));
     if (r->padded) {
         HADA_TRY(hada_refine_frame_inverse(r, &refiner->residual, 0, &refiner->residual_frame, err));
-        HADA_TRY(hada_refine_frame_dual(r, refiner->residual_frame.mem, 0, 0.0, 0, err));
+        HADA_TRY(hada_refine_frame_dual(r, refiner->residual_frame.mem, 0, data->score_mu, 0, err));
     }
     arriving->sets = sets;
     arriving->slices = hada_refine_slices(r->padded ? refiner->frame_area : refiner->layout.count);

@@ -7,6 +7,7 @@
 #include <hadalens/dataset.h>
 #include <hadalens/job.h>
 #include <hadalens/response.h>
+#include <math.h>
 #include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -261,6 +262,11 @@ static hada_status merge_bracket(job *work, hada_error *err)
     const hada_mosaic mosaic = work->options.mosaic == HADA_MOSAIC_AUTO ? known : work->options.mosaic;
     HADA_TRY(hada_exposures_load(&work->merged, &work->weights, work->paths, work->files, work->frame_encoding, mosaic,
                                  &work->cli->monitor, err));
+    const double tv = work->options.refine_tv == HADA_AUTO ? info->refine_tv : work->options.refine_tv;
+    if (work->classic.method ||
+        tv < 0) /* which is found from the frame: with weights that differ less it is found better */
+        for (size_t i = 0; i < hada_image_count(&work->weights); i++)
+            work->weights.data[i] = (float)pow(work->weights.data[i], 0.25);
     work->options.pixel_weights = is_linear(work) ? NULL : &work->weights;
     return HADA_OK;
 }

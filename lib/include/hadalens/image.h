@@ -53,7 +53,8 @@ HADA_API hada_status hada_image_downsample(hada_image *out, const hada_image *im
  * one size; a mosaic of one channel by its pattern). Values are in the units of the shortest exposure, its dark level
  * with them. An exposure counts by the square of its length at pixels that it does not saturate; one that all saturate
  * stays so. weights (may be NULL; created by the call): the length of the exposures that each value is made of, over
- * that of all: noise is lower where it is larger, and a plan needs it as its pixel_weights. dark (may be NULL): what a
+ * that of all: noise is lower where it is larger. A plan takes it as its pixel_weights; if that finds the weight of
+ * total variation from the frame, the fourth root of it is better (perf/results/weights.md). dark (may be NULL): what a
  * pixel without light reads, by what the exposures have in common. scales (may be NULL): how many times the shortest
  * each exposure is, found from the frames themselves by orthogonal regression (W. E. Deming, Statistical Adjustment of
  * Data, 1943). HADA_ERROR_NUMERIC where two of them show different scenes, or share too few pixels that neither

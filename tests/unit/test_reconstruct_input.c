@@ -50,7 +50,7 @@ TEST(refuses_or_repairs_broken_pixels)
     ASSERT_OK(hada_plan_create(&plan, learned->context, learned->model, &options, err));
     assert_int_equal(hada_plan_run(plan, &raw, &mended, &error), HADA_ERROR_NOT_FINITE);
     assert_non_null(strstr(error.message, "3 pixel"));
-    assert_non_null(strstr(error.message, "--repair"));
+    assert_non_null(strstr(error.message, "options.repair_not_finite"));
     hada_plan_destroy(&plan);
 
     /* nothing is left to repair them from */

@@ -302,8 +302,8 @@ def merge_exposures(
 
     The frame (C, Y, X) is in the units of the shortest exposure. Its weights, which a plan takes as `pixel_weights`,
     are larger where longer exposures are not saturated and noise is lower; take ``weights**0.25`` where the plan finds
-    the weight of total variation from the frame, as for models of point spread functions. Then come the lengths of the exposures over
-    the shortest, found from the frames, and what a pixel without light reads.
+    the weight of total variation from the frame, as for models of point spread functions. Then come the lengths of the
+    exposures over the shortest, found from the frames, and what a pixel without light reads.
 
     Raises:
         NumericError: exposures of different scenes, or that share too few pixels which neither saturates.

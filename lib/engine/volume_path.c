@@ -154,25 +154,33 @@ static hada_status spread_of(const hada_pipeline *pipeline, const hada_result *r
     return HADA_OK;
 }
 
-/* Goes on to so many iterations, and says how the light is spread then. */
-static hada_status iterate(hada_pipeline *pipeline, hada_frame *frame, int iterations, spread *light, hada_error *err)
+/* Goes on to so many iterations. */
+static hada_status iterate(hada_pipeline *pipeline, hada_frame *frame, int iterations, hada_error *err)
 {
     hada_volumes *volumes = pipeline->constants->volumes;
-    const int depths = pipeline->setup->config.depths;
-    const size_t bytes = hada_image_count(&frame->result->planes[0]) * sizeof(float);
-    const hada_buffer view = {.mem = hada_classic_planes(pipeline->volume), .bytes = bytes * (size_t)depths};
+    const int before = pipeline->volume_now.iterations;
+    if (!before) /* then the method has a copy of the weights */
+        HADA_TRY(hada_maker_weigh(&pipeline->maker, &frame->exposure, err));
     hada_refine_data data = pipeline->maker.data;
     data.otf = volumes->optics.mem;
     data.otf_offset = 0;
     const hada_classic_job job = {.data = &data,
                                   .camera = &volumes->camera,
-                                  .depths = depths,
+                                  .depths = pipeline->setup->config.depths,
                                   .list = pipeline->all,
                                   .brightness = hada_exposure_light(&frame->exposure),
                                   .iterations = iterations,
-                                  .before = pipeline->volume_now.iterations};
-    HADA_TRY(hada_maker_weigh(&pipeline->maker, &frame->exposure, err));
-    HADA_TRY(hada_classic_run(pipeline->volume, &job, &pipeline->volume_now, err));
+                                  .before = before};
+    return hada_classic_run(pipeline->volume, &job, &pipeline->volume_now, err);
+}
+
+/* The same, and how the light is spread then. */
+static hada_status look(hada_pipeline *pipeline, hada_frame *frame, int iterations, spread *light, hada_error *err)
+{
+    const int depths = pipeline->setup->config.depths;
+    const size_t bytes = hada_image_count(&frame->result->planes[0]) * sizeof(float);
+    const hada_buffer view = {.mem = hada_classic_planes(pipeline->volume), .bytes = bytes * (size_t)depths};
+    HADA_TRY(iterate(pipeline, frame, iterations, err));
     for (int z = 0; z < depths; z++)
         HADA_TRY(hada_buffer_read(&view, pipeline->slot, (size_t)z * bytes, frame->result->planes[z].data, bytes, err));
     return spread_of(pipeline, frame->result, light, err);
@@ -181,9 +189,8 @@ static hada_status iterate(hada_pipeline *pipeline, hada_frame *frame, int itera
 static hada_status take(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
     hada_report *report = &frame->result->memory->report;
-    spread unused;
     if (pipeline->volume_now.iterations < HADA_VOLUME_ITERATIONS)
-        HADA_TRY(iterate(pipeline, frame, HADA_VOLUME_ITERATIONS, &unused, err));
+        HADA_TRY(iterate(pipeline, frame, HADA_VOLUME_ITERATIONS, err));
     memcpy(pipeline->occupied, pipeline->all, (size_t)pipeline->setup->config.depths * sizeof *pipeline->all);
     report->scene = HADA_SCENE_VOLUME;
     report->method = HADA_METHOD_RL;
@@ -199,10 +206,10 @@ static hada_status take(hada_pipeline *pipeline, hada_frame *frame, hada_error *
 static hada_status is_plain(hada_pipeline *pipeline, hada_frame *frame, double noise, int *found, hada_error *err)
 {
     spread light;
-    HADA_TRY(iterate(pipeline, frame, FIRST, &light, err));
+    HADA_TRY(look(pipeline, frame, FIRST, &light, err));
     *found = light.voxels < FIRST_VOXELS;
     if (!*found && light.voxels < DOUBT && light.depths > LEAST_DEPTHS) {
-        HADA_TRY(iterate(pipeline, frame, SECOND, &light, err));
+        HADA_TRY(look(pipeline, frame, SECOND, &light, err));
         *found = light.voxels < SECOND_VOXELS && light.mixed > SECOND_MIXED;
     }
     *found = *found && light.depths > LEAST_DEPTHS &&
@@ -215,7 +222,7 @@ static hada_status is_better(hada_pipeline *pipeline, hada_frame *frame, double 
                              hada_error *err)
 {
     spread light;
-    HADA_TRY(iterate(pipeline, frame, HADA_VOLUME_ITERATIONS, &light, err));
+    HADA_TRY(look(pipeline, frame, HADA_VOLUME_ITERATIONS, &light, err));
     *found = energy > CLEARLY * fmax(pipeline->volume_now.energy, noise) && light.depths > LEAST_DEPTHS &&
              light.voxels < MOST_VOXELS;
     return HADA_OK;

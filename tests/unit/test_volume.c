@@ -101,11 +101,13 @@ static int found(const hada_result *result, const point *points)
     return count;
 }
 
-static void run(const fixture *f, hada_scene scene, const hada_image *frame, hada_result *result)
+static void run(const fixture *f, hada_scene scene, const hada_image *weights, const hada_image *frame,
+                hada_result *result)
 {
     SCOPED(hada_plan) * plan;
     DEFAULTS(hada_plan_options, options);
     options.scene = scene;
+    options.pixel_weights = weights;
     ASSERT_OK(hada_plan_create(&plan, f->context, f->model, &options, err));
     ASSERT_OK(hada_plan_run(plan, frame, result, err));
 }
@@ -120,13 +122,36 @@ TEST(emitters_are_a_volume)
     point points[EMITTERS];
     ASSERT_OK(hada_image_create(&frame, 1, SIDE, SIDE, err));
     emit(f, 3, points, &frame);
-    run(f, HADA_SCENE_AUTO, &frame, &of_auto);
-    run(f, HADA_SCENE_VOLUME, &frame, &asked);
+    run(f, HADA_SCENE_AUTO, NULL, &frame, &of_auto);
+    run(f, HADA_SCENE_VOLUME, NULL, &frame, &asked);
     assert_int_equal(of_auto.report->scene, HADA_SCENE_VOLUME);
     assert_int_equal(asked.report->scene, HADA_SCENE_VOLUME);
     assert_int_equal(of_auto.report->method, HADA_METHOD_RL);
     assert_int_equal(of_auto.report->refine_steps, asked.report->refine_steps);
     assert_int_equal(of_auto.report->occupied_count, DEPTHS);
+    for (int z = 0; z < DEPTHS; z++)
+        assert_memory_equal(of_auto.planes[z].data, asked.planes[z].data, sizeof(float) * SIDE * SIDE);
+    if (found(&of_auto, points) < EMITTERS * 17 / 20)
+        fail_msg("%d of %d emitters", found(&of_auto, points), EMITTERS);
+}
+
+/* Pixels without a weight have no part in it, in the first frame of a plan as in any other. */
+TEST(volumes_use_weights)
+{
+    const fixture *f = *state;
+    SCOPED(hada_image) frame, weights;
+    SCOPED(hada_result) of_auto = {0}, asked = {0};
+    point points[EMITTERS];
+    ASSERT_OK(hada_image_create(&frame, 1, SIDE, SIDE, err));
+    ASSERT_OK(hada_image_create(&weights, 1, SIDE, SIDE, err));
+    emit(f, 3, points, &frame);
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        weights.data[i] = i % 41 ? 1.0f : 0.0f;
+        frame.data[i] = i % 41 ? frame.data[i] : 0.3f;
+    }
+    run(f, HADA_SCENE_AUTO, &weights, &frame, &of_auto);
+    run(f, HADA_SCENE_VOLUME, &weights, &frame, &asked);
+    assert_int_equal(of_auto.report->scene, HADA_SCENE_VOLUME);
     for (int z = 0; z < DEPTHS; z++)
         assert_memory_equal(of_auto.planes[z].data, asked.planes[z].data, sizeof(float) * SIDE * SIDE);
     if (found(&of_auto, points) < EMITTERS * 17 / 20)
@@ -156,7 +181,7 @@ TEST(a_plane_is_none)
     ASSERT_OK(hada_plan_create(&plan, f->context, f->model, NULL, err));
     ASSERT_OK(hada_plan_run(plan, &volume, &first, err));
     ASSERT_OK(hada_plan_run(plan, &flat, &then, err));
-    run(f, HADA_SCENE_PLANES, &flat, &planes);
+    run(f, HADA_SCENE_PLANES, NULL, &flat, &planes);
     assert_int_equal(first.report->scene, HADA_SCENE_VOLUME);
     assert_int_equal(then.report->scene, HADA_SCENE_PLANES);
     assert_true(then.report->occupied_count < DEPTHS && then.report->occupied[9]);

@@ -373,16 +373,6 @@ hada_status hada_dataset_from_images(hada_dataset **out, int depths, const doubl
     return open_named(out, store, depths, distances_mm, counts, err);
 }
 
-/* Puts a binned image in the place of one. */
-static hada_status bin(hada_image *image, int factor, hada_mosaic mosaic, int raw, const char *name, hada_error *err)
-{
-    hada_image binned;
-    HADA_TRY(hada_named(hada_image_downsample(&binned, image, factor, mosaic, raw, err), name, err));
-    hada_image_destroy(image);
-    *image = binned;
-    return HADA_OK;
-}
-
 /* Divides a raw frame by the flat frame and bins it, in the order that the flat frame's size says. */
 static hada_status correct(const hada_pair_store *store, hada_image *raw, const char *name, hada_error *err)
 {
@@ -391,7 +381,7 @@ static hada_status correct(const hada_pair_store *store, hada_image *raw, const 
     if (first)
         HADA_TRY(hada_named(hada_flat_correct(raw, store->sensor_mosaic, flat, store->flat_dark, err), name, err));
     if (bins)
-        HADA_TRY(bin(raw, store->downsample, store->sensor_mosaic, 1, name, err));
+        HADA_TRY(hada_named(hada_image_bin(raw, store->downsample, store->sensor_mosaic, 1, err), name, err));
     return flat->data && !first
                ? hada_named(hada_flat_correct(raw, store->mosaic, flat, store->flat_dark, err), name, err)
                : HADA_OK;
@@ -420,7 +410,8 @@ static hada_status read_images(hada_pair_store *store, int number, hada_pair_ima
     }
     HADA_TRY_OR_DONE(correct(store, &images->raw, files->raw, err));
     if (store->downsample > 1)
-        HADA_TRY_OR_DONE(bin(&images->scene, store->downsample, HADA_MOSAIC_NONE, 0, files->scene, err));
+        HADA_TRY_OR_DONE(
+            hada_named(hada_image_bin(&images->scene, store->downsample, HADA_MOSAIC_NONE, 0, err), files->scene, err));
 done:
     if (status)
         images_free(images);

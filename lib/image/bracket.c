@@ -44,14 +44,12 @@ static int is_known(const bracket *all, int k, size_t i)
 static void find_limits(const bracket *all, exposure *of, float *room)
 {
     const hada_image *frame = of->frame;
-    const int coloured = all->mosaic != HADA_MOSAIC_NONE;
-    const size_t plane = (size_t)frame->rows * (size_t)frame->cols;
+    const int channels = all->mosaic != HADA_MOSAIC_NONE ? HADA_MOSAIC_COLOURS : frame->channels;
     for (int c = 0; c < HADA_MOSAIC_COLOURS; c++)
         of->limit[c] = INFINITY;
-    for (int c = 0; c < (coloured ? HADA_MOSAIC_COLOURS : frame->channels); c++) {
-        const float *values = coloured ? room : frame->data + (size_t)c * plane;
-        const size_t count =
-            coloured ? hada_mosaic_own(all->mosaic, c, frame->data, frame->rows, frame->cols, room) : plane;
+    for (int c = 0; c < channels; c++) {
+        size_t count;
+        const float *values = hada_mosaic_channel_values(all->mosaic, c, frame, room, &count);
         float *limit = &of->limit[c % HADA_MOSAIC_COLOURS];
         float largest = 0.0f;
         for (size_t i = 0; i < count; i++)

@@ -3,15 +3,6 @@
 #include "image/mosaic.h"
 #include "image/statistics.h"
 
-/* The value at which a channel's own pixels are cut off; infinite: none. `room` holds a value per pixel of a mosaic. */
-static float cut_off(const hada_image *image, hada_mosaic mosaic, int channel, float *room)
-{
-    const size_t plane = (size_t)image->rows * (size_t)image->cols;
-    if (mosaic == HADA_MOSAIC_NONE)
-        return hada_cut_off_value(image->data + (size_t)channel * plane, plane);
-    return hada_cut_off_value(room, hada_mosaic_own(mosaic, channel, image->data, image->rows, image->cols, room));
-}
-
 /* The pixels of a bin that count: from `count` places in its first pixels on, each `step` further in rows and columns.
  */
 typedef struct pattern {
@@ -72,7 +63,9 @@ hada_status hada_image_downsample(hada_image *out, const hada_image *image, int 
     const size_t cols = (size_t)image->cols, plane = (size_t)image->rows * cols, side = (size_t)factor;
     float *to = out->data;
     for (int channel = 0; channel < out->channels; channel++) {
-        const float limit = keep_saturated ? cut_off(image, mosaic, channel, room) : INFINITY;
+        size_t count;
+        const float *own = keep_saturated ? hada_mosaic_channel_values(mosaic, channel, image, room, &count) : NULL;
+        const float limit = own ? hada_cut_off_value(own, count) : INFINITY;
         const float *from = image->data + (coloured ? 0 : (size_t)channel * plane);
         const pattern of = find(mosaic, channel);
         for (size_t row = 0; row < (size_t)out->rows; row++)
@@ -84,4 +77,13 @@ done:
     if (status)
         hada_image_destroy(out);
     return status;
+}
+
+hada_status hada_image_bin(hada_image *image, int factor, hada_mosaic mosaic, int keep_saturated, hada_error *err)
+{
+    hada_image binned;
+    HADA_TRY(hada_image_downsample(&binned, image, factor, mosaic, keep_saturated, err));
+    hada_image_destroy(image);
+    *image = binned;
+    return HADA_OK;
 }

@@ -86,3 +86,13 @@ size_t hada_mosaic_own(hada_mosaic mosaic, int channel, const float *image, int 
                 values[count++] = image[(size_t)row * (size_t)cols + (size_t)col];
     return count;
 }
+
+const float *hada_mosaic_channel_values(hada_mosaic mosaic, int channel, const hada_image *image, float *room,
+                                        size_t *count)
+{
+    *count = (size_t)image->rows * (size_t)image->cols;
+    if (mosaic == HADA_MOSAIC_NONE)
+        return image->data + (size_t)channel * *count;
+    *count = hada_mosaic_own(mosaic, channel, image->data, image->rows, image->cols, room);
+    return room;
+}

@@ -34,4 +34,9 @@ void hada_mosaic_take(hada_mosaic mosaic, const float *colours, int rows, int co
  * the mosaic; `values` may be the image. Returns how many. */
 size_t hada_mosaic_own(hada_mosaic mosaic, int channel, const float *image, int rows, int cols, float *values);
 
+/* *count values of a channel: its plane or, of a mosaic of one channel, its own pixels, put into `room`, which holds a
+ * value per pixel then. */
+const float *hada_mosaic_channel_values(hada_mosaic mosaic, int channel, const hada_image *image, float *room,
+                                        size_t *count);
+
 #endif

@@ -45,6 +45,9 @@ hada_status hada_image_ensure(hada_image *image, int channels, int rows, int col
 hada_status hada_image_magnify(hada_image *out, const hada_image *image, double scale, double row, double col, int rows,
                                int cols, hada_error *err);
 
+/* hada_image_downsample() in place. */
+hada_status hada_image_bin(hada_image *image, int factor, hada_mosaic mosaic, int keep_saturated, hada_error *err);
+
 /* A copy; what *out held before is not freed. */
 hada_status hada_image_copy(hada_image *out, const hada_image *image, hada_error *err);
 

@@ -52,14 +52,11 @@ hada_status hada_frame_bin(hada_pixels *pixels, hada_image *own, const hada_mode
                            const hada_frame_kind *kind, hada_error *err)
 {
     const hada_mosaic mosaic = pixels->channels == 1 ? kind->sensor_mosaic : HADA_MOSAIC_NONE;
-    hada_image whole;
     *own = (hada_image){0};
     if (!hada_is_of_sensor(info, kind->downsample, pixels->rows, pixels->cols))
         return HADA_OK;
-    HADA_TRY(hada_pixels_copy(pixels, &whole, err));
-    const hada_status status = hada_image_downsample(own, &whole, kind->downsample, mosaic, 1, err);
-    hada_image_destroy(&whole);
-    HADA_TRY(status);
+    HADA_TRY(hada_pixels_copy(pixels, own, err));
+    HADA_TRY(hada_image_bin(own, kind->downsample, mosaic, 1, err));
     hada_pixels_of_image(pixels, own);
     return HADA_OK;
 }

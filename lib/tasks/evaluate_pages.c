@@ -4,6 +4,7 @@
 #include <hadalens/response.h>
 
 #include "core/callers.h"
+#include "image/pixels.h"
 #include "io/folder.h"
 #include "io/tiff_meta.h"
 
@@ -176,14 +177,11 @@ hada_status hada_compared_thin(hada_image *image, int times, hada_error *err)
 /* Means of light. */
 static hada_status bin(hada_image *image, int times, double encoding, hada_error *err)
 {
-    hada_image binned;
     if (times < 2)
         return HADA_OK;
     encode(image, encoding, HADA_RESPONSE_LINEAR);
-    HADA_TRY(hada_image_downsample(&binned, image, times, HADA_MOSAIC_NONE, 0, err));
-    encode(&binned, HADA_RESPONSE_LINEAR, encoding);
-    hada_image_destroy(image);
-    *image = binned;
+    HADA_TRY(hada_image_bin(image, times, HADA_MOSAIC_NONE, 0, err));
+    encode(image, HADA_RESPONSE_LINEAR, encoding);
     return HADA_OK;
 }
 

@@ -168,10 +168,7 @@ static hada_status set_channels(psfs *of, hada_image *image, hada_error *err)
     const int raw = image->channels == 1 && !of->colour && of->options.mosaic != HADA_MOSAIC_NONE;
     hada_image changed = {0};
     if (of->times > 1) {
-        HADA_TRY(
-            hada_image_downsample(&changed, image, of->times, raw ? of->options.mosaic : HADA_MOSAIC_NONE, 1, err));
-        hada_image_destroy(image);
-        *image = changed;
+        HADA_TRY(hada_image_bin(image, of->times, raw ? of->options.mosaic : HADA_MOSAIC_NONE, 1, err));
         of->filled |= raw;
     }
     const size_t area = (size_t)image->rows * (size_t)image->cols;

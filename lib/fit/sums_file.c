@@ -5,12 +5,9 @@
 
 #include "filter/bank.h"
 
-#define FORMAT        "hadalens-sums-1"
-#define RESPONSE      "scene_response"
-#define MOSAIC        "mosaic" /* frames in full colour: not there */
-#define SENSOR_MOSAIC "sensor_mosaic"
-#define DOWNSAMPLE    "downsample" /* frames that are not binned: not there */
-#define PART          "part"       /* of a fit that is under way; else not there */
+#define FORMAT   "hadalens-sums-1"
+#define RESPONSE "scene_response"
+#define PART     "part" /* of a fit that is under way; else not there */
 
 /* What must agree, as text. */
 typedef struct sizes_text {
@@ -35,13 +32,7 @@ static hada_status put_metadata(const hada_fit_grid *grid, hada_tensors_writer *
     HADA_TRY(hada_tensors_put_meta(writer, "library", "hadalens " HADALENS_VERSION, err));
     HADA_TRY(hada_tensors_put_meta(writer, "sizes", sizes.text, err));
     HADA_TRY(hada_tensors_put_meta(writer, RESPONSE, response, err));
-    HADA_TRY(hada_tensors_put_mosaic(writer, MOSAIC, grid->info.mosaic, err));
-    HADA_TRY(hada_tensors_put_mosaic(writer, SENSOR_MOSAIC, grid->info.sensor_mosaic, err));
-    if (grid->info.downsample > 1) {
-        char text[16];
-        snprintf(text, sizeof text, "%d", grid->info.downsample);
-        HADA_TRY(hada_tensors_put_meta(writer, DOWNSAMPLE, text, err));
-    }
+    HADA_TRY(hada_model_put_frames(writer, &grid->info, err));
     return hada_tensors_put_meta(
         writer, "axes",
         "sums: [depth, channel, sum, value/rest, ky, kx]; the sums are Re and Im of sum X conj(B), sum |B|^2, sum "
@@ -250,23 +241,6 @@ hada_status hada_fit_sums_check_part(const char *path, hada_error *err)
                             path);
 }
 
-/* What the frames behind the sums are. */
-typedef struct frames {
-    hada_mosaic mosaic, sensor_mosaic;
-    int downsample;
-} frames;
-
-static hada_status frames_of(const hada_tensors *file, const char *path, frames *out, hada_error *err)
-{
-    const char *downsample = hada_tensors_meta(file, DOWNSAMPLE);
-    *out = (frames){.downsample = 1};
-    if (!hada_tensors_mosaic(file, MOSAIC, &out->mosaic) ||
-        !hada_tensors_mosaic(file, SENSOR_MOSAIC, &out->sensor_mosaic) ||
-        (downsample && sscanf(downsample, "%9d", &out->downsample) != 1))
-        return damaged(path, err);
-    return HADA_OK;
-}
-
 static hada_status check_response(const hada_fit_grid *grid, const hada_tensors *file, const char *path,
                                   hada_error *err)
 {
@@ -292,8 +266,9 @@ static hada_status check_file(const hada_fit_grid *grid, const hada_tensors *fil
     HADA_TRY(read_small(file, path, list, err));
     HADA_TRY(check_small(grid, path, list, err));
     HADA_TRY(check_sums(grid, file, path, err));
-    frames of;
-    HADA_TRY(frames_of(file, path, &of, err));
+    hada_model_info of;
+    if (hada_model_get_frames(file, &of))
+        return damaged(path, err);
     if (of.mosaic != grid->info.mosaic || of.sensor_mosaic != grid->info.sensor_mosaic)
         return foreign(path, "the colour filter mosaic differs", err);
     if (of.downsample != grid->info.downsample)
@@ -369,7 +344,7 @@ enum { MOST_IMAGES = 100000 };
 hada_status hada_fit_sums_camera(const hada_tensors *file, const char *path, hada_fit_options *options, hada_error *err)
 {
     char boundary[16];
-    frames of;
+    hada_model_info of;
     const char *sizes = hada_tensors_meta(file, "sizes");
     const hada_stored_tensor *sums = hada_tensors_find(file, "sums"),
                              *distances = hada_tensors_find(file, "distances_mm"),
@@ -386,9 +361,8 @@ hada_status hada_fit_sums_camera(const hada_tensors *file, const char *path, had
     options->distances_mm = distances->data;
     options->boundary = hada_boundary_from_name(boundary);
     memcpy(&options->dark, dark->data, sizeof options->dark);
-    if (!options->boundary)
+    if (!options->boundary || hada_model_get_frames(file, &of))
         return damaged(path, err);
-    HADA_TRY(frames_of(file, path, &of, err));
     options->mosaic = of.mosaic;
     options->sensor_mosaic = of.sensor_mosaic;
     options->downsample = of.downsample;

@@ -521,18 +521,3 @@ void hada_tensors_abandon(hada_tensors_writer **writer)
     json_decref(w->meta);
     free(w);
 }
-
-hada_status hada_tensors_put_mosaic(hada_tensors_writer *writer, const char *key, hada_mosaic mosaic, hada_error *err)
-{
-    return mosaic == HADA_MOSAIC_NONE
-               ? HADA_OK
-               : hada_tensors_put_meta(writer, key, hada_enum_name(HADA_ENUM_MOSAIC, (int)mosaic), err);
-}
-
-int hada_tensors_mosaic(const hada_tensors *tensors, const char *key, hada_mosaic *mosaic)
-{
-    const char *name = hada_tensors_meta(tensors, key);
-    const int value = name ? hada_enum_value(HADA_ENUM_MOSAIC, name) : HADA_MOSAIC_NONE;
-    *mosaic = value < 0 ? HADA_MOSAIC_NONE : (hada_mosaic)value;
-    return value >= 0;
-}

@@ -3,8 +3,6 @@
 #ifndef HADA_IO_SAFETENSORS_H
 #define HADA_IO_SAFETENSORS_H
 
-#include <hadalens/image.h>
-
 #include "core/base.h"
 
 /* Types that Hadalens computes with come first; the rest are read and handed on as bytes. */
@@ -61,10 +59,6 @@ hada_status hada_tensor_copy_f32(const hada_stored_tensor *tensor, size_t first,
 typedef struct hada_tensors_writer hada_tensors_writer;
 hada_status hada_tensors_create(hada_tensors_writer **out, const char *path, hada_error *err);
 hada_status hada_tensors_put_meta(hada_tensors_writer *writer, const char *key, const char *value, hada_error *err);
-/* The pattern of a colour filter mosaic; files lack HADA_MOSAIC_NONE. Reading: 0 where the file names an unknown one.
- */
-hada_status hada_tensors_put_mosaic(hada_tensors_writer *writer, const char *key, hada_mosaic mosaic, hada_error *err);
-int hada_tensors_mosaic(const hada_tensors *tensors, const char *key, hada_mosaic *mosaic);
 hada_status hada_tensors_declare(hada_tensors_writer *writer, const char *name, hada_dtype type, int dims,
                                  const int64_t *shape, hada_error *err);
 /* Appends bytes of the tensors in the order declared; may be called in pieces of any size. */

@@ -4,6 +4,8 @@
 
 #include <hadalens/model.h>
 
+#include "io/safetensors.h"
+
 /* Filters and transfer functions are kept on the host as row-major half spectra: complex numbers
  * [depth][channel][grid_rows][grid_cols / 2 + 1], re and im interleaved. One of `filter` and `filter_half` is NULL. */
 struct hada_model {
@@ -83,6 +85,11 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err);
 /* Whether pictures can come from the numbers of a model's tensors: HADA_ERROR_MODEL where some are NaN, infinite,
  * negative powers, nothing but 0, or beyond what single precision bears. Reads each once. */
 hada_status hada_model_check_numbers(const hada_model *model, hada_error *err);
+
+/* What files of models and of sums say of frames: mosaic, sensor_mosaic, downsample; files lack what is none. Reading:
+ * the key whose value is not usable, or NULL. */
+hada_status hada_model_put_frames(hada_tensors_writer *writer, const hada_model_info *info, hada_error *err);
+const char *hada_model_get_frames(const hada_tensors *file, hada_model_info *info);
 
 /* The words of forms and boundaries in files, and back (0 where unknown). */
 const char *hada_form_name(hada_form form);

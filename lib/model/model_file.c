@@ -44,6 +44,42 @@ static hada_status put_size(hada_tensors_writer *writer, const char *key, int ro
     return hada_tensors_put_meta(writer, key, text, err);
 }
 
+static hada_status put_mosaic(hada_tensors_writer *writer, const char *key, hada_mosaic mosaic, hada_error *err)
+{
+    const char *name = hada_enum_name(HADA_ENUM_MOSAIC, (int)mosaic);
+    return mosaic == HADA_MOSAIC_NONE ? HADA_OK : hada_tensors_put_meta(writer, key, name, err);
+}
+
+static int get_mosaic(const hada_tensors *file, const char *key, hada_mosaic *mosaic)
+{
+    const char *name = hada_tensors_meta(file, key);
+    const int value = name ? hada_enum_value(HADA_ENUM_MOSAIC, name) : HADA_MOSAIC_NONE;
+    *mosaic = (hada_mosaic)value;
+    return value >= 0;
+}
+
+hada_status hada_model_put_frames(hada_tensors_writer *writer, const hada_model_info *info, hada_error *err)
+{
+    HADA_TRY(put_mosaic(writer, MOSAIC, info->mosaic, err));
+    HADA_TRY(put_mosaic(writer, SENSOR_MOSAIC, info->sensor_mosaic, err));
+    return info->downsample > 1 ? put_number(writer, DOWNSAMPLE, info->downsample, err) : HADA_OK;
+}
+
+const char *hada_model_get_frames(const hada_tensors *file, hada_model_info *info)
+{
+    const char *text = hada_tensors_meta(file, DOWNSAMPLE), *end = text;
+    const double downsample = text ? hada_text_number(text, &end) : 1.0;
+    if (!get_mosaic(file, MOSAIC, &info->mosaic))
+        return MOSAIC;
+    if (!get_mosaic(file, SENSOR_MOSAIC, &info->sensor_mosaic))
+        return SENSOR_MOSAIC;
+    if ((text && (end == text || *end)) || !(downsample >= 1 && downsample <= INT_MAX) ||
+        downsample != floor(downsample))
+        return DOWNSAMPLE;
+    info->downsample = (int)downsample;
+    return NULL;
+}
+
 static hada_status put_metadata(hada_tensors_writer *writer, const hada_model_info *info, hada_error *err)
 {
     HADA_TRY(hada_tensors_put_meta(writer, "format", FORMAT, err));
@@ -69,13 +105,10 @@ static hada_status put_metadata(hada_tensors_writer *writer, const hada_model_in
                    {"refine_share", info->refine_share}};
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         HADA_TRY(put_number(writer, numbers[i].key, numbers[i].value, err));
-    if (info->downsample > 1)
-        HADA_TRY(put_number(writer, DOWNSAMPLE, info->downsample, err));
     char response[HADA_RESPONSE_NAME];
     hada_response_name(response, info->scene_response);
     HADA_TRY(hada_tensors_put_meta(writer, RESPONSE, response, err));
-    HADA_TRY(hada_tensors_put_mosaic(writer, MOSAIC, info->mosaic, err));
-    HADA_TRY(hada_tensors_put_mosaic(writer, SENSOR_MOSAIC, info->sensor_mosaic, err));
+    HADA_TRY(hada_model_put_frames(writer, info, err));
     for (size_t i = 0; i < sizeof conventions / sizeof *conventions; i++)
         HADA_TRY(hada_tensors_put_meta(writer, conventions[i][0], conventions[i][1], err));
     return HADA_OK;
@@ -198,7 +231,7 @@ static hada_status get_size(const hada_tensors *file, const char *path, const ch
 
 static hada_status get_metadata(const hada_tensors *file, const char *path, hada_model_info *info, hada_error *err)
 {
-    double version = 0, steps = 0, downsample = 1;
+    double version = 0, steps = 0;
     const char *format = hada_tensors_meta(file, "format");
     const char *form = hada_tensors_meta(file, "form"), *boundary = hada_tensors_meta(file, "boundary");
     if (!format || strcmp(format, FORMAT))
@@ -227,8 +260,7 @@ static hada_status get_metadata(const hada_tensors *file, const char *path, hada
                    {"refine_tv", &info->refine_tv}, /* older models lack what follows */
                    {"refine_share", &info->refine_share},
                    {"refine_shrink", &info->refine_shrink},
-                   {"refine_colour", &info->refine_colour},
-                   {DOWNSAMPLE, &downsample}};
+                   {"refine_colour", &info->refine_colour}};
     for (size_t i = 0; i < HADA_COUNT(numbers); i++)
         if (i < 6 || hada_tensors_meta(file, numbers[i].key))
             HADA_TRY(get_number(file, path, numbers[i].key, numbers[i].out, err));
@@ -237,13 +269,9 @@ static hada_status get_metadata(const hada_tensors *file, const char *path, hada
     if (response && (hada_response_from_name(&info->scene_response, response, NULL) ||
                      !hada_response_is_known(info->scene_response)))
         HADA_TRY(missing(path, RESPONSE, err));
-    if (!hada_tensors_mosaic(file, MOSAIC, &info->mosaic))
-        HADA_TRY(missing(path, MOSAIC, err));
-    if (!hada_tensors_mosaic(file, SENSOR_MOSAIC, &info->sensor_mosaic))
-        HADA_TRY(missing(path, SENSOR_MOSAIC, err));
-    if (!(downsample >= 1 && downsample <= INT_MAX) || downsample != floor(downsample))
-        HADA_TRY(missing(path, DOWNSAMPLE, err));
-    info->downsample = (int)downsample;
+    const char *wrong = hada_model_get_frames(file, info);
+    if (wrong)
+        HADA_TRY(missing(path, wrong, err));
     if (steps < 0 || steps > MOST_STEPS || steps != floor(steps))
         HADA_TRY(missing(path, "refine_steps", err));
     info->refine_steps = (int)steps;

@@ -117,7 +117,7 @@ static hada_status solve_classic(hada_pipeline *pipeline, hada_frame *frame, int
         report->refine_tv_kept = 1;
     } else if (config->choose) {
         hada_maker_choice choice;
-        HADA_TRY(hada_maker_hold_out(maker, exposure, 1, err));
+        HADA_TRY(hada_maker_hold_out(maker, exposure, 1, 0, err));
         HADA_TRY(hada_classic_choose(pipeline->classic, &job, maker->held.mem, exposure, &choice, err));
         job.weight = choice.tv;
         report->refine_tv_factor = choice.factor;

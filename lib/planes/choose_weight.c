@@ -64,7 +64,7 @@ static float of_score(float weight)
     return root < 1.0f ? root / (1.0f - root) : WHOLE;
 }
 
-hada_status hada_maker_hold_out(hada_plane_maker *maker, const hada_frame_exposure *exposure, int block,
+hada_status hada_maker_hold_out(hada_plane_maker *maker, const hada_frame_exposure *exposure, int block, int by_weight,
                                 hada_error *err)
 {
     const size_t count = hada_exposure_count(exposure), bytes = count * sizeof(float);
@@ -74,7 +74,7 @@ hada_status hada_maker_hold_out(hada_plane_maker *maker, const hada_frame_exposu
     HADA_TRY_OR_DONE(HADA_NEW_RAW(held, count, "held-out pixels", err));
     hada_exposure_hold_out(exposure, block, weights, held);
     for (size_t i = 0; i < count; i++)
-        held[i] = block == 1 ? (float)(held[i] > 0.0f) : of_score(held[i]);
+        held[i] = by_weight ? of_score(held[i]) : (float)(held[i] > 0.0f);
     HADA_TRY_OR_DONE(hada_buffer_write(&maker->held, maker->slot, 0, held, bytes, err));
     HADA_TRY_OR_DONE(hada_buffer_write(&maker->pixels, maker->slot, 0, weights, bytes, err));
     maker->data.weights = maker->pixels.mem;
@@ -92,7 +92,7 @@ hada_status hada_maker_choose(hada_plane_maker *maker, const hada_frame_exposure
                .unit = exposure->energy / (double)hada_exposure_count(exposure),
                .each = exposure->mosaic == HADA_MOSAIC_NONE ? STEPS : MOSAIC_STEPS};
     const hada_weight_search search = {try_weight, &s, 0, 0.0};
-    HADA_TRY(hada_maker_hold_out(maker, exposure, BLOCK, err));
+    HADA_TRY(hada_maker_hold_out(maker, exposure, BLOCK, 1, err));
     HADA_TRY(hada_weight_find(&search, exposure, choice, err));
     return hada_maker_weigh(maker, exposure, err);
 }

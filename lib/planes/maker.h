@@ -144,8 +144,9 @@ typedef struct hada_maker_choice {
 } hada_maker_choice;
 
 /* Brings the weights of a frame without held-out pixels, and those of held-out pixels, to the device; blocks of `block`
- * pixels a side are held out (planes/weight_search.h). hada_maker_weigh() brings all back. */
-hada_status hada_maker_hold_out(hada_plane_maker *maker, const hada_frame_exposure *exposure, int block,
+ * pixels a side are held out (planes/weight_search.h). by_weight: 1: for hada_refine_data.score_mu, an error counts by
+ * its value's weight; 0: all alike. hada_maker_weigh() brings all back. */
+hada_status hada_maker_hold_out(hada_plane_maker *maker, const hada_frame_exposure *exposure, int block, int by_weight,
                                 hada_error *err);
 
 /* Finds the weight of total variation with which the planes of `count` depths predict held-out pixels best. The

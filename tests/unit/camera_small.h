@@ -71,6 +71,27 @@ static inline hada_image small_frame(const hada_image *psf, const hada_image *sc
     return frame;
 }
 
+/* Pairs of one depth for hada_dataset_create(). */
+typedef struct small_pairs {
+    const hada_image *frames, *scenes;
+} small_pairs;
+
+static inline hada_status small_read_pair(void *user, int depth, int pair, hada_image *raw, hada_image *scene,
+                                          hada_error *error)
+{
+    const small_pairs *of = user;
+    const hada_image *from[] = {&of->frames[pair], &of->scenes[pair]};
+    hada_image *to[] = {raw, scene};
+    (void)depth;
+    for (int i = 0; i < 2; i++) {
+        const hada_status status = hada_image_create(to[i], from[i]->channels, from[i]->rows, from[i]->cols, error);
+        if (status)
+            return status;
+        memcpy(to[i]->data, from[i]->data, hada_image_count(from[i]) * sizeof(float));
+    }
+    return HADA_OK;
+}
+
 static inline double small_distance(const float *got, const double *expected, size_t count)
 {
     double error = 0.0, size = 0.0;

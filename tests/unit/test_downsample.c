@@ -238,17 +238,6 @@ TEST(plans_refuse_other_sizes)
 }
 
 enum { PAIRS = 5 };
-typedef struct shown {
-    const hada_image *frames, *scenes;
-} shown;
-
-static hada_status read_pair(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *error)
-{
-    const shown *of = user;
-    (void)depth;
-    const hada_status status = hada_image_copy(raw, &of->frames[pair], error);
-    return status ? status : hada_image_copy(scene, &of->scenes[pair], error);
-}
 
 /* A camera learned from binned pairs is that of pairs that were binned before, and bins frames; its file and its sums
  * say so. */
@@ -272,7 +261,7 @@ TEST(cameras_are_learned_from_binned_pairs)
             ASSERT_OK(hada_image_downsample(&small_frames[i], &frames[i], N, patterns[k], 1, err));
             ASSERT_OK(hada_image_downsample(&small_scenes[i], &scenes[i], N, HADA_MOSAIC_NONE, 0, err));
         }
-        shown whole = {frames, scenes}, small = {small_frames, small_scenes};
+        small_pairs whole = {frames, scenes}, small = {small_frames, small_scenes};
         hada_model *model[2];
         char path[64], sums[80];
         make_path(path);
@@ -289,8 +278,8 @@ TEST(cameras_are_learned_from_binned_pairs)
             task.save_sums = binned ? sums : NULL;
             scan.downsample = binned ? N : 1;
             scan.mosaic = binned ? patterns[k] : HADA_MOSAIC_NONE;
-            ASSERT_OK(
-                hada_dataset_create(&pairs, 1, &distance, &count, read_pair, binned ? &whole : &small, &scan, err));
+            ASSERT_OK(hada_dataset_create(&pairs, 1, &distance, &count, small_read_pair, binned ? &whole : &small,
+                                          &scan, err));
             assert_int_equal(hada_dataset_get_info(pairs)->downsample, binned ? N : 1);
             ASSERT_OK(hada_fit_run(&model[binned], NULL, context, pairs, &task, err));
             hada_dataset_destroy(&pairs);
@@ -334,7 +323,7 @@ TEST(cameras_are_learned_from_binned_pairs)
         for (int i = 0; i < 2; i++) {
             hada_image raw, scene;
             scan.flat_frame = i ? &small_flat : k ? NULL : &flat;
-            ASSERT_OK(hada_dataset_create(&pairs, 1, &distance, &count, read_pair, &whole, &scan, err));
+            ASSERT_OK(hada_dataset_create(&pairs, 1, &distance, &count, small_read_pair, &whole, &scan, err));
             ASSERT_OK(hada_dataset_read(pairs, 0, 0, &raw, &scene, err));
             assert_int_equal(raw.rows, ROWS);
             assert_int_equal(raw.channels, CHANNELS);
@@ -349,11 +338,11 @@ TEST(cameras_are_learned_from_binned_pairs)
         scan.flat_frame = NULL;
         train.model = model[1];
         train.output = io_path("trained.model");
-        ASSERT_OK(hada_dataset_create(&pairs, 1, &distance, &count, read_pair, &whole, &scan, err));
+        ASSERT_OK(hada_dataset_create(&pairs, 1, &distance, &count, small_read_pair, &whole, &scan, err));
         ASSERT_FAILS(hada_train_run(&context, 1, pairs, &train, err), HADA_ERROR_MODEL, "bins frames by 4");
         hada_dataset_destroy(&pairs);
         scan.downsample = 0;
-        ASSERT_FAILS(hada_dataset_create(&pairs, 1, &distance, &count, read_pair, &whole, &scan, err),
+        ASSERT_FAILS(hada_dataset_create(&pairs, 1, &distance, &count, small_read_pair, &whole, &scan, err),
                      HADA_ERROR_ARGUMENT, "downsample");
         remove(path);
         remove(sums);

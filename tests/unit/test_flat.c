@@ -254,17 +254,6 @@ TEST(flat_frames_that_do_not_fit)
 }
 
 enum { PAIRS = 5 };
-typedef struct shown {
-    const hada_image *frames, *scenes;
-} shown;
-
-static hada_status read_pair(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *error)
-{
-    const shown *of = user;
-    (void)depth;
-    const hada_status status = hada_image_copy(raw, &of->frames[pair], error);
-    return status ? status : hada_image_copy(scene, &of->scenes[pair], error);
-}
 
 /* A fit learns from divided frames, and its model divides frames; a training needs them divided too. */
 TEST(cameras_are_learned_from_divided_frames)
@@ -279,7 +268,7 @@ TEST(cameras_are_learned_from_divided_frames)
         SCOPED(hada_image) even = small_frame(&psf, &scenes[i], 0, 0.002, (uint64_t)i + 20);
         frames[i] = through(&even, &flat, DARK);
     }
-    shown of = {frames, scenes};
+    small_pairs of = {frames, scenes};
     double error[2];
     for (int k = 0; k < 2; k++) {
         DEFAULTS(hada_dataset_options, scan);
@@ -293,7 +282,7 @@ TEST(cameras_are_learned_from_divided_frames)
         fit.refine_steps = 0;
         task.fit = &fit;
         task.boundary = HADA_BOUNDARY_CIRCULAR;
-        ASSERT_OK(hada_dataset_create(&pairs, 1, &distance, &count, read_pair, &of, &scan, err));
+        ASSERT_OK(hada_dataset_create(&pairs, 1, &distance, &count, small_read_pair, &of, &scan, err));
         ASSERT_OK(hada_fit_run(&model, NULL, context, pairs, &task, err));
         assert_true((hada_model_get_info(model)->flat != NULL) == k);
         hada_result result = run(model, &frames[0], NULL);
@@ -305,7 +294,7 @@ TEST(cameras_are_learned_from_divided_frames)
             scan.flat_frame = NULL;
             train.model = model;
             train.output = io_path("trained.model");
-            ASSERT_OK(hada_dataset_create(&pairs, 1, &distance, &count, read_pair, &of, &scan, err));
+            ASSERT_OK(hada_dataset_create(&pairs, 1, &distance, &count, small_read_pair, &of, &scan, err));
             ASSERT_FAILS(hada_train_run(&context, 1, pairs, &train, err), HADA_ERROR_MODEL, "flat frame");
             hada_dataset_destroy(&pairs);
         }

@@ -319,25 +319,6 @@ TEST(what_cannot_be)
     unmake(&b);
 }
 
-typedef struct shown {
-    const hada_image *frames, *scenes;
-} shown;
-
-static hada_status read_pair(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *error)
-{
-    const shown *of = user;
-    (void)depth;
-    const hada_image *from[] = {&of->frames[pair], &of->scenes[pair]};
-    hada_image *to[] = {raw, scene};
-    for (int i = 0; i < 2; i++) {
-        const hada_status status = hada_image_create(to[i], from[i]->channels, from[i]->rows, from[i]->cols, error);
-        if (status)
-            return status;
-        memcpy(to[i]->data, from[i]->data, hada_image_count(from[i]) * sizeof(float));
-    }
-    return HADA_OK;
-}
-
 /* Pairs of mosaics teach nearly what pairs in full colour do, and the pattern; files keep it. */
 TEST(pairs_of_mosaics)
 {
@@ -370,8 +351,8 @@ TEST(pairs_of_mosaics)
             task.fit = &fit;
             task.boundary = (int)boundaries[k];
             task.exposure = HADA_EXPOSURE_SAME;
-            shown of = {frames[kind], scenes};
-            ASSERT_OK(hada_dataset_create(&pairs, 1, &distance, &count, read_pair, &of, &scan, err));
+            small_pairs of = {frames[kind], scenes};
+            ASSERT_OK(hada_dataset_create(&pairs, 1, &distance, &count, small_read_pair, &of, &scan, err));
             ASSERT_OK(hada_fit_run(&learned[kind], NULL, context, pairs, &task, err));
             hada_dataset_destroy(&pairs);
             error[kind] = solve(learned[kind], HADA_MOSAIC_AUTO, kind ? &mosaic : &colours, &b.scene);

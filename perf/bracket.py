@@ -11,11 +11,9 @@ import pathlib
 import tempfile
 
 import numpy as np
-import tifffile
-from PIL import Image
 
 import frames
-from psf_only import GRID, SHAPE, WINDOW, lenses, middle, save
+from psf_only import GRID, WINDOW, fit, load, optics, save, see
 
 WELL, READ, DARK, STEP, LAMP = 8000, 12, 0.03, 6.0, 60.0
 
@@ -42,22 +40,15 @@ def main():
     for seed in arguments.seeds:
         with tempfile.TemporaryDirectory() as name:
             folder = pathlib.Path(name)
-            psf, sensor = lenses(seed, grid), middle(grid, *SHAPE)
-            otf = np.fft.rfft2(np.fft.ifftshift(psf, axes=(1, 2)))
-            save(folder / "psf.tif", (psf[sensor] / psf.max()).astype(np.float32))
-            model, out = folder / "camera.model", folder / "out"
-            frames.run(arguments.hadalens, "fit", "--psf", folder / "psf.tif", "--distances", "100", "--window",
-                       f"{WINDOW}x{WINDOW}", "--dark", str(DARK), "-o", model)
+            otf = optics(folder, seed, grid)
+            model, out = fit(arguments.hadalens, folder, "--dark", str(DARK)), folder / "out"
             for k in range(arguments.count):
-                path, random = photographs[(k + seed) % len(photographs)], np.random.default_rng(10 * seed + k)
-                scene = np.asarray(Image.fromarray(tifffile.imread(path)).resize((WINDOW, WINDOW), Image.LANCZOS)) / 255
-                scene, counts = scene**2.2, np.ones((WINDOW, WINDOW, 1), bool)
+                random, counts = np.random.default_rng(10 * seed + k), np.ones((WINDOW, WINDOW, 1), bool)
+                scene = load(photographs[(k + seed) % len(photographs)]) ** 2.2
                 for row, col in random.integers(8, WINDOW - 8, (3, 2)):
                     scene[row - 1:row + 2, col - 1:col + 2] = LAMP
                     counts[row - 3:row + 4, col - 3:col + 4] = False
-                light = np.zeros((3, *grid))
-                light[middle(grid, WINDOW, WINDOW)] = np.moveaxis(scene, -1, 0)
-                clean = np.fft.irfft2(np.fft.rfft2(light) * otf, s=grid)[sensor].clip(0)
+                clean = see(scene, grid, otf).clip(0)
                 lengths = [0.9 / clean.max() * STEP**i for i in range(3)]
                 exposures = [expose(clean, length, random) for length in lengths]
                 names = [folder / f"{word}.tif" for word in ("short", "middle", "long")]

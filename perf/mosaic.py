@@ -12,10 +12,9 @@ import tempfile
 import numpy as np
 import scipy.ndimage
 import tifffile
-from PIL import Image
 
 import frames
-from psf_only import GRID, SHAPE, WINDOW, lenses, middle, psnr, save
+from psf_only import GRID, SHAPE, WINDOW, load, optics, psnr, save, see
 
 NOISE = (0.003, 0.01)
 KINDS = ("colours", "demosaiced", "mosaic")
@@ -43,28 +42,20 @@ def save_frame(folder, name, frame):
     tifffile.imwrite(path["mosaic"], (frame * held).sum(0).astype(np.float32), photometric="minisblack")
 
 
-def scene_of(path):
-    return np.asarray(Image.fromarray(tifffile.imread(path)).resize((WINDOW, WINDOW), Image.LANCZOS)) / 255
-
-
 def expose(scene, otf, grid, noise, seed):
-    light = np.zeros((3, *grid))
-    light[middle(grid, WINDOW, WINDOW)] = np.moveaxis(scene, -1, 0)
-    clean = np.fft.irfft2(np.fft.rfft2(light) * otf, s=grid)[middle(grid, *SHAPE)]
+    clean = see(scene, grid, otf)
     return clean + noise * clean.max() * np.random.default_rng(seed).standard_normal(clean.shape)
 
 
 def make(folder, seed, photographs, others, pairs, grid):
     """PSF, test frames and pairs of one level of noise each; returns the test scenes."""
-    psf = lenses(seed, grid)
-    otf = np.fft.rfft2(np.fft.ifftshift(psf, axes=(1, 2)))
-    save(folder / "psf.tif", (psf[middle(grid, *SHAPE)] / psf.max()).astype(np.float32))
-    scenes = [scene_of(photographs[(k + seed) % len(photographs)]) for k in range(5)]
+    otf = optics(folder, seed, grid)
+    scenes = [load(photographs[(k + seed) % len(photographs)]) for k in range(5)]
     for noise in NOISE:
         for k, scene in enumerate(scenes):
             save_frame(folder / f"test{noise}", f"f{k}.tif", expose(scene, otf, grid, noise, k))
         for k in range(pairs):
-            scene = scene_of(others[(k + seed) % len(others)])
+            scene = load(others[(k + seed) % len(others)])
             save_frame(folder / f"pairs{noise}", f"z100mm/raw/p{k}.tif", expose(scene, otf, grid, noise, 100 + k))
             for kind in KINDS:
                 save(folder / f"pairs{noise}" / kind / f"z100mm/scene/p{k}.tif",

@@ -11,11 +11,9 @@ import pathlib
 import tempfile
 
 import numpy as np
-import tifffile
-from PIL import Image
 
 import frames
-from psf_only import GRID, SHAPE, WINDOW, lenses, middle, save
+from psf_only import GRID, SHAPE, fit, load, optics, save, see
 
 ELECTRONS, READ, EDGE = 500, 2, 0.3
 
@@ -69,18 +67,11 @@ def main():
     for seed in arguments.seeds:
         with tempfile.TemporaryDirectory() as name:
             folder = pathlib.Path(name)
-            psf, sensor = lenses(seed, grid), middle(grid, *SHAPE)
-            otf = np.fft.rfft2(np.fft.ifftshift(psf, axes=(1, 2)))
-            save(folder / "psf.tif", (psf[sensor] / psf.max()).astype(np.float32))
-            model, out = folder / "camera.model", folder / "out"
-            frames.run(arguments.hadalens, "fit", "--psf", folder / "psf.tif", "--distances", "100", "--window",
-                       f"{WINDOW}x{WINDOW}", "-o", model)
+            otf = optics(folder, seed, grid)
+            model, out = fit(arguments.hadalens, folder), folder / "out"
             for k in range(5):
-                path = photographs[(k + seed) % len(photographs)]
-                scene = np.asarray(Image.fromarray(tifffile.imread(path)).resize((WINDOW, WINDOW), Image.LANCZOS)) / 255
-                light = np.zeros((3, *grid))
-                light[middle(grid, WINDOW, WINDOW)] = np.moveaxis(scene, -1, 0)
-                clean = np.fft.irfft2(np.fft.rfft2(light) * otf, s=grid)[sensor].clip(0)
+                scene = load(photographs[(k + seed) % len(photographs)])
+                clean = see(scene, grid, otf).clip(0)
                 largest = clean.max()
                 for case, (frame, weights) in cases(clean / largest, np.random.default_rng(k)).items():
                     save(folder / "f.tif", frame.astype(np.float32))

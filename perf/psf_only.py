@@ -48,18 +48,40 @@ def save(path, image):
     tifffile.imwrite(path, np.ascontiguousarray(np.moveaxis(image, 0, -1)), photometric="rgb")
 
 
+def optics(folder, seed, grid):
+    """PSF as a file; returns its transfer function."""
+    psf = lenses(seed, grid)
+    save(folder / "psf.tif", (psf[middle(grid, *SHAPE)] / psf.max()).astype(np.float32))
+    return np.fft.rfft2(np.fft.ifftshift(psf, axes=(1, 2)))
+
+
+def fit(hadalens, folder, *options):
+    """A model of the camera whose PSF is in the folder."""
+    model = folder / "camera.model"
+    frames.run(hadalens, "fit", "--psf", folder / "psf.tif", "--distances", "100", "--window", f"{WINDOW}x{WINDOW}",
+               *options, "-o", model)
+    return model
+
+
+def load(path):
+    """A photograph in the size of the window, (rows, cols, 3)."""
+    return np.asarray(Image.fromarray(tifffile.imread(path)).resize((WINDOW, WINDOW), Image.LANCZOS)) / 255
+
+
+def see(scene, grid, otf):
+    """What the sensor has of a scene, without noise, (3, rows, cols)."""
+    light = np.zeros((3, *grid))
+    light[middle(grid, WINDOW, WINDOW)] = np.moveaxis(scene, -1, 0)
+    return np.fft.irfft2(np.fft.rfft2(light) * otf, s=grid)[middle(grid, *SHAPE)]
+
+
 def make(folder, seed, photographs, grid):
     """PSF and frames as files; returns the scenes, (rows, cols, 3)."""
-    psf, scenes, sensor = lenses(seed, grid), [], middle(grid, *SHAPE)
-    otf = np.fft.rfft2(np.fft.ifftshift(psf, axes=(1, 2)))
-    save(folder / "psf.tif", (psf[sensor] / psf.max()).astype(np.float32))
+    otf, scenes = optics(folder, seed, grid), []
     for k in range(5):
-        path = photographs[(k + seed) % len(photographs)]
-        scene = np.asarray(Image.fromarray(tifffile.imread(path)).resize((WINDOW, WINDOW), Image.LANCZOS)) / 255
+        scene = load(photographs[(k + seed) % len(photographs)])
         scenes.append(scene)
-        light = np.zeros((3, *grid))
-        light[middle(grid, WINDOW, WINDOW)] = np.moveaxis(scene, -1, 0)
-        clean = np.fft.irfft2(np.fft.rfft2(light) * otf, s=grid)[sensor]
+        clean = see(scene, grid, otf)
         random = np.random.default_rng(k).standard_normal(clean.shape)
         for noise in NOISE:
             save(folder / f"{noise}" / f"f{k}.tif", (clean + noise * clean.max() * random).astype(np.float32))
@@ -94,9 +116,7 @@ def main():
         with tempfile.TemporaryDirectory() as name:
             folder = pathlib.Path(name)
             scenes = make(folder, seed, photographs, GRID[arguments.boundary])
-            model, out = folder / "camera.model", folder / "out"
-            frames.run(arguments.hadalens, "fit", "--psf", folder / "psf.tif", "--distances", "100", "--window",
-                       f"{WINDOW}x{WINDOW}", "--boundary", arguments.boundary, "-o", model)
+            model, out = fit(arguments.hadalens, folder, "--boundary", arguments.boundary), folder / "out"
             for weight in ["frame", *arguments.weights]:
                 row = []
                 for part in sets:

@@ -14,7 +14,7 @@ import tifffile
 from PIL import Image
 
 import frames
-from psf_only import GRID, NOISE, SHAPE, WINDOW, lenses, middle, save
+from psf_only import GRID, NOISE, WINDOW, fit, optics, see
 
 FRAMES = 10
 
@@ -33,9 +33,7 @@ def different(photographs, number):
 
 
 def expose(scene, otf, grid, noise, seed):
-    light = np.zeros((3, *grid))
-    light[middle(grid, WINDOW, WINDOW)] = scene
-    clean = np.fft.irfft2(np.fft.rfft2(light) * otf, s=grid)[middle(grid, *SHAPE)]
+    clean = see(np.moveaxis(scene, 0, -1), grid, otf)
     return (clean + noise * clean.max() * np.random.default_rng(seed).standard_normal(clean.shape)).astype(np.float32)
 
 
@@ -50,15 +48,11 @@ def main():
     photographs = sorted(arguments.photographs.glob("*.tif"))
     photographs = photographs[arguments.seed % len(photographs):] + photographs[:arguments.seed % len(photographs)]
     grid = GRID[arguments.boundary]
-    psf = lenses(arguments.seed, grid)
-    otf = np.fft.rfft2(np.fft.ifftshift(psf, axes=(1, 2)))
     print("| scenes | noise | each frame | kept | lost, most | kept by |\n|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        model, out, file = folder / "camera.model", folder / "out", folder / "f.tif"
-        save(folder / "psf.tif", (psf[middle(grid, *SHAPE)] / psf.max()).astype(np.float32))
-        frames.run(arguments.hadalens, "fit", "--psf", folder / "psf.tif", "--distances", "100", "--window",
-                   f"{WINDOW}x{WINDOW}", "--boundary", arguments.boundary, "-o", model)
+        out, file, otf = folder / "out", folder / "f.tif", optics(folder, arguments.seed, grid)
+        model = fit(arguments.hadalens, folder, "--boundary", arguments.boundary)
         for kind in (moving, different):
             for noise in NOISE:
                 found = {"frame": [], "auto": []}  # decibels, seconds, kept

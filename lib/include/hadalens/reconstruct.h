@@ -92,10 +92,10 @@ typedef struct hada_plan_options {
                                             are all that are computed, or those of the list, and no net follows; NULL
                                             (default): none. Copied */
     hada_scene scene; /* HADA_SCENE_AUTO by default. A surface needs three depths, their transfer functions, refinement
-                         and HADA_OCCUPIED_AUTO. Its memory on the device, and that of a volume that is found, is taken
-                         when a frame first needs it, beyond a plan's estimate; where there is too little, frames are
-                         taken for planes, or, told to be surfaces, fail. HADA_SCENE_VOLUME needs transfer functions
-                         alone, and no `classic` method beside it */
+                         and HADA_OCCUPIED_AUTO. HADA_SCENE_VOLUME only needs transfer functions, and no other method in
+                         `classic`. Surfaces, and volumes that HADA_SCENE_AUTO finds, take their memory on the device
+                         when a frame first needs it, beyond a plan's estimate. Without enough memory, HADA_SCENE_AUTO
+                         takes frames for planes, and with HADA_SCENE_SURFACE they fail */
     double refine_colour; /* in total variation, weight of differences of colour over those of brightness, 1 to 16;
                              HADA_AUTO (default): the model's */
     double

@@ -97,9 +97,10 @@ HADA_API int hada_files_ahead(const hada_plan *plan);
 HADA_API hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, const char *const *paths,
                                             int count, const hada_files_task *task, int *failed, hada_error *err);
 
-/* One frame of all pages of some files, exposures of one scene (hada_image_merge_exposures()), which hada_files_task
- * takes, and its weights, which a plan needs. encoding: as hada_files_task.frame_encoding; mosaic: of pages of one
- * channel. Both images are created by the call. The monitor (may be NULL) is told the lengths. */
+/* Merges all pages of some files, exposures of one scene (hada_image_merge_exposures()): a frame for
+ * hada_files_task.frame, and weights for hada_plan_options.pixel_weights. Both images are created by the call.
+ * encoding: as hada_files_task.frame_encoding; mosaic: of pages of one channel. The monitor (may be NULL) gets a
+ * message with the length of each exposure. */
 HADA_API hada_status hada_exposures_load(hada_image *frame, hada_image *weights, const char *const *paths, int count,
                                          double encoding, hada_mosaic mosaic, const hada_monitor *monitor,
                                          hada_error *err);

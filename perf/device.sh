@@ -210,15 +210,32 @@ programs() {
     done
     return $((some ? some : code))
 }
+# the nets beside PyTorch's on the same GPU, where python3 has PyTorch for it
+nets() {
+    python3 -c 'import sys, torch; sys.exit(not torch.cuda.is_available())' || return 77
+    PEER_DEVICE=cuda "$build/perf/perf_unet" --rounds 15 --peer "python3 $source/perf/peers/unet_torch.py" \
+        >"$out/nets.md" || return
+    python3 "$source/perf/peers/conv_torch.py" "$build/perf/perf_conv" --device cuda >>"$out/nets.md"
+    cat "$out/nets.md"
+}
+# every operation against its reference; operations in processes beside each other, since compiling is what takes time
+check_correct() {
+    local check=$build/tests/check/check
+    "$check" --help | sed -n 's/^  \([a-z0-9_]*\) .*/\1/p' |
+        xargs -P "$jobs" -I{} bash -c '"$0" --mode correct --op {} >"$1/check-{}" 2>&1; echo $? >>"$1/check-{}"' \
+            "$check" "$scratch"
+    cat "$scratch"/check-*
+    ! tail -qn 1 "$scratch"/check-* | grep -qv '^0$'
+}
 tests() {
-    ctest --test-dir "$build" --output-on-failure --no-tests=error -j "$(((jobs + 3) / 4))" \
+    ctest --test-dir "$build" --output-on-failure --no-tests=error -j "$(((jobs + 1) / 2))" \
         --output-junit "$out/tests.xml" -E '^check_(correct|bits)$|^stress$'
 }
 step whole_way 600 way
 step stress 600 "$build/tests/stress/stress" --csv "$out/stress.csv"
 [ ! -s "$out/logs/stress.log" ] || sed -n '/^| Condition/,$p' "$out/logs/stress.log" >"$out/stress.md"
 step bench 900 bench
-step check_correct 1200 "$build/tests/check/check" --mode correct
+step check_correct 1200 check_correct
 step check_time 900 check_time
 if [ -s "$out/check-time.csv" ]; then
     awk -F, '{ gsub(",", " | "); print "| " $0 " |" } NR == 1 { print "|---|---|---|---|---|---|---|" }' \
@@ -226,6 +243,7 @@ if [ -s "$out/check-time.csv" ]; then
     bars check-time.svg 3 ms "Median milliseconds"
     bars check-bandwidth.svg 5 GB/s "GB/s by the least traffic"
 fi
+step nets 600 nets
 step programs 1500 programs
 step check_bits 900 "$build/tests/check/check" --mode bits
 step tests 1800 tests

@@ -25,7 +25,8 @@ left_out='
     libmpc.* libmpfr.* libgmp.* libgfortran.* gfortran.* libnsl.* libtirpc.* libdpkg-perl dpkg.* perl.*
     libperl.* debconf.* cdebconf.* tar coreutils install-info libgdbm.* libdb5.* libgssapi.* libkrb.*
     libk5crypto.* libcom-err.* libkeyutils.* libssl.* rpcsvc.* python3.* libpython3.* media-types libacl1
-    libattr1 libselinux1 libpcre2.* libpam.* sensible-utils ucf'
+    libattr1 libselinux1 libpam.* sensible-utils ucf fonts-.* ttf-.* xfonts-.* lsb-base mailcap mime-support
+    sysvinit-utils x11-common'
 left_out="^($(echo $left_out | tr ' ' '|'))\$"
 
 closure=$(apt-cache depends --recurse --no-recommends --no-suggests --no-conflicts --no-breaks --no-replaces \

@@ -1,8 +1,8 @@
-"""Convolutions against PyTorch on the CPU (oneDNN), taking turns with `perf_conv --serve`: both layouts of PyTorch, the
+"""Convolutions against PyTorch (on CPUs oneDNN), taking turns with `perf_conv --serve`: both layouts of PyTorch, the
 better one counts. Forward with bias and ReLU here, with bias there; without autograd. Prints median (fastest)
 milliseconds and the ratios of the fastest times and of the median processor times.
    python3 perf/peers/conv_torch.py build/perf/perf_conv [--rounds N] [--methods auto,direct] [--threads N]
-                                    [--what forward,data] [--layers 0,1]
+                                    [--what forward,data] [--layers 0,1] [--device cuda]
 On a machine that others use too, --threads 1 and the processors' time are what can be compared."""
 import argparse
 import os
@@ -20,14 +20,14 @@ LAYERS = [  # in, out, size, kernel, stride, pad, transposed
     (32, 64, 128, 3, 2, 1, 0)]
 
 
-def peers(layer):
+def peers(layer, device):
     """What PyTorch runs: {what: [one function for each layout]}."""
     i, o, size, kernel, stride, pad, transposed = layer
     made = {"forward": [], "data": [], "weights": []}
     for layout in (torch.contiguous_format, torch.channels_last):
-        x = torch.randn(1, i, size, size).to(memory_format=layout)
-        w = torch.randn(*((i, o) if transposed else (o, i)), kernel, kernel).to(memory_format=layout)
-        b = torch.randn(o)
+        x = torch.randn(1, i, size, size).to(device, memory_format=layout)
+        w = torch.randn(*((i, o) if transposed else (o, i)), kernel, kernel).to(device, memory_format=layout)
+        b = torch.randn(o, device=device)
         call = torch.nn.functional.conv_transpose2d if transposed else torch.nn.functional.conv2d
         y = call(x, w, b, stride, pad)
         dy = torch.randn_like(y).to(memory_format=layout)
@@ -44,6 +44,8 @@ def peers(layer):
 def timed(run):
     start, used = time.perf_counter(), time.process_time()
     run()
+    if torch.cuda.is_initialized():
+        torch.cuda.synchronize()
     return 1e3 * (time.perf_counter() - start), 1e3 * (time.process_time() - used)
 
 
@@ -55,6 +57,7 @@ def main():
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--layers", default="")
     parser.add_argument("--what", default="forward,data,weights")
+    parser.add_argument("--device", default="cpu")
     chosen = parser.parse_args()
     torch.set_num_threads(chosen.threads)
     torch.set_grad_enabled(False)
@@ -69,7 +72,7 @@ def main():
     print(f"PyTorch {torch.__version__}, {chosen.threads} threads; {chosen.rounds} rounds; median (fastest) ms; "
           "ratios own/PyTorch of the fastest, and of the processors' median time")
     for layer in [LAYERS[int(n)] for n in chosen.layers.split(",")] if chosen.layers else LAYERS:
-        made = peers(layer)
+        made = peers(layer, chosen.device)
         for what in chosen.what.split(","):
             text = f"{what:8s} {layer[0]:3d} -> {layer[1]:3d} at {layer[2]:3d}, {layer[3]}x{layer[3]}"
             text += (f" stride {layer[4]}" if layer[4] > 1 else "") + (" transposed" if layer[6] else "")

@@ -261,7 +261,7 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void
 fft_sized_cols(__global const float *in, hada_fft_columns_in from, __global const void *filter, __global float *out,
                hada_fft_columns_out to, __global const float4 *twiddles)
 {
-    __local float scratch[PLACES * ACROSS];
+    __local float scratch[PLACES * ACROSS] __attribute__((aligned(8))); /* read and written by twos */
     const int images = to.images, task = (int)get_group_id(0) / PARTS, image = task % images, block = task / images;
     const int part = (int)get_group_id(0) % PARTS * ACROSS;
     const ulong at = (ulong)block * FFT_POINTS * 8 + (ulong)part;

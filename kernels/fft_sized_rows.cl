@@ -274,7 +274,7 @@ __kernel __attribute__((reqd_work_group_size(ITEMS * WIDTH, 1, 1))) void
 fft_sized_rows_forward(__global const float *in, hada_fft_real real, __global float *out, hada_fft_spectra spectra,
                        __global const float4 *twiddles)
 {
-    __local float2 scratches[WIDTH * PITCH];
+    __local float2 scratches[WIDTH * PITCH] __attribute__((aligned(16))); /* read and written by fours */
     const int groups = (real.rows + 2 * WIDTH - 1) / (2 * WIDTH), image = (int)get_group_id(0) / groups;
     const int row = ((int)get_group_id(0) % groups * WIDTH + (int)get_local_id(0) / ITEMS) * 2;
     const int x_there = row < real.rows, y_there = row + 1 < real.rows;
@@ -321,7 +321,7 @@ __kernel __attribute__((reqd_work_group_size(ITEMS * WIDTH, 1, 1))) void
 fft_sized_rows_inverse(__global const float *in, hada_fft_spectra spectra, __global float *out, hada_fft_real real,
                        __global const float4 *twiddles)
 {
-    __local float2 scratches[WIDTH * PITCH];
+    __local float2 scratches[WIDTH * PITCH] __attribute__((aligned(16))); /* read and written by fours */
     const int groups = (real.rows + 2 * WIDTH - 1) / (2 * WIDTH), image = (int)get_group_id(0) / groups;
     const int row = ((int)get_group_id(0) % groups * WIDTH + (int)get_local_id(0) / ITEMS) * 2;
     const int x_there = row < real.rows, y_there = row + 1 < real.rows, t = ITEM;

@@ -3,7 +3,7 @@
  *
  * Buffers as in refine_group_columns.cl; variance: as the OTFs, real; NULL where job.band has none.
  * partial: [set][part of a block]
- * scratch: float2 [depth of the set][n][width], then float4 [n][width], the sums over channels
+ * sums: float4 [n][width], over channels, then scratch: float2 [depth of the set][n][width]
  * Dimensions: parts of blocks of columns, sets. */
 #include "shared_refine.h"
 #define REFINE_GROUP HADA_REFINE_FUSED_GROUP
@@ -12,7 +12,7 @@
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 refine_group_score(__global const float *planes, __global const float *otf, __global const int *list,
                    __global const float *frame, __global const float *prior, __global const float *variance,
-                   __global float *partial, hada_refine_scoring job, __local float2 *scratch)
+                   __global float *partial, hada_refine_scoring job, __local float4 *sums)
 {
     REFINE_LOCAL
     __global const int *table = list + job.table;
@@ -26,7 +26,7 @@ refine_group_score(__global const float *planes, __global const float *otf, __gl
     const uint parts = HADA_FFT_BLOCK / width, blocks = get_num_groups(0) / parts, set = get_group_id(1);
     const uint block = get_group_id(0) / parts, col = get_group_id(0) % parts * width + side.w;
     const size_t block_values = (size_t)job.rows * HADA_FFT_BLOCK, plane_values = blocks * block_values;
-    __local float4 *sums = (__local float4 *)(scratch + depths * each);
+    __local float2 *scratch = (__local float2 *)(sums + each);
     float sum = 0.0f;
 
     for (uint c = 0; c < problem.channels; ++c) {

@@ -228,7 +228,7 @@ check_correct() {
     ! tail -qn 1 "$scratch"/check-* | grep -qv '^0$'
 }
 tests() {
-    ctest --test-dir "$build" --output-on-failure --no-tests=error -j "$(((jobs + 1) / 2))" \
+    ctest --test-dir "$build" --output-on-failure --no-tests=error -j "$jobs" \
         --output-junit "$out/tests.xml" -E '^check_(correct|bits)$|^stress$'
 }
 step whole_way 600 way

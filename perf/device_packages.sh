@@ -16,7 +16,7 @@ shift
 pocl=pocl-opencl-icd
 [ "${1:-}" != --no-pocl ] || { pocl=; shift; }
 wanted="ocl-icd-opencl-dev libclfft-dev libtiff-dev libcairo2-dev libjansson-dev libxxhash-dev libpopt-dev libcmocka-dev
-    libfftw3-dev pkg-config ninja-build $pocl $*"
+    libfftw3-dev libpng-dev libturbojpeg0-dev libraw-dev libmatio-dev pkg-config ninja-build $pocl $*"
 # what belongs to the machine: C library, compiler, package management, and programs that no library is needed from
 left_out='
     libc6 libc6-dev libc-bin libc-dev-bin libc6-i386 lib32.* libx32.* linux-libc-dev libcrypt1 libcrypt-dev

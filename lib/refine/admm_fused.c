@@ -162,7 +162,7 @@ hada_status hada_refine_fused_score(const hada_refine_run *run, const hada_refin
     const hada_refine_rect *window = &refiner->shape.window;
     const hada_refine_scoring job = {hada_refine_problem_of(run, 0), *band,          .row0 = window->row0,
                                      .rows = window->rows,           .width = width, .table = refiner->table};
-    const hada_local scratch = {(size_t)(width * columns * refiner->layout.rows) * 2 * sizeof(float)};
+    const hada_local sums = {(size_t)(width * columns * refiner->layout.rows) * 2 * sizeof(float)};
     *slices = parts_of(refiner, width);
     const hada_range range = hada_range_groups(*slices, HADA_REFINE_FUSED_GROUP, (size_t)run->sets, 1);
     const double frequencies = refiner->layout.rows * (refiner->layout.cols / 2 + 1.0);
@@ -172,7 +172,7 @@ hada_status hada_refine_fused_score(const hada_refine_run *run, const hada_refin
     return hada_launch_refine_group_score(refiner->slot, HADA_PROGRAM_REFINE_GROUP_SCORE_DEFAULT, &range, err,
                                           .planes = refiner->now_u.mem, .otf = data->otf, .list = refiner->list.ints,
                                           .frame = data->spectrum, .prior = data->prior, .variance = data->variance,
-                                          .partial = refiner->partial.mem, .job = job, .scratch = scratch);
+                                          .partial = refiner->partial.mem, .job = job, .sums = sums);
 }
 
 /* What a pass along the rows of so many images costs; touched: arrays of pixels that are read or written. */

@@ -11,6 +11,7 @@
  *     align=N      parts of buffers begin at multiples of so many bytes
  *     plain        no sub-groups, no fp64, no fp16: not said, not compiled
  *     queues=N     so many queues at a time, none of them out of order
+ *     late         transfers that nobody waits for begin when somebody does, as late as the standard allows
  *     slow=N       a compiler that takes so many milliseconds longer */
 #define _GNU_SOURCE
 #define CL_TARGET_OPENCL_VERSION 120
@@ -26,7 +27,7 @@
 
 typedef struct pretence {
     cl_device_type type; /* 0: the truth, here and below */
-    int no_compiler, plain, apart;
+    int no_compiler, plain, apart, late;
     cl_ulong local, memory, largest;
     size_t group, wave;
     cl_uint units, align, queues, slow_ms;
@@ -55,6 +56,8 @@ static void read_word(pretence *p, const char *word)
         p->plain = 1;
     } else if (!strcmp(word, "apart")) {
         p->apart = 1;
+    } else if (!strcmp(word, "late")) {
+        p->late = 1;
     } else if (!strncmp(word, "local=", 6)) {
         p->local = number;
     } else if (!strncmp(word, "memory=", 7)) {
@@ -289,13 +292,98 @@ cl_command_queue clCreateCommandQueue(cl_context context, cl_device_id device, c
     return failed ? NULL : real(context, device, properties, code);
 }
 
+/* Late transfers: the first of a queue waits for an event of ours, and what follows in the queue for it. */
+static struct {
+    cl_command_queue queue;
+    cl_event open;
+} gates[64];
+
+/* The event that this queue's commands wait for, from now on; NULL: there is no more room. */
+static const cl_event *close_gate(cl_command_queue queue)
+{
+    const size_t most = sizeof gates / sizeof *gates;
+    size_t i = 0;
+    pthread_mutex_lock(&lock);
+    while (i < most && gates[i].queue != queue)
+        i++;
+    if (i == most)
+        for (i = 0; i < most && gates[i].queue;)
+            i++;
+    if (i < most && !gates[i].queue) {
+        cl_context context = NULL;
+        clGetCommandQueueInfo(queue, CL_QUEUE_CONTEXT, sizeof context, &context, NULL);
+        gates[i].open = clCreateUserEvent(context, NULL);
+        gates[i].queue = queue;
+    }
+    pthread_mutex_unlock(&lock);
+    return i < most ? &gates[i].open : NULL;
+}
+
+/* All queues go on: somebody waits for one, or for an event, which may be any queue's. */
+static void open_gates(void)
+{
+    pthread_mutex_lock(&lock);
+    for (size_t i = 0; i < sizeof gates / sizeof *gates; i++)
+        if (gates[i].queue) {
+            gates[i].queue = NULL;
+            clSetUserEventStatus(gates[i].open, CL_COMPLETE);
+            clReleaseEvent(gates[i].open);
+        }
+    pthread_mutex_unlock(&lock);
+}
+
 cl_int clReleaseCommandQueue(cl_command_queue queue)
 {
     TRUE_FUNCTION(clReleaseCommandQueue);
+    open_gates();
     cl_uint references = 0;
     clGetCommandQueueInfo(queue, CL_QUEUE_REFERENCE_COUNT, sizeof references, &references, NULL);
     pthread_mutex_lock(&lock);
     queue_count -= references == 1 && queue_count;
     pthread_mutex_unlock(&lock);
     return real(queue);
+}
+
+cl_int clEnqueueWriteBuffer(cl_command_queue queue, cl_mem buffer, cl_bool blocking, size_t offset, size_t size,
+                            const void *data, cl_uint waits, const cl_event *wait, cl_event *event)
+{
+    TRUE_FUNCTION(clEnqueueWriteBuffer);
+    const cl_event *gate = now.late && !blocking && !waits ? close_gate(queue) : NULL;
+    if (blocking)
+        open_gates();
+    return gate ? real(queue, buffer, blocking, offset, size, data, 1, gate, event)
+                : real(queue, buffer, blocking, offset, size, data, waits, wait, event);
+}
+
+cl_int clEnqueueReadBuffer(cl_command_queue queue, cl_mem buffer, cl_bool blocking, size_t offset, size_t size,
+                           void *data, cl_uint waits, const cl_event *wait, cl_event *event)
+{
+    TRUE_FUNCTION(clEnqueueReadBuffer);
+    const cl_event *gate = now.late && !blocking && !waits ? close_gate(queue) : NULL;
+    if (blocking)
+        open_gates();
+    return gate ? real(queue, buffer, blocking, offset, size, data, 1, gate, event)
+                : real(queue, buffer, blocking, offset, size, data, waits, wait, event);
+}
+
+void *clEnqueueMapBuffer(cl_command_queue queue, cl_mem buffer, cl_bool blocking, cl_map_flags flags, size_t offset,
+                         size_t size, cl_uint waits, const cl_event *wait, cl_event *event, cl_int *code)
+{
+    TRUE_FUNCTION(clEnqueueMapBuffer);
+    open_gates();
+    return real(queue, buffer, blocking, flags, offset, size, waits, wait, event, code);
+}
+
+cl_int clFinish(cl_command_queue queue)
+{
+    TRUE_FUNCTION(clFinish);
+    open_gates();
+    return real(queue);
+}
+
+cl_int clWaitForEvents(cl_uint count, const cl_event *events)
+{
+    TRUE_FUNCTION(clWaitForEvents);
+    open_gates();
+    return real(count, events);
 }

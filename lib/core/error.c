@@ -53,10 +53,14 @@ void hada_error_set_cl(hada_error *err, int code, const char *call)
 {
     const int memory = hada_cl_is_memory(code);
     hada_error_set(
-        err, memory ? HADA_ERROR_DEVICE_MEMORY : HADA_ERROR_DEVICE, "%s failed with %s (%d)%s", call,
+        err, memory ? HADA_ERROR_DEVICE_MEMORY : HADA_ERROR_DEVICE, "%s failed with %s (%d)%s%s", call,
         hada_cl_code_name(code), code,
         memory ? "; the device is short of memory: use fewer depths, a smaller window, half filters or another device"
-               : "");
+               : "",
+        /* what NVIDIA's driver says after a kernel that read or wrote where it must not */
+        code == -5 ? "; with memory to spare a kernel has failed on the device: please report it with the output of "
+                     "'hadalens devices'"
+                   : "");
     if (err)
         err->cl_code = code;
 }

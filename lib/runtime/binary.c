@@ -36,14 +36,15 @@ static hada_status build(hada_context *context, cl_program program, const char *
     const char *variable, *folder = unwritable_cache(&variable);
     if (folder)
         hada_fail(err, HADA_ERROR_BUILD,
-                  "the kernel file %s.cl with macros '%s' does not build on %s (%s): the driver may be missing its "
+                  "the kernel file %s.cl with macros '%s' does not build on %s (%s, %d): the driver may be missing its "
                   "cache, for %s=%s cannot be written to (%s); name a folder that can",
-                  file, options, context->info.name, hada_cl_code_name(code), variable, folder, strerror(errno));
+                  file, options, context->info.name, hada_cl_code_name(code), code, variable, folder, strerror(errno));
     else
-        hada_fail(err, HADA_ERROR_BUILD,
-                  "the kernel file %s.cl with macros '%s' does not build on %s (%s); please report the build log with "
-                  "the output of 'hadalens devices'",
-                  file, options, context->info.name, hada_cl_code_name(code));
+        hada_fail(
+            err, HADA_ERROR_BUILD,
+            "the kernel file %s.cl with macros '%s' does not build on %s (%s, %d); please report the build log with "
+            "the output of 'hadalens devices'",
+            file, options, context->info.name, hada_cl_code_name(code), code);
     if (err) {
         err->cl_code = code;
         size_t size = 0;

@@ -18,6 +18,7 @@ typedef struct hada_quirks {
     unsigned avoid_clfft : 1;    /* clFFT gives wrong results or cannot build here */
     unsigned stated_local : 1;   /* local memory of arguments is laid out when compiling (shared_local.h) */
     unsigned host_pages : 1;     /* buffers in huge-page host memory (CL_MEM_USE_HOST_PTR) are faster */
+    unsigned no_parts : 1;       /* buffers are not divided into parts (clCreateSubBuffer) */
 } hada_quirks;
 
 typedef struct hada_program_store hada_program_store; /* runtime/program.h */

@@ -134,7 +134,10 @@ hada_status hada_device_describe(cl_platform_id platform, cl_device_id device, i
     info->has_compiler = number(&of, CL_DEVICE_COMPILER_AVAILABLE, sizeof(cl_uint)) != 0;
     info->has_local_memory = number(&of, CL_DEVICE_LOCAL_MEM_TYPE, sizeof(cl_uint)) == CL_LOCAL;
     info->unified_memory = number(&of, CL_DEVICE_HOST_UNIFIED_MEMORY, sizeof(cl_uint)) != 0;
-    info->max_sub_devices = (unsigned)number(&of, CL_DEVICE_PARTITION_MAX_SUB_DEVICES, sizeof(cl_uint));
+    /* NVIDIA's driver offers one part and no way to make it */
+    cl_device_partition_property ways[16] = {0};
+    if (ask(&of, CL_DEVICE_PARTITION_PROPERTIES, sizeof ways, ways) == CL_SUCCESS && ways[0])
+        info->max_sub_devices = (unsigned)number(&of, CL_DEVICE_PARTITION_MAX_SUB_DEVICES, sizeof(cl_uint));
     info->has_double = number(&of, CL_DEVICE_DOUBLE_FP_CONFIG, sizeof(cl_ulong)) != 0;
     char extensions[8192] = "";
     ask(&of, CL_DEVICE_EXTENSIONS, sizeof extensions - 1, extensions);
@@ -285,8 +288,9 @@ static const quirk_row rows[] = {
     {"NVIDIA",
      NULL,
      HADA_DEVICE_GPU,
-     {.own_disk_cache = 1},
-     "the driver caches programs itself and its binary is PTX: our disk cache stays off"},
+     {.own_disk_cache = 1, .no_parts = 1},
+     "the driver caches programs itself and its binary is PTX: our disk cache stays off; it has crashed at the release of "
+     "parts of buffers: working memory is not shared between steps"},
     {"Oclgrind",
      NULL,
      0,
@@ -321,6 +325,7 @@ void hada_quirks_find(hada_device_info *info, hada_quirks *quirks)
         quirks->avoid_clfft |= row->set.avoid_clfft;
         quirks->host_pages |= row->set.host_pages;
         quirks->stated_local |= row->set.stated_local;
+        quirks->no_parts |= row->set.no_parts;
         if (row->set.build_options)
             quirks->build_options = row->set.build_options;
         int n = snprintf(info->quirks + used, sizeof info->quirks - used, "%s%s", used ? "; " : "", row->reason);

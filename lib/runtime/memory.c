@@ -232,7 +232,7 @@ hada_status hada_buffer_take(hada_buffer *buffer, hada_slot *slot, hada_lifetime
 {
     hada_scratch *scratch = slot->scratch;
     *buffer = (hada_buffer){0};
-    if (!scratch || lifetime == HADA_LASTING)
+    if (!scratch || lifetime == HADA_LASTING || slot->context->quirks.no_parts)
         return hada_buffer_create(buffer, slot->context, bytes, what, err);
     if (slot->context->dry) {
         buffer->bytes = bytes ? bytes : 4;

@@ -4,6 +4,7 @@
  *     gpu          a GPU: memory of its own, vectors of one float, 48 KiB of local memory, groups of 1024
  *     fpga         an accelerator that cannot compile, with memory of its own, 32 KiB of it local
  *     apart        memory of its own
+ *     nvidia       NVIDIA's, for what the library does differently there
  *     wave64       waves of 64 work-items, groups of 256
  *     local=N      so many bytes of local memory
  *     memory=N     so many bytes of memory, a quarter of them in one piece
@@ -27,7 +28,7 @@
 
 typedef struct pretence {
     cl_device_type type; /* 0: the truth, here and below */
-    int no_compiler, plain, apart, late;
+    int no_compiler, plain, apart, late, nvidia;
     cl_ulong local, memory, largest;
     size_t group, wave;
     cl_uint units, align, queues, slow_ms;
@@ -56,6 +57,8 @@ static void read_word(pretence *p, const char *word)
         p->plain = 1;
     } else if (!strcmp(word, "apart")) {
         p->apart = 1;
+    } else if (!strcmp(word, "nvidia")) {
+        p->nvidia = 1;
     } else if (!strcmp(word, "late")) {
         p->late = 1;
     } else if (!strncmp(word, "local=", 6)) {
@@ -151,6 +154,8 @@ cl_int clGetDeviceInfo(cl_device_id device, cl_device_info which, size_t size, v
     const cl_int code = real(device, which, size, value, needed);
     if (code == CL_SUCCESS && value)
         disguise(which, value);
+    if (code == CL_SUCCESS && value && which == CL_DEVICE_VENDOR && now.nvidia)
+        snprintf(value, size, "NVIDIA");
     return code;
 }
 
@@ -298,8 +303,8 @@ static struct {
     cl_event open;
 } gates[64];
 
-/* The event that this queue's commands wait for, from now on; NULL: there is no more room. */
-static const cl_event *close_gate(cl_command_queue queue)
+/* The event that this queue's commands wait for, from now on, which is to be released; NULL: there is no more room. */
+static cl_event close_gate(cl_command_queue queue)
 {
     const size_t most = sizeof gates / sizeof *gates;
     size_t i = 0;
@@ -315,8 +320,11 @@ static const cl_event *close_gate(cl_command_queue queue)
         gates[i].open = clCreateUserEvent(context, NULL);
         gates[i].queue = queue;
     }
+    cl_event open = i < most ? gates[i].open : NULL;
+    if (open)
+        clRetainEvent(open);
     pthread_mutex_unlock(&lock);
-    return i < most ? &gates[i].open : NULL;
+    return open;
 }
 
 /* All queues go on: somebody waits for one, or for an event, which may be any queue's. */
@@ -348,22 +356,28 @@ cl_int clEnqueueWriteBuffer(cl_command_queue queue, cl_mem buffer, cl_bool block
                             const void *data, cl_uint waits, const cl_event *wait, cl_event *event)
 {
     TRUE_FUNCTION(clEnqueueWriteBuffer);
-    const cl_event *gate = now.late && !blocking && !waits ? close_gate(queue) : NULL;
+    cl_event gate = now.late && !blocking && !waits ? close_gate(queue) : NULL;
     if (blocking)
         open_gates();
-    return gate ? real(queue, buffer, blocking, offset, size, data, 1, gate, event)
-                : real(queue, buffer, blocking, offset, size, data, waits, wait, event);
+    const cl_int code = gate ? real(queue, buffer, blocking, offset, size, data, 1, &gate, event)
+                             : real(queue, buffer, blocking, offset, size, data, waits, wait, event);
+    if (gate)
+        clReleaseEvent(gate);
+    return code;
 }
 
 cl_int clEnqueueReadBuffer(cl_command_queue queue, cl_mem buffer, cl_bool blocking, size_t offset, size_t size,
                            void *data, cl_uint waits, const cl_event *wait, cl_event *event)
 {
     TRUE_FUNCTION(clEnqueueReadBuffer);
-    const cl_event *gate = now.late && !blocking && !waits ? close_gate(queue) : NULL;
+    cl_event gate = now.late && !blocking && !waits ? close_gate(queue) : NULL;
     if (blocking)
         open_gates();
-    return gate ? real(queue, buffer, blocking, offset, size, data, 1, gate, event)
-                : real(queue, buffer, blocking, offset, size, data, waits, wait, event);
+    const cl_int code = gate ? real(queue, buffer, blocking, offset, size, data, 1, &gate, event)
+                             : real(queue, buffer, blocking, offset, size, data, waits, wait, event);
+    if (gate)
+        clReleaseEvent(gate);
+    return code;
 }
 
 void *clEnqueueMapBuffer(cl_command_queue queue, cl_mem buffer, cl_bool blocking, cl_map_flags flags, size_t offset,

@@ -59,7 +59,7 @@ truth)
     expect 0 '' fit set -o set.model
     way
     ;;
-gpu) as gpu,units=132 ;;
+gpu) as gpu,units=132,nvidia,late ;;
 wave64) as gpu,wave64,local=65536,align=256 ;;
 small) as gpu,wave64,local=32768,plain,queues=1 ;;
 tight) as gpu,memory=100663296,align=4096 ;;

@@ -8,6 +8,7 @@ compilers said.
 """
 import ctypes
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -40,13 +41,26 @@ def assemble(folder, ptx, architecture):
     return code == 0, said
 
 
+def misaligned(ptx):
+    """Kernels that read or write local memory by more bytes than any of their arrays is aligned to. The hardware ends
+    the context there; a compiler for CPUs, which lays arrays out by more, does not show it."""
+    found = []
+    for name, parameters, body in re.findall(r"\.entry (\w+)\((.*?)\n\)(.*?)(?=\.entry |\Z)", ptx.decode(), re.S):
+        aligned = [int(n) for n in re.findall(r"\.shared \.align (\d+)", body + parameters)]
+        widths = [int(n or 1) * int(bits) // 8 for n, bits in re.findall(r"(?:ld|st)\.shared(?:\.v(\d))?\.[fubs](\d+)", body)]
+        if max(widths, default=0) > max(aligned, default=0):
+            found.append(f"{name}: local memory is used by {max(widths)} bytes and aligned to {max(aligned, default=0)}")
+    return found
+
+
 def main():
     folder, architecture, options = Path(sys.argv[1]), sys.argv[2], sys.argv[3:]
     # what the driver adds by itself: the language, the device, addresses of 64 bits
     options += ["-cl-nv-cstd=CL1.2", f"-cl-nv-arch {architecture}", "-nv-m64"]
     ptx, messages = ptx_of(folder, sys.stdin.buffer.read(), options)
     well, resources = assemble(folder, ptx, architecture) if ptx else (False, "")
-    json.dump({"well": well, "messages": messages, "resources": resources}, sys.stdout)
+    json.dump({"well": well, "messages": "\n".join([messages, *(misaligned(ptx) if ptx else ())]), "resources": resources},
+              sys.stdout)
 
 
 if __name__ == "__main__":

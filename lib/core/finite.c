@@ -1,23 +1,54 @@
 #include "core/finite.h"
 #include "core/base.h"
 
+enum { BLOCK = 1024, LANES = 16 /* largest patterns side by side, of which compilers make vectors */ };
+
+/* A float's bits without its sign: they rise with its magnitude, and of what is not finite they are INFINITE or more.
+ */
+static const int32_t INFINITE = 0x7f800000;
+
+static int32_t pattern(const float *value)
+{
+    int32_t bits;
+    memcpy(&bits, value, sizeof bits);
+    return bits & 0x7fffffff;
+}
+
+static int32_t larger(int32_t a, int32_t b)
+{
+    return a > b ? a : b;
+}
+
+static int32_t largest_pattern(const float *values, size_t count)
+{
+    int32_t lanes[LANES] = {0};
+    size_t i = 0;
+    for (; i + LANES <= count; i += LANES)
+        for (size_t k = 0; k < LANES; k++)
+            lanes[k] = larger(lanes[k], pattern(values + i + k));
+    for (; i < count; i++)
+        lanes[0] = larger(lanes[0], pattern(values + i));
+    for (size_t k = 1; k < LANES; k++)
+        lanes[0] = larger(lanes[0], lanes[k]);
+    return lanes[0];
+}
+
 size_t hada_not_finite(const float *values, size_t count, float *largest)
 {
     size_t broken = 0;
-    uint32_t most = 0; /* patterns of positive floats rise with them, and compilers make vectors of this loop */
-    for (size_t i = 0; i < count;) {
-        const size_t end = count - i < 65536 ? count : i + 65536;
-        uint32_t found = 0; /* of a width that makes as many lanes as the patterns' */
-        for (; i < end; i++) {
-            uint32_t bits;
-            memcpy(&bits, &values[i], sizeof bits);
-            bits &= 0x7fffffffu;
-            const uint32_t finite = bits < 0x7f800000u;
-            found += !finite;
-            bits = finite ? bits : 0;
-            most = bits > most ? bits : most;
+    int32_t most = 0;
+    for (size_t first = 0; first < count; first += BLOCK) {
+        const size_t here = count - first < BLOCK ? count - first : BLOCK;
+        const int32_t top = largest_pattern(values + first, here);
+        if (top < INFINITE) {
+            most = larger(most, top);
+            continue;
         }
-        broken += found;
+        for (size_t i = first; i < first + here; i++)
+            if (pattern(values + i) >= INFINITE)
+                broken++;
+            else
+                most = larger(most, pattern(values + i));
     }
     memcpy(largest, &most, sizeof *largest);
     return broken;

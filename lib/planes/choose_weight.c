@@ -2,6 +2,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "launch/filter_hold_out.h"
 #include "planes/weight_search.h"
 
 /* rho of the sweep: hada_refine_rule_follow(); it begins at FIRST_RHO, or at this part of the weight, and grows. With
@@ -13,14 +14,12 @@
 #define GROWTH           1.1
 
 enum {
+    HOLD_OUT_GROUP = 128,
     STEPS = 8,        /* with each weight after the first, which takes HADA_CHOICE_STEPS from nothing */
     BLOCK = 8,        /* pixels that are left out together: the errors of a point spread function are alike nearby, and
                          small weights would fit those of a single pixel to its neighbours */
     MOSAIC_STEPS = 12 /* the same of a mosaic, a third of whose values are known: after 6, weights were too small */
 };
-
-/* One of which w / (w + 1) is 1. */
-#define WHOLE 1e30f
 
 typedef struct sweep {
     hada_plane_maker *maker;
@@ -57,29 +56,26 @@ static hada_status try_weight(void *user, double tv, int *steps, double *left, h
     return hada_refiner_residual(maker->refiner, &held, 1, s->count, s->list, left, err);
 }
 
-/* The weight of which w / (w + 1) is the root of a value's: what of its error counts, as squares are added. */
-static float of_score(float weight)
-{
-    const float root = sqrtf(weight);
-    return root < 1.0f ? root / (1.0f - root) : WHOLE;
-}
-
 hada_status hada_maker_hold_out(hada_plane_maker *maker, const hada_frame_exposure *exposure, int block, int by_weight,
                                 hada_error *err)
 {
-    const size_t count = hada_exposure_count(exposure), bytes = count * sizeof(float);
-    float *weights = NULL, *held = NULL;
+    const size_t cols = (size_t)exposure->came.cols, rows = hada_exposure_count(exposure) / cols; /* of all channels */
+    const size_t side = (size_t)block, count = hada_divide_up(rows, side) * hada_divide_up(cols, side);
+    const hada_range range = hada_range_of(cols, HOLD_OUT_GROUP, rows, 1);
+    unsigned char *blocks = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(HADA_NEW_RAW(weights, count, "the weights of pixels", err));
-    HADA_TRY_OR_DONE(HADA_NEW_RAW(held, count, "held-out pixels", err));
-    hada_exposure_hold_out(exposure, block, weights, held);
-    for (size_t i = 0; i < count; i++)
-        held[i] = by_weight ? of_score(held[i]) : (float)(held[i] > 0.0f);
-    HADA_TRY_OR_DONE(hada_buffer_write(&maker->held, maker->slot, 0, held, bytes, err));
-    HADA_TRY_OR_DONE(hada_buffer_write(&maker->pixels, maker->slot, 0, weights, bytes, err));
+    HADA_TRY_OR_DONE(hada_maker_weigh(maker, exposure, err));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(blocks, count, "held-out pixels", err));
+    hada_hold_out_blocks(blocks, count);
+    HADA_TRY_OR_DONE(hada_buffer_write(&maker->blocks, maker->slot, 0, blocks, count, err));
+    hada_slot_cost(maker->slot, 12.0 * (double)(rows * cols), 4.0 * (double)(rows * cols));
+    HADA_TRY_OR_DONE(hada_launch_filter_hold_out(maker->slot, HADA_PROGRAM_FILTER_HOLD_OUT_DEFAULT, &range, err,
+                                                 .blocks = maker->blocks.octets, .side = block, .cols = (int)cols,
+                                                 .by_weight = by_weight, .weighted = maker->data.weights != NULL,
+                                                 .weights = maker->pixels.mem, .held = maker->held.mem));
     maker->data.weights = maker->pixels.mem;
 done:
-    HADA_FREE(weights, held);
+    free(blocks);
     return status;
 }
 

@@ -7,6 +7,7 @@
 
 #include "core/alloc.h"
 #include "filter/hadamard.h"
+#include "launch/filter_hold_out.h"
 
 void hada_maker_use_otf(hada_plane_maker *maker, cl_mem otf, size_t offset, int depths, cl_mem prior)
 {
@@ -41,16 +42,21 @@ hada_maker_way hada_maker_way_of(const hada_model_info *info, double tv, hada_mo
 hada_status hada_maker_make_weights(hada_plane_maker *maker, int choose, hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(maker->model);
-    const size_t bytes = (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols * sizeof(float);
+    const size_t count = (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols,
+                 bytes = count * sizeof(float);
     HADA_TRY(hada_buffer_take(&maker->pixels, maker->slot, HADA_OWN_STEPS, bytes, "the weights of pixels", err));
-    return choose ? hada_buffer_take(&maker->held, maker->slot, HADA_OWN_STEPS, bytes, "held-out pixels", err)
-                  : HADA_OK;
+    if (!choose)
+        return HADA_OK;
+    HADA_TRY(hada_buffer_take(&maker->held, maker->slot, HADA_OWN_STEPS, bytes, "held-out pixels", err));
+    HADA_TRY(hada_buffer_take(&maker->blocks, maker->slot, HADA_OWN_STEPS, count, "held-out blocks of pixels", err));
+    return hada_prepare_filter_hold_out(maker->slot, HADA_PROGRAM_FILTER_HOLD_OUT_DEFAULT, err);
 }
 
 void hada_maker_free_weights(hada_plane_maker *maker)
 {
     hada_buffer_destroy(&maker->pixels);
     hada_buffer_destroy(&maker->held);
+    hada_buffer_destroy(&maker->blocks);
 }
 
 hada_status hada_maker_weigh(hada_plane_maker *maker, const hada_frame_exposure *exposure, hada_error *err)

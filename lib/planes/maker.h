@@ -108,7 +108,8 @@ typedef struct hada_plane_maker {
     double noise_share;          /* the usual share of noise; 0: weights do not depend on it */
     hada_boundary boundary;      /* of the refiner: padded also where pixels of a circular camera have weights */
     hada_buffer pixels;          /* weights of a frame's pixels, as large as the frame; empty: they have none */
-    hada_buffer held; /* above 0 at held-out pixels, by their weight, else 0; empty: no weight is found from frames */
+    hada_buffer held;   /* above 0 at held-out pixels, by their weight, else 0; empty: no weight is found from frames */
+    hada_buffer blocks; /* a byte for each block of pixels, up to one each: whether it is held out */
 } hada_plane_maker;
 
 /* Room for weights of pixels, and with `choose` for finding the weight of total variation from a frame: the latter

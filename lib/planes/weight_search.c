@@ -24,31 +24,12 @@ typedef struct trial {
     double weight, left;
 } trial;
 
-/* Marks a block of an image whose first pixel is `first`, as far as its values have a weight. */
-static void hold_block(size_t first, size_t row_step, size_t rows, size_t cols, float *weights, float *held)
+void hada_hold_out_blocks(unsigned char *blocks, size_t count)
 {
-    for (size_t row = 0; row < rows; row++)
-        for (size_t i = first + row * row_step, end = i + cols; i < end; i++)
-            if (weights[i] > 0.0f) {
-                held[i] = weights[i];
-                weights[i] = 0.0f;
-            }
-}
-
-void hada_exposure_hold_out(const hada_frame_exposure *exposure, int block, float *weights, float *held)
-{
-    const size_t count = hada_exposure_count(exposure), cols = (size_t)exposure->came.cols,
-                 rows = count / cols, /* of all channels */
-        side = (size_t)block;
     hada_random random;
-    hada_exposure_weigh(exposure, weights);
-    memset(held, 0, count * sizeof *held);
     hada_random_seed(&random, 1, 1);
-    for (size_t row = 0; row < rows; row += side)
-        for (size_t col = 0; col < cols; col += side)
-            if (hada_random_bits(&random) < HELD_OUT * 0x1p32)
-                hold_block(row * cols + col, cols, rows - row < side ? rows - row : side,
-                           cols - col < side ? cols - col : side, weights, held);
+    for (size_t i = 0; i < count; i++)
+        blocks[i] = hada_random_bits(&random) < HELD_OUT * 0x1p32;
 }
 
 /* The lowest point of the parabola through three trials that follow each other, over the logarithm of the weight. */

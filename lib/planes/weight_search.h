@@ -7,9 +7,9 @@
 
 #include "planes/maker.h"
 
-/* Of all values of a frame: `weights` as hada_exposure_weigh() has them, but 0 for those that are left out, the same
- * ones of every frame, in blocks of `block` x `block` pixels of a channel; `held` is their weight there, else 0. */
-void hada_exposure_hold_out(const hada_frame_exposure *exposure, int block, float *weights, float *held);
+/* Which of `count` blocks of a frame's values are left out: 1; the others, about 95 %, stay: 0. The same for all frames
+ * of a size. */
+void hada_hold_out_blocks(unsigned char *blocks, size_t count);
 
 typedef struct hada_weight_search {
     /* Planes with this weight, from those of the call before (*steps is 0: from nothing). Adds the steps that it took

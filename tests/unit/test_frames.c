@@ -1,4 +1,5 @@
 /* Frames as people have them, and results in arrays of theirs. */
+#include "core/finite.h"
 #include "learned_camera.h"
 
 enum { MARGIN = 3 }; /* samples round each row and frame that belong to somebody else */
@@ -185,6 +186,26 @@ TEST(results_go_into_the_callers_arrays)
     hada_result_destroy(&into);
     values[0] = values[stack + map - 1]; /* still the caller's */
     hada_result_destroy(&own);
+}
+
+TEST(values_that_are_not_finite_are_counted)
+{
+    static const float broken[] = {NAN, INFINITY, -INFINITY};
+    enum { MOST = 3000 };
+    float values[MOST] = {0.0f}, largest;
+    for (size_t count = 0; count <= MOST; count = count < 40 ? count + 1 : count + 37) {
+        float most = 0.0f;
+        size_t found = 0;
+        for (size_t i = 0; i < count; i++) {
+            values[i] = (float)((i * 7919 + count) % 1000) * (i % 2 ? -0.5f : 0.25f);
+            if ((i + count) % 1013 == 5) /* few, so that most blocks have none */
+                values[i] = broken[found++ % 3];
+            else
+                most = fmaxf(most, fabsf(values[i]));
+        }
+        assert_int_equal(hada_not_finite(values, count, &largest), found);
+        assert_true(largest == most);
+    }
 }
 
 FIXTURE(learned_setup, learned_teardown)

@@ -174,13 +174,16 @@ double hada_noise_unit(const hada_pixels *pixels, hada_mosaic mosaic, double sha
 
 float hada_cut_off_value(const float *values, size_t count)
 {
-    float largest = 0.0f;
-    size_t equal = 0, near = 0;
+    float largest = 0.0f, next = 0.0f;
     for (size_t i = 0; i < count; i++)
         largest = fmaxf(largest, values[i]);
+    for (size_t i = 0; i < count; i++)
+        next = values[i] < largest ? fmaxf(next, values[i]) : next;
+    const float limit = HADA_NEAR_LARGEST * (next > HADA_NEAR_LARGEST * largest ? largest : next);
+    size_t equal = 0, near = 0;
     for (size_t i = 0; i < count; i++) {
         equal += values[i] == largest;
-        near += values[i] > HADA_NEAR_LARGEST * largest && values[i] < largest;
+        near += values[i] > limit && values[i] < largest;
     }
     return largest > 0.0f && hada_is_cut_off(equal, near) ? largest : INFINITY;
 }

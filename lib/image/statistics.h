@@ -17,7 +17,8 @@ size_t hada_dark_room(const hada_pixels *pixels);
 hada_status hada_dark_levels(const hada_pixels *pixels, hada_mosaic mosaic, double *levels, hada_error *err);
 
 /* Values are cut off where the largest one occurs `equal` times and values in the 128th part below it `near` times:
- * noise spreads light that is not cut off. */
+ * noise spreads light that is not cut off. Where there are none, for the steps of values are coarser than that, those
+ * in the 128th part from the next smaller value down count instead. */
 #define HADA_NEAR_LARGEST (1.0f - 0x1p-7f)
 static inline int hada_is_cut_off(size_t equal, size_t near)
 {

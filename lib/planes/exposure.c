@@ -87,8 +87,9 @@ enum {
 typedef struct examination {
     const hada_exposure_rule *rule;
     size_t broken;
-    float largest;
-    size_t equal, near; /* values as large as that, and a little smaller */
+    float largest, next; /* the largest value, and that below it */
+    float limit;         /* values above it are near the largest */
+    size_t equal, near;  /* values as large as the largest, and a little smaller */
     double sums[SUMS];
     uint64_t lanes[LANES];
 } examination;
@@ -154,18 +155,24 @@ static int channel_of(const hada_frame_exposure *exposure, size_t pixel)
 }
 
 /* What of an examination a pass over the frame finds. */
-enum { VALUES = 1, ENERGY = 2, BRIGHT = 4 };
+enum { VALUES = 1, ENERGY = 2, BRIGHT = 4, NEXT = 8 };
 
 static void count_bright(examination *look, const float *values, size_t count)
 {
-    const float largest = look->largest, near = HADA_NEAR_LARGEST * largest;
+    const float largest = look->largest, limit = look->limit;
     size_t equal = 0, above = 0;
     for (size_t i = 0; i < count; i++) {
         equal += values[i] == largest;
-        above += values[i] > near;
+        above += values[i] > limit;
     }
     look->equal += equal;
     look->near += above - equal;
+}
+
+static void find_next(examination *look, const float *values, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        look->next = values[i] < look->largest && values[i] > look->next ? values[i] : look->next;
 }
 
 static void pass(const hada_frame_exposure *exposure, examination *look, int what)
@@ -186,10 +193,26 @@ static void pass(const hada_frame_exposure *exposure, examination *look, int wha
             }
             if (what & BRIGHT)
                 count_bright(look, values, count);
+            if (what & NEXT)
+                find_next(look, values, count);
             if (what & ENERGY)
                 add_energy(look->sums, values, dark ? dark + (size_t)c * plane + first : NULL, exposure->levels[c],
                            count);
         }
+}
+
+/* Whether the frame is cut off at its largest value (image/statistics.h). */
+static int is_cut_off(const hada_frame_exposure *exposure, examination *look)
+{
+    look->limit = HADA_NEAR_LARGEST * look->largest;
+    pass(exposure, look, BRIGHT);
+    if (look->near || !hada_is_cut_off(look->equal, 0))
+        return hada_is_cut_off(look->equal, look->near);
+    pass(exposure, look, NEXT);
+    look->limit = HADA_NEAR_LARGEST * look->next;
+    look->equal = 0;
+    pass(exposure, look, BRIGHT);
+    return hada_is_cut_off(look->equal, look->near);
 }
 
 /* From now on the exposure's pixels are floats of its own. */
@@ -363,11 +386,8 @@ hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_expo
     HADA_TRY(hada_frame_check_range(look.largest, (double)info->grid_rows * info->grid_cols, err));
     exposure->saturated = 0;
     exposure->brightest = look.largest;
-    if (rule->weights && look.largest > 0.0f) {
-        pass(exposure, &look, BRIGHT);
-        if (hada_is_cut_off(look.equal, look.near))
-            exposure->saturated = look.equal;
-    }
+    if (rule->weights && look.largest > 0.0f && is_cut_off(exposure, &look))
+        exposure->saturated = look.equal;
     if (rule->dark_varies)
         HADA_TRY(hada_dark_levels(&exposure->pixels, exposure->mosaic, exposure->levels, err));
     else if (rule->dark > 1.0 && all_below(exposure, rule->dark))

@@ -213,6 +213,23 @@ TEST(spoiled_pixels_have_weights)
     assert_int_equal(report.saturated_pixels, 0);
     for (size_t i = 0; i < count; i++)
         largest = fmaxf(largest, frame.data[i]);
+    /* coarse steps are no saturation: the brightest of 40 occurs often, and so does the next one */
+    hada_image coarse;
+    ASSERT_OK(hada_image_create(&coarse, frame.channels, frame.rows, frame.cols, err));
+    for (int white = 0; white < 2; white++) {
+        size_t brightest = 0;
+        for (size_t i = 0; i < count; i++) {
+            const float number = roundf(40.0f * frame.data[i] / largest);
+            coarse.data[i] = fminf(number, white ? 24.0f : 34.0f) / 255.0f;
+            if (!white && number > 34.0f) /* light that is not cut off thins out */
+                coarse.data[i] = (20.0f + (float)(i % 15)) / 255.0f;
+            brightest += coarse.data[i] == (white ? 24.0f : 34.0f) / 255.0f;
+        }
+        solve(&b, &coarse, 1e-3, 0, &report);
+        assert_true(brightest >= 16);
+        assert_int_equal(report.saturated_pixels, white ? brightest : 0);
+    }
+    hada_image_destroy(&coarse);
     for (size_t i = 0; i < count; i++)
         if (frame.data[i] > 0.8f * largest) {
             frame.data[i] = 0.8f * largest;

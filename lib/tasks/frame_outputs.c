@@ -9,8 +9,14 @@
 #include "io/folder.h"
 #include "io/tiff_write.h"
 
-static const char *const endings[HADA_OUTPUT_FILES] = {"stack.tif", "aif.tif", "depth.tif", "preview.png",
-                                                       "confidence.tif"};
+static const char *const endings[HADA_OUTPUT_FILES] = {"stack.tif",   "aif.tif",        "depth.tif",
+                                                       "preview.png", "confidence.tif", "aif.png"};
+
+/* Drawn at once, with the first frame. */
+static int is_drawn(int which)
+{
+    return which == HADA_OUTPUT_PREVIEW || which == HADA_OUTPUT_PICTURE;
+}
 
 static void choose_encoding(hada_outputs *out, const hada_files_task *task, double gamma)
 {
@@ -19,6 +25,7 @@ static void choose_encoding(hada_outputs *out, const hada_files_task *task, doub
                     : task->encoding == HADA_AUTO ? out->scene_response
                                                   : task->encoding;
     out->convert = gamma == 1.0 && out->encoding != HADA_RESPONSE_LINEAR;
+    out->shown = gamma == 1.0 ? HADA_AUTO : 1.0;
 }
 
 /* The distance of a single depth says nothing of the scene. */
@@ -32,7 +39,7 @@ hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, c
 {
     const hada_model_info *model = hada_model_get_info(plan->setup.model);
     const char *slash = strrchr(model->name, '/');
-    const int preview = task->preview && hada_pictures_available();
+    const int draws = hada_pictures_available(), preview = draws && task->preview, picture = draws && task->picture;
     *out = (hada_outputs){.frames = frames,
                           .bits = task->bits,
                           .white = task->white,
@@ -40,7 +47,7 @@ hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, c
                           .has_map = has_map(plan)};
     choose_encoding(out, task, plan->setup.options.gamma);
     for (int k = 0; k < HADA_OUTPUT_FILES; k++)
-        if (k != HADA_OUTPUT_PREVIEW || preview)
+        if (!is_drawn(k) || (k == HADA_OUTPUT_PREVIEW ? preview : picture))
             HADA_TRY(hada_path_format(&out->path[k], err, "%s/%s_%s", task->output, name, endings[k]));
     return hada_path_format(&out->title, err, "%s, %s", name, slash ? slash + 1 : model->name);
 }
@@ -91,6 +98,7 @@ static hada_status save_preview(const hada_outputs *out, const hada_pixels *raw,
     preview.distances_mm = result->distances_mm;
     preview.occupied = result->report->occupied;
     preview.all_in_focus = &result->all_in_focus;
+    preview.gamma = out->shown;
     const hada_status status = hada_preview_save(out->path[HADA_OUTPUT_PREVIEW], &preview, err);
     hada_image_destroy(&frame);
     return status;
@@ -107,7 +115,9 @@ static hada_status open_all(hada_outputs *out, const hada_pixels *raw, const had
     out->has_confidence = out->writer[HADA_OUTPUT_CONFIDENCE] != NULL;
     if (out->path[HADA_OUTPUT_PREVIEW])
         HADA_TRY(save_preview(out, raw, result, err));
-    return HADA_OK;
+    return out->path[HADA_OUTPUT_PICTURE]
+               ? hada_png_save(out->path[HADA_OUTPUT_PICTURE], &result->all_in_focus, HADA_AUTO, out->shown, err)
+               : HADA_OK;
 }
 
 static hada_status write_light(hada_outputs *out, hada_output which, const hada_image *light, hada_error *err)
@@ -156,7 +166,7 @@ hada_status hada_outputs_finish(hada_outputs *out, hada_error *err)
         hada_outfile_remove(out->path[HADA_OUTPUT_DISTANCE_MAP]);
 done:
     for (int k = next + 1; status && k < HADA_OUTPUT_FILES; k++)
-        if (k != HADA_OUTPUT_PREVIEW)
+        if (!is_drawn(k))
             hada_outfile_remove(out->path[k]);
     return status;
 }
@@ -211,10 +221,11 @@ void hada_outputs_end(hada_outputs *out)
     for (int k = 0; k < HADA_OUTPUT_FILES; k++)
         if (out->writer[k])
             hada_tiff_abandon(&out->writer[k]);
-    if (out->path[HADA_OUTPUT_PREVIEW] && out->written && !out->finished)
-        hada_outfile_remove(out->path[HADA_OUTPUT_PREVIEW]);
-    for (int k = 0; k < HADA_OUTPUT_FILES; k++)
+    for (int k = 0; k < HADA_OUTPUT_FILES; k++) {
+        if (is_drawn(k) && out->path[k] && out->written && !out->finished)
+            hada_outfile_remove(out->path[k]);
         free(out->path[k]);
+    }
     free(out->title);
     hada_image_destroy(&out->unknown);
     *out = (hada_outputs){0};

@@ -52,12 +52,12 @@ void hada_stream_end(hada_stream *stream);
 
 /* The files that belong to one input of a reconstruction. Internal. */
 
-/* Files of an input: those of hada_output, and the confidence of surfaces. */
-enum { HADA_OUTPUT_CONFIDENCE = HADA_OUTPUTS, HADA_OUTPUT_FILES = HADA_OUTPUTS + 1 };
+/* Files of an input: those of hada_output, the confidence of surfaces, and the all-in-focus image for a display. */
+enum { HADA_OUTPUT_CONFIDENCE = HADA_OUTPUTS, HADA_OUTPUT_PICTURE, HADA_OUTPUT_FILES };
 
 typedef struct hada_outputs {
-    char *path[HADA_OUTPUT_FILES];               /* the preview's is NULL where none is wanted */
-    hada_tiff_writer *writer[HADA_OUTPUT_FILES]; /* NULL: the preview's, and that of confidence where the first frame is
+    char *path[HADA_OUTPUT_FILES];               /* NULL: preview and picture where none is wanted */
+    hada_tiff_writer *writer[HADA_OUTPUT_FILES]; /* NULL: those of PNG files, and of confidence where the first frame is
                                                     no surface */
     hada_image unknown;                          /* confidence of frames that are none */
     char *title;
@@ -65,6 +65,7 @@ typedef struct hada_outputs {
     double white;
     double encoding;       /* of the files; 0: a gamma that is no response */
     int convert;           /* 1: results are light, and get it on their way */
+    double shown;          /* the exponent with which pictures show results: HADA_AUTO where these are light */
     double scene_response; /* the model's */
     int has_confidence;    /* 1: the file of confidence is written */
     int has_map;           /* 1: the distance map is */

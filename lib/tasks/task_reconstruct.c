@@ -98,7 +98,7 @@ static hada_status begin_file(run *own, const hada_streamed *frame, hada_error *
     hada_status status = HADA_OK;
     own->open = 1;
     memset(own->state.outputs, 0, sizeof own->state.outputs);
-    own->state.confidence = NULL;
+    own->state.confidence = own->state.picture = NULL;
     if (frame->frames) {
         own->progress.total += frame->frames - 1;
         status = hada_outputs_begin(&own->out, &own->task, own->plan, own->names[own->todo[frame->file]], frame->frames,
@@ -189,6 +189,7 @@ static hada_status take_frame(run *own, hada_streamed *frame, hada_error *err)
     if (frame->frame == frame->frames - 1) {
         HADA_TRY(hada_outputs_finish(&own->out, err));
         own->state.confidence = own->out.has_confidence ? own->out.path[HADA_OUTPUT_CONFIDENCE] : NULL;
+        own->state.picture = own->out.path[HADA_OUTPUT_PICTURE];
         tell(own, HADA_FILES_DONE, frame);
         leave_file(own);
     }

@@ -19,9 +19,11 @@ expect 0 '' reconstruct "$raw/test01.tif" -m "$model" -o quiet -q
 
 # Options.
 one=("$raw/test01.tif" -m "$model")
-expect 0 '' reconstruct "${one[@]}" -o depths --depths 1,3 --no-preview
+expect 0 '' reconstruct "${one[@]}" -o depths --depths 1,3 --no-preview --png
+[ "$(head -c 4 depths/test01_aif.png | tail -c 3)" = PNG ] || fail 'no picture'
+lacks depths/test01_preview.png
 [ "$(info depths/test01_stack.tif)" = '2 3 24 24 32' ] || fail "--depths: $(info depths/test01_stack.tif)"
-files depths 3
+files depths 4
 expect 0 'all 3 depths' reconstruct "${one[@]}" -o a --occupied all
 expect 0 '100 and 600 mm' reconstruct "${one[@]}" -o a --occupied 100mm,600mm --refine 3
 expect 0 '3 refinement steps' reconstruct "${one[@]}" -o a --occupied 1 --refine 3

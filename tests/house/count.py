@@ -15,7 +15,7 @@ import sys
 LIMITS = {
     'lines of the library': (70_900, 56_000),
     'lines of the kernels': (12_800, 12_000),
-    'lines of the command line': (8_180, 8_000),
+    'lines of the command line': (8_190, 8_000),
     'lines of tests (without corpora, frozen headers)': (56_400, 50_000),
     'public functions': (335, 240),
     'words of the documentation (docs)': (45_000, 45_000),

@@ -144,6 +144,8 @@ static json_t *outputs_json(const hada_files_state *state)
             json_object_set_new(outputs, keys[k], hada_cli_json_text(state->outputs[k]));
     if (state->confidence)
         json_object_set_new(outputs, "confidence", hada_cli_json_text(state->confidence));
+    if (state->picture)
+        json_object_set_new(outputs, "picture", hada_cli_json_text(state->picture));
     return outputs;
 }
 

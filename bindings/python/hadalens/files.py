@@ -250,7 +250,7 @@ def py_files_task_tell(user: Any, state: Any) -> None:
         if monitor.tell is not None:
             monitor.tell(str(name), state.frame)
     elif state.event == lib.HADA_FILES_DONE:
-        places = [text(one) for one in (*state.outputs, state.confidence)]
+        places = [text(one) for one in (*state.outputs, state.confidence, state.picture)]
         outputs = tuple(Path(one) for one in places if one)
         monitor.results.append(FileResult(name, state.frames, outputs, None, match=monitor.match))
     elif state.event == lib.HADA_FILES_THERE:
@@ -266,6 +266,7 @@ def reconstruct_files(
     output: str | os.PathLike[str],
     *,
     preview: bool = True,
+    picture: bool = False,
     bits: Literal[8, 16, 32] = 32,
     white: float = 1.0,
     encoding: float | str | None = None,
@@ -285,7 +286,8 @@ def reconstruct_files(
         plan: of the model.
         files: of one frame or a sequence; TIFF, PNG, JPEG, NumPy, MATLAB or raw files.
         output: the folder, made where it is missing.
-        preview: a picture to look at.
+        preview: a sheet to look at.
+        picture: also NAME_aif.png, the first all-in-focus image for a display.
         bits: of stack and all-in-focus image.
         white: value that becomes full scale in 8 and 16 bits.
         encoding: how these stand for light; None: as the scenes of the model did.
@@ -308,6 +310,7 @@ def reconstruct_files(
         "hada_files_task",
         output=output,
         preview=preview,
+        picture=picture,
         bits=bits,
         white=white,
         encoding=None if encoding is None else responses.number(encoding),

@@ -64,6 +64,8 @@ typedef struct hada_files_task {
                                HADA_AUTO (default): as their files say (JPEG: sRGB), linear where they say nothing */
     hada_files_match match; /* HADA_FILES_MATCH_FIRST by default */
     const hada_image *frame; /* in place of what the only path's file holds: hada_exposures_load(); NULL (default) */
+    int picture; /* 1: the first all-in-focus image is also written as NAME_aif.png, in sRGB and 8 bits, where the build
+                    draws pictures; 0 (default) */
 } hada_files_task;
 HADA_INIT(hada_files_task, HADA_STRUCT_FILES_TASK)
 
@@ -85,6 +87,7 @@ struct hada_files_state {
     const char *outputs[HADA_OUTPUTS]; /* paths; NULL: not written */
     const hada_error *error;           /* FAILED: why, the path in front */
     const char *confidence;            /* path of the confidence map; NULL: not written */
+    const char *picture;               /* path of the all-in-focus image for a display; NULL: not written */
     const hada_match *match;           /* FRAME: whether the camera belongs to it; NULL: not compared */
 };
 

@@ -447,7 +447,7 @@ static hada_status copy_weights(hada_setup *setup, const hada_image *weights, ha
     }
     if (!(largest > 0.0f))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "all weights of pixels are 0: nothing of the frame would be used");
-    if (least == largest) /* as without weights, bit for bit */
+    if (least == largest) /* they are left out: as without weights, bit for bit */
         return HADA_OK;
     HADA_TRY(hada_image_create(to, channels, weights->rows, weights->cols, err));
     for (size_t i = 0; i < hada_image_count(to); i++)
@@ -569,12 +569,17 @@ static hada_status begin(hada_setup *setup, hada_context *context, const hada_pl
 {
     const hada_model *model = setup->model;
     HADA_TRY(hada_config_of(model, options, &setup->config, err));
+    if (options->pixel_weights)
+        HADA_TRY(copy_weights(setup, options->pixel_weights, err));
+    if (options->pixel_weights && !setup->pixel_weights.data) {
+        hada_plan_options without = *options;
+        without.pixel_weights = NULL;
+        HADA_TRY(hada_config_of(model, &without, &setup->config, err));
+    }
     HADA_TRY(make_lists(setup, options, err));
     if (setup->config.classic)
         HADA_TRY(
             hada_classic_fit_grid(&setup->config.method, context, model, setup->depths, setup->config.depths, err));
-    if (options->pixel_weights)
-        HADA_TRY(copy_weights(setup, options->pixel_weights, err));
     if (setup->config.dark)
         HADA_TRY(copy_dark(setup, options->dark_frame, err));
     return take_flat(setup, options->flat_frame, err);

@@ -90,3 +90,42 @@ def test_pytorch_has_the_same(operator: Forward) -> None:
     np.testing.assert_allclose(grad.numpy(), adjoint(torch.from_numpy(y[:1])).numpy(), rtol=1e-9, atol=1e-12)
     with pytest.raises(ValueError, match="planes"):
         forward(torch.zeros(1, 2, 3))
+
+
+def test_pytorch_has_the_linear_filters(design: hadalens.Camera, model: hadalens.Model) -> None:
+    """The library's planes of a frame; gradients for frames and filters; filters that were learned on go back."""
+    torch = pytest.importorskip("torch")
+    from hadalens.torch import Linear
+
+    psfs, window = design.psf_stack(), (design.window_rows, design.window_cols)
+    made = hadalens.Model.from_psf(psfs, design.distances_mm, boundary=design.boundary, window=window, psf_dark=0.0)
+    for one in (made, model):
+        linear, info = Linear(one), one.info
+        frame = rng.random((info.channels, info.raw_rows, info.raw_cols)).astype(np.float32)
+        planes = hadalens.Plan(one, refine=0, dark=0.0, skip=()).run(frame).stack
+        found = linear(torch.from_numpy(frame)[None]).detach().numpy()[0]
+        assert np.linalg.norm(found - planes.reshape(found.shape)) < 1e-5 * np.linalg.norm(planes)
+    linear = Linear(made).double()
+    linear.clip = False
+    frames = torch.from_numpy(frame_of(made)).requires_grad_()
+    assert torch.autograd.gradcheck(lambda t: linear(t).sum((-2, -1)), (frames,))
+    linear(frames).square().sum().backward()
+    assert float(linear.filters.grad.abs().max()) > 0
+    with pytest.raises(ValueError, match="needed"):
+        linear(frames[..., 1:])
+    info = made.info
+    again = hadalens.Model.from_filters(
+        torch.view_as_complex(linear.filters.detach().float()).numpy(),
+        info.distances_mm,
+        (info.raw_rows, info.raw_cols),
+        window=window,
+        boundary=design.boundary,
+        grid=linear.grid,
+    )
+    np.testing.assert_allclose(again.filters, made.filters, rtol=1e-6)
+
+
+def frame_of(model: hadalens.Model) -> Array:
+    """Return a frame of noise, in a batch of one."""
+    info = model.info
+    return rng.random((1, info.channels, info.raw_rows, info.raw_cols))

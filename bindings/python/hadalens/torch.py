@@ -12,14 +12,14 @@ from typing import Any
 
 from . import operators
 from ._files import PathLike, extra, replaced
-from .model import Model
+from .model import Model, as_model
 
 with extra("torch"):
     import torch
     import torch.nn.functional as F  # noqa: N812  PyTorch's own habit
     from torch import Tensor, nn
 
-__all__ = ["Adjoint", "Forward", "Net"]
+__all__ = ["Adjoint", "Forward", "Linear", "Net"]
 
 RESIZE: dict[str, dict[str, Any]] = {
     "nearest": {"mode": "nearest"},
@@ -340,3 +340,46 @@ class Adjoint(_Camera):
             raise ValueError(f"frames of {tuple(frames.shape)}: (N, *{operator.frame_shape}) is needed")
         (top, left), (rows, cols) = operator.origin, operator.planes_shape[2:]
         return self._through(frames, 0, 0, adjoint=True)[..., top : top + rows, left : left + cols]
+
+
+class Linear(nn.Module):  # type: ignore[misc]  # which is Any to the type checker
+    """Planes ``(N, Z, C, Y, X)`` that a model's linear filters make of frames ``(N, C, Y, X)``, as ``Plan(refine=0)``.
+
+    Plain PyTorch: any device, with gradients. The filters are a parameter, ``(Z, C, rows, columns // 2 + 1, 2)``, so
+    they can be learned on; :meth:`hadalens.Model.from_filters` takes them back. Frames are above their dark level.
+
+    Args:
+        model: a :class:`hadalens.Model` or its file.
+        clip: values below zero become zero, as the library's do.
+
+    Example:
+        >>> linear = hadalens.torch.Linear("camera.model")
+        >>> loss = (linear(frames) - planes).square().mean()
+        >>> learned = torch.view_as_complex(linear.filters.detach()).numpy()
+
+    """
+
+    def __init__(self, model: Model | PathLike, *, clip: bool = True) -> None:
+        """Take the filters and the sizes."""
+        super().__init__()
+        model = as_model(model)
+        info = model.info
+        self.frame_shape = (info.channels, info.raw_rows, info.raw_cols)
+        self.window = (info.window_rows, info.window_cols)
+        self.grid = (info.grid_rows, info.grid_cols)
+        self.split, self.clip = info.form == "split", clip
+        self.filters = nn.Parameter(torch.view_as_real(torch.from_numpy(model.filters.copy())))
+
+    def forward(self, frames: Tensor) -> Tensor:
+        """Return the planes."""
+        if frames.ndim != 4 or tuple(frames.shape[1:]) != self.frame_shape:
+            raise ValueError(f"frames of {tuple(frames.shape)}: (N, *{self.frame_shape}) is needed")
+        (rows, cols), (high, wide) = self.grid, self.window
+        spectrum = torch.fft.rfft2(frames, s=self.grid)[:, None]
+        if self.split:
+            light = torch.view_as_complex(self.filters * torch.view_as_real(spectrum))
+        else:
+            light = torch.view_as_complex(self.filters) * spectrum
+        top, left = (self.frame_shape[1] - high) // 2, (self.frame_shape[2] - wide) // 2
+        planes = torch.fft.irfft2(light, s=(rows, cols))[..., top : top + high, left : left + wide]
+        return planes.relu() if self.clip else planes

@@ -13,7 +13,7 @@ import sys
 
 # What has a limit: the limit that --hold enforces today, and the aim where it has not been reached.
 LIMITS = {
-    'lines of the library': (70_900, 56_000),
+    'lines of the library': (70_950, 56_000),
     'lines of the kernels': (12_800, 12_000),
     'lines of the command line': (8_190, 8_000),
     'lines of tests (without corpora, frozen headers)': (56_400, 50_000),

@@ -10,8 +10,10 @@ the estimate is a floor for kernels and an estimate for calls.
 import argparse
 import json
 
-# Data sheets (SXM5 and PCIe 5.0 x16; PCIe 4.0), and what launches and waits take with NVIDIA's driver.
+# Measured on an H200 (results/gpu.md). The others: data sheets (SXM5 and PCIe 5.0 x16; PCIe 4.0), and what launches and
+# waits were thought to take with NVIDIA's driver.
 DEVICES = {
+    "h200": {"launch": 4.8, "wait": 5.7, "link": 17.0, "copy": 3900.0, "flops": 57.4},
     "h100": {"launch": 2.5, "wait": 15.0, "link": 50.0, "copy": 3350.0, "flops": 67.0},
     "a100": {"launch": 2.5, "wait": 15.0, "link": 25.0, "copy": 1555.0, "flops": 19.5},
 }

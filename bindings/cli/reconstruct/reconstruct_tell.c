@@ -20,16 +20,17 @@ static json_t *frame_json(const hada_result *result)
         if (report->occupied[z])
             json_array_append_new(occupied, hada_cli_real(result->distances_mm[z]));
     return json_pack(
-        "{s:o, s:s, s:s, s:i, s:o, s:o, s:b, s:o, s:o, s:o, s:i, s:I, s:I, s:o, s:{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}}",
+        "{s:o, s:s, s:s, s:i, s:o, s:o, s:b, s:b, s:o, s:o, s:o, s:i, s:I, s:I, s:o, s:{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}}",
         "occupied_mm", occupied, "scene", scenes[report->scene], "method", methods[report->method], "refine_steps",
         report->refine_steps, "refine_tv", hada_cli_real(report->refine_tv), "refine_tv_factor",
-        hada_cli_real(report->refine_tv_factor), "refine_tv_kept", report->refine_tv_kept, "residual_linear",
-        hada_cli_real(report->residual_linear), "residual", hada_cli_real(report->residual), "dark",
-        hada_cli_real(report->dark), "enhanced", report->enhanced, "repaired_pixels",
-        (json_int_t)report->repaired_pixels, "saturated_pixels", (json_int_t)report->saturated_pixels, "skipped",
-        hada_cli_skip_json(result), "seconds", "total", report->seconds_total, "upload", report->seconds_upload,
-        "linear", report->seconds_linear, "pursuit", report->seconds_pursuit, "refine", report->seconds_refine,
-        "enhance", report->seconds_enhance, "focus", report->seconds_focus, "download", report->seconds_download);
+        hada_cli_real(report->refine_tv_factor), "refine_tv_kept", report->refine_tv_kept, "warm_started",
+        report->warm_started, "residual_linear", hada_cli_real(report->residual_linear), "residual",
+        hada_cli_real(report->residual), "dark", hada_cli_real(report->dark), "enhanced", report->enhanced,
+        "repaired_pixels", (json_int_t)report->repaired_pixels, "saturated_pixels",
+        (json_int_t)report->saturated_pixels, "skipped", hada_cli_skip_json(result), "seconds", "total",
+        report->seconds_total, "upload", report->seconds_upload, "linear", report->seconds_linear, "pursuit",
+        report->seconds_pursuit, "refine", report->seconds_refine, "enhance", report->seconds_enhance, "focus",
+        report->seconds_focus, "download", report->seconds_download);
 }
 
 static void tell_frame(listener *to, const hada_files_state *state)

@@ -3,6 +3,7 @@
 
 #include <hadalens/reconstruct.h>
 
+#include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
@@ -106,6 +107,7 @@ hada_status hada_maker_refine(const hada_plane_maker *maker, const hada_maker_st
     if (steps->resume) {
         rule.resumes = 1;
         rule.rho *= steps->firm;
+        rule.growth = pow(rule.growth, steps->hasten);
     } else if (steps->stop && steps->before) {
         hada_refine_rule_settle(&rule);
     } else if (steps->stop) {

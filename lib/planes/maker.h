@@ -162,12 +162,12 @@ hada_status hada_maker_filter(const hada_plane_maker *maker, int first, int coun
 
 /* How far refinement goes. */
 typedef struct hada_maker_steps {
-    int steps;   /* at most; exactly where stop is 0 */
-    int stop;    /* 0: never early; 1: when the residual settles; n > 1: when n planes settle, too */
-    int before;  /* steps that were done before, which these continue, with `stop` until the planes settle */
-    double tv;   /* weight of total variation, which rho follows (hada_refine_rule_follow()); 0: the maker's */
-    int resume;  /* 1: exactly so many steps, that go on from what the refiner has, as if `before` had been done */
-    double firm; /* with that, rho in units of the usual one */
+    int steps;  /* at most; exactly where stop is 0 */
+    int stop;   /* 0: never early; 1: when the residual settles; n > 1: when n planes settle, too */
+    int before; /* steps that were done before, which these continue, with `stop` until the planes settle */
+    double tv;  /* weight of total variation, which rho follows (hada_refine_rule_follow()); 0: the maker's */
+    int resume; /* 1: exactly so many steps, that go on from what the refiner has, as if `before` had been done */
+    double firm, hasten; /* with that, rho in units of the usual one, and its growth as of so many steps */
 } hada_maker_steps;
 
 /* Refines the planes of `count` depths of the transfer functions together; weights are in `unit`s (of the exposure's

@@ -49,7 +49,7 @@ static int teardown(void **state)
 /* Tiles of random colours, and an object whose left side is at `place`; below 0: none. */
 static hada_image scene_of(uint64_t seed, int place)
 {
-    enum { TILE = 6, TILES = WINDOW / TILE };
+    enum { TILE = 3, TILES = WINDOW / TILE };
     SCOPED(hada_image) tiles = small_scene(CHANNELS, TILES, TILES, seed);
     hada_image scene;
     ASSERT_OK(hada_image_create(&scene, CHANNELS, WINDOW, WINDOW, err));
@@ -75,7 +75,7 @@ static hada_plan_options options_of(int warm, int depths)
     DEFAULTS(hada_plan_options, options);
     options.dark = HADA_DARK_NONE;
     options.refine = STEPS;
-    options.refine_tv = 6e-3;
+    options.refine_tv = 4e-3;
     options.scene = HADA_SCENE_PLANES;
     options.occupied = HADA_OCCUPIED_LIST;
     options.occupied_list = list;

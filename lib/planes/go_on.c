@@ -41,7 +41,8 @@ static hada_status resume(const hada_plane_maker *maker, hada_maker_steps *own, 
 static hada_status go_on(hada_plane_maker *maker, hada_maker_steps *own, double unit, int count, const int *list,
                          hada_maker_past *past, double left, int *done, hada_error *err)
 {
-    int moved = 1;
+    const int doubt = past->moved;
+    past->moved = 1;
     if (past->least < 0.0 || past->left < past->least)
         past->least = past->left;
     *done = 0;
@@ -51,8 +52,8 @@ static hada_status go_on(hada_plane_maker *maker, hada_maker_steps *own, double 
         own->firm = count > 1 ? FIRM_SEVERAL : FIRM;
         own->hasten = 1.0;
         HADA_TRY(resume(maker, own, unit, count, list, done, err));
-        HADA_TRY(hada_refiner_moved(maker->refiner, &moved, err));
-        if (!moved)
+        HADA_TRY(hada_refiner_moved(maker->refiner, doubt, &past->moved, err));
+        if (!past->moved)
             return HADA_OK;
         HADA_TRY(hada_refiner_recall(maker->refiner, err)); /* duals of what lags are of no use to a smaller rho */
     }
@@ -88,6 +89,7 @@ hada_status hada_maker_go_on(hada_plane_maker *maker, const hada_frame_exposure 
         HADA_TRY(hada_maker_refine_exposure(maker, exposure, &own, count, list, choice, done, err));
         past->steps = *done + (choice->steps < HADA_CHOICE_STEPS ? choice->steps : HADA_CHOICE_STEPS);
         past->least = -1.0;
+        past->moved = 0;
     }
     return hada_refiner_keep(maker->refiner, count, list, err);
 }

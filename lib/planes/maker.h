@@ -187,6 +187,7 @@ typedef struct hada_maker_past {
                      remembered */
     double least; /* the least since the scene moved; below 0: it just did */
     int steps;    /* that the last frame took that began anew */
+    int moved;    /* 1: in the last frame something did */
     int kept;     /* 1: it is the current one */
 } hada_maker_past;
 

@@ -237,8 +237,8 @@ int hada_refiner_remembers(const hada_refiner *refiner, int depths, const int *l
 hada_status hada_refiner_recall(hada_refiner *refiner, hada_error *err);
 
 /* Whether the planes changed since they were recalled in places, as they do where something moves and noise does not.
- * Before they are kept. */
-hada_status hada_refiner_moved(hada_refiner *refiner, int *moved, hada_error *err);
+ * Before they are kept. strict: in doubt they do. */
+hada_status hada_refiner_moved(hada_refiner *refiner, int strict, int *moved, hada_error *err);
 
 /* Tells that the slot was waited for since, so that nothing of the host's is read any more. */
 void hada_refiner_waited(hada_refiner *refiner);

@@ -88,17 +88,19 @@ static void spread_of(const float *values, size_t count, double *spread, double 
     *most = mean > 0.0 ? largest / mean : 1.0;
 }
 
-/* Noise changes all places alike, what moves changes edges: of still scenes in three channels the spread was at
- * most 1.06 and the most 2.05, of several depths 1.26 and 2.95. Beyond these, planes would lag
- * (perf/results/sequences.md). More channels make sums of noise more alike. */
-hada_status hada_refiner_moved(hada_refiner *refiner, int *moved, hada_error *err)
+/* Noise changes all places alike, what moves changes edges. In three channels still scenes had spreads of up to 1.15
+ * and most changes of 2.4 times the mean, those of several depths 1.26 and 2.95; planes of scenes that moved by more
+ * than a quarter of a pixel, which would lag, more (perf/results/sequences.md). Sums over more channels are more alike.
+ */
+hada_status hada_refiner_moved(hada_refiner *refiner, int strict, int *moved, hada_error *err)
 {
     const hada_refine_past *past = &refiner->past;
     const hada_refine_run r = {.refiner = refiner, .sets = 1, .depths = past->depths};
     const size_t channels = (size_t)refiner->shape.channels;
     const size_t each = hada_divide_up(refiner->window_area, HADA_REFINE_PLACE), places = (size_t)past->depths * each;
-    const double most_spread = 1.0 + (past->depths > 1 ? 1.26 : 0.36) / (double)channels;
-    const double most_change = 1.0 + (past->depths > 1 ? 5.2 : 2.4) / sqrt((double)channels);
+    const double part = strict ? 2.0 / 3.0 : 1.0;
+    const double most_spread = 1.0 + part * (past->depths > 1 ? 1.26 : 0.54) / (double)channels;
+    const double most_change = 1.0 + (past->depths > 1 ? 5.2 : 2.4) * sqrt(part / (double)channels);
     float *sums = refiner->host_partial;
     double spread, most;
     /* spectra are made anew by the next run */

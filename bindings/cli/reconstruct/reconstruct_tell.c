@@ -20,17 +20,16 @@ static json_t *frame_json(const hada_result *result)
         if (report->occupied[z])
             json_array_append_new(occupied, hada_cli_real(result->distances_mm[z]));
     return json_pack(
-        "{s:o, s:s, s:s, s:i, s:o, s:o, s:b, s:b, s:o, s:o, s:o, s:i, s:I, s:I, s:o, s:{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}}",
+        "{s:o, s:s, s:s, s:i, s:o, s:o, s:b, s:o, s:o, s:o, s:i, s:I, s:I, s:o, s:{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}}",
         "occupied_mm", occupied, "scene", scenes[report->scene], "method", methods[report->method], "refine_steps",
         report->refine_steps, "refine_tv", hada_cli_real(report->refine_tv), "refine_tv_factor",
-        hada_cli_real(report->refine_tv_factor), "refine_tv_kept", report->refine_tv_kept, "warm_started",
-        report->warm_started, "residual_linear", hada_cli_real(report->residual_linear), "residual",
-        hada_cli_real(report->residual), "dark", hada_cli_real(report->dark), "enhanced", report->enhanced,
-        "repaired_pixels", (json_int_t)report->repaired_pixels, "saturated_pixels",
-        (json_int_t)report->saturated_pixels, "skipped", hada_cli_skip_json(result), "seconds", "total",
-        report->seconds_total, "upload", report->seconds_upload, "linear", report->seconds_linear, "pursuit",
-        report->seconds_pursuit, "refine", report->seconds_refine, "enhance", report->seconds_enhance, "focus",
-        report->seconds_focus, "download", report->seconds_download);
+        hada_cli_real(report->refine_tv_factor), "refine_tv_kept", report->refine_tv_kept, "residual_linear",
+        hada_cli_real(report->residual_linear), "residual", hada_cli_real(report->residual), "dark",
+        hada_cli_real(report->dark), "enhanced", report->enhanced, "repaired_pixels",
+        (json_int_t)report->repaired_pixels, "saturated_pixels", (json_int_t)report->saturated_pixels, "skipped",
+        hada_cli_skip_json(result), "seconds", "total", report->seconds_total, "upload", report->seconds_upload,
+        "linear", report->seconds_linear, "pursuit", report->seconds_pursuit, "refine", report->seconds_refine,
+        "enhance", report->seconds_enhance, "focus", report->seconds_focus, "download", report->seconds_download);
 }
 
 static void tell_frame(listener *to, const hada_files_state *state)
@@ -40,6 +39,8 @@ static void tell_frame(listener *to, const hada_files_state *state)
     const hada_match *match = state->match;
     json_t *frame = frame_json(state->result);
     json_array_append_new(to->frames, frame);
+    if (state->result->report->warm_started)
+        json_object_set_new(frame, "warm_started", json_true());
     if (!match)
         return;
     to->strange += match->verdict > HADA_MATCH_BELONGS;

@@ -86,6 +86,8 @@ hada_status hada_maker_go_on(hada_plane_maker *maker, const hada_frame_exposure 
     } else {
         HADA_TRY(hada_maker_refine_exposure(maker, exposure, &own, count, list, choice, done, err));
         past->steps = *done + (choice->steps < HADA_CHOICE_STEPS ? choice->steps : HADA_CHOICE_STEPS);
+        if (steps->stop == 1 && !choice->steps) /* the residual may have stood still early */
+            past->steps = steps->steps;
         past->least = -1.0;
         past->moved = 0;
     }

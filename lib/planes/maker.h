@@ -186,7 +186,7 @@ typedef struct hada_maker_past {
     double left;  /* share of its energy that its planes leave, which the owner sets once it is known; below 0: none is
                      remembered */
     double least; /* the least since the scene moved; below 0: it just did */
-    int steps;    /* that the last frame took that began anew */
+    int steps;    /* that the last frame took that began anew, or that it had to take at most */
     int moved;    /* 1: in the last frame something did */
     int kept;     /* 1: it is the current one */
 } hada_maker_past;

@@ -86,7 +86,8 @@ hada_status hada_maker_go_on(hada_plane_maker *maker, const hada_frame_exposure 
     } else {
         HADA_TRY(hada_maker_refine_exposure(maker, exposure, &own, count, list, choice, done, err));
         past->steps = *done + (choice->steps < HADA_CHOICE_STEPS ? choice->steps : HADA_CHOICE_STEPS);
-        if (steps->stop == 1 && !choice->steps) /* the residual may have stood still early */
+        /* where a sensor crops, the residual may stand still before planes do */
+        if (maker->boundary == HADA_BOUNDARY_PADDED && steps->stop == 1 && !choice->steps)
             past->steps = steps->steps;
         past->least = -1.0;
         past->moved = 0;

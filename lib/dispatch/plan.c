@@ -63,6 +63,8 @@ hada_status hada_plan_create_on(hada_plan **out, hada_context *const *contexts, 
     HADA_TRY_OR_DONE(HADA_NEW(plan, 1, "a plan", err));
     hada_frame_cache_make(&plan->cache);
     HADA_TRY_OR_DONE(hada_setup_make(&plan->setup, contexts[0], model, &options, err));
+    if (plan->setup.config.warm) /* frames wait for each other */
+        count = 1;
     HADA_TRY_OR_DONE(add_devices(plan, contexts, count, err));
 done:
     if (status)

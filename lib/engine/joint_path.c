@@ -41,7 +41,7 @@ static void take_listed(hada_pipeline *pipeline, knowledge *k)
 }
 
 /* settle: several depths are refined until they no longer change. */
-static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count, int settle, hada_error *err)
+static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count, int settle, int last, hada_error *err)
 {
     const hada_setup *setup = pipeline->setup;
     const double given = setup->config.weights.tv;
@@ -56,8 +56,12 @@ static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count,
     if (setup->config.choose) /* may be known from planes that were refined before, or from an earlier frame */
         choice = (hada_maker_choice){report->refine_tv > 0.0 ? report->refine_tv : frame->kept_tv,
                                      report->refine_tv_factor, 0};
-    HADA_TRY(hada_maker_refine_exposure(&pipeline->maker, &frame->exposure, &steps, count, pipeline->occupied, &choice,
-                                        &report->refine_steps, err));
+    if (last && setup->config.warm)
+        HADA_TRY(hada_maker_go_on(&pipeline->maker, &frame->exposure, &steps, count, pipeline->occupied,
+                                  &pipeline->past, &choice, &report->refine_steps, &report->warm_started, err));
+    else
+        HADA_TRY(hada_maker_refine_exposure(&pipeline->maker, &frame->exposure, &steps, count, pipeline->occupied,
+                                            &choice, &report->refine_steps, err));
     report->refine_tv = setup->config.choose ? choice.tv : given;
     report->refine_tv_factor = choice.factor;
     report->refine_tv_kept = frame->kept_tv > 0.0;
@@ -80,6 +84,8 @@ void hada_pipeline_residual(hada_pipeline *pipeline, const hada_frame *frame)
     if (frame->exposure.mosaic != HADA_MOSAIC_NONE) /* it is of the colours that pixels hold, one of three */
         left *= HADA_MOSAIC_COLOURS;
     report->residual = sqrt(left / frame->exposure.energy);
+    if (pipeline->past.kept)
+        pipeline->past.left = left / frame->exposure.energy;
     /* the first step is the joint linear filter; the second one measures what it left */
     if (circular && report->refine_steps > 1)
         report->residual_linear = sqrt(hada_refiner_energy(pipeline->refiner, 0, 1) / frame->exposure.energy);
@@ -134,11 +140,11 @@ static hada_status solve_classic(hada_pipeline *pipeline, hada_frame *frame, int
     return HADA_OK;
 }
 
-static hada_status solve(hada_pipeline *pipeline, hada_frame *frame, int count, int settle, hada_error *err)
+static hada_status solve(hada_pipeline *pipeline, hada_frame *frame, int count, int settle, int last, hada_error *err)
 {
     hada_slot_stage(pipeline->slot, "refine");
     HADA_TRY(pipeline->classic ? solve_classic(pipeline, frame, count, err)
-                               : refine(pipeline, frame, count, settle, err));
+                               : refine(pipeline, frame, count, settle, last, err));
     hada_frame_progress(frame, frame->work - 1);
     return hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_refine, err);
 }
@@ -227,7 +233,7 @@ static hada_status try_planes(hada_pipeline *pipeline, hada_frame *frame, knowle
     const hada_report *report = &frame->result->memory->report;
     if (k->planes >= 0)
         return HADA_OK;
-    HADA_TRY(solve(pipeline, frame, k->count, 0, err));
+    HADA_TRY(solve(pipeline, frame, k->count, 0, 0, err));
     HADA_TRY(hada_slot_finish(pipeline->slot, err));
     hada_pipeline_residual(pipeline, frame);
     k->planes = report->residual * report->residual * frame->exposure.energy;
@@ -320,7 +326,7 @@ static hada_status fill_saturated(hada_pipeline *pipeline, hada_frame *frame, ha
         if (!k.count || is_same(&k.found, &before))
             break;
         before = k.found;
-        HADA_TRY(solve(pipeline, frame, k.count, pipeline->setup->config.parting, err));
+        HADA_TRY(solve(pipeline, frame, k.count, pipeline->setup->config.parting, 0, err));
         HADA_TRY(hada_pipeline_fill(pipeline, frame, k.count, err));
     }
     pipeline->residual_due = 0;
@@ -353,8 +359,8 @@ static hada_status find_scene(hada_pipeline *pipeline, hada_frame *frame, knowle
     if (*surface)
         return find_volume(pipeline, frame, k->surface, k, err);
     const int parting = config->parting && k->count > 1;
-    if (parting || !k->solved)
-        HADA_TRY(solve(pipeline, frame, k->count, parting, err));
+    if (parting || config->warm || !k->solved)
+        HADA_TRY(solve(pipeline, frame, k->count, parting, 1, err));
     if (config->volume < 2)
         return HADA_OK;
     HADA_TRY(hada_slot_finish(pipeline->slot, err));
@@ -368,6 +374,7 @@ static hada_status joint(hada_pipeline *pipeline, hada_frame *frame, hada_error 
     knowledge k = {.planes = -1.0, .surface = -1.0};
     int surface = 0, weighs = 0;
     pipeline->volume_now = (hada_classic_result){0};
+    pipeline->past.kept = 0;
     if (hada_pipeline_has_gaps(pipeline, frame))
         HADA_TRY(hada_pipeline_weigh(pipeline, &weighs, err));
     if (weighs && config->pursuit && frame->exposure.saturated)

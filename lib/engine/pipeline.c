@@ -25,7 +25,7 @@ hada_status hada_pipeline_create(hada_pipeline **out, const hada_setup *setup, c
     hada_pipeline *pipeline = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(HADA_NEW(pipeline, 1, "a plan", err));
-    *pipeline = (hada_pipeline){.setup = setup, .constants = constants, .batch = batch};
+    *pipeline = (hada_pipeline){.setup = setup, .constants = constants, .batch = batch, .past = {.left = -1.0}};
     HADA_TRY_OR_DONE(HADA_NEW(pipeline->occupied, (size_t)setup->config.depths, "a plan", err));
     HADA_TRY_OR_DONE(HADA_NEW(pipeline->all, (size_t)setup->config.depths, "a plan", err));
     for (int z = 0; z < setup->config.depths; z++)
@@ -73,6 +73,7 @@ static void reset(hada_pipeline *pipeline)
     hada_slot_finish(pipeline->slot, NULL);
     pipeline->loaded = 0;
     pipeline->residual_due = 0;
+    pipeline->past.left = -1.0;
 }
 
 static hada_status all_stages(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
@@ -98,6 +99,8 @@ static hada_status run(hada_pipeline *pipeline, hada_frame *frame, hada_error *e
     status = all_stages(pipeline, frame, err);
     if (status)
         reset(pipeline);
+    if (!pipeline->past.kept)
+        pipeline->past.left = -1.0;
     hada_pipeline_weigh_end(pipeline);
     hada_slot_cancel_by(pipeline->slot, NULL);
     if (frame->result->memory)

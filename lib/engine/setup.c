@@ -277,6 +277,7 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     config->joint = config->steps > 0;
     config->choose = config->classic ? config->method.choose : way.choose && config->joint;
     config->keep = config->choose && options->refine_tv != HADA_REFINE_TV_FRAME;
+    config->warm = options->warm_start && config->joint && !config->classic;
     const int linear = !config->joint || (config->classic && config->method.options.method == HADA_METHOD_WIENER);
     if (options->pixel_weights && linear)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
@@ -301,7 +302,7 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     config->batch = options->batch > 0 ? options->batch : BATCH;
     if (config->batch > config->depths)
         config->batch = config->depths;
-    config->queues = options->queues > 0 ? options->queues : 1;
+    config->queues = options->queues > 0 && !config->warm ? options->queues : 1; /* frames wait for each other */
     config->batch_whole = options->batch <= 0 && config->queues == 1;
     hada_focus_options_init(&config->focus, config->joint);
     HADA_TRY(choose_scene(options, config, err));
@@ -333,6 +334,7 @@ hada_refine_shape hada_config_refine(const hada_config *config, const hada_model
     refine.tv = config->choose || config->weights.tv > 0;
     refine.boundary = config->boundary;
     refine.shrink = config->weights.shrink > 0;
+    refine.past = config->warm;
     if (config->outside) {
         refine.shown = refine.window;
         refine.window = (hada_refine_rect){0, 0, refine.grid_rows, refine.grid_cols};

@@ -22,6 +22,7 @@ typedef struct hada_config {
     hada_refine_weights weights; /* of refinement */
     int choose;                  /* 1: the weight of total variation is found from frames */
     int keep;                    /* 1: and kept for those after it, until their noise is another */
+    int warm;                    /* 1: frames go on from the one before */
     hada_boundary boundary;      /* of joint planes: weights of pixels need the data step of a sensor that crops */
     int outside;                 /* 1: refinement explains light from outside the window as well */
     int weighs;                  /* 1: pixels of a frame may have weights */

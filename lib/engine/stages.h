@@ -41,6 +41,7 @@ struct hada_pipeline {
     hada_buffer planes;    /* linear: a batch, [depth][channel][window]; joint, blended: one */
     hada_buffer pictures;  /* all-in-focus image, then distance map */
     int *occupied, *all;   /* lists of computed depths, ascending; of all of them */
+    hada_maker_past past;  /* of a sequence */
     int residual_due;      /* 1: the residual of the current frame is being read */
     uint64_t loaded;       /* serial of the frame with its spectrum in the stage; 0: none */
 };

@@ -64,6 +64,7 @@ static hada_status make_weighing(hada_weighing *weighing, const hada_pipeline *p
     if (setup->config.boundary == HADA_BOUNDARY_PADDED)
         goto done;
     shape.boundary = HADA_BOUNDARY_PADDED;
+    shape.past = 0;
     HADA_TRY_OR_DONE(hada_refiner_create(&weighing->refiner, slot, &shape, err));
     HADA_TRY_OR_DONE(hada_maker_make_weights(&maker, 0, err));
 done:

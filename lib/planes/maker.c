@@ -3,6 +3,7 @@
 
 #include <hadalens/reconstruct.h>
 
+#include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
@@ -108,14 +109,17 @@ hada_status hada_maker_refine(const hada_plane_maker *maker, const hada_maker_st
     hada_refine_rule_weigh(&rule, &info, &weights, count, hada_model_gain(maker->model), unit);
     if (steps->tv > 0.0)
         hada_refine_rule_follow(&rule, steps->tv, hada_model_gain(maker->model),
-                                steps->before ? RHO_CONTINUING : RHO_PER_WEIGHT, MOST_RHO);
-    if (steps->stop && steps->before)
+                                steps->before && !steps->resume ? RHO_CONTINUING : RHO_PER_WEIGHT, MOST_RHO);
+    if (steps->resume) {
+        rule.resumes = 1;
+        rule.rho *= steps->firm;
+        rule.growth = pow(rule.growth, steps->hasten);
+    } else if (steps->stop && steps->before) {
         hada_refine_rule_settle(&rule);
-    else if (steps->stop)
+    } else if (steps->stop) {
         hada_refine_rule_stop(&rule, info.boundary, steps->stop);
-    else
-        rule.stop = 0.0;
-    rule.start = steps->before ? HADA_REFINE_CONTINUE : HADA_REFINE_COLD;
+    }
+    rule.start = steps->before || steps->resume ? HADA_REFINE_CONTINUE : HADA_REFINE_COLD;
     rule.before = steps->before;
     rule.quiet = !(rule.stop > 0.0);
     return hada_refiner_run(maker->refiner, &maker->data, &rule, 1, count, list, done, err);

@@ -167,6 +167,8 @@ typedef struct hada_maker_steps {
     int stop;   /* 0: never early; 1: when the residual settles; n > 1: when n planes settle, too */
     int before; /* steps that were done before, which these continue, with `stop` until the planes settle */
     double tv;  /* weight of total variation, which rho follows (hada_refine_rule_follow()); 0: the maker's */
+    int resume; /* 1: exactly so many steps, that go on from what the refiner has, as if `before` had been done */
+    double firm, hasten; /* with that, rho in units of the usual one, and its growth as of so many steps */
 } hada_maker_steps;
 
 /* Refines the planes of `count` depths of the transfer functions together; weights are in `unit`s (of the exposure's
@@ -179,6 +181,22 @@ hada_status hada_maker_refine(const hada_plane_maker *maker, const hada_maker_st
 hada_status hada_maker_refine_exposure(hada_plane_maker *maker, const hada_frame_exposure *exposure,
                                        const hada_maker_steps *steps, int count, const int *list,
                                        hada_maker_choice *choice, int *done, hada_error *err);
+
+/* Of a sequence: what is known of the frame that the refiner remembers (planes/go_on.c). */
+typedef struct hada_maker_past {
+    double left;  /* share of its energy that its planes leave, which the owner sets once it is known; below 0: none is
+                     remembered */
+    double least; /* the least since the scene moved; below 0: it just did */
+    int steps;    /* that the last frame took that began anew, or that it had to take at most */
+    int moved;    /* 1: in the last frame something did */
+    int kept;     /* 1: it is the current one */
+} hada_maker_past;
+
+/* hada_maker_refine_exposure() that goes on from the frame before where that pays (*warm: whether it did), and keeps
+ * what it leaves for the next one. */
+hada_status hada_maker_go_on(hada_plane_maker *maker, const hada_frame_exposure *exposure,
+                             const hada_maker_steps *steps, int count, const int *list, hada_maker_past *past,
+                             hada_maker_choice *choice, int *done, int *warm, hada_error *err);
 
 /* Several refined planes fade where others are far brighter: by this share of crosstalk; 0: none does. */
 hada_status hada_maker_fade(const hada_plane_maker *maker, int count, double share, hada_error *err);

@@ -193,6 +193,7 @@ static hada_fft_desc describe(const hada_refine_shape *shape, const hada_refine_
 /* Bytes of every buffer. */
 typedef struct sizes {
     size_t spectra, planes, shown, kept, split, dual, partial, partials, tv;
+    size_t places;
     int slices;
 } sizes;
 
@@ -231,13 +232,18 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     b.partials = sets * (size_t)b.slices;
     b.partial = ((size_t)shape->max_steps + 2) * b.partials * sizeof(float);
     b.partial += looks * 2 * settling_images * hada_refine_slices(hada_rect_area(&shape->window)) * sizeof(float);
+    b.places = shape->past ? images * hada_divide_up(hada_rect_area(&shape->window), HADA_REFINE_PLACE) : 0;
+    if (b.partial < b.places * sizeof(float))
+        b.partial = b.places * sizeof(float);
     return b;
 }
 
-enum { ROWS = 11, PLANS = 4 };
+enum { ROWS = 15, PLANS = 4 };
 
 static void list_buffers(const sizes *b, hada_buffer_row *rows)
 {
+    static const char past[] = "what a frame leaves for the next one";
+    const size_t kept = b->places ? 1 : 0;
     const hada_buffer_row list[ROWS] = {
         {offsetof(hada_refiner, planes), b->planes, "the refined planes", b->shown ? HADA_OWN_STEPS : HADA_RESULT},
         {offsetof(hada_refiner, shown), b->shown, "the refined planes", HADA_RESULT},
@@ -249,7 +255,11 @@ static void list_buffers(const sizes *b, hada_buffer_row *rows)
         {offsetof(hada_refiner, residual), b->split, "the refinement's residuals", HADA_OWN_STEPS},
         {offsetof(hada_refiner, residual_frame), b->dual, "the refinement's residuals", HADA_OWN_STEPS},
         {offsetof(hada_refiner, tv[0]), b->tv, "the refinement's total variation", HADA_OWN_STEPS},
-        {offsetof(hada_refiner, tv[1]), b->tv, "the refinement's total variation", HADA_OWN_STEPS}};
+        {offsetof(hada_refiner, tv[1]), b->tv, "the refinement's total variation", HADA_OWN_STEPS},
+        {offsetof(hada_refiner, past.planes), kept * b->planes, past, HADA_LASTING},
+        {offsetof(hada_refiner, past.now_w), kept * (b->spectra + b->split), past, HADA_LASTING},
+        {offsetof(hada_refiner, past.dual), kept * b->dual, past, HADA_LASTING},
+        {offsetof(hada_refiner, past.tv), kept * b->tv, past, HADA_LASTING}};
     memcpy(rows, list, sizeof list);
 }
 
@@ -307,6 +317,9 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_
         hada_allocated(refiner->host_partial = hada_alloc(b.partial / sizeof(float), sizeof(float), what, err)));
     HADA_TRY_OR_DONE(hada_allocated(refiner->host_list =
                                         hada_alloc((size_t)shape->max_planes, sizeof *refiner->host_list, what, err)));
+    if (shape->past)
+        HADA_TRY_OR_DONE(hada_allocated(
+            refiner->past.list = hada_alloc((size_t)shape->max_planes, sizeof *refiner->past.list, what, err)));
     HADA_TRY_OR_DONE(make_plans(refiner, err));
     HADA_TRY_OR_DONE(make_buffers(refiner, &b, err));
     HADA_TRY_OR_DONE(hada_refine_prepare(refiner, err));
@@ -346,6 +359,7 @@ void hada_refiner_destroy(hada_refiner **pointer)
     free(refiner->energy);
     free(refiner->host_partial);
     free(refiner->host_list);
+    free(refiner->past.list);
     free(refiner);
 }
 

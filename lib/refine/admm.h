@@ -58,6 +58,7 @@ typedef struct hada_refine_shape {
     int shrink;    /* 1: and for shrinkage with it */
     int settle;    /* 1: and planes may be asked whether they have settled */
     int crosstalk; /* 1: and planes may fade where they are dark beside others */
+    int past;      /* 1: what a run of one set leaves may be kept for the next frame */
 } hada_refine_shape;
 
 /* The shape for a model: one set of up to max_depths depths. */
@@ -87,6 +88,7 @@ typedef struct hada_refine_rule {
     double rho;        /* > 0, in units of |OTF|^2 */
     double first_rho;  /* of the first step; it grows by the factor `growth` a step up to rho; 0: rho throughout */
     int before;        /* where a run continues others: the steps that they did, for rho */
+    int resumes;       /* 1: they had another rho, and may be those of another frame */
     double growth;     /* >= 1 */
     double relaxation; /* 0 < relaxation < 2; 1.6 is usual, 1 none */
     double first_relaxation; /* of the first first_steps steps, as relaxation */
@@ -225,6 +227,18 @@ hada_status hada_refiner_residual_spectra(hada_refiner *refiner, const hada_refi
  * for it. */
 hada_status hada_refiner_residual_values(hada_refiner *refiner, const hada_refine_data *data, int depths,
                                          const int *list, float *values, hada_error *err);
+
+/* One frame goes on from another (refine/past.c): the state of a run of one set is kept, whatever the refiner does
+ * meanwhile. Nothing without shape.past. */
+hada_status hada_refiner_keep(hada_refiner *refiner, int depths, const int *list, hada_error *err);
+
+/* Whether there is a state of these depths; bringing it back, for a run that resumes it. */
+int hada_refiner_remembers(const hada_refiner *refiner, int depths, const int *list);
+hada_status hada_refiner_recall(hada_refiner *refiner, hada_error *err);
+
+/* Whether the planes changed since they were recalled in places, as they do where something moves and noise does not.
+ * Before they are kept. strict: in doubt they do. */
+hada_status hada_refiner_moved(hada_refiner *refiner, int strict, int *moved, hada_error *err);
 
 /* Tells that the slot was waited for since, so that nothing of the host's is read any more. */
 void hada_refiner_waited(hada_refiner *refiner);

@@ -245,6 +245,7 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
             converged(refiner, sets, read - 1, rule->stop) && converged(refiner, sets, read - 2, rule->stop))
             end = count + last < end ? count + last : end;
     }
+    refiner->last_rho = hada_refine_rho_at(rule, count - 1);
     refiner->arriving.linear_slices = !r.padded && count > 1 ? step_slices(&r) : 0;
 done:
     if (steps)

@@ -89,16 +89,17 @@ static hada_range slices_range(const hada_refine_run *r, size_t count, int rows,
 hada_refine_step hada_refine_step_of(const hada_refine_run *r, const hada_refine_rule *rule, int start, int step,
                                      int place)
 {
-    return (hada_refine_step){.problem = hada_refine_problem_of(r, place),
-                              .split = r->refiner->split,
-                              .rho = (float)hada_refine_rho_at(rule, step),
-                              .keep = step + rule->before
-                                          ? (float)(hada_refine_rho_at(rule, step - 1) / hada_refine_rho_at(rule, step))
-                                          : 1.0f,
-                              .relaxation = start == HADA_REFINE_CONTINUE ? (float)relaxation_at(rule, step) : 1.0f,
-                              .start = start,
-                              .padded = r->padded,
-                              .has_prior = r->data->prior && !(rule->tv > 0.0)};
+    return (hada_refine_step){
+        .problem = hada_refine_problem_of(r, place),
+        .split = r->refiner->split,
+        .rho = (float)hada_refine_rho_at(rule, step),
+        .keep = !step && rule->resumes ? (float)(r->refiner->last_rho / hada_refine_rho_at(rule, step))
+                : step + rule->before  ? (float)(hada_refine_rho_at(rule, step - 1) / hada_refine_rho_at(rule, step))
+                                       : 1.0f,
+        .relaxation = start == HADA_REFINE_CONTINUE ? (float)relaxation_at(rule, step) : 1.0f,
+        .start = start,
+        .padded = r->padded,
+        .has_prior = r->data->prior && !(rule->tv > 0.0)};
 }
 
 /* Linear step `step` of a run. The sums go to the place `place`. */
@@ -147,7 +148,8 @@ static hada_status frame_step(const hada_refine_run *r, cl_mem a, cl_mem frame, 
                               const hada_refine_frame_step *now, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
-    const hada_range range = slices_range(r, now->pixels, (int)planes, 1);
+    const hada_range range =
+        hada_range_groups(hada_divide_up(now->pixels, now->sums.slice), r->refiner->group, planes, 1);
     const double all = (double)planes * now->pixels, read = (double)now->channels * now->pixels;
     hada_slot_cost(refiner->slot, 8.0 * all + (now->use_frame ? 4.0 : 0.0) * read + (weights ? 4.0 : 0.0) * read,
                    (now->use_frame ? 4.0 : 3.0) * all);
@@ -255,6 +257,18 @@ static size_t changes_at(const hada_refine_run *r, size_t *count)
 {
     *count = (size_t)(r->depths * r->refiner->shape.channels) * hada_refine_slices(r->refiner->window_area);
     return r->refiner->partials * ((size_t)r->refiner->shape.max_steps + 2);
+}
+
+hada_status hada_refine_since(const hada_refine_run *r, cl_mem before, hada_error *err)
+{
+    hada_refiner *refiner = r->refiner;
+    const int images = r->depths * refiner->shape.channels;
+    const hada_refine_frame_step now = {.channels = (cl_uint)images,
+                                        .pixels = (cl_uint)refiner->window_area,
+                                        .use_frame = 1,
+                                        .scale = 1.0f,
+                                        .sums = {HADA_REFINE_PLACE, 0}};
+    return frame_step(r, before, refiner->planes.mem, NULL, (size_t)images, &now, err);
 }
 
 hada_status hada_refine_change(const hada_refine_run *r, size_t look, hada_error *err)

@@ -10,6 +10,7 @@
 enum {
     HADA_REFINE_BATCH = 48,  /* images that one transform call takes */
     HADA_REFINE_PAD = 512,   /* floats: work-group of the proximal step times its vector */
+    HADA_REFINE_PLACE = 64,  /* pixels of a place where something may have moved */
     HADA_REFINE_SLICE = 2048 /* frequencies or pixels of one work-group: fixes the order of sums on every device */
 };
 
@@ -20,6 +21,13 @@ typedef struct hada_refine_arriving {
     size_t slices, linear_slices; /* of an image; 0: there is none */
     double factor;
 } hada_refine_arriving;
+
+/* What is kept of a run for the next frame: the depths of the planes (0: nothing), rho, and copies. */
+typedef struct hada_refine_past {
+    int depths, *list;
+    double rho; /* of its last step */
+    hada_buffer planes, now_w, dual, tv;
+} hada_refine_past;
 
 struct hada_refiner {
     hada_slot *slot;
@@ -50,7 +58,9 @@ struct hada_refiner {
     size_t split; /* where E and A begin, in complex numbers */
     size_t transforms;
     hada_refine_arriving arriving;
-    int half_there; /* 1: half spectra of rows of the planes stand in now_u */
+    hada_refine_past past;
+    double last_rho; /* of the last step that was done */
+    int half_there;  /* 1: half spectra of rows of the planes stand in now_u */
 };
 
 /* One run's constants. */
@@ -116,6 +126,9 @@ static inline size_t hada_refine_looks(const hada_context *context)
 hada_status hada_refine_keep(const hada_refine_run *run, hada_error *err);
 hada_status hada_refine_change(const hada_refine_run *run, size_t look, hada_error *err);
 hada_status hada_refine_changes(const hada_refine_run *run, size_t looks, double *change, hada_error *err);
+
+/* before = before - planes, with its energies in each place of HADA_REFINE_PLACE pixels, [depth][channel][place]. */
+hada_status hada_refine_since(const hada_refine_run *run, cl_mem before, hada_error *err);
 
 /* The planes as they are now are set aside, and come back; where more than one look is read at once. */
 hada_status hada_refine_set_aside(const hada_refine_run *run, hada_error *err);

@@ -13,10 +13,10 @@ import sys
 
 # What has a limit: the limit that --hold enforces today, and the aim where it has not been reached.
 LIMITS = {
-    'lines of the library': (70_950, 56_000),
+    'lines of the library': (71_250, 56_000),  # sequences: a frame goes on from the one before
     'lines of the kernels': (12_800, 12_000),
-    'lines of the command line': (8_190, 8_000),
-    'lines of tests (without corpora, frozen headers)': (56_400, 50_000),
+    'lines of the command line': (8_200, 8_000),
+    'lines of tests (without corpora, frozen headers)': (56_800, 50_000),  # sequences, devices
     'public functions': (335, 240),
     'words of the documentation (docs)': (45_000, 45_000),
     'files of SMALL lines or fewer, library and bindings': (203, 90),

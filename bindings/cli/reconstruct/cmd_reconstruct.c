@@ -111,6 +111,10 @@ static const hada_cli_option options[] = {
      "The dark and flat frame and the weights may be as large.", AT(plan.downsample)},
     {HADA_OPTION_FLAG, "repair", 0, NULL, "fill NaN and infinite pixels from their neighbours",
      "Without it such a frame is refused.", AT(plan.repair_not_finite)},
+    {HADA_OPTION_FLAG, "warm", 0, NULL, "the frames are a sequence: refinement goes on from the frame before",
+     "In the order of the files and of their pages. Takes fewer steps the less changes; begins anew where the scene is "
+     "another one. One queue of the first device does it.",
+     AT(plan.warm_start)},
     {HADA_OPTION_FLAG, "no-enhance", 0, NULL, "leave out the net that the model holds", NULL, AT(no_enhance)},
     {HADA_OPTION_FLAG, "half", 0, NULL, "keep the filters in half precision on the device", NULL, AT(plan.half)},
     {HADA_OPTION_REAL, "max-error", 0, "E", "relative change of the stack that may be traded for time (default: 0)",
@@ -242,7 +246,7 @@ static hada_status read_options(job *work, hada_error *err)
     HADA_TRY(hada_cli_read_method(&set->method, &work->classic, err));
     work->classic.support = plan->support;
     /* several files are no sequence: each frame finds the weight that it wants */
-    if (work->files > 1 && !set->bracket && plan->refine_tv == HADA_AUTO &&
+    if (work->files > 1 && !set->bracket && !plan->warm_start && plan->refine_tv == HADA_AUTO &&
         (work->classic.method || hada_model_get_info(work->model)->refine_tv == HADA_AUTO))
         plan->refine_tv = HADA_REFINE_TV_FRAME;
     plan->classic = &work->classic;

@@ -39,6 +39,8 @@ static void tell_frame(listener *to, const hada_files_state *state)
     const hada_match *match = state->match;
     json_t *frame = frame_json(state->result);
     json_array_append_new(to->frames, frame);
+    if (state->result->report->warm_started)
+        json_object_set_new(frame, "warm_started", json_true());
     if (!match)
         return;
     to->strange += match->verdict > HADA_MATCH_BELONGS;

@@ -80,6 +80,7 @@ class PlanOptions(TypedDict, total=False):
     batch: int | None
     queues: int | None
     downsample: int | None
+    warm_start: bool
 
 
 def plan_options(

@@ -121,6 +121,8 @@ class Plan(Handle):
         half: filters on the device in half precision.
         batch: depths at once; None: chosen from the memory.
         queues: frames in flight on each device; None: 1.
+        warm_start: frames are a sequence, in the order in which they are given: each one's refinement goes on from the
+            one before, unless too much changed. One queue of the first device does it.
 
     Raises:
         ModelError, ArgumentError: options that do not fit the model, or are not possible.
@@ -164,6 +166,7 @@ class Plan(Handle):
         batch: int | None = None,
         queues: int | None = None,
         downsample: int | None = None,
+        warm_start: bool = False,
     ) -> None:
         """Make the plan: memory on the device is taken, kernels are compiled or loaded."""
         options = plan_options(
@@ -191,6 +194,7 @@ class Plan(Handle):
             batch=batch,
             queues=queues,
             downsample=downsample,
+            warm_start=warm_start,
         )
         model, used = as_model(model), contexts(context)
         owner = Owner("hada_plan", lib.hada_plan_destroy, [one._own for one in used], model._own)

@@ -51,6 +51,7 @@ class Report:
         refine_tv_factor: where it was found from the frame, so many times more or less predicts held-out pixels 1 %
             worse; 0: not known.
         refine_tv_kept: whether it was found from an earlier frame of the plan, of the same noise and light.
+        warm_started: whether refinement went on from the frame before.
         residual_linear, residual: what the linear result, and the refined one, leave unexplained of the frame, as a
             share of it; NaN where not computed.
         dark: level taken off.
@@ -68,6 +69,7 @@ class Report:
     refine_tv: float
     refine_tv_factor: float
     refine_tv_kept: bool
+    warm_started: bool
     residual_linear: float
     residual: float
     dark: float

@@ -124,6 +124,9 @@ typedef struct hada_plan_options {
     int downsample; /* frames of so many times the model's rows and columns are binned (hada_image_downsample()); then
                        `mosaic` is that of the sensor, and dark_frame, flat_frame and pixel_weights may have the
                        sensor's size as well. HADA_AUTO (default): as the model says; 1: none are */
+    int warm_start; /* 1: frames are a sequence, in the order in which they are submitted: each one's refinement goes on
+                       from the one before, unless too much changed, which takes fewer steps. One queue of the first
+                       device does it. 0 (default): no frame's planes depend on others */
 } hada_plan_options;
 HADA_INIT(hada_plan_options, HADA_STRUCT_PLAN_OPTIONS)
 
@@ -185,6 +188,7 @@ typedef struct hada_report {
     double refine_tv_factor; /* where it was found from the frame: so many times more or less predicts held-out pixels
                                 1 % worse; 0: not known */
     int refine_tv_kept; /* 1: it was found from an earlier frame of the plan, and noise and light are still the same */
+    int warm_started;   /* 1: refinement went on from the frame before */
 } hada_report;
 
 /* What comes of a frame. Begin with an empty one, hada_result result = {0}; its members are the result's until it is

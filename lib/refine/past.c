@@ -1,0 +1,121 @@
+/* A frame goes on from the one before it: the planes, their duals and those of the split at the frame are kept beside
+ * the refiner's own memory, which other frames' depths, the pursuit and what follows refinement use in between. */
+#include <math.h>
+#include <string.h>
+
+#include "refine/admm_steps.h"
+
+/* Copies what a run of so many depths has, there or back. */
+static hada_status copy(hada_refiner *refiner, int back, hada_error *err)
+{
+    hada_refine_past *past = &refiner->past;
+    const hada_refine_shape *shape = &refiner->shape;
+    const size_t images = (size_t)past->depths * (size_t)shape->channels, channels = (size_t)shape->channels;
+    const size_t complex_bytes = refiner->layout.count * 2 * sizeof(float);
+    const int padded = shape->boundary == HADA_BOUNDARY_PADDED;
+    const size_t tv = shape->tv ? hada_variation_floats(refiner->slot->context, shape->channels, shape->window.rows,
+                                                        shape->window.cols, past->depths) *
+                                      sizeof(float)
+                                : 0;
+    const struct {
+        cl_mem now, then;
+        size_t offset, bytes;
+    } parts[] = {{refiner->planes.mem, past->planes.mem, 0, images * refiner->window_area * sizeof(float)},
+                 {refiner->now_w.mem, past->now_w.mem, 0, images * complex_bytes},
+                 {refiner->now_w.mem, past->now_w.mem, refiner->split * 2 * sizeof(float),
+                  padded ? channels * complex_bytes : 0},
+                 {refiner->dual.mem, past->dual.mem, 0, padded ? channels * refiner->frame_area * sizeof(float) : 0},
+                 {refiner->tv[0].mem, past->tv.mem, 0, tv}};
+    for (size_t i = 0; i < HADA_COUNT(parts); i++)
+        if (parts[i].bytes)
+            HADA_TRY(hada_buffer_copy(refiner->slot, back ? parts[i].then : parts[i].now, parts[i].offset,
+                                      back ? parts[i].now : parts[i].then, parts[i].offset, parts[i].bytes, err));
+    return HADA_OK;
+}
+
+hada_status hada_refiner_keep(hada_refiner *refiner, int depths, const int *list, hada_error *err)
+{
+    hada_refine_past *past = &refiner->past;
+    if (!refiner->shape.past)
+        return HADA_OK;
+    past->depths = depths;
+    past->rho = refiner->last_rho;
+    memcpy(past->list, list, (size_t)depths * sizeof *list);
+    return copy(refiner, 0, err);
+}
+
+int hada_refiner_remembers(const hada_refiner *refiner, int depths, const int *list)
+{
+    const hada_refine_past *past = &refiner->past;
+    return depths > 0 && past->depths == depths && !memcmp(past->list, list, (size_t)depths * sizeof *list);
+}
+
+hada_status hada_refiner_recall(hada_refiner *refiner, hada_error *err)
+{
+    refiner->last_rho = refiner->past.rho;
+    return copy(refiner, 1, err);
+}
+
+/* How far values near their usual size spread, and how far they go at most: mean square over squared mean, and the most
+ * over the mean. Values below a tenth of the mean are dark places, and what moves does not count in the mean. */
+static void spread_of(const float *values, size_t count, double *spread, double *most)
+{
+    static const double dark = 0.1, faint = 0.3, beyond = 3.0;
+    double least = 0.0, limit = HUGE_VAL, mean = 0.0, lit = 0.0, sum = 0.0, squares = 0.0, largest = 0.0;
+    size_t shown = 0;
+    for (int pass = 0; pass < 3; pass++) { /* of all, of lit ones, of lit ones that did not move */
+        size_t found = 0;
+        double here = 0.0;
+        for (size_t i = 0; i < count; i++)
+            if (values[i] >= least && values[i] <= limit) {
+                here += values[i];
+                found++;
+            }
+        mean = found ? here / (double)found : 0.0;
+        lit = pass == 1 ? mean : lit;
+        least = dark * mean;
+        limit = pass == 1 ? beyond * mean : HUGE_VAL;
+    }
+    for (size_t i = 0; i < count; i++) {
+        largest = fmax(largest, values[i]);
+        if (values[i] > faint * lit) {
+            sum += values[i];
+            squares += (double)values[i] * values[i];
+            shown++;
+        }
+    }
+    *spread = sum > 0.0 ? squares * (double)shown / (sum * sum) : 1.0;
+    *most = mean > 0.0 ? largest / mean : 1.0;
+}
+
+/* Noise changes all places alike, what moves changes edges. In three channels still scenes had spreads of up to 1.15
+ * and most changes of 2.4 times the mean, those of several depths 1.26 and 2.95; planes of scenes that moved by more
+ * than a quarter of a pixel, which would lag, more (perf/results/sequences.md). Sums over more channels are more alike.
+ */
+hada_status hada_refiner_moved(hada_refiner *refiner, int strict, int *moved, hada_error *err)
+{
+    const hada_refine_past *past = &refiner->past;
+    const hada_refine_run r = {.refiner = refiner, .sets = 1, .depths = past->depths};
+    const size_t channels = (size_t)refiner->shape.channels;
+    const size_t each = hada_divide_up(refiner->window_area, HADA_REFINE_PLACE), places = (size_t)past->depths * each;
+    const double part = strict ? 2.0 / 3.0 : 1.0;
+    const double most_spread = 1.0 + part * (past->depths > 1 ? 1.26 : 0.54) / (double)channels;
+    const double most_change = 1.0 + (past->depths > 1 ? 5.2 : 2.4) * sqrt(part / (double)channels);
+    float *sums = refiner->host_partial;
+    double spread, most;
+    /* spectra are made anew by the next run */
+    HADA_TRY(hada_buffer_copy(refiner->slot, past->planes.mem, 0, refiner->now_u.mem, 0,
+                              (size_t)past->depths * channels * refiner->window_area * sizeof(float), err));
+    HADA_TRY(hada_refine_since(&r, refiner->now_u.mem, err));
+    HADA_TRY(hada_buffer_read(&refiner->partial, refiner->slot, 0, sums, places * channels * sizeof *sums, err));
+    for (size_t i = 0; i < places; i++) { /* of all channels, in place: what is read is not before what is written */
+        const float *from = sums + i / each * channels * each + i % each;
+        float sum = 0.0f;
+        for (size_t c = 0; c < channels; c++)
+            sum += from[c * each];
+        sums[i] = sum;
+    }
+    spread_of(sums, places, &spread, &most);
+    *moved = spread > most_spread || most > most_change;
+    return HADA_OK;
+}

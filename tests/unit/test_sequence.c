@@ -1,0 +1,266 @@
+/* Frames of a sequence that go on from the one before. */
+#include <hadalens/job.h>
+
+#include "camera_small.h"
+
+enum { ROWS = 96, COLS = 128, WINDOW = 48, CHANNELS = 3, DEPTHS = 2, FRAMES = 7, STEPS = 14, OBJECT = 10 };
+#define NOISE 0.006
+
+typedef struct fixture {
+    hada_context *context;
+    hada_image psf[DEPTHS];
+    hada_model *circular, *padded;
+} fixture;
+
+static hada_model *model_of(const fixture *f, hada_boundary boundary)
+{
+    static const double distances[DEPTHS] = {100.0, 200.0};
+    hada_model *model;
+    DEFAULTS(hada_psf_options, options);
+    options.window_rows = options.window_cols = WINDOW;
+    options.boundary = boundary;
+    ASSERT_OK(hada_model_from_psf(&model, f->context, f->psf, DEPTHS, distances, &options, err));
+    return model;
+}
+
+static int setup(void **state)
+{
+    static fixture f;
+    ASSERT_OK(hada_context_create(&f.context, NULL, err));
+    for (int z = 0; z < DEPTHS; z++)
+        f.psf[z] = small_psf(CHANNELS, ROWS, COLS, 14, (uint64_t)z + 3);
+    f.circular = model_of(&f, HADA_BOUNDARY_CIRCULAR);
+    f.padded = model_of(&f, HADA_BOUNDARY_PADDED);
+    *state = &f;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    fixture *f = *state;
+    destroy_images(f->psf, DEPTHS);
+    hada_model_destroy(&f->circular);
+    hada_model_destroy(&f->padded);
+    assert_int_equal(hada_context_bytes(f->context), 0);
+    hada_context_destroy(&f->context);
+    return 0;
+}
+
+/* Tiles of random colours, and an object whose left side is at `place`; below 0: none. */
+static hada_image scene_of(uint64_t seed, int place)
+{
+    enum { TILE = 3, TILES = WINDOW / TILE };
+    SCOPED(hada_image) tiles = small_scene(CHANNELS, TILES, TILES, seed);
+    hada_image scene;
+    ASSERT_OK(hada_image_create(&scene, CHANNELS, WINDOW, WINDOW, err));
+    for (int c = 0; c < CHANNELS; c++)
+        for (int row = 0; row < WINDOW; row++)
+            for (int col = 0; col < WINDOW; col++) {
+                const int inside = place >= 0 && row >= 20 && row < 20 + OBJECT && col >= place && col < place + OBJECT;
+                scene.data[(c * WINDOW + row) * WINDOW + col] =
+                    inside ? 1.0f : 0.2f + 0.4f * tiles.data[(c * TILES + row / TILE) * TILES + col / TILE];
+            }
+    return scene;
+}
+
+static hada_image frame_of(const fixture *f, const hada_model *model, const hada_image *scene, int depth, int number)
+{
+    return small_frame(&f->psf[depth], scene, model == f->padded, NOISE, (uint64_t)number + 1);
+}
+
+/* One depth, or both, refined by so many steps. */
+static hada_plan_options options_of(int warm, int depths)
+{
+    static const int list[DEPTHS] = {0, 1};
+    DEFAULTS(hada_plan_options, options);
+    options.dark = HADA_DARK_NONE;
+    options.refine = STEPS;
+    options.refine_tv = 4e-3;
+    options.scene = HADA_SCENE_PLANES;
+    options.occupied = HADA_OCCUPIED_LIST;
+    options.occupied_list = list;
+    options.occupied_count = depths;
+    options.skip = HADA_SKIP_ALL & ~(unsigned)HADA_SKIP_FRAMES;
+    options.warm_start = warm;
+    return options;
+}
+
+static hada_plan *plan_of(const fixture *f, const hada_model *model, int warm, int depths)
+{
+    const hada_plan_options options = options_of(warm, depths);
+    hada_plan *plan;
+    ASSERT_OK(hada_plan_create(&plan, f->context, model, &options, err));
+    return plan;
+}
+
+static double error_of(const hada_result *result, int depth, const hada_image *scene)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < hada_image_count(scene); i++) {
+        const double error = result->planes[depth].data[i] - scene->data[i];
+        sum += error * error;
+    }
+    return sum / (double)hada_image_count(scene);
+}
+
+static int same_planes(const hada_result *a, const hada_result *b)
+{
+    int same = a->depths == b->depths;
+    for (int z = 0; same && z < a->depths; z++)
+        same = !memcmp(a->planes[z].data, b->planes[z].data, hada_image_count(&a->planes[z]) * sizeof(float));
+    return same;
+}
+
+TEST(a_still_scene_takes_fewer_steps_and_has_less_noise)
+{
+    const fixture *f = *state;
+    SCOPED(hada_image) scene = scene_of(5, -1);
+    for (int kind = 0; kind < 3; kind++) {
+        const hada_model *model = kind ? f->padded : f->circular;
+        SCOPED(hada_plan) *cold = plan_of(f, model, 0, 1 + kind / 2), *warm = plan_of(f, model, 1, 1 + kind / 2);
+        double errors[2] = {0.0, 0.0};
+        for (int t = 0; t < FRAMES; t++) {
+            SCOPED(hada_image) frame = frame_of(f, model, &scene, 0, t);
+            SCOPED(hada_result) anew = {0}, on = {0};
+            ASSERT_OK(hada_plan_run(cold, &frame, &anew, err));
+            ASSERT_OK(hada_plan_run(warm, &frame, &on, err));
+            assert_int_equal(anew.report->refine_steps, STEPS);
+            assert_int_equal(anew.report->warm_started, 0);
+            assert_int_equal(on.report->warm_started, t > 0);
+            if (!t) {
+                assert_true(same_planes(&anew, &on));
+                continue;
+            }
+            assert_true(on.report->refine_steps <= 4);
+            errors[0] += error_of(&anew, 0, &scene);
+            errors[1] += error_of(&on, 0, &scene);
+        }
+        assert_true(errors[1] <= errors[0]);
+    }
+}
+
+/* Another scene, and a frame after one that failed, have the bits of frames on their own. */
+TEST(a_cut_and_a_failure_begin_anew)
+{
+    const fixture *f = *state;
+    SCOPED(hada_image) first = scene_of(5, -1), second = scene_of(6, -1);
+    for (size_t i = 0; i < hada_image_count(&second); i++)
+        second.data[i] = 1.0f - second.data[i];
+    SCOPED(hada_image) one = frame_of(f, f->circular, &first, 0, 0), other = frame_of(f, f->circular, &second, 0, 1);
+    SCOPED(hada_image) broken = frame_of(f, f->circular, &first, 0, 0);
+    SCOPED(hada_plan) *cold = plan_of(f, f->circular, 0, 1), *warm = plan_of(f, f->circular, 1, 1);
+    SCOPED(hada_result) expected = {0}, result = {0};
+    hada_error failure = {0};
+    ASSERT_OK(hada_plan_run(cold, &other, &expected, err));
+    ASSERT_OK(hada_plan_run(warm, &one, &result, err));
+    ASSERT_OK(hada_plan_run(warm, &other, &result, err));
+    assert_int_equal(result.report->warm_started, 0);
+    assert_true(same_planes(&expected, &result));
+    broken.data[9] = NAN;
+    assert_int_equal(hada_plan_run(warm, &broken, &result, &failure), HADA_ERROR_NOT_FINITE);
+    ASSERT_OK(hada_plan_run(warm, &other, &result, err));
+    assert_int_equal(result.report->warm_started, 0);
+    assert_true(same_planes(&expected, &result));
+}
+
+/* How much of what left its place since the frame before is still there, as a part of it. */
+static double ghost_of(const hada_result *result, const hada_image *before, const hada_image *now)
+{
+    double product = 0.0, squares = 0.0;
+    for (size_t i = 0; i < hada_image_count(now); i++) {
+        const double left = before->data[i] - now->data[i];
+        product += left * (result->planes[0].data[i] - now->data[i]);
+        squares += left * left;
+    }
+    return product / squares;
+}
+
+TEST(what_moves_leaves_no_ghost)
+{
+    const fixture *f = *state;
+    for (int kind = 0; kind < 2; kind++) {
+        const hada_model *model = kind ? f->padded : f->circular;
+        SCOPED(hada_plan) *cold = plan_of(f, model, 0, 1), *warm = plan_of(f, model, 1, 1);
+        double ghosts[2] = {0.0, 0.0}, errors[2] = {0.0, 0.0};
+        for (int t = 0; t < FRAMES; t++) {
+            SCOPED(hada_image) before = scene_of(5, 2 + 4 * (t ? t - 1 : 0)), scene = scene_of(5, 2 + 4 * t);
+            SCOPED(hada_image) frame = frame_of(f, model, &scene, 0, t);
+            SCOPED(hada_result) anew = {0}, on = {0};
+            ASSERT_OK(hada_plan_run(cold, &frame, &anew, err));
+            ASSERT_OK(hada_plan_run(warm, &frame, &on, err));
+            if (!t)
+                continue;
+            assert_int_equal(on.report->warm_started, 1);
+            assert_true(on.report->refine_steps < STEPS);
+            ghosts[0] += ghost_of(&anew, &before, &scene) / (FRAMES - 1);
+            ghosts[1] += ghost_of(&on, &before, &scene) / (FRAMES - 1);
+            errors[0] += error_of(&anew, 0, &scene);
+            errors[1] += error_of(&on, 0, &scene);
+        }
+        assert_true(ghosts[1] < ghosts[0] + 0.01);
+        assert_true(errors[1] < 1.05 * errors[0]);
+    }
+}
+
+/* Frames depend on those before them alone, not on how many are under way. */
+TEST(queues_find_the_same)
+{
+    const fixture *f = *state;
+    hada_image frames[FRAMES];
+    hada_result results[2][FRAMES] = {{{0}}};
+    for (int t = 0; t < FRAMES; t++) {
+        SCOPED(hada_image) scene = scene_of(5, t < 3 ? -1 : 4 * t);
+        frames[t] = frame_of(f, f->padded, &scene, 0, t);
+    }
+    for (int queues = 1; queues <= 2; queues++) {
+        hada_plan_options options = options_of(1, DEPTHS);
+        hada_job *jobs[FRAMES];
+        SCOPED(hada_plan) * plan;
+        options.queues = queues;
+        ASSERT_OK(hada_plan_create(&plan, f->context, f->padded, &options, err));
+        assert_int_equal(hada_plan_queues(plan, NULL, 0), 1);
+        for (int t = 0; t < FRAMES; t++)
+            ASSERT_OK(hada_job_submit(&jobs[t], plan, &frames[t], &results[queues - 1][t], err));
+        for (int t = 0; t < FRAMES; t++) {
+            ASSERT_OK(hada_job_wait(jobs[t], err));
+            hada_job_destroy(&jobs[t]);
+        }
+    }
+    for (int t = 0; t < FRAMES; t++) {
+        assert_int_equal(results[1][t].report->warm_started, t > 0);
+        assert_true(same_planes(&results[0][t], &results[1][t]));
+        hada_result_destroy(&results[0][t]);
+        hada_result_destroy(&results[1][t]);
+    }
+    destroy_images(frames, FRAMES);
+}
+
+/* Another set of depths, and what no refinement makes, have no past. */
+TEST(other_depths_begin_anew)
+{
+    const fixture *f = *state;
+    SCOPED(hada_image) scene = scene_of(5, -1);
+    hada_plan_options options = options_of(1, 1);
+    options.occupied = HADA_OCCUPIED_AUTO;
+    SCOPED(hada_plan) * warm;
+    ASSERT_OK(hada_plan_create(&warm, f->context, f->circular, &options, err));
+    for (int t = 0; t < 4; t++) {
+        SCOPED(hada_image) frame = frame_of(f, f->circular, &scene, t / 2, t);
+        SCOPED(hada_result) result = {0};
+        ASSERT_OK(hada_plan_run(warm, &frame, &result, err));
+        assert_int_equal(result.report->occupied[t / 2], 1);
+        assert_int_equal(result.report->warm_started, t % 2);
+    }
+    options.refine = 0;
+    options.occupied = HADA_OCCUPIED_ALL;
+    SCOPED(hada_plan) * linear;
+    ASSERT_OK(hada_plan_create(&linear, f->context, f->circular, &options, err));
+    for (int t = 0; t < 2; t++) {
+        SCOPED(hada_image) frame = frame_of(f, f->circular, &scene, 0, t);
+        SCOPED(hada_result) result = {0};
+        ASSERT_OK(hada_plan_run(linear, &frame, &result, err));
+        assert_int_equal(result.report->warm_started, 0);
+    }
+}
+
+FIXTURE(setup, teardown)

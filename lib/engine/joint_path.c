@@ -342,17 +342,32 @@ static hada_status find_volume(hada_pipeline *pipeline, hada_frame *frame, doubl
     return HADA_OK;
 }
 
+/* Whether the depths are those of the frame before, of a sequence. */
+static hada_status follow(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, int *same, hada_error *err)
+{
+    const hada_config *config = &pipeline->setup->config;
+    *same = 0;
+    if (!config->warm || !config->pursuit || pipeline->weighing.used)
+        return HADA_OK;
+    HADA_TRY(hada_maker_expects(&pipeline->maker, &frame->exposure, pipeline->occupied, &pipeline->past, same, err));
+    k->count = *same ? pipeline->past.count : 0;
+    return HADA_OK;
+}
+
 /* What the frame is: one of the three, its depths, and the planes of all but a surface. */
 static hada_status find_scene(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, int *surface, hada_error *err)
 {
     const hada_config *config = &pipeline->setup->config;
     const hada_report *report = &frame->result->memory->report;
-    HADA_TRY(find_volume(pipeline, frame, -1.0, k, err));
+    int same;
+    HADA_TRY(follow(pipeline, frame, k, &same, err));
+    if (!same)
+        HADA_TRY(find_volume(pipeline, frame, -1.0, k, err));
     if (k->volume)
         return HADA_OK;
-    if (config->pursuit)
+    if (!same && config->pursuit)
         HADA_TRY(look(pipeline, frame, k, surface, err));
-    else
+    else if (!same)
         take_listed(pipeline, k);
     if (k->volume || (!*surface && !k->count))
         return HADA_OK;
@@ -375,6 +390,7 @@ static hada_status joint(hada_pipeline *pipeline, hada_frame *frame, hada_error 
     int surface = 0, weighs = 0;
     pipeline->volume_now = (hada_classic_result){0};
     pipeline->past.kept = 0;
+    pipeline->past.now = -1.0;
     if (hada_pipeline_has_gaps(pipeline, frame))
         HADA_TRY(hada_pipeline_weigh(pipeline, &weighs, err));
     if (weighs && config->pursuit && frame->exposure.saturated)

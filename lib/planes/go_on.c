@@ -24,6 +24,42 @@ enum { STILL_STEPS = 2, HALF_OF = 3, SETTLED = 100, PARTED = 7 };
 #define FIRM         2.0
 #define FIRM_SEVERAL 8.0
 
+/* A depth that appears is found within three frames. */
+enum { FOLLOWED = 2 };
+
+/* The least that planes left of their frame since something moved. */
+static double least_of(const hada_maker_past *past)
+{
+    return past->least < 0.0 || past->left < past->least ? past->left : past->least;
+}
+
+/* Brings the last planes back: past->now. */
+static hada_status look_back(hada_plane_maker *maker, const hada_frame_exposure *exposure, int count, const int *list,
+                             hada_maker_past *past, hada_error *err)
+{
+    if (past->now >= 0.0)
+        return HADA_OK;
+    HADA_TRY(hada_maker_weigh(maker, exposure, err));
+    HADA_TRY(hada_refiner_recall(maker->refiner, err));
+    HADA_TRY(hada_refiner_residual(maker->refiner, &maker->data, 1, count, list, &past->now, err));
+    past->now /= exposure->energy;
+    return HADA_OK;
+}
+
+hada_status hada_maker_expects(hada_plane_maker *maker, const hada_frame_exposure *exposure, const int *list,
+                               hada_maker_past *past, int *same, hada_error *err)
+{
+    *same = past->left >= 0.0 && !past->moved && past->followed < FOLLOWED && exposure->energy > 0.0 &&
+            hada_refiner_remembers(maker->refiner, past->count, list);
+    if (*same) {
+        HADA_TRY(look_back(maker, exposure, past->count, list, past, err));
+        *same = past->now < of_still(hada_model_get_info(maker->model), past->count) * least_of(past);
+    }
+    past->followed = *same ? past->followed + 1 : 0;
+    past->now = *same ? past->now : -1.0; /* what follows needs the memory */
+    return HADA_OK;
+}
+
 /* Goes on from what the refiner has, by so many steps. */
 static hada_status resume(const hada_plane_maker *maker, hada_maker_steps *own, double unit, int count, const int *list,
                           int *done, hada_error *err)
@@ -36,14 +72,13 @@ static hada_status resume(const hada_plane_maker *maker, hada_maker_steps *own, 
 }
 
 static hada_status go_on(hada_plane_maker *maker, hada_maker_steps *own, double unit, int count, const int *list,
-                         hada_maker_past *past, double left, int *done, hada_error *err)
+                         hada_maker_past *past, int *done, hada_error *err)
 {
     const int doubt = past->moved;
     past->moved = 1;
-    if (past->least < 0.0 || past->left < past->least)
-        past->least = past->left;
+    past->least = least_of(past);
     *done = 0;
-    if (left < of_still(hada_model_get_info(maker->model), count) * past->least) {
+    if (past->now < of_still(hada_model_get_info(maker->model), count) * past->least) {
         own->steps = past->steps < STILL_STEPS ? past->steps : STILL_STEPS;
         own->before = SETTLED;
         own->firm = count > 1 ? FIRM_SEVERAL : FIRM;
@@ -69,20 +104,17 @@ hada_status hada_maker_go_on(hada_plane_maker *maker, const hada_frame_exposure 
 {
     const double unit = hada_exposure_noise_unit(exposure, maker->noise_share);
     hada_maker_steps own = *steps;
-    double left = 0.0;
     past->kept = 1;
+    past->count = count;
     *warm = past->left >= 0.0 && exposure->energy > 0.0 && (!maker->held.mem || choice->tv > 0.0) &&
             hada_refiner_remembers(maker->refiner, count, list);
     if (*warm) {
-        HADA_TRY(hada_maker_weigh(maker, exposure, err));
-        HADA_TRY(hada_refiner_recall(maker->refiner, err));
-        HADA_TRY(hada_refiner_residual(maker->refiner, &maker->data, 1, count, list, &left, err));
-        left /= exposure->energy;
-        *warm = !(left > CUT && left > FEW * past->left);
+        HADA_TRY(look_back(maker, exposure, count, list, past, err));
+        *warm = !(past->now > CUT && past->now > FEW * past->left);
     }
     if (*warm) {
         own.tv = choice->tv > 0.0 ? choice->tv : own.tv;
-        HADA_TRY(go_on(maker, &own, unit, count, list, past, left, done, err));
+        HADA_TRY(go_on(maker, &own, unit, count, list, past, done, err));
     } else {
         HADA_TRY(hada_maker_refine_exposure(maker, exposure, &own, count, list, choice, done, err));
         past->steps = *done + (choice->steps < HADA_CHOICE_STEPS ? choice->steps : HADA_CHOICE_STEPS);

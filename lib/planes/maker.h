@@ -190,7 +190,15 @@ typedef struct hada_maker_past {
     int steps;    /* that the last frame took that began anew, or that it had to take at most */
     int moved;    /* 1: in the last frame something did */
     int kept;     /* 1: it is the current one */
+    int count;    /* its depths */
+    int followed; /* frames in a row whose depths were not looked for */
+    double now;   /* share of the current frame's energy that its planes leave, once they were recalled; else below 0 */
 } hada_maker_past;
+
+/* Whether the frame shows what the one before it did, whose depths are `list`, as far as its planes tell: then they
+ * need not be looked for, FOLLOWED times in a row at most. */
+hada_status hada_maker_expects(hada_plane_maker *maker, const hada_frame_exposure *exposure, const int *list,
+                               hada_maker_past *past, int *same, hada_error *err);
 
 /* hada_maker_refine_exposure() that goes on from the frame before where that pays (*warm: whether it did), and keeps
  * what it leaves for the next one. */

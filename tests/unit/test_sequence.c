@@ -263,4 +263,39 @@ TEST(other_depths_begin_anew)
     }
 }
 
+/* Depths are looked for in every third frame of a still scene, and wherever a frame shows something new. */
+TEST(a_depth_that_appears_is_found)
+{
+    const fixture *f = *state;
+    SCOPED(hada_image) scene = scene_of(5, -1), more = scene_of(9, 12);
+    hada_plan_options options = options_of(1, 1);
+    options.occupied = HADA_OCCUPIED_AUTO;
+    for (int faint = 0; faint < 2; faint++) {
+        SCOPED(hada_plan) * warm, *cold;
+        int found = -1, looked = 0;
+        options.warm_start = 0;
+        ASSERT_OK(hada_plan_create(&cold, f->context, f->circular, &options, err));
+        options.warm_start = 1;
+        ASSERT_OK(hada_plan_create(&warm, f->context, f->circular, &options, err));
+        for (int t = 0; t < 10; t++) {
+            SCOPED(hada_image)
+            frame = frame_of(f, f->circular, &scene, 0, t), other = frame_of(f, f->circular, &more, 1, t + 50);
+            SCOPED(hada_result) result = {0}, anew = {0};
+            for (size_t i = 0; t >= 6 && i < hada_image_count(&frame); i++)
+                frame.data[i] += (faint ? 0.36f : 0.8f) * other.data[i];
+            ASSERT_OK(hada_plan_run(warm, &frame, &result, err));
+            looked += t < 6 && result.report->seconds_pursuit > 0.0;
+            if (t == 6) {
+                ASSERT_OK(hada_plan_run(cold, &frame, &anew, err));
+                assert_int_equal(anew.report->occupied[1], 1);
+            }
+            if (found < 0 && result.report->occupied[1])
+                found = t;
+        }
+        assert_int_equal(looked, 2);
+        if (found < 6 || found > (faint ? 8 : 6))
+            fail_msg("found in frame %d", found);
+    }
+}
+
 FIXTURE(setup, teardown)

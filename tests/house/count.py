@@ -13,7 +13,7 @@ import sys
 
 # What has a limit: the limit that --hold enforces today, and the aim where it has not been reached.
 LIMITS = {
-    'lines of the library': (71_250, 56_000),  # sequences: a frame goes on from the one before
+    'lines of the library': (71_300, 56_000),  # sequences: a frame goes on from the one before
     'lines of the kernels': (12_800, 12_000),
     'lines of the command line': (8_200, 8_000),
     'lines of tests (without corpora, frozen headers)': (56_800, 50_000),  # sequences, devices

@@ -152,3 +152,12 @@ def test_exposures(tmp_path: Path) -> None:
         hadalens.merge_exposures(frames[0], 1 - frames[1])
     with pytest.raises(FileNotFoundError):
         hadalens.load_exposures(tmp_path / "2.tif")
+
+
+def test_sequences(model: hadalens.Model, raw: npt.NDArray[Any]) -> None:
+    """Frames of a warm plan go on from the one before, in fewer steps; those of others do not."""
+    for warm in (False, True):
+        plan = hadalens.Plan(model, warm_start=warm, scene="planes", skip=())
+        first, second = plan.run(raw).report, plan.run(raw).report
+        assert (first.warm_started, second.warm_started) == (False, warm)
+        assert second.refine_steps < first.refine_steps if warm else second.refine_steps == first.refine_steps

@@ -154,8 +154,10 @@ static hada_status add_pairs(learning *of, hada_error *err)
     if (task->save_sums && !task->merge_count)
         HADA_TRY(hada_path_format(&of->part, err, "%s.%d-of-%d", task->save_sums, of->ranks.rank + 1, of->ranks.count));
     HADA_TRY(find_sums(of, &whole, err));
-    if (whole)
+    if (whole) {
+        unlink(of->part); /* of a job that was killed once the sums were whole */
         return hada_fitter_reduce(of->fitter, err);
+    }
     if (!of->ranks.rank) /* which the others get with the sums of all */
         HADA_TRY(merge(of, 0, err));
     const hada_fit_part part = {of->part, task->save_seconds, task->resume};

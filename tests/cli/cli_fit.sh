@@ -71,6 +71,9 @@ has part.sums
 expect 0 '6 pairs' fit set -o again.model --sums part.sums --resume "${fixed[@]}"
 cmp -s part.model again.model || fail 'a fit from whole sums is another'
 lacks part.sums.1-of-1
+cp part.sums part.sums.1-of-1 # of a job that was killed after the sums were whole
+expect 0 '' fit set -o once.model --sums part.sums --resume "${fixed[@]}"
+lacks part.sums.1-of-1
 part 'tail -n 3'
 expect 0 '"pairs": \[ +5, +5, +5 +\]' fit set -o whole.model --merge part.sums "${fixed[@]}" --json
 [ "$(stat -c %s whole.model)" = "$(stat -c %s plain.model)" ] || fail 'merged sums gave a model of another size'

@@ -101,14 +101,12 @@ expect 8 'no better than any other' reconstruct other/test/raw/test01.tif -m upr
 expect 8 '"verdict": "unrelated"' reconstruct other/test/raw/test01.tif -m "$model" -o match --no-preview --strict --json
 expect 0 '"verdict": "belongs"' reconstruct "${one[@]}" -o match --no-preview --strict --json
 
-# Weights of pixels: equal ones change little, black ones leave nothing.
+# Weights of pixels: equal ones change nothing, black ones leave nothing.
 "$FRAME_TOOL" flat even.tif 64 80 1 0.5
 "$FRAME_TOOL" flat black.tif 64 80 3 0
 expect 0 '' reconstruct "${one[@]}" -o weighed --occupied 100mm --weights even.tif --no-preview
 expect 0 '' reconstruct "${one[@]}" -o unweighed --occupied 100mm --no-preview
-expect 0 '' evaluate weighed/test01_aif.tif unweighed/test01_aif.tif --json
-psnr=$(grep '"psnr"' stdout | grep -oE '[0-9]+' | head -n 1)
-[ "${psnr:-0}" -ge 35 ] || fail "--weights EVEN: $psnr dB"
+cmp -s weighed/test01_stack.tif unweighed/test01_stack.tif || fail '--weights EVEN'
 expect 4 'weights of pixels must have' reconstruct "${one[@]}" -o weighed --weights small.tif
 expect 2 'all weights of pixels are 0' reconstruct "${one[@]}" -o weighed --weights black.tif
 expect 2 'linear filters take no weights' reconstruct "${one[@]}" -o weighed --weights even.tif --refine 0

@@ -354,21 +354,28 @@ static hada_status follow(hada_pipeline *pipeline, hada_frame *frame, knowledge 
     return HADA_OK;
 }
 
+/* What the frame is as far as that shows before its planes are refined, and its depths. */
+static hada_status find_depths(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, int *surface, hada_error *err)
+{
+    int same;
+    HADA_TRY(follow(pipeline, frame, k, &same, err));
+    if (same)
+        return HADA_OK;
+    HADA_TRY(find_volume(pipeline, frame, -1.0, k, err));
+    if (k->volume)
+        return HADA_OK;
+    if (pipeline->setup->config.pursuit)
+        return look(pipeline, frame, k, surface, err);
+    take_listed(pipeline, k);
+    return HADA_OK;
+}
+
 /* What the frame is: one of the three, its depths, and the planes of all but a surface. */
 static hada_status find_scene(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, int *surface, hada_error *err)
 {
     const hada_config *config = &pipeline->setup->config;
     const hada_report *report = &frame->result->memory->report;
-    int same;
-    HADA_TRY(follow(pipeline, frame, k, &same, err));
-    if (!same)
-        HADA_TRY(find_volume(pipeline, frame, -1.0, k, err));
-    if (k->volume)
-        return HADA_OK;
-    if (!same && config->pursuit)
-        HADA_TRY(look(pipeline, frame, k, surface, err));
-    else if (!same)
-        take_listed(pipeline, k);
+    HADA_TRY(find_depths(pipeline, frame, k, surface, err));
     if (k->volume || (!*surface && !k->count))
         return HADA_OK;
     if (*surface)

@@ -73,7 +73,6 @@ static void reset(hada_pipeline *pipeline)
     hada_slot_finish(pipeline->slot, NULL);
     pipeline->loaded = 0;
     pipeline->residual_due = 0;
-    pipeline->past.left = -1.0;
 }
 
 static hada_status all_stages(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
@@ -99,7 +98,7 @@ static hada_status run(hada_pipeline *pipeline, hada_frame *frame, hada_error *e
     status = all_stages(pipeline, frame, err);
     if (status)
         reset(pipeline);
-    if (!pipeline->past.kept)
+    if (status || !pipeline->past.kept)
         pipeline->past.left = -1.0;
     hada_pipeline_weigh_end(pipeline);
     hada_slot_cancel_by(pipeline->slot, NULL);

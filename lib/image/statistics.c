@@ -176,9 +176,12 @@ float hada_cut_off_value(const float *values, size_t count)
 {
     float largest = 0.0f, next = 0.0f;
     for (size_t i = 0; i < count; i++)
-        largest = fmaxf(largest, values[i]);
-    for (size_t i = 0; i < count; i++)
-        next = values[i] < largest ? fmaxf(next, values[i]) : next;
+        if (values[i] > largest) {
+            next = largest;
+            largest = values[i];
+        } else if (values[i] < largest && values[i] > next) {
+            next = values[i];
+        }
     const float limit = HADA_NEAR_LARGEST * (next > HADA_NEAR_LARGEST * largest ? largest : next);
     size_t equal = 0, near = 0;
     for (size_t i = 0; i < count; i++) {

@@ -99,12 +99,14 @@ hada_status hada_maker_refine_exposure(hada_plane_maker *maker, const hada_frame
 {
     const double unit = hada_exposure_noise_unit(exposure, maker->noise_share);
     hada_maker_steps own = *steps;
-    HADA_TRY(hada_maker_weigh(maker, exposure, err));
     if (maker->held.mem && !(choice->tv > 0.0)) {
         HADA_TRY(hada_maker_choose(maker, exposure, count, list, choice, err));
-    } else if (maker->held.mem && count == 1) { /* as many steps as a sweep begins with */
-        const hada_maker_steps first = {.steps = HADA_CHOICE_STEPS, .tv = choice->tv};
-        HADA_TRY(hada_maker_refine(maker, &first, unit, count, list, &choice->steps, err));
+    } else {
+        HADA_TRY(hada_maker_weigh(maker, exposure, err));
+        if (maker->held.mem && count == 1) { /* as many steps as a sweep begins with */
+            const hada_maker_steps first = {.steps = HADA_CHOICE_STEPS, .tv = choice->tv};
+            HADA_TRY(hada_maker_refine(maker, &first, unit, count, list, &choice->steps, err));
+        }
     }
     if (count == 1 && choice->steps) { /* several planes part from the beginning */
         own.before = choice->steps;

@@ -20,7 +20,7 @@ static double of_still(const hada_model_info *info, int planes)
 /* Where nothing moved, a few steps with a larger rho are enough, and make the planes a mean over frames. Where
  * something did, rho begins as from nothing, so that all may move; several depths have parted before. `before` says so.
  */
-enum { STILL_STEPS = 2, HALF_OF = 3, SETTLED = 100, PARTED = 7 };
+enum { STILL_STEPS = 2, HALVED_FROM = 3, SETTLED = 100, PARTED = 7 };
 #define FIRM         2.0
 #define FIRM_SEVERAL 8.0
 
@@ -90,7 +90,7 @@ static hada_status go_on(hada_plane_maker *maker, hada_maker_steps *own, double 
         HADA_TRY(hada_refiner_recall(maker->refiner, err)); /* duals of what lags are of no use to a smaller rho */
     }
     past->least = -1.0;
-    own->steps = past->steps < HALF_OF ? past->steps : past->steps / 2 + 1;
+    own->steps = past->steps < HALVED_FROM ? past->steps : past->steps / 2 + 1;
     own->before = count > 1 ? PARTED : 0;
     own->firm = 1.0;
     /* light beyond the frame settles while rho grows, which it does as far in fewer steps */

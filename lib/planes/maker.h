@@ -191,12 +191,12 @@ typedef struct hada_maker_past {
     int moved;    /* 1: in the last frame something did */
     int kept;     /* 1: it is the current one */
     int count;    /* its depths */
-    int followed; /* frames in a row whose depths were not looked for */
+    int followed; /* frames in a row that took over the depths of the frame before */
     double now;   /* share of the current frame's energy that its planes leave, once they were recalled; else below 0 */
 } hada_maker_past;
 
-/* Whether the frame shows what the one before it did, whose depths are `list`, as far as its planes tell: then they
- * need not be looked for, FOLLOWED times in a row at most. */
+/* Whether the planes of the frame before, at the depths `list`, explain this frame as well (*same). Then its depths are
+ * the same ones. After two frames in a row the answer is no, so that new depths are found. */
 hada_status hada_maker_expects(hada_plane_maker *maker, const hada_frame_exposure *exposure, const int *list,
                                hada_maker_past *past, int *same, hada_error *err);
 

@@ -192,8 +192,7 @@ static hada_fft_desc describe(const hada_refine_shape *shape, const hada_refine_
 
 /* Bytes of every buffer. */
 typedef struct sizes {
-    size_t spectra, planes, shown, kept, split, dual, partial, partials, tv;
-    size_t places;
+    size_t spectra, planes, shown, kept, split, dual, partial, partials, tv, places;
     int slices;
 } sizes;
 

@@ -60,7 +60,7 @@ struct hada_refiner {
     hada_refine_arriving arriving;
     hada_refine_past past;
     double last_rho; /* of the last step that was done */
-    int half_there;  /* 1: half spectra of rows of the planes stand in now_u */
+    int half_there;  /* 1: now_u holds the planes' spectra along rows */
 };
 
 /* One run's constants. */

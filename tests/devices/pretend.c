@@ -352,15 +352,20 @@ cl_int clReleaseCommandQueue(cl_command_queue queue)
     return real(queue);
 }
 
+/* What a transfer has to wait for, which is to be released; NULL: nothing of ours. */
+static cl_event gate_of(cl_command_queue queue, cl_bool blocking, cl_uint waits)
+{
+    if (blocking)
+        open_gates();
+    return now.late && !blocking && !waits ? close_gate(queue) : NULL;
+}
+
 cl_int clEnqueueWriteBuffer(cl_command_queue queue, cl_mem buffer, cl_bool blocking, size_t offset, size_t size,
                             const void *data, cl_uint waits, const cl_event *wait, cl_event *event)
 {
     TRUE_FUNCTION(clEnqueueWriteBuffer);
-    cl_event gate = now.late && !blocking && !waits ? close_gate(queue) : NULL;
-    if (blocking)
-        open_gates();
-    const cl_int code = gate ? real(queue, buffer, blocking, offset, size, data, 1, &gate, event)
-                             : real(queue, buffer, blocking, offset, size, data, waits, wait, event);
+    cl_event gate = gate_of(queue, blocking, waits);
+    const cl_int code = real(queue, buffer, blocking, offset, size, data, gate ? 1 : waits, gate ? &gate : wait, event);
     if (gate)
         clReleaseEvent(gate);
     return code;
@@ -370,11 +375,8 @@ cl_int clEnqueueReadBuffer(cl_command_queue queue, cl_mem buffer, cl_bool blocki
                            void *data, cl_uint waits, const cl_event *wait, cl_event *event)
 {
     TRUE_FUNCTION(clEnqueueReadBuffer);
-    cl_event gate = now.late && !blocking && !waits ? close_gate(queue) : NULL;
-    if (blocking)
-        open_gates();
-    const cl_int code = gate ? real(queue, buffer, blocking, offset, size, data, 1, &gate, event)
-                             : real(queue, buffer, blocking, offset, size, data, waits, wait, event);
+    cl_event gate = gate_of(queue, blocking, waits);
+    const cl_int code = real(queue, buffer, blocking, offset, size, data, gate ? 1 : waits, gate ? &gate : wait, event);
     if (gate)
         clReleaseEvent(gate);
     return code;

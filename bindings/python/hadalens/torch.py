@@ -374,12 +374,12 @@ class Linear(nn.Module):  # type: ignore[misc]  # which is Any to the type check
         """Return the planes."""
         if frames.ndim != 4 or tuple(frames.shape[1:]) != self.frame_shape:
             raise ValueError(f"frames of {tuple(frames.shape)}: (N, *{self.frame_shape}) is needed")
-        (rows, cols), (high, wide) = self.grid, self.window
+        high, wide = self.window
         spectrum = torch.fft.rfft2(frames, s=self.grid)[:, None]
         if self.split:
             light = torch.view_as_complex(self.filters * torch.view_as_real(spectrum))
         else:
             light = torch.view_as_complex(self.filters) * spectrum
         top, left = (self.frame_shape[1] - high) // 2, (self.frame_shape[2] - wide) // 2
-        planes = torch.fft.irfft2(light, s=(rows, cols))[..., top : top + high, left : left + wide]
+        planes = torch.fft.irfft2(light, s=self.grid)[..., top : top + high, left : left + wide]
         return planes.relu() if self.clip else planes

@@ -41,11 +41,11 @@ by_design() {
     facts=$(python3 -c "
 import json
 c = json.load(open('$work/camera/camera.json')); m = json.load(open('$work/fit.json'))['model']
-print(','.join('%g' % d for d in c['distances_mm']), c['boundary'], '%dx%d' % (c['window_rows'], c['window_cols']), m['refine_steps'], m['refine_tv'], m['refine_colour'], m['refine_shrink'])")
+print(','.join('%g' % d for d in c['distances_mm']), c['boundary'], '%dx%d' % (c['window_rows'], c['window_cols']), m['refine_steps'], m['refine_tv'], m['refine_colour'], m['refine_ridge'])")
     # shellcheck disable=SC2086 # the facts are words
     set -- $facts
     "$hadalens" fit --psf "$work/camera/psf.tif" --distances "$1" --boundary "$2" --window "$3" --psf-dark 0 --colour --refine "$4" -o "$work/designed" --quiet >/dev/null
-    "$hadalens" reconstruct "$work"/camera/test/raw/*.tif -m "$work/designed" -o "$work/best" --refine-tv "$5" --refine-colour "$6" --refine-shrink "$7" --no-preview --quiet >/dev/null
+    "$hadalens" reconstruct "$work"/camera/test/raw/*.tif -m "$work/designed" -o "$work/best" --refine-tv "$5" --refine-colour "$6" --refine-ridge "$7" --no-preview --quiet >/dev/null
     "$hadalens" evaluate "$work/best" "$work/camera/test/truth" --json >"$work/designed.json"
 }
 row() {

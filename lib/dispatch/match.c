@@ -259,7 +259,7 @@ static void choose_sizes(reduced *of)
     hada_plan_options_init(&of->options);
     of->options.refine = STEPS;
     of->options.refine_tv = TV;
-    of->options.refine_shrink = 0.0;
+    of->options.refine_ridge = 0.0;
     of->options.occupied = HADA_OCCUPIED_ALL;
     of->options.scene = HADA_SCENE_PLANES;
     of->options.skip = 0;

@@ -46,7 +46,8 @@ static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count,
     const hada_setup *setup = pipeline->setup;
     const double given = setup->config.weights.tv;
     const int psf_alone = hada_model_get_info(setup->model)->refine_tv == HADA_AUTO; /* rho was not fitted either */
-    const hada_maker_steps steps = {.steps = setup->config.steps,
+    const int last_steps = hada_maker_ridge_steps(&pipeline->maker, setup->config.steps);
+    const hada_maker_steps steps = {.steps = setup->config.steps - last_steps,
                                     .stop = setup->options.refine >= 0 ? 0
                                             : settle                   ? count
                                                                        : 1,
@@ -67,7 +68,11 @@ static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count,
     report->refine_tv_kept = frame->kept_tv > 0.0;
     HADA_TRY(hada_refiner_residual_later(pipeline->refiner, &pipeline->maker.data, 1, count, pipeline->occupied, err));
     pipeline->residual_due = 1;
-    return HADA_OK;
+    if (!last)
+        return HADA_OK;
+    return hada_maker_regularise(&pipeline->maker, last_steps, choice.tv > 0.0 ? choice.tv : steps.tv,
+                                 hada_exposure_noise_unit(&frame->exposure, pipeline->maker.noise_share), count,
+                                 pipeline->occupied, &report->refine_steps, err);
 }
 
 void hada_pipeline_residual(hada_pipeline *pipeline, const hada_frame *frame)

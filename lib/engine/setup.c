@@ -44,10 +44,10 @@ static hada_status check_numbers(const hada_plan_options *options, hada_error *e
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "plan options: the weight of colour in total variation is %g; 1 to %g are possible",
                          options->refine_colour, HADA_REFINE_MOST_COLOUR);
-    if (options->refine_shrink != HADA_AUTO && !hada_refine_shrink_known(options->refine_shrink))
+    if (options->refine_ridge != HADA_AUTO && !hada_refine_ridge_known(options->refine_ridge))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "plan options: the threshold of shrinkage is %g; 0 to %g are possible", options->refine_shrink,
-                         HADA_REFINE_MOST_SHRINK);
+                         "plan options: the strength of the learned regulariser is %g; 0 to %g are possible",
+                         options->refine_ridge, HADA_REFINE_MOST_RIDGE);
     if (options->crosstalk != HADA_AUTO && !hada_crosstalk_known(options->crosstalk))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: the share of crosstalk is %g; 0 to 1 are possible",
                          options->crosstalk);
@@ -270,8 +270,8 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     config->weights = way.weights;
     if (options->refine_colour >= 0)
         config->weights.colour = options->refine_colour;
-    if (options->refine_shrink >= 0)
-        config->weights.shrink = options->refine_shrink;
+    if (options->refine_ridge >= 0)
+        config->weights.ridge = options->refine_ridge;
     config->crosstalk = options->crosstalk >= 0 ? options->crosstalk : HADA_CROSSTALK;
     HADA_TRY(use_classic(info, options, config, err));
     config->joint = config->steps > 0;
@@ -333,7 +333,7 @@ hada_refine_shape hada_config_refine(const hada_config *config, const hada_model
     refine.settle = config->parting || config->choose;
     refine.tv = config->choose || config->weights.tv > 0;
     refine.boundary = config->boundary;
-    refine.shrink = config->weights.shrink > 0;
+    refine.ridge = config->weights.ridge > 0;
     refine.past = config->warm;
     if (config->outside) {
         refine.shown = refine.window;

@@ -137,7 +137,7 @@ static void set_refinement(hada_model *model, int steps, const hada_refine_weigh
     model->info.refine_steps = steps;
     model->info.refine_tv = weights->tv;
     model->info.refine_colour = weights->colour;
-    model->info.refine_shrink = weights->tv > 0.0 ? weights->shrink : 0.0;
+    model->info.refine_ridge = weights->tv > 0.0 ? weights->ridge : 0.0;
     model->info.refine_rho = hada_refine_rho(model->info.boundary, weights->tv);
 }
 
@@ -146,7 +146,7 @@ static hada_refine_weights weights_of(const hada_fit_options *options)
 {
     return (hada_refine_weights){fmax(options->refine_tv, 0.0),
                                  options->refine_colour >= 0.0 ? options->refine_colour : HADA_REFINE_COLOUR,
-                                 options->refine_shrink >= 0.0 ? options->refine_shrink : HADA_REFINE_SHRINK};
+                                 options->refine_ridge >= 0.0 ? options->refine_ridge : HADA_REFINE_RIDGE};
 }
 
 /* Tries refinement on the pairs that were kept. The trial compares with the exact fit's filters; where judging them in
@@ -161,7 +161,7 @@ static hada_status try_refinement(hada_fitter *fitter, hada_nonnegative *nonnega
                                   .model = model,
                                   .tv = fitter->options.refine_tv,
                                   .colour = fitter->options.refine_colour,
-                                  .shrink = fitter->options.refine_shrink};
+                                  .ridge = fitter->options.refine_ridge};
     hada_fit_trial_result result;
     if (!fitter->kept.count)
         return HADA_OK;

@@ -24,8 +24,8 @@ enum { CHOICES = 3 };
 static const double colours_tried[CHOICES] = {1.0, 2.0, 3.0};
 #define TV_PER_COLOUR 0.6
 
-/* Thresholds of shrinkage that are tried, where total variation alone is worse for a single depth. */
-static const double shrinks_tried[CHOICES] = {1.0, HADA_REFINE_SHRINK, 2.5};
+/* Strengths of the learned regulariser that are tried, where total variation alone is worse. */
+static const double ridges_tried[CHOICES] = {0.6, HADA_REFINE_RIDGE, 1.6};
 
 _Static_assert((int)TRIED + (int)TV_SIDE + 2 + 1 <= (int)HADA_FIT_TRIAL_ROWS, "room for rows");
 
@@ -65,7 +65,7 @@ static hada_status try_frame(trial_work *work, const hada_trial_frame *frame, ha
         sum[0][s] += unrefined;
     for (int i = 1; i < TRIED; i++) {
         HADA_TRY(hada_trial_refine(&work->bench, frame, &work->weights, steps_tried[i - 1],
-                                   steps_tried[i] - steps_tried[i - 1], err));
+                                   steps_tried[i] - steps_tried[i - 1], 0, err));
         for (int s = 0; s < SHARES; s++)
             sum[i][s] += hada_trial_compare(&work->bench, frame, shares_tried[s]);
     }
@@ -104,7 +104,7 @@ static hada_status rank(trial_work *work, const trial_set *set, const hada_refin
             continue;
         HADA_TRY(hada_trial_expose(&work->bench, &set->frames[k], err));
         for (int i = 0; i < count; i++) {
-            HADA_TRY(hada_trial_refine(&work->bench, &set->frames[k], &weights[i], 0, work->rank_steps, err));
+            HADA_TRY(hada_trial_refine(&work->bench, &set->frames[k], &weights[i], 0, work->rank_steps, 1, err));
             psnr[i] += hada_trial_compare(&work->bench, &set->frames[k], 1.0) / set->count;
         }
     }
@@ -188,15 +188,15 @@ static hada_status choose_colour(trial_work *work, const trial_set *set, double 
     return choose_of(work, set, weights, psnr, err);
 }
 
-/* Chooses the threshold of shrinkage; psnr: without it. */
-static hada_status choose_shrink(trial_work *work, const trial_set *set, double psnr, hada_error *err)
+/* Chooses the strength of the learned regulariser; psnr: without it. */
+static hada_status choose_ridge(trial_work *work, const trial_set *set, double psnr, hada_error *err)
 {
     hada_refine_weights weights[CHOICES];
     for (int i = 0; i < CHOICES; i++) {
         weights[i] = work->weights;
-        weights[i].shrink = shrinks_tried[i];
+        weights[i].ridge = ridges_tried[i];
     }
-    work->weights.shrink = 0.0;
+    work->weights.ridge = 0.0;
     return choose_of(work, set, weights, &psnr, err);
 }
 
@@ -206,8 +206,8 @@ static hada_status choose_weights(trial_work *work, const trial_set *set, hada_e
     HADA_TRY(choose_tv(work, set, &psnr, err));
     if (work->weights.tv > 0.0 && work->bench.with->colour < 0.0 && work->bench.grid->info.channels > 1)
         HADA_TRY(choose_colour(work, set, &psnr, err));
-    if (work->weights.tv > 0.0 && work->bench.with->shrink < 0.0)
-        HADA_TRY(choose_shrink(work, set, psnr, err));
+    if (work->weights.tv > 0.0 && work->bench.with->ridge < 0.0)
+        HADA_TRY(choose_ridge(work, set, psnr, err));
     return HADA_OK;
 }
 
@@ -325,7 +325,7 @@ hada_status hada_fit_trial_run(const hada_fit_trial *trial, hada_fit_trial_resul
     const int cropped = trial->sums->grid->info.boundary == HADA_BOUNDARY_PADDED;
     trial_work work = {.bench = {.with = trial, .grid = trial->sums->grid},
                        .weights = {fmax(trial->tv, 0.0), trial->colour >= 0.0 ? trial->colour : HADA_REFINE_COLOUR,
-                                   trial->shrink >= 0.0 ? trial->shrink : HADA_REFINE_SHRINK},
+                                   trial->ridge >= 0.0 ? trial->ridge : HADA_REFINE_RIDGE},
                        .rank_steps = cropped ? TV_STEPS_CROPPED : TV_STEPS};
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_trial_bench_create(&work.bench, err));

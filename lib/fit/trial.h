@@ -8,15 +8,15 @@
 #include "fit/nonnegative.h"
 #include "refine/admm.h"
 
-/* What the trial works with. tv, colour, shrink: weights of total variation and of colour in it, threshold of
- * shrinkage; < 0: chosen. */
+/* What the trial works with. tv, colour, ridge: weights of total variation and of colour in it, strength of the
+ * learned regulariser; < 0: chosen. */
 typedef struct hada_fit_trial {
     hada_fit_sums *sums;
     hada_fit_pair *pair;
     hada_nonnegative *nonnegative; /* NULL: transfer functions from the pairs alone */
     const hada_fit_kept *kept;
     const hada_model *model; /* of the fit */
-    double tv, colour, shrink;
+    double tv, colour, ridge;
 } hada_fit_trial;
 
 /* What it found. The gains are in decibels over the linear filters, one depth occupied plus two. */

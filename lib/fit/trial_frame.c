@@ -42,7 +42,7 @@ hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
     shape.tv = bench->with->tv != 0.0;
     if (grid->info.mosaic != HADA_MOSAIC_NONE)
         shape.boundary = HADA_BOUNDARY_PADDED;
-    shape.shrink = bench->with->shrink != 0.0;
+    shape.ridge = bench->with->ridge != 0.0;
     HADA_TRY(hada_refiner_create(&bench->maker.refiner, grid->slot, &shape, err));
     HADA_TRY(hada_fft_create(&bench->inverse, grid->slot, &desc, err));
     HADA_TRY(hada_buffer_create(&bench->filters, context, bytes, "filters on trial", err));
@@ -176,12 +176,15 @@ hada_status hada_trial_filter(hada_trial_bench *bench, const hada_trial_frame *f
 }
 
 hada_status hada_trial_refine(hada_trial_bench *bench, const hada_trial_frame *frame,
-                              const hada_refine_weights *weights, int before, int steps, hada_error *err)
+                              const hada_refine_weights *weights, int before, int steps, int ends, hada_error *err)
 {
     const int list[HADA_TRIAL_MEMBERS] = {frame->first, frame->first + 1};
-    const hada_maker_steps now = {.steps = steps, .before = before};
     hada_plane_maker *maker = &bench->maker;
     maker->weights = *weights;
-    HADA_TRY(hada_maker_refine(maker, &now, bench->noise_unit, frame->members, list, NULL, err));
+    const int last = ends ? hada_maker_ridge_steps(maker, steps) : 0;
+    const hada_maker_steps now = {.steps = steps - last, .before = before};
+    int done;
+    HADA_TRY(hada_maker_refine(maker, &now, bench->noise_unit, frame->members, list, &done, err));
+    HADA_TRY(hada_maker_regularise(maker, last, 0.0, bench->noise_unit, frame->members, list, &done, err));
     return hada_maker_read(maker, hada_refiner_planes(maker->refiner), 0, frame->members, bench->planes, err);
 }

@@ -40,9 +40,10 @@ hada_status hada_trial_expose(hada_trial_bench *bench, const hada_trial_frame *f
 /* Linear planes, to the host. */
 hada_status hada_trial_filter(hada_trial_bench *bench, const hada_trial_frame *frame, hada_error *err);
 
-/* `steps` further steps of refinement after `before` others, or the first ones; the planes come to the host. */
+/* `steps` further steps of refinement after `before` others, or the first ones; ends: the last ones are with the
+ * learned regulariser, and none may follow. The planes come to the host. */
 hada_status hada_trial_refine(hada_trial_bench *bench, const hada_trial_frame *frame,
-                              const hada_refine_weights *weights, int before, int steps, hada_error *err);
+                              const hada_refine_weights *weights, int before, int steps, int ends, hada_error *err);
 
 /* The sum of squares. */
 double hada_trial_energy(const float *values, size_t count);

@@ -106,7 +106,7 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
     if (!not_negative(info->alpha) || !not_negative(info->lambda) || !not_negative(info->noise) ||
         !(info->refine_rho >= (info->refine_steps > 0 ? LEAST_RHO : 0.0) && info->refine_rho <= MOST_RHO) ||
         !(not_negative(info->refine_tv) || info->refine_tv == HADA_AUTO) || !(fabs(info->dark) <= MOST_DARK) ||
-        info->refine_steps < 0 || !not_negative(info->refine_shrink) ||
+        info->refine_steps < 0 || !not_negative(info->refine_ridge) ||
         (info->refine_colour != 0.0 && !(info->refine_colour >= 1.0)) || !isfinite(info->refine_colour))
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the model's alpha, lambda, noise, dark level or refinement settings are not usable numbers");

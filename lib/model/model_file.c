@@ -101,7 +101,7 @@ static hada_status put_metadata(hada_tensors_writer *writer, const hada_model_in
                    {"refine_steps", info->refine_steps},
                    {"refine_tv", info->refine_tv},
                    {"refine_colour", info->refine_colour},
-                   {"refine_shrink", info->refine_shrink},
+                   {"refine_ridge", info->refine_ridge},
                    {"refine_share", info->refine_share}};
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         HADA_TRY(put_number(writer, numbers[i].key, numbers[i].value, err));
@@ -259,11 +259,16 @@ static hada_status get_metadata(const hada_tensors *file, const char *path, hada
                    {"refine_steps", &steps},
                    {"refine_tv", &info->refine_tv}, /* older models lack what follows */
                    {"refine_share", &info->refine_share},
-                   {"refine_shrink", &info->refine_shrink},
+                   {"refine_ridge", &info->refine_ridge},
                    {"refine_colour", &info->refine_colour}};
     for (size_t i = 0; i < HADA_COUNT(numbers); i++)
         if (i < 6 || hada_tensors_meta(file, numbers[i].key))
             HADA_TRY(get_number(file, path, numbers[i].key, numbers[i].out, err));
+    if (!hada_tensors_meta(file, "refine_ridge") && hada_tensors_meta(file, "refine_shrink")) {
+        double shrink = 0.0; /* what older models had in its place */
+        HADA_TRY(get_number(file, path, "refine_shrink", &shrink, err));
+        info->refine_ridge = shrink > 0.0 ? 1.0 : 0.0;
+    }
     const char *response = hada_tensors_meta(file, RESPONSE); /* older models lack it */
     info->scene_response = HADA_RESPONSE_LINEAR;
     if (response && (hada_response_from_name(&info->scene_response, response, NULL) ||

@@ -25,7 +25,7 @@ hada_maker_way hada_maker_way_of(const hada_model_info *info, double tv, hada_mo
     const int least = mosaic == HADA_MOSAIC_NONE ? HADA_CHOSEN_STEPS : HADA_CHOSEN_MOSAIC_STEPS;
     const double own = tv == HADA_AUTO ? info->refine_tv : tv;
     hada_maker_way way = {.steps = info->has_otf ? info->refine_steps : 0,
-                          .weights = {own, info->refine_colour, info->refine_shrink},
+                          .weights = {own, info->refine_colour, info->refine_ridge},
                           .boundary = info->boundary};
     way.choose = own == HADA_AUTO || own == HADA_REFINE_TV_FRAME;
     const int open = way.choose || (mosaic != HADA_MOSAIC_NONE && info->refine_tv == HADA_AUTO);
@@ -36,7 +36,7 @@ hada_maker_way hada_maker_way_of(const hada_model_info *info, double tv, hada_mo
     way.boundary = HADA_BOUNDARY_PADDED;
     way.weights.tv = 0.0;
     if (info->refine_tv == HADA_AUTO) /* no fit has measured what pays beside it */
-        way.weights = (hada_refine_weights){0.0, HADA_REFINE_COLOUR, HADA_REFINE_SHRINK};
+        way.weights = (hada_refine_weights){0.0, HADA_REFINE_COLOUR, HADA_REFINE_RIDGE};
     return way;
 }
 
@@ -95,18 +95,24 @@ hada_status hada_maker_filter(const hada_plane_maker *maker, int first, int coun
 #define RHO_CONTINUING 30.0
 #define MOST_RHO       3e-2
 
-hada_status hada_maker_refine(const hada_plane_maker *maker, const hada_maker_steps *steps, double unit, int count,
-                              const int *list, int *done, hada_error *err)
+/* The rule for weights in units of a frame's noise; tv: a weight of total variation, or 0: the maker's. */
+static void weigh(const hada_plane_maker *maker, double tv, double unit, int count, hada_refine_rule *rule)
 {
     hada_model_info info = *hada_model_get_info(maker->model);
     hada_refine_weights weights = maker->weights;
-    hada_refine_rule rule;
-    hada_refine_rule_init(&rule);
-    rule.steps = steps->steps;
     info.boundary = maker->boundary;
-    if (steps->tv > 0.0)
-        weights.tv = steps->tv;
-    hada_refine_rule_weigh(&rule, &info, &weights, count, hada_model_gain(maker->model), unit);
+    if (tv > 0.0)
+        weights.tv = tv;
+    hada_refine_rule_init(rule);
+    hada_refine_rule_weigh(rule, &info, &weights, count, hada_model_gain(maker->model), unit);
+}
+
+hada_status hada_maker_refine(const hada_plane_maker *maker, const hada_maker_steps *steps, double unit, int count,
+                              const int *list, int *done, hada_error *err)
+{
+    hada_refine_rule rule;
+    weigh(maker, steps->tv, unit, count, &rule);
+    rule.steps = steps->steps;
     if (steps->tv > 0.0)
         hada_refine_rule_follow(&rule, steps->tv, hada_model_gain(maker->model),
                                 steps->before && !steps->resume ? RHO_CONTINUING : RHO_PER_WEIGHT, MOST_RHO);
@@ -117,12 +123,34 @@ hada_status hada_maker_refine(const hada_plane_maker *maker, const hada_maker_st
     } else if (steps->stop && steps->before) {
         hada_refine_rule_settle(&rule);
     } else if (steps->stop) {
-        hada_refine_rule_stop(&rule, info.boundary, steps->stop);
+        hada_refine_rule_stop(&rule, maker->boundary, steps->stop);
     }
     rule.start = steps->before || steps->resume ? HADA_REFINE_CONTINUE : HADA_REFINE_COLD;
     rule.before = steps->before;
     rule.quiet = !(rule.stop > 0.0);
     return hada_refiner_run(maker->refiner, &maker->data, &rule, 1, count, list, done, err);
+}
+
+int hada_maker_ridge_steps(const hada_plane_maker *maker, int steps)
+{
+    enum { MOST = 3 };
+    if (!(maker->weights.ridge > 0.0) || !(maker->weights.tv > 0.0 || maker->held.mem))
+        return 0;
+    return steps / 2 < MOST ? steps / 2 : MOST;
+}
+
+hada_status hada_maker_regularise(const hada_plane_maker *maker, int steps, double tv, double unit, int count,
+                                  const int *list, int *done, hada_error *err)
+{
+    hada_refine_rule rule;
+    int made = 0;
+    weigh(maker, tv, unit, count, &rule);
+    if (steps < 1 || !(rule.tv > 0.0))
+        return HADA_OK;
+    hada_refine_rule_ridge(&rule, steps, maker->weights.ridge, hada_model_gain(maker->model));
+    HADA_TRY(hada_refiner_run(maker->refiner, &maker->data, &rule, 1, count, list, &made, err));
+    *done += made;
+    return HADA_OK;
 }
 
 hada_status hada_maker_fade(const hada_plane_maker *maker, int count, double share, hada_error *err)

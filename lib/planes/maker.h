@@ -182,6 +182,15 @@ hada_status hada_maker_refine_exposure(hada_plane_maker *maker, const hada_frame
                                        const hada_maker_steps *steps, int count, const int *list,
                                        hada_maker_choice *choice, int *done, hada_error *err);
 
+/* How many of so many steps are those with the learned regulariser: the last three, or half of few; none where the
+ * maker has no weight for it, or none of total variation. */
+int hada_maker_ridge_steps(const hada_plane_maker *maker, int steps);
+
+/* These steps, after others with the same weight of total variation tv (0: the maker's); adds them to *done. What a
+ * frame leaves for the next one is kept before. */
+hada_status hada_maker_regularise(const hada_plane_maker *maker, int steps, double tv, double unit, int count,
+                                  const int *list, int *done, hada_error *err);
+
 /* Of a sequence: what is known of the frame that the refiner remembers (planes/go_on.c). */
 typedef struct hada_maker_past {
     double left;  /* share of its energy that its planes leave, which the owner sets once it is known; below 0: none is

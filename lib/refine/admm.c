@@ -75,12 +75,17 @@ void hada_refine_rule_init(hada_refine_rule *rule)
 enum { PARTING_STEPS = 7 };
 
 /* A single depth has nothing to part from: rho grows to this many times what several bear, by this a step; faster and
- * further where shrinkage takes over from total variation. */
-#define ALONE_RHO           3.0
-#define ALONE_RHO_SHRINK    8.0
-#define ALONE_RHO_CROPPED   10.0
-#define ALONE_GROWTH        1.2
-#define ALONE_GROWTH_SHRINK 1.4
+ * further where the learned regulariser follows. */
+#define ALONE_RHO          3.0
+#define ALONE_RHO_RIDGE    8.0
+#define ALONE_RHO_CROPPED  10.0
+#define ALONE_GROWTH       1.2
+#define ALONE_GROWTH_RIDGE 1.4
+
+/* rho of the steps with the learned regulariser, in units of the gain, and the noise that it takes out with strength 1,
+ * in units of the weight of total variation over the gain. */
+#define RIDGE_RHO   0.25
+#define RIDGE_NOISE 23.0
 
 void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info, const hada_refine_weights *weights,
                             int depths, double gain, double mean_square)
@@ -89,6 +94,7 @@ void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info,
     rule->rho = (same ? info->refine_rho : hada_refine_rho(info->boundary, weights->tv)) * gain;
     rule->tv = weights->tv * sqrt(info->channels * gain * mean_square);
     rule->tv_colour = weights->colour;
+    rule->ridge = weights->ridge > 0.0;
     /* so faint that the step on the dual would leave single precision: black */
     if (!(rule->tv / rule->rho > 1e-36))
         rule->tv = 0.0;
@@ -99,16 +105,27 @@ void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info,
         rule->first_steps = PARTING_STEPS;
     } else {
         rule->first_rho = rule->rho;
-        rule->shrink = weights->shrink;
-        rule->growth = rule->shrink > 0.0 ? ALONE_GROWTH_SHRINK : ALONE_GROWTH;
+        rule->growth = weights->ridge > 0.0 ? ALONE_GROWTH_RIDGE : ALONE_GROWTH;
         rule->rho *= info->boundary == HADA_BOUNDARY_PADDED ? ALONE_RHO_CROPPED
-                     : rule->shrink > 0.0                   ? ALONE_RHO_SHRINK
+                     : weights->ridge > 0.0                 ? ALONE_RHO_RIDGE
                                                             : ALONE_RHO;
     }
     if (info->boundary == HADA_BOUNDARY_PADDED) {
         rule->first_rho = CROPPED_FIRST_RHO * gain;
         rule->growth = CROPPED_GROWTH;
     }
+}
+
+void hada_refine_rule_ridge(hada_refine_rule *rule, int steps, double strength, double gain)
+{
+    rule->steps = steps;
+    rule->noise = strength * RIDGE_NOISE * rule->tv / gain;
+    rule->rho = rule->first_rho = RIDGE_RHO * gain;
+    rule->growth = rule->relaxation = 1.0;
+    rule->first_steps = rule->before = rule->ridge = 0;
+    rule->resumes = rule->quiet = 1;
+    rule->stop = rule->settle = 0.0;
+    rule->start = HADA_REFINE_CONTINUE;
 }
 
 /* The least rho that follows a weight, in units of the gain. */
@@ -121,13 +138,13 @@ void hada_refine_rule_follow(hada_refine_rule *rule, double tv, double gain, dou
 }
 
 /* A `stop` that ended within 0.1 dB of the best number of steps, for such a rule (docs/explanation/refinement.md).
- * Padded, what is known of a step is |b - v| within the frame, which settles before the planes do. Steps with shrinkage
- * settle what those before them left, which need not have come so near. */
+ * Padded, what is known of a step is |b - v| within the frame, which settles before the planes do. Steps with the
+ * learned regulariser settle what those before them left, which need not have come so near. */
 static double residual_stop(hada_boundary boundary, const hada_refine_rule *rule)
 {
     if (boundary == HADA_BOUNDARY_PADDED)
-        return rule->shrink > 0.0 ? 0.006 : 0.003;
-    return rule->shrink > 0.0 ? 0.1 : rule->tv > 0.0 ? 0.006 : 0.01;
+        return rule->ridge ? 0.006 : 0.003;
+    return rule->ridge ? 0.1 : rule->tv > 0.0 ? 0.006 : 0.01;
 }
 
 /* Four steps that change planes by less than this leave them within 0.1 dB of what more would make of them
@@ -326,9 +343,9 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_
     if (shape->tv)
         HADA_TRY_OR_DONE(hada_variation_prepare(&refiner->variation, slot, shape->channels, shape->window.rows,
                                                 shape->window.cols, err));
-    if (shape->tv && shape->shrink)
-        HADA_TRY_OR_DONE(hada_shrinkage_prepare(&refiner->shrinkage, slot, shape->channels, shape->window.rows,
-                                                shape->window.cols, err));
+    if (shape->tv && shape->ridge)
+        HADA_TRY_OR_DONE(
+            hada_ridge_prepare(&refiner->ridge, slot, shape->channels, shape->window.rows, shape->window.cols, err));
     if (shape->crosstalk)
         HADA_TRY_OR_DONE(hada_crosstalk_prepare(&refiner->crosstalk, slot, shape->channels, shape->window.rows,
                                                 shape->window.cols, err));

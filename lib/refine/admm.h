@@ -55,7 +55,7 @@ typedef struct hada_refine_shape {
     int max_planes; /* sets x depths in one run, at most */
     int max_steps;
     int tv;        /* 1: rules may ask for total variation */
-    int shrink;    /* 1: and for shrinkage with it */
+    int ridge;     /* 1: and for the learned regulariser after it */
     int settle;    /* 1: and planes may be asked whether they have settled */
     int crosstalk; /* 1: and planes may fade where they are dark beside others */
     int past;      /* 1: what a run of one set leaves may be kept for the next frame */
@@ -96,11 +96,12 @@ typedef struct hada_refine_rule {
     double mu;        /* > 0: weight of the split at the frame (padded), in units of the data's weight; 1 */
     double tv;        /* weight of total variation, in units of OTF x frame; 0: none. See hada_refine_rule_weigh() */
     double tv_colour; /* >= 1: how much heavier differences of colour are than those of brightness */
-    double shrink;    /* with tv and a single image, in the last steps: threshold of the shrinkage of its blocks' cosine
-                         transforms (refine/proximal.h), in units of tv; 0: none */
-    double stop;      /* stop when the residual changes by less than this part of itself, twice running; 0: never */
-    double settle;    /* of one set: stop when four steps change the planes by less than this part of them; 0: never */
-    int quiet;        /* 1, without `stop`: nobody asks for the energies on the way, and the run waits for nothing */
+    int ridge;        /* 1: steps with the learned regulariser follow the run */
+    double noise;  /* above 0: the proximal step is that of the learned regulariser (refine/ridge.h) for noise of this
+                      standard deviation, without duals, instead of total variation's */
+    double stop;   /* stop when the residual changes by less than this part of itself, twice running; 0: never */
+    double settle; /* of one set: stop when four steps change the planes by less than this part of them; 0: never */
+    int quiet;     /* 1, without `stop`: nobody asks for the energies on the way, and the run waits for nothing */
     int scored; /* 1: hada_refiner_score() follows, with the planes as they are: a step may leave what it begins with */
     hada_refine_start start;
 } hada_refine_rule;
@@ -108,9 +109,9 @@ typedef struct hada_refine_rule {
 void hada_refine_rule_init(hada_refine_rule *rule);
 
 /* Weights of refinement: of total variation (0: none) and, in it, of differences of colour over those of brightness;
- * with it, of the shrinkage of blocks of a single image, in units of tv. */
+ * the strength of the learned regulariser after it (0: none). */
 typedef struct hada_refine_weights {
-    double tv, colour, shrink;
+    double tv, colour, ridge;
 } hada_refine_weights;
 
 /* The weight of colour that photographs favour, where nothing was measured (docs/explanation/refinement.md). */
@@ -118,15 +119,13 @@ typedef struct hada_refine_weights {
 /* Beyond this the proximal step would not be exact; a grey scene is as grey with less. */
 #define HADA_REFINE_MOST_COLOUR 16.0
 
-/* The threshold of shrinkage that photographs favour, and beyond which it would leave nothing. */
-#define HADA_REFINE_SHRINK      1.6
-#define HADA_REFINE_MOST_SHRINK 100.0
-/* The share of total variation that stays in steps with it. */
-#define HADA_REFINE_SHRINK_TV 0.3
+/* The strength of the learned regulariser that photographs favour, and the largest one that is possible. */
+#define HADA_REFINE_RIDGE      1.0
+#define HADA_REFINE_MOST_RIDGE 100.0
 
-static inline int hada_refine_shrink_known(double shrink)
+static inline int hada_refine_ridge_known(double ridge)
 {
-    return shrink >= 0.0 && shrink <= HADA_REFINE_MOST_SHRINK;
+    return ridge >= 0.0 && ridge <= HADA_REFINE_MOST_RIDGE;
 }
 
 static inline int hada_refine_colour_known(double colour)
@@ -164,6 +163,10 @@ static inline int hada_refine_most_steps(int steps, int depths)
  * is not the model's. */
 void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info, const hada_refine_weights *weights,
                             int depths, double gain, double mean_square);
+
+/* Turns a rule that has been weighed into that of steps with the learned regulariser, which go on from a run with total
+ * variation. */
+void hada_refine_rule_ridge(hada_refine_rule *rule, int steps, double strength, double gain);
 
 /* rho, in a rule that has been weighed, in proportion to a weight of total variation that may be far from the usual: a
  * small weight with a large rho changes planes so little a step that they stay hazy. per: rho of weight 1, most: the

@@ -60,17 +60,16 @@ static hada_status check_rule(const hada_refiner *refiner, const hada_refine_rul
 {
     if (rule->steps < 1 || rule->steps > refiner->shape.max_steps || !(rule->rho > 0.0) ||
         !(rule->relaxation > 0.0 && rule->relaxation < 2.0) || !(rule->mu > 0.0) || !(rule->growth >= 1.0) ||
-        !hada_refine_colour_known(rule->tv_colour) || !hada_refine_shrink_known(rule->shrink) || rule->before < 0 ||
+        !hada_refine_colour_known(rule->tv_colour) || !(rule->noise >= 0.0) || rule->before < 0 ||
         (rule->first_steps > 0 && !(rule->first_relaxation > 0.0 && rule->first_relaxation < 2.0)))
-        return hada_fail(
-            err, HADA_ERROR_ARGUMENT,
-            "refinement: steps 1 to %d, rho and mu above 0, relaxation between 0 and 2, growth and the "
-            "weight of colour from 1 on, shrinkage from 0 on are possible (got %d, %g, %g, %g, %g, %g, %g)",
-            refiner->shape.max_steps, rule->steps, rule->rho, rule->mu, rule->relaxation, rule->growth, rule->tv_colour,
-            rule->shrink);
-    if (rule->tv > 0.0 && (!refiner->shape.tv || (rule->shrink > 0.0 && !refiner->shape.shrink)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "refinement: steps 1 to %d, rho and mu above 0, relaxation between 0 and 2, growth and the "
+                         "weight of colour from 1 on, noise from 0 on are possible (got %d, %g, %g, %g, %g, %g, %g)",
+                         refiner->shape.max_steps, rule->steps, rule->rho, rule->mu, rule->relaxation, rule->growth,
+                         rule->tv_colour, rule->noise);
+    if (rule->tv > 0.0 && (!refiner->shape.tv || (rule->noise > 0.0 && !refiner->shape.ridge)))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "refinement: this refiner was made without %s",
-                         refiner->shape.tv ? "shrinkage" : "total variation");
+                         refiner->shape.tv ? "the learned regulariser" : "total variation");
     if (rule->settle > 0.0 && !refiner->shape.settle)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "refinement: this refiner was made without telling whether planes have settled");
@@ -90,27 +89,26 @@ static int converged(const hada_refiner *refiner, int sets, int step, double sto
 }
 
 /* The proximal step on the planes. */
-static hada_status constrain(const hada_refine_run *r, const hada_refine_rule *rule, int step, int fresh, int shrink,
+static hada_status constrain(const hada_refine_run *r, const hada_refine_rule *rule, int step, int fresh,
                              hada_error *err)
 {
     const double theta = rule->tv / hada_refine_rho_at(rule, step);
     if (!(rule->tv > 0.0))
         return hada_refine_nonnegative(r, err);
-    return shrink ? hada_refine_shrink_step(r->refiner, theta, rule->tv_colour, rule->shrink, fresh, err)
-                  : hada_refine_tv_step(r->refiner, r->sets * r->depths, theta, rule->tv_colour, fresh, err);
+    return rule->noise > 0.0 ? hada_refine_ridge_step(r->refiner, r->sets * r->depths, rule->noise, err)
+                             : hada_refine_tv_step(r->refiner, r->sets * r->depths, theta, rule->tv_colour, fresh, err);
 }
 
 /* Where the sums of a linear step go. Padded: the energies wanted are those within the frame, but of the frame itself;
- * the last place takes the others. */
-static int place_of(const hada_refine_run *r, int step)
+ * the last place takes the others. Those of steps that follow a run are not wanted. */
+static int place_of(const hada_refine_run *r, const hada_refine_rule *rule, int step)
 {
-    return r->padded && step ? r->refiner->shape.max_steps + 1 : step;
+    return (r->padded && step) || rule->noise > 0.0 ? r->refiner->shape.max_steps + 1 : step;
 }
 
 /* Step number `step` in passes along columns and along rows. Where the step before was one as well, without total
  * variation, the planes' half spectra stand there. */
-static hada_status iterate_fused(const hada_refine_run *r, const hada_refine_rule *rule, int step, int shrink,
-                                 hada_error *err)
+static hada_status iterate_fused(const hada_refine_run *r, const hada_refine_rule *rule, int step, hada_error *err)
 {
     const int start = step ? HADA_REFINE_CONTINUE : (int)rule->start, tv = rule->tv > 0.0;
     const int asked = rule->scored && hada_refine_fused_scores(r->refiner, r->depths);
@@ -120,17 +118,16 @@ static hada_status iterate_fused(const hada_refine_run *r, const hada_refine_rul
     const int goes_on = r->padded && start == HADA_REFINE_CONTINUE && !step;
     if (start != HADA_REFINE_COLD && (tv || !step))
         HADA_TRY(hada_refine_fused_rows(r, forward, goes_on ? forward : 0, rule->mu, 0, err));
-    HADA_TRY(hada_refine_fused_columns(r, rule, start, step, place_of(r, step), err));
+    HADA_TRY(hada_refine_fused_columns(r, rule, start, step, place_of(r, rule, step), err));
     HADA_TRY(hada_refine_fused_rows(r, planes, frame, rule->mu, step + 1, err));
     if (tv)
-        HADA_TRY(constrain(r, rule, step, start != HADA_REFINE_CONTINUE, shrink, err));
+        HADA_TRY(constrain(r, rule, step, start != HADA_REFINE_CONTINUE, err));
     r->refiner->half_there = planes & forward;
     return HADA_OK;
 }
 
 /* Step number `step`: the linear step, then the proximal steps on planes and frame. */
-static hada_status iterate(const hada_refine_run *r, const hada_refine_rule *rule, int step, int shrink,
-                           hada_error *err)
+static hada_status iterate(const hada_refine_run *r, const hada_refine_rule *rule, int step, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
     const int start = step ? HADA_REFINE_CONTINUE : (int)rule->start;
@@ -138,9 +135,9 @@ static hada_status iterate(const hada_refine_run *r, const hada_refine_rule *rul
         HADA_TRY(hada_refine_planes_forward(r, err));
     if (r->padded && start == HADA_REFINE_CONTINUE)
         HADA_TRY(hada_refine_frame_forward(r, err));
-    HADA_TRY(hada_refine_solve(r, rule, start, step, place_of(r, step), err));
+    HADA_TRY(hada_refine_solve(r, rule, start, step, place_of(r, rule, step), err));
     HADA_TRY(hada_refine_planes_inverse(r, err));
-    HADA_TRY(constrain(r, rule, step, start != HADA_REFINE_CONTINUE, shrink, err));
+    HADA_TRY(constrain(r, rule, step, start != HADA_REFINE_CONTINUE, err));
     if (r->padded) {
         HADA_TRY(hada_refine_frame_inverse(r, &refiner->now_w, refiner->split, &refiner->dual, err));
         HADA_TRY(hada_refine_frame_dual(r, refiner->dual.mem, 1, rule->mu, step + 1, err));
@@ -178,23 +175,15 @@ static hada_status read_energies(const hada_refine_run *r, const hada_refine_rul
     return HADA_OK;
 }
 
-/* How many of the last steps have shrinkage: at most half of them, and of a single image. */
-static int shrink_steps(const hada_refine_run *r, const hada_refine_rule *rule)
-{
-    if (!(rule->tv > 0.0 && rule->shrink > 0.0) || r->sets * r->depths > 1)
-        return 0;
-    return rule->steps / 2 < HADA_SHRINKAGE_STEPS ? rule->steps / 2 : HADA_SHRINKAGE_STEPS;
-}
-
 /* Whether the planes have settled after *count steps. Planes seldom have at the first look: where a look leaves the
  * device idle, the first two are read together, and if they had, the planes of the first come back, and *count; not
- * where steps with shrinkage follow, which go on from all that there is. */
+ * where steps that follow need the split at the frame as well. */
 static hada_status look(const hada_refine_run *r, const hada_refine_rule *rule, int *count, int *settled,
                         hada_error *err)
 {
     enum { FIRST = KEEP_FIRST + KEEP_EVERY, SECOND = FIRST + KEEP_EVERY };
-    const int now = *count,
-              both = !(rule->shrink > 0.0) && hada_refine_looks(r->refiner->slot->context) > 1 && SECOND < rule->steps;
+    const int now = *count, both = !(rule->ridge && r->padded) && hada_refine_looks(r->refiner->slot->context) > 1 &&
+                                   SECOND < rule->steps;
     const size_t place = both && now == SECOND;
     double change[2];
     *settled = 0;
@@ -225,28 +214,26 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
     refiner->half_there = 0;
     HADA_TRY_OR_DONE(begin(&r, refiner, data, sets, depths, list, 0, err));
     HADA_TRY_OR_DONE(check_rule(refiner, rule, err));
-    const int last = shrink_steps(&r, rule);
-    int end = rule->steps;
-    while (count < end) {
-        const int shrink = count >= end - last;
-        HADA_TRY_OR_DONE(r.fused ? iterate_fused(&r, rule, count, shrink, err) : iterate(&r, rule, count, shrink, err));
+    for (int end = rule->steps; count < end;) {
+        HADA_TRY_OR_DONE(r.fused ? iterate_fused(&r, rule, count, err) : iterate(&r, rule, count, err));
         count++;
-        if (rule->settle > 0.0 && count < end && !shrink) {
+        if (rule->settle > 0.0 && count < end) {
             int settled;
             HADA_TRY_OR_DONE(look(&r, rule, &count, &settled, err));
-            end = settled && count + last < end ? count + last : end;
+            end = settled ? count : end;
         }
-        if (count < end ? shrink || !(rule->stop > 0.0) || count < least : rule->quiet)
+        if (count < end ? !(rule->stop > 0.0) || count < least : rule->quiet)
             continue;
         const int known = r.padded ? count + 1 : count;
         HADA_TRY_OR_DONE(read_energies(&r, rule, read, known, err));
         read = known;
-        if (!shrink && rule->stop > 0.0 && count >= least && read >= 4 &&
-            converged(refiner, sets, read - 1, rule->stop) && converged(refiner, sets, read - 2, rule->stop))
-            end = count + last < end ? count + last : end;
+        if (rule->stop > 0.0 && count >= least && read >= 4 && converged(refiner, sets, read - 1, rule->stop) &&
+            converged(refiner, sets, read - 2, rule->stop))
+            end = count;
     }
     refiner->last_rho = hada_refine_rho_at(rule, count - 1);
-    refiner->arriving.linear_slices = !r.padded && count > 1 ? step_slices(&r) : 0;
+    if (!(rule->noise > 0.0))
+        refiner->arriving.linear_slices = !r.padded && count > 1 ? step_slices(&r) : 0;
 done:
     if (steps)
         *steps = count;

@@ -93,9 +93,10 @@ hada_refine_step hada_refine_step_of(const hada_refine_run *r, const hada_refine
         .problem = hada_refine_problem_of(r, place),
         .split = r->refiner->split,
         .rho = (float)hada_refine_rho_at(rule, step),
-        .keep = !step && rule->resumes ? (float)(r->refiner->last_rho / hada_refine_rho_at(rule, step))
-                : step + rule->before  ? (float)(hada_refine_rho_at(rule, step - 1) / hada_refine_rho_at(rule, step))
-                                       : 1.0f,
+        .keep = rule->noise > 0.0        ? 0.0f
+                : !step && rule->resumes ? (float)(r->refiner->last_rho / hada_refine_rho_at(rule, step))
+                : step + rule->before    ? (float)(hada_refine_rho_at(rule, step - 1) / hada_refine_rho_at(rule, step))
+                                         : 1.0f,
         .relaxation = start == HADA_REFINE_CONTINUE ? (float)relaxation_at(rule, step) : 1.0f,
         .start = start,
         .padded = r->padded,
@@ -197,13 +198,11 @@ hada_status hada_refine_tv_step(hada_refiner *refiner, int planes, double theta,
                                fresh, err);
 }
 
-hada_status hada_refine_shrink_step(hada_refiner *refiner, double theta, double colour, double shrink, int fresh,
-                                    hada_error *err)
+hada_status hada_refine_ridge_step(hada_refiner *refiner, int planes, double noise, hada_error *err)
 {
-    const cl_mem duals[2] = {refiner->tv[0].mem, refiner->tv[1].mem};
-    const hada_shrinkage_weights weights = {theta, colour, HADA_REFINE_SHRINK_TV, shrink};
-    return hada_shrinkage_after_variation(&refiner->shrinkage, &refiner->variation, refiner->slot, refiner->planes.mem,
-                                          duals, &weights, fresh, err);
+    /* total variation's duals are in the first buffer, and the second is free */
+    return hada_ridge_apply(&refiner->ridge, refiner->slot, refiner->planes.mem, refiner->tv[1].mem, planes, noise,
+                            err);
 }
 
 /* Partial sums in order and in double. */

@@ -6,6 +6,7 @@
 #include "launch/refine.h"
 #include "refine/admm.h"
 #include "refine/proximal.h"
+#include "refine/ridge.h"
 
 enum {
     HADA_REFINE_BATCH = 48,  /* images that one transform call takes */
@@ -51,7 +52,7 @@ struct hada_refiner {
     hada_buffer tv[2];           /* total variation: its duals, and where the next ones go */
     hada_program_refine program; /* in the shape that fits the device and the layout */
     hada_variation variation;
-    hada_shrinkage shrinkage;
+    hada_ridge ridge;
     hada_crosstalk crosstalk;
     size_t group; /* work-items of a group in the kernels with sums */
     size_t window_area, frame_area;
@@ -109,10 +110,8 @@ hada_status hada_refine_nonnegative(const hada_refine_run *run, hada_error *err)
 hada_status hada_refine_tv_step(hada_refiner *refiner, int planes, double theta, double colour, int fresh,
                                 hada_error *err);
 
-/* The same for a single image, shrinkage after what stays of total variation. shrink: its threshold in units of theta.
- */
-hada_status hada_refine_shrink_step(hada_refiner *refiner, double theta, double colour, double shrink, int fresh,
-                                    hada_error *err);
+/* The steps of the learned regulariser instead, for noise of this standard deviation. */
+hada_status hada_refine_ridge_step(hada_refiner *refiner, int planes, double noise, hada_error *err);
 
 /* Looks at the planes that are read together, at most. A device that shares the host's memory is waited for at little
  * cost; another idles meanwhile. */

@@ -125,7 +125,7 @@ static hada_refine_shape refine_shape(const hada_model_info *info, int composes)
     shape.boundary = way.boundary;
     shape.settle = shape.crosstalk = depths > 1;
     shape.tv = way.choose || way.weights.tv > 0;
-    shape.shrink = way.weights.shrink > 0;
+    shape.ridge = way.weights.ridge > 0;
     return shape;
 }
 
@@ -236,15 +236,18 @@ static hada_status refine(hada_planes *planes, int depth, const hada_frame_expos
 {
     hada_plane_maker *maker = &planes->maker;
     const int one[1] = {0}, several = composed->count, count = several ? several : 1;
-    const hada_maker_steps steps = {.steps = hada_maker_way_of(planes->info, HADA_AUTO, HADA_MOSAIC_NONE).steps,
-                                    .stop = count};
+    const int all = hada_maker_way_of(planes->info, HADA_AUTO, HADA_MOSAIC_NONE).steps;
+    const int last = hada_maker_ridge_steps(maker, all);
+    const hada_maker_steps steps = {.steps = all - last, .stop = count};
     hada_maker_choice choice = {0};
     size_t image;
-    int depths;
+    int depths, done;
     const cl_mem otf = hada_bank_otf(planes->bank, several ? 0 : depth, &image, &depths);
     hada_maker_use_otf(maker, otf, image * planes->stage->layout.count, depths, planes->prior.mem);
-    HADA_TRY(hada_maker_refine_exposure(maker, exposure, &steps, count, several ? composed->depth : one, &choice, NULL,
+    HADA_TRY(hada_maker_refine_exposure(maker, exposure, &steps, count, several ? composed->depth : one, &choice, &done,
                                         err));
+    HADA_TRY(hada_maker_regularise(maker, last, choice.tv, hada_exposure_noise_unit(exposure, maker->noise_share),
+                                   count, several ? composed->depth : one, &done, err));
     return hada_maker_fade(maker, count, HADA_CROSSTALK, err);
 }
 

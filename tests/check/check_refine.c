@@ -9,7 +9,7 @@ typedef struct refine_state {
     hada_refiner *refiner;
     hada_refine_shape shape;
     hada_refine_data data;
-    hada_refine_rule rule;
+    hada_refine_rule rule, last;
     check_camera camera;
     hada_buffer weights;
     int sets, depths, channels, list[MAX_LIST];
@@ -35,12 +35,11 @@ static void read_shape(const check_state *state, refine_state *own)
                             .max_planes = own->sets * own->depths,
                             .max_steps = 40,
                             .tv = check_get(state, 'y', 0) > 0,
-                            .shrink = check_get(state, 'x', 0) > 0};
+                            .ridge = check_get(state, 'x', 0) > 0};
     hada_refine_rule_init(&own->rule);
     own->rule.rho = 1e-2;
     own->rule.tv = 1e-3 * check_get(state, 'y', 0);
     own->rule.tv_colour = 0.1 * check_get(state, 'z', 10);
-    own->rule.shrink = 0.1 * check_get(state, 'x', 0);
     if (check_get(state, 'q', 0)) {
         own->rule.first_rho = 1e-3;
         own->rule.growth = 1.5;
@@ -48,6 +47,8 @@ static void read_shape(const check_state *state, refine_state *own)
         own->rule.first_steps = 3;
     }
     own->rule.steps = check_get(state, 'n', 6);
+    own->last = own->rule;
+    hada_refine_rule_ridge(&own->last, check_get(state, 'x', 0), 1.0, 1.0);
     for (int i = 0; i < own->sets * own->depths; i++)
         own->list[i] = (i % own->depths + i / own->depths) % (own->depths + 1);
     own->set_floats = (size_t)own->depths * (size_t)own->channels * (size_t)window_rows * (size_t)window_cols;
@@ -73,10 +74,9 @@ static hada_status expect(check_state *state, const refine_state *own, hada_erro
                                          .tv_colour = own->rule.tv_colour,
                                          .tv_length = HADA_REFINE_TV_LENGTH,
                                          .tv_steps = HADA_REFINE_TV_STEPS,
-                                         .shrink = own->rule.shrink,
-                                         .shrink_tv = HADA_REFINE_SHRINK_TV,
-                                         .shrink_colour = HADA_SHRINKAGE_COLOUR,
-                                         .shrink_steps = own->rule.shrink > 0.0 ? HADA_SHRINKAGE_STEPS : 0,
+                                         .ridge_steps = own->last.steps,
+                                         .ridge_rho = own->last.rho,
+                                         .ridge_noise = own->last.noise,
                                          .otf = otf,
                                          .image = own->camera.image,
                                          .weights = own->weigh,
@@ -134,6 +134,9 @@ static hada_status launch(check_state *state, hada_error *err)
             n = state->batch_limit;
         HADA_TRY(hada_refiner_run(own->refiner, &own->data, &own->rule, n, own->depths, own->list + set * own->depths,
                                   NULL, err));
+        if (own->last.steps)
+            HADA_TRY(hada_refiner_run(own->refiner, &own->data, &own->last, n, own->depths,
+                                      own->list + set * own->depths, NULL, err));
         const cl_int code = clEnqueueCopyBuffer(state->slot->queue, hada_refiner_planes(own->refiner), state->out.mem,
                                                 0, state->out_offset * sizeof(float) + (size_t)set * bytes,
                                                 (size_t)n * bytes, 0, NULL, NULL);
@@ -153,5 +156,5 @@ const check_op check_refine = {
     "refine",
     "r rows, c columns, h and w of the window, d depths in a set, s sets, n steps, p1 "
     "cropped by the sensor, q1 growing rho and falling relaxation, k channels, v1 weights of pixels (with p1), y total variation (thousandths), z its weight of "
-    "colour (tenths), x shrinkage of one image (tenths)",
+    "colour (tenths), x steps with the learned regulariser after them",
     prepare, launch, release};

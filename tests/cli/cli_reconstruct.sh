@@ -50,10 +50,10 @@ expect 2 '--refine-tv takes' reconstruct "${one[@]}" -o a --refine-tv -1
 expect 0 '' reconstruct "${one[@]}" -o grey --refine 6 --refine-tv 0.05 --refine-colour 4 --no-preview
 cmp -s smooth/test01_stack.tif grey/test01_stack.tif && fail '--refine-colour changed nothing'
 expect 2 '--refine-colour takes' reconstruct "${one[@]}" -o a --refine-colour 0.5
-expect 0 '' reconstruct "${one[@]}" -o blocks --occupied 100mm --refine 6 --refine-tv 0.05 --refine-shrink 4 --no-preview
-expect 0 '' reconstruct "${one[@]}" -o edges --occupied 100mm --refine 6 --refine-tv 0.05 --refine-shrink 0 --no-preview
-cmp -s blocks/test01_stack.tif edges/test01_stack.tif && fail '--refine-shrink changed nothing'
-expect 2 '--refine-shrink takes' reconstruct "${one[@]}" -o a --refine-shrink -1
+expect 0 '' reconstruct "${one[@]}" -o blocks --occupied 100mm --refine 6 --refine-tv 0.05 --refine-ridge 4 --no-preview
+expect 0 '' reconstruct "${one[@]}" -o edges --occupied 100mm --refine 6 --refine-tv 0.05 --refine-ridge 0 --no-preview
+cmp -s blocks/test01_stack.tif edges/test01_stack.tif && fail '--refine-ridge changed nothing'
+expect 2 '--refine-ridge takes' reconstruct "${one[@]}" -o a --refine-ridge -1
 two=(--occupied all --refine 6 --no-preview)
 expect 0 '' reconstruct "${one[@]}" -o faded "${two[@]}"
 expect 0 '' reconstruct "${one[@]}" -o unfaded "${two[@]}" --crosstalk 0

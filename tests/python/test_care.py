@@ -88,7 +88,7 @@ def test_cameras_are_pickled_member_by_member() -> None:
 # values that mean nothing ---------------------------------------------------------------------------------------------
 
 
-WRONG = """refine=-1 refine=-2 refine_tv=-1 refine_tv=-2 refine_colour=-1 refine_shrink=-1 crosstalk=-1 batch=-1
+WRONG = """refine=-1 refine=-2 refine_tv=-1 refine_tv=-2 refine_colour=-1 refine_ridge=-1 crosstalk=-1 batch=-1
 queues=-1 dark=-1 dark=2 dark=nan gamma=nan max_error=-0.5"""
 
 

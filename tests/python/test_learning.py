@@ -161,16 +161,16 @@ def test_shrinkage(arrays: Pairs, raw: Array) -> None:
     distance = min(arrays)
     given = {"boundary": "circular", "refine_steps": 4, "refine_tv": 0.003}
     models = [
-        hadalens.fit({distance: arrays[distance]}, refine_shrink=threshold, **given)  # type: ignore[arg-type]
+        hadalens.fit({distance: arrays[distance]}, refine_ridge=threshold, **given)  # type: ignore[arg-type]
         for threshold in (0.0, 1.6, None)
     ]
-    assert [model.info.refine_shrink for model in models] == [0.0, 1.6, 1.6]
+    assert [model.info.refine_ridge for model in models] == [0.0, 1.6, 1.6]
     with pytest.raises(ValueError, match="shrinkage"):
-        hadalens.fit({distance: arrays[distance]}, refine_shrink=101.0)
+        hadalens.fit({distance: arrays[distance]}, refine_ridge=101.0)
     plain, shrunk = (hadalens.Plan(model).run(raw).stack for model in models[:2])
     assert not np.array_equal(plain, shrunk)
-    np.testing.assert_array_equal(hadalens.Plan(models[0], refine_shrink=1.6).run(raw).stack, shrunk)
-    np.testing.assert_array_equal(hadalens.Plan(models[1], refine_shrink=0.0).run(raw).stack, plain)
+    np.testing.assert_array_equal(hadalens.Plan(models[0], refine_ridge=1.6).run(raw).stack, shrunk)
+    np.testing.assert_array_equal(hadalens.Plan(models[1], refine_ridge=0.0).run(raw).stack, plain)
 
 
 def test_fitter_of_a_sensor_that_crops(arrays: Pairs) -> None:

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "ref/ref_dct.h"
 #include "ref/ref_fft.h"
+#include "ref/ref_ridge.h"
 #include "ref/ref_tv.h"
 
 /* A channel: images of the whole grid (x, u, d per depth; data, v, e, y once) and half spectra. */
@@ -100,6 +100,8 @@ static hada_status all_forward(ref_state *s, const double *images, hada_error *e
 
 static double rho_of(const hada_ref_refine *p, int step)
 {
+    if (step >= p->steps)
+        return p->ridge_rho;
     return p->first_rho > 0.0 ? fmin(p->rho, p->first_rho * pow(p->growth, step)) : p->rho;
 }
 
@@ -109,9 +111,10 @@ static hada_status linear(ref_state *s, int number, hada_error *err)
     const hada_ref_refine *p = s->p;
     const size_t all = (size_t)p->depths * s->pixels;
     const double usual = number < p->first_steps ? p->first_relaxation : p->relaxation;
-    const double relaxation = number ? usual : 1.0, rho = rho_of(p, number);
+    const int ridge = number >= p->steps;
+    const double relaxation = number && !ridge ? usual : 1.0, rho = rho_of(p, number);
     for (size_t i = 0; number && i < all; i++) /* the dual is scaled: rho d stays what it is */
-        s->d[i] *= rho_of(p, number - 1) / rho;
+        s->d[i] *= ridge ? 0.0 : rho_of(p, number - 1) / rho;
     for (size_t i = 0; i < s->pixels; i++)
         s->image[i] = p->padded ? s->v[i] - s->e[i] : s->given[i];
     for (size_t i = 0; i < all; i++)
@@ -140,20 +143,13 @@ typedef struct tv_room {
     double *duals; /* [depth][channel][2][window] */
 } tv_room;
 
-/* From w to u with total variation, and with shrinkage in the last steps. */
+/* From w to u with total variation, or with the learned regulariser in the last steps. */
 static hada_status smooth(const hada_ref_refine *p, int number, const tv_room *tv, double *duals, hada_error *err)
 {
-    const int shrinks = number >= p->steps - p->shrink_steps;
-    const double theta = p->tv / rho_of(p, number);
-    HADA_TRY(hada_ref_tv_coupled(tv->w, p->channels, p->window.rows, p->window.cols,
-                                 shrinks ? p->shrink_tv * theta : theta, p->tv_colour, p->tv_length, p->tv_steps, duals,
-                                 tv->u, err));
-    if (shrinks)
-        HADA_TRY(hada_ref_dct_shrink(tv->u, p->channels, p->window.rows, p->window.cols, p->shrink * theta,
-                                     p->shrink_colour, tv->w, err));
-    for (size_t i = 0; shrinks && i < (size_t)p->channels * (size_t)p->window.rows * (size_t)p->window.cols; i++)
-        tv->u[i] = tv->w[i];
-    return HADA_OK;
+    if (number >= p->steps)
+        return hada_ref_ridge(tv->w, p->channels, p->window.rows, p->window.cols, p->ridge_noise, tv->u, err);
+    return hada_ref_tv_coupled(tv->w, p->channels, p->window.rows, p->window.cols, p->tv / rho_of(p, number),
+                               p->tv_colour, p->tv_length, p->tv_steps, duals, tv->u, err);
 }
 
 static hada_status proximal(ref_state *states, int number, const tv_room *tv, hada_error *err)
@@ -204,7 +200,7 @@ static hada_status start(ref_state *s, const hada_ref_refine *p, size_t channel,
 static hada_status run(ref_state *states, const tv_room *tv, double *residual, double *split, hada_error *err)
 {
     const hada_ref_refine *p = states->p;
-    for (int k = 0; k <= p->steps; k++) {
+    for (int k = 0; k <= p->steps + p->ridge_steps; k++) {
         if (residual)
             residual[k] = 0.0;
         if (split)

@@ -24,13 +24,14 @@ typedef struct hada_ref_refine {
     double tv_colour; /* how much heavier differences of colour are; 1: no heavier */
     double tv_length;
     int tv_steps; /* of its proximal step (ref_tv.h), whose duals go on from step to step */
-    /* in the last steps, with total variation, shrinkage (ref_dct.h) after a share of it: threshold in units of tv */
-    double shrink, shrink_tv, shrink_colour;
-    int shrink_steps;
+    /* after these, steps with ridge_rho and no duals of the planes, whose proximal step is that of the learned
+     * regulariser (ref_ridge.h) for this noise */
+    int ridge_steps;
+    double ridge_rho, ridge_noise;
 } hada_ref_refine;
 
-/* planes[depth][channel][window_rows][window_cols]; residual (may be NULL) takes steps + 1 energies of b - sum PSF * u
- * within the frame, split (padded, may be NULL) as many of b - v; place 0 is that of b. */
+/* planes[depth][channel][window_rows][window_cols]; residual (may be NULL) takes steps + ridge_steps + 1 energies of b
+ * - sum PSF * u within the frame, split (padded, may be NULL) as many of b - v; place 0 is that of b. */
 hada_status hada_ref_refine_run(const hada_ref_refine *problem, double *planes, double *residual, double *split,
                                 hada_error *err);
 

@@ -101,7 +101,7 @@ static void rewrite(const char *path, const char *key, const char *value, const 
     static const char *const keys[] = {"format",        "version",      "form",         "boundary", "raw",
                                        "grid",          "window",       "alpha",        "lambda",   "dark",
                                        "refine_steps",  "refine_rho",   "refine_tv",    "noise",    "scene_response",
-                                       "refine_colour", "refine_share", "refine_shrink"};
+                                       "refine_colour", "refine_share", "refine_ridge"};
     snprintf(beside, sizeof beside, "%s-new", path);
     ASSERT_OK(hada_tensors_open(&file, path, err));
     ASSERT_OK(hada_tensors_create(&writer, beside, err));
@@ -148,7 +148,7 @@ TEST(damaged_files_are_refused)
                  {"refine_tv", "-1e-3", "", 0, HADA_ERROR_MODEL},
                  {"refine_tv", "much", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"refine_colour", "0.5", "", 0, HADA_ERROR_MODEL},
-                 {"refine_shrink", "-1", "", 0, HADA_ERROR_MODEL},
+                 {"refine_ridge", "-1", "", 0, HADA_ERROR_MODEL},
                  {"refine_colour", "red", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"refine_share", "1.5", "", 0, HADA_ERROR_MODEL},
                  {"refine_share", "half", "", 0, HADA_ERROR_FILE_FORMAT},

@@ -422,9 +422,9 @@ TEST(refuses_what_it_cannot_do)
     ASSERT_FAILS(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 1, list, NULL, err), HADA_ERROR_ARGUMENT, "");
     f.device.data.frame = f.device.data.spectrum; /* never read */
     rule.tv = 1.0;
-    rule.shrink = 1.6;
+    rule.noise = 0.1;
     ASSERT_FAILS(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 1, list, NULL, err), HADA_ERROR_ARGUMENT,
-                 "shrinkage");
+                 "regulariser");
     f.device.shape.tv = f.device.shape.settle = 0;
     hada_refiner *plain;
     ASSERT_OK(hada_refiner_create(&plain, f.device.slot, &f.device.shape, err));

@@ -125,11 +125,11 @@ static const hada_cli_option options[] = {
      "in total variation, how much heavier differences of colour are (default: auto)",
      "1 to 16. auto compares a few by leave-one-out where the weight is chosen too, and is 1.5 otherwise.",
      ONE_OF(fit.refine_colour, 1, 16)},
-    {HADA_OPTION_WEIGHT, "refine-shrink", 0, "S|auto|0",
-     "with total variation, where one depth is occupied: shrinkage of blocks (default: auto)",
+    {HADA_OPTION_WEIGHT, "refine-ridge", 0, "S|auto|0",
+     "with total variation: strength of the learned regulariser in the last steps (default: auto)",
      "The threshold in the cosine transforms of blocks of 8 x 8 pixels, in units of the weight of total variation. auto "
      "compares none, 1, 1.6 and 2.5 by leave-one-out where the weight is chosen too, and is 1.6 otherwise.",
-     ONE_OF(fit.refine_shrink, 0, 100)},
+     ONE_OF(fit.refine_ridge, 0, 100)},
     {HADA_OPTION_CHOICE, "psf-sign", 0, "nonnegative|free", "what is known of the camera's point spread functions",
      "nonnegative (default): light adds up, so they are nowhere negative; this fills in frequencies of which the pairs "
      "say too little. free: from the pairs alone. Refinement and the search for occupied depths use them.",
@@ -266,9 +266,9 @@ static int check(hada_cli *cli, const settings *set, int count, const char **arg
         return hada_cli_usage(cli, "--turn turns the point spread functions of --psf; pairs give them as they are");
     if (set->psf && (set->psf_sign >= 0 || set->fit.crop_passes != HADA_AUTO || set->fit.outside >= 0))
         return hada_cli_usage(cli, "--psf-sign, --crop-passes and --outside belong to pairs, not to --psf");
-    if (set->psf && (set->fit.refine_colour != HADA_AUTO || set->fit.refine_shrink != HADA_AUTO))
+    if (set->psf && (set->fit.refine_colour != HADA_AUTO || set->fit.refine_ridge != HADA_AUTO))
         return hada_cli_usage(
-            cli, "--refine-colour and --refine-shrink belong to pairs; with --psf give them to reconstruct");
+            cli, "--refine-colour and --refine-ridge belong to pairs; with --psf give them to reconstruct");
     if (set->psf && (strcmp(set->response, "auto") || set->task.exposure || set->task.save_sums || set->merge.count))
         return hada_cli_usage(cli, "--scene-response, --exposure, --sums and --merge belong to pairs, not to --psf");
     if (!count && set->merge.count && (set->task.exposure || set->flat))

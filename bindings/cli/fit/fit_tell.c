@@ -165,7 +165,7 @@ void hada_cli_fit_tell_model(hada_cli *cli, const char *path, const hada_model *
     json_object_set_new(entry, "distances_mm", hada_cli_reals(info->distances_mm, info->depths));
     HADA_CLI_SET(entry, {"alpha", info->alpha}, {"lambda", info->lambda},
                  {"dark", info->dark == HADA_AUTO ? NAN : info->dark}, {"refine_tv", info->refine_tv},
-                 {"refine_colour", info->refine_colour}, {"refine_shrink", info->refine_shrink},
+                 {"refine_colour", info->refine_colour}, {"refine_ridge", info->refine_ridge},
                  {"refine_share", info->refine_share}, {"noise", info->noise});
     json_object_set_new(entry, "scene_response", json_string(response));
     json_object_set_new(entry, "mosaic", json_string(mosaic));

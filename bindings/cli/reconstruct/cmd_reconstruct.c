@@ -79,11 +79,11 @@ static const hada_cli_option options[] = {
      "in total variation, how much heavier differences of colour are (default: auto)",
      "1 to 16. auto takes what the fit measured to pay; more takes more of colour noise and of colour.",
      ONE_OF(plan.refine_colour, 1, 16)},
-    {HADA_OPTION_WEIGHT, "refine-shrink", 0, "S|auto|0",
-     "with total variation, where one depth is occupied: shrinkage of blocks (default: auto)",
+    {HADA_OPTION_WEIGHT, "refine-ridge", 0, "S|auto|0",
+     "with total variation: strength of the learned regulariser in the last steps (default: auto)",
      "The last steps keep what stands out of the cosine transforms of blocks of 8 x 8 pixels, by this threshold in units "
      "of the weight of total variation. auto takes what the fit measured to pay.",
-     ONE_OF(plan.refine_shrink, 0, 100)},
+     ONE_OF(plan.refine_ridge, 0, 100)},
     {HADA_OPTION_WEIGHT, "crosstalk", 0, "K|auto|0",
      "share of another depth's light at which refined planes fade (default: auto)",
      "Refinement leaves a few hundredths of the light of one depth in the planes of others. Around a pixel, a plane that "

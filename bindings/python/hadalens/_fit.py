@@ -58,7 +58,7 @@ class FitOptions(TypedDict, total=False):
     refine_steps: int | None
     refine_tv: float | None
     refine_colour: float | None
-    refine_shrink: float | None
+    refine_ridge: float | None
     nonnegative: bool
     scene_response: float | str | None
     crop_passes: int | None
@@ -78,7 +78,7 @@ def fit_options(
     refine_steps: int | None = None,
     refine_tv: float | None = None,
     refine_colour: float | None = None,
-    refine_shrink: float | None = None,
+    refine_ridge: float | None = None,
     nonnegative: bool = True,
     scene_response: float | str | None = None,
     crop_passes: int | None = None,
@@ -100,7 +100,7 @@ def fit_options(
         refine_steps=refine_steps,
         refine_tv=refine_tv,
         refine_colour=refine_colour,
-        refine_shrink=refine_shrink,
+        refine_ridge=refine_ridge,
         nonnegative=nonnegative,
         scene_response=None if scene_response is None else responses.number(scene_response),
         crop_passes=crop_passes,
@@ -128,7 +128,7 @@ def fit(
     refine_steps: int | None = None,
     refine_tv: float | None = None,
     refine_colour: float | None = None,
-    refine_shrink: float | None = None,
+    refine_ridge: float | None = None,
     nonnegative: bool = True,
     scene_response: float | str | None = None,
     exposure: Literal["auto", "same", "each"] = "auto",
@@ -154,7 +154,7 @@ def fit(
         window: rows and columns of the scene; None: the scenes' size.
         form: of the filters.
         dark: taken off the frames; None: estimated from each.
-        alpha, regularisation, outside, refine_steps, refine_tv, refine_colour, refine_shrink, crop_passes: None: chosen
+        alpha, regularisation, outside, refine_steps, refine_tv, refine_colour, refine_ridge, crop_passes: None: chosen
             by leaving pairs out (docs/explanation/learning-a-camera.md, docs/explanation/refinement.md).
         nonnegative: point spread functions are nowhere negative, where the pairs say too little.
         scene_response: how scenes stand for light: "linear", "srgb", a power; None: found.
@@ -196,7 +196,7 @@ def fit(
         refine_steps=refine_steps,
         refine_tv=refine_tv,
         refine_colour=refine_colour,
-        refine_shrink=refine_shrink,
+        refine_ridge=refine_ridge,
         nonnegative=nonnegative,
         scene_response=scene_response,
         crop_passes=crop_passes,

@@ -72,7 +72,7 @@ class Fitter(Handle):
         context: a device; None: :meth:`Context.default`.
         channel_axis: of arrays of three axes; None: the first.
         options: form, dark, alpha, regularisation, outside, refine_steps, refine_tv, refine_colour,
-            refine_shrink, nonnegative, scene_response, crop_passes, leave_one_out, mosaic, downsample as in
+            refine_ridge, nonnegative, scene_response, crop_passes, leave_one_out, mosaic, downsample as in
             :func:`fit`; `raw_size` and `window` are of binned pixels, frames and scenes of the sensor's.
 
     Example:

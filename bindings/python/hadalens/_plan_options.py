@@ -62,7 +62,7 @@ class PlanOptions(TypedDict, total=False):
     refine: int | None
     refine_tv: float | Literal["frame"] | None
     refine_colour: float | None
-    refine_shrink: float | None
+    refine_ridge: float | None
     crosstalk: float | None
     dark: Any
     pixel_weights: Any

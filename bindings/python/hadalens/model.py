@@ -51,7 +51,7 @@ class ModelInfo:
         dark: level taken off every pixel, full scale being 1; -1: each frame's own, estimated.
         noise: standard deviation of the frames' noise that the fit found, 0 where unknown.
         refine_steps: refinement that pays for this camera; 0: none does.
-        refine_shrink: for a single depth, threshold of the shrinkage of blocks in units of `refine_tv`; 0: none.
+        refine_ridge: strength of the learned regulariser in the last steps; 0: none.
         scene_response: how the scenes that it was learned from stand for light.
         enhance: it holds a net that enhances refocused planes.
         mosaic: frames of one channel are a colour filter mosaic of this pattern: "rggb", "bggr", "grbg", "gbrg";
@@ -87,7 +87,7 @@ class ModelInfo:
     scene_response: float
     refine_colour: float
     refine_share: float
-    refine_shrink: float
+    refine_ridge: float
     mosaic: str
     downsample: int
     sensor_mosaic: str

@@ -94,8 +94,7 @@ class Plan(Handle):
         refine_tv: weight of total variation in it; "frame": found from each frame; None: the model's, or where it knows
             none found from a frame, and kept for those after it while their noise and light stay the same.
         refine_colour: there, weight of differences of colour over those of brightness, 1 to 16; None: the model's.
-        refine_shrink: there, where one depth is occupied, threshold of the shrinkage of blocks in units of `refine_tv`,
-            0 (none) to 100; None: the model's.
+        refine_ridge: there, strength of the learned regulariser in the last steps, 0 (none) to 100; None: the model's.
         crosstalk: where refined planes are dark beside a brighter one, their light goes there: the share of its light
             at which they keep half, 0 (they stay as refined) to 1; None: 0.12.
         dark: taken off the frames: None (what the model says), "auto" (each frame's own, estimated), a level from 0
@@ -148,7 +147,7 @@ class Plan(Handle):
         refine: int | None = None,
         refine_tv: float | Literal["frame"] | None = None,
         refine_colour: float | None = None,
-        refine_shrink: float | None = None,
+        refine_ridge: float | None = None,
         crosstalk: float | None = None,
         dark: Any = None,
         pixel_weights: Any = None,
@@ -176,7 +175,7 @@ class Plan(Handle):
             refine=refine,
             refine_tv=refine_tv,
             refine_colour=refine_colour,
-            refine_shrink=refine_shrink,
+            refine_ridge=refine_ridge,
             crosstalk=crosstalk,
             dark=dark,
             pixel_weights=pixel_weights,

@@ -50,9 +50,8 @@ typedef struct hada_fit_options {
                                  HADA_AUTO (default): chosen with the weight, 1.5 where that is given */
     int grid_rows, grid_cols; /* boundary padded: the grid, at least the frame's size; 0 (default): large enough for all
                                  light that a scene can send onto the sensor (hada_fit_find_boundary()) */
-    double refine_shrink; /* with total variation, for a single depth: threshold of the shrinkage of blocks, in units of
-                             its weight, 0 to 100; HADA_AUTO (default): chosen with the weight, 1.6 where that is given;
-                             0: none */
+    double refine_ridge;      /* with total variation: strength of the learned regulariser in the last steps, 0 to 100;
+                                 HADA_AUTO (default): chosen with the weight, 1 where that is given; 0: none */
     const hada_monitor *monitor;           /* told of progress, and asked several times a second whether to stop (then
                                               HADA_ERROR_CANCELLED; the sums stay). It must last as long as the fitter. NULL
                                               (default): none; in hada_fit_run() the task's */

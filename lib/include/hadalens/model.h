@@ -62,9 +62,8 @@ typedef struct hada_model_info {
     double refine_colour;           /* in refine_tv, weight of differences of colour over those of brightness, from 1 */
     double refine_share;    /* share of refined planes where refine_steps recommends refinement; the rest is the linear
                                filters', whose errors are others. 1: refined planes alone */
-    double refine_shrink;   /* with refine_tv, for a single depth: threshold of the shrinkage of cosine transforms of
-                               blocks in the last steps, in units of the weight of total variation; 0: none
-                               (docs/explanation/refinement.md) */
+    double refine_ridge;    /* with refine_tv: strength of the learned regulariser in the last steps, 1 what photographs
+                               favour; 0: none (docs/explanation/refinement.md) */
     hada_mosaic mosaic;     /* frames of one channel are a colour filter mosaic of this pattern; HADA_MOSAIC_NONE: not
                                known to be */
     const hada_image *flat; /* what the pixels of each channel make of the same light, 1 in the mean, 0 where they see

@@ -98,9 +98,8 @@ typedef struct hada_plan_options {
                          takes frames for planes, and with HADA_SCENE_SURFACE they fail */
     double refine_colour; /* in total variation, weight of differences of colour over those of brightness, 1 to 16;
                              HADA_AUTO (default): the model's */
-    double
-        refine_shrink; /* with total variation, where one depth is occupied: threshold of the shrinkage of blocks in the
-                          last steps, in units of its weight, 0 to 100; HADA_AUTO (default): the model's; 0: none */
+    double refine_ridge;  /* with total variation: strength of the learned regulariser in the last steps, 0 to 100;
+                             HADA_AUTO (default): the model's; 0: none */
     double crosstalk; /* where a refined plane is dark beside another one, its light goes to the brightest: the share of
                          that one's light at which a plane keeps half, at most 1; HADA_AUTO (default): 0.12; 0: planes
                          stay as refined. Their sum does either way (docs/explanation/refinement.md) */

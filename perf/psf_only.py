@@ -120,7 +120,7 @@ def main():
             for weight in ["frame", *arguments.weights]:
                 row = []
                 for part in sets:
-                    options = ["--refine-tv", weight, "--refine-colour", "1.5", "--refine-ridge", "1.6"]
+                    options = ["--refine-tv", weight, "--refine-colour", "1.5", "--refine-ridge", "1"]
                     if arguments.method:
                         options = ["--method", arguments.method, "--tv", "auto" if weight == "frame" else weight]
                     files = sorted((folder / part).glob("*.tif"))

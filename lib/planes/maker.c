@@ -95,23 +95,31 @@ hada_status hada_maker_filter(const hada_plane_maker *maker, int first, int coun
 #define RHO_CONTINUING 30.0
 #define MOST_RHO       3e-2
 
-/* The rule for weights in units of a frame's noise; tv: a weight of total variation, or 0: the maker's. */
-static void weigh(const hada_plane_maker *maker, double tv, double unit, int count, hada_refine_rule *rule)
+/* tv: a weight of total variation, or 0: the maker's. */
+static hada_refine_weights weights_with(const hada_plane_maker *maker, double tv)
 {
-    hada_model_info info = *hada_model_get_info(maker->model);
     hada_refine_weights weights = maker->weights;
-    info.boundary = maker->boundary;
     if (tv > 0.0)
         weights.tv = tv;
+    return weights;
+}
+
+/* The rule for weights in units of a frame's noise. */
+static void weigh(const hada_plane_maker *maker, const hada_refine_weights *weights, double unit, int count,
+                  hada_refine_rule *rule)
+{
+    hada_model_info info = *hada_model_get_info(maker->model);
+    info.boundary = maker->boundary;
     hada_refine_rule_init(rule);
-    hada_refine_rule_weigh(rule, &info, &weights, count, hada_model_gain(maker->model), unit);
+    hada_refine_rule_weigh(rule, &info, weights, count, hada_model_gain(maker->model), unit);
 }
 
 hada_status hada_maker_refine(const hada_plane_maker *maker, const hada_maker_steps *steps, double unit, int count,
                               const int *list, int *done, hada_error *err)
 {
+    const hada_refine_weights weights = weights_with(maker, steps->tv);
     hada_refine_rule rule;
-    weigh(maker, steps->tv, unit, count, &rule);
+    weigh(maker, &weights, unit, count, &rule);
     rule.steps = steps->steps;
     if (steps->tv > 0.0)
         hada_refine_rule_follow(&rule, steps->tv, hada_model_gain(maker->model),
@@ -142,12 +150,14 @@ int hada_maker_ridge_steps(const hada_plane_maker *maker, int steps)
 hada_status hada_maker_regularise(const hada_plane_maker *maker, int steps, double tv, double unit, int count,
                                   const int *list, int *done, hada_error *err)
 {
+    const hada_refine_weights weights = weights_with(maker, tv);
     hada_refine_rule rule;
     int made = 0;
-    weigh(maker, tv, unit, count, &rule);
+    weigh(maker, &weights, unit, count, &rule);
     if (steps < 1 || !(rule.tv > 0.0))
         return HADA_OK;
-    hada_refine_rule_ridge(&rule, steps, maker->weights.ridge, hada_model_gain(maker->model));
+    hada_refine_rule_ridge(&rule, steps, hada_model_get_info(maker->model), &weights, count,
+                           hada_model_gain(maker->model));
     HADA_TRY(hada_refiner_run(maker->refiner, &maker->data, &rule, 1, count, list, &made, err));
     *done += made;
     return HADA_OK;

@@ -82,10 +82,16 @@ enum { PARTING_STEPS = 7 };
 #define ALONE_GROWTH       1.2
 #define ALONE_GROWTH_RIDGE 1.4
 
-/* rho of the steps with the learned regulariser, in units of the gain, and the noise that it takes out with strength 1,
- * in units of the weight of total variation over the gain. */
-#define RIDGE_RHO   0.25
-#define RIDGE_NOISE 23.0
+/* The steps with the learned regulariser, for a usual weight of total variation and a single depth: rho in units of the
+ * gain, and the noise that they take out with strength 1 in units of the frame's root mean square. With the weight they
+ * grow by these powers. Several depths have a larger rho, and by that less noise. Found by trial on cameras that were
+ * learned, and on others that were known by their point spread function (docs/explanation/refinement.md). */
+#define RIDGE_WEIGHT      0.0026
+#define RIDGE_RHO         0.1
+#define RIDGE_RHO_SEVERAL 0.25
+#define RIDGE_NOISE       0.16
+#define RIDGE_RHO_POWER   0.6
+#define RIDGE_NOISE_POWER 0.37
 
 void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info, const hada_refine_weights *weights,
                             int depths, double gain, double mean_square)
@@ -116,11 +122,14 @@ void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info,
     }
 }
 
-void hada_refine_rule_ridge(hada_refine_rule *rule, int steps, double strength, double gain)
+void hada_refine_rule_ridge(hada_refine_rule *rule, int steps, const hada_model_info *info,
+                            const hada_refine_weights *weights, int depths, double gain)
 {
+    const double usual = weights->tv / RIDGE_WEIGHT, light = rule->tv / (weights->tv * sqrt(info->channels) * gain);
+    const double rho = depths > 1 ? RIDGE_RHO_SEVERAL : RIDGE_RHO;
     rule->steps = steps;
-    rule->noise = strength * RIDGE_NOISE * rule->tv / gain;
-    rule->rho = rule->first_rho = RIDGE_RHO * gain;
+    rule->noise = weights->ridge * RIDGE_NOISE * sqrt(RIDGE_RHO / rho) * pow(usual, RIDGE_NOISE_POWER) * light;
+    rule->rho = rule->first_rho = rho * pow(usual, RIDGE_RHO_POWER) * gain;
     rule->growth = rule->relaxation = 1.0;
     rule->first_steps = rule->before = rule->ridge = 0;
     rule->resumes = rule->quiet = 1;

@@ -166,7 +166,8 @@ void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info,
 
 /* Turns a rule that has been weighed into that of steps with the learned regulariser, which go on from a run with total
  * variation. */
-void hada_refine_rule_ridge(hada_refine_rule *rule, int steps, double strength, double gain);
+void hada_refine_rule_ridge(hada_refine_rule *rule, int steps, const hada_model_info *info,
+                            const hada_refine_weights *weights, int depths, double gain);
 
 /* rho, in a rule that has been weighed, in proportion to a weight of total variation that may be far from the usual: a
  * small weight with a large rho changes planes so little a step that they stay hazy. per: rho of weight 1, most: the

@@ -48,7 +48,9 @@ static void read_shape(const check_state *state, refine_state *own)
     }
     own->rule.steps = check_get(state, 'n', 6);
     own->last = own->rule;
-    hada_refine_rule_ridge(&own->last, check_get(state, 'x', 0), 1.0, 1.0);
+    const hada_model_info info = {.channels = own->channels};
+    const hada_refine_weights weights = {.tv = fmax(own->rule.tv, 1e-3), .ridge = 1.0};
+    hada_refine_rule_ridge(&own->last, check_get(state, 'x', 0), &info, &weights, own->depths, 1.0);
     for (int i = 0; i < own->sets * own->depths; i++)
         own->list[i] = (i % own->depths + i / own->depths) % (own->depths + 1);
     own->set_floats = (size_t)own->depths * (size_t)own->channels * (size_t)window_rows * (size_t)window_cols;

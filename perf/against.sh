@@ -67,7 +67,7 @@ frame() { # frame DATASET FRAMES WHAT OPTION...: milliseconds a frame
 begin() { hadalens bench --first-frame -m small.model small/test/raw/test01.tif --quick && started "$1"; }
 
 light="--scene-response linear --exposure same" # nothing to find out about the scenes
-weights="--refine-colour 1 --refine-ridge 0" # weights of refinement that 0.1.0 does not compare
+weights="--refine-colour 1 --refine-shrink 0" # weights of refinement that 0.1.0 does not compare
 flat="--scene planes --refine-colour 1"
 planes="$flat --refine 12" # as many steps as 0.1.0 takes of two depths
 rows=(

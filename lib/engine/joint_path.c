@@ -68,11 +68,7 @@ static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count,
     report->refine_tv_kept = frame->kept_tv > 0.0;
     HADA_TRY(hada_refiner_residual_later(pipeline->refiner, &pipeline->maker.data, 1, count, pipeline->occupied, err));
     pipeline->residual_due = 1;
-    if (!last)
-        return HADA_OK;
-    return hada_maker_regularise(&pipeline->maker, last_steps, choice.tv > 0.0 ? choice.tv : steps.tv,
-                                 hada_exposure_noise_unit(&frame->exposure, pipeline->maker.noise_share), count,
-                                 pipeline->occupied, &report->refine_steps, err);
+    return HADA_OK;
 }
 
 void hada_pipeline_residual(hada_pipeline *pipeline, const hada_frame *frame)
@@ -143,6 +139,22 @@ static hada_status solve_classic(hada_pipeline *pipeline, hada_frame *frame, int
     if (frame->exposure.energy > 0)
         report->residual = sqrt(result.energy / frame->exposure.energy);
     return HADA_OK;
+}
+
+/* The last steps of refined planes, with the learned regulariser. What they leave of the frame was measured before. */
+static hada_status regularise(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
+{
+    const hada_config *config = &pipeline->setup->config;
+    const int psf_alone = hada_model_get_info(pipeline->setup->model)->refine_tv == HADA_AUTO;
+    hada_report *report = &frame->result->memory->report;
+    if (pipeline->classic)
+        return HADA_OK;
+    hada_slot_stage(pipeline->slot, "refine");
+    HADA_TRY(hada_maker_regularise(&pipeline->maker, hada_maker_ridge_steps(&pipeline->maker, config->steps),
+                                   config->choose || psf_alone ? report->refine_tv : 0.0,
+                                   hada_exposure_noise_unit(&frame->exposure, pipeline->maker.noise_share), count,
+                                   pipeline->occupied, &report->refine_steps, err));
+    return hada_pipeline_lap(pipeline, frame, &report->seconds_refine, err);
 }
 
 static hada_status solve(hada_pipeline *pipeline, hada_frame *frame, int count, int settle, int last, hada_error *err)
@@ -388,6 +400,7 @@ static hada_status find_scene(hada_pipeline *pipeline, hada_frame *frame, knowle
     const int parting = config->parting && k->count > 1;
     if (parting || config->warm || !k->solved)
         HADA_TRY(solve(pipeline, frame, k->count, parting, 1, err));
+    HADA_TRY(regularise(pipeline, frame, k->count, err));
     if (config->volume < 2)
         return HADA_OK;
     HADA_TRY(hada_slot_finish(pipeline->slot, err));

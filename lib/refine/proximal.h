@@ -42,7 +42,7 @@ hada_status hada_variation_step(const hada_variation *variation, hada_slot *slot
                                 int count, double theta, double colour, int fresh, hada_error *err);
 
 /* Shrinkage of the cosine transforms of an image's overlapping blocks (kernels/refine_dct.cl): the second half of the
- * proximal step of an image that is a photograph (docs/explanation/refinement.md). Internal. */
+ * proximal step of a surface's texture (docs/explanation/surfaces.md). Internal. */
 
 /* Thresholds of differences of colour, over that of brightness. */
 #define HADA_SHRINKAGE_COLOUR 1.25

@@ -3,8 +3,8 @@
 
     photographs.sh FOLDER; train.py FOLDER [--iterations N] [--seed S] [--out FILE]
 Photographs are seen at several sizes, encoded or as light, with noise of 0.2 to 15 %. Each step has filters of its own; the
-loss is the mean logarithm of the mean square error, so that each level of noise counts alike. Needs PyTorch, NumPy, Pillow. Five thousand iterations take five minutes on two idle
-cores; the same seed, machine and version give the same weights.
+loss is the mean logarithm of the mean square error, so that each level of noise counts alike. Needs PyTorch, NumPy, Pillow.
+Three thousand iterations take ten minutes on one core; the same seed, machine and version give the same weights.
 """
 import argparse
 import math
@@ -152,7 +152,7 @@ def header(model):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('photographs', type=pathlib.Path)
-    parser.add_argument('--iterations', type=int, default=5000)
+    parser.add_argument('--iterations', type=int, default=3000)
     parser.add_argument('--seed', type=int, default=0)
     parser.add_argument('--score', type=pathlib.Path, help='other photographs, shown every 1000 iterations')
     parser.add_argument('--out', type=pathlib.Path, default=OUT)

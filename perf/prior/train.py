@@ -135,7 +135,7 @@ def header(model):
     momentum[0] = 0
     shapes = 'HADA_RIDGE_STEPS * HADA_RIDGE_FILTERS'
     return '\n'.join([
-        '/* Weights of the learned ridge regulariser. Made by perf/prior/train.py. */',
+        '/* Weights of the learned ridge regulariser. Made by perf/prior/train.py. One file: they are numbers. */',
         '#ifndef SHARED_RIDGE_WEIGHTS_H', '#define SHARED_RIDGE_WEIGHTS_H', '', '#include "shared_ridge.h"', '',
         '/* clang-format off */', '',
         '/* Filters: [step][four of them][channel][row][column][one of the four], of three channels and of one. */',

@@ -166,7 +166,7 @@ def trial(folder, kind, depths, count, seed):
         frame += light * camera.point(margin + y, margin + x, scale, part)
     unit = frame.max()
     frame = frame / unit + o.noise * rng.standard_normal(frame.shape)
-    truth[:, 3] *= psf.max() / unit
+    truth[:, 3] *= psf[0].sum() / unit
     tifffile.imwrite(folder / "frame.tif", frame.astype(np.float32))
     with open(folder / "truth.csv", "w") as file:
         file.write("frame,x,y,z,amplitude\n" + "".join(f"0,{x},{y},{z},{a}\n" for x, y, z, a in truth))

@@ -16,11 +16,16 @@ enum { ROW = HADA_POINT_ROW, COL, DEPTH, LIGHT, UNKNOWNS };
 
 /* Frames of noise alone in which one emitter is found, of all. */
 #define FALSE_ALARM 0.05
+/* An emitter beside others stays where it has so many standard deviations of the fit together with them. */
+#define BESIDE_OTHERS 3.0
 /* Candidates: maxima whose neighbourhood holds this share of the light that the limit asks for; the most of them. */
 #define CANDIDATE 0.25
 enum { MOST_CANDIDATES = 20000 };
 /* So near to an emitter, in pixels and depths, a candidate is the same one. */
-#define SAME 1.5
+#define SAME 1.0
+/* A second emitter is looked for so far from each, in pixels and depths, where this share of its light is its own. */
+#define SECOND    1.2
+#define LEAST_OWN 0.05
 /* Standard deviations are those of an emitter together with its nearest neighbours, so many within so many pixels. */
 enum { NEIGHBOURS = 5 };
 #define NEIGHBOUR 8.0
@@ -54,7 +59,7 @@ typedef struct search {
     size_t pixels, used; /* of the frame; with a weight */
     int most;            /* pixels that see one point */
     double limit;        /* amplitude in standard deviations */
-    double sigma;        /* root of the weighted mean square of what is left */
+    double sigma;        /* of the frame, as it is guessed at first */
     double cost, offset, weight; /* sum of weighted squares; light that all pixels see; sum of weights */
     float *left;         /* of the frame */
     candidate *candidates;
@@ -209,8 +214,6 @@ static void compare(search *s)
     s->cost = 0.0;
     for (size_t p = 0; p < s->pixels; p++)
         s->cost += (double)weights[p] * s->left[p] * s->left[p];
-    const double free_pixels = (double)s->used - UNKNOWNS * (double)s->count - 1.0;
-    s->sigma = sqrt(s->cost / s->weight * (double)s->used / fmax(free_pixels, 1.0));
 }
 
 /* d model / d unknown = scale * by. */
@@ -426,6 +429,12 @@ static hada_status settle(search *s, int steps, hada_error *err)
 
 /* Standard deviations. */
 
+/* Of a pixel of weight 1. */
+static double sigma_of(const search *s)
+{
+    return sqrt(s->cost / fmax((double)s->used - UNKNOWNS * (double)s->count - 1.0, 1.0));
+}
+
 static void spread(const search *s, const spot *one, int clear)
 {
     for (const hada_touch *t = s->touches + one->first, *end = t + one->count; t < end; t++)
@@ -484,8 +493,7 @@ static void deviate(const search *s, int which)
     for (int i = 0; i < n; i++)
         m[i * n + i] = m[i * n + i] > 0.0 ? (1.0 + 1e-9) * m[i * n + i] : 1.0;
     const int known = factor(m, n);
-    /* of a pixel of weight 1 */
-    const double sigma = sqrt(s->cost / fmax((double)s->used - UNKNOWNS * (double)s->count - 1.0, 1.0));
+    const double sigma = sigma_of(s);
     for (int k = 0; k < UNKNOWNS; k++) {
         double unit[MOST] = {0};
         unit[k] = 1.0;
@@ -497,9 +505,12 @@ static void deviate(const search *s, int which)
         own->sd[DEPTH] = 0.0;
 }
 
-static double significance(const spot *one)
+/* In units of what an emitter must have: alone, and beside its neighbours. */
+static double significance(const search *s, const spot *one)
 {
-    return one->sd[LIGHT] > 0.0 ? one->light / one->sd[LIGHT] : INFINITY;
+    const double alone = one->light * sqrt(one->block[LIGHT][LIGHT]) / sigma_of(s);
+    const double beside = one->sd[LIGHT] > 0.0 ? one->light / one->sd[LIGHT] : INFINITY;
+    return fmin(alone / s->limit, beside / BESIDE_OTHERS);
 }
 
 static int is_near(const hada_point *a, const hada_point *b, double pixels, double depths)
@@ -515,12 +526,11 @@ static int prune(search *s)
         deviate(s, i);
     for (int i = 0; i < s->count; i++) {
         const spot *one = &s->spots[i];
-        one = &s->spots[i];
-        int drops = significance(one) < s->limit;
+        int drops = significance(s, one) < 1.0;
         for (int k = 0; k < s->count && drops; k++)
             if (k != i && is_near(&one->at, &s->spots[k].at, NEIGHBOUR, INFINITY) &&
-                (significance(&s->spots[k]) < significance(one) ||
-                 (k < i && significance(&s->spots[k]) == significance(one))))
+                (significance(s, &s->spots[k]) < significance(s, one) ||
+                 (k < i && significance(s, &s->spots[k]) == significance(s, one))))
                 drops = 0;
         s->before[kept] = *one;
         kept += !drops;
@@ -545,7 +555,8 @@ static hada_status take(search *s, candidate *one, const hada_point *at, double 
         s->before = other;
         s->room = room;
     }
-    one->taken = 1;
+    if (one)
+        one->taken = 1;
     s->spots[s->count++] = (spot){.at = *at, .light = light};
     return HADA_OK;
 }
@@ -573,6 +584,7 @@ static hada_status take_bright(search *s, hada_error *err)
 /* Then those that stand out of what is left: by the matched filter. */
 static hada_status take_left(search *s, int *taken, hada_error *err)
 {
+    const double sigma = sigma_of(s);
     hada_touch *room = NULL;
     hada_status status = HADA_OK;
     *taken = 0;
@@ -588,9 +600,73 @@ static hada_status take_left(search *s, int *taken, hada_error *err)
             light += weighted * s->left[t->pixel];
             squares += weighted * t->by[LIGHT];
         }
-        const double sigma = s->sigma * sqrt(s->weight / (double)s->used);
         if (light > s->limit * sigma * sqrt(squares)) {
             HADA_TRY_OR_DONE(take(s, one, &one->at, light / squares, err));
+            ++*taken;
+        }
+    }
+done:
+    free(room);
+    return status;
+}
+
+/* How far a point at `at` stands out of what is left, in standard deviations, beside an emitter whose unknowns may take
+ * its part (spread); *light: what it would have. */
+static double stands_out(const search *s, const spot *beside, const hada_point *at, hada_touch *room, double *light)
+{
+    double sum = 0.0, squares = 0.0, shared[UNKNOWNS] = {0}, explained[UNKNOWNS], m[UNKNOWNS * UNKNOWNS];
+    const int count = hada_point_render(s->renderer, at, s->job->weights, room);
+    for (const hada_touch *t = room; t < room + count; t++) {
+        const double weighted = (double)s->job->weights[t->pixel] * t->by[LIGHT];
+        sum += weighted * s->left[t->pixel];
+        squares += weighted * t->by[LIGHT];
+        for (int k = 0; k < UNKNOWNS; k++)
+            shared[k] += (double)s->dense[t->pixel][k] * t->by[LIGHT];
+    }
+    for (int k = 0; k < UNKNOWNS; k++)
+        explained[k] = shared[k] *= scale_of(beside, k);
+    memcpy(m, beside->block, sizeof m);
+    for (int k = 0; k < UNKNOWNS; k++)
+        m[k * UNKNOWNS + k] += stiffness(beside, k, 1e-6);
+    if (!factor(m, UNKNOWNS))
+        return 0.0;
+    substitute(m, UNKNOWNS, explained);
+    const double own = squares - product(shared, explained, UNKNOWNS);
+    if (!(own > LEAST_OWN * squares))
+        return 0.0;
+    *light = sum / own;
+    return sum / (sigma_of(s) * sqrt(own));
+}
+
+/* What was taken for one emitter may be two. */
+static hada_status take_second(search *s, int *taken, hada_error *err)
+{
+    static const double offsets[][3] = {{-1, 0, 0}, {1, 0, 0}, {0, -1, 0}, {0, 1, 0}, {0, 0, -1}, {0, 0, 1}};
+    const int count = s->count;
+    hada_touch *room = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(room, (size_t)s->most, what, err));
+    for (int i = 0; i < count; i++) {
+        const spot one = s->spots[i];
+        hada_point best = one.at;
+        double most = s->limit, best_light = 0.0;
+        spread(s, &one, 0);
+        for (size_t k = 0; k < HADA_COUNT(offsets); k++) {
+            const hada_point at = {one.at.row + SECOND * offsets[k][0], one.at.col + SECOND * offsets[k][1],
+                                   one.at.depth + SECOND * offsets[k][2]};
+            double light;
+            if (at.depth < 0.0 || at.depth > s->optics->depths - 1)
+                continue;
+            const double score = stands_out(s, &one, &at, room, &light);
+            if (score > most) {
+                most = score;
+                best = at;
+                best_light = light;
+            }
+        }
+        spread(s, &one, 1);
+        if (best_light > 0.0 && !is_known(s, &best)) {
+            HADA_TRY_OR_DONE(take(s, NULL, &best, fmin(best_light, 0.5 * one.light), err));
             ++*taken;
         }
     }
@@ -693,6 +769,7 @@ static hada_status search_all(search *s, hada_error *err)
         if (prune(s))
             HADA_TRY(settle(s, 1, err));
         HADA_TRY(take_left(s, &taken, err));
+        HADA_TRY(take_second(s, &taken, err));
         if (!taken)
             break;
     }

@@ -21,6 +21,8 @@ enum { ROW = HADA_POINT_ROW, COL, DEPTH, LIGHT, UNKNOWNS };
 /* Candidates: maxima whose neighbourhood holds this share of the light that the limit asks for; the most of them. */
 #define CANDIDATE 0.25
 enum { MOST_CANDIDATES = 20000 };
+/* One that stands out by so little of the limit is not looked at again. */
+#define HOPELESS 0.5
 /* So near to an emitter, in pixels and depths, a candidate is the same one. */
 #define SAME 1.0
 /* A second emitter is looked for so far from each, in pixels and depths, where this share of its light is its own. */
@@ -30,8 +32,8 @@ enum { MOST_CANDIDATES = 20000 };
 enum { NEIGHBOURS = 5 };
 #define NEIGHBOUR 8.0
 /* Steps of the fit between two looks for candidates, and at the end; of conjugate gradients in each. */
-enum { ROUNDS = 6, STEPS = 4, LAST_STEPS = 12, GRADIENTS = 12 };
-#define GRADIENT_LEFT 0.02 /* of the first residual's norm */
+enum { ROUNDS = 6, STEPS = 4, LAST_STEPS = 12, GRADIENTS = 8 };
+#define GRADIENT_LEFT 0.05 /* of the first residual's norm */
 /* The fit ends when no emitter moves by more pixels or depths. */
 #define STILL 0.003
 /* Damping, in units of the curvature: at first, and how it changes. */
@@ -45,9 +47,10 @@ typedef struct candidate {
 } candidate;
 
 typedef struct spot {
-    hada_point at;
+    hada_point at, drawn; /* the place, and that of its pixels' values */
+    int is_drawn, single; /* single: no second one stood out beside it */
     double light, sd[UNKNOWNS], residual;
-    size_t first; /* of its pixels among all */
+    size_t first; /* of its pixels among all; each spot has the same room */
     int count;
     double block[UNKNOWNS][UNKNOWNS]; /* of the normal equations */
 } spot;
@@ -65,7 +68,7 @@ typedef struct search {
     candidate *candidates;
     int candidate_count;
     spot *spots, *before;
-    int count, room;
+    int count, room, rooms; /* rooms: that have pixels among the touches */
     hada_touch *touches;
     size_t touch_room;
     float *plane;              /* of the frame: a change of the model */
@@ -165,15 +168,20 @@ static hada_status find_candidates(search *s, hada_error *err)
 
 /* The fit. */
 
+static double moved(const hada_point *a, const hada_point *b)
+{
+    return fmax(fmax(fabs(a->row - b->row), fabs(a->col - b->col)), fabs(a->depth - b->depth));
+}
+
 static hada_status ensure(search *s, hada_error *err)
 {
-    const size_t touches = (size_t)s->count * (size_t)s->most, unknowns = (size_t)s->count * UNKNOWNS + 1;
+    const size_t touches = (size_t)s->rooms * (size_t)s->most, unknowns = (size_t)s->count * UNKNOWNS + 1;
     if (touches > s->touch_room) {
-        HADA_FREE(s->touches);
-        s->touches = NULL;
-        s->touch_room = 0;
-        HADA_TRY(HADA_NEW_RAW(s->touches, touches, what, err));
-        s->touch_room = touches;
+        hada_touch *larger = realloc(s->touches, (touches + touches / 4) * sizeof *larger);
+        if (!larger)
+            return hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s", what);
+        s->touches = larger;
+        s->touch_room = touches + touches / 4;
     }
     if (unknowns > s->vector_room) {
         double **vectors[] = {&s->step, &s->gradient, &s->direction, &s->along, &s->whitened};
@@ -188,14 +196,16 @@ static hada_status ensure(search *s, hada_error *err)
     return HADA_OK;
 }
 
-static void render_all(search *s)
+/* Those that moved. */
+static void render_all(search *s, double still)
 {
-    size_t first = 0;
     for (int i = 0; i < s->count; i++) {
         spot *one = &s->spots[i];
-        one->first = first;
-        one->count = hada_point_render(s->renderer, &one->at, s->job->weights, s->touches + first);
-        first += (size_t)one->count;
+        if (one->is_drawn && !(moved(&one->at, &one->drawn) > still))
+            continue;
+        one->count = hada_point_render(s->renderer, &one->at, s->job->weights, s->touches + one->first);
+        one->drawn = one->at;
+        one->is_drawn = 1;
     }
 }
 
@@ -383,8 +393,7 @@ static double move(search *s)
         one->at.col = within(old.col + within(by[COL], -1.0, 1.0), left, left + o->window_cols);
         one->at.depth = within(old.depth + within(by[DEPTH], -1.0, 1.0), near, far);
         one->light = fmax(one->light + by[LIGHT], 1e-3 * one->light);
-        longest = fmax(longest, fmax(fmax(fabs(one->at.row - old.row), fabs(one->at.col - old.col)),
-                                     fabs(one->at.depth - old.depth)));
+        longest = fmax(longest, moved(&one->at, &old));
     }
     s->offset += s->step[(size_t)s->count * UNKNOWNS];
     return longest;
@@ -404,7 +413,7 @@ static hada_status settle(search *s, int steps, hada_error *err)
 {
     double damping = DAMPING, longest = INFINITY;
     HADA_TRY(ensure(s, err));
-    render_all(s);
+    render_all(s, STILL);
     compare(s);
     for (int i = 0; i < steps && longest > STILL; i++) {
         const double cost = s->cost, offset = s->offset;
@@ -413,14 +422,17 @@ static hada_status settle(search *s, int steps, hada_error *err)
         solve(s, damping);
         memcpy(s->before, s->spots, (size_t)s->count * sizeof *s->spots);
         longest = move(s);
-        render_all(s);
+        render_all(s, STILL);
         compare(s);
         damping /= DAMPING_STEP;
         if (s->cost <= cost)
             continue;
-        memcpy(s->spots, s->before, (size_t)s->count * sizeof *s->spots);
+        for (int k = 0; k < s->count; k++) {
+            s->spots[k].at = s->before[k].at;
+            s->spots[k].light = s->before[k].light;
+        }
         s->offset = offset;
-        render_all(s);
+        render_all(s, 0.0);
         compare(s);
         damping *= DAMPING_STEP * DAMPING_STEP;
     }
@@ -521,7 +533,7 @@ static int is_near(const hada_point *a, const hada_point *b, double pixels, doub
 /* Drops those below the limit, the weakest of a neighbourhood at a time: the others gain by it. Returns how many. */
 static int prune(search *s)
 {
-    int kept = 0;
+    int kept = 0, dropped = 0;
     for (int i = 0; i < s->count; i++)
         deviate(s, i);
     for (int i = 0; i < s->count; i++) {
@@ -532,11 +544,14 @@ static int prune(search *s)
                 (significance(s, &s->spots[k]) < significance(s, one) ||
                  (k < i && significance(s, &s->spots[k]) == significance(s, one))))
                 drops = 0;
-        s->before[kept] = *one;
-        kept += !drops;
+        if (drops)
+            s->before[dropped++] = *one;
+        else
+            s->before[s->count - 1 - kept++] = *one;
     }
-    const int dropped = s->count - kept;
-    memcpy(s->spots, s->before, (size_t)kept * sizeof *s->spots);
+    /* the rooms of the dropped ones come last */
+    for (int i = 0; i < s->count; i++)
+        s->spots[i] = s->before[s->count - 1 - i];
     s->count = kept;
     return dropped;
 }
@@ -557,7 +572,11 @@ static hada_status take(search *s, candidate *one, const hada_point *at, double 
     }
     if (one)
         one->taken = 1;
-    s->spots[s->count++] = (spot){.at = *at, .light = light};
+    for (int i = 0; i < s->count; i++)
+        if (is_near(at, &s->spots[i].at, NEIGHBOUR, INFINITY))
+            s->spots[i].single = 0;
+    const size_t first = s->count < s->rooms ? s->spots[s->count].first : (size_t)s->rooms++ * (size_t)s->most;
+    s->spots[s->count++] = (spot){.at = *at, .light = light, .first = first};
     return HADA_OK;
 }
 
@@ -603,6 +622,8 @@ static hada_status take_left(search *s, int *taken, hada_error *err)
         if (light > s->limit * sigma * sqrt(squares)) {
             HADA_TRY_OR_DONE(take(s, one, &one->at, light / squares, err));
             ++*taken;
+        } else if (light < HOPELESS * s->limit * sigma * sqrt(squares)) {
+            one->taken = 1;
         }
     }
 done:
@@ -648,13 +669,14 @@ static hada_status take_second(search *s, int *taken, hada_error *err)
     HADA_TRY_OR_DONE(HADA_NEW_RAW(room, (size_t)s->most, what, err));
     for (int i = 0; i < count; i++) {
         const spot one = s->spots[i];
+        if (one.single)
+            continue;
         hada_point best = one.at;
-        double most = s->limit, best_light = 0.0;
+        double most = s->limit, best_light = 0.0, light = 0.0;
         spread(s, &one, 0);
         for (size_t k = 0; k < HADA_COUNT(offsets); k++) {
             const hada_point at = {one.at.row + SECOND * offsets[k][0], one.at.col + SECOND * offsets[k][1],
                                    one.at.depth + SECOND * offsets[k][2]};
-            double light;
             if (at.depth < 0.0 || at.depth > s->optics->depths - 1)
                 continue;
             const double score = stands_out(s, &one, &at, room, &light);
@@ -668,6 +690,8 @@ static hada_status take_second(search *s, int *taken, hada_error *err)
         if (best_light > 0.0 && !is_known(s, &best)) {
             HADA_TRY_OR_DONE(take(s, NULL, &best, fmin(best_light, 0.5 * one.light), err));
             ++*taken;
+        } else {
+            s->spots[i].single = 1;
         }
     }
 done:

@@ -11,7 +11,7 @@ static const char what[] = "the light of emitters";
 
 /* A PSF is looked at where this share of its energy lies, and no more than so many pixels: others hold less light than
  * splines miss (2 to 3 % of the amplitude). */
-#define ENERGY 0.9999
+#define ENERGY 0.9995
 enum { MOST_PIXELS = 32768 };
 
 /* The splines of the depths, [depth][rows][cols]. */
@@ -67,26 +67,31 @@ static void repeat_edges(const hada_point_optics *o, const float *plain)
         }
 }
 
-static int falling(const void *a, const void *b)
+/* The least square of a value that belongs to the brightest of an image; and its norm. */
+static float least_square(const float *image, size_t area, double *norm)
 {
-    const float one = *(const float *)a, other = *(const float *)b;
-    return (one < other) - (one > other);
-}
-
-/* The least square of a value that belongs to the brightest of an image; and its norm. `room` is of its size. */
-static float least_square(const float *image, size_t area, float *room, double *norm)
-{
-    double energy = 0.0, sum = 0.0;
-    size_t i = 0;
+    double energy = 0.0, low = 0.0, high = 0.0;
     for (size_t k = 0; k < area; k++) {
-        room[k] = image[k] * image[k];
-        energy += room[k];
+        const double square = (double)image[k] * image[k];
+        energy += square;
+        high = fmax(high, square);
     }
     *norm = sqrt(energy);
-    qsort(room, area, sizeof *room, falling);
-    while (i + 1 < area && i + 1 < MOST_PIXELS && sum + room[i] < ENERGY * energy)
-        sum += room[i++];
-    return room[i];
+    for (int i = 0; i < 40; i++) {
+        const double middle = 0.5 * (low + high);
+        double sum = 0.0;
+        size_t count = 0;
+        for (size_t k = 0; k < area; k++) {
+            const double square = (double)image[k] * image[k];
+            sum += square >= middle ? square : 0.0;
+            count += square >= middle;
+        }
+        if (sum >= ENERGY * energy || count > MOST_PIXELS)
+            low = middle;
+        else
+            high = middle;
+    }
+    return (float)low;
 }
 
 /* Marks pixels where a depth has light, `wide` pixels round. */
@@ -120,36 +125,53 @@ static hada_status list_reach(hada_reach *reach, const hada_point_optics *o, con
     return HADA_OK;
 }
 
+/* The values of a spline at the pixels themselves: 5 x 5 taps, rows after columns. */
+static void at_pixels(const hada_point_optics *o, const float *spline, float *image)
+{
+    double taps[HADA_SPLINE_TAPS];
+    hada_spline_weights(0.0, taps);
+    for (int row = 0; row < o->rows; row++)
+        for (int col = 0; col < o->cols; col++) {
+            double sum = 0.0;
+            for (int i = -2; i <= 2; i++) {
+                const float *from = spline + (size_t)((row + i + o->rows) % o->rows) * (size_t)o->cols;
+                double line = 0.0;
+                if (col >= 2 && col < o->cols - 2)
+                    for (int j = -2; j <= 2; j++)
+                        line += taps[j + 2] * from[col + j];
+                else
+                    for (int j = -2; j <= 2; j++)
+                        line += taps[j + 2] * from[(col + j + o->cols) % o->cols];
+                sum += taps[i + 2] * line;
+            }
+            image[(size_t)row * (size_t)o->cols + (size_t)col] = (float)sum;
+        }
+}
+
 /* Of a point from each depth to the next: what either has, and what moves between. */
 static hada_status find_reach(hada_point_optics *o, const float *plain, hada_error *err)
 {
     const size_t area = (size_t)o->rows * (size_t)o->cols;
-    float *image = NULL, *room = NULL;
+    float *image = NULL;
     unsigned char *marks = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(HADA_NEW(image, area, what, err));
-    HADA_TRY_OR_DONE(HADA_NEW(room, area, what, err));
     HADA_TRY_OR_DONE(HADA_NEW(marks, area * (size_t)o->depths, what, err));
     for (int k = 0; k < o->depths; k++) {
         double shift = 0.0;
         for (int near = k - 1; near <= k; near++)
             if (near >= 0 && near + 1 < o->depths && o->law.kind != HADA_MAGNIFICATION_NONE)
                 shift = fmax(shift, hada_magnification_shift(&o->law, near, o->law.edge));
-        for (int row = 0; row < o->rows; row++)
-            for (int col = 0; col < o->cols; col++)
-                image[(size_t)row * (size_t)o->cols + (size_t)col] =
-                    (float)hada_spline_value(plain + (size_t)k * area, o->rows, o->cols,
-                                             row < (o->rows + 1) / 2 ? row : row - o->rows,
-                                             col < (o->cols + 1) / 2 ? col : col - o->cols);
-        const float least = least_square(image, area, room, &o->norm[k]);
-        const int wide = 1 + (int)fmin(4.0, ceil(0.5 * shift));
+        at_pixels(o, plain + (size_t)k * area, image);
+        const float least = least_square(image, area, &o->norm[k]);
+        const int wide = 1 + (int)fmin(4.0, floor(0.5 * shift));
         for (int gap = k ? k - 1 : 0; gap <= k; gap++)
             mark(o, image, least, wide, marks + (size_t)gap * area);
     }
     for (int k = 0; k < o->depths; k++)
         HADA_TRY_OR_DONE(list_reach(&o->reach[k], o, marks + (size_t)k * area, err));
 done:
-    HADA_FREE(image, room, marks);
+    HADA_FREE(image, marks);
     return status;
 }
 
@@ -281,7 +303,7 @@ void hada_point_renderer_destroy(hada_point_renderer **pointer)
 }
 
 /* Differences over so much stand for derivatives: of weights in pixels, in depth. */
-#define STEP_OF_PLACE 1e-4
+#define STEP_OF_PLACE 1e-6
 #define STEP_OF_DEPTH 1e-3
 
 /* A pattern read at (offset - place) / scale; before and after: the same at depths nearby. */
@@ -289,7 +311,7 @@ static void fill_axis(const axis *a, int n, double fraction, const double place[
 {
     for (int i = 0; i < n; i++) {
         const double offset = i - n / 2 - fraction, at = (offset - place[0]) / scale[0], low = floor(at);
-        double taps[HADA_SPLINE_TAPS], after[HADA_SPLINE_TAPS], before[HADA_SPLINE_TAPS];
+        double taps[HADA_SPLINE_TAPS], after[HADA_SPLINE_TAPS];
         const int outside = !(at >= -(n / 2) && at <= n / 2);
         a->base[i] = outside ? 0 : (((int)low - 2) % n + n) % n;
         a->moves[i] = outside ? 0.0F
@@ -297,10 +319,9 @@ static void fill_axis(const axis *a, int n, double fraction, const double place[
                                         (2.0 * STEP_OF_DEPTH));
         hada_spline_weights(at - low, taps);
         hada_spline_weights(at - low + STEP_OF_PLACE, after);
-        hada_spline_weights(at - low - STEP_OF_PLACE, before);
         for (int k = 0; k < HADA_SPLINE_TAPS; k++) {
             a->value[i][k] = outside ? 0.0F : (float)taps[k];
-            a->slope[i][k] = outside ? 0.0F : (float)((after[k] - before[k]) / (2.0 * STEP_OF_PLACE));
+            a->slope[i][k] = outside ? 0.0F : (float)((after[k] - taps[k]) / STEP_OF_PLACE);
         }
     }
 }

@@ -50,6 +50,7 @@ typedef struct spot {
     hada_point at, drawn; /* the place, and that of its pixels' values */
     int is_drawn, single; /* single: no second one stood out beside it */
     double light, sd[UNKNOWNS], residual;
+    double noise; /* of pixels that see it, in units of their weights; no less than that of all */
     size_t first; /* of its pixels among all; each spot has the same room */
     int count;
     double block[UNKNOWNS][UNKNOWNS]; /* of the normal equations */
@@ -59,20 +60,20 @@ typedef struct search {
     const hada_emitters_job *job;
     const hada_point_optics *optics;
     hada_point_renderer *renderer;
-    size_t pixels, used; /* of the frame; with a weight */
-    int most;            /* pixels that see one point */
-    double limit;        /* amplitude in standard deviations */
-    double sigma;        /* of the frame, as it is guessed at first */
+    size_t pixels, used;         /* of the frame; with a weight */
+    int most;                    /* pixels that see one point */
+    double limit;                /* amplitude in standard deviations */
+    double sigma;                /* of the frame, as it is guessed at first */
     double cost, offset, weight; /* sum of weighted squares; light that all pixels see; sum of weights */
-    float *left;         /* of the frame */
+    float *left;                 /* of the frame */
     candidate *candidates;
     int candidate_count;
     spot *spots, *before;
     int count, room, rooms; /* rooms: that have pixels among the touches */
     hada_touch *touches;
     size_t touch_room;
-    float *plane;              /* of the frame: a change of the model */
-    float (*dense)[UNKNOWNS];  /* of the frame, zeros between uses */
+    float *plane;                                           /* of the frame: a change of the model */
+    float (*dense)[UNKNOWNS];                               /* of the frame, zeros between uses */
     double *step, *gradient, *direction, *along, *whitened; /* vectors of the unknowns, the offset last */
     size_t vector_room;
 } search;
@@ -447,6 +448,39 @@ static double sigma_of(const search *s)
     return sqrt(s->cost / fmax((double)s->used - UNKNOWNS * (double)s->count - 1.0, 1.0));
 }
 
+/* What is left where an emitter's light falls: more than noise where the optics are not quite these, or others are
+ * missing. Then less stands out. */
+static void find_residuals(search *s)
+{
+    const double sigma = sigma_of(s);
+    for (int i = 0; i < s->count; i++) {
+        spot *one = &s->spots[i];
+        double sum = 0.0, weighted = 0.0, squares = 0.0;
+        for (const hada_touch *t = s->touches + one->first, *end = t + one->count; t < end; t++) {
+            const double weight = s->job->weights[t->pixel], share = weight * t->by[LIGHT] * t->by[LIGHT];
+            const double left = (double)s->left[t->pixel] * s->left[t->pixel];
+            sum += share * left;
+            weighted += share * weight * left;
+            squares += share;
+        }
+        one->residual = squares > 0.0 ? sqrt(sum / squares) : 0.0;
+        one->noise = squares > 0.0 ? fmax(sigma, sqrt(weighted / squares)) : sigma;
+    }
+}
+
+/* The same of a point that would take so much light. */
+static double noise_without(const search *s, const hada_touch *touches, int count, double light)
+{
+    double sum = 0.0, squares = 0.0;
+    for (const hada_touch *t = touches; t < touches + count; t++) {
+        const double weight = s->job->weights[t->pixel], share = weight * t->by[LIGHT] * t->by[LIGHT];
+        const double left = s->left[t->pixel] - light * t->by[LIGHT];
+        sum += share * weight * left * left;
+        squares += share;
+    }
+    return squares > 0.0 ? fmax(sigma_of(s), sqrt(sum / squares)) : sigma_of(s);
+}
+
 static void spread(const search *s, const spot *one, int clear)
 {
     for (const hada_touch *t = s->touches + one->first, *end = t + one->count; t < end; t++)
@@ -505,13 +539,12 @@ static void deviate(const search *s, int which)
     for (int i = 0; i < n; i++)
         m[i * n + i] = m[i * n + i] > 0.0 ? (1.0 + 1e-9) * m[i * n + i] : 1.0;
     const int known = factor(m, n);
-    const double sigma = sigma_of(s);
     for (int k = 0; k < UNKNOWNS; k++) {
         double unit[MOST] = {0};
         unit[k] = 1.0;
         if (known)
             substitute(m, n, unit);
-        own->sd[k] = known ? sigma * sqrt(fmax(unit[k], 0.0)) : INFINITY;
+        own->sd[k] = known ? own->noise * sqrt(fmax(unit[k], 0.0)) : INFINITY;
     }
     if (s->optics->depths == 1)
         own->sd[DEPTH] = 0.0;
@@ -520,7 +553,7 @@ static void deviate(const search *s, int which)
 /* In units of what an emitter must have: alone, and beside its neighbours. */
 static double significance(const search *s, const spot *one)
 {
-    const double alone = one->light * sqrt(one->block[LIGHT][LIGHT]) / sigma_of(s);
+    const double alone = one->light * sqrt(one->block[LIGHT][LIGHT]) / one->noise;
     const double beside = one->sd[LIGHT] > 0.0 ? one->light / one->sd[LIGHT] : INFINITY;
     return fmin(alone / s->limit, beside / BESIDE_OTHERS);
 }
@@ -534,6 +567,7 @@ static int is_near(const hada_point *a, const hada_point *b, double pixels, doub
 static int prune(search *s)
 {
     int kept = 0, dropped = 0;
+    find_residuals(s);
     for (int i = 0; i < s->count; i++)
         deviate(s, i);
     for (int i = 0; i < s->count; i++) {
@@ -619,7 +653,8 @@ static hada_status take_left(search *s, int *taken, hada_error *err)
             light += weighted * s->left[t->pixel];
             squares += weighted * t->by[LIGHT];
         }
-        if (light > s->limit * sigma * sqrt(squares)) {
+        if (light > s->limit * sigma * sqrt(squares) &&
+            light > s->limit * noise_without(s, room, count, light / squares) * sqrt(squares)) {
             HADA_TRY_OR_DONE(take(s, one, &one->at, light / squares, err));
             ++*taken;
         } else if (light < HOPELESS * s->limit * sigma * sqrt(squares)) {
@@ -656,7 +691,7 @@ static double stands_out(const search *s, const spot *beside, const hada_point *
     if (!(own > LEAST_OWN * squares))
         return 0.0;
     *light = sum / own;
-    return sum / (sigma_of(s) * sqrt(own));
+    return sum / (noise_without(s, room, count, *light) * sqrt(own));
 }
 
 /* What was taken for one emitter may be two. */
@@ -697,20 +732,6 @@ static hada_status take_second(search *s, int *taken, hada_error *err)
 done:
     free(room);
     return status;
-}
-
-static void find_residuals(search *s)
-{
-    for (int i = 0; i < s->count; i++) {
-        spot *one = &s->spots[i];
-        double sum = 0.0, squares = 0.0;
-        for (const hada_touch *t = s->touches + one->first, *end = t + one->count; t < end; t++) {
-            const double share = (double)s->job->weights[t->pixel] * t->by[LIGHT] * t->by[LIGHT];
-            sum += share * s->left[t->pixel] * s->left[t->pixel];
-            squares += share;
-        }
-        one->residual = squares > 0.0 ? sqrt(sum / squares) : 0.0;
-    }
 }
 
 static int by_amplitude(const void *a, const void *b)
@@ -760,8 +781,7 @@ done:
 
 static hada_status begin(search *s, hada_error *err)
 {
-    const size_t voxels =
-        (size_t)s->optics->window_rows * (size_t)s->optics->window_cols * (size_t)s->optics->depths;
+    const size_t voxels = (size_t)s->optics->window_rows * (size_t)s->optics->window_cols * (size_t)s->optics->depths;
     s->pixels = (size_t)s->optics->frame_rows * (size_t)s->optics->frame_cols;
     s->most = hada_point_most(s->optics);
     s->limit = hada_focus_normal_quantile(FALSE_ALARM / (double)voxels);
@@ -800,7 +820,6 @@ static hada_status search_all(search *s, hada_error *err)
     do
         HADA_TRY(settle(s, LAST_STEPS, err));
     while (prune(s));
-    find_residuals(s);
     return HADA_OK;
 }
 

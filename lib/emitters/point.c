@@ -314,9 +314,10 @@ static void fill_axis(const axis *a, int n, double fraction, const double place[
         double taps[HADA_SPLINE_TAPS], after[HADA_SPLINE_TAPS];
         const int outside = !(at >= -(n / 2) && at <= n / 2);
         a->base[i] = outside ? 0 : (((int)low - 2) % n + n) % n;
-        a->moves[i] = outside ? 0.0F
-                              : (float)(((offset - place[2]) / scale[2] - (offset - place[1]) / scale[1]) /
-                                        (2.0 * STEP_OF_DEPTH));
+        a->moves[i] =
+            outside
+                ? 0.0F
+                : (float)(((offset - place[2]) / scale[2] - (offset - place[1]) / scale[1]) / (2.0 * STEP_OF_DEPTH));
         hada_spline_weights(at - low, taps);
         hada_spline_weights(at - low + STEP_OF_PLACE, after);
         for (int k = 0; k < HADA_SPLINE_TAPS; k++) {

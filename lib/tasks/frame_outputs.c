@@ -10,9 +10,8 @@
 #include "io/text.h"
 #include "io/tiff_write.h"
 
-static const char *const endings[HADA_OUTPUT_FILES] = {"stack.tif",   "aif.tif",        "depth.tif",
-                                                       "preview.png", "confidence.tif", "aif.png",
-                                                       "emitters.csv"};
+static const char *const endings[HADA_OUTPUT_FILES] = {"stack.tif",      "aif.tif", "depth.tif",   "preview.png",
+                                                       "confidence.tif", "aif.png", "emitters.csv"};
 
 /* Drawn at once, with the first frame. */
 static int is_drawn(int which)

@@ -23,7 +23,7 @@ typedef struct run {
     hada_stream stream;
     hada_outputs out;
     hada_files_state state;
-    int open;    /* a file's turn has begun */
+    int open;                /* a file's turn has begun */
     hada_emitters *emitters; /* of the frame at hand */
     int matched;             /* a frame was compared with the camera */
     hada_match match;

@@ -162,10 +162,12 @@ static const column image_columns[] = {{"PSNR dB", "%.2f", 7, COLUMN(psnr_jumps)
                                        {"| away: PSNR dB", "%.2f", 15, COLUMN(psnr_away)},
                                        {"SSIM", "%.3f", 6, COLUMN(ssim_away)}};
 
-static const column emitter_columns[] = {
-    {"recall", "%.3f", 7, COLUMN(recall)},           {"precision", "%.3f", 9, COLUMN(precision)},
-    {"F1", "%.3f", 6, COLUMN(f1)},                   {"Jaccard", "%.3f", 7, COLUMN(jaccard)},
-    {"lateral px", "%.3f", 10, COLUMN(lateral_rmse)}, {"axial depths", "%.3f", 12, COLUMN(axial_rmse)}};
+static const column emitter_columns[] = {{"recall", "%.3f", 7, COLUMN(recall)},
+                                         {"precision", "%.3f", 9, COLUMN(precision)},
+                                         {"F1", "%.3f", 6, COLUMN(f1)},
+                                         {"Jaccard", "%.3f", 7, COLUMN(jaccard)},
+                                         {"lateral px", "%.3f", 10, COLUMN(lateral_rmse)},
+                                         {"axial depths", "%.3f", 12, COLUMN(axial_rmse)}};
 
 static int has(const hada_evaluate_report *all, hada_evaluated what)
 {

@@ -43,8 +43,8 @@ typedef struct hada_evaluate_task {
     double truth_encoding; /* HADA_AUTO (default): so */
     double encoding;       /* in which both are compared; HADA_AUTO (default): the truth's */
 
-    double gate_pixels, gate_depths; /* an emitter is found at most so far from the true one, across and along depths, in
-                                        the units of x, y and z of the tables; 2 and 2.5 by default */
+    double gate_pixels, gate_depths; /* an emitter is found at most so far from the true one, across and along depths,
+                                        in the units of x, y and z of the tables; 2 and 2.5 by default */
 } hada_evaluate_task;
 HADA_INIT(hada_evaluate_task, HADA_STRUCT_EVALUATE_TASK)
 
@@ -80,8 +80,8 @@ typedef struct hada_evaluation {
 
     /* Of tables of emitters: within the gate, as many as possible of the found and the true ones of a frame are paired,
      * at the least sum of squared distances in units of the gate. With p pairs, f found and t true ones: recall p / t,
-     * precision p / f, F1 2 p / (f + t), Jaccard p / (f + t - p). Errors are roots of mean squares over pairs: distances
-     * across, in pixels, and along depths, in depths. NaN where there is nothing to divide by. */
+     * precision p / f, F1 2 p / (f + t), Jaccard p / (f + t - p). Errors are roots of mean squares over pairs:
+     * distances across, in pixels, and along depths, in depths. NaN where there is nothing to divide by. */
     int emitters, emitters_truth;
     double recall, precision, f1, jaccard, lateral_rmse, axial_rmse;
 } hada_evaluation;

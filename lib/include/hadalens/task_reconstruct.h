@@ -4,10 +4,9 @@
  * For each NAME.tif: NAME_stack.tif (a refocused image per depth, near to far, as ImageJ hyperstack with the
  * distances), NAME_aif.tif (everything in focus), NAME_depth.tif (distances in millimetres, NaN where nothing is in
  * focus) and NAME_preview.png (where the build draws pictures); where the first frame is a surface also
- * NAME_confidence.tif (float32, 0 to 1, NaN for frames that are none); where emitters are asked for NAME_emitters.csv. A
- * file of several frames is a sequence: its
- * results have as many, the preview shows the first, and memory does not grow with them. The files of an input appear
- * under their names when all are whole; what is not finished is removed.
+ * NAME_confidence.tif (float32, 0 to 1, NaN for frames that are none); where emitters are asked for NAME_emitters.csv.
+ * A file of several frames is a sequence: its results have as many, the preview shows the first, and memory does not
+ * grow with them. The files of an input appear under their names when all are whole; what is not finished is removed.
  *
  * Threads: a run uses the calling thread and those of the plan. */
 #ifndef HADALENS_TASK_RECONSTRUCT_H

@@ -691,7 +691,7 @@ static double stands_out(const search *s, const spot *beside, const hada_point *
     if (!(own > LEAST_OWN * squares))
         return 0.0;
     *light = sum / own;
-    return sum / (noise_without(s, room, count, *light) * sqrt(own));
+    return sum / (sigma_of(s) * sqrt(own)); /* where two were taken for one, more than noise is left */
 }
 
 /* What was taken for one emitter may be two. */

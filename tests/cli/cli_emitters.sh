@@ -13,7 +13,7 @@ head -n 1 out/film_emitters.csv | grep -qx 'frame,x,y,z,distance_mm,amplitude,sd
 [ "$(grep -c . out/film_emitters.csv)" = 3 ] || fail "lines of the table"
 printf 'frame,x,y,z\n0,32,32,0\n1,32,32,0\n' >truth.csv
 expect 0 'film_emitters +1.000 +1.000 +1.000 +1.000 +0.000 +0.000' evaluate out/film_emitters.csv truth.csv
-expect 0 '"emitters": 1.*film_emitters.csv' reconstruct film.tif -m spots.model -o out --emitters --scene volume --json
+expect 0 'film_emitters.csv.*"emitters": 1' reconstruct film.tif -m spots.model -o out --emitters --scene volume --json
 is_json 'reconstruct --json of emitters'
 expect 0 'film: there already' reconstruct film.tif -m spots.model -o out --emitters --resume
 rm out/film_emitters.csv

@@ -41,7 +41,7 @@ expect 0 '"emitters_truth": 2.*"recall": 0.5' evaluate found.csv truth.csv --jso
 expect 0 'found +0.000 +0.000 +0.000 +0.000 +- +-' evaluate found.csv truth.csv --gate-depths 0.9
 expect 2 'gate-pixels and --gate-depths must be greater than zero' evaluate found.csv truth.csv --gate-pixels 0
 echo x,y >truth.csv
-expect 4 "truth.csv has no column 'z'" evaluate found.csv truth.csv
+expect 3 "truth.csv has no column 'z'" evaluate found.csv truth.csv
 # NAME_aif.tif goes with NAME.tif.
 mkdir scenes results
 cp b.tif scenes/one.tif

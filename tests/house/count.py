@@ -13,10 +13,10 @@ import sys
 
 # What has a limit: the limit that --hold enforces today, and the aim where it has not been reached.
 LIMITS = {
-    'lines of the library': (71_300, 56_000),  # sequences: a frame goes on from the one before
+    'lines of the library': (73_150, 56_000),  # emitters: points of light fitted to a frame, tables scored
     'lines of the kernels': (12_800, 12_000),
-    'lines of the command line': (8_200, 8_000),
-    'lines of tests (without corpora, frozen headers)': (56_800, 50_000),  # sequences, devices
+    'lines of the command line': (8_240, 8_000),  # tables of emitters
+    'lines of tests (without corpora, frozen headers)': (56_980, 50_000),  # sequences, devices, emitters
     'public functions': (335, 240),
     'words of the documentation (docs)': (45_000, 45_000),
     'files of SMALL lines or fewer, library and bindings': (203, 90),

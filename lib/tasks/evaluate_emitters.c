@@ -109,13 +109,20 @@ static double cost(const matching *m, int found, int truth)
     return a->frame == b->frame && lateral <= 1.0 && axial <= 1.0 ? lateral * lateral + axial * axial : APART;
 }
 
-/* Some found ones and the true ones that belong to them, fewer or more; `room` of 4 (shorter + longer + 2) numbers. The
- * assignment of least cost by shortest augmenting paths (R. Jonker and A. Volgenant, Computing 38, 325 (1987)). */
-static void assign(matching *m, const int *found, int founds, const int *truth, int truths, double *room)
+/* What all steps share, for so many found and true ones. */
+typedef struct memory {
+    unsigned char *seen; /* found ones, then true ones */
+    int *lists, *links;
+    double *numbers;
+} memory;
+
+/* Some found ones and the true ones that belong to them, fewer or more: the assignment of least cost by shortest
+ * augmenting paths (R. Jonker and A. Volgenant, Computing 38, 325 (1987)). */
+static void assign(matching *m, const int *found, int founds, const int *truth, int truths, const memory *room)
 {
     const int turned = founds > truths, n = turned ? truths : founds, more = turned ? founds : truths;
-    double *u = room, *v = u + n + 1, *least = v + more + 1;
-    int *match = (int *)(least + more + 1), *way = match + more + 1, *used = way + more + 1;
+    double *u = room->numbers, *v = u + n + 1, *least = v + more + 1;
+    int *match = room->links, *way = match + more + 1, *used = way + more + 1;
     memset(u, 0, (size_t)(n + 1) * sizeof *u);
     memset(v, 0, (size_t)(more + 1) * sizeof *v);
     memset(match, 0, (size_t)(more + 1) * sizeof *match);
@@ -170,11 +177,11 @@ static void assign(matching *m, const int *found, int founds, const int *truth, 
     }
 }
 
-/* Those that are linked by pairs within the gate are assigned together. lists: found ones, then true ones. */
-static void assign_all(matching *m, const rows *found, const rows *truth, unsigned char *seen, int *lists, double *room)
+/* Those that are linked by pairs within the gate are assigned together. */
+static void assign_all(matching *m, const rows *found, const rows *truth, const memory *room)
 {
-    unsigned char *seen_truth = seen + found->count;
-    int *here = lists, *there = lists + found->count;
+    unsigned char *seen = room->seen, *seen_truth = seen + found->count;
+    int *here = room->lists, *there = here + found->count;
     for (int first = 0; first < found->count; first++) {
         int founds = 1, truths = 0;
         if (seen[first])
@@ -206,18 +213,17 @@ static void assign_all(matching *m, const rows *found, const rows *truth, unsign
 hada_status hada_evaluate_emitters(hada_evaluation *one, const hada_evaluate_task *by, hada_error *err)
 {
     rows found = {0}, truth = {0};
-    unsigned char *seen = NULL;
-    int *lists = NULL;
-    double *room = NULL;
+    memory room = {0};
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(read_table(&found, one->result, err));
     HADA_TRY_OR_DONE(read_table(&truth, one->truth, err));
     const size_t both = (size_t)found.count + (size_t)truth.count;
-    HADA_TRY_OR_DONE(HADA_NEW(seen, both + 1, what, err));
-    HADA_TRY_OR_DONE(HADA_NEW(lists, both + 1, what, err));
-    HADA_TRY_OR_DONE(HADA_NEW(room, 4 * (both + 4), what, err));
+    HADA_TRY_OR_DONE(HADA_NEW(room.seen, both + 1, what, err));
+    HADA_TRY_OR_DONE(HADA_NEW(room.lists, both + 1, what, err));
+    HADA_TRY_OR_DONE(HADA_NEW(room.links, 3 * (both + 1), what, err));
+    HADA_TRY_OR_DONE(HADA_NEW(room.numbers, 3 * (both + 1), what, err));
     matching m = {.found = found.list, .truth = truth.list, .pixels = by->gate_pixels, .depths = by->gate_depths};
-    assign_all(&m, &found, &truth, seen, lists, room);
+    assign_all(&m, &found, &truth, &room);
     one->emitters = found.count;
     one->emitters_truth = truth.count;
     one->recall = truth.count ? (double)m.pairs / truth.count : NAN;
@@ -227,6 +233,6 @@ hada_status hada_evaluate_emitters(hada_evaluation *one, const hada_evaluate_tas
     one->lateral_rmse = m.pairs ? sqrt(m.lateral / m.pairs) : NAN;
     one->axial_rmse = m.pairs ? sqrt(m.axial / m.pairs) : NAN;
 done:
-    HADA_FREE(found.list, truth.list, seen, lists, room);
+    HADA_FREE(found.list, truth.list, room.seen, room.lists, room.links, room.numbers);
     return status;
 }

@@ -21,6 +21,8 @@ enum { ROW = HADA_POINT_ROW, COL, DEPTH, LIGHT, UNKNOWNS };
 /* Candidates: maxima whose neighbourhood holds this share of the light that the limit asks for; the most of them. */
 #define CANDIDATE 0.25
 enum { MOST_CANDIDATES = 20000 };
+/* What emitters may take of the host's memory. */
+#define MOST_BYTES ((size_t)1 << 30)
 /* One that stands out by so little of the limit is not looked at again. */
 #define HOPELESS 0.5
 /* So near to an emitter, in pixels and depths, a candidate is the same one. */
@@ -604,6 +606,11 @@ static hada_status take(search *s, candidate *one, const hada_point *at, double 
         s->before = other;
         s->room = room;
     }
+    if ((size_t)(s->rooms + 1) * (size_t)s->most * sizeof *s->touches > MOST_BYTES)
+        return hada_fail(err, HADA_ERROR_MEMORY,
+                         "%d emitters and more, whose light falls on up to %d pixels each, take more than %zu MiB of "
+                         "memory: is this a scene of points?",
+                         s->count, s->most, MOST_BYTES >> 20);
     if (one)
         one->taken = 1;
     for (int i = 0; i < s->count; i++)

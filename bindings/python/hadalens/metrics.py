@@ -371,7 +371,7 @@ def evaluate(
         window_at: its top left; None: centred.
         mask: a TIFF file of pixels that count.
         truth_encoding, encoding: how the truth stands for light, and in which encoding both are compared.
-        gate_pixels, gate_depths: of tables of emitters (two .csv files): how far a true one may be from one that is found.
+        gate_pixels, gate_depths: of tables of emitters (two .csv files): how far a true one may be from a found one.
 
     Example:
         >>> for one in hadalens.metrics.evaluate("pictures", "camera/test/truth"):

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, Unpack
 
 import numpy as np
+import numpy.typing as npt
 
 from . import errors
 from ._arrays import Mosaic, Pixels, check_out

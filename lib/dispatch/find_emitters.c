@@ -58,7 +58,7 @@ static void take_frame(const hada_frame *frame, float *values, float *weights)
 }
 
 hada_status hada_plan_emitters(hada_emitters **out, hada_plan *plan, const hada_pixels *raw, const hada_result *result,
-                               hada_error *err)
+                               const hada_monitor *monitor, hada_error *err)
 {
     HADA_NEED(out && plan && raw && result, err);
     hada_frame frame = {0};
@@ -79,6 +79,7 @@ hada_status hada_plan_emitters(hada_emitters **out, hada_plan *plan, const hada_
                                    .values = values,
                                    .weights = weights,
                                    .planes = result->planes,
+                                   .monitor = monitor,
                                    .noise = hada_exposure_noise(&frame.exposure)};
     HADA_TRY_OR_DONE(hada_emitters_find(out, &job, err));
 done:

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
+#include "core/callers.h"
 #include "focus/focus.h"
 
 static const char what[] = "the emitters of a frame";
@@ -79,13 +79,6 @@ typedef struct search {
     double *step, *gradient, *direction, *along, *whitened; /* vectors of the unknowns, the offset last */
     size_t vector_room;
 } search;
-
-static hada_status check_cancelled(const search *s, hada_error *err)
-{
-    return s->job->cancelled && atomic_load(s->job->cancelled)
-               ? hada_fail(err, HADA_ERROR_CANCELLED, "the job was cancelled")
-               : HADA_OK;
-}
 
 /* Candidates. */
 
@@ -420,7 +413,7 @@ static hada_status settle(search *s, int steps, hada_error *err)
     compare(s);
     for (int i = 0; i < steps && longest > STILL; i++) {
         const double cost = s->cost, offset = s->offset;
-        HADA_TRY(check_cancelled(s, err));
+        HADA_TRY(hada_monitor_check(s->job->monitor, err));
         linearise_all(s);
         solve(s, damping);
         memcpy(s->before, s->spots, (size_t)s->count * sizeof *s->spots);

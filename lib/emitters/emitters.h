@@ -3,6 +3,7 @@
 #define HADA_EMITTERS_EMITTERS_H
 
 #include <hadalens/emitters.h>
+#include <hadalens/monitor.h>
 
 #include "model/model.h"
 #include "runtime/slot.h"
@@ -56,11 +57,11 @@ int hada_point_most(const hada_point_optics *optics);
 
 typedef struct hada_emitters_job {
     const hada_point_optics *optics;
-    const float *values;      /* of the frame, without its dark level, [row][col] */
-    const float *weights;     /* of its pixels, 0 or more */
-    const hada_image *planes; /* the volume, a plane per depth */
-    double noise;             /* standard deviation of the frame's, as it is guessed before anything is known */
-    const atomic_int *cancelled;
+    const float *values;         /* of the frame, without its dark level, [row][col] */
+    const float *weights;        /* of its pixels, 0 or more */
+    const hada_image *planes;    /* the volume, a plane per depth */
+    double noise;                /* standard deviation of the frame's, as it is guessed before anything is known */
+    const hada_monitor *monitor; /* asked whether to stop; may be NULL */
 } hada_emitters_job;
 
 struct hada_emitters {

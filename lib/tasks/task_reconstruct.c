@@ -185,7 +185,7 @@ static hada_status take_frame(run *own, hada_streamed *frame, hada_error *err)
     *err = frame->error;
     HADA_TRY(frame->status);
     if (own->task.emitters)
-        HADA_TRY(hada_plan_emitters(&own->emitters, own->plan, &frame->raw, &frame->result, err));
+        HADA_TRY(hada_plan_emitters(&own->emitters, own->plan, &frame->raw, &frame->result, own->task.monitor, err));
     HADA_TRY(hada_outputs_add(&own->out, &frame->raw, &frame->result, own->emitters, err));
     own->state.emitters = own->emitters;
     match_frame(own, frame);

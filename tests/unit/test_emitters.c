@@ -96,7 +96,7 @@ static void find(const fixture *f, const hada_model *model, const hada_image *fr
     ASSERT_OK(hada_plan_create(&plan, f->context, model, &options, err));
     ASSERT_OK(hada_plan_run(plan, frame, &result, err));
     hada_pixels_of_image(&pixels, frame);
-    ASSERT_OK(hada_plan_emitters(emitters, plan, &pixels, &result, err));
+    ASSERT_OK(hada_plan_emitters(emitters, plan, &pixels, &result, NULL, err));
 }
 
 /* The emitter that is nearest to a point, with its place in the frame. */
@@ -245,9 +245,9 @@ TEST(refuses_what_is_no_volume)
     options.scene = HADA_SCENE_PLANES;
     ASSERT_OK(hada_plan_create(&plan, f->context, f->model, &options, err));
     hada_pixels_of_image(&pixels, &frame);
-    ASSERT_FAILS(hada_plan_emitters(&emitters, plan, &pixels, &result, err), HADA_ERROR_ARGUMENT, "nothing");
+    ASSERT_FAILS(hada_plan_emitters(&emitters, plan, &pixels, &result, NULL, err), HADA_ERROR_ARGUMENT, "nothing");
     ASSERT_OK(hada_plan_run(plan, &frame, &result, err));
-    ASSERT_FAILS(hada_plan_emitters(&emitters, plan, &pixels, &result, err), HADA_ERROR_ARGUMENT,
+    ASSERT_FAILS(hada_plan_emitters(&emitters, plan, &pixels, &result, NULL, err), HADA_ERROR_ARGUMENT,
                  "was taken for planes");
     assert_null(emitters);
     assert_int_equal(hada_emitters_count(NULL), 0);

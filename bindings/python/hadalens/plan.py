@@ -15,7 +15,7 @@ import numpy.typing as npt
 from . import errors
 from ._arrays import Mosaic, Pixels, check_out
 from ._job import Job
-from ._native import Handle, Options, Owner, call, check_names, ffi, lib, log, named, record
+from ._native import Handle, Monitor, Options, Owner, call, check_names, ffi, lib, log, named, record
 from ._plan_options import Classic, Method, PlanOptions, Skip, plan_options
 from .device import Device, address_of, contexts, default
 from .model import Model, as_model
@@ -384,7 +384,8 @@ class Plan(Handle):
             job.cancel()
             raise
         found = Owner("hada_emitters", lib.hada_emitters_destroy)
-        call(lib.hada_plan_emitters, found.pointer, self._c, pixels.c, results.c)
+        monitor = Monitor(None)
+        monitor.run(lib.hada_plan_emitters, found.pointer, self._c, pixels.c, results.c, monitor.options)
         names = [name for name, _ in ffi.typeof("hada_emitter").fields]
         rows = [lib.hada_emitters_get(found.c, i) for i in range(lib.hada_emitters_count(found.c))]
         return np.array([tuple(getattr(row, name) for name in names) for row in rows], [(name, "f8") for name in names])

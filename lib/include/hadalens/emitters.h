@@ -8,6 +8,7 @@
 #ifndef HADALENS_EMITTERS_H
 #define HADALENS_EMITTERS_H
 
+#include <hadalens/monitor.h>
 #include <hadalens/reconstruct.h>
 
 #ifdef __cplusplus
@@ -28,11 +29,12 @@ typedef struct hada_emitter {
 typedef struct hada_emitters hada_emitters;
 
 /* Finds the emitters of a frame of one channel that the plan reconstructed as a volume. raw: that frame; result: what
- * the plan made of it. HADA_ERROR_ARGUMENT where the frame was taken for something else, HADA_ERROR_MODEL where the
- * camera has colours, HADA_ERROR_MEMORY where there are so many that they take more than 1 GiB. An emitter counts whose
- * amplitude exceeds so many of its standard deviations that noise alone would give one in twenty frames. */
+ * the plan made of it; monitor: asked whether to stop, may be NULL. HADA_ERROR_ARGUMENT where the frame was taken for
+ * something else, HADA_ERROR_MODEL where the camera has colours, HADA_ERROR_MEMORY where there are so many that they
+ * take more than 1 GiB. An emitter counts whose amplitude exceeds so many of its standard deviations that noise alone
+ * would give one in twenty frames. */
 HADA_API hada_status hada_plan_emitters(hada_emitters **out, hada_plan *plan, const hada_pixels *raw,
-                                        const hada_result *result, hada_error *err);
+                                        const hada_result *result, const hada_monitor *monitor, hada_error *err);
 HADA_API int hada_emitters_count(const hada_emitters *emitters);
 /* By falling amplitude; NULL beyond the last. */
 HADA_API const hada_emitter *hada_emitters_get(const hada_emitters *emitters, int index);

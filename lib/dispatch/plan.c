@@ -62,6 +62,7 @@ hada_status hada_plan_create_on(hada_plan **out, hada_context *const *contexts, 
     HADA_TRY_OR_DONE(check_contexts(contexts, count, err));
     HADA_TRY_OR_DONE(HADA_NEW(plan, 1, "a plan", err));
     hada_frame_cache_make(&plan->cache);
+    pthread_mutex_init(&plan->points_lock, NULL);
     HADA_TRY_OR_DONE(hada_setup_make(&plan->setup, contexts[0], model, &options, err));
     if (plan->setup.config.warm) /* frames wait for each other */
         count = 1;
@@ -85,6 +86,8 @@ void hada_plan_destroy(hada_plan **pointer)
     if (plan->dispatcher)
         hada_dispatcher_release(plan->dispatcher);
     hada_frame_cache_free(&plan->cache);
+    hada_point_optics_destroy(&plan->points);
+    pthread_mutex_destroy(&plan->points_lock);
     hada_setup_free(&plan->setup);
     HADA_FREE(plan->constants, plan);
 }

@@ -9,6 +9,7 @@
 #include <hadalens/job.h>
 #include <pthread.h>
 
+#include "emitters/emitters.h"
 #include "engine/pipeline.h"
 
 typedef struct hada_dispatcher hada_dispatcher;
@@ -92,6 +93,8 @@ struct hada_plan {
     hada_constants **constants; /* one a context */
     int contexts;
     hada_dispatcher *dispatcher;
+    pthread_mutex_t points_lock; /* of the next */
+    hada_point_optics *points;   /* NULL until emitters of a frame are asked for */
 };
 
 /* Room for so many workers, to be added one by one, those of a device together. */

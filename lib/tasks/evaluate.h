@@ -76,6 +76,9 @@ hada_status hada_evaluate_parts_beside(unsigned char **parts, const hada_compare
                                        const hada_compared_page *one, const hada_evaluate_task *by,
                                        const hada_region *region, hada_error *err);
 
+/* Tables of emitters: fills in all that an evaluation of them has. Internal. */
+hada_status hada_evaluate_emitters(hada_evaluation *one, const hada_evaluate_task *by, hada_error *err);
+
 /* Comparing a result file with its truth. Internal. */
 
 /* one->result and one->truth are given, the rest is filled in. */

@@ -13,6 +13,11 @@ static hada_evaluated kind_of(const char *path)
                                                     : HADA_EVALUATED_IMAGES;
 }
 
+static int is_table(const char *path)
+{
+    return hada_stem_ends(path, strlen(path), ".csv");
+}
+
 static int is_dark(const hada_compared_page *one)
 {
     for (size_t i = 0; i < hada_image_count(&one->truth); i++)
@@ -227,6 +232,11 @@ hada_status hada_evaluate_compare(hada_evaluation *one, const hada_evaluate_task
     one->steps_jumps = one->steps_away = one->within_jumps = one->within_away = NAN;
     one->coverage_jumps = one->coverage_away = one->outside = one->outside_unknown = NAN;
     one->confident_half = one->risk = NAN;
+    one->recall = one->precision = one->f1 = one->jaccard = one->lateral_rmse = one->axial_rmse = NAN;
+    if (is_table(one->result) && is_table(one->truth)) {
+        one->what = HADA_EVALUATED_EMITTERS;
+        return hada_evaluate_emitters(one, by, err);
+    }
     one->what = kind_of(one->truth);
     if (one->what == HADA_EVALUATED_IMAGES)
         one->what = kind_of(one->result);

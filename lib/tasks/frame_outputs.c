@@ -7,10 +7,11 @@
 
 #include "dispatch/plan.h"
 #include "io/folder.h"
+#include "io/text.h"
 #include "io/tiff_write.h"
 
-static const char *const endings[HADA_OUTPUT_FILES] = {"stack.tif",   "aif.tif",        "depth.tif",
-                                                       "preview.png", "confidence.tif", "aif.png"};
+static const char *const endings[HADA_OUTPUT_FILES] = {"stack.tif",      "aif.tif", "depth.tif",   "preview.png",
+                                                       "confidence.tif", "aif.png", "emitters.csv"};
 
 /* Drawn at once, with the first frame. */
 static int is_drawn(int which)
@@ -28,6 +29,16 @@ static void choose_encoding(hada_outputs *out, const hada_files_task *task, doub
     out->shown = gamma == 1.0 ? HADA_AUTO : 1.0;
 }
 
+/* Only for the run that wants it. */
+static int is_wanted(const hada_files_task *task, int which)
+{
+    const int draws = hada_pictures_available();
+    return which == HADA_OUTPUT_PREVIEW    ? draws && task->preview
+           : which == HADA_OUTPUT_PICTURE  ? draws && task->picture
+           : which == HADA_OUTPUT_EMITTERS ? task->emitters
+                                           : 1;
+}
+
 /* The distance of a single depth says nothing of the scene. */
 static int has_map(const hada_plan *plan)
 {
@@ -39,7 +50,6 @@ hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, c
 {
     const hada_model_info *model = hada_model_get_info(plan->setup.model);
     const char *slash = strrchr(model->name, '/');
-    const int draws = hada_pictures_available(), preview = draws && task->preview, picture = draws && task->picture;
     *out = (hada_outputs){.frames = frames,
                           .bits = task->bits,
                           .white = task->white,
@@ -47,7 +57,7 @@ hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, c
                           .has_map = has_map(plan)};
     choose_encoding(out, task, plan->setup.options.gamma);
     for (int k = 0; k < HADA_OUTPUT_FILES; k++)
-        if (!is_drawn(k) || (k == HADA_OUTPUT_PREVIEW ? preview : picture))
+        if (is_wanted(task, k))
             HADA_TRY(hada_path_format(&out->path[k], err, "%s/%s_%s", task->output, name, endings[k]));
     return hada_path_format(&out->title, err, "%s, %s", name, slash ? slash + 1 : model->name);
 }
@@ -138,7 +148,38 @@ static hada_status write_confidence(hada_outputs *out, const hada_result *result
     return hada_tiff_write(out->writer[HADA_OUTPUT_CONFIDENCE], confidence ? confidence : &out->unknown, err);
 }
 
-hada_status hada_outputs_add(hada_outputs *out, const hada_pixels *raw, const hada_result *result, hada_error *err)
+/* A line for each emitter; those of all frames follow each other. */
+static hada_status write_emitters(hada_outputs *out, const hada_emitters *emitters, hada_error *err)
+{
+    hada_text text = {0};
+    hada_status status = HADA_OK;
+    if (!out->has_table) {
+        HADA_TRY(hada_outfile_open(&out->table, out->path[HADA_OUTPUT_EMITTERS], err));
+        out->has_table = 1;
+        hada_text_add(&text, "frame,x,y,z,distance_mm,amplitude,sd_x,sd_y,sd_z,sd_amplitude,residual\n");
+    }
+    for (int i = 0; i < hada_emitters_count(emitters); i++) {
+        const hada_emitter *one = hada_emitters_get(emitters, i);
+        const double values[] = {one->x,    one->y,    one->z,    one->distance_mm,  one->amplitude,
+                                 one->sd_x, one->sd_y, one->sd_z, one->sd_amplitude, one->residual};
+        hada_text_add(&text, "%d", out->written - 1);
+        for (size_t k = 0; k < HADA_COUNT(values); k++) {
+            char number[32];
+            hada_format_number(number, sizeof number, "%.7g", values[k]);
+            hada_text_add(&text, ",%s", number);
+        }
+        hada_text_add(&text, "\n");
+    }
+    if (text.failed)
+        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for a table of emitters");
+    else if (text.length)
+        status = hada_outfile_write(&out->table, text.data, text.length, err);
+    free(text.data);
+    return status;
+}
+
+hada_status hada_outputs_add(hada_outputs *out, const hada_pixels *raw, const hada_result *result,
+                             const hada_emitters *emitters, hada_error *err)
 {
     if (!out->written++)
         HADA_TRY(open_all(out, raw, result, err));
@@ -149,7 +190,7 @@ hada_status hada_outputs_add(hada_outputs *out, const hada_pixels *raw, const ha
         HADA_TRY(hada_tiff_write(out->writer[HADA_OUTPUT_DISTANCE_MAP], &result->distance_map, err));
     if (out->writer[HADA_OUTPUT_CONFIDENCE])
         HADA_TRY(write_confidence(out, result, err));
-    return HADA_OK;
+    return emitters ? write_emitters(out, emitters, err) : HADA_OK;
 }
 
 hada_status hada_outputs_finish(hada_outputs *out, hada_error *err)
@@ -159,6 +200,10 @@ hada_status hada_outputs_finish(hada_outputs *out, hada_error *err)
     for (; next >= 0; next--)
         if (out->writer[next])
             HADA_TRY_OR_DONE(hada_tiff_finish(&out->writer[next], err));
+    if (out->has_table) {
+        out->has_table = 0; /* the record is emptied either way */
+        HADA_TRY_OR_DONE(hada_outfile_commit(&out->table, err));
+    }
     out->finished = 1;
     if (!out->has_confidence)
         hada_outfile_remove(out->path[HADA_OUTPUT_CONFIDENCE]); /* of a run before */
@@ -166,7 +211,7 @@ hada_status hada_outputs_finish(hada_outputs *out, hada_error *err)
         hada_outfile_remove(out->path[HADA_OUTPUT_DISTANCE_MAP]);
 done:
     for (int k = next + 1; status && k < HADA_OUTPUT_FILES; k++)
-        if (!is_drawn(k))
+        if (!is_drawn(k) && out->path[k])
             hada_outfile_remove(out->path[k]);
     return status;
 }
@@ -213,6 +258,12 @@ int hada_outputs_are_there(const hada_files_task *task, const hada_plan *plan, c
                 images[0] % plan->setup.config.depths == 0;
         free(result);
     }
+    if (there && task->emitters) {
+        char *table = NULL;
+        there = !hada_path_format(&table, NULL, "%s/%s_%s", task->output, name, endings[HADA_OUTPUT_EMITTERS]) &&
+                hada_path_is_file(table) && !is_older(table, path) && !is_older(table, info->name);
+        free(table);
+    }
     return there;
 }
 
@@ -221,6 +272,8 @@ void hada_outputs_end(hada_outputs *out)
     for (int k = 0; k < HADA_OUTPUT_FILES; k++)
         if (out->writer[k])
             hada_tiff_abandon(&out->writer[k]);
+    if (out->has_table)
+        hada_outfile_abandon(&out->table);
     for (int k = 0; k < HADA_OUTPUT_FILES; k++) {
         if (is_drawn(k) && out->path[k] && out->written && !out->finished)
             hada_outfile_remove(out->path[k]);

@@ -8,6 +8,8 @@
 #include <hadalens/task_reconstruct.h>
 #include <hadalens/tiff.h>
 
+#include "core/outfile.h"
+
 /* A frame, or a file that could not be opened. */
 typedef struct hada_streamed {
     int file;        /* index of the path */
@@ -52,13 +54,16 @@ void hada_stream_end(hada_stream *stream);
 
 /* The files that belong to one input of a reconstruction. Internal. */
 
-/* Files of an input: those of hada_output, the confidence of surfaces, and the all-in-focus image for a display. */
-enum { HADA_OUTPUT_CONFIDENCE = HADA_OUTPUTS, HADA_OUTPUT_PICTURE, HADA_OUTPUT_FILES };
+/* Files of an input: those of hada_output, the confidence of surfaces, the all-in-focus image for a display, and the
+ * table of emitters. */
+enum { HADA_OUTPUT_CONFIDENCE = HADA_OUTPUTS, HADA_OUTPUT_PICTURE, HADA_OUTPUT_EMITTERS, HADA_OUTPUT_FILES };
 
 typedef struct hada_outputs {
-    char *path[HADA_OUTPUT_FILES];               /* NULL: preview and picture where none is wanted */
+    char *path[HADA_OUTPUT_FILES];               /* NULL: preview, picture and emitters where none are wanted */
     hada_tiff_writer *writer[HADA_OUTPUT_FILES]; /* NULL: those of PNG files, and of confidence where the first frame is
                                                     no surface */
+    hada_outfile table;                          /* of emitters */
+    int has_table;                               /* 1: it is open */
     hada_image unknown;                          /* confidence of frames that are none */
     char *title;
     int frames, bits;
@@ -76,8 +81,9 @@ typedef struct hada_outputs {
 /* For an input of `frames` frames through the plan, with results called NAME_... */
 hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, const hada_plan *plan, const char *name,
                                int frames, hada_error *err);
-/* Adds a frame; the first one is shown in the preview. */
-hada_status hada_outputs_add(hada_outputs *out, const hada_pixels *raw, const hada_result *result, hada_error *err);
+/* Adds a frame; the first one is shown in the preview. emitters: NULL where none are asked for. */
+hada_status hada_outputs_add(hada_outputs *out, const hada_pixels *raw, const hada_result *result,
+                             const hada_emitters *emitters, hada_error *err);
 /* Whether an input's results are there: all of them, whole, of the plan's depths and size, and not older than the input
  * at `path` and the file of the model. */
 int hada_outputs_are_there(const hada_files_task *task, const hada_plan *plan, const char *name, const char *path);

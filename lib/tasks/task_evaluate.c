@@ -125,6 +125,9 @@ hada_status hada_evaluate_run(hada_evaluate_report **out, const char *result, co
     if (!(task.peak > 0.0) || !(task.tolerance > 0.0))
         HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_ARGUMENT, "options.peak and options.tolerance must be greater than zero"));
+    if (!(task.gate_pixels > 0.0) || !(task.gate_depths > 0.0))
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT,
+                                   "options.gate_pixels and options.gate_depths must be greater than zero"));
     HADA_TRY_OR_DONE(hada_region_read(&region, &task, err));
     HADA_TRY_OR_DONE(HADA_NEW(report, 1, "a report", err));
     HADA_TRY_OR_DONE(list(report, result, truth, task.monitor, err));

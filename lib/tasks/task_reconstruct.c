@@ -11,7 +11,7 @@
 /* A run over all files, and the file whose results are being written. */
 typedef struct run {
     hada_files_task task;
-    const hada_plan *plan;
+    hada_plan *plan;
     const hada_model *model;
     double gamma; /* of the plan */
     const char *const *paths;
@@ -23,8 +23,9 @@ typedef struct run {
     hada_stream stream;
     hada_outputs out;
     hada_files_state state;
-    int open;    /* a file's turn has begun */
-    int matched; /* a frame was compared with the camera */
+    int open;                /* a file's turn has begun */
+    hada_emitters *emitters; /* of the frame at hand */
+    int matched;             /* a frame was compared with the camera */
     hada_match match;
     int failed;
     hada_progress progress;
@@ -98,7 +99,7 @@ static hada_status begin_file(run *own, const hada_streamed *frame, hada_error *
     hada_status status = HADA_OK;
     own->open = 1;
     memset(own->state.outputs, 0, sizeof own->state.outputs);
-    own->state.confidence = own->state.picture = NULL;
+    own->state.confidence = own->state.picture = own->state.emitters_table = NULL;
     if (frame->frames) {
         own->progress.total += frame->frames - 1;
         status = hada_outputs_begin(&own->out, &own->task, own->plan, own->names[own->todo[frame->file]], frame->frames,
@@ -183,13 +184,17 @@ static hada_status take_frame(run *own, hada_streamed *frame, hada_error *err)
         HADA_TRY(begin_file(own, frame, err));
     *err = frame->error;
     HADA_TRY(frame->status);
-    HADA_TRY(hada_outputs_add(&own->out, &frame->raw, &frame->result, err));
+    if (own->task.emitters)
+        HADA_TRY(hada_plan_emitters(&own->emitters, own->plan, &frame->raw, &frame->result, own->task.monitor, err));
+    HADA_TRY(hada_outputs_add(&own->out, &frame->raw, &frame->result, own->emitters, err));
+    own->state.emitters = own->emitters;
     match_frame(own, frame);
     tell(own, HADA_FILES_FRAME, frame);
     if (frame->frame == frame->frames - 1) {
         HADA_TRY(hada_outputs_finish(&own->out, err));
         own->state.confidence = own->out.has_confidence ? own->out.path[HADA_OUTPUT_CONFIDENCE] : NULL;
         own->state.picture = own->out.path[HADA_OUTPUT_PICTURE];
+        own->state.emitters_table = own->out.path[HADA_OUTPUT_EMITTERS];
         tell(own, HADA_FILES_DONE, frame);
         leave_file(own);
     }
@@ -204,6 +209,8 @@ static void take_all(run *own)
         if (frame->file == bad)
             continue;
         const hada_status status = take_frame(own, frame, &error);
+        hada_emitters_destroy(&own->emitters);
+        own->state.emitters = NULL;
         (void)hada_progress_step(&own->progress, NULL, NULL); /* the stream itself heeds the wish to stop */
         if (status) {
             fail_file(own, frame, &error);

@@ -32,6 +32,16 @@ code=$?
 [ $code = 130 ] || fail "exit code $code of evaluate after TERM"
 [ $SECONDS -le 2 ] || fail "evaluate took $SECONDS s to stop"
 rm many.tif
+# Tables of emitters: one of two is found, and one of what was found is none.
+printf 'x,y,z\n10,10,3\n20,20,5\n' >truth.csv
+printf 'frame,x,y,z,amplitude\n0,10.3,10.4,4,1\n0,50,50,5,1\n' >found.csv
+expect 0 'recall +precision +F1 +Jaccard +lateral px +axial depths.*found +0.500 +0.500 +0.500 +0.333 +0.500 +1.000' \
+    evaluate found.csv truth.csv
+expect 0 '"emitters_truth": 2.*"recall": 0.5' evaluate found.csv truth.csv --json
+expect 0 'found +0.000 +0.000 +0.000 +0.000 +- +-' evaluate found.csv truth.csv --gate-depths 0.9
+expect 2 'gate-pixels and --gate-depths must be greater than zero' evaluate found.csv truth.csv --gate-pixels 0
+echo x,y >truth.csv
+expect 3 "truth.csv has no column 'z'" evaluate found.csv truth.csv
 # NAME_aif.tif goes with NAME.tif.
 mkdir scenes results
 cp b.tif scenes/one.tif

@@ -13,10 +13,10 @@ import sys
 
 # What has a limit: the limit that --hold enforces today, and the aim where it has not been reached.
 LIMITS = {
-    'lines of the library': (71_300, 56_000),  # sequences: a frame goes on from the one before
-    'lines of the kernels': (12_800, 12_000),
-    'lines of the command line': (8_200, 8_000),
-    'lines of tests (without corpora, frozen headers)': (56_800, 50_000),  # sequences, devices
+    'lines of the library': (73_400, 56_000),  # emitters fitted to a frame, the learned regulariser
+    'lines of the kernels': (13_050, 12_000),  # the learned regulariser
+    'lines of the command line': (8_240, 8_000),  # tables of emitters
+    'lines of tests (without corpora, frozen headers)': (57_200, 50_000),  # sequences, devices, emitters, the learned regulariser
     'public functions': (335, 240),
     'words of the documentation (docs)': (45_000, 45_000),
     'files of SMALL lines or fewer, library and bindings': (203, 90),

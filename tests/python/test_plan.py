@@ -161,3 +161,19 @@ def test_sequences(model: hadalens.Model, raw: npt.NDArray[Any]) -> None:
         first, second = plan.run(raw).report, plan.run(raw).report
         assert (first.warm_started, second.warm_started) == (False, warm)
         assert second.refine_steps < first.refine_steps if warm else second.refine_steps == first.refine_steps
+
+
+def test_emitters() -> None:
+    """A point is found where it is; other scenes, and cameras of colours, are refused with a reason."""
+    row, col = np.indices((64, 64))
+    spots = [(30, 20, 1.0), (44, 40, 0.7), (18, 45, 0.5), (35, 33, 0.8)]
+    psf = sum(light * np.exp(-((row - y) ** 2 + (col - x) ** 2) / 2.5) for y, x, light in spots)
+    camera = hadalens.Model.from_psf(np.float32(psf)[None], [20.0], psf_dark=0.0)
+    frame = np.float32(np.roll(psf, (3, -2), (0, 1)))
+    found = hadalens.Plan(camera, scene="volume").emitters(frame)
+    assert len(found) == 1
+    assert abs(found["y"][0] - 35) < 0.01
+    assert abs(found["x"][0] - 30) < 0.01
+    assert found["z"][0] == 0
+    with pytest.raises(ValueError, match="volume"):
+        hadalens.Plan(camera, scene="planes").emitters(frame)

@@ -32,6 +32,9 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_TEXT, "truth-encoding", 0, "linear|srgb|P", "how the values of the truth stand for light",
      "Without it: what its file says, else as the scenes that the result's camera was learned from.",
      AT(truth_encoding)},
+    {HADA_OPTION_REAL, "gate-pixels", 0, "P", "an emitter is found within so many pixels of the true one (default: 2)",
+     NULL, AT(task.gate_pixels)},
+    {HADA_OPTION_REAL, "gate-depths", 0, "D", "and within so many depths (default: 2.5)", NULL, AT(task.gate_depths)},
     HADA_CLI_GROUP("Where"),
     {HADA_OPTION_TEXT, "window", 0, "HxW[+ROW+COL]", "compare within this rectangle alone",
      "It stands at the centre where the row and column of its top left are not given. Nothing outside it is looked at.",
@@ -125,6 +128,8 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         return hada_cli_usage(cli, "two names are needed, the result and the truth, not %d", count);
     if (!(set->task.peak > 0) || !(set->task.tolerance > 0))
         return hada_cli_usage(cli, "--peak and --tolerance must be greater than zero");
+    if (!(set->task.gate_pixels > 0) || !(set->task.gate_depths > 0))
+        return hada_cli_usage(cli, "--gate-pixels and --gate-depths must be greater than zero");
     if ((set->lpips_heads || set->lpips_net) && !set->lpips)
         return hada_cli_usage(cli, "--lpips-heads and --lpips-net need --lpips FILE");
     return evaluate(cli, set, arguments, &err) ? hada_cli_fail(cli, &err) : HADA_EXIT_OK;
@@ -133,6 +138,7 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
 static const hada_cli_example examples[] = {
     {"hadalens evaluate pictures camera/test/truth", "all results of a folder that have a truth."},
     {"hadalens evaluate pictures/a_aif.tif a.tif --match-gain", "one image, whatever its scale."},
+    {"hadalens evaluate pictures/a_emitters.csv truth.csv", "emitters: recall, precision, errors."},
     {"hadalens evaluate pictures truth --window 192x192 --lpips vgg.safetensors", "the centre, and LPIPS as well."},
     {0},
 };
@@ -147,7 +153,8 @@ const hada_cli_command hada_cli_evaluate = {
         "in the result are not covered, those that are NaN in the truth are left out. Where the depth steps are known, maps "
         "and all-in-focus images are also judged at jumps of the true distances and away from them, pixels beyond the "
         "camera's distances apart, and NAME_confidence.tif beside a map by what it promises. In files named NAME_stack.tif "
-        "the planes that are dark in the truth are left out of the means; --json also gives the PSNR over all planes.",
+        "the planes that are dark in the truth are left out of the means; --json also gives the PSNR over all planes. Two "
+        "files that end in .csv are tables of emitters: columns x, y, z, and frame where there are several.",
     .options = options,
     .examples = examples,
     .settings_size = sizeof(settings),

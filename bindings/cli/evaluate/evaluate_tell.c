@@ -21,11 +21,19 @@ static json_t *encoding_json(double encoding)
 
 static json_t *row_json(const hada_evaluation *score)
 {
-    static const char *const kinds[] = {"images", "stack", "distance_map"};
+    static const char *const kinds[] = {"images", "stack", "distance_map", "emitters"};
     const hada_depth_score *depth = &score->depth;
     json_t *entry =
         json_pack("{s:s, s:o, s:o, s:i}", "kind", kinds[score->what], "result", hada_cli_json_text(score->result),
                   "truth", hada_cli_json_text(score->truth), "pages", score->pages);
+    if (score->what == HADA_EVALUATED_EMITTERS) {
+        json_object_set_new(entry, "emitters", json_integer(score->emitters));
+        json_object_set_new(entry, "emitters_truth", json_integer(score->emitters_truth));
+        HADA_CLI_SET(entry, {"recall", score->recall}, {"precision", score->precision}, {"f1", score->f1},
+                     {"jaccard", score->jaccard}, {"lateral_rmse", score->lateral_rmse},
+                     {"axial_rmse", score->axial_rmse});
+        return entry;
+    }
     if (score->what == HADA_EVALUATED_MAP) {
         HADA_CLI_SET(entry, {"coverage", depth->coverage}, {"within", score->steps_known ? depth->within : NAN},
                      {"mean_error_mm", depth->mean_error_mm}, {"mean_error_steps", depth->mean_steps});
@@ -154,6 +162,13 @@ static const column image_columns[] = {{"PSNR dB", "%.2f", 7, COLUMN(psnr_jumps)
                                        {"| away: PSNR dB", "%.2f", 15, COLUMN(psnr_away)},
                                        {"SSIM", "%.3f", 6, COLUMN(ssim_away)}};
 
+static const column emitter_columns[] = {{"recall", "%.3f", 7, COLUMN(recall)},
+                                         {"precision", "%.3f", 9, COLUMN(precision)},
+                                         {"F1", "%.3f", 6, COLUMN(f1)},
+                                         {"Jaccard", "%.3f", 7, COLUMN(jaccard)},
+                                         {"lateral px", "%.3f", 10, COLUMN(lateral_rmse)},
+                                         {"axial depths", "%.3f", 12, COLUMN(axial_rmse)}};
+
 static int has(const hada_evaluate_report *all, hada_evaluated what)
 {
     for (int i = 0; i < hada_evaluate_report_count(all); i++)
@@ -224,13 +239,16 @@ static void warn_of_missing(hada_cli *cli, const hada_evaluate_report *all)
 static void print_scores(hada_cli *cli, const hada_evaluate_report *all, int width)
 {
     const table images = {"All-in-focus and other images", HADA_EVALUATED_IMAGES, TABLE(score_columns), 5},
-                stacks = {"Stacks (occupied planes)", HADA_EVALUATED_STACK, TABLE(score_columns), 5};
+                stacks = {"Stacks (occupied planes)", HADA_EVALUATED_STACK, TABLE(score_columns), 5},
+                emitters = {"Emitters", HADA_EVALUATED_EMITTERS, TABLE(emitter_columns), 6};
     if (has(all, HADA_EVALUATED_IMAGES))
         print_numbers(cli, &images, all, width);
     if (has(all, HADA_EVALUATED_IMAGES) && has(all, HADA_EVALUATED_STACK))
         hada_cli_say(cli, "%s", "");
     if (has(all, HADA_EVALUATED_STACK))
         print_numbers(cli, &stacks, all, width);
+    if (has(all, HADA_EVALUATED_EMITTERS))
+        print_numbers(cli, &emitters, all, width);
     warn_of_missing(cli, all);
 }
 

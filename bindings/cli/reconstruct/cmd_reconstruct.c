@@ -50,6 +50,10 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_FLAG, "png", 0, NULL, "also write NAME_aif.png, the all-in-focus image for a display",
      "In sRGB and 8 bits; white is the brightness that one pixel in a thousand exceeds. Of a sequence the first frame.",
      AT(task.picture)},
+    {HADA_OPTION_FLAG, "emitters", 0, NULL, "also write NAME_emitters.csv: points of light, with standard deviations",
+     "Scenes are taken for volumes, and emitters are fitted to the frame at any place between pixels and depths. For "
+     "cameras of one channel.",
+     AT(task.emitters)},
     {HADA_OPTION_FLAG, "resume", 0, NULL, "pass over files whose results are in the folder already",
      "For going on after an interruption. Results count if they are whole and not older than the frame and the model.",
      AT(task.resume)},
@@ -225,6 +229,11 @@ static hada_status read_options(job *work, hada_error *err)
     const settings *set = work->set;
     hada_plan_options *plan = &work->options;
     *plan = set->plan;
+    if (set->task.emitters && plan->scene == HADA_SCENE_AUTO)
+        plan->scene = HADA_SCENE_VOLUME;
+    if (set->task.emitters && plan->scene != HADA_SCENE_VOLUME)
+        return hada_cli_error(err, HADA_ERROR_ARGUMENT,
+                              "--emitters are those of a volume: leave --scene out, or take --scene volume");
     /* the transposed optics are a way of their own: refinement would take their place */
     if (plan->refine == NOT_GIVEN)
         plan->refine = set->method.method == HADA_CLI_MATCHED ? 0 : HADA_AUTO;

@@ -38,6 +38,8 @@ static void tell_frame(listener *to, const hada_files_state *state)
     static const char *const turns[] = {"none", "mirror", "flip", "180"};
     const hada_match *match = state->match;
     json_t *frame = frame_json(state->result);
+    if (state->emitters)
+        json_object_set_new(frame, "emitters", json_integer(hada_emitters_count(state->emitters)));
     json_array_append_new(to->frames, frame);
     if (state->result->report->warm_started)
         json_object_set_new(frame, "warm_started", json_true());
@@ -148,6 +150,8 @@ static json_t *outputs_json(const hada_files_state *state)
         json_object_set_new(outputs, "confidence", hada_cli_json_text(state->confidence));
     if (state->picture)
         json_object_set_new(outputs, "picture", hada_cli_json_text(state->picture));
+    if (state->emitters_table)
+        json_object_set_new(outputs, "emitters", hada_cli_json_text(state->emitters_table));
     return outputs;
 }
 
@@ -156,6 +160,9 @@ static void tell_file(listener *to, const hada_files_state *state)
     char words[400];
     const double now = hada_cli_seconds(), seconds = now - to->before;
     frame_words(state->result, words, sizeof words);
+    if (state->emitters)
+        hada_cli_append(words, sizeof words, "; %d emitter%s", hada_emitters_count(state->emitters),
+                        hada_emitters_count(state->emitters) == 1 ? "" : "s");
     if (state->frames > 1)
         hada_cli_say(to->cli, "%s: %d frames, %.2f s each; the last: %s", state->name, state->frames,
                      seconds / state->frames, words);

@@ -250,7 +250,7 @@ def py_files_task_tell(user: Any, state: Any) -> None:
         if monitor.tell is not None:
             monitor.tell(str(name), state.frame)
     elif state.event == lib.HADA_FILES_DONE:
-        places = [text(one) for one in (*state.outputs, state.confidence, state.picture)]
+        places = [text(one) for one in (*state.outputs, state.confidence, state.picture, state.emitters_table)]
         outputs = tuple(Path(one) for one in places if one)
         monitor.results.append(FileResult(name, state.frames, outputs, None, match=monitor.match))
     elif state.event == lib.HADA_FILES_THERE:
@@ -267,6 +267,7 @@ def reconstruct_files(
     *,
     preview: bool = True,
     picture: bool = False,
+    emitters: bool = False,
     bits: Literal[8, 16, 32] = 32,
     white: float = 1.0,
     encoding: float | str | None = None,
@@ -288,6 +289,7 @@ def reconstruct_files(
         output: the folder, made where it is missing.
         preview: a sheet to look at.
         picture: also NAME_aif.png, the first all-in-focus image for a display.
+        emitters: also NAME_emitters.csv, the points of light; of a plan with scene="volume" (:meth:`Plan.emitters`).
         bits: of stack and all-in-focus image.
         white: value that becomes full scale in 8 and 16 bits.
         encoding: how these stand for light; None: as the scenes of the model did.
@@ -311,6 +313,7 @@ def reconstruct_files(
         output=output,
         preview=preview,
         picture=picture,
+        emitters=emitters,
         bits=bits,
         white=white,
         encoding=None if encoding is None else responses.number(encoding),

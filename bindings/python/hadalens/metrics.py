@@ -329,6 +329,14 @@ class Evaluation:
     result_encoding: float
     encoding: float
     downsample: int
+    emitters: int
+    emitters_truth: int
+    recall: float
+    precision: float
+    f1: float
+    jaccard: float
+    lateral_rmse: float
+    axial_rmse: float
 
 
 def evaluate(
@@ -346,6 +354,8 @@ def evaluate(
     mask: str | os.PathLike[str] | None = None,
     truth_encoding: float | str | None = None,
     encoding: float | str | None = None,
+    gate_pixels: float = 2.0,
+    gate_depths: float = 2.5,
 ) -> list[Evaluation]:
     """Compare two files, or two folders of them, as ``hadalens evaluate`` does.
 
@@ -361,6 +371,7 @@ def evaluate(
         window_at: its top left; None: centred.
         mask: a TIFF file of pixels that count.
         truth_encoding, encoding: how the truth stands for light, and in which encoding both are compared.
+        gate_pixels, gate_depths: of tables of emitters (two .csv files): how far a true one may be from a found one.
 
     Example:
         >>> for one in hadalens.metrics.evaluate("pictures", "camera/test/truth"):
@@ -380,6 +391,8 @@ def evaluate(
         mask=mask,
         truth_encoding=None if truth_encoding is None else responses.number(truth_encoding),
         encoding=None if encoding is None else responses.number(encoding),
+        gate_pixels=gate_pixels,
+        gate_depths=gate_depths,
     )
     if window is not None:
         options.set(window_rows=window[0], window_cols=window[1])

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 from typing import Any, Literal, Unpack
 
 import numpy as np
+import numpy.typing as npt
 
 from . import errors
 from ._arrays import Mosaic, Pixels, check_out
 from ._job import Job
-from ._native import Handle, Options, Owner, call, check_names, ffi, lib, log, named, record
+from ._native import Handle, Monitor, Options, Owner, call, check_names, ffi, lib, log, named, record
 from ._plan_options import Classic, Method, PlanOptions, Skip, plan_options
 from .device import Device, address_of, contexts, default
 from .model import Model, as_model
@@ -359,6 +360,34 @@ class Plan(Handle):
         match = ffi.new("hada_match *", {"size": ffi.sizeof("hada_match")})
         call(lib.hada_plan_match, self._c, pixels.c, match)
         return record(Match, match)
+
+    def emitters(
+        self, raw: Any, *, channel_axis: int | None = None, full_scale: float | None = None
+    ) -> npt.NDArray[np.void]:
+        """Reconstruct a frame as a volume and return the points of light in it, by falling amplitude.
+
+        The plan has scene="volume" and a model of one channel. Fields: x, y (pixels of the window) and z (depths), all
+        from 0 on and between whole numbers; distance_mm; amplitude, in light of a voxel; sd_x, sd_y, sd_z and
+        sd_amplitude, standard deviations; residual, what is left of the frame around it.
+
+        Example:
+            >>> found = hadalens.Plan(model, scene="volume").emitters(raw)
+            >>> found["z"][found["amplitude"] > 2]
+
+        """
+        results, pixels = self._results(None), Pixels(raw, channel_axis, full_scale)
+        job = Job(self._own, lib.hada_job_submit_pixels, pixels.c, results, pixels)
+        try:
+            job.result()
+        except BaseException:
+            job.cancel()
+            raise
+        found = Owner("hada_emitters", lib.hada_emitters_destroy)
+        monitor = Monitor(None)
+        monitor.run(lib.hada_plan_emitters, found.pointer, self._c, pixels.c, results.c, monitor.c)
+        names = [name for name, _ in ffi.typeof("hada_emitter").fields]
+        rows = [lib.hada_emitters_get(found.c, i) for i in range(lib.hada_emitters_count(found.c))]
+        return np.array([tuple(getattr(row, name) for name in names) for row in rows], [(name, "f8") for name in names])
 
     @staticmethod
     def estimate(

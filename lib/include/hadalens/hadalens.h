@@ -9,6 +9,7 @@
 #include <hadalens/communicator.h>
 #include <hadalens/dataset.h>
 #include <hadalens/device.h>
+#include <hadalens/emitters.h>
 #include <hadalens/fit.h>
 #include <hadalens/focus.h>
 #include <hadalens/folder.h>

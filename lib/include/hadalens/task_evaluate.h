@@ -17,7 +17,8 @@ extern "C" {
 typedef enum hada_evaluated {
     HADA_EVALUATED_IMAGES = 0,
     HADA_EVALUATED_STACK = 1,
-    HADA_EVALUATED_MAP = 2
+    HADA_EVALUATED_MAP = 2,
+    HADA_EVALUATED_EMITTERS = 3 /* two files that end in .csv: tables of emitters (hadalens/emitters.h) */
 } hada_evaluated;
 
 typedef struct hada_evaluate_task {
@@ -41,6 +42,9 @@ typedef struct hada_evaluate_task {
      * does not is taken as the scenes that the result's camera was learned from, and the result is brought to it. */
     double truth_encoding; /* HADA_AUTO (default): so */
     double encoding;       /* in which both are compared; HADA_AUTO (default): the truth's */
+
+    double gate_pixels, gate_depths; /* an emitter is found at most so far from the true one, across and along depths,
+                                        in the units of x, y and z of the tables; 2 and 2.5 by default */
 } hada_evaluate_task;
 HADA_INIT(hada_evaluate_task, HADA_STRUCT_EVALUATE_TASK)
 
@@ -73,6 +77,13 @@ typedef struct hada_evaluation {
     double result_encoding, encoding;
     int downsample; /* the truth has so many times the rows and columns and was binned: a frame had been for the result
                      */
+
+    /* Of tables of emitters: within the gate, as many as possible of the found and the true ones of a frame are paired,
+     * at the least sum of squared distances in units of the gate. With p pairs, f found and t true ones: recall p / t,
+     * precision p / f, F1 2 p / (f + t), Jaccard p / (f + t - p). Errors are roots of mean squares over pairs:
+     * distances across, in pixels, and along depths, in depths. NaN where there is nothing to divide by. */
+    int emitters, emitters_truth;
+    double recall, precision, f1, jaccard, lateral_rmse, axial_rmse;
 } hada_evaluation;
 
 typedef struct hada_evaluate_report hada_evaluate_report;

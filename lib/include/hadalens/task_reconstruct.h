@@ -4,15 +4,16 @@
  * For each NAME.tif: NAME_stack.tif (a refocused image per depth, near to far, as ImageJ hyperstack with the
  * distances), NAME_aif.tif (everything in focus), NAME_depth.tif (distances in millimetres, NaN where nothing is in
  * focus) and NAME_preview.png (where the build draws pictures); where the first frame is a surface also
- * NAME_confidence.tif (float32, 0 to 1, NaN for frames that are none). A file of several frames is a sequence: its
- * results have as many, the preview shows the first, and memory does not grow with them. The files of an input appear
- * under their names when all are whole; what is not finished is removed.
+ * NAME_confidence.tif (float32, 0 to 1, NaN for frames that are none); where emitters are asked for NAME_emitters.csv.
+ * A file of several frames is a sequence: its results have as many, the preview shows the first, and memory does not
+ * grow with them. The files of an input appear under their names when all are whole; what is not finished is removed.
  *
  * Threads: a run uses the calling thread and those of the plan. */
 #ifndef HADALENS_TASK_RECONSTRUCT_H
 #define HADALENS_TASK_RECONSTRUCT_H
 
 #include <hadalens/communicator.h>
+#include <hadalens/emitters.h>
 #include <hadalens/match.h>
 #include <hadalens/monitor.h>
 #include <hadalens/reconstruct.h>
@@ -66,6 +67,8 @@ typedef struct hada_files_task {
     const hada_image *frame; /* in place of what the only path's file holds: hada_exposures_load(); NULL (default) */
     int picture; /* 1: the first all-in-focus image is also written as NAME_aif.png, in sRGB and 8 bits, where the build
                     draws pictures; 0 (default) */
+    int emitters; /* 1: the emitters of each frame, all of which must be volumes, are written to NAME_emitters.csv
+                     (docs/reference/files.md#emitters); 0 (default) */
 } hada_files_task;
 HADA_INIT(hada_files_task, HADA_STRUCT_FILES_TASK)
 
@@ -89,6 +92,8 @@ struct hada_files_state {
     const char *confidence;            /* path of the confidence map; NULL: not written */
     const char *picture;               /* path of the all-in-focus image for a display; NULL: not written */
     const hada_match *match;           /* FRAME: whether the camera belongs to it; NULL: not compared */
+    const hada_emitters *emitters;     /* FRAME, DONE: of that frame; NULL: not asked for */
+    const char *emitters_table;        /* path of their table; NULL: not written */
 };
 
 /* Frames that hada_reconstruct_files() holds at a time: one for each queue, one that is read, one that is written. */

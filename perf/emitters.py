@@ -1,0 +1,210 @@
+#!/usr/bin/env python3
+"""Emitters at random places between the pixels and depths of cameras that are known by a PSF stack: what `reconstruct
+--emitters` finds, beside the maxima of Richardson-Lucy's volume at the threshold that suits them best.
+  perf/emitters.py [--cameras lenses,focus,diffuser] [--depths 40,24] [--counts 100,300,800] [--noise 0.02] [--seeds 3,4]
+                   [--size 160] [--window 160] [--keep FOLDER] [--build build/release]
+lenses: 24 random lenses; focus: the same, whose spots widen away from the middle depth; diffuser: caustics. Emitters
+have 0.5 to 1.5 of the mean light. An emitter is found within 2 pixels and 2.5 depths; means over seeds. Needs NumPy,
+SciPy and tifffile."""
+import argparse
+import csv
+import json
+import pathlib
+import subprocess
+import tempfile
+import time
+
+import numpy as np
+import tifffile
+from scipy.ndimage import gaussian_filter, map_coordinates, maximum_filter, uniform_filter
+from scipy.optimize import linear_sum_assignment
+from scipy.special import erf
+
+here = pathlib.Path(__file__).resolve().parent
+parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+parser.add_argument("--build", default=str(here.parent / "build" / "release"))
+parser.add_argument("--cameras", default="lenses,focus,diffuser")
+parser.add_argument("--depths", default="40,24")
+parser.add_argument("--counts", default="100,300,800")
+parser.add_argument("--seeds", default="3,4")
+parser.add_argument("--noise", type=float, default=0.02)
+parser.add_argument("--size", type=int, default=160)
+parser.add_argument("--window", type=int, default=160)
+parser.add_argument("--keep", default="")
+o = parser.parse_args()
+hadalens = f"{o.build}/bindings/cli/hadalens"
+NEAREST, FARTHEST, MASK = 2.0, 4.0, 1.0  # mm
+PIXELS, DEPTHS = 2.0, 2.5                # an emitter is found within
+
+
+def between(inside, ends):
+    """Share of a Gaussian's light in pixels around `ends`."""
+    return 0.5 * (erf((ends + 0.5) / inside) - erf((ends - 0.5) / inside))
+
+
+class Lenses:
+    def __init__(self, rng, defocus):
+        self.at = rng.uniform(-0.31, 0.31, (24, 2)) * o.size
+        self.light = rng.uniform(0.5, 1.0, 24)
+        self.light /= self.light.sum()
+        self.defocus = defocus
+
+    def point(self, y, x, scale, part):
+        """The frame of a point at (y, x); scale: of its shadow; part: from 0 for the nearest depth to 1."""
+        sigma = np.sqrt(2) * (0.85 + self.defocus * abs(part - 0.5))
+        axis = np.arange(o.size)
+        frame = np.zeros((o.size, o.size))
+        for (dy, dx), light in zip(self.at, self.light):
+            frame += light * np.outer(between(sigma, axis - y - scale * dy), between(sigma, axis - x - scale * dx))
+        return frame
+
+
+class Diffuser:
+    FINE = 4
+
+    def __init__(self, rng):
+        """Rays of a smooth random surface."""
+        n = o.size * self.FINE
+        surface = gaussian_filter(rng.standard_normal((n, n)), 7 * self.FINE, mode="wrap")
+        down, along = np.gradient(surface)
+        strength = 5.5 * self.FINE / np.sqrt((down ** 2).mean())
+        y, x = np.indices((n, n))
+        inside = np.hypot(y - n / 2, x - n / 2) < 0.3 * n
+        pattern, _, _ = np.histogram2d((y + strength * down)[inside], (x + strength * along)[inside], n,
+                                       [[0, n], [0, n]])
+        self.pattern = gaussian_filter(pattern, 0.7 * self.FINE)
+        self.pattern /= self.pattern.sum()
+
+    def point(self, y, x, scale, _):
+        n, fine = o.size * self.FINE, 3
+        axis = (np.arange(o.size * fine) + 0.5) / fine - 0.5
+        rows = (axis - y) / scale * self.FINE + n / 2
+        cols = (axis - x) / scale * self.FINE + n / 2
+        grid = np.meshgrid(rows, cols, indexing="ij")
+        values = map_coordinates(self.pattern, grid, order=1) * (self.FINE / scale) ** 2 / fine ** 2
+        return values.reshape(o.size, fine, o.size, fine).sum((1, 3))
+
+
+def camera_of(kind, rng):
+    return Diffuser(rng) if kind == "diffuser" else Lenses(rng, 1.6 if kind == "focus" else 0.0)
+
+
+def optics_at(z, depths):
+    """Distance in mm, the scale of shadows and the place in the range of a depth that is counted from 0."""
+    part = z / (depths - 1)
+    inverse = 1 / NEAREST + (1 / FARTHEST - 1 / NEAREST) * part
+    return 1 / inverse, (1 + MASK * inverse) / (1 + MASK / NEAREST), part
+
+
+def match(found, truth):
+    """Pairs within the gate, as many and as near as there are."""
+    if not len(found) or not len(truth):
+        return np.zeros((0, 2), int)
+    off = found[:, None, :3] - truth[None, :, :3]
+    pixels, depths = np.hypot(off[..., 0], off[..., 1]), abs(off[..., 2])
+    cost = np.where((pixels <= PIXELS) & (depths <= DEPTHS), (pixels / PIXELS) ** 2 + (depths / DEPTHS) ** 2, 1e3)
+    pairs = np.array(linear_sum_assignment(cost)).T
+    return pairs[cost[pairs[:, 0], pairs[:, 1]] < 1e3]
+
+
+def score(found, truth):
+    pairs = match(found, truth)
+    a, b = found[pairs[:, 0]], truth[pairs[:, 1]]
+    return {"f1": 2 * len(pairs) / (len(found) + len(truth)),
+            "recall": len(pairs) / len(truth), "precision": len(pairs) / max(1, len(found)),
+            "lateral": np.sqrt(((a[:, :2] - b[:, :2]) ** 2).sum(1).mean()) if len(pairs) else np.nan,
+            "axial": np.sqrt(((a[:, 2] - b[:, 2]) ** 2).mean()) if len(pairs) else np.nan}, pairs
+
+
+def maxima(volume):
+    """Maxima over 3 x 3 x 3 voxels with the light of their neighbourhood, at its centre."""
+    light = uniform_filter(volume, 3, mode="constant") * 27
+    z, y, x = np.nonzero((volume == maximum_filter(volume, 3)) & (volume > 1e-4 * volume.max()))
+    out = []
+    for place in zip(z, y, x):
+        cut = tuple(slice(max(0, k - 1), k + 2) for k in place)
+        centre = [(np.indices(volume[cut].shape)[a] * volume[cut]).sum() / volume[cut].sum() + cut[a].start
+                  for a in range(3)]
+        out.append((centre[2], centre[1], centre[0], light[place]))
+    return np.array(out).reshape(-1, 4)
+
+
+def best_maxima(volume, truth):
+    """At the threshold with the best F1, which nobody knows without the truth."""
+    all_of_them = maxima(volume)
+    limits = np.quantile(all_of_them[:, 3], np.linspace(0, 0.995, 60))
+    return max((score(all_of_them[all_of_them[:, 3] >= limit], truth)[0] for limit in limits), key=lambda s: s["f1"])
+
+
+def run(*words):
+    return subprocess.run([str(w) for w in words], check=True, capture_output=True, text=True).stdout
+
+
+def table(path):
+    with open(path, newline="") as file:
+        rows = list(csv.DictReader(file))
+    names = ["x", "y", "z", "amplitude", "sd_x", "sd_y", "sd_z", "sd_amplitude"]
+    return np.array([[float(row[name]) for name in names] for row in rows]).reshape(-1, len(names))
+
+
+def trial(folder, kind, depths, count, seed):
+    rng = np.random.default_rng(seed)
+    camera = camera_of(kind, rng)
+    axis = o.size // 2
+    places = [optics_at(z, depths) for z in range(depths)]
+    psf = np.array([camera.point(axis, axis, scale, part) for _, scale, part in places])
+    tifffile.imwrite(folder / "psf.tif", (psf / psf.max()).astype(np.float32))
+    run(hadalens, "fit", "--psf", folder / "psf.tif", "--distances", ",".join(f"{p[0]:.9g}" for p in places), "--psf-dark",
+        0, "--window", f"{o.window}x{o.window}", "-o", folder / "m.model")
+    rng = np.random.default_rng(1000 * seed + count)
+    truth = np.column_stack([rng.uniform(1, o.window - 2, (count, 2)), rng.uniform(0, depths - 1, count),
+                             rng.uniform(0.5, 1.5, count)])
+    margin = (o.size - o.window) // 2
+    frame = np.zeros((o.size, o.size))
+    for x, y, z, light in truth:
+        _, scale, part = optics_at(z, depths)
+        frame += light * camera.point(margin + y, margin + x, scale, part)
+    unit = frame.max()
+    frame = frame / unit + o.noise * rng.standard_normal(frame.shape)
+    truth[:, 3] *= psf[0].sum() / unit
+    tifffile.imwrite(folder / "frame.tif", frame.astype(np.float32))
+    with open(folder / "truth.csv", "w") as file:
+        file.write("frame,x,y,z,amplitude\n" + "".join(f"0,{x},{y},{z},{a}\n" for x, y, z, a in truth))
+    started = time.perf_counter()
+    said = json.loads(run(hadalens, "reconstruct", folder / "frame.tif", "-m", folder / "m.model", "-o", folder / "out",
+                          "--emitters", "--no-preview", "--json"))["files"][0]
+    whole = time.perf_counter() - started
+    volume = tifffile.imread(folder / "out" / "frame_stack.tif").reshape(depths, o.window, o.window)
+    found = table(folder / "out" / "frame_emitters.csv")
+    ours, pairs = score(found, truth)
+    theirs = json.loads(run(hadalens, "evaluate", folder / "out" / "frame_emitters.csv", folder / "truth.csv",
+                            "--json"))["files"][0]
+    assert abs(theirs["f1"] - ours["f1"]) < 1e-9 and abs(theirs["axial_rmse"] - ours["axial"]) < 1e-4
+    rivals = best_maxima(volume, truth)
+    off = (found[pairs[:, 0], :4] - truth[pairs[:, 1]]) / found[pairs[:, 0], 4:8]
+    ours["of_sd"] = np.sqrt(np.median(off ** 2, 0) / 0.4549)  # the median of chi squared of one degree
+    ours["volume_s"] = said["frames"][0]["seconds"]["total"]
+    ours["all_s"] = said["seconds"]
+    ours["whole"] = whole
+    return ours, rivals
+
+
+print("| camera | depths | emitters | F1 | recall | precision | lateral | axial | errors in sd: x, y, z, light | "
+      "seconds: volume, emitters | maxima at their best: F1 | lateral | axial |")
+print("|---" * 13 + "|")
+for kind in o.cameras.split(","):
+    for depths in map(int, o.depths.split(",")):
+        for count in map(int, o.counts.split(",")):
+            rows = []
+            for seed in map(int, o.seeds.split(",")):
+                with tempfile.TemporaryDirectory() as room:
+                    folder = pathlib.Path(o.keep or room)
+                    folder.mkdir(exist_ok=True)
+                    rows.append(trial(folder, kind, depths, count, seed))
+            mean = lambda which, name: np.mean([row[which][name] for row in rows], 0)  # noqa: E731
+            of_sd = " ".join(f"{v:.2f}" for v in mean(0, "of_sd"))
+            volume_s, all_s = mean(0, "volume_s"), mean(0, "all_s")
+            print(f"| {kind} | {depths} | {count} | {mean(0, 'f1'):.3f} | {mean(0, 'recall'):.3f} | "
+                  f"{mean(0, 'precision'):.3f} | {mean(0, 'lateral'):.3f} | {mean(0, 'axial'):.3f} | {of_sd} | "
+                  f"{volume_s:.1f}, {all_s - volume_s:.1f} | {mean(1, 'f1'):.3f} | {mean(1, 'lateral'):.3f} | "
+                  f"{mean(1, 'axial'):.3f} |", flush=True)

@@ -1,0 +1,27 @@
+#!/usr/bin/env bash
+# Points of light as a table: reconstruct --emitters.
+. "$(dirname "$0")/cli_testing.sh"
+
+# A camera's point spread function is the frame of a point on its axis.
+"$FRAME_TOOL" spots spots.tif 64 64 20 5
+"$FRAME_TOOL" pages spots.tif film.tif 2
+expect 0 '' fit --psf spots.tif --distances 10 -o spots.model
+expect 0 'film: 2 frames.*; 1 emitter' reconstruct film.tif -m spots.model -o out --emitters
+has out/film_stack.tif out/film_aif.tif
+head -n 1 out/film_emitters.csv | grep -qx 'frame,x,y,z,distance_mm,amplitude,sd_x,sd_y,sd_z,sd_amplitude,residual' ||
+    fail "header of the table"
+[ "$(grep -c . out/film_emitters.csv)" = 3 ] || fail "lines of the table"
+printf 'frame,x,y,z\n0,32,32,0\n1,32,32,0\n' >truth.csv
+expect 0 'film_emitters +1.000 +1.000 +1.000 +1.000 +0.000 +0.000' evaluate out/film_emitters.csv truth.csv
+expect 0 'film_emitters.csv.*"emitters": 1' reconstruct film.tif -m spots.model -o out --emitters --scene volume --json
+is_json 'reconstruct --json of emitters'
+expect 0 'film: there already' reconstruct film.tif -m spots.model -o out --emitters --resume
+rm out/film_emitters.csv
+expect 0 '1 emitter' reconstruct film.tif -m spots.model -o out --emitters --resume
+has out/film_emitters.csv
+expect 2 '--emitters are those of a volume' reconstruct film.tif -m spots.model -o told --emitters --scene planes
+expect 2 'frame 1 of 2: emitters need light: leave --gamma out' reconstruct film.tif -m spots.model -o told --emitters --gamma 2
+expect 4 'frames of one channel, and the model .* is for 3' \
+    reconstruct "$camera/test/raw/test01.tif" -m "$model" -o told --emitters
+lacks told/film_emitters.csv told/test01_emitters.csv told/film_stack.tif
+finish

@@ -1,5 +1,7 @@
 #include "fit/trial_frame.h"
 
+#include <hadalens/response.h>
+
 #include "filter/bank.h"
 #include "fit/fit_solve.h"
 #include "image/statistics.h"
@@ -118,6 +120,16 @@ static double light_of(float value)
     return value > 0.0f ? value : 0.0;
 }
 
+/* A window as its scenes were encoded, to `out`, which is returned. */
+static const float *encode(const hada_trial_bench *bench, const float *light, float *out)
+{
+    const size_t count = hada_fit_window_floats(bench->grid);
+    for (size_t i = 0; i < count; i++)
+        out[i] = (float)light_of(light[i]);
+    hada_response_convert(out, count, HADA_RESPONSE_LINEAR, bench->grid->info.scene_response);
+    return out;
+}
+
 double hada_trial_compare(const hada_trial_bench *bench, const hada_trial_frame *frame, double share)
 {
     const size_t count = hada_fit_window_floats(bench->grid);
@@ -126,6 +138,10 @@ double hada_trial_compare(const hada_trial_bench *bench, const hada_trial_frame 
         const float *planes = bench->planes + (size_t)m * count, *linear = bench->linear + (size_t)m * count;
         const float *scene = frame->member[m]->scene;
         double sum = 0.0;
+        if (bench->encoded) {
+            planes = encode(bench, planes, bench->linear);
+            scene = encode(bench, scene, bench->linear + count);
+        }
         for (size_t i = 0; i < count; i++) {
             double plane = light_of(planes[i]);
             if (share < 1.0)
@@ -182,7 +198,7 @@ hada_status hada_trial_refine(hada_trial_bench *bench, const hada_trial_frame *f
     hada_plane_maker *maker = &bench->maker;
     maker->weights = *weights;
     const int last = ends ? hada_maker_ridge_steps(maker, steps) : 0;
-    const hada_maker_steps now = {.steps = steps - last, .before = before};
+    const hada_maker_steps now = {.steps = steps, .before = before};
     int done;
     HADA_TRY(hada_maker_refine(maker, &now, bench->noise_unit, frame->members, list, &done, err));
     HADA_TRY(hada_maker_regularise(maker, last, 0.0, bench->noise_unit, frame->members, list, &done, err));

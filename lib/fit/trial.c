@@ -1,7 +1,5 @@
 #include "fit/trial.h"
 
-#include <hadalens/response.h>
-
 #include "fit/trial_frame.h"
 
 /* Steps after which a refined plane is compared; 0 is the linear filter. */
@@ -199,13 +197,7 @@ static hada_status choose_ridge(trial_work *work, const trial_set *set, double p
         weights[i].ridge = ridges_tried[i];
     }
     work->weights.ridge = 0.0;
-    /* as they are seen: errors of dark parts count more in an encoding for displays, which favours more regularisation */
-    work->bench.encoded = work->bench.grid->info.scene_response != HADA_RESPONSE_LINEAR;
-    if (work->bench.encoded)
-        HADA_TRY(rank(work, set, &work->weights, 1, &psnr, err));
-    const hada_status status = choose_of(work, set, weights, &psnr, err);
-    work->bench.encoded = 0;
-    return status;
+    return choose_of(work, set, weights, &psnr, err);
 }
 
 static hada_status choose_weights(trial_work *work, const trial_set *set, hada_error *err)

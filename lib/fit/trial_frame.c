@@ -1,7 +1,5 @@
 #include "fit/trial_frame.h"
 
-#include <hadalens/response.h>
-
 #include "filter/bank.h"
 #include "fit/fit_solve.h"
 #include "image/statistics.h"
@@ -120,16 +118,6 @@ static double light_of(float value)
     return value > 0.0f ? value : 0.0;
 }
 
-/* A window as its scenes were encoded, to `out`, which is returned. */
-static const float *encode(const hada_trial_bench *bench, const float *light, float *out)
-{
-    const size_t count = hada_fit_window_floats(bench->grid);
-    for (size_t i = 0; i < count; i++)
-        out[i] = (float)light_of(light[i]);
-    hada_response_convert(out, count, HADA_RESPONSE_LINEAR, bench->grid->info.scene_response);
-    return out;
-}
-
 double hada_trial_compare(const hada_trial_bench *bench, const hada_trial_frame *frame, double share)
 {
     const size_t count = hada_fit_window_floats(bench->grid);
@@ -138,10 +126,6 @@ double hada_trial_compare(const hada_trial_bench *bench, const hada_trial_frame 
         const float *planes = bench->planes + (size_t)m * count, *linear = bench->linear + (size_t)m * count;
         const float *scene = frame->member[m]->scene;
         double sum = 0.0;
-        if (bench->encoded) {
-            planes = encode(bench, planes, bench->linear);
-            scene = encode(bench, scene, bench->linear + count);
-        }
         for (size_t i = 0; i < count; i++) {
             double plane = light_of(planes[i]);
             if (share < 1.0)

@@ -16,9 +16,8 @@ typedef struct hada_trial_bench {
     hada_fft *inverse;
     hada_buffer filters, otfs;    /* [member][channel][count] complex */
     hada_buffer prior, mask;      /* mask: weights of a mosaic's values; empty: all alike */
-    int encoded;                  /* 1: planes are compared in the encoding of the scenes */
     double noise_unit;            /* hada_noise_unit() of the current frame */
-    float *raw, *planes, *linear; /* planes at hand, and those of the linear filters, or room */
+    float *raw, *planes, *linear; /* planes at hand, and those of the linear filters */
     double *scene_energy, *trust; /* per channel; without a pair, and the model's */
 } hada_trial_bench;
 
@@ -41,8 +40,8 @@ hada_status hada_trial_expose(hada_trial_bench *bench, const hada_trial_frame *f
 /* Linear planes, to the host. */
 hada_status hada_trial_filter(hada_trial_bench *bench, const hada_trial_frame *frame, hada_error *err);
 
-/* `steps` further steps of refinement after `before` others, or the first ones; ends: those with the learned regulariser
- * follow, and no others may. The planes come to the host. */
+/* `steps` further steps of refinement after `before` others, or the first ones; ends: those with the learned
+ * regulariser follow, and no others may. The planes come to the host. */
 hada_status hada_trial_refine(hada_trial_bench *bench, const hada_trial_frame *frame,
                               const hada_refine_weights *weights, int before, int steps, int ends, hada_error *err);
 

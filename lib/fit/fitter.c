@@ -79,10 +79,11 @@ static hada_status check_options(const hada_fit_options *options, hada_error *er
                          "HADA_AUTO to have it chosen",
                          options->refine_colour, HADA_REFINE_MOST_COLOUR);
     if (options->refine_ridge != HADA_AUTO && !hada_refine_ridge_known(options->refine_ridge))
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "the strength of the learned regulariser is %g; it must lie between 0 and %g, or be HADA_AUTO to have it "
-                         "chosen",
-                         options->refine_ridge, HADA_REFINE_MOST_RIDGE);
+        return hada_fail(
+            err, HADA_ERROR_ARGUMENT,
+            "the strength of the learned regulariser is %g; it must lie between 0 and %g, or be HADA_AUTO to have it "
+            "chosen",
+            options->refine_ridge, HADA_REFINE_MOST_RIDGE);
     if (options->outside != HADA_AUTO && !(options->outside >= HADA_FIT_LEAST_OUTSIDE && options->outside <= 1.0))
         return hada_fail(
             err, HADA_ERROR_ARGUMENT,

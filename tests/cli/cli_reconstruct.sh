@@ -43,16 +43,16 @@ cmp -s out/test01_stack.tif plain/test01_stack.tif || fail '--no-enhance is not 
 expect 2 '3 depths from 100 to 600 mm' reconstruct "${one[@]}" -o a --depths 4
 expect 2 "cannot use '150mm'" reconstruct "${one[@]}" -o a --occupied 150mm
 # Total variation: what the model says, another weight, none.
-expect 0 '' reconstruct "${one[@]}" -o smooth --refine 6 --refine-tv 0.05 --no-preview
+expect 0 '' reconstruct "${one[@]}" -o smooth --refine 6 --refine-tv 0.05 --refine-ridge 0 --no-preview
 expect 0 '' reconstruct "${one[@]}" -o rough --refine 6 --refine-tv 0 --no-preview
 cmp -s smooth/test01_stack.tif rough/test01_stack.tif && fail '--refine-tv changed nothing'
 expect 2 '--refine-tv takes' reconstruct "${one[@]}" -o a --refine-tv -1
-expect 0 '' reconstruct "${one[@]}" -o grey --refine 6 --refine-tv 0.05 --refine-colour 4 --no-preview
+expect 0 '' reconstruct "${one[@]}" -o grey --refine 6 --refine-tv 0.05 --refine-colour 4 --refine-ridge 0 --no-preview
 cmp -s smooth/test01_stack.tif grey/test01_stack.tif && fail '--refine-colour changed nothing'
 expect 2 '--refine-colour takes' reconstruct "${one[@]}" -o a --refine-colour 0.5
-expect 0 '' reconstruct "${one[@]}" -o blocks --occupied 100mm --refine 6 --refine-tv 0.05 --refine-ridge 4 --no-preview
+expect 0 '' reconstruct "${one[@]}" -o filters --occupied 100mm --refine 6 --refine-tv 0.05 --refine-ridge 4 --no-preview
 expect 0 '' reconstruct "${one[@]}" -o edges --occupied 100mm --refine 6 --refine-tv 0.05 --refine-ridge 0 --no-preview
-cmp -s blocks/test01_stack.tif edges/test01_stack.tif && fail '--refine-ridge changed nothing'
+cmp -s filters/test01_stack.tif edges/test01_stack.tif && fail '--refine-ridge changed nothing'
 expect 2 '--refine-ridge takes' reconstruct "${one[@]}" -o a --refine-ridge -1
 two=(--occupied all --refine 6 --no-preview)
 expect 0 '' reconstruct "${one[@]}" -o faded "${two[@]}"

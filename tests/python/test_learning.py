@@ -156,20 +156,20 @@ def test_fitter(arrays: Pairs, tmp_path: Path) -> None:
     assert judged.info.depths == 4
 
 
-def test_shrinkage(arrays: Pairs, raw: Array) -> None:
-    """The threshold of shrinkage that fits and plans are given is that of the model and of the planes."""
+def test_ridge(arrays: Pairs, raw: Array) -> None:
+    """The strength of the learned regulariser that fits and plans are given is that of the model and of the planes."""
     distance = min(arrays)
     given = {"boundary": "circular", "refine_steps": 4, "refine_tv": 0.003}
     models = [
-        hadalens.fit({distance: arrays[distance]}, refine_ridge=threshold, **given)  # type: ignore[arg-type]
-        for threshold in (0.0, 1.6, None)
+        hadalens.fit({distance: arrays[distance]}, refine_ridge=strength, **given)  # type: ignore[arg-type]
+        for strength in (0.0, 1.6, None)
     ]
-    assert [model.info.refine_ridge for model in models] == [0.0, 1.6, 1.6]
-    with pytest.raises(ValueError, match="shrinkage"):
+    assert [model.info.refine_ridge for model in models] == [0.0, 1.6, 1.0]
+    with pytest.raises(ValueError, match="regulariser"):
         hadalens.fit({distance: arrays[distance]}, refine_ridge=101.0)
-    plain, shrunk = (hadalens.Plan(model).run(raw).stack for model in models[:2])
-    assert not np.array_equal(plain, shrunk)
-    np.testing.assert_array_equal(hadalens.Plan(models[0], refine_ridge=1.6).run(raw).stack, shrunk)
+    plain, smooth = (hadalens.Plan(model).run(raw).stack for model in models[:2])
+    assert not np.array_equal(plain, smooth)
+    np.testing.assert_array_equal(hadalens.Plan(models[0], refine_ridge=1.6).run(raw).stack, smooth)
     np.testing.assert_array_equal(hadalens.Plan(models[1], refine_ridge=0.0).run(raw).stack, plain)
 
 

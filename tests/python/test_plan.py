@@ -168,8 +168,8 @@ def test_emitters() -> None:
     row, col = np.indices((64, 64))
     spots = [(30, 20, 1.0), (44, 40, 0.7), (18, 45, 0.5), (35, 33, 0.8)]
     psf = sum(light * np.exp(-((row - y) ** 2 + (col - x) ** 2) / 2.5) for y, x, light in spots)
-    camera = hadalens.Model.from_psf(np.float32(psf)[None], [20.0], psf_dark=0.0)
-    frame = np.float32(np.roll(psf, (3, -2), (0, 1)))
+    camera = hadalens.Model.from_psf(np.asarray(psf, np.float32)[None], [20.0], psf_dark=0.0)
+    frame = np.roll(np.asarray(psf, np.float32), (3, -2), (0, 1))
     found = hadalens.Plan(camera, scene="volume").emitters(frame)
     assert len(found) == 1
     assert abs(found["y"][0] - 35) < 0.01

@@ -26,8 +26,8 @@ static const double colours_tried[CHOICES] = {1.0, 2.0, 3.0};
 
 /* Strengths of the learned regulariser that are tried. The best differs between scenes by a factor of three, and the
  * trial has few of them, so total variation alone must be this much better, in decibels. */
-static const double ridges_tried[CHOICES] = {0.5, 0.8, 1.2};
-#define RIDGE_DOUBT 0.2
+static const double ridges_tried[CHOICES] = {0.7, HADA_REFINE_RIDGE, 1.4};
+#define RIDGE_DOUBT 1.0
 
 _Static_assert((int)TRIED + (int)TV_SIDE + 2 + 1 <= (int)HADA_FIT_TRIAL_ROWS, "room for rows");
 

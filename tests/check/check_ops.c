@@ -4,8 +4,8 @@
 extern const check_op check_fft_forward, check_fft_inverse, check_plain_pad, check_plain_crop, check_plain_product,
     check_dark, check_unpack, check_gather, check_hadamard, check_clip, check_filter_blend, check_focus, check_optics,
     check_hold_out, check_refine, check_explain, check_score, check_refine_window, check_refine_part, check_crop,
-    check_crosstalk, check_dct, check_ridge, check_fit_sums, check_fit_solve, check_fit_score, check_peak_copy, check_peak_flops,
-    check_tiles;
+    check_crosstalk, check_dct, check_ridge, check_fit_sums, check_fit_solve, check_fit_score, check_peak_copy,
+    check_peak_flops, check_tiles;
 extern const check_op check_fit_cropped, check_fit_nonnegative, check_fit_window;
 extern const check_op check_train_filter, check_train_error;
 extern const check_op check_hide, check_sensor;

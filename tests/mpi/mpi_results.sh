@@ -36,8 +36,10 @@ train t2 ranks 2
 train t4 ranks 4
 train again ranks 4
 HADALENS_MPI_MEMORY=off train apart ranks 4
-compare t1.log/checkpoint.safetensors t2.log/checkpoint.safetensors 2e-5
-compare t1.log/checkpoint.safetensors t4.log/checkpoint.safetensors 2e-5
+# Each rank adds up other pairs in single precision: 1e-7 of a gradient, which Adam's division by its size lets grow, as
+# mpi_failures.sh says; 4.5e-5 of the optimiser's states and 1.5e-5 of the values were seen.
+compare t1.log/checkpoint.safetensors t2.log/checkpoint.safetensors 2e-4
+compare t1.log/checkpoint.safetensors t4.log/checkpoint.safetensors 2e-4
 compare t4.log/checkpoint.safetensors again.log/checkpoint.safetensors same
 compare t4.log/checkpoint.safetensors apart.log/checkpoint.safetensors same
 gradients() { cut -d, -f2,8 "$1.log/losses.csv" | sed -n 2p; }

@@ -107,7 +107,7 @@ TEST(negative_numbers_choose_nothing)
     hada_fitter *fitter;
     for (int k = 0; k < 8; k++) {
         hada_fit_options options = usual(1, HADA_FORM_COMPLEX);
-        double *const numbers[] = {&options.alpha,         &options.lambda,        &options.refine_tv,
+        double *const numbers[] = {&options.alpha,         &options.lambda,       &options.refine_tv,
                                    &options.refine_colour, &options.refine_ridge, &options.outside};
         if (k < 6)
             *numbers[k] = -0.5;

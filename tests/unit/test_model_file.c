@@ -98,9 +98,9 @@ static void rewrite(const char *path, const char *key, const char *value, const 
     hada_tensors *file;
     hada_tensors_writer *writer;
     char beside[80];
-    static const char *const keys[] = {"format",        "version",      "form",         "boundary", "raw",
-                                       "grid",          "window",       "alpha",        "lambda",   "dark",
-                                       "refine_steps",  "refine_rho",   "refine_tv",    "noise",    "scene_response",
+    static const char *const keys[] = {"format",        "version",      "form",        "boundary", "raw",
+                                       "grid",          "window",       "alpha",       "lambda",   "dark",
+                                       "refine_steps",  "refine_rho",   "refine_tv",   "noise",    "scene_response",
                                        "refine_colour", "refine_share", "refine_ridge"};
     snprintf(beside, sizeof beside, "%s-new", path);
     ASSERT_OK(hada_tensors_open(&file, path, err));

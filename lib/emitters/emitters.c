@@ -156,7 +156,8 @@ static hada_status find_candidates(search *s, hada_error *err)
                     HADA_TRY(add_candidate(s, &one, &room, err));
             }
     }
-    qsort(s->candidates, (size_t)s->candidate_count, sizeof *s->candidates, by_light);
+    if (s->candidate_count)
+        qsort(s->candidates, (size_t)s->candidate_count, sizeof *s->candidates, by_light);
     if (s->candidate_count > MOST_CANDIDATES)
         s->candidate_count = MOST_CANDIDATES;
     return HADA_OK;
@@ -416,7 +417,8 @@ static hada_status settle(search *s, int steps, hada_error *err)
         HADA_TRY(hada_monitor_check(s->job->monitor, err));
         linearise_all(s);
         solve(s, damping);
-        memcpy(s->before, s->spots, (size_t)s->count * sizeof *s->spots);
+        for (int k = 0; k < s->count; k++)
+            s->before[k] = s->spots[k];
         longest = move(s);
         render_all(s, STILL);
         compare(s);
@@ -771,7 +773,8 @@ static hada_status give(const search *s, hada_emitters **out, hada_error *err)
                                       .residual = one->residual};
     }
     all->count = s->count;
-    qsort(all->list, (size_t)all->count, sizeof *all->list, by_amplitude);
+    if (all->count)
+        qsort(all->list, (size_t)all->count, sizeof *all->list, by_amplitude);
     *out = all;
     all = NULL;
 done:

@@ -144,16 +144,13 @@ static hada_status solve_classic(hada_pipeline *pipeline, hada_frame *frame, int
 /* The last steps of refined planes, with the learned regulariser. What they leave of the frame was measured before. */
 static hada_status regularise(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
 {
-    const hada_config *config = &pipeline->setup->config;
-    const int psf_alone = hada_model_get_info(pipeline->setup->model)->refine_tv == HADA_AUTO;
     hada_report *report = &frame->result->memory->report;
     if (pipeline->classic)
         return HADA_OK;
     hada_slot_stage(pipeline->slot, "refine");
-    HADA_TRY(hada_maker_regularise(&pipeline->maker, hada_maker_ridge_steps(&pipeline->maker, config->steps),
-                                   config->choose || psf_alone ? report->refine_tv : 0.0,
-                                   hada_exposure_noise_unit(&frame->exposure, pipeline->maker.noise_share), count,
-                                   pipeline->occupied, &report->refine_steps, err));
+    HADA_TRY(hada_maker_regularise(&pipeline->maker,
+                                   hada_maker_ridge_steps(&pipeline->maker, pipeline->setup->config.steps),
+                                   report->refine_tv, count, pipeline->occupied, &report->refine_steps, err));
     return hada_pipeline_lap(pipeline, frame, &report->seconds_refine, err);
 }
 

@@ -185,6 +185,6 @@ hada_status hada_trial_refine(hada_trial_bench *bench, const hada_trial_frame *f
     const hada_maker_steps now = {.steps = steps, .before = before};
     int done;
     HADA_TRY(hada_maker_refine(maker, &now, bench->noise_unit, frame->members, list, &done, err));
-    HADA_TRY(hada_maker_regularise(maker, last, 0.0, bench->noise_unit, frame->members, list, &done, err));
+    HADA_TRY(hada_maker_regularise(maker, last, 0.0, frame->members, list, &done, err));
     return hada_maker_read(maker, hada_refiner_planes(maker->refiner), 0, frame->members, bench->planes, err);
 }

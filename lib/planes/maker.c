@@ -95,32 +95,18 @@ hada_status hada_maker_filter(const hada_plane_maker *maker, int first, int coun
 #define RHO_CONTINUING 30.0
 #define MOST_RHO       3e-2
 
-/* tv: a weight of total variation, or 0: the maker's. */
-static hada_refine_weights weights_with(const hada_plane_maker *maker, double tv)
-{
-    hada_refine_weights weights = maker->weights;
-    if (tv > 0.0)
-        weights.tv = tv;
-    return weights;
-}
-
-/* The rule for weights in units of a frame's noise. */
-static void weigh(const hada_plane_maker *maker, const hada_refine_weights *weights, double unit, int count,
-                  hada_refine_rule *rule)
-{
-    hada_model_info info = *hada_model_get_info(maker->model);
-    info.boundary = maker->boundary;
-    hada_refine_rule_init(rule);
-    hada_refine_rule_weigh(rule, &info, weights, count, hada_model_gain(maker->model), unit);
-}
-
 hada_status hada_maker_refine(const hada_plane_maker *maker, const hada_maker_steps *steps, double unit, int count,
                               const int *list, int *done, hada_error *err)
 {
-    const hada_refine_weights weights = weights_with(maker, steps->tv);
+    hada_model_info info = *hada_model_get_info(maker->model);
+    hada_refine_weights weights = maker->weights;
     hada_refine_rule rule;
-    weigh(maker, &weights, unit, count, &rule);
+    hada_refine_rule_init(&rule);
     rule.steps = steps->steps;
+    info.boundary = maker->boundary;
+    if (steps->tv > 0.0)
+        weights.tv = steps->tv;
+    hada_refine_rule_weigh(&rule, &info, &weights, count, hada_model_gain(maker->model), unit);
     if (steps->tv > 0.0)
         hada_refine_rule_follow(&rule, steps->tv, hada_model_gain(maker->model),
                                 steps->before && !steps->resume ? RHO_CONTINUING : RHO_PER_WEIGHT, MOST_RHO);
@@ -131,7 +117,7 @@ hada_status hada_maker_refine(const hada_plane_maker *maker, const hada_maker_st
     } else if (steps->stop && steps->before) {
         hada_refine_rule_settle(&rule);
     } else if (steps->stop) {
-        hada_refine_rule_stop(&rule, maker->boundary, steps->stop);
+        hada_refine_rule_stop(&rule, info.boundary, steps->stop);
     }
     rule.start = steps->before || steps->resume ? HADA_REFINE_CONTINUE : HADA_REFINE_COLD;
     rule.before = steps->before;
@@ -147,15 +133,18 @@ int hada_maker_ridge_steps(const hada_plane_maker *maker, int steps)
     return steps / 2 < MOST ? steps / 2 : MOST;
 }
 
-hada_status hada_maker_regularise(const hada_plane_maker *maker, int steps, double tv, double unit, int count,
-                                  const int *list, int *done, hada_error *err)
+hada_status hada_maker_regularise(const hada_plane_maker *maker, int steps, double tv, int count, const int *list,
+                                  int *done, hada_error *err)
 {
-    const hada_refine_weights weights = weights_with(maker, tv);
+    hada_refine_weights weights = maker->weights;
     hada_refine_rule rule;
     int made = 0;
-    weigh(maker, &weights, unit, count, &rule);
+    hada_refine_rule_init(&rule);
+    rule.tv = hada_refiner_tv(maker->refiner);
     if (steps < 1 || !(rule.tv > 0.0))
         return HADA_OK;
+    if (tv > 0.0)
+        weights.tv = tv;
     hada_refine_rule_ridge(&rule, steps, hada_model_get_info(maker->model), &weights, count,
                            hada_model_gain(maker->model));
     HADA_TRY(hada_refiner_run(maker->refiner, &maker->data, &rule, 1, count, list, &made, err));

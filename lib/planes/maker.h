@@ -188,8 +188,8 @@ int hada_maker_ridge_steps(const hada_plane_maker *maker, int steps);
 
 /* These steps, after others with the same weight of total variation tv (0: the maker's); adds them to *done. What a
  * frame leaves for the next one is kept before. */
-hada_status hada_maker_regularise(const hada_plane_maker *maker, int steps, double tv, double unit, int count,
-                                  const int *list, int *done, hada_error *err);
+hada_status hada_maker_regularise(const hada_plane_maker *maker, int steps, double tv, int count, const int *list,
+                                  int *done, hada_error *err);
 
 /* Of a sequence: what is known of the frame that the refiner remembers (planes/go_on.c). */
 typedef struct hada_maker_past {

@@ -420,6 +420,11 @@ double hada_refiner_energy(const hada_refiner *refiner, int set, int step)
     return refiner->energy[(size_t)step * (size_t)refiner->shape.max_sets + (size_t)set];
 }
 
+double hada_refiner_tv(const hada_refiner *refiner)
+{
+    return refiner->last_tv;
+}
+
 size_t hada_refiner_transforms(const hada_refiner *refiner)
 {
     return refiner->transforms;

@@ -164,8 +164,8 @@ static inline int hada_refine_most_steps(int steps, int depths)
 void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info, const hada_refine_weights *weights,
                             int depths, double gain, double mean_square);
 
-/* Turns a rule that has been weighed into that of steps with the learned regulariser, which go on from a run with total
- * variation. */
+/* Turns a rule with the tv of the run before (hada_refiner_tv()) into that of steps with the learned regulariser, which
+ * go on from there. */
 void hada_refine_rule_ridge(hada_refine_rule *rule, int steps, const hada_model_info *info,
                             const hada_refine_weights *weights, int depths, double gain);
 
@@ -246,6 +246,9 @@ hada_status hada_refiner_moved(hada_refiner *refiner, int strict, int *moved, ha
 
 /* Tells that the slot was waited for since, so that nothing of the host's is read any more. */
 void hada_refiner_waited(hada_refiner *refiner);
+
+/* The rule's weight of total variation in the last run. */
+double hada_refiner_tv(const hada_refiner *refiner);
 
 /* Two-dimensional transforms of real images that the refiner has enqueued since its creation. */
 size_t hada_refiner_transforms(const hada_refiner *refiner);

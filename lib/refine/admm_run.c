@@ -232,6 +232,7 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
             end = count;
     }
     refiner->last_rho = hada_refine_rho_at(rule, count - 1);
+    refiner->last_tv = rule->tv;
     if (!(rule->noise > 0.0))
         refiner->arriving.linear_slices = !r.padded && count > 1 ? step_slices(&r) : 0;
 done:

@@ -61,6 +61,7 @@ struct hada_refiner {
     hada_refine_arriving arriving;
     hada_refine_past past;
     double last_rho; /* of the last step that was done */
+    double last_tv;  /* of the last run's rule */
     int half_there;  /* 1: now_u holds the planes' spectra along rows */
 };
 

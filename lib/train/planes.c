@@ -246,8 +246,7 @@ static hada_status refine(hada_planes *planes, int depth, const hada_frame_expos
     hada_maker_use_otf(maker, otf, image * planes->stage->layout.count, depths, planes->prior.mem);
     HADA_TRY(hada_maker_refine_exposure(maker, exposure, &steps, count, several ? composed->depth : one, &choice, &done,
                                         err));
-    HADA_TRY(hada_maker_regularise(maker, last, choice.tv, hada_exposure_noise_unit(exposure, maker->noise_share),
-                                   count, several ? composed->depth : one, &done, err));
+    HADA_TRY(hada_maker_regularise(maker, last, choice.tv, count, several ? composed->depth : one, &done, err));
     return hada_maker_fade(maker, count, HADA_CROSSTALK, err);
 }
 

@@ -54,6 +54,16 @@ void check_fill_normal(const check_state *state, uint64_t stream, float *out, si
         out[i] = (float)hada_random_normal(&random);
 }
 
+float *check_normal(check_state *state, size_t count, double **exact)
+{
+    float *values = check_room(state, count * sizeof *values);
+    *exact = check_room(state, count * sizeof **exact);
+    check_fill_normal(state, 0, values, count);
+    for (size_t i = 0; i < count; i++)
+        (*exact)[i] = values[i];
+    return values;
+}
+
 hada_status check_region(check_state *state, size_t first, size_t count, cl_mem *region, hada_error *err)
 {
     const cl_buffer_region part = {(state->out_offset + first) * sizeof(float), count * sizeof(float)};

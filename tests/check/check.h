@@ -95,6 +95,9 @@ hada_status check_upload(check_state *state, hada_buffer *buffer, const void *da
 void check_fill_integers(const check_state *state, uint64_t stream, float *out, size_t count, int largest);
 void check_fill_normal(const check_state *state, uint64_t stream, float *out, size_t count);
 
+/* Room for so many normal numbers, filled; *exact: the same in double precision. */
+float *check_normal(check_state *state, size_t count, double **exact);
+
 /* Which kernels ran (check_cover.c). check_cover_report() prints them where asked to, and what no operation launched;
  * returns how many kernels and programs of the manifest are missing. `partial`: shapes were skipped, so that is no
  * failure. */

@@ -17,13 +17,10 @@ static hada_status prepare(check_state *state, hada_error *err)
     const int rows = check_get(state, 'r', 24), cols = check_get(state, 'c', 24), channels = check_get(state, 'k', 1);
     own->planes = check_get(state, 'n', 1);
     const size_t each = (size_t)channels * (size_t)rows * (size_t)cols, values = (size_t)own->planes * each;
-    float *image = check_room(state, values * sizeof *image);
-    double *exact = check_room(state, values * sizeof *exact);
+    double *exact;
+    float *image = check_normal(state, values, &exact);
     own->noise = 0.01 * check_get(state, 'y', 20);
     own->bytes = values * sizeof(float);
-    check_fill_normal(state, 0, image, values);
-    for (size_t i = 0; i < values; i++)
-        exact[i] = image[i];
     HADA_TRY(check_output(state, values, err));
     HADA_TRY(check_upload(state, &own->in, image, own->bytes, err));
     HADA_TRY(check_scratch(state, &own->image, own->bytes, err));

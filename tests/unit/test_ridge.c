@@ -103,11 +103,9 @@ static void apply(float *x, int channels, double noise)
 
 TEST(leaves_even_brightness_as_it_is)
 {
-    for (int channels = 1; channels <= 4; channels++) {
-        for (size_t i = 0; i < (size_t)channels * AREA && i < MOST; i++)
+    for (int channels = 1; channels <= 3; channels++) {
+        for (size_t i = 0; i < (size_t)channels * AREA; i++)
             values[i] = 0.25f * (float)(1 + i / AREA);
-        if (channels == 4)
-            break;
         apply(values, channels, 0.1);
         for (size_t i = 0; i < (size_t)channels * AREA; i++)
             assert_true(fabs(values[i] - 0.25 * (double)(1 + i / AREA)) < 2e-4);

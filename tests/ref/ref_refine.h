@@ -24,8 +24,8 @@ typedef struct hada_ref_refine {
     double tv_colour; /* how much heavier differences of colour are; 1: no heavier */
     double tv_length;
     int tv_steps; /* of its proximal step (ref_tv.h), whose duals go on from step to step */
-    /* after these, steps with ridge_rho and no duals of the planes, whose proximal step is that of the learned
-     * regulariser (ref_ridge.h) for this noise */
+    /* Last steps, after the others: rho is ridge_rho, the planes have no duals, and the learned regulariser for noise
+     * of this standard deviation (ref_ridge.h) is the proximal step. */
     int ridge_steps;
     double ridge_rho, ridge_noise;
 } hada_ref_refine;

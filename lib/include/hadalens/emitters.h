@@ -29,10 +29,9 @@ typedef struct hada_emitter {
 typedef struct hada_emitters hada_emitters;
 
 /* Finds the emitters of a frame of one channel that the plan reconstructed as a volume. raw: that frame; result: what
- * the plan made of it; monitor: asked whether to stop, may be NULL. HADA_ERROR_ARGUMENT where the frame was taken for
- * something else, HADA_ERROR_MODEL where the camera has colours, HADA_ERROR_MEMORY where there are so many that they
- * take more than 1 GiB. An emitter counts whose amplitude exceeds so many of its standard deviations that noise alone
- * would give one in twenty frames. */
+ * the plan made of it; monitor: asked whether to stop, may be NULL. An emitter must be so bright
+ * that noise alone would give one in twenty frames. HADA_ERROR_ARGUMENT: the frame was taken for something else;
+ * HADA_ERROR_MODEL: the camera has colours; HADA_ERROR_MEMORY: there are so many that they take more than 1 GiB. */
 HADA_API hada_status hada_plan_emitters(hada_emitters **out, hada_plan *plan, const hada_pixels *raw,
                                         const hada_result *result, const hada_monitor *monitor, hada_error *err);
 HADA_API int hada_emitters_count(const hada_emitters *emitters);

@@ -12,12 +12,14 @@ export LC_ALL=C HADALENS_TUNING=/nonexistent
 mkdir -p "$6"
 cd "$6"
 
-# A camera and its model stay for the next run; what is half made does not count. The large one's model is that of its
-# point spread functions, which is quicker than a fit.
-if [ ! -e "$workload.model" ]; then
+# A camera and its model stay for the next run until the program or the library is built anew, as a fit may then choose
+# otherwise; what is half made does not count. The large one's model is that of its point spread functions, which is
+# quicker than a fit.
+library=$(ldd "$hadalens" | sed -n 's/.*=> \(.*libhadalens\.so[^ ]*\).*/\1/p')
+if [ ! -e "$workload.model" ] || [ "$hadalens" -nt "$workload.model" ] || [ "${library:-$hadalens}" -nt "$workload.model" ]; then
     pairs=8
     [ "$workload" != paper2022 ] || pairs=1
-    rm -rf "$workload"
+    rm -rf "$workload" "$workload.model" part
     scenes=(--preset "$workload" --test 2)
     [ "$workload" != surface300 ] || scenes=(--preset sim300 --surface slant,hill)
     "$hadalens" simulate "${scenes[@]}" --pairs "$pairs" --seed 4 --bits 16 -o "$workload" --quiet

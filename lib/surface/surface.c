@@ -14,6 +14,9 @@
 /* Largest curvatures of the data terms: of planes their number and this, of a texture. */
 #define PLANES_BOUND  0.5
 #define TEXTURE_BOUND 1.5
+/* The same with weights of pixels, which mix strong frequencies into weak ones that count more. With 1.5 some saturated
+ * frames went astray slowly, which is not seen in few steps. */
+#define TEXTURE_BOUND_WEIGHED 3.0
 /* Weaker than that of a plane: where depths jump, total variation holds a texture that shrinkage alone would not
  * (docs/explanation/surfaces.md). */
 #define TEXTURE_SHRINK    0.7
@@ -298,8 +301,8 @@ static hada_status begin_texture(hada_surface *s, int *first, int *last, hada_er
                                    area * (size_t)to->shape.channels * sizeof(float), err);
 }
 
-static hada_status solve_texture(hada_surface *s, const hada_surface_rule *rule, hada_surface_result *result,
-                                 hada_error *err)
+static hada_status solve_texture(hada_surface *s, const hada_surface_rule *rule, int weighed,
+                                 hada_surface_result *result, hada_error *err)
 {
     const hada_surface_plan *plan = &s->level[s->levels - 1].plan;
     const hada_volume_rule solve = {.steps = rule->texture_steps,
@@ -307,7 +310,7 @@ static hada_status solve_texture(hada_surface *s, const hada_surface_rule *rule,
                                     .variation = rule->texture_variation * noise_of(s, s->levels - 2, result),
                                     .shrink = TEXTURE_SHRINK,
                                     .shrink_tv = TEXTURE_SHRINK_TV,
-                                    .bound = TEXTURE_BOUND};
+                                    .bound = weighed ? TEXTURE_BOUND_WEIGHED : TEXTURE_BOUND};
     double *energy = &result->energy[s->levels - 1];
     int first, last;
     HADA_TRY(begin_texture(s, &first, &last, err));
@@ -362,7 +365,7 @@ hada_status hada_surface_run(hada_surface *s, const hada_surface_frame *frame, c
             HADA_TRY(look_ahead(s, l, rule, result, err));
     }
     if (!result->in_vain)
-        HADA_TRY(solve_texture(s, rule, result, err));
+        HADA_TRY(solve_texture(s, rule, frame->weights != NULL, result, err));
     return HADA_OK;
 }
 

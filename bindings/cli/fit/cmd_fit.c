@@ -127,8 +127,9 @@ static const hada_cli_option options[] = {
      ONE_OF(fit.refine_colour, 1, 16)},
     {HADA_OPTION_WEIGHT, "refine-ridge", 0, "S|auto|0",
      "with total variation: strength of the learned regulariser in the last steps (default: auto)",
-     "The threshold in the cosine transforms of blocks of 8 x 8 pixels, in units of the weight of total variation. auto "
-     "compares none, 1, 1.6 and 2.5 by leave-one-out where the weight is chosen too, and is 1.6 otherwise.",
+     "The last steps use filters that were learned from photographs, in place of total variation. S scales the noise that "
+     "they take off. auto compares none, 0.7, 1 and 1.4 by leave-one-out where the weight is chosen too, and is 1 "
+     "otherwise.",
      ONE_OF(fit.refine_ridge, 0, 100)},
     {HADA_OPTION_CHOICE, "psf-sign", 0, "nonnegative|free", "what is known of the camera's point spread functions",
      "nonnegative (default): light adds up, so they are nowhere negative; this fills in frequencies of which the pairs "

@@ -85,8 +85,8 @@ static const hada_cli_option options[] = {
      ONE_OF(plan.refine_colour, 1, 16)},
     {HADA_OPTION_WEIGHT, "refine-ridge", 0, "S|auto|0",
      "with total variation: strength of the learned regulariser in the last steps (default: auto)",
-     "The last steps keep what stands out of the cosine transforms of blocks of 8 x 8 pixels, by this threshold in units "
-     "of the weight of total variation. auto takes what the fit measured to pay.",
+     "The last steps use filters that were learned from photographs, in place of total variation. S scales the noise that "
+     "they take off. auto takes what the fit measured to pay.",
      ONE_OF(plan.refine_ridge, 0, 100)},
     {HADA_OPTION_WEIGHT, "crosstalk", 0, "K|auto|0",
      "share of another depth's light at which refined planes fade (default: auto)",

@@ -311,6 +311,25 @@ class _Camera(nn.Module):  # type: ignore[misc]  # which is Any to the type chec
         seen = otf.conj() * spectrum[:, None] if adjoint else (otf * spectrum).sum(1)
         return torch.fft.irfft2(seen, s=(rows, cols))
 
+    def _frames(self, planes: Tensor) -> Tensor:
+        operator = self.operator
+        if planes.ndim == 4 and operator.planes_shape[0] == 1:
+            planes = planes[:, None]
+        if planes.ndim != 5 or tuple(planes.shape[1:]) != operator.planes_shape:
+            raise ValueError(f"planes of {tuple(planes.shape)}: (N, *{operator.planes_shape}) is needed")
+        _, rows, cols = operator.frame_shape
+        return self._through(planes, *operator.origin, adjoint=False)[..., :rows, :cols]
+
+    def _planes(self, frames: Tensor) -> Tensor:
+        operator = self._check(frames)
+        (top, left), (rows, cols) = operator.origin, operator.planes_shape[2:]
+        return self._through(frames, 0, 0, adjoint=True)[..., top : top + rows, left : left + cols]
+
+    def _check(self, frames: Tensor) -> operators.Forward:
+        if frames.ndim != 4 or tuple(frames.shape[1:]) != self.operator.frame_shape:
+            raise ValueError(f"frames of {tuple(frames.shape)}: (N, *{self.operator.frame_shape}) is needed")
+        return self.operator
+
 
 class Forward(_Camera):
     """Frames ``(N, C, Y, X)`` of planes ``(N, Z, C, Y, X)``, as :class:`hadalens.operators.Forward` has them.
@@ -328,13 +347,7 @@ class Forward(_Camera):
 
     def forward(self, planes: Tensor) -> Tensor:
         """Return the frames."""
-        operator = self.operator
-        if planes.ndim == 4 and operator.planes_shape[0] == 1:
-            planes = planes[:, None]
-        if planes.ndim != 5 or tuple(planes.shape[1:]) != operator.planes_shape:
-            raise ValueError(f"planes of {tuple(planes.shape)}: (N, *{operator.planes_shape}) is needed")
-        _, rows, cols = operator.frame_shape
-        return self._through(planes, *operator.origin, adjoint=False)[..., :rows, :cols]
+        return self._frames(planes)
 
 
 class Adjoint(_Camera):
@@ -342,11 +355,7 @@ class Adjoint(_Camera):
 
     def forward(self, frames: Tensor) -> Tensor:
         """Return the planes."""
-        operator = self.operator
-        if frames.ndim != 4 or tuple(frames.shape[1:]) != operator.frame_shape:
-            raise ValueError(f"frames of {tuple(frames.shape)}: (N, *{operator.frame_shape}) is needed")
-        (top, left), (rows, cols) = operator.origin, operator.planes_shape[2:]
-        return self._through(frames, 0, 0, adjoint=True)[..., top : top + rows, left : left + cols]
+        return self._planes(frames)
 
 
 class Linear(nn.Module):  # type: ignore[misc]  # which is Any to the type checker
@@ -470,9 +479,7 @@ class Refine(_Camera):
 
     def forward(self, frames: Tensor) -> Tensor:
         """Return the planes."""
-        operator = self.operator
-        if frames.ndim != 4 or tuple(frames.shape[1:]) != operator.frame_shape:
-            raise ValueError(f"frames of {tuple(frames.shape)}: (N, *{operator.frame_shape}) is needed")
+        operator = self._check(frames)
         square = frames.square().mean((1, 2, 3)).clamp(min=_refinement.FAINT)[:, None, None, None, None]
         light = (self.gain * frames.shape[1] * square).sqrt()
         rows, cols = operator.grid

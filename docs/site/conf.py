@@ -29,7 +29,7 @@ if importlib.util.find_spec("hadalens"):
     version = release = hadalens.__version__
     extensions += ["sphinx.ext.autodoc", "sphinx.ext.napoleon"]
     # whoever builds the pages need not have what the optional modules use
-    autodoc_mock_imports = ["dask", "distributed", "h5py", "safetensors", "tifffile", "torch", "zarr"]
+    autodoc_mock_imports = ["PIL", "dask", "deepinv", "distributed", "h5py", "pyarrow", "safetensors", "tifffile", "torch", "zarr"]
     autodoc_member_order = "bysource"
     autodoc_typehints = "description"
     autodoc_typehints_description_target = "documented"

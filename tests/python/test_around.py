@@ -141,6 +141,18 @@ def test_optics(design: hadalens.Camera, tmp_path: Path) -> None:
     assert psf.sum() == pytest.approx(3, rel=0.1)
 
 
+def test_registrations_turn_both_ways() -> None:
+    """Turns and offsets may be below 0; the opposite ones bring a scene back."""
+    scene = np.zeros((1, 40, 50), np.float32)
+    scene[:, 10:30, 15:35] = 1
+    there = hadalens.Registration(rotation_deg=-3.0, offset_row=-2.0, offset_col=1.5).apply(scene, (40, 50))
+    mirrored = hadalens.Registration(rotation_deg=3.0, offset_row=-2.0, offset_col=-1.5).apply(
+        scene[..., ::-1], (40, 50)
+    )
+    np.testing.assert_allclose(there, mirrored[..., ::-1], atol=1e-3)
+    assert abs(there - scene).max() > 0.5
+
+
 def test_register(camera: Path, design: hadalens.Camera) -> None:
     """Scenes that were turned upside down are found; a data set that is upright is left."""
     data = hadalens.Dataset.scan(camera)

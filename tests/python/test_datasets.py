@@ -87,7 +87,7 @@ def test_what_is_wrong_is_said(diffusercam: Path, tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="no DiffuserCam data set"):
         datasets.DiffuserCam(tmp_path / "diffuser_images")
     with pytest.raises(ValueError, match="not 'valid'"):
-        datasets.DiffuserCam(diffusercam, "valid")
+        datasets.DiffuserCam(diffusercam, "valid")  # type: ignore[arg-type]
     (diffusercam / "dataset_train.csv").write_text("im1.jpg.tiff\nim7.jpg.tiff\n")
     with pytest.raises(FileNotFoundError, match=r"im7, and there is no frame im7\.npy"):
         datasets.DiffuserCam(diffusercam)
@@ -126,3 +126,115 @@ def test_folders_of_arrays(tmp_path: Path) -> None:
     with pytest.raises(TypeError, match="int64"):
         datasets.write_folder([(np.zeros((2, 2), np.int64), np.zeros((2, 2)))], tmp_path, 70)
     assert not list((tmp_path / "z70mm" / "raw").iterdir())
+
+
+def picture(file: Path, array: np.ndarray) -> None:
+    """Write a PNG or JPEG file."""
+    pillow = pytest.importorskip("PIL.Image")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    pillow.fromarray(array).save(file)
+
+
+def test_two_folders(tmp_path: Path) -> None:
+    """Pictures of the same names, whatever their files; the last are for the test."""
+    for i in range(10):
+        picture(tmp_path / "raw" / f"f{i}.png", np.full((4, 6, 3), 10 * i, np.uint8))
+        (tmp_path / "scene").mkdir(exist_ok=True)
+        np.save(tmp_path / "scene" / f"f{i}.npy", np.full((3, 5), i, np.float32))
+    pairs = datasets.Folders(tmp_path / "raw", tmp_path / "scene", "train")
+    assert pairs.names == tuple(f"f{i}" for i in range(8))
+    assert datasets.Folders(tmp_path / "raw", tmp_path / "scene", "test", held_out=3).names == ("f7", "f8", "f9")
+    assert pairs[3].raw.shape == (3, 4, 6)
+    assert pairs[3].raw[0, 0, 0] == np.float32(30 / 255)
+    assert pairs[3].scene.shape == (1, 3, 5)
+    with pytest.raises(FileNotFoundError, match="same names"):
+        datasets.Folders(tmp_path / "raw", tmp_path)
+
+
+def test_multiwienernet(tmp_path: Path) -> None:
+    """Cut as the authors cut; a fifth, the same one each time, is for the test."""
+    for i in range(5):
+        for folder in ("Train", "Target"):
+            picture(tmp_path / folder / f"{i}.png", np.full((486, 648), i, np.uint8))
+    train, test = (datasets.MultiWienerNet(tmp_path, split) for split in ("train", "test"))
+    assert (len(train), len(test)) == (4, 1)
+    assert sorted(train.names + test.names) == ["0", "1", "2", "3", "4"]
+    assert train.names == datasets.MultiWienerNet(tmp_path, "train").names
+    assert test[0].raw.shape == test[0].scene.shape == (1, 448, 640)
+
+
+def test_parallel_lensless(tmp_path: Path) -> None:
+    """Frames at the size of the scenes that are warped to this camera."""
+    for i in (23, 24):
+        for place, size in (
+            (f"0-25k/rml/img_{i}_cam_1.tiff", (8, 12, 3)),
+            (f"0-25k/diffusercam/img_{i}_cam_0.tiff", (8, 12, 3)),
+            (f"4x_undistorted_GT2RML/warped_4x_undistorted_img_{i}_cam_2.tiff", (2, 3, 4)),
+        ):
+            (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
+            tifffile.imwrite(tmp_path / place, np.full(size, i, np.uint8), photometric="rgb")
+    assert datasets.ParallelLensless(tmp_path, "rml", "all").names == ("23", "24")
+    assert datasets.ParallelLensless(tmp_path, "rml").names == ("23",)
+    test = datasets.ParallelLensless(tmp_path, "rml", "test")
+    assert test.names == ("24",)
+    assert test[0].raw.shape == test[0].scene.shape == (3, 2, 3)
+    assert np.allclose(test[0].raw, 24 / 255)
+    with pytest.raises(FileNotFoundError, match="diffusercam"):
+        datasets.ParallelLensless(tmp_path, "diffusercam")
+
+
+def test_flatcam(tmp_path: Path) -> None:
+    """Lists of paths; a mosaic of 16 bits, and a photograph of another size."""
+    (tmp_path / "filenames").mkdir()
+    for part in ("train", "val"):
+        for kind, ending in (("meas", "png"), ("orig", "jpg")):
+            names = [f"data/{kind}/{part}{i}.{ending}" for i in range(2)]
+            (tmp_path / "filenames" / f"{part}_{kind}_ilsvrc_flatcam.txt").write_text("\n".join(names) + "\n")
+            (tmp_path / "filenames" / f"{part}_{kind}_ilsvrc_flatcam_smaller.txt").write_text(names[0])
+            for name in names:
+                size, kind_of = ((16, 20), np.uint16) if kind == "meas" else ((50, 40, 3), np.uint8)
+                picture(tmp_path / name, np.full(size, 200, kind_of))
+    pairs = datasets.FlatCam(tmp_path, "test")
+    assert pairs.mosaic == "bggr"
+    assert pairs.names == ("data/meas/val0", "data/meas/val1")
+    assert len(datasets.FlatCam(tmp_path, "all")) == 4
+    assert pairs[0].raw.shape == (1, 16, 20)
+    assert pairs[0].raw[0, 0, 0] == np.float32(200 / 65535)
+    assert pairs[0].scene.shape == (3, 256, 256)
+    place = datasets.write_folder(pairs, tmp_path / "camera")
+    assert sorted(path.name for path in (place / "raw").iterdir()) == ["val0.tif", "val1.tif"]
+    (tmp_path / "filenames" / "train_orig_ilsvrc_flatcam.txt").write_text("one")
+    with pytest.raises(ValueError, match="2 and 1 lines"):
+        datasets.FlatCam(tmp_path)
+    with pytest.raises(FileNotFoundError, match="no list"):
+        datasets.FlatCam(tmp_path / "data")
+
+
+def test_hugging_face(tmp_path: Path) -> None:
+    """Tables of pictures, several files and groups of rows, turned upright."""
+    arrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    rows = []
+    for i in range(5):
+        row = {}
+        for kind in ("lensless", "lensed"):
+            frame = np.zeros((4, 6, 3), np.uint8)
+            frame[0, 0] = 51 * (i + 1)
+            picture(tmp_path / f"{i}.png", frame)
+            row[kind] = {"bytes": (tmp_path / f"{i}.png").read_bytes(), "path": f"{i}.png"}
+        rows.append({**row, "mask_label": 7 + i})
+    (tmp_path / "data").mkdir()
+    for name, part in (("train-00000-of-00002", rows[:3]), ("train-00001-of-00002", rows[3:4]), ("test-0", rows[4:])):
+        parquet.write_table(arrow.Table.from_pylist(part), tmp_path / "data" / f"{name}.parquet", row_group_size=2)
+    train = datasets.HuggingFace(tmp_path)
+    assert len(train) == 4
+    assert [train.mask(i) for i in range(4)] == [7, 8, 9, 10]
+    for i in range(4):
+        assert train[i].raw[0, 3, 5] == train[i].scene[0, 0, 0] == np.float32(0.2 * (i + 1))
+    assert len(train[1:3]) == 2
+    assert train[1:3].mask(0) == 8
+    flipped = datasets.HuggingFace(tmp_path, "test", turn="flip")
+    assert flipped[0].raw[0, 3, 0] == 1
+    assert len(datasets.HuggingFace(tmp_path, "all")) == 5
+    with pytest.raises(FileNotFoundError, match="no tables"):
+        datasets.HuggingFace(tmp_path / "nothing")

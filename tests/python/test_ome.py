@@ -110,6 +110,100 @@ def test_zarr_is_whole_or_not_there(tmp_path: Path) -> None:
         writer.append(Result())
 
 
+def test_uneven_distances(tmp_path: Path) -> None:
+    """A coordinate beside the image, or planes at equal steps that keep the first and the last."""
+    zarr = pytest.importorskip("zarr", "3.0")
+    result = Result()
+    ome.write_ome_zarr(tmp_path / "a.zarr", result)
+    z = zarr.open_group(tmp_path / "a.zarr", mode="r")["z"]
+    assert z.metadata.dimension_names == ("z",)
+    assert list(z[:]) == [100, 150, 250]
+    planes, distances = ome.even_planes(result.stack, result.distances_mm)
+    assert distances == (100, 150, 200, 250)
+    np.testing.assert_allclose(planes[2], (result.stack[1] + result.stack[2]) / 2, rtol=1e-6)
+    assert np.array_equal(planes[[0, 1, 3]], result.stack)
+    planes, _ = ome.even_planes(result.stack, result.distances_mm, "nearest")
+    assert np.array_equal(planes, result.stack[[0, 1, 1, 2]])
+    same, distances = ome.even_planes(result.stack, (1.0, 2.0, 3.0))
+    assert same is result.stack
+    with pytest.raises(ValueError, match="planes would be needed"):
+        ome.even_planes(result.stack, (100.0, 100.01, 250.0))
+    ome.write_ome_zarr(tmp_path / "b.zarr", result, resample="linear")
+    group = zarr.open_group(tmp_path / "b.zarr", mode="r")
+    assert group["0"].shape == (1, 3, 4, 8, 10)
+    moves = group.attrs["ome"]["multiscales"][0]["datasets"][0]["coordinateTransformations"]
+    assert moves[0]["scale"] == [1, 1, 50, 1, 1]
+    assert group.attrs["hadalens"]["even"] is True
+    with pytest.raises(ValueError, match="resample"):
+        ome.OmeZarrWriter(tmp_path / "c.zarr", resample="cubic")  # type: ignore[arg-type]
+
+
+def test_pyramid(tmp_path: Path) -> None:
+    """Levels of half the size, their places, means of light, and distances that somebody measured."""
+    zarr = pytest.importorskip("zarr", "3.0")
+    models = pytest.importorskip("ome_zarr_models.v05")
+    result = Result()
+    result.distance_map[:2, :2] = [[np.nan, 7], [8, 9]]
+    result.distance_map[:2, 2:4] = np.nan
+    ome.write_ome_zarr(tmp_path / "a.zarr", result, levels=3, pixel_um=2.0)
+    group = zarr.open_group(tmp_path / "a.zarr", mode="r")
+    assert [group[str(level)].shape[-2:] for level in range(3)] == [(8, 10), (4, 5), (2, 2)]
+    first = group["1"][0, 1, 2, 0, 0]
+    np.testing.assert_allclose(first, result.stack[2, 1, :2, :2].mean(), rtol=1e-6)
+    small = group["distance_map/1"][0]
+    assert small[0, 0] == 7
+    assert np.isnan(small[0, 1])
+    moves = group.attrs["ome"]["multiscales"][0]["datasets"][2]["coordinateTransformations"]
+    assert moves[0]["scale"] == [1, 1, 75, 8, 8]
+    assert moves[1]["translation"] == [0, 0, 100, 3, 3]
+    assert models.Image.from_zarr(group).ome_attributes.version == "0.5"
+    big = Result(stack=np.zeros((3, 1, 600, 700), "f4"), all_in_focus=np.zeros((1, 600, 700), "f4"))
+    big.distance_map = np.zeros((600, 700), "f4")
+    ome.write_ome_zarr(tmp_path / "b.zarr", big)
+    assert ome.OmeZarr(tmp_path / "b.zarr").levels == 3
+    with pytest.raises(ValueError, match="levels"):
+        ome.OmeZarrWriter(tmp_path / "c.zarr", levels=0)
+
+
+def test_reading_back(tmp_path: Path) -> None:
+    """Every number comes back, also of levels; images of others have what they say."""
+    zarr = pytest.importorskip("zarr", "3.0")
+    results = [Result(), Result()]
+    with ome.OmeZarrWriter(tmp_path / "film.zarr", pixel_um=2.5, seconds=0.1, levels=2) as writer:
+        for result in results:
+            writer.append(result)
+    film = ome.OmeZarr(tmp_path / "film.zarr")
+    assert (len(film), film.levels, film.pixel_um, film.seconds) == (2, 2, 2.5, 0.1)
+    assert film.distances_mm == (100, 150, 250)
+    for read, result in zip(film, results, strict=True):
+        assert np.array_equal(read.stack, result.stack)
+        assert read.all_in_focus is not None
+        assert np.array_equal(read.all_in_focus, result.all_in_focus)
+        assert read.distance_map is not None
+        assert np.array_equal(read.distance_map, result.distance_map, equal_nan=True)
+    assert np.array_equal(film[-1].stack, film[0:2][1].stack)
+    small = ome.read_ome_zarr(tmp_path / "film.zarr", 1, level=1)
+    assert small.stack.shape == (3, 3, 4, 5)
+    assert ome.OmeZarr(tmp_path / "film.zarr", 1).pixel_um == 5
+    with pytest.raises(IndexError):
+        film[2]
+    with pytest.raises(ValueError, match="level"):
+        ome.OmeZarr(tmp_path / "film.zarr", 2)
+    other = zarr.open_group(tmp_path / "other.zarr", mode="w", zarr_format=2)  # of version 0.4
+    other.create_array("s0", shape=(4, 5, 6), dtype="uint8")[:] = np.arange(120, dtype=np.uint8).reshape(4, 5, 6)
+    with pytest.raises(ValueError, match="multiscales"):
+        ome.OmeZarr(tmp_path / "other.zarr")
+    axes = [{"name": name, "type": "space", "unit": "micrometer"} for name in "zyx"]
+    moves = [{"type": "scale", "scale": [500.0, 0.5, 0.5]}, {"type": "translation", "translation": [2000.0, 0, 0]}]
+    other.attrs["multiscales"] = [{"axes": axes, "datasets": [{"path": "s0", "coordinateTransformations": moves}]}]
+    theirs = ome.OmeZarr(tmp_path / "other.zarr")
+    assert (len(theirs), theirs.pixel_um, theirs.seconds) == (1, 0.5, None)
+    assert theirs.distances_mm == (2, 2.5, 3, 3.5)
+    assert theirs[0].stack.shape == (4, 1, 5, 6)
+    assert theirs[0].stack[3, 0, 4, 5] == 119
+    assert theirs[0].all_in_focus is None
+
+
 def test_tiff(tmp_path: Path) -> None:
     """Tiff."""
     tifffile = pytest.importorskip("tifffile")

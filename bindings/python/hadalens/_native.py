@@ -283,7 +283,10 @@ def members(struct: str) -> dict[str, Any]:
 
 
 #: Options that may be below 0.
-_SIGNED = ("shift_rows", "shift_cols")
+_SIGNED = (
+    *("shift_rows", "shift_cols", "rotation_deg", "offset_row", "offset_col"),
+    *("explained", "explained_otherwise"),  # of a registration
+)
 #: Options that have another name here than in C.
 _NAMES = {"lambda": "regularisation", "repair_not_finite": "repair"}
 

@@ -7,6 +7,7 @@ The frame of planes x is A x = sum over depths of PSF * x, cropped to the sensor
 from __future__ import annotations
 
 import os
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,7 @@ class Forward:
 
     Args:
         model: with transfer functions, or its file.
+        support: where planes may be bright, which is their size: "window", or "frame".
 
     Raises:
         ModelError: the model has no transfer functions.
@@ -37,17 +39,22 @@ class Forward:
 
     """
 
-    def __init__(self, model: Model | str | os.PathLike[str]) -> None:
+    def __init__(
+        self, model: Model | str | os.PathLike[str], *, support: Literal["window", "frame"] = "window"
+    ) -> None:
         """Take the transfer functions."""
+        if support not in ("window", "frame"):
+            raise errors.ArgumentError(f'support="{support}" is not known; there are "window" and "frame"')
         model = as_model(model)
         info, otf = model.info, model.otf
         if otf is None:
             raise errors.ModelError("the model has no transfer functions, so it does not say what frames scenes make")
         #: Sizes of planes (Z, C, Y, X) and frames (C, Y, X), the grid of the transforms, and where the window stands.
-        self.planes_shape = (info.depths, info.channels, info.window_rows, info.window_cols)
         self.frame_shape = (info.channels, info.raw_rows, info.raw_cols)
+        rows, cols = (info.window_rows, info.window_cols) if support == "window" else self.frame_shape[1:]
+        self.planes_shape = (info.depths, info.channels, rows, cols)
         self.grid = (info.grid_rows, info.grid_cols)
-        self.origin = ((info.raw_rows - info.window_rows) // 2, (info.raw_cols - info.window_cols) // 2)
+        self.origin = ((info.raw_rows - rows) // 2, (info.raw_cols - cols) // 2)
         # the half spectrum of what is real: the adjoint is exact then
         self.otf: npt.NDArray[np.complex128] = np.fft.rfft2(np.fft.irfft2(otf.astype(np.complex128), s=self.grid))
         self.shape = (int(np.prod(self.frame_shape)), int(np.prod(self.planes_shape)))

@@ -8,6 +8,7 @@ in another order.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 from . import operators
@@ -18,8 +19,11 @@ with extra("torch"):
     import torch
     import torch.nn.functional as F  # noqa: N812  PyTorch's own habit
     from torch import Tensor, nn
+    from torch.utils.checkpoint import checkpoint
 
-__all__ = ["Adjoint", "Forward", "Linear", "Net"]
+    from . import _refinement
+
+__all__ = ["Adjoint", "Forward", "Linear", "Net", "Refine"]
 
 RESIZE: dict[str, dict[str, Any]] = {
     "nearest": {"mode": "nearest"},
@@ -282,17 +286,20 @@ class _Camera(nn.Module):  # type: ignore[misc]  # which is Any to the type chec
 
     otf: Any
 
-    def __init__(self, model: operators.Forward | Model | PathLike) -> None:
+    def __init__(self, model: operators.Forward | Model | PathLike, depths: list[int] | None = None) -> None:
         """Take them from a model, its file, or the operator of NumPy; in single precision: ``.double()`` is exact."""
         super().__init__()
         self.operator = model if isinstance(model, operators.Forward) else operators.Forward(model)
-        otf = torch.view_as_real(torch.from_numpy(self.operator.otf))
-        self.register_buffer("otf", otf.float(), persistent=False)
+        self._depths = slice(None) if depths is None else depths
+        self.register_buffer("otf", self._exact().float(), persistent=False)
+
+    def _exact(self) -> Tensor:
+        return torch.view_as_real(torch.from_numpy(self.operator.otf[self._depths]))
 
     def _apply(self, change: Any) -> Any:
         """Make the transfer functions anew of the exact ones, so that no precision is lost on the way."""
         super()._apply(change)
-        self.otf = torch.view_as_real(torch.from_numpy(self.operator.otf)).to(self.otf)
+        self.otf = self._exact().to(self.otf)
         return self
 
     def _through(self, image: Tensor, top: int, left: int, adjoint: bool) -> Tensor:
@@ -303,6 +310,25 @@ class _Camera(nn.Module):  # type: ignore[misc]  # which is Any to the type chec
         otf = torch.view_as_complex(self.otf)
         seen = otf.conj() * spectrum[:, None] if adjoint else (otf * spectrum).sum(1)
         return torch.fft.irfft2(seen, s=(rows, cols))
+
+    def _frames(self, planes: Tensor) -> Tensor:
+        operator = self.operator
+        if planes.ndim == 4 and operator.planes_shape[0] == 1:
+            planes = planes[:, None]
+        if planes.ndim != 5 or tuple(planes.shape[1:]) != operator.planes_shape:
+            raise ValueError(f"planes of {tuple(planes.shape)}: (N, *{operator.planes_shape}) is needed")
+        _, rows, cols = operator.frame_shape
+        return self._through(planes, *operator.origin, adjoint=False)[..., :rows, :cols]
+
+    def _planes(self, frames: Tensor) -> Tensor:
+        operator = self._check(frames)
+        (top, left), (rows, cols) = operator.origin, operator.planes_shape[2:]
+        return self._through(frames, 0, 0, adjoint=True)[..., top : top + rows, left : left + cols]
+
+    def _check(self, frames: Tensor) -> operators.Forward:
+        if frames.ndim != 4 or tuple(frames.shape[1:]) != self.operator.frame_shape:
+            raise ValueError(f"frames of {tuple(frames.shape)}: (N, *{self.operator.frame_shape}) is needed")
+        return self.operator
 
 
 class Forward(_Camera):
@@ -321,13 +347,7 @@ class Forward(_Camera):
 
     def forward(self, planes: Tensor) -> Tensor:
         """Return the frames."""
-        operator = self.operator
-        if planes.ndim == 4 and operator.planes_shape[0] == 1:
-            planes = planes[:, None]
-        if planes.ndim != 5 or tuple(planes.shape[1:]) != operator.planes_shape:
-            raise ValueError(f"planes of {tuple(planes.shape)}: (N, *{operator.planes_shape}) is needed")
-        _, rows, cols = operator.frame_shape
-        return self._through(planes, *operator.origin, adjoint=False)[..., :rows, :cols]
+        return self._frames(planes)
 
 
 class Adjoint(_Camera):
@@ -335,11 +355,7 @@ class Adjoint(_Camera):
 
     def forward(self, frames: Tensor) -> Tensor:
         """Return the planes."""
-        operator = self.operator
-        if frames.ndim != 4 or tuple(frames.shape[1:]) != operator.frame_shape:
-            raise ValueError(f"frames of {tuple(frames.shape)}: (N, *{operator.frame_shape}) is needed")
-        (top, left), (rows, cols) = operator.origin, operator.planes_shape[2:]
-        return self._through(frames, 0, 0, adjoint=True)[..., top : top + rows, left : left + cols]
+        return self._planes(frames)
 
 
 class Linear(nn.Module):  # type: ignore[misc]  # which is Any to the type checker
@@ -383,3 +399,145 @@ class Linear(nn.Module):  # type: ignore[misc]  # which is Any to the type check
         top, left = (self.frame_shape[1] - high) // 2, (self.frame_shape[2] - wide) // 2
         planes = torch.fft.irfft2(light, s=self.grid)[..., top : top + high, left : left + wide]
         return planes.relu() if self.clip else planes
+
+
+class Refine(_Camera):
+    """Planes ``(N, Z, C, Y, X)`` that together explain frames ``(N, C, Y, X)``: the library's refinement, unrolled.
+
+    Plain PyTorch: any device, gradients for frames and parameters, no OpenCL. It gives what
+
+        ``Plan(model, refine=steps, refine_tv=tv, occupied=depths, dark=0.0, skip=())``
+
+    gives, within 1e-5 (relative L2) in single precision: so many steps of ADMM with total variation, the last three
+    of them (or half of few) with the learned regulariser, and the crosstalk of several depths. What a plan decides by
+    looking at a frame is not in it: which depths are occupied, when to stop, a weight found from the frame or scaled by
+    its noise, surfaces, values that are saturated or weighed, mosaics, nets; nor is the prior of a Wiener filter, which
+    plans of a fitted model have with ``tv=0``. Frames are above their dark level.
+
+    The parameters are natural logarithms of factors, which begin at 0: ``tv`` of each step's weight of total
+    variation, ``rho`` of each step's penalty, ``noise`` of what each of the last steps takes for noise. Gradients are
+    those of the steps as they are computed; second derivatives miss a part where total variation couples colours.
+
+    Args:
+        model: a :class:`hadalens.Model` with transfer functions, or its file.
+        steps: None: the model's.
+        depths: which of the model's depths are refined, near to far; None: all. The planes are these.
+        tv: weight of total variation, 0 for none; None: the model's. A model of a point spread function alone has none:
+            ``Plan(model).run(frame).report.refine_tv`` is the one that a frame chooses.
+        colour: weight of colour differences; None: the model's.
+        ridge: strength of the learned regulariser, 0 for none; None: the model's.
+        crosstalk: as of :class:`hadalens.Plan`.
+        checkpoint: steps are computed again for gradients, which takes the memory of one step instead of all.
+
+    Raises:
+        ValueError: the model has no such weight or no such depths.
+
+    Example:
+        >>> refine = hadalens.torch.Refine("camera.model")
+        >>> loss = (refine(frames) - planes).square().mean()      # learns two numbers a step, as unrolled ADMM does
+
+    """
+
+    def __init__(
+        self,
+        model: Model | PathLike,
+        *,
+        steps: int | None = None,
+        depths: Sequence[int] | None = None,
+        tv: float | None = None,
+        colour: float | None = None,
+        ridge: float | None = None,
+        crosstalk: float = _refinement.CROSSTALK,
+        checkpoint: bool = False,
+    ) -> None:
+        """Take what the model says, and plan the steps."""
+        model = as_model(model)
+        info = model.info
+        every = list(range(info.depths))
+        chosen = every if depths is None else list(depths)
+        if not chosen or sorted({*chosen} & {*every}) != chosen:
+            raise ValueError(f"depths={depths}: a list of depths from 0 to {every[-1]}, near to far, is needed")
+        super().__init__(model, chosen)
+        self.depths = chosen
+        steps = info.refine_steps if steps is None else steps
+        tv = info.refine_tv if tv is None else tv
+        ridge = info.refine_ridge if ridge is None else ridge
+        if steps < 1:
+            raise ValueError(f"steps={steps}: one at least is needed; where the model's are 0 refinement does not pay")
+        if tv < 0:
+            raise ValueError(
+                "the model has no weight of total variation: tv is needed (hadalens.torch.Refine says how)"
+            )
+        self.gain = float((abs(self.operator.otf[..., 0, 0]) ** 2).max()) or 1.0
+        self.weight, self.crosstalk, self.checkpoint = tv, crosstalk, checkpoint
+        self.colour = info.refine_colour if colour is None else colour
+        self.cropped = info.boundary == "padded"
+        self.schedule = _refinement.schedule(info, self.gain, tv, ridge, len(self.depths), steps)
+        self.tv = nn.Parameter(torch.zeros(len(self.schedule.rho) if tv > 0 else 0))
+        self.rho = nn.Parameter(torch.zeros(steps))
+        self.noise = nn.Parameter(torch.zeros(len(self.schedule.ridge_rho)))
+
+    def forward(self, frames: Tensor) -> Tensor:
+        """Return the planes."""
+        operator = self._check(frames)
+        square = frames.square().mean((1, 2, 3)).clamp(min=_refinement.FAINT)[:, None, None, None, None]
+        light = (self.gain * frames.shape[1] * square).sqrt()
+        rows, cols = operator.grid
+        data = F.pad(frames, (0, cols - frames.shape[-1], 0, rows - frames.shape[-2]))
+        u = frames.new_zeros(len(frames), len(self.depths), *operator.planes_shape[1:])
+        state = (u, None, torch.stack([u, u]), data if self.cropped else None, torch.zeros_like(data))
+        before = None
+        for step, usual in enumerate(self.schedule.rho + self.schedule.ridge_rho):
+            rho = usual * self.rho[step].exp()
+            last = step - len(self.schedule.rho)
+            level = light * self.weight * self.tv[step].exp() / rho if self.weight and last < 0 else None
+            if last >= 0:
+                level = self.schedule.noise * square.sqrt() * self.noise[last].exp()
+            keep = None if last >= 0 or before is None else before / rho
+            relaxation = self.schedule.relaxation[step] if last < 0 else 1.0
+            arguments = (data, state, rho, keep, relaxation, level, last >= 0)
+            if self.checkpoint and torch.is_grad_enabled():
+                state = checkpoint(self._step, *arguments, use_reentrant=False)
+            else:
+                state = self._step(*arguments)
+            before = rho
+        planes: Tensor = state[0]
+        return _refinement.fade(planes, self.crosstalk) if self.crosstalk > 0 and len(self.depths) > 1 else planes
+
+    def _step(
+        self,
+        data: Tensor,
+        state: tuple[Any, ...],
+        rho: Tensor,
+        keep: Tensor | None,
+        relaxation: float,
+        level: Tensor | None,
+        ridge: bool,
+    ) -> tuple[Any, ...]:
+        """Go on from planes u, the spectra of w, the duals, and of a crop v and its dual e."""
+        u, w, duals, v, e = state
+        otf = torch.view_as_complex(self.otf)
+        (top, left), (rows, cols) = self.operator.origin, self.operator.grid
+        high, wide = u.shape[-2:]
+        spectra = torch.fft.rfft2(F.pad(u, (left, cols - left - wide, top, rows - top - high)))
+        dual = torch.zeros_like(spectra) if keep is None or w is None else keep * (w - spectra)
+        given = torch.fft.rfft2(data if v is None else v - e)
+        there = spectra - dual
+        power = (otf.real.square() + otf.imag.square()).sum(0)
+        error = (given - (otf * there).sum(1)) / (rho + power)
+        x = there + otf.conj() * error[:, None]
+        if v is not None:
+            seen = torch.fft.irfft2((otf * x).sum(1), s=(rows, cols))
+            a = relaxation * seen + (1 - relaxation) * v + e
+            tall, broad = self.operator.frame_shape[1:]
+            e = F.pad((a - data)[..., :tall, :broad] / 2, (0, cols - broad, 0, rows - tall))
+            v = a - e
+        w = relaxation * x + (1 - relaxation) * spectra + dual
+        image = torch.fft.irfft2(w, s=(rows, cols))[..., top : top + high, left : left + wide]
+        if ridge:
+            assert level is not None
+            return _refinement.ridge(image, level), w, duals, v, e
+        if level is None:
+            return image.relu(), w, duals, v, e
+        u, duals = _refinement.total_variation(image, duals, level, self.colour)
+        return u, w, duals, v, e

@@ -166,6 +166,13 @@ void hada_refine_rule_settle(hada_refine_rule *rule)
     rule->stop = 0.0;
 }
 
+/* Steps in which rho grows. */
+static int growing_steps(const hada_refine_rule *rule)
+{
+    return rule->first_rho > 0.0 && rule->growth > 1.0 ? (int)ceil(log(rule->rho / rule->first_rho) / log(rule->growth))
+                                                       : 0;
+}
+
 void hada_refine_rule_stop(hada_refine_rule *rule, hada_boundary boundary, int depths)
 {
     if (depths > 1 && rule->tv > 0.0) {
@@ -173,6 +180,8 @@ void hada_refine_rule_stop(hada_refine_rule *rule, hada_boundary boundary, int d
         rule->steps = hada_refine_most_steps(rule->steps, depths);
     } else {
         rule->stop = residual_stop(boundary, rule);
+        if (boundary == HADA_BOUNDARY_PADDED) /* light beyond the frame settles while rho grows */
+            rule->least = growing_steps(rule);
     }
 }
 

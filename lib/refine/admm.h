@@ -100,6 +100,7 @@ typedef struct hada_refine_rule {
     double noise;  /* above 0: the proximal step is that of the learned regulariser (refine/ridge.h) for noise of this
                       standard deviation, without duals, instead of total variation's */
     double stop;   /* stop when the residual changes by less than this part of itself, twice running; 0: never */
+    int least;     /* steps before `stop` may end the run */
     double settle; /* of one set: stop when four steps change the planes by less than this part of them; 0: never */
     int quiet;     /* 1, without `stop`: nobody asks for the energies on the way, and the run waits for nothing */
     int scored; /* 1: hada_refiner_score() follows, with the planes as they are: a step may leave what it begins with */

@@ -209,7 +209,8 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
 {
     hada_refine_run r;
     int count = 0, read = 0;
-    const int least = rule->first_steps > 0 ? rule->first_steps + SETTLING_STEPS : 0;
+    const int parting = rule->first_steps > 0 ? rule->first_steps + SETTLING_STEPS : 0;
+    const int least = parting > rule->least ? parting : rule->least;
     hada_status status = HADA_OK;
     refiner->half_there = 0;
     HADA_TRY_OR_DONE(begin(&r, refiner, data, sets, depths, list, 0, err));

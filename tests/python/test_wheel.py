@@ -62,12 +62,13 @@ def test_a_wheel_for_other_machines(portable: Path, tmp_path: Path) -> None:
 
 
 def test_what_is_inside(wheel: Path) -> None:
-    """The extension module with the library in it, types, and no loader of OpenCL's."""
+    """The extension module with the library in it, types, the weights that PyTorch reads, and no loader of OpenCL's."""
     with zipfile.ZipFile(wheel) as file:
         names = file.namelist()
     files = {Path(name).name for name in names}
     assert {"_binding.abi3.so", "_binding.pyi", "py.typed", "__init__.py"} <= files
-    assert not [name for name in names if "OpenCL" in name or name.endswith((".c", ".h"))]
+    assert not [name for name in names if "OpenCL" in name or name.endswith(".c")]
+    assert [name for name in names if name.endswith(".h")] == ["hadalens/data/shared_ridge_weights.h"]
     modules = {file.name for file in (ROOT / "bindings/python/hadalens").glob("*.py")}
     assert modules <= files
 

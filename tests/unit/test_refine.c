@@ -317,6 +317,13 @@ TEST(explains_more_with_every_step)
         ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 4, list, &steps, err));
         print_message("stopped after %d steps\n", steps);
         assert_in_range(steps, 4, 40);
+        /* never before as many steps as it is told, nor while rho grows for one depth of a sensor that crops */
+        rule.least = steps + 3;
+        ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 4, list, &steps, err));
+        assert_in_range(steps, rule.least, 39);
+        hada_refine_rule grows = {.steps = 16, .rho = 3e-2, .first_rho = 1e-3, .growth = 1.25, .tv = 1e-3};
+        hada_refine_rule_stop(&grows, padded ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR, 1);
+        assert_int_equal(grows.least, padded ? 16 : 0); /* 1e-3 * 1.25^16 > 3e-2 */
         tear_down(&f);
     }
 }

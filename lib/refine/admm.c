@@ -173,6 +173,16 @@ static int growing_steps(const hada_refine_rule *rule)
                                                        : 0;
 }
 
+/* Steps before the residual says anything: while depths part it may stand still; where the sensor crops, light beyond
+ * the frame settles while rho grows. */
+static int least_steps(hada_boundary boundary, const hada_refine_rule *rule)
+{
+    enum { SETTLING_STEPS = 5 };
+    const int parting = rule->first_steps > 0 ? rule->first_steps + SETTLING_STEPS : 0;
+    const int growing = boundary == HADA_BOUNDARY_PADDED ? growing_steps(rule) : 0;
+    return parting > growing ? parting : growing;
+}
+
 void hada_refine_rule_stop(hada_refine_rule *rule, hada_boundary boundary, int depths)
 {
     if (depths > 1 && rule->tv > 0.0) {
@@ -180,8 +190,7 @@ void hada_refine_rule_stop(hada_refine_rule *rule, hada_boundary boundary, int d
         rule->steps = hada_refine_most_steps(rule->steps, depths);
     } else {
         rule->stop = residual_stop(boundary, rule);
-        if (boundary == HADA_BOUNDARY_PADDED) /* light beyond the frame settles while rho grows */
-            rule->least = growing_steps(rule);
+        rule->least = least_steps(boundary, rule);
     }
 }
 

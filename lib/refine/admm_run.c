@@ -4,9 +4,6 @@
 
 #include "refine/admm_steps.h"
 
-/* After first steps of another relaxation: while depths part, the residual may stand still. */
-enum { SETTLING_STEPS = 5 };
-
 /* What settles is looked at every so many steps, first after so many. */
 enum { KEEP_EVERY = 4, KEEP_FIRST = 8 };
 
@@ -209,8 +206,6 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
 {
     hada_refine_run r;
     int count = 0, read = 0;
-    const int parting = rule->first_steps > 0 ? rule->first_steps + SETTLING_STEPS : 0;
-    const int least = parting > rule->least ? parting : rule->least;
     hada_status status = HADA_OK;
     refiner->half_there = 0;
     HADA_TRY_OR_DONE(begin(&r, refiner, data, sets, depths, list, 0, err));
@@ -223,12 +218,12 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
             HADA_TRY_OR_DONE(look(&r, rule, &count, &settled, err));
             end = settled ? count : end;
         }
-        if (count < end ? !(rule->stop > 0.0) || count < least : rule->quiet)
+        if (count < end ? !(rule->stop > 0.0) || count < rule->least : rule->quiet)
             continue;
         const int known = r.padded ? count + 1 : count;
         HADA_TRY_OR_DONE(read_energies(&r, rule, read, known, err));
         read = known;
-        if (rule->stop > 0.0 && count >= least && read >= 4 && converged(refiner, sets, read - 1, rule->stop) &&
+        if (rule->stop > 0.0 && count >= rule->least && read >= 4 && converged(refiner, sets, read - 1, rule->stop) &&
             converged(refiner, sets, read - 2, rule->stop))
             end = count;
     }

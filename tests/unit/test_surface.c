@@ -406,9 +406,12 @@ TEST(test_weights)
     ASSERT_OK(hada_buffer_create_from(&buffer, f.slot, weights, f.pixels.bytes, "weights", err));
     hada_surface_frame frame = *FRAME(f);
     ASSERT_OK(hada_surface_run(f.surface, &frame, &rule, &result, err));
-    const double left = result.energy[result.levels - 1];
+    const hada_surface_result without = result;
+    const double left = without.energy[without.levels - 1];
     frame.weights = buffer.mem;
     ASSERT_OK(hada_surface_run(f.surface, &frame, &rule, &result, err));
+    for (int l = 0; l + 1 < result.levels; l++) /* which have no weights */
+        assert_true(result.energy[l] == without.energy[l]);
     const double ones = result.energy[result.levels - 1]; /* whose steps are shorter */
     if (fabs(ones - left) > 0.05 * left)
         fail_msg("%.3e is left, with weights of 1 %.3e", left, ones);

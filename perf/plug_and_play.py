@@ -20,7 +20,7 @@ import deepinv
 import hadalens
 import numpy as np
 import torch
-from hadalens.deepinv import Engine, Lensless
+from hadalens.deepinv import Engine, Lensless, TotalVariation
 
 FACTORS = 1, 2, 4, 8
 NOISE = 0.01
@@ -38,15 +38,6 @@ class FFDNet(deepinv.models.Denoiser):
         return self.net(x, torch.as_tensor(sigma, dtype=x.dtype).reshape(-1).expand(len(x)))
 
 
-class Variation(deepinv.models.Denoiser):
-    def forward(self, x, sigma, **_):
-        return deepinv.models.TVDenoiser(n_it_max=100)(x, ths=0.5 * float(torch.as_tensor(sigma).reshape(-1)[0]))
-
-
-def psnr(image, truth):
-    return -10 * np.log10(np.mean((np.clip(image, 0, 1) - truth) ** 2))
-
-
 def timed(call, frames, truths):
     """Mean PSNR and median seconds; each frame is new, and one before them warms up."""
     rows, cols = truths[0].shape[1:]
@@ -58,7 +49,8 @@ def timed(call, frames, truths):
             image = call(torch.from_numpy(frame)[None])[0].numpy()
         seconds.append(time.process_time() - began)
         top, left = (image.shape[1] - rows) // 2, (image.shape[2] - cols) // 2
-        figures.append(psnr(image[:, top:top + rows, left:left + cols], truth))
+        image = np.ascontiguousarray(image[:, top:top + rows, left:left + cols].clip(0, 1))
+        figures.append(hadalens.metrics.psnr(image, truth))
     return statistics.mean(figures), statistics.median(seconds)
 
 
@@ -71,7 +63,7 @@ def compare(name, model, frames, truths):
     supports = ('window', 'frame') if model.info.boundary == 'circular' else ('window',)
     for support in supports:
         physics = Lensless(model, support=support)
-        for denoiser in (FFDNet(), Variation()):
+        for denoiser in (FFDNet(), TotalVariation()):
             tried = {}
             for factor in FACTORS:
                 dpir = deepinv.optim.DPIR(sigma=factor * sigma, denoiser=denoiser)

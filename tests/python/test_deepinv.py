@@ -11,7 +11,7 @@ import pytest
 torch = pytest.importorskip("torch")
 deepinv = pytest.importorskip("deepinv")
 
-from hadalens.deepinv import EachPlane, Engine, Lensless  # noqa: E402
+from hadalens.deepinv import EachPlane, Engine, Lensless, TotalVariation  # noqa: E402
 from hadalens.model import Boundary  # noqa: E402
 
 SIGMA = 0.01
@@ -93,15 +93,6 @@ def test_proximal_step_of_a_sensor_that_crops() -> None:
         assert float(gradient.norm() / z.norm()) < 1e-4
 
 
-class Smooth(deepinv.models.Denoiser):  # type: ignore[misc,name-defined]
-    """A denoiser without weights: total variation of a few steps, the same whatever came before."""
-
-    def forward(self, x: Any, sigma: Any, **_: Any) -> Any:
-        """Return it."""
-        level = sigma.reshape(-1)[0] if isinstance(sigma, torch.Tensor) else sigma
-        return deepinv.models.TVDenoiser(n_it_max=30)(x, ths=float(level) * 0.5)
-
-
 def plain_dpir(y: Any, otf: Any, denoiser: Any, sigma: float) -> Any:
     """Return what half quadratic splitting with DPIR's schedule makes of a frame, in plain PyTorch."""
     sigmas, steps, count = deepinv.optim.dpir.get_DPIR_params(sigma)
@@ -121,12 +112,12 @@ def test_dpir_is_that_of_plain_pytorch() -> None:
     torch.manual_seed(1)
     truth = scene((3, 48, 64))
     y = physics(truth)
-    dpir = deepinv.optim.DPIR(sigma=SIGMA, denoiser=Smooth())
+    dpir = deepinv.optim.DPIR(sigma=SIGMA, denoiser=TotalVariation(30))
     with torch.no_grad():
         ours = dpir(y, physics)
     assert model.otf is not None
     psf = np.fft.irfft2(model.otf[0], s=(48, 64))
-    theirs = plain_dpir(y, torch.fft.fft2(torch.from_numpy(psf).float()), Smooth(), SIGMA)
+    theirs = plain_dpir(y, torch.fft.fft2(torch.from_numpy(psf).float()), TotalVariation(30), SIGMA)
     assert abs(psnr(ours, truth) - psnr(theirs, truth)) < 0.1
     assert psnr(ours, theirs) > 50
     assert psnr(ours, truth) > psnr(physics.A_adjoint(y), truth) + 5

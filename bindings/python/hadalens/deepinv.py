@@ -16,7 +16,7 @@ with extra("deepinv"):
     import deepinv
     from torch import Tensor, as_tensor, fft, from_numpy, full_like, stack, view_as_complex
 
-__all__ = ["EachPlane", "Engine", "Lensless"]
+__all__ = ["EachPlane", "Engine", "Lensless", "TotalVariation"]
 
 
 class Lensless(deepinv.physics.LinearPhysics):  # type: ignore[misc]  # which is Any to the type checker
@@ -111,6 +111,27 @@ class EachPlane(deepinv.models.Denoiser):  # type: ignore[misc]
         if isinstance(sigma, Tensor) and sigma.numel() > 1:
             sigma = sigma.reshape(-1).repeat_interleave(x.shape[1])
         return self.denoiser(x.flatten(0, 1), sigma, **options).reshape(x.shape)
+
+
+class TotalVariation(deepinv.models.Denoiser):  # type: ignore[misc]
+    """Total variation as a denoiser that needs no weights, for deepinv's algorithms: the same whatever came before.
+
+    Args:
+        steps: of deepinv's ``TVDenoiser``, at most.
+
+    Example:
+        >>> dpir = deepinv.optim.DPIR(sigma=0.02, denoiser=hadalens.deepinv.TotalVariation())
+
+    """
+
+    def __init__(self, steps: int = 100) -> None:
+        """Take the number of steps."""
+        super().__init__()
+        self.steps = steps
+
+    def forward(self, x: Tensor, sigma: float | Tensor, **_: Any) -> Tensor:
+        """Return denoised images; of several levels of noise the first one counts."""
+        return deepinv.models.TVDenoiser(n_it_max=self.steps)(x, ths=0.5 * float(as_tensor(sigma).reshape(-1)[0]))
 
 
 class Engine(deepinv.models.Reconstructor):  # type: ignore[misc]

@@ -4,12 +4,7 @@ import deepinv
 import hadalens
 import numpy as np
 import torch
-from hadalens.deepinv import Lensless
-
-
-class TotalVariation(deepinv.models.Denoiser):
-    def forward(self, x, sigma, **_):
-        return deepinv.models.TVDenoiser(n_it_max=100)(x, ths=0.5 * float(torch.as_tensor(sigma).reshape(-1)[0]))
+from hadalens.deepinv import Lensless, TotalVariation
 
 
 class Solver(BaseSolver):

@@ -1,9 +1,9 @@
 """Results as OME-Zarr and OME-TIFF: what microscopists' software opens.
 
-Distances along z stand exactly where a format has a place for them: ``PositionZ`` of OME-TIFF. OME-Zarr 0.5 knows one
-step alone. It is the mean step here, from the nearest distance on; beside the image stand the exact distances, as the
-array ``z`` (a coordinate for xarray) and the attribute ``hadalens.distances_mm``, and ``hadalens.even`` says whether
-all steps are equal. With ``resample`` planes are made at equal steps instead, so that every viewer is right.
+OME-TIFF stores the exact distances along z (``PositionZ``). OME-Zarr 0.5 has a single step: here the mean step, from
+the nearest distance on. The exact distances are stored as the array ``z`` (a coordinate for xarray) and the attribute
+``hadalens.distances_mm``, and ``hadalens.even`` says whether all steps are equal. With ``resample`` planes are made at
+equal steps instead, so that every viewer is right.
 """
 
 from __future__ import annotations

@@ -47,6 +47,12 @@ static const hada_cli_option options[] = {
                      HADA_MOSAIC_GBRG)},
     {HADA_OPTION_CHOICE, "bits", 0, "16|32", "raw frames and scenes as 16-bit integers or floats (default: 32)",
      "A camera writes 16 bits; then noise below zero is cut off.", HADA_CLI_ONE_OF(settings, task.bits, 16, 32)},
+    {HADA_OPTION_CHOICE, "raw", 0, "tiff|dng|npy|packed12", "files of the raw frames (default: tiff)",
+     "As cameras and programs write them. dng: 16 bits, the dark level as black level. packed12: 12 bits packed as MIPI "
+     "CSI-2 has it, in rows of whole 32 bytes, without a header; to be read with --headerless. Both for one channel, such "
+     "as that of a mosaic.",
+     HADA_CLI_ONE_OF(settings, task.raw, HADA_SIMULATE_RAW_TIFF, HADA_SIMULATE_RAW_DNG, HADA_SIMULATE_RAW_NUMPY,
+                     HADA_SIMULATE_RAW_PACKED12)},
     {0},
 };
 
@@ -97,6 +103,8 @@ static void report_all(hada_cli *cli, const settings *set, const hada_camera *ca
                  camera->distances_mm[camera->depths - 1], report->pairs, report->pairs == 1 ? "" : "s", camera->rows,
                  camera->cols, camera->channels == 1 ? "grey" : "colour", camera->window_rows, camera->window_cols,
                  hada_enum_name(HADA_ENUM_MASK, (int)camera->mask), lenses, noise, seconds);
+    if (set->task.raw == HADA_SIMULATE_RAW_PACKED12)
+        hada_cli_say(cli, "read the raw frames with --headerless %dx%d:csi12", camera->rows, camera->cols);
     if (report->light_lost > 0.001)
         hada_cli_say(cli, "%.1f %% of the window's light misses the sensor", 100 * report->light_lost);
     if (set->task.surfaces)

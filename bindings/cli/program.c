@@ -1,6 +1,7 @@
 /* The command line. Chooses the command, parses its options, prints the JSON document at the end. */
 #include "command.h"
 
+#include <hadalens/headerless.h>
 #include <hadalens/limits.h>
 #include <stdio.h>
 #include <string.h>
@@ -31,8 +32,8 @@ static int print_manual(const char *name)
     return HADA_EXIT_OK;
 }
 
-/* The environment's budgets, and what --limits changes of them. */
-static hada_status set_limits(const hada_cli *cli, hada_error *err)
+/* What concerns all files: the environment's budgets, what --limits changes of them, and --headerless. */
+static hada_status set_reading(const hada_cli *cli, hada_error *err)
 {
     hada_limits limits;
     hada_limits_init(&limits);
@@ -41,7 +42,7 @@ static hada_status set_limits(const hada_cli *cli, hada_error *err)
         HADA_TRY(hada_limits_parse(&limits, cli->common->limits, err));
         HADA_TRY(hada_limits_set(&limits, err));
     }
-    return HADA_OK;
+    return hada_headerless_set(cli->common->headerless, err);
 }
 
 /* Commands that ranks share; the first of them speaks, and those that fail alone. */
@@ -87,8 +88,8 @@ static int run(const hada_cli_command *command, int argc, const char **argv, con
         code = HADA_EXIT_OK;
     } else {
         hada_cli_catch_signals();
-        code = set_limits(&cli, &err) ? hada_cli_fail(&cli, &err)
-                                      : command->run(&cli, parsed.settings, parsed.count, parsed.arguments);
+        code = set_reading(&cli, &err) ? hada_cli_fail(&cli, &err)
+                                       : command->run(&cli, parsed.settings, parsed.count, parsed.arguments);
         hada_cli_progress_end(&cli);
     }
     /* A command line that could not be parsed still answers in JSON when it asks for it. */

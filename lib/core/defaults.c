@@ -111,6 +111,8 @@ static const hada_files_task files_task = {.size = sizeof(hada_files_task),
                                            .encoding = HADA_AUTO,
                                            .frame_encoding = HADA_AUTO,
                                            .match = HADA_FILES_MATCH_FIRST};
+static const hada_live_task live_task = {
+    .size = sizeof(hada_live_task), .input = -1, .output = -1, .frame_encoding = HADA_AUTO};
 static const hada_simulate_task simulate_task = {.size = sizeof(hada_simulate_task),
                                                  .pairs = 8,
                                                  .test_depths = 2,
@@ -167,6 +169,7 @@ static const struct {
     [HADA_STRUCT_FIT_TASK] = {&fit_task, sizeof fit_task},
     [HADA_STRUCT_OPTICS_TASK] = {&optics_task, sizeof optics_task},
     [HADA_STRUCT_FILES_TASK] = {&files_task, sizeof files_task},
+    [HADA_STRUCT_LIVE_TASK] = {&live_task, sizeof live_task},
     [HADA_STRUCT_SIMULATE_TASK] = {&simulate_task, sizeof simulate_task},
     [HADA_STRUCT_TRAIN_TASK] = {&train_task, sizeof train_task},
     [HADA_STRUCT_TIFF_WRITE_OPTIONS] = {&tiff_write_options, sizeof tiff_write_options},

@@ -66,6 +66,27 @@ static hada_decoder *recognise(int fd, const unsigned char *head, size_t bytes)
     return is_tiff_raw(fd, head, bytes) ? hada_decode_raw : NULL;
 }
 
+static int is_tiff(const unsigned char *head, size_t bytes)
+{
+    return begins(head, bytes, "II*", 4) || begins(head, bytes, "MM\0*", 4) || begins(head, bytes, "II+", 4) ||
+           begins(head, bytes, "MM\0+", 4);
+}
+
+/* A file that says nothing of itself, where the caller said how to read such files. */
+static hada_status take_headerless(hada_decoded *out, size_t bytes, hada_error *err)
+{
+    const hada_headerless *frames = &out->headerless;
+    hada_tiff_page *page = &out->page;
+    HADA_TRY(hada_headerless_fit(&out->headerless, bytes, &out->frames, err));
+    *page = (hada_tiff_page){.rows = frames->rows,
+                             .cols = frames->cols,
+                             .samples = frames->channels,
+                             .channels = frames->channels,
+                             .bits = frames->bits > 8 ? 16 : 8,
+                             .scale = ldexp(1.0, frames->bits) - 1.0};
+    return hada_tiff_budget((uint64_t)page->rows * (uint64_t)page->cols * (uint64_t)page->samples, 0, bytes, err);
+}
+
 hada_status hada_decode(hada_decoded *out, int fd, size_t bytes, int *known, hada_error *err)
 {
     unsigned char head[HEAD] = {0};
@@ -75,10 +96,10 @@ hada_status hada_decode(hada_decoded *out, int fd, size_t bytes, int *known, had
     if (hada_read_at(fd, head, length, 0))
         return HADA_OK; /* the reader of TIFF files says why */
     hada_decoder *const decoder = recognise(fd, head, length);
-    *known = decoder != NULL;
-    if (!decoder)
+    *known = decoder || (!is_tiff(head, length) && hada_headerless_get(&out->headerless));
+    if (!*known)
         return HADA_OK;
-    hada_status status = decoder(out, fd, bytes, err);
+    hada_status status = decoder ? decoder(out, fd, bytes, err) : take_headerless(out, bytes, err);
     if (!status && (out->page.rows < 1 || out->page.cols < 1 || out->frames < 1))
         status = hada_fail(err, HADA_ERROR_FILE_FORMAT, "the file holds no picture; get it again");
     if (status) {

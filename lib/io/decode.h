@@ -4,6 +4,7 @@
 #ifndef HADA_IO_DECODE_H
 #define HADA_IO_DECODE_H
 
+#include "io/headerless.h"
 #include "io/tiff_page.h"
 
 /* Frames of samples, one after the other, each as an uncompressed TIFF page would have them. */
@@ -13,6 +14,7 @@ typedef struct hada_decoded {
     int swapped;   /* samples are not in the machine's byte order */
     void *samples; /* of all frames, freed with free(); NULL: they are in the file, from `at` on */
     uint64_t at;
+    hada_headerless headerless; /* rows not 0: the file is nothing but such frames */
     hada_mosaic mosaic;
     double encoding; /* how values stand for light (hadalens/response.h); 0: the file does not say */
 } hada_decoded;

@@ -209,7 +209,7 @@ static int by_name(const void *a, const void *b)
 
 static int is_picture(const char *name)
 {
-    static const char *const endings[] = {"tif", "tiff", "png", "jpg", "jpeg", "npy", "mat", "dng"};
+    static const char *const endings[] = {"tif", "tiff", "png", "jpg", "jpeg", "npy", "mat", "dng", "raw"};
     const char *dot = strrchr(name, '.');
     for (size_t i = 0; name[0] != '.' && dot && i < HADA_COUNT(endings); i++)
         if (!strcasecmp(dot + 1, endings[i]))

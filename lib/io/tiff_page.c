@@ -565,7 +565,10 @@ static hada_status read_header(hada_tiff_chain *chain, int fd, uint64_t *first, 
     uint64_t version = number(chain, head + 2, 2);
     if (chain->bytes < 8 || head[0] != head[1] || (head[0] != 'I' && head[0] != 'M') ||
         (version != 42 && version != 43))
-        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "not a TIFF file; convert it to TIFF first");
+        return hada_fail(
+            err, HADA_ERROR_FILE_FORMAT,
+            "of no known format; convert it to TIFF, or, where it is a camera's pixels and nothing else, say "
+            "how they lie with options.headerless HxW:PIXELS");
     chain->big = version == 43;
     if (chain->big && (chain->bytes < 16 || number(chain, head + 4, 2) != 8))
         return hada_fail(err, HADA_ERROR_FILE_READ, "the BigTIFF header is cut off or damaged; get the file again");

@@ -140,11 +140,12 @@ struct hada_tiff_reader {
     hada_tiff_stack stack;
     hada_tiff_page first;
     hada_tiff_info info;
-    int grouped;            /* each channel of a frame has its own page */
-    uint64_t raw_bytes;     /* of one image where all stand one after the other, uncompressed; 0 else */
-    uint64_t raw_at;        /* where the first one begins: in the file, or in `decoded` */
-    unsigned char *decoded; /* what a file that is not TIFF holds; NULL: it is read from the file */
-    unsigned char *seen;    /* pages that were read before, and the bytes that these have in the file */
+    int grouped;                /* each channel of a frame has its own page */
+    uint64_t raw_bytes;         /* of one image where all stand one after the other, uncompressed; 0 else */
+    uint64_t raw_at;            /* where the first one begins: in the file, or in `decoded` */
+    unsigned char *decoded;     /* what a file that is not TIFF holds; NULL: it is read from the file */
+    hada_headerless headerless; /* rows not 0: the file is nothing but such frames */
+    unsigned char *seen;        /* pages that were read before, and the bytes that these have in the file */
     uint64_t seen_bytes;
 };
 
@@ -292,6 +293,7 @@ static hada_status open_decoded(hada_tiff_reader *reader, size_t bytes, int *kno
     reader->raw_bytes = hada_tiff_page_bytes(page);
     reader->raw_at = file.at;
     reader->decoded = file.samples;
+    reader->headerless = file.headerless;
     reader->chain.swapped = file.swapped;
     reader->chain.bytes = bytes;
     reader->info = (hada_tiff_info){.frames = file.frames,
@@ -384,6 +386,23 @@ hada_status hada_tiff_check_all(const hada_tiff_reader *reader, hada_error *err)
         reader->path, err);
 }
 
+/* The samples of a frame without a header, as raw_bytes holds them. */
+static hada_status read_headerless(const hada_tiff_reader *reader, size_t number, void *out, hada_error *err)
+{
+    const hada_headerless *frames = &reader->headerless;
+    const uint64_t bytes = hada_headerless_bytes(frames, 1);
+    unsigned char *packed = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_allocated(packed = hada_alloc_raw(1, (size_t)bytes, "a frame", err)));
+    if (hada_read_at(reader->fd, packed, (size_t)bytes, number * bytes))
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_READ,
+                                   "frame %zu cannot be read: the file has become shorter; get it again", number + 1));
+    hada_headerless_unpack(frames, packed, out);
+done:
+    free(packed);
+    return status;
+}
+
 static hada_status read_raw_image(const hada_tiff_reader *reader, size_t number, hada_pixel_type form, void *out,
                                   hada_error *err)
 {
@@ -392,7 +411,9 @@ static hada_status read_raw_image(const hada_tiff_reader *reader, size_t number,
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(
         hada_allocated(buffer = hada_alloc_raw(1, (size_t)reader->raw_bytes, "an image of the stack", err)));
-    if (reader->decoded)
+    if (reader->headerless.rows)
+        HADA_TRY_OR_DONE(read_headerless(reader, number, buffer, err));
+    else if (reader->decoded)
         memcpy(buffer, (const unsigned char *)reader->decoded + at, (size_t)reader->raw_bytes);
     else if (hada_read_at(reader->fd, buffer, (size_t)reader->raw_bytes, at))
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_READ,

@@ -46,23 +46,28 @@ static void next_file(hada_stream *stream)
     stream->frame = 0;
 }
 
+hada_status hada_frames_check(const hada_plan *plan, const hada_model *model, const hada_tiff_info *info,
+                              hada_error *err)
+{
+    const hada_config *config = &plan->setup.config;
+    const hada_model_info *known = hada_model_get_info(model);
+    const int binned = hada_is_of_sensor(known, config->kind.downsample, info->rows, info->cols);
+    const hada_mosaic taken = binned ? config->kind.sensor_mosaic : config->mosaic;
+    if (info->mosaic != HADA_MOSAIC_NONE && info->mosaic != taken && known->channels > 1)
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "the colour filter mosaic of the file is %s, and %s is expected: name it with options.mosaic",
+                         hada_enum_name(HADA_ENUM_MOSAIC, (int)info->mosaic),
+                         hada_enum_name(HADA_ENUM_MOSAIC, (int)taken));
+    return hada_frame_check_size(known, &config->kind, info->channels, info->rows, info->cols, err);
+}
+
 static hada_status open_file(hada_stream *stream, hada_error *err)
 {
     const char *path = stream->paths[stream->file];
     if (hada_path_is_folder(path))
         return hada_fail(err, HADA_ERROR_FILE_OPEN, "a folder; name the files in it, such as %s/*.tif", path);
     HADA_TRY(hada_tiff_open(&stream->reader, path, err));
-    const hada_tiff_info *info = hada_tiff_get_info(stream->reader);
-    const hada_config *config = &stream->plan->setup.config;
-    const hada_model_info *model = hada_model_get_info(stream->model);
-    const int binned = hada_is_of_sensor(model, config->kind.downsample, info->rows, info->cols);
-    const hada_mosaic taken = binned ? config->kind.sensor_mosaic : config->mosaic;
-    if (info->mosaic != HADA_MOSAIC_NONE && info->mosaic != taken && model->channels > 1)
-        return hada_fail(err, HADA_ERROR_MODEL,
-                         "the colour filter mosaic of the file is %s, and %s is expected: name it with options.mosaic",
-                         hada_enum_name(HADA_ENUM_MOSAIC, (int)info->mosaic),
-                         hada_enum_name(HADA_ENUM_MOSAIC, (int)taken));
-    return hada_frame_check_size(model, &config->kind, info->channels, info->rows, info->cols, err);
+    return hada_frames_check(stream->plan, stream->model, hada_tiff_get_info(stream->reader), err);
 }
 
 static hada_status read_frame(hada_stream *stream, hada_streamed *frame)

@@ -38,6 +38,10 @@ typedef struct hada_stream {
     int ahead, first, used, handed_out;
 } hada_stream;
 
+/* Whether frames as a file holds them are such as the plan takes: size, channels, mosaic. */
+hada_status hada_frames_check(const hada_plan *plan, const hada_model *model, const hada_tiff_info *info,
+                              hada_error *err);
+
 /* `ahead`: frames in memory at a time. All that is handed in must stay. */
 hada_status hada_stream_begin(hada_stream *stream, hada_plan *plan, const hada_model *model, const char *const *paths,
                               int count, double encoding, int ahead, const hada_monitor *monitor, hada_error *err);

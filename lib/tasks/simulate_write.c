@@ -5,6 +5,7 @@
 #include <jansson.h>
 
 #include "image/mosaic.h"
+#include "io/encode_frames.h"
 #include "io/folder.h"
 #include "io/text.h"
 
@@ -67,6 +68,23 @@ static hada_status expose(const hada_recipe *recipe, uint64_t seed, hada_image *
     return recipe->has_sensor ? hada_simulator_expose(recipe->simulator, &recipe->sensor, seed, raw, err) : HADA_OK;
 }
 
+static hada_status save_frame(const hada_recipe *recipe, const char *folder, const char *name, const hada_image *frame,
+                              hada_error *err)
+{
+    static const char *const endings[] = {"tif", "dng", "npy", "raw"};
+    const hada_simulate_task *task = &recipe->task;
+    hada_path path;
+    HADA_TRY(hada_path_write(path, err, "%s/%s.%s", folder, name, endings[task->raw]));
+    switch (task->raw) {
+    case HADA_SIMULATE_RAW_DNG:
+        return hada_dng_save(path, frame, task->mosaic, recipe->has_sensor ? recipe->sensor.dark_level : 0.0, err);
+    case HADA_SIMULATE_RAW_NUMPY: return hada_numpy_save(path, frame, task->bits, err);
+    case HADA_SIMULATE_RAW_PACKED12: return hada_packed12_save(path, frame, err);
+    case HADA_SIMULATE_RAW_TIFF: break;
+    }
+    return save(folder, name, frame, 0.0, task->bits, err);
+}
+
 /* A frame as its sensor gives it. */
 static hada_status save_raw(const hada_recipe *recipe, const char *folder, const char *name, const hada_image *raw,
                             hada_error *err)
@@ -75,10 +93,10 @@ static hada_status save_raw(const hada_recipe *recipe, const char *folder, const
     hada_image taken = {0};
     hada_status status = HADA_OK;
     if (mosaic == HADA_MOSAIC_NONE)
-        return save(folder, name, raw, 0.0, recipe->task.bits, err);
+        return save_frame(recipe, folder, name, raw, err);
     HADA_TRY_OR_DONE(hada_image_create(&taken, 1, raw->rows, raw->cols, err));
     hada_mosaic_take(mosaic, raw->data, raw->rows, raw->cols, taken.data);
-    HADA_TRY_OR_DONE(save(folder, name, &taken, 0.0, recipe->task.bits, err));
+    HADA_TRY_OR_DONE(save_frame(recipe, folder, name, &taken, err));
 done:
     hada_image_destroy(&taken);
     return status;

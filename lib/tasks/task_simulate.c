@@ -32,6 +32,13 @@ static hada_status take_task(hada_recipe *recipe, const hada_camera *camera, con
                       "options.mosaic: a colour filter mosaic needs a pattern and a camera of three channels; this "
                       "one has %d",
                       recipe->camera.channels));
+    if ((int)task->raw < HADA_SIMULATE_RAW_TIFF || task->raw > HADA_SIMULATE_RAW_PACKED12)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "there is no options.raw %d", (int)task->raw));
+    if ((task->raw == HADA_SIMULATE_RAW_DNG || task->raw == HADA_SIMULATE_RAW_PACKED12) &&
+        task->mosaic == HADA_MOSAIC_NONE && recipe->camera.channels > 1)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
+                           "options.raw: such files hold one value for each pixel of the sensor; give it a colour "
+                           "filter mosaic (options.mosaic rggb), or take options.channels 1"));
     if (task->test_depths > recipe->camera.depths)
         task->test_depths = recipe->camera.depths;
     if (task->surfaces) {

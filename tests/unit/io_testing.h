@@ -3,6 +3,7 @@
 #define IO_TESTING_H
 
 #include <dirent.h>
+#include <hadalens/tiff.h>
 #include <tiffio.h>
 
 #include "testing.h"
@@ -109,6 +110,17 @@ static inline uint32_t io_random(uint64_t *state)
 {
     *state = *state * 6364136223846793005u + 1442695040888963407u;
     return (uint32_t)(*state >> 33);
+}
+
+/* Reading the file fails, with words and its path in the message. */
+static inline void expect_refusal(const char *path, hada_status status, const char *word, const char *more)
+{
+    hada_error err = {0};
+    SCOPED(hada_image) image;
+    hada_status got = hada_tiff_load(path, 0, &image, &err);
+    if (got != status || !strstr(err.message, word) || !strstr(err.message, more) || !strstr(err.message, path))
+        fail_msg("%s: status %d, \"%s\"; expected %d with \"%s\" and \"%s\"", path, got, err.message, status, word,
+                 more);
 }
 
 #endif

@@ -137,7 +137,7 @@ TEST(directories_of_either_order_and_size)
     for (int i = 0; i < 4; i++) {
         b.count = i ? 8 : 2;
         memcpy(b.data, none[i], b.count);
-        expect_bytes(&b, HADA_ERROR_FILE_FORMAT, "not a TIFF file");
+        expect_bytes(&b, HADA_ERROR_FILE_FORMAT, "of no known format");
     }
     put_head(&b, 0, 0, 0);
     expect_bytes(&b, HADA_ERROR_FILE_READ, "holds no image");

@@ -128,16 +128,6 @@ TEST(test_sizes_in_the_world)
     }
 }
 
-static void expect_refusal(const char *path, hada_status status, const char *word, const char *more)
-{
-    hada_error err = {0};
-    SCOPED(hada_image) image;
-    hada_status got = hada_tiff_load(path, 0, &image, &err);
-    if (got != status || !strstr(err.message, word) || !strstr(err.message, more) || !strstr(err.message, path))
-        fail_msg("%s: status %d, \"%s\"; expected %d with \"%s\" and \"%s\"", path, got, err.message, status, word,
-                 more);
-}
-
 /* JPEG changes values by a step or two, and says that they are encoded; light is what a camera's frame is read as. */
 TEST(test_jpeg)
 {
@@ -182,7 +172,7 @@ TEST(test_refusals)
     io_write_bytes(io_path("empty.tif"), "", 0);
     expect_refusal(io_path("empty.tif"), HADA_ERROR_FILE_READ, "empty", "");
     io_write_bytes(io_path("text.tif"), "This is no picture at all.", 26);
-    expect_refusal(io_path("text.tif"), HADA_ERROR_FILE_FORMAT, "not a TIFF", "convert");
+    expect_refusal(io_path("text.tif"), HADA_ERROR_FILE_FORMAT, "no known format", "convert");
 }
 
 /* Overwrites a tag's inline value in a little-endian classic file. */

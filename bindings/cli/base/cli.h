@@ -48,7 +48,7 @@ enum {
 /* Options that all commands have. The settings of every command begin with this. */
 typedef struct hada_cli_common {
     int help, json, quiet, verbose;
-    const char *device, *binaries, *shape, *limits;
+    const char *device, *binaries, *shape, *limits, *headerless;
 } hada_cli_common;
 
 /* A progress bar on stderr, on a terminal only. */

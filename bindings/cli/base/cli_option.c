@@ -37,6 +37,11 @@ const hada_cli_option hada_cli_common_options[] = {
      "A small file can claim to be a large picture or net; beyond these budgets it is refused. The environment variable "
      "HADALENS_LIMITS says the same. Default: " HADA_LIMITS_DEFAULTS ".",
      HADA_CLI_AT(hada_cli_common, limits)},
+    {HADA_OPTION_TEXT, "headerless", 0, "HxW:PIXELS", "how files without a header are read, such as 1520x2028:csi12",
+     "For what cameras write without a header (rpicam-raw, V4L2, GStreamer), frame after frame. PIXELS: u8; u10, u12, u14, "
+     "u16 in two bytes, the lower one first; csi10, csi12 packed as MIPI CSI-2 has it; rgb8. HxW:PIXELS:N where rows begin "
+     "every N bytes.",
+     HADA_CLI_AT(hada_cli_common, headerless)},
     {HADA_OPTION_FLAG, "help", 'h', NULL, "print this help", NULL, HADA_CLI_AT(hada_cli_common, help)},
     {0},
 };

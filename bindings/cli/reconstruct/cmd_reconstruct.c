@@ -3,6 +3,7 @@
 #include "model_words.h"
 #include "reconstruct_tell.h"
 #include "skip_words.h"
+#include "watch.h"
 
 #include <hadalens/dataset.h>
 #include <hadalens/job.h>
@@ -22,6 +23,7 @@ typedef struct settings {
     const char *model, *depths, *occupied, *dark, *flat, *weights, *skip, *encoding, *frame_encoding;
     int no_enhance, no_preview, strict, bracket;
     hada_cli_method_settings method;
+    hada_cli_watch_settings watch;
 } settings;
 
 #define AT(member)          HADA_CLI_AT(settings, member)
@@ -59,6 +61,17 @@ static const hada_cli_option options[] = {
      AT(task.resume)},
     {HADA_OPTION_FLAG, "strict", 0, NULL, "exit code 8 where the camera does not belong to a frame",
      "Each file's first frame is compared, not that of the first file alone; results are written.", AT(strict)},
+    {HADA_OPTION_TEXT, "watch", 0, "FOLDER|-", "reconstruct frames as they come, the newest first, until Ctrl-C",
+     "FOLDER: files that appear in it, older ones when there is time. -: frames from a pipe, as --headerless says; those "
+     "before the newest are left out.",
+     AT(watch.watch)},
+    {HADA_OPTION_CHOICE, "stream", 0, "mjpeg|rgb24",
+     "with --watch: all-in-focus images for a display, to standard output",
+     "mjpeg: for 'ffplay -f mjpeg -'. rgb24: bytes red, green, blue of the window's pixels. -o may be left out then; "
+     "frames older than the newest are left out in that case.",
+     ONE_OF(watch.stream, HADA_LIVE_STREAM_MJPEG, HADA_LIVE_STREAM_RGB24)},
+    {HADA_OPTION_REAL, "idle", 0, "S", "with --watch: end when nothing has come for S seconds (default: never)", NULL,
+     AT(watch.idle)},
 
     HADA_CLI_GROUP("Reconstruction"),
     {HADA_OPTION_TEXT, "depths", 0, "LIST", "depths to compute (default: all)",
@@ -351,13 +364,15 @@ static int run_files(job *work, int count, const char **paths)
     const settings *set = work->set;
     hada_files_task task = set->task;
     hada_cli_files_listener listener = {.cli = work->cli, .before = hada_cli_seconds()};
-    task.preview = !set->no_preview && hada_cli_pictures(work->cli);
+    task.preview = task.output && !set->no_preview && hada_cli_pictures(work->cli);
+    task.encoding = work->encoding;
+    task.frame_encoding = work->frame_encoding;
+    if (set->watch.watch)
+        return hada_cli_watch(work->cli, &set->watch, work->plan, work->model, &task);
     task.tell = hada_cli_files_tell;
     task.user = &listener;
     task.monitor = &work->cli->monitor;
     json_object_set_new(work->cli->document, "files", json_array());
-    task.encoding = work->encoding;
-    task.frame_encoding = work->frame_encoding;
     task.frame = set->bracket ? &work->merged : NULL;
     task.match = set->strict ? HADA_FILES_MATCH_EACH : HADA_FILES_MATCH_FIRST;
     task.communicator = hada_cli_communicator(work->cli);
@@ -379,11 +394,14 @@ static int run_files(job *work, int count, const char **paths)
 
 static int check(hada_cli *cli, const settings *set, int count)
 {
-    if (!count)
+    const int watches = hada_cli_check_watch(cli, &set->watch, count, set->task.output);
+    if (watches)
+        return watches;
+    if (!count && !set->watch.watch)
         return hada_cli_usage(cli, "name at least one raw frame");
     if (!set->model)
         return hada_cli_usage(cli, "say which camera took the frames, with -m MODEL ('hadalens fit' makes one)");
-    if (!set->task.output)
+    if (!set->task.output && !set->watch.watch)
         return hada_cli_usage(cli, "say where the results shall go, with -o FOLDER");
     if (set->bracket && set->weights)
         return hada_cli_usage(cli, "--bracket has weights of its own; leave --weights out");
@@ -419,13 +437,16 @@ static const hada_cli_example examples[] = {
     {"hadalens reconstruct frame.tif -m camera.model -o pictures --occupied 100mm,250mm", "when the depths are known."},
     {"hadalens reconstruct frame.tif -m camera.model -o pictures --method admm --tv 0.005", "what others use."},
     {"hadalens reconstruct movie.tif -m camera.model -o pictures --device 0,1 --queues 2", "on two devices at once."},
+    {"rpicam-raw -t 0 -o - | hadalens reconstruct --watch - --headerless 1080x1920:csi10 -m camera.model --stream mjpeg | "
+     "ffplay -f mjpeg -",
+     "what a camera sees now."},
     {0},
 };
 
 const hada_cli_command hada_cli_reconstruct = {
     .name = "reconstruct",
     .summary = "turn raw frames into refocused stacks, all-in-focus images and distance maps",
-    .synopsis = "RAW.tif... -m MODEL -o FOLDER [OPTION...]",
+    .synopsis = "RAW.tif... -m MODEL -o FOLDER [OPTION...] | --watch FOLDER|- -m MODEL [OPTION...]",
     .description =
         "For each NAME.tif it writes NAME_stack.tif (a refocused image per depth, near to far, as ImageJ hyperstack "
         "with the distances), NAME_aif.tif (everything in focus), NAME_depth.tif (of several depths: millimetres, NaN where "

@@ -93,6 +93,7 @@ typedef enum hada_struct {
     HADA_STRUCT_TIFF_WRITE_OPTIONS = 30,
     HADA_STRUCT_AUGMENT = 32,
     HADA_STRUCT_FOCUS_SHARED = 33, /* hada_focus_options for planes that share out the light */
+    HADA_STRUCT_LIVE_TASK = 35,
     HADA_STRUCT_TRAIN_OPTIONS = 40 /* and up to 45: with a hada_stage added */
 } hada_struct;
 

@@ -13,6 +13,7 @@
 #include <hadalens/fit.h>
 #include <hadalens/focus.h>
 #include <hadalens/folder.h>
+#include <hadalens/headerless.h>
 #include <hadalens/image.h>
 #include <hadalens/job.h>
 #include <hadalens/limits.h>
@@ -37,6 +38,7 @@
 #include <hadalens/survey.h>
 #include <hadalens/task_evaluate.h>
 #include <hadalens/task_fit.h>
+#include <hadalens/task_live.h>
 #include <hadalens/task_optics.h>
 #include <hadalens/task_reconstruct.h>
 #include <hadalens/task_register.h>

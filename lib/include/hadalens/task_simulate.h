@@ -19,6 +19,16 @@
 extern "C" {
 #endif
 
+/* The files of raw frames. */
+typedef enum hada_simulate_raw {
+    HADA_SIMULATE_RAW_TIFF = 0,  /* NAME.tif */
+    HADA_SIMULATE_RAW_DNG = 1,   /* NAME.dng, as digital cameras write it: one channel, 16 bits, the dark level as black
+                                    level */
+    HADA_SIMULATE_RAW_NUMPY = 2, /* NAME.npy */
+    HADA_SIMULATE_RAW_PACKED12 = 3 /* NAME.raw, as a Raspberry Pi writes it: one channel, 12 bits packed as MIPI CSI-2
+                                      has it, no header (hadalens/headerless.h) */
+} hada_simulate_raw;
+
 typedef struct hada_simulate_task {
     size_t size;             /* sizeof(hada_simulate_task) */
     const char *scenes;      /* a folder of TIFF pictures of any size, cut and scaled to the window; NULL (default):
@@ -49,8 +59,9 @@ typedef struct hada_simulate_task {
      * are. A response of hadalens/response.h, HADA_RESPONSE_LINEAR by default */
     double scene_response;
 
-    hada_mosaic mosaic; /* the sensor has a colour filter mosaic of this pattern, and frames have one channel; the
-                           camera has three. HADA_MOSAIC_NONE by default */
+    hada_mosaic mosaic;    /* the sensor has a colour filter mosaic of this pattern, and frames have one channel; the
+                              camera has three. HADA_MOSAIC_NONE by default */
+    hada_simulate_raw raw; /* HADA_SIMULATE_RAW_TIFF by default. DNG and PACKED12 need frames of one channel */
 } hada_simulate_task;
 HADA_INIT(hada_simulate_task, HADA_STRUCT_SIMULATE_TASK)
 

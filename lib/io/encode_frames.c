@@ -1,0 +1,156 @@
+#include "io/encode_frames.h"
+
+#include "io/tiff_page.h"
+
+static const uint16_t one = 1;
+
+static int is_little_endian(void)
+{
+    return *(const unsigned char *)&one;
+}
+
+static unsigned whole(float value, unsigned full)
+{
+    const double clipped = value > 0 ? fmin((double)value, 1.0) : 0.0; /* NaN becomes 0 */
+    return (unsigned)(clipped * full + 0.5);
+}
+
+hada_status hada_numpy_begin(hada_outfile *file, const uint64_t *shape, int dimensions, int bits, hada_error *err)
+{
+    enum { BEFORE_TEXT = 10, ALIGNMENT = 64 };
+    char text[BEFORE_TEXT + 3 * ALIGNMENT] = "\x93NUMPY\x01"; /* version 1.0, the second byte of which is 0 */
+    char *at = text + BEFORE_TEXT;
+    const char *end = text + sizeof text;
+    at += snprintf(at, (size_t)(end - at), "{'descr': '%c%s', 'fortran_order': False, 'shape': (",
+                   is_little_endian() ? '<' : '>', bits == 32 ? "f4" : "u2");
+    for (int i = 0; i < dimensions; i++)
+        at += snprintf(at, (size_t)(end - at), "%s%llu", i ? ", " : "", (unsigned long long)shape[i]);
+    at += snprintf(at, (size_t)(end - at), "), }");
+    while ((at - text + 1) % ALIGNMENT)
+        *at++ = ' ';
+    *at++ = '\n';
+    const size_t length = (size_t)(at - text) - BEFORE_TEXT;
+    text[8] = (char)(length & 255u);
+    text[9] = (char)(length >> 8);
+    return hada_outfile_write(file, text, (size_t)(at - text), err);
+}
+
+/* Channels of a pixel together. */
+static hada_status interleave(const hada_image *image, int bits, void **out, size_t *bytes, hada_error *err)
+{
+    const size_t plane = (size_t)image->rows * (size_t)image->cols, channels = (size_t)image->channels;
+    *bytes = plane * channels * (size_t)bits / 8;
+    HADA_TRY(hada_allocated(*out = hada_alloc_raw(1, *bytes, "a frame", err)));
+    for (size_t c = 0; c < channels; c++)
+        for (size_t i = 0; i < plane; i++) {
+            const float value = image->data[c * plane + i];
+            if (bits == 32)
+                ((float *)*out)[i * channels + c] = value;
+            else
+                ((uint16_t *)*out)[i * channels + c] = (uint16_t)whole(value, 65535);
+        }
+    return HADA_OK;
+}
+
+hada_status hada_numpy_save(const char *path, const hada_image *image, int bits, hada_error *err)
+{
+    const uint64_t shape[] = {(uint64_t)image->rows, (uint64_t)image->cols, (uint64_t)image->channels};
+    hada_outfile file;
+    void *samples = NULL;
+    size_t bytes;
+    HADA_TRY(hada_outfile_open(&file, path, err));
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(interleave(image, bits, &samples, &bytes, err));
+    HADA_TRY_OR_DONE(hada_numpy_begin(&file, shape, image->channels > 1 ? 3 : 2, bits, err));
+    HADA_TRY_OR_DONE(hada_outfile_write(&file, samples, bytes, err));
+done:
+    free(samples);
+    if (!status)
+        return hada_outfile_commit(&file, err);
+    hada_outfile_abandon(&file);
+    return status;
+}
+
+/* Sets a tag with an array, whatever libtiff wants to be told of its length. */
+static int set_array(TIFF *tif, uint32_t tag, unsigned count, const void *values)
+{
+    const TIFFField *field = TIFFFindField(tif, tag, TIFF_ANY);
+    if (!field)
+        return 0;
+    return TIFFFieldPassCount(field) ? TIFFSetField(tif, tag, count, values) : TIFFSetField(tif, tag, values);
+}
+
+static int set_dng(TIFF *tif, const hada_image *image, hada_mosaic mosaic, double black)
+{
+    static const unsigned char version[] = {1, 4, 0, 0};
+    static const unsigned short square[] = {2, 2};
+    static const float matrix[] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    const char *name = hada_enum_name(HADA_ENUM_MOSAIC, (int)mosaic);
+    unsigned char pattern[4] = {0};
+    const float level = (float)floor(black * 65535.0 + 0.5);
+    const uint32_t white = 65535;
+    const int has_colours = mosaic != HADA_MOSAIC_NONE;
+    for (int i = 0; has_colours && i < 4; i++)
+        pattern[i] = name[i] == 'r' ? 0 : name[i] == 'g' ? 1 : 2;
+    return TIFFSetField(tif, TIFFTAG_SUBFILETYPE, 0) && TIFFSetField(tif, TIFFTAG_IMAGEWIDTH, (uint32_t)image->cols) &&
+           TIFFSetField(tif, TIFFTAG_IMAGELENGTH, (uint32_t)image->rows) &&
+           TIFFSetField(tif, TIFFTAG_BITSPERSAMPLE, 16) && TIFFSetField(tif, TIFFTAG_SAMPLESPERPIXEL, 1) &&
+           TIFFSetField(tif, TIFFTAG_SAMPLEFORMAT, SAMPLEFORMAT_UINT) &&
+           TIFFSetField(tif, TIFFTAG_ORIENTATION, ORIENTATION_TOPLEFT) &&
+           TIFFSetField(tif, TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG) &&
+           TIFFSetField(tif, TIFFTAG_ROWSPERSTRIP, (uint32_t)image->rows) &&
+           TIFFSetField(tif, TIFFTAG_PHOTOMETRIC, has_colours ? PHOTOMETRIC_CFA : 34892 /* LinearRaw */) &&
+           TIFFSetField(tif, TIFFTAG_MAKE, "Hadalens") && TIFFSetField(tif, TIFFTAG_MODEL, "simulated camera") &&
+           set_array(tif, TIFFTAG_DNGVERSION, 4, version) &&
+           TIFFSetField(tif, TIFFTAG_UNIQUECAMERAMODEL, "Hadalens simulated camera") &&
+           set_array(tif, TIFFTAG_BLACKLEVEL, 1, &level) && set_array(tif, TIFFTAG_WHITELEVEL, 1, &white) &&
+           (!has_colours ||
+            (set_array(tif, TIFFTAG_CFAREPEATPATTERNDIM, 2, square) && set_array(tif, TIFFTAG_CFAPATTERN, 4, pattern) &&
+             set_array(tif, TIFFTAG_COLORMATRIX1, 9, matrix)));
+}
+
+hada_status hada_dng_save(const char *path, const hada_image *image, hada_mosaic mosaic, double black, hada_error *err)
+{
+    hada_outfile file;
+    hada_tiff_handle handle = {0};
+    TIFF *tif = NULL;
+    void *samples = NULL;
+    size_t bytes;
+    HADA_TRY(hada_outfile_open(&file, path, err));
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(interleave(image, 16, &samples, &bytes, err));
+    handle.fd = file.fd;
+    tif = hada_tiff_attach(&handle, path, "wl");
+    if (!tif || !set_dng(tif, image, mosaic, black) ||
+        TIFFWriteEncodedStrip(tif, 0, samples, (tmsize_t)bytes) != (tmsize_t)bytes || !TIFFFlush(tif) ||
+        handle.write_code)
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_WRITE, "writing %s failed (%s); nothing was left behind", path,
+                                   handle.write_code ? strerror(handle.write_code) : handle.message));
+done:
+    free(samples);
+    if (tif)
+        TIFFClose(tif);
+    if (!status)
+        return hada_outfile_commit(&file, err);
+    hada_outfile_abandon(&file);
+    return status;
+}
+
+hada_status hada_packed12_save(const char *path, const hada_image *image, hada_error *err)
+{
+    const size_t cols = (size_t)image->cols, pairs = (cols + 1) / 2,
+                 row_bytes = (3 * pairs + HADA_PACKED_ALIGNMENT - 1) / HADA_PACKED_ALIGNMENT * HADA_PACKED_ALIGNMENT,
+                 bytes = row_bytes * (size_t)image->rows;
+    unsigned char *out;
+    HADA_TRY(hada_allocated(out = hada_alloc(1, bytes, "a frame", err)));
+    for (size_t row = 0; row < (size_t)image->rows; row++)
+        for (size_t i = 0; i < cols; i++) {
+            unsigned char *group = out + row * row_bytes + i / 2 * 3;
+            const unsigned value = whole(image->data[row * cols + i], 4095);
+            group[i % 2] = (unsigned char)(value >> 4);
+            group[2] = (unsigned char)(group[2] | (value & 15u) << 4 * (i % 2));
+        }
+    const hada_status status = hada_outfile_save(path, out, bytes, err);
+    free(out);
+    return status;
+}

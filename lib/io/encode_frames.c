@@ -63,10 +63,9 @@ hada_status hada_numpy_save(const char *path, const hada_image *image, int bits,
     HADA_TRY_OR_DONE(interleave(image, bits, &samples, &bytes, err));
     HADA_TRY_OR_DONE(hada_numpy_begin(&file, shape, image->channels > 1 ? 3 : 2, bits, err));
     HADA_TRY_OR_DONE(hada_outfile_write(&file, samples, bytes, err));
+    HADA_TRY_OR_DONE(hada_outfile_commit(&file, err));
 done:
     free(samples);
-    if (!status)
-        return hada_outfile_commit(&file, err);
     hada_outfile_abandon(&file);
     return status;
 }
@@ -126,12 +125,13 @@ hada_status hada_dng_save(const char *path, const hada_image *image, hada_mosaic
         handle.write_code)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_WRITE, "writing %s failed (%s); nothing was left behind", path,
                                    handle.write_code ? strerror(handle.write_code) : handle.message));
+    TIFFClose(tif);
+    tif = NULL;
+    HADA_TRY_OR_DONE(hada_outfile_commit(&file, err));
 done:
     free(samples);
     if (tif)
         TIFFClose(tif);
-    if (!status)
-        return hada_outfile_commit(&file, err);
     hada_outfile_abandon(&file);
     return status;
 }

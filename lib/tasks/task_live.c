@@ -123,27 +123,33 @@ static hada_status after(run *own, const char *name, hada_status status, double 
     return show(own, err);
 }
 
+static hada_status open_file(const run *own, const char *path, hada_tiff_reader **reader, hada_error *err)
+{
+    HADA_TRY(hada_tiff_open(reader, path, err));
+    return hada_frames_check(own->plan, own->model, hada_tiff_get_info(*reader), err);
+}
+
+static hada_status do_stored(run *own, hada_tiff_reader *reader, const char *name, int index, hada_error *err)
+{
+    hada_pixels raw = {0};
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_tiff_read_stored(reader, index, own->task.frame_encoding, &raw, err));
+    HADA_TRY_OR_DONE(do_frame(own, name, &raw, index, hada_tiff_get_info(reader)->frames, err));
+done:
+    free((void *)raw.data);
+    return status;
+}
+
 static hada_status do_file(run *own, const char *path, const char *name, hada_error *err)
 {
     hada_tiff_reader *reader = NULL;
     hada_error error = {0};
-    int frames = 1;
-    hada_status status = hada_tiff_open(&reader, path, &error), ends = HADA_OK;
-    if (!status)
-        status = hada_frames_check(own->plan, own->model, hada_tiff_get_info(reader), &error);
-    if (!status)
-        frames = hada_tiff_get_info(reader)->frames;
+    hada_status status = open_file(own, path, &reader, &error), ends = HADA_OK;
+    const int frames = status ? 1 : hada_tiff_get_info(reader)->frames;
     for (int i = 0; i < frames && !ends && !stops(own); i++) {
         const double began = hada_seconds();
-        hada_pixels raw = {0};
-        if (!status)
-            status = hada_tiff_read_stored(reader, i, own->task.frame_encoding, &raw, &error);
-        if (!status)
-            status = do_frame(own, name, &raw, i, frames, &error);
-        free((void *)raw.data);
-        if (status)
-            hada_error_prefix_path(&error, path);
-        ends = after(own, name, status, began, &error, err);
+        status = status ? status : do_stored(own, reader, name, i, &error);
+        ends = after(own, name, hada_named(status, path, &error), began, &error, err);
         if (status)
             break;
     }
@@ -250,9 +256,10 @@ static hada_status begin(run *own, const hada_live_task *task, hada_error *err)
 hada_status hada_reconstruct_live(hada_plan *plan, const hada_model *model, const hada_live_task *task, hada_error *err)
 {
     run own = {.plan = plan, .model = model};
-    hada_status status = begin(&own, task, err);
-    if (!status)
-        status = take_all(&own, err);
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(begin(&own, task, err));
+    HADA_TRY_OR_DONE(take_all(&own, err));
+done:
     hada_live_pipe_end(&own.pipe);
     hada_live_folder_end(&own.folder);
     hada_display_end(&own.display);

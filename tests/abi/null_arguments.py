@@ -21,6 +21,7 @@ MAY_BE_NULL = {
     "hada_fitter_finish": {"pairs"},
     "hada_focus_stack": {"distances_mm", "competing"},
     "hada_inputs_protect": {"paths"},
+    "hada_headerless_set": {"text"},
     "hada_limits_set": {"limits"},
     "hada_lpips_create": {"heads"},
     "hada_metric_depth": {"distances_mm"},

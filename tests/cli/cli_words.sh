@@ -16,7 +16,7 @@ for command in devices optics simulate register fit train reconstruct evaluate t
     # Every option of the help is in the manual, and the other way round.
     cp stdout manual
     expect 0 '' "$command" --help
-    grep -oE -- '^ +(-., )?--[a-z-]+' stdout | grep -oE -- '--[a-z-]+' | sort >in_help
+    grep -oE -- '^ {2,6}(-., )?--[a-z-]+' stdout | grep -oE -- '--[a-z-]+' | sort >in_help
     sed 's/\\-/-/g; s/\\fR//g; s/\\fB//g' manual | grep -oE -- '^(-., )?--[a-z-]+' | grep -oE -- '--[a-z-]+' | sort \
         >in_manual
     cmp -s in_help in_manual || fail "help and manual of $command name different options"

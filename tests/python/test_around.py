@@ -287,6 +287,19 @@ def test_limits() -> None:
     assert hadalens.limits() == before
 
 
+def test_headerless(tmp_path: Path) -> None:
+    """Frames without a header."""
+    frames = np.arange(2 * 3 * 5, dtype="<u2").reshape(2, 3, 5)
+    (tmp_path / "frames.raw").write_bytes(frames.tobytes())
+    with pytest.raises(hadalens.HadalensError, match="set_headerless"):
+        hadalens.read_tiff(tmp_path / "frames.raw")
+    hadalens.set_headerless("3x5:u12")
+    np.testing.assert_allclose(np.squeeze(hadalens.read_tiff(tmp_path / "frames.raw")), frames / 4095, rtol=1e-6)
+    hadalens.set_headerless(None)
+    with pytest.raises(hadalens.HadalensError, match="not understood"):
+        hadalens.set_headerless("3x5")
+
+
 def test_focus(plan: hadalens.Plan, raw: Array) -> None:
     """The focus step by itself."""
     result = hadalens.Plan(plan.model, refine=0, occupied="all").run(raw)

@@ -57,6 +57,7 @@ from .files import (
     reconstruct_files,
     save_png,
     save_preview,
+    set_headerless,
     set_limits,
     write_tiff,
 )
@@ -168,6 +169,7 @@ __all__ = [
     "response",
     "save_png",
     "save_preview",
+    "set_headerless",
     "set_limits",
     "simulate",
     "train",

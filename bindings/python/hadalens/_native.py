@@ -115,6 +115,8 @@ _SPOKEN = (
     (r"fit --psf PSF --frame FRAME", "Model.from_psf(psf, distance_mm, frame=raw.shape[-2:])"),
     (r"fit options\.([a-z_]+)( \d+)?", r"fit(\1=...)"),
     (r"options\.(limits) (\w+=N)", r"set_limits('\2')"),
+    (r"options\.headerless HxW:PIXELS", "set_headerless('HxW:PIXELS')"),
+    (r"options\.headerless", "set_headerless"),
     (r"options\.enhance 0", "enhance=False"),
     (r"options\.device", "context"),
     (r"options\.repair_not_finite", "repair=True"),

@@ -215,6 +215,7 @@ def simulate(
     surfaces: str | None = None,
     scene_response: float | str = "linear",
     mosaic: Mosaic = "none",
+    raw: Literal["tiff", "dng", "numpy", "packed12"] = "tiff",
     progress: Progress | bool | None = None,
 ) -> tuple[Dataset, SimulateReport]:
     """Write the data set of a camera by design, as ``hadalens simulate`` does.
@@ -236,6 +237,8 @@ def simulate(
         surfaces: kinds of test scenes on surfaces: "slant,hill,ball", ...
         scene_response: how the pictures stand for light.
         mosaic: pattern of the sensor's colour filter mosaic; raw frames have one channel then.
+        raw: the files of raw frames; DNG and packed12 hold one channel. Packed ones have no header: call
+            :func:`set_headerless` first.
         progress: a function, or True for tqdm's bars.
 
     Returns:
@@ -262,6 +265,7 @@ def simulate(
         surfaces=surfaces,
         scene_response=responses.number(scene_response),
         mosaic=mosaic,
+        raw=raw,
         monitor=monitor.options,
     )
     report = ffi.new("hada_simulate_report *", {"size": ffi.sizeof("hada_simulate_report")})

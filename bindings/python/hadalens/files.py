@@ -414,3 +414,18 @@ def limits() -> dict[str, int]:
     options = Options("hada_limits")
     call(lib.hada_limits_get, options.c)
     return {name: int(getattr(options.c, name)) for name in ("pixels", "pages", "text", "parameters")}
+
+
+def set_headerless(frames: str | None) -> None:
+    """Say how this process reads files of no known format: as frames without a header; None: not at all.
+
+    Args:
+        frames: "HxW:PIXELS", or "HxW:PIXELS:N" where rows begin every N bytes. PIXELS: u8; u10, u12, u14, u16 in two
+            bytes, the lower one first; csi10, csi12 packed as MIPI CSI-2 has it; rgb8.
+
+    Example:
+        >>> hadalens.set_headerless("1520x2028:csi12")
+        >>> frames = hadalens.read_tiff("frames.raw")
+
+    """
+    call(lib.hada_headerless_set, ffi.NULL if frames is None else frames.encode())

@@ -88,6 +88,7 @@ static const hada_register_task register_task = {.size = sizeof(hada_register_ta
                                                  .most_rotation_deg = 15.0};
 /* a cache for some hundred pairs of a small camera */
 static const hada_dataset_options dataset_options = {.size = sizeof(hada_dataset_options),
+                                                     .mosaic = HADA_MOSAIC_AUTO,
                                                      .cache_bytes = (uint64_t)256 << 20,
                                                      .frame_encoding = HADA_AUTO,
                                                      .downsample = 1};

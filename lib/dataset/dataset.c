@@ -26,6 +26,8 @@ hada_status hada_pair_store_create(hada_pair_store **out, const hada_dataset_opt
     hada_dataset_options_init(&options);
     *out = NULL;
     HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_dataset_options, err));
+    if (options.mosaic == HADA_MOSAIC_AUTO) /* no file said anything */
+        options.mosaic = HADA_MOSAIC_NONE;
     if (options.frame_encoding != HADA_AUTO && !hada_response_is_known(options.frame_encoding))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a frame encoding of %g is not possible (hadalens/response.h)",
                          options.frame_encoding);

@@ -1,7 +1,10 @@
 /* Finding depths and pairs by the names of folders and files. */
 
+#include <hadalens/tiff.h>
+
 #include "core/callers.h"
 #include "dataset/dataset.h"
+#include "image/mosaic.h"
 #include "io/folder.h"
 
 /* At most so many files without their partner are named. */
@@ -228,6 +231,47 @@ done:
     return status;
 }
 
+/* Names of all files; the folder's pairs become *store, which the caller releases. */
+static hada_status scan(hada_pair_store **store, const char *folder, const hada_dataset_options *options,
+                        hada_error *err)
+{
+    HADA_TRY(hada_pair_store_create(store, options, err));
+    HADA_TRY(find_depths(*store, folder, err));
+    for (int z = 0; z < (*store)->depths; z++)
+        HADA_TRY(scan_depth(*store, &(*store)->depth[z], err));
+    HADA_TRY(check(*store, options->skip_incomplete, err));
+    HADA_TRY(find_file(&(*store)->psf, folder, "psf.tif", err));
+    return find_file(&(*store)->camera, folder, "camera.json", err);
+}
+
+/* The colour filter mosaic that the file of a frame names, where the scene is in colour. A file that cannot be read
+ * says so when its turn comes. */
+static hada_mosaic stated_mosaic(const hada_pair_files *files)
+{
+    hada_tiff_reader *raw = NULL, *scene = NULL;
+    hada_mosaic mosaic = HADA_MOSAIC_NONE;
+    if (!hada_tiff_open(&raw, files->raw, NULL) && hada_tiff_get_info(raw)->mosaic != HADA_MOSAIC_NONE &&
+        !hada_tiff_open(&scene, files->scene, NULL) && hada_tiff_get_info(scene)->channels == HADA_MOSAIC_COLOURS)
+        mosaic = hada_tiff_get_info(raw)->mosaic;
+    hada_tiff_close(&raw);
+    hada_tiff_close(&scene);
+    return mosaic;
+}
+
+/* What the first frame's file states is the mosaic, unless the caller says it, who must not say otherwise. */
+static hada_status settle_mosaic(const hada_pair_store *store, hada_dataset_options *options, hada_error *err)
+{
+    const hada_pair_files *first = &store->depth[0].files[0];
+    const hada_mosaic stated = stated_mosaic(first);
+    if (hada_mosaic_is_pattern(options->mosaic) && stated != HADA_MOSAIC_NONE && options->mosaic != stated)
+        return hada_fail(err, HADA_ERROR_DATASET,
+                         "%s: the colour filter mosaic of the file is %s; leave options.mosaic %s out", first->raw,
+                         hada_enum_name(HADA_ENUM_MOSAIC, (int)stated),
+                         hada_enum_name(HADA_ENUM_MOSAIC, (int)options->mosaic));
+    options->mosaic = options->mosaic == HADA_MOSAIC_AUTO ? stated : options->mosaic;
+    return HADA_OK;
+}
+
 hada_status hada_dataset_scan(hada_dataset **out, const char *folder, const hada_dataset_options *callers,
                               hada_error *err)
 {
@@ -238,13 +282,13 @@ hada_status hada_dataset_scan(hada_dataset **out, const char *folder, const hada
     *out = NULL;
     hada_dataset_options_init(&options);
     HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_dataset_options, err));
-    HADA_TRY(hada_pair_store_create(&store, &options, err));
-    HADA_TRY_OR_DONE(find_depths(store, folder, err));
-    for (int z = 0; z < store->depths; z++)
-        HADA_TRY_OR_DONE(scan_depth(store, &store->depth[z], err));
-    HADA_TRY_OR_DONE(check(store, options.skip_incomplete, err));
-    HADA_TRY_OR_DONE(find_file(&store->psf, folder, "psf.tif", err));
-    HADA_TRY_OR_DONE(find_file(&store->camera, folder, "camera.json", err));
+    const hada_dataset_options asked = options;
+    HADA_TRY_OR_DONE(scan(&store, folder, &options, err));
+    HADA_TRY_OR_DONE(settle_mosaic(store, &options, err));
+    if (options.mosaic != HADA_MOSAIC_NONE && options.mosaic != asked.mosaic) {
+        hada_pair_store_release(&store);
+        HADA_TRY_OR_DONE(scan(&store, folder, &options, err));
+    }
     HADA_TRY_OR_DONE(protect(store, err));
     return hada_dataset_open(out, store, err);
 done:

@@ -10,7 +10,10 @@ done
 csi=(--headerless 64x80:csi12)
 expect 0 'read the raw frames with --headerless 64x80:csi12' simulate "${small[@]}" --bayer grbg --raw packed12 -o other
 expect 0 '' fit tiff --bayer grbg --dark 0.05 -o tiff.model
-expect 0 '' fit dng --bayer grbg -o dng.model
+expect 0 'frames of the mosaic grbg' fit dng -o dng.model # as its files say
+expect 0 '' fit dng --bayer grbg -o told.model
+cmp -s dng.model told.model || fail 'the mosaic that files state made another model'
+expect 4 'test01.dng|scene0001.dng: the colour filter mosaic of the file is grbg; leave --bayer bggr out' fit dng --bayer bggr -o x.model
 expect 0 '' fit packed12 "${csi[@]}" --bayer grbg --dark 0.05 -o packed.model
 expect 0 '' reconstruct tiff/test/raw/test01.tif -m tiff.model -o tiff.out
 expect 0 '' reconstruct npy/test/raw/test01.npy -m tiff.model -o npy.out

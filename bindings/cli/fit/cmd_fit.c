@@ -60,11 +60,12 @@ static const hada_cli_option options[] = {
      "each: every pair has an exposure of its own, as with a camera that sets it by itself; it is found. auto: each "
      "where that explains most of what is unexplained otherwise.",
      ONE_OF(task.exposure, HADA_EXPOSURE_AUTO, HADA_EXPOSURE_SAME, HADA_EXPOSURE_EACH)},
-    {HADA_OPTION_CHOICE, "bayer", 0, "none|rggb|bggr|grbg|gbrg",
-     "colour filter mosaic of raw frames of one channel (default: none)",
-     "The colours of the first two rows and columns. Each colour's transfer function is learned from the pixels that hold "
+    {HADA_OPTION_CHOICE, "bayer", 0, "auto|none|rggb|bggr|grbg|gbrg",
+     "colour filter mosaic of raw frames of one channel (default: auto)",
+     "The colours of the first two rows and columns. auto: as raw files say (DNG), else none. Each colour's transfer function is learned from the pixels that hold "
      "it. The model remembers the pattern; with --psf too.",
-     ONE_OF(fit.mosaic, HADA_MOSAIC_NONE, HADA_MOSAIC_RGGB, HADA_MOSAIC_BGGR, HADA_MOSAIC_GRBG, HADA_MOSAIC_GBRG)},
+     ONE_OF(fit.mosaic, HADA_MOSAIC_AUTO, HADA_MOSAIC_NONE, HADA_MOSAIC_RGGB, HADA_MOSAIC_BGGR, HADA_MOSAIC_GRBG,
+            HADA_MOSAIC_GBRG)},
     {HADA_OPTION_COUNT, "downsample", 0, "N", "make one pixel of N x N pixels of frames, PSFs and scenes (default: 1)",
      "Their mean; of a mosaic each colour's, N even. The model does so with frames of that size.", AT(fit.downsample)},
     {HADA_OPTION_FLAG, "skip-incomplete", 0, NULL, "leave out files that have no partner, instead of refusing", NULL,
@@ -151,6 +152,13 @@ static void defaults(void *user)
     hada_psf_options_init(&set->psf_options);
     hada_psf_task_init(&set->psf_task);
     set->psf_sign = -1;
+    set->fit.mosaic = HADA_MOSAIC_AUTO;
+}
+
+/* What files do not say. */
+static hada_mosaic settled(hada_mosaic mosaic)
+{
+    return mosaic == HADA_MOSAIC_AUTO ? HADA_MOSAIC_NONE : mosaic;
 }
 
 /* From a data set's pairs, or (folder NULL) from saved sums. */
@@ -168,6 +176,7 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     scan.skip_incomplete = set->skip_incomplete;
     scan.mosaic = set->fit.mosaic;
     scan.downsample = set->fit.downsample;
+    fit.mosaic = settled(set->fit.mosaic);
     fit.nonnegative = set->psf_sign != 0;
     fit.leave_one_out = !set->no_leave_one_out;
     fit.form = set->form ? (hada_form)set->form : HADA_FORM_COMPLEX;
@@ -218,7 +227,7 @@ static hada_status fit_psf(hada_cli *cli, const settings *set, const char **more
         task.frame = set->frame;
     psf.frame_rows = frame[0] / set->fit.downsample;
     psf.frame_cols = frame[1] / set->fit.downsample;
-    psf.mosaic = set->fit.mosaic;
+    psf.mosaic = settled(set->fit.mosaic);
     psf.downsample = set->fit.downsample;
     task.psf = &psf;
     task.more = more;

@@ -22,6 +22,8 @@ Float32: TypeAlias = npt.NDArray[np.float32]
 Floats: TypeAlias = Sequence[float] | npt.NDArray[np.float64]
 #: The pattern of a colour filter mosaic: the colours of the first two rows and columns.
 Mosaic: TypeAlias = Literal["none", "rggb", "bggr", "grbg", "gbrg"]
+#: The same, or "auto": what raw files state (DNG), else none.
+MosaicOfFiles: TypeAlias = Mosaic | Literal["auto"]
 
 # Memory that the host reads, of dlpack.h: kDLCPU, kDLCUDAHost, kDLROCMHost, kDLCUDAManaged; NumPy takes these.
 _DLPACK_HOST = (1, 3, 11, 13)

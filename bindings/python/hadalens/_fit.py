@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, TypedDict
 
 from . import response as responses
-from ._arrays import Mosaic
+from ._arrays import Mosaic, MosaicOfFiles
 from ._fit_report import FilterScore, FitReport, OutsideScore, RefineScore, ResponseRow
 from ._native import (
     AUTO,
@@ -139,7 +139,7 @@ def fit(
     save_sums: str | os.PathLike[str] | None = None,
     resume: bool = False,
     save_seconds: float | None = None,
-    mosaic: Mosaic = "none",
+    mosaic: MosaicOfFiles = "auto",
     downsample: int = 1,
     channel_axis: int | None = None,
     progress: Progress | bool | None = None,
@@ -167,7 +167,7 @@ def fit(
             not added again. The bits are those of a fit without interruption.
         save_seconds: between saves on the way, at least; None: 60.
         mosaic: of pairs that are no :class:`Dataset`, which knows it: pattern of the colour filter mosaic that raw
-            frames of one channel are.
+            frames of one channel are; "auto": as raw files state (DNG).
         downsample: of the same: raw frames and scenes are binned, N x N pixels to one.
         channel_axis: of arrays of three axes; None: the first.
         progress: a function (what, done, total, note), or True for tqdm's bars.

@@ -10,7 +10,7 @@ import numpy as np
 
 from . import errors
 from . import response as responses
-from ._arrays import Float32, Image, Mosaic, NewImage, address, as_array, copy_of, planes_first, to_float
+from ._arrays import Float32, Image, Mosaic, MosaicOfFiles, NewImage, address, as_array, copy_of, planes_first, to_float
 from ._native import (
     AUTO,
     Caller,
@@ -96,7 +96,7 @@ def py_dataset_read_pair(user: Any, depth: int, pair: int, raw: Any, scene: Any,
     return give_image(raw, frame) or give_image(scene, shown)
 
 
-def _options(mosaic: Mosaic, downsample: int, flat_frame: Any, flat_dark: float | None) -> Options:
+def _options(mosaic: MosaicOfFiles, downsample: int, flat_frame: Any, flat_dark: float | None) -> Options:
     options = Options(
         "hada_dataset_options", mosaic=mosaic, downsample=downsample, flat_dark=AUTO if flat_dark is None else flat_dark
     )
@@ -172,7 +172,7 @@ class Dataset(Handle):
         *,
         skip_incomplete: bool = False,
         frame_encoding: float | str | None = None,
-        mosaic: Mosaic = "none",
+        mosaic: MosaicOfFiles = "auto",
         downsample: int = 1,
         flat_frame: Any = None,
         flat_dark: float | None = 0.0,
@@ -183,7 +183,8 @@ class Dataset(Handle):
             folder: where the depths' folders stand.
             skip_incomplete: files without their partner are left out; otherwise they are an error.
             frame_encoding: how raw frames stand for light; None: as their files say, else linear.
-            mosaic, downsample, flat_frame, flat_dark: as of a data set of arrays.
+            mosaic: as of a data set of arrays; "auto": what the first raw file states (DNG), if its scene is in colour.
+            downsample, flat_frame, flat_dark: as of a data set of arrays.
 
         Raises:
             DatasetError: no depths, a depth without a pair, files without their partner.
@@ -271,7 +272,7 @@ class Dataset(Handle):
 def as_dataset(
     pairs: Dataset | Pairs | str | os.PathLike[str],
     channel_axis: int | None = None,
-    mosaic: Mosaic = "none",
+    mosaic: MosaicOfFiles = "auto",
     downsample: int = 1,
 ) -> Dataset:
     """Return a data set of what is given: one, a folder, or pairs."""
@@ -279,7 +280,9 @@ def as_dataset(
         return pairs
     if isinstance(pairs, str | os.PathLike):
         return Dataset.scan(pairs, mosaic=mosaic, downsample=downsample)
-    return Dataset(pairs, channel_axis=channel_axis, mosaic=mosaic, downsample=downsample)
+    return Dataset(
+        pairs, channel_axis=channel_axis, mosaic="none" if mosaic == "auto" else mosaic, downsample=downsample
+    )
 
 
 def load_dark(name: str | os.PathLike[str]) -> tuple[Float32, float]:

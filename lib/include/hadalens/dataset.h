@@ -32,7 +32,8 @@ typedef struct hada_dataset_options {
                               nothing */
     hada_mosaic mosaic;    /* the raw frames have one channel, a colour filter mosaic of this pattern, and are given out
                               with three: colours that a pixel does not hold are means of its neighbours.
-                              HADA_MOSAIC_NONE (default): frames are given out as they are */
+                              HADA_MOSAIC_NONE: frames are given out as they are. HADA_MOSAIC_AUTO (default): what the
+                              file of a folder's first frame states (DNG), where its scene is in colour, else none */
     const hada_image *flat_frame; /* an evenly lit sensor, its dark level taken off, of the raw frames' size, with their
                                      channels or one for all; or hada_model_info's flat. Raw frames are divided by it,
                                      above the dark level `flat_dark`; pixels that see less than a twentieth of the mean

@@ -34,7 +34,7 @@ static inline size_t hada_image_count(const hada_image *image)
 /* Colour filter mosaics (C. E. Bayer, US patent 3,971,065): frames of one channel whose pixels hold one colour each.
  * The names are the colours of the first two rows and columns, row by row. */
 typedef enum hada_mosaic {
-    HADA_MOSAIC_AUTO = -1, /* in options only: what the model says */
+    HADA_MOSAIC_AUTO = -1, /* in options only: what the model or the file says */
     HADA_MOSAIC_NONE = 0,
     HADA_MOSAIC_RGGB = 1,
     HADA_MOSAIC_BGGR = 2,

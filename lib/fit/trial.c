@@ -40,7 +40,7 @@ _Static_assert((int)TRIED + (int)TV_SIDE + 2 + 1 <= (int)HADA_FIT_TRIAL_ROWS, "r
 /* Shares of refined planes that are tried, the rest being the linear filter's: where the camera is known badly, the two
  * err differently (L. Breiman, "Stacked regressions", Machine Learning 24, 1996). Less than a fifth of a decibel is not
  * worth filtering as well. */
-static const double shares_tried[] = {1.0, 0.75, 0.5, 0.25};
+static const double shares_tried[] = {1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1};
 enum { SHARES = sizeof shares_tried / sizeof *shares_tried };
 #define SHARE_GAIN 0.2
 
@@ -54,22 +54,36 @@ typedef struct trial_work {
     int tv_count;
 } trial_work;
 
-/* Every number of steps. */
-static hada_status try_frame(trial_work *work, const hada_trial_frame *frame, hada_error *err)
+/* Exposes a frame, and keeps its linear planes for blends. */
+static hada_status expose(trial_work *work, const hada_trial_frame *frame, hada_error *err)
 {
-    double(*sum)[SHARES] = work->sum[frame->members - 1];
     HADA_TRY(hada_trial_expose(&work->bench, frame, err));
     HADA_TRY(hada_trial_filter(&work->bench, frame, err));
     memcpy(work->bench.linear, work->bench.planes,
            (size_t)frame->members * hada_fit_window_floats(work->bench.grid) * sizeof *work->bench.linear);
-    const double unrefined = hada_trial_compare(&work->bench, frame, 1.0);
-    for (int s = 0; s < SHARES; s++)
-        sum[0][s] += unrefined;
+    return HADA_OK;
+}
+
+/* The best share by its decibels: refined planes alone, unless another one is clearly better. */
+static int best_share(const double *psnr)
+{
+    int best = 0;
+    for (int s = 1; s < SHARES; s++)
+        if (psnr[s] > psnr[best])
+            best = s;
+    return psnr[best] - psnr[0] > SHARE_GAIN ? best : 0;
+}
+
+/* Every number of steps. */
+static hada_status try_frame(trial_work *work, const hada_trial_frame *frame, hada_error *err)
+{
+    double(*sum)[SHARES] = work->sum[frame->members - 1];
+    HADA_TRY(expose(work, frame, err));
+    hada_trial_compare(&work->bench, frame, shares_tried, SHARES, sum[0]);
     for (int i = 1; i < TRIED; i++) {
         HADA_TRY(hada_trial_refine(&work->bench, frame, &work->weights, steps_tried[i - 1],
                                    steps_tried[i] - steps_tried[i - 1], 0, err));
-        for (int s = 0; s < SHARES; s++)
-            sum[i][s] += hada_trial_compare(&work->bench, frame, shares_tried[s]);
+        hada_trial_compare(&work->bench, frame, shares_tried, SHARES, sum[i]);
     }
     work->count[frame->members - 1]++;
     return HADA_OK;
@@ -95,22 +109,27 @@ typedef struct trial_set {
     int count;
 } trial_set;
 
-/* Mean decibels of the frames with each of some weights; a frame is exposed once for all. */
+/* Mean decibels of the frames with each of some weights, blended as is best; a frame is exposed once for all. */
 static hada_status rank(trial_work *work, const trial_set *set, const hada_refine_weights *weights, int count,
                         double *psnr, hada_error *err)
 {
-    for (int i = 0; i < count; i++)
-        psnr[i] = 0.0;
+    double sum[TV_PLACES][SHARES] = {{0.0}};
     for (int k = 0; k < set->count; k++) {
         if (!hada_is_mine(&work->bench.grid->communicator, k))
             continue;
-        HADA_TRY(hada_trial_expose(&work->bench, &set->frames[k], err));
+        HADA_TRY(expose(work, &set->frames[k], err));
         for (int i = 0; i < count; i++) {
             HADA_TRY(hada_trial_refine(&work->bench, &set->frames[k], &weights[i], 0, work->rank_steps, 1, err));
-            psnr[i] += hada_trial_compare(&work->bench, &set->frames[k], 1.0) / set->count;
+            hada_trial_compare(&work->bench, &set->frames[k], shares_tried, SHARES, sum[i]);
         }
     }
-    return hada_reduce(&work->bench.grid->communicator, psnr, (size_t)count, err);
+    HADA_TRY(hada_reduce(&work->bench.grid->communicator, sum[0], (size_t)count * SHARES, err));
+    for (int i = 0; i < count; i++) {
+        for (int s = 0; s < SHARES; s++)
+            sum[i][s] /= set->count;
+        psnr[i] = sum[i][best_share(sum[i])];
+    }
+    return HADA_OK;
 }
 
 /* The same for weights of total variation, each with a row of the table. */
@@ -279,14 +298,13 @@ static double blend_score(const trial_work *work, int i, int share)
     return mean(work, 0, i, share) + mean(work, 1, i, share);
 }
 
-/* The share after so many steps: refined planes alone, unless another one is clearly better. */
+/* The best share after so many steps. */
 static int share_of(const trial_work *work, int i)
 {
-    int best = 0;
-    for (int s = 1; s < SHARES; s++)
-        if (blend_score(work, i, s) > blend_score(work, i, best))
-            best = s;
-    return blend_score(work, i, best) - blend_score(work, i, 0) > SHARE_GAIN ? best : 0;
+    double psnr[SHARES];
+    for (int s = 0; s < SHARES; s++)
+        psnr[s] = blend_score(work, i, s);
+    return best_share(psnr);
 }
 
 static double score(const trial_work *work, int i)

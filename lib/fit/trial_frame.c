@@ -118,24 +118,25 @@ static double light_of(float value)
     return value > 0.0f ? value : 0.0;
 }
 
-double hada_trial_compare(const hada_trial_bench *bench, const hada_trial_frame *frame, double share)
+void hada_trial_compare(const hada_trial_bench *bench, const hada_trial_frame *frame, const double *shares, int count,
+                        double *psnr)
 {
-    const size_t count = hada_fit_window_floats(bench->grid);
-    double total = 0.0;
+    const size_t floats = hada_fit_window_floats(bench->grid);
     for (int m = 0; m < frame->members; m++) {
-        const float *planes = bench->planes + (size_t)m * count, *linear = bench->linear + (size_t)m * count;
+        const float *planes = bench->planes + (size_t)m * floats, *linear = bench->linear + (size_t)m * floats;
         const float *scene = frame->member[m]->scene;
-        double sum = 0.0;
-        for (size_t i = 0; i < count; i++) {
-            double plane = light_of(planes[i]);
-            if (share < 1.0)
-                plane = share * plane + (1.0 - share) * light_of(linear[i]);
-            const double error = plane - scene[i];
-            sum += error * error;
+        double both = 0.0, refined = 0.0, filtered = 0.0; /* sums of products of the two errors */
+        for (size_t i = 0; i < floats; i++) {
+            const double error = light_of(planes[i]) - scene[i], other = light_of(linear[i]) - scene[i];
+            refined += error * error;
+            both += error * other;
+            filtered += other * other;
         }
-        total -= 10.0 * log10(fmax(sum / (double)count, LEAST_ERROR));
+        for (int k = 0; k < count; k++) {
+            const double s = shares[k], t = 1.0 - s, sum = s * s * refined + 2.0 * s * t * both + t * t * filtered;
+            psnr[k] -= 10.0 * log10(fmax(sum / (double)floats, LEAST_ERROR)) / frame->members;
+        }
     }
-    return total / frame->members;
 }
 
 hada_status hada_trial_hold_out(hada_trial_bench *bench, const hada_trial_frame *frame, hada_error *err)

@@ -48,8 +48,9 @@ hada_status hada_trial_refine(hada_trial_bench *bench, const hada_trial_frame *f
 /* The sum of squares. */
 double hada_trial_energy(const float *values, size_t count);
 
-/* PSNR of planes (negative light clipped, as reconstruction does), blended with linear ones where their share is below
- * 1, against the members' scenes, mean over members. */
-double hada_trial_compare(const hada_trial_bench *bench, const hada_trial_frame *frame, double share);
+/* PSNR of planes (negative light clipped, as reconstruction does) against the members' scenes, mean over members, for
+ * each of some shares of theirs in the blend with linear ones; added to psnr[]. */
+void hada_trial_compare(const hada_trial_bench *bench, const hada_trial_frame *frame, const double *shares, int count,
+                        double *psnr);
 
 #endif

@@ -173,13 +173,14 @@ static int growing_steps(const hada_refine_rule *rule)
                                                        : 0;
 }
 
-/* Steps before the residual says anything: while depths part it may stand still; where the sensor crops, light beyond
- * the frame settles while rho grows. */
+/* Steps before the residual says anything: while depths part it may stand still; while rho grows, light beyond the frame
+ * settles where the sensor crops, and the residual of a noisy frame is noise long before its planes are what the learned
+ * regulariser needs. */
 static int least_steps(hada_boundary boundary, const hada_refine_rule *rule)
 {
     enum { SETTLING_STEPS = 5 };
     const int parting = rule->first_steps > 0 ? rule->first_steps + SETTLING_STEPS : 0;
-    const int growing = boundary == HADA_BOUNDARY_PADDED ? growing_steps(rule) : 0;
+    const int growing = boundary == HADA_BOUNDARY_PADDED || rule->ridge ? growing_steps(rule) : 0;
     return parting > growing ? parting : growing;
 }
 

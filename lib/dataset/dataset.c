@@ -110,7 +110,7 @@ void hada_dataset_destroy(hada_dataset **dataset)
     if (!set)
         return;
     hada_pair_store_release(&set->store);
-    HADA_FREE(set->first, set->counts, set->distances_mm, set->files, set->gain, set);
+    HADA_FREE(set->first, set->counts, set->number, set->listed, set->distances_mm, set->files, set->gain, set);
 }
 
 const hada_dataset_info *hada_dataset_get_info(const hada_dataset *dataset)
@@ -118,7 +118,35 @@ const hada_dataset_info *hada_dataset_get_info(const hada_dataset *dataset)
     return dataset ? &dataset->info : NULL;
 }
 
-/* Fills `info` from first and counts. */
+/* Where the pairs of a depth begin among those of this part. */
+static size_t before(const hada_dataset *set, int depth)
+{
+    size_t count = 0;
+    for (int z = 0; z < depth; z++)
+        count += (size_t)set->counts[z];
+    return count;
+}
+
+/* The number of a pair of this part within its depth. */
+static int number_of(const hada_dataset *set, int depth, int pair)
+{
+    return set->number ? set->number[before(set, depth) + (size_t)pair] : set->first[depth] + pair;
+}
+
+/* The files of pairs that do not stand one after the other. */
+static hada_status list_files(hada_dataset *set, hada_error *err)
+{
+    size_t at = 0;
+    HADA_TRY(HADA_NEW(set->listed, (size_t)set->info.pairs, "a data set", err));
+    for (int z = 0; z < set->store->depths; z++) {
+        set->files[z] = set->listed + at;
+        for (int i = 0; i < set->counts[z]; i++)
+            set->listed[at++] = set->store->depth[z].files[number_of(set, z, i)];
+    }
+    return HADA_OK;
+}
+
+/* Fills `info` from the pairs that belong to this part. */
 static hada_status describe(hada_dataset *set, hada_error *err)
 {
     const hada_pair_store *store = set->store;
@@ -147,7 +175,7 @@ static hada_status describe(hada_dataset *set, hada_error *err)
         info->pairs += set->counts[z];
         info->least_pairs = set->counts[z] < info->least_pairs ? set->counts[z] : info->least_pairs;
     }
-    return HADA_OK;
+    return set->number ? list_files(set, err) : HADA_OK;
 }
 
 static hada_status make(hada_dataset **out, hada_pair_store *store, hada_error *err)
@@ -184,13 +212,21 @@ done:
     return status;
 }
 
-/* Where the pairs of a depth begin among those of this part. */
-static size_t before(const hada_dataset *set, int depth)
+/* Takes part in the store of another part, whose pairs from `first` on it has. */
+static hada_status use_store(hada_dataset *set, const hada_dataset *from, const int *first, hada_error *err)
 {
-    size_t count = 0;
-    for (int z = 0; z < depth; z++)
-        count += (size_t)set->counts[z];
-    return count;
+    const int depths = from->info.depths;
+    pthread_mutex_lock(&from->store->lock);
+    set->store = from->store;
+    set->store->users++;
+    pthread_mutex_unlock(&from->store->lock);
+    if (!from->number)
+        return HADA_OK;
+    HADA_TRY(HADA_NEW(set->number, before(set, depths), "a data set", err));
+    for (int z = 0; z < depths; z++)
+        for (int i = 0; i < set->counts[z]; i++)
+            set->number[before(set, z) + (size_t)i] = number_of(from, z, first[z] + i);
+    return HADA_OK;
 }
 
 hada_status hada_dataset_part(hada_dataset **out, const hada_dataset *from, const int *first, const int *counts,
@@ -204,10 +240,7 @@ hada_status hada_dataset_part(hada_dataset **out, const hada_dataset *from, cons
         set->first[z] = from->first[z] + first[z];
         set->counts[z] = counts[z];
     }
-    pthread_mutex_lock(&from->store->lock);
-    set->store = from->store;
-    set->store->users++;
-    pthread_mutex_unlock(&from->store->lock);
+    HADA_TRY_OR_DONE(use_store(set, from, first, err));
     HADA_TRY_OR_DONE(describe(set, err));
     if (from->gain) {
         HADA_TRY_OR_DONE(HADA_NEW(set->gain, (size_t)set->info.pairs, "the exposures of a data set", err));
@@ -220,6 +253,37 @@ hada_status hada_dataset_part(hada_dataset **out, const hada_dataset *from, cons
     set = NULL;
 done:
     hada_dataset_destroy(&set);
+    return status;
+}
+
+hada_status hada_dataset_select(hada_dataset **out, const hada_dataset *from, const unsigned char *const *leave,
+                                hada_error *err)
+{
+    const int depths = from->info.depths;
+    hada_dataset view = *from; /* of all pairs, those that are kept first: a part of it are the ones that are wanted */
+    int *none = NULL, *counts = NULL;
+    hada_status status = HADA_OK;
+    *out = NULL;
+    view.number = NULL;
+    view.gain = NULL;
+    HADA_TRY_OR_DONE(HADA_NEW(none, (size_t)depths, "a data set", err));
+    HADA_TRY_OR_DONE(HADA_NEW(counts, (size_t)depths, "a data set", err));
+    HADA_TRY_OR_DONE(HADA_NEW(view.number, (size_t)from->info.pairs, "a data set", err));
+    if (from->gain)
+        HADA_TRY_OR_DONE(HADA_NEW(view.gain, (size_t)from->info.pairs, "a data set", err));
+    for (int z = 0; z < depths; z++)
+        for (int i = 0; i < from->counts[z]; i++) {
+            const size_t to = before(from, z) + (size_t)counts[z];
+            if (leave[z][i])
+                continue;
+            view.number[to] = number_of(from, z, i);
+            if (from->gain)
+                view.gain[to] = from->gain[before(from, z) + (size_t)i];
+            counts[z]++;
+        }
+    HADA_TRY_OR_DONE(hada_dataset_part(out, &view, none, counts, err));
+done:
+    HADA_FREE(none, counts, view.number, view.gain);
     return status;
 }
 
@@ -463,7 +527,7 @@ void hada_pair_expect(const hada_dataset *dataset, int depth, int number)
     hada_pair_store *store = dataset->store;
     if (store->raws)
         return;
-    const int wanted = store->depth[depth].before + dataset->first[depth] + number;
+    const int wanted = store->depth[depth].before + number_of(dataset, depth, number);
     pthread_mutex_lock(&store->lock);
     if (!store->ahead.running)
         store->ahead.running = start_thread(store); /* without one, pairs are read when they are taken */
@@ -570,7 +634,7 @@ static hada_status fill(hada_pair *pair, hada_mosaic mosaic, hada_error *err)
 static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth, int number, int keep, hada_error *err)
 {
     hada_pair_store *store = dataset->store;
-    const int index = store->depth[depth].before + dataset->first[depth] + number;
+    const int index = store->depth[depth].before + number_of(dataset, depth, number);
     const double gain = dataset->gain ? dataset->gain[before(dataset, depth) + (size_t)number] : 1.0;
     const hada_pair_images *found = NULL;
     hada_status status = HADA_OK;

@@ -71,6 +71,8 @@ struct hada_dataset {
     hada_dataset_info info; /* points into the store and what follows */
     hada_pair_store *store;
     int *first, *counts; /* the pairs of each depth that belong to this part */
+    int *number;         /* of each pair of this part within its depth; NULL: from `first` on, one after the other */
+    hada_pair_files *listed; /* their files then */
     double *distances_mm;
     const hada_pair_files **files;
     double *gain; /* of each pair of this part: its scene is made so many times as bright; NULL: scenes as they are */
@@ -87,6 +89,10 @@ hada_status hada_dataset_open(hada_dataset **out, hada_pair_store *store, hada_e
 /* A part: of each depth, `counts` pairs from `first` on. */
 hada_status hada_dataset_part(hada_dataset **out, const hada_dataset *from, const int *first, const int *counts,
                               hada_error *err);
+
+/* The pairs for which leave[depth][pair] is 0; of each depth there is one. */
+hada_status hada_dataset_select(hada_dataset **out, const hada_dataset *from, const unsigned char *const *leave,
+                                hada_error *err);
 
 /* The same pairs, with scenes that are gains[depth][pair] times as bright in linear light, `response` being how they
  * are encoded; gains NULL: as they are. */

@@ -22,13 +22,16 @@ typedef struct owned_report {
     hada_fit_scores scores;
     int64_t *pairs;
     hada_survey *survey;
+    unsigned char **left_out;
+    int depths;
 } owned_report;
 
 /* A fit that runs. */
 typedef struct learning {
     hada_fit_task task;
     const hada_dataset *data;
-    hada_dataset *even; /* the same pairs, of one exposure */
+    hada_dataset *sound; /* without pairs that spoil the others; NULL: there are none */
+    hada_dataset *even;  /* the same pairs, of one exposure */
     hada_fit_options fit;
     hada_fitter *fitter;
     owned_report *report;
@@ -44,6 +47,7 @@ void hada_fit_report_destroy(hada_fit_report **report)
     *report = NULL;
     free(own->pairs);
     hada_survey_destroy(&own->survey);
+    hada_fit_left_out_free(&own->left_out, own->depths);
     free(own);
 }
 
@@ -177,6 +181,19 @@ static void tell_data(const learning *of)
                           "camera about eight scenes per depth");
 }
 
+/* Pairs that spoil what the others say. */
+static hada_status leave_out(learning *of, hada_error *err)
+{
+    owned_report *own = of->report;
+    if (!of->fit.leave_one_out || of->task.all_pairs)
+        return HADA_OK;
+    own->depths = hada_dataset_get_info(of->data)->depths;
+    HADA_TRY(hada_fit_screen(&of->sound, &own->left_out, of->data, &of->fit, err));
+    own->report.left_out = (const unsigned char *const *)own->left_out;
+    of->data = of->sound ? of->sound : of->data;
+    return HADA_OK;
+}
+
 /* The response of the scenes and exposures, where they are to be found, before any pair is added. */
 static hada_status survey(learning *of, hada_error *err)
 {
@@ -229,6 +246,7 @@ static hada_status learn_pairs(learning *of, hada_context *context, hada_model *
     tell_data(of);
     HADA_TRY(hada_fit_prepare(&of->fit, of->data, task->boundary, monitor, err));
     HADA_TRY(hada_fit_check_content(of->data, err));
+    HADA_TRY(leave_out(of, err));
     HADA_TRY(survey(of, err));
     HADA_TRY(find_boundary(of, context, err));
     HADA_TRY(hada_fit_agree(&of->fit, &of->ranks, err));
@@ -321,6 +339,7 @@ done:
     hada_fit_report_destroy(&left);
     hada_fitter_destroy(&of.fitter);
     hada_dataset_destroy(&of.even);
+    hada_dataset_destroy(&of.sound);
     free(of.part);
     return status;
 }

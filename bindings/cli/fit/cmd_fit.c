@@ -68,6 +68,10 @@ static const hada_cli_option options[] = {
             HADA_MOSAIC_GBRG)},
     {HADA_OPTION_COUNT, "downsample", 0, "N", "make one pixel of N x N pixels of frames, PSFs and scenes (default: 1)",
      "Their mean; of a mosaic each colour's, N even. The model does so with frames of that size.", AT(fit.downsample)},
+    {HADA_OPTION_FLAG, "all-pairs", 0, NULL, "take pairs that spoil what the others say, too",
+     "Such as frames that are cut off, or that belong to another scene: they are found by how much better the others of their "
+     "depth explain each other without them, and left out with a note.",
+     AT(task.all_pairs)},
     {HADA_OPTION_FLAG, "skip-incomplete", 0, NULL, "leave out files that have no partner, instead of refusing", NULL,
      AT(skip_incomplete)},
 

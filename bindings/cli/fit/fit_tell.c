@@ -109,14 +109,23 @@ static void print_survey(hada_cli *cli, const hada_survey *survey)
 void hada_cli_fit_tell_pairs(hada_cli *cli, const hada_dataset_info *info, const hada_model *model,
                              const hada_fit_report *report)
 {
-    json_t *pairs = json_array();
-    for (int z = 0; z < info->depths; z++)
+    json_t *pairs = json_array(), *left_out = json_array();
+    for (int z = 0; z < info->depths; z++) {
         json_array_append_new(pairs, json_integer(report->pairs[z]));
+        for (int i = 0; report->left_out && i < info->counts[z]; i++)
+            if (report->left_out[z][i])
+                json_array_append_new(left_out, hada_cli_json_text(info->files[z][i].raw));
+    }
+    const int spoilt = (int)json_array_size(left_out);
     json_object_set_new(cli->document, "pairs", pairs);
+    json_object_set_new(cli->document, "left_out", left_out);
     print_survey(cli, report->survey);
     print_scores(cli, report->scores, model);
-    hada_cli_say(cli, "\n%d pairs; at least %d for each of %d %s", info->pairs, info->least_pairs, info->depths,
-                 info->depths == 1 ? "depth" : "depths");
+    char without[40] = "";
+    if (spoilt)
+        snprintf(without, sizeof without, ", %d of them left out", spoilt);
+    hada_cli_say(cli, "\n%d pairs%s; at least %d for each of %d %s", info->pairs, without, info->least_pairs,
+                 info->depths, info->depths == 1 ? "depth" : "depths");
 }
 
 void hada_cli_fit_tell_sums(hada_cli *cli, int files, const hada_model *model, const hada_fit_report *report)

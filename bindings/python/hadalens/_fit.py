@@ -139,6 +139,7 @@ def fit(
     save_sums: str | os.PathLike[str] | None = None,
     resume: bool = False,
     save_seconds: float | None = None,
+    all_pairs: bool = False,
     mosaic: MosaicOfFiles = "auto",
     downsample: int = 1,
     channel_axis: int | None = None,
@@ -166,6 +167,8 @@ def fit(
         resume: go on after an interruption: pairs that `save_sums` holds, or what was saved on the way beside it, are
             not added again. The bits are those of a fit without interruption.
         save_seconds: between saves on the way, at least; None: 60.
+        all_pairs: also those that spoil what the others of their depth say (frames that are cut off, or of another
+            scene), which are left out otherwise; ``model.fit_report.left_out`` names them.
         mosaic: of pairs that are no :class:`Dataset`, which knows it: pattern of the colour filter mosaic that raw
             frames of one channel are; "auto": as raw files state (DNG).
         downsample: of the same: raw frames and scenes are binned, N x N pixels to one.
@@ -211,6 +214,7 @@ def fit(
         save_sums=save_sums,
         resume=resume,
         save_seconds=save_seconds,
+        all_pairs=all_pairs,
         monitor=monitor.options,
         exposure=exposure,
     )

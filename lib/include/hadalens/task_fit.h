@@ -42,6 +42,9 @@ typedef struct hada_fit_task {
                             saved on the way beside it (save_sums.RANK-of-RANKS), are not added again; the bits are
                             those of a run without interruption. Files that are not there are no error */
     double save_seconds; /* between saves on the way, at least; 60 by default */
+    int all_pairs; /* 1: pairs are taken that spoil what the others of their depth say, too (a frame that is cut off, or
+                      of another scene). 0 (default): such pairs are left out, which the monitor is told; not
+                      looked for where fit->leave_one_out is 0, and of depths with 4 to 32 pairs alone */
 } hada_fit_task;
 HADA_INIT(hada_fit_task, HADA_STRUCT_FIT_TASK)
 
@@ -50,6 +53,8 @@ typedef struct hada_fit_report {
     const hada_fit_scores *scores; /* what was compared */
     const int64_t *pairs;          /* in the sums of each depth, those of merged files counted */
     const hada_survey *survey;     /* what the pairs said before the fit; NULL: they were not asked */
+    const unsigned char *const *left_out; /* left_out[depth][pair] of the data set: 1 where it was left out, since it spoilt
+                                             what the others of its depth say; NULL: none was */
 } hada_fit_report;
 HADA_API void hada_fit_report_destroy(hada_fit_report **report);
 

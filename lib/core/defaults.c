@@ -111,7 +111,10 @@ static const hada_files_task files_task = {.size = sizeof(hada_files_task),
                                            .white = 1.0,
                                            .encoding = HADA_AUTO,
                                            .frame_encoding = HADA_AUTO,
-                                           .match = HADA_FILES_MATCH_FIRST};
+                                           .match = HADA_FILES_MATCH_FIRST,
+                                           .track_pixels = 2.0,
+                                           .track_depths = 2.5,
+                                           .track_gap = 2};
 static const hada_live_task live_task = {
     .size = sizeof(hada_live_task), .input = -1, .output = -1, .frame_encoding = HADA_AUTO};
 static const hada_simulate_task simulate_task = {.size = sizeof(hada_simulate_task),

@@ -13,10 +13,10 @@ import sys
 
 # What has a limit: the limit that --hold enforces today, and the aim where it has not been reached.
 LIMITS = {
-    'lines of the library': (73_400, 56_000),  # emitters fitted to a frame, the learned regulariser
+    'lines of the library': (74_000, 56_000),  # emitters fitted to a frame and their tracks, the learned regulariser
     'lines of the kernels': (13_050, 12_000),  # the learned regulariser
-    'lines of the command line': (8_240, 8_000),  # tables of emitters
-    'lines of tests (without corpora, frozen headers)': (58_200, 50_000),  # sequences, emitters, the learned regulariser; PyTorch's refinement, deepinv, the field's data
+    'lines of the command line': (8_270, 8_000),  # tables of emitters and tracks
+    'lines of tests (without corpora, frozen headers)': (58_500, 50_000),  # sequences, emitters, tracks, the learned regulariser; PyTorch's refinement, deepinv, the field's data
     'public functions': (335, 240),
     'words of the documentation (docs)': (45_000, 45_000),
     'files of SMALL lines or fewer, library and bindings': (203, 90),

@@ -250,7 +250,7 @@ def py_files_task_tell(user: Any, state: Any) -> None:
         if monitor.tell is not None:
             monitor.tell(str(name), state.frame)
     elif state.event == lib.HADA_FILES_DONE:
-        places = [text(one) for one in (*state.outputs, state.confidence, state.picture, state.emitters_table)]
+        places = [text(one) for one in (*state.outputs, state.confidence, state.picture, state.emitters_table, state.tracks_table)]
         outputs = tuple(Path(one) for one in places if one)
         monitor.results.append(FileResult(name, state.frames, outputs, None, match=monitor.match))
     elif state.event == lib.HADA_FILES_THERE:
@@ -268,6 +268,9 @@ def reconstruct_files(
     preview: bool = True,
     picture: bool = False,
     emitters: bool = False,
+    track_pixels: float = 2.0,
+    track_depths: float = 2.5,
+    track_gap: int = 2,
     bits: Literal[8, 16, 32] = 32,
     white: float = 1.0,
     encoding: float | str | None = None,
@@ -289,7 +292,11 @@ def reconstruct_files(
         output: the folder, made where it is missing.
         preview: a sheet to look at.
         picture: also NAME_aif.png, the first all-in-focus image for a display.
-        emitters: also NAME_emitters.csv, the points of light; of a plan with scene="volume" (:meth:`Plan.emitters`).
+        emitters: also NAME_emitters.csv, the points of light; of a plan with scene="volume" (:meth:`Plan.emitters`), and of a sequence
+            NAME_tracks.csv.
+        track_pixels: the largest motion of emitters from frame to frame (:func:`hadalens.track_emitters`).
+        track_depths: and along depths.
+        track_gap: frames without its emitter after which a track goes on.
         bits: of stack and all-in-focus image.
         white: value that becomes full scale in 8 and 16 bits.
         encoding: how these stand for light; None: as the scenes of the model did.
@@ -314,6 +321,9 @@ def reconstruct_files(
         preview=preview,
         picture=picture,
         emitters=emitters,
+        track_pixels=track_pixels,
+        track_depths=track_depths,
+        track_gap=track_gap,
         bits=bits,
         white=white,
         encoding=None if encoding is None else responses.number(encoding),

@@ -112,7 +112,8 @@ static hada_status save_preview(const hada_outputs *out, const hada_pixels *raw,
     }
     preview.depths = result->depths;
     preview.distances_mm = result->distances_mm;
-    preview.occupied = result->report->occupied;
+    preview.volume = result->report->scene == HADA_SCENE_VOLUME;
+    preview.occupied = preview.volume ? NULL : result->report->occupied; /* all of them */
     preview.all_in_focus = &result->all_in_focus;
     preview.gamma = out->shown;
     const hada_status status = hada_preview_save(out->path[HADA_OUTPUT_PREVIEW], &preview, err);

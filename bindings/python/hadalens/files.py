@@ -360,6 +360,8 @@ def save_preview(
 ) -> Path:
     """Draw a sheet (PNG) of a result: all-in-focus image, distance map with its scale, and the stack.
 
+    Of a volume maximum projections, grey and coloured by distance, in place of the first two.
+
     Of a single depth the first alone, which shows it. `channel_axis` is the raw frame's.
 
     Raises:
@@ -369,7 +371,7 @@ def save_preview(
     images = Image(*result.stack, what="stack")
     others = Image(result.all_in_focus, result.distance_map, what="result")
     frame = None if raw is None else Image(raw, what="raw", channel_axis=channel_axis)
-    several = len(images.arrays) > 1
+    several, volume = len(images.arrays) > 1, result.report.scene == "volume"
     options = Options(
         "hada_preview",
         title=title,
@@ -377,7 +379,8 @@ def save_preview(
         planes=images.c if several else None,
         depths=len(images.arrays),
         distances_mm=result.distances_mm,
-        occupied=result.report.occupied,
+        occupied=None if volume else result.report.occupied,
+        volume=volume,
         all_in_focus=others.c,
         distance_map=others.c + 1 if several else None,
         gamma=gamma,

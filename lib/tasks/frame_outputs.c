@@ -57,6 +57,7 @@ hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, c
     *out = (hada_outputs){.frames = frames,
                           .bits = task->bits,
                           .white = task->white,
+                          .pixel_um = task->pixel_um,
                           .scene_response = model->scene_response,
                           .has_map = has_map(plan)};
     choose_encoding(out, task, plan->setup.options.gamma);
@@ -78,6 +79,7 @@ static hada_status open_writer(hada_outputs *out, int which, const hada_image *f
     const int is_map = which == HADA_OUTPUT_DISTANCE_MAP || which == HADA_OUTPUT_CONFIDENCE;
     options.bits = is_map ? 32 : out->bits;
     options.scale = out->white;
+    options.pixel_um = out->pixel_um;
     options.slices = 1;
     options.times = out->frames;
     if (which == HADA_OUTPUT_STACK) {

@@ -88,7 +88,7 @@ typedef struct hada_outputs {
     hada_image unknown; /* confidence of frames that are none */
     char *title;
     int frames, bits;
-    double white;
+    double white, pixel_um;
     double encoding;       /* of the files; 0: a gamma that is no response */
     int convert;           /* 1: results are light, and get it on their way */
     double shown;          /* the exponent with which pictures show results: HADA_AUTO where these are light */

@@ -258,6 +258,9 @@ hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, con
     if (!plan || !model || !paths || !own.task.output)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT,
                                    "hada_reconstruct_files: a plan, its model, files and a folder are needed"));
+    if (!(own.task.pixel_um >= 0.0 && own.task.pixel_um < INFINITY))
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT,
+                                   "options.pixel_um: a pixel is 0 micrometres or more, not %g", own.task.pixel_um));
     if (own.task.frame && count != 1)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "options.frame goes with one path, not with %d", count));
     own.gamma = plan->setup.options.gamma;

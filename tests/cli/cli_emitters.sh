@@ -30,6 +30,10 @@ done
 expect 0 '1 emitter' reconstruct film.tif -m spots.model -o out --emitters --track-pixels 0 --track-depths 0 --track-gap 0
 expect 0 '"switches": 0' evaluate out/film_tracks.csv out/film_tracks.csv --json
 expect 2 'track-pixels takes a number from 0 on' reconstruct film.tif -m spots.model -o told --emitters --track-pixels -1
+# The size of a pixel in the scene is told.
+expect 0 '1 emitter' reconstruct film.tif -m spots.model -o out --emitters --pixel-um 2.5
+grep -aqx 'unit=mm' out/film_stack.tif || fail "the unit of the stack"
+expect 2 'pixel-um takes a number from 0 on' reconstruct film.tif -m spots.model -o told --pixel-um -1
 # A single frame has none, and those of a run before go.
 cp spots.tif film.tif
 expect 0 'film: .*; 1 emitter;' reconstruct film.tif -m spots.model -o out --emitters

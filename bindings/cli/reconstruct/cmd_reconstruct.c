@@ -48,6 +48,8 @@ static const hada_cli_option options[] = {
      "auto: as the file says, which is sRGB for JPEG files, and linear otherwise. srgb: for other files that a camera has "
      "encoded for a display.",
      AT(frame_encoding)},
+    {HADA_OPTION_REAL, "pixel-um", 0, "UM", "size of a pixel in the scene, in micrometres (default: not known)",
+     "Stated in the TIFF files, so that ImageJ and others show volumes to scale.", AT(task.pixel_um)},
     {HADA_OPTION_FLAG, "no-preview", 0, NULL, "write no NAME_preview.png", NULL, AT(no_preview)},
     {HADA_OPTION_FLAG, "png", 0, NULL, "also write NAME_aif.png, the all-in-focus image for a display",
      "In sRGB and 8 bits; white is the brightness that one pixel in a thousand exceeds. Of a sequence the first frame.",

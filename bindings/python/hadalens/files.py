@@ -271,6 +271,7 @@ def reconstruct_files(
     track_pixels: float = 2.0,
     track_depths: float = 2.5,
     track_gap: int = 2,
+    pixel_um: float = 0.0,
     bits: Literal[8, 16, 32] = 32,
     white: float = 1.0,
     encoding: float | str | None = None,
@@ -297,6 +298,7 @@ def reconstruct_files(
         track_pixels: the largest motion of emitters from frame to frame (:func:`hadalens.track_emitters`).
         track_depths: and along depths.
         track_gap: frames without its emitter after which a track goes on.
+        pixel_um: size of a pixel in the scene, stated in the TIFF files; 0: not known.
         bits: of stack and all-in-focus image.
         white: value that becomes full scale in 8 and 16 bits.
         encoding: how these stand for light; None: as the scenes of the model did.
@@ -324,6 +326,7 @@ def reconstruct_files(
         track_pixels=track_pixels,
         track_depths=track_depths,
         track_gap=track_gap,
+        pixel_um=pixel_um,
         bits=bits,
         white=white,
         encoding=None if encoding is None else responses.number(encoding),

@@ -73,6 +73,8 @@ typedef struct hada_files_task {
     /* Emitters of a sequence are joined to tracks, in NAME_tracks.csv: hada_tracker_create() */
     double track_pixels, track_depths; /* 2 and 2.5 by default */
     int track_gap;                     /* 2 by default */
+    double pixel_um; /* size of a pixel in the scene, at all depths, in micrometres: stated in the TIFF files; 0
+                        (default): not known */
 } hada_files_task;
 HADA_INIT(hada_files_task, HADA_STRUCT_FILES_TASK)
 

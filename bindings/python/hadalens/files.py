@@ -250,7 +250,10 @@ def py_files_task_tell(user: Any, state: Any) -> None:
         if monitor.tell is not None:
             monitor.tell(str(name), state.frame)
     elif state.event == lib.HADA_FILES_DONE:
-        places = [text(one) for one in (*state.outputs, state.confidence, state.picture, state.emitters_table, state.tracks_table)]
+        places = [
+            text(one)
+            for one in (*state.outputs, state.confidence, state.picture, state.emitters_table, state.tracks_table)
+        ]
         outputs = tuple(Path(one) for one in places if one)
         monitor.results.append(FileResult(name, state.frames, outputs, None, match=monitor.match))
     elif state.event == lib.HADA_FILES_THERE:

@@ -19,7 +19,7 @@ echo "the stack of a bead, and a film"
 python3 "$here/examples/microscope_film.py" .
 
 echo "the camera, from the stack: 20 depths from 2 mm on, 0.05 mm apart"
-"$hadalens" fit --psf psf.npy --distances "$(seq -s, 2.00 0.05 2.95)" --psf-dark 0 --window 96x96 -o microscope.model
+"$hadalens" fit --psf psf.npy --distances 2:0.05:20 --psf-dark 0 --window 96x96 -o microscope.model
 
 echo "volumes, emitters and their tracks; a pixel is 4 micrometres in the scene"
 "$hadalens" reconstruct film.npy -m microscope.model -o pictures --emitters --track-pixels 1.5 --track-depths 1.5 --pixel-um 4

@@ -102,7 +102,7 @@ static const hada_evaluate_task evaluate_task = {.size = sizeof(hada_evaluate_ta
                                                  .encoding = HADA_AUTO,
                                                  .gate_pixels = 2.0,
                                                  .gate_depths = 2.5};
-static const hada_psf_task psf_task = {.size = sizeof(hada_psf_task), .frame_encoding = HADA_AUTO};
+static const hada_psf_task psf_task = {.size = sizeof(hada_psf_task), .frame_encoding = HADA_AUTO, .every = 1};
 static const hada_fit_task fit_task = {.size = sizeof(hada_fit_task), .save_seconds = 60.0};
 static const hada_optics_task optics_task = {.size = sizeof(hada_optics_task), .threshold = HADA_AUTO};
 static const hada_files_task files_task = {.size = sizeof(hada_files_task),

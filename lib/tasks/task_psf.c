@@ -36,7 +36,8 @@ typedef struct psfs {
     int filled;       /* a mosaic became three channels */
     capture *capture;
     int captures, stack; /* stack: one file, whose pages are depths */
-    int count;
+    int count, every;    /* every: of `all` depths, each so many-th is taken */
+    int all;
     hada_image *image;
     double *distances_mm;
     double *list; /* of the file beside */
@@ -249,6 +250,13 @@ done:
     return status;
 }
 
+/* Of those of all depths. */
+static void take_distances(psfs *of, const double *all)
+{
+    for (int k = 0; k < of->count; k++)
+        of->distances_mm[k] = all[k * of->every];
+}
+
 /* The pages of a file, each a depth. */
 static hada_status read_stack(psfs *of, hada_error *err)
 {
@@ -257,15 +265,16 @@ static hada_status read_stack(psfs *of, hada_error *err)
     HADA_TRY(hada_tiff_open(&reader, of->path, err));
     HADA_TRY_OR_DONE(hada_tiff_check_all(reader, err));
     const hada_tiff_info *info = hada_tiff_get_info(reader);
+    of->all = info->frames;
     HADA_TRY_OR_DONE(HADA_NEW(of->image, (size_t)info->frames, "point spread functions", err));
     HADA_TRY_OR_DONE(HADA_NEW(of->distances_mm, (size_t)info->frames, "distances", err));
-    for (; of->count < info->frames; of->count++) {
+    for (int page = 0; page < info->frames; page += of->every, of->count++) {
         int pages = 0;
-        HADA_TRY_OR_DONE(add_page(of, reader, of->count, of->path, &of->image[of->count], &pages, err));
+        HADA_TRY_OR_DONE(add_page(of, reader, page, of->path, &of->image[of->count], &pages, err));
     }
-    if (info->distances == of->count)
-        memcpy(of->distances_mm, info->distances_mm, (size_t)of->count * sizeof *of->distances_mm);
-    else if (of->count == 1)
+    if (info->distances == of->all)
+        take_distances(of, info->distances_mm);
+    else if (of->all == 1)
         of->distances_mm[0] = fmax(of->capture[0].distance, 0.0);
 done:
     hada_tiff_close(&reader);
@@ -293,6 +302,7 @@ static hada_status read_captures(psfs *of, int apart, hada_error *err)
         hada_tiff_close(&reader);
         HADA_TRY(status);
         files++;
+        of->all = of->count;
         if (pages > 1 && (i + 1 == of->captures || apart || now[1].distance > now->distance))
             hada_monitor_tell(of->task->monitor, HADA_MESSAGE_INFO, "%s: %d captures of %d %s averaged", now->path,
                               pages, files, files == 1 ? "file" : "files");
@@ -330,6 +340,10 @@ static hada_status read_all(psfs *of, hada_error *err)
                          task->mask_distance_mm);
     HADA_TRY(find_captures(of, err));
     HADA_TRY(ask_frame(of, err));
+    of->every = task->every;
+    if (task->every < 1 || (task->every > 1 && !of->stack))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "options.every takes pages of one file, each one or each 2nd, 3rd..., and is 1 or more");
     if (!given && of->capture[0].distance < 0.0) {
         HADA_TRY(read_list(of, err));
         given = of->list;
@@ -347,15 +361,15 @@ static hada_status read_all(psfs *of, hada_error *err)
                           "%s: a grey one serves red, green and blue alike; where the optics place them differently, "
                           "edges get coloured",
                           of->path);
-    if (given && number != of->count)
+    if (given && number != of->all)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "%s names %d distance%s, but %s has %d %s%s",
                          of->list ? "the list beside it"
                          : law    ? "options.psf_distance"
                                   : "options.distances",
-                         number, number == 1 ? "" : "s", of->path, of->count, of->stack ? "page" : "depth",
-                         of->count == 1 ? "" : "s");
+                         number, number == 1 ? "" : "s", of->path, of->all, of->stack ? "page" : "depth",
+                         of->all == 1 ? "" : "s");
     if (given)
-        memcpy(of->distances_mm, given, (size_t)number * sizeof *given);
+        take_distances(of, given);
     if (of->count > 1 && of->distances_mm[0] <= 0.0)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "%s does not say at which distances its %d %s were taken; add options.distances with them in "

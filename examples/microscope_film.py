@@ -85,9 +85,9 @@ def main() -> None:
             film.append(frame)
     unit = max(max(row) for frame in film for row in frame)
     for frame in film:
-        for row in frame:
+        for line in frame:
             for col in range(SIZE):
-                row[col] += NOISE * unit * pick.gauss(0, 1)
+                line[col] += NOISE * unit * pick.gauss(0, 1)
     save(folder / "film.npy", film, unit)
 
 

@@ -6,7 +6,9 @@
 #include "core/input.h"
 #include "filter/psf.h"
 #include "fit/psf_depths.h"
+#include "fit/psf_drift.h"
 #include "image/correct.h"
+#include "image/pixels.h"
 #include "io/folder.h"
 #include "io/text.h"
 #include "io/tiff_page.h"
@@ -19,6 +21,9 @@
  * share of a mean one's: where light ends at the border for good it has less than a hundredth. */
 #define LOST   0.005
 #define BORDER 0.1
+/* And where a stack of so many depths wanders by more pixels. */
+enum { LEAST_STACK = 4 };
+#define WANDERS 0.5
 
 typedef struct capture {
     char *path;
@@ -420,6 +425,45 @@ static hada_status clean(psfs *of, hada_error *err)
     return HADA_OK;
 }
 
+/* Of a stack: how far the bead wanders, which is taken off where that is wanted. */
+static hada_status recentre(psfs *of, hada_error *err)
+{
+    const hada_psfs known = {of->image, of->distances_mm, of->count};
+    const hada_psf_task *task = of->task;
+    double(*drift)[2] = NULL, most = 0.0;
+    hada_image moved = {0};
+    hada_status status = HADA_OK;
+    if (of->count < LEAST_STACK)
+        return task->recentre ? hada_fail(err, HADA_ERROR_ARGUMENT,
+                                          "options.recentre: a drift is seen in %d depths or more, and %s has %d",
+                                          LEAST_STACK, of->path, of->count)
+                              : HADA_OK;
+    for (int k = 1; k < of->count; k++)
+        if (!(of->distances_mm[k] > of->distances_mm[k - 1]))
+            return HADA_OK; /* which is refused later */
+    HADA_TRY_OR_DONE(HADA_NEW(drift, (size_t)of->count, "the drift of point spread functions", err));
+    HADA_TRY_OR_DONE(hada_psf_drift(drift, &known, err));
+    for (int k = 0; k < of->count; k++)
+        most = fmax(most, hypot(drift[k][0], drift[k][1]));
+    hada_monitor_tell(task->monitor, !task->recentre && most > WANDERS ? HADA_MESSAGE_NOTE : HADA_MESSAGE_DETAIL,
+                      task->recentre ? "%s: the bead wanders by up to %.1f pixels, which were taken off"
+                                     : "%s: the bead wanders by up to %.1f pixels beside what its distances explain: "
+                                       "kept as it is; options.recentre takes it off",
+                      of->path, most);
+    for (int k = 0; k < of->count && task->recentre; k++) {
+        hada_image *image = &of->image[k];
+        HADA_TRY_OR_DONE(
+            hada_image_magnify(&moved, image, 1.0, -drift[k][0], -drift[k][1], image->rows, image->cols, err));
+        for (size_t i = 0; i < hada_image_count(&moved); i++)
+            image->data[i] = fmaxf(moved.data[i], 0.0F);
+        hada_image_destroy(&moved);
+    }
+done:
+    hada_image_destroy(&moved);
+    free(drift);
+    return status;
+}
+
 /* Makes those of the wanted depths from those that were read. */
 static hada_status change_depths(psfs *of, hada_context *context, hada_error *err)
 {
@@ -506,6 +550,7 @@ hada_status hada_psf_run(hada_model **out, hada_context *context, const char *pa
     if ((int)of.options.turn > 0 && of.options.turn <= HADA_TURN_270)
         of.options.turn = (hada_turn)(of.options.turn & HADA_TURN_180); /* pages are transposed by now */
     HADA_TRY_OR_DONE(clean(&of, err));
+    HADA_TRY_OR_DONE(recentre(&of, err));
     if (task->mask_distance_mm > 0.0 || task->psf_distances_mm)
         HADA_TRY_OR_DONE(change_depths(&of, context, err));
     HADA_TRY_OR_DONE(hada_named(

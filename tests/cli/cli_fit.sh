@@ -183,6 +183,14 @@ expect 2 'every' fit --psf stack.tif --distances 50:2.5:5 --every 0 -o x
 "$FRAME_TOOL" nan spots.tif holes.tif 5
 expect 4 'holes.tif: page 1 holds 5 NaN' fit --psf holes.tif -o x
 
+# A bead that drifts from depth to depth.
+mkdir drift
+for k in 0 1 2 3 4; do "$FRAME_TOOL" turn spots.tif "drift/z$((50 + 5 * k))mm.tif" 1 0 0 0 $((k == 2 ? 3 : 0)) 0; done
+expect 0 'the bead wanders by up to 2.[0-9] pixels.*kept as it is; --recentre takes it off' fit --psf drift -o x
+expect 0 'the bead wanders by up to 2.[0-9] pixels, which were taken off' fit --psf drift --recentre -o centred.model -v
+expect 2 '--recentre: a drift is seen in 4 depths or more' fit --psf spots.tif --distances 50 --recentre -o x
+rm -f x
+
 # Depths by the law of magnification.
 expect 0 '3 depths by the law of magnification, 1 . 3.7 mm / distance.*3 depths, 64x80 frames' \
     fit --psf spots.tif --psf-distance 60 --distances 40,60,100 --mask-distance 3.7 -o law.model

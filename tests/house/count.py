@@ -13,7 +13,7 @@ import sys
 
 # What has a limit: the limit that --hold enforces today, and the aim where it has not been reached.
 LIMITS = {
-    'lines of the library': (75_400, 56_000),  # emitters and their tracks, the learned regulariser, frames as they come
+    'lines of the library': (75_600, 56_000),  # emitters and their tracks, the learned regulariser, frames as they come
     'lines of the kernels': (13_050, 12_000),  # the learned regulariser
     'lines of the command line': (8_430, 8_000),  # tables of emitters and tracks, frames as they come
     'lines of tests (without corpora, frozen headers)': (58_700, 50_000),  # sequences, emitters, tracks, the learned regulariser; PyTorch's refinement, deepinv, the field's data

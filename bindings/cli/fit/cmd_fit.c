@@ -37,6 +37,8 @@ static const hada_cli_option options[] = {
      AT(distances)},
     {HADA_OPTION_COUNT, "every", 0, "N", "take each N-th page of --psf, from the first on (default: 1)",
      "The distances are those of all pages.", AT(psf_task.every)},
+    {HADA_OPTION_FLAG, "recentre", 0, NULL, "take off what a bead or stage drifted over the depths of --psf",
+     "Of four depths or more: their shifts, without what an axis beside the middle explains.", AT(psf_task.recentre)},
     {HADA_OPTION_REAL, "mask-distance", 0, "MM", "from mask to sensor: --distances are made from one PSF, magnified",
      NULL, AT(psf_task.mask_distance_mm)},
     {HADA_OPTION_TEXT, "psf-distance", 0, "LIST", "where PSFs were taken, if --distances shall be made from them",

@@ -296,8 +296,8 @@ def reconstruct_files(
         output: the folder, made where it is missing.
         preview: a sheet to look at.
         picture: also NAME_aif.png, the first all-in-focus image for a display.
-        emitters: also NAME_emitters.csv, the points of light; of a plan with scene="volume" (:meth:`Plan.emitters`), and of a sequence
-            NAME_tracks.csv.
+        emitters: also NAME_emitters.csv, the points of light; of a plan with scene="volume" (:meth:`Plan.emitters`);
+            of a sequence NAME_tracks.csv, too.
         track_pixels: the largest motion of emitters from frame to frame (:func:`hadalens.track_emitters`).
         track_depths: and along depths.
         track_gap: frames without its emitter after which a track goes on.

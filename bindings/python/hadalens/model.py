@@ -316,6 +316,7 @@ class Model(Handle):
         colour: bool = False,
         half: bool = False,
         every: int = 1,
+        recentre: bool = False,
     ) -> Self:
         """Return a model made from the pages of a TIFF file, near to far; options are those of :meth:`from_psf`.
 
@@ -326,6 +327,7 @@ class Model(Handle):
             colour: a grey page serves red, green and blue alike.
             half: filters in half precision.
             every: takes each so many-th page, from the first on; distances are those of all.
+            recentre: takes off what the bead drifted over the depths.
 
         """
         task = Options(
@@ -335,6 +337,7 @@ class Model(Handle):
             colour=colour,
             half=half,
             every=every,
+            recentre=recentre,
         )
         return cls._new(lib.hada_psf_run, default(context)._c, path(name), task.c)
 

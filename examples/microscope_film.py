@@ -75,7 +75,7 @@ def main() -> None:
         for number in range(FRAMES):
             frame = new()
             for k, (start, speed) in enumerate(zip(places, speeds, strict=True)):
-                flash[k] = 0.7 * flash[k] + (k < CELLS and pick.random() < 0.06)
+                flash[k] = 0.7 * flash[k] + float(k < CELLS and pick.random() < 0.06)
                 x, y, z = (a + number * b for a, b in zip(start, speed, strict=True))
                 if not (border - 4 < x < SIZE - border + 4 and border - 4 < y < SIZE - border + 4):
                     continue  # a bead has left

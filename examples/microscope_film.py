@@ -57,8 +57,8 @@ def main() -> None:
     folder, pick = Path(sys.argv[1]), random.Random(4)
     lenses = [(pick.uniform(-38, 38), pick.uniform(-38, 38)) for _ in range(24)]
     stack = [new() for _ in range(DEPTHS)]
-    for z, frame in enumerate(stack):
-        add_point(frame, lenses, (SIZE / 2, SIZE / 2, z), 1.0)
+    for depth, frame in enumerate(stack):
+        add_point(frame, lenses, (SIZE / 2, SIZE / 2, depth), 1.0)
     save(folder / "psf.npy", stack, max(map(max, stack[0])))
 
     border = 20.0  # the window of 96 x 96 pixels, and 4 pixels less

@@ -230,7 +230,7 @@ hada_status hada_evaluate_emitters(hada_evaluation *one, const hada_evaluate_tas
     one->jaccard = both ? m.pairs / ((double)both - m.pairs) : NAN;
     one->lateral_rmse = m.pairs ? sqrt(m.lateral / m.pairs) : NAN;
     one->axial_rmse = m.pairs ? sqrt(m.axial / m.pairs) : NAN;
-    one->switches = tracks ? ids.switches : NAN;
+    one->switches = tracks ? (double)ids.switches : (double)NAN;
 done:
     HADA_FREE(found.list, truth.list, match, ids.numbers, ids.found);
     return status;

@@ -102,7 +102,7 @@ static const hada_evaluate_task evaluate_task = {.size = sizeof(hada_evaluate_ta
                                                  .encoding = HADA_AUTO,
                                                  .gate_pixels = 2.0,
                                                  .gate_depths = 2.5};
-static const hada_psf_task psf_task = {.size = sizeof(hada_psf_task), .frame_encoding = HADA_AUTO};
+static const hada_psf_task psf_task = {.size = sizeof(hada_psf_task), .frame_encoding = HADA_AUTO, .every = 1};
 static const hada_fit_task fit_task = {.size = sizeof(hada_fit_task), .save_seconds = 60.0};
 static const hada_optics_task optics_task = {.size = sizeof(hada_optics_task), .threshold = HADA_AUTO};
 static const hada_files_task files_task = {.size = sizeof(hada_files_task),
@@ -111,7 +111,10 @@ static const hada_files_task files_task = {.size = sizeof(hada_files_task),
                                            .white = 1.0,
                                            .encoding = HADA_AUTO,
                                            .frame_encoding = HADA_AUTO,
-                                           .match = HADA_FILES_MATCH_FIRST};
+                                           .match = HADA_FILES_MATCH_FIRST,
+                                           .track_pixels = 2.0,
+                                           .track_depths = 2.5,
+                                           .track_gap = 2};
 static const hada_live_task live_task = {
     .size = sizeof(hada_live_task), .input = -1, .output = -1, .frame_encoding = HADA_AUTO};
 static const hada_simulate_task simulate_task = {.size = sizeof(hada_simulate_task),

@@ -1,5 +1,6 @@
 /* Previews: one sheet of everything that a frame gave. */
 #include <hadalens/preview.h>
+#include <hadalens/response.h>
 
 #include "core/callers.h"
 #include "io/text.h"
@@ -31,7 +32,9 @@ typedef struct hada_sheet {
     const hada_preview *p;
     hada_drawing *drawing;
     double gamma;
-    double near, far; /* ends of the colour scale, mm */
+    double near, far;            /* ends of the colour scale, mm */
+    hada_image brightest, coded; /* of a volume: its projections */
+    const hada_image *panels[3]; /* raw, all in focus, distances; NULL: not shown */
     int header, panels_y, panel_height, stack_y, columns, tile_width, tile_height, height;
 } hada_sheet;
 
@@ -74,9 +77,53 @@ static void find_range(hada_sheet *sheet)
     }
 }
 
+/* Of a share of the scale. Where brightness is light, colours are as bright as they can be. */
+static hada_colour shade_of(const hada_sheet *sheet, double at)
+{
+    const hada_colour colour = hada_colormap(at), red = colour >> 16, green = colour >> 8 & 255, blue = colour & 255;
+    const hada_colour most = red > green ? (red > blue ? red : blue) : green > blue ? green : blue;
+    return sheet->p->volume ? red * 255 / most << 16 | green * 255 / most << 8 | blue * 255 / most : colour;
+}
+
 static hada_colour colour_of(const hada_sheet *sheet, double distance)
 {
-    return hada_colormap((distance - sheet->near) / (sheet->far - sheet->near));
+    return shade_of(sheet, (distance - sheet->near) / (sheet->far - sheet->near));
+}
+
+/* Light of a pixel over channels. */
+static double light_of(const hada_image *plane, size_t i)
+{
+    const size_t pixels = (size_t)plane->rows * (size_t)plane->cols;
+    double sum = 0;
+    for (size_t c = 0; c < (size_t)plane->channels; c++)
+        sum += (double)plane->data[c * pixels + i];
+    return isfinite(sum) ? sum / plane->channels : 0;
+}
+
+/* The brightest voxel of each pixel, as it is and in the colour of its distance. */
+static hada_status project(hada_sheet *sheet, hada_error *err)
+{
+    const hada_preview *p = sheet->p;
+    const hada_image *first = &p->planes[0];
+    const size_t pixels = (size_t)first->rows * (size_t)first->cols;
+    HADA_TRY(hada_image_create(&sheet->brightest, first->channels, first->rows, first->cols, err));
+    HADA_TRY(hada_image_create(&sheet->coded, 3, first->rows, first->cols, err));
+    for (size_t i = 0; i < pixels; i++) {
+        int best = 0;
+        for (int z = 1; z < p->depths; z++)
+            best = light_of(&p->planes[z], i) > light_of(&p->planes[best], i) ? z : best;
+        const double light = light_of(&p->planes[best], i);
+        const hada_colour colour = p->distances_mm ? colour_of(sheet, p->distances_mm[best])
+                                                   : shade_of(sheet, (double)best / fmax(p->depths - 1, 1));
+        for (size_t c = 0; c < (size_t)first->channels; c++)
+            sheet->brightest.data[c * pixels + i] = p->planes[best].data[c * pixels + i];
+        for (size_t c = 0; c < 3; c++)
+            sheet->coded.data[c * pixels + i] =
+                (float)(light * hada_response_to_light(HADA_RESPONSE_SRGB, (colour >> (16 - 8 * c) & 255) / 255.0));
+    }
+    sheet->panels[1] = &sheet->brightest;
+    sheet->panels[2] = &sheet->coded;
+    return HADA_OK;
 }
 
 static void place_stack(hada_sheet *sheet)
@@ -106,15 +153,14 @@ static void place_stack(hada_sheet *sheet)
 static void place(hada_sheet *sheet)
 {
     const hada_preview *p = sheet->p;
-    const hada_image *shown[3] = {p->raw, p->all_in_focus, p->distance_map};
     double shapes = 0;
     int panels = 0, room = WIDTH - 2 * MARGIN;
     for (int i = 0; i < 3; i++)
-        if (shown[i]) {
-            shapes += aspect(shown[i]);
+        if (sheet->panels[i]) {
+            shapes += aspect(sheet->panels[i]);
             panels++;
         }
-    room -= (panels - 1) * GAP + (p->distance_map ? BAR + BAR_TEXT + GAP : 0);
+    room -= (panels - 1) * GAP + (sheet->panels[2] ? BAR + BAR_TEXT + GAP : 0);
     sheet->header = p->title && *p->title ? 64 : MARGIN;
     sheet->panels_y = sheet->header + CAPTION;
     sheet->panel_height = panels ? (int)fmax(1, fmin(PANEL_MOST, room / shapes)) : 0;
@@ -162,7 +208,6 @@ static hada_status draw_map(const hada_sheet *sheet, int x, int y, int width, in
             *to++ = isfinite(value) ? colour_of(sheet, value) : (row + column) % HATCH < HATCHED ? hatch : nothing;
         }
     hada_drawing_pixels(sheet->drawing, x, y, width, height, pixels);
-    hada_drawing_frame(sheet->drawing, x, y, width, height, 1, line);
 done:
     free(pixels);
     return status;
@@ -187,7 +232,7 @@ static void draw_bar(const hada_sheet *sheet, int x, int y, int height)
     const double range = sheet->far - sheet->near, step = hada_drawing_step(range, height >= 300 ? 8 : 4);
     for (int row = 0; row < height; row++)
         hada_drawing_fill(sheet->drawing, x, y + row, BAR, 1,
-                          hada_colormap(height > 1 ? (double)row / (height - 1) : 0));
+                          shade_of(sheet, height > 1 ? (double)row / (height - 1) : 0));
     hada_drawing_frame(sheet->drawing, x, y, BAR, height, 1, line);
     draw_tick(sheet, x + BAR, y, height, sheet->near);
     draw_tick(sheet, x + BAR, y, height, sheet->far);
@@ -205,28 +250,33 @@ static void caption(const hada_sheet *sheet, int x, int y, int width, const char
 
 static hada_status draw_panels(const hada_sheet *sheet, hada_error *err)
 {
-    const hada_preview *p = sheet->p;
-    const hada_image *shown[2] = {p->raw, p->all_in_focus};
-    static const char *const names[2] = {"raw", "all in focus"};
+    const int volume = sheet->coded.data != NULL;
+    const char *const names[2] = {"raw", volume ? "maximum projection" : "all in focus"};
     const int y = sheet->panels_y, height = sheet->panel_height;
     int x = MARGIN;
     for (int i = 0; i < 2; i++) {
-        if (!shown[i])
+        const hada_image *shown = sheet->panels[i];
+        if (!shown)
             continue;
-        const int width = width_of(shown[i], height);
+        const int width = width_of(shown, height);
         char words[80];
-        snprintf(words, sizeof words, "%s, %d × %d", names[i], shown[i]->cols, shown[i]->rows);
+        snprintf(words, sizeof words, "%s, %d × %d", names[i], shown->cols, shown->rows);
         caption(sheet, x, y, width, words);
-        HADA_TRY(draw_image(sheet, x, y, width, height, shown[i], hada_tone_white(shown[i], 1), err));
+        HADA_TRY(draw_image(sheet, x, y, width, height, shown, hada_tone_white(shown, 1), err));
         hada_drawing_frame(sheet->drawing, x, y, width, height, 1, line);
         x += width + GAP;
     }
-    if (p->distance_map) {
-        static const char long_words[] = "distance (hatched: nothing in focus)";
-        const int width = width_of(p->distance_map, height), room = width + GAP + BAR + BAR_TEXT;
+    if (sheet->panels[2]) {
+        const char *const long_words =
+            volume ? "maximum projection, coloured by distance" : "distance (hatched: nothing in focus)";
+        const int width = width_of(sheet->panels[2], height), room = width + GAP + BAR + BAR_TEXT;
         caption(sheet, x, y, room,
                 hada_drawing_text_width(sheet->drawing, TEXT, long_words) <= room ? long_words : "distance");
-        HADA_TRY(draw_map(sheet, x, y, width, height, err));
+        if (volume)
+            HADA_TRY(draw_image(sheet, x, y, width, height, &sheet->coded, hada_tone_white(&sheet->brightest, 1), err));
+        else
+            HADA_TRY(draw_map(sheet, x, y, width, height, err));
+        hada_drawing_frame(sheet->drawing, x, y, width, height, 1, line);
         draw_bar(sheet, x + width + GAP, y, height);
     }
     return HADA_OK;
@@ -242,7 +292,7 @@ static void label_tile(const hada_sheet *sheet, int index, int x, int y, hada_co
     else
         snprintf(number, sizeof number, "depth %d", index + 1);
     snprintf(label, sizeof label, "%s%s", number, p->distances_mm ? " mm" : "");
-    if (p->distances_mm && p->distance_map) {
+    if (p->distances_mm && sheet->panels[2]) {
         hada_drawing_fill(sheet->drawing, x, y - 13, 14, 14, colour_of(sheet, p->distances_mm[index]));
         hada_drawing_frame(sheet->drawing, x, y - 13, 14, 14, 1, dim);
         x += 24;
@@ -281,8 +331,9 @@ static hada_status draw_stack(const hada_sheet *sheet, hada_error *err)
         hada_drawing_frame(sheet->drawing, floor(x) + 32, y - 13, 13, 13, 4, found);
         text(sheet, x + 58, y, WIDTH - MARGIN - x - 58, found, words);
     }
-    /* One white for all, so that brightness can be compared. */
-    const double white = hada_tone_white(p->planes, p->depths);
+    /* One white for all, so that brightness can be compared; most voxels of a volume are dark. */
+    const double white =
+        sheet->coded.data ? hada_tone_white(&sheet->brightest, 1) : hada_tone_white(p->planes, p->depths);
     for (int i = 0; i < p->depths; i++)
         HADA_TRY(draw_tile(sheet, i, white, err));
     return HADA_OK;
@@ -315,6 +366,11 @@ hada_status hada_preview_save(const char *path, const hada_preview *callers, had
         return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: there is no image to show", path);
     sheet.gamma = preview->gamma == HADA_AUTO ? 0 : preview->gamma;
     find_range(&sheet);
+    sheet.panels[0] = preview->raw;
+    sheet.panels[1] = preview->all_in_focus;
+    sheet.panels[2] = preview->distance_map;
+    if (preview->volume && preview->planes && preview->depths > 1)
+        HADA_TRY_OR_DONE(project(&sheet, err));
     place(&sheet);
     HADA_TRY_OR_DONE(hada_drawing_create(&sheet.drawing, WIDTH, sheet.height, paper, err));
     if (preview->title)
@@ -324,6 +380,8 @@ hada_status hada_preview_save(const char *path, const hada_preview *callers, had
     HADA_TRY_OR_DONE(hada_drawing_save(sheet.drawing, path, err));
 done:
     hada_drawing_destroy(&sheet.drawing);
+    hada_image_destroy(&sheet.brightest);
+    hada_image_destroy(&sheet.coded);
     return status;
 }
 

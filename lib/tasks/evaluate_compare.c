@@ -232,7 +232,7 @@ hada_status hada_evaluate_compare(hada_evaluation *one, const hada_evaluate_task
     one->steps_jumps = one->steps_away = one->within_jumps = one->within_away = NAN;
     one->coverage_jumps = one->coverage_away = one->outside = one->outside_unknown = NAN;
     one->confident_half = one->risk = NAN;
-    one->recall = one->precision = one->f1 = one->jaccard = one->lateral_rmse = one->axial_rmse = NAN;
+    one->recall = one->precision = one->f1 = one->jaccard = one->lateral_rmse = one->axial_rmse = one->switches = NAN;
     if (is_table(one->result) && is_table(one->truth)) {
         one->what = HADA_EVALUATED_EMITTERS;
         return hada_evaluate_emitters(one, by, err);

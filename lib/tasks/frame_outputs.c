@@ -10,8 +10,11 @@
 #include "io/text.h"
 #include "io/tiff_write.h"
 
-static const char *const endings[HADA_OUTPUT_FILES] = {"stack.tif",      "aif.tif", "depth.tif",   "preview.png",
-                                                       "confidence.tif", "aif.png", "emitters.csv"};
+static const char *const endings[HADA_OUTPUT_FILES] = {"stack.tif",      "aif.tif", "depth.tif",    "preview.png",
+                                                       "confidence.tif", "aif.png", "emitters.csv", "tracks.csv"};
+
+static const char table_words[] = "a table of emitters";
+#define EMITTER_COLUMNS "frame,x,y,z,distance_mm,amplitude,sd_x,sd_y,sd_z,sd_amplitude,residual\n"
 
 /* Drawn at once, with the first frame. */
 static int is_drawn(int which)
@@ -36,6 +39,7 @@ static int is_wanted(const hada_files_task *task, int which)
     return which == HADA_OUTPUT_PREVIEW    ? draws && task->preview
            : which == HADA_OUTPUT_PICTURE  ? draws && task->picture
            : which == HADA_OUTPUT_EMITTERS ? task->emitters
+           : which == HADA_OUTPUT_TRACKS   ? task->emitters
                                            : 1;
 }
 
@@ -53,12 +57,15 @@ hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, c
     *out = (hada_outputs){.frames = frames,
                           .bits = task->bits,
                           .white = task->white,
+                          .pixel_um = task->pixel_um,
                           .scene_response = model->scene_response,
                           .has_map = has_map(plan)};
     choose_encoding(out, task, plan->setup.options.gamma);
     for (int k = 0; k < HADA_OUTPUT_FILES; k++)
         if (is_wanted(task, k))
             HADA_TRY(hada_path_format(&out->path[k], err, "%s/%s_%s", task->output, name, endings[k]));
+    if (task->emitters && frames > 1)
+        HADA_TRY(hada_tracker_create(&out->tracker, task->track_pixels, task->track_depths, task->track_gap, err));
     return hada_path_format(&out->title, err, "%s, %s", name, slash ? slash + 1 : model->name);
 }
 
@@ -72,6 +79,7 @@ static hada_status open_writer(hada_outputs *out, int which, const hada_image *f
     const int is_map = which == HADA_OUTPUT_DISTANCE_MAP || which == HADA_OUTPUT_CONFIDENCE;
     options.bits = is_map ? 32 : out->bits;
     options.scale = out->white;
+    options.pixel_um = out->pixel_um;
     options.slices = 1;
     options.times = out->frames;
     if (which == HADA_OUTPUT_STACK) {
@@ -106,7 +114,8 @@ static hada_status save_preview(const hada_outputs *out, const hada_pixels *raw,
     }
     preview.depths = result->depths;
     preview.distances_mm = result->distances_mm;
-    preview.occupied = result->report->occupied;
+    preview.volume = result->report->scene == HADA_SCENE_VOLUME;
+    preview.occupied = preview.volume ? NULL : result->report->occupied; /* all of them */
     preview.all_in_focus = &result->all_in_focus;
     preview.gamma = out->shown;
     const hada_status status = hada_preview_save(out->path[HADA_OUTPUT_PREVIEW], &preview, err);
@@ -148,33 +157,102 @@ static hada_status write_confidence(hada_outputs *out, const hada_result *result
     return hada_tiff_write(out->writer[HADA_OUTPUT_CONFIDENCE], confidence ? confidence : &out->unknown, err);
 }
 
+static void add_emitter(hada_text *text, int frame, const hada_emitter *one)
+{
+    const double values[] = {one->x,    one->y,    one->z,    one->distance_mm,  one->amplitude,
+                             one->sd_x, one->sd_y, one->sd_z, one->sd_amplitude, one->residual};
+    hada_text_add(text, "%d", frame);
+    for (size_t k = 0; k < HADA_COUNT(values); k++) {
+        char number[32];
+        hada_format_number(number, sizeof number, "%.7g", values[k]);
+        hada_text_add(text, ",%s", number);
+    }
+    hada_text_add(text, "\n");
+}
+
+/* Empties the text. */
+static hada_status write_text(hada_outfile *table, hada_text *text, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    if (text->failed)
+        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s", table_words);
+    else if (text->length)
+        status = hada_outfile_write(table, text->data, text->length, err);
+    free(text->data);
+    *text = (hada_text){0};
+    return status;
+}
+
 /* A line for each emitter; those of all frames follow each other. */
 static hada_status write_emitters(hada_outputs *out, const hada_emitters *emitters, hada_error *err)
 {
     hada_text text = {0};
-    hada_status status = HADA_OK;
     if (!out->has_table) {
         HADA_TRY(hada_outfile_open(&out->table, out->path[HADA_OUTPUT_EMITTERS], err));
         out->has_table = 1;
-        hada_text_add(&text, "frame,x,y,z,distance_mm,amplitude,sd_x,sd_y,sd_z,sd_amplitude,residual\n");
+        hada_text_add(&text, EMITTER_COLUMNS);
     }
-    for (int i = 0; i < hada_emitters_count(emitters); i++) {
-        const hada_emitter *one = hada_emitters_get(emitters, i);
-        const double values[] = {one->x,    one->y,    one->z,    one->distance_mm,  one->amplitude,
-                                 one->sd_x, one->sd_y, one->sd_z, one->sd_amplitude, one->residual};
-        hada_text_add(&text, "%d", out->written - 1);
-        for (size_t k = 0; k < HADA_COUNT(values); k++) {
-            char number[32];
-            hada_format_number(number, sizeof number, "%.7g", values[k]);
-            hada_text_add(&text, ",%s", number);
-        }
-        hada_text_add(&text, "\n");
+    for (int i = 0; i < hada_emitters_count(emitters); i++)
+        add_emitter(&text, out->written - 1, hada_emitters_get(emitters, i));
+    return write_text(&out->table, &text, err);
+}
+
+static hada_status track_emitters(hada_outputs *out, const hada_emitters *emitters, hada_error *err)
+{
+    const int count = hada_emitters_count(emitters);
+    const hada_emitter **list = NULL;
+    int *tracks = NULL;
+    hada_status status = HADA_OK;
+    if (out->tracked_count + (size_t)count > out->tracked_room) {
+        const size_t room = 2 * out->tracked_room + (size_t)count;
+        hada_tracked *larger = realloc(out->tracked, room * sizeof *larger);
+        if (!larger)
+            return hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s", table_words);
+        out->tracked = larger;
+        out->tracked_room = room;
     }
-    if (text.failed)
-        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for a table of emitters");
-    else if (text.length)
-        status = hada_outfile_write(&out->table, text.data, text.length, err);
-    free(text.data);
+    HADA_TRY_OR_DONE(HADA_NEW(list, (size_t)count + 1, table_words, err));
+    HADA_TRY_OR_DONE(HADA_NEW(tracks, (size_t)count + 1, table_words, err));
+    for (int i = 0; i < count; i++)
+        list[i] = hada_emitters_get(emitters, i);
+    HADA_TRY_OR_DONE(hada_tracker_add(out->tracker, list, count, tracks, err));
+    for (int i = 0; i < count; i++) {
+        out->tracked[out->tracked_count++] = (hada_tracked){tracks[i], out->written - 1, *list[i]};
+        out->tracks = tracks[i] < out->tracks ? out->tracks : tracks[i] + 1;
+    }
+done:
+    HADA_FREE(list, tracks);
+    return status;
+}
+
+static int by_track(const void *a, const void *b)
+{
+    const hada_tracked *one = a, *other = b;
+    const int order = (one->track > other->track) - (one->track < other->track);
+    return order ? order : (one->frame > other->frame) - (one->frame < other->frame);
+}
+
+/* A line for each emitter, track by track. */
+static hada_status write_tracks(hada_outputs *out, hada_error *err)
+{
+    enum { AT_ONCE = 1 << 16 };
+    hada_outfile table;
+    hada_text text = {0};
+    hada_status status = HADA_OK;
+    if (out->tracked_count)
+        qsort(out->tracked, out->tracked_count, sizeof *out->tracked, by_track);
+    HADA_TRY(hada_outfile_open(&table, out->path[HADA_OUTPUT_TRACKS], err));
+    hada_text_add(&text, "track," EMITTER_COLUMNS);
+    for (size_t i = 0; i < out->tracked_count; i++) {
+        hada_text_add(&text, "%d,", out->tracked[i].track);
+        add_emitter(&text, out->tracked[i].frame, &out->tracked[i].emitter);
+        if (text.length > AT_ONCE)
+            HADA_TRY_OR_DONE(write_text(&table, &text, err));
+    }
+    HADA_TRY_OR_DONE(write_text(&table, &text, err));
+    return hada_outfile_commit(&table, err);
+done:
+    hada_outfile_abandon(&table);
     return status;
 }
 
@@ -190,7 +268,9 @@ hada_status hada_outputs_add(hada_outputs *out, const hada_pixels *raw, const ha
         HADA_TRY(hada_tiff_write(out->writer[HADA_OUTPUT_DISTANCE_MAP], &result->distance_map, err));
     if (out->writer[HADA_OUTPUT_CONFIDENCE])
         HADA_TRY(write_confidence(out, result, err));
-    return emitters ? write_emitters(out, emitters, err) : HADA_OK;
+    if (emitters)
+        HADA_TRY(write_emitters(out, emitters, err));
+    return emitters && out->tracker ? track_emitters(out, emitters, err) : HADA_OK;
 }
 
 hada_status hada_outputs_finish(hada_outputs *out, hada_error *err)
@@ -204,11 +284,15 @@ hada_status hada_outputs_finish(hada_outputs *out, hada_error *err)
         out->has_table = 0; /* the record is emptied either way */
         HADA_TRY_OR_DONE(hada_outfile_commit(&out->table, err));
     }
+    if (out->tracker)
+        HADA_TRY_OR_DONE(write_tracks(out, err));
     out->finished = 1;
     if (!out->has_confidence)
         hada_outfile_remove(out->path[HADA_OUTPUT_CONFIDENCE]); /* of a run before */
     if (!out->has_map)
         hada_outfile_remove(out->path[HADA_OUTPUT_DISTANCE_MAP]);
+    if (!out->tracker && out->path[HADA_OUTPUT_TRACKS])
+        hada_outfile_remove(out->path[HADA_OUTPUT_TRACKS]);
 done:
     for (int k = next + 1; status && k < HADA_OUTPUT_FILES; k++)
         if (!is_drawn(k) && out->path[k])
@@ -258,11 +342,13 @@ int hada_outputs_are_there(const hada_files_task *task, const hada_plan *plan, c
                 images[0] % plan->setup.config.depths == 0;
         free(result);
     }
-    if (there && task->emitters) {
+    for (int k = HADA_OUTPUT_EMITTERS; there && task->emitters && k <= HADA_OUTPUT_TRACKS; k++) {
         char *table = NULL;
-        there = !hada_path_format(&table, NULL, "%s/%s_%s", task->output, name, endings[HADA_OUTPUT_EMITTERS]) &&
+        there = !hada_path_format(&table, NULL, "%s/%s_%s", task->output, name, endings[k]) &&
                 hada_path_is_file(table) && !is_older(table, path) && !is_older(table, info->name);
         free(table);
+        if (images[0] == plan->setup.config.depths) /* a single frame has no tracks */
+            break;
     }
     return there;
 }
@@ -280,6 +366,8 @@ void hada_outputs_end(hada_outputs *out)
         free(out->path[k]);
     }
     free(out->title);
+    free(out->tracked);
+    hada_tracker_destroy(&out->tracker);
     hada_image_destroy(&out->unknown);
     *out = (hada_outputs){0};
 }

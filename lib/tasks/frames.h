@@ -9,6 +9,7 @@
 #include <hadalens/tiff.h>
 
 #include "core/outfile.h"
+#include "io/text.h"
 
 /* A frame, or a file that could not be opened. */
 typedef struct hada_streamed {
@@ -59,19 +60,35 @@ void hada_stream_end(hada_stream *stream);
 /* The files that belong to one input of a reconstruction. Internal. */
 
 /* Files of an input: those of hada_output, the confidence of surfaces, the all-in-focus image for a display, and the
- * table of emitters. */
-enum { HADA_OUTPUT_CONFIDENCE = HADA_OUTPUTS, HADA_OUTPUT_PICTURE, HADA_OUTPUT_EMITTERS, HADA_OUTPUT_FILES };
+ * tables of emitters and of tracks. */
+enum {
+    HADA_OUTPUT_CONFIDENCE = HADA_OUTPUTS,
+    HADA_OUTPUT_PICTURE,
+    HADA_OUTPUT_EMITTERS,
+    HADA_OUTPUT_TRACKS,
+    HADA_OUTPUT_FILES
+};
+
+/* An emitter of a sequence. */
+typedef struct hada_tracked {
+    int track, frame;
+    hada_emitter emitter;
+} hada_tracked;
 
 typedef struct hada_outputs {
-    char *path[HADA_OUTPUT_FILES];               /* NULL: preview, picture and emitters where none are wanted */
+    char *path[HADA_OUTPUT_FILES];               /* NULL: preview, picture and tables where none are wanted */
     hada_tiff_writer *writer[HADA_OUTPUT_FILES]; /* NULL: those of PNG files, and of confidence where the first frame is
                                                     no surface */
     hada_outfile table;                          /* of emitters */
     int has_table;                               /* 1: it is open */
-    hada_image unknown;                          /* confidence of frames that are none */
+    hada_tracker *tracker;                       /* NULL: no tracks are wanted */
+    hada_tracked *tracked;                       /* by frame */
+    size_t tracked_count, tracked_room;
+    int tracks;
+    hada_image unknown; /* confidence of frames that are none */
     char *title;
     int frames, bits;
-    double white;
+    double white, pixel_um;
     double encoding;       /* of the files; 0: a gamma that is no response */
     int convert;           /* 1: results are light, and get it on their way */
     double shown;          /* the exponent with which pictures show results: HADA_AUTO where these are light */

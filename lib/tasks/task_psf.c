@@ -6,7 +6,9 @@
 #include "core/input.h"
 #include "filter/psf.h"
 #include "fit/psf_depths.h"
+#include "fit/psf_drift.h"
 #include "image/correct.h"
+#include "image/pixels.h"
 #include "io/folder.h"
 #include "io/text.h"
 #include "io/tiff_page.h"
@@ -19,6 +21,9 @@
  * share of a mean one's: where light ends at the border for good it has less than a hundredth. */
 #define LOST   0.005
 #define BORDER 0.1
+/* And where a stack of so many depths wanders by more pixels. */
+enum { LEAST_STACK = 4 };
+#define WANDERS 0.5
 
 typedef struct capture {
     char *path;
@@ -36,7 +41,8 @@ typedef struct psfs {
     int filled;       /* a mosaic became three channels */
     capture *capture;
     int captures, stack; /* stack: one file, whose pages are depths */
-    int count;
+    int count, every;    /* every: of `all` depths, each so many-th is taken */
+    int all;
     hada_image *image;
     double *distances_mm;
     double *list; /* of the file beside */
@@ -249,6 +255,13 @@ done:
     return status;
 }
 
+/* Of those of all depths. */
+static void take_distances(psfs *of, const double *all)
+{
+    for (int k = 0; k < of->count; k++)
+        of->distances_mm[k] = all[k * of->every];
+}
+
 /* The pages of a file, each a depth. */
 static hada_status read_stack(psfs *of, hada_error *err)
 {
@@ -257,15 +270,16 @@ static hada_status read_stack(psfs *of, hada_error *err)
     HADA_TRY(hada_tiff_open(&reader, of->path, err));
     HADA_TRY_OR_DONE(hada_tiff_check_all(reader, err));
     const hada_tiff_info *info = hada_tiff_get_info(reader);
+    of->all = info->frames;
     HADA_TRY_OR_DONE(HADA_NEW(of->image, (size_t)info->frames, "point spread functions", err));
     HADA_TRY_OR_DONE(HADA_NEW(of->distances_mm, (size_t)info->frames, "distances", err));
-    for (; of->count < info->frames; of->count++) {
+    for (int page = 0; page < info->frames; page += of->every, of->count++) {
         int pages = 0;
-        HADA_TRY_OR_DONE(add_page(of, reader, of->count, of->path, &of->image[of->count], &pages, err));
+        HADA_TRY_OR_DONE(add_page(of, reader, page, of->path, &of->image[of->count], &pages, err));
     }
-    if (info->distances == of->count)
-        memcpy(of->distances_mm, info->distances_mm, (size_t)of->count * sizeof *of->distances_mm);
-    else if (of->count == 1)
+    if (info->distances == of->all)
+        take_distances(of, info->distances_mm);
+    else if (of->all == 1)
         of->distances_mm[0] = fmax(of->capture[0].distance, 0.0);
 done:
     hada_tiff_close(&reader);
@@ -293,6 +307,7 @@ static hada_status read_captures(psfs *of, int apart, hada_error *err)
         hada_tiff_close(&reader);
         HADA_TRY(status);
         files++;
+        of->all = of->count;
         if (pages > 1 && (i + 1 == of->captures || apart || now[1].distance > now->distance))
             hada_monitor_tell(of->task->monitor, HADA_MESSAGE_INFO, "%s: %d captures of %d %s averaged", now->path,
                               pages, files, files == 1 ? "file" : "files");
@@ -330,6 +345,10 @@ static hada_status read_all(psfs *of, hada_error *err)
                          task->mask_distance_mm);
     HADA_TRY(find_captures(of, err));
     HADA_TRY(ask_frame(of, err));
+    of->every = task->every;
+    if (task->every < 1 || (task->every > 1 && !of->stack))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "options.every takes pages of one file, each one or each 2nd, 3rd..., and is 1 or more");
     if (!given && of->capture[0].distance < 0.0) {
         HADA_TRY(read_list(of, err));
         given = of->list;
@@ -347,15 +366,15 @@ static hada_status read_all(psfs *of, hada_error *err)
                           "%s: a grey one serves red, green and blue alike; where the optics place them differently, "
                           "edges get coloured",
                           of->path);
-    if (given && number != of->count)
+    if (given && number != of->all)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "%s names %d distance%s, but %s has %d %s%s",
                          of->list ? "the list beside it"
                          : law    ? "options.psf_distance"
                                   : "options.distances",
-                         number, number == 1 ? "" : "s", of->path, of->count, of->stack ? "page" : "depth",
-                         of->count == 1 ? "" : "s");
+                         number, number == 1 ? "" : "s", of->path, of->all, of->stack ? "page" : "depth",
+                         of->all == 1 ? "" : "s");
     if (given)
-        memcpy(of->distances_mm, given, (size_t)number * sizeof *given);
+        take_distances(of, given);
     if (of->count > 1 && of->distances_mm[0] <= 0.0)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "%s does not say at which distances its %d %s were taken; add options.distances with them in "
@@ -404,6 +423,45 @@ static hada_status clean(psfs *of, hada_error *err)
     of->options.psf_dark = 0.0;
     of->options.psf_taper = 0;
     return HADA_OK;
+}
+
+/* Of a stack: how far the bead wanders, which is taken off where that is wanted. */
+static hada_status recentre(psfs *of, hada_error *err)
+{
+    const hada_psfs known = {of->image, of->distances_mm, of->count};
+    const hada_psf_task *task = of->task;
+    double(*drift)[2] = NULL, most = 0.0;
+    hada_image moved = {0};
+    hada_status status = HADA_OK;
+    if (of->count < LEAST_STACK)
+        return task->recentre ? hada_fail(err, HADA_ERROR_ARGUMENT,
+                                          "options.recentre: a drift is seen in %d depths or more, and %s has %d",
+                                          LEAST_STACK, of->path, of->count)
+                              : HADA_OK;
+    for (int k = 1; k < of->count; k++)
+        if (!(of->distances_mm[k] > of->distances_mm[k - 1]))
+            return HADA_OK; /* which is refused later */
+    HADA_TRY_OR_DONE(HADA_NEW(drift, (size_t)of->count, "the drift of point spread functions", err));
+    HADA_TRY_OR_DONE(hada_psf_drift(drift, &known, err));
+    for (int k = 0; k < of->count; k++)
+        most = fmax(most, hypot(drift[k][0], drift[k][1]));
+    hada_monitor_tell(task->monitor, !task->recentre && most > WANDERS ? HADA_MESSAGE_NOTE : HADA_MESSAGE_DETAIL,
+                      task->recentre ? "%s: the bead wanders by up to %.1f pixels, which were taken off"
+                                     : "%s: the bead wanders by up to %.1f pixels beside what its distances explain: "
+                                       "kept as it is; options.recentre takes it off",
+                      of->path, most);
+    for (int k = 0; k < of->count && task->recentre; k++) {
+        hada_image *image = &of->image[k];
+        HADA_TRY_OR_DONE(
+            hada_image_magnify(&moved, image, 1.0, -drift[k][0], -drift[k][1], image->rows, image->cols, err));
+        for (size_t i = 0; i < hada_image_count(&moved); i++)
+            image->data[i] = fmaxf(moved.data[i], 0.0F);
+        hada_image_destroy(&moved);
+    }
+done:
+    hada_image_destroy(&moved);
+    free(drift);
+    return status;
 }
 
 /* Makes those of the wanted depths from those that were read. */
@@ -492,6 +550,7 @@ hada_status hada_psf_run(hada_model **out, hada_context *context, const char *pa
     if ((int)of.options.turn > 0 && of.options.turn <= HADA_TURN_270)
         of.options.turn = (hada_turn)(of.options.turn & HADA_TURN_180); /* pages are transposed by now */
     HADA_TRY_OR_DONE(clean(&of, err));
+    HADA_TRY_OR_DONE(recentre(&of, err));
     if (task->mask_distance_mm > 0.0 || task->psf_distances_mm)
         HADA_TRY_OR_DONE(change_depths(&of, context, err));
     HADA_TRY_OR_DONE(hada_named(

@@ -99,7 +99,7 @@ static hada_status begin_file(run *own, const hada_streamed *frame, hada_error *
     hada_status status = HADA_OK;
     own->open = 1;
     memset(own->state.outputs, 0, sizeof own->state.outputs);
-    own->state.confidence = own->state.picture = own->state.emitters_table = NULL;
+    own->state.confidence = own->state.picture = own->state.emitters_table = own->state.tracks_table = NULL;
     if (frame->frames) {
         own->progress.total += frame->frames - 1;
         status = hada_outputs_begin(&own->out, &own->task, own->plan, own->names[own->todo[frame->file]], frame->frames,
@@ -195,6 +195,8 @@ static hada_status take_frame(run *own, hada_streamed *frame, hada_error *err)
         own->state.confidence = own->out.has_confidence ? own->out.path[HADA_OUTPUT_CONFIDENCE] : NULL;
         own->state.picture = own->out.path[HADA_OUTPUT_PICTURE];
         own->state.emitters_table = own->out.path[HADA_OUTPUT_EMITTERS];
+        own->state.tracks_table = own->out.tracker ? own->out.path[HADA_OUTPUT_TRACKS] : NULL;
+        own->state.tracks = own->out.tracks;
         tell(own, HADA_FILES_DONE, frame);
         leave_file(own);
     }
@@ -256,6 +258,9 @@ hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, con
     if (!plan || !model || !paths || !own.task.output)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT,
                                    "hada_reconstruct_files: a plan, its model, files and a folder are needed"));
+    if (!(own.task.pixel_um >= 0.0 && own.task.pixel_um < INFINITY))
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT,
+                                   "options.pixel_um: a pixel is 0 micrometres or more, not %g", own.task.pixel_um));
     if (own.task.frame && count != 1)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "options.frame goes with one path, not with %d", count));
     own.gamma = plan->setup.options.gamma;

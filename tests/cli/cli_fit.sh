@@ -165,8 +165,31 @@ mkdir none
 expect 3 'none holds no pictures.*none/z100mm' fit --psf none -o x
 "$FRAME_TOOL" pages spots.tif stack.tif 2
 expect 2 'stack.tif does not say at which distances its 2 pages were taken; add --distances' fit --psf stack.tif -o x
+# Equal steps; each second page, whose distances are those of the others' steps.
+"$FRAME_TOOL" pages spots.tif stack.tif 5
+expect 0 '5 depths' fit --psf stack.tif --distances 50:2.5:5 -o steps.model
+expect 0 '5 depths' fit --psf stack.tif --distances 50,52.5,55,57.5,60 -o named.model
+cmp -s steps.model named.model || fail 'equal steps gave another model'
+expect 0 '3 depths' fit --psf stack.tif --distances 50:2.5:5 --every 2 -o second.model
+"$FRAME_TOOL" pages spots.tif three.tif 3
+expect 0 '3 depths' fit --psf three.tif --distances 50:5:3 -o third.model
+cmp -s second.model third.model || fail 'each second page gave another model'
+for steps in 50:2.5:0 50:-1:5 0:1:5 50:2.5:5: 50:2.5:1000; do
+    expect 2 'such as .* 2:0.05:40, not' fit --psf stack.tif --distances "$steps" -o x
+done
+expect 2 '--distances names 3 distances, but stack.tif has 5 pages' fit --psf stack.tif --distances 50:5:3 --every 2 -o x
+expect 2 '--every takes pages of one file' fit --psf spots.tif plain.tif --distances 50,100 --every 2 -o x
+expect 2 'every' fit --psf stack.tif --distances 50:2.5:5 --every 0 -o x
 "$FRAME_TOOL" nan spots.tif holes.tif 5
 expect 4 'holes.tif: page 1 holds 5 NaN' fit --psf holes.tif -o x
+
+# A bead that drifts from depth to depth.
+mkdir drift
+for k in 0 1 2 3 4; do "$FRAME_TOOL" turn spots.tif "drift/z$((50 + 5 * k))mm.tif" 1 0 0 0 $((k == 2 ? 3 : 0)) 0; done
+expect 0 'the bead wanders by up to 2.[0-9] pixels.*kept as it is; --recentre takes it off' fit --psf drift -o x
+expect 0 'the bead wanders by up to 2.[0-9] pixels, which were taken off' fit --psf drift --recentre -o centred.model -v
+expect 2 '--recentre: a drift is seen in 4 depths or more' fit --psf spots.tif --distances 50 --recentre -o x
+rm -f x
 
 # Depths by the law of magnification.
 expect 0 '3 depths by the law of magnification, 1 . 3.7 mm / distance.*3 depths, 64x80 frames' \

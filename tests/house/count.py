@@ -13,10 +13,10 @@ import sys
 
 # What has a limit: the limit that --hold enforces today, and the aim where it has not been reached.
 LIMITS = {
-    'lines of the library': (73_400, 56_000),  # emitters fitted to a frame, the learned regulariser
+    'lines of the library': (75_600, 56_000),  # emitters and their tracks, the learned regulariser, frames as they come
     'lines of the kernels': (13_050, 12_000),  # the learned regulariser
-    'lines of the command line': (8_240, 8_000),  # tables of emitters
-    'lines of tests (without corpora, frozen headers)': (58_200, 50_000),  # sequences, emitters, the learned regulariser; PyTorch's refinement, deepinv, the field's data
+    'lines of the command line': (8_430, 8_000),  # tables of emitters and tracks, frames as they come
+    'lines of tests (without corpora, frozen headers)': (58_700, 50_000),  # sequences, emitters, tracks, the learned regulariser; PyTorch's refinement, deepinv, the field's data
     'public functions': (335, 240),
     'words of the documentation (docs)': (45_000, 45_000),
     'files of SMALL lines or fewer, library and bindings': (203, 90),
@@ -120,7 +120,7 @@ def count_sources(root, row):
     drawn = {path: text for path, text in host.items() if re.search(r'font|canvas|svg|plot|preview|draw|picture', path)}
     row('lines that draw previews and plots', lines(drawn))
     pages = texts(root, ['docs'], '.md')
-    row('pages of the docs', len(pages), 25)
+    row('pages of the docs', len(pages), 27)  # the last two: a Raspberry Pi's camera, a miniature microscope
     for path, text in texts(root, ['examples'], '.c').items():
         row(f'lines of {path}', text.count('\n'), 80 if 'learn' in path else None)
     subjects = run('git', '-C', root, 'log', '-n', '50', '--format=%s').splitlines()

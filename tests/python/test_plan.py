@@ -177,3 +177,11 @@ def test_emitters() -> None:
     assert found["z"][0] == 0
     with pytest.raises(ValueError, match="volume"):
         hadalens.Plan(camera, scene="planes").emitters(frame)
+    later = found.copy()
+    later["x"] += 1.5
+    table = hadalens.track_emitters([found, found[:0], later, np.concatenate([later, found])])
+    assert table["track"].tolist() == [0, 0, 0, 1]
+    assert table["frame"].tolist() == [0, 2, 3, 3]
+    assert table["amplitude"][0] == found["amplitude"][0]
+    with pytest.raises(ValueError, match="largest motion"):
+        hadalens.track_emitters([], pixels=-1)

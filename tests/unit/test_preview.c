@@ -262,6 +262,43 @@ TEST(test_sheets)
     }
 }
 
+/* Of a volume: the brightest voxel of each pixel in the colour of its distance, as bright as it can be. */
+TEST(test_volume)
+{
+    scene s;
+    make(&s, 7, 1, 40, 40);
+    for (int z = 0; z < 7; z++)
+        memset(s.planes[z].data, 0, 1600 * sizeof(float));
+    for (int i = 0; i < 800; i++) {
+        s.planes[6].data[i] = 1.0F;
+        s.planes[2].data[i] = 0.9F;
+        s.planes[0].data[800 + i] = 1.0F;
+    }
+    s.preview.volume = 1;
+    s.preview.occupied = NULL;
+    assert_int_equal(hada_preview_save(io_path("volume.png"), &s.preview, NULL), HADA_OK);
+    picture p = load(io_path("volume.png"));
+    for (int at = 0; at <= 1; at++) {
+        const uint32_t colour = hada_colormap(at), parts[] = {colour >> 16, colour >> 8 & 255, colour & 255};
+        uint32_t most = 0;
+        int here = 0;
+        for (int c = 0; c < 3; c++)
+            most = parts[c] > most ? parts[c] : most;
+        for (int i = 0; i < p.width * p.height; i++) {
+            int near = 1;
+            for (int c = 0; c < 3; c++)
+                near = near && abs((int)p.rgb[3 * i + c] - (int)(parts[c] * 255 / most)) <= 2;
+            here += near;
+        }
+        assert_true(here > 30000); /* half of a panel, one of 80,000 pixels at least */
+    }
+    assert_int_equal(count_colour(&p, 255, 184, 40), 0); /* all planes are occupied: none is marked */
+    free(p.rgb);
+    s.preview.distances_mm = NULL;
+    assert_int_equal(hada_preview_save(io_path("volume.png"), &s.preview, NULL), HADA_OK);
+    drop(&s);
+}
+
 /* Distances beyond which a number and the next are one. */
 TEST(test_far_away)
 {

@@ -110,7 +110,15 @@ hada_status hada_cli_read_distances(const char *option, const char *text, double
 {
     const char *rest = text;
     char *end;
+    double start, step;
+    int count, read = 0;
     *found = 0;
+    if (text && sscanf(text, "%lf:%lf:%d%n", &start, &step, &count, &read) == 3 && !text[read] && start > 0 &&
+        step > 0 && isfinite(start + count * step) && count > 0 && count <= capacity) {
+        for (; *found < count; ++*found)
+            out[*found] = start + *found * step;
+        return HADA_OK;
+    }
     while (rest) {
         double value = strtod(rest, &end);
         if (end == rest || !isfinite(value) || value <= 0 || *found == capacity ||
@@ -124,7 +132,9 @@ hada_status hada_cli_read_distances(const char *option, const char *text, double
     }
     if (!rest)
         return HADA_OK;
-    return hada_cli_error(err, HADA_ERROR_ARGUMENT,
-                          "--%s takes distances in millimetres from near to far, such as 100,250.5,600, not '%s'",
-                          option, text);
+    return hada_cli_error(
+        err, HADA_ERROR_ARGUMENT,
+        "--%s takes distances in millimetres from near to far, such as 100,250.5,600 or, from 2 on, 0.05 apart, "
+        "2:0.05:40, not '%s'",
+        option, text);
 }

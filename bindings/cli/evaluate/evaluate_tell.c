@@ -32,6 +32,11 @@ static json_t *row_json(const hada_evaluation *score)
         HADA_CLI_SET(entry, {"recall", score->recall}, {"precision", score->precision}, {"f1", score->f1},
                      {"jaccard", score->jaccard}, {"lateral_rmse", score->lateral_rmse},
                      {"axial_rmse", score->axial_rmse});
+        if (!isnan(score->switches)) {
+            json_object_set_new(entry, "tracks", json_integer(score->tracks));
+            json_object_set_new(entry, "tracks_truth", json_integer(score->tracks_truth));
+            json_object_set_new(entry, "switches", json_integer((json_int_t)score->switches));
+        }
         return entry;
     }
     if (score->what == HADA_EVALUATED_MAP) {
@@ -167,7 +172,8 @@ static const column emitter_columns[] = {{"recall", "%.3f", 7, COLUMN(recall)},
                                          {"F1", "%.3f", 6, COLUMN(f1)},
                                          {"Jaccard", "%.3f", 7, COLUMN(jaccard)},
                                          {"lateral px", "%.3f", 10, COLUMN(lateral_rmse)},
-                                         {"axial depths", "%.3f", 12, COLUMN(axial_rmse)}};
+                                         {"axial depths", "%.3f", 12, COLUMN(axial_rmse)},
+                                         {"switches", "%.4g", 8, COLUMN(switches)}};
 
 static int has(const hada_evaluate_report *all, hada_evaluated what)
 {

@@ -152,6 +152,8 @@ static json_t *outputs_json(const hada_files_state *state)
         json_object_set_new(outputs, "picture", hada_cli_json_text(state->picture));
     if (state->emitters_table)
         json_object_set_new(outputs, "emitters", hada_cli_json_text(state->emitters_table));
+    if (state->tracks_table)
+        json_object_set_new(outputs, "tracks", hada_cli_json_text(state->tracks_table));
     return outputs;
 }
 
@@ -163,6 +165,10 @@ static void tell_file(listener *to, const hada_files_state *state)
     if (state->emitters)
         hada_cli_append(words, sizeof words, "; %d emitter%s", hada_emitters_count(state->emitters),
                         hada_emitters_count(state->emitters) == 1 ? "" : "s");
+    if (state->tracks_table) {
+        hada_cli_append(words, sizeof words, "; %d track%s in all", state->tracks, state->tracks == 1 ? "" : "s");
+        json_object_set_new(to->entry, "tracks", json_integer(state->tracks));
+    }
     if (state->frames > 1)
         hada_cli_say(to->cli, "%s: %d frames, %.2f s each; the last: %s", state->name, state->frames,
                      seconds / state->frames, words);

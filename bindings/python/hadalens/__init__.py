@@ -63,7 +63,7 @@ from .files import (
 )
 from .model import Model, ModelInfo
 from .net import Net, NetInfo, NetRunner
-from .plan import CallCounts, KernelTime, Match, Plan, QueueInfo
+from .plan import CallCounts, KernelTime, Match, Plan, QueueInfo, track_emitters
 from .result import Report, Result, SkipReport
 
 if TYPE_CHECKING:
@@ -172,6 +172,7 @@ __all__ = [
     "set_headerless",
     "set_limits",
     "simulate",
+    "track_emitters",
     "train",
     "window_origin",
     "write_tiff",

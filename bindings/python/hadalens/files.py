@@ -250,7 +250,10 @@ def py_files_task_tell(user: Any, state: Any) -> None:
         if monitor.tell is not None:
             monitor.tell(str(name), state.frame)
     elif state.event == lib.HADA_FILES_DONE:
-        places = [text(one) for one in (*state.outputs, state.confidence, state.picture, state.emitters_table)]
+        places = [
+            text(one)
+            for one in (*state.outputs, state.confidence, state.picture, state.emitters_table, state.tracks_table)
+        ]
         outputs = tuple(Path(one) for one in places if one)
         monitor.results.append(FileResult(name, state.frames, outputs, None, match=monitor.match))
     elif state.event == lib.HADA_FILES_THERE:
@@ -268,6 +271,10 @@ def reconstruct_files(
     preview: bool = True,
     picture: bool = False,
     emitters: bool = False,
+    track_pixels: float = 2.0,
+    track_depths: float = 2.5,
+    track_gap: int = 2,
+    pixel_um: float = 0.0,
     bits: Literal[8, 16, 32] = 32,
     white: float = 1.0,
     encoding: float | str | None = None,
@@ -289,7 +296,12 @@ def reconstruct_files(
         output: the folder, made where it is missing.
         preview: a sheet to look at.
         picture: also NAME_aif.png, the first all-in-focus image for a display.
-        emitters: also NAME_emitters.csv, the points of light; of a plan with scene="volume" (:meth:`Plan.emitters`).
+        emitters: also NAME_emitters.csv, the points of light; of a plan with scene="volume" (:meth:`Plan.emitters`);
+            of a sequence NAME_tracks.csv, too.
+        track_pixels: the largest motion of emitters from frame to frame (:func:`hadalens.track_emitters`).
+        track_depths: and along depths.
+        track_gap: frames without its emitter after which a track goes on.
+        pixel_um: size of a pixel in the scene, stated in the TIFF files; 0: not known.
         bits: of stack and all-in-focus image.
         white: value that becomes full scale in 8 and 16 bits.
         encoding: how these stand for light; None: as the scenes of the model did.
@@ -314,6 +326,10 @@ def reconstruct_files(
         preview=preview,
         picture=picture,
         emitters=emitters,
+        track_pixels=track_pixels,
+        track_depths=track_depths,
+        track_gap=track_gap,
+        pixel_um=pixel_um,
         bits=bits,
         white=white,
         encoding=None if encoding is None else responses.number(encoding),
@@ -350,6 +366,8 @@ def save_preview(
 ) -> Path:
     """Draw a sheet (PNG) of a result: all-in-focus image, distance map with its scale, and the stack.
 
+    Of a volume maximum projections, grey and coloured by distance, in place of the first two.
+
     Of a single depth the first alone, which shows it. `channel_axis` is the raw frame's.
 
     Raises:
@@ -359,7 +377,7 @@ def save_preview(
     images = Image(*result.stack, what="stack")
     others = Image(result.all_in_focus, result.distance_map, what="result")
     frame = None if raw is None else Image(raw, what="raw", channel_axis=channel_axis)
-    several = len(images.arrays) > 1
+    several, volume = len(images.arrays) > 1, result.report.scene == "volume"
     options = Options(
         "hada_preview",
         title=title,
@@ -367,7 +385,8 @@ def save_preview(
         planes=images.c if several else None,
         depths=len(images.arrays),
         distances_mm=result.distances_mm,
-        occupied=result.report.occupied,
+        occupied=None if volume else result.report.occupied,
+        volume=volume,
         all_in_focus=others.c,
         distance_map=others.c + 1 if several else None,
         gamma=gamma,

@@ -337,6 +337,9 @@ class Evaluation:
     jaccard: float
     lateral_rmse: float
     axial_rmse: float
+    tracks: int
+    tracks_truth: int
+    switches: float
 
 
 def evaluate(

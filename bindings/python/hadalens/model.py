@@ -315,6 +315,8 @@ class Model(Handle):
         context: Device | None = None,
         colour: bool = False,
         half: bool = False,
+        every: int = 1,
+        recentre: bool = False,
     ) -> Self:
         """Return a model made from the pages of a TIFF file, near to far; options are those of :meth:`from_psf`.
 
@@ -324,6 +326,8 @@ class Model(Handle):
             context: a device.
             colour: a grey page serves red, green and blue alike.
             half: filters in half precision.
+            every: takes each so many-th page, from the first on; distances are those of all.
+            recentre: takes off what the bead drifted over the depths.
 
         """
         task = Options(
@@ -332,6 +336,8 @@ class Model(Handle):
             distances=None if distances_mm is None else len(distances_mm),
             colour=colour,
             half=half,
+            every=every,
+            recentre=recentre,
         )
         return cls._new(lib.hada_psf_run, default(context)._c, path(name), task.c)
 

@@ -464,3 +464,35 @@ def _device_buffer(given: Any, shape: tuple[int, ...], what: str) -> tuple[Any, 
         raise errors.SizeError(f"{what} has the shape {given.shape}: {shape} is needed")
     queue = None if given.queue is None else ffi.cast("cl_command_queue", address_of(given.queue))
     return ffi.cast("cl_mem", address_of(data)), int(given.offset), queue
+
+
+def track_emitters(
+    frames: Iterable[npt.NDArray[np.void]], *, pixels: float = 2.0, depths: float = 2.5, gap: int = 2
+) -> npt.NDArray[np.void]:
+    """Join the emitters of successive frames to tracks, all at once for each frame.
+
+    Args:
+        frames: what :meth:`Plan.emitters` returned for each.
+        pixels: the largest motion from a frame to the next, to which deviations of places add.
+        depths: and along depths.
+        gap: a track goes on after so many frames without its emitter.
+
+    Returns a table with the fields of `frames` behind `track` and `frame`, track by track, both from 0 on.
+
+    Example:
+        >>> table = hadalens.track_emitters(plan.emitters(raw) for raw in film)
+        >>> trace = table[table["track"] == 3]["amplitude"]
+
+    """
+    tracker = Owner("hada_tracker", lib.hada_tracker_destroy)
+    call(lib.hada_tracker_create, tracker.pointer, pixels, depths, gap)
+    names = [name for name, _ in ffi.typeof("hada_emitter").fields]
+    rows: list[tuple[float, ...]] = []
+    for number, frame in enumerate(frames):
+        emitters = ffi.new("hada_emitter[]", [{name: float(one[name]) for name in names} for one in frame])
+        pointers = ffi.new("hada_emitter *[]", [emitters + i for i in range(len(frame))])
+        tracks = ffi.new("int[]", len(frame))
+        call(lib.hada_tracker_add, tracker.c, pointers, len(frame), tracks)
+        rows += [(track, number, *one.item()) for track, one in zip(tracks, frame, strict=True)]
+    kinds = [("track", "i8"), ("frame", "i8"), *((name, "f8") for name in names)]
+    return np.array(sorted(rows, key=lambda row: row[:2]), kinds)

@@ -39,6 +39,18 @@ HADA_API int hada_emitters_count(const hada_emitters *emitters);
 HADA_API const hada_emitter *hada_emitters_get(const hada_emitters *emitters, int index);
 HADA_API void hada_emitters_destroy(hada_emitters **emitters);
 
+/* Joins the emitters of successive frames to tracks. */
+typedef struct hada_tracker hada_tracker;
+
+/* pixels, depths: the largest motion from a frame to the next; deviations of places add to it. gap: a track goes on
+ * after so many frames without its emitter. */
+HADA_API hada_status hada_tracker_create(hada_tracker **out, double pixels, double depths, int gap, hada_error *err);
+/* Adds a frame's emitters, `count` of them. tracks[i]: the track of emitters[i], counted from 0 in the order in which
+ * tracks begin; no two emitters of a frame have the same. At a failure nothing is added. */
+HADA_API hada_status hada_tracker_add(hada_tracker *tracker, const hada_emitter *const *emitters, int count,
+                                      int *tracks, hada_error *err);
+HADA_API void hada_tracker_destroy(hada_tracker **tracker);
+
 #ifdef __cplusplus
 }
 #endif

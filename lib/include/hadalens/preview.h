@@ -26,6 +26,8 @@ typedef struct hada_preview {
     const hada_image *all_in_focus;
     const hada_image *distance_map; /* millimetres, NaN where nothing is in focus */
     double gamma;                   /* exponent for showing linear intensities, above 0; HADA_AUTO (default): sRGB */
+    int volume; /* 1: light at all depths: in place of the all-in-focus image and the distance map, projections of the
+                   planes: the brightest voxel of each pixel, and the same in the colour of its distance; 0 (default) */
 } hada_preview;
 HADA_INIT(hada_preview, HADA_STRUCT_PREVIEW)
 

@@ -84,6 +84,11 @@ typedef struct hada_evaluation {
      * distances across, in pixels, and along depths, in depths. NaN where there is nothing to divide by. */
     int emitters, emitters_truth;
     double recall, precision, f1, jaccard, lateral_rmse, axial_rmse;
+
+    /* Of tables that both have a column `track`: tracks, and how often a true one that is found is in another of the
+     * found ones than when it was last found; 0 and NaN of others. */
+    int tracks, tracks_truth;
+    double switches;
 } hada_evaluation;
 
 typedef struct hada_evaluate_report hada_evaluate_report;

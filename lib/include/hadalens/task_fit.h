@@ -86,6 +86,11 @@ typedef struct hada_psf_task {
     const hada_image *flat_frame; /* an evenly lit sensor, its dark level taken off, of the camera's frames' size, with
                                      their channels or one for all: pages of that size are divided by it, and the model
                                      keeps it for frames. NULL (default): none */
+    int every;    /* of one file's pages each so many-th is taken, from the first on; distances are those of all; 1 by
+                     default */
+    int recentre; /* 1: what the law of magnification does not explain of the way that four or more depths wander is
+                     taken off, for the bead or the stage drifts; 0 (default): they are kept as they are, and the
+                     monitor is told how far they wander */
 } hada_psf_task;
 HADA_INIT(hada_psf_task, HADA_STRUCT_PSF_TASK)
 

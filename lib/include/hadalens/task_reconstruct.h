@@ -4,7 +4,8 @@
  * For each NAME.tif: NAME_stack.tif (a refocused image per depth, near to far, as ImageJ hyperstack with the
  * distances), NAME_aif.tif (everything in focus), NAME_depth.tif (distances in millimetres, NaN where nothing is in
  * focus) and NAME_preview.png (where the build draws pictures); where the first frame is a surface also
- * NAME_confidence.tif (float32, 0 to 1, NaN for frames that are none); where emitters are asked for NAME_emitters.csv.
+ * NAME_confidence.tif (float32, 0 to 1, NaN for frames that are none); where emitters are asked for NAME_emitters.csv,
+ * and of a sequence NAME_tracks.csv.
  * A file of several frames is a sequence: its results have as many, the preview shows the first, and memory does not
  * grow with them. The files of an input appear under their names when all are whole; what is not finished is removed.
  *
@@ -69,6 +70,11 @@ typedef struct hada_files_task {
                     draws pictures; 0 (default) */
     int emitters; /* 1: the emitters of each frame, all of which must be volumes, are written to NAME_emitters.csv
                      (docs/reference/files.md#emitters); 0 (default) */
+    /* Emitters of a sequence are joined to tracks, in NAME_tracks.csv: hada_tracker_create() */
+    double track_pixels, track_depths; /* 2 and 2.5 by default */
+    int track_gap;                     /* 2 by default */
+    double pixel_um; /* size of a pixel in the scene, at all depths, in micrometres: stated in the TIFF files; 0
+                        (default): not known */
 } hada_files_task;
 HADA_INIT(hada_files_task, HADA_STRUCT_FILES_TASK)
 
@@ -94,6 +100,8 @@ struct hada_files_state {
     const hada_match *match;           /* FRAME: whether the camera belongs to it; NULL: not compared */
     const hada_emitters *emitters;     /* FRAME, DONE: of that frame; NULL: not asked for */
     const char *emitters_table;        /* path of their table; NULL: not written */
+    const char *tracks_table;          /* DONE: path of that of tracks; NULL: not written */
+    int tracks;                        /* DONE: how many there are */
 };
 
 /* Frames that hada_reconstruct_files() holds at a time: one for each queue, one that is read, one that is written. */

@@ -1,0 +1,163 @@
+/* The wander of a stack of point spread functions: each is magnified to the next depth and compared with that one by
+ * cross-correlation; of the way that the shifts add up to, what an axis beside the middle explains is taken off. */
+#include "fit/psf_drift.h"
+
+#include "image/pixels.h"
+#include "image/small_fft.h"
+
+/* Pixels a side at which they are compared, at most: larger ones are binned. */
+enum { MOST_SIDE = 256 };
+static const char what[] = "the drift of point spread functions";
+
+typedef struct drift {
+    int factor, rows, cols; /* of bins */
+    hada_image one, next;   /* mean of channels, of two depths that follow each other */
+    hada_small_fft fft;
+    float *first, *second; /* complex */
+} drift;
+
+/* Means over channels and bins. */
+static void reduce(const drift *of, const hada_image *from, hada_image *to)
+{
+    memset(to->data, 0, hada_image_count(to) * sizeof *to->data);
+    for (int c = 0; c < from->channels; c++)
+        for (int y = 0; y < of->rows * of->factor; y++)
+            for (int x = 0; x < of->cols * of->factor; x++)
+                to->data[y / of->factor * of->cols + x / of->factor] +=
+                    from->data[((size_t)c * (size_t)from->rows + (size_t)y) * (size_t)from->cols + (size_t)x];
+}
+
+/* Root of the mean square distance of the light from its own centre. */
+static double spread_of(const hada_image *image)
+{
+    double light = 0.0, row = 0.0, col = 0.0, square = 0.0;
+    for (int y = 0; y < image->rows; y++)
+        for (int x = 0; x < image->cols; x++) {
+            const double value = (double)image->data[y * image->cols + x];
+            light += value;
+            row += value * y;
+            col += value * x;
+            square += value * ((double)y * y + (double)x * x);
+        }
+    return light > 0.0 ? sqrt(fmax(square / light - pow(row / light, 2.0) - pow(col / light, 2.0), 0.0)) : 0.0;
+}
+
+/* Least squares of values = a + b / distance. */
+static void fit_law(const double *values, int stride, const double *distances, int count, double *a, double *b)
+{
+    double mean = 0.0, mean_inverse = 0.0, product = 0.0, square = 0.0;
+    for (int k = 0; k < count; k++) {
+        mean += values[k * stride] / count;
+        mean_inverse += 1.0 / distances[k] / count;
+    }
+    for (int k = 0; k < count; k++) {
+        const double inverse = 1.0 / distances[k] - mean_inverse;
+        product += inverse * (values[k * stride] - mean);
+        square += inverse * inverse;
+    }
+    *b = square > 0.0 ? product / square : 0.0;
+    *a = mean - *b * mean_inverse;
+}
+
+static void transform(const drift *of, const hada_image *image, float *out)
+{
+    const size_t size = (size_t)of->fft.size;
+    double mean = 0.0;
+    for (size_t i = 0; i < hada_image_count(image); i++)
+        mean += (double)image->data[i] / (double)hada_image_count(image);
+    memset(out, 0, 2 * size * size * sizeof *out);
+    for (int y = 0; y < of->rows; y++)
+        for (int x = 0; x < of->cols; x++)
+            out[2 * ((size_t)y * size + (size_t)x)] = image->data[y * of->cols + x] - (float)mean;
+    hada_small_fft_run(&of->fft, out);
+}
+
+/* Where a parabola through three values has its top. */
+static double top_of(double before, double at, double after)
+{
+    const double curvature = before - 2.0 * at + after;
+    return curvature < 0.0 ? 0.5 * (before - after) / curvature : 0.0;
+}
+
+static double correlation(const drift *of, int row, int col)
+{
+    const int mask = of->fft.size - 1;
+    return (double)of->first[2 * ((row & mask) * of->fft.size + (col & mask))];
+}
+
+/* By how much `next` stands beside `one`, in bins. */
+static void compare(const drift *of, double *shift)
+{
+    const int size = of->fft.size;
+    int best = 0;
+    transform(of, &of->one, of->first);
+    transform(of, &of->next, of->second);
+    for (int i = 0; i < size * size; i++) {
+        const float a = of->first[2 * i], b = of->first[2 * i + 1], c = of->second[2 * i], d = of->second[2 * i + 1];
+        of->first[2 * i] = a * c + b * d;
+        of->first[2 * i + 1] = a * d - b * c;
+    }
+    hada_small_fft_run(&of->fft, of->first); /* forward: shifts are negative */
+    for (int i = 1; i < size * size; i++)
+        best = of->first[2 * i] > of->first[2 * best] ? i : best;
+    const int row = best / size, col = best % size;
+    const double at = correlation(of, row, col);
+    const double top[2] = {row + top_of(correlation(of, row - 1, col), at, correlation(of, row + 1, col)),
+                           col + top_of(correlation(of, row, col - 1), at, correlation(of, row, col + 1))};
+    for (int k = 0; k < 2; k++)
+        shift[k] = top[k] > size / 2 ? size - top[k] : -top[k];
+}
+
+static hada_status begin(drift *of, const hada_image *first, hada_error *err)
+{
+    const int side = first->rows > first->cols ? first->rows : first->cols;
+    int size = 8;
+    of->factor = (side + MOST_SIDE - 1) / MOST_SIDE;
+    of->rows = first->rows / of->factor;
+    of->cols = first->cols / of->factor;
+    while (size < of->rows || size < of->cols)
+        size *= 2;
+    HADA_TRY(hada_small_fft_create(&of->fft, size, err));
+    HADA_TRY(HADA_NEW(of->first, 2 * (size_t)size * (size_t)size, what, err));
+    HADA_TRY(HADA_NEW(of->second, 2 * (size_t)size * (size_t)size, what, err));
+    HADA_TRY(hada_image_create(&of->one, 1, of->rows, of->cols, err));
+    return hada_image_create(&of->next, 1, of->rows, of->cols, err);
+}
+
+hada_status hada_psf_drift(double (*out)[2], const hada_psfs *psfs, hada_error *err)
+{
+    drift of = {0};
+    double *spread = NULL, a, b;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(HADA_NEW(spread, (size_t)psfs->count, what, err));
+    HADA_TRY_OR_DONE(begin(&of, psfs->image, err));
+    for (int k = 0; k < psfs->count; k++) {
+        reduce(&of, &psfs->image[k], &of.next);
+        spread[k] = spread_of(&of.next);
+    }
+    fit_law(spread, 1, psfs->distances_mm, psfs->count, &a, &b);
+    out[0][0] = out[0][1] = 0.0;
+    for (int k = 0; k + 1 < psfs->count; k++) {
+        const double here = a + b / psfs->distances_mm[k], there = a + b / psfs->distances_mm[k + 1];
+        const double scale = here > 0.0 && there > 0.0 ? there / here : 1.0;
+        double shift[2];
+        hada_image_destroy(&of.one);
+        reduce(&of, &psfs->image[k], &of.next);
+        HADA_TRY_OR_DONE(hada_image_magnify(&of.one, &of.next, scale, 0.0, 0.0, of.rows, of.cols, err));
+        reduce(&of, &psfs->image[k + 1], &of.next);
+        compare(&of, shift);
+        for (int i = 0; i < 2; i++)
+            out[k + 1][i] = scale * out[k][i] + of.factor * shift[i];
+    }
+    for (int i = 0; i < 2; i++) {
+        fit_law(&out[0][i], 2, psfs->distances_mm, psfs->count, &a, &b);
+        for (int k = 0; k < psfs->count; k++)
+            out[k][i] -= a + b / psfs->distances_mm[k];
+    }
+done:
+    hada_small_fft_destroy(&of.fft);
+    hada_image_destroy(&of.one);
+    hada_image_destroy(&of.next);
+    HADA_FREE(spread, of.first, of.second);
+    return status;
+}

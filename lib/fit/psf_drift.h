@@ -1,0 +1,11 @@
+/* How far the point spread functions of a stack wander from depth to depth. Internal. */
+#ifndef HADA_FIT_PSF_DRIFT_H
+#define HADA_FIT_PSF_DRIFT_H
+
+#include "fit/psf_depths.h"
+
+/* out[k]: rows and columns by which that of depth k stands beside where the law of magnification has it, about an axis
+ * anywhere: the wander of the bead or the stage. Four depths or more. */
+hada_status hada_psf_drift(double (*out)[2], const hada_psfs *psfs, hada_error *err);
+
+#endif

@@ -1,7 +1,9 @@
 /* What pairs say of themselves: the response of their scenes and the exposures of their frames are found, whatever the
  * response, with and without exposures that differ, on sensors that crop; and nothing is found where there is nothing.
- */
+ * Pairs that contradict the others are left out, and none of sound ones. */
 #include "camera_small.h"
+#include "dataset/dataset.h"
+#include "fit/fitter.h"
 
 enum { ROWS = 48, COLS = 64, WINDOW = 24, DEPTHS = 4, CHANNELS = 3, PAIRS = 5 };
 
@@ -203,4 +205,84 @@ TEST(given_and_missing)
     hada_dataset_destroy(&all);
     hada_dataset_destroy(&some);
     free_pairs(&set);
+}
+
+/* Leaves pairs out; *sound: the others, NULL: none is left out. */
+static unsigned char **screen(pairs *set, hada_dataset **all, hada_dataset **sound)
+{
+    const hada_fit_options options = sizes();
+    unsigned char **left_out;
+    *all = data_of(set, counts);
+    ASSERT_OK(hada_fit_screen(sound, &left_out, *all, &options, err));
+    assert_true((*sound == NULL) == (left_out == NULL));
+    return left_out;
+}
+
+TEST(sound_pairs_stay)
+{
+    static const double responses[] = {HADA_RESPONSE_LINEAR, HADA_RESPONSE_SRGB, 1.6};
+    for (uint64_t seed = 1; seed <= 12; seed++) {
+        pairs set;
+        hada_dataset *all, *sound;
+        make_pairs(&set, responses[seed % 3], seed % 2, seed % 4 ? 0.01 : 0.1, 200 + seed);
+        unsigned char **left_out = screen(&set, &all, &sound);
+        if (left_out)
+            fail_msg("of sound pairs of seed %d one was left out", (int)seed);
+        hada_dataset_destroy(&all);
+        free_pairs(&set);
+    }
+}
+
+static void same_images(const hada_dataset *data, int depth, int pair, const pairs *set, int of)
+{
+    SCOPED(hada_image) raw;
+    SCOPED(hada_image) scene;
+    SCOPED(hada_image) held;
+    ASSERT_OK(hada_image_crop(&held, &set->frame[depth][of], 0, 0, ROWS, COLS, err));
+    ASSERT_OK(hada_dataset_read(data, depth, pair, &raw, &scene, err));
+    assert_memory_equal(raw.data, held.data, hada_image_count(&held) * sizeof(float));
+}
+
+/* A frame that is cut off at depth 1, a scene that is another one at depth 3. */
+TEST(spoilt_pairs_are_left_out)
+{
+    static const int kept[] = {0, 1, 3, 4};
+    pairs set, other;
+    hada_dataset *all, *sound, *part, *bright;
+    make_pairs(&set, HADA_RESPONSE_LINEAR, 0, 0.003, 31);
+    make_pairs(&other, HADA_RESPONSE_LINEAR, 0, 0.003, 32);
+    hada_image *frame = &set.frame[1][2];
+    float most = 0.0f;
+    for (size_t k = 0; k < hada_image_count(frame); k++)
+        most = fmaxf(most, frame->data[k]);
+    for (size_t k = 0; k < hada_image_count(frame); k++)
+        frame->data[k] = fminf(3.0f * frame->data[k], 0.6f * most);
+    for (size_t k = 0; k < hada_image_count(&set.scene[3][2]); k++)
+        set.scene[3][2].data[k] = other.scene[0][0].data[k];
+    unsigned char **left_out = screen(&set, &all, &sound);
+    assert_non_null(left_out);
+    for (int z = 0; z < DEPTHS; z++)
+        for (int i = 0; i < PAIRS; i++)
+            assert_int_equal(left_out[z][i], (z == 1 || z == 3) && i == 2);
+    const hada_dataset_info *info = hada_dataset_get_info(sound);
+    assert_int_equal(info->pairs, DEPTHS * PAIRS - 2);
+    assert_int_equal(info->least_pairs, PAIRS - 1);
+    for (int i = 0; i < PAIRS - 1; i++) {
+        same_images(sound, 1, i, &set, kept[i]);
+        assert_string_equal(info->files[1][i].raw, hada_dataset_get_info(all)->files[1][kept[i]].raw);
+    }
+    same_images(sound, 2, 4, &set, 4);
+    /* parts of what is left, and brighter ones, are those pairs still */
+    ASSERT_OK(hada_dataset_split(sound, 2, &part, &bright, err));
+    assert_int_equal(hada_dataset_get_info(part)->counts[1], PAIRS - 3);
+    same_images(bright, 1, 0, &set, kept[2]);
+    same_images(bright, 2, 1, &set, 4);
+    hada_dataset_destroy(&bright);
+    hada_dataset_destroy(&part);
+    hada_fit_left_out_free(&left_out, DEPTHS);
+    assert_null(left_out);
+    hada_dataset_destroy(&sound);
+    hada_dataset_destroy(&all);
+    free_pairs(&set);
+    free_pairs(&other);
 }

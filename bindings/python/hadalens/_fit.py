@@ -234,7 +234,7 @@ def fit(
         task.c,
     )
     learned = Model._of(model)
-    learned.fit_report = _report(report.c, learned.info.depths)
+    learned.fit_report = _report(report.c, (0,) * learned.info.depths if data is None else data.counts)
     return learned
 
 
@@ -260,11 +260,18 @@ def monitored(monitor: Monitor, data: Dataset | None, function: Callable[..., in
         raise monitor.error
 
 
-def _report(report: Any, depths: int) -> FitReport:
+def _report(report: Any, counts: Sequence[int]) -> FitReport:
+    depths = len(counts)
+    left_out = tuple(
+        (depth, pair)
+        for depth in range(depths if report.left_out != ffi.NULL else 0)
+        for pair in range(counts[depth])
+        if report.left_out[depth][pair]
+    )
     compared = scores_of(report.scores)
     pairs = tuple(report.pairs[z] for z in range(depths))
     survey = report.survey
     if survey == ffi.NULL:
-        return FitReport(*compared, pairs, None, (), False)
+        return FitReport(*compared, pairs, None, (), False, left_out)
     responses = tuple(record(ResponseRow, row) for row in _each(survey.rows))
-    return FitReport(*compared, pairs, survey.response, responses, bool(survey.exposed))
+    return FitReport(*compared, pairs, survey.response, responses, bool(survey.exposed), left_out)

@@ -66,6 +66,7 @@ class FitReport:
         response: how the scenes stand for light, as :mod:`hadalens.response` has it; None: the pairs were not asked.
         responses: what was compared for it.
         exposed_apart: the frames of a depth were exposed differently.
+        left_out: (depth, pair) of pairs that were left out, for they contradict the others.
 
     """
 
@@ -76,6 +77,7 @@ class FitReport:
     response: float | None
     responses: tuple[ResponseRow, ...]
     exposed_apart: bool
+    left_out: tuple[tuple[int, int], ...] = ()
 
     def __repr__(self) -> str:
         """Return the most of it in a line."""

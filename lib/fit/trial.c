@@ -11,7 +11,7 @@ enum { TRIED = sizeof steps_tried / sizeof *steps_tried };
  * That and a step of TV_RATIO to both sides, one more where the outermost is best; the best of all lies where a
  * parabola through three has its top. A few steps on one depth rank them as many on two do; where the sensor crops they
  * settle later. */
-enum { TV_SIDE = 2, TV_PLACES = 2 * TV_SIDE + 1, TV_STEPS = 6, TV_STEPS_CROPPED = 12 };
+enum { TV_SIDE = 2, TV_PLACES = 2 * TV_SIDE + 1, TV_STEPS = 10, TV_STEPS_CROPPED = 12 };
 #define TV_RATIO     1.6
 #define TV_PER_NOISE 0.1
 #define TV_MOSAIC    0.5 /* times that of a mosaic, a third of whose values are known */
@@ -139,7 +139,7 @@ static hada_status rank_tv(trial_work *work, const trial_set *set, const double 
     const hada_model_info *info = &work->bench.with->model->info;
     hada_refine_weights weights[TV_PLACES] = {{0.0, 0.0, 0.0}};
     for (int i = 0; i < count; i++)
-        weights[i] = (hada_refine_weights){tv[i], work->weights.colour, 0.0};
+        weights[i] = (hada_refine_weights){tv[i], work->weights.colour, work->weights.ridge};
     HADA_TRY(rank(work, set, weights, count, psnr, err));
     for (int i = 0; i < count; i++)
         work->tv_rows[work->tv_count++] = (hada_fit_refine_score){.steps = work->rank_steps,
@@ -204,8 +204,8 @@ static hada_status choose_colour(trial_work *work, const trial_set *set, double 
     const hada_refine_weights now = work->weights;
     hada_refine_weights weights[CHOICES];
     for (int i = 0; i < CHOICES; i++)
-        weights[i] =
-            (hada_refine_weights){now.tv * pow(now.colour / colours_tried[i], TV_PER_COLOUR), colours_tried[i], 0.0};
+        weights[i] = (hada_refine_weights){now.tv * pow(now.colour / colours_tried[i], TV_PER_COLOUR), colours_tried[i],
+                                           now.ridge};
     return choose_of(work, set, weights, psnr, err);
 }
 
@@ -236,17 +236,16 @@ static hada_status choose_weights(trial_work *work, const trial_set *set, hada_e
     return HADA_OK;
 }
 
-/* Frames of one pair, HADA_TRIAL_MEMBERS at a time: the weight is chosen on the first of them. */
+/* Frames of one pair, HADA_TRIAL_FRAMES at a time: the weights are chosen on the first of them. */
 static hada_status try_singles(trial_work *work, hada_error *err)
 {
     const hada_fit_kept *kept = work->bench.with->kept;
     const hada_communicator *ranks = &work->bench.grid->communicator;
-    const int step = work->bench.grid->info.depths == 1 ? 1 : HADA_FIT_KEPT - 1;
     for (int k = 0; k < kept->count;) {
-        hada_trial_frame frames[HADA_TRIAL_MEMBERS];
+        hada_trial_frame frames[HADA_TRIAL_FRAMES];
         const int choose = k == 0 && work->bench.with->tv < 0.0;
         int count = 0;
-        for (; count < HADA_TRIAL_MEMBERS && k < kept->count; k += step, count++) {
+        for (; count < HADA_TRIAL_FRAMES && k < kept->count; k++, count++) {
             frames[count] = (hada_trial_frame){{&kept->pair[k]}, 1, count};
             if (hada_is_mine(ranks, count))
                 HADA_TRY(hada_trial_hold_out(&work->bench, &frames[count], err));

@@ -7,7 +7,7 @@
 #include "planes/maker.h"
 
 /* Pairs of a frame, at most, and steps of a refinement. */
-enum { HADA_TRIAL_MEMBERS = 2, HADA_TRIAL_STEPS = 16 };
+enum { HADA_TRIAL_MEMBERS = 2, HADA_TRIAL_FRAMES = 4, HADA_TRIAL_STEPS = 16 };
 
 typedef struct hada_trial_bench {
     const hada_fit_trial *with;

@@ -37,8 +37,8 @@ hadalens_install() {
     docs) packages="$packages python3-sphinx python3-myst-parser doxygen" ;;
     # reads of what was never written (tests/valgrind.sh)
     memcheck) packages="valgrind" ;;
-    # a second compiler, and what reads the sources (tests/house/lint.sh)
-    lint) packages="clang clang-format clang-tidy cppcheck" ;;
+    # a second compiler, what reads the sources (tests/house/lint.sh), what packs seeds (tests/fuzz/oss-fuzz)
+    lint) packages="clang clang-format clang-tidy cppcheck zip unzip" ;;
     esac
     for package in $packages; do
         dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'install ok installed' || missing="$missing $package"

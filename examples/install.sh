@@ -2,7 +2,8 @@
 # What is there already is left alone; with nothing missing, nothing is asked.
 hadalens_install() {
     local packages="gcc libc6-dev cmake ninja-build pkg-config python3 ocl-icd-opencl-dev libclfft-dev libtiff-dev
-        libcairo2-dev libjansson-dev libxxhash-dev libpopt-dev libpng-dev libturbojpeg0-dev libraw-dev"
+        libcairo2-dev libjansson-dev libxxhash-dev libpopt-dev libpng-dev libturbojpeg0-dev libraw-dev
+        zlib1g-dev"
     local missing="" package root=""
     if ! command -v dpkg-query >/dev/null; then
         echo "This is not Debian or Ubuntu: docs/start/install.md lists what has to be installed."

@@ -46,7 +46,12 @@ hada_status hada_array_order(hada_decoded *out, const hada_array *array, const u
 void hada_decoded_scale(hada_tiff_page *page);
 
 typedef hada_status hada_decoder(hada_decoded *out, int fd, size_t bytes, hada_error *err);
-hada_decoder hada_decode_png, hada_decode_jpeg, hada_decode_numpy, hada_decode_matlab, hada_decode_raw;
+hada_decoder hada_decode_png, hada_decode_jpeg, hada_decode_numpy, hada_decode_matlab, hada_decode_matio,
+    hada_decode_raw;
+
+/* Inflates what zlib deflated until `room` bytes are there; *made: how many there are, fewer where the data end. */
+hada_status hada_inflate(const unsigned char *from, size_t bytes, unsigned char *to, size_t room, size_t *made,
+                         hada_error *err);
 
 /* The whole file, freed with free(). */
 hada_status hada_decode_read(unsigned char **data, int fd, size_t bytes, hada_error *err);

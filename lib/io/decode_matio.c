@@ -85,6 +85,8 @@ hada_status hada_decode_matio(hada_decoded *out, int fd, size_t bytes, hada_erro
     matvar_t *variable = NULL;
     hada_status status = HADA_OK;
     HADA_TRY(hada_library_load(&library, err));
+    if (fd < 0)
+        return HADA_OK;
     snprintf(path, sizeof path, "/dev/fd/%d", fd);
     file = api.open(path, MAT_ACC_RDONLY);
     if (!file)

@@ -202,20 +202,28 @@ static hada_status read_five(hada_decoded *out, const part *file, hada_error *er
     return status;
 }
 
+/* 0: it is none of version 5. */
+static int read_head(part *head)
+{
+    head->swapped = 0;
+    if (head->bytes < HEADER)
+        return 0;
+    head->swapped = number_at(head, HEADER - 2, 2) != ('M' << 8 | 'I');
+    return number_at(head, HEADER - 2, 2) == ('M' << 8 | 'I') && number_at(head, HEADER - 4, 2) == 0x0100;
+}
+
+int hada_is_matlab_five(const unsigned char *head, size_t bytes)
+{
+    part file = {head, bytes, 0};
+    return read_head(&file);
+}
+
 hada_status hada_decode_matlab(hada_decoded *out, int fd, size_t bytes, hada_error *err)
 {
-    unsigned char head[HEADER], *data = NULL;
-    part file = {head, sizeof head, 0};
-    if (bytes < HEADER || hada_read_at(fd, head, sizeof head, 0))
-        return damaged(err);
-    file.swapped = number_at(&file, HEADER - 2, 2) != ('M' << 8 | 'I');
-    if (file.swapped && number_at(&file, HEADER - 2, 2) != ('M' << 8 | 'I'))
-        return damaged(err);
-    if (number_at(&file, HEADER - 4, 2) != 0x0100)
-        return hada_decode_matio(out, fd, bytes, err);
+    unsigned char *data = NULL;
     HADA_TRY(hada_decode_read(&data, fd, bytes, err));
-    file = (part){data, bytes, file.swapped};
-    const hada_status status = read_five(out, &file, err);
+    part file = {data, bytes, 0};
+    const hada_status status = read_head(&file) ? read_five(out, &file, err) : damaged(err);
     free(data);
     return status;
 }

@@ -5,6 +5,7 @@
 #include <hadalens/folder.h>
 #include <pthread.h>
 #include <unistd.h>
+#include <xxhash.h>
 
 static hada_status open_failed(int fd, int *code, int reason, hada_error *err)
 {
@@ -89,6 +90,27 @@ done:
         close(fd);
     free(read_into);
     return status;
+}
+
+uint64_t hada_file_hash(const char *path)
+{
+    enum { PIECE = 1 << 20 };
+    XXH3_state_t *hash = XXH3_createState();
+    char *piece = malloc(PIECE);
+    int fd = -1;
+    size_t bytes;
+    ssize_t got = -1;
+    if (hash && piece && !hada_input_open(&fd, &bytes, path, NULL, NULL)) {
+        XXH3_64bits_reset(hash);
+        while ((got = read_up_to(fd, piece, PIECE)) > 0)
+            XXH3_64bits_update(hash, piece, (size_t)got);
+    }
+    const uint64_t value = got ? 0 : XXH3_64bits_digest(hash);
+    if (fd >= 0)
+        close(fd);
+    free(piece);
+    XXH3_freeState(hash);
+    return value;
 }
 
 typedef struct identity {

@@ -212,18 +212,17 @@ static void set_picture(TIFF *out, uint32_t cols, uint32_t rows, fuzz_luck *luck
 static int write_page(TIFF *out, fuzz_luck *luck)
 {
     static uint8_t piece[1 << 16];
-    set_picture(out, (uint32_t)(1 + fuzz_below(luck, 48)), (uint32_t)(1 + fuzz_below(luck, 32)), luck);
+    set_picture(out, (uint32_t)(1 + fuzz_below(luck, 24)), (uint32_t)(1 + fuzz_below(luck, 18)), luck);
     const int tiled = TIFFIsTiled(out), smooth = (int)fuzz_below(luck, 3);
     const tmsize_t size = tiled ? TIFFTileSize(out) : TIFFStripSize(out);
     const uint32_t pieces = tiled ? TIFFNumberOfTiles(out) : TIFFNumberOfStrips(out);
     if (size <= 0 || size > (tmsize_t)sizeof piece || pieces > 64)
         return 0;
-    for (uint32_t i = 0; i < pieces; i++) {
-        for (tmsize_t k = 0; k < size; k++)
-            piece[k] = (uint8_t)(smooth ? k >> smooth : (tmsize_t)fuzz_below(luck, 256));
+    for (tmsize_t k = 0; k < size; k++) /* a repeating noise, or slopes */
+        piece[k] = (uint8_t)(smooth ? k >> smooth : k < 251 ? (tmsize_t)fuzz_below(luck, 256) : piece[k - 251]);
+    for (uint32_t i = 0; i < pieces; i++)
         if ((tiled ? TIFFWriteEncodedTile(out, i, piece, size) : TIFFWriteEncodedStrip(out, i, piece, size)) < 0)
             return 0;
-    }
     return TIFFWriteDirectory(out);
 }
 
@@ -251,12 +250,12 @@ size_t fuzz_mutate_tiff(uint8_t *data, size_t bytes, size_t room, uint64_t seed,
 {
     fuzz_luck luck = {seed};
     tiff file;
-    const size_t way = fuzz_below(&luck, 16);
+    const size_t way = fuzz_below(&luck, 64);
     if (way == 0) {
         const size_t made = write_file(data, room, &luck);
         return made ? made : plain(data, bytes, room);
     }
-    if (way < 5 || !parse(&file, data, bytes, room))
+    if (way < 20 || !parse(&file, data, bytes, room))
         return plain(data, bytes, room);
     for (size_t times = 1 + fuzz_below(&luck, 3); times; times--) {
         directory in;

@@ -494,7 +494,12 @@ TEST(limits_are_words_or_numbers)
     ASSERT_OK(hada_limits_parse(&limits, "pixels=4G,pages=20k,text=3M,parameters=17", err));
     assert_true(limits.pixels == 4000000000u && limits.pages == 20000 && limits.text == 3000000 &&
                 limits.parameters == 17);
-    const char *const wrong[] = {"pixels",    "pixels=",   "pixels=0",   "pixels=-1",
+    ASSERT_OK(hada_limits_parse(&limits, "isolate=all,seconds=5", err));
+    assert_true(limits.isolate == HADA_ISOLATE_ALL && limits.seconds == 5 && limits.pages == 20000);
+    limits.isolate = 7;
+    ASSERT_FAILS(hada_limits_set(&limits, err), HADA_ERROR_ARGUMENT, "isolate");
+    const char *const wrong[] = {"pixels",    "isolate=",  "isolate=1",  "isolate=allx",
+                                 "seconds=0", "pixels=",   "pixels=0",   "pixels=-1",
                                  "pixels=4T", "colours=4", "pixels=4,,", "pixels=99999999999999999999",
                                  "pages=1k2"};
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++)

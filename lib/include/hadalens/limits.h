@@ -24,7 +24,8 @@ extern "C" {
 #define HADA_LIMITS_WORD(number)  HADA_LIMITS_WORD_(number)
 #define HADA_LIMITS_DEFAULTS                                                                                                \
     "pixels=" HADA_LIMITS_WORD(HADA_LIMITS_PIXELS) ",pages=" HADA_LIMITS_WORD(HADA_LIMITS_PAGES) ",text=" HADA_LIMITS_WORD( \
-        HADA_LIMITS_TEXT) ",parameters=" HADA_LIMITS_WORD(HADA_LIMITS_PARAMETERS) ",isolate=some,seconds=" HADA_LIMITS_WORD(HADA_LIMITS_SECONDS)
+        HADA_LIMITS_TEXT) ",parameters=" HADA_LIMITS_WORD(HADA_LIMITS_PARAMETERS)
+#define HADA_LIMITS_READER_DEFAULTS "isolate=some,seconds=" HADA_LIMITS_WORD(HADA_LIMITS_SECONDS)
 
 /* Which pictures are decoded in a process of their own, which has no rights to files and networks (Linux). */
 typedef enum hada_isolate {

@@ -234,12 +234,14 @@ hada_status hada_isolated_open(hada_isolated **out, int fd, size_t bytes, const 
 {
     hada_limits limits = {.size = sizeof limits};
     hada_isolated *isolated = NULL;
+    hada_headerless numbers;
     int sealed = 0;
     hada_status status = HADA_OK;
     *out = NULL;
     HADA_TRY(hada_limits_get(&limits, err));
     if (limits.isolate == HADA_ISOLATE_NONE ||
-        (limits.isolate == HADA_ISOLATE_SOME && !hada_decode_is_suspect(fd, bytes)))
+        (limits.isolate == HADA_ISOLATE_SOME && !hada_decode_is_suspect(fd, bytes)) ||
+        hada_decode_is_headerless(fd, bytes, &numbers)) /* which nothing decodes */
         return HADA_OK;
     HADA_TRY(HADA_NEW(isolated, 1, "the reader's process", err));
     *isolated = (hada_isolated){.control = -1, .data = -1, .bytes = bytes, .limits = limits};

@@ -1,5 +1,6 @@
 /* Files that are decoded by a process of their own: the same results, and no more than that. */
 #include <dirent.h>
+#include <hadalens/headerless.h>
 #include <sys/wait.h>
 #include <time.h>
 
@@ -184,6 +185,22 @@ TEST(isolated_files_side_by_side)
         assert_int_equal(hada_tiff_read(readers[i], 1, &image, &err), HADA_OK);
         hada_tiff_close(&readers[i]);
     }
+    as_ever();
+}
+
+/* Numbers alone are read as ever: the process does not know how they lie. */
+TEST(frames_without_a_header_are_not_isolated)
+{
+    SKIP_SANITIZED();
+    static const unsigned char numbers[6] = {0, 51, 102, 153, 204, 255};
+    SCOPED(hada_image) image = {0};
+    hada_error err = {0};
+    io_write_bytes(io_path("frame.raw"), numbers, sizeof numbers);
+    assert_int_equal(hada_headerless_set("2x3:u8", &err), HADA_OK);
+    isolate(HADA_ISOLATE_ALL, READER);
+    assert_int_equal(hada_tiff_load(io_path("frame.raw"), 0, &image, &err), HADA_OK);
+    assert_float_equal(image.data[4], 0.8f, 1e-6f);
+    assert_int_equal(hada_headerless_set(NULL, &err), HADA_OK);
     as_ever();
 }
 

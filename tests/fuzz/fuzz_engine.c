@@ -28,6 +28,7 @@ int LLVMFuzzerInitialize(int *count, char ***words)
     hada_limits_init(&limits);
     limits.pixels = 1 << 18; /* quick runs: large pictures are no other code */
     limits.parameters = 1 << 18;
+    limits.isolate = HADA_ISOLATE_NONE; /* coverage is that of this process */
     if (hada_limits_set(&limits, &err))
         return 1;
     if (target->begin)

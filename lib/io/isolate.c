@@ -79,8 +79,9 @@ static hada_status start(hada_isolated *isolated, int fd, hada_error *err)
     isolated->control = lifted(pair[0]);
     const int theirs = lifted(pair[1]), file = fcntl(fd, F_DUPFD_CLOEXEC, ABOVE);
     isolated->data = lifted(memfd_create("hadalens-reader", MFD_CLOEXEC));
-    const int open = isolated->control >= 0 && theirs >= 0 && file >= 0 && isolated->data >= 0,
-              code = open ? spawn(isolated, file, theirs) : errno;
+    const int ready = isolated->control >= 0 && theirs >= 0 && file >= 0 && isolated->data >= 0 &&
+                      !access(program(), X_OK), /* which emulators do not tell when they spawn */
+        code = ready ? spawn(isolated, file, theirs) : errno;
     if (theirs >= 0)
         close(theirs);
     if (file >= 0)

@@ -94,18 +94,25 @@ done:
 
 uint64_t hada_file_hash(const char *path)
 {
-    enum { PIECE = 1 << 20 };
+    enum { PIECE = 1 << 20, END = 64 << 20 };
     XXH3_state_t *hash = XXH3_createState();
     char *piece = malloc(PIECE);
     int fd = -1;
-    size_t bytes;
-    ssize_t got = -1;
+    size_t bytes, done = 0, each = 0;
+    uint64_t value = 0;
     if (hash && piece && !hada_input_open(&fd, &bytes, path, NULL, NULL)) {
         XXH3_64bits_reset(hash);
-        while ((got = read_up_to(fd, piece, PIECE)) > 0)
-            XXH3_64bits_update(hash, piece, (size_t)got);
+        XXH3_64bits_update(hash, &bytes, sizeof bytes);
+        for (; done < bytes; done += each) {
+            if (bytes > 2 * (size_t)END && done == END)
+                done = bytes - END;
+            each = bytes - done < PIECE ? bytes - done : PIECE;
+            if (hada_read_at(fd, piece, each, done))
+                break;
+            XXH3_64bits_update(hash, piece, each);
+        }
+        value = done < bytes ? 0 : XXH3_64bits_digest(hash);
     }
-    const uint64_t value = got ? 0 : XXH3_64bits_digest(hash);
     if (fd >= 0)
         close(fd);
     free(piece);

@@ -88,6 +88,7 @@ static hada_status choose_files(run *own, hada_error *err)
             continue;
         own->todo[own->here_count] = i;
         own->here[own->here_count] = own->paths[i];
+        HADA_TRY(hada_monitor_check(own->task.monitor, err));
         if (own->task.resume &&
             hada_outputs_are_there(&own->task, own->plan, own->names[i], own->paths[i], own->model_hash))
             tell(own, HADA_FILES_THERE, &(hada_streamed){.file = own->here_count});

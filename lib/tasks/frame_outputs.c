@@ -71,12 +71,15 @@ hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, c
     return hada_path_format(&out->title, err, "%s, %s", name, slash ? slash + 1 : model->name);
 }
 
-void hada_made_from(char text[HADA_MADE_FROM], const char *frame, uint64_t model)
+hada_status hada_made_from(char text[HADA_MADE_FROM], const char *frame, uint64_t model, hada_error *err)
 {
-    const uint64_t hash = model ? hada_file_hash(frame) : 0;
+    uint64_t hash = 0;
     *text = '\0';
+    if (model)
+        HADA_TRY(hada_file_hash(&hash, frame, err));
     if (hash)
         snprintf(text, HADA_MADE_FROM, "%016" PRIx64 "-%016" PRIx64, hash, model);
+    return HADA_OK;
 }
 
 static hada_status open_writer(hada_outputs *out, int which, const hada_image *first, const hada_result *result,
@@ -356,7 +359,8 @@ int hada_outputs_are_there(const hada_files_task *task, const hada_plan *plan, c
     const size_t count = HADA_COUNT(needed) - !has_map(plan);
     int there = 1, images[HADA_COUNT(needed)] = {0};
     char made_from[HADA_MADE_FROM];
-    hada_made_from(made_from, path, model);
+    if (hada_made_from(made_from, path, model, NULL))
+        return 0;
     for (size_t k = 0; there && k < count; k++) {
         char *result = NULL;
         there = !hada_path_format(&result, NULL, "%s/%s_%s", task->output, name, endings[needed[k]]) &&

@@ -77,7 +77,7 @@ typedef struct hada_tracked {
 
 /* Hashes of the files that results are made from, as results name them; "" where one of them is no file. */
 enum { HADA_MADE_FROM = 34 };
-void hada_made_from(char text[HADA_MADE_FROM], const char *frame, uint64_t model);
+hada_status hada_made_from(char text[HADA_MADE_FROM], const char *frame, uint64_t model, hada_error *err);
 
 typedef struct hada_outputs {
     char *path[HADA_OUTPUT_FILES];               /* NULL: preview, picture and tables where none are wanted */

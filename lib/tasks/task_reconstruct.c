@@ -108,8 +108,8 @@ static hada_status begin_file(run *own, const hada_streamed *frame, hada_error *
         own->progress.total += frame->frames - 1;
         status = hada_outputs_begin(&own->out, &own->task, own->plan, own->names[own->todo[frame->file]], frame->frames,
                                     err);
-        if (!own->task.frame) /* one that is given may be made of several files */
-            hada_made_from(own->out.made_from, own->here[frame->file], own->model_hash);
+        if (!own->task.frame && !status) /* one that is given may be made of several files */
+            status = hada_made_from(own->out.made_from, own->here[frame->file], own->model_hash, err);
     }
     for (int k = 0; k < HADA_OUTPUTS; k++)
         own->state.outputs[k] = k != HADA_OUTPUT_DISTANCE_MAP || own->out.has_map ? own->out.path[k] : NULL;
@@ -274,7 +274,8 @@ hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, con
     HADA_TRY_OR_DONE(make_names(&own, err));
     HADA_TRY_OR_DONE(hada_inputs_protect(&inputs, paths, (size_t)count, err));
     HADA_TRY_OR_DONE(hada_folder_ensure(own.task.output, err));
-    own.model_hash = hada_file_hash(hada_model_get_info(model)->name);
+    const char *name = hada_model_get_info(model)->name;
+    HADA_TRY_OR_DONE(hada_named(hada_file_hash(&own.model_hash, name, err), name, err));
     HADA_TRY_OR_DONE(choose_files(&own, err));
     HADA_TRY_OR_DONE(hada_stream_begin(&own.stream, plan, model, own.here, own.here_count, own.task.frame_encoding,
                                        hada_files_ahead(plan), own.task.monitor, err));

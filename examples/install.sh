@@ -2,7 +2,8 @@
 # What is there already is left alone; with nothing missing, nothing is asked.
 hadalens_install() {
     local packages="gcc libc6-dev cmake ninja-build pkg-config python3 ocl-icd-opencl-dev libclfft-dev libtiff-dev
-        libcairo2-dev libjansson-dev libxxhash-dev libpopt-dev libpng-dev libturbojpeg0-dev libraw-dev"
+        libcairo2-dev libjansson-dev libxxhash-dev libpopt-dev libpng-dev libturbojpeg0-dev libraw-dev
+        zlib1g-dev"
     local missing="" package root=""
     if ! command -v dpkg-query >/dev/null; then
         echo "This is not Debian or Ubuntu: docs/start/install.md lists what has to be installed."
@@ -37,8 +38,8 @@ hadalens_install() {
     docs) packages="$packages python3-sphinx python3-myst-parser doxygen" ;;
     # reads of what was never written (tests/valgrind.sh)
     memcheck) packages="valgrind" ;;
-    # a second compiler, and what reads the sources (tests/house/lint.sh)
-    lint) packages="clang clang-format clang-tidy cppcheck" ;;
+    # a second compiler, what reads the sources (tests/house/lint.sh), what packs seeds (tests/fuzz/oss-fuzz)
+    lint) packages="clang clang-format clang-tidy cppcheck zip unzip" ;;
     esac
     for package in $packages; do
         dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'install ok installed' || missing="$missing $package"

@@ -131,7 +131,8 @@ static const struct {
 } rows[] = {{"pixels", offsetof(hada_limits, pixels)},
             {"pages", offsetof(hada_limits, pages)},
             {"text", offsetof(hada_limits, text)},
-            {"parameters", offsetof(hada_limits, parameters)}};
+            {"parameters", offsetof(hada_limits, parameters)},
+            {"seconds", offsetof(hada_limits, seconds)}};
 enum { ROWS = sizeof rows / sizeof *rows };
 
 static uint64_t *at(hada_limits *limits, int row)
@@ -162,8 +163,27 @@ static int read_number(const char **text, uint64_t *value)
     return any;
 }
 
+/* isolate=WORD */
+static int read_isolate(hada_limits *limits, const char **text)
+{
+    static const char *const words[] = {
+        [HADA_ISOLATE_NONE] = "none", [HADA_ISOLATE_SOME] = "some", [HADA_ISOLATE_ALL] = "all"};
+    for (size_t i = 0; i < HADA_COUNT(words); i++)
+        if (!strncmp(*text, words[i], strlen(words[i]))) {
+            limits->isolate = i;
+            *text += strlen(words[i]);
+            return 1;
+        }
+    return 0;
+}
+
 static int read_row(hada_limits *limits, const char **text)
 {
+    static const char isolate[] = "isolate=";
+    if (!strncmp(*text, isolate, sizeof isolate - 1)) {
+        *text += sizeof isolate - 1;
+        return read_isolate(limits, text);
+    }
     for (int i = 0; i < ROWS; i++) {
         const size_t length = strlen(rows[i].name);
         if (strncmp(*text, rows[i].name, length) || (*text)[length] != '=')
@@ -181,9 +201,11 @@ hada_status hada_limits_parse(hada_limits *limits, const char *text, hada_error 
     HADA_TRY(HADA_OPTIONS_TAKE(&own, limits, hada_limits, err));
     for (const char *from = text; *from; from += *from == ',')
         if (!read_row(&own, &from) || (*from && *from != ','))
-            return hada_fail(err, HADA_ERROR_ARGUMENT,
-                             "limits are a list such as pixels=4G,pages=1M,text=20M,parameters=1G; '%.100s' is not",
-                             text);
+            return hada_fail(
+                err, HADA_ERROR_ARGUMENT,
+                "limits are a list such as pixels=4G,pages=1M,text=20M,parameters=1G,isolate=all,seconds=60; '%.100s' is "
+                "not",
+                text);
     HADA_REPORT_GIVE(limits, &own);
     return HADA_OK;
 }
@@ -196,6 +218,8 @@ hada_status hada_limits_set(const hada_limits *limits, hada_error *err)
     hada_limits own = {0};
     if (limits)
         HADA_TRY(HADA_OPTIONS_TAKE(&own, limits, hada_limits, err));
+    if (own.isolate > HADA_ISOLATE_ALL)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "options.limits: isolate is none, some or all (0, 1, 2)");
     pthread_mutex_lock(&lock);
     chosen = own;
     pthread_mutex_unlock(&lock);

@@ -46,9 +46,11 @@ static const hada_focus_options focus_shared = {.size = sizeof(hada_focus_option
 static const hada_limits limits = {.size = sizeof(hada_limits),
                                    .pixels =
                                        HADA_LIMITS_PIXELS, /* 16 MiB of float; a fit from a PSF takes 18 times that */
-                                   .pages = HADA_LIMITS_PAGES,            /* two hours of frames at 30 a second */
-                                   .text = HADA_LIMITS_TEXT,              /* OME-XML of some 30,000 planes */
-                                   .parameters = HADA_LIMITS_PARAMETERS}; /* three times VGG-16's convolutions */
+                                   .pages = HADA_LIMITS_PAGES,           /* two hours of frames at 30 a second */
+                                   .text = HADA_LIMITS_TEXT,             /* OME-XML of some 30,000 planes */
+                                   .parameters = HADA_LIMITS_PARAMETERS, /* three times VGG-16's convolutions */
+                                   .isolate = HADA_ISOLATE_SOME,
+                                   .seconds = HADA_LIMITS_SECONDS}; /* a thousand times what a frame takes */
 static const hada_psf_options psf_options = {.size = sizeof(hada_psf_options),
                                              .downsample = 1,
                                              .refine_tv = HADA_AUTO,

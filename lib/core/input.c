@@ -5,6 +5,7 @@
 #include <hadalens/folder.h>
 #include <pthread.h>
 #include <unistd.h>
+#include <xxhash.h>
 
 static hada_status open_failed(int fd, int *code, int reason, hada_error *err)
 {
@@ -88,6 +89,42 @@ done:
     if (fd >= 0)
         close(fd);
     free(read_into);
+    return status;
+}
+
+hada_status hada_file_hash(uint64_t *hash, const char *path, hada_error *err)
+{
+    enum { PIECE = 1 << 20, END = 64 << 20 };
+    XXH3_state_t *state = NULL;
+    char *piece = NULL;
+    int fd = -1, code = 0;
+    size_t bytes, each;
+    hada_error error = {0};
+    *hash = 0;
+    hada_status status = hada_input_open(&fd, &bytes, path, &code, &error);
+    if (status && (!code || code == ENOENT || code == ENOTDIR)) /* none, or no ordinary file */
+        return HADA_OK;
+    if (status)
+        return hada_fail(err, status, "%s", error.message);
+    HADA_TRY_OR_DONE(hada_allocated(piece = hada_alloc_raw(PIECE, 1, "a piece of a file", err)));
+    state = XXH3_createState();
+    if (!state)
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for the hash of a file"));
+    XXH3_64bits_reset(state);
+    XXH3_64bits_update(state, &bytes, sizeof bytes);
+    for (size_t done = 0; done < bytes; done += each) {
+        if (bytes > 2 * (size_t)END && done == END)
+            done = bytes - END;
+        each = bytes - done < PIECE ? bytes - done : PIECE;
+        if (hada_read_at(fd, piece, each, done))
+            HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_READ, "cannot be read whole; get it again"));
+        XXH3_64bits_update(state, piece, each);
+    }
+    *hash = XXH3_64bits_digest(state);
+done:
+    close(fd);
+    free(piece);
+    XXH3_freeState(state);
     return status;
 }
 

@@ -18,6 +18,10 @@ int hada_read_at(int fd, void *out, size_t bytes, uint64_t offset);
 /* A whole file of at most `most` bytes with a NUL behind it, to be freed; HADA_ERROR_FILE_FORMAT for longer ones. */
 hada_status hada_input_read(char **text, size_t *bytes, const char *path, size_t most, int *code, hada_error *err);
 
+/* A hash of a file's bytes, beyond 128 MiB of its size and of 64 MiB at each end; 0 where there is no such file.
+ * Messages do not name the path. */
+hada_status hada_file_hash(uint64_t *hash, const char *path, hada_error *err);
+
 /* Whether a text of JSON would take far more memory than it is long, and more than those of sound files do. Short texts
  * may. */
 int hada_json_is_bloated(const char *text, size_t bytes);

@@ -57,7 +57,7 @@ static hada_decoder *recognise(int fd, const unsigned char *head, size_t bytes)
     if (begins(head, bytes, "\223NUMPY", 6))
         return hada_decode_numpy;
     if (begins(head, bytes, "MATLAB ", 7) || begins(head, bytes, "\211HDF\r\n\032\n", 8))
-        return hada_decode_matlab;
+        return hada_is_matlab_five(head, bytes) ? hada_decode_matlab : hada_decode_matio;
     for (size_t i = 0; i < HADA_COUNT(raw); i++)
         if (begins(head, bytes, raw[i], strlen(raw[i])))
             return hada_decode_raw;
@@ -87,16 +87,45 @@ static hada_status take_headerless(hada_decoded *out, size_t bytes, hada_error *
     return hada_tiff_budget((uint64_t)page->rows * (uint64_t)page->cols * (uint64_t)page->samples, 0, bytes, err);
 }
 
-hada_status hada_decode(hada_decoded *out, int fd, size_t bytes, int *known, hada_error *err)
+/* NULL: none, or the file cannot be read, of which the reader of TIFF files says why. */
+static hada_decoder *decoder_of(int fd, size_t bytes)
 {
     unsigned char head[HEAD] = {0};
     const size_t length = bytes < HEAD ? bytes : HEAD;
+    return hada_read_at(fd, head, length, 0) ? NULL : recognise(fd, head, length);
+}
+
+int hada_decode_is_headerless(int fd, size_t bytes, hada_headerless *frames)
+{
+    unsigned char head[HEAD] = {0};
+    const size_t length = bytes < HEAD ? bytes : HEAD;
+    return !hada_read_at(fd, head, length, 0) && !recognise(fd, head, length) && !is_tiff(head, length) &&
+           hada_headerless_get(frames);
+}
+
+int hada_decode_is_suspect(int fd, size_t bytes)
+{
+    return decoder_of(fd, bytes) == hada_decode_matio;
+}
+
+hada_status hada_decode_load(int fd, size_t bytes, int *reopens, hada_error *err)
+{
+    hada_decoder *const decoder = decoder_of(fd, bytes);
+    hada_decoded none = {0};
+    size_t made;
+    *reopens = decoder == hada_decode_matio;
+    if (!decoder || decoder == hada_decode_numpy)
+        return HADA_OK;
+    if (decoder == hada_decode_matlab) /* which needs zlib only where it is compressed */
+        return hada_inflate(NULL, 0, NULL, 0, &made, NULL), HADA_OK;
+    return decoder(&none, -1, 0, err);
+}
+
+hada_status hada_decode(hada_decoded *out, int fd, size_t bytes, int *known, hada_error *err)
+{
     *out = (hada_decoded){0};
-    *known = 0;
-    if (hada_read_at(fd, head, length, 0))
-        return HADA_OK; /* the reader of TIFF files says why */
-    hada_decoder *const decoder = recognise(fd, head, length);
-    *known = decoder || (!is_tiff(head, length) && hada_headerless_get(&out->headerless));
+    hada_decoder *const decoder = decoder_of(fd, bytes);
+    *known = decoder || hada_decode_is_headerless(fd, bytes, &out->headerless);
     if (!*known)
         return HADA_OK;
     hada_status status = decoder ? decoder(out, fd, bytes, err) : take_headerless(out, bytes, err);

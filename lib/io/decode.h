@@ -23,6 +23,15 @@ typedef struct hada_decoded {
  * hold is checked against the limits before memory is taken. */
 hada_status hada_decode(hada_decoded *out, int fd, size_t bytes, int *known, hada_error *err);
 
+/* Whether the file is of no known format, and the caller has said how to read such files. */
+int hada_decode_is_headerless(int fd, size_t bytes, hada_headerless *frames);
+
+/* Whether a library reads the file that is not to be trusted with damaged ones. */
+int hada_decode_is_suspect(int fd, size_t bytes);
+
+/* Loads what such a file needs; *reopens: its library opens it again by its name, /dev/fd/N. */
+hada_status hada_decode_load(int fd, size_t bytes, int *reopens, hada_error *err);
+
 /* For the decoders: */
 
 /* An array of 2 to 4 dimensions. */
@@ -45,8 +54,17 @@ hada_status hada_array_order(hada_decoded *out, const hada_array *array, const u
 /* Fills in the divisor of the samples, as TIFF files have it. */
 void hada_decoded_scale(hada_tiff_page *page);
 
+/* fd -1: only loads the library. */
 typedef hada_status hada_decoder(hada_decoded *out, int fd, size_t bytes, hada_error *err);
-hada_decoder hada_decode_png, hada_decode_jpeg, hada_decode_numpy, hada_decode_matlab, hada_decode_raw;
+hada_decoder hada_decode_png, hada_decode_jpeg, hada_decode_numpy, hada_decode_matlab, hada_decode_matio,
+    hada_decode_raw;
+
+/* Whether a MATLAB file is one of version 5 to 7; the others are left to matio. */
+int hada_is_matlab_five(const unsigned char *head, size_t bytes);
+
+/* Inflates what zlib deflated until `room` bytes are there; *made: how many there are, fewer where the data end. */
+hada_status hada_inflate(const unsigned char *from, size_t bytes, unsigned char *to, size_t room, size_t *made,
+                         hada_error *err);
 
 /* The whole file, freed with free(). */
 hada_status hada_decode_read(unsigned char **data, int fd, size_t bytes, hada_error *err);

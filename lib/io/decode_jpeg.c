@@ -40,6 +40,8 @@ hada_status hada_decode_jpeg(hada_decoded *out, int fd, size_t bytes, hada_error
     tjhandle jpeg = NULL;
     hada_status status = HADA_OK;
     HADA_TRY(hada_library_load(&library, err));
+    if (fd < 0)
+        return HADA_OK;
     HADA_TRY(hada_decode_read(&data, fd, bytes, err));
     jpeg = api.create();
     if (!jpeg)

@@ -127,6 +127,8 @@ hada_status hada_decode_png(hada_decoded *out, int fd, size_t bytes, hada_error 
     png_infop info = NULL;
     hada_status status = HADA_OK;
     HADA_TRY(hada_library_load(&library, err));
+    if (fd < 0)
+        return HADA_OK;
     HADA_TRY(hada_decode_read(&data, fd, bytes, err));
     from.data = data;
     png = api.create_read_struct(PNG_LIBPNG_VER_STRING, &from, keep_error, drop_warning);

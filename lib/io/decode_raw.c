@@ -113,6 +113,8 @@ hada_status hada_decode_raw(hada_decoded *out, int fd, size_t bytes, hada_error 
     hada_tiff_page *page = &out->page;
     hada_status status = HADA_OK;
     HADA_TRY(hada_library_load(&library, err));
+    if (fd < 0)
+        return HADA_OK;
     HADA_TRY(hada_decode_read(&data, fd, bytes, err));
     libraw_data_t *raw = api.create(0);
     if (!raw)

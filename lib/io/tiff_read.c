@@ -9,6 +9,7 @@
 #include "core/input.h"
 #include "io/decode.h"
 #include "io/folder.h"
+#include "io/isolate.h"
 #include "io/text.h"
 #include "io/tiff_meta.h"
 #include "io/tiff_page.h"
@@ -147,6 +148,7 @@ struct hada_tiff_reader {
     hada_headerless headerless; /* rows not 0: the file is nothing but such frames */
     unsigned char *seen;        /* pages that were read before, and the bytes that these have in the file */
     uint64_t seen_bytes;
+    hada_isolated *isolated; /* the process that decodes the file; NULL: this one does */
 };
 
 /* Opens libtiff at page number `page` and checks it. */
@@ -312,12 +314,10 @@ static hada_status open_decoded(hada_tiff_reader *reader, size_t bytes, int *kno
     return HADA_OK;
 }
 
-static hada_status open_file(hada_tiff_reader *reader, hada_error *err)
+static hada_status open_here(hada_tiff_reader *reader, size_t bytes, hada_error *err)
 {
-    size_t bytes;
     int known;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_input_open(&reader->fd, &bytes, reader->path, NULL, err));
     HADA_TRY(open_decoded(reader, bytes, &known, err));
     if (known)
         return HADA_OK;
@@ -343,23 +343,44 @@ done:
     return status;
 }
 
+static hada_status open_file(hada_tiff_reader *reader, hada_error *err)
+{
+    size_t bytes;
+    HADA_TRY(hada_input_open(&reader->fd, &bytes, reader->path, NULL, err));
+    HADA_TRY(hada_isolated_open(&reader->isolated, reader->fd, bytes, reader->path, &reader->info, err));
+    reader->chain.bytes = bytes;
+    return reader->isolated ? HADA_OK : open_here(reader, bytes, err);
+}
+
+/* fd -1: the file is opened by its name, and perhaps by another process. */
+static hada_status open_reader(hada_tiff_reader **out, int fd, size_t bytes, const char *path, hada_error *err)
+{
+    hada_tiff_reader *reader = calloc(1, sizeof *reader);
+    if (reader) {
+        reader->fd = fd;
+        reader->path = hada_string_copy(path);
+    }
+    hada_status status =
+        reader && reader->path ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory to open a file");
+    if (status == HADA_OK)
+        status = fd < 0 ? open_file(reader, err) : open_here(reader, bytes, err);
+    if (status)
+        hada_tiff_close(&reader);
+    *out = reader;
+    return status;
+}
+
 hada_status hada_tiff_open(hada_tiff_reader **out, const char *path, hada_error *err)
 {
     HADA_NEED(out && path, err);
     *out = NULL;
-    hada_tiff_reader *reader = calloc(1, sizeof *reader);
-    if (reader) {
-        reader->fd = -1;
-        reader->path = hada_string_copy(path);
-    }
-    hada_status status =
-        reader && reader->path ? open_file(reader, err) : hada_fail(err, HADA_ERROR_MEMORY, "no memory to open a file");
-    if (status) {
-        hada_error_prefix(err, "%s: ", path);
-        hada_tiff_close(&reader);
-    }
-    *out = reader;
-    return status;
+    const hada_status status = open_reader(out, -1, 0, path, err);
+    return status ? hada_named(status, path, err) : HADA_OK;
+}
+
+hada_status hada_tiff_open_here(hada_tiff_reader **out, int fd, size_t bytes, const char *path, hada_error *err)
+{
+    return open_reader(out, fd, bytes, path, err);
 }
 
 void hada_tiff_close(hada_tiff_reader **reader)
@@ -367,6 +388,7 @@ void hada_tiff_close(hada_tiff_reader **reader)
     hada_tiff_reader *r = hada_taken(reader);
     if (!r)
         return;
+    hada_isolated_close(&r->isolated);
     if (r->fd >= 0)
         close(r->fd);
     hada_tiff_chain_free(&r->chain);
@@ -507,6 +529,8 @@ static hada_status read_frame(hada_tiff_reader *reader, int index, int stored, h
     if (index < 0 || index >= reader->info.frames)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: frame %d was asked for; the file has %d", reader->path, index,
                          reader->info.frames);
+    if (reader->isolated)
+        return hada_isolated_read(reader->isolated, index, stored, frame, err);
     const int channels = reader->grouped ? stack->channels : 1;
     hada_status status = HADA_OK;
     size_t page = (size_t)index;

@@ -116,8 +116,8 @@ static hada_status direct_few(hada_conv *conv, int index, const hada_tensor *in,
     const hada_conv_pass *pass = &conv->plan.pass[index];
     const hada_conv_desc *d = &conv->plan.desc;
     const size_t taps = (size_t)(d->kernel_rows * d->kernel_cols), blocks = (size_t)hada_layout_of(in).blocks;
-    const hada_range range =
-        hada_range_of(hada_divide_up((size_t)out->rows, (size_t)pass->rows_each), 1, (size_t)in->images, 1);
+    const hada_range range = hada_range_divisible(
+        hada_range_of(hada_divide_up((size_t)out->rows, (size_t)pass->rows_each), 1, (size_t)in->images, 1), 0);
     return hada_launch_conv_few(conv->slot, (hada_program_conv_few)pass->program, &range, err, .x = in->mem,
                                 .weights = conv->weights[index].mem, .bias = finish->bias.mem, .y = out->mem,
                                 .mask = hada_conv_mask(finish),
@@ -133,8 +133,10 @@ static hada_status direct_lanes(hada_conv *conv, int index, const hada_tensor *i
         return direct_few(conv, index, in, out, finish, err);
     const size_t tiles = hada_divide_up((size_t)out->rows * ((size_t)out->cols + 2) - 2, (size_t)pass->pixels);
     const size_t rows = pass->flat ? tiles : (size_t)out->rows;
-    const hada_range range = hada_range_of(hada_divide_up((size_t)out->channels, (size_t)pass->lanes), 1,
-                                           hada_divide_up(rows, (size_t)pass->rows_each), (size_t)in->images);
+    const hada_range range =
+        hada_range_divisible(hada_range_of(hada_divide_up((size_t)out->channels, (size_t)pass->lanes), 1,
+                                           hada_divide_up(rows, (size_t)pass->rows_each), (size_t)in->images),
+                             1);
     return hada_launch_conv_direct(conv->slot, (hada_program_conv_direct)pass->program, &range, err, .x = in->mem,
                                    .weights = conv->weights[index].mem, .bias = finish->bias.mem, .y = out->mem,
                                    .mask = hada_conv_mask(finish),
@@ -203,8 +205,9 @@ hada_status hada_conv_plain(hada_conv *conv, int index, const hada_tensor *in, c
                             const hada_conv_finish *finish, hada_error *err)
 {
     const hada_conv_problem problem = hada_conv_problem_of(conv, index, in, out, finish, 0);
-    const hada_range range = hada_range_of((size_t)out->cols, PLAIN_LOCAL, (size_t)out->rows,
-                                           (size_t)problem.out.blocks * (size_t)in->images);
+    const hada_range range = hada_range_divisible(hada_range_of((size_t)out->cols, PLAIN_LOCAL, (size_t)out->rows,
+                                                                (size_t)problem.out.blocks * (size_t)in->images),
+                                                  1);
     HADA_TRY(hada_launch_conv_plain(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_PLAIN, conv->plan.block), &range, err,
                                     .x = in->mem, .w = conv->weights[index].mem, .bias = finish->bias.mem,
                                     .y = out->mem, .mask = hada_conv_mask(finish), .problem = problem));
@@ -248,7 +251,8 @@ static hada_status one_launch(hada_conv *conv, int index, const hada_tensor *in,
 {
     const hada_conv_pass *pass = &conv->plan.pass[index];
     const int in_blocks = problem->in.blocks + problem->low.blocks;
-    const hada_range range = hada_range_of(hada_divide_up(tiles, (size_t)pass->tiles), 1, (size_t)in->images, 1);
+    const hada_range range =
+        hada_range_divisible(hada_range_of(hada_divide_up(tiles, (size_t)pass->tiles), 1, (size_t)in->images, 1), 0);
     return hada_launch_conv_winograd(
         conv->slot, (hada_program_conv_winograd)pass->program, &range, err, .x = in->mem, .low = low ? low->mem : NULL,
         .weights = conv->weights[index].mem, .bias = finish->bias.mem, .y = out->mem, .mask = hada_conv_mask(finish),

@@ -39,7 +39,8 @@ static hada_layer_grid groups_grid(const hada_tensor *tensor, int rows, size_t v
         across /= 2;
     const size_t down = GROUP_ITEMS / across;
     return (hada_layer_grid){
-        {{hada_round_up(vectors, across), hada_round_up((size_t)rows, down), planes_of(tensor)}, {across, down, 1}}, 1};
+        {{hada_round_up(vectors, across), hada_round_up((size_t)rows, down), planes_of(tensor)}, {across, down, 1}, 0},
+        1};
 }
 
 /* A group for some rows. */

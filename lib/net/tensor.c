@@ -84,7 +84,7 @@ static hada_range halo_range(const hada_slot *slot, const hada_tensor *tensor)
     const size_t height = (size_t)tensor->rows + 2, down = GROUP_ITEMS / HALO_ITEMS;
     if (slot->context->shape != HADA_SHAPE_GROUPS)
         return hada_range_of(1, 1, height, planes_of(tensor));
-    return (hada_range){{HALO_ITEMS, hada_round_up(height, down), planes_of(tensor)}, {HALO_ITEMS, down, 1}};
+    return (hada_range){{HALO_ITEMS, hada_round_up(height, down), planes_of(tensor)}, {HALO_ITEMS, down, 1}, 0};
 }
 
 hada_status hada_tensor_load(hada_slot *slot, const hada_planar *in, const hada_tensor *out, hada_error *err)

@@ -12,7 +12,7 @@ static size_t side_of(const hada_slot *slot)
 static hada_range items_of(const hada_slot *slot, size_t across, size_t down, size_t planes)
 {
     const size_t side = side_of(slot);
-    return (hada_range){{hada_round_up(across, side), hada_round_up(down, side), planes}, {side, side, 1}};
+    return (hada_range){{hada_round_up(across, side), hada_round_up(down, side), planes}, {side, side, 1}, 0};
 }
 
 hada_status hada_wave_launch_pupil(hada_slot *slot, cl_mem field, cl_mem phase, hada_wave_lens_array lenses,

@@ -119,8 +119,9 @@ done:
     return status;
 }
 
-/* Launches that may be in flight when a monitor is asked, or less where they take longer (SECONDS_UNASKED): what is
- * left of a long computation takes a part of a second then, and waiting so seldom costs nothing that could be measured.
+/* Launches that may be in flight when a monitor is asked, or less where they take longer (HADA_SECONDS_UNASKED): what
+ * is left of a long computation takes a part of a second then, and waiting so seldom costs nothing that could be
+ * measured.
  */
 enum { LAUNCHES_UNASKED = 16 };
 
@@ -130,7 +131,6 @@ enum { LAUNCHES_UNASKED = 16 };
  * where the memory is the device's own, since what has one moves 100 GB/s at least; faster devices end sooner, and
  * launches of which nothing is known count by their number. */
 #define SECONDS_AHEAD       0.05
-#define SECONDS_UNASKED     0.5
 #define BYTES_A_SECOND      20e9
 #define OPERATIONS_A_SECOND 50e9
 #define OWN_MEMORY_FASTER   5.0
@@ -171,7 +171,7 @@ static hada_status may_go_on(hada_slot *slot, hada_error *err)
     if (!slot->monitor)
         return HADA_OK;
     slot->unasked_seconds += next_seconds(slot);
-    if (++slot->unasked < LAUNCHES_UNASKED && slot->unasked_seconds < SECONDS_UNASKED)
+    if (++slot->unasked < LAUNCHES_UNASKED && slot->unasked_seconds < slot->most_unasked)
         return HADA_OK;
     slot->unasked = 0;
     slot->unasked_seconds = 0.0;
@@ -179,11 +179,45 @@ static hada_status may_go_on(hada_slot *slot, hada_error *err)
     return hada_monitor_check(slot->monitor, err);
 }
 
+static hada_status enqueue(hada_slot *slot, cl_kernel object, const char *name, const hada_range *range,
+                           const size_t offset[3], hada_error *err)
+{
+    const cl_int code = clEnqueueNDRangeKernel(slot->queue, object, 3, offset, range->global, range->local, 0, NULL,
+                                               hada_slot_event(slot));
+    if (code != CL_SUCCESS) {
+        const hada_status status = hada_fail_cl(err, code, "clEnqueueNDRangeKernel");
+        hada_error_prefix(err, "kernel %s: ", name);
+        return status;
+    }
+    slot->calls.launches++;
+    if (slot->profile)
+        hada_profile_add(slot, name, 0, NULL, slot->event);
+    return HADA_OK;
+}
+
+/* The monitor is asked between parts. */
+static hada_status enqueue_parts(hada_slot *slot, cl_kernel object, const char *name, const hada_range *range,
+                                 double parts, hada_error *err)
+{
+    const int d = range->divisible - 1;
+    const size_t local = range->local[d], groups = range->global[d] / local;
+    const size_t each = parts < (double)groups ? (size_t)((double)groups / parts) : 1;
+    size_t offset[3] = {0};
+    for (size_t at = 0; at < groups; at += each) {
+        hada_range some = *range;
+        some.global[d] = (each < groups - at ? each : groups - at) * local;
+        offset[d] = at * local;
+        HADA_TRY(enqueue(slot, object, name, &some, offset, err));
+        HADA_TRY(hada_slot_finish(slot, err));
+        HADA_TRY(hada_monitor_check(slot->monitor, err));
+    }
+    return HADA_OK;
+}
+
 hada_status hada_launch(hada_slot *slot, const hada_kernel *kernel, int program, const hada_range *range,
                         const void *args, hada_error *err)
 {
     hada_kernel_object *object = NULL;
-    hada_status status = HADA_OK;
     if (slot->context->dry)
         return HADA_OK;
     HADA_TRY(may_go_on(slot, err));
@@ -193,15 +227,8 @@ hada_status hada_launch(hada_slot *slot, const hada_kernel *kernel, int program,
         hada_slot_cost(slot, 0, 0);
         return HADA_OK;
     }
-    const cl_int code = clEnqueueNDRangeKernel(slot->queue, object->cl, 3, NULL, range->global, range->local, 0, NULL,
-                                               hada_slot_event(slot));
-    if (code != CL_SUCCESS) {
-        status = hada_fail_cl(err, code, "clEnqueueNDRangeKernel");
-        hada_error_prefix(err, "kernel %s: ", kernel->name);
-        return status;
-    }
-    slot->calls.launches++;
-    if (slot->profile)
-        hada_profile_add(slot, kernel->name, 0, NULL, slot->event);
-    return status;
+    const double seconds = slot->monitor && range->divisible ? next_seconds(slot) : 0.0;
+    if (seconds <= slot->most_unasked)
+        return enqueue(slot, object->cl, kernel->name, range, NULL, err);
+    return enqueue_parts(slot, object->cl, kernel->name, range, seconds / slot->most_unasked, err);
 }

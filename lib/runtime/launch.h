@@ -17,19 +17,27 @@
 /* The work-items of a launch. */
 typedef struct hada_range {
     size_t global[3], local[3];
+    int divisible; /* d + 1: the kernel asks for nothing but get_global_id(d) of dimension d, so that a launch that
+                      takes seconds may become several while a monitor is asked (hada_slot_watch()); 0: none */
 } hada_range;
 
 /* items x rows x planes work-items, the items rounded up to whole groups of `local`; a group has one row of one plane.
  * Give few, fixed local sizes: PoCL compiles once for each. */
 static inline hada_range hada_range_of(size_t items, size_t local, size_t rows, size_t planes)
 {
-    return (hada_range){{hada_round_up(items, local), rows, planes}, {local, 1, 1}};
+    return (hada_range){{hada_round_up(items, local), rows, planes}, {local, 1, 1}, 0};
+}
+
+static inline hada_range hada_range_divisible(hada_range range, int dimension)
+{
+    range.divisible = dimension + 1;
+    return range;
 }
 
 /* groups x rows x planes work-groups of `local` work-items. */
 static inline hada_range hada_range_groups(size_t groups, size_t local, size_t rows, size_t planes)
 {
-    return (hada_range){{groups * local, rows, planes}, {local, 1, 1}};
+    return (hada_range){{groups * local, rows, planes}, {local, 1, 1}, 0};
 }
 
 /* An argument in local memory. */

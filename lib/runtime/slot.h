@@ -34,7 +34,7 @@ typedef struct hada_slot {
     const atomic_int *cancelled; /* where set and not 0, launches are refused: HADA_ERROR_CANCELLED */
     const hada_monitor *monitor; /* may be NULL */
     int unasked;                 /* launches since it was asked, and the time that they may take */
-    double unasked_seconds;
+    double unasked_seconds, most_unasked;
     cl_event landmark; /* in the queue, where work can be cancelled; NULL: none yet */
     int past_landmark; /* launches since, and the time that they may take */
     double past_seconds;
@@ -49,6 +49,9 @@ static inline void hada_slot_cancel_by(hada_slot *slot, const atomic_int *flag)
     slot->cancelled = flag;
 }
 
+/* The time that launches may take, about, before a monitor is asked (by two cores of a CPU: runtime/launch.c). */
+#define HADA_SECONDS_UNASKED 0.5
+
 /* From now on the monitor is asked between launches, every few of which are waited for first, so that little is in
  * flight when it says stop: launches are refused then. For work of one thread that takes long. NULL: nobody is asked.
  */
@@ -57,6 +60,7 @@ static inline void hada_slot_watch(hada_slot *slot, const hada_monitor *monitor)
     slot->monitor = monitor;
     slot->unasked = 0;
     slot->unasked_seconds = 0.0;
+    slot->most_unasked = HADA_SECONDS_UNASKED;
 }
 
 /* Gives a slot without a queue one; timed: it keeps the times of its events. And takes it away, when it is done. */

@@ -2,9 +2,11 @@
 
 #include <hadalens/preview.h>
 #include <hadalens/response.h>
+#include <inttypes.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "core/input.h"
 #include "dispatch/plan.h"
 #include "io/folder.h"
 #include "io/text.h"
@@ -69,11 +71,23 @@ hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, c
     return hada_path_format(&out->title, err, "%s, %s", name, slash ? slash + 1 : model->name);
 }
 
+hada_status hada_made_from(char text[HADA_MADE_FROM], const char *frame, uint64_t model, hada_error *err)
+{
+    uint64_t hash = 0;
+    *text = '\0';
+    if (model)
+        HADA_TRY(hada_file_hash(&hash, frame, err));
+    if (hash)
+        snprintf(text, HADA_MADE_FROM, "%016" PRIx64 "-%016" PRIx64, hash, model);
+    return HADA_OK;
+}
+
 static hada_status open_writer(hada_outputs *out, int which, const hada_image *first, const hada_result *result,
                                hada_error *err)
 {
     hada_tiff_write_options options;
-    char name[HADA_RESPONSE_NAME], line[HADA_RESPONSE_NAME + 20];
+    char name[HADA_RESPONSE_NAME], lines[HADA_RESPONSE_NAME + HADA_MADE_FROM + 40], *at = lines;
+    size_t room = sizeof lines;
     hada_tiff_write_options_init(&options);
     /* millimetres and NaN need floats */
     const int is_map = which == HADA_OUTPUT_DISTANCE_MAP || which == HADA_OUTPUT_CONFIDENCE;
@@ -88,13 +102,17 @@ static hada_status open_writer(hada_outputs *out, int which, const hada_image *f
         options.distances_mm = result->distances_mm[0] > 0.0 ? result->distances_mm : NULL; /* 0: unknown */
     }
     if (which == HADA_OUTPUT_DISTANCE_MAP) {
-        options.description = "unit=millimetre\n";
+        at += snprintf(at, room, "unit=millimetre\n");
     } else if (!is_map) {
         options.encoding = out->encoding;
         hada_response_name(name, out->scene_response);
-        snprintf(line, sizeof line, "scene_response=%s\n", name);
-        options.description = line;
+        at += snprintf(at, room, "scene_response=%s\n", name);
     }
+    *at = '\0';
+    room -= (size_t)(at - lines);
+    if (*out->made_from)
+        snprintf(at, room, "made_from=%s\n", out->made_from);
+    options.description = lines;
     return hada_tiff_create(&out->writer[which], out->path[which], first->channels, first->rows, first->cols, &options,
                             err);
 }
@@ -309,8 +327,15 @@ static int is_older(const char *path, const char *than)
            (one.st_mtim.tv_sec == other.st_mtim.tv_sec && one.st_mtim.tv_nsec < other.st_mtim.tv_nsec);
 }
 
+/* Results of versions that did not say it may be of anything. */
+static int is_made_from(const char *description, const char *made_from)
+{
+    const char *said = hada_text_line(description, "made_from");
+    return !said || !*made_from || !strncmp(said, made_from, strlen(made_from));
+}
+
 /* Opens a result and reads the last of its images; *images: how many. */
-static int is_whole(const char *path, int channels, int rows, int cols, int *images)
+static int is_whole(const char *path, const char *made_from, int channels, int rows, int cols, int *images)
 {
     hada_tiff_reader *reader = NULL;
     hada_image last = {0};
@@ -318,26 +343,30 @@ static int is_whole(const char *path, int channels, int rows, int cols, int *ima
     if (!hada_tiff_open(&reader, path, NULL)) {
         const hada_tiff_info *info = hada_tiff_get_info(reader);
         *images = info->frames;
-        whole = !hada_tiff_read(reader, info->frames - 1, &last, NULL) && last.channels == channels &&
-                last.rows == rows && last.cols == cols;
+        whole = is_made_from(info->description, made_from) && !hada_tiff_read(reader, info->frames - 1, &last, NULL) &&
+                last.channels == channels && last.rows == rows && last.cols == cols;
     }
     hada_image_destroy(&last);
     hada_tiff_close(&reader);
     return whole;
 }
 
-int hada_outputs_are_there(const hada_files_task *task, const hada_plan *plan, const char *name, const char *path)
+int hada_outputs_are_there(const hada_files_task *task, const hada_plan *plan, const char *name, const char *path,
+                           uint64_t model)
 {
     static const hada_output needed[] = {HADA_OUTPUT_STACK, HADA_OUTPUT_ALL_IN_FOCUS, HADA_OUTPUT_DISTANCE_MAP};
     const hada_model_info *info = hada_model_get_info(plan->setup.model);
     const size_t count = HADA_COUNT(needed) - !has_map(plan);
     int there = 1, images[HADA_COUNT(needed)] = {0};
+    char made_from[HADA_MADE_FROM];
+    if (hada_made_from(made_from, path, model, NULL))
+        return 0;
     for (size_t k = 0; there && k < count; k++) {
         char *result = NULL;
         there = !hada_path_format(&result, NULL, "%s/%s_%s", task->output, name, endings[needed[k]]) &&
                 hada_path_is_file(result) && !is_older(result, path) && !is_older(result, info->name) &&
-                is_whole(result, needed[k] == HADA_OUTPUT_DISTANCE_MAP ? 1 : info->channels, info->window_rows,
-                         info->window_cols, &images[k]) &&
+                is_whole(result, made_from, needed[k] == HADA_OUTPUT_DISTANCE_MAP ? 1 : info->channels,
+                         info->window_rows, info->window_cols, &images[k]) &&
                 images[k] == (k ? images[0] / plan->setup.config.depths : images[0]) &&
                 images[0] % plan->setup.config.depths == 0;
         free(result);

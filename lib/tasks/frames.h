@@ -75,6 +75,10 @@ typedef struct hada_tracked {
     hada_emitter emitter;
 } hada_tracked;
 
+/* Hashes of the files that results are made from, as results name them; "" where one of them is no file. */
+enum { HADA_MADE_FROM = 34 };
+hada_status hada_made_from(char text[HADA_MADE_FROM], const char *frame, uint64_t model, hada_error *err);
+
 typedef struct hada_outputs {
     char *path[HADA_OUTPUT_FILES];               /* NULL: preview, picture and tables where none are wanted */
     hada_tiff_writer *writer[HADA_OUTPUT_FILES]; /* NULL: those of PNG files, and of confidence where the first frame is
@@ -87,6 +91,7 @@ typedef struct hada_outputs {
     int tracks;
     hada_image unknown; /* confidence of frames that are none */
     char *title;
+    char made_from[HADA_MADE_FROM]; /* "": unknown */
     int frames, bits;
     double white, pixel_um;
     double encoding;       /* of the files; 0: a gamma that is no response */
@@ -99,15 +104,16 @@ typedef struct hada_outputs {
     int finished;
 } hada_outputs;
 
-/* For an input of `frames` frames through the plan, with results called NAME_... */
+/* For an input of `frames` frames through the plan, with results called NAME_...; the caller fills in made_from. */
 hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, const hada_plan *plan, const char *name,
                                int frames, hada_error *err);
 /* Adds a frame; the first one is shown in the preview. emitters: NULL where none are asked for. */
 hada_status hada_outputs_add(hada_outputs *out, const hada_pixels *raw, const hada_result *result,
                              const hada_emitters *emitters, hada_error *err);
 /* Whether an input's results are there: all of them, whole, of the plan's depths and size, and not older than the input
- * at `path` and the file of the model. */
-int hada_outputs_are_there(const hada_files_task *task, const hada_plan *plan, const char *name, const char *path);
+ * at `path` and the file of the model, and, where they say it, made from these. model: the hash of its file. */
+int hada_outputs_are_there(const hada_files_task *task, const hada_plan *plan, const char *name, const char *path,
+                           uint64_t model);
 /* Gives the files their names: all of them, or none. */
 hada_status hada_outputs_finish(hada_outputs *out, hada_error *err);
 /* Removes what was written when it was not finished; frees. */

@@ -3,6 +3,7 @@
 #include <hadalens/task_reconstruct.h>
 
 #include "core/callers.h"
+#include "core/input.h"
 #include "dispatch/plan.h"
 #include "io/folder.h"
 #include "model/model.h"
@@ -13,7 +14,8 @@ typedef struct run {
     hada_files_task task;
     hada_plan *plan;
     const hada_model *model;
-    double gamma; /* of the plan */
+    double gamma;        /* of the plan */
+    uint64_t model_hash; /* of its file; 0: it was never one */
     const char *const *paths;
     int count;
     char **names;      /* of the results of each file */
@@ -86,7 +88,9 @@ static hada_status choose_files(run *own, hada_error *err)
             continue;
         own->todo[own->here_count] = i;
         own->here[own->here_count] = own->paths[i];
-        if (own->task.resume && hada_outputs_are_there(&own->task, own->plan, own->names[i], own->paths[i]))
+        HADA_TRY(hada_monitor_check(own->task.monitor, err));
+        if (own->task.resume &&
+            hada_outputs_are_there(&own->task, own->plan, own->names[i], own->paths[i], own->model_hash))
             tell(own, HADA_FILES_THERE, &(hada_streamed){.file = own->here_count});
         else
             own->here_count++;
@@ -104,6 +108,8 @@ static hada_status begin_file(run *own, const hada_streamed *frame, hada_error *
         own->progress.total += frame->frames - 1;
         status = hada_outputs_begin(&own->out, &own->task, own->plan, own->names[own->todo[frame->file]], frame->frames,
                                     err);
+        if (!own->task.frame && !status) /* one that is given may be made of several files */
+            status = hada_made_from(own->out.made_from, own->here[frame->file], own->model_hash, err);
     }
     for (int k = 0; k < HADA_OUTPUTS; k++)
         own->state.outputs[k] = k != HADA_OUTPUT_DISTANCE_MAP || own->out.has_map ? own->out.path[k] : NULL;
@@ -268,6 +274,8 @@ hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, con
     HADA_TRY_OR_DONE(make_names(&own, err));
     HADA_TRY_OR_DONE(hada_inputs_protect(&inputs, paths, (size_t)count, err));
     HADA_TRY_OR_DONE(hada_folder_ensure(own.task.output, err));
+    const char *name = hada_model_get_info(model)->name;
+    HADA_TRY_OR_DONE(hada_named(hada_file_hash(&own.model_hash, name, err), name, err));
     HADA_TRY_OR_DONE(choose_files(&own, err));
     HADA_TRY_OR_DONE(hada_stream_begin(&own.stream, plan, model, own.here, own.here_count, own.task.frame_encoding,
                                        hada_files_ahead(plan), own.task.monitor, err));

@@ -2,7 +2,7 @@
 # Several queues and devices, sequences that stream, and signals in the midst of them.
 . "$(dirname "$0")/cli_testing.sh"
 raw="$camera/test/raw"
-same() { for part in stack aif depth; do cmp -s "$1_$part.tif" "$2_$part.tif" || fail "$1 and $2 differ"; done; }
+same() { for part in stack aif depth; do same_results "$1_$part.tif" "$2_$part.tif" || fail "$1 and $2 differ"; done; }
 
 "$FRAME_TOOL" pages "$raw/test01.tif" sequence.tif 7
 for refine in 0 auto; do

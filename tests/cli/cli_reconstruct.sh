@@ -11,7 +11,7 @@ has out/test01_{stack,aif,depth}.tif out/test01_preview.png out/test02_stack.tif
 [ "$(info out/test01_depth.tif)" = '1 1 24 24 32' ] || fail "depth: $(info out/test01_depth.tif)"
 expect 0 '"occupied_mm"' reconstruct "$raw/test01.tif" -m "$model" -o json --json
 is_json reconstruct
-cmp -s out/test01_stack.tif json/test01_stack.tif || fail 'two runs gave different stacks'
+same_results out/test01_stack.tif json/test01_stack.tif || fail 'two runs gave different stacks'
 expect 0 '' reconstruct "$raw/test01.tif" -m "$model" -o quiet -q
 [ ! -s stdout ] && [ ! -s stderr ] || fail '--quiet is not quiet'
 "$EXAMPLE" "$model" "$raw/test01.tif" example.tif >stdout 2>stderr || fail 'the example program failed'
@@ -33,31 +33,31 @@ expect 0 '' reconstruct "${one[@]}" -o bits --bits 16 --white 2 --gamma 0.5 --ha
 expect 0 '' reconstruct "${one[@]}" -o bits --bits 8
 expect 0 '' reconstruct "${one[@]}" -o matched --method matched --refine 0
 expect 0 '' reconstruct "${one[@]}" -o wiener --method wiener --refine 0
-cmp -s matched/test01_stack.tif wiener/test01_stack.tif && fail '--method changed nothing'
+same_results matched/test01_stack.tif wiener/test01_stack.tif && fail '--method changed nothing'
 # A net in the model: planes go through it, or not.
 "$FRAME_TOOL" enhance "$model" enhance.model || fail 'no model with a net'
 expect 0 'plane[s]* enhanced' reconstruct "$raw/test01.tif" -m enhance.model -o enhanced
-cmp -s out/test01_stack.tif enhanced/test01_stack.tif && fail 'the net changed nothing'
+same_results out/test01_stack.tif enhanced/test01_stack.tif && fail 'the net changed nothing'
 expect 0 '"enhanced": 0' reconstruct "$raw/test01.tif" -m enhance.model -o plain --no-enhance --json
-cmp -s out/test01_stack.tif plain/test01_stack.tif || fail '--no-enhance is not the model without its net'
+same_results out/test01_stack.tif plain/test01_stack.tif || fail '--no-enhance is not the model without its net'
 expect 2 '3 depths from 100 to 600 mm' reconstruct "${one[@]}" -o a --depths 4
 expect 2 "cannot use '150mm'" reconstruct "${one[@]}" -o a --occupied 150mm
 # Total variation: what the model says, another weight, none.
 expect 0 '' reconstruct "${one[@]}" -o smooth --refine 6 --refine-tv 0.05 --refine-ridge 0 --no-preview
 expect 0 '' reconstruct "${one[@]}" -o rough --refine 6 --refine-tv 0 --no-preview
-cmp -s smooth/test01_stack.tif rough/test01_stack.tif && fail '--refine-tv changed nothing'
+same_results smooth/test01_stack.tif rough/test01_stack.tif && fail '--refine-tv changed nothing'
 expect 2 '--refine-tv takes' reconstruct "${one[@]}" -o a --refine-tv -1
 expect 0 '' reconstruct "${one[@]}" -o grey --refine 6 --refine-tv 0.05 --refine-colour 4 --refine-ridge 0 --no-preview
-cmp -s smooth/test01_stack.tif grey/test01_stack.tif && fail '--refine-colour changed nothing'
+same_results smooth/test01_stack.tif grey/test01_stack.tif && fail '--refine-colour changed nothing'
 expect 2 '--refine-colour takes' reconstruct "${one[@]}" -o a --refine-colour 0.5
 expect 0 '' reconstruct "${one[@]}" -o filters --occupied 100mm --refine 6 --refine-tv 0.05 --refine-ridge 4 --no-preview
 expect 0 '' reconstruct "${one[@]}" -o edges --occupied 100mm --refine 6 --refine-tv 0.05 --refine-ridge 0 --no-preview
-cmp -s filters/test01_stack.tif edges/test01_stack.tif && fail '--refine-ridge changed nothing'
+same_results filters/test01_stack.tif edges/test01_stack.tif && fail '--refine-ridge changed nothing'
 expect 2 '--refine-ridge takes' reconstruct "${one[@]}" -o a --refine-ridge -1
 two=(--occupied all --refine 6 --no-preview)
 expect 0 '' reconstruct "${one[@]}" -o faded "${two[@]}"
 expect 0 '' reconstruct "${one[@]}" -o unfaded "${two[@]}" --crosstalk 0
-cmp -s faded/test01_stack.tif unfaded/test01_stack.tif && fail '--crosstalk 0 changed nothing'
+same_results faded/test01_stack.tif unfaded/test01_stack.tif && fail '--crosstalk 0 changed nothing'
 expect 2 '--crosstalk takes' reconstruct "${one[@]}" -o a --crosstalk 1.5
 expect 2 '--refine takes' reconstruct "${one[@]}" -o a --refine soon
 expect 2 'greater than zero' reconstruct "${one[@]}" -o a --gamma 0
@@ -106,7 +106,7 @@ expect 0 '"verdict": "belongs"' reconstruct "${one[@]}" -o match --no-preview --
 "$FRAME_TOOL" flat black.tif 64 80 3 0
 expect 0 '' reconstruct "${one[@]}" -o weighed --occupied 100mm --weights even.tif --no-preview
 expect 0 '' reconstruct "${one[@]}" -o unweighed --occupied 100mm --no-preview
-cmp -s weighed/test01_stack.tif unweighed/test01_stack.tif || fail '--weights EVEN'
+same_results weighed/test01_stack.tif unweighed/test01_stack.tif || fail '--weights EVEN'
 expect 4 'weights of pixels must have' reconstruct "${one[@]}" -o weighed --weights small.tif
 expect 2 'all weights of pixels are 0' reconstruct "${one[@]}" -o weighed --weights black.tif
 expect 2 'linear filters take no weights' reconstruct "${one[@]}" -o weighed --weights even.tif --refine 0
@@ -184,9 +184,9 @@ for encoding in scene linear srgb 1.8; do
     grep -oE '"(psnr|encoding|result_encoding)": *[^,]*' stdout >"as_$encoding.txt"
     grep -q '"encoding": "srgb"' "as_$encoding.txt" || fail "results as $encoding are not compared as the scenes were"
 done
-cmp -s as_scene/test01_stack.tif as_srgb/test01_stack.tif || fail 'srgb is not how the scenes were encoded'
-cmp -s as_scene/test01_stack.tif as_linear/test01_stack.tif && fail '--encoding linear changed nothing'
-cmp -s as_scene/test01_depth.tif as_linear/test01_depth.tif || fail '--encoding changed the distances'
+same_results as_scene/test01_stack.tif as_srgb/test01_stack.tif || fail 'srgb is not how the scenes were encoded'
+same_results as_scene/test01_stack.tif as_linear/test01_stack.tif && fail '--encoding linear changed nothing'
+same_results as_scene/test01_depth.tif as_linear/test01_depth.tif || fail '--encoding changed the distances'
 grep -q '"result_encoding": "1.8"' as_1.8.txt || fail 'the encoding 1.8 is not stated'
 for encoding in linear srgb 1.8; do
     [ "$(grep -oE 'psnr": *[0-9]+\.[0-9]{3}' "as_$encoding.txt")" = "$(grep -oE 'psnr": *[0-9]+\.[0-9]{3}' as_scene.txt)" ] ||
@@ -199,7 +199,7 @@ expect 2 "'dim' is no response" evaluate as_linear/test01_aif.tif "$truth" --enc
 expect 2 "'dim' is no response" reconstruct "$frame" -m srgb.model -o x --encoding dim
 expect 2 "'dim' is no response" reconstruct "$frame" -m srgb.model -o x --frame-encoding dim
 expect 0 '' reconstruct "$frame" -m srgb.model -o as_encoded --frame-encoding srgb --no-preview
-cmp -s as_encoded/test01_stack.tif as_scene/test01_stack.tif && fail '--frame-encoding changed nothing'
+same_results as_encoded/test01_stack.tif as_scene/test01_stack.tif && fail '--frame-encoding changed nothing'
 expect 2 'encoding already' reconstruct "$frame" -m srgb.model -o x --encoding srgb --gamma 0.5
 expect 0 '' reconstruct "$frame" -m srgb.model -o as_gamma --gamma 0.5 --no-preview
 expect 0 '"result_encoding": "2"' evaluate as_gamma/test01_aif.tif "$truth" --json
@@ -224,5 +224,17 @@ expect 0 'test01: [^t]' reconstruct test01.tif -m "$model" -o as_ever --no-previ
 expect 0 'test01: there already' reconstruct test01.tif -m "$model" -o as_ever --no-preview --resume
 cp "$model" newer.model
 expect 0 'test01: [^t]' reconstruct test01.tif -m newer.model -o as_ever --no-preview --resume
+# and those of another frame or model of that name, however old it is; results of versions that did not say it are trusted
+again=(reconstruct test01.tif -m newer.model -o as_ever --no-preview --resume)
+touch -d 2001-01-01 test01.tif newer.model
+expect 0 'test01: there already' "${again[@]}"
+cp "$raw/test02.tif" test01.tif && touch -d 2001-01-01 test01.tif
+expect 0 'test01: [^t]' "${again[@]}"
+sed -i 's/"library":"hadalens/"library":"Hadalens/' newer.model && touch -d 2001-01-01 newer.model
+expect 0 'test01: [^t]' "${again[@]}"
+expect 0 'test01: there already' "${again[@]}"
+sed -i 's/made_from=/made_up_o=/' as_ever/test01_*.tif
+cp "$frame" test01.tif && touch -d 2001-01-01 test01.tif
+expect 0 'test01: there already' "${again[@]}"
 lacks x
 finish

@@ -9,7 +9,7 @@ for file in stack aif depth confidence; do has surface/test01_slant_$file.tif; d
 expect 0 '"scene": "surface"' reconstruct set/test/raw/test01_slant.tif -m camera.model -o found --json
 is_json 'reconstruct --json of a surface'
 expect 0 '"confidence": ".*test01_slant_confidence.tif"' reconstruct set/test/raw/test01_slant.tif -m camera.model -o found --json
-cmp surface/test01_slant_aif.tif found/test01_slant_aif.tif || fail "given and found surfaces differ"
+same_results surface/test01_slant_aif.tif found/test01_slant_aif.tif || fail "given and found surfaces differ"
 expect 0 'depths|mm' reconstruct set/test/raw/test01_slant.tif -m camera.model -o found --scene planes
 lacks found/test01_slant_confidence.tif
 expect 2 'take --scene planes' reconstruct set/test/raw/test01_slant.tif -m camera.model -o told --scene surface --occupied all

@@ -28,6 +28,9 @@ expect() {
     [ -z "$words" ] || cat stdout stderr | tr '\n' ' ' | grep -Eq -- "$words" || fail "no '$words' from: hadalens $*"
 }
 
+# Whether two results are the same but for the names of what they were made from.
+same_results() { "$FRAME_TOOL" same "$1" "$2"; }
+
 is_json() {
     if command -v jq >/dev/null; then
         jq -e . <stdout >/dev/null || fail "not JSON: $1"

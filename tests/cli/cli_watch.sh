@@ -36,7 +36,7 @@ pipe=(--watch - --headerless 64x80:csi12:128 -m packed.model)
 expect 0 'three: 3 frames' reconstruct three.raw "${csi[@]}" -m packed.model -o film
 expect 0 '3 frames in .*, 0 passed over, 0 failed' reconstruct "${pipe[@]}" -o piped <three.raw
 has piped/frame00000{1,2,3}_{stack,aif}.tif
-cmp -s piped/frame000001_aif.tif packed.out/test01_aif.tif || fail "a frame of a pipe has other bits than the file's"
+same_results piped/frame000001_aif.tif packed.out/test01_aif.tif || fail "a frame of a pipe has other bits than the file's"
 # Of a pipe, the newest are done.
 cat three.raw | expect 0 'failed' reconstruct "${pipe[@]}" -o newest
 has newest/frame000003_aif.tif

@@ -9,7 +9,9 @@
  *   frame_tool lpips OUT             AlexNet and the heads of LPIPS, random weights
  *   frame_tool turn IN OUT MAGNIFICATION DEGREES QUARTERS MIRRORED ROWS COLS    as hada_register_apply(), moved by
  *                                    ROWS and COLS
+ *   frame_tool same ONE OTHER        exit code 1 where texts, but for made_from=, or pixels differ
  *   frame_tool info IN               "frames channels rows cols bits", and the mean of the finite values */
+#define _GNU_SOURCE /* strdup() */
 #include <hadalens/hadalens.h>
 #include <math.h>
 #include <stdio.h>
@@ -209,11 +211,49 @@ static hada_status save_lpips(const char *out, hada_error *err)
     return status;
 }
 
+/* Without the line that names what a result is made from. */
+static void take_out(char *text)
+{
+    char *line = strstr(text, "made_from="), *end = line ? strchr(line, '\n') : NULL;
+    if (end)
+        memmove(line, end + 1, strlen(end));
+}
+
+static int same_texts(const hada_tiff_info *a, const hada_tiff_info *b)
+{
+    char *one = strdup(a->description), *other = strdup(b->description);
+    take_out(one);
+    take_out(other);
+    const int same = !strcmp(one, other);
+    free(one);
+    free(other);
+    return same && a->frames == b->frames && a->bits == b->bits && a->slices == b->slices;
+}
+
+static int same(const char *one, const char *other)
+{
+    hada_tiff_reader *a = NULL, *b = NULL;
+    int equal = !hada_tiff_open(&a, one, NULL) && !hada_tiff_open(&b, other, NULL) &&
+                same_texts(hada_tiff_get_info(a), hada_tiff_get_info(b));
+    for (int i = 0; equal && i < hada_tiff_get_info(a)->frames; i++) {
+        hada_image x = {0}, y = {0};
+        equal = !hada_tiff_read(a, i, &x, NULL) && !hada_tiff_read(b, i, &y, NULL) && x.channels == y.channels &&
+                x.rows == y.rows && x.cols == y.cols && !memcmp(x.data, y.data, hada_image_count(&x) * sizeof(float));
+        hada_image_destroy(&x);
+        hada_image_destroy(&y);
+    }
+    hada_tiff_close(&a);
+    hada_tiff_close(&b);
+    return equal;
+}
+
 int main(int argc, char **argv)
 {
     hada_error err = {0};
     hada_status status = HADA_ERROR_ARGUMENT;
     const char *what = argc > 1 ? argv[1] : "";
+    if (!strcmp(what, "same") && argc == 4)
+        return !same(argv[2], argv[3]);
     snprintf(err.message, sizeof err.message, "frame_tool: see the head of frame_tool.c");
     if (!strcmp(what, "nan") && argc == 5)
         status = save_broken(argv[2], argv[3], atoi(argv[4]), &err);

@@ -10,22 +10,22 @@
 #include <unistd.h>
 
 const fuzz_target fuzz_targets[] = {
-    {"tiff", NULL, fuzz_tiff, ".tif"},
-    {"tiff_text", NULL, fuzz_tiff_text, ""},
-    {"safetensors", NULL, fuzz_safetensors, ".safetensors"},
-    {"model", NULL, fuzz_model, ""},
-    {"sums", NULL, fuzz_sums, ""},
-    {"checkpoint", fuzz_checkpoint_begin, fuzz_checkpoint, ""},
-    {"net", NULL, fuzz_net, ""},
-    {"list", NULL, fuzz_list, ""},
-    {"camera", NULL, fuzz_camera, ""},
-    {"tuning", NULL, fuzz_tuning, ""},
-    {"binary", NULL, fuzz_binary, ""},
-    {"dataset", NULL, fuzz_dataset, ""},
-    {"log", NULL, fuzz_log, ""},
-    {"words", NULL, fuzz_words, ""},
-    {"options", NULL, fuzz_options, ""},
-    {NULL, NULL, NULL, NULL},
+    {"tiff", NULL, fuzz_tiff, ".tif", fuzz_mutate_tiff},
+    {"tiff_text", NULL, fuzz_tiff_text, "", NULL},
+    {"safetensors", NULL, fuzz_safetensors, ".safetensors", fuzz_mutate_safetensors},
+    {"model", NULL, fuzz_model, "", fuzz_mutate_safetensors},
+    {"sums", NULL, fuzz_sums, "", fuzz_mutate_safetensors},
+    {"checkpoint", fuzz_checkpoint_begin, fuzz_checkpoint, "", fuzz_mutate_safetensors},
+    {"net", NULL, fuzz_net, "", fuzz_mutate_safetensors},
+    {"list", NULL, fuzz_list, "", NULL},
+    {"camera", NULL, fuzz_camera, "", NULL},
+    {"tuning", NULL, fuzz_tuning, "", NULL},
+    {"binary", NULL, fuzz_binary, "", NULL},
+    {"dataset", NULL, fuzz_dataset, "", NULL},
+    {"log", NULL, fuzz_log, "", NULL},
+    {"words", NULL, fuzz_words, "", NULL},
+    {"options", NULL, fuzz_options, "", NULL},
+    {NULL, NULL, NULL, NULL, NULL},
 };
 
 const fuzz_target *fuzz_find(const char *name)

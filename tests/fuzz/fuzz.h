@@ -7,11 +7,14 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "fuzz_mutate.h"
+
 typedef struct fuzz_target {
     const char *name;
     void (*begin)(void); /* once, before the first input; may be NULL */
     void (*run)(const uint8_t *data, size_t bytes);
-    const char *ends; /* names of files of this kind, for what is taken from elsewhere; "" where there are none */
+    const char *ends;     /* names of files of this kind, for what is taken from elsewhere; "" where there are none */
+    fuzz_mutator *mutate; /* NULL: files of this kind have no structure that a mutator knows */
 } fuzz_target;
 
 extern const fuzz_target fuzz_targets[]; /* ended by a row without name */

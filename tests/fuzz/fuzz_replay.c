@@ -1,5 +1,6 @@
 /* fuzz_replay TARGET FILE|FOLDER...: runs a target on files as they are, each within a time; what CTest does with the
- * corpora, under every compiler and sanitizer. */
+ * corpora, under every compiler and sanitizer. FUZZ_MUTATIONS=N: also N changes of each by the target's mutator, the
+ * same ones in every run. */
 #include <dirent.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -22,6 +23,29 @@ static void limit_time(long seconds)
     setitimer(ITIMER_PROF, &(struct itimerval){.it_value.tv_sec = seconds}, NULL);
 }
 
+/* Changes nothing: what the mutators leave to libFuzzer. */
+static size_t plain(uint8_t *data, size_t bytes, size_t room)
+{
+    (void)data;
+    return bytes < room ? bytes : room;
+}
+
+static void run_changed(const fuzz_target *target, const uint8_t *data, size_t bytes)
+{
+    enum { ROOM = 8192 };
+    const char *times = getenv("FUZZ_MUTATIONS");
+    for (uint64_t i = times && target->mutate ? strtoull(times, NULL, 10) : 0; i; i--) {
+        uint8_t *changed = calloc(ROOM, 1); /* of this size, so that sanitizers see what is written beyond */
+        const size_t kept = bytes < ROOM ? bytes : ROOM;
+        memcpy(changed, data, kept);
+        const size_t left = target->mutate(changed, kept, ROOM, i * 0x9e3779b97f4a7c15u, plain);
+        if (left > ROOM)
+            abort();
+        target->run(changed, left);
+        free(changed);
+    }
+}
+
 static int replay_file(const fuzz_target *target, const char *path)
 {
     FILE *file = fopen(path, "rb");
@@ -38,6 +62,7 @@ static int replay_file(const fuzz_target *target, const char *path)
     fprintf(stderr, "%s\r", path); /* who it was, after a crash */
     limit_time(SECONDS);
     target->run(data, (size_t)what.st_size);
+    run_changed(target, data, (size_t)what.st_size);
     limit_time(0);
     free(data);
     return 1;

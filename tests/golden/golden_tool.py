@@ -21,6 +21,7 @@ import sys
 # Figures that are not results: times, versions, devices, what was cached, bytes held, where files went.
 NOT_RESULTS = re.compile(r'^(version|seconds.*|.*_seconds|programs|device|devices|memory|outputs|log)$')
 PROGRAM = re.compile(rb'hadalens \d+\.\d+\.\d+')
+MADE_FROM = re.compile(rb'made_from=[0-9a-f-]+\n')  # since 0.2.0
 VERSION = re.compile(rb'Hadalens=\d+\.\d+\.\d+')  # the stored hashes are of 0.1.0
 SOFTWARE, DATE_TIME = 305, 306
 STRIP_OFFSETS, STRIP_COUNTS, TILE_OFFSETS, TILE_COUNTS = 273, 279, 324, 325
@@ -65,7 +66,7 @@ def hash_tiff(data, add):
                 add(b'%d' % tag)
                 value = tags[tag]
                 if isinstance(value, bytes):
-                    add(VERSION.sub(b'Hadalens=0.1.0', PROGRAM.sub(b'', value)))
+                    add(VERSION.sub(b'Hadalens=0.1.0', PROGRAM.sub(b'', MADE_FROM.sub(b'', value))))
                 else:
                     add(repr(value).encode())
         for piece in pieces(data, tags):

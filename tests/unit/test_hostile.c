@@ -104,6 +104,63 @@ TEST(a_small_file_is_not_a_large_picture)
     assert_int_equal(hada_limits_set(NULL, &err), HADA_OK);
 }
 
+/* Deflate of fixed codes: so many bytes as they are, then zeros. */
+static size_t deflate_zeros(unsigned char *to, const unsigned char *bytes, size_t count, size_t zeros)
+{
+    size_t bit = 16;
+    memcpy(to, "\x78\x9c", 2);
+    to[2] = 3; /* the last block, of fixed codes */
+    bit += 3;
+    for (size_t i = 0; i < count + zeros / 258; i++) {
+        /* a byte, or 258 times the last one; codes begin with their highest bit */
+        const unsigned value = i < count ? bytes[i] : 0, wide = value > 143,
+                       code = i >= count ? 0xc5u << 5
+                              : wide     ? 0x190u + value - 144
+                                         : 0x30u + value;
+        for (unsigned k = i >= count ? 13 : 8 + wide; k-- > 0; bit++)
+            to[bit / 8] = (unsigned char)(to[bit / 8] | (code >> k & 1u) << bit % 8);
+    }
+    return bit / 8 + 2; /* the end, code 0, is there */
+}
+
+static size_t put_matlab_head(unsigned char *file)
+{
+    memset(file, ' ', 128);
+    memcpy(file, "MATLAB 5.0 MAT-file", 19);
+    memcpy(file + 124, "\0\1IM", 4);
+    return 128;
+}
+
+/* Cells within cells made a library's stack overflow, and an array of 2^25 dimensions took 400 MB from 130 KB. */
+TEST(matlab_files_that_nest_or_claim)
+{
+    enum { DEPTH = 100000, CELL = 48, ZEROS = 128 << 20, ROOM = 1 << 20 };
+    hada_tiff_reader *reader;
+    hada_error err = {0};
+    SCOPED_MEMORY unsigned char *file = calloc(1, 128 + (size_t)DEPTH * CELL), *packed = calloc(1, ROOM);
+    unsigned char head[64], *at = file + put_matlab_head(file);
+    for (uint32_t i = 0; i < DEPTH; i++) {
+        at = put(put(at, 14, 4), (uint64_t)(DEPTH - i) * CELL - 8, 4);
+        at = put(put(put(at, 6, 4), 8, 4), 1, 8);            /* a cell */
+        at = put(put(put(put(at, 5, 4), 8, 4), 1, 4), 1, 4); /* 1 x 1 */
+        at = put(put(at, 1, 4), 0, 4);                       /* without a name */
+    }
+    io_write_bytes(io_path("cells.mat"), file, (size_t)(at - file));
+    begin();
+    assert_int_equal(hada_tiff_open(&reader, io_path("cells.mat"), &err), HADA_ERROR_FILE_FORMAT);
+    assert_cheap(&err, "no array of real numbers");
+    at = put(put(head, 14, 4), ZEROS + 64, 4);
+    at = put(put(put(at, 6, 4), 8, 4), 6, 8);
+    at = put(put(at, 5, 4), ZEROS, 4);
+    const size_t begun = put_matlab_head(packed),
+                 bytes = deflate_zeros(packed + begun + 8, head, (size_t)(at - head), ZEROS);
+    put(put(packed + begun, 15, 4), bytes, 4);
+    io_write_bytes(io_path("sizes.mat"), packed, begun + 8 + bytes);
+    begin();
+    assert_int_equal(hada_tiff_open(&reader, io_path("sizes.mat"), &err), HADA_ERROR_FILE_FORMAT);
+    assert_cheap(&err, "no array of real numbers");
+}
+
 /* Pages of 1000 x 1000 pixels, which all have the same 16 KB of the file as theirs. */
 static void write_pages(const char *path, uint32_t pages, const char *text)
 {
@@ -437,7 +494,12 @@ TEST(limits_are_words_or_numbers)
     ASSERT_OK(hada_limits_parse(&limits, "pixels=4G,pages=20k,text=3M,parameters=17", err));
     assert_true(limits.pixels == 4000000000u && limits.pages == 20000 && limits.text == 3000000 &&
                 limits.parameters == 17);
-    const char *const wrong[] = {"pixels",    "pixels=",   "pixels=0",   "pixels=-1",
+    ASSERT_OK(hada_limits_parse(&limits, "isolate=all,seconds=5", err));
+    assert_true(limits.isolate == HADA_ISOLATE_ALL && limits.seconds == 5 && limits.pages == 20000);
+    limits.isolate = 7;
+    ASSERT_FAILS(hada_limits_set(&limits, err), HADA_ERROR_ARGUMENT, "isolate");
+    const char *const wrong[] = {"pixels",    "isolate=",  "isolate=1",  "isolate=allx",
+                                 "seconds=0", "pixels=",   "pixels=0",   "pixels=-1",
                                  "pixels=4T", "colours=4", "pixels=4,,", "pixels=99999999999999999999",
                                  "pages=1k2"};
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++)

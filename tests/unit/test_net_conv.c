@@ -2,6 +2,7 @@
  * compares the device with them); bytes and errors of the interface. */
 #include "dry.h"
 #include "net_fixture.h"
+#include "patience.h"
 
 #include "io/safetensors.h"
 #include "ref/ref_conv.h"
@@ -187,6 +188,75 @@ TEST(mistakes)
                    hada_conv_create(&object, &dry.slot, &desc, NULL), hada_conv_destroy);
         hada_conv_destroy(&conv);
     }
+}
+
+/* y of a convolution, whose launches may take so many seconds while a monitor is asked. */
+static float *run_watched(hada_slot *slot, hada_conv *conv, const hada_tensor *x, const hada_tensor *y, double seconds,
+                          patience *caller, uint64_t *launches, hada_status expected)
+{
+    const hada_monitor monitor = patience_monitor(caller);
+    const size_t count = y->image_stride * (size_t)y->images;
+    float *got = malloc(count * sizeof *got);
+    hada_buffer out = {.mem = y->mem, .bytes = (y->offset + count) * sizeof(float)};
+    assert_non_null(got);
+    ASSERT_OK(hada_buffer_clear(&out, slot, y->offset * sizeof(float), count * sizeof(float), err));
+    hada_slot_watch(slot, seconds > 0 ? &monitor : NULL);
+    slot->most_unasked = seconds;
+    const uint64_t before = slot->calls.launches;
+    assert_int_equal(hada_conv_forward(conv, x, (hada_floats){0}, y, NULL, NULL), expected);
+    *launches = slot->calls.launches - before;
+    hada_slot_watch(slot, NULL);
+    ASSERT_OK(hada_buffer_read(&out, slot, y->offset * sizeof(float), got, count * sizeof(float), err));
+    return got;
+}
+
+/* One that takes seconds becomes several launches while somebody may want to stop: the same bits. */
+TEST(large_ones_are_divided)
+{
+    static const struct {
+        int in, out, kernel, stride, method;
+    } rows[] = {{3, 16, 3, 1, HADA_CONV_AUTO},  {16, 24, 3, 1, HADA_CONV_AUTO}, {64, 64, 3, 1, HADA_CONV_AUTO},
+                {8, 3, 3, 1, HADA_CONV_AUTO},   {12, 16, 5, 1, HADA_CONV_AUTO}, {16, 16, 1, 1, HADA_CONV_AUTO},
+                {16, 16, 4, 2, HADA_CONV_AUTO}, {5, 9, 3, 1, HADA_CONV_PLAIN}};
+    enum { SIDE = 45, FLOATS = 1 << 20 };
+    net_device *device = *state;
+    hada_context *context = device->context;
+    SCOPED(hada_buffer) buffer;
+    SCOPED_MEMORY float *random = malloc(FLOATS * sizeof *random);
+    int divided = 0;
+    net_fill(random, FLOATS, 1);
+    ASSERT_OK(hada_buffer_create(&buffer, context, 4 * FLOATS * sizeof(float), "tensors", err));
+    for (size_t i = 0; i < HADA_COUNT(rows); i++) {
+        hada_conv_desc desc = net_conv3(2, rows[i].in, rows[i].out, SIDE, SIDE + 6);
+        desc.kernel_rows = desc.kernel_cols = rows[i].kernel;
+        desc.pad_rows = desc.pad_cols = rows[i].kernel / 2;
+        desc.stride = rows[i].stride;
+        desc.method = (hada_conv_method)rows[i].method;
+        int high, wide;
+        hada_conv *conv;
+        uint64_t once, often, few;
+        hada_conv_output_size(&desc, &high, &wide);
+        const hada_tensor x = hada_tensor_at(context, buffer.mem, 0, 2, rows[i].in, SIDE, SIDE + 6),
+                          y = hada_tensor_at(context, buffer.mem, FLOATS, 2, rows[i].out, high, wide);
+        ASSERT_OK(hada_buffer_write(&buffer, device->slot, 0, random, FLOATS * sizeof(float), err));
+        const hada_planar in = {buffer.mem, (size_t)2 * FLOATS, (size_t)rows[i].in * SIDE * (SIDE + 6),
+                                (size_t)SIDE * (SIDE + 6), SIDE + 6};
+        ASSERT_OK(hada_buffer_write(&buffer, device->slot, (size_t)2 * FLOATS * sizeof(float), random,
+                                    FLOATS * sizeof(float), err));
+        ASSERT_OK(hada_tensor_load(device->slot, &in, &x, err));
+        ASSERT_OK(hada_conv_create(&conv, device->slot, &desc, err));
+        ASSERT_OK(hada_conv_set_weights(conv, (hada_floats){buffer.mem, (size_t)2 * FLOATS}, err));
+        patience none = {.most = -1}, little = {.most = 3};
+        SCOPED_MEMORY float *whole = run_watched(device->slot, conv, &x, &y, 0, &none, &once, HADA_OK),
+                            *parts = run_watched(device->slot, conv, &x, &y, 1e-6, &none, &often, HADA_OK);
+        assert_memory_equal(whole, parts, y.image_stride * 2 * sizeof(float));
+        divided += often > once;
+        if (often > once + 4)
+            free(run_watched(device->slot, conv, &x, &y, 1e-6, &little, &few, HADA_ERROR_CANCELLED));
+        hada_conv_destroy(&conv);
+    }
+    if (context->shape != HADA_SHAPE_GROUPS)
+        assert_true(divided >= 6);
 }
 
 FIXTURE(net_device_open, net_device_close)

@@ -280,6 +280,54 @@ static int try_all(const char *path)
     return fine;
 }
 
+static size_t put_value(unsigned char *file, size_t at, int big, int bytes, uint64_t value)
+{
+    for (int i = 0; i < bytes; i++)
+        file[at + (size_t)i] = (unsigned char)(value >> 8 * (big ? bytes - 1 - i : i));
+    return at + (size_t)bytes;
+}
+
+/* MATLAB writes the numbers of an array in the smallest type that holds them. */
+TEST(matlab_numbers_in_smaller_types)
+{
+    static const struct {
+        int class, type, bytes;
+        int64_t first; /* of four numbers, each one more */
+        int status;
+        double scale;
+    } rows[] = {{6, 2, 1, 7, HADA_OK, 1},
+                {7, 3, 2, -2, HADA_OK, 1},
+                {6, 12, 8, -5, HADA_OK, 1},
+                {13, 4, 2, 65000, HADA_OK, 4294967295.0},
+                {10, 1, 1, -3, HADA_OK, 32767},
+                {11, 5, 4, 3, HADA_OK, 65535},
+                {9, 1, 1, -3, HADA_ERROR_FILE_READ, 1},
+                {9, 4, 2, 255, HADA_ERROR_FILE_READ, 1},
+                {6, 8, 1, 1, HADA_ERROR_FILE_READ, 1}};
+    for (size_t k = 0; k < 2 * HADA_COUNT(rows); k++) {
+        const int i = (int)k / 2, big = (int)k % 2, bytes = rows[i].bytes;
+        unsigned char file[300] = "MATLAB 5.0 MAT-file";
+        size_t at = put_value(file, put_value(file, 124, big, 2, 0x100), big, 2, 'M' << 8 | 'I');
+        at = put_value(file, put_value(file, at, big, 4, 14), big, 4, 16 + 16 + 8 + 8 + 4 * (uint64_t)bytes);
+        at = put_value(file, put_value(file, put_value(file, at, big, 4, 6), big, 4, 8), big, 4,
+                       (uint64_t)rows[i].class) +
+             4;
+        at = put_value(file, put_value(file, at, big, 4, 5), big, 4, 8);
+        at = put_value(file, put_value(file, at, big, 4, 2), big, 4, 2);
+        at = put_value(file, at, big, 4, 1 << 16 | 1) + 4; /* its name, one letter */
+        at = put_value(file, put_value(file, at, big, 4, (uint64_t)rows[i].type), big, 4, 4 * (uint64_t)bytes);
+        for (int n = 0; n < 4; n++)
+            at = put_value(file, at, big, bytes, (uint64_t)(rows[i].first + n));
+        io_write_bytes(io_path("small.mat"), file, at);
+        SCOPED(hada_image) image = {0};
+        hada_error err = {0};
+        if ((int)hada_tiff_load(io_path("small.mat"), 0, &image, &err) != rows[i].status)
+            fail_msg("row %d: %s", i, err.message);
+        for (int n = 0; !rows[i].status && n < 4; n++) /* columns come first */
+            assert_float_equal(image.data[n % 2 * 2 + n / 2], (float)((double)(rows[i].first + n) / rows[i].scale), 0);
+    }
+}
+
 static const char *const victims[] = {"imagej.tif",
                                       "imagej_one_directory.tif",
                                       "ome.tif",

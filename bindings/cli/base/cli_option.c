@@ -33,9 +33,11 @@ const hada_cli_option hada_cli_common_options[] = {
      HADA_CLI_AT(hada_cli_common, json)},
     {HADA_OPTION_FLAG, "quiet", 'q', NULL, "print errors only", NULL, HADA_CLI_AT(hada_cli_common, quiet)},
     {HADA_OPTION_FLAG, "verbose", 'v', NULL, "say more on stderr", NULL, HADA_CLI_AT(hada_cli_common, verbose)},
-    {HADA_OPTION_TEXT, "limits", 0, "NAME=N,...", "how much a file may claim: pixels, pages, text, parameters",
-     "A small file can claim to be a large picture or net; beyond these budgets it is refused. The environment variable "
-     "HADALENS_LIMITS says the same. Default: " HADA_LIMITS_DEFAULTS ".",
+    {HADA_OPTION_TEXT, "limits", 0, "NAME=N,...",
+     "how much a file may claim: pixels, pages, text, parameters, seconds; isolate=all",
+     "A small file can claim to be a large picture or net; beyond these budgets it is refused. With isolate=all pictures "
+     "are decoded in processes without rights. The environment variable "
+     "HADALENS_LIMITS says the same. Default: " HADA_LIMITS_DEFAULTS ", " HADA_LIMITS_READER_DEFAULTS ".",
      HADA_CLI_AT(hada_cli_common, limits)},
     {HADA_OPTION_TEXT, "headerless", 0, "HxW:PIXELS", "how files without a header are read, such as 1520x2028:csi12",
      "For what cameras write without a header (rpicam-raw, V4L2, GStreamer), frame after frame. PIXELS: u8; u10, u12, u14, "

@@ -418,8 +418,11 @@ def save_png(
     return Path(name)
 
 
+LIMITS = ("pixels", "pages", "text", "parameters", "isolate", "seconds")
+
+
 def set_limits(limits: str | None) -> None:
-    """Set the budgets for files from elsewhere, such as "pixels=4G,pages=1M"; None: back to the environment's."""
+    """Set the budgets for files from elsewhere, such as "pixels=4G,isolate=all"; None: back to the environment's."""
     if limits is None:
         call(lib.hada_limits_set, ffi.NULL)
         return
@@ -429,10 +432,13 @@ def set_limits(limits: str | None) -> None:
 
 
 def limits() -> dict[str, int]:
-    """Return the budgets in force: numbers of a page, pages, bytes of a text, parameters of a net."""
+    """Return the budgets in force: numbers of a page, pages, bytes of a text, parameters of a net, ...
+
+    "isolate" is 0, 1 or 2 for "none", "some" and "all".
+    """
     options = Options("hada_limits")
     call(lib.hada_limits_get, options.c)
-    return {name: int(getattr(options.c, name)) for name in ("pixels", "pages", "text", "parameters")}
+    return {name: int(getattr(options.c, name)) for name in LIMITS}
 
 
 def set_headerless(frames: str | None) -> None:

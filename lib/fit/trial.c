@@ -11,7 +11,7 @@ enum { TRIED = sizeof steps_tried / sizeof *steps_tried };
  * That and a step of TV_RATIO to both sides, one more where the outermost is best; the best of all lies where a
  * parabola through three has its top. A few steps on one depth rank them as many on two do; where the sensor crops they
  * settle later. */
-enum { TV_SIDE = 2, TV_PLACES = 2 * TV_SIDE + 1, TV_STEPS = 10, TV_STEPS_CROPPED = 12 };
+enum { TV_SIDE = 2, TV_PLACES = 2 * TV_SIDE + 1, TV_STEPS = 6, TV_STEPS_CROPPED = 12 };
 #define TV_RATIO     1.6
 #define TV_PER_NOISE 0.1
 #define TV_MOSAIC    0.5 /* times that of a mosaic, a third of whose values are known */
@@ -139,7 +139,7 @@ static hada_status rank_tv(trial_work *work, const trial_set *set, const double 
     const hada_model_info *info = &work->bench.with->model->info;
     hada_refine_weights weights[TV_PLACES] = {{0.0, 0.0, 0.0}};
     for (int i = 0; i < count; i++)
-        weights[i] = (hada_refine_weights){tv[i], work->weights.colour, work->weights.ridge};
+        weights[i] = (hada_refine_weights){tv[i], work->weights.colour, 0.0};
     HADA_TRY(rank(work, set, weights, count, psnr, err));
     for (int i = 0; i < count; i++)
         work->tv_rows[work->tv_count++] = (hada_fit_refine_score){.steps = work->rank_steps,
@@ -204,8 +204,8 @@ static hada_status choose_colour(trial_work *work, const trial_set *set, double 
     const hada_refine_weights now = work->weights;
     hada_refine_weights weights[CHOICES];
     for (int i = 0; i < CHOICES; i++)
-        weights[i] = (hada_refine_weights){now.tv * pow(now.colour / colours_tried[i], TV_PER_COLOUR), colours_tried[i],
-                                           now.ridge};
+        weights[i] =
+            (hada_refine_weights){now.tv * pow(now.colour / colours_tried[i], TV_PER_COLOUR), colours_tried[i], 0.0};
     return choose_of(work, set, weights, psnr, err);
 }
 

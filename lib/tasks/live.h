@@ -24,10 +24,15 @@ typedef struct hada_live_pipe {
 } hada_live_pipe;
 
 hada_status hada_live_pipe_begin(hada_live_pipe *pipe, int fd, const hada_headerless *frames, hada_error *err);
-/* Waits for a frame for some seconds. *data: the newest, which stays until the next call, and *number of it, from 1 on;
- * NULL: none has come. *ended: none will come. */
-hada_status hada_live_pipe_take(hada_live_pipe *pipe, double seconds, const unsigned char **data, long *number,
-                                int *ended, hada_error *err);
+/* What was taken from a pipe. */
+typedef struct hada_live_taken {
+    const unsigned char *data; /* of the newest frame, until the next call; NULL: none has come */
+    long number, passed_over;  /* of the frame, from 1 on; frames that were left out so far */
+    int ended;                 /* 1: no frame will come */
+} hada_live_taken;
+
+/* Waits for a frame for some seconds. */
+hada_status hada_live_pipe_take(hada_live_pipe *pipe, double seconds, hada_live_taken *taken, hada_error *err);
 void hada_live_pipe_end(hada_live_pipe *pipe);
 
 /* A file of the folder, as it was when it was last looked at. */

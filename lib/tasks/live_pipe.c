@@ -94,26 +94,24 @@ static hada_status why_it_ended(const hada_live_pipe *pipe, hada_error *err)
     return HADA_OK;
 }
 
-hada_status hada_live_pipe_take(hada_live_pipe *pipe, double seconds, const unsigned char **data, long *number,
-                                int *ended, hada_error *err)
+hada_status hada_live_pipe_take(hada_live_pipe *pipe, double seconds, hada_live_taken *taken, hada_error *err)
 {
     const double until = hada_seconds() + seconds;
     hada_status status = HADA_OK;
     int waits = 1;
-    *data = NULL;
     pthread_mutex_lock(&pipe->lock);
     while (!pipe->is_ready && !pipe->ended && waits)
         waits = hada_condition_wait_until(&pipe->changed, &pipe->lock, until);
+    *taken = (hada_live_taken){.number = pipe->come, .passed_over = pipe->passed_over};
     if (pipe->is_ready) {
         unsigned char *const free_one = pipe->taken;
-        *data = pipe->taken = pipe->ready;
-        *number = pipe->come;
+        taken->data = pipe->taken = pipe->ready;
         pipe->ready = free_one;
         pipe->is_ready = 0;
         pthread_cond_broadcast(&pipe->changed);
     }
-    *ended = !*data && pipe->ended;
-    if (*ended)
+    taken->ended = !taken->data && pipe->ended;
+    if (taken->ended)
         status = why_it_ended(pipe, err);
     pthread_mutex_unlock(&pipe->lock);
     return status;

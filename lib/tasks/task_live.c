@@ -41,7 +41,6 @@ static void tell(run *own, hada_live_event event, const char *name, double began
 {
     own->state.event = event;
     own->state.name = name;
-    own->state.passed_over = own->pipe.passed_over + own->folder.passed_over;
     own->state.seconds = hada_seconds() - began;
     own->state.result = event == HADA_LIVE_FRAME ? &own->result : NULL;
     own->state.error = error;
@@ -164,6 +163,7 @@ static hada_status take_file(run *own, int *came, hada_error *err)
     char *name = NULL;
     hada_path path;
     HADA_TRY(hada_live_folder_take(&own->folder, STOP_SECONDS, &file, err));
+    own->state.passed_over = own->folder.passed_over;
     *came = file != NULL;
     if (!file)
         return HADA_OK;
@@ -177,18 +177,19 @@ static hada_status take_file(run *own, int *came, hada_error *err)
 static hada_status take_from_pipe(run *own, int *came, int *ended, hada_error *err)
 {
     const hada_headerless *frames = &own->pipe.frames;
-    const unsigned char *data;
-    const double began = hada_seconds();
+    hada_live_taken taken;
     hada_error error = {0};
     hada_pixels raw;
     char name[32];
-    long number = 0;
-    HADA_TRY(hada_live_pipe_take(&own->pipe, STOP_SECONDS, &data, &number, ended, err));
-    *came = data != NULL;
-    if (!data)
+    HADA_TRY(hada_live_pipe_take(&own->pipe, STOP_SECONDS, &taken, err));
+    own->state.passed_over = taken.passed_over;
+    *came = taken.data != NULL;
+    *ended = taken.ended;
+    if (!taken.data)
         return HADA_OK;
-    snprintf(name, sizeof name, "frame%06ld", number);
-    hada_headerless_unpack(frames, data, own->samples);
+    const double began = hada_seconds();
+    snprintf(name, sizeof name, "frame%06ld", taken.number);
+    hada_headerless_unpack(frames, taken.data, own->samples);
     hada_pixels_init(&raw);
     hada_pixels_interleaved(&raw, own->samples, frames->bits > 8 ? HADA_PIXEL_U16 : HADA_PIXEL_U8, frames->channels,
                             frames->rows, frames->cols);

@@ -69,6 +69,7 @@ grep -q 'broken.tif: of no known format' stderr || fail "$(cat stderr)"
 
 expect 2 '--stream goes with --watch' reconstruct tiff/test/raw/test01.tif -m tiff.model --stream mjpeg -o x
 expect 2 'leave the files out' reconstruct tiff/test/raw/test01.tif --watch come -m tiff.model -o x
+expect 2 'need all files beforehand' reconstruct --watch come -m tiff.model -o x --strict
 expect 2 'where the results shall go' reconstruct --watch come -m tiff.model
 expect 2 '--stream and --json' reconstruct --watch come -m tiff.model --stream mjpeg --json
 expect 2 'is the folder of the frames' reconstruct --watch come -m tiff.model -o come/

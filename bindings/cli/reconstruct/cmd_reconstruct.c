@@ -402,7 +402,8 @@ static int run_files(job *work, int count, const char **paths)
 
 static int check(hada_cli *cli, const settings *set, int count)
 {
-    const int watches = hada_cli_check_watch(cli, &set->watch, count, set->task.output);
+    const int watches = hada_cli_check_watch(cli, &set->watch, count, set->task.output,
+                                             set->bracket || set->task.resume || set->strict);
     if (watches)
         return watches;
     if (!count && !set->watch.watch)

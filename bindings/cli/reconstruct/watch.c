@@ -9,7 +9,8 @@ typedef struct listener {
     double began; /* when the first frame was begun; 0: none was */
 } listener;
 
-int hada_cli_check_watch(hada_cli *cli, const hada_cli_watch_settings *set, int files, const char *output)
+int hada_cli_check_watch(hada_cli *cli, const hada_cli_watch_settings *set, int files, const char *output,
+                         int needs_all)
 {
     if (!set->watch && (set->stream || set->idle > 0.0))
         return hada_cli_usage(cli, "--%s goes with --watch", set->stream ? "stream" : "idle");
@@ -17,6 +18,9 @@ int hada_cli_check_watch(hada_cli *cli, const hada_cli_watch_settings *set, int 
         return HADA_EXIT_OK;
     if (files)
         return hada_cli_usage(cli, "--watch waits for frames; leave the files out, or --watch");
+    if (needs_all)
+        return hada_cli_usage(cli,
+                              "--bracket, --resume and --strict need all files beforehand; leave them or --watch out");
     if (!output && !set->stream)
         return hada_cli_usage(cli, "say where the results shall go, with -o FOLDER, --stream mjpeg, or both");
     if (set->stream && cli->common->json)

@@ -32,7 +32,7 @@ touch a.tif places/b.tif
     fail "zsh knows others that may be given more than once: $(grep "^ *'\*\('{-\|--\)" _hadalens)"
 for command in $commands; do
     # the options of the help are those of the manual (tests/cli/cli_words.sh)
-    "$program" "$command" --help | grep -oE -- '^ +(-., )?--[a-z-]+' | grep -oE -- '--[a-z-]+' | LC_ALL=C sort >in_help
+    "$program" "$command" --help | grep -oE -- '^ {2,6}(-., )?--[a-z-]+' | grep -oE -- '--[a-z-]+' | LC_ALL=C sort >in_help
     complete_words hadalens "$command" -- >in_bash
     cmp -s in_help in_bash || fail "help and bash name different options of $command: $(diff in_help in_bash | paste -sd' ')"
     sed -n "/^    $command)\$/,/;;\$/p" _hadalens | grep -oE -- "--[a-z-]+(=|[['}])" | sed 's/.$//' | LC_ALL=C sort -u >in_zsh
@@ -53,7 +53,7 @@ expect "--crop-passes" hadalens fit --cro
 # zsh reads it, and hands the same to _arguments, which checks the form of each
 if command -v zsh >/dev/null; then
     for command in $commands; do
-        "$program" "$command" --help | grep -oE -- '^ +(-., )?--[a-z-]+' | grep -oE -- '--[a-z-]+' | LC_ALL=C sort >in_help
+        "$program" "$command" --help | grep -oE -- '^ {2,6}(-., )?--[a-z-]+' | grep -oE -- '--[a-z-]+' | LC_ALL=C sort >in_help
         zsh -f -c '
             _arguments() { if [[ $1 = -C ]]; then state=arguments; words=('"$command"'); return 1; fi; print -rl -- "$@"; }
             words=(hadalens '"$command"'); . ./_hadalens' >said 2>&1 || true

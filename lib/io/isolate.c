@@ -26,8 +26,6 @@ struct hada_isolated {
     double *distances_mm;
 };
 
-extern char **environ;
-
 static const char *program(void)
 {
     const char *named = secure_getenv("HADALENS_READER");

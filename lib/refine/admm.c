@@ -173,9 +173,9 @@ static int growing_steps(const hada_refine_rule *rule)
                                                        : 0;
 }
 
-/* Steps before the residual says anything: while depths part it may stand still; while rho grows, light beyond the frame
- * settles where the sensor crops, and the residual of a noisy frame is noise long before its planes are what the learned
- * regulariser needs. */
+/* Steps before the residual says anything: while depths part it may stand still; while rho grows, light beyond the
+ * frame settles where the sensor crops, and the residual of a noisy frame is noise long before its planes are what the
+ * learned regulariser needs. */
 static int least_steps(hada_boundary boundary, const hada_refine_rule *rule)
 {
     enum { SETTLING_STEPS = 5 };

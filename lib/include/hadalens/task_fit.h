@@ -50,11 +50,11 @@ HADA_INIT(hada_fit_task, HADA_STRUCT_FIT_TASK)
 
 /* What the choices were made from. Owned by the caller: hada_fit_report_destroy(). */
 typedef struct hada_fit_report {
-    const hada_fit_scores *scores; /* what was compared */
-    const int64_t *pairs;          /* in the sums of each depth, those of merged files counted */
-    const hada_survey *survey;     /* what the pairs said before the fit; NULL: they were not asked */
-    const unsigned char *const *left_out; /* left_out[depth][pair] of the data set: 1 where it was left out, since it spoilt
-                                             what the others of its depth say; NULL: none was */
+    const hada_fit_scores *scores;        /* what was compared */
+    const int64_t *pairs;                 /* in the sums of each depth, those of merged files counted */
+    const hada_survey *survey;            /* what the pairs said before the fit; NULL: they were not asked */
+    const unsigned char *const *left_out; /* left_out[depth][pair] of the data set: 1 where it was left out, since it
+                                             spoilt what the others of its depth say; NULL: none was */
 } hada_fit_report;
 HADA_API void hada_fit_report_destroy(hada_fit_report **report);
 

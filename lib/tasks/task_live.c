@@ -46,6 +46,9 @@ static void tell(run *own, hada_live_event event, const char *name, double began
     own->state.error = error;
     if (own->task.tell)
         own->task.tell(own->task.user, &own->state);
+    own->state.name = NULL; /* the caller's, like the others */
+    own->state.result = NULL;
+    own->state.error = NULL;
 }
 
 static hada_status compute(run *own, const hada_pixels *raw, hada_error *err)

@@ -43,7 +43,7 @@ void hada_misbehave(int file)
     if (!strcmp(word, "code"))
         tried(mmap(NULL, 4096, PROT_READ | PROT_EXEC, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0) == MAP_FAILED ? -1 : 0);
     if (!strcmp(word, "memory"))
-        for (size_t all = 0;; all += 1 << 20) {
+        for (;;) {
             char *more = malloc(1 << 20);
             if (!more)
                 abort();

@@ -271,7 +271,7 @@ static double within(double gain)
     return isfinite(gain) && gain > 1.0 / MOST_GAIN ? fmin(gain, MOST_GAIN) : 1.0 / MOST_GAIN;
 }
 
-/* Divides by the geometric mean of each depth. */
+/* Divides by the geometric mean of each depth; 0 stays. */
 static void normalise(const hada_pair_level *level, double *gain)
 {
     for (int k = 0; k < level->count; k++) {
@@ -280,15 +280,23 @@ static void normalise(const hada_pair_level *level, double *gain)
         if (!is_first(level, k))
             continue;
         for (int i = k; i < level->count; i++)
-            if (level->depth[i] == level->depth[k]) {
+            if (level->depth[i] == level->depth[k] && gain[i] > 0.0) {
                 sum += log(gain[i]);
                 members++;
             }
-        const double mean = exp(sum / members);
+        const double mean = members ? exp(sum / members) : 1.0;
         for (int i = k; i < level->count; i++)
             if (level->depth[i] == level->depth[k])
                 gain[i] /= mean;
     }
+}
+
+void hada_pair_level_expose_again(hada_pair_level *level, double *gain, double *unexplained, double *room)
+{
+    hada_pair_level_judge(level, gain, 0, unexplained, room);
+    for (int k = 0; k < level->count; k++)
+        gain[k] = gain[k] > 0.0 ? within(room[k]) : 0.0;
+    normalise(level, gain);
 }
 
 void hada_pair_level_expose(hada_pair_level *level, double *gain, double *unexplained, double *room)
@@ -296,11 +304,7 @@ void hada_pair_level_expose(hada_pair_level *level, double *gain, double *unexpl
     for (int k = 0; k < level->count; k++)
         gain[k] = within(level->scene_light[k] > 0.0 ? level->frame_light[k] / level->scene_light[k] : 1.0);
     normalise(level, gain);
-    for (int round = 0; round < ROUNDS; round++) {
-        hada_pair_level_judge(level, gain, 0, unexplained, room);
-        for (int k = 0; k < level->count; k++)
-            gain[k] = within(room[k]);
-        normalise(level, gain);
-    }
+    for (int round = 0; round < ROUNDS; round++)
+        hada_pair_level_expose_again(level, gain, unexplained, room);
     hada_pair_level_judge(level, gain, 0, unexplained, NULL);
 }

@@ -53,6 +53,9 @@ void hada_pair_level_put(hada_pair_level *level, int place, int depth, const had
  * other pairs of its depth, and with `itself` the pair as well, are taken with their exposures `gain`. Pairs of
  * exposure 0 say nothing to others. */
 void hada_pair_level_judge(hada_pair_level *level, const double *gain, int itself, double *unexplained, double *better);
+/* Exposures of the pairs whose `gain` is not 0, from each other, once; their geometric mean within a depth becomes 1.
+ * unexplained, room: a number per pair. */
+void hada_pair_level_expose_again(hada_pair_level *level, double *gain, double *unexplained, double *room);
 /* Exposures of all pairs, from their light, then from each other, and what is unexplained with them. Their geometric
  * mean within a depth is 1. `room`: a number per pair. */
 void hada_pair_level_expose(hada_pair_level *level, double *gain, double *unexplained, double *room);

@@ -40,7 +40,7 @@ typedef struct shares {
 typedef struct suspects {
     int pair[MOST_PAIRS], count;
     double times; /* so much less is unexplained of the others without them */
-    double left;  /* mean logarithm of what is */
+    double left;  /* logarithm of what is, the median */
 } suspects;
 
 typedef struct screening {
@@ -51,34 +51,38 @@ typedef struct screening {
     int tried, at[MOST_PAIRS], count; /* responses; the numbers of the pairs that are looked at */
 } screening;
 
-/* Takes the pairs of a depth. */
+/* Puts a pair beside those that were taken, with its scene in all responses tried. */
+static hada_status take_pair(screening *of, int depth, int number, hada_error *err)
+{
+    hada_pair pair = {0};
+    hada_image frame = {0}, scene = {0};
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_monitor_check(of->options->monitor, err));
+    HADA_TRY(hada_pair_take(&pair, of->pairs, depth, number, err));
+    if (!hada_reducer_fits(&of->reducer, pair.raw, pair.scene))
+        goto done;
+    HADA_TRY_OR_DONE(hada_reduce_frame(&of->reducer, pair.raw, &frame, err));
+    for (int r = 0; r < of->tried; r++) {
+        const double response = of->tried == 1 ? of->options->scene_response : responses[r];
+        hada_image_destroy(&scene);
+        HADA_TRY_OR_DONE(hada_reduce_scene(&of->reducer, pair.scene, response, &scene, err));
+        hada_pair_level_put(&of->level[r], of->count, 0, &frame, &scene);
+    }
+    of->at[of->count++] = number;
+done:
+    hada_image_destroy(&frame);
+    hada_image_destroy(&scene);
+    hada_pair_return(&pair);
+    return status;
+}
+
 static hada_status take_depth(screening *of, int depth, int pairs, hada_error *err)
 {
     of->count = 0;
     for (int r = 0; r < of->tried; r++)
         of->level[r].count = 0;
-    for (int i = 0; i < pairs; i++) {
-        hada_pair pair = {0};
-        hada_image frame = {0}, scene = {0};
-        hada_status status = HADA_OK;
-        HADA_TRY(hada_monitor_check(of->options->monitor, err));
-        HADA_TRY(hada_pair_take(&pair, of->pairs, depth, i, err));
-        if (!hada_reducer_fits(&of->reducer, pair.raw, pair.scene))
-            goto done;
-        HADA_TRY_OR_DONE(hada_reduce_frame(&of->reducer, pair.raw, &frame, err));
-        for (int r = 0; r < of->tried; r++) {
-            const double response = of->tried == 1 ? of->options->scene_response : responses[r];
-            HADA_TRY_OR_DONE(hada_reduce_scene(&of->reducer, pair.scene, response, &scene, err));
-            hada_pair_level_put(&of->level[r], of->count, 0, &frame, &scene);
-            hada_image_destroy(&scene);
-        }
-        of->at[of->count++] = i;
-    done:
-        hada_image_destroy(&frame);
-        hada_image_destroy(&scene);
-        hada_pair_return(&pair);
-        HADA_TRY(status);
-    }
+    for (int i = 0; i < pairs; i++)
+        HADA_TRY(take_pair(of, depth, i, err));
     return HADA_OK;
 }
 
@@ -97,22 +101,11 @@ static void judge(hada_pair_level *level, const double *gain, int itself, shares
 /* Exposures of the pairs that are not left out: all alike, or, apart, from each other. */
 static void expose(hada_pair_level *level, const unsigned char *out, int apart, double *gain)
 {
-    double unexplained[MOST_PAIRS], better[MOST_PAIRS];
+    double unexplained[MOST_PAIRS], room[MOST_PAIRS];
     for (int k = 0; k < level->count; k++)
         gain[k] = out[k] ? 0.0 : 1.0;
-    for (int round = 0; apart && round < ROUNDS; round++) {
-        double mean = 0.0;
-        int members = 0;
-        hada_pair_level_judge(level, gain, 0, unexplained, better);
-        for (int k = 0; k < level->count; k++)
-            if (!out[k] && better[k] > 0.0) {
-                mean += log(better[k]);
-                members++;
-            }
-        mean = members ? exp(mean / members) : 1.0;
-        for (int k = 0; k < level->count; k++)
-            gain[k] = out[k] ? 0.0 : better[k] > 0.0 ? better[k] / mean : 1.0;
-    }
+    for (int round = 0; apart && round < ROUNDS; round++)
+        hada_pair_level_expose_again(level, gain, unexplained, room);
 }
 
 static int ascending(const void *one, const void *other)
@@ -123,7 +116,7 @@ static int ascending(const void *one, const void *other)
 
 static double median(const hada_pair_level *level, const shares *of, const unsigned char *out)
 {
-    double sorted[MOST_PAIRS];
+    double sorted[MOST_PAIRS] = {0.0};
     int count = 0;
     for (int k = 0; k < level->count; k++)
         if (!out[k])
@@ -155,7 +148,7 @@ static double gain_of(const hada_pair_level *level, const shares *all, const sha
 static int most_harmful(hada_pair_level *level, const double *gain, const shares *now, const unsigned char *out)
 {
     double changed[MOST_PAIRS], most = -1e30;
-    int worst = -1;
+    int worst = 0;
     memcpy(changed, gain, (size_t)level->count * sizeof *changed);
     for (int j = 0; j < level->count; j++) {
         shares without;
@@ -197,21 +190,33 @@ static int most_contradicting(const hada_pair_level *level, const shares *itself
     return worst;
 }
 
+/* All pairs, with exposures alike or apart. */
+typedef struct beginning {
+    double gain[MOST_PAIRS], left; /* the median of all */
+    shares all;
+} beginning;
+
+static void begin(hada_pair_level *level, int apart, beginning *from)
+{
+    const unsigned char none[MOST_PAIRS] = {0};
+    expose(level, none, apart, from->gain);
+    judge(level, from->gain, 0, &from->all);
+    from->left = median(level, &from->all, none);
+}
+
 /* Leaves out one after the other. */
-static void suspect(hada_pair_level *level, int apart, suspects *found)
+static void suspect(hada_pair_level *level, int apart, const beginning *from, suspects *found)
 {
     unsigned char out[MOST_PAIRS] = {0};
     double gain[MOST_PAIRS], best[MOST_PAIRS] = {0.0}, left[MOST_PAIRS], errors, most = 0.0;
-    shares all, now, itself;
+    shares now, itself;
     const int tries = level->count / ONE_OF;
     int pair[MOST_PAIRS];
-    *found = (suspects){.times = 1.0};
-    expose(level, out, apart, gain);
-    judge(level, gain, 0, &all);
-    found->left = median(level, &all, out);
-    if (found->left < log(SOUND))
+    *found = (suspects){.times = 1.0, .left = from->left};
+    if (from->left < log(SOUND))
         return;
-    now = all;
+    memcpy(gain, from->gain, (size_t)level->count * sizeof *gain);
+    now = from->all;
     for (int m = 0, contradict = 1; m < tries; m++) {
         judge(level, gain, 1, &itself);
         const int contradicts = contradict ? most_contradicting(level, &itself, out) : -1;
@@ -220,7 +225,7 @@ static void suspect(hada_pair_level *level, int apart, suspects *found)
         out[pair[m]] = 1;
         expose(level, out, apart, gain);
         judge(level, gain, 0, &now);
-        const double less = gain_of(level, &all, &now, out, &errors);
+        const double less = gain_of(level, &from->all, &now, out, &errors);
         if (less > log(LESS_BY) && errors > LESS_ERRORS && are_worse(level, &now, out))
             best[m] = less;
         else if (contradict && less > -AS_WELL)
@@ -238,28 +243,20 @@ static void suspect(hada_pair_level *level, int apart, suspects *found)
         }
 }
 
-/* What is left with a response, exposures being alike or apart. */
-static double left_of(hada_pair_level *level)
-{
-    const unsigned char none[MOST_PAIRS] = {0};
-    double least = HUGE_VAL;
-    for (int apart = 0; apart < 2; apart++) {
-        double gain[MOST_PAIRS];
-        shares all;
-        expose(level, none, apart, gain);
-        judge(level, gain, 0, &all);
-        least = fmin(least, median(level, &all, none));
-    }
-    return least;
-}
-
 /* With the response that leaves least: what the kind of exposures says that does. */
 static void suspect_all(screening *of, suspects *found)
 {
-    const int other = of->tried > 1 && left_of(&of->level[1]) < left_of(&of->level[0]);
+    beginning from[RESPONSES][2];
+    int best = 0;
+    for (int r = 0; r < of->tried; r++) {
+        begin(&of->level[r], 0, &from[r][0]);
+        begin(&of->level[r], 1, &from[r][1]);
+        if (fmin(from[r][0].left, from[r][1].left) < fmin(from[best][0].left, from[best][1].left))
+            best = r;
+    }
     suspects apart;
-    suspect(&of->level[other], 0, found);
-    suspect(&of->level[other], 1, &apart);
+    suspect(&of->level[best], 0, &from[best][0], found);
+    suspect(&of->level[best], 1, &from[best][1], &apart);
     if (apart.left < found->left)
         *found = apart;
 }

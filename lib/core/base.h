@@ -114,6 +114,13 @@ static inline int hada_least(int a, int b)
     return a < b ? a : b;
 }
 
+/* The top of a parabola through three values a step apart, the middle one the largest, in steps from it. */
+static inline double hada_parabola_top(double before, double here, double after)
+{
+    const double bend = before - 2.0 * here + after;
+    return bend < 0.0 ? 0.5 * (before - after) / bend : 0.0;
+}
+
 /* A copy of a string, NULL when memory is short. */
 char *hada_string_copy(const char *text);
 

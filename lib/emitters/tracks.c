@@ -167,9 +167,7 @@ hada_status hada_tracker_add(hada_tracker *own, const hada_emitter *const *emitt
 
 void hada_tracker_destroy(hada_tracker **tracker)
 {
-    if (!tracker || !*tracker)
-        return;
-    free((*tracker)->tracks);
-    HADA_FREE(*tracker);
-    *tracker = NULL;
+    hada_tracker *own = hada_taken(tracker);
+    if (own)
+        HADA_FREE(own->tracks, own);
 }

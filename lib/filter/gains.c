@@ -204,11 +204,9 @@ hada_status hada_gains_upload(hada_buffer *out, hada_slot *slot, const hada_gain
 
 void hada_gains_destroy(hada_gains **pointer)
 {
-    if (!pointer || !*pointer)
-        return;
-    free((*pointer)->gain);
-    free(*pointer);
-    *pointer = NULL;
+    hada_gains *gains = hada_taken(pointer);
+    if (gains)
+        HADA_FREE(gains->gain, gains);
 }
 
 /* From a sum over the whole spectrum to one over pixels. */

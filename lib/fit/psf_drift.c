@@ -72,13 +72,6 @@ static void transform(const drift *of, const hada_image *image, float *out)
     hada_small_fft_run(&of->fft, out);
 }
 
-/* Where a parabola through three values has its top. */
-static double top_of(double before, double at, double after)
-{
-    const double curvature = before - 2.0 * at + after;
-    return curvature < 0.0 ? 0.5 * (before - after) / curvature : 0.0;
-}
-
 static double correlation(const drift *of, int row, int col)
 {
     const int mask = of->fft.size - 1;
@@ -102,8 +95,8 @@ static void compare(const drift *of, double *shift)
         best = of->first[2 * i] > of->first[2 * best] ? i : best;
     const int row = best / size, col = best % size;
     const double at = correlation(of, row, col);
-    const double top[2] = {row + top_of(correlation(of, row - 1, col), at, correlation(of, row + 1, col)),
-                           col + top_of(correlation(of, row, col - 1), at, correlation(of, row, col + 1))};
+    const double top[2] = {row + hada_parabola_top(correlation(of, row - 1, col), at, correlation(of, row + 1, col)),
+                           col + hada_parabola_top(correlation(of, row, col - 1), at, correlation(of, row, col + 1))};
     for (int k = 0; k < 2; k++)
         shift[k] = top[k] > size / 2 ? size - top[k] : -top[k];
 }

@@ -150,13 +150,6 @@ static hada_status rank_tv(trial_work *work, const trial_set *set, const double 
     return HADA_OK;
 }
 
-/* The top of a parabola through three values a step apart, the middle one the largest, in steps from it. */
-static double parabola_top(double left, double middle, double right)
-{
-    const double bend = left - 2.0 * middle + right;
-    return bend < 0.0 ? 0.5 * (left - right) / bend : 0.0;
-}
-
 /* Chooses the weight of total variation, 0 where the prior of the pairs is better. */
 static hada_status choose_tv(trial_work *work, const trial_set *set, double *psnr, hada_error *err)
 {
@@ -178,7 +171,7 @@ static hada_status choose_tv(trial_work *work, const trial_set *set, double *psn
         if (value[outer] > value[best])
             best = outer;
     }
-    const double top = best == outer ? 0.0 : parabola_top(value[best - 1], value[best], value[best + 1]);
+    const double top = best == outer ? 0.0 : hada_parabola_top(value[best - 1], value[best], value[best + 1]);
     *psnr = value[best];
     work->weights.tv = value[best] > near[0] ? guess * pow(TV_RATIO, best - TV_SIDE + top) : 0.0;
     return HADA_OK;
@@ -236,26 +229,22 @@ static hada_status choose_weights(trial_work *work, const trial_set *set, hada_e
     return HADA_OK;
 }
 
-/* Frames of one pair, HADA_TRIAL_FRAMES at a time: the weights are chosen on the first of them. */
+/* Frames of one pair, on which the weights are chosen, too. */
 static hada_status try_singles(trial_work *work, hada_error *err)
 {
     const hada_fit_kept *kept = work->bench.with->kept;
     const hada_communicator *ranks = &work->bench.grid->communicator;
-    for (int k = 0; k < kept->count;) {
-        hada_trial_frame frames[HADA_TRIAL_FRAMES];
-        const int choose = k == 0 && work->bench.with->tv < 0.0;
-        int count = 0;
-        for (; count < HADA_TRIAL_FRAMES && k < kept->count; k++, count++) {
-            frames[count] = (hada_trial_frame){{&kept->pair[k]}, 1, count};
-            if (hada_is_mine(ranks, count))
-                HADA_TRY(hada_trial_hold_out(&work->bench, &frames[count], err));
-        }
-        if (choose)
-            HADA_TRY(choose_weights(work, &(trial_set){frames, count}, err));
-        for (int i = 0; i < count; i++)
-            if (hada_is_mine(ranks, i))
-                HADA_TRY(try_frame(work, &frames[i], err));
+    hada_trial_frame frames[HADA_FIT_KEPT];
+    for (int k = 0; k < kept->count; k++) {
+        frames[k] = (hada_trial_frame){{&kept->pair[k]}, 1, k};
+        if (hada_is_mine(ranks, k))
+            HADA_TRY(hada_trial_hold_out(&work->bench, &frames[k], err));
     }
+    if (work->bench.with->tv < 0.0)
+        HADA_TRY(choose_weights(work, &(trial_set){frames, kept->count}, err));
+    for (int k = 0; k < kept->count; k++)
+        if (hada_is_mine(ranks, k))
+            HADA_TRY(try_frame(work, &frames[k], err));
     return HADA_OK;
 }
 

@@ -35,7 +35,7 @@ hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
 {
     const hada_fit_grid *grid = bench->grid;
     const size_t channels = (size_t)grid->info.channels;
-    const size_t bytes = hada_fit_spectra_bytes(grid, HADA_TRIAL_FRAMES * channels);
+    const size_t bytes = hada_fit_spectra_bytes(grid, HADA_FIT_KEPT * channels);
     hada_context *context = grid->slot->context;
     const hada_fft_desc desc = hada_fit_transform_desc(grid, HADA_FFT_INVERSE, 1);
     hada_refine_shape shape = hada_refine_shape_of(&grid->info, HADA_TRIAL_MEMBERS, HADA_TRIAL_STEPS);
@@ -55,7 +55,7 @@ hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
     bench->maker.data = (hada_refine_data){.spectrum = bench->with->pair->raw_spectrum.mem,
                                            .frame = bench->with->pair->raw.mem,
                                            .otf = bench->otfs.mem,
-                                           .otf_depths = HADA_TRIAL_FRAMES,
+                                           .otf_depths = HADA_FIT_KEPT,
                                            .prior = bench->prior.mem};
     HADA_TRY(make_mask(bench, err));
     HADA_TRY(HADA_NEW_RAW(bench->raw, hada_fit_raw_floats(grid), "a raw frame", err));

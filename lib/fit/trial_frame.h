@@ -7,16 +7,16 @@
 #include "planes/maker.h"
 
 /* Pairs of a frame, at most, and steps of a refinement. */
-enum { HADA_TRIAL_MEMBERS = 2, HADA_TRIAL_FRAMES = 4, HADA_TRIAL_STEPS = 16 };
+enum { HADA_TRIAL_MEMBERS = 2, HADA_TRIAL_STEPS = 16 };
 
 typedef struct hada_trial_bench {
     const hada_fit_trial *with;
     const hada_fit_grid *grid;
     hada_plane_maker maker;
     hada_fft *inverse;
-    hada_buffer filters, otfs;    /* [member][channel][count] complex */
-    hada_buffer prior, mask;      /* mask: weights of a mosaic's values; empty: all alike */
-    double noise_unit;            /* hada_noise_unit() of the current frame */
+    hada_buffer filters, otfs; /* [place][channel][count] complex: of pairs that are held out, HADA_FIT_KEPT at once */
+    hada_buffer prior, mask;   /* mask: weights of a mosaic's values; empty: all alike */
+    double noise_unit;         /* hada_noise_unit() of the current frame */
     float *raw, *planes, *linear; /* planes at hand, and those of the linear filters */
     double *scene_energy, *trust; /* per channel; without a pair, and the model's */
 } hada_trial_bench;

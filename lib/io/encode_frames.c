@@ -139,8 +139,7 @@ done:
 hada_status hada_packed12_save(const char *path, const hada_image *image, hada_error *err)
 {
     const size_t cols = (size_t)image->cols, pairs = (cols + 1) / 2,
-                 row_bytes = (3 * pairs + HADA_PACKED_ALIGNMENT - 1) / HADA_PACKED_ALIGNMENT * HADA_PACKED_ALIGNMENT,
-                 bytes = row_bytes * (size_t)image->rows;
+                 row_bytes = hada_round_up(3 * pairs, HADA_PACKED_ALIGNMENT), bytes = row_bytes * (size_t)image->rows;
     unsigned char *out;
     HADA_TRY(hada_allocated(out = hada_alloc(1, bytes, "a frame", err)));
     for (size_t row = 0; row < (size_t)image->rows; row++)

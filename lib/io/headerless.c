@@ -96,7 +96,7 @@ int hada_headerless_get(hada_headerless *frames)
 
 uint64_t hada_headerless_bytes(const hada_headerless *frames, unsigned alignment)
 {
-    const uint64_t row = (row_bytes(frames) + alignment - 1) / alignment * alignment;
+    const uint64_t row = hada_round_up(row_bytes(frames), alignment);
     return (frames->row_bytes ? frames->row_bytes : row) * (uint64_t)frames->rows;
 }
 

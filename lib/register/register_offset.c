@@ -49,13 +49,6 @@ static double energy_of(const float *x, size_t count)
     return sum;
 }
 
-/* The top of a parabola through three values. */
-static double top(double before, double here, double after)
-{
-    const double bend = before - 2.0 * here + after;
-    return bend < 0.0 ? 0.5 * (before - after) / bend : 0.0;
-}
-
 /* The largest correlation coefficient over all shifts, at one scale. */
 static hada_status correlate(match *m, peak *at, hada_error *err)
 {
@@ -81,8 +74,8 @@ static hada_status correlate(match *m, peak *at, hada_error *err)
             best = i;
     const int r = (int)(best / (size_t)n), c = (int)(best % (size_t)n);
 #define AT(row, col) ((double)m->work[2 * ((size_t)((row)&mask) * (size_t)n + (size_t)((col)&mask))])
-    at->row = (r < n / 2 ? r : r - n) + top(AT(r - 1, c), AT(r, c), AT(r + 1, c));
-    at->col = (c < n / 2 ? c : c - n) + top(AT(r, c - 1), AT(r, c), AT(r, c + 1));
+    at->row = (r < n / 2 ? r : r - n) + hada_parabola_top(AT(r - 1, c), AT(r, c), AT(r + 1, c));
+    at->col = (c < n / 2 ? c : c - n) + hada_parabola_top(AT(r, c - 1), AT(r, c), AT(r, c + 1));
     at->likeness = energy > 0.0 ? AT(r, c) / ((double)area * sqrt(energy)) : 0.0;
 #undef AT
     return HADA_OK;

@@ -296,10 +296,8 @@ def film_trial(folder, kind, depths, count, seed):
             "seconds": seconds}
 
 
-def films():
-    print("| camera | depths | emitters | frames | F1 | switches | tracks | nearest: switches | tracks | error of the "
-          "light, % | seconds a frame |")
-    print("|---" * 11 + "|")
+def trials(one):
+    """The kind, depths and number of emitters of each row, and what a trial of each seed gives."""
     for kind in o.cameras.split(","):
         for depths in map(int, o.depths.split(",")):
             for count in map(int, o.counts.split(",")):
@@ -308,32 +306,28 @@ def films():
                     with tempfile.TemporaryDirectory() as room:
                         folder = pathlib.Path(o.keep or room)
                         folder.mkdir(exist_ok=True)
-                        rows.append(film_trial(folder, kind, depths, count, seed))
-                mean = {name: np.mean([row[name] for row in rows]) for name in rows[0]}
-                print(f"| {kind} | {depths} | {count} | {o.frames} | {mean['f1']:.3f} | {mean['switches']:.1f} | "
-                      f"{mean['tracks']:.1f} | {mean['theirs']:.1f} | {mean['their_tracks']:.1f} | {mean['light']:.1f} | "
-                      f"{mean['seconds']:.1f} |", flush=True)
+                        rows.append(one(folder, kind, depths, count, seed))
+                yield kind, depths, count, rows
 
 
 if o.frames > 1:
-    films()
+    print("| camera | depths | emitters | frames | F1 | switches | tracks | nearest: switches | tracks | error of the "
+          "light, % | seconds a frame |")
+    print("|---" * 11 + "|")
+    for kind, depths, count, rows in trials(film_trial):
+        mean = {name: np.mean([row[name] for row in rows]) for name in rows[0]}
+        print(f"| {kind} | {depths} | {count} | {o.frames} | {mean['f1']:.3f} | {mean['switches']:.1f} | "
+              f"{mean['tracks']:.1f} | {mean['theirs']:.1f} | {mean['their_tracks']:.1f} | {mean['light']:.1f} | "
+              f"{mean['seconds']:.1f} |", flush=True)
     raise SystemExit
 print("| camera | depths | emitters | F1 | recall | precision | lateral | axial | errors in sd: x, y, z, light | "
       "seconds: volume, emitters | maxima at their best: F1 | lateral | axial |")
 print("|---" * 13 + "|")
-for kind in o.cameras.split(","):
-    for depths in map(int, o.depths.split(",")):
-        for count in map(int, o.counts.split(",")):
-            rows = []
-            for seed in map(int, o.seeds.split(",")):
-                with tempfile.TemporaryDirectory() as room:
-                    folder = pathlib.Path(o.keep or room)
-                    folder.mkdir(exist_ok=True)
-                    rows.append(trial(folder, kind, depths, count, seed))
-            mean = lambda which, name: np.mean([row[which][name] for row in rows], 0)  # noqa: E731
-            of_sd = " ".join(f"{v:.2f}" for v in mean(0, "of_sd"))
-            volume_s, all_s = mean(0, "volume_s"), mean(0, "all_s")
-            print(f"| {kind} | {depths} | {count} | {mean(0, 'f1'):.3f} | {mean(0, 'recall'):.3f} | "
-                  f"{mean(0, 'precision'):.3f} | {mean(0, 'lateral'):.3f} | {mean(0, 'axial'):.3f} | {of_sd} | "
-                  f"{volume_s:.1f}, {all_s - volume_s:.1f} | {mean(1, 'f1'):.3f} | {mean(1, 'lateral'):.3f} | "
-                  f"{mean(1, 'axial'):.3f} |" , flush=True)
+for kind, depths, count, rows in trials(trial):
+    mean = lambda which, name: np.mean([row[which][name] for row in rows], 0)  # noqa: B023, E731
+    of_sd = " ".join(f"{v:.2f}" for v in mean(0, "of_sd"))
+    volume_s, all_s = mean(0, "volume_s"), mean(0, "all_s")
+    print(f"| {kind} | {depths} | {count} | {mean(0, 'f1'):.3f} | {mean(0, 'recall'):.3f} | "
+          f"{mean(0, 'precision'):.3f} | {mean(0, 'lateral'):.3f} | {mean(0, 'axial'):.3f} | {of_sd} | "
+          f"{volume_s:.1f}, {all_s - volume_s:.1f} | {mean(1, 'f1'):.3f} | {mean(1, 'lateral'):.3f} | "
+          f"{mean(1, 'axial'):.3f} |", flush=True)

@@ -254,14 +254,6 @@ TEST(refuses_what_is_no_volume)
     assert_null(hada_emitters_get(NULL, 0));
 }
 
-static void write_text(const char *path, const char *text)
-{
-    FILE *file = fopen(path, "w");
-    assert_non_null(file);
-    fputs(text, file);
-    fclose(file);
-}
-
 /* By hand: in frame 0 the nearest true one of a is 1, but then b has none: a goes with 0, at 1.2 pixels, and b with 1,
  * at 0.6 and 0.5 depths; c is 3 depths off. In frame 1 d is alone, and the third true one is missed. */
 TEST(tables_are_scored_by_assignment)
@@ -270,8 +262,8 @@ TEST(tables_are_scored_by_assignment)
     assert_non_null(mkdtemp(folder));
     snprintf(found, sizeof found, "%s/found.csv", folder);
     snprintf(truth, sizeof truth, "%s/truth.csv", folder);
-    write_text(found, "frame,x,y,z,amplitude\n0,11.2,10,5,1\n0,12.6,10,5.5,1\n0,30,30,8,1\n1,11,10,5,1\n");
-    write_text(truth, "z,y,x,frame\r\n5,10,10,0\r\n5,10,12,0\r\n5,30,30,0\r\n");
+    write_whole_text(found, "frame,x,y,z,amplitude\n0,11.2,10,5,1\n0,12.6,10,5.5,1\n0,30,30,8,1\n1,11,10,5,1\n");
+    write_whole_text(truth, "z,y,x,frame\r\n5,10,10,0\r\n5,10,12,0\r\n5,30,30,0\r\n");
     hada_evaluate_report *report;
     ASSERT_OK(hada_evaluate_run(&report, found, truth, NULL, err));
     const hada_evaluation *score = hada_evaluate_report_get(report, 0);
@@ -282,9 +274,9 @@ TEST(tables_are_scored_by_assignment)
     assert_true(fabs(score->f1 - 4.0 / 7.0) < 1e-12 && fabs(score->jaccard - 0.4) < 1e-12);
     assert_true(fabs(score->lateral_rmse - sqrt(0.9)) < 1e-9 && fabs(score->axial_rmse - sqrt(0.125)) < 1e-9);
     hada_evaluate_report_destroy(&report);
-    write_text(truth, "x,y\n1,2\n");
+    write_whole_text(truth, "x,y\n1,2\n");
     ASSERT_FAILS(hada_evaluate_run(&report, found, truth, NULL, err), HADA_ERROR_FILE_FORMAT, "no column 'z'");
-    write_text(truth, "x,y,z\n1,2,3\n1,2\n");
+    write_whole_text(truth, "x,y,z\n1,2,3\n1,2\n");
     ASSERT_FAILS(hada_evaluate_run(&report, found, truth, NULL, err), HADA_ERROR_FILE_FORMAT, "line 3");
     remove(found);
     remove(truth);

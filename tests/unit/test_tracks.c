@@ -198,14 +198,6 @@ TEST(assignments_are_the_best)
     }
 }
 
-static void write_text(const char *path, const char *text)
-{
-    FILE *file = fopen(path, "w");
-    assert_non_null(file);
-    fputs(text, file);
-    fclose(file);
-}
-
 /* By hand: the first true track is found in 5, missed, in 5 and in 7; the second in 7, 7, 8 and 5. */
 TEST(switches_are_counted)
 {
@@ -213,10 +205,10 @@ TEST(switches_are_counted)
     assert_non_null(mkdtemp(folder));
     snprintf(found, sizeof found, "%s/found.csv", folder);
     snprintf(truth, sizeof truth, "%s/truth.csv", folder);
-    write_text(found, "track,frame,x,y,z\n5,0,10,10,1\n5,2,10,10,1\n5,3,20,20,1\n7,0,20,20,1\n7,1,20,20,1\n"
-                      "7,3,10,10,1\n8,2,20,20,1\n");
-    write_text(truth, "frame,track,x,y,z\n3,0,10,10,1\n3,1,20,20,1\n0,0,10,10,1\n0,1,20,20,1\n1,0,10,10,1\n"
-                      "1,1,20,20,1\n2,0,10,10,1\n2,1,20,20,1\n");
+    write_whole_text(found, "track,frame,x,y,z\n5,0,10,10,1\n5,2,10,10,1\n5,3,20,20,1\n7,0,20,20,1\n7,1,20,20,1\n"
+                            "7,3,10,10,1\n8,2,20,20,1\n");
+    write_whole_text(truth, "frame,track,x,y,z\n3,0,10,10,1\n3,1,20,20,1\n0,0,10,10,1\n0,1,20,20,1\n1,0,10,10,1\n"
+                            "1,1,20,20,1\n2,0,10,10,1\n2,1,20,20,1\n");
     hada_evaluate_report *report;
     ASSERT_OK(hada_evaluate_run(&report, found, truth, NULL, err));
     const hada_evaluation *score = hada_evaluate_report_get(report, 0);
@@ -225,7 +217,7 @@ TEST(switches_are_counted)
     assert_true(score->switches == 3.0); /* 0: 5 to 7; 1: 7 to 8, 8 to 5 */
     assert_true(fabs(score->f1 - 14.0 / 15.0) < 1e-12);
     hada_evaluate_report_destroy(&report);
-    write_text(truth, "x,y,z\n1,2,3\n");
+    write_whole_text(truth, "x,y,z\n1,2,3\n");
     ASSERT_OK(hada_evaluate_run(&report, found, truth, NULL, err));
     assert_true(isnan(hada_evaluate_report_get(report, 0)->switches));
     hada_evaluate_report_destroy(&report);

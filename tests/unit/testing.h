@@ -75,6 +75,14 @@ static inline void destroy_images(hada_image *images, int count)
         hada_image_destroy(&images[i]);
 }
 
+static inline void write_whole_text(const char *path, const char *text)
+{
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
+    fputs(text, file);
+    fclose(file);
+}
+
 void unit_add_test(const char *file, const char *name, CMUnitTestFunction test);
 void unit_set_fixture(const char *file, CMFixtureFunction set_up, CMFixtureFunction tear_down);
 void unit_set_fixture_of_each(const char *file, CMFixtureFunction set_up, CMFixtureFunction tear_down);

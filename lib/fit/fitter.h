@@ -80,9 +80,9 @@ hada_status hada_fit_check_content(const hada_dataset *pairs, hada_error *err);
  * options. A window that options give is cut from scenes that are as large as the frame. */
 hada_status hada_fit_sizes_from(hada_fit_options *options, const hada_dataset *pairs, hada_error *err);
 
-/* Leaves out pairs that spoil what the others of their depth say: of depths with 4 to 32 pairs at most a third. *out:
- * the others, and (*left_out)[depth][pair] is 1 for those that are left out; both NULL: none is. options->monitor is
- * told which. */
+/* Leaves out pairs that contradict the others of their depth: at most a third, in depths with 4 to 32 pairs. *out: the
+ * pairs that stay. (*left_out)[depth][pair]: 1 for the others. Both are NULL where all stay. options->monitor gets a
+ * note for each pair that is left out. */
 hada_status hada_fit_screen(hada_dataset **out, unsigned char ***left_out, const hada_dataset *pairs,
                             const hada_fit_options *options, hada_error *err);
 void hada_fit_left_out_free(unsigned char ***left_out, int depths);

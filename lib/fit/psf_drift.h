@@ -4,8 +4,8 @@
 
 #include "fit/psf_depths.h"
 
-/* out[k]: rows and columns by which that of depth k stands beside where the law of magnification has it, about an axis
- * anywhere: the wander of the bead or the stage. Four depths or more. */
+/* out[k]: how many rows and columns depth k is off the place that the law of magnification gives it. The axis may be
+ * anywhere, so this is the drift of the bead or the stage. Four depths or more. */
 hada_status hada_psf_drift(double (*out)[2], const hada_psfs *psfs, hada_error *err);
 
 #endif

@@ -67,15 +67,15 @@ static const hada_cli_option options[] = {
      ONE_OF(task.exposure, HADA_EXPOSURE_AUTO, HADA_EXPOSURE_SAME, HADA_EXPOSURE_EACH)},
     {HADA_OPTION_CHOICE, "bayer", 0, "auto|none|rggb|bggr|grbg|gbrg",
      "colour filter mosaic of raw frames of one channel (default: auto)",
-     "The colours of the first two rows and columns. auto: as raw files say (DNG), else none. Each colour's transfer function is learned from the pixels that hold "
-     "it. The model remembers the pattern; with --psf too.",
+     "The colours of the first two rows and columns. auto: as raw files say (DNG), else none. Each colour's transfer "
+     "function is learned from the pixels that hold it. The model remembers the pattern; with --psf too.",
      ONE_OF(fit.mosaic, HADA_MOSAIC_AUTO, HADA_MOSAIC_NONE, HADA_MOSAIC_RGGB, HADA_MOSAIC_BGGR, HADA_MOSAIC_GRBG,
             HADA_MOSAIC_GBRG)},
     {HADA_OPTION_COUNT, "downsample", 0, "N", "make one pixel of N x N pixels of frames, PSFs and scenes (default: 1)",
      "Their mean; of a mosaic each colour's, N even. The model does so with frames of that size.", AT(fit.downsample)},
-    {HADA_OPTION_FLAG, "all-pairs", 0, NULL, "take pairs that spoil what the others say, too",
-     "Such as frames that are cut off, or that belong to another scene: they are found by how much better the others of their "
-     "depth explain each other without them, and left out with a note.",
+    {HADA_OPTION_FLAG, "all-pairs", 0, NULL, "take pairs that contradict the others, too",
+     "Without it, frames that are cut off or belong to another scene are left out with a note: the others of their depth "
+     "explain each other better without them.",
      AT(task.all_pairs)},
     {HADA_OPTION_FLAG, "skip-incomplete", 0, NULL, "leave out files that have no partner, instead of refusing", NULL,
      AT(skip_incomplete)},

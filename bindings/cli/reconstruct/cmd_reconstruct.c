@@ -65,7 +65,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_COUNT, "track-gap", 0, "N", "tracks go on after N frames without their emitter (default: 2)", NULL,
      AT(task.track_gap)},
     {HADA_OPTION_FLAG, "resume", 0, NULL, "pass over files whose results are in the folder already",
-     "For going on after an interruption. Results count if they are whole and not older than the frame and the model.",
+     "For going on after an interruption. Results count if they are whole, made from this frame and model, and not older.",
      AT(task.resume)},
     {HADA_OPTION_FLAG, "strict", 0, NULL, "exit code 8 where the camera does not belong to a frame",
      "Each file's first frame is compared, not that of the first file alone; results are written.", AT(strict)},

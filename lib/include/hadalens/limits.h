@@ -30,8 +30,8 @@ extern "C" {
 /* Which pictures are decoded in a process of their own, which has no rights to files and networks (Linux). */
 typedef enum hada_isolate {
     HADA_ISOLATE_NONE = 0, /* none: all are decoded in this process */
-    HADA_ISOLATE_SOME = 1, /* those whose library is not to be trusted with damaged files (MATLAB 7.3), where the
-                              program for it is installed and the kernel can do it; the default */
+    HADA_ISOLATE_SOME = 1, /* MATLAB 7.3 files, whose library may crash on damaged ones, if the reader's program is
+                              installed and the kernel can do it; the default */
     HADA_ISOLATE_ALL = 2   /* TIFF, PNG, JPEG, NumPy, MATLAB and raw files; where it cannot be done, an error */
 } hada_isolate;
 

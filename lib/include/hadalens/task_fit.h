@@ -42,9 +42,9 @@ typedef struct hada_fit_task {
                             saved on the way beside it (save_sums.RANK-of-RANKS), are not added again; the bits are
                             those of a run without interruption. Files that are not there are no error */
     double save_seconds; /* between saves on the way, at least; 60 by default */
-    int all_pairs; /* 1: pairs are taken that spoil what the others of their depth say, too (a frame that is cut off, or
-                      of another scene). 0 (default): such pairs are left out, which the monitor is told; not
-                      looked for where fit->leave_one_out is 0, and of depths with 4 to 32 pairs alone */
+    int all_pairs;       /* 0 (default): pairs that contradict the others of their depth (a frame that is cut off, or of
+                            another scene) are left out, with a note to the monitor. They are looked for in depths with 4 to
+                            32       pairs, unless fit->leave_one_out is 0. 1: all pairs are taken */
 } hada_fit_task;
 HADA_INIT(hada_fit_task, HADA_STRUCT_FIT_TASK)
 

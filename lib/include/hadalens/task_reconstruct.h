@@ -58,7 +58,8 @@ typedef struct hada_files_task {
                         (scene_response), so that results compare with them. Results that are told are linear light. Of
                         a plan with a gamma G the values are light^G, and nothing else can be asked for */
     int resume;      /* 1: files whose results stand in the folder are passed over (HADA_FILES_THERE), to go on after an
-                        interruption: whole ones of the plan's depths and size, not older than the file and the model;
+                        interruption: whole ones of the plan's depths and size, not older than the file and the model
+                        and, where they say it, made from these by their hashes;
                         with which other options they were made is not known. 0 (default): they are made anew */
     const hada_communicator *communicator; /* ranks that share the files: dealt to them in order, each writing its own;
                                               copied; NULL (default): none do. All ranks name the same files */

@@ -207,7 +207,7 @@ static hada_status take_all(run *own, hada_error *err)
     int ended = 0;
     own->since = hada_seconds();
     while (!ended && !stops(own)) {
-        int came;
+        int came = 0;
         HADA_TRY(own->task.folder ? take_file(own, &came, err) : take_from_pipe(own, &came, &ended, err));
         if (came)
             own->since = hada_seconds();

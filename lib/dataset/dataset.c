@@ -62,7 +62,13 @@ static void images_free(hada_pair_images *images)
     hada_image_destroy(&images->scene);
 }
 
-static void end_thread(hada_pair_store *store)
+static uint64_t bytes_of(const hada_pair_images *images)
+{
+    return (uint64_t)(hada_image_count(&images->raw) + hada_image_count(&images->scene)) * sizeof(float);
+}
+
+/* Ends reading ahead, and keeps nothing that was read. */
+static void drop_pairs(hada_pair_store *store)
 {
     pthread_mutex_lock(&store->lock);
     store->ahead.stop = 1;
@@ -71,6 +77,12 @@ static void end_thread(hada_pair_store *store)
     if (store->ahead.running)
         pthread_join(store->ahead.thread, NULL);
     images_free(&store->ahead.images);
+    for (int i = 0; store->kept && i < store->pairs; i++) {
+        store->room += bytes_of(&store->kept[i]);
+        images_free(&store->kept[i]);
+    }
+    store->ahead.running = store->ahead.stop = 0;
+    store->ahead.state = HADA_AHEAD_IDLE;
 }
 
 void hada_pair_store_release(hada_pair_store **pointer)
@@ -83,7 +95,7 @@ void hada_pair_store_release(hada_pair_store **pointer)
     pthread_mutex_unlock(&store->lock);
     if (users)
         return;
-    end_thread(store);
+    drop_pairs(store);
     for (int z = 0; z < store->depths; z++) {
         for (int i = 0; i < store->depth[z].count; i++) {
             free((char *)store->depth[z].files[i].raw);
@@ -91,9 +103,7 @@ void hada_pair_store_release(hada_pair_store **pointer)
         }
         HADA_FREE(store->depth[z].files, store->depth[z].folder);
     }
-    for (int i = 0; store->kept && i < store->pairs; i++)
-        images_free(&store->kept[i]);
-    HADA_FREE(store->kept, store->depth, store->folders);
+    HADA_FREE(store->kept, store->depth, store->folders, store->placement);
     hada_image_destroy(&store->flat);
     hada_inputs_release(&store->inputs);
     hada_names_free(&store->alone, &store->alone_count);
@@ -478,6 +488,8 @@ static hada_status read_images(hada_pair_store *store, int number, hada_pair_ima
     if (store->downsample > 1)
         HADA_TRY_OR_DONE(
             hada_named(hada_image_bin(&images->scene, store->downsample, HADA_MOSAIC_NONE, 0, err), files->scene, err));
+    if (store->place)
+        HADA_TRY_OR_DONE(hada_named(store->place(store->placement, z, &images->scene, err), files->scene, err));
 done:
     if (status)
         images_free(images);
@@ -562,11 +574,6 @@ static int take_ahead(hada_pair_store *store, int number, hada_pair_images *imag
     return 1;
 }
 
-static uint64_t bytes_of(const hada_pair_images *images)
-{
-    return (uint64_t)(hada_image_count(&images->raw) + hada_image_count(&images->scene)) * sizeof(float);
-}
-
 /* Both images of a pair: the cache's, which keeps them until the end, or else *own. keep: what is read goes into the
  * cache where there is room. */
 static hada_status find_images(hada_pair_store *store, int number, int keep, hada_pair_images *own,
@@ -597,6 +604,15 @@ static hada_status find_images(hada_pair_store *store, int number, int keep, had
         *found = own;
     }
     return HADA_OK;
+}
+
+void hada_dataset_place(const hada_dataset *dataset, hada_place_scene place, void *placement)
+{
+    hada_pair_store *store = dataset->store;
+    drop_pairs(store);
+    free(store->placement);
+    store->place = place;
+    store->placement = placement;
 }
 
 static hada_status copy(hada_image *out, const hada_image *image, hada_error *err)

@@ -27,6 +27,9 @@ typedef enum hada_ahead_state {
     HADA_AHEAD_READY
 } hada_ahead_state;
 
+/* Replaces a scene of a depth by one that is placed otherwise. It may be called by several threads at once. */
+typedef hada_status (*hada_place_scene)(const void *placement, int depth, hada_image *scene, hada_error *err);
+
 /* What a data set and its parts share. Pairs are numbered over all depths. */
 typedef struct hada_pair_store {
     int depths, pairs, incomplete;
@@ -49,6 +52,9 @@ typedef struct hada_pair_store {
     void *user;
     const hada_image *raws, *scenes;
     pthread_mutex_t reading; /* held while the caller's function runs */
+
+    hada_place_scene place; /* NULL: scenes are given out as they were read */
+    void *placement;        /* for it; free() */
 
     pthread_mutex_t lock;   /* of all that follows */
     int users;              /* the data set and its parts */
@@ -98,6 +104,10 @@ hada_status hada_dataset_select(hada_dataset **out, const hada_dataset *from, co
  * are encoded; gains NULL: as they are. */
 hada_status hada_dataset_brighten(hada_dataset **out, const hada_dataset *from, const double *const *gains,
                                   double response, hada_error *err);
+
+/* From now on all scenes that are read (of files, or by the caller's function) go through `place`; pairs that were read
+ * before are dropped. Nobody uses the data set or its parts meanwhile. They take `placement` over. */
+void hada_dataset_place(const hada_dataset *dataset, hada_place_scene place, void *placement);
 
 /* A pair in use: images that the cache, the caller or the pair itself owns. */
 typedef struct hada_pair {

@@ -26,6 +26,7 @@ class Registration:
         offset_row, offset_col: in pixels of the sensor.
         explained: share of the frames' structure that this transform explains.
         explained_otherwise: with the best one of another orientation.
+        perspective_row, perspective_col: of a display that stands slantwise, per pixel of the sensor.
 
     """
 
@@ -37,6 +38,8 @@ class Registration:
     offset_col: float = 0.0
     explained: float = 0.0
     explained_otherwise: float = 0.0
+    perspective_row: float = 0.0
+    perspective_col: float = 0.0
 
     def _options(self) -> Options:
         return Options("hada_registration", **vars(self))

@@ -3,7 +3,6 @@
 #include <hadalens/response.h>
 
 #include "core/base.h"
-#include "image/pixels.h"
 
 static const uint16_t one = 1;
 
@@ -61,22 +60,23 @@ hada_status hada_numpy_add(hada_numpy_writer *writer, const hada_image *image, i
     const size_t plane = (size_t)image->rows * (size_t)image->cols, channels = (size_t)image->channels;
     const size_t bytes = plane * channels * (size_t)values->bits / 8;
     const int encodes = is_light && values->encoding != 0.0 && values->encoding != HADA_RESPONSE_LINEAR;
-    hada_image encoded = {0};
+    const float *data = image->data;
+    float *encoded = NULL;
     void *samples = NULL;
     hada_status status = HADA_OK;
-    if (encodes) { /* channels of a pixel together */
-        HADA_TRY_OR_DONE(hada_image_copy(&encoded, image, err));
-        hada_response_convert(encoded.data, plane * channels, HADA_RESPONSE_LINEAR, values->encoding);
-        image = &encoded;
+    if (encodes) {
+        HADA_TRY_OR_DONE(HADA_NEW_RAW(encoded, plane * channels, "an image", err));
+        memcpy(encoded, data, plane * channels * sizeof *encoded);
+        hada_response_convert(encoded, plane * channels, HADA_RESPONSE_LINEAR, values->encoding);
+        data = encoded;
     }
     HADA_TRY_OR_DONE(hada_allocated(samples = hada_alloc_raw(1, bytes, "an image", err)));
-    for (size_t c = 0; c < channels; c++)
+    for (size_t c = 0; c < channels; c++) /* those of a pixel together */
         for (size_t i = 0; i < plane; i++)
-            put(samples, i * channels + c, values->bits, values->white, image->data[c * plane + i]);
+            put(samples, i * channels + c, values->bits, values->white, data[c * plane + i]);
     HADA_TRY_OR_DONE(hada_outfile_write(&writer->file, samples, bytes, err));
 done:
-    free(samples);
-    hada_image_destroy(&encoded);
+    HADA_FREE(samples, encoded);
     return status;
 }
 

@@ -32,10 +32,8 @@ static void print_depth(hada_cli *cli, double distance_mm, int first, const hada
 {
     const hada_registration *r = one->found;
     char offset[48] = "-";
-    if (first || one->likeness >= 0)
+    if ((first || one->likeness >= 0) && !one->offset_unknown)
         snprintf(offset, sizeof offset, "%.1f, %.1f", r->offset_row, r->offset_col);
-    if (one->offset_unknown)
-        snprintf(offset, sizeof offset, "-");
     hada_cli_say(cli, "%6g mm  %-18s  %13.4f  %8.2f\xc2\xb0  %16s  %8.1f%%  %8.1f%%", distance_mm, orientation(r),
                  r->magnification, r->rotation_deg, offset, 100 * r->explained, 100 * r->explained_otherwise);
     if (r->perspective_row == 0.0 && r->perspective_col == 0.0)

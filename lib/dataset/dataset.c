@@ -143,6 +143,11 @@ static int number_of(const hada_dataset *set, int depth, int pair)
     return set->number ? set->number[before(set, depth) + (size_t)pair] : set->first[depth] + pair;
 }
 
+int hada_pair_number(const hada_dataset *dataset, int depth, int pair)
+{
+    return dataset->store->depth[depth].before + number_of(dataset, depth, pair);
+}
+
 /* The files of pairs that do not stand one after the other. */
 static hada_status list_files(hada_dataset *set, hada_error *err)
 {
@@ -230,6 +235,7 @@ static hada_status use_store(hada_dataset *set, const hada_dataset *from, const 
     set->store = from->store;
     set->store->users++;
     pthread_mutex_unlock(&from->store->lock);
+    set->filled = from->filled;
     if (!from->number)
         return HADA_OK;
     HADA_TRY(HADA_NEW(set->number, before(set, depths), "a data set", err));
@@ -297,15 +303,32 @@ done:
     return status;
 }
 
+/* All pairs of another part. */
+static hada_status whole_part(hada_dataset **out, const hada_dataset *from, hada_error *err)
+{
+    int *none = NULL;
+    HADA_TRY(HADA_NEW(none, (size_t)from->info.depths, "a data set", err));
+    const hada_status status = hada_dataset_part(out, from, none, from->counts, err);
+    free(none);
+    return status;
+}
+
+hada_status hada_dataset_fill(hada_dataset **out, const hada_dataset *from, const hada_filled_scenes *filled,
+                              hada_error *err)
+{
+    *out = NULL;
+    HADA_TRY(whole_part(out, from, err));
+    (*out)->filled = filled;
+    return HADA_OK;
+}
+
 hada_status hada_dataset_brighten(hada_dataset **out, const hada_dataset *from, const double *const *gains,
                                   double response, hada_error *err)
 {
     const int depths = from->info.depths;
-    int *none = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY_OR_DONE(HADA_NEW(none, (size_t)depths, "a data set", err));
-    HADA_TRY_OR_DONE(hada_dataset_part(out, from, none, from->counts, err));
+    HADA_TRY_OR_DONE(whole_part(out, from, err));
     hada_dataset *set = *out;
     if (gains && !set->gain)
         HADA_TRY_OR_DONE(HADA_NEW(set->gain, (size_t)set->info.pairs, "the exposures of a data set", err));
@@ -316,7 +339,6 @@ hada_status hada_dataset_brighten(hada_dataset **out, const hada_dataset *from, 
         }
     set->response = response;
 done:
-    free(none);
     if (status)
         hada_dataset_destroy(out);
     return status;
@@ -539,7 +561,7 @@ void hada_pair_expect(const hada_dataset *dataset, int depth, int number)
     hada_pair_store *store = dataset->store;
     if (store->raws)
         return;
-    const int wanted = store->depth[depth].before + number_of(dataset, depth, number);
+    const int wanted = hada_pair_number(dataset, depth, number);
     pthread_mutex_lock(&store->lock);
     if (!store->ahead.running)
         store->ahead.running = start_thread(store); /* without one, pairs are read when they are taken */
@@ -647,10 +669,20 @@ static hada_status fill(hada_pair *pair, hada_mosaic mosaic, hada_error *err)
     return HADA_OK;
 }
 
+/* Puts the scene that is in place of the pair's, where there is one. */
+static void replace_scene(hada_pair *pair, const hada_filled_scenes *filled, int number)
+{
+    for (int i = 0; filled && i < filled->count; i++)
+        if (filled->list[i].number == number) {
+            hada_image_destroy(&pair->own.scene);
+            pair->scene = &filled->list[i].scene;
+        }
+}
+
 static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth, int number, int keep, hada_error *err)
 {
     hada_pair_store *store = dataset->store;
-    const int index = store->depth[depth].before + number_of(dataset, depth, number);
+    const int index = hada_pair_number(dataset, depth, number);
     const double gain = dataset->gain ? dataset->gain[before(dataset, depth) + (size_t)number] : 1.0;
     const hada_pair_images *found = NULL;
     hada_status status = HADA_OK;
@@ -663,6 +695,7 @@ static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth,
         pair->raw = &found->raw;
         pair->scene = &found->scene;
     }
+    replace_scene(pair, dataset->filled, index);
     if (store->mosaic != HADA_MOSAIC_NONE && (status = fill(pair, store->mosaic, err)) != HADA_OK) {
         hada_pair_name(dataset, depth, number, err);
         goto done;
@@ -682,6 +715,23 @@ done:
 hada_status hada_pair_take(hada_pair *pair, const hada_dataset *dataset, int depth, int number, hada_error *err)
 {
     return take(pair, dataset, depth, number, 1, err);
+}
+
+hada_status hada_pair_load_raw(const hada_dataset *dataset, int depth, int pair, hada_image *image, hada_error *err)
+{
+    hada_pair_store *store = dataset->store;
+    const int number = number_of(dataset, depth, pair);
+    hada_image scene = {0};
+    *image = (hada_image){0};
+    if (store->raws)
+        return copy(image, &store->raws[hada_pair_number(dataset, depth, pair)], err);
+    if (!store->read)
+        return hada_tiff_load_light(store->depth[depth].files[number].raw, 0, store->frame_encoding, image, err);
+    pthread_mutex_lock(&store->reading);
+    const hada_status status = store->read(store->user, depth, number, image, &scene, err);
+    pthread_mutex_unlock(&store->reading);
+    hada_image_destroy(&scene);
+    return status;
 }
 
 void hada_pair_return(hada_pair *pair)

@@ -80,7 +80,7 @@ static const hada_cli_option options[] = {
      AT(registers)},
     {HADA_OPTION_FLAG, "all-pairs", 0, NULL, "take pairs that contradict the others, too",
      "Without it, frames that are cut off or belong to another scene are left out with a note: the others of their depth "
-     "explain each other better without them.",
+     "explain each other better without them. Scenes that are cut off at white are filled in from their frames.",
      AT(task.all_pairs)},
     {HADA_OPTION_FLAG, "skip-incomplete", 0, NULL, "leave out files that have no partner, instead of refusing", NULL,
      AT(skip_incomplete)},

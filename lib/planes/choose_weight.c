@@ -13,7 +13,12 @@
 #define FIRST_PER_WEIGHT 0.3
 #define GROWTH           1.1
 
+/* Large or slow cameras take more steps with a weight, as long as LOOK of them explain so much more of held-out pixels:
+ * planes that have not settled favour small weights. */
+#define SETTLED 0.005
 enum {
+    LOOK = 4,
+    MOST_MORE = 60, /* of these steps */
     HOLD_OUT_GROUP = 128,
     STEPS = 8,        /* with each weight after the first, which takes HADA_CHOICE_STEPS from nothing */
     BLOCK = 8,        /* pixels that are left out together: the errors of a point spread function are alike nearby, and
@@ -29,6 +34,23 @@ typedef struct sweep {
     int each; /* steps with each weight after the first */
 } sweep;
 
+/* Steps with the rule's weight, and what they leave of held-out pixels. */
+static hada_status take_steps(const sweep *s, hada_refine_rule *rule, int count, int *steps, double *left,
+                              hada_error *err)
+{
+    const hada_plane_maker *maker = s->maker;
+    hada_refine_data held = maker->data;
+    int done;
+    held.weights = maker->held.mem;
+    held.score_mu = 1.0;
+    rule->steps = count;
+    rule->before = *steps;
+    rule->start = *steps ? HADA_REFINE_CONTINUE : HADA_REFINE_COLD;
+    HADA_TRY(hada_refiner_run(maker->refiner, &maker->data, rule, 1, s->count, s->list, &done, err));
+    *steps += done;
+    return hada_refiner_residual(maker->refiner, &held, 1, s->count, s->list, left, err);
+}
+
 static hada_status try_weight(void *user, double tv, int *steps, double *left, hada_error *err)
 {
     const sweep *s = user;
@@ -36,24 +58,23 @@ static hada_status try_weight(void *user, double tv, int *steps, double *left, h
     const hada_model_info *info = hada_model_get_info(maker->model);
     const hada_refine_weights weights = {tv, maker->weights.colour, 0.0};
     const double gain = hada_model_gain(maker->model);
-    hada_refine_data held = maker->data;
+    const int planned = *steps ? s->each : HADA_CHOICE_STEPS;
+    double before;
     hada_refine_rule rule;
-    int done;
     hada_refine_rule_init(&rule);
     hada_refine_rule_weigh(&rule, info, &weights, 1, gain, s->unit);
     hada_refine_rule_follow(&rule, tv, gain, RHO_PER_WEIGHT, MOST_RHO);
     rule.growth = GROWTH;
     rule.first_rho = gain * fmax(FIRST_RHO, FIRST_PER_WEIGHT * tv);
     rule.rho = fmax(rule.rho, rule.first_rho);
-    rule.steps = *steps ? s->each : HADA_CHOICE_STEPS;
-    rule.before = *steps;
-    rule.start = *steps ? HADA_REFINE_CONTINUE : HADA_REFINE_COLD;
     rule.quiet = 1;
-    held.weights = maker->held.mem;
-    held.score_mu = 1.0;
-    HADA_TRY(hada_refiner_run(maker->refiner, &maker->data, &rule, 1, s->count, s->list, &done, err));
-    *steps += done;
-    return hada_refiner_residual(maker->refiner, &held, 1, s->count, s->list, left, err);
+    HADA_TRY(take_steps(s, &rule, planned - LOOK, steps, &before, err));
+    HADA_TRY(take_steps(s, &rule, LOOK, steps, left, err));
+    for (int more = 0; more < MOST_MORE && *left < (1.0 - SETTLED) * before; more += LOOK) {
+        before = *left;
+        HADA_TRY(take_steps(s, &rule, LOOK, steps, left, err));
+    }
+    return HADA_OK;
 }
 
 hada_status hada_maker_hold_out(hada_plane_maker *maker, const hada_frame_exposure *exposure, int block, int by_weight,

@@ -17,6 +17,8 @@
 
 /* Bytes of a list of distances. */
 #define LIST_BYTES ((size_t)1 << 16)
+/* And of a list of positions. */
+#define POSITIONS_BYTES ((size_t)1 << 24)
 /* Notes appear where more than this share of the light is cut off, and where a pixel at the border has more than this
  * share of a mean one's: where light ends at the border for good it has less than a hundredth. */
 #define LOST   0.005
@@ -29,6 +31,12 @@ typedef struct capture {
     char *path;
     double distance; /* below 0: its name says none */
 } capture;
+
+/* A line of a list of positions. */
+typedef struct point {
+    char *path;
+    double x, y, distance; /* distance below 0: not said */
+} point;
 
 typedef struct psfs {
     const hada_psf_task *task;
@@ -47,6 +55,9 @@ typedef struct psfs {
     double *distances_mm;
     double *list; /* of the file beside */
     int listed;
+    point *point; /* where they were taken in the field; images are [depth][position] then */
+    int points, positions;
+    double *rows, *cols; /* of each image, from its middle */
 } psfs;
 
 static hada_status add_capture(psfs *of, double distance, const char *folder, const char *name, hada_error *err)
@@ -165,6 +176,87 @@ static hada_status read_list(psfs *of, hada_error *err)
     }
 done:
     free(text);
+    return status;
+}
+
+/* The list of positions, where there is one: the file itself, or positions.csv in the folder. */
+static hada_status find_positions(const psfs *of, hada_path list, int *found, hada_error *err)
+{
+    const char *dot = strrchr(of->path, '.');
+    *found = 0;
+    if (hada_path_is_folder(of->path)) {
+        HADA_TRY(hada_path_write(list, err, "%s/positions.csv", of->path));
+        return hada_path_finds_file(list, found, err);
+    }
+    *found = dot && (!strcmp(dot, ".csv") || !strcmp(dot, ".txt"));
+    return *found ? hada_path_write(list, err, "%s", of->path) : HADA_OK;
+}
+
+static const char *const separators = " \t\r,;";
+
+/* A line `file,x,y[,distance]` in place; *good 0: it is none. */
+static hada_status read_point(psfs *of, char *line, const char *folder, int *good, hada_error *err)
+{
+    double number[3] = {0.0, 0.0, -1.0};
+    int numbers = 0;
+    char *end = line + strcspn(line, separators), *at = end + strspn(end, separators);
+    const int last = !*end;
+    *end = '\0';
+    *good = 0;
+    while (!last && *at && numbers < 3) {
+        const char *after;
+        number[numbers++] = hada_text_number(at, &after);
+        after += strncmp(after, "mm", 2) ? 0 : 2;
+        if (after == at || (*after && !strchr(separators, *after)))
+            return HADA_OK;
+        at = (char *)(uintptr_t)after + strspn(after, separators);
+    }
+    if (numbers < 2 || (!last && *at) || !isfinite(number[0]) || !isfinite(number[1]) ||
+        (numbers == 3 && !(number[2] >= 0.0 && isfinite(number[2]))))
+        return HADA_OK;
+    point *more = realloc(of->point, (size_t)(of->points + 1) * sizeof *more);
+    if (!more)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the positions of point spread functions");
+    of->point = more;
+    more += of->points;
+    *more = (point){.x = number[0], .y = number[1], .distance = number[2]};
+    HADA_TRY(hada_path_format(&more->path, err, *line == '/' ? "%s%s" : "%s/%s", *line == '/' ? "" : folder, line));
+    of->points++;
+    *good = 1;
+    return HADA_OK;
+}
+
+/* The first line may be a heading. */
+static hada_status read_positions(psfs *of, const char *list, hada_error *err)
+{
+    const char *slash = strrchr(list, '/');
+    char *text = NULL, *folder = NULL;
+    size_t bytes;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_path_format(&folder, err, "%.*s", slash ? (int)(slash - list) : 1, slash ? list : "."));
+    HADA_TRY_OR_DONE(hada_named(hada_input_read(&text, &bytes, list, POSITIONS_BYTES, NULL, err), list, err));
+    int number = 0, lines = 0, good;
+    for (char *line = text, *next; line && *line; line = next) {
+        next = strchr(line, '\n');
+        if (next)
+            *next++ = '\0';
+        number++;
+        line += strspn(line, separators);
+        if (!*line || *line == '#')
+            continue;
+        HADA_TRY_OR_DONE(read_point(of, line, folder, &good, err));
+        if (!good && lines++)
+            HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                                       "%s: line %d is not 'file,x_px,y_px' or 'file,x_px,y_px,distance_mm'", list,
+                                       number));
+        lines += good;
+    }
+    if (!of->points)
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                                   "%s names no point spread functions: its lines are 'file,x_px,y_px[,distance_mm]'",
+                                   list));
+done:
+    HADA_FREE(text, folder);
     return status;
 }
 
@@ -315,6 +407,126 @@ static hada_status read_captures(psfs *of, int apart, hada_error *err)
     return HADA_OK;
 }
 
+static int by_point_distance(const void *a, const void *b)
+{
+    const point *one = a, *two = b;
+    const int order = (one->distance > two->distance) - (one->distance < two->distance);
+    return order ? order : (one > two) - (one < two);
+}
+
+/* Where a point stood, from the middle of its image as that is now: binned and transposed. */
+static void place_point(psfs *of, int image, const point *at)
+{
+    const int across = (of->options.turn & HADA_TURN_TRANSPOSE) != 0;
+    const int rows = across ? of->image->cols : of->image->rows, cols = across ? of->image->rows : of->image->cols;
+    const double row = (at->y + 0.5) / of->times - 0.5 - rows / 2, col = (at->x + 0.5) / of->times - 0.5 - cols / 2;
+    of->rows[image] = across ? col : row;
+    of->cols[image] = across ? row : col;
+}
+
+/* How many depths and positions there are: files of each distance, or as many pages in each file. */
+static hada_status sort_points(psfs *of, const char *list, hada_error *err)
+{
+    int said = 0;
+    for (int i = 0; i < of->points; i++)
+        said += of->point[i].distance >= 0.0;
+    if (said && said < of->points)
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                         "%s: some lines say a distance and some do not; say it in all of them, or in none and let the "
+                         "pages of each file be depths",
+                         list);
+    of->positions = of->points;
+    of->all = 0;
+    if (!said)
+        return HADA_OK;
+    qsort(of->point, (size_t)of->points, sizeof *of->point, by_point_distance);
+    for (int i = 0, first = 0; i < of->points; i++) {
+        if (i + 1 < of->points && of->point[i + 1].distance == of->point[i].distance)
+            continue;
+        if (of->all++ && i + 1 - first != of->positions)
+            return hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                             "%s: %d positions at %g mm and %d at others; every distance has as many", list,
+                             i + 1 - first, of->point[i].distance, of->positions);
+        of->positions = i + 1 - first;
+        first = i + 1;
+    }
+    return HADA_OK;
+}
+
+static hada_status room_for_points(psfs *of, hada_error *err)
+{
+    const size_t images = (size_t)of->all * (size_t)of->positions;
+    of->count = (int)images;
+    HADA_TRY(HADA_NEW(of->image, images, "point spread functions", err));
+    HADA_TRY(HADA_NEW(of->rows, images, "positions", err));
+    HADA_TRY(HADA_NEW(of->cols, images, "positions", err));
+    return HADA_NEW(of->distances_mm, (size_t)of->all, "distances", err);
+}
+
+/* The file of a line: an image, or one for each depth. */
+static hada_status read_point_file(psfs *of, int number, hada_error *err)
+{
+    const point *now = &of->point[number];
+    const int stacks = now->distance < 0.0;
+    int averaged = 0;
+    hada_tiff_reader *reader = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_tiff_open(&reader, now->path, err));
+    HADA_TRY_OR_DONE(hada_tiff_check_all(reader, err));
+    const hada_tiff_info *info = hada_tiff_get_info(reader);
+    if (!of->image) {
+        of->all = stacks ? info->frames : of->all;
+        HADA_TRY_OR_DONE(room_for_points(of, err));
+        if (stacks && info->distances == of->all)
+            memcpy(of->distances_mm, info->distances_mm, (size_t)of->all * sizeof(double));
+    }
+    if (stacks && info->frames != of->all)
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                                   "%s has %d pages and the file before it %d: each is a depth, or say the distance of "
+                                   "each file in the list",
+                                   now->path, info->frames, of->all));
+    for (int page = 0; page < info->frames; page++) {
+        const int image = stacks ? page * of->positions + number : number;
+        averaged = stacks ? 0 : averaged;
+        HADA_TRY_OR_DONE(add_page(of, reader, page, now->path, &of->image[image], &averaged, err));
+        place_point(of, image, now);
+    }
+    if (!stacks)
+        of->distances_mm[number / of->positions] = now->distance;
+done:
+    hada_tiff_close(&reader);
+    return status;
+}
+
+/* Point spread functions at positions of the field. */
+static hada_status read_points(psfs *of, const char *list, hada_error *err)
+{
+    const hada_psf_task *task = of->task;
+    if (task->more_count || task->every > 1 || task->recentre || task->mask_distance_mm > 0.0 || task->psf_distances_mm)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "%s lists PSFs that vary over the field: options.every, options.recentre, "
+                         "options.mask_distance, options.psf_distance and more files do not go with them",
+                         list);
+    HADA_TRY(read_positions(of, list, err));
+    HADA_TRY(sort_points(of, list, err));
+    for (int i = 0; i < of->points; i++)
+        HADA_TRY(read_point_file(of, i, err));
+    if (task->distances_mm && task->distances != of->all)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "options.distances names %d, but %s has %d depths", task->distances,
+                         list, of->all);
+    if (task->distances_mm)
+        memcpy(of->distances_mm, task->distances_mm, (size_t)of->all * sizeof(double));
+    if (of->all > 1 && of->distances_mm[0] <= 0.0)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "%s does not say at which distances its %d depths were taken; say them in the list, or add "
+                         "options.distances with them in mm",
+                         list, of->all);
+    of->options.positions = of->positions;
+    of->options.position_rows = of->rows;
+    of->options.position_cols = of->cols;
+    return HADA_OK;
+}
+
 /* What a frame of the camera says. */
 static hada_status ask_frame(psfs *of, hada_error *err)
 {
@@ -337,14 +549,23 @@ static hada_status ask_frame(psfs *of, hada_error *err)
 static hada_status read_all(psfs *of, hada_error *err)
 {
     const hada_psf_task *task = of->task;
+    hada_path list;
+    int varies;
     const int law = task->mask_distance_mm > 0.0 || task->psf_distances_mm;
     const double *given = law ? task->psf_distances_mm : task->distances_mm;
     int number = law ? task->psf_distances : task->distances;
     if (!(task->mask_distance_mm >= 0.0 && isfinite(task->mask_distance_mm)))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "options.mask_distance is in mm and above 0, not %g",
                          task->mask_distance_mm);
-    HADA_TRY(find_captures(of, err));
     HADA_TRY(ask_frame(of, err));
+    HADA_TRY(find_positions(of, list, &varies, err));
+    if (varies)
+        return read_points(of, list, err);
+    if (task->psf && task->psf->components > 1)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "options.components are of PSFs at several positions of the field: give a list of them, or a "
+                         "folder with positions.csv");
+    HADA_TRY(find_captures(of, err));
     of->every = task->every;
     if (task->every < 1 || (task->every > 1 && !of->stack))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
@@ -534,6 +755,21 @@ static void tell_lost(const psfs *of, const hada_model_info *info)
             of->path, of->image->rows, of->image->cols, info->raw_rows, info->raw_cols, 100.0 * (1.0 - kept / light));
 }
 
+static void tell_components(const psfs *of, const hada_model *model)
+{
+    const hada_model_info *info = &model->info;
+    char values[256] = "";
+    for (int k = 0; model->singular_values && k < info->positions && k < 8; k++)
+        snprintf(values + strlen(values), sizeof values - strlen(values), "%s%.3g",
+                 k ? ", " : "; singular values over the first one, first depth: ",
+                 model->singular_values[k] / model->singular_values[0]);
+    hada_monitor_tell(of->task->monitor, HADA_MESSAGE_INFO,
+                      "%s: PSFs of %d positions; %d component%s leave%s %.2g %% of their energy, the mean PSF alone "
+                      "%.3g %%%s",
+                      of->path, info->positions, info->components, info->components == 1 ? "" : "s",
+                      info->components == 1 ? "s" : "", 100.0 * info->lost, 100.0 * info->lost_single, values);
+}
+
 hada_status hada_psf_run(hada_model **out, hada_context *context, const char *path, const hada_psf_task *callers,
                          hada_error *err)
 {
@@ -550,21 +786,28 @@ hada_status hada_psf_run(hada_model **out, hada_context *context, const char *pa
     if ((int)of.options.turn > 0 && of.options.turn <= HADA_TURN_270)
         of.options.turn = (hada_turn)(of.options.turn & HADA_TURN_180); /* pages are transposed by now */
     HADA_TRY_OR_DONE(clean(&of, err));
-    HADA_TRY_OR_DONE(recentre(&of, err));
+    if (!of.positions)
+        HADA_TRY_OR_DONE(recentre(&of, err));
     if (task->mask_distance_mm > 0.0 || task->psf_distances_mm)
         HADA_TRY_OR_DONE(change_depths(&of, context, err));
-    HADA_TRY_OR_DONE(hada_named(
-        hada_model_from_psf(out, context, of.image, of.count, of.distances_mm, &of.options, err), path, err));
+    HADA_TRY_OR_DONE(hada_named(hada_model_from_psf(out, context, of.image, of.positions ? of.all : of.count,
+                                                    of.distances_mm, &of.options, err),
+                                path, err));
+    if (of.positions)
+        tell_components(&of, *out);
     HADA_TRY_OR_DONE(hada_model_set_flat(*out, of.flat.data ? &of.flat : NULL, err));
-    tell_lost(&of, hada_model_get_info(*out));
+    if (!of.positions)
+        tell_lost(&of, hada_model_get_info(*out));
     HADA_TRY_OR_DONE(hada_model_complete(out, task->half, NULL, NULL, err));
 done:
     for (int z = 0; of.image && z < of.count; z++)
         hada_image_destroy(&of.image[z]);
     for (int i = 0; i < of.captures; i++)
         free(of.capture[i].path);
+    for (int i = 0; i < of.points; i++)
+        free(of.point[i].path);
     hada_image_destroy(&of.flat);
-    HADA_FREE(of.image, of.distances_mm, of.capture, of.list);
+    HADA_FREE(of.image, of.distances_mm, of.capture, of.list, of.point, of.rows, of.cols);
     if (status)
         hada_model_destroy(out);
     return status;

@@ -353,6 +353,8 @@ hada_status hada_classic_energy(hada_classic *classic, double *energy, hada_erro
     if (!classic->has_frame)
         return spectral_energy(classic, energy, err);
     HADA_TRY(hada_classic_predict(classic, HADA_CLASSIC_PRIMAL, err));
+    if (classic->shape.components > 1) /* ratios are 1 between a row's pixels and its pitch */
+        HADA_TRY(hada_classic_clear(classic, HADA_CLASSIC_PREDICTION, err));
     HADA_TRY(hada_classic_data_step(classic, HADA_CLASSIC_LEFT, 0.0, 0, err));
     HADA_TRY(hada_launch_classic_energy(classic->slot, hada_program_classic_frame_of(classic->slot), &range, err,
                                         .images = classic->part[HADA_CLASSIC_PREDICTION].mem,

@@ -1,7 +1,9 @@
 /* Components of point spread functions that vary over the field: h(p) = sum_k w_k(p) h_k, from those measured at some
- * positions p. Each is shifted so that its position comes to the middle; the singular vectors of what is left are the
- * least-squares components for every number of them (Yanny et al., Optica 7, 1012 (2020), Eq. 2), and their weights at
- * the positions are interpolated by thin-plate splines. */
+ * positions p. Each is shifted so that its position comes to the middle. The first component is the mean PSF, its
+ * weight the light of each, so that no number of components changes the light of the scene; the others are the singular
+ * vectors of what that leaves, the least-squares ones for every number of them (Yanny et al., Optica 7, 1012 (2020),
+ * Eq. 2, without the first one: perf/results/field-varying.md has both). Their weights at the positions are
+ * interpolated by thin-plate splines. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -161,37 +163,67 @@ hada_status hada_psf_register(hada_image *images, const double *rows, const doub
     return HADA_OK;
 }
 
+/* g becomes (1 - u u') g (1 - u u'), u a unit vector. Returns u' g u. */
+static double deflate(double *g, const double *u, double *room, int n)
+{
+    double inside = 0.0;
+    for (int i = 0; i < n; i++) {
+        room[i] = 0.0;
+        for (int k = 0; k < n; k++)
+            room[i] += g[i * n + k] * u[k];
+        inside += u[i] * room[i];
+    }
+    for (int i = 0; i < n; i++)
+        for (int k = 0; k < n; k++)
+            g[i * n + k] += inside * u[i] * u[k] - room[i] * u[k] - u[i] * room[k];
+    return inside;
+}
+
+/* The vectors and singular values of PSFs with the products `gram`, whose light is `light`; `room`: n x n + 2 n. */
+static void decompose(hada_psf_field *out, double *gram, const double *light, double *room)
+{
+    const int n = out->count;
+    double *vectors = room, *first = room + n * n, *values = first + n, square = 0.0;
+    for (int i = 0; i < n; i++)
+        square += light[i] * light[i];
+    for (int i = 0; i < n; i++)
+        first[i] = light[i] / sqrt(square);
+    out->singular[0] = sqrt(fmax(deflate(gram, first, values, n), 0.0));
+    eigen(gram, vectors, values, n);
+    for (int k = 0; k < n; k++) {
+        if (k)
+            out->singular[k] = sqrt(fmax(values[k - 1], 0.0));
+        for (int i = 0; i < n; i++)
+            out->vectors[i * n + k] = k ? vectors[i * n + k - 1] : first[i];
+    }
+}
+
 hada_status hada_psf_field_of(hada_psf_field *out, const hada_image *images, const double *rows, const double *cols,
                               int count, hada_error *err)
 {
     const size_t n = (size_t)count;
-    double *gram = NULL, all = 0.0, together = 0.0;
+    double *gram = NULL, *light = NULL, all = 0.0, together = 0.0, most = 0.0;
     hada_status status = HADA_OK;
     *out = (hada_psf_field){.rows = rows, .cols = cols, .count = count};
-    HADA_TRY_OR_DONE(HADA_NEW(gram, n * n, "the components of PSFs", err));
+    HADA_TRY_OR_DONE(HADA_NEW(gram, 2 * n * n + 2 * n, "the components of PSFs", err));
+    HADA_TRY_OR_DONE(HADA_NEW(light, n, "the components of PSFs", err));
     HADA_TRY_OR_DONE(HADA_NEW(out->vectors, n * n, "the components of PSFs", err));
     HADA_TRY_OR_DONE(HADA_NEW(out->singular, n, "the components of PSFs", err));
-    for (int i = 0; i < count; i++)
+    for (int i = 0; i < count; i++) {
+        light[i] = hada_psf_light(&images[i]);
+        most = fmax(most, light[i]);
         for (int k = 0; k <= i; k++) {
             gram[(size_t)i * n + (size_t)k] = gram[(size_t)k * n + (size_t)i] = product(&images[i], &images[k]);
             all += i == k ? gram[(size_t)i * n + (size_t)k] : 0.0;
             together += (i == k ? 1.0 : 2.0) * gram[(size_t)i * n + (size_t)k];
         }
-    if (!(all > 0.0))
+    }
+    if (!(most > 0.0 && all > 0.0))
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_NUMERIC, "the PSFs of all positions are dark"));
     out->lost_single = fmax(0.0, 1.0 - together / count / all);
-    eigen(gram, out->vectors, out->singular, count);
-    for (int i = 0; i < count; i++)
-        out->singular[i] = sqrt(fmax(out->singular[i], 0.0));
-    for (int k = 0; k < count; k++) { /* of weights that are positive in the mean, for the same signs everywhere */
-        double sum = 0.0;
-        for (int i = 0; i < count; i++)
-            sum += out->vectors[i * count + k];
-        for (int i = 0; i < count && sum < 0.0; i++)
-            out->vectors[i * count + k] = -out->vectors[i * count + k];
-    }
+    decompose(out, gram, light, gram + n * n);
 done:
-    free(gram);
+    HADA_FREE(gram, light);
     if (status)
         hada_psf_field_free(out);
     return status;

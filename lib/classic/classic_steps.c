@@ -38,16 +38,6 @@ static hada_status transform(hada_classic *classic, hada_fft *plan, int forward,
     return HADA_OK;
 }
 
-int hada_classic_terms(const hada_classic *classic)
-{
-    return classic->job->depths * classic->shape.components;
-}
-
-int hada_classic_images(const hada_classic *classic)
-{
-    return classic->planes * classic->shape.components;
-}
-
 hada_status hada_classic_forward(hada_classic *classic, hada_classic_part planes, hada_error *err)
 {
     return transform(classic, classic->forward, 1, hada_classic_images(classic), planes, classic->plane.pixels,

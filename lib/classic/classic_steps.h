@@ -98,8 +98,15 @@ hada_status hada_classic_project(hada_classic *classic, int residual, hada_error
 hada_status hada_classic_solve(hada_classic *classic, int first, double mu1, double mu2, double mu3, hada_error *err);
 
 /* Transfer functions of the job, and images that the transforms take: components count each. */
-int hada_classic_terms(const hada_classic *classic);
-int hada_classic_images(const hada_classic *classic);
+static inline int hada_classic_terms(const hada_classic *classic)
+{
+    return classic->job->depths * classic->shape.components;
+}
+
+static inline int hada_classic_images(const hada_classic *classic)
+{
+    return classic->planes * classic->shape.components;
+}
 
 /* The three parts of an iteration that uses the frame's pixels, by whole transforms or by fused passes:
  * HADA_CLASSIC_PROJECTION = the frame that planes make; a step on its pixels (HADA_CLASSIC_PREDICTION takes the result)

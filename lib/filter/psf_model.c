@@ -19,14 +19,6 @@ typedef struct choice {
 } choice;
 static const choice for_circular = {0.2, 3e-3, 12}, for_padded = {2.0, 1e-3, 20};
 
-double hada_psf_light(const hada_image *psf)
-{
-    double total = 0.0;
-    for (size_t i = 0; i < hada_image_count(psf); i++)
-        total += psf->data[i];
-    return total;
-}
-
 /* The place on a grid of a point that is `from_axis` pixels from the axis, which is at the origin. */
 static int on_grid(int from_axis, int turned, int grid)
 {

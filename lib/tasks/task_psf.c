@@ -521,6 +521,10 @@ static hada_status read_points(psfs *of, const char *list, hada_error *err)
                          "%s does not say at which distances its %d depths were taken; say them in the list, or add "
                          "options.distances with them in mm",
                          list, of->all);
+    for (int z = 0; z < of->all; z++)
+        HADA_TRY(hada_named(hada_psf_positions_check(of->rows + z * of->positions, of->cols + z * of->positions,
+                                                     of->positions, err),
+                            list, err));
     of->options.positions = of->positions;
     of->options.position_rows = of->rows;
     of->options.position_cols = of->cols;
@@ -634,7 +638,7 @@ static hada_status clean(psfs *of, hada_error *err)
         HADA_TRY(tell_cleaned(of, z, &seen, err));
         border = fmax(border, seen.border);
     }
-    if (border > BORDER && !of->options.psf_taper)
+    if (border > BORDER && !of->options.psf_taper && !of->positions) /* others see what one of these misses */
         hada_monitor_tell(
             of->task->monitor, HADA_MESSAGE_NOTE,
             "%s: light reaches the borders, where a pixel has %.0f %% of a mean one's: what lies beyond is "

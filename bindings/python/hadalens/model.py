@@ -381,9 +381,7 @@ class Model(Handle):
         info = lib.hada_model_get_info(self._c)
         return info.depths, info.channels, info.grid_rows, info.grid_cols // 2 + 1
 
-    def _array(
-        self, pointer: Any, dtype: npt.DTypeLike, shape: tuple[int, ...] | None = None
-    ) -> npt.NDArray[Any]:
+    def _array(self, pointer: Any, dtype: npt.DTypeLike, shape: tuple[int, ...] | None = None) -> npt.NDArray[Any]:
         """Return a view of the model's memory, which lives as long."""
         shape = shape or (*self._shape(), 2)
         owner = self._own
@@ -518,7 +516,9 @@ def _flat(array: npt.NDArray[Any], places: tuple[int, int]) -> list[npt.NDArray[
     if array.shape[:2] != places and places[0] == 1:
         array = array[np.newaxis]
     if array.shape[:2] != places:
-        raise errors.SizeError(f"psfs have the shape {array.shape}: {places[0]} depths of {places[1]} positions are needed")
+        raise errors.SizeError(
+            f"psfs have the shape {array.shape}: {places[0]} depths of {places[1]} positions are needed"
+        )
     return list(array.reshape(-1, *array.shape[2:]))
 
 

@@ -522,9 +522,9 @@ static hada_status read_points(psfs *of, const char *list, hada_error *err)
                          "options.distances with them in mm",
                          list, of->all);
     for (int z = 0; z < of->all; z++)
-        HADA_TRY(hada_named(hada_psf_positions_check(of->rows + z * of->positions, of->cols + z * of->positions,
-                                                     of->positions, err),
-                            list, err));
+        HADA_TRY(hada_named(
+            hada_psf_positions_check(of->rows + z * of->positions, of->cols + z * of->positions, of->positions, err),
+            list, err));
     of->options.positions = of->positions;
     of->options.position_rows = of->rows;
     of->options.position_cols = of->cols;

@@ -18,6 +18,9 @@ enum { LEAST_POSITIONS = 4, SWEEPS = 60 };
 hada_status hada_psf_positions_check(const double *rows, const double *cols, int count, hada_error *err)
 {
     double size = 0.0, area = 0.0;
+    if (count > HADA_MOST_POSITIONS)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "PSFs of %d positions; %d of a depth are possible", count,
+                         HADA_MOST_POSITIONS);
     for (int i = 0; i < count; i++)
         if (!isfinite(rows[i]) || !isfinite(cols[i]))
             return hada_fail(err, HADA_ERROR_ARGUMENT, "the positions of PSFs must be finite");

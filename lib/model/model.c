@@ -154,7 +154,7 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
             "of three channels",
             info->downsample, MOST_DOWNSAMPLE);
     if (info->components < 0 || info->components > HADA_MOST_COMPONENTS || info->positions < 0 || /* 0: not set, 1 */
-        info->positions > MOST_POSITIONS ||
+        info->positions > HADA_MOST_POSITIONS ||
         (info->components > 1 &&
          (!info->has_otf || info->boundary != HADA_BOUNDARY_PADDED || info->positions < info->components ||
           !not_negative(info->lost) || !not_negative(info->lost_single))))

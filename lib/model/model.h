@@ -7,7 +7,7 @@
 #include "io/safetensors.h"
 
 /* Of point spread functions that vary over the field. */
-enum { HADA_MOST_COMPONENTS = 16 };
+enum { HADA_MOST_COMPONENTS = 16, HADA_MOST_POSITIONS = 1024 };
 
 /* Filters and transfer functions are kept on the host as row-major half spectra: complex numbers
  * [depth][channel][grid_rows][grid_cols / 2 + 1], re and im interleaved. One of `filter` and `filter_half` is NULL. */

@@ -10,6 +10,7 @@
 #include "image/correct.h"
 #include "image/pixels.h"
 #include "io/folder.h"
+#include "io/positions.h"
 #include "io/text.h"
 #include "io/tiff_page.h"
 #include "model/model.h"
@@ -17,8 +18,6 @@
 
 /* Bytes of a list of distances. */
 #define LIST_BYTES ((size_t)1 << 16)
-/* And of a list of positions. */
-#define POSITIONS_BYTES ((size_t)1 << 24)
 /* Notes appear where more than this share of the light is cut off, and where a pixel at the border has more than this
  * share of a mean one's: where light ends at the border for good it has less than a hundredth. */
 #define LOST   0.005
@@ -31,12 +30,6 @@ typedef struct capture {
     char *path;
     double distance; /* below 0: its name says none */
 } capture;
-
-/* A line of a list of positions. */
-typedef struct point {
-    char *path;
-    double x, y, distance; /* distance below 0: not said */
-} point;
 
 typedef struct psfs {
     const hada_psf_task *task;
@@ -55,8 +48,8 @@ typedef struct psfs {
     double *distances_mm;
     double *list; /* of the file beside */
     int listed;
-    point *point; /* where they were taken in the field; images are [depth][position] then */
-    int points, positions;
+    hada_positions points; /* where they were taken in the field; images are [depth][position] then */
+    int positions;
     double *rows, *cols; /* of each image, from its middle */
 } psfs;
 
@@ -190,74 +183,6 @@ static hada_status find_positions(const psfs *of, hada_path list, int *found, ha
     }
     *found = dot && (!strcmp(dot, ".csv") || !strcmp(dot, ".txt"));
     return *found ? hada_path_write(list, err, "%s", of->path) : HADA_OK;
-}
-
-static const char *const separators = " \t\r,;";
-
-/* A line `file,x,y[,distance]` in place; *good 0: it is none. */
-static hada_status read_point(psfs *of, char *line, const char *folder, int *good, hada_error *err)
-{
-    double number[3] = {0.0, 0.0, -1.0};
-    int numbers = 0;
-    char *end = line + strcspn(line, separators), *at = end + strspn(end, separators);
-    const int last = !*end;
-    *end = '\0';
-    *good = 0;
-    while (!last && *at && numbers < 3) {
-        const char *after;
-        number[numbers++] = hada_text_number(at, &after);
-        after += strncmp(after, "mm", 2) ? 0 : 2;
-        if (after == at || (*after && !strchr(separators, *after)))
-            return HADA_OK;
-        at = (char *)(uintptr_t)after + strspn(after, separators);
-    }
-    if (numbers < 2 || (!last && *at) || !isfinite(number[0]) || !isfinite(number[1]) ||
-        (numbers == 3 && !(number[2] >= 0.0 && isfinite(number[2]))))
-        return HADA_OK;
-    point *more = realloc(of->point, (size_t)(of->points + 1) * sizeof *more);
-    if (!more)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the positions of point spread functions");
-    of->point = more;
-    more += of->points;
-    *more = (point){.x = number[0], .y = number[1], .distance = number[2]};
-    HADA_TRY(hada_path_format(&more->path, err, *line == '/' ? "%s%s" : "%s/%s", *line == '/' ? "" : folder, line));
-    of->points++;
-    *good = 1;
-    return HADA_OK;
-}
-
-/* The first line may be a heading. */
-static hada_status read_positions(psfs *of, const char *list, hada_error *err)
-{
-    const char *slash = strrchr(list, '/');
-    char *text = NULL, *folder = NULL;
-    size_t bytes;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_path_format(&folder, err, "%.*s", slash ? (int)(slash - list) : 1, slash ? list : "."));
-    HADA_TRY_OR_DONE(hada_named(hada_input_read(&text, &bytes, list, POSITIONS_BYTES, NULL, err), list, err));
-    int number = 0, lines = 0, good;
-    for (char *line = text, *next; line && *line; line = next) {
-        next = strchr(line, '\n');
-        if (next)
-            *next++ = '\0';
-        number++;
-        line += strspn(line, separators);
-        if (!*line || *line == '#')
-            continue;
-        HADA_TRY_OR_DONE(read_point(of, line, folder, &good, err));
-        if (!good && lines++)
-            HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_FORMAT,
-                                       "%s: line %d is not 'file,x_px,y_px' or 'file,x_px,y_px,distance_mm'", list,
-                                       number));
-        lines += good;
-    }
-    if (!of->points)
-        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_FORMAT,
-                                   "%s names no point spread functions: its lines are 'file,x_px,y_px[,distance_mm]'",
-                                   list));
-done:
-    HADA_FREE(text, folder);
-    return status;
 }
 
 /* Brings an image to the pixels and channels that the camera has. */
@@ -407,50 +332,14 @@ static hada_status read_captures(psfs *of, int apart, hada_error *err)
     return HADA_OK;
 }
 
-static int by_point_distance(const void *a, const void *b)
-{
-    const point *one = a, *two = b;
-    const int order = (one->distance > two->distance) - (one->distance < two->distance);
-    return order ? order : (one > two) - (one < two);
-}
-
 /* Where a point stood, from the middle of its image as that is now: binned and transposed. */
-static void place_point(psfs *of, int image, const point *at)
+static void place_point(psfs *of, int image, const hada_position *at)
 {
     const int across = (of->options.turn & HADA_TURN_TRANSPOSE) != 0;
     const int rows = across ? of->image->cols : of->image->rows, cols = across ? of->image->rows : of->image->cols;
     const double row = (at->y + 0.5) / of->times - 0.5 - rows / 2, col = (at->x + 0.5) / of->times - 0.5 - cols / 2;
     of->rows[image] = across ? col : row;
     of->cols[image] = across ? row : col;
-}
-
-/* How many depths and positions there are: files of each distance, or as many pages in each file. */
-static hada_status sort_points(psfs *of, const char *list, hada_error *err)
-{
-    int said = 0;
-    for (int i = 0; i < of->points; i++)
-        said += of->point[i].distance >= 0.0;
-    if (said && said < of->points)
-        return hada_fail(err, HADA_ERROR_FILE_FORMAT,
-                         "%s: some lines say a distance and some do not; say it in all of them, or in none and let the "
-                         "pages of each file be depths",
-                         list);
-    of->positions = of->points;
-    of->all = 0;
-    if (!said)
-        return HADA_OK;
-    qsort(of->point, (size_t)of->points, sizeof *of->point, by_point_distance);
-    for (int i = 0, first = 0; i < of->points; i++) {
-        if (i + 1 < of->points && of->point[i + 1].distance == of->point[i].distance)
-            continue;
-        if (of->all++ && i + 1 - first != of->positions)
-            return hada_fail(err, HADA_ERROR_FILE_FORMAT,
-                             "%s: %d positions at %g mm and %d at others; every distance has as many", list,
-                             i + 1 - first, of->point[i].distance, of->positions);
-        of->positions = i + 1 - first;
-        first = i + 1;
-    }
-    return HADA_OK;
 }
 
 static hada_status room_for_points(psfs *of, hada_error *err)
@@ -466,7 +355,7 @@ static hada_status room_for_points(psfs *of, hada_error *err)
 /* The file of a line: an image, or one for each depth. */
 static hada_status read_point_file(psfs *of, int number, hada_error *err)
 {
-    const point *now = &of->point[number];
+    const hada_position *now = &of->points.list[number];
     const int stacks = now->distance < 0.0;
     int averaged = 0;
     hada_tiff_reader *reader = NULL;
@@ -507,9 +396,13 @@ static hada_status read_points(psfs *of, const char *list, hada_error *err)
                          "%s lists PSFs that vary over the field: options.every, options.recentre, "
                          "options.mask_distance, options.psf_distance and more files do not go with them",
                          list);
-    HADA_TRY(read_positions(of, list, err));
-    HADA_TRY(sort_points(of, list, err));
-    for (int i = 0; i < of->points; i++)
+    HADA_TRY(hada_positions_read(&of->points, list, err));
+    of->all = of->points.depths;
+    of->positions = of->all ? of->points.count / of->all : of->points.count;
+    if (of->positions > HADA_MOST_POSITIONS)
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "%s: %d positions; %d of a depth are possible", list,
+                         of->positions, HADA_MOST_POSITIONS);
+    for (int i = 0; i < of->points.count; i++)
         HADA_TRY(read_point_file(of, i, err));
     if (task->distances_mm && task->distances != of->all)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "options.distances names %d, but %s has %d depths", task->distances,
@@ -808,10 +701,9 @@ done:
         hada_image_destroy(&of.image[z]);
     for (int i = 0; i < of.captures; i++)
         free(of.capture[i].path);
-    for (int i = 0; i < of.points; i++)
-        free(of.point[i].path);
+    hada_positions_free(&of.points);
     hada_image_destroy(&of.flat);
-    HADA_FREE(of.image, of.distances_mm, of.capture, of.list, of.point, of.rows, of.cols);
+    HADA_FREE(of.image, of.distances_mm, of.capture, of.list, of.rows, of.cols);
     if (status)
         hada_model_destroy(out);
     return status;

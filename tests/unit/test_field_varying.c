@@ -378,6 +378,27 @@ TEST(reconstructs)
     free_varying(v);
 }
 
+/* A plan holds no more than its estimate says, which counts components. */
+TEST(estimates_include_components)
+{
+    varying *v = varying_camera();
+    uint64_t bytes[2], host, held;
+    for (int i = 0; i < 2; i++) {
+        SCOPED(hada_model) *model = model_of(v, DEPTHS, i ? PARTS : 1);
+        SCOPED(hada_plan) *plan = NULL;
+        DEFAULTS(hada_plan_options, options);
+        DEFAULTS(hada_classic_options, classic);
+        classic.method = HADA_METHOD_RL;
+        options.classic = &classic;
+        ASSERT_OK(hada_plan_estimate(context, model, &options, &bytes[i], &host, err));
+        ASSERT_OK(hada_plan_create(&plan, context, model, &options, err));
+        hada_plan_memory(plan, &held, NULL);
+        assert_true(held <= bytes[i] && held > bytes[i] / 2);
+    }
+    assert_true(bytes[1] > bytes[0]);
+    free_varying(v);
+}
+
 /* What takes PSFs for the same everywhere says what to do. */
 TEST(refuses_the_rest)
 {

@@ -164,6 +164,28 @@ TEST(finds_the_components)
     free_varying(v);
 }
 
+/* Light that one PSF loses beyond its picture, another one sees: PSFs that are the same everywhere stay so. */
+TEST(fills_what_pictures_miss)
+{
+    static const int spots[][2] = {{0, 0}, {-17, 3}, {16, -5}, {4, 19}, {-2, -18}};
+    varying *v = varying_camera();
+    SCOPED(hada_model) *model = NULL;
+    const double distance = 100.0;
+    const hada_psf_options options = psf_options(v, HADA_AUTO);
+    for (int n = 0; n < POINTS; n++) {
+        memset(v->measured[n].data, 0, AREA * sizeof(float));
+        for (int i = 0; i < 5; i++) {
+            const int row = DOWN / 2 + spots[i][0] + (int)v->rows[n], col = ACROSS / 2 + spots[i][1] + (int)v->cols[n];
+            if (row >= 0 && col >= 0 && row < DOWN && col < ACROSS)
+                v->measured[n].data[row * ACROSS + col] = 1.0f;
+        }
+    }
+    ASSERT_OK(hada_model_from_psf(&model, context, v->measured, 1, &distance, &options, err));
+    assert_int_equal(model->info.components, 1);
+    assert_true(model->info.lost_single < 1e-12);
+    free_varying(v);
+}
+
 /* What a method holds for one job. */
 typedef struct bench {
     hada_slot *slot;

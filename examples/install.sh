@@ -14,7 +14,8 @@ hadalens_install() {
     case ${1:-} in
     # the tests run on PoCL whatever else is there; the C++ compiler and doxygen read the public headers, abigail-tools
     # compare them with earlier ones, zsh tries its completion
-    tests) packages="$packages pocl-opencl-icd libmatio-dev libcmocka-dev g++ doxygen abigail-tools zsh" ;;
+    tests) packages="$packages pocl-opencl-icd libmatio-dev libaravis-dev libusb-1.0-0-dev libcmocka-dev g++ doxygen
+        abigail-tools zsh" ;;
     # independent software that checks results and files (tests/oracle/environment.sh)
     oracle) packages="python3-venv python3-numpy python3-scipy python3-skimage python3-tifffile python3-torch" ;;
     # what looks at kernels as a GPU's compiler makes them (tests/budget/environment.sh)

@@ -4,8 +4,9 @@ all pairs (--all-pairs), of those that the fit keeps, and of the sound ones alon
    perf/spoiled_pairs.py HADALENS PHOTOGRAPHS OTHER_PHOTOGRAPHS [--preset sim300] [--seeds 81,82] [--pairs 8] [--noise 0.01]
                          [--response srgb] [--mask mla]
 cut: three times the exposure, cut off at 60 % of its values (2 pairs). swapped: the frame of another scene (2 pairs).
-other: a scene that is not in the data set (1 pair). moved: the scene moved by 12 pixels (1 pair). PSNR of the all-in-focus
-image in dB; pairs left out, right and wrong. Needs NumPy and tifffile."""
+other: a scene that is not in the data set (1 pair). moved: the scene moved by 12 pixels (1 pair). white: scene and frame
+exposed longer, a quarter of the scene at white (2 pairs). PSNR of the all-in-focus image in dB; pairs left out, right and
+wrong. Needs NumPy and tifffile."""
 import argparse
 import json
 import pathlib
@@ -26,8 +27,9 @@ parser.add_argument("--pairs", type=int, default=8)
 parser.add_argument("--noise", default="0.01")
 parser.add_argument("--response", default="srgb")
 parser.add_argument("--mask", default="mla")
+parser.add_argument("--kinds", default="none,cut,swapped,other,moved,white")
 o = parser.parse_args()
-KINDS = {"none": 0, "cut": 2, "swapped": 2, "other": 1, "moved": 1}
+KINDS = {"none": 0, "cut": 2, "swapped": 2, "other": 1, "moved": 1, "white": 2}
 
 
 def spoil(kind, camera, spare, to):
@@ -47,6 +49,17 @@ def spoil(kind, camera, spare, to):
                 shutil.copyfile(sorted((spare / depth.name / "scene").iterdir())[0], scene)
             elif kind == "moved":
                 tifffile.imwrite(scene, np.roll(tifffile.imread(scene), 12, axis=1))
+            elif kind == "white":
+                shown = tifffile.imread(scene)
+                dtype = shown.dtype
+                most = 1 if dtype.kind == "f" else np.iinfo(dtype).max
+                shown = shown / most
+                light = np.where(shown > 0.04045, ((shown + 0.055) / 1.055) ** 2.4, shown / 12.92)
+                more = 1 / np.quantile(light, 0.75)
+                light = np.minimum(light * more, 1)
+                shown = np.where(light > 0.0031308, 1.055 * light ** (1 / 2.4) - 0.055, 12.92 * light)
+                tifffile.imwrite(scene, (shown * most + (0.5 if most > 1 else 0)).astype(dtype))
+                tifffile.imwrite(raws[i], (frames[i] * more).astype(frames[i].dtype))
             names.add(f"{depth.name}/raw/{raws[i].name}")
     return names
 
@@ -76,7 +89,7 @@ for seed in o.seeds.split(","):
         run(o.hadalens, "simulate", *design, "--scenes", o.photographs, "--test-scenes", o.others, "--test", 4, "--test-depths", 1,
             "-o", folder / "camera")
         run(o.hadalens, "simulate", *design, "--scenes", o.others, "-o", folder / "spare")
-        for kind in KINDS:
+        for kind in o.kinds.split(","):
             names = spoil(kind, folder / "camera", folder / "spare", folder / kind)
             clean = folder / f"{kind}-sound"
             sound(names, folder / kind, clean)

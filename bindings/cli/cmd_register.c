@@ -1,4 +1,5 @@
 #include "command.h"
+#include "register_words.h"
 
 #include <hadalens/folder.h>
 #include <hadalens/task_register.h>
@@ -62,78 +63,6 @@ static hada_status read_magnification(const char *text, hada_register_task *task
                                  "--magnification %s is not a range; write two numbers as in 0.5,2", text);
 }
 
-/* What must be done to the scenes, in words. */
-static const char *orientation(const hada_registration *r)
-{
-    static const char *const words[] = {"as it is", "turn left",         "half a turn", "turn right",
-                                        "mirror",   "mirror, turn left", "upside down", "mirror, turn right"};
-    return words[4 * r->mirrored + r->quarter_turns];
-}
-
-static json_t *depth_json(double distance_mm, const hada_registered_depth *one)
-{
-    const hada_registration *r = one->found, *a = one->applied;
-    json_t *entry = json_pack("{s:f, s:i, s:b, s:i, s:s}", "distance_mm", distance_mm, "pairs", one->pairs, "mirrored",
-                              r->mirrored, "quarter_turns", r->quarter_turns, "orientation", orientation(r));
-    HADA_CLI_SET(entry, {"magnification", r->magnification}, {"rotation_deg", r->rotation_deg});
-    json_object_set_new(entry, "offset", json_pack("[f, f]", r->offset_row, r->offset_col));
-    HADA_CLI_SET(entry, {"likeness_to_the_depth_before", one->likeness}, {"explained", r->explained},
-                 {"explained_otherwise", r->explained_otherwise}, {"displacement", one->displacement});
-    json_object_set_new(entry, "stands_right", json_boolean(one->stands_right));
-    json_object_set_new(entry, "applied",
-                        json_pack("{s:f, s:f, s:[f, f]}", "magnification", a->magnification, "rotation_deg",
-                                  a->rotation_deg, "offset", a->offset_row, a->offset_col));
-    return entry;
-}
-
-static void print_depth(hada_cli *cli, double distance_mm, int first, const hada_registered_depth *one)
-{
-    const hada_registration *r = one->found;
-    char offset[48] = "-";
-    if (first || one->likeness >= 0)
-        snprintf(offset, sizeof offset, "%.1f, %.1f", r->offset_row, r->offset_col);
-    if (one->offset_unknown)
-        snprintf(offset, sizeof offset, "-");
-    hada_cli_say(cli, "%6g mm  %-18s  %13.4f  %8.2f\xc2\xb0  %16s  %8.1f%%  %8.1f%%", distance_mm, orientation(r),
-                 r->magnification, r->rotation_deg, offset, 100 * r->explained, 100 * r->explained_otherwise);
-}
-
-static void warn_depth(hada_cli *cli, const hada_dataset *data, int z, const hada_registered_depth *one)
-{
-    const char *folder = hada_dataset_get_info(data)->folders[z];
-    if (one->offset_unknown)
-        hada_cli_warn(cli,
-                      "%s: its PSF is not like that of the depth before (%.2f), so the shift between them is not known",
-                      folder, one->likeness);
-    if (one->rough)
-        hada_cli_warn(cli, "%s: only %.1f %% of the frames' structure is explained, so these figures are rough", folder,
-                      100 * one->found->explained);
-    if (one->other_orientation)
-        hada_cli_warn(cli, "%s stands in another orientation than %s", folder, hada_dataset_get_info(data)->folders[0]);
-}
-
-static void report_all(hada_cli *cli, const hada_dataset *data, const hada_register_report *report)
-{
-    const hada_dataset_info *info = hada_dataset_get_info(data);
-    int right = 0;
-    json_t *depths = json_array();
-    json_object_set_new(cli->document, "depths", depths);
-    hada_cli_say(cli, "%9s  %-18s  %13s  %9s  %16s  %9s  %9s", "distance", "scenes", "magnification", "rotation",
-                 "offset", "explained", "otherwise");
-    for (int z = 0; z < info->depths; z++) {
-        const hada_registered_depth *one = report->depths[z];
-        print_depth(cli, info->distances_mm[z], !z, one);
-        warn_depth(cli, data, z, one);
-        json_array_append_new(depths, depth_json(info->distances_mm[z], one));
-        right += one->stands_right;
-    }
-    json_object_set_new(cli->document, "registered", json_boolean(right == info->depths));
-    if (right == info->depths)
-        hada_cli_say(cli, "The scenes stand as the sensor sees them: there is nothing to do.");
-    else if (right)
-        hada_cli_say(cli, "%d of %d depths stand as the sensor sees them.", right, info->depths);
-}
-
 static hada_status write_registered(hada_cli *cli, const settings *set, const hada_dataset *data,
                                     const hada_register_report *report, const hada_register_task *task, hada_error *err)
 {
@@ -168,7 +97,7 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         HADA_TRY_OR_DONE(read_magnification(set->magnification, &set->task, &err));
     HADA_TRY_OR_DONE(hada_dataset_scan(&data, arguments[0], &set->scan, &err));
     HADA_TRY_OR_DONE(hada_register_run(&report, data, &set->task, &err));
-    report_all(cli, data, report);
+    hada_cli_tell_registered(cli, data, report);
     if (set->output)
         HADA_TRY_OR_DONE(write_registered(cli, set, data, report, &set->task, &err));
 done:
@@ -189,7 +118,7 @@ const hada_cli_command hada_cli_register = {
     .synopsis = "DATASET [-o DATASET2] [OPTION...]",
     .description =
         "For pairs captured from a display, whose scene files are the pictures that were shown: finds for each depth "
-        "how they are turned, mirrored and magnified on the sensor, without knowing the camera's PSF, and shifts "
+        "how they are turned, mirrored, magnified and slanted on the sensor, without knowing the camera's PSF, and shifts "
         "between the depths. Only with the right transform does one convolution explain all pairs; 'explained' says "
         "how much of the frames' structure it explains when learned from the other pairs, 'otherwise' how much the "
         "best transform in another orientation does.\n\n"

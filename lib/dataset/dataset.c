@@ -62,7 +62,13 @@ static void images_free(hada_pair_images *images)
     hada_image_destroy(&images->scene);
 }
 
-static void end_thread(hada_pair_store *store)
+static uint64_t bytes_of(const hada_pair_images *images)
+{
+    return (uint64_t)(hada_image_count(&images->raw) + hada_image_count(&images->scene)) * sizeof(float);
+}
+
+/* Ends reading ahead, and keeps nothing that was read. */
+static void drop_pairs(hada_pair_store *store)
 {
     pthread_mutex_lock(&store->lock);
     store->ahead.stop = 1;
@@ -71,6 +77,12 @@ static void end_thread(hada_pair_store *store)
     if (store->ahead.running)
         pthread_join(store->ahead.thread, NULL);
     images_free(&store->ahead.images);
+    for (int i = 0; store->kept && i < store->pairs; i++) {
+        store->room += bytes_of(&store->kept[i]);
+        images_free(&store->kept[i]);
+    }
+    store->ahead.running = store->ahead.stop = 0;
+    store->ahead.state = HADA_AHEAD_IDLE;
 }
 
 void hada_pair_store_release(hada_pair_store **pointer)
@@ -83,7 +95,7 @@ void hada_pair_store_release(hada_pair_store **pointer)
     pthread_mutex_unlock(&store->lock);
     if (users)
         return;
-    end_thread(store);
+    drop_pairs(store);
     for (int z = 0; z < store->depths; z++) {
         for (int i = 0; i < store->depth[z].count; i++) {
             free((char *)store->depth[z].files[i].raw);
@@ -91,9 +103,7 @@ void hada_pair_store_release(hada_pair_store **pointer)
         }
         HADA_FREE(store->depth[z].files, store->depth[z].folder);
     }
-    for (int i = 0; store->kept && i < store->pairs; i++)
-        images_free(&store->kept[i]);
-    HADA_FREE(store->kept, store->depth, store->folders);
+    HADA_FREE(store->kept, store->depth, store->folders, store->placement);
     hada_image_destroy(&store->flat);
     hada_inputs_release(&store->inputs);
     hada_names_free(&store->alone, &store->alone_count);
@@ -131,6 +141,11 @@ static size_t before(const hada_dataset *set, int depth)
 static int number_of(const hada_dataset *set, int depth, int pair)
 {
     return set->number ? set->number[before(set, depth) + (size_t)pair] : set->first[depth] + pair;
+}
+
+int hada_pair_number(const hada_dataset *dataset, int depth, int pair)
+{
+    return dataset->store->depth[depth].before + number_of(dataset, depth, pair);
 }
 
 /* The files of pairs that do not stand one after the other. */
@@ -220,6 +235,7 @@ static hada_status use_store(hada_dataset *set, const hada_dataset *from, const 
     set->store = from->store;
     set->store->users++;
     pthread_mutex_unlock(&from->store->lock);
+    set->filled = from->filled;
     if (!from->number)
         return HADA_OK;
     HADA_TRY(HADA_NEW(set->number, before(set, depths), "a data set", err));
@@ -287,15 +303,32 @@ done:
     return status;
 }
 
+/* All pairs of another part. */
+static hada_status whole_part(hada_dataset **out, const hada_dataset *from, hada_error *err)
+{
+    int *none = NULL;
+    HADA_TRY(HADA_NEW(none, (size_t)from->info.depths, "a data set", err));
+    const hada_status status = hada_dataset_part(out, from, none, from->counts, err);
+    free(none);
+    return status;
+}
+
+hada_status hada_dataset_fill(hada_dataset **out, const hada_dataset *from, const hada_filled_scenes *filled,
+                              hada_error *err)
+{
+    *out = NULL;
+    HADA_TRY(whole_part(out, from, err));
+    (*out)->filled = filled;
+    return HADA_OK;
+}
+
 hada_status hada_dataset_brighten(hada_dataset **out, const hada_dataset *from, const double *const *gains,
                                   double response, hada_error *err)
 {
     const int depths = from->info.depths;
-    int *none = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY_OR_DONE(HADA_NEW(none, (size_t)depths, "a data set", err));
-    HADA_TRY_OR_DONE(hada_dataset_part(out, from, none, from->counts, err));
+    HADA_TRY_OR_DONE(whole_part(out, from, err));
     hada_dataset *set = *out;
     if (gains && !set->gain)
         HADA_TRY_OR_DONE(HADA_NEW(set->gain, (size_t)set->info.pairs, "the exposures of a data set", err));
@@ -306,7 +339,6 @@ hada_status hada_dataset_brighten(hada_dataset **out, const hada_dataset *from, 
         }
     set->response = response;
 done:
-    free(none);
     if (status)
         hada_dataset_destroy(out);
     return status;
@@ -478,6 +510,8 @@ static hada_status read_images(hada_pair_store *store, int number, hada_pair_ima
     if (store->downsample > 1)
         HADA_TRY_OR_DONE(
             hada_named(hada_image_bin(&images->scene, store->downsample, HADA_MOSAIC_NONE, 0, err), files->scene, err));
+    if (store->place)
+        HADA_TRY_OR_DONE(hada_named(store->place(store->placement, z, &images->scene, err), files->scene, err));
 done:
     if (status)
         images_free(images);
@@ -527,7 +561,7 @@ void hada_pair_expect(const hada_dataset *dataset, int depth, int number)
     hada_pair_store *store = dataset->store;
     if (store->raws)
         return;
-    const int wanted = store->depth[depth].before + number_of(dataset, depth, number);
+    const int wanted = hada_pair_number(dataset, depth, number);
     pthread_mutex_lock(&store->lock);
     if (!store->ahead.running)
         store->ahead.running = start_thread(store); /* without one, pairs are read when they are taken */
@@ -562,11 +596,6 @@ static int take_ahead(hada_pair_store *store, int number, hada_pair_images *imag
     return 1;
 }
 
-static uint64_t bytes_of(const hada_pair_images *images)
-{
-    return (uint64_t)(hada_image_count(&images->raw) + hada_image_count(&images->scene)) * sizeof(float);
-}
-
 /* Both images of a pair: the cache's, which keeps them until the end, or else *own. keep: what is read goes into the
  * cache where there is room. */
 static hada_status find_images(hada_pair_store *store, int number, int keep, hada_pair_images *own,
@@ -597,6 +626,15 @@ static hada_status find_images(hada_pair_store *store, int number, int keep, had
         *found = own;
     }
     return HADA_OK;
+}
+
+void hada_dataset_place(const hada_dataset *dataset, hada_place_scene place, void *placement)
+{
+    hada_pair_store *store = dataset->store;
+    drop_pairs(store);
+    free(store->placement);
+    store->place = place;
+    store->placement = placement;
 }
 
 static hada_status copy(hada_image *out, const hada_image *image, hada_error *err)
@@ -631,10 +669,20 @@ static hada_status fill(hada_pair *pair, hada_mosaic mosaic, hada_error *err)
     return HADA_OK;
 }
 
+/* Puts the scene that is in place of the pair's, where there is one. */
+static void replace_scene(hada_pair *pair, const hada_filled_scenes *filled, int number)
+{
+    for (int i = 0; filled && i < filled->count; i++)
+        if (filled->list[i].number == number) {
+            hada_image_destroy(&pair->own.scene);
+            pair->scene = &filled->list[i].scene;
+        }
+}
+
 static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth, int number, int keep, hada_error *err)
 {
     hada_pair_store *store = dataset->store;
-    const int index = store->depth[depth].before + number_of(dataset, depth, number);
+    const int index = hada_pair_number(dataset, depth, number);
     const double gain = dataset->gain ? dataset->gain[before(dataset, depth) + (size_t)number] : 1.0;
     const hada_pair_images *found = NULL;
     hada_status status = HADA_OK;
@@ -647,6 +695,7 @@ static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth,
         pair->raw = &found->raw;
         pair->scene = &found->scene;
     }
+    replace_scene(pair, dataset->filled, index);
     if (store->mosaic != HADA_MOSAIC_NONE && (status = fill(pair, store->mosaic, err)) != HADA_OK) {
         hada_pair_name(dataset, depth, number, err);
         goto done;
@@ -666,6 +715,23 @@ done:
 hada_status hada_pair_take(hada_pair *pair, const hada_dataset *dataset, int depth, int number, hada_error *err)
 {
     return take(pair, dataset, depth, number, 1, err);
+}
+
+hada_status hada_pair_load_raw(const hada_dataset *dataset, int depth, int pair, hada_image *image, hada_error *err)
+{
+    hada_pair_store *store = dataset->store;
+    const int number = number_of(dataset, depth, pair);
+    hada_image scene = {0};
+    *image = (hada_image){0};
+    if (store->raws)
+        return copy(image, &store->raws[hada_pair_number(dataset, depth, pair)], err);
+    if (!store->read)
+        return hada_tiff_load_light(store->depth[depth].files[number].raw, 0, store->frame_encoding, image, err);
+    pthread_mutex_lock(&store->reading);
+    const hada_status status = store->read(store->user, depth, number, image, &scene, err);
+    pthread_mutex_unlock(&store->reading);
+    hada_image_destroy(&scene);
+    return status;
 }
 
 void hada_pair_return(hada_pair *pair)

@@ -27,6 +27,9 @@ typedef enum hada_ahead_state {
     HADA_AHEAD_READY
 } hada_ahead_state;
 
+/* Replaces a scene of a depth by one that is placed otherwise. It may be called by several threads at once. */
+typedef hada_status (*hada_place_scene)(const void *placement, int depth, hada_image *scene, hada_error *err);
+
 /* What a data set and its parts share. Pairs are numbered over all depths. */
 typedef struct hada_pair_store {
     int depths, pairs, incomplete;
@@ -50,6 +53,9 @@ typedef struct hada_pair_store {
     const hada_image *raws, *scenes;
     pthread_mutex_t reading; /* held while the caller's function runs */
 
+    hada_place_scene place; /* NULL: scenes are given out as they were read */
+    void *placement;        /* for it; free() */
+
     pthread_mutex_t lock;   /* of all that follows */
     int users;              /* the data set and its parts */
     hada_pair_images *kept; /* of each pair; empty: not kept */
@@ -67,6 +73,17 @@ typedef struct hada_pair_store {
     } ahead;
 } hada_pair_store;
 
+/* Scenes in place of those that were read, by hada_pair_number(). */
+typedef struct hada_filled_scene {
+    int number;
+    hada_image scene;
+} hada_filled_scene;
+
+typedef struct hada_filled_scenes {
+    int count;
+    hada_filled_scene *list;
+} hada_filled_scenes;
+
 struct hada_dataset {
     hada_dataset_info info; /* points into the store and what follows */
     hada_pair_store *store;
@@ -75,6 +92,7 @@ struct hada_dataset {
     hada_pair_files *listed; /* their files then */
     double *distances_mm;
     const hada_pair_files **files;
+    const hada_filled_scenes *filled; /* NULL: all scenes are as they were read */
     double *gain; /* of each pair of this part: its scene is made so many times as bright; NULL: scenes as they are */
     double response; /* in which scenes are encoded, where there are gains */
 };
@@ -94,10 +112,24 @@ hada_status hada_dataset_part(hada_dataset **out, const hada_dataset *from, cons
 hada_status hada_dataset_select(hada_dataset **out, const hada_dataset *from, const unsigned char *const *leave,
                                 hada_error *err);
 
+/* The same pairs, with other scenes in place of some, which must stay as long as it and its parts. */
+hada_status hada_dataset_fill(hada_dataset **out, const hada_dataset *from, const hada_filled_scenes *filled,
+                              hada_error *err);
+/* The number of a pair, the same in all parts of a data set. */
+int hada_pair_number(const hada_dataset *dataset, int depth, int pair);
+
 /* The same pairs, with scenes that are gains[depth][pair] times as bright in linear light, `response` being how they
  * are encoded; gains NULL: as they are. */
 hada_status hada_dataset_brighten(hada_dataset **out, const hada_dataset *from, const double *const *gains,
                                   double response, hada_error *err);
+
+/* From now on all scenes that are read (of files, or by the caller's function) go through `place`; pairs that were read
+ * before are dropped. Nobody uses the data set or its parts meanwhile. They take `placement` over. */
+void hada_dataset_place(const hada_dataset *dataset, hada_place_scene place, void *placement);
+
+/* The raw frame of a pair as it is read, in linear light: before it is filled in, divided and binned. *image is created by
+ * the call. */
+hada_status hada_pair_load_raw(const hada_dataset *dataset, int depth, int pair, hada_image *image, hada_error *err);
 
 /* A pair in use: images that the cache, the caller or the pair itself owns. */
 typedef struct hada_pair {

@@ -80,11 +80,19 @@ hada_status hada_fit_check_content(const hada_dataset *pairs, hada_error *err);
  * options. A window that options give is cut from scenes that are as large as the frame. */
 hada_status hada_fit_sizes_from(hada_fit_options *options, const hada_dataset *pairs, hada_error *err);
 
-/* Leaves out pairs that contradict the others of their depth: at most a third, in depths with 4 to 32 pairs. *out: the
- * pairs that stay. (*left_out)[depth][pair]: 1 for the others. Both are NULL where all stay. options->monitor gets a
- * note for each pair that is left out. */
+/* Leaves out pairs that contradict the others of their depth: at most a third, in depths with 4 to 32 pairs; and scenes
+ * that were cut off at white. *out: the pairs that stay. (*left_out)[depth][pair]: a hada_left_out. Both are NULL where
+ * all stay. options->monitor gets a note for each pair that contradicts the others. */
+typedef enum hada_left_out { HADA_STAYS = 0, HADA_CONTRADICTS = 1, HADA_CUT_OFF = 2, HADA_FILLED = 3 } hada_left_out;
+/* A scene is cut off where its values are this share of its largest one. */
+#define HADA_AT_WHITE 0.999f
+
 hada_status hada_fit_screen(hada_dataset **out, unsigned char ***left_out, const hada_dataset *pairs,
                             const hada_fit_options *options, hada_error *err);
+/* Pairs that are HADA_FILLED become HADA_STAYS, or HADA_CONTRADICTS where the others of their depth are explained far
+ * worse with them. response: of the scenes. */
+hada_status hada_fit_judge_filled(const hada_dataset *pairs, unsigned char *const *leave,
+                                  const hada_fit_options *options, double response, hada_error *err);
 void hada_fit_left_out_free(unsigned char ***left_out, int depths);
 
 #endif

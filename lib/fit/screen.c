@@ -25,6 +25,15 @@ enum { ONE_OF = 3 };
 #define CONTRADICTS    0.05
 #define CONTRADICTS_BY 20.0
 #define AS_WELL        0.1
+/* Scenes with so large a share of their values at their largest one may have been cut off at white. All of a depth are
+ * left out, if LEAST_SOUND others remain, where these are then explained better by so much, by so many standard errors.
+ */
+#define AT_WHITE     0.02
+#define WHITE_BY     1.5
+#define WHITE_ERRORS 1.25
+enum { LEAST_SOUND = 3 };
+/* What was filled in is of no use where so many times more of the others is unexplained with it. */
+#define USELESS_BY 2.0
 /* The least number of pairs with this much of what the most gain is left out. */
 #define MOST_OF_THE_GAIN 0.8
 
@@ -39,6 +48,7 @@ typedef struct shares {
 /* Pairs that are left out, in the order of their harm. */
 typedef struct suspects {
     int pair[MOST_PAIRS], count;
+    int white;    /* the first ones, which were cut off */
     double times; /* so much less is unexplained of the others without them */
     double left;  /* logarithm of what is, the median */
 } suspects;
@@ -49,7 +59,20 @@ typedef struct screening {
     hada_reducer reducer;
     hada_pair_level level[RESPONSES];
     int tried, at[MOST_PAIRS], count; /* responses; the numbers of the pairs that are looked at */
+    double white[MOST_PAIRS][2]; /* shares of their scenes, and frames, that are as bright as their brightest value */
 } screening;
+
+static double at_white(const hada_image *image)
+{
+    const size_t count = hada_image_count(image);
+    size_t most = 0;
+    float white = 0.0f;
+    for (size_t i = 0; i < count; i++)
+        white = fmaxf(white, image->data[i]);
+    for (size_t i = 0; i < count; i++)
+        most += image->data[i] >= HADA_AT_WHITE * white;
+    return white > 0.0f ? (double)most / (double)count : 0.0;
+}
 
 /* Puts a pair beside those that were taken, with its scene in all responses tried. */
 static hada_status take_pair(screening *of, int depth, int number, hada_error *err)
@@ -68,6 +91,8 @@ static hada_status take_pair(screening *of, int depth, int number, hada_error *e
         HADA_TRY_OR_DONE(hada_reduce_scene(&of->reducer, pair.scene, response, &scene, err));
         hada_pair_level_put(&of->level[r], of->count, 0, &frame, &scene);
     }
+    of->white[of->count][0] = at_white(pair.scene);
+    of->white[of->count][1] = at_white(pair.raw);
     of->at[of->count++] = number;
 done:
     hada_image_destroy(&frame);
@@ -190,18 +215,38 @@ static int most_contradicting(const hada_pair_level *level, const shares *itself
     return worst;
 }
 
-/* All pairs, with exposures alike or apart. */
+/* All pairs but those that are left out already, with exposures alike or apart. */
 typedef struct beginning {
     double gain[MOST_PAIRS], left; /* the median of all */
     shares all;
+    unsigned char out[MOST_PAIRS];
 } beginning;
 
 static void begin(hada_pair_level *level, int apart, beginning *from)
 {
-    const unsigned char none[MOST_PAIRS] = {0};
-    expose(level, none, apart, from->gain);
+    expose(level, from->out, apart, from->gain);
     judge(level, from->gain, 0, &from->all);
-    from->left = median(level, &from->all, none);
+    from->left = median(level, &from->all, from->out);
+}
+
+/* Leaves out pairs that were cut off. *times: so much less is unexplained of the others. Their number. */
+static int leave_white(const screening *of, hada_pair_level *level, int apart, beginning *from, double *times)
+{
+    beginning without = {.left = 0.0};
+    double errors;
+    int count = 0;
+    for (int k = 0; k < of->count; k++)
+        count += without.out[k] = fmax(of->white[k][0], of->white[k][1]) > AT_WHITE;
+    *times = 1.0;
+    if (!count || of->count - count < LEAST_SOUND || from->left < log(SOUND))
+        return 0;
+    begin(level, apart, &without);
+    const double less = gain_of(level, &from->all, &without.all, without.out, &errors);
+    if (less < log(WHITE_BY) || errors < WHITE_ERRORS)
+        return 0;
+    *from = without;
+    *times = exp(less);
+    return count;
 }
 
 /* Leaves out one after the other. */
@@ -210,10 +255,14 @@ static void suspect(hada_pair_level *level, int apart, const beginning *from, su
     unsigned char out[MOST_PAIRS] = {0};
     double gain[MOST_PAIRS], best[MOST_PAIRS] = {0.0}, left[MOST_PAIRS], errors, most = 0.0;
     shares now, itself;
-    const int tries = level->count / ONE_OF;
-    int pair[MOST_PAIRS];
+    int pair[MOST_PAIRS], sound = 0;
     *found = (suspects){.times = 1.0, .left = from->left};
-    if (from->left < log(SOUND))
+    for (int k = 0; k < level->count; k++) {
+        out[k] = from->out[k];
+        sound += !out[k];
+    }
+    const int tries = sound / ONE_OF;
+    if (from->left < log(SOUND) || sound < LEAST_PAIRS)
         return;
     memcpy(gain, from->gain, (size_t)level->count * sizeof *gain);
     now = from->all;
@@ -243,10 +292,26 @@ static void suspect(hada_pair_level *level, int apart, const beginning *from, su
         }
 }
 
+/* What suspect() finds, behind the pairs that were cut off. */
+static void suspect_after(const screening *of, hada_pair_level *level, int apart, const beginning *all, suspects *found)
+{
+    beginning from = *all;
+    double times;
+    const int white = leave_white(of, level, apart, &from, &times);
+    suspects more;
+    suspect(level, apart, &from, &more);
+    *found = (suspects){.count = more.count, .white = white, .times = times * more.times, .left = more.left};
+    for (int k = 0, i = 0; k < of->count; k++)
+        if (from.out[k])
+            found->pair[i++] = k;
+    memcpy(found->pair + white, more.pair, (size_t)more.count * sizeof *more.pair);
+    found->count += white;
+}
+
 /* With the response that leaves least: what the kind of exposures says that does. */
 static void suspect_all(screening *of, suspects *found)
 {
-    beginning from[RESPONSES][2];
+    beginning from[RESPONSES][2] = {{{.left = 0.0}}};
     int best = 0;
     for (int r = 0; r < of->tried; r++) {
         begin(&of->level[r], 0, &from[r][0]);
@@ -255,8 +320,8 @@ static void suspect_all(screening *of, suspects *found)
             best = r;
     }
     suspects apart;
-    suspect(&of->level[best], 0, &from[best][0], found);
-    suspect(&of->level[best], 1, &from[best][1], &apart);
+    suspect_after(of, &of->level[best], 0, &from[best][0], found);
+    suspect_after(of, &of->level[best], 1, &from[best][1], &apart);
     if (apart.left < found->left)
         *found = apart;
 }
@@ -274,7 +339,7 @@ static void tell(const screening *of, int depth, int pair, double times)
         files->raw, better, files->scene);
 }
 
-/* leave[depth][pair]: 1 where it is left out. */
+/* leave[depth][pair]: a hada_left_out. */
 static hada_status screen(screening *of, unsigned char *const *leave, int *count, hada_error *err)
 {
     const hada_dataset_info *info = hada_dataset_get_info(of->pairs);
@@ -287,12 +352,31 @@ static hada_status screen(screening *of, unsigned char *const *leave, int *count
             continue;
         suspect_all(of, &found);
         for (int k = 0; k < found.count; k++) {
-            leave[z][of->at[found.pair[k]]] = 1;
-            tell(of, z, of->at[found.pair[k]], found.times);
+            const double *white = of->white[found.pair[k]];
+            const int cut = k < found.white && white[1] <= AT_WHITE; /* the scene, not its frame */
+            leave[z][of->at[found.pair[k]]] = cut ? HADA_CUT_OFF : HADA_CONTRADICTS;
+            if (!cut)
+                tell(of, z, of->at[found.pair[k]], found.times);
         }
         *count += found.count;
     }
     return HADA_OK;
+}
+
+/* Room for the pairs of a depth. */
+static hada_status make_levels(screening *of, hada_error *err)
+{
+    HADA_TRY(hada_reducer_create(&of->reducer, of->options, err));
+    for (int r = 0; r < of->tried; r++)
+        HADA_TRY(hada_pair_level_create(&of->level[r], of->reducer.grid, of->options->channels, MOST_PAIRS, err));
+    return HADA_OK;
+}
+
+static void free_levels(screening *of)
+{
+    for (int r = 0; r < of->tried; r++)
+        hada_pair_level_destroy(&of->level[r]);
+    hada_reducer_destroy(&of->reducer);
 }
 
 hada_status hada_fit_screen(hada_dataset **out, unsigned char ***left_out, const hada_dataset *pairs,
@@ -305,9 +389,7 @@ hada_status hada_fit_screen(hada_dataset **out, unsigned char ***left_out, const
     hada_status status = HADA_OK;
     *out = NULL;
     *left_out = NULL;
-    HADA_TRY_OR_DONE(hada_reducer_create(&of.reducer, options, err));
-    for (int r = 0; r < of.tried; r++)
-        HADA_TRY_OR_DONE(hada_pair_level_create(&of.level[r], of.reducer.grid, options->channels, MOST_PAIRS, err));
+    HADA_TRY_OR_DONE(make_levels(&of, err));
     HADA_TRY_OR_DONE(HADA_NEW(leave, (size_t)info->depths, "the pairs", err));
     for (int z = 0; z < info->depths; z++)
         HADA_TRY_OR_DONE(HADA_NEW(leave[z], (size_t)info->counts[z] + 1, "the pairs", err));
@@ -319,9 +401,52 @@ hada_status hada_fit_screen(hada_dataset **out, unsigned char ***left_out, const
     leave = NULL;
 done:
     hada_fit_left_out_free(&leave, info->depths);
-    for (int r = 0; r < of.tried; r++)
-        hada_pair_level_destroy(&of.level[r]);
-    hada_reducer_destroy(&of.reducer);
+    free_levels(&of);
+    return status;
+}
+
+/* Whether what was filled in is of use: the others are not explained far worse with it. */
+static int filled_help(screening *of, const unsigned char *leave)
+{
+    beginning with[2] = {{.left = 0.0}}, without[2] = {{.left = 0.0}};
+    double errors;
+    for (int apart = 0; apart < 2; apart++) {
+        for (int k = 0; k < of->count; k++) {
+            with[apart].out[k] = leave[of->at[k]] == HADA_CONTRADICTS;
+            without[apart].out[k] = leave[of->at[k]] != HADA_STAYS;
+        }
+        begin(of->level, apart, &with[apart]);
+        begin(of->level, apart, &without[apart]);
+    }
+    const int apart = fmin(with[1].left, without[1].left) < fmin(with[0].left, without[0].left);
+    return gain_of(of->level, &without[apart].all, &with[apart].all, without[apart].out, &errors) > -log(USELESS_BY);
+}
+
+hada_status hada_fit_judge_filled(const hada_dataset *pairs, unsigned char *const *leave,
+                                  const hada_fit_options *options, double response, hada_error *err)
+{
+    const hada_dataset_info *info = hada_dataset_get_info(pairs);
+    hada_fit_options known = *options;
+    screening of = {.pairs = pairs, .options = &known, .tried = 1};
+    hada_status status = HADA_OK;
+    known.scene_response = response;
+    HADA_TRY_OR_DONE(make_levels(&of, err));
+    for (int z = 0; z < info->depths; z++) {
+        if (info->counts[z] > MOST_PAIRS || !memchr(leave[z], HADA_FILLED, (size_t)info->counts[z]))
+            continue;
+        HADA_TRY_OR_DONE(take_depth(&of, z, info->counts[z], err));
+        const hada_left_out becomes = filled_help(&of, leave[z]) ? HADA_STAYS : HADA_CONTRADICTS;
+        for (int i = 0; i < info->counts[z]; i++)
+            if (leave[z][i] == HADA_FILLED) {
+                leave[z][i] = becomes;
+                hada_monitor_tell(options->monitor, HADA_MESSAGE_NOTE,
+                                  becomes ? "%s is cut off at white, and %s is left out"
+                                          : "%s is cut off at white: what is brighter there is taken from %s",
+                                  info->files[z][i].scene, info->files[z][i].raw);
+            }
+    }
+done:
+    free_levels(&of);
     return status;
 }
 

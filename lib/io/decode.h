@@ -43,7 +43,8 @@ typedef struct hada_array {
 } hada_array;
 
 /* What an array is as frames: (rows, cols), (rows, cols, channels), (channels, rows, cols), (frames, rows, cols),
- * (frames, rows, cols, channels) or (frames, channels, rows, cols); with frames last: (rows, cols), (rows, cols,
+ * (frames, rows, cols, channels) or (frames, channels, rows, cols) (NumPy also: (frames, depths, rows, cols, channels),
+ * where all depths are frames); with frames last: (rows, cols), (rows, cols,
  * channels), (rows, cols, frames) or (rows, cols, channels, frames). Channels are 1 or 3, or with frames
  * first 4 as the last dimension (colour and opacity). out->page.bits, is_float and is_signed are known. */
 hada_status hada_array_frames(hada_decoded *out, const hada_array *array, size_t file_bytes, hada_error *err);

@@ -44,6 +44,8 @@ static hada_status read_kind(hada_decoded *out, const char *text, hada_error *er
     return HADA_OK;
 }
 
+enum { MOST_DIMENSIONS = 5 };
+
 static hada_status read_shape(hada_array *array, const char *text, hada_error *err)
 {
     const char *order = value_of(text, "'fortran_order'"), *at = value_of(text, "'shape'");
@@ -52,16 +54,24 @@ static hada_status read_shape(hada_array *array, const char *text, hada_error *e
     array->columns_first = *order == 'T';
     if (!at || *at != '(')
         return damaged(err, "shape");
+    uint64_t size[MOST_DIMENSIONS] = {0};
+    int count = 0;
     for (at++; *at && *at != ')';) {
         char *end;
-        const unsigned long long size = strtoull(at, &end, 10);
-        if (end == at || size > UINT32_MAX)
+        const unsigned long long one = strtoull(at, &end, 10);
+        if (end == at || one > UINT32_MAX)
             return damaged(err, "shape");
-        if (array->dimensions < 4)
-            array->size[array->dimensions] = size;
-        array->dimensions++;
+        if (count < MOST_DIMENSIONS)
+            size[count] = one;
+        count++;
         at = end + strspn(end, ", L");
     }
+    const int stacks = count == MOST_DIMENSIONS && !array->columns_first; /* frames of depths: all are frames here */
+    if (stacks)
+        size[1] *= size[0];
+    array->dimensions = count - stacks;
+    for (int i = 0; i < 4; i++)
+        array->size[i] = size[i + stacks];
     return HADA_OK;
 }
 

@@ -1,13 +1,7 @@
 #include "io/encode_frames.h"
 
+#include "core/outfile.h"
 #include "io/tiff_page.h"
-
-static const uint16_t one = 1;
-
-static int is_little_endian(void)
-{
-    return *(const unsigned char *)&one;
-}
 
 static unsigned whole(float value, unsigned full)
 {
@@ -15,59 +9,15 @@ static unsigned whole(float value, unsigned full)
     return (unsigned)(clipped * full + 0.5);
 }
 
-hada_status hada_numpy_begin(hada_outfile *file, const uint64_t *shape, int dimensions, int bits, hada_error *err)
+/* One channel, in 16 bits. */
+static hada_status take_samples(const hada_image *image, uint16_t **out, size_t *bytes, hada_error *err)
 {
-    enum { BEFORE_TEXT = 10, ALIGNMENT = 64 };
-    char text[BEFORE_TEXT + 3 * ALIGNMENT] = "\x93NUMPY\x01"; /* version 1.0, the second byte of which is 0 */
-    char *at = text + BEFORE_TEXT;
-    const char *end = text + sizeof text;
-    at += snprintf(at, (size_t)(end - at), "{'descr': '%c%s', 'fortran_order': False, 'shape': (",
-                   is_little_endian() ? '<' : '>', bits == 32 ? "f4" : "u2");
-    for (int i = 0; i < dimensions; i++)
-        at += snprintf(at, (size_t)(end - at), "%s%llu", i ? ", " : "", (unsigned long long)shape[i]);
-    at += snprintf(at, (size_t)(end - at), "), }");
-    while ((at - text + 1) % ALIGNMENT)
-        *at++ = ' ';
-    *at++ = '\n';
-    const size_t length = (size_t)(at - text) - BEFORE_TEXT;
-    text[8] = (char)(length & 255u);
-    text[9] = (char)(length >> 8);
-    return hada_outfile_write(file, text, (size_t)(at - text), err);
-}
-
-/* Channels of a pixel together. */
-static hada_status interleave(const hada_image *image, int bits, void **out, size_t *bytes, hada_error *err)
-{
-    const size_t plane = (size_t)image->rows * (size_t)image->cols, channels = (size_t)image->channels;
-    *bytes = plane * channels * (size_t)bits / 8;
-    HADA_TRY(hada_allocated(*out = hada_alloc_raw(1, *bytes, "a frame", err)));
-    for (size_t c = 0; c < channels; c++)
-        for (size_t i = 0; i < plane; i++) {
-            const float value = image->data[c * plane + i];
-            if (bits == 32)
-                ((float *)*out)[i * channels + c] = value;
-            else
-                ((uint16_t *)*out)[i * channels + c] = (uint16_t)whole(value, 65535);
-        }
+    const size_t count = (size_t)image->rows * (size_t)image->cols;
+    *bytes = count * sizeof **out;
+    HADA_TRY(HADA_NEW_RAW(*out, count, "a frame", err));
+    for (size_t i = 0; i < count; i++)
+        (*out)[i] = (uint16_t)whole(image->data[i], 65535);
     return HADA_OK;
-}
-
-hada_status hada_numpy_save(const char *path, const hada_image *image, int bits, hada_error *err)
-{
-    const uint64_t shape[] = {(uint64_t)image->rows, (uint64_t)image->cols, (uint64_t)image->channels};
-    hada_outfile file;
-    void *samples = NULL;
-    size_t bytes;
-    HADA_TRY(hada_outfile_open(&file, path, err));
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(interleave(image, bits, &samples, &bytes, err));
-    HADA_TRY_OR_DONE(hada_numpy_begin(&file, shape, image->channels > 1 ? 3 : 2, bits, err));
-    HADA_TRY_OR_DONE(hada_outfile_write(&file, samples, bytes, err));
-    HADA_TRY_OR_DONE(hada_outfile_commit(&file, err));
-done:
-    free(samples);
-    hada_outfile_abandon(&file);
-    return status;
 }
 
 /* Sets a tag with an array, whatever libtiff wants to be told of its length. */
@@ -113,11 +63,11 @@ hada_status hada_dng_save(const char *path, const hada_image *image, hada_mosaic
     hada_outfile file;
     hada_tiff_handle handle = {0};
     TIFF *tif = NULL;
-    void *samples = NULL;
+    uint16_t *samples = NULL;
     size_t bytes;
     HADA_TRY(hada_outfile_open(&file, path, err));
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(interleave(image, 16, &samples, &bytes, err));
+    HADA_TRY_OR_DONE(take_samples(image, &samples, &bytes, err));
     handle.fd = file.fd;
     tif = hada_tiff_attach(&handle, path, "wl");
     if (!tif || !set_dng(tif, image, mosaic, black) ||

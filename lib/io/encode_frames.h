@@ -1,17 +1,8 @@
-/* Frames in files such as cameras and programs write them: NumPy arrays, DNG, packed pixels without a header.
- * Internal. */
+/* Frames in files such as cameras and programs write them: DNG, packed pixels without a header. Internal. */
 #ifndef HADA_IO_ENCODE_FRAMES_H
 #define HADA_IO_ENCODE_FRAMES_H
 
 #include <hadalens/image.h>
-
-#include "core/outfile.h"
-
-/* The beginning of a file of an array of floats, or of whole numbers of 16 bits. */
-hada_status hada_numpy_begin(hada_outfile *file, const uint64_t *shape, int dimensions, int bits, hada_error *err);
-
-/* (rows, cols), or (rows, cols, channels). bits 32: floats; 16: 0 to 1 become 0 to 65535. */
-hada_status hada_numpy_save(const char *path, const hada_image *image, int bits, hada_error *err);
 
 /* A sensor's values from 0 to 1 in 16 bits. One channel, with the colours that `mosaic` says; black is 0 of light. */
 hada_status hada_dng_save(const char *path, const hada_image *image, hada_mosaic mosaic, double black, hada_error *err);

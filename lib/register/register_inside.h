@@ -70,17 +70,20 @@ hada_status hada_register_view_create(hada_register_view *view, const hada_regis
                                       hada_error *err);
 void hada_register_view_destroy(hada_register_view *view);
 
-/* The matrix of a registration without its offset: from the scene to the sensor, (row, column). */
+/* The matrix of a registration without its offset and perspective: from the scene to the sensor, (row, column). */
 void hada_register_matrix(const hada_registration *registration, double matrix[2][2]);
 
-/* out[r * out_pitch + c * out_step] for r < rows, c < cols is what the plane holds at inverse * p, with p = (row,
- * column) from the middle of rows x cols less (row, col), times `pitch`; both middles are those of the images, between
- * pixels where a size is even. Zero outside. Cubic interpolation (Keys 1981, a = -1/2). */
-void hada_register_sample(const hada_register_view *view, double inverse[2][2], double pitch, double row, double col,
-                          int rows, int cols, float *out, int out_pitch, int out_step);
+/* The way back, from the sensor to the scene: with p less the offset, q = inverse * p / (1 - perspective . p). */
+typedef struct hada_register_map {
+    double inverse[2][2], perspective[2], offset[2];
+} hada_register_map;
+hada_register_map hada_register_map_of(const hada_registration *registration);
 
-/* The inverse of a matrix that is not singular. */
-void hada_register_invert(double matrix[2][2], double inverse[2][2]);
+/* out[r * out_pitch + c * out_step] for r < rows, c < cols is what the plane holds where the map leads from p = `pitch`
+ * times (row, column) from the middle of rows x cols; both middles are those of the images, between pixels where a size
+ * is even. Zero outside. Cubic interpolation (Keys 1981, a = -1/2). */
+void hada_register_sample(const hada_register_view *view, const hada_register_map *map, double pitch, int rows,
+                          int cols, float *out, int out_pitch, int out_step);
 
 enum { HADA_REGISTER_RINGS = 32 };
 
@@ -135,8 +138,8 @@ hada_status hada_register_scan(hada_register_level *level, const hada_register_o
                                hada_registration best[8], double scores[8], hada_error *err);
 
 /* Improves magnification and rotation, about `step` (of log magnification, and in radians) around, within the options'
- * range and one coarse step beyond. */
-hada_status hada_register_refine(hada_register_level *level, const hada_register_options *options, double step,
-                                 hada_registration *at, double *score, hada_error *err);
+ * range and one coarse step beyond. slantwise: the perspective as well. */
+hada_status hada_register_refine(hada_register_level *level, const hada_register_options *options, int slantwise,
+                                 double step, hada_registration *at, double *score, hada_error *err);
 
 #endif

@@ -128,18 +128,20 @@ void hada_register_set_destroy(hada_register_set *set)
     *set = (hada_register_set){0};
 }
 
-/* Spectra of planes, each seen through `inverse`, into level->x. Two real images make one complex transform. */
-static hada_status transform(hada_register_level *level, const hada_register_plane *planes, double inverse[2][2],
-                             double row, double col, hada_error *err)
+/* Spectra of planes, placed on the sensor, into level->x. Two real images make one complex transform. */
+static hada_status transform(hada_register_level *level, const hada_register_plane *planes,
+                             const hada_registration *placed, hada_error *err)
 {
+    const hada_register_map map = hada_register_map_of(placed);
     const int n = level->size, count = level->set->count;
-    const double step = level->pitch * sqrt(fabs(inverse[0][0] * inverse[1][1] - inverse[0][1] * inverse[1][0]));
+    const double step =
+        level->pitch * sqrt(fabs(map.inverse[0][0] * map.inverse[1][1] - map.inverse[0][1] * map.inverse[1][0]));
     for (int i = 0; i < count; i += 2) {
         memset(level->work, 0, 2 * (size_t)n * (size_t)n * sizeof(float));
         for (int k = i; k < count && k < i + 2; k++) {
             hada_register_view view;
             HADA_TRY(hada_register_view_create(&view, &planes[k], step, err));
-            hada_register_sample(&view, inverse, level->pitch, row, col, n, n, level->work + (k - i), 2 * n, 2);
+            hada_register_sample(&view, &map, level->pitch, n, n, level->work + (k - i), 2 * n, 2);
             hada_register_view_destroy(&view);
         }
         hada_small_fft_run(&level->fft, level->work);
@@ -212,11 +214,11 @@ static hada_status list_bins(hada_register_level *level, hada_error *err)
 
 static hada_status take_frames(hada_register_level *level, hada_error *err)
 {
-    double as_it_is[2][2] = {{1, 0}, {0, 1}};
+    const hada_registration as_it_is = {.magnification = 1.0};
     const size_t count = (size_t)level->set->count;
     const double others =
         is_centred(level) ? 1.0 - 1.0 / (double)count : 1.0; /* the mean leaves the pair out as well */
-    HADA_TRY(transform(level, level->set->raws, as_it_is, 0, 0, err));
+    HADA_TRY(transform(level, level->set->raws, &as_it_is, err));
     HADA_TRY(HADA_NEW_RAW(level->b, 2 * count * (size_t)level->bins, "spectra", err));
     for (int k = 0; k < level->bins; k++) {
         const short *at = level->at + 3 * k;
@@ -251,11 +253,7 @@ void hada_register_level_destroy(hada_register_level *level)
 
 hada_status hada_register_level_take(hada_register_level *level, const hada_registration *registration, hada_error *err)
 {
-    double matrix[2][2], inverse[2][2];
-    hada_register_matrix(registration, matrix);
-    hada_register_invert(matrix, inverse);
-    HADA_TRY(transform(level, level->set->scenes, inverse, registration->offset_row / level->pitch,
-                       registration->offset_col / level->pitch, err));
+    HADA_TRY(transform(level, level->set->scenes, registration, err));
     const size_t values = 2 * (size_t)level->set->count, area = (size_t)level->size * (size_t)level->size;
     for (size_t k = 0; is_centred(level) && k < area; k++)
         centre(level->x + values * k, level->set->count);

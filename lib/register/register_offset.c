@@ -54,11 +54,12 @@ static hada_status correlate(match *m, peak *at, hada_error *err)
 {
     const int n = m->fft.size, mask = n - 1;
     const size_t area = (size_t)n * (size_t)n;
-    double per = exp(-at->log_scale), inverse[2][2] = {{per, 0}, {0, per}};
+    const double per = exp(-at->log_scale);
+    const hada_register_map map = {.inverse = {{per, 0}, {0, per}}};
     hada_register_view view;
     HADA_TRY(hada_register_view_create(&view, &m->plane, per, err));
     memset(m->work, 0, 2 * area * sizeof(float));
-    hada_register_sample(&view, inverse, 1.0, 0, 0, m->side, m->side, m->work, 2 * n, 2);
+    hada_register_sample(&view, &map, 1.0, m->side, m->side, m->work, 2 * n, 2);
     hada_register_view_destroy(&view);
     const double energy = energy_of(m->work, area) * m->other_energy;
     hada_small_fft_run(&m->fft, m->work);

@@ -107,13 +107,15 @@ void hada_register_matrix(const hada_registration *registration, double matrix[2
     matrix[1][1] = c * side;
 }
 
-void hada_register_invert(double matrix[2][2], double inverse[2][2])
+hada_register_map hada_register_map_of(const hada_registration *registration)
 {
+    double matrix[2][2];
+    hada_register_matrix(registration, matrix);
     const double per = 1.0 / (matrix[0][0] * matrix[1][1] - matrix[0][1] * matrix[1][0]);
-    inverse[0][0] = per * matrix[1][1];
-    inverse[0][1] = -per * matrix[0][1];
-    inverse[1][0] = -per * matrix[1][0];
-    inverse[1][1] = per * matrix[0][0];
+    return (hada_register_map){
+        .inverse = {{per * matrix[1][1], -per * matrix[0][1]}, {-per * matrix[1][0], per * matrix[0][0]}},
+        .perspective = {registration->perspective_row, registration->perspective_col},
+        .offset = {registration->offset_row, registration->offset_col}};
 }
 
 static void cubic(double t, float weight[4])
@@ -146,18 +148,21 @@ static float interpolate(const hada_register_view *view, double u, double v)
     return sum;
 }
 
-void hada_register_sample(const hada_register_view *view, double inverse[2][2], double pitch, double row, double col,
-                          int rows, int cols, float *out, int out_pitch, int out_step)
+void hada_register_sample(const hada_register_view *view, const hada_register_map *map, double pitch, int rows,
+                          int cols, float *out, int out_pitch, int out_step)
 {
     /* the middle of the plane, in pixels of the view: exact also where halving rounded up */
-    const double to = view->scale * pitch;
     const double mid_row = (view->mid_row + 0.5) * view->scale - 0.5,
                  mid_col = (view->mid_col + 0.5) * view->scale - 0.5;
+    const double row = map->offset[0] / pitch, col = map->offset[1] / pitch;
     for (int r = 0; r < rows; r++)
         for (int c = 0; c < cols; c++) {
             const double y = r - 0.5 * (rows - 1) - row, x = c - 0.5 * (cols - 1) - col;
-            const double u = to * (inverse[0][0] * y + inverse[0][1] * x) + mid_row;
-            const double v = to * (inverse[1][0] * y + inverse[1][1] * x) + mid_col;
-            out[(size_t)r * (size_t)out_pitch + (size_t)(c * out_step)] = interpolate(view, u, v);
+            const double nearer = 1.0 - pitch * (map->perspective[0] * y + map->perspective[1] * x);
+            const double to = view->scale * pitch / nearer;
+            const double u = to * (map->inverse[0][0] * y + map->inverse[0][1] * x) + mid_row;
+            const double v = to * (map->inverse[1][0] * y + map->inverse[1][1] * x) + mid_col;
+            out[(size_t)r * (size_t)out_pitch + (size_t)(c * out_step)] =
+                nearer > 0.0 ? interpolate(view, u, v) : 0.0f; /* else beyond the horizon */
         }
 }

@@ -5,6 +5,8 @@
 #include <hadalens/monitor.h>
 #include <hadalens/survey.h>
 
+#include "dataset/dataset.h"
+
 /* Sizes, depths and boundary of a data set, into `fit`, as hada_fit_task has them; boundary: a hada_boundary, or 0 for
  * that of camera.json, else padded. fit->monitor becomes `monitor`, unless it has one. */
 hada_status hada_fit_prepare(hada_fit_options *fit, const hada_dataset *data, int boundary, const hada_monitor *monitor,
@@ -20,6 +22,13 @@ hada_status hada_fit_choose_boundary(hada_fit_options *fit, hada_context *contex
 
 /* Among ranks: what the first of them has found so far, as devices round differently. */
 hada_status hada_fit_agree(hada_fit_options *fit, const hada_communicator *ranks, hada_error *err);
+
+/* Scenes that were cut off at white (leave[depth][pair] is HADA_CUT_OFF, and HADA_FILLED afterwards, or
+ * HADA_STAYS where it was no brighter), with what a model
+ * of the other pairs reconstructs there. *out, empty before, is freed by the caller, also where this failed. */
+hada_status hada_fit_fill_white(hada_filled_scenes *out, hada_context *context, const hada_model *model,
+                                const hada_dataset *data, unsigned char *const *leave, hada_error *err);
+void hada_filled_scenes_free(hada_filled_scenes *filled);
 
 /* What a fit ends with: filters in half precision where `half` is 1; then the model is tried before it is called one:
  * its numbers are those that a file may hold, and a frame of its `pairs` (NULL: a point of light, by its filters alone)

@@ -14,6 +14,8 @@
 
 static const char *const endings[HADA_OUTPUT_FILES] = {"stack.tif",      "aif.tif", "depth.tif",    "preview.png",
                                                        "confidence.tif", "aif.png", "emitters.csv", "tracks.csv"};
+static const char *const array_endings[HADA_OUTPUT_FILES] = {"stack.npy",      "aif.npy", "depth.npy",    "preview.png",
+                                                             "confidence.npy", "aif.png", "emitters.csv", "tracks.csv"};
 
 static const char table_words[] = "a table of emitters";
 #define EMITTER_COLUMNS "frame,x,y,z,distance_mm,amplitude,sd_x,sd_y,sd_z,sd_amplitude,residual\n"
@@ -51,12 +53,25 @@ static int has_map(const hada_plan *plan)
     return plan->setup.config.depths > 1;
 }
 
+hada_status hada_outputs_check(const hada_files_task *task, hada_error *err)
+{
+    if ((int)task->format < HADA_FILES_TIFF || task->format > HADA_FILES_NUMPY)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no options.format %d", (int)task->format);
+    if (task->bits != 8 && task->bits != 16 && task->bits != 32)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "options.bits is 8, 16 or 32, not %d", task->bits);
+    if (task->format == HADA_FILES_NUMPY && task->resume)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "options.resume needs what TIFF files say of how they were made: leave options.format out");
+    return HADA_OK;
+}
+
 hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, const hada_plan *plan, const char *name,
                                int frames, hada_error *err)
 {
     const hada_model_info *model = hada_model_get_info(plan->setup.model);
     const char *slash = strrchr(model->name, '/');
     *out = (hada_outputs){.frames = frames,
+                          .format = task->format,
                           .bits = task->bits,
                           .white = task->white,
                           .pixel_um = task->pixel_um,
@@ -65,7 +80,8 @@ hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, c
     choose_encoding(out, task, plan->setup.options.gamma);
     for (int k = 0; k < HADA_OUTPUT_FILES; k++)
         if (is_wanted(task, k))
-            HADA_TRY(hada_path_format(&out->path[k], err, "%s/%s_%s", task->output, name, endings[k]));
+            HADA_TRY(hada_path_format(&out->path[k], err, "%s/%s_%s", task->output, name,
+                                      (task->format == HADA_FILES_NUMPY ? array_endings : endings)[k]));
     if (task->emitters && frames > 1)
         HADA_TRY(hada_tracker_create(&out->tracker, task->track_pixels, task->track_depths, task->track_gap, err));
     return hada_path_format(&out->title, err, "%s, %s", name, slash ? slash + 1 : model->name);
@@ -82,16 +98,33 @@ hada_status hada_made_from(char text[HADA_MADE_FROM], const char *frame, uint64_
     return HADA_OK;
 }
 
+/* Millimetres and NaN need floats. */
+static int is_map(int which)
+{
+    return which == HADA_OUTPUT_DISTANCE_MAP || which == HADA_OUTPUT_CONFIDENCE;
+}
+
+static hada_status open_array(hada_outputs *out, int which, const hada_image *first, int depths, hada_error *err)
+{
+    const uint64_t shape[] = {(uint64_t)out->frames, (uint64_t)depths, (uint64_t)first->rows, (uint64_t)first->cols,
+                              (uint64_t)first->channels};
+    const uint64_t one[] = {shape[0], shape[2], shape[3], shape[4]};
+    const hada_numpy_values values = {
+        .bits = is_map(which) ? 32 : out->bits, .white = out->white, .encoding = out->encoding};
+    return which == HADA_OUTPUT_STACK ? hada_numpy_begin(&out->array[which], out->path[which], shape, 5, &values, err)
+                                      : hada_numpy_begin(&out->array[which], out->path[which], one, 4, &values, err);
+}
+
 static hada_status open_writer(hada_outputs *out, int which, const hada_image *first, const hada_result *result,
                                hada_error *err)
 {
     hada_tiff_write_options options;
     char name[HADA_RESPONSE_NAME], lines[HADA_RESPONSE_NAME + HADA_MADE_FROM + 40], *at = lines;
     size_t room = sizeof lines;
+    if (out->format == HADA_FILES_NUMPY)
+        return open_array(out, which, first, result->depths, err);
     hada_tiff_write_options_init(&options);
-    /* millimetres and NaN need floats */
-    const int is_map = which == HADA_OUTPUT_DISTANCE_MAP || which == HADA_OUTPUT_CONFIDENCE;
-    options.bits = is_map ? 32 : out->bits;
+    options.bits = is_map(which) ? 32 : out->bits;
     options.scale = out->white;
     options.pixel_um = out->pixel_um;
     options.slices = 1;
@@ -103,7 +136,7 @@ static hada_status open_writer(hada_outputs *out, int which, const hada_image *f
     }
     if (which == HADA_OUTPUT_DISTANCE_MAP) {
         at += snprintf(at, room, "unit=millimetre\n");
-    } else if (!is_map) {
+    } else if (!is_map(which)) {
         options.encoding = out->encoding;
         hada_response_name(name, out->scene_response);
         at += snprintf(at, room, "scene_response=%s\n", name);
@@ -149,7 +182,7 @@ static hada_status open_all(hada_outputs *out, const hada_pixels *raw, const had
         HADA_TRY(open_writer(out, HADA_OUTPUT_DISTANCE_MAP, &result->distance_map, result, err));
     if (hada_result_confidence(result))
         HADA_TRY(open_writer(out, HADA_OUTPUT_CONFIDENCE, &result->distance_map, result, err));
-    out->has_confidence = out->writer[HADA_OUTPUT_CONFIDENCE] != NULL;
+    out->has_confidence = hada_result_confidence(result) != NULL;
     if (out->path[HADA_OUTPUT_PREVIEW])
         HADA_TRY(save_preview(out, raw, result, err));
     return out->path[HADA_OUTPUT_PICTURE]
@@ -157,10 +190,12 @@ static hada_status open_all(hada_outputs *out, const hada_pixels *raw, const had
                : HADA_OK;
 }
 
-static hada_status write_light(hada_outputs *out, hada_output which, const hada_image *light, hada_error *err)
+static hada_status write_image(hada_outputs *out, int which, const hada_image *image, int is_light, hada_error *err)
 {
-    return out->convert ? hada_tiff_write_light(out->writer[which], light, err)
-                        : hada_tiff_write(out->writer[which], light, err);
+    if (out->format == HADA_FILES_NUMPY)
+        return hada_numpy_add(&out->array[which], image, is_light, err);
+    return is_light ? hada_tiff_write_light(out->writer[which], image, err)
+                    : hada_tiff_write(out->writer[which], image, err);
 }
 
 /* NaN for a frame that is no surface. */
@@ -172,7 +207,7 @@ static hada_status write_confidence(hada_outputs *out, const hada_result *result
         for (size_t i = 0; i < hada_image_count(map); i++)
             out->unknown.data[i] = NAN;
     }
-    return hada_tiff_write(out->writer[HADA_OUTPUT_CONFIDENCE], confidence ? confidence : &out->unknown, err);
+    return write_image(out, HADA_OUTPUT_CONFIDENCE, confidence ? confidence : &out->unknown, 0, err);
 }
 
 static void add_emitter(hada_text *text, int frame, const hada_emitter *one)
@@ -280,11 +315,11 @@ hada_status hada_outputs_add(hada_outputs *out, const hada_pixels *raw, const ha
     if (!out->written++)
         HADA_TRY(open_all(out, raw, result, err));
     for (int z = 0; z < result->depths; z++)
-        HADA_TRY(write_light(out, HADA_OUTPUT_STACK, &result->planes[z], err));
-    HADA_TRY(write_light(out, HADA_OUTPUT_ALL_IN_FOCUS, &result->all_in_focus, err));
+        HADA_TRY(write_image(out, HADA_OUTPUT_STACK, &result->planes[z], out->convert, err));
+    HADA_TRY(write_image(out, HADA_OUTPUT_ALL_IN_FOCUS, &result->all_in_focus, out->convert, err));
     if (out->has_map)
-        HADA_TRY(hada_tiff_write(out->writer[HADA_OUTPUT_DISTANCE_MAP], &result->distance_map, err));
-    if (out->writer[HADA_OUTPUT_CONFIDENCE])
+        HADA_TRY(write_image(out, HADA_OUTPUT_DISTANCE_MAP, &result->distance_map, 0, err));
+    if (out->has_confidence)
         HADA_TRY(write_confidence(out, result, err));
     if (emitters)
         HADA_TRY(write_emitters(out, emitters, err));
@@ -295,9 +330,11 @@ hada_status hada_outputs_finish(hada_outputs *out, hada_error *err)
 {
     hada_status status = HADA_OK;
     int next = HADA_OUTPUT_FILES - 1;
-    for (; next >= 0; next--)
+    for (; next >= 0; next--) {
+        HADA_TRY_OR_DONE(hada_numpy_finish(&out->array[next], err));
         if (out->writer[next])
             HADA_TRY_OR_DONE(hada_tiff_finish(&out->writer[next], err));
+    }
     if (out->has_table) {
         out->has_table = 0; /* the record is emptied either way */
         HADA_TRY_OR_DONE(hada_outfile_commit(&out->table, err));
@@ -384,9 +421,11 @@ int hada_outputs_are_there(const hada_files_task *task, const hada_plan *plan, c
 
 void hada_outputs_end(hada_outputs *out)
 {
-    for (int k = 0; k < HADA_OUTPUT_FILES; k++)
+    for (int k = 0; k < HADA_OUTPUT_FILES; k++) {
+        hada_numpy_abandon(&out->array[k]);
         if (out->writer[k])
             hada_tiff_abandon(&out->writer[k]);
+    }
     if (out->has_table)
         hada_outfile_abandon(&out->table);
     for (int k = 0; k < HADA_OUTPUT_FILES; k++) {

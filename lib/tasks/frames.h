@@ -9,6 +9,7 @@
 #include <hadalens/tiff.h>
 
 #include "core/outfile.h"
+#include "io/numpy_write.h"
 #include "io/text.h"
 
 /* A frame, or a file that could not be opened. */
@@ -80,9 +81,11 @@ enum { HADA_MADE_FROM = 34 };
 hada_status hada_made_from(char text[HADA_MADE_FROM], const char *frame, uint64_t model, hada_error *err);
 
 typedef struct hada_outputs {
-    char *path[HADA_OUTPUT_FILES];               /* NULL: preview, picture and tables where none are wanted */
+    char *path[HADA_OUTPUT_FILES]; /* NULL: preview, picture and tables where none are wanted */
+    hada_files_format format;
     hada_tiff_writer *writer[HADA_OUTPUT_FILES]; /* NULL: those of PNG files, and of confidence where the first frame is
                                                     no surface */
+    hada_numpy_writer array[HADA_OUTPUT_FILES];  /* in their place */
     hada_outfile table;                          /* of emitters */
     int has_table;                               /* 1: it is open */
     hada_tracker *tracker;                       /* NULL: no tracks are wanted */
@@ -104,6 +107,8 @@ typedef struct hada_outputs {
     int finished;
 } hada_outputs;
 
+/* Whether results can be written as the task asks. */
+hada_status hada_outputs_check(const hada_files_task *task, hada_error *err);
 /* For an input of `frames` frames through the plan, with results called NAME_...; the caller fills in made_from. */
 hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, const hada_plan *plan, const char *name,
                                int frames, hada_error *err);

@@ -7,6 +7,7 @@
 #include "image/mosaic.h"
 #include "io/encode_frames.h"
 #include "io/folder.h"
+#include "io/numpy_write.h"
 #include "io/text.h"
 
 /* Where a frame's noise begins: every frame its own. */

@@ -31,7 +31,9 @@ typedef struct learning {
     hada_fit_task task;
     const hada_dataset *data;
     hada_dataset *sound; /* without pairs that spoil the others; NULL: there are none */
-    hada_dataset *even;  /* the same pairs, of one exposure */
+    hada_dataset *whole; /* with scenes that are filled in */
+    hada_filled_scenes filled;
+    hada_dataset *even; /* the same pairs, of one exposure */
     hada_fit_options fit;
     hada_fitter *fitter;
     owned_report *report;
@@ -181,14 +183,57 @@ static void tell_data(const learning *of)
                           "camera about eight scenes per depth");
 }
 
+/* How many pairs are so, or (HADA_STAYS) are left out for whatever reason. */
+static int count_left_out(const owned_report *own, const hada_dataset *data, hada_left_out why)
+{
+    const hada_dataset_info *info = hada_dataset_get_info(data);
+    int count = 0;
+    for (int z = 0; own->left_out && z < info->depths; z++)
+        for (int i = 0; i < info->counts[z]; i++)
+            count += why ? own->left_out[z][i] == why : own->left_out[z][i] != HADA_STAYS;
+    return count;
+}
+
+/* Scenes that were cut off become whole by a camera that the others give. */
+static hada_status fill_white(learning *of, hada_context *context, hada_error *err)
+{
+    owned_report *own = of->report;
+    hada_fit_task task = of->task;
+    hada_model *model = NULL;
+    hada_status status = HADA_OK;
+    const int cut = count_left_out(own, of->data, HADA_CUT_OFF);
+    if (!cut)
+        return HADA_OK;
+    task.all_pairs = 1;
+    task.resume = task.half = 0;
+    task.save_sums = NULL;
+    hada_monitor_tell(task.monitor, HADA_MESSAGE_DETAIL,
+                      "%d scenes are cut off at white: the others are learned from first", cut);
+    HADA_TRY_OR_DONE(hada_fit_run(&model, NULL, context, of->sound, &task, err));
+    HADA_TRY_OR_DONE(hada_fit_fill_white(&of->filled, context, model, of->data, own->left_out, err));
+    HADA_TRY_OR_DONE(hada_dataset_fill(&of->whole, of->data, &of->filled, err));
+    HADA_TRY_OR_DONE(
+        hada_fit_judge_filled(of->whole, own->left_out, &of->fit, hada_model_get_info(model)->scene_response, err));
+    of->data = of->whole;
+    hada_dataset_destroy(&of->sound);
+    if (count_left_out(own, of->data, HADA_STAYS))
+        HADA_TRY_OR_DONE(hada_dataset_select(&of->sound, of->whole, (const unsigned char *const *)own->left_out, err));
+    else
+        hada_fit_left_out_free(&own->left_out, own->depths);
+done:
+    hada_model_destroy(&model);
+    return status;
+}
+
 /* Pairs that spoil what the others say. */
-static hada_status leave_out(learning *of, hada_error *err)
+static hada_status leave_out(learning *of, hada_context *context, hada_error *err)
 {
     owned_report *own = of->report;
     if (!of->fit.leave_one_out || of->task.all_pairs)
         return HADA_OK;
     own->depths = hada_dataset_get_info(of->data)->depths;
     HADA_TRY(hada_fit_screen(&of->sound, &own->left_out, of->data, &of->fit, err));
+    HADA_TRY(fill_white(of, context, err));
     own->report.left_out = (const unsigned char *const *)own->left_out;
     of->data = of->sound ? of->sound : of->data;
     return HADA_OK;
@@ -246,7 +291,7 @@ static hada_status learn_pairs(learning *of, hada_context *context, hada_model *
     tell_data(of);
     HADA_TRY(hada_fit_prepare(&of->fit, of->data, task->boundary, monitor, err));
     HADA_TRY(hada_fit_check_content(of->data, err));
-    HADA_TRY(leave_out(of, err));
+    HADA_TRY(leave_out(of, context, err));
     HADA_TRY(survey(of, err));
     HADA_TRY(find_boundary(of, context, err));
     HADA_TRY(hada_fit_agree(&of->fit, &of->ranks, err));
@@ -340,6 +385,8 @@ done:
     hada_fitter_destroy(&of.fitter);
     hada_dataset_destroy(&of.even);
     hada_dataset_destroy(&of.sound);
+    hada_dataset_destroy(&of.whole);
+    hada_filled_scenes_free(&of.filled);
     free(of.part);
     return status;
 }

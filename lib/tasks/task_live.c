@@ -251,8 +251,10 @@ static hada_status begin(run *own, const hada_live_task *task, hada_error *err)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "options.output is the folder of the frames, where results would be taken for frames");
     own->display.jpeg = t->stream == HADA_LIVE_STREAM_MJPEG;
-    if (t->files)
+    if (t->files) {
+        HADA_TRY(hada_outputs_check(&own->files, err));
         HADA_TRY(hada_folder_ensure(own->files.output, err));
+    }
     own->folder = (hada_live_folder){.path = t->folder, .newest_only = !t->files};
     return t->folder ? HADA_OK : begin_pipe(own, err);
 }

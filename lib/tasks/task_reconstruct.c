@@ -269,6 +269,7 @@ hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, con
                                    "options.pixel_um: a pixel is 0 micrometres or more, not %g", own.task.pixel_um));
     if (own.task.frame && count != 1)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "options.frame goes with one path, not with %d", count));
+    HADA_TRY_OR_DONE(hada_outputs_check(&own.task, err));
     own.gamma = plan->setup.options.gamma;
     HADA_TRY_OR_DONE(check_encoding(&own, err));
     HADA_TRY_OR_DONE(make_names(&own, err));

@@ -72,7 +72,9 @@ static double displacement_of(const registered *one)
     const hada_registration *r = &one->found;
     const double angle = r->rotation_deg * acos(-1.0) / 180.0;
     const double dy = r->magnification * cos(angle) - 1.0, dx = r->magnification * sin(angle);
-    return half_diagonal(&one->depth) * hypot(dy, dx) + hypot(r->offset_row, r->offset_col);
+    const double far = half_diagonal(&one->depth), seen = r->magnification * far;
+    return far * hypot(dy, dx) + hypot(r->offset_row, r->offset_col) +
+           seen * seen * hypot(r->perspective_row, r->perspective_col);
 }
 
 static void choose_applied(registered *one, const hada_registration *first)
@@ -83,10 +85,11 @@ static void choose_applied(registered *one, const hada_registration *first)
     *r = one->found;
     if (depth->displacement < fmax(1.0, PRECISION * half_diagonal(depth))) {
         r->magnification = 1.0;
-        r->rotation_deg = r->offset_row = r->offset_col = 0.0;
+        r->rotation_deg = r->offset_row = r->offset_col = r->perspective_row = r->perspective_col = 0.0;
     }
     depth->stands_right = !r->mirrored && !r->quarter_turns && r->magnification == 1.0 && r->rotation_deg == 0.0 &&
-                          r->offset_row == 0.0 && r->offset_col == 0.0;
+                          r->offset_row == 0.0 && r->offset_col == 0.0 && r->perspective_row == 0.0 &&
+                          r->perspective_col == 0.0;
     depth->rough = one->found.explained < LEAST_EXPLAINED;
     depth->other_orientation =
         one->found.mirrored != first->mirrored || one->found.quarter_turns != first->quarter_turns;
@@ -199,6 +202,9 @@ static hada_status choose_window(writing *w, hada_error *err)
 {
     const hada_register_task *task = &w->task;
     hada_pair pair;
+    if (!hada_dataset_get_info(w->data)->has_files)
+        return hada_fail(err, HADA_ERROR_UNSUPPORTED,
+                         "only a data set of files can be given registered: apply the transforms to the scenes");
     HADA_TRY(hada_pair_take(&pair, w->data, 0, 0, err));
     const int raw_rows = pair.raw->rows, raw_cols = pair.raw->cols;
     hada_pair_return(&pair);
@@ -303,11 +309,47 @@ hada_status hada_register_write(const hada_register_report *report, const hada_d
     HADA_NEED(report && data && folder, err);
     hada_register_task_init(&w.task);
     HADA_TRY(HADA_OPTIONS_TAKE(&w.task, task, hada_register_task, err));
-    if (!hada_dataset_get_info(data)->has_files)
-        HADA_TRY(hada_fail(err, HADA_ERROR_UNSUPPORTED,
-                           "only a data set of files can be written registered: apply the transforms to the scenes"));
     HADA_TRY(choose_window(&w, err));
     HADA_TRY(hada_folder_create(folder, write_all, &w, err));
+    if (rows)
+        *rows = w.rows;
+    if (cols)
+        *cols = w.cols;
+    return HADA_OK;
+}
+
+/* How the scenes of a data set are placed as they are read. */
+typedef struct placement {
+    int rows, cols;
+    hada_registration depth[];
+} placement;
+
+static hada_status place_scene(const void *of, int depth, hada_image *scene, hada_error *err)
+{
+    const placement *all = of;
+    hada_image placed = {0};
+    HADA_TRY(hada_register_apply(&placed, scene, &all->depth[depth], all->rows, all->cols, err));
+    hada_image_destroy(scene);
+    *scene = placed;
+    return HADA_OK;
+}
+
+hada_status hada_register_place(const hada_register_report *report, hada_dataset *data, const hada_register_task *task,
+                                int *rows, int *cols, hada_error *err)
+{
+    writing w = {.report = report, .data = data};
+    placement *all = NULL;
+    HADA_NEED(report && data, err);
+    hada_register_task_init(&w.task);
+    HADA_TRY(HADA_OPTIONS_TAKE(&w.task, task, hada_register_task, err));
+    HADA_TRY(choose_window(&w, err));
+    const size_t depths = (size_t)hada_dataset_get_info(data)->depths;
+    HADA_TRY(hada_allocated(all = hada_alloc(1, sizeof *all + depths * sizeof *all->depth, "placed scenes", err)));
+    all->rows = w.rows;
+    all->cols = w.cols;
+    for (size_t z = 0; z < depths; z++)
+        all->depth[z] = *report->depths[z]->applied;
+    hada_dataset_place(data, place_scene, all);
     if (rows)
         *rows = w.rows;
     if (cols)

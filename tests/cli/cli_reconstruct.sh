@@ -24,6 +24,13 @@ expect 0 '' reconstruct "${one[@]}" -o depths --depths 1,3 --no-preview --png
 lacks depths/test01_preview.png
 [ "$(info depths/test01_stack.tif)" = '2 3 24 24 32' ] || fail "--depths: $(info depths/test01_stack.tif)"
 files depths 4
+expect 0 '' reconstruct "${one[@]}" -o arrays --format npy --no-preview
+files arrays 3
+for result in stack aif depth; do
+    expect 0 'inf +1.000|mean error.*0 mm +0.00' evaluate "arrays/test01_$result.npy" "out/test01_$result.tif"
+done
+expect 2 'resume needs what TIFF files say' reconstruct "${one[@]}" -o none --format npy --resume
+lacks none
 expect 0 'all 3 depths' reconstruct "${one[@]}" -o a --occupied all
 expect 0 '100 and 600 mm' reconstruct "${one[@]}" -o a --occupied 100mm,600mm --refine 3
 expect 0 '3 refinement steps' reconstruct "${one[@]}" -o a --occupied 1 --refine 3

@@ -44,6 +44,18 @@ inside "$near/scene/scene0001.tif"
 inside "$far/scene/scene0011.tif"
 expect 0 'pairs' fit back -o back.model
 
+# In one command: what is learned is the same.
+expect 0 'wide: 10 pairs' register moved --window 24x24 -o wide
+expect 0 'pairs' fit wide -o wide.model
+expect 0 'mirror, turn left.*pairs' fit moved --register --window 24x24 -o direct.model
+cmp -s wide.model direct.model || fail 'fit --register learns something else'
+expect 2 'needs the pairs' fit --psf "$camera/psf.tif" --register -o none
+lacks none
+
+# A display that stands slantwise.
+turned slanted "$near" 1.6 3 1 1 0 0 0.003
+expect 0 'top to bottom' register slanted $range
+
 # Refusals leave nothing behind.
 expect 4 'do not show.*magnification 1.5 to 2' register moved --magnification 1.5,2 --rotation 3 -o none
 lacks none

@@ -7,7 +7,7 @@
  *   frame_tool enhance MODEL OUT     the model with a net (preset compact, random weights)
  *   frame_tool net OUT CHANNELS      a U-net of a few weights
  *   frame_tool lpips OUT             AlexNet and the heads of LPIPS, random weights
- *   frame_tool turn IN OUT MAGNIFICATION DEGREES QUARTERS MIRRORED ROWS COLS    as hada_register_apply(), moved by
+ *   frame_tool turn IN OUT MAGNIFICATION DEGREES QUARTERS MIRRORED ROWS COLS [PERSPECTIVE]   as hada_register_apply(), moved by
  *                                    ROWS and COLS
  *   frame_tool same ONE OTHER        exit code 1 where texts, but for made_from=, or pixels differ
  *   frame_tool info IN               "frames channels rows cols bits", and the mean of the finite values */
@@ -163,7 +163,7 @@ static hada_status save_net(const char *out, int channels, hada_error *err)
     return status;
 }
 
-static hada_status save_turned(char **argv, hada_error *err)
+static hada_status save_turned(char **argv, double perspective, hada_error *err)
 {
     const hada_registration by = {.size = sizeof(hada_registration),
                                   .magnification = atof(argv[4]),
@@ -171,7 +171,8 @@ static hada_status save_turned(char **argv, hada_error *err)
                                   .quarter_turns = atoi(argv[6]),
                                   .mirrored = atoi(argv[7]),
                                   .offset_row = atof(argv[8]),
-                                  .offset_col = atof(argv[9])};
+                                  .offset_col = atof(argv[9]),
+                                  .perspective_col = perspective};
     hada_image image = {0}, out = {0};
     hada_tiff_write_options options;
     int rows, cols;
@@ -271,8 +272,8 @@ int main(int argc, char **argv)
         status = save_enhanced(argv[2], argv[3], &err);
     else if (!strcmp(what, "lpips") && argc == 3)
         status = save_lpips(argv[2], &err);
-    else if (!strcmp(what, "turn") && argc == 10)
-        status = save_turned(argv, &err);
+    else if (!strcmp(what, "turn") && (argc == 10 || argc == 11))
+        status = save_turned(argv, argc == 11 ? atof(argv[10]) : 0.0, &err);
     else if (!strcmp(what, "info") && argc == 3)
         status = print_info(argv[2], &err);
     if (status)

@@ -153,7 +153,7 @@ def test_registrations_turn_both_ways() -> None:
     assert abs(there - scene).max() > 0.5
 
 
-def test_register(camera: Path, design: hadalens.Camera) -> None:
+def test_register(camera: Path, design: hadalens.Camera, tmp_path: Path) -> None:
     """Scenes that were turned upside down are found; a data set that is upright is left."""
     data = hadalens.Dataset.scan(camera)
     raws, scenes = zip(*(data.read(0, pair) for pair in range(3)), strict=True)
@@ -166,6 +166,18 @@ def test_register(camera: Path, design: hadalens.Camera) -> None:
     depths = hadalens.register_dataset(data)
     assert len(depths) == design.depths
     assert depths[0].found.quarter_turns == 0
+    turned = tmp_path / "turned" / "z0mm"
+    for folder in ("raw", "scene"):
+        (turned / folder).mkdir(parents=True)
+    for pair, (raw, scene) in enumerate(zip(raws, scenes, strict=True)):
+        np.save(turned / "raw" / f"{pair}.npy", np.moveaxis(raw, 0, -1))
+        np.save(turned / "scene" / f"{pair}.npy", np.moveaxis(scene[:, ::-1, ::-1], 0, -1))
+    upside_down = hadalens.Dataset.scan(turned.parent)
+    assert upside_down.read(0, 1)[1].shape == scenes[1].shape
+    applied = hadalens.register_dataset(upside_down, place=True)[0].applied
+    np.testing.assert_array_equal(upside_down.read(0, 1)[1], applied.apply(scenes[1][:, ::-1, ::-1]))
+    with pytest.raises(hadalens.HadalensError, match="apply the transforms"):
+        hadalens.register_dataset({0.0: list(zip(raws, scenes, strict=True))}, place=True)
 
 
 def test_metrics() -> None:
@@ -218,6 +230,10 @@ def test_evaluate_and_files(
     np.save(tmp_path / "array.npy", hadalens.read_tiff(frames[0], 0))  # (channels, rows, cols)
     assert hadalens.reconstruct_files(plan, [tmp_path / "array.npy"], tmp_path / "out", preview=False)[0].error is None
     np.testing.assert_array_equal(stack, hadalens.read_tiff(tmp_path / "out" / "array_stack.tif"))
+    hadalens.reconstruct_files(plan, frames[:1], tmp_path / "arrays", preview=False, format="numpy")
+    array = np.load(tmp_path / "arrays" / f"{frames[0].stem}_stack.npy")
+    expected = plan.run(hadalens.read_tiff(frames[0], 0)).stack
+    np.testing.assert_array_equal(array, np.moveaxis(expected, 1, -1)[np.newaxis])
     rows = hadalens.metrics.evaluate(tmp_path / "out", camera / "test" / "truth")
     assert {row.what for row in rows} >= {"stack", "map"}
     assert all(np.isfinite(row.psnr) for row in rows if row.what == "stack")

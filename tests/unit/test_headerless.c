@@ -4,6 +4,7 @@
 #include <hadalens/tiff.h>
 
 #include "io/encode_frames.h"
+#include "io/numpy_write.h"
 #include "io/headerless.h"
 #include "io_testing.h"
 

@@ -56,6 +56,10 @@ TEST(directions)
         {{.size = sizeof(hada_registration), .magnification = 1, .mirrored = 1, .quarter_turns = 1}, 3, -1},
         {{.size = sizeof(hada_registration), .magnification = 2, .offset_row = 1, .offset_col = -2}, -1, 4},
         {{.size = sizeof(hada_registration), .magnification = 1, .rotation_deg = 90}, -3, -1},
+        {{.size = sizeof(hada_registration), .magnification = 2, .perspective_col = 1.0 / 6.0}, -1, 3},
+        {{.size = sizeof(hada_registration), .magnification = 2, .quarter_turns = 1, .perspective_row = -1.0 / 6.0},
+         -3,
+         -1},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         SCOPED(hada_image) scene, out;
@@ -170,10 +174,16 @@ static void expect(const hada_registration *found, const hada_registration *trut
     const double radius = 0.5 * hypot(WINDOW_ROWS, WINDOW_COLS);
     const double off = radius * hypot(found->magnification / truth->magnification - 1.0,
                                       (found->rotation_deg - truth->rotation_deg) * 3.14159265358979323846 / 180.0);
-    if (found->mirrored != truth->mirrored || found->quarter_turns != truth->quarter_turns || !(off < pixels))
-        fail_msg("mirrored %d, %d quarter turns, x %.5f, %.4f degrees instead of %d, %d, x %.5f, %.4f: %.2f pixels off",
-                 found->mirrored, found->quarter_turns, found->magnification, found->rotation_deg, truth->mirrored,
-                 truth->quarter_turns, truth->magnification, truth->rotation_deg, off);
+    const double slant =
+        radius * radius *
+        hypot(found->perspective_row - truth->perspective_row, found->perspective_col - truth->perspective_col);
+    if (found->mirrored != truth->mirrored || found->quarter_turns != truth->quarter_turns || !(off < pixels) ||
+        !(slant < 2.0 * pixels))
+        fail_msg(
+            "mirrored %d, %d quarter turns, x %.5f, %.4f degrees instead of %d, %d, x %.5f, %.4f: %.2f pixels off, %.2f by "
+            "perspective",
+            found->mirrored, found->quarter_turns, found->magnification, found->rotation_deg, truth->mirrored,
+            truth->quarter_turns, truth->magnification, truth->rotation_deg, off, slant);
     assert_true(found->explained > 2.0 * found->explained_otherwise);
 }
 
@@ -197,9 +207,17 @@ TEST(recovered)
           .rotation_deg = 2.5},
          0.03,
          8},
-        {{.size = sizeof(hada_registration), .magnification = 0.7, .quarter_turns = 2, .rotation_deg = -1.0},
+        {{.size = sizeof(hada_registration), .magnification = 0.7, .quarter_turns = 2, .rotation_deg = -1.0}, 0.003, 2},
+        {{.size = sizeof(hada_registration),
+          .magnification = 0.8,
+          .quarter_turns = 1,
+          .rotation_deg = 3.0,
+          .perspective_row = 0.001,
+          .perspective_col = -0.0015},
          0.003,
-         2}};
+         PAIRS},
+        {{.size = sizeof(hada_registration), .magnification = 1.2, .perspective_col = 0.003}, 0.02, PAIRS},
+    };
     hada_register_options options = search_all;
     options.most_rotation_deg = 6.0;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {

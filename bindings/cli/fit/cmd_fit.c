@@ -1,6 +1,7 @@
 #include "command.h"
 #include "fit_tell.h"
 #include "model_words.h"
+#include "register_words.h"
 
 #include <hadalens/folder.h>
 #include <stddef.h>
@@ -16,7 +17,7 @@ typedef struct settings {
     hada_cli_texts merge;
     int form;     /* 0: not given */
     int psf_sign; /* 1: nowhere negative, 0: free, -1: not given */
-    int skip_incomplete, no_leave_one_out;
+    int skip_incomplete, no_leave_one_out, registers;
     int window[2];
 } settings;
 
@@ -78,9 +79,13 @@ static const hada_cli_option options[] = {
             HADA_MOSAIC_GBRG)},
     {HADA_OPTION_COUNT, "downsample", 0, "N", "make one pixel of N x N pixels of frames, PSFs and scenes (default: 1)",
      "Their mean; of a mosaic each colour's, N even. The model does so with frames of that size.", AT(fit.downsample)},
+    {HADA_OPTION_FLAG, "register", 0, NULL, "find how scenes stand on the sensor, and put them right first",
+     "For pictures that a display showed; as 'hadalens register' does, which has more options. --window is the size of "
+     "the registered scenes then.",
+     AT(registers)},
     {HADA_OPTION_FLAG, "all-pairs", 0, NULL, "take pairs that contradict the others, too",
      "Without it, frames that are cut off or belong to another scene are left out with a note: the others of their depth "
-     "explain each other better without them.",
+     "explain each other better without them. Scenes that are cut off at white are filled in from their frames.",
      AT(task.all_pairs)},
     {HADA_OPTION_FLAG, "skip-incomplete", 0, NULL, "leave out files that have no partner, instead of refusing", NULL,
      AT(skip_incomplete)},
@@ -175,6 +180,25 @@ static hada_mosaic settled(hada_mosaic mosaic)
     return mosaic == HADA_MOSAIC_AUTO ? HADA_MOSAIC_NONE : mosaic;
 }
 
+/* Puts the scenes right; their window is that of the fit. */
+static hada_status register_scenes(hada_cli *cli, hada_dataset *data, hada_fit_options *fit, hada_error *err)
+{
+    hada_register_task task;
+    hada_register_report *report = NULL;
+    hada_status status = HADA_OK;
+    hada_register_task_init(&task);
+    task.window_rows = fit->window_rows;
+    task.window_cols = fit->window_cols;
+    task.monitor = &cli->monitor;
+    HADA_TRY_OR_DONE(hada_register_run(&report, data, &task, err));
+    hada_cli_tell_registered(cli, data, report);
+    HADA_TRY_OR_DONE(hada_register_place(report, data, &task, NULL, NULL, err));
+    fit->window_rows = fit->window_cols = 0;
+done:
+    hada_register_report_destroy(&report);
+    return status;
+}
+
 /* From a data set's pairs, or (folder NULL) from saved sums. */
 static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *folder, hada_context *context,
                              hada_model **model, hada_error *err)
@@ -210,6 +234,8 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
         scan.flat_dark = fit.dark;
         HADA_TRY_OR_DONE(hada_dataset_scan(&data, folder, &scan, err));
         HADA_TRY_OR_DONE(hada_file_check_target(set->output, err)); /* now that the data set's own files are known */
+        if (set->registers)
+            HADA_TRY_OR_DONE(register_scenes(cli, data, &fit, err));
     }
     HADA_TRY_OR_DONE(hada_fit_run(model, &report, context, data, &task, err));
     if (folder)
@@ -288,6 +314,8 @@ static int check(hada_cli *cli, const settings *set, int count, const char **arg
         return hada_cli_usage(cli, "forms complex and split are learned from pairs; with --psf take wiener or matched");
     if (!set->psf && set->psf_options.components != HADA_AUTO)
         return hada_cli_usage(cli, "--components are of the point spread functions of --psf");
+    if (set->registers && (set->psf || !count))
+        return hada_cli_usage(cli, "--register needs the pairs of a DATASET");
     if (!set->psf && set->psf_options.turn)
         return hada_cli_usage(cli, "--turn turns the point spread functions of --psf; pairs give them as they are");
     if (set->psf && (set->psf_sign >= 0 || set->fit.crop_passes != HADA_AUTO || set->fit.outside >= 0))
@@ -334,6 +362,7 @@ done:
 static const hada_cli_example examples[] = {
     {"hadalens fit camera -o camera.model", "learns from all pairs of the folder camera."},
     {"hadalens fit --psf psf.tif --distances 250 --dark auto -o hand.model", "from one measured PSF."},
+    {"hadalens fit captures --register -o camera.model", "of pictures that a display showed, wherever it stood."},
     {"hadalens fit monday -o m.model --sums monday.sums", "keeps the sums,"},
     {"hadalens fit tuesday -o both.model --merge monday.sums", "and adds to them."},
     {"hadalens fit --merge a.sums --merge b.sums -o all.model", "merges what two machines have added up."},

@@ -32,6 +32,10 @@ static const hada_cli_option options[] = {
     HADA_CLI_GROUP("Input and output"),
     {HADA_OPTION_TEXT, "model", 'm', "MODEL", "the camera, from 'hadalens fit'", NULL, AT(model)},
     {HADA_OPTION_TARGET, "output", 'o', "FOLDER", "where the results go; made when missing", NULL, AT(task.output)},
+    {HADA_OPTION_CHOICE, "format", 0, "tiff|npy", "files of stack, all-in-focus image and maps (default: tiff)",
+     "npy: NumPy arrays NAME_stack.npy (frames, depths, rows, cols, channels), NAME_aif.npy and others (frames, rows, cols, "
+     "channels), without metadata. For pictures see --png.",
+     HADA_CLI_ONE_OF(settings, task.format, HADA_FILES_TIFF, HADA_FILES_NUMPY)},
     {HADA_OPTION_CHOICE, "bits", 0, "8|16|32", "bits per value of stack and all-in-focus image (default: 32, float)",
      "8 and 16 bits hold 0 to 1 (see --white) and cut off what is beyond. The distance map is always float.",
      ONE_OF(task.bits, 8, 16, 32)},

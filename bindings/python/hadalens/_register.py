@@ -26,6 +26,7 @@ class Registration:
         offset_row, offset_col: in pixels of the sensor.
         explained: share of the frames' structure that this transform explains.
         explained_otherwise: with the best one of another orientation.
+        perspective_row, perspective_col: of a display that stands slantwise, per pixel of the sensor.
 
     """
 
@@ -37,6 +38,8 @@ class Registration:
     offset_col: float = 0.0
     explained: float = 0.0
     explained_otherwise: float = 0.0
+    perspective_row: float = 0.0
+    perspective_col: float = 0.0
 
     def _options(self) -> Options:
         return Options("hada_registration", **vars(self))
@@ -124,6 +127,7 @@ def register_dataset(
     data: Dataset | Pairs | str | os.PathLike[str],
     output: str | os.PathLike[str] | None = None,
     *,
+    place: bool = False,
     keep_offsets: bool = False,
     window: tuple[int, int] | None = None,
     magnification: tuple[float, float] | None = None,
@@ -135,6 +139,7 @@ def register_dataset(
     Args:
         data: the pairs, or their folder.
         output: a folder for a data set with registered scenes, for pairs that are files; None: nothing is written.
+        place: `data`, a :class:`Dataset` of files, gives out registered scenes from now on.
         keep_offsets: shifts between the depths are left as they are.
         window: rows and columns of the registered scenes; None: what they fill.
         magnification, most_rotation_deg: as of :func:`register`.
@@ -142,8 +147,8 @@ def register_dataset(
 
     Example:
         >>> data = hadalens.Dataset.scan("captures")
-        >>> hadalens.register_dataset(data, "registered")
-        >>> model = hadalens.fit("registered")
+        >>> hadalens.register_dataset(data, place=True)
+        >>> model = hadalens.fit(data)
 
     """
     monitor, data = Monitor(progress), as_dataset(data)
@@ -161,6 +166,8 @@ def register_dataset(
     if output is not None:
         arguments = (report.c, data._c, path(Path(output)), task.c, ffi.NULL, ffi.NULL)
         monitored(monitor, data, lib.hada_register_write, *arguments)
+    if place:
+        monitored(monitor, data, lib.hada_register_place, report.c, data._c, task.c, ffi.NULL, ffi.NULL)
     found = [report.c.depths[z][0] for z in range(len(data.distances_mm))]
     return [
         record(

@@ -275,6 +275,7 @@ def reconstruct_files(
     track_depths: float = 2.5,
     track_gap: int = 2,
     pixel_um: float = 0.0,
+    format: Literal["tiff", "numpy"] = "tiff",
     bits: Literal[8, 16, 32] = 32,
     white: float = 1.0,
     encoding: float | str | None = None,
@@ -302,6 +303,7 @@ def reconstruct_files(
         track_depths: and along depths.
         track_gap: frames without its emitter after which a track goes on.
         pixel_um: size of a pixel in the scene, stated in the TIFF files; 0: not known.
+        format: "numpy": NAME_stack.npy (frames, depths, Y, X, C), NAME_aif.npy and the maps (frames, Y, X, C).
         bits: of stack and all-in-focus image.
         white: value that becomes full scale in 8 and 16 bits.
         encoding: how these stand for light; None: as the scenes of the model did.
@@ -330,6 +332,7 @@ def reconstruct_files(
         track_depths=track_depths,
         track_gap=track_gap,
         pixel_um=pixel_um,
+        format=format,
         bits=bits,
         white=white,
         encoding=None if encoding is None else responses.number(encoding),

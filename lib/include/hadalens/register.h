@@ -16,10 +16,12 @@ extern "C" {
 /* Where the pixels of a scene file are on the sensor's grid. With p and q as (row, column) from the middles of the
  * registered scene and of the file, in pixels:
  *
- *     p = magnification * R(rotation) * Q^quarter_turns * M^mirrored * q + offset
+ *     s = magnification * R(rotation) * Q^quarter_turns * M^mirrored * q,   p = s / (1 + perspective . s) + offset
  *
  * M exchanges left and right (column to -column), Q is a quarter turn and R a turn to the left (counter-clockwise as
- * seen on a screen, rows downwards). Mirrored with two quarter turns is upside down. */
+ * seen on a screen, rows downwards). Mirrored with two quarter turns is upside down. The perspective is that of a
+ * display that stands slantwise: with 0.001 along the columns, what is 100 pixels right of the middle is a tenth
+ * smaller. */
 typedef struct hada_registration {
     size_t size;                   /* sizeof(hada_registration), set by the caller */
     int mirrored;                  /* 0 or 1 */
@@ -30,6 +32,7 @@ typedef struct hada_registration {
     /* How sure it is: the share of the raw frames' structure that a convolution learned from the other pairs explains,
      * with this transform and with the best one of another orientation (0 to 1, all frequencies alike). */
     double explained, explained_otherwise;
+    double perspective_row, perspective_col; /* per pixel of the sensor */
 } hada_registration;
 /* As the file is: nothing turned, mirrored, scaled or moved. */
 HADA_INIT(hada_registration, HADA_STRUCT_REGISTRATION)

@@ -44,7 +44,8 @@ typedef struct hada_fit_task {
     double save_seconds; /* between saves on the way, at least; 60 by default */
     int all_pairs;       /* 0 (default): pairs that contradict the others of their depth (a frame that is cut off, or of
                             another scene) are left out, with a note to the monitor. They are looked for in depths with 4 to
-                            32       pairs, unless fit->leave_one_out is 0. 1: all pairs are taken */
+                            32 pairs, unless fit->leave_one_out is 0. Scenes that were cut off at white are filled in from
+                            their frames. 1: all pairs are taken, as they are */
 } hada_fit_task;
 HADA_INIT(hada_fit_task, HADA_STRUCT_FIT_TASK)
 

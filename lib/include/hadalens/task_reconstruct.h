@@ -42,6 +42,13 @@ typedef enum hada_output {
 
 typedef struct hada_files_state hada_files_state;
 
+/* The files of stack, all-in-focus image, distance map and confidence. */
+typedef enum hada_files_format {
+    HADA_FILES_TIFF = 0, /* NAME_stack.tif..., with metadata */
+    HADA_FILES_NUMPY = 1 /* NAME_stack.npy (frames, depths, rows, cols, channels), the others (frames, rows, cols,
+                            channels): always five and four dimensions, with nothing beside the values */
+} hada_files_format;
+
 typedef struct hada_files_task {
     size_t size;        /* sizeof(hada_files_task) */
     const char *output; /* the folder, made where it is missing; needed */
@@ -76,6 +83,7 @@ typedef struct hada_files_task {
     int track_gap;                     /* 2 by default */
     double pixel_um; /* size of a pixel in the scene, at all depths, in micrometres: stated in the TIFF files; 0
                         (default): not known */
+    hada_files_format format; /* HADA_FILES_TIFF by default. `resume` needs what TIFF files say */
 } hada_files_task;
 HADA_INIT(hada_files_task, HADA_STRUCT_FILES_TASK)
 

@@ -61,6 +61,13 @@ HADA_API hada_status hada_register_write(const hada_register_report *report, con
                                          const char *folder, const hada_register_task *task, int *rows, int *cols,
                                          hada_error *err);
 
+/* From now on the data set and its parts give out registered scenes; nothing is written. Nobody else uses them
+ * meanwhile. Pairs that they have kept in memory are dropped, so that it is done once, before a fit. Its pairs are
+ * files (HADA_ERROR_UNSUPPORTED otherwise: hada_register_apply() registers images). *rows and *cols (may be NULL): the
+ * size of the scenes. */
+HADA_API hada_status hada_register_place(const hada_register_report *report, hada_dataset *data,
+                                         const hada_register_task *task, int *rows, int *cols, hada_error *err);
+
 #ifdef __cplusplus
 }
 #endif

@@ -120,7 +120,7 @@ def count_sources(root, row):
     drawn = {path: text for path, text in host.items() if re.search(r'font|canvas|svg|plot|preview|draw|picture', path)}
     row('lines that draw previews and plots', lines(drawn))
     pages = texts(root, ['docs'], '.md')
-    row('pages of the docs', len(pages), 27)  # the last two: a Raspberry Pi's camera, a miniature microscope
+    row('pages of the docs', len(pages), 28)  # the last three: a Raspberry Pi's camera, a miniature microscope, real cameras
     for path, text in texts(root, ['examples'], '.c').items():
         row(f'lines of {path}', text.count('\n'), 80 if 'learn' in path else None)
     subjects = run('git', '-C', root, 'log', '-n', '50', '--format=%s').splitlines()

@@ -32,7 +32,7 @@ classic_frame(__global float *images, __global const float *frame, __global cons
                 image_put(y, i, image_weighed(step, recorded, predicted, w, number));
             }
         } else if (step == HADA_CLASSIC_RATIO) {
-            image_put(y, i, max(recorded, 0.0f) / max(predicted, number));
+            image_put(y, i, image_ratio(recorded, predicted, number));
         } else if (step != HADA_CLASSIC_SPLIT) {
             image_put(y, i, recorded - predicted);
         } else {

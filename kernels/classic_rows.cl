@@ -54,7 +54,7 @@ classic_rows(__global float *spectra, __global float *images, __global float *fi
             image_put(y, i, image_get(x, i) - image_get(y, i));
     } else if (step == HADA_CLASSIC_RATIO) {
         for (int i = 0; i < count * pitch; i += 8)
-            image_put(y, i, max(image_get(x, i), 0.0f) / max(image_get(y, i), number));
+            image_put(y, i, image_ratio(image_get(x, i), image_get(y, i), number));
     }
     if (job.forward)
         fft_rows_forward_task(y, pitch, count, col0, cols, values, rows, blocks, scratch, table, FFT_FLOATS_OF(table));

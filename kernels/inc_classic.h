@@ -56,6 +56,14 @@ REFINE_INLINE refine_real image_cut(refine_real v, int j, int first, int cols)
 }
 #endif
 
+/* Of the frame to its prediction: max(b, 0) / max(y, number). number below 0: to both -number is added, which changes
+ * nothing where they are alike; the prediction is a tenth of it at least then. */
+REFINE_INLINE refine_real image_ratio(refine_real b, refine_real y, float number)
+{
+    const float more = max(-number, 0.0f);
+    return max(b + more, 0.0f) / max(y + more, max(number, 0.1f * more));
+}
+
 /* A step on values b of the frame and their prediction y, with weights w. A weight below 0 is that of a saturated
  * value, whose true value is b or more: it has the size |w|, and what predicts more than b is right. ratio: |w| max(b,
  * 0) / max(y, number)    residual: |w| (b - y)    left: b - y, or 0    weigh: |w| y split: |w| (b - y) / (|w| + number)
@@ -66,7 +74,7 @@ REFINE_INLINE refine_real image_weighed(int step, refine_real b, refine_real y, 
     const refine_real size = fabs(w), none = (refine_real)0.0f, left = b - y;
     const refine_real short_of = w < 0.0f ? max(left, 0.0f) : left;
     if (step == HADA_CLASSIC_RATIO) {
-        const refine_real ratio = max(b, 0.0f) / max(y, number);
+        const refine_real ratio = image_ratio(b, y, number);
         return size * (w < 0.0f ? max(ratio, 1.0f) : ratio);
     }
     if (step == HADA_CLASSIC_SPLIT)

@@ -11,6 +11,7 @@ typedef struct settings {
     hada_cli_sensor_settings frame;
     hada_simulate_task task;
     const char *output, *scenes, *response;
+    double field_varying;
 } settings;
 
 #define AT(member) HADA_CLI_AT(settings, member)
@@ -37,6 +38,13 @@ static const hada_cli_option options[] = {
      "millimetres, integers as shares of the range of depths. The kinds take turns; without --test there is one frame "
      "of each. With --occlude near parts hide what is behind them.",
      AT(task.surfaces)},
+    {HADA_OPTION_REAL, "field-varying", 0, "S", "PSFs that vary over the field, of correlation S from middle to corner",
+     "An aberration that grows with the square of the field angle, another one for each part of the mask. Frames are "
+     "made with the PSF of every point; needs --boundary padded.",
+     AT(field_varying)},
+    {HADA_OPTION_COUNT, "field-psfs", 0, "N", "with it: write the PSFs of N x N points (default: 5)",
+     "DATASET/field: a stack for each, and positions.csv, the list that 'fit --psf' reads. 0: none.",
+     AT(task.field_psfs)},
     {HADA_OPTION_TEXT, "scene-response", 0, "linear|srgb|POWER", "how the pictures stand for light (default: linear)",
      "srgb or a power such as 2.2: as photographs mostly are. The frames are made of the light, the scenes and the truth "
      "are written as the pictures are.",
@@ -77,9 +85,9 @@ static int check(hada_cli *cli, const settings *set, int count, const char **arg
     return HADA_EXIT_OK;
 }
 
-static hada_status fill_task(const settings *set, const hada_cli_sensor *sensor, hada_simulate_task *task,
-                             hada_error *err)
+static hada_status fill_task(const settings *set, hada_cli_sensor *sensor, hada_simulate_task *task, hada_error *err)
 {
+    sensor->options.field_varying = set->field_varying;
     *task = set->task;
     task->scenes = strcmp(set->scenes, "procedural") ? set->scenes : NULL;
     task->occlude = sensor->occlude;

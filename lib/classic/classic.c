@@ -9,7 +9,7 @@ enum { MOST_SUMS = 4, BAND = 4096 /* pixels of a band of rows, about */ };
 
 static hada_classic_image image_of(const hada_refine_rect *rect)
 {
-    hada_classic_image image = {.rows = rect->rows, .cols = rect->cols, .pitch = (rect->cols + 7) / 8 * 8};
+    hada_classic_image image = {.rows = rect->rows, .cols = rect->cols, .pitch = (int)hada_classic_pitch(rect->cols)};
     image.pixels = (size_t)image.rows * (size_t)image.pitch;
     image.band = image.pitch < BAND ? BAND / image.pitch : 1;
     return image;
@@ -47,7 +47,8 @@ static int fuses(const hada_context *context, const hada_classic_shape *shape)
 {
     const hada_method method = shape->options.method;
     return has_frame(shape) && (method == HADA_METHOD_RL || method == HADA_METHOD_FISTA) &&
-           hada_fft_fuses(context, shape->grid_rows, shape->grid_cols, shape->place.max_planes > 1 ? 2 : 1);
+           hada_fft_fuses(context, shape->grid_rows, shape->grid_cols,
+                          shape->place.max_planes * shape->components > 1 ? 2 : 1);
 }
 
 enum { PLANS = 4 };
@@ -56,7 +57,7 @@ enum { PLANS = 4 };
 static int list_plans(const hada_context *context, const hada_classic_shape *shape, hada_fft_desc *plans)
 {
     const hada_refine_rect plane = hada_classic_plane_rect(shape), frame = hada_classic_frame_rect(shape);
-    const int images = shape->place.max_planes * shape->place.channels;
+    const int images = shape->place.max_planes * shape->components * shape->place.channels;
     if (fuses(context, shape))
         return 0;
     plans[0] = describe(shape, &plane, images, HADA_FFT_FORWARD);
@@ -95,7 +96,8 @@ static void sizes_of(const hada_context *context, const hada_classic_shape *shap
               admm = o->method == HADA_METHOD_ADMM, tv = o->prior == HADA_PRIOR_TV,
               wavelet = o->prior == HADA_PRIOR_WAVELET || o->prior == HADA_PRIOR_HAAR, has = has_frame(shape);
     const size_t channels = (size_t)shape->place.channels, images = channels * (size_t)shape->place.max_planes;
-    const size_t planes = images * plane.pixels * sizeof(float), frames = channels * frame.pixels * sizeof(float);
+    const size_t components = (size_t)shape->components, planes = images * plane.pixels * sizeof(float),
+                 frames = channels * frame.pixels * sizeof(float);
     const size_t spectrum = layout.count * 2 * sizeof(float);
     /* fused passes keep half spectra of the images' rows alone */
     const size_t row = (size_t)layout.blocks * (size_t)layout.block * 2 * sizeof(float);
@@ -103,9 +105,10 @@ static void sizes_of(const hada_context *context, const hada_classic_shape *shap
     const size_t frame_spectrum = fuses(context, shape) ? (size_t)frame.rows * row : spectrum;
     const size_t list[HADA_CLASSIC_PARTS] = {
         [HADA_CLASSIC_WINDOW] = images * (size_t)window->rows * (size_t)window->cols * sizeof(float),
-        [HADA_CLASSIC_LIST] = (size_t)shape->place.max_planes * sizeof(cl_int),
+        [HADA_CLASSIC_LIST] = (size_t)shape->place.max_planes * components * sizeof(cl_int),
         [HADA_CLASSIC_PARTIAL] = partials(shape, &layout, &plane, &frame) * sizeof(float),
-        [HADA_CLASSIC_SPECTRA] = images * plane_spectrum,
+        [HADA_CLASSIC_SPECTRA] = images * components * plane_spectrum,
+        [HADA_CLASSIC_COMPONENTS] = components > 1 ? components * planes : 0,
         [HADA_CLASSIC_PROJECTION] = channels * frame_spectrum,
         [HADA_CLASSIC_PRIMAL] = planes,
         [HADA_CLASSIC_FRAME] = has ? frames : 0,

@@ -17,6 +17,7 @@ typedef struct hada_classic_shape {
     hada_classic_options options; /* nothing in it is left open */
     int grid_rows, grid_cols;     /* of the method's transforms: the model's, or smaller ones */
     hada_refine_rect reach; /* on a smaller grid: the lags at which point spread functions are not 0; else empty */
+    int components;         /* of each depth; above 1 where its point spread function varies over the field */
 } hada_classic_shape;
 
 /* The shape for a model. HADA_ERROR_ARGUMENT where the options make no sense, HADA_ERROR_MODEL where the model has no
@@ -44,9 +45,17 @@ void hada_classic_camera_free(hada_classic_camera *camera);
 hada_status hada_classic_fit_grid(hada_classic_shape *shape, hada_context *context, const hada_model *model,
                                   const int *depths, int count, hada_error *err);
 
+/* Floats of a row of an image of planes. */
+static inline size_t hada_classic_pitch(int cols)
+{
+    return ((size_t)cols + 7) / 8 * 8;
+}
+
 /* Whether a method takes transfer functions of its own, [depth][channel] on its grid: on a smaller one, or for
  * Richardson-Lucy, which wants point spread functions without negative values and without what is taken for noise (of
- * the same sum). They are complete when hada_classic_optics() returns. */
+ * the same sum); or, with components, [depth][component][channel], and after them their weights as images of planes,
+ * [depth][component], those beyond the window as at its border. They are complete when hada_classic_optics() returns.
+ */
 int hada_classic_has_optics(const hada_classic_shape *shape);
 hada_status hada_classic_optics(hada_buffer *out, hada_context *context, const hada_classic_shape *shape,
                                 const hada_model *model, const int *depths, int count, hada_error *err);

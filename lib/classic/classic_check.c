@@ -14,6 +14,7 @@ typedef struct trial {
     hada_classic *classic;
     hada_buffer otf;
     float *values, *planes, *frames;
+    hada_classic_part start;           /* where the planes are */
     size_t plane_floats, frame_floats; /* of all planes, of all channels */
     double scale;
 } trial;
@@ -92,17 +93,18 @@ static double compare(const trial *t, const float *planes, const float *frames, 
 static hada_status run(trial *t, double *error, hada_error *err)
 {
     hada_classic *classic = t->classic;
-    hada_buffer *start = &classic->part[HADA_CLASSIC_EXTRAPOLATED];
+    const hada_classic_part from = t->start;
+    hada_buffer *start = &classic->part[from];
     hada_buffer *prediction = &classic->part[HADA_CLASSIC_PREDICTION], *list = &classic->part[HADA_CLASSIC_LIST];
     const size_t plane_bytes = t->plane_floats * sizeof(float), frame_bytes = t->frame_floats * sizeof(float);
     const cl_int depths[2] = {0, 0};
     HADA_TRY(hada_buffer_write(start, classic->slot, 0, t->planes, plane_bytes, err));
     HADA_TRY(hada_buffer_write(list, classic->slot, 0, depths, (size_t)classic->job->depths * sizeof *depths, err));
-    HADA_TRY(hada_classic_predict(classic, HADA_CLASSIC_EXTRAPOLATED, err));
+    HADA_TRY(hada_classic_predict(classic, from, err));
     HADA_TRY(hada_classic_fused_frame(classic, 1, 1, HADA_CLASSIC_NO_STEP, 0.0, err));
     HADA_TRY(hada_buffer_read(prediction, classic->slot, 0, t->frames, frame_bytes, err));
     *error = compare(t, t->planes, t->frames, 0);
-    HADA_TRY(hada_classic_transpose(classic, HADA_CLASSIC_EXTRAPOLATED, err));
+    HADA_TRY(hada_classic_transpose(classic, from, err));
     HADA_TRY(hada_buffer_read(start, classic->slot, 0, t->planes, plane_bytes, err));
     *error = fmax(*error, compare(t, t->planes, t->frames, 1));
     return HADA_OK;
@@ -111,8 +113,10 @@ static hada_status run(trial *t, double *error, hada_error *err)
 hada_status hada_classic_check(hada_classic *classic, hada_error *err)
 {
     const size_t channels = (size_t)classic->shape.place.channels, otf = 2 * channels * classic->layout.count;
-    const int depths = classic->shape.place.max_planes > 1 ? 2 : 1;
+    /* components go through the passes as depths do: the check takes them for such */
+    const int components = classic->shape.components, depths = classic->shape.place.max_planes * components > 1 ? 2 : 1;
     trial t = {.classic = classic,
+               .start = components > 1 ? HADA_CLASSIC_COMPONENTS : HADA_CLASSIC_EXTRAPOLATED,
                .plane_floats = (size_t)depths * channels * classic->plane.pixels,
                .frame_floats = channels * classic->frame.pixels};
     hada_refine_data data = {.otf_depths = 1};
@@ -120,6 +124,7 @@ hada_status hada_classic_check(hada_classic *classic, hada_error *err)
     double error = 0.0;
     hada_status status = HADA_OK;
     classic->job = &job;
+    classic->shape.components = 1;
     classic->planes = depths * (int)channels;
     HADA_TRY_OR_DONE(hada_allocated(t.values = hada_alloc(otf, sizeof(float), what, err)));
     HADA_TRY_OR_DONE(hada_allocated(t.planes = hada_alloc(t.plane_floats, sizeof(float), what, err)));
@@ -140,6 +145,7 @@ hada_status hada_classic_check(hada_classic *classic, hada_error *err)
                                    error / t.scale, allowed));
 done:
     classic->job = NULL;
+    classic->shape.components = components;
     hada_slot_finish(classic->slot, NULL);
     hada_buffer_destroy(&t.otf);
     free(t.values);

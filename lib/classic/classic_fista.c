@@ -173,7 +173,7 @@ hada_status hada_classic_fista_step(hada_classic *classic, int number, int wante
                                                             : HADA_CLASSIC_PYRAMID;
     const double beta = nesterov(&classic->momentum);
     (void)number;
-    if (classic->fuses && prior == HADA_PRIOR_NONE)
+    if (classic->fuses && prior == HADA_PRIOR_NONE && classic->shape.components == 1)
         return fused_step(classic, beta, wanted, sums, err);
     HADA_TRY(gradient(classic, err));
     if (prior != HADA_PRIOR_NONE) {

@@ -19,7 +19,7 @@ hada_status hada_classic_fused_columns(hada_classic *classic, int transpose, had
     const hada_own_pass *pass = &classic->fused.columns;
     const hada_refine_rect plane = hada_classic_plane_rect(&classic->shape);
     const hada_refine_rect frame = hada_classic_frame_rect(&classic->shape);
-    const int depths = classic->job->depths, channels = classic->shape.place.channels;
+    const int depths = hada_classic_terms(classic), channels = classic->shape.place.channels;
     const hada_classic_columns job = {.otf_offset = data->otf_offset,
                                       .plane_row0 = plane.row0,
                                       .plane_rows = plane.rows,
@@ -110,7 +110,7 @@ static rows_pass of_planes(const hada_classic *classic, hada_classic_part planes
                        .work = planes,
                        .image = &classic->plane,
                        .rect = hada_classic_plane_rect(&classic->shape),
-                       .count = classic->planes,
+                       .count = hada_classic_images(classic),
                        .traffic = 4.0};
 }
 

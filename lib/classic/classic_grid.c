@@ -80,6 +80,13 @@ static void psf_close(psf_reader *reader)
     *reader = (psf_reader){0};
 }
 
+/* Components have both signs, and only their sum is a point spread function: what little is negative in that is left.
+ */
+static int makes_positive(const hada_classic_shape *shape)
+{
+    return shape->options.method == HADA_METHOD_RL && shape->components == 1;
+}
+
 static hada_status psf_open(psf_reader *reader, hada_context *context, const hada_model *model, int positive,
                             hada_error *err)
 {
@@ -118,12 +125,21 @@ static int is_finite(const float *values, size_t count)
     return sum == 0.0f;
 }
 
-/* HADA_ERROR_MODEL where the model holds values that are not finite. */
-static hada_status psf_read(psf_reader *reader, int depth, int channel, hada_error *err)
+/* Transfer functions of a depth: of its channels, or of all its components. */
+static int images_of(const hada_model_info *info)
+{
+    return info->channels * (info->components > 1 ? info->components : 1);
+}
+
+/* Number `number` of those of the depths of a list. HADA_ERROR_MODEL where the model holds values that are not finite.
+ */
+static hada_status psf_read(psf_reader *reader, const int *depths, int number, hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(reader->model);
     const size_t plane = hada_model_plane(reader->model);
-    const float *otf = reader->model->otf + ((size_t)depth * (size_t)info->channels + (size_t)channel) * plane * 2;
+    const int each = images_of(info), depth = depths ? depths[number / each] : number / each;
+    const float *all = info->components > 1 ? reader->model->component_otf : reader->model->otf;
+    const float *otf = all + ((size_t)depth * (size_t)each + (size_t)(number % each)) * plane * 2;
     if (!is_finite(otf, 2 * plane))
         return hada_fail(err, HADA_ERROR_MODEL,
                          "%s: the transfer function of depth %d holds values that are not finite; the model is "
@@ -266,13 +282,13 @@ static void keep_cut(float *psf, axis *rows, axis *cols)
 }
 
 /* Widens the reach by one image; *small becomes 0 where no smaller grid will do. */
-static hada_status widen_by_image(psf_reader *reader, int depth, int channel, axis *rows, axis *cols, int *small,
+static hada_status widen_by_image(psf_reader *reader, const int *depths, int number, axis *rows, axis *cols, int *small,
                                   hada_error *err)
 {
     double cut = 1.0;
     for (double limit = small_value; cut > negligible * reader->largest; limit /= 4.0) {
         float largest = 0.0f;
-        HADA_TRY(psf_read(reader, depth, channel, err));
+        HADA_TRY(psf_read(reader, depths, number, err));
         for (size_t i = 0; i < reader->pixels; i++)
             largest = fmaxf(largest, fabsf(reader->psf[i]));
         reach(reader->psf, (float)(limit * largest), rows, cols);
@@ -291,7 +307,6 @@ hada_status hada_classic_fit_grid(hada_classic_shape *shape, hada_context *conte
     const hada_refine_shape *place = &shape->place;
     const hada_refine_rect *plane = &shape->support, *frame = &place->frame;
     const hada_method method = shape->options.method;
-    const int channels = place->channels;
     axis rows = axis_of(place->grid_rows, 1, plane->row0, plane->rows, frame->row0, frame->rows);
     axis cols = axis_of(place->grid_cols, 0, plane->col0, plane->cols, frame->col0, frame->cols);
     psf_reader reader = {0};
@@ -303,10 +318,9 @@ hada_status hada_classic_fit_grid(hada_classic_shape *shape, hada_context *conte
         goto done;
     HADA_TRY_OR_DONE(hada_allocated(rows.state = hada_alloc((size_t)rows.grid, 1, "a plan", err)));
     HADA_TRY_OR_DONE(hada_allocated(cols.state = hada_alloc((size_t)cols.grid, 1, "a plan", err)));
-    HADA_TRY_OR_DONE(psf_open(&reader, context, model, method == HADA_METHOD_RL, err));
-    for (int i = 0; small && i < count * channels; i++)
-        HADA_TRY_OR_DONE(widen_by_image(&reader, depths ? depths[i / channels] : i / channels, i % channels, &rows,
-                                        &cols, &small, err));
+    HADA_TRY_OR_DONE(psf_open(&reader, context, model, makes_positive(shape), err));
+    for (int i = 0; small && i < count * images_of(&model->info); i++)
+        HADA_TRY_OR_DONE(widen_by_image(&reader, depths, i, &rows, &cols, &small, err));
     if (small && rows.first <= rows.last) {
         shape->grid_rows = size_for(&rows);
         shape->grid_cols = size_for(&cols);
@@ -322,7 +336,7 @@ done:
 
 int hada_classic_has_optics(const hada_classic_shape *shape)
 {
-    return shape->options.method == HADA_METHOD_RL || shape->reach.rows > 0;
+    return shape->options.method == HADA_METHOD_RL || shape->reach.rows > 0 || shape->components > 1;
 }
 
 /* A point spread function on the method's grid, where window and frame both begin at the top left. */
@@ -344,7 +358,6 @@ static hada_status transform_all(hada_buffer *out, psf_reader *reader, const had
                                  const int *depths, int count, hada_error *err)
 {
     const size_t pixels = (size_t)shape->grid_rows * (size_t)shape->grid_cols;
-    const int channels = shape->place.channels;
     const hada_fft_desc desc = {.direction = HADA_FFT_FORWARD,
                                 .rows = shape->grid_rows,
                                 .cols = shape->grid_cols,
@@ -361,9 +374,9 @@ static hada_status transform_all(hada_buffer *out, psf_reader *reader, const had
     HADA_TRY_OR_DONE(
         hada_buffer_create(&image, reader->slot->context, pixels * sizeof *psf, "a point spread function", err));
     HADA_TRY_OR_DONE(hada_allocated(psf = hada_alloc_raw(pixels, sizeof *psf, "a point spread function", err)));
-    for (int i = 0; i < count * channels && !reader->slot->context->dry; i++) {
+    for (int i = 0; i < count * images_of(&reader->model->info) && !reader->slot->context->dry; i++) {
         const size_t at = (size_t)i * hada_fft_plan_layout(forward)->count;
-        HADA_TRY_OR_DONE(psf_read(reader, depths ? depths[i / channels] : i / channels, i % channels, err));
+        HADA_TRY_OR_DONE(psf_read(reader, depths, i, err));
         if (shape->reach.rows)
             place_on_grid(shape, reader->psf, psf);
         HADA_TRY_OR_DONE(
@@ -380,17 +393,56 @@ done:
     return status;
 }
 
+static int within(int at, int count)
+{
+    return at < 0 ? 0 : at < count ? at : count - 1;
+}
+
+/* The weights of all components as images of planes, behind `offset` bytes. */
+static hada_status write_weights(hada_buffer *out, size_t offset, psf_reader *reader, const hada_classic_shape *shape,
+                                 const int *depths, int count, hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(reader->model);
+    const hada_refine_rect *window = &shape->place.window, *support = &shape->support;
+    const size_t pitch = hada_classic_pitch(support->cols), pixels = (size_t)support->rows * pitch,
+                 area = (size_t)window->rows * (size_t)window->cols;
+    float *image = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_allocated(image = hada_alloc(pixels, sizeof *image, "weights of components", err)));
+    for (int i = 0; i < count * info->components && !reader->slot->context->dry; i++) {
+        const int depth = depths ? depths[i / info->components] : i / info->components;
+        const size_t term = (size_t)depth * (size_t)info->components + (size_t)(i % info->components);
+        const float *from = reader->model->component_weights + term * area;
+        for (int row = 0; row < support->rows; row++)
+            for (int col = 0; col < support->cols; col++)
+                image[(size_t)row * pitch + (size_t)col] =
+                    from[(size_t)within(row + support->row0 - window->row0, window->rows) * (size_t)window->cols +
+                         (size_t)within(col + support->col0 - window->col0, window->cols)];
+        HADA_TRY_OR_DONE(hada_buffer_write(out, reader->slot, offset + (size_t)i * pixels * sizeof *image, image,
+                                           pixels * sizeof *image, err));
+    }
+    HADA_TRY_OR_DONE(hada_slot_finish(reader->slot, err));
+done:
+    free(image);
+    return status;
+}
+
 hada_status hada_classic_optics(hada_buffer *out, hada_context *context, const hada_classic_shape *shape,
                                 const hada_model *model, const int *depths, int count, hada_error *err)
 {
     const hada_spectrum_layout layout = hada_fft_layout(context, shape->grid_rows, shape->grid_cols, HADA_FFT_AUTO);
-    const size_t images = (size_t)count * (size_t)shape->place.channels;
+    const size_t images = (size_t)count * (size_t)images_of(&model->info),
+                 spectra = images * layout.count * 2 * sizeof(float);
+    const size_t pixels = (size_t)shape->support.rows * hada_classic_pitch(shape->support.cols);
+    const size_t weights =
+        shape->components > 1 ? (size_t)count * (size_t)shape->components * pixels * sizeof(float) : 0;
     psf_reader reader = {0};
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(
-        hada_buffer_create(out, context, images * layout.count * 2 * sizeof(float), "the transfer functions", err));
-    HADA_TRY_OR_DONE(psf_open(&reader, context, model, shape->options.method == HADA_METHOD_RL, err));
+    HADA_TRY_OR_DONE(hada_buffer_create(out, context, spectra + weights, "the transfer functions", err));
+    HADA_TRY_OR_DONE(psf_open(&reader, context, model, makes_positive(shape), err));
     HADA_TRY_OR_DONE(transform_all(out, &reader, shape, depths, count, err));
+    if (weights)
+        HADA_TRY_OR_DONE(write_weights(out, spectra, &reader, shape, depths, count, err));
 done:
     psf_close(&reader);
     if (status)

@@ -10,6 +10,11 @@
  * (docs/explanation/mathematics.md). */
 static const double least_prediction = 1e-5, least_norm = 1e-3;
 
+/* What components leave of point spread functions is of both signs, and so are predictions of dark pixels: their ratios
+ * were huge, and planes came out black. This share of the frame's brightness is added to the frame and to its
+ * prediction (perf/results/field-varying.md). */
+static const double least_beside = 0.1;
+
 /* So far at most goes the extrapolation (Biggs and Andrews: below 1). */
 static const double most_momentum = 0.999;
 
@@ -72,7 +77,9 @@ static hada_status extrapolate(hada_classic *classic, double momentum, hada_erro
 hada_status hada_classic_rl_step(hada_classic *classic, int number, int wanted, double sums[2], hada_error *err)
 {
     const int accelerate = classic->shape.options.accelerate;
-    const double least = fmax(least_prediction * classic->job->brightness, 1e-30);
+    const double varying = -fmax(least_beside * classic->job->brightness, 1e-30);
+    const double least =
+        classic->shape.components > 1 ? varying : fmax(least_prediction * classic->job->brightness, 1e-30);
     double all[4] = {0}, factor = 0.0;
     if (number)
         hada_classic_swap(classic, HADA_CLASSIC_PRIMAL, HADA_CLASSIC_PREVIOUS);

@@ -1,7 +1,9 @@
 /* A run of a classic method. */
 #include <math.h>
+#include <stdlib.h>
 
 #include "classic/classic_steps.h"
+#include "core/alloc.h"
 #include "core/clock.h"
 
 /* Iterations that may be in the queue, so that a run can be cancelled between them. */
@@ -45,6 +47,24 @@ hada_status hada_classic_weigh(hada_classic *classic, cl_mem weights, hada_error
     return classic->weighted ? hada_classic_load(classic, HADA_CLASSIC_WEIGHTS, weights, 0, err) : HADA_OK;
 }
 
+/* The depths of the job; with components, all of each. */
+static hada_status write_list(hada_classic *classic, const hada_classic_job *job, hada_error *err)
+{
+    hada_buffer *list = &classic->part[HADA_CLASSIC_LIST];
+    const int components = classic->shape.components, terms = job->depths * components;
+    cl_int *terms_of = NULL;
+    hada_status status = HADA_OK;
+    if (components == 1)
+        return hada_buffer_write(list, classic->slot, 0, job->list, (size_t)job->depths * sizeof(cl_int), err);
+    HADA_TRY_OR_DONE(HADA_NEW(terms_of, (size_t)terms, "a list of components", err));
+    for (int i = 0; i < terms; i++)
+        terms_of[i] = job->list[i / components] * components + i % components;
+    HADA_TRY_OR_DONE(hada_buffer_write(list, classic->slot, 0, terms_of, (size_t)terms * sizeof(cl_int), err));
+done:
+    free(terms_of);
+    return status;
+}
+
 hada_status hada_classic_ready(hada_classic *classic, const hada_classic_job *job, hada_error *err)
 {
     HADA_TRY(check_job(classic, job, err));
@@ -54,8 +74,7 @@ hada_status hada_classic_ready(hada_classic *classic, const hada_classic_job *jo
     classic->weighted = 0;
     classic->weight = job->weight;
     HADA_TRY(clear(classic, err));
-    HADA_TRY(hada_buffer_write(&classic->part[HADA_CLASSIC_LIST], classic->slot, 0, job->list,
-                               (size_t)job->depths * sizeof(cl_int), err));
+    HADA_TRY(write_list(classic, job, err));
     if (classic->bytes[HADA_CLASSIC_FRAME])
         HADA_TRY(hada_classic_load(classic, HADA_CLASSIC_FRAME, job->data->frame, job->data->frame_offset, err));
     return hada_classic_weigh(classic, job->data->weights, err);

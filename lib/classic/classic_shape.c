@@ -56,7 +56,10 @@ hada_status hada_classic_shape_of(const hada_model_info *info, int depths, const
                          "the model %s holds no transfer functions, which this method needs: make the model again "
                          "with fit, from pairs or from PSFs",
                          info->name);
+    if (options->method != HADA_METHOD_RL && options->method != HADA_METHOD_FISTA)
+        HADA_TRY(hada_model_check_single(info, "a Wiener filter or ADMM", err));
     *o = *options;
+    shape->components = info->components > 1 ? info->components : 1;
     shape->place = hada_refine_shape_of(info, depths, 1);
     o->iterations = o->method == HADA_METHOD_WIENER ? 1 : o->iterations;
     if (o->prior == HADA_PRIOR_AUTO)
@@ -120,6 +123,53 @@ static double largest_square(const hada_model *model, const int *depths, int cou
     return largest;
 }
 
+/* With components, the frame that planes make is [H_1 ... H_K] of (w_1 x ... w_K x), and the square of its norm at most
+ * max_f sum s_k |H_k|^2 times max_p sum w_k^2 / s_k, for any s_k above 0: near the least with these. */
+static hada_status bound_varying(const hada_model *model, const int *depths, int count, int channel, double *largest,
+                                 hada_error *err)
+{
+    const hada_model_info *info = &model->info;
+    const size_t plane = hada_model_plane(model), pixels = (size_t)info->window_rows * (size_t)info->window_cols;
+    const int terms = count * info->components;
+    double *share = NULL, square = 0.0;
+    const float **h = NULL, **w = NULL;
+    hada_status status = HADA_OK;
+    *largest = 0.0;
+    HADA_TRY_OR_DONE(HADA_NEW(share, (size_t)terms, "a plan", err));
+    HADA_TRY_OR_DONE(HADA_NEW(h, (size_t)terms, "a plan", err));
+    HADA_TRY_OR_DONE(HADA_NEW(w, (size_t)terms, "a plan", err));
+    for (int i = 0; i < terms; i++) {
+        const size_t term =
+            (size_t)depths[i / info->components] * (size_t)info->components + (size_t)(i % info->components);
+        double most_h = 0.0, most_w = 0.0;
+        h[i] = model->component_otf + (term * (size_t)info->channels + (size_t)channel) * plane * 2;
+        w[i] = model->component_weights + term * pixels;
+        for (size_t f = 0; f < plane; f++)
+            most_h = fmax(most_h, (double)h[i][2 * f] * h[i][2 * f] + (double)h[i][2 * f + 1] * h[i][2 * f + 1]);
+        for (size_t p = 0; p < pixels; p++)
+            most_w = fmax(most_w, (double)w[i][p] * w[i][p]);
+        share[i] = most_h > 0.0 && most_w > 0.0 ? sqrt(most_w / most_h) : 1.0;
+    }
+    for (size_t f = 0; f < plane; f++) {
+        double sum = 0.0;
+        for (int i = 0; i < terms; i++)
+            sum += share[i] * ((double)h[i][2 * f] * h[i][2 * f] + (double)h[i][2 * f + 1] * h[i][2 * f + 1]);
+        square = fmax(square, sum);
+    }
+    for (int first = 0; first < terms; first += info->components) /* other depths have other planes */
+        for (size_t p = 0; p < pixels; p++) {
+            double sum = 0.0;
+            for (int i = first; i < first + info->components; i++)
+                sum += (double)w[i][p] * w[i][p] / share[i];
+            *largest = fmax(*largest, sum * square);
+        }
+done:
+    free(share);
+    free(h);
+    free(w);
+    return status;
+}
+
 hada_status hada_classic_camera_of(hada_classic_camera *camera, const hada_model *model, const int *depths, int count,
                                    hada_error *err)
 {
@@ -132,6 +182,8 @@ hada_status hada_classic_camera_of(hada_classic_camera *camera, const hada_model
         camera->largest[c] = largest_square(model, depths, count, c, &mean);
         camera->mean_square += mean / channels / count;
     }
+    for (int c = 0; c < channels && model->info.components > 1; c++)
+        HADA_TRY(bound_varying(model, depths, count, c, &camera->largest[c], err));
     for (int c = 0; c < channels; c++)
         if (!(camera->largest[c] > 0.0))
             return hada_fail(err, HADA_ERROR_MODEL, "the model's transfer functions are 0 in channel %d", c + 1);

@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+#include "launch/classic_field.h"
 #include "launch/classic_frame.h"
 
 void hada_classic_swap(hada_classic *classic, hada_classic_part a, hada_classic_part b)
@@ -39,14 +40,14 @@ static hada_status transform(hada_classic *classic, hada_fft *plan, int forward,
 
 hada_status hada_classic_forward(hada_classic *classic, hada_classic_part planes, hada_error *err)
 {
-    return transform(classic, classic->forward, 1, classic->planes, planes, classic->plane.pixels, HADA_CLASSIC_SPECTRA,
-                     err);
+    return transform(classic, classic->forward, 1, hada_classic_images(classic), planes, classic->plane.pixels,
+                     HADA_CLASSIC_SPECTRA, err);
 }
 
 hada_status hada_classic_inverse(hada_classic *classic, hada_classic_part planes, hada_error *err)
 {
-    return transform(classic, classic->inverse, 0, classic->planes, planes, classic->plane.pixels, HADA_CLASSIC_SPECTRA,
-                     err);
+    return transform(classic, classic->inverse, 0, hada_classic_images(classic), planes, classic->plane.pixels,
+                     HADA_CLASSIC_SPECTRA, err);
 }
 
 hada_status hada_classic_frame_forward(hada_classic *classic, hada_classic_part spectrum, hada_error *err)
@@ -83,14 +84,14 @@ static hada_classic_problem problem_of(const hada_classic *classic)
     return (hada_classic_problem){.otf_offset = data->otf_offset,
                                   .frame_offset = data->spectrum_offset,
                                   .spectrum = hada_spectrum_shape_of(&classic->layout),
-                                  .depths = classic->job->depths,
+                                  .depths = hada_classic_terms(classic),
                                   .slice = HADA_CLASSIC_SLICE};
 }
 
 hada_status hada_classic_project(hada_classic *classic, int residual, hada_error *err)
 {
     const hada_refine_data *data = classic->job->data;
-    const int depths = classic->job->depths;
+    const int depths = hada_classic_terms(classic);
     const hada_range range = spectrum_range(classic);
     hada_slot_cost(classic->slot, frequencies(classic) * (16.0 * depths + (residual ? 16.0 : 8.0)),
                    frequencies(classic) * 8.0 * depths);
@@ -104,7 +105,7 @@ hada_status hada_classic_project(hada_classic *classic, int residual, hada_error
 /* HADA_CLASSIC_SPECTRA = conj(H) HADA_CLASSIC_PROJECTION. */
 static hada_status project_transpose(hada_classic *classic, hada_error *err)
 {
-    const int depths = classic->job->depths;
+    const int depths = hada_classic_terms(classic);
     const hada_range range = spectrum_range(classic);
     hada_slot_cost(classic->slot, frequencies(classic) * (16.0 * depths + 8.0), frequencies(classic) * 6.0 * depths);
     return hada_launch_classic_transpose(
@@ -163,8 +164,51 @@ hada_status hada_classic_step_pixels(hada_classic *classic, hada_classic_pixel_s
         .number = (float)number, .slices = frame_slices(classic));
 }
 
+/* Where the weights of components begin, behind the transfer functions, in floats. */
+static size_t maps_at(const hada_classic *classic)
+{
+    const hada_classic_shape *shape = &classic->shape;
+    const size_t terms = (size_t)classic->job->data->otf_depths * (size_t)shape->components;
+    return 2 * (classic->job->data->otf_offset + terms * (size_t)shape->place.channels * classic->layout.count);
+}
+
+static hada_range images_range(const hada_classic *classic, int images)
+{
+    return hada_range_groups(hada_classic_slice_count(classic), classic->group, (size_t)images, 1);
+}
+
+/* HADA_CLASSIC_COMPONENTS = planes times the weights of each component. */
+static hada_status part_planes(hada_classic *classic, hada_classic_part planes, hada_error *err)
+{
+    const hada_range range = images_range(classic, hada_classic_images(classic));
+    const double all = (double)classic->plane.pixels * hada_classic_images(classic);
+    hada_slot_cost(classic->slot, 12.0 * all, all);
+    return hada_launch_classic_part(
+        classic->slot, hada_program_classic_field_of(classic->slot), &range, err, .planes = classic->part[planes].mem,
+        .parts = classic->part[HADA_CLASSIC_COMPONENTS].mem, .list = classic->part[HADA_CLASSIC_LIST].ints,
+        .maps = classic->job->data->otf, .offset = maps_at(classic), .components = classic->shape.components,
+        .slices = hada_classic_plane_slices(classic));
+}
+
+/* planes = the sum over components of HADA_CLASSIC_COMPONENTS times their weights. */
+static hada_status unite_planes(hada_classic *classic, hada_classic_part planes, hada_error *err)
+{
+    const hada_range range = images_range(classic, classic->planes);
+    const double all = (double)classic->plane.pixels * hada_classic_images(classic);
+    hada_slot_cost(classic->slot, 12.0 * all, 2.0 * all);
+    return hada_launch_classic_unite(
+        classic->slot, hada_program_classic_field_of(classic->slot), &range, err,
+        .parts = classic->part[HADA_CLASSIC_COMPONENTS].mem, .planes = classic->part[planes].mem,
+        .list = classic->part[HADA_CLASSIC_LIST].ints, .maps = classic->job->data->otf, .offset = maps_at(classic),
+        .components = classic->shape.components, .slices = hada_classic_plane_slices(classic));
+}
+
 hada_status hada_classic_predict(hada_classic *classic, hada_classic_part planes, hada_error *err)
 {
+    if (classic->shape.components > 1) {
+        HADA_TRY(part_planes(classic, planes, err));
+        planes = HADA_CLASSIC_COMPONENTS;
+    }
     if (classic->fuses) {
         HADA_TRY(hada_classic_fused_planes(classic, planes, 1, err));
         HADA_TRY(hada_classic_fused_columns(classic, 0, err));
@@ -189,14 +233,16 @@ hada_status hada_classic_data_step(hada_classic *classic, hada_classic_pixel_ste
 
 hada_status hada_classic_transpose(hada_classic *classic, hada_classic_part planes, hada_error *err)
 {
+    const int varies = classic->shape.components > 1;
+    const hada_classic_part to = varies ? HADA_CLASSIC_COMPONENTS : planes;
     if (classic->fuses) {
         HADA_TRY(hada_classic_fused_columns(classic, 1, err));
-        HADA_TRY(hada_classic_fused_planes(classic, planes, 0, err));
+        HADA_TRY(hada_classic_fused_planes(classic, to, 0, err));
     } else {
         HADA_TRY(project_transpose(classic, err));
-        HADA_TRY(hada_classic_inverse(classic, planes, err));
+        HADA_TRY(hada_classic_inverse(classic, to, err));
     }
-    return HADA_OK;
+    return varies ? unite_planes(classic, planes, err) : HADA_OK;
 }
 
 hada_status hada_classic_load(hada_classic *classic, hada_classic_part part, cl_mem image, size_t offset,
@@ -297,6 +343,8 @@ hada_status hada_classic_energy(hada_classic *classic, double *energy, hada_erro
     if (!classic->has_frame)
         return spectral_energy(classic, energy, err);
     HADA_TRY(hada_classic_predict(classic, HADA_CLASSIC_PRIMAL, err));
+    if (classic->shape.components > 1) /* ratios are 1 between a row's pixels and its pitch */
+        HADA_TRY(hada_classic_clear(classic, HADA_CLASSIC_PREDICTION, err));
     HADA_TRY(hada_classic_data_step(classic, HADA_CLASSIC_LEFT, 0.0, 0, err));
     HADA_TRY(hada_launch_classic_energy(classic->slot, hada_program_classic_frame_of(classic->slot), &range, err,
                                         .images = classic->part[HADA_CLASSIC_PREDICTION].mem,

@@ -17,9 +17,10 @@ enum {
  * channel each; "channels" are images of the frame or spectra, a channel each. */
 typedef enum hada_classic_part {
     HADA_CLASSIC_WINDOW,       /* the result */
-    HADA_CLASSIC_LIST,         /* depth indices */
+    HADA_CLASSIC_LIST,         /* indices of transfer functions: depths, or components of depths */
     HADA_CLASSIC_PARTIAL,      /* sums of slices */
-    HADA_CLASSIC_SPECTRA,      /* of planes; fused: of their rows alone */
+    HADA_CLASSIC_SPECTRA,      /* of planes, or of their components; fused: of their rows alone */
+    HADA_CLASSIC_COMPONENTS,   /* planes x components: planes times the weights of each (shape.components above 1) */
     HADA_CLASSIC_PROJECTION,   /* the same of channels: what the planes make of the frame, or leave of it */
     HADA_CLASSIC_PRIMAL,       /* planes */
     HADA_CLASSIC_FRAME,        /* channels: the frame */
@@ -95,6 +96,17 @@ hada_status hada_classic_project(hada_classic *classic, int residual, hada_error
 /* The joint least-squares step of kernels/classic_spectrum.cl. first: HADA_CLASSIC_SPECTRA counts as 0. mu1, mu2, mu3:
  * the weights of data, gradient and planes. */
 hada_status hada_classic_solve(hada_classic *classic, int first, double mu1, double mu2, double mu3, hada_error *err);
+
+/* Transfer functions of the job, and images that the transforms take: components count each. */
+static inline int hada_classic_terms(const hada_classic *classic)
+{
+    return classic->job->depths * classic->shape.components;
+}
+
+static inline int hada_classic_images(const hada_classic *classic)
+{
+    return classic->planes * classic->shape.components;
+}
 
 /* The three parts of an iteration that uses the frame's pixels, by whole transforms or by fused passes:
  * HADA_CLASSIC_PROJECTION = the frame that planes make; a step on its pixels (HADA_CLASSIC_PREDICTION takes the result)

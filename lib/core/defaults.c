@@ -52,6 +52,8 @@ static const hada_limits limits = {.size = sizeof(hada_limits),
                                    .isolate = HADA_ISOLATE_SOME,
                                    .seconds = HADA_LIMITS_SECONDS}; /* a thousand times what a frame takes */
 static const hada_psf_options psf_options = {.size = sizeof(hada_psf_options),
+                                             .components = HADA_AUTO,
+                                             .explained = 0.99,
                                              .downsample = 1,
                                              .refine_tv = HADA_AUTO,
                                              .form = HADA_FORM_WIENER,
@@ -122,6 +124,7 @@ static const hada_live_task live_task = {
 static const hada_simulate_task simulate_task = {.size = sizeof(hada_simulate_task),
                                                  .pairs = 8,
                                                  .test_depths = 2,
+                                                 .field_psfs = 5,
                                                  .bits = 32,
                                                  .noise = 0.01,
                                                  .scene_response = HADA_RESPONSE_LINEAR};

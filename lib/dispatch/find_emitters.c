@@ -3,6 +3,7 @@
 #include "dispatch/plan.h"
 #include "emitters/emitters.h"
 #include "image/pixels.h"
+#include "model/model.h"
 
 static hada_status check(const hada_plan *plan, const hada_result *result, hada_error *err)
 {
@@ -14,6 +15,7 @@ static hada_status check(const hada_plan *plan, const hada_result *result, hada_
                          "emitters are found in frames of one channel, and the model %s is for %d: make one from the "
                          "channel that shows them",
                          info->name, info->channels);
+    HADA_TRY(hada_model_check_single(info, "the fit of emitters", err));
     if (!result->report || result->report->scene != HADA_SCENE_VOLUME)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "emitters are those of a volume, and the frame was taken for %s: choose options.scene volume",

@@ -444,7 +444,7 @@ hada_status hada_plan_match(const hada_plan *plan, const hada_pixels *raw, hada_
     HADA_TRY_OR_DONE(hada_frame_check_size(&of.model->info, kind, pixels.channels, pixels.rows, pixels.cols, err));
     HADA_TRY_OR_DONE(hada_frame_bin(&pixels, &binned, &of.model->info, kind, err));
     choose_sizes(&of);
-    if (of.model->otf && of.rows >= LEAST_SIDE && of.cols >= LEAST_SIDE) {
+    if (of.model->otf && of.model->info.components < 2 && of.rows >= LEAST_SIDE && of.cols >= LEAST_SIDE) {
         HADA_TRY_OR_DONE(hada_pixels_copy(&pixels, &frame, err));
         if (pixels.channels < of.model->info.channels)
             HADA_TRY_OR_DONE(hada_mosaic_colours(plan->setup.config.mosaic, &frame, &colours, err));

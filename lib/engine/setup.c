@@ -9,6 +9,7 @@
 #include "filter/gains.h"
 #include "filter/hadamard.h"
 #include "image/mosaic.h"
+#include "model/model.h"
 #include "planes/maker.h"
 #include "refine/proximal.h"
 
@@ -274,6 +275,8 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
         config->weights.ridge = options->refine_ridge;
     config->crosstalk = options->crosstalk >= 0 ? options->crosstalk : HADA_CROSSTALK;
     HADA_TRY(use_classic(info, options, config, err));
+    if (!config->classic)
+        HADA_TRY(hada_model_check_single(info, "linear filters and refinement", err));
     config->joint = config->steps > 0;
     config->choose = config->classic ? config->method.choose : way.choose && config->joint;
     config->keep = config->choose && options->refine_tv != HADA_REFINE_TV_FRAME;

@@ -28,6 +28,36 @@ typedef struct hada_psf_shape {
 } hada_psf_shape;
 hada_status hada_psf_measure(hada_psf_shape *out, const hada_image *psf, const hada_image *other, hada_error *err);
 
+/* HADA_ERROR_ARGUMENT where PSFs of these positions, pixels from the axis, do not tell weights over the field. */
+hada_status hada_psf_positions_check(const double *rows, const double *cols, int count, hada_error *err);
+
+/* Shifts PSFs of a depth, each taken at its position, to the middle. What they have beyond their images then is that of
+ * the others. */
+hada_status hada_psf_register(hada_image *images, const double *rows, const double *cols, int count, hada_error *err);
+
+/* Components of registered PSFs (psf_field.c). The positions stay the caller's. */
+typedef struct hada_psf_field {
+    const double *rows, *cols;
+    int count;
+    double *vectors;    /* [position][component] */
+    double *singular;   /* descending */
+    double lost_single; /* share of the energy that the mean PSF alone leaves */
+} hada_psf_field;
+hada_status hada_psf_field_of(hada_psf_field *out, const hada_image *images, const double *rows, const double *cols,
+                              int count, hada_error *err);
+void hada_psf_field_free(hada_psf_field *field);
+
+/* The share of the energy that the first so many components leave. */
+double hada_psf_field_lost(const hada_psf_field *field, int components);
+
+/* A component of the registered PSFs, created by the call; -1: their mean. */
+hada_status hada_psf_field_component(hada_image *out, const hada_psf_field *field, const hada_image *images,
+                                     int component, hada_error *err);
+
+/* Weights [component][rows][cols] of pixels of which the first is row0, col0 from the axis. */
+hada_status hada_psf_field_weights(float *out, const hada_psf_field *field, int components, int rows, int cols,
+                                   double row0, double col0, hada_error *err);
+
 /* The sum of its values. */
 double hada_psf_light(const hada_image *psf);
 

@@ -137,6 +137,14 @@ static double clean_channel(float *pixels, const hada_image *psf, const hada_psf
     return light;
 }
 
+double hada_psf_light(const hada_image *psf)
+{
+    double total = 0.0;
+    for (size_t i = 0; i < hada_image_count(psf); i++)
+        total += psf->data[i];
+    return total;
+}
+
 hada_status hada_psf_clean(hada_image *psf, const hada_psf_options *options, hada_psf_seen *seen, hada_error *err)
 {
     const size_t pixels = (size_t)psf->rows * (size_t)psf->cols;

@@ -47,6 +47,27 @@ size_t hada_model_plane(const hada_model *model)
     return hada_model_info_plane(&model->info);
 }
 
+size_t hada_model_component_images(const hada_model_info *info)
+{
+    return (size_t)info->depths * (size_t)info->components * (size_t)info->channels;
+}
+
+size_t hada_model_component_weights(const hada_model_info *info)
+{
+    return (size_t)info->depths * (size_t)info->components * (size_t)info->window_rows * (size_t)info->window_cols;
+}
+
+hada_status hada_model_check_single(const hada_model_info *info, const char *what, hada_error *err)
+{
+    if (info->components < 2)
+        return HADA_OK;
+    return hada_fail(err, HADA_ERROR_MODEL,
+                     "the PSFs of the camera %s vary over the field (%d components), and %s would take them for the "
+                     "same everywhere: reconstruct with options.method rl or fista, or options.scene volume; or make a "
+                     "model of the mean PSF with fit options.components 1",
+                     info->name ? info->name : "", info->components, what);
+}
+
 double hada_model_gain(const hada_model *model)
 {
     const size_t plane = hada_model_plane(model);
@@ -82,7 +103,7 @@ double hada_model_noise_share(const hada_model *model)
 }
 
 /* Limits of a model file's claims: far above any camera, and small enough that sizes do not overflow. */
-enum { MOST_DEPTHS = 4096, MOST_CHANNELS = 64, MOST_NET_SIDE = 1 << 20, MOST_DOWNSAMPLE = 256 };
+enum { MOST_DEPTHS = 4096, MOST_CHANNELS = 64, MOST_NET_SIDE = 1 << 20, MOST_DOWNSAMPLE = 256, MOST_POSITIONS = 65536 };
 
 /* Refinement with a rho far above the gain leaves nothing but black; a dark level is one of the frames' own units,
  * whose widest are counts of 32 bits. */
@@ -132,6 +153,15 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
             "downsample %d is not possible: it is 1 to %d, and even for a colour filter mosaic, of a camera "
             "of three channels",
             info->downsample, MOST_DOWNSAMPLE);
+    if (info->components < 0 || info->components > HADA_MOST_COMPONENTS || info->positions < 0 || /* 0: not set, 1 */
+        info->positions > HADA_MOST_POSITIONS ||
+        (info->components > 1 &&
+         (!info->has_otf || info->boundary != HADA_BOUNDARY_PADDED || info->positions < info->components ||
+          !not_negative(info->lost) || !not_negative(info->lost_single))))
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "PSFs that vary over the field have 1 to %d components, from as many positions at least, and "
+                         "the boundary padded; the model says %d of %d",
+                         HADA_MOST_COMPONENTS, info->components, info->positions);
     if (info->distances_mm)
         for (int z = 0; z < info->depths; z++)
             if (!isfinite(info->distances_mm[z]) || (z && info->distances_mm[z] <= info->distances_mm[z - 1]))
@@ -157,6 +187,7 @@ hada_status hada_model_create_head(hada_model **out, const hada_model_info *info
     if (!(info->refine_colour > 0.0)) /* not said */
         model->info.refine_colour = 1.0;
     model->info.downsample += !info->downsample;
+    model->info.components += !info->components;
     model->info.enhance = model->info.enhance_rows = model->info.enhance_cols = 0; /* until it has the net */
     HADA_TRY_OR_DONE(HADA_NEW(model->distances, depths, "the distances", err));
     if (!(model->name = hada_string_copy(info->name ? info->name : "")))
@@ -168,6 +199,9 @@ hada_status hada_model_create_head(hada_model **out, const hada_model_info *info
     HADA_TRY_OR_DONE(hada_model_set_flat(model, info->flat, err));
     const uint64_t values = (uint64_t)info->depths * (uint64_t)info->channels * hada_model_plane(model);
     model->info.bytes = values * (info->half ? 4u : 8u) + (info->has_otf ? values * 8u : 0u);
+    if (info->components > 1)
+        model->info.bytes +=
+            hada_model_component_images(info) * hada_model_plane(model) * 8u + hada_model_component_weights(info) * 4u;
 done:
     if (status)
         hada_model_destroy(&model);
@@ -213,6 +247,14 @@ hada_status hada_model_create_arrays(hada_model *model, int with_statistics, had
                         : hada_allocated(model->filter = hada_alloc(pair, 4, "the filters", err)));
     if (info->has_otf)
         HADA_TRY(hada_allocated(model->otf = hada_alloc(pair, 4, "the transfer functions", err)));
+    if (info->components > 1) {
+        const size_t values = hada_size_product(hada_model_component_images(info), hada_size_product(plane, 2));
+        HADA_TRY(hada_allocated(model->component_otf = hada_alloc(values, 4, "the transfer functions", err)));
+        HADA_TRY(hada_allocated(model->component_weights =
+                                    hada_alloc(hada_model_component_weights(info), 4, "weights of components", err)));
+        HADA_TRY(
+            HADA_NEW(model->singular_values, (size_t)info->depths * (size_t)info->positions, "singular values", err));
+    }
     if (with_statistics) {
         HADA_TRY(hada_allocated(model->scene_power = hada_alloc(plane, 4, "the scenes' power", err)));
         HADA_TRY(HADA_NEW(model->noise_power, images, "the noise power", err));
@@ -241,11 +283,12 @@ void hada_model_destroy(hada_model **pointer)
         hada_tensors *tensors = model->file;
         hada_tensors_close(&tensors);
     } else {
-        HADA_FREE(model->filter, model->filter_half, model->otf, model->scene_power);
+        HADA_FREE(model->filter, model->filter_half, model->otf, model->scene_power, model->component_otf,
+                  model->component_weights);
     }
     hada_net_destroy(&model->enhance);
     hada_image_destroy(&model->flat);
-    HADA_FREE(model->noise_power, model->pairs, model->distances, model->name, model);
+    HADA_FREE(model->noise_power, model->pairs, model->singular_values, model->distances, model->name, model);
 }
 
 const hada_model_info *hada_model_get_info(const hada_model *model)
@@ -276,8 +319,13 @@ hada_status hada_model_get_arrays(const hada_model *model, hada_model_arrays *ar
 {
     HADA_NEED(model && arrays, err);
     HADA_TRY(HADA_REPORT_CHECK(arrays, hada_model_arrays, err));
-    const hada_model_arrays own = {
-        .size = sizeof own, .filters = model->filter, .half_filters = model->filter_half, .otf = model->otf};
+    const hada_model_arrays own = {.size = sizeof own,
+                                   .filters = model->filter,
+                                   .half_filters = model->filter_half,
+                                   .otf = model->otf,
+                                   .component_otf = model->component_otf,
+                                   .component_weights = model->component_weights,
+                                   .singular_values = model->singular_values};
     HADA_REPORT_GIVE(arrays, &own);
     return HADA_OK;
 }
@@ -348,6 +396,14 @@ static void copy_knowledge(hada_model *copy, const hada_model *model)
     const size_t plane = hada_model_plane(model), images = (size_t)info->depths * (size_t)info->channels;
     if (model->otf)
         memcpy(copy->otf, model->otf, images * plane * 2 * sizeof *copy->otf);
+    if (info->components > 1) {
+        memcpy(copy->component_otf, model->component_otf,
+               hada_model_component_images(info) * plane * 2 * sizeof *copy->component_otf);
+        memcpy(copy->component_weights, model->component_weights,
+               hada_model_component_weights(info) * sizeof *copy->component_weights);
+        memcpy(copy->singular_values, model->singular_values,
+               (size_t)info->depths * (size_t)info->positions * sizeof *copy->singular_values);
+    }
     if (model->scene_power) {
         memcpy(copy->scene_power, model->scene_power, plane * sizeof *copy->scene_power);
         memcpy(copy->noise_power, model->noise_power, images * sizeof *copy->noise_power);

@@ -6,6 +6,9 @@
 
 #include "io/safetensors.h"
 
+/* Of point spread functions that vary over the field. */
+enum { HADA_MOST_COMPONENTS = 16, HADA_MOST_POSITIONS = 1024 };
+
 /* Filters and transfer functions are kept on the host as row-major half spectra: complex numbers
  * [depth][channel][grid_rows][grid_cols / 2 + 1], re and im interleaved. One of `filter` and `filter_half` is NULL. */
 struct hada_model {
@@ -21,6 +24,9 @@ struct hada_model {
     float *scene_power;
     double *noise_power;
     double *pairs;
+    /* Of info.components above 1, as hada_model_arrays has them; else NULL. */
+    float *component_otf, *component_weights;
+    double *singular_values;
     hada_image flat;   /* of info; empty: none */
     hada_net *enhance; /* may be NULL */
     void *file;        /* non-NULL: the large arrays are in this opened file (hada_tensors), not freed one by one */
@@ -48,6 +54,10 @@ double hada_model_gain(const hada_model *model);
  * functions and the scenes' power; 0 where it does not know of noise. Reads the transfer functions of a depth. */
 double hada_model_noise_share(const hada_model *model);
 
+/* Transfer functions of all components, and values of their weights. */
+size_t hada_model_component_images(const hada_model_info *info);
+size_t hada_model_component_weights(const hada_model_info *info);
+
 /* Number of complex values of one depth and channel. */
 size_t hada_model_plane(const hada_model *model);
 size_t hada_model_info_plane(const hada_model_info *info);
@@ -71,6 +81,9 @@ static inline int hada_is_of_sensor(const hada_model_info *info, int downsample,
 /* Gives it a copy of what pixels make of the same light (hada_model_info.flat), of all its channels or one for all, of
  * the size of its frames or of its sensor; NULL: none. HADA_ERROR_SIZE. */
 hada_status hada_model_set_flat(hada_model *model, const hada_image *flat, hada_error *err);
+
+/* HADA_ERROR_MODEL where PSFs vary over the field: for what takes them for the same everywhere, `what`. */
+hada_status hada_model_check_single(const hada_model_info *info, const char *what, hada_error *err);
 
 /* Gives a model a net, which becomes its own (also on failure), with the size at which it runs. */
 hada_status hada_model_own_enhance(hada_model *model, hada_net *net, int rows, int cols, hada_error *err);

@@ -8,13 +8,18 @@
 #include "model/model.h"
 #include "netlist/weights_file.h"
 
-#define FORMAT         "hadalens-model"
-#define FORMAT_VERSION 1
-#define RESPONSE       "scene_response"
-#define MOSAIC         "mosaic" /* models of frames in full colour lack it */
-#define SENSOR_MOSAIC  "sensor_mosaic"
-#define DOWNSAMPLE     "downsample" /* models of frames that are not binned lack these */
-#define MOST_STEPS     100000       /* of refinement: more is a damaged number */
+#define FORMAT          "hadalens-model"
+#define FORMAT_VERSION  1 /* of what every library reads */
+#define VARYING_VERSION 2 /* of models whose PSFs vary over the field: older libraries would take the mean for them */
+#define COMPONENTS      "components" /* models whose PSFs are the same everywhere lack these */
+#define POSITIONS       "component_positions"
+#define LOST            "component_lost"
+#define LOST_SINGLE     "component_lost_single"
+#define RESPONSE        "scene_response"
+#define MOSAIC          "mosaic" /* models of frames in full colour lack it */
+#define SENSOR_MOSAIC   "sensor_mosaic"
+#define DOWNSAMPLE      "downsample" /* models of frames that are not binned lack these */
+#define MOST_STEPS      100000       /* of refinement: more is a damaged number */
 
 /* What a reader must know and the numbers cannot say; the same in every file. */
 static const char *const conventions[][2] = {
@@ -80,10 +85,26 @@ const char *hada_model_get_frames(const hada_tensors *file, hada_model_info *inf
     return NULL;
 }
 
+static hada_status put_components(hada_tensors_writer *writer, const hada_model_info *info, hada_error *err)
+{
+    if (info->components < 2)
+        return HADA_OK;
+    HADA_TRY(put_number(writer, COMPONENTS, info->components, err));
+    HADA_TRY(put_number(writer, POSITIONS, info->positions, err));
+    HADA_TRY(put_number(writer, LOST, info->lost, err));
+    HADA_TRY(put_number(writer, LOST_SINGLE, info->lost_single, err));
+    return hada_tensors_put_meta(
+        writer, "component_axes",
+        "component_otf: [depth, component, channel, ky, kx, re/im], component_weights: [depth, component, row, column] "
+        "of the window, singular_values: [depth, position]; frame = crop(sum of h_k * (w_k scene)); filter and otf are "
+        "of the mean PSF",
+        err);
+}
+
 static hada_status put_metadata(hada_tensors_writer *writer, const hada_model_info *info, hada_error *err)
 {
     HADA_TRY(hada_tensors_put_meta(writer, "format", FORMAT, err));
-    HADA_TRY(put_number(writer, "version", FORMAT_VERSION, err));
+    HADA_TRY(put_number(writer, "version", info->components > 1 ? VARYING_VERSION : FORMAT_VERSION, err));
     HADA_TRY(hada_tensors_put_meta(writer, "library", "hadalens " HADALENS_VERSION, err));
     HADA_TRY(hada_tensors_put_meta(writer, "form", hada_form_name(info->form), err));
     HADA_TRY(hada_tensors_put_meta(writer, "boundary", hada_boundary_name(info->boundary), err));
@@ -109,6 +130,7 @@ static hada_status put_metadata(hada_tensors_writer *writer, const hada_model_in
     hada_response_name(response, info->scene_response);
     HADA_TRY(hada_tensors_put_meta(writer, RESPONSE, response, err));
     HADA_TRY(hada_model_put_frames(writer, info, err));
+    HADA_TRY(put_components(writer, info, err));
     for (size_t i = 0; i < sizeof conventions / sizeof *conventions; i++)
         HADA_TRY(hada_tensors_put_meta(writer, conventions[i][0], conventions[i][1], err));
     return HADA_OK;
@@ -119,11 +141,11 @@ typedef struct part {
     const char *name;
     hada_dtype type;
     int dims;
-    int64_t shape[5];
+    int64_t shape[6];
     const void *data;
     size_t bytes;
 } part;
-enum { PARTS = 7 };
+enum { PARTS = 10 };
 
 static int list_parts(const hada_model *model, part parts[PARTS])
 {
@@ -137,6 +159,23 @@ static int list_parts(const hada_model *model, part parts[PARTS])
         parts[n++] = (part){"noise_power", HADA_F64, 2, {z, c}, model->noise_power, images * 8};
     if (model->pairs)
         parts[n++] = (part){"pairs", HADA_F64, 1, {z}, model->pairs, (size_t)z * 8};
+    if (info->components > 1) {
+        const int64_t k = info->components, positions = info->positions;
+        parts[n++] =
+            (part){"singular_values", HADA_F64, 2, {z, positions}, model->singular_values, (size_t)(z * positions) * 8};
+        parts[n++] = (part){"component_otf",
+                            HADA_F32,
+                            6,
+                            {z, k, c, rows, half, 2},
+                            model->component_otf,
+                            hada_model_component_images(info) * plane * 8};
+        parts[n++] = (part){"component_weights",
+                            HADA_F32,
+                            4,
+                            {z, k, info->window_rows, info->window_cols},
+                            model->component_weights,
+                            hada_model_component_weights(info) * 4};
+    }
     if (model->scene_power)
         parts[n++] = (part){"scene_power", HADA_F32, 2, {rows, half}, model->scene_power, plane * 4};
     if (model->otf)
@@ -229,6 +268,22 @@ static hada_status get_size(const hada_tensors *file, const char *path, const ch
     return HADA_OK;
 }
 
+static hada_status get_components(const hada_tensors *file, const char *path, hada_model_info *info, hada_error *err)
+{
+    double components, positions;
+    HADA_TRY(get_number(file, path, COMPONENTS, &components, err));
+    HADA_TRY(get_number(file, path, POSITIONS, &positions, err));
+    HADA_TRY(get_number(file, path, LOST, &info->lost, err));
+    HADA_TRY(get_number(file, path, LOST_SINGLE, &info->lost_single, err));
+    if (!(components >= 2 && components <= INT_MAX) || components != floor(components))
+        return missing(path, COMPONENTS, err);
+    if (!(positions >= components && positions <= INT_MAX) || positions != floor(positions))
+        return missing(path, POSITIONS, err);
+    info->components = (int)components;
+    info->positions = (int)positions;
+    return HADA_OK;
+}
+
 static hada_status get_metadata(const hada_tensors *file, const char *path, hada_model_info *info, hada_error *err)
 {
     double version = 0, steps = 0;
@@ -237,10 +292,11 @@ static hada_status get_metadata(const hada_tensors *file, const char *path, hada
     if (!format || strcmp(format, FORMAT))
         return hada_fail(err, HADA_ERROR_FILE_FORMAT, "%s is a safetensors file, but not a hadalens model", path);
     HADA_TRY(get_number(file, path, "version", &version, err));
-    if (version != FORMAT_VERSION)
+    if (version != FORMAT_VERSION && version != VARYING_VERSION)
         return hada_fail(err, HADA_ERROR_FILE_FORMAT,
-                         "%s is a model of version %g; this library reads version %d: update the library or fit again",
-                         path, version, FORMAT_VERSION);
+                         "%s is a model of version %g; this library reads versions up to %d: update the library or fit "
+                         "again",
+                         path, version, VARYING_VERSION);
     if (!form || !(info->form = hada_form_from_name(form)))
         HADA_TRY(missing(path, "form", err));
     if (!boundary || !(info->boundary = hada_boundary_from_name(boundary)))
@@ -280,7 +336,7 @@ static hada_status get_metadata(const hada_tensors *file, const char *path, hada
     if (steps < 0 || steps > MOST_STEPS || steps != floor(steps))
         HADA_TRY(missing(path, "refine_steps", err));
     info->refine_steps = (int)steps;
-    return HADA_OK;
+    return version == VARYING_VERSION ? get_components(file, path, info, err) : HADA_OK;
 }
 
 /* A tensor of the wanted shape and type whose data can be used in place. */
@@ -324,6 +380,10 @@ static hada_status take_parts(hada_model *model, const hada_tensors *file, const
             model->scene_power = (float *)(uintptr_t)data;
         else if (!strcmp(parts[i].name, "otf"))
             model->otf = (float *)(uintptr_t)data;
+        else if (!strcmp(parts[i].name, "component_otf"))
+            model->component_otf = (float *)(uintptr_t)data;
+        else if (!strcmp(parts[i].name, "component_weights"))
+            model->component_weights = (float *)(uintptr_t)data;
         else if (model->info.half)
             model->filter_half = (uint16_t *)(uintptr_t)data;
         else
@@ -427,6 +487,9 @@ static hada_status load(hada_model **out, hada_tensors *file, const char *path, 
         HADA_TRY_OR_DONE(HADA_NEW(model->noise_power, images, "the noise power", err));
         HADA_TRY_OR_DONE(HADA_NEW(model->pairs, (size_t)info.depths, "the pairs", err));
     }
+    if (info.components > 1)
+        HADA_TRY_OR_DONE(
+            HADA_NEW(model->singular_values, (size_t)info.depths * (size_t)info.positions, "singular values", err));
     HADA_TRY_OR_DONE(take_parts(model, file, path, err));
     if ((status = complete(model, file, err)) != HADA_OK)
         hada_error_prefix(err, "%s: ", path);
@@ -436,6 +499,7 @@ done:
         if (model->flat.data == &present)
             model->flat.data = NULL;
         model->filter = model->otf = model->scene_power = NULL;
+        model->component_otf = model->component_weights = NULL;
         model->filter_half = NULL;
         hada_model_destroy(&model);
     }

@@ -93,6 +93,15 @@ hada_status hada_model_check_numbers(const hada_model *model, hada_error *err)
                                           : largest_half(model->filter_half + z * values, values);
         HADA_TRY(check_largest("filter", depth, most, FILTER_MOST, err));
     }
+    if (info->components > 1) {
+        const size_t maps = hada_model_component_weights(info);
+        HADA_TRY(check_largest("component_otf", -1,
+                               largest(model->component_otf, hada_model_component_images(info) * plane * 2), OTF_MOST,
+                               err));
+        HADA_TRY(check_largest("component_weights", -1, largest(model->component_weights, maps), OTF_MOST, err));
+        HADA_TRY(check_doubles("singular_values", model->singular_values,
+                               (size_t)info->depths * (size_t)info->positions, HUGE_VAL, err));
+    }
     if (info->flat) {
         const size_t pixels = hada_image_count(info->flat);
         HADA_TRY(any_negative(info->flat->data, pixels) ? wrong("flat", err) : HADA_OK);

@@ -136,6 +136,8 @@ hada_status hada_simulator_create(hada_simulator **out, hada_context *context, c
     HADA_TRY_OR_DONE(hada_slot_create(&s->slot, context, err));
     hada_slot_watch(s->slot, s->monitor);
     HADA_TRY_OR_DONE(make_plans(s, err));
+    if (options->field_varying != 0.0)
+        HADA_TRY_OR_DONE(hada_varying_create(s, options->field_varying, err));
 done:
     if (status)
         hada_simulator_destroy(&s);
@@ -150,6 +152,7 @@ void hada_simulator_destroy(hada_simulator **simulator)
         return;
     if (s->slot)
         hada_slot_finish(s->slot, NULL);
+    hada_varying_destroy(s);
     hada_wave_destroy(&s->wave);
     hada_fft_destroy(&s->forward_psf);
     hada_fft_destroy(&s->forward_scene);

@@ -32,8 +32,12 @@ typedef struct hada_between {
     int count, room;
 } hada_between;
 
+/* PSFs that vary over the field (varying.c). */
+typedef struct hada_varying hada_varying;
+
 struct hada_simulator {
     hada_camera camera;
+    hada_varying *varying;       /* NULL: they are the same everywhere */
     hada_image *psf;             /* given ones, one a depth; NULL: by the camera's optics */
     hada_wave *wave;             /* makes them by wave optics; NULL: geometry */
     int psf_images;              /* channels of each PSF */
@@ -99,6 +103,17 @@ hada_status hada_simulator_finish(hada_simulator *simulator, double noise, uint6
  * (add 1), for `images` images c of `count` complex numbers each; `sum_offset` in complex numbers. */
 hada_status hada_optics_accumulate(hada_slot *slot, cl_mem sum, size_t sum_offset, cl_mem otf, int otf_images,
                                    cl_mem scene, int images, size_t count, int add, hada_error *err);
+
+/* Gives a simulator PSFs that vary: in a corner of the window they correlate so much with that of the middle. */
+hada_status hada_varying_create(hada_simulator *simulator, double wanted, hada_error *err);
+void hada_varying_destroy(hada_simulator *simulator);
+
+/* The frame of planes, with the PSF of each of their pixels; created by the call. */
+hada_status hada_varying_render(hada_simulator *simulator, const hada_plane *planes, int count, hada_image *raw,
+                                hada_error *err);
+
+/* HADA_ERROR_UNSUPPORTED where PSFs vary. */
+hada_status hada_varying_none(const hada_simulator *simulator, hada_error *err);
 
 /* The sensor's model on the device. Internal. */
 

@@ -203,6 +203,7 @@ hada_status hada_simulator_render_occluded(hada_simulator *s, const hada_plane *
 {
     HADA_NEED(s && planes && raw, err);
     *raw = (hada_image){0};
+    HADA_TRY(hada_varying_none(s, err));
     if (count < 1 || !(noise >= 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d planes with noise %g is not possible", count, noise);
     hada_layer *layers = NULL;

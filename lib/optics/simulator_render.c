@@ -98,6 +98,16 @@ done:
     return status;
 }
 
+static hada_status add_planes(hada_simulator *s, const hada_plane *planes, int count, hada_error *err)
+{
+    const hada_buffer *otf;
+    for (int i = 0; i < count; i++) {
+        HADA_TRY(hada_simulator_otf(s, hada_simulator_place(s, planes[i].depth), NULL, &otf, err));
+        HADA_TRY(hada_simulator_add_image(s, planes[i].image, otf, i > 0, err));
+    }
+    return HADA_OK;
+}
+
 hada_status hada_simulator_render(hada_simulator *s, const hada_plane *planes, int count, double noise,
                                   uint64_t noise_seed, hada_image *raw, hada_error *err)
 {
@@ -105,13 +115,15 @@ hada_status hada_simulator_render(hada_simulator *s, const hada_plane *planes, i
     *raw = (hada_image){0};
     if (count < 1 || !(noise >= 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d planes with noise %g is not possible", count, noise);
-    const hada_buffer *otf;
     for (int i = 0; i < count; i++)
         HADA_TRY(hada_simulator_check_plane(s, &planes[i], err));
-    for (int i = 0; i < count; i++) {
-        HADA_TRY(hada_simulator_otf(s, hada_simulator_place(s, planes[i].depth), NULL, &otf, err));
-        HADA_TRY(hada_simulator_add_image(s, planes[i].image, otf, i > 0, err));
+    if (s->varying) {
+        HADA_TRY(hada_varying_render(s, planes, count, raw, err));
+        if (noise > 0.0)
+            hada_image_add_noise(raw, noise * maximum(raw), noise_seed);
+        return HADA_OK;
     }
+    HADA_TRY(add_planes(s, planes, count, err));
     return hada_simulator_finish(s, noise, noise_seed, raw, err);
 }
 

@@ -268,6 +268,7 @@ hada_status hada_simulator_render_reliefs(hada_simulator *s, const hada_relief *
 {
     HADA_NEED(s && surfaces && raw, err);
     *raw = (hada_image){0};
+    HADA_TRY(hada_varying_none(s, err));
     if (count < 1 || !surfaces || !(noise >= 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d surfaces with noise %g is not possible", count,
                          noise);

@@ -144,6 +144,66 @@ done:
     return status;
 }
 
+/* A stack of the PSFs of a point, and its line of the list. */
+static hada_status write_point(const hada_recipe *recipe, const char *folder, const char *name, int row, int col,
+                               hada_error *err)
+{
+    const hada_camera *camera = &recipe->camera;
+    const float scale = recipe->has_sensor ? (float)recipe->sensor.exposure : 1.0f;
+    hada_tiff_writer *writer = NULL;
+    hada_image psf = {0};
+    hada_path path;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/%s", folder, name));
+    for (int z = 0; z < camera->depths; z++) {
+        HADA_TRY_OR_DONE(hada_simulator_psf_at(recipe->simulator, z, row, col, &psf, err));
+        for (size_t i = 0; i < hada_image_count(&psf); i++)
+            psf.data[i] *= scale;
+        if (!writer)
+            HADA_TRY_OR_DONE(create_stack(&writer, path, camera, psf.channels, psf.rows, psf.cols, 0.0, err));
+        HADA_TRY_OR_DONE(hada_tiff_write(writer, &psf, err));
+        hada_image_destroy(&psf);
+    }
+    HADA_TRY_OR_DONE(hada_tiff_finish(&writer, err));
+done:
+    if (writer)
+        hada_tiff_abandon(&writer);
+    hada_image_destroy(&psf);
+    return status;
+}
+
+/* PSFs of points over the window, from border to border, and their list. */
+static hada_status write_field(const hada_recipe *recipe, const char *dataset, hada_error *err)
+{
+    enum { LINE = 64 };
+    const hada_camera *camera = &recipe->camera;
+    const int points = recipe->task.field_psfs;
+    const size_t size = (size_t)(points * points + 2) * LINE;
+    char *list = NULL;
+    hada_path folder, path;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_path_write(folder, err, "%s/field", dataset));
+    HADA_TRY_OR_DONE(hada_folder_ensure(folder, err));
+    HADA_TRY_OR_DONE(HADA_NEW(list, size, "a list of positions", err));
+    size_t used = (size_t)snprintf(list, size, "file,x_px,y_px\n");
+    for (int i = 0; i < points; i++)
+        for (int j = 0; j < points; j++) {
+            const int row = i * (camera->window_rows - 1) / (points - 1) +
+                            hada_window_origin(camera->rows, camera->window_rows),
+                      col = j * (camera->window_cols - 1) / (points - 1) +
+                            hada_window_origin(camera->cols, camera->window_cols);
+            char name[32];
+            snprintf(name, sizeof name, "psf_%02d_%02d.tif", i + 1, j + 1);
+            HADA_TRY_OR_DONE(write_point(recipe, folder, name, row - camera->rows / 2, col - camera->cols / 2, err));
+            used += (size_t)snprintf(list + used, size - used, "%s,%d,%d\n", name, col, row);
+        }
+    HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/positions.csv", folder));
+    HADA_TRY_OR_DONE(hada_file_write(path, list, used, err));
+done:
+    free(list);
+    return status;
+}
+
 static hada_status write_pair(const hada_recipe *recipe, int z, int i, const char *raw_folder, const char *scene_folder,
                               hada_error *err)
 {
@@ -274,6 +334,8 @@ static json_t *sensor_json(const hada_recipe *recipe)
     json_t *document = json_pack("{s:[ii]}", "shift", o->shift_rows, o->shift_cols);
     if (document && o->field_rows)
         json_object_set_new(document, "field", json_pack("[ii]", o->field_rows, o->field_cols));
+    if (document && o->field_varying > 0.0)
+        json_object_set_new(document, "field_varying", json_real(o->field_varying));
     if (document && recipe->task.scene_response != HADA_RESPONSE_LINEAR) {
         char name[HADA_RESPONSE_NAME];
         hada_response_name(name, recipe->task.scene_response);
@@ -297,7 +359,7 @@ static hada_status write_sensor(const hada_recipe *recipe, const char *folder, h
     char *text = NULL;
     hada_path path;
     hada_status status = HADA_OK;
-    if (!recipe->has_sensor && !o->shift_rows && !o->shift_cols && !o->field_rows &&
+    if (!recipe->has_sensor && !o->shift_rows && !o->shift_cols && !o->field_rows && o->field_varying == 0.0 &&
         recipe->task.scene_response == HADA_RESPONSE_LINEAR && recipe->task.mosaic == HADA_MOSAIC_NONE)
         return HADA_OK;
     json_t *document = sensor_json(recipe);
@@ -319,6 +381,8 @@ hada_status hada_recipe_write(hada_recipe *recipe, const char *folder, hada_erro
     HADA_TRY(hada_camera_save(&recipe->camera, path, err));
     HADA_TRY(write_sensor(recipe, folder, err));
     HADA_TRY(write_psf(recipe, folder, err));
+    if (recipe->simulator_options.field_varying > 0.0 && recipe->task.field_psfs)
+        HADA_TRY(write_field(recipe, folder, err));
     for (int z = 0; z < recipe->camera.depths; z++)
         HADA_TRY(write_depth(recipe, z, folder, err));
     if (recipe->task.tests)

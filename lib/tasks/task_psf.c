@@ -10,6 +10,7 @@
 #include "image/correct.h"
 #include "image/pixels.h"
 #include "io/folder.h"
+#include "io/positions.h"
 #include "io/text.h"
 #include "io/tiff_page.h"
 #include "model/model.h"
@@ -47,6 +48,9 @@ typedef struct psfs {
     double *distances_mm;
     double *list; /* of the file beside */
     int listed;
+    hada_positions points; /* where they were taken in the field; images are [depth][position] then */
+    int positions;
+    double *rows, *cols; /* of each image, from its middle */
 } psfs;
 
 static hada_status add_capture(psfs *of, double distance, const char *folder, const char *name, hada_error *err)
@@ -166,6 +170,19 @@ static hada_status read_list(psfs *of, hada_error *err)
 done:
     free(text);
     return status;
+}
+
+/* The list of positions, where there is one: the file itself, or positions.csv in the folder. */
+static hada_status find_positions(const psfs *of, hada_path list, int *found, hada_error *err)
+{
+    const char *dot = strrchr(of->path, '.');
+    *found = 0;
+    if (hada_path_is_folder(of->path)) {
+        HADA_TRY(hada_path_write(list, err, "%s/positions.csv", of->path));
+        return hada_path_finds_file(list, found, err);
+    }
+    *found = dot && (!strcmp(dot, ".csv") || !strcmp(dot, ".txt"));
+    return *found ? hada_path_write(list, err, "%s", of->path) : HADA_OK;
 }
 
 /* Brings an image to the pixels and channels that the camera has. */
@@ -315,6 +332,98 @@ static hada_status read_captures(psfs *of, int apart, hada_error *err)
     return HADA_OK;
 }
 
+/* Where a point stood, from the middle of its image as that is now: binned and transposed. */
+static void place_point(psfs *of, int image, const hada_position *at)
+{
+    const int across = (of->options.turn & HADA_TURN_TRANSPOSE) != 0;
+    const int rows = across ? of->image->cols : of->image->rows, cols = across ? of->image->rows : of->image->cols;
+    const double row = (at->y + 0.5) / of->times - 0.5 - rows / 2, col = (at->x + 0.5) / of->times - 0.5 - cols / 2;
+    of->rows[image] = across ? col : row;
+    of->cols[image] = across ? row : col;
+}
+
+static hada_status room_for_points(psfs *of, hada_error *err)
+{
+    const size_t images = (size_t)of->all * (size_t)of->positions;
+    of->count = (int)images;
+    HADA_TRY(HADA_NEW(of->image, images, "point spread functions", err));
+    HADA_TRY(HADA_NEW(of->rows, images, "positions", err));
+    HADA_TRY(HADA_NEW(of->cols, images, "positions", err));
+    return HADA_NEW(of->distances_mm, (size_t)of->all, "distances", err);
+}
+
+/* The file of a line: an image, or one for each depth. */
+static hada_status read_point_file(psfs *of, int number, hada_error *err)
+{
+    const hada_position *now = &of->points.list[number];
+    const int stacks = now->distance < 0.0;
+    int averaged = 0;
+    hada_tiff_reader *reader = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_tiff_open(&reader, now->path, err));
+    HADA_TRY_OR_DONE(hada_tiff_check_all(reader, err));
+    const hada_tiff_info *info = hada_tiff_get_info(reader);
+    if (!of->image) {
+        of->all = stacks ? info->frames : of->all;
+        HADA_TRY_OR_DONE(room_for_points(of, err));
+        if (stacks && info->distances == of->all)
+            memcpy(of->distances_mm, info->distances_mm, (size_t)of->all * sizeof(double));
+    }
+    if (stacks && info->frames != of->all)
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                                   "%s has %d pages and the file before it %d: each is a depth, or say the distance of "
+                                   "each file in the list",
+                                   now->path, info->frames, of->all));
+    for (int page = 0; page < info->frames; page++) {
+        const int image = stacks ? page * of->positions + number : number;
+        averaged = stacks ? 0 : averaged;
+        HADA_TRY_OR_DONE(add_page(of, reader, page, now->path, &of->image[image], &averaged, err));
+        place_point(of, image, now);
+    }
+    if (!stacks)
+        of->distances_mm[number / of->positions] = now->distance;
+done:
+    hada_tiff_close(&reader);
+    return status;
+}
+
+/* Point spread functions at positions of the field. */
+static hada_status read_points(psfs *of, const char *list, hada_error *err)
+{
+    const hada_psf_task *task = of->task;
+    if (task->more_count || task->every > 1 || task->recentre || task->mask_distance_mm > 0.0 || task->psf_distances_mm)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "%s lists PSFs that vary over the field: options.every, options.recentre, "
+                         "options.mask_distance, options.psf_distance and more files do not go with them",
+                         list);
+    HADA_TRY(hada_positions_read(&of->points, list, err));
+    of->all = of->points.depths;
+    of->positions = of->all ? of->points.count / of->all : of->points.count;
+    if (of->positions > HADA_MOST_POSITIONS)
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "%s: %d positions; %d of a depth are possible", list,
+                         of->positions, HADA_MOST_POSITIONS);
+    for (int i = 0; i < of->points.count; i++)
+        HADA_TRY(read_point_file(of, i, err));
+    if (task->distances_mm && task->distances != of->all)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "options.distances names %d, but %s has %d depths", task->distances,
+                         list, of->all);
+    if (task->distances_mm)
+        memcpy(of->distances_mm, task->distances_mm, (size_t)of->all * sizeof(double));
+    if (of->all > 1 && of->distances_mm[0] <= 0.0)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "%s does not say at which distances its %d depths were taken; say them in the list, or add "
+                         "options.distances with them in mm",
+                         list, of->all);
+    for (int z = 0; z < of->all; z++)
+        HADA_TRY(hada_named(
+            hada_psf_positions_check(of->rows + z * of->positions, of->cols + z * of->positions, of->positions, err),
+            list, err));
+    of->options.positions = of->positions;
+    of->options.position_rows = of->rows;
+    of->options.position_cols = of->cols;
+    return HADA_OK;
+}
+
 /* What a frame of the camera says. */
 static hada_status ask_frame(psfs *of, hada_error *err)
 {
@@ -337,14 +446,23 @@ static hada_status ask_frame(psfs *of, hada_error *err)
 static hada_status read_all(psfs *of, hada_error *err)
 {
     const hada_psf_task *task = of->task;
+    hada_path list;
+    int varies;
     const int law = task->mask_distance_mm > 0.0 || task->psf_distances_mm;
     const double *given = law ? task->psf_distances_mm : task->distances_mm;
     int number = law ? task->psf_distances : task->distances;
     if (!(task->mask_distance_mm >= 0.0 && isfinite(task->mask_distance_mm)))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "options.mask_distance is in mm and above 0, not %g",
                          task->mask_distance_mm);
-    HADA_TRY(find_captures(of, err));
     HADA_TRY(ask_frame(of, err));
+    HADA_TRY(find_positions(of, list, &varies, err));
+    if (varies)
+        return read_points(of, list, err);
+    if (task->psf && task->psf->components > 1)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "options.components are of PSFs at several positions of the field: give a list of them, or a "
+                         "folder with positions.csv");
+    HADA_TRY(find_captures(of, err));
     of->every = task->every;
     if (task->every < 1 || (task->every > 1 && !of->stack))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
@@ -413,7 +531,7 @@ static hada_status clean(psfs *of, hada_error *err)
         HADA_TRY(tell_cleaned(of, z, &seen, err));
         border = fmax(border, seen.border);
     }
-    if (border > BORDER && !of->options.psf_taper)
+    if (border > BORDER && !of->options.psf_taper && !of->positions) /* others see what one of these misses */
         hada_monitor_tell(
             of->task->monitor, HADA_MESSAGE_NOTE,
             "%s: light reaches the borders, where a pixel has %.0f %% of a mean one's: what lies beyond is "
@@ -534,6 +652,21 @@ static void tell_lost(const psfs *of, const hada_model_info *info)
             of->path, of->image->rows, of->image->cols, info->raw_rows, info->raw_cols, 100.0 * (1.0 - kept / light));
 }
 
+static void tell_components(const psfs *of, const hada_model *model)
+{
+    const hada_model_info *info = &model->info;
+    char values[256] = "";
+    for (int k = 0; model->singular_values && k < info->positions && k < 8; k++)
+        snprintf(values + strlen(values), sizeof values - strlen(values), "%s%.3g",
+                 k ? ", " : "; singular values over the first one, first depth: ",
+                 model->singular_values[k] / model->singular_values[0]);
+    hada_monitor_tell(of->task->monitor, HADA_MESSAGE_INFO,
+                      "%s: PSFs of %d positions; %d component%s leave%s %.2g %% of their energy, the mean PSF alone "
+                      "%.3g %%%s",
+                      of->path, info->positions, info->components, info->components == 1 ? "" : "s",
+                      info->components == 1 ? "s" : "", 100.0 * info->lost, 100.0 * info->lost_single, values);
+}
+
 hada_status hada_psf_run(hada_model **out, hada_context *context, const char *path, const hada_psf_task *callers,
                          hada_error *err)
 {
@@ -550,21 +683,27 @@ hada_status hada_psf_run(hada_model **out, hada_context *context, const char *pa
     if ((int)of.options.turn > 0 && of.options.turn <= HADA_TURN_270)
         of.options.turn = (hada_turn)(of.options.turn & HADA_TURN_180); /* pages are transposed by now */
     HADA_TRY_OR_DONE(clean(&of, err));
-    HADA_TRY_OR_DONE(recentre(&of, err));
+    if (!of.positions)
+        HADA_TRY_OR_DONE(recentre(&of, err));
     if (task->mask_distance_mm > 0.0 || task->psf_distances_mm)
         HADA_TRY_OR_DONE(change_depths(&of, context, err));
-    HADA_TRY_OR_DONE(hada_named(
-        hada_model_from_psf(out, context, of.image, of.count, of.distances_mm, &of.options, err), path, err));
+    HADA_TRY_OR_DONE(hada_named(hada_model_from_psf(out, context, of.image, of.positions ? of.all : of.count,
+                                                    of.distances_mm, &of.options, err),
+                                path, err));
+    if (of.positions)
+        tell_components(&of, *out);
     HADA_TRY_OR_DONE(hada_model_set_flat(*out, of.flat.data ? &of.flat : NULL, err));
-    tell_lost(&of, hada_model_get_info(*out));
+    if (!of.positions)
+        tell_lost(&of, hada_model_get_info(*out));
     HADA_TRY_OR_DONE(hada_model_complete(out, task->half, NULL, NULL, err));
 done:
     for (int z = 0; of.image && z < of.count; z++)
         hada_image_destroy(&of.image[z]);
     for (int i = 0; i < of.captures; i++)
         free(of.capture[i].path);
+    hada_positions_free(&of.points);
     hada_image_destroy(&of.flat);
-    HADA_FREE(of.image, of.distances_mm, of.capture, of.list);
+    HADA_FREE(of.image, of.distances_mm, of.capture, of.list, of.rows, of.cols);
     if (status)
         hada_model_destroy(out);
     return status;

@@ -39,6 +39,13 @@ static hada_status take_task(hada_recipe *recipe, const hada_camera *camera, con
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
                            "options.raw: such files hold one value for each pixel of the sensor; give it a colour "
                            "filter mosaic (options.mosaic rggb), or take options.channels 1"));
+    if (task->field_psfs && (task->field_psfs < 2 || task->field_psfs > 64))
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "options.field_psfs is 2 to 64 a side, or 0 for none; not %d",
+                           task->field_psfs));
+    if (recipe->simulator_options.field_varying != 0.0 && (task->occlude || task->surfaces))
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
+                           "options.field_varying is for test scenes of planes: leave options.occlude and "
+                           "options.surfaces out"));
     if (task->test_depths > recipe->camera.depths)
         task->test_depths = recipe->camera.depths;
     if (task->surfaces) {

@@ -146,6 +146,7 @@ hada_status hada_trainer_create(hada_trainer **out, hada_context *const *context
     if (!out || !contexts || count < 1 || !model || !pairs || !options)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a trainer needs out, contexts, model, pairs and options");
     *out = NULL;
+    HADA_TRY(hada_model_check_single(hada_model_get_info(model), "training", err));
     for (int i = 0; i < count; i++)
         for (int k = 0; k <= i; k++)
             if (!contexts[i] || (k < i && contexts[k] == contexts[i]))

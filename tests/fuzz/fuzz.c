@@ -22,6 +22,7 @@ const fuzz_target fuzz_targets[] = {
     {"tuning", NULL, fuzz_tuning, "", NULL},
     {"binary", NULL, fuzz_binary, "", NULL},
     {"dataset", NULL, fuzz_dataset, "", NULL},
+    {"positions", NULL, fuzz_positions, "", NULL},
     {"log", NULL, fuzz_log, "", NULL},
     {"words", NULL, fuzz_words, "", NULL},
     {"options", NULL, fuzz_options, "", NULL},

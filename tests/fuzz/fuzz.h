@@ -44,6 +44,7 @@ void fuzz_camera(const uint8_t *data, size_t bytes);
 void fuzz_tuning(const uint8_t *data, size_t bytes);
 void fuzz_binary(const uint8_t *data, size_t bytes);
 void fuzz_dataset(const uint8_t *data, size_t bytes);
+void fuzz_positions(const uint8_t *data, size_t bytes);
 void fuzz_log(const uint8_t *data, size_t bytes);
 void fuzz_words(const uint8_t *data, size_t bytes);
 void fuzz_options(const uint8_t *data, size_t bytes);

@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "fuzz.h"
+#include "io/positions.h"
 #include "io/text.h"
 #include "io/tiff_meta.h"
 #include "netlist/net_list.h"
@@ -69,6 +70,17 @@ void fuzz_binary(const uint8_t *data, size_t bytes)
     if (length && length >= bytes)
         abort();
     free(binary);
+}
+
+void fuzz_positions(const uint8_t *data, size_t bytes)
+{
+    hada_positions positions;
+    hada_error err = {0};
+    const hada_status status = hada_positions_read(&positions, fuzz_path(data, bytes), &err);
+    fuzz_check_file(status, &err);
+    if (!status && (positions.count < 1 || (positions.depths && positions.count % positions.depths)))
+        abort();
+    hada_positions_free(&positions);
 }
 
 /* A line is a file of the folder, with those above it. */

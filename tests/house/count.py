@@ -13,12 +13,12 @@ import sys
 
 # What has a limit: the limit that --hold enforces today, and the aim where it has not been reached.
 LIMITS = {
-    'lines of the library': (77_500, 56_000),  # emitters and their tracks, the learned regulariser, frames as they come, readers without rights
-    'lines of the kernels': (13_050, 12_000),  # the learned regulariser
-    'lines of the command line': (8_500, 8_000),  # tables of emitters and tracks, frames as they come
-    'lines of tests (without corpora, frozen headers)': (60_200, 50_000),  # readers without rights, sequences, emitters, tracks, the learned regulariser; PyTorch's refinement, deepinv, the field's data
+    'lines of the library': (79_400, 56_000),  # PSFs that vary over the field, emitters and their tracks, the learned regulariser, frames as they come, readers without rights
+    'lines of the kernels': (13_080, 12_000),  # components of PSFs, the learned regulariser
+    'lines of the command line': (8_550, 8_000),  # PSFs that vary over the field, scenes cut off at white, tables of emitters and tracks, frames as they come
+    'lines of tests (without corpora, frozen headers)': (61_000, 50_000),  # PSFs that vary over the field, readers without rights, sequences, emitters, tracks, the learned regulariser; PyTorch's refinement, deepinv, the field's data
     'public functions': (335, 240),
-    'words of the documentation (docs)': (45_000, 45_000),
+    'words of the documentation (docs)': (45_700, 45_000),  # PSFs that vary over the field, real cameras
     'files of SMALL lines or fewer, library and bindings': (203, 90),
     'files of more than 900 lines that give no reason': (0, 0),
 }

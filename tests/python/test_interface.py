@@ -150,7 +150,7 @@ def test_records_have_every_member(kind: type, struct: str, left_out: set[str]) 
         (
             hadalens.Model.from_psf,
             "hada_psf_options",
-            {"lambda", "window_rows", "window_cols", "frame_rows", "frame_cols"},
+            {"lambda", "window_rows", "window_cols", "frame_rows", "frame_cols", "position_rows", "position_cols"},
         ),
         (
             hadalens.Plan,

@@ -10,6 +10,7 @@ import hadalens
 import numpy as np
 import numpy.typing as npt
 import pytest
+from hadalens import operators
 
 Array = npt.NDArray[Any]
 Pairs = dict[float, list[tuple[Array, Array]]]
@@ -230,6 +231,41 @@ def test_model_from_psf(camera: Path) -> None:
     assert psf.shape[-2:] == (model.info.grid_rows, model.info.grid_cols)
     with pytest.raises(hadalens.SizeError):
         hadalens.Model.from_psf(psfs, distances[:-1])
+
+
+def test_functions_that_vary_over_the_field(tmp_path: Path) -> None:
+    """Components of measured point spread functions, from arrays and files alike; what they are; a better picture."""
+    design = hadalens.Camera("sim300", channels=1, boundary="padded", distances_mm=(100.0, 300.0))
+    design.resize((96, 104), (40, 40))
+    simulator = hadalens.Simulator(design, field_varying=0.6)
+    places = np.array([(row, col) for row in (-20, -7, 6, 19) for col in (-20, -7, 6, 19)])
+    psfs = np.array([[simulator.psf_at(z, *map(int, place)) for place in places] for z in range(2)])
+    camera = hadalens.Model.from_psf(psfs, design.distances_mm, positions=places, components=6, window=(40, 40))
+    single = hadalens.Model.from_psf(psfs, design.distances_mm, positions=places, components=1, window=(40, 40))
+    assert camera.info.components == 6
+    assert camera.info.lost < camera.info.lost_single / 5
+    assert single.components is None
+    parts = camera.components
+    assert parts is not None
+    otf, weights, singular = parts
+    assert (otf.shape[:3], weights.shape, singular.shape) == ((2, 6, 1), (2, 6, 40, 40), (2, 16))
+    hadalens.simulate(design, tmp_path / "data", pairs=1, field_varying=0.6, field_psfs=4)
+    file = hadalens.Model.from_psf_file(tmp_path / "data/field", window=(40, 40), components=6)
+    np.testing.assert_allclose(file.info.lost, camera.info.lost, rtol=1e-3)
+    scene = np.zeros((40, 40), np.float32)
+    scene[5:14, 20:36] = scene[25:35, 4:18] = 1.0
+    raw = simulator.render({0: scene})
+    left = []
+    for one in (camera, single):
+        with hadalens.Plan(one, classic=hadalens.Classic("rl", iterations=60)) as plan:
+            left.append(plan.run(raw).report.residual)
+    assert left[0] < 0.7 * left[1]
+    with pytest.raises(hadalens.ModelError, match="vary over the field"):
+        hadalens.Plan(camera)
+    with pytest.raises(hadalens.ModelError, match="vary over the field"):
+        operators.Forward(camera)
+    with pytest.raises(hadalens.SizeError, match="positions"):
+        hadalens.Model.from_psf(psfs[:, :9], design.distances_mm, positions=places, window=(40, 40))
 
 
 def test_trainer(model: hadalens.Model, data: hadalens.Dataset, tmp_path: Path) -> None:

@@ -239,7 +239,8 @@ TEST(files_that_lack_or_misstate)
     static const char *const rows[][3] = {
         {"\"hadalens-model\"", "\"hadalens-modex\"", "not a hadalens model"},
         {"\"format\"", "\"formax\"", "not a hadalens model"},
-        {"\"version\":\"1\"", "\"version\":\"2\"", "version 2"},
+        {"\"version\":\"1\"", "\"version\":\"3\"", "version 3"},
+        {"\"version\":\"1\"", "\"version\":\"2\"", "components is missing"},
         {"\"version\":\"1\"", "\"versiox\":\"1\"", "version is missing"},
         {"\"version\":\"1\"", "\"version\":\"x\"", "version is missing"},
         {"\"form\":", "\"forx\":", "form is missing"},

@@ -31,8 +31,13 @@ static const hada_cli_option options[] = {
     HADA_CLI_GROUP("What to learn from"),
     {HADA_OPTION_TEXT, "psf", 0, "PSF", "make the model from point spread functions instead of pairs",
      "A file with a page per depth, near to far; files, or a folder with files or folders named such as z100mm, whose "
-     "captures are averaged. The optical axis is at pixel (height/2, width/2).",
+     "captures are averaged. The optical axis is at pixel (height/2, width/2). PSFs that vary over the field: a list "
+     "(.csv) with lines 'file,x_px,y_px[,distance_mm]', or a folder with such a list, positions.csv.",
      AT(psf)},
+    {HADA_OPTION_COUNT, "components", 0, "K", "of PSFs that vary over the field, 1 to 16 (default: by --explained)",
+     "1: their mean, for methods that take PSFs for the same everywhere.", AT(psf_options.components)},
+    {HADA_OPTION_REAL, "explained", 0, "SHARE", "of these PSFs' energy, by as few components (default: 0.99)", NULL,
+     AT(psf_options.explained)},
     {HADA_OPTION_TEXT, "distances", 0, "LIST", "the distances of the depths of --psf in mm, such as 100,200,400",
      "Needed for several unless files, names or a list beside them say them. 2:0.05:40: 40, from 2 mm on, 0.05 mm apart.",
      AT(distances)},
@@ -307,6 +312,8 @@ static int check(hada_cli *cli, const settings *set, int count, const char **arg
                               "others (--merge) are added afterwards");
     if (set->psf && learned)
         return hada_cli_usage(cli, "forms complex and split are learned from pairs; with --psf take wiener or matched");
+    if (!set->psf && set->psf_options.components != HADA_AUTO)
+        return hada_cli_usage(cli, "--components are of the point spread functions of --psf");
     if (set->registers && (set->psf || !count))
         return hada_cli_usage(cli, "--register needs the pairs of a DATASET");
     if (!set->psf && set->psf_options.turn)

@@ -180,6 +180,9 @@ void hada_cli_fit_tell_model(hada_cli *cli, const char *path, const hada_model *
     json_object_set_new(entry, "mosaic", json_string(mosaic));
     if (binned)
         json_object_set_new(entry, "downsample", json_integer(info->downsample));
+    if (info->positions)
+        json_object_update_new(entry, json_pack("{s:i, s:i, s:f, s:f}", "components", info->components, "positions",
+                                                info->positions, "lost", info->lost, "lost_single", info->lost_single));
     json_object_set_new(cli->document, "model", entry);
     json_object_set_new(cli->document, "seconds", json_real(seconds));
 }

@@ -79,6 +79,8 @@ class Simulator(Handle):
         psf: point spread functions (Z, Y, X) or (Z, C, Y, X) in place of the camera's own.
         shift: rows and columns by which the sensor's middle stands from the axis.
         field: rows and columns of scenes that are larger than the window; None: the window.
+        field_varying: point spread functions vary over the field: in the corners of the window they correlate so much
+            with that of the middle, between 0 and 1; None: they are the same everywhere.
         context: a device; None: :meth:`Context.default`.
 
     Example:
@@ -94,11 +96,14 @@ class Simulator(Handle):
         psf: Any = None,
         shift: tuple[int, int] = (0, 0),
         field: tuple[int, int] | None = None,
+        field_varying: float | None = None,
         context: Device | None = None,
     ) -> None:
         """Make ready; point spread functions are made when a depth is first used."""
         used, camera = default(context), Camera._of(camera)
-        options = Options("hada_simulator_options", shift_rows=shift[0], shift_cols=shift[1])
+        options = Options(
+            "hada_simulator_options", shift_rows=shift[0], shift_cols=shift[1], field_varying=field_varying
+        )
         if field is not None:
             options.set(field_rows=field[0], field_cols=field[1])
         if psf is not None:
@@ -184,6 +189,12 @@ class Simulator(Handle):
         call(lib.hada_simulator_psf, self._c, depth, image.c)
         return image.array()
 
+    def psf_at(self, depth: int, row: int, col: int) -> Float32:
+        """Return what the sensor sees of a point at `row` and `col` pixels from the axis, with `field_varying`."""
+        image = NewImage()
+        call(lib.hada_simulator_psf_at, self._c, depth, row, col, image.c)
+        return image.array()
+
 
 @dataclass(frozen=True)
 class SimulateReport:
@@ -216,6 +227,8 @@ def simulate(
     scene_response: float | str = "linear",
     mosaic: Mosaic = "none",
     raw: Literal["tiff", "dng", "numpy", "packed12"] = "tiff",
+    field_varying: float | None = None,
+    field_psfs: int = 5,
     progress: Progress | bool | None = None,
 ) -> tuple[Dataset, SimulateReport]:
     """Write the data set of a camera by design, as ``hadalens simulate`` does.
@@ -239,6 +252,9 @@ def simulate(
         mosaic: pattern of the sensor's colour filter mosaic; raw frames have one channel then.
         raw: the files of raw frames; DNG and packed12 hold one channel. Packed ones have no header: call
             :func:`set_headerless` first.
+        field_varying: as of :class:`Simulator`; functions of `field_psfs` times as many points are written to
+            folder/field.
+        field_psfs: 0: none.
         progress: a function, or True for tqdm's bars.
 
     Returns:
@@ -266,6 +282,8 @@ def simulate(
         scene_response=responses.number(scene_response),
         mosaic=mosaic,
         raw=raw,
+        field_psfs=field_psfs,
+        simulator=Options("hada_simulator_options", field_varying=field_varying),
         monitor=monitor.options,
     )
     report = ffi.new("hada_simulate_report *", {"size": ffi.sizeof("hada_simulate_report")})

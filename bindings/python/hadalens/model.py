@@ -58,6 +58,9 @@ class ModelInfo:
             "none": not known to be.
         downsample: the sensor has so many times the rows and columns: frames of its size are binned; 1: it has not.
         sensor_mosaic: of frames of one channel that are binned; "none": not known to be one.
+        components: above 1: point spread functions vary over the field, by so many components for each depth.
+        positions: at which they were measured; 0: they do not vary.
+        lost, lost_single: share of the measured energy that the components leave, and that the mean one alone does.
 
     """
 
@@ -91,6 +94,10 @@ class ModelInfo:
     mosaic: str
     downsample: int
     sensor_mosaic: str
+    components: int
+    positions: int
+    lost: float
+    lost_single: float
     regularisation: float  # "lambda" in C
     distances_mm: tuple[float, ...]
 
@@ -172,6 +179,9 @@ class Model(Handle):
         psf_taper: int = 0,
         channel_axis: int | None = None,
         downsample: int = 1,
+        positions: npt.ArrayLike | None = None,
+        components: int | None = None,
+        explained: float = 0.99,
     ) -> Self:
         """Return a model made from measured or designed point spread functions.
 
@@ -199,6 +209,11 @@ class Model(Handle):
             channel_axis: of each image, where it is not the first of three.
             downsample: frames to come have so many times the rows and columns and are binned; the point spread
                 functions and `frame` are of binned pixels (:func:`hadalens.downsample`), `mosaic` is the sensor's.
+            positions: for functions that vary over the field: (N, 2) or (Z, N, 2), rows and columns from the middle of
+                its image at which the point of each stood; `psfs` are (Z, N, Y, X) or (Z, N, C, Y, X), or a list of the
+                Z times N images. Methods "rl" and "fista" and the scene "volume" take such models.
+            components: of functions that vary; 1: their mean alone; None: as few as explain the next share.
+            explained: of their energy.
 
         Raises:
             SizeError, ArgumentError: sizes or values do not fit.
@@ -208,9 +223,17 @@ class Model(Handle):
 
         """
         distances = np.atleast_1d(np.asarray(distances_mm, np.float64)).tolist()
-        images = Image(*_each_psf(psfs, len(distances)), what="psf", channel_axis=channel_axis)
-        if len(images.arrays) != len(distances):
-            raise errors.SizeError(f"{len(images.arrays)} psfs and {len(distances)} distances: one distance a psf")
+        places = None
+        if positions is not None:
+            places = np.broadcast_to(np.asarray(positions, np.float64), (len(distances), *np.shape(positions)[-2:]))
+            psfs = psfs if isinstance(psfs, list | tuple) else _flat(as_array(psfs, "psfs"), places.shape[:2])
+        count = len(distances) * (1 if places is None else places.shape[1])
+        images = Image(*_each_psf(psfs, count), what="psf", channel_axis=channel_axis)
+        if len(images.arrays) != count:
+            raise errors.SizeError(
+                f"{len(images.arrays)} psfs, {len(distances)} distances and {count // len(distances)} position(s): one "
+                "psf for each"
+            )
         rows, cols = window or (None, None)
         frame_rows, frame_cols = frame or (None, None)
         options = Options(
@@ -230,13 +253,18 @@ class Model(Handle):
             turn=turn,
             mosaic=mosaic,
             downsample=downsample,
+            positions=None if places is None else places.shape[1],
+            position_rows=None if places is None else places[..., 0].ravel().tolist(),
+            position_cols=None if places is None else places[..., 1].ravel().tolist(),
+            components=components,
+            explained=explained,
             **{"lambda": regularisation},
         )
         return cls._new(
             lib.hada_model_from_psf,
             default(context)._c,
             images.c,
-            len(images.arrays),
+            len(distances),
             doubles(distances),
             options.c,
         )
@@ -317,19 +345,26 @@ class Model(Handle):
         half: bool = False,
         every: int = 1,
         recentre: bool = False,
+        window: tuple[int, int] | None = None,
+        components: int | None = None,
     ) -> Self:
         """Return a model made from the pages of a TIFF file, near to far; options are those of :meth:`from_psf`.
 
         Args:
-            name: the file.
+            name: the file; or the list of point spread functions that vary over the field, or its folder
+                (docs/how-to/use-a-measured-psf.md).
             distances_mm: of the pages; None: what the file says.
             context: a device.
             colour: a grey page serves red, green and blue alike.
             half: filters in half precision.
             every: takes each so many-th page, from the first on; distances are those of all.
             recentre: takes off what the bead drifted over the depths.
+            window: rows and columns of the scene; None: the whole frame.
+            components: of functions that vary over the field; None: chosen.
 
         """
+        rows, cols = window or (None, None)
+        psf = Options("hada_psf_options", window_rows=rows, window_cols=cols, components=components)
         task = Options(
             "hada_psf_task",
             distances_mm=distances_mm,
@@ -338,6 +373,7 @@ class Model(Handle):
             half=half,
             every=every,
             recentre=recentre,
+            psf=psf,
         )
         return cls._new(lib.hada_psf_run, default(context)._c, path(name), task.c)
 
@@ -345,9 +381,9 @@ class Model(Handle):
         info = lib.hada_model_get_info(self._c)
         return info.depths, info.channels, info.grid_rows, info.grid_cols // 2 + 1
 
-    def _array(self, pointer: Any, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+    def _array(self, pointer: Any, dtype: npt.DTypeLike, shape: tuple[int, ...] | None = None) -> npt.NDArray[Any]:
         """Return a view of the model's memory, which lives as long."""
-        shape = (*self._shape(), 2)
+        shape = shape or (*self._shape(), 2)
         owner = self._own
         held = ffi.gc(ffi.cast("char *", pointer), lambda _: owner)  # the buffer holds it, and it the model
         count = int(np.prod(shape)) * np.dtype(dtype).itemsize
@@ -378,6 +414,22 @@ class Model(Handle):
         """The optical transfer functions H, as :attr:`filters`; None where the model has none."""
         pointer = self._arrays.otf
         return None if pointer == ffi.NULL else self._array(pointer, np.float32).view(np.complex64)[..., 0]
+
+    @property
+    def components(self) -> tuple[npt.NDArray[np.complex64], Float32, npt.NDArray[np.float64]] | None:
+        """Of point spread functions that vary over the field; None where they are the same everywhere.
+
+        Transfer functions, complex64 (Z, K, C, grid rows, grid columns // 2 + 1), weights over the window, float32
+        (Z, K, rows, columns), and singular values (Z, N), read-only: the frame is the sum of h_k * (w_k scene).
+        """
+        arrays, info = self._arrays, self.info
+        if arrays.component_otf == ffi.NULL:
+            return None
+        depths, *rest = self._shape()
+        first = (depths, info.components)
+        otf = self._array(arrays.component_otf, np.float32, (*first, *rest, 2)).view(np.complex64)[..., 0]
+        weights = self._array(arrays.component_weights, np.float32, (*first, info.window_rows, info.window_cols))
+        return otf, weights, self._array(arrays.singular_values, np.float64, (depths, info.positions))
 
     @property
     def flat(self) -> Float32 | None:
@@ -457,6 +509,17 @@ class Model(Handle):
 
     def _repr_html_(self) -> str:
         return table(repr(self), [] if self._owner is None else members(self.info))
+
+
+def _flat(array: npt.NDArray[Any], places: tuple[int, int]) -> list[npt.NDArray[Any]]:
+    """Return the images of (Z, N, ...), or of one depth of (N, ...)."""
+    if array.shape[:2] != places and places[0] == 1:
+        array = array[np.newaxis]
+    if array.shape[:2] != places:
+        raise errors.SizeError(
+            f"psfs have the shape {array.shape}: {places[0]} depths of {places[1]} positions are needed"
+        )
+    return list(array.reshape(-1, *array.shape[2:]))
 
 
 def _each_psf(psfs: Any, depths: int) -> Sequence[Any]:

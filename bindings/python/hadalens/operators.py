@@ -47,6 +47,8 @@ class Forward:
             raise errors.ArgumentError(f'support="{support}" is not known; there are "window" and "frame"')
         model = as_model(model)
         info, otf = model.info, model.otf
+        if info.components > 1:
+            raise errors.ModelError("the model's point spread functions vary over the field: take one of their mean")
         if otf is None:
             raise errors.ModelError("the model has no transfer functions, so it does not say what frames scenes make")
         #: Sizes of planes (Z, C, Y, X) and frames (C, Y, X), the grid of the transforms, and where the window stands.

@@ -71,6 +71,12 @@ typedef struct hada_model_info {
     int downsample;         /* the sensor has so many times the rows and columns: frames of its own size are binned
                                (hada_image_downsample()); 1: it has not */
     hada_mosaic sensor_mosaic; /* of frames of one channel that are binned; HADA_MOSAIC_NONE: not known to be */
+    int components; /* above 1: point spread functions vary over the field, b = crop sum_k h_k * (w_k x) with so many
+                       components for each depth; filters and transfer functions are then of the mean one. 1: they are
+                       the same everywhere */
+    int positions;  /* at which they were measured; 0: they do not vary */
+    double lost, lost_single; /* share of the measured energy that the components leave, and that the mean alone does;
+                                 of the depth with the largest */
 } hada_model_info;
 
 HADA_API hada_status hada_model_load(hada_model **out, const char *path, hada_error *err);
@@ -86,6 +92,10 @@ typedef struct hada_model_arrays {
     const float *filters;         /* NULL where they are kept in half precision */
     const uint16_t *half_filters; /* NULL where they are not */
     const float *otf;             /* NULL where the model has no transfer functions */
+    /* Of hada_model_info.components above 1, else NULL: transfer functions [depth][component][channel] as above,
+     * weights [depth][component][window_rows][window_cols], singular values [depth][positions], descending. */
+    const float *component_otf, *component_weights;
+    const double *singular_values;
 } hada_model_arrays;
 HADA_API hada_status hada_model_get_arrays(const hada_model *model, hada_model_arrays *arrays, hada_error *err);
 
@@ -141,6 +151,13 @@ typedef struct hada_psf_options {
     int psf_taper;   /* pixels over which a PSF fades out towards its borders; 0 by default */
     int downsample;  /* of the frames to come, kept in the model, which bins them by it; the PSFs and frame_rows are of
                         binned pixels, and `mosaic` is that of the sensor; 1 by default */
+    /* PSFs that vary over the field: `positions` images for each depth, [depth][position], taken of a point that stands
+     * position_rows and position_cols pixels from the middle of its image, [depth][position]. 0 and NULL by default:
+     * one image for each depth, the same everywhere. */
+    int positions;
+    const double *position_rows, *position_cols;
+    int components;   /* at most 16; 1: the mean PSF alone; HADA_AUTO (default): as few as explain the share below */
+    double explained; /* of the energy of the PSFs of each depth, with HADA_AUTO components; 0.99 by default */
 } hada_psf_options;
 HADA_INIT(hada_psf_options, HADA_STRUCT_PSF_OPTIONS)
 

@@ -33,6 +33,10 @@ typedef struct hada_simulator_options {
     const hada_monitor *monitor; /* asked several times a second whether to stop, while PSFs are made and frames are
                                     rendered (then HADA_ERROR_CANCELLED); it must last as long as the simulator. NULL
                                     (default): nobody; in hada_simulate_run() the task's */
+    double field_varying; /* PSFs vary over the field, by an aberration that grows with the square of the field angle
+                             and is another one for each part of the mask: in the corners of the window they correlate
+                             so much with that of the middle, between 0 and 1. With HADA_BOUNDARY_PADDED, of planes
+                             that hide nothing. 0 (default): they are the same everywhere */
 } hada_simulator_options;
 HADA_INIT(hada_simulator_options, HADA_STRUCT_SIMULATOR_OPTIONS)
 /* The camera is copied. `options` may be NULL. */
@@ -91,6 +95,11 @@ HADA_API hada_status hada_simulator_white_exposure(hada_simulator *simulator, do
 /* The PSF in use at a depth (index), as the sensor sees it where it stands: sensor size, channels as it was given (by
  * geometry one, by waves the camera's). Created by the call. */
 HADA_API hada_status hada_simulator_psf(const hada_simulator *simulator, int depth, hada_image *psf, hada_error *err);
+
+/* With options.field_varying: what the sensor sees of a point that stands `row` and `col` pixels from the axis (where
+ * row and column of its picture are more than the middle, rows / 2 and cols / 2, by so much). As above. */
+HADA_API hada_status hada_simulator_psf_at(const hada_simulator *simulator, int depth, int row, int col,
+                                           hada_image *psf, hada_error *err);
 
 /* Adds Gaussian noise with standard deviation `sigma` (in the image's units). */
 HADA_API void hada_image_add_noise(hada_image *image, double sigma, uint64_t seed);

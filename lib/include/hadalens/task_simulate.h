@@ -62,6 +62,8 @@ typedef struct hada_simulate_task {
     hada_mosaic mosaic;    /* the sensor has a colour filter mosaic of this pattern, and frames have one channel; the
                               camera has three. HADA_MOSAIC_NONE by default */
     hada_simulate_raw raw; /* HADA_SIMULATE_RAW_TIFF by default. DNG and PACKED12 need frames of one channel */
+    int field_psfs; /* with simulator->field_varying: PSFs of so many by so many points over the window are written, a
+                       page per depth, with their list field/positions.csv; 5 by default, 0: none */
 } hada_simulate_task;
 HADA_INIT(hada_simulate_task, HADA_STRUCT_SIMULATE_TASK)
 

@@ -58,6 +58,17 @@ typedef struct hada_refine_scoring {
 } hada_refine_scoring;
 HADA_SHARED_SIZE(hada_refine_scoring, 80)
 
+/* Images at another place (refine_move.cl): weights of the pixels from (row, col) after a pixel on. */
+#define HADA_REFINE_MOVE_TAPS 6
+typedef struct hada_refine_move {
+    hada_ulong at; /* of the first image that is read, in floats */
+    int rows, cols, row, col;
+    float down[HADA_REFINE_MOVE_TAPS], across[HADA_REFINE_MOVE_TAPS];
+    float least;
+    int unused;
+} hada_refine_move;
+HADA_SHARED_SIZE(hada_refine_move, 80)
+
 /* The step from spectra to those of a coarser grid. */
 typedef struct hada_refine_crop {
     int parts;    /* 2: complex values, 1: real ones */

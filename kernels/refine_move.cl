@@ -18,7 +18,7 @@ refine_move_images(__global const float *in, __global float *out, hada_refine_mo
 {
     const int rows = move.rows, cols = move.cols, row = get_global_id(1);
     const size_t first = get_global_id(2) * (size_t)rows * (size_t)cols;
-    __global const float *image = in + move.at + first;
+    __global const float *image = in + first;
     __global float *to = out + first + (size_t)row * cols;
     for (int col = get_local_id(0) * MOVE_WIDTH; col < cols; col += MOVE_GROUP * MOVE_WIDTH) {
         const int from = col + move.col;

@@ -29,12 +29,11 @@ enum { STILL_STEPS = 2, HALVED_FROM = 3, SETTLED = 100, PARTED = 7 };
 #define FIRM_SEVERAL 8.0
 
 /* A single depth whose scene moved as a whole: steps with the usual rho from planes that moved as well. Motion by fewer
- * pixels does not count. There may be more left than of a still scene, for its border is new, but not in places: noise
- * left a spread of up to 1.13 over places and 2.3 times the mean at most, an object of a twentieth of the contrast 6
- * and 11 (refine/shift.h). */
+ * pixels does not count. What is left has to be little, and alike
+ * in all places: noise left a spread of up to 1.13 over places and 2.3 times the mean at most, an object of a twentieth
+ * of the contrast 6 and 11 (refine/shift.h). */
 enum { DRIFT_STEPS = 3 };
 #define LEAST_DRIFT       0.04
-#define LEFT_BY_DRIFT     1.25
 #define MOST_DRIFT_SPREAD 1.3
 #define MOST_DRIFT_PLACE  3.0
 
@@ -90,8 +89,8 @@ static hada_status follow_drift(hada_plane_maker *maker, const hada_frame_exposu
                                       err));
     found.left /= exposure->energy;
     past->follows = past->drifts = hypot(found.shift[0], found.shift[1]) > LEAST_DRIFT && found.left < past->now &&
-                                   found.left < LEFT_BY_DRIFT * few_of(maker, past) &&
-                                   found.spread < MOST_DRIFT_SPREAD && found.most < MOST_DRIFT_PLACE;
+                                   found.left < few_of(maker, past) && found.spread < MOST_DRIFT_SPREAD &&
+                                   found.most < MOST_DRIFT_PLACE;
     if (!past->follows) {
         past->vain += past->vain < MOST_VAIN;
         past->wait = (1 << past->vain) - 1;

@@ -7,7 +7,9 @@
 
 #include "core/alloc.h"
 #include "launch/refine.h"
+#include "launch/refine_move.h"
 #include "refine/admm_steps.h"
+#include "refine/shift.h"
 
 size_t hada_rect_area(const hada_refine_rect *rect)
 {
@@ -281,7 +283,8 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     if (b.partial < b.places * sizeof(float))
         b.partial = b.places * sizeof(float);
     b.cells = b.partial / sizeof(float);
-    b.partial += shape->past ? hada_refine_motion_floats(shape) * sizeof(float) : 0;
+    b.partial +=
+        shape->past ? hada_shift_floats(shape->max_planes, shape->window.rows, shape->window.cols) * sizeof(float) : 0;
     return b;
 }
 
@@ -373,7 +376,7 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_
     HADA_TRY_OR_DONE(hada_refine_prepare(refiner, err));
     HADA_TRY_OR_DONE(hada_refine_fused_make(refiner, err));
     if (shape->past)
-        HADA_TRY_OR_DONE(hada_refine_motion_prepare(refiner, err));
+        HADA_TRY_OR_DONE(hada_prepare_refine_move(slot, hada_program_refine_move_of(slot), err));
     if (shape->tv)
         HADA_TRY_OR_DONE(hada_variation_prepare(&refiner->variation, slot, shape->channels, shape->window.rows,
                                                 shape->window.cols, err));

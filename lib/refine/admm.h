@@ -263,8 +263,8 @@ hada_status hada_refiner_creep(hada_refiner *refiner, int depths, double shift[2
 hada_status hada_refiner_begin_from_planes(hada_refiner *refiner, const hada_refine_data *data, int depths,
                                            hada_error *err);
 
-/* A run goes on from the planes, which hada_refiner_find_motion() moved, and from duals of total variation that move as
- * they did. The planes are those from which changes are told. */
+/* A run goes on from the planes, which hada_refiner_find_motion() moved, and from duals that total variation would have
+ * left, whose own move as they did. The planes are those from which changes are told. */
 hada_status hada_refiner_move(hada_refiner *refiner, const hada_refine_data *data, int depths, const double shift[2],
                               hada_error *err);
 

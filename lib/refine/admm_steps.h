@@ -75,10 +75,6 @@ typedef struct hada_refine_run {
     int fused; /* 1: steps are */
 } hada_refine_run;
 
-/* Floats by which a motion is found, at most; and making the program. */
-size_t hada_refine_motion_floats(const hada_refine_shape *shape);
-hada_status hada_refine_motion_prepare(hada_refiner *refiner, hada_error *err);
-
 /* Chooses the programs and makes them. */
 hada_status hada_refine_prepare(hada_refiner *refiner, hada_error *err);
 

@@ -8,10 +8,6 @@
 #include "refine/admm_steps.h"
 #include "refine/shift.h"
 
-/* Cells across a window, at most; pixels of a cell, at least; pixels at the border that are left out, for what is
- * beyond it counts there. */
-enum { MOST_CELLS = 96, LEAST_SCALE = 2, BORDER = 8, LEAST_CELLS = 12 };
-
 /* The joint linear filter: rho in units of the gain. A larger one reaches farther, and what does not move with the
  * scene, as the window's border, falsified what was found by 8 % at 0.02 and 3 % at 0.005. */
 #define COMPARED_RHO 0.005
@@ -21,26 +17,13 @@ enum { MOST_CELLS = 96, LEAST_SCALE = 2, BORDER = 8, LEAST_CELLS = 12 };
 
 static int scale_of(const hada_refine_shape *shape)
 {
-    const int size = shape->window.rows > shape->window.cols ? shape->window.rows : shape->window.cols;
-    return size > LEAST_SCALE * MOST_CELLS ? (int)hada_divide_up((size_t)size, MOST_CELLS) : LEAST_SCALE;
-}
-
-static int border_of(int scale)
-{
-    return scale < BORDER ? BORDER / scale : 1;
-}
-
-size_t hada_refine_motion_floats(const hada_refine_shape *shape)
-{
-    const int scale = scale_of(shape);
-    return 2 * (size_t)shape->max_planes * (size_t)(shape->window.rows / scale) * (size_t)(shape->window.cols / scale);
+    return hada_shift_scale(shape->window.rows, shape->window.cols);
 }
 
 int hada_refiner_knows_motion(const hada_refiner *refiner, const hada_refine_data *data)
 {
-    const hada_refine_rect *window = &refiner->shape.window;
-    const int scale = scale_of(&refiner->shape), least = scale * (LEAST_CELLS + 2 * border_of(scale));
-    return refiner->shape.past && refiner->shape.tv && !data->weights && window->rows >= least && window->cols >= least;
+    const hada_refine_shape *shape = &refiner->shape;
+    return shape->past && shape->tv && !data->weights && hada_shift_possible(shape->window.rows, shape->window.cols);
 }
 
 static hada_program_refine_move program_of(const hada_refiner *refiner)
@@ -51,11 +34,6 @@ static hada_program_refine_move program_of(const hada_refiner *refiner)
 static size_t group_of(const hada_refiner *refiner)
 {
     return (size_t)hada_macros_of_refine_move(program_of(refiner))->move_group;
-}
-
-hada_status hada_refine_motion_prepare(hada_refiner *refiner, hada_error *err)
-{
-    return hada_prepare_refine_move(refiner->slot, program_of(refiner), err);
 }
 
 /* `images` images of the window to another place. */
@@ -97,7 +75,7 @@ static hada_status compare(hada_refiner *refiner, int depths, int far, hada_shif
     *shift = (hada_shift){.by = {0.0, 0.0}};
     HADA_TRY(hada_buffer_read(&refiner->partial, refiner->slot, refiner->cells * sizeof *cells, cells,
                               2 * each * sizeof *cells, err));
-    HADA_TRY(hada_shift_find(cells, cells + each, depths, rows, cols, border_of(scale), far, shift, err));
+    HADA_TRY(hada_shift_find(cells, cells + each, depths, rows, cols, hada_shift_border(scale), far, shift, err));
     for (int k = 0; k < 2; k++)
         shift->by[k] *= scale;
     return HADA_OK;
@@ -215,9 +193,17 @@ hada_status hada_refiner_begin_from_planes(hada_refiner *refiner, const hada_ref
 hada_status hada_refiner_move(hada_refiner *refiner, const hada_refine_data *data, int depths, const double shift[2],
                               hada_error *err)
 {
+    const hada_refine_run r = run_of(refiner, data, depths);
     const int images = depths * refiner->shape.channels;
+    const size_t bytes = (size_t)images * refiner->window_area * sizeof(float);
     HADA_TRY(move(refiner, refiner->past.tv.mem, refiner->tv[0].mem, 2 * images, shift, -HUGE_VALF, err));
-    HADA_TRY(hada_buffer_copy(refiner->slot, refiner->planes.mem, 0, refiner->past.planes.mem, 0,
-                              (size_t)images * refiner->window_area * sizeof(float), err));
-    return hada_refiner_begin_from_planes(refiner, data, depths, err);
+    HADA_TRY(hada_buffer_copy(refiner->slot, refiner->planes.mem, 0, refiner->past.planes.mem, 0, bytes, err));
+    HADA_TRY(hada_refiner_begin_from_planes(refiner, data, depths, err));
+    /* duals of the planes are what total variation takes off */
+    HADA_TRY(hada_variation_before(&refiner->variation, refiner->slot, refiner->planes.mem, refiner->tv[0].mem, depths,
+                                   refiner->last_tv / refiner->past.rho, err));
+    HADA_TRY(hada_refine_planes_forward(&r, err));
+    HADA_TRY(hada_buffer_copy(refiner->slot, refiner->now_u.mem, 0, refiner->now_w.mem, 0,
+                              (size_t)images * refiner->layout.count * 2 * sizeof(float), err));
+    return hada_buffer_copy(refiner->slot, refiner->past.planes.mem, 0, refiner->planes.mem, 0, bytes, err);
 }

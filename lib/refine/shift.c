@@ -9,6 +9,32 @@
 /* Pixels along a tile; looks at pairs of pixels each way, and at pixels. */
 enum { TILE = 8, PAIR = 2, FAR_LOOKS = 3, NEAR_LOOKS = 2 };
 
+/* Cells across a window, at most and at least; pixels of a cell, at least, and at the border. */
+enum { MOST_CELLS = 96, LEAST_CELLS = 12, LEAST_SCALE = 2, BORDER = 8 };
+
+int hada_shift_scale(int rows, int cols)
+{
+    const int size = rows > cols ? rows : cols;
+    return size > LEAST_SCALE * MOST_CELLS ? (size + MOST_CELLS - 1) / MOST_CELLS : LEAST_SCALE;
+}
+
+size_t hada_shift_floats(int planes, int rows, int cols)
+{
+    const int scale = hada_shift_scale(rows, cols);
+    return 2 * (size_t)planes * (size_t)(rows / scale) * (size_t)(cols / scale);
+}
+
+int hada_shift_border(int scale)
+{
+    return scale < BORDER / PAIR ? BORDER / scale : PAIR;
+}
+
+int hada_shift_possible(int rows, int cols)
+{
+    const int scale = hada_shift_scale(rows, cols), least = scale * (LEAST_CELLS + 2 * hada_shift_border(scale));
+    return rows >= least && cols >= least;
+}
+
 int hada_shift_weights(double shift, float weights[HADA_REFINE_MOVE_TAPS])
 {
     static const double pi = 3.14159265358979323846, nothing = 1e-9;

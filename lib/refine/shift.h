@@ -11,6 +11,13 @@
  * `shift` pixels to larger numbers. Returns where the first of the pixels is that they are for, seen from a pixel. */
 int hada_shift_weights(double shift, float weights[HADA_REFINE_MOVE_TAPS]);
 
+/* Planes of a window are compared by cells, sums over squares of so many pixels a side; floats that `planes` planes
+ * have before and now; cells at the border where what is beyond it counts. Tiny windows say nothing. */
+int hada_shift_scale(int rows, int cols);
+size_t hada_shift_floats(int planes, int rows, int cols);
+int hada_shift_border(int scale);
+int hada_shift_possible(int rows, int cols);
+
 /* What is found: the shift in pixels, down and across; and how unevenly tiles differ beyond it, mean square over
  * squared mean, and the most over the mean. */
 typedef struct hada_shift {

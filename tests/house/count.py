@@ -14,7 +14,7 @@ import sys
 # What has a limit: the limit that --hold enforces today, and the aim where it has not been reached.
 LIMITS = {
     'lines of the library': (77_500, 56_000),  # emitters and their tracks, the learned regulariser, frames as they come, readers without rights
-    'lines of the kernels': (13_050, 12_000),  # the learned regulariser
+    'lines of the kernels': (13_150, 12_000),  # the learned regulariser, scenes that move as a whole
     'lines of the command line': (8_500, 8_000),  # tables of emitters and tracks, frames as they come
     'lines of tests (without corpora, frozen headers)': (60_200, 50_000),  # readers without rights, sequences, emitters, tracks, the learned regulariser; PyTorch's refinement, deepinv, the field's data
     'public functions': (335, 240),

@@ -58,6 +58,15 @@ typedef struct hada_refine_scoring {
 } hada_refine_scoring;
 HADA_SHARED_SIZE(hada_refine_scoring, 80)
 
+/* Images at another place (refine_move.cl): weights of the pixels from (row, col) after a pixel on. */
+#define HADA_REFINE_MOVE_TAPS 6
+typedef struct hada_refine_move {
+    int rows, cols, row, col;
+    float down[HADA_REFINE_MOVE_TAPS], across[HADA_REFINE_MOVE_TAPS];
+    float least; /* that a pixel becomes */
+} hada_refine_move;
+HADA_SHARED_SIZE(hada_refine_move, 68)
+
 /* The step from spectra to those of a coarser grid. */
 typedef struct hada_refine_crop {
     int parts;    /* 2: complex values, 1: real ones */

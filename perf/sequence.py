@@ -52,6 +52,17 @@ def shifted(photographs, number, speed):
     return [image[:, 10 + int(speed * t / 2):, 8 + int(speed * t):][:, :WINDOW, :WINDOW] for t in range(FRAMES)]
 
 
+def gliding(photographs, number, down, across, fine=10):
+    """By parts of a pixel: means over fine x fine pixels."""
+    image = photograph(photographs[3 * number % len(photographs)], fine * WINDOW * 3 // 2)
+    frames_ = []
+    for t in range(FRAMES):
+        row, col = fine * 8 + round(fine * down * t), fine * 8 + round(fine * across * t)
+        part = image[:, row:row + fine * WINDOW, col:col + fine * WINDOW]
+        frames_.append(part.reshape(3, WINDOW, fine, WINDOW, fine).mean((2, 4)))
+    return frames_
+
+
 def objects(photographs, number, size, step, shown):
     """shown(image, place): what stands there of an object on half of a photograph."""
     ground = photograph(photographs[3 * number % len(photographs)], WINDOW) / 2
@@ -64,15 +75,24 @@ def objects(photographs, number, size, step, shown):
     return scenes
 
 
+def over(scene, t, other):
+    scene = scene / 2
+    scene[:, 40:64, 16 + 4 * t:40 + 4 * t] = other
+    return scene
+
+
 def films(photographs, number):
     """Name and scenes, (3, rows, cols)."""
     other = photograph(photographs[(3 * number + 1) % len(photographs)], 24) / 2 + 0.5
     still = shifted(photographs, number, 0)
     return {"still": still,
             **{f"{speed} pixels a frame": shifted(photographs, number, speed) for speed in (0.5, 1, 3)},
+            "gliding by 0.3, 0.4 pixels": gliding(photographs, number, 0.3, 0.4),
+            "gliding by 1.2, -0.7 pixels": gliding(photographs, number, 1.2, -0.7),
             "object of 24 pixels": objects(photographs, number, 24, 4, lambda ground: other),
             "object of 6 pixels": objects(photographs, number, 6, 2, lambda ground: ground + 0.3),
             "faint object": objects(photographs, number, 24, 4, lambda ground: ground + 0.05),
+            "object before what moves": [over(scene, t, other) for t, scene in enumerate(shifted(photographs, number, 1))],
             "2 % brighter a frame": [scene * (0.8 + 0.02 * t) for t, scene in enumerate(still)],
             "cut": still[:FRAMES // 2] + different(photographs, 3 * number + 2)[:1] * (FRAMES - FRAMES // 2)}
 

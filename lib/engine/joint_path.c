@@ -145,12 +145,14 @@ static hada_status solve_classic(hada_pipeline *pipeline, hada_frame *frame, int
 static hada_status regularise(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
 {
     hada_report *report = &frame->result->memory->report;
+    int steps = hada_maker_ridge_steps(&pipeline->maker, pipeline->setup->config.steps);
     if (pipeline->classic)
         return HADA_OK;
+    if (pipeline->past.kept && steps > pipeline->past.ridge)
+        steps = pipeline->past.ridge;
     hada_slot_stage(pipeline->slot, "refine");
-    HADA_TRY(hada_maker_regularise(&pipeline->maker,
-                                   hada_maker_ridge_steps(&pipeline->maker, pipeline->setup->config.steps),
-                                   report->refine_tv, count, pipeline->occupied, &report->refine_steps, err));
+    HADA_TRY(hada_maker_regularise(&pipeline->maker, steps, report->refine_tv, count, pipeline->occupied,
+                                   &report->refine_steps, err));
     return hada_pipeline_lap(pipeline, frame, &report->seconds_refine, err);
 }
 
@@ -413,6 +415,7 @@ static hada_status joint(hada_pipeline *pipeline, hada_frame *frame, hada_error 
     pipeline->volume_now = (hada_classic_result){0};
     pipeline->past.kept = 0;
     pipeline->past.now = -1.0;
+    pipeline->past.asked = pipeline->past.follows = 0;
     if (hada_pipeline_has_gaps(pipeline, frame))
         HADA_TRY(hada_pipeline_weigh(pipeline, &weighs, err));
     if (weighs && config->pursuit && frame->exposure.saturated)

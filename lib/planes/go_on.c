@@ -1,5 +1,9 @@
 /* Frames of a sequence go on from the one before, in fewer steps the less has changed (docs/explanation/refinement.md).
  * What was found by trial: perf/results/sequences.md. */
+#include <limits.h>
+#include <math.h>
+#include <string.h>
+
 #include "planes/maker.h"
 
 /* If the last planes leave more than this part of a new frame, and FEW times what they left of the last one, it is
@@ -24,6 +28,22 @@ enum { STILL_STEPS = 2, HALVED_FROM = 3, SETTLED = 100, PARTED = 7 };
 #define FIRM         2.0
 #define FIRM_SEVERAL 8.0
 
+/* A single depth whose scene moved as a whole: steps with the usual rho from planes that moved as well. Motion by fewer
+ * pixels does not count. What is left has to be little, and alike
+ * in all places: noise left a spread of up to 1.13 over places and 2.3 times the mean at most, an object of a twentieth
+ * of the contrast 6 and 11 (refine/shift.h). */
+enum { DRIFT_STEPS = 3 };
+#define LEAST_DRIFT       0.04
+#define MOST_DRIFT_SPREAD 1.3
+#define MOST_DRIFT_PLACE  3.0
+
+/* Steps with the learned regulariser, after planes that are a mean over frames. */
+enum { RIDGE_STILL = 1, RIDGE_DRIFT = 2 };
+
+/* What does not move as a whole is not asked so in the next frame, the next three ones and so on, up to so many times.
+ */
+enum { MOST_VAIN = 4 };
+
 /* A depth that appears is found within three frames. */
 enum { FOLLOWED = 2 };
 
@@ -31,6 +51,12 @@ enum { FOLLOWED = 2 };
 static double least_of(const hada_maker_past *past)
 {
     return past->least < 0.0 || past->left < past->least ? past->left : past->least;
+}
+
+/* What planes may leave of a frame in which nothing moved. */
+static double few_of(const hada_plane_maker *maker, const hada_maker_past *past)
+{
+    return of_still(hada_model_get_info(maker->model), past->count) * least_of(past);
 }
 
 /* Brings the last planes back: past->now. */
@@ -46,6 +72,35 @@ static hada_status look_back(hada_plane_maker *maker, const hada_frame_exposure 
     return HADA_OK;
 }
 
+/* Several depths part slowly, and what parts them does not move with planes. */
+static int may_drift(const hada_plane_maker *maker, int count)
+{
+    return count == 1 && hada_refiner_knows_motion(maker->refiner, &maker->data);
+}
+
+/* If the scene moved as a whole, what is remembered of it moves as well: past->follows, and past->now is what it leaves
+ * there. Else the refiner has it as it was. */
+static hada_status follow_drift(hada_plane_maker *maker, const hada_frame_exposure *exposure, int count,
+                                const int *list, hada_maker_past *past, hada_error *err)
+{
+    hada_refine_motion_found found;
+    past->asked = 1;
+    HADA_TRY(hada_refiner_find_motion(maker->refiner, &maker->data, hada_model_gain(maker->model), count, list, &found,
+                                      err));
+    found.left /= exposure->energy;
+    past->follows = past->drifts = hypot(found.shift[0], found.shift[1]) > LEAST_DRIFT && found.left < past->now &&
+                                   found.left < few_of(maker, past) && found.spread < MOST_DRIFT_SPREAD &&
+                                   found.most < MOST_DRIFT_PLACE;
+    if (!past->follows) {
+        past->vain += past->vain < MOST_VAIN;
+        past->wait = (1 << past->vain) - 1;
+        return hada_refiner_recall(maker->refiner, err);
+    }
+    past->vain = 0;
+    past->now = found.left;
+    return hada_refiner_move(maker->refiner, &maker->data, count, found.shift, err);
+}
+
 hada_status hada_maker_expects(hada_plane_maker *maker, const hada_frame_exposure *exposure, const int *list,
                                hada_maker_past *past, int *same, hada_error *err)
 {
@@ -53,7 +108,9 @@ hada_status hada_maker_expects(hada_plane_maker *maker, const hada_frame_exposur
             hada_refiner_remembers(maker->refiner, past->count, list);
     if (*same) {
         HADA_TRY(look_back(maker, exposure, past->count, list, past, err));
-        *same = past->now < of_still(hada_model_get_info(maker->model), past->count) * least_of(past);
+        if (past->drifts)
+            HADA_TRY(follow_drift(maker, exposure, past->count, list, past, err));
+        *same = past->follows || past->now < few_of(maker, past);
     }
     past->followed = *same ? past->followed + 1 : 0;
     past->now = *same ? past->now : -1.0; /* what follows needs the memory */
@@ -71,31 +128,72 @@ static hada_status resume(const hada_plane_maker *maker, hada_maker_steps *own, 
     return HADA_OK;
 }
 
-static hada_status go_on(hada_plane_maker *maker, hada_maker_steps *own, double unit, int count, const int *list,
-                         hada_maker_past *past, int *done, hada_error *err)
+/* A few steps, by which the planes become a mean over frames. */
+static hada_status settle(hada_plane_maker *maker, hada_maker_steps *own, double unit, int count, const int *list,
+                          const hada_maker_past *past, int steps, double firm, int *done, hada_error *err)
 {
-    const int doubt = past->moved;
-    past->moved = 1;
-    past->least = least_of(past);
-    *done = 0;
-    if (past->now < of_still(hada_model_get_info(maker->model), count) * past->least) {
-        own->steps = past->steps < STILL_STEPS ? past->steps : STILL_STEPS;
-        own->before = SETTLED;
-        own->firm = count > 1 ? FIRM_SEVERAL : FIRM;
-        own->hasten = 1.0;
-        HADA_TRY(resume(maker, own, unit, count, list, done, err));
-        HADA_TRY(hada_refiner_moved(maker->refiner, doubt, &past->moved, err));
-        if (!past->moved)
-            return HADA_OK;
-        HADA_TRY(hada_refiner_recall(maker->refiner, err)); /* duals of what lags are of no use to a smaller rho */
+    own->steps = past->steps < steps ? past->steps : steps;
+    own->before = SETTLED;
+    own->firm = firm;
+    own->hasten = 1.0;
+    return resume(maker, own, unit, count, list, done, err);
+}
+
+/* Where nothing seems to move; past->moved: something did. */
+static hada_status stay(hada_plane_maker *maker, hada_maker_steps *own, double unit, int count, const int *list,
+                        hada_maker_past *past, int doubt, int *done, hada_error *err)
+{
+    HADA_TRY(settle(maker, own, unit, count, list, past, STILL_STEPS, count > 1 ? FIRM_SEVERAL : FIRM, done, err));
+    HADA_TRY(hada_refiner_moved(maker->refiner, doubt, &past->moved, err));
+    if (!past->moved && may_drift(maker, count)) { /* slow motion that all share, which places do not tell */
+        double creep[2];
+        HADA_TRY(hada_refiner_creep(maker->refiner, count, creep, err));
+        past->moved = hypot(creep[0], creep[1]) > LEAST_DRIFT;
     }
+    if (past->moved) /* duals of what lags are of no use to a smaller rho */
+        return hada_refiner_recall(maker->refiner, err);
+    past->ridge = RIDGE_STILL;
+    return HADA_OK;
+}
+
+/* Where something moved: half the steps. */
+static hada_status move_on(hada_plane_maker *maker, hada_maker_steps *own, double unit, int count, const int *list,
+                           hada_maker_past *past, int *done, hada_error *err)
+{
+    const int padded = maker->boundary == HADA_BOUNDARY_PADDED;
     past->least = -1.0;
     own->steps = past->steps < HALVED_FROM ? past->steps : past->steps / 2 + 1;
     own->before = count > 1 ? PARTED : 0;
     own->firm = 1.0;
     /* light beyond the frame settles while rho grows, which it does as far in fewer steps */
-    own->hasten = maker->boundary == HADA_BOUNDARY_PADDED ? (double)past->steps / own->steps : 1.0;
+    own->hasten = padded ? (double)past->steps / own->steps : 1.0;
+    if (padded && count == 1) /* what duals keep beyond the frame would grow from frame to frame, to 1 dB in ten */
+        HADA_TRY(hada_refiner_begin_from_planes(maker->refiner, &maker->data, count, err));
     return resume(maker, own, unit, count, list, done, err);
+}
+
+static hada_status go_on(hada_plane_maker *maker, const hada_frame_exposure *exposure, hada_maker_steps *own,
+                         double unit, int count, const int *list, hada_maker_past *past, int *done, hada_error *err)
+{
+    const int doubt = past->moved, waits = past->wait > 0;
+    past->wait -= waits;
+    past->moved = 1;
+    past->least = least_of(past);
+    *done = 0;
+    if (past->drifts && !past->asked && may_drift(maker, count))
+        HADA_TRY(follow_drift(maker, exposure, count, list, past, err));
+    if (!past->follows && past->now < few_of(maker, past)) {
+        HADA_TRY(stay(maker, own, unit, count, list, past, doubt, done, err));
+        if (!past->moved)
+            return HADA_OK;
+    }
+    if (!past->asked && !waits && may_drift(maker, count))
+        HADA_TRY(follow_drift(maker, exposure, count, list, past, err));
+    if (!past->follows)
+        return move_on(maker, own, unit, count, list, past, done, err);
+    past->moved = 0;
+    past->ridge = RIDGE_DRIFT;
+    return settle(maker, own, unit, count, list, past, DRIFT_STEPS, 1.0, done, err);
 }
 
 hada_status hada_maker_go_on(hada_plane_maker *maker, const hada_frame_exposure *exposure,
@@ -105,16 +203,17 @@ hada_status hada_maker_go_on(hada_plane_maker *maker, const hada_frame_exposure 
     const double unit = hada_exposure_noise_unit(exposure, maker->noise_share);
     hada_maker_steps own = *steps;
     past->kept = 1;
-    past->count = count;
+    past->ridge = INT_MAX;
     *warm = past->left >= 0.0 && exposure->energy > 0.0 && (!maker->held.mem || choice->tv > 0.0) &&
             hada_refiner_remembers(maker->refiner, count, list);
     if (*warm) {
         HADA_TRY(look_back(maker, exposure, count, list, past, err));
         *warm = !(past->now > CUT && past->now > FEW * past->left);
     }
+    past->count = count;
     if (*warm) {
         own.tv = choice->tv > 0.0 ? choice->tv : own.tv;
-        HADA_TRY(go_on(maker, &own, unit, count, list, past, done, err));
+        HADA_TRY(go_on(maker, exposure, &own, unit, count, list, past, done, err));
     } else {
         HADA_TRY(hada_maker_refine_exposure(maker, exposure, &own, count, list, choice, done, err));
         past->steps = *done + (choice->steps < HADA_CHOICE_STEPS ? choice->steps : HADA_CHOICE_STEPS);
@@ -122,7 +221,7 @@ hada_status hada_maker_go_on(hada_plane_maker *maker, const hada_frame_exposure 
         if (maker->boundary == HADA_BOUNDARY_PADDED && steps->stop == 1 && !choice->steps)
             past->steps = steps->steps;
         past->least = -1.0;
-        past->moved = 0;
+        past->moved = past->drifts = past->vain = past->wait = 0;
     }
     return hada_refiner_keep(maker->refiner, count, list, err);
 }

@@ -7,7 +7,9 @@
 
 #include "core/alloc.h"
 #include "launch/refine.h"
+#include "launch/refine_move.h"
 #include "refine/admm_steps.h"
+#include "refine/shift.h"
 
 size_t hada_rect_area(const hada_refine_rect *rect)
 {
@@ -237,7 +239,7 @@ static hada_fft_desc describe(const hada_refine_shape *shape, const hada_refine_
 
 /* Bytes of every buffer. */
 typedef struct sizes {
-    size_t spectra, planes, shown, kept, split, dual, partial, partials, tv, places;
+    size_t spectra, planes, shown, kept, split, dual, partial, partials, tv, places, cells, residual;
     int slices;
 } sizes;
 
@@ -249,6 +251,7 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     const size_t sets = (size_t)shape->max_sets * (size_t)shape->channels;
     const size_t complex_bytes = 2 * sizeof(float);
     size_t longest = layout.count;
+    b.residual = shape->past ? sets * layout.count * complex_bytes : 0;
     b.spectra = images * layout.count * complex_bytes;
     /* total variation's loads reach a vector beyond the last image */
     b.planes = hada_round_up(images * hada_rect_area(&shape->window) + 8, HADA_REFINE_PAD) * sizeof(float);
@@ -261,7 +264,7 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
                            sizeof(float)
                      : 0;
     if (shape->boundary == HADA_BOUNDARY_PADDED) {
-        b.split = sets * layout.count * complex_bytes;
+        b.split = b.residual = sets * layout.count * complex_bytes;
         b.dual = sets * hada_rect_area(&shape->frame) * sizeof(float);
         if (hada_rect_area(&shape->frame) > longest)
             longest = hada_rect_area(&shape->frame);
@@ -279,6 +282,9 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     b.places = shape->past ? images * hada_divide_up(hada_rect_area(&shape->window), HADA_REFINE_PLACE) : 0;
     if (b.partial < b.places * sizeof(float))
         b.partial = b.places * sizeof(float);
+    b.cells = b.partial / sizeof(float);
+    b.partial +=
+        shape->past ? hada_shift_floats(shape->max_planes, shape->window.rows, shape->window.cols) * sizeof(float) : 0;
     return b;
 }
 
@@ -296,7 +302,7 @@ static void list_buffers(const sizes *b, hada_buffer_row *rows)
         {offsetof(hada_refiner, now_w), b->spectra + b->split, "the spectra of the refinement's duals", HADA_OWN_STEPS},
         {offsetof(hada_refiner, partial), b->partial, "the refinement's residuals", HADA_OWN_STEPS},
         {offsetof(hada_refiner, dual), b->dual, "the refinement's split at the frame", HADA_OWN_STEPS},
-        {offsetof(hada_refiner, residual), b->split, "the refinement's residuals", HADA_OWN_STEPS},
+        {offsetof(hada_refiner, residual), b->residual, "the refinement's residuals", HADA_OWN_STEPS},
         {offsetof(hada_refiner, residual_frame), b->dual, "the refinement's residuals", HADA_OWN_STEPS},
         {offsetof(hada_refiner, tv[0]), b->tv, "the refinement's total variation", HADA_OWN_STEPS},
         {offsetof(hada_refiner, tv[1]), b->tv, "the refinement's total variation", HADA_OWN_STEPS},
@@ -351,6 +357,7 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_
     refiner->shape = *shape;
     refiner->layout = hada_fft_layout(slot->context, shape->grid_rows, shape->grid_cols, HADA_FFT_AUTO);
     refiner->partials = b.partials;
+    refiner->cells = b.cells;
     refiner->split = (size_t)shape->max_planes * (size_t)shape->channels * refiner->layout.count;
     refiner->window_area = hada_rect_area(&shape->window);
     refiner->frame_area = hada_rect_area(&shape->frame);
@@ -368,6 +375,8 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_
     HADA_TRY_OR_DONE(make_buffers(refiner, &b, err));
     HADA_TRY_OR_DONE(hada_refine_prepare(refiner, err));
     HADA_TRY_OR_DONE(hada_refine_fused_make(refiner, err));
+    if (shape->past)
+        HADA_TRY_OR_DONE(hada_prepare_refine_move(slot, hada_program_refine_move_of(slot), err));
     if (shape->tv)
         HADA_TRY_OR_DONE(hada_variation_prepare(&refiner->variation, slot, shape->channels, shape->window.rows,
                                                 shape->window.cols, err));

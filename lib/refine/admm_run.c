@@ -244,7 +244,7 @@ static hada_status explain_spectra(hada_refine_run *r, hada_refiner *refiner, co
     refiner->half_there = 0;
     HADA_TRY(begin(r, refiner, data, sets, depths, list, 1, err));
     HADA_TRY(hada_refine_planes_forward(r, err));
-    return hada_refine_explain(r, r->padded, err);
+    return hada_refine_explain(r, refiner->residual.mem != NULL, err);
 }
 
 hada_status hada_refiner_residual_spectra(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,

@@ -45,6 +45,7 @@ struct hada_refiner {
     hada_buffer dual;                          /* padded: that of the split at the frame */
     hada_buffer residual, residual_frame;      /* padded: what the planes do not explain */
     size_t partials;                           /* partial sums of one step, at most */
+    size_t cells;                              /* where cells begin behind these, by which a motion is found */
     float *host_partial;
     int *host_list;              /* what stands in `list`, host_count depths */
     int host_count, list_busy;   /* 1: `list` may still be read from there */

@@ -40,7 +40,7 @@ hada_status hada_refiner_keep(hada_refiner *refiner, int depths, const int *list
         return HADA_OK;
     past->depths = depths;
     past->rho = refiner->last_rho;
-    memcpy(past->list, list, (size_t)depths * sizeof *list);
+    memmove(past->list, list, (size_t)depths * sizeof *list);
     return copy(refiner, 0, err);
 }
 

@@ -117,6 +117,12 @@ static hada_status primal_step(const hada_variation *v, hada_slot *slot, cl_mem 
                                         .window = window, .theta = (float)theta);
 }
 
+hada_status hada_variation_before(const hada_variation *v, hada_slot *slot, cl_mem planes, cl_mem duals, int count,
+                                  double theta, hada_error *err)
+{
+    return primal_step(v, slot, planes, duals, count, -theta, err);
+}
+
 /* TILE_STEPS steps on the dual, the first ones or the last ones, which make the planes as well. */
 static hada_status tile_steps(const hada_variation *v, hada_slot *slot, cl_mem planes, cl_mem old, cl_mem next,
                               int count, double theta, double colour, int fresh, int last, hada_error *err)

@@ -41,6 +41,10 @@ size_t hada_variation_floats(const hada_context *context, int channels, int rows
 hada_status hada_variation_step(const hada_variation *variation, hada_slot *slot, cl_mem planes, const cl_mem duals[2],
                                 int count, double theta, double colour, int fresh, hada_error *err);
 
+/* What the step made `count` planes of, given what it left of its duals; not negative, and without what it cut off. */
+hada_status hada_variation_before(const hada_variation *variation, hada_slot *slot, cl_mem planes, cl_mem duals,
+                                  int count, double theta, hada_error *err);
+
 /* Shrinkage of the cosine transforms of an image's overlapping blocks (kernels/refine_dct.cl): the second half of the
  * proximal step of a surface's texture (docs/explanation/surfaces.md). Internal. */
 

@@ -202,6 +202,47 @@ TEST(what_moves_leaves_no_ghost)
     }
 }
 
+/* Smooth light, seen by a camera that points to (row, col). */
+static hada_image smooth_scene(double row, double col)
+{
+    hada_image scene;
+    ASSERT_OK(hada_image_create(&scene, CHANNELS, WINDOW, WINDOW, err));
+    for (int c = 0; c < CHANNELS; c++)
+        for (int i = 0; i < WINDOW; i++)
+            for (int j = 0; j < WINDOW; j++) {
+                const double y = i + row, x = j + col;
+                scene.data[(c * WINDOW + i) * WINDOW + j] =
+                    (float)(0.5 + 0.2 * (sin(0.5 * y + c) * cos(0.4 * x) + sin(0.23 * y - 0.31 * x + c)));
+            }
+    return scene;
+}
+
+/* A scene that moves as a whole is followed, in a few steps. */
+TEST(a_drift_is_followed)
+{
+    enum { FOLLOWING_STEPS = 5 };
+    const fixture *f = *state;
+    for (int kind = 0; kind < 2; kind++) {
+        const hada_model *model = kind ? f->padded : f->circular;
+        SCOPED(hada_plan) *cold = plan_of(f, model, 0, 1), *warm = plan_of(f, model, 1, 1);
+        double errors[2] = {0.0, 0.0};
+        for (int t = 0; t < FRAMES; t++) {
+            SCOPED(hada_image) scene = smooth_scene(0.2 * t, 0.3 * t);
+            SCOPED(hada_image) frame = frame_of(f, model, &scene, 0, t);
+            SCOPED(hada_result) anew = {0}, on = {0};
+            ASSERT_OK(hada_plan_run(cold, &frame, &anew, err));
+            ASSERT_OK(hada_plan_run(warm, &frame, &on, err));
+            if (!t)
+                continue;
+            assert_int_equal(on.report->warm_started, 1);
+            assert_true(on.report->refine_steps <= FOLLOWING_STEPS);
+            errors[0] += error_of(&anew, 0, &scene);
+            errors[1] += error_of(&on, 0, &scene);
+        }
+        assert_true(errors[1] < 1.05 * errors[0]);
+    }
+}
+
 /* Frames depend on those before them alone, not on how many are under way. */
 TEST(queues_find_the_same)
 {

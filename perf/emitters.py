@@ -268,7 +268,7 @@ def film_trial(folder, kind, depths, count, seed):
             frame += light * camera.point(margin + y, margin + x, scale, part)
     unit = frames.max()
     frames = frames / unit + o.noise * rng.standard_normal(frames.shape)
-    tifffile.imwrite(folder / "film.tif", frames.astype(np.float32))
+    tifffile.imwrite(folder / "film.tif", frames.astype(np.float32), photometric="minisblack")
     with open(folder / "truth.csv", "w") as file:
         file.write("track,frame,x,y,z\n" + "".join(f"{k},{t},{x},{y},{z}\n" for t, rows in enumerate(film)
                                                    for k, (x, y, z, light) in enumerate(rows) if light == light))

@@ -127,8 +127,8 @@ hada_status hada_dataset_brighten(hada_dataset **out, const hada_dataset *from, 
  * before are dropped. Nobody uses the data set or its parts meanwhile. They take `placement` over. */
 void hada_dataset_place(const hada_dataset *dataset, hada_place_scene place, void *placement);
 
-/* The raw frame of a pair as it is read, in linear light: before it is filled in, divided and binned. *image is created by
- * the call. */
+/* The raw frame of a pair as it is read, in linear light: before it is filled in, divided and binned. *image is created
+ * by the call. */
 hada_status hada_pair_load_raw(const hada_dataset *dataset, int depth, int pair, hada_image *image, hada_error *err);
 
 /* A pair in use: images that the cache, the caller or the pair itself owns. */

@@ -7,8 +7,8 @@
  *   frame_tool enhance MODEL OUT     the model with a net (preset compact, random weights)
  *   frame_tool net OUT CHANNELS      a U-net of a few weights
  *   frame_tool lpips OUT             AlexNet and the heads of LPIPS, random weights
- *   frame_tool turn IN OUT MAGNIFICATION DEGREES QUARTERS MIRRORED ROWS COLS [PERSPECTIVE]   as hada_register_apply(), moved by
- *                                    ROWS and COLS
+ *   frame_tool turn IN OUT MAGNIFICATION DEGREES QUARTERS MIRRORED ROWS COLS [PERSPECTIVE]
+ *                                    as hada_register_apply(), moved by ROWS and COLS
  *   frame_tool same ONE OTHER        exit code 1 where texts, but for made_from=, or pixels differ
  *   frame_tool info IN               "frames channels rows cols bits", and the mean of the finite values */
 #define _GNU_SOURCE /* strdup() */

@@ -4,8 +4,8 @@
 #include <hadalens/tiff.h>
 
 #include "io/encode_frames.h"
-#include "io/numpy_write.h"
 #include "io/headerless.h"
+#include "io/numpy_write.h"
 #include "io_testing.h"
 
 static void expect_refusal_of(const char *text, const char *words)

@@ -1,4 +1,5 @@
 /* The weight of total variation of refinement, found from the frame alone. */
+#include <hadalens/response.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
@@ -100,6 +101,18 @@ done:
     return status;
 }
 
+/* Of a camera that was learned from pairs, what predicts the frame best leaves more noise than the best planes have,
+ * and more so where they are compared as a display shows them: so many times the weight. */
+#define LEARNED         1.4
+#define LEARNED_ENCODED 2.0
+
+static double more_of(const hada_model_info *info)
+{
+    return info->refine_tv == HADA_AUTO                   ? 1.0 /* from point spread functions */
+           : info->scene_response == HADA_RESPONSE_LINEAR ? LEARNED
+                                                          : LEARNED_ENCODED;
+}
+
 hada_status hada_maker_choose(hada_plane_maker *maker, const hada_frame_exposure *exposure, int count, const int *list,
                               hada_maker_choice *choice, hada_error *err)
 {
@@ -111,6 +124,7 @@ hada_status hada_maker_choose(hada_plane_maker *maker, const hada_frame_exposure
     const hada_weight_search search = {try_weight, &s, 0, 0.0};
     HADA_TRY(hada_maker_hold_out(maker, exposure, BLOCK, 1, err));
     HADA_TRY(hada_weight_find(&search, exposure, choice, err));
+    choice->tv *= more_of(hada_model_get_info(maker->model));
     return hada_maker_weigh(maker, exposure, err);
 }
 

@@ -117,36 +117,15 @@ static hada_status create_stack(hada_tiff_writer **writer, const char *path, con
     return hada_tiff_create(writer, path, channels, rows, cols, &options, err);
 }
 
-/* In the units of the frames: what light of 1 from a point makes. */
-static hada_status write_psf(const hada_recipe *recipe, const char *folder, hada_error *err)
-{
-    const hada_camera *camera = &recipe->camera;
-    const float scale = recipe->has_sensor ? (float)recipe->sensor.exposure : 1.0f;
-    hada_tiff_writer *writer = NULL;
-    hada_image psf = {0};
-    hada_path path;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/psf.tif", folder));
-    for (int z = 0; z < camera->depths; z++) {
-        HADA_TRY_OR_DONE(hada_simulator_psf(recipe->simulator, z, &psf, err));
-        for (size_t i = 0; i < hada_image_count(&psf); i++)
-            psf.data[i] *= scale;
-        if (!writer)
-            HADA_TRY_OR_DONE(create_stack(&writer, path, camera, psf.channels, psf.rows, psf.cols, 0.0, err));
-        HADA_TRY_OR_DONE(hada_tiff_write(writer, &psf, err));
-        hada_image_destroy(&psf);
-    }
-    HADA_TRY_OR_DONE(hada_tiff_finish(&writer, err));
-done:
-    if (writer)
-        hada_tiff_abandon(&writer);
-    hada_image_destroy(&psf);
-    return status;
-}
+/* Pixels from the axis. */
+typedef struct field_point {
+    int row, col;
+} field_point;
 
-/* A stack of the PSFs of a point, and its line of the list. */
-static hada_status write_point(const hada_recipe *recipe, const char *folder, const char *name, int row, int col,
-                               hada_error *err)
+/* A page for each depth, in the units of the frames: what light of 1 makes, from a point of the field or (NULL) the
+ * axis. */
+static hada_status write_psfs(const hada_recipe *recipe, const char *folder, const char *name, const field_point *at,
+                              hada_error *err)
 {
     const hada_camera *camera = &recipe->camera;
     const float scale = recipe->has_sensor ? (float)recipe->sensor.exposure : 1.0f;
@@ -156,7 +135,8 @@ static hada_status write_point(const hada_recipe *recipe, const char *folder, co
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/%s", folder, name));
     for (int z = 0; z < camera->depths; z++) {
-        HADA_TRY_OR_DONE(hada_simulator_psf_at(recipe->simulator, z, row, col, &psf, err));
+        HADA_TRY_OR_DONE(at ? hada_simulator_psf_at(recipe->simulator, z, at->row, at->col, &psf, err)
+                            : hada_simulator_psf(recipe->simulator, z, &psf, err));
         for (size_t i = 0; i < hada_image_count(&psf); i++)
             psf.data[i] *= scale;
         if (!writer)
@@ -192,9 +172,10 @@ static hada_status write_field(const hada_recipe *recipe, const char *dataset, h
                             hada_window_origin(camera->rows, camera->window_rows),
                       col = j * (camera->window_cols - 1) / (points - 1) +
                             hada_window_origin(camera->cols, camera->window_cols);
+            const field_point at = {row - camera->rows / 2, col - camera->cols / 2};
             char name[32];
             snprintf(name, sizeof name, "psf_%02d_%02d.tif", i + 1, j + 1);
-            HADA_TRY_OR_DONE(write_point(recipe, folder, name, row - camera->rows / 2, col - camera->cols / 2, err));
+            HADA_TRY_OR_DONE(write_psfs(recipe, folder, name, &at, err));
             used += (size_t)snprintf(list + used, size - used, "%s,%d,%d\n", name, col, row);
         }
     HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/positions.csv", folder));
@@ -380,7 +361,7 @@ hada_status hada_recipe_write(hada_recipe *recipe, const char *folder, hada_erro
     HADA_TRY(hada_path_write(path, err, "%s/camera.json", folder));
     HADA_TRY(hada_camera_save(&recipe->camera, path, err));
     HADA_TRY(write_sensor(recipe, folder, err));
-    HADA_TRY(write_psf(recipe, folder, err));
+    HADA_TRY(write_psfs(recipe, folder, "psf.tif", NULL, err));
     if (recipe->simulator_options.field_varying > 0.0 && recipe->task.field_psfs)
         HADA_TRY(write_field(recipe, folder, err));
     for (int z = 0; z < recipe->camera.depths; z++)

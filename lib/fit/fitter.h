@@ -84,8 +84,8 @@ hada_status hada_fit_sizes_from(hada_fit_options *options, const hada_dataset *p
  * that were cut off at white. *out: the pairs that stay. (*left_out)[depth][pair]: a hada_left_out. Both are NULL where
  * all stay. options->monitor gets a note for each pair that contradicts the others. */
 typedef enum hada_left_out { HADA_STAYS = 0, HADA_CONTRADICTS = 1, HADA_CUT_OFF = 2, HADA_FILLED = 3 } hada_left_out;
-/* A scene is cut off where its values are this share of its largest one. */
-#define HADA_AT_WHITE 0.999f
+/* Values from this one on are at white: nearly the largest of the image. */
+float hada_fit_white(const hada_image *image);
 
 hada_status hada_fit_screen(hada_dataset **out, unsigned char ***left_out, const hada_dataset *pairs,
                             const hada_fit_options *options, hada_error *err);

@@ -62,16 +62,23 @@ typedef struct screening {
     double white[MOST_PAIRS][2]; /* shares of their scenes, and frames, that are as bright as their brightest value */
 } screening;
 
+float hada_fit_white(const hada_image *image)
+{
+    float most = 0.0f;
+    for (size_t i = 0; i < hada_image_count(image); i++)
+        most = fmaxf(most, image->data[i]);
+    return 0.999f * most;
+}
+
+/* The share of values at white. */
 static double at_white(const hada_image *image)
 {
     const size_t count = hada_image_count(image);
-    size_t most = 0;
-    float white = 0.0f;
+    const float white = hada_fit_white(image);
+    size_t there = 0;
     for (size_t i = 0; i < count; i++)
-        white = fmaxf(white, image->data[i]);
-    for (size_t i = 0; i < count; i++)
-        most += image->data[i] >= HADA_AT_WHITE * white;
-    return white > 0.0f ? (double)most / (double)count : 0.0;
+        there += image->data[i] >= white;
+    return white > 0.0f ? (double)there / (double)count : 0.0;
 }
 
 /* Puts a pair beside those that were taken, with its scene in all responses tried. */

@@ -23,9 +23,9 @@ hada_status hada_fit_choose_boundary(hada_fit_options *fit, hada_context *contex
 /* Among ranks: what the first of them has found so far, as devices round differently. */
 hada_status hada_fit_agree(hada_fit_options *fit, const hada_communicator *ranks, hada_error *err);
 
-/* Scenes that were cut off at white (leave[depth][pair] is HADA_CUT_OFF, and HADA_FILLED afterwards, or
- * HADA_STAYS where it was no brighter), with what a model
- * of the other pairs reconstructs there. *out, empty before, is freed by the caller, also where this failed. */
+/* Fills scenes that were cut off at white with what a model of the other pairs reconstructs there. leave[depth][pair]
+ * is HADA_CUT_OFF for these, and afterwards HADA_FILLED, or HADA_STAYS where a scene was no brighter. *out, empty
+ * before, is freed by the caller, also where this failed. */
 hada_status hada_fit_fill_white(hada_filled_scenes *out, hada_context *context, const hada_model *model,
                                 const hada_dataset *data, unsigned char *const *leave, hada_error *err);
 void hada_filled_scenes_free(hada_filled_scenes *filled);

@@ -83,10 +83,9 @@ done:
     return status;
 }
 
-/* The farthest that the perspective moves a pixel of the scene, in pixels of the sensor. */
-static double perspective_of(const hada_registration *at, const hada_image *scene)
+double hada_register_perspective(const hada_registration *at, int rows, int cols)
 {
-    const double far = 0.5 * at->magnification * hypot(scene->rows, scene->cols);
+    const double far = 0.5 * at->magnification * hypot(rows, cols);
     return far * far * hypot(at->perspective_row, at->perspective_col);
 }
 
@@ -114,7 +113,7 @@ hada_status hada_register_pairs(hada_registration *out, const hada_image *raws, 
             slantwise.explained = 1.0 - exp(slant_score);
         hada_register_level_destroy(&level);
     }
-    if (slant_score < SLANTWISE * score && perspective_of(&slantwise, scenes) >= 1.0)
+    if (slant_score < SLANTWISE * score && hada_register_perspective(&slantwise, scenes->rows, scenes->cols) >= 1.0)
         *out = slantwise;
 done:
     hada_register_level_destroy(&level);

@@ -73,6 +73,9 @@ void hada_register_view_destroy(hada_register_view *view);
 /* The matrix of a registration without its offset and perspective: from the scene to the sensor, (row, column). */
 void hada_register_matrix(const hada_registration *registration, double matrix[2][2]);
 
+/* The farthest that the perspective moves a pixel of a scene of rows x cols, in pixels of the sensor. */
+double hada_register_perspective(const hada_registration *registration, int rows, int cols);
+
 /* The way back, from the sensor to the scene: with p less the offset, q = inverse * p / (1 - perspective . p). */
 typedef struct hada_register_map {
     double inverse[2][2], perspective[2], offset[2];

@@ -72,9 +72,8 @@ static double displacement_of(const registered *one)
     const hada_registration *r = &one->found;
     const double angle = r->rotation_deg * acos(-1.0) / 180.0;
     const double dy = r->magnification * cos(angle) - 1.0, dx = r->magnification * sin(angle);
-    const double far = half_diagonal(&one->depth), seen = r->magnification * far;
-    return far * hypot(dy, dx) + hypot(r->offset_row, r->offset_col) +
-           seen * seen * hypot(r->perspective_row, r->perspective_col);
+    return half_diagonal(&one->depth) * hypot(dy, dx) + hypot(r->offset_row, r->offset_col) +
+           hada_register_perspective(r, one->depth.scene_rows, one->depth.scene_cols);
 }
 
 static void choose_applied(registered *one, const hada_registration *first)

@@ -13,12 +13,13 @@ import argparse
 import json
 import pathlib
 import re
-import subprocess
 import tempfile
 
 import numpy as np
 import tifffile
 from scipy.ndimage import maximum_filter
+
+import frames
 
 here = pathlib.Path(__file__).resolve().parent
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -41,10 +42,7 @@ hadalens = f"{o.build}/bindings/cli/hadalens"
 
 
 def run(*words):
-    done = subprocess.run([hadalens, *map(str, words)], capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise SystemExit(f"{' '.join(map(str, words))}: {done.stderr}")
-    return done.stdout
+    return frames.run(hadalens, *words)
 
 
 def points(folder, rng, count, depths):

@@ -12,10 +12,16 @@
 #include "io/text.h"
 #include "io/tiff_write.h"
 
-static const char *const endings[HADA_OUTPUT_FILES] = {"stack.tif",      "aif.tif", "depth.tif",    "preview.png",
-                                                       "confidence.tif", "aif.png", "emitters.csv", "tracks.csv"};
-static const char *const array_endings[HADA_OUTPUT_FILES] = {"stack.npy",      "aif.npy", "depth.npy",    "preview.png",
-                                                             "confidence.npy", "aif.png", "emitters.csv", "tracks.csv"};
+/* Without an ending: that of the format. */
+static const char *const names[HADA_OUTPUT_FILES] = {"stack",      "aif",     "depth",        "preview.png",
+                                                     "confidence", "aif.png", "emitters.csv", "tracks.csv"};
+
+static hada_status name_output(char **path, const hada_files_task *task, const char *name, int which, hada_error *err)
+{
+    const char *format = task->format == HADA_FILES_NUMPY ? ".npy" : ".tif";
+    return hada_path_format(path, err, "%s/%s_%s%s", task->output, name, names[which],
+                            strchr(names[which], '.') ? "" : format);
+}
 
 static const char table_words[] = "a table of emitters";
 #define EMITTER_COLUMNS "frame,x,y,z,distance_mm,amplitude,sd_x,sd_y,sd_z,sd_amplitude,residual\n"
@@ -80,8 +86,7 @@ hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, c
     choose_encoding(out, task, plan->setup.options.gamma);
     for (int k = 0; k < HADA_OUTPUT_FILES; k++)
         if (is_wanted(task, k))
-            HADA_TRY(hada_path_format(&out->path[k], err, "%s/%s_%s", task->output, name,
-                                      (task->format == HADA_FILES_NUMPY ? array_endings : endings)[k]));
+            HADA_TRY(name_output(&out->path[k], task, name, k, err));
     if (task->emitters && frames > 1)
         HADA_TRY(hada_tracker_create(&out->tracker, task->track_pixels, task->track_depths, task->track_gap, err));
     return hada_path_format(&out->title, err, "%s, %s", name, slash ? slash + 1 : model->name);
@@ -400,8 +405,8 @@ int hada_outputs_are_there(const hada_files_task *task, const hada_plan *plan, c
         return 0;
     for (size_t k = 0; there && k < count; k++) {
         char *result = NULL;
-        there = !hada_path_format(&result, NULL, "%s/%s_%s", task->output, name, endings[needed[k]]) &&
-                hada_path_is_file(result) && !is_older(result, path) && !is_older(result, info->name) &&
+        there = !name_output(&result, task, name, (int)needed[k], NULL) && hada_path_is_file(result) &&
+                !is_older(result, path) && !is_older(result, info->name) &&
                 is_whole(result, made_from, needed[k] == HADA_OUTPUT_DISTANCE_MAP ? 1 : info->channels,
                          info->window_rows, info->window_cols, &images[k]) &&
                 images[k] == (k ? images[0] / plan->setup.config.depths : images[0]) &&
@@ -410,8 +415,8 @@ int hada_outputs_are_there(const hada_files_task *task, const hada_plan *plan, c
     }
     for (int k = HADA_OUTPUT_EMITTERS; there && task->emitters && k <= HADA_OUTPUT_TRACKS; k++) {
         char *table = NULL;
-        there = !hada_path_format(&table, NULL, "%s/%s_%s", task->output, name, endings[k]) &&
-                hada_path_is_file(table) && !is_older(table, path) && !is_older(table, info->name);
+        there = !name_output(&table, task, name, k, NULL) && hada_path_is_file(table) && !is_older(table, path) &&
+                !is_older(table, info->name);
         free(table);
         if (images[0] == plan->setup.config.depths) /* a single frame has no tracks */
             break;

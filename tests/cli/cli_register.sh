@@ -52,7 +52,7 @@ cmp -s wide.model direct.model || fail 'fit --register learns something else'
 expect 2 'needs the pairs' fit --psf "$camera/psf.tif" --register -o none
 lacks none
 
-# A display that stands slantwise.
+# A tilted display.
 turned slanted "$near" 1.6 3 1 1 0 0 0.003
 expect 0 'top to bottom' register slanted $range
 

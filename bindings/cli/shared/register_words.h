@@ -1,4 +1,4 @@
-/* What `register`, and `fit --register`, say of how scenes stand on the sensor. */
+/* What `register` and `fit --register` print: how scenes are placed on the sensor. */
 #ifndef HADA_CLI_REGISTER_WORDS_H
 #define HADA_CLI_REGISTER_WORDS_H
 

@@ -26,7 +26,7 @@ class Registration:
         offset_row, offset_col: in pixels of the sensor.
         explained: share of the frames' structure that this transform explains.
         explained_otherwise: with the best one of another orientation.
-        perspective_row, perspective_col: of a display that stands slantwise, per pixel of the sensor.
+        perspective_row, perspective_col: of a tilted display, per pixel of the sensor.
 
     """
 

@@ -20,7 +20,7 @@ extern "C" {
  *
  * M exchanges left and right (column to -column), Q is a quarter turn and R a turn to the left (counter-clockwise as
  * seen on a screen, rows downwards). Mirrored with two quarter turns is upside down. The perspective is that of a
- * display that stands slantwise: with 0.001 along the columns, what is 100 pixels right of the middle is a tenth
+ * tilted display: with 0.001 along the columns, what is 100 pixels right of the middle is a tenth
  * smaller. */
 typedef struct hada_registration {
     size_t size;                   /* sizeof(hada_registration), set by the caller */

@@ -76,15 +76,15 @@ typedef struct hada_setup {
     const hada_model *model;
     hada_plan_options options; /* its pointers are not kept: the arrays below are */
     hada_config config;
-    int *depths;                /* indices into the model */
-    double *distances;          /* per computed depth, mm */
-    unsigned char *listed;      /* per computed depth: named by HADA_OCCUPIED_LIST */
-    double noise_share;         /* hada_model_noise_share(); 0 where the caller set a weight */
-    hada_classic_camera camera; /* of the listed depths, for a classic method */
-    hada_image dark_frame;      /* empty where none */
-    hada_image pixel_weights;   /* of all channels, the largest one 1; empty where none */
-    const hada_image *flat;     /* what pixels make of the same light, of all channels: the caller's or the model's;
-                                   NULL where neither has any */
+    int *depths;                  /* indices into the model */
+    double *distances;            /* per computed depth, mm */
+    unsigned char *listed;        /* per computed depth: named by HADA_OCCUPIED_LIST */
+    hada_noise_share noise_share; /* hada_model_noise_share(); none where the caller set a weight */
+    hada_classic_camera camera;   /* of the listed depths, for a classic method */
+    hada_image dark_frame;        /* empty where none */
+    hada_image pixel_weights;     /* of all channels, the largest one 1; empty where none */
+    const hada_image *flat;       /* what pixels make of the same light, of all channels: the caller's or the model's;
+                                     NULL where neither has any */
     hada_image own_flat;
     hada_gains *gains;            /* of the listed depths; NULL where spectra are not measured */
     int *same_dark, *same_filter; /* per channel: the first one with the same dark frame, the same filters */

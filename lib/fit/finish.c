@@ -178,6 +178,10 @@ static hada_status try_refinement(hada_fitter *fitter, hada_nonnegative *nonnega
     if (result.share < 1.0) /* a camera that is known so badly gains nothing by more regularisation */
         result.weights.ridge = 0.0;
     set_refinement(model, result.steps, &result.weights);
+    if (result.weights.tv > 0.0) {
+        model->info.refine_noise = result.noise.of_light;
+        model->info.refine_noise_largest = result.noise.of_largest;
+    }
     model->info.refine_share = result.share;
     return HADA_OK;
 }

@@ -8,10 +8,10 @@ enum { TRIED = sizeof steps_tried / sizeof *steps_tried };
 
 /* Weights of total variation that are tried, by what the noise says: the best of simulated cameras with 0.3 to 3 %
  * noise were about 0.1 of its standard deviation over the rms of the pairs' frames (docs/explanation/refinement.md).
- * That and a step of TV_RATIO to both sides, one more where the outermost is best; the best of all lies where a
- * parabola through three has its top. A few steps on one depth rank them as many on two do; where the sensor crops they
- * settle later. */
-enum { TV_SIDE = 2, TV_PLACES = 2 * TV_SIDE + 1, TV_STEPS = 6, TV_STEPS_CROPPED = 12 };
+ * That and a step of TV_RATIO to both sides, and further ones as long as the outermost is best; the best of all lies
+ * where a parabola through three has its top. A few steps on one depth rank them as many on two do; where the sensor
+ * crops they settle later. */
+enum { TV_SIDE = 5, TV_PLACES = 2 * TV_SIDE + 1, TV_STEPS = 6, TV_STEPS_CROPPED = 12 };
 #define TV_RATIO     1.6
 #define TV_PER_NOISE 0.1
 #define TV_MOSAIC    0.5 /* times that of a mosaic, a third of whose values are known */
@@ -24,12 +24,14 @@ enum { CHOICES = 3 };
 static const double colours_tried[CHOICES] = {1.0, 2.0, 3.0};
 #define TV_PER_COLOUR 0.6
 
-/* Strengths of the learned regulariser that are tried. The best differs between scenes by a factor of three, and the
- * trial has few of them, so total variation alone must be this much better, in decibels. */
+/* Strengths of the learned regulariser that are tried. The stronger it is, the less total variation is needed beside
+ * it: this share at a strength of 1 (docs/explanation/refinement.md). The best strength differs between scenes by a
+ * factor of three, and the trial has few of them, so total variation alone must be this much better, in decibels. */
 static const double ridges_tried[CHOICES] = {0.7, HADA_REFINE_RIDGE, 1.4};
-#define RIDGE_DOUBT 1.0
+#define TV_PER_RIDGE 0.65
+#define RIDGE_DOUBT  1.0
 
-_Static_assert((int)TRIED + (int)TV_SIDE + 2 + 1 <= (int)HADA_FIT_TRIAL_ROWS, "room for rows");
+_Static_assert((int)TRIED + 1 + 2 * (int)TV_PLACES <= (int)HADA_FIT_TRIAL_ROWS, "room for rows");
 
 /* A reconstruction stops by itself once its residual has settled, so the number of steps to keep is the largest that
  * still has most of the best gain; the sum of two whole scenes is a hard case and its curve is uneven. Gains below a
@@ -42,6 +44,7 @@ _Static_assert((int)TRIED + (int)TV_SIDE + 2 + 1 <= (int)HADA_FIT_TRIAL_ROWS, "r
  * worth filtering as well. */
 static const double shares_tried[] = {1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1};
 enum { SHARES = sizeof shares_tried / sizeof *shares_tried };
+_Static_assert((int)SHARES <= (int)HADA_TRIAL_SHARES, "room for shares");
 #define SHARE_GAIN 0.2
 
 typedef struct trial_work {
@@ -50,7 +53,7 @@ typedef struct trial_work {
     int count[2];
     hada_refine_weights weights; /* what is refined with */
     int rank_steps;              /* after which weights are compared */
-    hada_fit_refine_score tv_rows[1 + TV_SIDE + 2];
+    hada_fit_refine_score tv_rows[1 + 2 * TV_PLACES];
     int tv_count;
 } trial_work;
 
@@ -132,14 +135,14 @@ static hada_status rank(trial_work *work, const trial_set *set, const hada_refin
     return HADA_OK;
 }
 
-/* The same for weights of total variation, each with a row of the table. */
+/* The same for weights of total variation with the other weights at hand, each with a row of the table. */
 static hada_status rank_tv(trial_work *work, const trial_set *set, const double *tv, int count, double *psnr,
                            hada_error *err)
 {
     const hada_model_info *info = &work->bench.with->model->info;
     hada_refine_weights weights[TV_PLACES] = {{0.0, 0.0, 0.0}};
     for (int i = 0; i < count; i++)
-        weights[i] = (hada_refine_weights){tv[i], work->weights.colour, 0.0};
+        weights[i] = (hada_refine_weights){tv[i], work->weights.colour, work->weights.ridge};
     HADA_TRY(rank(work, set, weights, count, psnr, err));
     for (int i = 0; i < count; i++)
         work->tv_rows[work->tv_count++] = (hada_fit_refine_score){.steps = work->rank_steps,
@@ -150,30 +153,42 @@ static hada_status rank_tv(trial_work *work, const trial_set *set, const double 
     return HADA_OK;
 }
 
+/* The best weight of total variation, from `guess` to both sides; psnr: of the best that was tried. */
+static hada_status sweep_tv(trial_work *work, const trial_set *set, double guess, double *psnr, hada_error *err)
+{
+    enum { NEAR = 3 };
+    double tv[TV_PLACES], value[TV_PLACES];
+    int first = TV_SIDE - 1, last = TV_SIDE + 1, best = TV_SIDE;
+    for (int i = 0; i < TV_PLACES; i++)
+        tv[i] = fmax(guess * pow(TV_RATIO, i - TV_SIDE), TV_LEAST);
+    HADA_TRY(rank_tv(work, set, tv + first, NEAR, value + first, err));
+    for (;;) {
+        for (int i = first; i <= last; i++)
+            if (value[i] > value[best])
+                best = i;
+        const int next = best == first ? first - 1 : last + 1;
+        if ((best != first && best != last) || next < 0 || next == TV_PLACES)
+            break;
+        HADA_TRY(rank_tv(work, set, tv + next, 1, value + next, err));
+        first -= next < first;
+        last += next > last;
+    }
+    const int inside = best != first && best != last;
+    const double top = inside ? hada_parabola_top(value[best - 1], value[best], value[best + 1]) : 0.0;
+    *psnr = value[best];
+    work->weights.tv = fmax(guess * pow(TV_RATIO, best - TV_SIDE + top), TV_LEAST);
+    return HADA_OK;
+}
+
 /* Chooses the weight of total variation, 0 where the prior of the pairs is better. */
 static hada_status choose_tv(trial_work *work, const trial_set *set, double *psnr, hada_error *err)
 {
-    enum { NEAR = 1 + 3 }; /* none, the guess, and a step to both sides */
-    const double guess = guess_weight(work, set->frames);
-    double tv[NEAR] = {0.0}, near[NEAR], value[TV_PLACES] = {0.0};
-    int best = TV_SIDE;
-    for (int i = 1; i < NEAR; i++)
-        tv[i] = guess * pow(TV_RATIO, i - 2);
-    HADA_TRY(rank_tv(work, set, tv, NEAR, near, err));
-    memcpy(value + TV_SIDE - 1, near + 1, (NEAR - 1) * sizeof *value);
-    for (int i = TV_SIDE - 1; i <= TV_SIDE + 1; i++)
-        if (value[i] > value[best])
-            best = i;
-    const int outer = best < TV_SIDE ? 0 : TV_PLACES - 1;
-    if (best != TV_SIDE) {
-        const double beyond = guess * pow(TV_RATIO, outer - TV_SIDE);
-        HADA_TRY(rank_tv(work, set, &beyond, 1, &value[outer], err));
-        if (value[outer] > value[best])
-            best = outer;
-    }
-    const double top = best == outer ? 0.0 : hada_parabola_top(value[best - 1], value[best], value[best + 1]);
-    *psnr = value[best];
-    work->weights.tv = value[best] > near[0] ? guess * pow(TV_RATIO, best - TV_SIDE + top) : 0.0;
+    const double none = 0.0;
+    double without;
+    HADA_TRY(rank_tv(work, set, &none, 1, &without, err));
+    HADA_TRY(sweep_tv(work, set, guess_weight(work, set->frames), psnr, err));
+    if (*psnr <= without)
+        work->weights.tv = 0.0;
     return HADA_OK;
 }
 
@@ -202,30 +217,44 @@ static hada_status choose_colour(trial_work *work, const trial_set *set, double 
     return choose_of(work, set, weights, psnr, err);
 }
 
-/* Chooses the strength of the learned regulariser. Planes that have not settled gain less by it. */
+/* Weights with this strength of the learned regulariser in place of none. */
+static hada_refine_weights with_ridge(const hada_refine_weights *without, double ridge)
+{
+    return (hada_refine_weights){without->tv * TV_PER_RIDGE / ridge, without->colour, ridge};
+}
+
+/* Chooses the strength of the learned regulariser, unless it is given, and total variation's weight beside it. Planes
+ * that have not settled gain less by it. */
 static hada_status choose_ridge(trial_work *work, const trial_set *set, hada_error *err)
 {
-    hada_refine_weights weights[CHOICES];
+    const hada_refine_weights without = work->weights;
     double psnr;
-    for (int i = 0; i < CHOICES; i++) {
-        weights[i] = work->weights;
-        weights[i].ridge = ridges_tried[i];
-    }
-    work->weights.ridge = 0.0;
     work->rank_steps = HADA_TRIAL_STEPS;
-    HADA_TRY(rank(work, set, &work->weights, 1, &psnr, err));
-    psnr -= RIDGE_DOUBT;
-    return choose_of(work, set, weights, &psnr, err);
+    if (work->bench.with->ridge < 0.0) {
+        hada_refine_weights weights[CHOICES];
+        for (int i = 0; i < CHOICES; i++)
+            weights[i] = with_ridge(&without, ridges_tried[i]);
+        HADA_TRY(rank(work, set, &without, 1, &psnr, err));
+        psnr -= RIDGE_DOUBT;
+        HADA_TRY(choose_of(work, set, weights, &psnr, err));
+    } else {
+        work->weights = with_ridge(&without, work->bench.with->ridge);
+    }
+    return work->weights.ridge > 0.0 ? sweep_tv(work, set, work->weights.tv, &psnr, err) : HADA_OK;
 }
 
 static hada_status choose_weights(trial_work *work, const trial_set *set, hada_error *err)
 {
+    const double ridge = work->weights.ridge;
     double psnr;
+    work->weights.ridge = 0.0;
     HADA_TRY(choose_tv(work, set, &psnr, err));
     if (work->weights.tv > 0.0 && work->bench.with->colour < 0.0 && work->bench.grid->info.channels > 1)
         HADA_TRY(choose_colour(work, set, &psnr, err));
-    if (work->weights.tv > 0.0 && work->bench.with->ridge < 0.0)
+    if (work->weights.tv > 0.0 && ridge > 0.0)
         HADA_TRY(choose_ridge(work, set, err));
+    else
+        work->weights.ridge = ridge;
     return HADA_OK;
 }
 
@@ -348,6 +377,7 @@ hada_status hada_fit_trial_run(const hada_fit_trial *trial, hada_fit_trial_resul
     *result = (hada_fit_trial_result){.steps = steps_tried[best],
                                       .share = best ? shares_tried[share_of(&work, best)] : 1.0,
                                       .weights = work.weights,
+                                      .noise = work.bench.maker.noise_share,
                                       .gain = score(&work, best) - score(&work, 0)};
     if (!best)
         result->weights.tv = 0.0;

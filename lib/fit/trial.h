@@ -6,6 +6,7 @@
 #include "fit/fit_sums.h"
 #include "fit/leave_one_out.h"
 #include "fit/nonnegative.h"
+#include "image/statistics.h"
 #include "refine/admm.h"
 
 /* What the trial works with. tv, colour, ridge: weights of total variation and of colour in it, strength of the
@@ -20,11 +21,12 @@ typedef struct hada_fit_trial {
 } hada_fit_trial;
 
 /* What it found. The gains are in decibels over the linear filters, one depth occupied plus two. */
-enum { HADA_FIT_TRIAL_ROWS = 10 };
+enum { HADA_FIT_TRIAL_ROWS = 28 };
 typedef struct hada_fit_trial_result {
     int steps;    /* 0: refinement does not pay */
     double share; /* of refined planes, the rest being the linear filters' */
     hada_refine_weights weights;
+    hada_noise_share noise; /* of the frames on which they were chosen */
     double gain;
     hada_fit_refine_score rows[HADA_FIT_TRIAL_ROWS]; /* numbers of steps, 0 first, then weights that were compared */
     int row_count;

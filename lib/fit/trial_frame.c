@@ -1,5 +1,7 @@
 #include "fit/trial_frame.h"
 
+#include <hadalens/response.h>
+
 #include "filter/bank.h"
 #include "fit/fit_solve.h"
 #include "image/statistics.h"
@@ -31,6 +33,40 @@ done:
     return status;
 }
 
+/* A frame on the host, and what its noise is compared with. */
+typedef struct host_frame {
+    hada_pixels pixels;
+    double mean_square, largest;
+} host_frame;
+
+static host_frame look_at(const hada_fit_grid *grid, const float *raw)
+{
+    const hada_model_info *info = &grid->info;
+    const size_t floats = hada_fit_raw_floats(grid);
+    host_frame frame = {.mean_square = hada_trial_energy(raw, floats) / (double)floats};
+    hada_pixels_planar(&frame.pixels, raw, HADA_PIXEL_F32, info->channels, info->raw_rows, info->raw_cols);
+    for (size_t i = 0; i < floats; i++)
+        frame.largest = raw[i] > frame.largest ? raw[i] : frame.largest;
+    return frame;
+}
+
+/* Geometric means over the kept frames; none if one of them shows no noise. */
+static hada_noise_share usual_noise(const hada_trial_bench *bench)
+{
+    const hada_fit_kept *kept = bench->with->kept;
+    double of_light = 0.0, of_largest = 0.0; /* sums of logarithms */
+    for (int k = 0; k < kept->count; k++) {
+        const host_frame frame = look_at(bench->grid, kept->pair[k].raw);
+        const hada_noise_share share =
+            hada_noise_share_of(&frame.pixels, bench->grid->info.mosaic, frame.mean_square, frame.largest);
+        if (share.of_light <= 0.0)
+            return share;
+        of_light += log(share.of_light) / kept->count;
+        of_largest += log(share.of_largest) / kept->count;
+    }
+    return (hada_noise_share){exp(of_light), exp(of_largest)};
+}
+
 hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
 {
     const hada_fit_grid *grid = bench->grid;
@@ -51,7 +87,7 @@ hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
     bench->maker.slot = grid->slot;
     bench->maker.model = bench->with->model;
     bench->maker.boundary = shape.boundary;
-    bench->maker.noise_share = hada_model_noise_share(bench->with->model);
+    bench->maker.noise_share = usual_noise(bench);
     bench->maker.data = (hada_refine_data){.spectrum = bench->with->pair->raw_spectrum.mem,
                                            .frame = bench->with->pair->raw.mem,
                                            .otf = bench->otfs.mem,
@@ -118,24 +154,69 @@ static double light_of(float value)
     return value > 0.0f ? value : 0.0;
 }
 
+/* Means of squared errors of blends in linear light: sums of products of the errors of both give those of all shares.
+ */
+static void compare_light(const float *planes, const float *linear, const float *scene, size_t floats,
+                          const double *shares, int count, double *error)
+{
+    double both = 0.0, refined = 0.0, filtered = 0.0;
+    for (size_t i = 0; i < floats; i++) {
+        const double of_planes = light_of(planes[i]) - scene[i], of_linear = light_of(linear[i]) - scene[i];
+        refined += of_planes * of_planes;
+        both += of_planes * of_linear;
+        filtered += of_linear * of_linear;
+    }
+    for (int k = 0; k < count; k++) {
+        const double s = shares[k], t = 1.0 - s;
+        error[k] = (s * s * refined + 2.0 * s * t * both + t * t * filtered) / (double)floats;
+    }
+}
+
+/* The same of encoded scenes, in their encoding, in which results are written: it is the dark parts that count more
+ * there. Values are compared at equal distances, some thousand in all. */
+static void compare_encoded(double response, const float *planes, const float *linear, const float *scene,
+                            size_t floats, const double *shares, int count, double *error)
+{
+    enum { VALUES = 16384, CHUNK = 256 };
+    const size_t step = floats / VALUES | 1, compared = (floats + step - 1) / step;
+    for (int k = 0; k < count; k++)
+        error[k] = 0.0;
+    for (size_t done = 0; done < compared; done += CHUNK) {
+        const size_t n = compared - done < CHUNK ? compared - done : CHUNK;
+        float truth[CHUNK], blend[CHUNK];
+        for (size_t i = 0; i < n; i++)
+            truth[i] = scene[(done + i) * step];
+        hada_response_convert(truth, n, HADA_RESPONSE_LINEAR, response);
+        for (int k = 0; k < count; k++) {
+            const float s = (float)shares[k];
+            for (size_t i = 0; i < n; i++) {
+                const size_t at = (done + i) * step;
+                blend[i] = s * fmaxf(planes[at], 0.0f) + (1.0f - s) * fmaxf(linear[at], 0.0f);
+            }
+            hada_response_convert(blend, n, HADA_RESPONSE_LINEAR, response);
+            for (size_t i = 0; i < n; i++) {
+                const double difference = (double)blend[i] - truth[i];
+                error[k] += difference * difference / (double)compared;
+            }
+        }
+    }
+}
+
 void hada_trial_compare(const hada_trial_bench *bench, const hada_trial_frame *frame, const double *shares, int count,
                         double *psnr)
 {
     const size_t floats = hada_fit_window_floats(bench->grid);
+    const double response = bench->grid->info.scene_response;
     for (int m = 0; m < frame->members; m++) {
         const float *planes = bench->planes + (size_t)m * floats, *linear = bench->linear + (size_t)m * floats;
         const float *scene = frame->member[m]->scene;
-        double both = 0.0, refined = 0.0, filtered = 0.0; /* sums of products of the two errors */
-        for (size_t i = 0; i < floats; i++) {
-            const double error = light_of(planes[i]) - scene[i], other = light_of(linear[i]) - scene[i];
-            refined += error * error;
-            both += error * other;
-            filtered += other * other;
-        }
-        for (int k = 0; k < count; k++) {
-            const double s = shares[k], t = 1.0 - s, sum = s * s * refined + 2.0 * s * t * both + t * t * filtered;
-            psnr[k] -= 10.0 * log10(fmax(sum / (double)floats, LEAST_ERROR)) / frame->members;
-        }
+        double error[HADA_TRIAL_SHARES];
+        if (response != HADA_RESPONSE_LINEAR)
+            compare_encoded(response, planes, linear, scene, floats, shares, count, error);
+        else
+            compare_light(planes, linear, scene, floats, shares, count, error);
+        for (int k = 0; k < count; k++)
+            psnr[k] -= 10.0 * log10(fmax(error[k], LEAST_ERROR)) / frame->members;
     }
 }
 
@@ -153,11 +234,9 @@ hada_status hada_trial_expose(hada_trial_bench *bench, const hada_trial_frame *f
     for (int m = 0; m < frame->members; m++)
         for (size_t i = 0; i < raw; i++)
             bench->raw[i] += frame->member[m]->raw[i];
-    const hada_model_info *info = &bench->with->model->info;
-    hada_pixels pixels;
-    hada_pixels_planar(&pixels, bench->raw, HADA_PIXEL_F32, info->channels, info->raw_rows, info->raw_cols);
-    bench->noise_unit = hada_noise_unit(&pixels, bench->grid->info.mosaic, bench->maker.noise_share,
-                                        hada_trial_energy(bench->raw, raw) / (double)raw);
+    const host_frame on_host = look_at(bench->grid, bench->raw);
+    bench->noise_unit = hada_noise_unit(&on_host.pixels, bench->grid->info.mosaic, &bench->maker.noise_share,
+                                        on_host.mean_square, on_host.largest);
     return hada_fit_pair_transform(bench->with->pair, bench->raw, NULL, err);
 }
 

@@ -6,8 +6,8 @@
 #include "fit/trial.h"
 #include "planes/maker.h"
 
-/* Pairs of a frame, at most, and steps of a refinement. */
-enum { HADA_TRIAL_MEMBERS = 2, HADA_TRIAL_STEPS = 16 };
+/* Pairs of a frame, steps of a refinement, and shares that are compared, at most. */
+enum { HADA_TRIAL_MEMBERS = 2, HADA_TRIAL_STEPS = 16, HADA_TRIAL_SHARES = 10 };
 
 typedef struct hada_trial_bench {
     const hada_fit_trial *with;
@@ -48,8 +48,8 @@ hada_status hada_trial_refine(hada_trial_bench *bench, const hada_trial_frame *f
 /* The sum of squares. */
 double hada_trial_energy(const float *values, size_t count);
 
-/* PSNR of planes (negative light clipped, as reconstruction does) against the members' scenes, mean over members, for
- * each of some shares of theirs in the blend with linear ones; added to psnr[]. */
+/* PSNR of planes (negative light clipped, as reconstruction does) against the members' scenes, in the scenes' encoding,
+ * mean over members, for each of some shares of theirs in the blend with linear ones; added to psnr[]. */
 void hada_trial_compare(const hada_trial_bench *bench, const hada_trial_frame *frame, const double *shares, int count,
                         double *psnr);
 

@@ -95,25 +95,33 @@ hada_status hada_dark_levels(const hada_pixels *pixels, hada_mosaic mosaic, doub
 }
 
 /* Blocks of a channel that are examined: the median then gives the deviation to 2 %. */
-enum { BLOCKS = 4096 };
+enum { BLOCKS = 4096, SIDE = 4 };
+/* Third differences of SIDE values, and the deviation of those of rows and columns in units of the noise's. */
+static const float difference[SIDE] = {1.0f, -3.0f, 3.0f, -1.0f};
+#define DIFFERENCES 20.0f
 /* The median of the magnitude of a normal number of deviation 1. */
 #define MEDIAN 0.6745
-/* Scenes differ: a factor of up to SCATTER from the usual noise is ignored. Beyond that it counts to the power of 3/2,
- * until it counts in full (docs/explanation/refinement.md). */
-#define SCATTER 1.6
+/* Scenes differ: a factor of up to SCATTER above the usual noise is ignored. Beyond that it counts to the power of 3/2,
+ * until it counts in full. Less noise than usual counts to that power as long as that is LEAST_SLOPE times as much,
+ * then in proportion, for the camera's own errors do not fall with it (docs/explanation/refinement.md). */
+#define LEAST_SLOPE 0.8
+#define SCATTER     1.6
 /* Factors beyond this are not believed. */
 #define FARTHEST 8.0
 
 static double of_channel(const hada_pixels *pixels, int channel)
 {
-    const size_t cols = (size_t)pixels->cols, across = cols / 2, all = (size_t)pixels->rows / 2 * across;
+    const size_t cols = (size_t)pixels->cols, across = cols / SIDE, all = (size_t)pixels->rows / SIDE * across;
     const size_t count = all < BLOCKS ? all : BLOCKS;
-    float coefficients[BLOCKS] = {0.0f}, room[4];
+    float coefficients[BLOCKS] = {0.0f}, room[SIDE];
     for (size_t i = 0; i < count; i++) {
-        const size_t block = i * all / count, place = block / across * 2 * cols + block % across * 2;
-        const float *up = hada_pixels_floats(pixels, channel, place, 2, room);
-        const float *down = hada_pixels_floats(pixels, channel, place + cols, 2, room + 2);
-        coefficients[i] = fabsf(up[0] - up[1] - down[0] + down[1]) * 0.5F;
+        const size_t block = i * all / count, place = block / across * SIDE * cols + block % across * SIDE;
+        float sum = 0.0f;
+        for (size_t row = 0; row < SIDE; row++) {
+            const float *v = hada_pixels_floats(pixels, channel, place + row * cols, SIDE, room);
+            sum += difference[row] * (v[0] - v[3] + 3.0f * (v[2] - v[1]));
+        }
+        coefficients[i] = fabsf(sum) / DIFFERENCES;
     }
     return hada_select_rank(coefficients, count, count / 2) / MEDIAN;
 }
@@ -133,7 +141,7 @@ static double of_mosaic(const hada_pixels *pixels, hada_mosaic mosaic)
             own.cols = (pixels->cols + 1 - col) / 2;
             own.row_stride *= 2;
             own.col_stride *= 2;
-            if (own.rows < 2 || own.cols < 2)
+            if (own.rows < SIDE || own.cols < SIDE)
                 return 0.0;
             const double deviation = of_channel(&own, 0);
             sum += deviation * deviation / (green ? 2 * HADA_MOSAIC_COLOURS : HADA_MOSAIC_COLOURS);
@@ -144,7 +152,7 @@ static double of_mosaic(const hada_pixels *pixels, hada_mosaic mosaic)
 double hada_noise_estimate(const hada_pixels *pixels, hada_mosaic mosaic)
 {
     double sum = 0.0;
-    if (pixels->rows < 2 || pixels->cols < 2)
+    if (pixels->rows < SIDE || pixels->cols < SIDE)
         return 0.0;
     if (mosaic != HADA_MOSAIC_NONE)
         return of_mosaic(pixels, mosaic);
@@ -155,20 +163,40 @@ double hada_noise_estimate(const hada_pixels *pixels, hada_mosaic mosaic)
     return sqrt(sum);
 }
 
-/* The factor of noise over the usual that is accounted for. */
-static double believed(double more)
+hada_noise_share hada_noise_share_of(const hada_pixels *pixels, hada_mosaic mosaic, double mean_square, double largest)
 {
-    const double beyond = fmax(more / SCATTER, 1.0);
-    return fmin(fmin(beyond * sqrt(beyond), fmax(more, 1.0)), FARTHEST);
+    if (!(mean_square > 0.0 && largest > 0.0))
+        return (hada_noise_share){0.0, 0.0};
+    const double noise = hada_noise_estimate(pixels, mosaic);
+    return (hada_noise_share){noise / sqrt(mean_square), noise / largest};
 }
 
-double hada_noise_unit(const hada_pixels *pixels, hada_mosaic mosaic, double share, double mean_square)
+/* The factor for noise that is `more` times the usual, from 1. */
+static double for_more(double more)
 {
-    if (!(share > 0.0 && mean_square > 0.0))
+    const double beyond = fmax(more / SCATTER, 1.0);
+    return fmin(fmin(beyond * sqrt(beyond), more), FARTHEST);
+}
+
+/* For less, below 1. A share that was not measured on frames may be too large. */
+static double for_less(double less, int measured)
+{
+    return measured ? fmax(less * fmax(sqrt(less), LEAST_SLOPE), 1.0 / FARTHEST)
+                    : 1.0 / for_more(fmin(1.0 / less, FARTHEST * FARTHEST));
+}
+
+double hada_noise_unit(const hada_pixels *pixels, hada_mosaic mosaic, const hada_noise_share *usual, double mean_square,
+                       double largest)
+{
+    if (!(usual->of_light > 0.0 && mean_square > 0.0))
         return mean_square;
-    const double more = hada_noise_estimate(pixels, mosaic) / (share * sqrt(mean_square));
-    const double by =
-        more >= 1.0 ? believed(more) : 1.0 / believed(1.0 / fmax(more, 1.0 / (2.0 * FARTHEST * FARTHEST)));
+    const hada_noise_share share = hada_noise_share_of(pixels, mosaic, mean_square, largest);
+    const int measured = usual->of_largest > 0.0;
+    double ratio = share.of_light / usual->of_light;
+    /* a dark scene with a few bright places has little light, and no more noise than others as bright at most */
+    if (ratio > 1.0 && measured)
+        ratio = fmin(ratio, fmax(share.of_largest / usual->of_largest, 1.0));
+    const double by = ratio >= 1.0 ? for_more(ratio) : for_less(ratio, measured);
     return mean_square * by * by;
 }
 

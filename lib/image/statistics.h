@@ -28,14 +28,24 @@ static inline int hada_is_cut_off(size_t equal, size_t near)
 float hada_cut_off_value(const float *values, size_t count);
 
 /* Standard deviation of a frame's noise, assumed to be white; over channels the root mean square. From the median of
- * the finest diagonal wavelet coefficients, which an image hardly reaches (D. Donoho and I. Johnstone, Biometrika
- * 81(3), 1994, section 4.1, with Haar's wavelet), of some thousand blocks of 2 x 2 pixels spread over the frame. 0
- * where there are no such blocks. mosaic: of three channels, the pixels that hold each; the blocks are of these. */
+ * fine diagonal coefficients, which an image hardly reaches (D. Donoho and I. Johnstone, Biometrika 81(3), 1994,
+ * section 4.1; here third differences along rows and columns, so that sharp frames reach them less), of some thousand
+ * blocks of 4 x 4 pixels spread over the frame. 0 where there are no such blocks. mosaic: of three channels, the pixels
+ * that hold each; the blocks are of these. */
 double hada_noise_estimate(const hada_pixels *pixels, hada_mosaic mosaic);
 
-/* The unit of weights that are proportional to noise: the mean square that a frame with this noise would have if the
- * noise were its usual `share` (deviation over root mean square). Returns the frame's own mean square where share is 0
- * or the noise is near its usual share; 1/64 to 64 times that otherwise. */
-double hada_noise_unit(const hada_pixels *pixels, hada_mosaic mosaic, double share, double mean_square);
+/* The usual noise: its standard deviation over the root mean square of a frame, 0: not known; and over a frame's
+ * largest value, where that was measured on frames, else 0. */
+typedef struct hada_noise_share {
+    double of_light, of_largest;
+} hada_noise_share;
+
+/* The shares of one frame. */
+hada_noise_share hada_noise_share_of(const hada_pixels *pixels, hada_mosaic mosaic, double mean_square, double largest);
+
+/* The square of the unit of weights that are proportional to noise: the frame's mean square, as long as its noise has
+ * the usual share; 1/64 to 64 times that otherwise (docs/explanation/refinement.md). */
+double hada_noise_unit(const hada_pixels *pixels, hada_mosaic mosaic, const hada_noise_share *usual, double mean_square,
+                       double largest);
 
 #endif

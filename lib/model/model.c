@@ -79,15 +79,17 @@ double hada_model_gain(const hada_model *model)
     return gain > 0.0 ? gain : 1.0;
 }
 
-double hada_model_noise_share(const hada_model *model)
+hada_noise_share hada_model_noise_share(const hada_model *model)
 {
     const hada_model_info *info = &model->info;
     const size_t plane = hada_model_plane(model), half = (size_t)info->grid_cols / 2 + 1;
     const double grid = (double)info->grid_rows * info->grid_cols, frame = (double)info->raw_rows * info->raw_cols;
     const int middle = info->depths / 2;
     double energy = 0.0;
+    if (info->refine_noise > 0.0)
+        return (hada_noise_share){info->refine_noise, info->refine_noise_largest};
     if (!model->otf || !model->scene_power || !(info->noise > 0.0))
-        return 0.0;
+        return (hada_noise_share){0.0, 0.0};
     for (int c = 0; c < info->channels; c++) {
         const float *h = model->otf + ((size_t)middle * (size_t)info->channels + (size_t)c) * plane * 2;
         for (size_t i = 0; i < plane; i++) {
@@ -99,7 +101,7 @@ double hada_model_noise_share(const hada_model *model)
     }
     /* by Parseval; the frame holds nearly all light of the grid */
     const double mean_square = energy / (grid * frame);
-    return mean_square > 0.0 ? info->noise / sqrt(mean_square) : 0.0;
+    return (hada_noise_share){mean_square > 0.0 ? info->noise / sqrt(mean_square) : 0.0, 0.0};
 }
 
 /* Limits of a model file's claims: far above any camera, and small enough that sizes do not overflow. */
@@ -127,8 +129,9 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
     if (!not_negative(info->alpha) || !not_negative(info->lambda) || !not_negative(info->noise) ||
         !(info->refine_rho >= (info->refine_steps > 0 ? LEAST_RHO : 0.0) && info->refine_rho <= MOST_RHO) ||
         !(not_negative(info->refine_tv) || info->refine_tv == HADA_AUTO) || !(fabs(info->dark) <= MOST_DARK) ||
-        info->refine_steps < 0 || !not_negative(info->refine_ridge) ||
-        (info->refine_colour != 0.0 && !(info->refine_colour >= 1.0)) || !isfinite(info->refine_colour))
+        info->refine_steps < 0 || !not_negative(info->refine_ridge) || !not_negative(info->refine_noise) ||
+        !not_negative(info->refine_noise_largest) || (info->refine_colour != 0.0 && !(info->refine_colour >= 1.0)) ||
+        !isfinite(info->refine_colour))
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the model's alpha, lambda, noise, dark level or refinement settings are not usable numbers");
     if (!(info->refine_share >= 0.0 && info->refine_share <= 1.0)) /* 0: not set, 1 */

@@ -4,6 +4,7 @@
 
 #include <hadalens/model.h>
 
+#include "image/statistics.h"
 #include "io/safetensors.h"
 
 /* Of point spread functions that vary over the field. */
@@ -50,9 +51,10 @@ hada_status hada_model_set_sizes(hada_model_info *info, int raw_rows, int raw_co
 /* The largest |OTF(0)|^2 of all depths and channels: the unit of refine_rho. 1 without transfer functions. */
 double hada_model_gain(const hada_model *model);
 
-/* The noise of the frames that a model was learned from, as a share of their root mean square, by its transfer
- * functions and the scenes' power; 0 where it does not know of noise. Reads the transfer functions of a depth. */
-double hada_model_noise_share(const hada_model *model);
+/* The noise of the frames on which the weights of a model were chosen. Where it does not say, that of the frames that
+ * it was learned from, by its transfer functions, which are read, and the scenes' power; none where it knows of no
+ * noise. */
+hada_noise_share hada_model_noise_share(const hada_model *model);
 
 /* Transfer functions of all components, and values of their weights. */
 size_t hada_model_component_images(const hada_model_info *info);

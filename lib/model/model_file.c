@@ -123,7 +123,9 @@ static hada_status put_metadata(hada_tensors_writer *writer, const hada_model_in
                    {"refine_tv", info->refine_tv},
                    {"refine_colour", info->refine_colour},
                    {"refine_ridge", info->refine_ridge},
-                   {"refine_share", info->refine_share}};
+                   {"refine_share", info->refine_share},
+                   {"refine_noise", info->refine_noise},
+                   {"refine_noise_largest", info->refine_noise_largest}};
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         HADA_TRY(put_number(writer, numbers[i].key, numbers[i].value, err));
     char response[HADA_RESPONSE_NAME];
@@ -316,7 +318,9 @@ static hada_status get_metadata(const hada_tensors *file, const char *path, hada
                    {"refine_tv", &info->refine_tv}, /* older models lack what follows */
                    {"refine_share", &info->refine_share},
                    {"refine_ridge", &info->refine_ridge},
-                   {"refine_colour", &info->refine_colour}};
+                   {"refine_colour", &info->refine_colour},
+                   {"refine_noise", &info->refine_noise},
+                   {"refine_noise_largest", &info->refine_noise_largest}};
     for (size_t i = 0; i < HADA_COUNT(numbers); i++)
         if (i < 6 || hada_tensors_meta(file, numbers[i].key))
             HADA_TRY(get_number(file, path, numbers[i].key, numbers[i].out, err));

@@ -132,7 +132,7 @@ hada_status hada_maker_refine_exposure(hada_plane_maker *maker, const hada_frame
                                        const hada_maker_steps *steps, int count, const int *list,
                                        hada_maker_choice *choice, int *done, hada_error *err)
 {
-    const double unit = hada_exposure_noise_unit(exposure, maker->noise_share);
+    const double unit = hada_exposure_noise_unit(exposure, &maker->noise_share);
     hada_maker_steps own = *steps;
     if (maker->held.mem && !(choice->tv > 0.0)) {
         HADA_TRY(hada_maker_choose(maker, exposure, count, list, choice, err));

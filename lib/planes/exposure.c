@@ -455,8 +455,9 @@ double hada_exposure_light(const hada_frame_exposure *exposure)
     return sqrt(exposure->energy / (double)hada_exposure_count(exposure));
 }
 
-double hada_exposure_noise_unit(const hada_frame_exposure *exposure, double share)
+double hada_exposure_noise_unit(const hada_frame_exposure *exposure, const hada_noise_share *usual)
 {
-    return hada_noise_unit(&exposure->pixels, exposure->mosaic, share,
-                           exposure->energy / (double)hada_exposure_count(exposure));
+    return hada_noise_unit(&exposure->pixels, exposure->mosaic, usual,
+                           exposure->energy / (double)hada_exposure_count(exposure),
+                           exposure->brightest - exposure->levels[0]);
 }

@@ -200,7 +200,7 @@ hada_status hada_maker_go_on(hada_plane_maker *maker, const hada_frame_exposure 
                              const hada_maker_steps *steps, int count, const int *list, hada_maker_past *past,
                              hada_maker_choice *choice, int *done, int *warm, hada_error *err)
 {
-    const double unit = hada_exposure_noise_unit(exposure, maker->noise_share);
+    const double unit = hada_exposure_noise_unit(exposure, &maker->noise_share);
     hada_maker_steps own = *steps;
     past->kept = 1;
     past->ridge = INT_MAX;

@@ -11,6 +11,7 @@
 
 #include "filter/hadamard.h"
 #include "image/correct.h"
+#include "image/statistics.h"
 #include "refine/admm.h"
 
 /* What a caller says of frames. */
@@ -86,11 +87,11 @@ float hada_exposure_brightest(const hada_frame_exposure *exposure, size_t i);
 uint64_t hada_exposure_sample(const hada_frame_exposure *exposure);
 
 /* The number of its values, of all channels; their root mean square; the standard deviation of its noise, and the unit
- * of weights that are proportional to that (image/statistics.h). share: hada_model_noise_share(), or 0. */
+ * of weights that are proportional to that (image/statistics.h). usual: hada_model_noise_share(), or none. */
 size_t hada_exposure_count(const hada_frame_exposure *exposure);
 double hada_exposure_noise(const hada_frame_exposure *exposure);
 double hada_exposure_light(const hada_frame_exposure *exposure);
-double hada_exposure_noise_unit(const hada_frame_exposure *exposure, double share);
+double hada_exposure_noise_unit(const hada_frame_exposure *exposure, const hada_noise_share *usual);
 
 /* Single precision holds the spectrum of a frame whose brightest pixel has the size `largest` on a grid of `points`
  * points, and the squares of both: sizes from 2^-40 to 2^63 / points. HADA_ERROR_NUMERIC else. */
@@ -100,14 +101,14 @@ hada_status hada_frame_check_range(float largest, double points, hada_error *err
 typedef struct hada_plane_maker {
     hada_slot *slot;
     const hada_model *model;
-    hada_hadamard *stage;        /* takes frames to the device; NULL: the owner fills in `data` */
-    const hada_bank *bank;       /* linear filters; NULL: none */
-    hada_refiner *refiner;       /* NULL: none */
-    hada_refine_data data;       /* of refinement: spectrum and frame (the stage's), transfer functions, prior */
-    hada_refine_weights weights; /* of refinement */
-    double noise_share;          /* the usual share of noise; 0: weights do not depend on it */
-    hada_boundary boundary;      /* of the refiner: padded also where pixels of a circular camera have weights */
-    hada_buffer pixels;          /* weights of a frame's pixels, as large as the frame; empty: they have none */
+    hada_hadamard *stage;         /* takes frames to the device; NULL: the owner fills in `data` */
+    const hada_bank *bank;        /* linear filters; NULL: none */
+    hada_refiner *refiner;        /* NULL: none */
+    hada_refine_data data;        /* of refinement: spectrum and frame (the stage's), transfer functions, prior */
+    hada_refine_weights weights;  /* of refinement */
+    hada_noise_share noise_share; /* the usual noise; none: weights do not depend on it */
+    hada_boundary boundary;       /* of the refiner: padded also where pixels of a circular camera have weights */
+    hada_buffer pixels;           /* weights of a frame's pixels, as large as the frame; empty: they have none */
     hada_buffer held;   /* above 0 at held-out pixels, by their weight, else 0; empty: no weight is found from frames */
     hada_buffer blocks; /* a byte for each block of pixels, up to one each: whether it is held out */
 } hada_plane_maker;

@@ -2,6 +2,8 @@
  * that it does not describe. */
 #include "camera_small.h"
 #include "fit/fitter.h"
+#include "fit/trial_frame.h"
+#include "io/text.h"
 #include "patience.h"
 
 enum { ROWS = 48, COLS = 60, WINDOW = 20, DEPTHS = 2, PAIRS = 6 };
@@ -41,6 +43,27 @@ static void stop_anywhere(hada_fitter *fitter, const hada_dataset *data, patienc
     *of = (patience){.most = -1};
 }
 
+enum { NOISE_PER_MILLE = 10 };
+
+/* The noise of the kept frames, as a share of their light and of their largest value. */
+static void check_noise(const hada_fit_kept *kept, const hada_model_info *info)
+{
+    double light = 0.0, most = 0.0;
+    for (int k = 0; k < kept->count; k++) {
+        double energy = 0.0, largest = 0.0;
+        for (int i = 0; i < ROWS * COLS; i++) {
+            energy += (double)kept->pair[k].raw[i] * kept->pair[k].raw[i] / (ROWS * COLS);
+            largest = fmax(largest, kept->pair[k].raw[i]);
+        }
+        light += log(1e-3 * NOISE_PER_MILLE / sqrt(energy)) / kept->count;
+        most += log(1e-3 * NOISE_PER_MILLE / largest) / kept->count;
+    }
+    if (info->refine_tv > 0.0 && !(fabs(info->refine_noise / exp(light) - 1.0) < 0.2 &&
+                                   fabs(info->refine_noise_largest / exp(most) - 1.0) < 0.2))
+        fail_msg("noise %g, %g instead of %g, %g", info->refine_noise, info->refine_noise_largest, exp(light),
+                 exp(most));
+}
+
 static hada_model *fit(hada_context *context, int strange, hada_fit_rows *rows)
 {
     patience of = {.most = -1};
@@ -57,7 +80,7 @@ static hada_model *fit(hada_context *context, int strange, hada_fit_rows *rows)
             /* a strange camera has another mask every time */
             hada_image psf = small_psf(1, ROWS, COLS, 20, (uint64_t)(strange ? 10 * z + i + 1 : z + 1));
             scene[z][i] = squares((uint64_t)(20 * z + i));
-            frame[z][i] = small_frame(&psf, &scene[z][i], 0, 0.01, (uint64_t)(40 * z + i));
+            frame[z][i] = small_frame(&psf, &scene[z][i], 0, 1e-3 * NOISE_PER_MILLE, (uint64_t)(40 * z + i));
             hada_image_destroy(&psf);
             ASSERT_OK(hada_fitter_add_pair(fitter, z, &frame[z][i], &scene[z][i], err));
         }
@@ -68,6 +91,7 @@ static hada_model *fit(hada_context *context, int strange, hada_fit_rows *rows)
     ASSERT_OK(hada_fitter_finish(fitter, data, &model, err));
     assert_int_equal(fitter->kept.count, HADA_FIT_KEPT);
     *rows = fitter->rows;
+    check_noise(&fitter->kept, &model->info);
     stop_anywhere(fitter, data, &of);
 
     /* the trial leaves the sums as they were: a second end gives the same model */
@@ -118,4 +142,45 @@ TEST(refinement_is_chosen_where_it_pays)
             assert_true(model->info.refine_steps > 0);
     }
     assert_int_equal(hada_context_bytes(context), 0);
+}
+
+/* Planes are compared with scenes as results are written, in the scenes' encoding; of large ones a sample is. */
+TEST(planes_are_compared_in_the_encoding_of_scenes)
+{
+    const double responses[] = {HADA_RESPONSE_LINEAR, HADA_RESPONSE_SRGB, 2.2}, shares[] = {1.0, 0.7, 0.1};
+    static float planes[2 * 90 * 130], linear[2 * 90 * 130], scene[2 * 90 * 130];
+    const int sides[][2] = {{9, 13}, {90, 130}};
+    hada_random random;
+    hada_random_seed(&random, 8, 0);
+    for (size_t i = 0; i < HADA_COUNT(scene); i++) {
+        const double light = hada_random_uniform(&random);
+        scene[i] = (float)(light * light);
+        planes[i] = scene[i] + (float)(0.05 * hada_random_normal(&random));
+        linear[i] = scene[i] + (float)(0.1 * hada_random_normal(&random));
+    }
+    for (int k = 0; k < 6; k++) {
+        const int rows = sides[k % 2][0], cols = sides[k % 2][1], values = 2 * rows * cols;
+        const double response = responses[k / 2];
+        const hada_fit_grid grid = {
+            .info = {.channels = 2, .window_rows = rows, .window_cols = cols, .scene_response = response}};
+        const hada_fit_kept_pair pair = {.scene = scene};
+        const hada_trial_frame frame = {{&pair}, 1, 0};
+        const hada_trial_bench bench = {.grid = &grid, .planes = planes, .linear = linear};
+        double psnr[3] = {0.0};
+        hada_trial_compare(&bench, &frame, shares, 3, psnr);
+        for (int s = 0; s < 3; s++) {
+            double error = 0.0;
+            for (int i = 0; i < values; i++) {
+                const double blend = shares[s] * fmax(planes[i], 0.0) + (1.0 - shares[s]) * fmax(linear[i], 0.0),
+                             wrong = hada_response_from_light(response, blend) -
+                                     hada_response_from_light(response, scene[i]);
+                error += wrong * wrong / values;
+            }
+            /* all of the small ones; of the large ones, an eighth of a decibel is four deviations of the sample's mean
+             */
+            if (!(fabs(psnr[s] + 10.0 * log10(error)) < (k % 2 && k > 1 ? 0.125 : 1e-4)))
+                fail_msg("response %g, %d values, share %g: %g dB instead of %g", response, values, shares[s], psnr[s],
+                         -10.0 * log10(error));
+        }
+    }
 }

@@ -23,6 +23,8 @@ static hada_model *make(int statistics)
                             .has_otf = 1,
                             .distances_mm = distances,
                             .refine_share = statistics ? 0.5 : 0.0, /* 0: not said, 1 */
+                            .refine_noise = 0.04,
+                            .refine_noise_largest = 0.01,
                             .scene_response = statistics ? HADA_RESPONSE_SRGB : 2.2};
     hada_model *model;
     hada_random random;
@@ -64,7 +66,8 @@ TEST(files_come_back_bit_for_bit)
         assert_true(a->refine_colour >= 1.0 && b->refine_colour == a->refine_colour);
         assert_true(b->refine_steps == 12 && b->refine_rho == a->refine_rho && b->refine_tv == a->refine_tv &&
                     b->has_otf && b->half == a->half && b->scene_response == a->scene_response &&
-                    b->refine_share == (k & 1 ? 0.5 : 1.0));
+                    b->refine_share == (k & 1 ? 0.5 : 1.0) && b->refine_noise == 0.04 &&
+                    b->refine_noise_largest == 0.01);
         assert_memory_equal(b->distances_mm, distances, sizeof distances);
         assert_string_equal(b->name, path);
         assert_int_equal(b->bytes, a->bytes);
@@ -98,10 +101,11 @@ static void rewrite(const char *path, const char *key, const char *value, const 
     hada_tensors *file;
     hada_tensors_writer *writer;
     char beside[80];
-    static const char *const keys[] = {"format",        "version",      "form",        "boundary", "raw",
-                                       "grid",          "window",       "alpha",       "lambda",   "dark",
-                                       "refine_steps",  "refine_rho",   "refine_tv",   "noise",    "scene_response",
-                                       "refine_colour", "refine_share", "refine_ridge"};
+    static const char *const keys[] = {"format",       "version",      "form",           "boundary",
+                                       "raw",          "grid",         "window",         "alpha",
+                                       "lambda",       "dark",         "refine_steps",   "refine_rho",
+                                       "refine_tv",    "noise",        "scene_response", "refine_colour",
+                                       "refine_share", "refine_ridge", "refine_noise",   "refine_noise_largest"};
     snprintf(beside, sizeof beside, "%s-new", path);
     ASSERT_OK(hada_tensors_open(&file, path, err));
     ASSERT_OK(hada_tensors_create(&writer, beside, err));
@@ -151,6 +155,7 @@ TEST(damaged_files_are_refused)
                  {"refine_ridge", "-1", "", 0, HADA_ERROR_MODEL},
                  {"refine_colour", "red", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"refine_share", "1.5", "", 0, HADA_ERROR_MODEL},
+                 {"refine_noise", "-0.1", "", 0, HADA_ERROR_MODEL},
                  {"refine_share", "half", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"scene_response", "bright", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"scene_response", "auto", "", 0, HADA_ERROR_FILE_FORMAT},

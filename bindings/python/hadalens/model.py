@@ -52,6 +52,8 @@ class ModelInfo:
         noise: standard deviation of the frames' noise that the fit found, 0 where unknown.
         refine_steps: refinement that pays for this camera; 0: none does.
         refine_ridge: strength of the learned regulariser in the last steps; 0: none.
+        refine_noise, refine_noise_largest: noise of the frames on which refine_tv was chosen, over their root mean
+            square and over their largest value; 0: not known.
         scene_response: how the scenes that it was learned from stand for light.
         enhance: it holds a net that enhances refocused planes.
         mosaic: frames of one channel are a colour filter mosaic of this pattern: "rggb", "bggr", "grbg", "gbrg";
@@ -98,6 +100,8 @@ class ModelInfo:
     positions: int
     lost: float
     lost_single: float
+    refine_noise: float
+    refine_noise_largest: float
     regularisation: float  # "lambda" in C
     distances_mm: tuple[float, ...]
 

@@ -125,7 +125,7 @@ typedef struct hada_fit_outside_score {
 typedef struct hada_fit_refine_score {
     int steps;
     double rho, tv;
-    double psnr_single, psnr_double; /* of frames of one pair, and of the sum of two */
+    double psnr_single, psnr_double; /* of frames of one pair, and of the sum of two, in the scenes' encoding */
     int chosen;
 } hada_fit_refine_score;
 

@@ -77,6 +77,9 @@ typedef struct hada_model_info {
     int positions;  /* at which they were measured; 0: they do not vary */
     double lost, lost_single; /* share of the measured energy that the components leave, and that the mean alone does;
                                  of the depth with the largest */
+    double refine_noise, refine_noise_largest; /* standard deviation of the noise of the frames on which refine_tv was
+                                 chosen, over their root mean square and over their largest value: frames with other
+                                 noise get other weights; 0: not known */
 } hada_model_info;
 
 HADA_API hada_status hada_model_load(hada_model **out, const char *path, hada_error *err);

@@ -1,5 +1,5 @@
-#include "command.h"
-#include "register_words.h"
+#include "option.h"
+#include "shared.h"
 
 #include <hadalens/folder.h>
 #include <hadalens/task_register.h>

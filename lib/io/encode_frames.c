@@ -1,4 +1,4 @@
-#include "io/encode_frames.h"
+#include "io/encode.h"
 
 #include "core/outfile.h"
 #include "io/tiff_page.h"

@@ -5,7 +5,7 @@
 #include <hadalens/lpips.h>
 
 #include "net/layers.h"
-#include "netlist/weights_file.h"
+#include "netlist/net_list.h"
 
 enum { HADA_LPIPS_STAGES = 5, HADA_LPIPS_CHANNELS = 1472 }; /* channels: of all stages, at most */
 

@@ -6,7 +6,7 @@
 #include "io/safetensors.h"
 #include "io/text.h"
 #include "model/model.h"
-#include "netlist/weights_file.h"
+#include "netlist/net_list.h"
 
 #define FORMAT          "hadalens-model"
 #define FORMAT_VERSION  1 /* of what every library reads */

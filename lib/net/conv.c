@@ -1,6 +1,6 @@
 /* Convolutions: objects, and which implementation a call goes to. */
 
-#include "net/conv_launch.h"
+#include "net/conv_plan.h"
 
 hada_status hada_conv_create(hada_conv **out, hada_slot *slot, const hada_conv_desc *desc, hada_error *err)
 {

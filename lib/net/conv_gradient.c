@@ -8,7 +8,7 @@
 #include "launch/conv_winograd_steps.h"
 #include "launch/conv_winograd_weight_steps.h"
 #include "launch/conv_winograd_weights.h"
-#include "net/conv_launch.h"
+#include "net/conv_plan.h"
 
 enum { LOCAL = 8 }; /* work-items of a group where each works alone */
 

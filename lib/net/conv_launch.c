@@ -1,6 +1,5 @@
 /* Launches of the passes of a convolution: packed weights, direct sums, the definition, and Winograd's tiles, in one
  * launch or, with many channels, in three. */
-#include "net/conv_launch.h"
 #include "launch/conv_direct.h"
 #include "launch/conv_few.h"
 #include "launch/conv_group.h"
@@ -10,6 +9,7 @@
 #include "launch/conv_tf32.h"
 #include "launch/conv_winograd.h"
 #include "launch/conv_winograd_steps.h"
+#include "net/conv_plan.h"
 #include "net/layers.h"
 
 enum {

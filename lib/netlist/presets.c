@@ -2,7 +2,6 @@
 #include "netlist/net_list.h"
 
 #include "core/callers.h"
-#include "netlist/weights_file.h"
 
 enum { MOST_LEVELS = 16, MOST_CONVS = 16 };
 

@@ -1,4 +1,4 @@
-#include "netlist/weights_file.h"
+#include "netlist/net_list.h"
 
 /* The tensor of a parameter, checked. */
 static hada_status find(const hada_parameter *parameter, const hada_tensors *file, const char *prefix,

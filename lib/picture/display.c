@@ -1,7 +1,6 @@
-#include "picture/display.h"
+#include "picture/tone.h"
 
 #include "io/encode.h"
-#include "picture/tone.h"
 
 /* The picture as bytes red, green, blue, and room behind them for the JPEG. */
 static hada_status prepare(hada_display *display, const hada_image *image, hada_error *err)

@@ -6,7 +6,7 @@
 #include <sys/stat.h>
 #include <time.h>
 
-#include "io/headerless.h"
+#include "io/decode.h"
 
 /* A thread reads all that comes, so that a camera never waits, and keeps the newest whole frame. */
 typedef struct hada_live_pipe {

@@ -5,9 +5,8 @@
 #include <jansson.h>
 
 #include "image/mosaic.h"
-#include "io/encode_frames.h"
+#include "io/encode.h"
 #include "io/folder.h"
-#include "io/numpy_write.h"
 #include "io/text.h"
 
 /* Where a frame's noise begins: every frame its own. */

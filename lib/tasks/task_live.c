@@ -8,7 +8,7 @@
 #include "dispatch/plan.h"
 #include "io/folder.h"
 #include "io/tiff_page.h"
-#include "picture/display.h"
+#include "picture/tone.h"
 #include "tasks/frames.h"
 #include "tasks/live.h"
 

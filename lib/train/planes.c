@@ -1,9 +1,9 @@
-#include "train/planes.h"
+#include "train/examples.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "planes/maker.h"
 #include "refine/proximal.h"
 

@@ -1,5 +1,5 @@
 /* The nets of a stage: new ones begin close to giving back their input. */
-#include "train/train_options.h"
+#include "train/trainer.h"
 
 #include "net/enhance.h"
 #include "netlist/net_list.h"

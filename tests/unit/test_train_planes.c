@@ -1,7 +1,7 @@
 /* Planes for training: those of a plan with given depths, bit for bit, also of a frame that was composed. */
 #include "camera_small.h"
 #include "model/model.h"
-#include "train/planes.h"
+#include "train/examples.h"
 #include "train_fixture.h"
 
 enum { CHANNELS = 3, ROWS = 26, COLS = 35, WINDOW_ROWS = 12, WINDOW_COLS = 20, DEPTHS = 3 };

@@ -2,12 +2,13 @@
 #ifndef HADA_CLI_BENCH_H
 #define HADA_CLI_BENCH_H
 
-#include "bench_stats.h"
-#include "cli.h"
-
 #include <hadalens/model.h>
+#include <hadalens/plot.h>
 #include <hadalens/profile.h>
 #include <hadalens/reconstruct.h>
+
+#include "bench_stats.h"
+#include "cli.h"
 
 typedef enum hada_bench_group {
     HADA_BENCH_PEAK,       /* ceilings of the device */
@@ -161,5 +162,11 @@ hada_status hada_bench_write(const hada_bench *bench, const char *folder, hada_e
 hada_status hada_bench_plots(const hada_bench *bench, const char *folder, hada_error *err);
 void hada_bench_print(const hada_bench *bench);
 hada_status hada_bench_compare(hada_cli *cli, const char *old_path, const char *new_path, hada_error *err);
+
+/* What the figures share. */
+
+/* Run time against error, with the front. */
+hada_status hada_bench_plot_error(const hada_bench *bench, const hada_bench_place *place, const char *folder,
+                                  hada_error *err);
 
 #endif

@@ -1,5 +1,5 @@
 /* Run time against error: quality against the truth on the left, the change against the dense run on the right. */
-#include "bench_plots.h"
+#include "bench.h"
 
 #include <math.h>
 #include <stdio.h>

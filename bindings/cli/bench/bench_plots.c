@@ -1,6 +1,6 @@
 /* The figures: latency per depth, kernels against the device's ceilings. bench_plot_error.c has run time against
  * error. */
-#include "bench_plots.h"
+#include "bench.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -1,5 +1,5 @@
 #include "bench.h"
-#include "command.h"
+#include "option.h"
 
 #include <hadalens/folder.h>
 #include <stddef.h>

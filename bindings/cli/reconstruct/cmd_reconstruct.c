@@ -1,9 +1,6 @@
-#include "command.h"
-#include "method_options.h"
-#include "model_words.h"
-#include "reconstruct_tell.h"
-#include "skip_words.h"
-#include "watch.h"
+#include "option.h"
+#include "reconstruct.h"
+#include "shared.h"
 
 #include <hadalens/dataset.h>
 #include <hadalens/job.h>

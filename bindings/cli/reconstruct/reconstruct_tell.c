@@ -1,5 +1,4 @@
-#include "reconstruct_tell.h"
-#include "skip_words.h"
+#include "reconstruct.h"
 
 #include <math.h>
 #include <stdio.h>

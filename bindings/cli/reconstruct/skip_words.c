@@ -1,4 +1,4 @@
-#include "skip_words.h"
+#include "reconstruct.h"
 
 #include <math.h>
 #include <stdio.h>

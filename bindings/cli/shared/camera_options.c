@@ -1,4 +1,4 @@
-#include "camera_options.h"
+#include "shared.h"
 
 #include <stddef.h>
 #include <stdio.h>

@@ -1,4 +1,4 @@
-#include "sensor_options.h"
+#include "shared.h"
 
 #include <hadalens/tiff.h>
 #include <math.h>

@@ -1,4 +1,4 @@
-#include "io/numpy_write.h"
+#include "io/encode.h"
 
 #include <hadalens/response.h>
 

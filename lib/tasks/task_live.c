@@ -110,7 +110,7 @@ static hada_status do_frame(run *own, const char *name, const hada_pixels *raw, 
 static void end_input(run *own)
 {
     hada_outputs_end(&own->out);
-    hada_emitters_destroy(&own->emitters);
+    hada_memory_destroy(&own->emitters);
 }
 
 /* What of a frame's failure is that of the run: nobody reads the stream, or the caller wants to stop. */

@@ -217,7 +217,7 @@ static void take_all(run *own)
         if (frame->file == bad)
             continue;
         const hada_status status = take_frame(own, frame, &error);
-        hada_emitters_destroy(&own->emitters);
+        hada_memory_destroy(&own->emitters);
         own->state.emitters = NULL;
         (void)hada_progress_step(&own->progress, NULL, NULL); /* the stream itself heeds the wish to stop */
         if (status) {

@@ -38,7 +38,7 @@ static void tell_frame(listener *to, const hada_files_state *state)
     const hada_match *match = state->match;
     json_t *frame = frame_json(state->result);
     if (state->emitters)
-        json_object_set_new(frame, "emitters", json_integer(hada_emitters_count(state->emitters)));
+        json_object_set_new(frame, "emitters", json_integer(state->emitters->count));
     json_array_append_new(to->frames, frame);
     if (state->result->report->warm_started)
         json_object_set_new(frame, "warm_started", json_true());
@@ -162,8 +162,8 @@ static void tell_file(listener *to, const hada_files_state *state)
     const double now = hada_cli_seconds(), seconds = now - to->before;
     frame_words(state->result, words, sizeof words);
     if (state->emitters)
-        hada_cli_append(words, sizeof words, "; %d emitter%s", hada_emitters_count(state->emitters),
-                        hada_emitters_count(state->emitters) == 1 ? "" : "s");
+        hada_cli_append(words, sizeof words, "; %d emitter%s", state->emitters->count,
+                        state->emitters->count == 1 ? "" : "s");
     if (state->tracks_table) {
         hada_cli_append(words, sizeof words, "; %d track%s in all", state->tracks, state->tracks == 1 ? "" : "s");
         json_object_set_new(to->entry, "tracks", json_integer(state->tracks));

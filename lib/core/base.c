@@ -187,6 +187,18 @@ void *hada_alloc_raw(size_t count, size_t size, const char *what, hada_error *er
     return out ? out : no_memory(bytes, what, err);
 }
 
+hada_status hada_grow(void *place, size_t count, size_t size, const char *what, hada_error *err)
+{
+    const size_t bytes = hada_size_product(count, size);
+    void *array;
+    memcpy(&array, place, sizeof array);
+    array = bytes > SIZE_MAX / 2 ? NULL : realloc(array, bytes ? bytes : 1);
+    if (!array)
+        return hada_allocated(no_memory(bytes, what, err));
+    memcpy(place, &array, sizeof array);
+    return HADA_OK;
+}
+
 char *hada_string_copy(const char *text)
 {
     size_t bytes = strlen(text) + 1;

@@ -163,9 +163,7 @@ static hada_fft_filter resolve_filter(const hada_fft *plan, int batch, const had
 hada_status hada_fft_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_t spectrum_offset, cl_mem real,
                              size_t real_offset, const hada_fft_filter *filter, hada_error *err)
 {
-    hada_status status = check_call(plan, HADA_FFT_INVERSE, batch, spectrum_offset, err);
-    if (status)
-        return status;
+    HADA_TRY(check_call(plan, HADA_FFT_INVERSE, batch, spectrum_offset, err));
     if (filter && filter->product == HADA_FFT_PLAIN)
         filter = NULL;
     if (filter && (!filter->filter || filter->spectrum_count < 1 || filter->filter_first < 0 || filter->stride < 0 ||

@@ -152,7 +152,6 @@ hada_status hada_fft_check(hada_fft *plan, hada_error *err)
                                                              : check_inverse(plan, &real, &spectrum, err));
 done:
     hada_slot_finish(plan->slot, NULL);
-    hada_buffer_destroy(&real);
-    hada_buffer_destroy(&spectrum);
+    HADA_DESTROY_BUFFERS(&real, &spectrum);
     return status;
 }

@@ -6,7 +6,7 @@
 
 #include <hadalens/pixels.h>
 
-#include "core/base.h"
+#include "core/library.h"
 #include "io/tiff_page.h"
 
 /* Frames without a header: one after the other, as cameras write them into files and pipes. */
@@ -84,10 +84,13 @@ hada_status hada_array_order(hada_decoded *out, const hada_array *array, const u
 /* Fills in the divisor of the samples, as TIFF files have it. */
 void hada_decoded_scale(hada_tiff_page *page);
 
-/* fd -1: only loads the library. */
-typedef hada_status hada_decoder(hada_decoded *out, int fd, size_t bytes, hada_error *err);
-hada_decoder hada_decode_png, hada_decode_jpeg, hada_decode_numpy, hada_decode_matlab, hada_decode_matio,
-    hada_decode_raw;
+typedef struct hada_decoder {
+    const char *missing;   /* what this build cannot read, and what it lacks; NULL: nothing */
+    hada_library *library; /* is loaded first; NULL: there is none */
+    int itself;            /* it reads from the file what it needs; 0: `data` are the whole file */
+    hada_status (*decode)(hada_decoded *out, int fd, const unsigned char *data, size_t bytes, hada_error *err);
+} hada_decoder;
+extern const hada_decoder hada_png, hada_jpeg, hada_numpy, hada_matlab, hada_matio, hada_raw;
 
 /* Whether a MATLAB file is one of version 5 to 7; the others are left to matio. */
 int hada_is_matlab_five(const unsigned char *head, size_t bytes);

@@ -39,11 +39,8 @@ static void forget_size(hada_lpips *lpips)
 {
     for (int k = 0; k < HADA_LPIPS_STAGES; k++)
         hada_graph_destroy(&lpips->graph[k]);
-    hada_buffer_destroy(&lpips->in);
-    hada_buffer_destroy(&lpips->pooled);
-    hada_buffer_destroy(&lpips->distances);
-    free(lpips->pair);
-    free(lpips->maps);
+    HADA_DESTROY_BUFFERS(&lpips->in, &lpips->pooled, &lpips->distances);
+    HADA_FREE(lpips->pair, lpips->maps);
     lpips->pair = lpips->maps = NULL;
     lpips->rows = lpips->cols = 0;
 }
@@ -208,9 +205,7 @@ hada_status hada_lpips_run(hada_lpips *lpips, const hada_image *a, const hada_im
     HADA_NEED(a && b, err);
     if (!lpips || !out)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_run: an argument is missing");
-    const hada_status status = compare(lpips, a, b, peak, err);
-    if (status)
-        return status;
+    HADA_TRY(compare(lpips, a, b, peak, err));
     double all = 0.0;
     if (mask) {
         size_t used = 0;
@@ -269,9 +264,8 @@ hada_status hada_lpips_bytes(const hada_lpips *lpips, int rows, int cols, uint64
 static hada_status read_backbone(hada_lpips *lpips, const char *path, hada_error *err)
 {
     hada_tensors *file = NULL;
-    hada_status status = hada_tensors_open(&file, path, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_tensors_open(&file, path, err));
     HADA_TRY_OR_DONE(hada_lpips_find_net(file, &lpips->net, err));
     for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
         HADA_TRY_OR_DONE(hada_lpips_stage_make(&lpips->stage[k], lpips->net, k, file, err));
@@ -315,10 +309,9 @@ done:
 
 void hada_lpips_destroy(hada_lpips **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_lpips *lpips = hada_taken(pointer);
+    if (!lpips)
         return;
-    hada_lpips *lpips = *pointer;
-    *pointer = NULL;
     if (lpips->slot)
         hada_slot_finish(lpips->slot, NULL);
     forget_size(lpips);

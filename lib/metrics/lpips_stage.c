@@ -237,9 +237,8 @@ hada_status hada_lpips_read_heads(const char *path, hada_lpips_net net, float we
 {
     hada_tensors *file = NULL;
     size_t count = 0;
-    hada_status status = hada_tensors_open(&file, path, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_tensors_open(&file, path, err));
     for (int i = 0; i < HADA_LPIPS_CHANNELS; i++)
         weights[i] = 0.0f;
     for (int k = 0; k < HADA_LPIPS_STAGES; k++) {

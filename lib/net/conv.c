@@ -28,10 +28,9 @@ done:
 
 void hada_conv_destroy(hada_conv **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_conv *conv = hada_taken(pointer);
+    if (!conv)
         return;
-    hada_conv *conv = *pointer;
-    *pointer = NULL;
     for (int p = 0; p < HADA_CONV_PASSES; p++)
         hada_buffer_destroy(&conv->weights[p]);
     hada_buffer_destroy(&conv->scratch);

@@ -79,18 +79,12 @@ done:
 
 void hada_enhance_destroy(hada_enhance **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_enhance *e = hada_taken(pointer);
+    if (!e)
         return;
-    hada_enhance *e = *pointer;
-    *pointer = NULL;
     hada_graph_destroy(&e->graph);
-    hada_buffer *const buffers[BUFFERS] = {&e->values,   &e->content, &e->scaled, &e->full_in,
-                                           &e->full_out, &e->out,     &e->sum,    &e->beside};
-    for (int i = 0; i < BUFFERS; i++)
-        hada_buffer_destroy(buffers[i]);
-    free(e->map);
-    free(e->waiting);
-    free(e);
+    HADA_DESTROY_BUFFERS(&e->values, &e->content, &e->scaled, &e->full_in, &e->full_out, &e->out, &e->sum, &e->beside);
+    HADA_FREE(e->map, e->waiting, e);
 }
 
 void hada_enhance_counts(const hada_enhance *e, int *computed, int *left_out)

@@ -63,9 +63,7 @@ hada_status hada_net_receptive_field(const hada_net *net, hada_receptive_field *
 {
     reach *of;
     *field = (hada_receptive_field){0};
-    hada_status status = HADA_NEW(of, (size_t)net->count, "a net's reach", err);
-    if (status)
-        return status;
+    HADA_TRY(HADA_NEW(of, (size_t)net->count, "a net's reach", err));
     int multiple = 1, possible = 1;
     of[0].scale = 1;
     for (int i = 1; possible && i < net->count; i++) {

@@ -78,10 +78,9 @@ hada_status hada_graph_bytes(const hada_context *context, const hada_net *net, c
 
 void hada_graph_destroy(hada_graph **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_graph *graph = hada_taken(pointer);
+    if (!graph)
         return;
-    hada_graph *graph = *pointer;
-    *pointer = NULL;
     for (int i = 0; graph->convs && i < graph->plan.node_count; i++)
         hada_conv_destroy(&graph->convs[i]);
     for (int i = 0; graph->arenas && i < graph->plan.arenas.count; i++)
@@ -89,10 +88,7 @@ void hada_graph_destroy(hada_graph **pointer)
     hada_buffer_destroy(&graph->extras);
     hada_buffer_destroy(&graph->scratch);
     hada_graph_plan_free(&graph->plan);
-    free(graph->convs);
-    free(graph->arenas);
-    free(graph->tensors);
-    free(graph);
+    HADA_FREE(graph->convs, graph->arenas, graph->tensors, graph);
 }
 
 hada_status hada_graph_set_weights(hada_graph *graph, hada_floats values, hada_error *err)

@@ -261,7 +261,6 @@ hada_status hada_graph_nodes_make(graph_plan *plan, const hada_context *context,
     if (plan->options.training && plan->options.recompute)
         recompute_inside_levels(plan, level);
 done:
-    free(level);
-    free(sizes);
+    HADA_FREE(level, sizes);
     return status;
 }

@@ -180,9 +180,7 @@ static void count_extras(graph_plan *plan)
 static hada_status make_steps(graph_plan *plan, hada_error *err)
 {
     backward_pass pass = {.plan = plan};
-    hada_status status = make_room(plan, &pass.has_gradient, err);
-    if (status)
-        return status;
+    HADA_TRY(make_room(plan, &pass.has_gradient, err));
     use_value(plan, 0, 0, 0);
     for (int i = 1; i < plan->node_count; i++)
         if (!plan->nodes[i].fused && !plan->nodes[i].pooled)
@@ -267,9 +265,6 @@ hada_status hada_graph_plan_make(graph_plan *plan, const hada_context *context, 
 void hada_graph_plan_free(graph_plan *plan)
 {
     hada_arenas_free(&plan->arenas);
-    free(plan->nodes);
-    free(plan->steps);
-    free(plan->pieces);
-    free(plan->tensors);
+    HADA_FREE(plan->nodes, plan->steps, plan->pieces, plan->tensors);
     *plan = (graph_plan){0};
 }

@@ -73,16 +73,13 @@ done:
 
 void hada_net_runner_destroy(hada_net_runner **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_net_runner *runner = hada_taken(pointer);
+    if (!runner)
         return;
-    hada_net_runner *runner = *pointer;
-    *pointer = NULL;
     if (runner->slot)
         hada_slot_finish(runner->slot, NULL);
     hada_graph_destroy(&runner->graph);
-    hada_buffer_destroy(&runner->values);
-    hada_buffer_destroy(&runner->in);
-    hada_buffer_destroy(&runner->out);
+    HADA_DESTROY_BUFFERS(&runner->values, &runner->in, &runner->out);
     hada_slot_destroy(&runner->slot);
     free(runner);
 }

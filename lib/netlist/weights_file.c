@@ -90,10 +90,8 @@ hada_status hada_net_load_weights(hada_net *net, const char *path, const char *p
     hada_tensors *file = NULL;
     if (!net || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_load_weights: net and path are needed");
-    hada_status status = hada_tensors_open(&file, path, err);
-    if (status)
-        return status;
-    status = hada_net_read(net, file, prefix ? prefix : "", err);
+    HADA_TRY(hada_tensors_open(&file, path, err));
+    hada_status status = hada_net_read(net, file, prefix ? prefix : "", err);
     if (status)
         hada_error_prefix(err, "%s: ", path);
     hada_tensors_close(&file);
@@ -106,14 +104,13 @@ hada_status hada_net_load(hada_net **out, const char *path, hada_error *err)
     if (!out || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_load: out and path are needed");
     *out = NULL;
-    hada_status status = hada_tensors_open(&file, path, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_tensors_open(&file, path, err));
     const char *description = hada_tensors_meta(file, HADA_NET_META);
-    status = description ? hada_net_from_file(out, description, file, "", err)
-                         : hada_fail(err, HADA_ERROR_FILE_FORMAT,
-                                     "there is no description of a net in the metadata (\"" HADA_NET_META
-                                     "\"); weights alone are loaded into a net with hada_net_load_weights()");
+    hada_status status = description
+                             ? hada_net_from_file(out, description, file, "", err)
+                             : hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                                         "there is no description of a net in the metadata (\"" HADA_NET_META
+                                         "\"); weights alone are loaded into a net with hada_net_load_weights()");
     if (status)
         hada_error_prefix(err, "%s: ", path);
     hada_tensors_close(&file);

@@ -148,9 +148,7 @@ static hada_status add_page(hada_evaluation *score, sums *of_all, hada_compared_
     marks of;
     for (size_t i = 0; score->gain != 1 && i < hada_image_count(&one->result); i++)
         one->result.data[i] = (float)((double)one->result.data[i] * score->gain);
-    hada_status status = measure(&of, one, place, by, err);
-    if (status)
-        return status;
+    HADA_TRY(measure(&of, one, place, by, err));
     score->pages++;
     of_all->square += of.mse;
     for (int k = 0; k < PLACES; k++)

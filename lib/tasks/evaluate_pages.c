@@ -63,14 +63,6 @@ static hada_status match_slices(hada_compared *open, hada_error *err)
     return HADA_OK;
 }
 
-static hada_status open_tiff(hada_tiff_reader **reader, const char *path, hada_error *err)
-{
-    const hada_status status = hada_tiff_open(reader, path, err);
-    if (status)
-        hada_error_prefix_path(err, path);
-    return status;
-}
-
 /* By how much a truth of whole frames is larger than a result of binned ones; 1 where it is none. */
 static int times_larger(const hada_tiff_info *truth, const hada_tiff_info *result)
 {
@@ -84,8 +76,8 @@ static int times_larger(const hada_tiff_info *truth, const hada_tiff_info *resul
 hada_status hada_compared_open(hada_compared *open, const char *result, const char *truth, hada_error *err)
 {
     *open = (hada_compared){.result_path = result, .truth_path = truth};
-    HADA_TRY(open_tiff(&open->result, result, err));
-    HADA_TRY(open_tiff(&open->truth, truth, err));
+    HADA_TRY(hada_named(hada_tiff_open(&open->result, result, err), result, err));
+    HADA_TRY(hada_named(hada_tiff_open(&open->truth, truth, err), truth, err));
     open->count = hada_tiff_get_info(open->truth)->frames;
     HADA_TRY(HADA_NEW(open->page, (size_t)open->count, "a list of pages", err));
     open->times = times_larger(hada_tiff_get_info(open->truth), hada_tiff_get_info(open->result));
@@ -146,14 +138,12 @@ static hada_status read_result(hada_compared_page *one, const hada_compared *ope
 {
     hada_image *result = &one->result;
     const hada_image *truth = &one->truth;
-    hada_status status = hada_tiff_read(open->result, open->page[t], result, err);
-    if (status)
-        hada_error_prefix_path(err, open->result_path);
-    else if (result->channels != truth->channels || result->rows != truth->rows || result->cols != truth->cols)
-        status = hada_fail(err, HADA_ERROR_SIZE, "%s is %dx%d with %d %s, but %s is %dx%d with %d", open->result_path,
-                           result->rows, result->cols, result->channels, result->channels == 1 ? "channel" : "channels",
-                           open->truth_path, truth->rows, truth->cols, truth->channels);
-    return status;
+    HADA_TRY(hada_named(hada_tiff_read(open->result, open->page[t], result, err), open->result_path, err));
+    if (result->channels != truth->channels || result->rows != truth->rows || result->cols != truth->cols)
+        return hada_fail(err, HADA_ERROR_SIZE, "%s is %dx%d with %d %s, but %s is %dx%d with %d", open->result_path,
+                         result->rows, result->cols, result->channels, result->channels == 1 ? "channel" : "channels",
+                         open->truth_path, truth->rows, truth->cols, truth->channels);
+    return HADA_OK;
 }
 
 hada_status hada_compared_thin(hada_image *image, int times, hada_error *err)

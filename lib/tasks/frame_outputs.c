@@ -262,10 +262,7 @@ static hada_status track_emitters(hada_outputs *out, const hada_emitters *emitte
     hada_status status = HADA_OK;
     if (out->tracked_count + (size_t)count > out->tracked_room) {
         const size_t room = 2 * out->tracked_room + (size_t)count;
-        hada_tracked *larger = realloc(out->tracked, room * sizeof *larger);
-        if (!larger)
-            return hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s", table_words);
-        out->tracked = larger;
+        HADA_TRY(HADA_GROW(out->tracked, room, table_words, err));
         out->tracked_room = room;
     }
     HADA_TRY(HADA_NEW(tracks, (size_t)count + 1, table_words, err));
@@ -434,8 +431,7 @@ void hada_outputs_end(hada_outputs *out)
             hada_outfile_remove(out->path[k]);
         free(out->path[k]);
     }
-    free(out->title);
-    free(out->tracked);
+    HADA_FREE(out->title, out->tracked);
     hada_tracker_destroy(&out->tracker);
     hada_image_destroy(&out->unknown);
     *out = (hada_outputs){0};

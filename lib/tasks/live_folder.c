@@ -77,10 +77,10 @@ static hada_status look(hada_live_folder *folder, hada_error *err)
     folder->files = files;
     folder->count = kept;
     files = NULL;
+    kept = 0;
     folder->next_look = hada_seconds() + fmax(LOOK_SECONDS, 10.0 * (hada_seconds() - now));
 done:
-    if (files)
-        free_files(files, kept);
+    free_files(files, kept);
     hada_names_free(&names, &count);
     return status;
 }

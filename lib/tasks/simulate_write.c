@@ -55,13 +55,6 @@ done:
     return status;
 }
 
-/* Both kinds of files of a depth, or of the tests. */
-static hada_status make_folders(const char *one, const char *two, hada_error *err)
-{
-    const hada_status status = hada_folder_ensure(one, err);
-    return status ? status : hada_folder_ensure(two, err);
-}
-
 /* What the sensor makes of the light in *raw, where there is one. */
 static hada_status expose(const hada_recipe *recipe, uint64_t seed, hada_image *raw, hada_error *err)
 {
@@ -145,8 +138,7 @@ static hada_status write_psfs(const hada_recipe *recipe, const char *folder, con
     }
     HADA_TRY_OR_DONE(hada_tiff_finish(&writer, err));
 done:
-    if (writer)
-        hada_tiff_abandon(&writer);
+    hada_tiff_abandon(&writer);
     hada_image_destroy(&psf);
     return status;
 }
@@ -213,7 +205,8 @@ static hada_status write_depth(hada_recipe *recipe, int z, const char *folder, h
     hada_format_exact(distance, sizeof distance, recipe->camera.distances_mm[z]);
     HADA_TRY(hada_path_write(raw, err, "%s/z%smm/raw", folder, distance));
     HADA_TRY(hada_path_write(scene, err, "%s/z%smm/scene", folder, distance));
-    HADA_TRY(make_folders(raw, scene, err));
+    HADA_TRY(hada_folder_ensure(raw, err));
+    HADA_TRY(hada_folder_ensure(scene, err));
     for (int i = 0; i < recipe->task.pairs; i++) {
         HADA_TRY(write_pair(recipe, z, i, raw, scene, err));
         HADA_TRY(hada_progress_step(&recipe->progress, NULL, err));
@@ -242,8 +235,7 @@ static hada_status write_truth_stack(const hada_test_scene *scene, const hada_ca
     }
     HADA_TRY_OR_DONE(hada_tiff_finish(&writer, err));
 done:
-    if (writer)
-        hada_tiff_abandon(&writer);
+    hada_tiff_abandon(&writer);
     hada_image_destroy(&window);
     hada_image_destroy(&dark);
     return status;
@@ -298,7 +290,8 @@ static hada_status write_tests(hada_recipe *recipe, const char *folder, hada_err
     hada_path raw, truth;
     HADA_TRY(hada_path_write(raw, err, "%s/test/raw", folder));
     HADA_TRY(hada_path_write(truth, err, "%s/test/truth", folder));
-    HADA_TRY(make_folders(raw, truth, err));
+    HADA_TRY(hada_folder_ensure(raw, err));
+    HADA_TRY(hada_folder_ensure(truth, err));
     for (int t = 0; t < recipe->task.tests; t++) {
         HADA_TRY(write_test(recipe, t, raw, truth, err));
         HADA_TRY(hada_progress_step(&recipe->progress, NULL, err));

@@ -43,9 +43,7 @@ static hada_status add(hada_evaluate_report *report, const char *named, const ch
         (hada_evaluation){.size = sizeof(hada_evaluation), .name = name, .result = result_copy, .truth = truth_copy};
     name = result_copy = truth_copy = NULL;
 done:
-    free(name);
-    free(result_copy);
-    free(truth_copy);
+    HADA_FREE(name, result_copy, truth_copy);
     return status;
 }
 
@@ -65,8 +63,7 @@ static hada_status add_file(hada_evaluate_report *report, const char *folder, co
         HADA_TRY_OR_DONE(add(report, file, result, truth, err));
     }
 done:
-    free(stem);
-    free(result);
+    HADA_FREE(stem, result);
     return status;
 }
 
@@ -150,29 +147,23 @@ done:
 
 int hada_evaluate_report_count(const hada_evaluate_report *report)
 {
-    if (!report)
-        return 0;
     return report ? report->count : 0;
 }
 
 const hada_evaluation *hada_evaluate_report_get(const hada_evaluate_report *report, int index)
 {
-    if (!report)
-        return NULL;
     return report && index >= 0 && index < report->count ? &report->rows[index] : NULL;
 }
 
 void hada_evaluate_report_destroy(hada_evaluate_report **pointer)
 {
-    hada_evaluate_report *report = pointer ? *pointer : NULL;
+    hada_evaluate_report *report = hada_taken(pointer);
     if (!report)
         return;
-    *pointer = NULL;
     for (int i = 0; i < report->count; i++) {
         free((void *)(uintptr_t)report->rows[i].name);
         free((void *)(uintptr_t)report->rows[i].result);
         free((void *)(uintptr_t)report->rows[i].truth);
     }
-    free(report->rows);
-    free(report);
+    HADA_FREE(report->rows, report);
 }

@@ -43,10 +43,9 @@ typedef struct learning {
 
 void hada_fit_report_destroy(hada_fit_report **report)
 {
-    owned_report *own = report ? (owned_report *)*report : NULL; /* its first member */
+    owned_report *own = hada_taken(report); /* its first member */
     if (!own)
         return;
-    *report = NULL;
     free(own->pairs);
     hada_survey_destroy(&own->survey);
     hada_fit_left_out_free(&own->left_out, own->depths);

@@ -142,7 +142,6 @@ hada_status hada_optics_run(hada_optics_report **report, hada_context *context, 
     hada_optics_report *made = NULL;
     if (report)
         *report = NULL;
-    HADA_NEED(camera && folder, err);
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&task, callers, hada_optics_task, err));
     if (task.threshold != HADA_AUTO && !(task.threshold >= 0.0 && task.threshold < 1.0))
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "options.threshold takes a number from 0 to 1"));

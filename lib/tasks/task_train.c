@@ -33,8 +33,7 @@ static void training_free(training *own)
     hada_dataset_destroy(&own->even);
     hada_dataset_destroy(&own->learn);
     hada_dataset_destroy(&own->held_out);
-    free(own->work.log_folder);
-    free(own->work.checkpoint);
+    HADA_FREE(own->work.log_folder, own->work.checkpoint);
 }
 
 static hada_status take_task(training *own, const hada_train_task *task, hada_error *err)
@@ -90,28 +89,23 @@ static hada_status make_folders(training *own, hada_error *err)
 {
     hada_train_work *work = &own->work;
     const hada_train_task *task = &own->task;
-    char *pictures = NULL;
+    hada_path pictures;
     int there = 0;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(task->log ? hada_path_format(&work->log_folder, err, "%s", task->log)
-                               : hada_path_format(&work->log_folder, err, "%s.log", task->output));
-    HADA_TRY_OR_DONE(hada_path_format(&work->checkpoint, err, "%s/checkpoint.safetensors", work->log_folder));
-    HADA_TRY_OR_DONE(hada_path_format(&pictures, err, "%s/pictures", work->log_folder));
+    HADA_TRY(task->log ? hada_path_format(&work->log_folder, err, "%s", task->log)
+                       : hada_path_format(&work->log_folder, err, "%s.log", task->output));
+    HADA_TRY(hada_path_format(&work->checkpoint, err, "%s/checkpoint.safetensors", work->log_folder));
+    HADA_TRY(hada_path_write(pictures, err, "%s/pictures", work->log_folder));
     work->state.log = work->log_folder;
     work->state.output = task->output;
     if (work->ranks.rank)
-        goto done;
-    HADA_TRY_OR_DONE(hada_path_finds_file(work->checkpoint, &there, err));
+        return HADA_OK;
+    HADA_TRY(hada_path_finds_file(work->checkpoint, &there, err));
     if (there && !task->resume && !task->restart)
-        HADA_TRY_OR_DONE(
-            hada_fail(err, HADA_ERROR_ARGUMENT,
-                      "%s holds the checkpoint of an earlier training: go on with it (options.resume), begin anew "
-                      "(options.restart), or choose another folder (options.log)",
-                      work->log_folder));
-    HADA_TRY_OR_DONE(hada_folder_ensure(pictures, err));
-done:
-    free(pictures);
-    return status;
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "%s holds the checkpoint of an earlier training: go on with it (options.resume), begin anew "
+                         "(options.restart), or choose another folder (options.log)",
+                         work->log_folder);
+    return hada_folder_ensure(pictures, err);
 }
 
 /* Distances must be those of the model: a depth's number means the same in both. Raw frames are divided by the model's

@@ -101,16 +101,12 @@ static hada_status validate(loop *own, hada_error *err)
 
 static hada_status show(loop *own, hada_error *err)
 {
-    char *path = NULL;
-    hada_status status = HADA_OK;
+    hada_path path;
     if (!own->state->held_out || !own->writes)
         return HADA_OK;
-    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/pictures/step%08llu.png", own->work->log_folder,
-                                      (unsigned long long)own->state->step));
-    HADA_TRY_OR_DONE(hada_train_picture(own->work->trainer, own->state->held_out, path, err));
-done:
-    free(path);
-    return status;
+    HADA_TRY(hada_path_write(path, err, "%s/pictures/step%08llu.png", own->work->log_folder,
+                             (unsigned long long)own->state->step));
+    return hada_train_picture(own->work->trainer, own->state->held_out, path, err);
 }
 
 static hada_status save(loop *own, hada_error *err)
@@ -184,15 +180,13 @@ static hada_status stop(loop *own, hada_error *err)
 {
     const hada_train_state *state = own->state;
     double saved = 1.0;
-    hada_status status = HADA_OK;
     HADA_TRY(save(own, err));
     /* a rank that ends takes the others with it: it waits for the one that writes */
     HADA_TRY(hada_reduce(&own->work->ranks, &saved, 1, err));
-    status = hada_fail(err, HADA_ERROR_CANCELLED,
-                       "stopped after step %llu of %llu, which is saved in %s; the same command with "
-                       "options.resume goes on from there",
-                       (unsigned long long)state->step, (unsigned long long)state->steps, own->work->checkpoint);
-    return status;
+    return hada_fail(err, HADA_ERROR_CANCELLED,
+                     "stopped after step %llu of %llu, which is saved in %s; the same command with "
+                     "options.resume goes on from there",
+                     (unsigned long long)state->step, (unsigned long long)state->steps, own->work->checkpoint);
 }
 
 /* Whether any rank is asked to. */
@@ -281,12 +275,6 @@ static hada_status write_last(loop *own, hada_error *err)
     return write_output(own, err);
 }
 
-static hada_status run(loop *own, hada_error *err)
-{
-    HADA_TRY(steps(own, err));
-    return write_last(own, err);
-}
-
 hada_status hada_train_loop(hada_train_work *work, hada_error *err)
 {
     hada_train_state *state = &work->state;
@@ -299,7 +287,8 @@ hada_status hada_train_loop(hada_train_work *work, hada_error *err)
     HADA_TRY_OR_DONE(recall(&own, err));
     own.progress = hada_progress_begin(work->task->monitor, "steps",
                                        state->steps > state->first ? (long)(state->steps - state->first) : 0);
-    status = run(&own, err);
+    status = steps(&own, err);
+    status = status ? status : write_last(&own, err);
     hada_progress_end(&own.progress);
     state->step = hada_trainer_info_of(work->trainer).steps;
     state->status = status;

@@ -107,8 +107,7 @@ static hada_status put_metadata(hada_trainer *trainer, hada_tensors_writer *writ
     if (discriminator)
         HADA_TRY_OR_DONE(hada_tensors_put_meta(writer, discriminator_word, discriminator, err));
 done:
-    free(net);
-    free(discriminator);
+    HADA_FREE(net, discriminator);
     return status;
 }
 
@@ -251,8 +250,7 @@ static hada_status check_facts(hada_trainer *trainer, const hada_tensors *file, 
         check_text(file, hada_tensors_meta(file, discriminator_word) ? discriminator_word : old_discriminator_word,
                    "the discriminator", discriminator, 0, err));
 done:
-    free(net);
-    free(discriminator);
+    HADA_FREE(net, discriminator);
     return status;
 }
 

@@ -129,10 +129,9 @@ static void release(hada_feed *feed)
 
 void hada_feed_destroy(hada_feed **pointer)
 {
-    hada_feed *feed = pointer ? *pointer : NULL;
+    hada_feed *feed = hada_taken(pointer);
     if (!feed)
         return;
-    *pointer = NULL;
     pthread_mutex_lock(&feed->lock);
     feed->stop = 1;
     pthread_cond_broadcast(&feed->changed);
@@ -144,8 +143,7 @@ void hada_feed_destroy(hada_feed **pointer)
         release(feed);
     pthread_cond_destroy(&feed->changed);
     pthread_mutex_destroy(&feed->lock);
-    free(feed->ring);
-    free(feed);
+    HADA_FREE(feed->ring, feed);
 }
 
 hada_status hada_feed_take(hada_feed *feed, int count, hada_fed **out, hada_error *err)

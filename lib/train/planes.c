@@ -51,8 +51,7 @@ static void destroy_light(light_maker *light)
 {
     hada_fft_destroy(&light->forward);
     hada_fft_destroy(&light->inverse);
-    hada_buffer_destroy(&light->image);
-    hada_buffer_destroy(&light->spectrum);
+    HADA_DESTROY_BUFFERS(&light->image, &light->spectrum);
     free(light->room);
     *light = (light_maker){0};
 }
@@ -201,18 +200,16 @@ done:
 
 void hada_planes_destroy(hada_planes **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_planes *planes = hada_taken(pointer);
+    if (!planes)
         return;
-    hada_planes *planes = *pointer;
-    *pointer = NULL;
     hada_slot_finish(planes->maker.slot, NULL);
     hada_maker_free_weights(&planes->maker);
     hada_refiner_destroy(&planes->refiner);
     hada_bank_destroy(&planes->bank);
     hada_hadamard_destroy(&planes->stage);
     destroy_light(&planes->light);
-    hada_buffer_destroy(&planes->prior);
-    hada_buffer_destroy(&planes->planes);
+    HADA_DESTROY_BUFFERS(&planes->prior, &planes->planes);
     free(planes);
 }
 

@@ -34,8 +34,7 @@ static void release(hada_buckets *buckets)
 void hada_buckets_free(hada_buckets *buckets)
 {
     release(buckets);
-    free(buckets->values);
-    free(buckets->bucket);
+    HADA_FREE(buckets->values, buckets->bucket);
     *buckets = (hada_buckets){0};
 }
 
@@ -120,10 +119,9 @@ done:
 
 void hada_replica_destroy(hada_replica **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_replica *replica = hada_taken(pointer);
+    if (!replica)
         return;
-    hada_replica *replica = *pointer;
-    *pointer = NULL;
     hada_slot_finish(replica->images.slot, NULL);
     hada_losses_destroy(&replica->losses);
     hada_generator_destroy(&replica->generator);

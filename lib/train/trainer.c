@@ -168,10 +168,9 @@ done:
 
 void hada_trainer_destroy(hada_trainer **pointer)
 {
-    hada_trainer *trainer = pointer ? *pointer : NULL;
+    hada_trainer *trainer = hada_taken(pointer);
     if (!trainer)
         return;
-    *pointer = NULL;
     hada_feed_destroy(&trainer->feed);
     hada_snapshot_free(&trainer->snapshot);
     hada_workers_destroy(&trainer->workers);
@@ -179,9 +178,7 @@ void hada_trainer_destroy(hada_trainer **pointer)
     hada_examples_free(&trainer->held_out.examples);
     hada_train_nets_free(&trainer->nets);
     pthread_mutex_destroy(&trainer->held_out.reading);
-    free(trainer->progress.group_steps);
-    free(trainer->fed);
-    free(trainer);
+    HADA_FREE(trainer->progress.group_steps, trainer->fed, trainer);
 }
 
 hada_status hada_trainer_bytes(hada_context *context, const hada_model *model, const hada_train_options *options,

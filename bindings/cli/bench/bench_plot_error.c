@@ -140,9 +140,8 @@ static hada_status plot(const hada_bench_place *place, panel_data *data, const c
         truth |= !isnan(data->rows[i]->psnr);
     }
     const double wide = truth ? LEFT + 2 * WIDTH + 90 + 24 : LEFT + WIDTH + 24 + 200;
-    hada_status status = hada_plot_create(&figure, wide, TOP + HEIGHT + 84, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_plot_create(&figure, wide, TOP + HEIGHT + 84, err));
     snprintf(title, sizeof title, "%s on %s", place->workload, place->device);
     hada_plot_text(figure, LEFT, 22, 'l', 13, title);
     if (truth)

@@ -88,9 +88,8 @@ static hada_status plot_latency(const hada_bench *bench, const hada_bench_place 
     for (int i = 0; i < count; i++)
         workloads += places[i].first_of_workload;
     double height = 46 + 84.0 * workloads + (double)count * HADA_BENCH_MODES * BAR, x = 60, top = 62;
-    hada_status status = hada_plot_create(&plot, 760, height, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_plot_create(&plot, 760, height, err));
     for (int s = 0; s < HADA_BENCH_STAGES; s++)
         x = hada_plot_legend(plot, x, 20, NULL, hada_plot_colour(s), hada_bench_stage_names[s]);
     hada_plot_legend(plot, x, 20, NULL, REST_COLOUR, "rest");

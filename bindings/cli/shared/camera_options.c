@@ -164,9 +164,8 @@ static hada_status set_mask(hada_camera *camera, const hada_cli_camera_settings 
 
 hada_status hada_cli_make_camera(hada_camera *camera, const hada_cli_camera_settings *set, hada_error *err)
 {
-    hada_status status = begin(camera, set, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(begin(camera, set, err));
     HADA_TRY_OR_DONE(set_sensor(camera, set, err));
     HADA_TRY_OR_DONE(set_mask(camera, set, err));
     HADA_TRY_OR_DONE(hada_camera_check(camera, err));

@@ -203,8 +203,7 @@ hada_status hada_lpips_run(hada_lpips *lpips, const hada_image *a, const hada_im
                            const unsigned char *mask, double *out, hada_error *err)
 {
     HADA_NEED(a && b, err);
-    if (!lpips || !out)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_run: an argument is missing");
+    HADA_NEED(lpips && out, err);
     HADA_TRY(compare(lpips, a, b, peak, err));
     double all = 0.0;
     if (mask) {
@@ -234,8 +233,7 @@ hada_status hada_lpips_map(hada_lpips *lpips, const hada_image *a, const hada_im
                            hada_error *err)
 {
     HADA_NEED(a && b, err);
-    if (!lpips || !map)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_map: an argument is missing");
+    HADA_NEED(lpips && map, err);
     HADA_TRY(compare(lpips, a, b, peak, err));
     HADA_TRY(hada_image_ensure(map, 1, a->rows, a->cols, err));
     for (int r = 0; r < a->rows; r++)
@@ -247,8 +245,7 @@ hada_status hada_lpips_map(hada_lpips *lpips, const hada_image *a, const hada_im
 hada_status hada_lpips_bytes(const hada_lpips *lpips, int rows, int cols, uint64_t *bytes, hada_error *err)
 {
     hada_dry dry;
-    if (!lpips || !bytes)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_bytes: an argument is missing");
+    HADA_NEED(lpips && bytes, err);
     hada_dry_begin(&dry, lpips->context);
     hada_lpips trial = {.context = &dry.context, .slot = &dry.slot, .net = lpips->net};
     memcpy(trial.stage, lpips->stage, sizeof trial.stage);

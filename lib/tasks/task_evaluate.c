@@ -115,8 +115,7 @@ hada_status hada_evaluate_run(hada_evaluate_report **out, const char *result, co
     hada_evaluate_report *report = NULL;
     hada_evaluate_task task;
     hada_region region = {0};
-    if (!out || !result || !truth)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_evaluate_run: a result and a truth are needed");
+    HADA_NEED(out && result && truth, err);
     *out = NULL;
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(&task, callers, hada_evaluate_task, err));
     if (!(task.peak > 0.0) || !(task.tolerance > 0.0))

@@ -193,8 +193,7 @@ hada_status hada_trainer_save(hada_trainer *trainer, const char *path, hada_erro
     hada_tensors_writer *writer = NULL;
     int finite = 1;
     hada_status status = HADA_OK;
-    if (!trainer || !path)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_save: trainer and path are needed");
+    HADA_NEED(trainer && path, err);
     HADA_TRY_OR_DONE(each_array(trainer, is_finite, &finite, err));
     if (!finite) {
         status = hada_snapshot_restore(&trainer->snapshot, &trainer->workers, &trainer->progress, err);
@@ -357,8 +356,7 @@ hada_status hada_trainer_load(hada_trainer *trainer, const char *path, hada_erro
 {
     hada_tensors *file = NULL;
     hada_status status = HADA_OK;
-    if (!trainer || !path)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_load: trainer and path are needed");
+    HADA_NEED(trainer && path, err);
     HADA_TRY_OR_DONE(hada_tensors_open(&file, path, err));
     status = take(trainer, file, err);
     if (status)

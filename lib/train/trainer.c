@@ -189,8 +189,7 @@ hada_status hada_trainer_bytes(hada_context *context, const hada_model *model, c
     hada_augment augment;
     size_t replica = 0, planes = 0;
     hada_status status = HADA_OK;
-    if (!context || !model || !options || !bytes)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_bytes: context, model, options and bytes are needed");
+    HADA_NEED(context && model && options && bytes, err);
     HADA_TRY_OR_DONE(hada_train_options_settle(&settled, &augment, options, model, err));
     HADA_TRY_OR_DONE(hada_train_nets_make(&nets, &settled, model, err));
     hada_replica_desc desc = {
@@ -221,8 +220,7 @@ hada_status hada_trainer_get_info(const hada_trainer *trainer, hada_trainer_info
 hada_status hada_trainer_net(hada_trainer *trainer, hada_net **out, hada_error *err)
 {
     hada_status status = HADA_OK;
-    if (!trainer || !out)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_net: trainer and out are needed");
+    HADA_NEED(trainer && out, err);
     *out = NULL;
     if (!trainer->nets.net)
         return hada_fail(err, HADA_ERROR_STATE, "this stage trains no net");
@@ -270,8 +268,7 @@ hada_status hada_trainer_model(hada_trainer *trainer, hada_model **out, hada_err
 {
     hada_net *net = NULL;
     hada_status status = HADA_OK;
-    if (!trainer || !out)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_model: trainer and out are needed");
+    HADA_NEED(trainer && out, err);
     *out = NULL;
     const hada_train_options *options = &trainer->options;
     if (options->stage == HADA_STAGE_CONVENTIONAL)

@@ -163,10 +163,4 @@ hada_status hada_bench_plots(const hada_bench *bench, const char *folder, hada_e
 void hada_bench_print(const hada_bench *bench);
 hada_status hada_bench_compare(hada_cli *cli, const char *old_path, const char *new_path, hada_error *err);
 
-/* What the figures share. */
-
-/* Run time against error, with the front. */
-hada_status hada_bench_plot_error(const hada_bench *bench, const hada_bench_place *place, const char *folder,
-                                  hada_error *err);
-
 #endif

@@ -39,16 +39,8 @@ void hada_cli_method_defaults(hada_cli_method_settings *set);
 /* Into the options of a plan; HADA_ERROR_ARGUMENT where options do not go together. */
 hada_status hada_cli_read_method(const hada_cli_method_settings *set, hada_classic_options *out, hada_error *err);
 
-/* What may be skipped, and what was, in words. */
-
 /* "all", "none" or a list such as "prune,channels" to HADA_SKIP_... */
 hada_status hada_cli_read_skip(const char *text, unsigned *skip, hada_error *err);
-
-/* The part of a frame's JSON. */
-json_t *hada_cli_skip_json(const hada_result *result);
-
-/* Adds "; 31 % of the frequencies left out, at most 0.8 % change" and the like to a text. */
-void hada_cli_skip_words(const hada_result *result, char *text, size_t size);
 
 /* reconstruct --watch: frames as they come. */
 

@@ -1,8 +1,83 @@
 /* Scenes with opaque planes, lens by lens, or patch by patch of a mask without lenses: each sees a plane through what
  * the nearer ones leave open for it. */
-
 #include "optics/occlusion.h"
 #include "optics/simulator.h"
+
+#define LEAST 1e-9 /* of the brightest pixel: there is no ray where there is less */
+
+/* The light of a patch, blurred, on the screen. Patches at the edge of the lattice take what is beyond it. */
+static hada_status trace(hada_patch_light *light, int patch, hada_error *err)
+{
+    const hada_lenses *p = light->patches;
+    const double half = p->design.camera.aperture_mm / 2.0, centre[2] = {p->x[patch], p->y[patch]};
+    double low[2], high[2], all;
+    for (int k = 0; k < 2; k++) {
+        const int i = (int)lrint((centre[k] + half) / p->side - 0.5);
+        low[k] = i > 0 ? i * p->side - half : -HUGE_VAL;
+        high[k] = i < p->across - 1 ? (i + 1) * p->side - half : HUGE_VAL;
+    }
+    hada_rays_clear(&light->rays);
+    HADA_TRY(hada_rays_trace(&light->rays, low, high, &all, err));
+    hada_rays_blur(&light->rays);
+    return HADA_OK;
+}
+
+/* The pixels of the image where the screen holds light. */
+static void box(const hada_patch_light *light, int first[2], int end[2])
+{
+    const hada_rays *r = &light->rays;
+    first[0] = (int)fmax(0.0, r->top - r->margin);
+    first[1] = (int)fmax(0.0, r->left - r->margin);
+    end[0] = (int)fmin(light->rows, r->bottom - r->margin);
+    end[1] = (int)fmin(light->cols, r->right - r->margin);
+}
+
+static hada_status patch_light_make(hada_patch_light *light, const hada_lenses *patches, double distance_mm, int rows,
+                                    int cols, double axis_row, double axis_col, hada_error *err)
+{
+    *light = (hada_patch_light){.patches = patches, .rows = rows, .cols = cols};
+    HADA_TRY(hada_rays_make(&light->rays, &patches->design, distance_mm, rows, cols, axis_row, axis_col, err));
+    HADA_TRY(HADA_NEW(light->all, (size_t)rows * (size_t)cols, "the light of patches", err));
+    for (int p = 0; p < patches->count; p++) {
+        int first[2], end[2];
+        HADA_TRY(trace(light, p, err));
+        box(light, first, end);
+        for (int r = first[0]; r < end[0]; r++)
+            for (int c = first[1]; c < end[1]; c++) {
+                double *sum = &light->all[(size_t)r * (size_t)cols + (size_t)c];
+                *sum += hada_rays_at(&light->rays, r, c);
+                light->least = fmax(light->least, LEAST * *sum);
+            }
+    }
+    return HADA_OK;
+}
+
+/* Of rows x cols pixels with the axis at (axis_row, axis_col). The patches must outlive it. */
+static void patch_light_free(hada_patch_light *light)
+{
+    hada_rays_free(&light->rays);
+    free(light->all);
+    *light = (hada_patch_light){0};
+}
+
+/* The share of a patch; labels: hada_lens_labels() of the patches on the same grid. */
+static hada_status patch_light_share(hada_patch_light *light, int patch, const int *labels, float *share,
+                                     hada_error *err)
+{
+    int first[2], end[2];
+    HADA_TRY(trace(light, patch, err));
+    box(light, first, end);
+    for (int r = 0; r < light->rows; r++)
+        for (int c = 0; c < light->cols; c++) {
+            const size_t at = (size_t)r * (size_t)light->cols + (size_t)c;
+            const int inside = r >= first[0] && r < end[0] && c >= first[1] && c < end[1];
+            if (light->all[at] > light->least)
+                share[at] = inside ? (float)(hada_rays_at(&light->rays, r, c) / light->all[at]) : 0.0f;
+            else
+                share[at] = (float)(labels[at] == patch);
+        }
+    return HADA_OK;
+}
 
 typedef struct occluded {
     hada_simulator *simulator;
@@ -130,7 +205,7 @@ static hada_status add_lens(occluded *o, int i, const hada_image *psf, int lens,
     const int channels = s->camera.channels;
     cl_mem light = is_hidden(o, i) ? o->seen.mem : s->scene.mem;
     if (o->lenses.side > 0.0)
-        HADA_TRY(hada_patch_light_share(&o->patch_light, lens, o->labels, o->share, err));
+        HADA_TRY(patch_light_share(&o->patch_light, lens, o->labels, o->share, err));
     else
         for (size_t k = 0; k < (size_t)s->rows * (size_t)s->cols; k++)
             o->share[k] = (float)(o->labels[k] == lens);
@@ -169,13 +244,13 @@ static hada_status add_layer(occluded *o, int i, hada_error *err)
     const int row = s->rows / 2 - s->shift.rows, col = s->cols / 2 - s->shift.cols;
     hada_lens_labels(&s->camera, &o->lenses, distance, s->rows, s->cols, row, col, o->labels);
     if (o->lenses.side > 0.0)
-        HADA_TRY_OR_DONE(hada_patch_light_make(&o->patch_light, &o->lenses, distance, s->rows, s->cols, row, col, err));
+        HADA_TRY_OR_DONE(patch_light_make(&o->patch_light, &o->lenses, distance, s->rows, s->cols, row, col, err));
     HADA_TRY_OR_DONE(hada_simulator_upload(s, layer->image, s->camera.channels, &s->scene, 0, err));
     for (int lens = 0; lens < o->lenses.count; lens++)
         if (o->lens < 0 || lens == o->lens)
             HADA_TRY_OR_DONE(add_lens(o, i, &psf, lens, err));
 done:
-    hada_patch_light_free(&o->patch_light);
+    patch_light_free(&o->patch_light);
     hada_image_destroy(&psf);
     return status;
 }

@@ -21,10 +21,6 @@ void hada_region_free(hada_region *region);
 /* Cuts an image to the window, in place. */
 hada_status hada_region_cut(const hada_region *region, hada_image *image, hada_error *err);
 
-/* The mask for an image of this size, cut to the window as well: a value per pixel, freed with free(); NULL where there
- * is no mask. */
-hada_status hada_region_mask(const hada_region *region, int rows, int cols, unsigned char **mask, hada_error *err);
-
 /* The pages of a result and of its truth: which belong together, and what of them counts. Internal. */
 
 typedef struct hada_compared {

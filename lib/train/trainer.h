@@ -46,10 +46,6 @@ typedef struct hada_train_nets {
     hada_net *net, *discriminator, *vgg;
 } hada_train_nets;
 
-hada_status hada_train_nets_make(hada_train_nets *nets, const hada_train_options *options, const hada_model *model,
-                                 hada_error *err);
-void hada_train_nets_free(hada_train_nets *nets);
-
 /* Pairs to validate with; NULL: nothing is held out. */
 typedef struct hada_held_out {
     const hada_dataset *pairs;

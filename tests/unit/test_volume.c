@@ -104,12 +104,10 @@ static int found(const hada_result *result, const point *points)
 static void run(const fixture *f, hada_scene scene, const hada_image *weights, const hada_image *frame,
                 hada_result *result)
 {
-    SCOPED(hada_plan) * plan;
     DEFAULTS(hada_plan_options, options);
     options.scene = scene;
     options.pixel_weights = weights;
-    ASSERT_OK(hada_plan_create(&plan, f->context, f->model, &options, err));
-    ASSERT_OK(hada_plan_run(plan, frame, result, err));
+    plan_once(f->context, f->model, &options, frame, result);
 }
 
 /* Emitters at all depths: a volume, whether it is found or asked for, with the same bits, for its iterations go on

@@ -75,6 +75,15 @@ static inline void destroy_images(hada_image *images, int count)
         hada_image_destroy(&images[i]);
 }
 
+/* One run of a plan of its own. */
+static inline void plan_once(hada_context *context, const hada_model *model, const hada_plan_options *options,
+                             const hada_image *raw, hada_result *result)
+{
+    SCOPED(hada_plan) * plan;
+    ASSERT_OK(hada_plan_create(&plan, context, model, options, err));
+    ASSERT_OK(hada_plan_run(plan, raw, result, err));
+}
+
 static inline void write_whole_text(const char *path, const char *text)
 {
     FILE *file = fopen(path, "w");

@@ -38,6 +38,7 @@ static const part *parts_of(hada_lpips_net net, int stage, int *channels)
     return at;
 }
 
+/* Channels that a stage gives. */
 static int lpips_stage_channels(hada_lpips_net net, int stage)
 {
     int channels;
@@ -47,7 +48,7 @@ static int lpips_stage_channels(hada_lpips_net net, int stage)
     return at->channels;
 }
 
-/* Channels that a stage gives; its smallest image. */
+/* The side of its smallest image. */
 static int lpips_least_size(hada_lpips_net net)
 {
     return net == HADA_LPIPS_ALEX ? 31 : 16; /* one pixel is left at the end */
@@ -88,6 +89,7 @@ static hada_size lpips_stage_input(hada_lpips_net net, int stage, hada_size befo
     return (hada_size){in.rows + 2 * entry.border, in.cols + 2 * entry.border};
 }
 
+/* Channels of an image as the first stage takes it. */
 static int lpips_fill_channels(hada_lpips_net net)
 {
     return is_folded(net, 0) ? 3 * FOLD * FOLD : 3;

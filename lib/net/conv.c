@@ -201,6 +201,7 @@ static hada_status direct_groups_all(hada_conv *conv, int index, const hada_tens
     return HADA_OK;
 }
 
+/* Launches of one implementation; pooling is done in a launch of its own where the implementation does not. */
 static hada_status hada_conv_direct(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
                                     const hada_conv_finish *finish, hada_error *err)
 {
@@ -295,7 +296,6 @@ static hada_status three_launches(hada_conv *conv, int index, const hada_tensor 
                                          .m_offset = m_offset, .begin = begin, .room = pass->room);
 }
 
-/* Launches of one implementation; pooling is done in a launch of its own where the implementation does not. */
 static hada_status hada_conv_winograd(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *low,
                                       const hada_tensor *out, const hada_conv_finish *finish, hada_error *err)
 {

@@ -203,13 +203,13 @@ static hada_status enhance_shape_of(const hada_context *context, const hada_enha
     return HADA_OK;
 }
 
+/* Where a tile of one axis begins: its own pixels, and those with halo. */
 static int enhance_core_at(int tile, int core, int full)
 {
     const int at = tile * core;
     return at < full ? at : full;
 }
 
-/* Where a tile of one axis begins: its own pixels, and those with halo. */
 static int enhance_tile_at(int tile, int core, int tile_size, int full)
 {
     /* in the middle of its halo, but inside the image: at the edges the halo on the other side is wider */

@@ -133,6 +133,7 @@ static hada_status linear_forward(hada_graph *graph, int i, const hada_tensor *x
     return HADA_OK;
 }
 
+/* One layer. */
 static hada_status graph_run_forward(hada_graph *graph, const graph_step *step, hada_error *err)
 {
     const graph_node *node = &graph->plan.nodes[step->node];
@@ -274,7 +275,6 @@ static hada_status through(hada_graph *graph, const graph_step *step, const hada
     return HADA_OK;
 }
 
-/* One layer. */
 static hada_status graph_run_backward(hada_graph *graph, const graph_step *step, hada_error *err)
 {
     const graph_node *node = &graph->plan.nodes[step->node];

@@ -77,8 +77,4 @@ hada_status hada_evaluate_emitters(hada_evaluation *one, const hada_evaluate_tas
 
 /* Comparing a result file with its truth. Internal. */
 
-/* one->result and one->truth are given, the rest is filled in. */
-hada_status hada_evaluate_compare(hada_evaluation *one, const hada_evaluate_task *by, const hada_region *region,
-                                  hada_error *err);
-
 #endif

@@ -137,6 +137,9 @@ done:
     return status;
 }
 
+/* Fills scenes that were cut off at white with what a model of the other pairs reconstructs there. leave[depth][pair]
+ * is HADA_CUT_OFF for these, and afterwards HADA_FILLED, or HADA_STAYS where a scene was no brighter. *out, empty
+ * before, is freed by the caller, also where this failed. */
 static hada_status fit_fill_white(hada_filled_scenes *out, hada_context *context, const hada_model *model,
                                   const hada_dataset *data, unsigned char *const *leave, hada_error *err)
 {
@@ -147,9 +150,6 @@ static hada_status fit_fill_white(hada_filled_scenes *out, hada_context *context
     return HADA_OK;
 }
 
-/* Fills scenes that were cut off at white with what a model of the other pairs reconstructs there. leave[depth][pair]
- * is HADA_CUT_OFF for these, and afterwards HADA_FILLED, or HADA_STAYS where a scene was no brighter. *out, empty
- * before, is freed by the caller, also where this failed. */
 static void filled_scenes_free(hada_filled_scenes *filled)
 {
     for (int i = 0; i < filled->count; i++)

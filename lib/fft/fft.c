@@ -353,19 +353,12 @@ static hada_status try_clfft(hada_slot *slot, hada_fft_direction direction, int 
     const int half = cols / 2 + 1;
     hada_fft plan = {
         .slot = slot,
-        .desc = {.direction = direction,
-                 .backend = HADA_FFT_CLFFT,
-                 .rows = rows,
-                 .cols = cols,
-                 .batch = 1,
-                 .real_rows = rows,
-                 .real_cols = cols,
-                 .real_pitch = (size_t)cols,
-                 .real_distance = (size_t)rows * (size_t)cols,
-                 .band_rows = rows / 2,
-                 .band_cols = cols / 2},
+        .desc = hada_fft_whole(direction, rows, cols, 1),
         .layout = {.rows = rows, .cols = cols, .block = half, .blocks = 1, .count = (size_t)rows * (size_t)half},
         .engine = &hada_fft_clfft_engine};
+    plan.desc.backend = HADA_FFT_CLFFT;
+    plan.desc.band_rows = rows / 2;
+    plan.desc.band_cols = cols / 2;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(plan.engine->create(&plan, err));
     HADA_TRY_OR_DONE(fft_check(&plan, err));

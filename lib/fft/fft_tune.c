@@ -146,13 +146,7 @@ hada_status hada_tune_fft(hada_context *context, int rows, int cols, int rounds,
                          rows, cols, rounds, MOST_ROUNDS);
     rounds = rounds == HADA_AUTO ? ROUNDS : rounds;
     const size_t pixels = (size_t)rows * (size_t)cols;
-    contest c = {.desc = {.rows = rows,
-                          .cols = cols,
-                          .batch = batch_for(context, pixels),
-                          .real_rows = rows,
-                          .real_cols = cols,
-                          .real_pitch = (size_t)cols,
-                          .real_distance = pixels}};
+    contest c = {.desc = hada_fft_whole(HADA_FFT_FORWARD, rows, cols, batch_for(context, pixels))};
     *row = (hada_tune_row){.rows = rows, .cols = cols, .batch = c.desc.batch};
     row->own.forward_ms = row->own.inverse_ms = row->clfft.forward_ms = row->clfft.inverse_ms = NAN;
     row->before = hada_fft_choose(context, rows, cols) == HADA_FFT_CLFFT ? HADA_TUNE_CLFFT : HADA_TUNE_OWN;

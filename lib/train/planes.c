@@ -17,29 +17,16 @@ typedef struct light_maker {
     size_t frame, window;        /* floats */
 } light_maker;
 
-static hada_fft_desc desc_of(const hada_model_info *info, hada_fft_direction direction, int row0, int col0, int rows,
-                             int cols)
-{
-    return (hada_fft_desc){.direction = direction,
-                           .rows = info->grid_rows,
-                           .cols = info->grid_cols,
-                           .batch = info->channels,
-                           .row0 = row0,
-                           .col0 = col0,
-                           .real_rows = rows,
-                           .real_cols = cols,
-                           .real_pitch = (size_t)cols,
-                           .real_distance = (size_t)rows * (size_t)cols};
-}
-
 static hada_fft_desc forward_desc(const hada_model_info *info, const hada_geometry *at)
 {
-    return desc_of(info, HADA_FFT_FORWARD, at->window_row, at->window_col, info->window_rows, info->window_cols);
+    const hada_rectangle window = {at->window_row, at->window_col, info->window_rows, info->window_cols};
+    return hada_fft_of(HADA_FFT_FORWARD, info->grid_rows, info->grid_cols, info->channels, window);
 }
 
 static hada_fft_desc inverse_desc(const hada_model_info *info, const hada_geometry *at)
 {
-    return desc_of(info, HADA_FFT_INVERSE, at->raw_row, at->raw_col, info->raw_rows, info->raw_cols);
+    const hada_rectangle frame = {at->raw_row, at->raw_col, info->raw_rows, info->raw_cols};
+    return hada_fft_of(HADA_FFT_INVERSE, info->grid_rows, info->grid_cols, info->channels, frame);
 }
 
 static size_t frame_floats(const hada_model_info *info)

@@ -57,14 +57,6 @@ static train_case case_of(const hada_model *model, const hada_train_options *opt
     return c;
 }
 
-static void case_free(train_case *c)
-{
-    for (int z = 0; z < TRAIN_DEPTHS; z++)
-        free(c->filters[z]);
-    free(c->values);
-    free(c->discriminator_values);
-}
-
 TEST(gradients_are_the_references)
 {
     for (size_t i = 0; i < HADA_COUNT(cases); i++) {
@@ -92,7 +84,7 @@ TEST(gradients_are_the_references)
             assert_true(relative(got, expected, count) < 2e-6);
         }
         hada_replica_destroy(&replica);
-        case_free(&c);
+        train_case_free(&c);
         train_pairs_free(&pairs);
     }
 }
@@ -116,7 +108,7 @@ TEST(the_reference_is_the_difference)
         }
         free(gradient);
         free(floats);
-        case_free(&c);
+        train_case_free(&c);
         train_pairs_free(&pairs);
     }
 }
@@ -228,7 +220,7 @@ TEST(random_starts_converge)
             assert_true(fabs(after.data[k] - fmax(pairs.scene[0].data[k], 0.0)) < 0.1);
         }
         hada_replica_destroy(&replica);
-        case_free(&c);
+        train_case_free(&c);
         train_pairs_free(&pairs);
     }
 }

@@ -125,6 +125,14 @@ typedef struct train_case {
     double *filters[TRAIN_DEPTHS], *values, *discriminator_values;
 } train_case;
 
+static inline void train_case_free(train_case *c)
+{
+    for (int z = 0; z < TRAIN_DEPTHS; z++)
+        free(c->filters[z]);
+    free(c->values);
+    free(c->discriminator_values);
+}
+
 /* The linear plane of a sample. */
 static inline void train_plane(const train_case *c, const hada_sample *sample, double *plane)
 {

@@ -1,6 +1,7 @@
 /* PSFs by wave optics: one channel after the other, lens by lens or the whole mask. */
 #include "optics/wave.h"
 #include "core/callers.h"
+#include "core/fft_factor.h"
 #include "launch/optics_wave_lens.h"
 #include "launch/optics_wave_whole.h"
 
@@ -97,19 +98,10 @@ hada_status hada_wave_launch_sensor(hada_slot *slot, cl_mem image, cl_mem part, 
 #define SPOT_MOST         4096               /* samples of the square round a spot, a side */
 #define SPOT_BYTES        ((size_t)48 << 20) /* of spectra at a time */
 
-static int is_smooth(int n)
-{
-    static const int primes[] = {2, 3, 5, 7};
-    for (int i = 0; i < 4; i++)
-        while (n % primes[i] == 0)
-            n /= primes[i];
-    return n == 1;
-}
-
 static int smooth_at_least(double least, int step)
 {
     int n = (int)ceil(least / step) * step;
-    while (!is_smooth(n))
+    while (!hada_fft_smooth(n))
         n += step;
     return n;
 }

@@ -53,7 +53,7 @@ static train_case case_of(const hada_model *model, const hada_train_options *opt
     train_case c = {.info = info, .options = options, .samples = pairs->samples, .count = TRAIN_PAIRS};
     const size_t floats = 2 * hada_model_plane(model) * (size_t)info->channels;
     for (size_t z = 0; z < TRAIN_DEPTHS; z++)
-        c.filters[z] = train_doubles(model->filter + z * floats, floats);
+        c.filters[z] = doubles(model->filter + z * floats, floats);
     return c;
 }
 

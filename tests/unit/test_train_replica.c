@@ -14,10 +14,10 @@ static train_case case_of(const replica_run *run, int count)
                     .discriminator = run->discriminator,
                     .vgg = run->vgg};
     for (size_t z = 0; z < TRAIN_DEPTHS; z++)
-        c.filters[z] = train_doubles(run->model->filter + z * floats, floats);
-    c.values = train_doubles(run->net->values, run->net->floats);
+        c.filters[z] = doubles(run->model->filter + z * floats, floats);
+    c.values = doubles(run->net->values, run->net->floats);
     if (run->discriminator)
-        c.discriminator_values = train_doubles(run->discriminator->values, run->discriminator->floats);
+        c.discriminator_values = doubles(run->discriminator->values, run->discriminator->floats);
     return c;
 }
 

@@ -84,6 +84,15 @@ static inline void plan_once(hada_context *context, const hada_model *model, con
     ASSERT_OK(hada_plan_run(plan, raw, result, err));
 }
 
+/* Freed by the caller. */
+static inline double *doubles(const float *values, size_t count)
+{
+    double *out = calloc(count + 1, sizeof *out);
+    for (size_t i = 0; i < count; i++)
+        out[i] = values[i];
+    return out;
+}
+
 static inline int same_image(const hada_image *a, const hada_image *b)
 {
     return a->channels == b->channels && a->rows == b->rows && a->cols == b->cols &&

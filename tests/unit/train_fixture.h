@@ -91,14 +91,6 @@ static inline hada_train_options train_options(hada_stage stage)
                                 .variation = 1e-3};
 }
 
-static inline double *train_doubles(const float *values, size_t count)
-{
-    double *out = calloc(count + 1, sizeof *out);
-    for (size_t i = 0; i < count; i++)
-        out[i] = values[i];
-    return out;
-}
-
 static inline hada_ref_grid train_grid(const hada_model_info *info)
 {
     hada_geometry g;
@@ -214,7 +206,7 @@ static inline double *train_features(const train_case *c, const double *images, 
     const hada_size last = sizes[c->vgg->count - 1];
     *count =
         (size_t)c->count * (size_t)c->vgg->layers[c->vgg->count - 1].channels * (size_t)last.rows * (size_t)last.cols;
-    SCOPED_MEMORY double *values = train_doubles(c->vgg->values, c->vgg->floats);
+    SCOPED_MEMORY double *values = doubles(c->vgg->values, c->vgg->floats);
     double *features = train_run(c->vgg, values, c->count, rows, cols, colours, *count);
     return features;
 }

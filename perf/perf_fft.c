@@ -144,14 +144,7 @@ static void compare_case(int rows, int cols, int batch, hada_fft_direction direc
     const size_t real = (size_t)rows * (size_t)cols, half = (size_t)rows * (size_t)(cols / 2 + 1);
     char name[64];
     snprintf(name, sizeof name, "%s %dx%d x%d", inverse ? "inverse" : "forward", rows, cols, batch);
-    hada_fft_desc desc = {.direction = direction,
-                          .rows = rows,
-                          .cols = cols,
-                          .batch = batch,
-                          .real_rows = rows,
-                          .real_cols = cols,
-                          .real_pitch = (size_t)cols,
-                          .real_distance = real};
+    hada_fft_desc desc = hada_fft_whole(direction, rows, cols, batch);
     float *a = pages(real * (size_t)batch), *b = pages(2 * half * (size_t)batch);
     fftwf_plan plan = inverse ? fftwf_plan_many_dft_c2r(2, size, batch, (fftwf_complex *)b, NULL, 1, (int)half, a, NULL,
                                                         1, (int)real, FFTW_MEASURE)
@@ -184,16 +177,8 @@ static void compare_case(int rows, int cols, int batch, hada_fft_direction direc
 static void window_case(int half)
 {
     const int channels = 3, depths = 14, batch = channels * depths, window = 383;
-    hada_fft_desc desc = {.direction = HADA_FFT_INVERSE,
-                          .rows = 1376,
-                          .cols = 2064,
-                          .batch = batch,
-                          .row0 = (1376 - window) / 2,
-                          .col0 = (2064 - window) / 2,
-                          .real_rows = window,
-                          .real_cols = window,
-                          .real_pitch = (size_t)window,
-                          .real_distance = (size_t)window * (size_t)window};
+    const hada_rectangle part = {(1376 - window) / 2, (2064 - window) / 2, window, window};
+    hada_fft_desc desc = hada_fft_of(HADA_FFT_INVERSE, 1376, 2064, batch, part);
     hada_buffer real, spectrum, filter;
     hada_fft *plan;
     static timing times;

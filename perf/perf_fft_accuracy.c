@@ -30,15 +30,9 @@ static void *memory(size_t count, size_t size)
 
 static hada_fft_desc whole(hada_fft_direction direction, int rows, int cols)
 {
-    return (hada_fft_desc){.direction = direction,
-                           .backend = HADA_FFT_OWN,
-                           .rows = rows,
-                           .cols = cols,
-                           .batch = 1,
-                           .real_rows = rows,
-                           .real_cols = cols,
-                           .real_pitch = (size_t)cols,
-                           .real_distance = (size_t)rows * (size_t)cols};
+    hada_fft_desc desc = hada_fft_whole(direction, rows, cols, 1);
+    desc.backend = HADA_FFT_OWN;
+    return desc;
 }
 
 static void measure(hada_context *context, hada_slot *slot, int rows, int cols, const char *kind)

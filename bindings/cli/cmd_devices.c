@@ -1,4 +1,4 @@
-#include "command.h"
+#include "option.h"
 
 #include <stddef.h>
 #include <stdio.h>

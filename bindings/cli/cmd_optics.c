@@ -1,5 +1,5 @@
-#include "camera_options.h"
-#include "command.h"
+#include "option.h"
+#include "shared.h"
 
 #include <hadalens/task_optics.h>
 #include <math.h>

@@ -1,5 +1,5 @@
-#include "command.h"
-#include "register_words.h"
+#include "option.h"
+#include "shared.h"
 
 #include <hadalens/folder.h>
 #include <hadalens/task_register.h>
@@ -68,9 +68,7 @@ static hada_status write_registered(hada_cli *cli, const settings *set, const ha
 {
     const hada_dataset_info *info = hada_dataset_get_info(data);
     int rows, cols;
-    const hada_status status = hada_register_write(report, data, set->output, task, &rows, &cols, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_register_write(report, data, set->output, task, &rows, &cols, err));
     hada_cli_say(cli, "%s: %d %s at %d %s, scenes of %dx%d", set->output, info->pairs,
                  info->pairs == 1 ? "pair" : "pairs", info->depths, info->depths == 1 ? "distance" : "distances", rows,
                  cols);

@@ -1,5 +1,5 @@
-#include "command.h"
-#include "sensor_options.h"
+#include "option.h"
+#include "shared.h"
 
 #include <hadalens/task_simulate.h>
 #include <math.h>

@@ -1,4 +1,4 @@
-#include "command.h"
+#include "option.h"
 
 #include <hadalens/model.h>
 #include <hadalens/tune.h>

@@ -1,5 +1,5 @@
 /* The command line. Chooses the command, parses its options, prints the JSON document at the end. */
-#include "command.h"
+#include "option.h"
 
 #include <hadalens/headerless.h>
 #include <hadalens/limits.h>

@@ -1,4 +1,4 @@
-/* Memory that the ranks of one machine share: sums without messages. */
+/* Sums over ranks, and memory that the ranks of one machine share: sums without messages. */
 #ifndef HADA_MPI_WINDOW_H
 #define HADA_MPI_WINDOW_H
 
@@ -20,5 +20,16 @@ void hada_mpi_window_close(hada_mpi_window *window);
 
 /* values[i], of `size` bytes (hada_mpi_add), becomes its sum over the ranks. */
 void hada_mpi_window_reduce(hada_mpi_window *window, size_t size, char *values, size_t count);
+
+/* In the order of the ranks, in double precision: out[i] = (parts[0][first + i] + parts[1][first + i]) + ..., for
+ * `count` values that are doubles or floats, as their size says; floats are rounded once. `out` may stand in one of the
+ * parts, at `first`. */
+void hada_mpi_add(size_t size, void *out, const void *const *parts, size_t first, int ranks, size_t count);
+
+/* Where a rank's slice of `count` values begins; of rank + 1: where it ends. */
+static inline size_t hada_mpi_slice(size_t count, int rank, int ranks)
+{
+    return (size_t)((unsigned long long)count * (unsigned)rank / (unsigned)ranks);
+}
 
 #endif

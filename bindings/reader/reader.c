@@ -11,7 +11,7 @@
 #include "io/decode.h"
 #include "io/isolate.h"
 #include "misbehave.h"
-#include "seal.h"
+#include "reader.h"
 
 /* Address space beyond what the file and a frame take: libraries, and what they need. */
 #define ROOM ((uint64_t)512 << 20)

@@ -1,4 +1,4 @@
-#include "seal.h"
+#include "reader.h"
 
 #include <errno.h>
 #include <fcntl.h>

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The recipe of docs/how-to/raspberry-pi.md without a Raspberry Pi: a stand-in shows pictures and plays the camera.
+# The recipe of docs/how-to/calibrate-a-camera.md without a Raspberry Pi: a stand-in shows pictures and plays the camera.
 #
 #   examples/raspberry-pi/try.sh [FOLDER]       (build/raspberry-pi by default; begun afresh)
 #

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "classic/classic_steps.h"
-#include "core/alloc.h"
+#include "core/base.h"
 
 enum { MOST_SUMS = 4, BAND = 4096 /* pixels of a band of rows, about */ };
 

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "classic/classic_steps.h"
-#include "core/alloc.h"
+#include "core/base.h"
 
 enum { POINTS = 24, SHIFT_ROWS = 1, SHIFT_COLS = 2 };
 static const double allowed = 1e-5; /* of the points' root of the sum of squares */

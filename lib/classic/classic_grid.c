@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "classic/classic.h"
-#include "core/alloc.h"
+#include "core/base.h"
 #include "fft/fft.h"
 #include "fft/fft_fused.h"
 #include "filter/bank.h"

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "classic/classic_steps.h"
-#include "core/alloc.h"
+#include "core/base.h"
 #include "core/clock.h"
 
 /* Iterations that may be in the queue, so that a run can be cancelled between them. */

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "classic/classic_steps.h"
-#include "core/alloc.h"
+#include "core/base.h"
 #include "core/callers.h"
 #include "model/model.h"
 

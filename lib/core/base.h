@@ -93,6 +93,11 @@ static inline hada_status hada_allocated(const void *pointer)
 #define HADA_NEW_RAW(pointer, count, what, err)                                                                        \
     hada_allocated((pointer) = hada_alloc_raw(count, sizeof *(pointer), what, err))
 
+/* Room for `count` elements of an array; what it holds stays, and so does the array where memory is short:
+ * HADA_TRY(HADA_GROW(rows, count, "the rows", err)). */
+hada_status hada_grow(void *place, size_t count, size_t size, const char *what, hada_error *err);
+#define HADA_GROW(pointer, count, what, err) hada_grow(&(pointer), count, sizeof *(pointer), what, err)
+
 /* free() of each of some pointers: HADA_FREE(rows, sums). */
 #define HADA_FREE(...) hada_free_each((void *[]){__VA_ARGS__}, HADA_COUNT(((void *[]){__VA_ARGS__})))
 void hada_free_each(void *const *pointers, size_t count);

@@ -3,8 +3,7 @@
 
 #include "kernels/shared_fft_table.h"
 
-/* Whether n has no prime factors but 2, 3, 5 and 7. */
-static int smooth(int n)
+int hada_fft_smooth(int n)
 {
     static const int primes[] = {2, 3, 5, 7};
     for (int i = 0; i < 4; i++)
@@ -18,7 +17,7 @@ int hada_fft_good_size(int n)
     if (n < 2)
         n = 2;
     n += n % 2;
-    while (!smooth(n))
+    while (!hada_fft_smooth(n))
         n += 2;
     return n;
 }

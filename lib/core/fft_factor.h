@@ -11,6 +11,9 @@ typedef struct hada_fft_stages {
     int radix[HADA_FFT_MAX_STAGES];
 } hada_fft_stages;
 
+/* Whether n has no prime factors but 2, 3, 5 and 7. */
+int hada_fft_smooth(int n);
+
 /* The smallest size >= n that transforms well (2^a 3^b 5^c 7^d, even). */
 int hada_fft_good_size(int n);
 

@@ -98,8 +98,7 @@ void hada_pair_store_release(hada_pair_store **pointer)
     drop_pairs(store);
     for (int z = 0; z < store->depths; z++) {
         for (int i = 0; i < store->depth[z].count; i++) {
-            free((char *)store->depth[z].files[i].raw);
-            free((char *)store->depth[z].files[i].scene);
+            HADA_FREE((char *)store->depth[z].files[i].raw, (char *)store->depth[z].files[i].scene);
         }
         HADA_FREE(store->depth[z].files, store->depth[z].folder);
     }

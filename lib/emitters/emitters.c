@@ -755,31 +755,31 @@ static double distance_of(const hada_point_optics *o, double depth)
 static hada_status give(const search *s, hada_emitters **out, hada_error *err)
 {
     const hada_point_optics *o = s->optics;
-    hada_emitters *all = NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(HADA_NEW(all, 1, what, err));
-    HADA_TRY_OR_DONE(HADA_NEW(all->list, (size_t)s->count + 1, what, err));
-    for (int i = 0; i < s->count; i++) {
+    const size_t count = (size_t)s->count;
+    hada_emitters *all = hada_alloc(1, sizeof *all + count * (sizeof(hada_emitter) + sizeof *all->list), what, err);
+    HADA_TRY(hada_allocated(all));
+    hada_emitter *rows = (hada_emitter *)(all + 1); /* behind it in its block, and their places behind them */
+    const hada_emitter **list = (const hada_emitter **)(rows + count);
+    for (size_t i = 0; i < count; i++) {
         const spot *one = &s->spots[i];
-        all->list[i] = (hada_emitter){.x = one->at.col - (o->frame_cols - o->window_cols) / 2,
-                                      .y = one->at.row - (o->frame_rows - o->window_rows) / 2,
-                                      .z = one->at.depth,
-                                      .distance_mm = distance_of(o, one->at.depth),
-                                      .amplitude = one->light,
-                                      .sd_x = one->sd[COL],
-                                      .sd_y = one->sd[ROW],
-                                      .sd_z = one->sd[DEPTH],
-                                      .sd_amplitude = one->sd[LIGHT],
-                                      .residual = one->residual};
+        rows[i] = (hada_emitter){.x = one->at.col - (o->frame_cols - o->window_cols) / 2,
+                                 .y = one->at.row - (o->frame_rows - o->window_rows) / 2,
+                                 .z = one->at.depth,
+                                 .distance_mm = distance_of(o, one->at.depth),
+                                 .amplitude = one->light,
+                                 .sd_x = one->sd[COL],
+                                 .sd_y = one->sd[ROW],
+                                 .sd_z = one->sd[DEPTH],
+                                 .sd_amplitude = one->sd[LIGHT],
+                                 .residual = one->residual};
+        list[i] = &rows[i];
     }
+    if (count)
+        qsort(rows, count, sizeof *rows, by_amplitude);
     all->count = s->count;
-    if (all->count)
-        qsort(all->list, (size_t)all->count, sizeof *all->list, by_amplitude);
+    all->list = list;
     *out = all;
-    all = NULL;
-done:
-    hada_emitters_destroy(&all);
-    return status;
+    return HADA_OK;
 }
 
 static hada_status begin(search *s, hada_error *err)
@@ -838,21 +838,4 @@ hada_status hada_emitters_find(hada_emitters **out, const hada_emitters_job *job
 done:
     end(&s);
     return status;
-}
-
-int hada_emitters_count(const hada_emitters *emitters)
-{
-    return emitters ? emitters->count : 0;
-}
-
-const hada_emitter *hada_emitters_get(const hada_emitters *emitters, int index)
-{
-    return emitters && index >= 0 && index < emitters->count ? &emitters->list[index] : NULL;
-}
-
-void hada_emitters_destroy(hada_emitters **pointer)
-{
-    hada_emitters *emitters = hada_taken(pointer);
-    if (emitters)
-        HADA_FREE(emitters->list, emitters);
 }

@@ -64,11 +64,6 @@ typedef struct hada_emitters_job {
     const hada_monitor *monitor; /* asked whether to stop; may be NULL */
 } hada_emitters_job;
 
-struct hada_emitters {
-    int count;
-    hada_emitter *list;
-};
-
 hada_status hada_emitters_find(hada_emitters **out, const hada_emitters_job *job, hada_error *err);
 
 #endif

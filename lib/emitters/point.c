@@ -2,7 +2,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "emitters/emitters.h"
 #include "filter/bank.h"
 #include "surface/spline.h"

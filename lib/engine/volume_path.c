@@ -1,7 +1,7 @@
 /* The path of a frame that is taken for a volume: light at all depths, by Richardson-Lucy
  * (docs/explanation/surfaces.md#volumes). */
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "engine/stages.h"
 
 /* A frame is a volume if its light fills few voxels, in units of a plane's pixels, which are the unknowns of a single

@@ -184,9 +184,7 @@ static void clfft_destroy(hada_fft *plan)
     if (state->set_up && --users == 0)
         clfftTeardown();
     pthread_mutex_unlock(&lock);
-    hada_buffer_destroy(&state->grid);
-    hada_buffer_destroy(&state->half);
-    hada_buffer_destroy(&state->temporary);
+    HADA_DESTROY_BUFFERS(&state->grid, &state->half, &state->temporary);
     free(state);
     plan->state = NULL;
 }
@@ -203,9 +201,7 @@ static hada_status transform(hada_fft *plan, clfftDirection direction, hada_buff
     const clfft_state *state = plan->state;
     const double points = (double)grid_count(&plan->desc), images = plan->desc.batch;
     cl_event begin;
-    hada_status status = hada_slot_span_begin(plan->slot, &begin, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_slot_span_begin(plan->slot, &begin, err));
     clfftStatus code = clfftEnqueueTransform(state->handle, direction, 1, &plan->slot->queue, 0, NULL, NULL, &in->mem,
                                              &out->mem, state->temporary.mem);
     if (code && begin)

@@ -47,7 +47,4 @@ hada_fft_backend hada_fft_choose(const hada_context *context, int rows, int cols
 /* Whether clFFT has the length's factors. */
 int hada_clfft_takes(int n);
 
-/* Runs a new plan once against known answers. */
-hada_status hada_fft_check(hada_fft *plan, hada_error *err);
-
 #endif

@@ -5,7 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "core/error.h"
+#include "core/base.h"
 #include "fft/fft.h"
 #include "kernels/shared_fft.h"
 #include "runtime/buffer.h"

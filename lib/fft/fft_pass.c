@@ -147,9 +147,7 @@ static void transform(int n, const double complex *in, int stride, double comple
 static hada_status fill_chirp(float *chirp, float *spectrum, int n, int points, hada_error *err)
 {
     double complex *work;
-    hada_status status = HADA_NEW(work, 3 * (size_t)points, "a table of a transform", err);
-    if (status)
-        return status;
+    HADA_TRY(HADA_NEW(work, 3 * (size_t)points, "a table of a transform", err));
     for (int j = 0; j < n; j++) {
         double complex c = root((long long)j * j % (2LL * n), 2LL * n);
         chirp = put(chirp, c);
@@ -237,8 +235,7 @@ done:
 
 void hada_fft_pass_free(hada_fft_pass *pass)
 {
-    free(pass->ints);
-    free(pass->floats);
+    HADA_FREE(pass->ints, pass->floats);
     *pass = (hada_fft_pass){0};
 }
 
@@ -428,8 +425,7 @@ hada_status hada_own_pass_make_any(hada_own_pass *pass, hada_slot *slot, const h
 
 void hada_own_pass_free(hada_own_pass *pass)
 {
-    hada_buffer_destroy(&pass->table);
-    hada_buffer_destroy(&pass->scratch);
+    HADA_DESTROY_BUFFERS(&pass->table, &pass->scratch);
 }
 
 size_t hada_own_pass_local(const hada_context *context, int n, int columns)

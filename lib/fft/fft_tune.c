@@ -124,8 +124,7 @@ static void finish(contest *c)
     for (int b = 0; b < BACKENDS; b++)
         leave(c, b);
     hada_slot_destroy(&c->slot);
-    hada_buffer_destroy(&c->real);
-    hada_buffer_destroy(&c->spectrum);
+    HADA_DESTROY_BUFFERS(&c->real, &c->spectrum);
     free(c->seconds[0][0]);
 }
 
@@ -147,21 +146,14 @@ hada_status hada_tune_fft(hada_context *context, int rows, int cols, int rounds,
                          rows, cols, rounds, MOST_ROUNDS);
     rounds = rounds == HADA_AUTO ? ROUNDS : rounds;
     const size_t pixels = (size_t)rows * (size_t)cols;
-    contest c = {.desc = {.rows = rows,
-                          .cols = cols,
-                          .batch = batch_for(context, pixels),
-                          .real_rows = rows,
-                          .real_cols = cols,
-                          .real_pitch = (size_t)cols,
-                          .real_distance = pixels}};
+    contest c = {.desc = hada_fft_whole(HADA_FFT_FORWARD, rows, cols, batch_for(context, pixels))};
     *row = (hada_tune_row){.rows = rows, .cols = cols, .batch = c.desc.batch};
     row->own.forward_ms = row->own.inverse_ms = row->clfft.forward_ms = row->clfft.inverse_ms = NAN;
     row->before = hada_fft_choose(context, rows, cols) == HADA_FFT_CLFFT ? HADA_TUNE_CLFFT : HADA_TUNE_OWN;
     void *seconds;
-    hada_status status = hada_allocated(
-        seconds = hada_alloc((size_t)rounds * BACKENDS * DIRECTIONS, sizeof(double), "a measurement", err));
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_allocated(
+        seconds = hada_alloc((size_t)rounds * BACKENDS * DIRECTIONS, sizeof(double), "a measurement", err)));
     for (int k = 0; k < BACKENDS * DIRECTIONS; k++)
         c.seconds[k / DIRECTIONS][k % DIRECTIONS] = (double *)seconds + k * rounds;
     HADA_TRY_OR_DONE(hada_slot_create(&c.slot, context, err));
@@ -195,7 +187,6 @@ hada_status hada_tune_save(const hada_context *context, const char *path, const 
     }
     HADA_TRY_OR_DONE(hada_tuning_write(context, path, "fft", words, words + count, count, err));
 done:
-    free(shapes);
-    free(words);
+    HADA_FREE(shapes, words);
     return status;
 }

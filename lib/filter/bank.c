@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "model/model.h"
 
 /* Copies `bytes` per frequency between the two orders. */

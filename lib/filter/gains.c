@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "filter/bank.h"
 #include "io/safetensors.h"
 #include "launch/filter_tiles.h"

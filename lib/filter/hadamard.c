@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "launch/fft_plain.h"
 #include "launch/filter_clip.h"
 #include "launch/filter_dark.h"

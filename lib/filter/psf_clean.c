@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "filter/psf.h"
 #include "image/statistics.h"
 

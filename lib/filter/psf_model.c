@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "core/callers.h"
 #include "filter/bank.h"
 #include "filter/hadamard.h"

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "core/callers.h"
 #include "launch/focus.h"
 
@@ -246,8 +246,7 @@ static hada_status fill_tables(hada_focus *focus, const hada_focus_desc *desc, h
     HADA_TRY_OR_DONE(hada_buffer_write(&focus->inverse_distances, focus->slot, 0, single,
                                        (size_t)desc->depths * sizeof(float), err));
 done:
-    free(weights);
-    free(single);
+    HADA_FREE(weights, single);
     return status;
 }
 
@@ -285,17 +284,12 @@ done:
 
 void hada_focus_destroy(hada_focus **focus)
 {
-    hada_focus *f = focus ? *focus : NULL;
+    hada_focus *f = hada_taken(focus);
     if (!f)
         return;
-    *focus = NULL;
     hada_slot_finish(f->slot, NULL);
-    hada_buffer *const buffers[] = {&f->weights, &f->inverse_distances, &f->response, &f->kept, &f->bins, &f->counts};
-    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
-        hada_buffer_destroy(buffers[i]);
-    free(f->noise_counts);
-    free(f->competing);
-    free(f);
+    HADA_DESTROY_BUFFERS(&f->weights, &f->inverse_distances, &f->response, &f->kept, &f->bins, &f->counts);
+    HADA_FREE(f->noise_counts, f->competing, f);
 }
 
 static hada_status clear_counts(hada_focus *f, hada_error *err)

@@ -98,8 +98,7 @@ done:
     hada_focus_destroy(&focus);
     if (slot)
         hada_slot_finish(slot, NULL);
-    hada_buffer_destroy(&plane);
-    hada_buffer_destroy(&results);
+    HADA_DESTROY_BUFFERS(&plane, &results);
     hada_slot_destroy(&slot);
     return status;
 }

@@ -1,5 +1,5 @@
 /* Binning: fewer, larger pixels. */
-#include "core/alloc.h"
+#include "core/base.h"
 #include "image/mosaic.h"
 #include "image/statistics.h"
 

@@ -46,24 +46,24 @@ static int is_tiff_raw(int fd, const unsigned char *head, size_t bytes)
     return maker && parts;
 }
 
-static hada_decoder *recognise(int fd, const unsigned char *head, size_t bytes)
+static const hada_decoder *recognise(int fd, const unsigned char *head, size_t bytes)
 {
     /* the formats of raw files that are not TIFF: Fujifilm, Olympus, Panasonic, Canon since 2018, Minolta, Sigma */
     static const char *const raw[] = {"FUJIFILMCCD-RAW", "IIRO", "IIRS", "MMOR", "IIU", "FOVb"};
     if (begins(head, bytes, "\211PNG\r\n\032\n", 8))
-        return hada_decode_png;
+        return &hada_png;
     if (begins(head, bytes, "\377\330\377", 3))
-        return hada_decode_jpeg;
+        return &hada_jpeg;
     if (begins(head, bytes, "\223NUMPY", 6))
-        return hada_decode_numpy;
+        return &hada_numpy;
     if (begins(head, bytes, "MATLAB ", 7) || begins(head, bytes, "\211HDF\r\n\032\n", 8))
-        return hada_is_matlab_five(head, bytes) ? hada_decode_matlab : hada_decode_matio;
+        return hada_is_matlab_five(head, bytes) ? &hada_matlab : &hada_matio;
     for (size_t i = 0; i < HADA_COUNT(raw); i++)
         if (begins(head, bytes, raw[i], strlen(raw[i])))
-            return hada_decode_raw;
+            return &hada_raw;
     if (bytes > 12 && begins(head + 4, bytes - 4, "ftypcrx", 7))
-        return hada_decode_raw;
-    return is_tiff_raw(fd, head, bytes) ? hada_decode_raw : NULL;
+        return &hada_raw;
+    return is_tiff_raw(fd, head, bytes) ? &hada_raw : NULL;
 }
 
 static int is_tiff(const unsigned char *head, size_t bytes)
@@ -88,7 +88,7 @@ static hada_status take_headerless(hada_decoded *out, size_t bytes, hada_error *
 }
 
 /* NULL: none, or the file cannot be read, of which the reader of TIFF files says why. */
-static hada_decoder *decoder_of(int fd, size_t bytes)
+static const hada_decoder *decoder_of(int fd, size_t bytes)
 {
     unsigned char head[HEAD] = {0};
     const size_t length = bytes < HEAD ? bytes : HEAD;
@@ -105,30 +105,45 @@ int hada_decode_is_headerless(int fd, size_t bytes, hada_headerless *frames)
 
 int hada_decode_is_suspect(int fd, size_t bytes)
 {
-    return decoder_of(fd, bytes) == hada_decode_matio;
+    return decoder_of(fd, bytes) == &hada_matio;
+}
+
+static hada_status load(const hada_decoder *decoder, hada_error *err)
+{
+    if (decoder->missing)
+        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "%s", decoder->missing);
+    return decoder->library ? hada_library_load(decoder->library, err) : HADA_OK;
 }
 
 hada_status hada_decode_load(int fd, size_t bytes, int *reopens, hada_error *err)
 {
-    hada_decoder *const decoder = decoder_of(fd, bytes);
-    hada_decoded none = {0};
+    const hada_decoder *const decoder = decoder_of(fd, bytes);
     size_t made;
-    *reopens = decoder == hada_decode_matio;
-    if (!decoder || decoder == hada_decode_numpy)
-        return HADA_OK;
-    if (decoder == hada_decode_matlab) /* which needs zlib only where it is compressed */
+    *reopens = decoder == &hada_matio;
+    if (decoder == &hada_matlab) /* which needs zlib only where it is compressed */
         return hada_inflate(NULL, 0, NULL, 0, &made, NULL), HADA_OK;
-    return decoder(&none, -1, 0, err);
+    return decoder ? load(decoder, err) : HADA_OK;
+}
+
+static hada_status decode(hada_decoded *out, const hada_decoder *decoder, int fd, size_t bytes, hada_error *err)
+{
+    unsigned char *data = NULL;
+    HADA_TRY(load(decoder, err));
+    if (!decoder->itself)
+        HADA_TRY(hada_decode_read(&data, fd, bytes, err));
+    const hada_status status = decoder->decode(out, fd, data, bytes, err);
+    free(data);
+    return status;
 }
 
 hada_status hada_decode(hada_decoded *out, int fd, size_t bytes, int *known, hada_error *err)
 {
     *out = (hada_decoded){0};
-    hada_decoder *const decoder = decoder_of(fd, bytes);
+    const hada_decoder *const decoder = decoder_of(fd, bytes);
     *known = decoder || hada_decode_is_headerless(fd, bytes, &out->headerless);
     if (!*known)
         return HADA_OK;
-    hada_status status = decoder ? decoder(out, fd, bytes, err) : take_headerless(out, bytes, err);
+    hada_status status = decoder ? decode(out, decoder, fd, bytes, err) : take_headerless(out, bytes, err);
     if (!status && (out->page.rows < 1 || out->page.cols < 1 || out->frames < 1))
         status = hada_fail(err, HADA_ERROR_FILE_FORMAT, "the file holds no picture; get it again");
     if (status) {

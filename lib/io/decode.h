@@ -4,8 +4,37 @@
 #ifndef HADA_IO_DECODE_H
 #define HADA_IO_DECODE_H
 
-#include "io/headerless.h"
+#include <hadalens/pixels.h>
+
+#include "core/library.h"
 #include "io/tiff_page.h"
+
+/* Frames without a header: one after the other, as cameras write them into files and pipes. */
+
+typedef enum hada_packing {
+    HADA_PACKING_NONE = 0, /* a byte for each sample, or two, the lower one first */
+    HADA_PACKING_CSI10,    /* 4 samples in 5 bytes: the upper 8 bits of each, then the lower ones together */
+    HADA_PACKING_CSI12     /* 2 samples in 3 bytes, likewise */
+} hada_packing;
+
+typedef struct hada_headerless {
+    int rows, cols, channels; /* 3: red, green and blue of each pixel together */
+    int bits;                 /* of a sample: 8 to 16 */
+    hada_packing packing;
+    uint64_t row_bytes; /* from row to row; 0: not known, HADA_HEADERLESS_ALIGNMENTS are tried */
+} hada_headerless;
+
+/* What hada_headerless_set() said; 0: nothing. */
+int hada_headerless_get(hada_headerless *frames);
+
+/* Bytes of a frame whose rows begin at multiples of `alignment` bytes, where row_bytes does not say it. */
+uint64_t hada_headerless_bytes(const hada_headerless *frames, unsigned alignment);
+
+/* Sets row_bytes so that a file of `bytes` holds whole frames, and *count to their number. */
+hada_status hada_headerless_fit(hada_headerless *frames, uint64_t bytes, int *count, hada_error *err);
+
+/* A frame's samples, row for row without gaps, as bytes or in the machine's 16 bits. */
+void hada_headerless_unpack(const hada_headerless *frames, const unsigned char *from, void *to);
 
 /* Frames of samples, one after the other, each as an uncompressed TIFF page would have them. */
 typedef struct hada_decoded {
@@ -55,10 +84,13 @@ hada_status hada_array_order(hada_decoded *out, const hada_array *array, const u
 /* Fills in the divisor of the samples, as TIFF files have it. */
 void hada_decoded_scale(hada_tiff_page *page);
 
-/* fd -1: only loads the library. */
-typedef hada_status hada_decoder(hada_decoded *out, int fd, size_t bytes, hada_error *err);
-hada_decoder hada_decode_png, hada_decode_jpeg, hada_decode_numpy, hada_decode_matlab, hada_decode_matio,
-    hada_decode_raw;
+typedef struct hada_decoder {
+    const char *missing;   /* what this build cannot read, and what it lacks; NULL: nothing */
+    hada_library *library; /* is loaded first; NULL: there is none */
+    int itself;            /* it reads from the file what it needs; 0: `data` are the whole file */
+    hada_status (*decode)(hada_decoded *out, int fd, const unsigned char *data, size_t bytes, hada_error *err);
+} hada_decoder;
+extern const hada_decoder hada_png, hada_jpeg, hada_numpy, hada_matlab, hada_matio, hada_raw;
 
 /* Whether a MATLAB file is one of version 5 to 7; the others are left to matio. */
 int hada_is_matlab_five(const unsigned char *head, size_t bytes);

@@ -2,17 +2,11 @@
 #include "io/decode.h"
 
 #ifndef HADALENS_JPEG
-hada_status hada_decode_jpeg(hada_decoded *out, int fd, size_t bytes, hada_error *err)
-{
-    (void)out, (void)fd, (void)bytes;
-    return hada_fail(err, HADA_ERROR_UNSUPPORTED,
-                     "a JPEG file, which this build cannot read; build with TurboJPEG (Debian: libturbojpeg0-dev)");
-}
+const hada_decoder hada_jpeg = {
+    .missing = "a JPEG file, which this build cannot read; build with TurboJPEG (Debian: libturbojpeg0-dev)"};
 #else
 #include <hadalens/response.h>
 #include <turbojpeg.h>
-
-#include "core/library.h"
 
 static struct {
     __typeof__(tjInitDecompress) *create;
@@ -32,17 +26,13 @@ static const hada_symbol symbols[] = {
 static hada_library library = {HADALENS_JPEG, "JPEG files cannot be read", "libturbojpeg0",
                                symbols,       HADA_COUNT(symbols),         0};
 
-hada_status hada_decode_jpeg(hada_decoded *out, int fd, size_t bytes, hada_error *err)
+static hada_status decode(hada_decoded *out, int fd, const unsigned char *data, size_t bytes, hada_error *err)
 {
-    unsigned char *data = NULL;
     hada_tiff_page *page = &out->page;
     int subsampling, colours;
     tjhandle jpeg = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_library_load(&library, err));
-    if (fd < 0)
-        return HADA_OK;
-    HADA_TRY(hada_decode_read(&data, fd, bytes, err));
+    (void)fd;
     jpeg = api.create();
     if (!jpeg)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory to read a JPEG file"));
@@ -68,7 +58,8 @@ hada_status hada_decode_jpeg(hada_decoded *out, int fd, size_t bytes, hada_error
 done:
     if (jpeg)
         api.destroy(jpeg);
-    free(data);
     return status;
 }
+
+const hada_decoder hada_jpeg = {.library = &library, .decode = decode};
 #endif

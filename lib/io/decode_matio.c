@@ -2,18 +2,11 @@
 #include "io/decode.h"
 
 #ifndef HADALENS_MATIO
-hada_status hada_decode_matio(hada_decoded *out, int fd, size_t bytes, hada_error *err)
-{
-    (void)out, (void)fd, (void)bytes;
-    return hada_fail(
-        err, HADA_ERROR_UNSUPPORTED,
-        "a MATLAB file of version 7.3, which this build cannot read; save it as -v7, or build with matio (Debian: "
-        "libmatio-dev)");
-}
+const hada_decoder hada_matio = {
+    .missing = "a MATLAB file of version 7.3, which this build cannot read; save it as -v7, or build with matio "
+               "(Debian: libmatio-dev)"};
 #else
 #include <matio.h>
-
-#include "core/library.h"
 
 static struct {
     __typeof__(Mat_Open) *open;
@@ -78,15 +71,13 @@ static hada_status find_largest(matvar_t **largest, mat_t *file, hada_error *err
                                 "this MATLAB file holds no array of real numbers of 2 to 4 dimensions");
 }
 
-hada_status hada_decode_matio(hada_decoded *out, int fd, size_t bytes, hada_error *err)
+static hada_status decode(hada_decoded *out, int fd, const unsigned char *data, size_t bytes, hada_error *err)
 {
     char path[32];
     mat_t *file = NULL;
     matvar_t *variable = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_library_load(&library, err));
-    if (fd < 0)
-        return HADA_OK;
+    (void)data;
     snprintf(path, sizeof path, "/dev/fd/%d", fd);
     file = api.open(path, MAT_ACC_RDONLY);
     if (!file)
@@ -110,4 +101,6 @@ done:
     api.close(file);
     return status;
 }
+
+const hada_decoder hada_matio = {.library = &library, .itself = 1, .decode = decode};
 #endif

@@ -75,13 +75,14 @@ static hada_status read_shape(hada_array *array, const char *text, hada_error *e
     return HADA_OK;
 }
 
-hada_status hada_decode_numpy(hada_decoded *out, int fd, size_t bytes, hada_error *err)
+static hada_status decode(hada_decoded *out, int fd, const unsigned char *data, size_t bytes, hada_error *err)
 {
     unsigned char head[BEFORE_LENGTH + 4] = {0};
     char text[MOST_TEXT + 1] = {0};
     unsigned char *memory = NULL;
     hada_array array = {0};
     hada_status status = HADA_OK;
+    (void)data;
     if (bytes < sizeof head || hada_read_at(fd, head, sizeof head, 0))
         return damaged(err, "length");
     const int wide = head[6] >= 2;
@@ -107,3 +108,5 @@ done:
     free(memory);
     return status;
 }
+
+const hada_decoder hada_numpy = {.itself = 1, .decode = decode};

@@ -2,17 +2,11 @@
 #include "io/decode.h"
 
 #ifndef HADALENS_PNG
-hada_status hada_decode_png(hada_decoded *out, int fd, size_t bytes, hada_error *err)
-{
-    (void)out, (void)fd, (void)bytes;
-    return hada_fail(err, HADA_ERROR_UNSUPPORTED,
-                     "a PNG file, which this build cannot read; build with libpng (Debian: libpng-dev)");
-}
+const hada_decoder hada_png = {.missing =
+                                   "a PNG file, which this build cannot read; build with libpng (Debian: libpng-dev)"};
 #else
 #include <png.h>
 #include <setjmp.h>
-
-#include "core/library.h"
 
 #define FUNCTIONS(EACH)                                                                                                \
     EACH(create_read_struct)                                                                                           \
@@ -118,19 +112,15 @@ static hada_status read_rows(png_structp png, unsigned char **rows, const source
     return HADA_OK;
 }
 
-hada_status hada_decode_png(hada_decoded *out, int fd, size_t bytes, hada_error *err)
+static hada_status decode(hada_decoded *out, int fd, const unsigned char *data, size_t bytes, hada_error *err)
 {
     const uint16_t one = 1;
-    source from = {.bytes = bytes};
-    unsigned char *data = NULL, **rows = NULL;
+    source from = {.data = data, .bytes = bytes};
+    unsigned char **rows = NULL;
     png_structp png = NULL;
     png_infop info = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_library_load(&library, err));
-    if (fd < 0)
-        return HADA_OK;
-    HADA_TRY(hada_decode_read(&data, fd, bytes, err));
-    from.data = data;
+    (void)fd;
     png = api.create_read_struct(PNG_LIBPNG_VER_STRING, &from, keep_error, drop_warning);
     info = png ? api.create_info_struct(png) : NULL;
     if (!info)
@@ -153,7 +143,9 @@ hada_status hada_decode_png(hada_decoded *out, int fd, size_t bytes, hada_error 
 done:
     if (png)
         api.destroy_read_struct(&png, &info, NULL);
-    HADA_FREE(rows, data);
+    free(rows);
     return status;
 }
+
+const hada_decoder hada_png = {.library = &library, .decode = decode};
 #endif

@@ -3,18 +3,12 @@
 #include "io/decode.h"
 
 #ifndef HADALENS_RAW
-hada_status hada_decode_raw(hada_decoded *out, int fd, size_t bytes, hada_error *err)
-{
-    (void)out, (void)fd, (void)bytes;
-    return hada_fail(err, HADA_ERROR_UNSUPPORTED,
-                     "a camera's raw file, which this build cannot read; build with LibRaw (Debian: libraw-dev)");
-}
+const hada_decoder hada_raw = {
+    .missing = "a camera's raw file, which this build cannot read; build with LibRaw (Debian: libraw-dev)"};
 #else
 #include <hadalens/limits.h>
 #include <hadalens/response.h>
 #include <libraw/libraw.h>
-
-#include "core/library.h"
 
 static struct {
     __typeof__(libraw_init) *create;
@@ -107,20 +101,16 @@ static hada_status take_values(hada_decoded *out, const libraw_data_t *raw, hada
     return HADA_OK;
 }
 
-hada_status hada_decode_raw(hada_decoded *out, int fd, size_t bytes, hada_error *err)
+static hada_status decode(hada_decoded *out, int fd, const unsigned char *data, size_t bytes, hada_error *err)
 {
-    unsigned char *data = NULL;
     hada_tiff_page *page = &out->page;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_library_load(&library, err));
-    if (fd < 0)
-        return HADA_OK;
-    HADA_TRY(hada_decode_read(&data, fd, bytes, err));
+    (void)fd;
     libraw_data_t *raw = api.create(0);
     if (!raw)
-        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory to read a raw file"));
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory to read a raw file");
     api.on_error(raw, NULL, NULL); /* which would print */
-    int code = api.open(raw, data, bytes);
+    int code = api.open(raw, (void *)(uintptr_t)data, bytes);
     if (code)
         HADA_TRY_OR_DONE(failed(code, err));
     HADA_TRY_OR_DONE(hada_tiff_budget((uint64_t)raw->sizes.raw_height * raw->sizes.raw_width, 0, bytes, err));
@@ -136,9 +126,9 @@ hada_status hada_decode_raw(hada_decoded *out, int fd, size_t bytes, hada_error 
     out->encoding = HADA_RESPONSE_LINEAR;
     out->mosaic = mosaic_of(raw);
 done:
-    if (raw)
-        api.destroy(raw);
-    free(data);
+    api.destroy(raw);
     return status;
 }
+
+const hada_decoder hada_raw = {.library = &library, .decode = decode};
 #endif

@@ -221,10 +221,7 @@ static hada_status add_name(char ***names, int *count, int *room, const char *na
 {
     if (*count == *room) {
         *room = *room ? 2 * *room : 32;
-        char **more = realloc(*names, (size_t)*room * sizeof *more);
-        if (!more)
-            return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the names of a folder's files");
-        *names = more;
+        HADA_TRY(HADA_GROW(*names, (size_t)*room, "the names of a folder's files", err));
     }
     const hada_status status = hada_path_format(&(*names)[*count], err, "%s", name);
     *count += !status;

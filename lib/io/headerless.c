@@ -1,10 +1,9 @@
-#include "io/headerless.h"
+#include "io/decode.h"
 
 #include <hadalens/headerless.h>
 #include <limits.h>
 #include <pthread.h>
 
-#include "io/decode.h"
 #include "io/text.h"
 
 /* Beyond it, a size is a mistake. */

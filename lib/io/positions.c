@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "core/input.h"
 #include "io/folder.h"
 #include "io/text.h"
@@ -35,11 +35,8 @@ static hada_status read_line(hada_positions *of, char *line, const char *folder,
     if (numbers < 2 || (!last && *at) || !isfinite(number[0]) || !isfinite(number[1]) ||
         (numbers == 3 && !(number[2] >= 0.0 && isfinite(number[2]))))
         return HADA_OK;
-    hada_position *more = realloc(of->list, (size_t)(of->count + 1) * sizeof *more);
-    if (!more)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the positions of point spread functions");
-    of->list = more;
-    more += of->count;
+    HADA_TRY(HADA_GROW(of->list, (size_t)of->count + 1, "the positions of point spread functions", err));
+    hada_position *more = &of->list[of->count];
     *more = (hada_position){.x = number[0], .y = number[1], .distance = number[2], .place = of->count};
     HADA_TRY(hada_path_format(&more->path, err, *line == '/' ? "%s%s" : "%s/%s", *line == '/' ? "" : folder, line));
     of->count++;

@@ -2,7 +2,7 @@
 #ifndef HADA_IO_POSITIONS_H
 #define HADA_IO_POSITIONS_H
 
-#include "core/error.h"
+#include "core/base.h"
 
 typedef struct hada_position {
     char *path;      /* as it can be opened */

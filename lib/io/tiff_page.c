@@ -539,10 +539,7 @@ static hada_status append(hada_tiff_chain *chain, uint64_t offset, size_t *room,
 {
     if (chain->count == *room) {
         *room = *room ? *room * 2 : 16;
-        uint64_t *grown = realloc(chain->pages, *room * sizeof *grown);
-        if (!grown)
-            return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the list of pages");
-        chain->pages = grown;
+        HADA_TRY(HADA_GROW(chain->pages, *room, "the list of pages", err));
     }
     chain->pages[chain->count++] = offset;
     return HADA_OK;

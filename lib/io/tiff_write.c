@@ -280,9 +280,7 @@ static hada_status write_page(hada_tiff_writer *w, const hada_image *image, int 
         size_t bytes = (size_t)rows * row_bytes;
         if (w->tif && TIFFWriteEncodedStrip(w->tif, (uint32_t)strip, w->strip, (tmsize_t)bytes) < 0)
             return failed(w, err);
-        hada_status status = w->tif ? HADA_OK : hada_outfile_write(&w->file, w->strip, bytes, err);
-        if (status)
-            return status;
+        HADA_TRY(w->tif ? HADA_OK : hada_outfile_write(&w->file, w->strip, bytes, err));
     }
     return !w->tif || TIFFWriteDirectory(w->tif) ? HADA_OK : failed(w, err);
 }

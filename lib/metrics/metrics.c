@@ -135,9 +135,7 @@ done:
 static hada_status mean_difference(const hada_image *a, const hada_image *b, const unsigned char *mask, int power,
                                    double *out, hada_error *err)
 {
-    hada_status status = hada_images_check_pair(a, b, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_images_check_pair(a, b, err));
     const size_t pixels = (size_t)a->rows * (size_t)a->cols;
     double sum = 0.0;
     size_t used = 0;
@@ -222,9 +220,7 @@ hada_status hada_metric_compare(hada_metric metric, const hada_image *a, const h
 hada_status hada_metric_sharpness(const hada_image *image, const unsigned char *mask, double *out, hada_error *err)
 {
     HADA_NEED(image && out, err);
-    hada_status status = hada_images_check_pair(image, image, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_images_check_pair(image, image, err));
     const int rows = image->rows, cols = image->cols;
     double sum = 0.0;
     size_t used = 0;

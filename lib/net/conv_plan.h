@@ -70,4 +70,27 @@ static inline int hada_conv_group_tile(const hada_conv_pass *pass)
     return pass->pixels * HADA_CONV_GROUP_ITEMS / (pass->lanes > 8 ? pass->lanes / 8 : 1);
 }
 
+/* A convolution on its device, and the launches of each implementation. */
+
+struct hada_conv {
+    hada_slot *slot;
+    hada_conv_plan plan;
+    hada_buffer weights[HADA_CONV_PASSES], scratch;
+    int has_weights;
+};
+
+/* What is done with a finished sum (hada_conv_epilogue). */
+typedef struct hada_conv_finish {
+    hada_floats bias;
+    hada_activation activation;
+    float slope;
+    const hada_tensor *mask, *pooled; /* NULL: none */
+    int accumulate;
+} hada_conv_finish;
+
+static inline cl_mem hada_conv_mask(const hada_conv_finish *finish)
+{
+    return finish->mask ? finish->mask->mem : NULL;
+}
+
 #endif

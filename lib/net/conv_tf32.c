@@ -92,9 +92,7 @@ static double difference(const comparison *c)
 static void end(comparison *c)
 {
     free(c->expected);
-    hada_buffer *const buffers[] = {&c->x, &c->y, &c->weights, &c->bias};
-    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
-        hada_buffer_destroy(buffers[i]);
+    HADA_DESTROY_BUFFERS(&c->x, &c->y, &c->weights, &c->bias);
 }
 
 /* Channels that fill no block, several tiles of pixels and several steps, by both sizes of tiles: 20 x 21 pixels are

@@ -79,11 +79,4 @@ typedef struct hada_enhance_shape {
     int content_cells; /* in a row of the map of content */
 } hada_enhance_shape;
 
-hada_status hada_enhance_shape_of(const hada_context *context, const hada_enhance_desc *desc, hada_enhance_shape *shape,
-                                  hada_error *err);
-
-/* Where a tile of one axis begins: its own pixels, and those with halo. */
-int hada_enhance_core_at(int tile, int core, int full);
-int hada_enhance_tile_at(int tile, int core, int tile_size, int full);
-
 #endif

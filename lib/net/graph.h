@@ -57,7 +57,6 @@ hada_status hada_graph_forward(hada_graph *graph, hada_error *err);
  * parameters, at the parameters' offsets of `gradients` (net->trained floats; accumulate: added to; mem NULL: not
  * wanted this time), and that of the input. The gradient of the output does not survive. */
 const hada_tensor *hada_graph_output_gradient(const hada_graph *graph);
-const hada_tensor *hada_graph_input_gradient(const hada_graph *graph);
 hada_status hada_graph_backward(hada_graph *graph, hada_floats gradients, int accumulate, hada_error *err);
 
 /* Asked on the way of backward, layer by layer from the last: the gradients from float `from` on are final once what is

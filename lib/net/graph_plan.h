@@ -70,9 +70,6 @@ hada_status hada_graph_plan_make(graph_plan *plan, const hada_context *context, 
                                  const hada_graph_options *options, hada_error *err);
 void hada_graph_plan_free(graph_plan *plan);
 
-/* graph_nodes.c: fills the nodes: sizes, what is fused, aliased, recomputed, masked. */
-hada_status hada_graph_nodes_make(graph_plan *plan, const hada_context *context, hada_error *err);
-
 /* The convolution of a node. */
 hada_conv_desc hada_graph_conv_desc(const graph_plan *plan, const graph_node *node);
 
@@ -94,12 +91,5 @@ struct hada_graph {
     hada_graph_ready ready; /* NULL: nobody watches */
     void *ready_user;
 };
-
-/* A parameter of a node in an array of all of them. */
-hada_floats hada_graph_parameter(const hada_graph *graph, hada_floats all, int node, int colour, int which);
-
-/* One layer. */
-hada_status hada_graph_run_forward(hada_graph *graph, const graph_step *step, hada_error *err);
-hada_status hada_graph_run_backward(hada_graph *graph, const graph_step *step, hada_error *err);
 
 #endif

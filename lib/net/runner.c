@@ -51,8 +51,7 @@ hada_status hada_net_runner_create(hada_net_runner **out, hada_context *context,
     hada_status status = HADA_OK;
     hada_net_runner *runner = NULL;
     hada_size size;
-    if (!out || !context || !net)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_runner_create: an argument is missing");
+    HADA_NEED(out && context && net, err);
     *out = NULL;
     const hada_net_info *info = hada_net_get_info(net);
     HADA_TRY_OR_DONE(hada_net_output_size(net, rows, cols, &size, err));
@@ -73,16 +72,13 @@ done:
 
 void hada_net_runner_destroy(hada_net_runner **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_net_runner *runner = hada_taken(pointer);
+    if (!runner)
         return;
-    hada_net_runner *runner = *pointer;
-    *pointer = NULL;
     if (runner->slot)
         hada_slot_finish(runner->slot, NULL);
     hada_graph_destroy(&runner->graph);
-    hada_buffer_destroy(&runner->values);
-    hada_buffer_destroy(&runner->in);
-    hada_buffer_destroy(&runner->out);
+    HADA_DESTROY_BUFFERS(&runner->values, &runner->in, &runner->out);
     hada_slot_destroy(&runner->slot);
     free(runner);
 }
@@ -92,8 +88,7 @@ hada_status hada_net_bytes(hada_context *context, const hada_net *net, int rows,
 {
     hada_dry dry;
     hada_net_runner *runner;
-    if (!context || !net || !bytes)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_bytes: an argument is missing");
+    HADA_NEED(context && net && bytes, err);
     hada_dry_begin(&dry, context);
     const hada_status status = hada_net_runner_create(&runner, &dry.context, net, rows, cols, err);
     *bytes = hada_context_bytes(&dry.context);
@@ -104,8 +99,7 @@ hada_status hada_net_bytes(hada_context *context, const hada_net *net, int rows,
 
 hada_status hada_net_run(hada_net_runner *runner, const hada_image *in, hada_image *out, hada_error *err)
 {
-    if (!runner || !in || !out)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_run: an argument is missing");
+    HADA_NEED(runner && in && out, err);
     if (in->channels != runner->channels || in->rows != runner->rows || in->cols != runner->cols)
         return hada_fail(err, HADA_ERROR_SIZE,
                          "the image has %d channel(s) of %d x %d pixels; the net was made ready for %d of %d x %d",

@@ -113,8 +113,7 @@ static json_t *describe_layer(const hada_layer *layer)
 
 hada_status hada_net_describe(const hada_net *net, char **out, hada_error *err)
 {
-    if (!out || !net)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_describe: net and out are needed");
+    HADA_NEED(out && net, err);
     json_t *layers = json_array();
     int bad = !layers;
     for (int i = 0; i < net->count; i++)
@@ -223,8 +222,7 @@ static hada_status read_list(hada_net **out, const json_t *root, uint64_t most, 
 hada_status hada_net_create(hada_net **out, const char *description, uint64_t seed, hada_error *err)
 {
     hada_limits limits = {.size = sizeof limits};
-    if (!out || !description)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_create: out and description are needed");
+    HADA_NEED(out && description, err);
     *out = NULL;
     const hada_status status = hada_limits_get(&limits, err);
     return status ? status : hada_net_create_within(out, description, limits.parameters, seed, err);

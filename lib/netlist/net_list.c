@@ -42,9 +42,7 @@ hada_status hada_net_begin(hada_net **out, int colours, hada_error *err)
     if (colours < 1 || colours > MOST_COLOURS)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a net shared by %d channels: 1 to %d can be", colours,
                          MOST_COLOURS);
-    const hada_status status = HADA_NEW(net, 1, "a net", err);
-    if (status)
-        return status;
+    HADA_TRY(HADA_NEW(net, 1, "a net", err));
     net->colours = colours;
     *out = net;
     return HADA_OK;
@@ -52,14 +50,10 @@ hada_status hada_net_begin(hada_net **out, int colours, hada_error *err)
 
 void hada_net_destroy(hada_net **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_net *net = hada_taken(pointer);
+    if (!net)
         return;
-    hada_net *net = *pointer;
-    *pointer = NULL;
-    free(net->layers);
-    free(net->parameters);
-    free(net->values);
-    free(net);
+    HADA_FREE(net->layers, net->parameters, net->values, net);
 }
 
 hada_layer hada_layer_of(hada_layer_kind kind, const char *name, int input)
@@ -85,10 +79,7 @@ hada_status hada_net_add(hada_net *net, const hada_layer *layer, int *index, had
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a net has more than %d layers", MOST_LAYERS);
     if (net->count == net->room) {
         const int room = net->room ? 2 * net->room : 32;
-        hada_layer *layers = realloc(net->layers, (size_t)room * sizeof *layers);
-        if (!layers)
-            return hada_fail(err, HADA_ERROR_MEMORY, "no memory for a net");
-        net->layers = layers;
+        HADA_TRY(HADA_GROW(net->layers, (size_t)room, "a net", err));
         net->room = room;
     }
     if (index)

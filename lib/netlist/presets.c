@@ -2,7 +2,6 @@
 #include "netlist/net_list.h"
 
 #include "core/callers.h"
-#include "netlist/weights_file.h"
 
 enum { MOST_LEVELS = 16, MOST_CONVS = 16 };
 
@@ -150,8 +149,7 @@ done:
 hada_status hada_net_create_unet(hada_net **out, const hada_unet_options *options, uint64_t seed, hada_error *err)
 {
     hada_status status = HADA_OK;
-    if (!out || !options)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_create_unet: out and options are needed");
+    HADA_NEED(out && options, err);
     HADA_TRY_OR_DONE(hada_unet_make(out, options, err));
     HADA_TRY_OR_DONE(hada_net_init(*out, seed, err));
 done:
@@ -163,8 +161,7 @@ done:
 hada_status hada_net_create_preset(hada_net **out, const char *preset, int channels, uint64_t seed, hada_error *err)
 {
     hada_unet_options options;
-    if (!out || !preset)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_create_preset: out and preset are needed");
+    HADA_NEED(out && preset, err);
     *out = NULL;
     hada_unet_options_init(&options);
     options.channels = options.out_channels = channels;

@@ -1,4 +1,4 @@
-#include "netlist/weights_file.h"
+#include "netlist/net_list.h"
 
 /* The tensor of a parameter, checked. */
 static hada_status find(const hada_parameter *parameter, const hada_tensors *file, const char *prefix,
@@ -88,12 +88,9 @@ hada_status hada_net_write(const hada_net *net, hada_tensors_writer *writer, had
 hada_status hada_net_load_weights(hada_net *net, const char *path, const char *prefix, hada_error *err)
 {
     hada_tensors *file = NULL;
-    if (!net || !path)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_load_weights: net and path are needed");
-    hada_status status = hada_tensors_open(&file, path, err);
-    if (status)
-        return status;
-    status = hada_net_read(net, file, prefix ? prefix : "", err);
+    HADA_NEED(net && path, err);
+    HADA_TRY(hada_tensors_open(&file, path, err));
+    hada_status status = hada_net_read(net, file, prefix ? prefix : "", err);
     if (status)
         hada_error_prefix(err, "%s: ", path);
     hada_tensors_close(&file);
@@ -103,17 +100,15 @@ hada_status hada_net_load_weights(hada_net *net, const char *path, const char *p
 hada_status hada_net_load(hada_net **out, const char *path, hada_error *err)
 {
     hada_tensors *file = NULL;
-    if (!out || !path)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_load: out and path are needed");
+    HADA_NEED(out && path, err);
     *out = NULL;
-    hada_status status = hada_tensors_open(&file, path, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_tensors_open(&file, path, err));
     const char *description = hada_tensors_meta(file, HADA_NET_META);
-    status = description ? hada_net_from_file(out, description, file, "", err)
-                         : hada_fail(err, HADA_ERROR_FILE_FORMAT,
-                                     "there is no description of a net in the metadata (\"" HADA_NET_META
-                                     "\"); weights alone are loaded into a net with hada_net_load_weights()");
+    hada_status status = description
+                             ? hada_net_from_file(out, description, file, "", err)
+                             : hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                                         "there is no description of a net in the metadata (\"" HADA_NET_META
+                                         "\"); weights alone are loaded into a net with hada_net_load_weights()");
     if (status)
         hada_error_prefix(err, "%s: ", path);
     hada_tensors_close(&file);
@@ -125,8 +120,7 @@ hada_status hada_net_save(const hada_net *net, const char *path, hada_error *err
     hada_status status = HADA_OK;
     hada_tensors_writer *writer = NULL;
     char *description = NULL;
-    if (!net || !path)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_save: net and path are needed");
+    HADA_NEED(net && path, err);
     HADA_TRY_OR_DONE(hada_net_describe(net, &description, err));
     HADA_TRY_OR_DONE(hada_tensors_create(&writer, path, err));
     HADA_TRY_OR_DONE(hada_tensors_put_meta(writer, HADA_NET_META, description, err));

@@ -1,7 +1,440 @@
 /* Masks: what they do to light at a point. */
+#include <hadalens/camera.h>
+
+#include "core/callers.h"
+#include "core/random.h"
 #include "optics/mask.h"
 
-#include "core/random.h"
+/* The nearest of many points, found by buckets. */
+
+#define BUCKETS_MOST 512 /* a side */
+
+static int bucket_of(const hada_sites *sites, double position)
+{
+    const int bucket = (int)((position + sites->half) / sites->size);
+    return bucket < 0 ? 0 : bucket >= sites->buckets ? sites->buckets - 1 : bucket;
+}
+
+static int bucket_at(const hada_sites *sites, int i)
+{
+    return bucket_of(sites, sites->y[i]) * sites->buckets + bucket_of(sites, sites->x[i]);
+}
+
+/* Sites by buckets: counting sort, from the last to the first, so that a bucket's keep their order. */
+static hada_status sort(hada_sites *sites, hada_error *err)
+{
+    const size_t all = (size_t)sites->buckets * (size_t)sites->buckets;
+    HADA_TRY(HADA_NEW(sites->first, all + 1, "places of a mask", err));
+    HADA_TRY(HADA_NEW(sites->order, (size_t)sites->count, "places of a mask", err));
+    for (int i = 0; i < sites->count; i++)
+        sites->first[bucket_at(sites, i)]++;
+    for (size_t k = 1; k <= all; k++)
+        sites->first[k] += sites->first[k - 1];
+    for (int i = sites->count - 1; i >= 0; i--)
+        sites->order[--sites->first[bucket_at(sites, i)]] = i;
+    return HADA_OK;
+}
+
+void hada_sites_free(hada_sites *sites)
+{
+    HADA_FREE(sites->x, sites->y, sites->first, sites->order);
+    *sites = (hada_sites){0};
+}
+
+typedef struct search {
+    double x, y, square;
+    int best;
+} search;
+
+static void look(const hada_sites *sites, int row, int col, search *s)
+{
+    if (row < 0 || col < 0 || row >= sites->buckets || col >= sites->buckets)
+        return;
+    const int bucket = row * sites->buckets + col;
+    for (int k = sites->first[bucket]; k < sites->first[bucket + 1]; k++) {
+        const int i = sites->order[k];
+        const double dx = s->x - sites->x[i], dy = s->y - sites->y[i], square = dx * dx + dy * dy;
+        if (square < s->square || (square == s->square && i < s->best)) {
+            s->square = square;
+            s->best = i;
+        }
+    }
+}
+
+/* Rings of buckets round the point's own, until none nearer can be left. */
+static double nearest_square(const hada_sites *sites, double x, double y)
+{
+    search s = {x, y, HUGE_VAL, -1};
+    const int row = bucket_of(sites, y), col = bucket_of(sites, x);
+    for (int ring = 0; ring <= sites->buckets; ring++) {
+        const double free_of_sites = (ring - 1) * sites->size;
+        if (ring > 1 && free_of_sites * free_of_sites > s.square)
+            break;
+        for (int i = -ring; i <= ring; i++) {
+            const int whole = i == -ring || i == ring;
+            for (int j = -ring; j <= ring; j += whole || !ring ? 1 : 2 * ring)
+                look(sites, row + i, col + j, &s);
+        }
+    }
+    return s.square;
+}
+
+/* The sites that may be nearest to a point of a bucket: none is farther from its middle than the nearest, and the
+ * bucket's diagonal. Counts them, and writes them where there is room. */
+static int candidates(const hada_sites *sites, int row, int col, int *to)
+{
+    const double x = (col + 0.5) * sites->size - sites->half, y = (row + 0.5) * sites->size - sites->half;
+    const double limit = sqrt(nearest_square(sites, x, y)) + 1.4143 * sites->size;
+    const int low_row = bucket_of(sites, y - limit), high_row = bucket_of(sites, y + limit),
+              low_col = bucket_of(sites, x - limit), high_col = bucket_of(sites, x + limit);
+    int count = 0;
+    for (int r = low_row; r <= high_row; r++)
+        for (int c = low_col; c <= high_col; c++)
+            for (int k = sites->first[r * sites->buckets + c]; k < sites->first[r * sites->buckets + c + 1]; k++) {
+                const int i = sites->order[k];
+                const double dx = sites->x[i] - x, dy = sites->y[i] - y;
+                if (dx * dx + dy * dy > limit * limit)
+                    continue;
+                if (to)
+                    to[count] = i;
+                count++;
+            }
+    return count;
+}
+
+/* From the sites in each bucket to those that matter to it, which a search then goes through. */
+static hada_status replace_by_candidates(hada_sites *sites, hada_error *err)
+{
+    const int all = sites->buckets * sites->buckets;
+    int *first = NULL, *order = NULL, *kept;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(HADA_NEW(first, (size_t)all + 1, "places of a mask", err));
+    for (int b = 0; b < all; b++)
+        first[b + 1] = first[b] + candidates(sites, b / sites->buckets, b % sites->buckets, NULL);
+    HADA_TRY_OR_DONE(HADA_NEW(order, (size_t)first[all], "places of a mask", err));
+    for (int b = 0; b < all; b++)
+        candidates(sites, b / sites->buckets, b % sites->buckets, order + first[b]);
+    kept = sites->first, sites->first = first, first = kept;
+    kept = sites->order, sites->order = order, order = kept;
+done: /* the old lists, or new ones that failed */
+    HADA_FREE(first, order);
+    return status;
+}
+
+hada_status hada_sites_make(hada_sites *sites, double *x, double *y, int count, double half_width, hada_error *err)
+{
+    /* a little wider, so that points that round to its border lie inside */
+    *sites = (hada_sites){.x = x, .y = y, .count = count, .half = 1.02 * half_width};
+    sites->buckets = (int)ceil(sqrt((double)count));
+    sites->buckets = sites->buckets < BUCKETS_MOST ? sites->buckets : BUCKETS_MOST;
+    sites->size = 2.0 * sites->half / sites->buckets;
+    HADA_TRY(sort(sites, err));
+    return replace_by_candidates(sites, err);
+}
+
+int hada_sites_nearest(const hada_sites *sites, double x, double y, double *square)
+{
+    search s = {x, y, HUGE_VAL, -1};
+    if (fabs(x) <= sites->half && fabs(y) <= sites->half)
+        look(sites, bucket_of(sites, y), bucket_of(sites, x), &s);
+    else /* no bucket's: all of them */
+        for (int b = 0; b < sites->buckets * sites->buckets; b++)
+            look(sites, b / sites->buckets, b % sites->buckets, &s);
+    *square = s.square;
+    return s.best;
+}
+
+/* Smooth random surfaces, and their level lines. */
+
+/* White noise on a lattice of `step`, smoothed by [1 2 1]/4 SMOOTHINGS times (variance step^2 / 2 each) and
+ * interpolated by cubic B-splines (variance step^2 / 3). A kernel of variance s^2 gives the autocorrelation
+ * exp(-r^2 / 4 s^2), so l = 2 s. */
+#define SMOOTHINGS 7
+#define MARGIN     (SMOOTHINGS + 3) /* nodes beyond the square, on either side */
+
+/* Along one axis; `stride` from node to node. The ends are lost: they lie in the margin. */
+static void smooth_line(double *line, int count, int stride)
+{
+    double before = line[0];
+    for (int i = 1; i + 1 < count; i++) {
+        double *at = line + (size_t)i * (size_t)stride;
+        const double here = *at;
+        *at = 0.25 * (before + 2.0 * here + at[stride]);
+        before = here;
+    }
+}
+
+hada_status hada_surface_make(hada_surface *surface, uint64_t seed, double correlation, double half_width,
+                              hada_error *err)
+{
+    *surface = (hada_surface){0};
+    const double step = correlation / (2.0 * sqrt(SMOOTHINGS / 2.0 + 1.0 / 3.0));
+    const int inside = (int)ceil(2.0 * half_width / step) + 1, count = inside + 2 * MARGIN;
+    void *memory;
+    HADA_TRY(
+        hada_allocated(memory = hada_alloc((size_t)count * (size_t)count, sizeof(double), "a random surface", err)));
+    *surface = (hada_surface){memory, count, -half_width - MARGIN * step, step};
+    double *node = memory;
+    const size_t nodes = (size_t)count * (size_t)count;
+    hada_random random;
+    hada_random_seed(&random, seed, HADA_SEQUENCE_SURFACE);
+    for (size_t i = 0; i < nodes; i++)
+        node[i] = hada_random_normal(&random);
+    for (int pass = 0; pass < SMOOTHINGS; pass++)
+        for (int i = 0; i < count; i++) {
+            smooth_line(node + (size_t)i * (size_t)count, count, 1);
+            smooth_line(node + i, count, count);
+        }
+    double sum = 0.0, squares = 0.0;
+    for (int r = MARGIN; r < count - MARGIN; r++)
+        for (int c = MARGIN; c < count - MARGIN; c++) {
+            const double value = node[(size_t)r * (size_t)count + (size_t)c];
+            sum += value;
+            squares += value * value;
+        }
+    const double number = (double)inside * inside, mean = sum / number;
+    const double scale = 1.0 / sqrt(squares / number - mean * mean);
+    for (size_t i = 0; i < nodes; i++)
+        node[i] = (node[i] - mean) * scale;
+    return HADA_OK;
+}
+
+void hada_surface_free(hada_surface *surface)
+{
+    free(surface->node);
+    *surface = (hada_surface){0};
+}
+
+/* The four cubic B-splines that reach a point at 0 <= t < 1 after its node, and their derivatives. */
+static void splines(double t, double value[4], double derivative[4])
+{
+    const double u = 1.0 - t;
+    value[0] = u * u * u / 6.0;
+    value[1] = (4.0 - 6.0 * t * t + 3.0 * t * t * t) / 6.0;
+    value[2] = (4.0 - 6.0 * u * u + 3.0 * u * u * u) / 6.0;
+    value[3] = t * t * t / 6.0;
+    derivative[0] = -0.5 * u * u;
+    derivative[1] = 1.5 * t * t - 2.0 * t;
+    derivative[2] = 2.0 * u - 1.5 * u * u;
+    derivative[3] = 0.5 * t * t;
+}
+
+double hada_surface_at(const hada_surface *surface, double x, double y, double gradient[2])
+{
+    const double across = (x - surface->origin) / surface->step, down = (y - surface->origin) / surface->step;
+    const int col = (int)floor(across), row = (int)floor(down);
+    double bx[4], dx[4], by[4], dy[4], value = 0.0, gx = 0.0, gy = 0.0;
+    splines(across - col, bx, dx);
+    splines(down - row, by, dy);
+    for (int i = 0; i < 4; i++) {
+        const double *node = surface->node + (size_t)(row + i - 1) * (size_t)surface->count + (size_t)(col - 1);
+        const double line = bx[0] * node[0] + bx[1] * node[1] + bx[2] * node[2] + bx[3] * node[3];
+        value += by[i] * line;
+        gy += dy[i] * line;
+        gx += by[i] * (dx[0] * node[0] + dx[1] * node[1] + dx[2] * node[2] + dx[3] * node[3]);
+    }
+    if (gradient) {
+        gradient[0] = gx / surface->step;
+        gradient[1] = gy / surface->step;
+    }
+    return value;
+}
+
+static int add_point(hada_contour *points, double x, double y)
+{
+    if (points->count == points->room) {
+        const int room = points->room ? 2 * points->room : 4096;
+        double *more_x = realloc(points->x, (size_t)room * sizeof(double));
+        if (more_x)
+            points->x = more_x;
+        double *more_y = realloc(points->y, (size_t)room * sizeof(double));
+        if (more_y)
+            points->y = more_y;
+        if (!more_x || !more_y)
+            return 0;
+        points->room = room;
+    }
+    points->x[points->count] = x;
+    points->y[points->count++] = y;
+    return 1;
+}
+
+/* Where the surface changes its sign between neighbours of a lattice, by the straight line between them. */
+static hada_status contour_points(const hada_surface *surface, double half_width, double step,
+                                  const hada_monitor *monitor, hada_contour *out, hada_error *err)
+{
+    const int half = (int)floor(half_width / step), across = 2 * half + 1;
+    hada_contour points = {0};
+    void *memory = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(
+        hada_allocated(memory = hada_alloc(2 * (size_t)across, sizeof(double), "rows of a random surface", err)));
+    double *above = memory, *here = above + across;
+    int room = 1;
+    *out = points;
+    for (int r = 0; r < across && room; r++) {
+        HADA_TRY_OR_DONE(hada_monitor_check(monitor, err));
+        const double at_y = (r - half) * step;
+        for (int c = 0; c < across && room; c++) {
+            const double at_x = (c - half) * step;
+            here[c] = hada_surface_at(surface, at_x, at_y, NULL);
+            if (c && (here[c - 1] < 0.0) != (here[c] < 0.0))
+                room = add_point(&points, at_x - step * here[c] / (here[c] - here[c - 1]), at_y);
+            if (r && room && (above[c] < 0.0) != (here[c] < 0.0))
+                room = add_point(&points, at_x, at_y - step * here[c] / (here[c] - above[c]));
+        }
+        double *swap = above;
+        above = here;
+        here = swap;
+    }
+    if (!room)
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for contour lines"));
+    if (!points.count)
+        HADA_TRY_OR_DONE(
+            hada_fail(err, HADA_ERROR_ARGUMENT,
+                      "the random landscape has no contour line in the aperture; use a smaller correlation "
+                      "length or another seed"));
+    *out = points;
+    points = (hada_contour){0};
+done:
+    HADA_FREE(memory, points.x, points.y);
+    return status;
+}
+
+/* Where the lenses or holes of a mask are. */
+
+/* Full darts thrown again from the start, and darts for one lens, before the lenses are said not to fit. */
+#define PLACEMENTS 64
+#define DARTS      4000
+/* Spacings looked at in all placements, a second or two: where lenses fit, far fewer are. */
+#define LOOKS 1e9
+
+/* A point spread evenly over a disc, drawn from the square round it. */
+static void dart(hada_random *random, double radius, double *x, double *y)
+{
+    do {
+        *x = hada_random_range(random, -radius, radius);
+        *y = hada_random_range(random, -radius, radius);
+    } while (*x * *x + *y * *y > radius * radius);
+}
+
+/* Whether the i-th centre keeps the bounds of spacing to those before it. */
+static int keeps(const hada_camera *camera, const double *x, const double *y, int i)
+{
+    const double least = camera->minimum_spacing_mm, most = camera->maximum_spacing_mm;
+    int near = !i || !(most > 0.0);
+    for (int j = 0; j < i; j++) {
+        const double dx = x[i] - x[j], dy = y[i] - y[j], square = dx * dx + dy * dy;
+        if (square < least * least)
+            return 0;
+        near |= square <= most * most;
+    }
+    return near;
+}
+
+static int place(const hada_camera *camera, hada_random *random, double *x, double *y, double *looks)
+{
+    const double radius = (camera->aperture_mm - camera->minimum_spacing_mm) / 2.0;
+    for (int i = 0; i < camera->lenses; i++) {
+        int darts = 0, fits = 0;
+        while (!fits && darts++ < DARTS && *looks < LOOKS) {
+            *looks += i;
+            dart(random, radius, &x[i], &y[i]);
+            fits = keeps(camera, x, y, i);
+        }
+        if (!fits)
+            return 0;
+    }
+    return 1;
+}
+
+typedef struct node {
+    int row, col;
+} node;
+
+/* By distance from the axis, then row by row. */
+static int nearer(const void *a, const void *b)
+{
+    const node *m = a, *n = b;
+    const int one = m->row * m->row + m->col * m->col, other = n->row * n->row + n->col * n->col;
+    return one != other ? (one > other) - (one < other) : m->row != n->row ? m->row - n->row : m->col - n->col;
+}
+
+/* The nodes of a square lattice nearest to the axis; 0 where they do not fit. */
+static int lattice(const hada_camera *camera, double *x, double *y)
+{
+    enum { REACH = 40, ACROSS = 2 * REACH + 1 }; /* a disc of radius 40 has more than 4096 nodes */
+    node *nodes = malloc(sizeof *nodes * ACROSS * ACROSS);
+    if (!nodes)
+        return -1;
+    for (int i = 0; i < ACROSS * ACROSS; i++)
+        nodes[i] = (node){i / ACROSS - REACH, i % ACROSS - REACH};
+    qsort(nodes, ACROSS * ACROSS, sizeof *nodes, nearer);
+    const double period = camera->minimum_spacing_mm, radius = (camera->aperture_mm - period) / 2.0;
+    const node *last = &nodes[camera->lenses - 1];
+    const double reach = period * sqrt((double)(last->row * last->row + last->col * last->col));
+    for (int i = 0; i < camera->lenses; i++) {
+        x[i] = nodes[i].col * period;
+        y[i] = nodes[i].row * period;
+    }
+    free(nodes);
+    return reach <= radius * (1.0 + 1e-12);
+}
+
+/* How far from the axis the outermost of a square lattice's nodes nearest to it is, in periods. */
+static double lattice_radius(int nodes)
+{
+    for (int square = 0;; square++) {
+        const int reach = (int)sqrt((double)square);
+        int inside = 0;
+        for (int i = -reach; i <= reach; i++)
+            for (int j = -reach; j <= reach; j++)
+                inside += i * i + j * j <= square;
+        if (inside >= nodes)
+            return sqrt((double)square);
+    }
+}
+
+static hada_status place_on_lattice(const hada_camera *camera, double *x_mm, double *y_mm, hada_error *err)
+{
+    const int fits = lattice(camera, x_mm, y_mm);
+    if (fits < 0)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the lens positions");
+    if (!fits)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "%d lenses on a grid of %g mm do not fit into an aperture of %g mm; use fewer lenses, a "
+                         "smaller period or a larger aperture",
+                         camera->lenses, camera->minimum_spacing_mm, camera->aperture_mm);
+    return HADA_OK;
+}
+
+static hada_status place_at_random(const hada_camera *camera, double *x_mm, double *y_mm, hada_error *err)
+{
+    hada_random random;
+    hada_random_seed(&random, camera->seed, HADA_SEQUENCE_LENSES);
+    double looks = 0.0;
+    for (int attempt = 0; attempt < PLACEMENTS && looks < LOOKS; attempt++)
+        if (place(camera, &random, x_mm, y_mm, &looks))
+            return HADA_OK;
+    return hada_fail(err, HADA_ERROR_ARGUMENT,
+                     "%d lenses at least %g mm apart do not fit at random into an aperture of %g mm%s; use fewer "
+                     "lenses, a smaller spacing (about %.3g mm) or a larger aperture",
+                     camera->lenses, camera->minimum_spacing_mm, camera->aperture_mm,
+                     camera->maximum_spacing_mm > 0.0 ? " with the greatest spacing asked for" : "",
+                     0.6 * camera->aperture_mm / sqrt(camera->lenses));
+}
+
+hada_status hada_camera_lenses(const hada_camera *callers, double *x_mm, double *y_mm, hada_error *err)
+{
+    HADA_NEED(callers && x_mm && y_mm, err);
+    hada_camera own, *camera = &own;
+    HADA_TRY(hada_camera_take(camera, callers, err));
+    if (!hada_mask_has_lenses(camera))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a mask of kind '%s' has no lenses",
+                         hada_enum_name(HADA_ENUM_MASK, (int)camera->mask));
+    return camera->mask == HADA_MASK_GRID ? place_on_lattice(camera, x_mm, y_mm, err)
+                                          : place_at_random(camera, x_mm, y_mm, err);
+}
 
 #define SCAN        512  /* points across the aperture, for bounds and pictures of the whole */
 #define PATH_ERROR  1e-5 /* millimetres: a fiftieth of a wavelength, by points instead of lines */
@@ -51,7 +484,7 @@ static hada_status make_contour(hada_mask_design *design, hada_error *err)
     double step = fmin(camera->correlation_mm / LINE_POINTS, sqrt(8.0 * camera->focal_length_mm * PATH_ERROR));
     step = fmin(step, camera->pixel_pitch_mm / 4.0);
     step = fmax(step, camera->aperture_mm / 8192.0);
-    HADA_TRY_OR_DONE(hada_contour_points(&landscape, half, step, design->monitor, &points, err));
+    HADA_TRY_OR_DONE(contour_points(&landscape, half, step, design->monitor, &points, err));
     design->bend = 1.0 / camera->focal_length_mm;
     design->feature = fmin(camera->lens_diameter_mm, camera->aperture_mm);
     HADA_TRY_OR_DONE(hada_sites_make(&design->sites, points.x, points.y, points.count, half, err));
@@ -183,7 +616,7 @@ hada_status hada_camera_set_mask(hada_camera *camera, hada_mask mask, hada_error
         return HADA_OK;
     camera->mask = mask;
     if (mask == HADA_MASK_GRID) {
-        camera->minimum_spacing_mm = camera->aperture_mm / (2.0 * hada_lattice_radius(camera->lenses) + 1.0);
+        camera->minimum_spacing_mm = camera->aperture_mm / (2.0 * lattice_radius(camera->lenses) + 1.0);
         camera->maximum_spacing_mm = 0.0;
     } else if (mask == HADA_MASK_DIFFUSER) {
         camera->correlation_mm = camera->aperture_mm / 40.0;

@@ -39,9 +39,6 @@ static inline double hada_mask_power(const hada_camera *camera)
     return camera->mask == HADA_MASK_APERTURE ? 0.0 : 1.0 / camera->focal_length_mm;
 }
 
-/* How far from the axis the outermost of a square lattice's nodes nearest to it is, in periods. */
-double hada_lattice_radius(int nodes);
-
 /* A smooth random surface on a lattice, between whose nodes are cubic B-splines: twice differentiable, of mean 0 and
  * variance 1 at the nodes, with an autocorrelation of nearly exp(-r^2 / l^2). Made with IEEE operations only, so a seed
  * gives the same bits everywhere. */
@@ -78,10 +75,6 @@ typedef struct hada_contour {
     double *x, *y; /* malloc'ed */
     int count, room;
 } hada_contour;
-
-/* Points along the surface's level lines at 0, about `step` apart; the monitor is asked on the way. On failure none. */
-hada_status hada_contour_points(const hada_surface *surface, double half_width, double step,
-                                const hada_monitor *monitor, hada_contour *out, hada_error *err);
 
 typedef struct hada_mask_design {
     hada_camera camera;
@@ -159,9 +152,5 @@ static inline double hada_rays_at(const hada_rays *rays, int row, int col)
 {
     return rays->sum[(size_t)(row + rays->margin) * (size_t)rays->cols + (size_t)(col + rays->margin)];
 }
-
-/* PSF of a mask without lenses by rays: adds to `sum`, rows x cols, all rays making 1. */
-hada_status hada_psf_rays(const hada_mask_design *design, double distance_mm, int rows, int cols, double *sum,
-                          hada_error *err);
 
 #endif

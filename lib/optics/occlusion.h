@@ -30,11 +30,6 @@ void hada_lenses_destroy(hada_lenses *lenses);
 void hada_lens_labels(const hada_camera *camera, const hada_lenses *lenses, double distance_mm, int rows, int cols,
                       double axis_row, double axis_col, int *labels);
 
-/* Points of a lens's outline relative to its centre (mm), on a square grid of 2 half + 1 across its diameter: those
- * that are in the aperture and nearer to no other centre. Of a patch: those where the mask is open. `x` and `y` hold (2
- * half + 1)^2; returns how many. */
-int hada_lens_outline(const hada_camera *camera, const hada_lenses *lenses, int lens, int half, double *x, double *y);
-
 /* What a lens sees of a plane behind opaque planes. Internal. */
 
 /* Weights over pixels of a nearer plane's opacity that hide pixel (r, c) of a farther plane from one lens:
@@ -73,14 +68,5 @@ typedef struct hada_patch_light {
     double least;
     int rows, cols;
 } hada_patch_light;
-
-/* Of rows x cols pixels with the axis at (axis_row, axis_col). The patches must outlive it. */
-hada_status hada_patch_light_make(hada_patch_light *light, const hada_lenses *patches, double distance_mm, int rows,
-                                  int cols, double axis_row, double axis_col, hada_error *err);
-void hada_patch_light_free(hada_patch_light *light);
-
-/* The share of a patch; labels: hada_lens_labels() of the patches on the same grid. */
-hada_status hada_patch_light_share(hada_patch_light *light, int patch, const int *labels, float *share,
-                                   hada_error *err);
 
 #endif

@@ -20,8 +20,7 @@ static hada_status mtf_create(hada_mtf *mtf, hada_context *context, int rows, in
     const int grid_rows = hada_fft_good_size(2 * rows), grid_cols = hada_fft_good_size(2 * cols);
     const hada_fft_desc desc =
         hada_fft_of(HADA_FFT_FORWARD, grid_rows, grid_cols, 1, (hada_rectangle){0, 0, rows, cols});
-    const hada_fft_desc back =
-        hada_fft_of(HADA_FFT_INVERSE, grid_rows, grid_cols, 1, (hada_rectangle){0, 0, grid_rows, grid_cols});
+    const hada_fft_desc back = hada_fft_whole(HADA_FFT_INVERSE, grid_rows, grid_cols, 1);
     void *values = NULL;
     HADA_TRY(hada_slot_create(&mtf->slot, context, err));
     HADA_TRY(hada_fft_create(&mtf->forward, mtf->slot, &desc, err));

@@ -23,8 +23,7 @@ static hada_status make_plans(hada_simulator *s, hada_error *err)
 {
     const hada_camera *c = &s->camera;
     const int images = c->channels > s->psf_images ? c->channels : s->psf_images;
-    const hada_fft_desc psf =
-        hada_fft_of(HADA_FFT_FORWARD, s->rows, s->cols, 1, (hada_rectangle){0, 0, s->rows, s->cols});
+    const hada_fft_desc psf = hada_fft_whole(HADA_FFT_FORWARD, s->rows, s->cols, 1);
     /* the sensor's first pixel is the transform's first pixel, or as far behind it as the field goes beyond */
     const int row0 = field_origin(c->rows, c->window_rows, s->field.rows),
               col0 = field_origin(c->cols, c->window_cols, s->field.cols);

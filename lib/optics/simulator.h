@@ -89,12 +89,6 @@ hada_status hada_simulator_otf(hada_simulator *simulator, hada_place place, hada
 hada_status hada_simulator_add_image(hada_simulator *simulator, const hada_image *image, const hada_buffer *otf,
                                      int add, hada_error *err);
 
-/* The frame's spectrum of layers that hide each other: opaque ones hide those that lie behind by more than `gap`
- * (1/mm). `reach`, where given, has a row of `count` for each layer: which of the others can hide some of its light at
- * all. `lens` as for hada_simulator_render_occluded. */
-hada_status hada_simulator_add_layers(hada_simulator *simulator, const hada_layer *layers, int count, int lens,
-                                      double gap, const unsigned char *reach, hada_error *err);
-
 /* From the frame's spectrum to the frame, with noise as hada_simulator_render says. */
 hada_status hada_simulator_finish(hada_simulator *simulator, double noise, uint64_t seed, hada_image *raw,
                                   hada_error *err);

@@ -44,25 +44,9 @@ typedef struct hada_wave_spot {
     double chirp; /* 1/z + 1/d - 1/f: the field behind a lens is exp(i pi chirp u^2 / lambda) */
 } hada_wave_spot;
 
-/* Sizes of a spot: HADA_ERROR_UNSUPPORTED where they are too large. */
-hada_status hada_wave_spot_size(const hada_wave *wave, double distance_mm, double wavelength_mm, double path_scale,
-                                hada_wave_spot *spot, hada_error *err);
-
-/* The phase of a lens along an axis, `points` complex values (interleaved) and zeros up to `pitch`: its chirp, and a
- * slope that puts the spot `shift` samples (of the field on the sensor) from where the transform has its middle. */
-void hada_wave_phase(const hada_wave_spot *spot, double wavelength_mm, double shift, float *phase);
-
 /* Their buffers, as launches take them. */
 typedef struct hada_wave_lens_memory *hada_wave_lens_array;
 typedef struct hada_wave_pixel_memory *hada_wave_pixel_array;
-
-/* The lenses and the lines between them. */
-hada_status hada_wave_lens_tables(const hada_mask_design *design, hada_wave_lens **lenses, hada_wave_plane **planes,
-                                  int *plane_count, hada_error *err);
-
-/* The area of all lenses; the design's monitor is asked. */
-hada_status hada_wave_lens_area(const hada_mask_design *design, const hada_wave_lens *lenses,
-                                const hada_wave_plane *planes, double *area, hada_error *err);
 
 /* Launches, each a kernel. Buffers as the kernels' heads say. */
 hada_status hada_wave_launch_pupil(hada_slot *slot, cl_mem field, cl_mem phase, hada_wave_lens_array lenses,
@@ -82,17 +66,5 @@ hada_status hada_wave_launch_sensor(hada_slot *slot, cl_mem image, cl_mem part, 
  * begins at `pixel`: `samples` and `pixels` of them. */
 void hada_wave_share(hada_wave_pixel *table, int pixels, double pixel, double width, int samples, double begin,
                      double step);
-
-/* Phase of free space over `distance` for frequencies 0 .. count - 1 (negative above n/2) of n samples of `step`: the
- * transfer function exp(-i pi lambda distance f^2), interleaved; 0 beyond the frequency `limit`. */
-void hada_wave_travel_phase(float *phase, int count, int n, double step, double wavelength_mm, double distance_mm,
-                            double limit);
-
-/* A channel of a PSF, added to `sum` (rows x cols); *light: what all light of the mask adds up to. path_scale: the
- * mask's optical path at the wavelength, over that at 587.6 nm. */
-hada_status hada_wave_by_lens(hada_wave *wave, double distance_mm, double wavelength_mm, double path_scale, int rows,
-                              int cols, double *sum, double *light, hada_error *err);
-hada_status hada_wave_whole(hada_wave *wave, double distance_mm, double wavelength_mm, double path_scale, int rows,
-                            int cols, double *sum, double *light, hada_error *err);
 
 #endif

@@ -25,4 +25,20 @@ hada_status hada_tone_pixels(uint32_t **pixels, int width, int height, const had
  * such helix inside sRGB on a grid of 5 degrees and 0.005 of chroma. */
 uint32_t hada_colormap(double at);
 
+/* Images as a stream of pictures for a display. */
+
+typedef struct hada_display {
+    int jpeg;     /* 1: JPEG pictures; 0: bytes red, green, blue */
+    double white; /* that pictures are shown with; 0: none was shown yet */
+    void *jpegs;  /* the encoder's */
+    unsigned char *bytes;
+    size_t room; /* bytes that are allocated */
+} hada_display;
+
+/* Shows linear light in sRGB, or light^gamma if gamma is above 0. White follows the images' 99.9th percentile by a
+ * quarter of the difference with each image. *bytes: the picture, which stays until the next call. */
+hada_status hada_display_draw(hada_display *display, const hada_image *image, double gamma, const unsigned char **bytes,
+                              size_t *count, hada_error *err);
+void hada_display_end(hada_display *display);
+
 #endif

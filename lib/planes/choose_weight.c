@@ -2,7 +2,7 @@
 #include <hadalens/response.h>
 #include <stdlib.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "launch/filter_hold_out.h"
 #include "planes/weight_search.h"
 

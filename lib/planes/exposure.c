@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "core/finite.h"
 #include "image/pixels.h"
 #include "image/statistics.h"

@@ -6,7 +6,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "filter/hadamard.h"
 #include "launch/filter_hold_out.h"
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "launch/refine.h"
 #include "launch/refine_move.h"
 #include "refine/admm_steps.h"

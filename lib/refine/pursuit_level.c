@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "launch/refine.h"
 
 enum { MARGIN = 2 /* pixels: the window is wider by this on every side, for the blur of its edge */ };

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 
 /* A set that was refined, and the energy that it left. */
 struct hada_known_residual {

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 
 /* Pixels along a tile; looks at pairs of pixels each way, and at pixels. */
 enum { TILE = 8, PAIR = 2, FAR_LOOKS = 3, NEAR_LOOKS = 2 };

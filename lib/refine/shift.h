@@ -4,7 +4,7 @@
 
 #include <stddef.h>
 
-#include "core/error.h"
+#include "core/base.h"
 #include "kernels/shared_refine.h"
 
 /* Weights of Lanczos' window of three lobes (C. Duchon, J. Applied Meteorology 18, 1979) by which an image moves by

@@ -1,7 +1,349 @@
 /* Registration of the pairs of one depth; registered scenes. */
-
 #include "core/callers.h"
 #include "register/register_inside.h"
+
+/* Shifts between depths, from their PSFs. */
+
+hada_status hada_register_psf(hada_image *psf, double *pitch, const hada_image *raws, const hada_image *scenes,
+                              int count, const hada_registration *registration, hada_error *err)
+{
+    hada_register_set set = {0};
+    hada_register_level level = {0};
+    hada_status status = HADA_OK;
+    if (!(registration->magnification > 0.0))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a magnification of %g is not possible",
+                         registration->magnification);
+    *psf = (hada_image){0};
+    HADA_TRY_OR_DONE(hada_register_set_create(&set, raws, scenes, count, err));
+    int size = HADA_REGISTER_COARSE;
+    while (size < HADA_REGISTER_FINEST && 2 * size <= 1.2 * set.frame_side)
+        size *= 2;
+    HADA_TRY_OR_DONE(hada_register_level_create(&level, &set, size, err));
+    HADA_TRY_OR_DONE(hada_register_level_take(&level, registration, err));
+    HADA_TRY_OR_DONE(hada_image_create(psf, 1, size - 1, size - 1, err));
+    hada_register_level_psf(&level, psf->data);
+    *pitch = level.pitch;
+done:
+    hada_register_level_destroy(&level);
+    hada_register_set_destroy(&set);
+    return status;
+}
+
+/* Two PSFs on a grid that holds both without wrapping half of them. */
+typedef struct match {
+    hada_small_fft fft;
+    hada_register_plane plane; /* the one that is scaled */
+    float *work, *other;       /* complex: the transform of the other one */
+    int side;
+    double other_energy;
+} match;
+
+typedef struct peak {
+    double log_scale, row, col, likeness;
+} peak;
+
+static double energy_of(const float *x, size_t count)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < count; i++)
+        sum += (double)x[2 * i] * x[2 * i];
+    return sum;
+}
+
+/* The largest correlation coefficient over all shifts, at one scale. */
+static hada_status correlate(match *m, peak *at, hada_error *err)
+{
+    const int n = m->fft.size, mask = n - 1;
+    const size_t area = (size_t)n * (size_t)n;
+    const double per = exp(-at->log_scale);
+    const hada_register_map map = {.inverse = {{per, 0}, {0, per}}};
+    hada_register_view view;
+    HADA_TRY(hada_register_view_create(&view, &m->plane, per, err));
+    memset(m->work, 0, 2 * area * sizeof(float));
+    hada_register_sample(&view, &map, 1.0, m->side, m->side, m->work, 2 * n, 2);
+    hada_register_view_destroy(&view);
+    const double energy = energy_of(m->work, area) * m->other_energy;
+    hada_small_fft_run(&m->fft, m->work);
+    for (size_t i = 0; i < area; i++) {
+        const float re = m->work[2 * i], im = m->work[2 * i + 1], a = m->other[2 * i], b = m->other[2 * i + 1];
+        m->work[2 * i] = a * re + b * im;
+        m->work[2 * i + 1] = -(b * re - a * im); /* conjugate: a forward transform is then the inverse one */
+    }
+    hada_small_fft_run(&m->fft, m->work);
+    size_t best = 0;
+    for (size_t i = 1; i < area; i++)
+        if (m->work[2 * i] > m->work[2 * best])
+            best = i;
+    const int r = (int)(best / (size_t)n), c = (int)(best % (size_t)n);
+#define AT(row, col) ((double)m->work[2 * ((size_t)((row)&mask) * (size_t)n + (size_t)((col)&mask))])
+    at->row = (r < n / 2 ? r : r - n) + hada_parabola_top(AT(r - 1, c), AT(r, c), AT(r + 1, c));
+    at->col = (c < n / 2 ? c : c - n) + hada_parabola_top(AT(r, c - 1), AT(r, c), AT(r, c + 1));
+    at->likeness = energy > 0.0 ? AT(r, c) / ((double)area * sqrt(energy)) : 0.0;
+#undef AT
+    return HADA_OK;
+}
+
+/* Every scale from 0.4 to 2.5, then the best one by golden section. */
+static hada_status find(match *m, peak *best, hada_error *err)
+{
+    enum { SCALES = 46, SECTIONS = 12 };
+    const double widest = log(2.5), step = 2.0 * widest / SCALES, golden = 0.5 * (sqrt(5.0) - 1.0);
+    best->likeness = -1.0;
+    for (int i = 0; i <= SCALES; i++) {
+        peak at = {.log_scale = step * i - widest};
+        HADA_TRY(correlate(m, &at, err));
+        if (at.likeness > best->likeness)
+            *best = at;
+    }
+    double low = best->log_scale - step, high = best->log_scale + step;
+    peak a = {.log_scale = high - golden * (high - low)}, b = {.log_scale = low + golden * (high - low)};
+    HADA_TRY(correlate(m, &a, err));
+    HADA_TRY(correlate(m, &b, err));
+    for (int i = 0; i < SECTIONS; i++) {
+        if (a.likeness > b.likeness) {
+            high = b.log_scale;
+            b = a;
+            a.log_scale = high - golden * (high - low);
+            HADA_TRY(correlate(m, &a, err));
+        } else {
+            low = a.log_scale;
+            a = b;
+            b.log_scale = low + golden * (high - low);
+            HADA_TRY(correlate(m, &b, err));
+        }
+    }
+    const peak *finest = a.likeness > b.likeness ? &a : &b;
+    if (finest->likeness > best->likeness)
+        *best = *finest;
+    return HADA_OK;
+}
+
+/* Without the mean, into every second float of n x n. */
+static void put(const hada_image *psf, float *to, int n)
+{
+    const size_t count = hada_image_count(psf);
+    double mean = 0.0;
+    for (size_t i = 0; i < count; i++)
+        mean += psf->data[i] / (double)count;
+    for (int r = 0; r < psf->rows; r++)
+        for (int c = 0; c < psf->cols; c++)
+            to[2 * ((size_t)r * (size_t)n + (size_t)c)] =
+                (float)(psf->data[(size_t)r * (size_t)psf->cols + (size_t)c] - mean);
+}
+
+hada_status hada_register_offset(const hada_image *psf, const hada_image *other, double pitch, double *scale,
+                                 double *row, double *col, double *likeness, hada_error *err)
+{
+    if (!psf || !other || !psf->data || !other->data || psf->channels != 1 || other->channels != 1 ||
+        psf->rows != psf->cols || psf->rows != other->rows || psf->cols != other->cols || !scale || !row || !col ||
+        !likeness)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "hada_register_offset: two PSFs of one size from hada_register_psf() are needed");
+    match m = {.side = psf->rows};
+    peak best = {0};
+    int n = 2;
+    while (n < 2 * psf->rows)
+        n *= 2;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_small_fft_create(&m.fft, n, err));
+    HADA_TRY_OR_DONE(hada_register_plane_create(&m.plane, psf->data, psf->rows, psf->cols, err));
+    HADA_TRY_OR_DONE(HADA_NEW(m.work, 2 * (size_t)n * (size_t)n, "a transform", err));
+    HADA_TRY_OR_DONE(HADA_NEW(m.other, 2 * (size_t)n * (size_t)n, "a transform", err));
+    put(other, m.other, n);
+    m.other_energy = energy_of(m.other, (size_t)n * (size_t)n);
+    hada_small_fft_run(&m.fft, m.other);
+    HADA_TRY_OR_DONE(find(&m, &best, err));
+    *scale = exp(best.log_scale);
+    *row = best.row * pitch;
+    *col = best.col * pitch;
+    *likeness = best.likeness > 0.0 ? best.likeness : 0.0;
+done:
+    HADA_FREE(m.work, m.other);
+    hada_register_plane_destroy(&m.plane);
+    hada_small_fft_destroy(&m.fft);
+    return status;
+}
+
+/* From coarse to fine: every orientation, magnification and rotation on a small grid, then the best ones refined. */
+
+#define RADIANS (3.14159265358979323846 / 180.0) /* a degree */
+
+enum { MOST_DIMENSIONS = 4 };
+
+/* Log of the magnification, turn in radians, perspective by TILT. */
+typedef struct corner {
+    double at[MOST_DIMENSIONS], score;
+} corner;
+
+typedef struct search {
+    hada_register_level *level;
+    hada_registration orientation;
+    int dimensions;                /* 2: without perspective */
+    double least, most, most_turn; /* of log magnification; radians */
+    double tilt; /* perspective per unit: a step moves the frame's edge as one of magnification does */
+    const hada_monitor *monitor;
+} search;
+
+/* Of tilts beyond this, what is at one edge of the frame is a third as large as at the other. */
+#define MOST_TILT 0.5
+
+static hada_registration registration_at(const search *where, const corner *at)
+{
+    hada_registration one = where->orientation;
+    one.magnification = exp(at->at[0]);
+    one.rotation_deg = at->at[1] / RADIANS;
+    if (where->dimensions == 2)
+        return one;
+    one.perspective_row = where->tilt * at->at[2];
+    one.perspective_col = where->tilt * at->at[3];
+    return one;
+}
+
+static hada_status evaluate(const search *where, corner *at, hada_error *err)
+{
+    hada_register_level *level = where->level;
+    if (at->at[0] < where->least || at->at[0] > where->most || fabs(at->at[1]) > where->most_turn ||
+        hypot(at->at[2], at->at[3]) > MOST_TILT) {
+        at->score = 1.0; /* worse than all within */
+        return HADA_OK;
+    }
+    const hada_registration one = registration_at(where, at);
+    HADA_TRY(hada_monitor_check(where->monitor, err));
+    HADA_TRY(hada_register_level_take(level, &one, err));
+    at->score = hada_register_level_score(level, 0, 0);
+    return HADA_OK;
+}
+
+static void order(corner *c, int n)
+{
+    for (int i = 0; i < n; i++)
+        for (int k = 0; k < n - i; k++)
+            if (c[k + 1].score < c[k].score) {
+                const corner swap = c[k];
+                c[k] = c[k + 1];
+                c[k + 1] = swap;
+            }
+}
+
+/* The point `by` times the way from the worst corner through the middle of the others. */
+static corner beyond(const corner *c, int n, double by)
+{
+    corner out = {0};
+    for (int d = 0; d < n; d++) {
+        double middle = 0.0;
+        for (int i = 0; i < n; i++)
+            middle += c[i].at[d];
+        middle /= n;
+        out.at[d] = middle + by * (middle - c[n].at[d]);
+    }
+    return out;
+}
+
+/* A step of the downhill simplex (J. A. Nelder, R. Mead, Computer Journal 7, 308, 1965): of n + 1 corners, the first is
+ * the best, the last the worst. */
+static hada_status move(const search *where, corner *c, hada_error *err)
+{
+    const int n = where->dimensions;
+    corner reflected = beyond(c, n, 1.0), other;
+    HADA_TRY(evaluate(where, &reflected, err));
+    if (reflected.score < c[0].score) {
+        other = beyond(c, n, 2.0); /* expansion */
+        HADA_TRY(evaluate(where, &other, err));
+        c[n] = other.score < reflected.score ? other : reflected;
+    } else if (reflected.score < c[n - 1].score) {
+        c[n] = reflected;
+    } else {
+        other = beyond(c, n, reflected.score < c[n].score ? 0.5 : -0.5); /* contraction, outside or inside */
+        HADA_TRY(evaluate(where, &other, err));
+        if (other.score < fmin(reflected.score, c[n].score)) {
+            c[n] = other;
+        } else {
+            for (int i = 1; i <= n; i++) { /* shrinking towards the best */
+                for (int d = 0; d < n; d++)
+                    c[i].at[d] = 0.5 * (c[i].at[d] + c[0].at[d]);
+                HADA_TRY(evaluate(where, &c[i], err));
+            }
+        }
+    }
+    return HADA_OK;
+}
+
+/* How far the corners are from the best. */
+static double extent(const corner *c, int n)
+{
+    double sum = 0.0;
+    for (int i = n; i; i--)
+        for (int d = 0; d < n; d++)
+            sum += fabs(c[i].at[d] - c[0].at[d]);
+    return sum;
+}
+
+/* Improves magnification and rotation, about `step` (of log magnification, and in radians) around, within the options'
+ * range and one coarse step beyond. slantwise: the perspective as well. */
+static hada_status register_refine(hada_register_level *level, const hada_register_options *options, int slantwise,
+                                   double step, hada_registration *at, double *score, hada_error *err)
+{
+    static const double others = 0.3; /* so much of the step along the other directions */
+    const int n = slantwise ? MOST_DIMENSIONS : 2, most_steps = 30 * n;
+    const search where = {.level = level,
+                          .orientation = *at,
+                          .dimensions = n,
+                          .least = log(options->least_magnification) - HADA_REGISTER_STEP,
+                          .most = log(options->most_magnification) + HADA_REGISTER_STEP,
+                          .most_turn = (options->most_rotation_deg + HADA_REGISTER_TURN_DEG) * RADIANS,
+                          .tilt = 2.0 / level->set->frame_side,
+                          .monitor = options->monitor};
+    const corner from = {.at = {log(at->magnification), at->rotation_deg * RADIANS, at->perspective_row / where.tilt,
+                                at->perspective_col / where.tilt}};
+    corner c[MOST_DIMENSIONS + 1];
+    for (int i = 0; i <= n; i++) {
+        c[i] = from;
+        for (int d = 0; i && d < n; d++)
+            c[i].at[d] += d == i - 1 ? step : d > i - 1 ? others * step : -others * step;
+        HADA_TRY(evaluate(&where, &c[i], err));
+    }
+    for (int k = 0; k < most_steps; k++) {
+        order(c, n);
+        if (extent(c, n) < 0.01 * n * step)
+            break;
+        HADA_TRY(move(&where, c, err));
+    }
+    order(c, n);
+    *at = registration_at(&where, c);
+    *score = c[0].score;
+    return HADA_OK;
+}
+
+/* The best magnification and rotation of each of the eight orientations (4 * mirrored + quarter turns) and its score.
+ */
+static hada_status register_scan(hada_register_level *level, const hada_register_options *options,
+                                 hada_registration best[8], double scores[8], hada_error *err)
+{
+    const double from = log(options->least_magnification), to = log(options->most_magnification);
+    const int scales = 1 + (int)ceil((to - from) / HADA_REGISTER_STEP);
+    const int turns = (int)ceil(options->most_rotation_deg / HADA_REGISTER_TURN_DEG);
+    for (int o = 0; o < 8; o++) {
+        best[o] = (hada_registration){.mirrored = o / 4, .quarter_turns = o % 4, .magnification = exp(from)};
+        scores[o] = 1.0;
+    }
+    for (int i = 0; i < scales; i++)
+        for (int k = -turns; k <= turns; k++) {
+            const hada_registration at = {.magnification =
+                                              exp(from + (scales > 1 ? (to - from) * i / (scales - 1) : 0.0)),
+                                          .rotation_deg = turns ? options->most_rotation_deg * k / turns : 0.0};
+            HADA_TRY(hada_monitor_check(options->monitor, err));
+            HADA_TRY(hada_register_level_take(level, &at, err));
+            for (int o = 0; o < 8; o++) {
+                const double score = hada_register_level_score(level, o % 4, o / 4);
+                if (score >= scores[o])
+                    continue;
+                scores[o] = score;
+                best[o].magnification = at.magnification;
+                best[o].rotation_deg = o / 4 ? -at.rotation_deg : at.rotation_deg;
+            }
+        }
+    return HADA_OK;
+}
 
 /* The best orientation must explain this many times as much (in log residual) as the second best, and this much. */
 #define CLEARLY 1.5
@@ -50,8 +392,8 @@ static int is_fine(const hada_register_set *set, int size)
 }
 
 /* All orientations on the coarse grid; the best three refined there. */
-static hada_status search(const hada_register_set *set, const hada_register_options *options, hada_registration *out,
-                          double *score, hada_error *err)
+static hada_status search_all(const hada_register_set *set, const hada_register_options *options,
+                              hada_registration *out, double *score, hada_error *err)
 {
     enum { REFINED = 3 };
     hada_register_level level = {0};
@@ -59,10 +401,10 @@ static hada_status search(const hada_register_set *set, const hada_register_opti
     double scores[8];
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_register_level_create(&level, set, HADA_REGISTER_COARSE, err));
-    HADA_TRY_OR_DONE(hada_register_scan(&level, options, best, scores, err));
+    HADA_TRY_OR_DONE(register_scan(&level, options, best, scores, err));
     keep_best(best, scores, 8);
     for (int o = 0; o < REFINED; o++)
-        HADA_TRY_OR_DONE(hada_register_refine(&level, options, 0, 0.5 * HADA_REGISTER_STEP, &best[o], &scores[o], err));
+        HADA_TRY_OR_DONE(register_refine(&level, options, 0, 0.5 * HADA_REGISTER_STEP, &best[o], &scores[o], err));
     keep_best(best, scores, REFINED);
     *out = best[0];
     *score = scores[0];
@@ -101,14 +443,14 @@ hada_status hada_register_pairs(hada_registration *out, const hada_image *raws, 
     hada_registration_init(out);
     HADA_TRY_OR_DONE(hada_register_set_create(&set, raws, scenes, count, err));
     HADA_TRY_OR_DONE(check_options(&options, raws, scenes, err));
-    HADA_TRY_OR_DONE(search(&set, &options, out, &score, err));
+    HADA_TRY_OR_DONE(search_all(&set, &options, out, &score, err));
     slantwise = *out;
     for (int size = HADA_REGISTER_COARSE; size == HADA_REGISTER_COARSE || is_fine(&set, size); size *= 2) {
         const double step = HADA_REGISTER_STEP * HADA_REGISTER_COARSE / size;
         HADA_TRY_OR_DONE(hada_register_level_create(&level, &set, size, err));
         if (size > HADA_REGISTER_COARSE)
-            HADA_TRY_OR_DONE(hada_register_refine(&level, &options, 0, 0.25 * step, out, &score, err));
-        HADA_TRY_OR_DONE(hada_register_refine(&level, &options, 1, step, &slantwise, &slant_score, err));
+            HADA_TRY_OR_DONE(register_refine(&level, &options, 0, 0.25 * step, out, &score, err));
+        HADA_TRY_OR_DONE(register_refine(&level, &options, 1, step, &slantwise, &slant_score, err));
         if (size == HADA_REGISTER_COARSE) /* the grid on which orientations are compared */
             slantwise.explained = 1.0 - exp(slant_score);
         hada_register_level_destroy(&level);

@@ -101,11 +101,10 @@ hada_status hada_buffer_part(hada_buffer *part, const hada_buffer *whole, size_t
     const cl_buffer_region region = {offset, bytes};
     cl_int code;
     *part = (hada_buffer){0};
-    hada_status status = HADA_OK;
     HADA_TRY(check_range(whole, offset, bytes, err));
     cl_mem mem = clCreateSubBuffer(whole->mem, CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &region, &code);
     if (code != CL_SUCCESS) {
-        status = hada_fail_cl(err, code, "clCreateSubBuffer");
+        hada_status status = hada_fail_cl(err, code, "clCreateSubBuffer");
         hada_error_prefix(err, "%s (%.1f MiB): ", what, (double)bytes / 1048576.0);
         return status;
     }

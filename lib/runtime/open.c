@@ -32,10 +32,9 @@ static hada_status take_part(hada_context *context, int part, int parts, hada_er
 {
     cl_device_id device;
     const int index = context->info.index;
-    hada_status status = HADA_OK;
     HADA_TRY(hada_device_divide(context->device, &context->info, part, parts, &device, err));
     context->device = device;
-    status = hada_device_describe(context->platform, device, index, &context->info, err);
+    hada_status status = hada_device_describe(context->platform, device, index, &context->info, err);
     context->info.part = part;
     context->info.parts = parts;
     return status;

@@ -1,4 +1,4 @@
-#include "runtime/peaks.h"
+#include "runtime/profile.h"
 
 #include <hadalens/profile.h>
 
@@ -8,7 +8,6 @@
 #include "launch/peak_copy.h"
 #include "launch/peak_flops.h"
 #include "runtime/buffer.h"
-#include "runtime/profile.h"
 
 enum {
     WIDTH_LANES = 8,

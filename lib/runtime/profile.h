@@ -20,4 +20,17 @@ hada_status hada_slot_times(hada_slot *slot, hada_kernel_time **rows, size_t *co
  * from the end of `begin`. hada_slot_times() reports a failure to keep it. */
 void hada_profile_add(hada_slot *slot, const char *name, int transfer, cl_event begin, cl_event end);
 
+/* The kernels that find a device's ceilings. Internal; hada_device_peaks() times them, the check tool holds them. */
+
+/* Floats that a kernel takes at a time on a context's device; on CPUs peak_flops has 16 as well. */
+int hada_peak_width(const hada_context *context);
+
+/* out = in, `count` floats (a multiple of the width). */
+hada_status hada_peak_copy(hada_slot *slot, cl_mem in, cl_mem out, size_t count, hada_error *err);
+
+/* `items` work-items: out[item * width + lane] = sum over HADA_PEAK_CHAINS chains k of v, v = v * factor + term for
+ * `rounds` rounds from k + item % 16. *flops (may be NULL): operations of it all. */
+hada_status hada_peak_flops(hada_slot *slot, int width, cl_mem out, size_t items, float factor, float term, int rounds,
+                            double *flops, hada_error *err);
+
 #endif

@@ -65,12 +65,8 @@ static const char *read_row(hada_tuning_row *row, char *line)
 
 static hada_status add(hada_tuning *tuning, const hada_tuning_row *row, hada_error *err)
 {
-    if (!(tuning->count & (tuning->count - 1))) { /* grows at powers of two */
-        hada_tuning_row *rows = realloc(tuning->rows, (tuning->count ? 2 * tuning->count : 1) * sizeof *rows);
-        if (!rows)
-            return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the rows of a tuning file");
-        tuning->rows = rows;
-    }
+    if (!(tuning->count & (tuning->count - 1))) /* grows at powers of two */
+        HADA_TRY(HADA_GROW(tuning->rows, tuning->count ? 2 * tuning->count : 1, "the rows of a tuning file", err));
     tuning->rows[tuning->count++] = *row;
     return HADA_OK;
 }
@@ -129,9 +125,7 @@ void hada_tuning_destroy(hada_tuning **tuning)
 {
     if (!*tuning)
         return;
-    free((*tuning)->path);
-    free((*tuning)->rows);
-    free(*tuning);
+    HADA_FREE((*tuning)->path, (*tuning)->rows, *tuning);
     *tuning = NULL;
 }
 

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "launch/refine.h"
 #include "launch/surface_magnify.h"
 #include "surface/spline.h"

@@ -2,7 +2,7 @@
 #ifndef HADA_SURFACE_LEVEL_H
 #define HADA_SURFACE_LEVEL_H
 
-#include "core/error.h"
+#include "core/base.h"
 #include "surface/magnification.h"
 #include "surface/surface.h"
 

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "core/fft_factor.h"
 #include "launch/refine.h"
 #include "surface/spline.h"

@@ -2,7 +2,7 @@
 #ifndef HADA_SURFACE_SPLINE_H
 #define HADA_SURFACE_SPLINE_H
 
-#include "core/error.h"
+#include "core/base.h"
 #include "kernels/shared_surface.h"
 
 /* Interpolation by quintic splines (M. Unser, A. Aldroubi and M. Eden, IEEE Transactions on Signal Processing 41(2),

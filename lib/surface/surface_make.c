@@ -1,7 +1,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "refine/proximal.h"
 #include "surface/level.h"
 

@@ -21,10 +21,6 @@ void hada_region_free(hada_region *region);
 /* Cuts an image to the window, in place. */
 hada_status hada_region_cut(const hada_region *region, hada_image *image, hada_error *err);
 
-/* The mask for an image of this size, cut to the window as well: a value per pixel, freed with free(); NULL where there
- * is no mask. */
-hada_status hada_region_mask(const hada_region *region, int rows, int cols, unsigned char **mask, hada_error *err);
-
 /* The pages of a result and of its truth: which belong together, and what of them counts. Internal. */
 
 typedef struct hada_compared {
@@ -80,9 +76,5 @@ hada_status hada_evaluate_parts_beside(unsigned char **parts, const hada_compare
 hada_status hada_evaluate_emitters(hada_evaluation *one, const hada_evaluate_task *by, hada_error *err);
 
 /* Comparing a result file with its truth. Internal. */
-
-/* one->result and one->truth are given, the rest is filled in. */
-hada_status hada_evaluate_compare(hada_evaluation *one, const hada_evaluate_task *by, const hada_region *region,
-                                  hada_error *err);
 
 #endif

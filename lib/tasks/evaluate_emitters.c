@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "core/input.h"
 #include "emitters/assign.h"
 #include "io/text.h"

@@ -13,14 +13,14 @@ static hada_status distances_beside(double **out, int *count, const char *map_pa
     hada_status status = HADA_OK;
     hada_tiff_reader *reader = NULL;
     hada_error ignored;
-    char *path = NULL;
+    hada_path path;
     const size_t stem = hada_stem_of(map_path), tail = strlen(tail_word);
     int there = 0;
     *out = NULL;
     *count = 0;
     if (!hada_stem_ends(map_path, stem, tail_word))
         return HADA_OK;
-    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%.*s_stack%s", (int)(stem - tail), map_path, map_path + stem));
+    HADA_TRY_OR_DONE(hada_path_write(path, err, "%.*s_stack%s", (int)(stem - tail), map_path, map_path + stem));
     HADA_TRY_OR_DONE(hada_path_finds_file(path, &there, err));
     if (!there || hada_tiff_open(&reader, path, &ignored))
         goto done;
@@ -31,7 +31,6 @@ static hada_status distances_beside(double **out, int *count, const char *map_pa
         (*out)[z] = info->distances_mm[z];
 done:
     hada_tiff_close(&reader);
-    free(path);
     return status;
 }
 
@@ -79,22 +78,14 @@ static hada_status read_beside(hada_image *out, const char *path, const char *ta
                                const hada_region *region, hada_error *err)
 {
     const size_t stem = hada_stem_of(path), length = strlen(tail);
-    char *beside = NULL;
+    hada_path beside;
     int there = 0;
-    hada_status status = HADA_OK;
     *out = (hada_image){0};
     if (!hada_stem_ends(path, stem, tail))
         return HADA_OK;
-    HADA_TRY_OR_DONE(hada_path_format(&beside, err, "%.*s%s%s", (int)(stem - length), path, other, path + stem));
-    HADA_TRY_OR_DONE(hada_path_finds_file(beside, &there, err));
-    if (!there)
-        goto done;
-    status = read_page(out, beside, t, times, region, err);
-    if (status)
-        hada_error_prefix_path(err, beside);
-done:
-    free(beside);
-    return status;
+    HADA_TRY(hada_path_write(beside, err, "%.*s%s%s", (int)(stem - length), path, other, path + stem));
+    HADA_TRY(hada_path_finds_file(beside, &there, err));
+    return there ? hada_named(read_page(out, beside, t, times, region, err), beside, err) : HADA_OK;
 }
 
 hada_status hada_evaluate_parts_beside(unsigned char **parts, const hada_compared *open, int t,
@@ -225,8 +216,7 @@ static hada_status add_page(map_sums *sums, const hada_compared *open, int t, ha
     }
     HADA_TRY_OR_DONE(add_confidence(sums, open, t, one, region, chosen, err));
 done:
-    free(parts);
-    free(chosen);
+    HADA_FREE(parts, chosen);
     hada_image_destroy(&second);
     return status;
 }

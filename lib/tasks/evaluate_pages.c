@@ -1,12 +1,86 @@
-#include "tasks/evaluate.h"
-
+/* The pages of a result and of its truth, and the region that counts. */
 #include <hadalens/folder.h>
 #include <hadalens/response.h>
+#include <hadalens/scene.h>
+#include <hadalens/tiff.h>
 
 #include "core/callers.h"
 #include "image/pixels.h"
 #include "io/folder.h"
 #include "io/tiff_meta.h"
+#include "tasks/evaluate.h"
+
+hada_status hada_region_read(hada_region *region, const hada_evaluate_task *task, hada_error *err)
+{
+    *region = (hada_region){task->window_rows, task->window_cols, task->window_row, task->window_col, {0}};
+    if (!task->mask)
+        return HADA_OK;
+    const hada_status status = hada_tiff_load(task->mask, 0, &region->mask, err);
+    if (status)
+        hada_error_prefix(err, "%s: ", task->mask);
+    return status;
+}
+
+void hada_region_free(hada_region *region)
+{
+    hada_image_destroy(&region->mask);
+}
+
+hada_status hada_region_cut(const hada_region *region, hada_image *image, hada_error *err)
+{
+    hada_image part;
+    if (!region->rows)
+        return HADA_OK;
+    const int row = region->row < 0 ? (image->rows - region->rows) / 2 : region->row;
+    const int col = region->col < 0 ? (image->cols - region->cols) / 2 : region->col;
+    if (row < 0 || col < 0 || region->rows > image->rows - row || region->cols > image->cols - col)
+        return hada_fail(err, HADA_ERROR_SIZE, "the window %dx%d at row %d, column %d does not lie within %dx%d",
+                         region->rows, region->cols, row, col, image->rows, image->cols);
+    HADA_TRY(hada_image_crop(&part, image, row, col, region->rows, region->cols, err));
+    hada_image_destroy(image);
+    *image = part;
+    return HADA_OK;
+}
+
+/* Pixels that are not 0 in some channel; returns whether there are any. */
+static int mark(unsigned char *mask, const hada_image *image)
+{
+    const size_t pixels = (size_t)image->rows * (size_t)image->cols;
+    int any = 0;
+    for (int c = 0; c < image->channels; c++)
+        for (size_t i = 0; i < pixels; i++) {
+            const float value = image->data[(size_t)c * pixels + i];
+            any |= mask[i] |= !isnan(value) && value != 0.0f;
+        }
+    return any;
+}
+
+/* The mask for an image of this size, cut to the window as well: a value per pixel, freed with free(); NULL where there
+ * is no mask. */
+static hada_status region_mask(const hada_region *region, int rows, int cols, unsigned char **mask, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    hada_image part = {0};
+    *mask = NULL;
+    if (!region->mask.data)
+        return HADA_OK;
+    if (region->mask.rows != rows || region->mask.cols != cols)
+        return hada_fail(err, HADA_ERROR_SIZE, "the mask is %dx%d, but the images to compare are %dx%d",
+                         region->mask.rows, region->mask.cols, rows, cols);
+    HADA_TRY_OR_DONE(hada_image_crop(&part, &region->mask, 0, 0, rows, cols, err));
+    HADA_TRY_OR_DONE(hada_region_cut(region, &part, err));
+    HADA_TRY_OR_DONE(HADA_NEW(*mask, (size_t)part.rows * (size_t)part.cols, "a mask", err));
+    if (!mark(*mask, &part))
+        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_SIZE, "the mask leaves no pixel to compare: all of it is 0%s",
+                                   region->rows ? " within the window" : ""));
+done:
+    hada_image_destroy(&part);
+    if (status) {
+        free(*mask);
+        *mask = NULL;
+    }
+    return status;
+}
 
 /* Distances that are the same but for the rounding of a file's text. */
 #define SAME_DISTANCE 1e-3
@@ -63,14 +137,6 @@ static hada_status match_slices(hada_compared *open, hada_error *err)
     return HADA_OK;
 }
 
-static hada_status open_tiff(hada_tiff_reader **reader, const char *path, hada_error *err)
-{
-    const hada_status status = hada_tiff_open(reader, path, err);
-    if (status)
-        hada_error_prefix_path(err, path);
-    return status;
-}
-
 /* By how much a truth of whole frames is larger than a result of binned ones; 1 where it is none. */
 static int times_larger(const hada_tiff_info *truth, const hada_tiff_info *result)
 {
@@ -84,8 +150,8 @@ static int times_larger(const hada_tiff_info *truth, const hada_tiff_info *resul
 hada_status hada_compared_open(hada_compared *open, const char *result, const char *truth, hada_error *err)
 {
     *open = (hada_compared){.result_path = result, .truth_path = truth};
-    HADA_TRY(open_tiff(&open->result, result, err));
-    HADA_TRY(open_tiff(&open->truth, truth, err));
+    HADA_TRY(hada_named(hada_tiff_open(&open->result, result, err), result, err));
+    HADA_TRY(hada_named(hada_tiff_open(&open->truth, truth, err), truth, err));
     open->count = hada_tiff_get_info(open->truth)->frames;
     HADA_TRY(HADA_NEW(open->page, (size_t)open->count, "a list of pages", err));
     open->times = times_larger(hada_tiff_get_info(open->truth), hada_tiff_get_info(open->result));
@@ -146,14 +212,12 @@ static hada_status read_result(hada_compared_page *one, const hada_compared *ope
 {
     hada_image *result = &one->result;
     const hada_image *truth = &one->truth;
-    hada_status status = hada_tiff_read(open->result, open->page[t], result, err);
-    if (status)
-        hada_error_prefix_path(err, open->result_path);
-    else if (result->channels != truth->channels || result->rows != truth->rows || result->cols != truth->cols)
-        status = hada_fail(err, HADA_ERROR_SIZE, "%s is %dx%d with %d %s, but %s is %dx%d with %d", open->result_path,
-                           result->rows, result->cols, result->channels, result->channels == 1 ? "channel" : "channels",
-                           open->truth_path, truth->rows, truth->cols, truth->channels);
-    return status;
+    HADA_TRY(hada_named(hada_tiff_read(open->result, open->page[t], result, err), open->result_path, err));
+    if (result->channels != truth->channels || result->rows != truth->rows || result->cols != truth->cols)
+        return hada_fail(err, HADA_ERROR_SIZE, "%s is %dx%d with %d %s, but %s is %dx%d with %d", open->result_path,
+                         result->rows, result->cols, result->channels, result->channels == 1 ? "channel" : "channels",
+                         open->truth_path, truth->rows, truth->cols, truth->channels);
+    return HADA_OK;
 }
 
 hada_status hada_compared_thin(hada_image *image, int times, hada_error *err)
@@ -196,7 +260,7 @@ hada_status hada_compared_read(hada_compared_page *one, const hada_compared *ope
     HADA_TRY_OR_DONE(hada_tiff_read(open->truth, t, truth, err));
     HADA_TRY_OR_DONE(map ? hada_compared_thin(truth, open->times, err)
                          : bin(truth, open->times, open->truth_encoding, err));
-    HADA_TRY_OR_DONE(hada_region_mask(region, truth->rows, truth->cols, &one->mask, err));
+    HADA_TRY_OR_DONE(region_mask(region, truth->rows, truth->cols, &one->mask, err));
     reading_truth = 0;
     if (open->page[t] >= 0) {
         HADA_TRY_OR_DONE(read_result(one, open, t, err));

@@ -23,13 +23,6 @@ hada_status hada_fit_choose_boundary(hada_fit_options *fit, hada_context *contex
 /* Among ranks: what the first of them has found so far, as devices round differently. */
 hada_status hada_fit_agree(hada_fit_options *fit, const hada_communicator *ranks, hada_error *err);
 
-/* Fills scenes that were cut off at white with what a model of the other pairs reconstructs there. leave[depth][pair]
- * is HADA_CUT_OFF for these, and afterwards HADA_FILLED, or HADA_STAYS where a scene was no brighter. *out, empty
- * before, is freed by the caller, also where this failed. */
-hada_status hada_fit_fill_white(hada_filled_scenes *out, hada_context *context, const hada_model *model,
-                                const hada_dataset *data, unsigned char *const *leave, hada_error *err);
-void hada_filled_scenes_free(hada_filled_scenes *filled);
-
 /* What a fit ends with: filters in half precision where `half` is 1; then the model is tried before it is called one:
  * its numbers are those that a file may hold, and a frame of its `pairs` (NULL: a point of light, by its filters alone)
  * is reconstructed and not black; context NULL: no frame is, as of point spread functions, which are looked at before

@@ -250,36 +250,29 @@ static hada_status write_emitters(hada_outputs *out, const hada_emitters *emitte
         out->has_table = 1;
         hada_text_add(&text, EMITTER_COLUMNS);
     }
-    for (int i = 0; i < hada_emitters_count(emitters); i++)
-        add_emitter(&text, out->written - 1, hada_emitters_get(emitters, i));
+    for (int i = 0; i < emitters->count; i++)
+        add_emitter(&text, out->written - 1, emitters->list[i]);
     return write_text(&out->table, &text, err);
 }
 
 static hada_status track_emitters(hada_outputs *out, const hada_emitters *emitters, hada_error *err)
 {
-    const int count = hada_emitters_count(emitters);
-    const hada_emitter **list = NULL;
+    const int count = emitters->count;
     int *tracks = NULL;
     hada_status status = HADA_OK;
     if (out->tracked_count + (size_t)count > out->tracked_room) {
         const size_t room = 2 * out->tracked_room + (size_t)count;
-        hada_tracked *larger = realloc(out->tracked, room * sizeof *larger);
-        if (!larger)
-            return hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s", table_words);
-        out->tracked = larger;
+        HADA_TRY(HADA_GROW(out->tracked, room, table_words, err));
         out->tracked_room = room;
     }
-    HADA_TRY_OR_DONE(HADA_NEW(list, (size_t)count + 1, table_words, err));
-    HADA_TRY_OR_DONE(HADA_NEW(tracks, (size_t)count + 1, table_words, err));
-    for (int i = 0; i < count; i++)
-        list[i] = hada_emitters_get(emitters, i);
-    HADA_TRY_OR_DONE(hada_tracker_add(out->tracker, list, count, tracks, err));
+    HADA_TRY(HADA_NEW(tracks, (size_t)count + 1, table_words, err));
+    HADA_TRY_OR_DONE(hada_tracker_add(out->tracker, emitters->list, count, tracks, err));
     for (int i = 0; i < count; i++) {
-        out->tracked[out->tracked_count++] = (hada_tracked){tracks[i], out->written - 1, *list[i]};
+        out->tracked[out->tracked_count++] = (hada_tracked){tracks[i], out->written - 1, *emitters->list[i]};
         out->tracks = tracks[i] < out->tracks ? out->tracks : tracks[i] + 1;
     }
 done:
-    HADA_FREE(list, tracks);
+    free(tracks);
     return status;
 }
 
@@ -438,8 +431,7 @@ void hada_outputs_end(hada_outputs *out)
             hada_outfile_remove(out->path[k]);
         free(out->path[k]);
     }
-    free(out->title);
-    free(out->tracked);
+    HADA_FREE(out->title, out->tracked);
     hada_tracker_destroy(&out->tracker);
     hada_image_destroy(&out->unknown);
     *out = (hada_outputs){0};

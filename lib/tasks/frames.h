@@ -9,7 +9,7 @@
 #include <hadalens/tiff.h>
 
 #include "core/outfile.h"
-#include "io/numpy_write.h"
+#include "io/encode.h"
 #include "io/text.h"
 
 /* A frame, or a file that could not be opened. */

@@ -94,7 +94,4 @@ typedef struct hada_recipe {
     hada_progress progress;
 } hada_recipe;
 
-/* All files, into an empty folder. Steps the progress once per frame. */
-hada_status hada_recipe_write(hada_recipe *recipe, const char *folder, hada_error *err);
-
 #endif

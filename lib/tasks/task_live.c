@@ -1,16 +1,320 @@
 /* Frames as they come: taken from where they come from, reconstructed, written, shown. */
 #include <errno.h>
 #include <hadalens/task_live.h>
+#include <poll.h>
+#include <pthread.h>
+#include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "core/callers.h"
 #include "core/clock.h"
 #include "dispatch/plan.h"
+#include "io/decode.h"
 #include "io/folder.h"
 #include "io/tiff_page.h"
-#include "picture/display.h"
+#include "picture/tone.h"
 #include "tasks/frames.h"
-#include "tasks/live.h"
+
+/* A thread reads all that comes, so that a camera never waits, and keeps the newest whole frame. */
+typedef struct hada_live_pipe {
+    int fd, is_file; /* an ordinary file has time: none of its frames is left out */
+    hada_headerless frames;
+    size_t bytes; /* of a frame */
+    pthread_t thread;
+    pthread_mutex_t lock;
+    pthread_cond_t changed;
+    int started, stop, ended, code; /* code: errno of a read that failed */
+    unsigned char *reading, *ready, *taken;
+    int is_ready;
+    long come, passed_over; /* whole frames so far */
+    size_t rest;            /* bytes of the frame that was begun when the pipe ended */
+} hada_live_pipe;
+
+/* What was taken from a pipe. */
+typedef struct hada_live_taken {
+    const unsigned char *data; /* of the newest frame, until the next call; NULL: none has come */
+    long number, passed_over;  /* of the frame, from 1 on; frames that were left out so far */
+    int ended;                 /* 1: no frame will come */
+} hada_live_taken;
+
+/* A file of the folder, as it was when it was last looked at. */
+typedef struct hada_live_file {
+    char *name;
+    off_t bytes;
+    struct timespec changed;
+    double still_since; /* hada_seconds() at which it was first seen like this */
+    int done;
+} hada_live_file;
+
+typedef struct hada_live_folder {
+    const char *path;
+    int newest_only; /* 1: files older than the one that is taken are left out */
+    hada_live_file *files;
+    int count;
+    long passed_over;
+    double next_look;
+} hada_live_folder;
+
+/* How often the thread looks whether it shall stop. */
+enum { STOP_MILLISECONDS = 100 };
+
+/* Reads a whole frame; 0 where the pipe has ended, or shall not be read any more. */
+static int read_frame(hada_live_pipe *pipe)
+{
+    size_t have = 0;
+    while (have < pipe->bytes) {
+        struct pollfd ready = {.fd = pipe->fd, .events = POLLIN};
+        pthread_mutex_lock(&pipe->lock);
+        const int stop = pipe->stop;
+        pthread_mutex_unlock(&pipe->lock);
+        if (stop)
+            return 0;
+        if (poll(&ready, 1, STOP_MILLISECONDS) == 0)
+            continue;
+        const ssize_t got = read(pipe->fd, pipe->reading + have, pipe->bytes - have);
+        if (got < 0 && (errno == EINTR || errno == EAGAIN))
+            continue;
+        if (got <= 0) {
+            pthread_mutex_lock(&pipe->lock);
+            pipe->code = got < 0 ? errno : 0;
+            pipe->rest = have;
+            pthread_mutex_unlock(&pipe->lock);
+            return 0;
+        }
+        have += (size_t)got;
+    }
+    return 1;
+}
+
+/* The frame that was read becomes the newest. */
+static void hand_over(hada_live_pipe *pipe)
+{
+    pthread_mutex_lock(&pipe->lock);
+    while (pipe->is_file && pipe->is_ready && !pipe->stop)
+        pthread_cond_wait(&pipe->changed, &pipe->lock);
+    unsigned char *const free_one = pipe->ready;
+    pipe->ready = pipe->reading;
+    pipe->reading = free_one;
+    pipe->passed_over += pipe->is_ready;
+    pipe->is_ready = 1;
+    pipe->come++;
+    pthread_cond_broadcast(&pipe->changed);
+    pthread_mutex_unlock(&pipe->lock);
+}
+
+static void *read_all(void *user)
+{
+    hada_live_pipe *pipe = user;
+    while (read_frame(pipe))
+        hand_over(pipe);
+    pthread_mutex_lock(&pipe->lock);
+    pipe->ended = 1;
+    pthread_cond_broadcast(&pipe->changed);
+    pthread_mutex_unlock(&pipe->lock);
+    return NULL;
+}
+
+static hada_status live_pipe_begin(hada_live_pipe *pipe, int fd, const hada_headerless *frames, hada_error *err)
+{
+    struct stat info;
+    *pipe = (hada_live_pipe){.fd = fd,
+                             .is_file = !fstat(fd, &info) && S_ISREG(info.st_mode),
+                             .frames = *frames,
+                             .bytes = (size_t)hada_headerless_bytes(frames, 1),
+                             .lock = PTHREAD_MUTEX_INITIALIZER};
+    hada_condition_init(&pipe->changed);
+    HADA_TRY(hada_allocated(pipe->reading = hada_alloc_raw(pipe->bytes, 1, "a frame", err)));
+    HADA_TRY(hada_allocated(pipe->ready = hada_alloc_raw(pipe->bytes, 1, "a frame", err)));
+    HADA_TRY(hada_allocated(pipe->taken = hada_alloc_raw(pipe->bytes, 1, "a frame", err)));
+    if (pthread_create(&pipe->thread, NULL, read_all, pipe))
+        return hada_fail(err, HADA_ERROR_MEMORY, "no thread to read frames with");
+    pipe->started = 1;
+    return HADA_OK;
+}
+
+static hada_status why_it_ended(const hada_live_pipe *pipe, hada_error *err)
+{
+    if (pipe->code)
+        return hada_fail(err, HADA_ERROR_FILE_READ, "frames cannot be read: %s", strerror(pipe->code));
+    if (!pipe->come)
+        return hada_fail(err, HADA_ERROR_FILE_READ,
+                         "the input ended after %zu bytes, before a whole frame of %zu; check the size in "
+                         "options.headerless, and that the camera runs",
+                         pipe->rest, pipe->bytes);
+    return HADA_OK;
+}
+
+/* Waits for a frame for some seconds. */
+static hada_status live_pipe_take(hada_live_pipe *pipe, double seconds, hada_live_taken *taken, hada_error *err)
+{
+    const double until = hada_seconds() + seconds;
+    hada_status status = HADA_OK;
+    int waits = 1;
+    pthread_mutex_lock(&pipe->lock);
+    while (!pipe->is_ready && !pipe->ended && waits)
+        waits = hada_condition_wait_until(&pipe->changed, &pipe->lock, until);
+    *taken = (hada_live_taken){.number = pipe->come, .passed_over = pipe->passed_over};
+    if (pipe->is_ready) {
+        unsigned char *const free_one = pipe->taken;
+        taken->data = pipe->taken = pipe->ready;
+        pipe->ready = free_one;
+        pipe->is_ready = 0;
+        pthread_cond_broadcast(&pipe->changed);
+    }
+    taken->ended = !taken->data && pipe->ended;
+    if (taken->ended)
+        status = why_it_ended(pipe, err);
+    pthread_mutex_unlock(&pipe->lock);
+    return status;
+}
+
+static void live_pipe_end(hada_live_pipe *pipe)
+{
+    if (pipe->started) {
+        pthread_mutex_lock(&pipe->lock);
+        pipe->stop = 1;
+        pthread_cond_broadcast(&pipe->changed);
+        pthread_mutex_unlock(&pipe->lock);
+        pthread_join(pipe->thread, NULL);
+    }
+    HADA_FREE(pipe->reading, pipe->ready, pipe->taken);
+    *pipe = (hada_live_pipe){0};
+}
+
+/* The folder is looked at this often, less often where a look takes long. */
+#define LOOK_SECONDS 0.05
+/* A file is whole when it has not changed for so long. */
+#define STILL_SECONDS 0.2
+
+static int is_later(struct timespec one, struct timespec other)
+{
+    return one.tv_sec > other.tv_sec || (one.tv_sec == other.tv_sec && one.tv_nsec > other.tv_nsec);
+}
+
+static int is_alike(const hada_live_file *file, const struct stat *info)
+{
+    return file->bytes == info->st_size && !is_later(info->st_mtim, file->changed) &&
+           !is_later(file->changed, info->st_mtim);
+}
+
+/* Seconds since a file was changed, by the clock of files. */
+static double age_of(const struct stat *info)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_REALTIME, &now);
+    return (double)(now.tv_sec - info->st_mtim.tv_sec) + 1e-9 * (double)(now.tv_nsec - info->st_mtim.tv_nsec);
+}
+
+/* Files and names are sorted: what was known of a name before. */
+static const hada_live_file *known(const hada_live_folder *folder, const char *name)
+{
+    for (int low = 0, high = folder->count; low < high;) {
+        const int middle = (low + high) / 2, order = strcmp(name, folder->files[middle].name);
+        if (!order)
+            return &folder->files[middle];
+        low = order > 0 ? middle + 1 : low;
+        high = order > 0 ? high : middle;
+    }
+    return NULL;
+}
+
+static void free_files(hada_live_file *files, int count)
+{
+    for (int i = 0; i < count; i++)
+        free(files[i].name);
+    free(files);
+}
+
+/* What the folder holds now. */
+static hada_status look(hada_live_folder *folder, hada_error *err)
+{
+    const double now = hada_seconds();
+    char **names = NULL;
+    int count = 0, kept = 0;
+    hada_live_file *files = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_folder_list_tiffs(folder->path, &names, &count, err));
+    HADA_TRY_OR_DONE(HADA_NEW(files, (size_t)count + 1, "the files of a folder", err));
+    for (int i = 0; i < count; i++) {
+        struct stat info;
+        hada_path path;
+        HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/%s", folder->path, names[i]));
+        if (stat(path, &info) || !S_ISREG(info.st_mode) || !info.st_size)
+            continue; /* gone again, or nothing yet */
+        const hada_live_file *before = known(folder, names[i]);
+        const int same = before && is_alike(before, &info);
+        files[kept++] = (hada_live_file){.name = names[i],
+                                         .bytes = info.st_size,
+                                         .changed = info.st_mtim,
+                                         .still_since = same ? before->still_since : now - fmax(age_of(&info), 0.0),
+                                         .done = same && before->done};
+        names[i] = NULL;
+    }
+    free_files(folder->files, folder->count);
+    folder->files = files;
+    folder->count = kept;
+    files = NULL;
+    kept = 0;
+    folder->next_look = hada_seconds() + fmax(LOOK_SECONDS, 10.0 * (hada_seconds() - now));
+done:
+    free_files(files, kept);
+    hada_names_free(&names, &count);
+    return status;
+}
+
+static hada_live_file *newest(const hada_live_folder *folder)
+{
+    const double now = hada_seconds();
+    hada_live_file *best = NULL;
+    for (int i = 0; i < folder->count; i++) {
+        hada_live_file *file = &folder->files[i];
+        if (!file->done && now - file->still_since >= STILL_SECONDS &&
+            (!best || !is_later(best->changed, file->changed)))
+            best = file;
+    }
+    return best;
+}
+
+static void pass_over(hada_live_folder *folder, const hada_live_file *than)
+{
+    for (int i = 0; i < folder->count; i++) {
+        hada_live_file *file = &folder->files[i];
+        if (file != than && !file->done && !is_later(file->changed, than->changed)) {
+            file->done = 1;
+            folder->passed_over++;
+        }
+    }
+}
+
+/* Waits for a file for some seconds. *name: the newest file that is whole and was not done as it is now; the folder's,
+ * until the next call. NULL: there is none. */
+static hada_status live_folder_take(hada_live_folder *folder, double seconds, const char **name, hada_error *err)
+{
+    const double until = hada_seconds() + seconds;
+    *name = NULL;
+    for (;;) {
+        if (hada_seconds() >= folder->next_look)
+            HADA_TRY(look(folder, err));
+        hada_live_file *file = newest(folder);
+        if (file) {
+            file->done = 1;
+            if (folder->newest_only)
+                pass_over(folder, file);
+            *name = file->name;
+            return HADA_OK;
+        }
+        if (hada_seconds() >= until)
+            return HADA_OK;
+        usleep((useconds_t)(1e6 * LOOK_SECONDS / 2));
+    }
+}
+
+static void live_folder_end(hada_live_folder *folder)
+{
+    free_files(folder->files, folder->count);
+    *folder = (hada_live_folder){0};
+}
 
 /* The caller's wish to stop is asked for this often. */
 #define STOP_SECONDS 0.05
@@ -110,7 +414,7 @@ static hada_status do_frame(run *own, const char *name, const hada_pixels *raw, 
 static void end_input(run *own)
 {
     hada_outputs_end(&own->out);
-    hada_emitters_destroy(&own->emitters);
+    hada_memory_destroy(&own->emitters);
 }
 
 /* What of a frame's failure is that of the run: nobody reads the stream, or the caller wants to stop. */
@@ -165,7 +469,7 @@ static hada_status take_file(run *own, int *came, hada_error *err)
     const char *file;
     char *name = NULL;
     hada_path path;
-    HADA_TRY(hada_live_folder_take(&own->folder, STOP_SECONDS, &file, err));
+    HADA_TRY(live_folder_take(&own->folder, STOP_SECONDS, &file, err));
     own->state.passed_over = own->folder.passed_over;
     *came = file != NULL;
     if (!file)
@@ -184,7 +488,7 @@ static hada_status take_from_pipe(run *own, int *came, int *ended, hada_error *e
     hada_error error = {0};
     hada_pixels raw;
     char name[32];
-    HADA_TRY(hada_live_pipe_take(&own->pipe, STOP_SECONDS, &taken, err));
+    HADA_TRY(live_pipe_take(&own->pipe, STOP_SECONDS, &taken, err));
     own->state.passed_over = taken.passed_over;
     *came = taken.data != NULL;
     *ended = taken.ended;
@@ -228,7 +532,7 @@ static hada_status begin_pipe(run *own, hada_error *err)
     HADA_TRY(hada_frames_check(own->plan, own->model, &own->kind, err));
     HADA_TRY(hada_allocated(own->samples = hada_alloc_raw(hada_size_product((size_t)frames.rows, (size_t)frames.cols),
                                                           2 * (size_t)frames.channels, "a frame", err)));
-    return hada_live_pipe_begin(&own->pipe, own->task.input, &frames, err);
+    return live_pipe_begin(&own->pipe, own->task.input, &frames, err);
 }
 
 static hada_status begin(run *own, const hada_live_task *task, hada_error *err)
@@ -266,8 +570,8 @@ hada_status hada_reconstruct_live(hada_plan *plan, const hada_model *model, cons
     HADA_TRY_OR_DONE(begin(&own, task, err));
     HADA_TRY_OR_DONE(take_all(&own, err));
 done:
-    hada_live_pipe_end(&own.pipe);
-    hada_live_folder_end(&own.folder);
+    live_pipe_end(&own.pipe);
+    live_folder_end(&own.folder);
     hada_display_end(&own.display);
     hada_result_destroy(&own.result);
     end_input(&own);

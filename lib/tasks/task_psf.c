@@ -55,11 +55,8 @@ typedef struct psfs {
 
 static hada_status add_capture(psfs *of, double distance, const char *folder, const char *name, hada_error *err)
 {
-    capture *more = realloc(of->capture, (size_t)(of->captures + 1) * sizeof *more);
-    if (!more)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the names of point spread functions");
-    of->capture = more;
-    more += of->captures;
+    HADA_TRY(HADA_GROW(of->capture, (size_t)of->captures + 1, "the names of point spread functions", err));
+    capture *more = &of->capture[of->captures];
     *more = (capture){.distance = distance};
     HADA_TRY(hada_path_format(&more->path, err, folder ? "%s/%s" : "%s%s", folder ? folder : "", name));
     of->captures++;

@@ -33,11 +33,9 @@ typedef struct owned_report {
 
 void hada_register_report_destroy(hada_register_report **report)
 {
-    owned_report *own = report ? (owned_report *)*report : NULL; /* its first member */
-    if (!own)
-        return;
-    *report = NULL;
-    HADA_FREE(own->depth, own->list, own);
+    owned_report *own = hada_taken(report); /* its first member */
+    if (own)
+        HADA_FREE(own->depth, own->list, own);
 }
 
 /* The pairs of a depth that are looked at, evenly spread; images are the pairs'. */
@@ -196,11 +194,13 @@ typedef struct writing {
     hada_progress progress;
 } writing;
 
-/* The size that holds the scenes of all depths, within the frame, unless it is given. */
-static hada_status choose_window(writing *w, hada_error *err)
+/* The size that holds the scenes of all depths, within the frame, unless `callers` gives it. */
+static hada_status choose_window(writing *w, const hada_register_task *callers, hada_error *err)
 {
     const hada_register_task *task = &w->task;
     hada_pair pair;
+    hada_register_task_init(&w->task);
+    HADA_TRY(HADA_OPTIONS_TAKE(&w->task, callers, hada_register_task, err));
     if (!hada_dataset_get_info(w->data)->has_files)
         return hada_fail(err, HADA_ERROR_UNSUPPORTED,
                          "only a data set of files can be given registered: apply the transforms to the scenes");
@@ -221,6 +221,14 @@ static hada_status choose_window(writing *w, hada_error *err)
         return hada_fail(err, HADA_ERROR_SIZE, "options.window %dx%d is larger than the frames, %dx%d", w->rows,
                          w->cols, raw_rows, raw_cols);
     return HADA_OK;
+}
+
+static void give_window(const writing *w, int *rows, int *cols)
+{
+    if (rows)
+        *rows = w->rows;
+    if (cols)
+        *cols = w->cols;
 }
 
 static hada_status copy_file(const char *from, const char *to, hada_error *err)
@@ -306,14 +314,9 @@ hada_status hada_register_write(const hada_register_report *report, const hada_d
 {
     writing w = {.report = report, .data = data};
     HADA_NEED(report && data && folder, err);
-    hada_register_task_init(&w.task);
-    HADA_TRY(HADA_OPTIONS_TAKE(&w.task, task, hada_register_task, err));
-    HADA_TRY(choose_window(&w, err));
+    HADA_TRY(choose_window(&w, task, err));
     HADA_TRY(hada_folder_create(folder, write_all, &w, err));
-    if (rows)
-        *rows = w.rows;
-    if (cols)
-        *cols = w.cols;
+    give_window(&w, rows, cols);
     return HADA_OK;
 }
 
@@ -339,9 +342,7 @@ hada_status hada_register_place(const hada_register_report *report, hada_dataset
     writing w = {.report = report, .data = data};
     placement *all = NULL;
     HADA_NEED(report && data, err);
-    hada_register_task_init(&w.task);
-    HADA_TRY(HADA_OPTIONS_TAKE(&w.task, task, hada_register_task, err));
-    HADA_TRY(choose_window(&w, err));
+    HADA_TRY(choose_window(&w, task, err));
     const size_t depths = (size_t)hada_dataset_get_info(data)->depths;
     HADA_TRY(hada_allocated(all = hada_alloc(1, sizeof *all + depths * sizeof *all->depth, "placed scenes", err)));
     all->rows = w.rows;
@@ -349,9 +350,6 @@ hada_status hada_register_place(const hada_register_report *report, hada_dataset
     for (size_t z = 0; z < depths; z++)
         all->depth[z] = *report->depths[z]->applied;
     hada_dataset_place(data, place_scene, all);
-    if (rows)
-        *rows = w.rows;
-    if (cols)
-        *cols = w.cols;
+    give_window(&w, rows, cols);
     return HADA_OK;
 }

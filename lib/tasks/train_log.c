@@ -22,23 +22,20 @@ enum { LOSS_NUMBERS = 12, VALIDATION_NUMBERS = 11, MOST_NUMBERS = 12 };
 
 #define MOST_STEPS 9007199254740992.0 /* 2^53 */
 
-/* Room for `count` + 1 items in a growing array. */
-static hada_status grow(void **items, size_t count, size_t *room, size_t size, hada_error *err)
+static const char what[] = "the log of a training";
+
+/* The next room of a growing array. */
+static size_t more_than(size_t room)
 {
-    if (count < *room)
-        return HADA_OK;
-    const size_t more = *room ? 2 * *room : 256;
-    void *wider = realloc(*items, more * size);
-    if (!wider)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the log of a training");
-    *items = wider;
-    *room = more;
-    return HADA_OK;
+    return room ? 2 * room : 256;
 }
 
 static hada_status remember_loss(hada_train_log *log, double step, double loss, hada_error *err)
 {
-    HADA_TRY(grow((void **)&log->loss, log->loss_count, &log->loss_room, sizeof *log->loss, err));
+    if (log->loss_count == log->loss_room) {
+        HADA_TRY(HADA_GROW(log->loss, more_than(log->loss_room), what, err));
+        log->loss_room = more_than(log->loss_room);
+    }
     log->loss[log->loss_count++] = (hada_loss_row){step, loss};
     return HADA_OK;
 }
@@ -46,8 +43,11 @@ static hada_status remember_loss(hada_train_log *log, double step, double loss, 
 static hada_status remember_row(hada_train_log *log, uint64_t step, const hada_validation *result, hada_error *err)
 {
     hada_validation *copy = NULL;
-    HADA_TRY(grow((void **)&log->rows, log->row_count, &log->row_room, sizeof *log->rows, err));
-    HADA_TRY(HADA_NEW(copy, 1, "the log of a training", err));
+    if (log->row_count == log->row_room) {
+        HADA_TRY(HADA_GROW(log->rows, more_than(log->row_room), what, err));
+        log->row_room = more_than(log->row_room);
+    }
+    HADA_TRY(HADA_NEW(copy, 1, what, err));
     *copy = *result;
     log->rows[log->row_count++] = (hada_train_row){step, copy};
     return HADA_OK;
@@ -160,10 +160,10 @@ done:
 static hada_status open_file(hada_train_log *log, const char *name, const char *head, uint64_t from, int go_on,
                              take_line take, FILE **out, hada_error *err)
 {
-    char *path = NULL;
+    hada_path path;
     hada_text text = {0};
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/%s", log->folder, name));
+    HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/%s", log->folder, name));
     hada_text_add(&text, "%s", head);
     if (go_on)
         HADA_TRY_OR_DONE(keep_lines(log, path, from, take, &text, err));
@@ -174,7 +174,6 @@ static hada_status open_file(hada_train_log *log, const char *name, const char *
     if (!*out)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_WRITE, "%s cannot be written: %s", path, strerror(errno)));
 done:
-    free(path);
     free(text.data);
     return status;
 }
@@ -218,9 +217,8 @@ hada_status hada_train_log_step(hada_train_log *log, const hada_step_report *r, 
     fprintf(log->losses, ",%d,%d", r->discriminator_only, r->rolled_back);
     put_numbers(log->losses, "%.4f", &r->seconds, 1);
     fputc('\n', log->losses);
-    const hada_status status = check(log->losses, log->folder, err);
-    return status || r->discriminator_only || r->rolled_back ? status
-                                                             : remember_loss(log, (double)r->step, r->loss, err);
+    HADA_TRY(check(log->losses, log->folder, err));
+    return r->discriminator_only || r->rolled_back ? HADA_OK : remember_loss(log, (double)r->step, r->loss, err);
 }
 
 hada_status hada_train_log_validation(hada_train_log *log, uint64_t step, const hada_validation *r, hada_error *err)
@@ -253,9 +251,7 @@ void hada_train_log_close(hada_train_log *log)
     if (log->validation)
         fclose(log->validation);
     forget_rows(log, 0);
-    free(log->folder);
-    free(log->loss);
-    free(log->rows);
+    HADA_FREE(log->folder, log->loss, log->rows);
     *log = (hada_train_log){0};
 }
 
@@ -318,12 +314,12 @@ static void draw_validation(hada_plot *plot, const hada_train_log *log, double e
 hada_status hada_train_figure(const hada_train_log *log, hada_error *err)
 {
     hada_plot *plot = NULL;
-    char *path = NULL;
+    hada_path path;
     hada_status status = HADA_OK;
     if (!log->loss_count || !hada_pictures_available())
         return HADA_OK;
     const double end = log->loss[log->loss_count - 1].step;
-    HADA_TRY_OR_DONE(hada_path_format(&path, err, "%s/training.svg", log->folder));
+    HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/training.svg", log->folder));
     HADA_TRY_OR_DONE(hada_plot_create(&plot, 660, log->row_count ? 570 : 290, err));
     draw_losses(plot, log, end);
     if (log->row_count)
@@ -331,7 +327,6 @@ hada_status hada_train_figure(const hada_train_log *log, hada_error *err)
     HADA_TRY_OR_DONE(hada_plot_save(plot, path, err));
 done:
     hada_plot_destroy(&plot);
-    free(path);
     return status;
 }
 

@@ -47,9 +47,6 @@ typedef struct hada_train_work {
     hada_train_state state;  /* what is told: depths, pairs and steps are filled in */
 } hada_train_work;
 
-/* Steps until the end, with validations, pictures, checkpoints and the best parameters on the way. */
-hada_status hada_train_loop(hada_train_work *work, hada_error *err);
-
 static inline hada_trainer_info hada_trainer_info_of(const hada_trainer *trainer)
 {
     hada_trainer_info info = {.size = sizeof info};

@@ -107,8 +107,7 @@ static hada_status put_metadata(hada_trainer *trainer, hada_tensors_writer *writ
     if (discriminator)
         HADA_TRY_OR_DONE(hada_tensors_put_meta(writer, discriminator_word, discriminator, err));
 done:
-    free(net);
-    free(discriminator);
+    HADA_FREE(net, discriminator);
     return status;
 }
 
@@ -194,8 +193,7 @@ hada_status hada_trainer_save(hada_trainer *trainer, const char *path, hada_erro
     hada_tensors_writer *writer = NULL;
     int finite = 1;
     hada_status status = HADA_OK;
-    if (!trainer || !path)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_save: trainer and path are needed");
+    HADA_NEED(trainer && path, err);
     HADA_TRY_OR_DONE(each_array(trainer, is_finite, &finite, err));
     if (!finite) {
         status = hada_snapshot_restore(&trainer->snapshot, &trainer->workers, &trainer->progress, err);
@@ -251,8 +249,7 @@ static hada_status check_facts(hada_trainer *trainer, const hada_tensors *file, 
         check_text(file, hada_tensors_meta(file, discriminator_word) ? discriminator_word : old_discriminator_word,
                    "the discriminator", discriminator, 0, err));
 done:
-    free(net);
-    free(discriminator);
+    HADA_FREE(net, discriminator);
     return status;
 }
 
@@ -359,8 +356,7 @@ hada_status hada_trainer_load(hada_trainer *trainer, const char *path, hada_erro
 {
     hada_tensors *file = NULL;
     hada_status status = HADA_OK;
-    if (!trainer || !path)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_load: trainer and path are needed");
+    HADA_NEED(trainer && path, err);
     HADA_TRY_OR_DONE(hada_tensors_open(&file, path, err));
     status = take(trainer, file, err);
     if (status)

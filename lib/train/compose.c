@@ -1,4 +1,4 @@
-#include "train/compose.h"
+#include "train/feed.h"
 
 #include "core/base.h"
 #include "core/random.h"

@@ -249,10 +249,7 @@ void hada_snapshot_free(hada_snapshot *snapshot)
         if (snapshot->states)
             free(snapshot->states[g]);
     }
-    free(snapshot->values);
-    free(snapshot->states);
-    free(snapshot->dirty);
-    free(snapshot->group_steps);
+    HADA_FREE(snapshot->values, snapshot->states, snapshot->dirty, snapshot->group_steps);
     *snapshot = (hada_snapshot){0};
 }
 

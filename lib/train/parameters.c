@@ -119,9 +119,8 @@ hada_status hada_parameters_create(hada_parameters *parameters, hada_step_images
 void hada_parameters_destroy(hada_parameters *parameters)
 {
     for (int group = 0; parameters->group && group < parameters->count; group++) {
-        hada_buffer_destroy(&parameters->group[group].values);
-        hada_buffer_destroy(&parameters->group[group].gradient);
-        hada_buffer_destroy(&parameters->group[group].state);
+        HADA_DESTROY_BUFFERS(&parameters->group[group].values, &parameters->group[group].gradient,
+                             &parameters->group[group].state);
     }
     free(parameters->group);
 }

@@ -1,9 +1,9 @@
-#include "train/planes.h"
+#include "train/examples.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "planes/maker.h"
 #include "refine/proximal.h"
 
@@ -17,29 +17,16 @@ typedef struct light_maker {
     size_t frame, window;        /* floats */
 } light_maker;
 
-static hada_fft_desc desc_of(const hada_model_info *info, hada_fft_direction direction, int row0, int col0, int rows,
-                             int cols)
-{
-    return (hada_fft_desc){.direction = direction,
-                           .rows = info->grid_rows,
-                           .cols = info->grid_cols,
-                           .batch = info->channels,
-                           .row0 = row0,
-                           .col0 = col0,
-                           .real_rows = rows,
-                           .real_cols = cols,
-                           .real_pitch = (size_t)cols,
-                           .real_distance = (size_t)rows * (size_t)cols};
-}
-
 static hada_fft_desc forward_desc(const hada_model_info *info, const hada_geometry *at)
 {
-    return desc_of(info, HADA_FFT_FORWARD, at->window_row, at->window_col, info->window_rows, info->window_cols);
+    const hada_rectangle window = {at->window_row, at->window_col, info->window_rows, info->window_cols};
+    return hada_fft_of(HADA_FFT_FORWARD, info->grid_rows, info->grid_cols, info->channels, window);
 }
 
 static hada_fft_desc inverse_desc(const hada_model_info *info, const hada_geometry *at)
 {
-    return desc_of(info, HADA_FFT_INVERSE, at->raw_row, at->raw_col, info->raw_rows, info->raw_cols);
+    const hada_rectangle frame = {at->raw_row, at->raw_col, info->raw_rows, info->raw_cols};
+    return hada_fft_of(HADA_FFT_INVERSE, info->grid_rows, info->grid_cols, info->channels, frame);
 }
 
 static size_t frame_floats(const hada_model_info *info)
@@ -51,8 +38,7 @@ static void destroy_light(light_maker *light)
 {
     hada_fft_destroy(&light->forward);
     hada_fft_destroy(&light->inverse);
-    hada_buffer_destroy(&light->image);
-    hada_buffer_destroy(&light->spectrum);
+    HADA_DESTROY_BUFFERS(&light->image, &light->spectrum);
     free(light->room);
     *light = (light_maker){0};
 }
@@ -201,18 +187,16 @@ done:
 
 void hada_planes_destroy(hada_planes **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_planes *planes = hada_taken(pointer);
+    if (!planes)
         return;
-    hada_planes *planes = *pointer;
-    *pointer = NULL;
     hada_slot_finish(planes->maker.slot, NULL);
     hada_maker_free_weights(&planes->maker);
     hada_refiner_destroy(&planes->refiner);
     hada_bank_destroy(&planes->bank);
     hada_hadamard_destroy(&planes->stage);
     destroy_light(&planes->light);
-    hada_buffer_destroy(&planes->prior);
-    hada_buffer_destroy(&planes->planes);
+    HADA_DESTROY_BUFFERS(&planes->prior, &planes->planes);
     free(planes);
 }
 

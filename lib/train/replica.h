@@ -34,13 +34,6 @@ hada_status hada_buckets_create(hada_buckets *buckets, const hada_communicator *
                                 hada_error *err);
 void hada_buckets_free(hada_buckets *buckets);
 
-/* Before the backward pass that ends a step's gradient; `ready` is hada_graph_ready, with the buckets. */
-void hada_buckets_begin(hada_buckets *buckets);
-hada_status hada_buckets_ready(void *buckets, size_t from, hada_error *err);
-
-/* After it was enqueued: waits for each bucket and adds it up over ranks. */
-hada_status hada_buckets_exchange(hada_buckets *buckets, hada_error *err);
-
 typedef struct hada_replica hada_replica;
 
 hada_status hada_replica_bytes(const hada_context *context, const hada_replica_desc *desc, size_t *bytes,

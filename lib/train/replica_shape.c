@@ -118,26 +118,12 @@ static hada_status filter_shape(const hada_context *context, const hada_replica_
     HADA_TRY(choose_form(desc, shape, err));
     shape->frame = (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols;
     shape->layout = hada_hadamard_layout(context, info);
-    shape->forward = (hada_fft_desc){.direction = HADA_FFT_FORWARD,
-                                     .rows = info->grid_rows,
-                                     .cols = info->grid_cols,
-                                     .batch = info->channels * shape->at_once,
-                                     .row0 = geometry.raw_row,
-                                     .col0 = geometry.raw_col,
-                                     .real_rows = info->raw_rows,
-                                     .real_cols = info->raw_cols,
-                                     .real_pitch = (size_t)info->raw_cols,
-                                     .real_distance = (size_t)info->raw_rows * (size_t)info->raw_cols};
-    shape->back = shape->forward;
-    shape->back.batch = info->channels;
-    shape->back.row0 = geometry.window_row;
-    shape->back.col0 = geometry.window_col;
-    shape->back.real_rows = info->window_rows;
-    shape->back.real_cols = info->window_cols;
-    shape->back.real_pitch = (size_t)info->window_cols;
-    shape->back.real_distance = shape->pixels;
-    shape->inverse = shape->back;
-    shape->inverse.direction = HADA_FFT_INVERSE;
+    const int rows = info->grid_rows, cols = info->grid_cols;
+    const hada_rectangle frame = {geometry.raw_row, geometry.raw_col, info->raw_rows, info->raw_cols};
+    const hada_rectangle window = {geometry.window_row, geometry.window_col, info->window_rows, info->window_cols};
+    shape->forward = hada_fft_of(HADA_FFT_FORWARD, rows, cols, info->channels * shape->at_once, frame);
+    shape->back = hada_fft_of(HADA_FFT_FORWARD, rows, cols, info->channels, window);
+    shape->inverse = hada_fft_of(HADA_FFT_INVERSE, rows, cols, info->channels, window);
     return HADA_OK;
 }
 

@@ -19,21 +19,6 @@ typedef struct hada_filter_step {
     hada_fft *forward, *inverse, *back; /* frames; planes; gradients of planes */
 } hada_filter_step;
 
-hada_status hada_filter_step_create(hada_filter_step *step, hada_step_images *images, hada_parameters *parameters,
-                                    hada_error *err);
-void hada_filter_step_destroy(hada_filter_step *step);
-
-/* Raw frames to planes: clipped at zero or as they are. */
-hada_status hada_filter_step_forward(hada_filter_step *step, const hada_sample *samples, int count, int clipped,
-                                     hada_error *err);
-
-/* The squared error of the planes, times `weight` over the samples; they become its gradient. */
-hada_status hada_filter_step_error(hada_filter_step *step, int count, double weight, hada_error *err);
-
-/* The gradients of `count` planes, in their place, to those of filters. */
-hada_status hada_filter_step_backward(hada_filter_step *step, const hada_sample *samples, int count,
-                                      unsigned char *touched, hada_error *err);
-
 /* The net that training improves, at the window's size: its input and output are resized (bilinear) if it runs at
  * another size. */
 typedef struct hada_generator {

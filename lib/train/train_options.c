@@ -1,4 +1,4 @@
-#include "train/train_options.h"
+#include "train/trainer.h"
 
 #include "core/callers.h"
 #include "net/optimizer.h"

@@ -1,6 +1,7 @@
 #include "train/train_pairs.h"
 
 #include <hadalens/response.h>
+#include <hadalens/scene.h>
 
 #include "core/callers.h"
 #include "core/random.h"
@@ -109,15 +110,7 @@ hada_status hada_pairs_crop(const hada_model_info *info, hada_image *scene, hada
     hada_image window;
     if (scene->rows == rows && scene->cols == cols)
         return HADA_OK;
-    hada_status status = hada_image_create(&window, scene->channels, rows, cols, err);
-    if (status)
-        return status;
-    const size_t row0 = (size_t)(scene->rows - rows) / 2, col0 = (size_t)(scene->cols - cols) / 2;
-    for (size_t c = 0; c < (size_t)scene->channels; c++)
-        for (size_t row = 0; row < (size_t)rows; row++)
-            memcpy(window.data + (c * (size_t)rows + row) * (size_t)cols,
-                   scene->data + (c * (size_t)scene->rows + row0 + row) * (size_t)scene->cols + col0,
-                   (size_t)cols * sizeof(float));
+    HADA_TRY(hada_image_crop(&window, scene, (scene->rows - rows) / 2, (scene->cols - cols) / 2, rows, cols, err));
     hada_image_destroy(scene);
     *scene = window;
     return HADA_OK;

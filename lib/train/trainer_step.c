@@ -329,12 +329,9 @@ hada_status hada_trainer_step(hada_trainer *trainer, hada_step_report *report, h
 {
     hada_step_report own = {0};
     const double start = hada_seconds();
-    if (!trainer)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_step: a trainer is needed");
-    hada_status status = HADA_REPORT_CHECK(report, hada_step_report, err);
-    if (status)
-        return status;
-    status = step(trainer, &own, err);
+    HADA_NEED(trainer, err);
+    HADA_TRY(HADA_REPORT_CHECK(report, hada_step_report, err));
+    hada_status status = step(trainer, &own, err);
     own.seconds = hada_seconds() - start;
     if (report)
         HADA_REPORT_GIVE(report, &own);

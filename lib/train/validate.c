@@ -191,8 +191,7 @@ hada_status hada_trainer_validate(hada_trainer *trainer, int most, hada_validati
     hada_validation result = {0};
     list all = {.trainer = trainer};
     hada_status status = HADA_OK;
-    if (!trainer || !report)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_validate: trainer and out are needed");
+    HADA_NEED(trainer && report, err);
     HADA_TRY_OR_DONE(HADA_REPORT_CHECK(report, hada_validation, err));
     all.total = count_held_out(trainer);
     if (!all.total)
@@ -225,8 +224,7 @@ hada_status hada_trainer_show(hada_trainer *trainer, int pair, hada_image *raw, 
 {
     prediction what = {0};
     hada_status status = HADA_OK;
-    if (!trainer)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_show: a trainer is needed");
+    HADA_NEED(trainer, err);
     const uint64_t total = count_held_out(trainer);
     if (pair < 0 || (uint64_t)pair >= total)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no held-out pair %d of %llu", pair,

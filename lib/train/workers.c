@@ -76,10 +76,9 @@ done:
 
 static void threads_destroy(hada_worker_threads **pointer)
 {
-    hada_worker_threads *threads = pointer ? *pointer : NULL;
+    hada_worker_threads *threads = hada_taken(pointer);
     if (!threads)
         return;
-    *pointer = NULL;
     pthread_mutex_lock(&threads->lock);
     threads->stop = 1;
     pthread_cond_broadcast(&threads->begins);
@@ -90,8 +89,7 @@ static void threads_destroy(hada_worker_threads **pointer)
     pthread_cond_destroy(&threads->begins);
     pthread_cond_destroy(&threads->ends);
     pthread_mutex_destroy(&threads->lock);
-    free(threads->members);
-    free(threads);
+    HADA_FREE(threads->members, threads);
 }
 
 /* work(user, member) for every member at the same time; returns when all are done. No member may wait for another
@@ -178,10 +176,7 @@ static void destroy_worker(hada_worker *worker)
     hada_planes_destroy(&worker->planes);
     hada_replica_destroy(&worker->replica);
     hada_slot_destroy(&worker->slot);
-    free(worker->samples);
-    free(worker->own);
-    free(worker->touched);
-    free(worker->room);
+    HADA_FREE(worker->samples, worker->own, worker->touched, worker->room);
 }
 
 void hada_workers_destroy(hada_workers *workers)

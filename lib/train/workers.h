@@ -8,7 +8,6 @@
 
 #include "core/callers.h"
 #include "train/examples.h"
-#include "train/planes.h"
 #include "train/replica.h"
 
 typedef struct hada_worker {

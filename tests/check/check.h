@@ -11,8 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
-#include "core/error.h"
+#include "core/base.h"
 #include "core/random.h"
 #include "helpers.h"
 #include "runtime/buffer.h"

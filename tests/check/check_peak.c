@@ -1,6 +1,6 @@
 /* The kernels that find a device's ceilings: exact. */
 #include "check.h"
-#include "runtime/peaks.h"
+#include "runtime/profile.h"
 
 enum { CHAINS = 12 };
 

@@ -12,7 +12,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "core/error.h"
+#include "core/base.h"
 #include "helpers.h"
 
 /* FAULT_MAP: memory of a device that becomes the host's for a while; few calls, so they are counted by themselves. */

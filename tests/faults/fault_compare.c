@@ -1,5 +1,5 @@
 /* Registration and LPIPS. */
-#include "core/error.h"
+#include "core/base.h"
 #include "fault_job.h"
 #include "register/register_inside.h"
 

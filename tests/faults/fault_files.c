@@ -1,6 +1,6 @@
 /* Files that are no pictures: a folder that appears at once, with a camera in it and a data set beside it; a tuning
  * file that is written twice. */
-#include "core/error.h"
+#include "core/base.h"
 #include "fault_job.h"
 #include "io/folder.h"
 #include "runtime/tuning.h"

@@ -309,16 +309,9 @@ hada_status fault_stage_clfft(fault_job *job, hada_error *err)
 {
     SCOPED(hada_slot) *slot = NULL;
     hada_fft *plan = NULL;
-    hada_fft_desc desc = {.direction = HADA_FFT_FORWARD,
-                          .backend = HADA_FFT_CLFFT,
-                          .rows = 16,
-                          .cols = 12,
-                          .batch = 2,
-                          .real_rows = 16,
-                          .real_cols = 12,
-                          .real_pitch = 12,
-                          .real_distance = 16 * 12};
+    hada_fft_desc desc = hada_fft_whole(HADA_FFT_FORWARD, 16, 12, 2);
     hada_status status = hada_slot_create(&slot, job->context, err);
+    desc.backend = HADA_FFT_CLFFT;
     for (int k = 0; !status && k < 2; k++) {
         desc.direction = k ? HADA_FFT_INVERSE : HADA_FFT_FORWARD;
         status = hada_fft_create(&plan, slot, &desc, err);

@@ -1,6 +1,6 @@
 /* What a fit finds out by holding pairs out: responses and exposures, the boundary, and for a sensor that crops its
  * transfer functions and filters, judged in the window. */
-#include "core/error.h"
+#include "core/base.h"
 #include "fault_job.h"
 
 /* Three pairs of each depth, which the survey asks for; the third is one of the other depth's. */

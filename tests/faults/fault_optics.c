@@ -1,5 +1,5 @@
 /* A camera's design: its PSFs by geometry and by waves, what it resolves, and the folder that says so. */
-#include "core/error.h"
+#include "core/base.h"
 #include "fault_job.h"
 #include "io/folder.h"
 

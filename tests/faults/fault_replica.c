@@ -1,6 +1,6 @@
 /* Training: a step of everything that a replica can do, a step of filters alone, a plane to train with. */
 #include "fault_job.h"
-#include "train/planes.h"
+#include "train/examples.h"
 #include "train/replica.h"
 
 static void add(fault_job *job, const float *values, size_t count)

@@ -1,5 +1,5 @@
 /* A frame that is taken for a surface. */
-#include "core/error.h"
+#include "core/base.h"
 #include "fault_job.h"
 
 enum { DEPTHS = 3 };

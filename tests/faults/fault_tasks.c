@@ -1,6 +1,6 @@
 /* What commands do, as calls: a data set is written, learned from, its test frames are reconstructed and judged; and a
  * training with its log, checkpoint and model. */
-#include "core/error.h"
+#include "core/base.h"
 #include "fault_job.h"
 #include "io/folder.h"
 #include "model/model.h"

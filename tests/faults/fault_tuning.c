@@ -1,6 +1,6 @@
 /* Measuring what is fastest and keeping it; and a device that works with binaries that were made before, as one that
  * cannot compile. */
-#include "core/error.h"
+#include "core/base.h"
 #include "fault_job.h"
 #include "io/folder.h"
 

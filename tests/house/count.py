@@ -13,13 +13,13 @@ import sys
 
 # What has a limit: the limit that --hold enforces today, and the aim where it has not been reached.
 LIMITS = {
-    'lines of the library': (80_100, 56_000),  # PSFs that vary over the field, scenes that move as a whole, emitters and their tracks, the learned regulariser, frames as they come, readers without rights
+    'lines of the library': (79_300, 56_000),  # PSFs that vary over the field, scenes that move as a whole, emitters and their tracks, the learned regulariser, frames as they come, readers without rights
     'lines of the kernels': (13_250, 12_000),  # components of PSFs, the learned regulariser, scenes that move as a whole
-    'lines of the command line': (8_550, 8_000),  # PSFs that vary over the field, scenes cut off at white, tables of emitters and tracks, frames as they come
-    'lines of tests (without corpora, frozen headers)': (61_300, 50_000),  # PSFs that vary over the field, readers without rights, sequences, emitters, tracks, the learned regulariser; PyTorch's refinement, deepinv, the field's data
-    'public functions': (335, 240),
-    'words of the documentation (docs)': (46_000, 45_000),  # PSFs that vary over the field, real cameras, scenes that move as a whole
-    'files of SMALL lines or fewer, library and bindings': (203, 90),
+    'lines of the command line': (8_480, 8_000),  # PSFs that vary over the field, scenes cut off at white, tables of emitters and tracks, frames as they come
+    'lines of tests (without corpora, frozen headers)': (61_020, 50_000),  # PSFs that vary over the field, readers without rights, sequences, emitters, tracks, the learned regulariser; PyTorch's refinement, deepinv, the field's data
+    'public functions': (240, 240),
+    'words of the documentation (docs)': (45_100, 45_000),
+    'files of SMALL lines or fewer, library and bindings': (80, 80),
     'files of more than 900 lines that give no reason': (0, 0),
 }
 SMALL = 60  # lines of a file that is likely to be a part of another
@@ -120,7 +120,7 @@ def count_sources(root, row):
     drawn = {path: text for path, text in host.items() if re.search(r'font|canvas|svg|plot|preview|draw|picture', path)}
     row('lines that draw previews and plots', lines(drawn))
     pages = texts(root, ['docs'], '.md')
-    row('pages of the docs', len(pages), 28)  # the last three: a Raspberry Pi's camera, a miniature microscope, real cameras
+    row('pages of the docs', len(pages), 25)
     for path, text in texts(root, ['examples'], '.c').items():
         row(f'lines of {path}', text.count('\n'), 80 if 'learn' in path else None)
     subjects = run('git', '-C', root, 'log', '-n', '50', '--format=%s').splitlines()

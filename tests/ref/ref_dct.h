@@ -2,7 +2,7 @@
 #ifndef HADA_REF_DCT_H
 #define HADA_REF_DCT_H
 
-#include "core/error.h"
+#include "core/base.h"
 
 /* An image [channel][rows][cols]: channels apart by an orthonormal DCT-II over them; blocks of 8 x 8 that begin at
  * every even row and column, the edge's pixels repeated beyond it; of each block's DCT-II every coefficient T but the

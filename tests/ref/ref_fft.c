@@ -6,7 +6,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 
 #define TURN 6.283185307179586476925286766559
 

@@ -4,7 +4,7 @@
 #ifndef HADA_REF_FFT_H
 #define HADA_REF_FFT_H
 
-#include "core/error.h"
+#include "core/base.h"
 
 hada_status hada_ref_fft_forward(const double *image, int rows, int cols, double *spectrum, hada_error *err);
 hada_status hada_ref_fft_inverse(const double *spectrum, int rows, int cols, double *image, hada_error *err);

@@ -2,7 +2,7 @@
 #ifndef HADA_REF_FILTER_H
 #define HADA_REF_FILTER_H
 
-#include "core/error.h"
+#include "core/base.h"
 
 /* Sizes and positions on the grid, as in <hadalens/model.h>. */
 typedef struct hada_ref_grid {

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 
 #define REACH 60 /* pixels: the radius of the widest window */
 

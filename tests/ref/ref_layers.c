@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 
 size_t hada_ref_values(const hada_ref_shape *shape)
 {

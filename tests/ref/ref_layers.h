@@ -8,7 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "core/error.h"
+#include "core/base.h"
 
 typedef struct hada_ref_shape {
     int images, channels, rows, cols;

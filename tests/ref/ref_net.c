@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 
 /* What a layer gives: [image][channel][row][col]. */
 typedef struct block {

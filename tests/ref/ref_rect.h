@@ -1,7 +1,7 @@
 #ifndef HADA_REF_RECT_H
 #define HADA_REF_RECT_H
 
-#include "core/error.h"
+#include "core/base.h"
 #include "refine/admm.h"
 
 /* A rectangle of the grid. */

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
+#include "core/base.h"
 #include "kernels/shared_ridge_weights.h"
 #include "refine/ridge.h"
 

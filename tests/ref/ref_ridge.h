@@ -2,7 +2,7 @@
 #ifndef HADA_REF_RIDGE_H
 #define HADA_REF_RIDGE_H
 
-#include "core/error.h"
+#include "core/base.h"
 
 /* Images [channel][rows][cols] with filters of three channels, or of one where there are not three; see
  * kernels/refine_ridge.cl. */

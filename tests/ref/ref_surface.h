@@ -2,7 +2,7 @@
 #ifndef HADA_REF_SURFACE_H
 #define HADA_REF_SURFACE_H
 
-#include "core/error.h"
+#include "core/base.h"
 
 /* The B-spline of degree 5 (I. J. Schoenberg, 1946), by its definition. */
 double hada_ref_b_spline(double x);

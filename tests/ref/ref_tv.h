@@ -2,7 +2,7 @@
 #ifndef HADA_REF_TV_H
 #define HADA_REF_TV_H
 
-#include "core/error.h"
+#include "core/base.h"
 
 /* Towards the minimum over u >= 0 of
  *     1/2 |u - w|^2 + theta sum over pixels of sqrt(|mean|^2 + colour^2 |rest|^2),

@@ -12,14 +12,7 @@ typedef struct errors {
 static hada_fft *plan_of(const stress_device *device, hada_fft_direction direction, int rows, int cols)
 {
     hada_fft *plan;
-    const hada_fft_desc desc = {.direction = direction,
-                                .rows = rows,
-                                .cols = cols,
-                                .batch = 1,
-                                .real_rows = rows,
-                                .real_cols = cols,
-                                .real_pitch = (size_t)cols,
-                                .real_distance = (size_t)rows * (size_t)cols};
+    const hada_fft_desc desc = hada_fft_whole(direction, rows, cols, 1);
     ASSERT_OK(hada_fft_create(&plan, device->slot, &desc, err));
     return plan;
 }

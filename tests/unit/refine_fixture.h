@@ -61,14 +61,6 @@ static float *read_planes(const fixture *f, int planes)
     return values;
 }
 
-static inline double *doubles(const float *values, size_t count)
-{
-    double *out = tiny_zeros(count);
-    for (size_t i = 0; i < count; i++)
-        out[i] = values[i];
-    return out;
-}
-
 static inline void assert_near(double got, double expected, double relative)
 {
     if (!(fabs(got - expected) <= relative * fabs(expected)))

@@ -217,19 +217,4 @@ static inline double skip_change(const hada_result *result, const hada_result *d
     return off == 0.0 ? 0.0 : sqrt(off / size);
 }
 
-static inline int skip_same_image(const hada_image *a, const hada_image *b)
-{
-    return hada_image_count(a) == hada_image_count(b) &&
-           !memcmp(a->data, b->data, hada_image_count(a) * sizeof *a->data);
-}
-
-static inline int skip_same(const hada_result *a, const hada_result *b)
-{
-    int same = a->depths == b->depths && skip_same_image(&a->all_in_focus, &b->all_in_focus) &&
-               skip_same_image(&a->distance_map, &b->distance_map);
-    for (int z = 0; same && z < a->depths; z++)
-        same = skip_same_image(&a->planes[z], &b->planes[z]);
-    return same;
-}
-
 #endif

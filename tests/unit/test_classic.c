@@ -88,9 +88,7 @@ static hada_plan_options options_of(hada_method method, int iterations)
 
 static void run(const fixture *f, int padded, const hada_plan_options *options, hada_result *result)
 {
-    SCOPED(hada_plan) * plan;
-    ASSERT_OK(hada_plan_create(&plan, f->context, f->model[padded], options, err));
-    ASSERT_OK(hada_plan_run(plan, &f->frame, result, err));
+    plan_once(f->context, f->model[padded], options, &f->frame, result);
 }
 
 static double error_of(const fixture *f, const hada_result *result)
@@ -166,7 +164,6 @@ TEST(wiener_of_one_depth_is_the_models)
         hada_plan_options options = options_of(HADA_METHOD_WIENER, 1), linear;
         SCOPED(hada_result) joint = {0}, single = {0};
         SCOPED(hada_model) * wiener;
-        SCOPED(hada_plan) * plan;
         options.depths = &one;
         options.depth_count = 1;
         options.occupied = HADA_OCCUPIED_ALL;
@@ -176,8 +173,7 @@ TEST(wiener_of_one_depth_is_the_models)
         linear = options;
         linear.classic = NULL;
         linear.refine = 0;
-        ASSERT_OK(hada_plan_create(&plan, f->context, wiener, &linear, err));
-        ASSERT_OK(hada_plan_run(plan, &f->frame, &single, err));
+        plan_once(f->context, wiener, &linear, &f->frame, &single);
         /* the model reckons with each channel's mean |H|^2, the joint filter with that of all: here nearly the same */
         assert_true(small_image_distance(joint.planes[0].data, single.planes[0].data,
                                          hada_image_count(&single.planes[0])) < 0.01);
@@ -240,10 +236,8 @@ TEST(darkness_stays_dark)
     ASSERT_OK(hada_image_create(&black, CHANNELS, ROWS, COLS, err));
     for (int method = HADA_METHOD_WIENER; method <= HADA_METHOD_ADMM; method++) {
         const hada_plan_options options = options_of((hada_method)method, 5);
-        SCOPED(hada_plan) * plan;
         SCOPED(hada_result) result = {0};
-        ASSERT_OK(hada_plan_create(&plan, f->context, f->model[1], &options, err));
-        ASSERT_OK(hada_plan_run(plan, &black, &result, err));
+        plan_once(f->context, f->model[1], &options, &black, &result);
         for (size_t i = 0; i < hada_image_count(&result.planes[0]); i++)
             assert_true(fabsf(result.planes[0].data[i]) <= 1e-30f);
     }

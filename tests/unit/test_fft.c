@@ -17,27 +17,16 @@ static hada_slot *slot;
 /* Whole images of a grid. */
 static hada_fft_desc whole(hada_fft_direction direction, int rows, int cols, int batch)
 {
-    return (hada_fft_desc){.direction = direction,
-                           .backend = HADA_FFT_OWN,
-                           .rows = rows,
-                           .cols = cols,
-                           .batch = batch,
-                           .real_rows = rows,
-                           .real_cols = cols,
-                           .real_pitch = (size_t)cols,
-                           .real_distance = (size_t)rows * (size_t)cols};
+    hada_fft_desc desc = hada_fft_whole(direction, rows, cols, batch);
+    desc.backend = HADA_FFT_OWN;
+    return desc;
 }
 
 /* A window of the grid. */
 static hada_fft_desc window(hada_fft_direction direction, int batch)
 {
-    hada_fft_desc desc = whole(direction, ROWS, COLS, batch);
-    desc.row0 = TOP;
-    desc.col0 = LEFT;
-    desc.real_rows = HIGH;
-    desc.real_cols = WIDE;
-    desc.real_pitch = WIDE;
-    desc.real_distance = HIGH * WIDE;
+    hada_fft_desc desc = hada_fft_of(direction, ROWS, COLS, batch, (hada_rectangle){TOP, LEFT, HIGH, WIDE});
+    desc.backend = HADA_FFT_OWN;
     return desc;
 }
 

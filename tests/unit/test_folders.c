@@ -1,5 +1,5 @@
 /* Paths and folders: what a path is, names, where output may go, and folders that appear whole. */
-#include "core/error.h"
+#include "core/base.h"
 #include "io/folder.h"
 #include "io_testing.h"
 

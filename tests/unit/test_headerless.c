@@ -3,9 +3,8 @@
 #include <hadalens/headerless.h>
 #include <hadalens/tiff.h>
 
-#include "io/encode_frames.h"
-#include "io/headerless.h"
-#include "io/numpy_write.h"
+#include "io/decode.h"
+#include "io/encode.h"
 #include "io_testing.h"
 
 static void expect_refusal_of(const char *text, const char *words)

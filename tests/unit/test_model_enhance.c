@@ -2,7 +2,7 @@
 #include "io_testing.h"
 
 #include "model/model.h"
-#include "netlist/weights_file.h"
+#include "netlist/net_list.h"
 
 static const double distances[] = {100.0, 200.0};
 

@@ -50,14 +50,6 @@ static hada_net *net_of(const char *description)
     return net;
 }
 
-static double *doubles(const float *from, size_t count)
-{
-    double *out = calloc(count + 1, sizeof *out);
-    for (size_t i = 0; i < count; i++)
-        out[i] = from[i];
-    return out;
-}
-
 static const hada_graph_options with_gradients = {.training = 1, .weight_gradients = 1, .input_gradient = 1};
 
 TEST(outputs_follow_the_reference)

@@ -5,7 +5,7 @@
 #include "ref/ref_loss.h"
 #include "ref/ref_optimizer.h"
 #include "testing.h"
-#include "train/train_options.h"
+#include "train/trainer.h"
 
 static hada_tensors *file;
 

@@ -2,7 +2,6 @@
 #include "testing.h"
 
 #include "netlist/net_list.h"
-#include "netlist/weights_file.h"
 
 TEST(presets_have_the_values_they_should)
 {

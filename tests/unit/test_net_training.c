@@ -3,7 +3,7 @@
 #include "net/optimizer.h"
 #include "net_fixture.h"
 #include "netlist/net_list.h"
-#include "train/train_options.h"
+#include "train/trainer.h"
 
 enum { COUNT = 5000 };
 

@@ -14,15 +14,9 @@ typedef struct fixture {
 
 static hada_fft_desc square(hada_fft_backend backend)
 {
-    return (hada_fft_desc){.direction = HADA_FFT_FORWARD,
-                           .backend = backend,
-                           .rows = SIDE,
-                           .cols = SIDE,
-                           .batch = BATCH,
-                           .real_rows = SIDE,
-                           .real_cols = SIDE,
-                           .real_pitch = SIDE,
-                           .real_distance = SIDE * SIDE};
+    hada_fft_desc desc = hada_fft_whole(HADA_FFT_FORWARD, SIDE, SIDE, BATCH);
+    desc.backend = backend;
+    return desc;
 }
 
 static void begin(fixture *f, hada_fft_backend backend)

@@ -105,11 +105,6 @@ static void apply_net(const fixture *f, int rows, int cols, hada_image *plane)
     ASSERT_OK(hada_buffer_read(&buffer, f->slot, 0, plane->data, bytes, err));
 }
 
-static int same(const hada_image *a, const hada_image *b)
-{
-    return hada_image_count(a) == hada_image_count(b) && !memcmp(a->data, b->data, hada_image_count(a) * sizeof(float));
-}
-
 TEST(planes_are_the_nets_on_every_path)
 {
     const fixture *f = *state;
@@ -127,12 +122,12 @@ TEST(planes_are_the_nets_on_every_path)
             assert_memory_equal(with.report->occupied, without.report->occupied, DEPTHS);
             for (int z = 0; z < DEPTHS; z++) {
                 if (with.report->occupied[z]) {
-                    assert_false(same(&with.planes[z], &without.planes[z]));
+                    assert_false(same_image(&with.planes[z], &without.planes[z]));
                     apply_net(f, sized * 12, sized * 20, &without.planes[z]);
                 }
-                assert_true(same(&with.planes[z], &without.planes[z]));
+                assert_true(same_image(&with.planes[z], &without.planes[z]));
             }
-            assert_false(same(&with.all_in_focus, &without.all_in_focus));
+            assert_false(same_image(&with.all_in_focus, &without.all_in_focus));
         }
 }
 
@@ -145,9 +140,7 @@ TEST(models_without_a_net_are_as_before)
         options.enhance = 0;
         SCOPED(hada_result) left_out = run(f, f->model, &options, &f->frame);
         assert_int_equal(asked.report->enhanced, 0);
-        for (int z = 0; z < DEPTHS; z++)
-            assert_true(same(&asked.planes[z], &left_out.planes[z]));
-        assert_true(same(&asked.all_in_focus, &left_out.all_in_focus));
+        assert_true(same_result(&asked, &left_out));
     }
 }
 
@@ -172,8 +165,7 @@ TEST(black_planes_are_left_out)
     hada_result some = run(f, f->model, &options, &f->frame);
     options.skip = 0;
     hada_result all = run(f, f->model, &options, &f->frame);
-    for (int z = 0; z < DEPTHS; z++)
-        assert_true(same(&some.planes[z], &all.planes[z]));
+    assert_true(same_result(&some, &all));
     hada_result *results[] = {&skipped, &dense, &some, &all};
     for (int i = 0; i < 4; i++)
         hada_result_destroy(results[i]);
@@ -187,8 +179,7 @@ TEST(only_what_is_exact_is_skipped_before_a_net)
     SCOPED(hada_result) exact = run(f, f->model, &options, &f->frame);
     options.max_error = 0.5;
     SCOPED(hada_result) allowed = run(f, f->model, &options, &f->frame);
-    for (int z = 0; z < DEPTHS; z++)
-        assert_true(same(&exact.planes[z], &allowed.planes[z]));
+    assert_true(same_result(&exact, &allowed));
     assert_true(allowed.report->skipped->bound == 0.0);
 }
 
@@ -201,10 +192,7 @@ TEST(queues_give_the_same)
         SCOPED(hada_result) one = run(f, f->model, &options, &f->frame);
         options.queues = 2;
         SCOPED(hada_result) two = run(f, f->model, &options, &f->frame);
-        for (int z = 0; z < DEPTHS; z++)
-            assert_true(same(&one.planes[z], &two.planes[z]));
-        assert_true(same(&one.all_in_focus, &two.all_in_focus));
-        assert_true(same(&one.distance_map, &two.distance_map));
+        assert_true(same_result(&one, &two));
     }
 }
 

@@ -268,11 +268,9 @@ TEST(gamma_is_an_exponent_on_the_pictures)
     SCOPED(hada_image) scene, raw = frame_of_one_depth(learned, 0, &scene);
     SCOPED(hada_result) plain = {0}, root = {0};
     for (int k = 0; k < 2; k++) {
-        SCOPED(hada_plan) * plan;
         DEFAULTS(hada_plan_options, options);
         options.gamma = k ? 0.5 : 1.0;
-        ASSERT_OK(hada_plan_create(&plan, learned->context, learned->model, &options, err));
-        ASSERT_OK(hada_plan_run(plan, &raw, k ? &root : &plain, err));
+        plan_once(learned->context, learned->model, &options, &raw, k ? &root : &plain);
     }
     for (size_t i = 0; i < hada_image_count(&scene); i++)
         assert_true(fabsf(root.planes[0].data[i] - sqrtf(plain.planes[0].data[i])) < 1e-6f);

@@ -4,9 +4,7 @@
 static void run(const learned_camera *learned, const hada_plan_options *options, const hada_image *raw,
                 hada_result *result)
 {
-    SCOPED(hada_plan) * plan;
-    ASSERT_OK(hada_plan_create(&plan, learned->context, learned->model, options, err));
-    ASSERT_OK(hada_plan_run(plan, raw, result, err));
+    plan_once(learned->context, learned->model, options, raw, result);
 }
 
 /* A scene whose distance runs from nearest to farthest across the window, each depth a stripe. */

@@ -103,14 +103,6 @@ static double error_of(const hada_result *result, int depth, const hada_image *s
     return sum / (double)hada_image_count(scene);
 }
 
-static int same_planes(const hada_result *a, const hada_result *b)
-{
-    int same = a->depths == b->depths;
-    for (int z = 0; same && z < a->depths; z++)
-        same = !memcmp(a->planes[z].data, b->planes[z].data, hada_image_count(&a->planes[z]) * sizeof(float));
-    return same;
-}
-
 TEST(a_still_scene_takes_fewer_steps_and_has_less_noise)
 {
     const fixture *f = *state;
@@ -128,7 +120,7 @@ TEST(a_still_scene_takes_fewer_steps_and_has_less_noise)
             assert_int_equal(anew.report->warm_started, 0);
             assert_int_equal(on.report->warm_started, t > 0);
             if (!t) {
-                assert_true(same_planes(&anew, &on));
+                assert_true(same_result(&anew, &on));
                 continue;
             }
             assert_true(on.report->refine_steps <= 4);
@@ -155,12 +147,12 @@ TEST(a_cut_and_a_failure_begin_anew)
     ASSERT_OK(hada_plan_run(warm, &one, &result, err));
     ASSERT_OK(hada_plan_run(warm, &other, &result, err));
     assert_int_equal(result.report->warm_started, 0);
-    assert_true(same_planes(&expected, &result));
+    assert_true(same_result(&expected, &result));
     broken.data[9] = NAN;
     assert_int_equal(hada_plan_run(warm, &broken, &result, &failure), HADA_ERROR_NOT_FINITE);
     ASSERT_OK(hada_plan_run(warm, &other, &result, err));
     assert_int_equal(result.report->warm_started, 0);
-    assert_true(same_planes(&expected, &result));
+    assert_true(same_result(&expected, &result));
 }
 
 /* How much of what left its place since the frame before is still there, as a part of it. */
@@ -269,7 +261,7 @@ TEST(queues_find_the_same)
     }
     for (int t = 0; t < FRAMES; t++) {
         assert_int_equal(results[1][t].report->warm_started, t > 0);
-        assert_true(same_planes(&results[0][t], &results[1][t]));
+        assert_true(same_result(&results[0][t], &results[1][t]));
         hada_result_destroy(&results[0][t]);
         hada_result_destroy(&results[1][t]);
     }

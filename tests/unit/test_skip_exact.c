@@ -45,7 +45,7 @@ TEST(channels_give_the_same_bits)
                 dense.batch = options.batch = batch;
                 run(f, model, &dense, &f->frame[which], &a);
                 run(f, model, &options, &f->frame[which], &b);
-                assert_true(skip_same(&a, &b));
+                assert_true(same_result(&a, &b));
                 if (which == SKIP_BLACK)
                     assert_channels(&b, 3, 0);
                 else if (which == SKIP_ONE_COLOUR || which == SKIP_SPIKE)
@@ -76,7 +76,7 @@ TEST(black_is_counted_from_the_dark_level)
         dense.dark_level = options.dark_level = 0.05;
         run(f, SKIP_WIENER, &dense, kind ? &f->frame[SKIP_CONSTANT] : &frame, &a);
         run(f, SKIP_WIENER, &options, kind ? &f->frame[SKIP_CONSTANT] : &frame, &b);
-        assert_true(skip_same(&a, &b));
+        assert_true(same_result(&a, &b));
         assert_int_equal(b.report->skipped->channels, kind == 0 ? 2 : kind == 1 ? 0 : 3);
     }
     frame.data[5] += 1e-6f; /* one pixel more than black */
@@ -117,7 +117,7 @@ TEST(both_looks_find_the_same_depths)
         for (int z = 0; z < SKIP_DEPTHS; z++)
             assert_int_equal(a.report->occupied[z], b.report->occupied[z]);
         assert_int_equal(b.report->skipped->depths, SKIP_DEPTHS - b.report->occupied_count);
-        assert_true(skip_same(&a, &b));
+        assert_true(same_result(&a, &b));
     }
 }
 
@@ -134,7 +134,7 @@ TEST(refinement_takes_exact_kinds_alone)
             continue;
         run(f, SKIP_WIENER, &dense, &f->frame[which], &a);
         run(f, SKIP_WIENER, &options, &f->frame[which], &b);
-        assert_true(skip_same(&a, &b));
+        assert_true(same_result(&a, &b));
         assert_true(b.report->skipped->bound == 0.0);
         assert_int_equal(b.report->skipped->kinds & (HADA_SKIP_FREQUENCIES | HADA_SKIP_HALF), 0);
     }

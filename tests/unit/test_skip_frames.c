@@ -27,7 +27,7 @@ TEST(an_equal_frame_takes_the_result_of_the_one_before)
         assert_int_equal(kept.report->skipped->frame, 1);
         assert_true(kept.report->skipped->kinds & HADA_SKIP_FRAMES);
         assert_true(kept.report->skipped->bound == 0.0);
-        assert_true(skip_same(&first, &kept));
+        assert_true(same_result(&first, &kept));
         memset(first.planes[0].data, 0xff, hada_image_count(&first.planes[0]) * sizeof(float));
         hada_image_destroy(&frame);
         frame = copy_of(&f->frame[SKIP_EDGE]);
@@ -35,7 +35,7 @@ TEST(an_equal_frame_takes_the_result_of_the_one_before)
         assert_int_equal(again.report->skipped->frame, 1);
         assert_int_equal(again.report->refine_steps, kept.report->refine_steps);
         assert_int_equal(again.report->occupied_count, kept.report->occupied_count);
-        assert_true(skip_same(&again, &kept));
+        assert_true(same_result(&again, &kept));
         frame.data[hada_image_count(&frame) - 1] += 1e-7f; /* the last pixel alone */
         ASSERT_OK(hada_plan_run(plan, &frame, &third, err));
         assert_int_equal(third.report->skipped->frame, 0);
@@ -100,7 +100,7 @@ TEST(queues_and_batches_find_the_same)
         for (int i = 0; variant && i < LONG; i++) {
             ASSERT_OK(hada_job_wait(jobs[i], err));
             hada_job_destroy(&jobs[i]);
-            assert_true(skip_same(&results[i], &expected[i]));
+            assert_true(same_result(&results[i], &expected[i]));
             assert_true(results[i].report->skipped->bound == expected[i].report->skipped->bound);
             assert_int_equal(results[i].report->skipped->frame, expected[i].report->skipped->frame);
             hada_result_destroy(&results[i]);

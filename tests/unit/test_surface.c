@@ -57,14 +57,7 @@ static void shine(const fixture *f, double depth, int channel, double light, int
 static void transform(fixture *f, const float *images, int count, hada_buffer *out, size_t first)
 {
     const size_t bytes = (size_t)count * f->grid * sizeof *images;
-    const hada_fft_desc desc = {.direction = HADA_FFT_FORWARD,
-                                .rows = f->camera.rows,
-                                .cols = f->camera.cols,
-                                .batch = count,
-                                .real_rows = f->camera.rows,
-                                .real_cols = f->camera.cols,
-                                .real_pitch = (size_t)f->camera.cols,
-                                .real_distance = f->grid};
+    const hada_fft_desc desc = hada_fft_whole(HADA_FFT_FORWARD, f->camera.rows, f->camera.cols, count);
     hada_buffer real;
     hada_fft *plan;
     ASSERT_OK(hada_buffer_create_from(&real, f->slot, images, bytes, "images", err));

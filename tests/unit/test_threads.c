@@ -25,21 +25,10 @@ typedef struct job {
     int different;
 } job;
 
-static int same_image(const hada_image *a, const hada_image *b)
-{
-    return a->channels == b->channels && a->rows == b->rows && a->cols == b->cols &&
-           !memcmp(a->data, b->data, hada_image_count(a) * sizeof *a->data);
-}
-
 static int same(const hada_result *a, const hada_result *b)
 {
-    int equal = a->depths == b->depths && same_image(&a->all_in_focus, &b->all_in_focus) &&
-                same_image(&a->distance_map, &b->distance_map) &&
-                a->report->occupied_count == b->report->occupied_count &&
-                a->report->refine_steps == b->report->refine_steps;
-    for (int z = 0; equal && z < a->depths; z++)
-        equal = same_image(&a->planes[z], &b->planes[z]);
-    return equal;
+    return same_result(a, b) && a->report->occupied_count == b->report->occupied_count &&
+           a->report->refine_steps == b->report->refine_steps;
 }
 
 static hada_status work_with(job *j, hada_context *context, const hada_plan_options *options,

@@ -1,8 +1,8 @@
 /* Scenes of several depths, made of pairs of one: light adds up, nothing is counted twice, and seeds alone decide. */
 #include "testing.h"
 
-#include "core/error.h"
-#include "train/compose.h"
+#include "core/base.h"
+#include "train/feed.h"
 
 enum { DEPTHS = 7, ROWS = 40, COLS = 48, HIGH = 24, WIDE = 32, OWN = 3, PAIRS = 2 };
 static const int counts[DEPTHS] = {PAIRS, PAIRS, 0, PAIRS, PAIRS, PAIRS, PAIRS};

@@ -2,7 +2,7 @@
  * that was trained with a squared error becomes sharper against one. */
 #include "train_fixture.h"
 
-#include "train/train_options.h"
+#include "train/trainer.h"
 
 enum { SIDE = 24, COUNT = 4 };
 static const char *const name = "patch";

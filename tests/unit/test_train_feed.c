@@ -5,7 +5,7 @@
 #include <stdatomic.h>
 #include <time.h>
 
-#include "core/error.h"
+#include "core/base.h"
 #include "train/feed.h"
 
 enum { DEPTHS = 3, ROWS = 12, COLS = 10, WINDOW = 6 };

@@ -53,16 +53,8 @@ static train_case case_of(const hada_model *model, const hada_train_options *opt
     train_case c = {.info = info, .options = options, .samples = pairs->samples, .count = TRAIN_PAIRS};
     const size_t floats = 2 * hada_model_plane(model) * (size_t)info->channels;
     for (size_t z = 0; z < TRAIN_DEPTHS; z++)
-        c.filters[z] = train_doubles(model->filter + z * floats, floats);
+        c.filters[z] = doubles(model->filter + z * floats, floats);
     return c;
-}
-
-static void case_free(train_case *c)
-{
-    for (int z = 0; z < TRAIN_DEPTHS; z++)
-        free(c->filters[z]);
-    free(c->values);
-    free(c->discriminator_values);
 }
 
 TEST(gradients_are_the_references)
@@ -92,7 +84,7 @@ TEST(gradients_are_the_references)
             assert_true(relative(got, expected, count) < 2e-6);
         }
         hada_replica_destroy(&replica);
-        case_free(&c);
+        train_case_free(&c);
         train_pairs_free(&pairs);
     }
 }
@@ -116,7 +108,7 @@ TEST(the_reference_is_the_difference)
         }
         free(gradient);
         free(floats);
-        case_free(&c);
+        train_case_free(&c);
         train_pairs_free(&pairs);
     }
 }
@@ -228,7 +220,7 @@ TEST(random_starts_converge)
             assert_true(fabs(after.data[k] - fmax(pairs.scene[0].data[k], 0.0)) < 0.1);
         }
         hada_replica_destroy(&replica);
-        case_free(&c);
+        train_case_free(&c);
         train_pairs_free(&pairs);
     }
 }

@@ -1,7 +1,7 @@
 /* Planes for training: those of a plan with given depths, bit for bit, also of a frame that was composed. */
 #include "camera_small.h"
 #include "model/model.h"
-#include "train/planes.h"
+#include "train/examples.h"
 #include "train_fixture.h"
 
 enum { CHANNELS = 3, ROWS = 26, COLS = 35, WINDOW_ROWS = 12, WINDOW_COLS = 20, DEPTHS = 3 };
@@ -53,14 +53,12 @@ TEST(planes_are_those_of_a_plan)
         ASSERT_OK(hada_planes_create(&planes, device->slot, model, 0, 0, err));
         assert_int_equal(hada_context_bytes(device->context) - before, bytes);
         for (int z = 0; z < DEPTHS; z++) {
-            SCOPED(hada_plan) * plan;
             SCOPED(hada_result) result = {0};
             DEFAULTS(hada_plan_options, options);
             options.occupied = HADA_OCCUPIED_LIST;
             options.occupied_list = &z;
             options.occupied_count = 1;
-            ASSERT_OK(hada_plan_create(&plan, device->context, model, &options, err));
-            ASSERT_OK(hada_plan_run(plan, &frame, &result, err));
+            plan_once(device->context, model, &options, &frame, &result);
             ASSERT_OK(hada_planes_make(planes, z, &frame, &as_captured, &plane, err));
             assert_int_equal(result.report->refine_steps > 0, cases[i].steps > 0);
             assert_int_equal(hada_image_count(&plane), hada_image_count(&result.planes[z]));
@@ -103,13 +101,11 @@ static double *expected_frame(const hada_image *psfs, const hada_image *frame, c
 static void told(hada_context *context, const hada_model *model, const hada_composed *composed, const hada_image *frame,
                  hada_result *result)
 {
-    SCOPED(hada_plan) * plan;
     DEFAULTS(hada_plan_options, options);
     options.occupied = HADA_OCCUPIED_LIST;
     options.occupied_list = composed->depth;
     options.occupied_count = composed->count;
-    ASSERT_OK(hada_plan_create(&plan, context, model, &options, err));
-    ASSERT_OK(hada_plan_run(plan, frame, result, err));
+    plan_once(context, model, &options, frame, result);
 }
 
 /* Beside a plane stands what the others hold; 0 where they were not explained together, or the frame is as captured. */

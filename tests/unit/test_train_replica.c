@@ -14,19 +14,11 @@ static train_case case_of(const replica_run *run, int count)
                     .discriminator = run->discriminator,
                     .vgg = run->vgg};
     for (size_t z = 0; z < TRAIN_DEPTHS; z++)
-        c.filters[z] = train_doubles(run->model->filter + z * floats, floats);
-    c.values = train_doubles(run->net->values, run->net->floats);
+        c.filters[z] = doubles(run->model->filter + z * floats, floats);
+    c.values = doubles(run->net->values, run->net->floats);
     if (run->discriminator)
-        c.discriminator_values = train_doubles(run->discriminator->values, run->discriminator->floats);
+        c.discriminator_values = doubles(run->discriminator->values, run->discriminator->floats);
     return c;
-}
-
-static void case_free(train_case *c)
-{
-    for (int z = 0; z < TRAIN_DEPTHS; z++)
-        free(c->filters[z]);
-    free(c->values);
-    free(c->discriminator_values);
 }
 
 static void near(double got, double expected, const char *what)
@@ -72,7 +64,7 @@ TEST(gradients_are_differences)
         for (int z = 0; z < TRAIN_DEPTHS; z++)
             assert_int_equal(touched[z], 0);
         hada_replica_destroy(&replica);
-        case_free(&c);
+        train_case_free(&c);
         run_free(&run);
     }
 }
@@ -97,7 +89,7 @@ TEST(fewer_samples_count_alone)
         if (run.discriminator)
             check_group(replica, &c, HADA_GROUP_DISCRIMINATOR, c.discriminator_values);
         hada_replica_destroy(&replica);
-        case_free(&c);
+        train_case_free(&c);
         run_free(&run);
     }
 }
@@ -137,7 +129,7 @@ TEST(pieces_and_recomputing)
         near(sum.mse, train_terms(&c).mse, "mse of the pieces");
         gradients[way] = train_read(replica, HADA_GROUP_NET, HADA_CONTENT_GRADIENT);
         count = hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_NET, HADA_CONTENT_GRADIENT);
-        case_free(&c);
+        train_case_free(&c);
         hada_replica_destroy(&replica);
         run_free(&run);
     }

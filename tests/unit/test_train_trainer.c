@@ -123,10 +123,8 @@ TEST(new_nets_see_the_other_planes)
         steps(trainer, 4);
         hada_trainer_destroy(&trainer);
     }
-    SCOPED(hada_plan) * plan;
     SCOPED(hada_result) enhanced = {0};
-    ASSERT_OK(hada_plan_create(&plan, f.whole, model, NULL, err));
-    ASSERT_OK(hada_plan_run(plan, &f.raw[0][0], &enhanced, err));
+    plan_once(f.whole, model, NULL, &f.raw[0][0], &enhanced);
     assert_true(enhanced.report->enhanced > 0);
 }
 
@@ -167,14 +165,12 @@ TEST(a_net_may_only_share_light_out)
     }
     for (int depths = 1; depths < 3; depths++) {
         static const int told[] = {0, 1};
-        SCOPED(hada_plan) * plan;
         SCOPED(hada_result) planes = {0};
         DEFAULTS(hada_plan_options, how);
         how.occupied = HADA_OCCUPIED_LIST;
         how.occupied_list = told;
         how.occupied_count = depths;
-        ASSERT_OK(hada_plan_create(&plan, f.whole, model, &how, err));
-        ASSERT_OK(hada_plan_run(plan, &f.raw[0][0], &planes, err));
+        plan_once(f.whole, model, &how, &f.raw[0][0], &planes);
         assert_int_equal(planes.report->enhanced, depths > 1 ? depths : 0);
     }
 }

@@ -75,6 +75,40 @@ static inline void destroy_images(hada_image *images, int count)
         hada_image_destroy(&images[i]);
 }
 
+/* One run of a plan of its own. */
+static inline void plan_once(hada_context *context, const hada_model *model, const hada_plan_options *options,
+                             const hada_image *raw, hada_result *result)
+{
+    SCOPED(hada_plan) * plan;
+    ASSERT_OK(hada_plan_create(&plan, context, model, options, err));
+    ASSERT_OK(hada_plan_run(plan, raw, result, err));
+}
+
+/* Freed by the caller. */
+static inline double *doubles(const float *values, size_t count)
+{
+    double *out = calloc(count + 1, sizeof *out);
+    for (size_t i = 0; i < count; i++)
+        out[i] = values[i];
+    return out;
+}
+
+static inline int same_image(const hada_image *a, const hada_image *b)
+{
+    return a->channels == b->channels && a->rows == b->rows && a->cols == b->cols &&
+           !memcmp(a->data, b->data, hada_image_count(a) * sizeof *a->data);
+}
+
+/* All images of results, to the last bit. */
+static inline int same_result(const hada_result *a, const hada_result *b)
+{
+    int same = a->depths == b->depths && same_image(&a->all_in_focus, &b->all_in_focus) &&
+               same_image(&a->distance_map, &b->distance_map);
+    for (int z = 0; same && z < a->depths; z++)
+        same = same_image(&a->planes[z], &b->planes[z]);
+    return same;
+}
+
 static inline void write_whole_text(const char *path, const char *text)
 {
     FILE *file = fopen(path, "w");

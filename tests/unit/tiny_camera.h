@@ -199,14 +199,7 @@ static inline void tiny_expose_colours(tiny_device *device, const tiny_camera *c
                        (size_t)camera->frame.col0,
                    (size_t)camera->frame.cols * sizeof *to);
     SCOPED(hada_fft) * plan;
-    const hada_fft_desc desc = {.direction = HADA_FFT_FORWARD,
-                                .rows = camera->rows,
-                                .cols = camera->cols,
-                                .batch = camera->channels,
-                                .real_rows = camera->rows,
-                                .real_cols = camera->cols,
-                                .real_pitch = (size_t)camera->cols,
-                                .real_distance = camera->pixels};
+    const hada_fft_desc desc = hada_fft_whole(HADA_FFT_FORWARD, camera->rows, camera->cols, camera->channels);
     ASSERT_OK(hada_buffer_write(&device->image, device->slot, 0, whole, device->image.bytes, err));
     ASSERT_OK(hada_buffer_write(&device->frame, device->slot, 0, part, device->frame.bytes, err));
     ASSERT_OK(hada_fft_create(&plan, device->slot, &desc, err));

@@ -91,14 +91,6 @@ static inline hada_train_options train_options(hada_stage stage)
                                 .variation = 1e-3};
 }
 
-static inline double *train_doubles(const float *values, size_t count)
-{
-    double *out = calloc(count + 1, sizeof *out);
-    for (size_t i = 0; i < count; i++)
-        out[i] = values[i];
-    return out;
-}
-
 static inline hada_ref_grid train_grid(const hada_model_info *info)
 {
     hada_geometry g;
@@ -124,6 +116,14 @@ typedef struct train_case {
     const hada_net *net, *discriminator, *vgg;
     double *filters[TRAIN_DEPTHS], *values, *discriminator_values;
 } train_case;
+
+static inline void train_case_free(train_case *c)
+{
+    for (int z = 0; z < TRAIN_DEPTHS; z++)
+        free(c->filters[z]);
+    free(c->values);
+    free(c->discriminator_values);
+}
 
 /* The linear plane of a sample. */
 static inline void train_plane(const train_case *c, const hada_sample *sample, double *plane)
@@ -206,7 +206,7 @@ static inline double *train_features(const train_case *c, const double *images, 
     const hada_size last = sizes[c->vgg->count - 1];
     *count =
         (size_t)c->count * (size_t)c->vgg->layers[c->vgg->count - 1].channels * (size_t)last.rows * (size_t)last.cols;
-    SCOPED_MEMORY double *values = train_doubles(c->vgg->values, c->vgg->floats);
+    SCOPED_MEMORY double *values = doubles(c->vgg->values, c->vgg->floats);
     double *features = train_run(c->vgg, values, c->count, rows, cols, colours, *count);
     return features;
 }

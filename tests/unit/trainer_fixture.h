@@ -6,7 +6,6 @@
 
 #include "camera_small.h"
 #include "fit/fitter.h"
-#include "train/train_options.h"
 #include "train/trainer.h"
 
 enum { ROWS = 48, COLS = 64, WINDOW = 24, DEPTHS = 2, PAIRS = 5, HELD = 2 };

@@ -2,9 +2,9 @@
 #ifndef HADA_CLI_OPTION_H
 #define HADA_CLI_OPTION_H
 
-#include "cli.h"
-
 #include <hadalens/folder.h>
+
+#include "cli.h"
 
 typedef enum hada_cli_kind {
     HADA_OPTION_GROUP = 0, /* a heading; only `help` is used */
@@ -126,5 +126,18 @@ hada_status hada_cli_read_depths(const char *option, const char *text, const dou
 /* "100,250.5": distances in millimetres, ascending; NULL: none. */
 hada_status hada_cli_read_distances(const char *option, const char *text, double *out, int capacity, int *found,
                                     hada_error *err);
+
+/* The commands, each in its own cmd_*.c. */
+
+extern const hada_cli_command hada_cli_devices;
+extern const hada_cli_command hada_cli_simulate;
+extern const hada_cli_command hada_cli_optics;
+extern const hada_cli_command hada_cli_register;
+extern const hada_cli_command hada_cli_fit;
+extern const hada_cli_command hada_cli_train;
+extern const hada_cli_command hada_cli_reconstruct;
+extern const hada_cli_command hada_cli_evaluate;
+extern const hada_cli_command hada_cli_tune;
+extern const hada_cli_command hada_cli_bench;
 
 #endif

@@ -2,12 +2,13 @@
 #ifndef HADA_CLI_BENCH_H
 #define HADA_CLI_BENCH_H
 
-#include "bench_stats.h"
-#include "cli.h"
-
 #include <hadalens/model.h>
+#include <hadalens/plot.h>
 #include <hadalens/profile.h>
 #include <hadalens/reconstruct.h>
+
+#include "bench_stats.h"
+#include "cli.h"
 
 typedef enum hada_bench_group {
     HADA_BENCH_PEAK,       /* ceilings of the device */

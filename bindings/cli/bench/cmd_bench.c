@@ -1,5 +1,5 @@
 #include "bench.h"
-#include "command.h"
+#include "option.h"
 
 #include <hadalens/folder.h>
 #include <stddef.h>
@@ -83,9 +83,7 @@ static hada_status open_device(hada_cli *cli, hada_bench_device *device, hada_er
     device->cli = *cli;
     device->cli.common = &device->common;
     device->cli.document = json_object();
-    hada_status status = hada_cli_open(&device->cli, &device->context, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_cli_open(&device->cli, &device->context, err));
     device->info = *hada_context_device(device->context);
     snprintf(device->index, sizeof device->index, "%d", device->info.index);
     return HADA_OK;

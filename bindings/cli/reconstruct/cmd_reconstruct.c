@@ -1,9 +1,6 @@
-#include "command.h"
-#include "method_options.h"
-#include "model_words.h"
-#include "reconstruct_tell.h"
-#include "skip_words.h"
-#include "watch.h"
+#include "option.h"
+#include "reconstruct.h"
+#include "shared.h"
 
 #include <hadalens/dataset.h>
 #include <hadalens/job.h>
@@ -318,9 +315,7 @@ static hada_status change_form(job *work, hada_error *err)
     hada_model *other = NULL;
     if (work->set->method.method != HADA_CLI_MATCHED)
         return HADA_OK;
-    const hada_status status = hada_model_with_form(&other, work->model, HADA_FORM_MATCHED, 0, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_model_with_form(&other, work->model, HADA_FORM_MATCHED, 0, err));
     hada_model_destroy(&work->model);
     work->model = other;
     return HADA_OK;

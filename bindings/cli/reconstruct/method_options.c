@@ -1,4 +1,4 @@
-#include "method_options.h"
+#include "reconstruct.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,4 @@
-#include "reconstruct_tell.h"
-#include "skip_words.h"
+#include "reconstruct.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -11,6 +10,78 @@ typedef hada_cli_files_listener listener;
 static const char *const methods[] = {"model", "wiener", "rl", "fista", "admm"};
 /* In the order of hada_scene. */
 static const char *const scenes[] = {"auto", "planes", "surface", "volume"};
+
+static const struct {
+    const char *word;
+    unsigned kind;
+} kinds[] = {{"prune", HADA_SKIP_PRUNE}, {"depths", HADA_SKIP_DEPTHS},     {"frequencies", HADA_SKIP_FREQUENCIES},
+             {"half", HADA_SKIP_HALF},   {"channels", HADA_SKIP_CHANNELS}, {"frames", HADA_SKIP_FRAMES},
+             {"tiles", HADA_SKIP_TILES}};
+enum { KINDS = sizeof kinds / sizeof *kinds };
+
+static unsigned find(const char *word, size_t length)
+{
+    for (int i = 0; i < KINDS; i++)
+        if (strlen(kinds[i].word) == length && !strncmp(kinds[i].word, word, length))
+            return kinds[i].kind;
+    return 0;
+}
+
+hada_status hada_cli_read_skip(const char *text, unsigned *skip, hada_error *err)
+{
+    *skip = !strcmp(text, "all") ? HADA_SKIP_ALL : 0;
+    if (*skip || !strcmp(text, "none"))
+        return HADA_OK;
+    for (const char *word = text;; word++) {
+        const size_t length = strcspn(word, ",");
+        const unsigned kind = find(word, length);
+        if (!kind)
+            return hada_cli_error(err, HADA_ERROR_ARGUMENT,
+                                  "--skip takes all, none, or a list of prune, depths, frequencies, half, channels, "
+                                  "frames and tiles; not '%.*s'",
+                                  (int)length, word);
+        *skip |= kind;
+        word += length;
+        if (!*word)
+            return HADA_OK;
+    }
+}
+
+static json_t *skip_json(const hada_result *result)
+{
+    const hada_skip_report *skipped = result->report->skipped;
+    json_t *list = json_array();
+    for (int i = 0; i < KINDS; i++)
+        if (skipped->kinds & kinds[i].kind)
+            json_array_append_new(list, json_string(kinds[i].word));
+    const int depths = result->depths, channels = result->depths ? result->planes[0].channels : 0;
+    const double computed =
+        depths && channels && !skipped->frame
+            ? (double)(depths - skipped->depths) * (channels - skipped->channels) / ((double)depths * channels)
+            : 0.0;
+    return json_pack("{s:o, s:o, s:f, s:i, s:i, s:b, s:f, s:f, s:b}", "kinds", list, "bound",
+                     hada_cli_real(skipped->bound), "planes", 1.0 - computed, "depths", skipped->depths, "channels",
+                     skipped->channels, "frame", skipped->frame, "frequencies", skipped->frequencies, "tiles",
+                     skipped->tiles, "again", skipped->recomputed);
+}
+
+static void skip_words(const hada_result *result, char *text, size_t size)
+{
+    const hada_skip_report *skipped = result->report->skipped;
+    if (skipped->frame)
+        hada_cli_append(text, size, "; the result of the frame before");
+    if (skipped->channels)
+        hada_cli_append(text, size, "; %d channel%s black or copied", skipped->channels,
+                        skipped->channels == 1 ? "" : "s");
+    if (skipped->frequencies > 0)
+        hada_cli_append(text, size, "; %.0f %% of the frequencies left out", 100 * skipped->frequencies);
+    if (skipped->kinds & HADA_SKIP_HALF)
+        hada_cli_append(text, size, "; half filters");
+    if (skipped->bound > 0 && isfinite(skipped->bound))
+        hada_cli_append(text, size, "; at most %.2g %% change", 100 * skipped->bound);
+    if (skipped->recomputed)
+        hada_cli_append(text, size, "; done again in full");
+}
 
 static json_t *frame_json(const hada_result *result)
 {
@@ -27,9 +98,9 @@ static json_t *frame_json(const hada_result *result)
         hada_cli_real(report->residual_linear), "residual", hada_cli_real(report->residual), "dark",
         hada_cli_real(report->dark), "enhanced", report->enhanced, "repaired_pixels",
         (json_int_t)report->repaired_pixels, "saturated_pixels", (json_int_t)report->saturated_pixels, "skipped",
-        hada_cli_skip_json(result), "seconds", "total", report->seconds_total, "upload", report->seconds_upload,
-        "linear", report->seconds_linear, "pursuit", report->seconds_pursuit, "refine", report->seconds_refine,
-        "enhance", report->seconds_enhance, "focus", report->seconds_focus, "download", report->seconds_download);
+        skip_json(result), "seconds", "total", report->seconds_total, "upload", report->seconds_upload, "linear",
+        report->seconds_linear, "pursuit", report->seconds_pursuit, "refine", report->seconds_refine, "enhance",
+        report->seconds_enhance, "focus", report->seconds_focus, "download", report->seconds_download);
 }
 
 static void tell_frame(listener *to, const hada_files_state *state)
@@ -39,7 +110,7 @@ static void tell_frame(listener *to, const hada_files_state *state)
     const hada_match *match = state->match;
     json_t *frame = frame_json(state->result);
     if (state->emitters)
-        json_object_set_new(frame, "emitters", json_integer(hada_emitters_count(state->emitters)));
+        json_object_set_new(frame, "emitters", json_integer(state->emitters->count));
     json_array_append_new(to->frames, frame);
     if (state->result->report->warm_started)
         json_object_set_new(frame, "warm_started", json_true());
@@ -128,7 +199,7 @@ static void frame_words(const hada_result *result, char *text, size_t size)
     if (report->saturated_pixels)
         hada_cli_append(text, size, "; %lld saturated pixels count as \"at least this\"",
                         (long long)report->saturated_pixels);
-    hada_cli_skip_words(result, text, size);
+    skip_words(result, text, size);
 }
 
 static void begin_file(listener *to, const hada_files_state *state)
@@ -163,8 +234,8 @@ static void tell_file(listener *to, const hada_files_state *state)
     const double now = hada_cli_seconds(), seconds = now - to->before;
     frame_words(state->result, words, sizeof words);
     if (state->emitters)
-        hada_cli_append(words, sizeof words, "; %d emitter%s", hada_emitters_count(state->emitters),
-                        hada_emitters_count(state->emitters) == 1 ? "" : "s");
+        hada_cli_append(words, sizeof words, "; %d emitter%s", state->emitters->count,
+                        state->emitters->count == 1 ? "" : "s");
     if (state->tracks_table) {
         hada_cli_append(words, sizeof words, "; %d track%s in all", state->tracks, state->tracks == 1 ? "" : "s");
         json_object_set_new(to->entry, "tracks", json_integer(state->tracks));

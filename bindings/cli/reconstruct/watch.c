@@ -1,4 +1,4 @@
-#include "watch.h"
+#include "reconstruct.h"
 
 #include <string.h>
 #include <unistd.h>

@@ -1,4 +1,4 @@
-#include "model_words.h"
+#include "shared.h"
 
 #include <hadalens/dataset.h>
 #include <hadalens/folder.h>

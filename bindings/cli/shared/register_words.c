@@ -1,4 +1,4 @@
-#include "register_words.h"
+#include "shared.h"
 
 #include <stdio.h>
 

@@ -382,11 +382,11 @@ class Plan(Handle):
         except BaseException:
             job.cancel()
             raise
-        found = Owner("hada_emitters", lib.hada_emitters_destroy)
+        found = Owner("hada_emitters", lib.hada_memory_destroy)
         monitor = Monitor(None)
         monitor.run(lib.hada_plan_emitters, found.pointer, self._c, pixels.c, results.c, monitor.c)
         names = [name for name, _ in ffi.typeof("hada_emitter").fields]
-        rows = [lib.hada_emitters_get(found.c, i) for i in range(lib.hada_emitters_count(found.c))]
+        rows = [found.c.list[i] for i in range(found.c.count)]
         return np.array([tuple(getattr(row, name) for name in names) for row in rows], [(name, "f8") for name in names])
 
     @staticmethod

@@ -127,8 +127,8 @@ HADA_API const char *hada_enum_name(hada_enum which, int value);
 /* The value of a name, -1 for any other text. */
 HADA_API int hada_enum_value(hada_enum which, const char *name);
 
-/* Frees a text or an array of rows that the library made, given the address of its pointer, and clears the pointer.
- * NULL is fine, and so is a NULL pointer. */
+/* Frees a text, an array of rows or a block that the library made, given the address of its pointer, and clears the
+ * pointer. NULL is fine, and so is a NULL pointer. */
 HADA_API void hada_memory_destroy(void *address_of_pointer);
 
 #ifdef __cplusplus

@@ -26,7 +26,11 @@ typedef struct hada_emitter {
                                               light falls, weighted by its square; in units of the frame's values */
 } hada_emitter;
 
-typedef struct hada_emitters hada_emitters;
+/* Those of a frame, one block of memory, given back by hada_memory_destroy(); later versions may append to it. */
+typedef struct hada_emitters {
+    int count;
+    const hada_emitter *const *list; /* by falling amplitude */
+} hada_emitters;
 
 /* Finds the emitters of a frame of one channel that the plan reconstructed as a volume. raw: that frame; result: what
  * the plan made of it; monitor: asked whether to stop, may be NULL. An emitter must be so bright
@@ -34,10 +38,6 @@ typedef struct hada_emitters hada_emitters;
  * HADA_ERROR_MODEL: the camera has colours; HADA_ERROR_MEMORY: there are so many that they take more than 1 GiB. */
 HADA_API hada_status hada_plan_emitters(hada_emitters **out, hada_plan *plan, const hada_pixels *raw,
                                         const hada_result *result, const hada_monitor *monitor, hada_error *err);
-HADA_API int hada_emitters_count(const hada_emitters *emitters);
-/* By falling amplitude; NULL beyond the last. */
-HADA_API const hada_emitter *hada_emitters_get(const hada_emitters *emitters, int index);
-HADA_API void hada_emitters_destroy(hada_emitters **emitters);
 
 /* Joins the emitters of successive frames to tracks. */
 typedef struct hada_tracker hada_tracker;

@@ -18,6 +18,7 @@ typedef struct hada_classic_shape {
     int grid_rows, grid_cols;     /* of the method's transforms: the model's, or smaller ones */
     hada_refine_rect reach; /* on a smaller grid: the lags at which point spread functions are not 0; else empty */
     int components;         /* of each depth; above 1 where its point spread function varies over the field */
+    int sieve;              /* 1: Richardson-Lucy whose planes may be sums of Gaussians; the support is the window */
 } hada_classic_shape;
 
 /* The shape for a model. HADA_ERROR_ARGUMENT where the options make no sense, HADA_ERROR_MODEL where the model has no
@@ -76,6 +77,8 @@ typedef struct hada_classic_job {
     double brightness; /* of the frame, root of the mean square over its pixels and channels */
     int iterations;    /* at most; 0: the options' */
     int before;        /* > 0: goes on from the planes of the last run, of the same job, which did so many of them */
+    int anew;          /* 1, with that: weights of the frame's values have changed */
+    double sieve;      /* standard deviation of the planes' Gaussians in pixels; 0: none */
     void (*progress)(void *user, int iterations); /* may be NULL */
     void *user;
 } hada_classic_job;
@@ -91,6 +94,11 @@ typedef struct hada_classic_result {
 int hada_classic_search_most(const hada_classic_shape *shape);
 hada_status hada_classic_choose(hada_classic *classic, const hada_classic_job *job, cl_mem held,
                                 const hada_frame_exposure *exposure, hada_maker_choice *choice, hada_error *err);
+
+/* Finds the width of the planes' Gaussians with which they predict held-out values best (classic_sieve.c), from wide to
+ * narrow; the job is as above. A run goes on from there with *width and, `before`, the iterations. */
+hada_status hada_classic_sieve(hada_classic *classic, const hada_classic_job *job, cl_mem held, double *width,
+                               int *iterations, hada_error *err);
 
 /* Runs the method from nothing. The planes may still be on their way when it returns. */
 hada_status hada_classic_run(hada_classic *classic, const hada_classic_job *job, hada_classic_result *result,

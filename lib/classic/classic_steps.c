@@ -318,10 +318,12 @@ hada_status hada_classic_crop(hada_classic *classic, hada_error *err)
     const hada_classic_image *plane = &classic->plane;
     const int whole = plane->rows != support->rows || plane->cols != support->cols;
     const hada_range range = hada_range_of((size_t)plane->pitch, 8, (size_t)plane->rows, (size_t)classic->planes);
+    hada_classic_part shown;
+    HADA_TRY(hada_classic_show(classic, &shown, err));
     hada_slot_cost(classic->slot, 12.0 * (double)plane->pixels * classic->planes, 0.0);
     return hada_launch_classic_crop(
         classic->slot, hada_program_classic_frame_of(classic->slot), &range, err,
-        .planes = classic->part[HADA_CLASSIC_PRIMAL].mem, .window = classic->part[HADA_CLASSIC_WINDOW].mem,
+        .planes = classic->part[shown].mem, .window = classic->part[HADA_CLASSIC_WINDOW].mem,
         .pitch = plane->pitch, .row0 = window->row0 - (whole ? 0 : support->row0),
         .col0 = window->col0 - (whole ? 0 : support->col0), .rows = window->rows, .cols = window->cols);
 }
@@ -340,10 +342,12 @@ static hada_status spectral_energy(hada_classic *classic, double *energy, hada_e
 hada_status hada_classic_energy(hada_classic *classic, double *energy, hada_error *err)
 {
     const hada_range range = frame_range(classic);
+    hada_classic_part shown;
     if (!classic->has_frame)
         return spectral_energy(classic, energy, err);
-    HADA_TRY(hada_classic_predict(classic, HADA_CLASSIC_PRIMAL, err));
-    if (classic->shape.components > 1) /* ratios are 1 between a row's pixels and its pitch */
+    HADA_TRY(hada_classic_show(classic, &shown, err));
+    HADA_TRY(hada_classic_predict(classic, shown, err));
+    if (classic->shape.components > 1 || classic->sieve > 0.0) /* ratios are 1 between a row's pixels and its pitch */
         HADA_TRY(hada_classic_clear(classic, HADA_CLASSIC_PREDICTION, err));
     HADA_TRY(hada_classic_data_step(classic, HADA_CLASSIC_LEFT, 0.0, 0, err));
     HADA_TRY(hada_launch_classic_energy(classic->slot, hada_program_classic_frame_of(classic->slot), &range, err,

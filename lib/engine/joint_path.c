@@ -131,6 +131,8 @@ static hada_status solve_classic(hada_pipeline *pipeline, hada_frame *frame, int
         progress.before += hada_classic_search_most(&config->method);
     }
     HADA_TRY(hada_maker_weigh(maker, exposure, err));
+    if (config->method.sieve)
+        return hada_pipeline_solve_volume(pipeline, frame, err);
     HADA_TRY(hada_classic_run(pipeline->classic, &job, &result, err));
     report->method = config->method.options.method;
     report->scene = config->scene == HADA_SCENE_VOLUME ? HADA_SCENE_VOLUME : HADA_SCENE_PLANES;

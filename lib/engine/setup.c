@@ -231,6 +231,7 @@ hada_status hada_config_volume(const hada_config *config, const hada_model_info 
     volume_options(&classic, HADA_SUPPORT_WINDOW);
     HADA_TRY(hada_classic_shape_of(info, config->depths, &classic, shape, err));
     shape->place.boundary = config->boundary;
+    shape->sieve = config->choose;
     return HADA_OK;
 }
 
@@ -251,6 +252,8 @@ static hada_status use_classic(const hada_model_info *info, const hada_plan_opti
     config->classic = classic.method != HADA_METHOD_MODEL;
     if (config->classic) {
         HADA_TRY(hada_classic_shape_of(info, depths, &classic, &config->method, err));
+        config->method.sieve = options->scene == HADA_SCENE_VOLUME && depths == config->depths &&
+                               config->method.options.support == HADA_SUPPORT_WINDOW;
         config->steps = config->method.options.iterations;
     }
     return HADA_OK;

@@ -86,6 +86,9 @@ hada_status hada_pipeline_dark_planes(hada_pipeline *pipeline, hada_frame *frame
 hada_status hada_pipeline_find_volume(hada_pipeline *pipeline, hada_frame *frame, double energy, int *found,
                                       hada_error *err);
 
+/* The planes of a frame that the caller takes for a volume, by pipeline->classic. */
+hada_status hada_pipeline_solve_volume(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
+
 /* For a frame that no depth explains: everything dark, no distance anywhere. */
 hada_status hada_pipeline_no_pictures(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
 

@@ -154,36 +154,79 @@ static hada_status spread_of(const hada_pipeline *pipeline, const hada_result *r
     return HADA_OK;
 }
 
+/* The method: of a plan for volumes, or made when a frame first needed it. */
+static hada_classic *method_of(const hada_pipeline *pipeline)
+{
+    return pipeline->classic ? pipeline->classic : pipeline->volume;
+}
+
+/* Its job; `data` takes what the maker has now. */
+static hada_classic_job job_of(const hada_pipeline *pipeline, const hada_frame *frame, hada_refine_data *data)
+{
+    const hada_volumes *volumes = pipeline->constants->volumes;
+    *data = pipeline->maker.data;
+    if (!pipeline->classic) {
+        data->otf = volumes->optics.mem;
+        data->otf_offset = 0;
+    }
+    return (hada_classic_job){.data = data,
+                              .camera = pipeline->classic ? &pipeline->setup->camera : &volumes->camera,
+                              .depths = pipeline->setup->config.depths,
+                              .list = pipeline->all,
+                              .brightness = hada_exposure_light(&frame->exposure)};
+}
+
 /* Goes on to so many iterations. */
 static hada_status iterate(hada_pipeline *pipeline, hada_frame *frame, int iterations, hada_error *err)
 {
-    hada_volumes *volumes = pipeline->constants->volumes;
-    const int before = pipeline->volume_now.iterations;
-    if (!before) /* then the method has a copy of the weights */
+    hada_refine_data data;
+    if (!pipeline->volume_now.iterations) /* then the method has a copy of the weights */
         HADA_TRY(hada_maker_weigh(&pipeline->maker, &frame->exposure, err));
-    hada_refine_data data = pipeline->maker.data;
-    data.otf = volumes->optics.mem;
-    data.otf_offset = 0;
-    const hada_classic_job job = {.data = &data,
-                                  .camera = &volumes->camera,
-                                  .depths = pipeline->setup->config.depths,
-                                  .list = pipeline->all,
-                                  .brightness = hada_exposure_light(&frame->exposure),
-                                  .iterations = iterations,
-                                  .before = before};
-    return hada_classic_run(pipeline->volume, &job, &pipeline->volume_now, err);
+    hada_classic_job job = job_of(pipeline, frame, &data);
+    job.iterations = iterations;
+    job.before = pipeline->volume_now.iterations;
+    return hada_classic_run(method_of(pipeline), &job, &pipeline->volume_now, err);
 }
 
-/* The same, and how the light is spread then. */
-static hada_status look(hada_pipeline *pipeline, hada_frame *frame, int iterations, spread *light, hada_error *err)
+/* From nothing, with Gaussians whose width the frame chooses; the last iterations see the whole frame. */
+static hada_status find_tissue(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
+{
+    enum { HELD_OUT = 8 /* pixels a side */, LAST = 40 };
+    hada_plane_maker *maker = &pipeline->maker;
+    hada_refine_data data;
+    hada_classic_job job;
+    double width;
+    int iterations;
+    HADA_TRY(hada_maker_hold_out(maker, &frame->exposure, HELD_OUT, 0, err));
+    job = job_of(pipeline, frame, &data);
+    HADA_TRY(hada_classic_sieve(method_of(pipeline), &job, maker->held.mem, &width, &iterations, err));
+    HADA_TRY(hada_maker_weigh(maker, &frame->exposure, err));
+    job = job_of(pipeline, frame, &data);
+    job.sieve = width;
+    job.anew = 1;
+    job.before = iterations;
+    job.iterations = iterations + LAST;
+    hada_log(pipeline->slot->context, HADA_LOG_INFO, "a volume of Gaussians of %.1f pixels", width);
+    return hada_classic_run(method_of(pipeline), &job, &pipeline->volume_now, err);
+}
+
+/* How the light is spread now. */
+static hada_status look_at(hada_pipeline *pipeline, hada_frame *frame, spread *light, hada_error *err)
 {
     const int depths = pipeline->setup->config.depths;
     const size_t bytes = hada_image_count(&frame->result->planes[0]) * sizeof(float);
-    const hada_buffer view = {.mem = hada_classic_planes(pipeline->volume), .bytes = bytes * (size_t)depths};
-    HADA_TRY(iterate(pipeline, frame, iterations, err));
+    const hada_buffer view = {.mem = hada_classic_planes(method_of(pipeline)), .bytes = bytes * (size_t)depths};
     for (int z = 0; z < depths; z++)
         HADA_TRY(hada_buffer_read(&view, pipeline->slot, (size_t)z * bytes, frame->result->planes[z].data, bytes, err));
-    return spread_of(pipeline, frame->result, light, err);
+    HADA_TRY(spread_of(pipeline, frame->result, light, err));
+    hada_log(pipeline->slot->context, HADA_LOG_INFO, "TRIAL %d: voxels %.3f depths %.3f mixed %.3f left %.4f", pipeline->volume_now.iterations, light->voxels, light->depths, light->mixed, sqrt(pipeline->volume_now.energy / frame->exposure.energy));
+    return HADA_OK;
+}
+
+static hada_status look(hada_pipeline *pipeline, hada_frame *frame, int iterations, spread *light, hada_error *err)
+{
+    HADA_TRY(iterate(pipeline, frame, iterations, err));
+    return look_at(pipeline, frame, light, err);
 }
 
 static hada_status take(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
@@ -228,14 +271,19 @@ static hada_status is_better(hada_pipeline *pipeline, hada_frame *frame, double 
     return HADA_OK;
 }
 
+/* Energy of the frame's noise. */
+static double noise_of(const hada_frame *frame)
+{
+    const double deviation = hada_exposure_noise(&frame->exposure);
+    return deviation * deviation * (double)hada_exposure_count(&frame->exposure);
+}
+
 hada_status hada_pipeline_find_volume(hada_pipeline *pipeline, hada_frame *frame, double energy, int *found,
                                       hada_error *err)
 {
-    const hada_frame_exposure *exposure = &frame->exposure;
-    const double deviation = hada_exposure_noise(exposure),
-                 noise = deviation * deviation * (double)hada_exposure_count(exposure);
+    const double noise = noise_of(frame);
     *found = 0;
-    if (!(exposure->energy > 0) || (energy >= 0.0 && energy <= CLEARLY * noise))
+    if (!(frame->exposure.energy > 0) || (energy >= 0.0 && energy <= CLEARLY * noise))
         return HADA_OK;
     hada_slot_stage(pipeline->slot, "volume");
     HADA_TRY(ready(pipeline, err));
@@ -246,4 +294,17 @@ hada_status hada_pipeline_find_volume(hada_pipeline *pipeline, hada_frame *frame
     if (*found)
         HADA_TRY(take(pipeline, frame, err));
     return hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_refine, err);
+}
+
+hada_status hada_pipeline_solve_volume(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
+{
+    int plain = 1;
+    spread light;
+    if (frame->exposure.energy > 0)
+        HADA_TRY(is_plain(pipeline, frame, noise_of(frame), &plain, err));
+    if (!plain) {
+        HADA_TRY(find_tissue(pipeline, frame, err));
+        HADA_TRY(look_at(pipeline, frame, &light, err));
+    }
+    return take(pipeline, frame, err);
 }

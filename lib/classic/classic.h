@@ -95,10 +95,23 @@ int hada_classic_search_most(const hada_classic_shape *shape);
 hada_status hada_classic_choose(hada_classic *classic, const hada_classic_job *job, cl_mem held,
                                 const hada_frame_exposure *exposure, hada_maker_choice *choice, hada_error *err);
 
-/* Finds the width of the planes' Gaussians with which they predict held-out values best (classic_sieve.c), from wide to
- * narrow; the job is as above. A run goes on from there with *width and, `before`, the iterations. */
-hada_status hada_classic_sieve(hada_classic *classic, const hada_classic_job *job, cl_mem held, double *width,
-                               int *iterations, hada_error *err);
+/* Planes as sums of Gaussians (classic_sieve.c). */
+typedef struct hada_classic_sieved {
+    double width; /* standard deviation of the Gaussians, or 0 */
+    double left;  /* energy that they leave of held-out values */
+    int iterations;
+} hada_classic_sieved;
+
+/* Finds the width with which the planes predict held-out values best, from wide to narrow; job and `held` are those of
+ * hada_classic_choose(). A run goes on from there with the width and, `before`, the iterations. */
+hada_status hada_classic_sieve(hada_classic *classic, const hada_classic_job *job, cl_mem held,
+                               hada_classic_sieved *found, hada_error *err);
+
+/* What planes leave of held-out values whose light is only where `start` is above 0, with the width that was found, or
+ * a narrower one: [plane][row][hada_classic_pitch()] floats, all 0 or 1. */
+hada_status hada_classic_sieve_within(hada_classic *classic, const hada_classic_job *job, cl_mem held,
+                                      const hada_classic_sieved *found, const float *start, double *left,
+                                      hada_error *err);
 
 /* Runs the method from nothing. The planes may still be on their way when it returns. */
 hada_status hada_classic_run(hada_classic *classic, const hada_classic_job *job, hada_classic_result *result,

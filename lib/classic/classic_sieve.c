@@ -1,16 +1,17 @@
 /* Richardson-Lucy whose planes are sums of Gaussians with non-negative weights, the method of sieves (D. Snyder and M.
- * Miller, IEEE Trans. Nuclear Science 32(5), 1985): what is narrower than the Gaussian is noise. The iteration is that of
- * a camera whose point spread functions are blurred. From wide to narrow Gaussians the planes go on as they are, for a
- * wide Gaussian is a narrower one of a third. */
+ * Miller, IEEE Trans. Nuclear Science 32(5), 1985): what is narrower than the Gaussian is noise. The iteration is that
+ * of a camera whose point spread functions are blurred. From wide to narrow Gaussians the planes go on as they are, for
+ * a wide Gaussian is a narrower one of a third. */
 #include <math.h>
 
 #include "classic/classic_steps.h"
 #include "launch/classic_frame.h"
 #include "launch/classic_step.h"
 
-enum { EACH = 70, WIDTHS = 6 };
-#define WIDEST 2.8284271247461903 /* pixels; each next one has half of its square, the last one is 0 */
-#define REACH  3.5                /* standard deviations */
+enum { EACH = 70 };
+#define WIDEST    2.8284271247461903 /* pixels; each next one has half of its square, and after the narrowest comes 0 */
+#define NARROWEST 0.8
+#define REACH     3.5 /* standard deviations */
 
 /* The search ends where this much more is left of held-out values. */
 #define WORSE 1.01
@@ -105,28 +106,53 @@ static hada_status try_width(hada_classic *classic, const hada_classic_job *job,
     return hada_classic_weigh(classic, job->data->weights, err);
 }
 
-hada_status hada_classic_sieve(hada_classic *classic, const hada_classic_job *job, cl_mem held, double *width,
-                               int *iterations, hada_error *err)
+/* 0 after the last one. */
+static double narrower(double width)
 {
-    double now = WIDEST, best = INFINITY, left = 0.0;
+    return width > NARROWEST ? width * sqrt(0.5) : 0.0;
+}
+
+hada_status hada_classic_sieve(hada_classic *classic, const hada_classic_job *job, cl_mem held,
+                               hada_classic_sieved *found, hada_error *err)
+{
+    double now = WIDEST, left = 0.0;
     int last = 0;
-    *iterations = 0;
+    *found = (hada_classic_sieved){.left = INFINITY};
     HADA_TRY(hada_classic_ready(classic, job, err));
     classic->sieve = now;
     HADA_TRY(hada_classic_rl_begin(classic, err));
-    for (int i = 0; i < WIDTHS && left <= WORSE * best; i++) {
-        if (i) {
-            now = i < WIDTHS - 1 ? now * sqrt(0.5) : 0.0;
-            HADA_TRY(hada_classic_rl_anew(classic, now, err));
-        }
-        HADA_TRY(try_width(classic, job, held, iterations, &left, err));
-        last = left < best;
+    for (;;) {
+        HADA_TRY(try_width(classic, job, held, &found->iterations, &left, err));
+        last = left < found->left;
         if (last) {
-            best = left;
-            *width = now;
+            found->left = left;
+            found->width = now;
             HADA_TRY(keep(classic, 0, err));
         }
+        if (!(now > 0.0) || left > WORSE * found->left)
+            break;
+        now = narrower(now);
+        HADA_TRY(hada_classic_rl_anew(classic, now, err));
     }
-    classic->sieve = *width;
+    classic->sieve = found->width;
     return last ? HADA_OK : keep(classic, 1, err);
+}
+
+hada_status hada_classic_sieve_within(hada_classic *classic, const hada_classic_job *job, cl_mem held,
+                                      const hada_classic_sieved *found, const float *start, double *left,
+                                      hada_error *err)
+{
+    double other;
+    int iterations = found->iterations;
+    HADA_TRY(hada_buffer_write(&classic->part[HADA_CLASSIC_PRIMAL], classic->slot, 0, start,
+                               (size_t)classic->planes * classic->plane.pixels * sizeof *start, err));
+    HADA_TRY(hada_classic_rl_anew(classic, classic->sieve, err));
+    HADA_TRY(try_width(classic, job, held, &iterations, left, err));
+    if (found->width > 0.0) {
+        HADA_TRY(hada_classic_rl_anew(classic, narrower(found->width), err));
+        HADA_TRY(try_width(classic, job, held, &iterations, &other, err));
+        *left = fmin(*left, other);
+    }
+    classic->sieve = found->width;
+    return keep(classic, 1, err);
 }

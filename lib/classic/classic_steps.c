@@ -322,10 +322,10 @@ hada_status hada_classic_crop(hada_classic *classic, hada_error *err)
     HADA_TRY(hada_classic_show(classic, &shown, err));
     hada_slot_cost(classic->slot, 12.0 * (double)plane->pixels * classic->planes, 0.0);
     return hada_launch_classic_crop(
-        classic->slot, hada_program_classic_frame_of(classic->slot), &range, err,
-        .planes = classic->part[shown].mem, .window = classic->part[HADA_CLASSIC_WINDOW].mem,
-        .pitch = plane->pitch, .row0 = window->row0 - (whole ? 0 : support->row0),
-        .col0 = window->col0 - (whole ? 0 : support->col0), .rows = window->rows, .cols = window->cols);
+        classic->slot, hada_program_classic_frame_of(classic->slot), &range, err, .planes = classic->part[shown].mem,
+        .window = classic->part[HADA_CLASSIC_WINDOW].mem, .pitch = plane->pitch,
+        .row0 = window->row0 - (whole ? 0 : support->row0), .col0 = window->col0 - (whole ? 0 : support->col0),
+        .rows = window->rows, .cols = window->cols);
 }
 
 /* By Parseval, where the frame's pixels are not used. */

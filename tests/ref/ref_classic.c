@@ -207,10 +207,9 @@ static hada_status lucy(work *w, double *x, double *change, hada_error *err)
             blur(w, y, blurred);
         status = project(w, shown, image, err);
         for (size_t i = 0; i < w->pixels; i++)
-            image[i] = size_of(p, i) *
-                       (above(p, i, image[i])
-                            ? 1.0
-                            : fmax(p->image[i] + p->beside, 0.0) / fmax(image[i] + p->beside, floor));
+            image[i] =
+                size_of(p, i) *
+                (above(p, i, image[i]) ? 1.0 : fmax(p->image[i] + p->beside, 0.0) / fmax(image[i] + p->beside, floor));
         if (!status)
             status = transpose(w, image, p->sieve > 0.0 ? blurred : correct, err);
         if (p->sieve > 0.0)

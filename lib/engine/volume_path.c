@@ -193,25 +193,36 @@ static hada_status iterate(hada_pipeline *pipeline, hada_frame *frame, int itera
 }
 
 /* Where the light of what was found is: on the occupied depths, or between the planes next to the surface. */
-static float *make_support(const hada_pipeline *pipeline, const hada_support_of *of, hada_error *err)
+static float *make_support(const hada_pipeline *pipeline, const hada_support_of *of, int haze, hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(pipeline->setup->model);
     const size_t cols = (size_t)info->window_cols, pitch = hada_classic_pitch(info->window_cols),
                  rows = (size_t)info->channels * (size_t)info->window_rows;
     const int depths = pipeline->setup->config.depths;
     float *support = NULL;
-    if (HADA_NEW(support, (size_t)depths * rows * pitch, "where light is", err))
+    if (HADA_NEW(support, (size_t)(depths + haze) * rows * pitch, "where light is", err))
         return NULL;
-    for (int z = 0, k = 0; z < depths; z++) {
-        const int occupied = k < of->count && pipeline->occupied[k] == z;
+    for (int z = 0, k = 0; z < depths + haze; z++) {
+        const int occupied = z == depths || (k < of->count && pipeline->occupied[k] == z);
         k += occupied;
         for (size_t i = 0; i < rows * cols; i++) {
             const size_t pixel = i % ((size_t)info->window_rows * cols);
-            const int on = of->surface ? fabsf(pipeline->shape.depth[pixel] - (float)z) < 1.0F : occupied;
+            const int on = of->surface && z < depths ? fabsf(pipeline->shape.depth[pixel] - (float)z) < 1.0F : occupied;
             support[((size_t)z * rows + i / cols) * pitch + i % cols] = (float)on;
         }
     }
     return support;
+}
+
+/* The same with haze, where the method has any. */
+static hada_classic_job tissue_of(const hada_pipeline *pipeline, const hada_frame *frame, hada_refine_data *data)
+{
+    const hada_classic_shape *shape =
+        pipeline->classic ? &pipeline->setup->config.method : &pipeline->constants->volumes->shape;
+    hada_classic_job job = job_of(pipeline, frame, data);
+    job.depths += shape->haze;
+    data->otf_depths += shape->haze;
+    return job;
 }
 
 /* From nothing, with Gaussians whose width the frame chooses; the last iterations see the whole frame. `against`, which
@@ -229,16 +240,16 @@ static hada_status find_tissue(hada_pipeline *pipeline, hada_frame *frame, const
     double left = 0.0;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_maker_hold_out(maker, &frame->exposure, HELD_OUT, 0, err));
-    job = job_of(pipeline, frame, &data);
+    job = tissue_of(pipeline, frame, &data);
     HADA_TRY_OR_DONE(hada_classic_sieve(method, &job, maker->held.mem, &found, err));
     if (against) {
-        support = make_support(pipeline, against, err);
+        support = make_support(pipeline, against, job.depths - pipeline->setup->config.depths, err);
         HADA_TRY_OR_DONE(hada_allocated(support));
         HADA_TRY_OR_DONE(hada_classic_sieve_within(method, &job, maker->held.mem, &found, support, &left, err));
         *gain = left / found.left;
     }
     HADA_TRY_OR_DONE(hada_maker_weigh(maker, &frame->exposure, err));
-    job = job_of(pipeline, frame, &data);
+    job = tissue_of(pipeline, frame, &data);
     job.sieve = found.width;
     job.anew = 1;
     job.before = found.iterations;

@@ -109,7 +109,7 @@ hada_status hada_classic_sieve(hada_classic *classic, const hada_classic_job *jo
                                hada_classic_sieved *found, hada_error *err);
 
 /* What planes leave of held-out values whose light is only where `start` is above 0, with the width that was found, or
- * a narrower one: [plane][row][hada_classic_pitch()] floats, all 0 or 1. */
+ * a narrower one: [plane][row][hada_classic_pitch()] floats, to begin with. */
 hada_status hada_classic_sieve_within(hada_classic *classic, const hada_classic_job *job, cl_mem held,
                                       const hada_classic_sieved *found, const float *start, double *left,
                                       hada_error *err);

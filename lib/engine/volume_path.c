@@ -24,7 +24,7 @@ enum { FIRST = 24, SECOND = 50 };
 
 /* Where the camera's frames have held-out pixels, it is one if planes, or a surface, leave more than this many times
  * what the volume leaves of these. */
-#define PREDICTS 1.02
+#define PREDICTS 1.0
 
 /* In any case light is at more than this share of the depths. */
 #define LEAST_DEPTHS 0.5
@@ -199,16 +199,19 @@ static float *make_support(const hada_pipeline *pipeline, const hada_support_of 
     const size_t cols = (size_t)info->window_cols, pitch = hada_classic_pitch(info->window_cols),
                  rows = (size_t)info->channels * (size_t)info->window_rows;
     const int depths = pipeline->setup->config.depths;
+    double lit = 0.0; /* haze begins with the same part of all light as where it is everywhere */
     float *support = NULL;
     if (HADA_NEW(support, (size_t)(depths + haze) * rows * pitch, "where light is", err))
         return NULL;
     for (int z = 0, k = 0; z < depths + haze; z++) {
-        const int occupied = z == depths || (k < of->count && pipeline->occupied[k] == z);
+        const int occupied = k < of->count && pipeline->occupied[k] == z;
         k += occupied;
         for (size_t i = 0; i < rows * cols; i++) {
             const size_t pixel = i % ((size_t)info->window_rows * cols);
-            const int on = of->surface && z < depths ? fabsf(pipeline->shape.depth[pixel] - (float)z) < 1.0F : occupied;
-            support[((size_t)z * rows + i / cols) * pitch + i % cols] = (float)on;
+            const int on = of->surface ? fabsf(pipeline->shape.depth[pixel] - (float)z) < 1.0F : occupied;
+            const double value = z < depths ? on : lit / ((double)depths * (double)(rows * cols));
+            lit += z < depths ? on : 0;
+            support[((size_t)z * rows + i / cols) * pitch + i % cols] = (float)value;
         }
     }
     return support;

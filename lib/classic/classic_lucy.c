@@ -60,6 +60,26 @@ hada_status hada_classic_rl_begin(hada_classic *classic, hada_error *err)
     return fill(classic, HADA_CLASSIC_PREVIOUS, flat, err);
 }
 
+static hada_status copy(hada_classic *classic, hada_classic_part from, hada_classic_part to, hada_error *err)
+{
+    return hada_buffer_copy(classic->slot, classic->part[from].mem, 0, classic->part[to].mem, 0, classic->bytes[from],
+                            err);
+}
+
+hada_status hada_classic_rl_anew(hada_classic *classic, double width, hada_error *err)
+{
+    const double less = classic->sieve * classic->sieve - width * width;
+    if (less > 0.0) {
+        HADA_TRY(hada_classic_blur(classic, sqrt(less), HADA_CLASSIC_PRIMAL, HADA_CLASSIC_BLURRED, err));
+        HADA_TRY(copy(classic, HADA_CLASSIC_BLURRED, HADA_CLASSIC_PRIMAL, err));
+    }
+    classic->sieve = width;
+    HADA_TRY(copy(classic, HADA_CLASSIC_PRIMAL, HADA_CLASSIC_EXTRAPOLATED, err));
+    HADA_TRY(copy(classic, HADA_CLASSIC_PRIMAL, HADA_CLASSIC_PREVIOUS, err));
+    HADA_TRY(hada_classic_clear(classic, HADA_CLASSIC_DIRECTION, err));
+    return hada_classic_rl_norm(classic, err);
+}
+
 static hada_status multiplicative_step(hada_classic *classic, hada_error *err)
 {
     const hada_classic_options *o = &classic->shape.options;

@@ -6,75 +6,13 @@
 
 #include "classic/classic_steps.h"
 #include "launch/classic_frame.h"
-#include "launch/classic_step.h"
 
 enum { EACH = 70 };
 #define WIDEST    2.8284271247461903 /* pixels; each next one has half of its square, and after the narrowest comes 0 */
 #define NARROWEST 0.8
-#define REACH     3.5 /* standard deviations */
 
 /* The search ends where this much more is left of held-out values. */
 #define WORSE 1.01
-
-static hada_status write_taps(hada_classic *classic, double width, hada_error *err)
-{
-    double taps[HADA_CLASSIC_REACH + 1], sum = 0.0;
-    const int reach = (int)ceil(REACH * width);
-    if (classic->taps == width)
-        return HADA_OK;
-    classic->taps = width;
-    classic->reach = reach < HADA_CLASSIC_REACH ? reach : HADA_CLASSIC_REACH;
-    for (int i = 0; i <= classic->reach; i++) {
-        taps[i] = exp(-0.5 * i * i / (width * width));
-        sum += i ? 2.0 * taps[i] : taps[i];
-    }
-    for (int i = 0; i <= classic->reach; i++)
-        classic->table[i] = (float)(taps[i] / sum);
-    return hada_classic_write_table(classic, err);
-}
-
-hada_status hada_classic_blur(hada_classic *classic, double width, hada_classic_part from, hada_classic_part to,
-                              hada_error *err)
-{
-    const hada_range range = hada_classic_band_range(classic);
-    const double all = (double)classic->plane.pixels * classic->planes;
-    HADA_TRY(write_taps(classic, width, err));
-    const size_t margin = hada_divide_up((size_t)classic->reach, 8) * 8;
-    hada_slot_cost(classic->slot, 8.0 * all, 4.0 * (2.0 * classic->reach + 1.0) * all);
-    return hada_launch_classic_blur(classic->slot, hada_program_classic_step_of(classic->slot), &range, err,
-                                    .planes = classic->part[from].mem, .blurred = classic->part[to].mem,
-                                    .taps = classic->part[HADA_CLASSIC_TABLE].mem, .reach = classic->reach,
-                                    .image = hada_classic_plane_bands(classic),
-                                    .line = {((size_t)classic->plane.pitch + 2 * margin) * sizeof(float)});
-}
-
-hada_status hada_classic_show(hada_classic *classic, hada_classic_part *shown, hada_error *err)
-{
-    *shown = classic->sieve > 0.0 ? HADA_CLASSIC_BLURRED : HADA_CLASSIC_PRIMAL;
-    return classic->sieve > 0.0
-               ? hada_classic_blur(classic, classic->sieve, HADA_CLASSIC_PRIMAL, HADA_CLASSIC_BLURRED, err)
-               : HADA_OK;
-}
-
-static hada_status copy(hada_classic *classic, hada_classic_part from, hada_classic_part to, hada_error *err)
-{
-    return hada_buffer_copy(classic->slot, classic->part[from].mem, 0, classic->part[to].mem, 0, classic->bytes[from],
-                            err);
-}
-
-hada_status hada_classic_rl_anew(hada_classic *classic, double width, hada_error *err)
-{
-    const double less = classic->sieve * classic->sieve - width * width;
-    if (less > 0.0) {
-        HADA_TRY(hada_classic_blur(classic, sqrt(less), HADA_CLASSIC_PRIMAL, HADA_CLASSIC_BLURRED, err));
-        HADA_TRY(copy(classic, HADA_CLASSIC_BLURRED, HADA_CLASSIC_PRIMAL, err));
-    }
-    classic->sieve = width;
-    HADA_TRY(copy(classic, HADA_CLASSIC_PRIMAL, HADA_CLASSIC_EXTRAPOLATED, err));
-    HADA_TRY(copy(classic, HADA_CLASSIC_PRIMAL, HADA_CLASSIC_PREVIOUS, err));
-    HADA_TRY(hada_classic_clear(classic, HADA_CLASSIC_DIRECTION, err));
-    return hada_classic_rl_norm(classic, err);
-}
 
 /* PRIMAL, to or from where the result will be: the support is the window. */
 static hada_status keep(hada_classic *classic, int back, hada_error *err)

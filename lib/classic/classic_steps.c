@@ -4,6 +4,7 @@
 
 #include "launch/classic_field.h"
 #include "launch/classic_frame.h"
+#include "launch/classic_step.h"
 
 void hada_classic_swap(hada_classic *classic, hada_classic_part a, hada_classic_part b)
 {
@@ -310,6 +311,48 @@ static hada_status add_up(hada_classic *classic, size_t each, int count, double 
 hada_status hada_classic_sums(hada_classic *classic, size_t each, int count, double *sums, hada_error *err)
 {
     return add_up(classic, each * (size_t)classic->planes, count, sums, err);
+}
+
+#define REACH 3.5 /* of a Gaussian, in standard deviations */
+
+static hada_status write_taps(hada_classic *classic, double width, hada_error *err)
+{
+    double taps[HADA_CLASSIC_REACH + 1], sum = 0.0;
+    const int reach = (int)ceil(REACH * width);
+    if (classic->taps == width)
+        return HADA_OK;
+    classic->taps = width;
+    classic->reach = reach < HADA_CLASSIC_REACH ? reach : HADA_CLASSIC_REACH;
+    for (int i = 0; i <= classic->reach; i++) {
+        taps[i] = exp(-0.5 * i * i / (width * width));
+        sum += i ? 2.0 * taps[i] : taps[i];
+    }
+    for (int i = 0; i <= classic->reach; i++)
+        classic->table[i] = (float)(taps[i] / sum);
+    return hada_classic_write_table(classic, err);
+}
+
+hada_status hada_classic_blur(hada_classic *classic, double width, hada_classic_part from, hada_classic_part to,
+                              hada_error *err)
+{
+    const hada_range range = hada_classic_band_range(classic);
+    const double all = (double)classic->plane.pixels * classic->planes;
+    HADA_TRY(write_taps(classic, width, err));
+    const size_t margin = hada_divide_up((size_t)classic->reach, 8) * 8;
+    hada_slot_cost(classic->slot, 8.0 * all, 4.0 * (2.0 * classic->reach + 1.0) * all);
+    return hada_launch_classic_blur(classic->slot, hada_program_classic_step_of(classic->slot), &range, err,
+                                    .planes = classic->part[from].mem, .blurred = classic->part[to].mem,
+                                    .taps = classic->part[HADA_CLASSIC_TABLE].mem, .reach = classic->reach,
+                                    .image = hada_classic_plane_bands(classic),
+                                    .line = {((size_t)classic->plane.pitch + 2 * margin) * sizeof(float)});
+}
+
+hada_status hada_classic_show(hada_classic *classic, hada_classic_part *shown, hada_error *err)
+{
+    *shown = classic->sieve > 0.0 ? HADA_CLASSIC_BLURRED : HADA_CLASSIC_PRIMAL;
+    return classic->sieve > 0.0
+               ? hada_classic_blur(classic, classic->sieve, HADA_CLASSIC_PRIMAL, HADA_CLASSIC_BLURRED, err)
+               : HADA_OK;
 }
 
 hada_status hada_classic_crop(hada_classic *classic, hada_error *err)

@@ -24,7 +24,7 @@ enum { FIRST = 24, SECOND = 50 };
 
 /* Where the camera's frames have held-out pixels, it is one if planes, or a surface, leave more than this many times
  * what the volume leaves of these. */
-#define PREDICTS 1.0
+#define PREDICTS 1.01
 
 /* In any case light is at more than this share of the depths. */
 #define LEAST_DEPTHS 0.5
@@ -361,7 +361,7 @@ hada_status hada_pipeline_find_volume(hada_pipeline *pipeline, hada_frame *frame
     *found = 0;
     const int explained = energy >= 0.0 && energy <= CLEARLY * noise;
     const int tissue = energy >= 0.0 && pipeline->maker.held.mem != NULL;
-    if (!(frame->exposure.energy > 0) || (explained && !(tissue && (against->surface || against->count > 2))))
+    if (!(frame->exposure.energy > 0) || (explained && !(tissue && (against->surface || against->count > 1))))
         return HADA_OK;
     hada_slot_stage(pipeline->slot, "volume");
     HADA_TRY(ready(pipeline, err));

@@ -24,7 +24,7 @@ enum { FIRST = 24, SECOND = 50 };
 
 /* Where the camera's frames have held-out pixels, it is one if planes, or a surface, leave more than this many times
  * what the volume leaves of these. */
-#define PREDICTS 1.01
+#define PREDICTS 0.98
 
 /* In any case light is at more than this share of the depths. */
 #define LEAST_DEPTHS 0.5

@@ -327,7 +327,7 @@ def film_noise(frame, rng):
     y, x = np.indices(frame.shape) / o.size - rng.uniform(0.3, 0.7, (2, 1, 1))
     frame = frame / frame.max() + o.haze * np.exp(-2 * (y * y + x * x))
     if o.photons:
-        frame = rng.poisson(o.photons * frame) / o.photons
+        frame = rng.poisson(o.photons * np.maximum(frame, 0)) / o.photons
     return frame + o.noise * rng.standard_normal(frame.shape)
 
 

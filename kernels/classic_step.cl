@@ -2,6 +2,15 @@
  * p % channels. */
 #include "inc_classic.h"
 #include "shared_classic.h"
+#include "shared_local.h"
+
+#if REFINE_WIDTH == 8
+#define LINE_GET(p)    vload8(0, p)
+#define LINE_PUT(p, v) vstore8(v, 0, p)
+#else
+#define LINE_GET(p)    (*(p))
+#define LINE_PUT(p, v) (*(p) = (v))
+#endif
 
 /* A gradient step: g = v + alpha[channel] g. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void classic_descend(__global const float *momentum,
@@ -59,5 +68,37 @@ classic_extrapolate(__global const float *planes, __global const float *before, 
     for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH) {
         const refine_real x = image_get(planes, plane + i);
         image_put(next, plane + i, max(fma((refine_real)factor, x - image_get(before, plane + i), x), 0.0f));
+    }
+}
+
+/* A Gaussian of planes, rows and columns at once; beyond the edges is no light. taps: its values from the middle to
+ * `reach`. line: a row with `reach` floats, rounded up to eight, before and behind it. Dimensions: bands of rows,
+ * planes. */
+__kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
+classic_blur(__global const float *planes, __global float *blurred, __global const float *taps, int reach,
+             hada_classic_bands image, __local STATED_SIZE float *line)
+{
+    const int rows = image.rows, cols = image.cols, pitch = image.pitch, band = image.band;
+    const int from = get_group_id(0) * band, to = min(rows, from + band), margin = (reach + 7) / 8 * 8;
+    const size_t plane = (size_t)get_global_id(1) * (size_t)rows * pitch;
+    __local float *at = line + margin;
+    for (int j = get_local_id(0); j < margin; j += REFINE_GROUP)
+        line[j] = at[pitch + j] = 0.0f;
+    for (int i = from; i < to; ++i) {
+        const int first = max(i - reach, 0), last = min(i + reach, rows - 1);
+        for (int j = get_local_id(0) * REFINE_WIDTH; j < pitch; j += REFINE_GROUP * REFINE_WIDTH) {
+            refine_real sum = (refine_real)0.0f;
+            for (int k = first; k <= last; ++k)
+                sum = fma((refine_real)taps[abs(k - i)], image_get(planes, plane + (size_t)k * pitch + j), sum);
+            LINE_PUT(at + j, image_cut(sum, j, 0, cols)); /* behind a row may stand what transforms left */
+        }
+        barrier(CLK_LOCAL_MEM_FENCE);
+        for (int j = get_local_id(0) * REFINE_WIDTH; j < pitch; j += REFINE_GROUP * REFINE_WIDTH) {
+            refine_real sum = taps[0] * LINE_GET(at + j);
+            for (int k = 1; k <= reach; ++k)
+                sum = fma((refine_real)taps[k], LINE_GET(at + j - k) + LINE_GET(at + j + k), sum);
+            image_put(blurred, plane + (size_t)i * pitch + j, image_cut(sum, j, 0, cols));
+        }
+        barrier(CLK_LOCAL_MEM_FENCE);
     }
 }

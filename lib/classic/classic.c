@@ -119,6 +119,7 @@ static void sizes_of(const hada_context *context, const hada_classic_shape *shap
         [HADA_CLASSIC_GRADIENT] = fista ? planes : 0,
         [HADA_CLASSIC_NORM] = rl ? planes : 0,
         [HADA_CLASSIC_DIRECTION] = rl ? planes : 0,
+        [HADA_CLASSIC_BLURRED] = rl && shape->sieve ? planes : 0,
         [HADA_CLASSIC_PROXIMAL] = fista && tv ? planes : 0,
         [HADA_CLASSIC_TV_DUAL] = (fista || admm) && tv ? 2 * planes : 0,
         [HADA_CLASSIC_TV_DUAL_NEXT] = (fista || admm) && tv ? 2 * planes : 0,
@@ -131,7 +132,7 @@ static void sizes_of(const hada_context *context, const hada_classic_shape *shap
     for (int i = 0; i < HADA_CLASSIC_PARTS; i++)
         bytes[i] = list[i];
     if (rl)
-        bytes[HADA_CLASSIC_TABLE] = 0;
+        bytes[HADA_CLASSIC_TABLE] = shape->sieve ? (HADA_CLASSIC_REACH + 1) * sizeof(float) : 0;
 }
 
 static const char what[] = "the images of a classic method";

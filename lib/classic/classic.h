@@ -18,6 +18,8 @@ typedef struct hada_classic_shape {
     int grid_rows, grid_cols;     /* of the method's transforms: the model's, or smaller ones */
     hada_refine_rect reach; /* on a smaller grid: the lags at which point spread functions are not 0; else empty */
     int components;         /* of each depth; above 1 where its point spread function varies over the field */
+    int sieve;              /* 1: Richardson-Lucy whose planes may be sums of Gaussians; the support is the window */
+    int haze;               /* 1: behind the depths of its own transfer functions stands one of a smooth background */
 } hada_classic_shape;
 
 /* The shape for a model. HADA_ERROR_ARGUMENT where the options make no sense, HADA_ERROR_MODEL where the model has no
@@ -76,6 +78,8 @@ typedef struct hada_classic_job {
     double brightness; /* of the frame, root of the mean square over its pixels and channels */
     int iterations;    /* at most; 0: the options' */
     int before;        /* > 0: goes on from the planes of the last run, of the same job, which did so many of them */
+    int anew;          /* 1, with that: weights of the frame's values have changed */
+    double sieve;      /* standard deviation of the planes' Gaussians in pixels; 0: none */
     void (*progress)(void *user, int iterations); /* may be NULL */
     void *user;
 } hada_classic_job;
@@ -91,6 +95,24 @@ typedef struct hada_classic_result {
 int hada_classic_search_most(const hada_classic_shape *shape);
 hada_status hada_classic_choose(hada_classic *classic, const hada_classic_job *job, cl_mem held,
                                 const hada_frame_exposure *exposure, hada_maker_choice *choice, hada_error *err);
+
+/* Planes as sums of Gaussians (classic_sieve.c). */
+typedef struct hada_classic_sieved {
+    double width; /* standard deviation of the Gaussians, or 0 */
+    double left;  /* energy that they leave of held-out values */
+    int iterations;
+} hada_classic_sieved;
+
+/* Finds the width with which the planes predict held-out values best, from wide to narrow; job and `held` are those of
+ * hada_classic_choose(). A run goes on from there with the width and, `before`, the iterations. */
+hada_status hada_classic_sieve(hada_classic *classic, const hada_classic_job *job, cl_mem held,
+                               hada_classic_sieved *found, hada_error *err);
+
+/* What planes leave of held-out values whose light is only where `start` is above 0, with the width that was found, or
+ * a narrower one: [plane][row][hada_classic_pitch()] floats, to begin with. */
+hada_status hada_classic_sieve_within(hada_classic *classic, const hada_classic_job *job, cl_mem held,
+                                      const hada_classic_sieved *found, const float *start, double *left,
+                                      hada_error *err);
 
 /* Runs the method from nothing. The planes may still be on their way when it returns. */
 hada_status hada_classic_run(hada_classic *classic, const hada_classic_job *job, hada_classic_result *result,

@@ -354,6 +354,28 @@ static void place_on_grid(const hada_classic_shape *shape, const float *psf, flo
     }
 }
 
+/* The point spread function of what is no longer sharp anywhere, as bright as a depth's. */
+#define HAZE_WIDTH 0.19 /* standard deviation, of the frame's shorter side */
+
+static void make_haze(const hada_classic_shape *shape, double gain, float *out)
+{
+    const hada_refine_shape *place = &shape->place;
+    const int rows = shape->grid_rows, cols = shape->grid_cols;
+    const int row0 = shape->reach.rows ? shape->support.row0 - place->frame.row0 : 0,
+              col0 = shape->reach.rows ? shape->support.col0 - place->frame.col0 : 0;
+    const double width = HAZE_WIDTH * hada_least(place->frame.rows, place->frame.cols);
+    double sum = 0.0;
+    for (int pass = 0; pass < 2; pass++)
+        for (int i = 0; i < rows; i++)
+            for (int j = 0; j < cols; j++) {
+                const double down = hada_least(abs(i - row0), rows - abs(i - row0)),
+                             along = hada_least(abs(j - col0), cols - abs(j - col0));
+                const double value = exp(-0.5 * (down * down + along * along) / (width * width));
+                sum += pass ? 0.0 : value;
+                out[(size_t)i * (size_t)cols + (size_t)j] = (float)(sqrt(gain) * value / sum);
+            }
+}
+
 static hada_status transform_all(hada_buffer *out, psf_reader *reader, const hada_classic_shape *shape,
                                  const int *depths, int count, hada_error *err)
 {
@@ -374,13 +396,18 @@ static hada_status transform_all(hada_buffer *out, psf_reader *reader, const had
     HADA_TRY_OR_DONE(
         hada_buffer_create(&image, reader->slot->context, pixels * sizeof *psf, "a point spread function", err));
     HADA_TRY_OR_DONE(hada_allocated(psf = hada_alloc_raw(pixels, sizeof *psf, "a point spread function", err)));
-    for (int i = 0; i < count * images_of(&reader->model->info) && !reader->slot->context->dry; i++) {
+    const int images = images_of(&reader->model->info);
+    for (int i = 0; i < (count + shape->haze) * images && !reader->slot->context->dry; i++) {
         const size_t at = (size_t)i * hada_fft_plan_layout(forward)->count;
-        HADA_TRY_OR_DONE(psf_read(reader, depths, i, err));
-        if (shape->reach.rows)
+        const int haze = i >= count * images;
+        if (haze)
+            make_haze(shape, hada_model_gain(reader->model), psf);
+        else
+            HADA_TRY_OR_DONE(psf_read(reader, depths, i, err));
+        if (!haze && shape->reach.rows)
             place_on_grid(shape, reader->psf, psf);
-        HADA_TRY_OR_DONE(
-            hada_buffer_write(&image, reader->slot, 0, shape->reach.rows ? psf : reader->psf, image.bytes, err));
+        HADA_TRY_OR_DONE(hada_buffer_write(&image, reader->slot, 0, haze || shape->reach.rows ? psf : reader->psf,
+                                           image.bytes, err));
         HADA_TRY_OR_DONE(hada_fft_forward(forward, 1, image.mem, 0, out->mem, at, err));
     }
     HADA_TRY_OR_DONE(hada_slot_finish(reader->slot, err)); /* other queues read what this one wrote */
@@ -431,7 +458,7 @@ hada_status hada_classic_optics(hada_buffer *out, hada_context *context, const h
                                 const hada_model *model, const int *depths, int count, hada_error *err)
 {
     const hada_spectrum_layout layout = hada_fft_layout(context, shape->grid_rows, shape->grid_cols, HADA_FFT_AUTO);
-    const size_t images = (size_t)count * (size_t)images_of(&model->info),
+    const size_t images = (size_t)(count + shape->haze) * (size_t)images_of(&model->info),
                  spectra = images * layout.count * 2 * sizeof(float);
     const size_t pixels = (size_t)shape->support.rows * hada_classic_pitch(shape->support.cols);
     const size_t weights =

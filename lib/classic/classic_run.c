@@ -73,6 +73,8 @@ hada_status hada_classic_ready(hada_classic *classic, const hada_classic_job *jo
     classic->momentum = 1.0;
     classic->weighted = 0;
     classic->weight = job->weight;
+    classic->sieve = classic->shape.sieve ? job->sieve : 0.0;
+    classic->taps = 0.0;
     HADA_TRY(clear(classic, err));
     HADA_TRY(write_list(classic, job, err));
     if (classic->bytes[HADA_CLASSIC_FRAME])
@@ -131,10 +133,13 @@ hada_status hada_classic_run(hada_classic *classic, const hada_classic_job *job,
                              hada_error *err)
 {
     *result = (hada_classic_result){.iterations = job->before};
-    if (job->before)
-        classic->job = job;
-    else
+    if (!job->before)
         HADA_TRY(hada_classic_ready(classic, job, err));
+    classic->job = job;
+    if (job->before && job->anew) {
+        HADA_TRY(hada_classic_weigh(classic, job->data->weights, err));
+        HADA_TRY(hada_classic_rl_anew(classic, job->sieve, err));
+    }
     HADA_TRY(classic->shape.options.method == HADA_METHOD_WIENER ? wiener(classic, err)
                                                                  : iterate(classic, &result->iterations, err));
     HADA_TRY(hada_classic_crop(classic, err));

@@ -77,6 +77,7 @@ hada_status hada_classic_shape_of(const hada_model_info *info, int depths, const
     shape->grid_rows = info->grid_rows;
     shape->grid_cols = info->grid_cols;
     shape->reach = (hada_refine_rect){0};
+    shape->sieve = shape->haze = 0;
     return HADA_OK;
 }
 

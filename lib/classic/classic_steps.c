@@ -4,6 +4,7 @@
 
 #include "launch/classic_field.h"
 #include "launch/classic_frame.h"
+#include "launch/classic_step.h"
 
 void hada_classic_swap(hada_classic *classic, hada_classic_part a, hada_classic_part b)
 {
@@ -312,18 +313,62 @@ hada_status hada_classic_sums(hada_classic *classic, size_t each, int count, dou
     return add_up(classic, each * (size_t)classic->planes, count, sums, err);
 }
 
+#define REACH 3.5 /* of a Gaussian, in standard deviations */
+
+static hada_status write_taps(hada_classic *classic, double width, hada_error *err)
+{
+    double taps[HADA_CLASSIC_REACH + 1], sum = 0.0;
+    const int reach = (int)ceil(REACH * width);
+    if (classic->taps == width)
+        return HADA_OK;
+    classic->taps = width;
+    classic->reach = reach < HADA_CLASSIC_REACH ? reach : HADA_CLASSIC_REACH;
+    for (int i = 0; i <= classic->reach; i++) {
+        taps[i] = exp(-0.5 * i * i / (width * width));
+        sum += i ? 2.0 * taps[i] : taps[i];
+    }
+    for (int i = 0; i <= classic->reach; i++)
+        classic->table[i] = (float)(taps[i] / sum);
+    return hada_classic_write_table(classic, err);
+}
+
+hada_status hada_classic_blur(hada_classic *classic, double width, hada_classic_part from, hada_classic_part to,
+                              hada_error *err)
+{
+    const hada_range range = hada_classic_band_range(classic);
+    const double all = (double)classic->plane.pixels * classic->planes;
+    HADA_TRY(write_taps(classic, width, err));
+    const size_t margin = hada_divide_up((size_t)classic->reach, 8) * 8;
+    hada_slot_cost(classic->slot, 8.0 * all, 4.0 * (2.0 * classic->reach + 1.0) * all);
+    return hada_launch_classic_blur(classic->slot, hada_program_classic_step_of(classic->slot), &range, err,
+                                    .planes = classic->part[from].mem, .blurred = classic->part[to].mem,
+                                    .taps = classic->part[HADA_CLASSIC_TABLE].mem, .reach = classic->reach,
+                                    .image = hada_classic_plane_bands(classic),
+                                    .line = {((size_t)classic->plane.pitch + 2 * margin) * sizeof(float)});
+}
+
+hada_status hada_classic_show(hada_classic *classic, hada_classic_part *shown, hada_error *err)
+{
+    *shown = classic->sieve > 0.0 ? HADA_CLASSIC_BLURRED : HADA_CLASSIC_PRIMAL;
+    return classic->sieve > 0.0
+               ? hada_classic_blur(classic, classic->sieve, HADA_CLASSIC_PRIMAL, HADA_CLASSIC_BLURRED, err)
+               : HADA_OK;
+}
+
 hada_status hada_classic_crop(hada_classic *classic, hada_error *err)
 {
     const hada_refine_rect *window = &classic->shape.place.window, *support = &classic->shape.support;
     const hada_classic_image *plane = &classic->plane;
     const int whole = plane->rows != support->rows || plane->cols != support->cols;
     const hada_range range = hada_range_of((size_t)plane->pitch, 8, (size_t)plane->rows, (size_t)classic->planes);
+    hada_classic_part shown;
+    HADA_TRY(hada_classic_show(classic, &shown, err));
     hada_slot_cost(classic->slot, 12.0 * (double)plane->pixels * classic->planes, 0.0);
     return hada_launch_classic_crop(
-        classic->slot, hada_program_classic_frame_of(classic->slot), &range, err,
-        .planes = classic->part[HADA_CLASSIC_PRIMAL].mem, .window = classic->part[HADA_CLASSIC_WINDOW].mem,
-        .pitch = plane->pitch, .row0 = window->row0 - (whole ? 0 : support->row0),
-        .col0 = window->col0 - (whole ? 0 : support->col0), .rows = window->rows, .cols = window->cols);
+        classic->slot, hada_program_classic_frame_of(classic->slot), &range, err, .planes = classic->part[shown].mem,
+        .window = classic->part[HADA_CLASSIC_WINDOW].mem, .pitch = plane->pitch,
+        .row0 = window->row0 - (whole ? 0 : support->row0), .col0 = window->col0 - (whole ? 0 : support->col0),
+        .rows = window->rows, .cols = window->cols);
 }
 
 /* By Parseval, where the frame's pixels are not used. */
@@ -340,10 +385,12 @@ static hada_status spectral_energy(hada_classic *classic, double *energy, hada_e
 hada_status hada_classic_energy(hada_classic *classic, double *energy, hada_error *err)
 {
     const hada_range range = frame_range(classic);
+    hada_classic_part shown;
     if (!classic->has_frame)
         return spectral_energy(classic, energy, err);
-    HADA_TRY(hada_classic_predict(classic, HADA_CLASSIC_PRIMAL, err));
-    if (classic->shape.components > 1) /* ratios are 1 between a row's pixels and its pitch */
+    HADA_TRY(hada_classic_show(classic, &shown, err));
+    HADA_TRY(hada_classic_predict(classic, shown, err));
+    if (classic->shape.components > 1 || classic->sieve > 0.0) /* ratios are 1 between a row's pixels and its pitch */
         HADA_TRY(hada_classic_clear(classic, HADA_CLASSIC_PREDICTION, err));
     HADA_TRY(hada_classic_data_step(classic, HADA_CLASSIC_LEFT, 0.0, 0, err));
     HADA_TRY(hada_launch_classic_energy(classic->slot, hada_program_classic_frame_of(classic->slot), &range, err,

@@ -31,6 +31,7 @@ typedef enum hada_classic_part {
     HADA_CLASSIC_GRADIENT,     /* planes (FISTA) */
     HADA_CLASSIC_NORM,         /* planes (RL) */
     HADA_CLASSIC_DIRECTION,    /* planes: the last direction (RL) */
+    HADA_CLASSIC_BLURRED,      /* planes: what Gaussians make of others (RL) */
     HADA_CLASSIC_PROXIMAL,     /* planes: result of the TV step (FISTA) */
     HADA_CLASSIC_TV_DUAL,      /* planes x 2 (FISTA, ADMM) */
     HADA_CLASSIC_TV_DUAL_NEXT, /* the same: their momentum (FISTA), the next ones (ADMM) */
@@ -38,7 +39,8 @@ typedef enum hada_classic_part {
     HADA_CLASSIC_PLANE_DUAL,   /* planes: dual of non-negativity (ADMM) */
     HADA_CLASSIC_DATA_DUAL,    /* channels: dual of the data's split (ADMM) */
     HADA_CLASSIC_DATA_SPLIT,   /* spectra of channels: what that split adds (ADMM) */
-    HADA_CLASSIC_TABLE,        /* steps per channel (FISTA); the gradient's |.|^2 by row and column (ADMM, Wiener) */
+    HADA_CLASSIC_TABLE,        /* steps per channel (FISTA); the gradient's |.|^2 by row and column (ADMM, Wiener); of a
+                                  Gaussian (RL) */
     HADA_CLASSIC_PARTS
 } hada_classic_part;
 
@@ -69,6 +71,9 @@ struct hada_classic {
     int planes;    /* depths x channels */
     int weighted;  /* 1: values of the frame have weights: HADA_CLASSIC_WEIGHTS */
     double weight; /* of the prior */
+    double sieve;  /* standard deviation of the planes' Gaussians, or 0 */
+    double taps;   /* that of the Gaussian in the table, with values up to `reach` */
+    int reach;
     double momentum;
     float *table; /* on the host, what goes into HADA_CLASSIC_TABLE */
 };
@@ -176,6 +181,17 @@ typedef hada_status (*hada_classic_step_call)(hada_classic *classic, int number,
 hada_status hada_classic_ready(hada_classic *classic, const hada_classic_job *job, hada_error *err);
 hada_status hada_classic_weigh(hada_classic *classic, cl_mem weights, hada_error *err);
 hada_status hada_classic_step(hada_classic *classic, int first, int number, hada_error *err);
+
+/* Gaussians: BLURRED or another part = G planes. What the planes show: PRIMAL, or BLURRED, which
+ * takes G PRIMAL. */
+enum { HADA_CLASSIC_REACH = 10 };
+hada_status hada_classic_blur(hada_classic *classic, double width, hada_classic_part from, hada_classic_part to,
+                              hada_error *err);
+hada_status hada_classic_show(hada_classic *classic, hada_classic_part *shown, hada_error *err);
+
+/* Goes on from PRIMAL, with Gaussians of another width and other weights of the frame's values. */
+hada_status hada_classic_rl_anew(hada_classic *classic, double width, hada_error *err);
+hada_status hada_classic_rl_norm(hada_classic *classic, hada_error *err);
 
 hada_status hada_classic_rl_begin(hada_classic *classic, hada_error *err);
 hada_status hada_classic_rl_step(hada_classic *classic, int number, int wanted, double sums[2], hada_error *err);

@@ -131,6 +131,8 @@ static hada_status solve_classic(hada_pipeline *pipeline, hada_frame *frame, int
         progress.before += hada_classic_search_most(&config->method);
     }
     HADA_TRY(hada_maker_weigh(maker, exposure, err));
+    if (config->method.sieve)
+        return hada_pipeline_solve_volume(pipeline, frame, err);
     HADA_TRY(hada_classic_run(pipeline->classic, &job, &result, err));
     report->method = config->method.options.method;
     report->scene = config->scene == HADA_SCENE_VOLUME ? HADA_SCENE_VOLUME : HADA_SCENE_PLANES;
@@ -310,7 +312,7 @@ static hada_status look(hada_pipeline *pipeline, hada_frame *frame, knowledge *k
 {
     HADA_TRY(pursue(pipeline, frame, k, err));
     if (may_be_surface(pipeline, k) && pipeline->setup->config.volume == 1)
-        HADA_TRY(hada_pipeline_find_volume(pipeline, frame, -1.0, &k->volume, err));
+        HADA_TRY(hada_pipeline_find_volume(pipeline, frame, -1.0, NULL, &k->volume, err));
     if (k->volume)
         return HADA_OK;
     if (may_be_surface(pipeline, k) && (k->count > SURFACE_UNKNOWNS || !k->found.hides))
@@ -351,10 +353,12 @@ static hada_status fill_saturated(hada_pipeline *pipeline, hada_frame *frame, ha
 }
 
 /* Looks for a volume, given what planes or a surface leave. It is looked for at all where there are many depths. */
-static hada_status find_volume(hada_pipeline *pipeline, hada_frame *frame, double energy, knowledge *k, hada_error *err)
+static hada_status find_volume(hada_pipeline *pipeline, hada_frame *frame, double energy, int surface, knowledge *k,
+                               hada_error *err)
 {
+    const hada_support_of against = {surface, k->count};
     if (pipeline->setup->config.volume > 1)
-        HADA_TRY(hada_pipeline_find_volume(pipeline, frame, energy, &k->volume, err));
+        HADA_TRY(hada_pipeline_find_volume(pipeline, frame, energy, &against, &k->volume, err));
     return HADA_OK;
 }
 
@@ -377,7 +381,7 @@ static hada_status find_depths(hada_pipeline *pipeline, hada_frame *frame, knowl
     HADA_TRY(follow(pipeline, frame, k, &same, err));
     if (same)
         return HADA_OK;
-    HADA_TRY(find_volume(pipeline, frame, -1.0, k, err));
+    HADA_TRY(find_volume(pipeline, frame, -1.0, 0, k, err));
     if (k->volume)
         return HADA_OK;
     if (pipeline->setup->config.pursuit)
@@ -395,7 +399,7 @@ static hada_status find_scene(hada_pipeline *pipeline, hada_frame *frame, knowle
     if (k->volume || (!*surface && !k->count))
         return HADA_OK;
     if (*surface)
-        return find_volume(pipeline, frame, k->surface, k, err);
+        return find_volume(pipeline, frame, k->surface, 1, k, err);
     const int parting = config->parting && k->count > 1;
     if (parting || config->warm || !k->solved)
         HADA_TRY(solve(pipeline, frame, k->count, parting, 1, err));
@@ -404,7 +408,7 @@ static hada_status find_scene(hada_pipeline *pipeline, hada_frame *frame, knowle
         return HADA_OK;
     HADA_TRY(hada_slot_finish(pipeline->slot, err));
     hada_pipeline_residual(pipeline, frame);
-    return find_volume(pipeline, frame, report->residual * report->residual * frame->exposure.energy, k, err);
+    return find_volume(pipeline, frame, report->residual * report->residual * frame->exposure.energy, 0, k, err);
 }
 
 static hada_status joint(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)

@@ -27,8 +27,8 @@ hada_status hada_pipeline_create(hada_pipeline **out, const hada_setup *setup, c
     HADA_TRY_OR_DONE(HADA_NEW(pipeline, 1, "a plan", err));
     *pipeline = (hada_pipeline){.setup = setup, .constants = constants, .batch = batch, .past = {.left = -1.0}};
     HADA_TRY_OR_DONE(HADA_NEW(pipeline->occupied, (size_t)setup->config.depths, "a plan", err));
-    HADA_TRY_OR_DONE(HADA_NEW(pipeline->all, (size_t)setup->config.depths, "a plan", err));
-    for (int z = 0; z < setup->config.depths; z++)
+    HADA_TRY_OR_DONE(HADA_NEW(pipeline->all, (size_t)setup->config.depths + 1, "a plan", err));
+    for (int z = 0; z <= setup->config.depths; z++) /* haze may be behind them */
         pipeline->all[z] = z;
     HADA_TRY_OR_DONE(hada_pipeline_ready(pipeline, err));
 done:

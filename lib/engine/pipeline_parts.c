@@ -113,7 +113,7 @@ static hada_status make_maker(hada_pipeline *pipeline, hada_error *err)
                                          .noise_share = setup->noise_share,
                                          .boundary = setup->config.boundary};
     if (setup->config.weighs)
-        HADA_TRY(hada_maker_make_weights(&pipeline->maker, setup->config.choose, err));
+        HADA_TRY(hada_maker_make_weights(&pipeline->maker, setup->config.choose || setup->config.method.sieve, err));
     if (!setup->config.joint || pipeline->slot->context->dry)
         return HADA_OK;
     const cl_mem otf = hada_constants_otf(constants, &offset);

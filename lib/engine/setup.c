@@ -224,6 +224,14 @@ static void volume_options(hada_classic_options *classic, hada_support support)
     classic->support = support;
 }
 
+/* For tissue: Gaussians, and haze as one depth more. */
+static void use_sieve(hada_classic_shape *shape)
+{
+    shape->sieve = shape->options.support == HADA_SUPPORT_WINDOW;
+    shape->haze = shape->sieve && shape->components == 1;
+    shape->place.max_planes += shape->haze;
+}
+
 hada_status hada_config_volume(const hada_config *config, const hada_model_info *info, hada_classic_shape *shape,
                                hada_error *err)
 {
@@ -231,6 +239,8 @@ hada_status hada_config_volume(const hada_config *config, const hada_model_info 
     volume_options(&classic, HADA_SUPPORT_WINDOW);
     HADA_TRY(hada_classic_shape_of(info, config->depths, &classic, shape, err));
     shape->place.boundary = config->boundary;
+    if (config->choose)
+        use_sieve(shape);
     return HADA_OK;
 }
 
@@ -251,6 +261,8 @@ static hada_status use_classic(const hada_model_info *info, const hada_plan_opti
     config->classic = classic.method != HADA_METHOD_MODEL;
     if (config->classic) {
         HADA_TRY(hada_classic_shape_of(info, depths, &classic, &config->method, err));
+        if (options->scene == HADA_SCENE_VOLUME && depths == config->depths)
+            use_sieve(&config->method);
         config->steps = config->method.options.iterations;
     }
     return HADA_OK;

@@ -80,11 +80,21 @@ hada_status hada_pipeline_read_planes(hada_pipeline *pipeline, hada_frame *frame
 /* Zeros for the depths of the result that are not occupied. */
 hada_status hada_pipeline_dark_planes(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
 
+/* Where the light of a frame is said to be: at `count` depths, those of pipeline->occupied, or on a surface, which is
+ * pipeline->shape. */
+typedef struct hada_support_of {
+    int surface, count;
+} hada_support_of;
+
 /* Looks whether a frame is a volume; then its planes, of all depths, are hada_classic_planes() of pipeline->volume, and
  * the report says so. energy: what planes or a surface leave; below 0: not known, and only what is plain after few
- * iterations is found. The planes of the result are overwritten. The frame must be loaded. */
-hada_status hada_pipeline_find_volume(hada_pipeline *pipeline, hada_frame *frame, double energy, int *found,
-                                      hada_error *err);
+ * iterations is found; else `against` says what they are. The planes of the result are overwritten. The frame must be
+ * loaded. */
+hada_status hada_pipeline_find_volume(hada_pipeline *pipeline, hada_frame *frame, double energy,
+                                      const hada_support_of *against, int *found, hada_error *err);
+
+/* The planes of a frame that the caller takes for a volume, by pipeline->classic. */
+hada_status hada_pipeline_solve_volume(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
 
 /* For a frame that no depth explains: everything dark, no distance anywhere. */
 hada_status hada_pipeline_no_pictures(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);

@@ -22,6 +22,10 @@ enum { FIRST = 24, SECOND = 50 };
 #define CLEARLY     1.21
 #define MOST_VOXELS 2.0
 
+/* Where the camera's frames have held-out pixels, it is one if planes, or a surface, leave more than this many times
+ * what the volume leaves of these. */
+#define PREDICTS 0.98
+
 /* In any case light is at more than this share of the depths. */
 #define LEAST_DEPTHS 0.5
 
@@ -154,36 +158,139 @@ static hada_status spread_of(const hada_pipeline *pipeline, const hada_result *r
     return HADA_OK;
 }
 
+/* The method: of a plan for volumes, or made when a frame first needed it. */
+static hada_classic *method_of(const hada_pipeline *pipeline)
+{
+    return pipeline->classic ? pipeline->classic : pipeline->volume;
+}
+
+/* Of a plan for volumes, whose work is that of emitters: tissue takes up to four times as many iterations. */
+static void tell_progress(void *user, int iterations)
+{
+    hada_frame *frame = user;
+    hada_frame_progress(frame, hada_least(1 + iterations / 4, frame->work - 1));
+}
+
+/* Its job; `data` takes what the maker has now. */
+static hada_classic_job job_of(const hada_pipeline *pipeline, hada_frame *frame, hada_refine_data *data)
+{
+    const hada_volumes *volumes = pipeline->constants->volumes;
+    *data = pipeline->maker.data;
+    if (!pipeline->classic) {
+        data->otf = volumes->optics.mem;
+        data->otf_offset = 0;
+    }
+    return (hada_classic_job){.data = data,
+                              .camera = pipeline->classic ? &pipeline->setup->camera : &volumes->camera,
+                              .depths = pipeline->setup->config.depths,
+                              .list = pipeline->all,
+                              .brightness = hada_exposure_light(&frame->exposure),
+                              .progress = pipeline->classic ? tell_progress : NULL,
+                              .user = frame};
+}
+
 /* Goes on to so many iterations. */
 static hada_status iterate(hada_pipeline *pipeline, hada_frame *frame, int iterations, hada_error *err)
 {
-    hada_volumes *volumes = pipeline->constants->volumes;
-    const int before = pipeline->volume_now.iterations;
-    if (!before) /* then the method has a copy of the weights */
+    hada_refine_data data;
+    if (!pipeline->volume_now.iterations) /* then the method has a copy of the weights */
         HADA_TRY(hada_maker_weigh(&pipeline->maker, &frame->exposure, err));
-    hada_refine_data data = pipeline->maker.data;
-    data.otf = volumes->optics.mem;
-    data.otf_offset = 0;
-    const hada_classic_job job = {.data = &data,
-                                  .camera = &volumes->camera,
-                                  .depths = pipeline->setup->config.depths,
-                                  .list = pipeline->all,
-                                  .brightness = hada_exposure_light(&frame->exposure),
-                                  .iterations = iterations,
-                                  .before = before};
-    return hada_classic_run(pipeline->volume, &job, &pipeline->volume_now, err);
+    hada_classic_job job = job_of(pipeline, frame, &data);
+    job.iterations = iterations;
+    job.before = pipeline->volume_now.iterations;
+    return hada_classic_run(method_of(pipeline), &job, &pipeline->volume_now, err);
 }
 
-/* The same, and how the light is spread then. */
-static hada_status look(hada_pipeline *pipeline, hada_frame *frame, int iterations, spread *light, hada_error *err)
+/* Where the light of what was found is: on the occupied depths, or between the planes next to the surface. */
+static float *make_support(const hada_pipeline *pipeline, const hada_support_of *of, int haze, hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(pipeline->setup->model);
+    const size_t cols = (size_t)info->window_cols, pitch = hada_classic_pitch(info->window_cols),
+                 rows = (size_t)info->channels * (size_t)info->window_rows;
+    const int depths = pipeline->setup->config.depths;
+    double lit = 0.0; /* haze begins with the same part of all light as where it is everywhere */
+    float *support = NULL;
+    if (HADA_NEW(support, (size_t)(depths + haze) * rows * pitch, "where light is", err))
+        return NULL;
+    for (int z = 0, k = 0; z < depths + haze; z++) {
+        const int occupied = k < of->count && pipeline->occupied[k] == z;
+        k += occupied;
+        for (size_t i = 0; i < rows * cols; i++) {
+            const size_t pixel = i % ((size_t)info->window_rows * cols);
+            const int on = of->surface ? fabsf(pipeline->shape.depth[pixel] - (float)z) < 1.0F : occupied;
+            const double value = z < depths ? on : lit / ((double)depths * (double)(rows * cols));
+            lit += z < depths ? on : 0;
+            support[((size_t)z * rows + i / cols) * pitch + i % cols] = (float)value;
+        }
+    }
+    return support;
+}
+
+/* The same with haze, where the method has any. */
+static hada_classic_job tissue_of(const hada_pipeline *pipeline, hada_frame *frame, hada_refine_data *data)
+{
+    const hada_classic_shape *shape =
+        pipeline->classic ? &pipeline->setup->config.method : &pipeline->constants->volumes->shape;
+    hada_classic_job job = job_of(pipeline, frame, data);
+    job.depths += shape->haze;
+    data->otf_depths += shape->haze;
+    return job;
+}
+
+/* From nothing, with Gaussians whose width the frame chooses; the last iterations see the whole frame. `against`, which
+ * may be NULL: what was found beside; *gain: what its light leaves of held-out pixels, of what the volume leaves. */
+static hada_status find_tissue(hada_pipeline *pipeline, hada_frame *frame, const hada_support_of *against, double *gain,
+                               hada_error *err)
+{
+    enum { HELD_OUT = 8 /* pixels a side */, LAST = 40 };
+    hada_plane_maker *maker = &pipeline->maker;
+    hada_classic *method = method_of(pipeline);
+    hada_refine_data data;
+    hada_classic_job job;
+    hada_classic_sieved found;
+    float *support = NULL;
+    double left = 0.0;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_maker_hold_out(maker, &frame->exposure, HELD_OUT, 0, err));
+    job = tissue_of(pipeline, frame, &data);
+    HADA_TRY_OR_DONE(hada_classic_sieve(method, &job, maker->held.mem, &found, err));
+    if (against) {
+        support = make_support(pipeline, against, job.depths - pipeline->setup->config.depths, err);
+        HADA_TRY_OR_DONE(hada_allocated(support));
+        HADA_TRY_OR_DONE(hada_classic_sieve_within(method, &job, maker->held.mem, &found, support, &left, err));
+        *gain = left / found.left;
+    }
+    HADA_TRY_OR_DONE(hada_maker_weigh(maker, &frame->exposure, err));
+    job = tissue_of(pipeline, frame, &data);
+    job.sieve = found.width;
+    job.anew = 1;
+    job.before = found.iterations;
+    job.iterations = found.iterations + LAST;
+    hada_log(pipeline->slot->context, HADA_LOG_INFO,
+             "a volume: Gaussians of %.1f pixels; of held-out pixels %s leaves %.3f of what it does", found.width,
+             against ? against->surface ? "the surface" : "light at the depths found" : "nothing", left / found.left);
+    HADA_TRY_OR_DONE(hada_classic_run(method, &job, &pipeline->volume_now, err));
+done:
+    free(support);
+    return status;
+}
+
+/* How the light is spread now. */
+static hada_status look_at(hada_pipeline *pipeline, hada_frame *frame, spread *light, hada_error *err)
 {
     const int depths = pipeline->setup->config.depths;
     const size_t bytes = hada_image_count(&frame->result->planes[0]) * sizeof(float);
-    const hada_buffer view = {.mem = hada_classic_planes(pipeline->volume), .bytes = bytes * (size_t)depths};
-    HADA_TRY(iterate(pipeline, frame, iterations, err));
+    const hada_buffer view = {.mem = hada_classic_planes(method_of(pipeline)), .bytes = bytes * (size_t)depths};
     for (int z = 0; z < depths; z++)
         HADA_TRY(hada_buffer_read(&view, pipeline->slot, (size_t)z * bytes, frame->result->planes[z].data, bytes, err));
     return spread_of(pipeline, frame->result, light, err);
+}
+
+/* The same after so many iterations. */
+static hada_status look(hada_pipeline *pipeline, hada_frame *frame, int iterations, spread *light, hada_error *err)
+{
+    HADA_TRY(iterate(pipeline, frame, iterations, err));
+    return look_at(pipeline, frame, light, err);
 }
 
 static hada_status take(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
@@ -228,22 +335,52 @@ static hada_status is_better(hada_pipeline *pipeline, hada_frame *frame, double 
     return HADA_OK;
 }
 
-hada_status hada_pipeline_find_volume(hada_pipeline *pipeline, hada_frame *frame, double energy, int *found,
-                                      hada_error *err)
+/* Energy of the frame's noise. */
+static double noise_of(const hada_frame *frame)
 {
-    const hada_frame_exposure *exposure = &frame->exposure;
-    const double deviation = hada_exposure_noise(exposure),
-                 noise = deviation * deviation * (double)hada_exposure_count(exposure);
+    const double deviation = hada_exposure_noise(&frame->exposure);
+    return deviation * deviation * (double)hada_exposure_count(&frame->exposure);
+}
+
+/* Whether a volume predicts held-out pixels clearly better than what was found. */
+static hada_status is_tissue(hada_pipeline *pipeline, hada_frame *frame, const hada_support_of *against, int *found,
+                             hada_error *err)
+{
+    spread light;
+    double gain;
+    HADA_TRY(find_tissue(pipeline, frame, against, &gain, err));
+    HADA_TRY(look_at(pipeline, frame, &light, err));
+    *found = gain > PREDICTS && light.depths > LEAST_DEPTHS;
+    return HADA_OK;
+}
+
+hada_status hada_pipeline_find_volume(hada_pipeline *pipeline, hada_frame *frame, double energy,
+                                      const hada_support_of *against, int *found, hada_error *err)
+{
+    const double noise = noise_of(frame);
     *found = 0;
-    if (!(exposure->energy > 0) || (energy >= 0.0 && energy <= CLEARLY * noise))
+    const int explained = energy >= 0.0 && energy <= CLEARLY * noise;
+    const int tissue = energy >= 0.0 && pipeline->maker.held.mem != NULL;
+    if (!(frame->exposure.energy > 0) || (explained && !(tissue && (against->surface || against->count > 1))))
         return HADA_OK;
     hada_slot_stage(pipeline->slot, "volume");
     HADA_TRY(ready(pipeline, err));
     if (!pipeline->volume)
         return HADA_OK;
     HADA_TRY(energy < 0.0 ? is_plain(pipeline, frame, noise, found, err)
+             : tissue     ? is_tissue(pipeline, frame, against, found, err)
                           : is_better(pipeline, frame, noise, energy, found, err));
     if (*found)
         HADA_TRY(take(pipeline, frame, err));
     return hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_refine, err);
+}
+
+hada_status hada_pipeline_solve_volume(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
+{
+    int plain = 1;
+    if (frame->exposure.energy > 0)
+        HADA_TRY(is_plain(pipeline, frame, noise_of(frame), &plain, err));
+    if (!plain)
+        HADA_TRY(find_tissue(pipeline, frame, NULL, NULL, err));
+    return take(pipeline, frame, err);
 }

@@ -57,6 +57,7 @@ static hada_status read_shape(const check_state *state, classic_state *own, hada
     for (int i = 0; i < own->depths; i++)
         own->list[i] = (i + 1) % (own->depths + 1);
     HADA_TRY(hada_classic_shape_of(&own->model.info, own->depths, &options, &own->shape, err));
+    own->shape.sieve = check_get(state, 't', 0) > 0;
     if (check_get(state, 'k', 0)) /* a camera that wraps around takes the data step of a sensor that crops */
         own->shape.place.boundary = HADA_BOUNDARY_PADDED;
     return HADA_OK;
@@ -184,6 +185,8 @@ static hada_ref_classic problem_of(const classic_state *own, int channel, const 
                               .inner = o->inner,
                               .levels = o->levels,
                               .accelerate = o->accelerate,
+                              .sieve = own->job.sieve,
+                              .beside = own->job.sieve > 0.0 ? 0.1 : 0.0,
                               .flat = 1.0,
                               .floor = 1e-5,
                               .seen = 1e-3,
@@ -223,13 +226,14 @@ static hada_status prepare(check_state *state, hada_error *err)
     HADA_TRY(make_camera(state, own, err));
     HADA_TRY(hada_classic_create(&own->classic, state->slot, &own->shape, err));
     HADA_TRY(check_output(state, own->floats, err));
-    HADA_TRY(expect(state, own, err));
     own->job = (hada_classic_job){.data = &own->data,
                                   .camera = &own->camera,
                                   .depths = own->depths,
                                   .list = own->list,
                                   .brightness = 1.0,
-                                  .weight = own->shape.options.weight};
+                                  .weight = own->shape.options.weight,
+                                  .sieve = check_get(state, 't', 0) / 10.0};
+    HADA_TRY(expect(state, own, err));
     state->tolerance = 3e-6;
     /* per iteration: four transforms that read and write, and about three passes over planes and spectra */
     const double all = (double)own->shape.options.iterations * own->depths * own->channels * (double)own->pixels;
@@ -260,5 +264,6 @@ const check_op check_classic = {"classic",
                                 "TV, x2 and x3 wavelets (l levels); r rows, c columns, h and w of the window, d "
                                 "depths, b channels, n iterations, p1 cropped by the sensor, s1 planes on the grid; "
                                 "o and q rows and columns of point spread functions from (y, z) on, on the grid that "
-                                "they allow; k1 values of the frame have weights",
+                                "they allow; k1 values of the frame have weights; t tenths of a pixel of "
+                                "Richardson-Lucy's Gaussians",
                                 prepare, launch, release};

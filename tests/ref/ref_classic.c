@@ -157,29 +157,63 @@ static double curvature(const double *y, const hada_ref_classic *p, int row, int
     return sum;
 }
 
+/* out = a Gaussian of the support of each plane, of 7 standard deviations across, and of nothing beyond it. */
+static void blur(const work *w, const double *x, double *out)
+{
+    const hada_ref_classic *p = w->p;
+    const int reach = (int)ceil(3.5 * p->sieve);
+    double sum = 0.0;
+    for (int i = -reach; i <= reach; i++)
+        sum += exp(-0.5 * i * i / (p->sieve * p->sieve));
+    memset(out, 0, w->all * sizeof *out);
+    for (size_t at = 0; at < w->all; at++) {
+        const int row = (int)(at % w->pixels / (size_t)p->cols), col = (int)(at % w->pixels % (size_t)p->cols);
+        for (int i = -reach; i <= reach; i++)
+            for (int j = -reach; j <= reach; j++) {
+                const int r = row + i, c = col + j;
+                if (r < 0 || c < 0 || r >= p->rows || c >= p->cols)
+                    continue;
+                const size_t pixel = (size_t)r * (size_t)p->cols + (size_t)c;
+                if (hada_ref_inside(&p->support, p->cols, at % w->pixels) &&
+                    hada_ref_inside(&p->support, p->cols, pixel))
+                    out[at] += exp(-0.5 * (i * i + j * j) / (p->sieve * p->sieve)) / (sum * sum) *
+                               x[at - at % w->pixels + pixel];
+            }
+    }
+}
+
 /* W. Richardson 1972, L. Lucy 1974; D. Biggs and M. Andrews, Applied Optics 36(8), 1997; N. Dey et al., Microscopy
  * Research and Technique 69, 2006. */
 static hada_status lucy(work *w, double *x, double *change, hada_error *err)
 {
     const hada_ref_classic *p = w->p;
     double *memory;
-    hada_status status = room(&memory, 6 * w->all + w->pixels, err);
+    hada_status status = room(&memory, 7 * w->all + w->pixels, err);
     if (status)
         return status;
     double *y = memory, *norm = y + w->all, *old = norm + w->all, *correct = old + w->all, *g = correct + w->all;
-    double *g_last = g + w->all, *image = g_last + w->all;
+    double *g_last = g + w->all, *blurred = g_last + w->all, *image = blurred + w->all;
+    const double *shown = p->sieve > 0.0 ? blurred : y;
     for (size_t i = 0; i < w->pixels; i++)
         image[i] = size_of(p, i);
-    status = transpose(w, image, norm, err);
+    status = transpose(w, image, p->sieve > 0.0 ? blurred : norm, err);
+    if (p->sieve > 0.0)
+        blur(w, blurred, norm);
     for (size_t i = 0; i < w->all; i++)
         x[i] = y[i] = hada_ref_inside(&p->support, p->cols, i % w->pixels) ? p->flat : 0.0;
     for (int k = 0; !status && k < p->iterations; k++) {
-        status = project(w, y, image, err);
+        const double floor = p->beside > 0.0 ? 0.1 * p->beside : p->floor;
+        if (p->sieve > 0.0)
+            blur(w, y, blurred);
+        status = project(w, shown, image, err);
         for (size_t i = 0; i < w->pixels; i++)
             image[i] =
-                size_of(p, i) * (above(p, i, image[i]) ? 1.0 : fmax(p->image[i], 0.0) / fmax(image[i], p->floor));
+                size_of(p, i) *
+                (above(p, i, image[i]) ? 1.0 : fmax(p->image[i] + p->beside, 0.0) / fmax(image[i] + p->beside, floor));
         if (!status)
-            status = transpose(w, image, correct, err);
+            status = transpose(w, image, p->sieve > 0.0 ? blurred : correct, err);
+        if (p->sieve > 0.0)
+            blur(w, blurred, correct);
         memcpy(old, x, w->all * sizeof *x);
         memcpy(g_last, g, w->all * sizeof *g);
         double mixed = 0.0, last = 0.0;
@@ -200,6 +234,10 @@ static hada_status lucy(work *w, double *x, double *change, hada_error *err)
         for (size_t i = 0; i < w->all; i++)
             y[i] = fmax(0.0, x[i] + factor * (x[i] - old[i]));
         *change = distance(x, old, w->all) / distance(x, NULL, w->all);
+    }
+    if (p->sieve > 0.0) {
+        blur(w, x, blurred);
+        memcpy(x, blurred, w->all * sizeof *x);
     }
     free(memory);
     return status;

@@ -23,6 +23,8 @@ typedef struct hada_ref_classic {
     double step;           /* FISTA: of the gradient */
     int inner, levels;     /* FISTA: iterations of the TV step; levels of the wavelets */
     int accelerate;        /* RL */
+    double sieve;          /* RL: the planes are Gaussians of this standard deviation with weights; 0: none */
+    double beside;         /* RL: added to data and predictions, which are a tenth of it at least; 0: none */
     double flat;           /* RL: what planes start from */
     double floor, seen;    /* RL: smallest prediction of a pixel, smallest share of light that is seen */
     double mu1, mu2, mu3;  /* ADMM: weights of the splits of data, gradient, planes */

@@ -132,6 +132,75 @@ TEST(emitters_are_a_volume)
         fail_msg("%d of %d emitters", found(&of_auto, points), EMITTERS);
 }
 
+/* A tube of light on a winding path. */
+static void add_tube(int number, float *volume)
+{
+    for (int k = 0; k < 80; k++) {
+        const double t = 0.06 * k + number,
+                     at[3] = {7.5 + 7 * sin(0.9 * t + number), 48 + 30 * sin((1.7 - 0.1 * number) * t),
+                              48 + 30 * cos((1.1 + 0.2 * number) * t)};
+        for (int i = 0; i < DEPTHS * SIDE * SIDE; i++) {
+            const double dz = i / (SIDE * SIDE) - at[0], dy = i / SIDE % SIDE - at[1], dx = i % SIDE - at[2];
+            if (fabs(dy) < 8 && fabs(dx) < 8)
+                volume[i] += (float)exp(-dz * dz / 1.2 - (dy * dy + dx * dx) / (4.0 + number));
+        }
+    }
+}
+
+static void see(const fixture *f, const float *volume, hada_image *frame)
+{
+    for (int i = 0; i < DEPTHS * SIDE * SIDE; i++)
+        for (int k = 0; k < SIDE * SIDE && volume[i] > 1e-3f; k++) {
+            const int y = k / SIDE - i / SIDE % SIDE + SIDE / 2, x = k % SIDE - i % SIDE + SIDE / 2;
+            if (y >= 0 && y < SIDE && x >= 0 && x < SIDE)
+                frame->data[k] += 1e-3f * volume[i] * f->psf[i / (SIDE * SIDE)].data[y * SIDE + x];
+        }
+    hada_image_add_noise(frame, 0.01, 5);
+}
+
+/* What is wrong with planes of any brightness, of the truth. */
+static double wrong(const hada_result *result, const float *truth)
+{
+    double both = 0.0, own = 0.0, all = 0.0;
+    for (int i = 0; i < DEPTHS * SIDE * SIDE; i++) {
+        const double x = result->planes[i / (SIDE * SIDE)].data[i % (SIDE * SIDE)];
+        both += x * truth[i];
+        own += x * x;
+        all += (double)truth[i] * truth[i];
+    }
+    return 1.0 - both * both / (own * all);
+}
+
+/* Light that is spread over all depths: found, with the same bits as where it is asked for, and better than
+ * Richardson-Lucy's, which takes noise for light. */
+TEST(tissue_is_a_volume)
+{
+    const fixture *f = *state;
+    SCOPED(hada_image) frame;
+    SCOPED(hada_result) of_auto = {0}, asked = {0}, lucy = {0};
+    SCOPED(hada_plan) * plan;
+    DEFAULTS(hada_plan_options, options);
+    DEFAULTS(hada_classic_options, classic);
+    float *truth = calloc((size_t)DEPTHS * SIDE * SIDE, sizeof *truth);
+    ASSERT_OK(hada_image_create(&frame, 1, SIDE, SIDE, err));
+    for (int k = 0; k < 9; k++)
+        add_tube(k, truth);
+    see(f, truth, &frame);
+    run(f, HADA_SCENE_AUTO, NULL, &frame, &of_auto);
+    run(f, HADA_SCENE_VOLUME, NULL, &frame, &asked);
+    classic.method = HADA_METHOD_RL;
+    classic.iterations = 30;
+    options.classic = &classic;
+    ASSERT_OK(hada_plan_create(&plan, f->context, f->model, &options, err));
+    ASSERT_OK(hada_plan_run(plan, &frame, &lucy, err));
+    assert_int_equal(of_auto.report->scene, HADA_SCENE_VOLUME);
+    for (int z = 0; z < DEPTHS; z++)
+        assert_memory_equal(of_auto.planes[z].data, asked.planes[z].data, sizeof(float) * SIDE * SIDE);
+    if (wrong(&asked, truth) > 0.8 * wrong(&lucy, truth))
+        fail_msg("%.3f is wrong, of Richardson-Lucy %.3f", wrong(&asked, truth), wrong(&lucy, truth));
+    free(truth);
+}
+
 /* Pixels without a weight have no part in it, in the first frame of a plan as in any other. */
 TEST(volumes_use_weights)
 {

@@ -400,9 +400,9 @@ static hada_status transform_all(hada_buffer *out, psf_reader *reader, const had
     for (int i = 0; i < (count + shape->haze) * images && !reader->slot->context->dry; i++) {
         const size_t at = (size_t)i * hada_fft_plan_layout(forward)->count;
         const int haze = i >= count * images;
-        if (haze)
+        if (i == count * images) /* the same for all channels */
             make_haze(shape, hada_model_gain(reader->model), psf);
-        else
+        if (!haze)
             HADA_TRY_OR_DONE(psf_read(reader, depths, i, err));
         if (!haze && shape->reach.rows)
             place_on_grid(shape, reader->psf, psf);

@@ -181,8 +181,7 @@ static double for_more(double more)
 /* For less, below 1. A share that was not measured on frames may be too large. */
 static double for_less(double less, int measured)
 {
-    return measured ? fmax(less * fmax(sqrt(less), LEAST_SLOPE), 1.0 / FARTHEST)
-                    : 1.0 / for_more(fmin(1.0 / less, FARTHEST * FARTHEST));
+    return measured ? fmax(less * fmax(sqrt(less), LEAST_SLOPE), 1.0 / FARTHEST) : 1.0 / for_more(1.0 / less);
 }
 
 double hada_noise_unit(const hada_pixels *pixels, hada_mosaic mosaic, const hada_noise_share *usual, double mean_square,

@@ -18,8 +18,8 @@ typedef struct hada_classic_shape {
     int grid_rows, grid_cols;     /* of the method's transforms: the model's, or smaller ones */
     hada_refine_rect reach; /* on a smaller grid: the lags at which point spread functions are not 0; else empty */
     int components;         /* of each depth; above 1 where its point spread function varies over the field */
-    int sieve;              /* 1: Richardson-Lucy whose planes may be sums of Gaussians; the support is the window */
-    int haze;               /* 1: behind the depths of its own transfer functions stands one of a smooth background */
+    int sieve;              /* 1: Richardson-Lucy may take planes for sums of Gaussians; the support is the window */
+    int haze;               /* 1: after the depths, one more transfer function describes a smooth background */
 } hada_classic_shape;
 
 /* The shape for a model. HADA_ERROR_ARGUMENT where the options make no sense, HADA_ERROR_MODEL where the model has no

@@ -33,7 +33,7 @@ void hada_cli_camera_defaults(hada_cli_camera_settings *set);
 /* The camera that the options describe, checked. */
 hada_status hada_cli_make_camera(hada_camera *camera, const hada_cli_camera_settings *set, hada_error *err);
 
-/* The options that say how a frame comes about: where the sensor stands, what it sees, and what it makes of light. */
+/* The options that describe how a frame is recorded: the camera, its sensor and the scene. */
 
 /* The settings of a command with `records_frames` begin with this. */
 typedef struct hada_cli_sensor_settings {

@@ -82,6 +82,7 @@ hada_status hada_classic_sieve_within(hada_classic *classic, const hada_classic_
 {
     double other;
     int iterations = found->iterations;
+    classic->job = job;
     HADA_TRY(hada_buffer_write(&classic->part[HADA_CLASSIC_PRIMAL], classic->slot, 0, start,
                                (size_t)classic->planes * classic->plane.pixels * sizeof *start, err));
     HADA_TRY(hada_classic_rl_anew(classic, classic->sieve, err));

@@ -306,6 +306,25 @@ static hada_status pursue_hidden(hada_pipeline *pipeline, hada_frame *frame, kno
     return hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_pursuit, err);
 }
 
+/* Looks for a volume, given what planes or a surface leave. It is looked for at all where there are many depths. */
+static hada_status find_volume(hada_pipeline *pipeline, hada_frame *frame, double energy, hada_support_of against,
+                               knowledge *k, hada_error *err)
+{
+    against.count = k->count;
+    if (pipeline->setup->config.volume > 1)
+        HADA_TRY(hada_pipeline_find_volume(pipeline, frame, energy, &against, &k->volume, err));
+    return HADA_OK;
+}
+
+/* The same before the steps that take longest. A single depth hides nothing, and may explain the frame. */
+static hada_status find_early(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, hada_error *err)
+{
+    if (k->count == 1)
+        HADA_TRY(try_planes(pipeline, frame, k, err));
+    return find_volume(pipeline, frame, k->count == 1 ? k->planes : frame->exposure.energy,
+                       (hada_support_of){.early = 1}, k, err);
+}
+
 /* The depths of the frame, and whether it is a surface. Where that is plain, hidden depths are not looked for, which
  * takes longer; a third plane that hides makes two leave more than a surface does. */
 static hada_status look(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, int *surface, hada_error *err)
@@ -313,6 +332,8 @@ static hada_status look(hada_pipeline *pipeline, hada_frame *frame, knowledge *k
     HADA_TRY(pursue(pipeline, frame, k, err));
     if (may_be_surface(pipeline, k) && pipeline->setup->config.volume == 1)
         HADA_TRY(hada_pipeline_find_volume(pipeline, frame, -1.0, NULL, &k->volume, err));
+    if (!k->volume && (k->found.hides || may_be_surface(pipeline, k)))
+        HADA_TRY(find_early(pipeline, frame, k, err));
     if (k->volume)
         return HADA_OK;
     if (may_be_surface(pipeline, k) && (k->count > SURFACE_UNKNOWNS || !k->found.hides))
@@ -352,16 +373,6 @@ static hada_status fill_saturated(hada_pipeline *pipeline, hada_frame *frame, ha
     return HADA_OK;
 }
 
-/* Looks for a volume, given what planes or a surface leave. It is looked for at all where there are many depths. */
-static hada_status find_volume(hada_pipeline *pipeline, hada_frame *frame, double energy, int surface, knowledge *k,
-                               hada_error *err)
-{
-    const hada_support_of against = {surface, k->count};
-    if (pipeline->setup->config.volume > 1)
-        HADA_TRY(hada_pipeline_find_volume(pipeline, frame, energy, &against, &k->volume, err));
-    return HADA_OK;
-}
-
 /* Whether the depths are those of the frame before, of a sequence. */
 static hada_status follow(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, int *same, hada_error *err)
 {
@@ -381,7 +392,7 @@ static hada_status find_depths(hada_pipeline *pipeline, hada_frame *frame, knowl
     HADA_TRY(follow(pipeline, frame, k, &same, err));
     if (same)
         return HADA_OK;
-    HADA_TRY(find_volume(pipeline, frame, -1.0, 0, k, err));
+    HADA_TRY(find_volume(pipeline, frame, -1.0, (hada_support_of){0}, k, err));
     if (k->volume)
         return HADA_OK;
     if (pipeline->setup->config.pursuit)
@@ -399,7 +410,7 @@ static hada_status find_scene(hada_pipeline *pipeline, hada_frame *frame, knowle
     if (k->volume || (!*surface && !k->count))
         return HADA_OK;
     if (*surface)
-        return find_volume(pipeline, frame, k->surface, 1, k, err);
+        return find_volume(pipeline, frame, k->surface, (hada_support_of){.surface = 1}, k, err);
     const int parting = config->parting && k->count > 1;
     if (parting || config->warm || !k->solved)
         HADA_TRY(solve(pipeline, frame, k->count, parting, 1, err));
@@ -408,7 +419,8 @@ static hada_status find_scene(hada_pipeline *pipeline, hada_frame *frame, knowle
         return HADA_OK;
     HADA_TRY(hada_slot_finish(pipeline->slot, err));
     hada_pipeline_residual(pipeline, frame);
-    return find_volume(pipeline, frame, report->residual * report->residual * frame->exposure.energy, 0, k, err);
+    return find_volume(pipeline, frame, report->residual * report->residual * frame->exposure.energy,
+                       (hada_support_of){0}, k, err);
 }
 
 static hada_status joint(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
@@ -417,6 +429,7 @@ static hada_status joint(hada_pipeline *pipeline, hada_frame *frame, hada_error 
     knowledge k = {.planes = -1.0, .surface = -1.0};
     int surface = 0, weighs = 0;
     pipeline->volume_now = (hada_classic_result){0};
+    pipeline->sieved = (hada_classic_sieved){0};
     pipeline->past.kept = 0;
     pipeline->past.now = -1.0;
     pipeline->past.asked = pipeline->past.follows = 0;

@@ -33,6 +33,7 @@ struct hada_pipeline {
     hada_weighing weighing;
     hada_classic *volume;           /* this and the surface are made when a frame first needs them */
     hada_classic_result volume_now; /* of the current frame, as far as it went */
+    hada_classic_sieved sieved;     /* and as tissue; without iterations where that was not looked for */
     hada_surface *surface;
     hada_surface_result shape; /* of the current frame */
     int no_surface;            /* 1: this camera, or the device's memory, allows none */
@@ -84,6 +85,7 @@ hada_status hada_pipeline_dark_planes(hada_pipeline *pipeline, hada_frame *frame
  * pipeline->shape. */
 typedef struct hada_support_of {
     int surface, count;
+    int early; /* 1: there may be more depths, or a surface */
 } hada_support_of;
 
 /* Looks whether a frame is a volume; then its planes, of all depths, are hada_classic_planes() of pipeline->volume, and

@@ -26,10 +26,24 @@ enum { FIRST = 24, SECOND = 50 };
  * what the volume leaves of these. */
 #define PREDICTS 0.98
 
+/* Before hidden depths and a surface are looked for, which takes longer than a volume, it is one if it predicts these
+ * pixels better than the depths found so far do, with Gaussians neither of text's sharpness nor of a photograph's
+ * noise, and if its light fills few voxels and yet is at all depths, even of neighbouring pixels: sparse pictures keep
+ * to depths of their own, others fill 8 voxels a pixel and more (perf/results/tissue.md). */
+#define PLAIN_LEAST  0.6
+#define PLAIN_MOST   1.6
+#define PLAIN_DEPTHS 0.94
+#define PLAIN_MIXED  0.6
+#define PLAIN_VOXELS 8.0
+
 /* In any case light is at more than this share of the depths. */
 #define LEAST_DEPTHS 0.5
 
-enum { BLOCK = 12 /* pixels a side, among which depths are mixed or alike */ };
+enum {
+    BLOCK = 12,   /* pixels a side, among which depths are mixed or alike */
+    HELD_OUT = 8, /* pixels a side of blocks that are held out to find the width of tissue's Gaussians */
+    LAST = 40     /* iterations with that width on the whole frame */
+};
 
 /* Bytes of the transfer functions and of a pipeline's part, without allocating. */
 static hada_status count(const hada_volumes *volumes, const hada_pipeline *pipeline, uint64_t *optics, uint64_t *each,
@@ -237,42 +251,47 @@ static hada_classic_job tissue_of(const hada_pipeline *pipeline, hada_frame *fra
     return job;
 }
 
-/* From nothing, with Gaussians whose width the frame chooses; the last iterations see the whole frame. `against`, which
- * may be NULL: what was found beside; *gain: what its light leaves of held-out pixels, of what the volume leaves. */
-static hada_status find_tissue(hada_pipeline *pipeline, hada_frame *frame, const hada_support_of *against, double *gain,
-                               hada_error *err)
+/* From nothing, with Gaussians whose width the frame chooses by held-out pixels. Then, with `against`, *gain: what the
+ * light of what was found leaves of these, of what the volume leaves. */
+static hada_status find_width(hada_pipeline *pipeline, hada_frame *frame, const hada_support_of *against, double *gain,
+                              hada_error *err)
 {
-    enum { HELD_OUT = 8 /* pixels a side */, LAST = 40 };
     hada_plane_maker *maker = &pipeline->maker;
-    hada_classic *method = method_of(pipeline);
+    hada_classic_sieved *sieved = &pipeline->sieved;
     hada_refine_data data;
-    hada_classic_job job;
-    hada_classic_sieved found;
     float *support = NULL;
-    double left = 0.0;
+    double left;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_maker_hold_out(maker, &frame->exposure, HELD_OUT, 0, err));
-    job = tissue_of(pipeline, frame, &data);
-    HADA_TRY_OR_DONE(hada_classic_sieve(method, &job, maker->held.mem, &found, err));
+    HADA_TRY(hada_maker_hold_out(maker, &frame->exposure, HELD_OUT, 0, err));
+    const hada_classic_job job = tissue_of(pipeline, frame, &data);
+    if (!sieved->iterations)
+        HADA_TRY(hada_classic_sieve(method_of(pipeline), &job, maker->held.mem, sieved, err));
     if (against) {
         support = make_support(pipeline, against, job.depths - pipeline->setup->config.depths, err);
         HADA_TRY_OR_DONE(hada_allocated(support));
-        HADA_TRY_OR_DONE(hada_classic_sieve_within(method, &job, maker->held.mem, &found, support, &left, err));
-        *gain = left / found.left;
+        HADA_TRY_OR_DONE(
+            hada_classic_sieve_within(method_of(pipeline), &job, maker->held.mem, sieved, support, &left, err));
+        *gain = left / sieved->left;
+        hada_log(pipeline->slot->context, HADA_LOG_INFO,
+                 "a volume: Gaussians of %.1f pixels; of held-out pixels %s leaves %.3f of what it does", sieved->width,
+                 against->surface ? "the surface" : "light at the depths found", *gain);
     }
     HADA_TRY_OR_DONE(hada_maker_weigh(maker, &frame->exposure, err));
-    job = tissue_of(pipeline, frame, &data);
-    job.sieve = found.width;
-    job.anew = 1;
-    job.before = found.iterations;
-    job.iterations = found.iterations + LAST;
-    hada_log(pipeline->slot->context, HADA_LOG_INFO,
-             "a volume: Gaussians of %.1f pixels; of held-out pixels %s leaves %.3f of what it does", found.width,
-             against ? against->surface ? "the surface" : "light at the depths found" : "nothing", left / found.left);
-    HADA_TRY_OR_DONE(hada_classic_run(method, &job, &pipeline->volume_now, err));
 done:
     free(support);
     return status;
+}
+
+/* The last iterations see the whole frame. */
+static hada_status finish_tissue(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
+{
+    hada_refine_data data;
+    hada_classic_job job = tissue_of(pipeline, frame, &data);
+    job.sieve = pipeline->sieved.width;
+    job.anew = 1;
+    job.before = pipeline->sieved.iterations;
+    job.iterations = job.before + LAST;
+    return hada_classic_run(method_of(pipeline), &job, &pipeline->volume_now, err);
 }
 
 /* How the light is spread now. */
@@ -342,16 +361,26 @@ static double noise_of(const hada_frame *frame)
     return deviation * deviation * (double)hada_exposure_count(&frame->exposure);
 }
 
-/* Whether a volume predicts held-out pixels clearly better than what was found. */
+/* Whether a volume predicts held-out pixels clearly better than what was found. Early, its light must tell as well that
+ * no other depths and no surface will. */
 static hada_status is_tissue(hada_pipeline *pipeline, hada_frame *frame, const hada_support_of *against, int *found,
                              hada_error *err)
 {
+    const hada_classic_sieved *sieved = &pipeline->sieved;
     spread light;
     double gain;
-    HADA_TRY(find_tissue(pipeline, frame, against, &gain, err));
+    if (!sieved->iterations)
+        HADA_TRY(find_width(pipeline, frame, NULL, NULL, err));
     HADA_TRY(look_at(pipeline, frame, &light, err));
-    *found = gain > PREDICTS && light.depths > LEAST_DEPTHS;
-    return HADA_OK;
+    const int possible = against->early ? sieved->width > PLAIN_LEAST && sieved->width < PLAIN_MOST &&
+                                              light.depths > PLAIN_DEPTHS && light.mixed > PLAIN_MIXED &&
+                                              light.voxels < PLAIN_VOXELS
+                                        : light.depths > LEAST_DEPTHS;
+    if (!possible)
+        return HADA_OK;
+    HADA_TRY(find_width(pipeline, frame, against, &gain, err));
+    *found = gain > (against->early ? 1.0 : PREDICTS);
+    return *found ? finish_tissue(pipeline, frame, err) : HADA_OK;
 }
 
 hada_status hada_pipeline_find_volume(hada_pipeline *pipeline, hada_frame *frame, double energy,
@@ -361,7 +390,8 @@ hada_status hada_pipeline_find_volume(hada_pipeline *pipeline, hada_frame *frame
     *found = 0;
     const int explained = energy >= 0.0 && energy <= CLEARLY * noise;
     const int tissue = energy >= 0.0 && pipeline->maker.held.mem != NULL;
-    if (!(frame->exposure.energy > 0) || (explained && !(tissue && (against->surface || against->count > 1))))
+    if (!(frame->exposure.energy > 0) || (against && against->early && !tissue) ||
+        (explained && !(tissue && (against->surface || against->count > 1))))
         return HADA_OK;
     hada_slot_stage(pipeline->slot, "volume");
     HADA_TRY(ready(pipeline, err));
@@ -380,7 +410,9 @@ hada_status hada_pipeline_solve_volume(hada_pipeline *pipeline, hada_frame *fram
     int plain = 1;
     if (frame->exposure.energy > 0)
         HADA_TRY(is_plain(pipeline, frame, noise_of(frame), &plain, err));
-    if (!plain)
-        HADA_TRY(find_tissue(pipeline, frame, NULL, NULL, err));
+    if (!plain) {
+        HADA_TRY(find_width(pipeline, frame, NULL, NULL, err));
+        HADA_TRY(finish_tissue(pipeline, frame, err));
+    }
     return take(pipeline, frame, err);
 }

@@ -306,14 +306,14 @@ static hada_status pursue_hidden(hada_pipeline *pipeline, hada_frame *frame, kno
     return hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_pursuit, err);
 }
 
-/* Looks for a volume, given what planes or a surface leave. It is looked for at all where there are many depths. */
+/* Looks for a volume where there are many depths, given what planes or a surface leave. */
 static hada_status find_volume(hada_pipeline *pipeline, hada_frame *frame, double energy, hada_support_of against,
                                knowledge *k, hada_error *err)
 {
     against.count = k->count;
-    if (pipeline->setup->config.volume > 1)
-        HADA_TRY(hada_pipeline_find_volume(pipeline, frame, energy, &against, &k->volume, err));
-    return HADA_OK;
+    return pipeline->setup->config.volume > 1
+               ? hada_pipeline_find_volume(pipeline, frame, energy, &against, &k->volume, err)
+               : HADA_OK;
 }
 
 /* The same before the steps that take longest. A single depth hides nothing, and may explain the frame. */

@@ -26,15 +26,16 @@ enum { FIRST = 24, SECOND = 50 };
  * what the volume leaves of these. */
 #define PREDICTS 0.98
 
-/* Before hidden depths and a surface are looked for, which takes longer than a volume, it is one if it predicts these
- * pixels better than the depths found so far do, with Gaussians neither of text's sharpness nor of a photograph's
- * noise, and if its light fills few voxels and yet is at all depths, even of neighbouring pixels: sparse pictures keep
- * to depths of their own, others fill 8 voxels a pixel and more (perf/results/tissue.md). */
+/* Before hidden depths and a surface are looked for, which takes longer, it is one if it predicts these pixels better
+ * than the depths found so far, with Gaussians neither of text's sharpness nor of a photograph's noise, and its light
+ * fills few voxels, yet is at all depths, even of neighbouring pixels (perf/results/tissue.md). Single planes left up
+ * to 1.03 times the noise's energy, dense tissue 1.11 and more. */
+#define PLAIN_NOISE  1.06
 #define PLAIN_LEAST  0.6
 #define PLAIN_MOST   1.6
 #define PLAIN_DEPTHS 0.94
 #define PLAIN_MIXED  0.6
-#define PLAIN_VOXELS 8.0
+#define PLAIN_VOXELS 8.5
 
 /* In any case light is at more than this share of the depths. */
 #define LEAST_DEPTHS 0.5
@@ -361,14 +362,13 @@ static double noise_of(const hada_frame *frame)
     return deviation * deviation * (double)hada_exposure_count(&frame->exposure);
 }
 
-/* Whether a volume predicts held-out pixels clearly better than what was found. Early, its light must tell as well that
- * no other depths and no surface will. */
+/* Whether a volume predicts held-out pixels clearly better than what was found; early: whether that is plain. */
 static hada_status is_tissue(hada_pipeline *pipeline, hada_frame *frame, const hada_support_of *against, int *found,
                              hada_error *err)
 {
     const hada_classic_sieved *sieved = &pipeline->sieved;
     spread light;
-    double gain;
+    double gain = 0.0;
     if (!sieved->iterations)
         HADA_TRY(find_width(pipeline, frame, NULL, NULL, err));
     HADA_TRY(look_at(pipeline, frame, &light, err));
@@ -376,10 +376,9 @@ static hada_status is_tissue(hada_pipeline *pipeline, hada_frame *frame, const h
                                               light.depths > PLAIN_DEPTHS && light.mixed > PLAIN_MIXED &&
                                               light.voxels < PLAIN_VOXELS
                                         : light.depths > LEAST_DEPTHS;
-    if (!possible)
-        return HADA_OK;
-    HADA_TRY(find_width(pipeline, frame, against, &gain, err));
-    *found = gain > (against->early ? 1.0 : PREDICTS);
+    if (possible)
+        HADA_TRY(find_width(pipeline, frame, against, &gain, err));
+    *found = possible && gain > (against->early ? 1.0 : PREDICTS);
     return *found ? finish_tissue(pipeline, frame, err) : HADA_OK;
 }
 
@@ -388,9 +387,10 @@ hada_status hada_pipeline_find_volume(hada_pipeline *pipeline, hada_frame *frame
 {
     const double noise = noise_of(frame);
     *found = 0;
-    const int explained = energy >= 0.0 && energy <= CLEARLY * noise;
+    const int early = against && against->early;
+    const int explained = energy >= 0.0 && energy <= (early ? PLAIN_NOISE : CLEARLY) * noise;
     const int tissue = energy >= 0.0 && pipeline->maker.held.mem != NULL;
-    if (!(frame->exposure.energy > 0) || (against && against->early && !tissue) ||
+    if (!(frame->exposure.energy > 0) || (early && !tissue) ||
         (explained && !(tissue && (against->surface || against->count > 1))))
         return HADA_OK;
     hada_slot_stage(pipeline->slot, "volume");

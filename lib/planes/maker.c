@@ -103,6 +103,7 @@ hada_status hada_maker_refine(const hada_plane_maker *maker, const hada_maker_st
     hada_refine_rule rule;
     hada_refine_rule_init(&rule);
     rule.steps = steps->steps;
+    rule.whole = steps->whole ? steps->whole : info.refine_steps ? info.refine_steps : rule.whole;
     info.boundary = maker->boundary;
     if (steps->tv > 0.0)
         weights.tv = steps->tv;

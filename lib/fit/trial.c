@@ -12,7 +12,7 @@ enum { PARTS = 4, TRIED = PARTS + 1 };
  * That and a step of TV_RATIO to both sides, and further ones as long as the outermost is best; the best of all lies
  * where a parabola through three has its top. A few steps on one depth rank them as many on two do; where the sensor
  * crops they settle later. */
-enum { TV_SIDE = 5, TV_PLACES = 2 * TV_SIDE + 1, TV_STEPS = 10, TV_STEPS_CROPPED = 12 };
+enum { TV_SIDE = 5, TV_PLACES = 2 * TV_SIDE + 1, TV_ROWS = 2 + 3 * TV_PLACES, TV_STEPS = 10, TV_STEPS_CROPPED = 12 };
 #define TV_RATIO     1.6
 #define TV_PER_NOISE 0.1
 #define TV_MOSAIC    0.5 /* times that of a mosaic, a third of whose values are known */
@@ -32,7 +32,7 @@ static const double ridges_tried[CHOICES] = {0.7, HADA_REFINE_RIDGE, 1.4};
 #define TV_PER_RIDGE 0.65
 #define RIDGE_DOUBT  1.0
 
-_Static_assert((int)TRIED + 1 + 2 * (int)TV_PLACES <= (int)HADA_FIT_TRIAL_ROWS, "room for rows");
+_Static_assert((int)TRIED + (int)TV_ROWS <= (int)HADA_FIT_TRIAL_ROWS, "room for rows");
 
 /* A reconstruction stops by itself once its residual has settled, so the number of steps to keep is the largest that
  * still has most of the best gain; the sum of two whole scenes is a hard case and its curve is uneven. Gains below a
@@ -55,7 +55,7 @@ typedef struct trial_work {
     hada_refine_weights weights; /* what is refined with */
     int rank_steps;              /* after which weights are compared */
     int whole;                   /* number of steps */
-    hada_fit_refine_score tv_rows[1 + 2 * TV_PLACES];
+    hada_fit_refine_score tv_rows[TV_ROWS];
     int tv_count;
 } trial_work;
 
@@ -191,8 +191,15 @@ static hada_status choose_tv(trial_work *work, const trial_set *set, double *psn
     double without;
     HADA_TRY(rank_tv(work, set, &none, 1, &without, err));
     HADA_TRY(sweep_tv(work, set, guess_weight(work, set->frames), psnr, err));
-    if (*psnr <= without)
+    if (*psnr <= without) { /* which settles earlier behind slow optics */
+        work->rank_steps = work->whole = HADA_TRIAL_MOST_STEPS;
+        HADA_TRY(rank_tv(work, set, &none, 1, &without, err));
+        HADA_TRY(sweep_tv(work, set, work->weights.tv, psnr, err));
+    }
+    if (*psnr <= without) {
         work->weights.tv = 0.0;
+        work->whole = HADA_TRIAL_STEPS;
+    }
     return HADA_OK;
 }
 
@@ -251,7 +258,7 @@ static hada_status choose_whole(trial_work *work, const trial_set *set, hada_err
 {
     const hada_refine_weights without = {work->weights.tv, work->weights.colour, 0.0};
     double usual, more;
-    work->rank_steps = work->whole;
+    work->rank_steps = work->whole = HADA_TRIAL_STEPS;
     HADA_TRY(rank(work, set, &without, 1, &usual, err));
     work->rank_steps = work->whole = HADA_TRIAL_MOST_STEPS;
     HADA_TRY(rank(work, set, &without, 1, &more, err));

@@ -2,10 +2,11 @@
 
 #include "fit/trial_frame.h"
 
-/* A refined plane is compared after each of these parts of the whole number of steps; after none it is the linear
- * filter's. The whole is more for optics that pass some frequencies weakly: where that gains so many decibels. */
+/* A refined plane is compared after each of these parts of the whole number of steps, the last of which the learned
+ * regulariser follows; after none it is the linear filter's. The whole is more for optics that pass some frequencies
+ * weakly: where that gains so many decibels. */
 enum { PARTS = 4, TRIED = PARTS + 1 };
-#define SLOW_GAIN 0.1
+#define SLOW_GAIN 0.2
 
 /* Weights of total variation that are tried, by what the noise says: the best of simulated cameras with 0.3 to 3 %
  * noise were about 0.1 of its standard deviation over the rms of the pairs' frames (docs/explanation/refinement.md).
@@ -88,7 +89,7 @@ static hada_status try_frame(trial_work *work, const hada_trial_frame *frame, ha
     for (int i = 1; i < TRIED; i++) {
         const hada_maker_steps steps = {
             .steps = work->whole / PARTS, .before = (i - 1) * work->whole / PARTS, .whole = work->whole};
-        HADA_TRY(hada_trial_refine(&work->bench, frame, &work->weights, &steps, 0, err));
+        HADA_TRY(hada_trial_refine(&work->bench, frame, &work->weights, &steps, i == PARTS, err));
         hada_trial_compare(&work->bench, frame, shares_tried, SHARES, sum[i]);
     }
     work->count[frame->members - 1]++;

@@ -262,7 +262,7 @@ hada_status hada_trial_refine(hada_trial_bench *bench, const hada_trial_frame *f
     const int list[HADA_TRIAL_MEMBERS] = {frame->first, frame->first + 1};
     hada_plane_maker *maker = &bench->maker;
     maker->weights = *weights;
-    const int last = ends ? hada_maker_ridge_steps(maker, steps->steps) : 0;
+    const int last = ends ? hada_maker_ridge_steps(maker, steps->before + steps->steps) : 0;
     int done;
     HADA_TRY(hada_maker_refine(maker, steps, bench->noise_unit, frame->members, list, &done, err));
     HADA_TRY(hada_maker_regularise(maker, last, 0.0, frame->members, list, &done, err));

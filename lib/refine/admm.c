@@ -68,10 +68,12 @@ void hada_refine_rule_init(hada_refine_rule *rule)
         .steps = 8, .whole = 16, .rho = 1e-3, .growth = 1.0, .relaxation = 1.6, .mu = 1.0, .tv_colour = 1.0};
 }
 
-/* Several depths behind a sensor that crops: rho begins low, so that depths part, and grows, so that what lies beyond
- * the frame settles (docs/explanation/refinement.md). In units of the largest |OTF(0)|^2. */
+/* Several depths behind a sensor that crops, and a depth that goes on from another frame: rho begins low, so that
+ * depths part, and grows, so that what lies beyond the frame settles (docs/explanation/refinement.md). In units of the
+ * largest |OTF(0)|^2. */
 #define CROPPED_FIRST_RHO 1e-3
 #define CROPPED_GROWTH    1.25
+#define RESUMED_GROWTH    1.4 /* where light wraps around */
 
 /* Depths that are close share their light out slowly: longer steps at first (docs/explanation/refinement.md). */
 #define PARTING_RELAXATION 1.95
@@ -112,19 +114,24 @@ void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info,
         rule->tv = 0.0;
     if (!(rule->tv > 0.0))
         return;
+    const double usual = rule->rho;
     if (depths > 1) {
         rule->first_relaxation = PARTING_RELAXATION;
         rule->first_steps = PARTING_STEPS;
-        if (cropped) {
-            rule->first_rho = CROPPED_FIRST_RHO * gain;
-            rule->growth = CROPPED_GROWTH;
-        }
     } else {
+        rule->rho *= cropped ? ALONE_RHO_CROPPED : ALONE_RHO;
+    }
+    if (depths == 1 && !rule->resumes) {
         const double growing = (cropped ? ALONE_GROWING_CROPPED : ALONE_GROWING) * rule->whole;
         rule->relaxation = ALONE_RELAXATION;
         rule->first_rho = (cropped ? ALONE_FIRST_RHO_CROPPED : ALONE_FIRST_RHO) * gain;
-        rule->rho *= cropped ? ALONE_RHO_CROPPED : ALONE_RHO;
         rule->growth = fmax(pow(rule->rho / rule->first_rho, 1.0 / growing), 1.0);
+    } else if (cropped) {
+        rule->first_rho = CROPPED_FIRST_RHO * gain;
+        rule->growth = CROPPED_GROWTH;
+    } else if (depths == 1) {
+        rule->first_rho = usual;
+        rule->growth = RESUMED_GROWTH;
     }
 }
 

@@ -48,6 +48,7 @@ static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count,
     const int psf_alone = hada_model_get_info(setup->model)->refine_tv == HADA_AUTO; /* rho was not fitted either */
     const int last_steps = hada_maker_ridge_steps(&pipeline->maker, setup->config.steps);
     const hada_maker_steps steps = {.steps = setup->config.steps - last_steps,
+                                    .whole = setup->config.steps,
                                     .stop = setup->options.refine >= 0 ? 0
                                             : settle                   ? count
                                                                        : 1,

@@ -175,8 +175,6 @@ static hada_status try_refinement(hada_fitter *fitter, hada_nonnegative *nonnega
     }
     memcpy(fitter->rows.refinement, result.rows, (size_t)result.row_count * sizeof *result.rows);
     fitter->rows.refinements = result.row_count;
-    if (result.share < 1.0) /* a camera that is known so badly gains nothing by more regularisation */
-        result.weights.ridge = 0.0;
     set_refinement(model, result.steps, &result.weights);
     if (result.weights.tv > 0.0) {
         model->info.refine_noise = result.noise.of_light;

@@ -2,16 +2,18 @@
 
 #include "fit/trial_frame.h"
 
-/* Steps after which a refined plane is compared; 0 is the linear filter. */
-static const int steps_tried[] = {0, 4, 8, 12, 16};
-enum { TRIED = sizeof steps_tried / sizeof *steps_tried };
+/* A refined plane is compared after each of these parts of the whole number of steps, the last of which the learned
+ * regulariser follows; after none it is the linear filter's. The whole is more for optics that pass some frequencies
+ * weakly: where that gains so many decibels. */
+enum { PARTS = 4, TRIED = PARTS + 1 };
+#define SLOW_GAIN 0.2
 
 /* Weights of total variation that are tried, by what the noise says: the best of simulated cameras with 0.3 to 3 %
  * noise were about 0.1 of its standard deviation over the rms of the pairs' frames (docs/explanation/refinement.md).
  * That and a step of TV_RATIO to both sides, and further ones as long as the outermost is best; the best of all lies
  * where a parabola through three has its top. A few steps on one depth rank them as many on two do; where the sensor
  * crops they settle later. */
-enum { TV_SIDE = 5, TV_PLACES = 2 * TV_SIDE + 1, TV_STEPS = 6, TV_STEPS_CROPPED = 12 };
+enum { TV_SIDE = 5, TV_PLACES = 2 * TV_SIDE + 1, TV_ROWS = 2 + 3 * TV_PLACES, TV_STEPS = 10, TV_STEPS_CROPPED = 12 };
 #define TV_RATIO     1.6
 #define TV_PER_NOISE 0.1
 #define TV_MOSAIC    0.5 /* times that of a mosaic, a third of whose values are known */
@@ -31,7 +33,7 @@ static const double ridges_tried[CHOICES] = {0.7, HADA_REFINE_RIDGE, 1.4};
 #define TV_PER_RIDGE 0.65
 #define RIDGE_DOUBT  1.0
 
-_Static_assert((int)TRIED + 1 + 2 * (int)TV_PLACES <= (int)HADA_FIT_TRIAL_ROWS, "room for rows");
+_Static_assert((int)TRIED + (int)TV_ROWS <= (int)HADA_FIT_TRIAL_ROWS, "room for rows");
 
 /* A reconstruction stops by itself once its residual has settled, so the number of steps to keep is the largest that
  * still has most of the best gain; the sum of two whole scenes is a hard case and its curve is uneven. Gains below a
@@ -53,7 +55,8 @@ typedef struct trial_work {
     int count[2];
     hada_refine_weights weights; /* what is refined with */
     int rank_steps;              /* after which weights are compared */
-    hada_fit_refine_score tv_rows[1 + 2 * TV_PLACES];
+    int whole;                   /* number of steps */
+    hada_fit_refine_score tv_rows[TV_ROWS];
     int tv_count;
 } trial_work;
 
@@ -84,8 +87,9 @@ static hada_status try_frame(trial_work *work, const hada_trial_frame *frame, ha
     HADA_TRY(expose(work, frame, err));
     hada_trial_compare(&work->bench, frame, shares_tried, SHARES, sum[0]);
     for (int i = 1; i < TRIED; i++) {
-        HADA_TRY(hada_trial_refine(&work->bench, frame, &work->weights, steps_tried[i - 1],
-                                   steps_tried[i] - steps_tried[i - 1], 0, err));
+        const hada_maker_steps steps = {
+            .steps = work->whole / PARTS, .before = (i - 1) * work->whole / PARTS, .whole = work->whole};
+        HADA_TRY(hada_trial_refine(&work->bench, frame, &work->weights, &steps, i == PARTS, err));
         hada_trial_compare(&work->bench, frame, shares_tried, SHARES, sum[i]);
     }
     work->count[frame->members - 1]++;
@@ -116,13 +120,14 @@ typedef struct trial_set {
 static hada_status rank(trial_work *work, const trial_set *set, const hada_refine_weights *weights, int count,
                         double *psnr, hada_error *err)
 {
+    const hada_maker_steps steps = {.steps = work->rank_steps, .whole = work->whole};
     double sum[TV_PLACES][SHARES] = {{0.0}};
     for (int k = 0; k < set->count; k++) {
         if (!hada_is_mine(&work->bench.grid->communicator, k))
             continue;
         HADA_TRY(expose(work, &set->frames[k], err));
         for (int i = 0; i < count; i++) {
-            HADA_TRY(hada_trial_refine(&work->bench, &set->frames[k], &weights[i], 0, work->rank_steps, 1, err));
+            HADA_TRY(hada_trial_refine(&work->bench, &set->frames[k], &weights[i], &steps, 1, err));
             hada_trial_compare(&work->bench, &set->frames[k], shares_tried, SHARES, sum[i]);
         }
     }
@@ -187,8 +192,15 @@ static hada_status choose_tv(trial_work *work, const trial_set *set, double *psn
     double without;
     HADA_TRY(rank_tv(work, set, &none, 1, &without, err));
     HADA_TRY(sweep_tv(work, set, guess_weight(work, set->frames), psnr, err));
-    if (*psnr <= without)
+    if (*psnr <= without) { /* which settles earlier behind slow optics */
+        work->rank_steps = work->whole = HADA_TRIAL_MOST_STEPS;
+        HADA_TRY(rank_tv(work, set, &none, 1, &without, err));
+        HADA_TRY(sweep_tv(work, set, work->weights.tv, psnr, err));
+    }
+    if (*psnr <= without) {
         work->weights.tv = 0.0;
+        work->whole = HADA_TRIAL_STEPS;
+    }
     return HADA_OK;
 }
 
@@ -229,7 +241,6 @@ static hada_status choose_ridge(trial_work *work, const trial_set *set, hada_err
 {
     const hada_refine_weights without = work->weights;
     double psnr;
-    work->rank_steps = HADA_TRIAL_STEPS;
     if (work->bench.with->ridge < 0.0) {
         hada_refine_weights weights[CHOICES];
         for (int i = 0; i < CHOICES; i++)
@@ -243,6 +254,20 @@ static hada_status choose_ridge(trial_work *work, const trial_set *set, hada_err
     return work->weights.ridge > 0.0 ? sweep_tv(work, set, work->weights.tv, &psnr, err) : HADA_OK;
 }
 
+/* Chooses the whole number of steps, after which weights are compared from here on. */
+static hada_status choose_whole(trial_work *work, const trial_set *set, hada_error *err)
+{
+    const hada_refine_weights without = {work->weights.tv, work->weights.colour, 0.0};
+    double usual, more;
+    work->rank_steps = work->whole = HADA_TRIAL_STEPS;
+    HADA_TRY(rank(work, set, &without, 1, &usual, err));
+    work->rank_steps = work->whole = HADA_TRIAL_MOST_STEPS;
+    HADA_TRY(rank(work, set, &without, 1, &more, err));
+    if (!(more - usual > SLOW_GAIN))
+        work->rank_steps = work->whole = HADA_TRIAL_STEPS;
+    return HADA_OK;
+}
+
 static hada_status choose_weights(trial_work *work, const trial_set *set, hada_error *err)
 {
     const double ridge = work->weights.ridge;
@@ -251,6 +276,8 @@ static hada_status choose_weights(trial_work *work, const trial_set *set, hada_e
     HADA_TRY(choose_tv(work, set, &psnr, err));
     if (work->weights.tv > 0.0 && work->bench.with->colour < 0.0 && work->bench.grid->info.channels > 1)
         HADA_TRY(choose_colour(work, set, &psnr, err));
+    if (work->weights.tv > 0.0)
+        HADA_TRY(choose_whole(work, set, err));
     if (work->weights.tv > 0.0 && ridge > 0.0)
         HADA_TRY(choose_ridge(work, set, err));
     else
@@ -271,6 +298,8 @@ static hada_status try_singles(trial_work *work, hada_error *err)
     }
     if (work->bench.with->tv < 0.0)
         HADA_TRY(choose_weights(work, &(trial_set){frames, kept->count}, err));
+    else if (work->weights.tv > 0.0)
+        HADA_TRY(choose_whole(work, &(trial_set){frames, kept->count}, err));
     for (int k = 0; k < kept->count; k++)
         if (hada_is_mine(ranks, k))
             HADA_TRY(try_frame(work, &frames[k], err));
@@ -351,7 +380,7 @@ static void fill_rows(const trial_work *work, int best, hada_fit_trial_result *r
     for (int k = 0; k < TRIED; k++) {
         const double tv = k ? work->weights.tv : 0.0;
         result->rows[k] =
-            (hada_fit_refine_score){.steps = steps_tried[k],
+            (hada_fit_refine_score){.steps = k * work->whole / PARTS,
                                     .rho = hada_refine_rho(info->boundary, tv),
                                     .tv = tv,
                                     .psnr_single = work->count[0] ? mean(work, 0, k, share_of(work, k)) : NAN,
@@ -367,14 +396,15 @@ hada_status hada_fit_trial_run(const hada_fit_trial *trial, hada_fit_trial_resul
     trial_work work = {.bench = {.with = trial, .grid = trial->sums->grid},
                        .weights = {fmax(trial->tv, 0.0), trial->colour >= 0.0 ? trial->colour : HADA_REFINE_COLOUR,
                                    trial->ridge >= 0.0 ? trial->ridge : HADA_REFINE_RIDGE},
-                       .rank_steps = cropped ? TV_STEPS_CROPPED : TV_STEPS};
+                       .rank_steps = cropped ? TV_STEPS_CROPPED : TV_STEPS,
+                       .whole = HADA_TRIAL_STEPS};
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_trial_bench_create(&work.bench, err));
     HADA_TRY_OR_DONE(try_singles(&work, err));
     HADA_TRY_OR_DONE(try_doubles(&work, err));
     HADA_TRY_OR_DONE(share(&work, err));
     const int best = best_of(&work);
-    *result = (hada_fit_trial_result){.steps = steps_tried[best],
+    *result = (hada_fit_trial_result){.steps = best * work.whole / PARTS,
                                       .share = best ? shares_tried[share_of(&work, best)] : 1.0,
                                       .weights = work.weights,
                                       .noise = work.bench.maker.noise_share,

@@ -21,7 +21,7 @@ typedef struct hada_fit_trial {
 } hada_fit_trial;
 
 /* What it found. The gains are in decibels over the linear filters, one depth occupied plus two. */
-enum { HADA_FIT_TRIAL_ROWS = 28 };
+enum { HADA_FIT_TRIAL_ROWS = 40 };
 typedef struct hada_fit_trial_result {
     int steps;    /* 0: refinement does not pay */
     double share; /* of refined planes, the rest being the linear filters' */

@@ -74,7 +74,7 @@ hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
     const size_t bytes = hada_fit_spectra_bytes(grid, HADA_FIT_KEPT * channels);
     hada_context *context = grid->slot->context;
     const hada_fft_desc desc = hada_fit_transform_desc(grid, HADA_FFT_INVERSE, 1);
-    hada_refine_shape shape = hada_refine_shape_of(&grid->info, HADA_TRIAL_MEMBERS, HADA_TRIAL_STEPS);
+    hada_refine_shape shape = hada_refine_shape_of(&grid->info, HADA_TRIAL_MEMBERS, HADA_TRIAL_MOST_STEPS);
     shape.tv = bench->with->tv != 0.0;
     if (grid->info.mosaic != HADA_MOSAIC_NONE)
         shape.boundary = HADA_BOUNDARY_PADDED;
@@ -256,15 +256,15 @@ hada_status hada_trial_filter(hada_trial_bench *bench, const hada_trial_frame *f
 }
 
 hada_status hada_trial_refine(hada_trial_bench *bench, const hada_trial_frame *frame,
-                              const hada_refine_weights *weights, int before, int steps, int ends, hada_error *err)
+                              const hada_refine_weights *weights, const hada_maker_steps *steps, int ends,
+                              hada_error *err)
 {
     const int list[HADA_TRIAL_MEMBERS] = {frame->first, frame->first + 1};
     hada_plane_maker *maker = &bench->maker;
     maker->weights = *weights;
-    const int last = ends ? hada_maker_ridge_steps(maker, steps) : 0;
-    const hada_maker_steps now = {.steps = steps, .before = before};
+    const int last = ends ? hada_maker_ridge_steps(maker, steps->before + steps->steps) : 0;
     int done;
-    HADA_TRY(hada_maker_refine(maker, &now, bench->noise_unit, frame->members, list, &done, err));
+    HADA_TRY(hada_maker_refine(maker, steps, bench->noise_unit, frame->members, list, &done, err));
     HADA_TRY(hada_maker_regularise(maker, last, 0.0, frame->members, list, &done, err));
     return hada_maker_read(maker, hada_refiner_planes(maker->refiner), 0, frame->members, bench->planes, err);
 }

@@ -7,7 +7,7 @@
 #include "planes/maker.h"
 
 /* Pairs of a frame, steps of a refinement, and shares that are compared, at most. */
-enum { HADA_TRIAL_MEMBERS = 2, HADA_TRIAL_STEPS = 16, HADA_TRIAL_SHARES = 10 };
+enum { HADA_TRIAL_MEMBERS = 2, HADA_TRIAL_STEPS = 16, HADA_TRIAL_MOST_STEPS = 32, HADA_TRIAL_SHARES = 10 };
 
 typedef struct hada_trial_bench {
     const hada_fit_trial *with;
@@ -40,10 +40,11 @@ hada_status hada_trial_expose(hada_trial_bench *bench, const hada_trial_frame *f
 /* Linear planes, to the host. */
 hada_status hada_trial_filter(hada_trial_bench *bench, const hada_trial_frame *frame, hada_error *err);
 
-/* `steps` further steps of refinement after `before` others, or the first ones; ends: those with the learned
- * regulariser follow, and no others may. The planes come to the host. */
+/* Steps of refinement; ends: those with the learned regulariser follow, and no others may. The planes come to the host.
+ */
 hada_status hada_trial_refine(hada_trial_bench *bench, const hada_trial_frame *frame,
-                              const hada_refine_weights *weights, int before, int steps, int ends, hada_error *err);
+                              const hada_refine_weights *weights, const hada_maker_steps *steps, int ends,
+                              hada_error *err);
 
 /* The sum of squares. */
 double hada_trial_energy(const float *values, size_t count);

@@ -103,6 +103,8 @@ hada_status hada_maker_refine(const hada_plane_maker *maker, const hada_maker_st
     hada_refine_rule rule;
     hada_refine_rule_init(&rule);
     rule.steps = steps->steps;
+    rule.whole = steps->whole ? steps->whole : info.refine_steps ? info.refine_steps : rule.whole;
+    rule.resumes = steps->resume;
     info.boundary = maker->boundary;
     if (steps->tv > 0.0)
         weights.tv = steps->tv;
@@ -111,7 +113,6 @@ hada_status hada_maker_refine(const hada_plane_maker *maker, const hada_maker_st
         hada_refine_rule_follow(&rule, steps->tv, hada_model_gain(maker->model),
                                 steps->before && !steps->resume ? RHO_CONTINUING : RHO_PER_WEIGHT, MOST_RHO);
     if (steps->resume) {
-        rule.resumes = 1;
         rule.rho *= steps->firm;
         rule.growth = pow(rule.growth, steps->hasten);
     } else if (steps->stop && steps->before) {

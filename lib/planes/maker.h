@@ -166,6 +166,7 @@ hada_status hada_maker_filter(const hada_plane_maker *maker, int first, int coun
 typedef struct hada_maker_steps {
     int steps;  /* at most; exactly where stop is 0 */
     int stop;   /* 0: never early; 1: when the residual settles; n > 1: when n planes settle, too */
+    int whole;  /* steps of the whole refinement, among which rho of a single depth grows; 0: the model's */
     int before; /* steps that were done before, which these continue, with `stop` until the planes settle */
     double tv;  /* weight of total variation, which rho follows (hada_refine_rule_follow()); 0: the maker's */
     int resume; /* 1: exactly so many steps, that go on from what the refiner has, as if `before` had been done */

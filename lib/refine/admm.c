@@ -64,25 +64,30 @@ hada_fft_desc hada_rect_transform(const hada_refine_rect *rect, int rows, int co
 
 void hada_refine_rule_init(hada_refine_rule *rule)
 {
-    *rule = (hada_refine_rule){.steps = 8, .rho = 1e-3, .growth = 1.0, .relaxation = 1.6, .mu = 1.0, .tv_colour = 1.0};
+    *rule = (hada_refine_rule){
+        .steps = 8, .whole = 16, .rho = 1e-3, .growth = 1.0, .relaxation = 1.6, .mu = 1.0, .tv_colour = 1.0};
 }
 
-/* Where the sensor crops, rho begins low, so that depths part, and grows, so that what lies beyond the frame settles
- * (docs/explanation/refinement.md). In units of the largest |OTF(0)|^2. */
+/* Several depths behind a sensor that crops, and a depth that goes on from another frame: rho begins low, so that
+ * depths part, and grows, so that what lies beyond the frame settles (docs/explanation/refinement.md). In units of the
+ * largest |OTF(0)|^2. */
 #define CROPPED_FIRST_RHO 1e-3
 #define CROPPED_GROWTH    1.25
+#define RESUMED_GROWTH    1.4 /* where light wraps around */
 
 /* Depths that are close share their light out slowly: longer steps at first (docs/explanation/refinement.md). */
 #define PARTING_RELAXATION 1.95
 enum { PARTING_STEPS = 7 };
 
-/* A single depth has nothing to part from: rho grows to this many times what several bear, by this a step; faster and
- * further where the learned regulariser follows. */
-#define ALONE_RHO          3.0
-#define ALONE_RHO_RIDGE    8.0
-#define ALONE_RHO_CROPPED  10.0
-#define ALONE_GROWTH       1.2
-#define ALONE_GROWTH_RIDGE 1.4
+/* A single depth: rho begins where weak frequencies of diffusers settle, too, and grows within this share of the steps
+ * to so many times what several depths bear, with longer steps (perf/results/refinement.md). */
+#define ALONE_FIRST_RHO         2e-4
+#define ALONE_FIRST_RHO_CROPPED 3e-4
+#define ALONE_RHO               8.0
+#define ALONE_RHO_CROPPED       10.0
+#define ALONE_GROWING           0.5
+#define ALONE_GROWING_CROPPED   0.8
+#define ALONE_RELAXATION        1.9
 
 /* The steps with the learned regulariser, for a usual weight of total variation and a single depth: rho in units of the
  * gain, and the noise that they take out with strength 1 in units of the frame's root mean square. With the weight they
@@ -99,6 +104,7 @@ void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info,
                             int depths, double gain, double mean_square)
 {
     const int same = (weights->tv > 0.0) == (info->refine_tv > 0.0);
+    const int cropped = info->boundary == HADA_BOUNDARY_PADDED;
     rule->rho = (same ? info->refine_rho : hada_refine_rho(info->boundary, weights->tv)) * gain;
     rule->tv = weights->tv * sqrt(info->channels * gain * mean_square);
     rule->tv_colour = weights->colour;
@@ -108,19 +114,24 @@ void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info,
         rule->tv = 0.0;
     if (!(rule->tv > 0.0))
         return;
+    const double usual = rule->rho;
     if (depths > 1) {
         rule->first_relaxation = PARTING_RELAXATION;
         rule->first_steps = PARTING_STEPS;
     } else {
-        rule->first_rho = rule->rho;
-        rule->growth = weights->ridge > 0.0 ? ALONE_GROWTH_RIDGE : ALONE_GROWTH;
-        rule->rho *= info->boundary == HADA_BOUNDARY_PADDED ? ALONE_RHO_CROPPED
-                     : weights->ridge > 0.0                 ? ALONE_RHO_RIDGE
-                                                            : ALONE_RHO;
+        rule->rho *= cropped ? ALONE_RHO_CROPPED : ALONE_RHO;
     }
-    if (info->boundary == HADA_BOUNDARY_PADDED) {
+    if (depths == 1 && !rule->resumes) {
+        const double growing = (cropped ? ALONE_GROWING_CROPPED : ALONE_GROWING) * rule->whole;
+        rule->relaxation = ALONE_RELAXATION;
+        rule->first_rho = (cropped ? ALONE_FIRST_RHO_CROPPED : ALONE_FIRST_RHO) * gain;
+        rule->growth = fmax(pow(rule->rho / rule->first_rho, 1.0 / growing), 1.0);
+    } else if (cropped) {
         rule->first_rho = CROPPED_FIRST_RHO * gain;
         rule->growth = CROPPED_GROWTH;
+    } else if (depths == 1) {
+        rule->first_rho = usual;
+        rule->growth = RESUMED_GROWTH;
     }
 }
 

@@ -85,6 +85,7 @@ typedef struct hada_refine_data {
 
 typedef struct hada_refine_rule {
     int steps;         /* linear steps, 1 to max_steps; the first is the joint linear filter */
+    int whole;         /* steps of the whole refinement, among which rho grows where a single depth is weighed */
     double rho;        /* > 0, in units of |OTF|^2 */
     double first_rho;  /* of the first step; it grows by the factor `growth` a step up to rho; 0: rho throughout */
     int before;        /* where a run continues others: the steps that they did, for rho */

@@ -36,6 +36,8 @@ enum { DRIFT_STEPS = 3 };
 #define LEAST_DRIFT       0.04
 #define MOST_DRIFT_SPREAD 1.3
 #define MOST_DRIFT_PLACE  3.0
+#define MOST_DRIFT_REST   0.1
+#define MOST_DRIFT_APART  0.08
 
 /* Steps with the learned regulariser, after planes that are a mean over frames. */
 enum { RIDGE_STILL = 1, RIDGE_DRIFT = 2 };
@@ -72,10 +74,13 @@ static hada_status look_back(hada_plane_maker *maker, const hada_frame_exposure 
     return HADA_OK;
 }
 
-/* Several depths part slowly, and what parts them does not move with planes. */
-static int may_drift(const hada_plane_maker *maker, int count)
+/* It did not move as a whole: the refiner has what is remembered as it was. */
+static hada_status in_vain(hada_plane_maker *maker, hada_maker_past *past, hada_error *err)
 {
-    return count == 1 && hada_refiner_knows_motion(maker->refiner, &maker->data);
+    past->follows = past->drifts = 0;
+    past->vain += past->vain < MOST_VAIN;
+    past->wait = (1 << past->vain) - 1;
+    return hada_refiner_recall(maker->refiner, err);
 }
 
 /* If the scene moved as a whole, what is remembered of it moves as well: past->follows, and past->now is what it leaves
@@ -83,22 +88,21 @@ static int may_drift(const hada_plane_maker *maker, int count)
 static hada_status follow_drift(hada_plane_maker *maker, const hada_frame_exposure *exposure, int count,
                                 const int *list, hada_maker_past *past, hada_error *err)
 {
-    hada_refine_motion_found found;
+    hada_refine_motion *motion = &past->motion;
     past->asked = 1;
-    HADA_TRY(hada_refiner_find_motion(maker->refiner, &maker->data, hada_model_gain(maker->model), count, list, &found,
+    if (!past->drifts)
+        *motion = (hada_refine_motion){0};
+    HADA_TRY(hada_refiner_find_motion(maker->refiner, &maker->data, hada_model_gain(maker->model), count, list, motion,
                                       err));
-    found.left /= exposure->energy;
-    past->follows = past->drifts = hypot(found.shift[0], found.shift[1]) > LEAST_DRIFT && found.left < past->now &&
-                                   found.left < few_of(maker, past) && found.spread < MOST_DRIFT_SPREAD &&
-                                   found.most < MOST_DRIFT_PLACE;
-    if (!past->follows) {
-        past->vain += past->vain < MOST_VAIN;
-        past->wait = (1 << past->vain) - 1;
-        return hada_refiner_recall(maker->refiner, err);
-    }
-    past->vain = 0;
-    past->now = found.left;
-    return hada_refiner_move(maker->refiner, &maker->data, count, found.shift, err);
+    motion->left /= exposure->energy;
+    past->follows = past->drifts = hypot(motion->shift[0], motion->shift[1]) > LEAST_DRIFT &&
+                                   motion->left < past->now && motion->left < few_of(maker, past) &&
+                                   motion->spread < MOST_DRIFT_SPREAD && motion->most < MOST_DRIFT_PLACE &&
+                                   motion->rest < MOST_DRIFT_REST && motion->apart < MOST_DRIFT_APART;
+    if (!past->follows)
+        return in_vain(maker, past, err);
+    past->now = motion->left;
+    return hada_refiner_move(maker->refiner, &maker->data, count, motion, err);
 }
 
 hada_status hada_maker_expects(hada_plane_maker *maker, const hada_frame_exposure *exposure, const int *list,
@@ -144,8 +148,9 @@ static hada_status stay(hada_plane_maker *maker, hada_maker_steps *own, double u
                         hada_maker_past *past, int doubt, int *done, hada_error *err)
 {
     HADA_TRY(settle(maker, own, unit, count, list, past, STILL_STEPS, count > 1 ? FIRM_SEVERAL : FIRM, done, err));
-    HADA_TRY(hada_refiner_moved(maker->refiner, doubt, &past->moved, err));
-    if (!past->moved && may_drift(maker, count)) { /* slow motion that all share, which places do not tell */
+    HADA_TRY(hada_refiner_moved(maker->refiner, NULL, doubt, &past->moved, err));
+    if (!past->moved && hada_refiner_knows_motion(
+                            maker->refiner, &maker->data)) { /* slow motion that all share, which places do not tell */
         double creep[2];
         HADA_TRY(hada_refiner_creep(maker->refiner, count, creep, err));
         past->moved = hypot(creep[0], creep[1]) > LEAST_DRIFT;
@@ -180,20 +185,30 @@ static hada_status go_on(hada_plane_maker *maker, const hada_frame_exposure *exp
     past->moved = 1;
     past->least = least_of(past);
     *done = 0;
-    if (past->drifts && !past->asked && may_drift(maker, count))
+    if (past->drifts && !past->asked && hada_refiner_knows_motion(maker->refiner, &maker->data))
         HADA_TRY(follow_drift(maker, exposure, count, list, past, err));
     if (!past->follows && past->now < few_of(maker, past)) {
         HADA_TRY(stay(maker, own, unit, count, list, past, doubt, done, err));
         if (!past->moved)
             return HADA_OK;
     }
-    if (!past->asked && !waits && may_drift(maker, count))
+    if (!past->asked && !waits && hada_refiner_knows_motion(maker->refiner, &maker->data))
         HADA_TRY(follow_drift(maker, exposure, count, list, past, err));
-    if (!past->follows)
-        return move_on(maker, own, unit, count, list, past, done, err);
-    past->moved = 0;
-    past->ridge = RIDGE_DRIFT;
-    return settle(maker, own, unit, count, list, past, DRIFT_STEPS, 1.0, done, err);
+    if (past->follows) {
+        HADA_TRY(settle(maker, own, unit, count, list, past, count > 1 ? STILL_STEPS : DRIFT_STEPS,
+                        count > 1 ? FIRM_SEVERAL : 1.0, done, err));
+        past->moved = 0;
+        if (count > 1)
+            HADA_TRY(hada_refiner_moved(maker->refiner, &past->motion, 0, &past->moved, err));
+        past->ridge = RIDGE_DRIFT;
+        if (!past->moved) {
+            past->vain = 0;
+            return HADA_OK;
+        }
+        past->ridge = INT_MAX;
+        HADA_TRY(in_vain(maker, past, err));
+    }
+    return move_on(maker, own, unit, count, list, past, done, err);
 }
 
 hada_status hada_maker_go_on(hada_plane_maker *maker, const hada_frame_exposure *exposure,

@@ -200,7 +200,7 @@ static double advance(hada_refine_motion *motion, const double rest[2], double s
 hada_status hada_refiner_find_motion(hada_refiner *refiner, const hada_refine_data *data, double gain, int depths,
                                      const int *list, hada_refine_motion *motion, hada_error *err)
 {
-    static const double enough = 0.03;
+    const double enough = depths > 1 ? 0.03 : 0.15;
     enum { LOOKS = 6 };
     const hada_refine_run r = run_of(refiner, data, depths);
     const int known = motion->part[0] > 0.0;
@@ -225,7 +225,7 @@ hada_status hada_refiner_find_motion(hada_refiner *refiner, const hada_refine_da
         motion->most = rest.most;
         motion->apart = rest.apart;
         motion->rest = advance(motion, rest.by, step, before);
-        if (rest.spread > UNLIKE || motion->rest < enough)
+        if ((rest.spread > UNLIKE && (look || !known)) || motion->rest < enough)
             break;
     }
     return hada_refine_shifted(refiner, depths, motion, refiner->planes.mem, err);

@@ -251,15 +251,18 @@ hada_status hada_shift_find(const float *before, const float *now, int planes, i
     const size_t half = (size_t)planes * (size_t)(rows / PAIR) * (size_t)(cols / PAIR);
     float *pairs = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(HADA_NEW(pairs, 2 * half, "the motion of a scene", err));
-    pair_up(before, pairs, planes, rows, cols);
-    pair_up(now, pairs + half, planes, rows, cols);
-    for (int k = 0; k < 2; k++)
-        found->by[k] /= PAIR;
-    for (int i = 0; far && i < FAR_LOOKS; i++)
-        HADA_TRY_OR_DONE(look(pairs, pairs + half, planes, rows / PAIR, cols / PAIR, (border + 1) / PAIR, found, err));
-    for (int k = 0; k < 2; k++)
-        found->by[k] *= PAIR;
+    if (far) {
+        HADA_TRY_OR_DONE(HADA_NEW(pairs, 2 * half, "the motion of a scene", err));
+        pair_up(before, pairs, planes, rows, cols);
+        pair_up(now, pairs + half, planes, rows, cols);
+        for (int k = 0; k < 2; k++)
+            found->by[k] /= PAIR;
+        for (int i = 0; i < FAR_LOOKS; i++)
+            HADA_TRY_OR_DONE(
+                look(pairs, pairs + half, planes, rows / PAIR, cols / PAIR, (border + 1) / PAIR, found, err));
+        for (int k = 0; k < 2; k++)
+            found->by[k] *= PAIR;
+    }
     for (int i = 0; i < (far ? NEAR_LOOKS : 1); i++)
         HADA_TRY_OR_DONE(look(before, now, planes, rows, cols, border, found, err));
 done:

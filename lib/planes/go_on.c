@@ -21,27 +21,29 @@ static double of_still(const hada_model_info *info, int planes)
     return (1.0 + share) / (1.0 - share);
 }
 
-/* Where nothing moved, a step or two with a larger rho are enough, and make the planes a mean over frames: one, but
- * where a sensor crops the light beyond the frame lags, which lost up to 5 dB when something moved then. Where
- * something did, rho begins as from nothing, so that all may move; several depths have parted before. `before` says so.
+/* Where nothing moved, two steps with a larger rho are enough, and make the planes a mean over frames. One is for a
+ * single depth; where a sensor crops the light beyond the frame lags then, which lost up to 5 dB when something moved,
+ * and several depths lost 0.6 dB when brightness changed. Where something did, rho begins as from nothing, so that all
+ * may move; several depths have parted before. `before` says so.
  */
-enum { STILL_STEPS = 1, STILL_STEPS_CROPPED = 2, HALVED_FROM = 3, SETTLED = 100, PARTED = 7 };
+enum { STILL_STEPS = 2, STILL_STEPS_ALONE = 1, HALVED_FROM = 3, SETTLED = 100, PARTED = 7 };
 #define FIRM         2.0
 #define FIRM_SEVERAL 8.0
 
 /* A scene that moved as a whole: steps from planes that moved as well, with the usual rho, or with that of still scenes
  * where there are several depths: with the usual one what they share out is lost. Motion by fewer pixels does not
- * count; it has to be found (MOST_DRIFT_REST), and to be the same at all depths (MOST_DRIFT_APART, refine/shift.h; 0.05
- * at most where it was, 0.1 and more where one depth moved otherwise). What is left has to be little, and alike in all
- * places: noise left a spread of up to 1.13 over places and 2.3 times the mean at most, an object of a twentieth of the
- * contrast 6 and 11. */
+ * count; it has to be found (MOST_DRIFT_REST; where a scene has no edges in a direction, each look finds a small part,
+ * LEAST_DRIFT_PART), and to be the same at all depths (MOST_DRIFT_APART, refine/shift.h; 0.05 at most where it was, 0.1
+ * and more where one depth moved otherwise). What is left has to be little, and alike in all places: noise left a
+ * spread of up to 1.13 over places and 2.3 times the mean at most, an object of a twentieth of the contrast 6 and 11.
+ */
 enum { DRIFT_STEPS = 3, DRIFT_STEPS_SEVERAL = 2 };
-#define LEAST_DRIFT         0.04
-#define LEAST_CREEP_SEVERAL 0.06
-#define MOST_DRIFT_SPREAD   1.3
-#define MOST_DRIFT_PLACE    3.0
-#define MOST_DRIFT_REST     0.1
-#define MOST_DRIFT_APART    0.08
+#define LEAST_DRIFT       0.04
+#define MOST_DRIFT_SPREAD 1.3
+#define MOST_DRIFT_PLACE  3.0
+#define MOST_DRIFT_REST   0.1
+#define MOST_DRIFT_APART  0.08
+#define LEAST_DRIFT_PART  0.3
 
 /* Steps with the learned regulariser, after planes that are a mean over frames. */
 enum { RIDGE_STILL = 1, RIDGE_DRIFT = 2 };
@@ -102,7 +104,8 @@ static hada_status follow_drift(hada_plane_maker *maker, const hada_frame_exposu
     past->follows = past->drifts = hypot(motion->shift[0], motion->shift[1]) > LEAST_DRIFT &&
                                    motion->left < past->now && motion->left < few_of(maker, past) &&
                                    motion->spread < MOST_DRIFT_SPREAD && motion->most < MOST_DRIFT_PLACE &&
-                                   motion->rest < MOST_DRIFT_REST && motion->apart < MOST_DRIFT_APART;
+                                   motion->rest < MOST_DRIFT_REST && motion->apart < MOST_DRIFT_APART &&
+                                   fmin(motion->part[0], motion->part[1]) > LEAST_DRIFT_PART;
     if (!past->follows)
         return in_vain(maker, past, err);
     past->now = motion->left;
@@ -147,23 +150,23 @@ static hada_status settle(hada_plane_maker *maker, hada_maker_steps *own, double
     return resume(maker, own, unit, count, list, done, err);
 }
 
-static int still_steps(const hada_plane_maker *maker)
+static int still_steps(const hada_plane_maker *maker, int count)
 {
-    return maker->boundary == HADA_BOUNDARY_PADDED ? STILL_STEPS_CROPPED : STILL_STEPS;
+    return maker->boundary == HADA_BOUNDARY_PADDED || count > 1 ? STILL_STEPS : STILL_STEPS_ALONE;
 }
 
 /* Where nothing seems to move; past->moved: something did. */
 static hada_status stay(hada_plane_maker *maker, hada_maker_steps *own, double unit, int count, const int *list,
                         hada_maker_past *past, int doubt, int *done, hada_error *err)
 {
-    HADA_TRY(
-        settle(maker, own, unit, count, list, past, still_steps(maker), count > 1 ? FIRM_SEVERAL : FIRM, done, err));
+    HADA_TRY(settle(maker, own, unit, count, list, past, still_steps(maker, count), count > 1 ? FIRM_SEVERAL : FIRM,
+                    done, err));
     HADA_TRY(hada_refiner_moved(maker->refiner, NULL, doubt, &past->moved, err));
     /* slow motion that all share, which places do not tell */
     if (!past->moved && hada_refiner_knows_motion(maker->refiner, &maker->data)) {
         double creep[2];
         HADA_TRY(hada_refiner_creep(maker->refiner, count, creep, err));
-        past->moved = hypot(creep[0], creep[1]) > (count > 1 ? LEAST_CREEP_SEVERAL : LEAST_DRIFT);
+        past->moved = hypot(creep[0], creep[1]) > LEAST_DRIFT;
     }
     if (past->moved) /* duals of what lags are of no use to a smaller rho */
         return hada_refiner_recall(maker->refiner, err);

@@ -34,8 +34,10 @@ enum { STILL_STEPS = 2, STILL_STEPS_ALONE = 1, HALVED_FROM = 3, SETTLED = 100, P
  * where there are several depths: with the usual one what they share out is lost. Motion by fewer pixels does not
  * count; it has to be found (MOST_DRIFT_REST; where a scene has no edges in a direction, each look finds a small part,
  * LEAST_DRIFT_PART), and to be the same at all depths (MOST_DRIFT_APART, refine/shift.h; 0.05 at most where it was, 0.1
- * and more where one depth moved otherwise). What is left has to be little, and alike in all places: noise left a
- * spread of up to 1.13 over places and 2.3 times the mean at most, an object of a twentieth of the contrast 6 and 11.
+ * and more where one depth moved otherwise). What is left has to be little (of several depths a third above the least:
+ * fine detail that moves by parts of a pixel, which no shift makes, left more and lost 0.7 dB), and alike in all
+ * places: noise left a spread of up to 1.13 over places and 2.3 times the mean at most, an object of a twentieth of the
+ * contrast 6 and 11.
  */
 enum { DRIFT_STEPS = 3, DRIFT_STEPS_SEVERAL = 2 };
 #define LEAST_DRIFT       0.04
@@ -94,6 +96,7 @@ static hada_status in_vain(hada_plane_maker *maker, hada_maker_past *past, hada_
 static hada_status follow_drift(hada_plane_maker *maker, const hada_frame_exposure *exposure, int count,
                                 const int *list, hada_maker_past *past, hada_error *err)
 {
+    const double all = few_of(maker, past), least = least_of(past), few = count > 1 ? least + (all - least) / 3.0 : all;
     hada_refine_motion *motion = &past->motion;
     past->asked = 1;
     if (!past->drifts)
@@ -101,11 +104,10 @@ static hada_status follow_drift(hada_plane_maker *maker, const hada_frame_exposu
     HADA_TRY(hada_refiner_find_motion(maker->refiner, &maker->data, hada_model_gain(maker->model), count, list, motion,
                                       err));
     motion->left /= exposure->energy;
-    past->follows = past->drifts = hypot(motion->shift[0], motion->shift[1]) > LEAST_DRIFT &&
-                                   motion->left < past->now && motion->left < few_of(maker, past) &&
-                                   motion->spread < MOST_DRIFT_SPREAD && motion->most < MOST_DRIFT_PLACE &&
-                                   motion->rest < MOST_DRIFT_REST && motion->apart < MOST_DRIFT_APART &&
-                                   fmin(motion->part[0], motion->part[1]) > LEAST_DRIFT_PART;
+    past->follows = past->drifts =
+        hypot(motion->shift[0], motion->shift[1]) > LEAST_DRIFT && motion->left < past->now && motion->left < few &&
+        motion->spread < MOST_DRIFT_SPREAD && motion->most < MOST_DRIFT_PLACE && motion->rest < MOST_DRIFT_REST &&
+        motion->apart < MOST_DRIFT_APART && fmin(motion->part[0], motion->part[1]) > LEAST_DRIFT_PART;
     if (!past->follows)
         return in_vain(maker, past, err);
     past->now = motion->left;

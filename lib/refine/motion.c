@@ -200,7 +200,7 @@ static double advance(hada_refine_motion *motion, const double rest[2], double s
 hada_status hada_refiner_find_motion(hada_refiner *refiner, const hada_refine_data *data, double gain, int depths,
                                      const int *list, hada_refine_motion *motion, hada_error *err)
 {
-    const double enough = depths > 1 ? 0.03 : 0.15;
+    const double enough = depths > 1 ? 0.03 : 0.1;
     enum { LOOKS = 6 };
     const hada_refine_run r = run_of(refiner, data, depths);
     const int known = motion->part[0] > 0.0;
@@ -224,6 +224,8 @@ hada_status hada_refiner_find_motion(hada_refiner *refiner, const hada_refine_da
         motion->spread = rest.spread;
         motion->most = rest.most;
         motion->apart = rest.apart;
+        if (depths == 1) /* nearly all is found in each look, and noise says the rest */
+            step[0] = step[1] = 0.0;
         motion->rest = advance(motion, rest.by, step, before);
         if ((rest.spread > UNLIKE && (look || !known)) || motion->rest < enough)
             break;

@@ -69,6 +69,41 @@ __kernel __attribute__((reqd_work_group_size(MOVE_GROUP, 1, 1))) void refine_mov
     }
 }
 
+/* A plane's light at a pixel, of all channels, and a little of that around it, which tells where it is dark. */
+float move_light(__global const float *plane, int channels, int rows, int cols, int row, int col)
+{
+    float here = 0.0f, around = 0.0f;
+    for (int c = 0; c < channels; ++c, plane += (size_t)rows * cols) {
+        here += plane[(size_t)row * cols + col];
+        for (int a = -2; a <= 2; ++a)
+            for (int b = -2; b <= 2; ++b)
+                around += plane[(size_t)clamp(row + a, 0, rows - 1) * cols + clamp(col + b, 0, cols - 1)];
+    }
+    return fma(HADA_REFINE_MOVE_AROUND, around, here);
+}
+
+/* Light that moved, where its depths did not: of what all planes have at a pixel each takes the part that it had there
+ * before. [depth][channel][rows][cols] floats. Dimensions: columns, rows. */
+__kernel void refine_move_share(__global const float *before, __global float *planes, int depths, int channels,
+                                int rows, int cols)
+{
+    const int col = get_global_id(0), row = get_global_id(1);
+    const size_t area = (size_t)rows * cols, each = channels * area, at = (size_t)row * cols + col;
+    float all = 1e-30f;
+    if (col >= cols)
+        return;
+    for (int z = 0; z < depths; ++z)
+        all += move_light(before + z * each, channels, rows, cols, row, col);
+    for (int c = 0; c < channels; ++c) {
+        float sum = 0.0f;
+        for (int z = 0; z < depths; ++z)
+            sum += planes[z * each + c * area + at];
+        for (int z = 0; z < depths; ++z)
+            planes[z * each + c * area + at] =
+                sum * (move_light(before + z * each, channels, rows, cols, row, col) / all);
+    }
+}
+
 /* out = a - b. Dimensions: numbers. */
 __kernel void refine_move_rest(__global const float *a, __global const float *b, __global float *out, ulong a_at,
                                ulong b_at, ulong out_at, uint count)

@@ -21,21 +21,31 @@ static double of_still(const hada_model_info *info, int planes)
     return (1.0 + share) / (1.0 - share);
 }
 
-/* Where nothing moved, a few steps with a larger rho are enough, and make the planes a mean over frames. Where
- * something did, rho begins as from nothing, so that all may move; several depths have parted before. `before` says so.
+/* Where nothing moved, two steps with a larger rho are enough, and make the planes a mean over frames. One is for a
+ * single depth; where a sensor crops the light beyond the frame lags then, which lost up to 5 dB when something moved,
+ * and several depths lost 0.6 dB when brightness changed. Where something did, rho begins as from nothing, so that all
+ * may move; several depths have parted before. `before` says so.
  */
-enum { STILL_STEPS = 2, HALVED_FROM = 3, SETTLED = 100, PARTED = 7 };
+enum { STILL_STEPS = 2, STILL_STEPS_ALONE = 1, HALVED_FROM = 3, SETTLED = 100, PARTED = 7 };
 #define FIRM         2.0
 #define FIRM_SEVERAL 8.0
 
-/* A single depth whose scene moved as a whole: steps with the usual rho from planes that moved as well. Motion by fewer
- * pixels does not count. What is left has to be little, and alike
- * in all places: noise left a spread of up to 1.13 over places and 2.3 times the mean at most, an object of a twentieth
- * of the contrast 6 and 11 (refine/shift.h). */
-enum { DRIFT_STEPS = 3 };
+/* A scene that moved as a whole: steps from planes that moved as well, with the usual rho, or with that of still scenes
+ * where there are several depths: with the usual one what they share out is lost. Motion by fewer pixels does not
+ * count; it has to be found (MOST_DRIFT_REST; where a scene has no edges in a direction, each look finds a small part,
+ * LEAST_DRIFT_PART), and to be the same at all depths (MOST_DRIFT_APART, refine/shift.h; 0.05 at most where it was, 0.1
+ * and more where one depth moved otherwise). What is left has to be little (of several depths a third above the least:
+ * fine detail that moves by parts of a pixel, which no shift makes, left more and lost 0.7 dB), and alike in all
+ * places: noise left a spread of up to 1.13 over places and 2.3 times the mean at most, an object of a twentieth of the
+ * contrast 6 and 11.
+ */
+enum { DRIFT_STEPS = 3, DRIFT_STEPS_SEVERAL = 2 };
 #define LEAST_DRIFT       0.04
 #define MOST_DRIFT_SPREAD 1.3
 #define MOST_DRIFT_PLACE  3.0
+#define MOST_DRIFT_REST   0.1
+#define MOST_DRIFT_APART  0.08
+#define LEAST_DRIFT_PART  0.3
 
 /* Steps with the learned regulariser, after planes that are a mean over frames. */
 enum { RIDGE_STILL = 1, RIDGE_DRIFT = 2 };
@@ -72,10 +82,13 @@ static hada_status look_back(hada_plane_maker *maker, const hada_frame_exposure 
     return HADA_OK;
 }
 
-/* Several depths part slowly, and what parts them does not move with planes. */
-static int may_drift(const hada_plane_maker *maker, int count)
+/* It did not move as a whole: the refiner has what is remembered as it was. */
+static hada_status in_vain(hada_plane_maker *maker, hada_maker_past *past, hada_error *err)
 {
-    return count == 1 && hada_refiner_knows_motion(maker->refiner, &maker->data);
+    past->follows = past->drifts = 0;
+    past->vain += past->vain < MOST_VAIN;
+    past->wait = (1 << past->vain) - 1;
+    return hada_refiner_recall(maker->refiner, err);
 }
 
 /* If the scene moved as a whole, what is remembered of it moves as well: past->follows, and past->now is what it leaves
@@ -83,22 +96,22 @@ static int may_drift(const hada_plane_maker *maker, int count)
 static hada_status follow_drift(hada_plane_maker *maker, const hada_frame_exposure *exposure, int count,
                                 const int *list, hada_maker_past *past, hada_error *err)
 {
-    hada_refine_motion_found found;
+    const double all = few_of(maker, past), least = least_of(past), few = count > 1 ? least + (all - least) / 3.0 : all;
+    hada_refine_motion *motion = &past->motion;
     past->asked = 1;
-    HADA_TRY(hada_refiner_find_motion(maker->refiner, &maker->data, hada_model_gain(maker->model), count, list, &found,
+    if (!past->drifts)
+        *motion = (hada_refine_motion){0};
+    HADA_TRY(hada_refiner_find_motion(maker->refiner, &maker->data, hada_model_gain(maker->model), count, list, motion,
                                       err));
-    found.left /= exposure->energy;
-    past->follows = past->drifts = hypot(found.shift[0], found.shift[1]) > LEAST_DRIFT && found.left < past->now &&
-                                   found.left < few_of(maker, past) && found.spread < MOST_DRIFT_SPREAD &&
-                                   found.most < MOST_DRIFT_PLACE;
-    if (!past->follows) {
-        past->vain += past->vain < MOST_VAIN;
-        past->wait = (1 << past->vain) - 1;
-        return hada_refiner_recall(maker->refiner, err);
-    }
-    past->vain = 0;
-    past->now = found.left;
-    return hada_refiner_move(maker->refiner, &maker->data, count, found.shift, err);
+    motion->left /= exposure->energy;
+    past->follows = past->drifts =
+        hypot(motion->shift[0], motion->shift[1]) > LEAST_DRIFT && motion->left < past->now && motion->left < few &&
+        motion->spread < MOST_DRIFT_SPREAD && motion->most < MOST_DRIFT_PLACE && motion->rest < MOST_DRIFT_REST &&
+        motion->apart < MOST_DRIFT_APART && fmin(motion->part[0], motion->part[1]) > LEAST_DRIFT_PART;
+    if (!past->follows)
+        return in_vain(maker, past, err);
+    past->now = motion->left;
+    return hada_refiner_move(maker->refiner, &maker->data, count, motion, err);
 }
 
 hada_status hada_maker_expects(hada_plane_maker *maker, const hada_frame_exposure *exposure, const int *list,
@@ -139,13 +152,20 @@ static hada_status settle(hada_plane_maker *maker, hada_maker_steps *own, double
     return resume(maker, own, unit, count, list, done, err);
 }
 
+static int still_steps(const hada_plane_maker *maker, int count)
+{
+    return maker->boundary == HADA_BOUNDARY_PADDED || count > 1 ? STILL_STEPS : STILL_STEPS_ALONE;
+}
+
 /* Where nothing seems to move; past->moved: something did. */
 static hada_status stay(hada_plane_maker *maker, hada_maker_steps *own, double unit, int count, const int *list,
                         hada_maker_past *past, int doubt, int *done, hada_error *err)
 {
-    HADA_TRY(settle(maker, own, unit, count, list, past, STILL_STEPS, count > 1 ? FIRM_SEVERAL : FIRM, done, err));
-    HADA_TRY(hada_refiner_moved(maker->refiner, doubt, &past->moved, err));
-    if (!past->moved && may_drift(maker, count)) { /* slow motion that all share, which places do not tell */
+    HADA_TRY(settle(maker, own, unit, count, list, past, still_steps(maker, count), count > 1 ? FIRM_SEVERAL : FIRM,
+                    done, err));
+    HADA_TRY(hada_refiner_moved(maker->refiner, NULL, doubt, &past->moved, err));
+    /* slow motion that all share, which places do not tell */
+    if (!past->moved && hada_refiner_knows_motion(maker->refiner, &maker->data)) {
         double creep[2];
         HADA_TRY(hada_refiner_creep(maker->refiner, count, creep, err));
         past->moved = hypot(creep[0], creep[1]) > LEAST_DRIFT;
@@ -180,20 +200,30 @@ static hada_status go_on(hada_plane_maker *maker, const hada_frame_exposure *exp
     past->moved = 1;
     past->least = least_of(past);
     *done = 0;
-    if (past->drifts && !past->asked && may_drift(maker, count))
+    if (past->drifts && !past->asked && hada_refiner_knows_motion(maker->refiner, &maker->data))
         HADA_TRY(follow_drift(maker, exposure, count, list, past, err));
     if (!past->follows && past->now < few_of(maker, past)) {
         HADA_TRY(stay(maker, own, unit, count, list, past, doubt, done, err));
         if (!past->moved)
             return HADA_OK;
     }
-    if (!past->asked && !waits && may_drift(maker, count))
+    if (!past->asked && !waits && hada_refiner_knows_motion(maker->refiner, &maker->data))
         HADA_TRY(follow_drift(maker, exposure, count, list, past, err));
-    if (!past->follows)
-        return move_on(maker, own, unit, count, list, past, done, err);
-    past->moved = 0;
-    past->ridge = RIDGE_DRIFT;
-    return settle(maker, own, unit, count, list, past, DRIFT_STEPS, 1.0, done, err);
+    if (past->follows) {
+        HADA_TRY(settle(maker, own, unit, count, list, past, count > 1 ? DRIFT_STEPS_SEVERAL : DRIFT_STEPS,
+                        count > 1 ? FIRM_SEVERAL : 1.0, done, err));
+        past->moved = 0;
+        if (count > 1)
+            HADA_TRY(hada_refiner_moved(maker->refiner, &past->motion, 0, &past->moved, err));
+        past->ridge = RIDGE_DRIFT;
+        if (!past->moved) {
+            past->vain = 0;
+            return HADA_OK;
+        }
+        past->ridge = INT_MAX;
+        HADA_TRY(in_vain(maker, past, err));
+    }
+    return move_on(maker, own, unit, count, list, past, done, err);
 }
 
 hada_status hada_maker_go_on(hada_plane_maker *maker, const hada_frame_exposure *exposure,

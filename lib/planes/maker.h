@@ -203,13 +203,14 @@ typedef struct hada_maker_past {
     int kept;     /* 1: it is the current one */
     int count;    /* its depths */
     int followed; /* frames in a row that took over the depths of the frame before */
-    int drifts;   /* 1: in the last frame the scene moved as a whole */
-    int vain;     /* times in a row that it was asked and did not */
-    int wait;     /* frames in which that is not asked */
-    int ridge;    /* steps with the learned regulariser that this frame needs, at most */
-    int asked;    /* of the current frame, 1: it was asked */
-    int follows;  /* and it did: what is remembered moved as well */
-    double now;   /* share of the current frame's energy that its planes leave, once they were recalled; else below 0 */
+    int drifts;   /* 1: in the last frame the scene moved as a whole, so: */
+    hada_refine_motion motion;
+    int vain;    /* times in a row that it was asked and did not */
+    int wait;    /* frames in which that is not asked */
+    int ridge;   /* steps with the learned regulariser that this frame needs, at most */
+    int asked;   /* of the current frame, 1: it was asked */
+    int follows; /* and it did: what is remembered moved as well */
+    double now;  /* share of the current frame's energy that its planes leave, once they were recalled; else below 0 */
 } hada_maker_past;
 
 /* Whether the planes of the frame before, at the depths `list`, explain this frame as well (*same). Then its depths are

@@ -242,20 +242,23 @@ hada_status hada_refiner_keep(hada_refiner *refiner, int depths, const int *list
 int hada_refiner_remembers(const hada_refiner *refiner, int depths, const int *list);
 hada_status hada_refiner_recall(hada_refiner *refiner, hada_error *err);
 
-/* A scene that moved as a whole (refine/motion.c): by how many pixels down and across; what is left of the frame
- * (energy) if planes did so too; and how unevenly over places, mean square over squared mean, and the most over the
- * mean. */
-typedef struct hada_refine_motion_found {
-    double shift[2], left, spread, most;
-} hada_refine_motion_found;
+/* A scene that moved as a whole (refine/motion.c): by how many pixels down and across; stays: where depths begin and
+ * end did not move; what is left of the frame (energy) if planes did so too; how unevenly over places, mean square over
+ * squared mean, and the most over the mean; by how much a depth differs; how far the last look still went, in pixels;
+ * and the part of a shift that a look finds, 0: not known. */
+typedef struct hada_refine_motion {
+    double shift[2], left, spread, most, apart, rest, part[2];
+    int stays;
+} hada_refine_motion;
 
 /* Whether motion can be found: with total variation, without weights of values, in windows that are not tiny. */
 int hada_refiner_knows_motion(const hada_refiner *refiner, const hada_refine_data *data);
 
 /* The motion of the scene since the frame that is remembered: after hada_refiner_residual() of the remembered planes.
- * The planes are those that moved then, and nothing else of a run is left. gain: hada_model_gain(). */
+ * The planes are those that moved then, and nothing else of a run is left. gain: hada_model_gain(). *motion is the one
+ * before, which it is likely to be, or zeros. */
 hada_status hada_refiner_find_motion(hada_refiner *refiner, const hada_refine_data *data, double gain, int depths,
-                                     const int *list, hada_refine_motion_found *found, hada_error *err);
+                                     const int *list, hada_refine_motion *motion, hada_error *err);
 
 /* The motion that steps since hada_refiner_recall() made, which is too small for them to say so. */
 hada_status hada_refiner_creep(hada_refiner *refiner, int depths, double shift[2], hada_error *err);
@@ -265,13 +268,14 @@ hada_status hada_refiner_begin_from_planes(hada_refiner *refiner, const hada_ref
                                            hada_error *err);
 
 /* A run goes on from the planes, which hada_refiner_find_motion() moved, and from duals that total variation would have
- * left, whose own move as they did. The planes are those from which changes are told. */
-hada_status hada_refiner_move(hada_refiner *refiner, const hada_refine_data *data, int depths, const double shift[2],
-                              hada_error *err);
+ * left, whose own move as they did. */
+hada_status hada_refiner_move(hada_refiner *refiner, const hada_refine_data *data, int depths,
+                              const hada_refine_motion *motion, hada_error *err);
 
-/* Whether the planes changed since they were recalled in places, as they do where something moves and noise does not.
- * Before they are kept. strict: in doubt they do. */
-hada_status hada_refiner_moved(hada_refiner *refiner, int strict, int *moved, hada_error *err);
+/* Whether the planes changed since they were recalled, or moved so (motion not NULL), in places, as they do where
+ * something moves by itself and noise does not. Before they are kept. strict: in doubt they do. */
+hada_status hada_refiner_moved(hada_refiner *refiner, const hada_refine_motion *motion, int strict, int *moved,
+                               hada_error *err);
 
 /* Tells that the slot was waited for since, so that nothing of the host's is read any more. */
 void hada_refiner_waited(hada_refiner *refiner);

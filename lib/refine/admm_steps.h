@@ -131,6 +131,10 @@ hada_status hada_refine_changes(const hada_refine_run *run, size_t looks, double
 /* before = before - planes, with its energies in each place of HADA_REFINE_PLACE pixels, [depth][channel][place]. */
 hada_status hada_refine_since(const hada_refine_run *run, cl_mem before, hada_error *err);
 
+/* Remembered planes, where they moved to. */
+hada_status hada_refine_shifted(const hada_refiner *refiner, int depths, const hada_refine_motion *motion,
+                                cl_mem planes, hada_error *err);
+
 /* The planes as they are now are set aside, and come back; where more than one look is read at once. */
 hada_status hada_refine_set_aside(const hada_refine_run *run, hada_error *err);
 hada_status hada_refine_take_back(const hada_refine_run *run, hada_error *err);

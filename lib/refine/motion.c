@@ -78,6 +78,7 @@ static hada_status compare(hada_refiner *refiner, int depths, int far, hada_shif
     HADA_TRY(hada_shift_find(cells, cells + each, depths, rows, cols, hada_shift_border(scale), far, shift, err));
     for (int k = 0; k < 2; k++)
         shift->by[k] *= scale;
+    shift->apart *= scale;
     return HADA_OK;
 }
 
@@ -137,31 +138,99 @@ static hada_status filter(const hada_refine_run *r, double gain, int of_frame, h
     return to_cells(refiner, refiner->planes.mem, r->depths, of_frame, err);
 }
 
-static hada_status move_planes(hada_refiner *refiner, int depths, const double shift[2], hada_error *err)
+hada_status hada_refine_shifted(const hada_refiner *refiner, int depths, const hada_refine_motion *motion,
+                                cl_mem planes, hada_error *err)
 {
-    return move(refiner, refiner->past.planes.mem, refiner->planes.mem, depths * refiner->shape.channels, shift, 0.0f,
-                err);
+    const hada_refine_rect *window = &refiner->shape.window;
+    const int channels = refiner->shape.channels;
+    const cl_mem before = refiner->past.planes.mem;
+    const hada_range pixels = hada_range_of((size_t)window->cols, 64, (size_t)window->rows, 1);
+    const double values = (double)depths * channels * (double)refiner->window_area;
+    HADA_TRY(move(refiner, before, planes, depths * channels, motion->shift, 0.0f, err));
+    if (!motion->stays)
+        return HADA_OK;
+    hada_slot_cost(refiner->slot, 12.0 * values, 60.0 * values);
+    return hada_launch_refine_move_share(refiner->slot, program_of(refiner), &pixels, err, .before = before,
+                                         .planes = planes, .depths = depths, .channels = channels, .rows = window->rows,
+                                         .cols = window->cols);
+}
+
+static hada_status try_motion(hada_refiner *refiner, const hada_refine_data *data, int depths, const int *list,
+                              hada_refine_motion *motion, hada_error *err)
+{
+    HADA_TRY(hada_refine_shifted(refiner, depths, motion, refiner->planes.mem, err));
+    return hada_refiner_residual(refiner, data, 1, depths, list, &motion->left, err);
+}
+
+/* Depths move with their light, or stay where they are. That they move needs a reason, for a shift that is not yet
+ * right tells little, and light that stays is seldom wrong by much. */
+static hada_status choose(hada_refiner *refiner, const hada_refine_data *data, int depths, const int *list,
+                          hada_refine_motion *motion, hada_error *err)
+{
+    static const double reason = 1.01;
+    hada_refine_motion with = *motion, stays = *motion;
+    with.stays = 0;
+    stays.stays = 1;
+    HADA_TRY(try_motion(refiner, data, depths, list, &with, err));
+    HADA_TRY(try_motion(refiner, data, depths, list, &stays, err));
+    *motion = stays;
+    if (reason * with.left > stays.left)
+        return HADA_OK;
+    *motion = with;
+    return try_motion(refiner, data, depths, list, motion, err);
+}
+
+/* Adds what is left of a shift. A look finds a part of it: what lies at the window's border stays there, and light of
+ * other depths is spread over a plane. The part is told by what the last steps changed. Returns how far it goes. */
+static double advance(hada_refine_motion *motion, const double rest[2], double step[2], double before[2])
+{
+    static const double tells = 0.03, least = 0.2, most = 1.2, farthest = 1.5;
+    double largest = 0.0;
+    for (int k = 0; k < 2; k++) {
+        if (fabs(step[k]) > tells)
+            motion->part[k] = fmax(least, fmin((before[k] - rest[k]) / step[k], most));
+        before[k] = rest[k];
+        step[k] = fmax(-farthest, fmin(rest[k] / motion->part[k], farthest));
+        motion->shift[k] += step[k];
+        largest = fmax(largest, fabs(step[k]));
+    }
+    return largest;
 }
 
 hada_status hada_refiner_find_motion(hada_refiner *refiner, const hada_refine_data *data, double gain, int depths,
-                                     const int *list, hada_refine_motion_found *found, hada_error *err)
+                                     const int *list, hada_refine_motion *motion, hada_error *err)
 {
+    const double enough = depths > 1 ? 0.03 : 0.1;
+    enum { LOOKS = 6 };
     const hada_refine_run r = run_of(refiner, data, depths);
-    hada_shift first, rest;
-    HADA_TRY(filter(&r, gain, 0, err));
-    HADA_TRY(filter(&r, gain, 1, err));
-    HADA_TRY(compare(refiner, depths, 1, &first, err));
-    *found = (hada_refine_motion_found){{first.by[0], first.by[1]}, 0.0, first.spread, first.most};
-    HADA_TRY(move_planes(refiner, depths, found->shift, err));
-    if (found->spread > UNLIKE)
-        return HADA_OK;
-    HADA_TRY(hada_refiner_residual(refiner, data, 1, depths, list, &found->left, err));
-    /* what lies at the window's border stays there: planes that moved within the window explain it as well */
-    HADA_TRY(filter(&r, gain, 0, err)); /* cells of the frame are still there */
-    HADA_TRY(compare(refiner, depths, 0, &rest, err));
-    *found = (hada_refine_motion_found){
-        {first.by[0] + rest.by[0], first.by[1] + rest.by[1]}, found->left, rest.spread, rest.most};
-    return move_planes(refiner, depths, found->shift, err);
+    const int known = motion->part[0] > 0.0;
+    double step[2] = {0.0, 0.0}, before[2] = {0.0, 0.0};
+    hada_shift rest;
+    HADA_TRY(filter(&r, gain, 1, err)); /* what was left of the frame stays */
+    if (!known) {
+        HADA_TRY(filter(&r, gain, 0, err));
+        HADA_TRY(compare(refiner, depths, 1, &rest, err));
+        *motion = (hada_refine_motion){.shift = {rest.by[0], rest.by[1]}, .part = {1.0, 1.0}, .spread = rest.spread};
+        memcpy(step, rest.by, sizeof step);
+        memcpy(before, rest.by, sizeof before);
+        if (rest.spread > UNLIKE)
+            return HADA_OK;
+    }
+    for (int look = 0; look < LOOKS; look++) {
+        HADA_TRY(known || depths == 1 ? try_motion(refiner, data, depths, list, motion, err)
+                                      : choose(refiner, data, depths, list, motion, err));
+        HADA_TRY(filter(&r, gain, 0, err)); /* cells of the frame are still there */
+        HADA_TRY(compare(refiner, depths, 0, &rest, err));
+        motion->spread = rest.spread;
+        motion->most = rest.most;
+        motion->apart = rest.apart;
+        if (depths == 1) /* nearly all is found in each look, and noise says the rest */
+            step[0] = step[1] = 0.0;
+        motion->rest = advance(motion, rest.by, step, before);
+        if ((rest.spread > UNLIKE && (look || !known)) || motion->rest < enough)
+            break;
+    }
+    return hada_refine_shifted(refiner, depths, motion, refiner->planes.mem, err);
 }
 
 hada_status hada_refiner_creep(hada_refiner *refiner, int depths, double shift[2], hada_error *err)
@@ -190,20 +259,20 @@ hada_status hada_refiner_begin_from_planes(hada_refiner *refiner, const hada_ref
     return hada_refine_frame_dual(&r, refiner->dual.mem, 1, 1.0, refiner->shape.max_steps + 1, err);
 }
 
-hada_status hada_refiner_move(hada_refiner *refiner, const hada_refine_data *data, int depths, const double shift[2],
-                              hada_error *err)
+hada_status hada_refiner_move(hada_refiner *refiner, const hada_refine_data *data, int depths,
+                              const hada_refine_motion *motion, hada_error *err)
 {
     const hada_refine_run r = run_of(refiner, data, depths);
     const int images = depths * refiner->shape.channels;
-    const size_t bytes = (size_t)images * refiner->window_area * sizeof(float);
-    HADA_TRY(move(refiner, refiner->past.tv.mem, refiner->tv[0].mem, 2 * images, shift, -HUGE_VALF, err));
-    HADA_TRY(hada_buffer_copy(refiner->slot, refiner->planes.mem, 0, refiner->past.planes.mem, 0, bytes, err));
-    HADA_TRY(hada_refiner_begin_from_planes(refiner, data, depths, err));
+    refiner->last_rho = refiner->past.rho;
+    HADA_TRY(move(refiner, refiner->past.tv.mem, refiner->tv[0].mem, 2 * images, motion->shift, -HUGE_VALF, err));
+    if (r.padded)
+        HADA_TRY(hada_refiner_begin_from_planes(refiner, data, depths, err));
     /* duals of the planes are what total variation takes off */
     HADA_TRY(hada_variation_before(&refiner->variation, refiner->slot, refiner->planes.mem, refiner->tv[0].mem, depths,
                                    refiner->last_tv / refiner->past.rho, err));
     HADA_TRY(hada_refine_planes_forward(&r, err));
     HADA_TRY(hada_buffer_copy(refiner->slot, refiner->now_u.mem, 0, refiner->now_w.mem, 0,
                               (size_t)images * refiner->layout.count * 2 * sizeof(float), err));
-    return hada_buffer_copy(refiner->slot, refiner->past.planes.mem, 0, refiner->planes.mem, 0, bytes, err);
+    return hada_refine_shifted(refiner, depths, motion, refiner->planes.mem, err);
 }

@@ -90,12 +90,15 @@ static double left_of(const tile *t, const double d[2])
     return fmax(left, 0.0);
 }
 
-/* The shift that leaves least; what a tile leaves counts nearly by its logarithm. */
-static void solve(const tile *tiles, int count, double d[2])
+/* The shift of so many tiles that leaves least; what a tile leaves counts nearly by its logarithm. all: the products of
+ * all slopes come there, of all tiles (near NULL); or a part of them keeps the shift `near`, where a plane's tiles say
+ * little. */
+static void solve(const tile *tiles, int count, const double near[2], double all[3], double d[2])
 {
-    static const double even = 0.3, flat = 1e-6;
+    static const double even = 0.3, flat = 1e-6, pull = 0.05;
     enum { ROUNDS = 8 };
-    d[0] = d[1] = 0.0;
+    const double from[2] = {near ? near[0] : 0.0, near ? near[1] : 0.0}, back = near ? pull : 0.0;
+    memcpy(d, from, sizeof from);
     for (int round = 0; round < ROUNDS; round++) {
         double mean = 0.0, g[3] = {0.0, 0.0, 0.0}, b[2] = {0.0, 0.0};
         for (int t = 0; t < count; t++)
@@ -107,8 +110,14 @@ static void solve(const tile *tiles, int count, double d[2])
             for (int k = 0; k < 2; k++)
                 b[k] += weight * tiles[t].more[k];
         }
+        if (!near)
+            memcpy(all, g, sizeof g);
+        for (int k = 0; k < 2; k++)
+            b[k] -= back * (all[k] * from[0] + all[k + 1] * from[1]);
+        for (int k = 0; k < 3; k++)
+            g[k] += back * all[k];
         const double det = g[0] * g[2] - g[1] * g[1];
-        d[0] = d[1] = 0.0;
+        memcpy(d, from, sizeof from);
         if (!(det > flat * g[0] * g[2]))
             return;
         d[0] = (g[1] * b[1] - g[2] * b[0]) / det;
@@ -116,31 +125,59 @@ static void solve(const tile *tiles, int count, double d[2])
     }
 }
 
-static void spread_of(const tile *tiles, int count, const double d[2], hada_shift *found)
+/* Tiles are [plane][count]. */
+static void spread_of(const tile *tiles, int planes, int count, const double d[2], hada_shift *found)
 {
     double sum = 0.0, squares = 0.0, most = 0.0;
     int shown = 0;
-    for (int t = 0; t < count; t++)
-        if (2 * tiles[t].pixels >= TILE * TILE) {
-            const double left = left_of(&tiles[t], d) / tiles[t].pixels;
+    for (int t = 0; t < count; t++) {
+        double left = 0.0;
+        int pixels = 0;
+        for (int z = 0; z < planes; z++) {
+            left += left_of(&tiles[z * count + t], d);
+            pixels += tiles[z * count + t].pixels;
+        }
+        if (2 * pixels >= TILE * TILE) {
+            left /= pixels;
             sum += left;
             squares += left * left;
             most = fmax(most, left);
             shown++;
         }
+    }
     found->spread = sum > 0.0 ? squares * shown / (sum * sum) : 1.0;
     found->most = sum > 0.0 ? most * shown / sum : 1.0;
 }
 
-/* Adds a plane's tiles. here: as it was before, where it is taken to be now. */
-static void add_up(const float *here, const float *now, int rows, int cols, int border, int wide, tile *tiles)
+/* How much brighter it is now. */
+static double gain_of(const float *here, const float *now, int rows, int cols, int border)
 {
+    double products = 0.0, squares = 0.0;
     for (int i = border; i < rows - border; i++)
         for (int j = border; j < cols - border; j++) {
-            const int at = i * cols + j;
-            tile *t = &tiles[(i - border) / TILE * wide + (j - border) / TILE];
-            const double down = 0.5 * ((double)here[at + cols] - here[at - cols]);
-            const double across = 0.5 * ((double)here[at + 1] - here[at - 1]), more = (double)now[at] - here[at];
+            products += (double)here[i * cols + j] * now[i * cols + j];
+            squares += (double)here[i * cols + j] * here[i * cols + j];
+        }
+    return squares > 0.0 ? products / squares : 1.0;
+}
+
+/* here: planes as they were before, where they are taken to be now; `sums`, two: of them, and of planes now. A pixel
+ * tells of the plane that is brightest there. */
+static void add_up(const float *here, const float *sums, int planes, int rows, int cols, int border, int wide,
+                   int count, tile *tiles)
+{
+    const size_t area = (size_t)rows * (size_t)cols;
+    const double gain = gain_of(sums, sums + area, rows, cols, border);
+    for (int i = border; i < rows - border; i++)
+        for (int j = border; j < cols - border; j++) {
+            const size_t at = (size_t)i * (size_t)cols + (size_t)j;
+            int brightest = 0;
+            for (int z = 1; z < planes; z++)
+                brightest = here[(size_t)z * area + at] > here[(size_t)brightest * area + at] ? z : brightest;
+            tile *t = &tiles[brightest * count + (i - border) / TILE * wide + (j - border) / TILE];
+            const double down = 0.5 * gain * ((double)sums[at + (size_t)cols] - sums[at - (size_t)cols]);
+            const double across = 0.5 * gain * ((double)sums[at + 1] - sums[at - 1]);
+            const double more = sums[area + at] - gain * sums[at];
             t->slopes[0] += down * down;
             t->slopes[1] += down * across;
             t->slopes[2] += across * across;
@@ -151,25 +188,43 @@ static void add_up(const float *here, const float *now, int rows, int cols, int 
         }
 }
 
+static void sum_of(const float *images, int planes, size_t area, float *sum)
+{
+    for (size_t i = 0; i < area; i++) {
+        sum[i] = 0.0f;
+        for (int z = 0; z < planes; z++)
+            sum[i] += images[(size_t)z * area + i];
+    }
+}
+
 /* A look: adds what it finds, at most two pixels each way. */
 static hada_status look(const float *before, const float *now, int planes, int rows, int cols, int border,
                         hada_shift *found, hada_error *err)
 {
     static const double most = 2.0;
     const int high = (rows - 2 * border + TILE - 1) / TILE, wide = (cols - 2 * border + TILE - 1) / TILE;
+    const int count = high * wide;
     const size_t area = (size_t)rows * (size_t)cols;
-    float *here = NULL;
+    float *here = NULL, *sums;
     tile *tiles = NULL;
-    double d[2];
+    double d[2], all[3];
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(HADA_NEW(here, 2 * area, "the motion of a scene", err));
-    HADA_TRY_OR_DONE(HADA_NEW(tiles, (size_t)(planes * high * wide), "the motion of a scene", err));
-    for (int z = 0; z < planes; z++) {
-        move(before + (size_t)z * area, here, here + area, rows, cols, found->by);
-        add_up(here, now + (size_t)z * area, rows, cols, border, wide, tiles + (size_t)(z * high * wide));
+    HADA_TRY_OR_DONE(HADA_NEW(here, (size_t)(planes + 2) * area, "the motion of a scene", err));
+    HADA_TRY_OR_DONE(HADA_NEW(tiles, (size_t)(planes * count), "the motion of a scene", err));
+    sums = here + (size_t)planes * area;
+    for (int z = 0; z < planes; z++)
+        move(before + (size_t)z * area, here + (size_t)z * area, sums, rows, cols, found->by);
+    sum_of(here, planes, area, sums);
+    sum_of(now, planes, area, sums + area);
+    add_up(here, sums, planes, rows, cols, border, wide, count, tiles);
+    solve(tiles, planes * count, NULL, all, d);
+    spread_of(tiles, planes, count, d, found);
+    found->apart = 0.0;
+    for (int z = 0; planes > 1 && z < planes; z++) {
+        double own[2];
+        solve(tiles + z * count, count, d, all, own);
+        found->apart = fmax(found->apart, hypot(own[0] - d[0], own[1] - d[1]));
     }
-    solve(tiles, planes * high * wide, d);
-    spread_of(tiles, planes * high * wide, d, found);
     for (int k = 0; k < 2; k++)
         found->by[k] += fmax(-most, fmin(d[k], most));
 done:
@@ -196,15 +251,18 @@ hada_status hada_shift_find(const float *before, const float *now, int planes, i
     const size_t half = (size_t)planes * (size_t)(rows / PAIR) * (size_t)(cols / PAIR);
     float *pairs = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(HADA_NEW(pairs, 2 * half, "the motion of a scene", err));
-    pair_up(before, pairs, planes, rows, cols);
-    pair_up(now, pairs + half, planes, rows, cols);
-    for (int k = 0; k < 2; k++)
-        found->by[k] /= PAIR;
-    for (int i = 0; far && i < FAR_LOOKS; i++)
-        HADA_TRY_OR_DONE(look(pairs, pairs + half, planes, rows / PAIR, cols / PAIR, (border + 1) / PAIR, found, err));
-    for (int k = 0; k < 2; k++)
-        found->by[k] *= PAIR;
+    if (far) {
+        HADA_TRY_OR_DONE(HADA_NEW(pairs, 2 * half, "the motion of a scene", err));
+        pair_up(before, pairs, planes, rows, cols);
+        pair_up(now, pairs + half, planes, rows, cols);
+        for (int k = 0; k < 2; k++)
+            found->by[k] /= PAIR;
+        for (int i = 0; i < FAR_LOOKS; i++)
+            HADA_TRY_OR_DONE(
+                look(pairs, pairs + half, planes, rows / PAIR, cols / PAIR, (border + 1) / PAIR, found, err));
+        for (int k = 0; k < 2; k++)
+            found->by[k] *= PAIR;
+    }
     for (int i = 0; i < (far ? NEAR_LOOKS : 1); i++)
         HADA_TRY_OR_DONE(look(before, now, planes, rows, cols, border, found, err));
 done:

@@ -18,13 +18,14 @@ size_t hada_shift_floats(int planes, int rows, int cols);
 int hada_shift_border(int scale);
 int hada_shift_possible(int rows, int cols);
 
-/* What is found: the shift in pixels, down and across; and how unevenly tiles differ beyond it, mean square over
- * squared mean, and the most over the mean. */
+/* What is found: the shift in pixels, down and across; how unevenly tiles differ beyond it, mean square over squared
+ * mean, and the most over the mean; and by how much planes' own shifts differ from it. */
 typedef struct hada_shift {
-    double by[2], spread, most;
+    double by[2], spread, most, apart;
 } hada_shift;
 
-/* `planes` images of rows x cols pixels, before and now, all of which move alike. border: pixels that are left out at
+/* `planes` images of rows x cols pixels, before and now, which move alike: their sum does, so that edges between depths
+ * do not count. It may be brighter now. border: pixels that are left out at
  * each side. far: 1: by more than a pixel or two, else by less. found->by is where the search begins. Least squares (B.
  * Lucas, T. Kanade, "An iterative image registration technique", IJCAI 1981) in which tiles that differ count little,
  * so that objects that move by themselves do not draw the rest along. 0 where there are edges in one direction alone.

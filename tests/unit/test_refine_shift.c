@@ -49,6 +49,29 @@ TEST(an_object_shows_and_draws_nothing_along)
     assert_true(shift.spread > 3.0 && shift.most > 5.0);
 }
 
+/* Halves of a scene in two planes: it moves behind the edge between them, and becomes brighter; or one half stays. */
+TEST(edges_between_planes_draw_nothing_along)
+{
+    enum { PIXELS = ROWS * COLS };
+    static const double motion[2] = {0.5, -0.7}, none[2] = {0.0, 0.0};
+    static float scene[PLANES * PIXELS], moved[PLANES * PIXELS];
+    fill(scene, none, 0);
+    fill(moved, motion, 0);
+    for (int alone = 0; alone < 2; alone++) {
+        float before[PLANES * PIXELS] = {0.0f}, now[PLANES * PIXELS] = {0.0f};
+        hada_shift shift = {.by = {0.0, 0.0}};
+        for (int i = 0; i < PIXELS; i++) {
+            const int plane = i % COLS >= COLS / 2;
+            before[plane * PIXELS + i] = 3.0f + scene[i];
+            now[plane * PIXELS + i] = alone ? 3.0f + (plane ? scene : moved)[i] : 1.05f * (3.0f + moved[i]);
+        }
+        ASSERT_OK(hada_shift_find(before, now, PLANES, ROWS, COLS, BORDER, 1, &shift, err));
+        assert_true(alone ? shift.apart > 0.2 : shift.apart < 0.05);
+        for (int k = 0; k < 2 && !alone; k++)
+            assert_true(fabs(shift.by[k] - motion[k]) < 0.03);
+    }
+}
+
 /* A motion along edges can't be seen, nor one in the dark. */
 TEST(edges_in_one_direction_tell_nothing)
 {

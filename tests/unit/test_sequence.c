@@ -235,6 +235,39 @@ TEST(a_drift_is_followed)
     }
 }
 
+/* Halves of it at two depths, where the edge between them moves with it, or stays. */
+TEST(a_drift_of_several_depths_is_followed)
+{
+    enum { FOLLOWING_STEPS = 4 };
+    const fixture *f = *state;
+    for (int kind = 0; kind < 4; kind++) {
+        const int padded = kind % 2, stays = kind / 2;
+        const hada_model *model = padded ? f->padded : f->circular;
+        SCOPED(hada_plan) *cold = plan_of(f, model, 0, DEPTHS), *warm = plan_of(f, model, 1, DEPTHS);
+        double errors[2] = {0.0, 0.0};
+        int followed = 0;
+        for (int t = 0; t < FRAMES; t++) {
+            SCOPED(hada_image) near = smooth_scene(0.3 * t, 0.5 * t), far = smooth_scene(0.3 * t, 0.5 * t);
+            SCOPED(hada_result) anew = {0}, on = {0};
+            for (size_t i = 0; i < hada_image_count(&near); i++)
+                (((int)i % WINDOW < WINDOW / 2 - (stays ? 0 : t / 2)) ? far : near).data[i] = 0.0f;
+            SCOPED(hada_image) frame = frame_of(f, model, &near, 0, t), other = frame_of(f, model, &far, 1, t + 50);
+            for (size_t i = 0; i < hada_image_count(&frame); i++)
+                frame.data[i] += other.data[i];
+            ASSERT_OK(hada_plan_run(cold, &frame, &anew, err));
+            ASSERT_OK(hada_plan_run(warm, &frame, &on, err));
+            if (!t)
+                continue;
+            assert_int_equal(on.report->warm_started, 1);
+            followed += on.report->refine_steps <= FOLLOWING_STEPS;
+            errors[0] += error_of(&anew, 0, &near) + error_of(&anew, 1, &far);
+            errors[1] += error_of(&on, 0, &near) + error_of(&on, 1, &far);
+        }
+        assert_int_equal(followed, FRAMES - 1);
+        assert_true(errors[1] < 1.05 * errors[0]);
+    }
+}
+
 /* Frames depend on those before them alone, not on how many are under way. */
 TEST(queues_find_the_same)
 {

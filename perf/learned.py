@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Learned cameras, by two versions of the program: each is fitted and reconstructs the same held-out frames.
-   perf/learned.py BEFORE HADALENS PHOTOGRAPHS OTHER_PHOTOGRAPHS
-A camera is learned from either set and sees the other. PSNR of the all-in-focus image and of the occupied planes, dB."""
+   perf/learned.py BEFORE HADALENS PHOTOGRAPHS OTHER_PHOTOGRAPHS [--diffusers]
+A camera is learned from either set and sees the other; --diffusers: other cameras, half of them with diffusers. PSNR of the all-in-focus image and of the occupied planes, dB."""
 import argparse
 import json
 import pathlib
@@ -23,11 +23,24 @@ CAMERAS = [
     ("sim300", "mla", 0.05, 309, "srgb", 8, 1, 2),
     ("crop300", "contour", 0.03, 310, "srgb", 8, 2, 3),
 ]
+DIFFUSERS = [
+    ("crop300", "diffuser", 0.01, 801, "srgb", 8, 1, 1),
+    ("crop300", "diffuser", 0.004, 802, "linear", 8, 1, 3),
+    ("crop300", "diffuser", 0.02, 803, "srgb", 12, 2, 3),
+    ("sim300", "diffuser", 0.01, 804, "srgb", 8, 1, 2),
+    ("sim300", "diffuser", 0.02, 805, "linear", 8, 2, 3),
+    ("crop300", "mla", 0.01, 806, "srgb", 6, 1, 2),
+    ("crop300", "aperture", 0.02, 807, "srgb", 8, 1, 2),
+    ("sim300", "mla", 0.01, 808, "linear", 8, 1, 3),
+    ("crop300", "contour", 0.01, 809, "linear", 8, 1, 2),
+    ("sim300", "contour", 0.01, 810, "srgb", 8, 2, 3),
+]
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 parser.add_argument("before", type=pathlib.Path)
 parser.add_argument("hadalens", type=pathlib.Path)
 parser.add_argument("photographs")
 parser.add_argument("others")
+parser.add_argument("--diffusers", action="store_true")
 o = parser.parse_args()
 
 
@@ -41,7 +54,7 @@ def quality(program, camera, model, out):
 
 print("| camera | learned from | before: all-in-focus, planes | now |\n|---|---|---|---|")
 gains = []
-for preset, mask, noise, seed, response, pairs, occupied, depths in CAMERAS:
+for preset, mask, noise, seed, response, pairs, occupied, depths in DIFFUSERS if o.diffusers else CAMERAS:
     for learned, seen in ((o.photographs, o.others), (o.others, o.photographs)):
         with tempfile.TemporaryDirectory() as folder:
             work = pathlib.Path(folder)

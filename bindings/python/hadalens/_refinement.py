@@ -41,18 +41,19 @@ def schedule(info: ModelInfo, gain: float, tv: float, ridge: float, depths: int,
     last = min(MOST_RIDGE_STEPS, steps // 2) if ridge > 0 and tv > 0 else 0
     usual = 1e-3 if tv <= 0 else 3e-3 if cropped else 3.5e-3
     most = info.refine_rho if (tv > 0) == (info.refine_tv > 0) else usual
-    first, growth = 0.0, 1.0
+    first, growth, relaxed = 0.0, 1.0, 1.6
     if tv > 0 and depths == 1:
-        first, growth = most, 1.4 if ridge > 0 else 1.2
-        most *= 10.0 if cropped else 8.0 if ridge > 0 else 3.0
-    if tv > 0 and cropped:
+        first, relaxed = (3e-4 if cropped else 2e-4), 1.9
+        most *= 10.0 if cropped else 8.0
+        growth = max((most / first) ** (1 / ((0.8 if cropped else 0.5) * steps)), 1.0)
+    elif tv > 0 and cropped:
         first, growth = 1e-3, 1.25
     if info.refine_tv < 0 < tv:  # of a point spread function alone: no fit has chosen rho
         most = min(max(100.0 * tv, 3e-4), max(3e-2, tv))
         first = min(first, most)
     rho = [gain * (min(most, first * growth**k) if first > 0 else most) for k in range(steps - last)]
     parting = 7 if tv > 0 and depths > 1 else 0
-    relaxation = [1.0, *(1.95 if k < parting else 1.6 for k in range(1, steps - last))]
+    relaxation = [1.0, *(1.95 if k < parting else relaxed for k in range(1, steps - last))]
     end = 0.1 if depths == 1 else 0.25
     weight = tv / 0.0026
     noise = ridge * 0.16 * math.sqrt(0.1 / end) * weight**0.37 / math.sqrt(gain)

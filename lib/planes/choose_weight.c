@@ -109,21 +109,21 @@ done:
 
 /* Of a point spread function it does so the more pixels that spreads over: it passes fine detail weakly, which then
  * counts little in predictions. At USUAL_SPREAD pixels it is right (perf/results/weights.md). Several depths do not
- * settle as far, and need less. */
+ * settle as far, and what one of several leaves is compared with what others leave: they keep what predicts best. */
 #define USUAL_SPREAD 400.0
 #define SPREAD_POWER 0.22
 #define LEAST_SPREAD 0.5
 #define MOST_SPREAD  2.5
 
-/* Over how many pixels the point spread function h of a depth spreads: (sum h)^2 / sum h^2 of all channels. */
-static double spread_of(const hada_model *model, int depth)
+/* Over how many pixels the point spread function h of the first depth spreads: (sum h)^2 / sum h^2 of all channels. */
+static double spread_of(const hada_model *model)
 {
     const hada_model_info *info = &model->info;
     const size_t plane = hada_model_plane(model), cols = (size_t)info->grid_cols / 2 + 1;
     const size_t channels = (size_t)info->channels;
     double light = 0.0, energy = 0.0;
     for (size_t c = 0; c < channels; c++) {
-        const float *otf = model->otf + ((size_t)depth * channels + c) * plane * 2;
+        const float *otf = model->otf + c * plane * 2;
         light += (double)otf[0] * otf[0] + (double)otf[1] * otf[1];
         for (size_t i = 0; i < plane; i++) {
             const size_t col = i % cols,
@@ -135,13 +135,13 @@ static double spread_of(const hada_model *model, int depth)
     return light > 0.0 && energy > 0.0 ? light / energy : USUAL_SPREAD;
 }
 
-static double more_of(const hada_model *model, int count, const int *list)
+static double more_of(const hada_model *model)
 {
     if (model->info.refine_tv != HADA_AUTO)
         return model->info.scene_response == HADA_RESPONSE_LINEAR ? LEARNED : LEARNED_ENCODED;
-    return count > 1
-               ? 1.0
-               : fmin(fmax(pow(spread_of(model, list[0]) / USUAL_SPREAD, SPREAD_POWER), LEAST_SPREAD), MOST_SPREAD);
+    if (model->info.depths > 1)
+        return 1.0;
+    return fmin(fmax(pow(spread_of(model) / USUAL_SPREAD, SPREAD_POWER), LEAST_SPREAD), MOST_SPREAD);
 }
 
 hada_status hada_maker_choose(hada_plane_maker *maker, const hada_frame_exposure *exposure, int count, const int *list,
@@ -155,7 +155,7 @@ hada_status hada_maker_choose(hada_plane_maker *maker, const hada_frame_exposure
     const hada_weight_search search = {try_weight, &s, 0, 0.0};
     HADA_TRY(hada_maker_hold_out(maker, exposure, BLOCK, 1, err));
     HADA_TRY(hada_weight_find(&search, exposure, choice, err));
-    choice->tv *= more_of(maker->model, count, list);
+    choice->tv *= more_of(maker->model);
     return hada_maker_weigh(maker, exposure, err);
 }
 

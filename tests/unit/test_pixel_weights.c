@@ -151,6 +151,56 @@ TEST(frames_choose_their_weight)
     }
 }
 
+/* With one depth the weight is larger the more pixels the point spread function spreads over: exactly so many times the
+ * weight of the same depth of a camera with two. */
+TEST(wide_point_spread_functions_have_larger_weights)
+{
+    static const double distances[] = {100.0, 200.0};
+    static const int first = 0;
+    bench b = make(HADA_BOUNDARY_PADDED);
+    double light = 0.0, energy = 0.0, weight[2];
+    const size_t area = (size_t)ROWS * COLS;
+    hada_random random;
+    hada_random_seed(&random, 1, 2);
+    for (size_t i = 0; i < CHANNELS * area; i++) {
+        const size_t row = i / COLS % ROWS, col = i % COLS;
+        const int inside = row >= ROWS / 4 && row < 3 * ROWS / 4 && col >= COLS / 4 && col < 3 * COLS / 4;
+        b.psf.data[i] = inside ? (float)hada_random_uniform(&random) / (float)(area / 8) : 0.0f;
+    }
+    const hada_image twice[] = {b.psf, b.psf};
+    SCOPED(hada_image) frame = small_frame(&b.psf, &b.scene, 1, 0.01, 5);
+    for (size_t c = 0; c < CHANNELS; c++) {
+        double sum = 0.0;
+        for (size_t i = 0; i < area; i++) {
+            sum += b.psf.data[c * area + i];
+            energy += (double)b.psf.data[c * area + i] * b.psf.data[c * area + i];
+        }
+        light += sum * sum;
+    }
+    for (int depths = 1; depths <= 2; depths++) {
+        SCOPED(hada_model) * model;
+        SCOPED(hada_plan) * plan;
+        SCOPED(hada_result) result = {0};
+        DEFAULTS(hada_psf_options, known);
+        DEFAULTS(hada_plan_options, options);
+        known.window_rows = known.window_cols = WINDOW;
+        known.psf_dark = known.dark = 0;
+        known.boundary = HADA_BOUNDARY_PADDED;
+        options.occupied = HADA_OCCUPIED_LIST;
+        options.occupied_list = &first;
+        options.occupied_count = 1;
+        options.scene = HADA_SCENE_PLANES;
+        ASSERT_OK(hada_model_from_psf(&model, context, twice, depths, distances, &known, err));
+        ASSERT_OK(hada_plan_create(&plan, context, model, &options, err));
+        ASSERT_OK(hada_plan_run(plan, &frame, &result, err));
+        weight[depths - 1] = result.report->refine_tv;
+    }
+    const double factor = pow(light / energy / 400.0, 0.22); /* docs/explanation/refinement.md */
+    assert_true(factor > 1.1 && factor < 2.5);
+    assert_float_equal(weight[0] / weight[1], factor, 0.01 * factor);
+    unmake(&b);
+}
+
 /* Light from outside the window is explained there, and not by what the window shows at its borders. */
 TEST(light_comes_from_outside_the_window)
 {

@@ -493,8 +493,8 @@ done:
     return status;
 }
 
-/* Mean of |H|^2 over the whole plane: the half spectrum's columns between the first and the Nyquist one count twice. */
-static double mean_square(const float *otf, const hada_model_info *info)
+/* The half spectrum's columns between the first and the Nyquist one count twice. */
+double hada_model_mean_square(const float *otf, const hada_model_info *info)
 {
     const size_t cols = (size_t)info->grid_cols / 2 + 1;
     double sum = 0.0;
@@ -512,7 +512,7 @@ static void make_filter(const float *otf, const hada_model_info *info, float *fi
     const size_t plane = hada_model_info_plane(info);
     const int matched = info->form == HADA_FORM_MATCHED;
     const double centre = (double)otf[0] * otf[0] + (double)otf[1] * otf[1];
-    const double floor = matched ? 0.0 : info->lambda * mean_square(otf, info);
+    const double floor = matched ? 0.0 : info->lambda * hada_model_mean_square(otf, info);
     for (size_t i = 0; i < plane; i++) {
         const double re = otf[2 * i], im = otf[2 * i + 1];
         const double under = matched ? centre : re * re + im * im + floor;

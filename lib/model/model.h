@@ -51,6 +51,9 @@ hada_status hada_model_set_sizes(hada_model_info *info, int raw_rows, int raw_co
 /* The largest |OTF(0)|^2 of all depths and channels: the unit of refine_rho. 1 without transfer functions. */
 double hada_model_gain(const hada_model *model);
 
+/* The mean |OTF|^2 of one depth and channel over the whole grid. */
+double hada_model_mean_square(const float *otf, const hada_model_info *info);
+
 /* The noise of the frames on which the weights of a model were chosen. Where it does not say, that of the frames that
  * it was learned from, by its transfer functions, which are read, and the scenes' power; none where it knows of no
  * noise. */

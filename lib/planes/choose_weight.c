@@ -107,9 +107,10 @@ done:
 #define LEARNED         1.4
 #define LEARNED_ENCODED 2.0
 
-/* Of a point spread function it does so the more pixels that spreads over: it passes fine detail weakly, which then
- * counts little in predictions. At USUAL_SPREAD pixels it is right (perf/results/weights.md). Several depths do not
- * settle as far, and what one of several leaves is compared with what others leave: they keep what predicts best. */
+/* For a camera that is known by its point spread function, the weight that predicts best is right where that spreads
+ * over USUAL_SPREAD pixels. A wider one passes fine detail weakly; detail then counts little in predictions, and the
+ * weight is too small (perf/results/weights.md). Cameras with several depths keep the weight that predicts best: their
+ * planes do not settle as far, and the depths are chosen by what planes leave unexplained. */
 #define USUAL_SPREAD 400.0
 #define SPREAD_POWER 0.22
 #define LEAST_SPREAD 0.5
@@ -118,20 +119,13 @@ done:
 /* Over how many pixels the point spread function h of the first depth spreads: (sum h)^2 / sum h^2 of all channels. */
 static double spread_of(const hada_model *model)
 {
-    const hada_model_info *info = &model->info;
-    const size_t plane = hada_model_plane(model), cols = (size_t)info->grid_cols / 2 + 1;
-    const size_t channels = (size_t)info->channels;
+    const size_t plane = hada_model_plane(model);
     double light = 0.0, energy = 0.0;
-    for (size_t c = 0; c < channels; c++) {
-        const float *otf = model->otf + c * plane * 2;
+    for (int c = 0; c < model->info.channels; c++) {
+        const float *otf = model->otf + 2 * plane * (size_t)c;
         light += (double)otf[0] * otf[0] + (double)otf[1] * otf[1];
-        for (size_t i = 0; i < plane; i++) {
-            const size_t col = i % cols,
-                         alone = !col || 2 * col == (size_t)info->grid_cols; /* else twice in the whole */
-            energy += (alone ? 1.0 : 2.0) * ((double)otf[2 * i] * otf[2 * i] + (double)otf[2 * i + 1] * otf[2 * i + 1]);
-        }
+        energy += hada_model_mean_square(otf, &model->info); /* sum h^2, by Parseval */
     }
-    energy /= (double)info->grid_rows * info->grid_cols;
     return light > 0.0 && energy > 0.0 ? light / energy : USUAL_SPREAD;
 }
 

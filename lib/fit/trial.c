@@ -2,9 +2,9 @@
 
 #include "fit/trial_frame.h"
 
-/* A refined plane is compared after each of these parts of the whole number of steps, the last of which the learned
- * regulariser follows; after none it is the linear filter's. The whole is more for optics that pass some frequencies
- * weakly: where that gains so many decibels. */
+/* Planes are compared after each of PARTS equal parts of the steps, and before the first, when they are the linear
+ * filter's. After the last part come the steps with the learned regulariser. Optics that pass some frequencies weakly
+ * need more steps: they get them where that gains SLOW_GAIN decibels. */
 enum { PARTS = 4, TRIED = PARTS + 1 };
 #define SLOW_GAIN 0.2
 
@@ -236,16 +236,14 @@ static hada_refine_weights with_ridge(const hada_refine_weights *without, double
 }
 
 /* Chooses the strength of the learned regulariser, unless it is given, and total variation's weight beside it. Planes
- * that have not settled gain less by it. */
-static hada_status choose_ridge(trial_work *work, const trial_set *set, hada_error *err)
+ * that have not settled gain less by it. psnr: without it. */
+static hada_status choose_ridge(trial_work *work, const trial_set *set, double psnr, hada_error *err)
 {
     const hada_refine_weights without = work->weights;
-    double psnr;
     if (work->bench.with->ridge < 0.0) {
         hada_refine_weights weights[CHOICES];
         for (int i = 0; i < CHOICES; i++)
             weights[i] = with_ridge(&without, ridges_tried[i]);
-        HADA_TRY(rank(work, set, &without, 1, &psnr, err));
         psnr -= RIDGE_DOUBT;
         HADA_TRY(choose_of(work, set, weights, &psnr, err));
     } else {
@@ -254,16 +252,19 @@ static hada_status choose_ridge(trial_work *work, const trial_set *set, hada_err
     return work->weights.ridge > 0.0 ? sweep_tv(work, set, work->weights.tv, &psnr, err) : HADA_OK;
 }
 
-/* Chooses the whole number of steps, after which weights are compared from here on. */
-static hada_status choose_whole(trial_work *work, const trial_set *set, hada_error *err)
+/* Chooses the whole number of steps, after which weights are compared from here on. psnr: with total variation alone.
+ */
+static hada_status choose_whole(trial_work *work, const trial_set *set, double *psnr, hada_error *err)
 {
     const hada_refine_weights without = {work->weights.tv, work->weights.colour, 0.0};
-    double usual, more;
+    double more;
     work->rank_steps = work->whole = HADA_TRIAL_STEPS;
-    HADA_TRY(rank(work, set, &without, 1, &usual, err));
+    HADA_TRY(rank(work, set, &without, 1, psnr, err));
     work->rank_steps = work->whole = HADA_TRIAL_MOST_STEPS;
     HADA_TRY(rank(work, set, &without, 1, &more, err));
-    if (!(more - usual > SLOW_GAIN))
+    if (more - *psnr > SLOW_GAIN)
+        *psnr = more;
+    else
         work->rank_steps = work->whole = HADA_TRIAL_STEPS;
     return HADA_OK;
 }
@@ -277,9 +278,9 @@ static hada_status choose_weights(trial_work *work, const trial_set *set, hada_e
     if (work->weights.tv > 0.0 && work->bench.with->colour < 0.0 && work->bench.grid->info.channels > 1)
         HADA_TRY(choose_colour(work, set, &psnr, err));
     if (work->weights.tv > 0.0)
-        HADA_TRY(choose_whole(work, set, err));
+        HADA_TRY(choose_whole(work, set, &psnr, err));
     if (work->weights.tv > 0.0 && ridge > 0.0)
-        HADA_TRY(choose_ridge(work, set, err));
+        HADA_TRY(choose_ridge(work, set, psnr, err));
     else
         work->weights.ridge = ridge;
     return HADA_OK;
@@ -291,6 +292,7 @@ static hada_status try_singles(trial_work *work, hada_error *err)
     const hada_fit_kept *kept = work->bench.with->kept;
     const hada_communicator *ranks = &work->bench.grid->communicator;
     hada_trial_frame frames[HADA_FIT_KEPT];
+    double psnr;
     for (int k = 0; k < kept->count; k++) {
         frames[k] = (hada_trial_frame){{&kept->pair[k]}, 1, k};
         if (hada_is_mine(ranks, k))
@@ -299,7 +301,7 @@ static hada_status try_singles(trial_work *work, hada_error *err)
     if (work->bench.with->tv < 0.0)
         HADA_TRY(choose_weights(work, &(trial_set){frames, kept->count}, err));
     else if (work->weights.tv > 0.0)
-        HADA_TRY(choose_whole(work, &(trial_set){frames, kept->count}, err));
+        HADA_TRY(choose_whole(work, &(trial_set){frames, kept->count}, &psnr, err));
     for (int k = 0; k < kept->count; k++)
         if (hada_is_mine(ranks, k))
             HADA_TRY(try_frame(work, &frames[k], err));

@@ -26,10 +26,11 @@ enum { FIRST = 24, SECOND = 50 };
  * what the volume leaves of these. */
 #define PREDICTS 0.98
 
-/* Before hidden depths and a surface are looked for, which takes longer, it is one if it predicts these pixels better
- * than the depths found so far, with Gaussians neither of text's sharpness nor of a photograph's noise, and its light
- * fills few voxels, yet is at all depths, even of neighbouring pixels (perf/results/tissue.md). Single planes left up
- * to 1.03 times the noise's energy, dense tissue 1.11 and more. */
+/* The search for hidden depths and for a surface takes longer. Before it, a frame is a volume if the volume predicts
+ * held-out pixels better than the depths found so far, and these limits hold: the width of its Gaussians (text has
+ * narrower ones, noisy photographs wider ones); the share of the depths that have light; how mixed the depths of
+ * neighbouring pixels are; voxels with light for each pixel; and, for a single plane, what it leaves in units of the
+ * noise's energy, up to 1.03 where it was right and 1.11 or more for dense tissue (perf/results/tissue.md). */
 #define PLAIN_NOISE  1.06
 #define PLAIN_LEAST  0.6
 #define PLAIN_MOST   1.6
@@ -252,31 +253,38 @@ static hada_classic_job tissue_of(const hada_pipeline *pipeline, hada_frame *fra
     return job;
 }
 
-/* From nothing, with Gaussians whose width the frame chooses by held-out pixels. Then, with `against`, *gain: what the
- * light of what was found leaves of these, of what the volume leaves. */
-static hada_status find_width(hada_pipeline *pipeline, hada_frame *frame, const hada_support_of *against, double *gain,
-                              hada_error *err)
+/* The volume from nothing: pipeline->sieved, with Gaussians of the width that predicts held-out pixels best. */
+static hada_status find_width(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
     hada_plane_maker *maker = &pipeline->maker;
-    hada_classic_sieved *sieved = &pipeline->sieved;
+    hada_refine_data data;
+    HADA_TRY(hada_maker_hold_out(maker, &frame->exposure, HELD_OUT, 0, err));
+    const hada_classic_job job = tissue_of(pipeline, frame, &data);
+    HADA_TRY(hada_classic_sieve(method_of(pipeline), &job, maker->held.mem, &pipeline->sieved, err));
+    return hada_maker_weigh(maker, &frame->exposure, err);
+}
+
+/* After find_width(): how much of the held-out pixels light at what was found beside leaves, of what the volume leaves.
+ */
+static hada_status compare(hada_pipeline *pipeline, hada_frame *frame, const hada_support_of *against, double *gain,
+                           hada_error *err)
+{
+    hada_plane_maker *maker = &pipeline->maker;
+    const hada_classic_sieved *sieved = &pipeline->sieved;
     hada_refine_data data;
     float *support = NULL;
     double left;
     hada_status status = HADA_OK;
     HADA_TRY(hada_maker_hold_out(maker, &frame->exposure, HELD_OUT, 0, err));
     const hada_classic_job job = tissue_of(pipeline, frame, &data);
-    if (!sieved->iterations)
-        HADA_TRY(hada_classic_sieve(method_of(pipeline), &job, maker->held.mem, sieved, err));
-    if (against) {
-        support = make_support(pipeline, against, job.depths - pipeline->setup->config.depths, err);
-        HADA_TRY_OR_DONE(hada_allocated(support));
-        HADA_TRY_OR_DONE(
-            hada_classic_sieve_within(method_of(pipeline), &job, maker->held.mem, sieved, support, &left, err));
-        *gain = left / sieved->left;
-        hada_log(pipeline->slot->context, HADA_LOG_INFO,
-                 "a volume: Gaussians of %.1f pixels; of held-out pixels %s leaves %.3f of what it does", sieved->width,
-                 against->surface ? "the surface" : "light at the depths found", *gain);
-    }
+    support = make_support(pipeline, against, job.depths - pipeline->setup->config.depths, err);
+    HADA_TRY_OR_DONE(hada_allocated(support));
+    HADA_TRY_OR_DONE(
+        hada_classic_sieve_within(method_of(pipeline), &job, maker->held.mem, sieved, support, &left, err));
+    *gain = left / sieved->left;
+    hada_log(pipeline->slot->context, HADA_LOG_INFO,
+             "a volume: Gaussians of %.1f pixels; of held-out pixels %s leaves %.3f of what it does", sieved->width,
+             against->surface ? "the surface" : "light at the depths found", *gain);
     HADA_TRY_OR_DONE(hada_maker_weigh(maker, &frame->exposure, err));
 done:
     free(support);
@@ -370,14 +378,14 @@ static hada_status is_tissue(hada_pipeline *pipeline, hada_frame *frame, const h
     spread light;
     double gain = 0.0;
     if (!sieved->iterations)
-        HADA_TRY(find_width(pipeline, frame, NULL, NULL, err));
+        HADA_TRY(find_width(pipeline, frame, err));
     HADA_TRY(look_at(pipeline, frame, &light, err));
     const int possible = against->early ? sieved->width > PLAIN_LEAST && sieved->width < PLAIN_MOST &&
                                               light.depths > PLAIN_DEPTHS && light.mixed > PLAIN_MIXED &&
                                               light.voxels < PLAIN_VOXELS
                                         : light.depths > LEAST_DEPTHS;
     if (possible)
-        HADA_TRY(find_width(pipeline, frame, against, &gain, err));
+        HADA_TRY(compare(pipeline, frame, against, &gain, err));
     *found = possible && gain > (against->early ? 1.0 : PREDICTS);
     return *found ? finish_tissue(pipeline, frame, err) : HADA_OK;
 }
@@ -411,7 +419,7 @@ hada_status hada_pipeline_solve_volume(hada_pipeline *pipeline, hada_frame *fram
     if (frame->exposure.energy > 0)
         HADA_TRY(is_plain(pipeline, frame, noise_of(frame), &plain, err));
     if (!plain) {
-        HADA_TRY(find_width(pipeline, frame, NULL, NULL, err));
+        HADA_TRY(find_width(pipeline, frame, err));
         HADA_TRY(finish_tissue(pipeline, frame, err));
     }
     return take(pipeline, frame, err);

@@ -69,7 +69,7 @@ __kernel __attribute__((reqd_work_group_size(MOVE_GROUP, 1, 1))) void refine_mov
     }
 }
 
-/* A plane's light at a pixel, of all channels, and a little of that around it, which tells where it is dark. */
+/* A plane's light at a pixel, of all channels, and a little of the light around it, which decides where it is dark. */
 float move_light(__global const float *plane, int channels, int rows, int cols, int row, int col)
 {
     float here = 0.0f, around = 0.0f;
@@ -82,8 +82,8 @@ float move_light(__global const float *plane, int channels, int rows, int cols, 
     return fma(HADA_REFINE_MOVE_AROUND, around, here);
 }
 
-/* Light that moved, where its depths did not: of what all planes have at a pixel each takes the part that it had there
- * before. [depth][channel][rows][cols] floats. Dimensions: columns, rows. */
+/* Light that moved, where its depths did not: the light of all planes at a pixel is divided among them in proportion to
+ * what they had there before. [depth][channel][rows][cols] floats. Dimensions: columns, rows. */
 __kernel void refine_move_share(__global const float *before, __global float *planes, int depths, int channels,
                                 int rows, int cols)
 {

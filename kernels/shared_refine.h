@@ -67,7 +67,7 @@ typedef struct hada_refine_move {
 } hada_refine_move;
 HADA_SHARED_SIZE(hada_refine_move, 68)
 
-/* What a pixel of the 5 x 5 round another counts in the light there. */
+/* How much each pixel of the 5 x 5 around a pixel adds to the light there. */
 #define HADA_REFINE_MOVE_AROUND 0.002f
 
 /* The step from spectra to those of a coarser grid. */

@@ -22,8 +22,8 @@ void hada_mpi_window_close(hada_mpi_window *window);
 void hada_mpi_window_reduce(hada_mpi_window *window, size_t size, char *values, size_t count);
 
 /* In the order of the ranks, in double precision: out[i] = (parts[0][first + i] + parts[1][first + i]) + ..., for
- * `count` values. A size of 8 means doubles, of 4 floats, whose sums are rounded once. `out` may be parts[k] + first.
- */
+ * `count` values. size is 8 for doubles, 4 for floats. Sums of floats are rounded to floats once, at the end. `out` may
+ * be the place in one of the parts where its values begin. */
 void hada_mpi_add(size_t size, void *out, const void *const *parts, size_t first, int ranks, size_t count);
 
 /* Where a rank's slice of `count` values begins; of rank + 1: where it ends. */

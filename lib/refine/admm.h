@@ -267,8 +267,8 @@ hada_status hada_refiner_creep(hada_refiner *refiner, int depths, double shift[2
 hada_status hada_refiner_begin_from_planes(hada_refiner *refiner, const hada_refine_data *data, int depths,
                                            hada_error *err);
 
-/* A run goes on from the planes, which hada_refiner_find_motion() moved, and from duals that total variation would have
- * left, whose own move as they did. */
+/* Prepares a run that goes on from the planes which hada_refiner_find_motion() moved. Total variation's duals move as
+ * the planes did; the duals of the planes are those that total variation would have left. */
 hada_status hada_refiner_move(hada_refiner *refiner, const hada_refine_data *data, int depths,
                               const hada_refine_motion *motion, hada_error *err);
 

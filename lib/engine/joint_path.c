@@ -230,13 +230,20 @@ static hada_status read_planes(hada_pipeline *pipeline, hada_frame *frame, int c
 enum { SURFACE_UNKNOWNS = 2, FEW_PLANES = 3 };
 #define SURFACE_DOUBT 0.085
 
+/* A single plane that leaves so many times the noise's energy may also be one, where no single depth more explains
+ * much: behind a diffuser neighbouring depths look alike. A model that does not fit its frames leaves as much, so that
+ * the surface has to leave clearly less (perf/results/surface-choices.md). */
+#define POOR_PLANE         1.5
+#define POOR_PLANE_SURFACE 0.8
+
 /* What a surface may leave of the frame, in units of what so many planes leave, for it to be one: against one plane it
  * has to pay for unknowns that this does without. Surfaces left 0.5 to 1.08 of what the planes did that they were taken
  * for, on scenes of planes 1.06 times as much and more; a surface that is missed loses more than two neighbours that
  * are taken for one (docs/explanation/surfaces.md). */
-static double surface_leaves(int planes)
+static double surface_leaves(const knowledge *k)
 {
-    return planes < SURFACE_UNKNOWNS ? 0.99 : 1.085;
+    const double against_one = k->found.more >= SURFACE_DOUBT ? 0.99 : POOR_PLANE_SURFACE;
+    return k->count < SURFACE_UNKNOWNS ? against_one : 1.085;
 }
 
 static int may_be_surface(const hada_pipeline *pipeline, const knowledge *k)
@@ -260,11 +267,24 @@ static hada_status try_planes(hada_pipeline *pipeline, hada_frame *frame, knowle
     return HADA_OK;
 }
 
+/* Whether a single plane leaves too much of the frame. In a sequence not if the frame before had the same plane. */
+static hada_status is_poor(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, int *poor, hada_error *err)
+{
+    const hada_config *config = &pipeline->setup->config;
+    *poor = 0;
+    if (config->scene != HADA_SCENE_AUTO || k->count != 1 || k->found.hides ||
+        (config->warm && hada_refiner_remembers(pipeline->refiner, k->count, pipeline->occupied)))
+        return HADA_OK;
+    HADA_TRY(try_planes(pipeline, frame, k, err));
+    *poor = k->planes > POOR_PLANE * hada_exposure_noise_energy(&frame->exposure);
+    return HADA_OK;
+}
+
 /* Whether a surface explains the frame as well as the planes do. */
 static hada_status is_surface(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, int *surface, hada_error *err)
 {
     HADA_TRY(try_planes(pipeline, frame, k, err));
-    const double enough = surface_leaves(k->count) * k->planes;
+    const double enough = surface_leaves(k) * k->planes;
     if (k->surface < 0 && enough > k->vain) {
         HADA_TRY(hada_pipeline_find_surface(pipeline, frame, enough, surface, &k->surface, err));
         k->vain = *surface ? 0.0 : enough;
@@ -330,6 +350,7 @@ static hada_status find_early(hada_pipeline *pipeline, hada_frame *frame, knowle
  * takes longer; a third plane that hides makes two leave more than a surface does. */
 static hada_status look(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, int *surface, hada_error *err)
 {
+    int poor = 0;
     HADA_TRY(pursue(pipeline, frame, k, err));
     if (may_be_surface(pipeline, k) && pipeline->setup->config.volume == 1)
         HADA_TRY(hada_pipeline_find_volume(pipeline, frame, -1.0, NULL, &k->volume, err));
@@ -338,6 +359,10 @@ static hada_status look(hada_pipeline *pipeline, hada_frame *frame, knowledge *k
     if (k->volume)
         return HADA_OK;
     if (may_be_surface(pipeline, k) && (k->count > SURFACE_UNKNOWNS || !k->found.hides))
+        HADA_TRY(is_surface(pipeline, frame, k, surface, err));
+    else
+        HADA_TRY(is_poor(pipeline, frame, k, &poor, err));
+    if (poor)
         HADA_TRY(is_surface(pipeline, frame, k, surface, err));
     if (*surface || !k->found.hides)
         return HADA_OK;

@@ -363,13 +363,6 @@ static hada_status is_better(hada_pipeline *pipeline, hada_frame *frame, double 
     return HADA_OK;
 }
 
-/* Energy of the frame's noise. */
-static double noise_of(const hada_frame *frame)
-{
-    const double deviation = hada_exposure_noise(&frame->exposure);
-    return deviation * deviation * (double)hada_exposure_count(&frame->exposure);
-}
-
 /* Whether a volume predicts held-out pixels clearly better than what was found; early: whether that is plain. */
 static hada_status is_tissue(hada_pipeline *pipeline, hada_frame *frame, const hada_support_of *against, int *found,
                              hada_error *err)
@@ -393,7 +386,7 @@ static hada_status is_tissue(hada_pipeline *pipeline, hada_frame *frame, const h
 hada_status hada_pipeline_find_volume(hada_pipeline *pipeline, hada_frame *frame, double energy,
                                       const hada_support_of *against, int *found, hada_error *err)
 {
-    const double noise = noise_of(frame);
+    const double noise = hada_exposure_noise_energy(&frame->exposure);
     *found = 0;
     const int early = against && against->early;
     const int explained = energy >= 0.0 && energy <= (early ? PLAIN_NOISE : CLEARLY) * noise;
@@ -417,7 +410,7 @@ hada_status hada_pipeline_solve_volume(hada_pipeline *pipeline, hada_frame *fram
 {
     int plain = 1;
     if (frame->exposure.energy > 0)
-        HADA_TRY(is_plain(pipeline, frame, noise_of(frame), &plain, err));
+        HADA_TRY(is_plain(pipeline, frame, hada_exposure_noise_energy(&frame->exposure), &plain, err));
     if (!plain) {
         HADA_TRY(find_width(pipeline, frame, err));
         HADA_TRY(finish_tissue(pipeline, frame, err));

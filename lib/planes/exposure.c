@@ -450,6 +450,12 @@ double hada_exposure_noise(const hada_frame_exposure *exposure)
     return hada_noise_estimate(&exposure->pixels, exposure->mosaic);
 }
 
+double hada_exposure_noise_energy(const hada_frame_exposure *exposure)
+{
+    const double deviation = hada_exposure_noise(exposure);
+    return deviation * deviation * (double)hada_exposure_count(exposure);
+}
+
 double hada_exposure_light(const hada_frame_exposure *exposure)
 {
     return sqrt(exposure->energy / (double)hada_exposure_count(exposure));

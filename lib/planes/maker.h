@@ -86,10 +86,11 @@ float hada_exposure_brightest(const hada_frame_exposure *exposure, size_t i);
 /* A hash of a few of its pixels as they came: frames whose samples differ are not equal. */
 uint64_t hada_exposure_sample(const hada_frame_exposure *exposure);
 
-/* The number of its values, of all channels; their root mean square; the standard deviation of its noise, and the unit
- * of weights that are proportional to that (image/statistics.h). usual: hada_model_noise_share(), or none. */
+/* The number of its values, of all channels; their root mean square; its noise's standard deviation and energy; the
+ * unit of weights that are proportional to that (image/statistics.h). usual: hada_model_noise_share(), or none. */
 size_t hada_exposure_count(const hada_frame_exposure *exposure);
 double hada_exposure_noise(const hada_frame_exposure *exposure);
+double hada_exposure_noise_energy(const hada_frame_exposure *exposure);
 double hada_exposure_light(const hada_frame_exposure *exposure);
 double hada_exposure_noise_unit(const hada_frame_exposure *exposure, const hada_noise_share *usual);
 

@@ -3,7 +3,6 @@
 #include <stdlib.h>
 
 #include "classic/classic_steps.h"
-#include "core/base.h"
 
 enum { MOST_SUMS = 4, BAND = 4096 /* pixels of a band of rows, about */ };
 

@@ -4,7 +4,6 @@
 
 #include "classic/classic_steps.h"
 #include "core/base.h"
-#include "core/callers.h"
 #include "model/model.h"
 
 static hada_status check_options(const hada_classic_options *o, hada_error *err)

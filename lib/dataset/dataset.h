@@ -6,8 +6,6 @@
 #include <hadalens/folder.h>
 #include <pthread.h>
 
-#include "core/base.h"
-
 typedef struct hada_dataset_depth {
     double distance_mm;
     char *folder;

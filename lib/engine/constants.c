@@ -1,6 +1,5 @@
 /* The constants of a device: filters, transfer functions, the optics between depths. */
 #include "engine/constants.h"
-#include "filter/hadamard.h"
 
 /* The largest share of a depth's PSF that its two neighbours may leave unexplained for the optics between depths to be
  * known; half way between depths the share is about a quarter (docs/explanation/surfaces.md).

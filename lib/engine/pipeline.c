@@ -2,9 +2,7 @@
 
 #include "engine/pipeline.h"
 #include "core/clock.h"
-#include "engine/frame.h"
 #include "engine/stages.h"
-#include "runtime/profile.h"
 
 hada_status hada_pipeline_ready(hada_pipeline *pipeline, hada_error *err)
 {

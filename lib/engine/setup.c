@@ -5,12 +5,6 @@
 #include <float.h>
 
 #include "core/callers.h"
-#include "filter/bank.h"
-#include "filter/gains.h"
-#include "filter/hadamard.h"
-#include "image/mosaic.h"
-#include "model/model.h"
-#include "planes/maker.h"
 #include "refine/proximal.h"
 
 enum {

@@ -1,6 +1,5 @@
 #include "fft/fft_fused.h"
 
-#include "core/fft_factor.h"
 #include "fft/fft_internal.h"
 #include "kernels/shared_fft_sizes.h"
 

@@ -5,8 +5,6 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "core/base.h"
-#include "fft/fft.h"
 #include "kernels/shared_fft.h"
 #include "runtime/buffer.h"
 #include "runtime/context.h"

@@ -4,9 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
-#include "model/model.h"
-
 /* Copies `bytes` per frequency between the two orders. */
 static void reorder(const hada_spectrum_layout *layout, size_t bytes, const char *rows_in, char *rows_out, char *blocks)
 {

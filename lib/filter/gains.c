@@ -4,11 +4,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
 #include "filter/bank.h"
 #include "io/safetensors.h"
 #include "launch/filter_tiles.h"
-#include "model/model.h"
 
 hada_tiles hada_tiles_of(const hada_spectrum_layout *layout)
 {

@@ -3,7 +3,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
 #include "launch/fft_plain.h"
 #include "launch/filter_clip.h"
 #include "launch/filter_dark.h"

@@ -7,7 +7,6 @@
 #include "core/base.h"
 #include "core/callers.h"
 #include "filter/bank.h"
-#include "filter/hadamard.h"
 #include "filter/psf.h"
 #include "image/pixels.h"
 

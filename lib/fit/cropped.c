@@ -1,7 +1,6 @@
 #include "fit/cropped.h"
 
 #include "filter/bank.h"
-#include "image/mosaic.h"
 #include "launch/fit_cropped.h"
 #include "launch/fit_window.h"
 

@@ -2,9 +2,7 @@
 
 #include <hadalens/response.h>
 
-#include "core/callers.h"
 #include "filter/bank.h"
-#include "image/statistics.h"
 
 /* Work-items of a group: of kernels by groups of eight frequencies, and of those by chunks where the device works in
  * groups (docs/reference/devices.md). */

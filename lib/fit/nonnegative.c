@@ -4,7 +4,6 @@
 #include <float.h>
 
 #include "launch/fit_nonnegative.h"
-#include "runtime/buffer.h"
 
 enum { GROUP = 64 };
 

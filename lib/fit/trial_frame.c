@@ -2,9 +2,7 @@
 
 #include <hadalens/response.h>
 
-#include "filter/bank.h"
 #include "fit/fit_solve.h"
-#include "image/statistics.h"
 
 /* Mean squared errors below this, 200 dB, count as this. */
 #define LEAST_ERROR 1e-20

@@ -5,8 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
-#include "core/callers.h"
 #include "launch/focus.h"
 
 /* How the kernels part the work. */

@@ -8,7 +8,6 @@
 
 #include <hadalens/net.h>
 
-#include "core/base.h"
 #include "io/safetensors.h"
 #include "kernels/shared_net.h" /* hada_activation */
 

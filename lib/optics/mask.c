@@ -1,5 +1,4 @@
 /* Masks: what they do to light at a point. */
-#include <hadalens/camera.h>
 
 #include "core/callers.h"
 #include "core/random.h"

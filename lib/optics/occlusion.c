@@ -1,8 +1,6 @@
 /* What each lens makes of a PSF, and what it sees past nearer planes. */
-#include <hadalens/simulate.h>
 
 #include "launch/optics_hide.h"
-#include "optics/mask.h"
 #include "optics/occlusion.h"
 
 #define PATCHES_MOST 64 /* across */

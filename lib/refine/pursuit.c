@@ -3,7 +3,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "core/base.h"
 #include "core/clock.h"
 #include "refine/pursuit_search.h"
 

@@ -4,7 +4,6 @@
 #include <unistd.h>
 #include <xxhash.h>
 
-#include "core/callers.h"
 #include "core/input.h"
 #include "core/outfile.h"
 #include "runtime/program.h"

@@ -2,7 +2,6 @@
 #ifndef HADA_SURFACE_LEVEL_H
 #define HADA_SURFACE_LEVEL_H
 
-#include "core/base.h"
 #include "surface/magnification.h"
 #include "surface/surface.h"
 

@@ -4,8 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
-#include "core/fft_factor.h"
 #include "launch/refine.h"
 #include "surface/spline.h"
 

@@ -3,7 +3,6 @@
 #ifndef HADA_SURFACE_MAGNIFICATION_H
 #define HADA_SURFACE_MAGNIFICATION_H
 
-#include "core/base.h"
 #include "fft/fft.h"
 
 /* How the point spread functions of a camera's depths become one another, found from themselves. Internal.

@@ -6,8 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
-
 #define TWO_PI 6.283185307179586476925286766559
 
 double hada_spline_gain(int k, int n)

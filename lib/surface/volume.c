@@ -6,7 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
 #include "surface/volume_steps.h"
 
 enum {

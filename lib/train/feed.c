@@ -1,11 +1,11 @@
 /* Reading ahead: one thread fills a ring in order, one takes from it. */
 #include <pthread.h>
+#include "train/feed.h"
 #include <signal.h>
 
 #include "core/base.h"
 #include "core/callers.h"
 #include "core/random.h"
-#include "train/feed.h"
 
 /* One sequence of random numbers for each purpose and place; those of the order are small numbers (rounds). */
 enum { PAIR = 1, PLANE = 2 };

@@ -2,11 +2,9 @@
 #include "train/replica.h"
 #include "filter/bank.h"
 #include "filter/hadamard.h"
-#include "image/pixels.h"
 #include "kernels/shared_train.h"
 #include "launch/train.h"
 #include "net/layer_launch.h"
-#include "train/step.h"
 
 /* Work-items of a group. */
 enum { GROUP = 64 };

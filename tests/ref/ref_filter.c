@@ -3,7 +3,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
 #include "ref/ref_fft.h"
 
 hada_status hada_ref_grid_forward(const hada_ref_grid *grid, const float *image, int row, int col, int rows, int cols,

@@ -3,7 +3,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "core/base.h"
 #include "ref/ref_fft.h"
 
 /* Filter of one frequency from its six sums. */

@@ -4,8 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
-
 /* What a layer gives: [image][channel][row][col]. */
 typedef struct block {
     int images, channels, rows, cols;

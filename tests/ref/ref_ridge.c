@@ -4,7 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
 #include "kernels/shared_ridge_weights.h"
 #include "refine/ridge.h"
 

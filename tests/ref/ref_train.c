@@ -2,7 +2,6 @@
 
 #include <stdlib.h>
 
-#include "core/base.h"
 #include "ref/ref_fft.h"
 
 static size_t half_count(const hada_ref_grid *grid)

@@ -1,6 +1,5 @@
 /* The exact fit: few, equal and many pairs, and extreme lambda, against double precision. */
 #include "camera_small.h"
-#include "fft/fft.h"
 #include "fit/fitter.h"
 #include "model/model.h"
 #include "ref/ref_filter.h"

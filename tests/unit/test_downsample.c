@@ -2,7 +2,6 @@
  * and models and sums that say so. */
 #include "camera_small.h"
 #include "device_fixture.h"
-#include "image/pixels.h"
 #include "io_testing.h"
 #include "model/model.h"
 #include "ref/ref_mosaic.h"

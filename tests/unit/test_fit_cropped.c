@@ -1,7 +1,6 @@
 /* Transfer functions where the sensor crops: against the double reference, nearer to the truth than one pass, the same
  * bits whether pairs stay on the device, and what is refused. */
 #include "camera_small.h"
-#include "filter/bank.h"
 #include "fit/cropped.h"
 #include "fit/fitter.h"
 #include "image/pixels.h"

@@ -1,6 +1,5 @@
 /* Layers and losses on the device, beyond their arithmetic (tests/check): in place, either block, odd inputs, refusals.
  */
-#include "net/layer_launch.h"
 #include "net/layers.h"
 #include "net_fixture.h"
 #include "ref/ref_layers.h"

@@ -55,15 +55,7 @@ static void make_positive(float *psf, size_t count)
 
 static hada_fft_desc describe(const psf_reader *reader, hada_fft_direction direction)
 {
-    const int rows = reader->layout.rows, cols = reader->layout.cols;
-    return (hada_fft_desc){.direction = direction,
-                           .rows = rows,
-                           .cols = cols,
-                           .batch = 1,
-                           .real_rows = rows,
-                           .real_cols = cols,
-                           .real_pitch = (size_t)cols,
-                           .real_distance = reader->pixels};
+    return hada_fft_whole(direction, reader->layout.rows, reader->layout.cols, 1);
 }
 
 static void psf_close(psf_reader *reader)
@@ -380,14 +372,7 @@ static hada_status transform_all(hada_buffer *out, psf_reader *reader, const had
                                  const int *depths, int count, hada_error *err)
 {
     const size_t pixels = (size_t)shape->grid_rows * (size_t)shape->grid_cols;
-    const hada_fft_desc desc = {.direction = HADA_FFT_FORWARD,
-                                .rows = shape->grid_rows,
-                                .cols = shape->grid_cols,
-                                .batch = 1,
-                                .real_rows = shape->grid_rows,
-                                .real_cols = shape->grid_cols,
-                                .real_pitch = (size_t)shape->grid_cols,
-                                .real_distance = pixels};
+    const hada_fft_desc desc = hada_fft_whole(HADA_FFT_FORWARD, shape->grid_rows, shape->grid_cols, 1);
     hada_fft *forward = NULL;
     hada_buffer image = {0};
     float *psf = NULL;

@@ -25,42 +25,28 @@ hada_status hada_classic_write_table(hada_classic *classic, hada_error *err)
                              classic->bytes[HADA_CLASSIC_TABLE], err);
 }
 
-/* In calls of the plan's batch. */
-static hada_status transform(hada_classic *classic, hada_fft *plan, int forward, int images, hada_classic_part real,
-                             size_t distance, hada_classic_part spectrum, hada_error *err)
-{
-    const cl_mem image = classic->part[real].mem, spectra = classic->part[spectrum].mem;
-    for (int first = 0; first < images; first += HADA_CLASSIC_BATCH) {
-        const int batch = images - first < HADA_CLASSIC_BATCH ? images - first : HADA_CLASSIC_BATCH;
-        const size_t at = (size_t)first * classic->layout.count, real_at = (size_t)first * distance;
-        HADA_TRY(forward ? hada_fft_forward(plan, batch, image, real_at, spectra, at, err)
-                         : hada_fft_inverse(plan, batch, spectra, at, image, real_at, NULL, err));
-    }
-    return HADA_OK;
-}
-
 hada_status hada_classic_forward(hada_classic *classic, hada_classic_part planes, hada_error *err)
 {
-    return transform(classic, classic->forward, 1, hada_classic_images(classic), planes, classic->plane.pixels,
-                     HADA_CLASSIC_SPECTRA, err);
+    return hada_fft_all(classic->forward, hada_classic_images(classic), classic->part[planes].mem,
+                        classic->part[HADA_CLASSIC_SPECTRA].mem, 0, err);
 }
 
 hada_status hada_classic_inverse(hada_classic *classic, hada_classic_part planes, hada_error *err)
 {
-    return transform(classic, classic->inverse, 0, hada_classic_images(classic), planes, classic->plane.pixels,
-                     HADA_CLASSIC_SPECTRA, err);
+    return hada_fft_all(classic->inverse, hada_classic_images(classic), classic->part[planes].mem,
+                        classic->part[HADA_CLASSIC_SPECTRA].mem, 0, err);
 }
 
 hada_status hada_classic_frame_forward(hada_classic *classic, hada_classic_part spectrum, hada_error *err)
 {
-    return transform(classic, classic->frame_forward, 1, classic->shape.place.channels, HADA_CLASSIC_PREDICTION,
-                     classic->frame.pixels, spectrum, err);
+    return hada_fft_all(classic->frame_forward, classic->shape.place.channels,
+                        classic->part[HADA_CLASSIC_PREDICTION].mem, classic->part[spectrum].mem, 0, err);
 }
 
 hada_status hada_classic_frame_inverse(hada_classic *classic, hada_error *err)
 {
-    return transform(classic, classic->frame_inverse, 0, classic->shape.place.channels, HADA_CLASSIC_PREDICTION,
-                     classic->frame.pixels, HADA_CLASSIC_PROJECTION, err);
+    return hada_fft_all(classic->frame_inverse, classic->shape.place.channels,
+                        classic->part[HADA_CLASSIC_PREDICTION].mem, classic->part[HADA_CLASSIC_PROJECTION].mem, 0, err);
 }
 
 static size_t spectrum_slices(const hada_classic *classic)

@@ -100,42 +100,14 @@ enum { CROP_GROUP = 64 };
 
 static hada_fft_desc forward_desc(const hada_model_info *info, const hada_geometry *geometry)
 {
-    return (hada_fft_desc){.direction = HADA_FFT_FORWARD,
-                           .rows = info->grid_rows,
-                           .cols = info->grid_cols,
-                           .batch = info->channels,
-                           .row0 = geometry->raw_row,
-                           .col0 = geometry->raw_col,
-                           .real_rows = info->raw_rows,
-                           .real_cols = info->raw_cols,
-                           .real_pitch = (size_t)info->raw_cols,
-                           .real_distance = (size_t)info->raw_rows * (size_t)info->raw_cols};
-}
-
-static hada_fft_desc whole_desc(int rows, int cols, int batch)
-{
-    return (hada_fft_desc){.direction = HADA_FFT_INVERSE,
-                           .rows = rows,
-                           .cols = cols,
-                           .batch = batch,
-                           .real_rows = rows,
-                           .real_cols = cols,
-                           .real_pitch = (size_t)cols,
-                           .real_distance = (size_t)rows * (size_t)cols};
+    return hada_fft_of(HADA_FFT_FORWARD, info->grid_rows, info->grid_cols, info->channels,
+                       (hada_rectangle){geometry->raw_row, geometry->raw_col, info->raw_rows, info->raw_cols});
 }
 
 static hada_fft_desc inverse_desc(const hada_model_info *info, const hada_geometry *geometry, int batch)
 {
-    return (hada_fft_desc){.direction = HADA_FFT_INVERSE,
-                           .rows = info->grid_rows,
-                           .cols = info->grid_cols,
-                           .batch = batch * info->channels,
-                           .row0 = geometry->window_row,
-                           .col0 = geometry->window_col,
-                           .real_rows = info->window_rows,
-                           .real_cols = info->window_cols,
-                           .real_pitch = (size_t)info->window_cols,
-                           .real_distance = (size_t)info->window_rows * (size_t)info->window_cols};
+    const hada_rectangle window = {geometry->window_row, geometry->window_col, info->window_rows, info->window_cols};
+    return hada_fft_of(HADA_FFT_INVERSE, info->grid_rows, info->grid_cols, batch * info->channels, window);
 }
 
 hada_spectrum_layout hada_hadamard_layout(const hada_context *context, const hada_model_info *info)
@@ -169,7 +141,7 @@ hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, const had
                                       (size_t)info->channels * forward.real_distance * 4, "the raw frame", err));
     HADA_TRY_OR_DONE(hada_buffer_create(&stage->spectrum, slot->context,
                                         (size_t)info->channels * stage->layout.count * 8, "the frame's spectrum", err));
-    HADA_TRY_OR_DONE(hada_upload_make(&stage->upload, slot, (size_t)info->channels * forward.real_distance, err));
+    HADA_TRY_OR_DONE(upload_make(&stage->upload, slot, (size_t)info->channels * forward.real_distance, err));
 done:
     if (status)
         hada_hadamard_destroy(&stage);
@@ -196,7 +168,8 @@ void hada_hadamard_destroy(hada_hadamard **pointer)
 
 hada_status hada_hadamard_unprune(hada_hadamard *stage, hada_error *err)
 {
-    const hada_fft_desc desc = whole_desc(stage->layout.rows, stage->layout.cols, stage->batch * stage->channels);
+    const hada_fft_desc desc =
+        hada_fft_whole(HADA_FFT_INVERSE, stage->layout.rows, stage->layout.cols, stage->batch * stage->channels);
     HADA_TRY(hada_slot_finish(stage->slot, err));
     hada_fft_destroy(&stage->inverse);
     HADA_TRY(hada_fft_create(&stage->inverse, stage->slot, &desc, err));

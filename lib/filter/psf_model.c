@@ -93,14 +93,7 @@ typedef struct psf_work {
 static hada_status work_create(psf_work *work, hada_context *context, const hada_model_info *info, hada_error *err)
 {
     const size_t area = (size_t)info->grid_rows * (size_t)info->grid_cols;
-    const hada_fft_desc desc = {.direction = HADA_FFT_FORWARD,
-                                .rows = info->grid_rows,
-                                .cols = info->grid_cols,
-                                .batch = 1,
-                                .real_rows = info->grid_rows,
-                                .real_cols = info->grid_cols,
-                                .real_pitch = (size_t)info->grid_cols,
-                                .real_distance = area};
+    const hada_fft_desc desc = hada_fft_whole(HADA_FFT_FORWARD, info->grid_rows, info->grid_cols, 1);
     HADA_TRY(hada_slot_create(&work->slot, context, err));
     HADA_TRY(hada_fft_create(&work->fft, work->slot, &desc, err));
     const size_t values = 2 * hada_fft_plan_layout(work->fft)->count;

@@ -28,14 +28,7 @@ struct hada_between {
 
 static hada_fft_desc plan_of(const hada_surface_camera *camera, hada_fft_direction direction)
 {
-    return (hada_fft_desc){.direction = direction,
-                           .rows = camera->rows,
-                           .cols = camera->cols,
-                           .batch = camera->channels,
-                           .real_rows = camera->rows,
-                           .real_cols = camera->cols,
-                           .real_pitch = (size_t)camera->cols,
-                           .real_distance = (size_t)camera->rows * (size_t)camera->cols};
+    return hada_fft_whole(direction, camera->rows, camera->cols, camera->channels);
 }
 
 /* Bytes of every buffer. */

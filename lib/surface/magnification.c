@@ -409,18 +409,6 @@ static int shrink(int size, double zoom)
     return zoom > 1.0 ? hada_fft_good_size((int)(size / zoom)) : size;
 }
 
-static hada_fft_desc plan_of(int rows, int cols)
-{
-    return (hada_fft_desc){.direction = HADA_FFT_INVERSE,
-                           .rows = rows,
-                           .cols = cols,
-                           .batch = 1,
-                           .real_rows = rows,
-                           .real_cols = cols,
-                           .real_pitch = (size_t)cols,
-                           .real_distance = (size_t)rows * (size_t)cols};
-}
-
 hada_status hada_magnification_measure(hada_magnification *out, hada_slot *slot, const hada_surface_camera *camera,
                                        const double *distances, hada_error *err)
 {
@@ -430,7 +418,7 @@ hada_status hada_magnification_measure(hada_magnification *out, hada_slot *slot,
     const hada_spectrum_layout full = hada_surface_layout(slot->context, camera->rows, camera->cols);
     const hada_spectrum_layout small = hada_surface_layout(slot->context, rows, cols);
     const size_t area = (size_t)rows * (size_t)cols, step = (size_t)camera->channels * full.count;
-    const hada_fft_desc desc = plan_of(rows, cols);
+    const hada_fft_desc desc = hada_fft_whole(HADA_FFT_INVERSE, rows, cols, 1);
     hada_buffer prefilter = {0}, spectrum = {0}, image = {0};
     hada_fft *plan = NULL;
     float *coefficients = NULL;

@@ -66,21 +66,6 @@ static double place(const hada_image *psf, const hada_model_info *info, hada_tur
     return square * (scale * scale);
 }
 
-/* W from H: matched conj(H) / |H(0)|^2, which keeps the mean brightness; Wiener conj(H) / (|H|^2 + lambda mean|H|^2).
- */
-static void make_filter(const float *otf, size_t plane, hada_form form, double lambda, double mean_square,
-                        float *filter)
-{
-    const double centre = (double)otf[0] * otf[0] + (double)otf[1] * otf[1];
-    for (size_t i = 0; i < plane; i++) {
-        const double re = otf[2 * i], im = otf[2 * i + 1];
-        const double under = form == HADA_FORM_MATCHED ? centre : re * re + im * im + lambda * mean_square;
-        const double gain = under > 0.0 ? 1.0 / under : 0.0;
-        filter[2 * i] = (float)(re * gain);
-        filter[2 * i + 1] = (float)(-im * gain);
-    }
-}
-
 /* A channel at a time: the arrays on grids are what a large PSF costs. */
 typedef struct psf_work {
     hada_slot *slot;
@@ -399,8 +384,8 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
     HADA_TRY_OR_DONE(transform_all(*out, context, &now, square, err));
     /* the device's memory is given back by now: the filters are as large */
     for (size_t i = 0; i < images; i++)
-        make_filter((*out)->otf + i * plane * 2, plane, info.form, info.lambda, square[i],
-                    (*out)->filter + i * plane * 2);
+        hada_model_make_filter((*out)->otf + i * plane * 2, plane, info.form, info.lambda * square[i],
+                               (*out)->filter + i * plane * 2);
 done:
     free(square);
     free_making(&now, depths);

@@ -439,7 +439,7 @@ hada_fft_backend hada_fft_choose(const hada_context *context, int rows, int cols
     hada_fft_backend backend;
     char shape[32];
     snprintf(shape, sizeof shape, "%dx%d", rows, cols);
-    const hada_tuning_row *tuned = hada_tuning_find(context, "fft", shape);
+    const hada_tuning_row *tuned = hada_tuning_find(context, shape);
     if (tuned) {
         backend = strcmp(tuned->choice, "clfft") ? HADA_FFT_OWN : HADA_FFT_CLFFT;
     } else {

@@ -173,7 +173,7 @@ hada_status hada_tune_save(const hada_context *context, const char *path, const 
         words[i] = shapes + i * SHAPE;
         words[count + i] = hada_enum_name(HADA_ENUM_TUNE_BACKEND, (int)rows[i].chosen);
     }
-    HADA_TRY_OR_DONE(hada_tuning_write(context, path, "fft", words, words + count, count, err));
+    HADA_TRY_OR_DONE(hada_tuning_write(context, path, words, words + count, count, err));
 done:
     HADA_FREE(shapes, words);
     return status;

@@ -138,10 +138,10 @@ static hada_status bring_out(hada_nonnegative *plan, int channels, int last, had
 }
 
 hada_status hada_nonnegative_end(hada_nonnegative *plan, int channels, const hada_nonnegative_data *data,
-                                 const double *trust, cl_mem out, size_t at, hada_error *err)
+                                 const double *trust, cl_mem out, hada_error *err)
 {
     HADA_TRY(bring_out(plan, channels, 1, err));
-    HADA_TRY(blend(plan, channels, data, 1.0, trust, 1, out, at, err));
+    HADA_TRY(blend(plan, channels, data, 1.0, trust, 1, out, 0, err));
     return bring_out(plan, channels, 0, err);
 }
 

@@ -378,10 +378,9 @@ hada_status hada_focus_push(hada_focus *focus, int first, int count, cl_mem plan
     return push(focus, NULL, first, count, planes, offset, err);
 }
 
-hada_status hada_focus_push_list(hada_focus *focus, const int *depths, int count, cl_mem planes, size_t offset,
-                                 hada_error *err)
+hada_status hada_focus_push_list(hada_focus *focus, const int *depths, int count, cl_mem planes, hada_error *err)
 {
-    return push(focus, depths, 0, count, planes, offset, err);
+    return push(focus, depths, 0, count, planes, 0, err);
 }
 
 /* The thresholds from the counts: see hadalens/focus.h. `base`: the level of losing depths. */

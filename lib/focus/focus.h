@@ -31,8 +31,7 @@ hada_status hada_focus_begin(hada_focus *focus, const unsigned char *competing, 
 hada_status hada_focus_push(hada_focus *focus, int first, int count, cl_mem planes, size_t offset, hada_error *err);
 
 /* The same for planes of the depths listed, near to far. */
-hada_status hada_focus_push_list(hada_focus *focus, const int *depths, int count, cl_mem planes, size_t offset,
-                                 hada_error *err);
+hada_status hada_focus_push_list(hada_focus *focus, const int *depths, int count, cl_mem planes, hada_error *err);
 
 /* Writes channels x rows x cols floats of the all-in-focus image and rows x cols floats of the distance map at the
  * given offsets (in floats). Waits for the queue, since the thresholds are taken from what was pushed. `light`: where

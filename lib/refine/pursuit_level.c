@@ -200,15 +200,14 @@ hada_status hada_level_set_prior(hada_pursuit_level *l, cl_mem prior, hada_error
     return crop_images(l, &how, prior, 0, l->shape.channels, &l->prior, 0, err);
 }
 
-hada_status hada_level_set_power(hada_pursuit_level *l, int first, int count, cl_mem power, size_t offset,
-                                 hada_error *err)
+hada_status hada_level_set_power(hada_pursuit_level *l, int depth, cl_mem power, hada_error *err)
 {
     const double ratio = area_ratio(&l->layout, &l->full);
     crop how = of_camera(l, 1, 2.0);
     how.factor = how.channels * ratio * ratio;
     how.invert = 1;
     l->has_variance = 1;
-    return crop_images(l, &how, power, offset, count * l->shape.channels, &l->variance, first * l->shape.channels, err);
+    return crop_images(l, &how, power, 0, l->shape.channels, &l->variance, depth * l->shape.channels, err);
 }
 
 /* Padded: `sets` spectra [set][channel] within the frame, at the frequencies of the evidence; where sums are taken on
@@ -269,10 +268,9 @@ static void band_of(const hada_pursuit_level *l, int *rows, int *cols)
     *cols = hada_rect_grid_size(l->options->shape.grid_cols, l->spec.evidence);
 }
 
-void hada_level_set_frame(hada_pursuit_level *l, cl_mem spectrum, size_t offset)
+void hada_level_set_frame(hada_pursuit_level *l, cl_mem spectrum)
 {
     l->whole = spectrum;
-    l->whole_offset = offset;
     l->loaded = l->measured = 0;
 }
 
@@ -283,7 +281,7 @@ static hada_status load_frame(hada_pursuit_level *l, hada_error *err)
     if (l->loaded)
         return HADA_OK;
     how.factor = area_ratio(&l->layout, &l->full);
-    HADA_TRY(crop_images(l, &how, l->whole, l->whole_offset, l->shape.channels, &l->spectrum, 0, err));
+    HADA_TRY(crop_images(l, &how, l->whole, 0, l->shape.channels, &l->spectrum, 0, err));
     if (l->frame_inverse)
         HADA_TRY(hada_fft_inverse(l->frame_inverse, l->shape.channels, l->spectrum.mem, 0, l->frame.mem, 0, NULL, err));
     l->loaded = 1;

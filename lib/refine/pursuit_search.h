@@ -36,7 +36,6 @@ typedef struct hada_pursuit_level {
     int has_prior, has_variance;
     /* the frame in hand: its spectrum, whether it was brought to this grid, its energy there where it was measured */
     cl_mem whole;
-    size_t whole_offset;
     int loaded, measured;
     double energy;
 } hada_pursuit_level;
@@ -50,12 +49,11 @@ void hada_level_destroy(hada_pursuit_level *level); /* the slot's queue must be 
 hada_status hada_level_set_otf(hada_pursuit_level *level, int first, int count, cl_mem otf, size_t offset,
                                hada_error *err);
 hada_status hada_level_set_prior(hada_pursuit_level *level, cl_mem prior, hada_error *err);
-hada_status hada_level_set_power(hada_pursuit_level *level, int first, int count, cl_mem power, size_t offset,
-                                 hada_error *err);
+hada_status hada_level_set_power(hada_pursuit_level *level, int depth, cl_mem power, hada_error *err);
 
 /* The frame in hand from now on, by its spectrum, which must stay as it is meanwhile. It is brought to the grid when
  * something is asked about it. */
-void hada_level_set_frame(hada_pursuit_level *level, cl_mem spectrum, size_t offset);
+void hada_level_set_frame(hada_pursuit_level *level, cl_mem spectrum);
 
 /* The frame's own energy, as hada_level_residuals() measures it. */
 hada_status hada_level_frame_energy(hada_pursuit_level *level, double *energy, hada_error *err);

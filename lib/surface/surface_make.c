@@ -113,7 +113,7 @@ hada_status hada_surface_level_make(hada_surface_level *level, hada_slot *slot, 
     for (int k = 0; k < plan->shape.planes; k++) {
         const double depth = (double)k / plan->steps - plan->before;
         HADA_TRY(hada_between_make(between, 1, &depth, plane->mem, 0, plan->whole ? NULL : &plan->layout, err));
-        HADA_TRY(hada_volume_set_camera(level->volume, k, 1, plane->mem, 0, err));
+        HADA_TRY(hada_volume_set_camera(level->volume, k, 1, plane->mem, err));
     }
     if (plan->whole)
         return HADA_OK;

@@ -128,7 +128,7 @@ static hada_status filter_step_error(hada_filter_step *step, int count, double w
                                      .x = hada_step_mem(images, HADA_STEP_PLANES),
                                      .target = hada_step_mem(images, HADA_STEP_SCENES), .count = values,
                                      .scale = (cl_float)(2.0 * share), .sums = sums));
-    return hada_sum_floats(images->slot, sums, 0, items, (float)share, 0.0f, value, err);
+    return hada_sum_floats(images->slot, sums, items, (float)share, value, err);
 }
 
 hada_status hada_buckets_create(hada_buckets *buckets, const hada_communicator *ranks, hada_parameters *parameters,

@@ -80,7 +80,7 @@ TEST(rows_of_two_processes_all_stay)
             char shape[32];
             snprintf(shape, sizeof shape, "%dx%d", 8 + p, 8 + i);
             const char *const shapes[] = {shape}, *const choices[] = {"own"};
-            if (hada_tuning_write(context, file, "fft", shapes, choices, 1, &error))
+            if (hada_tuning_write(context, file, shapes, choices, 1, &error))
                 _exit(1);
         }
         if (!child[p])

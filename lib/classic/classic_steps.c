@@ -333,7 +333,7 @@ hada_status hada_classic_blur(hada_classic *classic, double width, hada_classic_
                                     .line = {((size_t)classic->plane.pitch + 2 * margin) * sizeof(float)});
 }
 
-hada_status hada_classic_show(hada_classic *classic, hada_classic_part *shown, hada_error *err)
+static hada_status show(hada_classic *classic, hada_classic_part *shown, hada_error *err)
 {
     *shown = classic->sieve > 0.0 ? HADA_CLASSIC_BLURRED : HADA_CLASSIC_PRIMAL;
     return classic->sieve > 0.0
@@ -348,7 +348,7 @@ hada_status hada_classic_crop(hada_classic *classic, hada_error *err)
     const int whole = plane->rows != support->rows || plane->cols != support->cols;
     const hada_range range = hada_range_of((size_t)plane->pitch, 8, (size_t)plane->rows, (size_t)classic->planes);
     hada_classic_part shown;
-    HADA_TRY(hada_classic_show(classic, &shown, err));
+    HADA_TRY(show(classic, &shown, err));
     hada_slot_cost(classic->slot, 12.0 * (double)plane->pixels * classic->planes, 0.0);
     return hada_launch_classic_crop(
         classic->slot, hada_program_classic_frame_of(classic->slot), &range, err, .planes = classic->part[shown].mem,
@@ -374,7 +374,7 @@ hada_status hada_classic_energy(hada_classic *classic, double *energy, hada_erro
     hada_classic_part shown;
     if (!classic->has_frame)
         return spectral_energy(classic, energy, err);
-    HADA_TRY(hada_classic_show(classic, &shown, err));
+    HADA_TRY(show(classic, &shown, err));
     HADA_TRY(hada_classic_predict(classic, shown, err));
     if (classic->shape.components > 1 || classic->sieve > 0.0) /* ratios are 1 between a row's pixels and its pitch */
         HADA_TRY(hada_classic_clear(classic, HADA_CLASSIC_PREDICTION, err));

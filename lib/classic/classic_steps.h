@@ -187,11 +187,9 @@ hada_status hada_classic_step(hada_classic *classic, int first, int number, hada
 enum { HADA_CLASSIC_REACH = 10 };
 hada_status hada_classic_blur(hada_classic *classic, double width, hada_classic_part from, hada_classic_part to,
                               hada_error *err);
-hada_status hada_classic_show(hada_classic *classic, hada_classic_part *shown, hada_error *err);
 
 /* Goes on from PRIMAL, with Gaussians of another width and other weights of the frame's values. */
 hada_status hada_classic_rl_anew(hada_classic *classic, double width, hada_error *err);
-hada_status hada_classic_rl_norm(hada_classic *classic, hada_error *err);
 
 hada_status hada_classic_rl_begin(hada_classic *classic, hada_error *err);
 hada_status hada_classic_rl_step(hada_classic *classic, int number, int wanted, double sums[2], hada_error *err);

@@ -33,7 +33,7 @@ void hada_layout_unpack(const hada_spectrum_layout *layout, const float *blocks,
     reorder(layout, 2 * sizeof *rows, NULL, (char *)rows, (char *)(uintptr_t)blocks);
 }
 
-void hada_layout_pack_half(const hada_spectrum_layout *layout, const uint16_t *rows, uint16_t *blocks)
+static void pack_half(const hada_spectrum_layout *layout, const uint16_t *rows, uint16_t *blocks)
 {
     reorder(layout, 2 * sizeof *rows, (const char *)rows, NULL, (char *)blocks);
 }
@@ -107,14 +107,14 @@ static hada_status pack_filter(const hada_bank *bank, const hada_model *model, i
     if (!model->filter_half) {
         HADA_TRY(check_finite(model, depth, "filter", model->filter + first, plane * 2, err));
         HADA_TRY(hada_filter_to_half(model->filter + first, plane * 2, rows, err));
-        hada_layout_pack_half(&bank->layout, rows, out);
+        pack_half(&bank->layout, rows, out);
         return HADA_OK;
     }
     const uint16_t *half = model->filter_half + first;
     for (size_t i = 0; i < plane * 2; i++)
         if ((half[i] & 0x7c00u) == 0x7c00u)
             HADA_TRY(not_finite(model, depth, "half-precision filter", err));
-    hada_layout_pack_half(&bank->layout, half, out);
+    pack_half(&bank->layout, half, out);
     return HADA_OK;
 }
 

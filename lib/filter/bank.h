@@ -11,7 +11,6 @@
  * The half versions take half on the row-major side, and on the device side with to_half. */
 void hada_layout_pack(const hada_spectrum_layout *layout, const float *rows, float *blocks);
 void hada_layout_unpack(const hada_spectrum_layout *layout, const float *blocks, float *rows);
-void hada_layout_pack_half(const hada_spectrum_layout *layout, const uint16_t *rows, uint16_t *blocks);
 
 /* As hada_layout_unpack, for one real value per frequency. */
 void hada_layout_unpack_real(const hada_spectrum_layout *layout, const float *blocks, float *rows);

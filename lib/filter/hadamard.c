@@ -35,7 +35,7 @@ hada_status hada_image_blend(hada_slot *slot, cl_mem planes, size_t offset, cl_m
 
 enum { GROUP = 128, NUMBERS = 8 /* of a work-item */ };
 
-hada_status hada_upload_make(hada_upload *upload, hada_slot *slot, size_t values, hada_error *err)
+static hada_status upload_make(hada_upload *upload, hada_slot *slot, size_t values, hada_error *err)
 {
     cl_int code;
     *upload = (hada_upload){.slot = slot};
@@ -80,8 +80,11 @@ hada_status hada_upload_unpack(hada_slot *slot, const hada_stored *stored, hada_
                                      .count = count);
 }
 
-hada_status hada_upload_frame(hada_upload *upload, const hada_pixels *frame, hada_buffer *raw, hada_buffer *between,
-                              hada_error *err)
+/* A frame (hada_pixels_uploads()) as planar floats into `raw`, through `between`, a buffer of at least the bytes of the
+ * floats that is free until then. Enqueued: the frame must stay until the slot was waited for. Waits first if the
+ * previous frame may still be on its way from pinned memory. */
+static hada_status upload_frame(hada_upload *upload, const hada_pixels *frame, hada_buffer *raw, hada_buffer *between,
+                                hada_error *err)
 {
     const hada_stored stored = hada_pixels_stored(frame);
     const int ready = hada_pixels_is_image(frame);
@@ -259,7 +262,7 @@ static hada_status take_frame(hada_hadamard *stage, const double *levels, hada_e
 hada_status hada_hadamard_frame(hada_hadamard *stage, const hada_pixels *raw, const double *levels, hada_error *err)
 {
     /* the spectrum of the previous frame is not needed any more */
-    HADA_TRY(hada_upload_frame(&stage->upload, raw, &stage->raw, &stage->spectrum, err));
+    HADA_TRY(upload_frame(&stage->upload, raw, &stage->raw, &stage->spectrum, err));
     return take_frame(stage, levels, err);
 }
 

@@ -17,9 +17,6 @@ typedef struct hada_focus_desc {
 
 typedef struct hada_focus hada_focus;
 
-/* Whether options, sizes and distances are possible; create checks it as well. */
-hada_status hada_focus_check(const hada_focus_desc *desc, hada_error *err);
-
 hada_status hada_focus_create(hada_focus **out, hada_slot *slot, const hada_focus_desc *desc, hada_error *err);
 void hada_focus_destroy(hada_focus **focus);
 

@@ -240,7 +240,8 @@ hada_status hada_model_set_flat(hada_model *model, const hada_image *flat, hada_
     return status;
 }
 
-hada_status hada_model_create_arrays(hada_model *model, int with_statistics, hada_error *err)
+/* Room for the arrays that hada_model_create_head leaves out. */
+static hada_status model_create_arrays(hada_model *model, int with_statistics, hada_error *err)
 {
     const hada_model_info *info = &model->info;
     const size_t plane = hada_model_plane(model), images = (size_t)info->depths * (size_t)info->channels;
@@ -269,7 +270,7 @@ hada_status hada_model_create(hada_model **out, const hada_model_info *info, int
 {
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_model_create_head(out, info, err));
-    HADA_TRY_OR_DONE(hada_model_create_arrays(*out, with_statistics, err));
+    HADA_TRY_OR_DONE(model_create_arrays(*out, with_statistics, err));
 done:
     if (status)
         hada_model_destroy(out);

@@ -78,9 +78,6 @@ hada_status hada_model_create(hada_model **out, const hada_model_info *info, int
 /* As hada_model_create, without the arrays that a file may supply (filter, filter_half, otf, scene_power). */
 hada_status hada_model_create_head(hada_model **out, const hada_model_info *info, hada_error *err);
 
-/* Room for the arrays that hada_model_create_head leaves out. */
-hada_status hada_model_create_arrays(hada_model *model, int with_statistics, hada_error *err);
-
 /* 1: rows and columns of a frame are `downsample` times those of the model's frames, or a few more. */
 static inline int hada_is_of_sensor(const hada_model_info *info, int downsample, int rows, int cols)
 {

@@ -64,7 +64,8 @@ int hada_magnification_steps(const hada_magnification *m, double pixels)
     return steps < 1 ? 1 : steps;
 }
 
-void hada_magnification_zoom(hada_magnification *m, double zoom)
+/* The same for a grid `zoom` times as fine. */
+static void zoom_at(hada_magnification *m, double zoom)
 {
     for (int k = 0; k < m->depths; k++) {
         m->depth[k].row *= zoom;
@@ -442,7 +443,7 @@ hada_status hada_magnification_measure(hada_magnification *out, hada_slot *slot,
     }
     HADA_TRY_OR_DONE(hada_magnification_fit(out, camera->depths, distances, coefficients, rows, cols, err));
     /* rows and columns shrink alike but for a pixel or so of a good size */
-    hada_magnification_zoom(out, (double)camera->cols / cols);
+    zoom_at(out, (double)camera->cols / cols);
 done:
     hada_fft_destroy(&plan);
     hada_buffer_destroy(&image);

@@ -47,9 +47,6 @@ hada_status hada_magnification_fit(hada_magnification *out, int depths, const do
                                    const float *coefficients, int rows, int cols, hada_error *err);
 void hada_magnification_free(hada_magnification *magnification);
 
-/* The same for a grid `zoom` times as fine. */
-void hada_magnification_zoom(hada_magnification *magnification, double zoom);
-
 /* At a depth between two, counted in depths; between them all is linear in 1 / distance, and it goes on so beyond the
  * first and the last. */
 hada_magnified hada_magnification_at(const hada_magnification *magnification, double depth);

@@ -104,8 +104,8 @@ static size_t pixel_bytes(const hada_surface_plan *plan)
            sizeof(float);
 }
 
-hada_status hada_surface_level_make(hada_surface_level *level, hada_slot *slot, const hada_surface_plan *plan,
-                                    hada_between *between, hada_buffer *plane, hada_error *err)
+static hada_status level_make(hada_surface_level *level, hada_slot *slot, const hada_surface_plan *plan,
+                              hada_between *between, hada_buffer *plane, hada_error *err)
 {
     const hada_fft_desc inverse = inverse_of(plan);
     *level = (hada_surface_level){.plan = *plan};
@@ -125,7 +125,7 @@ hada_status hada_surface_level_make(hada_surface_level *level, hada_slot *slot, 
     return HADA_OK;
 }
 
-void hada_surface_level_free(hada_surface_level *level)
+static void level_free(hada_surface_level *level)
 {
     hada_volume_destroy(&level->volume);
     hada_fft_destroy(&level->inverse);
@@ -220,7 +220,7 @@ static hada_status make_levels(hada_surface *s, const hada_surface_plan *plans, 
     HADA_TRY_OR_DONE(hada_between_create(&between, s->slot, &s->camera, magnification, err));
     HADA_TRY_OR_DONE(hada_buffer_create(&plane, s->slot->context, plane_bytes(&s->camera, &s->layout), what, err));
     for (int l = 0; l < s->levels; l++)
-        HADA_TRY_OR_DONE(hada_surface_level_make(&s->level[l], s->slot, &plans[l], between, &plane, err));
+        HADA_TRY_OR_DONE(level_make(&s->level[l], s->slot, &plans[l], between, &plane, err));
 done:
     hada_between_destroy(&between);
     hada_buffer_destroy(&plane);

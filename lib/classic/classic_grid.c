@@ -64,11 +64,9 @@ static void psf_close(psf_reader *reader)
         hada_slot_finish(reader->slot, NULL);
     hada_fft_destroy(&reader->inverse);
     hada_fft_destroy(&reader->forward);
-    hada_buffer_destroy(&reader->image);
-    hada_buffer_destroy(&reader->spectrum);
+    HADA_DESTROY_BUFFERS(&reader->image, &reader->spectrum);
     hada_slot_destroy(&reader->slot);
-    free(reader->psf);
-    free(reader->values);
+    HADA_FREE(reader->psf, reader->values);
     *reader = (psf_reader){0};
 }
 
@@ -321,8 +319,7 @@ hada_status hada_classic_fit_grid(hada_classic_shape *shape, hada_context *conte
     }
 done:
     psf_close(&reader);
-    free(rows.state);
-    free(cols.state);
+    HADA_FREE(rows.state, cols.state);
     return status;
 }
 

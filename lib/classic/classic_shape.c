@@ -164,9 +164,7 @@ static hada_status bound_varying(const hada_model *model, const int *depths, int
             *largest = fmax(*largest, sum * square);
         }
 done:
-    free(share);
-    free(h);
-    free(w);
+    HADA_FREE(share, h, w);
     return status;
 }
 

@@ -40,9 +40,7 @@ static hada_status read_splines(const hada_point_optics *o, hada_slot *slot, con
 done:
     hada_slot_finish(slot, NULL);
     hada_fft_destroy(&inverse);
-    hada_buffer_destroy(&image);
-    hada_buffer_destroy(&spectrum);
-    hada_buffer_destroy(&prefilter);
+    HADA_DESTROY_BUFFERS(&image, &spectrum, &prefilter);
     free(values);
     return status;
 }

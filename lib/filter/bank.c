@@ -151,8 +151,7 @@ static hada_status upload(hada_bank *bank, hada_slot *slot, const hada_model *mo
         HADA_TRY_OR_DONE(hada_buffer_write(&list[z / per_buffer], slot, at, image, image_bytes, err));
     }
 done:
-    free(image);
-    free(rows);
+    HADA_FREE(image, rows);
     return status;
 }
 
@@ -206,10 +205,9 @@ static void free_list(hada_buffer *list, int depths, int per_buffer)
 
 void hada_bank_destroy(hada_bank **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_bank *bank = hada_taken(pointer);
+    if (!bank)
         return;
-    hada_bank *bank = *pointer;
-    *pointer = NULL;
     free_list(bank->filters, bank->depths, bank->filter_depths);
     free_list(bank->otfs, bank->depths, bank->otf_depths);
     free(bank);
@@ -265,7 +263,6 @@ hada_status hada_bank_prior(hada_buffer *out, hada_slot *slot, const hada_model 
     HADA_TRY_OR_DONE(
         hada_buffer_create_from(out, slot, blocks, channels * layout->count * sizeof *blocks, "the prior", err));
 done:
-    free(rows);
-    free(blocks);
+    HADA_FREE(rows, blocks);
     return status;
 }

@@ -79,12 +79,10 @@ done:
 
 void hada_meter_destroy(hada_meter **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_meter *meter = hada_taken(pointer);
+    if (!meter)
         return;
-    hada_meter *meter = *pointer;
-    *pointer = NULL;
-    hada_buffer_destroy(&meter->last);
-    hada_buffer_destroy(&meter->energy);
+    HADA_DESTROY_BUFFERS(&meter->last, &meter->energy);
     free(meter);
 }
 

@@ -154,18 +154,14 @@ done:
 
 void hada_hadamard_destroy(hada_hadamard **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_hadamard *stage = hada_taken(pointer);
+    if (!stage)
         return;
-    hada_hadamard *stage = *pointer;
-    *pointer = NULL;
     hada_slot_finish(stage->slot, NULL);
     hada_fft_destroy(&stage->forward);
     hada_fft_destroy(&stage->inverse);
     hada_upload_free(&stage->upload);
-    hada_buffer_destroy(&stage->raw);
-    hada_buffer_destroy(&stage->dark);
-    hada_buffer_destroy(&stage->spectrum);
-    hada_buffer_destroy(&stage->whole);
+    HADA_DESTROY_BUFFERS(&stage->raw, &stage->dark, &stage->spectrum, &stage->whole);
     free(stage);
 }
 

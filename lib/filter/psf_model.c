@@ -93,8 +93,7 @@ static void work_destroy(psf_work *work)
     if (work->slot)
         hada_slot_finish(work->slot, NULL);
     hada_fft_destroy(&work->fft);
-    hada_buffer_destroy(&work->real);
-    hada_buffer_destroy(&work->spectrum);
+    HADA_DESTROY_BUFFERS(&work->real, &work->spectrum);
     free(work->room);
     hada_image_destroy(&work->clean);
     hada_slot_destroy(&work->slot);

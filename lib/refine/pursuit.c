@@ -139,10 +139,9 @@ done:
 
 void hada_pursuit_destroy(hada_pursuit **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_pursuit *p = hada_taken(pointer);
+    if (!p)
         return;
-    hada_pursuit *p = *pointer;
-    *pointer = NULL;
     hada_slot_finish(p->slot, NULL);
     hada_residuals_free(&p->residuals);
     for (int i = 0; i < p->count; i++)

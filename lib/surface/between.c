@@ -104,10 +104,9 @@ done:
 
 void hada_between_destroy(hada_between **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_between *b = hada_taken(pointer);
+    if (!b)
         return;
-    hada_between *b = *pointer;
-    *pointer = NULL;
     hada_slot_finish(b->slot, NULL);
     hada_fft_destroy(&b->forward);
     hada_fft_destroy(&b->inverse);
@@ -115,9 +114,7 @@ void hada_between_destroy(hada_between **pointer)
                               &b->spectrum,  &b->bases,        &b->weights};
     for (size_t i = 0; i < HADA_COUNT(buffers); i++)
         hada_buffer_destroy(buffers[i]);
-    free(b->host_bases);
-    free(b->host_weights);
-    free(b);
+    HADA_FREE(b->host_bases, b->host_weights, b);
 }
 
 /* Brings a depth's coefficients to their place, unless they are there. */

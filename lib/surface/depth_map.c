@@ -93,8 +93,7 @@ hada_status hada_map_centre(const float *light, int planes, int channels, hada_m
         sum[i] = (float)all[i];
     }
 done:
-    free(weight);
-    free(memory);
+    HADA_FREE(weight, memory);
     return status;
 }
 

@@ -342,8 +342,7 @@ hada_status hada_magnification_fit(hada_magnification *out, int depths, const do
 done:
     for (size_t k = 0; f.bright && k < count; k++)
         free(f.bright[k].point);
-    free(f.bright);
-    free(memory);
+    HADA_FREE(f.bright, memory);
     if (status)
         hada_magnification_free(out);
     return status;
@@ -351,8 +350,7 @@ done:
 
 void hada_magnification_free(hada_magnification *magnification)
 {
-    free(magnification->inverse);
-    free(magnification->depth);
+    HADA_FREE(magnification->inverse, magnification->depth);
     *magnification = (hada_magnification){0};
 }
 
@@ -446,9 +444,7 @@ hada_status hada_magnification_measure(hada_magnification *out, hada_slot *slot,
     zoom_at(out, (double)camera->cols / cols);
 done:
     hada_fft_destroy(&plan);
-    hada_buffer_destroy(&image);
-    hada_buffer_destroy(&spectrum);
-    hada_buffer_destroy(&prefilter);
+    HADA_DESTROY_BUFFERS(&image, &spectrum, &prefilter);
     free(coefficients);
     return status;
 }

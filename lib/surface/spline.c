@@ -205,8 +205,7 @@ hada_status hada_bright_edge(const float *coefficients, int depths, int rows, in
     *edge = r > 1 ? (double)r : 1.0;
     *spread = sum > 0.0 && square > sum ? sqrt(square / sum) : 1.0;
 done:
-    free(image);
-    free(ring);
+    HADA_FREE(image, ring);
     return status;
 }
 

@@ -129,8 +129,7 @@ static void level_free(hada_surface_level *level)
 {
     hada_volume_destroy(&level->volume);
     hada_fft_destroy(&level->inverse);
-    hada_buffer_destroy(&level->spectrum);
-    hada_buffer_destroy(&level->pixels);
+    HADA_DESTROY_BUFFERS(&level->spectrum, &level->pixels);
 }
 
 hada_status hada_surface_level_load(hada_surface_level *level, hada_slot *slot, const hada_spectrum_layout *from,
@@ -280,22 +279,16 @@ done:
 
 void hada_surface_destroy(hada_surface **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_surface *s = hada_taken(pointer);
+    if (!s)
         return;
-    hada_surface *s = *pointer;
-    *pointer = NULL;
     hada_slot_finish(s->slot, NULL);
     for (int l = 0; l < s->levels; l++)
-        hada_surface_level_free(&s->level[l]);
-    hada_buffer_destroy(&s->map);
-    hada_buffer_destroy(&s->texture);
-    hada_buffer_destroy(&s->allowed);
+        level_free(&s->level[l]);
+    HADA_DESTROY_BUFFERS(&s->map, &s->texture, &s->allowed);
     float *floats[] = {s->planes[0], s->planes[1], s->mask,     s->depth[0],   s->depth[1],
                        s->sum,       s->image[0],  s->image[1], s->confidence, s->power};
     for (size_t i = 0; i < HADA_COUNT(floats); i++)
         free(floats[i]);
-    free(s->outside);
-    free(s->light);
-    free(s->shift);
-    free(s);
+    HADA_FREE(s->outside, s->light, s->shift, s);
 }

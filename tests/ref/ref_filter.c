@@ -42,7 +42,6 @@ hada_status hada_ref_hadamard(const hada_ref_grid *grid, const double *spectrum,
                whole + (size_t)(grid->window_row + r) * (size_t)grid->cols + (size_t)grid->window_col,
                (size_t)grid->window_cols * sizeof *window);
 done:
-    free(product);
-    free(whole);
+    HADA_FREE(product, whole);
     return status;
 }

@@ -226,7 +226,6 @@ hada_status hada_ref_net_forward(const hada_net *net, const double *values, int 
     }
     for (int i = 0; blocks && i < net->count; i++)
         free(blocks[i].data);
-    free(blocks);
-    free(sizes);
+    HADA_FREE(blocks, sizes);
     return status;
 }

@@ -89,9 +89,6 @@ hada_status hada_ref_ridge(const double *image, int channels, int rows, int cols
         memcpy(out, now, values * sizeof *out);
     }
 done:
-    free(now);
-    free(before);
-    free(gradient);
-    free(responses);
+    HADA_FREE(now, before, gradient, responses);
     return status;
 }

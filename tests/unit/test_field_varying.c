@@ -223,8 +223,7 @@ static void end(bench *b)
 {
     hada_classic_destroy(&b->classic);
     hada_classic_camera_free(&b->camera);
-    hada_buffer_destroy(&b->otf);
-    hada_buffer_destroy(&b->seen);
+    HADA_DESTROY_BUFFERS(&b->otf, &b->seen);
     hada_slot_destroy(&b->slot);
 }
 
@@ -349,8 +348,7 @@ TEST(bounds_the_gain)
     }
     assert_true(own.largest[0] >= gain * (1.0 - 1e-6) && own.largest[0] < 4.0 * gain);
     hada_classic_camera_free(&own);
-    free(x);
-    free(frame);
+    HADA_FREE(x, frame);
     free_varying(v);
 }
 

@@ -279,8 +279,7 @@ static void expect(const fixture *f, const hada_fit_grid *grid, int c, double tr
     ASSERT_OK(hada_ref_fit_cropped_solve(&fit, otf, left, err));
     for (int i = 0; i < PAIRS; i++)
         free(x[i]);
-    free(b);
-    free(sums);
+    HADA_FREE(b, sums);
 }
 
 static void agrees(fixture *f, int hidden)

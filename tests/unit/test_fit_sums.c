@@ -233,7 +233,7 @@ TEST(depths_may_come_in_any_order)
 {
     fixture *f = *state;
     hada_fit_options options = usual(DEPTHS, HADA_FORM_COMPLEX);
-    hada_fitter *a, *b;
+    SCOPED(hada_fitter) * a, *b;
     SCOPED(hada_model) * one, *two;
     options.alpha = 0.3;
     options.lambda = 1e-4;
@@ -248,8 +248,6 @@ TEST(depths_may_come_in_any_order)
     ASSERT_OK(hada_fitter_finish(a, NULL, &one, err));
     ASSERT_OK(hada_fitter_finish(b, NULL, &two, err));
     assert_memory_equal(one->filter, two->filter, hada_model_plane(one) * 2 * DEPTHS * CHANNELS * sizeof(float));
-    hada_fitter_destroy(&a);
-    hada_fitter_destroy(&b);
 }
 
 TEST(bad_options_are_refused)

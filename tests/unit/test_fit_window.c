@@ -46,9 +46,7 @@ static void reference_free(reference *r)
 {
     for (int i = 0; i < PAIRS; i++)
         free(r->b[i]);
-    free(r->x);
-    free(r->sums);
-    free(r->other);
+    HADA_FREE(r->x, r->sums, r->other);
 }
 
 /* Far beyond the number of rounds that a fit takes, every weight at once must come to the unique minimum. */

@@ -247,8 +247,7 @@ TEST(batches)
     const unsigned char none[DEPTHS] = {0};
     ASSERT_FAILS(hada_focus_begin(focus, none, err), HADA_ERROR_ARGUMENT, "");
     hada_focus_destroy(&focus);
-    hada_buffer_destroy(&stack);
-    hada_buffer_destroy(&results);
+    HADA_DESTROY_BUFFERS(&stack, &results);
     hada_slot_destroy(&slot);
     assert_true(hada_context_bytes(context) == before);
     destroy_planes(planes);

@@ -55,7 +55,8 @@ static void write_grey(const char *path, uint32_t rows, uint32_t cols, unsigned 
                        const char *text, const void *data, size_t bytes)
 {
     const size_t length = text ? strlen(text) + 1 : 0;
-    unsigned char *file = calloc(1, 400 + bytes + length), *at = file;
+    SCOPED_MEMORY unsigned char *file = calloc(1, 400 + bytes + length);
+    unsigned char *at = file;
     memcpy(at, "II*\0", 4);
     at = put(at + 4, 8, 4);
     at = put(at, text ? 10 : 9, 2);
@@ -74,7 +75,6 @@ static void write_grey(const char *path, uint32_t rows, uint32_t cols, unsigned 
     if (text)
         memcpy(file + 200 + bytes, text, length);
     io_write_bytes(path, file, 200 + bytes + length);
-    free(file);
 }
 
 /* One bit a pixel, compressed: 33 KB for a gigabyte of floats. */
@@ -446,8 +446,8 @@ TEST(nets_in_models_run_at_no_size_out_of_proportion)
 TEST(long_lists_of_distances_cost_little)
 {
     enum { LIST = 1000000, SIDE = 300 };
-    double *list = malloc(LIST * sizeof *list);
-    unsigned char *parts = malloc(SIDE * SIDE);
+    SCOPED_MEMORY double *list = malloc(LIST * sizeof *list);
+    SCOPED_MEMORY unsigned char *parts = malloc(SIDE * SIDE);
     SCOPED(hada_image) map;
     hada_error error = {0};
     assert_true(list && parts);
@@ -460,8 +460,6 @@ TEST(long_lists_of_distances_cost_little)
     ASSERT_OK(hada_metric_depth_parts(&map, list, LIST, HADA_AUTO, HADA_AUTO, parts, err));
     assert_cheap(&error, NULL);
     assert_true(parts[0] == HADA_DEPTH_JUMP && parts[SIDE * SIDE - 1] == HADA_DEPTH_JUMP);
-    free(list);
-    free(parts);
 }
 
 /* Many layers, many parameters each: names are compared once. */
@@ -469,7 +467,8 @@ TEST(lists_of_layers_cost_what_they_are_long)
 {
     hada_net *net;
     hada_error err = {0};
-    char *text = malloc(200000), *at = text + sprintf(text, NET, 64, 1);
+    SCOPED_MEMORY char *text = malloc(200000);
+    char *at = text + sprintf(text, NET, 64, 1);
     for (int i = 0; i < 250; i++)
         at += sprintf(at, ",{\"layer\":\"norm\",\"name\":\"n%d\"}", i);
     sprintf(at, "]}");
@@ -484,7 +483,6 @@ TEST(lists_of_layers_cost_what_they_are_long)
     begin();
     assert_int_equal(hada_net_create(&net, text, 1, &err), HADA_ERROR_MODEL);
     assert_cheap(&err, "tensors of parameters");
-    free(text);
 }
 
 TEST(limits_are_words_or_numbers)

@@ -98,7 +98,8 @@ static hada_status read_picture(const char *path, hada_error *err)
 /* `head`, `part` so often that `bytes` are filled, `tail`; %d in a part: its number. */
 static void write_text(const char *head, const char *part, const char *tail, size_t bytes, int framed)
 {
-    char *text = malloc(bytes + 400), *at = text + 8;
+    SCOPED_MEMORY char *text = malloc(bytes + 400);
+    char *at = text + 8;
     at += sprintf(at, "%s", head);
     for (int i = 0; (size_t)(at - text) + strlen(part) + 20 + strlen(tail) < bytes; i++) {
         const char *number = strstr(part, "%d");
@@ -110,7 +111,6 @@ static void write_text(const char *head, const char *part, const char *tail, siz
     for (int i = 0; i < 8; i++)
         text[i] = (char)(length >> 8 * i);
     io_write_bytes(io_path("text"), framed ? text : text + 8, framed ? length + 8 : length);
-    free(text);
 }
 
 static const char *const parts[] = {"[]",           "{}",   "1",         "\"\"",       "null",
@@ -165,7 +165,8 @@ TEST(small_text_files)
         write_text("{\"format\":\"hadalens-camera-1\",\"distances_mm\":[", parts[i], "]}", 1000000, 0);
         expect(parts[i], read_camera, io_path("text"), REFUSED);
     }
-    char *rows = malloc(4 << 20), *at = rows;
+    SCOPED_MEMORY char *rows = malloc(4 << 20);
+    char *at = rows;
     while (at - rows < (4 << 20) - 40)
         at += sprintf(at, "fft cpu %dx%d own\n", 1 + (int)(at - rows) % 999, 1 + (int)(at - rows) / 999);
     io_write_bytes(io_path("text"), rows, (size_t)(at - rows));
@@ -176,7 +177,6 @@ TEST(small_text_files)
     memset(rows, 'a', 4 << 20);
     io_write_bytes(io_path("text"), rows, 4 << 20);
     expect("one word", read_tuning, io_path("text"), REFUSED);
-    free(rows);
 }
 
 /* A picture of zeros, compressed: as large as a file may claim, of numbers as wide as there are. */

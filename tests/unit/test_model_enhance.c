@@ -93,7 +93,8 @@ TEST(the_net_goes_with_files_and_copies)
 
 TEST(nets_that_do_not_fit_are_refused)
 {
-    hada_model *model = make_model(), *with;
+    SCOPED(hada_model) *model = make_model();
+    hada_model *with;
     SCOPED(hada_net) *net = make_net(3);
     ASSERT_FAILS(hada_model_with_enhance(&with, model, net, 0, 0, err), HADA_ERROR_MODEL, "3 channel");
     assert_null(with);

@@ -49,7 +49,8 @@ TEST(files_come_back_bit_for_bit)
     char path[64];
     make_path(path);
     for (int k = 0; k < 4; k++) {
-        hada_model *model = make(k & 1), *back;
+        SCOPED(hada_model) *model = make(k & 1);
+        hada_model *back;
         if (k & 2) {
             hada_model *half;
             ASSERT_OK(hada_model_to_half(&half, model, err));
@@ -90,7 +91,6 @@ TEST(files_come_back_bit_for_bit)
         unlink(second);
         hada_model_destroy(&back);
         assert_null(back);
-        hada_model_destroy(&model);
     }
     unlink(path);
 }
@@ -165,7 +165,8 @@ TEST(damaged_files_are_refused)
     char path[64];
     make_path(path);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        hada_model *model = make(1), *back;
+        SCOPED(hada_model) *model = make(1);
+        hada_model *back;
         hada_error error = {0};
         ASSERT_OK(hada_model_save(model, path, err));
         rewrite(path, cases[i].key, cases[i].value, cases[i].drop, cases[i].cut);
@@ -174,7 +175,6 @@ TEST(damaged_files_are_refused)
             fail_msg("case %zu: status %d (%s), expected %d", i, status, error.message, cases[i].status);
         assert_null(back);
         assert_non_null(strstr(error.message, path)); /* the message names the file */
-        hada_model_destroy(&model);
     }
     hada_model *back, *old = make(1);
     hada_error error;
@@ -241,7 +241,8 @@ TEST(numbers_without_a_picture_are_refused)
     char path[64];
     make_path(path);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        hada_model *model = make(1), *back;
+        SCOPED(hada_model) *model = make(1);
+        hada_model *back;
         hada_error error = {0};
         ASSERT_OK(hada_model_save(model, path, err));
         poison(path, cases[i].name, cases[i].value, cases[i].count);
@@ -249,7 +250,6 @@ TEST(numbers_without_a_picture_are_refused)
             !strstr(error.message, cases[i].word))
             fail_msg("%s %g: %s", cases[i].name, cases[i].value, error.message);
         assert_null(back);
-        hada_model_destroy(&model);
     }
     unlink(path);
 }
@@ -272,14 +272,14 @@ TEST(numbers_do_not_depend_on_the_locale)
     assert_true(back->info.lambda == 1.0 / 3.0);
     setlocale(LC_NUMERIC, "C");
     hada_model_destroy(&back);
-    hada_model_destroy(&model);
     unlink(path);
 }
 
 /* A camera that others have learned: filters and transfer functions go in, and come out as they were. */
 TEST(arrays_make_a_model)
 {
-    hada_model *model = make(0), *made, *half;
+    SCOPED(hada_model) *model = make(0);
+    hada_model *made, *half;
     DEFAULTS(hada_fit_options, sizes);
     sizes.depths = 3;
     sizes.channels = 2;

@@ -185,8 +185,7 @@ TEST(batch_statistics_do_not_cancel)
         assert_true(fabs(saved[3 + c] * sqrt(variance[c]) - 1.0) < 1e-5);
     }
     free(plain);
-    hada_buffer_destroy(&arrays);
-    hada_buffer_destroy(&scratch);
+    HADA_DESTROY_BUFFERS(&arrays, &scratch);
     drop(&x);
     drop(&y);
 }

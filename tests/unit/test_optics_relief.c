@@ -219,7 +219,7 @@ TEST(holes_and_noise)
 TEST(refusals)
 {
     const hada_camera camera = small_camera(HADA_BOUNDARY_CIRCULAR);
-    hada_simulator *simulator = simulator_of(&camera, 0, 0, 0, 0), *given;
+    SCOPED(hada_simulator) *simulator = simulator_of(&camera, 0, 0, 0, 0), *given;
     hada_image map = slanted(100.0, 600.0), scene = drawn(7, 3, HIGH, WIDE), psf[4], raw;
     hada_relief relief[] = {{&scene, &map}, {&scene, NULL}};
     hada_error error;
@@ -252,8 +252,6 @@ TEST(refusals)
     destroy_images(psf, 4);
     hada_image_destroy(&map);
     hada_image_destroy(&scene);
-    hada_simulator_destroy(&given);
-    hada_simulator_destroy(&simulator);
 }
 
 FIXTURE(open_device, close_device)

@@ -211,13 +211,12 @@ TEST(light_comes_from_outside_the_window)
     for (size_t k = 0; k < HADA_COUNT(supports); k++) {
         DEFAULTS(hada_plan_options, options);
         SCOPED(hada_result) result = {0};
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         options.support = supports[k];
         ASSERT_OK(hada_plan_create(&plan, context, b.model, &options, err));
         ASSERT_OK(hada_plan_run(plan, &frame, &result, err));
         error[k] = small_image_distance(result.planes[0].data, b.scene.data, hada_image_count(&b.scene));
         left[k] = result.report->residual;
-        hada_plan_destroy(&plan);
     }
     if (error[0] > 0.8 * error[1] || left[0] > 0.8 * left[1])
         fail_msg("errors with the grid and the window: %.3g, %.3g; unexplained %.3g, %.3g", error[0], error[1], left[0],
@@ -233,11 +232,10 @@ TEST(found_weights_settle)
     hada_result results[2] = {{0}};
     for (int k = 0; k < 2; k++) {
         DEFAULTS(hada_plan_options, options);
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         options.refine = k ? 100 : -1;
         ASSERT_OK(hada_plan_create(&plan, context, b.model, &options, err));
         ASSERT_OK(hada_plan_run(plan, &frame, &results[k], err));
-        hada_plan_destroy(&plan);
     }
     const double apart = small_image_distance(results[0].planes[0].data, results[1].planes[0].data,
                                               hada_image_count(&results[0].planes[0]));

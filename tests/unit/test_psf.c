@@ -233,9 +233,7 @@ TEST(magnified_images_are_those_of_the_reference)
         square += pow(got.data[i] - right, 2);
         energy += right * right;
     }
-    free(image);
-    free(out);
-    free(spectrum);
+    HADA_FREE(image, out, spectrum);
     assert_true(sqrt(square / energy) < 0.01);
 }
 

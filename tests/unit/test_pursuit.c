@@ -30,8 +30,7 @@ static void tear_down(fixture *f)
     hada_pursuit_destroy(&f->pursuit);
     tiny_release(&f->device);
     tiny_free(&f->camera);
-    free(f->scenes);
-    free(f->image);
+    HADA_FREE(f->scenes, f->image);
 }
 
 static double *clear(fixture *f)

@@ -58,8 +58,7 @@ static int tear_down(void **state)
     tiny_release(&f->device);
     tiny_free(&f->world);
     tiny_free(&f->camera);
-    free(f->scenes);
-    free(f->images);
+    HADA_FREE(f->scenes, f->images);
     return 0;
 }
 

@@ -11,7 +11,8 @@ static void run(const learned_camera *learned, const hada_plan_options *options,
 TEST(a_slanted_plane_occupies_every_depth)
 {
     const learned_camera *learned = *state;
-    hada_image scene = learned_scene(learned, 31), parts[LEARNED_DEPTHS];
+    SCOPED(hada_image) scene = learned_scene(learned, 31);
+    hada_image parts[LEARNED_DEPTHS];
     hada_plane planes[LEARNED_DEPTHS];
     const int rows = scene.rows, cols = scene.cols;
     SCOPED_MEMORY int *labels = malloc((size_t)rows * (size_t)cols * sizeof *labels);
@@ -41,7 +42,6 @@ TEST(a_slanted_plane_occupies_every_depth)
     assert_true((double)right >= 0.85 * (double)seen);
     assert_true(learned_psnr(&result.all_in_focus, &scene) > 20);
     destroy_images(parts, LEARNED_DEPTHS);
-    hada_image_destroy(&scene);
 }
 
 /* An object between two depths of the model, which knows no such response, shows at its neighbours: most of its light

@@ -170,24 +170,14 @@ static double ghost_of(const hada_result *result, const hada_image *before, cons
 TEST(what_moves_leaves_no_ghost)
 {
     const fixture *f = *state;
-    for (int kind = 0; kind < 2; kind++) {
-        const hada_model *model = kind ? f->padded : f->circular;
-        SCOPED(hada_plan) *cold = plan_of(f, model, 0, 1), *warm = plan_of(f, model, 1, 1);
-        double ghosts[2] = {0.0, 0.0}, errors[2] = {0.0, 0.0};
+    for (int padded = 0; padded < 2; padded++) {
+        contest c = contest_of(f, padded, 1);
+        double ghost = 0.0;
         for (int t = 0; t < FRAMES; t++) {
             SCOPED(hada_image) before = scene_of(5, 2 + 4 * (t ? t - 1 : 0)), scene = scene_of(5, 2 + 4 * t);
-            SCOPED(hada_image) frame = frame_of(f, model, &scene, 0, t);
-            SCOPED(hada_result) anew = {0}, on = {0};
-            ASSERT_OK(hada_plan_run(cold, &frame, &anew, err));
-            ASSERT_OK(hada_plan_run(warm, &frame, &on, err));
-            if (!t)
-                continue;
-            assert_int_equal(on.report->warm_started, 1);
-            assert_true(on.report->refine_steps < STEPS);
-            ghosts[0] += ghost_of(&anew, &before, &scene) / (FRAMES - 1);
-            ghosts[1] += ghost_of(&on, &before, &scene) / (FRAMES - 1);
-            errors[0] += error_of(&anew, 0, &scene);
-            errors[1] += error_of(&on, 0, &scene);
+            SCOPED(hada_image) frame = frame_of(f, padded ? f->padded : f->circular, &scene, 0, t);
+            assert_true(go_on(&c, &frame, (const hada_image *[]){&scene}, 1, !t) < STEPS);
+            ghost += t ? ghost_of(&c.on, &before, &scene) / (FRAMES - 1) : 0.0;
         }
         assert_true(fabs(ghosts[1]) < 0.01); /* of what was there */
         assert_true(errors[1] < 1.05 * errors[0]);
@@ -214,22 +204,12 @@ TEST(a_drift_is_followed)
 {
     enum { FOLLOWING_STEPS = 5 };
     const fixture *f = *state;
-    for (int kind = 0; kind < 2; kind++) {
-        const hada_model *model = kind ? f->padded : f->circular;
-        SCOPED(hada_plan) *cold = plan_of(f, model, 0, 1), *warm = plan_of(f, model, 1, 1);
-        double errors[2] = {0.0, 0.0};
+    for (int padded = 0; padded < 2; padded++) {
+        contest c = contest_of(f, padded, 1);
         for (int t = 0; t < FRAMES; t++) {
             SCOPED(hada_image) scene = smooth_scene(0.2 * t, 0.3 * t);
-            SCOPED(hada_image) frame = frame_of(f, model, &scene, 0, t);
-            SCOPED(hada_result) anew = {0}, on = {0};
-            ASSERT_OK(hada_plan_run(cold, &frame, &anew, err));
-            ASSERT_OK(hada_plan_run(warm, &frame, &on, err));
-            if (!t)
-                continue;
-            assert_int_equal(on.report->warm_started, 1);
-            assert_true(on.report->refine_steps <= FOLLOWING_STEPS);
-            errors[0] += error_of(&anew, 0, &scene);
-            errors[1] += error_of(&on, 0, &scene);
+            SCOPED(hada_image) frame = frame_of(f, padded ? f->padded : f->circular, &scene, 0, t);
+            assert_true(go_on(&c, &frame, (const hada_image *[]){&scene}, 1, !t) <= FOLLOWING_STEPS);
         }
         assert_true(errors[1] < 1.05 * errors[0]);
     }
@@ -243,12 +223,9 @@ TEST(a_drift_of_several_depths_is_followed)
     for (int kind = 0; kind < 4; kind++) {
         const int padded = kind % 2, stays = kind / 2;
         const hada_model *model = padded ? f->padded : f->circular;
-        SCOPED(hada_plan) *cold = plan_of(f, model, 0, DEPTHS), *warm = plan_of(f, model, 1, DEPTHS);
-        double errors[2] = {0.0, 0.0};
-        int followed = 0;
+        contest c = contest_of(f, padded, DEPTHS);
         for (int t = 0; t < FRAMES; t++) {
             SCOPED(hada_image) near = smooth_scene(0.3 * t, 0.5 * t), far = smooth_scene(0.3 * t, 0.5 * t);
-            SCOPED(hada_result) anew = {0}, on = {0};
             for (size_t i = 0; i < hada_image_count(&near); i++)
                 (((int)i % WINDOW < WINDOW / 2 - (stays ? 0 : t / 2)) ? far : near).data[i] = 0.0f;
             SCOPED(hada_image) frame = frame_of(f, model, &near, 0, t), other = frame_of(f, model, &far, 1, t + 50);

@@ -106,8 +106,7 @@ TEST(the_reference_is_the_difference)
                 floats[k] = (float)gradient[k];
             train_difference(&c, c.filters[z], floats, count, 0);
         }
-        free(gradient);
-        free(floats);
+        HADA_FREE(gradient, floats);
         train_case_free(&c);
         train_pairs_free(&pairs);
     }

@@ -162,9 +162,7 @@ TEST(the_discriminator_alone)
     for (size_t i = 0;
          i < hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_NET, HADA_CONTENT_GRADIENT); i++)
         assert_true(net[i] == 0.0f);
-    free(first);
-    free(second);
-    free(net);
+    HADA_FREE(first, second, net);
     hada_replica_destroy(&replica);
     run_free(&run);
 }
@@ -239,9 +237,7 @@ TEST(weights_are_of_the_gradient)
         }
         assert_true(size > 0.0 && sqrt(apart / size) < 1e-5);
         check_terms(&weighed, &plain);
-        free(first);
-        free(second);
-        free(sum);
+        HADA_FREE(first, second, sum);
         hada_replica_destroy(&replica);
         run_free(&run);
     }

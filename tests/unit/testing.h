@@ -124,3 +124,31 @@ void unit_run_again(const char *file, const CMUnitTestFunction *tests, size_t co
                     CMFixtureFunction tear_down);
 
 #endif
+/* |a - b| / |b| with b in double precision; |a - b| where b is 0. */
+static inline double relative_error(const float *a, const double *b, size_t count)
+{
+    double error = 0.0, size = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        error += (a[i] - b[i]) * (a[i] - b[i]);
+        size += b[i] * b[i];
+    }
+    return size > 0.0 ? sqrt(error / size) : sqrt(error);
+}
+
+/* The same of two arrays in single precision. */
+static inline double relative_change(const float *a, const float *b, size_t count)
+{
+    SCOPED_MEMORY double *exact = doubles(b, count);
+    return relative_error(a, exact, count);
+}
+
+/* A path below a folder; a few may be in use at once. */
+static inline const char *path_below(const char *folder, const char *name)
+{
+    static char paths[4][600];
+    static int next;
+    char *path = paths[next++ % 4];
+    snprintf(path, sizeof paths[0], "%s/%s", folder, name);
+    return path;
+}
+

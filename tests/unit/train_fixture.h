@@ -121,8 +121,7 @@ static inline void train_case_free(train_case *c)
 {
     for (int z = 0; z < TRAIN_DEPTHS; z++)
         free(c->filters[z]);
-    free(c->values);
-    free(c->discriminator_values);
+    HADA_FREE(c->values, c->discriminator_values);
 }
 
 /* The linear plane of a sample. */
@@ -177,8 +176,7 @@ static inline double *train_output(const train_case *c)
     hada_ref_resize(&window, net_rows, net_cols, 2, 0, x, in);
     SCOPED_MEMORY double *y = train_run(c->net, c->values, c->count, net_rows, net_cols, in, hada_ref_values(&small));
     hada_ref_resize(&small, rows, cols, 2, 0, y, out);
-    free(x);
-    free(in);
+    HADA_FREE(x, in);
     return out;
 }
 

@@ -133,22 +133,6 @@ static inline void net_case_run(net_device *device, hada_net *net, net_case *c, 
         ASSERT_OK(hada_graph_store(graph, &y, err));
     }
     ASSERT_OK(hada_buffer_read(&out, slot, 0, c->y, c->out_count * sizeof(float), err));
-    hada_graph_destroy(&graph);
-    hada_buffer_destroy(&values);
-    hada_buffer_destroy(&in);
-    hada_buffer_destroy(&out);
-    hada_buffer_destroy(&gradients);
-}
-
-/* |a - b| / |b|, with b in double precision. */
-static inline double net_error(const float *a, const double *b, size_t count)
-{
-    double difference = 0, size = 0;
-    for (size_t i = 0; i < count; i++) {
-        difference += ((double)a[i] - b[i]) * ((double)a[i] - b[i]);
-        size += b[i] * b[i];
-    }
-    return sqrt(difference / (size > 0 ? size : 1));
 }
 
 #endif

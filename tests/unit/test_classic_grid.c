@@ -118,8 +118,8 @@ TEST(becomes_as_small_as_can_be)
             planes_of(&shape, model, small, count * sizeof *small);
             planes_of(&shape, model, again, count * sizeof *again);
             assert_memory_equal(small, again, count * sizeof *small);
-            if (small_image_distance(small, large, count) > 2e-6)
-                fail_msg("case %zu, method %d: %.2g", i, method, small_image_distance(small, large, count));
+            if (relative_change(small, large, count) > 2e-6)
+                fail_msg("case %zu, method %d: %.2g", i, method, relative_change(small, large, count));
         }
         HADA_FREE(small, again, large);
         hada_model_destroy(&model);

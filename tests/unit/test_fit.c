@@ -111,7 +111,7 @@ TEST(filters_agree_with_the_reference)
                 const size_t image = (size_t)(z * CHANNELS + c);
                 reference_others(&r, z, c);
                 hada_ref_fit_filter(reference_sums(&r, z, c), r.other, r.plane, 0.2, 1e-3 * scale, split, expected);
-                const double error = small_distance(model->filter + image * r.plane * 2, expected, r.plane * 2);
+                const double error = relative_error(model->filter + image * r.plane * 2, expected, r.plane * 2);
                 if (!(error < 2e-6))
                     fail_msg("case %d, depth %d, channel %d: relative error %g of the filter", k, z, c, error);
                 hada_ref_fit_transfer(reference_sums(&r, z, c), r.plane, least, expected);
@@ -119,7 +119,7 @@ TEST(filters_agree_with_the_reference)
                                      ((double)model->info.grid_rows * model->info.grid_cols) / (PAIRS - 1);
                 if (options.nonnegative)
                     reference_nonnegative(&r, reference_sums(&r, z, c), least * 1e6, noise / scale, expected);
-                assert_true(small_distance(model->otf + image * r.plane * 2, expected, r.plane * 2) < 2e-6);
+                assert_true(relative_error(model->otf + image * r.plane * 2, expected, r.plane * 2) < 2e-6);
                 assert_true(fabs(model->noise_power[image] / noise - 1.0) < 1e-3);
             }
         if (!(k & 2)) /* with circular convolution the model is exact and the noise is what the frames were given */
@@ -277,7 +277,7 @@ TEST(point_spread_functions_are_nowhere_negative)
         const uint64_t held = hada_context_bytes(f->context);
         ASSERT_OK(hada_fitter_finish(fitter, NULL, &model, err));
         assert_int_equal(hada_context_bytes(f->context), held);
-        error[nonnegative] = small_distance(model->otf, truth, hada_model_plane(model) * 2);
+        error[nonnegative] = relative_error(model->otf, truth, hada_model_plane(model) * 2);
     }
     HADA_FREE(image, truth);
     if (!(error[1] < 0.25 * error[0]))

@@ -241,13 +241,6 @@ TEST(pictures_of_nothing)
     }
 }
 
-static unsigned char *put(unsigned char *to, uint64_t value, int bytes)
-{
-    for (int i = 0; i < bytes; i++)
-        *to++ = (unsigned char)(value >> 8 * i);
-    return to;
-}
-
 /* Strips and tags that a directory of some hundred bytes claims. */
 TEST(directories_that_claim)
 {
@@ -275,10 +268,11 @@ TEST(directories_that_claim)
                                        {278, 4, 1, cases[i].strip},
                                        {279, 4, cases[i].counts, 1000},
                                        {284, 3, 1, cases[i].planar}};
-        at = put(at, cases[i].counts ? 10 : 9, 2);
+        at = io_put(at, cases[i].counts ? 10 : 9, 2);
         for (size_t k = 0; k < 10; k++)
             if (k != 8 || cases[i].counts)
-                at = put(put(put(put(at, entries[k][0], 2), entries[k][1], 2), entries[k][2], 4), entries[k][3], 4);
+                at = io_put(io_put(io_put(io_put(at, entries[k][0], 2), entries[k][1], 2), entries[k][2], 4),
+                            entries[k][3], 4);
         io_write_bytes(io_path("claims.tif"), file, sizeof file);
         expect(cases[i].what, read_picture, io_path("claims.tif"), ANY);
     }

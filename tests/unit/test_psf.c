@@ -24,8 +24,7 @@ static int setup(void **state)
 static int teardown(void **state)
 {
     hada_context *context = *state;
-    assert_int_equal(hada_context_bytes(context), 0);
-    hada_context_destroy(&context);
+    close_context(&context);
     return 0;
 }
 

@@ -115,12 +115,6 @@ TEST(a_constant_frame_stays_finite)
     assert_int_equal(hada_image_count_not_finite(&result.all_in_focus), 0);
 }
 
-static int by_brightness(const void *a, const void *b)
-{
-    const float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 /* A frame with a twentieth of its values saturated: the same depths, planes nearly as good, and nothing of it in the
  * frame that follows. */
 TEST(saturated_values_mislead_nobody)
@@ -139,7 +133,7 @@ TEST(saturated_values_mislead_nobody)
     ASSERT_OK(hada_image_create(&cut, raw.channels, raw.rows, raw.cols, err));
     SCOPED_MEMORY float *sorted = malloc(count * sizeof *sorted);
     memcpy(sorted, raw.data, count * sizeof *sorted);
-    qsort(sorted, count, sizeof *sorted, by_brightness);
+    qsort(sorted, count, sizeof *sorted, ascending_floats);
     for (size_t i = 0; i < count; i++)
         cut.data[i] = fminf(raw.data[i], sorted[count - count / 20]);
     SCOPED(hada_plan) * plan;

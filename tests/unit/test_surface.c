@@ -364,12 +364,6 @@ TEST(test_pieces)
     tear_down(&f);
 }
 
-static int by_brightness(const void *a, const void *b)
-{
-    const float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 /* Weights of pixels: all 1 they leave as much as none; the light of pixels with weight 0, which is wrong, is not
  * fitted; saturated pixels are reached, and what others leave stays what it was. */
 TEST(test_weights)
@@ -405,7 +399,7 @@ TEST(test_weights)
     /* the brightest tenth is cut off where the whole resolution sees it */
     ASSERT_OK(hada_buffer_read(&f.pixels, f.slot, 0, sorted, f.pixels.bytes, err));
     memcpy(pixels, sorted, f.pixels.bytes);
-    qsort(sorted, values, sizeof *sorted, by_brightness);
+    qsort(sorted, values, sizeof *sorted, ascending_floats);
     const float most = sorted[values - values / 10];
     SCOPED_MEMORY float *cut = malloc(f.pixels.bytes);
     for (size_t i = 0; i < values; i++) {

@@ -94,16 +94,6 @@ TEST(fewer_samples_count_alone)
     }
 }
 
-static double distance(const float *a, const float *b, size_t count)
-{
-    double error = 0.0, size = 0.0;
-    for (size_t i = 0; i < count; i++) {
-        error += ((double)a[i] - b[i]) * ((double)a[i] - b[i]);
-        size += (double)b[i] * b[i];
-    }
-    return sqrt(error / size);
-}
-
 /* All at once twice, with less kept, and one by one. */
 TEST(pieces_and_recomputing)
 {
@@ -136,7 +126,7 @@ TEST(pieces_and_recomputing)
     assert_true(bytes[3] < bytes[0]);
     assert_memory_equal(gradients[0], gradients[1], count * sizeof(float));
     assert_memory_equal(gradients[0], gradients[2], count * sizeof(float));
-    assert_true(distance(gradients[3], gradients[0], count) < 1e-5);
+    assert_true(relative_change(gradients[3], gradients[0], count) < 1e-5);
     for (int way = 0; way < 4; way++)
         free(gradients[way]);
 }

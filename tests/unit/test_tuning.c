@@ -7,20 +7,12 @@
 
 static char file[64];
 
-static void write_file(const char *text)
-{
-    FILE *out = fopen(file, "w");
-    assert_non_null(out);
-    fputs(text, out);
-    fclose(out);
-}
-
 static hada_status open_with(const char *text, hada_context **context, hada_error *err)
 {
     DEFAULTS(hada_context_options, options);
     options.tuning = file;
     options.skip_self_test = 1;
-    write_file(text);
+    write_whole_text(file, text);
     return hada_context_create(context, &options, err);
 }
 

@@ -75,6 +75,26 @@ static inline void destroy_images(hada_image *images, int count)
         hada_image_destroy(&images[i]);
 }
 
+/* Two parts of a device or, where it cannot be divided, two contexts on the whole of it. */
+static inline void open_parts(const hada_context *whole, const hada_context_options *common, hada_context *part[2])
+{
+    const hada_device_info *device = hada_context_device(whole);
+    const int divisible = device->max_sub_devices >= 2 && device->compute_units >= 2;
+    hada_context_options options = *common;
+    for (int i = 0; i < 2; i++) {
+        options.part = divisible ? i + 1 : 0;
+        options.parts = divisible ? 2 : 0;
+        ASSERT_OK(hada_context_create(&part[i], &options, err));
+    }
+}
+
+/* Ends a context, which must have all its memory back. */
+static inline void close_context(hada_context **context)
+{
+    assert_int_equal(hada_context_bytes(*context), 0);
+    hada_context_destroy(context);
+}
+
 /* One run of a plan of its own. */
 static inline void plan_once(hada_context *context, const hada_model *model, const hada_plan_options *options,
                              const hada_image *raw, hada_result *result)
@@ -93,6 +113,13 @@ static inline double *doubles(const float *values, size_t count)
     return out;
 }
 
+/* For qsort(): ascending. */
+static inline int ascending_floats(const void *a, const void *b)
+{
+    const float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
 static inline int same_image(const hada_image *a, const hada_image *b)
 {
     return a->channels == b->channels && a->rows == b->rows && a->cols == b->cols &&
@@ -109,21 +136,6 @@ static inline int same_result(const hada_result *a, const hada_result *b)
     return same;
 }
 
-static inline void write_whole_text(const char *path, const char *text)
-{
-    FILE *file = fopen(path, "w");
-    assert_non_null(file);
-    fputs(text, file);
-    fclose(file);
-}
-
-void unit_add_test(const char *file, const char *name, CMUnitTestFunction test);
-void unit_set_fixture(const char *file, CMFixtureFunction set_up, CMFixtureFunction tear_down);
-void unit_set_fixture_of_each(const char *file, CMFixtureFunction set_up, CMFixtureFunction tear_down);
-void unit_run_again(const char *file, const CMUnitTestFunction *tests, size_t count, CMFixtureFunction set_up,
-                    CMFixtureFunction tear_down);
-
-#endif
 /* |a - b| / |b| with b in double precision; |a - b| where b is 0. */
 static inline double relative_error(const float *a, const double *b, size_t count)
 {
@@ -152,3 +164,18 @@ static inline const char *path_below(const char *folder, const char *name)
     return path;
 }
 
+static inline void write_whole_text(const char *path, const char *text)
+{
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
+    fputs(text, file);
+    fclose(file);
+}
+
+void unit_add_test(const char *file, const char *name, CMUnitTestFunction test);
+void unit_set_fixture(const char *file, CMFixtureFunction set_up, CMFixtureFunction tear_down);
+void unit_set_fixture_of_each(const char *file, CMFixtureFunction set_up, CMFixtureFunction tear_down);
+void unit_run_again(const char *file, const CMUnitTestFunction *tests, size_t count, CMFixtureFunction set_up,
+                    CMFixtureFunction tear_down);
+
+#endif

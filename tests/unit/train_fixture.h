@@ -74,10 +74,8 @@ static inline void train_pairs_make(train_pairs *pairs, const hada_model_info *i
 
 static inline void train_pairs_free(train_pairs *pairs)
 {
-    for (int i = 0; i < TRAIN_PAIRS; i++) {
-        hada_image_destroy(&pairs->input[i]);
-        hada_image_destroy(&pairs->scene[i]);
-    }
+    destroy_images(pairs->input, TRAIN_PAIRS);
+    destroy_images(pairs->scene, TRAIN_PAIRS);
 }
 
 static inline hada_train_options train_options(hada_stage stage)

@@ -30,6 +30,12 @@ static inline size_t hada_spectrum_index(const hada_spectrum_layout *layout, int
            (size_t)(kx % layout->block);
 }
 
+/* Bytes of some half spectra. */
+static inline size_t hada_spectra_bytes(const hada_spectrum_layout *layout, int images)
+{
+    return (size_t)images * layout->count * 2 * sizeof(float);
+}
+
 /* The layout as kernels take it. */
 static inline hada_spectrum_shape hada_spectrum_shape_of(const hada_spectrum_layout *layout)
 {

@@ -35,6 +35,7 @@ hada_status hada_image_blend(hada_slot *slot, cl_mem planes, size_t offset, cl_m
 
 enum { GROUP = 128, NUMBERS = 8 /* of a work-item */ };
 
+/* For frames of `values` values. Pinned memory is made where the device has memory of its own. */
 static hada_status upload_make(hada_upload *upload, hada_slot *slot, size_t values, hada_error *err)
 {
     cl_int code;
@@ -101,16 +102,12 @@ static hada_status upload_frame(hada_upload *upload, const hada_pixels *frame, h
 
 enum { CROP_GROUP = 64 };
 
-static hada_fft_desc forward_desc(const hada_model_info *info, const hada_geometry *geometry)
+hada_fft_desc hada_geometry_transform(const hada_model_info *info, const hada_geometry *at,
+                                      hada_fft_direction direction, int window, int depths)
 {
-    return hada_fft_of(HADA_FFT_FORWARD, info->grid_rows, info->grid_cols, info->channels,
-                       (hada_rectangle){geometry->raw_row, geometry->raw_col, info->raw_rows, info->raw_cols});
-}
-
-static hada_fft_desc inverse_desc(const hada_model_info *info, const hada_geometry *geometry, int batch)
-{
-    const hada_rectangle window = {geometry->window_row, geometry->window_col, info->window_rows, info->window_cols};
-    return hada_fft_of(HADA_FFT_INVERSE, info->grid_rows, info->grid_cols, batch * info->channels, window);
+    const hada_rectangle frame = {at->raw_row, at->raw_col, info->raw_rows, info->raw_cols};
+    const hada_rectangle inside = {at->window_row, at->window_col, info->window_rows, info->window_cols};
+    return hada_fft_of(direction, info->grid_rows, info->grid_cols, depths * info->channels, window ? inside : frame);
 }
 
 hada_spectrum_layout hada_hadamard_layout(const hada_context *context, const hada_model_info *info)
@@ -135,8 +132,8 @@ hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, const had
     stage->window_cols = info->window_cols;
     stage->batch = batch;
     HADA_TRY_OR_DONE(hada_geometry_of(info, &stage->geometry, err));
-    const hada_fft_desc forward = forward_desc(info, &stage->geometry);
-    const hada_fft_desc inverse = inverse_desc(info, &stage->geometry, batch);
+    const hada_fft_desc forward = hada_geometry_transform(info, &stage->geometry, HADA_FFT_FORWARD, 0, 1);
+    const hada_fft_desc inverse = hada_geometry_transform(info, &stage->geometry, HADA_FFT_INVERSE, 1, batch);
     HADA_TRY_OR_DONE(hada_fft_create(&stage->forward, slot, &forward, err));
     HADA_TRY_OR_DONE(hada_fft_create(&stage->inverse, slot, &inverse, err));
     stage->layout = *hada_fft_plan_layout(stage->forward);

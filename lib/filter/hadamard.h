@@ -31,10 +31,9 @@ typedef struct hada_upload {
     uint64_t waits; /* of the slot, when the last frame was sent from there; 0: none was */
 } hada_upload;
 
-/* For frames of `values` values. Pinned memory is made where the device has memory of its own. */
 void hada_upload_free(hada_upload *upload); /* the slot's queue is done with it */
 
-/* The second half of this: samples on the device to floats (enqueued). */
+/* The second half of its way: samples on the device to floats (enqueued). */
 hada_status hada_upload_unpack(hada_slot *slot, const hada_stored *stored, hada_bytes between, cl_mem raw,
                                hada_error *err);
 
@@ -67,6 +66,10 @@ typedef struct hada_hadamard {
     hada_upload upload;      /* the way of frames to the device */
     hada_hadamard_part part; /* of the frame in hand; the caller's to set before each call */
 } hada_hadamard;
+
+/* The transform of the frames or windows of a model, all channels of some depths at once. */
+hada_fft_desc hada_geometry_transform(const hada_model_info *info, const hada_geometry *at,
+                                      hada_fft_direction direction, int window, int depths);
 
 /* The layout that banks for this model must have. */
 hada_spectrum_layout hada_hadamard_layout(const hada_context *context, const hada_model_info *info);

@@ -93,11 +93,6 @@ static hada_fft_desc inverse_of(const hada_surface_plan *plan)
                                HADA_FFT_INVERSE);
 }
 
-static size_t spectrum_bytes(const hada_surface_plan *plan)
-{
-    return (size_t)plan->shape.channels * plan->layout.count * 2 * sizeof(float);
-}
-
 static size_t pixel_bytes(const hada_surface_plan *plan)
 {
     return (size_t)plan->shape.channels * (size_t)plan->shape.frame.rows * (size_t)plan->shape.frame.cols *
@@ -117,7 +112,8 @@ static hada_status level_make(hada_surface_level *level, hada_slot *slot, const 
     }
     if (plan->whole)
         return HADA_OK;
-    HADA_TRY(hada_buffer_create(&level->spectrum, slot->context, spectrum_bytes(plan), what, err));
+    HADA_TRY(hada_buffer_create(&level->spectrum, slot->context,
+                                hada_spectra_bytes(&plan->layout, plan->shape.channels), what, err));
     if (plan->shape.boundary != HADA_BOUNDARY_PADDED)
         return HADA_OK;
     HADA_TRY(hada_buffer_create(&level->pixels, slot->context, pixel_bytes(plan), what, err));
@@ -184,11 +180,6 @@ static size_t texture_bytes(const sizes *n)
     return (n->texture + HADA_VARIATION_ROOM) * sizeof(float);
 }
 
-static size_t plane_bytes(const hada_surface_camera *camera, const hada_spectrum_layout *layout)
-{
-    return (size_t)camera->channels * layout->count * 2 * sizeof(float);
-}
-
 static hada_status make_arrays(hada_surface *s, const sizes *n, hada_error *err)
 {
     hada_context *context = s->slot->context;
@@ -217,7 +208,8 @@ static hada_status make_levels(hada_surface *s, const hada_surface_plan *plans, 
     hada_buffer plane = {0};
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_between_create(&between, s->slot, &s->camera, magnification, err));
-    HADA_TRY_OR_DONE(hada_buffer_create(&plane, s->slot->context, plane_bytes(&s->camera, &s->layout), what, err));
+    HADA_TRY_OR_DONE(
+        hada_buffer_create(&plane, s->slot->context, hada_spectra_bytes(&s->layout, s->camera.channels), what, err));
     for (int l = 0; l < s->levels; l++)
         HADA_TRY_OR_DONE(level_make(&s->level[l], s->slot, &plans[l], between, &plane, err));
 done:

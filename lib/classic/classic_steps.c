@@ -333,6 +333,7 @@ hada_status hada_classic_blur(hada_classic *classic, double width, hada_classic_
                                     .line = {((size_t)classic->plane.pitch + 2 * margin) * sizeof(float)});
 }
 
+/* What the planes show: PRIMAL, or BLURRED, which takes G PRIMAL. */
 static hada_status show(hada_classic *classic, hada_classic_part *shown, hada_error *err)
 {
     *shown = classic->sieve > 0.0 ? HADA_CLASSIC_BLURRED : HADA_CLASSIC_PRIMAL;

@@ -4,6 +4,7 @@
 #include "core/clock.h"
 #include "engine/stages.h"
 
+/* The parts are there: made again after hada_pipeline_clear(). */
 static hada_status pipeline_ready(hada_pipeline *pipeline, hada_error *err)
 {
     hada_status status = HADA_OK;

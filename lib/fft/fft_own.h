@@ -39,7 +39,7 @@ typedef struct hada_fft_pass {
 void hada_fft_pass_free(hada_fft_pass *pass);
 
 /* The points of scratch, whether a stage has no butterfly of its own, and the sizes of the tables that
- * hada_fft_pass_make() would give. */
+ * a pass would get. */
 void hada_fft_pass_sizes(int n, int direct, int *points, int *odd, size_t *int_count, size_t *float_count);
 
 /* Transforms by work-groups of lengths that have programs of their own (kernels/fft_sized_*.cl, shared_fft_sizes.h):

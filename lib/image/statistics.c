@@ -70,6 +70,7 @@ double hada_dark_estimate(const float *pixels, size_t count, float *room)
     return hada_select_rank(room, count, dark_rank(count));
 }
 
+/* The dark level of a channel, of whole numbers by counting them. `room` holds dark_room() bytes. */
 static double dark_level(const hada_pixels *pixels, int channel, void *room)
 {
     const size_t plane = (size_t)pixels->rows * (size_t)pixels->cols;

@@ -23,6 +23,8 @@ static const hada_symbol symbols[] = {
 /* Never closed: cairo keeps fonts until the process ends. */
 static hada_library library = {CAIRO_FILE, "no pictures can be drawn", "libcairo2", symbols, HADA_COUNT(symbols), 0};
 
+/* Fails with HADA_ERROR_UNSUPPORTED where cairo is not installed; afterwards the functions are there until the process
+ * ends. Any thread may call, also again. */
 static hada_status cairo_load(hada_error *err)
 {
     return hada_library_load(&library, err);

@@ -44,6 +44,7 @@ static int can_fuse(const hada_context *context, const hada_refine_shape *shape,
     return way_of(context)->columns(context, shape, blocks_of(shape, depths)) > 0;
 }
 
+/* Whether a grid's transforms can be fused at all. */
 static int fused_grid(const hada_context *context, const hada_refine_shape *shape)
 {
     return can_fuse(context, shape, 1);

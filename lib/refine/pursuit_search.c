@@ -35,17 +35,20 @@ enum {
 #define MANY_LEAVE 0.12
 #define ALL_LEAVE  0.55
 
+/* What a set leaves. */
 static hada_status residual_of_set(hada_search *s, hada_fidelity fidelity, const hada_set *set, double *energy,
                                    hada_error *err)
 {
     return hada_residuals_of(s->residuals, fidelity, set, 1, energy, err);
 }
 
+/* What the candidates leave, into s->energy. */
 static hada_status search_evaluate(hada_search *s, hada_fidelity fidelity, hada_error *err)
 {
     return hada_residuals_of(s->residuals, fidelity, s->candidates, s->count, s->energy, err);
 }
 
+/* The candidate that leaves least and was not yet taken; *energy: what it leaves, INFINITY where all are taken. */
 static int search_take_best(hada_search *s, double *energy)
 {
     int best = 0;
@@ -133,6 +136,7 @@ static void moves_ahead(hada_search *s)
         hada_residuals_ahead(s->residuals, HADA_FIDELITY_COARSE, next, moves_of(s, &s->candidates[i], next));
 }
 
+/* All sets with a depth less; how many. */
 static int search_reductions(const hada_set *current, hada_set *less)
 {
     for (int place = 0; place < current->count; place++)
@@ -173,6 +177,7 @@ static hada_status move_once(hada_search *s, hada_set *current, hada_fidelity fi
     return HADA_OK;
 }
 
+/* Local search: moves depths of *current to free neighbours while that leaves less. */
 static hada_status search_move(hada_search *s, hada_set *current, hada_fidelity finest, hada_error *err)
 {
     int moved = 1;
@@ -197,6 +202,8 @@ static hada_status prune(hada_search *s, hada_set *current, hada_error *err)
     return HADA_OK;
 }
 
+/* Lists the sets of one depth more than *current: the first few of those that leave least, evaluated so, and no more
+ * than `most`. */
 static hada_status search_shortlist(hada_search *s, const hada_set *current, hada_fidelity fidelity, double most,
                                     hada_error *err)
 {

@@ -159,12 +159,4 @@ hada_status hada_search_depths(hada_search *s, hada_error *err);
 /* Goes on with the result, where depths may hide that few steps do not tell from others. */
 hada_status hada_search_hidden(hada_search *s, hada_error *err);
 
-/* What a set leaves. */
-/* What the candidates leave, into s->energy. */
-/* The candidate that leaves least and was not yet taken; *energy: what it leaves, INFINITY where all are taken. */
-/* Lists the sets of one depth more than *current: the first few of those that leave least, evaluated so, and no more
- * than `most`. */
-/* All sets with a depth less; how many. */
-/* Local search: moves depths of *current to free neighbours while that leaves less. */
-
 #endif

@@ -2,9 +2,9 @@
 
 #include "shared_net.h"
 
-/* out[i] = shift + scale * the sum of run i of HADA_SUM_RUN floats. The last call of a sum has one run. */
+/* out[i] = scale * the sum of run i of HADA_SUM_RUN floats. The last call of a sum has one run. */
 __kernel void net_sum(__global const float *in, __global float *out, ulong in_offset, ulong out_offset, uint in_count,
-                      float scale, float shift)
+                      float scale)
 {
     const uint run = get_global_id(0), first = run * HADA_SUM_RUN;
     if (first >= in_count)
@@ -19,5 +19,5 @@ __kernel void net_sum(__global const float *in, __global float *out, ulong in_of
     float sum = (a.x + a.z) + (a.y + a.w);
     for (; i < count; i++)
         sum += from[i];
-    out[out_offset + run] = fma(scale, sum, shift);
+    out[out_offset + run] = scale * sum;
 }

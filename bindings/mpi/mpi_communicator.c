@@ -9,8 +9,6 @@
 #include <string.h>
 #include <time.h>
 
-#include "mpi_window.h"
-
 /* Values of a round, and of an exchange so small that every rank adds up the whole. */
 enum { ROUND = 1 << 20, SMALL = 1 << 10 };
 

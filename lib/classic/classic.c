@@ -3,7 +3,6 @@
 #include <stdlib.h>
 
 #include "classic/classic_steps.h"
-#include "core/base.h"
 
 enum { MOST_SUMS = 4, BAND = 4096 /* pixels of a band of rows, about */ };
 
@@ -189,10 +188,9 @@ done:
 
 void hada_classic_destroy(hada_classic **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_classic *classic = hada_taken(pointer);
+    if (!classic)
         return;
-    hada_classic *classic = *pointer;
-    *pointer = NULL;
     hada_slot_finish(classic->slot, NULL);
     hada_fft_destroy(&classic->forward);
     hada_fft_destroy(&classic->inverse);
@@ -201,9 +199,7 @@ void hada_classic_destroy(hada_classic **pointer)
     hada_fft_fused_free(&classic->fused);
     for (int i = 0; i < HADA_CLASSIC_PARTS; i++)
         hada_buffer_destroy(&classic->part[i]);
-    free(classic->sums);
-    free(classic->table);
-    free(classic);
+    HADA_FREE(classic->sums, classic->table, classic);
 }
 
 cl_mem hada_classic_planes(const hada_classic *classic)

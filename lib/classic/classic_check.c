@@ -148,8 +148,6 @@ done:
     classic->shape.components = components;
     hada_slot_finish(classic->slot, NULL);
     hada_buffer_destroy(&t.otf);
-    free(t.values);
-    free(t.planes);
-    free(t.frames);
+    HADA_FREE(t.values, t.planes, t.frames);
     return status;
 }

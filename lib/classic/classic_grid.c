@@ -55,15 +55,7 @@ static void make_positive(float *psf, size_t count)
 
 static hada_fft_desc describe(const psf_reader *reader, hada_fft_direction direction)
 {
-    const int rows = reader->layout.rows, cols = reader->layout.cols;
-    return (hada_fft_desc){.direction = direction,
-                           .rows = rows,
-                           .cols = cols,
-                           .batch = 1,
-                           .real_rows = rows,
-                           .real_cols = cols,
-                           .real_pitch = (size_t)cols,
-                           .real_distance = reader->pixels};
+    return hada_fft_whole(direction, reader->layout.rows, reader->layout.cols, 1);
 }
 
 static void psf_close(psf_reader *reader)
@@ -72,11 +64,9 @@ static void psf_close(psf_reader *reader)
         hada_slot_finish(reader->slot, NULL);
     hada_fft_destroy(&reader->inverse);
     hada_fft_destroy(&reader->forward);
-    hada_buffer_destroy(&reader->image);
-    hada_buffer_destroy(&reader->spectrum);
+    HADA_DESTROY_BUFFERS(&reader->image, &reader->spectrum);
     hada_slot_destroy(&reader->slot);
-    free(reader->psf);
-    free(reader->values);
+    HADA_FREE(reader->psf, reader->values);
     *reader = (psf_reader){0};
 }
 
@@ -329,8 +319,7 @@ hada_status hada_classic_fit_grid(hada_classic_shape *shape, hada_context *conte
     }
 done:
     psf_close(&reader);
-    free(rows.state);
-    free(cols.state);
+    HADA_FREE(rows.state, cols.state);
     return status;
 }
 
@@ -380,14 +369,7 @@ static hada_status transform_all(hada_buffer *out, psf_reader *reader, const had
                                  const int *depths, int count, hada_error *err)
 {
     const size_t pixels = (size_t)shape->grid_rows * (size_t)shape->grid_cols;
-    const hada_fft_desc desc = {.direction = HADA_FFT_FORWARD,
-                                .rows = shape->grid_rows,
-                                .cols = shape->grid_cols,
-                                .batch = 1,
-                                .real_rows = shape->grid_rows,
-                                .real_cols = shape->grid_cols,
-                                .real_pitch = (size_t)shape->grid_cols,
-                                .real_distance = pixels};
+    const hada_fft_desc desc = hada_fft_whole(HADA_FFT_FORWARD, shape->grid_rows, shape->grid_cols, 1);
     hada_fft *forward = NULL;
     hada_buffer image = {0};
     float *psf = NULL;

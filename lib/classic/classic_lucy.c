@@ -39,7 +39,7 @@ static hada_status transpose(hada_classic *classic, hada_classic_part planes, ha
 }
 
 /* The transpose of the sensor's frame, or of the weights of its values. */
-hada_status hada_classic_rl_norm(hada_classic *classic, hada_error *err)
+static hada_status rl_norm(hada_classic *classic, hada_error *err)
 {
     HADA_TRY(fill(classic, HADA_CLASSIC_PREDICTION, 1.0, err));
     if (classic->weighted)
@@ -55,7 +55,7 @@ hada_status hada_classic_rl_norm(hada_classic *classic, hada_error *err)
 hada_status hada_classic_rl_begin(hada_classic *classic, hada_error *err)
 {
     const double flat = classic->job->brightness / sqrt(classic->job->camera->gain);
-    HADA_TRY(hada_classic_rl_norm(classic, err));
+    HADA_TRY(rl_norm(classic, err));
     HADA_TRY(fill(classic, HADA_CLASSIC_EXTRAPOLATED, flat, err));
     return fill(classic, HADA_CLASSIC_PREVIOUS, flat, err);
 }
@@ -77,7 +77,7 @@ hada_status hada_classic_rl_anew(hada_classic *classic, double width, hada_error
     HADA_TRY(copy(classic, HADA_CLASSIC_PRIMAL, HADA_CLASSIC_EXTRAPOLATED, err));
     HADA_TRY(copy(classic, HADA_CLASSIC_PRIMAL, HADA_CLASSIC_PREVIOUS, err));
     HADA_TRY(hada_classic_clear(classic, HADA_CLASSIC_DIRECTION, err));
-    return hada_classic_rl_norm(classic, err);
+    return rl_norm(classic, err);
 }
 
 static hada_status multiplicative_step(hada_classic *classic, hada_error *err)

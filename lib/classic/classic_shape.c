@@ -4,7 +4,6 @@
 
 #include "classic/classic_steps.h"
 #include "core/base.h"
-#include "core/callers.h"
 #include "model/model.h"
 
 static hada_status check_options(const hada_classic_options *o, hada_error *err)
@@ -165,9 +164,7 @@ static hada_status bound_varying(const hada_model *model, const int *depths, int
             *largest = fmax(*largest, sum * square);
         }
 done:
-    free(share);
-    free(h);
-    free(w);
+    HADA_FREE(share, h, w);
     return status;
 }
 

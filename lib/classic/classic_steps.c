@@ -25,42 +25,28 @@ hada_status hada_classic_write_table(hada_classic *classic, hada_error *err)
                              classic->bytes[HADA_CLASSIC_TABLE], err);
 }
 
-/* In calls of the plan's batch. */
-static hada_status transform(hada_classic *classic, hada_fft *plan, int forward, int images, hada_classic_part real,
-                             size_t distance, hada_classic_part spectrum, hada_error *err)
-{
-    const cl_mem image = classic->part[real].mem, spectra = classic->part[spectrum].mem;
-    for (int first = 0; first < images; first += HADA_CLASSIC_BATCH) {
-        const int batch = images - first < HADA_CLASSIC_BATCH ? images - first : HADA_CLASSIC_BATCH;
-        const size_t at = (size_t)first * classic->layout.count, real_at = (size_t)first * distance;
-        HADA_TRY(forward ? hada_fft_forward(plan, batch, image, real_at, spectra, at, err)
-                         : hada_fft_inverse(plan, batch, spectra, at, image, real_at, NULL, err));
-    }
-    return HADA_OK;
-}
-
 hada_status hada_classic_forward(hada_classic *classic, hada_classic_part planes, hada_error *err)
 {
-    return transform(classic, classic->forward, 1, hada_classic_images(classic), planes, classic->plane.pixels,
-                     HADA_CLASSIC_SPECTRA, err);
+    return hada_fft_all(classic->forward, hada_classic_images(classic), classic->part[planes].mem,
+                        classic->part[HADA_CLASSIC_SPECTRA].mem, 0, err);
 }
 
 hada_status hada_classic_inverse(hada_classic *classic, hada_classic_part planes, hada_error *err)
 {
-    return transform(classic, classic->inverse, 0, hada_classic_images(classic), planes, classic->plane.pixels,
-                     HADA_CLASSIC_SPECTRA, err);
+    return hada_fft_all(classic->inverse, hada_classic_images(classic), classic->part[planes].mem,
+                        classic->part[HADA_CLASSIC_SPECTRA].mem, 0, err);
 }
 
 hada_status hada_classic_frame_forward(hada_classic *classic, hada_classic_part spectrum, hada_error *err)
 {
-    return transform(classic, classic->frame_forward, 1, classic->shape.place.channels, HADA_CLASSIC_PREDICTION,
-                     classic->frame.pixels, spectrum, err);
+    return hada_fft_all(classic->frame_forward, classic->shape.place.channels,
+                        classic->part[HADA_CLASSIC_PREDICTION].mem, classic->part[spectrum].mem, 0, err);
 }
 
 hada_status hada_classic_frame_inverse(hada_classic *classic, hada_error *err)
 {
-    return transform(classic, classic->frame_inverse, 0, classic->shape.place.channels, HADA_CLASSIC_PREDICTION,
-                     classic->frame.pixels, HADA_CLASSIC_PROJECTION, err);
+    return hada_fft_all(classic->frame_inverse, classic->shape.place.channels,
+                        classic->part[HADA_CLASSIC_PREDICTION].mem, classic->part[HADA_CLASSIC_PROJECTION].mem, 0, err);
 }
 
 static size_t spectrum_slices(const hada_classic *classic)
@@ -347,7 +333,8 @@ hada_status hada_classic_blur(hada_classic *classic, double width, hada_classic_
                                     .line = {((size_t)classic->plane.pitch + 2 * margin) * sizeof(float)});
 }
 
-hada_status hada_classic_show(hada_classic *classic, hada_classic_part *shown, hada_error *err)
+/* What the planes show: PRIMAL, or BLURRED, which takes G PRIMAL. */
+static hada_status show(hada_classic *classic, hada_classic_part *shown, hada_error *err)
 {
     *shown = classic->sieve > 0.0 ? HADA_CLASSIC_BLURRED : HADA_CLASSIC_PRIMAL;
     return classic->sieve > 0.0
@@ -362,7 +349,7 @@ hada_status hada_classic_crop(hada_classic *classic, hada_error *err)
     const int whole = plane->rows != support->rows || plane->cols != support->cols;
     const hada_range range = hada_range_of((size_t)plane->pitch, 8, (size_t)plane->rows, (size_t)classic->planes);
     hada_classic_part shown;
-    HADA_TRY(hada_classic_show(classic, &shown, err));
+    HADA_TRY(show(classic, &shown, err));
     hada_slot_cost(classic->slot, 12.0 * (double)plane->pixels * classic->planes, 0.0);
     return hada_launch_classic_crop(
         classic->slot, hada_program_classic_frame_of(classic->slot), &range, err, .planes = classic->part[shown].mem,
@@ -388,7 +375,7 @@ hada_status hada_classic_energy(hada_classic *classic, double *energy, hada_erro
     hada_classic_part shown;
     if (!classic->has_frame)
         return spectral_energy(classic, energy, err);
-    HADA_TRY(hada_classic_show(classic, &shown, err));
+    HADA_TRY(show(classic, &shown, err));
     HADA_TRY(hada_classic_predict(classic, shown, err));
     if (classic->shape.components > 1 || classic->sieve > 0.0) /* ratios are 1 between a row's pixels and its pitch */
         HADA_TRY(hada_classic_clear(classic, HADA_CLASSIC_PREDICTION, err));

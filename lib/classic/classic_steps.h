@@ -182,16 +182,13 @@ hada_status hada_classic_ready(hada_classic *classic, const hada_classic_job *jo
 hada_status hada_classic_weigh(hada_classic *classic, cl_mem weights, hada_error *err);
 hada_status hada_classic_step(hada_classic *classic, int first, int number, hada_error *err);
 
-/* Gaussians: BLURRED or another part = G planes. What the planes show: PRIMAL, or BLURRED, which
- * takes G PRIMAL. */
+/* Gaussians: BLURRED or another part = G planes. */
 enum { HADA_CLASSIC_REACH = 10 };
 hada_status hada_classic_blur(hada_classic *classic, double width, hada_classic_part from, hada_classic_part to,
                               hada_error *err);
-hada_status hada_classic_show(hada_classic *classic, hada_classic_part *shown, hada_error *err);
 
 /* Goes on from PRIMAL, with Gaussians of another width and other weights of the frame's values. */
 hada_status hada_classic_rl_anew(hada_classic *classic, double width, hada_error *err);
-hada_status hada_classic_rl_norm(hada_classic *classic, hada_error *err);
 
 hada_status hada_classic_rl_begin(hada_classic *classic, hada_error *err);
 hada_status hada_classic_rl_step(hada_classic *classic, int number, int wanted, double sums[2], hada_error *err);

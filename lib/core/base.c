@@ -199,6 +199,28 @@ hada_status hada_grow(void *place, size_t count, size_t size, const char *what, 
     return HADA_OK;
 }
 
+double hada_product(const float *a, const float *b, size_t count)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < count; i++)
+        sum += (double)a[i] * b[i];
+    return sum;
+}
+
+int hada_ascending(const void *a, const void *b)
+{
+    const double one = *(const double *)a, other = *(const double *)b;
+    return (one > other) - (one < other);
+}
+
+double hada_median(double *values, size_t count)
+{
+    if (!count)
+        return NAN;
+    qsort(values, count, sizeof *values, hada_ascending);
+    return 0.5 * (values[(count - 1) / 2] + values[count / 2]);
+}
+
 char *hada_string_copy(const char *text)
 {
     size_t bytes = strlen(text) + 1;

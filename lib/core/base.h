@@ -126,6 +126,13 @@ static inline double hada_parabola_top(double before, double here, double after)
     return bend < 0.0 ? 0.5 * (before - after) / bend : 0.0;
 }
 
+/* The scalar product of two arrays, in double and in order. */
+double hada_product(const float *a, const float *b, size_t count);
+
+/* For qsort(): doubles, ascending; and the median of some, which are sorted: NaN of none. */
+int hada_ascending(const void *a, const void *b);
+double hada_median(double *values, size_t count);
+
 /* A copy of a string, NULL when memory is short. */
 char *hada_string_copy(const char *text);
 

@@ -1,6 +1,7 @@
 #include "core/clock.h"
 
 #include <math.h>
+#include <signal.h>
 #include <time.h>
 
 double hada_seconds(void)
@@ -8,6 +9,16 @@ double hada_seconds(void)
     struct timespec now;
     clock_gettime(CLOCK_MONOTONIC, &now);
     return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+int hada_thread_start(pthread_t *thread, void *(*run)(void *user), void *user)
+{
+    sigset_t all, before;
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    const int failed = pthread_create(thread, NULL, run, user);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    return !failed;
 }
 
 /* Later than any program runs, and small enough for time_t. */

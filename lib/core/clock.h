@@ -1,4 +1,4 @@
-/* Time, and waiting for other threads with a deadline. Internal. */
+/* Time; threads, and waiting for them with a deadline. Internal. */
 #ifndef HADA_CORE_CLOCK_H
 #define HADA_CORE_CLOCK_H
 
@@ -6,6 +6,9 @@
 
 /* Seconds since some moment in the past; never goes back. */
 double hada_seconds(void);
+
+/* Starts a thread, to which no signal is delivered: those are for the program's own threads. 0: there is none. */
+int hada_thread_start(pthread_t *thread, void *(*run)(void *user), void *user);
 
 /* A condition whose deadlines use the clock of hada_seconds(). */
 void hada_condition_init(pthread_cond_t *condition);

@@ -1,6 +1,5 @@
 /* The defaults of every public struct that carries its size. Those that are not here are all zero. */
 #include <hadalens/hadalens.h>
-#include <hadalens/opencl.h>
 
 #include "core/callers.h"
 

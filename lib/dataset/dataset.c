@@ -4,9 +4,9 @@
 #include <hadalens/response.h>
 #include <hadalens/scene.h>
 #include <hadalens/tiff.h>
-#include <signal.h>
 
 #include "core/callers.h"
+#include "core/clock.h"
 #include "image/correct.h"
 #include "io/folder.h"
 #include "io/text.h"
@@ -244,8 +244,9 @@ static hada_status use_store(hada_dataset *set, const hada_dataset *from, const 
     return HADA_OK;
 }
 
-hada_status hada_dataset_part(hada_dataset **out, const hada_dataset *from, const int *first, const int *counts,
-                              hada_error *err)
+/* A part: of each depth, `counts` pairs from `first` on. */
+static hada_status dataset_part(hada_dataset **out, const hada_dataset *from, const int *first, const int *counts,
+                                hada_error *err)
 {
     hada_dataset *set = NULL;
     hada_status status = HADA_OK;
@@ -296,7 +297,7 @@ hada_status hada_dataset_select(hada_dataset **out, const hada_dataset *from, co
                 view.gain[to] = from->gain[before(from, z) + (size_t)i];
             counts[z]++;
         }
-    HADA_TRY_OR_DONE(hada_dataset_part(out, &view, none, counts, err));
+    HADA_TRY_OR_DONE(dataset_part(out, &view, none, counts, err));
 done:
     HADA_FREE(none, counts, view.number, view.gain);
     return status;
@@ -307,7 +308,7 @@ static hada_status whole_part(hada_dataset **out, const hada_dataset *from, hada
 {
     int *none = NULL;
     HADA_TRY(HADA_NEW(none, (size_t)from->info.depths, "a data set", err));
-    const hada_status status = hada_dataset_part(out, from, none, from->counts, err);
+    const hada_status status = dataset_part(out, from, none, from->counts, err);
     free(none);
     return status;
 }
@@ -377,8 +378,8 @@ hada_status hada_dataset_split(const hada_dataset *dataset, double hold_out, had
     HADA_TRY_OR_DONE(count_held(dataset, hold_out, held, err));
     for (int z = 0; z < depths; z++)
         left[z] = dataset->counts[z] - held[z];
-    HADA_TRY_OR_DONE(hada_dataset_part(learn, dataset, none, left, err));
-    HADA_TRY_OR_DONE(hada_dataset_part(held_out, dataset, left, held, err));
+    HADA_TRY_OR_DONE(dataset_part(learn, dataset, none, left, err));
+    HADA_TRY_OR_DONE(dataset_part(held_out, dataset, left, held, err));
 done:
     if (status)
         hada_dataset_destroy(learn);
@@ -544,17 +545,6 @@ static void *read_ahead(void *user)
     return NULL;
 }
 
-/* Signals are handled by the program's own threads. */
-static int start_thread(hada_pair_store *store)
-{
-    sigset_t all, old;
-    sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &old);
-    const int failed = pthread_create(&store->ahead.thread, NULL, read_ahead, store);
-    pthread_sigmask(SIG_SETMASK, &old, NULL);
-    return !failed;
-}
-
 void hada_pair_expect(const hada_dataset *dataset, int depth, int number)
 {
     hada_pair_store *store = dataset->store;
@@ -563,7 +553,8 @@ void hada_pair_expect(const hada_dataset *dataset, int depth, int number)
     const int wanted = hada_pair_number(dataset, depth, number);
     pthread_mutex_lock(&store->lock);
     if (!store->ahead.running)
-        store->ahead.running = start_thread(store); /* without one, pairs are read when they are taken */
+        /* without one, pairs are read when they are taken */
+        store->ahead.running = hada_thread_start(&store->ahead.thread, read_ahead, store);
     const int busy = store->ahead.state == HADA_AHEAD_READING ||
                      (store->ahead.state != HADA_AHEAD_IDLE && store->ahead.number == wanted);
     if (store->ahead.running && !busy && !store->kept[wanted].raw.data) {

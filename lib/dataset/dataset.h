@@ -6,8 +6,6 @@
 #include <hadalens/folder.h>
 #include <pthread.h>
 
-#include "core/base.h"
-
 typedef struct hada_dataset_depth {
     double distance_mm;
     char *folder;
@@ -103,10 +101,6 @@ void hada_pair_store_release(hada_pair_store **store);
 
 /* A data set of all pairs of a store, whose depths are listed; takes the store over, also where it fails. */
 hada_status hada_dataset_open(hada_dataset **out, hada_pair_store *store, hada_error *err);
-
-/* A part: of each depth, `counts` pairs from `first` on. */
-hada_status hada_dataset_part(hada_dataset **out, const hada_dataset *from, const int *first, const int *counts,
-                              hada_error *err);
 
 /* The pairs for which leave[depth][pair] is 0; of each depth there is one. */
 hada_status hada_dataset_select(hada_dataset **out, const hada_dataset *from, const unsigned char *const *leave,

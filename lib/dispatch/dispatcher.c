@@ -1,5 +1,4 @@
 /* The workers: each pulls the next frame, or helps with one that runs, and hands on what it cannot do. */
-#include <signal.h>
 
 #include "core/clock.h"
 #include "dispatch/plan.h"
@@ -369,20 +368,13 @@ static void *work(void *argument)
 /* A thread for each worker, once. With the lock held. */
 static hada_status start_threads(hada_dispatcher *dispatcher, hada_error *err)
 {
-    sigset_t all, before;
-    int failed = 0;
-    /* signals are for the threads of the program */
-    sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &before);
-    for (int i = 0; !dispatcher->threads && !failed && i < dispatcher->worker_count; i++) {
+    for (int i = 0; !dispatcher->threads && i < dispatcher->worker_count; i++) {
         hada_queue_worker *worker = &dispatcher->workers[i];
         if (!worker->has_thread)
-            failed = pthread_create(&worker->thread, NULL, work, worker);
-        worker->has_thread |= !failed;
+            worker->has_thread = hada_thread_start(&worker->thread, work, worker);
+        if (!worker->has_thread)
+            return hada_fail(err, HADA_ERROR_MEMORY, "the system gives no more threads; use fewer queues");
     }
-    pthread_sigmask(SIG_SETMASK, &before, NULL);
-    if (failed)
-        return hada_fail(err, HADA_ERROR_MEMORY, "the system gives no more threads; use fewer queues");
     dispatcher->threads = 1;
     return HADA_OK;
 }

@@ -1,5 +1,4 @@
 /* The emitters of a frame that a plan reconstructed. */
-#include "core/callers.h"
 #include "dispatch/plan.h"
 #include "emitters/emitters.h"
 #include "image/pixels.h"

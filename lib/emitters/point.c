@@ -20,14 +20,7 @@ static hada_status read_splines(const hada_point_optics *o, hada_slot *slot, con
 {
     const size_t plane = hada_model_plane(model), area = (size_t)o->rows * (size_t)o->cols;
     const hada_spectrum_layout layout = hada_surface_layout(slot->context, o->rows, o->cols);
-    const hada_fft_desc desc = {.direction = HADA_FFT_INVERSE,
-                                .rows = o->rows,
-                                .cols = o->cols,
-                                .batch = 1,
-                                .real_rows = o->rows,
-                                .real_cols = o->cols,
-                                .real_pitch = (size_t)o->cols,
-                                .real_distance = area};
+    const hada_fft_desc desc = hada_fft_whole(HADA_FFT_INVERSE, o->rows, o->cols, 1);
     hada_buffer prefilter = {0}, spectrum = {0}, image = {0};
     hada_fft *inverse = NULL;
     float *values = NULL;
@@ -47,9 +40,7 @@ static hada_status read_splines(const hada_point_optics *o, hada_slot *slot, con
 done:
     hada_slot_finish(slot, NULL);
     hada_fft_destroy(&inverse);
-    hada_buffer_destroy(&image);
-    hada_buffer_destroy(&spectrum);
-    hada_buffer_destroy(&prefilter);
+    HADA_DESTROY_BUFFERS(&image, &spectrum, &prefilter);
     free(values);
     return status;
 }

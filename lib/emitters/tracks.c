@@ -2,7 +2,6 @@
  * frame's emitters are assigned to the predictions together, at the least sum of squared distances in units of what is
  * expected (D. B. Reid, IEEE Trans. Autom. Control 24(6), 843 (1979), with one hypothesis; the assignment of K. Jaqaman
  * et al., Nature Methods 5, 695 (2008)). */
-#include "core/callers.h"
 #include "emitters/assign.h"
 #include "emitters/emitters.h"
 

@@ -1,6 +1,5 @@
 /* The constants of a device: filters, transfer functions, the optics between depths. */
 #include "engine/constants.h"
-#include "filter/hadamard.h"
 
 /* The largest share of a depth's PSF that its two neighbours may leave unexplained for the optics between depths to be
  * known; half way between depths the share is about a quarter (docs/explanation/surfaces.md).
@@ -14,7 +13,7 @@ struct hada_surfaces {
     int made;
 };
 
-hada_status hada_surfaces_create(hada_surfaces **out, hada_error *err)
+static hada_status surfaces_create(hada_surfaces **out, hada_error *err)
 {
     HADA_TRY(HADA_NEW(*out, 1, "a plan", err));
     pthread_mutex_init(&(*out)->lock, NULL);
@@ -194,7 +193,7 @@ hada_status hada_constants_create(hada_constants **out, hada_context *context, c
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(HADA_NEW(constants, 1, "a plan", err));
     constants->context = context;
-    HADA_TRY_OR_DONE(hada_surfaces_create(&constants->surfaces, err));
+    HADA_TRY_OR_DONE(surfaces_create(&constants->surfaces, err));
     HADA_TRY_OR_DONE(create_volumes(&constants->volumes, err));
     HADA_TRY_OR_DONE(hada_slot_create(&slot, context, err));
     HADA_TRY_OR_DONE(hada_bank_create(&constants->bank, slot, model, &layout, setup->depths, config->depths,

@@ -13,7 +13,6 @@
 /* Calls may come from several threads. */
 typedef struct hada_surfaces hada_surfaces;
 
-hada_status hada_surfaces_create(hada_surfaces **out, hada_error *err);
 void hada_surfaces_destroy(hada_surfaces **surfaces); /* what it made must be gone */
 
 /* The camera and the window, as for hada_surface_create(); the depths' distances; device memory that each pipeline has

@@ -3,8 +3,6 @@
 
 #include "core/clock.h"
 #include "core/finite.h"
-#include "image/pixels.h"
-#include "image/statistics.h"
 
 enum { STRETCH = 1024 /* pixels that are compared at a time: most comparisons end with the first */ };
 

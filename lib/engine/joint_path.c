@@ -27,7 +27,7 @@ static void take_found(hada_pipeline *pipeline, knowledge *k)
 static hada_status pursue(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, hada_error *err)
 {
     hada_slot_stage(pipeline->slot, "pursuit");
-    HADA_TRY(hada_pursuit_run(pipeline->pursuit, pipeline->stage->spectrum.mem, 0, &k->found, err));
+    HADA_TRY(hada_pursuit_run(pipeline->pursuit, pipeline->stage->spectrum.mem, &k->found, err));
     take_found(pipeline, k);
     hada_frame_progress(frame, 1 + HADA_WORK_PURSUIT);
     return hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_pursuit, err);
@@ -203,7 +203,7 @@ static hada_status focus(hada_pipeline *pipeline, hada_frame *frame, int count, 
 {
     hada_slot_stage(pipeline->slot, "focus");
     HADA_TRY(hada_focus_begin(pipeline->focus, frame->result->memory->occupied, err));
-    HADA_TRY(hada_focus_push_list(pipeline->focus, pipeline->occupied, count, planes_of(pipeline, frame), 0, err));
+    HADA_TRY(hada_focus_push_list(pipeline->focus, pipeline->occupied, count, planes_of(pipeline, frame), err));
     HADA_TRY(hada_slot_finish(pipeline->slot, err));
     hada_pipeline_residual(pipeline, frame);
     return hada_pipeline_pictures(pipeline, frame, hada_pipeline_noise_light(frame), err);

@@ -2,11 +2,10 @@
 
 #include "engine/pipeline.h"
 #include "core/clock.h"
-#include "engine/frame.h"
 #include "engine/stages.h"
-#include "runtime/profile.h"
 
-hada_status hada_pipeline_ready(hada_pipeline *pipeline, hada_error *err)
+/* The parts are there: made again after hada_pipeline_clear(). */
+static hada_status pipeline_ready(hada_pipeline *pipeline, hada_error *err)
 {
     hada_status status = HADA_OK;
     if (pipeline->slot)
@@ -30,7 +29,7 @@ hada_status hada_pipeline_create(hada_pipeline **out, const hada_setup *setup, c
     HADA_TRY_OR_DONE(HADA_NEW(pipeline->all, (size_t)setup->config.depths + 1, "a plan", err));
     for (int z = 0; z <= setup->config.depths; z++) /* haze may be behind them */
         pipeline->all[z] = z;
-    HADA_TRY_OR_DONE(hada_pipeline_ready(pipeline, err));
+    HADA_TRY_OR_DONE(pipeline_ready(pipeline, err));
 done:
     if (status)
         hada_pipeline_destroy(&pipeline);
@@ -93,7 +92,7 @@ static hada_status all_stages(hada_pipeline *pipeline, hada_frame *frame, hada_e
 static hada_status run(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(hada_pipeline_ready(pipeline, err));
+    HADA_TRY(pipeline_ready(pipeline, err));
     hada_slot_cancel_by(pipeline->slot, &frame->cancelled);
     status = all_stages(pipeline, frame, err);
     if (status)
@@ -126,7 +125,7 @@ hada_status hada_pipeline_run(hada_pipeline *pipeline, hada_frame *frame, hada_e
 hada_status hada_pipeline_help(hada_pipeline *pipeline, hada_frame *frame, int first, int count, hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(hada_pipeline_ready(pipeline, err));
+    HADA_TRY(pipeline_ready(pipeline, err));
     hada_slot_cancel_by(pipeline->slot, &frame->cancelled);
     HADA_TRY_OR_DONE(hada_pipeline_load(pipeline, frame, err));
     HADA_TRY_OR_DONE(hada_pipeline_linear_batch(pipeline, frame, first, count, err));

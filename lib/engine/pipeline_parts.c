@@ -65,7 +65,7 @@ static hada_status set_power(hada_pipeline *pipeline, hada_error *err)
         for (size_t channel = 0; channel < channels; channel++)
             hada_layout_pack_real(layout, scaled, packed + channel * layout->count);
         HADA_TRY_OR_DONE(hada_buffer_write(&buffer, pipeline->slot, 0, packed, buffer.bytes, err));
-        HADA_TRY_OR_DONE(hada_pursuit_set_power(pipeline->pursuit, z, 1, buffer.mem, 0, err));
+        HADA_TRY_OR_DONE(hada_pursuit_set_power(pipeline->pursuit, z, buffer.mem, err));
         HADA_TRY_OR_DONE(hada_slot_finish(pipeline->slot, err));
     }
 done:

@@ -5,12 +5,6 @@
 #include <float.h>
 
 #include "core/callers.h"
-#include "filter/bank.h"
-#include "filter/gains.h"
-#include "filter/hadamard.h"
-#include "image/mosaic.h"
-#include "model/model.h"
-#include "planes/maker.h"
 #include "refine/proximal.h"
 
 enum {
@@ -268,8 +262,9 @@ static hada_status use_classic(const hada_model_info *info, const hada_plan_opti
     return HADA_OK;
 }
 
-hada_status hada_config_of(const hada_model *model, const hada_plan_options *options, hada_config *config,
-                           hada_error *err)
+/* HADA_ERROR_MODEL or HADA_ERROR_ARGUMENT where the model cannot do what is asked. */
+static hada_status config_of(const hada_model *model, const hada_plan_options *options, hada_config *config,
+                             hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(model);
     HADA_TRY(check_options(info, options, err));
@@ -585,13 +580,13 @@ static hada_status bin_one(const hada_image **image, hada_image *own, const hada
 static hada_status begin(hada_setup *setup, hada_context *context, const hada_plan_options *options, hada_error *err)
 {
     const hada_model *model = setup->model;
-    HADA_TRY(hada_config_of(model, options, &setup->config, err));
+    HADA_TRY(config_of(model, options, &setup->config, err));
     if (options->pixel_weights)
         HADA_TRY(copy_weights(setup, options->pixel_weights, err));
     if (options->pixel_weights && !setup->pixel_weights.data) {
         hada_plan_options without = *options;
         without.pixel_weights = NULL;
-        HADA_TRY(hada_config_of(model, &without, &setup->config, err));
+        HADA_TRY(config_of(model, &without, &setup->config, err));
     }
     HADA_TRY(make_lists(setup, options, err));
     if (setup->config.classic)

@@ -50,10 +50,6 @@ typedef struct hada_config {
     hada_classic_shape method; /* of the classic method */
 } hada_config;
 
-/* HADA_ERROR_MODEL or HADA_ERROR_ARGUMENT where the model cannot do what is asked. */
-hada_status hada_config_of(const hada_model *model, const hada_plan_options *options, hada_config *config,
-                           hada_error *err);
-
 /* Values of one plane: channels x window. */
 size_t hada_plane_values(const hada_model_info *info);
 

@@ -53,8 +53,6 @@ hada_status hada_pipeline_room(const hada_pipeline *pipeline, uint64_t *bytes, h
 /* Makes the parts of a pipeline that has a slot; a failure leaves some of them, for hada_pipeline_clear(). */
 hada_status hada_pipeline_make_parts(hada_pipeline *pipeline, hada_error *err);
 
-/* The parts are there: made again after hada_pipeline_clear(). */
-hada_status hada_pipeline_ready(hada_pipeline *pipeline, hada_error *err);
 void hada_pipeline_clear(hada_pipeline *pipeline);
 
 /* Adds the time since the last call to *seconds. Waits for the queue first where that costs next to nothing, on devices

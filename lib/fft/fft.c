@@ -330,6 +330,20 @@ hada_status hada_fft_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_t 
     return plan->engine->inverse(plan, batch, spectrum, spectrum_offset, real, real_offset, &use, err);
 }
 
+hada_status hada_fft_all(hada_fft *plan, int images, cl_mem real, cl_mem spectra, size_t at, hada_error *err)
+{
+    const hada_fft_desc *desc = &plan->desc;
+    for (int first = 0; first < images; first += desc->batch) {
+        const int batch = hada_least(images - first, desc->batch);
+        const size_t spectrum_at = at + (size_t)first * plan->layout.count,
+                     real_at = (size_t)first * desc->real_distance;
+        HADA_TRY(desc->direction == HADA_FFT_FORWARD
+                     ? hada_fft_forward(plan, batch, real, real_at, spectra, spectrum_at, err)
+                     : hada_fft_inverse(plan, batch, spectra, spectrum_at, real, real_at, NULL, err));
+    }
+    return HADA_OK;
+}
+
 /* Which back end serves: a table by device kind and size, overridden by the tuning file. Never a timing. */
 
 typedef struct choice_row {
@@ -425,7 +439,7 @@ hada_fft_backend hada_fft_choose(const hada_context *context, int rows, int cols
     hada_fft_backend backend;
     char shape[32];
     snprintf(shape, sizeof shape, "%dx%d", rows, cols);
-    const hada_tuning_row *tuned = hada_tuning_find(context, "fft", shape);
+    const hada_tuning_row *tuned = hada_tuning_find(context, shape);
     if (tuned) {
         backend = strcmp(tuned->choice, "clfft") ? HADA_FFT_OWN : HADA_FFT_CLFFT;
     } else {

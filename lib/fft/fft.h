@@ -30,6 +30,12 @@ static inline size_t hada_spectrum_index(const hada_spectrum_layout *layout, int
            (size_t)(kx % layout->block);
 }
 
+/* Bytes of some half spectra. */
+static inline size_t hada_spectra_bytes(const hada_spectrum_layout *layout, int images)
+{
+    return (size_t)images * layout->count * 2 * sizeof(float);
+}
+
 /* The layout as kernels take it. */
 static inline hada_spectrum_shape hada_spectrum_shape_of(const hada_spectrum_layout *layout)
 {
@@ -123,5 +129,8 @@ hada_status hada_fft_forward(hada_fft *plan, int batch, cl_mem real, size_t real
                              size_t spectrum_offset, hada_error *err);
 hada_status hada_fft_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_t spectrum_offset, cl_mem real,
                              size_t real_offset, const hada_fft_filter *filter /* or NULL */, hada_error *err);
+
+/* Any number of images, in the plan's direction and in calls of its batch; spectra stand from `at` on. */
+hada_status hada_fft_all(hada_fft *plan, int images, cl_mem real, cl_mem spectra, size_t at, hada_error *err);
 
 #endif

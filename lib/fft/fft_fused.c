@@ -1,6 +1,5 @@
 #include "fft/fft_fused.h"
 
-#include "core/fft_factor.h"
 #include "fft/fft_internal.h"
 #include "kernels/shared_fft_sizes.h"
 
@@ -81,8 +80,7 @@ static hada_status gather_rows(hada_fft_fused *fused, hada_slot *slot, hada_erro
     HADA_TRY(hada_buffer_create(&fused->row_tables, slot->context, at + back->bytes, "the tables of a transform", err));
     HADA_TRY(hada_buffer_copy(slot, there->mem, 0, fused->row_tables.mem, 0, there->bytes, err));
     HADA_TRY(hada_buffer_copy(slot, back->mem, 0, fused->row_tables.mem, at, back->bytes, err));
-    hada_buffer_destroy(there);
-    hada_buffer_destroy(back);
+    HADA_DESTROY_BUFFERS(there, back);
     return HADA_OK;
 }
 

@@ -7,7 +7,6 @@
 #ifndef HADA_FFT_FUSED_H
 #define HADA_FFT_FUSED_H
 
-#include "fft/fft.h"
 #include "fft/fft_own.h"
 #include "kernels/shared_fft.h"
 

@@ -5,8 +5,6 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "core/base.h"
-#include "fft/fft.h"
 #include "kernels/shared_fft.h"
 #include "runtime/buffer.h"
 #include "runtime/context.h"
@@ -38,15 +36,11 @@ typedef struct hada_fft_pass {
     size_t int_count, float_count;
 } hada_fft_pass;
 
-hada_status hada_fft_pass_make(hada_fft_pass *pass, const hada_fft_pass_desc *desc, hada_error *err);
 void hada_fft_pass_free(hada_fft_pass *pass);
 
 /* The points of scratch, whether a stage has no butterfly of its own, and the sizes of the tables that
- * hada_fft_pass_make() would give. */
+ * a pass would get. */
 void hada_fft_pass_sizes(int n, int direct, int *points, int *odd, size_t *int_count, size_t *float_count);
-
-/* exp(-2 pi i k / n), rounded once. */
-void hada_fft_root(long long k, long long n, float *out);
 
 /* Transforms by work-groups of lengths that have programs of their own (kernels/fft_sized_*.cl, shared_fft_sizes.h):
  * whether there is one, and its table. Internal to lib/fft. */
@@ -61,13 +55,6 @@ typedef struct hada_fft_sized {
     int pairs;                    /* rows: pairs of a group */
     size_t local_bytes;
 } hada_fft_sized;
-
-/* Whether a program serves such a pass on this device. */
-int hada_fft_sized_find(hada_fft_sized *sized, const hada_context *context, int n, int columns);
-
-/* Floats of its table; and the table: pairs of twiddle factors, stage by stage in the order of the pass's kind. */
-size_t hada_fft_sized_floats(const hada_fft_sized *sized, hada_fft_pass_kind kind);
-void hada_fft_sized_fill(const hada_fft_sized *sized, hada_fft_pass_kind kind, float *floats);
 
 /* One pass of the library's own transforms on a device: its tables, its scratch and how it is enqueued, in the shape of
  * the context. Internal to lib/fft. */

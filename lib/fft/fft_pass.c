@@ -38,7 +38,8 @@ static double complex root(long long k, long long n)
     return cos(angle) + sin(angle) * I;
 }
 
-void hada_fft_root(long long k, long long n, float *out)
+/* exp(-2 pi i k / n), rounded once. */
+static void hada_fft_root(long long k, long long n, float *out)
 {
     const double complex value = root(k, n);
     out[0] = (float)creal(value);
@@ -187,7 +188,7 @@ static void fill_header(int32_t *ints, const hada_fft_stages *stages, int n)
         ints[FFT_ODD] |= !has_butterfly(stages->radix[s]);
 }
 
-hada_status hada_fft_pass_make(hada_fft_pass *pass, const hada_fft_pass_desc *desc, hada_error *err)
+static hada_status pass_make(hada_fft_pass *pass, const hada_fft_pass_desc *desc, hada_error *err)
 {
     const int n = desc->n;
     hada_fft_stages stages;
@@ -255,7 +256,8 @@ static const size_row *find(const size_row *rows, size_t count, int n)
     return NULL;
 }
 
-int hada_fft_sized_find(hada_fft_sized *sized, const hada_context *context, int n, int columns)
+/* Whether a program serves such a pass on this device. */
+static int sized_find(hada_fft_sized *sized, const hada_context *context, int n, int columns)
 {
     const size_row *row = columns ? find(columns_of, sizeof columns_of / sizeof *columns_of, n)
                                   : find(rows_of, sizeof rows_of / sizeof *rows_of, n);
@@ -290,7 +292,7 @@ static int stages_of(const hada_fft_sized *sized, hada_fft_pass_kind kind, int *
     return count;
 }
 
-size_t hada_fft_sized_floats(const hada_fft_sized *sized, hada_fft_pass_kind kind)
+static size_t sized_floats(const hada_fft_sized *sized, hada_fft_pass_kind kind)
 {
     int radix[HADA_SIZED_STAGES];
     const int count = stages_of(sized, kind, radix);
@@ -300,7 +302,8 @@ size_t hada_fft_sized_floats(const hada_fft_sized *sized, hada_fft_pass_kind kin
     return 4 * pairs;
 }
 
-void hada_fft_sized_fill(const hada_fft_sized *sized, hada_fft_pass_kind kind, float *floats)
+/* Floats of its table; and the table: pairs of twiddle factors, stage by stage in the order of the pass's kind. */
+static void sized_fill(const hada_fft_sized *sized, hada_fft_pass_kind kind, float *floats)
 {
     int radix[HADA_SIZED_STAGES];
     const int count = stages_of(sized, kind, radix);
@@ -366,13 +369,13 @@ static int reads_memory_first(const hada_context *context, int columns)
 /* The table of a length that has a program of its own. */
 static hada_status make_sized(hada_own_pass *pass, hada_slot *slot, hada_fft_pass_kind kind, hada_error *err)
 {
-    const size_t count = hada_fft_sized_floats(&pass->size, kind);
+    const size_t count = sized_floats(&pass->size, kind);
     float *floats = NULL;
     hada_status status = HADA_OK;
     if (slot->context->dry)
         return hada_buffer_create(&pass->table, slot->context, count * sizeof *floats, "a transform's tables", err);
     HADA_TRY_OR_DONE(HADA_NEW(floats, count, "a table of a transform", err));
-    hada_fft_sized_fill(&pass->size, kind, floats);
+    sized_fill(&pass->size, kind, floats);
     HADA_TRY_OR_DONE(
         hada_buffer_create_from(&pass->table, slot, floats, count * sizeof *floats, "a transform's tables", err));
 done:
@@ -382,7 +385,7 @@ done:
 
 hada_status hada_own_pass_make(hada_own_pass *pass, hada_slot *slot, const hada_fft_pass_desc *desc, hada_error *err)
 {
-    pass->sized = hada_fft_sized_find(&pass->size, slot->context, desc->n, desc->kind == HADA_PASS_COLUMNS);
+    pass->sized = sized_find(&pass->size, slot->context, desc->n, desc->kind == HADA_PASS_COLUMNS);
     return pass->sized ? make_sized(pass, slot, desc->kind, err) : hada_own_pass_make_any(pass, slot, desc, err);
 }
 
@@ -391,7 +394,7 @@ static hada_status write_table(hada_buffer *buffer, hada_slot *slot, const hada_
 {
     hada_fft_pass table = {0};
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_fft_pass_make(&table, desc, err));
+    HADA_TRY_OR_DONE(pass_make(&table, desc, err));
     const size_t ints = table.int_count * sizeof *table.ints, floats = table.float_count * sizeof *table.floats;
     HADA_TRY_OR_DONE(hada_buffer_write(buffer, slot, 0, table.ints, ints, err));
     HADA_TRY_OR_DONE(hada_buffer_write(buffer, slot, ints, table.floats, floats, err));

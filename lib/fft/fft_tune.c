@@ -21,18 +21,6 @@ typedef struct contest {
 
 static const hada_fft_backend backends[BACKENDS] = {HADA_FFT_OWN, HADA_FFT_CLFFT};
 
-static int ascending(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-static double median_ms(double *seconds, int count)
-{
-    qsort(seconds, (size_t)count, sizeof *seconds, ascending);
-    return 1e3 * 0.5 * (seconds[(count - 1) / 2] + seconds[count / 2]);
-}
-
 static hada_status run(contest *c, int backend, int direction, hada_error *err)
 {
     hada_fft *plan = c->plan[backend][direction];
@@ -112,8 +100,8 @@ static void conclude(contest *c, int rounds, hada_tune_row *row)
     for (int b = 0; b < BACKENDS; b++) {
         if (!c->plan[b][0])
             continue;
-        times[b]->forward_ms = median_ms(c->seconds[b][0], rounds);
-        times[b]->inverse_ms = median_ms(c->seconds[b][1], rounds);
+        times[b]->forward_ms = 1e3 * hada_median(c->seconds[b][0], (size_t)rounds);
+        times[b]->inverse_ms = 1e3 * hada_median(c->seconds[b][1], (size_t)rounds);
     }
     const double own = row->own.forward_ms + row->own.inverse_ms, other = row->clfft.forward_ms + row->clfft.inverse_ms;
     row->chosen = isnan(own) || other < CLEARLY * own ? HADA_TUNE_CLFFT : HADA_TUNE_OWN;
@@ -185,7 +173,7 @@ hada_status hada_tune_save(const hada_context *context, const char *path, const 
         words[i] = shapes + i * SHAPE;
         words[count + i] = hada_enum_name(HADA_ENUM_TUNE_BACKEND, (int)rows[i].chosen);
     }
-    HADA_TRY_OR_DONE(hada_tuning_write(context, path, "fft", words, words + count, count, err));
+    HADA_TRY_OR_DONE(hada_tuning_write(context, path, words, words + count, count, err));
 done:
     HADA_FREE(shapes, words);
     return status;

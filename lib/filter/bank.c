@@ -4,9 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
-#include "model/model.h"
-
 /* Copies `bytes` per frequency between the two orders. */
 static void reorder(const hada_spectrum_layout *layout, size_t bytes, const char *rows_in, char *rows_out, char *blocks)
 {
@@ -36,7 +33,7 @@ void hada_layout_unpack(const hada_spectrum_layout *layout, const float *blocks,
     reorder(layout, 2 * sizeof *rows, NULL, (char *)rows, (char *)(uintptr_t)blocks);
 }
 
-void hada_layout_pack_half(const hada_spectrum_layout *layout, const uint16_t *rows, uint16_t *blocks)
+static void pack_half(const hada_spectrum_layout *layout, const uint16_t *rows, uint16_t *blocks)
 {
     reorder(layout, 2 * sizeof *rows, (const char *)rows, NULL, (char *)blocks);
 }
@@ -110,14 +107,14 @@ static hada_status pack_filter(const hada_bank *bank, const hada_model *model, i
     if (!model->filter_half) {
         HADA_TRY(check_finite(model, depth, "filter", model->filter + first, plane * 2, err));
         HADA_TRY(hada_filter_to_half(model->filter + first, plane * 2, rows, err));
-        hada_layout_pack_half(&bank->layout, rows, out);
+        pack_half(&bank->layout, rows, out);
         return HADA_OK;
     }
     const uint16_t *half = model->filter_half + first;
     for (size_t i = 0; i < plane * 2; i++)
         if ((half[i] & 0x7c00u) == 0x7c00u)
             HADA_TRY(not_finite(model, depth, "half-precision filter", err));
-    hada_layout_pack_half(&bank->layout, half, out);
+    pack_half(&bank->layout, half, out);
     return HADA_OK;
 }
 
@@ -154,8 +151,7 @@ static hada_status upload(hada_bank *bank, hada_slot *slot, const hada_model *mo
         HADA_TRY_OR_DONE(hada_buffer_write(&list[z / per_buffer], slot, at, image, image_bytes, err));
     }
 done:
-    free(image);
-    free(rows);
+    HADA_FREE(image, rows);
     return status;
 }
 
@@ -209,10 +205,9 @@ static void free_list(hada_buffer *list, int depths, int per_buffer)
 
 void hada_bank_destroy(hada_bank **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_bank *bank = hada_taken(pointer);
+    if (!bank)
         return;
-    hada_bank *bank = *pointer;
-    *pointer = NULL;
     free_list(bank->filters, bank->depths, bank->filter_depths);
     free_list(bank->otfs, bank->depths, bank->otf_depths);
     free(bank);
@@ -268,7 +263,6 @@ hada_status hada_bank_prior(hada_buffer *out, hada_slot *slot, const hada_model 
     HADA_TRY_OR_DONE(
         hada_buffer_create_from(out, slot, blocks, channels * layout->count * sizeof *blocks, "the prior", err));
 done:
-    free(rows);
-    free(blocks);
+    HADA_FREE(rows, blocks);
     return status;
 }

@@ -4,13 +4,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
 #include "filter/bank.h"
-#include "io/safetensors.h"
 #include "launch/filter_tiles.h"
-#include "model/model.h"
 
-hada_tiles hada_tiles_of(const hada_spectrum_layout *layout)
+static hada_tiles tiles_of(const hada_spectrum_layout *layout)
 {
     const int rows = layout->rows / 2, cols = layout->cols / 2;
     hada_tiles tiles = {.layout = *layout, .groups = cols / HADA_TILE_COLS + 1};
@@ -36,13 +33,15 @@ static int last_column(const hada_tiles *tiles, size_t tile)
     return last < tiles->layout.cols / 2 ? last : tiles->layout.cols / 2;
 }
 
-int hada_tiles_inside(const hada_tiles *tiles, size_t tile, int band_rows, int band_cols)
+/* Whether the tile lies wholly within a band. */
+static int tiles_inside(const hada_tiles *tiles, size_t tile, int band_rows, int band_cols)
 {
     const size_t strip = tile / (size_t)tiles->groups;
     return tiles->row_last[strip] <= band_rows && last_column(tiles, tile) <= band_cols;
 }
 
-int hada_tiles_band(const hada_tiles *tiles, size_t tile)
+/* The smallest band that holds the tile wholly. */
+static int tiles_band(const hada_tiles *tiles, size_t tile)
 {
     const int strip = (int)(tile / (size_t)tiles->groups);
     const int by_column = smallest(tiles->col_last, last_column(tiles, tile));
@@ -63,7 +62,7 @@ hada_status hada_meter_create(hada_meter **out, hada_slot *slot, const hada_spec
     hada_meter *meter = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_allocated(meter = hada_alloc(1, sizeof *meter, "the measure of spectra", err)));
-    meter->tiles = hada_tiles_of(layout);
+    meter->tiles = tiles_of(layout);
     meter->slot = slot;
     meter->channels = channels;
     HADA_TRY_OR_DONE(hada_buffer_create_from(&meter->last, slot, meter->tiles.row_last, sizeof meter->tiles.row_last,
@@ -80,12 +79,10 @@ done:
 
 void hada_meter_destroy(hada_meter **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_meter *meter = hada_taken(pointer);
+    if (!meter)
         return;
-    hada_meter *meter = *pointer;
-    *pointer = NULL;
-    hada_buffer_destroy(&meter->last);
-    hada_buffer_destroy(&meter->energy);
+    HADA_DESTROY_BUFFERS(&meter->last, &meter->energy);
     free(meter);
 }
 
@@ -172,7 +169,7 @@ hada_status hada_gains_create(hada_gains **out, const hada_model *model, const h
     double *room = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_allocated(gains = hada_alloc(1, sizeof *gains, "the filters' gains", err)));
-    gains->tiles = hada_tiles_of(layout);
+    gains->tiles = tiles_of(layout);
     gains->channels = model->info.channels;
     HADA_TRY_OR_DONE(hada_allocated(
         gains->gain = hada_alloc(channels * hada_model_plane(model), sizeof(float), "the filters' gains", err)));
@@ -233,7 +230,7 @@ void hada_gains_dropped(const hada_gains *gains, const float *energy, double dro
 {
     double ring[HADA_BANDS] = {0.0}, sum = 0.0;
     for (size_t t = 0; t < hada_tiles_count(&gains->tiles); t++)
-        ring[hada_tiles_band(&gains->tiles, t)] += of_tile(gains, energy, t);
+        ring[tiles_band(&gains->tiles, t)] += of_tile(gains, energy, t);
     for (int i = HADA_BANDS - 1; i >= 0; i--) {
         dropped[i] = to_pixels(gains, sum);
         sum += ring[i];
@@ -244,7 +241,7 @@ double hada_gains_outside(const hada_gains *gains, const float *energy, int band
 {
     double sum = 0.0;
     for (size_t t = 0; t < hada_tiles_count(&gains->tiles); t++)
-        if (!hada_tiles_inside(&gains->tiles, t, band_rows, band_cols))
+        if (!tiles_inside(&gains->tiles, t, band_rows, band_cols))
             sum += of_tile(gains, energy, t);
     return to_pixels(gains, sum);
 }

@@ -21,19 +21,11 @@ typedef struct hada_tiles {
     int row_last[HADA_BANDS], col_last[HADA_BANDS]; /* strip i ends at row_last[i] */
 } hada_tiles;
 
-hada_tiles hada_tiles_of(const hada_spectrum_layout *layout);
-
 /* Tiles of one spectrum: [strip][group]. */
 static inline size_t hada_tiles_count(const hada_tiles *tiles)
 {
     return (size_t)HADA_BANDS * (size_t)tiles->groups;
 }
-
-/* Whether the tile lies wholly within a band. */
-int hada_tiles_inside(const hada_tiles *tiles, size_t tile, int band_rows, int band_cols);
-
-/* The smallest band that holds the tile wholly. */
-int hada_tiles_band(const hada_tiles *tiles, size_t tile);
 
 /* Share of the spectrum's values outside a band, 0 to 1. */
 double hada_tiles_share_outside(const hada_tiles *tiles, int band_rows, int band_cols);

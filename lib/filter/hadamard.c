@@ -3,7 +3,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
 #include "launch/fft_plain.h"
 #include "launch/filter_clip.h"
 #include "launch/filter_dark.h"
@@ -36,7 +35,8 @@ hada_status hada_image_blend(hada_slot *slot, cl_mem planes, size_t offset, cl_m
 
 enum { GROUP = 128, NUMBERS = 8 /* of a work-item */ };
 
-hada_status hada_upload_make(hada_upload *upload, hada_slot *slot, size_t values, hada_error *err)
+/* For frames of `values` values. Pinned memory is made where the device has memory of its own. */
+static hada_status upload_make(hada_upload *upload, hada_slot *slot, size_t values, hada_error *err)
 {
     cl_int code;
     *upload = (hada_upload){.slot = slot};
@@ -81,8 +81,11 @@ hada_status hada_upload_unpack(hada_slot *slot, const hada_stored *stored, hada_
                                      .count = count);
 }
 
-hada_status hada_upload_frame(hada_upload *upload, const hada_pixels *frame, hada_buffer *raw, hada_buffer *between,
-                              hada_error *err)
+/* A frame (hada_pixels_uploads()) as planar floats into `raw`, through `between`, a buffer of at least the bytes of the
+ * floats that is free until then. Enqueued: the frame must stay until the slot was waited for. Waits first if the
+ * previous frame may still be on its way from pinned memory. */
+static hada_status upload_frame(hada_upload *upload, const hada_pixels *frame, hada_buffer *raw, hada_buffer *between,
+                                hada_error *err)
 {
     const hada_stored stored = hada_pixels_stored(frame);
     const int ready = hada_pixels_is_image(frame);
@@ -99,44 +102,12 @@ hada_status hada_upload_frame(hada_upload *upload, const hada_pixels *frame, had
 
 enum { CROP_GROUP = 64 };
 
-static hada_fft_desc forward_desc(const hada_model_info *info, const hada_geometry *geometry)
+hada_fft_desc hada_geometry_transform(const hada_model_info *info, const hada_geometry *at,
+                                      hada_fft_direction direction, int window, int depths)
 {
-    return (hada_fft_desc){.direction = HADA_FFT_FORWARD,
-                           .rows = info->grid_rows,
-                           .cols = info->grid_cols,
-                           .batch = info->channels,
-                           .row0 = geometry->raw_row,
-                           .col0 = geometry->raw_col,
-                           .real_rows = info->raw_rows,
-                           .real_cols = info->raw_cols,
-                           .real_pitch = (size_t)info->raw_cols,
-                           .real_distance = (size_t)info->raw_rows * (size_t)info->raw_cols};
-}
-
-static hada_fft_desc whole_desc(int rows, int cols, int batch)
-{
-    return (hada_fft_desc){.direction = HADA_FFT_INVERSE,
-                           .rows = rows,
-                           .cols = cols,
-                           .batch = batch,
-                           .real_rows = rows,
-                           .real_cols = cols,
-                           .real_pitch = (size_t)cols,
-                           .real_distance = (size_t)rows * (size_t)cols};
-}
-
-static hada_fft_desc inverse_desc(const hada_model_info *info, const hada_geometry *geometry, int batch)
-{
-    return (hada_fft_desc){.direction = HADA_FFT_INVERSE,
-                           .rows = info->grid_rows,
-                           .cols = info->grid_cols,
-                           .batch = batch * info->channels,
-                           .row0 = geometry->window_row,
-                           .col0 = geometry->window_col,
-                           .real_rows = info->window_rows,
-                           .real_cols = info->window_cols,
-                           .real_pitch = (size_t)info->window_cols,
-                           .real_distance = (size_t)info->window_rows * (size_t)info->window_cols};
+    const hada_rectangle frame = {at->raw_row, at->raw_col, info->raw_rows, info->raw_cols};
+    const hada_rectangle inside = {at->window_row, at->window_col, info->window_rows, info->window_cols};
+    return hada_fft_of(direction, info->grid_rows, info->grid_cols, depths * info->channels, window ? inside : frame);
 }
 
 hada_spectrum_layout hada_hadamard_layout(const hada_context *context, const hada_model_info *info)
@@ -161,8 +132,8 @@ hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, const had
     stage->window_cols = info->window_cols;
     stage->batch = batch;
     HADA_TRY_OR_DONE(hada_geometry_of(info, &stage->geometry, err));
-    const hada_fft_desc forward = forward_desc(info, &stage->geometry);
-    const hada_fft_desc inverse = inverse_desc(info, &stage->geometry, batch);
+    const hada_fft_desc forward = hada_geometry_transform(info, &stage->geometry, HADA_FFT_FORWARD, 0, 1);
+    const hada_fft_desc inverse = hada_geometry_transform(info, &stage->geometry, HADA_FFT_INVERSE, 1, batch);
     HADA_TRY_OR_DONE(hada_fft_create(&stage->forward, slot, &forward, err));
     HADA_TRY_OR_DONE(hada_fft_create(&stage->inverse, slot, &inverse, err));
     stage->layout = *hada_fft_plan_layout(stage->forward);
@@ -170,7 +141,7 @@ hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, const had
                                       (size_t)info->channels * forward.real_distance * 4, "the raw frame", err));
     HADA_TRY_OR_DONE(hada_buffer_create(&stage->spectrum, slot->context,
                                         (size_t)info->channels * stage->layout.count * 8, "the frame's spectrum", err));
-    HADA_TRY_OR_DONE(hada_upload_make(&stage->upload, slot, (size_t)info->channels * forward.real_distance, err));
+    HADA_TRY_OR_DONE(upload_make(&stage->upload, slot, (size_t)info->channels * forward.real_distance, err));
 done:
     if (status)
         hada_hadamard_destroy(&stage);
@@ -180,24 +151,21 @@ done:
 
 void hada_hadamard_destroy(hada_hadamard **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_hadamard *stage = hada_taken(pointer);
+    if (!stage)
         return;
-    hada_hadamard *stage = *pointer;
-    *pointer = NULL;
     hada_slot_finish(stage->slot, NULL);
     hada_fft_destroy(&stage->forward);
     hada_fft_destroy(&stage->inverse);
     hada_upload_free(&stage->upload);
-    hada_buffer_destroy(&stage->raw);
-    hada_buffer_destroy(&stage->dark);
-    hada_buffer_destroy(&stage->spectrum);
-    hada_buffer_destroy(&stage->whole);
+    HADA_DESTROY_BUFFERS(&stage->raw, &stage->dark, &stage->spectrum, &stage->whole);
     free(stage);
 }
 
 hada_status hada_hadamard_unprune(hada_hadamard *stage, hada_error *err)
 {
-    const hada_fft_desc desc = whole_desc(stage->layout.rows, stage->layout.cols, stage->batch * stage->channels);
+    const hada_fft_desc desc =
+        hada_fft_whole(HADA_FFT_INVERSE, stage->layout.rows, stage->layout.cols, stage->batch * stage->channels);
     HADA_TRY(hada_slot_finish(stage->slot, err));
     hada_fft_destroy(&stage->inverse);
     HADA_TRY(hada_fft_create(&stage->inverse, stage->slot, &desc, err));
@@ -287,7 +255,7 @@ static hada_status take_frame(hada_hadamard *stage, const double *levels, hada_e
 hada_status hada_hadamard_frame(hada_hadamard *stage, const hada_pixels *raw, const double *levels, hada_error *err)
 {
     /* the spectrum of the previous frame is not needed any more */
-    HADA_TRY(hada_upload_frame(&stage->upload, raw, &stage->raw, &stage->spectrum, err));
+    HADA_TRY(upload_frame(&stage->upload, raw, &stage->raw, &stage->spectrum, err));
     return take_frame(stage, levels, err);
 }
 

@@ -31,17 +31,9 @@ typedef struct hada_upload {
     uint64_t waits; /* of the slot, when the last frame was sent from there; 0: none was */
 } hada_upload;
 
-/* For frames of `values` values. Pinned memory is made where the device has memory of its own. */
-hada_status hada_upload_make(hada_upload *upload, hada_slot *slot, size_t values, hada_error *err);
 void hada_upload_free(hada_upload *upload); /* the slot's queue is done with it */
 
-/* A frame (hada_pixels_uploads()) as planar floats into `raw`, through `between`, a buffer of at least the bytes of the
- * floats that is free until then. Enqueued: the frame must stay until the slot was waited for. Waits first if the
- * previous frame may still be on its way from pinned memory. */
-hada_status hada_upload_frame(hada_upload *upload, const hada_pixels *frame, hada_buffer *raw, hada_buffer *between,
-                              hada_error *err);
-
-/* The second half of this: samples on the device to floats (enqueued). */
+/* The second half of its way: samples on the device to floats (enqueued). */
 hada_status hada_upload_unpack(hada_slot *slot, const hada_stored *stored, hada_bytes between, cl_mem raw,
                                hada_error *err);
 
@@ -74,6 +66,10 @@ typedef struct hada_hadamard {
     hada_upload upload;      /* the way of frames to the device */
     hada_hadamard_part part; /* of the frame in hand; the caller's to set before each call */
 } hada_hadamard;
+
+/* The transform of the frames or windows of a model, all channels of some depths at once. */
+hada_fft_desc hada_geometry_transform(const hada_model_info *info, const hada_geometry *at,
+                                      hada_fft_direction direction, int window, int depths);
 
 /* The layout that banks for this model must have. */
 hada_spectrum_layout hada_hadamard_layout(const hada_context *context, const hada_model_info *info);

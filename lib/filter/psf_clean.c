@@ -171,23 +171,15 @@ hada_status hada_psf_clean(hada_image *psf, const hada_psf_options *options, had
 /* Lags that are farther than this part of a side say nothing of details. */
 enum { FAR = 20 };
 
-static double product(const float *a, const float *b, size_t count)
-{
-    double sum = 0.0;
-    for (size_t i = 0; i < count; i++)
-        sum += (double)a[i] * b[i];
-    return sum;
-}
-
 /* Where the autocorrelation along a direction, `step` values apart, has fallen half the way to what it is `far` lags
  * away, where the spread of the light as a whole is left of it. Lines run into each other at their ends, where there is
  * little light. */
 static double half_lag(const float *values, size_t count, size_t step, size_t far)
 {
-    double before = product(values, values, count);
-    const double half = 0.5 * (before + product(values, values + far * step, count - far * step));
+    double before = hada_product(values, values, count);
+    const double half = 0.5 * (before + hada_product(values, values + far * step, count - far * step));
     for (size_t lag = 1; lag < far; lag++) {
-        const double now = product(values, values + lag * step, count - lag * step);
+        const double now = hada_product(values, values + lag * step, count - lag * step);
         if (now < half)
             return (double)(lag - 1) + (before - half) / (before - now);
         before = now;
@@ -225,8 +217,8 @@ hada_status hada_psf_measure(hada_psf_shape *out, const hada_image *psf, const h
     const size_t far = (size_t)(psf->rows < psf->cols ? psf->rows : psf->cols) / FAR;
     out->detail = half_lag(psf->data, all, 1, far) + half_lag(psf->data, all, cols, far);
     if (other)
-        out->alike = product(psf->data, other->data, all) /
-                     sqrt(product(psf->data, psf->data, all) * product(other->data, other->data, all));
+        out->alike = hada_product(psf->data, other->data, all) /
+                     sqrt(hada_product(psf->data, psf->data, all) * hada_product(other->data, other->data, all));
     free(light);
     return HADA_OK;
 }

@@ -149,14 +149,6 @@ static void eigen(double *a, double *vectors, double *values, int n)
     }
 }
 
-static double product(const hada_image *a, const hada_image *b)
-{
-    double sum = 0.0;
-    for (size_t i = 0; i < hada_image_count(a); i++)
-        sum += (double)a->data[i] * b->data[i];
-    return sum;
-}
-
 hada_status hada_psf_register(hada_image *images, const double *rows, const double *cols, int count, hada_error *err)
 {
     const measured of = {images, rows, cols, count};
@@ -216,7 +208,8 @@ hada_status hada_psf_field_of(hada_psf_field *out, const hada_image *images, con
         light[i] = hada_psf_light(&images[i]);
         most = fmax(most, light[i]);
         for (int k = 0; k <= i; k++) {
-            gram[(size_t)i * n + (size_t)k] = gram[(size_t)k * n + (size_t)i] = product(&images[i], &images[k]);
+            gram[(size_t)i * n + (size_t)k] = gram[(size_t)k * n + (size_t)i] =
+                hada_product(images[i].data, images[k].data, hada_image_count(&images[i]));
             all += i == k ? gram[(size_t)i * n + (size_t)k] : 0.0;
             together += (i == k ? 1.0 : 2.0) * gram[(size_t)i * n + (size_t)k];
         }

@@ -7,7 +7,6 @@
 #include "core/base.h"
 #include "core/callers.h"
 #include "filter/bank.h"
-#include "filter/hadamard.h"
 #include "filter/psf.h"
 #include "image/pixels.h"
 
@@ -67,21 +66,6 @@ static double place(const hada_image *psf, const hada_model_info *info, hada_tur
     return square * (scale * scale);
 }
 
-/* W from H: matched conj(H) / |H(0)|^2, which keeps the mean brightness; Wiener conj(H) / (|H|^2 + lambda mean|H|^2).
- */
-static void make_filter(const float *otf, size_t plane, hada_form form, double lambda, double mean_square,
-                        float *filter)
-{
-    const double centre = (double)otf[0] * otf[0] + (double)otf[1] * otf[1];
-    for (size_t i = 0; i < plane; i++) {
-        const double re = otf[2 * i], im = otf[2 * i + 1];
-        const double under = form == HADA_FORM_MATCHED ? centre : re * re + im * im + lambda * mean_square;
-        const double gain = under > 0.0 ? 1.0 / under : 0.0;
-        filter[2 * i] = (float)(re * gain);
-        filter[2 * i + 1] = (float)(-im * gain);
-    }
-}
-
 /* A channel at a time: the arrays on grids are what a large PSF costs. */
 typedef struct psf_work {
     hada_slot *slot;
@@ -94,14 +78,7 @@ typedef struct psf_work {
 static hada_status work_create(psf_work *work, hada_context *context, const hada_model_info *info, hada_error *err)
 {
     const size_t area = (size_t)info->grid_rows * (size_t)info->grid_cols;
-    const hada_fft_desc desc = {.direction = HADA_FFT_FORWARD,
-                                .rows = info->grid_rows,
-                                .cols = info->grid_cols,
-                                .batch = 1,
-                                .real_rows = info->grid_rows,
-                                .real_cols = info->grid_cols,
-                                .real_pitch = (size_t)info->grid_cols,
-                                .real_distance = area};
+    const hada_fft_desc desc = hada_fft_whole(HADA_FFT_FORWARD, info->grid_rows, info->grid_cols, 1);
     HADA_TRY(hada_slot_create(&work->slot, context, err));
     HADA_TRY(hada_fft_create(&work->fft, work->slot, &desc, err));
     const size_t values = 2 * hada_fft_plan_layout(work->fft)->count;
@@ -116,8 +93,7 @@ static void work_destroy(psf_work *work)
     if (work->slot)
         hada_slot_finish(work->slot, NULL);
     hada_fft_destroy(&work->fft);
-    hada_buffer_destroy(&work->real);
-    hada_buffer_destroy(&work->spectrum);
+    HADA_DESTROY_BUFFERS(&work->real, &work->spectrum);
     free(work->room);
     hada_image_destroy(&work->clean);
     hada_slot_destroy(&work->slot);
@@ -407,8 +383,8 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
     HADA_TRY_OR_DONE(transform_all(*out, context, &now, square, err));
     /* the device's memory is given back by now: the filters are as large */
     for (size_t i = 0; i < images; i++)
-        make_filter((*out)->otf + i * plane * 2, plane, info.form, info.lambda, square[i],
-                    (*out)->filter + i * plane * 2);
+        hada_model_make_filter((*out)->otf + i * plane * 2, plane, info.form, info.lambda * square[i],
+                               (*out)->filter + i * plane * 2);
 done:
     free(square);
     free_making(&now, depths);

@@ -1,5 +1,4 @@
 /* Before a fit: whether the pairs show anything at all. */
-#include "core/callers.h"
 #include "fit/fitter.h"
 
 /* NaN is no constant: it is refused with its number where the pair is taken. */

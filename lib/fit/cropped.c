@@ -1,7 +1,6 @@
 #include "fit/cropped.h"
 
 #include "filter/bank.h"
-#include "image/mosaic.h"
 #include "launch/fit_cropped.h"
 #include "launch/fit_window.h"
 
@@ -294,7 +293,7 @@ hada_status hada_fit_cropped_end(hada_fit_cropped *own, const double *raw_energy
         HADA_TRY(noise_of(own, c, &noise[c], err));
         own->trust[c] = hada_nonnegative_trust(noise[c], raw_energy[c]);
     }
-    HADA_TRY(hada_nonnegative_end(own->nonnegative, channels, &data, own->trust, own->result.mem, 0, err));
+    HADA_TRY(hada_nonnegative_end(own->nonnegative, channels, &data, own->trust, own->result.mem, err));
     *transfers = &own->result;
     return HADA_OK;
 }

@@ -37,7 +37,7 @@ hada_status hada_fit_score_pair(hada_fitter *fitter, int depth, int number, cons
     return fitter->options.refine_steps < 0 ? hada_fit_keep(&fitter->kept, pair, depth, number, err) : HADA_OK;
 }
 
-hada_status hada_fit_score_pairs(hada_fitter *fitter, const hada_dataset *pairs, hada_error *err)
+static hada_status fit_score_pairs(hada_fitter *fitter, const hada_dataset *pairs, hada_error *err)
 {
     const hada_dataset_info *info = hada_dataset_get_info(pairs);
     const int share = (SCORED_IN_ALL + info->depths - 1) / info->depths;
@@ -241,7 +241,7 @@ static hada_status learn_and_solve(hada_fitter *fitter, const hada_dataset *pair
     if (pairs)
         HADA_TRY(compare(fitter, pairs, &complete, &spare, err));
     if (spare && options->leave_one_out)
-        HADA_TRY(hada_fit_score_pairs(fitter, pairs, err));
+        HADA_TRY(fit_score_pairs(fitter, pairs, err));
     if (complete)
         HADA_TRY(hada_fit_learn_cropped(fitter, pairs, err));
     if (!complete || (!options->leave_one_out && options->outside < 0.0))

@@ -2,9 +2,7 @@
 
 #include <hadalens/response.h>
 
-#include "core/callers.h"
-#include "filter/bank.h"
-#include "image/statistics.h"
+#include "filter/hadamard.h"
 
 /* Work-items of a group: of kernels by groups of eight frequencies, and of those by chunks where the device works in
  * groups (docs/reference/devices.md). */
@@ -91,11 +89,7 @@ size_t hada_fit_spectra_bytes(const hada_fit_grid *grid, size_t images)
 
 hada_fft_desc hada_fit_transform_desc(const hada_fit_grid *grid, hada_fft_direction direction, int window)
 {
-    const hada_model_info *info = &grid->info;
-    const hada_geometry *at = &grid->geometry;
-    const hada_rectangle frame = {at->raw_row, at->raw_col, info->raw_rows, info->raw_cols};
-    const hada_rectangle inside = {at->window_row, at->window_col, info->window_rows, info->window_cols};
-    return hada_fft_of(direction, info->grid_rows, info->grid_cols, info->channels, window ? inside : frame);
+    return hada_geometry_transform(&grid->info, &grid->geometry, direction, window, 1);
 }
 
 hada_fft_filter hada_fit_product(const hada_fit_grid *grid, cl_mem filters, int first)

@@ -3,10 +3,7 @@
 
 #include <hadalens/response.h>
 
-#include "core/callers.h"
 #include "core/clock.h"
-#include "fit/cropped.h"
-#include "fit/fit_sums.h"
 #include "io/folder.h"
 
 static int all_finite(const float *values, size_t count)

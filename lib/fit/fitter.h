@@ -61,7 +61,6 @@ hada_status hada_fitter_reduce(hada_fitter *fitter, hada_error *err);
 void hada_fit_forget(hada_fitter *fitter);
 hada_status hada_fit_score_pair(hada_fitter *fitter, int depth, int number, const hada_image *raw,
                                 const hada_image *scene, hada_error *err);
-hada_status hada_fit_score_pairs(hada_fitter *fitter, const hada_dataset *pairs, hada_error *err);
 hada_status hada_fit_learn_cropped(hada_fitter *fitter, const hada_dataset *pairs, hada_error *err);
 hada_status hada_fit_learn_windowed(hada_fitter *fitter, const hada_dataset *pairs, hada_error *err);
 hada_status hada_fit_solve(hada_fitter *fitter, hada_model **out, hada_error *err);

@@ -4,7 +4,6 @@
 #include <float.h>
 
 #include "launch/fit_nonnegative.h"
-#include "runtime/buffer.h"
 
 enum { GROUP = 64 };
 
@@ -39,11 +38,6 @@ double hada_nonnegative_trust(double noise, double raw_energy)
 /* Kernels take vectors of eight complex values at most, hence the bytes beyond the last one. */
 enum { VECTOR_BYTES = HADA_FIT_VECTOR * 2 * sizeof(float) };
 
-static size_t spectrum_bytes(const hada_spectrum_layout *layout, int channels)
-{
-    return (size_t)channels * layout->count * 2 * sizeof(float) + VECTOR_BYTES;
-}
-
 hada_status hada_nonnegative_create(hada_nonnegative **out, hada_slot *slot, int rows, int cols, int channels,
                                     hada_error *err)
 {
@@ -61,7 +55,8 @@ hada_status hada_nonnegative_create(hada_nonnegative **out, hada_slot *slot, int
     plan->layout = hada_fft_layout(slot->context, rows, cols, HADA_FFT_AUTO);
     HADA_TRY_OR_DONE(hada_fft_create(&plan->forward, slot, &forward, err));
     HADA_TRY_OR_DONE(hada_fft_create(&plan->inverse, slot, &inverse, err));
-    HADA_TRY_OR_DONE(hada_buffer_create(&plan->spectrum, slot->context, spectrum_bytes(&plan->layout, channels),
+    HADA_TRY_OR_DONE(hada_buffer_create(&plan->spectrum, slot->context,
+                                        hada_spectra_bytes(&plan->layout, channels) + VECTOR_BYTES,
                                         "the spectra of point spread functions", err));
     HADA_TRY_OR_DONE(hada_buffer_create(&plan->image, slot->context, image, "point spread functions", err));
     HADA_TRY_OR_DONE(hada_buffer_create(&plan->state, slot->context, image, "point spread functions", err));
@@ -139,10 +134,10 @@ static hada_status bring_out(hada_nonnegative *plan, int channels, int last, had
 }
 
 hada_status hada_nonnegative_end(hada_nonnegative *plan, int channels, const hada_nonnegative_data *data,
-                                 const double *trust, cl_mem out, size_t at, hada_error *err)
+                                 const double *trust, cl_mem out, hada_error *err)
 {
     HADA_TRY(bring_out(plan, channels, 1, err));
-    HADA_TRY(blend(plan, channels, data, 1.0, trust, 1, out, at, err));
+    HADA_TRY(blend(plan, channels, data, 1.0, trust, 1, out, 0, err));
     return bring_out(plan, channels, 0, err);
 }
 

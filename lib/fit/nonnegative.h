@@ -60,6 +60,6 @@ hada_status hada_nonnegative_step(hada_nonnegative *plan, int channels, const ha
 
 /* Enqueues H = (S + q F(u)) / (w + q) of the image as it is. Steps may follow, with `filled` data. */
 hada_status hada_nonnegative_end(hada_nonnegative *plan, int channels, const hada_nonnegative_data *data,
-                                 const double *trust, cl_mem out, size_t at, hada_error *err);
+                                 const double *trust, cl_mem out, hada_error *err);
 
 #endif

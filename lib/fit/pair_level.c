@@ -3,7 +3,6 @@
 #include <hadalens/response.h>
 #include <hadalens/scene.h>
 
-#include "core/base.h"
 #include "image/statistics.h"
 
 /* Reduced frames have about so many pixels a side, and windows at least so many: where more were kept (60, 80, 135) the

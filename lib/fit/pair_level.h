@@ -5,7 +5,6 @@
 
 #include <hadalens/fit.h>
 
-#include "core/base.h"
 #include "image/small_fft.h"
 
 /* How frames and scenes become small. */

@@ -1,6 +1,5 @@
 #include "fit/psf_depths.h"
 
-#include "core/callers.h"
 #include "filter/bank.h"
 #include "image/pixels.h"
 #include "surface/magnification.h"

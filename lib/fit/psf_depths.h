@@ -5,8 +5,6 @@
 #include <hadalens/device.h>
 #include <hadalens/image.h>
 
-#include "core/base.h"
-
 /* What was measured: clean point spread functions of one size, axis in the middle, distances rising from above 0. */
 typedef struct hada_psfs {
     const hada_image *image;

@@ -140,12 +140,6 @@ static void expose(hada_pair_level *level, const unsigned char *out, int apart, 
         hada_pair_level_expose_again(level, gain, unexplained, room);
 }
 
-static int ascending(const void *one, const void *other)
-{
-    const double a = *(const double *)one, b = *(const double *)other;
-    return (a > b) - (a < b);
-}
-
 static double median(const hada_pair_level *level, const shares *of, const unsigned char *out)
 {
     double sorted[MOST_PAIRS] = {0.0};
@@ -153,8 +147,7 @@ static double median(const hada_pair_level *level, const shares *of, const unsig
     for (int k = 0; k < level->count; k++)
         if (!out[k])
             sorted[count++] = of->log[k];
-    qsort(sorted, (size_t)count, sizeof *sorted, ascending);
-    return count % 2 ? sorted[count / 2] : 0.5 * (sorted[count / 2 - 1] + sorted[count / 2]);
+    return hada_median(sorted, (size_t)count);
 }
 
 /* How much less is left of the others; *errors: in standard errors. */

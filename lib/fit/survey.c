@@ -1,5 +1,4 @@
 /* What pairs say before a fit: the response of their scenes, and exposures that differ. */
-#include <hadalens/scene.h>
 #include <hadalens/survey.h>
 
 #include "core/callers.h"

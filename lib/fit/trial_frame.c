@@ -2,9 +2,7 @@
 
 #include <hadalens/response.h>
 
-#include "filter/bank.h"
 #include "fit/fit_solve.h"
-#include "image/statistics.h"
 
 /* Mean squared errors below this, 200 dB, count as this. */
 #define LEAST_ERROR 1e-20
@@ -112,10 +110,7 @@ void hada_trial_bench_destroy(hada_trial_bench *bench)
 
 double hada_trial_energy(const float *values, size_t count)
 {
-    double sum = 0.0;
-    for (size_t i = 0; i < count; i++)
-        sum += (double)values[i] * values[i];
-    return sum;
+    return hada_product(values, values, count);
 }
 
 /* Filters and transfer functions of a member's depth without its pair. The pool still counts the pair; that matters

@@ -5,8 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
-#include "core/callers.h"
 #include "launch/focus.h"
 
 /* How the kernels part the work. */
@@ -157,7 +155,8 @@ static hada_status launch_finish(hada_focus *f, const hada_focus_limits *limits,
         .all_in_focus_offset = all_in_focus_offset, .distance = distance_map, .distance_offset = distance_offset);
 }
 
-hada_status hada_focus_check(const hada_focus_desc *desc, hada_error *err)
+/* Whether options, sizes and distances are possible; create checks it as well. */
+static hada_status focus_check(const hada_focus_desc *desc, hada_error *err)
 {
     const hada_focus_options *o = &desc->options;
     if ((o->measure != HADA_FOCUS_CONTRAST && o->measure != HADA_FOCUS_ENERGY && o->measure != HADA_FOCUS_COMBINED) ||
@@ -256,7 +255,7 @@ hada_status hada_focus_create(hada_focus **out, hada_slot *slot, const hada_focu
     hada_buffer_row parts[PARTS];
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY_OR_DONE(hada_focus_check(desc, err));
+    HADA_TRY_OR_DONE(focus_check(desc, err));
     HADA_TRY_OR_DONE(hada_allocated(focus = hada_alloc(1, sizeof *focus, "a focus object", err)));
     *focus = (hada_focus){.slot = slot,
                           .options = desc->options,
@@ -380,10 +379,9 @@ hada_status hada_focus_push(hada_focus *focus, int first, int count, cl_mem plan
     return push(focus, NULL, first, count, planes, offset, err);
 }
 
-hada_status hada_focus_push_list(hada_focus *focus, const int *depths, int count, cl_mem planes, size_t offset,
-                                 hada_error *err)
+hada_status hada_focus_push_list(hada_focus *focus, const int *depths, int count, cl_mem planes, hada_error *err)
 {
-    return push(focus, depths, 0, count, planes, offset, err);
+    return push(focus, depths, 0, count, planes, 0, err);
 }
 
 /* The thresholds from the counts: see hadalens/focus.h. `base`: the level of losing depths. */

@@ -17,9 +17,6 @@ typedef struct hada_focus_desc {
 
 typedef struct hada_focus hada_focus;
 
-/* Whether options, sizes and distances are possible; create checks it as well. */
-hada_status hada_focus_check(const hada_focus_desc *desc, hada_error *err);
-
 hada_status hada_focus_create(hada_focus **out, hada_slot *slot, const hada_focus_desc *desc, hada_error *err);
 void hada_focus_destroy(hada_focus **focus);
 
@@ -31,8 +28,7 @@ hada_status hada_focus_begin(hada_focus *focus, const unsigned char *competing, 
 hada_status hada_focus_push(hada_focus *focus, int first, int count, cl_mem planes, size_t offset, hada_error *err);
 
 /* The same for planes of the depths listed, near to far. */
-hada_status hada_focus_push_list(hada_focus *focus, const int *depths, int count, cl_mem planes, size_t offset,
-                                 hada_error *err);
+hada_status hada_focus_push_list(hada_focus *focus, const int *depths, int count, cl_mem planes, hada_error *err);
 
 /* Writes channels x rows x cols floats of the all-in-focus image and rows x cols floats of the distance map at the
  * given offsets (in floats). Waits for the queue, since the thresholds are taken from what was pushed. `light`: where

@@ -5,8 +5,6 @@
 #include <string.h>
 
 #include "core/base.h"
-#include "core/finite.h"
-#include "image/pixels.h"
 #include "image/statistics.h"
 
 static int by_value(const void *a, const void *b)

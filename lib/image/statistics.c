@@ -42,7 +42,7 @@ static int is_whole(const hada_pixels *pixels)
     return pixels->type != HADA_PIXEL_F32;
 }
 
-size_t hada_dark_room(const hada_pixels *pixels)
+static size_t dark_room(const hada_pixels *pixels)
 {
     const size_t plane = (size_t)pixels->rows * (size_t)pixels->cols;
     return is_whole(pixels) ? HADA_PIXEL_NUMBERS * sizeof(size_t) : plane * sizeof(float);
@@ -70,7 +70,8 @@ double hada_dark_estimate(const float *pixels, size_t count, float *room)
     return hada_select_rank(room, count, dark_rank(count));
 }
 
-double hada_dark_level(const hada_pixels *pixels, int channel, void *room)
+/* The dark level of a channel, of whole numbers by counting them. `room` holds dark_room() bytes. */
+static double dark_level(const hada_pixels *pixels, int channel, void *room)
 {
     const size_t plane = (size_t)pixels->rows * (size_t)pixels->cols;
     return is_whole(pixels) ? rank_by_counts(pixels, channel, dark_rank(plane), room)
@@ -80,11 +81,11 @@ double hada_dark_level(const hada_pixels *pixels, int channel, void *room)
 hada_status hada_dark_levels(const hada_pixels *pixels, hada_mosaic mosaic, double *levels, hada_error *err)
 {
     const int colours = mosaic == HADA_MOSAIC_NONE ? pixels->channels : HADA_MOSAIC_COLOURS;
-    void *room = hada_alloc_raw(hada_dark_room(pixels), 1, "the dark level", err);
+    void *room = hada_alloc_raw(dark_room(pixels), 1, "the dark level", err);
     HADA_TRY(hada_allocated(room));
     for (int c = 0; c < colours; c++) {
         if (mosaic == HADA_MOSAIC_NONE) {
-            levels[c] = hada_dark_level(pixels, c, room);
+            levels[c] = dark_level(pixels, c, room);
         } else {
             const size_t own = hada_mosaic_own(mosaic, c, pixels->data, pixels->rows, pixels->cols, room);
             levels[c] = hada_dark_estimate(room, own, room);

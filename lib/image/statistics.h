@@ -10,9 +10,6 @@ float hada_select_rank(float *values, size_t count, size_t k);
 /* The dark level: the first percentile of `count` pixels (1 % lie below). A few dead pixels do not lower it, and light
  * that covers less than 99 % of a frame does not raise it. `room` holds count floats, or is the pixels themselves. */
 double hada_dark_estimate(const float *pixels, size_t count, float *room);
-/* That of a channel, of whole numbers by counting them. `room` holds hada_dark_room() bytes. */
-double hada_dark_level(const hada_pixels *pixels, int channel, void *room);
-size_t hada_dark_room(const hada_pixels *pixels);
 /* That of each channel of a frame; mosaic: of one channel of floats, that of each of its three colours. */
 hada_status hada_dark_levels(const hada_pixels *pixels, hada_mosaic mosaic, double *levels, hada_error *err);
 

@@ -1,7 +1,6 @@
 /* MATLAB files: the largest array of numbers of a file. Versions 5 to 7 are read here, and bounded by what is asked for
  * of them: cells and structures are passed over whole, however deep they are. 7.3 is left to matio. Source: MAT-File
  * Format, MathWorks, R2019b. */
-#include "core/input.h"
 #include "io/decode.h"
 
 /* A file with more variables is none of pictures. Variables of pictures have their sizes and name at their beginning.

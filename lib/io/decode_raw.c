@@ -6,7 +6,6 @@
 const hada_decoder hada_raw = {
     .missing = "a camera's raw file, which this build cannot read; build with LibRaw (Debian: libraw-dev)"};
 #else
-#include <hadalens/limits.h>
 #include <hadalens/response.h>
 #include <libraw/libraw.h>
 

@@ -1,8 +1,6 @@
 /* Frames in files as cameras write them, and NumPy arrays image by image. */
 #include <hadalens/response.h>
 
-#include "core/base.h"
-#include "core/outfile.h"
 #include "io/encode.h"
 #include "io/tiff_page.h"
 

@@ -4,7 +4,6 @@
 
 #include <hadalens/image.h>
 
-#include "core/base.h"
 #include "core/outfile.h"
 
 /* JPEG pictures, by TurboJPEG, which is loaded when the first one is written. */

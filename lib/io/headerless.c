@@ -4,8 +4,6 @@
 #include <limits.h>
 #include <pthread.h>
 
-#include "io/text.h"
-
 /* Beyond it, a size is a mistake. */
 enum { MOST_OF_A_SIDE = 1 << 24 };
 

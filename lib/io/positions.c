@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
 #include "core/input.h"
 #include "io/folder.h"
 #include "io/text.h"

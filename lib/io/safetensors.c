@@ -7,7 +7,6 @@
 
 #include "core/input.h"
 #include "core/outfile.h"
-#include "io/tiff_page.h"
 
 /* The limit of the reference implementation. */
 #define HEADER_LIMIT ((uint64_t)100000000)

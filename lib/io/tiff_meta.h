@@ -4,8 +4,6 @@
 
 #include <hadalens/tiff.h>
 
-#include "core/base.h"
-
 typedef struct hada_tiff_stack {
     int known;                               /* 1 where the text says how the pages are ordered */
     int imagej;                              /* the text is ImageJ's */

@@ -6,8 +6,6 @@
 #include <hadalens/tiff.h>
 #include <tiffio.h>
 
-#include "core/base.h"
-
 /* The structure of a TIFF file, read without libtiff: byte order, classic or Big, and the offset of each directory.
  * One pass reads all directories, so that opening the last page later costs no more than opening the first. */
 typedef struct hada_tiff_chain {

@@ -1,13 +1,10 @@
 #include <errno.h>
 #include <float.h>
 #include <hadalens/response.h>
-#include <hadalens/tiff.h>
 #include <tiff.h>
 #include <unistd.h>
 
 #include "core/callers.h"
-#include "core/outfile.h"
-#include "io/tiff_meta.h"
 #include "io/tiff_page.h"
 #include "io/tiff_write.h"
 

@@ -17,7 +17,8 @@ enum { MEAN_X, MEAN_Y, MEAN_XX, MEAN_YY, MEAN_XY, MEANS };
 /* Pixels that are computed together, which compilers make vectors of; at most the least number of columns. */
 enum { LANES = 4 };
 
-hada_status hada_images_check_pair(const hada_image *a, const hada_image *b, hada_error *err)
+/* That two images can be compared: of one shape, and finite. */
+static hada_status images_check_pair(const hada_image *a, const hada_image *b, hada_error *err)
 {
     if (!a->data || !b->data)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "an image to compare is empty");
@@ -98,7 +99,7 @@ hada_status hada_similarities(const hada_image *a, const hada_image *b, hada_sim
 {
     double *means = NULL, weight[TAPS];
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_images_check_pair(a, b, err));
+    HADA_TRY_OR_DONE(images_check_pair(a, b, err));
     for (int n = 0; n < count; n++) {
         if (!(list[n].peak > 0.0))
             return hada_fail(err, HADA_ERROR_ARGUMENT, "a peak of %g is not possible; it must be above 0",
@@ -135,7 +136,7 @@ done:
 static hada_status mean_difference(const hada_image *a, const hada_image *b, const unsigned char *mask, int power,
                                    double *out, hada_error *err)
 {
-    HADA_TRY(hada_images_check_pair(a, b, err));
+    HADA_TRY(images_check_pair(a, b, err));
     const size_t pixels = (size_t)a->rows * (size_t)a->cols;
     double sum = 0.0;
     size_t used = 0;
@@ -220,7 +221,7 @@ hada_status hada_metric_compare(hada_metric metric, const hada_image *a, const h
 hada_status hada_metric_sharpness(const hada_image *image, const unsigned char *mask, double *out, hada_error *err)
 {
     HADA_NEED(image && out, err);
-    HADA_TRY(hada_images_check_pair(image, image, err));
+    HADA_TRY(images_check_pair(image, image, err));
     const int rows = image->rows, cols = image->cols;
     double sum = 0.0;
     size_t used = 0;

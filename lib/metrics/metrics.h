@@ -22,9 +22,6 @@ typedef struct hada_similarity {
 hada_status hada_similarities(const hada_image *a, const hada_image *b, hada_similarity *list, int count,
                               hada_error *err);
 
-/* That two images can be compared: of one shape, and finite. */
-hada_status hada_images_check_pair(const hada_image *a, const hada_image *b, hada_error *err);
-
 /* From now on the monitor is asked within a comparison, which may take long. NULL: nobody is asked. */
 void hada_lpips_watch(hada_lpips *lpips, const hada_monitor *monitor);
 

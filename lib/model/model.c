@@ -5,7 +5,6 @@
 
 #include "core/callers.h"
 #include "core/fft_factor.h"
-#include "io/safetensors.h"
 #include "netlist/net_list.h"
 
 static const char *const form_names[] = {"", "complex", "split", "matched", "wiener"};
@@ -241,7 +240,8 @@ hada_status hada_model_set_flat(hada_model *model, const hada_image *flat, hada_
     return status;
 }
 
-hada_status hada_model_create_arrays(hada_model *model, int with_statistics, hada_error *err)
+/* Room for the arrays that hada_model_create_head leaves out. */
+static hada_status model_create_arrays(hada_model *model, int with_statistics, hada_error *err)
 {
     const hada_model_info *info = &model->info;
     const size_t plane = hada_model_plane(model), images = (size_t)info->depths * (size_t)info->channels;
@@ -270,7 +270,7 @@ hada_status hada_model_create(hada_model **out, const hada_model_info *info, int
 {
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_model_create_head(out, info, err));
-    HADA_TRY_OR_DONE(hada_model_create_arrays(*out, with_statistics, err));
+    HADA_TRY_OR_DONE(model_create_arrays(*out, with_statistics, err));
 done:
     if (status)
         hada_model_destroy(out);
@@ -507,15 +507,12 @@ double hada_model_mean_square(const float *otf, const hada_model_info *info)
     return sum / ((double)info->grid_rows * info->grid_cols);
 }
 
-static void make_filter(const float *otf, const hada_model_info *info, float *filter)
+void hada_model_make_filter(const float *otf, size_t plane, hada_form form, double floor, float *filter)
 {
-    const size_t plane = hada_model_info_plane(info);
-    const int matched = info->form == HADA_FORM_MATCHED;
     const double centre = (double)otf[0] * otf[0] + (double)otf[1] * otf[1];
-    const double floor = matched ? 0.0 : info->lambda * hada_model_mean_square(otf, info);
     for (size_t i = 0; i < plane; i++) {
         const double re = otf[2 * i], im = otf[2 * i + 1];
-        const double under = matched ? centre : re * re + im * im + floor;
+        const double under = form == HADA_FORM_MATCHED ? centre : re * re + im * im + floor;
         const double gain = under > 0.0 ? 1.0 / under : 0.0;
         filter[2 * i] = (float)(re * gain);
         filter[2 * i + 1] = (float)(-im * gain);
@@ -544,7 +541,10 @@ hada_status hada_model_with_form(hada_model **out, const hada_model *model, hada
     hada_model *copy = *out;
     const size_t plane = hada_model_plane(model), images = (size_t)info.depths * (size_t)info.channels;
     copy_knowledge(copy, model);
-    for (size_t i = 0; i < images; i++)
-        make_filter(copy->otf + 2 * i * plane, &info, copy->filter + 2 * i * plane);
+    for (size_t i = 0; i < images; i++) {
+        const float *otf = copy->otf + 2 * i * plane;
+        const double floor = form == HADA_FORM_MATCHED ? 0.0 : info.lambda * hada_model_mean_square(otf, &info);
+        hada_model_make_filter(otf, plane, info.form, floor, copy->filter + 2 * i * plane);
+    }
     return HADA_OK;
 }

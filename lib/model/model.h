@@ -54,6 +54,10 @@ double hada_model_gain(const hada_model *model);
 /* The mean |OTF|^2 of one depth and channel over the whole grid. */
 double hada_model_mean_square(const float *otf, const hada_model_info *info);
 
+/* W from H: matched conj(H) / |H(0)|^2, which keeps the mean brightness; Wiener conj(H) / (|H|^2 + floor), where
+ * the floor is lambda mean|H|^2. */
+void hada_model_make_filter(const float *otf, size_t plane, hada_form form, double floor, float *filter);
+
 /* The noise of the frames on which the weights of a model were chosen. Where it does not say, that of the frames that
  * it was learned from, by its transfer functions, which are read, and the scenes' power; none where it knows of no
  * noise. */
@@ -73,9 +77,6 @@ hada_status hada_model_create(hada_model **out, const hada_model_info *info, int
 
 /* As hada_model_create, without the arrays that a file may supply (filter, filter_half, otf, scene_power). */
 hada_status hada_model_create_head(hada_model **out, const hada_model_info *info, hada_error *err);
-
-/* Room for the arrays that hada_model_create_head leaves out. */
-hada_status hada_model_create_arrays(hada_model *model, int with_statistics, hada_error *err);
 
 /* 1: rows and columns of a frame are `downsample` times those of the model's frames, or a few more. */
 static inline int hada_is_of_sensor(const hada_model_info *info, int downsample, int rows, int cols)

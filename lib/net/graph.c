@@ -378,8 +378,7 @@ void hada_graph_destroy(hada_graph **pointer)
         hada_conv_destroy(&graph->convs[i]);
     for (int i = 0; graph->arenas && i < graph->plan.arenas.count; i++)
         hada_buffer_destroy(&graph->arenas[i]);
-    hada_buffer_destroy(&graph->extras);
-    hada_buffer_destroy(&graph->scratch);
+    HADA_DESTROY_BUFFERS(&graph->extras, &graph->scratch);
     hada_graph_plan_free(&graph->plan);
     HADA_FREE(graph->convs, graph->arenas, graph->tensors, graph);
 }

@@ -407,7 +407,6 @@ static void backward_steps(backward_pass *pass)
 static hada_status make_room(graph_plan *plan, unsigned char **has_gradient, hada_error *err)
 {
     const size_t nodes = (size_t)plan->node_count, steps = 3 * nodes + 1;
-    plan->piece_room = 4 * plan->node_count;
     HADA_TRY(HADA_NEW(plan->steps, steps, "a net's plan", err));
     HADA_TRY(HADA_NEW(plan->pieces, 4 * nodes, "a net's plan", err));
     HADA_TRY(HADA_NEW(plan->tensors, 4 * nodes, "a net's plan", err));

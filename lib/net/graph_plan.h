@@ -58,7 +58,7 @@ typedef struct graph_plan {
     int step_count;
     hada_piece *pieces;
     graph_piece *tensors;
-    int piece_count, piece_room;
+    int piece_count;
     hada_arenas arenas;
     /* floats in one more buffer: statistics that batch norms keep, flat values of linear layers */
     size_t saved, flat_in, flat_out, unwanted, extras;

@@ -115,9 +115,10 @@ size_t hada_sum_scratch(size_t count)
     return floats;
 }
 
-hada_status hada_sum_floats(hada_slot *slot, cl_mem scratch, size_t first, size_t count, float scale, float shift,
-                            hada_floats out, hada_error *err)
+hada_status hada_sum_floats(hada_slot *slot, cl_mem scratch, size_t count, float scale, hada_floats out,
+                            hada_error *err)
 {
+    size_t first = 0;
     if (count > UINT_MAX)
         return hada_fail(err, HADA_ERROR_UNSUPPORTED, "a sum of %zu values is too long", count);
     for (int last = 0; !last;) {
@@ -127,7 +128,7 @@ hada_status hada_sum_floats(hada_slot *slot, cl_mem scratch, size_t first, size_
         HADA_TRY(hada_launch_net_sum(slot, HADA_PROGRAM_NET_SUM_DEFAULT, &range, err, .in = scratch,
                                      .out = last ? out.mem : scratch, .in_offset = first,
                                      .out_offset = last ? out.offset : first + count, .in_count = (cl_uint)count,
-                                     .scale = last ? scale : 1.0f, .shift = last ? shift : 0.0f));
+                                     .scale = last ? scale : 1.0f));
         first += count;
         count = runs;
     }

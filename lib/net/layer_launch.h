@@ -29,10 +29,10 @@ hada_range hada_layer_flat_range(const hada_slot *slot, size_t items, size_t lin
 hada_status hada_layer_check(const char *layer, const hada_tensor *x, const hada_tensor *y, int same_shape,
                              hada_error *err);
 
-/* out = shift + scale * the sum of `count` floats from `first` of `scratch` on, which also has room for
- * hada_sum_scratch() floats behind them. */
+/* out = scale * the sum of the first `count` floats of `scratch`, which also has room for hada_sum_scratch() floats
+ * behind them. */
 size_t hada_sum_scratch(size_t count);
-hada_status hada_sum_floats(hada_slot *slot, cl_mem scratch, size_t first, size_t count, float scale, float shift,
-                            hada_floats out, hada_error *err);
+hada_status hada_sum_floats(hada_slot *slot, cl_mem scratch, size_t count, float scale, hada_floats out,
+                            hada_error *err);
 
 #endif

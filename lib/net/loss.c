@@ -70,6 +70,5 @@ hada_status hada_loss_run(hada_slot *slot, const hada_loss_desc *desc, const had
         HADA_TRY(variation(slot, desc, x, dx, accumulate, &grid, scratch, err));
         count = x->images;
     }
-    return hada_sum_floats(slot, scratch, 0, hada_layer_grid_sums(&grid), (float)(desc->weight / count), 0.0f, value,
-                           err);
+    return hada_sum_floats(slot, scratch, hada_layer_grid_sums(&grid), (float)(desc->weight / count), value, err);
 }

@@ -121,5 +121,5 @@ hada_status hada_gradient_squares(hada_slot *slot, const hada_gradient_part *par
             .offset = parts[i].values.offset, .count = (cl_uint)parts[i].count, .sums = scratch, .sums_offset = sums));
         sums += items_of(parts[i].count, row_items(slot));
     }
-    return hada_sum_floats(slot, scratch, 0, sums, 1.0f, 0.0f, out, err);
+    return hada_sum_floats(slot, scratch, sums, 1.0f, out, err);
 }

@@ -8,7 +8,6 @@
 
 #include <hadalens/net.h>
 
-#include "core/base.h"
 #include "io/safetensors.h"
 #include "kernels/shared_net.h" /* hada_activation */
 
@@ -147,10 +146,6 @@ const hada_parameter *hada_net_parameter(const hada_net *net, int layer, int col
 
 /* The nets that the library knows, as lists. Weights are zero until hada_net_init() or a file fills them. */
 
-/* hadalens/net.h says what the options mean. Names: down.<level>.<number>, lift.<level> (transposed
- * convolutions), up.<level>.<number>, norm, last. */
-hada_status hada_unet_make(hada_net **out, const hada_unet_options *options, hada_error *err);
-
 /* By name; 3 x 3 convolutions with leaky ReLU 0.2.
  * patch: at the image's own size; widths 32, 64, 128, 128 with strides 1, 2, 2, 1, then one channel of logits, each of
  * a patch of 25 x 25 pixels (Isola et al., CVPR 2017, call it PatchGAN).
@@ -174,10 +169,8 @@ hada_status hada_vgg16_load(hada_net **out, const char *path, hada_error *err);
 #define HADA_NET_META "net"
 
 /* Fills the net's values from the tensors `prefix` + name; every parameter must be there, in the right shape and any
- * float type. Tensors that the net does not name are ignored. The values are unchanged on failure. */
-hada_status hada_net_read(hada_net *net, const hada_tensors *file, const char *prefix, hada_error *err);
-
-/* The same, where parameters whose names begin with `own` keep their values: a file does not hold them. */
+ * float type, but for those whose names begin with `own` (NULL: none), which keep their values. Tensors that the net
+ * does not name are ignored. The values are unchanged on failure. */
 hada_status hada_net_read_but(hada_net *net, const hada_tensors *file, const char *prefix, const char *own,
                               hada_error *err);
 

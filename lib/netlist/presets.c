@@ -110,7 +110,9 @@ static hada_status add_unet(hada_net *net, const hada_unet_options *options, con
     return hada_net_finish(net, err);
 }
 
-hada_status hada_unet_make(hada_net **out, const hada_unet_options *callers, hada_error *err)
+/* hadalens/net.h says what the options mean. Names: down.<level>.<number>, lift.<level> (transposed
+ * convolutions), up.<level>.<number>, norm, last. */
+static hada_status unet_make(hada_net **out, const hada_unet_options *callers, hada_error *err)
 {
     hada_status status = HADA_OK;
     widths down, up;
@@ -150,7 +152,7 @@ hada_status hada_net_create_unet(hada_net **out, const hada_unet_options *option
 {
     hada_status status = HADA_OK;
     HADA_NEED(out && options, err);
-    HADA_TRY_OR_DONE(hada_unet_make(out, options, err));
+    HADA_TRY_OR_DONE(unet_make(out, options, err));
     HADA_TRY_OR_DONE(hada_net_init(*out, seed, err));
 done:
     if (status)

@@ -47,18 +47,13 @@ done:
     return status;
 }
 
-hada_status hada_net_read(hada_net *net, const hada_tensors *file, const char *prefix, hada_error *err)
-{
-    return hada_net_read_but(net, file, prefix, NULL, err);
-}
-
 hada_status hada_net_from_file(hada_net **out, const char *description, const hada_tensors *file, const char *prefix,
                                hada_error *err)
 {
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(
         hada_error_of_file(hada_net_create_within(out, description, hada_tensors_bytes(file), 0, err), err));
-    HADA_TRY_OR_DONE(hada_net_read(*out, file, prefix, err));
+    HADA_TRY_OR_DONE(hada_net_read_but(*out, file, prefix, NULL, err));
 done:
     if (status)
         hada_net_destroy(out);
@@ -90,7 +85,7 @@ hada_status hada_net_load_weights(hada_net *net, const char *path, const char *p
     hada_tensors *file = NULL;
     HADA_NEED(net && path, err);
     HADA_TRY(hada_tensors_open(&file, path, err));
-    hada_status status = hada_net_read(net, file, prefix ? prefix : "", err);
+    hada_status status = hada_net_read_but(net, file, prefix ? prefix : "", NULL, err);
     if (status)
         hada_error_prefix(err, "%s: ", path);
     hada_tensors_close(&file);

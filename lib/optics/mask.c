@@ -1,9 +1,8 @@
 /* Masks: what they do to light at a point. */
-#include <hadalens/camera.h>
 
+#include "optics/mask.h"
 #include "core/callers.h"
 #include "core/random.h"
-#include "optics/mask.h"
 
 /* The nearest of many points, found by buckets. */
 

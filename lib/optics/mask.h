@@ -7,8 +7,6 @@
 #include <hadalens/camera.h>
 #include <hadalens/monitor.h>
 
-#include "core/base.h"
-
 /* Sequences of the random generator (core/random.h), one a purpose. */
 enum { HADA_SEQUENCE_LENSES = 1, HADA_SEQUENCE_SURFACE = 2, HADA_SEQUENCE_CELLS = 3 };
 

@@ -1,9 +1,7 @@
 /* What each lens makes of a PSF, and what it sees past nearer planes. */
-#include <hadalens/simulate.h>
 
-#include "launch/optics_hide.h"
-#include "optics/mask.h"
 #include "optics/occlusion.h"
+#include "launch/optics_hide.h"
 
 #define PATCHES_MOST 64 /* across */
 

@@ -200,14 +200,6 @@ static hada_status mean_of_channels(hada_image *mean, const hada_image *psf, had
     return HADA_OK;
 }
 
-static double product(const hada_image *a, const hada_image *b)
-{
-    double sum = 0.0;
-    for (size_t i = 0; i < hada_image_count(a); i++)
-        sum += (double)a->data[i] * b->data[i];
-    return sum;
-}
-
 /* Closed forms. */
 static void fill_design(const hada_camera *c, double distance, hada_optics_row *row)
 {
@@ -318,7 +310,8 @@ hada_status hada_optics_report_add(hada_optics_report *report, const hada_image 
         return hada_fail(err, HADA_ERROR_NOT_FINITE, "PSF %d holds NaN or infinite values", z + 1);
     hada_image_destroy(&report->mean[z]); /* of an earlier try */
     HADA_TRY(mean_of_channels(&report->mean[z], psf, err));
-    report->norm[z] = sqrt(product(&report->mean[z], &report->mean[z]));
+    report->norm[z] =
+        sqrt(hada_product(report->mean[z].data, report->mean[z].data, hada_image_count(&report->mean[z])));
     fill_design(c, c->distances_mm[z], &report->row[z]);
     for (size_t i = 0; i < hada_image_count(&report->mean[z]); i++)
         report->row[z].light += report->mean[z].data[i];
@@ -329,7 +322,9 @@ hada_status hada_optics_report_add(hada_optics_report *report, const hada_image 
     fill_measured(report, z, support);
     const size_t depths = (size_t)report->curves.depths;
     for (int i = 0; i <= z; i++) {
-        const double value = product(&report->mean[i], &report->mean[z]) / (report->norm[i] * report->norm[z]);
+        const double value =
+            hada_product(report->mean[i].data, report->mean[z].data, hada_image_count(&report->mean[i])) /
+            (report->norm[i] * report->norm[z]);
         report->correlation[(size_t)i * depths + (size_t)z] = report->correlation[(size_t)z * depths + (size_t)i] =
             value;
     }

@@ -1,8 +1,6 @@
 /* Simulators: made, asked, taken apart. */
 #include "optics/simulator.h"
 
-#include <hadalens/scene.h>
-
 #include "core/callers.h"
 #include "optics/mask.h"
 

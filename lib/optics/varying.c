@@ -6,7 +6,6 @@
  * what misses the sensor. The size a is found from the correlation that the PSFs of the middle and of a corner of the
  * window shall have. On the host: a frame costs a term for each pair of a bright pixel of the scene and one of the PSF.
  */
-#include <hadalens/scene.h>
 
 #include "core/callers.h"
 #include "core/random.h"

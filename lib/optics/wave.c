@@ -1,7 +1,6 @@
 /* PSFs by wave optics: one channel after the other, lens by lens or the whole mask. */
 #include "optics/wave.h"
 #include "core/callers.h"
-#include "core/fft_factor.h"
 #include "launch/optics_wave_lens.h"
 #include "launch/optics_wave_whole.h"
 

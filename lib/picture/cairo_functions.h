@@ -61,9 +61,7 @@ typedef struct hada_cairo {
 #undef HADA_CAIRO_MEMBER
 } hada_cairo;
 
-/* Fails with HADA_ERROR_UNSUPPORTED where cairo is not installed; afterwards the functions are there until the process
- * ends. Any thread may call, also again. */
-hada_status hada_cairo_load(hada_error *err);
+/* There once a drawing was made, until the process ends. */
 extern hada_cairo hada_cairo_api;
 
 #endif

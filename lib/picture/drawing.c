@@ -23,7 +23,9 @@ static const hada_symbol symbols[] = {
 /* Never closed: cairo keeps fonts until the process ends. */
 static hada_library library = {CAIRO_FILE, "no pictures can be drawn", "libcairo2", symbols, HADA_COUNT(symbols), 0};
 
-hada_status hada_cairo_load(hada_error *err)
+/* Fails with HADA_ERROR_UNSUPPORTED where cairo is not installed; afterwards the functions are there until the process
+ * ends. Any thread may call, also again. */
+static hada_status cairo_load(hada_error *err)
 {
     return hada_library_load(&library, err);
 }
@@ -43,7 +45,7 @@ static const hada_cairo *const api = &hada_cairo_api;
 
 int hada_pictures_available(void)
 {
-    return hada_cairo_load(NULL) == HADA_OK;
+    return cairo_load(NULL) == HADA_OK;
 }
 
 static hada_status fail(hada_error *err, cairo_status_t code, const char *what)
@@ -62,7 +64,7 @@ hada_status hada_drawing_create(hada_drawing **out, double width, double height,
     hada_status status = HADA_OK;
     hada_drawing *drawing = NULL;
     *out = NULL;
-    HADA_TRY_OR_DONE(hada_cairo_load(err));
+    HADA_TRY_OR_DONE(cairo_load(err));
     HADA_TRY_OR_DONE(HADA_NEW(drawing, 1, "a picture", err));
     const cairo_rectangle_t extents = {0, 0, width, height};
     drawing->width = width;

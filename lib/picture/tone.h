@@ -4,8 +4,6 @@
 
 #include <hadalens/image.h>
 
-#include "core/base.h"
-
 /* The level below which 99.9 % of the finite values of `count` images lie (within 1 %); 1 where nothing is above 0. */
 double hada_tone_white(const hada_image *images, int count);
 

@@ -44,7 +44,8 @@ static int can_fuse(const hada_context *context, const hada_refine_shape *shape,
     return way_of(context)->columns(context, shape, blocks_of(shape, depths)) > 0;
 }
 
-int hada_refine_fused_grid(const hada_context *context, const hada_refine_shape *shape)
+/* Whether a grid's transforms can be fused at all. */
+static int fused_grid(const hada_context *context, const hada_refine_shape *shape)
 {
     return can_fuse(context, shape, 1);
 }
@@ -55,7 +56,7 @@ hada_status hada_refine_fused_make(hada_refiner *refiner, hada_error *err)
     hada_slot *slot = refiner->slot;
     hada_buffer *table = &refiner->fused.columns.table;
     const size_t list = hada_round_up((size_t)shape->max_planes, HADA_FFT_BLOCK) * sizeof(cl_int);
-    const int fuses = hada_refine_fused_grid(slot->context, shape);
+    const int fuses = fused_grid(slot->context, shape);
     if (fuses)
         HADA_TRY(hada_fft_fused_make(&refiner->fused, slot, shape->grid_rows, shape->grid_cols, err));
     HADA_TRY(

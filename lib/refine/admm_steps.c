@@ -238,8 +238,9 @@ hada_status hada_refine_take_back(const hada_refine_run *r, hada_error *err)
     return hada_buffer_copy(r->refiner->slot, r->refiner->kept.mem, bytes, r->refiner->planes.mem, 0, bytes, err);
 }
 
-/* kept = kept - planes, or kept as it is, with its energies, behind those of all steps. */
-static hada_status kept_energy(const hada_refine_run *r, int use_planes, size_t first, hada_error *err)
+/* before = before - planes, or before as it is, with its energies. */
+static hada_status energy_before(const hada_refine_run *r, cl_mem before, int use_planes, hada_refine_sums sums,
+                                 hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
     const int images = r->depths * refiner->shape.channels;
@@ -247,8 +248,15 @@ static hada_status kept_energy(const hada_refine_run *r, int use_planes, size_t 
                                         .pixels = (cl_uint)refiner->window_area,
                                         .use_frame = use_planes,
                                         .scale = 1.0f,
-                                        .sums = {HADA_REFINE_SLICE, (unsigned)first}};
-    return frame_step(r, refiner->kept.mem, refiner->planes.mem, NULL, (size_t)images, &now, err);
+                                        .sums = sums};
+    return frame_step(r, before, refiner->planes.mem, NULL, (size_t)images, &now, err);
+}
+
+/* The same of what is kept, with the energies behind those of all steps. */
+static hada_status kept_energy(const hada_refine_run *r, int use_planes, size_t first, hada_error *err)
+{
+    return energy_before(r, r->refiner->kept.mem, use_planes, (hada_refine_sums){HADA_REFINE_SLICE, (unsigned)first},
+                         err);
 }
 
 /* Where sums of changes stand behind those of all steps, and how many each look has of either kind. */
@@ -260,14 +268,7 @@ static size_t changes_at(const hada_refine_run *r, size_t *count)
 
 hada_status hada_refine_since(const hada_refine_run *r, cl_mem before, hada_error *err)
 {
-    hada_refiner *refiner = r->refiner;
-    const int images = r->depths * refiner->shape.channels;
-    const hada_refine_frame_step now = {.channels = (cl_uint)images,
-                                        .pixels = (cl_uint)refiner->window_area,
-                                        .use_frame = 1,
-                                        .scale = 1.0f,
-                                        .sums = {HADA_REFINE_PLACE, 0}};
-    return frame_step(r, before, refiner->planes.mem, NULL, (size_t)images, &now, err);
+    return energy_before(r, before, 1, (hada_refine_sums){HADA_REFINE_PLACE, 0}, err);
 }
 
 hada_status hada_refine_change(const hada_refine_run *r, size_t look, hada_error *err)
@@ -294,47 +295,37 @@ hada_status hada_refine_changes(const hada_refine_run *r, size_t looks, double *
     return HADA_OK;
 }
 
-/* Transforms `images` images in calls of the plan's batch; their spectra stand from `offset` on. */
-static hada_status transform(hada_refiner *refiner, hada_fft *plan, int forward, int images, cl_mem real,
-                             size_t distance, const hada_buffer *spectra, size_t offset, hada_error *err)
+/* All planes, or the channels of all frames; their spectra stand from `offset` on. */
+static hada_status transform(const hada_refine_run *r, hada_fft *plan, int each, cl_mem real,
+                             const hada_buffer *spectra, size_t offset, hada_error *err)
 {
-    for (int first = 0; first < images; first += HADA_REFINE_BATCH) {
-        const int batch = images - first < HADA_REFINE_BATCH ? images - first : HADA_REFINE_BATCH;
-        const size_t at = offset + (size_t)first * refiner->layout.count, real_at = (size_t)first * distance;
-        HADA_TRY(forward ? hada_fft_forward(plan, batch, real, real_at, spectra->mem, at, err)
-                         : hada_fft_inverse(plan, batch, spectra->mem, at, real, real_at, NULL, err));
-    }
-    refiner->transforms += (size_t)images;
-    return HADA_OK;
+    const int images = r->sets * each * r->refiner->shape.channels;
+    r->refiner->transforms += (size_t)images;
+    return hada_fft_all(plan, images, real, spectra->mem, offset, err);
 }
 
 hada_status hada_refine_planes_forward(const hada_refine_run *r, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
-    return transform(refiner, refiner->forward, 1, r->sets * r->depths * refiner->shape.channels, refiner->planes.mem,
-                     refiner->window_area, &refiner->now_u, 0, err);
+    return transform(r, refiner->forward, r->depths, refiner->planes.mem, &refiner->now_u, 0, err);
 }
 
 hada_status hada_refine_planes_inverse(const hada_refine_run *r, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
-    return transform(refiner, refiner->inverse, 0, r->sets * r->depths * refiner->shape.channels, refiner->planes.mem,
-                     refiner->window_area, &refiner->now_w, 0, err);
+    return transform(r, refiner->inverse, r->depths, refiner->planes.mem, &refiner->now_w, 0, err);
 }
 
 hada_status hada_refine_frame_forward(const hada_refine_run *r, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
-    return transform(refiner, refiner->frame_forward, 1, r->sets * refiner->shape.channels, refiner->dual.mem,
-                     refiner->frame_area, &refiner->now_u, refiner->split, err);
+    return transform(r, refiner->frame_forward, 1, refiner->dual.mem, &refiner->now_u, refiner->split, err);
 }
 
 hada_status hada_refine_frame_inverse(const hada_refine_run *r, const hada_buffer *spectrum, size_t at,
                                       const hada_buffer *frame, hada_error *err)
 {
-    hada_refiner *refiner = r->refiner;
-    return transform(refiner, refiner->frame_inverse, 0, r->sets * refiner->shape.channels, frame->mem,
-                     refiner->frame_area, spectrum, at, err);
+    return transform(r, r->refiner->frame_inverse, 1, frame->mem, spectrum, at, err);
 }
 
 /* Parseval: from energies of spectra to energies of images. */

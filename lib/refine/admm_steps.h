@@ -169,8 +169,7 @@ hada_status hada_refine_energies(const hada_refine_run *run, int parts, size_t s
  * of U. Where a sensor crops, half spectra of the frame's rows are in the place of E; lanes take a third launch for
  * them (refine_frame_rows.cl). Internal to lib/refine. */
 
-/* Whether a grid's transforms can be fused at all; and making the list of depths, with the tables where they can. */
-int hada_refine_fused_grid(const hada_context *context, const hada_refine_shape *shape);
+/* Makes the list of depths, and the tables where a grid's transforms can be fused at all. */
 hada_status hada_refine_fused_make(hada_refiner *refiner, hada_error *err);
 
 /* Whether the sets of a run can be: a block of columns of each depth, or a part of one, fits in local memory. */

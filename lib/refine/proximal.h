@@ -7,7 +7,6 @@
 #include "launch/refine_tv.h"
 #include "launch/refine_tv_rows.h"
 #include "launch/refine_tv_tile.h"
-#include "runtime/buffer.h"
 
 /* The proximal step of total variation with non-negativity, on planes of a window with their channels coupled
  * (kernels/refine_tv.cl). Internal. */

@@ -3,7 +3,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "core/base.h"
 #include "core/clock.h"
 #include "refine/pursuit_search.h"
 
@@ -140,10 +139,9 @@ done:
 
 void hada_pursuit_destroy(hada_pursuit **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_pursuit *p = hada_taken(pointer);
+    if (!p)
         return;
-    hada_pursuit *p = *pointer;
-    *pointer = NULL;
     hada_slot_finish(p->slot, NULL);
     hada_residuals_free(&p->residuals);
     for (int i = 0; i < p->count; i++)
@@ -174,11 +172,11 @@ hada_status hada_pursuit_set_prior(hada_pursuit *p, cl_mem prior, hada_error *er
     return HADA_OK;
 }
 
-hada_status hada_pursuit_set_power(hada_pursuit *p, int first, int count, cl_mem power, size_t offset, hada_error *err)
+hada_status hada_pursuit_set_power(hada_pursuit *p, int depth, cl_mem power, hada_error *err)
 {
-    HADA_TRY(check_depths(p, first, count, err));
+    HADA_TRY(check_depths(p, depth, 1, err));
     for (int i = 0; i < p->count; i++)
-        HADA_TRY(hada_level_set_power(&p->levels[i], first, count, power, offset, err));
+        HADA_TRY(hada_level_set_power(&p->levels[i], depth, power, err));
     return HADA_OK;
 }
 
@@ -206,13 +204,12 @@ static hada_status search(hada_pursuit *p, hada_pursuit_result *result, hada_sta
     return status;
 }
 
-hada_status hada_pursuit_run(hada_pursuit *p, cl_mem spectrum, size_t offset, hada_pursuit_result *result,
-                             hada_error *err)
+hada_status hada_pursuit_run(hada_pursuit *p, cl_mem spectrum, hada_pursuit_result *result, hada_error *err)
 {
     *result = (hada_pursuit_result){0};
     hada_residuals_free(&p->residuals);
     for (int i = 0; i < p->count; i++)
-        hada_level_set_frame(&p->levels[i], spectrum, offset);
+        hada_level_set_frame(&p->levels[i], spectrum);
     return search(p, result, hada_search_depths, err);
 }
 

@@ -60,17 +60,15 @@ void hada_pursuit_destroy(hada_pursuit **pursuit);
 
 /* The camera, in any number of pieces, all before the first run: OTFs of `count` depths from depth `first` on
  * ([depth][channel][count] complex); the prior of refinement ([channel][count] floats); and, where the OTFs are
- * estimates, sum |X|^2 of the pairs of each depth ([depth][channel][count] floats), which says how good they are.
- * Offsets count complex numbers and floats. The buffers are not needed afterwards. */
+ * estimates, sum |X|^2 of the pairs of each depth ([channel][count] floats), which says how good they are. Offsets
+ * count complex numbers. The buffers are not needed afterwards. */
 hada_status hada_pursuit_set_otf(hada_pursuit *pursuit, int first, int count, cl_mem otf, size_t offset,
                                  hada_error *err);
 hada_status hada_pursuit_set_prior(hada_pursuit *pursuit, cl_mem prior, hada_error *err);
-hada_status hada_pursuit_set_power(hada_pursuit *pursuit, int first, int count, cl_mem power, size_t offset,
-                                   hada_error *err);
+hada_status hada_pursuit_set_power(hada_pursuit *pursuit, int depth, cl_mem power, hada_error *err);
 
 /* Searches a frame: its spectrum, [channel][count] complex, dark level removed. On failure *result says nothing. */
-hada_status hada_pursuit_run(hada_pursuit *pursuit, cl_mem spectrum, size_t offset, hada_pursuit_result *result,
-                             hada_error *err);
+hada_status hada_pursuit_run(hada_pursuit *pursuit, cl_mem spectrum, hada_pursuit_result *result, hada_error *err);
 
 /* Where the last run said that depths may hide: looks for those that few steps do not tell from their neighbours, which
  * takes longer than the run did. The spectrum is still there; *result is that of the run, and goes on. */

@@ -50,11 +50,6 @@ int hada_level_room(const hada_pursuit_level *l)
     return takes_no_depth(l->slot->context) ? l->spec.max_sets : 0;
 }
 
-static size_t spectrum_bytes(const hada_spectrum_layout *layout, int channels)
-{
-    return (size_t)channels * layout->count * 2 * sizeof(float);
-}
-
 /* Padded: sums of pixels that an energy takes on the device, where sets are many enough to be added up there. */
 enum { EVIDENCE_SLICE = 4096 };
 
@@ -86,7 +81,7 @@ static hada_status make_frames(hada_pursuit_level *l, hada_error *err)
     l->evidence_area = hada_rect_area(&evidence.frame);
     HADA_TRY(hada_buffer_create(
         &l->frame, context, hada_rect_area(&l->shape.frame) * (size_t)l->shape.channels * sizeof(float), what, err));
-    HADA_TRY(hada_buffer_create(&l->evidence, context, sets * spectrum_bytes(&l->evidence_layout, 1), what, err));
+    HADA_TRY(hada_buffer_create(&l->evidence, context, sets * hada_spectra_bytes(&l->evidence_layout, 1), what, err));
     HADA_TRY(hada_buffer_create(&l->evidence_frame, context, sets * l->evidence_area * sizeof(float), what, err));
     l->evidence_slices = slices_of(context, &evidence);
     if (l->evidence_slices)
@@ -108,7 +103,7 @@ hada_status hada_level_create(hada_pursuit_level *l, hada_slot *slot, const hada
     l->shape = shape_of(options, spec, spec->shrink);
     l->full = hada_fft_layout(context, full->grid_rows, full->grid_cols, HADA_FFT_AUTO);
     l->layout = hada_fft_layout(context, l->shape.grid_rows, l->shape.grid_cols, HADA_FFT_AUTO);
-    const size_t spectrum = spectrum_bytes(&l->layout, l->shape.channels), depths = otfs_of(context, options);
+    const size_t spectrum = hada_spectra_bytes(&l->layout, l->shape.channels), depths = otfs_of(context, options);
     const size_t there = (size_t)options->depths * spectrum, last = depths * spectrum - there;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_refiner_create(&l->refiner, slot, &l->shape, err));
@@ -200,15 +195,14 @@ hada_status hada_level_set_prior(hada_pursuit_level *l, cl_mem prior, hada_error
     return crop_images(l, &how, prior, 0, l->shape.channels, &l->prior, 0, err);
 }
 
-hada_status hada_level_set_power(hada_pursuit_level *l, int first, int count, cl_mem power, size_t offset,
-                                 hada_error *err)
+hada_status hada_level_set_power(hada_pursuit_level *l, int depth, cl_mem power, hada_error *err)
 {
     const double ratio = area_ratio(&l->layout, &l->full);
     crop how = of_camera(l, 1, 2.0);
     how.factor = how.channels * ratio * ratio;
     how.invert = 1;
     l->has_variance = 1;
-    return crop_images(l, &how, power, offset, count * l->shape.channels, &l->variance, first * l->shape.channels, err);
+    return crop_images(l, &how, power, 0, l->shape.channels, &l->variance, depth * l->shape.channels, err);
 }
 
 /* Padded: `sets` spectra [set][channel] within the frame, at the frequencies of the evidence; where sums are taken on
@@ -269,10 +263,9 @@ static void band_of(const hada_pursuit_level *l, int *rows, int *cols)
     *cols = hada_rect_grid_size(l->options->shape.grid_cols, l->spec.evidence);
 }
 
-void hada_level_set_frame(hada_pursuit_level *l, cl_mem spectrum, size_t offset)
+void hada_level_set_frame(hada_pursuit_level *l, cl_mem spectrum)
 {
     l->whole = spectrum;
-    l->whole_offset = offset;
     l->loaded = l->measured = 0;
 }
 
@@ -283,7 +276,7 @@ static hada_status load_frame(hada_pursuit_level *l, hada_error *err)
     if (l->loaded)
         return HADA_OK;
     how.factor = area_ratio(&l->layout, &l->full);
-    HADA_TRY(crop_images(l, &how, l->whole, l->whole_offset, l->shape.channels, &l->spectrum, 0, err));
+    HADA_TRY(crop_images(l, &how, l->whole, 0, l->shape.channels, &l->spectrum, 0, err));
     if (l->frame_inverse)
         HADA_TRY(hada_fft_inverse(l->frame_inverse, l->shape.channels, l->spectrum.mem, 0, l->frame.mem, 0, NULL, err));
     l->loaded = 1;

@@ -35,18 +35,21 @@ enum {
 #define MANY_LEAVE 0.12
 #define ALL_LEAVE  0.55
 
-hada_status hada_search_residual(hada_search *s, hada_fidelity fidelity, const hada_set *set, double *energy,
-                                 hada_error *err)
+/* What a set leaves. */
+static hada_status residual_of_set(hada_search *s, hada_fidelity fidelity, const hada_set *set, double *energy,
+                                   hada_error *err)
 {
     return hada_residuals_of(s->residuals, fidelity, set, 1, energy, err);
 }
 
-hada_status hada_search_evaluate(hada_search *s, hada_fidelity fidelity, hada_error *err)
+/* What the candidates leave, into s->energy. */
+static hada_status search_evaluate(hada_search *s, hada_fidelity fidelity, hada_error *err)
 {
     return hada_residuals_of(s->residuals, fidelity, s->candidates, s->count, s->energy, err);
 }
 
-int hada_search_take_best(hada_search *s, double *energy)
+/* The candidate that leaves least and was not yet taken; *energy: what it leaves, INFINITY where all are taken. */
+static int search_take_best(hada_search *s, double *energy)
 {
     int best = 0;
     for (int i = 1; i < s->count; i++)
@@ -64,8 +67,8 @@ static hada_status reduction_at(hada_search *s, hada_fidelity fidelity, const ha
     double frame, before, after;
     HADA_TRY(hada_residuals_frame(s->residuals, fidelity, &frame, err));
     hada_residuals_ahead(s->residuals, fidelity, larger, 1);
-    HADA_TRY(hada_search_residual(s, fidelity, smaller, &before, err));
-    HADA_TRY(hada_search_residual(s, fidelity, larger, &after, err));
+    HADA_TRY(residual_of_set(s, fidelity, smaller, &before, err));
+    HADA_TRY(residual_of_set(s, fidelity, larger, &after, err));
     *reduction = before > 0.0 ? (before - after) / (before + MODEL_ERROR * MODEL_ERROR * frame) : 0.0;
     return HADA_OK;
 }
@@ -102,8 +105,8 @@ static hada_status is_better(hada_search *s, const hada_set *current, const hada
         double now, then;
         s->result->fine_comparisons += fidelity == HADA_FIDELITY_FINE;
         hada_residuals_ahead(s->residuals, (hada_fidelity)fidelity, moved, 1);
-        HADA_TRY(hada_search_residual(s, (hada_fidelity)fidelity, current, &now, err));
-        HADA_TRY(hada_search_residual(s, (hada_fidelity)fidelity, moved, &then, err));
+        HADA_TRY(residual_of_set(s, (hada_fidelity)fidelity, current, &now, err));
+        HADA_TRY(residual_of_set(s, (hada_fidelity)fidelity, moved, &then, err));
         *better = then < now;
         if (then > CLOSE_RATIO * now || now > CLOSE_RATIO * then)
             break;
@@ -133,7 +136,8 @@ static void moves_ahead(hada_search *s)
         hada_residuals_ahead(s->residuals, HADA_FIDELITY_COARSE, next, moves_of(s, &s->candidates[i], next));
 }
 
-int hada_search_reductions(const hada_set *current, hada_set *less)
+/* All sets with a depth less; how many. */
+static int search_reductions(const hada_set *current, hada_set *less)
 {
     for (int place = 0; place < current->count; place++)
         less[place] = hada_set_without(current, place);
@@ -157,13 +161,13 @@ static hada_status move_once(hada_search *s, hada_set *current, hada_fidelity fi
     if (!s->count)
         return HADA_OK;
     hada_residuals_ahead(s->residuals, HADA_FIDELITY_COARSE, s->candidates, s->count);
-    HADA_TRY(hada_search_residual(s, HADA_FIDELITY_COARSE, current, &now, err));
+    HADA_TRY(residual_of_set(s, HADA_FIDELITY_COARSE, current, &now, err));
     moves_ahead(s);
-    HADA_TRY(hada_search_evaluate(s, HADA_FIDELITY_COARSE, err));
+    HADA_TRY(search_evaluate(s, HADA_FIDELITY_COARSE, err));
     if (finest == HADA_FIDELITY_FINE)
         rivals_ahead(s, CLOSE_RATIO * now);
     for (int tried = 0; !*moved && tried < s->count; tried++) {
-        const int best = hada_search_take_best(s, &energy);
+        const int best = search_take_best(s, &energy);
         if (energy > CLOSE_RATIO * now)
             break;
         HADA_TRY(is_better(s, current, &s->candidates[best], finest, moved, err));
@@ -173,7 +177,8 @@ static hada_status move_once(hada_search *s, hada_set *current, hada_fidelity fi
     return HADA_OK;
 }
 
-hada_status hada_search_move(hada_search *s, hada_set *current, hada_fidelity finest, hada_error *err)
+/* Local search: moves depths of *current to free neighbours while that leaves less. */
+static hada_status search_move(hada_search *s, hada_set *current, hada_fidelity finest, hada_error *err)
 {
     int moved = 1;
     for (int sweep = 0; moved && sweep < 2 * s->pursuit->options.depths; sweep++)
@@ -186,9 +191,9 @@ static hada_status prune(hada_search *s, hada_set *current, hada_error *err)
 {
     while (current->count > 1) {
         double least, reduction;
-        s->count = hada_search_reductions(current, s->candidates);
-        HADA_TRY(hada_search_evaluate(s, HADA_FIDELITY_COARSE, err));
-        const hada_set less = s->candidates[hada_search_take_best(s, &least)];
+        s->count = search_reductions(current, s->candidates);
+        HADA_TRY(search_evaluate(s, HADA_FIDELITY_COARSE, err));
+        const hada_set less = s->candidates[search_take_best(s, &least)];
         HADA_TRY(reduction_of(s, &less, current, &reduction, err));
         if (reduction >= s->pursuit->options.threshold)
             break;
@@ -197,8 +202,10 @@ static hada_status prune(hada_search *s, hada_set *current, hada_error *err)
     return HADA_OK;
 }
 
-hada_status hada_search_shortlist(hada_search *s, const hada_set *current, hada_fidelity fidelity, double most,
-                                  hada_error *err)
+/* Lists the sets of one depth more than *current: the first few of those that leave least, evaluated so, and no more
+ * than `most`. */
+static hada_status search_shortlist(hada_search *s, const hada_set *current, hada_fidelity fidelity, double most,
+                                    hada_error *err)
 {
     hada_set first[SHORTLIST];
     double energy;
@@ -207,9 +214,9 @@ hada_status hada_search_shortlist(hada_search *s, const hada_set *current, hada_
     for (int depth = 0; depth < s->pursuit->options.depths; depth++)
         if (!hada_set_has(current, depth))
             s->candidates[s->count++] = hada_set_with(current, depth);
-    HADA_TRY(hada_search_evaluate(s, fidelity, err));
+    HADA_TRY(search_evaluate(s, fidelity, err));
     while (count < SHORTLIST && count < s->count) {
-        const int best = hada_search_take_best(s, &energy);
+        const int best = search_take_best(s, &energy);
         if (energy > most)
             break;
         first[count++] = s->candidates[best];
@@ -222,8 +229,8 @@ hada_status hada_search_shortlist(hada_search *s, const hada_set *current, hada_
 /* Of the candidates the one that leaves least; *energy: how much. */
 static hada_status best_candidate(hada_search *s, hada_set *best, double *energy, hada_error *err)
 {
-    HADA_TRY(hada_search_evaluate(s, HADA_FIDELITY_COARSE, err));
-    *best = s->candidates[hada_search_take_best(s, energy)];
+    HADA_TRY(search_evaluate(s, HADA_FIDELITY_COARSE, err));
+    *best = s->candidates[search_take_best(s, energy)];
     return HADA_OK;
 }
 
@@ -239,14 +246,14 @@ static hada_status detect_many(hada_search *s, const hada_set *pair, hada_set *l
         return HADA_OK;
     *largest = *pair;
     HADA_TRY(hada_residuals_frame(s->residuals, HADA_FIDELITY_COARSE, &frame, err));
-    HADA_TRY(hada_search_residual(s, HADA_FIDELITY_COARSE, pair, &energy, err));
+    HADA_TRY(residual_of_set(s, HADA_FIDELITY_COARSE, pair, &energy, err));
     for (;;) {
         const double much = MANY_LEAVE / largest->count;
         if (energy < much * much * frame)
             return HADA_OK;
         if (largest->count == o->max_depths)
             break;
-        HADA_TRY(hada_search_shortlist(s, largest, HADA_FIDELITY_RANKING, INFINITY, err));
+        HADA_TRY(search_shortlist(s, largest, HADA_FIDELITY_RANKING, INFINITY, err));
         HADA_TRY(best_candidate(s, largest, &energy, err));
     }
     HADA_TRY(hada_residuals_of_all(s->residuals, &all, err));
@@ -264,8 +271,8 @@ static hada_status best_addition(hada_search *s, const hada_set *current, hada_s
     double reduction, energy;
     *many = 0;
     /* where nothing is added, these come next */
-    hada_residuals_ahead(s->residuals, HADA_FIDELITY_COARSE, less, hada_search_reductions(current, less));
-    HADA_TRY(hada_search_shortlist(s, current, HADA_FIDELITY_RANKING, INFINITY, err));
+    hada_residuals_ahead(s->residuals, HADA_FIDELITY_COARSE, less, search_reductions(current, less));
+    HADA_TRY(search_shortlist(s, current, HADA_FIDELITY_RANKING, INFINITY, err));
     /* the last one that there is room for: that it is needed says enough, which one it is does not matter */
     if (last) {
         *more = s->candidates[0];
@@ -282,7 +289,7 @@ static hada_status best_addition(hada_search *s, const hada_set *current, hada_s
     }
     HADA_TRY(reduction_at(s, HADA_FIDELITY_COARSE, current, more, &reduction, err));
     if (current->count && reduction >= MOVE_FROM && reduction <= (current->count == 1 ? MOVE_PAIR_TO : MOVE_TO))
-        HADA_TRY(hada_search_move(s, more, HADA_FIDELITY_COARSE, err));
+        HADA_TRY(search_move(s, more, HADA_FIDELITY_COARSE, err));
     return HADA_OK;
 }
 
@@ -324,7 +331,7 @@ static hada_status pursue(hada_search *s, hada_set *found, hada_error *err)
         if (found->count)
             HADA_TRY(prune(s, found, err));
         if (found->count && room)
-            HADA_TRY(hada_search_move(s, found, HADA_FIDELITY_FINE, err));
+            HADA_TRY(search_move(s, found, HADA_FIDELITY_FINE, err));
         if (hada_set_same(&before, found)) {
             result->all = !room && o->max_depths < o->depths;
             break;
@@ -333,13 +340,14 @@ static hada_status pursue(hada_search *s, hada_set *found, hada_error *err)
     return HADA_OK;
 }
 
-hada_status hada_search_report(hada_search *s, const hada_set *found, int parted, hada_error *err)
+/* Takes down what was found, and whether depths may hide beside it, unless these were looked for (parted). */
+static hada_status search_report(hada_search *s, const hada_set *found, int parted, hada_error *err)
 {
     const hada_pursuit *p = s->pursuit;
     hada_pursuit_result *result = s->result;
     double frame, energy;
     HADA_TRY(hada_residuals_frame(s->residuals, HADA_FIDELITY_COARSE, &frame, err));
-    HADA_TRY(hada_search_residual(s, HADA_FIDELITY_COARSE, found, &energy, err));
+    HADA_TRY(residual_of_set(s, HADA_FIDELITY_COARSE, found, &energy, err));
     result->residual = frame > 0.0 ? sqrt(energy / frame) : 0.0;
     result->count = found->count;
     memcpy(result->list, found->depth, sizeof found->depth);
@@ -351,7 +359,7 @@ hada_status hada_search_depths(hada_search *s, hada_error *err)
 {
     hada_set found = {0};
     HADA_TRY(pursue(s, &found, err));
-    return hada_search_report(s, &found, 0, err);
+    return search_report(s, &found, 0, err);
 }
 
 /* Depths as close as this may hide one between or beside them, which explains at least this part of what they leave,
@@ -386,8 +394,8 @@ static int is_hidden(const hada_set *set, int depth)
 static hada_status list_missed(hada_search *s, const hada_set *current, hada_error *err)
 {
     double now;
-    HADA_TRY(hada_search_residual(s, HADA_FIDELITY_CONVERGED, current, &now, err));
-    HADA_TRY(hada_search_shortlist(s, current, HADA_FIDELITY_CONVERGED, (1.0 - GLIMPSE) * now, err));
+    HADA_TRY(residual_of_set(s, HADA_FIDELITY_CONVERGED, current, &now, err));
+    HADA_TRY(search_shortlist(s, current, HADA_FIDELITY_CONVERGED, (1.0 - GLIMPSE) * now, err));
     for (int depth = 0; depth < s->pursuit->options.depths; depth++)
         if (is_hidden(current, depth)) /* once more in the list is no more work */
             s->candidates[s->count++] = hada_set_with(current, depth);
@@ -411,10 +419,10 @@ static int explains(double smaller, double larger)
 static hada_status drop_hidden(hada_search *s, hada_set *current, hada_error *err)
 {
     double now, least;
-    s->count = hada_search_reductions(current, s->candidates);
-    HADA_TRY(hada_search_residual(s, HADA_FIDELITY_FINE, current, &now, err));
-    HADA_TRY(hada_search_evaluate(s, HADA_FIDELITY_FINE, err));
-    const hada_set less = s->candidates[hada_search_take_best(s, &least)];
+    s->count = search_reductions(current, s->candidates);
+    HADA_TRY(residual_of_set(s, HADA_FIDELITY_FINE, current, &now, err));
+    HADA_TRY(search_evaluate(s, HADA_FIDELITY_FINE, err));
+    const hada_set less = s->candidates[search_take_best(s, &least)];
     if (!explains(least, now))
         *current = less;
     return HADA_OK;
@@ -432,14 +440,14 @@ static hada_status part(hada_search *s, hada_set *current, hada_error *err)
         if (!s->count)
             break;
         hada_residuals_ahead(s->residuals, HADA_FIDELITY_FINE, s->candidates, s->count);
-        HADA_TRY(hada_search_residual(s, HADA_FIDELITY_FINE, current, &now, err));
-        HADA_TRY(hada_search_evaluate(s, HADA_FIDELITY_FINE, err));
-        const hada_set more = s->candidates[hada_search_take_best(s, &least)];
+        HADA_TRY(residual_of_set(s, HADA_FIDELITY_FINE, current, &now, err));
+        HADA_TRY(search_evaluate(s, HADA_FIDELITY_FINE, err));
+        const hada_set more = s->candidates[search_take_best(s, &least)];
         if (!explains(now, least))
             break;
         *current = more;
         added = 1;
-        HADA_TRY(hada_search_move(s, current, HADA_FIDELITY_FINE, err));
+        HADA_TRY(search_move(s, current, HADA_FIDELITY_FINE, err));
     }
     if (added)
         HADA_TRY(drop_hidden(s, current, err));
@@ -454,5 +462,5 @@ hada_status hada_search_hidden(hada_search *s, hada_error *err)
     hada_set found = {.count = result->count};
     memcpy(found.depth, result->list, sizeof found.depth);
     HADA_TRY(part(s, &found, err));
-    return hada_search_report(s, &found, 1, err);
+    return search_report(s, &found, 1, err);
 }

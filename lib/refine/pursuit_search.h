@@ -36,7 +36,6 @@ typedef struct hada_pursuit_level {
     int has_prior, has_variance;
     /* the frame in hand: its spectrum, whether it was brought to this grid, its energy there where it was measured */
     cl_mem whole;
-    size_t whole_offset;
     int loaded, measured;
     double energy;
 } hada_pursuit_level;
@@ -50,12 +49,11 @@ void hada_level_destroy(hada_pursuit_level *level); /* the slot's queue must be 
 hada_status hada_level_set_otf(hada_pursuit_level *level, int first, int count, cl_mem otf, size_t offset,
                                hada_error *err);
 hada_status hada_level_set_prior(hada_pursuit_level *level, cl_mem prior, hada_error *err);
-hada_status hada_level_set_power(hada_pursuit_level *level, int first, int count, cl_mem power, size_t offset,
-                                 hada_error *err);
+hada_status hada_level_set_power(hada_pursuit_level *level, int depth, cl_mem power, hada_error *err);
 
 /* The frame in hand from now on, by its spectrum, which must stay as it is meanwhile. It is brought to the grid when
  * something is asked about it. */
-void hada_level_set_frame(hada_pursuit_level *level, cl_mem spectrum, size_t offset);
+void hada_level_set_frame(hada_pursuit_level *level, cl_mem spectrum);
 
 /* The frame's own energy, as hada_level_residuals() measures it. */
 hada_status hada_level_frame_energy(hada_pursuit_level *level, double *energy, hada_error *err);
@@ -160,23 +158,5 @@ hada_status hada_search_depths(hada_search *s, hada_error *err);
 
 /* Goes on with the result, where depths may hide that few steps do not tell from others. */
 hada_status hada_search_hidden(hada_search *s, hada_error *err);
-
-/* What a set leaves. */
-hada_status hada_search_residual(hada_search *s, hada_fidelity fidelity, const hada_set *set, double *energy,
-                                 hada_error *err);
-/* What the candidates leave, into s->energy. */
-hada_status hada_search_evaluate(hada_search *s, hada_fidelity fidelity, hada_error *err);
-/* The candidate that leaves least and was not yet taken; *energy: what it leaves, INFINITY where all are taken. */
-int hada_search_take_best(hada_search *s, double *energy);
-/* Lists the sets of one depth more than *current: the first few of those that leave least, evaluated so, and no more
- * than `most`. */
-hada_status hada_search_shortlist(hada_search *s, const hada_set *current, hada_fidelity fidelity, double most,
-                                  hada_error *err);
-/* All sets with a depth less; how many. */
-int hada_search_reductions(const hada_set *current, hada_set *less);
-/* Local search: moves depths of *current to free neighbours while that leaves less. */
-hada_status hada_search_move(hada_search *s, hada_set *current, hada_fidelity finest, hada_error *err);
-/* Takes down what was found, and whether depths may hide beside it, unless these were looked for (parted). */
-hada_status hada_search_report(hada_search *s, const hada_set *found, int parted, hada_error *err);
 
 #endif

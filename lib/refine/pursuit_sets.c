@@ -82,9 +82,7 @@ static hada_status make_room(hada_residuals *residuals, size_t more, hada_error 
         return HADA_OK;
     const size_t room = 2 * residuals->room + more;
     hada_known_residual *larger;
-    hada_status status = hada_allocated(larger = hada_alloc(room, sizeof *larger, "the depth pursuit", err));
-    if (status)
-        return status;
+    HADA_TRY(hada_allocated(larger = hada_alloc(room, sizeof *larger, "the depth pursuit", err)));
     if (residuals->count)
         memcpy(larger, residuals->known, residuals->count * sizeof *larger);
     free(residuals->known);

@@ -4,7 +4,6 @@
 #define HADA_REFINE_RIDGE_H
 
 #include "launch/refine_ridge.h"
-#include "runtime/buffer.h"
 
 /* Filters see three channels, or one: of images with another number each channel is an image. */
 typedef struct hada_ridge {

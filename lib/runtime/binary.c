@@ -4,7 +4,6 @@
 #include <unistd.h>
 #include <xxhash.h>
 
-#include "core/callers.h"
 #include "core/input.h"
 #include "core/outfile.h"
 #include "runtime/program.h"
@@ -23,8 +22,8 @@ static const char *unwritable_cache(const char **variable)
     return NULL;
 }
 
-static hada_status build(hada_context *context, cl_program program, const char *file, const char *options,
-                         hada_error *err)
+static hada_status build_program(hada_context *context, cl_program program, const char *file, const char *options,
+                                 hada_error *err)
 {
     char all[1024];
     int n = snprintf(all, sizeof all, "-cl-std=CL1.2 %s %s", context->quirks.build_options, options);
@@ -58,6 +57,18 @@ static hada_status build(hada_context *context, cl_program program, const char *
     return HADA_ERROR_BUILD;
 }
 
+/* Builds a program into *out, or gives it back. */
+static hada_status build(hada_context *context, cl_program program, const char *file, const char *options,
+                         cl_program *out, hada_error *err)
+{
+    const hada_status status = build_program(context, program, file, options, err);
+    if (status)
+        clReleaseProgram(program);
+    else
+        *out = program;
+    return status;
+}
+
 hada_status hada_program_from_binary(hada_context *context, const char *file, const char *options,
                                      const unsigned char *binary, size_t bytes, cl_program *out, hada_error *err)
 {
@@ -74,13 +85,7 @@ hada_status hada_program_from_binary(hada_context *context, const char *file, co
         hada_error_prefix(err, "the binary of %s.cl: ", file);
         return status;
     }
-    hada_status status = build(context, program, file, options, err);
-    if (status) {
-        clReleaseProgram(program);
-        return status;
-    }
-    *out = program;
-    return HADA_OK;
+    return build(context, program, file, options, out, err);
 }
 
 hada_status hada_program_compile(hada_context *context, const char *file, const char *options, const char *text,
@@ -97,13 +102,7 @@ hada_status hada_program_compile(hada_context *context, const char *file, const 
     cl_program program = clCreateProgramWithSource(context->cl, 1, &text, NULL, &code);
     if (code != CL_SUCCESS)
         return hada_fail_cl(err, code, "clCreateProgramWithSource");
-    hada_status status = build(context, program, file, options, err);
-    if (status) {
-        clReleaseProgram(program);
-        return status;
-    }
-    *out = program;
-    return HADA_OK;
+    return build(context, program, file, options, out, err);
 }
 
 hada_status hada_program_binary(cl_program program, unsigned char **out, size_t *bytes, hada_error *err)

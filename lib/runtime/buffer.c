@@ -132,60 +132,47 @@ void hada_buffers_destroy(hada_buffer *const *buffers, size_t count)
         hada_buffer_destroy(buffers[i]);
 }
 
-static hada_status enqueue_write(const hada_buffer *buffer, hada_slot *slot, cl_bool blocking, size_t offset,
-                                 const void *data, size_t bytes, hada_error *err)
+/* Writes `from` or, where that is NULL, reads `into`. */
+static hada_status enqueue(const hada_buffer *buffer, hada_slot *slot, cl_bool blocking, size_t offset, void *into,
+                           const void *from, size_t bytes, hada_error *err)
 {
+    const cl_command_queue queue = slot->queue;
     if (is_dry(slot) || !bytes)
         return HADA_OK;
     HADA_TRY(check_range(buffer, offset, bytes, err));
-    const cl_int code =
-        clEnqueueWriteBuffer(slot->queue, buffer->mem, blocking, offset, bytes, data, 0, NULL, hada_slot_event(slot));
+    cl_event *event = hada_slot_event(slot);
+    const cl_int code = from ? clEnqueueWriteBuffer(queue, buffer->mem, blocking, offset, bytes, from, 0, NULL, event)
+                             : clEnqueueReadBuffer(queue, buffer->mem, blocking, offset, bytes, into, 0, NULL, event);
     if (code != CL_SUCCESS)
-        return hada_fail_cl(err, code, "clEnqueueWriteBuffer");
+        return hada_fail_cl(err, code, from ? "clEnqueueWriteBuffer" : "clEnqueueReadBuffer");
     if (blocking)
         hada_slot_waited(slot);
-    hada_slot_moved(slot, "write", (double)bytes);
+    hada_slot_moved(slot, from ? "write" : "read", (double)bytes);
     return HADA_OK;
 }
 
 hada_status hada_buffer_write(hada_buffer *buffer, hada_slot *slot, size_t offset, const void *data, size_t bytes,
                               hada_error *err)
 {
-    return enqueue_write(buffer, slot, CL_TRUE, offset, data, bytes, err);
+    return enqueue(buffer, slot, CL_TRUE, offset, NULL, data, bytes, err);
 }
 
 hada_status hada_buffer_write_later(hada_buffer *buffer, hada_slot *slot, size_t offset, const void *data, size_t bytes,
                                     hada_error *err)
 {
-    return enqueue_write(buffer, slot, CL_FALSE, offset, data, bytes, err);
-}
-
-static hada_status enqueue_read(const hada_buffer *buffer, hada_slot *slot, cl_bool blocking, size_t offset, void *data,
-                                size_t bytes, hada_error *err)
-{
-    if (is_dry(slot) || !bytes)
-        return HADA_OK;
-    HADA_TRY(check_range(buffer, offset, bytes, err));
-    const cl_int code =
-        clEnqueueReadBuffer(slot->queue, buffer->mem, blocking, offset, bytes, data, 0, NULL, hada_slot_event(slot));
-    if (code != CL_SUCCESS)
-        return hada_fail_cl(err, code, "clEnqueueReadBuffer");
-    if (blocking)
-        hada_slot_waited(slot);
-    hada_slot_moved(slot, "read", (double)bytes);
-    return HADA_OK;
+    return enqueue(buffer, slot, CL_FALSE, offset, NULL, data, bytes, err);
 }
 
 hada_status hada_buffer_read(const hada_buffer *buffer, hada_slot *slot, size_t offset, void *data, size_t bytes,
                              hada_error *err)
 {
-    return enqueue_read(buffer, slot, CL_TRUE, offset, data, bytes, err);
+    return enqueue(buffer, slot, CL_TRUE, offset, data, NULL, bytes, err);
 }
 
 hada_status hada_buffer_read_later(const hada_buffer *buffer, hada_slot *slot, size_t offset, void *data, size_t bytes,
                                    hada_error *err)
 {
-    return enqueue_read(buffer, slot, CL_FALSE, offset, data, bytes, err);
+    return enqueue(buffer, slot, CL_FALSE, offset, data, NULL, bytes, err);
 }
 
 hada_status hada_buffer_read_event(const hada_buffer *buffer, hada_slot *slot, size_t offset, void *data, size_t bytes,

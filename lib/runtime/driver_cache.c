@@ -8,7 +8,6 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "core/callers.h"
 #include "core/input.h"
 #include "runtime/program.h"
 

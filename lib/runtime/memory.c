@@ -134,21 +134,6 @@ void hada_arenas_free(hada_arenas *arenas)
     *arenas = (hada_arenas){0};
 }
 
-size_t hada_lifetimes_floor(const hada_piece *pieces, int count)
-{
-    size_t floor = 0;
-    /* the need only grows at a step where a piece begins */
-    for (int i = 0; i < count; i++) {
-        size_t together = 0;
-        for (int k = 0; k < count; k++)
-            if (pieces[k].first <= pieces[i].first && pieces[i].first <= pieces[k].last)
-                together += pieces[k].bytes;
-        if (together > floor)
-            floor = together;
-    }
-    return floor;
-}
-
 /* Parts begin at multiples of this where the device asks for less: whole vectors, cache lines and bursts. */
 enum { LEAST_ALIGNMENT = 256 };
 

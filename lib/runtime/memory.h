@@ -44,9 +44,6 @@ hada_status hada_lifetimes_plan(hada_piece *pieces, int count, size_t alignment,
                                 hada_error *err);
 void hada_arenas_free(hada_arenas *arenas);
 
-/* The most bytes in use in any one step: no plan needs less. */
-size_t hada_lifetimes_floor(const hada_piece *pieces, int count);
-
 /* Memory that the objects of a slot share: slot->scratch. */
 struct hada_scratch {
     int first, last, result_last; /* steps of the buffers that are asked for now */

@@ -26,15 +26,15 @@ static int number(const char *text, char **end)
     return errno || value > 1 << 24 ? -1 : (int)value;
 }
 
-/* A shape is of the form, or begins as one and ends with "*". */
-static int has_form(const char *shape, const char *form)
+/* A shape is of the form NxN, or begins as one and ends with "*". */
+static int is_shape(const char *shape)
 {
-    for (; *form; form++) {
+    for (const char *form = "nxn"; *form; form++) {
         char *end;
         if (!strcmp(shape, "*"))
             return 1;
-        if (*form == 'n' || *form == 'm') {
-            if (number(shape, &end) < (*form == 'n'))
+        if (*form == 'n') {
+            if (number(shape, &end) < 1)
                 return 0;
             shape = end;
         } else if (*shape++ != *form) {
@@ -50,13 +50,14 @@ static const char *read_row(hada_tuning_row *row, char *line)
     static const char *const kinds[] = {"*", "cpu", "gpu", "accelerator", "other", NULL};
     static const char *const choices[] = {"own", "clfft", NULL};
     int used = 0;
-    if (sscanf(line, "%63s %63s %63s %63s %n", row->operation, row->kind, row->shape, row->choice, &used) != 4)
+    char operation[HADA_TUNING_WORD];
+    if (sscanf(line, "%63s %63s %63s %63s %n", operation, row->kind, row->shape, row->choice, &used) != 4)
         return "is not OPERATION KIND SHAPE CHOICE";
-    if (strcmp(row->operation, "fft"))
+    if (strcmp(operation, "fft"))
         return "is about an unknown operation: there is fft";
     if (word_among(row->kind, kinds) < 0)
         return "names a kind of device that there is not; there are cpu, gpu, accelerator and *";
-    if (!has_form(row->shape, "nxn"))
+    if (!is_shape(row->shape))
         return "has a shape of another form";
     if (word_among(row->choice, choices) < 0)
         return "names an unknown choice";
@@ -135,13 +136,12 @@ static int same_shape(const char *mine, const char *shape)
     return n && mine[n - 1] == '*' ? !strncmp(mine, shape, n - 1) : !strcmp(mine, shape);
 }
 
-const hada_tuning_row *hada_tuning_find(const hada_context *context, const char *operation, const char *shape)
+const hada_tuning_row *hada_tuning_find(const hada_context *context, const char *shape)
 {
     const char *kind = hada_enum_name(HADA_ENUM_DEVICE_KIND, (int)context->info.kind);
     for (size_t i = context->tuning ? context->tuning->count : 0; i-- > 0;) {
         const hada_tuning_row *row = &context->tuning->rows[i];
-        if (!strcmp(row->operation, operation) && (!strcmp(row->kind, "*") || !strcmp(row->kind, kind)) &&
-            same_shape(row->shape, shape))
+        if ((!strcmp(row->kind, "*") || !strcmp(row->kind, kind)) && same_shape(row->shape, shape))
             return row;
     }
     return NULL;
@@ -150,7 +150,7 @@ const hada_tuning_row *hada_tuning_find(const hada_context *context, const char 
 /* Writing a tuning file: rows of other devices and shapes stay. */
 
 typedef struct news {
-    const char *operation, *kind;
+    const char *kind;
     const char *const *shapes, *const *choices;
     size_t count;
 } news;
@@ -159,7 +159,7 @@ typedef struct news {
 static int superseded(const char *line, const news *now)
 {
     char operation[HADA_TUNING_WORD], kind[HADA_TUNING_WORD], shape[HADA_TUNING_WORD];
-    if (sscanf(line, " %63s %63s %63s", operation, kind, shape) != 3 || strcmp(operation, now->operation) ||
+    if (sscanf(line, " %63s %63s %63s", operation, kind, shape) != 3 || strcmp(operation, "fft") ||
         strcmp(kind, now->kind))
         return 0;
     for (size_t i = 0; i < now->count; i++)
@@ -192,7 +192,7 @@ static hada_status copy_rest(const char *text, hada_outfile *to, const news *now
 static hada_status write_rows(hada_outfile *to, const news *now, hada_error *err)
 {
     for (size_t i = 0; i < now->count; i++) {
-        const char *const words[] = {now->operation, " ", now->kind, " ", now->shapes[i], " ", now->choices[i], "\n"};
+        const char *const words[] = {"fft ", now->kind, " ", now->shapes[i], " ", now->choices[i], "\n"};
         for (size_t w = 0; w < sizeof words / sizeof *words; w++)
             HADA_TRY(put(to, words[w], err));
     }
@@ -235,11 +235,10 @@ done:
     return status;
 }
 
-hada_status hada_tuning_write(const hada_context *context, const char *path, const char *operation,
-                              const char *const *shapes, const char *const *choices, size_t count, hada_error *err)
+hada_status hada_tuning_write(const hada_context *context, const char *path, const char *const *shapes,
+                              const char *const *choices, size_t count, hada_error *err)
 {
-    const news now = {operation, hada_enum_name(HADA_ENUM_DEVICE_KIND, (int)context->info.kind), shapes, choices,
-                      count};
+    const news now = {hada_enum_name(HADA_ENUM_DEVICE_KIND, (int)context->info.kind), shapes, choices, count};
     const int lock = lock_folder(path);
     const hada_status status = write_new(path, &now, err);
     if (lock >= 0)

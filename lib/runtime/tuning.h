@@ -10,10 +10,10 @@ enum { HADA_TUNING_WORD = 64, HADA_TUNING_LINE = 256 };
 /* A file has no more: a row a shape, thousands of shapes. */
 #define HADA_TUNING_BYTES ((size_t)1 << 22)
 
-/* "OPERATION KIND SHAPE CHOICE". KIND and SHAPE may be "*". */
+/* "fft KIND SHAPE CHOICE". KIND and SHAPE may be "*". */
 typedef struct hada_tuning_row {
     int line;
-    char operation[HADA_TUNING_WORD], kind[HADA_TUNING_WORD], shape[HADA_TUNING_WORD], choice[HADA_TUNING_WORD];
+    char kind[HADA_TUNING_WORD], shape[HADA_TUNING_WORD], choice[HADA_TUNING_WORD];
 } hada_tuning_row;
 
 struct hada_tuning {
@@ -26,14 +26,13 @@ struct hada_tuning {
 hada_status hada_tuning_read(hada_tuning **out, const char *path, hada_error *err);
 void hada_tuning_destroy(hada_tuning **tuning);
 
-/* The last row about an operation that names the context's kind of device and a shape. Shapes match where they are
+/* The last row that names the context's kind of device and a shape. Shapes match where they are
  * equal, or where the row's begins the shape and ends in "*". NULL: none. */
-const hada_tuning_row *hada_tuning_find(const hada_context *context, const char *operation, const char *shape);
+const hada_tuning_row *hada_tuning_find(const hada_context *context, const char *shape);
 
-/* Writes rows for the context's kind of device into a file: `choices` are what follows the shapes. Lines of an
- * existing file stay, but for those about the same operation, kind, shape; also when several
- * processes write at once. */
-hada_status hada_tuning_write(const hada_context *context, const char *path, const char *operation,
-                              const char *const *shapes, const char *const *choices, size_t count, hada_error *err);
+/* Writes rows for the context's kind of device into a file: `choices` are what follows the shapes. Lines of an existing
+ * file stay, but for those about the same kind and shape; also when several processes write at once. */
+hada_status hada_tuning_write(const hada_context *context, const char *path, const char *const *shapes,
+                              const char *const *choices, size_t count, hada_error *err);
 
 #endif

@@ -28,14 +28,7 @@ struct hada_between {
 
 static hada_fft_desc plan_of(const hada_surface_camera *camera, hada_fft_direction direction)
 {
-    return (hada_fft_desc){.direction = direction,
-                           .rows = camera->rows,
-                           .cols = camera->cols,
-                           .batch = camera->channels,
-                           .real_rows = camera->rows,
-                           .real_cols = camera->cols,
-                           .real_pitch = (size_t)camera->cols,
-                           .real_distance = (size_t)camera->rows * (size_t)camera->cols};
+    return hada_fft_whole(direction, camera->rows, camera->cols, camera->channels);
 }
 
 /* Bytes of every buffer. */
@@ -111,10 +104,9 @@ done:
 
 void hada_between_destroy(hada_between **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_between *b = hada_taken(pointer);
+    if (!b)
         return;
-    hada_between *b = *pointer;
-    *pointer = NULL;
     hada_slot_finish(b->slot, NULL);
     hada_fft_destroy(&b->forward);
     hada_fft_destroy(&b->inverse);
@@ -122,9 +114,7 @@ void hada_between_destroy(hada_between **pointer)
                               &b->spectrum,  &b->bases,        &b->weights};
     for (size_t i = 0; i < HADA_COUNT(buffers); i++)
         hada_buffer_destroy(buffers[i]);
-    free(b->host_bases);
-    free(b->host_weights);
-    free(b);
+    HADA_FREE(b->host_bases, b->host_weights, b);
 }
 
 /* Brings a depth's coefficients to their place, unless they are there. */

@@ -34,9 +34,7 @@ static hada_status gaussian(double blur, double **out, int *radius, hada_error *
 {
     double sum = 0.0;
     *radius = blur > 0.0 ? (int)ceil(REACH * blur) : 0;
-    const hada_status status = hada_allocated(*out = hada_alloc((size_t)*radius + 1, sizeof **out, what, err));
-    if (status)
-        return status;
+    HADA_TRY(hada_allocated(*out = hada_alloc((size_t)*radius + 1, sizeof **out, what, err)));
     for (int i = 0; i <= *radius; i++) {
         (*out)[i] = i ? exp(-0.5 * i * i / (blur * blur)) : 1.0;
         sum += i ? 2.0 * (*out)[i] : 1.0;
@@ -95,8 +93,7 @@ hada_status hada_map_centre(const float *light, int planes, int channels, hada_m
         sum[i] = (float)all[i];
     }
 done:
-    free(weight);
-    free(memory);
+    HADA_FREE(weight, memory);
     return status;
 }
 

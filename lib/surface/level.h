@@ -2,7 +2,6 @@
 #ifndef HADA_SURFACE_LEVEL_H
 #define HADA_SURFACE_LEVEL_H
 
-#include "core/base.h"
 #include "surface/magnification.h"
 #include "surface/surface.h"
 
@@ -86,10 +85,6 @@ typedef struct hada_surface_level {
  */
 int hada_surface_levels(const hada_context *context, const hada_surface_camera *camera, const hada_surface_shape *shape,
                         const hada_magnification *magnification, hada_surface_plan *plans);
-
-hada_status hada_surface_level_make(hada_surface_level *level, hada_slot *slot, const hada_surface_plan *plan,
-                                    hada_between *between, hada_buffer *plane, hada_error *err);
-void hada_surface_level_free(hada_surface_level *level);
 
 /* Hands a level the frame, brought to its grid. */
 hada_status hada_surface_level_load(hada_surface_level *level, hada_slot *slot, const hada_spectrum_layout *from,

@@ -4,8 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
-#include "core/fft_factor.h"
 #include "launch/refine.h"
 #include "surface/spline.h"
 
@@ -66,7 +64,8 @@ int hada_magnification_steps(const hada_magnification *m, double pixels)
     return steps < 1 ? 1 : steps;
 }
 
-void hada_magnification_zoom(hada_magnification *m, double zoom)
+/* The same for a grid `zoom` times as fine. */
+static void zoom_at(hada_magnification *m, double zoom)
 {
     for (int k = 0; k < m->depths; k++) {
         m->depth[k].row *= zoom;
@@ -343,8 +342,7 @@ hada_status hada_magnification_fit(hada_magnification *out, int depths, const do
 done:
     for (size_t k = 0; f.bright && k < count; k++)
         free(f.bright[k].point);
-    free(f.bright);
-    free(memory);
+    HADA_FREE(f.bright, memory);
     if (status)
         hada_magnification_free(out);
     return status;
@@ -352,8 +350,7 @@ done:
 
 void hada_magnification_free(hada_magnification *magnification)
 {
-    free(magnification->inverse);
-    free(magnification->depth);
+    HADA_FREE(magnification->inverse, magnification->depth);
     *magnification = (hada_magnification){0};
 }
 
@@ -411,18 +408,6 @@ static int shrink(int size, double zoom)
     return zoom > 1.0 ? hada_fft_good_size((int)(size / zoom)) : size;
 }
 
-static hada_fft_desc plan_of(int rows, int cols)
-{
-    return (hada_fft_desc){.direction = HADA_FFT_INVERSE,
-                           .rows = rows,
-                           .cols = cols,
-                           .batch = 1,
-                           .real_rows = rows,
-                           .real_cols = cols,
-                           .real_pitch = (size_t)cols,
-                           .real_distance = (size_t)rows * (size_t)cols};
-}
-
 hada_status hada_magnification_measure(hada_magnification *out, hada_slot *slot, const hada_surface_camera *camera,
                                        const double *distances, hada_error *err)
 {
@@ -432,7 +417,7 @@ hada_status hada_magnification_measure(hada_magnification *out, hada_slot *slot,
     const hada_spectrum_layout full = hada_surface_layout(slot->context, camera->rows, camera->cols);
     const hada_spectrum_layout small = hada_surface_layout(slot->context, rows, cols);
     const size_t area = (size_t)rows * (size_t)cols, step = (size_t)camera->channels * full.count;
-    const hada_fft_desc desc = plan_of(rows, cols);
+    const hada_fft_desc desc = hada_fft_whole(HADA_FFT_INVERSE, rows, cols, 1);
     hada_buffer prefilter = {0}, spectrum = {0}, image = {0};
     hada_fft *plan = NULL;
     float *coefficients = NULL;
@@ -456,12 +441,10 @@ hada_status hada_magnification_measure(hada_magnification *out, hada_slot *slot,
     }
     HADA_TRY_OR_DONE(hada_magnification_fit(out, camera->depths, distances, coefficients, rows, cols, err));
     /* rows and columns shrink alike but for a pixel or so of a good size */
-    hada_magnification_zoom(out, (double)camera->cols / cols);
+    zoom_at(out, (double)camera->cols / cols);
 done:
     hada_fft_destroy(&plan);
-    hada_buffer_destroy(&image);
-    hada_buffer_destroy(&spectrum);
-    hada_buffer_destroy(&prefilter);
+    HADA_DESTROY_BUFFERS(&image, &spectrum, &prefilter);
     free(coefficients);
     return status;
 }

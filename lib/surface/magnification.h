@@ -3,7 +3,6 @@
 #ifndef HADA_SURFACE_MAGNIFICATION_H
 #define HADA_SURFACE_MAGNIFICATION_H
 
-#include "core/base.h"
 #include "fft/fft.h"
 
 /* How the point spread functions of a camera's depths become one another, found from themselves. Internal.
@@ -47,9 +46,6 @@ typedef struct hada_magnification {
 hada_status hada_magnification_fit(hada_magnification *out, int depths, const double *distances,
                                    const float *coefficients, int rows, int cols, hada_error *err);
 void hada_magnification_free(hada_magnification *magnification);
-
-/* The same for a grid `zoom` times as fine. */
-void hada_magnification_zoom(hada_magnification *magnification, double zoom);
 
 /* At a depth between two, counted in depths; between them all is linear in 1 / distance, and it goes on so beyond the
  * first and the last. */

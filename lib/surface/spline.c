@@ -6,8 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
-
 #define TWO_PI 6.283185307179586476925286766559
 
 double hada_spline_gain(int k, int n)
@@ -207,8 +205,7 @@ hada_status hada_bright_edge(const float *coefficients, int depths, int rows, in
     *edge = r > 1 ? (double)r : 1.0;
     *spread = sum > 0.0 && square > sum ? sqrt(square / sum) : 1.0;
 done:
-    free(image);
-    free(ring);
+    HADA_FREE(image, ring);
     return status;
 }
 

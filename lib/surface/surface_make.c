@@ -93,19 +93,14 @@ static hada_fft_desc inverse_of(const hada_surface_plan *plan)
                                HADA_FFT_INVERSE);
 }
 
-static size_t spectrum_bytes(const hada_surface_plan *plan)
-{
-    return (size_t)plan->shape.channels * plan->layout.count * 2 * sizeof(float);
-}
-
 static size_t pixel_bytes(const hada_surface_plan *plan)
 {
     return (size_t)plan->shape.channels * (size_t)plan->shape.frame.rows * (size_t)plan->shape.frame.cols *
            sizeof(float);
 }
 
-hada_status hada_surface_level_make(hada_surface_level *level, hada_slot *slot, const hada_surface_plan *plan,
-                                    hada_between *between, hada_buffer *plane, hada_error *err)
+static hada_status level_make(hada_surface_level *level, hada_slot *slot, const hada_surface_plan *plan,
+                              hada_between *between, hada_buffer *plane, hada_error *err)
 {
     const hada_fft_desc inverse = inverse_of(plan);
     *level = (hada_surface_level){.plan = *plan};
@@ -113,11 +108,12 @@ hada_status hada_surface_level_make(hada_surface_level *level, hada_slot *slot, 
     for (int k = 0; k < plan->shape.planes; k++) {
         const double depth = (double)k / plan->steps - plan->before;
         HADA_TRY(hada_between_make(between, 1, &depth, plane->mem, 0, plan->whole ? NULL : &plan->layout, err));
-        HADA_TRY(hada_volume_set_camera(level->volume, k, 1, plane->mem, 0, err));
+        HADA_TRY(hada_volume_set_camera(level->volume, k, 1, plane->mem, err));
     }
     if (plan->whole)
         return HADA_OK;
-    HADA_TRY(hada_buffer_create(&level->spectrum, slot->context, spectrum_bytes(plan), what, err));
+    HADA_TRY(hada_buffer_create(&level->spectrum, slot->context,
+                                hada_spectra_bytes(&plan->layout, plan->shape.channels), what, err));
     if (plan->shape.boundary != HADA_BOUNDARY_PADDED)
         return HADA_OK;
     HADA_TRY(hada_buffer_create(&level->pixels, slot->context, pixel_bytes(plan), what, err));
@@ -125,12 +121,11 @@ hada_status hada_surface_level_make(hada_surface_level *level, hada_slot *slot, 
     return HADA_OK;
 }
 
-void hada_surface_level_free(hada_surface_level *level)
+static void level_free(hada_surface_level *level)
 {
     hada_volume_destroy(&level->volume);
     hada_fft_destroy(&level->inverse);
-    hada_buffer_destroy(&level->spectrum);
-    hada_buffer_destroy(&level->pixels);
+    HADA_DESTROY_BUFFERS(&level->spectrum, &level->pixels);
 }
 
 hada_status hada_surface_level_load(hada_surface_level *level, hada_slot *slot, const hada_spectrum_layout *from,
@@ -185,11 +180,6 @@ static size_t texture_bytes(const sizes *n)
     return (n->texture + HADA_VARIATION_ROOM) * sizeof(float);
 }
 
-static size_t plane_bytes(const hada_surface_camera *camera, const hada_spectrum_layout *layout)
-{
-    return (size_t)camera->channels * layout->count * 2 * sizeof(float);
-}
-
 static hada_status make_arrays(hada_surface *s, const sizes *n, hada_error *err)
 {
     hada_context *context = s->slot->context;
@@ -218,9 +208,10 @@ static hada_status make_levels(hada_surface *s, const hada_surface_plan *plans, 
     hada_buffer plane = {0};
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_between_create(&between, s->slot, &s->camera, magnification, err));
-    HADA_TRY_OR_DONE(hada_buffer_create(&plane, s->slot->context, plane_bytes(&s->camera, &s->layout), what, err));
+    HADA_TRY_OR_DONE(
+        hada_buffer_create(&plane, s->slot->context, hada_spectra_bytes(&s->layout, s->camera.channels), what, err));
     for (int l = 0; l < s->levels; l++)
-        HADA_TRY_OR_DONE(hada_surface_level_make(&s->level[l], s->slot, &plans[l], between, &plane, err));
+        HADA_TRY_OR_DONE(level_make(&s->level[l], s->slot, &plans[l], between, &plane, err));
 done:
     hada_between_destroy(&between);
     hada_buffer_destroy(&plane);
@@ -280,22 +271,16 @@ done:
 
 void hada_surface_destroy(hada_surface **pointer)
 {
-    if (!pointer || !*pointer)
+    hada_surface *s = hada_taken(pointer);
+    if (!s)
         return;
-    hada_surface *s = *pointer;
-    *pointer = NULL;
     hada_slot_finish(s->slot, NULL);
     for (int l = 0; l < s->levels; l++)
-        hada_surface_level_free(&s->level[l]);
-    hada_buffer_destroy(&s->map);
-    hada_buffer_destroy(&s->texture);
-    hada_buffer_destroy(&s->allowed);
+        level_free(&s->level[l]);
+    HADA_DESTROY_BUFFERS(&s->map, &s->texture, &s->allowed);
     float *floats[] = {s->planes[0], s->planes[1], s->mask,     s->depth[0],   s->depth[1],
                        s->sum,       s->image[0],  s->image[1], s->confidence, s->power};
     for (size_t i = 0; i < HADA_COUNT(floats); i++)
         free(floats[i]);
-    free(s->outside);
-    free(s->light);
-    free(s->shift);
-    free(s);
+    HADA_FREE(s->outside, s->light, s->shift, s);
 }

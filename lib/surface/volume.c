@@ -6,7 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
 #include "surface/volume_steps.h"
 
 enum {
@@ -188,8 +187,7 @@ void hada_volume_destroy(hada_volume **pointer)
     hada_fft_destroy(&v->frame_inverse);
     list_buffers(v->slot->context, &v->shape, rows);
     hada_buffer_rows_destroy(v, rows, ROWS);
-    free(v->host_partial);
-    free(v);
+    HADA_FREE(v->host_partial, v);
 }
 
 cl_mem hada_volume_planes(const hada_volume *volume)

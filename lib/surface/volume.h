@@ -41,8 +41,8 @@ hada_status hada_volume_create(hada_volume **out, hada_slot *slot, const hada_vo
 void hada_volume_destroy(hada_volume **volume); /* waits for its queue */
 
 /* The transfer functions of planes first ... first + count - 1, [plane][channel][count] complex in the layout of
- * hada_fft_layout(context, rows, cols, AUTO), `from` complex numbers into a buffer. Enqueued; copied. */
-hada_status hada_volume_set_camera(hada_volume *volume, int first, int count, cl_mem otf, size_t from, hada_error *err);
+ * hada_fft_layout(context, rows, cols, AUTO). Enqueued; copied. */
+hada_status hada_volume_set_camera(hada_volume *volume, int first, int count, cl_mem otf, hada_error *err);
 
 /* The frame, dark level removed: its spectrum [channel][count] and, padded, its pixels [channel][frame] and the weights
  * of these in the data term, as hada_refine_data has them; NULL: all 1. They stay as they are meanwhile. Offsets in

@@ -48,13 +48,13 @@ static hada_status set_camera(hada_volume *v, int first, int count, cl_mem otf, 
                                         .offset = (cl_ulong)offset, .count = (cl_ulong)values);
 }
 
-hada_status hada_volume_set_camera(hada_volume *v, int first, int count, cl_mem otf, size_t from, hada_error *err)
+hada_status hada_volume_set_camera(hada_volume *v, int first, int count, cl_mem otf, hada_error *err)
 {
     const size_t each = (size_t)v->shape.channels * v->layout.count;
     v->floor = 0;
     for (int done = 0, here; done < count; done += here) {
         here = batch_from(v, first + done, first + count - 1, count);
-        HADA_TRY(set_camera(v, first + done, here, otf, from + (size_t)done * each, err));
+        HADA_TRY(set_camera(v, first + done, here, otf, (size_t)done * each, err));
     }
     return HADA_OK;
 }

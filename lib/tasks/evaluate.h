@@ -6,8 +6,6 @@
 #include <hadalens/task_evaluate.h>
 #include <hadalens/tiff.h>
 
-#include "core/base.h"
-
 typedef struct hada_region {
     int rows, cols;  /* of the window; 0: the whole image */
     int row, col;    /* its top left; negative: the window stands at the centre */

@@ -123,12 +123,6 @@ static double cost(const void *user, int found, int truth)
     return lateral <= 1.0 && axial <= 1.0 ? lateral * lateral + axial * axial : APART;
 }
 
-static int by_number(const void *a, const void *b)
-{
-    const double one = *(const double *)a, other = *(const double *)b;
-    return (one > other) - (one < other);
-}
-
 /* Numbers of tracks, each once, ascending; returns how many. */
 static int tracks_of(const rows *all, double *numbers)
 {
@@ -136,7 +130,7 @@ static int tracks_of(const rows *all, double *numbers)
     for (int i = 0; i < all->count; i++)
         numbers[i] = all->list[i].track;
     if (all->count)
-        qsort(numbers, (size_t)all->count, sizeof *numbers, by_number);
+        qsort(numbers, (size_t)all->count, sizeof *numbers, hada_ascending);
     for (int i = 0; i < all->count; i++)
         if (!count || numbers[i] != numbers[count - 1])
             numbers[count++] = numbers[i];
@@ -151,7 +145,7 @@ typedef struct identities {
 
 static void follow(identities *ids, const row *found, const row *truth)
 {
-    const double *at = bsearch(&truth->track, ids->numbers, (size_t)ids->count, sizeof *at, by_number);
+    const double *at = bsearch(&truth->track, ids->numbers, (size_t)ids->count, sizeof *at, hada_ascending);
     double *last = &ids->found[at - ids->numbers];
     ids->switches += !isnan(*last) && *last != found->track;
     *last = found->track;

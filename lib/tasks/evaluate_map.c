@@ -1,8 +1,6 @@
 /* Distance maps against the truth. */
 #include "tasks/evaluate.h"
 
-#include <hadalens/folder.h>
-
 #include "io/folder.h"
 
 /* The distances that the NAME_stack.tif beside a NAME_depth.tif (or another tail) states, freed with free(); 0 of them

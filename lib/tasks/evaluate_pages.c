@@ -1,5 +1,4 @@
 /* The pages of a result and of its truth, and the region that counts. */
-#include <hadalens/folder.h>
 #include <hadalens/response.h>
 #include <hadalens/scene.h>
 #include <hadalens/tiff.h>

@@ -2,7 +2,6 @@
 
 #include "core/callers.h"
 #include "dispatch/plan.h"
-#include "image/pixels.h"
 #include "io/folder.h"
 #include "io/tiff_page.h"
 #include "planes/maker.h"

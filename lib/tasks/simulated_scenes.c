@@ -1,8 +1,6 @@
 /* Scenes of a simulated data set: pictures or drawn ones, on surfaces, at several depths. */
 #include <hadalens/folder.h>
 #include <hadalens/metrics.h>
-#include <hadalens/response.h>
-#include <hadalens/scene.h>
 #include <hadalens/tiff.h>
 #include <limits.h>
 

@@ -1,5 +1,4 @@
 /* Results against the truth: which files go together, and one result against its truth. */
-#include <hadalens/folder.h>
 
 #include "core/callers.h"
 #include "io/folder.h"

@@ -1,8 +1,6 @@
 /* A camera from a data set, or from saved sums. */
 #include <hadalens/camera.h>
-#include <hadalens/job.h>
 #include <hadalens/reconstruct.h>
-#include <hadalens/response.h>
 #include <hadalens/scene.h>
 #include <hadalens/task_fit.h>
 #include <math.h>

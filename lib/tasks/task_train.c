@@ -1,5 +1,4 @@
 /* A training: pairs in two parts, a model, a trainer, the log's folder; its steps, and what is due after them. */
-#include <hadalens/task_fit.h>
 
 #include "core/callers.h"
 #include "core/clock.h"

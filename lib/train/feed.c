@@ -1,11 +1,9 @@
 /* Reading ahead: one thread fills a ring in order, one takes from it. */
-#include <pthread.h>
-#include <signal.h>
 
-#include "core/base.h"
-#include "core/callers.h"
-#include "core/random.h"
 #include "train/feed.h"
+#include "core/base.h"
+#include "core/clock.h"
+#include "core/random.h"
 
 /* One sequence of random numbers for each purpose and place; those of the order are small numbers (rounds). */
 enum { PAIR = 1, PLANE = 2 };
@@ -226,17 +224,6 @@ static void *fill(void *user)
     return NULL;
 }
 
-/* Signals are for the program's own threads. */
-static int start(hada_feed *feed)
-{
-    sigset_t all, before;
-    sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &before);
-    const int failed = pthread_create(&feed->thread, NULL, fill, feed);
-    pthread_sigmask(SIG_SETMASK, &before, NULL);
-    return failed;
-}
-
 hada_status hada_feed_create(hada_feed **out, const hada_feed_desc *desc, hada_error *err)
 {
     hada_feed *feed = NULL;
@@ -250,7 +237,7 @@ hada_status hada_feed_create(hada_feed **out, const hada_feed_desc *desc, hada_e
     feed->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     feed->changed = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
     HADA_TRY_OR_DONE(HADA_NEW(feed->ring, (size_t)desc->ahead, "the pairs to read", err));
-    feed->running = !start(feed);
+    feed->running = hada_thread_start(&feed->thread, fill, feed);
     if (!feed->running)
         status = hada_fail(err, HADA_ERROR_MEMORY, "no thread could be started to read pairs");
 done:

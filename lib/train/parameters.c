@@ -3,7 +3,6 @@
 
 #include "core/random.h"
 #include "filter/bank.h"
-#include "io/safetensors.h"
 
 /* Of the real and imaginary parts of a random start. */
 #define START_DEVIATION 0.05
@@ -253,36 +252,24 @@ hada_status hada_parameters_update(hada_parameters *parameters, int group, uint6
     return HADA_OK;
 }
 
-/* Images of filters in a buffer. */
-static size_t images_of(const hada_parameters *parameters, const hada_buffer *buffer)
-{
-    return buffer->bytes / (2 * sizeof(float) * parameters->layout.count);
-}
-
-/* Filters to and from the model's order, channel by channel. */
-static hada_status write_filters(hada_parameters *parameters, hada_buffer *buffer, const float *values, hada_error *err)
+/* Filters from the model's order, channel by channel, or, where `values` is NULL, to it. */
+static hada_status move_filters(hada_parameters *parameters, hada_buffer *buffer, const float *values, float *out,
+                                hada_error *err)
 {
     const hada_spectrum_layout *layout = &parameters->layout;
+    const size_t images = buffer->bytes / (2 * sizeof(float) * layout->count), each = 2 * row_major(parameters);
     float *device = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_allocated(device = hada_alloc_raw(1, buffer->bytes, "a depth's filters", err)));
-    for (size_t i = 0; i < images_of(parameters, buffer); i++)
-        hada_layout_pack(layout, values + 2 * i * row_major(parameters), device + 2 * i * layout->count);
-    HADA_TRY_OR_DONE(hada_buffer_write(buffer, parameters->slot, 0, device, buffer->bytes, err));
-done:
-    free(device);
-    return status;
-}
-
-static hada_status read_filters(hada_parameters *parameters, const hada_buffer *buffer, float *out, hada_error *err)
-{
-    const hada_spectrum_layout *layout = &parameters->layout;
-    float *device = NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(device = hada_alloc_raw(1, buffer->bytes, "a depth's filters", err)));
-    HADA_TRY_OR_DONE(hada_buffer_read(buffer, parameters->slot, 0, device, buffer->bytes, err));
-    for (size_t i = 0; i < images_of(parameters, buffer); i++)
-        hada_layout_unpack(layout, device + 2 * i * layout->count, out + 2 * i * row_major(parameters));
+    if (!values)
+        HADA_TRY_OR_DONE(hada_buffer_read(buffer, parameters->slot, 0, device, buffer->bytes, err));
+    for (size_t i = 0; i < images; i++)
+        if (values)
+            hada_layout_pack(layout, values + i * each, device + 2 * i * layout->count);
+        else
+            hada_layout_unpack(layout, device + 2 * i * layout->count, out + i * each);
+    if (values)
+        HADA_TRY_OR_DONE(hada_buffer_write(buffer, parameters->slot, 0, device, buffer->bytes, err));
 done:
     free(device);
     return status;
@@ -318,10 +305,10 @@ hada_status hada_parameters_read(hada_parameters *parameters, int group, hada_co
 {
     if (!has_group(parameters, group))
         return no_group(group, err);
-    const hada_buffer *buffer = content_of(parameters, group, content);
+    hada_buffer *buffer = content_of(parameters, group, content);
     if (content == HADA_CONTENT_GRADIENT)
         HADA_TRY(hada_parameters_settle(parameters, group, err));
-    return group >= HADA_GROUP_FILTERS     ? read_filters(parameters, buffer, out, err)
+    return group >= HADA_GROUP_FILTERS     ? move_filters(parameters, buffer, NULL, out, err)
            : content == HADA_CONTENT_STATE ? read_state(parameters, &parameters->group[group], out, err)
                                            : hada_buffer_read(buffer, parameters->slot, 0, out, buffer->bytes, err);
 }
@@ -337,7 +324,7 @@ hada_status hada_parameters_write(hada_parameters *parameters, int group, hada_c
     if (content == HADA_CONTENT_GRADIENT)
         it->clear = 0;
     if (group >= HADA_GROUP_FILTERS)
-        return write_filters(parameters, buffer, values, err);
+        return move_filters(parameters, buffer, values, NULL, err);
     return content == HADA_CONTENT_STATE ? write_state(parameters, it, values, err)
                                          : hada_buffer_write(buffer, parameters->slot, 0, values, buffer->bytes, err);
 }
@@ -349,10 +336,10 @@ hada_status hada_parameters_open(hada_parameters *parameters, int group, hada_co
     *values = NULL;
     if (!has_group(parameters, group))
         return no_group(group, err);
-    const hada_buffer *buffer = content_of(parameters, group, content);
+    hada_buffer *buffer = content_of(parameters, group, content);
     if (content == HADA_CONTENT_GRADIENT)
         HADA_TRY(hada_parameters_settle(parameters, group, err));
-    HADA_TRY(group >= HADA_GROUP_FILTERS ? read_filters(parameters, buffer, room, err)
+    HADA_TRY(group >= HADA_GROUP_FILTERS ? move_filters(parameters, buffer, NULL, room, err)
                                          : hada_buffer_map(buffer, parameters->slot, &mapped, err));
     *values = mapped;
     return HADA_OK;

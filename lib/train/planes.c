@@ -17,18 +17,6 @@ typedef struct light_maker {
     size_t frame, window;        /* floats */
 } light_maker;
 
-static hada_fft_desc forward_desc(const hada_model_info *info, const hada_geometry *at)
-{
-    const hada_rectangle window = {at->window_row, at->window_col, info->window_rows, info->window_cols};
-    return hada_fft_of(HADA_FFT_FORWARD, info->grid_rows, info->grid_cols, info->channels, window);
-}
-
-static hada_fft_desc inverse_desc(const hada_model_info *info, const hada_geometry *at)
-{
-    const hada_rectangle frame = {at->raw_row, at->raw_col, info->raw_rows, info->raw_cols};
-    return hada_fft_of(HADA_FFT_INVERSE, info->grid_rows, info->grid_cols, info->channels, frame);
-}
-
 static size_t frame_floats(const hada_model_info *info)
 {
     return (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols;
@@ -50,7 +38,8 @@ static hada_status create_light(light_maker *light, hada_slot *slot, const hada_
     *light = (light_maker){.slot = slot, .channels = info->channels, .frame = frame_floats(info)};
     light->window = (size_t)info->channels * (size_t)info->window_rows * (size_t)info->window_cols;
     HADA_TRY_OR_DONE(hada_geometry_of(info, &at, err));
-    const hada_fft_desc forward = forward_desc(info, &at), inverse = inverse_desc(info, &at);
+    const hada_fft_desc forward = hada_geometry_transform(info, &at, HADA_FFT_FORWARD, 1, 1);
+    const hada_fft_desc inverse = hada_geometry_transform(info, &at, HADA_FFT_INVERSE, 0, 1);
     HADA_TRY_OR_DONE(hada_fft_create(&light->forward, slot, &forward, err));
     HADA_TRY_OR_DONE(hada_fft_create(&light->inverse, slot, &inverse, err));
     HADA_TRY_OR_DONE(

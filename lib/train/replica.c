@@ -2,11 +2,9 @@
 #include "train/replica.h"
 #include "filter/bank.h"
 #include "filter/hadamard.h"
-#include "image/pixels.h"
 #include "kernels/shared_train.h"
 #include "launch/train.h"
 #include "net/layer_launch.h"
-#include "train/step.h"
 
 /* Work-items of a group. */
 enum { GROUP = 64 };
@@ -130,7 +128,7 @@ static hada_status filter_step_error(hada_filter_step *step, int count, double w
                                      .x = hada_step_mem(images, HADA_STEP_PLANES),
                                      .target = hada_step_mem(images, HADA_STEP_SCENES), .count = values,
                                      .scale = (cl_float)(2.0 * share), .sums = sums));
-    return hada_sum_floats(images->slot, sums, 0, items, (float)share, 0.0f, value, err);
+    return hada_sum_floats(images->slot, sums, items, (float)share, value, err);
 }
 
 hada_status hada_buckets_create(hada_buckets *buckets, const hada_communicator *ranks, hada_parameters *parameters,

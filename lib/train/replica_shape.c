@@ -4,7 +4,6 @@
 #include "kernels/shared_train.h"
 #include "net/enhance.h"
 #include "net/layer_launch.h"
-#include "net/layers.h"
 
 /* The rule's eps is negligible for filters, whose gradients are far smaller than those of nets: beside the root of the
  * mean square, or below it. */

@@ -1,8 +1,6 @@
 #include "train/trainer.h"
 
 #include "core/callers.h"
-#include "net/optimizer.h"
-#include "netlist/net_list.h"
 #include "train/feed.h"
 
 int hada_stage_has_net(hada_stage stage)

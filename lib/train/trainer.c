@@ -1,9 +1,6 @@
 /* Making and unmaking trainers, their nets, and what training gives: a net, a model. */
 #include "train/trainer.h"
-#include "core/callers.h"
-#include "model/model.h"
 #include "net/enhance.h"
-#include "netlist/net_list.h"
 
 /* The nets of a stage: new ones begin close to giving back their input. */
 

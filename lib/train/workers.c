@@ -1,9 +1,7 @@
 /* Workers, and the threads in which they work together. */
 #include "train/workers.h"
 
-#include <pthread.h>
-#include <signal.h>
-
+#include "core/clock.h"
 #include "net/enhance.h"
 
 typedef struct member {
@@ -50,7 +48,6 @@ static void *serve(void *user)
 static hada_status threads_create(hada_worker_threads **out, int count, hada_error *err)
 {
     hada_worker_threads *threads = NULL;
-    sigset_t all, before;
     hada_status status = HADA_OK;
     *out = NULL;
     HADA_TRY_OR_DONE(HADA_NEW(threads, 1, "threads", err));
@@ -59,14 +56,11 @@ static hada_status threads_create(hada_worker_threads **out, int count, hada_err
     threads->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     threads->begins = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
     threads->ends = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
-    sigfillset(&all); /* signals are for the program's own threads */
-    pthread_sigmask(SIG_SETMASK, &all, &before);
     for (int i = 0; i < count; i++) {
         member *it = &threads->members[i];
         *it = (member){.threads = threads, .number = i};
-        it->started = i && !pthread_create(&it->thread, NULL, serve, it);
+        it->started = i && hada_thread_start(&it->thread, serve, it);
     }
-    pthread_sigmask(SIG_SETMASK, &before, NULL);
     *out = threads;
 done:
     if (status)

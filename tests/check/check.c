@@ -312,8 +312,7 @@ static verdict run_case(hada_slot *slot, const check_op *op, const char *shape, 
     slot->context->info.compute_units = own_units;
     slot->context->vector_floats = own_floats;
     hada_buffer_destroy(&state.out);
-    free(state.expected);
-    free(all);
+    HADA_FREE(state.expected, all);
     if (how->csv && result == PASSED)
         printf("%s,%s,%s\n", op->name, shape, note);
     else

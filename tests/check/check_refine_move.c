@@ -151,8 +151,7 @@ static hada_status launch(check_state *state, hada_error *err)
 static void release(check_state *state)
 {
     move_state *own = state->own;
-    hada_buffer_destroy(&own->in);
-    hada_buffer_destroy(&own->moved);
+    HADA_DESTROY_BUFFERS(&own->in, &own->moved);
 }
 
 const check_op check_refine_move = {"refine_move",

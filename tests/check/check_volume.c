@@ -133,7 +133,7 @@ static hada_status prepare(check_state *state, hada_error *err)
                                  .channels = (size_t)own->shape.channels};
     HADA_TRY(check_camera_make(state, &own->camera, err));
     HADA_TRY(make_volume(state, own, check_get(state, 'q', 0), err));
-    HADA_TRY(hada_volume_set_camera(own->volume, 0, own->shape.planes, own->camera.otf.mem, 0, err));
+    HADA_TRY(hada_volume_set_camera(own->volume, 0, own->shape.planes, own->camera.otf.mem, err));
     if (own->shape.weighs)
         HADA_TRY(check_camera_weights(state, &own->camera, &own->weights, &own->weigh, err));
     hada_volume_set_frame(own->volume, own->camera.spectrum.mem, 0, own->camera.seen.mem, 0, own->weights.mem);

@@ -65,7 +65,7 @@ static hada_status tune_twice(fault_job *job, hada_error *err)
     SCOPED(hada_tuning) *tuning = NULL;
     snprintf(path, sizeof path, "%s/rows.bin", job->folder); /* an ending that says "whole" to the test */
     for (int i = 0; i < 2; i++)
-        HADA_TRY(hada_tuning_write(job->context, path, "fft", shapes + i, choices + i, 1, err));
+        HADA_TRY(hada_tuning_write(job->context, path, shapes + i, choices + i, 1, err));
     HADA_TRY(hada_tuning_read(&tuning, path, err));
     job->sum = job->sum * 31 + (tuning ? tuning->count : 0);
     return HADA_OK;

@@ -63,8 +63,7 @@ done:
     if (slot)
         hada_slot_finish(slot, NULL);
     hada_graph_destroy(&graph);
-    hada_buffer_destroy(&values);
-    hada_buffer_destroy(&gradients);
+    HADA_DESTROY_BUFFERS(&values, &gradients);
     hada_slot_destroy(&slot);
     return status;
 }

@@ -3,13 +3,6 @@
 #include "train/examples.h"
 #include "train/replica.h"
 
-static void add(fault_job *job, const float *values, size_t count)
-{
-    const unsigned char *at = (const unsigned char *)values;
-    for (size_t i = 0; i < count * sizeof *values; i++)
-        job->sum = (job->sum ^ at[i]) * 1099511628211u;
-}
-
 /* A net, a discriminator, and a stand-in for VGG, for one channel of the window. */
 typedef struct nets {
     hada_net *net, *discriminator, *vgg;
@@ -53,8 +46,8 @@ static hada_status step(fault_job *job, hada_replica *replica, hada_stage stage,
     if (!status)
         status = hada_replica_forward(replica, &samples[1], &before, &after, err);
     if (!status) {
-        add(job, before.data, hada_image_count(&before));
-        add(job, after.data, hada_image_count(&after));
+        fault_add_image(job, &before);
+        fault_add_image(job, &after);
     }
     return status;
 }
@@ -70,7 +63,7 @@ static hada_status copy_filters(hada_replica *replica, fault_job *job, hada_erro
                                           values.data, err));
     HADA_TRY_OR_DONE(hada_parameters_write(hada_replica_parameters(replica), HADA_GROUP_FILTERS + 1,
                                            HADA_CONTENT_VALUES, values.data, err));
-    add(job, values.data, count);
+    fault_add(job, values.data, count * sizeof(float));
 done:
     hada_image_destroy(&values);
     return status;
@@ -113,7 +106,7 @@ static hada_status make_plane(fault_job *job, hada_slot *slot, hada_error *err)
     SCOPED(hada_image) plane = {0};
     HADA_TRY(hada_planes_create(&planes, slot, job->model, 0, 0, err));
     HADA_TRY(hada_planes_make(planes, 1, &job->frame[1][1], &as_captured, &plane, err));
-    add(job, plane.data, hada_image_count(&plane));
+    fault_add_image(job, &plane);
     return HADA_OK;
 }
 

@@ -15,13 +15,6 @@ static hada_status read_pair(void *user, int depth, int pair, hada_image *raw, h
     return copy(scene, &job->scene[depth][pair], err);
 }
 
-static void add(fault_job *job, const double *values, size_t count)
-{
-    const unsigned char *at = (const unsigned char *)values;
-    for (size_t i = 0; i < count * sizeof *values; i++)
-        job->sum = (job->sum ^ at[i]) * 1099511628211u;
-}
-
 static hada_status use(fault_job *job, hada_trainer *trainer, const char *path, hada_error *err)
 {
     hada_step_report report = {.size = sizeof report};
@@ -37,7 +30,7 @@ static hada_status use(fault_job *job, hada_trainer *trainer, const char *path, 
     HADA_TRY(hada_trainer_show(trainer, 1, &raw, &before, &after, &truth, err));
     HADA_TRY(hada_trainer_model(trainer, &model, err));
     const double known[] = {report.loss, report.norm, result.psnr, result.mae, result.sharpness};
-    add(job, known, sizeof known / sizeof *known);
+    fault_add(job, known, sizeof known);
     return HADA_OK;
 }
 

@@ -1,7 +1,6 @@
 #include "fuzz.h"
 
 #include <hadalens/folder.h>
-#include <hadalens/limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

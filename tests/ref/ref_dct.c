@@ -3,8 +3,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "core/base.h"
-
 enum { SIDE = 8 };
 
 static double basis(int k, int i, int n)

@@ -6,8 +6,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "core/base.h"
-
 #define TURN 6.283185307179586476925286766559
 
 /* out = transform of n values in[0], in[stride], ...; roots[k * step] = exp(-+ 2 pi i k / n). */

@@ -3,7 +3,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
 #include "ref/ref_fft.h"
 
 hada_status hada_ref_grid_forward(const hada_ref_grid *grid, const float *image, int row, int col, int rows, int cols,
@@ -43,7 +42,6 @@ hada_status hada_ref_hadamard(const hada_ref_grid *grid, const double *spectrum,
                whole + (size_t)(grid->window_row + r) * (size_t)grid->cols + (size_t)grid->window_col,
                (size_t)grid->window_cols * sizeof *window);
 done:
-    free(product);
-    free(whole);
+    HADA_FREE(product, whole);
     return status;
 }

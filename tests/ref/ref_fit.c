@@ -3,7 +3,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "core/base.h"
 #include "ref/ref_fft.h"
 
 /* Filter of one frequency from its six sums. */
@@ -103,9 +102,7 @@ hada_status hada_ref_fit_nonnegative(const double *sums, int rows, int cols, dou
         status = hada_ref_fft_forward(u, rows, cols, otf, err);
     if (!status)
         blend(sums, count, mean, trust, otf, otf);
-    free(x);
-    free(u);
-    free(d);
+    HADA_FREE(x, u, d);
     return status;
 }
 
@@ -141,8 +138,7 @@ double hada_ref_fit_leave_one_out(const hada_ref_grid *grid, const double *x, co
             own += value * value;
         }
 done:
-    free(error);
-    free(pixels);
+    HADA_FREE(error, pixels);
     return own;
 }
 

@@ -7,7 +7,6 @@
 
 #include <stddef.h>
 
-#include "core/base.h"
 #include "ref/ref_filter.h"
 
 enum { HADA_REF_FIT_SUMS = 6 };

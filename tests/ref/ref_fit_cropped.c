@@ -3,7 +3,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "core/base.h"
 #include "ref/ref_fft.h"
 
 typedef struct work {
@@ -117,11 +116,6 @@ hada_status hada_ref_fit_cropped_solve(const hada_ref_fit_cropped *fit, double *
     }
     HADA_TRY_OR_DONE(iterate(&w, left, err));
 done:
-    free(w.v);
-    free(w.spectrum);
-    free(w.x);
-    free(w.u);
-    free(w.d);
-    free(w.image);
+    HADA_FREE(w.v, w.spectrum, w.x, w.u, w.d, w.image);
     return status;
 }

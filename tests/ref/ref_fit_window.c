@@ -4,7 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
 #include "ref/ref_fft.h"
 
 static size_t plane(const hada_ref_fit_window *fit)
@@ -66,8 +65,7 @@ hada_status hada_ref_fit_window_apply(const hada_ref_fit_window *fit, const doub
         for (size_t i = 0; !status && i < 2 * n; i++)
             out[i] += (1.0 - fit->outside) * spectrum[2 * n + i];
     }
-    free(spectrum);
-    free(pixels);
+    HADA_FREE(spectrum, pixels);
     return status;
 }
 

@@ -265,8 +265,7 @@ hada_status hada_ref_focus(const float *planes, int channels, int rows, int cols
                                   .margin = limit.margin,
                                   .coverage = (double)covered / (double)pixels};
 done:
-    free(measure);
-    free(work);
+    HADA_FREE(measure, work);
     return status;
 }
 

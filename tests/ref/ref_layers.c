@@ -4,8 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
-
 size_t hada_ref_values(const hada_ref_shape *shape)
 {
     return (size_t)shape->images * (size_t)shape->channels * (size_t)shape->rows * (size_t)shape->cols;

@@ -4,8 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
-
 /* What a layer gives: [image][channel][row][col]. */
 typedef struct block {
     int images, channels, rows, cols;
@@ -228,7 +226,6 @@ hada_status hada_ref_net_forward(const hada_net *net, const double *values, int 
     }
     for (int i = 0; blocks && i < net->count; i++)
         free(blocks[i].data);
-    free(blocks);
-    free(sizes);
+    HADA_FREE(blocks, sizes);
     return status;
 }

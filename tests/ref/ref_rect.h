@@ -1,7 +1,6 @@
 #ifndef HADA_REF_RECT_H
 #define HADA_REF_RECT_H
 
-#include "core/base.h"
 #include "refine/admm.h"
 
 /* A rectangle of the grid. */

@@ -3,7 +3,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "core/base.h"
 #include "ref/ref_fft.h"
 #include "ref/ref_ridge.h"
 #include "ref/ref_tv.h"
@@ -246,7 +245,6 @@ hada_status hada_ref_refine_run(const hada_ref_refine *p, double *planes, double
                         .u[i / area / channels * states->pixels + hada_ref_on_grid(&p->window, p->cols, i % area)];
     for (size_t c = 0; c < channels; c++)
         free(states[c].memory);
-    free(states);
-    free(memory);
+    HADA_FREE(states, memory);
     return status;
 }

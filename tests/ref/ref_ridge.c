@@ -4,7 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
 #include "kernels/shared_ridge_weights.h"
 #include "refine/ridge.h"
 
@@ -90,9 +89,6 @@ hada_status hada_ref_ridge(const double *image, int channels, int rows, int cols
         memcpy(out, now, values * sizeof *out);
     }
 done:
-    free(now);
-    free(before);
-    free(gradient);
-    free(responses);
+    HADA_FREE(now, before, gradient, responses);
     return status;
 }

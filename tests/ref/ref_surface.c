@@ -4,7 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
 #include "ref/ref_fft.h"
 
 #define TURN 6.283185307179586476925286766559

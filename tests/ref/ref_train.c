@@ -2,7 +2,6 @@
 
 #include <stdlib.h>
 
-#include "core/base.h"
 #include "ref/ref_fft.h"
 
 static size_t half_count(const hada_ref_grid *grid)
@@ -42,8 +41,7 @@ hada_status hada_ref_train_plane(const hada_ref_grid *grid, const double *spectr
     for (int r = 0; !status && r < grid->window_rows; r++)
         for (int c = 0; c < grid->window_cols; c++)
             *window++ = *pixel(grid, whole, r, c);
-    free(product);
-    free(whole);
+    HADA_FREE(product, whole);
     return status;
 }
 
@@ -66,7 +64,6 @@ hada_status hada_ref_train_filter(const hada_ref_grid *grid, const double *spect
             gradient[i] += times * (split ? br * g[i] : br * g[i] + bi * g[i + 1]);
             gradient[i + 1] += times * (split ? bi * g[i + 1] : br * g[i + 1] - bi * g[i]);
         }
-    free(g);
-    free(whole);
+    HADA_FREE(g, whole);
     return status;
 }

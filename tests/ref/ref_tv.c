@@ -3,8 +3,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "core/base.h"
-
 /* max(0, w + theta div p), of one channel */
 static void plane(const double *w, const double *p, int rows, int cols, double theta, double *u)
 {

@@ -4,7 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/base.h"
 #include "ref/ref_dct.h"
 #include "ref/ref_fft.h"
 #include "ref/ref_tv.h"

@@ -1,6 +1,5 @@
 /* The bounds that several groups share: tests/stress/bounds.md derives them. */
 #include "core/fft_factor.h"
-#include "fft/fft.h"
 #include "stress.h"
 
 /* Mean square of the relative error of a one-dimensional transform, in units of u^2. */

@@ -2,7 +2,6 @@
 
 #include "camera_small.h"
 #include "model/model.h"
-#include "ref/ref_fft.h"
 #include "ref/ref_filter.h"
 
 stress_camera stress_camera_make(const stress_device *device, int rows, int cols, int depths, double lambda)

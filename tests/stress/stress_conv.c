@@ -69,16 +69,9 @@ static void convolve(const stress_device *device, const method *m, int rows, int
                bound_of(m, in) * (range ? 2.0 : 1.0), "convolution, %s, %d to %d channels of %d x %d%s", m->name, in,
                out, rows, cols, range ? ", values from 1 to 1e12" : "");
     hada_conv_destroy(&conv);
-    hada_buffer_destroy(&x_planar);
-    hada_buffer_destroy(&y_planar);
-    hada_buffer_destroy(&w_buffer);
-    hada_buffer_destroy(&x_buffer);
-    hada_buffer_destroy(&y_buffer);
+    HADA_DESTROY_BUFFERS(&x_planar, &y_planar, &w_buffer, &x_buffer, &y_buffer);
 done:
-    free(x);
-    free(w);
-    free(got);
-    free(want);
+    HADA_FREE(x, w, got, want);
 }
 
 void stress_convolutions(void **state)

@@ -66,8 +66,7 @@ static errors transform(const stress_device *device, int rows, int cols, const f
     ASSERT_OK(hada_fft_inverse(inverse, 1, spectrum.mem, 0, real.mem, 0, NULL, err));
     ASSERT_OK(hada_buffer_read(&real, device->slot, 0, back, n * sizeof *back, err));
     hada_fft_destroy(&inverse);
-    hada_buffer_destroy(&real);
-    hada_buffer_destroy(&spectrum);
+    HADA_DESTROY_BUFFERS(&real, &spectrum);
     ASSERT_OK(hada_ref_fft_inverse(want, rows, cols, exact, err));
     const double size = stress_norm_double(exact, n);
     e.inverse = stress_distance(back, exact, n) / (size > 0.0 ? size : 1.0);

@@ -1,6 +1,5 @@
 /* The exact fit: few, equal and many pairs, and extreme lambda, against double precision. */
 #include "camera_small.h"
-#include "fft/fft.h"
 #include "fit/fitter.h"
 #include "model/model.h"
 #include "ref/ref_filter.h"
@@ -34,11 +33,7 @@ static data_set set_make(int rows, int cols)
 static void set_free(data_set *s)
 {
     hada_image_destroy(&s->psf);
-    free(s->sums);
-    free(s->wrong);
-    free(s->wrong_raw);
-    free(s->x);
-    free(s->b);
+    HADA_FREE(s->sums, s->wrong, s->wrong_raw, s->x, s->b);
 }
 
 /* Takes a pair into the sums in double precision, and bounds what the device's single precision makes of it (F1): each

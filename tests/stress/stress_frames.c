@@ -1,9 +1,7 @@
 /* Whole frames through a plan: linear filters against double precision, refinement against itself at other scales. */
 #include "camera_small.h"
-#include "fft/fft.h"
 #include "fit/fitter.h"
 #include "model/model.h"
-#include "ref/ref_filter.h"
 #include "stress.h"
 #include "stress_camera.h"
 

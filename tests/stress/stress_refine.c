@@ -125,7 +125,8 @@ static void pace(void)
     tiny_camera camera = tiny_make(64, 64, 32, 32, DEPTHS, 1, 0);
     tiny_device device;
     hada_refiner *refiner;
-    double *image = stress_memory(camera.pixels, sizeof *image), early = INFINITY, all = INFINITY;
+    SCOPED_MEMORY double *image = stress_memory(camera.pixels, sizeof *image);
+    double early = INFINITY, all = INFINITY;
     make_frame(&usual, &camera, image);
     tiny_upload(&device, &camera);
     tiny_expose(&device, &camera, image, 1.0);
@@ -141,7 +142,6 @@ static void pace(void)
     hada_refiner_destroy(&refiner);
     tiny_release(&device);
     tiny_free(&camera);
-    free(image);
 }
 
 void stress_refinement(void **state)

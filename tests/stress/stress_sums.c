@@ -53,11 +53,7 @@ static void fit_sums(void)
             worst = fmax(worst, (double)(fabsl(got - exact[k * count + i]) / sizes[k * count + i]));
         }
     stress_row("S2", worst, many * 0x1p-47, "sums of a fit, %d additions over 12 decades", many);
-    free(x);
-    free(b);
-    free(sums);
-    free(exact);
-    free(sizes);
+    HADA_FREE(x, b, sums, exact, sizes);
     hada_fitter_destroy(&fitter);
     stress_close(&device);
 }

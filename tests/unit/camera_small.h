@@ -92,24 +92,4 @@ static inline hada_status small_read_pair(void *user, int depth, int pair, hada_
     return HADA_OK;
 }
 
-static inline double small_distance(const float *got, const double *expected, size_t count)
-{
-    double error = 0.0, size = 0.0;
-    for (size_t i = 0; i < count; i++) {
-        error += (got[i] - expected[i]) * (got[i] - expected[i]);
-        size += expected[i] * expected[i];
-    }
-    return size > 0.0 ? sqrt(error / size) : sqrt(error);
-}
-
-static inline double small_image_distance(const float *got, const float *expected, size_t count)
-{
-    double error = 0.0, size = 0.0;
-    for (size_t i = 0; i < count; i++) {
-        error += ((double)got[i] - expected[i]) * ((double)got[i] - expected[i]);
-        size += (double)expected[i] * expected[i];
-    }
-    return sqrt(error / size);
-}
-
 #endif

@@ -16,8 +16,7 @@ static inline int open_device(void **state)
 static inline int close_device(void **state)
 {
     (void)state;
-    assert_int_equal(hada_context_bytes(context), 0);
-    hada_context_destroy(&context);
+    close_context(&context);
     return 0;
 }
 

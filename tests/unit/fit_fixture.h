@@ -60,15 +60,10 @@ static inline int fit_setup_groups(void **state)
 static inline int fit_teardown(void **state)
 {
     fixture *f = *state;
-    for (int z = 0; z < DEPTHS; z++) {
-        hada_image_destroy(&f->psf[z]);
-        for (int i = 0; i < PAIRS; i++) {
-            hada_image_destroy(&f->scene[z][i]);
-            hada_image_destroy(&f->frame[z][i]);
-        }
-    }
-    assert_int_equal(hada_context_bytes(f->context), 0);
-    hada_context_destroy(&f->context);
+    destroy_images(f->psf, DEPTHS);
+    destroy_images(f->scene[0], DEPTHS * PAIRS);
+    destroy_images(f->frame[0], DEPTHS * PAIRS);
+    close_context(&f->context);
     if (*f->tuning)
         unlink(f->tuning);
     *f->tuning = '\0';

@@ -36,14 +36,4 @@ static inline hada_image drawn(uint64_t seed, int channels, int rows, int cols)
     return image;
 }
 
-static inline double distance(const float *a, const double *b, size_t count)
-{
-    double error = 0.0, norm = 0.0;
-    for (size_t i = 0; i < count; i++) {
-        error += (a[i] - b[i]) * (a[i] - b[i]);
-        norm += b[i] * b[i];
-    }
-    return sqrt(error / norm);
-}
-
 #endif

@@ -39,14 +39,10 @@ static inline int io_teardown(void **state)
     return unfinished;
 }
 
-/* A path in the folder; a few may be in use at once. */
+/* A path in the folder. */
 static inline const char *io_path(const char *name)
 {
-    static char paths[4][300];
-    static int next;
-    char *path = paths[next++ % 4];
-    snprintf(path, sizeof paths[0], "%s/%s", io_folder, name);
-    return path;
+    return path_below(io_folder, name);
 }
 
 /* A new file outside the folder. */
@@ -103,6 +99,33 @@ static inline void io_write_bytes(const char *path, const void *data, size_t byt
     if (bytes)
         assert_int_equal(fwrite(data, 1, bytes, file), bytes);
     assert_int_equal(fclose(file), 0);
+}
+
+/* Puts a little-endian number into a file's bytes; returns what comes behind it. */
+static inline unsigned char *io_put(unsigned char *to, uint64_t value, int bytes)
+{
+    for (int i = 0; i < bytes; i++)
+        *to++ = (unsigned char)(value >> 8 * i);
+    return to;
+}
+
+/* Sets the inline value of a tag in the first directory of a classic file, in this machine's order. */
+static inline void io_set_tag(unsigned char *data, size_t bytes, unsigned tag, uint16_t type, uint32_t value)
+{
+    uint32_t at;
+    uint16_t entries, number;
+    memcpy(&at, data + 4, 4);
+    memcpy(&entries, data + at, 2);
+    for (unsigned i = 0; i < entries && at + 14 + 12 * i <= bytes; i++) {
+        unsigned char *entry = data + at + 2 + 12 * i;
+        memcpy(&number, entry, 2);
+        if (number == tag) {
+            memcpy(entry + 2, &type, 2);
+            memcpy(entry + 8, &value, 4);
+            return;
+        }
+    }
+    fail_msg("tag %u is not in the file", tag);
 }
 
 /* A small fixed generator, so that failures repeat. */

@@ -95,13 +95,7 @@ static inline void job_open(job_fixture *f)
     DEFAULTS(hada_context_options, options);
     options.log = job_log;
     ASSERT_OK(hada_context_create(&f->whole, &options, err));
-    const hada_device_info *device = hada_context_device(f->whole);
-    const int divisible = device->max_sub_devices >= 2 && device->compute_units >= 2;
-    for (int i = 0; i < 2; i++) {
-        options.part = divisible ? i + 1 : 0; /* else two contexts on the whole device */
-        options.parts = divisible ? 2 : 0;
-        ASSERT_OK(hada_context_create(&f->part[i], &options, err));
-    }
+    open_parts(f->whole, &options, f->part);
 }
 
 static inline int job_setup(void **state)
@@ -140,8 +134,7 @@ static inline int job_teardown(void **state)
     hada_model_destroy(&f->model);
     hada_context *contexts[] = {f->whole, f->part[0], f->part[1]};
     for (int i = 0; i < 3; i++) {
-        assert_int_equal(hada_context_bytes(contexts[i]), 0);
-        hada_context_destroy(&contexts[i]);
+        close_context(&contexts[i]);
     }
     return 0;
 }

@@ -77,8 +77,7 @@ static inline int learned_teardown(void **state)
     learned_camera *learned = *state;
     hada_model_destroy(&learned->model);
     hada_simulator_destroy(&learned->simulator);
-    assert_int_equal(hada_context_bytes(learned->context), 0);
-    hada_context_destroy(&learned->context);
+    close_context(&learned->context);
     return 0;
 }
 

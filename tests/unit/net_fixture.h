@@ -88,11 +88,7 @@ static inline net_case net_case_make(const hada_net *net, int images, int rows, 
 
 static inline void net_case_free(net_case *c)
 {
-    free(c->x);
-    free(c->dx);
-    free(c->y);
-    free(c->dy);
-    free(c->gradients);
+    HADA_FREE(c->x, c->dx, c->y, c->dy, c->gradients);
 }
 
 static inline hada_planar net_planar(cl_mem mem, int channels, int rows, int cols)
@@ -105,8 +101,8 @@ static inline hada_planar net_planar(cl_mem mem, int channels, int rows, int col
 static inline void net_case_run(net_device *device, hada_net *net, net_case *c, hada_graph_options options,
                                 uint64_t step)
 {
-    hada_graph *graph;
-    hada_buffer values, in, out, gradients;
+    SCOPED(hada_graph) * graph;
+    SCOPED(hada_buffer) values, in, out, gradients;
     hada_slot *slot = device->slot;
     options.images = c->images;
     options.rows = c->rows;
@@ -137,22 +133,6 @@ static inline void net_case_run(net_device *device, hada_net *net, net_case *c, 
         ASSERT_OK(hada_graph_store(graph, &y, err));
     }
     ASSERT_OK(hada_buffer_read(&out, slot, 0, c->y, c->out_count * sizeof(float), err));
-    hada_graph_destroy(&graph);
-    hada_buffer_destroy(&values);
-    hada_buffer_destroy(&in);
-    hada_buffer_destroy(&out);
-    hada_buffer_destroy(&gradients);
-}
-
-/* |a - b| / |b|, with b in double precision. */
-static inline double net_error(const float *a, const double *b, size_t count)
-{
-    double difference = 0, size = 0;
-    for (size_t i = 0; i < count; i++) {
-        difference += ((double)a[i] - b[i]) * ((double)a[i] - b[i]);
-        size += b[i] * b[i];
-    }
-    return sqrt(difference / (size > 0 ? size : 1));
 }
 
 #endif

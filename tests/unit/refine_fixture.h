@@ -29,8 +29,7 @@ static void tear_down(fixture *f)
     hada_refiner_destroy(&f->refiner);
     tiny_release(&f->device);
     tiny_free(&f->camera);
-    free(f->scenes);
-    free(f->image);
+    HADA_FREE(f->scenes, f->image);
 }
 
 /* The left half of one scene at depth a, the right half of another at depth b. */

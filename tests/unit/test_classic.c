@@ -94,8 +94,8 @@ static void run(const fixture *f, int padded, const hada_plan_options *options, 
 static double error_of(const fixture *f, const hada_result *result)
 {
     const size_t count = hada_image_count(&f->scene[0]);
-    return fmax(small_image_distance(result->planes[0].data, f->scene[0].data, count),
-                small_image_distance(result->planes[DEPTHS - 1].data, f->scene[1].data, count));
+    return fmax(relative_change(result->planes[0].data, f->scene[0].data, count),
+                relative_change(result->planes[DEPTHS - 1].data, f->scene[1].data, count));
 }
 
 /* All methods come near the scene at both depths, better with iterations; the depth between them stays dark. */
@@ -175,8 +175,8 @@ TEST(wiener_of_one_depth_is_the_models)
         linear.refine = 0;
         plan_once(f->context, wiener, &linear, &f->frame, &single);
         /* the model reckons with each channel's mean |H|^2, the joint filter with that of all: here nearly the same */
-        assert_true(small_image_distance(joint.planes[0].data, single.planes[0].data,
-                                         hada_image_count(&single.planes[0])) < 0.01);
+        assert_true(relative_change(joint.planes[0].data, single.planes[0].data, hada_image_count(&single.planes[0])) <
+                    0.01);
         assert_int_equal(joint.report->refine_steps, 0);
     }
 }
@@ -206,7 +206,7 @@ TEST(scales_and_repeats)
             assert_memory_equal(first.planes[z].data, again.planes[z].data, count * sizeof(float));
         for (size_t i = 0; i < count; i++)
             scaled.planes[0].data[i] /= 1024;
-        assert_true(small_image_distance(scaled.planes[0].data, first.planes[0].data, count) < 1e-5);
+        assert_true(relative_change(scaled.planes[0].data, first.planes[0].data, count) < 1e-5);
     }
 }
 

@@ -54,8 +54,8 @@ static void planes_of(const hada_classic_shape *shape, const hada_model *model, 
     const size_t pixels = (size_t)CHANNELS * ROWS * COLS;
     SCOPED_MEMORY float *frame = calloc(pixels, sizeof *frame);
     hada_random random;
-    hada_slot *slot;
-    hada_buffer otf, seen;
+    SCOPED(hada_slot) * slot;
+    SCOPED(hada_buffer) otf, seen;
     hada_classic *classic;
     hada_classic_camera camera;
     hada_classic_result result;
@@ -76,9 +76,6 @@ static void planes_of(const hada_classic_shape *shape, const hada_model *model, 
         CL_SUCCESS);
     hada_classic_destroy(&classic);
     hada_classic_camera_free(&camera);
-    hada_buffer_destroy(&otf);
-    hada_buffer_destroy(&seen);
-    hada_slot_destroy(&slot);
 }
 
 typedef struct grid_case {
@@ -121,12 +118,10 @@ TEST(becomes_as_small_as_can_be)
             planes_of(&shape, model, small, count * sizeof *small);
             planes_of(&shape, model, again, count * sizeof *again);
             assert_memory_equal(small, again, count * sizeof *small);
-            if (small_image_distance(small, large, count) > 2e-6)
-                fail_msg("case %zu, method %d: %.2g", i, method, small_image_distance(small, large, count));
+            if (relative_change(small, large, count) > 2e-6)
+                fail_msg("case %zu, method %d: %.2g", i, method, relative_change(small, large, count));
         }
-        free(small);
-        free(again);
-        free(large);
+        HADA_FREE(small, again, large);
         hada_model_destroy(&model);
         destroy_images(psf, DEPTHS);
     }

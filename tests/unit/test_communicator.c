@@ -110,7 +110,7 @@ TEST(ranks_that_fail_end_the_others)
 
 TEST(wrong_calls_are_refused)
 {
-    hada_team *team = NULL;
+    SCOPED(hada_team) *team = NULL;
     DEFAULTS(hada_communicator, one);
     assert_int_equal(one.count, 1);
     assert_int_equal(hada_communicator_check(&one, &refusal), HADA_OK);
@@ -124,7 +124,6 @@ TEST(wrong_calls_are_refused)
     assert_int_equal(hada_team_communicator(team, 2, &one, &refusal), HADA_ERROR_ARGUMENT);
     ASSERT_OK(hada_team_communicator(team, 1, &one, err));
     assert_int_equal(one.broadcast(one.user, 2, &one, 1, &refusal), HADA_ERROR_ARGUMENT);
-    hada_team_destroy(&team);
     hada_team_destroy(&team);
 }
 

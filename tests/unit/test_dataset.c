@@ -9,11 +9,7 @@ static char root[200], set[240];
 
 static const char *at(const char *name)
 {
-    static char paths[4][400];
-    static int next;
-    char *path = paths[next++ % 4];
-    snprintf(path, sizeof paths[0], "%s/%s", set, name);
-    return path;
+    return path_below(set, name);
 }
 
 /* A picture of one value, with the folders above it. */

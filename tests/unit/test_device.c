@@ -117,10 +117,8 @@ TEST(counts_bytes_and_keeps_the_peak)
     assert_int_equal(hada_context_peak_bytes(context), (5 << 20) + 1000);
     ASSERT_FAILS(hada_buffer_create(&a, context, SIZE_MAX / 2, "the filters", err), HADA_ERROR_DEVICE_MEMORY,
                  "the filters");
-    hada_buffer_destroy(&b);
-    hada_buffer_destroy(&b);
-    assert_int_equal(hada_context_bytes(context), 0);
-    hada_context_destroy(&context);
+    HADA_DESTROY_BUFFERS(&b, &b);
+    close_context(&context);
     assert_null(context);
 }
 

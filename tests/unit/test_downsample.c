@@ -2,7 +2,6 @@
  * and models and sums that say so. */
 #include "camera_small.h"
 #include "device_fixture.h"
-#include "image/pixels.h"
 #include "io_testing.h"
 #include "model/model.h"
 #include "ref/ref_mosaic.h"
@@ -140,8 +139,8 @@ static hada_model *make(int downsample, hada_mosaic mosaic)
 static void compare(const hada_model *model, const hada_image *frame, const hada_plan_options *options,
                     const hada_image *small, const hada_plan_options *small_options)
 {
-    hada_plan *plan, *small_plan;
-    hada_result result = {0}, expected = {0};
+    SCOPED(hada_plan) * plan, *small_plan;
+    SCOPED(hada_result) result = {0}, expected = {0};
     DEFAULTS(hada_pixels, pixels);
     hada_match match = {.size = sizeof match}, small_match = {.size = sizeof small_match};
     uint64_t device, host, small_host;
@@ -160,10 +159,6 @@ static void compare(const hada_model *model, const hada_image *frame, const hada
     ASSERT_OK(hada_plan_estimate(context, model, options, &device, &host, err));
     ASSERT_OK(hada_plan_estimate(context, model, small_options, &device, &small_host, err));
     assert_true(host >= small_host);
-    hada_result_destroy(&result);
-    hada_result_destroy(&expected);
-    hada_plan_destroy(&plan);
-    hada_plan_destroy(&small_plan);
 }
 
 /* A frame of the sensor gives what its binned frame gives, with all that is said of its pixels. */
@@ -184,7 +179,7 @@ TEST(plans_take_frames_of_the_sensor)
                 image[i].data[j] *= 0.02f;
             ASSERT_OK(hada_image_downsample(&binned[i], &image[i], N, patterns[k], i == 0, err));
         }
-        hada_model *known = make(N, patterns[k]), *plain = make(1, HADA_MOSAIC_NONE);
+        SCOPED(hada_model) *known = make(N, patterns[k]), *plain = make(1, HADA_MOSAIC_NONE);
         for (int with = 0; with < 2; with++) {
             DEFAULTS(hada_plan_options, whole);
             DEFAULTS(hada_plan_options, small);
@@ -205,14 +200,12 @@ TEST(plans_take_frames_of_the_sensor)
         }
         destroy_images(image, 4);
         destroy_images(binned, 4);
-        hada_model_destroy(&known);
-        hada_model_destroy(&plain);
     }
 }
 
 TEST(plans_refuse_other_sizes)
 {
-    hada_model *model = make(1, HADA_MOSAIC_NONE);
+    SCOPED(hada_model) *model = make(1, HADA_MOSAIC_NONE);
     SCOPED(hada_image) small = small_scene(CHANNELS, ROWS, COLS, 1);
     SCOPED(hada_image) frame = enlarge(&small, NULL, N * ROWS, 1);
     SCOPED(hada_image) mosaic = enlarge(&small, "grbg", N * ROWS, 1);
@@ -234,7 +227,6 @@ TEST(plans_refuse_other_sizes)
     options.downsample = 0;
     ASSERT_FAILS(hada_plan_create(&plan, context, model, &options, err), HADA_ERROR_ARGUMENT, "downsample");
     assert_null(plan);
-    hada_model_destroy(&model);
 }
 
 enum { PAIRS = 5 };
@@ -270,7 +262,7 @@ TEST(cameras_are_learned_from_binned_pairs)
             DEFAULTS(hada_dataset_options, scan);
             DEFAULTS(hada_fit_options, fit);
             DEFAULTS(hada_fit_task, task);
-            hada_dataset *pairs;
+            SCOPED(hada_dataset) * pairs;
             fit.scene_response = HADA_RESPONSE_LINEAR;
             fit.refine_steps = 0;
             task.fit = &fit;
@@ -282,7 +274,6 @@ TEST(cameras_are_learned_from_binned_pairs)
                                           &scan, err));
             assert_int_equal(hada_dataset_get_info(pairs)->downsample, binned ? N : 1);
             ASSERT_OK(hada_fit_run(&model[binned], NULL, context, pairs, &task, err));
-            hada_dataset_destroy(&pairs);
         }
         const hada_model_info *info = hada_model_get_info(model[1]);
         hada_model_arrays arrays[2] = {{.size = sizeof arrays[0]}, {.size = sizeof arrays[1]}};
@@ -321,7 +312,7 @@ TEST(cameras_are_learned_from_binned_pairs)
         scan.downsample = N;
         scan.mosaic = patterns[k];
         for (int i = 0; i < 2; i++) {
-            hada_image raw, scene;
+            SCOPED(hada_image) raw, scene;
             scan.flat_frame = i ? &small_flat : k ? NULL : &flat;
             ASSERT_OK(hada_dataset_create(&pairs, 1, &distance, &count, small_read_pair, &whole, &scan, err));
             ASSERT_OK(hada_dataset_read(pairs, 0, 0, &raw, &scene, err));
@@ -330,8 +321,6 @@ TEST(cameras_are_learned_from_binned_pairs)
             if (scan.flat_frame)
                 ASSERT_OK(hada_model_set_flat(loaded, hada_dataset_get_info(pairs)->flat, err));
             assert_true(!scan.flat_frame || hada_model_get_info(loaded)->flat->rows == ROWS);
-            hada_image_destroy(&raw);
-            hada_image_destroy(&scene);
             hada_dataset_destroy(&pairs);
         }
         scan.downsample = 2;

@@ -159,7 +159,7 @@ TEST(a_net_may_see_the_other_planes)
     ASSERT_OK(hada_image_create(&in, 2 * CHANNELS, ROWS, COLS, err));
     for (int way = 0; way < 8; way++) {
         const int together = way & 1, tiled = way >> 1 & 1;
-        float *planes = planes_of(&desc, COUNT);
+        SCOPED_MEMORY float *planes = planes_of(&desc, COUNT);
         int computed, left_out;
         desc.tile_rows = desc.tile_cols = 1 + tiled;
         net->shares = way >> 2;
@@ -167,7 +167,6 @@ TEST(a_net_may_see_the_other_planes)
         if (net->shares && !together) {
             assert_int_equal(computed + left_out, 0);
             assert_memory_equal(planes, before, COUNT * PLANE * sizeof *planes);
-            free(planes);
             continue;
         }
         assert_int_equal(computed, (COUNT + (together && !net->shares)) * (tiled ? 4 : 1));
@@ -193,7 +192,6 @@ TEST(a_net_may_see_the_other_planes)
             assert_true(fabs(planes[k] - own * whole) < 1e-4);
         }
         free(expected);
-        free(planes);
     }
     assert_true(nobodys > 0);
     desc.net_rows = desc.net_cols = 16; /* it has no other size */
@@ -239,7 +237,7 @@ TEST(a_window_of_another_size_goes_there_and_back)
         int computed, left_out;
         run(*state, &desc, planes, 1, &computed, &left_out);
         assert_int_equal(computed, tiles * tiles);
-        assert_true(net_error(planes, y, values) < 2e-6);
+        assert_true(relative_error(planes, y, values) < 2e-6);
     }
 }
 

@@ -73,11 +73,8 @@ static void run(images *all, const hada_fft_desc *desc, int batch, int channel, 
 
 static void drop(images *all)
 {
-    hada_buffer_destroy(&all->spectra);
-    hada_buffer_destroy(&all->filters);
-    hada_buffer_destroy(&all->real);
-    free(all->whole);
-    free(all->some);
+    HADA_DESTROY_BUFFERS(&all->spectra, &all->filters, &all->real);
+    HADA_FREE(all->whole, all->some);
 }
 
 /* One of several channels by itself: the bits that it has among the others, which stay as they were. */
@@ -158,8 +155,8 @@ TEST(wrong_plans_and_calls_are_refused)
 {
     const hada_fft_desc good = whole(HADA_FFT_FORWARD, 16, 24, 2);
     hada_fft_desc bad;
-    hada_fft *plan;
-    hada_buffer a;
+    SCOPED(hada_fft) * plan;
+    SCOPED(hada_buffer) a;
 #define REFUSE(FIELD, VALUE, STATUS) (bad = good, bad.FIELD = (VALUE), refuse(bad, STATUS))
     REFUSE(direction, (hada_fft_direction)0, HADA_ERROR_ARGUMENT);
     REFUSE(rows, 0, HADA_ERROR_SIZE);
@@ -185,8 +182,6 @@ TEST(wrong_plans_and_calls_are_refused)
     ASSERT_OK(hada_fft_create(&plan, slot, &bad, err));
     const hada_fft_filter none = {.product = HADA_FFT_COMPLEX, .spectrum_count = 1};
     ASSERT_FAILS(hada_fft_inverse(plan, 1, a.mem, 0, a.mem, 0, &none, err), HADA_ERROR_ARGUMENT, "");
-    hada_fft_destroy(&plan);
-    hada_buffer_destroy(&a);
 }
 
 TEST(good_sizes)

@@ -64,7 +64,8 @@ TEST(test_inverse)
 TEST(test_round_trip)
 {
     const int rows = 86, cols = 131, half = cols / 2 + 1;
-    double *image = malloc(sizeof(double) * (size_t)(2 * rows * cols + 2 * rows * half)), *back = image + rows * cols;
+    SCOPED_MEMORY double *image = malloc(sizeof(double) * (size_t)(2 * rows * cols + 2 * rows * half));
+    double *back = image + rows * cols;
     unsigned seed = 3;
     for (int i = 0; i < rows * cols; i++)
         image[i] = value(&seed);
@@ -72,7 +73,6 @@ TEST(test_round_trip)
     assert_int_equal(hada_ref_fft_inverse(back + rows * cols, rows, cols, back, NULL), HADA_OK);
     for (int i = 0; i < rows * cols; i++)
         assert_true(fabs(image[i] - back[i]) < 1e-13);
-    free(image);
 }
 
 TEST(test_bad_size)

@@ -223,8 +223,7 @@ static void end(bench *b)
 {
     hada_classic_destroy(&b->classic);
     hada_classic_camera_free(&b->camera);
-    hada_buffer_destroy(&b->otf);
-    hada_buffer_destroy(&b->seen);
+    HADA_DESTROY_BUFFERS(&b->otf, &b->seen);
     hada_slot_destroy(&b->slot);
 }
 
@@ -304,14 +303,14 @@ TEST(models_and_transposes)
         end(&now);
         for (int k = 0; k < COLOURS * AREA; k++)
             made[k] = -made[k]; /* what the planes leave of nothing */
-        assert_true(small_distance(made, frame, COLOURS * AREA) < 1e-6);
+        assert_true(relative_error(made, frame, COLOURS * AREA) < 1e-6);
         begin(&now, model, methods[i], supports[i], b);
         ASSERT_OK(hada_classic_predict(now.classic, HADA_CLASSIC_PRIMAL, err));
         ASSERT_OK(hada_classic_data_step(now.classic, HADA_CLASSIC_RESIDUAL, 0.0, 1, err));
         ASSERT_OK(hada_classic_transpose(now.classic, HADA_CLASSIC_EXTRAPOLATED, err));
         move_planes(&now, HADA_CLASSIC_EXTRAPOLATED, back, 0);
         end(&now);
-        assert_true(small_distance(back, planes, IMAGES * LIGHT) < 1e-6);
+        assert_true(relative_error(back, planes, IMAGES * LIGHT) < 1e-6);
         for (int k = 0; k < COLOURS * AREA; k++) {
             forward += (double)made[k] * b[k];
             size_b += (double)b[k] * b[k];
@@ -349,8 +348,7 @@ TEST(bounds_the_gain)
     }
     assert_true(own.largest[0] >= gain * (1.0 - 1e-6) && own.largest[0] < 4.0 * gain);
     hada_classic_camera_free(&own);
-    free(x);
-    free(frame);
+    HADA_FREE(x, frame);
     free_varying(v);
 }
 
@@ -391,8 +389,8 @@ TEST(reconstructs)
         ASSERT_OK(run(model, methods[i], kind, &frame, &again, err));
         ASSERT_OK(run(single, methods[i], kind, &frame, &mean, err));
         assert_memory_equal(exact.planes[0].data, again.planes[0].data, LIGHT * sizeof(float));
-        const double error = small_image_distance(exact.planes[0].data, scene.data, LIGHT),
-                     plain = small_image_distance(mean.planes[0].data, scene.data, LIGHT);
+        const double error = relative_change(exact.planes[0].data, scene.data, LIGHT),
+                     plain = relative_change(mean.planes[0].data, scene.data, LIGHT);
         if (!(error < 0.02 && plain > 0.04))
             fail_msg("method %d: %.3g with components, %.3g with the mean PSF", (int)methods[i], error, plain);
         assert_true(exact.report->residual < 0.3 * mean.report->residual);
@@ -556,7 +554,7 @@ TEST(simulates_what_was_asked_for)
     ASSERT_OK(hada_simulator_create(&simulator, context, &camera, &options, err));
     ASSERT_OK(hada_simulator_psf_at(simulator, 0, 0, 0, &middle, err));
     ASSERT_OK(hada_simulator_psf(plain, 0, &own, err));
-    assert_true(small_image_distance(middle.data, own.data, PIXELS) < 1e-6);
+    assert_true(relative_change(middle.data, own.data, PIXELS) < 1e-6);
     for (int k = 0; k < 4; k++) {
         const int down = k / 2 ? HIGH / 2 : -HIGH / 2, across = k % 2 ? WIDE / 2 : -WIDE / 2;
         SCOPED(hada_image) corner;
@@ -578,7 +576,7 @@ TEST(simulates_what_was_asked_for)
     const hada_plane plane = {1, &scene};
     ASSERT_OK(hada_simulator_render(simulator, &plane, 1, 0.0, 0, &frame, err));
     for (int c = 0; c < frame.channels; c++)
-        assert_true(small_image_distance(frame.data + (size_t)c * PIXELS, sum, PIXELS) < 1e-6);
+        assert_true(relative_change(frame.data + (size_t)c * PIXELS, sum, PIXELS) < 1e-6);
     const hada_image *opacity[] = {NULL};
     SCOPED(hada_image) hidden;
     ASSERT_FAILS(hada_simulator_render_occluded(simulator, &plane, opacity, 1, -1, 0.0, 0, &hidden, err),

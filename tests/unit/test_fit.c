@@ -66,12 +66,7 @@ static void reference_others(reference *r, int z, int c)
 
 static void reference_free(reference *r)
 {
-    free(r->sums);
-    free(r->x);
-    free(r->b);
-    free(r->other);
-    free(r->seen);
-    free(r->weights);
+    HADA_FREE(r->sums, r->x, r->b, r->other, r->seen, r->weights);
 }
 
 /* By the library's rule, with its weights written out. `energy`: of the channel's scenes; `ratio`: the noise's power
@@ -116,7 +111,7 @@ TEST(filters_agree_with_the_reference)
                 const size_t image = (size_t)(z * CHANNELS + c);
                 reference_others(&r, z, c);
                 hada_ref_fit_filter(reference_sums(&r, z, c), r.other, r.plane, 0.2, 1e-3 * scale, split, expected);
-                const double error = small_distance(model->filter + image * r.plane * 2, expected, r.plane * 2);
+                const double error = relative_error(model->filter + image * r.plane * 2, expected, r.plane * 2);
                 if (!(error < 2e-6))
                     fail_msg("case %d, depth %d, channel %d: relative error %g of the filter", k, z, c, error);
                 hada_ref_fit_transfer(reference_sums(&r, z, c), r.plane, least, expected);
@@ -124,7 +119,7 @@ TEST(filters_agree_with_the_reference)
                                      ((double)model->info.grid_rows * model->info.grid_cols) / (PAIRS - 1);
                 if (options.nonnegative)
                     reference_nonnegative(&r, reference_sums(&r, z, c), least * 1e6, noise / scale, expected);
-                assert_true(small_distance(model->otf + image * r.plane * 2, expected, r.plane * 2) < 2e-6);
+                assert_true(relative_error(model->otf + image * r.plane * 2, expected, r.plane * 2) < 2e-6);
                 assert_true(fabs(model->noise_power[image] / noise - 1.0) < 1e-3);
             }
         if (!(k & 2)) /* with circular convolution the model is exact and the noise is what the frames were given */
@@ -213,8 +208,8 @@ TEST(data_sets_must_fit)
     const hada_fit_options options = usual(DEPTHS, HADA_FORM_COMPLEX);
     const double other = 150.0;
     const int counts[] = {PAIRS};
-    hada_dataset *all = data_of(f, PAIRS), *one, *foreign;
-    hada_fitter *fitter;
+    SCOPED(hada_dataset) *all = data_of(f, PAIRS), *one, *foreign;
+    SCOPED(hada_fitter) * fitter;
     hada_model *model;
     ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
     ASSERT_OK(hada_dataset_from_images(&one, 1, &distances[1], counts, f->frame[1], f->scene[1], err));
@@ -225,10 +220,6 @@ TEST(data_sets_must_fit)
     ASSERT_FAILS(hada_fitter_add(fitter, foreign, err), HADA_ERROR_ARGUMENT, "150 mm");
     ASSERT_FAILS(hada_fitter_finish(fitter, one, &model, err), HADA_ERROR_STATE, "");
     ASSERT_FAILS(hada_fitter_finish(fitter, all, &model, err), HADA_ERROR_STATE, "only 0 are in the sums");
-    hada_fitter_destroy(&fitter);
-    hada_dataset_destroy(&all);
-    hada_dataset_destroy(&one);
-    hada_dataset_destroy(&foreign);
 }
 
 /* Without noise the filter of a circular camera inverts it: W H = 1 wherever scenes had light. */
@@ -240,7 +231,7 @@ TEST(a_camera_without_noise_is_recovered)
         options.lambda = 0.0;
         options.nonnegative = 0;
         options.window_rows = options.window_cols = 0; /* scenes of the frame's size */
-        hada_fitter *fitter;
+        SCOPED(hada_fitter) * fitter;
         SCOPED(hada_model) * model;
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         for (int i = 0; i < pairs; i++) {
@@ -256,7 +247,6 @@ TEST(a_camera_without_noise_is_recovered)
         }
         if (!(worst < 1e-3))
             fail_msg("%d pairs: W H differs from 1 by %g", pairs, worst);
-        hada_fitter_destroy(&fitter);
     }
 }
 
@@ -287,10 +277,9 @@ TEST(point_spread_functions_are_nowhere_negative)
         const uint64_t held = hada_context_bytes(f->context);
         ASSERT_OK(hada_fitter_finish(fitter, NULL, &model, err));
         assert_int_equal(hada_context_bytes(f->context), held);
-        error[nonnegative] = small_distance(model->otf, truth, hada_model_plane(model) * 2);
+        error[nonnegative] = relative_error(model->otf, truth, hada_model_plane(model) * 2);
     }
-    free(image);
-    free(truth);
+    HADA_FREE(image, truth);
     if (!(error[1] < 0.25 * error[0]))
         fail_msg("error of the transfer function: %g, from the pairs alone %g", error[1], error[0]);
     print_message("error %.3f, from the pairs alone %.3f\n", error[1], error[0]);

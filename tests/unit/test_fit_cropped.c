@@ -1,7 +1,6 @@
 /* Transfer functions where the sensor crops: against the double reference, nearer to the truth than one pass, the same
  * bits whether pairs stay on the device, and what is refused. */
 #include "camera_small.h"
-#include "filter/bank.h"
 #include "fit/cropped.h"
 #include "fit/fitter.h"
 #include "image/pixels.h"
@@ -106,15 +105,10 @@ static int set_up_both(void **state)
 
 static void tear_down(fixture *f)
 {
-    for (int z = 0; z < DEPTHS; z++) {
-        hada_image_destroy(&f->psf[z]);
-        for (int i = 0; i < PAIRS; i++) {
-            hada_image_destroy(&f->scene[z][i]);
-            hada_image_destroy(&f->frame[z][i]);
-        }
-    }
-    assert_int_equal(hada_context_bytes(f->context), 0);
-    hada_context_destroy(&f->context);
+    destroy_images(f->psf, DEPTHS);
+    destroy_images(f->scene[0], DEPTHS * PAIRS);
+    destroy_images(f->frame[0], DEPTHS * PAIRS);
+    close_context(&f->context);
 }
 
 static int tear_down_both(void **state)
@@ -197,7 +191,7 @@ static double error_of(const fixture *f, const hada_fit_grid *grid, const hada_m
     for (int z = 0; z < DEPTHS; z++)
         for (int c = 0; c < CHANNELS; c++) {
             truth(f, grid, z, c, otf);
-            error += small_distance(model->otf + (size_t)(z * CHANNELS + c) * plane * 2, otf, 2 * plane);
+            error += relative_error(model->otf + (size_t)(z * CHANNELS + c) * plane * 2, otf, 2 * plane);
         }
     free(otf);
     return error / (DEPTHS * CHANNELS);
@@ -280,8 +274,7 @@ static void expect(const fixture *f, const hada_fit_grid *grid, int c, double tr
     ASSERT_OK(hada_ref_fit_cropped_solve(&fit, otf, left, err));
     for (int i = 0; i < PAIRS; i++)
         free(x[i]);
-    free(b);
-    free(sums);
+    HADA_FREE(b, sums);
 }
 
 static void agrees(fixture *f, int hidden)
@@ -320,7 +313,7 @@ static void agrees(fixture *f, int hidden)
         expect(f, grid, c, hada_nonnegative_trust(noise[c], fitter->sums.depth[0].raw_energy[c]), ITERATIONS, hidden,
                otf, &left);
         ASSERT_OK(hada_fit_read_plane(grid, transfers, (size_t)c * grid->layout.count, blocks, got, "a transfer", err));
-        const double error = small_distance(got, otf, 2 * plane);
+        const double error = relative_error(got, otf, 2 * plane);
         if (!(error < 2e-5))
             fail_msg("channel %d: relative error %g", c, error);
         if (!(fabs(hada_fit_cropped_left(cropped)[c] - left) < 1e-4 * left))

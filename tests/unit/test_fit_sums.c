@@ -92,7 +92,7 @@ TEST(equal_inputs_give_equal_models)
     const size_t values = hada_model_plane(models[0]) * 2 * CHANNELS;
     double distance[4] = {0};
     for (int k = 1; k < 4; k++)
-        distance[k] = small_image_distance(models[k]->filter, models[0]->filter, values);
+        distance[k] = relative_change(models[k]->filter, models[0]->filter, values);
     assert_true(distance[1] < 1e-4); /* the level costs bits of the frame */
     assert_true(distance[2] < 1e-6);
     assert_true(distance[3] < 1e-4);
@@ -153,7 +153,7 @@ TEST(sums_merge_and_go_on)
         const size_t values = hada_model_plane(whole) * 2 * DEPTHS * CHANNELS;
         assert_memory_equal(whole->filter, resumed->filter, values * sizeof(float));
         assert_memory_equal(whole->otf, resumed->otf, values * sizeof(float));
-        assert_true(small_image_distance(merged->filter, whole->filter, values) < 1e-6);
+        assert_true(relative_change(merged->filter, whole->filter, values) < 1e-6);
         assert_true(merged->pairs[0] == PAIRS);
         hada_model_destroy(&whole);
         hada_model_destroy(&resumed);
@@ -233,7 +233,7 @@ TEST(depths_may_come_in_any_order)
 {
     fixture *f = *state;
     hada_fit_options options = usual(DEPTHS, HADA_FORM_COMPLEX);
-    hada_fitter *a, *b;
+    SCOPED(hada_fitter) * a, *b;
     SCOPED(hada_model) * one, *two;
     options.alpha = 0.3;
     options.lambda = 1e-4;
@@ -248,8 +248,6 @@ TEST(depths_may_come_in_any_order)
     ASSERT_OK(hada_fitter_finish(a, NULL, &one, err));
     ASSERT_OK(hada_fitter_finish(b, NULL, &two, err));
     assert_memory_equal(one->filter, two->filter, hada_model_plane(one) * 2 * DEPTHS * CHANNELS * sizeof(float));
-    hada_fitter_destroy(&a);
-    hada_fitter_destroy(&b);
 }
 
 TEST(bad_options_are_refused)

@@ -48,11 +48,9 @@ static void make_pairs(pairs *set, int scenes_cut, int frames_cut)
 
 static void free_pairs(pairs *set)
 {
-    for (int i = 0; i < PAIRS; i++) {
-        hada_image_destroy(&set->frame[i]);
-        hada_image_destroy(&set->scene[i]);
-        hada_image_destroy(&set->whole[i]);
-    }
+    destroy_images(set->frame, PAIRS);
+    destroy_images(set->scene, PAIRS);
+    destroy_images(set->whole, PAIRS);
 }
 
 static hada_dataset *data_of(pairs *set)

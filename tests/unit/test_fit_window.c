@@ -46,9 +46,7 @@ static void reference_free(reference *r)
 {
     for (int i = 0; i < PAIRS; i++)
         free(r->b[i]);
-    free(r->x);
-    free(r->sums);
-    free(r->other);
+    HADA_FREE(r->x, r->sums, r->other);
 }
 
 /* Far beyond the number of rounds that a fit takes, every weight at once must come to the unique minimum. */
@@ -98,7 +96,7 @@ TEST(iterations_lead_to_the_minimum)
                 ASSERT_OK(hada_ref_fit_window_solve(&fit, expected, err));
                 ASSERT_OK(hada_fit_read_plane(&fitter->grid, hada_fit_window_filters(window, s),
                                               (size_t)c * fitter->grid.layout.count, blocks, got, "a filter", err));
-                const double error = small_distance(got, expected, 2 * plane);
+                const double error = relative_error(got, expected, 2 * plane);
                 if (!(error < 2e-5))
                     fail_msg("case %d, channel %d, weight %g: relative error %g", k, c, outside[s], error);
             }

@@ -70,7 +70,7 @@ TEST(sensitivity_is_relative_to_the_colour)
         }
         ASSERT_OK(hada_flat_sensitivity(&again, &got, CHANNELS, HADA_MOSAIC_NONE, err));
         if (!k)
-            assert_true(small_image_distance(again.data, got.data, COUNT) < 1e-6);
+            assert_true(relative_change(again.data, got.data, COUNT) < 1e-6);
     }
 }
 
@@ -204,7 +204,7 @@ TEST(planes_of_divided_frames)
             }
             for (size_t j = 0; j < hada_image_count(plane); j++)
                 plane->data[j] *= (float)(a / b);
-            error[i] = small_image_distance(plane->data, scene.data, hada_image_count(plane));
+            error[i] = relative_change(plane->data, scene.data, hada_image_count(plane));
         }
         if (error[1] > 1.5 * error[0] || error[2] < 2.5 * error[1])
             fail_msg("boundary %zu: error %.3g of an even sensor, %.3g with the flat frame, %.3g without it", k,
@@ -286,7 +286,7 @@ TEST(cameras_are_learned_from_divided_frames)
         ASSERT_OK(hada_fit_run(&model, NULL, context, pairs, &task, err));
         assert_true((hada_model_get_info(model)->flat != NULL) == k);
         hada_result result = run(model, &frames[0], NULL);
-        error[k] = small_image_distance(result.planes[0].data, scenes[0].data, hada_image_count(&scenes[0]));
+        error[k] = relative_change(result.planes[0].data, scenes[0].data, hada_image_count(&scenes[0]));
         hada_result_destroy(&result);
         hada_dataset_destroy(&pairs);
         if (k) {

@@ -193,7 +193,7 @@ TEST(batches)
     for (int turn = 0; turn < 3; turn++) {
         ASSERT_OK(hada_focus_begin(focus, NULL, err));
         if (turn == 2)
-            ASSERT_OK(hada_focus_push_list(focus, all, DEPTHS, stack.mem, 0, err));
+            ASSERT_OK(hada_focus_push_list(focus, all, DEPTHS, stack.mem, err));
         else if (turn)
             ASSERT_OK(hada_focus_push(focus, 0, DEPTHS, stack.mem, 0, err));
         else
@@ -235,7 +235,7 @@ TEST(batches)
         ASSERT_OK(hada_buffer_write(&stack, slot, (size_t)i * 3 * PIXELS * sizeof(float), planes[list[i]].data,
                                     3 * PIXELS * sizeof(float), err));
     ASSERT_OK(hada_focus_begin(focus, some, err));
-    ASSERT_OK(hada_focus_push_list(focus, list, 3, stack.mem, 0, err));
+    ASSERT_OK(hada_focus_push_list(focus, list, 3, stack.mem, err));
     ASSERT_OK(hada_focus_finish(focus, 0.0, results.mem, 0, results.mem, 3 * PIXELS, NULL, err));
     ASSERT_OK(hada_buffer_read(&results, slot, 0, out[1], sizeof out[1], err));
     assert_memory_equal(out[0], out[1], sizeof out[0]);
@@ -247,8 +247,7 @@ TEST(batches)
     const unsigned char none[DEPTHS] = {0};
     ASSERT_FAILS(hada_focus_begin(focus, none, err), HADA_ERROR_ARGUMENT, "");
     hada_focus_destroy(&focus);
-    hada_buffer_destroy(&stack);
-    hada_buffer_destroy(&results);
+    HADA_DESTROY_BUFFERS(&stack, &results);
     hada_slot_destroy(&slot);
     assert_true(hada_context_bytes(context) == before);
     destroy_planes(planes);

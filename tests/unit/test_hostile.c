@@ -38,16 +38,9 @@ static void assert_cheap(const hada_error *err, const char *word)
         fail_msg("no '%s' in '%s'", word, err->message);
 }
 
-static unsigned char *put(unsigned char *to, uint64_t value, int bytes)
-{
-    for (int i = 0; i < bytes; i++)
-        *to++ = (unsigned char)(value >> 8 * i);
-    return to;
-}
-
 static unsigned char *put_entry(unsigned char *to, unsigned tag, unsigned type, uint32_t count, uint32_t value)
 {
-    return put(put(put(put(to, tag, 2), type, 2), count, 4), value, 4);
+    return io_put(io_put(io_put(io_put(to, tag, 2), type, 2), count, 4), value, 4);
 }
 
 /* A little-endian grey picture in one strip, with the bytes of `data` behind its directory. */
@@ -55,10 +48,11 @@ static void write_grey(const char *path, uint32_t rows, uint32_t cols, unsigned 
                        const char *text, const void *data, size_t bytes)
 {
     const size_t length = text ? strlen(text) + 1 : 0;
-    unsigned char *file = calloc(1, 400 + bytes + length), *at = file;
+    SCOPED_MEMORY unsigned char *file = calloc(1, 400 + bytes + length);
+    unsigned char *at = file;
     memcpy(at, "II*\0", 4);
-    at = put(at + 4, 8, 4);
-    at = put(at, text ? 10 : 9, 2);
+    at = io_put(at + 4, 8, 4);
+    at = io_put(at, text ? 10 : 9, 2);
     at = put_entry(at, 256, 4, 1, cols);
     at = put_entry(at, 257, 4, 1, rows);
     at = put_entry(at, 258, 3, 1, bits);
@@ -74,7 +68,6 @@ static void write_grey(const char *path, uint32_t rows, uint32_t cols, unsigned 
     if (text)
         memcpy(file + 200 + bytes, text, length);
     io_write_bytes(path, file, 200 + bytes + length);
-    free(file);
 }
 
 /* One bit a pixel, compressed: 33 KB for a gigabyte of floats. */
@@ -140,21 +133,21 @@ TEST(matlab_files_that_nest_or_claim)
     SCOPED_MEMORY unsigned char *file = calloc(1, 128 + (size_t)DEPTH * CELL), *packed = calloc(1, ROOM);
     unsigned char head[64], *at = file + put_matlab_head(file);
     for (uint32_t i = 0; i < DEPTH; i++) {
-        at = put(put(at, 14, 4), (uint64_t)(DEPTH - i) * CELL - 8, 4);
-        at = put(put(put(at, 6, 4), 8, 4), 1, 8);            /* a cell */
-        at = put(put(put(put(at, 5, 4), 8, 4), 1, 4), 1, 4); /* 1 x 1 */
-        at = put(put(at, 1, 4), 0, 4);                       /* without a name */
+        at = io_put(io_put(at, 14, 4), (uint64_t)(DEPTH - i) * CELL - 8, 4);
+        at = io_put(io_put(io_put(at, 6, 4), 8, 4), 1, 8);               /* a cell */
+        at = io_put(io_put(io_put(io_put(at, 5, 4), 8, 4), 1, 4), 1, 4); /* 1 x 1 */
+        at = io_put(io_put(at, 1, 4), 0, 4);                             /* without a name */
     }
     io_write_bytes(io_path("cells.mat"), file, (size_t)(at - file));
     begin();
     assert_int_equal(hada_tiff_open(&reader, io_path("cells.mat"), &err), HADA_ERROR_FILE_FORMAT);
     assert_cheap(&err, "no array of real numbers");
-    at = put(put(head, 14, 4), ZEROS + 64, 4);
-    at = put(put(put(at, 6, 4), 8, 4), 6, 8);
-    at = put(put(at, 5, 4), ZEROS, 4);
+    at = io_put(io_put(head, 14, 4), ZEROS + 64, 4);
+    at = io_put(io_put(io_put(at, 6, 4), 8, 4), 6, 8);
+    at = io_put(io_put(at, 5, 4), ZEROS, 4);
     const size_t begun = put_matlab_head(packed),
                  bytes = deflate_zeros(packed + begun + 8, head, (size_t)(at - head), ZEROS);
-    put(put(packed + begun, 15, 4), bytes, 4);
+    io_put(io_put(packed + begun, 15, 4), bytes, 4);
     io_write_bytes(io_path("sizes.mat"), packed, begun + 8 + bytes);
     begin();
     assert_int_equal(hada_tiff_open(&reader, io_path("sizes.mat"), &err), HADA_ERROR_FILE_FORMAT);
@@ -168,12 +161,12 @@ static void write_pages(const char *path, uint32_t pages, const char *text)
     const size_t length = strlen(text) + 1, directory = 2 + 12 * ENTRIES + 4, first = 8 + PACKED + length + length % 2;
     SCOPED_MEMORY unsigned char *file = calloc(1, first + pages * directory);
     memcpy(file, "II*\0", 4);
-    put(file + 4, first, 4);
+    io_put(file + 4, first, 4);
     for (size_t i = 0; i < PACKED; i += 2)
         file[8 + i] = 0x81; /* PackBits: 128 times the next, zero */
     memcpy(file + 8 + PACKED, text, length);
     for (uint32_t i = 0; i < pages; i++) {
-        unsigned char *at = put(file + first + i * directory, ENTRIES, 2);
+        unsigned char *at = io_put(file + first + i * directory, ENTRIES, 2);
         at = put_entry(at, 256, 4, 1, SIDE);
         at = put_entry(at, 257, 4, 1, SIDE);
         at = put_entry(at, 258, 3, 1, 8);
@@ -184,7 +177,7 @@ static void write_pages(const char *path, uint32_t pages, const char *text)
         at = put_entry(at, 277, 3, 1, 1);
         at = put_entry(at, 278, 4, 1, SIDE);
         at = put_entry(at, 279, 4, 1, PACKED);
-        put(at, i + 1 < pages ? first + (i + 1) * directory : 0, 4);
+        io_put(at, i + 1 < pages ? first + (i + 1) * directory : 0, 4);
     }
     io_write_bytes(path, file, first + pages * directory);
 }
@@ -248,7 +241,7 @@ TEST(a_header_is_no_picture)
     size_t bytes;
     write_grey(io_path("places.tif"), 64, 64, 8, 1, NULL, pixels, sizeof pixels);
     unsigned char *file = io_read_bytes(io_path("places.tif"), &bytes);
-    put(file + 10 + 6 * 12 + 4 - 12, 0, 4); /* the count of tag 273, the sixth */
+    io_put(file + 10 + 6 * 12 + 4 - 12, 0, 4); /* the count of tag 273, the sixth */
     io_write_bytes(io_path("places.tif"), file, bytes);
     free(file);
     assert_int_equal(hada_tiff_load(io_path("places.tif"), 0, &image, &err), HADA_ERROR_FILE_READ);
@@ -324,14 +317,14 @@ TEST(directories_do_not_overlap)
     hada_error err = {0};
     hada_tiff_reader *reader;
     memcpy(file, "II*\0", 4);
-    put(file + 4, 8, 4);
+    io_put(file + 4, 8, 4);
     /* each directory's count, and what it finds as its link, stand in one pattern */
     for (size_t at = 8; at + 4 < BYTES; at += STEP)
-        put(put(file + at, 5000, 2), 0, 2);
+        io_put(io_put(file + at, 5000, 2), 0, 2);
     for (uint32_t i = 0; i < COUNT; i++) {
         const size_t link = 8 + (size_t)i * STEP + 2 + 5000 * 12;
         if (link + 4 < BYTES)
-            put(file + link, 8 + (i + 1) * STEP, 4);
+            io_put(file + link, 8 + (i + 1) * STEP, 4);
     }
     io_write_bytes(io_path("chain.tif"), file, BYTES);
     begin();
@@ -341,9 +334,9 @@ TEST(directories_do_not_overlap)
     const uint32_t pages = BYTES / 6 - 2;
     memset(file, 0, BYTES);
     memcpy(file, "II*\0", 4);
-    put(file + 4, 8, 4);
+    io_put(file + 4, 8, 4);
     for (uint32_t i = 0; i + 1 < pages; i++)
-        put(file + 8 + i * 6 + 2, 8 + (i + 1) * 6, 4);
+        io_put(file + 8 + i * 6 + 2, 8 + (i + 1) * 6, 4);
     io_write_bytes(io_path("pages.tif"), file, BYTES);
     free(file);
     begin();
@@ -392,7 +385,7 @@ TEST(nets_are_no_larger_than_their_files)
                                 "{\"__metadata__\":{\"net\":\"%s\"},\"x\":{\"dtype\":\"U8\",\"shape\":[0],"
                                 "\"data_offsets\":[0,0]}}",
                                 quoted);
-    put((unsigned char *)header, (uint64_t)length, 8);
+    io_put((unsigned char *)header, (uint64_t)length, 8);
     io_write_bytes(io_path("net.safetensors"), header, 8 + (size_t)length);
     begin();
     assert_int_equal(hada_net_load(&net, io_path("net.safetensors"), &err), HADA_ERROR_MODEL);
@@ -446,8 +439,8 @@ TEST(nets_in_models_run_at_no_size_out_of_proportion)
 TEST(long_lists_of_distances_cost_little)
 {
     enum { LIST = 1000000, SIDE = 300 };
-    double *list = malloc(LIST * sizeof *list);
-    unsigned char *parts = malloc(SIDE * SIDE);
+    SCOPED_MEMORY double *list = malloc(LIST * sizeof *list);
+    SCOPED_MEMORY unsigned char *parts = malloc(SIDE * SIDE);
     SCOPED(hada_image) map;
     hada_error error = {0};
     assert_true(list && parts);
@@ -460,8 +453,6 @@ TEST(long_lists_of_distances_cost_little)
     ASSERT_OK(hada_metric_depth_parts(&map, list, LIST, HADA_AUTO, HADA_AUTO, parts, err));
     assert_cheap(&error, NULL);
     assert_true(parts[0] == HADA_DEPTH_JUMP && parts[SIDE * SIDE - 1] == HADA_DEPTH_JUMP);
-    free(list);
-    free(parts);
 }
 
 /* Many layers, many parameters each: names are compared once. */
@@ -469,7 +460,8 @@ TEST(lists_of_layers_cost_what_they_are_long)
 {
     hada_net *net;
     hada_error err = {0};
-    char *text = malloc(200000), *at = text + sprintf(text, NET, 64, 1);
+    SCOPED_MEMORY char *text = malloc(200000);
+    char *at = text + sprintf(text, NET, 64, 1);
     for (int i = 0; i < 250; i++)
         at += sprintf(at, ",{\"layer\":\"norm\",\"name\":\"n%d\"}", i);
     sprintf(at, "]}");
@@ -484,7 +476,6 @@ TEST(lists_of_layers_cost_what_they_are_long)
     begin();
     assert_int_equal(hada_net_create(&net, text, 1, &err), HADA_ERROR_MODEL);
     assert_cheap(&err, "tensors of parameters");
-    free(text);
 }
 
 TEST(limits_are_words_or_numbers)

@@ -98,7 +98,8 @@ static hada_status read_picture(const char *path, hada_error *err)
 /* `head`, `part` so often that `bytes` are filled, `tail`; %d in a part: its number. */
 static void write_text(const char *head, const char *part, const char *tail, size_t bytes, int framed)
 {
-    char *text = malloc(bytes + 400), *at = text + 8;
+    SCOPED_MEMORY char *text = malloc(bytes + 400);
+    char *at = text + 8;
     at += sprintf(at, "%s", head);
     for (int i = 0; (size_t)(at - text) + strlen(part) + 20 + strlen(tail) < bytes; i++) {
         const char *number = strstr(part, "%d");
@@ -110,7 +111,6 @@ static void write_text(const char *head, const char *part, const char *tail, siz
     for (int i = 0; i < 8; i++)
         text[i] = (char)(length >> 8 * i);
     io_write_bytes(io_path("text"), framed ? text : text + 8, framed ? length + 8 : length);
-    free(text);
 }
 
 static const char *const parts[] = {"[]",           "{}",   "1",         "\"\"",       "null",
@@ -165,7 +165,8 @@ TEST(small_text_files)
         write_text("{\"format\":\"hadalens-camera-1\",\"distances_mm\":[", parts[i], "]}", 1000000, 0);
         expect(parts[i], read_camera, io_path("text"), REFUSED);
     }
-    char *rows = malloc(4 << 20), *at = rows;
+    SCOPED_MEMORY char *rows = malloc(4 << 20);
+    char *at = rows;
     while (at - rows < (4 << 20) - 40)
         at += sprintf(at, "fft cpu %dx%d own\n", 1 + (int)(at - rows) % 999, 1 + (int)(at - rows) / 999);
     io_write_bytes(io_path("text"), rows, (size_t)(at - rows));
@@ -176,7 +177,6 @@ TEST(small_text_files)
     memset(rows, 'a', 4 << 20);
     io_write_bytes(io_path("text"), rows, 4 << 20);
     expect("one word", read_tuning, io_path("text"), REFUSED);
-    free(rows);
 }
 
 /* A picture of zeros, compressed: as large as a file may claim, of numbers as wide as there are. */
@@ -241,13 +241,6 @@ TEST(pictures_of_nothing)
     }
 }
 
-static unsigned char *put(unsigned char *to, uint64_t value, int bytes)
-{
-    for (int i = 0; i < bytes; i++)
-        *to++ = (unsigned char)(value >> 8 * i);
-    return to;
-}
-
 /* Strips and tags that a directory of some hundred bytes claims. */
 TEST(directories_that_claim)
 {
@@ -275,10 +268,11 @@ TEST(directories_that_claim)
                                        {278, 4, 1, cases[i].strip},
                                        {279, 4, cases[i].counts, 1000},
                                        {284, 3, 1, cases[i].planar}};
-        at = put(at, cases[i].counts ? 10 : 9, 2);
+        at = io_put(at, cases[i].counts ? 10 : 9, 2);
         for (size_t k = 0; k < 10; k++)
             if (k != 8 || cases[i].counts)
-                at = put(put(put(put(at, entries[k][0], 2), entries[k][1], 2), entries[k][2], 4), entries[k][3], 4);
+                at = io_put(io_put(io_put(io_put(at, entries[k][0], 2), entries[k][1], 2), entries[k][2], 4),
+                            entries[k][3], 4);
         io_write_bytes(io_path("claims.tif"), file, sizeof file);
         expect(cases[i].what, read_picture, io_path("claims.tif"), ANY);
     }

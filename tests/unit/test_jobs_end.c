@@ -222,7 +222,7 @@ TEST(refuses_what_cannot_be_done)
 {
     const job_fixture *f = *state;
     SCOPED(hada_plan) * plan;
-    hada_job *job, *good;
+    SCOPED(hada_job) * job, *good;
     hada_error error = {0};
     hada_result result = {0}, other = {0};
     SCOPED(hada_image) small, broken;
@@ -252,8 +252,6 @@ TEST(refuses_what_cannot_be_done)
     assert_null(result.planes);
     ASSERT_OK(hada_job_wait(good, err));
     assert_true(job_same(&other, &f->expected[JOB_LINEAR][1]));
-    hada_job_destroy(&job);
-    hada_job_destroy(&good);
     hada_result_destroy(&other);
 }
 

@@ -2,6 +2,7 @@
 #include "io_testing.h"
 
 #include "model/model.h"
+#include "model_rewrite.h"
 #include "netlist/net_list.h"
 
 static const double distances[] = {100.0, 200.0};
@@ -93,43 +94,14 @@ TEST(the_net_goes_with_files_and_copies)
 
 TEST(nets_that_do_not_fit_are_refused)
 {
-    hada_model *model = make_model(), *with;
+    SCOPED(hada_model) *model = make_model();
+    hada_model *with;
     SCOPED(hada_net) *net = make_net(3);
     ASSERT_FAILS(hada_model_with_enhance(&with, model, net, 0, 0, err), HADA_ERROR_MODEL, "3 channel");
     assert_null(with);
     hada_net_destroy(&net);
     net = make_net(2);
     ASSERT_FAILS(hada_model_with_enhance(&with, model, net, 16, 0, err), HADA_ERROR_MODEL, "");
-    hada_model_destroy(&model);
-}
-
-/* A model's file with another text under a key of its metadata, or without one of its tensors. */
-static void rewrite(const char *from, const char *to, const char *key, const char *value, const char *without)
-{
-    static const char *const keys[] = {"format",     "version",      "library", "form",        "boundary", "raw",
-                                       "grid",       "window",       "alpha",   "lambda",      "dark",     "noise",
-                                       "refine_rho", "refine_steps", "enhance", "enhance_size"};
-    hada_tensors *file;
-    hada_tensors_writer *writer;
-    ASSERT_OK(hada_tensors_open(&file, from, err));
-    ASSERT_OK(hada_tensors_create(&writer, to, err));
-    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) {
-        const char *text = strcmp(keys[i], key) ? hada_tensors_meta(file, keys[i]) : value;
-        if (text)
-            ASSERT_OK(hada_tensors_put_meta(writer, keys[i], text, err));
-    }
-    for (int data = 0; data < 2; data++)
-        for (size_t i = 0; i < hada_tensors_count(file); i++) {
-            const hada_stored_tensor *t = hada_tensors_at(file, i);
-            if (!strcmp(t->name, without))
-                continue;
-            if (data)
-                ASSERT_OK(hada_tensors_write(writer, t->data, t->bytes, err));
-            else
-                ASSERT_OK(hada_tensors_declare(writer, t->name, t->type, t->dims, t->shape, err));
-        }
-    ASSERT_OK(hada_tensors_finish(&writer, err));
-    hada_tensors_close(&file);
 }
 
 TEST(damaged_files_are_refused)
@@ -142,21 +114,21 @@ TEST(damaged_files_are_refused)
     hada_error error = {0};
     ASSERT_OK(hada_model_with_enhance(&with, model, net, 16, 20, err));
     ASSERT_OK(hada_model_save(with, good, err));
-    rewrite(good, bad, "", NULL, "");
+    rewrite_model(good, bad, "", NULL, "", 0);
     ASSERT_OK(hada_model_load(&back, bad, err));
     expect_same_net(back, net, 16, 20);
     hada_model_destroy(&back);
-    rewrite(good, bad, "enhance", NULL, ""); /* tensors that no description names */
+    rewrite_model(good, bad, "enhance", NULL, "", 0); /* tensors that no description names */
     ASSERT_OK(hada_model_load(&back, bad, err));
     assert_null(hada_model_get_enhance(back));
     hada_model_destroy(&back);
-    rewrite(good, bad, "enhance_size", "16", "");
+    rewrite_model(good, bad, "enhance_size", "16", "", 0);
     assert_int_equal(hada_model_load(&back, bad, &error), HADA_ERROR_FILE_FORMAT);
-    rewrite(good, bad, "enhance_size", "0x4", "");
+    rewrite_model(good, bad, "enhance_size", "0x4", "", 0);
     assert_int_equal(hada_model_load(&back, bad, &error), HADA_ERROR_MODEL);
-    rewrite(good, bad, "enhance", "{}", "");
+    rewrite_model(good, bad, "enhance", "{}", "", 0);
     assert_int_equal(hada_model_load(&back, bad, &error), HADA_ERROR_MODEL);
-    rewrite(good, bad, "", NULL, "enhance.up.0.0.bias");
+    rewrite_model(good, bad, "", NULL, "enhance.up.0.0.bias", 0);
     assert_int_equal(hada_model_load(&back, bad, &error), HADA_ERROR_MODEL);
     assert_non_null(strstr(error.message, "enhance.up.0.0.bias"));
     assert_non_null(strstr(error.message, bad));

@@ -1,8 +1,8 @@
 /* Model files: what is saved comes back bit for bit, and what is damaged or inconsistent is refused. */
 #include "comma.h"
-#include "io/safetensors.h"
 #include "io_testing.h"
 #include "model/model.h"
+#include "model_rewrite.h"
 
 static const double distances[] = {100.0, 133.25, 600.0 / 7.0 * 3.0};
 
@@ -49,7 +49,8 @@ TEST(files_come_back_bit_for_bit)
     char path[64];
     make_path(path);
     for (int k = 0; k < 4; k++) {
-        hada_model *model = make(k & 1), *back;
+        SCOPED(hada_model) *model = make(k & 1);
+        hada_model *back;
         if (k & 2) {
             hada_model *half;
             ASSERT_OK(hada_model_to_half(&half, model, err));
@@ -90,7 +91,6 @@ TEST(files_come_back_bit_for_bit)
         unlink(second);
         hada_model_destroy(&back);
         assert_null(back);
-        hada_model_destroy(&model);
     }
     unlink(path);
 }
@@ -98,41 +98,9 @@ TEST(files_come_back_bit_for_bit)
 /* Rewrites a file with one piece of metadata or one tensor changed. */
 static void rewrite(const char *path, const char *key, const char *value, const char *drop, int cut)
 {
-    hada_tensors *file;
-    hada_tensors_writer *writer;
     char beside[80];
-    static const char *const keys[] = {"format",       "version",      "form",           "boundary",
-                                       "raw",          "grid",         "window",         "alpha",
-                                       "lambda",       "dark",         "refine_steps",   "refine_rho",
-                                       "refine_tv",    "noise",        "scene_response", "refine_colour",
-                                       "refine_share", "refine_ridge", "refine_noise",   "refine_noise_largest"};
     snprintf(beside, sizeof beside, "%s-new", path);
-    ASSERT_OK(hada_tensors_open(&file, path, err));
-    ASSERT_OK(hada_tensors_create(&writer, beside, err));
-    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) {
-        const char *text = strcmp(keys[i], key) ? hada_tensors_meta(file, keys[i]) : value;
-        if (text)
-            ASSERT_OK(hada_tensors_put_meta(writer, keys[i], text, err));
-    }
-    for (int pass = 0; pass < 2; pass++)
-        for (size_t i = 0; i < hada_tensors_count(file); i++) {
-            const hada_stored_tensor *tensor = hada_tensors_at(file, i);
-            int64_t shape[HADA_TENSOR_DIMS];
-            size_t bytes = tensor->bytes;
-            memcpy(shape, tensor->shape, sizeof shape);
-            if (!strcmp(tensor->name, drop)) {
-                if (!cut)
-                    continue;
-                shape[tensor->dims - 2]--;
-                bytes = bytes / (size_t)tensor->shape[tensor->dims - 2] * (size_t)shape[tensor->dims - 2];
-            }
-            if (pass)
-                ASSERT_OK(hada_tensors_write(writer, tensor->data, bytes, err));
-            else
-                ASSERT_OK(hada_tensors_declare(writer, tensor->name, tensor->type, tensor->dims, shape, err));
-        }
-    hada_tensors_close(&file);
-    ASSERT_OK(hada_tensors_finish(&writer, err));
+    rewrite_model(path, beside, key, value, drop, cut);
     assert_int_equal(rename(beside, path), 0);
 }
 
@@ -165,7 +133,8 @@ TEST(damaged_files_are_refused)
     char path[64];
     make_path(path);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        hada_model *model = make(1), *back;
+        SCOPED(hada_model) *model = make(1);
+        hada_model *back;
         hada_error error = {0};
         ASSERT_OK(hada_model_save(model, path, err));
         rewrite(path, cases[i].key, cases[i].value, cases[i].drop, cases[i].cut);
@@ -174,7 +143,6 @@ TEST(damaged_files_are_refused)
             fail_msg("case %zu: status %d (%s), expected %d", i, status, error.message, cases[i].status);
         assert_null(back);
         assert_non_null(strstr(error.message, path)); /* the message names the file */
-        hada_model_destroy(&model);
     }
     hada_model *back, *old = make(1);
     hada_error error;
@@ -241,7 +209,8 @@ TEST(numbers_without_a_picture_are_refused)
     char path[64];
     make_path(path);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        hada_model *model = make(1), *back;
+        SCOPED(hada_model) *model = make(1);
+        hada_model *back;
         hada_error error = {0};
         ASSERT_OK(hada_model_save(model, path, err));
         poison(path, cases[i].name, cases[i].value, cases[i].count);
@@ -249,7 +218,6 @@ TEST(numbers_without_a_picture_are_refused)
             !strstr(error.message, cases[i].word))
             fail_msg("%s %g: %s", cases[i].name, cases[i].value, error.message);
         assert_null(back);
-        hada_model_destroy(&model);
     }
     unlink(path);
 }
@@ -279,7 +247,8 @@ TEST(numbers_do_not_depend_on_the_locale)
 /* A camera that others have learned: filters and transfer functions go in, and come out as they were. */
 TEST(arrays_make_a_model)
 {
-    hada_model *model = make(0), *made, *half;
+    SCOPED(hada_model) *model = make(0);
+    hada_model *made, *half;
     DEFAULTS(hada_fit_options, sizes);
     sizes.depths = 3;
     sizes.channels = 2;
@@ -310,5 +279,4 @@ TEST(arrays_make_a_model)
     ASSERT_FAILS(hada_model_from_filters(&made, &sizes, model->filter, model->otf, err), HADA_ERROR_NOT_FINITE, "");
     assert_null(made);
     ASSERT_FAILS(hada_model_from_filters(&made, NULL, NULL, NULL, err), HADA_ERROR_ARGUMENT, "");
-    hada_model_destroy(&model);
 }

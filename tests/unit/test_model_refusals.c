@@ -127,7 +127,8 @@ static hada_model *make(void)
 
 TEST(forms_that_cannot_be_made)
 {
-    hada_model *model = make(), *out = model;
+    SCOPED(hada_model) *model = make();
+    hada_model *out = model;
     ASSERT_FAILS(hada_model_with_form(&out, model, HADA_FORM_SPLIT, 0.0, err), HADA_ERROR_ARGUMENT, "");
     assert_null(out);
     const double wrong[] = {0.0, -1.0, NAN, INFINITY};
@@ -146,7 +147,6 @@ TEST(forms_that_cannot_be_made)
     ASSERT_FAILS(hada_model_with_form(&out, model, HADA_FORM_MATCHED, 0.0, err), HADA_ERROR_MODEL,
                  "no transfer functions");
     assert_true(hada_model_gain(model) == 1.0);
-    hada_model_destroy(&model);
 }
 
 TEST(halves_that_lose_the_filter)
@@ -189,7 +189,8 @@ TEST(nets_that_do_not_fit)
     static const int channels[][3] = {{1, 1, 1}, {2, 1, 1}, {3, 1, 0}, {1, 2, 0}};
     static const int sizes[][3] = {{0, 0, 1},  {8, 8, 1},       {0, 8, 0},      {8, 0, 0},
                                    {-1, 8, 0}, {2 << 20, 8, 0}, {8, 2 << 20, 0}};
-    hada_model *model = make(), *out;
+    SCOPED(hada_model) *model = make();
+    hada_model *out;
     hada_error error = {0};
     for (int i = 0; i < 4; i++) {
         SCOPED(hada_net) *net = net_of(channels[i][0], channels[i][1]);
@@ -204,7 +205,6 @@ TEST(nets_that_do_not_fit)
                          sizes[i][2] ? HADA_OK : HADA_ERROR_MODEL);
         hada_model_destroy(&out);
     }
-    hada_model_destroy(&model);
 }
 
 /* The model's file with `from` replaced once by `to`, which is as long; NULL: it is read all the same. */

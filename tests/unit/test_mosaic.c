@@ -206,7 +206,7 @@ static double solve(const hada_model *model, hada_mosaic mosaic, const hada_imag
     ASSERT_OK(hada_plan_run(plan, frame, &result, err));
     unexplained = result.report->residual;
     hada_plan_destroy(&plan);
-    return small_image_distance(result.planes[0].data, scene->data, hada_image_count(scene));
+    return relative_change(result.planes[0].data, scene->data, hada_image_count(scene));
 }
 
 /* Nothing is demosaiced: clearly better than a demosaiced frame, if not as good as all colours at all pixels. The model
@@ -275,7 +275,7 @@ TEST(queues_give_the_same_bits)
     for (int i = 0; i < FRAMES; i++) {
         const hada_image *one = &result[0][i].planes[0], *many = &result[1][i].planes[0];
         assert_memory_equal(one->data, many->data, hada_image_count(one) * sizeof(float));
-        assert_true(small_image_distance(one->data, b.scene.data, hada_image_count(one)) < 0.3);
+        assert_true(relative_change(one->data, b.scene.data, hada_image_count(one)) < 0.3);
         hada_result_destroy(&result[0][i]);
         hada_result_destroy(&result[1][i]);
     }

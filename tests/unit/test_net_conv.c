@@ -74,8 +74,7 @@ static golden_case open_case(const char *name)
 static void close_case(golden_case *c)
 {
     for (int i = 0; i < PARTS; i++) {
-        free(c->part[i].exact);
-        free(c->part[i].single);
+        HADA_FREE(c->part[i].exact, c->part[i].single);
     }
 }
 
@@ -133,10 +132,7 @@ TEST(references)
         same(names[n], "dx", dx, &c.part[DX]);
         same(names[n], "dw", dw, &c.part[DW]);
         same(names[n], "db", db, &c.part[DB]);
-        free(y);
-        free(dx);
-        free(dw);
-        free(db);
+        HADA_FREE(y, dx, dw, db);
         close_case(&c);
     }
 }
@@ -233,7 +229,7 @@ TEST(large_ones_are_divided)
         desc.stride = rows[i].stride;
         desc.method = (hada_conv_method)rows[i].method;
         int high, wide;
-        hada_conv *conv;
+        SCOPED(hada_conv) * conv;
         uint64_t once, often, few;
         hada_conv_output_size(&desc, &high, &wide);
         const hada_tensor x = hada_tensor_at(context, buffer.mem, 0, 2, rows[i].in, SIDE, SIDE + 6),
@@ -253,7 +249,6 @@ TEST(large_ones_are_divided)
         divided += often > once;
         if (often > once + 4)
             free(run_watched(device->slot, conv, &x, &y, 1e-6, &little, &few, HADA_ERROR_CANCELLED));
-        hada_conv_destroy(&conv);
     }
     if (context->shape != HADA_SHAPE_GROUPS)
         assert_true(divided >= 6);

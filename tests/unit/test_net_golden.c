@@ -27,7 +27,7 @@ static double *golden(const hada_tensors *file, const char *name, size_t count)
 static void expect(const hada_tensors *file, const char *name, const float *got, size_t count, double tolerance)
 {
     SCOPED_MEMORY double *want = golden(file, name, count);
-    const double error = net_error(got, want, count);
+    const double error = relative_error(got, want, count);
     if (!(error <= tolerance))
         fail_msg("%s: relative error %.2e above %.0e", name, error, tolerance);
 }

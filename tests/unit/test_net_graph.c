@@ -62,7 +62,7 @@ TEST(outputs_follow_the_reference)
             SCOPED_MEMORY double *y = calloc(c.out_count, sizeof *y);
             ASSERT_OK(hada_ref_net_forward(net, values, training, c.images, c.rows, c.cols, x, y, err));
             net_case_run(*state, net, &c, training ? with_gradients : (hada_graph_options){0}, 0);
-            assert_true(net_error(c.y, y, c.out_count) < 2e-6);
+            assert_true(relative_error(c.y, y, c.out_count) < 2e-6);
             net_case_free(&c);
         }
 }

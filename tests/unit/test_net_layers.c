@@ -1,6 +1,5 @@
 /* Layers and losses on the device, beyond their arithmetic (tests/check): in place, either block, odd inputs, refusals.
  */
-#include "net/layer_launch.h"
 #include "net/layers.h"
 #include "net_fixture.h"
 #include "ref/ref_layers.h"
@@ -186,8 +185,7 @@ TEST(batch_statistics_do_not_cancel)
         assert_true(fabs(saved[3 + c] * sqrt(variance[c]) - 1.0) < 1e-5);
     }
     free(plain);
-    hada_buffer_destroy(&arrays);
-    hada_buffer_destroy(&scratch);
+    HADA_DESTROY_BUFFERS(&arrays, &scratch);
     drop(&x);
     drop(&y);
 }

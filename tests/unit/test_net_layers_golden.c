@@ -82,10 +82,7 @@ static void end(const char *name, layer *l)
 {
     same(name, "y", l->y);
     same(name, "dx", l->dx);
-    free(l->x);
-    free(l->dy);
-    free(l->y);
-    free(l->dx);
+    HADA_FREE(l->x, l->dy, l->y, l->dx);
 }
 
 TEST(activations)
@@ -175,14 +172,14 @@ TEST(linear)
 {
     SCOPED_MEMORY double *x = golden("linear", "x", NULL), *w = golden("linear", "weight", NULL),
                          *b = golden("linear", "bias", NULL);
-    double *dy = golden("linear", "dy", NULL), y[12], dx[21] = {0}, dw[28] = {0}, db[4] = {0};
+    SCOPED_MEMORY double *dy = golden("linear", "dy", NULL);
+    double y[12], dx[21] = {0}, dw[28] = {0}, db[4] = {0};
     hada_ref_linear(3, 7, 4, w, b, x, y);
     hada_ref_linear_backward(3, 7, 4, w, x, dy, dx, dw, db);
     same("linear", "y", y);
     same("linear", "dx", dx);
     same("linear", "dweight", dw);
     same("linear", "dbias", db);
-    free(dy);
 }
 
 static double loss_of(const char *name, const hada_ref_shape *shape, const double *x, const double *t, double *dx)
@@ -223,8 +220,7 @@ TEST(adam)
         memcpy(after + (t - 1) * PARAMETERS, p, sizeof v);
     }
     same("adam", "after", after);
-    free(p);
-    free(g);
+    HADA_FREE(p, g);
 }
 
 /* Keras's RMSprop by hand: v = 0.9 * 0 + 0.1 * 4 = 0.4, then 0.36 + 0.1 * 1 = 0.46. */

@@ -29,9 +29,7 @@ static trainee begin(net_device *device, hada_optimizer optimizer)
 
 static void end(trainee *t)
 {
-    hada_buffer_destroy(&t->parameters);
-    hada_buffer_destroy(&t->gradients);
-    hada_buffer_destroy(&t->state);
+    HADA_DESTROY_BUFFERS(&t->parameters, &t->gradients, &t->state);
 }
 
 static double read_back(net_device *device, const trainee *t, float *out)
@@ -166,7 +164,7 @@ TEST(a_layer_learns)
     enum { IMAGES = 32, IN = 5, FLOATS = 4096, W = 0, BIAS = 16, X = 32, Y = 512, DY = 576, DW = 640, S = 800 };
     static float all[FLOATS];
     hada_slot *slot = device->slot;
-    hada_buffer memory;
+    SCOPED(hada_buffer) memory;
     net_fill(all + X, 2 * IMAGES * IN, 1);
     for (int i = 0; i < 2 * IMAGES * IN; i++)
         all[X + i] += i < IMAGES * IN ? 0.7f : -0.7f;
@@ -189,7 +187,6 @@ TEST(a_layer_learns)
     }
     assert_true(fabsf(first[0] - 0.693147f) < 1e-5f && fabsf(first[1] - 0.693147f) < 1e-5f);
     assert_true(last[0] < 0.25f && last[1] < 0.25f);
-    hada_buffer_destroy(&memory);
 }
 
 /* Bits that every machine must give; an implementation of the generators in Python gave the same. Kaiming's for a

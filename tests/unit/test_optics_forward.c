@@ -77,17 +77,16 @@ TEST(field)
         memcpy(expected + r * COLS, all + (MARGIN + r) * C + MARGIN, COLS * sizeof(double));
     ASSERT_OK(hada_simulator_render(simulator, &(hada_plane){2, &scene}, 1, 0.0, 0, &raw, err));
     for (int k = 0; k < 3; k++)
-        assert_true(distance(raw.data + k * PIXELS, expected, PIXELS) < 5e-7);
+        assert_true(relative_error(raw.data + k * PIXELS, expected, PIXELS) < 5e-7);
     hada_simulator_destroy(&simulator);
     /* a scene of the window's size means the same with a field and without */
     ASSERT_OK(hada_image_crop(&window, &scene, (HIGHER - HIGH) / 2, (WIDER - WIDE) / 2, HIGH, WIDE, err));
-    hada_simulator *narrow = simulator_of(&camera, 0, 0, 0, 0), *wide = simulator_of(&camera, 0, 0, HIGHER, WIDER);
+    SCOPED(hada_simulator) *narrow = simulator_of(&camera, 0, 0, 0, 0),
+                           *wide = simulator_of(&camera, 0, 0, HIGHER, WIDER);
     ASSERT_OK(hada_simulator_render(narrow, &(hada_plane){2, &window}, 1, 0.0, 0, &small, err));
     ASSERT_OK(hada_simulator_render(wide, &(hada_plane){2, &window}, 1, 0.0, 0, &again, err));
     for (int i = 0; i < 3 * PIXELS; i++)
         assert_true(fabsf(small.data[i] - again.data[i]) < 3e-7f);
-    hada_simulator_destroy(&narrow);
-    hada_simulator_destroy(&wide);
 }
 
 /* p d (1/near - 1/far) / pitch */

@@ -66,7 +66,7 @@ TEST(occlusion)
             add_expected(&camera, &scenes[0], channel, 3, blockers, depths, 2, lens, expected);
             add_expected(&camera, &scenes[1], 0, 1, blockers + 1, depths + 1, 1, lens, expected);
             add_expected(&camera, &scenes[2], channel, 0, NULL, NULL, 0, lens, expected);
-            assert_true(distance(raw.data + channel * PIXELS, expected, PIXELS) < 1e-6);
+            assert_true(relative_error(raw.data + channel * PIXELS, expected, PIXELS) < 1e-6);
         }
         hada_image_destroy(&raw);
     }
@@ -239,7 +239,7 @@ TEST(patches)
         for (double pixels = 4.0; pixels > 0.4; pixels /= 2.0) {
             simulator->patch_pixels = pixels;
             ASSERT_OK(hada_simulator_render_occluded(simulator, planes, opacities, 2, -1, 0.0, 0, &raw, err));
-            const double error = distance(raw.data, expected, PIXELS);
+            const double error = relative_error(raw.data, expected, PIXELS);
             hada_image_destroy(&raw);
             print_message("mask %d, patches of %g pixels of parallax: %.2e\n", (int)masks[k], pixels, error);
             assert_true(error < before);

@@ -50,7 +50,7 @@ TEST(every_distance_has_its_psf)
         memset(expected, 0, sizeof expected);
         add_columns(&camera, &scene[0], 2, &map[0], expected);
         add_columns(&camera, &scene[1], 0, &map[1], expected);
-        const double error = distance(raw.data + 2 * PIXELS, expected, PIXELS);
+        const double error = relative_error(raw.data + 2 * PIXELS, expected, PIXELS);
         print_message("relative error of the frame, %s: %.1e\n", mask ? "diffuser" : "lenses", error);
         assert_true(error < 3e-3);
         /* what is kept from the first frame changes nothing */
@@ -70,7 +70,7 @@ static double difference(const hada_image *a, const hada_image *b)
     static double wide[3 * PIXELS];
     for (int i = 0; i < 3 * PIXELS; i++)
         wide[i] = (double)b->data[i];
-    return distance(a->data, wide, 3 * PIXELS);
+    return relative_error(a->data, wide, 3 * PIXELS);
 }
 
 /* Opaque: a slope hides nothing of itself; a jump hides what planes hide. */
@@ -177,7 +177,7 @@ TEST(opaque_ball)
     add_opaque(&camera, &scene, 1, &map, expected);
     for (int opaque = 0; opaque < 2; opaque++) {
         ASSERT_OK(hada_simulator_render_reliefs(simulator, &relief, 1, opaque, 0.0, 0, &raw, err));
-        const double error = distance(raw.data + PIXELS, expected, PIXELS);
+        const double error = relative_error(raw.data + PIXELS, expected, PIXELS);
         print_message("a ball, %s: %.1e from rays\n", opaque ? "opaque" : "clear", error);
         assert_true(opaque ? error < 4e-2 : error > 0.15);
         hada_image_destroy(&raw);
@@ -219,7 +219,7 @@ TEST(holes_and_noise)
 TEST(refusals)
 {
     const hada_camera camera = small_camera(HADA_BOUNDARY_CIRCULAR);
-    hada_simulator *simulator = simulator_of(&camera, 0, 0, 0, 0), *given;
+    SCOPED(hada_simulator) *simulator = simulator_of(&camera, 0, 0, 0, 0), *given;
     hada_image map = slanted(100.0, 600.0), scene = drawn(7, 3, HIGH, WIDE), psf[4], raw;
     hada_relief relief[] = {{&scene, &map}, {&scene, NULL}};
     hada_error error;
@@ -252,8 +252,6 @@ TEST(refusals)
     destroy_images(psf, 4);
     hada_image_destroy(&map);
     hada_image_destroy(&scene);
-    hada_simulator_destroy(&given);
-    hada_simulator_destroy(&simulator);
 }
 
 FIXTURE(open_device, close_device)

@@ -12,17 +12,6 @@ static hada_camera small_camera(hada_boundary boundary)
     return camera;
 }
 
-/* Relative L2 distance of a rendered channel from the reference. */
-static double distance(const float *a, const double *b, size_t count)
-{
-    double error = 0.0, norm = 0.0;
-    for (size_t i = 0; i < count; i++) {
-        error += (a[i] - b[i]) * (a[i] - b[i]);
-        norm += b[i] * b[i];
-    }
-    return sqrt(error / norm);
-}
-
 /* A point of light at depth z gives the PSF, moved. */
 TEST(a_point_gives_the_psf)
 {
@@ -86,7 +75,7 @@ TEST(frames_equal_the_reference)
         }
         ASSERT_OK(hada_simulator_render(simulator, planes, 3, 0.0, 0, &raw, err));
         for (int c = 0; c < 3; c++)
-            assert_true(distance(raw.data + c * PIXELS, expected[c], PIXELS) < 5e-7);
+            assert_true(relative_error(raw.data + c * PIXELS, expected[c], PIXELS) < 5e-7);
         /* noise: of the stated size, and the same for the same seed */
         SCOPED(hada_image) noisy, again;
         float most = 0.0f;

@@ -124,7 +124,7 @@ TEST(defocus_and_magnification)
     ASSERT_OK(hada_camera_lenses(&camera, &x, &y, err));
     for (int coherent = 0; coherent < 2; coherent++) {
         const double distance = 50.0, m = 1.4; /* blur: 1 mm * 0.4 = 50 pixels */
-        hada_image psf = wave_psf(&camera, distance, coherent);
+        SCOPED(hada_image) psf = wave_psf(&camera, distance, coherent);
         double sum = 0.0, row = 0.0, col = 0.0, squares = 0.0;
         for (int r = 0; r < psf.rows; r++)
             for (int c = 0; c < psf.cols; c++) {
@@ -145,7 +145,6 @@ TEST(defocus_and_magnification)
         const double radius = hada_camera_defocus_pixels(&camera, distance) / 2.0;
         assert_true(fabs(radius - 25.0) < 1e-9);
         assert_true(fabs(sqrt(2.0 * (squares / sum - row * row - col * col)) - radius) < 0.5);
-        hada_image_destroy(&psf);
     }
 }
 

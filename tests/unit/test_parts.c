@@ -1,7 +1,6 @@
 /* Parts of a device as devices of their own: words, refusals, and what a context on a part is. */
 #include <hadalens/opencl.h>
 
-#include "runtime/buffer.h"
 #include "testing.h"
 
 TEST(reads_words)

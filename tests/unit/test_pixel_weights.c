@@ -116,7 +116,7 @@ static double solve_weighed(const bench *b, const hada_image *frame, const hada_
     options.repair_not_finite = repair;
     ASSERT_OK(hada_plan_create(&plan, context, b->model, &options, err));
     ASSERT_OK(hada_plan_run(plan, frame, &result, err));
-    const double error = small_image_distance(result.planes[0].data, b->scene.data, hada_image_count(&b->scene));
+    const double error = relative_change(result.planes[0].data, b->scene.data, hada_image_count(&b->scene));
     *report = *result.report;
     hada_plan_destroy(&plan);
     return error;
@@ -211,13 +211,12 @@ TEST(light_comes_from_outside_the_window)
     for (size_t k = 0; k < HADA_COUNT(supports); k++) {
         DEFAULTS(hada_plan_options, options);
         SCOPED(hada_result) result = {0};
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         options.support = supports[k];
         ASSERT_OK(hada_plan_create(&plan, context, b.model, &options, err));
         ASSERT_OK(hada_plan_run(plan, &frame, &result, err));
-        error[k] = small_image_distance(result.planes[0].data, b.scene.data, hada_image_count(&b.scene));
+        error[k] = relative_change(result.planes[0].data, b.scene.data, hada_image_count(&b.scene));
         left[k] = result.report->residual;
-        hada_plan_destroy(&plan);
     }
     if (error[0] > 0.8 * error[1] || left[0] > 0.8 * left[1])
         fail_msg("errors with the grid and the window: %.3g, %.3g; unexplained %.3g, %.3g", error[0], error[1], left[0],
@@ -233,14 +232,13 @@ TEST(found_weights_settle)
     hada_result results[2] = {{0}};
     for (int k = 0; k < 2; k++) {
         DEFAULTS(hada_plan_options, options);
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         options.refine = k ? 100 : -1;
         ASSERT_OK(hada_plan_create(&plan, context, b.model, &options, err));
         ASSERT_OK(hada_plan_run(plan, &frame, &results[k], err));
-        hada_plan_destroy(&plan);
     }
-    const double apart = small_image_distance(results[0].planes[0].data, results[1].planes[0].data,
-                                              hada_image_count(&results[0].planes[0]));
+    const double apart =
+        relative_change(results[0].planes[0].data, results[1].planes[0].data, hada_image_count(&results[0].planes[0]));
     assert_true(results[0].report->refine_tv == results[1].report->refine_tv);
     assert_int_equal(results[1].report->refine_steps, 100);
     if (apart > 0.03 || results[0].report->refine_steps > 40)

@@ -36,8 +36,7 @@ static void begin(fixture *f, hada_fft_backend backend)
 static void end(fixture *f)
 {
     hada_fft_destroy(&f->forward);
-    hada_buffer_destroy(&f->real);
-    hada_buffer_destroy(&f->spectrum);
+    HADA_DESTROY_BUFFERS(&f->real, &f->spectrum);
     hada_slot_destroy(&f->slot);
     hada_context_destroy(&f->context);
 }

@@ -50,7 +50,8 @@ static void same_calls(hada_plan *plan, const hada_image *raw, hada_result *resu
 static void run(const learned_camera *learned, int refine, const char *const *stages, int frames)
 {
     const int depths[2] = {0, 3};
-    hada_image scene = learned_scene(learned, 900), parts[2];
+    SCOPED(hada_image) scene = learned_scene(learned, 900);
+    hada_image parts[2];
     hada_plane planes[2];
     learned_split(learned, &scene, depths, 2, 1, parts, planes);
     SCOPED(hada_image) raw = learned_frame(learned, planes, 2, 5);
@@ -97,7 +98,6 @@ static void run(const learned_camera *learned, int refine, const char *const *st
     assert_null(rows);
     same_calls(plan, &raw, &profiled);
     destroy_images(parts, 2);
-    hada_image_destroy(&scene);
 }
 
 TEST(stages_of_the_linear_way)

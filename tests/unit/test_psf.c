@@ -24,8 +24,7 @@ static int setup(void **state)
 static int teardown(void **state)
 {
     hada_context *context = *state;
-    assert_int_equal(hada_context_bytes(context), 0);
-    hada_context_destroy(&context);
+    close_context(&context);
     return 0;
 }
 
@@ -233,9 +232,7 @@ TEST(magnified_images_are_those_of_the_reference)
         square += pow(got.data[i] - right, 2);
         energy += right * right;
     }
-    free(image);
-    free(out);
-    free(spectrum);
+    HADA_FREE(image, out, spectrum);
     assert_true(sqrt(square / energy) < 0.01);
 }
 

@@ -58,8 +58,7 @@ static int tear_down(void **state)
     tiny_release(&f->device);
     tiny_free(&f->world);
     tiny_free(&f->camera);
-    free(f->scenes);
-    free(f->images);
+    HADA_FREE(f->scenes, f->images);
     return 0;
 }
 
@@ -116,7 +115,7 @@ static void describe(const hada_pursuit_result *result, char *text, size_t size)
 
 static void search(hada_pursuit *pursuit, const tiny_device *device, hada_pursuit_result *result)
 {
-    ASSERT_OK(hada_pursuit_run(pursuit, device->spectrum.mem, 0, result, err));
+    ASSERT_OK(hada_pursuit_run(pursuit, device->spectrum.mem, result, err));
     if (result->hides)
         ASSERT_OK(hada_pursuit_part(pursuit, result, err));
 }

@@ -98,7 +98,8 @@ TEST(refined_and_linear_planes_are_blended)
     hada_result of[4] = {0}; /* refined, linear, blended, blended with steps given */
     ASSERT_OK(hada_model_with_enhance(&blended, learned->model, NULL, 0, 0, err));
     blended->info.refine_share = share;
-    hada_image scene = learned_scene(learned, 31), parts[2];
+    SCOPED(hada_image) scene = learned_scene(learned, 31);
+    hada_image parts[2];
     hada_plane planes[2];
     learned_split(learned, &scene, listed, 2, 31, parts, planes);
     SCOPED(hada_image) raw = learned_frame(learned, planes, 2, 31);
@@ -136,7 +137,6 @@ TEST(refined_and_linear_planes_are_blended)
     for (int i = 0; i < 4; i++)
         hada_result_destroy(&of[i]);
     destroy_images(parts, 2);
-    hada_image_destroy(&scene);
 }
 
 /* A surface's memory is known before it is taken, for all queues; where there is too little, nothing is taken. */
@@ -201,7 +201,8 @@ TEST(holds_the_bytes_it_states)
 TEST(gives_the_same_bits_in_every_batch_and_run)
 {
     const learned_camera *learned = *state;
-    hada_image scene = learned_scene(learned, 6), parts[2];
+    SCOPED(hada_image) scene = learned_scene(learned, 6);
+    hada_image parts[2];
     hada_plane planes[2];
     learned_split(learned, &scene, (int[]){0, 2}, 2, 6, parts, planes);
     SCOPED(hada_image) raw = learned_frame(learned, planes, 2, 6);
@@ -221,7 +222,6 @@ TEST(gives_the_same_bits_in_every_batch_and_run)
         }
     }
     destroy_images(parts, 2);
-    hada_image_destroy(&scene);
 }
 
 TEST(half_filters_stay_close)

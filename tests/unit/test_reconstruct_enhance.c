@@ -52,8 +52,7 @@ static int teardown(void **state)
     hada_model_destroy(&f->model);
     hada_net_destroy(&f->net);
     hada_slot_destroy(&f->slot);
-    assert_int_equal(hada_context_bytes(f->context), 0);
-    hada_context_destroy(&f->context);
+    close_context(&f->context);
     return 0;
 }
 

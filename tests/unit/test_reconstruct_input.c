@@ -145,7 +145,7 @@ TEST(black_results_of_frames_that_show_something_are_an_error)
     for (int i = 0; i < 300; i++) /* hot pixels */
         nothing.data[i * 331] = 1.0f;
     for (int k = 0; k < 9; k++) {
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         DEFAULTS(hada_plan_options, options);
         options.dark = k == 0 || k == 1 ? HADA_DARK_LEVEL : k < 4 ? HADA_DARK_FRAME : HADA_DARK_MODEL;
         options.dark_level = 0.95;
@@ -165,7 +165,6 @@ TEST(black_results_of_frames_that_show_something_are_an_error)
         const hada_status status = hada_plan_run(plan, k == 8 ? &nothing : &raw, &result, &error);
         if (status != (k == 8 ? HADA_OK : HADA_ERROR_NUMERIC) || (k < 8 && !strstr(error.message, "black")))
             fail_msg("case %d: %s '%s'", k, hada_status_name(status), error.message);
-        hada_plan_destroy(&plan);
     }
 }
 
@@ -183,13 +182,12 @@ TEST(nets_that_break_down_are_an_error)
     ASSERT_OK(hada_net_create_unet(&net, &unet, 3, err));
     for (int k = 0; k < 2; k++) {
         SCOPED(hada_model) * model;
-        hada_plan *plan;
+        SCOPED(hada_plan) * plan;
         for (size_t i = 0; i < net->floats; i++)
             net->values[i] = k ? 1e38f : 0.0f;
         ASSERT_OK(hada_model_with_enhance(&model, learned->model, net, 0, 0, err));
         ASSERT_OK(hada_plan_create(&plan, learned->context, model, NULL, err));
         ASSERT_FAILS(hada_plan_run(plan, &raw, &result, err), HADA_ERROR_NUMERIC, k ? "" : "black");
-        hada_plan_destroy(&plan);
     }
 }
 

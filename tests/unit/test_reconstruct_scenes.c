@@ -11,7 +11,8 @@ static void run(const learned_camera *learned, const hada_plan_options *options,
 TEST(a_slanted_plane_occupies_every_depth)
 {
     const learned_camera *learned = *state;
-    hada_image scene = learned_scene(learned, 31), parts[LEARNED_DEPTHS];
+    SCOPED(hada_image) scene = learned_scene(learned, 31);
+    hada_image parts[LEARNED_DEPTHS];
     hada_plane planes[LEARNED_DEPTHS];
     const int rows = scene.rows, cols = scene.cols;
     SCOPED_MEMORY int *labels = malloc((size_t)rows * (size_t)cols * sizeof *labels);
@@ -41,7 +42,6 @@ TEST(a_slanted_plane_occupies_every_depth)
     assert_true((double)right >= 0.85 * (double)seen);
     assert_true(learned_psnr(&result.all_in_focus, &scene) > 20);
     destroy_images(parts, LEARNED_DEPTHS);
-    hada_image_destroy(&scene);
 }
 
 /* An object between two depths of the model, which knows no such response, shows at its neighbours: most of its light
@@ -115,12 +115,6 @@ TEST(a_constant_frame_stays_finite)
     assert_int_equal(hada_image_count_not_finite(&result.all_in_focus), 0);
 }
 
-static int by_brightness(const void *a, const void *b)
-{
-    const float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 /* A frame with a twentieth of its values saturated: the same depths, planes nearly as good, and nothing of it in the
  * frame that follows. */
 TEST(saturated_values_mislead_nobody)
@@ -139,7 +133,7 @@ TEST(saturated_values_mislead_nobody)
     ASSERT_OK(hada_image_create(&cut, raw.channels, raw.rows, raw.cols, err));
     SCOPED_MEMORY float *sorted = malloc(count * sizeof *sorted);
     memcpy(sorted, raw.data, count * sizeof *sorted);
-    qsort(sorted, count, sizeof *sorted, by_brightness);
+    qsort(sorted, count, sizeof *sorted, ascending_floats);
     for (size_t i = 0; i < count; i++)
         cut.data[i] = fminf(raw.data[i], sorted[count - count / 20]);
     SCOPED(hada_plan) * plan;

@@ -84,9 +84,7 @@ TEST(equals_the_reference)
         f.device.data.prior = f.device.prior.mem;
         rule.relaxation = 1.6;
         compare(&f, &rule, 3, (const int[]){3, 0, 1}, prior);
-        free(prior);
-        free(rows);
-        free(packed);
+        HADA_FREE(prior, rows, packed);
         tear_down(&f);
     }
 }
@@ -137,9 +135,7 @@ TEST(gives_the_same_bits_whatever_runs_beside)
         ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, alone, NULL, err));
         float *halves = read_planes(&f, 2);
         assert_memory_equal(halves, first, bytes);
-        free(halves);
-        free(beside);
-        free(first);
+        HADA_FREE(halves, beside, first);
         tear_down(&f);
     }
 }
@@ -204,9 +200,7 @@ TEST(scales_with_the_frame)
             assert_true(exact[i] == 1024.0f * once[i]);
             assert_true(fabs(thousand[i] / 1000.0 - once[i]) < 1e-5 * top);
         }
-        free(once);
-        free(exact);
-        free(thousand);
+        HADA_FREE(once, exact, thousand);
         tear_down(&f);
     }
 }
@@ -355,8 +349,7 @@ TEST(all_kernel_shapes_agree)
         assert_near(left[1], left[0], 1e-4);
         for (size_t i = 0; i < 4 * f.camera.window_area; i++)
             assert_true(fabs((double)planes[0][i] - planes[1][i]) < 1e-4);
-        free(planes[0]);
-        free(planes[1]);
+        HADA_FREE(planes[0], planes[1]);
         tear_down(&f);
     }
 }

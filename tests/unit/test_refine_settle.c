@@ -17,8 +17,7 @@ static double change(fixture *f, hada_refine_rule rule, int steps)
         of_change += pow((double)planes[1][k] - planes[0][k], 2);
         of_planes += pow(planes[1][k], 2);
     }
-    free(planes[0]);
-    free(planes[1]);
+    HADA_FREE(planes[0], planes[1]);
     return sqrt(of_change / of_planes);
 }
 
@@ -72,7 +71,6 @@ TEST(asks_less_often_where_that_is_dear)
             tear_down(&f);
         }
         assert_memory_equal(planes[0], planes[1], bytes);
-        free(planes[0]);
-        free(planes[1]);
+        HADA_FREE(planes[0], planes[1]);
     }
 }

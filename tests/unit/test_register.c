@@ -162,10 +162,8 @@ static pairs make_pairs(const hada_registration *truth, int count, double scale,
 
 static void free_pairs(pairs *all)
 {
-    for (int i = 0; i < all->count; i++) {
-        hada_image_destroy(&all->raws[i]);
-        hada_image_destroy(&all->scenes[i]);
-    }
+    destroy_images(all->raws, all->count);
+    destroy_images(all->scenes, all->count);
 }
 
 static void expect(const hada_registration *found, const hada_registration *truth, double pixels)

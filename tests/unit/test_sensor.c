@@ -27,8 +27,7 @@ static int close_device(void **state)
 {
     bench *b = *state;
     hada_simulator_destroy(&b->simulator);
-    assert_int_equal(hada_context_bytes(b->context), 0);
-    hada_context_destroy(&b->context);
+    close_context(&b->context);
     return 0;
 }
 
@@ -54,12 +53,6 @@ TEST(approximation)
             largest = fmax(largest, fabs(hada_ref_poisson_approximated(mean, k) - hada_ref_poisson_below(mean, k)));
         assert_true(largest < stated[i].bound && largest > 0.5 * stated[i].bound);
     }
-}
-
-static int ascending(const void *a, const void *b)
-{
-    const float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
 }
 
 static void moments(const float *values, double *mean, double *variance)
@@ -96,7 +89,7 @@ TEST(shot_noise)
         assert_true(fabs(mean - means[m]) < 4.5 * sqrt(means[m] / PIXELS));
         /* the fourth central moment of a Poisson number is mean + 3 mean^2 */
         assert_true(fabs(variance - means[m]) < 4.5 * sqrt((means[m] + 2.0 * means[m] * means[m]) / PIXELS));
-        qsort(frame.data, PIXELS, sizeof(float), ascending);
+        qsort(frame.data, PIXELS, sizeof(float), ascending_floats);
         double below = 0.0;
         for (int i = 0, k = 0; i < PIXELS; k++) {
             below += exp(k * log(means[m]) - means[m] - lgamma(k + 1.0));
@@ -124,7 +117,7 @@ TEST(read_noise)
     for (int i = 1; i < PIXELS; i++) /* neighbours know nothing of each other */
         together += (frame.data[i] - mean) * (frame.data[i - 1] - mean);
     assert_true(fabs(together / PIXELS / variance) < 4.5 / sqrt(PIXELS));
-    qsort(frame.data, PIXELS, sizeof(float), ascending);
+    qsort(frame.data, PIXELS, sizeof(float), ascending_floats);
     for (int i = 0; i < PIXELS; i++) {
         const double below = 0.5 * erfc(-(frame.data[i] - 0.1875) / 0.01 / sqrt(2.0));
         distance = fmax(distance, fmax(fabs((i + 1.0) / PIXELS - below), fabs((double)i / PIXELS - below)));

@@ -41,8 +41,7 @@ static int teardown(void **state)
     destroy_images(f->psf, DEPTHS);
     hada_model_destroy(&f->circular);
     hada_model_destroy(&f->padded);
-    assert_int_equal(hada_context_bytes(f->context), 0);
-    hada_context_destroy(&f->context);
+    close_context(&f->context);
     return 0;
 }
 
@@ -167,30 +166,57 @@ static double ghost_of(const hada_result *result, const hada_image *before, cons
     return product / squares;
 }
 
+/* A plan that begins anew with each frame and one that goes on, what they make of a frame, and how far off it was. */
+typedef struct contest {
+    hada_plan *cold, *warm;
+    hada_result anew, on;
+    double errors[2];
+} contest;
+
+static contest contest_of(const fixture *f, int padded, int depths)
+{
+    const hada_model *model = padded ? f->padded : f->circular;
+    return (contest){.cold = plan_of(f, model, 0, depths), .warm = plan_of(f, model, 1, depths)};
+}
+
+/* The next frame, of scenes at the first depths; the steps that it took, 0 for the first one. */
+static int go_on(contest *c, const hada_image *frame, const hada_image *const *scenes, int depths, int first)
+{
+    ASSERT_OK(hada_plan_run(c->cold, frame, &c->anew, err));
+    ASSERT_OK(hada_plan_run(c->warm, frame, &c->on, err));
+    if (first)
+        return 0;
+    assert_int_equal(c->on.report->warm_started, 1);
+    for (int z = 0; z < depths; z++) {
+        c->errors[0] += error_of(&c->anew, z, scenes[z]);
+        c->errors[1] += error_of(&c->on, z, scenes[z]);
+    }
+    return c->on.report->refine_steps;
+}
+
+static void end_contest(contest *c)
+{
+    assert_true(c->errors[1] < 1.05 * c->errors[0]);
+    hada_result_destroy(&c->anew);
+    hada_result_destroy(&c->on);
+    hada_plan_destroy(&c->cold);
+    hada_plan_destroy(&c->warm);
+}
+
 TEST(what_moves_leaves_no_ghost)
 {
     const fixture *f = *state;
-    for (int kind = 0; kind < 2; kind++) {
-        const hada_model *model = kind ? f->padded : f->circular;
-        SCOPED(hada_plan) *cold = plan_of(f, model, 0, 1), *warm = plan_of(f, model, 1, 1);
-        double ghosts[2] = {0.0, 0.0}, errors[2] = {0.0, 0.0};
+    for (int padded = 0; padded < 2; padded++) {
+        contest c = contest_of(f, padded, 1);
+        double ghost = 0.0;
         for (int t = 0; t < FRAMES; t++) {
             SCOPED(hada_image) before = scene_of(5, 2 + 4 * (t ? t - 1 : 0)), scene = scene_of(5, 2 + 4 * t);
-            SCOPED(hada_image) frame = frame_of(f, model, &scene, 0, t);
-            SCOPED(hada_result) anew = {0}, on = {0};
-            ASSERT_OK(hada_plan_run(cold, &frame, &anew, err));
-            ASSERT_OK(hada_plan_run(warm, &frame, &on, err));
-            if (!t)
-                continue;
-            assert_int_equal(on.report->warm_started, 1);
-            assert_true(on.report->refine_steps < STEPS);
-            ghosts[0] += ghost_of(&anew, &before, &scene) / (FRAMES - 1);
-            ghosts[1] += ghost_of(&on, &before, &scene) / (FRAMES - 1);
-            errors[0] += error_of(&anew, 0, &scene);
-            errors[1] += error_of(&on, 0, &scene);
+            SCOPED(hada_image) frame = frame_of(f, padded ? f->padded : f->circular, &scene, 0, t);
+            assert_true(go_on(&c, &frame, (const hada_image *[]){&scene}, 1, !t) < STEPS);
+            ghost += t ? ghost_of(&c.on, &before, &scene) / (FRAMES - 1) : 0.0;
         }
-        assert_true(fabs(ghosts[1]) < 0.01); /* of what was there */
-        assert_true(errors[1] < 1.05 * errors[0]);
+        assert_true(fabs(ghost) < 0.01); /* of what was there */
+        end_contest(&c);
     }
 }
 
@@ -214,24 +240,14 @@ TEST(a_drift_is_followed)
 {
     enum { FOLLOWING_STEPS = 5 };
     const fixture *f = *state;
-    for (int kind = 0; kind < 2; kind++) {
-        const hada_model *model = kind ? f->padded : f->circular;
-        SCOPED(hada_plan) *cold = plan_of(f, model, 0, 1), *warm = plan_of(f, model, 1, 1);
-        double errors[2] = {0.0, 0.0};
+    for (int padded = 0; padded < 2; padded++) {
+        contest c = contest_of(f, padded, 1);
         for (int t = 0; t < FRAMES; t++) {
             SCOPED(hada_image) scene = smooth_scene(0.2 * t, 0.3 * t);
-            SCOPED(hada_image) frame = frame_of(f, model, &scene, 0, t);
-            SCOPED(hada_result) anew = {0}, on = {0};
-            ASSERT_OK(hada_plan_run(cold, &frame, &anew, err));
-            ASSERT_OK(hada_plan_run(warm, &frame, &on, err));
-            if (!t)
-                continue;
-            assert_int_equal(on.report->warm_started, 1);
-            assert_true(on.report->refine_steps <= FOLLOWING_STEPS);
-            errors[0] += error_of(&anew, 0, &scene);
-            errors[1] += error_of(&on, 0, &scene);
+            SCOPED(hada_image) frame = frame_of(f, padded ? f->padded : f->circular, &scene, 0, t);
+            assert_true(go_on(&c, &frame, (const hada_image *[]){&scene}, 1, !t) <= FOLLOWING_STEPS);
         }
-        assert_true(errors[1] < 1.05 * errors[0]);
+        end_contest(&c);
     }
 }
 
@@ -243,28 +259,17 @@ TEST(a_drift_of_several_depths_is_followed)
     for (int kind = 0; kind < 4; kind++) {
         const int padded = kind % 2, stays = kind / 2;
         const hada_model *model = padded ? f->padded : f->circular;
-        SCOPED(hada_plan) *cold = plan_of(f, model, 0, DEPTHS), *warm = plan_of(f, model, 1, DEPTHS);
-        double errors[2] = {0.0, 0.0};
-        int followed = 0;
+        contest c = contest_of(f, padded, DEPTHS);
         for (int t = 0; t < FRAMES; t++) {
             SCOPED(hada_image) near = smooth_scene(0.3 * t, 0.5 * t), far = smooth_scene(0.3 * t, 0.5 * t);
-            SCOPED(hada_result) anew = {0}, on = {0};
             for (size_t i = 0; i < hada_image_count(&near); i++)
                 (((int)i % WINDOW < WINDOW / 2 - (stays ? 0 : t / 2)) ? far : near).data[i] = 0.0f;
             SCOPED(hada_image) frame = frame_of(f, model, &near, 0, t), other = frame_of(f, model, &far, 1, t + 50);
             for (size_t i = 0; i < hada_image_count(&frame); i++)
                 frame.data[i] += other.data[i];
-            ASSERT_OK(hada_plan_run(cold, &frame, &anew, err));
-            ASSERT_OK(hada_plan_run(warm, &frame, &on, err));
-            if (!t)
-                continue;
-            assert_int_equal(on.report->warm_started, 1);
-            followed += on.report->refine_steps <= FOLLOWING_STEPS;
-            errors[0] += error_of(&anew, 0, &near) + error_of(&anew, 1, &far);
-            errors[1] += error_of(&on, 0, &near) + error_of(&on, 1, &far);
+            assert_true(go_on(&c, &frame, (const hada_image *[]){&near, &far}, DEPTHS, !t) <= FOLLOWING_STEPS);
         }
-        assert_int_equal(followed, FRAMES - 1);
-        assert_true(errors[1] < 1.05 * errors[0]);
+        end_contest(&c);
     }
 }
 

@@ -145,7 +145,7 @@ TEST(a_band_and_an_error_go_together)
     for (int model = 0; model < SKIP_MODELS; model++) {
         hada_plan_options plain = skip_options(HADA_SKIP_PRUNE, 0.0), options = skip_options(HADA_SKIP_ALL, 1e-2);
         plain.band = options.band = 0.7;
-        hada_plan *exact = skip_plan(f, model, &plain), *plan = skip_plan(f, model, &options);
+        SCOPED(hada_plan) *exact = skip_plan(f, model, &plain), *plan = skip_plan(f, model, &options);
         for (int which = 0; which < SKIP_FRAMES; which++) {
             SCOPED(hada_result) dense = {0}, result = {0};
             ASSERT_OK(hada_plan_run(exact, &f->frame[which], &dense, err));
@@ -153,8 +153,6 @@ TEST(a_band_and_an_error_go_together)
             assert_true(skip_change(&result, &dense) <= 1e-2);
             limited += result.report->skipped->frequencies > dense.report->skipped->frequencies;
         }
-        hada_plan_destroy(&exact);
-        hada_plan_destroy(&plan);
     }
     assert_true(limited > 0);
 }

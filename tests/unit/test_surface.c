@@ -58,13 +58,11 @@ static void transform(fixture *f, const float *images, int count, hada_buffer *o
 {
     const size_t bytes = (size_t)count * f->grid * sizeof *images;
     const hada_fft_desc desc = hada_fft_whole(HADA_FFT_FORWARD, f->camera.rows, f->camera.cols, count);
-    hada_buffer real;
-    hada_fft *plan;
+    SCOPED(hada_buffer) real;
+    SCOPED(hada_fft) * plan;
     ASSERT_OK(hada_buffer_create_from(&real, f->slot, images, bytes, "images", err));
     ASSERT_OK(hada_fft_create(&plan, f->slot, &desc, err));
     ASSERT_OK(hada_fft_forward(plan, count, real.mem, 0, out->mem, first, err));
-    hada_fft_destroy(&plan);
-    hada_buffer_destroy(&real);
 }
 
 static void upload_camera(fixture *f)
@@ -115,9 +113,7 @@ static void tear_down(fixture *f)
 {
     hada_surface_destroy(&f->surface);
     hada_magnification_free(&f->law);
-    hada_buffer_destroy(&f->otf);
-    hada_buffer_destroy(&f->spectrum);
-    hada_buffer_destroy(&f->pixels);
+    HADA_DESTROY_BUFFERS(&f->otf, &f->spectrum, &f->pixels);
     hada_slot_destroy(&f->slot);
     hada_context_destroy(&f->context);
 }
@@ -329,9 +325,7 @@ TEST(test_objects)
     float *again = read_texture(&f, &result);
     assert_memory_equal(first, again, CHANNELS * AREA * sizeof *first);
     assert_true(kept == result.depth[AREA / 3]);
-    free(first);
-    free(dark);
-    free(again);
+    HADA_FREE(first, dark, again);
     tear_down(&f);
 }
 
@@ -370,12 +364,6 @@ TEST(test_pieces)
     tear_down(&f);
 }
 
-static int by_brightness(const void *a, const void *b)
-{
-    const float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 /* Weights of pixels: all 1 they leave as much as none; the light of pixels with weight 0, which is wrong, is not
  * fitted; saturated pixels are reached, and what others leave stays what it was. */
 TEST(test_weights)
@@ -411,7 +399,7 @@ TEST(test_weights)
     /* the brightest tenth is cut off where the whole resolution sees it */
     ASSERT_OK(hada_buffer_read(&f.pixels, f.slot, 0, sorted, f.pixels.bytes, err));
     memcpy(pixels, sorted, f.pixels.bytes);
-    qsort(sorted, values, sizeof *sorted, by_brightness);
+    qsort(sorted, values, sizeof *sorted, ascending_floats);
     const float most = sorted[values - values / 10];
     SCOPED_MEMORY float *cut = malloc(f.pixels.bytes);
     for (size_t i = 0; i < values; i++) {

@@ -118,8 +118,7 @@ static void set_up(fixture *f, scale_at *scale, double col, double noise)
 static void tear_down(fixture *f)
 {
     hada_magnification_free(&f->law);
-    hada_buffer_destroy(&f->otf);
-    hada_buffer_destroy(&f->made);
+    HADA_DESTROY_BUFFERS(&f->otf, &f->made);
     hada_slot_destroy(&f->slot);
     hada_context_destroy(&f->context);
     free(f->spectra);
@@ -295,9 +294,7 @@ TEST(test_reference)
     ASSERT_OK(hada_between_make(between, 1, &again, f.made.mem, (DEPTHS - 1) * CHANNELS, NULL, err));
     float *second = read_made(&f, DEPTHS - 1, 0);
     assert_memory_equal(first, second, 2 * VALUES * sizeof *first);
-    free(first);
-    free(second);
-    free(spectrum);
+    HADA_FREE(first, second, spectrum);
     hada_between_destroy(&between);
     tear_down(&f);
 }

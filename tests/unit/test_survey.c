@@ -38,11 +38,8 @@ static void make_pairs(pairs *set, double response, int exposed, double noise, u
 
 static void free_pairs(pairs *set)
 {
-    for (int z = 0; z < DEPTHS; z++)
-        for (int i = 0; i < PAIRS; i++) {
-            hada_image_destroy(&set->frame[z][i]);
-            hada_image_destroy(&set->scene[z][i]);
-        }
+    destroy_images(set->frame[0], DEPTHS * PAIRS);
+    destroy_images(set->scene[0], DEPTHS * PAIRS);
 }
 
 static hada_status read_pair(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *error)

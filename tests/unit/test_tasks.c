@@ -64,11 +64,7 @@ static listener *listen(listener *to, int stop_at)
 
 static const char *at(const char *name)
 {
-    static char paths[4][600];
-    static int next;
-    char *path = paths[next++ % 4];
-    snprintf(path, sizeof paths[0], "%s/%s", root, name);
-    return path;
+    return path_below(root, name);
 }
 
 static int exists(const char *path)

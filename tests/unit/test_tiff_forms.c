@@ -163,24 +163,11 @@ TEST(jpegs_of_cameras_are_read)
     assert_float_equal(image.data[2 * AREA + 7], 100 / 255.0, 0.02);
 }
 
-/* The value of a tag of the first directory of a classic file in this machine's order. */
 static void set_tag(unsigned tag, uint16_t type, uint32_t value)
 {
     size_t bytes;
     SCOPED_MEMORY unsigned char *data = io_read_bytes(io_path("form.tif"), &bytes);
-    uint32_t at;
-    uint16_t count, number = 0;
-    memcpy(&at, data + 4, 4);
-    memcpy(&count, data + at, 2);
-    for (unsigned i = 0; i < count && number != tag; i++) {
-        unsigned char *entry = data + at + 2 + 12 * i;
-        memcpy(&number, entry, 2);
-        if (number == tag) {
-            memcpy(entry + 2, &type, 2);
-            memcpy(entry + 8, &value, 4);
-        }
-    }
-    assert_int_equal(number, tag);
+    io_set_tag(data, bytes, tag, type, value);
     io_write_bytes(io_path("form.tif"), data, bytes);
 }
 

@@ -175,34 +175,14 @@ TEST(test_refusals)
     expect_refusal(io_path("text.tif"), HADA_ERROR_FILE_FORMAT, "no known format", "convert");
 }
 
-/* Overwrites a tag's inline value in a little-endian classic file. */
-static void set_tag(unsigned char *data, size_t bytes, unsigned tag, uint32_t value)
-{
-    uint32_t at;
-    uint16_t entries, number;
-    memcpy(&at, data + 4, 4);
-    memcpy(&entries, data + at, 2);
-    for (unsigned i = 0; i < entries && at + 14 + 12 * i <= bytes; i++) {
-        unsigned char *entry = data + at + 2 + 12 * i;
-        memcpy(&number, entry, 2);
-        if (number == tag) {
-            const uint16_t type = 4;
-            memcpy(entry + 2, &type, 2);
-            memcpy(entry + 8, &value, 4);
-            return;
-        }
-    }
-    fail_msg("tag %u is not in the file", tag);
-}
-
 TEST(test_absurd_sizes)
 {
     size_t bytes;
     for (int k = 0; k < 3; k++) {
         unsigned char *data = io_read_bytes(io_golden(k == 2 ? "grey_f4_deflate.tif" : "grey_u2.tif"), &bytes);
-        set_tag(data, bytes, 256, k ? 60000 : 20000000);
-        set_tag(data, bytes, 257, 60000);
-        set_tag(data, bytes, 278, 60000); /* still one strip */
+        io_set_tag(data, bytes, 256, TIFF_LONG, k ? 60000 : 20000000);
+        io_set_tag(data, bytes, 257, TIFF_LONG, 60000);
+        io_set_tag(data, bytes, 278, TIFF_LONG, 60000); /* still one strip */
         io_write_bytes(io_path("absurd.tif"), data, bytes);
         free(data);
         if (k)
@@ -217,7 +197,7 @@ TEST(test_codecs_that_are_not_trusted)
 {
     size_t bytes;
     SCOPED_MEMORY unsigned char *data = io_read_bytes(io_golden("grey_u2.tif"), &bytes);
-    set_tag(data, bytes, 259, 34661);
+    io_set_tag(data, bytes, 259, TIFF_LONG, 34661);
     io_write_bytes(io_path("jbig.tif"), data, bytes);
     expect_refusal(io_path("jbig.tif"), HADA_ERROR_FILE_FORMAT, "JBIG", "deflate");
 }

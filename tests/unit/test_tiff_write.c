@@ -128,8 +128,7 @@ TEST(test_deterministic)
         }
         assert_int_equal(bytes[0], bytes[1]);
         assert_memory_equal(data[0], data[1], bytes[0]);
-        free(data[0]);
-        free(data[1]);
+        HADA_FREE(data[0], data[1]);
     }
 }
 

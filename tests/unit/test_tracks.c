@@ -54,7 +54,7 @@ TEST(crossing_emitters_keep_their_tracks)
 /* To and fro, nothing is predicted: the nearer place counts. */
 TEST(random_motion_goes_by_places)
 {
-    hada_tracker *tracker;
+    SCOPED(hada_tracker) * tracker;
     unsigned seed = 5;
     int wrong = 0;
     hada_emitter list[9];
@@ -73,14 +73,13 @@ TEST(random_motion_goes_by_places)
     }
     if (wrong)
         fail_msg("%d emitters in another track", wrong);
-    hada_tracker_destroy(&tracker);
 }
 
 /* Missing for as many frames as are bridged, and for one more; another emitter beside it keeps its own track. */
 TEST(gaps_are_bridged)
 {
     for (int missing = 2; missing <= 3; missing++) {
-        hada_tracker *tracker;
+        SCOPED(hada_tracker) * tracker;
         int tracks[2];
         ASSERT_OK(hada_tracker_create(&tracker, 1.0, 1.0, 2, err));
         for (int frame = 0; frame < 12; frame++) {
@@ -91,7 +90,6 @@ TEST(gaps_are_bridged)
             if (!off)
                 assert_int_equal(tracks[1], missing == 3 && frame > 5 ? 2 : 1);
         }
-        hada_tracker_destroy(&tracker);
     }
 }
 
@@ -105,7 +103,7 @@ TEST(what_appears_is_new)
     } cases[] = {{1.9, 0.0, 0.01, 1}, {2.2, 0.0, 0.01, 0}, {2.2, 0.0, 0.1, 1},
                  {0.0, 0.9, 0.01, 1}, {0.0, 1.2, 0.01, 0}, {30.0, 0.0, 0.1, 0}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        hada_tracker *tracker;
+        SCOPED(hada_tracker) * tracker;
         int track;
         hada_emitter one = at(10.0, 10.0, 4.0);
         one.sd_x = one.sd_y = one.sd_z = cases[i].sd;
@@ -117,14 +115,13 @@ TEST(what_appears_is_new)
         if ((track == 0) != cases[i].same)
             fail_msg("case %zu: track %d", i, track);
         add(tracker, NULL, 0, NULL);
-        hada_tracker_destroy(&tracker);
     }
 }
 
 /* At one end of a row an emitter is lost, at the other one appears: they do not all move on by one. */
 TEST(one_that_is_lost_moves_no_others)
 {
-    hada_tracker *tracker;
+    SCOPED(hada_tracker) * tracker;
     int tracks[5];
     hada_emitter row[6];
     for (int i = 0; i < 6; i++)
@@ -134,12 +131,11 @@ TEST(one_that_is_lost_moves_no_others)
     add(tracker, row + 1, 5, tracks);
     for (int i = 0; i < 5; i++)
         assert_int_equal(tracks[i], i + 1);
-    hada_tracker_destroy(&tracker);
 }
 
 TEST(refuses_wrong_numbers)
 {
-    hada_tracker *tracker;
+    SCOPED(hada_tracker) * tracker;
     const hada_emitter *none = NULL;
     int track;
     ASSERT_FAILS(hada_tracker_create(&tracker, -1.0, 1.0, 0, err), HADA_ERROR_ARGUMENT, "largest motion");
@@ -147,7 +143,6 @@ TEST(refuses_wrong_numbers)
     ASSERT_FAILS(hada_tracker_create(&tracker, 1.0, 1.0, -1, err), HADA_ERROR_ARGUMENT, "track_gap");
     ASSERT_FAILS(hada_tracker_add(NULL, &none, 1, &track, err), HADA_ERROR_ARGUMENT, "");
     assert_null(tracker);
-    hada_tracker_destroy(&tracker);
 }
 
 /* Assignments against trying them all. */

@@ -37,7 +37,7 @@ TEST(devices_may_be_more_or_fewer)
     static const hada_stage stages[] = {HADA_STAGE_FILTERS, HADA_STAGE_ADVERSARIAL};
     for (size_t i = 0; i < HADA_COUNT(stages); i++) {
         const hada_train_options options = options_of(stages[i]);
-        hada_trainer *one = make(&options, 1), *two = make(&options, 2);
+        SCOPED(hada_trainer) *one = make(&options, 1), *two = make(&options, 2);
         steps(two, 4);
         save(two, 0);
         ASSERT_OK(hada_trainer_load(one, f.path[0], err));
@@ -59,8 +59,6 @@ TEST(devices_may_be_more_or_fewer)
             assert_true(second.first == first.count && first.count + second.count == all);
             assert_true(!all || (first.count > all / 3 && second.count > all / 3));
         }
-        hada_trainer_destroy(&one);
-        hada_trainer_destroy(&two);
     }
 }
 
@@ -155,7 +153,8 @@ static void spoil(const char *path, const char *name, int last, float value)
     size_t first, end;
     assert_non_null(file);
     assert_int_equal(fread(&bytes, sizeof bytes, 1, file), 1);
-    char *header = calloc(bytes + 1, 1), quoted[64];
+    SCOPED_MEMORY char *header = calloc(bytes + 1, 1);
+    char quoted[64];
     assert_int_equal(fread(header, 1, bytes, file), bytes);
     snprintf(quoted, sizeof quoted, "\"%s\"", name);
     const char *at = strstr(header, quoted);
@@ -164,7 +163,6 @@ static void spoil(const char *path, const char *name, int last, float value)
     fseek(file, (long)(sizeof bytes + bytes + (last ? end - sizeof value : first)), SEEK_SET);
     assert_int_equal(fwrite(&value, sizeof value, 1, file), 1);
     fclose(file);
-    free(header);
 }
 
 /* Numbers from which no step is finite: training would go back and on for ever. */
@@ -200,7 +198,8 @@ static void rename_discriminator(const char *path)
     int found = 0;
     assert_non_null(file);
     assert_int_equal(fread(&bytes, sizeof bytes, 1, file), 1);
-    char *header = calloc(bytes + 1, 1), *to = header;
+    SCOPED_MEMORY char *header = calloc(bytes + 1, 1);
+    char *to = header;
     assert_int_equal(fread(header, 1, bytes, file), bytes);
     for (const char *from = header; *from;) {
         const int here = !strncmp(from, now, strlen(now));
@@ -218,7 +217,6 @@ static void rename_discriminator(const char *path)
     assert_int_equal(fseek(file, sizeof bytes, SEEK_SET), 0);
     assert_int_equal(fwrite(header, 1, bytes, file), bytes);
     fclose(file);
-    free(header);
 }
 
 TEST(checkpoints_of_older_versions_go_on)

@@ -43,10 +43,8 @@ static void make(examples *all, uint64_t seed, double noise)
 
 static void examples_free(examples *all)
 {
-    for (int n = 0; n < COUNT; n++) {
-        hada_image_destroy(&all->plane[n]);
-        hada_image_destroy(&all->scene[n]);
-    }
+    destroy_images(all->plane, COUNT);
+    destroy_images(all->scene, COUNT);
 }
 
 typedef struct player {

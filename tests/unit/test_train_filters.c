@@ -36,17 +36,6 @@ static void expected_gradient(const train_case *c, int depth, double *gradient)
         }
 }
 
-static double relative(const float *got, const double *expected, size_t count)
-{
-    double error = 0.0, size = 0.0;
-    for (size_t i = 0; i < count; i++) {
-        error += (got[i] - expected[i]) * (got[i] - expected[i]);
-        size += expected[i] * expected[i];
-    }
-    assert_true(size > 0.0);
-    return sqrt(error / size);
-}
-
 static train_case case_of(const hada_model *model, const hada_train_options *options, const train_pairs *pairs)
 {
     const hada_model_info *info = hada_model_get_info(model);
@@ -81,7 +70,7 @@ TEST(gradients_are_the_references)
             assert_int_equal(touched[z], 1);
             expected_gradient(&c, z, expected);
             SCOPED_MEMORY float *got = train_read(replica, HADA_GROUP_FILTERS + z, HADA_CONTENT_GRADIENT);
-            assert_true(relative(got, expected, count) < 2e-6);
+            assert_true(relative_error(got, expected, count) < 2e-6);
         }
         hada_replica_destroy(&replica);
         train_case_free(&c);
@@ -106,8 +95,7 @@ TEST(the_reference_is_the_difference)
                 floats[k] = (float)gradient[k];
             train_difference(&c, c.filters[z], floats, count, 0);
         }
-        free(gradient);
-        free(floats);
+        HADA_FREE(gradient, floats);
         train_case_free(&c);
         train_pairs_free(&pairs);
     }

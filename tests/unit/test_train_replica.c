@@ -94,16 +94,6 @@ TEST(fewer_samples_count_alone)
     }
 }
 
-static double distance(const float *a, const float *b, size_t count)
-{
-    double error = 0.0, size = 0.0;
-    for (size_t i = 0; i < count; i++) {
-        error += ((double)a[i] - b[i]) * ((double)a[i] - b[i]);
-        size += (double)b[i] * b[i];
-    }
-    return sqrt(error / size);
-}
-
 /* All at once twice, with less kept, and one by one. */
 TEST(pieces_and_recomputing)
 {
@@ -136,7 +126,7 @@ TEST(pieces_and_recomputing)
     assert_true(bytes[3] < bytes[0]);
     assert_memory_equal(gradients[0], gradients[1], count * sizeof(float));
     assert_memory_equal(gradients[0], gradients[2], count * sizeof(float));
-    assert_true(distance(gradients[3], gradients[0], count) < 1e-5);
+    assert_true(relative_change(gradients[3], gradients[0], count) < 1e-5);
     for (int way = 0; way < 4; way++)
         free(gradients[way]);
 }
@@ -162,9 +152,7 @@ TEST(the_discriminator_alone)
     for (size_t i = 0;
          i < hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_NET, HADA_CONTENT_GRADIENT); i++)
         assert_true(net[i] == 0.0f);
-    free(first);
-    free(second);
-    free(net);
+    HADA_FREE(first, second, net);
     hada_replica_destroy(&replica);
     run_free(&run);
 }
@@ -239,9 +227,7 @@ TEST(weights_are_of_the_gradient)
         }
         assert_true(size > 0.0 && sqrt(apart / size) < 1e-5);
         check_terms(&weighed, &plain);
-        free(first);
-        free(second);
-        free(sum);
+        HADA_FREE(first, second, sum);
         hada_replica_destroy(&replica);
         run_free(&run);
     }

@@ -325,7 +325,7 @@ TEST(scenes_have_numbers)
         hada_train_options options = options_of(HADA_STAGE_ENHANCE);
         int numbers = 0;
         augment.noise = changing ? 0.01 : 0.0;
-        hada_trainer *trainer = make(&options, 2);
+        SCOPED(hada_trainer) *trainer = make(&options, 2);
         for (int i = 0; i < 40; i++) {
             steps(trainer, 1);
             for (int k = 0; k < options.batch; k++) {
@@ -342,7 +342,6 @@ TEST(scenes_have_numbers)
             }
         }
         assert_true(changing ? !numbers : numbers > MOST * 3 / 4);
-        hada_trainer_destroy(&trainer);
     }
     for (int i = 0; i <= MOST; i++)
         hada_image_destroy(&known[i]);

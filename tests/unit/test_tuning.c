@@ -7,20 +7,12 @@
 
 static char file[64];
 
-static void write_file(const char *text)
-{
-    FILE *out = fopen(file, "w");
-    assert_non_null(out);
-    fputs(text, out);
-    fclose(out);
-}
-
 static hada_status open_with(const char *text, hada_context **context, hada_error *err)
 {
     DEFAULTS(hada_context_options, options);
     options.tuning = file;
     options.skip_self_test = 1;
-    write_file(text);
+    write_whole_text(file, text);
     return hada_context_create(context, &options, err);
 }
 
@@ -80,7 +72,7 @@ TEST(rows_of_two_processes_all_stay)
             char shape[32];
             snprintf(shape, sizeof shape, "%dx%d", 8 + p, 8 + i);
             const char *const shapes[] = {shape}, *const choices[] = {"own"};
-            if (hada_tuning_write(context, file, "fft", shapes, choices, 1, &error))
+            if (hada_tuning_write(context, file, shapes, choices, 1, &error))
                 _exit(1);
         }
         if (!child[p])

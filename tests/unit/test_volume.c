@@ -181,7 +181,7 @@ TEST(tissue_is_a_volume)
     SCOPED(hada_plan) * plan;
     DEFAULTS(hada_plan_options, options);
     DEFAULTS(hada_classic_options, classic);
-    float *truth = calloc((size_t)DEPTHS * SIDE * SIDE, sizeof *truth);
+    SCOPED_MEMORY float *truth = calloc((size_t)DEPTHS * SIDE * SIDE, sizeof *truth);
     ASSERT_OK(hada_image_create(&frame, 1, SIDE, SIDE, err));
     for (int k = 0; k < 9; k++)
         add_tube(k, truth);
@@ -198,7 +198,6 @@ TEST(tissue_is_a_volume)
         assert_memory_equal(of_auto.planes[z].data, asked.planes[z].data, sizeof(float) * SIDE * SIDE);
     if (wrong(&asked, truth) > 0.8 * wrong(&lucy, truth))
         fail_msg("%.3f is wrong, of Richardson-Lucy %.3f", wrong(&asked, truth), wrong(&lucy, truth));
-    free(truth);
 }
 
 /* Pixels without a weight have no part in it, in the first frame of a plan as in any other. */

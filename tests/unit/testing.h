@@ -75,6 +75,26 @@ static inline void destroy_images(hada_image *images, int count)
         hada_image_destroy(&images[i]);
 }
 
+/* Two parts of a device or, where it cannot be divided, two contexts on the whole of it. */
+static inline void open_parts(const hada_context *whole, const hada_context_options *common, hada_context *part[2])
+{
+    const hada_device_info *device = hada_context_device(whole);
+    const int divisible = device->max_sub_devices >= 2 && device->compute_units >= 2;
+    hada_context_options options = *common;
+    for (int i = 0; i < 2; i++) {
+        options.part = divisible ? i + 1 : 0;
+        options.parts = divisible ? 2 : 0;
+        ASSERT_OK(hada_context_create(&part[i], &options, err));
+    }
+}
+
+/* Ends a context, which must have all its memory back. */
+static inline void close_context(hada_context **context)
+{
+    assert_int_equal(hada_context_bytes(*context), 0);
+    hada_context_destroy(context);
+}
+
 /* One run of a plan of its own. */
 static inline void plan_once(hada_context *context, const hada_model *model, const hada_plan_options *options,
                              const hada_image *raw, hada_result *result)
@@ -93,6 +113,13 @@ static inline double *doubles(const float *values, size_t count)
     return out;
 }
 
+/* For qsort(): ascending. */
+static inline int ascending_floats(const void *a, const void *b)
+{
+    const float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
 static inline int same_image(const hada_image *a, const hada_image *b)
 {
     return a->channels == b->channels && a->rows == b->rows && a->cols == b->cols &&
@@ -107,6 +134,34 @@ static inline int same_result(const hada_result *a, const hada_result *b)
     for (int z = 0; same && z < a->depths; z++)
         same = same_image(&a->planes[z], &b->planes[z]);
     return same;
+}
+
+/* |a - b| / |b| with b in double precision; |a - b| where b is 0. */
+static inline double relative_error(const float *a, const double *b, size_t count)
+{
+    double error = 0.0, size = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        error += (a[i] - b[i]) * (a[i] - b[i]);
+        size += b[i] * b[i];
+    }
+    return size > 0.0 ? sqrt(error / size) : sqrt(error);
+}
+
+/* The same of two arrays in single precision. */
+static inline double relative_change(const float *a, const float *b, size_t count)
+{
+    SCOPED_MEMORY double *exact = doubles(b, count);
+    return relative_error(a, exact, count);
+}
+
+/* A path below a folder; a few may be in use at once. */
+static inline const char *path_below(const char *folder, const char *name)
+{
+    static char paths[4][600];
+    static int next;
+    char *path = paths[next++ % 4];
+    snprintf(path, sizeof paths[0], "%s/%s", folder, name);
+    return path;
 }
 
 static inline void write_whole_text(const char *path, const char *text)

@@ -127,9 +127,7 @@ static inline void tiny_shoot(const tiny_camera *camera, const double *scenes, d
             const size_t at = (size_t)i * (size_t)camera->cols + (size_t)j;
             image[at] = grid[at] + noise * top * hada_random_normal(&random);
         }
-    free(grid);
-    free(spectrum);
-    free(sum);
+    HADA_FREE(grid, spectrum, sum);
 }
 
 /* A camera's data on the device: OTFs, and the frame `image` in every channel, channel c scaled by 1 / (1 + c). */
@@ -159,8 +157,7 @@ static inline void tiny_upload(tiny_device *device, const tiny_camera *camera)
         }
     ASSERT_OK(hada_buffer_create_from(&device->otf, device->slot, packed,
                                       count * (size_t)(camera->depths * camera->channels) * 8, "the OTFs", err));
-    free(rows);
-    free(packed);
+    HADA_FREE(rows, packed);
     ASSERT_OK(hada_buffer_create(&device->image, device->context, camera->pixels * (size_t)camera->channels * 4,
                                  "the image", err));
     ASSERT_OK(hada_buffer_create(&device->frame, device->context, camera->frame_area * (size_t)camera->channels * 4,
@@ -245,8 +242,7 @@ static inline void tiny_prior(tiny_device *device, const tiny_camera *camera, co
     ASSERT_OK(hada_buffer_create_from(&device->prior, device->slot, packed,
                                       device->layout.count * (size_t)camera->channels * 4, "the prior", err));
     device->data.prior = device->prior.mem;
-    free(scene);
-    free(grid);
+    HADA_FREE(scene, grid);
 }
 
 static inline void tiny_release(tiny_device *device)

@@ -74,10 +74,8 @@ static inline void train_pairs_make(train_pairs *pairs, const hada_model_info *i
 
 static inline void train_pairs_free(train_pairs *pairs)
 {
-    for (int i = 0; i < TRAIN_PAIRS; i++) {
-        hada_image_destroy(&pairs->input[i]);
-        hada_image_destroy(&pairs->scene[i]);
-    }
+    destroy_images(pairs->input, TRAIN_PAIRS);
+    destroy_images(pairs->scene, TRAIN_PAIRS);
 }
 
 static inline hada_train_options train_options(hada_stage stage)
@@ -121,8 +119,7 @@ static inline void train_case_free(train_case *c)
 {
     for (int z = 0; z < TRAIN_DEPTHS; z++)
         free(c->filters[z]);
-    free(c->values);
-    free(c->discriminator_values);
+    HADA_FREE(c->values, c->discriminator_values);
 }
 
 /* The linear plane of a sample. */
@@ -177,8 +174,7 @@ static inline double *train_output(const train_case *c)
     hada_ref_resize(&window, net_rows, net_cols, 2, 0, x, in);
     SCOPED_MEMORY double *y = train_run(c->net, c->values, c->count, net_rows, net_cols, in, hada_ref_values(&small));
     hada_ref_resize(&small, rows, cols, 2, 0, y, out);
-    free(x);
-    free(in);
+    HADA_FREE(x, in);
     return out;
 }
 

@@ -61,13 +61,7 @@ static inline void open_devices(void)
 {
     DEFAULTS(hada_context_options, options);
     ASSERT_OK(hada_context_create(&f.whole, NULL, err));
-    const hada_device_info *device = hada_context_device(f.whole);
-    const int divisible = device->max_sub_devices >= 2 && device->compute_units >= 2;
-    for (int i = 0; i < 2; i++) {
-        options.part = divisible ? i + 1 : 0; /* else two contexts on the whole device */
-        options.parts = divisible ? 2 : 0;
-        ASSERT_OK(hada_context_create(&f.part[i], &options, err));
-    }
+    open_parts(f.whole, &options, f.part);
 }
 
 /* Squares of light: scenes with edges and plains, which a net can learn to restore. */
@@ -146,8 +140,7 @@ static inline int teardown(void **state)
     hada_model_destroy(&f.blank);
     hada_context *contexts[] = {f.whole, f.part[0], f.part[1]};
     for (int i = 0; i < 3; i++) {
-        assert_int_equal(hada_context_bytes(contexts[i]), 0);
-        hada_context_destroy(&contexts[i]);
+        close_context(&contexts[i]);
     }
     unlink(f.path[0]);
     unlink(f.path[1]);

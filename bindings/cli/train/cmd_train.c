@@ -2,7 +2,6 @@
 #include "shared.h"
 
 #include <hadalens/folder.h>
-#include <hadalens/task_fit.h>
 #include <hadalens/task_train.h>
 #include <math.h>
 #include <stddef.h>

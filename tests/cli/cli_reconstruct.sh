@@ -134,7 +134,7 @@ expect 0 'sequence: there already' reconstruct sequence.tif -m upright.model -o 
 expect 0 'kept from an earlier frame' reconstruct sequence.tif -m upright.model -o seq --skip none
 has seq/sequence_depth.tif
 # Refinement that goes on from the frame before; several files are a sequence then.
-expect 0 '"warm_started": true.*"warm_started": true' \
+expect 0 '"warm_started": true.*"gain": 1.*"warm_started": true' \
     reconstruct sequence.tif -m upright.model -o seq --depths 1 --skip none --warm --json
 expect 0 'kept from an earlier frame' reconstruct sequence.tif "$raw/test01.tif" -m upright.model -o seq --skip none --warm
 expect 0 'found from the frame' reconstruct sequence.tif "$raw/test01.tif" -m upright.model -o seq --skip none

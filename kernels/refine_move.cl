@@ -104,11 +104,11 @@ __kernel void refine_move_share(__global const float *before, __global float *pl
     }
 }
 
-/* out = a - b. Dimensions: numbers. */
+/* out = a - part b, which may be the same values. Dimensions: numbers. */
 __kernel void refine_move_rest(__global const float *a, __global const float *b, __global float *out, ulong a_at,
-                               ulong b_at, ulong out_at, uint count)
+                               ulong b_at, ulong out_at, uint count, float part)
 {
     const size_t i = get_global_id(0);
     if (i < count)
-        out[out_at + i] = a[a_at + i] - b[b_at + i];
+        out[out_at + i] = fma(-part, b[b_at + i], a[a_at + i]);
 }

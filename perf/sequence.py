@@ -3,7 +3,7 @@
 total variation that each frame finds, and with the one that is kept. Moving: a photograph that moves by 3 pixels a
 frame; photographs: ten different ones, which should not keep it.
   perf/sequence.py HADALENS PHOTOGRAPHS [--seed 7] [--boundary padded|circular] [--scenes 0 1]
-  perf/sequence.py HADALENS PHOTOGRAPHS --warm OTHERS [--depths 1|4] [--noise 0.01] ...
+  perf/sequence.py HADALENS PHOTOGRAPHS --warm OTHERS [--depths 1|4] [--noise 0.01] [--films still cut] ...
 --warm: refinement that goes on from the frame before (reconstruct --warm) beside refinement from nothing, with a camera
 that is learned from pairs which show the OTHERS: still scenes, scenes that move, objects that move before a still
 ground, a scene that becomes brighter, a cut; of four depths, the first and the third show half a scene each. Lost, most:
@@ -81,6 +81,10 @@ def over(scene, t, other):
     return scene
 
 
+def flicker(number):
+    return 0.9 + 0.05 * np.random.default_rng(number).uniform(-1, 1, FRAMES)
+
+
 def films(photographs, number):
     """Name and scenes, (3, rows, cols)."""
     other = photograph(photographs[(3 * number + 1) % len(photographs)], 24) / 2 + 0.5
@@ -94,6 +98,12 @@ def films(photographs, number):
             "faint object": objects(photographs, number, 24, 4, lambda ground: ground + 0.05),
             "object before what moves": [over(scene, t, other) for t, scene in enumerate(shifted(photographs, number, 1))],
             "2 % brighter a frame": [scene * (0.8 + 0.02 * t) for t, scene in enumerate(still)],
+            "0.5 % brighter a frame": [scene * (0.9 + 0.005 * t) for t, scene in enumerate(still)],
+            "flicker of 5 %": [scene * light for scene, light in zip(still, flicker(number))],
+            "1 pixel and 2 % brighter a frame": [scene * (0.8 + 0.02 * t)
+                                                 for t, scene in enumerate(shifted(photographs, number, 1))],
+            "object, flicker of 5 %": [scene * light for scene, light in zip(
+                objects(photographs, number, 24, 4, lambda ground: other), flicker(number))],
             "cut": still[:FRAMES // 2] + different(photographs, 3 * number + 2)[:1] * (FRAMES - FRAMES // 2)}
 
 
@@ -153,7 +163,7 @@ def warm_starts(arguments, photographs):
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         otfs, model = learn(arguments.hadalens, folder, arguments, grid)
-        for kind in films(photographs, 0):
+        for kind in arguments.films or films(photographs, 0):
             found = {"cold": [], "warm": []}  # decibels, seconds, steps, ghost
             for number in arguments.scenes:
                 scenes = [planes_of(scene, depths) for scene in films(photographs, number)[kind]]
@@ -189,6 +199,7 @@ def main():
     parser.add_argument("--boundary", choices=GRID, default="padded")
     parser.add_argument("--warm", type=pathlib.Path, metavar="OTHERS")
     parser.add_argument("--depths", type=int, choices=(1, len(DISTANCES)), default=1)
+    parser.add_argument("--films", nargs="+", help="those of the names in the table, as \"still\"; default: all")
     parser.add_argument("--noise", type=float, default=0.01)
     arguments = parser.parse_args()
     photographs = sorted(arguments.photographs.glob("*.tif"))

@@ -64,6 +64,7 @@ static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count,
     else
         HADA_TRY(hada_maker_refine_exposure(&pipeline->maker, &frame->exposure, &steps, count, pipeline->occupied,
                                             &choice, &report->refine_steps, err));
+    report->gain = report->warm_started ? pipeline->past.gain : 0.0;
     report->refine_tv = setup->config.choose ? choice.tv : given;
     report->refine_tv_factor = choice.factor;
     report->refine_tv_kept = frame->kept_tv > 0.0;
@@ -458,6 +459,7 @@ static hada_status joint(hada_pipeline *pipeline, hada_frame *frame, hada_error 
     pipeline->sieved = (hada_classic_sieved){0};
     pipeline->past.kept = 0;
     pipeline->past.now = -1.0;
+    pipeline->past.gain = 1.0;
     pipeline->past.asked = pipeline->past.follows = 0;
     if (hada_pipeline_has_gaps(pipeline, frame))
         HADA_TRY(hada_pipeline_weigh(pipeline, &weighs, err));

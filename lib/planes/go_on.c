@@ -47,6 +47,10 @@ enum { DRIFT_STEPS = 3, DRIFT_STEPS_SEVERAL = 2 };
 #define MOST_DRIFT_APART  0.08
 #define LEAST_DRIFT_PART  0.3
 
+/* Brightness that changes by less is not followed at once; a scene that moves as a whole changes it by what enters. */
+#define LEAST_GAIN       0.002
+#define LEAST_DRIFT_GAIN 0.008
+
 /* Steps with the learned regulariser, after planes that are a mean over frames. */
 enum { RIDGE_STILL = 1, RIDGE_DRIFT = 2 };
 
@@ -69,6 +73,41 @@ static double few_of(const hada_plane_maker *maker, const hada_maker_past *past)
     return of_still(hada_model_get_info(maker->model), past->count) * least_of(past);
 }
 
+/* The same where all moved. */
+static double few_if_moved(const hada_plane_maker *maker, const hada_maker_past *past)
+{
+    const double all = few_of(maker, past), least = least_of(past);
+    return past->count > 1 ? least + (all - least) / 3.0 : all;
+}
+
+/* Energies of the same scene tell its brightness; 1: the change is too small. */
+static double light_of(const hada_plane_maker *maker, const hada_frame_exposure *exposure, const hada_maker_past *past,
+                       double least)
+{
+    const double times = sqrt(exposure->energy / past->energy);
+    return fabs(times - 1.0) > least && hada_refiner_knows_light(maker->refiner, &maker->data) ? times : 1.0;
+}
+
+/* If planes, of which the residual is there (*left), leave few of the frame's energy in its light, they and what is
+ * remembered become so many times as bright. */
+static hada_status follow_light(hada_plane_maker *maker, const hada_frame_exposure *exposure, hada_maker_past *past,
+                                double times, double few, double *left, hada_error *err)
+{
+    double then = *left * exposure->energy;
+    if (times == 1.0)
+        return HADA_OK;
+    HADA_TRY(hada_refiner_left_if(maker->refiner, &maker->data, past->count, exposure->energy, times, &then, err));
+    then /= exposure->energy;
+    if (!(then < few * fmax(1.0, 1.0 / (times * times)) && then < *left)) /* noise may be as it was */
+        return HADA_OK;
+    *left = then;
+    past->gain = times;
+    past->energy = exposure->energy;
+    past->least = -1.0;
+    past->left *= fmax(1.0, 1.0 / (times * times));
+    return hada_refiner_brighten(maker->refiner, times, err);
+}
+
 /* Brings the last planes back: past->now. */
 static hada_status look_back(hada_plane_maker *maker, const hada_frame_exposure *exposure, int count, const int *list,
                              hada_maker_past *past, hada_error *err)
@@ -79,7 +118,9 @@ static hada_status look_back(hada_plane_maker *maker, const hada_frame_exposure 
     HADA_TRY(hada_refiner_recall(maker->refiner, err));
     HADA_TRY(hada_refiner_residual(maker->refiner, &maker->data, 1, count, list, &past->now, err));
     past->now /= exposure->energy;
-    return HADA_OK;
+    HADA_TRY(follow_light(maker, exposure, past, light_of(maker, exposure, past, LEAST_GAIN), few_of(maker, past),
+                          &past->now, err));
+    return past->gain != 1.0 ? hada_refiner_recall(maker->refiner, err) : HADA_OK;
 }
 
 /* It did not move as a whole: the refiner has what is remembered as it was. */
@@ -96,18 +137,22 @@ static hada_status in_vain(hada_plane_maker *maker, hada_maker_past *past, hada_
 static hada_status follow_drift(hada_plane_maker *maker, const hada_frame_exposure *exposure, int count,
                                 const int *list, hada_maker_past *past, hada_error *err)
 {
-    const double all = few_of(maker, past), least = least_of(past), few = count > 1 ? least + (all - least) / 3.0 : all;
+    const double times = light_of(maker, exposure, past, LEAST_DRIFT_GAIN);
     hada_refine_motion *motion = &past->motion;
     past->asked = 1;
     if (!past->drifts)
         *motion = (hada_refine_motion){0};
     HADA_TRY(hada_refiner_find_motion(maker->refiner, &maker->data, hada_model_gain(maker->model), count, list, motion,
                                       err));
+    if (times != 1.0)
+        HADA_TRY(hada_refiner_residual(maker->refiner, &maker->data, 1, count, list, &motion->left, err));
     motion->left /= exposure->energy;
-    past->follows = past->drifts =
-        hypot(motion->shift[0], motion->shift[1]) > LEAST_DRIFT && motion->left < past->now && motion->left < few &&
-        motion->spread < MOST_DRIFT_SPREAD && motion->most < MOST_DRIFT_PLACE && motion->rest < MOST_DRIFT_REST &&
-        motion->apart < MOST_DRIFT_APART && fmin(motion->part[0], motion->part[1]) > LEAST_DRIFT_PART;
+    HADA_TRY(follow_light(maker, exposure, past, times, few_if_moved(maker, past), &motion->left, err));
+    past->follows = past->drifts = hypot(motion->shift[0], motion->shift[1]) > LEAST_DRIFT &&
+                                   motion->left < past->now && motion->left < few_if_moved(maker, past) &&
+                                   motion->spread < MOST_DRIFT_SPREAD && motion->most < MOST_DRIFT_PLACE &&
+                                   motion->rest < MOST_DRIFT_REST && motion->apart < MOST_DRIFT_APART &&
+                                   fmin(motion->part[0], motion->part[1]) > LEAST_DRIFT_PART;
     if (!past->follows)
         return in_vain(maker, past, err);
     past->now = motion->left;
@@ -253,5 +298,7 @@ hada_status hada_maker_go_on(hada_plane_maker *maker, const hada_frame_exposure 
         past->least = -1.0;
         past->moved = past->drifts = past->vain = past->wait = 0;
     }
+    if (!*warm || past->moved || past->follows)
+        past->energy = exposure->energy;
     return hada_refiner_keep(maker->refiner, count, list, err);
 }

@@ -196,13 +196,15 @@ hada_status hada_maker_regularise(const hada_plane_maker *maker, int steps, doub
 
 /* Of a sequence: what is known of the frame that the refiner remembers (planes/go_on.c). */
 typedef struct hada_maker_past {
-    double left;  /* share of its energy that its planes leave, which the owner sets once it is known; below 0: none is
-                     remembered */
-    double least; /* the least since the scene moved; below 0: it just did */
-    int steps;    /* that the last frame took that began anew, or that it had to take at most */
-    int moved;    /* 1: in the last frame something did */
-    int kept;     /* 1: it is the current one */
-    int count;    /* its depths */
+    double left;   /* share of its energy that its planes leave, which the owner sets once it is known; below 0: none is
+                      remembered */
+    double least;  /* the least since the scene moved; below 0: it just did */
+    double energy; /* of the frame whose brightness is remembered */
+    double gain; /* of the current one: it is so many times as bright, and what is remembered became so; 1: no change */
+    int steps;   /* that the last frame took that began anew, or that it had to take at most */
+    int moved;   /* 1: in the last frame something did */
+    int kept;    /* 1: it is the current one */
+    int count;   /* its depths */
     int followed; /* frames in a row that took over the depths of the frame before */
     int drifts;   /* 1: in the last frame the scene moved as a whole, so: */
     hada_refine_motion motion;

@@ -242,6 +242,14 @@ hada_status hada_refiner_keep(hada_refiner *refiner, int depths, const int *list
 int hada_refiner_remembers(const hada_refiner *refiner, int depths, const int *list);
 hada_status hada_refiner_recall(hada_refiner *refiner, hada_error *err);
 
+/* Where a frame of this energy and the one that is remembered differ in brightness (refine/past.c): whether that can be
+ * found, without weights of values; after hada_refiner_residual() of remembered planes, which is *left, what they leave
+ * if they are so many times as bright; and all that is remembered, and the planes, become so. */
+int hada_refiner_knows_light(const hada_refiner *refiner, const hada_refine_data *data);
+hada_status hada_refiner_left_if(hada_refiner *refiner, const hada_refine_data *data, int depths, double frame,
+                                 double times, double *left, hada_error *err);
+hada_status hada_refiner_brighten(hada_refiner *refiner, double times, hada_error *err);
+
 /* A scene that moved as a whole (refine/motion.c): by how many pixels down and across; stays: where depths begin and
  * end did not move; what is left of the frame (energy) if planes did so too; how unevenly over places, mean square over
  * squared mean, and the most over the mean; by how much a depth differs; how far the last look still went, in pixels;

@@ -101,7 +101,7 @@ static hada_status explained(const hada_refine_run *r, cl_mem left, size_t left_
     hada_slot_cost(refiner->slot, 12.0 * (double)numbers, (double)numbers);
     return hada_launch_refine_move_rest(refiner->slot, program_of(refiner), &range, err, .a = r->data->spectrum,
                                         .b = left, .out = out, .a_at = 2 * r->data->spectrum_offset,
-                                        .b_at = 2 * left_at, .out_at = 2 * at, .count = (cl_uint)numbers);
+                                        .b_at = 2 * left_at, .out_at = 2 * at, .count = (cl_uint)numbers, .part = 1.0f);
 }
 
 /* Spectra of what the planes would make of the frame, in the place of what hada_refiner_residual() left. Where a sensor

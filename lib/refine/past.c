@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "launch/refine_move.h"
 #include "refine/admm_steps.h"
 
 /* Copies what a run of so many depths has, there or back. */
@@ -55,6 +56,62 @@ hada_status hada_refiner_recall(hada_refiner *refiner, hada_error *err)
 {
     refiner->last_rho = refiner->past.rho;
     return copy(refiner, 1, err);
+}
+
+int hada_refiner_knows_light(const hada_refiner *refiner, const hada_refine_data *data)
+{
+    return refiner->shape.past && !data->weights;
+}
+
+/* With A what the planes explain, |b - A|^2 and |A|^2 tell |b - t A|^2. Circular: |b - 2 A|^2 tells |A|^2. */
+hada_status hada_refiner_left_if(hada_refiner *refiner, const hada_refine_data *data, int depths, double frame,
+                                 double times, double *left, hada_error *err)
+{
+    const int padded = refiner->shape.boundary == HADA_BOUNDARY_PADDED, channels = refiner->shape.channels;
+    hada_refine_data rest = *data;
+    const hada_refine_run r = {.refiner = refiner, .data = &rest, .sets = 1, .depths = depths, .padded = padded};
+    double found;
+    if (padded) { /* the spectrum of the residual is of no use any more */
+        HADA_TRY(hada_buffer_copy(refiner->slot, refiner->residual_frame.mem, 0, refiner->residual.mem, 0,
+                                  (size_t)channels * refiner->frame_area * sizeof(float), err));
+        HADA_TRY(hada_refine_frame_dual(&r, refiner->residual.mem, 1, 0.0, 0, err));
+    } else {
+        rest.spectrum = refiner->residual.mem;
+        rest.spectrum_offset = 0;
+        HADA_TRY(hada_refine_explain(&r, 0, err));
+    }
+    HADA_TRY(hada_refine_energies(&r, channels, refiner->arriving.slices, refiner->arriving.factor, &found, err));
+    const double explained = padded ? found : (found - 2.0 * *left + frame) / 2.0;
+    *left += (times - 1.0) * (times * explained - frame + *left);
+    return HADA_OK;
+}
+
+/* Planes and duals are in units of light, but those of total variation. */
+hada_status hada_refiner_brighten(hada_refiner *refiner, double times, hada_error *err)
+{
+    const hada_refine_past *past = &refiner->past;
+    const size_t channels = (size_t)refiner->shape.channels, images = (size_t)past->depths * channels;
+    const int padded = refiner->shape.boundary == HADA_BOUNDARY_PADDED;
+    const hada_program_refine_move program = hada_program_refine_move_of(refiner->slot);
+    const struct {
+        cl_mem mem;
+        size_t first, count;
+    } parts[] = {{refiner->planes.mem, 0, images * refiner->window_area},
+                 {past->planes.mem, 0, images * refiner->window_area},
+                 {past->now_w.mem, 0, 2 * images * refiner->layout.count},
+                 {past->now_w.mem, 2 * refiner->split, padded ? 2 * channels * refiner->layout.count : 0},
+                 {past->dual.mem, 0, padded ? channels * refiner->frame_area : 0}};
+    for (size_t i = 0; i < HADA_COUNT(parts); i++) {
+        const hada_range range = hada_range_of(parts[i].count, 64, 1, 1);
+        hada_slot_cost(refiner->slot, 8.0 * (double)parts[i].count, (double)parts[i].count);
+        if (parts[i].count)
+            HADA_TRY(hada_launch_refine_move_rest(refiner->slot, program, &range, err, .a = parts[i].mem,
+                                                  .b = parts[i].mem, .out = parts[i].mem, .a_at = parts[i].first,
+                                                  .b_at = parts[i].first, .out_at = parts[i].first,
+                                                  .count = (cl_uint)parts[i].count, .part = (float)(1.0 - times)));
+    }
+    refiner->last_tv *= times;
+    return HADA_OK;
 }
 
 /* How far values near their usual size spread, and how far they go at most: mean square over squared mean, and the most

@@ -75,10 +75,11 @@ static void share(const move_state *own, const float *before, double *to)
         }
 }
 
-/* What is exact: the difference of two images, of which the second is the first of the next plane. */
+/* The difference of two images, of which the second, the first of the next plane, counts by a part. */
+static const float PART = 0.75f;
 static double rest(const move_state *own, const float *in, size_t i)
 {
-    return in[i] - in[i + (size_t)own->move.rows * (size_t)own->move.cols];
+    return in[i] - (double)PART * in[i + (size_t)own->move.rows * (size_t)own->move.cols];
 }
 
 static hada_status prepare(check_state *state, hada_error *err)
@@ -136,9 +137,9 @@ static hada_status launch(check_state *state, hada_error *err)
     HADA_TRY(hada_launch_refine_move_cells(state->slot, program, &cells, err, .planes = own->in.mem,
                                            .cells = state->out.mem, .first = (cl_uint)(state->out_offset + values),
                                            .channels = own->channels, .rows = rows, .cols = cols, .scale = own->scale));
-    HADA_TRY(hada_launch_refine_move_rest(state->slot, program, &numbers, err, .a = own->in.mem, .b = own->in.mem,
-                                          .out = state->out.mem, .a_at = 0, .b_at = area,
-                                          .out_at = state->out_offset + values + own->cells, .count = (cl_uint)area));
+    HADA_TRY(hada_launch_refine_move_rest(
+        state->slot, program, &numbers, err, .a = own->in.mem, .b = own->in.mem, .out = state->out.mem, .a_at = 0,
+        .b_at = area, .out_at = state->out_offset + values + own->cells, .count = (cl_uint)area, .part = PART));
     HADA_TRY(hada_buffer_copy(state->slot, own->in.mem, 0, own->moved.mem, 0, values * sizeof(float), err));
     HADA_TRY(hada_launch_refine_move_share(state->slot, program, &pixels, err, .before = own->in.mem,
                                            .planes = own->moved.mem, .depths = own->images / own->channels,

@@ -13,6 +13,7 @@ expect 2 'takes two files.*OLD.json NEW.json' bench --compare one.json
 expect 2 'needs -m MODEL and one frame' bench --first-frame -m "$model"
 expect 2 'rounds takes 1 to 200' bench --rounds 201
 expect 2 'net-size is of a net' bench --net-size 64x64
+expect 2 'sequence simulates films' bench --sequence -m "$model" "${raws[0]}"
 expect 2 'nosuch' bench -m "$model" "${raws[0]}" --net nosuch --device 0
 expect 2 'not a list of devices' bench --device 0,,1 --quick
 expect 5 'no device' bench --device nosuchdevice --quick

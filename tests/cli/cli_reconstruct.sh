@@ -134,9 +134,19 @@ expect 0 'sequence: there already' reconstruct sequence.tif -m upright.model -o 
 expect 0 'kept from an earlier frame' reconstruct sequence.tif -m upright.model -o seq --skip none
 has seq/sequence_depth.tif
 # Refinement that goes on from the frame before; several files are a sequence then.
-expect 0 '"warm_started": true.*"warm_started": true' \
+expect 0 '"warm_started": true.*"gain": 1.*"warm_started": true' \
     reconstruct sequence.tif -m upright.model -o seq --depths 1 --skip none --warm --json
 expect 0 'kept from an earlier frame' reconstruct sequence.tif "$raw/test01.tif" -m upright.model -o seq --skip none --warm
+# Steps that keep up: with a slow camera all do; with one that is too fast a step is what --refine 1 makes.
+quick=(reconstruct sequence.tif -m "$model" -o seq --scene planes)
+expect 0 'with all steps of refinement' "${quick[@]}" --fps 0.001
+expect 0 '1e.06 frames a second are too many.*refine 1 ' "${quick[@]}" --fps 1e6 --skip none
+mv seq/sequence_stack.tif kept.tif
+expect 0 'sequence: 3 frames' "${quick[@]}" --refine 1 --skip none
+cmp -s kept.tif seq/sequence_stack.tif || fail '--fps is not --refine with its number'
+expect 0 '"pace": {[^}]*"refine": 1,' "${quick[@]}" --fps 1e6 --skip none --json
+expect 2 'say the steps with --refine' "${quick[@]}" --fps 10 --method rl
+expect 2 'two frames or more' reconstruct "$raw/test01.tif" -m "$model" -o seq --fps 10
 expect 0 'found from the frame' reconstruct sequence.tif "$raw/test01.tif" -m upright.model -o seq --skip none
 grep -q 'kept from' stdout stderr && fail 'several files are taken for a sequence'
 expect 0 'found from the frame' reconstruct sequence.tif -m upright.model -o seq --skip none --refine-tv frame

@@ -210,6 +210,20 @@ def test_metrics() -> None:
     assert hadalens.metrics.depth_distance(distances, 1.0) == 200
 
 
+def test_steps_that_keep_up(model: hadalens.Model, frames: list[Path]) -> None:
+    """All steps keep up with a slow camera, one is what is left for one that is too fast."""
+    pace = hadalens.find_pace(model, frames, 1e-3, scene="planes")
+    assert (pace.refine, pace.change) == (None, 0.0)
+    assert pace.seconds == pace.seconds_whole > 0
+    pace = hadalens.find_pace(model, frames, 1e6, scene="planes", warm_start=True)
+    assert pace.refine == 1
+    assert 0.001 < pace.change < 1
+    with pytest.raises(hadalens.ArgumentError, match="two frames"):
+        hadalens.find_pace(model, frames[:1], 1.0)
+    with pytest.raises(hadalens.ArgumentError, match="frames a second"):
+        hadalens.find_pace(model, frames, 0.0)
+
+
 def test_evaluate_and_files(
     model: hadalens.Model, plan: hadalens.Plan, frames: list[Path], camera: Path, tmp_path: Path
 ) -> None:

@@ -160,6 +160,7 @@ def test_sequences(model: hadalens.Model, raw: npt.NDArray[Any]) -> None:
         plan = hadalens.Plan(model, warm_start=warm, scene="planes", skip=())
         first, second = plan.run(raw).report, plan.run(raw).report
         assert (first.warm_started, second.warm_started) == (False, warm)
+        assert (first.gain, second.gain) == (0.0, 1.0 if warm else 0.0)
         assert second.refine_steps < first.refine_steps if warm else second.refine_steps == first.refine_steps
 
 

@@ -251,6 +251,43 @@ TEST(a_drift_is_followed)
     }
 }
 
+/* A scene in light that flickers takes as few steps as in steady light, where it moves as a whole as well; small
+ * changes are not followed at once. */
+TEST(light_that_changes_is_followed)
+{
+    enum { MOST_STEPS = 5, NOT_FOLLOWED = 4 };
+    static const double light[FRAMES + 1] = {1.0, 0.9, 0.95, 1.15, 1.151, 1.2, 1.0};
+    const fixture *f = *state;
+    for (int kind = 0; kind < 5; kind++) {
+        const hada_model *model = kind % 2 ? f->padded : f->circular;
+        const int depths = kind < 4 ? 1 : DEPTHS, drifts = kind / 2 == 1;
+        SCOPED(hada_plan) *cold = plan_of(f, model, 0, depths), *warm = plan_of(f, model, 1, depths);
+        double errors[2] = {0.0, 0.0}, before = 1.0;
+        for (int t = 0; t < FRAMES; t++) {
+            SCOPED(hada_image) scene = drifts ? smooth_scene(0.2 * t, 0.3 * t) : scene_of(5, -1);
+            SCOPED(hada_result) anew = {0}, on = {0};
+            for (size_t i = 0; i < hada_image_count(&scene); i++)
+                scene.data[i] *= (float)light[t];
+            SCOPED(hada_image) frame = frame_of(f, model, &scene, 0, t);
+            ASSERT_OK(hada_plan_run(cold, &frame, &anew, err));
+            ASSERT_OK(hada_plan_run(warm, &frame, &on, err));
+            assert_true(anew.report->gain == 0.0);
+            if (!t)
+                continue;
+            const int small = t == NOT_FOLLOWED;
+            if (on.report->refine_steps > MOST_STEPS ||
+                !(small ? on.report->gain == 1.0
+                        : fabs(on.report->gain / (light[t] / before) - 1.0) < (drifts ? 0.02 : 0.002)))
+                fail_msg("kind %d, frame %d: %g for %g, %d steps", kind, t, on.report->gain, light[t] / before,
+                         on.report->refine_steps);
+            before = small ? before : light[t];
+            errors[0] += error_of(&anew, 0, &scene);
+            errors[1] += error_of(&on, 0, &scene);
+        }
+        assert_true(errors[1] < (drifts ? 1.05 : 1.0) * errors[0]);
+    }
+}
+
 /* Halves of it at two depths, where the edge between them moves with it, or stays. */
 TEST(a_drift_of_several_depths_is_followed)
 {

@@ -39,6 +39,8 @@ static void draw(hada_cli_progress *progress, const char *note)
         fprintf(stderr, "\r\033[K%s [%s] %ld of %ld", progress->what, bar, progress->done, progress->total);
     else /* not known beforehand */
         fprintf(stderr, "\r\033[K%ld %s", progress->done, progress->what);
+    if (passed > 1 && progress->done > 1 && !strcmp(progress->what, "frames"))
+        fprintf(stderr, ", %.3g a second", (double)progress->done / passed);
     if (share > 0 && share < 1 && passed > 1)
         fprintf(stderr, ", %.0f s left", passed * (1 - share) / share);
     if (note)

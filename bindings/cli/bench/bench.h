@@ -19,6 +19,7 @@ typedef enum hada_bench_group {
     HADA_BENCH_CALLS,      /* what a frame asks of the device, and the time that it should take */
     HADA_BENCH_MEMORY,     /* bytes stated and held */
     HADA_BENCH_THROUGHPUT, /* many frames */
+    HADA_BENCH_SEQUENCE,   /* films */
     HADA_BENCH_SWEEP       /* run time against error */
 } hada_bench_group;
 extern const char *const hada_bench_group_names[]; /* ended by NULL */
@@ -51,7 +52,7 @@ typedef struct hada_bench_row {
     /* of the sweep; NaN where not known */
     double error;               /* relative L2 of the stack against the dense run of the same method and steps */
     double bound;               /* what the run said of it */
-    double psnr, psnr_in_focus; /* against the truth, dB */
+    double psnr, psnr_in_focus; /* against the truth, dB; of films as well */
     int front;
     hada_bench_setting setting;
     double bytes, flops; /* of a kernel, per frame */
@@ -130,6 +131,9 @@ hada_status hada_bench_sweep(hada_bench *bench, hada_bench_device *device, const
                              hada_error *err);
 hada_status hada_bench_throughput(hada_bench *bench, hada_bench_device *device, const hada_bench_workload *workload,
                                   hada_error *err);
+/* Of a workload that was made. */
+hada_status hada_bench_sequence(hada_bench *bench, hada_bench_device *device, const hada_bench_workload *workload,
+                                hada_error *err);
 hada_status hada_bench_start(hada_bench *bench, hada_bench_device *device, const hada_bench_workload *workload,
                              hada_error *err);
 /* What the processes of hada_bench_start() do: opens the device, makes a plan, runs a frame twice, closes; the document

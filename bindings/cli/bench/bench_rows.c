@@ -7,8 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-const char *const hada_bench_group_names[] = {"peak",  "start",  "latency",    "stage", "kernel",
-                                              "calls", "memory", "throughput", "sweep", NULL};
+const char *const hada_bench_group_names[] = {"peak",   "start",      "latency",  "stage", "kernel", "calls",
+                                              "memory", "throughput", "sequence", "sweep", NULL};
 const char *const hada_bench_mode_names[HADA_BENCH_MODES] = {"linear", "refined"};
 const char *const hada_bench_stage_names[HADA_BENCH_STAGES] = {"upload",  "linear", "pursuit", "refine",
                                                                "enhance", "focus",  "download"};

@@ -26,16 +26,18 @@ static void print_group(const hada_bench *bench, const char *device, const char 
     int begun = 0;
     for (int i = 0; i < bench->count; i++) {
         const hada_bench_row *row = &bench->rows[i];
-        char text[64], bytes[16];
+        char text[64], bytes[16], psnr[24] = "";
         if (row->group != group || strcmp(row->device, device) || strcmp(row->workload, workload))
             continue;
         if (!begun++)
             hada_cli_say(bench->cli, "\n  %s", title);
+        if (!isnan(row->psnr))
+            snprintf(psnr, sizeof psnr, ", %.2f dB", row->psnr);
         if (group == HADA_BENCH_MEMORY)
             hada_cli_say(bench->cli, "    %-44s %s", row->name, hada_cli_bytes(bytes, (uint64_t)row->value.median));
         else
-            hada_cli_say(bench->cli, "    %-44s %s %s", row->name, with_spread(text, sizeof text, &row->value),
-                         row->unit);
+            hada_cli_say(bench->cli, "    %-44s %s %s%s", row->name, with_spread(text, sizeof text, &row->value),
+                         row->unit, psnr);
     }
 }
 
@@ -103,6 +105,7 @@ static void print_workload(const hada_bench *bench, const char *device, const ch
     print_group(bench, device, workload, HADA_BENCH_CALLS,
                 "What a frame asks of the device, and the time that it should take by that");
     print_group(bench, device, workload, HADA_BENCH_THROUGHPUT, "Many frames");
+    print_group(bench, device, workload, HADA_BENCH_SEQUENCE, "Films");
     print_group(bench, device, workload, HADA_BENCH_MEMORY, "Memory");
     print_group(bench, device, workload, HADA_BENCH_START, "From nothing to the first frame");
     print_kernels(bench, device, workload);

@@ -18,6 +18,7 @@ typedef struct settings {
     hada_plan_options plan;
     hada_files_task task;
     const char *model, *depths, *occupied, *dark, *flat, *weights, *skip, *encoding, *frame_encoding;
+    double fps; /* 0: not given */
     int no_enhance, no_preview, strict, bracket;
     hada_cli_method_settings method;
     hada_cli_watch_settings watch;
@@ -141,6 +142,10 @@ static const hada_cli_option options[] = {
      "In the order of the files and of their pages. Takes fewer steps the less changes; begins anew where the scene is "
      "another one. One queue of the first device does it.",
      AT(plan.warm_start)},
+    {HADA_OPTION_REAL, "fps", 0, "N", "take as many refinement steps as keep up with N frames a second (default: all)",
+     "Found on the first five frames, so it depends on how fast the machine is. It says what it found and how much that "
+     "changes the planes; --refine with that number gives the same results anywhere.",
+     AT(fps)},
     {HADA_OPTION_FLAG, "no-enhance", 0, NULL, "leave out the net that the model holds", NULL, AT(no_enhance)},
     {HADA_OPTION_FLAG, "half", 0, NULL, "keep the filters in half precision on the device", NULL, AT(plan.half)},
     {HADA_OPTION_REAL, "max-error", 0, "E", "relative change of the stack that may be traded for time (default: 0)",
@@ -345,6 +350,35 @@ static hada_status make_plan(job *work, hada_error *err)
     return HADA_OK;
 }
 
+/* As many steps of refinement as keep up with --fps, and what they cost. */
+static hada_status keep_up(job *work, hada_error *err)
+{
+    const double fps = work->set->fps;
+    hada_files_task task = work->set->task;
+    hada_pace pace = {.size = sizeof pace};
+    char text[160];
+    if (!(fps > 0.0))
+        return HADA_OK;
+    task.frame_encoding = work->frame_encoding;
+    task.monitor = &work->cli->monitor;
+    HADA_TRY(hada_files_pace(&pace, work->devices.contexts, work->devices.count, work->model, &work->options,
+                             work->paths, work->files, &task, fps, err));
+    if (pace.steps == work->options.refine)
+        snprintf(text, sizeof text, "%.3g s a frame with all steps of refinement", pace.seconds);
+    else
+        snprintf(text, sizeof text, "%.3g s a frame with --refine %d (%.3g s with all steps): planes change by %.2g %%",
+                 pace.seconds, pace.steps, pace.seconds_whole, 100.0 * pace.change);
+    if (pace.seconds > 1.0 / fps)
+        hada_cli_warn(work->cli, "%g frames a second are too many (--refine 0 takes the least time): %s", fps, text);
+    else
+        hada_cli_say(work->cli, "%s", text);
+    json_object_set_new(work->cli->document, "pace",
+                        json_pack("{s:f, s:i, s:f, s:f, s:f}", "fps", fps, "refine", pace.steps, "seconds",
+                                  pace.seconds, "seconds_whole", pace.seconds_whole, "change", pace.change));
+    work->options.refine = pace.steps;
+    return HADA_OK;
+}
+
 static hada_status prepare(job *work, hada_error *err)
 {
     const char *encoding = work->set->encoding;
@@ -357,6 +391,7 @@ static hada_status prepare(job *work, hada_error *err)
     if (work->set->bracket)
         HADA_TRY_OR_DONE(merge_bracket(work, err));
     HADA_TRY_OR_DONE(hada_cli_open_all(work->cli, &work->devices, err));
+    HADA_TRY_OR_DONE(keep_up(work, err));
     HADA_TRY_OR_DONE(make_plan(work, err));
 done:
     if (status && status != HADA_ERROR_ARGUMENT && !work->model)
@@ -411,6 +446,10 @@ static int check(hada_cli *cli, const settings *set, int count)
         return hada_cli_usage(cli, "say which camera took the frames, with -m MODEL ('hadalens fit' makes one)");
     if (!set->task.output && !set->watch.watch)
         return hada_cli_usage(cli, "say where the results shall go, with -o FOLDER");
+    if (set->fps > 0.0 && (set->watch.watch || set->bracket || set->method.method || cli->ranks))
+        return hada_cli_usage(cli,
+                              "--fps tries refinement on the first frames of files, on one machine; say the steps with "
+                              "--refine instead");
     if (set->bracket && set->weights)
         return hada_cli_usage(cli, "--bracket has weights of its own; leave --weights out");
     if (!(set->plan.gamma > 0) || !(set->task.white > 0))

@@ -112,8 +112,10 @@ static void tell_frame(listener *to, const hada_files_state *state)
     if (state->emitters)
         json_object_set_new(frame, "emitters", json_integer(state->emitters->count));
     json_array_append_new(to->frames, frame);
-    if (state->result->report->warm_started)
+    if (state->result->report->warm_started) {
         json_object_set_new(frame, "warm_started", json_true());
+        json_object_set_new(frame, "gain", json_real(state->result->report->gain));
+    }
     if (!match)
         return;
     to->strange += match->verdict > HADA_MATCH_BELONGS;

@@ -49,8 +49,10 @@ from .errors import (
 )
 from .files import (
     FileResult,
+    Pace,
     TiffInfo,
     TiffReader,
+    find_pace,
     limits,
     pictures_available,
     read_tiff,
@@ -119,6 +121,7 @@ __all__ = [
     "NotFiniteError",
     "NumericError",
     "OutsideScore",
+    "Pace",
     "Plan",
     "QueueInfo",
     "RefineScore",
@@ -147,6 +150,7 @@ __all__ = [
     "devices",
     "downsample",
     "find_boundary",
+    "find_pace",
     "fit",
     "fit_scene",
     "focus_stack",

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Unpack
 
 import numpy as np
 
@@ -31,6 +31,9 @@ from ._native import (
     record,
     text,
 )
+from ._plan_options import PlanOptions, plan_options
+from .device import Device, contexts
+from .model import Model, as_model
 from .plan import Match, Plan
 from .result import Result
 
@@ -351,6 +354,63 @@ def reconstruct_files(
     array = ffi.new("char *[]", names)
     monitor.run(lib.hada_reconstruct_files, plan._c, plan.model._c, array, len(names), task.c, ffi.NULL)
     return monitor.results
+
+
+@dataclass(frozen=True)
+class Pace:
+    """Steps of refinement that keep up with a camera.
+
+    Attributes:
+        refine: for :class:`Plan`: the most steps that keep up, or 1; None: all do, or nothing is refined.
+        seconds: that a frame takes with them, with reading; more than 1 / fps: they do not keep up.
+        seconds_whole: the same with all steps.
+        change: of the planes, to all steps, as a part of them.
+
+    """
+
+    refine: int | None
+    seconds: float
+    seconds_whole: float
+    change: float
+
+
+def find_pace(
+    model: Model | str | os.PathLike[str],
+    files: Sequence[str | os.PathLike[str]],
+    fps: float,
+    *,
+    context: Device | Sequence[Device] | None = None,
+    frame_encoding: float | str | None = None,
+    **options: Unpack[PlanOptions],
+) -> Pace:
+    """Return how many steps of refinement keep up with so many frames a second, by the first five of some files.
+
+    That depends on how fast the machine is at the time; what a plan with these steps makes does not.
+
+    Args:
+        model: the camera.
+        files: frames, two at least.
+        fps: frames a second.
+        context: the device, or several.
+        frame_encoding: how the frames stand for light; None: as their files say, else linear.
+        options: those of :class:`Plan`; of `refine`, fewer are tried.
+
+    Example:
+        >>> pace = hadalens.find_pace(model, ["film.tif"], 25, warm_start=True)
+        >>> plan = hadalens.Plan(model, refine=pace.refine, warm_start=True)
+
+    """
+    own, used = as_model(model), contexts(context)
+    task = Options(
+        "hada_files_task", frame_encoding=None if frame_encoding is None else responses.number(frame_encoding)
+    )
+    pace = ffi.new("hada_pace *", {"size": ffi.sizeof("hada_pace")})
+    names = [ffi.new("char[]", path(name)) for name in files]
+    devices, array = ffi.new("hada_context *[]", [one._c for one in used]), ffi.new("char *[]", names)
+    plan = plan_options(**options)
+    call(lib.hada_files_pace, pace, devices, len(used), own._c, plan.c, array, len(names), task.c, fps)
+    steps = None if pace.steps == AUTO else pace.steps
+    return Pace(steps, pace.seconds, pace.seconds_whole, pace.change)
 
 
 def pictures_available() -> bool:

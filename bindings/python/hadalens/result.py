@@ -52,6 +52,7 @@ class Report:
             worse; 0: not known.
         refine_tv_kept: whether it was found from an earlier frame of the plan, of the same noise and light.
         warm_started: whether refinement went on from the frame before.
+        gain: then, how many times as bright as before the scene was found to be; 1: no change was followed. Else 0.
         residual_linear, residual: what the linear result, and the refined one, leave unexplained of the frame, as a
             share of it; NaN where not computed.
         dark: level taken off.
@@ -70,6 +71,7 @@ class Report:
     refine_tv_factor: float
     refine_tv_kept: bool
     warm_started: bool
+    gain: float
     residual_linear: float
     residual: float
     dark: float

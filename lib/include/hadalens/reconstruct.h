@@ -188,6 +188,7 @@ typedef struct hada_report {
                                 1 % worse; 0: not known */
     int refine_tv_kept; /* 1: it was found from an earlier frame of the plan, and noise and light are still the same */
     int warm_started;   /* 1: refinement went on from the frame before */
+    double gain;        /* then: the scene is so many times as bright as before; 1: no change was followed; else 0 */
 } hada_report;
 
 /* What comes of a frame. Begin with an empty one, hada_result result = {0}; its members are the result's until it is

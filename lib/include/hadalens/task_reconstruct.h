@@ -122,6 +122,24 @@ HADA_API int hada_files_ahead(const hada_plan *plan);
 HADA_API hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, const char *const *paths,
                                             int count, const hada_files_task *task, int *failed, hada_error *err);
 
+/* Steps of refinement that keep up with a camera. */
+typedef struct hada_pace {
+    size_t size;          /* sizeof(hada_pace), set by the caller */
+    int steps;            /* for hada_plan_options.refine: the most that keep up, or 1; as given where all steps do, or
+                             nothing is refined */
+    double seconds;       /* a frame takes with them, with reading; more than 1 / fps: they do not keep up */
+    double seconds_whole; /* with all steps */
+    double change;        /* of the planes, to all steps: root of the sum of squares, as a part of them; 0: none */
+} hada_pace;
+
+/* Finds them: plans with these options but for `refine` take the first five frames of the files (two at least), of
+ * which the first one is not timed. Of the task, frame_encoding and monitor count. What is found depends on how fast
+ * the machine is then; results with these steps depend on their number alone. */
+HADA_API hada_status hada_files_pace(hada_pace *pace, hada_context *const *contexts, int context_count,
+                                     const hada_model *model, const hada_plan_options *options,
+                                     const char *const *paths, int count, const hada_files_task *task, double fps,
+                                     hada_error *err);
+
 /* Merges all pages of some files, exposures of one scene (hada_image_merge_exposures()): a frame for
  * hada_files_task.frame, and weights for hada_plan_options.pixel_weights. Both images are created by the call.
  * encoding: as hada_files_task.frame_encoding; mosaic: of pages of one channel. The monitor (may be NULL) gets a

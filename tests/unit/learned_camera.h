@@ -39,6 +39,7 @@ static inline void learned_fit(learned_camera *learned)
     options.depths = camera->depths;
     options.channels = camera->channels;
     options.distances_mm = camera->distances_mm;
+    options.boundary = camera->boundary;
     options.raw_rows = camera->rows;
     options.raw_cols = camera->cols;
     options.window_rows = camera->window_rows;

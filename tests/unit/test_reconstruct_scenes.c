@@ -155,6 +155,39 @@ TEST(saturated_values_mislead_nobody)
 }
 
 /* Occupied depths by list: only those are refined; the rest is dark. */
+/* Three objects at 7 depths behind a diffuser, where depths look so alike that one plane explains most of the frame and
+ * no single depth more much of the rest. They are no single plane. */
+TEST(objects_behind_a_diffuser_are_no_single_plane)
+{
+    enum { DEPTHS = 7, OBJECTS = 3 };
+    static const int depths[OBJECTS] = {3, 4, 6};
+    learned_camera own = {.context = ((const learned_camera *)*state)->context, .camera.size = sizeof own.camera};
+    hada_camera *camera = &own.camera;
+    hada_image parts[OBJECTS];
+    hada_plane planes[OBJECTS];
+    ASSERT_OK(hada_camera_preset(camera, "crop300", err));
+    ASSERT_OK(hada_camera_resize(camera, 150, 200, 72, 72, err));
+    ASSERT_OK(hada_camera_set_depths(camera, 100, 600, DEPTHS, err));
+    camera->channels = 1;
+    camera->seed = 2;
+    ASSERT_OK(hada_camera_set_mask(camera, HADA_MASK_DIFFUSER, err));
+    ASSERT_OK(hada_simulator_create(&own.simulator, own.context, camera, NULL, err));
+    learned_fit(&own);
+    SCOPED(hada_image) scene = learned_scene(&own, 41);
+    learned_split(&own, &scene, depths, OBJECTS, 41, parts, planes);
+    SCOPED(hada_image) raw = learned_frame(&own, planes, OBJECTS, 36);
+    SCOPED(hada_result) result = {0};
+    DEFAULTS(hada_plan_options, options);
+    options.refine_tv = 3e-4;
+    run(&own, &options, &raw, &result);
+    if (result.report->occupied_count < OBJECTS)
+        fail_msg("%d depths of %d, %.2f dB", result.report->occupied_count, OBJECTS,
+                 learned_psnr(&result.all_in_focus, &scene));
+    destroy_images(parts, OBJECTS);
+    hada_model_destroy(&own.model);
+    hada_simulator_destroy(&own.simulator);
+}
+
 TEST(a_list_of_occupied_depths_is_obeyed)
 {
     const learned_camera *learned = *state;

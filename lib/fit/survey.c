@@ -5,9 +5,9 @@
 #include "dataset/dataset.h"
 #include "fit/pair_level.h"
 
-/* Pairs that are looked at: of the nearest, the middle and the farthest depth. Fewer than LEAST of a depth leave too
- * few to learn from when one is held out. */
-enum { DEPTHS = 3, PAIRS_EACH = 6, MOST_PAIRS = DEPTHS * PAIRS_EACH, LEAST = 3 };
+/* Pairs that are looked at: of the nearest, the middle and the farthest depth. Fewer than LEAST of a depth leave none
+ * to learn from when one is held out. */
+enum { DEPTHS = 3, PAIRS_EACH = 6, MOST_PAIRS = DEPTHS * PAIRS_EACH, LEAST = 2 };
 /* Of a depth, pairs from which exposures are found; further ones are held against these. */
 enum { EXPOSED_TOGETHER = 32 };
 

@@ -70,13 +70,20 @@ static hada_fit_options sizes(void)
 
 static const int counts[DEPTHS] = {PAIRS, PAIRS, PAIRS, PAIRS};
 
-static hada_survey *ask(pairs *set, hada_exposure exposure)
+static const int two_each[DEPTHS] = {2, 1, 2, 2};
+
+static hada_survey *ask_some(pairs *set, const int *some, hada_exposure exposure)
 {
     const hada_fit_options options = sizes();
-    SCOPED(hada_dataset) *data = data_of(set, counts);
+    SCOPED(hada_dataset) *data = data_of(set, some);
     hada_survey *survey;
     ASSERT_OK(hada_survey_create(&survey, &options, data, exposure, err));
     return survey;
+}
+
+static hada_survey *ask(pairs *set, hada_exposure exposure)
+{
+    return ask_some(set, counts, exposure);
 }
 
 static double gain_of(const hada_survey *survey, int z, int i)
@@ -119,6 +126,22 @@ TEST(response_is_found)
         }
 }
 
+/* Two pairs of a depth tell it as well. */
+TEST(two_pairs_suffice)
+{
+    static const double responses[] = {HADA_RESPONSE_LINEAR, HADA_RESPONSE_SRGB, 1.5};
+    for (uint64_t seed = 1; seed <= 6; seed++) {
+        pairs set;
+        make_pairs(&set, responses[seed % 3], 0, 0.003, seed);
+        hada_survey *survey = ask_some(&set, two_each, HADA_EXPOSURE_AUTO);
+        if (survey->response != responses[seed % 3] || survey->exposed)
+            fail_msg("seed %d: response %g was found for %g, exposed %d", (int)seed, survey->response,
+                     responses[seed % 3], survey->exposed);
+        hada_survey_destroy(&survey);
+        free_pairs(&set);
+    }
+}
+
 /* Scenes that say nothing of their frames stay linear, and their exposures alike. */
 TEST(noise_is_no_evidence)
 {
@@ -130,9 +153,11 @@ TEST(noise_is_no_evidence)
             for (int i = 0; i < PAIRS; i++)
                 for (size_t k = 0; k < hada_image_count(&set.frame[z][i]); k++)
                     set.frame[z][i].data[k] = other.frame[z][(i + 2) % PAIRS].data[k];
-        hada_survey *survey = ask(&set, HADA_EXPOSURE_AUTO);
-        assert_true(survey->response == HADA_RESPONSE_LINEAR);
-        hada_survey_destroy(&survey);
+        for (int few = 0; few < 2; few++) {
+            hada_survey *survey = ask_some(&set, few ? two_each : counts, HADA_EXPOSURE_AUTO);
+            assert_true(survey->response == HADA_RESPONSE_LINEAR);
+            hada_survey_destroy(&survey);
+        }
         free_pairs(&set);
         free_pairs(&other);
     }
@@ -167,7 +192,7 @@ TEST(scenes_are_evened)
 /* What is given is not chosen; too few pairs say nothing; pairs that do not fit are left to the fit; errors pass on. */
 TEST(given_and_missing)
 {
-    static const int few[DEPTHS] = {2, 1, 2, 2};
+    static const int few[DEPTHS] = {1, 1, 1, 1};
     pairs set;
     hada_survey *survey;
     hada_fit_options options = sizes();

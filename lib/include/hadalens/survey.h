@@ -43,7 +43,7 @@ typedef struct hada_survey {
 
 /* Looks at up to 18 pairs of three depths; where exposures differ, at all pairs once more. `options`: sizes, channels,
  * dark level, and scene_response: HADA_AUTO to have it chosen. Pairs that do not fit are passed over, for the fit
- * itself refuses them. With fewer than three pairs of every depth nothing can be compared: then scenes are linear
+ * itself refuses them. With fewer than two pairs of every depth nothing can be compared: then scenes are linear
  * unless `options` says otherwise, and exposures alike. */
 HADA_API hada_status hada_survey_create(hada_survey **out, const hada_fit_options *options, const hada_dataset *pairs,
                                         hada_exposure exposure, hada_error *err);

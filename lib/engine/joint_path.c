@@ -268,12 +268,13 @@ static hada_status try_planes(hada_pipeline *pipeline, hada_frame *frame, knowle
     return HADA_OK;
 }
 
-/* Whether a single plane leaves too much of the frame. In a sequence not if the frame before had the same plane. */
+/* Whether a single plane leaves too much of the frame. Not where the caller has set the steps, with which planes may
+ * not have settled, nor in a sequence where the frame before had the same plane. */
 static hada_status is_poor(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, int *poor, hada_error *err)
 {
     const hada_config *config = &pipeline->setup->config;
     *poor = 0;
-    if (config->scene != HADA_SCENE_AUTO || k->count != 1 || k->found.hides ||
+    if (config->scene != HADA_SCENE_AUTO || pipeline->setup->options.refine >= 0 || k->count != 1 || k->found.hides ||
         (config->warm && hada_refiner_remembers(pipeline->refiner, k->count, pipeline->occupied)))
         return HADA_OK;
     HADA_TRY(try_planes(pipeline, frame, k, err));

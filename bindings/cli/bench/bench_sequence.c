@@ -3,7 +3,6 @@
 
 #include <hadalens/scene.h>
 #include <hadalens/simulate.h>
-#include <math.h>
 #include <stdlib.h>
 
 enum { FRAMES = 10, FIRST = 2, OCCUPIED = 2, MOST = 256, SEED = 20240107 }; /* the first ones are not counted */
@@ -14,7 +13,7 @@ typedef struct film {
     int list[OCCUPIED], count; /* depths that are occupied */
     hada_plan *plan;
     hada_result result;
-    double xx, xy, yy, values; /* sums over the planes, for a PSNR after the factor that fits best */
+    hada_bench_likeness likeness; /* of the planes */
 } film;
 
 static void clear(film *f)
@@ -60,20 +59,6 @@ done:
     return status;
 }
 
-static void judge(film *f, int t)
-{
-    for (int k = 0; k < f->count; k++) {
-        const hada_image *truth = &f->truth[t][k];
-        for (size_t i = 0; i < hada_image_count(truth); i++) {
-            const double x = f->result.planes[f->list[k]].data[i], y = truth->data[i];
-            f->xx += x * x;
-            f->xy += x * y;
-            f->yy += y * y;
-            f->values++;
-        }
-    }
-}
-
 static hada_status run_film(void *user, int round, double *value, hada_error *err)
 {
     film *f = user;
@@ -84,8 +69,9 @@ static hada_status run_film(void *user, int round, double *value, hada_error *er
         if (t < FIRST)
             continue;
         seconds += hada_cli_seconds() - start;
-        if (!round)
-            judge(f, t);
+        for (int k = 0; !round && k < f->count; k++)
+            hada_bench_likeness_add(&f->likeness, f->result.planes[f->list[k]].data, f->truth[t][k].data,
+                                    hada_image_count(&f->truth[t][k]));
     }
     *value = seconds / (FRAMES - FIRST);
     return HADA_OK;
@@ -101,16 +87,15 @@ static hada_status measure(hada_bench *bench, hada_bench_device *device, const h
     hada_bench_mode_options(1, &options);
     options.scene = HADA_SCENE_PLANES;
     options.warm_start = warm;
-    f->xx = f->xy = f->yy = f->values = 0.0;
+    f->likeness = (hada_bench_likeness){0};
     HADA_TRY_OR_DONE(hada_plan_create(&f->plan, device->context, workload->model, &options, err));
     HADA_TRY_OR_DONE(hada_bench_repeat(bench, run_film, f, bench->rounds, values, &count, err));
     for (int i = 0; i < count; i++)
         values[i] = 1.0 / values[i];
-    const double left = f->xx > 0.0 ? f->yy - f->xy * f->xy / f->xx : f->yy;
     hada_bench_row row = hada_bench_row_of(device->info.name, workload->name, HADA_BENCH_SEQUENCE, "frames/s", 1,
                                            hada_bench_figure_of(values, count), "%s, %s", name,
                                            warm ? "from the frame before" : "from nothing");
-    row.psnr = left > 0.0 ? 10.0 * log10(f->values / left) : NAN;
+    row.psnr = hada_bench_psnr(&f->likeness);
     HADA_TRY_OR_DONE(hada_bench_add(bench, &row, err));
 done:
     hada_plan_destroy(&f->plan);

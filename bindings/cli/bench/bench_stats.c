@@ -49,3 +49,20 @@ void hada_bench_pareto(const double *cost, const double *loss, int count, int *f
                 front[i] = 0;
     }
 }
+
+void hada_bench_likeness_add(hada_bench_likeness *s, const float *values, const float *truth, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        const double x = values[i], y = truth[i];
+        s->xx += x * x;
+        s->xy += x * y;
+        s->yy += y * y;
+    }
+    s->count += (double)count;
+}
+
+double hada_bench_psnr(const hada_bench_likeness *s)
+{
+    const double left = s->xx > 0 ? s->yy - s->xy * s->xy / s->xx : s->yy;
+    return s->count > 0 && left > 0 ? 10 * log10(s->count / left) : NAN;
+}

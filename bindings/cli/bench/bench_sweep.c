@@ -127,34 +127,11 @@ static double relative_l2(const hada_result *a, const hada_result *b)
     return norm > 0 ? sqrt(difference / norm) : difference > 0 ? INFINITY : 0;
 }
 
-/* Sums for a PSNR after the factor that fits best: models made from a PSF cannot know the scale of a scene. */
-typedef struct fit_sums {
-    double xx, xy, yy, count;
-} fit_sums;
-
-static void add_image(fit_sums *s, const hada_image *result, const float *truth)
-{
-    const size_t count = hada_image_count(result);
-    for (size_t i = 0; i < count; i++) {
-        const double x = result->data[i], y = truth[i];
-        s->xx += x * x;
-        s->xy += x * y;
-        s->yy += y * y;
-    }
-    s->count += (double)count;
-}
-
-static double psnr_of(const fit_sums *s)
-{
-    const double left = s->xx > 0 ? s->yy - s->xy * s->xy / s->xx : s->yy;
-    return s->count > 0 && left > 0 ? 10 * log10(s->count / left) : NAN;
-}
-
 /* Against the truth of the first frame: over the planes that are occupied in it, and of the all-in-focus image. */
 static hada_status judge(const sweep *w, hada_bench_row *row, hada_error *err)
 {
     const hada_image *truth = w->workload->truth;
-    fit_sums planes = {0}, picture = {0};
+    hada_bench_likeness planes = {0}, picture = {0};
     const size_t count = hada_image_count(&w->now.all_in_focus);
     float *whole = truth ? calloc(count, sizeof *whole) : NULL;
     if (!whole)
@@ -162,14 +139,14 @@ static hada_status judge(const sweep *w, hada_bench_row *row, hada_error *err)
     for (int z = 0; z < w->now.depths; z++) {
         if (!truth[z].data)
             continue;
-        add_image(&planes, &w->now.planes[z], truth[z].data);
+        hada_bench_likeness_add(&planes, w->now.planes[z].data, truth[z].data, hada_image_count(&w->now.planes[z]));
         for (size_t i = 0; i < count; i++)
             whole[i] += truth[z].data[i];
     }
-    add_image(&picture, &w->now.all_in_focus, whole);
+    hada_bench_likeness_add(&picture, w->now.all_in_focus.data, whole, count);
     free(whole);
-    row->psnr = psnr_of(&planes);
-    row->psnr_in_focus = psnr_of(&picture);
+    row->psnr = hada_bench_psnr(&planes);
+    row->psnr_in_focus = hada_bench_psnr(&picture);
     return HADA_OK;
 }
 

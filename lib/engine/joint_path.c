@@ -352,7 +352,6 @@ static hada_status find_early(hada_pipeline *pipeline, hada_frame *frame, knowle
  * takes longer; a third plane that hides makes two leave more than a surface does. */
 static hada_status look(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, int *surface, hada_error *err)
 {
-    int poor = 0;
     HADA_TRY(pursue(pipeline, frame, k, err));
     if (may_be_surface(pipeline, k) && pipeline->setup->config.volume == 1)
         HADA_TRY(hada_pipeline_find_volume(pipeline, frame, -1.0, NULL, &k->volume, err));
@@ -360,11 +359,10 @@ static hada_status look(hada_pipeline *pipeline, hada_frame *frame, knowledge *k
         HADA_TRY(find_early(pipeline, frame, k, err));
     if (k->volume)
         return HADA_OK;
-    if (may_be_surface(pipeline, k) && (k->count > SURFACE_UNKNOWNS || !k->found.hides))
-        HADA_TRY(is_surface(pipeline, frame, k, surface, err));
-    else
-        HADA_TRY(is_poor(pipeline, frame, k, &poor, err));
-    if (poor)
+    int possible = may_be_surface(pipeline, k) && (k->count > SURFACE_UNKNOWNS || !k->found.hides);
+    if (!possible)
+        HADA_TRY(is_poor(pipeline, frame, k, &possible, err));
+    if (possible)
         HADA_TRY(is_surface(pipeline, frame, k, surface, err));
     if (*surface || !k->found.hides)
         return HADA_OK;

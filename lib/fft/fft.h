@@ -130,7 +130,7 @@ hada_status hada_fft_forward(hada_fft *plan, int batch, cl_mem real, size_t real
 hada_status hada_fft_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_t spectrum_offset, cl_mem real,
                              size_t real_offset, const hada_fft_filter *filter /* or NULL */, hada_error *err);
 
-/* Any number of images, in the plan's direction and in calls of its batch; spectra stand from `at` on. */
+/* Transforms any number of images in the plan's direction, a batch a call. Spectra begin at the number `at`. */
 hada_status hada_fft_all(hada_fft *plan, int images, cl_mem real, cl_mem spectra, size_t at, hada_error *err);
 
 #endif

@@ -168,9 +168,9 @@ hada_status hada_vgg16_load(hada_net **out, const char *path, hada_error *err);
 /* The key of a net's description in the metadata of a file of its own. */
 #define HADA_NET_META "net"
 
-/* Fills the net's values from the tensors `prefix` + name; every parameter must be there, in the right shape and any
- * float type, but for those whose names begin with `own` (NULL: none), which keep their values. Tensors that the net
- * does not name are ignored. The values are unchanged on failure. */
+/* Fills the net's values from the tensors `prefix` + name. Parameters whose names begin with `own` (NULL: none) keep
+ * their values. All others must be there, in the right shape and any float type. Tensors that the net does not name are
+ * ignored. The values are unchanged on failure. */
 hada_status hada_net_read_but(hada_net *net, const hada_tensors *file, const char *prefix, const char *own,
                               hada_error *err);
 

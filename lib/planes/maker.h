@@ -199,7 +199,7 @@ typedef struct hada_maker_past {
     double left;   /* share of its energy that its planes leave, which the owner sets once it is known; below 0: none is
                       remembered */
     double least;  /* the least since the scene moved; below 0: it just did */
-    double energy; /* of the frame whose brightness is remembered */
+    double energy; /* of the frame as bright as what is remembered */
     double gain; /* of the current one: it is so many times as bright, and what is remembered became so; 1: no change */
     int steps;   /* that the last frame took that began anew, or that it had to take at most */
     int moved;   /* 1: in the last frame something did */

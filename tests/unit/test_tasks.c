@@ -14,8 +14,8 @@ typedef struct listener {
     int asked, stop_at;
     int runs, steps, wrong; /* stretches of progress; what breaks the rules of monitor.h */
     long total;             /* of the last stretch */
-    char what[40];          /* of the stretch that runs; "" between two */
-    char last[40], notes[2000];
+    char what[80];          /* of the stretch that runs; "" between two */
+    char last[80], notes[2000];
 } listener;
 
 static void progress(void *user, const char *what, long done, long total, const char *note)

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # The first signal ends every command in every stage: what is left then takes 2 s of two cores at most, by processor
-# time, since machines are shared. A kernel that is being compiled is waited for, so what takes longer has a second try.
+# time, since machines are shared. A kernel that is being compiled is waited for: what takes longer has a second try, and
+# more while every try has compiled something.
 # MOMENTS="SECONDS...": when signals are sent; nightly takes more of them.
 . "$(dirname "$0")/cli_testing.sh"
 expect 0 '' simulate --preset sim300 --channels 1 --pairs 4 --test 1 -o set
@@ -37,11 +38,16 @@ def left(command, moment, number):
     assert code in (0, 130), f'exit code {code}: {command}'
     return used.ru_utime + used.ru_stime - before
 
+def compiled():
+    folders = os.environ["POCL_CACHE_DIR"], os.environ["HADALENS_CACHE"]
+    return {path for folder in folders for path in glob.glob(folder + "/**", recursive=True)}
+
 for command in commands:
     for number, moment in enumerate(map(float, sys.argv[2:])):
-        seconds = [left(command, moment, (signal.SIGTERM, signal.SIGINT)[number % 2])]
-        if seconds[0] > 4:
-            seconds.append(left(command, moment, signal.SIGTERM))
+        seconds, before = [], None
+        while not seconds or seconds[-1] > 4 and (len(seconds) < 2 or len(seconds) < 20 and compiled() != before):
+            before = compiled()
+            seconds.append(left(command, moment, (signal.SIGTERM, signal.SIGINT)[number % 2]))
         print(command[0], moment, seconds, flush=True)
         assert seconds[-1] < 4, (command[0], moment, seconds)
 PYTHON

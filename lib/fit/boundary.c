@@ -13,6 +13,13 @@ enum { LEARNED = 8, MOST_HELD = 2, MANY_PAIRS = 4, PASSES = 9 };
 #define MOST_GROWTH 0.01
 #define DEVIATIONS  2.0
 
+/* Two pairs of a depth: one is learned from alone, which leaves much that neither grid settles. Where light stays
+ * inside, the largest grid leaves nearly what the sensor's leaves, at all distances; where it leaves the sensor, less
+ * at some distances, or more by far, for one pair does not settle what lies outside (perf/results/learning.md). */
+enum { FEW_PAIRS = 2, FEW_DEPTHS = 3 };
+#define LEAST_RATIO 0.93
+#define MOST_RATIO  1.4
+
 /* Shares of a window beyond the sensor's edge that are tried, so that its two edges can still be distinguished. */
 static const double overhangs[] = {0.0, 0.25, 0.5, 0.75, 1.0};
 enum { OVERHANGS = HADA_COUNT(overhangs) };
@@ -21,7 +28,7 @@ enum { OVERHANGS = HADA_COUNT(overhangs) };
 typedef struct look {
     hada_context *context;
     const hada_fit_options *options;
-    int depth, count, held;
+    int depth, first, count, held; /* first: the number of the pair that comes first */
     hada_pair pair[LEARNED + MOST_HELD];
     hada_image raw[LEARNED + MOST_HELD], scene[LEARNED + MOST_HELD]; /* their channels, not owned */
     hada_dataset *learned, *held_out;
@@ -40,7 +47,7 @@ static hada_status take_pairs(look *at, const hada_dataset *pairs, hada_error *e
     at->held = all >= MANY_PAIRS ? MOST_HELD : 1;
     const int count = all < LEARNED + at->held ? all : LEARNED + at->held, learned = count - at->held;
     for (; at->count < count; at->count++) {
-        const int number = (int)((long)at->count * all / count);
+        const int number = (int)(((long)at->count * all / count + at->first) % all);
         hada_pair *pair = &at->pair[at->count];
         HADA_TRY(hada_pair_take(pair, pairs, at->depth, number, err));
         if (pair->raw->channels <= channel || pair->scene->channels <= channel) {
@@ -61,8 +68,8 @@ static void return_pairs(look *at)
 {
     hada_dataset_destroy(&at->learned);
     hada_dataset_destroy(&at->held_out);
-    for (int i = 0; i < at->count; i++)
-        hada_pair_return(&at->pair[i]);
+    while (at->count)
+        hada_pair_return(&at->pair[--at->count]);
 }
 
 /* What is left of the frames held out, learned on a grid of rows x cols. */
@@ -136,20 +143,60 @@ static hada_status shrink(const look *at, double most, int *rows, int *cols, had
     return HADA_OK;
 }
 
+/* What is left on the largest grid, and on the sensor's. */
+static hada_status compare(const look *at, double *largest, double *inside, hada_error *err)
+{
+    const hada_fit_options *options = at->options;
+    HADA_TRY(left_on(at, with_overhang(options->raw_rows, options->window_rows, OVERHANGS - 1),
+                     with_overhang(options->raw_cols, options->window_cols, OVERHANGS - 1), largest, err));
+    return left_on(at, options->raw_rows, options->raw_cols, inside, err);
+}
+
+/* From a depth with more than two pairs. */
 static hada_status search(const look *at, int *rows, int *cols, hada_error *err)
 {
     const hada_fit_options *options = at->options;
     double inside = 0.0, left = 0.0;
-    *rows = with_overhang(options->raw_rows, options->window_rows, OVERHANGS - 1);
-    *cols = with_overhang(options->raw_cols, options->window_cols, OVERHANGS - 1);
-    HADA_TRY(left_on(at, *rows, *cols, &left, err));
-    HADA_TRY(left_on(at, options->raw_rows, options->raw_cols, &inside, err));
+    HADA_TRY(compare(at, &left, &inside, err));
     if (inside <= most_of(at, left)) {
         *rows = options->raw_rows;
         *cols = options->raw_cols;
         return HADA_OK;
     }
     return shrink(at, most_of(at, left), rows, cols, err);
+}
+
+/* From one pair that is learned from and one that is held out. 1: light stays inside. */
+static hada_status stays_inside(look *at, const hada_dataset *pairs, int *inside, hada_error *err)
+{
+    double on_largest = 0.0, on_sensor = 0.0;
+    return_pairs(at);
+    HADA_TRY(take_pairs(at, pairs, err));
+    HADA_TRY(compare(at, &on_largest, &on_sensor, err));
+    *inside = on_largest >= LEAST_RATIO * on_sensor && on_largest <= MOST_RATIO * on_sensor;
+    return HADA_OK;
+}
+
+/* From two pairs of each depth. The largest grid stays where light leaves the sensor: a smaller one would seem better
+ * because it has less to learn. */
+static hada_status search_few(look *at, const hada_dataset *pairs, int *rows, int *cols, hada_error *err)
+{
+    const hada_fit_options *options = at->options;
+    const int nearest = at->depth, farther = options->depths - 1 - nearest,
+              looked = hada_least(FEW_DEPTHS, farther + 1);
+    int inside = 1;
+    for (int k = 0; k < looked && inside; k++) {
+        at->depth = nearest + (k ? k * farther / (looked - 1) : 0);
+        if (hada_dataset_get_info(pairs)->counts[at->depth] < FEW_PAIRS)
+            continue;
+        for (at->first = 0; at->first < FEW_PAIRS && inside; at->first++)
+            HADA_TRY(stays_inside(at, pairs, &inside, err));
+    }
+    if (inside) {
+        *rows = options->raw_rows;
+        *cols = options->raw_cols;
+    }
+    return HADA_OK;
 }
 
 hada_status hada_fit_sizes_from(hada_fit_options *options, const hada_dataset *pairs, hada_error *err)
@@ -197,13 +244,19 @@ hada_status hada_fit_find_boundary(hada_fit_options *callers, hada_context *cont
     hada_fit_options_init(&options);
     HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_fit_options, err));
     HADA_TRY(hada_fit_sizes_from(&options, pairs, err));
-    while (at.depth < options.depths && hada_dataset_get_info(pairs)->counts[at.depth] < 2)
+    while (at.depth < options.depths && hada_dataset_get_info(pairs)->counts[at.depth] < FEW_PAIRS)
         at.depth++;
     options.boundary = HADA_BOUNDARY_PADDED;
     options.grid_rows = options.grid_cols = 0;
     if (at.depth < options.depths) {
-        HADA_TRY_OR_DONE(take_pairs(&at, pairs, err));
-        HADA_TRY_OR_DONE(search(&at, &rows, &cols, err));
+        rows = with_overhang(options.raw_rows, options.window_rows, OVERHANGS - 1);
+        cols = with_overhang(options.raw_cols, options.window_cols, OVERHANGS - 1);
+        if (hada_dataset_get_info(pairs)->counts[at.depth] > FEW_PAIRS) {
+            HADA_TRY_OR_DONE(take_pairs(&at, pairs, err));
+            HADA_TRY_OR_DONE(search(&at, &rows, &cols, err));
+        } else {
+            HADA_TRY_OR_DONE(search_few(&at, pairs, &rows, &cols, err));
+        }
         const int inside = rows == options.raw_rows && cols == options.raw_cols;
         options.boundary = inside ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED;
         options.grid_rows = inside ? 0 : hada_fft_good_size(rows);

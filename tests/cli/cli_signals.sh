@@ -39,12 +39,11 @@ def left(command, moment, number):
     return used.ru_utime + used.ru_stime - before
 
 def compiled():
-    folders = os.environ["POCL_CACHE_DIR"], os.environ["HADALENS_CACHE"]
-    return {path for folder in folders for path in glob.glob(folder + "/**", recursive=True)}
+    return [sorted(glob.glob(os.environ[name] + '/**', recursive=True)) for name in ('POCL_CACHE_DIR', 'HADALENS_CACHE')]
 
 for command in commands:
     for number, moment in enumerate(map(float, sys.argv[2:])):
-        seconds, before = [], None
+        seconds = []
         while not seconds or seconds[-1] > 4 and (len(seconds) < 2 or len(seconds) < 20 and compiled() != before):
             before = compiled()
             seconds.append(left(command, moment, (signal.SIGTERM, signal.SIGINT)[number % 2]))

@@ -483,23 +483,26 @@ TEST(a_boundary_is_found_that_pads)
     if (!(found < 1.1 * whole))
         fail_msg("error %g on the grid that was found, %g on the whole one", found, whole);
     hada_model_destroy(&model);
-    /* where nothing can be held out the grid has room for all light */
-    options.boundary = HADA_BOUNDARY_CIRCULAR;
-    at.shown = 0;
-    ASSERT_OK(find_boundary(&options, f, &at, 1, err));
-    assert_int_equal(options.boundary, HADA_BOUNDARY_PADDED);
-    assert_int_equal(options.grid_rows + options.grid_cols, 0);
-    assert_int_equal(at.shown, 1); /* for the sizes */
+    /* from two pairs, and where nothing can be held out, the grid has room for all light */
+    for (int pairs = 2; pairs; pairs--, at.shown = 0) {
+        options.boundary = HADA_BOUNDARY_CIRCULAR;
+        ASSERT_OK(find_boundary(&options, f, &at, pairs, err));
+        assert_int_equal(options.boundary, HADA_BOUNDARY_PADDED);
+        assert_int_equal(options.grid_rows, pairs == 2 ? hada_fft_good_size(TALL) : 0);
+        assert_true(pairs == 2 || at.shown == 1); /* for the sizes */
+    }
 }
 
 TEST(a_boundary_is_found_that_is_circular)
 {
     fixture *f = (fixture *)*state + 1;
-    hada_fit_options options = options_of(HADA_BOUNDARY_PADDED, (int)HADA_AUTO, 0);
     shower at = {.f = f};
-    ASSERT_OK(find_boundary(&options, f, &at, PAIRS, err));
-    assert_int_equal(options.boundary, HADA_BOUNDARY_CIRCULAR);
-    assert_int_equal(options.grid_rows + options.grid_cols, 0);
+    for (int pairs = 2; pairs <= PAIRS; pairs += PAIRS - 2) {
+        hada_fit_options options = options_of(HADA_BOUNDARY_PADDED, (int)HADA_AUTO, 0);
+        ASSERT_OK(find_boundary(&options, f, &at, pairs, err));
+        assert_int_equal(options.boundary, HADA_BOUNDARY_CIRCULAR);
+        assert_int_equal(options.grid_rows + options.grid_cols, 0);
+    }
 }
 
 FIXTURE(set_up_both, tear_down_both)

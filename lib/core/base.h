@@ -119,6 +119,12 @@ static inline int hada_least(int a, int b)
     return a < b ? a : b;
 }
 
+/* Number k of `count` that are spread evenly over 0 to all - 1, from the first to the last. */
+static inline int hada_spread(int k, int count, int all)
+{
+    return count > 1 ? k * (all - 1) / (count - 1) : 0;
+}
+
 /* The top of a parabola through three values a step apart, the middle one the largest, in steps from it. */
 static inline double hada_parabola_top(double before, double here, double after)
 {

@@ -143,21 +143,22 @@ static hada_status shrink(const look *at, double most, int *rows, int *cols, had
     return HADA_OK;
 }
 
-/* What is left on the largest grid, and on the sensor's. */
-static hada_status compare(const look *at, double *largest, double *inside, hada_error *err)
+/* Takes pairs; what is left of those held out on the largest grid, of rows x cols, and on the sensor's. */
+static hada_status compare(look *at, const hada_dataset *pairs, int rows, int cols, double *largest, double *inside,
+                           hada_error *err)
 {
-    const hada_fit_options *options = at->options;
-    HADA_TRY(left_on(at, with_overhang(options->raw_rows, options->window_rows, OVERHANGS - 1),
-                     with_overhang(options->raw_cols, options->window_cols, OVERHANGS - 1), largest, err));
-    return left_on(at, options->raw_rows, options->raw_cols, inside, err);
+    return_pairs(at);
+    HADA_TRY(take_pairs(at, pairs, err));
+    HADA_TRY(left_on(at, rows, cols, largest, err));
+    return left_on(at, at->options->raw_rows, at->options->raw_cols, inside, err);
 }
 
-/* From a depth with more than two pairs. */
-static hada_status search(const look *at, int *rows, int *cols, hada_error *err)
+/* The smallest grid that suffices, from the largest one on; from a depth with more than two pairs. */
+static hada_status search(look *at, const hada_dataset *pairs, int *rows, int *cols, hada_error *err)
 {
     const hada_fit_options *options = at->options;
     double inside = 0.0, left = 0.0;
-    HADA_TRY(compare(at, &left, &inside, err));
+    HADA_TRY(compare(at, pairs, *rows, *cols, &left, &inside, err));
     if (inside <= most_of(at, left)) {
         *rows = options->raw_rows;
         *cols = options->raw_cols;
@@ -166,36 +167,25 @@ static hada_status search(const look *at, int *rows, int *cols, hada_error *err)
     return shrink(at, most_of(at, left), rows, cols, err);
 }
 
-/* From one pair that is learned from and one that is held out. 1: light stays inside. */
-static hada_status stays_inside(look *at, const hada_dataset *pairs, int *inside, hada_error *err)
-{
-    double on_largest = 0.0, on_sensor = 0.0;
-    return_pairs(at);
-    HADA_TRY(take_pairs(at, pairs, err));
-    HADA_TRY(compare(at, &on_largest, &on_sensor, err));
-    *inside = on_largest >= LEAST_RATIO * on_sensor && on_largest <= MOST_RATIO * on_sensor;
-    return HADA_OK;
-}
-
-/* From two pairs of each depth. The largest grid stays where light leaves the sensor: a smaller one would seem better
- * because it has less to learn. */
+/* The same from two pairs of a depth: the sensor's grid if light stays inside whichever pair is held out, at all
+ * distances. Otherwise the largest: any smaller one would seem better because it has less to learn. */
 static hada_status search_few(look *at, const hada_dataset *pairs, int *rows, int *cols, hada_error *err)
 {
     const hada_fit_options *options = at->options;
-    const int nearest = at->depth, farther = options->depths - 1 - nearest,
-              looked = hada_least(FEW_DEPTHS, farther + 1);
-    int inside = 1;
-    for (int k = 0; k < looked && inside; k++) {
-        at->depth = nearest + (k ? k * farther / (looked - 1) : 0);
+    const int nearest = at->depth, depths = options->depths - nearest, looked = hada_least(depths, FEW_DEPTHS);
+    for (int k = 0; k < looked; k++) {
+        at->depth = nearest + hada_spread(k, looked, depths);
         if (hada_dataset_get_info(pairs)->counts[at->depth] < FEW_PAIRS)
             continue;
-        for (at->first = 0; at->first < FEW_PAIRS && inside; at->first++)
-            HADA_TRY(stays_inside(at, pairs, &inside, err));
+        for (at->first = 0; at->first < FEW_PAIRS; at->first++) {
+            double inside = 0.0, left = 0.0;
+            HADA_TRY(compare(at, pairs, *rows, *cols, &left, &inside, err));
+            if (left < LEAST_RATIO * inside || left > MOST_RATIO * inside)
+                return HADA_OK;
+        }
     }
-    if (inside) {
-        *rows = options->raw_rows;
-        *cols = options->raw_cols;
-    }
+    *rows = options->raw_rows;
+    *cols = options->raw_cols;
     return HADA_OK;
 }
 
@@ -251,12 +241,8 @@ hada_status hada_fit_find_boundary(hada_fit_options *callers, hada_context *cont
     if (at.depth < options.depths) {
         rows = with_overhang(options.raw_rows, options.window_rows, OVERHANGS - 1);
         cols = with_overhang(options.raw_cols, options.window_cols, OVERHANGS - 1);
-        if (hada_dataset_get_info(pairs)->counts[at.depth] > FEW_PAIRS) {
-            HADA_TRY_OR_DONE(take_pairs(&at, pairs, err));
-            HADA_TRY_OR_DONE(search(&at, &rows, &cols, err));
-        } else {
-            HADA_TRY_OR_DONE(search_few(&at, pairs, &rows, &cols, err));
-        }
+        const int few = hada_dataset_get_info(pairs)->counts[at.depth] == FEW_PAIRS;
+        HADA_TRY_OR_DONE((few ? search_few : search)(&at, pairs, &rows, &cols, err));
         const int inside = rows == options.raw_rows && cols == options.raw_cols;
         options.boundary = inside ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED;
         options.grid_rows = inside ? 0 : hada_fft_good_size(rows);

@@ -88,7 +88,7 @@ static hada_status take_pairs(surveying *work, hada_error *err)
 {
     const int depths = work->options.depths, looked = hada_least(depths, DEPTHS);
     for (int k = 0; k < looked; k++) {
-        const int z = looked == 1 ? 0 : k * (depths - 1) / (looked - 1), all = work->counts[z];
+        const int z = hada_spread(k, looked, depths), all = work->counts[z];
         const int count = all < LEAST ? 0 : hada_least(all, PAIRS_EACH);
         for (int i = 0; i < count; i++)
             HADA_TRY(take_pair(work, z, (int)((long)i * all / count), err));

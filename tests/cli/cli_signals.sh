@@ -1,7 +1,6 @@
 #!/usr/bin/env bash
 # The first signal ends every command in every stage: what is left then takes 2 s of two cores at most, by processor
-# time, since machines are shared. A kernel that is being compiled is waited for: what takes longer has a second try, and
-# more while every try has compiled something.
+# time, since machines are shared. What takes longer is tried twice, and more often while it compiles kernels.
 # MOMENTS="SECONDS...": when signals are sent; nightly takes more of them.
 . "$(dirname "$0")/cli_testing.sh"
 expect 0 '' simulate --preset sim300 --channels 1 --pairs 4 --test 1 -o set

@@ -488,7 +488,8 @@ TEST(a_boundary_is_found_that_pads)
         options.boundary = HADA_BOUNDARY_CIRCULAR;
         ASSERT_OK(find_boundary(&options, f, &at, pairs, err));
         assert_int_equal(options.boundary, HADA_BOUNDARY_PADDED);
-        assert_int_equal(options.grid_rows, pairs == 2 ? hada_fft_good_size(TALL) : 0);
+        assert_int_equal(options.grid_rows + options.grid_cols,
+                         pairs == 2 ? hada_fft_good_size(TALL) + hada_fft_good_size(WIDE) : 0);
         assert_true(pairs == 2 || at.shown == 1); /* for the sizes */
     }
 }

@@ -369,27 +369,13 @@ hada_status hada_fit_sums_camera(const hada_tensors *file, const char *path, had
     return options->scene_response == HADA_AUTO ? response_of(file, path, &options->scene_response, err) : HADA_OK;
 }
 
-hada_status hada_fit_sums_grid(const char *path, hada_fit_options *options, hada_error *err)
-{
-    hada_fit_options own = *options;
-    hada_tensors *file = NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_tensors_open(&file, path, err));
-    HADA_TRY_OR_DONE(hada_fit_sums_camera(file, path, &own, err));
-    options->boundary = own.boundary;
-    options->grid_rows = own.grid_rows;
-    options->grid_cols = own.grid_cols;
-done:
-    hada_tensors_close(&file);
-    return status;
-}
-
-hada_status hada_fit_sums_response(const char *path, double *response, hada_error *err)
+hada_status hada_fit_sums_look(const char *path, hada_fit_options *options, hada_error *err)
 {
     hada_tensors *file = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_tensors_open(&file, path, err));
-    HADA_TRY_OR_DONE(response_of(file, path, response, err));
+    HADA_TRY_OR_DONE(hada_fit_sums_camera(file, path, options, err));
+    options->distances_mm = NULL;
 done:
     hada_tensors_close(&file);
     return status;

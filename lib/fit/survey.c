@@ -1,9 +1,12 @@
-/* What pairs say before a fit: the response of their scenes, and exposures that differ. */
+/* What pairs say before a fit: the dark level of their frames, the response of their scenes, and exposures that differ.
+ */
 #include <hadalens/survey.h>
 
 #include "core/callers.h"
 #include "dataset/dataset.h"
+#include "fit/fitter.h"
 #include "fit/pair_level.h"
+#include "image/statistics.h"
 
 /* Pairs that are looked at: of the nearest, the middle and the farthest depth. Fewer than LEAST of a depth leave none
  * to learn from when one is held out. */
@@ -23,6 +26,15 @@ enum { RESPONSES = sizeof responses / sizeof *responses };
  * were exposed alike it takes off a few percent, on those exposed by a factor of two it left a fiftieth. */
 #define APART_BELOW 0.5
 
+/* Dark levels are tried in so many steps up to ABOVE times the darkest place of all frames, which noise lowers, then
+ * between the best one's neighbours; below LEAST_DARK of full scale none is looked for. A level must leave less of the
+ * frames by this factor, by BETTER_ERRORS (perf/results/learning.md). */
+enum { LEVELS = 6, SECTIONS = 10, DARK_RESPONSES = 3 };
+#define ABOVE       1.2
+#define LEAST_DARK  1e-3
+#define DARK_BETTER 1.5
+static const double dark_responses[DARK_RESPONSES] = {HADA_RESPONSE_LINEAR, 1.5, HADA_RESPONSE_SRGB};
+
 /* Shares below this, of frames without noise, count as this. */
 #define LEAST_SHARE 1e-9
 
@@ -40,6 +52,7 @@ typedef struct surveying {
     hada_fit_options options;
     const hada_dataset *pairs;
     const int *counts; /* pairs of each depth */
+    const char *what;
     hada_progress progress;
     hada_reducer reducer;
     int tried; /* responses: 1 where it is given */
@@ -57,7 +70,7 @@ static hada_status take_pair(surveying *work, int depth, int pair, hada_error *e
     hada_pair taken = {0};
     hada_status status = HADA_OK;
     if (!work->progress.what)
-        work->progress = hada_progress_begin(options->monitor, "looks at pairs, for the response of their scenes", 0);
+        work->progress = hada_progress_begin(options->monitor, work->what, 0);
     HADA_TRY(hada_progress_step(&work->progress, NULL, err));
     HADA_TRY(hada_pair_take(&taken, work->pairs, depth, pair, err));
     if (!hada_reducer_fits(&work->reducer, taken.raw, taken.scene))
@@ -96,6 +109,22 @@ static hada_status take_pairs(surveying *work, hada_error *err)
     return HADA_OK;
 }
 
+static hada_status begin(surveying *work, hada_error *err)
+{
+    HADA_TRY(hada_reducer_create(&work->reducer, &work->options, err));
+    HADA_TRY(hada_pair_level_create(&work->level, work->reducer.grid, work->options.channels, MOST_PAIRS, err));
+    return take_pairs(work, err);
+}
+
+static void end(surveying *work)
+{
+    if (work->progress.what)
+        hada_progress_end(&work->progress);
+    forget_pairs(work);
+    hada_pair_level_destroy(&work->level);
+    hada_reducer_destroy(&work->reducer);
+}
+
 static void compare(surveying *work)
 {
     double gain[MOST_PAIRS], room[MOST_PAIRS];
@@ -118,6 +147,17 @@ static double mean_of(const double *shares, int count)
     return exp(sum);
 }
 
+/* Whether so much less is left (a logarithm of each pair), surely. */
+static int is_better(const double *less, int count, double by)
+{
+    double gain = 0.0, spread = 0.0;
+    for (int k = 0; k < count; k++)
+        gain += less[k] / count;
+    for (int k = 0; k < count; k++)
+        spread += (less[k] - gain) * (less[k] - gain);
+    return gain > by && gain > BETTER_ERRORS * sqrt(spread / ((double)count * fmax(1.0, count - 1.0)));
+}
+
 /* The response with the least share, exposures alike (0) or apart (1); the first one, linear, unless there is
  * evidence. */
 static int best_response(const surveying *work, int apart)
@@ -127,14 +167,10 @@ static int best_response(const surveying *work, int apart)
         if (mean_of(work->unexplained[r][apart], work->count) < mean_of(work->unexplained[best][apart], work->count))
             best = r;
     const double *linear = work->unexplained[0][apart], *other = work->unexplained[best][apart];
-    const double gain = log(mean_of(linear, work->count) / mean_of(other, work->count));
-    double spread = 0.0;
-    for (int k = 0; k < work->count; k++) {
-        const double off = log(fmax(linear[k], LEAST_SHARE) / fmax(other[k], LEAST_SHARE)) - gain;
-        spread += off * off;
-    }
-    const double error = sqrt(spread / ((double)work->count * fmax(1.0, work->count - 1.0)));
-    return gain > BETTER_BY && gain > BETTER_ERRORS * error ? best : 0;
+    double less[MOST_PAIRS];
+    for (int k = 0; k < work->count; k++)
+        less[k] = log(fmax(linear[k], LEAST_SHARE) / fmax(other[k], LEAST_SHARE));
+    return is_better(less, work->count, BETTER_BY) ? best : 0;
 }
 
 /* Fills the rows; returns whether exposures are to be taken apart. */
@@ -219,9 +255,7 @@ static hada_status make(owned_survey *own, surveying *work, hada_exposure exposu
     survey->response = options->scene_response == HADA_AUTO ? HADA_RESPONSE_LINEAR : options->scene_response;
     work->tried = options->scene_response == HADA_AUTO ? RESPONSES : 1;
     work->response = work->tried == 1 ? &options->scene_response : responses;
-    HADA_TRY(hada_reducer_create(&work->reducer, options, err));
-    HADA_TRY(hada_pair_level_create(&work->level, work->reducer.grid, options->channels, MOST_PAIRS, err));
-    HADA_TRY(take_pairs(work, err));
+    HADA_TRY(begin(work, err));
     survey->exposed = exposure == HADA_EXPOSURE_EACH;
     if (work->count >= LEAST) {
         compare(work);
@@ -248,7 +282,7 @@ static hada_status check(const hada_fit_options *options, const hada_dataset_inf
 hada_status hada_survey_create(hada_survey **out, const hada_fit_options *callers, const hada_dataset *pairs,
                                hada_exposure exposure, hada_error *err)
 {
-    surveying work = {.pairs = pairs};
+    surveying work = {.pairs = pairs, .what = "looks at pairs, for the response of their scenes"};
     owned_survey *own = NULL;
     hada_status status = HADA_OK;
     HADA_NEED(out && callers && pairs, err);
@@ -261,11 +295,7 @@ hada_status hada_survey_create(hada_survey **out, const hada_fit_options *caller
     *out = &own->survey;
     HADA_TRY_OR_DONE(make(own, &work, exposure, err));
 done:
-    if (work.progress.what)
-        hada_progress_end(&work.progress);
-    forget_pairs(&work);
-    hada_pair_level_destroy(&work.level);
-    hada_reducer_destroy(&work.reducer);
+    end(&work);
     if (status)
         hada_survey_destroy(out);
     return status;
@@ -286,4 +316,101 @@ hada_status hada_survey_apply(hada_dataset **out, const hada_survey *survey, con
 {
     HADA_NEED(out && survey && pairs, err);
     return hada_dataset_brighten(out, pairs, survey->gains, survey->response, err);
+}
+
+/* The darkest place of all frames: of each the first percentile of its reduced pixels. */
+static double darkest(const surveying *work)
+{
+    double least = INFINITY;
+    for (int k = 0; k < work->count; k++) {
+        const hada_image *frame = &work->frame[k];
+        const size_t area = (size_t)frame->rows * (size_t)frame->cols;
+        for (size_t c = 0; c < (size_t)frame->channels; c++)
+            least = fmin(least, hada_dark_estimate(frame->data + c * area, area, work->reducer.room));
+    }
+    return least;
+}
+
+/* Logarithms of what is left of each frame less a level, with the response and exposures that leave least. */
+typedef struct left_over {
+    double level, log[MOST_PAIRS], mean;
+} left_over;
+
+/* *taken: what was taken off the frames already. */
+static left_over try_level(surveying *work, double level, double *taken)
+{
+    left_over best = {.level = level, .mean = INFINITY};
+    for (int k = 0; k < work->count; k++)
+        for (size_t i = 0; i < hada_image_count(&work->frame[k]); i++)
+            work->frame[k].data[i] -= (float)(level - *taken);
+    *taken = level;
+    compare(work);
+    for (int row = 0; row < 2 * work->tried; row++) {
+        const double *shares = work->unexplained[row / 2][row % 2];
+        left_over now = {.level = level};
+        for (int k = 0; k < work->count; k++) {
+            now.log[k] = log(fmax(shares[k], LEAST_SHARE) * work->level.frame_energy[k]);
+            now.mean += now.log[k] / work->count;
+        }
+        best = now.mean < best.mean ? now : best;
+    }
+    return best;
+}
+
+/* By golden sections, after steps of one length. */
+static left_over best_level(surveying *work, left_over none, double most, double *taken)
+{
+    const double golden = 0.5 * (sqrt(5.0) - 1.0), step = most / LEVELS;
+    left_over best = none;
+    for (int i = 1; i <= LEVELS; i++) {
+        const left_over now = try_level(work, i * step, taken);
+        best = now.mean < best.mean ? now : best;
+    }
+    double low = fmax(0.0, best.level - step), high = fmin(most, best.level + step);
+    left_over left = try_level(work, high - golden * (high - low), taken);
+    left_over right = try_level(work, low + golden * (high - low), taken);
+    for (int i = 0; i < SECTIONS; i++)
+        if (left.mean < right.mean) {
+            high = right.level;
+            right = left;
+            left = try_level(work, high - golden * (high - low), taken);
+        } else {
+            low = left.level;
+            left = right;
+            right = try_level(work, low + golden * (high - low), taken);
+        }
+    best = left.mean < best.mean ? left : best;
+    return right.mean < best.mean ? right : best;
+}
+
+/* The level where less is left of the frames with it, surely; otherwise 0. */
+static double choose_level(surveying *work)
+{
+    const double most = ABOVE * darkest(work);
+    double taken = 0.0, less[MOST_PAIRS];
+    if (!(most >= LEAST_DARK))
+        return 0.0;
+    const left_over none = try_level(work, 0.0, &taken), best = best_level(work, none, most, &taken);
+    for (int k = 0; k < work->count; k++)
+        less[k] = none.log[k] - best.log[k];
+    return is_better(less, work->count, log(DARK_BETTER)) ? best.level : 0.0;
+}
+
+hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pairs, hada_error *err)
+{
+    surveying work = {.options = *options,
+                      .pairs = pairs,
+                      .counts = hada_dataset_get_info(pairs)->counts,
+                      .what = "looks at pairs, for their dark level"};
+    hada_status status = HADA_OK;
+    if (!options->find_dark || options->dark != 0.0)
+        return HADA_OK;
+    work.tried = options->scene_response == HADA_AUTO ? DARK_RESPONSES : 1;
+    work.response = work.tried == 1 ? &options->scene_response : dark_responses;
+    HADA_TRY_OR_DONE(begin(&work, err));
+    if (work.count >= LEAST)
+        options->dark = choose_level(&work);
+done:
+    end(&work);
+    return status;
 }

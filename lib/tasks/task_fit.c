@@ -242,12 +242,13 @@ hada_status hada_fit_choose_boundary(hada_fit_options *fit, hada_context *contex
 
 hada_status hada_fit_agree(hada_fit_options *fit, const hada_communicator *ranks, hada_error *err)
 {
-    double found[] = {fit->scene_response, fit->boundary, fit->grid_rows, fit->grid_cols};
+    double found[] = {fit->scene_response, fit->boundary, fit->grid_rows, fit->grid_cols, fit->dark};
     const hada_status status = hada_broadcast(ranks, 0, found, sizeof found, err);
     fit->scene_response = found[0];
     fit->boundary = (hada_boundary)found[1];
     fit->grid_rows = (int)found[2];
     fit->grid_cols = (int)found[3];
+    fit->dark = found[4];
     return status;
 }
 
@@ -379,13 +380,32 @@ static hada_status leave_out(learning *of, hada_context *context, hada_error *er
     return HADA_OK;
 }
 
+/* What is open is as in the sums to be added. */
+static hada_status look_at_sums(learning *of, hada_error *err)
+{
+    hada_fit_options *fit = &of->fit, sums;
+    if (!of->task.merge_count)
+        return HADA_OK;
+    hada_fit_options_init(&sums);
+    HADA_TRY(hada_fit_sums_look(of->task.merge[0], &sums, err));
+    if (fit->scene_response == HADA_AUTO)
+        fit->scene_response = sums.scene_response;
+    if (fit->find_dark && fit->dark == 0.0)
+        fit->dark = sums.dark;
+    fit->find_dark = 0;
+    if (of->task.boundary || fit->boundary == HADA_BOUNDARY_CIRCULAR)
+        return HADA_OK;
+    fit->boundary = sums.boundary;
+    fit->grid_rows = sums.grid_rows;
+    fit->grid_cols = sums.grid_cols;
+    return HADA_OK;
+}
+
 /* The response of the scenes and exposures, where they are to be found, before any pair is added. */
 static hada_status survey(learning *of, hada_error *err)
 {
     const hada_fit_task *task = &of->task;
     hada_fit_options *fit = &of->fit;
-    if (fit->scene_response == HADA_AUTO && task->merge_count)
-        HADA_TRY(hada_fit_sums_response(task->merge[0], &fit->scene_response, err));
     const int open = fit->scene_response == HADA_AUTO || task->exposure == HADA_EXPOSURE_AUTO;
     if (task->exposure != HADA_EXPOSURE_EACH && !(fit->leave_one_out && open))
         return HADA_OK;
@@ -398,10 +418,8 @@ static hada_status survey(learning *of, hada_error *err)
 /* The boundary where neither the caller nor the camera says that it is circular; sums to be added say theirs. */
 static hada_status find_boundary(learning *of, hada_context *context, hada_error *err)
 {
-    if (of->task.boundary || of->fit.boundary == HADA_BOUNDARY_CIRCULAR)
+    if (of->task.boundary || of->task.merge_count || of->fit.boundary == HADA_BOUNDARY_CIRCULAR)
         return HADA_OK;
-    if (of->task.merge_count)
-        return hada_fit_sums_grid(of->task.merge[0], &of->fit, err);
     return hada_fit_choose_boundary(&of->fit, context, of->data, of->task.monitor, err);
 }
 
@@ -431,6 +449,8 @@ static hada_status learn_pairs(learning *of, hada_context *context, hada_model *
     tell_data(of);
     HADA_TRY(hada_fit_prepare(&of->fit, of->data, task->boundary, monitor, err));
     HADA_TRY(hada_fit_check_content(of->data, err));
+    HADA_TRY(look_at_sums(of, err));
+    HADA_TRY(hada_fit_find_dark(&of->fit, of->data, err));
     HADA_TRY(leave_out(of, context, err));
     HADA_TRY(survey(of, err));
     HADA_TRY(find_boundary(of, context, err));

@@ -2,6 +2,7 @@
 
 #include "core/callers.h"
 #include "core/clock.h"
+#include "fit/fitter.h"
 #include "io/folder.h"
 #include "tasks/fit_steps.h"
 #include "tasks/train_log.h"
@@ -440,7 +441,9 @@ static hada_status survey(training *own, hada_fit_options *fit, hada_error *err)
         const hada_model_info *info = hada_model_get_info(own->model);
         fit->scene_response = info->scene_response;
         fit->dark = info->dark;
+        fit->find_dark = 0;
     }
+    HADA_TRY(hada_fit_find_dark(fit, own->data, err));
     HADA_TRY(hada_fit_survey(&own->survey, &own->even, own->data, fit, HADA_EXPOSURE_AUTO, task->monitor, err));
     return split(own, own->even, err);
 }

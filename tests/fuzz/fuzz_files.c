@@ -80,17 +80,10 @@ void fuzz_model(const uint8_t *data, size_t bytes)
 
 void fuzz_sums(const uint8_t *data, size_t bytes)
 {
-    hada_tensors *tensors;
     hada_fit_options options;
     hada_error err = {0};
-    const char *path = fuzz_path(data, bytes);
-    double response;
-    fuzz_check_file(hada_fit_sums_response(path, &response, &err), &err);
-    if (hada_tensors_open(&tensors, path, &err))
-        return;
     hada_fit_options_init(&options);
-    fuzz_check_file(hada_fit_sums_camera(tensors, path, &options, &err), &err);
-    hada_tensors_close(&tensors);
+    fuzz_check_file(hada_fit_sums_look(fuzz_path(data, bytes), &options, &err), &err);
 }
 
 void fuzz_net(const uint8_t *data, size_t bytes)

@@ -163,6 +163,34 @@ TEST(noise_is_no_evidence)
     }
 }
 
+static double dark_of(pairs *set, const int *some, int find)
+{
+    hada_fit_options options = sizes();
+    SCOPED(hada_dataset) *data = data_of(set, some);
+    options.find_dark = find;
+    ASSERT_OK(hada_fit_find_dark(&options, data, err));
+    return options.dark;
+}
+
+/* Frames without a level have none. */
+TEST(dark_level_is_found)
+{
+    for (int k = 0; k < 8; k++) {
+        const int *some = k & 4 ? two_each : counts;
+        pairs set;
+        make_pairs(&set, k & 1 ? HADA_RESPONSE_SRGB : HADA_RESPONSE_LINEAR, k & 2, 0.003, 1 + (uint64_t)k);
+        assert_true(dark_of(&set, some, 1) == 0.0);
+        for (int i = 0; i < DEPTHS * PAIRS; i++) {
+            hada_image *frame = &set.frame[i / PAIRS][i % PAIRS];
+            for (size_t at = 0; at < hada_image_count(frame); at++)
+                frame->data[at] += 0.06f;
+        }
+        assert_true(dark_of(&set, some, 0) == 0.0);
+        assert_float_equal(dark_of(&set, some, 1), 0.06, 0.002);
+        free_pairs(&set);
+    }
+}
+
 /* A scene made as bright as its frame was exposed, in its own encoding. */
 TEST(scenes_are_evened)
 {

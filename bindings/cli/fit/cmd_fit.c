@@ -102,7 +102,8 @@ static const hada_cli_option options[] = {
      ONE_OF(task.boundary, HADA_BOUNDARY_CIRCULAR, HADA_BOUNDARY_PADDED)},
     {HADA_OPTION_SIZE, "window", 0, "HxW", "field of view, where the scenes or the PSF are as large as the frame", NULL,
      AT(window)},
-    {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL", "dark level of the raw frames (default: none)",
+    {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL",
+     "dark level of the raw frames (default: found from the pairs; none for a PSF)",
      "Taken off every pixel. FILE: the mean of a dark frame; auto: each frame's own, its darkest percent; LEVEL: a "
      "share of full scale. The model remembers it.",
      AT(dark)},
@@ -164,7 +165,6 @@ static const hada_cli_option options[] = {
 static void defaults(void *user)
 {
     settings *set = user;
-    set->dark = "none";
     set->frame_encoding = "auto";
     set->response = "auto";
     hada_fit_options_init(&set->fit);
@@ -414,6 +414,7 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     HADA_TRY_OR_DONE(hada_response_from_name(&fit.scene_response, set->response, err));
     if (folder) {
         HADA_TRY_OR_DONE(hada_response_from_name(&scan.frame_encoding, set->frame_encoding, err));
+        fit.find_dark = !set->dark;
         HADA_TRY_OR_DONE(hada_cli_read_dark_level(&fit.dark, set->dark, err));
         HADA_TRY_OR_DONE(hada_cli_read_flat(&flat, set->flat, set->dark, err));
         scan.flat_frame = set->flat ? &flat : NULL;

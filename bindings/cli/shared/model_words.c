@@ -37,6 +37,8 @@ void hada_cli_dark_free(hada_cli_dark *dark)
 hada_status hada_cli_read_dark_level(double *level, const char *text, hada_error *err)
 {
     hada_cli_dark dark;
+    if (!text)
+        return HADA_OK;
     const hada_status status = hada_cli_read_dark(&dark, text, err);
     *level = dark.kind == HADA_DARK_AUTO ? HADA_AUTO : dark.level == HADA_AUTO ? nextafter(dark.level, 0) : dark.level;
     hada_cli_dark_free(&dark);

@@ -75,7 +75,7 @@ typedef struct hada_cli_dark {
 hada_status hada_cli_read_dark(hada_cli_dark *dark, const char *text, hada_error *err);
 void hada_cli_dark_free(hada_cli_dark *dark);
 
-/* The same as one number: negative for each frame's own, a file's mean. */
+/* The same as one number: negative for each frame's own, a file's mean. text NULL: *level stays. */
 hada_status hada_cli_read_dark_level(double *level, const char *text, hada_error *err);
 
 /* The flat frame of a file, above the level or the dark frame that --dark names (NULL: 0). path NULL: none. */

@@ -141,7 +141,6 @@ static void defaults(void *user)
     hada_augment_init(&set->augment);
     hada_fit_options_init(&set->fit);
     hada_train_task_init(&set->task);
-    set->dark = "none";
     set->steps = NOT_GIVEN;
 }
 
@@ -374,6 +373,7 @@ static hada_status complete(hada_cli *cli, settings *set, parts *of, hada_error 
     task->monitor = &cli->monitor;
     HADA_TRY(choose_net(set, of, err));
     HADA_TRY(read_hold_out(set->hold_out, &task->hold_out, err));
+    set->fit.find_dark = !set->dark;
     HADA_TRY(hada_cli_read_dark_level(&set->fit.dark, set->dark, err));
     if (set->model)
         HADA_TRY(hada_model_load(&of->model, set->model, err));

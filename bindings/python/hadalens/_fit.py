@@ -51,7 +51,7 @@ class FitOptions(TypedDict, total=False):
     """What :func:`fit` and :class:`Fitter` take alike, by keyword."""
 
     form: Literal["complex", "split"]
-    dark: float | None
+    dark: float | Literal["pairs"] | None
     alpha: float | None
     regularisation: float | None
     outside: float | None
@@ -71,7 +71,7 @@ def fit_options(
     *,
     form: str = "complex",
     window: tuple[int, int] | None = None,
-    dark: float | None = 0.0,
+    dark: float | Literal["pairs"] | None = "pairs",
     alpha: float | None = None,
     regularisation: float | None = None,
     outside: float | None = None,
@@ -94,7 +94,8 @@ def fit_options(
         form=form,
         window_rows=rows,
         window_cols=cols,
-        dark=AUTO if dark is None else dark,
+        dark=0.0 if dark == "pairs" else AUTO if dark is None else dark,
+        find_dark=dark == "pairs",
         alpha=alpha,
         outside=outside,
         refine_steps=refine_steps,
@@ -121,7 +122,7 @@ def fit(
     boundary: Boundary | None = None,
     window: tuple[int, int] | None = None,
     form: Literal["complex", "split"] = "complex",
-    dark: float | None = 0.0,
+    dark: float | Literal["pairs"] | None = "pairs",
     alpha: float | None = None,
     regularisation: float | None = None,
     outside: float | None = None,
@@ -154,7 +155,7 @@ def fit(
         boundary: whether light leaves the sensor ("padded") or not ("circular"); None: found from the pairs.
         window: rows and columns of the scene; None: the scenes' size.
         form: of the filters.
-        dark: taken off the frames; None: estimated from each.
+        dark: taken off the frames; "pairs": found from all pairs; None: estimated from each frame.
         alpha, regularisation, outside, refine_steps, refine_tv, refine_colour, refine_ridge, crop_passes: None: chosen
             by leaving pairs out (docs/explanation/learning-a-camera.md, docs/explanation/refinement.md).
         nonnegative: point spread functions are nowhere negative, where the pairs say too little.

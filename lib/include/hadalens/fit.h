@@ -67,6 +67,8 @@ typedef struct hada_fit_options {
                            of the data set. HADA_MOSAIC_NONE (default): pixels hold all channels */
     int downsample;     /* by which the data set bins pairs, for the model to do the same: in hada_fit_run() as */
     hada_mosaic sensor_mosaic; /* hada_dataset_info says; 1 and HADA_MOSAIC_NONE by default */
+    int find_dark; /* 1 (default): where `dark` is 0, hada_fit_run() and hada_train_run() look in the pairs for a level
+                      that all frames have in common */
 } hada_fit_options;
 HADA_INIT(hada_fit_options, HADA_STRUCT_FIT_OPTIONS)
 

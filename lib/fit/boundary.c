@@ -1,4 +1,5 @@
-/* Whether light leaves the sensor, and the smallest grid that suffices: from a few pairs, before a fit. */
+/* Whether light leaves the sensor, and the smallest grid that suffices: from a few pairs, before a fit. On that grid,
+ * the dark level more precisely. */
 
 #include "core/callers.h"
 #include "fit/fitter.h"
@@ -6,7 +7,7 @@
 /* Pairs that are learned from at most, those held out beside them, and iterations: fewer than for a model, as only two
  * grids are compared (docs/explanation/learning-a-camera.md). */
 enum { LEARNED = 8, MOST_HELD = 2, MANY_PAIRS = 4, PASSES = 9 };
-#define WHY "looks at pairs, for the boundary"
+#define WHY "looks at pairs, for boundary and dark level"
 
 /* By this share more may be left of held-out frames on a smaller grid, 20 decibels below the noise; and so many times
  * the standard deviation of what is left, which counts where frames are small. */
@@ -19,6 +20,11 @@ enum { LEARNED = 8, MOST_HELD = 2, MANY_PAIRS = 4, PASSES = 9 };
 enum { FEW_PAIRS = 2, FEW_DEPTHS = 3 };
 #define LEAST_RATIO 0.93
 #define MOST_RATIO  1.4
+
+/* The dark level is the least of a parabola through what is left with it and, this share of it apart, two others; it
+ * changes by MOST_STEPS such steps. */
+#define DARK_STEP  0.1
+#define MOST_STEPS 5.0
 
 /* Shares of a window beyond the sensor's edge that are tried, so that its two edges can still be distinguished. */
 static const double overhangs[] = {0.0, 0.25, 0.5, 0.75, 1.0};
@@ -189,6 +195,43 @@ static hada_status search_few(look *at, const hada_dataset *pairs, int *rows, in
     return HADA_OK;
 }
 
+/* The first depth of which a pair can be held out; the number of depths if there is none. */
+static int first_depth(const hada_fit_options *options, const hada_dataset *pairs)
+{
+    int z = 0;
+    while (z < options->depths && hada_dataset_get_info(pairs)->counts[z] < FEW_PAIRS)
+        z++;
+    return z;
+}
+
+hada_status hada_fit_refine_dark(hada_fit_options *callers, hada_context *context, const hada_dataset *pairs,
+                                 hada_error *err)
+{
+    hada_fit_options options = *callers;
+    look at = {.context = context, .options = &options, .depth = first_depth(callers, pairs)};
+    const int rows =
+        options.grid_rows ? options.grid_rows : with_overhang(options.raw_rows, options.window_rows, OVERHANGS - 1);
+    const int cols =
+        options.grid_cols ? options.grid_cols : with_overhang(options.raw_cols, options.window_cols, OVERHANGS - 1);
+    double left[3];
+    hada_status status = HADA_OK;
+    if (at.depth == options.depths)
+        return HADA_OK;
+    HADA_TRY_OR_DONE(take_pairs(&at, pairs, err));
+    for (int k = 0; k < 3; k++) {
+        options.dark = callers->dark * (1.0 + DARK_STEP * (k - 1));
+        HADA_TRY_OR_DONE(left_on(&at, rows, cols, &left[k], err));
+    }
+    const double bend = left[0] - 2.0 * left[1] + left[2];
+    if (bend > 0.0) {
+        const double steps = 0.5 * (left[0] - left[2]) / bend;
+        callers->dark *= 1.0 + DARK_STEP * fmin(fmax(steps, -MOST_STEPS), MOST_STEPS);
+    }
+done:
+    return_pairs(&at);
+    return status;
+}
+
 hada_status hada_fit_sizes_from(hada_fit_options *options, const hada_dataset *pairs, hada_error *err)
 {
     const hada_dataset_info *info = hada_dataset_get_info(pairs);
@@ -234,8 +277,7 @@ hada_status hada_fit_find_boundary(hada_fit_options *callers, hada_context *cont
     hada_fit_options_init(&options);
     HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_fit_options, err));
     HADA_TRY(hada_fit_sizes_from(&options, pairs, err));
-    while (at.depth < options.depths && hada_dataset_get_info(pairs)->counts[at.depth] < FEW_PAIRS)
-        at.depth++;
+    at.depth = first_depth(&options, pairs);
     options.boundary = HADA_BOUNDARY_PADDED;
     options.grid_rows = options.grid_cols = 0;
     if (at.depth < options.depths) {

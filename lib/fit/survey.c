@@ -26,11 +26,10 @@ enum { RESPONSES = sizeof responses / sizeof *responses };
  * were exposed alike it takes off a few percent, on those exposed by a factor of two it left a fiftieth. */
 #define APART_BELOW 0.5
 
-/* Dark levels are tried in so many steps up to ABOVE times the darkest place of all frames, which noise lowers, then
- * between the best one's neighbours; below LEAST_DARK of full scale none is looked for. A level must leave less of the
- * frames by this factor, by BETTER_ERRORS (perf/results/learning.md). */
+/* Dark levels are tried in so many steps up to the darkest place of all frames, then between the best one's neighbours;
+ * below LEAST_DARK of full scale none is looked for. A level must leave less of the frames by this factor, by
+ * BETTER_ERRORS (perf/results/learning.md). */
 enum { LEVELS = 6, SECTIONS = 10, DARK_RESPONSES = 3 };
-#define ABOVE       1.2
 #define LEAST_DARK  1e-3
 #define DARK_BETTER 1.5
 static const double dark_responses[DARK_RESPONSES] = {HADA_RESPONSE_LINEAR, 1.5, HADA_RESPONSE_SRGB};
@@ -59,6 +58,7 @@ typedef struct surveying {
     const double *response;
     hada_pair_level level;
     int count, depth[MOST_PAIRS];
+    double noise[MOST_PAIRS]; /* of a reduced pixel */
     hada_image frame[MOST_PAIRS], scene[MOST_PAIRS][RESPONSES];
     double unexplained[RESPONSES][2][MOST_PAIRS]; /* exposures alike, and apart */
 } surveying;
@@ -68,6 +68,7 @@ static hada_status take_pair(surveying *work, int depth, int pair, hada_error *e
 {
     const hada_fit_options *options = &work->options;
     hada_pair taken = {0};
+    hada_pixels pixels;
     hada_status status = HADA_OK;
     if (!work->progress.what)
         work->progress = hada_progress_begin(options->monitor, work->what, 0);
@@ -76,6 +77,8 @@ static hada_status take_pair(surveying *work, int depth, int pair, hada_error *e
     if (!hada_reducer_fits(&work->reducer, taken.raw, taken.scene))
         goto done;
     HADA_TRY_OR_DONE(hada_reduce_frame(&work->reducer, taken.raw, &work->frame[work->count], err));
+    hada_pixels_of_image(&pixels, taken.raw);
+    work->noise[work->count] = hada_noise_estimate(&pixels, options->mosaic) / work->reducer.factor;
     work->depth[work->count] = depth;
     work->count++; /* from here on it is freed */
     for (int r = 0; r < work->tried; r++)
@@ -318,7 +321,10 @@ hada_status hada_survey_apply(hada_dataset **out, const hada_survey *survey, con
     return hada_dataset_brighten(out, pairs, survey->gains, survey->response, err);
 }
 
-/* The darkest place of all frames: of each the first percentile of its reduced pixels. */
+/* Of Gaussian noise one value in a hundred is so many standard deviations below the mean. */
+#define FIRST_PERCENTILE 2.326
+
+/* The darkest place of all frames: of each the first percentile of its reduced pixels, were they without noise. */
 static double darkest(const surveying *work)
 {
     double least = INFINITY;
@@ -326,7 +332,8 @@ static double darkest(const surveying *work)
         const hada_image *frame = &work->frame[k];
         const size_t area = (size_t)frame->rows * (size_t)frame->cols;
         for (size_t c = 0; c < (size_t)frame->channels; c++)
-            least = fmin(least, hada_dark_estimate(frame->data + c * area, area, work->reducer.room));
+            least = fmin(least, hada_dark_estimate(frame->data + c * area, area, work->reducer.room) +
+                                    FIRST_PERCENTILE * work->noise[k]);
     }
     return least;
 }
@@ -386,7 +393,7 @@ static left_over best_level(surveying *work, left_over none, double most, double
 /* The level where less is left of the frames with it, surely; otherwise 0. */
 static double choose_level(surveying *work)
 {
-    const double most = ABOVE * darkest(work);
+    const double most = darkest(work);
     double taken = 0.0, less[MOST_PAIRS];
     if (!(most >= LEAST_DARK))
         return 0.0;
@@ -403,13 +410,16 @@ hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pa
                       .counts = hada_dataset_get_info(pairs)->counts,
                       .what = "looks at pairs, for their dark level"};
     hada_status status = HADA_OK;
-    if (!options->find_dark || options->dark != 0.0)
+    if (options->dark != 0.0)
+        options->find_dark = 0;
+    if (!options->find_dark)
         return HADA_OK;
     work.tried = options->scene_response == HADA_AUTO ? DARK_RESPONSES : 1;
     work.response = work.tried == 1 ? &options->scene_response : dark_responses;
     HADA_TRY_OR_DONE(begin(&work, err));
     if (work.count >= LEAST)
         options->dark = choose_level(&work);
+    options->find_dark = options->dark > 0.0;
 done:
     end(&work);
     return status;

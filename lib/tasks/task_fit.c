@@ -230,14 +230,19 @@ hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, const hada_d
     return hada_survey_apply(even, *out, data, err);
 }
 
-hada_status hada_fit_choose_boundary(hada_fit_options *fit, hada_context *context, const hada_dataset *pairs,
-                                     const hada_monitor *monitor, hada_error *err)
+hada_status hada_fit_choose_boundary(hada_fit_options *fit, hada_context *context, const hada_dataset *pairs, int given,
+                                     hada_error *err)
 {
-    HADA_TRY(hada_fit_find_boundary(fit, context, pairs, err));
-    hada_monitor_tell(monitor, HADA_MESSAGE_DETAIL,
-                      fit->boundary == HADA_BOUNDARY_CIRCULAR ? "no light leaves the sensor: boundary circular"
-                                                              : "light leaves the sensor: boundary padded");
-    return HADA_OK;
+    if (fit->boundary == HADA_BOUNDARY_CIRCULAR)
+        return HADA_OK;
+    if (!given) {
+        HADA_TRY(hada_fit_find_boundary(fit, context, pairs, err));
+        hada_monitor_tell(fit->monitor, HADA_MESSAGE_DETAIL,
+                          fit->boundary == HADA_BOUNDARY_CIRCULAR ? "no light leaves the sensor: boundary circular"
+                                                                  : "light leaves the sensor: boundary padded");
+    }
+    return fit->find_dark && fit->boundary == HADA_BOUNDARY_PADDED ? hada_fit_refine_dark(fit, context, pairs, err)
+                                                                   : HADA_OK;
 }
 
 hada_status hada_fit_agree(hada_fit_options *fit, const hada_communicator *ranks, hada_error *err)
@@ -415,14 +420,6 @@ static hada_status survey(learning *of, hada_error *err)
     return HADA_OK;
 }
 
-/* The boundary where neither the caller nor the camera says that it is circular; sums to be added say theirs. */
-static hada_status find_boundary(learning *of, hada_context *context, hada_error *err)
-{
-    if (of->task.boundary || of->task.merge_count || of->fit.boundary == HADA_BOUNDARY_CIRCULAR)
-        return HADA_OK;
-    return hada_fit_choose_boundary(&of->fit, context, of->data, of->task.monitor, err);
-}
-
 /* Held-out scenes of a usable model are better than constant images by this many decibels: the poorest real camera
  * (six pairs) has 4, pairs that do not belong together have less than 0. */
 #define LEAST_GAIN 0.5
@@ -453,7 +450,8 @@ static hada_status learn_pairs(learning *of, hada_context *context, hada_model *
     HADA_TRY(hada_fit_find_dark(&of->fit, of->data, err));
     HADA_TRY(leave_out(of, context, err));
     HADA_TRY(survey(of, err));
-    HADA_TRY(find_boundary(of, context, err));
+    if (!task->merge_count)
+        HADA_TRY(hada_fit_choose_boundary(&of->fit, context, of->data, task->boundary, err));
     HADA_TRY(hada_fit_agree(&of->fit, &of->ranks, err));
     HADA_TRY(hada_fitter_create(&of->fitter, context, &of->fit, err));
     hada_monitor_tell(monitor, HADA_MESSAGE_DETAIL, "the sums take %.1f MiB on the device",

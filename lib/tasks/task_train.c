@@ -477,8 +477,7 @@ static hada_status find_model(training *own, hada_context *context, hada_error *
     if (own->model)
         return HADA_OK;
     fit.communicator = &own->work.ranks;
-    if (!task->boundary && fit.boundary == HADA_BOUNDARY_PADDED)
-        HADA_TRY(hada_fit_choose_boundary(&fit, context, own->learn, task->monitor, err));
+    HADA_TRY(hada_fit_choose_boundary(&fit, context, own->learn, task->boundary, err));
     HADA_TRY(hada_fit_agree(&fit, &own->work.ranks, err));
     HADA_TRY(blank ? hada_model_from_filters(&own->made, &fit, NULL, NULL, err) : fit_exactly(own, context, &fit, err));
     own->model = own->made;

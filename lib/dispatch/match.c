@@ -222,7 +222,7 @@ static void take_dark_off(reduced *of, const hada_plan_options *options)
                    : options->dark == HADA_DARK_LEVEL ? options->dark_level
                                                       : 0.0;
     if (options->dark == HADA_DARK_AUTO || (options->dark == HADA_DARK_MODEL && level == HADA_AUTO))
-        level = hada_dark_estimate(of->frame.data, count, of->psfs[0].data);
+        level = hada_first_percentile(of->frame.data, count, of->psfs[0].data);
     for (size_t i = 0; i < count; i++)
         of->frame.data[i] -= (float)level;
 }

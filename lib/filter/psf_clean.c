@@ -49,7 +49,7 @@ static double dark_noise(const float *pixels, int rows, int cols, float *room)
 
 static double background_of(const float *pixels, size_t count, double noise, float *room)
 {
-    double level = hada_dark_estimate(pixels, count, room) + PERCENTILE * noise;
+    double level = hada_first_percentile(pixels, count, room) + PERCENTILE * noise;
     for (int step = 0; noise > 0.0 && step < NEAR_STEPS; step++) {
         double sum = 0.0, near = 0.0;
         for (size_t i = 0; i < count; i++)

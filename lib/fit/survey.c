@@ -332,7 +332,7 @@ static double darkest(const surveying *work)
         const hada_image *frame = &work->frame[k];
         const size_t area = (size_t)frame->rows * (size_t)frame->cols;
         for (size_t c = 0; c < (size_t)frame->channels; c++)
-            least = fmin(least, hada_dark_estimate(frame->data + c * area, area, work->reducer.room) +
+            least = fmin(least, hada_first_percentile(frame->data + c * area, area, work->reducer.room) +
                                     FIRST_PERCENTILE * work->noise[k]);
     }
     return least;

@@ -29,7 +29,7 @@ static inline float hada_flat_value(float value, float sensitivity, double dark)
 void hada_flat_apply(hada_image *frame, hada_mosaic mosaic, const hada_image *sensitivity, const double *levels,
                      const float *dark_frame);
 
-/* The same for a frame whose dark level is `dark`, or (HADA_AUTO) the first percentile of each of its channels. Pixels
+/* The same for a frame whose dark level is `dark`, or (HADA_AUTO) that of each of its channels (statistics.h). Pixels
  * that see hardly any light are repaired, but in a frame with values that are not finite, which stay. HADA_ERROR_SIZE.
  */
 hada_status hada_flat_correct(hada_image *frame, hada_mosaic mosaic, const hada_image *sensitivity, double dark,

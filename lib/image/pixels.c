@@ -81,22 +81,6 @@ const float *hada_pixels_floats(const hada_pixels *p, int channel, size_t first,
     return room;
 }
 
-void hada_pixels_count(const hada_pixels *p, int channel, size_t counts[HADA_PIXEL_NUMBERS])
-{
-    memset(counts, 0, HADA_PIXEL_NUMBERS * sizeof *counts);
-    for (int row = 0; row < p->rows; row++) {
-        const unsigned char *at =
-            (const unsigned char *)p->data + channel * p->channel_stride + (ptrdiff_t)row * p->row_stride;
-        for (int col = 0; col < p->cols; col++, at += p->col_stride)
-            counts[p->type == HADA_PIXEL_U8 ? *at : *(const uint16_t *)(const void *)at]++;
-    }
-}
-
-float hada_pixels_value(const hada_pixels *p, int number)
-{
-    return (float)number / scale_of(p);
-}
-
 hada_stored hada_pixels_stored(const hada_pixels *p)
 {
     const ptrdiff_t bytes = bytes_of(p->type), strides[] = {p->channel_stride, p->row_stride, p->col_stride};

@@ -19,11 +19,6 @@ const float *hada_pixels_floats(const hada_pixels *pixels, int channel, size_t f
 /* An image of checked pixels; created by the call. */
 hada_status hada_pixels_copy(const hada_pixels *pixels, hada_image *image, hada_error *err);
 
-/* Of 8 or 16 bits: how often each of HADA_PIXEL_NUMBERS numbers occurs in a channel, and the float of a number. */
-enum { HADA_PIXEL_NUMBERS = 65536 };
-void hada_pixels_count(const hada_pixels *pixels, int channel, size_t counts[HADA_PIXEL_NUMBERS]);
-float hada_pixels_value(const hada_pixels *pixels, int number);
-
 /* The memory that holds all samples, from the lowest address on, and where they are in it. */
 typedef struct hada_stored {
     const void *data;

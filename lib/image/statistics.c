@@ -37,55 +37,39 @@ float hada_select_rank(float *values, size_t count, size_t k)
     return values[k];
 }
 
-static int is_whole(const hada_pixels *pixels)
-{
-    return pixels->type != HADA_PIXEL_F32;
-}
+/* At most so many pixels in a row, whose mean counts as one value with a quarter of their noise; fewer where that
+ * leaves fewer than LEAST_RUNS, for the dark places of small frames are small. */
+enum { MOST_IN_RUN = 16, LEAST_RUNS = 4096 };
 
-static size_t dark_room(const hada_pixels *pixels)
+double hada_first_percentile(const float *pixels, size_t count, float *room)
 {
-    const size_t plane = (size_t)pixels->rows * (size_t)pixels->cols;
-    return is_whole(pixels) ? HADA_PIXEL_NUMBERS * sizeof(size_t) : plane * sizeof(float);
-}
-
-/* The number of rank k, by how often each occurs. */
-static float rank_by_counts(const hada_pixels *pixels, int channel, size_t k, size_t *counts)
-{
-    int number = 0;
-    hada_pixels_count(pixels, channel, counts);
-    for (size_t below = counts[0]; below <= k; below += counts[number])
-        number++;
-    return hada_pixels_value(pixels, number);
-}
-
-static size_t dark_rank(size_t count)
-{
-    return (count - 1) / 100;
+    if (pixels != room)
+        memcpy(room, pixels, count * sizeof *room);
+    return hada_select_rank(room, count, (count - 1) / 100);
 }
 
 double hada_dark_estimate(const float *pixels, size_t count, float *room)
 {
-    if (pixels != room)
-        memcpy(room, pixels, count * sizeof *room);
-    return hada_select_rank(room, count, dark_rank(count));
-}
-
-/* The dark level of a channel, of whole numbers by counting them. `room` holds dark_room() bytes. */
-static double dark_level(const hada_pixels *pixels, int channel, void *room)
-{
-    const size_t plane = (size_t)pixels->rows * (size_t)pixels->cols;
-    return is_whole(pixels) ? rank_by_counts(pixels, channel, dark_rank(plane), room)
-                            : hada_dark_estimate(hada_pixels_floats(pixels, channel, 0, plane, room), plane, room);
+    const size_t run = count < 2 * LEAST_RUNS ? 1 : count < MOST_IN_RUN * LEAST_RUNS ? count / LEAST_RUNS : MOST_IN_RUN;
+    const size_t runs = count / run;
+    for (size_t i = 0; i < runs; i++) {
+        float sum = 0.0f;
+        for (size_t k = 0; k < run; k++)
+            sum += pixels[i * run + k];
+        room[i] = sum / (float)run;
+    }
+    return hada_first_percentile(room, runs, room);
 }
 
 hada_status hada_dark_levels(const hada_pixels *pixels, hada_mosaic mosaic, double *levels, hada_error *err)
 {
     const int colours = mosaic == HADA_MOSAIC_NONE ? pixels->channels : HADA_MOSAIC_COLOURS;
-    void *room = hada_alloc_raw(dark_room(pixels), 1, "the dark level", err);
+    const size_t plane = (size_t)pixels->rows * (size_t)pixels->cols;
+    float *room = hada_alloc_raw(plane, sizeof *room, "the dark level", err);
     HADA_TRY(hada_allocated(room));
     for (int c = 0; c < colours; c++) {
         if (mosaic == HADA_MOSAIC_NONE) {
-            levels[c] = dark_level(pixels, c, room);
+            levels[c] = hada_dark_estimate(hada_pixels_floats(pixels, c, 0, plane, room), plane, room);
         } else {
             const size_t own = hada_mosaic_own(mosaic, c, pixels->data, pixels->rows, pixels->cols, room);
             levels[c] = hada_dark_estimate(room, own, room);

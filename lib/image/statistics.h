@@ -7,8 +7,10 @@
 /* The value of rank k (0: the least) of `count` values, which are reordered; k < count, no NaN. */
 float hada_select_rank(float *values, size_t count, size_t k);
 
-/* The dark level: the first percentile of `count` pixels (1 % lie below). A few dead pixels do not lower it, and light
- * that covers less than 99 % of a frame does not raise it. `room` holds count floats, or is the pixels themselves. */
+/* Of `count` values 1 % lie below it. `room` holds count floats, or is the values themselves. */
+double hada_first_percentile(const float *values, size_t count, float *room);
+/* The dark level of `count` pixels, row by row: the first percentile of means of up to 16 pixels, so that noise hardly
+ * lowers it. A few dead pixels do not either, and light that covers less than 99 % of a frame does not raise it. */
 double hada_dark_estimate(const float *pixels, size_t count, float *room);
 /* That of each channel of a frame; mosaic: of one channel of floats, that of each of its three colours. */
 hada_status hada_dark_levels(const hada_pixels *pixels, hada_mosaic mosaic, double *levels, hada_error *err);

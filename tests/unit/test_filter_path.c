@@ -217,13 +217,18 @@ TEST(layouts_go_both_ways)
     assert_true(sum == 100.0); /* every frequency of the whole spectrum once */
 }
 
-TEST(dark_level_is_the_first_percentile)
+TEST(dark_level_is_the_first_percentile_of_means)
 {
-    float pixels[1000], room[1000];
+    enum { RUNS = 5000, RUN = 16, COUNT = RUNS * RUN + 8 };
+    static float pixels[COUNT], room[COUNT];
+    for (int i = 0; i < COUNT; i++) /* in a row 16 pixels of one mean; fewer at the end are left out */
+        pixels[i] = i < RUNS * RUN ? (float)((i / RUN * 337) % RUNS + (i % 2 ? 500 : -500)) : -1e6f;
+    assert_true(hada_dark_estimate(pixels, COUNT, room) == 49.0);
+    assert_true(hada_dark_estimate(pixels, 1, room) == pixels[0]);
+    assert_true(hada_dark_estimate(pixels, COUNT, pixels) == 49.0);
     for (int i = 0; i < 1000; i++)
         pixels[i] = (float)((i * 337) % 1000);
     assert_true(hada_dark_estimate(pixels, 1000, room) == 9.0);
-    assert_true(hada_dark_estimate(pixels, 1, room) == pixels[0]);
 }
 
 TEST(a_delta_psf_gives_the_identity)

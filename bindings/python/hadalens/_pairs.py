@@ -121,7 +121,7 @@ class Dataset(Handle):
             that is learned from them bins frames.
         flat_frame: an evenly lit sensor, its dark level taken off, by which raw frames are divided: an array (rows,
             cols), or like raw frames, binned or not; None: none.
-        flat_dark: dark level above which they are divided; None: of each frame and channel its first percentile.
+        flat_dark: dark level above which they are divided; None: each frame's and channel's own.
 
     Example:
         >>> pairs = hadalens.Dataset({100.0: [(raw, scene), ...], 250.0: [...]})

@@ -38,7 +38,7 @@ typedef struct hada_dataset_options {
                                      channels or one for all; or hada_model_info's flat. Raw frames are divided by it,
                                      above the dark level `flat_dark`; pixels that see less than a twentieth of the mean
                                      are filled from their neighbours. NULL (default): none. Copied */
-    double flat_dark;             /* 0 by default; HADA_AUTO: of each frame and channel its first percentile */
+    double flat_dark;             /* 0 by default; HADA_AUTO: each frame's and channel's own */
     int downsample; /* raw frames and scenes are binned by it (hada_image_downsample()), raw frames of a mosaic by
                        colour; scenes in their own encoding. The flat frame may have either size. 1 (default): they are
                        not */

@@ -30,19 +30,19 @@ typedef struct hada_fit_options {
     int raw_rows, raw_cols, window_rows, window_cols;
     hada_boundary boundary; /* HADA_BOUNDARY_CIRCULAR by default */
     hada_form form;         /* HADA_FORM_COMPLEX (default) or HADA_FORM_SPLIT */
-    double dark;            /* taken off the raw frames; HADA_AUTO: estimated for each frame and channel, as its first
-                               percentile */
-    double alpha, lambda;   /* HADA_AUTO (default): chosen by leave-one-out */
-    double outside;         /* weight of a filter's error outside the window, 0.01 to 1, for hada_fitter_finish() with
-                               all pairs; HADA_AUTO (default): chosen there by leaving pairs out; 1: the exact fit */
-    int refine_steps;       /* HADA_AUTO (default): chosen by leave-one-out; 0: none */
-    double refine_tv;       /* weight of total variation in refinement; HADA_AUTO (default): chosen with the steps, none
-                               where these are given; 0: none */
-    int nonnegative;        /* 1 (default): transfer functions are those of point spread functions that are nowhere
-                               negative, as light's are, where the pairs say too little; 0: from the pairs alone */
-    double scene_response;  /* how the scenes are encoded (hadalens/response.h): they are brought to linear light before
-                               anything is learned. HADA_AUTO (default): chosen by hada_fit_run(); saved sums say it
-                               themselves; a fitter that is given none takes them as linear */
+    double dark; /* taken off the raw frames; HADA_AUTO: each frame's and channel's own, the first percentile of
+                    means of up to 16 pixels */
+    double alpha, lambda;  /* HADA_AUTO (default): chosen by leave-one-out */
+    double outside;        /* weight of a filter's error outside the window, 0.01 to 1, for hada_fitter_finish() with
+                              all pairs; HADA_AUTO (default): chosen there by leaving pairs out; 1: the exact fit */
+    int refine_steps;      /* HADA_AUTO (default): chosen by leave-one-out; 0: none */
+    double refine_tv;      /* weight of total variation in refinement; HADA_AUTO (default): chosen with the steps, none
+                              where these are given; 0: none */
+    int nonnegative;       /* 1 (default): transfer functions are those of point spread functions that are nowhere
+                              negative, as light's are, where the pairs say too little; 0: from the pairs alone */
+    double scene_response; /* how the scenes are encoded (hadalens/response.h): they are brought to linear light before
+                              anything is learned. HADA_AUTO (default): chosen by hada_fit_run(); saved sums say it
+                              themselves; a fitter that is given none takes them as linear */
     int crop_passes; /* boundary padded: iterations that learn transfer functions with the crop of the sensor in the
                         model, in hada_fitter_finish() with all pairs; at least 3; HADA_AUTO (default): 15; 0: none.
                         With a mosaic, whatever the boundary, and 45 by default */

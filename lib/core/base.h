@@ -94,7 +94,8 @@ static inline hada_status hada_allocated(const void *pointer)
     hada_allocated((pointer) = hada_alloc_raw(count, sizeof *(pointer), what, err))
 
 /* Room for `count` elements of an array; what it holds stays, and so does the array where memory is short:
- * HADA_TRY(HADA_GROW(rows, count, "the rows", err)). */
+ * HADA_TRY(HADA_GROW(rows, count, "the rows", err)). Arrays grow to powers of two, so that one which is asked to grow
+ * by one again and again moves but a few times. */
 hada_status hada_grow(void *place, size_t count, size_t size, const char *what, hada_error *err);
 #define HADA_GROW(pointer, count, what, err) hada_grow(&(pointer), count, sizeof *(pointer), what, err)
 

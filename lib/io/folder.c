@@ -217,12 +217,9 @@ static int is_picture(const char *name)
     return 0;
 }
 
-static hada_status add_name(char ***names, int *count, int *room, const char *name, hada_error *err)
+static hada_status add_name(char ***names, int *count, const char *name, hada_error *err)
 {
-    if (*count == *room) {
-        *room = *room ? 2 * *room : 32;
-        HADA_TRY(HADA_GROW(*names, (size_t)*room, "the names of a folder's files", err));
-    }
+    HADA_TRY(HADA_GROW(*names, (size_t)*count + 1, "the names of a folder's files", err));
     const hada_status status = hada_path_format(&(*names)[*count], err, "%s", name);
     *count += !status;
     return status;
@@ -233,7 +230,6 @@ static hada_status list_names(const char *folder, const char *what, int (*is_wan
                               int *count, hada_error *err)
 {
     hada_status status = HADA_OK;
-    int room = 0;
     *names = NULL;
     *count = 0;
     DIR *open = opendir(folder);
@@ -242,7 +238,7 @@ static hada_status list_names(const char *folder, const char *what, int (*is_wan
     const struct dirent *entry;
     while ((errno = 0, entry = readdir(open)))
         if (is_wanted(entry->d_name))
-            HADA_TRY_OR_DONE(add_name(names, count, &room, entry->d_name, err));
+            HADA_TRY_OR_DONE(add_name(names, count, entry->d_name, err));
     if (errno)
         HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_FILE_READ, "the %s %s cannot be read: %s", what, folder, strerror(errno)));

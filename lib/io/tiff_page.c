@@ -535,12 +535,9 @@ static int is_frame(const hada_tiff_chain *chain, const unsigned char *entries, 
     return 1;
 }
 
-static hada_status append(hada_tiff_chain *chain, uint64_t offset, size_t *room, hada_error *err)
+static hada_status append(hada_tiff_chain *chain, uint64_t offset, hada_error *err)
 {
-    if (chain->count == *room) {
-        *room = *room ? *room * 2 : 16;
-        HADA_TRY(HADA_GROW(chain->pages, *room, "the list of pages", err));
-    }
+    HADA_TRY(HADA_GROW(chain->pages, chain->count + 1, "the list of pages", err));
     chain->pages[chain->count++] = offset;
     return HADA_OK;
 }
@@ -582,7 +579,6 @@ hada_status hada_tiff_chain_read(hada_tiff_chain *chain, int fd, hada_error *err
     HADA_TRY_OR_DONE(read_header(chain, fd, &offset, err));
     /* A ring of directories is found by Brent's method: compare with a mark that moves on at powers of two. */
     uint64_t mark = 0, seen = 0;
-    size_t room = 0;
     hada_limits limits = {.size = sizeof limits};
     HADA_TRY_OR_DONE(hada_limits_get(&limits, err));
     for (size_t step = 0, power = 1; offset; step++) {
@@ -610,7 +606,7 @@ hada_status hada_tiff_chain_read(hada_tiff_chain *chain, int fd, hada_error *err
                                        "the tags of page %zu hold more than the file: it is damaged; get it again",
                                        step + 1));
         if (is_frame(chain, entries, count))
-            HADA_TRY_OR_DONE(append(chain, offset, &room, err));
+            HADA_TRY_OR_DONE(append(chain, offset, err));
         free(entries);
         entries = NULL;
         offset = next;

@@ -239,23 +239,13 @@ double hada_surface_at(const hada_surface *surface, double x, double y, double g
     return value;
 }
 
-static int add_point(hada_contour *points, double x, double y)
+static hada_status add_point(hada_contour *points, double x, double y, hada_error *err)
 {
-    if (points->count == points->room) {
-        const int room = points->room ? 2 * points->room : 4096;
-        double *more_x = realloc(points->x, (size_t)room * sizeof(double));
-        if (more_x)
-            points->x = more_x;
-        double *more_y = realloc(points->y, (size_t)room * sizeof(double));
-        if (more_y)
-            points->y = more_y;
-        if (!more_x || !more_y)
-            return 0;
-        points->room = room;
-    }
+    HADA_TRY(HADA_GROW(points->x, (size_t)points->count + 1, "contour lines", err));
+    HADA_TRY(HADA_GROW(points->y, (size_t)points->count + 1, "contour lines", err));
     points->x[points->count] = x;
     points->y[points->count++] = y;
-    return 1;
+    return HADA_OK;
 }
 
 /* Where the surface changes its sign between neighbours of a lattice, by the straight line between them. */
@@ -269,25 +259,22 @@ static hada_status contour_points(const hada_surface *surface, double half_width
     HADA_TRY_OR_DONE(
         hada_allocated(memory = hada_alloc(2 * (size_t)across, sizeof(double), "rows of a random surface", err)));
     double *above = memory, *here = above + across;
-    int room = 1;
     *out = points;
-    for (int r = 0; r < across && room; r++) {
+    for (int r = 0; r < across; r++) {
         HADA_TRY_OR_DONE(hada_monitor_check(monitor, err));
         const double at_y = (r - half) * step;
-        for (int c = 0; c < across && room; c++) {
+        for (int c = 0; c < across; c++) {
             const double at_x = (c - half) * step;
             here[c] = hada_surface_at(surface, at_x, at_y, NULL);
             if (c && (here[c - 1] < 0.0) != (here[c] < 0.0))
-                room = add_point(&points, at_x - step * here[c] / (here[c] - here[c - 1]), at_y);
-            if (r && room && (above[c] < 0.0) != (here[c] < 0.0))
-                room = add_point(&points, at_x, at_y - step * here[c] / (here[c] - above[c]));
+                HADA_TRY_OR_DONE(add_point(&points, at_x - step * here[c] / (here[c] - here[c - 1]), at_y, err));
+            if (r && (above[c] < 0.0) != (here[c] < 0.0))
+                HADA_TRY_OR_DONE(add_point(&points, at_x, at_y - step * here[c] / (here[c] - above[c]), err));
         }
         double *swap = above;
         above = here;
         here = swap;
     }
-    if (!room)
-        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for contour lines"));
     if (!points.count)
         HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_ARGUMENT,

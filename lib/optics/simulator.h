@@ -29,7 +29,7 @@ typedef struct hada_layer {
 typedef struct hada_between {
     double *distance_mm;
     hada_buffer *otf;
-    int count, room;
+    int count;
 } hada_between;
 
 /* PSFs that vary over the field (varying.c). */

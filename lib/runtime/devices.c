@@ -159,30 +159,22 @@ hada_status hada_platform_devices(hada_platform_device **out, size_t *count, had
         /* Mesa's Clover is listed without devices when it has no GPU: skip it */
         if (clGetDeviceIDs(ids[p], CL_DEVICE_TYPE_ALL, 0, NULL, &here) != CL_SUCCESS || !here)
             continue;
-        cl_device_id *found = calloc(here, sizeof *found);
-        hada_platform_device *more = realloc(devices, (n + here) * sizeof *devices);
-        if (more)
-            devices = more;
-        if (!found || !more) {
-            free(found);
-            status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for the list of devices");
-            break;
-        }
+        cl_device_id *found = NULL;
+        HADA_TRY_OR_DONE(HADA_GROW(devices, n + here, "the list of devices", err));
+        HADA_TRY_OR_DONE(HADA_NEW(found, here, "the list of devices", err));
         if (clGetDeviceIDs(ids[p], CL_DEVICE_TYPE_ALL, here, found, NULL) == CL_SUCCESS)
             for (cl_uint d = 0; d < here; d++)
                 devices[n++] = (hada_platform_device){ids[p], found[d]};
         free(found);
     }
-    free(ids);
-    if (!status && !n)
-        status = no_device(err);
-    if (status) {
-        free(devices);
-        return status;
-    }
+    if (!n)
+        HADA_TRY_OR_DONE(no_device(err));
     *out = devices;
     *count = n;
-    return HADA_OK;
+    devices = NULL;
+done:
+    HADA_FREE(ids, devices);
+    return status;
 }
 
 /* A device that is asked, and what became of it. A question that it does not know is none of our concern; one that it

@@ -260,11 +260,7 @@ static hada_status track_emitters(hada_outputs *out, const hada_emitters *emitte
     const int count = emitters->count;
     int *tracks = NULL;
     hada_status status = HADA_OK;
-    if (out->tracked_count + (size_t)count > out->tracked_room) {
-        const size_t room = 2 * out->tracked_room + (size_t)count;
-        HADA_TRY(HADA_GROW(out->tracked, room, table_words, err));
-        out->tracked_room = room;
-    }
+    HADA_TRY(HADA_GROW(out->tracked, out->tracked_count + (size_t)count, table_words, err));
     HADA_TRY(HADA_NEW(tracks, (size_t)count + 1, table_words, err));
     HADA_TRY_OR_DONE(hada_tracker_add(out->tracker, emitters->list, count, tracks, err));
     for (int i = 0; i < count; i++) {

@@ -24,18 +24,9 @@ enum { LOSS_NUMBERS = 12, VALIDATION_NUMBERS = 11, MOST_NUMBERS = 12 };
 
 static const char what[] = "the log of a training";
 
-/* The next room of a growing array. */
-static size_t more_than(size_t room)
-{
-    return room ? 2 * room : 256;
-}
-
 static hada_status remember_loss(hada_train_log *log, double step, double loss, hada_error *err)
 {
-    if (log->loss_count == log->loss_room) {
-        HADA_TRY(HADA_GROW(log->loss, more_than(log->loss_room), what, err));
-        log->loss_room = more_than(log->loss_room);
-    }
+    HADA_TRY(HADA_GROW(log->loss, log->loss_count + 1, what, err));
     log->loss[log->loss_count++] = (hada_loss_row){step, loss};
     return HADA_OK;
 }
@@ -43,10 +34,7 @@ static hada_status remember_loss(hada_train_log *log, double step, double loss, 
 static hada_status remember_row(hada_train_log *log, uint64_t step, const hada_validation *result, hada_error *err)
 {
     hada_validation *copy = NULL;
-    if (log->row_count == log->row_room) {
-        HADA_TRY(HADA_GROW(log->rows, more_than(log->row_room), what, err));
-        log->row_room = more_than(log->row_room);
-    }
+    HADA_TRY(HADA_GROW(log->rows, log->row_count + 1, what, err));
     HADA_TRY(HADA_NEW(copy, 1, what, err));
     *copy = *result;
     log->rows[log->row_count++] = (hada_train_row){step, copy};

@@ -111,6 +111,10 @@ typedef struct hada_replica_shape {
     int groups;
 } hada_replica_shape;
 
+/* The form of the filters that are trained: what the options say, else the model's own, or complex from random ones. */
+hada_status hada_train_form(const hada_train_options *options, const hada_model_info *info, hada_form *form,
+                            hada_error *err);
+
 hada_status hada_replica_shape_of(const hada_context *context, const hada_replica_desc *desc, hada_replica_shape *shape,
                                   hada_error *err);
 

@@ -164,7 +164,7 @@ static hada_status train_nets_make(hada_train_nets *nets, const hada_train_optio
     const int channels = hada_model_get_info(model)->channels;
     hada_status status = HADA_OK;
     *nets = (hada_train_nets){0};
-    if (hada_stage_has_net(options->stage))
+    if (options->stage != HADA_STAGE_FILTERS)
         HADA_TRY_OR_DONE(make_net(&nets->net, options, model, err));
     if (hada_stage_has_discriminator(options))
         HADA_TRY_OR_DONE(make_discriminator(&nets->discriminator, options, channels, err));

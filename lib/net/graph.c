@@ -56,12 +56,7 @@ static hada_batch_norm norm_of(const hada_graph *graph, int node, int colour)
 /* An image's values in channel, row, column order, one image after the other. */
 static hada_planar flat_of(const hada_graph *graph, const hada_tensor *tensor, size_t offset)
 {
-    const size_t cols = (size_t)tensor->cols, plane = cols * (size_t)tensor->rows;
-    return (hada_planar){.mem = graph->extras.mem,
-                         .offset = offset,
-                         .image_stride = plane * (size_t)tensor->channels,
-                         .channel_stride = plane,
-                         .row_stride = cols};
+    return hada_planar_like(tensor, graph->extras.mem, offset);
 }
 
 static hada_status conv_forward(hada_graph *graph, int i, const hada_tensor *x, const hada_tensor *y, hada_error *err)

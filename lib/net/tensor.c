@@ -57,6 +57,12 @@ hada_tensor_layout hada_layout_of(const hada_tensor *tensor)
                                 .blocks = (int)blocks_of(tensor->block, tensor->channels)};
 }
 
+hada_planar hada_planar_at(cl_mem mem, size_t offset, int channels, int rows, int cols)
+{
+    const size_t plane = (size_t)rows * (size_t)cols;
+    return (hada_planar){mem, offset, plane * (size_t)channels, plane, (size_t)cols};
+}
+
 hada_planar_layout hada_planar_layout_of(const hada_planar *planar)
 {
     return (hada_planar_layout){planar->offset, planar->image_stride, planar->channel_stride, planar->row_stride};

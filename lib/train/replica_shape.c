@@ -308,16 +308,6 @@ void hada_step_images_destroy(hada_step_images *images)
         hada_buffer_destroy(&images->place[i]);
 }
 
-hada_planar hada_step_plain(const hada_tensor *tensor, cl_mem mem, size_t offset)
-{
-    const size_t plane = (size_t)tensor->rows * (size_t)tensor->cols;
-    return (hada_planar){.mem = mem,
-                         .offset = offset,
-                         .image_stride = plane * (size_t)tensor->channels,
-                         .channel_stride = plane,
-                         .row_stride = (size_t)tensor->cols};
-}
-
 hada_status hada_step_upload(hada_step_images *images, hada_step_place place, const hada_image *image, int number,
                              hada_error *err)
 {

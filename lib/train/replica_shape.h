@@ -146,9 +146,6 @@ static inline cl_mem hada_step_mem(const hada_step_images *images, hada_step_pla
     return images->place[place].mem;
 }
 
-/* A tensor's plain floats, from `offset` on, image after image. */
-hada_planar hada_step_plain(const hada_tensor *tensor, cl_mem mem, size_t offset);
-
 /* One image of the window to its place among those of a call. */
 hada_status hada_step_upload(hada_step_images *images, hada_step_place place, const hada_image *image, int number,
                              hada_error *err);

@@ -169,11 +169,9 @@ hada_status hada_surface_make(hada_surface *surface, uint64_t seed, double corre
     *surface = (hada_surface){0};
     const double step = correlation / (2.0 * sqrt(SMOOTHINGS / 2.0 + 1.0 / 3.0));
     const int inside = (int)ceil(2.0 * half_width / step) + 1, count = inside + 2 * MARGIN;
-    void *memory;
-    HADA_TRY(
-        hada_allocated(memory = hada_alloc((size_t)count * (size_t)count, sizeof(double), "a random surface", err)));
-    *surface = (hada_surface){memory, count, -half_width - MARGIN * step, step};
-    double *node = memory;
+    double *node;
+    HADA_TRY(HADA_NEW(node, (size_t)count * (size_t)count, "a random surface", err));
+    *surface = (hada_surface){node, count, -half_width - MARGIN * step, step};
     const size_t nodes = (size_t)count * (size_t)count;
     hada_random random;
     hada_random_seed(&random, seed, HADA_SEQUENCE_SURFACE);
@@ -254,11 +252,10 @@ static hada_status contour_points(const hada_surface *surface, double half_width
 {
     const int half = (int)floor(half_width / step), across = 2 * half + 1;
     hada_contour points = {0};
-    void *memory = NULL;
+    double *rows = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(
-        hada_allocated(memory = hada_alloc(2 * (size_t)across, sizeof(double), "rows of a random surface", err)));
-    double *above = memory, *here = above + across;
+    HADA_TRY_OR_DONE(HADA_NEW(rows, 2 * (size_t)across, "rows of a random surface", err));
+    double *above = rows, *here = rows + across;
     *out = points;
     for (int r = 0; r < across; r++) {
         HADA_TRY_OR_DONE(hada_monitor_check(monitor, err));
@@ -283,7 +280,7 @@ static hada_status contour_points(const hada_surface *surface, double half_width
     *out = points;
     points = (hada_contour){0};
 done:
-    HADA_FREE(memory, points.x, points.y);
+    HADA_FREE(rows, points.x, points.y);
     return status;
 }
 
@@ -346,13 +343,12 @@ static int nearer(const void *a, const void *b)
     return one != other ? (one > other) - (one < other) : m->row != n->row ? m->row - n->row : m->col - n->col;
 }
 
-/* The nodes of a square lattice nearest to the axis; 0 where they do not fit. */
-static int lattice(const hada_camera *camera, double *x, double *y)
+/* The nodes of a square lattice nearest to the axis. */
+static hada_status place_on_lattice(const hada_camera *camera, double *x_mm, double *y_mm, hada_error *err)
 {
     enum { REACH = 40, ACROSS = 2 * REACH + 1 }; /* a disc of radius 40 has more than 4096 nodes */
-    node *nodes = malloc(sizeof *nodes * ACROSS * ACROSS);
-    if (!nodes)
-        return -1;
+    node *nodes;
+    HADA_TRY(HADA_NEW(nodes, (size_t)ACROSS * ACROSS, "the lens positions", err));
     for (int i = 0; i < ACROSS * ACROSS; i++)
         nodes[i] = (node){i / ACROSS - REACH, i % ACROSS - REACH};
     qsort(nodes, ACROSS * ACROSS, sizeof *nodes, nearer);
@@ -360,11 +356,16 @@ static int lattice(const hada_camera *camera, double *x, double *y)
     const node *last = &nodes[camera->lenses - 1];
     const double reach = period * sqrt((double)(last->row * last->row + last->col * last->col));
     for (int i = 0; i < camera->lenses; i++) {
-        x[i] = nodes[i].col * period;
-        y[i] = nodes[i].row * period;
+        x_mm[i] = nodes[i].col * period;
+        y_mm[i] = nodes[i].row * period;
     }
     free(nodes);
-    return reach <= radius * (1.0 + 1e-12);
+    if (!(reach <= radius * (1.0 + 1e-12)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "%d lenses on a grid of %g mm do not fit into an aperture of %g mm; use fewer lenses, a "
+                         "smaller period or a larger aperture",
+                         camera->lenses, period, camera->aperture_mm);
+    return HADA_OK;
 }
 
 /* How far from the axis the outermost of a square lattice's nodes nearest to it is, in periods. */
@@ -379,19 +380,6 @@ static double lattice_radius(int nodes)
         if (inside >= nodes)
             return sqrt((double)square);
     }
-}
-
-static hada_status place_on_lattice(const hada_camera *camera, double *x_mm, double *y_mm, hada_error *err)
-{
-    const int fits = lattice(camera, x_mm, y_mm);
-    if (fits < 0)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the lens positions");
-    if (!fits)
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "%d lenses on a grid of %g mm do not fit into an aperture of %g mm; use fewer lenses, a "
-                         "smaller period or a larger aperture",
-                         camera->lenses, camera->minimum_spacing_mm, camera->aperture_mm);
-    return HADA_OK;
 }
 
 static hada_status place_at_random(const hada_camera *camera, double *x_mm, double *y_mm, hada_error *err)
@@ -429,10 +417,10 @@ hada_status hada_camera_lenses(const hada_camera *callers, double *x_mm, double 
 static hada_status make_lenses(hada_mask_design *design, hada_error *err)
 {
     const hada_camera *camera = &design->camera;
-    void *x = NULL, *y = NULL;
+    double *x = NULL, *y = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(x = hada_alloc((size_t)camera->lenses, sizeof(double), "the lens positions", err)));
-    HADA_TRY_OR_DONE(hada_allocated(y = hada_alloc((size_t)camera->lenses, sizeof(double), "the lens positions", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(x, (size_t)camera->lenses, "the lens positions", err));
+    HADA_TRY_OR_DONE(HADA_NEW(y, (size_t)camera->lenses, "the lens positions", err));
     HADA_TRY_OR_DONE(hada_camera_lenses(camera, x, y, err));
     return hada_sites_make(&design->sites, x, y, camera->lenses, camera->aperture_mm / 2.0, err); /* takes x and y */
 done:
@@ -484,10 +472,8 @@ static hada_status make_cells(hada_mask_design *design, hada_error *err)
     const hada_camera *camera = &design->camera;
     design->cells = (int)ceil(camera->aperture_mm / camera->cell_mm);
     design->feature = camera->cell_mm;
-    void *memory;
     const size_t count = (size_t)design->cells * (size_t)design->cells;
-    HADA_TRY(hada_allocated(memory = hada_alloc(count, 1, "the cells of a mask", err)));
-    design->open = memory;
+    HADA_TRY(HADA_NEW(design->open, count, "the cells of a mask", err));
     hada_random random;
     hada_random_seed(&random, camera->seed, HADA_SEQUENCE_CELLS);
     for (size_t i = 0; i < count; i++)

@@ -138,7 +138,7 @@ static hada_status begin(hada_job *job, hada_plan *plan, const frame_input *inpu
     const size_t depths = (size_t)plan->setup.config.depths;
     hada_status status = HADA_OK;
     *job = (hada_job){.dispatcher = plan->dispatcher};
-    HADA_TRY_OR_DONE(hada_allocated(job->depths = hada_alloc(depths, 1, "a frame", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(job->depths, depths, "a frame", err));
     HADA_TRY_OR_DONE(check_result(plan, result, err));
     HADA_TRY_OR_DONE(begin_frame(job, plan, input, result, err));
     job->frame.batches = &hada_job_batches;

@@ -123,7 +123,7 @@ hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, const had
     *out = NULL;
     if (batch < 1)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a batch of %d depths is not possible", batch);
-    HADA_TRY_OR_DONE(hada_allocated(stage = hada_alloc(1, sizeof *stage, "a Hadamard stage", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(stage, 1, "a Hadamard stage", err));
     stage->slot = slot;
     stage->channels = info->channels;
     stage->raw_rows = info->raw_rows;

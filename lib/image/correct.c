@@ -43,7 +43,7 @@ static hada_status plane_median(const float *plane, size_t count, float *out, ha
     float *finite = NULL;
     size_t n = 0;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(finite = hada_alloc_raw(count, sizeof *finite, "repairing a frame", err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(finite, count, "repairing a frame", err));
     for (size_t i = 0; i < count; i++)
         if (isfinite(plane[i]))
             finite[n++] = plane[i];

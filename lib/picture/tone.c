@@ -16,7 +16,7 @@ static hada_status prepare(hada_display *display, const hada_image *image, hada_
         return HADA_OK;
     free(display->bytes);
     display->room = 0;
-    HADA_TRY(hada_allocated(display->bytes = hada_alloc_raw(room, 1, "a picture", err)));
+    HADA_TRY(HADA_NEW_RAW(display->bytes, room, "a picture", err));
     display->room = room;
     return HADA_OK;
 }
@@ -212,16 +212,15 @@ hada_status hada_tone_pixels(uint32_t **pixels, int width, int height, const had
 {
     hada_status status = HADA_OK;
     const size_t count = (size_t)width * (size_t)height, plane = (size_t)image->rows * (size_t)image->cols;
-    void *lines = NULL, *planes = NULL, *out = NULL;
+    float *lines = NULL, *planes = NULL;
+    uint32_t *out = NULL;
     *pixels = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(lines = hada_alloc_raw(hada_size_product((size_t)image->rows, (size_t)width),
-                                                           sizeof(float), "a picture", err)));
-    HADA_TRY_OR_DONE(hada_allocated(
-        planes = hada_alloc_raw(hada_size_product(count, (size_t)image->channels), sizeof(float), "a picture", err)));
-    HADA_TRY_OR_DONE(hada_allocated(out = hada_alloc_raw(count, sizeof **pixels, "a picture", err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(lines, hada_size_product((size_t)image->rows, (size_t)width), "a picture", err));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(planes, hada_size_product(count, (size_t)image->channels), "a picture", err));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(out, count, "a picture", err));
     for (int c = 0; c < image->channels; c++)
         resample(image->data + (size_t)c * plane, image->rows, image->cols, width, height, lines,
-                 (float *)planes + (size_t)c * count);
+                 planes + (size_t)c * count);
     show(out, count, planes, image->channels, white > 0 ? white : 1, gamma);
     *pixels = out;
 done:

@@ -34,7 +34,7 @@ static hada_status gaussian(double blur, double **out, int *radius, hada_error *
 {
     double sum = 0.0;
     *radius = blur > 0.0 ? (int)ceil(REACH * blur) : 0;
-    HADA_TRY(hada_allocated(*out = hada_alloc((size_t)*radius + 1, sizeof **out, what, err)));
+    HADA_TRY(HADA_NEW(*out, (size_t)*radius + 1, what, err));
     for (int i = 0; i <= *radius; i++) {
         (*out)[i] = i ? exp(-0.5 * i * i / (blur * blur)) : 1.0;
         sum += i ? 2.0 * (*out)[i] : 1.0;
@@ -71,7 +71,7 @@ hada_status hada_map_centre(const float *light, int planes, int channels, hada_m
     double *memory = NULL, *weight = NULL, mean = 0.0;
     int radius = 0;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(memory = hada_alloc(4 * area, sizeof *memory, what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW(memory, 4 * area, what, err));
     HADA_TRY_OR_DONE(gaussian(blur, &weight, &radius, err));
     double *plane = memory, *work = memory + area, *all = memory + 2 * area, *moment = memory + 3 * area;
     for (size_t k = 0; k < (size_t)planes; k++) {
@@ -116,7 +116,7 @@ hada_status hada_map_band(const float *depth, hada_map_size from, double scale, 
     const size_t area = area_of(to);
     float *low = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(low = hada_alloc(2 * area_of(from), sizeof *low, what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW(low, 2 * area_of(from), what, err));
     float *high = low + area_of(from);
     extreme(depth, from, 1.0F, low);
     extreme(depth, from, -1.0F, high);
@@ -187,7 +187,7 @@ hada_status hada_map_sharpen(float *depth, const float *light, hada_map_size siz
     const size_t area = area_of(size);
     float *given = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(given = hada_alloc(area, sizeof *given, what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW(given, area, what, err));
     memcpy(given, depth, area * sizeof *given);
     for (int y = 0; y < size.rows; y++)
         for (int x = 0; x < size.cols; x++) {
@@ -277,7 +277,7 @@ hada_status hada_map_smooth(float *depth, const float *light, const float *textu
     hada_status status = HADA_OK;
     if (!(mean_light > 0.0) || !(mean > 0.0))
         goto done;
-    HADA_TRY_OR_DONE(hada_allocated(memory = hada_alloc(7 * area, sizeof *memory, what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW(memory, 7 * area, what, err));
     const smoothing s = {size,
                          memory,
                          memory + area,
@@ -342,7 +342,7 @@ hada_status hada_map_confidence(const float *texture, int channels, const float 
     const size_t area = area_of(size);
     double *memory = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(memory = hada_alloc(2 * area, sizeof *memory, what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW(memory, 2 * area, what, err));
     double *work = memory + area;
     gradient_squares(texture, channels, size, memory);
     for (int y = 0; y < size.rows; y++)

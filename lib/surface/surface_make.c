@@ -187,18 +187,17 @@ static hada_status make_arrays(hada_surface *s, const sizes *n, hada_error *err)
     HADA_TRY(hada_buffer_create(&s->texture, context, texture_bytes(n), what, err));
     HADA_TRY(hada_buffer_create(&s->allowed, context, n->values * sizeof(float), what, err));
     for (int i = 0; i < 2; i++) {
-        HADA_TRY(hada_allocated(s->planes[i] = hada_alloc(n->values, sizeof(float), what, err)));
-        HADA_TRY(hada_allocated(s->depth[i] = hada_alloc(n->area, sizeof(float), what, err)));
-        HADA_TRY(
-            hada_allocated(s->image[i] = hada_alloc(n->area * (size_t)s->camera.channels, sizeof(float), what, err)));
+        HADA_TRY(HADA_NEW(s->planes[i], n->values, what, err));
+        HADA_TRY(HADA_NEW(s->depth[i], n->area, what, err));
+        HADA_TRY(HADA_NEW(s->image[i], n->area * (size_t)s->camera.channels, what, err));
     }
-    HADA_TRY(hada_allocated(s->outside = hada_alloc(n->area, 1, what, err)));
-    HADA_TRY(hada_allocated(s->mask = hada_alloc(n->values, sizeof(float), what, err)));
-    HADA_TRY(hada_allocated(s->sum = hada_alloc(n->area, sizeof(float), what, err)));
-    HADA_TRY(hada_allocated(s->confidence = hada_alloc(n->area, sizeof(float), what, err)));
-    HADA_TRY(hada_allocated(s->light = hada_alloc((size_t)s->camera.channels, sizeof *s->light, what, err)));
-    HADA_TRY(hada_allocated(s->shift = hada_alloc((size_t)s->camera.depths, sizeof *s->shift, what, err)));
-    return hada_allocated(s->power = hada_alloc(s->layout.count, sizeof *s->power, what, err));
+    HADA_TRY(HADA_NEW(s->outside, n->area, what, err));
+    HADA_TRY(HADA_NEW(s->mask, n->values, what, err));
+    HADA_TRY(HADA_NEW(s->sum, n->area, what, err));
+    HADA_TRY(HADA_NEW(s->confidence, n->area, what, err));
+    HADA_TRY(HADA_NEW(s->light, (size_t)s->camera.channels, what, err));
+    HADA_TRY(HADA_NEW(s->shift, (size_t)s->camera.depths, what, err));
+    return HADA_NEW(s->power, s->layout.count, what, err);
 }
 
 static hada_status make_levels(hada_surface *s, const hada_surface_plan *plans, const hada_magnification *magnification,
@@ -227,7 +226,7 @@ static hada_status measure(hada_surface *s, const hada_magnification *magnificat
         hada_surface_view(s, s->camera.otf, (s->camera.first + (size_t)(depths * channels)) * count * 2);
     float *values = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc_raw(2 * count, sizeof *values, what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(values, 2 * count, what, err));
     for (size_t c = 0; c < (size_t)channels; c++) {
         HADA_TRY_OR_DONE(hada_buffer_read(&otf, s->slot, (from + c) * count * 2 * sizeof *values, values,
                                           count * 2 * sizeof *values, err));
@@ -252,7 +251,7 @@ hada_status hada_surface_create(hada_surface **out, hada_slot *slot, const hada_
     hada_surface *s = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(s = hada_alloc(1, sizeof *s, what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW(s, 1, what, err));
     s->slot = slot;
     s->camera = *camera;
     s->layout = hada_surface_layout(slot->context, camera->rows, camera->cols);

@@ -124,9 +124,9 @@ static hada_status live_pipe_begin(hada_live_pipe *pipe, int fd, const hada_head
                              .bytes = (size_t)hada_headerless_bytes(frames, 1),
                              .lock = PTHREAD_MUTEX_INITIALIZER};
     hada_condition_init(&pipe->changed);
-    HADA_TRY(hada_allocated(pipe->reading = hada_alloc_raw(pipe->bytes, 1, "a frame", err)));
-    HADA_TRY(hada_allocated(pipe->ready = hada_alloc_raw(pipe->bytes, 1, "a frame", err)));
-    HADA_TRY(hada_allocated(pipe->taken = hada_alloc_raw(pipe->bytes, 1, "a frame", err)));
+    HADA_TRY(HADA_NEW_RAW(pipe->reading, pipe->bytes, "a frame", err));
+    HADA_TRY(HADA_NEW_RAW(pipe->ready, pipe->bytes, "a frame", err));
+    HADA_TRY(HADA_NEW_RAW(pipe->taken, pipe->bytes, "a frame", err));
     if (pthread_create(&pipe->thread, NULL, read_all, pipe))
         return hada_fail(err, HADA_ERROR_MEMORY, "no thread to read frames with");
     pipe->started = 1;

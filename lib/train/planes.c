@@ -48,7 +48,7 @@ static hada_status create_light(light_maker *light, hada_slot *slot, const hada_
         hada_buffer_create(&light->spectrum, slot->context,
                            (size_t)info->channels * hada_fft_plan_layout(light->forward)->count * 2 * sizeof(float),
                            "a scene's spectrum", err));
-    HADA_TRY_OR_DONE(hada_allocated(light->room = hada_alloc(light->frame, sizeof(float), "a composed frame", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(light->room, light->frame, "a composed frame", err));
 done:
     if (status)
         destroy_light(light);
@@ -139,7 +139,7 @@ hada_status hada_planes_create(hada_planes **out, hada_slot *slot, const hada_mo
     hada_planes *planes = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(planes = hada_alloc(1, sizeof *planes, "planes for training", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(planes, 1, "planes for training", err));
     planes->info = info;
     planes->others = others;
     planes->maker.slot = slot;
@@ -275,7 +275,7 @@ static hada_status add_up(hada_planes *planes, const hada_composed *composed, fl
     const size_t values = plane_bytes(planes->info) / sizeof(float);
     float *one = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(one = hada_alloc(values, sizeof *one, "a sum of planes", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(one, values, "a sum of planes", err));
     memset(out, 0, values * sizeof *out);
     for (int i = 0; i < composed->count; i++) {
         HADA_TRY_OR_DONE(read_plane(planes, composed->depth[i], i, one, err));

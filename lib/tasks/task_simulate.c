@@ -147,17 +147,14 @@ done:
 /* PSFs of points over the window, from border to border, and their list. */
 static hada_status write_field(const hada_recipe *recipe, const char *dataset, hada_error *err)
 {
-    enum { LINE = 64 };
     const hada_camera *camera = &recipe->camera;
     const int points = recipe->task.field_psfs;
-    const size_t size = (size_t)(points * points + 2) * LINE;
-    char *list = NULL;
+    hada_text list = {0};
     hada_path folder, path;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_path_write(folder, err, "%s/field", dataset));
     HADA_TRY_OR_DONE(hada_folder_ensure(folder, err));
-    HADA_TRY_OR_DONE(HADA_NEW(list, size, "a list of positions", err));
-    size_t used = (size_t)snprintf(list, size, "file,x_px,y_px\n");
+    hada_text_add(&list, "file,x_px,y_px\n");
     for (int i = 0; i < points; i++)
         for (int j = 0; j < points; j++) {
             const int row = i * (camera->window_rows - 1) / (points - 1) +
@@ -168,12 +165,12 @@ static hada_status write_field(const hada_recipe *recipe, const char *dataset, h
             char name[32];
             snprintf(name, sizeof name, "psf_%02d_%02d.tif", i + 1, j + 1);
             HADA_TRY_OR_DONE(write_psfs(recipe, folder, name, &at, err));
-            used += (size_t)snprintf(list + used, size - used, "%s,%d,%d\n", name, col, row);
+            hada_text_add(&list, "%s,%d,%d\n", name, col, row);
         }
     HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/positions.csv", folder));
-    HADA_TRY_OR_DONE(hada_file_write(path, list, used, err));
+    HADA_TRY_OR_DONE(hada_text_save(&list, path, err));
 done:
-    free(list);
+    free(list.data);
     return status;
 }
 

@@ -155,9 +155,7 @@ static hada_status open_file(hada_train_log *log, const char *name, const char *
     hada_text_add(&text, "%s", head);
     if (go_on)
         HADA_TRY_OR_DONE(keep_lines(log, path, from, take, &text, err));
-    if (text.failed)
-        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for the log of a training"));
-    HADA_TRY_OR_DONE(hada_file_write(path, text.data, text.length, err));
+    HADA_TRY_OR_DONE(hada_text_save(&text, path, err));
     *out = fopen(path, "a");
     if (!*out)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_WRITE, "%s cannot be written: %s", path, strerror(errno)));

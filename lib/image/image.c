@@ -43,6 +43,14 @@ hada_status hada_image_copy(hada_image *out, const hada_image *image, hada_error
     return HADA_OK;
 }
 
+float hada_image_brightest(const hada_image *image)
+{
+    float most = 0.0f;
+    for (size_t i = 0; i < hada_image_count(image); i++)
+        most = image->data[i] > most ? image->data[i] : most;
+    return most;
+}
+
 size_t hada_image_count_not_finite(const hada_image *image)
 {
     if (!image)

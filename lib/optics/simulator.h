@@ -93,6 +93,9 @@ hada_status hada_simulator_add_image(hada_simulator *simulator, const hada_image
 hada_status hada_simulator_finish(hada_simulator *simulator, double noise, uint64_t seed, hada_image *raw,
                                   hada_error *err);
 
+/* The frame of a window that is white at a depth; created by the call. */
+hada_status hada_simulator_white(hada_simulator *simulator, int depth, hada_image *raw, hada_error *err);
+
 /* The product-sum of the forward model: enqueues sum[c] = otf[c % otf_images] * scene[c] (add 0) or adds that to it
  * (add 1), for `images` images c of `count` complex numbers each; `sum_offset` in complex numbers. */
 hada_status hada_optics_accumulate(hada_slot *slot, cl_mem sum, size_t sum_offset, cl_mem otf, int otf_images,

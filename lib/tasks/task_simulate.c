@@ -8,6 +8,7 @@
 #include "io/encode.h"
 #include "io/folder.h"
 #include "io/text.h"
+#include "optics/simulator.h"
 #include "tasks/simulated_scenes.h"
 
 /* Where a frame's noise begins: every frame its own. */
@@ -466,24 +467,17 @@ static hada_status make_simulator(hada_recipe *recipe, hada_error *err)
 static hada_status measure_loss(hada_recipe *recipe, hada_error *err)
 {
     const hada_camera *camera = &recipe->camera;
-    hada_image white = {0}, raw = {0};
+    const double all = (double)camera->window_rows * camera->window_cols * camera->channels * camera->depths;
     double caught = 0.0;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_image_create(&white, 1, camera->window_rows, camera->window_cols, err));
-    for (size_t i = 0; i < hada_image_count(&white); i++)
-        white.data[i] = 1.0f;
     for (int z = 0; z < camera->depths; z++) {
-        hada_image_destroy(&raw);
-        HADA_TRY_OR_DONE(hada_simulator_render(recipe->simulator, &(hada_plane){z, &white}, 1, 0.0, 0, &raw, err));
+        hada_image raw = {0};
+        HADA_TRY(hada_simulator_white(recipe->simulator, z, &raw, err));
         for (size_t i = 0; i < hada_image_count(&raw); i++)
             caught += (double)raw.data[i];
+        hada_image_destroy(&raw);
     }
-    recipe->light_lost =
-        fmax(0.0, 1.0 - caught / ((double)hada_image_count(&white) * camera->channels * camera->depths));
-done:
-    hada_image_destroy(&white);
-    hada_image_destroy(&raw);
-    return status;
+    recipe->light_lost = fmax(0.0, 1.0 - caught / all);
+    return HADA_OK;
 }
 
 static hada_status fill(void *user, const char *folder, hada_error *err)

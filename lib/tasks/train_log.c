@@ -10,6 +10,7 @@
 
 #include "core/input.h"
 #include "core/outfile.h"
+#include "image/pixels.h"
 #include "io/folder.h"
 #include "io/text.h"
 
@@ -318,12 +319,10 @@ done:
 
 enum { PANELS = 4, ROWS = 3, GAP = 4 }; /* of the sheet; pixels between panels */
 
-static float brightest(const hada_image *image)
+static float white_of(const hada_image *image)
 {
-    float top = 0;
-    for (size_t i = 0; i < hada_image_count(image); i++)
-        top = image->data[i] > top ? image->data[i] : top;
-    return top > 0 ? top : 1;
+    const float brightest = hada_image_brightest(image);
+    return brightest > 0.0f ? brightest : 1.0f;
 }
 
 /* Puts a panel, scaled to 1 at `white`, at (row0, col0) of the sheet. */
@@ -351,9 +350,9 @@ static hada_status add_row(hada_trainer *trainer, int pair, int index, int rows,
         for (size_t i = 0; i < hada_image_count(sheet); i++)
             sheet->data[i] = 1.0f;
     }
-    const float white = brightest(&panel[3]);
+    const float white = white_of(&panel[3]);
     for (int k = 0; k < PANELS; k++)
-        place(sheet, &panel[k], k ? white : brightest(&panel[0]), index * height, k * width);
+        place(sheet, &panel[k], k ? white : white_of(&panel[0]), index * height, k * width);
 done:
     for (int k = 0; k < PANELS; k++)
         hada_image_destroy(&panel[k]);

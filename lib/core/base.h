@@ -148,6 +148,9 @@ size_t hada_size_product(size_t count, size_t size);
 
 #define HADA_COUNT(array) (sizeof(array) / sizeof *(array))
 
+/* Whether this machine stores the low byte of a number first. */
+#define HADA_LITTLE_ENDIAN (__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__)
+
 /* How many parts of `part` it takes to hold n. */
 static inline size_t hada_divide_up(size_t n, size_t part)
 {

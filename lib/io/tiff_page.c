@@ -449,8 +449,7 @@ enum { TAG_SUBFILE = 254, TAG_OLD_SUBFILE = 255 };
 /* An unsigned number of `bytes` bytes in the file's order. */
 static uint64_t number(const hada_tiff_chain *chain, const unsigned char *from, int bytes)
 {
-    const uint16_t one = 1;
-    int little_machine = *(const unsigned char *)&one, little = chain->swapped ? !little_machine : little_machine;
+    const int little = HADA_LITTLE_ENDIAN != chain->swapped;
     uint64_t value = 0;
     for (int i = 0; i < bytes; i++)
         value = value << 8 | from[little ? bytes - 1 - i : i];
@@ -553,9 +552,7 @@ static hada_status read_header(hada_tiff_chain *chain, int fd, uint64_t *first, 
     unsigned char head[16] = {0};
     if (hada_read_at(fd, head, chain->bytes < 16 ? (size_t)chain->bytes : 16, 0))
         return hada_fail(err, HADA_ERROR_FILE_READ, "the file cannot be read: %s", strerror(errno));
-    const uint16_t one = 1;
-    int little_machine = *(const unsigned char *)&one, little = head[0] == 'I';
-    chain->swapped = little != little_machine;
+    chain->swapped = (head[0] == 'I') != HADA_LITTLE_ENDIAN;
     uint64_t version = number(chain, head + 2, 2);
     if (chain->bytes < 8 || head[0] != head[1] || (head[0] != 'I' && head[0] != 'M') ||
         (version != 42 && version != 43))

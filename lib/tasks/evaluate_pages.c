@@ -92,7 +92,7 @@ int hada_stem_ends(const char *name, size_t length, const char *end)
 
 size_t hada_stem_of(const char *path)
 {
-    const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path;
+    const char *name = hada_name_of(path);
     return (size_t)(name - path) + hada_name_stem(name);
 }
 

@@ -261,18 +261,12 @@ done:
     return status;
 }
 
-static const char *name_of(const char *path)
-{
-    const char *slash = strrchr(path, '/');
-    return slash ? slash + 1 : path;
-}
-
 static hada_status write_pair(const writing *w, int z, int i, const char *raws, const char *scenes, hada_error *err)
 {
     const hada_pair_files *from = &hada_dataset_get_info(w->data)->files[z][i];
     hada_path raw, scene;
-    HADA_TRY(hada_path_write(raw, err, "%s/%s", raws, name_of(from->raw)));
-    HADA_TRY(hada_path_write(scene, err, "%s/%s", scenes, name_of(from->scene)));
+    HADA_TRY(hada_path_write(raw, err, "%s/%s", raws, hada_name_of(from->raw)));
+    HADA_TRY(hada_path_write(scene, err, "%s/%s", scenes, hada_name_of(from->scene)));
     /* a link to what a link leads to: one that is relative would lead elsewhere from here */
     if (linkat(AT_FDCWD, from->raw, AT_FDCWD, raw, AT_SYMLINK_FOLLOW))
         HADA_TRY(copy_file(from->raw, raw, err));

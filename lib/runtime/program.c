@@ -57,8 +57,8 @@ static void save_to_cache(hada_context *context, const hada_program_store *store
         char name[256];
         unsigned char *binary, *old;
         size_t bytes, old_bytes;
-        char *text = hada_kernel_text(entry->file);
-        if (!text)
+        char *text;
+        if (hada_kernel_text(&text, entry->file, NULL))
             continue;
         const hada_status keyed = hada_program_key(context, entry->file, entry->options, text, name, sizeof name, NULL);
         free(text);
@@ -96,14 +96,12 @@ void hada_program_store_destroy(hada_context *context)
 static hada_status make(hada_context *context, hada_program_store *store, const char *file, const char *options,
                         cl_program *out, hada_error *err)
 {
-    char name[256];
-    char *text = hada_kernel_text(file);
+    char name[256], *text;
     unsigned char *binary = NULL;
     size_t bytes = 0;
     const char *folder = store->binaries ? store->binaries : store->cache;
     hada_status status = HADA_OK;
-    if (!text)
-        return hada_kernel_text_missing(file, err);
+    HADA_TRY(hada_kernel_text(&text, file, err));
     HADA_TRY_OR_DONE(hada_program_key(context, file, options, text, name, sizeof name, err));
     if (folder)
         HADA_TRY_OR_DONE(hada_binary_read(folder, name, &binary, &bytes, err));
@@ -199,29 +197,20 @@ static const hada_kernel_file *find(const char *file)
     return NULL;
 }
 
-char *hada_kernel_text(const char *file)
+hada_status hada_kernel_text(char **out, const char *file, hada_error *err)
 {
     const hada_kernel_file *source = find(file);
-    if (!source)
-        return NULL;
     size_t bytes = 1;
+    *out = NULL;
+    if (!source)
+        return hada_fail(err, HADA_ERROR_BUILD, "there is no kernel file %s.cl in this build", file);
     for (size_t i = 0; i < source->piece_count; i++)
         bytes += strlen(source->pieces[i]);
-    char *text = malloc(bytes), *end = text;
-    for (size_t i = 0; text && i < source->piece_count; i++) {
-        size_t n = strlen(source->pieces[i]);
-        memcpy(end, source->pieces[i], n);
-        end += n;
-    }
-    if (text)
-        *end = '\0';
-    return text;
-}
-
-hada_status hada_kernel_text_missing(const char *file, hada_error *err)
-{
-    return find(file) ? hada_fail(err, HADA_ERROR_MEMORY, "no memory for the text of %s.cl", file)
-                      : hada_fail(err, HADA_ERROR_BUILD, "there is no kernel file %s.cl in this build", file);
+    HADA_TRY(HADA_NEW(*out, bytes, "the text of a kernel file", err));
+    char *end = *out;
+    for (size_t i = 0; i < source->piece_count; i++)
+        end = stpcpy(end, source->pieces[i]);
+    return HADA_OK;
 }
 
 hada_status hada_program_key(const hada_context *context, const char *file, const char *options, const char *text,
@@ -269,8 +258,7 @@ static hada_status save(hada_context *context, const char *folder, const char *f
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_program_get(context, file, macros, &program, err));
     HADA_TRY_OR_DONE(hada_program_binary(program, &binary, &bytes, err));
-    text = hada_kernel_text(file);
-    HADA_TRY_OR_DONE(text ? HADA_OK : hada_kernel_text_missing(file, err));
+    HADA_TRY_OR_DONE(hada_kernel_text(&text, file, err));
     HADA_TRY_OR_DONE(hada_program_key(context, file, macros, text, name, sizeof name, err));
     HADA_TRY_OR_DONE(hada_binary_write(folder, name, binary, bytes, err));
 done:

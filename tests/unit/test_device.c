@@ -181,13 +181,13 @@ static void save_program(hada_context *context, const char *file, const char *fo
     cl_program program;
     SCOPED_MEMORY unsigned char *binary;
     size_t bytes;
-    char name[256], *text = hada_kernel_text(file);
-    assert_non_null(text);
+    char name[256];
+    SCOPED_MEMORY char *text;
+    ASSERT_OK(hada_kernel_text(&text, file, err));
     ASSERT_OK(hada_program_get(context, file, "", &program, err));
     ASSERT_OK(hada_program_binary(program, &binary, &bytes, err));
     ASSERT_OK(hada_program_key(context, file, "", text, name, sizeof name, err));
     ASSERT_OK(hada_binary_write(folder, name, binary, bytes, err));
-    free(text);
 }
 
 static int stops_at_second(void *user)

@@ -13,7 +13,6 @@
 
 /* What the library does differently on a device; filled from the table in devices.c. */
 typedef struct hada_quirks {
-    const char *build_options;   /* extra options for every program */
     unsigned own_disk_cache : 1; /* the driver caches programs well itself: keep ours off */
     unsigned avoid_clfft : 1;    /* clFFT gives wrong results or cannot build here */
     unsigned stated_local : 1;   /* local memory of arguments is laid out when compiling (shared_local.h) */

@@ -219,7 +219,6 @@ hada_status hada_program_key(const hada_context *context, const char *file, cons
     const char *parts[] = {HADALENS_VERSION,
                            text,
                            options,
-                           context->quirks.build_options,
                            context->info.name,
                            context->info.vendor,
                            context->info.driver,

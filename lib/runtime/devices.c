@@ -1,6 +1,6 @@
 /* Listing devices and describing them. */
-#include <ctype.h>
 #include <pthread.h>
+#include <strings.h>
 
 #include "runtime/context.h"
 
@@ -187,7 +187,7 @@ typedef struct asked {
 static cl_int ask(asked *of, cl_device_info what, size_t size, void *answer)
 {
     const cl_int code = clGetDeviceInfo(of->device, what, size, answer, NULL);
-    if (code == CL_OUT_OF_HOST_MEMORY || code == CL_OUT_OF_RESOURCES)
+    if (hada_cl_is_memory(code))
         of->failed = code;
     return code;
 }
@@ -315,19 +315,6 @@ void hada_device_list_destroy(hada_device_list **list)
 
 /* Which device the user's words mean. */
 
-static int contains(const char *text, const char *part)
-{
-    size_t n = strlen(part);
-    for (; *text; text++) {
-        size_t i = 0;
-        while (i < n && text[i] && tolower((unsigned char)text[i]) == tolower((unsigned char)part[i]))
-            i++;
-        if (i == n)
-            return 1;
-    }
-    return 0;
-}
-
 static int first_of_kind(const hada_device_info *infos, size_t count, hada_device_kind kind, size_t *out)
 {
     for (size_t i = 0; i < count; i++)
@@ -372,12 +359,12 @@ hada_status hada_device_choose(const hada_device_info *infos, size_t count, cons
         return HADA_OK;
     }
     for (int kind = HADA_DEVICE_CPU; kind <= HADA_DEVICE_OTHER; kind++)
-        if (strlen(words) == strlen(hada_enum_name(HADA_ENUM_DEVICE_KIND, (int)(hada_device_kind)kind)) &&
-            contains(words, hada_enum_name(HADA_ENUM_DEVICE_KIND, (int)(hada_device_kind)kind)))
+        if (!strcasecmp(words, hada_enum_name(HADA_ENUM_DEVICE_KIND, kind)))
             return first_of_kind(infos, count, (hada_device_kind)kind, out) ? HADA_OK
                                                                             : unknown_device(infos, count, words, err);
     for (size_t i = 0; i < count; i++)
-        if (contains(infos[i].name, words) || contains(infos[i].platform, words) || contains(infos[i].vendor, words)) {
+        if (strcasestr(infos[i].name, words) || strcasestr(infos[i].platform, words) ||
+            strcasestr(infos[i].vendor, words)) {
             *out = i;
             return HADA_OK;
         }

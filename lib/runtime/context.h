@@ -94,10 +94,8 @@ hada_status hada_device_choose(const hada_device_info *infos, size_t count, cons
  * HADA_ERROR_SELF_TEST names the test that failed. */
 hada_status hada_self_test(hada_context *context, hada_error *err);
 
-/* The members of hada_context_info, one by one. */
+/* Memory of its buffers, now and at most so far. */
 uint64_t hada_context_bytes(const hada_context *context);
 uint64_t hada_context_peak_bytes(const hada_context *context);
-unsigned hada_context_programs_compiled(const hada_context *context);
-unsigned hada_context_programs_loaded(const hada_context *context);
 
 #endif

@@ -169,24 +169,6 @@ int hada_program_can_compile(const hada_context *context)
     return context->info.has_compiler && !(context->programs && context->programs->binaries);
 }
 
-static unsigned counted(const hada_context *context, const unsigned *value)
-{
-    pthread_mutex_lock(&context->programs->lock);
-    unsigned copy = *value;
-    pthread_mutex_unlock(&context->programs->lock);
-    return copy;
-}
-
-unsigned hada_context_programs_compiled(const hada_context *context)
-{
-    return counted(context, &context->programs->compiled);
-}
-
-unsigned hada_context_programs_loaded(const hada_context *context)
-{
-    return counted(context, &context->programs->loaded);
-}
-
 /* Kernel text and the keys of binaries. */
 
 static const hada_kernel_file *find(const char *file)
@@ -304,12 +286,15 @@ hada_status hada_context_get_info(const hada_context *context, hada_context_info
 {
     HADA_NEED(context && info, err);
     HADA_TRY(HADA_REPORT_CHECK(info, hada_context_info, err));
+    hada_program_store *store = context->programs;
+    pthread_mutex_lock(&store->lock);
     const hada_context_info own = {.size = sizeof own,
                                    .shape = context->shape,
-                                   .programs_compiled = hada_context_programs_compiled(context),
-                                   .programs_loaded = hada_context_programs_loaded(context),
+                                   .programs_compiled = store->compiled,
+                                   .programs_loaded = store->loaded,
                                    .bytes = hada_context_bytes(context),
                                    .peak_bytes = hada_context_peak_bytes(context)};
+    pthread_mutex_unlock(&store->lock);
     HADA_REPORT_GIVE(info, &own);
     return HADA_OK;
 }

@@ -231,12 +231,8 @@ static hada_status clfft_forward(hada_fft *plan, int batch, cl_mem real, size_t 
                                        .real = images, .out = state->grid.mem, .rows = desc->rows, .cols = desc->cols,
                                        .count = count));
     HADA_TRY(transform(plan, CLFFT_FORWARD, &state->grid, &state->half, err));
-    const cl_int code = clEnqueueCopyBuffer(plan->slot->queue, state->half.mem, spectrum, 0, spectrum_offset * 8,
-                                            half_count(desc) * (size_t)batch * 8, 0, NULL, hada_slot_event(plan->slot));
-    if (code != CL_SUCCESS)
-        return hada_fail_cl(err, code, "clEnqueueCopyBuffer");
-    hada_slot_moved(plan->slot, "copy", 16.0 * (double)half_count(desc) * batch);
-    return HADA_OK;
+    return hada_buffer_copy(plan->slot, state->half.mem, 0, spectrum, spectrum_offset * 8,
+                            half_count(desc) * (size_t)batch * 8, err);
 }
 
 static hada_status clfft_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_t spectrum_offset, cl_mem real,

@@ -199,16 +199,11 @@ static axis axis_of(int grid, int columns, int plane0, int plane, int frame0, in
     return a;
 }
 
-static int larger(int a, int b)
-{
-    return a > b ? a : b;
-}
-
 static int size_for(const axis *a)
 {
     int least = a->least;
     if (a->first <= a->last)
-        least = larger(least, larger(a->high - a->first, a->last - a->low) + 1);
+        least = hada_most(least, hada_most(a->high - a->first, a->last - a->low) + 1);
     least = hada_fft_quick_size(least, a->columns);
     return least < a->grid ? least : a->grid;
 }
@@ -402,11 +397,6 @@ done:
     return status;
 }
 
-static int within(int at, int count)
-{
-    return at < 0 ? 0 : at < count ? at : count - 1;
-}
-
 /* The weights of all components as images of planes, behind `offset` bytes. */
 static hada_status write_weights(hada_buffer *out, size_t offset, psf_reader *reader, const hada_classic_shape *shape,
                                  const int *depths, int count, hada_error *err)
@@ -425,8 +415,8 @@ static hada_status write_weights(hada_buffer *out, size_t offset, psf_reader *re
         for (int row = 0; row < support->rows; row++)
             for (int col = 0; col < support->cols; col++)
                 image[(size_t)row * pitch + (size_t)col] =
-                    from[(size_t)within(row + support->row0 - window->row0, window->rows) * (size_t)window->cols +
-                         (size_t)within(col + support->col0 - window->col0, window->cols)];
+                    from[(size_t)hada_within(row + support->row0 - window->row0, window->rows) * (size_t)window->cols +
+                         (size_t)hada_within(col + support->col0 - window->col0, window->cols)];
         HADA_TRY_OR_DONE(hada_buffer_write(out, reader->slot, offset + (size_t)i * pixels * sizeof *image, image,
                                            pixels * sizeof *image, err));
     }

@@ -120,6 +120,17 @@ static inline int hada_least(int a, int b)
     return a < b ? a : b;
 }
 
+static inline int hada_most(int a, int b)
+{
+    return a > b ? a : b;
+}
+
+/* The nearest of 0 to count - 1. */
+static inline int hada_within(int i, int count)
+{
+    return i < 0 ? 0 : i < count ? i : count - 1;
+}
+
 /* Number k of `count` that are spread evenly over 0 to all - 1, from the first to the last. */
 static inline int hada_spread(int k, int count, int all)
 {

@@ -137,18 +137,13 @@ static void cut(int full, int parts, const hada_receptive_field *field, int *cor
     *tile = *core + 2 * field->halo < full ? *core + 2 * field->halo : full;
 }
 
-static int at_least_one(int value)
-{
-    return value > 1 ? value : 1;
-}
-
 /* The fewest tiles that fit, cutting the longer side first. */
 static hada_status find_tiles(const hada_context *context, const hada_enhance_desc *desc, size_t limit,
                               hada_enhance_shape *shape, hada_error *err)
 {
     hada_receptive_field field;
     HADA_TRY(hada_net_receptive_field(desc->net, &field, err));
-    int fits, down = at_least_one(desc->tile_rows), right = at_least_one(desc->tile_cols);
+    int fits, down = hada_most(desc->tile_rows, 1), right = hada_most(desc->tile_cols, 1);
     if (!field.tiles)
         return hada_fail(err, HADA_ERROR_DEVICE_MEMORY,
                          "the net for enhancement does not fit the memory for %d x %d pixels, and its layers do not "
@@ -206,15 +201,14 @@ static hada_status enhance_shape_of(const hada_context *context, const hada_enha
 /* Where a tile of one axis begins: its own pixels, and those with halo. */
 static int enhance_core_at(int tile, int core, int full)
 {
-    const int at = tile * core;
-    return at < full ? at : full;
+    return hada_least(tile * core, full);
 }
 
 static int enhance_tile_at(int tile, int core, int tile_size, int full)
 {
     /* in the middle of its halo, but inside the image: at the edges the halo on the other side is wider */
     const int halo = (tile_size - core) / 2, at = tile * core - (halo > 0 ? halo : 0);
-    return at < 0 ? 0 : at > full - tile_size ? full - tile_size : at;
+    return hada_within(at, full - tile_size + 1);
 }
 
 struct hada_enhance {

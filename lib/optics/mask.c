@@ -10,8 +10,7 @@
 
 static int bucket_of(const hada_sites *sites, double position)
 {
-    const int bucket = (int)((position + sites->half) / sites->size);
-    return bucket < 0 ? 0 : bucket >= sites->buckets ? sites->buckets - 1 : bucket;
+    return hada_within((int)((position + sites->half) / sites->size), sites->buckets);
 }
 
 static int bucket_at(const hada_sites *sites, int i)

@@ -37,10 +37,9 @@ hada_magnified hada_magnified_between(const hada_magnified *from, const hada_mag
 
 hada_magnified hada_magnification_at(const hada_magnification *m, double depth)
 {
-    int low = (int)floor(depth);
     if (m->depths < 2)
         return m->depth[0];
-    low = low < 0 ? 0 : low > m->depths - 2 ? m->depths - 2 : low;
+    const int low = hada_within((int)floor(depth), m->depths - 1);
     const hada_magnified *a = &m->depth[low], *b = a + 1;
     const double f = depth - low;
     return (hada_magnified){(1.0 - f) * a->scale + f * b->scale, (1.0 - f) * a->row + f * b->row,

@@ -21,18 +21,13 @@ enum {
     CROP_MARGIN = 2 /* and a coarse frame smaller: low-passing mixes in what lies outside the sensor */
 };
 
-static int at_least(int value, int least)
-{
-    return value < least ? least : value;
-}
-
 /* A rectangle of the camera's grid on a coarser one; a pixel of it at least. */
 static hada_refine_rect narrow(const hada_refine_rect *rect, const hada_surface_camera *camera, int rows, int cols,
                                int outward, int margin)
 {
     hada_refine_rect out = hada_rect_shrink(rect, camera->rows, camera->cols, rows, cols, outward, margin);
-    out.rows = at_least(out.rows, 1);
-    out.cols = at_least(out.cols, 1);
+    out.rows = hada_most(out.rows, 1);
+    out.cols = hada_most(out.cols, 1);
     return out;
 }
 

@@ -2,6 +2,7 @@
 #include "netlist/net_list.h"
 
 #include "core/callers.h"
+#include "io/folder.h"
 
 enum { MOST_LEVELS = 16, MOST_CONVS = 16 };
 
@@ -316,15 +317,12 @@ hada_status hada_vgg16_load(hada_net **out, const char *path, hada_error *err)
     hada_status status = HADA_OK;
     hada_tensors *file = NULL;
     *out = NULL;
-    if ((status = hada_tensors_open(&file, path, err)) != HADA_OK)
-        return status;
+    HADA_TRY(hada_tensors_open(&file, path, err));
     HADA_TRY_OR_DONE(hada_vgg16_make(out, err));
     HADA_TRY_OR_DONE(hada_net_read_but(*out, file, "", "normalize.", err));
 done:
-    if (status) {
-        hada_error_prefix(err, "%s: ", path);
+    if (status)
         hada_net_destroy(out);
-    }
     hada_tensors_close(&file);
-    return status;
+    return hada_named(status, path, err);
 }

@@ -54,10 +54,12 @@ void hada_display_end(hada_display *display)
     *display = (hada_display){0};
 }
 
-static uint32_t to_srgb(double linear)
+/* gamma 0: as displays take it. */
+static uint32_t byte_of(double value, double white, double gamma)
 {
-    double value = linear <= 0.0031308 ? 12.92 * linear : 1.055 * pow(linear, 1 / 2.4) - 0.055;
-    return (uint32_t)(fmin(fmax(value, 0), 1) * 255 + 0.5);
+    const double light = fmin(fmax(value / white, 0), 1);
+    const double shown = gamma > 0 ? pow(light, gamma) : hada_response_from_light(HADA_RESPONSE_SRGB, light);
+    return (uint32_t)(shown * 255 + 0.5);
 }
 
 uint32_t hada_colormap(double at)
@@ -72,7 +74,7 @@ uint32_t hada_colormap(double at)
     const double red = 4.0767416621 * l - 3.3077115913 * m + 0.2309699292 * s;
     const double green = -1.2684380046 * l + 2.6097574011 * m - 0.3413193965 * s;
     const double blue = -0.0041960863 * l - 0.7034186147 * m + 1.7076147010 * s;
-    return to_srgb(red) << 16 | to_srgb(green) << 8 | to_srgb(blue);
+    return byte_of(red, 1, 0) << 16 | byte_of(green, 1, 0) << 8 | byte_of(blue, 1, 0);
 }
 
 /* The upper half of a positive float's bits sorts like the number and holds it to 1 in 128: 8 bits of exponent, 7 of
@@ -179,14 +181,6 @@ static void resample(const float *plane, int rows, int cols, int width, int heig
             out[(size_t)y * (size_t)width + (size_t)x] = (float)sum;
         }
     }
-}
-
-/* gamma 0: as displays take it. */
-static uint32_t byte_of(double value, double white, double gamma)
-{
-    const double light = fmin(fmax(value / white, 0), 1);
-    const double shown = gamma > 0 ? pow(light, gamma) : hada_response_from_light(HADA_RESPONSE_SRGB, light);
-    return (uint32_t)(shown * 255 + 0.5);
 }
 
 /* Planes of floats to pixels. */

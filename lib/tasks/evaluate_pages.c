@@ -12,12 +12,7 @@
 hada_status hada_region_read(hada_region *region, const hada_evaluate_task *task, hada_error *err)
 {
     *region = (hada_region){task->window_rows, task->window_cols, task->window_row, task->window_col, {0}};
-    if (!task->mask)
-        return HADA_OK;
-    const hada_status status = hada_tiff_load(task->mask, 0, &region->mask, err);
-    if (status)
-        hada_error_prefix(err, "%s: ", task->mask);
-    return status;
+    return task->mask ? hada_named(hada_tiff_load(task->mask, 0, &region->mask, err), task->mask, err) : HADA_OK;
 }
 
 void hada_region_free(hada_region *region)

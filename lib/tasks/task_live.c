@@ -127,10 +127,8 @@ static hada_status live_pipe_begin(hada_live_pipe *pipe, int fd, const hada_head
     HADA_TRY(HADA_NEW_RAW(pipe->reading, pipe->bytes, "a frame", err));
     HADA_TRY(HADA_NEW_RAW(pipe->ready, pipe->bytes, "a frame", err));
     HADA_TRY(HADA_NEW_RAW(pipe->taken, pipe->bytes, "a frame", err));
-    if (pthread_create(&pipe->thread, NULL, read_all, pipe))
-        return hada_fail(err, HADA_ERROR_MEMORY, "no thread to read frames with");
-    pipe->started = 1;
-    return HADA_OK;
+    pipe->started = hada_thread_start(&pipe->thread, read_all, pipe);
+    return pipe->started ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no thread to read frames with");
 }
 
 static hada_status why_it_ended(const hada_live_pipe *pipe, hada_error *err)

@@ -1,6 +1,8 @@
 /* Linear intensities to pixels of a screen, and a stream of pictures for a display. */
 #include <hadalens/response.h>
+#include <hadalens/scene.h>
 
+#include "image/pixels.h"
 #include "io/encode.h"
 #include "io/text.h"
 #include "picture/tone.h"
@@ -125,64 +127,6 @@ double hada_tone_white(const hada_image *images, int count)
     return (level || top) && white > 0 && isfinite(white) ? (double)white : 1;
 }
 
-/* Which values of a line of `from` make up pixel `at` of `to`: `first` and `count`, with weights summing to 1. */
-typedef struct hada_span {
-    int first, count;
-    double begin, step; /* area: the pixel covers [begin, begin + step); bilinear: the second weight is begin */
-} hada_span;
-
-static hada_span span_of(int at, int from, int to)
-{
-    if (to >= from) { /* bilinear between centres */
-        double place = (at + 0.5) * from / to - 0.5;
-        place = place < 0 ? 0 : place > from - 1 ? from - 1 : place;
-        int first = (int)place < from - 1 ? (int)place : from - 1;
-        return (hada_span){first, first + 1 < from ? 2 : 1, place - first, 0};
-    }
-    double step = (double)from / to, begin = at * step, end = begin + step;
-    int first = (int)begin, last = (int)ceil(end - 1e-9);
-    last = last > from ? from : last;
-    return (hada_span){first, last - first, begin, step};
-}
-
-static double weight_of(const hada_span *span, int index)
-{
-    if (span->step <= 0)
-        return index ? span->begin : span->count > 1 ? 1 - span->begin : 1;
-    double low = fmax(span->begin, span->first + index), high = fmin(span->begin + span->step, span->first + index + 1);
-    return high > low ? (high - low) / span->step : 0;
-}
-
-/* One plane resampled into out[height * width]; `lines` holds rows * width values between the two passes. */
-static void resample(const float *plane, int rows, int cols, int width, int height, float *lines, float *out)
-{
-    if (width == cols && height == rows) { /* every weight would be 1 */
-        for (size_t i = 0, count = (size_t)rows * (size_t)cols; i < count; i++)
-            out[i] = isfinite(plane[i]) ? plane[i] : 0;
-        return;
-    }
-    for (int x = 0; x < width; x++) {
-        hada_span span = span_of(x, cols, width);
-        for (int row = 0; row < rows; row++) {
-            double sum = 0;
-            for (int i = 0; i < span.count; i++) {
-                float value = plane[(size_t)row * (size_t)cols + (size_t)(span.first + i)];
-                sum += isfinite(value) ? weight_of(&span, i) * (double)value : 0;
-            }
-            lines[(size_t)row * (size_t)width + (size_t)x] = (float)sum;
-        }
-    }
-    for (int y = 0; y < height; y++) {
-        hada_span span = span_of(y, rows, height);
-        for (int x = 0; x < width; x++) {
-            double sum = 0;
-            for (int i = 0; i < span.count; i++)
-                sum += weight_of(&span, i) * (double)lines[(size_t)(span.first + i) * (size_t)width + (size_t)x];
-            out[(size_t)y * (size_t)width + (size_t)x] = (float)sum;
-        }
-    }
-}
-
 /* Planes of floats to pixels. */
 static void show(uint32_t *pixels, size_t count, const float *planes, int channels, double white, double gamma)
 {
@@ -204,20 +148,19 @@ static void show(uint32_t *pixels, size_t count, const float *planes, int channe
 hada_status hada_tone_pixels(uint32_t **pixels, int width, int height, const hada_image *image, double white,
                              double gamma, hada_error *err)
 {
+    const size_t count = (size_t)width * (size_t)height;
+    hada_image finite = {0}, scaled = {0};
     hada_status status = HADA_OK;
-    const size_t count = (size_t)width * (size_t)height, plane = (size_t)image->rows * (size_t)image->cols;
-    float *lines = NULL, *planes = NULL;
-    uint32_t *out = NULL;
     *pixels = NULL;
-    HADA_TRY_OR_DONE(HADA_NEW_RAW(lines, hada_size_product((size_t)image->rows, (size_t)width), "a picture", err));
-    HADA_TRY_OR_DONE(HADA_NEW_RAW(planes, hada_size_product(count, (size_t)image->channels), "a picture", err));
-    HADA_TRY_OR_DONE(HADA_NEW_RAW(out, count, "a picture", err));
-    for (int c = 0; c < image->channels; c++)
-        resample(image->data + (size_t)c * plane, image->rows, image->cols, width, height, lines,
-                 planes + (size_t)c * count);
-    show(out, count, planes, image->channels, white > 0 ? white : 1, gamma);
-    *pixels = out;
+    HADA_TRY_OR_DONE(hada_image_copy(&finite, image, err));
+    for (size_t i = 0; i < hada_image_count(&finite); i++)
+        finite.data[i] = isfinite(finite.data[i]) ? finite.data[i] : 0.0f;
+    if (width != image->cols || height != image->rows)
+        HADA_TRY_OR_DONE(hada_image_resize(&scaled, &finite, height, width, err));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(*pixels, count, "a picture", err));
+    show(*pixels, count, scaled.data ? scaled.data : finite.data, image->channels, white > 0 ? white : 1, gamma);
 done:
-    HADA_FREE(lines, planes);
+    hada_image_destroy(&finite);
+    hada_image_destroy(&scaled);
     return status;
 }

@@ -102,7 +102,6 @@ static hada_status begin_device(hada_job *job, hada_plan *plan, const hada_cl_fr
     const size_t values = (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols;
     hada_cl_frame frame;
     hada_pixels pixels;
-    hada_cl_frame_init(&frame);
     HADA_TRY(HADA_OPTIONS_TAKE(&frame, callers, hada_cl_frame, err));
     HADA_TRY(check_plan(plan, err));
     if (!frame.pixels)

@@ -170,7 +170,6 @@ hada_status hada_register_run(hada_register_report **out, const hada_dataset *da
     hada_status status = HADA_OK;
     HADA_NEED(out && data, err);
     *out = NULL;
-    hada_register_task_init(&task);
     HADA_TRY(HADA_OPTIONS_TAKE(&task, callers, hada_register_task, err));
     const size_t depths = (size_t)hada_dataset_get_info(data)->depths;
     HADA_TRY(HADA_NEW(own, 1, "a report", err));
@@ -199,7 +198,6 @@ static hada_status choose_window(writing *w, const hada_register_task *callers, 
 {
     const hada_register_task *task = &w->task;
     hada_pair pair;
-    hada_register_task_init(&w->task);
     HADA_TRY(HADA_OPTIONS_TAKE(&w->task, callers, hada_register_task, err));
     if (!hada_dataset_get_info(w->data)->has_files)
         return hada_fail(err, HADA_ERROR_UNSUPPORTED,

@@ -367,7 +367,6 @@ static hada_status take_task(hada_recipe *recipe, const hada_camera *camera, con
                              hada_error *err)
 {
     hada_simulate_task *task = &recipe->task;
-    hada_sensor_init(&recipe->sensor);
     HADA_TRY(HADA_OPTIONS_TAKE(&recipe->camera, camera, hada_camera, err));
     HADA_TRY(HADA_OPTIONS_TAKE(task, callers, hada_simulate_task, err));
     HADA_TRY(HADA_OPTIONS_TAKE(&recipe->simulator_options, task->simulator, hada_simulator_options, err));

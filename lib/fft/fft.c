@@ -240,13 +240,13 @@ done:
     return status;
 }
 
-void hada_fft_destroy(hada_fft **plan)
+void hada_fft_destroy(hada_fft **pointer)
 {
-    if (!plan || !*plan)
+    hada_fft *plan = hada_taken(pointer);
+    if (!plan)
         return;
-    (*plan)->engine->destroy(*plan);
-    free(*plan);
-    *plan = NULL;
+    plan->engine->destroy(plan);
+    free(plan);
 }
 
 size_t hada_fft_bytes(const hada_context *context, const hada_fft_desc *desc)

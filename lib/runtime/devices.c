@@ -307,10 +307,7 @@ const hada_device_info *hada_device_list_get(const hada_device_list *list, size_
 
 void hada_device_list_destroy(hada_device_list **list)
 {
-    if (!list)
-        return;
-    free(*list);
-    *list = NULL;
+    free(hada_taken(list));
 }
 
 /* Which device the user's words mean. */

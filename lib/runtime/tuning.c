@@ -121,12 +121,11 @@ done:
     return status;
 }
 
-void hada_tuning_destroy(hada_tuning **tuning)
+void hada_tuning_destroy(hada_tuning **pointer)
 {
-    if (!*tuning)
-        return;
-    HADA_FREE((*tuning)->path, (*tuning)->rows, *tuning);
-    *tuning = NULL;
+    hada_tuning *tuning = hada_taken(pointer);
+    if (tuning)
+        HADA_FREE(tuning->path, tuning->rows, tuning);
 }
 
 static int same_shape(const char *mine, const char *shape)

@@ -110,10 +110,7 @@ void hada_between_destroy(hada_between **pointer)
     hada_slot_finish(b->slot, NULL);
     hada_fft_destroy(&b->forward);
     hada_fft_destroy(&b->inverse);
-    hada_buffer *buffers[] = {&b->prefilter, &b->coefficients, &b->lines,  &b->image,
-                              &b->spectrum,  &b->bases,        &b->weights};
-    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
-        hada_buffer_destroy(buffers[i]);
+    HADA_DESTROY_BUFFERS(&b->prefilter, &b->coefficients, &b->lines, &b->image, &b->spectrum, &b->bases, &b->weights);
     HADA_FREE(b->host_bases, b->host_weights, b);
 }
 

@@ -272,9 +272,6 @@ void hada_surface_destroy(hada_surface **pointer)
     for (int l = 0; l < s->levels; l++)
         level_free(&s->level[l]);
     HADA_DESTROY_BUFFERS(&s->map, &s->texture, &s->allowed);
-    float *floats[] = {s->planes[0], s->planes[1], s->mask,     s->depth[0],   s->depth[1],
-                       s->sum,       s->image[0],  s->image[1], s->confidence, s->power};
-    for (size_t i = 0; i < HADA_COUNT(floats); i++)
-        free(floats[i]);
-    HADA_FREE(s->outside, s->light, s->shift, s);
+    HADA_FREE(s->planes[0], s->planes[1], s->mask, s->depth[0], s->depth[1], s->sum, s->image[0], s->image[1],
+              s->confidence, s->power, s->outside, s->light, s->shift, s);
 }

@@ -174,11 +174,10 @@ done:
 
 void hada_volume_destroy(hada_volume **pointer)
 {
-    if (!pointer || !*pointer)
-        return;
-    hada_volume *v = *pointer;
+    hada_volume *v = hada_taken(pointer);
     hada_buffer_row rows[ROWS];
-    *pointer = NULL;
+    if (!v)
+        return;
     hada_slot_finish(v->slot, NULL);
     hada_fft_destroy(&v->forward);
     hada_fft_destroy(&v->inverse);

@@ -211,12 +211,6 @@ static hada_status add_stages(hada_net *net, const stage *stages, int count, had
     return HADA_OK;
 }
 
-static hada_status add_patch(hada_net *net, hada_error *err)
-{
-    static const stage stages[] = {{32, 1}, {64, 2}, {128, 2}, {128, 1}, {1, 1}};
-    return add_stages(net, stages, (int)(sizeof stages / sizeof *stages), err);
-}
-
 static hada_status add_paper(hada_net *net, hada_error *err)
 {
     static const stage stages[] = {{32, 2}, {64, 2}, {128, 2}, {128, 2}, {128, 2}};
@@ -240,6 +234,7 @@ static hada_status add_paper(hada_net *net, hada_error *err)
 
 hada_status hada_discriminator_make(hada_net **out, const char *name, int channels, hada_error *err)
 {
+    static const stage patch[] = {{32, 1}, {64, 2}, {128, 2}, {128, 1}, {1, 1}};
     hada_status status = HADA_OK;
     const int paper = name && !strcmp(name, "paper");
     *out = NULL;
@@ -247,7 +242,7 @@ hada_status hada_discriminator_make(hada_net **out, const char *name, int channe
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no discriminator \"%s\": take patch or paper",
                          name ? name : "");
     HADA_TRY_OR_DONE(begin_discriminator(out, channels, err));
-    HADA_TRY_OR_DONE(paper ? add_paper(*out, err) : add_patch(*out, err));
+    HADA_TRY_OR_DONE(paper ? add_paper(*out, err) : add_stages(*out, patch, (int)HADA_COUNT(patch), err));
     HADA_TRY_OR_DONE(hada_net_finish(*out, err));
 done:
     if (status)

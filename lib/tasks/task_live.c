@@ -308,12 +308,6 @@ static hada_status live_folder_take(hada_live_folder *folder, double seconds, co
     }
 }
 
-static void live_folder_end(hada_live_folder *folder)
-{
-    free_files(folder->files, folder->count);
-    *folder = (hada_live_folder){0};
-}
-
 /* The caller's wish to stop is asked for this often. */
 #define STOP_SECONDS 0.05
 
@@ -569,7 +563,7 @@ hada_status hada_reconstruct_live(hada_plan *plan, const hada_model *model, cons
     HADA_TRY_OR_DONE(take_all(&own, err));
 done:
     live_pipe_end(&own.pipe);
-    live_folder_end(&own.folder);
+    free_files(own.folder.files, own.folder.count);
     hada_display_end(&own.display);
     hada_result_destroy(&own.result);
     end_input(&own);

@@ -17,11 +17,6 @@ typedef struct light_maker {
     size_t frame, window;        /* floats */
 } light_maker;
 
-static size_t frame_floats(const hada_model_info *info)
-{
-    return (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols;
-}
-
 static void destroy_light(light_maker *light)
 {
     hada_fft_destroy(&light->forward);
@@ -35,7 +30,8 @@ static hada_status create_light(light_maker *light, hada_slot *slot, const hada_
 {
     hada_geometry at;
     hada_status status = HADA_OK;
-    *light = (light_maker){.slot = slot, .channels = info->channels, .frame = frame_floats(info)};
+    *light = (light_maker){.slot = slot, .channels = info->channels};
+    light->frame = (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols;
     light->window = (size_t)info->channels * (size_t)info->window_rows * (size_t)info->window_cols;
     HADA_TRY_OR_DONE(hada_geometry_of(info, &at, err));
     const hada_fft_desc forward = hada_geometry_transform(info, &at, HADA_FFT_FORWARD, 1, 1);
@@ -287,13 +283,6 @@ done:
     return status;
 }
 
-/* The sum of all planes becomes what the others hold. */
-static void take_off(const float *own, float *sum, size_t values)
-{
-    for (size_t k = 0; k < values; k++)
-        sum[k] -= own[k];
-}
-
 static hada_status make_plane(hada_planes *planes, int depth, const hada_composed *composed, hada_image *out,
                               hada_error *err)
 {
@@ -307,7 +296,8 @@ static hada_status make_plane(hada_planes *planes, int depth, const hada_compose
     memset(out->data + values, 0, values * sizeof(float));
     if (planes->refiner && composed->count) {
         HADA_TRY(add_up(planes, composed, out->data + values, err));
-        take_off(out->data, out->data + values, values);
+        for (size_t k = 0; k < values; k++) /* of the sum of all planes, what the others hold */
+            out->data[values + k] -= out->data[k];
     }
     return HADA_OK;
 }

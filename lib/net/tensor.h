@@ -31,6 +31,8 @@ int hada_net_block(const hada_context *context);
 
 /* A tensor as kernels take it beside its memory. */
 hada_tensor_layout hada_layout_of(const hada_tensor *tensor);
+/* Blocks of channels of all images. */
+size_t hada_tensor_planes(const hada_tensor *tensor);
 
 /* The program of a kernel file that has one for blocks of 8 and one for blocks of 16. */
 #define HADA_PROGRAM_BY_BLOCK(FILE, block)                                                                             \

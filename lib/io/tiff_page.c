@@ -61,7 +61,6 @@ static const char *codec_name(int compression)
     return "unknown";
 }
 
-/* The largest number of decoded bytes for one byte of the file that the format allows, rounded up. */
 /* Codecs that fail on damaged data by an error: not JBIG, whose library ends the process, and none that nobody tests.
  */
 static int is_trusted(int compression)
@@ -73,6 +72,7 @@ static int is_trusted(int compression)
     return 0;
 }
 
+/* The largest number of decoded bytes for one byte of the file that the format allows, rounded up. */
 static uint64_t largest_ratio(int compression)
 {
     switch (compression) {

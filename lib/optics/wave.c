@@ -321,7 +321,7 @@ done:
  * theorem); pixels are that much smaller there. Free space is a product in the frequency domain, without the
  * frequencies whose light would leave the grid (K. Matsushima, T. Shimobaba, Optics Express 17(22), 19662 (2009)). */
 
-#define STRAY_FACTOR  9.8696044 /* pi^2: see wave_lens.c */
+#define STRAY_FACTOR  9.8696044 /* pi^2, as for a lens */
 #define MASK_SAMPLING 1.25      /* of the steepest slope of the mask */
 #define PIXEL_PARTS   8         /* samples on a pixel or on the light's finest detail, whichever is larger */
 #define EDGE_PARTS    48        /* samples on a hole, a cell or a strip, at least */

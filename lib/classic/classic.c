@@ -164,7 +164,7 @@ hada_status hada_classic_create(hada_classic **out, hada_slot *slot, const hada_
     hada_classic *classic = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(classic = hada_alloc(1, sizeof *classic, what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW(classic, 1, what, err));
     classic->slot = slot;
     classic->shape = *shape;
     classic->layout = hada_fft_layout(slot->context, shape->grid_rows, shape->grid_cols, HADA_FFT_AUTO);

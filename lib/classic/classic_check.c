@@ -126,9 +126,9 @@ hada_status hada_classic_check(hada_classic *classic, hada_error *err)
     classic->job = &job;
     classic->shape.components = 1;
     classic->planes = depths * (int)channels;
-    HADA_TRY_OR_DONE(hada_allocated(t.values = hada_alloc(otf, sizeof(float), what, err)));
-    HADA_TRY_OR_DONE(hada_allocated(t.planes = hada_alloc(t.plane_floats, sizeof(float), what, err)));
-    HADA_TRY_OR_DONE(hada_allocated(t.frames = hada_alloc(t.frame_floats, sizeof(float), what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW(t.values, otf, what, err));
+    HADA_TRY_OR_DONE(HADA_NEW(t.planes, t.plane_floats, what, err));
+    HADA_TRY_OR_DONE(HADA_NEW(t.frames, t.frame_floats, what, err));
     if (!classic->slot->context->dry)
         make_otf(&t);
     HADA_TRY_OR_DONE(hada_buffer_create_from(&t.otf, classic->slot, t.values, otf * sizeof(float), what, err));

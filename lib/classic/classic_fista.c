@@ -91,12 +91,9 @@ static hada_status tv_duals(hada_classic *classic, double beta, hada_error *err)
 static hada_status total_variation(hada_classic *classic, hada_error *err)
 {
     double t = 1.0;
-    const cl_int code = clEnqueueCopyBuffer(
-        classic->slot->queue, classic->part[HADA_CLASSIC_TV_DUAL].mem, classic->part[HADA_CLASSIC_TV_DUAL_NEXT].mem, 0,
-        0, classic->bytes[HADA_CLASSIC_TV_DUAL], 0, NULL, hada_slot_event(classic->slot));
-    if (code != CL_SUCCESS)
-        return hada_fail_cl(err, code, "clEnqueueCopyBuffer");
-    hada_slot_moved(classic->slot, "copy", (double)classic->bytes[HADA_CLASSIC_TV_DUAL]);
+    HADA_TRY(hada_buffer_copy(classic->slot, classic->part[HADA_CLASSIC_TV_DUAL].mem, 0,
+                              classic->part[HADA_CLASSIC_TV_DUAL_NEXT].mem, 0, classic->bytes[HADA_CLASSIC_TV_DUAL],
+                              err));
     for (int k = 0; k < classic->shape.options.inner; k++) {
         HADA_TRY(tv_planes(classic, HADA_CLASSIC_TV_DUAL_NEXT, err));
         HADA_TRY(tv_duals(classic, nesterov(&t), err));

@@ -92,7 +92,7 @@ static hada_status psf_open(psf_reader *reader, hada_context *context, const had
     HADA_TRY_OR_DONE(hada_buffer_create(&reader->image, context, reader->pixels * sizeof(float), what, err));
     HADA_TRY_OR_DONE(
         hada_buffer_create(&reader->spectrum, context, reader->layout.count * 2 * sizeof(float), what, err));
-    HADA_TRY_OR_DONE(hada_allocated(reader->psf = hada_alloc_raw(reader->pixels, sizeof(float), what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(reader->psf, reader->pixels, what, err));
     HADA_TRY_OR_DONE(
         hada_allocated(reader->values = hada_alloc_raw(reader->layout.count, 2 * sizeof(float), what, err)));
 done:
@@ -199,16 +199,11 @@ static axis axis_of(int grid, int columns, int plane0, int plane, int frame0, in
     return a;
 }
 
-static int larger(int a, int b)
-{
-    return a > b ? a : b;
-}
-
 static int size_for(const axis *a)
 {
     int least = a->least;
     if (a->first <= a->last)
-        least = larger(least, larger(a->high - a->first, a->last - a->low) + 1);
+        least = hada_most(least, hada_most(a->high - a->first, a->last - a->low) + 1);
     least = hada_fft_quick_size(least, a->columns);
     return least < a->grid ? least : a->grid;
 }
@@ -306,8 +301,8 @@ hada_status hada_classic_fit_grid(hada_classic_shape *shape, hada_context *conte
         small = 0;
     if (!small)
         goto done;
-    HADA_TRY_OR_DONE(hada_allocated(rows.state = hada_alloc((size_t)rows.grid, 1, "a plan", err)));
-    HADA_TRY_OR_DONE(hada_allocated(cols.state = hada_alloc((size_t)cols.grid, 1, "a plan", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(rows.state, (size_t)rows.grid, "a plan", err));
+    HADA_TRY_OR_DONE(HADA_NEW(cols.state, (size_t)cols.grid, "a plan", err));
     HADA_TRY_OR_DONE(psf_open(&reader, context, model, makes_positive(shape), err));
     for (int i = 0; small && i < count * images_of(&model->info); i++)
         HADA_TRY_OR_DONE(widen_by_image(&reader, depths, i, &rows, &cols, &small, err));
@@ -377,7 +372,7 @@ static hada_status transform_all(hada_buffer *out, psf_reader *reader, const had
     HADA_TRY_OR_DONE(hada_fft_create(&forward, reader->slot, &desc, err));
     HADA_TRY_OR_DONE(
         hada_buffer_create(&image, reader->slot->context, pixels * sizeof *psf, "a point spread function", err));
-    HADA_TRY_OR_DONE(hada_allocated(psf = hada_alloc_raw(pixels, sizeof *psf, "a point spread function", err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(psf, pixels, "a point spread function", err));
     const int images = images_of(&reader->model->info);
     for (int i = 0; i < (count + shape->haze) * images && !reader->slot->context->dry; i++) {
         const size_t at = (size_t)i * hada_fft_plan_layout(forward)->count;
@@ -402,11 +397,6 @@ done:
     return status;
 }
 
-static int within(int at, int count)
-{
-    return at < 0 ? 0 : at < count ? at : count - 1;
-}
-
 /* The weights of all components as images of planes, behind `offset` bytes. */
 static hada_status write_weights(hada_buffer *out, size_t offset, psf_reader *reader, const hada_classic_shape *shape,
                                  const int *depths, int count, hada_error *err)
@@ -417,7 +407,7 @@ static hada_status write_weights(hada_buffer *out, size_t offset, psf_reader *re
                  area = (size_t)window->rows * (size_t)window->cols;
     float *image = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(image = hada_alloc(pixels, sizeof *image, "weights of components", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(image, pixels, "weights of components", err));
     for (int i = 0; i < count * info->components && !reader->slot->context->dry; i++) {
         const int depth = depths ? depths[i / info->components] : i / info->components;
         const size_t term = (size_t)depth * (size_t)info->components + (size_t)(i % info->components);
@@ -425,8 +415,8 @@ static hada_status write_weights(hada_buffer *out, size_t offset, psf_reader *re
         for (int row = 0; row < support->rows; row++)
             for (int col = 0; col < support->cols; col++)
                 image[(size_t)row * pitch + (size_t)col] =
-                    from[(size_t)within(row + support->row0 - window->row0, window->rows) * (size_t)window->cols +
-                         (size_t)within(col + support->col0 - window->col0, window->cols)];
+                    from[(size_t)hada_within(row + support->row0 - window->row0, window->rows) * (size_t)window->cols +
+                         (size_t)hada_within(col + support->col0 - window->col0, window->cols)];
         HADA_TRY_OR_DONE(hada_buffer_write(out, reader->slot, offset + (size_t)i * pixels * sizeof *image, image,
                                            pixels * sizeof *image, err));
     }

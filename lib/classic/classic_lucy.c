@@ -20,13 +20,8 @@ static const double most_momentum = 0.999;
 
 static hada_status fill(hada_classic *classic, hada_classic_part part, double number, hada_error *err)
 {
-    const cl_float value = (float)number;
-    const cl_int code = clEnqueueFillBuffer(classic->slot->queue, classic->part[part].mem, &value, sizeof value, 0,
-                                            classic->bytes[part], 0, NULL, hada_slot_event(classic->slot));
-    if (code != CL_SUCCESS)
-        return hada_fail_cl(err, code, "clEnqueueFillBuffer");
-    hada_slot_moved(classic->slot, "fill", (double)classic->bytes[part]);
-    return HADA_OK;
+    return hada_buffer_fill(classic->slot, classic->part[part].mem, 0, (float)number,
+                            classic->bytes[part] / sizeof(cl_float), err);
 }
 
 /* planes = transpose of PROJECTION, and of their Gaussians. */

@@ -172,7 +172,7 @@ hada_status hada_classic_camera_of(hada_classic_camera *camera, const hada_model
                                    hada_error *err)
 {
     const int channels = model->info.channels;
-    HADA_TRY(hada_allocated(camera->largest = hada_alloc((size_t)channels, sizeof(double), "a plan", err)));
+    HADA_TRY(HADA_NEW(camera->largest, (size_t)channels, "a plan", err));
     camera->gain = hada_model_gain(model);
     camera->mean_square = 0.0;
     for (int c = 0; c < channels; c++) {

@@ -189,7 +189,10 @@ void *hada_alloc_raw(size_t count, size_t size, const char *what, hada_error *er
 
 hada_status hada_grow(void *place, size_t count, size_t size, const char *what, hada_error *err)
 {
-    const size_t bytes = hada_size_product(count, size);
+    size_t room = 1;
+    while (room < count && room <= SIZE_MAX / 2)
+        room *= 2;
+    const size_t bytes = hada_size_product(room, size);
     void *array;
     memcpy(&array, place, sizeof array);
     array = bytes > SIZE_MAX / 2 ? NULL : realloc(array, bytes ? bytes : 1);

@@ -94,7 +94,8 @@ static inline hada_status hada_allocated(const void *pointer)
     hada_allocated((pointer) = hada_alloc_raw(count, sizeof *(pointer), what, err))
 
 /* Room for `count` elements of an array; what it holds stays, and so does the array where memory is short:
- * HADA_TRY(HADA_GROW(rows, count, "the rows", err)). */
+ * HADA_TRY(HADA_GROW(rows, count, "the rows", err)). Arrays grow to powers of two, so that one which is asked to grow
+ * by one again and again moves but a few times. */
 hada_status hada_grow(void *place, size_t count, size_t size, const char *what, hada_error *err);
 #define HADA_GROW(pointer, count, what, err) hada_grow(&(pointer), count, sizeof *(pointer), what, err)
 
@@ -117,6 +118,17 @@ static inline void *hada_taken(void *place)
 static inline int hada_least(int a, int b)
 {
     return a < b ? a : b;
+}
+
+static inline int hada_most(int a, int b)
+{
+    return a > b ? a : b;
+}
+
+/* The nearest of 0 to count - 1. */
+static inline int hada_within(int i, int count)
+{
+    return i < 0 ? 0 : i < count ? i : count - 1;
 }
 
 /* Number k of `count` that are spread evenly over 0 to all - 1, from the first to the last. */
@@ -146,6 +158,9 @@ char *hada_string_copy(const char *text);
 size_t hada_size_product(size_t count, size_t size);
 
 #define HADA_COUNT(array) (sizeof(array) / sizeof *(array))
+
+/* Whether this machine stores the low byte of a number first. */
+#define HADA_LITTLE_ENDIAN (__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__)
 
 /* How many parts of `part` it takes to hold n. */
 static inline size_t hada_divide_up(size_t n, size_t part)

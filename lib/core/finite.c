@@ -14,22 +14,17 @@ static int32_t pattern(const float *value)
     return bits & 0x7fffffff;
 }
 
-static int32_t larger(int32_t a, int32_t b)
-{
-    return a > b ? a : b;
-}
-
 static int32_t largest_pattern(const float *values, size_t count)
 {
     int32_t lanes[LANES] = {0};
     size_t i = 0;
     for (; i + LANES <= count; i += LANES)
         for (size_t k = 0; k < LANES; k++)
-            lanes[k] = larger(lanes[k], pattern(values + i + k));
+            lanes[k] = hada_most(lanes[k], pattern(values + i + k));
     for (; i < count; i++)
-        lanes[0] = larger(lanes[0], pattern(values + i));
+        lanes[0] = hada_most(lanes[0], pattern(values + i));
     for (size_t k = 1; k < LANES; k++)
-        lanes[0] = larger(lanes[0], lanes[k]);
+        lanes[0] = hada_most(lanes[0], lanes[k]);
     return lanes[0];
 }
 
@@ -41,14 +36,14 @@ size_t hada_not_finite(const float *values, size_t count, float *largest)
         const size_t here = count - first < BLOCK ? count - first : BLOCK;
         const int32_t top = largest_pattern(values + first, here);
         if (top < INFINITE) {
-            most = larger(most, top);
+            most = hada_most(most, top);
             continue;
         }
         for (size_t i = first; i < first + here; i++)
             if (pattern(values + i) >= INFINITE)
                 broken++;
             else
-                most = larger(most, pattern(values + i));
+                most = hada_most(most, pattern(values + i));
     }
     memcpy(largest, &most, sizeof *largest);
     return broken;

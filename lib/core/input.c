@@ -76,7 +76,7 @@ hada_status hada_input_read(char **text, size_t *bytes, const char *path, size_t
     if (size > most)
         HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_FILE_FORMAT, "has %zu bytes; at most %zu are read here", size, most));
-    HADA_TRY_OR_DONE(hada_allocated(read_into = hada_alloc(size + 1, 1, "a file", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(read_into, size + 1, "a file", err));
     const ssize_t got = read_up_to(fd, read_into, size);
     if (got < 0)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_READ, "cannot be read: %s", strerror(errno)));
@@ -106,7 +106,7 @@ hada_status hada_file_hash(uint64_t *hash, const char *path, hada_error *err)
         return HADA_OK;
     if (status)
         return hada_fail(err, status, "%s", error.message);
-    HADA_TRY_OR_DONE(hada_allocated(piece = hada_alloc_raw(PIECE, 1, "a piece of a file", err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(piece, PIECE, "a piece of a file", err));
     state = XXH3_createState();
     if (!state)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for the hash of a file"));

@@ -23,7 +23,6 @@ static hada_status take_flat(hada_pair_store *store, const hada_dataset_options 
 hada_status hada_pair_store_create(hada_pair_store **out, const hada_dataset_options *callers, hada_error *err)
 {
     hada_dataset_options options;
-    hada_dataset_options_init(&options);
     *out = NULL;
     HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_dataset_options, err));
     if (options.mosaic == HADA_MOSAIC_AUTO) /* no file said anything */
@@ -39,21 +38,18 @@ hada_status hada_pair_store_create(hada_pair_store **out, const hada_dataset_opt
                          "pairs cannot be binned by %d: options.downsample is 1 or more, and even for a mosaic",
                          options.downsample);
     HADA_TRY(HADA_NEW(*out, 1, "a data set", err));
-    const hada_status status = take_flat(*out, &options, err);
-    if (status) {
-        hada_image_destroy(&(*out)->flat);
-        free(*out);
-        *out = NULL;
-        return status;
-    }
-    (*out)->users = 1;
-    (*out)->downsample = options.downsample;
-    *(options.downsample > 1 ? &(*out)->sensor_mosaic : &(*out)->mosaic) = options.mosaic;
-    (*out)->room = options.cache_bytes;
-    (*out)->frame_encoding = options.frame_encoding;
-    (*out)->reading = (*out)->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
-    (*out)->ahead.changed = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
-    return HADA_OK;
+    hada_pair_store *store = *out;
+    store->users = 1;
+    store->downsample = options.downsample;
+    *(options.downsample > 1 ? &store->sensor_mosaic : &store->mosaic) = options.mosaic;
+    store->room = options.cache_bytes;
+    store->frame_encoding = options.frame_encoding;
+    store->reading = store->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
+    store->ahead.changed = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
+    const hada_status status = take_flat(store, &options, err);
+    if (status)
+        hada_pair_store_release(out);
+    return status;
 }
 
 static void images_free(hada_pair_images *images)

@@ -274,7 +274,6 @@ hada_status hada_dataset_scan(hada_dataset **out, const char *folder, const hada
     hada_pair_store *store = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    hada_dataset_options_init(&options);
     HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_dataset_options, err));
     const hada_dataset_options asked = options;
     HADA_TRY_OR_DONE(scan(&store, folder, &options, err));

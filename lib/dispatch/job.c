@@ -102,7 +102,6 @@ static hada_status begin_device(hada_job *job, hada_plan *plan, const hada_cl_fr
     const size_t values = (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols;
     hada_cl_frame frame;
     hada_pixels pixels;
-    hada_cl_frame_init(&frame);
     HADA_TRY(HADA_OPTIONS_TAKE(&frame, callers, hada_cl_frame, err));
     HADA_TRY(check_plan(plan, err));
     if (!frame.pixels)
@@ -138,7 +137,7 @@ static hada_status begin(hada_job *job, hada_plan *plan, const frame_input *inpu
     const size_t depths = (size_t)plan->setup.config.depths;
     hada_status status = HADA_OK;
     *job = (hada_job){.dispatcher = plan->dispatcher};
-    HADA_TRY_OR_DONE(hada_allocated(job->depths = hada_alloc(depths, 1, "a frame", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(job->depths, depths, "a frame", err));
     HADA_TRY_OR_DONE(check_result(plan, result, err));
     HADA_TRY_OR_DONE(begin_frame(job, plan, input, result, err));
     job->frame.batches = &hada_job_batches;

@@ -156,7 +156,7 @@ static int around(int at, int count, hada_boundary boundary)
 {
     if (boundary == HADA_BOUNDARY_CIRCULAR)
         return (at + count) % count;
-    return at < 0 ? 0 : at >= count ? count - 1 : at;
+    return hada_within(at, count);
 }
 
 /* A pass along rows (step 1) or columns. */

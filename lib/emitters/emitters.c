@@ -71,9 +71,8 @@ typedef struct search {
     candidate *candidates;
     int candidate_count;
     spot *spots, *before;
-    int count, room, rooms; /* rooms: that have pixels among the touches */
+    int count, rooms; /* rooms: that have pixels among the touches */
     hada_touch *touches;
-    size_t touch_room;
     float *plane;                                           /* of the frame: a change of the model */
     float (*dense)[UNKNOWNS];                               /* of the frame, zeros between uses */
     double *step, *gradient, *direction, *along, *whitened; /* vectors of the unknowns, the offset last */
@@ -131,29 +130,22 @@ static double lone_deviation(const search *s, int depth)
     return s->sigma / fmax(s->optics->norm[depth], 1e-300);
 }
 
-static hada_status add_candidate(search *s, const candidate *one, int *room, hada_error *err)
+static hada_status add_candidate(search *s, const candidate *one, hada_error *err)
 {
-    if (s->candidate_count == *room) {
-        *room = *room ? 2 * *room : 256;
-        candidate *larger = realloc(s->candidates, (size_t)*room * sizeof *larger);
-        if (!larger)
-            return hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s", what);
-        s->candidates = larger;
-    }
+    HADA_TRY(HADA_GROW(s->candidates, (size_t)s->candidate_count + 1, what, err));
     s->candidates[s->candidate_count++] = *one;
     return HADA_OK;
 }
 
 static hada_status find_candidates(search *s, hada_error *err)
 {
-    int room = 0;
     for (int z = 0; z < s->optics->depths; z++) {
         const double least = CANDIDATE * s->limit * lone_deviation(s, z);
         for (int y = 0; y < s->optics->window_rows; y++)
             for (int x = 0; x < s->optics->window_cols; x++) {
                 candidate one;
                 if (voxel(s, z, y, x) > least / 27.0F && is_maximum(s, z, y, x, &one) && one.light > least)
-                    HADA_TRY(add_candidate(s, &one, &room, err));
+                    HADA_TRY(add_candidate(s, &one, err));
             }
     }
     if (s->candidate_count)
@@ -172,14 +164,8 @@ static double moved(const hada_point *a, const hada_point *b)
 
 static hada_status ensure(search *s, hada_error *err)
 {
-    const size_t touches = (size_t)s->rooms * (size_t)s->most, unknowns = (size_t)s->count * UNKNOWNS + 1;
-    if (touches > s->touch_room) {
-        hada_touch *larger = realloc(s->touches, (touches + touches / 4) * sizeof *larger);
-        if (!larger)
-            return hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s", what);
-        s->touches = larger;
-        s->touch_room = touches + touches / 4;
-    }
+    const size_t unknowns = (size_t)s->count * UNKNOWNS + 1;
+    HADA_TRY(HADA_GROW(s->touches, (size_t)s->rooms * (size_t)s->most, what, err));
     if (unknowns > s->vector_room) {
         double **vectors[] = {&s->step, &s->gradient, &s->direction, &s->along, &s->whitened};
         s->vector_room = 0;
@@ -590,17 +576,8 @@ static int prune(search *s)
 /* A candidate becomes an emitter if it is none yet, by the light that the frame has left for it. */
 static hada_status take(search *s, candidate *one, const hada_point *at, double light, hada_error *err)
 {
-    if (s->count == s->room) {
-        const int room = s->room ? 2 * s->room : 256;
-        spot *larger = realloc(s->spots, (size_t)room * sizeof *larger);
-        if (larger)
-            s->spots = larger;
-        spot *other = larger ? realloc(s->before, (size_t)room * sizeof *other) : NULL;
-        if (!other)
-            return hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s", what);
-        s->before = other;
-        s->room = room;
-    }
+    HADA_TRY(HADA_GROW(s->spots, (size_t)s->count + 1, what, err));
+    HADA_TRY(HADA_GROW(s->before, (size_t)s->count + 1, what, err));
     if ((size_t)(s->rooms + 1) * (size_t)s->most * sizeof *s->touches > MOST_BYTES)
         return hada_fail(err, HADA_ERROR_MEMORY,
                          "%d emitters and more, whose light falls on up to %d pixels each, take more than %zu MiB of "

@@ -27,7 +27,7 @@ typedef struct track {
 struct hada_tracker {
     double largest[AXES]; /* motion from frame to frame */
     int gap;
-    int frame, count, live, room;
+    int frame, count, live;
     track *tracks;
 };
 
@@ -122,14 +122,7 @@ static hada_status prepare(hada_tracker *own, int more, hada_error *err)
     own->live = live;
     if (more > INT32_MAX - own->count || live > INT32_MAX - more)
         return hada_fail(err, HADA_ERROR_SIZE, "there are more tracks than can be numbered");
-    if (live + more > own->room) {
-        track *larger = realloc(own->tracks, ((size_t)(live + more) + 1) * sizeof *larger);
-        if (!larger)
-            return hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s", what);
-        own->tracks = larger;
-        own->room = live + more;
-    }
-    return HADA_OK;
+    return HADA_GROW(own->tracks, (size_t)(live + more), what, err);
 }
 
 hada_status hada_tracker_add(hada_tracker *own, const hada_emitter *const *emitters, int count, int *tracks,

@@ -215,10 +215,8 @@ static void resolve_band(hada_fft_desc *desc)
         desc->band_rows = desc->rows / 2;
         desc->band_cols = desc->cols / 2;
     }
-    if (desc->band_rows > desc->rows / 2)
-        desc->band_rows = desc->rows / 2;
-    if (desc->band_cols > desc->cols / 2)
-        desc->band_cols = desc->cols / 2;
+    desc->band_rows = hada_least(desc->band_rows, desc->rows / 2);
+    desc->band_cols = hada_least(desc->band_cols, desc->cols / 2);
 }
 
 hada_status hada_fft_create(hada_fft **out, hada_slot *slot, const hada_fft_desc *desc, hada_error *err)
@@ -242,13 +240,13 @@ done:
     return status;
 }
 
-void hada_fft_destroy(hada_fft **plan)
+void hada_fft_destroy(hada_fft **pointer)
 {
-    if (!plan || !*plan)
+    hada_fft *plan = hada_taken(pointer);
+    if (!plan)
         return;
-    (*plan)->engine->destroy(*plan);
-    free(*plan);
-    *plan = NULL;
+    plan->engine->destroy(plan);
+    free(plan);
 }
 
 size_t hada_fft_bytes(const hada_context *context, const hada_fft_desc *desc)
@@ -295,11 +293,6 @@ hada_status hada_fft_forward(hada_fft *plan, int batch, cl_mem real, size_t real
     return status ? status : plan->engine->forward(plan, batch, real, real_offset, spectrum, spectrum_offset, err);
 }
 
-static int smaller(int a, int b)
-{
-    return a < b ? a : b;
-}
-
 /* A call's filter with what its zeros stand for filled in: stride 1, the plan's band; none: as many spectra as images.
  */
 static hada_fft_filter resolve_filter(const hada_fft *plan, int batch, const hada_fft_filter *filter)
@@ -311,8 +304,8 @@ static hada_fft_filter resolve_filter(const hada_fft *plan, int batch, const had
     if (!use.stride)
         use.stride = 1;
     const int whole = !use.band_rows && !use.band_cols;
-    use.band_rows = whole ? desc->band_rows : smaller(use.band_rows, desc->band_rows);
-    use.band_cols = whole ? desc->band_cols : smaller(use.band_cols, desc->band_cols);
+    use.band_rows = whole ? desc->band_rows : hada_least(use.band_rows, desc->band_rows);
+    use.band_cols = whole ? desc->band_cols : hada_least(use.band_cols, desc->band_cols);
     return use;
 }
 
@@ -344,40 +337,17 @@ hada_status hada_fft_all(hada_fft *plan, int images, cl_mem real, cl_mem spectra
     return HADA_OK;
 }
 
-/* Which back end serves: a table by device kind and size, overridden by the tuning file. Never a timing. */
-
-typedef struct choice_row {
-    int kind;       /* hada_device_kind, 0: any */
-    size_t largest; /* of rows * cols */
-    hada_fft_backend backend;
-} choice_row;
-
-/* The first row that fits. Measured where perf/results has figures: on CPUs the own kernels were three to six times
- * faster than clFFT at every size; accelerators have no compiler at run time, so clFFT cannot run there. On GPUs the
- * own kernels serve until a table of measurements says otherwise: they prune, and multiply by filters as they read. */
-static const choice_row table[] = {
-    {HADA_DEVICE_CPU, (size_t)-1, HADA_FFT_OWN},
-    {HADA_DEVICE_ACCELERATOR, (size_t)-1, HADA_FFT_OWN},
-    {HADA_DEVICE_GPU, (size_t)-1, HADA_FFT_OWN},
-    {0, (size_t)-1, HADA_FFT_OWN},
-};
+/* Which back end serves: the own kernels, unless the tuning file names clFFT. Never a timing. On CPUs the own kernels
+ * were three to six times faster than clFFT at every size (perf/results); accelerators have no compiler at run time, so
+ * clFFT cannot run there; on GPUs the own kernels prune, and multiply by filters as they read. */
 
 static hada_status try_clfft(hada_slot *slot, hada_fft_direction direction, int rows, int cols, hada_error *err)
 {
-    const int half = cols / 2 + 1;
-    hada_fft plan = {
-        .slot = slot,
-        .desc = hada_fft_whole(direction, rows, cols, 1),
-        .layout = {.rows = rows, .cols = cols, .block = half, .blocks = 1, .count = (size_t)rows * (size_t)half},
-        .engine = &hada_fft_clfft_engine};
-    plan.desc.backend = HADA_FFT_CLFFT;
-    plan.desc.band_rows = rows / 2;
-    plan.desc.band_cols = cols / 2;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(plan.engine->create(&plan, err));
-    HADA_TRY_OR_DONE(fft_check(&plan, err));
-done:
-    plan.engine->destroy(&plan);
+    hada_fft *plan;
+    hada_fft_desc desc = hada_fft_whole(direction, rows, cols, 1);
+    desc.backend = HADA_FFT_CLFFT;
+    const hada_status status = hada_fft_create(&plan, slot, &desc, err);
+    hada_fft_destroy(&plan);
     return status;
 }
 
@@ -436,20 +406,11 @@ static int clfft_serves(const hada_context *constant, int rows, int cols)
 
 hada_fft_backend hada_fft_choose(const hada_context *context, int rows, int cols)
 {
-    hada_fft_backend backend;
     char shape[32];
     snprintf(shape, sizeof shape, "%dx%d", rows, cols);
     const hada_tuning_row *tuned = hada_tuning_find(context, shape);
-    if (tuned) {
-        backend = strcmp(tuned->choice, "clfft") ? HADA_FFT_OWN : HADA_FFT_CLFFT;
-    } else {
-        const choice_row *row = table;
-        while ((row->kind && row->kind != (int)context->info.kind) || (size_t)rows * (size_t)cols > row->largest)
-            row++;
-        backend = row->backend;
-    }
-    if (backend != HADA_FFT_CLFFT)
-        return backend;
+    if (!tuned || strcmp(tuned->choice, "clfft") != 0)
+        return HADA_FFT_OWN;
     const int possible = !context->quirks.avoid_clfft && hada_program_can_compile(context) && hada_clfft_takes(rows) &&
                          hada_clfft_takes(cols) && clfft_serves(context, rows, cols);
     return possible ? HADA_FFT_CLFFT : HADA_FFT_OWN;

@@ -90,8 +90,8 @@ static inline hada_fft_desc hada_fft_whole(hada_fft_direction direction, int row
     return hada_fft_of(direction, rows, cols, batch, (hada_rectangle){0, 0, rows, cols});
 }
 
-/* The layout of spectra on this context for a size, given the back end that would serve (AUTO: by table). Both
- * directions of a size and a back end share it. */
+/* The layout of spectra on this context for a size, given the back end that would serve (AUTO: by the tuning file).
+ * Both directions of a size and a back end share it. */
 hada_spectrum_layout hada_fft_layout(const hada_context *context, int rows, int cols, hada_fft_backend backend);
 
 typedef struct hada_fft hada_fft;

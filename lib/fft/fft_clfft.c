@@ -34,14 +34,15 @@ static int is_of_compiling(clfftStatus code)
 static hada_status fail(hada_error *err, clfftStatus code, const char *call)
 {
     if (is_of_compiling(code))
-        return hada_fail(err, HADA_ERROR_UNSUPPORTED,
-                         "what clFFT writes for this transform does not compile here (%s, %d): leave the choice to the "
-                         "table",
-                         call, (int)code);
+        return hada_fail(
+            err, HADA_ERROR_UNSUPPORTED,
+            "what clFFT writes for this transform does not compile here (%s, %d): take it out of the tuning "
+            "file",
+            call, (int)code);
     if (code > -1000 && code < 0)
         return hada_fail_cl(err, code, call);
-    return hada_fail(err, HADA_ERROR_UNSUPPORTED, "%s refuses this transform (%d): leave the choice to the table", call,
-                     (int)code);
+    return hada_fail(err, HADA_ERROR_UNSUPPORTED, "%s refuses this transform (%d): take it out of the tuning file",
+                     call, (int)code);
 }
 
 int hada_clfft_takes(int n)
@@ -146,16 +147,16 @@ static hada_status clfft_create(hada_fft *plan, hada_error *err)
     size_t temporary = 0;
     if (context->quirks.avoid_clfft)
         return hada_fail(err, HADA_ERROR_UNSUPPORTED,
-                         "clFFT is not used on %s (see 'hadalens devices'): leave the choice to the table",
+                         "clFFT is not used on %s (see 'hadalens devices'): take it out of the tuning file",
                          context->info.name);
     if (!hada_program_can_compile(context))
         return hada_fail(
             err, HADA_ERROR_UNSUPPORTED,
-            "clFFT compiles its kernels at run time, which %s does not allow: leave the choice to the table",
+            "clFFT compiles its kernels at run time, which %s does not allow: take it out of the tuning file",
             context->info.has_compiler ? "a folder of offline binaries" : context->info.name);
     if (!hada_clfft_takes(desc->rows) || !hada_clfft_takes(desc->cols))
         return hada_fail(err, HADA_ERROR_UNSUPPORTED,
-                         "clFFT takes lengths with prime factors up to 13, not %d x %d: leave the choice to the table "
+                         "clFFT takes lengths with prime factors up to 13, not %d x %d: take it out of the tuning file "
                          "or pad to %d x %d",
                          desc->rows, desc->cols, hada_fft_good_size(desc->rows), hada_fft_good_size(desc->cols));
     const size_t half = half_count(desc) * (size_t)desc->batch * 2 * sizeof(float);
@@ -231,12 +232,8 @@ static hada_status clfft_forward(hada_fft *plan, int batch, cl_mem real, size_t 
                                        .real = images, .out = state->grid.mem, .rows = desc->rows, .cols = desc->cols,
                                        .count = count));
     HADA_TRY(transform(plan, CLFFT_FORWARD, &state->grid, &state->half, err));
-    const cl_int code = clEnqueueCopyBuffer(plan->slot->queue, state->half.mem, spectrum, 0, spectrum_offset * 8,
-                                            half_count(desc) * (size_t)batch * 8, 0, NULL, hada_slot_event(plan->slot));
-    if (code != CL_SUCCESS)
-        return hada_fail_cl(err, code, "clEnqueueCopyBuffer");
-    hada_slot_moved(plan->slot, "copy", 16.0 * (double)half_count(desc) * batch);
-    return HADA_OK;
+    return hada_buffer_copy(plan->slot, state->half.mem, 0, spectrum, spectrum_offset * 8,
+                            half_count(desc) * (size_t)batch * 8, err);
 }
 
 static hada_status clfft_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_t spectrum_offset, cl_mem real,

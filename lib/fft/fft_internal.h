@@ -41,7 +41,7 @@ static inline hada_fft_real hada_fft_real_of(const hada_fft_desc *desc, size_t o
                            .scale = (float)(1.0 / ((double)desc->rows * (double)desc->cols))};
 }
 
-/* Which back end the table (or the tuning file) names for a size; never AUTO. */
+/* Which back end serves a size, by the tuning file; never AUTO. */
 hada_fft_backend hada_fft_choose(const hada_context *context, int rows, int cols);
 
 /* Whether clFFT has the length's factors. */

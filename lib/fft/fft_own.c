@@ -117,23 +117,16 @@ static cost cost_columns(const hada_fft_desc *desc, int images, const hada_fft_f
     return c;
 }
 
-/* Images through the pass along rows, along columns, or both in one launch that writes nothing between them. */
-static void cost_of_rows(hada_slot *slot, const hada_fft_desc *desc, int images, const hada_fft_filter *use)
-{
-    const cost c = cost_rows(desc, images, use);
-    hada_slot_cost(slot, c.bytes, c.flops);
-}
-
-static void cost_of_columns(hada_slot *slot, const hada_fft_desc *desc, int images, const hada_fft_filter *use)
-{
-    const cost c = cost_columns(desc, images, use);
-    hada_slot_cost(slot, c.bytes, c.flops);
-}
-
-static void cost_of_image(hada_slot *slot, const hada_fft_desc *desc, int images, const hada_fft_filter *use)
+/* Both passes in one launch that writes nothing between them. */
+static cost cost_image(const hada_fft_desc *desc, int images, const hada_fft_filter *use)
 {
     const cost rows = cost_rows(desc, images, use), columns = cost_columns(desc, images, use);
-    hada_slot_cost(slot, rows.bytes + columns.bytes - 2.0 * between(desc, images, use), rows.flops + columns.flops);
+    return (cost){rows.bytes + columns.bytes - 2.0 * between(desc, images, use), rows.flops + columns.flops};
+}
+
+static void expect(hada_slot *slot, cost c)
+{
+    hada_slot_cost(slot, c.bytes, c.flops);
 }
 
 /* Bytes between the two passes at a time. Lanes: what the caches of a few cores keep, larger measured slower. Groups:
@@ -325,9 +318,9 @@ static hada_status forward_part(hada_fft *plan, int first, int images, cl_mem re
                                       .last_row = desc->rows,
                                       .band = desc->band_cols};
     const hada_fft_columns_out to = {.offset = at, .distance = count, .rows = desc->rows, .images = images};
-    cost_of_rows(plan->slot, desc, images, NULL);
+    expect(plan->slot, cost_rows(desc, images, NULL));
     HADA_TRY(launch_rows_forward(plan, real, &images_in, spectrum, &spectra, err));
-    cost_of_columns(plan->slot, desc, images, NULL);
+    expect(plan->slot, cost_columns(desc, images, NULL));
     return launch_columns(plan, spectrum, &from, &none, spectrum, &to, err);
 }
 
@@ -339,7 +332,7 @@ static hada_status own_forward(hada_fft *plan, int batch, cl_mem real, size_t re
     if (state->image.local_bytes) {
         const hada_fft_real images = hada_fft_real_of(desc, real_offset, 1, batch);
         const hada_fft_spectra spectra = {spectrum_offset, plan->layout.count, desc->rows, desc->band_cols};
-        cost_of_image(plan->slot, desc, batch, NULL);
+        expect(plan->slot, cost_image(desc, batch, NULL));
         return run_image_forward(&state->image, plan->slot, real, &images, spectrum, &spectra, err);
     }
     for (int first = 0; first < batch; first += state->images) {
@@ -377,9 +370,9 @@ static hada_status inverse_part(hada_fft *plan, int first, int images, cl_mem sp
         .distance = distance, .row0 = desc->row0, .rows = desc->real_rows, .images = images};
     const hada_fft_spectra spectra = {.distance = distance, .rows = desc->real_rows, .band = use->band_cols};
     const hada_fft_real images_out = hada_fft_real_of(desc, real_offset + (size_t)first * step, use->stride, images);
-    cost_of_columns(plan->slot, desc, images, use);
+    expect(plan->slot, cost_columns(desc, images, use));
     HADA_TRY(launch_columns(plan, spectrum, &from, use, state->between.mem, &to, err));
-    cost_of_rows(plan->slot, desc, images, use);
+    expect(plan->slot, cost_rows(desc, images, use));
     return launch_rows_inverse(plan, state->between.mem, &spectra, real, &images_out, err);
 }
 
@@ -390,7 +383,7 @@ static hada_status own_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_
     if (state->image.local_bytes) {
         const hada_fft_columns_in from = columns_of(plan, 0, spectrum_offset, use);
         const hada_fft_real images = hada_fft_real_of(&plan->desc, real_offset, use->stride, batch);
-        cost_of_image(plan->slot, &plan->desc, batch, use);
+        expect(plan->slot, cost_image(&plan->desc, batch, use));
         return run_image_inverse(&state->image, plan->slot, spectrum, &from, use, real, &images, err);
     }
     for (int first = 0; first < batch; first += state->images) {

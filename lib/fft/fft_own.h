@@ -28,16 +28,6 @@ typedef struct hada_fft_pass_desc {
                    input, then by butterfly; cosines and sines in pairs by input, then by output */
 } hada_fft_pass_desc;
 
-typedef struct hada_fft_pass {
-    int n;
-    int points; /* complex numbers of scratch for each transform */
-    int32_t *ints;
-    float *floats;
-    size_t int_count, float_count;
-} hada_fft_pass;
-
-void hada_fft_pass_free(hada_fft_pass *pass);
-
 /* The points of scratch, whether a stage has no butterfly of its own, and the sizes of the tables that
  * a pass would get. */
 void hada_fft_pass_sizes(int n, int direct, int *points, int *odd, size_t *int_count, size_t *float_count);

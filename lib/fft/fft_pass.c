@@ -38,14 +38,6 @@ static double complex root(long long k, long long n)
     return cos(angle) + sin(angle) * I;
 }
 
-/* exp(-2 pi i k / n), rounded once. */
-static void hada_fft_root(long long k, long long n, float *out)
-{
-    const double complex value = root(k, n);
-    out[0] = (float)creal(value);
-    out[1] = (float)cimag(value);
-}
-
 static size_t stage_floats(int radix, int span)
 {
     size_t count = 2 * (size_t)(radix - 1) * (size_t)span;
@@ -188,15 +180,20 @@ static void fill_header(int32_t *ints, const hada_fft_stages *stages, int n)
         ints[FFT_ODD] |= !has_butterfly(stages->radix[s]);
 }
 
-static hada_status pass_make(hada_fft_pass *pass, const hada_fft_pass_desc *desc, hada_error *err)
+typedef struct tables {
+    int32_t *ints;
+    float *floats;
+    size_t int_count, float_count;
+} tables;
+
+/* Both arrays are the caller's, also after a failure. */
+static hada_status make_tables(tables *pass, const hada_fft_pass_desc *desc, hada_error *err)
 {
     const int n = desc->n;
     hada_fft_stages stages;
     hada_status status = HADA_OK;
     int *order = NULL;
-    *pass = (hada_fft_pass){.n = n};
     hada_fft_factor(n, desc->direct, &stages);
-    pass->points = stages.points;
     sizes_of(n, &stages, &pass->int_count, &pass->float_count);
     HADA_TRY_OR_DONE(HADA_NEW(pass->ints, pass->int_count, "a table of a transform", err));
     HADA_TRY_OR_DONE(HADA_NEW(pass->floats, pass->float_count, "a table of a transform", err));
@@ -229,15 +226,7 @@ static hada_status pass_make(hada_fft_pass *pass, const hada_fft_pass_desc *desc
         source[i] = desc->inverse && i ? n - i : i;
 done:
     free(order);
-    if (status)
-        hada_fft_pass_free(pass);
     return status;
-}
-
-void hada_fft_pass_free(hada_fft_pass *pass)
-{
-    HADA_FREE(pass->ints, pass->floats);
-    *pass = (hada_fft_pass){0};
 }
 
 typedef struct size_row {
@@ -310,8 +299,8 @@ static void sized_fill(const hada_fft_sized *sized, hada_fft_pass_kind kind, flo
     for (int s = 0, span = 1; s < count; span *= radix[s++])
         for (int k = 1; k <= 2 * FFT_TWIDDLE_PAIRS(radix[s], span) / span; k += 2)
             for (int j = 0; j < span; j++)
-                for (int part = 0; part < 2; part++, floats += 2)
-                    hada_fft_root((long long)j * (k + part), (long long)span * radix[s], floats);
+                for (int part = 0; part < 2; part++)
+                    floats = put(floats, root((long long)j * (k + part), (long long)span * radix[s]));
 }
 
 /* Passes of the library's own transforms: scratch in local or global memory, and launching. */
@@ -392,14 +381,14 @@ hada_status hada_own_pass_make(hada_own_pass *pass, hada_slot *slot, const hada_
 /* The integers of a table, then its floats. */
 static hada_status write_table(hada_buffer *buffer, hada_slot *slot, const hada_fft_pass_desc *desc, hada_error *err)
 {
-    hada_fft_pass table = {0};
+    tables table = {0};
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(pass_make(&table, desc, err));
+    HADA_TRY_OR_DONE(make_tables(&table, desc, err));
     const size_t ints = table.int_count * sizeof *table.ints, floats = table.float_count * sizeof *table.floats;
     HADA_TRY_OR_DONE(hada_buffer_write(buffer, slot, 0, table.ints, ints, err));
     HADA_TRY_OR_DONE(hada_buffer_write(buffer, slot, ints, table.floats, floats, err));
 done:
-    hada_fft_pass_free(&table);
+    HADA_FREE(table.ints, table.floats);
     return status;
 }
 

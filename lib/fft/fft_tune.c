@@ -166,8 +166,7 @@ hada_status hada_tune_save(const hada_context *context, const char *path, const 
     const char **words = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_allocated(shapes = hada_alloc(count + 1, SHAPE, "the rows of a tuning file", err)));
-    HADA_TRY_OR_DONE(
-        hada_allocated(words = hada_alloc(2 * count + 1, sizeof *words, "the rows of a tuning file", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(words, 2 * count + 1, "the rows of a tuning file", err));
     for (size_t i = 0; i < count; i++) {
         snprintf(shapes + i * SHAPE, SHAPE, "%dx%d", rows[i].rows, rows[i].cols);
         words[i] = shapes + i * SHAPE;

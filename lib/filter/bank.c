@@ -127,7 +127,7 @@ static hada_status upload(hada_bank *bank, hada_slot *slot, const hada_model *mo
     hada_status status = HADA_OK;
     hada_buffer *list;
     void *image = NULL, *rows = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(list = hada_alloc((size_t)buffers, sizeof *list, "a filter bank", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(list, (size_t)buffers, "a filter bank", err));
     *(otf ? &bank->otfs : &bank->filters) = list;
     HADA_TRY_OR_DONE(hada_allocated(image = hada_alloc_raw(1, image_bytes, "a filter on its way to the device", err)));
     if (half)
@@ -175,7 +175,7 @@ hada_status hada_bank_create(hada_bank **out, hada_slot *slot, const hada_model 
         return hada_fail(
             err, HADA_ERROR_MODEL,
             "the model holds no transfer functions, which refinement needs; fit again, or use options.refine 0");
-    HADA_TRY_OR_DONE(hada_allocated(bank = hada_alloc(1, sizeof *bank, "a filter bank", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(bank, 1, "a filter bank", err));
     bank->layout = *layout;
     bank->depths = count;
     bank->channels = info->channels;
@@ -248,9 +248,8 @@ hada_status hada_bank_prior(hada_buffer *out, hada_slot *slot, const hada_model 
         noise += model->noise_power[i];
     if (!model->scene_power || !model->noise_power || !(noise > 0.0))
         return HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(rows = hada_alloc_raw(plane, sizeof *rows, "the prior", err)));
-    HADA_TRY_OR_DONE(
-        hada_allocated(blocks = hada_alloc_raw(channels * layout->count, sizeof *blocks, "the prior", err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(rows, plane, "the prior", err));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(blocks, channels * layout->count, "the prior", err));
     for (size_t c = 0; c < channels && !slot->context->dry; c++) {
         double mean = 0.0;
         for (int z = 0; z < info->depths; z++)

@@ -61,7 +61,7 @@ hada_status hada_meter_create(hada_meter **out, hada_slot *slot, const hada_spec
 {
     hada_meter *meter = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(meter = hada_alloc(1, sizeof *meter, "the measure of spectra", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(meter, 1, "the measure of spectra", err));
     meter->tiles = tiles_of(layout);
     meter->slot = slot;
     meter->channels = channels;
@@ -150,7 +150,7 @@ int hada_gains_fits_half(const hada_model *model, const int *depths, int count)
     uint16_t *room = NULL;
     if (model->filter_half)
         return 1;
-    int fits = !hada_allocated(room = hada_alloc_raw(plane, sizeof *room, "the filters' gains", NULL));
+    int fits = !HADA_NEW_RAW(room, plane, "the filters' gains", NULL);
     for (int i = 0; fits && i < count * model->info.channels; i++) {
         const int depth = i / model->info.channels;
         const size_t image = (size_t)(depths ? depths[depth] : depth) * (size_t)model->info.channels +
@@ -168,13 +168,11 @@ hada_status hada_gains_create(hada_gains **out, const hada_model *model, const h
     hada_gains *gains = NULL;
     double *room = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(gains = hada_alloc(1, sizeof *gains, "the filters' gains", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(gains, 1, "the filters' gains", err));
     gains->tiles = tiles_of(layout);
     gains->channels = model->info.channels;
-    HADA_TRY_OR_DONE(hada_allocated(
-        gains->gain = hada_alloc(channels * hada_model_plane(model), sizeof(float), "the filters' gains", err)));
-    HADA_TRY_OR_DONE(
-        hada_allocated(room = hada_alloc_raw(2 * hada_model_plane(model), sizeof *room, "the filters' gains", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(gains->gain, channels * hada_model_plane(model), "the filters' gains", err));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(room, 2 * hada_model_plane(model), "the filters' gains", err));
     for (int c = 0; c < gains->channels; c++)
         add_channel(gains, model, c, depths, count, with_half, room);
 done:
@@ -191,7 +189,7 @@ hada_status hada_gains_upload(hada_buffer *out, hada_slot *slot, const hada_gain
     const size_t plane = (size_t)layout->rows * (size_t)(layout->cols / 2 + 1), images = (size_t)channels;
     const size_t bytes = images * layout->count * sizeof(float);
     float *packed;
-    HADA_TRY(hada_allocated(packed = hada_alloc(images * layout->count, sizeof *packed, "the filters' gains", err)));
+    HADA_TRY(HADA_NEW(packed, images * layout->count, "the filters' gains", err));
     for (size_t c = 0; c < images && !slot->context->dry; c++)
         hada_layout_pack_real(layout, gains->gain + c * plane, packed + c * layout->count);
     const hada_status status = hada_buffer_create_from(out, slot, packed, bytes, "the filters' gains", err);

@@ -123,7 +123,7 @@ hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, const had
     *out = NULL;
     if (batch < 1)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a batch of %d depths is not possible", batch);
-    HADA_TRY_OR_DONE(hada_allocated(stage = hada_alloc(1, sizeof *stage, "a Hadamard stage", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(stage, 1, "a Hadamard stage", err));
     stage->slot = slot;
     stage->channels = info->channels;
     stage->raw_rows = info->raw_rows;
@@ -212,35 +212,31 @@ static int all_computed(const hada_hadamard *stage, const int *list)
     return 1;
 }
 
+/* What a channel that is not computed has, in bytes of `mem`: zeros, or what another one has. */
+static hada_status give(hada_hadamard *stage, int source, cl_mem mem, size_t from, size_t to, size_t bytes,
+                        hada_error *err)
+{
+    return source == HADA_CHANNEL_BLACK ? hada_buffer_fill(stage->slot, mem, to, 0.0f, bytes / sizeof(float), err)
+                                        : hada_buffer_copy(stage->slot, mem, from, mem, to, bytes, err);
+}
+
 /* Spectra of the channels, each by itself where some need no transform. */
 static hada_status transform(hada_hadamard *stage, hada_error *err)
 {
     const int *list = stage->part.spectra;
     const size_t frame = (size_t)stage->raw_rows * (size_t)stage->raw_cols, count = stage->layout.count;
-    const float zero = 0.0f;
-    hada_status status = HADA_OK;
     if (all_computed(stage, list))
         return hada_fft_forward(stage->forward, stage->channels, stage->raw.mem, 0, stage->spectrum.mem, 0, err);
-    for (int c = 0; !status && c < stage->channels; c++) {
+    for (int c = 0; c < stage->channels; c++) {
         const int source = source_of(list, c);
         const size_t to = (size_t)c * count;
-        cl_int code = CL_SUCCESS;
         if (source == c)
-            status =
-                hada_fft_forward(stage->forward, 1, stage->raw.mem, (size_t)c * frame, stage->spectrum.mem, to, err);
-        else if (source == HADA_CHANNEL_BLACK)
-            code = clEnqueueFillBuffer(stage->slot->queue, stage->spectrum.mem, &zero, sizeof zero, to * 8, count * 8,
-                                       0, NULL, hada_slot_event(stage->slot));
+            HADA_TRY(
+                hada_fft_forward(stage->forward, 1, stage->raw.mem, (size_t)c * frame, stage->spectrum.mem, to, err));
         else
-            code = clEnqueueCopyBuffer(stage->slot->queue, stage->spectrum.mem, stage->spectrum.mem,
-                                       (size_t)source * count * 8, to * 8, count * 8, 0, NULL,
-                                       hada_slot_event(stage->slot));
-        if (code != CL_SUCCESS)
-            status = hada_fail_cl(err, code, "writing the spectrum of a channel");
-        else if (source != c)
-            hada_slot_moved(stage->slot, source == HADA_CHANNEL_BLACK ? "fill" : "copy", 8.0 * (double)count);
+            HADA_TRY(give(stage, source, stage->spectrum.mem, (size_t)source * count * 8, to * 8, count * 8, err));
     }
-    return status;
+    return HADA_OK;
 }
 
 /* The frame in stage->raw, its dark level off, and its spectrum. */
@@ -312,21 +308,10 @@ static hada_status give_planes(hada_hadamard *stage, int channel, int source, in
 {
     const size_t bytes = (size_t)stage->window_rows * (size_t)stage->window_cols * 4,
                  channels = (size_t)stage->channels;
-    const float zero = 0.0f;
-    cl_int code = CL_SUCCESS;
-    for (size_t z = 0; code == CL_SUCCESS && z < (size_t)depths; z++) {
-        const size_t to = offset * 4 + (z * channels + (size_t)channel) * bytes;
-        if (source == HADA_CHANNEL_BLACK)
-            code = clEnqueueFillBuffer(stage->slot->queue, planes, &zero, sizeof zero, to, bytes, 0, NULL,
-                                       hada_slot_event(stage->slot));
-        else
-            code = clEnqueueCopyBuffer(stage->slot->queue, planes, planes,
-                                       offset * 4 + (z * channels + (size_t)source) * bytes, to, bytes, 0, NULL,
-                                       hada_slot_event(stage->slot));
-        if (code == CL_SUCCESS)
-            hada_slot_moved(stage->slot, source == HADA_CHANNEL_BLACK ? "fill" : "copy", (double)bytes);
-    }
-    return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "writing the planes of a channel");
+    for (size_t z = 0; z < (size_t)depths; z++)
+        HADA_TRY(give(stage, source, planes, offset * 4 + (z * channels + (size_t)source) * bytes,
+                      offset * 4 + (z * channels + (size_t)channel) * bytes, bytes, err));
+    return HADA_OK;
 }
 
 /* `here` depths with the filters from `first_image` on. */

@@ -152,8 +152,7 @@ hada_status hada_psf_clean(hada_image *psf, const hada_psf_options *options, had
     double light = 0.0;
     float *room = NULL;
     if (options->psf_dark != 0.0)
-        HADA_TRY(hada_allocated(room = hada_alloc_raw(2 * pixels + (size_t)(psf->rows + psf->cols), sizeof *room,
-                                                      "a point spread function", err)));
+        HADA_TRY(HADA_NEW_RAW(room, 2 * pixels + (size_t)(psf->rows + psf->cols), "a point spread function", err));
     seen = seen ? seen : &own;
     *seen = (hada_psf_seen){0};
     for (int c = 0; c < psf->channels; c++)
@@ -206,8 +205,7 @@ hada_status hada_psf_measure(hada_psf_shape *out, const hada_image *psf, const h
     const size_t all = hada_image_count(psf), cols = (size_t)psf->cols;
     double *light;
     *out = (hada_psf_shape){0};
-    HADA_TRY(hada_allocated(
-        light = hada_alloc((size_t)psf->rows + cols, sizeof *light, "the shape of a point spread function", err)));
+    HADA_TRY(HADA_NEW(light, (size_t)psf->rows + cols, "the shape of a point spread function", err));
     for (size_t i = 0; i < all; i++) {
         light[i / cols % (size_t)psf->rows] += psf->data[i];
         light[(size_t)psf->rows + i % cols] += psf->data[i];

@@ -84,8 +84,7 @@ static hada_status work_create(psf_work *work, hada_context *context, const hada
     const size_t values = 2 * hada_fft_plan_layout(work->fft)->count;
     HADA_TRY(hada_buffer_create(&work->real, context, area * 4, "a point spread function", err));
     HADA_TRY(hada_buffer_create(&work->spectrum, context, values * 4, "a transfer function", err));
-    return hada_allocated(work->room =
-                              hada_alloc_raw(values > area ? values : area, 4, "a point spread function", err));
+    return HADA_NEW_RAW(work->room, values > area ? values : area, "a point spread function", err);
 }
 
 static void work_destroy(psf_work *work)
@@ -379,7 +378,7 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
         HADA_TRY_OR_DONE(find_components(&now, &info, err));
     HADA_TRY_OR_DONE(hada_model_create(out, &info, 0, err));
     const size_t images = (size_t)depths * (size_t)info.channels, plane = hada_model_plane(*out);
-    HADA_TRY_OR_DONE(hada_allocated(square = hada_alloc(images, sizeof *square, "point spread functions", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(square, images, "point spread functions", err));
     HADA_TRY_OR_DONE(transform_all(*out, context, &now, square, err));
     /* the device's memory is given back by now: the filters are as large */
     for (size_t i = 0; i < images; i++)

@@ -7,19 +7,11 @@
 #include "core/base.h"
 #include "image/statistics.h"
 
-static int by_value(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
-/* The median of the finite values, NaN where there is none. The array is sorted. */
+/* Of finite values, one at least, whose order changes. */
 static float median(float *values, size_t count)
 {
-    if (!count)
-        return NAN;
-    qsort(values, count, sizeof *values, by_value);
-    return count % 2 ? values[count / 2] : 0.5f * (values[count / 2 - 1] + values[count / 2]);
+    const float upper = hada_select_rank(values, count, count / 2);
+    return count % 2 ? upper : 0.5f * (hada_select_rank(values, count, count / 2 - 1) + upper);
 }
 
 static float neighbours_median(const float *plane, int rows, int cols, int row, int col)
@@ -43,7 +35,7 @@ static hada_status plane_median(const float *plane, size_t count, float *out, ha
     float *finite = NULL;
     size_t n = 0;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(finite = hada_alloc_raw(count, sizeof *finite, "repairing a frame", err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(finite, count, "repairing a frame", err));
     for (size_t i = 0; i < count; i++)
         if (isfinite(plane[i]))
             finite[n++] = plane[i];
@@ -110,8 +102,7 @@ hada_status hada_frame_repair(hada_image *frame, hada_mosaic mosaic, size_t *rep
             HADA_TRY(repair_quarter(frame, i / 2, i % 2, err));
         return HADA_OK;
     }
-    HADA_TRY_OR_DONE(hada_image_create(&before, frame->channels, frame->rows, frame->cols, err));
-    memcpy(before.data, frame->data, hada_image_count(frame) * sizeof(float));
+    HADA_TRY_OR_DONE(hada_image_copy(&before, frame, err));
     for (size_t at = 0; at < pixels * (size_t)frame->channels; at += pixels)
         HADA_TRY_OR_DONE(repair_plane(before.data + at, frame->data + at, frame->rows, frame->cols, err));
 done:

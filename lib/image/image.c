@@ -43,6 +43,14 @@ hada_status hada_image_copy(hada_image *out, const hada_image *image, hada_error
     return HADA_OK;
 }
 
+float hada_image_brightest(const hada_image *image)
+{
+    float most = 0.0f;
+    for (size_t i = 0; i < hada_image_count(image); i++)
+        most = image->data[i] > most ? image->data[i] : most;
+    return most;
+}
+
 size_t hada_image_count_not_finite(const hada_image *image)
 {
     if (!image)
@@ -69,9 +77,9 @@ static void gather_free(gather *g)
 static hada_status gather_create(gather *g, int out, int most, hada_error *err)
 {
     *g = (gather){.most = most};
-    HADA_TRY(hada_allocated(g->first = hada_alloc((size_t)out, sizeof *g->first, "a resize", err)));
-    HADA_TRY(hada_allocated(g->count = hada_alloc((size_t)out, sizeof *g->count, "a resize", err)));
-    return hada_allocated(g->weight = hada_alloc((size_t)out * (size_t)most, sizeof *g->weight, "a resize", err));
+    HADA_TRY(HADA_NEW(g->first, (size_t)out, "a resize", err));
+    HADA_TRY(HADA_NEW(g->count, (size_t)out, "a resize", err));
+    return HADA_NEW(g->weight, (size_t)out * (size_t)most, "a resize", err);
 }
 
 /* Shrinking: the share of each input pixel in the output pixel's area. Growing: the two nearest centres. */
@@ -105,7 +113,7 @@ static hada_status apply(hada_image *out, const hada_image *image, int row0, int
                          int out_cols, gather down, gather across, hada_error *err)
 {
     double *narrow;
-    HADA_TRY(hada_allocated(narrow = hada_alloc((size_t)rows * (size_t)out_cols, sizeof *narrow, "a resize", err)));
+    HADA_TRY(HADA_NEW(narrow, (size_t)rows * (size_t)out_cols, "a resize", err));
     const hada_status status = hada_image_create(out, image->channels, out_rows, out_cols, err);
     for (int c = 0; c < out->channels; c++) {
         for (int r = 0; r < rows; r++) {

@@ -45,7 +45,7 @@ static float scale_of(const hada_pixels *p)
                                         : 65535.0f;
 }
 
-/* Samples of a row. Integers divide in float, where both numbers are exact (io/tiff_sample.c and
+/* Samples of a row. Integers divide in float, where both numbers are exact (io/tiff_page.c and
  * kernels/filter_unpack.cl give the same values). The loop is written once; each type gets its own compiled copy. */
 #define RUN(type, divisor)                                                                                             \
     do {                                                                                                               \

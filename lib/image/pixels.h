@@ -43,6 +43,9 @@ hada_status hada_image_magnify(hada_image *out, const hada_image *image, double 
 /* hada_image_downsample() in place. */
 hada_status hada_image_bin(hada_image *image, int factor, hada_mosaic mosaic, int keep_saturated, hada_error *err);
 
+/* The largest value; 0 where none is above 0. */
+float hada_image_brightest(const hada_image *image);
+
 /* A copy; what *out held before is not freed. */
 hada_status hada_image_copy(hada_image *out, const hada_image *image, hada_error *err);
 

@@ -31,8 +31,7 @@ typedef struct variable {
 
 static uint64_t number_at(const part *in, size_t at, size_t bytes)
 {
-    const uint16_t one = 1;
-    const int little = (*(const unsigned char *)&one == 1) != in->swapped;
+    const int little = HADA_LITTLE_ENDIAN != in->swapped;
     uint64_t value = 0;
     for (size_t i = 0; i < bytes; i++)
         value = value << 8 | in->data[at + (little ? bytes - 1 - i : i)];

@@ -22,8 +22,6 @@ static const char *value_of(const char *text, const char *name)
 static hada_status read_kind(hada_decoded *out, const char *text, hada_error *err)
 {
     const char *at = value_of(text, "'descr'");
-    const uint16_t one = 1;
-    const int big_machine = *(const unsigned char *)&one == 0;
     if (!at || *at != '\'' || !strchr("<>|=", at[1]) || !at[1] || !at[2])
         return hada_fail(err, HADA_ERROR_FILE_FORMAT,
                          "this NumPy array has records or objects; save an array of numbers");
@@ -40,7 +38,7 @@ static hada_status read_kind(hada_decoded *out, const char *text, hada_error *er
     out->page.bits = 8 * bytes;
     out->page.is_float = kind == 'f';
     out->page.is_signed = kind == 'i';
-    out->swapped = bytes > 1 && at[1] != '=' && (at[1] == '>') != big_machine;
+    out->swapped = bytes > 1 && at[1] != '=' && (at[1] == '>') == HADA_LITTLE_ENDIAN;
     return HADA_OK;
 }
 

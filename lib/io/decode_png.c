@@ -114,7 +114,6 @@ static hada_status read_rows(png_structp png, unsigned char **rows, const source
 
 static hada_status decode(hada_decoded *out, int fd, const unsigned char *data, size_t bytes, hada_error *err)
 {
-    const uint16_t one = 1;
     source from = {.data = data, .bytes = bytes};
     unsigned char **rows = NULL;
     png_structp png = NULL;
@@ -139,7 +138,7 @@ static hada_status decode(hada_decoded *out, int fd, const unsigned char *data, 
         rows[r] = (unsigned char *)out->samples + (size_t)r * row_bytes;
     HADA_TRY_OR_DONE(read_rows(png, rows, &from, err));
     out->frames = 1;
-    out->swapped = *(const unsigned char *)&one == 1; /* samples of 16 bits have the high byte first */
+    out->swapped = HADA_LITTLE_ENDIAN; /* samples of 16 bits have the high byte first */
 done:
     if (png)
         api.destroy_read_struct(&png, &info, NULL);

@@ -4,13 +4,6 @@
 #include "io/encode.h"
 #include "io/tiff_page.h"
 
-static const uint16_t one = 1;
-
-static int is_little_endian(void)
-{
-    return *(const unsigned char *)&one;
-}
-
 static const char *type_of(int bits)
 {
     return bits == 32 ? "f4" : bits == 16 ? "u2" : "u1";
@@ -25,7 +18,7 @@ hada_status hada_numpy_begin(hada_numpy_writer *writer, const char *path, const 
     char *at = text + BEFORE_TEXT;
     const char *end = text + sizeof text;
     at += snprintf(at, (size_t)(end - at), "{'descr': '%c%s', 'fortran_order': False, 'shape': (",
-                   is_little_endian() ? '<' : '>', type_of(values->bits));
+                   HADA_LITTLE_ENDIAN ? '<' : '>', type_of(values->bits));
     for (int i = 0; i < dimensions; i++)
         at += snprintf(at, (size_t)(end - at), "%s%llu", i ? ", " : "", (unsigned long long)shape[i]);
     at += snprintf(at, (size_t)(end - at), "), }");

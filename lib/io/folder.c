@@ -44,15 +44,24 @@ int hada_path_is_file(const char *path)
     return !stat(path, &what) && !S_ISDIR(what.st_mode);
 }
 
+const char *hada_name_of(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    return slash ? slash + 1 : path;
+}
+
+/* The folder that a path's last part is in. */
+static hada_status write_parent(hada_path parent, const char *path, hada_error *err)
+{
+    const int length = (int)(hada_name_of(path) - path) - 1;
+    return hada_path_write(parent, err, "%.*s", length > 0 ? length : 1, length < 0 ? "." : path);
+}
+
 /* What stands at the folder of a path that leads to nothing, and the name in it. */
 static const char *stat_folder(const char *path, struct stat *what)
 {
     hada_path folder;
-    const char *slash = strrchr(path, '/');
-    const int length = slash == path ? 1 : slash ? (int)(slash - path) : 1;
-    return hada_path_write(folder, NULL, "%.*s", length, slash ? path : ".") || stat(folder, what) ? NULL
-           : slash                                                                                 ? slash + 1
-                                                                                                   : path;
+    return write_parent(folder, path, NULL) || stat(folder, what) ? NULL : hada_name_of(path);
 }
 
 int hada_path_is_same(const char *one, const char *other)
@@ -130,8 +139,7 @@ double hada_name_distance(const char *name, const char **rest)
 
 hada_status hada_path_stem(char **out, const char *path, hada_error *err)
 {
-    const char *slash = strrchr(path, '/');
-    const char *name = slash ? slash + 1 : path;
+    const char *name = hada_name_of(path);
     return hada_path_format(out, err, "%.*s", (int)hada_name_stem(name), name);
 }
 
@@ -184,9 +192,7 @@ hada_status hada_file_check_target(const char *path, hada_error *err)
     if (hada_path_is_folder(path))
         return hada_fail(err, HADA_ERROR_FILE_WRITE, "%s is a folder; give the name of a file", path);
     HADA_TRY_OR_DONE(hada_outfile_check(path, &real, &old, err));
-    const char *slash = strrchr(path, '/');
-    const int length = slash == path ? 1 : slash ? (int)(slash - path) : 1;
-    HADA_TRY_OR_DONE(hada_path_write(folder, err, "%.*s", length, slash ? path : "."));
+    HADA_TRY_OR_DONE(write_parent(folder, path, err));
     if (!hada_path_is_folder(folder))
         HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_FILE_WRITE, "%s cannot be written: there is no folder %s", path, folder));
@@ -217,12 +223,9 @@ static int is_picture(const char *name)
     return 0;
 }
 
-static hada_status add_name(char ***names, int *count, int *room, const char *name, hada_error *err)
+static hada_status add_name(char ***names, int *count, const char *name, hada_error *err)
 {
-    if (*count == *room) {
-        *room = *room ? 2 * *room : 32;
-        HADA_TRY(HADA_GROW(*names, (size_t)*room, "the names of a folder's files", err));
-    }
+    HADA_TRY(HADA_GROW(*names, (size_t)*count + 1, "the names of a folder's files", err));
     const hada_status status = hada_path_format(&(*names)[*count], err, "%s", name);
     *count += !status;
     return status;
@@ -233,7 +236,6 @@ static hada_status list_names(const char *folder, const char *what, int (*is_wan
                               int *count, hada_error *err)
 {
     hada_status status = HADA_OK;
-    int room = 0;
     *names = NULL;
     *count = 0;
     DIR *open = opendir(folder);
@@ -242,7 +244,7 @@ static hada_status list_names(const char *folder, const char *what, int (*is_wan
     const struct dirent *entry;
     while ((errno = 0, entry = readdir(open)))
         if (is_wanted(entry->d_name))
-            HADA_TRY_OR_DONE(add_name(names, count, &room, entry->d_name, err));
+            HADA_TRY_OR_DONE(add_name(names, count, entry->d_name, err));
     if (errno)
         HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_FILE_READ, "the %s %s cannot be read: %s", what, folder, strerror(errno)));
@@ -318,10 +320,8 @@ static hada_status find_target(char **target, const char *path, hada_error *err)
 /* Makes the missing folders above a path. */
 static hada_status ensure_parent(const char *path, hada_error *err)
 {
-    const char *slash = strrchr(path, '/');
     hada_path parent;
-    HADA_TRY(
-        hada_path_write(parent, err, "%.*s", slash ? (int)(slash - path) + (slash == path) : 1, slash ? path : "."));
+    HADA_TRY(write_parent(parent, path, err));
     return hada_folder_ensure(parent, err);
 }
 

@@ -29,6 +29,8 @@ hada_status hada_folder_list_tiffs(const char *folder, char ***names, int *count
 hada_status hada_folder_list_depths(const char *folder, const char *what, char ***names, int *count, hada_error *err);
 void hada_names_free(char ***names, int *count);
 
+/* A path's last part. */
+const char *hada_name_of(const char *path);
 /* A file's name without folders and without its ending, on the heap. */
 hada_status hada_path_stem(char **out, const char *path, hada_error *err);
 /* The length of a name without its ending. */

@@ -2,6 +2,7 @@
 #include <hadalens/response.h>
 #include <stdarg.h>
 
+#include "core/outfile.h"
 #include "io/text.h"
 
 /* sRGB, IEC 61966-2-1: a straight line near black, a power above. The line ends at 0.04045 of the encoding. */
@@ -153,6 +154,15 @@ void hada_text_add(hada_text *text, const char *format, ...)
             }
         }
     }
+}
+
+hada_status hada_text_save(hada_text *text, const char *path, hada_error *err)
+{
+    const hada_status status = text->failed ? hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s", path)
+                                            : hada_outfile_save(path, text->data, text->length, err);
+    free(text->data);
+    *text = (hada_text){0};
+    return status;
 }
 
 void hada_format_number(char *out, size_t room, const char *format, double value)

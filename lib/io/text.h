@@ -14,6 +14,8 @@ typedef struct hada_text {
 void hada_text_add(hada_text *text, const char *format, ...) HADA_PRINTF(2, 3);
 /* The shortest decimal that reads back as `value` to 15 digits. */
 void hada_text_add_number(hada_text *text, double value);
+/* Writes it to a file that appears whole or not at all, and empties it. */
+hada_status hada_text_save(hada_text *text, const char *path, hada_error *err);
 /* As snprintf with "%*.*e" or "%.*g", with a decimal point. */
 void hada_format_number(char *out, size_t room, const char *format, double value);
 /* The shortest decimal, of 6 digits at least where there are as many, that reads back as the same value: numbers that

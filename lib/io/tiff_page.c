@@ -61,7 +61,6 @@ static const char *codec_name(int compression)
     return "unknown";
 }
 
-/* The largest number of decoded bytes for one byte of the file that the format allows, rounded up. */
 /* Codecs that fail on damaged data by an error: not JBIG, whose library ends the process, and none that nobody tests.
  */
 static int is_trusted(int compression)
@@ -73,6 +72,7 @@ static int is_trusted(int compression)
     return 0;
 }
 
+/* The largest number of decoded bytes for one byte of the file that the format allows, rounded up. */
 static uint64_t largest_ratio(int compression)
 {
     switch (compression) {
@@ -449,8 +449,7 @@ enum { TAG_SUBFILE = 254, TAG_OLD_SUBFILE = 255 };
 /* An unsigned number of `bytes` bytes in the file's order. */
 static uint64_t number(const hada_tiff_chain *chain, const unsigned char *from, int bytes)
 {
-    const uint16_t one = 1;
-    int little_machine = *(const unsigned char *)&one, little = chain->swapped ? !little_machine : little_machine;
+    const int little = HADA_LITTLE_ENDIAN != chain->swapped;
     uint64_t value = 0;
     for (int i = 0; i < bytes; i++)
         value = value << 8 | from[little ? bytes - 1 - i : i];
@@ -535,12 +534,9 @@ static int is_frame(const hada_tiff_chain *chain, const unsigned char *entries, 
     return 1;
 }
 
-static hada_status append(hada_tiff_chain *chain, uint64_t offset, size_t *room, hada_error *err)
+static hada_status append(hada_tiff_chain *chain, uint64_t offset, hada_error *err)
 {
-    if (chain->count == *room) {
-        *room = *room ? *room * 2 : 16;
-        HADA_TRY(HADA_GROW(chain->pages, *room, "the list of pages", err));
-    }
+    HADA_TRY(HADA_GROW(chain->pages, chain->count + 1, "the list of pages", err));
     chain->pages[chain->count++] = offset;
     return HADA_OK;
 }
@@ -556,9 +552,7 @@ static hada_status read_header(hada_tiff_chain *chain, int fd, uint64_t *first, 
     unsigned char head[16] = {0};
     if (hada_read_at(fd, head, chain->bytes < 16 ? (size_t)chain->bytes : 16, 0))
         return hada_fail(err, HADA_ERROR_FILE_READ, "the file cannot be read: %s", strerror(errno));
-    const uint16_t one = 1;
-    int little_machine = *(const unsigned char *)&one, little = head[0] == 'I';
-    chain->swapped = little != little_machine;
+    chain->swapped = (head[0] == 'I') != HADA_LITTLE_ENDIAN;
     uint64_t version = number(chain, head + 2, 2);
     if (chain->bytes < 8 || head[0] != head[1] || (head[0] != 'I' && head[0] != 'M') ||
         (version != 42 && version != 43))
@@ -582,7 +576,6 @@ hada_status hada_tiff_chain_read(hada_tiff_chain *chain, int fd, hada_error *err
     HADA_TRY_OR_DONE(read_header(chain, fd, &offset, err));
     /* A ring of directories is found by Brent's method: compare with a mark that moves on at powers of two. */
     uint64_t mark = 0, seen = 0;
-    size_t room = 0;
     hada_limits limits = {.size = sizeof limits};
     HADA_TRY_OR_DONE(hada_limits_get(&limits, err));
     for (size_t step = 0, power = 1; offset; step++) {
@@ -610,7 +603,7 @@ hada_status hada_tiff_chain_read(hada_tiff_chain *chain, int fd, hada_error *err
                                        "the tags of page %zu hold more than the file: it is damaged; get it again",
                                        step + 1));
         if (is_frame(chain, entries, count))
-            HADA_TRY_OR_DONE(append(chain, offset, &room, err));
+            HADA_TRY_OR_DONE(append(chain, offset, err));
         free(entries);
         entries = NULL;
         offset = next;

@@ -42,8 +42,7 @@ static int drop_warning(TIFF *tif, void *user, const char *module, const char *f
 static void redirect(const hada_tiff_handle *handle, unsigned char *data, uint64_t begin, uint64_t end)
 {
     uint64_t at = handle->big ? 8 : 4, bytes = handle->big ? 8 : 4;
-    const uint16_t one = 1;
-    int little = *(const unsigned char *)&one != (handle->swapped != 0);
+    const int little = HADA_LITTLE_ENDIAN != handle->swapped;
     for (uint64_t i = 0; i < bytes; i++) {
         uint64_t place = at + i;
         if (place >= begin && place < end)

@@ -507,15 +507,13 @@ hada_status hada_stack_layout_write(const hada_stack_layout *layout, const hada_
                                     hada_error *err)
 {
     hada_status status = HADA_OK;
-    const uint16_t one = 1;
-    int little = *(const unsigned char *)&one;
     uint64_t tail = (layout->data_at + layout->images * layout->image_bytes + 7) / 8 * 8;
     hada_directory d;
     fill(&d, layout, text, 0);
     void *head;
     HADA_TRY_OR_DONE(hada_allocated(head = hada_alloc((size_t)layout->data_at, 1, "the head of a TIFF file", err)));
     unsigned char *at = head;
-    at[0] = at[1] = little ? 'I' : 'M';
+    at[0] = at[1] = HADA_LITTLE_ENDIAN ? 'I' : 'M';
     if (layout->big)
         put(put(put(put(at + 2, 43, 2), 8, 2), 0, 2), 16, 8);
     else

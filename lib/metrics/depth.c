@@ -28,8 +28,7 @@ double hada_depth_distance(const double *distances_mm, int count, double index)
         return 0.0;
     if (count < 2)
         return distances_mm[0];
-    int i = (int)floor(index);
-    i = i < 0 ? 0 : i > count - 2 ? count - 2 : i;
+    const int i = hada_within((int)floor(index), count - 1);
     const double t = index - i;
     return 1.0 / ((1.0 - t) / distances_mm[i] + t / distances_mm[i + 1]);
 }

@@ -1,5 +1,6 @@
 /* LPIPS of two images: a net in five stages, each followed by the distance of its features. */
 #include "image/pixels.h"
+#include "io/folder.h"
 #include "launch/lpips_distance.h"
 #include "metrics/lpips_stage.h"
 #include "metrics/metrics.h"
@@ -260,10 +261,8 @@ static hada_status lpips_read_heads(const char *path, hada_lpips_net net, float 
         count += (size_t)lpips_stage_channels(net, k);
     }
 done:
-    if (status)
-        hada_error_prefix(err, "%s: ", path);
     hada_tensors_close(&file);
-    return status;
+    return hada_named(status, path, err);
 }
 
 /* What stands where for images of one size. */
@@ -530,10 +529,8 @@ static hada_status read_backbone(hada_lpips *lpips, const char *path, hada_error
                                                  lpips->stage[k]->floats * sizeof(float), "the weights", err));
     }
 done:
-    if (status)
-        hada_error_prefix(err, "%s: ", path);
     hada_tensors_close(&file);
-    return status;
+    return hada_named(status, path, err);
 }
 
 static hada_status read_heads(hada_lpips *lpips, const char *path, hada_error *err)

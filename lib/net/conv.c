@@ -201,30 +201,16 @@ static hada_status direct_groups_all(hada_conv *conv, int index, const hada_tens
     return HADA_OK;
 }
 
-/* Launches of one implementation; pooling is done in a launch of its own where the implementation does not. */
-static hada_status hada_conv_direct(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
-                                    const hada_conv_finish *finish, hada_error *err)
-{
-    HADA_TRY(conv->plan.groups ? direct_groups_all(conv, index, in, out, finish, err)
-                               : direct_lanes(conv, index, in, out, finish, err));
-    if (finish->pooled)
-        HADA_TRY(hada_pool_forward(conv->slot, HADA_POOL_MAX, 2, 2, out, finish->pooled, err));
-    return HADA_OK;
-}
-
-static hada_status hada_conv_plain(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
-                                   const hada_conv_finish *finish, hada_error *err)
+static hada_status conv_plain(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
+                              const hada_conv_finish *finish, hada_error *err)
 {
     const hada_conv_problem problem = conv_problem_of(conv, index, in, out, finish, 0);
     const hada_range range = hada_range_divisible(hada_range_of((size_t)out->cols, PLAIN_LOCAL, (size_t)out->rows,
                                                                 (size_t)problem.out.blocks * (size_t)in->images),
                                                   1);
-    HADA_TRY(hada_launch_conv_plain(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_PLAIN, conv->plan.block), &range, err,
-                                    .x = in->mem, .w = conv->weights[index].mem, .bias = finish->bias.mem,
-                                    .y = out->mem, .mask = hada_conv_mask(finish), .problem = problem));
-    if (finish->pooled)
-        HADA_TRY(hada_pool_forward(conv->slot, HADA_POOL_MAX, 2, 2, out, finish->pooled, err));
-    return HADA_OK;
+    return hada_launch_conv_plain(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_PLAIN, conv->plan.block), &range, err,
+                                  .x = in->mem, .w = conv->weights[index].mem, .bias = finish->bias.mem, .y = out->mem,
+                                  .mask = hada_conv_mask(finish), .problem = problem);
 }
 
 /* Winograd's tiles. */
@@ -296,26 +282,20 @@ static hada_status three_launches(hada_conv *conv, int index, const hada_tensor 
                                          .m_offset = m_offset, .begin = begin, .room = pass->room);
 }
 
-static hada_status hada_conv_winograd(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *low,
-                                      const hada_tensor *out, const hada_conv_finish *finish, hada_error *err)
+static hada_status conv_winograd(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *low,
+                                 const hada_tensor *out, const hada_conv_finish *finish, int pools, hada_error *err)
 {
     const hada_conv_pass *pass = &conv->plan.pass[index];
-    /* tiles of odd sizes stand on odd pixels at the far edges */
-    const int pools = finish->pooled && out->rows % 2 == 0 && out->cols % 2 == 0;
     hada_conv_problem problem = conv_problem_of(conv, index, in, out, finish, pools);
     if (low)
         problem.low = hada_layout_of(low);
     const size_t tiles = hada_divide_up((size_t)out->cols, TILE) * hada_divide_up((size_t)out->rows, TILE);
-    if (pass->tiles) {
-        HADA_TRY(one_launch(conv, index, in, low, out, finish, &problem, tiles, err));
-    } else {
-        const int all = (int)tiles * in->images, most = pass->room;
-        for (int begin = 0; begin < all; begin += most)
-            HADA_TRY(three_launches(conv, index, in, low, out, finish, &problem, begin,
-                                    all - begin < most ? all - begin : most, err));
-    }
-    if (finish->pooled && !pools)
-        HADA_TRY(hada_pool_forward(conv->slot, HADA_POOL_MAX, 2, 2, out, finish->pooled, err));
+    if (pass->tiles)
+        return one_launch(conv, index, in, low, out, finish, &problem, tiles, err);
+    const int all = (int)tiles * in->images, most = pass->room;
+    for (int begin = 0; begin < all; begin += most)
+        HADA_TRY(three_launches(conv, index, in, low, out, finish, &problem, begin,
+                                all - begin < most ? all - begin : most, err));
     return HADA_OK;
 }
 
@@ -657,10 +637,15 @@ static hada_status run(hada_conv *conv, int index, const hada_tensor *in, const 
 {
     const hada_conv_pass *pass = &conv->plan.pass[index];
     HADA_TRY(ready(conv, index, in, low, out, finish, err));
-    if (pass->winograd)
-        return hada_conv_winograd(conv, index, in, low, out, finish, err);
-    return pass->method == HADA_CONV_PLAIN ? hada_conv_plain(conv, index, in, out, finish, err)
-                                           : hada_conv_direct(conv, index, in, out, finish, err);
+    /* only Winograd's tiles pool on their way, where they do not stand on odd pixels at the far edges */
+    const int pools = pass->winograd && finish->pooled && out->rows % 2 == 0 && out->cols % 2 == 0;
+    HADA_TRY(pass->winograd                    ? conv_winograd(conv, index, in, low, out, finish, pools, err)
+             : pass->method == HADA_CONV_PLAIN ? conv_plain(conv, index, in, out, finish, err)
+             : conv->plan.groups               ? direct_groups_all(conv, index, in, out, finish, err)
+                                               : direct_lanes(conv, index, in, out, finish, err));
+    if (finish->pooled && !pools)
+        HADA_TRY(hada_pool_forward(conv->slot, HADA_POOL_MAX, 2, 2, out, finish->pooled, err));
+    return HADA_OK;
 }
 
 int hada_conv_doubles(const hada_context *context, const hada_conv_desc *desc)

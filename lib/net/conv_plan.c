@@ -402,7 +402,7 @@ static void plan_direct(const hada_conv_plan *plan, const hada_context *context,
     if (plan->groups)
         choose_group(context, pass, plan->desc.kernel_rows * plan->desc.kernel_cols);
     if (plan->desc.method == HADA_CONV_DIRECT)
-        pass->parts = 1; /* tiles of an image hold the bits of the whole (net/enhance_shape.c) */
+        pass->parts = 1; /* tiles of an image hold the bits of the whole (net/enhance.c) */
     if (plan->groups || !pass->lanes || pass->in_step > 1 || pass->step > 1)
         return;
     const int taps = plan->desc.kernel_rows * plan->desc.kernel_cols;

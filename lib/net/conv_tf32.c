@@ -66,8 +66,7 @@ static hada_status begin(comparison *c, hada_slot *slot, const hada_conv_desc *d
     c->got = c->expected + c->out.image_stride;
     c->in.mem = c->x.mem;
     c->out.mem = c->y.mem;
-    const size_t pixels = (size_t)d->in_rows * (size_t)d->in_cols;
-    const hada_planar from = {planar.mem, 0, planes, pixels, (size_t)d->in_cols};
+    const hada_planar from = hada_planar_like(&c->in, planar.mem, 0);
     HADA_TRY_OR_DONE(hada_tensor_load(c->slot, &from, &c->in, err));
     HADA_TRY_OR_DONE(hada_conv_create(&plain, c->slot, &definition, err));
     HADA_TRY_OR_DONE(values_of(c, plain, c->expected, err));

@@ -137,18 +137,13 @@ static void cut(int full, int parts, const hada_receptive_field *field, int *cor
     *tile = *core + 2 * field->halo < full ? *core + 2 * field->halo : full;
 }
 
-static int at_least_one(int value)
-{
-    return value > 1 ? value : 1;
-}
-
 /* The fewest tiles that fit, cutting the longer side first. */
 static hada_status find_tiles(const hada_context *context, const hada_enhance_desc *desc, size_t limit,
                               hada_enhance_shape *shape, hada_error *err)
 {
     hada_receptive_field field;
     HADA_TRY(hada_net_receptive_field(desc->net, &field, err));
-    int fits, down = at_least_one(desc->tile_rows), right = at_least_one(desc->tile_cols);
+    int fits, down = hada_most(desc->tile_rows, 1), right = hada_most(desc->tile_cols, 1);
     if (!field.tiles)
         return hada_fail(err, HADA_ERROR_DEVICE_MEMORY,
                          "the net for enhancement does not fit the memory for %d x %d pixels, and its layers do not "
@@ -206,15 +201,14 @@ static hada_status enhance_shape_of(const hada_context *context, const hada_enha
 /* Where a tile of one axis begins: its own pixels, and those with halo. */
 static int enhance_core_at(int tile, int core, int full)
 {
-    const int at = tile * core;
-    return at < full ? at : full;
+    return hada_least(tile * core, full);
 }
 
 static int enhance_tile_at(int tile, int core, int tile_size, int full)
 {
     /* in the middle of its halo, but inside the image: at the edges the halo on the other side is wider */
     const int halo = (tile_size - core) / 2, at = tile * core - (halo > 0 ? halo : 0);
-    return at < 0 ? 0 : at > full - tile_size ? full - tile_size : at;
+    return hada_within(at, full - tile_size + 1);
 }
 
 struct hada_enhance {
@@ -306,15 +300,10 @@ void hada_enhance_counts(const hada_enhance *e, int *computed, int *left_out)
     *left_out = e->left_out;
 }
 
-/* Planar images whose channels are a tensor's, colour by colour, from (row, col) on. */
-static hada_planar planar_of(const hada_enhance *e, cl_mem mem, size_t offset, int rows, int cols, int row, int col)
+/* Planar images whose channels are a tensor's, colour by colour. */
+static hada_planar planar_of(const hada_enhance *e, cl_mem mem, size_t offset, int rows, int cols)
 {
-    const size_t plane = (size_t)rows * (size_t)cols;
-    return (hada_planar){.mem = mem,
-                         .offset = offset + (size_t)row * (size_t)cols + (size_t)col,
-                         .image_stride = plane * (size_t)e->desc.net->layers[0].channels,
-                         .channel_stride = plane,
-                         .row_stride = (size_t)cols};
+    return hada_planar_at(mem, offset, e->desc.net->layers[0].channels, rows, cols);
 }
 
 /* Part of planar images to part of others, all channels. */
@@ -385,7 +374,7 @@ static hada_tensor images_of(const hada_enhance *e, const hada_tensor *tensor, i
 static hada_planes window_of(const hada_enhance *e, cl_mem planes, size_t offset)
 {
     const int rows = e->desc.rows, cols = e->desc.cols;
-    return (hada_planes){planar_of(e, planes, offset, rows, cols, 0, 0), rows, cols};
+    return (hada_planes){planar_of(e, planes, offset, rows, cols), rows, cols};
 }
 
 /* Plane `slot` of those that go through the net at once, at the net's size. */
@@ -393,7 +382,7 @@ static hada_planes scaled_of(const hada_enhance *e, int slot)
 {
     const int rows = e->shape.rows, cols = e->shape.cols;
     const size_t each = (size_t)e->desc.channels * (size_t)rows * (size_t)cols;
-    return (hada_planes){planar_of(e, e->scaled.mem, (size_t)slot * each, rows, cols, 0, 0), rows, cols};
+    return (hada_planes){planar_of(e, e->scaled.mem, (size_t)slot * each, rows, cols), rows, cols};
 }
 
 /* All channels of a plane, colour by colour. */
@@ -456,8 +445,9 @@ static hada_status run_tile(hada_enhance *e, const float *map, int down, int rig
         return HADA_OK;
     }
     e->computed++;
-    const hada_planar in = planar_of(e, e->full_in.mem, 0, s->full_rows, s->full_cols, row, col);
-    const hada_planar out = planar_of(e, e->out.mem, 0, s->tile_rows, s->tile_cols, 0, 0);
+    const hada_planar in =
+        planar_of(e, e->full_in.mem, (size_t)row * (size_t)s->full_cols + (size_t)col, s->full_rows, s->full_cols);
+    const hada_planar out = planar_of(e, e->out.mem, 0, s->tile_rows, s->tile_cols);
     const part tile = {e->out.mem, 0, s->tile_rows, s->tile_cols, first_row - row, first_col - col};
     const part whole = {e->full_out.mem, 0, s->full_rows, s->full_cols, first_row, first_col};
     HADA_TRY(hada_tensor_load(e->slot, &in, hada_graph_input(e->graph), err));
@@ -479,8 +469,8 @@ static hada_status bring(hada_enhance *e, cl_mem planes, size_t offset, int back
     if (!s->resized)
         return copy(e, s->inputs > 1 ? &seen : &plane, &in, s->rows, s->cols, s->inputs * e->desc.channels, err);
     const hada_planes here = window_of(e, planes, offset);
-    const hada_planes there = {
-        planar_of(e, back ? e->full_out.mem : e->full_in.mem, 0, s->full_rows, s->full_cols, 0, 0), s->rows, s->cols};
+    const hada_planes there = {planar_of(e, back ? e->full_out.mem : e->full_in.mem, 0, s->full_rows, s->full_cols),
+                               s->rows, s->cols};
     return resize(e, back ? &there : &here, back ? &here : &there, -INFINITY, err);
 }
 

@@ -56,12 +56,7 @@ static hada_batch_norm norm_of(const hada_graph *graph, int node, int colour)
 /* An image's values in channel, row, column order, one image after the other. */
 static hada_planar flat_of(const hada_graph *graph, const hada_tensor *tensor, size_t offset)
 {
-    const size_t cols = (size_t)tensor->cols, plane = cols * (size_t)tensor->rows;
-    return (hada_planar){.mem = graph->extras.mem,
-                         .offset = offset,
-                         .image_stride = plane * (size_t)tensor->channels,
-                         .channel_stride = plane,
-                         .row_stride = cols};
+    return hada_planar_like(tensor, graph->extras.mem, offset);
 }
 
 static hada_status conv_forward(hada_graph *graph, int i, const hada_tensor *x, const hada_tensor *y, hada_error *err)
@@ -415,11 +410,6 @@ const hada_tensor *hada_graph_output_gradient(const hada_graph *graph)
     return &graph->tensors[graph->plan.nodes[graph->plan.output].gradient];
 }
 
-static const hada_tensor *graph_input_gradient(const hada_graph *graph)
-{
-    return &graph->tensors[graph->plan.nodes[0].gradient];
-}
-
 /* Planar images to or from a tensor; the images of a net shared by colours are channels of the caller's. */
 static hada_status transfer(hada_graph *graph, const hada_tensor *tensor, const hada_planar *planar, int load,
                             hada_error *err)
@@ -456,7 +446,7 @@ hada_status hada_graph_load_gradient(hada_graph *graph, const hada_planar *in, h
 
 hada_status hada_graph_store_gradient(hada_graph *graph, const hada_planar *out, hada_error *err)
 {
-    return transfer(graph, graph_input_gradient(graph), out, 0, err);
+    return transfer(graph, &graph->tensors[graph->plan.nodes[0].gradient], out, 0, err);
 }
 
 void hada_graph_set_step(hada_graph *graph, uint64_t seed, uint64_t step)

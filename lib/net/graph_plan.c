@@ -7,6 +7,11 @@
  * convolutions also take over bilinear doubling and concatenation (the way up of a U-net) before them, whose results
  * are then never written. */
 
+static int same_size(const graph_node *a, const graph_node *b)
+{
+    return a->rows == b->rows && a->cols == b->cols;
+}
+
 /* Whether a node that is not fused reads a value. */
 static int reads(const graph_node *node, int value)
 {
@@ -109,8 +114,7 @@ static int can_alias(const graph_plan *plan, int value, int concat)
 {
     const graph_node *node = &plan->nodes[value], *whole = &plan->nodes[concat];
     int times = 0;
-    if (!value || node->alias_of != value || node->layer->kind == HADA_LAYER_CONCAT || node->rows != whole->rows ||
-        node->cols != whole->cols)
+    if (!value || node->alias_of != value || node->layer->kind == HADA_LAYER_CONCAT || !same_size(node, whole))
         return 0;
     for (int i = concat + 1; i < plan->node_count; i++)
         if (reads(&plan->nodes[i], value))
@@ -153,7 +157,7 @@ static void recompute_inside_levels(graph_plan *plan, int *level)
 {
     for (int i = 1; i < plan->node_count; i++) {
         const graph_node *node = &plan->nodes[i], *before = &plan->nodes[i - 1];
-        level[i] = level[i - 1] + (i == 1 || node->rows != before->rows || node->cols != before->cols);
+        level[i] = level[i - 1] + (i == 1 || !same_size(node, before));
     }
     for (int i = 1; i < plan->node_count; i++) {
         graph_node *node = &plan->nodes[i];
@@ -184,11 +188,6 @@ static void find_gradients(graph_plan *plan)
             if (reads(&plan->nodes[k], i) && plan->nodes[k].layer->kind != HADA_LAYER_CONV)
                 node->masked = 0;
     }
-}
-
-static int same_size(const graph_node *a, const graph_node *b)
-{
-    return a->rows == b->rows && a->cols == b->cols;
 }
 
 /* A resizing to twice the size for the second part of a concatenation that a convolution reads, and nobody else. */
@@ -380,18 +379,13 @@ static void backward_step(backward_pass *pass, int i)
     }
 }
 
-static int same_level(const graph_node *a, const graph_node *b)
-{
-    return a->rows == b->rows && a->cols == b->cols;
-}
-
 /* Backward through a level: its values that were not kept are recomputed first. */
 static void backward_steps(backward_pass *pass)
 {
     graph_plan *plan = pass->plan;
     for (int last = plan->node_count - 1; last > 0;) {
         int first = last;
-        while (first > 1 && same_level(&plan->nodes[first - 1], &plan->nodes[last]))
+        while (first > 1 && same_size(&plan->nodes[first - 1], &plan->nodes[last]))
             first--;
         for (int i = first; i <= last; i++)
             if (plan->nodes[i].recompute)

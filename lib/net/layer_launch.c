@@ -12,23 +12,13 @@ enum {
     FLAT_LOCAL = 128
 };
 
-static int in_groups(const hada_slot *slot)
-{
-    return slot->context->shape == HADA_SHAPE_GROUPS;
-}
-
-static size_t planes_of(const hada_tensor *tensor)
-{
-    return (size_t)hada_layout_of(tensor).blocks * (size_t)tensor->images;
-}
-
 /* Runs of whole rows. */
 static hada_layer_grid lanes_grid(const hada_tensor *tensor, int rows, int cols)
 {
     const size_t row_floats = (size_t)cols * (size_t)tensor->block, wanted = ITEM_FLOATS / row_floats;
     const int span = wanted < 2 ? 1 : wanted < (size_t)rows ? (int)wanted : rows;
-    return (hada_layer_grid){hada_range_groups(1, 1, hada_divide_up((size_t)rows, (size_t)span), planes_of(tensor)),
-                             span};
+    return (hada_layer_grid){
+        hada_range_groups(1, 1, hada_divide_up((size_t)rows, (size_t)span), hada_tensor_planes(tensor)), span};
 }
 
 /* A vector for each work-item; narrow rows share a group. */
@@ -39,7 +29,9 @@ static hada_layer_grid groups_grid(const hada_tensor *tensor, int rows, size_t v
         across /= 2;
     const size_t down = GROUP_ITEMS / across;
     return (hada_layer_grid){
-        {{hada_round_up(vectors, across), hada_round_up((size_t)rows, down), planes_of(tensor)}, {across, down, 1}, 0},
+        {{hada_round_up(vectors, across), hada_round_up((size_t)rows, down), hada_tensor_planes(tensor)},
+         {across, down, 1},
+         0},
         1};
 }
 
@@ -49,24 +41,25 @@ static hada_layer_grid groups_sum_grid(const hada_tensor *tensor)
     const size_t vectors = (size_t)tensor->cols * (size_t)(tensor->block / HADA_LAYER_FOUR);
     const size_t wanted = SUM_VECTORS * HADA_NET_GROUP / vectors, rows = (size_t)tensor->rows;
     const size_t span = wanted < 1 ? 1 : wanted < rows ? wanted : rows;
-    return (hada_layer_grid){hada_range_groups(1, HADA_NET_GROUP, hada_divide_up(rows, span), planes_of(tensor)),
-                             (int)span};
+    return (hada_layer_grid){
+        hada_range_groups(1, HADA_NET_GROUP, hada_divide_up(rows, span), hada_tensor_planes(tensor)), (int)span};
 }
 
 hada_layer_grid hada_layer_grid_of(const hada_slot *slot, const hada_tensor *tensor, int rows, int cols)
 {
-    return in_groups(slot) ? groups_grid(tensor, rows, (size_t)cols * (size_t)(tensor->block / HADA_LAYER_FOUR))
-                           : lanes_grid(tensor, rows, cols);
+    return hada_slot_in_groups(slot)
+               ? groups_grid(tensor, rows, (size_t)cols * (size_t)(tensor->block / HADA_LAYER_FOUR))
+               : lanes_grid(tensor, rows, cols);
 }
 
 hada_layer_grid hada_layer_pixel_grid_of(const hada_slot *slot, const hada_tensor *tensor, int rows, int cols)
 {
-    return in_groups(slot) ? groups_grid(tensor, rows, (size_t)cols) : lanes_grid(tensor, rows, cols);
+    return hada_slot_in_groups(slot) ? groups_grid(tensor, rows, (size_t)cols) : lanes_grid(tensor, rows, cols);
 }
 
 hada_layer_grid hada_layer_sum_grid_of(const hada_slot *slot, const hada_tensor *tensor)
 {
-    return in_groups(slot) ? groups_sum_grid(tensor) : lanes_grid(tensor, tensor->rows, tensor->cols);
+    return hada_slot_in_groups(slot) ? groups_sum_grid(tensor) : lanes_grid(tensor, tensor->rows, tensor->cols);
 }
 
 size_t hada_layer_grid_sums(const hada_layer_grid *grid)
@@ -84,7 +77,7 @@ size_t hada_layer_sums_at_most(const hada_tensor *tensor)
 
 hada_range hada_layer_flat_range(const hada_slot *slot, size_t items, size_t lines)
 {
-    return hada_range_of(items, in_groups(slot) ? FLAT_LOCAL : 1, lines, 1);
+    return hada_range_of(items, hada_slot_in_groups(slot) ? FLAT_LOCAL : 1, lines, 1);
 }
 
 static int possible(const hada_tensor *t)

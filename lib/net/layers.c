@@ -286,11 +286,6 @@ hada_status hada_resize_backward(hada_slot *slot, hada_resize resize, const hada
 /* Inputs whose weights' gradients a work-item works out on CPUs: a piece of a row that stays in the nearest cache. */
 enum { RUN = 2048 };
 
-static int has_groups(const hada_slot *slot)
-{
-    return slot->context->shape == HADA_SHAPE_GROUPS;
-}
-
 /* Work-items of a group: macro of the device's program. */
 static size_t group_of(const hada_slot *slot)
 {
@@ -300,7 +295,7 @@ static size_t group_of(const hada_slot *slot)
 /* Images side by side; on CPUs a work-item takes them one after the other. */
 static size_t lines_of(const hada_slot *slot, const hada_linear *shape)
 {
-    return has_groups(slot) ? hada_divide_up((size_t)shape->images, HADA_LINEAR_IMAGES) : 1;
+    return hada_slot_in_groups(slot) ? hada_divide_up((size_t)shape->images, HADA_LINEAR_IMAGES) : 1;
 }
 
 static hada_linear_layout linear_layout(const hada_linear *shape, hada_floats w, hada_floats bias, hada_floats x,
@@ -341,7 +336,7 @@ hada_status hada_linear_backward_data(hada_slot *slot, const hada_linear *shape,
                                       hada_floats dx, hada_error *err)
 {
     HADA_TRY(check_linear(shape, err));
-    const size_t columns = has_groups(slot) ? 1 : HADA_LINEAR_COLUMNS;
+    const size_t columns = hada_slot_in_groups(slot) ? 1 : HADA_LINEAR_COLUMNS;
     const hada_range range =
         hada_range_of(hada_divide_up((size_t)shape->in, columns), group_of(slot), lines_of(slot, shape), 1);
     return hada_launch_net_linear_data(slot, hada_program_net_linear_of(slot), &range, err, .w = w.mem, .dy = dy.mem,
@@ -352,7 +347,7 @@ hada_status hada_linear_backward_weights(hada_slot *slot, const hada_linear *sha
                                          hada_floats dw, hada_floats dbias, int accumulate, hada_error *err)
 {
     HADA_TRY(check_linear(shape, err));
-    const int run = has_groups(slot) ? 1 : RUN;
+    const int run = hada_slot_in_groups(slot) ? 1 : RUN;
     const hada_program_net_linear program = hada_program_net_linear_of(slot);
     const hada_linear_layout at = linear_layout(shape, dw, dbias, x, dy);
     const hada_range weights =

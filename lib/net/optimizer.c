@@ -10,12 +10,8 @@ enum { ROW_ITEMS = 128 }; /* work-items that share a run on GPUs */
 
 void hada_optimizer_desc_init(hada_optimizer_desc *desc, hada_optimizer optimizer)
 {
-    *desc = (hada_optimizer_desc){.optimizer = optimizer,
-                                  .decay = 0.9,
-                                  .beta1 = 0.9,
-                                  .beta2 = 0.999,
-                                  .eps = optimizer == HADA_OPTIMIZER_RMSPROP ? 1e-7 : 1e-8,
-                                  .scale = 1.0};
+    *desc = (hada_optimizer_desc){
+        .optimizer = optimizer, .eps = optimizer == HADA_OPTIMIZER_RMSPROP ? 1e-7 : 1e-8, .scale = 1.0};
 }
 
 size_t hada_optimizer_state_floats(const hada_optimizer_desc *desc, size_t count)
@@ -35,10 +31,6 @@ static hada_status check_optimizer(const hada_optimizer_desc *desc, uint64_t ste
                          (unsigned long long)step, count);
     if (!(rate >= 0.0 && isfinite(rate)))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a learning rate of %g is not possible", rate);
-    const double shares[] = {desc->decay, desc->beta1, desc->beta2};
-    for (size_t i = 0; i < HADA_COUNT(shares); i++)
-        if (!(shares[i] >= 0.0 && shares[i] < 1.0))
-            return hada_fail(err, HADA_ERROR_ARGUMENT, "decay and betas must be from 0 to below 1, not %g", shares[i]);
     if (!isfinite(desc->scale))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a gradient cannot be scaled by %g", desc->scale);
     if (!(desc->eps > 0.0 && isfinite(desc->eps)))
@@ -76,19 +68,19 @@ hada_status hada_optimizer_step(hada_slot *slot, const hada_optimizer_desc *desc
     HADA_TRY(check_optimizer(desc, step, rate, count, err));
     if (desc->optimizer == HADA_OPTIMIZER_RMSPROP) {
         const hada_rmsprop rule = {.rate = (cl_float)rate,
-                                   .decay = (cl_float)desc->decay,
-                                   .rest = (cl_float)(1.0 - desc->decay),
+                                   .decay = (cl_float)HADA_RMSPROP_DECAY,
+                                   .rest = (cl_float)(1.0 - HADA_RMSPROP_DECAY),
                                    .eps = (cl_float)desc->eps};
         return hada_launch_net_optimizer_rmsprop(slot, program, &range, err, .gradient = gradient.mem,
                                                  .parameters = parameters.mem, .state = state.mem, .at = at,
                                                  .rule = rule);
     }
-    const hada_adam rule = {.rate = (cl_float)(rate / (1.0 - pow(desc->beta1, (double)step))),
-                            .inverse_root = (cl_float)(1.0 / sqrt(1.0 - pow(desc->beta2, (double)step))),
-                            .beta1 = (cl_float)desc->beta1,
-                            .rest1 = (cl_float)(1.0 - desc->beta1),
-                            .beta2 = (cl_float)desc->beta2,
-                            .rest2 = (cl_float)(1.0 - desc->beta2),
+    const hada_adam rule = {.rate = (cl_float)(rate / (1.0 - pow(HADA_ADAM_BETA1, (double)step))),
+                            .inverse_root = (cl_float)(1.0 / sqrt(1.0 - pow(HADA_ADAM_BETA2, (double)step))),
+                            .beta1 = (cl_float)HADA_ADAM_BETA1,
+                            .rest1 = (cl_float)(1.0 - HADA_ADAM_BETA1),
+                            .beta2 = (cl_float)HADA_ADAM_BETA2,
+                            .rest2 = (cl_float)(1.0 - HADA_ADAM_BETA2),
                             .eps = (cl_float)desc->eps};
     return hada_launch_net_optimizer_adam(slot, program, &range, err, .gradient = gradient.mem,
                                           .parameters = parameters.mem, .state = state.mem, .at = at, .rule = rule);

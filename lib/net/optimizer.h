@@ -17,13 +17,14 @@ typedef enum hada_optimizer { HADA_OPTIMIZER_RMSPROP = 0, HADA_OPTIMIZER_ADAM = 
 
 typedef struct hada_optimizer_desc {
     hada_optimizer optimizer;
-    double decay;        /* RMSprop */
-    double beta1, beta2; /* Adam */
     double eps;
     double scale; /* of the gradient, before all else; 1 */
 } hada_optimizer_desc;
 
-/* The defaults of the libraries named above: decay 0.9, eps 1e-7; betas 0.9 and 0.999, eps 1e-8. */
+/* The defaults of the libraries named above; eps is 1e-7 and 1e-8. */
+#define HADA_RMSPROP_DECAY 0.9
+#define HADA_ADAM_BETA1    0.9
+#define HADA_ADAM_BETA2    0.999
 void hada_optimizer_desc_init(hada_optimizer_desc *desc, hada_optimizer optimizer);
 
 /* Floats of state for `count` parameters: RMSprop v; Adam m, then v. */

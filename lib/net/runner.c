@@ -13,15 +13,6 @@ struct hada_net_runner {
     int out_channels, out_rows, out_cols; /* of the output */
 };
 
-static hada_planar planar_of(const hada_buffer *buffer, int channels, int rows, int cols)
-{
-    const size_t plane = (size_t)rows * (size_t)cols;
-    return (hada_planar){.mem = buffer->mem,
-                         .image_stride = plane * (size_t)channels,
-                         .channel_stride = plane,
-                         .row_stride = (size_t)cols};
-}
-
 static size_t image_bytes(int channels, int rows, int cols)
 {
     return (size_t)channels * (size_t)rows * (size_t)cols * sizeof(float);
@@ -40,8 +31,8 @@ static hada_status make(hada_net_runner *runner, hada_context *context, const ha
                                 image_bytes(runner->out_channels, runner->out_rows, runner->out_cols),
                                 "the net's output", err));
     HADA_TRY(hada_graph_set_weights(runner->graph, (hada_floats){runner->values.mem, 0}, err));
-    runner->from = planar_of(&runner->in, runner->channels, runner->rows, runner->cols);
-    runner->to = planar_of(&runner->out, runner->out_channels, runner->out_rows, runner->out_cols);
+    runner->from = hada_planar_at(runner->in.mem, 0, runner->channels, runner->rows, runner->cols);
+    runner->to = hada_planar_at(runner->out.mem, 0, runner->out_channels, runner->out_rows, runner->out_cols);
     return HADA_OK;
 }
 

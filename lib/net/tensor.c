@@ -57,6 +57,12 @@ hada_tensor_layout hada_layout_of(const hada_tensor *tensor)
                                 .blocks = (int)blocks_of(tensor->block, tensor->channels)};
 }
 
+hada_planar hada_planar_at(cl_mem mem, size_t offset, int channels, int rows, int cols)
+{
+    const size_t plane = (size_t)rows * (size_t)cols;
+    return (hada_planar){mem, offset, plane * (size_t)channels, plane, (size_t)cols};
+}
+
 hada_planar_layout hada_planar_layout_of(const hada_planar *planar)
 {
     return (hada_planar_layout){planar->offset, planar->image_stride, planar->channel_stride, planar->row_stride};
@@ -66,7 +72,7 @@ hada_planar_layout hada_planar_layout_of(const hada_planar *planar)
  * call, one takes a whole row. */
 enum { FOUR = 4, GROUP_ITEMS = 128, HALO_ITEMS = 16 };
 
-static size_t planes_of(const hada_tensor *tensor)
+size_t hada_tensor_planes(const hada_tensor *tensor)
 {
     return blocks_of(tensor->block, tensor->channels) * (size_t)tensor->images;
 }
@@ -74,17 +80,18 @@ static size_t planes_of(const hada_tensor *tensor)
 static hada_range rows_range(const hada_slot *slot, const hada_tensor *tensor, int width, int height)
 {
     if (slot->context->shape != HADA_SHAPE_GROUPS)
-        return hada_range_of(1, 1, (size_t)height, planes_of(tensor));
+        return hada_range_of(1, 1, (size_t)height, hada_tensor_planes(tensor));
     return hada_range_of((size_t)width * (size_t)(tensor->block / FOUR), GROUP_ITEMS, (size_t)height,
-                         planes_of(tensor));
+                         hada_tensor_planes(tensor));
 }
 
 static hada_range halo_range(const hada_slot *slot, const hada_tensor *tensor)
 {
     const size_t height = (size_t)tensor->rows + 2, down = GROUP_ITEMS / HALO_ITEMS;
     if (slot->context->shape != HADA_SHAPE_GROUPS)
-        return hada_range_of(1, 1, height, planes_of(tensor));
-    return (hada_range){{HALO_ITEMS, hada_round_up(height, down), planes_of(tensor)}, {HALO_ITEMS, down, 1}, 0};
+        return hada_range_of(1, 1, height, hada_tensor_planes(tensor));
+    return (hada_range){
+        {HALO_ITEMS, hada_round_up(height, down), hada_tensor_planes(tensor)}, {HALO_ITEMS, down, 1}, 0};
 }
 
 hada_status hada_tensor_load(hada_slot *slot, const hada_planar *in, const hada_tensor *out, hada_error *err)

@@ -31,6 +31,8 @@ int hada_net_block(const hada_context *context);
 
 /* A tensor as kernels take it beside its memory. */
 hada_tensor_layout hada_layout_of(const hada_tensor *tensor);
+/* Blocks of channels of all images. */
+size_t hada_tensor_planes(const hada_tensor *tensor);
 
 /* The program of a kernel file that has one for blocks of 8 and one for blocks of 16. */
 #define HADA_PROGRAM_BY_BLOCK(FILE, block)                                                                             \
@@ -65,6 +67,12 @@ typedef struct hada_planar {
     size_t offset, image_stride, channel_stride, row_stride;
 } hada_planar;
 hada_planar_layout hada_planar_layout_of(const hada_planar *planar);
+/* Images one after the other, without gaps; and such of a tensor's shape. */
+hada_planar hada_planar_at(cl_mem mem, size_t offset, int channels, int rows, int cols);
+static inline hada_planar hada_planar_like(const hada_tensor *tensor, cl_mem mem, size_t offset)
+{
+    return hada_planar_at(mem, offset, tensor->channels, tensor->rows, tensor->cols);
+}
 hada_status hada_tensor_load(hada_slot *slot, const hada_planar *in, const hada_tensor *out, hada_error *err);
 hada_status hada_tensor_store(hada_slot *slot, const hada_tensor *in, const hada_planar *out, hada_error *err);
 

@@ -95,7 +95,7 @@ typedef struct hada_parameter {
 
 struct hada_net {
     hada_layer *layers;
-    int count, room;
+    int count;
     /* Channels of an image of which each is an image of its own to the net; 1: an image is one. Batch norms then have
      * parameters for each of them (name.0.weight, name.1.weight, ...). */
     int colours;

@@ -2,6 +2,7 @@
 #include "netlist/net_list.h"
 
 #include "core/callers.h"
+#include "io/folder.h"
 
 enum { MOST_LEVELS = 16, MOST_CONVS = 16 };
 
@@ -210,12 +211,6 @@ static hada_status add_stages(hada_net *net, const stage *stages, int count, had
     return HADA_OK;
 }
 
-static hada_status add_patch(hada_net *net, hada_error *err)
-{
-    static const stage stages[] = {{32, 1}, {64, 2}, {128, 2}, {128, 1}, {1, 1}};
-    return add_stages(net, stages, (int)(sizeof stages / sizeof *stages), err);
-}
-
 static hada_status add_paper(hada_net *net, hada_error *err)
 {
     static const stage stages[] = {{32, 2}, {64, 2}, {128, 2}, {128, 2}, {128, 2}};
@@ -239,6 +234,7 @@ static hada_status add_paper(hada_net *net, hada_error *err)
 
 hada_status hada_discriminator_make(hada_net **out, const char *name, int channels, hada_error *err)
 {
+    static const stage patch[] = {{32, 1}, {64, 2}, {128, 2}, {128, 1}, {1, 1}};
     hada_status status = HADA_OK;
     const int paper = name && !strcmp(name, "paper");
     *out = NULL;
@@ -246,7 +242,7 @@ hada_status hada_discriminator_make(hada_net **out, const char *name, int channe
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no discriminator \"%s\": take patch or paper",
                          name ? name : "");
     HADA_TRY_OR_DONE(begin_discriminator(out, channels, err));
-    HADA_TRY_OR_DONE(paper ? add_paper(*out, err) : add_patch(*out, err));
+    HADA_TRY_OR_DONE(paper ? add_paper(*out, err) : add_stages(*out, patch, (int)HADA_COUNT(patch), err));
     HADA_TRY_OR_DONE(hada_net_finish(*out, err));
 done:
     if (status)
@@ -316,15 +312,12 @@ hada_status hada_vgg16_load(hada_net **out, const char *path, hada_error *err)
     hada_status status = HADA_OK;
     hada_tensors *file = NULL;
     *out = NULL;
-    if ((status = hada_tensors_open(&file, path, err)) != HADA_OK)
-        return status;
+    HADA_TRY(hada_tensors_open(&file, path, err));
     HADA_TRY_OR_DONE(hada_vgg16_make(out, err));
     HADA_TRY_OR_DONE(hada_net_read_but(*out, file, "", "normalize.", err));
 done:
-    if (status) {
-        hada_error_prefix(err, "%s: ", path);
+    if (status)
         hada_net_destroy(out);
-    }
     hada_tensors_close(&file);
-    return status;
+    return hada_named(status, path, err);
 }

@@ -1,5 +1,7 @@
 #include "netlist/net_list.h"
 
+#include "io/folder.h"
+
 /* The tensor of a parameter, checked. */
 static hada_status find(const hada_parameter *parameter, const hada_tensors *file, const char *prefix,
                         const hada_stored_tensor **out, hada_error *err)
@@ -86,10 +88,8 @@ hada_status hada_net_load_weights(hada_net *net, const char *path, const char *p
     HADA_NEED(net && path, err);
     HADA_TRY(hada_tensors_open(&file, path, err));
     hada_status status = hada_net_read_but(net, file, prefix ? prefix : "", NULL, err);
-    if (status)
-        hada_error_prefix(err, "%s: ", path);
     hada_tensors_close(&file);
-    return status;
+    return hada_named(status, path, err);
 }
 
 hada_status hada_net_load(hada_net **out, const char *path, hada_error *err)
@@ -104,10 +104,8 @@ hada_status hada_net_load(hada_net **out, const char *path, hada_error *err)
                              : hada_fail(err, HADA_ERROR_FILE_FORMAT,
                                          "there is no description of a net in the metadata (\"" HADA_NET_META
                                          "\"); weights alone are loaded into a net with hada_net_load_weights()");
-    if (status)
-        hada_error_prefix(err, "%s: ", path);
     hada_tensors_close(&file);
-    return status;
+    return hada_named(status, path, err);
 }
 
 hada_status hada_net_save(const hada_net *net, const char *path, hada_error *err)

@@ -10,8 +10,7 @@
 
 static int bucket_of(const hada_sites *sites, double position)
 {
-    const int bucket = (int)((position + sites->half) / sites->size);
-    return bucket < 0 ? 0 : bucket >= sites->buckets ? sites->buckets - 1 : bucket;
+    return hada_within((int)((position + sites->half) / sites->size), sites->buckets);
 }
 
 static int bucket_at(const hada_sites *sites, int i)
@@ -169,11 +168,9 @@ hada_status hada_surface_make(hada_surface *surface, uint64_t seed, double corre
     *surface = (hada_surface){0};
     const double step = correlation / (2.0 * sqrt(SMOOTHINGS / 2.0 + 1.0 / 3.0));
     const int inside = (int)ceil(2.0 * half_width / step) + 1, count = inside + 2 * MARGIN;
-    void *memory;
-    HADA_TRY(
-        hada_allocated(memory = hada_alloc((size_t)count * (size_t)count, sizeof(double), "a random surface", err)));
-    *surface = (hada_surface){memory, count, -half_width - MARGIN * step, step};
-    double *node = memory;
+    double *node;
+    HADA_TRY(HADA_NEW(node, (size_t)count * (size_t)count, "a random surface", err));
+    *surface = (hada_surface){node, count, -half_width - MARGIN * step, step};
     const size_t nodes = (size_t)count * (size_t)count;
     hada_random random;
     hada_random_seed(&random, seed, HADA_SEQUENCE_SURFACE);
@@ -239,23 +236,13 @@ double hada_surface_at(const hada_surface *surface, double x, double y, double g
     return value;
 }
 
-static int add_point(hada_contour *points, double x, double y)
+static hada_status add_point(hada_contour *points, double x, double y, hada_error *err)
 {
-    if (points->count == points->room) {
-        const int room = points->room ? 2 * points->room : 4096;
-        double *more_x = realloc(points->x, (size_t)room * sizeof(double));
-        if (more_x)
-            points->x = more_x;
-        double *more_y = realloc(points->y, (size_t)room * sizeof(double));
-        if (more_y)
-            points->y = more_y;
-        if (!more_x || !more_y)
-            return 0;
-        points->room = room;
-    }
+    HADA_TRY(HADA_GROW(points->x, (size_t)points->count + 1, "contour lines", err));
+    HADA_TRY(HADA_GROW(points->y, (size_t)points->count + 1, "contour lines", err));
     points->x[points->count] = x;
     points->y[points->count++] = y;
-    return 1;
+    return HADA_OK;
 }
 
 /* Where the surface changes its sign between neighbours of a lattice, by the straight line between them. */
@@ -264,30 +251,26 @@ static hada_status contour_points(const hada_surface *surface, double half_width
 {
     const int half = (int)floor(half_width / step), across = 2 * half + 1;
     hada_contour points = {0};
-    void *memory = NULL;
+    double *rows = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(
-        hada_allocated(memory = hada_alloc(2 * (size_t)across, sizeof(double), "rows of a random surface", err)));
-    double *above = memory, *here = above + across;
-    int room = 1;
+    HADA_TRY_OR_DONE(HADA_NEW(rows, 2 * (size_t)across, "rows of a random surface", err));
+    double *above = rows, *here = rows + across;
     *out = points;
-    for (int r = 0; r < across && room; r++) {
+    for (int r = 0; r < across; r++) {
         HADA_TRY_OR_DONE(hada_monitor_check(monitor, err));
         const double at_y = (r - half) * step;
-        for (int c = 0; c < across && room; c++) {
+        for (int c = 0; c < across; c++) {
             const double at_x = (c - half) * step;
             here[c] = hada_surface_at(surface, at_x, at_y, NULL);
             if (c && (here[c - 1] < 0.0) != (here[c] < 0.0))
-                room = add_point(&points, at_x - step * here[c] / (here[c] - here[c - 1]), at_y);
-            if (r && room && (above[c] < 0.0) != (here[c] < 0.0))
-                room = add_point(&points, at_x, at_y - step * here[c] / (here[c] - above[c]));
+                HADA_TRY_OR_DONE(add_point(&points, at_x - step * here[c] / (here[c] - here[c - 1]), at_y, err));
+            if (r && (above[c] < 0.0) != (here[c] < 0.0))
+                HADA_TRY_OR_DONE(add_point(&points, at_x, at_y - step * here[c] / (here[c] - above[c]), err));
         }
         double *swap = above;
         above = here;
         here = swap;
     }
-    if (!room)
-        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for contour lines"));
     if (!points.count)
         HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_ARGUMENT,
@@ -296,7 +279,7 @@ static hada_status contour_points(const hada_surface *surface, double half_width
     *out = points;
     points = (hada_contour){0};
 done:
-    HADA_FREE(memory, points.x, points.y);
+    HADA_FREE(rows, points.x, points.y);
     return status;
 }
 
@@ -359,13 +342,12 @@ static int nearer(const void *a, const void *b)
     return one != other ? (one > other) - (one < other) : m->row != n->row ? m->row - n->row : m->col - n->col;
 }
 
-/* The nodes of a square lattice nearest to the axis; 0 where they do not fit. */
-static int lattice(const hada_camera *camera, double *x, double *y)
+/* The nodes of a square lattice nearest to the axis. */
+static hada_status place_on_lattice(const hada_camera *camera, double *x_mm, double *y_mm, hada_error *err)
 {
     enum { REACH = 40, ACROSS = 2 * REACH + 1 }; /* a disc of radius 40 has more than 4096 nodes */
-    node *nodes = malloc(sizeof *nodes * ACROSS * ACROSS);
-    if (!nodes)
-        return -1;
+    node *nodes;
+    HADA_TRY(HADA_NEW(nodes, (size_t)ACROSS * ACROSS, "the lens positions", err));
     for (int i = 0; i < ACROSS * ACROSS; i++)
         nodes[i] = (node){i / ACROSS - REACH, i % ACROSS - REACH};
     qsort(nodes, ACROSS * ACROSS, sizeof *nodes, nearer);
@@ -373,11 +355,16 @@ static int lattice(const hada_camera *camera, double *x, double *y)
     const node *last = &nodes[camera->lenses - 1];
     const double reach = period * sqrt((double)(last->row * last->row + last->col * last->col));
     for (int i = 0; i < camera->lenses; i++) {
-        x[i] = nodes[i].col * period;
-        y[i] = nodes[i].row * period;
+        x_mm[i] = nodes[i].col * period;
+        y_mm[i] = nodes[i].row * period;
     }
     free(nodes);
-    return reach <= radius * (1.0 + 1e-12);
+    if (!(reach <= radius * (1.0 + 1e-12)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "%d lenses on a grid of %g mm do not fit into an aperture of %g mm; use fewer lenses, a "
+                         "smaller period or a larger aperture",
+                         camera->lenses, period, camera->aperture_mm);
+    return HADA_OK;
 }
 
 /* How far from the axis the outermost of a square lattice's nodes nearest to it is, in periods. */
@@ -392,19 +379,6 @@ static double lattice_radius(int nodes)
         if (inside >= nodes)
             return sqrt((double)square);
     }
-}
-
-static hada_status place_on_lattice(const hada_camera *camera, double *x_mm, double *y_mm, hada_error *err)
-{
-    const int fits = lattice(camera, x_mm, y_mm);
-    if (fits < 0)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the lens positions");
-    if (!fits)
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "%d lenses on a grid of %g mm do not fit into an aperture of %g mm; use fewer lenses, a "
-                         "smaller period or a larger aperture",
-                         camera->lenses, camera->minimum_spacing_mm, camera->aperture_mm);
-    return HADA_OK;
 }
 
 static hada_status place_at_random(const hada_camera *camera, double *x_mm, double *y_mm, hada_error *err)
@@ -442,10 +416,10 @@ hada_status hada_camera_lenses(const hada_camera *callers, double *x_mm, double 
 static hada_status make_lenses(hada_mask_design *design, hada_error *err)
 {
     const hada_camera *camera = &design->camera;
-    void *x = NULL, *y = NULL;
+    double *x = NULL, *y = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(x = hada_alloc((size_t)camera->lenses, sizeof(double), "the lens positions", err)));
-    HADA_TRY_OR_DONE(hada_allocated(y = hada_alloc((size_t)camera->lenses, sizeof(double), "the lens positions", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(x, (size_t)camera->lenses, "the lens positions", err));
+    HADA_TRY_OR_DONE(HADA_NEW(y, (size_t)camera->lenses, "the lens positions", err));
     HADA_TRY_OR_DONE(hada_camera_lenses(camera, x, y, err));
     return hada_sites_make(&design->sites, x, y, camera->lenses, camera->aperture_mm / 2.0, err); /* takes x and y */
 done:
@@ -497,10 +471,8 @@ static hada_status make_cells(hada_mask_design *design, hada_error *err)
     const hada_camera *camera = &design->camera;
     design->cells = (int)ceil(camera->aperture_mm / camera->cell_mm);
     design->feature = camera->cell_mm;
-    void *memory;
     const size_t count = (size_t)design->cells * (size_t)design->cells;
-    HADA_TRY(hada_allocated(memory = hada_alloc(count, 1, "the cells of a mask", err)));
-    design->open = memory;
+    HADA_TRY(HADA_NEW(design->open, count, "the cells of a mask", err));
     hada_random random;
     hada_random_seed(&random, camera->seed, HADA_SEQUENCE_CELLS);
     for (size_t i = 0; i < count; i++)

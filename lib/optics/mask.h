@@ -71,7 +71,7 @@ int hada_sites_nearest(const hada_sites *sites, double x, double y, double *squa
 /* Points along level lines. */
 typedef struct hada_contour {
     double *x, *y; /* malloc'ed */
-    int count, room;
+    int count;
 } hada_contour;
 
 typedef struct hada_mask_design {

@@ -31,9 +31,7 @@ hada_status hada_lenses_create(hada_lenses *lenses, const hada_camera *camera, d
         lenses->side = camera->aperture_mm / lenses->across;
     }
     const size_t room = whole ? (size_t)lenses->across * (size_t)lenses->across : (size_t)camera->lenses;
-    void *memory;
-    HADA_TRY(hada_allocated(memory = hada_alloc(room, 2 * sizeof(double), "the lens positions", err)));
-    lenses->x = memory;
+    HADA_TRY(HADA_NEW(lenses->x, 2 * room, "the lens positions", err));
     lenses->y = lenses->x + room;
     if (whole) {
         place_patches(lenses, camera->aperture_mm);
@@ -190,7 +188,7 @@ hada_status hada_taps_create(hada_taps *taps, const hada_camera *camera, const h
     const int half = outline_half(camera, lenses, near_mm, far_mm), room = (2 * half + 1) * (2 * half + 1);
     double *x = NULL, *y;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(x = hada_alloc((size_t)room, 2 * sizeof *x, "the outline of a lens", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(x, 2 * (size_t)room, "the outline of a lens", err));
     y = x + room;
     const int count = lens_outline(camera, lenses, lens, half, x, y);
     move_outline(camera, lenses, lens, near_mm, far_mm, count, x, y);

@@ -1,5 +1,5 @@
-/* The light of single lenses, or of patches of a mask without lenses (patch_light.h): which part of a PSF a lens makes,
- * and through which points it looks. Internal.
+/* The light of single lenses, or of patches of a mask without lenses (hada_patch_light): which part of a PSF a lens
+ * makes, and through which points it looks. Internal.
  *
  * A point q of the mask that belongs to the lens on p lands at p m + (q - p)(m - d/f), m = 1 + d/z. q is nearer to p
  * than to any other centre, and as long as |m - d/f| <= m, where it lands is nearer to p m than to any other spot. So

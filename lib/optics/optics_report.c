@@ -21,15 +21,13 @@ static hada_status mtf_create(hada_mtf *mtf, hada_context *context, int rows, in
     const hada_fft_desc desc =
         hada_fft_of(HADA_FFT_FORWARD, grid_rows, grid_cols, 1, (hada_rectangle){0, 0, rows, cols});
     const hada_fft_desc back = hada_fft_whole(HADA_FFT_INVERSE, grid_rows, grid_cols, 1);
-    void *values = NULL;
     HADA_TRY(hada_slot_create(&mtf->slot, context, err));
     HADA_TRY(hada_fft_create(&mtf->forward, mtf->slot, &desc, err));
     HADA_TRY(hada_fft_create(&mtf->inverse, mtf->slot, &back, err));
     mtf->layout = *hada_fft_plan_layout(mtf->forward);
     const size_t spectrum = 2 * mtf->layout.count;
     const size_t floats = spectrum > back.real_distance ? spectrum : back.real_distance;
-    HADA_TRY(hada_allocated(values = hada_alloc(floats, sizeof(float), "a spectrum", err)));
-    mtf->values = values;
+    HADA_TRY(HADA_NEW(mtf->values, floats, "a spectrum", err));
     HADA_TRY(hada_buffer_create(&mtf->real, context, back.real_distance * sizeof(float), "an image", err));
     return hada_buffer_create(&mtf->spectrum, context, spectrum * sizeof(float), "a spectrum", err);
 }
@@ -82,9 +80,9 @@ static hada_status mtf_measure(hada_mtf *mtf, const hada_image *image, double th
     const size_t pixels = (size_t)mtf->rows * (size_t)mtf->cols * sizeof(float);
     const size_t spectrum = 2 * mtf->layout.count * sizeof(float);
     const size_t grid = (size_t)mtf->layout.rows * (size_t)mtf->layout.cols * sizeof(float);
-    void *weight = NULL;
+    double *weight = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(weight = hada_alloc((size_t)rings, sizeof(double), "rings", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(weight, (size_t)rings, "rings", err));
     HADA_TRY_OR_DONE(hada_buffer_write(&mtf->real, mtf->slot, 0, image->data, pixels, err));
     HADA_TRY_OR_DONE(hada_fft_forward(mtf->forward, 1, mtf->real.mem, 0, mtf->spectrum.mem, 0, err));
     HADA_TRY_OR_DONE(hada_buffer_read(&mtf->spectrum, mtf->slot, 0, mtf->values, spectrum, err));
@@ -123,17 +121,12 @@ struct hada_optics_report {
 static hada_status reserve(hada_optics_report *report, hada_error *err)
 {
     const size_t depths = (size_t)report->curves.depths;
-    const struct {
-        void **at;
-        size_t count, size;
-    } rooms[] = {{(void **)&report->row, depths, sizeof(hada_optics_row)},
-                 {(void **)&report->mtf, depths * RINGS, sizeof(double)},
-                 {(void **)&report->self, depths * (size_t)report->curves.lags, sizeof(double)},
-                 {(void **)&report->correlation, depths * depths, sizeof(double)},
-                 {(void **)&report->mean, depths, sizeof(hada_image)},
-                 {(void **)&report->norm, depths, sizeof(double)}};
-    for (size_t i = 0; i < sizeof rooms / sizeof *rooms; i++)
-        HADA_TRY(hada_allocated(*rooms[i].at = hada_alloc(rooms[i].count, rooms[i].size, "a report", err)));
+    HADA_TRY(HADA_NEW(report->row, depths, "a report", err));
+    HADA_TRY(HADA_NEW(report->mtf, depths * RINGS, "a report", err));
+    HADA_TRY(HADA_NEW(report->self, depths * (size_t)report->curves.lags, "a report", err));
+    HADA_TRY(HADA_NEW(report->correlation, depths * depths, "a report", err));
+    HADA_TRY(HADA_NEW(report->mean, depths, "a report", err));
+    HADA_TRY(HADA_NEW(report->norm, depths, "a report", err));
     report->curves.mtf = report->mtf;
     report->curves.self = report->self;
     report->curves.correlation = report->correlation;

@@ -3,6 +3,7 @@
 #include <hadalens/camera.h>
 
 #include "core/callers.h"
+#include "image/pixels.h"
 #include "optics/mask.h"
 
 /* Point spread functions by rays of masks without lenses: each ray's light is shared among the four pixels round it,
@@ -308,12 +309,9 @@ hada_status hada_camera_psf_watched(const hada_camera *camera, double distance_m
     HADA_TRY_OR_DONE(hada_image_create(psf, 1, rows, cols, err));
     HADA_TRY_OR_DONE(hada_mask_has_lenses(&design.camera) ? trace_lenses(&design, distance_mm, rows, cols, sum, err)
                                                           : psf_rays(&design, distance_mm, rows, cols, sum, err));
-    float most = 0.0f;
-    for (size_t i = 0; i < count; i++) {
+    for (size_t i = 0; i < count; i++)
         psf->data[i] = (float)sum[i];
-        most = psf->data[i] > most ? psf->data[i] : most;
-    }
-    if (!(most > 0.0f))
+    if (!(hada_image_brightest(psf) > 0.0f))
         HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_ARGUMENT,
                       "no light of a point at %g mm reaches a sensor of %d x %d pixels; check the camera's lengths",

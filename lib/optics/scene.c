@@ -276,9 +276,9 @@ hada_status hada_scene_regions(int *labels, uint64_t seed, int regions, int rows
     if (regions < 1 || rows < 1 || cols < 1 || (double)regions > (double)rows * cols)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "%d regions in %d x %d pixels are not possible", regions, rows,
                          cols);
-    void *places = NULL;
+    int *places = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(places = hada_alloc((size_t)regions, 2 * sizeof(int), "the regions", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(places, 2 * (size_t)regions, "the regions", err));
     int *row = places, *col = row + regions;
     hada_random random;
     hada_random_seed(&random, seed, SEQUENCE_REGIONS);

@@ -6,11 +6,6 @@
 
 #define PATCH_PIXELS 2.0 /* docs/explanation/simulation.md says what that leaves */
 
-static size_t max_size(size_t a, size_t b)
-{
-    return a > b ? a : b;
-}
-
 /* Where the first row (or column) of the field lies on the sensor; negative: before it. */
 static int field_origin(int sensor, int window, int field)
 {
@@ -34,7 +29,8 @@ static hada_status make_plans(hada_simulator *s, hada_error *err)
     HADA_TRY(hada_fft_create(&s->inverse, s->slot, &frame, err));
     s->layout = *hada_fft_plan_layout(s->forward_psf);
     const size_t spectrum = s->layout.count * 2 * sizeof(float) * (size_t)images,
-                 real = max_size(psf.real_distance, frame.real_distance * (size_t)c->channels) * sizeof(float);
+                 frames = frame.real_distance * (size_t)c->channels,
+                 real = (psf.real_distance > frames ? psf.real_distance : frames) * sizeof(float);
     hada_context *context = s->slot->context;
     HADA_TRY(hada_buffer_create(&s->real, context, real, "a simulated frame", err));
     HADA_TRY(hada_buffer_create(&s->scene, context, scene.real_distance * (size_t)c->channels * sizeof(float),

@@ -29,7 +29,7 @@ typedef struct hada_layer {
 typedef struct hada_between {
     double *distance_mm;
     hada_buffer *otf;
-    int count, room;
+    int count;
 } hada_between;
 
 /* PSFs that vary over the field (varying.c). */
@@ -92,6 +92,9 @@ hada_status hada_simulator_add_image(hada_simulator *simulator, const hada_image
 /* From the frame's spectrum to the frame, with noise as hada_simulator_render says. */
 hada_status hada_simulator_finish(hada_simulator *simulator, double noise, uint64_t seed, hada_image *raw,
                                   hada_error *err);
+
+/* The frame of a window that is white at a depth; created by the call. */
+hada_status hada_simulator_white(hada_simulator *simulator, int depth, hada_image *raw, hada_error *err);
 
 /* The product-sum of the forward model: enqueues sum[c] = otf[c % otf_images] * scene[c] (add 0) or adds that to it
  * (add 1), for `images` images c of `count` complex numbers each; `sum_offset` in complex numbers. */

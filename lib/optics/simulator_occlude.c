@@ -494,11 +494,6 @@ static void sum_up(const hada_image *opacity, int *sums)
                                            sums[r * wide + c - 1] - sums[(r - 1) * wide + c - 1];
 }
 
-static int clamp(int value, int most)
-{
-    return value < 0 ? 0 : value > most ? most : value;
-}
-
 /* Whether there is light within a square of `radius` pixels about an opaque pixel. */
 static int is_near(const hada_image *light, const int *sums, int radius)
 {
@@ -508,8 +503,8 @@ static int is_near(const hada_image *light, const int *sums, int radius)
         if (!(light->data[i] > 0.0f))
             continue;
         const int r = (int)(i % plane) / cols, c = (int)(i % plane) % cols;
-        const int top = clamp(r - radius, rows) * wide, bottom = clamp(r + radius + 1, rows) * wide,
-                  left = clamp(c - radius, cols), right = clamp(c + radius + 1, cols);
+        const int top = hada_within(r - radius, rows + 1) * wide, bottom = hada_within(r + radius + 1, rows + 1) * wide,
+                  left = hada_within(c - radius, cols + 1), right = hada_within(c + radius + 1, cols + 1);
         if (sums[bottom + right] - sums[top + right] - sums[bottom + left] + sums[top + left])
             return 1;
     }

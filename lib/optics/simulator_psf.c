@@ -102,26 +102,6 @@ done:
     return status;
 }
 
-static hada_status make_room(hada_between *between, hada_error *err)
-{
-    hada_between more = {.room = 2 * between->room + 16, .count = between->count};
-    hada_status status = HADA_OK;
-    if (between->count < between->room)
-        return HADA_OK;
-    HADA_TRY_OR_DONE(HADA_NEW(more.distance_mm, (size_t)more.room, "distances", err));
-    HADA_TRY_OR_DONE(HADA_NEW(more.otf, (size_t)more.room, "the transfer functions", err));
-    for (int i = 0; i < between->count; i++) {
-        more.distance_mm[i] = between->distance_mm[i];
-        more.otf[i] = between->otf[i];
-    }
-    HADA_FREE(between->distance_mm, between->otf);
-    *between = more;
-    return HADA_OK;
-done:
-    HADA_FREE(more.distance_mm, more.otf);
-    return status;
-}
-
 /* Where the transfer functions of a place are, or shall be. */
 static hada_status find_otf(hada_simulator *s, hada_place place, hada_buffer *scratch, hada_buffer **otf,
                             hada_error *err)
@@ -139,9 +119,11 @@ static hada_status find_otf(hada_simulator *s, hada_place place, hada_buffer *sc
         *otf = scratch;
         return HADA_OK;
     }
-    HADA_TRY(make_room(between, err));
+    HADA_TRY(HADA_GROW(between->distance_mm, (size_t)between->count + 1, "distances", err));
+    HADA_TRY(HADA_GROW(between->otf, (size_t)between->count + 1, "the transfer functions", err));
     between->distance_mm[between->count] = place.distance_mm;
     *otf = &between->otf[between->count++];
+    **otf = (hada_buffer){0};
     return HADA_OK;
 }
 

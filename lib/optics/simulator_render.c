@@ -2,6 +2,7 @@
 #include <limits.h>
 
 #include "core/callers.h"
+#include "image/pixels.h"
 #include "launch/optics_accumulate.h"
 #include "launch/optics_sensor.h"
 #include "optics/simulator.h"
@@ -205,14 +206,6 @@ hada_status hada_simulator_add_image(hada_simulator *s, const hada_image *image,
                                   s->layout.count, add, err);
 }
 
-static float maximum(const hada_image *image)
-{
-    float most = 0.0f;
-    for (size_t i = 0; i < hada_image_count(image); i++)
-        most = image->data[i] > most ? image->data[i] : most;
-    return most;
-}
-
 hada_status hada_simulator_finish(hada_simulator *s, double noise, uint64_t seed, hada_image *raw, hada_error *err)
 {
     const hada_camera *c = &s->camera;
@@ -221,7 +214,7 @@ hada_status hada_simulator_finish(hada_simulator *s, double noise, uint64_t seed
     HADA_TRY_OR_DONE(hada_image_create(raw, c->channels, c->rows, c->cols, err));
     HADA_TRY_OR_DONE(hada_buffer_read(&s->real, s->slot, 0, raw->data, hada_image_count(raw) * sizeof(float), err));
     if (noise > 0.0)
-        hada_image_add_noise(raw, noise * maximum(raw), seed);
+        hada_image_add_noise(raw, noise * hada_image_brightest(raw), seed);
 done:
     if (status)
         hada_image_destroy(raw);
@@ -250,33 +243,38 @@ hada_status hada_simulator_render(hada_simulator *s, const hada_plane *planes, i
     if (s->varying) {
         HADA_TRY(hada_varying_render(s, planes, count, raw, err));
         if (noise > 0.0)
-            hada_image_add_noise(raw, noise * maximum(raw), noise_seed);
+            hada_image_add_noise(raw, noise * hada_image_brightest(raw), noise_seed);
         return HADA_OK;
     }
     HADA_TRY(add_planes(s, planes, count, err));
     return hada_simulator_finish(s, noise, noise_seed, raw, err);
 }
 
-hada_status hada_simulator_white_exposure(hada_simulator *s, double share, double *exposure, hada_error *err)
+hada_status hada_simulator_white(hada_simulator *s, int depth, hada_image *raw, hada_error *err)
 {
-    HADA_NEED(s && exposure, err);
-    hada_image white = {0}, raw = {0};
-    float most = 0.0f;
+    hada_image white = {0};
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_image_create(&white, 1, s->camera.window_rows, s->camera.window_cols, err));
     for (size_t i = 0; i < hada_image_count(&white); i++)
         white.data[i] = 1.0f;
-    for (int z = 0; z < s->camera.depths; z++) {
-        hada_image_destroy(&raw);
-        HADA_TRY_OR_DONE(hada_simulator_render(s, &(hada_plane){z, &white}, 1, 0.0, 0, &raw, err));
-        most = maximum(&raw) > most ? maximum(&raw) : most;
-    }
-    if (!(most > 0.0f))
-        HADA_TRY_OR_DONE(
-            hada_fail(err, HADA_ERROR_NUMERIC, "no light of the window reaches the sensor: is its shift too large?"));
-    *exposure = share / most;
+    HADA_TRY_OR_DONE(hada_simulator_render(s, &(hada_plane){depth, &white}, 1, 0.0, 0, raw, err));
 done:
     hada_image_destroy(&white);
-    hada_image_destroy(&raw);
     return status;
+}
+
+hada_status hada_simulator_white_exposure(hada_simulator *s, double share, double *exposure, hada_error *err)
+{
+    HADA_NEED(s && exposure, err);
+    float most = 0.0f;
+    for (int z = 0; z < s->camera.depths; z++) {
+        hada_image raw = {0};
+        HADA_TRY(hada_simulator_white(s, z, &raw, err));
+        most = fmaxf(most, hada_image_brightest(&raw));
+        hada_image_destroy(&raw);
+    }
+    if (!(most > 0.0f))
+        return hada_fail(err, HADA_ERROR_NUMERIC, "no light of the window reaches the sensor: is its shift too large?");
+    *exposure = share / most;
+    return HADA_OK;
 }

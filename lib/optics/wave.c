@@ -321,7 +321,7 @@ done:
  * theorem); pixels are that much smaller there. Free space is a product in the frequency domain, without the
  * frequencies whose light would leave the grid (K. Matsushima, T. Shimobaba, Optics Express 17(22), 19662 (2009)). */
 
-#define STRAY_FACTOR  9.8696044 /* pi^2: see wave_lens.c */
+#define STRAY_FACTOR  9.8696044 /* pi^2, as for a lens */
 #define MASK_SAMPLING 1.25      /* of the steepest slope of the mask */
 #define PIXEL_PARTS   8         /* samples on a pixel or on the light's finest detail, whichever is larger */
 #define EDGE_PARTS    48        /* samples on a hole, a cell or a strip, at least */
@@ -457,9 +457,7 @@ void hada_wave_rest(hada_wave *wave)
     hada_slot_finish(wave->slot, NULL);
     hada_fft_destroy(&w->forward);
     hada_fft_destroy(&w->inverse);
-    hada_buffer *buffers[] = {&w->path, &w->open, &w->field, &w->spectrum};
-    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
-        hada_buffer_destroy(buffers[i]);
+    HADA_DESTROY_BUFFERS(&w->path, &w->open, &w->field, &w->spectrum);
     free(w);
 }
 
@@ -618,7 +616,6 @@ static hada_status collect(const hada_wave *wave, double width, int rows, int co
     const overlap down = overlap_of(&w->grid, rows, width), across = overlap_of(&w->grid, cols, width);
     const size_t pixels = (size_t)down.count * (size_t)across.count;
     hada_buffer table_down = {0}, table_across = {0}, part = {0}, pixel = {0};
-    hada_buffer *buffers[] = {&table_down, &table_across, &part, &pixel};
     float *image = NULL;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(HADA_NEW(image, pixels, "a point spread function", err));
@@ -638,8 +635,7 @@ static hada_status collect(const hada_wave *wave, double width, int rows, int co
             sum[(size_t)(down.first + r) * (size_t)cols + (size_t)(across.first + c)] +=
                 image[(size_t)r * (size_t)across.count + (size_t)c];
 done:
-    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
-        hada_buffer_destroy(buffers[i]);
+    HADA_DESTROY_BUFFERS(&table_down, &table_across, &part, &pixel);
     free(image);
     return status;
 }

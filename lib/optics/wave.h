@@ -21,7 +21,7 @@ struct hada_wave {
     hada_mask_design design;
     hada_buffer lenses, planes;  /* lens by lens */
     double area;                 /* of all lenses, square millimetres */
-    struct hada_wave_work *work; /* the whole mask: what stays from call to call (wave_whole.c) */
+    struct hada_wave_work *work; /* the whole mask: what stays from call to call */
 };
 
 /* Gives back what the whole mask keeps; the next call makes it again. */

@@ -102,12 +102,11 @@ void hada_plot_text(hada_plot *plot, double x, double y, char anchor, double siz
 {
     if (!plot || !text)
         return;
-    if (plot)
-        put_text(plot, x, y,
-                 anchor == 'l'   ? HADA_ANCHOR_LEFT
-                 : anchor == 'm' ? HADA_ANCHOR_MIDDLE
-                                 : HADA_ANCHOR_RIGHT,
-                 size, text);
+    put_text(plot, x, y,
+             anchor == 'l'   ? HADA_ANCHOR_LEFT
+             : anchor == 'm' ? HADA_ANCHOR_MIDDLE
+                             : HADA_ANCHOR_RIGHT,
+             size, text);
 }
 
 static void segment(hada_plot *plot, double x0, double y0, double x1, double y1, hada_colour colour, double width)

@@ -196,9 +196,8 @@ static hada_status draw_map(const hada_sheet *sheet, int x, int y, int width, in
 {
     const hada_image *map = sheet->p->distance_map;
     hada_status status = HADA_OK;
-    void *pixels = NULL;
-    HADA_TRY_OR_DONE(
-        hada_allocated(pixels = hada_alloc_raw((size_t)width * (size_t)height, sizeof(uint32_t), "a picture", err)));
+    uint32_t *pixels = NULL;
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(pixels, (size_t)width * (size_t)height, "a picture", err));
     uint32_t *to = pixels;
     for (int row = 0; row < height; row++)
         for (int column = 0; column < width; column++) {

@@ -1,6 +1,8 @@
 /* Linear intensities to pixels of a screen, and a stream of pictures for a display. */
 #include <hadalens/response.h>
+#include <hadalens/scene.h>
 
+#include "image/pixels.h"
 #include "io/encode.h"
 #include "io/text.h"
 #include "picture/tone.h"
@@ -16,7 +18,7 @@ static hada_status prepare(hada_display *display, const hada_image *image, hada_
         return HADA_OK;
     free(display->bytes);
     display->room = 0;
-    HADA_TRY(hada_allocated(display->bytes = hada_alloc_raw(room, 1, "a picture", err)));
+    HADA_TRY(HADA_NEW_RAW(display->bytes, room, "a picture", err));
     display->room = room;
     return HADA_OK;
 }
@@ -54,10 +56,12 @@ void hada_display_end(hada_display *display)
     *display = (hada_display){0};
 }
 
-static uint32_t to_srgb(double linear)
+/* gamma 0: as displays take it. */
+static uint32_t byte_of(double value, double white, double gamma)
 {
-    double value = linear <= 0.0031308 ? 12.92 * linear : 1.055 * pow(linear, 1 / 2.4) - 0.055;
-    return (uint32_t)(fmin(fmax(value, 0), 1) * 255 + 0.5);
+    const double light = fmin(fmax(value / white, 0), 1);
+    const double shown = gamma > 0 ? pow(light, gamma) : hada_response_from_light(HADA_RESPONSE_SRGB, light);
+    return (uint32_t)(shown * 255 + 0.5);
 }
 
 uint32_t hada_colormap(double at)
@@ -72,7 +76,7 @@ uint32_t hada_colormap(double at)
     const double red = 4.0767416621 * l - 3.3077115913 * m + 0.2309699292 * s;
     const double green = -1.2684380046 * l + 2.6097574011 * m - 0.3413193965 * s;
     const double blue = -0.0041960863 * l - 0.7034186147 * m + 1.7076147010 * s;
-    return to_srgb(red) << 16 | to_srgb(green) << 8 | to_srgb(blue);
+    return byte_of(red, 1, 0) << 16 | byte_of(green, 1, 0) << 8 | byte_of(blue, 1, 0);
 }
 
 /* The upper half of a positive float's bits sorts like the number and holds it to 1 in 128: 8 bits of exponent, 7 of
@@ -123,72 +127,6 @@ double hada_tone_white(const hada_image *images, int count)
     return (level || top) && white > 0 && isfinite(white) ? (double)white : 1;
 }
 
-/* Which values of a line of `from` make up pixel `at` of `to`: `first` and `count`, with weights summing to 1. */
-typedef struct hada_span {
-    int first, count;
-    double begin, step; /* area: the pixel covers [begin, begin + step); bilinear: the second weight is begin */
-} hada_span;
-
-static hada_span span_of(int at, int from, int to)
-{
-    if (to >= from) { /* bilinear between centres */
-        double place = (at + 0.5) * from / to - 0.5;
-        place = place < 0 ? 0 : place > from - 1 ? from - 1 : place;
-        int first = (int)place < from - 1 ? (int)place : from - 1;
-        return (hada_span){first, first + 1 < from ? 2 : 1, place - first, 0};
-    }
-    double step = (double)from / to, begin = at * step, end = begin + step;
-    int first = (int)begin, last = (int)ceil(end - 1e-9);
-    last = last > from ? from : last;
-    return (hada_span){first, last - first, begin, step};
-}
-
-static double weight_of(const hada_span *span, int index)
-{
-    if (span->step <= 0)
-        return index ? span->begin : span->count > 1 ? 1 - span->begin : 1;
-    double low = fmax(span->begin, span->first + index), high = fmin(span->begin + span->step, span->first + index + 1);
-    return high > low ? (high - low) / span->step : 0;
-}
-
-/* One plane resampled into out[height * width]; `lines` holds rows * width values between the two passes. */
-static void resample(const float *plane, int rows, int cols, int width, int height, float *lines, float *out)
-{
-    if (width == cols && height == rows) { /* every weight would be 1 */
-        for (size_t i = 0, count = (size_t)rows * (size_t)cols; i < count; i++)
-            out[i] = isfinite(plane[i]) ? plane[i] : 0;
-        return;
-    }
-    for (int x = 0; x < width; x++) {
-        hada_span span = span_of(x, cols, width);
-        for (int row = 0; row < rows; row++) {
-            double sum = 0;
-            for (int i = 0; i < span.count; i++) {
-                float value = plane[(size_t)row * (size_t)cols + (size_t)(span.first + i)];
-                sum += isfinite(value) ? weight_of(&span, i) * (double)value : 0;
-            }
-            lines[(size_t)row * (size_t)width + (size_t)x] = (float)sum;
-        }
-    }
-    for (int y = 0; y < height; y++) {
-        hada_span span = span_of(y, rows, height);
-        for (int x = 0; x < width; x++) {
-            double sum = 0;
-            for (int i = 0; i < span.count; i++)
-                sum += weight_of(&span, i) * (double)lines[(size_t)(span.first + i) * (size_t)width + (size_t)x];
-            out[(size_t)y * (size_t)width + (size_t)x] = (float)sum;
-        }
-    }
-}
-
-/* gamma 0: as displays take it. */
-static uint32_t byte_of(double value, double white, double gamma)
-{
-    const double light = fmin(fmax(value / white, 0), 1);
-    const double shown = gamma > 0 ? pow(light, gamma) : hada_response_from_light(HADA_RESPONSE_SRGB, light);
-    return (uint32_t)(shown * 255 + 0.5);
-}
-
 /* Planes of floats to pixels. */
 static void show(uint32_t *pixels, size_t count, const float *planes, int channels, double white, double gamma)
 {
@@ -210,21 +148,19 @@ static void show(uint32_t *pixels, size_t count, const float *planes, int channe
 hada_status hada_tone_pixels(uint32_t **pixels, int width, int height, const hada_image *image, double white,
                              double gamma, hada_error *err)
 {
+    const size_t count = (size_t)width * (size_t)height;
+    hada_image finite = {0}, scaled = {0};
     hada_status status = HADA_OK;
-    const size_t count = (size_t)width * (size_t)height, plane = (size_t)image->rows * (size_t)image->cols;
-    void *lines = NULL, *planes = NULL, *out = NULL;
     *pixels = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(lines = hada_alloc_raw(hada_size_product((size_t)image->rows, (size_t)width),
-                                                           sizeof(float), "a picture", err)));
-    HADA_TRY_OR_DONE(hada_allocated(
-        planes = hada_alloc_raw(hada_size_product(count, (size_t)image->channels), sizeof(float), "a picture", err)));
-    HADA_TRY_OR_DONE(hada_allocated(out = hada_alloc_raw(count, sizeof **pixels, "a picture", err)));
-    for (int c = 0; c < image->channels; c++)
-        resample(image->data + (size_t)c * plane, image->rows, image->cols, width, height, lines,
-                 (float *)planes + (size_t)c * count);
-    show(out, count, planes, image->channels, white > 0 ? white : 1, gamma);
-    *pixels = out;
+    HADA_TRY_OR_DONE(hada_image_copy(&finite, image, err));
+    for (size_t i = 0; i < hada_image_count(&finite); i++)
+        finite.data[i] = isfinite(finite.data[i]) ? finite.data[i] : 0.0f;
+    if (width != image->cols || height != image->rows)
+        HADA_TRY_OR_DONE(hada_image_resize(&scaled, &finite, height, width, err));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(*pixels, count, "a picture", err));
+    show(*pixels, count, scaled.data ? scaled.data : finite.data, image->channels, white > 0 ? white : 1, gamma);
 done:
-    HADA_FREE(lines, planes);
+    hada_image_destroy(&finite);
+    hada_image_destroy(&scaled);
     return status;
 }

@@ -26,7 +26,7 @@ static hada_status build_program(hada_context *context, cl_program program, cons
                                  hada_error *err)
 {
     char all[1024];
-    int n = snprintf(all, sizeof all, "-cl-std=CL1.2 %s %s", context->quirks.build_options, options);
+    int n = snprintf(all, sizeof all, "-cl-std=CL1.2 %s", options);
     if (n < 0 || (size_t)n >= sizeof all)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "the macros of %s.cl are too long", file);
     cl_int code = clBuildProgram(program, 1, &context->device, all, NULL, NULL);

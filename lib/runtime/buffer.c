@@ -132,6 +132,16 @@ void hada_buffers_destroy(hada_buffer *const *buffers, size_t count)
         hada_buffer_destroy(buffers[i]);
 }
 
+/* What became of a transfer that was enqueued. */
+static hada_status moved(hada_slot *slot, cl_int code, const char *call, const char *name, double bytes,
+                         hada_error *err)
+{
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, call);
+    hada_slot_moved(slot, name, bytes);
+    return HADA_OK;
+}
+
 /* Writes `from` or, where that is NULL, reads `into`. */
 static hada_status enqueue(const hada_buffer *buffer, hada_slot *slot, cl_bool blocking, size_t offset, void *into,
                            const void *from, size_t bytes, hada_error *err)
@@ -203,10 +213,7 @@ hada_status hada_buffer_map(const hada_buffer *buffer, hada_slot *slot, void **d
 hada_status hada_buffer_unmap(const hada_buffer *buffer, hada_slot *slot, void *data, hada_error *err)
 {
     const cl_int code = clEnqueueUnmapMemObject(slot->queue, buffer->mem, data, 0, NULL, hada_slot_event(slot));
-    if (code != CL_SUCCESS)
-        return hada_fail_cl(err, code, "clEnqueueUnmapMemObject");
-    hada_slot_moved(slot, "unmap", (double)buffer->bytes);
-    return HADA_OK;
+    return moved(slot, code, "clEnqueueUnmapMemObject", "unmap", (double)buffer->bytes, err);
 }
 
 hada_status hada_buffer_clear(hada_buffer *buffer, hada_slot *slot, size_t offset, size_t bytes, hada_error *err)
@@ -219,10 +226,7 @@ hada_status hada_buffer_clear(hada_buffer *buffer, hada_slot *slot, size_t offse
     const int words = offset % 4 == 0 && bytes % 4 == 0;
     cl_int code = clEnqueueFillBuffer(slot->queue, buffer->mem, words ? (const void *)&zero4 : &zero, words ? 4 : 1,
                                       offset, bytes, 0, NULL, hada_slot_event(slot));
-    if (code != CL_SUCCESS)
-        return hada_fail_cl(err, code, "clEnqueueFillBuffer");
-    hada_slot_moved(slot, "fill", (double)bytes);
-    return HADA_OK;
+    return moved(slot, code, "clEnqueueFillBuffer", "fill", (double)bytes, err);
 }
 
 hada_status hada_buffer_copy(hada_slot *slot, cl_mem from, size_t from_offset, cl_mem to, size_t to_offset,
@@ -232,10 +236,7 @@ hada_status hada_buffer_copy(hada_slot *slot, cl_mem from, size_t from_offset, c
         return HADA_OK;
     const cl_int code =
         clEnqueueCopyBuffer(slot->queue, from, to, from_offset, to_offset, bytes, 0, NULL, hada_slot_event(slot));
-    if (code != CL_SUCCESS)
-        return hada_fail_cl(err, code, "clEnqueueCopyBuffer");
-    hada_slot_moved(slot, "copy", 2.0 * (double)bytes);
-    return HADA_OK;
+    return moved(slot, code, "clEnqueueCopyBuffer", "copy", 2.0 * (double)bytes, err);
 }
 
 hada_status hada_buffer_fill(hada_slot *slot, cl_mem mem, size_t offset, float value, size_t count, hada_error *err)
@@ -244,8 +245,5 @@ hada_status hada_buffer_fill(hada_slot *slot, cl_mem mem, size_t offset, float v
         return HADA_OK;
     const cl_int code = clEnqueueFillBuffer(slot->queue, mem, &value, sizeof value, offset, count * sizeof value, 0,
                                             NULL, hada_slot_event(slot));
-    if (code != CL_SUCCESS)
-        return hada_fail_cl(err, code, "clEnqueueFillBuffer");
-    hada_slot_moved(slot, "fill", (double)(count * sizeof value));
-    return HADA_OK;
+    return moved(slot, code, "clEnqueueFillBuffer", "fill", (double)(count * sizeof value), err);
 }

@@ -13,7 +13,6 @@
 
 /* What the library does differently on a device; filled from the table in devices.c. */
 typedef struct hada_quirks {
-    const char *build_options;   /* extra options for every program */
     unsigned own_disk_cache : 1; /* the driver caches programs well itself: keep ours off */
     unsigned avoid_clfft : 1;    /* clFFT gives wrong results or cannot build here */
     unsigned stated_local : 1;   /* local memory of arguments is laid out when compiling (shared_local.h) */
@@ -95,10 +94,8 @@ hada_status hada_device_choose(const hada_device_info *infos, size_t count, cons
  * HADA_ERROR_SELF_TEST names the test that failed. */
 hada_status hada_self_test(hada_context *context, hada_error *err);
 
-/* The members of hada_context_info, one by one. */
+/* Memory of its buffers, now and at most so far. */
 uint64_t hada_context_bytes(const hada_context *context);
 uint64_t hada_context_peak_bytes(const hada_context *context);
-unsigned hada_context_programs_compiled(const hada_context *context);
-unsigned hada_context_programs_loaded(const hada_context *context);
 
 #endif

@@ -1,6 +1,6 @@
 /* Listing devices and describing them. */
-#include <ctype.h>
 #include <pthread.h>
+#include <strings.h>
 
 #include "runtime/context.h"
 
@@ -159,30 +159,22 @@ hada_status hada_platform_devices(hada_platform_device **out, size_t *count, had
         /* Mesa's Clover is listed without devices when it has no GPU: skip it */
         if (clGetDeviceIDs(ids[p], CL_DEVICE_TYPE_ALL, 0, NULL, &here) != CL_SUCCESS || !here)
             continue;
-        cl_device_id *found = calloc(here, sizeof *found);
-        hada_platform_device *more = realloc(devices, (n + here) * sizeof *devices);
-        if (more)
-            devices = more;
-        if (!found || !more) {
-            free(found);
-            status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for the list of devices");
-            break;
-        }
+        cl_device_id *found = NULL;
+        HADA_TRY_OR_DONE(HADA_GROW(devices, n + here, "the list of devices", err));
+        HADA_TRY_OR_DONE(HADA_NEW(found, here, "the list of devices", err));
         if (clGetDeviceIDs(ids[p], CL_DEVICE_TYPE_ALL, here, found, NULL) == CL_SUCCESS)
             for (cl_uint d = 0; d < here; d++)
                 devices[n++] = (hada_platform_device){ids[p], found[d]};
         free(found);
     }
-    free(ids);
-    if (!status && !n)
-        status = no_device(err);
-    if (status) {
-        free(devices);
-        return status;
-    }
+    if (!n)
+        HADA_TRY_OR_DONE(no_device(err));
     *out = devices;
     *count = n;
-    return HADA_OK;
+    devices = NULL;
+done:
+    HADA_FREE(ids, devices);
+    return status;
 }
 
 /* A device that is asked, and what became of it. A question that it does not know is none of our concern; one that it
@@ -195,7 +187,7 @@ typedef struct asked {
 static cl_int ask(asked *of, cl_device_info what, size_t size, void *answer)
 {
     const cl_int code = clGetDeviceInfo(of->device, what, size, answer, NULL);
-    if (code == CL_OUT_OF_HOST_MEMORY || code == CL_OUT_OF_RESOURCES)
+    if (hada_cl_is_memory(code))
         of->failed = code;
     return code;
 }
@@ -315,26 +307,10 @@ const hada_device_info *hada_device_list_get(const hada_device_list *list, size_
 
 void hada_device_list_destroy(hada_device_list **list)
 {
-    if (!list)
-        return;
-    free(*list);
-    *list = NULL;
+    free(hada_taken(list));
 }
 
 /* Which device the user's words mean. */
-
-static int contains(const char *text, const char *part)
-{
-    size_t n = strlen(part);
-    for (; *text; text++) {
-        size_t i = 0;
-        while (i < n && text[i] && tolower((unsigned char)text[i]) == tolower((unsigned char)part[i]))
-            i++;
-        if (i == n)
-            return 1;
-    }
-    return 0;
-}
 
 static int first_of_kind(const hada_device_info *infos, size_t count, hada_device_kind kind, size_t *out)
 {
@@ -380,82 +356,75 @@ hada_status hada_device_choose(const hada_device_info *infos, size_t count, cons
         return HADA_OK;
     }
     for (int kind = HADA_DEVICE_CPU; kind <= HADA_DEVICE_OTHER; kind++)
-        if (strlen(words) == strlen(hada_enum_name(HADA_ENUM_DEVICE_KIND, (int)(hada_device_kind)kind)) &&
-            contains(words, hada_enum_name(HADA_ENUM_DEVICE_KIND, (int)(hada_device_kind)kind)))
+        if (!strcasecmp(words, hada_enum_name(HADA_ENUM_DEVICE_KIND, kind)))
             return first_of_kind(infos, count, (hada_device_kind)kind, out) ? HADA_OK
                                                                             : unknown_device(infos, count, words, err);
     for (size_t i = 0; i < count; i++)
-        if (contains(infos[i].name, words) || contains(infos[i].platform, words) || contains(infos[i].vendor, words)) {
+        if (strcasestr(infos[i].name, words) || strcasestr(infos[i].platform, words) ||
+            strcasestr(infos[i].vendor, words)) {
             *out = i;
             return HADA_OK;
         }
     return unknown_device(infos, count, words, err);
 }
 
-/* What is done differently on which device, and why: data, in one place. Rows add up; a row applies when each of its
- * words is in the device's platform, name or vendor and its kind fits. */
+/* What is done differently on which device, and why: data, in one place. Rows add up; a row applies when its word is in
+ * the name of the device's platform or vendor and its kind fits. */
 
 typedef struct quirk_row {
-    const char *platform, *name; /* NULL: any */
-    int kind;                    /* hada_device_kind, 0: any */
+    const char *platform; /* NULL: any */
+    int kind;             /* hada_device_kind, 0: any */
     hada_quirks set;
     const char *reason;
 } quirk_row;
 
 static const quirk_row rows[] = {
     {NULL,
-     NULL,
      HADA_DEVICE_CPU,
      {.host_pages = 1},
      "buffers in huge-page host memory: large transforms run up to 1.6 times faster"},
     {"Portable Computing Language",
-     NULL,
      0,
      {.own_disk_cache = 1},
      "PoCL caches what it compiles itself, and compiles all again for a binary: our disk cache stays off"},
     {"NVIDIA",
-     NULL,
      HADA_DEVICE_GPU,
      {.own_disk_cache = 1, .no_parts = 1},
      "the driver caches programs itself and its binary is PTX: our disk cache stays off; it has crashed at the release of "
      "parts of buffers: working memory is not shared between steps"},
     {"Oclgrind",
-     NULL,
      0,
      {.avoid_clfft = 1, .own_disk_cache = 1},
      "clFFT shows formal races under Oclgrind and its binaries are not kept: own transforms, no cache"},
-    {"rusticl", NULL, 0, {.avoid_clfft = 1}, "own transforms: clFFT is not tested on Mesa"},
-    {"Clover", NULL, 0, {.avoid_clfft = 1}, "own transforms: clFFT is not tested on Mesa"},
+    {"rusticl", 0, {.avoid_clfft = 1}, "own transforms: clFFT is not tested on Mesa"},
+    {"Clover", 0, {.avoid_clfft = 1}, "own transforms: clFFT is not tested on Mesa"},
     {NULL,
-     NULL,
      HADA_DEVICE_ACCELERATOR,
      {.avoid_clfft = 1, .stated_local = 1},
      "clFFT writes source at run time, which an FPGA cannot compile: own transforms; compilers for FPGAs lay local memory "
      "out: at most 64 KiB of it is used"},
 };
 
-static int has(const char *word, const char *a, const char *b)
+static int applies(const quirk_row *row, const hada_device_info *info)
 {
-    return !word || strstr(a, word) || strstr(b, word);
+    return (!row->platform || strstr(info->platform, row->platform) || strstr(info->vendor, row->platform)) &&
+           (!row->kind || row->kind == (int)info->kind);
 }
 
 void hada_quirks_find(hada_device_info *info, hada_quirks *quirks)
 {
     size_t used = 0;
-    *quirks = (hada_quirks){.build_options = ""};
+    *quirks = (hada_quirks){0};
     info->quirks[0] = '\0';
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         const quirk_row *row = &rows[i];
-        if (!has(row->platform, info->platform, info->vendor) || !has(row->name, info->name, info->name) ||
-            (row->kind && row->kind != (int)info->kind))
+        if (!applies(row, info))
             continue;
         quirks->own_disk_cache |= row->set.own_disk_cache;
         quirks->avoid_clfft |= row->set.avoid_clfft;
         quirks->host_pages |= row->set.host_pages;
         quirks->stated_local |= row->set.stated_local;
         quirks->no_parts |= row->set.no_parts;
-        if (row->set.build_options)
-            quirks->build_options = row->set.build_options;
         int n = snprintf(info->quirks + used, sizeof info->quirks - used, "%s%s", used ? "; " : "", row->reason);
         used += n > 0 && (size_t)n < sizeof info->quirks - used ? (size_t)n : 0;
     }

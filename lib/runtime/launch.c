@@ -93,7 +93,7 @@ static hada_status set_arguments(hada_slot *slot, hada_kernel_object *object, co
     char *known = NULL;
     hada_status status = HADA_OK;
     if (!object->args)
-        HADA_TRY_OR_DONE(hada_allocated(known = hada_alloc(bytes + 1, 1, "a kernel's arguments", err)));
+        HADA_TRY_OR_DONE(HADA_NEW(known, bytes + 1, "a kernel's arguments", err));
     for (int i = 0; i < kernel->parameter_count; i++) {
         const hada_kernel_parameter *parameter = &kernel->parameters[i];
         if (object->args && is_set(object, parameter, args, stale))

@@ -91,10 +91,6 @@ struct hada_kernel_object {
     unsigned long releases;
 };
 
-/* A slot's kernel objects: room for all of them; and their end, which the queue must be done with. */
-hada_status hada_kernel_objects_create(hada_slot *slot, hada_error *err);
-void hada_kernel_objects_destroy(hada_slot *slot);
-
 /* Structs that are only ever filled by name. */
 #if defined(__GNUC__) && !defined(__clang__)
 #define HADA_BY_NAME __attribute__((designated_init))

@@ -149,16 +149,7 @@ void hada_scratch_steps(hada_scratch *scratch, int first, int last, int result_l
 /* Adds a piece to the list. */
 static hada_status note(hada_scratch *scratch, hada_lifetime lifetime, size_t bytes, const char *what, hada_error *err)
 {
-    if (scratch->count == scratch->capacity) {
-        hada_piece *more;
-        const int capacity = scratch->capacity ? 2 * scratch->capacity : 32;
-        HADA_TRY(HADA_NEW(more, (size_t)capacity, "a memory plan", err));
-        if (scratch->count)
-            memcpy(more, scratch->pieces, (size_t)scratch->count * sizeof *more);
-        free(scratch->pieces);
-        scratch->pieces = more;
-        scratch->capacity = capacity;
-    }
+    HADA_TRY(HADA_GROW(scratch->pieces, (size_t)scratch->count + 1, "a memory plan", err));
     scratch->pieces[scratch->count++] =
         (hada_piece){.what = what,
                      .bytes = bytes ? bytes : 4,

@@ -48,7 +48,7 @@ void hada_arenas_free(hada_arenas *arenas);
 struct hada_scratch {
     int first, last, result_last; /* steps of the buffers that are asked for now */
     hada_piece *pieces;
-    int count, capacity;
+    int count;
     int next; /* piece to be handed out */
     hada_arenas arenas;
     hada_buffer *buffers; /* one for each arena, once the memory is made */

@@ -62,12 +62,6 @@ done:
     return status;
 }
 
-/* A question that the device had no memory to answer: what it says decides how results are rounded. */
-static int had_no_memory(cl_int code)
-{
-    return code == CL_OUT_OF_HOST_MEMORY || code == CL_OUT_OF_RESOURCES;
-}
-
 /* Whether its compiler takes products of matrices in TF32 as inline PTX: compute capability 8.0 is the first. */
 static cl_int find_tensor_cores(cl_device_id device, int *found)
 {
@@ -89,9 +83,9 @@ static hada_status look_at_device(hada_context *context, hada_error *err)
         context->info.local_memory_bytes = HADA_STATED_LOCAL;
     cl_uint floats = 0; /* a device that does not say is one without vectors */
     cl_int code = clGetDeviceInfo(context->device, CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT, sizeof floats, &floats, NULL);
-    if (!had_no_memory(code))
+    if (!hada_cl_is_memory(code))
         code = find_tensor_cores(context->device, &context->tensor_cores);
-    if (had_no_memory(code))
+    if (hada_cl_is_memory(code)) /* what it did not say decides how results are rounded */
         return hada_fail_cl(err, code, "clGetDeviceInfo");
     context->vector_floats = floats;
     return HADA_OK;

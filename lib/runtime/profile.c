@@ -10,7 +10,7 @@ typedef struct pending {
 
 struct hada_profile {
     hada_kernel_time *rows;
-    size_t count, room;
+    size_t count;
     pending list[PENDING];
     size_t waiting;
     hada_status status; /* the first failure */
@@ -73,24 +73,15 @@ hada_status hada_slot_profile(hada_slot *slot, int on, hada_error *err)
 }
 
 /* The row of a stage and name; created if missing. */
-static hada_status row_of(hada_kernel_time **rows, size_t *count, size_t *room, const hada_kernel_time *wanted,
-                          size_t *out, hada_error *err)
+static hada_status row_of(hada_kernel_time **rows, size_t *count, const hada_kernel_time *wanted, size_t *out,
+                          hada_error *err)
 {
     for (size_t i = 0; i < *count; i++)
         if (!strcmp((*rows)[i].name, wanted->name) && !strcmp((*rows)[i].stage, wanted->stage)) {
             *out = i;
             return HADA_OK;
         }
-    if (*count == *room) {
-        hada_kernel_time *larger;
-        const size_t more = *room ? 2 * *room : 32;
-        HADA_TRY(HADA_NEW(larger, more, "a profile", err));
-        if (*count)
-            memcpy(larger, *rows, *count * sizeof *larger);
-        free(*rows);
-        *rows = larger;
-        *room = more;
-    }
+    HADA_TRY(HADA_GROW(*rows, *count + 1, "a profile", err));
     *out = (*count)++;
     (*rows)[*out] = *wanted;
     (*rows)[*out].launches = 0;
@@ -108,7 +99,7 @@ void hada_profile_add(hada_slot *slot, const char *name, int transfer, cl_event 
     if (profile->waiting == PENDING)
         drain(profile);
     if (!profile->status)
-        profile->status = row_of(&profile->rows, &profile->count, &profile->room, &row, &at, &profile->error);
+        profile->status = row_of(&profile->rows, &profile->count, &row, &at, &profile->error);
     if (profile->status) {
         if (begin)
             clReleaseEvent(begin);
@@ -133,21 +124,17 @@ hada_status hada_slot_times(hada_slot *slot, hada_kernel_time **rows, size_t *co
             *err = profile->error;
         return profile->status;
     }
-    size_t room = *count; /* full: the first new row makes room */
-    hada_status status = HADA_OK;
-    for (size_t i = 0; !status && i < profile->count; i++) {
+    for (size_t i = 0; i < profile->count; i++) {
         const hada_kernel_time *from = &profile->rows[i];
         size_t at;
-        status = row_of(rows, count, &room, from, &at, err);
-        if (status)
-            break;
+        HADA_TRY(row_of(rows, count, from, &at, err));
         hada_kernel_time *to = &(*rows)[at];
         to->launches += from->launches;
         to->seconds += from->seconds;
         to->bytes += from->bytes;
         to->flops += from->flops;
     }
-    return status;
+    return HADA_OK;
 }
 
 void hada_slot_moved(hada_slot *slot, const char *name, double bytes)

@@ -57,8 +57,8 @@ static void save_to_cache(hada_context *context, const hada_program_store *store
         char name[256];
         unsigned char *binary, *old;
         size_t bytes, old_bytes;
-        char *text = hada_kernel_text(entry->file);
-        if (!text)
+        char *text;
+        if (hada_kernel_text(&text, entry->file, NULL))
             continue;
         const hada_status keyed = hada_program_key(context, entry->file, entry->options, text, name, sizeof name, NULL);
         free(text);
@@ -96,14 +96,12 @@ void hada_program_store_destroy(hada_context *context)
 static hada_status make(hada_context *context, hada_program_store *store, const char *file, const char *options,
                         cl_program *out, hada_error *err)
 {
-    char name[256];
-    char *text = hada_kernel_text(file);
+    char name[256], *text;
     unsigned char *binary = NULL;
     size_t bytes = 0;
     const char *folder = store->binaries ? store->binaries : store->cache;
     hada_status status = HADA_OK;
-    if (!text)
-        return hada_kernel_text_missing(file, err);
+    HADA_TRY(hada_kernel_text(&text, file, err));
     HADA_TRY_OR_DONE(hada_program_key(context, file, options, text, name, sizeof name, err));
     if (folder)
         HADA_TRY_OR_DONE(hada_binary_read(folder, name, &binary, &bytes, err));
@@ -171,24 +169,6 @@ int hada_program_can_compile(const hada_context *context)
     return context->info.has_compiler && !(context->programs && context->programs->binaries);
 }
 
-static unsigned counted(const hada_context *context, const unsigned *value)
-{
-    pthread_mutex_lock(&context->programs->lock);
-    unsigned copy = *value;
-    pthread_mutex_unlock(&context->programs->lock);
-    return copy;
-}
-
-unsigned hada_context_programs_compiled(const hada_context *context)
-{
-    return counted(context, &context->programs->compiled);
-}
-
-unsigned hada_context_programs_loaded(const hada_context *context)
-{
-    return counted(context, &context->programs->loaded);
-}
-
 /* Kernel text and the keys of binaries. */
 
 static const hada_kernel_file *find(const char *file)
@@ -199,29 +179,20 @@ static const hada_kernel_file *find(const char *file)
     return NULL;
 }
 
-char *hada_kernel_text(const char *file)
+hada_status hada_kernel_text(char **out, const char *file, hada_error *err)
 {
     const hada_kernel_file *source = find(file);
-    if (!source)
-        return NULL;
     size_t bytes = 1;
+    *out = NULL;
+    if (!source)
+        return hada_fail(err, HADA_ERROR_BUILD, "there is no kernel file %s.cl in this build", file);
     for (size_t i = 0; i < source->piece_count; i++)
         bytes += strlen(source->pieces[i]);
-    char *text = malloc(bytes), *end = text;
-    for (size_t i = 0; text && i < source->piece_count; i++) {
-        size_t n = strlen(source->pieces[i]);
-        memcpy(end, source->pieces[i], n);
-        end += n;
-    }
-    if (text)
-        *end = '\0';
-    return text;
-}
-
-hada_status hada_kernel_text_missing(const char *file, hada_error *err)
-{
-    return find(file) ? hada_fail(err, HADA_ERROR_MEMORY, "no memory for the text of %s.cl", file)
-                      : hada_fail(err, HADA_ERROR_BUILD, "there is no kernel file %s.cl in this build", file);
+    HADA_TRY(HADA_NEW(*out, bytes, "the text of a kernel file", err));
+    char *end = *out;
+    for (size_t i = 0; i < source->piece_count; i++)
+        end = stpcpy(end, source->pieces[i]);
+    return HADA_OK;
 }
 
 hada_status hada_program_key(const hada_context *context, const char *file, const char *options, const char *text,
@@ -230,7 +201,6 @@ hada_status hada_program_key(const hada_context *context, const char *file, cons
     const char *parts[] = {HADALENS_VERSION,
                            text,
                            options,
-                           context->quirks.build_options,
                            context->info.name,
                            context->info.vendor,
                            context->info.driver,
@@ -269,8 +239,7 @@ static hada_status save(hada_context *context, const char *folder, const char *f
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_program_get(context, file, macros, &program, err));
     HADA_TRY_OR_DONE(hada_program_binary(program, &binary, &bytes, err));
-    text = hada_kernel_text(file);
-    HADA_TRY_OR_DONE(text ? HADA_OK : hada_kernel_text_missing(file, err));
+    HADA_TRY_OR_DONE(hada_kernel_text(&text, file, err));
     HADA_TRY_OR_DONE(hada_program_key(context, file, macros, text, name, sizeof name, err));
     HADA_TRY_OR_DONE(hada_binary_write(folder, name, binary, bytes, err));
 done:
@@ -317,12 +286,15 @@ hada_status hada_context_get_info(const hada_context *context, hada_context_info
 {
     HADA_NEED(context && info, err);
     HADA_TRY(HADA_REPORT_CHECK(info, hada_context_info, err));
+    hada_program_store *store = context->programs;
+    pthread_mutex_lock(&store->lock);
     const hada_context_info own = {.size = sizeof own,
                                    .shape = context->shape,
-                                   .programs_compiled = hada_context_programs_compiled(context),
-                                   .programs_loaded = hada_context_programs_loaded(context),
+                                   .programs_compiled = store->compiled,
+                                   .programs_loaded = store->loaded,
                                    .bytes = hada_context_bytes(context),
                                    .peak_bytes = hada_context_peak_bytes(context)};
+    pthread_mutex_unlock(&store->lock);
     HADA_REPORT_GIVE(info, &own);
     return HADA_OK;
 }

@@ -67,11 +67,8 @@ struct hada_program_store {
     unsigned compiled, loaded;
 };
 
-/* The embedded text of a kernel file as one string (freed by the caller), NULL if there is none or no memory. */
-char *hada_kernel_text(const char *file);
-
-/* Why hada_kernel_text() gave NULL. */
-hada_status hada_kernel_text_missing(const char *file, hada_error *err);
+/* The embedded text of a kernel file as one string, on the heap. */
+hada_status hada_kernel_text(char **out, const char *file, hada_error *err);
 
 /* The file name of a program's binary: "<file>-<hash>.bin"; the hash covers the flattened text,
  * the macros, device, driver, platform and the library's version. */

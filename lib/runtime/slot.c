@@ -11,7 +11,7 @@ hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error 
     HADA_TRY_OR_DONE(HADA_NEW(slot, 1, "a queue slot", err));
     slot->context = context;
     if (!context->dry) {
-        HADA_TRY_OR_DONE(hada_kernel_objects_create(slot, err));
+        HADA_TRY_OR_DONE(HADA_NEW(slot->kernels, (size_t)hada_kernel_object_count, "a queue slot", err));
         HADA_TRY_OR_DONE(hada_slot_open(slot, 0, err));
     }
 done:
@@ -30,24 +30,10 @@ void hada_slot_destroy(hada_slot **pointer)
     if (slot->landmark)
         clReleaseEvent(slot->landmark);
     hada_slot_close(slot);
-    hada_kernel_objects_destroy(slot);
-    free(slot);
-}
-
-/* The kernel objects of a slot: room for them, and their end. */
-
-hada_status hada_kernel_objects_create(hada_slot *slot, hada_error *err)
-{
-    return HADA_NEW(slot->kernels, (size_t)hada_kernel_object_count, "a queue slot", err);
-}
-
-void hada_kernel_objects_destroy(hada_slot *slot)
-{
     for (int i = 0; slot->kernels && i < hada_kernel_object_count; i++) {
         if (slot->kernels[i].cl)
             clReleaseKernel(slot->kernels[i].cl);
         free(slot->kernels[i].args);
     }
-    free(slot->kernels);
-    slot->kernels = NULL;
+    HADA_FREE(slot->kernels, slot);
 }

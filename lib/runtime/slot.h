@@ -40,6 +40,12 @@ typedef struct hada_slot {
     double past_seconds;
 } hada_slot;
 
+/* Whether its kernels are those for work-groups (hada_kernel_shape). */
+static inline int hada_slot_in_groups(const hada_slot *slot)
+{
+    return slot->context->shape == HADA_SHAPE_GROUPS;
+}
+
 hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error *err);
 void hada_slot_destroy(hada_slot **slot); /* waits for commands in flight */
 

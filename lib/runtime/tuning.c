@@ -66,8 +66,7 @@ static const char *read_row(hada_tuning_row *row, char *line)
 
 static hada_status add(hada_tuning *tuning, const hada_tuning_row *row, hada_error *err)
 {
-    if (!(tuning->count & (tuning->count - 1))) /* grows at powers of two */
-        HADA_TRY(HADA_GROW(tuning->rows, tuning->count ? 2 * tuning->count : 1, "the rows of a tuning file", err));
+    HADA_TRY(HADA_GROW(tuning->rows, tuning->count + 1, "the rows of a tuning file", err));
     tuning->rows[tuning->count++] = *row;
     return HADA_OK;
 }
@@ -122,12 +121,11 @@ done:
     return status;
 }
 
-void hada_tuning_destroy(hada_tuning **tuning)
+void hada_tuning_destroy(hada_tuning **pointer)
 {
-    if (!*tuning)
-        return;
-    HADA_FREE((*tuning)->path, (*tuning)->rows, *tuning);
-    *tuning = NULL;
+    hada_tuning *tuning = hada_taken(pointer);
+    if (tuning)
+        HADA_FREE(tuning->path, tuning->rows, tuning);
 }
 
 static int same_shape(const char *mine, const char *shape)

@@ -83,7 +83,7 @@ hada_status hada_between_create(hada_between **out, hada_slot *slot, const hada_
     hada_status status = HADA_OK;
     *out = NULL;
     HADA_TRY_OR_DONE(check(camera, magnification, err));
-    HADA_TRY_OR_DONE(hada_allocated(b = hada_alloc(1, sizeof *b, what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW(b, 1, what, err));
     *b = (hada_between){.slot = slot, .camera = *camera, .magnification = magnification};
     b->layout = hada_surface_layout(slot->context, camera->rows, camera->cols);
     for (int i = 0; i < SOURCES; i++)
@@ -110,10 +110,7 @@ void hada_between_destroy(hada_between **pointer)
     hada_slot_finish(b->slot, NULL);
     hada_fft_destroy(&b->forward);
     hada_fft_destroy(&b->inverse);
-    hada_buffer *buffers[] = {&b->prefilter, &b->coefficients, &b->lines,  &b->image,
-                              &b->spectrum,  &b->bases,        &b->weights};
-    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
-        hada_buffer_destroy(buffers[i]);
+    HADA_DESTROY_BUFFERS(&b->prefilter, &b->coefficients, &b->lines, &b->image, &b->spectrum, &b->bases, &b->weights);
     HADA_FREE(b->host_bases, b->host_weights, b);
 }
 

@@ -24,17 +24,12 @@ static size_t area_of(hada_map_size size)
     return (size_t)size.rows * (size_t)size.cols;
 }
 
-static int within(int i, int n)
-{
-    return i < 0 ? 0 : i >= n ? n - 1 : i;
-}
-
 /* Weights of a Gaussian at 0, 1, ... radius, their sum over both sides 1. */
 static hada_status gaussian(double blur, double **out, int *radius, hada_error *err)
 {
     double sum = 0.0;
     *radius = blur > 0.0 ? (int)ceil(REACH * blur) : 0;
-    HADA_TRY(hada_allocated(*out = hada_alloc((size_t)*radius + 1, sizeof **out, what, err)));
+    HADA_TRY(HADA_NEW(*out, (size_t)*radius + 1, what, err));
     for (int i = 0; i <= *radius; i++) {
         (*out)[i] = i ? exp(-0.5 * i * i / (blur * blur)) : 1.0;
         sum += i ? 2.0 * (*out)[i] : 1.0;
@@ -50,7 +45,7 @@ static void blur_line(const double *weight, int radius, int n, size_t step, cons
     for (int i = 0; i < n; i++) {
         double sum = weight[0] * in[(size_t)i * step];
         for (int k = 1; k <= radius; k++)
-            sum += weight[k] * (in[(size_t)within(i - k, n) * step] + in[(size_t)within(i + k, n) * step]);
+            sum += weight[k] * (in[(size_t)hada_within(i - k, n) * step] + in[(size_t)hada_within(i + k, n) * step]);
         out[(size_t)i * step] = sum;
     }
 }
@@ -71,7 +66,7 @@ hada_status hada_map_centre(const float *light, int planes, int channels, hada_m
     double *memory = NULL, *weight = NULL, mean = 0.0;
     int radius = 0;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(memory = hada_alloc(4 * area, sizeof *memory, what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW(memory, 4 * area, what, err));
     HADA_TRY_OR_DONE(gaussian(blur, &weight, &radius, err));
     double *plane = memory, *work = memory + area, *all = memory + 2 * area, *moment = memory + 3 * area;
     for (size_t k = 0; k < (size_t)planes; k++) {
@@ -103,8 +98,8 @@ static void extreme(const float *in, hada_map_size size, float sign, float *out)
     for (int y = 0; y < size.rows; y++)
         for (int x = 0; x < size.cols; x++) {
             float least = INFINITY;
-            for (int i = within(y - 1, size.rows); i <= within(y + 1, size.rows); i++)
-                for (int j = within(x - 1, size.cols); j <= within(x + 1, size.cols); j++)
+            for (int i = hada_within(y - 1, size.rows); i <= hada_within(y + 1, size.rows); i++)
+                for (int j = hada_within(x - 1, size.cols); j <= hada_within(x + 1, size.cols); j++)
                     least = fminf(least, sign * in[(size_t)i * (size_t)size.cols + (size_t)j]);
             out[(size_t)y * (size_t)size.cols + (size_t)x] = sign * least;
         }
@@ -116,18 +111,18 @@ hada_status hada_map_band(const float *depth, hada_map_size from, double scale, 
     const size_t area = area_of(to);
     float *low = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(low = hada_alloc(2 * area_of(from), sizeof *low, what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW(low, 2 * area_of(from), what, err));
     float *high = low + area_of(from);
     extreme(depth, from, 1.0F, low);
     extreme(depth, from, -1.0F, high);
     memset(allowed, 0, (size_t)planes * area * sizeof *allowed);
     for (int y = 0; y < to.rows; y++)
         for (int x = 0; x < to.cols; x++) {
-            const size_t row = (size_t)within((int)lround(place->row + y * place->down), from.rows);
+            const size_t row = (size_t)hada_within((int)lround(place->row + y * place->down), from.rows);
             const size_t at =
-                row * (size_t)from.cols + (size_t)within((int)lround(place->col + x * place->along), from.cols);
-            const int first = within((int)floor(scale * (low[at] - margin)), planes);
-            const int last = within((int)ceil(scale * (high[at] + margin)), planes);
+                row * (size_t)from.cols + (size_t)hada_within((int)lround(place->col + x * place->along), from.cols);
+            const int first = hada_within((int)floor(scale * (low[at] - margin)), planes);
+            const int last = hada_within((int)ceil(scale * (high[at] + margin)), planes);
             for (int k = first; k <= last; k++)
                 allowed[(size_t)k * area + (size_t)y * (size_t)to.cols + (size_t)x] = 1.0F;
         }
@@ -140,7 +135,7 @@ done:
 static int split(double at, int n, double *part)
 {
     const double inside = at < 0.0 ? 0.0 : at > n - 1 ? n - 1 : at;
-    const int low = n > 1 ? within((int)inside, n - 1) : 0;
+    const int low = n > 1 ? hada_within((int)inside, n - 1) : 0;
     *part = inside - low;
     return low;
 }
@@ -187,14 +182,14 @@ hada_status hada_map_sharpen(float *depth, const float *light, hada_map_size siz
     const size_t area = area_of(size);
     float *given = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(given = hada_alloc(area, sizeof *given, what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW(given, area, what, err));
     memcpy(given, depth, area * sizeof *given);
     for (int y = 0; y < size.rows; y++)
         for (int x = 0; x < size.cols; x++) {
             float near[9], weight[9], least = INFINITY, most = -INFINITY;
             int count = 0;
-            for (int i = within(y - 1, size.rows); i <= within(y + 1, size.rows); i++)
-                for (int j = within(x - 1, size.cols); j <= within(x + 1, size.cols); j++) {
+            for (int i = hada_within(y - 1, size.rows); i <= hada_within(y + 1, size.rows); i++)
+                for (int j = hada_within(x - 1, size.cols); j <= hada_within(x + 1, size.cols); j++) {
                     const size_t at = (size_t)i * (size_t)size.cols + (size_t)j;
                     near[count] = given[at];
                     weight[count++] = light[at];
@@ -277,7 +272,7 @@ hada_status hada_map_smooth(float *depth, const float *light, const float *textu
     hada_status status = HADA_OK;
     if (!(mean_light > 0.0) || !(mean > 0.0))
         goto done;
-    HADA_TRY_OR_DONE(hada_allocated(memory = hada_alloc(7 * area, sizeof *memory, what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW(memory, 7 * area, what, err));
     const smoothing s = {size,
                          memory,
                          memory + area,
@@ -325,7 +320,7 @@ static double bend_square(const float *depth, hada_map_size size, int y, int x)
     double sum = 0.0, square = 0.0, down = 0.0, along = 0.0;
     for (int i = -BEND_RADIUS; i <= BEND_RADIUS; i++)
         for (int j = -BEND_RADIUS; j <= BEND_RADIUS; j++) {
-            const size_t row = (size_t)within(y + i, size.rows), col = (size_t)within(x + j, size.cols);
+            const size_t row = (size_t)hada_within(y + i, size.rows), col = (size_t)hada_within(x + j, size.cols);
             const double d = depth[row * (size_t)size.cols + col];
             sum += d;
             square += d * d;
@@ -342,7 +337,7 @@ hada_status hada_map_confidence(const float *texture, int channels, const float 
     const size_t area = area_of(size);
     double *memory = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(memory = hada_alloc(2 * area, sizeof *memory, what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW(memory, 2 * area, what, err));
     double *work = memory + area;
     gradient_squares(texture, channels, size, memory);
     for (int y = 0; y < size.rows; y++)
@@ -350,7 +345,7 @@ hada_status hada_map_confidence(const float *texture, int channels, const float 
     for (int x = 0; x < size.cols; x++)
         sum_line(radius, size.rows, (size_t)size.cols, work + x, memory + x);
     for (size_t i = 0; i < area; i++) {
-        const double moved = shift[within((int)lround(depth[i]), depths)];
+        const double moved = shift[hada_within((int)lround(depth[i]), depths)];
         const double seen = moved * moved * fmax(memory[i], 0.0);
         const double bend = bend_square(depth, size, (int)(i / (size_t)size.cols), (int)(i % (size_t)size.cols));
         /* variances over 0.5^2 */

@@ -37,10 +37,9 @@ hada_magnified hada_magnified_between(const hada_magnified *from, const hada_mag
 
 hada_magnified hada_magnification_at(const hada_magnification *m, double depth)
 {
-    int low = (int)floor(depth);
     if (m->depths < 2)
         return m->depth[0];
-    low = low < 0 ? 0 : low > m->depths - 2 ? m->depths - 2 : low;
+    const int low = hada_within((int)floor(depth), m->depths - 1);
     const hada_magnified *a = &m->depth[low], *b = a + 1;
     const double f = depth - low;
     return (hada_magnified){(1.0 - f) * a->scale + f * b->scale, (1.0 - f) * a->row + f * b->row,
@@ -326,10 +325,10 @@ hada_status hada_magnification_fit(hada_magnification *out, int depths, const do
     hada_status status = HADA_OK;
     *out = (hada_magnification){.depths = depths};
     HADA_TRY_OR_DONE(check_distances(depths, distances, err));
-    HADA_TRY_OR_DONE(hada_allocated(out->inverse = hada_alloc(count, sizeof *out->inverse, what, err)));
-    HADA_TRY_OR_DONE(hada_allocated(out->depth = hada_alloc(count, sizeof *out->depth, what, err)));
-    HADA_TRY_OR_DONE(hada_allocated(memory = hada_alloc(HADA_MAGNIFICATION_KINDS * count, sizeof *memory, what, err)));
-    HADA_TRY_OR_DONE(hada_allocated(f.bright = hada_alloc(count, sizeof *f.bright, what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW(out->inverse, count, what, err));
+    HADA_TRY_OR_DONE(HADA_NEW(out->depth, count, what, err));
+    HADA_TRY_OR_DONE(HADA_NEW(memory, HADA_MAGNIFICATION_KINDS * count, what, err));
+    HADA_TRY_OR_DONE(HADA_NEW(f.bright, count, what, err));
     for (size_t k = 0; k < count; k++) {
         out->inverse[k] = 1.0 / distances[k];
         out->depth[k].scale = 1.0;
@@ -423,8 +422,7 @@ hada_status hada_magnification_measure(hada_magnification *out, hada_slot *slot,
     float *coefficients = NULL;
     hada_status status = HADA_OK;
     *out = (hada_magnification){0};
-    HADA_TRY_OR_DONE(
-        hada_allocated(coefficients = hada_alloc_raw((size_t)camera->depths * area, sizeof *coefficients, what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(coefficients, (size_t)camera->depths * area, what, err));
     HADA_TRY_OR_DONE(hada_surface_prefilter(&prefilter, slot, &small, err));
     HADA_TRY_OR_DONE(hada_buffer_create(&spectrum, slot->context, small.count * 2 * sizeof(float), what, err));
     HADA_TRY_OR_DONE(hada_buffer_create(&image, slot->context, area * sizeof(float), what, err));

@@ -131,9 +131,8 @@ static hada_status values(const float *coefficients, int rows, int cols, float *
     const size_t width = (size_t)cols, height = (size_t)rows;
     float *image = NULL, *line = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(
-        hada_allocated(image = hada_alloc_raw(width * height, sizeof *image, "the optics between depths", err)));
-    HADA_TRY_OR_DONE(hada_allocated(line = hada_alloc_raw(height, sizeof *line, "the optics between depths", err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(image, width * height, "the optics between depths", err));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(line, height, "the optics between depths", err));
     for (size_t y = 0; y < height; y++)
         line_values(coefficients + y * width, cols, 1, image + y * width);
     for (size_t x = 0; x < width; x++) {
@@ -189,7 +188,7 @@ hada_status hada_bright_edge(const float *coefficients, int depths, int rows, in
     float *image = NULL;
     size_t r = 0;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(ring = hada_alloc(rings, sizeof *ring, "the optics between depths", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(ring, rings, "the optics between depths", err));
     for (size_t k = 0; k < (size_t)depths; k++) {
         HADA_TRY_OR_DONE(values(coefficients + k * area, rows, cols, &image, err));
         add_rings(image, rows, cols, ring);
@@ -239,8 +238,7 @@ hada_status hada_bright_find(hada_bright *out, const float *coefficients, int ro
     float *image = NULL;
     double square = 0.0;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(
-        hada_allocated(out->point = hada_alloc(POINTS, sizeof *out->point, "the optics between depths", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(out->point, POINTS, "the optics between depths", err));
     HADA_TRY_OR_DONE(values(coefficients, rows, cols, &image, err));
     choose(out, image, rows, cols, edge, ABOVE_NOISE * sqrt(noise_of(image, (size_t)rows * (size_t)cols)));
     if (out->count < FEWEST)

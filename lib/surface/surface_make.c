@@ -21,18 +21,13 @@ enum {
     CROP_MARGIN = 2 /* and a coarse frame smaller: low-passing mixes in what lies outside the sensor */
 };
 
-static int at_least(int value, int least)
-{
-    return value < least ? least : value;
-}
-
 /* A rectangle of the camera's grid on a coarser one; a pixel of it at least. */
 static hada_refine_rect narrow(const hada_refine_rect *rect, const hada_surface_camera *camera, int rows, int cols,
                                int outward, int margin)
 {
     hada_refine_rect out = hada_rect_shrink(rect, camera->rows, camera->cols, rows, cols, outward, margin);
-    out.rows = at_least(out.rows, 1);
-    out.cols = at_least(out.cols, 1);
+    out.rows = hada_most(out.rows, 1);
+    out.cols = hada_most(out.cols, 1);
     return out;
 }
 
@@ -187,18 +182,17 @@ static hada_status make_arrays(hada_surface *s, const sizes *n, hada_error *err)
     HADA_TRY(hada_buffer_create(&s->texture, context, texture_bytes(n), what, err));
     HADA_TRY(hada_buffer_create(&s->allowed, context, n->values * sizeof(float), what, err));
     for (int i = 0; i < 2; i++) {
-        HADA_TRY(hada_allocated(s->planes[i] = hada_alloc(n->values, sizeof(float), what, err)));
-        HADA_TRY(hada_allocated(s->depth[i] = hada_alloc(n->area, sizeof(float), what, err)));
-        HADA_TRY(
-            hada_allocated(s->image[i] = hada_alloc(n->area * (size_t)s->camera.channels, sizeof(float), what, err)));
+        HADA_TRY(HADA_NEW(s->planes[i], n->values, what, err));
+        HADA_TRY(HADA_NEW(s->depth[i], n->area, what, err));
+        HADA_TRY(HADA_NEW(s->image[i], n->area * (size_t)s->camera.channels, what, err));
     }
-    HADA_TRY(hada_allocated(s->outside = hada_alloc(n->area, 1, what, err)));
-    HADA_TRY(hada_allocated(s->mask = hada_alloc(n->values, sizeof(float), what, err)));
-    HADA_TRY(hada_allocated(s->sum = hada_alloc(n->area, sizeof(float), what, err)));
-    HADA_TRY(hada_allocated(s->confidence = hada_alloc(n->area, sizeof(float), what, err)));
-    HADA_TRY(hada_allocated(s->light = hada_alloc((size_t)s->camera.channels, sizeof *s->light, what, err)));
-    HADA_TRY(hada_allocated(s->shift = hada_alloc((size_t)s->camera.depths, sizeof *s->shift, what, err)));
-    return hada_allocated(s->power = hada_alloc(s->layout.count, sizeof *s->power, what, err));
+    HADA_TRY(HADA_NEW(s->outside, n->area, what, err));
+    HADA_TRY(HADA_NEW(s->mask, n->values, what, err));
+    HADA_TRY(HADA_NEW(s->sum, n->area, what, err));
+    HADA_TRY(HADA_NEW(s->confidence, n->area, what, err));
+    HADA_TRY(HADA_NEW(s->light, (size_t)s->camera.channels, what, err));
+    HADA_TRY(HADA_NEW(s->shift, (size_t)s->camera.depths, what, err));
+    return HADA_NEW(s->power, s->layout.count, what, err);
 }
 
 static hada_status make_levels(hada_surface *s, const hada_surface_plan *plans, const hada_magnification *magnification,
@@ -227,7 +221,7 @@ static hada_status measure(hada_surface *s, const hada_magnification *magnificat
         hada_surface_view(s, s->camera.otf, (s->camera.first + (size_t)(depths * channels)) * count * 2);
     float *values = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(values = hada_alloc_raw(2 * count, sizeof *values, what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(values, 2 * count, what, err));
     for (size_t c = 0; c < (size_t)channels; c++) {
         HADA_TRY_OR_DONE(hada_buffer_read(&otf, s->slot, (from + c) * count * 2 * sizeof *values, values,
                                           count * 2 * sizeof *values, err));
@@ -252,7 +246,7 @@ hada_status hada_surface_create(hada_surface **out, hada_slot *slot, const hada_
     hada_surface *s = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(s = hada_alloc(1, sizeof *s, what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW(s, 1, what, err));
     s->slot = slot;
     s->camera = *camera;
     s->layout = hada_surface_layout(slot->context, camera->rows, camera->cols);
@@ -278,9 +272,6 @@ void hada_surface_destroy(hada_surface **pointer)
     for (int l = 0; l < s->levels; l++)
         level_free(&s->level[l]);
     HADA_DESTROY_BUFFERS(&s->map, &s->texture, &s->allowed);
-    float *floats[] = {s->planes[0], s->planes[1], s->mask,     s->depth[0],   s->depth[1],
-                       s->sum,       s->image[0],  s->image[1], s->confidence, s->power};
-    for (size_t i = 0; i < HADA_COUNT(floats); i++)
-        free(floats[i]);
-    HADA_FREE(s->outside, s->light, s->shift, s);
+    HADA_FREE(s->planes[0], s->planes[1], s->mask, s->depth[0], s->depth[1], s->sum, s->image[0], s->image[1],
+              s->confidence, s->power, s->outside, s->light, s->shift, s);
 }

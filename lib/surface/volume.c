@@ -144,7 +144,7 @@ hada_status hada_volume_create(hada_volume **out, hada_slot *slot, const hada_vo
     hada_status status = HADA_OK;
     *out = NULL;
     HADA_TRY_OR_DONE(check_shape(shape, err));
-    HADA_TRY_OR_DONE(hada_allocated(v = hada_alloc(1, sizeof *v, what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW(v, 1, what, err));
     v->slot = slot;
     v->shape = *shape;
     v->layout = hada_fft_layout(slot->context, shape->rows, shape->cols, HADA_FFT_AUTO);
@@ -163,8 +163,7 @@ hada_status hada_volume_create(hada_volume **out, hada_slot *slot, const hada_vo
     for (int i = 0; i < ROWS; i++) /* what lies behind the last value is read and multiplied by 0 */
         if (rows[i].bytes)
             HADA_TRY_OR_DONE(hada_buffer_clear(hada_buffer_of(v, &rows[i]), slot, 0, rows[i].bytes, err));
-    HADA_TRY_OR_DONE(hada_allocated(
-        v->host_partial = hada_alloc(sums_of(slot->context, shape, &v->layout), sizeof(float), what, err)));
+    HADA_TRY_OR_DONE(HADA_NEW(v->host_partial, sums_of(slot->context, shape, &v->layout), what, err));
     HADA_TRY_OR_DONE(prepare(v, err));
     *out = v;
 done:
@@ -175,11 +174,10 @@ done:
 
 void hada_volume_destroy(hada_volume **pointer)
 {
-    if (!pointer || !*pointer)
-        return;
-    hada_volume *v = *pointer;
+    hada_volume *v = hada_taken(pointer);
     hada_buffer_row rows[ROWS];
-    *pointer = NULL;
+    if (!v)
+        return;
     hada_slot_finish(v->slot, NULL);
     hada_fft_destroy(&v->forward);
     hada_fft_destroy(&v->inverse);

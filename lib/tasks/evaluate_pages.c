@@ -12,12 +12,7 @@
 hada_status hada_region_read(hada_region *region, const hada_evaluate_task *task, hada_error *err)
 {
     *region = (hada_region){task->window_rows, task->window_cols, task->window_row, task->window_col, {0}};
-    if (!task->mask)
-        return HADA_OK;
-    const hada_status status = hada_tiff_load(task->mask, 0, &region->mask, err);
-    if (status)
-        hada_error_prefix(err, "%s: ", task->mask);
-    return status;
+    return task->mask ? hada_named(hada_tiff_load(task->mask, 0, &region->mask, err), task->mask, err) : HADA_OK;
 }
 
 void hada_region_free(hada_region *region)
@@ -92,7 +87,7 @@ int hada_stem_ends(const char *name, size_t length, const char *end)
 
 size_t hada_stem_of(const char *path)
 {
-    const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path;
+    const char *name = hada_name_of(path);
     return (size_t)(name - path) + hada_name_stem(name);
 }
 

@@ -75,7 +75,6 @@ hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, c
                                int frames, hada_error *err)
 {
     const hada_model_info *model = hada_model_get_info(plan->setup.model);
-    const char *slash = strrchr(model->name, '/');
     *out = (hada_outputs){.frames = frames,
                           .format = task->format,
                           .bits = task->bits,
@@ -89,7 +88,7 @@ hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, c
             HADA_TRY(name_output(&out->path[k], task, name, k, err));
     if (task->emitters && frames > 1)
         HADA_TRY(hada_tracker_create(&out->tracker, task->track_pixels, task->track_depths, task->track_gap, err));
-    return hada_path_format(&out->title, err, "%s, %s", name, slash ? slash + 1 : model->name);
+    return hada_path_format(&out->title, err, "%s, %s", name, hada_name_of(model->name));
 }
 
 hada_status hada_made_from(char text[HADA_MADE_FROM], const char *frame, uint64_t model, hada_error *err)
@@ -260,11 +259,7 @@ static hada_status track_emitters(hada_outputs *out, const hada_emitters *emitte
     const int count = emitters->count;
     int *tracks = NULL;
     hada_status status = HADA_OK;
-    if (out->tracked_count + (size_t)count > out->tracked_room) {
-        const size_t room = 2 * out->tracked_room + (size_t)count;
-        HADA_TRY(HADA_GROW(out->tracked, room, table_words, err));
-        out->tracked_room = room;
-    }
+    HADA_TRY(HADA_GROW(out->tracked, out->tracked_count + (size_t)count, table_words, err));
     HADA_TRY(HADA_NEW(tracks, (size_t)count + 1, table_words, err));
     HADA_TRY_OR_DONE(hada_tracker_add(out->tracker, emitters->list, count, tracks, err));
     for (int i = 0; i < count; i++) {

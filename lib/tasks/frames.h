@@ -90,7 +90,7 @@ typedef struct hada_outputs {
     int has_table;                               /* 1: it is open */
     hada_tracker *tracker;                       /* NULL: no tracks are wanted */
     hada_tracked *tracked;                       /* by frame */
-    size_t tracked_count, tracked_room;
+    size_t tracked_count;
     int tracks;
     hada_image unknown; /* confidence of frames that are none */
     char *title;

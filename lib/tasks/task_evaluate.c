@@ -343,12 +343,6 @@ done:
     return status;
 }
 
-static hada_status list_files(hada_evaluate_report *report, const char *result, const char *truth, hada_error *err)
-{
-    HADA_TRY(HADA_NEW(report->rows, 1, "a list of files", err));
-    return add(report, result, result, truth, err);
-}
-
 static hada_status list(hada_evaluate_report *report, const char *result, const char *truth,
                         const hada_monitor *monitor, hada_error *err)
 {
@@ -359,7 +353,10 @@ static hada_status list(hada_evaluate_report *report, const char *result, const 
     if (folder != (other == HADA_STANDS_FOLDER))
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "%s is a folder and %s is not; give two files or two folders",
                            folder ? result : truth, folder ? truth : result));
-    return folder ? list_folders(report, result, truth, monitor, err) : list_files(report, result, truth, err);
+    if (folder)
+        return list_folders(report, result, truth, monitor, err);
+    HADA_TRY(HADA_NEW(report->rows, 1, "a list of files", err));
+    return add(report, result, result, truth, err);
 }
 
 hada_status hada_evaluate_run(hada_evaluate_report **out, const char *result, const char *truth,

@@ -124,13 +124,11 @@ static hada_status live_pipe_begin(hada_live_pipe *pipe, int fd, const hada_head
                              .bytes = (size_t)hada_headerless_bytes(frames, 1),
                              .lock = PTHREAD_MUTEX_INITIALIZER};
     hada_condition_init(&pipe->changed);
-    HADA_TRY(hada_allocated(pipe->reading = hada_alloc_raw(pipe->bytes, 1, "a frame", err)));
-    HADA_TRY(hada_allocated(pipe->ready = hada_alloc_raw(pipe->bytes, 1, "a frame", err)));
-    HADA_TRY(hada_allocated(pipe->taken = hada_alloc_raw(pipe->bytes, 1, "a frame", err)));
-    if (pthread_create(&pipe->thread, NULL, read_all, pipe))
-        return hada_fail(err, HADA_ERROR_MEMORY, "no thread to read frames with");
-    pipe->started = 1;
-    return HADA_OK;
+    HADA_TRY(HADA_NEW_RAW(pipe->reading, pipe->bytes, "a frame", err));
+    HADA_TRY(HADA_NEW_RAW(pipe->ready, pipe->bytes, "a frame", err));
+    HADA_TRY(HADA_NEW_RAW(pipe->taken, pipe->bytes, "a frame", err));
+    pipe->started = hada_thread_start(&pipe->thread, read_all, pipe);
+    return pipe->started ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no thread to read frames with");
 }
 
 static hada_status why_it_ended(const hada_live_pipe *pipe, hada_error *err)
@@ -308,12 +306,6 @@ static hada_status live_folder_take(hada_live_folder *folder, double seconds, co
             return HADA_OK;
         usleep((useconds_t)(1e6 * LOOK_SECONDS / 2));
     }
-}
-
-static void live_folder_end(hada_live_folder *folder)
-{
-    free_files(folder->files, folder->count);
-    *folder = (hada_live_folder){0};
 }
 
 /* The caller's wish to stop is asked for this often. */
@@ -571,7 +563,7 @@ hada_status hada_reconstruct_live(hada_plan *plan, const hada_model *model, cons
     HADA_TRY_OR_DONE(take_all(&own, err));
 done:
     live_pipe_end(&own.pipe);
-    live_folder_end(&own.folder);
+    free_files(own.folder.files, own.folder.count);
     hada_display_end(&own.display);
     hada_result_destroy(&own.result);
     end_input(&own);

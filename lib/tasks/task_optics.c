@@ -56,96 +56,58 @@ static void put(hada_text *out, const char *before, double number)
     hada_text_add(out, "%s%s", before, digits);
 }
 
-static void put_depths(hada_text *out, const hada_optics_report *report)
+/* Empties the text. */
+static hada_status save_table(hada_text *text, const char *folder, const char *name, hada_error *err)
 {
-    const hada_optics_curves *curves = hada_optics_report_curves(report);
-    for (int c = 0; c < COLUMNS; c++)
-        hada_text_add(out, "%s%s", c ? "," : "", columns[c].name);
-    hada_text_add(out, "\n");
-    for (int z = 0; z < curves->depths; z++) {
-        for (int c = 0; c < COLUMNS; c++)
-            put(out, c ? "," : "", value_of(hada_optics_report_row(report, z), c));
-        hada_text_add(out, "\n");
-    }
-}
-
-static void put_heads(hada_text *out, const char *first, const hada_optics_report *report)
-{
-    const hada_optics_curves *curves = hada_optics_report_curves(report);
-    hada_text_add(out, "%s", first);
-    for (int z = 0; z < curves->depths; z++) {
-        put(out, ",z", hada_optics_report_row(report, z)->distance_mm);
-        hada_text_add(out, "mm");
-    }
-    hada_text_add(out, "\n");
-}
-
-static void put_mtf(hada_text *out, const hada_optics_report *report)
-{
-    const hada_optics_curves *curves = hada_optics_report_curves(report);
-    put_heads(out, "cycles_per_pixel", report);
-    for (int i = 0; i < curves->frequencies; i++) {
-        put(out, "", (i + 0.5) / (2.0 * curves->frequencies));
-        for (int z = 0; z < curves->depths; z++)
-            put(out, ",", curves->mtf[(size_t)z * (size_t)curves->frequencies + (size_t)i]);
-        hada_text_add(out, "\n");
-    }
-}
-
-static void put_self(hada_text *out, const hada_optics_report *report)
-{
-    const hada_optics_curves *curves = hada_optics_report_curves(report);
-    put_heads(out, "lag_pixels", report);
-    for (int i = 0; i < curves->lags; i++) {
-        put(out, "", i);
-        for (int z = 0; z < curves->depths; z++)
-            put(out, ",", curves->self[(size_t)z * (size_t)curves->lags + (size_t)i]);
-        hada_text_add(out, "\n");
-    }
-}
-
-static void put_correlation(hada_text *out, const hada_optics_report *report)
-{
-    const hada_optics_curves *curves = hada_optics_report_curves(report);
-    put_heads(out, "distance_mm", report);
-    for (int i = 0; i < curves->depths; i++) {
-        put(out, "", hada_optics_report_row(report, i)->distance_mm);
-        for (int z = 0; z < curves->depths; z++)
-            put(out, ",", curves->correlation[(size_t)i * (size_t)curves->depths + (size_t)z]);
-        hada_text_add(out, "\n");
-    }
-}
-
-static hada_status write_text(hada_text *text, const char *folder, const char *name, hada_error *err)
-{
-    hada_status status = HADA_OK;
     hada_path path;
-    if (text->failed)
-        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s", name));
-    HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/%s", folder, name));
-    HADA_TRY_OR_DONE(hada_file_write(path, text->data, text->length, err));
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/%s.csv", folder, name));
+    HADA_TRY_OR_DONE(hada_text_save(text, path, err));
 done:
     free(text->data);
-    *text = (hada_text){0};
     return status;
 }
 
-/* depths.csv, mtf.csv, self_correlation.csv, correlation.csv. */
-static hada_status optics_tables(const hada_optics_report *report, const char *folder, hada_error *err)
+/* A quantity of each depth over some places: a table of all, and a figure with curves of some depths. */
+typedef struct family {
+    const char *name, *place, *title; /* place: what a line of the table begins with */
+    hada_plot_axis across, up;
+    const double *x, *values; /* values[depth][count] */
+    int count, shown;         /* places; of these in the figure */
+    double level;             /* a dashed line; NaN: none */
+} family;
+
+static hada_status write_family(const hada_optics_report *report, const family *f, const char *folder, hada_error *err)
 {
-    static const struct {
-        const char *name;
-        void (*write)(hada_text *out, const hada_optics_report *report);
-    } tables[] = {{"depths.csv", put_depths},
-                  {"mtf.csv", put_mtf},
-                  {"self_correlation.csv", put_self},
-                  {"correlation.csv", put_correlation}};
-    for (size_t i = 0; i < sizeof tables / sizeof *tables; i++) {
-        hada_text text = {0};
-        tables[i].write(&text, report);
-        HADA_TRY(write_text(&text, folder, tables[i].name, err));
+    const int depths = hada_optics_report_curves(report)->depths;
+    hada_text text = {0};
+    hada_text_add(&text, "%s", f->place);
+    for (int z = 0; z < depths; z++) {
+        put(&text, ",z", hada_optics_report_row(report, z)->distance_mm);
+        hada_text_add(&text, "mm");
     }
-    return HADA_OK;
+    hada_text_add(&text, "\n");
+    for (int i = 0; i < f->count; i++) {
+        put(&text, "", f->x[i]);
+        for (int z = 0; z < depths; z++)
+            put(&text, ",", f->values[(size_t)z * (size_t)f->count + (size_t)i]);
+        hada_text_add(&text, "\n");
+    }
+    return save_table(&text, folder, f->name, err);
+}
+
+static hada_status write_depths_table(const hada_optics_report *report, const char *folder, hada_error *err)
+{
+    hada_text text = {0};
+    for (int c = 0; c < COLUMNS; c++)
+        hada_text_add(&text, "%s%s", c ? "," : "", columns[c].name);
+    hada_text_add(&text, "\n");
+    for (int z = 0; z < hada_optics_report_curves(report)->depths; z++) {
+        for (int c = 0; c < COLUMNS; c++)
+            put(&text, c ? "," : "", value_of(hada_optics_report_row(report, z), c));
+        hada_text_add(&text, "\n");
+    }
+    return save_table(&text, folder, "depths", err);
 }
 
 /* lenses.csv: where the lenses or holes are; for masks that have them. */
@@ -164,7 +126,7 @@ static hada_status optics_lenses(const hada_camera *camera, const char *folder, 
         hada_text_add_number(&text, x[count + i]);
         hada_text_add(&text, "\n");
     }
-    HADA_TRY_OR_DONE(write_text(&text, folder, "lenses.csv", err));
+    HADA_TRY_OR_DONE(save_table(&text, folder, "lenses", err));
 done:
     free(x);
     return status;
@@ -237,14 +199,6 @@ static hada_status save(const hada_plot *plot, const char *folder, const char *n
 }
 
 /* One panel with a curve for each chosen depth, and a legend above. */
-typedef struct family {
-    const char *name, *title;
-    hada_plot_axis across, up;
-    const double *x, *values; /* values[depth][stride] */
-    int count, stride;
-    double level; /* a dashed line; NaN: none */
-} family;
-
 static hada_status plot_family(const hada_optics_report *report, const family *f, const char *folder, hada_error *err)
 {
     hada_status status = HADA_OK;
@@ -252,7 +206,7 @@ static hada_status plot_family(const hada_optics_report *report, const family *f
     double *y = NULL, at = 70;
     int depth[CURVES];
     const int curves = chosen(report, depth);
-    HADA_TRY_OR_DONE(HADA_NEW(y, (size_t)f->count, "a figure", err));
+    HADA_TRY_OR_DONE(HADA_NEW(y, (size_t)f->shown, "a figure", err));
     HADA_TRY_OR_DONE(hada_plot_create(&plot, 640, 420, err));
     for (int i = 0; i < curves; i++) {
         char number[32], text[40];
@@ -268,10 +222,10 @@ static hada_status plot_family(const hada_optics_report *report, const family *f
         hada_plot_line(plot, x, level, 2, 0x777777, 1);
     }
     for (int i = 0; i < curves; i++) {
-        const double *values = f->values + (size_t)depth[i] * (size_t)f->stride;
-        for (int k = 0; k < f->count; k++)
+        const double *values = f->values + (size_t)depth[i] * (size_t)f->count;
+        for (int k = 0; k < f->shown; k++)
             y[k] = fmin(fmax(values[k], f->up.low), f->up.high);
-        hada_plot_line(plot, f->x, y, f->count, colour_of(i), 0);
+        hada_plot_line(plot, f->x, y, f->shown, colour_of(i), 0);
     }
     hada_plot_panel_end(plot);
     HADA_TRY_OR_DONE(save(plot, folder, f->name, err));
@@ -361,56 +315,62 @@ done:
     return status;
 }
 
-/* mtf.svg, self_correlation.svg, correlation.svg, depths.svg. */
-static hada_status optics_plots(const hada_optics_report *report, const char *folder, hada_error *err)
+/* depths, mtf, self_correlation, correlation: .csv, and .svg where there are pictures. */
+static hada_status write_curves(const hada_optics_report *report, const char *folder, hada_error *err)
 {
     const hada_optics_curves *curves = hada_optics_report_curves(report);
-    const int shown = curves->lags < 64 ? curves->lags : 64;
-    const int longest = curves->frequencies > curves->lags ? curves->frequencies : curves->lags;
+    const int bins = curves->frequencies, lags = curves->lags, depths = curves->depths, shown = hada_least(lags, 64);
     hada_status status = HADA_OK;
-    double *x = NULL;
-    if (!hada_pictures_available())
-        return HADA_OK;
-    HADA_TRY_OR_DONE(HADA_NEW(x, (size_t)(longest > curves->depths ? longest : curves->depths), "a figure", err));
-    for (int i = 0; i < curves->frequencies; i++)
-        x[i] = (i + 0.5) / (2.0 * curves->frequencies);
-    const family mtf = {.name = "mtf",
-                        .title = "Modulation transfer, mean of a ring; dashed: threshold",
-                        .across = {0, 0.5, 0, 0, "cycles per pixel"},
-                        .up = {1e-3, 1, 1, 0, "MTF"},
-                        .x = x,
-                        .values = curves->mtf,
-                        .count = curves->frequencies,
-                        .stride = curves->frequencies,
-                        .level = curves->threshold};
-    HADA_TRY_OR_DONE(plot_family(report, &mtf, folder, err));
-    for (int i = 0; i < shown; i++)
-        x[i] = i;
-    const family self = {.name = "self_correlation",
-                         .title = "Self-correlation of the PSF, largest at each distance",
-                         .across = {0, shown > 1 ? shown - 1 : 1, 0, 0, "pixels"},
-                         .up = {0, 1, 0, 0, "relative to the peak"},
-                         .x = x,
-                         .values = curves->self,
-                         .count = shown,
-                         .stride = curves->lags,
-                         .level = NAN};
-    HADA_TRY_OR_DONE(plot_family(report, &self, folder, err));
-    for (int z = 0; z < curves->depths; z++)
-        x[z] = hada_optics_report_row(report, z)->distance_mm;
-    const family correlation = {.name = "correlation",
+    double *frequency = NULL, *lag = NULL, *distance = NULL;
+    HADA_TRY_OR_DONE(HADA_NEW(frequency, (size_t)bins, "a figure", err));
+    HADA_TRY_OR_DONE(HADA_NEW(lag, (size_t)lags, "a figure", err));
+    HADA_TRY_OR_DONE(HADA_NEW(distance, (size_t)depths, "a figure", err));
+    for (int i = 0; i < bins; i++)
+        frequency[i] = (i + 0.5) / (2.0 * bins);
+    for (int i = 0; i < lags; i++)
+        lag[i] = i;
+    for (int z = 0; z < depths; z++)
+        distance[z] = hada_optics_report_row(report, z)->distance_mm;
+    const family families[] = {{.name = "mtf",
+                                .place = "cycles_per_pixel",
+                                .title = "Modulation transfer, mean of a ring; dashed: threshold",
+                                .across = {0, 0.5, 0, 0, "cycles per pixel"},
+                                .up = {1e-3, 1, 1, 0, "MTF"},
+                                .x = frequency,
+                                .values = curves->mtf,
+                                .count = bins,
+                                .shown = bins,
+                                .level = curves->threshold},
+                               {.name = "self_correlation",
+                                .place = "lag_pixels",
+                                .title = "Self-correlation of the PSF, largest at each distance",
+                                .across = {0, shown > 1 ? shown - 1 : 1, 0, 0, "pixels"},
+                                .up = {0, 1, 0, 0, "relative to the peak"},
+                                .x = lag,
+                                .values = curves->self,
+                                .count = lags,
+                                .shown = shown,
+                                .level = NAN},
+                               {.name = "correlation",
+                                .place = "distance_mm",
                                 .title = "Correlation of the PSF with those of other distances",
-                                .across = hada_plot_axis_for(x, curves->depths, 1, "distance, mm"),
+                                .across = hada_plot_axis_for(distance, depths, 1, "distance, mm"),
                                 .up = {0, 1, 0, 0, "correlation"},
-                                .x = x,
+                                .x = distance,
                                 .values = curves->correlation,
-                                .count = curves->depths,
-                                .stride = curves->depths,
-                                .level = 0.5};
-    HADA_TRY_OR_DONE(plot_family(report, &correlation, folder, err));
-    HADA_TRY_OR_DONE(plot_depths(report, folder, err));
+                                .count = depths,
+                                .shown = depths,
+                                .level = 0.5}};
+    HADA_TRY_OR_DONE(write_depths_table(report, folder, err));
+    if (hada_pictures_available())
+        HADA_TRY_OR_DONE(plot_depths(report, folder, err));
+    for (size_t i = 0; i < HADA_COUNT(families); i++) {
+        HADA_TRY_OR_DONE(write_family(report, &families[i], folder, err));
+        if (hada_pictures_available())
+            HADA_TRY_OR_DONE(plot_family(report, &families[i], folder, err));
+    }
 done:
-    free(x);
+    HADA_FREE(frequency, lag, distance);
     return status;
 }
 
@@ -529,8 +489,7 @@ static hada_status fill_folder(void *user, const char *folder, hada_error *err)
     HADA_TRY_OR_DONE(source_open(&from, r->task, camera, r->context, err));
     HADA_TRY_OR_DONE(hada_optics_report_create(r->report, r->context, camera, r->threshold, err));
     HADA_TRY_OR_DONE(write_depths(r, &from, folder, err));
-    HADA_TRY_OR_DONE(optics_tables(*r->report, folder, err));
-    HADA_TRY_OR_DONE(optics_plots(*r->report, folder, err));
+    HADA_TRY_OR_DONE(write_curves(*r->report, folder, err));
 done:
     hada_tiff_close(&from.reader);
     hada_wave_destroy(&from.wave);

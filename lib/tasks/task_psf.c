@@ -121,8 +121,8 @@ static hada_status find_captures(psfs *of, hada_error *err)
     for (int i = 0; i < of->task->more_count; i++)
         HADA_TRY(add_capture(of, -1.0, NULL, of->task->more[i], err));
     for (int i = 0; i < of->captures && !folder; i++) {
-        const char *slash = strrchr(of->capture[i].path, '/'), *rest;
-        of->capture[i].distance = hada_name_distance(slash ? slash + 1 : of->capture[i].path, &rest);
+        const char *rest;
+        of->capture[i].distance = hada_name_distance(hada_name_of(of->capture[i].path), &rest);
     }
     of->stack = !folder && of->captures == 1;
     qsort(of->capture, (size_t)of->captures, sizeof *of->capture, by_distance);

@@ -170,7 +170,6 @@ hada_status hada_register_run(hada_register_report **out, const hada_dataset *da
     hada_status status = HADA_OK;
     HADA_NEED(out && data, err);
     *out = NULL;
-    hada_register_task_init(&task);
     HADA_TRY(HADA_OPTIONS_TAKE(&task, callers, hada_register_task, err));
     const size_t depths = (size_t)hada_dataset_get_info(data)->depths;
     HADA_TRY(HADA_NEW(own, 1, "a report", err));
@@ -199,7 +198,6 @@ static hada_status choose_window(writing *w, const hada_register_task *callers, 
 {
     const hada_register_task *task = &w->task;
     hada_pair pair;
-    hada_register_task_init(&w->task);
     HADA_TRY(HADA_OPTIONS_TAKE(&w->task, callers, hada_register_task, err));
     if (!hada_dataset_get_info(w->data)->has_files)
         return hada_fail(err, HADA_ERROR_UNSUPPORTED,
@@ -261,18 +259,12 @@ done:
     return status;
 }
 
-static const char *name_of(const char *path)
-{
-    const char *slash = strrchr(path, '/');
-    return slash ? slash + 1 : path;
-}
-
 static hada_status write_pair(const writing *w, int z, int i, const char *raws, const char *scenes, hada_error *err)
 {
     const hada_pair_files *from = &hada_dataset_get_info(w->data)->files[z][i];
     hada_path raw, scene;
-    HADA_TRY(hada_path_write(raw, err, "%s/%s", raws, name_of(from->raw)));
-    HADA_TRY(hada_path_write(scene, err, "%s/%s", scenes, name_of(from->scene)));
+    HADA_TRY(hada_path_write(raw, err, "%s/%s", raws, hada_name_of(from->raw)));
+    HADA_TRY(hada_path_write(scene, err, "%s/%s", scenes, hada_name_of(from->scene)));
     /* a link to what a link leads to: one that is relative would lead elsewhere from here */
     if (linkat(AT_FDCWD, from->raw, AT_FDCWD, raw, AT_SYMLINK_FOLLOW))
         HADA_TRY(copy_file(from->raw, raw, err));

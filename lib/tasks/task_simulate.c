@@ -8,6 +8,7 @@
 #include "io/encode.h"
 #include "io/folder.h"
 #include "io/text.h"
+#include "optics/simulator.h"
 #include "tasks/simulated_scenes.h"
 
 /* Where a frame's noise begins: every frame its own. */
@@ -147,17 +148,14 @@ done:
 /* PSFs of points over the window, from border to border, and their list. */
 static hada_status write_field(const hada_recipe *recipe, const char *dataset, hada_error *err)
 {
-    enum { LINE = 64 };
     const hada_camera *camera = &recipe->camera;
     const int points = recipe->task.field_psfs;
-    const size_t size = (size_t)(points * points + 2) * LINE;
-    char *list = NULL;
+    hada_text list = {0};
     hada_path folder, path;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(hada_path_write(folder, err, "%s/field", dataset));
     HADA_TRY_OR_DONE(hada_folder_ensure(folder, err));
-    HADA_TRY_OR_DONE(HADA_NEW(list, size, "a list of positions", err));
-    size_t used = (size_t)snprintf(list, size, "file,x_px,y_px\n");
+    hada_text_add(&list, "file,x_px,y_px\n");
     for (int i = 0; i < points; i++)
         for (int j = 0; j < points; j++) {
             const int row = i * (camera->window_rows - 1) / (points - 1) +
@@ -168,12 +166,12 @@ static hada_status write_field(const hada_recipe *recipe, const char *dataset, h
             char name[32];
             snprintf(name, sizeof name, "psf_%02d_%02d.tif", i + 1, j + 1);
             HADA_TRY_OR_DONE(write_psfs(recipe, folder, name, &at, err));
-            used += (size_t)snprintf(list + used, size - used, "%s,%d,%d\n", name, col, row);
+            hada_text_add(&list, "%s,%d,%d\n", name, col, row);
         }
     HADA_TRY_OR_DONE(hada_path_write(path, err, "%s/positions.csv", folder));
-    HADA_TRY_OR_DONE(hada_file_write(path, list, used, err));
+    HADA_TRY_OR_DONE(hada_text_save(&list, path, err));
 done:
-    free(list);
+    free(list.data);
     return status;
 }
 
@@ -369,7 +367,6 @@ static hada_status take_task(hada_recipe *recipe, const hada_camera *camera, con
                              hada_error *err)
 {
     hada_simulate_task *task = &recipe->task;
-    hada_sensor_init(&recipe->sensor);
     HADA_TRY(HADA_OPTIONS_TAKE(&recipe->camera, camera, hada_camera, err));
     HADA_TRY(HADA_OPTIONS_TAKE(task, callers, hada_simulate_task, err));
     HADA_TRY(HADA_OPTIONS_TAKE(&recipe->simulator_options, task->simulator, hada_simulator_options, err));
@@ -469,24 +466,17 @@ static hada_status make_simulator(hada_recipe *recipe, hada_error *err)
 static hada_status measure_loss(hada_recipe *recipe, hada_error *err)
 {
     const hada_camera *camera = &recipe->camera;
-    hada_image white = {0}, raw = {0};
+    const double all = (double)camera->window_rows * camera->window_cols * camera->channels * camera->depths;
     double caught = 0.0;
-    hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_image_create(&white, 1, camera->window_rows, camera->window_cols, err));
-    for (size_t i = 0; i < hada_image_count(&white); i++)
-        white.data[i] = 1.0f;
     for (int z = 0; z < camera->depths; z++) {
-        hada_image_destroy(&raw);
-        HADA_TRY_OR_DONE(hada_simulator_render(recipe->simulator, &(hada_plane){z, &white}, 1, 0.0, 0, &raw, err));
+        hada_image raw = {0};
+        HADA_TRY(hada_simulator_white(recipe->simulator, z, &raw, err));
         for (size_t i = 0; i < hada_image_count(&raw); i++)
             caught += (double)raw.data[i];
+        hada_image_destroy(&raw);
     }
-    recipe->light_lost =
-        fmax(0.0, 1.0 - caught / ((double)hada_image_count(&white) * camera->channels * camera->depths));
-done:
-    hada_image_destroy(&white);
-    hada_image_destroy(&raw);
-    return status;
+    recipe->light_lost = fmax(0.0, 1.0 - caught / all);
+    return HADA_OK;
 }
 
 static hada_status fill(void *user, const char *folder, hada_error *err)

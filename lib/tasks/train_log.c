@@ -10,6 +10,7 @@
 
 #include "core/input.h"
 #include "core/outfile.h"
+#include "image/pixels.h"
 #include "io/folder.h"
 #include "io/text.h"
 
@@ -24,18 +25,9 @@ enum { LOSS_NUMBERS = 12, VALIDATION_NUMBERS = 11, MOST_NUMBERS = 12 };
 
 static const char what[] = "the log of a training";
 
-/* The next room of a growing array. */
-static size_t more_than(size_t room)
-{
-    return room ? 2 * room : 256;
-}
-
 static hada_status remember_loss(hada_train_log *log, double step, double loss, hada_error *err)
 {
-    if (log->loss_count == log->loss_room) {
-        HADA_TRY(HADA_GROW(log->loss, more_than(log->loss_room), what, err));
-        log->loss_room = more_than(log->loss_room);
-    }
+    HADA_TRY(HADA_GROW(log->loss, log->loss_count + 1, what, err));
     log->loss[log->loss_count++] = (hada_loss_row){step, loss};
     return HADA_OK;
 }
@@ -43,10 +35,7 @@ static hada_status remember_loss(hada_train_log *log, double step, double loss, 
 static hada_status remember_row(hada_train_log *log, uint64_t step, const hada_validation *result, hada_error *err)
 {
     hada_validation *copy = NULL;
-    if (log->row_count == log->row_room) {
-        HADA_TRY(HADA_GROW(log->rows, more_than(log->row_room), what, err));
-        log->row_room = more_than(log->row_room);
-    }
+    HADA_TRY(HADA_GROW(log->rows, log->row_count + 1, what, err));
     HADA_TRY(HADA_NEW(copy, 1, what, err));
     *copy = *result;
     log->rows[log->row_count++] = (hada_train_row){step, copy};
@@ -167,9 +156,7 @@ static hada_status open_file(hada_train_log *log, const char *name, const char *
     hada_text_add(&text, "%s", head);
     if (go_on)
         HADA_TRY_OR_DONE(keep_lines(log, path, from, take, &text, err));
-    if (text.failed)
-        HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_MEMORY, "no memory for the log of a training"));
-    HADA_TRY_OR_DONE(hada_file_write(path, text.data, text.length, err));
+    HADA_TRY_OR_DONE(hada_text_save(&text, path, err));
     *out = fopen(path, "a");
     if (!*out)
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_FILE_WRITE, "%s cannot be written: %s", path, strerror(errno)));
@@ -332,12 +319,10 @@ done:
 
 enum { PANELS = 4, ROWS = 3, GAP = 4 }; /* of the sheet; pixels between panels */
 
-static float brightest(const hada_image *image)
+static float white_of(const hada_image *image)
 {
-    float top = 0;
-    for (size_t i = 0; i < hada_image_count(image); i++)
-        top = image->data[i] > top ? image->data[i] : top;
-    return top > 0 ? top : 1;
+    const float brightest = hada_image_brightest(image);
+    return brightest > 0.0f ? brightest : 1.0f;
 }
 
 /* Puts a panel, scaled to 1 at `white`, at (row0, col0) of the sheet. */
@@ -365,9 +350,9 @@ static hada_status add_row(hada_trainer *trainer, int pair, int index, int rows,
         for (size_t i = 0; i < hada_image_count(sheet); i++)
             sheet->data[i] = 1.0f;
     }
-    const float white = brightest(&panel[3]);
+    const float white = white_of(&panel[3]);
     for (int k = 0; k < PANELS; k++)
-        place(sheet, &panel[k], k ? white : brightest(&panel[0]), index * height, k * width);
+        place(sheet, &panel[k], k ? white : white_of(&panel[0]), index * height, k * width);
 done:
     for (int k = 0; k < PANELS; k++)
         hada_image_destroy(&panel[k]);

@@ -15,9 +15,9 @@ typedef struct hada_train_log {
     char *folder;
     FILE *losses, *validation;
     hada_loss_row *loss; /* of good steps */
-    size_t loss_count, loss_room;
+    size_t loss_count;
     hada_train_row *rows; /* each with a result of its own */
-    size_t row_count, row_room;
+    size_t row_count;
 } hada_train_log;
 
 /* go_on: keeps what the files of the folder hold up to step `from`; what was written after it is taken out. */

@@ -2,6 +2,7 @@
 #include <inttypes.h>
 #include <xxhash.h>
 
+#include "io/folder.h"
 #include "io/safetensors.h"
 #include "model/model.h"
 #include "train/trainer.h"
@@ -355,13 +356,9 @@ static hada_status take(hada_trainer *trainer, hada_tensors *file, hada_error *e
 hada_status hada_trainer_load(hada_trainer *trainer, const char *path, hada_error *err)
 {
     hada_tensors *file = NULL;
-    hada_status status = HADA_OK;
     HADA_NEED(trainer && path, err);
-    HADA_TRY_OR_DONE(hada_tensors_open(&file, path, err));
-    status = take(trainer, file, err);
-    if (status)
-        hada_error_prefix(err, "%s: ", path);
-done:
+    HADA_TRY(hada_tensors_open(&file, path, err));
+    const hada_status status = take(trainer, file, err);
     hada_tensors_close(&file);
-    return status;
+    return hada_named(status, path, err);
 }

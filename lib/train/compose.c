@@ -3,7 +3,7 @@
 #include "core/base.h"
 #include "core/random.h"
 
-/* One sequence of random numbers for each purpose; those of augmentation end at 2 (train/augment.c). */
+/* One sequence of random numbers for each purpose; those of augmentation end at 2 (train/feed.c). */
 enum { COIN = 3, SCENE = 4 };
 
 /* How often, in so many parts of a hundred: a picture on a surface (else objects side by side); the surface in stairs

@@ -4,6 +4,7 @@
 #include "core/base.h"
 #include "core/clock.h"
 #include "core/random.h"
+#include "image/pixels.h"
 
 /* One sequence of random numbers for each purpose and place; those of the order are small numbers (rounds). */
 enum { PAIR = 1, PLANE = 2 };
@@ -81,12 +82,9 @@ static void scale(hada_image *image, double dark, double factor)
 
 static void add_noise(hada_image *raw, double share, hada_random *random)
 {
-    const size_t count = hada_image_count(raw);
-    float top = 0.0f;
-    for (size_t i = 0; i < count; i++)
-        top = raw->data[i] > top ? raw->data[i] : top;
-    for (size_t i = 0; i < count; i++)
-        raw->data[i] = (float)((double)raw->data[i] + share * (double)top * hada_random_normal(random));
+    const double scale = share * (double)hada_image_brightest(raw);
+    for (size_t i = 0; i < hada_image_count(raw); i++)
+        raw->data[i] = (float)((double)raw->data[i] + scale * hada_random_normal(random));
 }
 
 hada_status hada_augment_pair(const hada_augment *augment, double dark, uint64_t seed, uint64_t place, hada_image *raw,

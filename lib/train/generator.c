@@ -54,7 +54,7 @@ static hada_status load_planes(hada_generator *generator, hada_graph *graph, con
     const hada_step_images *images = generator->images;
     const int resized = images->shape->resized;
     const hada_tensor *x = hada_graph_input(graph), *first = resized ? window : x;
-    const hada_planar planes = hada_step_plain(first, hada_step_mem(images, HADA_STEP_PLANES), 0);
+    const hada_planar planes = hada_planar_like(first, hada_step_mem(images, HADA_STEP_PLANES), 0);
     HADA_TRY(hada_tensor_load(images->slot, &planes, first, err));
     if (resized) {
         HADA_TRY(hada_tensor_clear_halo(images->slot, x, err));
@@ -98,7 +98,7 @@ hada_status hada_generator_infer(hada_generator *generator, hada_error *err)
     const hada_tensor window = hada_tensor_images(&generator->input, 0, generator->net->colours);
     const hada_tensor out = hada_tensor_images(&generator->output, 0, generator->net->colours);
     const hada_tensor *last = images->shape->resized ? &out : y;
-    const hada_planar plain = hada_step_plain(last, hada_step_mem(images, HADA_STEP_PLAIN), 0);
+    const hada_planar plain = hada_planar_like(last, hada_step_mem(images, HADA_STEP_PLAIN), 0);
     hada_slot_stage(images->slot, "inference");
     HADA_TRY(take_weights(generator, graph, &generator->inference_version, err));
     HADA_TRY(load_planes(generator, graph, &window, err));

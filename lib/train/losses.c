@@ -149,7 +149,7 @@ static hada_status squared_error(const terms_call *now, hada_error *err)
     hada_losses *losses = now->losses;
     hada_slot *slot = now->images->slot;
     const hada_loss_desc loss = {.loss = HADA_LOSS_MSE, .weight = (float)(losses->options->mse * now->weight)};
-    const hada_planar scenes = hada_step_plain(&losses->target, hada_step_mem(now->images, HADA_STEP_SCENES), 0);
+    const hada_planar scenes = hada_planar_like(&losses->target, hada_step_mem(now->images, HADA_STEP_SCENES), 0);
     HADA_TRY(hada_tensor_load(slot, &scenes, &losses->target, err));
     HADA_TRY(
         hada_loss_run(slot, &loss, &now->x, &now->target, term(now, HADA_TERM_MSE), &now->dx, 0, scratch(now), err));
@@ -172,21 +172,18 @@ static hada_status variation(const terms_call *now, hada_error *err)
 /* Plain images of the window to the input of VGG-16 (repeated: one channel for all three) or of the discriminator. */
 static hada_status load_images(const terms_call *now, hada_graph *graph, int repeated, cl_mem mem, hada_error *err)
 {
-    const hada_planar images = {.mem = mem,
-                                .image_stride = now->images->shape->plane,
-                                .channel_stride = repeated ? 0 : now->images->shape->pixels,
-                                .row_stride = (size_t)now->images->shape->cols};
+    const hada_replica_shape *shape = now->images->shape;
+    hada_planar images = hada_planar_at(mem, 0, shape->channels, shape->rows, shape->cols);
+    if (repeated)
+        images.channel_stride = 0;
     return hada_graph_load(graph, &images, err);
 }
 
 /* The gradient that a graph has of its input, which has so many channels, as plain floats. */
 static hada_status store_gradient(const terms_call *now, hada_graph *graph, int channels, cl_mem mem, hada_error *err)
 {
-    const size_t pixels = now->images->shape->pixels;
-    const hada_planar all = {.mem = mem,
-                             .image_stride = (size_t)channels * pixels,
-                             .channel_stride = pixels,
-                             .row_stride = (size_t)now->images->shape->cols};
+    const hada_replica_shape *shape = now->images->shape;
+    const hada_planar all = hada_planar_at(mem, 0, channels, shape->rows, shape->cols);
     return hada_graph_store_gradient(graph, &all, err);
 }
 
@@ -203,7 +200,7 @@ static hada_status add_gradient(const terms_call *now, const hada_planar *part, 
 static hada_status store_output(const terms_call *now, hada_error *err)
 {
     const hada_tensor *y = hada_generator_output(now->losses->generator);
-    const hada_planar plain = hada_step_plain(y, hada_step_mem(now->images, HADA_STEP_PLAIN), 0);
+    const hada_planar plain = hada_planar_like(y, hada_step_mem(now->images, HADA_STEP_PLAIN), 0);
     return hada_tensor_store(now->images->slot, y, &plain, err);
 }
 
@@ -271,7 +268,7 @@ static hada_status perceptual_backward(const terms_call *now, int repeated, hada
     HADA_TRY(hada_graph_backward(losses->vgg, (hada_floats){0}, 0, err));
     HADA_TRY(store_gradient(now, losses->vgg, VGG_CHANNELS, plain, err));
     for (int i = 0; i < repeats; i++) {
-        hada_planar part = hada_step_plain(&losses->term_gradient, plain, (size_t)i * now->images->shape->pixels);
+        hada_planar part = hada_planar_like(&losses->term_gradient, plain, (size_t)i * now->images->shape->pixels);
         part.image_stride *= (size_t)repeats;
         HADA_TRY(add_gradient(now, &part, err));
     }
@@ -334,7 +331,7 @@ static hada_status generator_loss(const terms_call *now, hada_error *err)
 {
     hada_losses *losses = now->losses;
     const cl_mem plain = hada_step_mem(now->images, HADA_STEP_PLAIN);
-    const hada_planar part = hada_step_plain(&losses->term_gradient, plain, 0);
+    const hada_planar part = hada_planar_like(&losses->term_gradient, plain, 0);
     /* backward overwrites what it passes, so the images go through the discriminator again */
     HADA_TRY(discriminate(now, plain, REAL, losses->options->adversarial * now->weight, HADA_TERM_ADVERSARIAL, err));
     HADA_TRY(hada_graph_backward(losses->discriminator, (hada_floats){0}, 0, err));

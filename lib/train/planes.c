@@ -17,11 +17,6 @@ typedef struct light_maker {
     size_t frame, window;        /* floats */
 } light_maker;
 
-static size_t frame_floats(const hada_model_info *info)
-{
-    return (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols;
-}
-
 static void destroy_light(light_maker *light)
 {
     hada_fft_destroy(&light->forward);
@@ -35,7 +30,8 @@ static hada_status create_light(light_maker *light, hada_slot *slot, const hada_
 {
     hada_geometry at;
     hada_status status = HADA_OK;
-    *light = (light_maker){.slot = slot, .channels = info->channels, .frame = frame_floats(info)};
+    *light = (light_maker){.slot = slot, .channels = info->channels};
+    light->frame = (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols;
     light->window = (size_t)info->channels * (size_t)info->window_rows * (size_t)info->window_cols;
     HADA_TRY_OR_DONE(hada_geometry_of(info, &at, err));
     const hada_fft_desc forward = hada_geometry_transform(info, &at, HADA_FFT_FORWARD, 1, 1);
@@ -48,7 +44,7 @@ static hada_status create_light(light_maker *light, hada_slot *slot, const hada_
         hada_buffer_create(&light->spectrum, slot->context,
                            (size_t)info->channels * hada_fft_plan_layout(light->forward)->count * 2 * sizeof(float),
                            "a scene's spectrum", err));
-    HADA_TRY_OR_DONE(hada_allocated(light->room = hada_alloc(light->frame, sizeof(float), "a composed frame", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(light->room, light->frame, "a composed frame", err));
 done:
     if (status)
         destroy_light(light);
@@ -139,7 +135,7 @@ hada_status hada_planes_create(hada_planes **out, hada_slot *slot, const hada_mo
     hada_planes *planes = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
-    HADA_TRY_OR_DONE(hada_allocated(planes = hada_alloc(1, sizeof *planes, "planes for training", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(planes, 1, "planes for training", err));
     planes->info = info;
     planes->others = others;
     planes->maker.slot = slot;
@@ -275,7 +271,7 @@ static hada_status add_up(hada_planes *planes, const hada_composed *composed, fl
     const size_t values = plane_bytes(planes->info) / sizeof(float);
     float *one = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(hada_allocated(one = hada_alloc(values, sizeof *one, "a sum of planes", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(one, values, "a sum of planes", err));
     memset(out, 0, values * sizeof *out);
     for (int i = 0; i < composed->count; i++) {
         HADA_TRY_OR_DONE(read_plane(planes, composed->depth[i], i, one, err));
@@ -285,13 +281,6 @@ static hada_status add_up(hada_planes *planes, const hada_composed *composed, fl
 done:
     free(one);
     return status;
-}
-
-/* The sum of all planes becomes what the others hold. */
-static void take_off(const float *own, float *sum, size_t values)
-{
-    for (size_t k = 0; k < values; k++)
-        sum[k] -= own[k];
 }
 
 static hada_status make_plane(hada_planes *planes, int depth, const hada_composed *composed, hada_image *out,
@@ -307,7 +296,8 @@ static hada_status make_plane(hada_planes *planes, int depth, const hada_compose
     memset(out->data + values, 0, values * sizeof(float));
     if (planes->refiner && composed->count) {
         HADA_TRY(add_up(planes, composed, out->data + values, err));
-        take_off(out->data, out->data + values, values);
+        for (size_t k = 0; k < values; k++) /* of the sum of all planes, what the others hold */
+            out->data[values + k] -= out->data[k];
     }
     return HADA_OK;
 }

@@ -34,13 +34,6 @@ static hada_status filter_step_create(hada_filter_step *step, hada_step_images *
     return write_columns(images, err);
 }
 
-static void filter_step_destroy(hada_filter_step *step)
-{
-    hada_fft_destroy(&step->forward);
-    hada_fft_destroy(&step->inverse);
-    hada_fft_destroy(&step->back);
-}
-
 static hada_status upload_frames(hada_step_images *images, const hada_sample *samples, int count, hada_error *err)
 {
     const size_t bytes = images->shape->frame * sizeof(float);
@@ -253,7 +246,9 @@ void hada_replica_destroy(hada_replica **pointer)
     hada_slot_finish(replica->images.slot, NULL);
     hada_losses_destroy(&replica->losses);
     hada_generator_destroy(&replica->generator);
-    filter_step_destroy(&replica->filters);
+    hada_fft_destroy(&replica->filters.forward);
+    hada_fft_destroy(&replica->filters.inverse);
+    hada_fft_destroy(&replica->filters.back);
     hada_parameters_destroy(&replica->parameters);
     hada_step_images_destroy(&replica->images);
     free(replica);

@@ -91,20 +91,19 @@ static hada_status check_net(const hada_net *net, const char *what, int channels
     return status;
 }
 
-/* The form that is trained: the model's own, or what the options say. */
-static hada_status choose_form(const hada_replica_desc *desc, hada_replica_shape *shape, hada_error *err)
+hada_status hada_train_form(const hada_train_options *options, const hada_model_info *info, hada_form *form,
+                            hada_error *err)
 {
-    const hada_form made = hada_model_get_info(desc->model)->form;
-    const hada_form own = made == HADA_FORM_SPLIT ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX;
-    const int random = desc->options->random_start;
-    shape->form = desc->options->form ? desc->options->form : random ? HADA_FORM_COMPLEX : own;
-    if (shape->form != HADA_FORM_COMPLEX && shape->form != HADA_FORM_SPLIT)
+    const hada_form own = info->form == HADA_FORM_SPLIT ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX;
+    const int random = options->random_start;
+    *form = options->form ? options->form : random ? HADA_FORM_COMPLEX : own;
+    if (*form != HADA_FORM_COMPLEX && *form != HADA_FORM_SPLIT)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "filters are trained in the forms complex and split");
-    if (!random && shape->form != own)
+    if (!random && *form != own)
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the model's filters are %s, those to be trained %s: start from random ones, or from a model "
                          "of that form",
-                         hada_form_name(own), hada_form_name(shape->form));
+                         hada_form_name(own), hada_form_name(*form));
     return HADA_OK;
 }
 
@@ -114,7 +113,7 @@ static hada_status filter_shape(const hada_context *context, const hada_replica_
     const hada_model_info *info = hada_model_get_info(desc->model);
     hada_geometry geometry;
     HADA_TRY(hada_geometry_of(info, &geometry, err));
-    HADA_TRY(choose_form(desc, shape, err));
+    HADA_TRY(hada_train_form(desc->options, info, &shape->form, err));
     shape->frame = (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols;
     shape->layout = hada_hadamard_layout(context, info);
     const int rows = info->grid_rows, cols = info->grid_cols;
@@ -307,16 +306,6 @@ void hada_step_images_destroy(hada_step_images *images)
 {
     for (int i = 0; i < HADA_STEP_PLACES; i++)
         hada_buffer_destroy(&images->place[i]);
-}
-
-hada_planar hada_step_plain(const hada_tensor *tensor, cl_mem mem, size_t offset)
-{
-    const size_t plane = (size_t)tensor->rows * (size_t)tensor->cols;
-    return (hada_planar){.mem = mem,
-                         .offset = offset,
-                         .image_stride = plane * (size_t)tensor->channels,
-                         .channel_stride = plane,
-                         .row_stride = (size_t)tensor->cols};
 }
 
 hada_status hada_step_upload(hada_step_images *images, hada_step_place place, const hada_image *image, int number,

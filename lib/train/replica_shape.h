@@ -111,6 +111,10 @@ typedef struct hada_replica_shape {
     int groups;
 } hada_replica_shape;
 
+/* The form of the filters that are trained: what the options say, else the model's own, or complex from random ones. */
+hada_status hada_train_form(const hada_train_options *options, const hada_model_info *info, hada_form *form,
+                            hada_error *err);
+
 hada_status hada_replica_shape_of(const hada_context *context, const hada_replica_desc *desc, hada_replica_shape *shape,
                                   hada_error *err);
 
@@ -141,9 +145,6 @@ static inline cl_mem hada_step_mem(const hada_step_images *images, hada_step_pla
 {
     return images->place[place].mem;
 }
-
-/* A tensor's plain floats, from `offset` on, image after image. */
-hada_planar hada_step_plain(const hada_tensor *tensor, cl_mem mem, size_t offset);
 
 /* One image of the window to its place among those of a call. */
 hada_status hada_step_upload(hada_step_images *images, hada_step_place place, const hada_image *image, int number,

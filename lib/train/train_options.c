@@ -3,11 +3,6 @@
 #include "core/callers.h"
 #include "train/feed.h"
 
-int hada_stage_has_net(hada_stage stage)
-{
-    return stage != HADA_STAGE_FILTERS;
-}
-
 int hada_stage_has_discriminator(const hada_train_options *options)
 {
     return options->stage == HADA_STAGE_ADVERSARIAL;
@@ -80,22 +75,6 @@ static hada_status check_numbers(const hada_train_options *options, hada_error *
     if (options->net_rows < 0 || options->net_cols < 0 || !options->net_rows != !options->net_cols)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a net cannot run at %d x %d pixels", options->net_rows,
                          options->net_cols);
-    return HADA_OK;
-}
-
-/* FILTERS: the form that is trained. */
-static hada_status settle_form(hada_train_options *options, const hada_model_info *info, hada_error *err)
-{
-    const hada_form own = info->form == HADA_FORM_SPLIT ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX;
-    if (options->random_start && options->stage != HADA_STAGE_FILTERS)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a random start is for the stage that trains filters alone");
-    if (!options->form)
-        options->form = options->random_start ? HADA_FORM_COMPLEX : own;
-    if (options->form != HADA_FORM_COMPLEX && options->form != HADA_FORM_SPLIT)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "filters of the forms complex and split can be trained");
-    if (!options->random_start && options->form != own)
-        return hada_fail(err, HADA_ERROR_MODEL, "the model's filters have the form %s: train that, or start at random",
-                         own == HADA_FORM_SPLIT ? "split" : "complex");
     return HADA_OK;
 }
 
@@ -191,7 +170,9 @@ hada_status hada_train_options_settle(hada_train_options *options, hada_augment 
     settle_rates(options);
     HADA_TRY(check_numbers(options, err));
     HADA_TRY(take_augment(augment, given, options->stage, info, err));
-    HADA_TRY(settle_form(options, info, err));
+    if (options->random_start && options->stage != HADA_STAGE_FILTERS)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a random start is for the stage that trains filters alone");
+    HADA_TRY(hada_train_form(options, info, &options->form, err));
     settle_stage(options, info);
     HADA_TRY(settle_compose(options, model, err));
     if (!(options->mse + options->perceptual + options->adversarial + options->variation > 0.0))

@@ -71,12 +71,6 @@ int hada_net_start_as_identity(hada_net *net)
     return found;
 }
 
-/* A new net sees beside a plane what the other planes of its scene hold, where there are such and it can. */
-static int sees_others(const hada_train_options *options, const hada_model_info *info)
-{
-    return options->compose > 0.0 && hada_train_may_see_others(options, info);
-}
-
 static hada_status create_with_others(hada_net **out, int channels, uint64_t seed, hada_error *err)
 {
     hada_unet_options options;
@@ -106,7 +100,8 @@ static hada_status begin_net(hada_net **out, const hada_train_options *options, 
         return hada_net_copy(out, options->net_given, err);
     if (!options->new_net)
         return hada_net_copy(out, hada_model_get_enhance(model), err);
-    if (sees_others(options, hada_model_get_info(model))) {
+    /* a new net sees beside a plane what the other planes of its scene hold, where there are such and it can */
+    if (options->compose > 0.0 && hada_train_may_see_others(options, hada_model_get_info(model))) {
         HADA_TRY(create_with_others(out, channels, options->seed, err));
         (*out)->shares = options->compose >= 1.0;
     } else {
@@ -134,13 +129,6 @@ static hada_status make_net(hada_net **out, const hada_train_options *options, c
     return check_shares(*out, options, err);
 }
 
-/* The discriminator that the options name. */
-static hada_status make_discriminator(hada_net **out, const hada_train_options *options, int channels, hada_error *err)
-{
-    HADA_TRY(hada_discriminator_make(out, options->discriminator, channels, err));
-    return hada_net_init(*out, options->seed, err);
-}
-
 static hada_status load_vgg(hada_net **out, const hada_train_options *options, int channels, hada_error *err)
 {
     if (channels != 1 && channels != 3)
@@ -164,10 +152,12 @@ static hada_status train_nets_make(hada_train_nets *nets, const hada_train_optio
     const int channels = hada_model_get_info(model)->channels;
     hada_status status = HADA_OK;
     *nets = (hada_train_nets){0};
-    if (hada_stage_has_net(options->stage))
+    if (options->stage != HADA_STAGE_FILTERS)
         HADA_TRY_OR_DONE(make_net(&nets->net, options, model, err));
-    if (hada_stage_has_discriminator(options))
-        HADA_TRY_OR_DONE(make_discriminator(&nets->discriminator, options, channels, err));
+    if (hada_stage_has_discriminator(options)) {
+        HADA_TRY_OR_DONE(hada_discriminator_make(&nets->discriminator, options->discriminator, channels, err));
+        HADA_TRY_OR_DONE(hada_net_init(nets->discriminator, options->seed, err));
+    }
     if (options->perceptual > 0.0)
         HADA_TRY_OR_DONE(load_vgg(&nets->vgg, options, channels, err));
 done:

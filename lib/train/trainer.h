@@ -22,7 +22,6 @@ hada_status hada_train_options_settle(hada_train_options *options, hada_augment 
 /* Whether a new net could take, beside a plane, what the others hold. */
 int hada_train_may_see_others(const hada_train_options *options, const hada_model_info *info);
 
-int hada_stage_has_net(hada_stage stage);
 int hada_stage_has_discriminator(const hada_train_options *options);
 int hada_stage_has_planes(hada_stage stage);
 

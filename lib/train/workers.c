@@ -1,111 +1,17 @@
-/* Workers, and the threads in which they work together. */
+/* Workers, and how they work together. */
 #include "train/workers.h"
 
 #include "core/clock.h"
 #include "net/enhance.h"
 
-typedef struct member {
-    hada_worker_threads *threads;
+/* What a worker does while the others do it too. */
+struct hada_worker_task {
+    hada_workers *workers;
     int number, started;
-    pthread_t thread;
-} member;
-
-struct hada_worker_threads {
-    pthread_mutex_t lock;
-    pthread_cond_t begins, ends;
-    member *members;
-    int count;
-    uint64_t task; /* changes when one begins */
-    int at_work, stop;
-    void (*work)(void *user, int member);
+    hada_work work;
     void *user;
+    pthread_t thread;
 };
-
-static void *serve(void *user)
-{
-    const member *own = user;
-    hada_worker_threads *threads = own->threads;
-    uint64_t last = 0;
-    pthread_mutex_lock(&threads->lock);
-    for (;;) {
-        while (!threads->stop && threads->task == last)
-            pthread_cond_wait(&threads->begins, &threads->lock);
-        if (threads->stop)
-            break;
-        last = threads->task;
-        pthread_mutex_unlock(&threads->lock);
-        threads->work(threads->user, own->number);
-        pthread_mutex_lock(&threads->lock);
-        if (!--threads->at_work)
-            pthread_cond_signal(&threads->ends);
-    }
-    pthread_mutex_unlock(&threads->lock);
-    return NULL;
-}
-
-/* Member 0 is the caller; each of the others has a thread, which sleeps between tasks. Where the system gives no thread
- * for a member, the caller does its work as well. */
-static hada_status threads_create(hada_worker_threads **out, int count, hada_error *err)
-{
-    hada_worker_threads *threads = NULL;
-    hada_status status = HADA_OK;
-    *out = NULL;
-    HADA_TRY_OR_DONE(HADA_NEW(threads, 1, "threads", err));
-    HADA_TRY_OR_DONE(HADA_NEW(threads->members, (size_t)count, "threads", err));
-    threads->count = count;
-    threads->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
-    threads->begins = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
-    threads->ends = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
-    for (int i = 0; i < count; i++) {
-        member *it = &threads->members[i];
-        *it = (member){.threads = threads, .number = i};
-        it->started = i && hada_thread_start(&it->thread, serve, it);
-    }
-    *out = threads;
-done:
-    if (status)
-        free(threads);
-    return status;
-}
-
-static void threads_destroy(hada_worker_threads **pointer)
-{
-    hada_worker_threads *threads = hada_taken(pointer);
-    if (!threads)
-        return;
-    pthread_mutex_lock(&threads->lock);
-    threads->stop = 1;
-    pthread_cond_broadcast(&threads->begins);
-    pthread_mutex_unlock(&threads->lock);
-    for (int i = 0; i < threads->count; i++)
-        if (threads->members[i].started)
-            pthread_join(threads->members[i].thread, NULL);
-    pthread_cond_destroy(&threads->begins);
-    pthread_cond_destroy(&threads->ends);
-    pthread_mutex_destroy(&threads->lock);
-    HADA_FREE(threads->members, threads);
-}
-
-/* work(user, member) for every member at the same time; returns when all are done. No member may wait for another
- * within it. */
-static void threads_run(hada_worker_threads *threads, void (*work)(void *user, int member), void *user)
-{
-    pthread_mutex_lock(&threads->lock);
-    threads->work = work;
-    threads->user = user;
-    for (int i = 0; i < threads->count; i++)
-        threads->at_work += threads->members[i].started;
-    threads->task++;
-    pthread_cond_broadcast(&threads->begins);
-    pthread_mutex_unlock(&threads->lock);
-    for (int i = 0; i < threads->count; i++)
-        if (!threads->members[i].started)
-            work(user, i);
-    pthread_mutex_lock(&threads->lock);
-    while (threads->at_work)
-        pthread_cond_wait(&threads->ends, &threads->lock);
-    pthread_mutex_unlock(&threads->lock);
-}
 
 static hada_status make_worker(hada_worker *worker, hada_context *context, const hada_replica_desc *desc, int planes,
                                hada_error *err)
@@ -145,9 +51,8 @@ hada_status hada_workers_create(hada_workers *workers, hada_context *const *cont
     hada_status status = HADA_OK;
     *workers = (hada_workers){0};
     HADA_TRY(HADA_NEW(workers->worker, (size_t)count, "a trainer", err));
+    HADA_TRY(HADA_NEW(workers->tasks, (size_t)count, "a trainer", err));
     workers->count = own.shares = count;
-    if (count > 1)
-        HADA_TRY(threads_create(&workers->threads, count, err));
     for (int i = 0; i < count; i++) {
         own.share = i;
         status = make_worker(&workers->worker[i], contexts[i], &own, planes, err);
@@ -175,32 +80,36 @@ static void destroy_worker(hada_worker *worker)
 
 void hada_workers_destroy(hada_workers *workers)
 {
-    threads_destroy(&workers->threads);
     hada_buckets_free(&workers->buckets);
     for (int i = 0; i < workers->count; i++)
         destroy_worker(&workers->worker[i]);
-    free(workers->worker);
+    HADA_FREE(workers->worker, workers->tasks);
     *workers = (hada_workers){0};
 }
 
-typedef struct task {
-    hada_workers *workers;
-    hada_work work;
-    void *user;
-} task;
-
-static void run_task(void *user, int number)
+static void *run_task(void *user)
 {
-    const task *what = user;
-    hada_worker *worker = &what->workers->worker[number];
-    worker->status = what->work(what->workers, number, what->user, &worker->error);
+    const hada_worker_task *own = user;
+    hada_worker *worker = &own->workers->worker[own->number];
+    worker->status = own->work(own->workers, own->number, own->user, &worker->error);
+    return NULL;
 }
 
+/* The caller is the first worker's thread, and that of those for which the system gives none. */
 hada_status hada_workers_run(hada_workers *workers, hada_work work, void *user, hada_error *err)
 {
     if (workers->count == 1)
         return work(workers, 0, user, err);
-    threads_run(workers->threads, run_task, &(task){workers, work, user});
+    for (int i = workers->count - 1; i >= 0; i--) {
+        hada_worker_task *task = &workers->tasks[i];
+        *task = (hada_worker_task){.workers = workers, .number = i, .work = work, .user = user};
+        task->started = i && hada_thread_start(&task->thread, run_task, task);
+        if (!task->started)
+            run_task(task);
+    }
+    for (int i = 0; i < workers->count; i++)
+        if (workers->tasks[i].started)
+            pthread_join(workers->tasks[i].thread, NULL);
     for (int i = 0; i < workers->count; i++)
         if (workers->worker[i].status) {
             if (err)

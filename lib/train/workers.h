@@ -26,12 +26,12 @@ typedef struct hada_worker {
     hada_error error;
 } hada_worker;
 
-typedef struct hada_worker_threads hada_worker_threads;
+typedef struct hada_worker_task hada_worker_task;
 
 typedef struct hada_workers {
     hada_worker *worker;
     int count, groups;              /* groups of parameters */
-    hada_worker_threads *threads;   /* where there are several workers */
+    hada_worker_task *tasks;        /* of each worker, in threads of their own */
     const hada_communicator *ranks; /* that have workers as well; NULL: none */
     hada_buckets buckets;           /* of a single worker among ranks */
 } hada_workers;

@@ -44,8 +44,8 @@ static void expect(const hada_optimizer_desc *desc, size_t count, const double *
     for (int t = 1; t <= STEPS; t++) {
         const double *g = gradients + (size_t)(t - 1) * count;
         double *p = out, *first = p + count, *second = first + count;
-        const hada_ref_rmsprop rms = {RATE / t, desc->decay, desc->eps};
-        const hada_ref_adam adam = {RATE / t, desc->beta1, desc->beta2, desc->eps};
+        const hada_ref_rmsprop rms = {RATE / t, HADA_RMSPROP_DECAY, desc->eps};
+        const hada_ref_adam adam = {RATE / t, HADA_ADAM_BETA1, HADA_ADAM_BETA2, desc->eps};
         if (desc->optimizer == HADA_OPTIMIZER_RMSPROP)
             hada_ref_rmsprop_step(&rms, count, g, p, first);
         else

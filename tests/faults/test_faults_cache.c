@@ -41,8 +41,8 @@ static hada_status open_and_close(const char *cache, unsigned *compiled, unsigne
         print_message("%s\n", error.message);
         return status;
     }
-    *compiled = hada_context_programs_compiled(context);
-    *loaded = hada_context_programs_loaded(context);
+    *compiled = context->programs->compiled;
+    *loaded = context->programs->loaded;
     hada_context_destroy(&context);
     return HADA_OK;
 }

@@ -154,11 +154,11 @@ TEST(programs_come_from_the_cache_the_second_time)
     DEFAULTS(hada_context_options, options);
     options.cache = folder;
     ASSERT_OK(hada_context_create(&context, &options, err));
-    assert_int_equal(hada_context_programs_compiled(context), 1);
+    assert_int_equal(context->programs->compiled, 1);
     hada_context_destroy(&context);
     ASSERT_OK(hada_context_create(&context, &options, err));
-    assert_int_equal(hada_context_programs_compiled(context), 0);
-    assert_int_equal(hada_context_programs_loaded(context), 1);
+    assert_int_equal(context->programs->compiled, 0);
+    assert_int_equal(context->programs->loaded, 1);
     hada_context_destroy(&context);
     /* a damaged cache entry is only a slower start */
     char command[300];
@@ -166,7 +166,7 @@ TEST(programs_come_from_the_cache_the_second_time)
              "for f in %s/*; do printf x | dd of=$f bs=1 seek=100 conv=notrunc status=none; done", folder);
     assert_int_equal(system(command), 0);
     ASSERT_OK(hada_context_create(&context, &options, err));
-    assert_int_equal(hada_context_programs_compiled(context), 1);
+    assert_int_equal(context->programs->compiled, 1);
     hada_context_destroy(&context);
     folder_remove(folder);
     /* so is a cache that cannot be written */
@@ -181,13 +181,13 @@ static void save_program(hada_context *context, const char *file, const char *fo
     cl_program program;
     SCOPED_MEMORY unsigned char *binary;
     size_t bytes;
-    char name[256], *text = hada_kernel_text(file);
-    assert_non_null(text);
+    char name[256];
+    SCOPED_MEMORY char *text;
+    ASSERT_OK(hada_kernel_text(&text, file, err));
     ASSERT_OK(hada_program_get(context, file, "", &program, err));
     ASSERT_OK(hada_program_binary(program, &binary, &bytes, err));
     ASSERT_OK(hada_program_key(context, file, "", text, name, sizeof name, err));
     ASSERT_OK(hada_binary_write(folder, name, binary, bytes, err));
-    free(text);
 }
 
 static int stops_at_second(void *user)
@@ -204,10 +204,10 @@ static void saving_stops(hada_context *context, const char *folder)
     monitor.user = &asked;
     monitor.cancelled = stops_at_second;
     snprintf(inside, sizeof inside, "%s/some", folder);
-    const unsigned before = hada_context_programs_compiled(context);
+    const unsigned before = context->programs->compiled;
     ASSERT_FAILS(hada_programs_save(context, inside, &monitor, err), HADA_ERROR_CANCELLED, "");
     assert_int_equal(asked, 2);
-    assert_true(hada_context_programs_compiled(context) <= before + 1);
+    assert_true(context->programs->compiled <= before + 1);
     snprintf(command, sizeof command, "test $(ls -A %s | wc -l) = 1 && rm -r %s", inside, inside);
     assert_int_equal(system(command), 0);
 }
@@ -241,8 +241,8 @@ TEST(offline_binaries_need_no_compiler)
     ASSERT_FAILS(hada_launch(slot, &missing, HADA_PROGRAM_SELFTEST_DEFAULT, &range, &args, err), HADA_ERROR_DEVICE, "");
     ASSERT_FAILS(hada_program_prepare(slot, &hada_file_selftest, -1, err), HADA_ERROR_STATE, "");
     ASSERT_FAILS(hada_prepare_filter_clip(slot, HADA_PROGRAM_FILTER_CLIP_DEFAULT, err), HADA_ERROR_BUILD, "");
-    assert_int_equal(hada_context_programs_compiled(context), 0);
-    assert_int_equal(hada_context_programs_loaded(context), 1);
+    assert_int_equal(context->programs->compiled, 0);
+    assert_int_equal(context->programs->loaded, 1);
     hada_slot_destroy(&slot);
     hada_context_destroy(&context);
     folder_remove(folder);

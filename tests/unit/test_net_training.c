@@ -229,9 +229,6 @@ TEST(what_makes_no_sense_is_refused)
     ASSERT_FAILS(hada_optimizer_step(device->slot, &desc, 0, 0.1, p, p, p, 1, err), HADA_ERROR_ARGUMENT, "");
     ASSERT_FAILS(hada_optimizer_step(device->slot, &desc, 1, NAN, p, p, p, 1, err), HADA_ERROR_ARGUMENT, "");
     ASSERT_FAILS(hada_optimizer_step(device->slot, &desc, 1, 0.1, p, p, p, 0, err), HADA_ERROR_ARGUMENT, "");
-    desc.beta2 = 1.0;
-    ASSERT_FAILS(hada_optimizer_step(device->slot, &desc, 1, 0.1, p, p, p, 1, err), HADA_ERROR_ARGUMENT, "");
-    desc = t.desc;
     desc.eps = 0.0;
     ASSERT_FAILS(hada_optimizer_step(device->slot, &desc, 1, 0.1, p, p, p, 1, err), HADA_ERROR_ARGUMENT, "");
     const hada_gradient_part nothing = {p, 0};

@@ -27,7 +27,7 @@ typedef struct hada_tune_time {
 typedef struct hada_tune_row {
     int rows, cols, batch;
     hada_tune_time own, clfft;
-    hada_tune_backend before; /* who serves in this context now: by its tuning file, else by the table */
+    hada_tune_backend before; /* who serves in this context now: by its tuning file, else our own */
     hada_tune_backend chosen; /* the faster one */
 } hada_tune_row;
 

@@ -1,6 +1,5 @@
 /* Pictures, tensors, models, nets, cameras: files as a whole. */
 #include <hadalens/camera.h>
-#include <hadalens/fit.h>
 #include <hadalens/model.h>
 #include <hadalens/net.h>
 #include <hadalens/tiff.h>

@@ -62,27 +62,19 @@ static void note_open(const char *path, int flags, int fd)
         note("write", whole(name, path), NULL);
 }
 
-int open(const char *path, int flags, ...)
-{
-    va_list rest;
-    va_start(rest, flags);
-    const mode_t mode = flags & O_CREAT ? va_arg(rest, mode_t) : 0;
-    va_end(rest);
-    const int fd = TRUE_ONE(open)(path, flags, mode);
-    note_open(path, flags, fd);
-    return fd;
-}
-
-int open64(const char *path, int flags, ...)
-{
-    va_list rest;
-    va_start(rest, flags);
-    const mode_t mode = flags & O_CREAT ? va_arg(rest, mode_t) : 0;
-    va_end(rest);
-    const int fd = TRUE_ONE(open64)(path, flags, mode);
-    note_open(path, flags, fd);
-    return fd;
-}
+#define RECORDED(open)                                                                                                 \
+    int open(const char *path, int flags, ...)                                                                         \
+    {                                                                                                                  \
+        va_list rest;                                                                                                  \
+        va_start(rest, flags);                                                                                         \
+        const mode_t mode = flags & O_CREAT ? va_arg(rest, mode_t) : 0;                                                \
+        va_end(rest);                                                                                                  \
+        const int fd = TRUE_ONE(open)(path, flags, mode);                                                              \
+        note_open(path, flags, fd);                                                                                    \
+        return fd;                                                                                                     \
+    }
+RECORDED(open)
+RECORDED(open64)
 
 /* Whatever goes through a stream is taken to be written when it is opened, and once more when it is flushed. */
 FILE *fopen(const char *path, const char *mode)

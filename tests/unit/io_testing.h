@@ -3,6 +3,7 @@
 #define IO_TESTING_H
 
 #include <dirent.h>
+#include <hadalens/model.h>
 #include <hadalens/tiff.h>
 #include <tiffio.h>
 
@@ -59,6 +60,22 @@ static inline const char *io_golden(const char *name)
     static char path[1024];
     snprintf(path, sizeof path, "%s/tests/golden/%s", HADALENS_SOURCE_DIR, name);
     return path;
+}
+
+/* Of a small model. */
+static inline hada_model_info io_model_info(int depths, const double *distances_mm)
+{
+    return (hada_model_info){.depths = depths,
+                             .channels = 1,
+                             .form = HADA_FORM_COMPLEX,
+                             .boundary = HADA_BOUNDARY_CIRCULAR,
+                             .raw_rows = 6,
+                             .raw_cols = 8,
+                             .grid_rows = 6,
+                             .grid_cols = 8,
+                             .window_rows = 4,
+                             .window_cols = 4,
+                             .distances_mm = distances_mm};
 }
 
 static inline int io_exists(const char *path)

@@ -223,10 +223,9 @@ TEST(dark_level_is_the_first_percentile_of_means)
     static float pixels[COUNT], room[COUNT];
     for (int i = 0; i < COUNT; i++) /* in a row 16 pixels of one mean; fewer at the end are left out */
         pixels[i] = i < RUNS * RUN ? (float)((i / RUN * 337) % RUNS + (i % 2 ? 500 : -500)) : -1e6f;
-    assert_true(hada_dark_estimate(pixels, COUNT, room) == 49.0);
-    assert_true(hada_dark_estimate(pixels, 1, room) == pixels[0]);
+    assert_true(hada_dark_estimate(pixels, COUNT, room) == 49.0 && hada_dark_estimate(pixels, 1, room) == pixels[0]);
     assert_true(hada_dark_estimate(pixels, COUNT, pixels) == 49.0);
-    for (int i = 0; i < 1000; i++)
+    for (int i = 0; i < 1000; i++) /* of a small frame each pixel counts */
         pixels[i] = (float)((i * 337) % 1000);
     assert_true(hada_dark_estimate(pixels, 1000, room) == 9.0);
 }

@@ -396,17 +396,7 @@ TEST(nets_are_no_larger_than_their_files)
 TEST(nets_in_models_run_at_no_size_out_of_proportion)
 {
     static const double distance = 100.0;
-    const hada_model_info info = {.depths = 1,
-                                  .channels = 1,
-                                  .form = HADA_FORM_COMPLEX,
-                                  .boundary = HADA_BOUNDARY_CIRCULAR,
-                                  .raw_rows = 6,
-                                  .raw_cols = 8,
-                                  .grid_rows = 6,
-                                  .grid_cols = 8,
-                                  .window_rows = 4,
-                                  .window_cols = 4,
-                                  .distances_mm = &distance};
+    const hada_model_info info = io_model_info(1, &distance);
     SCOPED(hada_model) * model, *with = NULL;
     SCOPED(hada_net) * net;
     hada_model *back;

@@ -2,27 +2,15 @@
  */
 #include "io_testing.h"
 #include "model/model.h"
-#include "testing.h"
 
 static const double distances[] = {100.0, 200.0};
 
 static hada_model_info info_of(void)
 {
-    hada_model_info info = {.depths = 2,
-                            .channels = 1,
-                            .form = HADA_FORM_COMPLEX,
-                            .boundary = HADA_BOUNDARY_CIRCULAR,
-                            .raw_rows = 6,
-                            .raw_cols = 8,
-                            .grid_rows = 6,
-                            .grid_cols = 8,
-                            .window_rows = 4,
-                            .window_cols = 4,
-                            .lambda = 0.01,
-                            .refine_steps = 3,
-                            .refine_rho = 0.01,
-                            .has_otf = 1,
-                            .distances_mm = distances};
+    hada_model_info info = io_model_info(2, distances);
+    info.lambda = info.refine_rho = 0.01;
+    info.refine_steps = 3;
+    info.has_otf = 1;
     return info;
 }
 

@@ -422,17 +422,8 @@ TEST(weights_that_cannot_be)
     weights.data[8] = 1.0f;
     options.refine = 0;
     ASSERT_FAILS(hada_plan_create(&plan, context, b.model, &options, err), HADA_ERROR_ARGUMENT, "refine");
-    const hada_classic_options wiener = {.size = sizeof wiener,
-                                         .method = HADA_METHOD_WIENER,
-                                         .iterations = 1,
-                                         .weight = HADA_AUTO,
-                                         .lambda = 0.1,
-                                         .step = 1,
-                                         .inner = 1,
-                                         .levels = 1,
-                                         .mu1 = 1,
-                                         .mu2 = 1,
-                                         .mu3 = 1};
+    DEFAULTS(hada_classic_options, wiener);
+    wiener.method = HADA_METHOD_WIENER;
     options.classic = &wiener;
     ASSERT_FAILS(hada_plan_create(&plan, context, b.model, &options, err), HADA_ERROR_ARGUMENT, "linear filters");
     unmake(&b);

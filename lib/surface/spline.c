@@ -131,9 +131,8 @@ static hada_status values(const float *coefficients, int rows, int cols, float *
     const size_t width = (size_t)cols, height = (size_t)rows;
     float *image = NULL, *line = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(
-        hada_allocated(image = hada_alloc_raw(width * height, sizeof *image, "the optics between depths", err)));
-    HADA_TRY_OR_DONE(hada_allocated(line = hada_alloc_raw(height, sizeof *line, "the optics between depths", err)));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(image, width * height, "the optics between depths", err));
+    HADA_TRY_OR_DONE(HADA_NEW_RAW(line, height, "the optics between depths", err));
     for (size_t y = 0; y < height; y++)
         line_values(coefficients + y * width, cols, 1, image + y * width);
     for (size_t x = 0; x < width; x++) {
@@ -143,11 +142,9 @@ static hada_status values(const float *coefficients, int rows, int cols, float *
     }
 done:
     free(line);
-    if (status) {
+    if (status)
         free(image);
-        image = NULL;
-    }
-    *out = image;
+    *out = status ? NULL : image;
     return status;
 }
 
@@ -237,10 +234,9 @@ hada_status hada_bright_find(hada_bright *out, const float *coefficients, int ro
                              hada_error *err)
 {
     float *image = NULL;
-    double square = 0.0;
+    double square = 0.0, energy = 1e-300;
     hada_status status = HADA_OK;
-    HADA_TRY_OR_DONE(
-        hada_allocated(out->point = hada_alloc(POINTS, sizeof *out->point, "the optics between depths", err)));
+    HADA_TRY_OR_DONE(HADA_NEW(out->point, POINTS, "the optics between depths", err));
     HADA_TRY_OR_DONE(values(coefficients, rows, cols, &image, err));
     choose(out, image, rows, cols, edge, ABOVE_NOISE * sqrt(noise_of(image, (size_t)rows * (size_t)cols)));
     if (out->count < FEWEST)
@@ -248,6 +244,12 @@ hada_status hada_bright_find(hada_bright *out, const float *coefficients, int ro
     for (int i = 0; i < out->count; i++)
         square += out->point[i].value * out->point[i].value;
     out->norm = sqrt(square);
+    for (int p = 0; p < rows * cols; energy += (double)image[p] * image[p], p++) {
+        out->centre[0] += (double)image[p] * image[p] * signed_of(p / cols, rows);
+        out->centre[1] += (double)image[p] * image[p] * signed_of(p % cols, cols);
+    }
+    out->centre[0] /= energy;
+    out->centre[1] /= energy;
 done:
     free(image);
     return status;

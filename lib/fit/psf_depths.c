@@ -49,7 +49,8 @@ static hada_status find_law(law *out, const hada_psfs *psfs, hada_context *conte
                                    "the mask's distance"));
     HADA_TRY_OR_DONE(hada_magnification_measure(&found, slot, &camera, psfs->distances_mm, err));
     *out = (law){found.mask, found.row, found.col};
-    if (found.kind != HADA_MAGNIFICATION_LAW || found.unexplained[HADA_MAGNIFICATION_LAW] > MOST_UNEXPLAINED)
+    if (found.unexplained[HADA_MAGNIFICATION_LAW] > MOST_UNEXPLAINED || found.kind == HADA_MAGNIFICATION_NONE ||
+        (found.kind == HADA_MAGNIFICATION_FREE && psfs->count > 2)) /* of two, which is a law as well */
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_NUMERIC,
                                    "the point spread functions do not become one another by magnification (%.0f %% of "
                                    "one stays unexplained by the others): check their distances, or give the mask's",

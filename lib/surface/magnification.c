@@ -17,8 +17,8 @@
  * half of that, and again, to the last. */
 #define REACH      4.0
 #define LAST_REACH 1.0
-/* A search ends with this part of its step. */
-#define PRECISION 0.03
+#define WIDE_REACH 16.0 /* the first where light's centre moves otherwise: haze draws it away */
+#define PRECISION  0.03 /* a search ends with this part of its step */
 /* Pairs of depths are compared from which light at the edge has moved by so many pixels: what learned PSFs have wrong
  * alike, at the same place, then no longer correlates. */
 #define APART 4.0
@@ -59,8 +59,7 @@ double hada_magnification_shift(const hada_magnification *m, int k, double radiu
 
 int hada_magnification_steps(const hada_magnification *m, double pixels)
 {
-    const int steps = (int)ceil(m->shift / pixels);
-    return steps < 1 ? 1 : steps;
+    return (int)fmax(1.0, ceil(m->shift / pixels));
 }
 
 /* The same for a grid `zoom` times as fine. */
@@ -132,10 +131,20 @@ static double correlations(const fit *f)
     return sum / pairs;
 }
 
-static double law_objective(const fit *f, const double *p)
+static double law_objective(const fit *f, double *p)
 {
     set_law(f->m, p);
     return correlations(f);
+}
+
+/* p[0] alone: the axis is where the centres of the first and the last depth's light say. */
+static double centred_objective(const fit *f, double *p)
+{
+    const int last = f->m->depths - 1;
+    const double a = f->m->inverse[0], b = f->m->inverse[last];
+    for (int i = 0; i < 2; i++)
+        p[1 + i] = ((1.0 + p[0] * b) * f->bright->centre[i] - (1.0 + p[0] * a) * f->bright[last].centre[i]) / (a - b);
+    return law_objective(f, p);
 }
 
 /* p: what light at the edge moves outwards, and down, and right. */
@@ -144,7 +153,7 @@ static hada_magnified free_pair(const fit *f, const double *p)
     return (hada_magnified){1.0 + p[0] / f->m->edge, p[1], p[2]};
 }
 
-static double free_objective(const fit *f, const double *p)
+static double free_objective(const fit *f, double *p)
 {
     const hada_magnified by = free_pair(f, p);
     return by.scale > 0.1 ? correlation(f, f->pair, f->pair + 1, &by) : -1.0;
@@ -158,8 +167,8 @@ static double summit(double low, double middle, double high, double reach)
 }
 
 /* p[which], from low to high: where the objective is largest, in steps, then by parabolas. */
-static void improve(fit *f, double (*objective)(const fit *, const double *), double *p, int which, double low,
-                    double high, double step)
+static void improve(fit *f, double (*objective)(const fit *, double *), double *p, int which, double low, double high,
+                    double step)
 {
     const int steps = (int)ceil((high - low) / step);
     double q[3] = {p[0], p[1], p[2]}, most;
@@ -223,21 +232,26 @@ static double largest_shift(const hada_magnification *m)
 /* Pairs of depths between which light at the edge moves by APART pixels. */
 static void set_apart(fit *f)
 {
-    const double depths = ceil(APART / (largest_shift(f->m) + 1e-300));
-    f->apart = depths < f->m->depths - 1 ? (int)depths : f->m->depths - 1;
+    f->apart = (int)fmin(f->m->depths - 1, ceil(APART / (largest_shift(f->m) + 1e-300)));
 }
 
 /* The law by neighbours, then by pairs farther apart. */
 static void fit_law(fit *f)
 {
     hada_magnification *m = f->m;
-    double gap = 0.0, p[3] = {0};
+    double gap = 0.0, reach = REACH, p[3] = {0}, q[3];
     for (int k = 0; k + 1 < m->depths; k++)
         gap = fmax(gap, m->inverse[k] - m->inverse[k + 1]);
-    double pixel = 1.0 / gap, a = pixel / m->edge;
-    const double nearest = 1.0 / m->inverse[0];
+    double nearest = 1.0 / m->inverse[0], pixel = 1.0 / gap, a = pixel / m->edge;
     improve(f, law_objective, p, 0, MASK_LOW * nearest, MASK_HIGH * nearest, SEARCH_STEP * a);
-    for (double reach = REACH; reach >= LAST_REACH; reach /= 2.0) {
+    centred_objective(f, memcpy(q, p, sizeof q));
+    if (hypot(q[1], q[2]) * gap > LAST_REACH) { /* the source was moved, or the axis is far off */
+        reach = WIDE_REACH;
+        improve(f, centred_objective, q, 0, MASK_LOW * nearest, MASK_HIGH * nearest, SEARCH_STEP * a);
+        if (law_objective(f, q) > law_objective(f, p) + BETTER)
+            memcpy(p, q, sizeof p);
+    }
+    for (; reach >= LAST_REACH; reach /= 2.0) {
         improve(f, law_objective, p, 1, p[1] - reach * pixel, p[1] + reach * pixel, SEARCH_STEP * pixel);
         improve(f, law_objective, p, 2, p[2] - reach * pixel, p[2] + reach * pixel, SEARCH_STEP * pixel);
         improve(f, law_objective, p, 0, fmax(p[0] - reach * a, MASK_LOW * nearest), p[0] + reach * a, SEARCH_STEP * a);
@@ -286,7 +300,6 @@ static void choose(fit *f, hada_magnified *kept)
     hada_magnification *m = f->m;
     const size_t count = (size_t)m->depths;
     hada_magnified *plain = kept + HADA_MAGNIFICATION_NONE * count;
-    hada_magnification_kind kind = HADA_MAGNIFICATION_NONE;
     memcpy(plain, m->depth, count * sizeof *plain);
     fit_law(f);
     const double law = keep(f, HADA_MAGNIFICATION_LAW, kept);
@@ -296,8 +309,7 @@ static void choose(fit *f, hada_magnified *kept)
         memcpy(m->depth, kept + HADA_MAGNIFICATION_LAW * count, count * sizeof *kept);
     fit_free(f);
     const double each = keep(f, HADA_MAGNIFICATION_FREE, kept);
-    if (law > none + BETTER)
-        kind = HADA_MAGNIFICATION_LAW;
+    hada_magnification_kind kind = law > none + BETTER ? HADA_MAGNIFICATION_LAW : HADA_MAGNIFICATION_NONE;
     if (each > (kind == HADA_MAGNIFICATION_LAW ? law : none) + BETTER)
         kind = HADA_MAGNIFICATION_FREE;
     memcpy(m->depth, kept + kind * count, count * sizeof *kept);
@@ -398,8 +410,7 @@ hada_status hada_surface_crop(hada_slot *slot, cl_mem in, size_t in_offset, cons
 /* How many times the grid is as fine as the one where the law is looked for. */
 static double zoom_of(const hada_surface_camera *camera)
 {
-    const int side = camera->rows > camera->cols ? camera->rows : camera->cols;
-    return side > LARGEST_SIDE ? (double)side / LARGEST_SIDE : 1.0;
+    return fmax(1.0, fmax(camera->rows, camera->cols) / LARGEST_SIDE);
 }
 
 static int shrink(int size, double zoom)

@@ -142,11 +142,9 @@ static hada_status values(const float *coefficients, int rows, int cols, float *
     }
 done:
     free(line);
-    if (status) {
+    if (status)
         free(image);
-        image = NULL;
-    }
-    *out = image;
+    *out = status ? NULL : image;
     return status;
 }
 
@@ -236,7 +234,7 @@ hada_status hada_bright_find(hada_bright *out, const float *coefficients, int ro
                              hada_error *err)
 {
     float *image = NULL;
-    double square = 0.0;
+    double square = 0.0, energy = 1e-300;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(HADA_NEW(out->point, POINTS, "the optics between depths", err));
     HADA_TRY_OR_DONE(values(coefficients, rows, cols, &image, err));
@@ -246,6 +244,12 @@ hada_status hada_bright_find(hada_bright *out, const float *coefficients, int ro
     for (int i = 0; i < out->count; i++)
         square += out->point[i].value * out->point[i].value;
     out->norm = sqrt(square);
+    for (int p = 0; p < rows * cols; energy += (double)image[p] * image[p], p++) {
+        out->centre[0] += (double)image[p] * image[p] * signed_of(p / cols, rows);
+        out->centre[1] += (double)image[p] * image[p] * signed_of(p % cols, cols);
+    }
+    out->centre[0] /= energy;
+    out->centre[1] /= energy;
 done:
     free(image);
     return status;

@@ -35,7 +35,8 @@ typedef struct hada_bright_point {
 typedef struct hada_bright {
     hada_bright_point *point;
     int count;
-    double norm; /* root of the sum of squares of the values */
+    double norm;      /* root of the sum of squares of the values */
+    double centre[2]; /* row and column of the PSF's energy, of which haze has little */
 } hada_bright;
 
 /* Of PSFs by their spline coefficients, [depths][rows][cols], origin at pixel (0, 0): the radius within which 0.9 of

@@ -69,6 +69,6 @@ hada_status hada_fit_sums_camera(const hada_tensors *file, const char *path, had
                                  hada_error *err);
 
 /* The same of a file at `path`, without the distances. */
-hada_status hada_fit_sums_look(const char *path, hada_fit_options *options, hada_error *err);
+hada_status hada_fit_sums_options(const char *path, hada_fit_options *options, hada_error *err);
 
 #endif

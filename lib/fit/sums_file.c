@@ -369,7 +369,7 @@ hada_status hada_fit_sums_camera(const hada_tensors *file, const char *path, had
     return options->scene_response == HADA_AUTO ? response_of(file, path, &options->scene_response, err) : HADA_OK;
 }
 
-hada_status hada_fit_sums_look(const char *path, hada_fit_options *options, hada_error *err)
+hada_status hada_fit_sums_options(const char *path, hada_fit_options *options, hada_error *err)
 {
     hada_tensors *file = NULL;
     hada_status status = HADA_OK;

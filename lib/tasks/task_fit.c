@@ -392,7 +392,7 @@ static hada_status look_at_sums(learning *of, hada_error *err)
     if (!of->task.merge_count)
         return HADA_OK;
     hada_fit_options_init(&sums);
-    HADA_TRY(hada_fit_sums_look(of->task.merge[0], &sums, err));
+    HADA_TRY(hada_fit_sums_options(of->task.merge[0], &sums, err));
     if (fit->scene_response == HADA_AUTO)
         fit->scene_response = sums.scene_response;
     if (fit->find_dark && fit->dark == 0.0)

@@ -82,7 +82,7 @@ void fuzz_sums(const uint8_t *data, size_t bytes)
     hada_fit_options options;
     hada_error err = {0};
     hada_fit_options_init(&options);
-    fuzz_check_file(hada_fit_sums_look(fuzz_path(data, bytes), &options, &err), &err);
+    fuzz_check_file(hada_fit_sums_options(fuzz_path(data, bytes), &options, &err), &err);
 }
 
 void fuzz_net(const uint8_t *data, size_t bytes)

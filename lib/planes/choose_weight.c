@@ -16,7 +16,8 @@
 #define GROWTH           1.1
 
 /* Large or slow cameras take more steps with a weight, as long as LOOK of them explain so much more of held-out pixels:
- * planes that have not settled favour small weights. */
+ * planes that have not settled favour small weights. Those of several depths predict worse for some steps with each
+ * smaller weight, and then better: they go on as long as that changes (perf/results/weights.md). */
 #define SETTLED 0.005
 enum {
     LOOK = 4,
@@ -53,6 +54,11 @@ static hada_status take_steps(const sweep *s, hada_refine_rule *rule, int count,
     return hada_refiner_residual(maker->refiner, &held, 1, s->count, s->list, left, err);
 }
 
+static int has_settled(const sweep *s, double before, double left)
+{
+    return left >= (1.0 - SETTLED) * before && (s->count == 1 || left <= (1.0 + SETTLED) * before);
+}
+
 static hada_status try_weight(void *user, double tv, int *steps, double *left, hada_error *err)
 {
     const sweep *s = user;
@@ -72,7 +78,7 @@ static hada_status try_weight(void *user, double tv, int *steps, double *left, h
     rule.quiet = 1;
     HADA_TRY(take_steps(s, &rule, planned - LOOK, steps, &before, err));
     HADA_TRY(take_steps(s, &rule, LOOK, steps, left, err));
-    for (int more = 0; more < MOST_MORE && *left < (1.0 - SETTLED) * before; more += LOOK) {
+    for (int more = 0; more < MOST_MORE && !has_settled(s, before, *left); more += LOOK) {
         before = *left;
         HADA_TRY(take_steps(s, &rule, LOOK, steps, left, err));
     }

@@ -176,7 +176,8 @@ static int best_response(const surveying *work, int apart)
     double less[MOST_PAIRS];
     for (int k = 0; k < work->count; k++)
         less[k] = log(fmax(linear[k], LEAST_SHARE) / fmax(other[k], LEAST_SHARE));
-    return is_better(less, work->count, work->options.find_dark ? DARK_RESPONSE : BETTER_BY) ? best : 0;
+    const int found_dark = work->options.find_dark && work->options.dark > 0.0;
+    return is_better(less, work->count, found_dark ? DARK_RESPONSE : BETTER_BY) ? best : 0;
 }
 
 /* Fills the rows; returns whether exposures are to be taken apart. */

@@ -16,8 +16,8 @@ hada_status hada_fit_prepare(hada_fit_options *fit, const hada_dataset *data, in
 hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, const hada_dataset *data, hada_fit_options *fit,
                             hada_exposure exposure, const hada_monitor *monitor, hada_error *err);
 
-/* The boundary, where neither the caller gave it nor camera.json says that it is circular, with a message that says what
- * was found; padded, a dark level that was found becomes more precise. */
+/* The boundary, where neither the caller gave it nor camera.json says that it is circular, with a message that says
+ * what was found; padded, a dark level that was found becomes more precise. */
 hada_status hada_fit_choose_boundary(hada_fit_options *fit, hada_context *context, const hada_dataset *pairs, int given,
                                      hada_error *err);
 

@@ -78,7 +78,7 @@ static void return_pairs(look *at)
         hada_pair_return(&at->pair[--at->count]);
 }
 
-/* What is left of the frames held out, learned on a grid of rows x cols. */
+/* What is left of the frames held out, learned on a grid of rows x cols; 0: of the size that holds all light. */
 static hada_status left_on(const look *at, int rows, int cols, double *left, hada_error *err)
 {
     hada_fit_options options = *at->options;
@@ -209,10 +209,6 @@ hada_status hada_fit_refine_dark(hada_fit_options *callers, hada_context *contex
 {
     hada_fit_options options = *callers;
     look at = {.context = context, .options = &options, .depth = first_depth(callers, pairs)};
-    const int rows =
-        options.grid_rows ? options.grid_rows : with_overhang(options.raw_rows, options.window_rows, OVERHANGS - 1);
-    const int cols =
-        options.grid_cols ? options.grid_cols : with_overhang(options.raw_cols, options.window_cols, OVERHANGS - 1);
     double left[3];
     hada_status status = HADA_OK;
     if (at.depth == options.depths)
@@ -220,13 +216,10 @@ hada_status hada_fit_refine_dark(hada_fit_options *callers, hada_context *contex
     HADA_TRY_OR_DONE(take_pairs(&at, pairs, err));
     for (int k = 0; k < 3; k++) {
         options.dark = callers->dark * (1.0 + DARK_STEP * (k - 1));
-        HADA_TRY_OR_DONE(left_on(&at, rows, cols, &left[k], err));
+        HADA_TRY_OR_DONE(left_on(&at, options.grid_rows, options.grid_cols, &left[k], err));
     }
-    const double bend = left[0] - 2.0 * left[1] + left[2];
-    if (bend > 0.0) {
-        const double steps = 0.5 * (left[0] - left[2]) / bend;
-        callers->dark *= 1.0 + DARK_STEP * fmin(fmax(steps, -MOST_STEPS), MOST_STEPS);
-    }
+    const double steps = hada_parabola_top(-left[0], -left[1], -left[2]);
+    callers->dark *= 1.0 + DARK_STEP * fmin(fmax(steps, -MOST_STEPS), MOST_STEPS);
 done:
     return_pairs(&at);
     return status;

@@ -78,10 +78,11 @@ hada_status hada_fit_check_content(const hada_dataset *pairs, hada_error *err);
 /* Depths, distances and sizes of a data set (of its first pair; the others are checked when they are read), into
  * options. A window that options give is cut from scenes that are as large as the frame. */
 hada_status hada_fit_sizes_from(hada_fit_options *options, const hada_dataset *pairs, hada_error *err);
-/* options->dark, where it is to be found: what leaves least of held-out frames. options->find_dark says whether it was.
- */
+/* Where options->find_dark asks for it: the dark level with which the pairs leave least of held-out frames, into
+ * options->dark. options->find_dark becomes whether a level was found. */
 hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pairs, hada_error *err);
-/* The same of a camera whose boundary, padded, and grid are known: near options->dark. */
+/* Makes options->dark, which hada_fit_find_dark() found, more precise: the boundary is padded, and the light that the
+ * sensor loses is in the model. */
 hada_status hada_fit_refine_dark(hada_fit_options *options, hada_context *context, const hada_dataset *pairs,
                                  hada_error *err);
 

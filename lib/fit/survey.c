@@ -1,5 +1,4 @@
-/* What pairs say before a fit: the dark level of their frames, the response of their scenes, and exposures that differ.
- */
+/* What pairs say before a fit: the frames' dark level, the response of the scenes, and exposures that differ. */
 #include <hadalens/survey.h>
 
 #include "core/callers.h"
@@ -54,14 +53,14 @@ typedef struct surveying {
     hada_fit_options options;
     const hada_dataset *pairs;
     const int *counts; /* pairs of each depth */
-    const char *what;
     hada_progress progress;
     hada_reducer reducer;
-    int tried; /* responses: 1 where it is given */
+    int tried; /* responses: 1 where it is given; 0: frames alone are looked at */
     const double *response;
     hada_pair_level level;
     int count, depth[MOST_PAIRS];
-    double noise[MOST_PAIRS]; /* of a reduced pixel */
+    double noise[MOST_PAIRS]; /* of a reduced pixel, where frames alone are looked at */
+    double dark;              /* taken off the frames */
     hada_image frame[MOST_PAIRS], scene[MOST_PAIRS][RESPONSES];
     double unexplained[RESPONSES][2][MOST_PAIRS]; /* exposures alike, and apart */
 } surveying;
@@ -74,14 +73,16 @@ static hada_status take_pair(surveying *work, int depth, int pair, hada_error *e
     hada_pixels pixels;
     hada_status status = HADA_OK;
     if (!work->progress.what)
-        work->progress = hada_progress_begin(options->monitor, work->what, 0);
+        work->progress = hada_progress_begin(options->monitor, "looks at pairs, for dark level and response", 0);
     HADA_TRY(hada_progress_step(&work->progress, NULL, err));
     HADA_TRY(hada_pair_take(&taken, work->pairs, depth, pair, err));
     if (!hada_reducer_fits(&work->reducer, taken.raw, taken.scene))
         goto done;
     HADA_TRY_OR_DONE(hada_reduce_frame(&work->reducer, taken.raw, &work->frame[work->count], err));
-    hada_pixels_of_image(&pixels, taken.raw);
-    work->noise[work->count] = hada_noise_estimate(&pixels, options->mosaic) / work->reducer.factor;
+    if (!work->tried) {
+        hada_pixels_of_image(&pixels, taken.raw);
+        work->noise[work->count] = hada_noise_estimate(&pixels, options->mosaic) / work->reducer.factor;
+    }
     work->depth[work->count] = depth;
     work->count++; /* from here on it is freed */
     for (int r = 0; r < work->tried; r++)
@@ -289,7 +290,7 @@ static hada_status check(const hada_fit_options *options, const hada_dataset_inf
 hada_status hada_survey_create(hada_survey **out, const hada_fit_options *callers, const hada_dataset *pairs,
                                hada_exposure exposure, hada_error *err)
 {
-    surveying work = {.pairs = pairs, .what = "looks at pairs, for the response of their scenes"};
+    surveying work = {.pairs = pairs};
     owned_survey *own = NULL;
     hada_status status = HADA_OK;
     HADA_NEED(out && callers && pairs, err);
@@ -347,14 +348,13 @@ typedef struct left_over {
     double level, log[MOST_PAIRS], mean;
 } left_over;
 
-/* *taken: what was taken off the frames already. */
-static left_over try_level(surveying *work, double level, double *taken)
+static left_over try_level(surveying *work, double level)
 {
     left_over best = {.level = level, .mean = INFINITY};
     for (int k = 0; k < work->count; k++)
         for (size_t i = 0; i < hada_image_count(&work->frame[k]); i++)
-            work->frame[k].data[i] -= (float)(level - *taken);
-    *taken = level;
+            work->frame[k].data[i] -= (float)(level - work->dark);
+    work->dark = level;
     compare(work);
     for (int row = 0; row < 2 * work->tried; row++) {
         const double *shares = work->unexplained[row / 2][row % 2];
@@ -369,39 +369,36 @@ static left_over try_level(surveying *work, double level, double *taken)
 }
 
 /* By golden sections, after steps of one length. */
-static left_over best_level(surveying *work, left_over none, double most, double *taken)
+static left_over best_level(surveying *work, left_over none, double most)
 {
     const double golden = 0.5 * (sqrt(5.0) - 1.0), step = most / LEVELS;
     left_over best = none;
     for (int i = 1; i <= LEVELS; i++) {
-        const left_over now = try_level(work, i * step, taken);
+        const left_over now = try_level(work, i * step);
         best = now.mean < best.mean ? now : best;
     }
     double low = fmax(0.0, best.level - step), high = fmin(most, best.level + step);
-    left_over left = try_level(work, high - golden * (high - low), taken);
-    left_over right = try_level(work, low + golden * (high - low), taken);
+    left_over left = try_level(work, high - golden * (high - low));
+    left_over right = try_level(work, low + golden * (high - low));
     for (int i = 0; i < SECTIONS; i++)
         if (left.mean < right.mean) {
             high = right.level;
             right = left;
-            left = try_level(work, high - golden * (high - low), taken);
+            left = try_level(work, high - golden * (high - low));
         } else {
             low = left.level;
             left = right;
-            right = try_level(work, low + golden * (high - low), taken);
+            right = try_level(work, low + golden * (high - low));
         }
     best = left.mean < best.mean ? left : best;
     return right.mean < best.mean ? right : best;
 }
 
 /* The level where less is left of the frames with it, surely; otherwise 0. */
-static double choose_level(surveying *work)
+static double choose_level(surveying *work, double most)
 {
-    const double most = darkest(work);
-    double taken = 0.0, less[MOST_PAIRS];
-    if (!(most >= LEAST_DARK))
-        return 0.0;
-    const left_over none = try_level(work, 0.0, &taken), best = best_level(work, none, most, &taken);
+    double less[MOST_PAIRS];
+    const left_over none = try_level(work, 0.0), best = best_level(work, none, most);
     for (int k = 0; k < work->count; k++)
         less[k] = none.log[k] - best.log[k];
     return is_better(less, work->count, log(DARK_BETTER)) ? best.level : 0.0;
@@ -409,20 +406,21 @@ static double choose_level(surveying *work)
 
 hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pairs, hada_error *err)
 {
-    surveying work = {.options = *options,
-                      .pairs = pairs,
-                      .counts = hada_dataset_get_info(pairs)->counts,
-                      .what = "looks at pairs, for their dark level"};
+    surveying work = {.options = *options, .pairs = pairs, .counts = hada_dataset_get_info(pairs)->counts};
     hada_status status = HADA_OK;
     if (options->dark != 0.0)
         options->find_dark = 0;
     if (!options->find_dark)
         return HADA_OK;
-    work.tried = options->scene_response == HADA_AUTO ? DARK_RESPONSES : 1;
-    work.response = work.tried == 1 ? &options->scene_response : dark_responses;
     HADA_TRY_OR_DONE(begin(&work, err));
-    if (work.count >= LEAST)
-        options->dark = choose_level(&work);
+    const double most = darkest(&work);
+    if (work.count >= LEAST && most >= LEAST_DARK) {
+        forget_pairs(&work);
+        work.tried = options->scene_response == HADA_AUTO ? DARK_RESPONSES : 1;
+        work.response = work.tried == 1 ? &options->scene_response : dark_responses;
+        HADA_TRY_OR_DONE(take_pairs(&work, err));
+        options->dark = choose_level(&work, most);
+    }
     options->find_dark = options->dark > 0.0;
 done:
     end(&work);

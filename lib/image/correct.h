@@ -29,8 +29,9 @@ static inline float hada_flat_value(float value, float sensitivity, double dark)
 void hada_flat_apply(hada_image *frame, hada_mosaic mosaic, const hada_image *sensitivity, const double *levels,
                      const float *dark_frame);
 
-/* The same for a frame whose dark level is `dark`, or (HADA_AUTO) that of each of its channels (statistics.h). Pixels
- * that see hardly any light are repaired, but in a frame with values that are not finite, which stay. HADA_ERROR_SIZE.
+/* Divides a frame by the flat frame, above the dark level `dark`; HADA_AUTO: above each channel's own, estimated.
+ * Pixels that see hardly any light are repaired, unless the frame has values that are not finite, which stay.
+ * HADA_ERROR_SIZE.
  */
 hada_status hada_flat_correct(hada_image *frame, hada_mosaic mosaic, const hada_image *sensitivity, double dark,
                               hada_error *err);

@@ -37,10 +37,6 @@ float hada_select_rank(float *values, size_t count, size_t k)
     return values[k];
 }
 
-/* At most so many pixels in a row, whose mean counts as one value with a quarter of their noise; fewer where that
- * leaves fewer than LEAST_RUNS, for the dark places of small frames are small. */
-enum { MOST_IN_RUN = 16, LEAST_RUNS = 4096 };
-
 double hada_first_percentile(const float *pixels, size_t count, float *room)
 {
     if (pixels != room)
@@ -48,9 +44,13 @@ double hada_first_percentile(const float *pixels, size_t count, float *room)
     return hada_select_rank(room, count, (count - 1) / 100);
 }
 
+/* At most so many pixels in a row, whose mean counts as one value with a quarter of their noise; fewer where that
+ * leaves fewer than LEAST_RUNS, for the dark places of small frames are small. */
+enum { MOST_IN_RUN = 16, LEAST_RUNS = 4096 };
+
 double hada_dark_estimate(const float *pixels, size_t count, float *room)
 {
-    const size_t run = count < 2 * LEAST_RUNS ? 1 : count < MOST_IN_RUN * LEAST_RUNS ? count / LEAST_RUNS : MOST_IN_RUN;
+    const size_t whole = count / LEAST_RUNS, run = whole < 1 ? 1 : whole < MOST_IN_RUN ? whole : MOST_IN_RUN;
     const size_t runs = count / run;
     for (size_t i = 0; i < runs; i++) {
         float sum = 0.0f;
@@ -65,8 +65,8 @@ hada_status hada_dark_levels(const hada_pixels *pixels, hada_mosaic mosaic, doub
 {
     const int colours = mosaic == HADA_MOSAIC_NONE ? pixels->channels : HADA_MOSAIC_COLOURS;
     const size_t plane = (size_t)pixels->rows * (size_t)pixels->cols;
-    float *room = hada_alloc_raw(plane, sizeof *room, "the dark level", err);
-    HADA_TRY(hada_allocated(room));
+    float *room;
+    HADA_TRY(HADA_NEW_RAW(room, plane, "the dark level", err));
     for (int c = 0; c < colours; c++) {
         if (mosaic == HADA_MOSAIC_NONE) {
             levels[c] = hada_dark_estimate(hada_pixels_floats(pixels, c, 0, plane, room), plane, room);

@@ -244,9 +244,11 @@ hada_status hada_bright_find(hada_bright *out, const float *coefficients, int ro
     for (int i = 0; i < out->count; i++)
         square += out->point[i].value * out->point[i].value;
     out->norm = sqrt(square);
-    for (int p = 0; p < rows * cols; energy += (double)image[p] * image[p], p++) {
-        out->centre[0] += (double)image[p] * image[p] * signed_of(p / cols, rows);
-        out->centre[1] += (double)image[p] * image[p] * signed_of(p % cols, cols);
+    for (int p = 0; p < rows * cols; p++) {
+        const double here = (double)image[p] * image[p];
+        energy += here;
+        out->centre[0] += here * signed_of(p / cols, rows);
+        out->centre[1] += here * signed_of(p % cols, cols);
     }
     out->centre[0] /= energy;
     out->centre[1] /= energy;

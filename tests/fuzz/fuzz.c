@@ -10,6 +10,7 @@
 
 const fuzz_target fuzz_targets[] = {
     {"tiff", NULL, fuzz_tiff, ".tif", fuzz_mutate_tiff},
+    {"headerless", NULL, fuzz_headerless, "", NULL},
     {"tiff_text", NULL, fuzz_tiff_text, "", NULL},
     {"safetensors", NULL, fuzz_safetensors, ".safetensors", fuzz_mutate_safetensors},
     {"model", NULL, fuzz_model, "", fuzz_mutate_safetensors},

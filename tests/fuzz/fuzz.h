@@ -32,6 +32,7 @@ void fuzz_check(hada_status status, const hada_error *err);
 void fuzz_check_file(hada_status status, const hada_error *err);
 
 void fuzz_tiff(const uint8_t *data, size_t bytes);
+void fuzz_headerless(const uint8_t *data, size_t bytes);
 void fuzz_tiff_text(const uint8_t *data, size_t bytes);
 void fuzz_safetensors(const uint8_t *data, size_t bytes);
 void fuzz_model(const uint8_t *data, size_t bytes);

@@ -1,9 +1,11 @@
 /* Pictures, tensors, models, nets, cameras: files as a whole. */
 #include <hadalens/camera.h>
+#include <hadalens/headerless.h>
 #include <hadalens/model.h>
 #include <hadalens/net.h>
 #include <hadalens/tiff.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "fit/fit_sums.h"
 #include "fuzz.h"
@@ -29,6 +31,21 @@ void fuzz_tiff(const uint8_t *data, size_t bytes)
             hada_image_destroy(&image);
     }
     hada_tiff_close(&reader);
+}
+
+/* The first line says how the frames behind it lie. */
+void fuzz_headerless(const uint8_t *data, size_t bytes)
+{
+    const uint8_t *end = bytes ? memchr(data, '\n', bytes) : NULL;
+    const size_t length = end ? (size_t)(end - data) : bytes;
+    char *text = fuzz_text(data, length);
+    hada_error err = {0};
+    const hada_status status = hada_headerless_set(text, &err);
+    fuzz_check(status, &err);
+    if (!status && end)
+        fuzz_tiff(end + 1, bytes - length - 1);
+    hada_headerless_set(NULL, NULL);
+    free(text);
 }
 
 /* The number of pages goes before the text. */

@@ -16,13 +16,10 @@ static struct {
     __typeof__(Mat_VarFree) *free;
 } api;
 
-static const hada_symbol symbols[] = {
-    HADA_SYMBOL(api.open, "Mat_Open"),
-    HADA_SYMBOL(api.close, "Mat_Close"),
-    HADA_SYMBOL(api.next, "Mat_VarReadNextInfo"),
-    HADA_SYMBOL(api.read, "Mat_VarReadDataAll"),
-    HADA_SYMBOL(api.free, "Mat_VarFree"),
-};
+static const hada_symbol symbols[] = {HADA_SYMBOL(api.open, "Mat_Open"), HADA_SYMBOL(api.close, "Mat_Close"),
+                                      HADA_SYMBOL(api.next, "Mat_VarReadNextInfo"),
+                                      HADA_SYMBOL(api.read, "Mat_VarReadDataAll"),
+                                      HADA_SYMBOL(api.free, "Mat_VarFree")};
 
 static hada_library library = {
     HADALENS_MATIO, "MATLAB files of version 7.3 cannot be read", "libmatio11", symbols, HADA_COUNT(symbols), 0};

@@ -22,11 +22,8 @@ static struct {
     __typeof__(inflateEnd) *end;
 } api;
 
-static const hada_symbol symbols[] = {
-    HADA_SYMBOL(api.init, "inflateInit_"),
-    HADA_SYMBOL(api.inflate, "inflate"),
-    HADA_SYMBOL(api.end, "inflateEnd"),
-};
+static const hada_symbol symbols[] = {HADA_SYMBOL(api.init, "inflateInit_"), HADA_SYMBOL(api.inflate, "inflate"),
+                                      HADA_SYMBOL(api.end, "inflateEnd")};
 
 static hada_library library = {
     HADALENS_ZLIB, "compressed MATLAB files cannot be read", "zlib1g", symbols, HADA_COUNT(symbols), 0};

@@ -209,11 +209,12 @@ hada_status hada_fit_pair_check(const hada_fit_grid *grid, int depth, const hada
     const int whole = scene->rows == info->raw_rows && scene->cols == info->raw_cols;
     const int window = scene->rows == info->window_rows && scene->cols == info->window_cols;
     if (scene->channels != info->channels || (!whole && !window))
-        return hada_fail(err, HADA_ERROR_SIZE,
-                         "the scene has %d channels, %d x %d; this fit takes %d channels and the window %d x %d or the "
-                         "raw frame's size",
-                         scene->channels, scene->rows, scene->cols, info->channels, info->window_rows,
-                         info->window_cols);
+        return hada_fail(
+            err, HADA_ERROR_SIZE,
+            "the scene has %d channels, %d x %d; this fit takes %d and the window %d x %d or the raw frame's "
+            "size%s",
+            scene->channels, scene->rows, scene->cols, info->channels, info->window_rows, info->window_cols,
+            hada_mosaic_hint(raw->channels, scene->channels));
     const size_t bad_raw = hada_image_count_not_finite(raw), bad_scene = hada_image_count_not_finite(scene);
     if (bad_raw || bad_scene)
         return hada_fail(err, HADA_ERROR_NOT_FINITE,

@@ -17,6 +17,14 @@ static inline int hada_mosaic_is_known(int mosaic)
     return mosaic == HADA_MOSAIC_AUTO || mosaic == HADA_MOSAIC_NONE || hada_mosaic_is_pattern(mosaic);
 }
 
+/* What a message adds where a frame of one channel comes with a scene in colour. */
+static inline const char *hada_mosaic_hint(int frame, int scene)
+{
+    return frame == 1 && scene == HADA_MOSAIC_COLOURS
+               ? "; if the sensor has a colour filter mosaic, name its pattern with options.mosaic"
+               : "";
+}
+
 /* The channel of the colour that a pixel holds. */
 int hada_mosaic_channel(hada_mosaic mosaic, int row, int col);
 

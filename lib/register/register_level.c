@@ -1,3 +1,4 @@
+#include "image/mosaic.h"
 #include "register/register_inside.h"
 
 #define FADE  0.15 /* of the frame, at each edge: cut-off light must not make the edges stand out in the spectra */
@@ -73,9 +74,10 @@ static hada_status check_pairs(const hada_image *raws, const hada_image *scenes,
             scene->channels != raws->channels || scene->rows != scenes->rows || scene->cols != scenes->cols)
             return hada_fail(err, HADA_ERROR_SIZE,
                              "pair %d: a frame of %d channels, %d x %d and a scene of %d channels, %d x %d do not go "
-                             "with the first pair's %d channels, %d x %d and %d x %d",
+                             "with the first pair's %d channels, %d x %d and %d x %d%s",
                              i + 1, raw->channels, raw->rows, raw->cols, scene->channels, scene->rows, scene->cols,
-                             raws->channels, raws->rows, raws->cols, scenes->rows, scenes->cols);
+                             raws->channels, raws->rows, raws->cols, scenes->rows, scenes->cols,
+                             hada_mosaic_hint(raw->channels, scene->channels));
         const size_t bad = hada_image_count_not_finite(raw) + hada_image_count_not_finite(scene);
         if (bad)
             return hada_fail(err, HADA_ERROR_NOT_FINITE, "pair %d holds %zu NaN or infinite pixels", i + 1, bad);

@@ -20,7 +20,7 @@ expect 0 'frames of the mosaic gbrg' fit a --bayer gbrg -o a.model
 expect 0 '"mosaic": "gbrg"' fit a --bayer gbrg -o again.model --json
 is_json fit
 cmp -s a.model again.model || fail 'the same pairs gave another model'
-expect 4 'channel' fit a -o x.model
+expect 4 'colour filter mosaic, name its pattern with --bayer' fit a -o x.model
 expect 4 'leave --bayer out' fit full --bayer gbrg -o x.model
 expect 0 '' reconstruct $raw -m a.model -o known
 [ "$(info known/test01_stack.tif)" = '1 3 24 24 32' ] || fail "planes of a mosaic: $(info known/test01_stack.tif)"
@@ -38,7 +38,7 @@ expect 2 '--bayer takes' reconstruct $raw -m a.model -o x --bayer bayer
 
 expect 0 '100 mm' register a --bayer gbrg -o registered
 cmp -s a/z100mm/raw/scene0001.tif registered/z100mm/raw/scene0001.tif || fail 'register changed a frame'
-expect 4 'channels' register a
+expect 4 'colour filter mosaic, name its pattern with --bayer' register a
 
 # Sums say it too.
 expect 0 '' fit a --bayer gbrg --sums a.sums -o x.model

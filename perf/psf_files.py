@@ -37,6 +37,16 @@ def diffuser(seed):
     return np.stack(channels)
 
 
+def clipped(image, share):
+    """Cut off so that pixels at white hold this share of the light that is left."""
+    low, high = 0.0, image.max()
+    for _ in range(50):
+        level = (low + high) / 2
+        cut = np.minimum(image, level)
+        low, high = (level, high) if cut[cut >= level].sum() > share * cut.sum() else (low, level)
+    return np.minimum(image, high) / high
+
+
 def variants(whole):
     """Name, image (3 or 1, rows, cols), options of fit."""
     right = whole[psf_only.middle(GRID, *SHAPE)] / whole.max()
@@ -51,6 +61,8 @@ def variants(whole):
     yield "432 x 540", [whole / whole.max()], frame
     yield "turned by 180 degrees, --turn 180", [np.roll(right[:, ::-1, ::-1], (1, 1), (1, 2))], ["--turn", "180"]
     yield "grey", [right.mean(0, keepdims=True)], ["--colour"]
+    for share in (0.02, 0.05, 0.1, 0.2, 0.3, 0.5):
+        yield f"{100 * share:.0f} % of the light at white", [clipped(right, share)], ["--psf-dark", "0"]
     for noise in (0.002, 0.01, 0.03):
         yield f"background 0.1, noise {noise}", taken(noise), []
         yield f"background 0.1, noise {noise}, first percentile off", taken(noise), ["--psf-gate", "0"]

@@ -18,7 +18,7 @@ static hada_magnified at_distance(const law *of, double distance)
     return (hada_magnified){1.0 + of->mask / distance, of->row / distance, of->col / distance};
 }
 
-static hada_status find_law(law *out, const hada_psfs *psfs, hada_context *context, hada_error *err)
+static hada_status find_law(law *out, double *left, const hada_psfs *psfs, hada_context *context, hada_error *err)
 {
     hada_psf_options options;
     hada_model *model = NULL;
@@ -49,12 +49,13 @@ static hada_status find_law(law *out, const hada_psfs *psfs, hada_context *conte
                                    "the mask's distance"));
     HADA_TRY_OR_DONE(hada_magnification_measure(&found, slot, &camera, psfs->distances_mm, err));
     *out = (law){found.mask, found.row, found.col};
-    if (found.unexplained[HADA_MAGNIFICATION_LAW] > MOST_UNEXPLAINED || found.kind == HADA_MAGNIFICATION_NONE ||
+    *left = found.unexplained[HADA_MAGNIFICATION_LAW];
+    if (*left > MOST_UNEXPLAINED || found.kind == HADA_MAGNIFICATION_NONE ||
         (found.kind == HADA_MAGNIFICATION_FREE && psfs->count > 2)) /* of two, which is a law as well */
         HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_NUMERIC,
                                    "the point spread functions do not become one another by magnification (%.0f %% of "
                                    "one stays unexplained by the others): check their distances, or give the mask's",
-                                   100.0 * found.unexplained[HADA_MAGNIFICATION_LAW]));
+                                   100.0 * *left));
 done:
     hada_magnification_free(&found);
     if (slot)
@@ -80,12 +81,13 @@ static hada_status add(hada_image *out, const law *of, const hada_psfs *psfs, in
 }
 
 hada_status hada_psf_depths(hada_image *out, const double *distances_mm, int count, const hada_psfs *psfs,
-                            double *mask_mm, hada_context *context, hada_error *err)
+                            double *mask_mm, double *left, hada_context *context, hada_error *err)
 {
     law own = {.mask = *mask_mm};
     const hada_image *first = psfs->image;
+    *left = 0.0;
     if (*mask_mm == 0.0)
-        HADA_TRY(find_law(&own, psfs, context, err));
+        HADA_TRY(find_law(&own, left, psfs, context, err));
     *mask_mm = own.mask;
     /* room for the nearest, which is the largest */
     const double most =

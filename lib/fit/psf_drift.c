@@ -5,8 +5,8 @@
 #include "image/pixels.h"
 #include "image/small_fft.h"
 
-/* Pixels a side at which they are compared, at most: larger ones are binned. */
-enum { MOST_SIDE = 256 };
+/* Pixels a side at which they are compared, at most: larger ones are binned. Finer where small changes count. */
+enum { MOST_SIDE = 256, FINE_SIDE = 1024 };
 static const char what[] = "the drift of point spread functions";
 
 typedef struct drift {
@@ -59,53 +59,20 @@ static void fit_law(const double *values, int stride, const double *distances, i
     *a = mean - *b * mean_inverse;
 }
 
-static void transform(const drift *of, const hada_image *image, float *out)
+/* By how much `next` stands beside `one`, in bins; returns how much they are alike then. */
+static double compare(const drift *of, double *shift)
 {
-    const size_t size = (size_t)of->fft.size;
-    double mean = 0.0;
-    for (size_t i = 0; i < hada_image_count(image); i++)
-        mean += (double)image->data[i] / (double)hada_image_count(image);
-    memset(out, 0, 2 * size * size * sizeof *out);
-    for (int y = 0; y < of->rows; y++)
-        for (int x = 0; x < of->cols; x++)
-            out[2 * ((size_t)y * size + (size_t)x)] = image->data[y * of->cols + x] - (float)mean;
-    hada_small_fft_run(&of->fft, out);
+    const double energy = hada_small_fft_put(&of->fft, &of->one, of->first);
+    const double both = sqrt(energy * hada_small_fft_put(&of->fft, &of->next, of->second));
+    const double most = hada_small_fft_match(&of->fft, of->first, of->second, &shift[0], &shift[1]);
+    return both > 0.0 ? most / both : 0.0;
 }
 
-static double correlation(const drift *of, int row, int col)
-{
-    const int mask = of->fft.size - 1;
-    return (double)of->first[2 * ((row & mask) * of->fft.size + (col & mask))];
-}
-
-/* By how much `next` stands beside `one`, in bins. */
-static void compare(const drift *of, double *shift)
-{
-    const int size = of->fft.size;
-    int best = 0;
-    transform(of, &of->one, of->first);
-    transform(of, &of->next, of->second);
-    for (int i = 0; i < size * size; i++) {
-        const float a = of->first[2 * i], b = of->first[2 * i + 1], c = of->second[2 * i], d = of->second[2 * i + 1];
-        of->first[2 * i] = a * c + b * d;
-        of->first[2 * i + 1] = a * d - b * c;
-    }
-    hada_small_fft_run(&of->fft, of->first); /* forward: shifts are negative */
-    for (int i = 1; i < size * size; i++)
-        best = of->first[2 * i] > of->first[2 * best] ? i : best;
-    const int row = best / size, col = best % size;
-    const double at = correlation(of, row, col);
-    const double top[2] = {row + hada_parabola_top(correlation(of, row - 1, col), at, correlation(of, row + 1, col)),
-                           col + hada_parabola_top(correlation(of, row, col - 1), at, correlation(of, row, col + 1))};
-    for (int k = 0; k < 2; k++)
-        shift[k] = top[k] > size / 2 ? size - top[k] : -top[k];
-}
-
-static hada_status begin(drift *of, const hada_image *first, hada_error *err)
+static hada_status begin(drift *of, const hada_image *first, int most, hada_error *err)
 {
     const int side = first->rows > first->cols ? first->rows : first->cols;
     int size = 8;
-    of->factor = (side + MOST_SIDE - 1) / MOST_SIDE;
+    of->factor = (side + most - 1) / most;
     of->rows = first->rows / of->factor;
     of->cols = first->cols / of->factor;
     while (size < of->rows || size < of->cols)
@@ -117,13 +84,21 @@ static hada_status begin(drift *of, const hada_image *first, hada_error *err)
     return hada_image_create(&of->next, 1, of->rows, of->cols, err);
 }
 
+static void end(drift *of)
+{
+    hada_small_fft_destroy(&of->fft);
+    hada_image_destroy(&of->one);
+    hada_image_destroy(&of->next);
+    HADA_FREE(of->first, of->second);
+}
+
 hada_status hada_psf_drift(double (*out)[2], const hada_psfs *psfs, hada_error *err)
 {
     drift of = {0};
     double *spread = NULL, a, b;
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(HADA_NEW(spread, (size_t)psfs->count, what, err));
-    HADA_TRY_OR_DONE(begin(&of, psfs->image, err));
+    HADA_TRY_OR_DONE(begin(&of, psfs->image, MOST_SIDE, err));
     for (int k = 0; k < psfs->count; k++) {
         reduce(&of, &psfs->image[k], &of.next);
         spread[k] = spread_of(&of.next);
@@ -148,9 +123,23 @@ hada_status hada_psf_drift(double (*out)[2], const hada_psfs *psfs, hada_error *
             out[k][i] -= a + b / psfs->distances_mm[k];
     }
 done:
-    hada_small_fft_destroy(&of.fft);
-    hada_image_destroy(&of.one);
-    hada_image_destroy(&of.next);
-    HADA_FREE(spread, of.first, of.second);
+    end(&of);
+    free(spread);
+    return status;
+}
+
+hada_status hada_psf_alike(double *alike, double *moved, const hada_image *one, const hada_image *other,
+                           hada_error *err)
+{
+    drift of = {0};
+    double shift[2] = {0};
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(begin(&of, one, FINE_SIDE, err));
+    reduce(&of, one, &of.one);
+    reduce(&of, other, &of.next);
+    *alike = compare(&of, shift);
+    *moved = of.factor * hypot(shift[0], shift[1]);
+done:
+    end(&of);
     return status;
 }

@@ -8,4 +8,9 @@
  * anywhere, so this is the drift of the bead or the stage. Four depths or more. */
 hada_status hada_psf_drift(double (*out)[2], const hada_psfs *psfs, hada_error *err);
 
+/* How much two point spread functions of one size are alike, 0 to 1, where one of them is moved so that they are most
+ * alike; *moved: by so many pixels. */
+hada_status hada_psf_alike(double *alike, double *moved, const hada_image *one, const hada_image *other,
+                           hada_error *err);
+
 #endif

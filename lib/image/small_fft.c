@@ -63,3 +63,40 @@ void hada_small_fft_run(const hada_small_fft *fft, float *data)
     for (size_t r = 0; r < size; r++)
         line(fft, data + 2 * r * size);
 }
+
+double hada_small_fft_match(const hada_small_fft *fft, float *work, const float *other, double *row, double *col)
+{
+    const int n = fft->size, mask = n - 1;
+    const size_t area = (size_t)n * (size_t)n;
+    size_t best = 0;
+    for (size_t i = 0; i < area; i++) {
+        const float re = work[2 * i], im = work[2 * i + 1], a = other[2 * i], b = other[2 * i + 1];
+        work[2 * i] = a * re + b * im;
+        work[2 * i + 1] = -(b * re - a * im); /* conjugate: a forward transform is then the inverse one */
+    }
+    hada_small_fft_run(fft, work);
+    for (size_t i = 1; i < area; i++)
+        best = work[2 * i] > work[2 * best] ? i : best;
+    const int r = (int)(best / (size_t)n), c = (int)(best % (size_t)n);
+#define AT(row, col) ((double)work[2 * ((size_t)((row)&mask) * (size_t)n + (size_t)((col)&mask))])
+    *row = (r < n / 2 ? r : r - n) + hada_parabola_top(AT(r - 1, c), AT(r, c), AT(r + 1, c));
+    *col = (c < n / 2 ? c : c - n) + hada_parabola_top(AT(r, c - 1), AT(r, c), AT(r, c + 1));
+    return AT(r, c) / (double)area;
+#undef AT
+}
+
+double hada_small_fft_put(const hada_small_fft *fft, const hada_image *image, float *to)
+{
+    const size_t count = hada_image_count(image), size = (size_t)fft->size;
+    double mean = 0.0, energy = 0.0;
+    for (size_t i = 0; i < count; i++)
+        mean += (double)image->data[i] / (double)count;
+    memset(to, 0, 2 * size * size * sizeof *to);
+    for (size_t i = 0; i < count; i++) {
+        const float value = (float)(image->data[i] - mean);
+        to[2 * (i / (size_t)image->cols * size + i % (size_t)image->cols)] = value;
+        energy += (double)value * value;
+    }
+    hada_small_fft_run(fft, to);
+    return energy;
+}

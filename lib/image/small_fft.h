@@ -2,6 +2,8 @@
 #ifndef HADA_IMAGE_SMALL_FFT_H
 #define HADA_IMAGE_SMALL_FFT_H
 
+#include <hadalens/image.h>
+
 #include "core/base.h"
 
 typedef struct hada_small_fft {
@@ -17,5 +19,12 @@ void hada_small_fft_destroy(hada_small_fft *fft);
 /* In place on size x size complex numbers (re, im), unnormalised. The result is transposed: row and column frequencies
  * are exchanged, [kx][ky]. Twice gives the image mirrored in both directions, times size * size. */
 void hada_small_fft_run(const hada_small_fft *fft, float *data);
+
+/* Transforms an image of one channel less its mean, with zeros beyond it; returns its energy. */
+double hada_small_fft_put(const hada_small_fft *fft, const hada_image *image, float *to);
+
+/* The largest value of the cross-correlation of two images whose transforms are `work`, which is replaced, and `other`,
+ * and by how many pixels the first has to be moved for it. */
+double hada_small_fft_match(const hada_small_fft *fft, float *work, const float *other, double *row, double *col);
 
 #endif

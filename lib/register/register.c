@@ -53,7 +53,7 @@ static double energy_of(const float *x, size_t count)
 /* The largest correlation coefficient over all shifts, at one scale. */
 static hada_status correlate(match *m, peak *at, hada_error *err)
 {
-    const int n = m->fft.size, mask = n - 1;
+    const int n = m->fft.size;
     const size_t area = (size_t)n * (size_t)n;
     const double per = exp(-at->log_scale);
     const hada_register_map map = {.inverse = {{per, 0}, {0, per}}};
@@ -64,22 +64,8 @@ static hada_status correlate(match *m, peak *at, hada_error *err)
     hada_register_view_destroy(&view);
     const double energy = energy_of(m->work, area) * m->other_energy;
     hada_small_fft_run(&m->fft, m->work);
-    for (size_t i = 0; i < area; i++) {
-        const float re = m->work[2 * i], im = m->work[2 * i + 1], a = m->other[2 * i], b = m->other[2 * i + 1];
-        m->work[2 * i] = a * re + b * im;
-        m->work[2 * i + 1] = -(b * re - a * im); /* conjugate: a forward transform is then the inverse one */
-    }
-    hada_small_fft_run(&m->fft, m->work);
-    size_t best = 0;
-    for (size_t i = 1; i < area; i++)
-        if (m->work[2 * i] > m->work[2 * best])
-            best = i;
-    const int r = (int)(best / (size_t)n), c = (int)(best % (size_t)n);
-#define AT(row, col) ((double)m->work[2 * ((size_t)((row)&mask) * (size_t)n + (size_t)((col)&mask))])
-    at->row = (r < n / 2 ? r : r - n) + hada_parabola_top(AT(r - 1, c), AT(r, c), AT(r + 1, c));
-    at->col = (c < n / 2 ? c : c - n) + hada_parabola_top(AT(r, c - 1), AT(r, c), AT(r, c + 1));
-    at->likeness = energy > 0.0 ? AT(r, c) / ((double)area * sqrt(energy)) : 0.0;
-#undef AT
+    const double most = hada_small_fft_match(&m->fft, m->work, m->other, &at->row, &at->col);
+    at->likeness = energy > 0.0 ? most / sqrt(energy) : 0.0;
     return HADA_OK;
 }
 
@@ -118,19 +104,6 @@ static hada_status find(match *m, peak *best, hada_error *err)
     return HADA_OK;
 }
 
-/* Without the mean, into every second float of n x n. */
-static void put(const hada_image *psf, float *to, int n)
-{
-    const size_t count = hada_image_count(psf);
-    double mean = 0.0;
-    for (size_t i = 0; i < count; i++)
-        mean += psf->data[i] / (double)count;
-    for (int r = 0; r < psf->rows; r++)
-        for (int c = 0; c < psf->cols; c++)
-            to[2 * ((size_t)r * (size_t)n + (size_t)c)] =
-                (float)(psf->data[(size_t)r * (size_t)psf->cols + (size_t)c] - mean);
-}
-
 hada_status hada_register_offset(const hada_image *psf, const hada_image *other, double pitch, double *scale,
                                  double *row, double *col, double *likeness, hada_error *err)
 {
@@ -149,9 +122,7 @@ hada_status hada_register_offset(const hada_image *psf, const hada_image *other,
     HADA_TRY_OR_DONE(hada_register_plane_create(&m.plane, psf->data, psf->rows, psf->cols, err));
     HADA_TRY_OR_DONE(HADA_NEW(m.work, 2 * (size_t)n * (size_t)n, "a transform", err));
     HADA_TRY_OR_DONE(HADA_NEW(m.other, 2 * (size_t)n * (size_t)n, "a transform", err));
-    put(other, m.other, n);
-    m.other_energy = energy_of(m.other, (size_t)n * (size_t)n);
-    hada_small_fft_run(&m.fft, m.other);
+    m.other_energy = hada_small_fft_put(&m.fft, other, m.other);
     HADA_TRY_OR_DONE(find(&m, &best, err));
     *scale = exp(best.log_scale);
     *row = best.row * pitch;

@@ -9,6 +9,7 @@
 #include "fit/psf_drift.h"
 #include "image/correct.h"
 #include "image/pixels.h"
+#include "image/statistics.h"
 #include "io/folder.h"
 #include "io/positions.h"
 #include "io/text.h"
@@ -22,6 +23,11 @@
  * share of a mean one's: where light ends at the border for good it has less than a hundredth. */
 #define LOST   0.005
 #define BORDER 0.1
+/* And where more than this share is in pixels at white, which costs 0.1 to 0.6 dB (perf/psf_files.py). */
+#define WHITE 0.02
+/* Captures of one depth: alike, and moved by so many pixels at most. */
+#define ALIKE 0.8
+#define MOVED 0.5
 /* And where a stack of so many depths wanders by more pixels. */
 enum { LEAST_STACK = 4 };
 #define WANDERS 0.5
@@ -50,7 +56,9 @@ typedef struct psfs {
     int listed;
     hada_positions points; /* where they were taken in the field; images are [depth][position] then */
     int positions;
-    double *rows, *cols; /* of each image, from its middle */
+    double white, at_white; /* of the page with most pixels at white: what they hold, and their share */
+    int worst, unlike;      /* its image; 1: captures of a depth are unlike one another, which was noted */
+    double *rows, *cols;    /* of each image, from its middle */
 } psfs;
 
 static hada_status add_capture(psfs *of, double distance, const char *folder, const char *name, hada_error *err)
@@ -235,6 +243,49 @@ static hada_status take_flat(psfs *of, hada_error *err)
     return flat ? hada_flat_sensitivity(&of->flat, flat, channels, of->options.mosaic, err) : HADA_OK;
 }
 
+/* Pixels at white: their share, before anything changes them. */
+static void count_white(psfs *of, const hada_image *image, int depth)
+{
+    const size_t count = hada_image_count(image);
+    const float white = hada_cut_off_value(image->data, count);
+    double share = 0.0;
+    for (size_t i = 0; i < count; i++)
+        share += image->data[i] >= white ? 1.0 / (double)count : 0.0;
+    if (share > of->at_white) {
+        of->at_white = share;
+        of->white = white;
+        of->worst = depth;
+    }
+}
+
+/* Captures that are averaged are of one depth, by a camera that stood still. */
+static hada_status compare_captures(psfs *of, const hada_image *before, const hada_image *now, const char *path,
+                                    hada_error *err)
+{
+    hada_image clean[2] = {{0}};
+    double alike, moved;
+    hada_status status = HADA_OK;
+    if (of->unlike)
+        return HADA_OK;
+    for (int k = 0; k < 2; k++) {
+        HADA_TRY_OR_DONE(hada_image_copy(&clean[k], k ? now : before, err));
+        if (hada_psf_clean(&clean[k], &of->options, NULL, NULL))
+            goto done; /* the mean of all may be better */
+    }
+    HADA_TRY_OR_DONE(hada_psf_alike(&alike, &moved, &clean[0], &clean[1], err));
+    of->unlike = alike < ALIKE || moved > MOVED;
+    if (of->unlike)
+        hada_monitor_tell(of->task->monitor, HADA_MESSAGE_NOTE,
+                          "%s is %.0f %% like the captures before it, moved by %.1f pixels, and all are averaged. "
+                          "Of several depths: put each into a folder z<distance>mm, or name a distance for each with "
+                          "options.distances; if the camera moved, leave this one out",
+                          path, 100.0 * alike, moved);
+done:
+    hada_image_destroy(&clean[0]);
+    hada_image_destroy(&clean[1]);
+    return status;
+}
+
 /* A page, into a depth of its own or added to one: *pages of it so far. */
 static hada_status add_page(psfs *of, hada_tiff_reader *reader, int page, const char *path, hada_image *depth,
                             int *pages, hada_error *err)
@@ -242,6 +293,7 @@ static hada_status add_page(psfs *of, hada_tiff_reader *reader, int page, const 
     hada_image image = {0};
     hada_status status = HADA_OK;
     HADA_TRY(hada_tiff_read_light(reader, page, of->task->frame_encoding, &image, err));
+    count_white(of, &image, (int)(depth - of->image));
     HADA_TRY_OR_DONE(flatten(of, &image, path, err));
     HADA_TRY_OR_DONE(set_channels(of, &image, err));
     if (of->options.turn & HADA_TURN_TRANSPOSE)
@@ -258,6 +310,7 @@ static hada_status add_page(psfs *of, hada_tiff_reader *reader, int page, const 
                       path, page + 1, image.channels, image.rows, image.cols, of->image->channels, of->image->rows,
                       of->image->cols));
     if ((*pages)++) {
+        HADA_TRY_OR_DONE(compare_captures(of, depth, &image, path, err));
         for (size_t i = 0; i < hada_image_count(depth); i++)
             depth->data[i] += (image.data[i] - depth->data[i]) / (float)*pages;
     } else {
@@ -521,12 +574,15 @@ static hada_status tell_cleaned(const psfs *of, int z, const hada_psf_seen *seen
 
 static hada_status clean(psfs *of, hada_error *err)
 {
-    double border = 0.0;
+    double border = 0.0, white = 0.0;
     for (int z = 0; z < of->count; z++) {
         hada_psf_seen seen;
         HADA_TRY(hada_named(hada_psf_clean(&of->image[z], &of->options, &seen, err), of->path, err));
         HADA_TRY(tell_cleaned(of, z, &seen, err));
         border = fmax(border, seen.border);
+        if (z == of->worst && of->options.psf_dark != 0.0)
+            white = of->at_white * (of->white - seen.background) * (double)hada_image_count(&of->image[z]) /
+                    hada_psf_light(&of->image[z]);
     }
     if (border > BORDER && !of->options.psf_taper && !of->positions) /* others see what one of these misses */
         hada_monitor_tell(
@@ -535,6 +591,12 @@ static hada_status clean(psfs *of, hada_error *err)
             "missing, and the picture may have a bright cross or stripes. Take a picture that is larger "
             "than a frame, or let it fade out with options.psf_taper",
             of->path, 100.0 * border);
+    if (white > WHITE)
+        hada_monitor_tell(
+            of->task->monitor, HADA_MESSAGE_NOTE,
+            "%s: %.0f %% of the light is in pixels at white, where the sensor was saturated; pictures get "
+            "worse by it. Take it again with a shorter exposure (if it is computed: options.psf_dark 0)",
+            of->path, 100.0 * white);
     of->options.psf_dark = 0.0;
     of->options.psf_taper = 0;
     return HADA_OK;
@@ -584,7 +646,8 @@ static hada_status change_depths(psfs *of, hada_context *context, hada_error *er
 {
     const hada_psf_task *task = of->task;
     const hada_psfs known = {of->image, of->distances_mm, of->count};
-    double mask = task->mask_distance_mm;
+    double mask = task->mask_distance_mm, left;
+    char words[64] = "";
     hada_image *image = NULL;
     double *distances = NULL;
     hada_status status = HADA_OK;
@@ -606,9 +669,11 @@ static hada_status change_depths(psfs *of, hada_context *context, hada_error *er
     for (int z = 0; z < task->distances; z++)
         if (!(distances[z] > (z ? distances[z - 1] : 0.0)))
             HADA_TRY_OR_DONE(hada_fail(err, HADA_ERROR_ARGUMENT, "options.distances are above 0, from near to far"));
-    HADA_TRY_OR_DONE(hada_psf_depths(image, distances, task->distances, &known, &mask, context, err));
-    hada_monitor_tell(task->monitor, HADA_MESSAGE_INFO, "%d depths by the law of magnification, 1 + %.4g mm / distance",
-                      task->distances, mask);
+    HADA_TRY_OR_DONE(hada_psf_depths(image, distances, task->distances, &known, &mask, &left, context, err));
+    if (left > 0.0)
+        snprintf(words, sizeof words, ", which leaves %.0f %% of a PSF unexplained by the others", 100.0 * left);
+    hada_monitor_tell(task->monitor, HADA_MESSAGE_INFO,
+                      "%d depths by the law of magnification, 1 + %.4g mm / distance%s", task->distances, mask, words);
 done:
     if (status) {
         for (int z = 0; image && z < task->distances; z++)

@@ -137,6 +137,10 @@ expect 0 'light reaches the borders, where a pixel has 100 %.*--psf-taper' fit -
 expect 0 '' fit --psf plain.tif -o taper.model --psf-dark 0.1 --psf-taper 8
 grep -q 'light reaches' stdout stderr && fail 'a PSF that fades out reaches the borders'
 expect 7 'nothing of the point spread function is brighter.*--psf-dark' fit --psf plain.tif -o x
+"$FRAME_TOOL" spots white.tif 64 80 9 1 0.5
+expect 0 'white.tif: [3-5][0-9] % of the light is in pixels at white.*shorter exposure' fit --psf white.tif -o x
+expect 0 '' fit --psf white.tif -o x --psf-dark 0
+grep -q 'at white' stderr && fail 'a computed PSF is saturated'
 mkdir -p psfs/z100mm psfs/z50mm files
 cp spots.tif psfs/z100mm/1.tif
 cp spots.tif psfs/z100mm/2.tif
@@ -148,6 +152,10 @@ cp spots.tif files/b.tif
 expect 0 '2 captures of 2 files averaged.*1 depth' fit --psf files -o one.model
 expect 0 '2 captures of 2 files averaged.*1 depth' fit --psf files/a.tif files/b.tif -o same.model
 cmp -s one.model same.model || fail 'two files and their folder gave two models'
+grep -q 'like the captures before' stderr && fail 'equal captures are unlike'
+expect 0 'unlike.tif is [0-9]+ % like the captures before it.*z<distance>mm.*--distances' fit --psf spots.tif unlike.tif -o x
+"$FRAME_TOOL" turn spots.tif moved.tif 1 0 0 0 2 0
+expect 0 'spots.tif is 9[0-9] % like .* moved by (1.9|2.[01]) pixels' fit --psf moved.tif spots.tif -o x
 cmp -s one.model spots.model || fail 'two equal captures gave another model than one'
 expect 0 '2 depths' fit --psf files --distances 50,100 -o list.model
 echo '50, 100mm' >files/distances.txt
@@ -198,7 +206,7 @@ expect 2 'does not say at which distance it was taken; add --psf-distance' \
     fit --psf spots.tif --distances 40,60,100 --mask-distance 3.7 -o x
 expect 2 'say with --distances which depths' fit --psf spots.tif --psf-distance 60 --mask-distance 3.7 -o x
 expect 2 'add --mask-distance' fit --psf spots.tif --psf-distance 60 --distances 40,60 -o x
-expect 0 '2 depths by the law of magnification, 1 . 2?[0-9.]* mm' \
+expect 0 '2 depths by the law of magnification, 1 . 2?[0-9.]* mm / distance, which leaves [1-9][0-9]? % of a PSF unexpl' \
     fit --psf "$camera/psf.tif" --psf-distance 100,200,600 --distances 150,300 -o two.model
 expect 2 '--mask-distance takes a number from 0 on.*not .-3' \
     fit --psf spots.tif --psf-distance 60 --distances 70 --mask-distance -3 -o x

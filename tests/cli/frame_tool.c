@@ -2,7 +2,7 @@
  *   frame_tool nan IN OUT N          copy of IN's first frame with N pixels made NaN
  *   frame_tool pages IN OUT N        N pages, each IN's first frame
  *   frame_tool flat OUT H W CHANNELS VALUE
- *   frame_tool spots OUT H W COUNT SEED   a point spread function: spots on a background of 0.1, noise of 0.001
+ *   frame_tool spots OUT H W COUNT SEED [WHITE]   a PSF: spots on a background of 0.1, noise of 0.001
  *   frame_tool offset IN OUT LEVEL   every page of IN plus LEVEL
  *   frame_tool enhance MODEL OUT     the model with a net (preset compact, random weights)
  *   frame_tool net OUT CHANNELS      a U-net of a few weights
@@ -81,7 +81,7 @@ static double next_random(unsigned long *state)
     return (double)(*state >> 33) / 2147483648.0;
 }
 
-static hada_status save_spots(char **argv, hada_error *err)
+static hada_status save_spots(char **argv, double white, hada_error *err)
 {
     const int rows = atoi(argv[3]), cols = atoi(argv[4]);
     unsigned long state = strtoul(argv[6], NULL, 10);
@@ -100,6 +100,8 @@ static hada_status save_spots(char **argv, hada_error *err)
         for (int i = 0; i < rows * cols; i++)
             image.data[i] += (float)(0.8 * exp(-(pow(i / cols - y, 2) + pow(i % cols - x, 2)) / 2.0));
     }
+    for (int i = 0; !status && i < rows * cols; i++)
+        image.data[i] = fminf(image.data[i], (float)white);
     if (!status)
         status = hada_tiff_save(argv[2], &image, &options, err);
     hada_image_destroy(&image);
@@ -266,8 +268,8 @@ int main(int argc, char **argv)
         status = save_net(argv[2], atoi(argv[3]), &err);
     else if (!strcmp(what, "flat") && argc == 7)
         status = save_flat(argv, &err);
-    else if (!strcmp(what, "spots") && argc == 7)
-        status = save_spots(argv, &err);
+    else if (!strcmp(what, "spots") && (argc == 7 || argc == 8))
+        status = save_spots(argv, argc == 8 ? atof(argv[7]) : INFINITY, &err);
     else if (!strcmp(what, "enhance") && argc == 4)
         status = save_enhanced(argv[2], argv[3], &err);
     else if (!strcmp(what, "lpips") && argc == 3)

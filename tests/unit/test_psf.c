@@ -250,9 +250,9 @@ TEST(other_depths_follow_the_law)
     const hada_psfs psfs = {known, known_mm, 2}, one = {known, known_mm, 1};
     for (int i = 0; i < 2; i++) {
         hada_image got[4] = {{0}};
-        double mask = i ? MASK : 0.0;
-        ASSERT_OK(hada_psf_depths(got, wanted_mm, 4, i ? &one : &psfs, &mask, *state, err));
-        assert_true(fabs(mask / MASK - 1.0) < 0.02);
+        double mask = i ? MASK : 0.0, left;
+        ASSERT_OK(hada_psf_depths(got, wanted_mm, 4, i ? &one : &psfs, &mask, &left, *state, err));
+        assert_true(fabs(mask / MASK - 1.0) < 0.02 && (i ? left == 0.0 : left > 0.0 && left < 0.1));
         for (int z = 0; z < 4; z++) {
             SCOPED(hada_image) right = of_distance(wanted_mm[z], got[z].rows, got[z].cols);
             const double error = distance(&got[z], &right);
@@ -261,7 +261,7 @@ TEST(other_depths_follow_the_law)
             hada_image_destroy(&got[z]);
         }
     }
-    double mask = 0.0;
+    double mask = 0.0, left;
     hada_image got[1] = {{0}};
     hada_image_destroy(&known[1]);
     known[1] = spots(ROWS, COLS, 1.0, 1.0);
@@ -270,7 +270,8 @@ TEST(other_depths_follow_the_law)
         known[1].data[i] = known[1].data[ROWS * COLS - 1 - i];
         known[1].data[ROWS * COLS - 1 - i] = swap;
     }
-    ASSERT_FAILS(hada_psf_depths(got, wanted_mm, 1, &psfs, &mask, *state, err), HADA_ERROR_NUMERIC, "magnification");
+    ASSERT_FAILS(hada_psf_depths(got, wanted_mm, 1, &psfs, &mask, &left, *state, err), HADA_ERROR_NUMERIC,
+                 "magnification");
     hada_image_destroy(&known[0]);
     hada_image_destroy(&known[1]);
 }

@@ -21,10 +21,9 @@ typedef struct hada_library {
 } hada_library;
 
 /* A row of hada_library.symbols. */
-#define HADA_SYMBOL(pointer, name)                                                                                     \
-    {                                                                                                                  \
-        name, &(pointer), sizeof(pointer)                                                                              \
-    }
+/* clang-format off */
+#define HADA_SYMBOL(pointer, name) {name, &(pointer), sizeof(pointer)}
+/* clang-format on */
 
 /* Loads it, unless it is loaded, and finds its functions. It is never closed. HADA_ERROR_UNSUPPORTED names the package.
  * Thread-safe. */

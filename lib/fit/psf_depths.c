@@ -85,7 +85,6 @@ hada_status hada_psf_depths(hada_image *out, const double *distances_mm, int cou
 {
     law own = {.mask = *mask_mm};
     const hada_image *first = psfs->image;
-    *left = 0.0;
     if (*mask_mm == 0.0)
         HADA_TRY(find_law(&own, left, psfs, context, err));
     *mask_mm = own.mask;

@@ -15,7 +15,7 @@ typedef struct hada_psfs {
 /* out[count], created by the call: the pattern of a mask at *mask_mm from the sensor is 1 + mask / distance times as
  * large on it. Of two neighbours that were measured each is magnified, and they are blended, linear in 1 / distance;
  * beyond the first and the last of them these are magnified alone. *mask_mm 0: found, with the axis, from `psfs`, at
- * least two; *left: the share of one that the law leaves unexplained by the others (magnification.h), else 0.
+ * least two; *left: the share of one that the law leaves unexplained by the others (magnification.h), if it is found.
  * HADA_ERROR_NUMERIC where they do not follow the law. */
 hada_status hada_psf_depths(hada_image *out, const double *distances_mm, int count, const hada_psfs *psfs,
                             double *mask_mm, double *left, hada_context *context, hada_error *err);

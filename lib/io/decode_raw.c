@@ -9,23 +9,19 @@ const hada_decoder hada_raw = {
 #include <hadalens/response.h>
 #include <libraw/libraw.h>
 
+/* clang-format off */
 static struct {
-    __typeof__(libraw_init) *create;
-    __typeof__(libraw_open_buffer) *open;
-    __typeof__(libraw_unpack) *unpack;
-    __typeof__(libraw_close) *destroy;
-    __typeof__(libraw_strerror) *message;
-    __typeof__(libraw_COLOR) *colour;
+    __typeof__(libraw_init) *create; __typeof__(libraw_open_buffer) *open; __typeof__(libraw_unpack) *unpack;
+    __typeof__(libraw_close) *destroy; __typeof__(libraw_strerror) *message; __typeof__(libraw_COLOR) *colour;
     __typeof__(libraw_set_dataerror_handler) *on_error;
 } api;
 
-static const hada_symbol symbols[] = {HADA_SYMBOL(api.create, "libraw_init"),
-                                      HADA_SYMBOL(api.open, "libraw_open_buffer"),
-                                      HADA_SYMBOL(api.unpack, "libraw_unpack"),
-                                      HADA_SYMBOL(api.destroy, "libraw_close"),
-                                      HADA_SYMBOL(api.message, "libraw_strerror"),
-                                      HADA_SYMBOL(api.colour, "libraw_COLOR"),
-                                      HADA_SYMBOL(api.on_error, "libraw_set_dataerror_handler")};
+static const hada_symbol symbols[] = {
+    HADA_SYMBOL(api.create, "libraw_init"), HADA_SYMBOL(api.open, "libraw_open_buffer"),
+    HADA_SYMBOL(api.unpack, "libraw_unpack"), HADA_SYMBOL(api.destroy, "libraw_close"),
+    HADA_SYMBOL(api.message, "libraw_strerror"), HADA_SYMBOL(api.colour, "libraw_COLOR"),
+    HADA_SYMBOL(api.on_error, "libraw_set_dataerror_handler")};
+/* clang-format on */
 
 static hada_library library = {
     HADALENS_RAW, "cameras' raw files cannot be read", "libraw20", symbols, HADA_COUNT(symbols), 0};

@@ -2,6 +2,7 @@
 
 #include "core/callers.h"
 #include "dispatch/plan.h"
+#include "image/statistics.h"
 #include "io/folder.h"
 #include "io/tiff_page.h"
 #include "planes/maker.h"
@@ -69,6 +70,19 @@ static hada_status open_file(hada_stream *stream, hada_error *err)
     return hada_frames_check(stream->plan, stream->model, hada_tiff_get_info(stream->reader), err);
 }
 
+void hada_tell_values(const hada_monitor *monitor, const char *path, const hada_tiff_reader *reader, double encoding,
+                      const hada_pixels *frame)
+{
+    const hada_tiff_info *info = hada_tiff_get_info(reader);
+    const double way = encoding == HADA_AUTO ? info->encoding : encoding;
+    if (way != 0.0 && way != HADA_RESPONSE_LINEAR)
+        hada_monitor_tell(monitor, HADA_MESSAGE_INFO,
+                          "%s: values are encoded for displays, and made linear (options.frame_encoding)", path);
+    else if (info->bits == 8 && hada_noise_estimate(frame, info->mosaic) < 1.0 / 255.0)
+        hada_monitor_tell(monitor, HADA_MESSAGE_NOTE,
+                          "%s: steps of 8 bits are coarser than the noise; let the camera write 10 bits or more", path);
+}
+
 static hada_status read_frame(hada_stream *stream, hada_streamed *frame)
 {
     hada_error *err = &frame->error;
@@ -84,6 +98,8 @@ static hada_status read_frame(hada_stream *stream, hada_streamed *frame)
         HADA_TRY(open_file(stream, err));
     frame->frames = hada_tiff_get_info(stream->reader)->frames;
     HADA_TRY(hada_tiff_read_stored(stream->reader, stream->frame, stream->encoding, &frame->raw, err));
+    if (!stream->file && !stream->frame)
+        hada_tell_values(stream->monitor, stream->paths[0], stream->reader, stream->encoding, &frame->raw);
     return hada_job_submit_pixels(&frame->job, stream->plan, &frame->raw, &frame->result, err);
 }
 

@@ -5,6 +5,7 @@
 
 #include <hadalens/job.h>
 #include <hadalens/monitor.h>
+#include <hadalens/response.h>
 #include <hadalens/task_reconstruct.h>
 #include <hadalens/tiff.h>
 
@@ -43,6 +44,10 @@ typedef struct hada_stream {
 /* Whether frames as a file holds them are such as the plan takes: size, channels, mosaic. */
 hada_status hada_frames_check(const hada_plan *plan, const hada_model *model, const hada_tiff_info *info,
                               hada_error *err);
+
+/* Says that values are encoded for displays, or that their steps are coarser than the noise. */
+void hada_tell_values(const hada_monitor *monitor, const char *path, const hada_tiff_reader *reader, double encoding,
+                      const hada_pixels *frame);
 
 /* `ahead`: frames in memory at a time. All that is handed in must stay. */
 hada_status hada_stream_begin(hada_stream *stream, hada_plan *plan, const hada_model *model, const char *const *paths,

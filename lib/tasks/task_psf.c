@@ -16,6 +16,7 @@
 #include "io/tiff_page.h"
 #include "model/model.h"
 #include "tasks/fit_steps.h"
+#include "tasks/frames.h"
 
 /* Bytes of a list of distances. */
 #define LIST_BYTES ((size_t)1 << 16)
@@ -275,11 +276,12 @@ static hada_status compare_captures(psfs *of, const hada_image *before, const ha
     HADA_TRY_OR_DONE(hada_psf_alike(&alike, &moved, &clean[0], &clean[1], err));
     of->unlike = alike < ALIKE || moved > MOVED;
     if (of->unlike)
-        hada_monitor_tell(of->task->monitor, HADA_MESSAGE_NOTE,
-                          "%s is %.0f %% like the captures before it, moved by %.1f pixels, and all are averaged. "
-                          "Of several depths: put each into a folder z<distance>mm, or name a distance for each with "
-                          "options.distances; if the camera moved, leave this one out",
-                          path, 100.0 * alike, moved);
+        hada_monitor_tell(
+            of->task->monitor, HADA_MESSAGE_NOTE,
+            "%s is %.0f %% like the captures before it, moved by %.1f pixels, and is averaged with them: put "
+            "several depths into folders z<distance>mm, or name a distance for each with options.distances; "
+            "leave it out if the camera moved",
+            path, 100.0 * alike, moved);
 done:
     hada_image_destroy(&clean[0]);
     hada_image_destroy(&clean[1]);
@@ -291,8 +293,13 @@ static hada_status add_page(psfs *of, hada_tiff_reader *reader, int page, const 
                             int *pages, hada_error *err)
 {
     hada_image image = {0};
+    hada_pixels pixels;
     hada_status status = HADA_OK;
+    hada_pixels_init(&pixels);
     HADA_TRY(hada_tiff_read_light(reader, page, of->task->frame_encoding, &image, err));
+    hada_pixels_of_image(&pixels, &image);
+    if (!of->image->data)
+        hada_tell_values(of->task->monitor, path, reader, of->task->frame_encoding, &pixels);
     count_white(of, &image, (int)(depth - of->image));
     HADA_TRY_OR_DONE(flatten(of, &image, path, err));
     HADA_TRY_OR_DONE(set_channels(of, &image, err));
@@ -594,8 +601,8 @@ static hada_status clean(psfs *of, hada_error *err)
     if (white > WHITE)
         hada_monitor_tell(
             of->task->monitor, HADA_MESSAGE_NOTE,
-            "%s: %.0f %% of the light is in pixels at white, where the sensor was saturated; pictures get "
-            "worse by it. Take it again with a shorter exposure (if it is computed: options.psf_dark 0)",
+            "%s: %.0f %% of the light is in pixels at white, where the sensor was saturated: take it again "
+            "with a shorter exposure (a computed one: options.psf_dark 0)",
             of->path, 100.0 * white);
     of->options.psf_dark = 0.0;
     of->options.psf_taper = 0;
@@ -646,7 +653,7 @@ static hada_status change_depths(psfs *of, hada_context *context, hada_error *er
 {
     const hada_psf_task *task = of->task;
     const hada_psfs known = {of->image, of->distances_mm, of->count};
-    double mask = task->mask_distance_mm, left;
+    double mask = task->mask_distance_mm, left = 0.0;
     char words[64] = "";
     hada_image *image = NULL;
     double *distances = NULL;

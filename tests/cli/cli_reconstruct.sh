@@ -37,6 +37,8 @@ expect 0 '3 refinement steps' reconstruct "${one[@]}" -o a --occupied 1 --refine
 expect 0 '"refine_steps": 0' reconstruct "${one[@]}" -o a --refine 0 --json
 expect 0 '' reconstruct "${one[@]}" -o bits --bits 16 --white 2 --gamma 0.5 --half --batch 1
 [ "$(info bits/test01_stack.tif)" = '3 3 24 24 16' ] || fail '--bits 16'
+expect 0 '' reconstruct "${one[@]}" -o dim --bits 8 --white 50
+expect 0 'steps of 8 bits are coarser than the noise' fit --psf dim/test01_aif.tif --psf-dark 0 -o x.model
 expect 0 '' reconstruct "${one[@]}" -o bits --bits 8
 expect 0 '' reconstruct "${one[@]}" -o matched --method matched --refine 0
 expect 0 '' reconstruct "${one[@]}" -o wiener --method wiener --refine 0
@@ -215,7 +217,7 @@ expect 2 'does not say.*--truth-encoding' evaluate "$truth" "$truth" --encoding 
 expect 2 "'dim' is no response" evaluate as_linear/test01_aif.tif "$truth" --encoding dim
 expect 2 "'dim' is no response" reconstruct "$frame" -m srgb.model -o x --encoding dim
 expect 2 "'dim' is no response" reconstruct "$frame" -m srgb.model -o x --frame-encoding dim
-expect 0 '' reconstruct "$frame" -m srgb.model -o as_encoded --frame-encoding srgb --no-preview
+expect 0 'encoded for displays.*--frame-encoding' reconstruct "$frame" -m srgb.model -o as_encoded --frame-encoding srgb --no-preview
 same_results as_encoded/test01_stack.tif as_scene/test01_stack.tif && fail '--frame-encoding changed nothing'
 expect 2 'encoding already' reconstruct "$frame" -m srgb.model -o x --encoding srgb --gamma 0.5
 expect 0 '' reconstruct "$frame" -m srgb.model -o as_gamma --gamma 0.5 --no-preview

@@ -250,7 +250,7 @@ TEST(other_depths_follow_the_law)
     const hada_psfs psfs = {known, known_mm, 2}, one = {known, known_mm, 1};
     for (int i = 0; i < 2; i++) {
         hada_image got[4] = {{0}};
-        double mask = i ? MASK : 0.0, left;
+        double mask = i ? MASK : 0.0, left = 0.0;
         ASSERT_OK(hada_psf_depths(got, wanted_mm, 4, i ? &one : &psfs, &mask, &left, *state, err));
         assert_true(fabs(mask / MASK - 1.0) < 0.02 && (i ? left == 0.0 : left > 0.0 && left < 0.1));
         for (int z = 0; z < 4; z++) {

@@ -51,7 +51,7 @@ static hada_status decode(hada_decoded *out, int fd, const unsigned char *data, 
         hada_allocated(out->samples = hada_alloc((size_t)hada_tiff_page_bytes(page), 1, "a picture", err)));
     if (api.decompress(jpeg, data, (unsigned long)bytes, out->samples, page->cols, 0, page->rows,
                        page->samples == 1 ? TJPF_GRAY : TJPF_RGB, TJFLAG_ACCURATEDCT | TJFLAG_LIMITSCANS) &&
-        api.code(jpeg) == TJERR_FATAL)
+        (api.code(jpeg) == TJERR_FATAL || strstr(api.message(jpeg), "Premature end"))) /* others do not lose pixels */
         HADA_TRY_OR_DONE(
             hada_fail(err, HADA_ERROR_FILE_READ, "this JPEG file is damaged (%s); get it again", api.message(jpeg)));
 done:

@@ -313,7 +313,8 @@ TEST(test_truncated)
         size_t step = bytes > 1000 ? 7 : 1;
         for (size_t length = 0; length < bytes; length += step) {
             io_write_bytes(io_path("cut.tif"), data, length);
-            try_all(io_path("cut.tif"));
+            if (try_all(io_path("cut.tif")) && strstr(victims[k], ".jpg"))
+                fail_msg("%s can be read from %zu of its %zu bytes", victims[k], length, bytes);
         }
         io_write_bytes(io_path("cut.tif"), data, bytes);
         if (!try_all(io_path("cut.tif")))

@@ -39,7 +39,8 @@ static const golden_case cases[] = {
     {"grey_f8.npy", 1, 1, 1, 1, 64, 1 / 64.0}, {"rgb_u1.npy", 1, 3, 1, 1, 8, 1 / 255.0},
     {"rgb_u2_planar.npy", 1, 3, 1, 1, 16, 257 / 65535.0}, {"rgb_f4_fortran.npy", 1, 3, 1, 1, 32, 1 / 64.0},
     {"frames_f4.npy", 4, 1, 1, 4, 32, 1 / 64.0}, {"frames_rgb_u1.npy", 2, 3, 1, 2, 8, 1 / 255.0},
-    {"rgb_f8.mat", 1, 3, 1, 1, 64, 1 / 64.0}, {"frames_u2.mat", 4, 1, 1, 4, 16, 257 / 65535.0}};
+    {"rgb_f8.mat", 1, 3, 1, 1, 64, 1 / 64.0}, {"frames_u2.mat", 4, 1, 1, 4, 16, 257 / 65535.0},
+    {"grey_u2.mat73", 1, 1, 1, 1, 16, 257 / 65535.0}};
 /* clang-format on */
 
 /* In the form in which the file has it, a frame has the same floats; 8 and 16 bits stay what they are. */

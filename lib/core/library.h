@@ -21,9 +21,10 @@ typedef struct hada_library {
 } hada_library;
 
 /* A row of hada_library.symbols. */
-/* clang-format off */
-#define HADA_SYMBOL(pointer, name) {name, &(pointer), sizeof(pointer)}
-/* clang-format on */
+#define HADA_SYMBOL(pointer, name)                                                                                     \
+    {                                                                                                                  \
+        name, &(pointer), sizeof(pointer)                                                                              \
+    }
 
 /* Loads it, unless it is loaded, and finds its functions. It is never closed. HADA_ERROR_UNSUPPORTED names the package.
  * Thread-safe. */

@@ -20,7 +20,8 @@ static struct {
 static const hada_symbol symbols[] = {
     HADA_SYMBOL(api.create, "tjInitDecompress"),  HADA_SYMBOL(api.header, "tjDecompressHeader3"),
     HADA_SYMBOL(api.decompress, "tjDecompress2"), HADA_SYMBOL(api.destroy, "tjDestroy"),
-    HADA_SYMBOL(api.message, "tjGetErrorStr2"),   HADA_SYMBOL(api.code, "tjGetErrorCode")};
+    HADA_SYMBOL(api.message, "tjGetErrorStr2"),   HADA_SYMBOL(api.code, "tjGetErrorCode"),
+};
 
 static hada_library library = {HADALENS_JPEG, "JPEG files cannot be read", "libturbojpeg0",
                                symbols,       HADA_COUNT(symbols),         0};

@@ -8,17 +8,21 @@ const hada_decoder hada_matio = {
 #else
 #include <matio.h>
 
-/* clang-format off */
 static struct {
-    __typeof__(Mat_Open) *open; __typeof__(Mat_Close) *close; __typeof__(Mat_VarReadNextInfo) *next;
-    __typeof__(Mat_VarReadDataAll) *read; __typeof__(Mat_VarFree) *free;
+    __typeof__(Mat_Open) *open;
+    __typeof__(Mat_Close) *close;
+    __typeof__(Mat_VarReadNextInfo) *next;
+    __typeof__(Mat_VarReadDataAll) *read;
+    __typeof__(Mat_VarFree) *free;
 } api;
 
 static const hada_symbol symbols[] = {
-    HADA_SYMBOL(api.open, "Mat_Open"), HADA_SYMBOL(api.close, "Mat_Close"),
-    HADA_SYMBOL(api.next, "Mat_VarReadNextInfo"), HADA_SYMBOL(api.read, "Mat_VarReadDataAll"),
-    HADA_SYMBOL(api.free, "Mat_VarFree")};
-/* clang-format on */
+    HADA_SYMBOL(api.open, "Mat_Open"),
+    HADA_SYMBOL(api.close, "Mat_Close"),
+    HADA_SYMBOL(api.next, "Mat_VarReadNextInfo"),
+    HADA_SYMBOL(api.read, "Mat_VarReadDataAll"),
+    HADA_SYMBOL(api.free, "Mat_VarFree"),
+};
 
 static hada_library library = {
     HADALENS_MATIO, "MATLAB files of version 7.3 cannot be read", "libmatio11", symbols, HADA_COUNT(symbols), 0};

@@ -8,14 +8,28 @@ const hada_decoder hada_png = {.missing =
 #include <png.h>
 #include <setjmp.h>
 
-/* clang-format off */
 #define FUNCTIONS(EACH)                                                                                                \
-    EACH(create_read_struct) EACH(create_info_struct) EACH(destroy_read_struct) EACH(get_bit_depth)                    \
-    EACH(get_channels) EACH(get_error_ptr) EACH(get_image_height) EACH(get_image_width) EACH(get_io_ptr)               \
-    EACH(get_rowbytes) EACH(read_image) EACH(read_info) EACH(read_update_info) EACH(set_chunk_malloc_max)              \
-    EACH(set_expand) EACH(set_interlace_handling) EACH(set_longjmp_fn) EACH(set_read_fn) EACH(set_strip_alpha)         \
-    EACH(set_user_limits) EACH(error)
-/* clang-format on */
+    EACH(create_read_struct)                                                                                           \
+    EACH(create_info_struct)                                                                                           \
+    EACH(destroy_read_struct)                                                                                          \
+    EACH(get_bit_depth)                                                                                                \
+    EACH(get_channels)                                                                                                 \
+    EACH(get_error_ptr)                                                                                                \
+    EACH(get_image_height)                                                                                             \
+    EACH(get_image_width)                                                                                              \
+    EACH(get_io_ptr)                                                                                                   \
+    EACH(get_rowbytes)                                                                                                 \
+    EACH(read_image)                                                                                                   \
+    EACH(read_info)                                                                                                    \
+    EACH(read_update_info)                                                                                             \
+    EACH(set_chunk_malloc_max)                                                                                         \
+    EACH(set_expand)                                                                                                   \
+    EACH(set_interlace_handling)                                                                                       \
+    EACH(set_longjmp_fn)                                                                                               \
+    EACH(set_read_fn)                                                                                                  \
+    EACH(set_strip_alpha)                                                                                              \
+    EACH(set_user_limits)                                                                                              \
+    EACH(error)
 
 static struct {
 #define MEMBER(name) __typeof__(png_##name) *name; /* NOLINT(bugprone-macro-parentheses) */

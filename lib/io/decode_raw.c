@@ -9,19 +9,25 @@ const hada_decoder hada_raw = {
 #include <hadalens/response.h>
 #include <libraw/libraw.h>
 
-/* clang-format off */
 static struct {
-    __typeof__(libraw_init) *create; __typeof__(libraw_open_buffer) *open; __typeof__(libraw_unpack) *unpack;
-    __typeof__(libraw_close) *destroy; __typeof__(libraw_strerror) *message; __typeof__(libraw_COLOR) *colour;
+    __typeof__(libraw_init) *create;
+    __typeof__(libraw_open_buffer) *open;
+    __typeof__(libraw_unpack) *unpack;
+    __typeof__(libraw_close) *destroy;
+    __typeof__(libraw_strerror) *message;
+    __typeof__(libraw_COLOR) *colour;
     __typeof__(libraw_set_dataerror_handler) *on_error;
 } api;
 
 static const hada_symbol symbols[] = {
-    HADA_SYMBOL(api.create, "libraw_init"), HADA_SYMBOL(api.open, "libraw_open_buffer"),
-    HADA_SYMBOL(api.unpack, "libraw_unpack"), HADA_SYMBOL(api.destroy, "libraw_close"),
-    HADA_SYMBOL(api.message, "libraw_strerror"), HADA_SYMBOL(api.colour, "libraw_COLOR"),
-    HADA_SYMBOL(api.on_error, "libraw_set_dataerror_handler")};
-/* clang-format on */
+    HADA_SYMBOL(api.create, "libraw_init"),
+    HADA_SYMBOL(api.open, "libraw_open_buffer"),
+    HADA_SYMBOL(api.unpack, "libraw_unpack"),
+    HADA_SYMBOL(api.destroy, "libraw_close"),
+    HADA_SYMBOL(api.message, "libraw_strerror"),
+    HADA_SYMBOL(api.colour, "libraw_COLOR"),
+    HADA_SYMBOL(api.on_error, "libraw_set_dataerror_handler"),
+};
 
 static hada_library library = {
     HADALENS_RAW, "cameras' raw files cannot be read", "libraw20", symbols, HADA_COUNT(symbols), 0};
@@ -70,6 +76,7 @@ static hada_status take_values(hada_decoded *out, const libraw_data_t *raw, hada
 {
     const libraw_image_sizes_t *sizes = &raw->sizes;
     hada_tiff_page *page = &out->page;
+    enum { PATTERN = 64 };
     if (!raw->rawdata.raw_image)
         return hada_fail(err, HADA_ERROR_FILE_FORMAT,
                          "this raw file does not hold one value for each pixel of the sensor; save it as TIFF");

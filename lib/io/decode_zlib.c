@@ -16,13 +16,17 @@ hada_status hada_inflate(const unsigned char *from, size_t bytes, unsigned char 
 
 #include "core/library.h"
 
-/* clang-format off */
 static struct {
-    __typeof__(inflateInit_) *init; __typeof__(inflate) *inflate; __typeof__(inflateEnd) *end;
+    __typeof__(inflateInit_) *init;
+    __typeof__(inflate) *inflate;
+    __typeof__(inflateEnd) *end;
 } api;
-static const hada_symbol symbols[] = {HADA_SYMBOL(api.init, "inflateInit_"), HADA_SYMBOL(api.inflate, "inflate"),
-                                      HADA_SYMBOL(api.end, "inflateEnd")};
-/* clang-format on */
+
+static const hada_symbol symbols[] = {
+    HADA_SYMBOL(api.init, "inflateInit_"),
+    HADA_SYMBOL(api.inflate, "inflate"),
+    HADA_SYMBOL(api.end, "inflateEnd"),
+};
 
 static hada_library library = {
     HADALENS_ZLIB, "compressed MATLAB files cannot be read", "zlib1g", symbols, HADA_COUNT(symbols), 0};

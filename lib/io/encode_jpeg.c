@@ -42,10 +42,11 @@ static struct {
     __typeof__(tjGetErrorStr2) *message;
 } api;
 
-static const hada_symbol symbols[] = {HADA_SYMBOL(api.create, "tjInitCompress"),
-                                      HADA_SYMBOL(api.compress, "tjCompress2"), HADA_SYMBOL(api.room, "tjBufSize"),
-                                      HADA_SYMBOL(api.destroy, "tjDestroy"),
-                                      HADA_SYMBOL(api.message, "tjGetErrorStr2")};
+static const hada_symbol symbols[] = {
+    HADA_SYMBOL(api.create, "tjInitCompress"),  HADA_SYMBOL(api.compress, "tjCompress2"),
+    HADA_SYMBOL(api.room, "tjBufSize"),         HADA_SYMBOL(api.destroy, "tjDestroy"),
+    HADA_SYMBOL(api.message, "tjGetErrorStr2"),
+};
 
 static hada_library library = {
     HADALENS_JPEG, "JPEG pictures cannot be written", "libturbojpeg0", symbols, HADA_COUNT(symbols), 0};

@@ -29,15 +29,32 @@ static const char *codec_name(int compression)
     static const struct {
         int code;
         const char *name;
-        /* clang-format off */
-    } names[] = {
-        {2, "CCITT RLE"}, {3, "CCITT Group 3"}, {4, "CCITT Group 4"}, {5, "LZW"}, {6, "old-style JPEG"}, {7, "JPEG"},
-        {8, "deflate"}, {32773, "PackBits"}, {32946, "deflate"}, {33003, "JPEG 2000 (Aperio)"},
-        {33005, "JPEG 2000 (Aperio)"}, {34661, "JBIG"}, {34676, "SGI LogLuv"}, {34677, "SGI LogLuv 24"},
-        {34712, "JPEG 2000"}, {34887, "LERC"}, {34892, "lossy JPEG (DNG)"}, {34925, "LZMA"}, {34926, "Zstandard"},
-        {34927, "WebP"}, {34934, "JPEG XR"}, {22610, "JPEG XR"}, {50000, "Zstandard"}, {50001, "WebP"},
-        {50002, "JPEG XL"}, {52546, "JPEG XL (DNG)"}};
-    /* clang-format on */
+    } names[] = {{2, "CCITT RLE"},
+                 {3, "CCITT Group 3"},
+                 {4, "CCITT Group 4"},
+                 {5, "LZW"},
+                 {6, "old-style JPEG"},
+                 {7, "JPEG"},
+                 {8, "deflate"},
+                 {32773, "PackBits"},
+                 {32946, "deflate"},
+                 {33003, "JPEG 2000 (Aperio)"},
+                 {33005, "JPEG 2000 (Aperio)"},
+                 {34661, "JBIG"},
+                 {34676, "SGI LogLuv"},
+                 {34677, "SGI LogLuv 24"},
+                 {34712, "JPEG 2000"},
+                 {34887, "LERC"},
+                 {34892, "lossy JPEG (DNG)"},
+                 {34925, "LZMA"},
+                 {34926, "Zstandard"},
+                 {34927, "WebP"},
+                 {34934, "JPEG XR"},
+                 {22610, "JPEG XR"},
+                 {50000, "Zstandard"},
+                 {50001, "WebP"},
+                 {50002, "JPEG XL"},
+                 {52546, "JPEG XL (DNG)"}};
     for (size_t i = 0; i < sizeof names / sizeof names[0]; i++)
         if (names[i].code == compression)
             return names[i].name;

@@ -15,15 +15,34 @@ typedef struct field {
     int is_integer;
     size_t offset;
 } field;
-/* clang-format off */
-#define INTEGER(name) {#name, 1, offsetof(hada_camera, name)}
-#define REAL(name)    {#name, 0, offsetof(hada_camera, name)}
-static const field fields[] = {
-    INTEGER(rows), INTEGER(cols), INTEGER(channels), INTEGER(window_rows), INTEGER(window_cols), REAL(pixel_pitch_mm),
-    REAL(distance_mm), INTEGER(lenses), REAL(lens_diameter_mm), REAL(focal_length_mm), REAL(aperture_mm),
-    REAL(minimum_spacing_mm), REAL(maximum_spacing_mm), REAL(refractive_index), REAL(abbe_number),
-    REAL(correlation_mm), REAL(deflection_mrad), REAL(cell_mm), REAL(open_fraction), REAL(blur_pixels)};
-/* clang-format on */
+#define INTEGER(name)                                                                                                  \
+    {                                                                                                                  \
+#name, 1, offsetof(hada_camera, name)                                                                          \
+    }
+#define REAL(name)                                                                                                     \
+    {                                                                                                                  \
+#name, 0, offsetof(hada_camera, name)                                                                          \
+    }
+static const field fields[] = {INTEGER(rows),
+                               INTEGER(cols),
+                               INTEGER(channels),
+                               INTEGER(window_rows),
+                               INTEGER(window_cols),
+                               REAL(pixel_pitch_mm),
+                               REAL(distance_mm),
+                               INTEGER(lenses),
+                               REAL(lens_diameter_mm),
+                               REAL(focal_length_mm),
+                               REAL(aperture_mm),
+                               REAL(minimum_spacing_mm),
+                               REAL(maximum_spacing_mm),
+                               REAL(refractive_index),
+                               REAL(abbe_number),
+                               REAL(correlation_mm),
+                               REAL(deflection_mrad),
+                               REAL(cell_mm),
+                               REAL(open_fraction),
+                               REAL(blur_pixels)};
 #undef INTEGER
 #undef REAL
 /* A camera with the most distances has some 30 KB. */

@@ -11,17 +11,48 @@
 #include "core/base.h"
 
 /* Those that are used, without "cairo_". */
-/* clang-format off */
 #define HADA_CAIRO_FUNCTIONS(EACH)                                                                                     \
-    EACH(arc) EACH(clip) EACH(close_path) EACH(create) EACH(destroy) EACH(fill) EACH(fill_preserve) EACH(get_source)   \
-    EACH(image_surface_create) EACH(image_surface_get_data) EACH(image_surface_get_stride) EACH(line_to)               \
-    EACH(move_to) EACH(new_path) EACH(paint) EACH(pattern_set_filter) EACH(recording_surface_create) EACH(rectangle)   \
-    EACH(restore) EACH(rotate) EACH(save) EACH(select_font_face) EACH(set_dash) EACH(set_font_size)                    \
-    EACH(set_line_join) EACH(set_line_width) EACH(set_source_rgb) EACH(set_source_surface) EACH(show_text)             \
-    EACH(status) EACH(status_to_string) EACH(stroke) EACH(surface_destroy) EACH(surface_finish)                        \
-    EACH(surface_mark_dirty) EACH(surface_status) EACH(surface_write_to_png_stream)                                    \
-    EACH(svg_surface_create_for_stream) EACH(svg_surface_set_document_unit) EACH(text_extents) EACH(translate)
-/* clang-format on */
+    EACH(arc)                                                                                                          \
+    EACH(clip)                                                                                                         \
+    EACH(close_path)                                                                                                   \
+    EACH(create)                                                                                                       \
+    EACH(destroy)                                                                                                      \
+    EACH(fill)                                                                                                         \
+    EACH(fill_preserve)                                                                                                \
+    EACH(get_source)                                                                                                   \
+    EACH(image_surface_create)                                                                                         \
+    EACH(image_surface_get_data)                                                                                       \
+    EACH(image_surface_get_stride)                                                                                     \
+    EACH(line_to)                                                                                                      \
+    EACH(move_to)                                                                                                      \
+    EACH(new_path)                                                                                                     \
+    EACH(paint)                                                                                                        \
+    EACH(pattern_set_filter)                                                                                           \
+    EACH(recording_surface_create)                                                                                     \
+    EACH(rectangle)                                                                                                    \
+    EACH(restore)                                                                                                      \
+    EACH(rotate)                                                                                                       \
+    EACH(save)                                                                                                         \
+    EACH(select_font_face)                                                                                             \
+    EACH(set_dash)                                                                                                     \
+    EACH(set_font_size)                                                                                                \
+    EACH(set_line_join)                                                                                                \
+    EACH(set_line_width)                                                                                               \
+    EACH(set_source_rgb)                                                                                               \
+    EACH(set_source_surface)                                                                                           \
+    EACH(show_text)                                                                                                    \
+    EACH(status)                                                                                                       \
+    EACH(status_to_string)                                                                                             \
+    EACH(stroke)                                                                                                       \
+    EACH(surface_destroy)                                                                                              \
+    EACH(surface_finish)                                                                                               \
+    EACH(surface_mark_dirty)                                                                                           \
+    EACH(surface_status)                                                                                               \
+    EACH(surface_write_to_png_stream)                                                                                  \
+    EACH(svg_surface_create_for_stream)                                                                                \
+    EACH(svg_surface_set_document_unit)                                                                                \
+    EACH(text_extents)                                                                                                 \
+    EACH(translate)
 
 typedef struct hada_cairo {
 /* a declaration: its name cannot be in parentheses */

@@ -16,19 +16,22 @@
 static const struct {
     const char *name;
     size_t offset;
-    /* clang-format off */
 } columns[] = {
     {"distance_mm", offsetof(hada_optics_row, distance_mm)},
     {"magnification", offsetof(hada_optics_row, magnification)},
     {"defocus_pixels", offsetof(hada_optics_row, defocus_pixels)},
     {"airy_pixels", offsetof(hada_optics_row, airy_pixels)},
-    {"object_pixel_mm", offsetof(hada_optics_row, object_pixel_mm)}, {"light", offsetof(hada_optics_row, light)},
-    {"spot_pixels", offsetof(hada_optics_row, spot_pixels)}, {"sidelobe", offsetof(hada_optics_row, sidelobe)},
-    {"cutoff_cycles_per_pixel", offsetof(hada_optics_row, cutoff)}, {"support", offsetof(hada_optics_row, support)},
-    {"lateral_mm", offsetof(hada_optics_row, lateral_mm)}, {"axial_mm", offsetof(hada_optics_row, axial_mm)},
+    {"object_pixel_mm", offsetof(hada_optics_row, object_pixel_mm)},
+    {"light", offsetof(hada_optics_row, light)},
+    {"spot_pixels", offsetof(hada_optics_row, spot_pixels)},
+    {"sidelobe", offsetof(hada_optics_row, sidelobe)},
+    {"cutoff_cycles_per_pixel", offsetof(hada_optics_row, cutoff)},
+    {"support", offsetof(hada_optics_row, support)},
+    {"lateral_mm", offsetof(hada_optics_row, lateral_mm)},
+    {"axial_mm", offsetof(hada_optics_row, axial_mm)},
     {"axial_design_mm", offsetof(hada_optics_row, axial_design_mm)},
-    {"occupancy", offsetof(hada_optics_row, occupancy)}};
-/* clang-format on */
+    {"occupancy", offsetof(hada_optics_row, occupancy)},
+};
 enum { COLUMNS = sizeof columns / sizeof *columns };
 
 static double value_of(const hada_optics_row *row, int column)

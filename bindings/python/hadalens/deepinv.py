@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from . import operators, torch
+from . import operators
 from ._files import PathLike, extra
 from .model import Model
 from .plan import Plan
@@ -15,6 +15,8 @@ from .plan import Plan
 with extra("deepinv"):
     import deepinv
     from torch import Tensor, as_tensor, fft, from_numpy, full_like, stack, view_as_complex
+
+    from . import torch
 
 __all__ = ["EachPlane", "Engine", "Lensless", "TotalVariation"]
 

@@ -26,6 +26,8 @@
 #define BORDER 0.1
 /* And where more than this share is in pixels at white, which costs 0.1 to 0.6 dB (perf/psf_files.py). */
 #define WHITE 0.02
+/* More noise than this, of the brightest pixel, costs 0.05 to 0.34 dB (perf/psf_files.py). */
+#define NOISY 0.001
 /* Captures of one depth: alike, and moved by so many pixels at most. */
 #define ALIKE 0.8
 #define MOVED 0.5
@@ -569,8 +571,9 @@ static hada_status tell_cleaned(const psfs *of, int z, const hada_psf_seen *seen
         snprintf(like, sizeof like, "; %.0f %% like the depth before", 100.0 * shape.alike);
     hada_monitor_tell(of->task->monitor, z ? HADA_MESSAGE_DETAIL : HADA_MESSAGE_INFO,
                       "%s%s: background %.4g taken off; noise is %.2g %% of the brightest pixel, and %.1f %% of the "
-                      "pixels, which are no brighter, are 0",
-                      of->path, where, seen->background, 100.0 * seen->noise / seen->peak, 100.0 * seen->dark);
+                      "pixels, which are no brighter, are 0%s",
+                      of->path, where, seen->background, 100.0 * seen->noise / seen->peak, 100.0 * seen->dark,
+                      seen->noise > NOISY * seen->peak ? "; the mean of several captures has less noise" : "");
     hada_monitor_tell(
         of->task->monitor, HADA_MESSAGE_DETAIL,
         "%s%s: 99 %% of the light within %d x %d pixels; details of %.1f pixels, by its autocorrelation; a "

@@ -11,7 +11,7 @@ read -ra packages <<<"$3"
 ls build/python/wheel/hadalens-*.whl >/dev/null 2>&1 || tests/python/environment.sh build/python
 if ! "$folder/bin/python" -c "import $2" 2>/dev/null; then
     /usr/bin/python3 -m venv --clear "$folder"
-    "$folder/bin/pip" install --quiet "${packages[@]}"
+    "$folder/bin/python" -m pip install --quiet "${packages[@]}"
 fi
-"$folder/bin/pip" install --quiet --no-deps --force-reinstall build/python/wheel/hadalens-*.whl "${@:4}"
+"$folder/bin/python" -m pip install --quiet --no-deps --force-reinstall build/python/wheel/hadalens-*.whl "${@:4}"
 cp tests/python/requirements.txt "$folder/requirements.txt" # the mark that it is whole

@@ -187,14 +187,22 @@ void *hada_alloc_raw(size_t count, size_t size, const char *what, hada_error *er
     return out ? out : no_memory(bytes, what, err);
 }
 
-hada_status hada_grow(void *place, size_t count, size_t size, const char *what, hada_error *err)
+/* The power of two that has room for so many. */
+static size_t room_of(size_t count)
 {
     size_t room = 1;
     while (room < count && room <= SIZE_MAX / 2)
         room *= 2;
-    const size_t bytes = hada_size_product(room, size);
+    return room;
+}
+
+hada_status hada_grow(void *place, size_t held, size_t more, size_t size, const char *what, hada_error *err)
+{
+    const size_t room = room_of(more > SIZE_MAX - held ? SIZE_MAX : held + more), bytes = hada_size_product(room, size);
     void *array;
     memcpy(&array, place, sizeof array);
+    if (array && room == room_of(held))
+        return HADA_OK;
     array = bytes > SIZE_MAX / 2 ? NULL : realloc(array, bytes ? bytes : 1);
     if (!array)
         return hada_allocated(no_memory(bytes, what, err));

@@ -93,11 +93,10 @@ static inline hada_status hada_allocated(const void *pointer)
 #define HADA_NEW_RAW(pointer, count, what, err)                                                                        \
     hada_allocated((pointer) = hada_alloc_raw(count, sizeof *(pointer), what, err))
 
-/* Room for `count` elements of an array; what it holds stays, and so does the array where memory is short:
- * HADA_TRY(HADA_GROW(rows, count, "the rows", err)). Arrays grow to powers of two, so that one which is asked to grow
- * by one again and again moves but a few times. */
-hada_status hada_grow(void *place, size_t count, size_t size, const char *what, hada_error *err);
-#define HADA_GROW(pointer, count, what, err) hada_grow(&(pointer), count, sizeof *(pointer), what, err)
+/* Room for `more` elements of an array behind the `held` ones, which stay, also where memory is short: HADA_TRY(
+ * HADA_GROW(rows, count, 1, "the rows", err)). Grows when full, to powers of two; nothing else may allocate it. */
+hada_status hada_grow(void *place, size_t held, size_t more, size_t size, const char *what, hada_error *err);
+#define HADA_GROW(pointer, held, more, what, err) hada_grow(&(pointer), held, more, sizeof *(pointer), what, err)
 
 /* free() of each of some pointers: HADA_FREE(rows, sums). */
 #define HADA_FREE(...) hada_free_each((void *[]){__VA_ARGS__}, HADA_COUNT(((void *[]){__VA_ARGS__})))

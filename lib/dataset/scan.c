@@ -94,7 +94,7 @@ static hada_status note_incomplete(hada_pair_store *store, const char *folder, c
         snprintf(text + used, room, "%s%s/%s/%s has no %s", used ? "; " : "", folder, kind, name, other);
     else if (number == INCOMPLETE_NAMED)
         snprintf(text + used, room, "; and so on");
-    HADA_TRY(HADA_GROW(store->alone, (size_t)store->alone_count + 1, "a data set", err));
+    HADA_TRY(HADA_GROW(store->alone, (size_t)store->alone_count, 1, "a data set", err));
     store->alone[store->alone_count] = NULL;
     return hada_path_format(&store->alone[store->alone_count++], err, "%s/%s/%s", folder, kind, name);
 }
@@ -130,7 +130,7 @@ done:
 static hada_status add_depth(hada_pair_store *store, const char *folder, const char *name, double distance,
                              hada_error *err)
 {
-    HADA_TRY(HADA_GROW(store->depth, (size_t)store->depths + 1, "the depths of a data set", err));
+    HADA_TRY(HADA_GROW(store->depth, (size_t)store->depths, 1, "the depths of a data set", err));
     hada_dataset_depth *depth = &store->depth[store->depths];
     *depth = (hada_dataset_depth){.distance_mm = distance};
     const hada_status status = hada_path_format(&depth->folder, err, name ? "%s/%s" : "%s", folder, name);

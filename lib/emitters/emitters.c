@@ -132,7 +132,7 @@ static double lone_deviation(const search *s, int depth)
 
 static hada_status add_candidate(search *s, const candidate *one, hada_error *err)
 {
-    HADA_TRY(HADA_GROW(s->candidates, (size_t)s->candidate_count + 1, what, err));
+    HADA_TRY(HADA_GROW(s->candidates, (size_t)s->candidate_count, 1, what, err));
     s->candidates[s->candidate_count++] = *one;
     return HADA_OK;
 }
@@ -165,7 +165,7 @@ static double moved(const hada_point *a, const hada_point *b)
 static hada_status ensure(search *s, hada_error *err)
 {
     const size_t unknowns = (size_t)s->count * UNKNOWNS + 1;
-    HADA_TRY(HADA_GROW(s->touches, (size_t)s->rooms * (size_t)s->most, what, err));
+    HADA_TRY(HADA_GROW(s->touches, 0, (size_t)s->rooms * (size_t)s->most, what, err));
     if (unknowns > s->vector_room) {
         double **vectors[] = {&s->step, &s->gradient, &s->direction, &s->along, &s->whitened};
         s->vector_room = 0;
@@ -576,8 +576,8 @@ static int prune(search *s)
 /* A candidate becomes an emitter if it is none yet, by the light that the frame has left for it. */
 static hada_status take(search *s, candidate *one, const hada_point *at, double light, hada_error *err)
 {
-    HADA_TRY(HADA_GROW(s->spots, (size_t)s->count + 1, what, err));
-    HADA_TRY(HADA_GROW(s->before, (size_t)s->count + 1, what, err));
+    HADA_TRY(HADA_GROW(s->spots, (size_t)s->count, 1, what, err));
+    HADA_TRY(HADA_GROW(s->before, (size_t)s->count, 1, what, err));
     if ((size_t)(s->rooms + 1) * (size_t)s->most * sizeof *s->touches > MOST_BYTES)
         return hada_fail(err, HADA_ERROR_MEMORY,
                          "%d emitters and more, whose light falls on up to %d pixels each, take more than %zu MiB of "

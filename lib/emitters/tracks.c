@@ -122,7 +122,7 @@ static hada_status prepare(hada_tracker *own, int more, hada_error *err)
     own->live = live;
     if (more > INT32_MAX - own->count || live > INT32_MAX - more)
         return hada_fail(err, HADA_ERROR_SIZE, "there are more tracks than can be numbered");
-    return HADA_GROW(own->tracks, (size_t)(live + more), what, err);
+    return HADA_GROW(own->tracks, (size_t)live, (size_t)more, what, err);
 }
 
 hada_status hada_tracker_add(hada_tracker *own, const hada_emitter *const *emitters, int count, int *tracks,

@@ -1,5 +1,5 @@
-/* The wander of a stack of point spread functions: each is magnified to the next depth and compared with that one by
- * cross-correlation; of the way that the shifts add up to, what an axis beside the middle explains is taken off. */
+/* The wander of a stack of point spread functions, and how alike two are. Each is magnified to the next depth and
+ * compared by cross-correlation; of the sum of all shifts, what an axis beside the middle explains is taken off. */
 #include "fit/psf_drift.h"
 
 #include "image/pixels.h"

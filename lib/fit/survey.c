@@ -70,7 +70,7 @@ static hada_status take_pair(surveying *work, int depth, int pair, hada_error *e
 {
     const hada_fit_options *options = &work->options;
     hada_pair taken = {0};
-    hada_pixels pixels;
+    hada_pixels pixels = {.size = sizeof pixels, .full_scale = HADA_AUTO};
     hada_status status = HADA_OK;
     if (!work->progress.what)
         work->progress = hada_progress_begin(options->monitor, "looks at pairs, for dark level and response", 0);

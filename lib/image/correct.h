@@ -31,8 +31,7 @@ void hada_flat_apply(hada_image *frame, hada_mosaic mosaic, const hada_image *se
 
 /* Divides a frame by the flat frame, above the dark level `dark`; HADA_AUTO: above each channel's own, estimated.
  * Pixels that see hardly any light are repaired, unless the frame has values that are not finite, which stay.
- * HADA_ERROR_SIZE.
- */
+ * HADA_ERROR_SIZE. */
 hada_status hada_flat_correct(hada_image *frame, hada_mosaic mosaic, const hada_image *sensitivity, double dark,
                               hada_error *err);
 

@@ -23,8 +23,8 @@ void hada_small_fft_run(const hada_small_fft *fft, float *data);
 /* Transforms an image of one channel less its mean, with zeros beyond it; returns its energy. */
 double hada_small_fft_put(const hada_small_fft *fft, const hada_image *image, float *to);
 
-/* The largest value of the cross-correlation of two images whose transforms are `work`, which is replaced, and `other`,
- * and by how many pixels the first has to be moved for it. */
+/* Cross-correlates two images by their transforms, `work` (overwritten) and `other`. Returns the largest value; *row
+ * and *col say how far the first image has to be moved for it, in pixels. */
 double hada_small_fft_match(const hada_small_fft *fft, float *work, const float *other, double *row, double *col);
 
 #endif

@@ -225,7 +225,7 @@ static int is_picture(const char *name)
 
 static hada_status add_name(char ***names, int *count, const char *name, hada_error *err)
 {
-    HADA_TRY(HADA_GROW(*names, (size_t)*count + 1, "the names of a folder's files", err));
+    HADA_TRY(HADA_GROW(*names, (size_t)*count, 1, "the names of a folder's files", err));
     const hada_status status = hada_path_format(&(*names)[*count], err, "%s", name);
     *count += !status;
     return status;

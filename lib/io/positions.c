@@ -34,7 +34,7 @@ static hada_status read_line(hada_positions *of, char *line, const char *folder,
     if (numbers < 2 || (!last && *at) || !isfinite(number[0]) || !isfinite(number[1]) ||
         (numbers == 3 && !(number[2] >= 0.0 && isfinite(number[2]))))
         return HADA_OK;
-    HADA_TRY(HADA_GROW(of->list, (size_t)of->count + 1, "the positions of point spread functions", err));
+    HADA_TRY(HADA_GROW(of->list, (size_t)of->count, 1, "the positions of point spread functions", err));
     hada_position *more = &of->list[of->count];
     *more = (hada_position){.x = number[0], .y = number[1], .distance = number[2], .place = of->count};
     HADA_TRY(hada_path_format(&more->path, err, *line == '/' ? "%s%s" : "%s/%s", *line == '/' ? "" : folder, line));

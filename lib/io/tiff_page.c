@@ -536,8 +536,7 @@ static int is_frame(const hada_tiff_chain *chain, const unsigned char *entries, 
 
 static hada_status append(hada_tiff_chain *chain, uint64_t offset, hada_error *err)
 {
-    if (!(chain->count & (chain->count - 1))) /* its room is a power of two; hundreds of thousands may follow */
-        HADA_TRY(HADA_GROW(chain->pages, chain->count + 1, "the list of pages", err));
+    HADA_TRY(HADA_GROW(chain->pages, chain->count, 1, "the list of pages", err));
     chain->pages[chain->count++] = offset;
     return HADA_OK;
 }

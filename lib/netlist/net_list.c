@@ -77,7 +77,7 @@ hada_status hada_net_add(hada_net *net, const hada_layer *layer, int *index, had
 {
     if (net->count == MOST_LAYERS)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a net has more than %d layers", MOST_LAYERS);
-    HADA_TRY(HADA_GROW(net->layers, (size_t)net->count + 1, "a net", err));
+    HADA_TRY(HADA_GROW(net->layers, (size_t)net->count, 1, "a net", err));
     if (index)
         *index = net->count;
     net->layers[net->count++] = *layer;

@@ -238,8 +238,8 @@ double hada_surface_at(const hada_surface *surface, double x, double y, double g
 
 static hada_status add_point(hada_contour *points, double x, double y, hada_error *err)
 {
-    HADA_TRY(HADA_GROW(points->x, (size_t)points->count + 1, "contour lines", err));
-    HADA_TRY(HADA_GROW(points->y, (size_t)points->count + 1, "contour lines", err));
+    HADA_TRY(HADA_GROW(points->x, (size_t)points->count, 1, "contour lines", err));
+    HADA_TRY(HADA_GROW(points->y, (size_t)points->count, 1, "contour lines", err));
     points->x[points->count] = x;
     points->y[points->count++] = y;
     return HADA_OK;

@@ -119,8 +119,8 @@ static hada_status find_otf(hada_simulator *s, hada_place place, hada_buffer *sc
         *otf = scratch;
         return HADA_OK;
     }
-    HADA_TRY(HADA_GROW(between->distance_mm, (size_t)between->count + 1, "distances", err));
-    HADA_TRY(HADA_GROW(between->otf, (size_t)between->count + 1, "the transfer functions", err));
+    HADA_TRY(HADA_GROW(between->distance_mm, (size_t)between->count, 1, "distances", err));
+    HADA_TRY(HADA_GROW(between->otf, (size_t)between->count, 1, "the transfer functions", err));
     between->distance_mm[between->count] = place.distance_mm;
     *otf = &between->otf[between->count++];
     **otf = (hada_buffer){0};

@@ -160,7 +160,7 @@ hada_status hada_platform_devices(hada_platform_device **out, size_t *count, had
         if (clGetDeviceIDs(ids[p], CL_DEVICE_TYPE_ALL, 0, NULL, &here) != CL_SUCCESS || !here)
             continue;
         cl_device_id *found = NULL;
-        HADA_TRY_OR_DONE(HADA_GROW(devices, n + here, "the list of devices", err));
+        HADA_TRY_OR_DONE(HADA_GROW(devices, n, here, "the list of devices", err));
         HADA_TRY_OR_DONE(HADA_NEW(found, here, "the list of devices", err));
         if (clGetDeviceIDs(ids[p], CL_DEVICE_TYPE_ALL, here, found, NULL) == CL_SUCCESS)
             for (cl_uint d = 0; d < here; d++)

@@ -149,7 +149,7 @@ void hada_scratch_steps(hada_scratch *scratch, int first, int last, int result_l
 /* Adds a piece to the list. */
 static hada_status note(hada_scratch *scratch, hada_lifetime lifetime, size_t bytes, const char *what, hada_error *err)
 {
-    HADA_TRY(HADA_GROW(scratch->pieces, (size_t)scratch->count + 1, "a memory plan", err));
+    HADA_TRY(HADA_GROW(scratch->pieces, (size_t)scratch->count, 1, "a memory plan", err));
     scratch->pieces[scratch->count++] =
         (hada_piece){.what = what,
                      .bytes = bytes ? bytes : 4,

@@ -81,7 +81,7 @@ static hada_status row_of(hada_kernel_time **rows, size_t *count, const hada_ker
             *out = i;
             return HADA_OK;
         }
-    HADA_TRY(HADA_GROW(*rows, *count + 1, "a profile", err));
+    HADA_TRY(HADA_GROW(*rows, *count, 1, "a profile", err));
     *out = (*count)++;
     (*rows)[*out] = *wanted;
     (*rows)[*out].launches = 0;

@@ -66,7 +66,7 @@ static const char *read_row(hada_tuning_row *row, char *line)
 
 static hada_status add(hada_tuning *tuning, const hada_tuning_row *row, hada_error *err)
 {
-    HADA_TRY(HADA_GROW(tuning->rows, tuning->count + 1, "the rows of a tuning file", err));
+    HADA_TRY(HADA_GROW(tuning->rows, tuning->count, 1, "the rows of a tuning file", err));
     tuning->rows[tuning->count++] = *row;
     return HADA_OK;
 }

@@ -259,7 +259,7 @@ static hada_status track_emitters(hada_outputs *out, const hada_emitters *emitte
     const int count = emitters->count;
     int *tracks = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(HADA_GROW(out->tracked, out->tracked_count + (size_t)count, table_words, err));
+    HADA_TRY(HADA_GROW(out->tracked, out->tracked_count, (size_t)count, table_words, err));
     HADA_TRY(HADA_NEW(tracks, (size_t)count + 1, table_words, err));
     HADA_TRY_OR_DONE(hada_tracker_add(out->tracker, emitters->list, count, tracks, err));
     for (int i = 0; i < count; i++) {

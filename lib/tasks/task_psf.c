@@ -66,7 +66,7 @@ typedef struct psfs {
 
 static hada_status add_capture(psfs *of, double distance, const char *folder, const char *name, hada_error *err)
 {
-    HADA_TRY(HADA_GROW(of->capture, (size_t)of->captures + 1, "the names of point spread functions", err));
+    HADA_TRY(HADA_GROW(of->capture, (size_t)of->captures, 1, "the names of point spread functions", err));
     capture *more = &of->capture[of->captures];
     *more = (capture){.distance = distance};
     HADA_TRY(hada_path_format(&more->path, err, folder ? "%s/%s" : "%s%s", folder ? folder : "", name));
@@ -268,8 +268,6 @@ static hada_status compare_captures(psfs *of, const hada_image *before, const ha
     hada_image clean[2] = {{0}};
     double alike, moved;
     hada_status status = HADA_OK;
-    if (of->unlike)
-        return HADA_OK;
     for (int k = 0; k < 2; k++) {
         HADA_TRY_OR_DONE(hada_image_copy(&clean[k], k ? now : before, err));
         if (hada_psf_clean(&clean[k], &of->options, NULL, NULL))
@@ -319,7 +317,8 @@ static hada_status add_page(psfs *of, hada_tiff_reader *reader, int page, const 
                       path, page + 1, image.channels, image.rows, image.cols, of->image->channels, of->image->rows,
                       of->image->cols));
     if ((*pages)++) {
-        HADA_TRY_OR_DONE(compare_captures(of, depth, &image, path, err));
+        if (!of->unlike)
+            HADA_TRY_OR_DONE(compare_captures(of, depth, &image, path, err));
         for (size_t i = 0; i < hada_image_count(depth); i++)
             depth->data[i] += (image.data[i] - depth->data[i]) / (float)*pages;
     } else {

@@ -29,7 +29,7 @@ static hada_status add(exposures *all, const char *path, double encoding, hada_e
     HADA_TRY(hada_tiff_open(&reader, path, err));
     const int pages = hada_tiff_get_info(reader)->frames;
     HADA_TRY_OR_DONE(hada_tiff_check_all(reader, err));
-    HADA_TRY_OR_DONE(HADA_GROW(all->image, (size_t)all->count + (size_t)pages, "exposures", err));
+    HADA_TRY_OR_DONE(HADA_GROW(all->image, (size_t)all->count, (size_t)pages, "exposures", err));
     for (int page = 0; page < pages; page++) {
         HADA_TRY_OR_DONE(hada_tiff_read_light(reader, page, encoding, &all->image[all->count], err));
         all->count++;

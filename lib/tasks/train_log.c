@@ -27,7 +27,7 @@ static const char what[] = "the log of a training";
 
 static hada_status remember_loss(hada_train_log *log, double step, double loss, hada_error *err)
 {
-    HADA_TRY(HADA_GROW(log->loss, log->loss_count + 1, what, err));
+    HADA_TRY(HADA_GROW(log->loss, log->loss_count, 1, what, err));
     log->loss[log->loss_count++] = (hada_loss_row){step, loss};
     return HADA_OK;
 }
@@ -35,7 +35,7 @@ static hada_status remember_loss(hada_train_log *log, double step, double loss, 
 static hada_status remember_row(hada_train_log *log, uint64_t step, const hada_validation *result, hada_error *err)
 {
     hada_validation *copy = NULL;
-    HADA_TRY(HADA_GROW(log->rows, log->row_count + 1, what, err));
+    HADA_TRY(HADA_GROW(log->rows, log->row_count, 1, what, err));
     HADA_TRY(HADA_NEW(copy, 1, what, err));
     *copy = *result;
     log->rows[log->row_count++] = (hada_train_row){step, copy};

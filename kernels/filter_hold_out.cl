@@ -21,3 +21,24 @@ __kernel void filter_hold_out(__global const uchar *blocks, int side, int cols, 
         held[i] = out ? score : 0.0f;
     }
 }
+
+/* Takes the mean of a block's held-out values, which are those with held > 0, off each of them. A work-item a block;
+ * dimensions: columns and rows of blocks. */
+__kernel void filter_level_blocks(int side, int rows, int cols, __global const float *held,
+                                  __global float *values)
+{
+    const int row0 = (int)get_global_id(1) * side, col0 = (int)get_global_id(0) * side;
+    const int row1 = min(row0 + side, rows), col1 = min(col0 + side, cols);
+    float sum = 0.0f, count = 0.0f, mean = 0.0f;
+    for (int pass = 0; pass < 2; pass++, mean = sum / fmax(count, 1.0f))
+        for (int row = row0; row < row1; row++)
+            for (int col = col0; col < col1; col++) {
+                const ulong i = (ulong)row * (ulong)cols + (ulong)col;
+                if (!(held[i] > 0.0f))
+                    continue;
+                if (pass)
+                    values[i] -= mean;
+                sum += values[i];
+                count += 1.0f;
+            }
+}

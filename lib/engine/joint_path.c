@@ -56,8 +56,8 @@ static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count,
     hada_report *report = &frame->result->memory->report;
     hada_maker_choice choice = {0};
     if (setup->config.choose) /* may be known from planes that were refined before, or from an earlier frame */
-        choice = (hada_maker_choice){report->refine_tv > 0.0 ? report->refine_tv : frame->kept_tv,
-                                     report->refine_tv_factor, 0};
+        choice = (hada_maker_choice){.tv = report->refine_tv > 0.0 ? report->refine_tv : frame->kept_tv,
+                                     .factor = report->refine_tv_factor};
     if (last && setup->config.warm)
         HADA_TRY(hada_maker_go_on(&pipeline->maker, &frame->exposure, &steps, count, pipeline->occupied,
                                   &pipeline->past, &choice, &report->refine_steps, &report->warm_started, err));

@@ -23,9 +23,9 @@ enum {
     LOOK = 4,
     MOST_MORE = 60, /* of these steps */
     HOLD_OUT_GROUP = 128,
-    STEPS = 8,        /* with each weight after the first, which takes HADA_CHOICE_STEPS from nothing */
-    BLOCK = 8,        /* pixels that are left out together: the errors of a point spread function are alike nearby, and
-                         small weights would fit those of a single pixel to its neighbours */
+    BLOCK = 8, /* pixels a side that are left out together: errors of a point spread function are alike nearby, and
+                  small weights would fit those of a single pixel to its neighbours */
+    STEPS = 8, /* with each weight after the first, which takes HADA_CHOICE_STEPS from nothing */
     MOSAIC_STEPS = 12 /* the same of a mosaic, a third of whose values are known: after 6, weights were too small */
 };
 
@@ -34,7 +34,8 @@ typedef struct sweep {
     int count;
     const int *list;
     double unit;
-    int each; /* steps with each weight after the first */
+    int each;  /* steps with each weight after the first */
+    int level; /* hada_refine_data.level */
 } sweep;
 
 /* Steps with the rule's weight, and what they leave of held-out pixels. */
@@ -46,6 +47,7 @@ static hada_status take_steps(const sweep *s, hada_refine_rule *rule, int count,
     int done;
     held.weights = maker->held.mem;
     held.score_mu = 1.0;
+    held.level = s->level;
     rule->steps = count;
     rule->before = *steps;
     rule->start = *steps ? HADA_REFINE_CONTINUE : HADA_REFINE_COLD;
@@ -113,49 +115,49 @@ done:
 #define LEARNED         1.4
 #define LEARNED_ENCODED 2.0
 
-/* For a camera that is known by its point spread function, the weight that predicts best is right where that spreads
- * over USUAL_SPREAD pixels. A wider one passes fine detail weakly; detail then counts little in predictions, and the
- * weight is too small (perf/results/weights.md). Cameras with several depths keep the weight that predicts best: their
- * planes do not settle as far, and the depths are chosen by what planes leave unexplained. */
-#define USUAL_SPREAD 400.0
-#define SPREAD_POWER 0.22
-#define LEAST_SPREAD 0.5
-#define MOST_SPREAD  2.5
+/* A camera that is known by a point spread function, which may not be quite right. What errors of a block have in
+ * common says nothing of planes' detail, so their mean does not count. Predictions see too little of detail that passes
+ * weakly, and errors of the optics are explained by smaller and smaller weights; so the usual weight counts as well:
+ * USUAL (r^2 / N)^(1/3), with r as for hada_weight_search.usual, and N = (sum h)^2 / sum h^2 the number of pixels, of
+ * all channels, over which the point spread function h of the first depth spreads. Planes of several depths need less,
+ * and predict better. (perf/results/weights.md) */
+#define DOUBT         0.01
+#define USUAL         0.65
+#define TRUST         0.5
+#define USUAL_SEVERAL 1.0
 
-/* Over how many pixels the point spread function h of the first depth spreads: (sum h)^2 / sum h^2 of all channels. */
 static double spread_of(const hada_model *model)
 {
     const size_t plane = hada_model_plane(model);
     double light = 0.0, energy = 0.0;
     for (int c = 0; c < model->info.channels; c++) {
         const float *otf = model->otf + 2 * plane * (size_t)c;
-        light += (double)otf[0] * otf[0] + (double)otf[1] * otf[1];
+        light += hypot(otf[0], otf[1]);
         energy += hada_model_mean_square(otf, &model->info); /* sum h^2, by Parseval */
     }
-    return light > 0.0 && energy > 0.0 ? light / energy : USUAL_SPREAD;
-}
-
-static double more_of(const hada_model *model)
-{
-    if (model->info.refine_tv != HADA_AUTO)
-        return model->info.scene_response == HADA_RESPONSE_LINEAR ? LEARNED : LEARNED_ENCODED;
-    if (model->info.depths > 1)
-        return 1.0;
-    return fmin(fmax(pow(spread_of(model) / USUAL_SPREAD, SPREAD_POWER), LEAST_SPREAD), MOST_SPREAD);
+    return light > 0.0 && energy > 0.0 ? light * light / energy : 1.0;
 }
 
 hada_status hada_maker_choose(hada_plane_maker *maker, const hada_frame_exposure *exposure, int count, const int *list,
                               hada_maker_choice *choice, hada_error *err)
 {
+    const hada_model_info *info = hada_model_get_info(maker->model);
+    const int known = info->refine_tv == HADA_AUTO;
     sweep s = {.maker = maker,
                .count = count,
                .list = list,
                .unit = exposure->energy / (double)hada_exposure_count(exposure),
-               .each = exposure->mosaic == HADA_MOSAIC_NONE ? STEPS : MOSAIC_STEPS};
-    const hada_weight_search search = {try_weight, &s, 0, 0.0};
+               .each = exposure->mosaic == HADA_MOSAIC_NONE ? STEPS : MOSAIC_STEPS,
+               .level = known ? BLOCK : 0};
+    hada_weight_search search = {.solve = try_weight, .user = &s, .factor = 1.0, .trust = count > 1 ? 1.0 : TRUST};
+    if (known) {
+        search.doubt = DOUBT;
+        search.usual = (count > 1 ? USUAL_SEVERAL : USUAL) / cbrt(spread_of(maker->model));
+    } else {
+        search.factor = info->scene_response == HADA_RESPONSE_LINEAR ? LEARNED : LEARNED_ENCODED;
+    }
     HADA_TRY(hada_maker_hold_out(maker, exposure, BLOCK, 1, err));
     HADA_TRY(hada_weight_find(&search, exposure, choice, err));
-    choice->tv *= more_of(maker->model);
     return hada_maker_weigh(maker, exposure, err);
 }
 
@@ -165,16 +167,14 @@ hada_status hada_maker_refine_exposure(hada_plane_maker *maker, const hada_frame
 {
     const double unit = hada_exposure_noise_unit(exposure, &maker->noise_share);
     hada_maker_steps own = *steps;
-    if (maker->held.mem && !(choice->tv > 0.0)) {
+    if (maker->held.mem && !(choice->tv > 0.0))
         HADA_TRY(hada_maker_choose(maker, exposure, count, list, choice, err));
-    } else {
+    else
         HADA_TRY(hada_maker_weigh(maker, exposure, err));
-        if (maker->held.mem && count == 1) { /* as many steps as a sweep begins with */
-            const hada_maker_steps first = {.steps = HADA_CHOICE_STEPS, .tv = choice->tv};
-            HADA_TRY(hada_maker_refine(maker, &first, unit, count, list, &choice->steps, err));
-        }
-    }
-    if (count == 1 && choice->steps) { /* several planes part from the beginning */
+    if (maker->held.mem && count == 1) { /* anew, for planes of smaller weights keep their noise for long; several
+                                            planes part from the beginning */
+        const hada_maker_steps first = {.steps = HADA_CHOICE_STEPS, .tv = choice->tv};
+        HADA_TRY(hada_maker_refine(maker, &first, unit, count, list, &choice->steps, err));
         own.before = choice->steps;
         own.steps = own.stop ? HADA_SETTLING_STEPS : own.steps;
     }

@@ -18,6 +18,13 @@ typedef struct hada_weight_search {
     void *user;
     int most_steps; /* no other weight is tried after so many; 0: any number */
     double least;   /* the sweep ends with a weight that predicts better by less than this share; 0: it goes on */
+    double factor;  /* times the weight that predicts best is taken */
+    double doubt;   /* where planes leave more than twice the noise, the rest being errors of the optics, predictions
+                       that are worse by this share of it are as good; 0: they are not */
+    double usual;   /* this times r^(2/3) is the usual weight, r being the share of its energy that planes leave of the
+                       frame, no more than four times the noise; 0: there is none */
+    double trust;   /* the weight is a geometric mean of the usual one and of that which predicts best, but not less
+                       than a third of the usual one; this is the exponent of the latter, 1 if all is error */
 } hada_weight_search;
 
 /* Weights are in units of the frame's root mean square. */

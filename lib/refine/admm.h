@@ -74,6 +74,7 @@ typedef struct hada_refine_data {
         weights; /* padded boundary only: as the frame, offset 0, of its pixels' squared errors: 0 leaves a pixel out;
                     below zero it has the size |w|, and the true value may be larger (saturated); NULL: 1 each */
     double score_mu;   /* hada_refiner_residual(): an error counts by w / (w + score_mu); 0: whole where w is not 0 */
+    int level;         /* the same: pixels a side of blocks of which the mean error is taken off; 0: of none */
     cl_mem otf;        /* [depth][channel][count] complex */
     size_t otf_offset; /* in complex numbers */
     int otf_depths;

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "launch/filter_hold_out.h"
 #include "refine/admm_steps.h"
 
 /* What settles is looked at every so many steps, first after so many. */
@@ -272,6 +273,18 @@ void hada_refiner_waited(hada_refiner *refiner)
     refiner->list_busy = 0;
 }
 
+/* The means of blocks off errors of values that have weights. */
+static hada_status level_blocks(const hada_refiner *refiner, const hada_refine_data *data, hada_error *err)
+{
+    const int rows = refiner->shape.channels * refiner->shape.frame.rows, cols = refiner->shape.frame.cols;
+    const hada_range range = hada_range_of(hada_divide_up((size_t)cols, (size_t)data->level), 8,
+                                           hada_divide_up((size_t)rows, (size_t)data->level), 1);
+    hada_slot_cost(refiner->slot, 4.0 * rows * cols, 0.0);
+    return hada_launch_filter_level_blocks(refiner->slot, HADA_PROGRAM_FILTER_HOLD_OUT_DEFAULT, &range, err,
+                                           .side = data->level, .rows = rows, .cols = cols, .held = data->weights,
+                                           .values = refiner->residual_frame.mem);
+}
+
 /* Sums of what the planes leave, to the first place; refiner->arriving says of how many slices. */
 static hada_status explain(hada_refine_run *r, hada_refiner *refiner, const hada_refine_data *data, int sets,
                            int depths, const int *list, hada_error *err)
@@ -280,6 +293,8 @@ static hada_status explain(hada_refine_run *r, hada_refiner *refiner, const hada
     HADA_TRY(explain_spectra(r, refiner, data, sets, depths, list, err));
     if (r->padded) {
         HADA_TRY(hada_refine_frame_inverse(r, &refiner->residual, 0, &refiner->residual_frame, err));
+        if (data->level)
+            HADA_TRY(level_blocks(refiner, data, err));
         HADA_TRY(hada_refine_frame_dual(r, refiner->residual_frame.mem, 0, data->score_mu, 0, err));
     }
     arriving->sets = sets;

@@ -2,6 +2,7 @@
  * pixels, pixels that are not finite. */
 #include "camera_small.h"
 #include "device_fixture.h"
+#include "planes/weight_search.h"
 
 enum { ROWS = 60, COLS = 72, WINDOW = 24, CHANNELS = 3 };
 
@@ -151,54 +152,68 @@ TEST(frames_choose_their_weight)
     }
 }
 
-/* With one depth the weight is larger the more pixels the point spread function spreads over: exactly so many times the
- * weight of the same depth of a camera with two. */
-TEST(wide_point_spread_functions_have_larger_weights)
+/* What a weight leaves of held-out values: a parabola over its logarithm, `least` at `best`, and more by the share
+ * `bend` a decade beside it. */
+typedef struct curve {
+    double best, least, bend;
+    int tried;
+} curve;
+
+static hada_status predict(void *user, double weight, int *steps, double *left, hada_error *error)
 {
-    static const double distances[] = {100.0, 200.0};
-    static const int first = 0;
-    bench b = make(HADA_BOUNDARY_PADDED);
-    double light = 0.0, energy = 0.0, weight[2];
-    const size_t area = (size_t)ROWS * COLS;
-    hada_random random;
-    hada_random_seed(&random, 1, 2);
-    for (size_t i = 0; i < CHANNELS * area; i++) {
-        const size_t row = i / COLS % ROWS, col = i % COLS;
-        const int inside = row >= ROWS / 4 && row < 3 * ROWS / 4 && col >= COLS / 4 && col < 3 * COLS / 4;
-        b.psf.data[i] = inside ? (float)hada_random_uniform(&random) / (float)(area / 8) : 0.0f;
+    curve *c = user;
+    const double decades = log10(weight / c->best);
+    (void)error;
+    *left = c->least * (1.0 + c->bend * decades * decades);
+    ++*steps;
+    c->tried++;
+    return HADA_OK;
+}
+
+/* The weight is the one that predicts best, times the factor, or its mean with the usual one. Where more is left than
+ * noise, a larger one that predicts nearly as well is taken. */
+TEST(weights_are_found_by_predictions)
+{
+    SCOPED(hada_image) frame = small_scene(1, 64, 64, 3);
+    const hada_model_info info = {.channels = 1};
+    hada_frame_exposure exposure = {.info = &info, .mosaic = HADA_MOSAIC_NONE};
+    hada_maker_choice choice;
+    hada_image_add_noise(&frame, 0.01, 4);
+    hada_pixels_init(&exposure.pixels);
+    hada_pixels_of_image(&exposure.pixels, &frame);
+    exposure.came = exposure.pixels;
+    for (size_t i = 0; i < hada_image_count(&frame); i++)
+        exposure.energy += (double)frame.data[i] * frame.data[i];
+    const double noise = pow(hada_exposure_noise(&exposure) / hada_exposure_light(&exposure), 2.0);
+    const double held_out = 0.05 * exposure.energy; /* of all values */
+    for (double best = 1e-4; best < 2e-2; best *= 1.7) {
+        curve c = {.best = best, .least = 0.9 * noise * held_out, .bend = 0.5};
+        hada_weight_search search = {.solve = predict, .user = &c, .factor = 0.6, .doubt = 0.01, .trust = 0.5};
+        ASSERT_OK(hada_weight_find(&search, &exposure, &choice, err));
+        assert_float_equal(choice.tv, 0.6 * best, 1e-6 * best);
+        assert_int_equal(choice.steps, c.tried);
+        search.factor = 1.0;
+        search.usual = 2.0 * best / pow(0.9 * noise, 2.0 / 3.0); /* the best of the trials leaves a little more */
+        ASSERT_OK(hada_weight_find(&search, &exposure, &choice, err));
+        assert_float_equal(choice.tv, sqrt(2.0) * best, 0.02 * best);
+        search.usual *= 10.0; /* no less than a third of it, found sooner */
+        const int tried = c.tried;
+        ASSERT_OK(hada_weight_find(&search, &exposure, &choice, err));
+        assert_float_equal(choice.tv, 20.0 / sqrt(3.0) * best, 0.5 * best);
+        assert_true(2 * (c.tried - tried) <= tried);
+        c.least =
+            100.0 * noise * held_out; /* nearly all are errors: no mean, and no more noise than 4 times the noise */
+        search.usual = 30.0 * best / pow(4.0 * noise, 2.0 / 3.0);
+        ASSERT_OK(hada_weight_find(&search, &exposure, &choice, err));
+        assert_float_equal(choice.tv, 30.0 * pow(1.0 / 3.0, 0.99) * best, 0.02 * best);
     }
-    const hada_image twice[] = {b.psf, b.psf};
-    SCOPED(hada_image) frame = small_frame(&b.psf, &b.scene, 1, 0.01, 5);
-    for (size_t c = 0; c < CHANNELS; c++) {
-        double sum = 0.0;
-        for (size_t i = 0; i < area; i++) {
-            sum += b.psf.data[c * area + i];
-            energy += (double)b.psf.data[c * area + i] * b.psf.data[c * area + i];
-        }
-        light += sum * sum;
-    }
-    for (int depths = 1; depths <= 2; depths++) {
-        SCOPED(hada_model) * model;
-        SCOPED(hada_plan) * plan;
-        SCOPED(hada_result) result = {0};
-        DEFAULTS(hada_psf_options, known);
-        DEFAULTS(hada_plan_options, options);
-        known.window_rows = known.window_cols = WINDOW;
-        known.psf_dark = known.dark = 0;
-        known.boundary = HADA_BOUNDARY_PADDED;
-        options.occupied = HADA_OCCUPIED_LIST;
-        options.occupied_list = &first;
-        options.occupied_count = 1;
-        options.scene = HADA_SCENE_PLANES;
-        ASSERT_OK(hada_model_from_psf(&model, context, twice, depths, distances, &known, err));
-        ASSERT_OK(hada_plan_create(&plan, context, model, &options, err));
-        ASSERT_OK(hada_plan_run(plan, &frame, &result, err));
-        weight[depths - 1] = result.report->refine_tv;
-    }
-    const double factor = pow(light / energy / 400.0, 0.22); /* docs/explanation/refinement.md */
-    assert_true(factor > 1.1 && factor < 2.5);
-    assert_float_equal(weight[0] / weight[1], factor, 0.01 * factor);
-    unmake(&b);
+    curve c = {.best = 3e-4, .least = 8.0 * noise * held_out, .bend = 0.1};
+    const hada_weight_search search = {.solve = predict, .user = &c, .factor = 1.0, .doubt = 0.01};
+    ASSERT_OK(hada_weight_find(&search, &exposure, &choice, err)); /* three quarters are errors of the optics */
+    assert_float_equal(choice.tv, 3e-4 * pow(10.0, sqrt(0.0075 / 0.1)), 1e-7);
+    c.bend = 0.002; /* the largest one that was tried */
+    ASSERT_OK(hada_weight_find(&search, &exposure, &choice, err));
+    assert_true(choice.tv > 9e-4);
 }
 
 /* Light from outside the window is explained there, and not by what the window shows at its borders. */

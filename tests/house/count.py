@@ -13,10 +13,10 @@ import sys
 
 # What has a limit: the limit that --hold enforces today, and the aim where it has not been reached.
 LIMITS = {
-    'lines of the library': (79_540, 56_000),  # notes on captures of PSFs and on encoded frames, a dark level from the pairs, brightness that changes in sequences, steps that keep up with a camera, tissue recognised before a surface is tried, optics that settle slowly or spread wide, PSFs that vary over the field, scenes that move as a whole, of several depths too, emitters and their tracks, tissue and haze, the learned regulariser, frames as they come, readers without rights
-    'lines of the kernels': (13_240, 12_000),  # components of PSFs, the learned regulariser, scenes that move as a whole
+    'lines of the library': (79_610, 56_000),  # point spread functions that are not quite right, notes on captures of PSFs and on encoded frames, a dark level from the pairs, brightness that changes in sequences, steps that keep up with a camera, tissue recognised before a surface is tried, optics that settle slowly or spread wide, PSFs that vary over the field, scenes that move as a whole, of several depths too, emitters and their tracks, tissue and haze, the learned regulariser, frames as they come, readers without rights
+    'lines of the kernels': (13_260, 12_000),  # errors less their mean, components of PSFs, the learned regulariser, scenes that move as a whole
     'lines of the command line': (8_590, 8_000),  # films in bench, steps that keep up, PSFs that vary over the field, scenes cut off at white, tables of emitters and tracks, frames as they come
-    'lines of tests (without corpora, frozen headers)': (61_170, 50_000),  # files without a header under fuzzing, brightness that changes, steps that keep up, PSFs that vary over the field, readers without rights, sequences of several depths, emitters, tracks, tissue, weights of learned cameras, the learned regulariser; PyTorch's refinement, deepinv, the field's data
+    'lines of tests (without corpora, frozen headers)': (61_230, 50_000),  # weights that are found by predictions, files without a header under fuzzing, brightness that changes, steps that keep up, PSFs that vary over the field, readers without rights, sequences of several depths, emitters, tracks, tissue, weights of learned cameras, the learned regulariser; PyTorch's refinement, deepinv, the field's data
     'public functions': (241, 240),  # steps that keep up with a camera
     'words of the documentation (docs)': (45_100, 45_000),
     'files of SMALL lines or fewer, library and bindings': (80, 80),

@@ -576,8 +576,9 @@ static int prune(search *s)
 /* A candidate becomes an emitter if it is none yet, by the light that the frame has left for it. */
 static hada_status take(search *s, candidate *one, const hada_point *at, double light, hada_error *err)
 {
-    HADA_TRY(HADA_GROW(s->spots, (size_t)s->count, 1, what, err));
-    HADA_TRY(HADA_GROW(s->before, (size_t)s->count, 1, what, err));
+    /* dropped emitters stay behind the others, for their rooms: there are as many as rooms */
+    HADA_TRY(HADA_GROW(s->spots, (size_t)s->rooms, 1, what, err));
+    HADA_TRY(HADA_GROW(s->before, (size_t)s->rooms, 1, what, err));
     if ((size_t)(s->rooms + 1) * (size_t)s->most * sizeof *s->touches > MOST_BYTES)
         return hada_fail(err, HADA_ERROR_MEMORY,
                          "%d emitters and more, whose light falls on up to %d pixels each, take more than %zu MiB of "

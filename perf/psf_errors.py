@@ -5,7 +5,7 @@ frame chooses, with one program or several.
 PHOTOGRAPHS are seen; OTHERS make the data set's only pair, which is not used. One depth, a sensor that crops, linear light, 0.3, 1
 and 3 % noise. exact: the PSF as it is; shape: its values vary by so much (standard deviation), smoothly over 12 pixels; magnified:
 by 1 %; blurred: by a Gaussian of 0.8 pixels; noisy: by 0.3 % of its largest value; stray light: 3 % of a frame's largest value everywhere in it.
-Needs NumPy, tifffile, Pillow."""
+Needs NumPy, tifffile."""
 import argparse
 import pathlib
 import tempfile

@@ -54,5 +54,7 @@ hada_status hada_classic_choose(hada_classic *classic, const hada_classic_job *j
 {
     search s = {classic, job, held, each_of(&classic->shape), hada_classic_search_most(&classic->shape)};
     HADA_TRY(hada_classic_ready(classic, job, err));
-    return hada_weight_find(&(hada_weight_search){solve, &s, s.most, LEAST, 1.0, 0.0, 0.0, 1.0}, exposure, choice, err);
+    return hada_weight_find(
+        &(hada_weight_search){.solve = solve, .user = &s, .most_steps = s.most, .least = LEAST, .factor = 1.0},
+        exposure, choice, err);
 }

@@ -122,9 +122,9 @@ void hada_maker_free_weights(hada_plane_maker *maker);
 /* Brings the weights of a frame's pixels to the device; none where all are equal. */
 hada_status hada_maker_weigh(hada_plane_maker *maker, const hada_frame_exposure *exposure, hada_error *err);
 
-/* Steps in a row that choosing a weight takes, steps at most with which a single depth goes on from there until its
- * plane settles, for both of which the refiner must be made; and steps that refinement with a chosen weight takes at
- * most from nothing, and for a mosaic. */
+/* Steps with the first weight of a sweep, and with the chosen one from nothing; steps at most with which a single depth
+ * goes on from there until its plane settles, for all of which the refiner must be made; and steps that refinement with
+ * a chosen weight takes at most from nothing, and for a mosaic. */
 enum { HADA_CHOICE_STEPS = 20, HADA_SETTLING_STEPS = 40, HADA_CHOSEN_STEPS = 20, HADA_CHOSEN_MOSAIC_STEPS = 30 };
 
 /* How planes are refined if nobody says otherwise. */

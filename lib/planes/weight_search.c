@@ -11,9 +11,9 @@
 #define RATIO   3.1622776601683795
 /* The sweep ends when predictions have become worse by this, or twice running. */
 #define WORSE 1.01
-/* Or when they have become better by less than this says, and the weight is well below the least one. */
+/* Or when what is left is more than this part of what was left before, and the weight is well below the least one. */
 #define SETTLED 0.9
-/* Times the energy of the noise: what is left beyond it are errors of the optics, and what counts as noise at most. */
+/* Times the energy of the noise: what is an error of the optics beyond it; what counts for the usual weight at most. */
 #define BESIDE     2.0
 #define MOST_NOISE 4.0
 /* No weight is less than this part of the usual one. */
@@ -53,7 +53,7 @@ static double usual_weight(const hada_weight_search *search, const hada_frame_ex
 
 /* The largest weight that predicts as well as the best. What lies between trials is interpolated, over the logarithm of
  * the weight: by the parabola through the best one and those beside it, and linearly above. errors: the share of what
- * is left that is none of the noise. */
+ * is left that the optics are to blame for. */
 static void take(const hada_weight_search *search, double errors, const trial *trials, int from, int best, int to,
                  hada_maker_choice *choice)
 {

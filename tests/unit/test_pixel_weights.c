@@ -201,8 +201,8 @@ TEST(weights_are_found_by_predictions)
         ASSERT_OK(hada_weight_find(&search, &exposure, &choice, err));
         assert_float_equal(choice.tv, 20.0 / sqrt(3.0) * best, 0.5 * best);
         assert_true(2 * (c.tried - tried) <= tried);
-        c.least =
-            100.0 * noise * held_out; /* nearly all are errors: no mean, and no more noise than 4 times the noise */
+        /* nearly all are errors: no mean, and what is left counts as four times the noise */
+        c.least = 100.0 * noise * held_out;
         search.usual = 30.0 * best / pow(4.0 * noise, 2.0 / 3.0);
         ASSERT_OK(hada_weight_find(&search, &exposure, &choice, err));
         assert_float_equal(choice.tv, 30.0 * pow(1.0 / 3.0, 0.99) * best, 0.02 * best);

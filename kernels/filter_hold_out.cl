@@ -24,8 +24,7 @@ __kernel void filter_hold_out(__global const uchar *blocks, int side, int cols, 
 
 /* Takes the mean of a block's held-out values, which are those with held > 0, off each of them. A work-item a block;
  * dimensions: columns and rows of blocks. */
-__kernel void filter_level_blocks(int side, int rows, int cols, __global const float *held,
-                                  __global float *values)
+__kernel void filter_level_blocks(int side, int rows, int cols, __global const float *held, __global float *values)
 {
     const int row0 = (int)get_global_id(1) * side, col0 = (int)get_global_id(0) * side;
     const int row1 = min(row0 + side, rows), col1 = min(col0 + side, cols);

@@ -1,13 +1,14 @@
 #!/usr/bin/env bash
 # Format and static analysis, with no finding: clang-format, cppcheck and the checks of .clang-tidy.
 #   tests/house/lint.sh BUILD [whole]    a build folder with compile_commands.json, built
+#   tests/house/lint.sh --format         only says which sources are not formatted, within seconds
 #   tests/house/lint.sh --fix            only formats the sources
 # What follows calls from file to file or from branch to branch, cppcheck and clang's analyzer, takes nine tenths of the
 # time: it looks at the files of the last ten commits and at a fifth of all, another one each day; whole: at all.
 # Where a finding is none, the code is mended so that tools and readers see why; else a suppression is put on its line
 # with the reason (cppcheck-suppress, NOLINT).
 set -euo pipefail
-[ $# = 1 ] || [ "${2:-}" = whole ] || { sed -n '3,4s/^# *//p' "$0"; exit 2; }
+[ $# = 1 ] || [ "${2:-}" = whole ] || { sed -n '3,5s/^# *//p' "$0"; exit 2; }
 build=$1
 cd "$(dirname "$0")/../.."
 sources() { git ls-files -- "$@" | while read -r file; do [ ! -e "$file" ] || echo "$file"; done; }
@@ -24,6 +25,7 @@ if [ "$build" = --fix ]; then
     exit
 fi
 echo "$formatted" | xargs clang-format --dry-run -Werror || { echo "lint: format with $0 --fix"; failed=1; }
+[ "$build" != --format ] || exit $failed
 
 cppcheck --quiet --enable=warning,performance,portability --inline-suppr --std=c11 --error-exitcode=1 -j "$(nproc)" \
     --suppress=missingIncludeSystem -I lib -I lib/include -I kernels -I bindings/cli/base -I bindings/cli/shared -I "$build/generated" $deep ||

@@ -73,10 +73,10 @@ def main():
                 tifffile.imwrite(folder / "psf.tif", wrong.astype(np.float32))
                 stray = 0.03 * raw.max() if error == "stray light" else 0.0
                 tifffile.imwrite(folder / "frame.tif", (raw + stray).astype(np.float32))
-                frames.run(arguments.hadalens[0], "fit", "--psf", folder / "psf.tif", "--window",
-                           f"{truth.shape[0]}x{truth.shape[1]}", "-q", "-o", folder / "camera.model")
                 row = []
                 for hadalens in arguments.hadalens:
+                    frames.run(hadalens, "fit", "--psf", folder / "psf.tif", "--window", f"{truth.shape[0]}x{truth.shape[1]}", "-q",
+                               "-o", folder / "camera.model")
                     frames.reconstruct(hadalens, [folder / "frame.tif"], folder / "camera.model", folder / "out", [])
                     image = tifffile.imread(next((folder / "out").glob("*_aif.tif"))).astype(float).squeeze()
                     row.append(psnr(image, truth))

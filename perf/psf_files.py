@@ -66,6 +66,10 @@ def variants(whole):
     for noise in (0.002, 0.01, 0.03):
         yield f"background 0.1, noise {noise}", taken(noise), []
         yield f"background 0.1, noise {noise}, first percentile off", taken(noise), ["--psf-gate", "0"]
+    for noise in (0.002, 0.01):
+        values = np.clip(right + noise * random.standard_normal(right.shape), 0, 1)
+        yield f"noise {noise}, cut off at black", [values], []
+        yield f"noise {noise}, cut off at black, 8 bits", [np.round(255 * values)], []
     yield "background 0.1, four captures of noise 0.01", taken(0.01, 4), []
 
 

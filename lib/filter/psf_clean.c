@@ -25,26 +25,113 @@ enum { NARROW = 3, WIDE = 15 };
 #define NEAR       1.5
 enum { NEAR_STEPS = 3 };
 
-/* The noise of a channel's darkest blocks, by the median of their diagonal wavelet coefficients (statistics.h), which
- * know nothing of the blocks' means, by which they are chosen. `room`: three floats for each block. */
-static double dark_noise(const float *pixels, int rows, int cols, float *room)
+/* Noise of which the part below black was cut off, as in most files of 8 bits: from so many pixels at the lowest value.
+ * 2 x 2 blocks that hold one of them say how strong it was, by the magnitude of their diagonal coefficients and the
+ * share a of their pixels above the lowest value. Of normal noise the median is a (0.42 + 0.69 a) deviations, and the
+ * mean without the largest tenth a (0.55 + 0.45 a), within 7 % where 16 to 69 % are cut off, 24 % more where it is 7 %.
+ * Edges of light move the median little. Values in steps of up to 1.25 deviations make the mean larger by 1.1 - 1.3 a
+ * of a step, and the median anything: the lower one counts. The mean of the dark pixels is by 1.21 - 1.69 a deviations
+ * higher than without the cut, but black is no lower than the lowest value (all by simulation). */
+#define CUT_OFF   0.05
+#define LIGHTLESS 0.9
+/* Values that are whole steps, of at most this part of the peak, are uncertain by a step. */
+#define STEP_OF_PEAK 0.03
+
+/* 2 x 2 pixels each of a channel. */
+typedef struct blocks {
+    const float *pixels;
+    int rows, cols; /* of blocks */
+    size_t pitch;   /* of pixels */
+} blocks;
+
+static const float *block(const blocks *b, size_t i)
 {
-    const size_t count = (size_t)(rows / 2) * (size_t)(cols / 2);
-    float *mean = room, *sorted = room + count, *diagonal = sorted + count;
+    return b->pixels + i / (size_t)b->cols * 2 * b->pitch + i % (size_t)b->cols * 2;
+}
+
+static float diagonal_of(const float *up, size_t pitch)
+{
+    const float *down = up + pitch;
+    return fabsf(up[0] - up[1] - down[0] + down[1]) * 0.5F;
+}
+
+/* The noise of the darkest blocks, by the median of their diagonal wavelet coefficients (statistics.h), which know
+ * nothing of the blocks' means, by which they are chosen. `room`: two floats for each block. */
+static double whole_noise(const blocks *b, float *room)
+{
+    const size_t count = (size_t)b->rows * (size_t)b->cols;
+    float *mean = room, *sorted = room + count;
     size_t dark = 0;
-    if (!count)
-        return 0.0;
     for (size_t i = 0; i < count; i++) {
-        const size_t at = i / (size_t)(cols / 2) * 2 * (size_t)cols + i % (size_t)(cols / 2) * 2;
-        const float *up = pixels + at, *down = up + cols;
+        const float *up = block(b, i), *down = up + b->pitch;
         sorted[i] = mean[i] = up[0] + up[1] + down[0] + down[1];
-        diagonal[i] = fabsf(up[0] - up[1] - down[0] + down[1]) * 0.5F;
     }
     const float most = hada_select_rank(sorted, count, (size_t)(DARK_SHARE * (double)(count - 1)));
     for (size_t i = 0; i < count; i++)
         if (mean[i] <= most)
-            sorted[dark++] = diagonal[i];
+            sorted[dark++] = diagonal_of(block(b, i), b->pitch);
     return hada_select_rank(sorted, dark, dark / 2) / MEDIAN;
+}
+
+/* The noise of a channel's dark parts. */
+typedef struct darkness {
+    double noise;  /* standard deviation */
+    float lowest;  /* value */
+    double lifted; /* how much higher the mean of the dark pixels is because noise below `lowest` was cut off */
+} darkness;
+
+/* Where values were cut off, and stand `step` apart. */
+static void find_cut_noise(const blocks *b, double step, float *room, darkness *out)
+{
+    size_t dark = 0, lowest_count = 0, used = 0;
+    double sum = 0.0;
+    for (size_t i = 0; i < (size_t)b->rows * (size_t)b->cols; i++) {
+        const float *up = block(b, i), *down = up + b->pitch, least = out->lowest;
+        const int at_lowest = (up[0] == least) + (up[1] == least) + (down[0] == least) + (down[1] == least);
+        if (at_lowest)
+            room[dark++] = diagonal_of(up, b->pitch);
+        lowest_count += (size_t)at_lowest;
+    }
+    const double above = dark ? 1.0 - (double)lowest_count / (4.0 * (double)dark) : 0.0;
+    out->noise = step / sqrt(12.0);
+    if (!(above > 0.0))
+        return;
+    const float most = hada_select_rank(room, dark, (size_t)(LIGHTLESS * (double)(dark - 1)));
+    for (size_t i = 0; i < dark; i++)
+        if (room[i] <= most) {
+            sum += room[i];
+            used++;
+        }
+    const double by_mean = fmax(sum / (double)used / (above * (0.55 + 0.45 * above)) - (1.1 - 1.3 * above) * step, 0.0);
+    const double by_median = hada_select_rank(room, dark, dark / 2) / (above * (0.42 + 0.69 * above));
+    const double noise = fmin(by_mean, by_median);
+    out->lifted = fmax(1.21 - 1.69 * above, 0.0) * noise;
+    out->noise = fmax(out->noise, noise);
+}
+
+static darkness look_at_dark(const float *pixels, int rows, int cols, float *room)
+{
+    const blocks b = {pixels, rows / 2, cols / 2, (size_t)cols};
+    const size_t count = (size_t)rows * (size_t)cols;
+    darkness out = {.lowest = INFINITY};
+    float next = INFINITY, most = -INFINITY;
+    size_t at_lowest = 0;
+    for (size_t i = 0; i < count; i++) {
+        out.lowest = fminf(out.lowest, pixels[i]);
+        most = fmaxf(most, pixels[i]);
+    }
+    for (size_t i = 0; i < count; i++) {
+        at_lowest += pixels[i] == out.lowest;
+        next = pixels[i] > out.lowest ? fminf(next, pixels[i]) : next;
+    }
+    if (!b.rows || !b.cols)
+        return out;
+    if ((double)at_lowest < CUT_OFF * (double)count)
+        out.noise = whole_noise(&b, room);
+    else
+        find_cut_noise(&b, next - out.lowest <= STEP_OF_PEAK * (most - out.lowest) ? next - out.lowest : 0.0, room,
+                       &out);
+    return out;
 }
 
 static double background_of(const float *pixels, size_t count, double noise, float *room)
@@ -98,11 +185,12 @@ static double clean_channel(float *pixels, const hada_image *psf, const hada_psf
 {
     const int rows = psf->rows, cols = psf->cols;
     const size_t count = (size_t)rows * (size_t)cols;
-    const double part = 1.0 / psf->channels,
-                 noise = options->psf_dark == 0.0 ? 0.0 : dark_noise(pixels, rows, cols, room);
-    const double gate = options->psf_gate == HADA_AUTO ? GATE : options->psf_gate;
-    const double dark = options->psf_dark == HADA_AUTO ? background_of(pixels, count, gate > 0.0 ? noise : 0.0, room)
-                                                       : options->psf_dark;
+    const double part = 1.0 / psf->channels;
+    const darkness seen_dark = options->psf_dark == 0.0 ? (darkness){0} : look_at_dark(pixels, rows, cols, room);
+    const double gate = options->psf_gate == HADA_AUTO ? GATE : options->psf_gate, noise = seen_dark.noise;
+    const int finds = options->psf_dark == HADA_AUTO;
+    const double dark = finds ? background_of(pixels, count, gate > 0.0 ? noise : 0.0, room) : options->psf_dark;
+    const double lifted = finds && gate > 0.0 ? fmin(seen_dark.lifted, fmax(dark - seen_dark.lowest, 0.0)) : 0.0;
     double border = 0.0, light = 0.0, most = 0.0;
     const double least = gate * noise;
     float *narrow = room, *wide = room + count;
@@ -119,7 +207,7 @@ static double clean_channel(float *pixels, const hada_image *psf, const hada_psf
         const double above = pixels[i] - dark;
         const int is_light =
             least > 0.0 ? above > least || narrow[i] > NARROW * least || wide[i] > WIDE * least : above > 0.0;
-        const double value = is_light ? fmax(above, 0.0) : 0.0;
+        const double value = is_light ? fmax(above + lifted, 0.0) : 0.0;
         if (!row || !col || row == rows - 1 || col == cols - 1)
             border += value;
         light += value;
@@ -129,7 +217,7 @@ static double clean_channel(float *pixels, const hada_image *psf, const hada_psf
                                          ? fade(row, rows, options->psf_taper) * fade(col, cols, options->psf_taper)
                                          : 1.0));
     }
-    seen->background += part * dark;
+    seen->background += part * (dark - lifted);
     seen->noise += part * noise;
     seen->peak += part * most;
     if (light > 0.0 && rows > 2 && cols > 2)

@@ -86,6 +86,29 @@ TEST(background_and_noise_are_taken_off)
     }
 }
 
+/* Files hold nothing below black: the noise's negative half is gone, more of it or less, in whole steps or not. */
+TEST(noise_below_black_is_cut_off)
+{
+    static const double noises[] = {0.0005, 0.002}, levels[] = {-0.5, 0.0, 0.5, 1.0, 1.5}, steps[] = {0.0, 0.159 / 255};
+    for (int k = 0; k < 20; k++) {
+        const double noise = noises[k % 2], level = levels[k / 2 % 5] * noise, step = steps[k / 10];
+        SCOPED(hada_image) right = spots(ROWS, COLS, 1.0, 1.0), psf = spots(ROWS, COLS, 1.0, 1.0);
+        DEFAULTS(hada_psf_options, options);
+        hada_random random;
+        hada_psf_seen seen;
+        hada_random_seed(&random, 8, 0);
+        for (size_t i = 0; i < hada_image_count(&psf); i++) {
+            const double value = fmax(psf.data[i] + level + noise * hada_random_normal(&random), 0.0);
+            psf.data[i] = (float)(step > 0.0 ? step * nearbyint(value / step) : value);
+        }
+        ASSERT_OK(hada_psf_clean(&psf, &options, &seen, err));
+        const int known = noise < 2.0 * step || fabs(seen.noise / noise - 1.0) < 0.25;
+        if (!(known && fabs(sum_of(&psf) - SPOTS) < 0.05 * SPOTS && distance(&psf, &right) < 40.0 * noise))
+            fail_msg("noise %g, level %g, steps %g: noise %g, light %g of %d, %g off", noise, level, step, seen.noise,
+                     sum_of(&psf), SPOTS, distance(&psf, &right));
+    }
+}
+
 TEST(shapes_are_measured)
 {
     SCOPED(hada_image) psf = spots(2 * ROWS, 2 * COLS, 1.0, 1.0), wider = spots(2 * ROWS, 2 * COLS, 1.02, 1.0), small;

@@ -182,21 +182,17 @@ static cl_mem planes_of(const hada_pipeline *pipeline, const hada_frame *frame)
     return classic ? hada_classic_planes(classic) : hada_refiner_planes(pipeline->refiner);
 }
 
-/* Refined planes and those of the linear filters, as their errors on held-out pairs say
- * (docs/explanation/refinement.md). */
+/* The refined plane and that of the linear filter, as their errors on held-out pairs say. Only of a single depth: each
+ * linear plane holds the light of all depths (docs/explanation/refinement.md). */
 static hada_status blend(hada_pipeline *pipeline, const hada_frame *frame, int count, hada_error *err)
 {
     const double share = pipeline->setup->config.share;
-    const size_t values = hada_plane_values(hada_model_get_info(pipeline->setup->model));
-    if (share >= 1.0 || classic_of(pipeline, frame))
+    if (share >= 1.0 || count != 1 || classic_of(pipeline, frame))
         return HADA_OK;
-    for (int i = 0; i < count; i++) {
-        HADA_TRY(hada_hadamard_run(pipeline->stage, pipeline->constants->bank, pipeline->occupied[i], 1,
-                                   pipeline->planes.mem, 0, err));
-        HADA_TRY(hada_image_blend(pipeline->slot, planes_of(pipeline, frame), (size_t)i * values, pipeline->planes.mem,
-                                  values, share, err));
-    }
-    return HADA_OK;
+    HADA_TRY(hada_hadamard_run(pipeline->stage, pipeline->constants->bank, pipeline->occupied[0], 1,
+                               pipeline->planes.mem, 0, err));
+    return hada_image_blend(pipeline->slot, planes_of(pipeline, frame), 0, pipeline->planes.mem,
+                            hada_plane_values(hada_model_get_info(pipeline->setup->model)), share, err);
 }
 
 /* The planes are in the order of pipeline->occupied. */

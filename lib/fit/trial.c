@@ -41,9 +41,9 @@ _Static_assert((int)TRIED + (int)TV_ROWS <= (int)HADA_FIT_TRIAL_ROWS, "room for 
 #define MOST_OF_THE_GAIN 0.8
 #define LEAST_GAIN       0.01
 
-/* Shares of refined planes that are tried, the rest being the linear filter's: where the camera is known badly, the two
- * err differently (L. Breiman, "Stacked regressions", Machine Learning 24, 1996). Less than a fifth of a decibel is not
- * worth filtering as well. */
+/* Shares of the refined plane that are tried where one depth is occupied, the rest being the linear filter's: where the
+ * camera is known badly, the two err differently (L. Breiman, "Stacked regressions", Machine Learning 24, 1996). Less
+ * than a fifth of a decibel is not worth filtering as well. */
 static const double shares_tried[] = {1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1};
 enum { SHARES = sizeof shares_tried / sizeof *shares_tried };
 _Static_assert((int)SHARES <= (int)HADA_TRIAL_SHARES, "room for shares");
@@ -51,7 +51,7 @@ _Static_assert((int)SHARES <= (int)HADA_TRIAL_SHARES, "room for shares");
 
 typedef struct trial_work {
     hada_trial_bench bench;
-    double sum[2][TRIED][SHARES]; /* decibels: one depth, two depths */
+    double sum[2][TRIED][SHARES]; /* decibels: one depth, two depths; of these the first share alone */
     int count[2];
     hada_refine_weights weights; /* what is refined with */
     int rank_steps;              /* after which weights are compared */
@@ -84,13 +84,14 @@ static int best_share(const double *psnr)
 static hada_status try_frame(trial_work *work, const hada_trial_frame *frame, hada_error *err)
 {
     double(*sum)[SHARES] = work->sum[frame->members - 1];
+    const int shares = frame->members == 1 ? SHARES : 1;
     HADA_TRY(expose(work, frame, err));
-    hada_trial_compare(&work->bench, frame, shares_tried, SHARES, sum[0]);
+    hada_trial_compare(&work->bench, frame, shares_tried, shares, sum[0]);
     for (int i = 1; i < TRIED; i++) {
         const hada_maker_steps steps = {
             .steps = work->whole / PARTS, .before = (i - 1) * work->whole / PARTS, .whole = work->whole};
         HADA_TRY(hada_trial_refine(&work->bench, frame, &work->weights, &steps, i == PARTS, err));
-        hada_trial_compare(&work->bench, frame, shares_tried, SHARES, sum[i]);
+        hada_trial_compare(&work->bench, frame, shares_tried, shares, sum[i]);
     }
     work->count[frame->members - 1]++;
     return HADA_OK;
@@ -343,7 +344,7 @@ static double mean(const trial_work *work, int occupied, int i, int share)
 
 static double blend_score(const trial_work *work, int i, int share)
 {
-    return mean(work, 0, i, share) + mean(work, 1, i, share);
+    return mean(work, 0, i, share) + mean(work, 1, i, 0);
 }
 
 /* The best share after so many steps. */
@@ -386,7 +387,7 @@ static void fill_rows(const trial_work *work, int best, hada_fit_trial_result *r
                                     .rho = hada_refine_rho(info->boundary, tv),
                                     .tv = tv,
                                     .psnr_single = work->count[0] ? mean(work, 0, k, share_of(work, k)) : NAN,
-                                    .psnr_double = work->count[1] ? mean(work, 1, k, share_of(work, k)) : NAN,
+                                    .psnr_double = work->count[1] ? mean(work, 1, k, 0) : NAN,
                                     .chosen = k == best};
     }
     memcpy(result->rows + TRIED, work->tv_rows, (size_t)work->tv_count * sizeof *work->tv_rows);

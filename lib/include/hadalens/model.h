@@ -60,8 +60,8 @@ typedef struct hada_model_info {
     double scene_response;          /* how the scenes that it was learned from were encoded (hadalens/response.h); what
                                        it makes of a frame is linear light all the same */
     double refine_colour;           /* in refine_tv, weight of differences of colour over those of brightness, from 1 */
-    double refine_share;    /* share of refined planes where refine_steps recommends refinement; the rest is the linear
-                               filters', whose errors are others. 1: refined planes alone */
+    double refine_share;    /* share of the refined plane where refine_steps recommends refinement and the frame has one
+                               depth; the rest is the linear filter's, whose errors are others. 1: all is refined */
     double refine_ridge;    /* with refine_tv: strength of the learned regulariser in the last steps, 1 what photographs
                                favour; 0: none (docs/explanation/refinement.md) */
     hada_mosaic mosaic;     /* frames of one channel are a colour filter mosaic of this pattern; HADA_MOSAIC_NONE: not

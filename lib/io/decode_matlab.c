@@ -85,6 +85,11 @@ static int read_matrix(const part *in, variable *out)
     return read_element(in, sizes.next, &name) && name.type == MI_INT8 && read_element(in, name.next, &out->data);
 }
 
+static hada_status damaged(hada_error *err)
+{
+    return hada_fail(err, HADA_ERROR_FILE_READ, "this MATLAB file is damaged; get it again");
+}
+
 static hada_status find_largest(const part *file, variable *largest, hada_error *err)
 {
     unsigned char beginning[BEGINNING];
@@ -95,7 +100,7 @@ static hada_status find_largest(const part *file, variable *largest, hada_error 
         variable now = {at + TAG, (size_t)number_at(file, at + 4, 4), type == MI_COMPRESSED, 0, {0}, 0, {0}};
         part in = {file->data + now.begin, now.bytes, file->swapped};
         if (now.bytes > file->bytes - now.begin) /* cut off */
-            break;
+            return damaged(err);
         if (now.compressed) {
             HADA_TRY(hada_inflate(in.data, in.bytes, beginning, sizeof beginning, &made, err));
             in = (part){beginning, made, file->swapped};
@@ -109,11 +114,6 @@ static hada_status find_largest(const part *file, variable *largest, hada_error 
     return largest->class ? HADA_OK
                           : hada_fail(err, HADA_ERROR_FILE_FORMAT,
                                       "this MATLAB file holds no array of real numbers of 2 to 4 dimensions");
-}
-
-static hada_status damaged(hada_error *err)
-{
-    return hada_fail(err, HADA_ERROR_FILE_READ, "this MATLAB file is damaged; get it again");
 }
 
 /* MATLAB stores numbers in the smallest type that holds them all. 0: there is no such number in the class. */

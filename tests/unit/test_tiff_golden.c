@@ -300,12 +300,15 @@ TEST(matlab_numbers_in_smaller_types)
         for (int n = 0; n < 4; n++)
             at = put_value(file, at, big, bytes, (uint64_t)(rows[i].first + n));
         io_write_bytes(io_path("small.mat"), file, at);
-        SCOPED(hada_image) image = {0};
+        SCOPED(hada_image) image = {0}, none = {0};
         hada_error err = {0};
         if ((int)hada_tiff_load(io_path("small.mat"), 0, &image, &err) != rows[i].status)
             fail_msg("row %d: %s", i, err.message);
         for (int n = 0; !rows[i].status && n < 4; n++) /* columns come first */
             assert_float_equal(image.data[n % 2 * 2 + n / 2], (float)((double)(rows[i].first + n) / rows[i].scale), 0);
+        io_write_bytes(io_path("small.mat"), file, at - 1); /* cut off */
+        assert_int_equal(hada_tiff_load(io_path("small.mat"), 0, &none, &err), HADA_ERROR_FILE_READ);
+        assert_non_null(strstr(err.message, "damaged"));
     }
 }
 

@@ -34,8 +34,10 @@ enum { NEAR_STEPS = 3 };
  * higher than without the cut, but black is no lower than the lowest value (all by simulation). */
 #define CUT_OFF   0.05
 #define LIGHTLESS 0.9
-/* Values that are whole steps, of at most this part of the peak, are uncertain by a step. */
-#define STEP_OF_PEAK 0.03
+/* Values are whole steps if those of the first few steps are, within this part of one; then they are uncertain by one.
+ */
+enum { FEW_STEPS = 8 };
+#define WHOLE_STEP 0.01
 
 /* 2 x 2 pixels each of a channel. */
 typedef struct blocks {
@@ -109,28 +111,41 @@ static void find_cut_noise(const blocks *b, double step, float *room, darkness *
     out->noise = fmax(out->noise, noise);
 }
 
+/* The step of which values are whole numbers, from the lowest one on; 0: there is none. */
+static double step_of(const float *pixels, size_t count, float lowest)
+{
+    float next = INFINITY;
+    int largest = 0;
+    for (size_t i = 0; i < count; i++)
+        next = pixels[i] > lowest ? fminf(next, pixels[i]) : next;
+    const double step = next - lowest;
+    for (size_t i = 0; i < count; i++) {
+        const double steps = (pixels[i] - lowest) / step;
+        if (!(steps < FEW_STEPS + 0.5))
+            continue;
+        if (fabs(steps - nearbyint(steps)) > WHOLE_STEP)
+            return 0.0;
+        largest = steps > largest ? (int)nearbyint(steps) : largest;
+    }
+    return largest == FEW_STEPS ? step : 0.0;
+}
+
 static darkness look_at_dark(const float *pixels, int rows, int cols, float *room)
 {
     const blocks b = {pixels, rows / 2, cols / 2, (size_t)cols};
     const size_t count = (size_t)rows * (size_t)cols;
     darkness out = {.lowest = INFINITY};
-    float next = INFINITY, most = -INFINITY;
     size_t at_lowest = 0;
-    for (size_t i = 0; i < count; i++) {
+    for (size_t i = 0; i < count; i++)
         out.lowest = fminf(out.lowest, pixels[i]);
-        most = fmaxf(most, pixels[i]);
-    }
-    for (size_t i = 0; i < count; i++) {
+    for (size_t i = 0; i < count; i++)
         at_lowest += pixels[i] == out.lowest;
-        next = pixels[i] > out.lowest ? fminf(next, pixels[i]) : next;
-    }
     if (!b.rows || !b.cols)
         return out;
     if ((double)at_lowest < CUT_OFF * (double)count)
         out.noise = whole_noise(&b, room);
     else
-        find_cut_noise(&b, next - out.lowest <= STEP_OF_PEAK * (most - out.lowest) ? next - out.lowest : 0.0, room,
-                       &out);
+        find_cut_noise(&b, step_of(pixels, count, out.lowest), room, &out);
     return out;
 }
 

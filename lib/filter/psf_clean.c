@@ -115,19 +115,16 @@ static void find_cut_noise(const blocks *b, double step, float *room, darkness *
 static double step_of(const float *pixels, size_t count, float lowest)
 {
     float next = INFINITY;
-    int largest = 0;
+    int reaches = 0;
     for (size_t i = 0; i < count; i++)
         next = pixels[i] > lowest ? fminf(next, pixels[i]) : next;
-    const double step = next - lowest;
     for (size_t i = 0; i < count; i++) {
-        const double steps = (pixels[i] - lowest) / step;
-        if (!(steps < FEW_STEPS + 0.5))
-            continue;
-        if (fabs(steps - nearbyint(steps)) > WHOLE_STEP)
+        const double steps = (pixels[i] - lowest) / (next - lowest);
+        if (steps < FEW_STEPS + 0.5 && fabs(steps - nearbyint(steps)) > WHOLE_STEP)
             return 0.0;
-        largest = steps > largest ? (int)nearbyint(steps) : largest;
+        reaches |= steps > FEW_STEPS - 0.5;
     }
-    return largest == FEW_STEPS ? step : 0.0;
+    return reaches ? next - lowest : 0.0;
 }
 
 static darkness look_at_dark(const float *pixels, int rows, int cols, float *room)

@@ -198,7 +198,9 @@ static double clean_channel(float *pixels, const hada_image *psf, const hada_psf
     const int rows = psf->rows, cols = psf->cols;
     const size_t count = (size_t)rows * (size_t)cols;
     const double part = 1.0 / psf->channels;
-    const darkness seen_dark = options->psf_dark == 0.0 ? (darkness){0} : look_at_dark(pixels, rows, cols, room);
+    darkness seen_dark = {0};
+    if (options->psf_dark != 0.0)
+        seen_dark = look_at_dark(pixels, rows, cols, room);
     const double gate = options->psf_gate == HADA_AUTO ? GATE : options->psf_gate, noise = seen_dark.noise;
     const int finds = options->psf_dark == HADA_AUTO;
     const double dark = finds ? background_of(pixels, count, gate > 0.0 ? noise : 0.0, room) : options->psf_dark;

@@ -46,7 +46,9 @@ hada_status hada_pair_store_create(hada_pair_store **out, const hada_dataset_opt
     store->frame_encoding = options.frame_encoding;
     store->reading = store->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     store->ahead.changed = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
-    const hada_status status = take_flat(store, &options, err);
+    hada_status status = take_flat(store, &options, err);
+    if (!status && options.dark_frame)
+        status = hada_dark_of_sensor(&store->dark, options.dark_frame, options.mosaic, err);
     if (status)
         hada_pair_store_release(out);
     return status;
@@ -100,6 +102,7 @@ void hada_pair_store_release(hada_pair_store **pointer)
     }
     HADA_FREE(store->kept, store->depth, store->folders, store->placement);
     hada_image_destroy(&store->flat);
+    hada_image_destroy(&store->dark);
     hada_inputs_release(&store->inputs);
     hada_names_free(&store->alone, &store->alone_count);
     HADA_FREE(store->psf, store->camera);
@@ -176,7 +179,12 @@ static hada_status describe(hada_dataset *set, hada_error *err)
                                 .incomplete = store->incomplete,
                                 .incomplete_text = store->incomplete_text,
                                 .mosaic = store->mosaic,
-                                .flat = store->flat.data ? &store->flat : NULL,
+                                .dark_frame = set->darkened      ? set->darkened
+                                              : store->dark.data ? &store->dark
+                                                                 : NULL,
+                                .flat = set->mended        ? set->mended
+                                        : store->flat.data ? &store->flat
+                                                           : NULL,
                                 .downsample = store->downsample,
                                 .sensor_mosaic = store->sensor_mosaic};
     for (int z = 0; z < store->depths; z++) {
@@ -231,6 +239,8 @@ static hada_status use_store(hada_dataset *set, const hada_dataset *from, const 
     set->store->users++;
     pthread_mutex_unlock(&from->store->lock);
     set->filled = from->filled;
+    set->mended = from->mended;
+    set->darkened = from->darkened;
     if (!from->number)
         return HADA_OK;
     HADA_TRY(HADA_NEW(set->number, before(set, depths), "a data set", err));
@@ -315,6 +325,19 @@ hada_status hada_dataset_fill(hada_dataset **out, const hada_dataset *from, cons
     *out = NULL;
     HADA_TRY(whole_part(out, from, err));
     (*out)->filled = filled;
+    return HADA_OK;
+}
+
+hada_status hada_dataset_mend(hada_dataset **out, const hada_dataset *from, const hada_image *flat,
+                              const hada_image *dark, hada_error *err)
+{
+    *out = NULL;
+    HADA_TRY(whole_part(out, from, err));
+    hada_dataset *set = *out;
+    if (flat)
+        set->mended = set->info.flat = flat;
+    if (dark)
+        set->darkened = set->info.dark_frame = dark;
     return HADA_OK;
 }
 
@@ -467,15 +490,50 @@ hada_status hada_dataset_from_images(hada_dataset **out, int depths, const doubl
     return open_named(out, store, depths, distances_mm, counts, err);
 }
 
-/* Divides a raw frame by the flat frame and bins it, in the order that the flat frame's size says. */
+/* The value of a sensor's frame, of all channels, for value i of a raw frame. */
+static float *of_sensor(const hada_image *sensor, const hada_image *raw, hada_mosaic mosaic, size_t i)
+{
+    const size_t area = (size_t)raw->rows * (size_t)raw->cols, cols = (size_t)raw->cols;
+    const size_t channel =
+        mosaic == HADA_MOSAIC_NONE ? i / area : (size_t)hada_mosaic_channel(mosaic, (int)(i / cols), (int)(i % cols));
+    return sensor->data + channel * area + i % area;
+}
+
+static int is_of(const hada_image *sensor, const hada_image *raw, hada_mosaic mosaic)
+{
+    const int colours = mosaic == HADA_MOSAIC_NONE ? raw->channels : HADA_MOSAIC_COLOURS;
+    return sensor && sensor->data && sensor->channels == colours && sensor->rows == raw->rows &&
+           sensor->cols == raw->cols;
+}
+
+static void subtract(hada_image *raw, hada_mosaic mosaic, const hada_image *dark)
+{
+    for (size_t i = 0; i < hada_image_count(raw); i++)
+        raw->data[i] -= *of_sensor(dark, raw, mosaic, i);
+}
+
+/* Subtracts the dark frame from a raw frame, divides it by the flat frame and bins it, in the order that their sizes
+ * say. */
 static hada_status correct(const hada_pair_store *store, hada_image *raw, const char *name, hada_error *err)
 {
-    const hada_image *flat = &store->flat;
+    const hada_image *flat = &store->flat, *dark = &store->dark;
     const int bins = store->downsample > 1, first = bins && flat->rows == raw->rows && flat->cols == raw->cols;
+    const int darkens = is_of(dark, raw, bins ? store->sensor_mosaic : store->mosaic);
+    if (darkens)
+        subtract(raw, bins ? store->sensor_mosaic : store->mosaic, dark);
     if (first)
         HADA_TRY(hada_named(hada_flat_correct(raw, store->sensor_mosaic, flat, store->flat_dark, err), name, err));
     if (bins)
         HADA_TRY(hada_named(hada_image_bin(raw, store->downsample, store->sensor_mosaic, 1, err), name, err));
+    if (dark->data && !darkens) {
+        if (!is_of(dark, raw, store->mosaic))
+            return hada_named(hada_fail(err, HADA_ERROR_SIZE,
+                                        "the frame has %d channel(s) of %d x %d pixels, and the dark frame %d of %d x "
+                                        "%d",
+                                        raw->channels, raw->rows, raw->cols, dark->channels, dark->rows, dark->cols),
+                              name, err);
+        subtract(raw, store->mosaic, dark);
+    }
     return flat->data && !first
                ? hada_named(hada_flat_correct(raw, store->mosaic, flat, store->flat_dark, err), name, err)
                : HADA_OK;
@@ -638,6 +696,27 @@ static void brighten(hada_image *scene, double gain, double response)
     hada_response_convert(scene->data, count, HADA_RESPONSE_LINEAR, response);
 }
 
+/* What this part alone mends, in the pair's own image. A pair of another size is refused by who takes it. */
+static hada_status mend(hada_pair *pair, const hada_dataset *dataset, hada_error *err)
+{
+    const hada_mosaic mosaic = dataset->store->mosaic;
+    const int repairs = is_of(dataset->mended, pair->raw, mosaic),
+              darkens = is_of(dataset->darkened, pair->raw, mosaic);
+    size_t repaired;
+    if (!repairs && !darkens)
+        return HADA_OK;
+    if (!pair->own.raw.data)
+        HADA_TRY(copy(&pair->own.raw, pair->raw, err));
+    hada_image *raw = &pair->own.raw;
+    pair->raw = raw;
+    if (darkens)
+        subtract(raw, mosaic, dataset->darkened);
+    for (size_t i = 0; repairs && i < hada_image_count(raw); i++)
+        if (*of_sensor(dataset->mended, raw, mosaic, i) == 0.0f)
+            raw->data[i] = NAN;
+    return repairs ? hada_frame_repair(raw, mosaic, &repaired, err) : HADA_OK;
+}
+
 /* A raw frame with all its colours, in the pair's own image. */
 static hada_status fill(hada_pair *pair, hada_mosaic mosaic, hada_error *err)
 {
@@ -682,6 +761,7 @@ static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth,
         pair->scene = &found->scene;
     }
     replace_scene(pair, dataset->filled, index);
+    HADA_TRY_OR_DONE(mend(pair, dataset, err));
     if (store->mosaic != HADA_MOSAIC_NONE && (status = fill(pair, store->mosaic, err)) != HADA_OK) {
         hada_pair_name(dataset, depth, number, err);
         goto done;

@@ -41,6 +41,7 @@ typedef struct hada_pair_store {
     hada_mosaic sensor_mosaic; /* of those */
     hada_image flat;           /* sensitivity of the pixels of either; empty: all alike */
     double flat_dark;
+    hada_image dark;     /* subtracted from either, of all channels; empty: nothing is */
     hada_inputs *inputs; /* all files, which no output may replace */
     char **alone;        /* files without a partner, which belong to them until these are protected */
     int alone_count;
@@ -91,6 +92,8 @@ struct hada_dataset {
     double *distances_mm;
     const hada_pair_files **files;
     const hada_filled_scenes *filled; /* NULL: all scenes are as they were read */
+    /* in place of the store's: a flat frame with more pixels of 0, and a dark frame; NULL: the store's */
+    const hada_image *mended, *darkened;
     double *gain; /* of each pair of this part: its scene is made so many times as bright; NULL: scenes as they are */
     double response; /* in which scenes are encoded, where there are gains */
 };
@@ -109,6 +112,13 @@ hada_status hada_dataset_select(hada_dataset **out, const hada_dataset *from, co
 /* The same pairs, with other scenes in place of some, which must stay as long as it and its parts. */
 hada_status hada_dataset_fill(hada_dataset **out, const hada_dataset *from, const hada_filled_scenes *filled,
                               hada_error *err);
+
+/* The same pairs. Raw frames are repaired where `flat`, which is that of `from` otherwise (1 where it has none), is 0;
+ * `dark`, where `from` has no dark frame, is subtracted. Either may be NULL. They are of the frames' channels and size,
+ * and must stay as long as the part and its parts. */
+hada_status hada_dataset_mend(hada_dataset **out, const hada_dataset *from, const hada_image *flat,
+                              const hada_image *dark, hada_error *err);
+
 /* The number of a pair, the same in all parts of a data set. */
 int hada_pair_number(const hada_dataset *dataset, int depth, int pair);
 

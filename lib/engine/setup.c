@@ -300,7 +300,7 @@ static hada_status config_of(const hada_model *model, const hada_plan_options *o
                                      : config->joint && config->boundary == HADA_BOUNDARY_PADDED;
     config->pursuit =
         config->joint && !config->classic && options->occupied == HADA_OCCUPIED_AUTO && config->depths > 1;
-    config->dark = options->dark == HADA_DARK_FRAME;
+    config->dark = options->dark == HADA_DARK_FRAME || (options->dark == HADA_DARK_MODEL && model->info.dark_frame);
     config->enhance = options->enhance && info->enhance && !config->classic;
     /* as chosen with the model's steps; a net was trained behind refined planes alone */
     config->share =
@@ -605,6 +605,8 @@ hada_status hada_setup_begin(hada_setup *setup, hada_context *context, const had
     hada_image binned[3] = {{0}};
     hada_status status = HADA_OK;
     *setup = (hada_setup){.model = model, .options = *options};
+    if (own.dark == HADA_DARK_MODEL)
+        own.dark_frame = model->info.dark_frame;
     setup->options.depths = setup->options.occupied_list = NULL;
     setup->options.dark_frame = setup->options.flat_frame = setup->options.pixel_weights = NULL;
     setup->options.classic = NULL;

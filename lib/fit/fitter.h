@@ -78,11 +78,21 @@ hada_status hada_fit_check_content(const hada_dataset *pairs, hada_error *err);
 /* Depths, distances and sizes of a data set (of its first pair; the others are checked when they are read), into
  * options. A window that options give is cut from scenes that are as large as the frame. */
 hada_status hada_fit_sizes_from(hada_fit_options *options, const hada_dataset *pairs, hada_error *err);
-/* Where options->find_dark asks for it: the dark level with which the pairs leave least of held-out frames, into
- * options->dark. options->find_dark becomes whether a level was found. */
-hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pairs, hada_error *err);
-/* Makes options->dark, which hada_fit_find_dark() found, more precise: the boundary is padded, and the light that the
- * sensor loses is in the model. */
+/* Pixels of the sensor that lie beyond those around them in most frames: hot, dead and stuck ones, *found in all,
+ * values of all channels counted. *flat: the flat frame of the pairs with 0 there, created by the call; empty where
+ * none is found. sizes: hada_fit_sizes_from(). */
+hada_status hada_fit_find_bad_pixels(const hada_fit_options *sizes, const hada_dataset *pairs, hada_image *flat,
+                                     size_t *found, hada_error *err);
+/* Where options->find_dark asks for it, and the pairs have no dark frame: the dark level with which they leave least of
+ * held-out frames, into options->dark; or light that is in all frames, a smooth surface, which is created, of the
+ * frames' channels and size (NULL: not looked for). options->find_dark becomes whether either was found. */
+hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pairs, hada_image *surface,
+                               hada_error *err);
+/* Whether frames, taken for linear, seem to be encoded so (hadalens/response.h): decoded, they are explained better. */
+hada_status hada_fit_seem_encoded(const hada_fit_options *options, const hada_dataset *pairs, double encoding,
+                                  int *seem, hada_error *err);
+/* Makes what hada_fit_find_dark() found more precise, by options->dark (beside a surface, which `pairs` have as dark
+ * frame, a small one): light that the sensor loses is in the model. */
 hada_status hada_fit_refine_dark(hada_fit_options *options, hada_context *context, const hada_dataset *pairs,
                                  hada_error *err);
 

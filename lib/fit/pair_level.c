@@ -40,7 +40,7 @@ done:
 
 hada_status hada_reducer_create(hada_reducer *reducer, const hada_fit_options *options, hada_error *err)
 {
-    *reducer = (hada_reducer){.options = options};
+    *reducer = (hada_reducer){.options = options, .response = HADA_RESPONSE_LINEAR};
     choose_grid(reducer);
     return HADA_NEW(reducer->room, (size_t)options->raw_rows * (size_t)options->raw_cols, "a raw frame", err);
 }
@@ -55,7 +55,7 @@ hada_status hada_reduce_frame(const hada_reducer *work, const hada_image *raw, h
 {
     const hada_fit_options *options = work->options;
     const size_t area = (size_t)raw->rows * (size_t)raw->cols;
-    HADA_TRY(reduce(work, raw, raw->rows, raw->cols, HADA_RESPONSE_LINEAR, out, err));
+    HADA_TRY(reduce(work, raw, raw->rows, raw->cols, work->response, out, err));
     const size_t small = (size_t)out->rows * (size_t)out->cols;
     for (size_t c = 0; c < (size_t)out->channels; c++) {
         const double dark =
@@ -103,6 +103,9 @@ hada_status hada_pair_level_create(hada_pair_level *level, int size, int channel
     HADA_TRY(HADA_NEW(level->frame_energy, pairs, "a survey of pairs", err));
     HADA_TRY(HADA_NEW(level->frame_light, pairs, "a survey of pairs", err));
     HADA_TRY(HADA_NEW(level->scene_light, pairs, "a survey of pairs", err));
+    HADA_TRY(HADA_NEW(level->ones, pairs, "a survey of pairs", err));
+    for (int k = 0; k < most; k++)
+        level->ones[k] = 1.0;
     HADA_TRY(HADA_NEW(level->judged, pairs, "a survey of pairs", err));
     HADA_TRY(HADA_NEW(level->sums, 3 * plane, "a survey of pairs", err));
     return HADA_NEW(level->work, 2 * side * side, "a survey of pairs", err);
@@ -112,7 +115,7 @@ void hada_pair_level_destroy(hada_pair_level *level)
 {
     hada_small_fft_destroy(&level->fft);
     HADA_FREE(level->depth, level->frame, level->scene, level->frame_energy, level->frame_light, level->scene_light,
-              level->judged, level->sums, level->work);
+              level->ones, level->judged, level->sums, level->work);
     *level = (hada_pair_level){0};
 }
 
@@ -206,27 +209,65 @@ static void add_up(hada_pair_level *level, int depth, int channel, const double 
     }
 }
 
+/* The power of the other pairs' scenes, in the mean over frequencies. `taken`: the exposure that the pair itself has in
+ * the sums, which is taken off. */
+static double mean_power(const hada_pair_level *level, const float *frame, const float *scene, double taken)
+{
+    double own[3], mean = 0.0;
+    for (size_t i = 0; i < level->plane; i++) {
+        products(frame + 2 * i, scene + 2 * i, taken, own);
+        mean += (level->sums[3 * i + 2] - own[2]) / (double)level->plane;
+    }
+    return mean;
+}
+
+/* What the others predict of value i of a frame's spectrum. */
+static void predict(const hada_pair_level *level, const float *frame, const float *scene, double taken, double mean,
+                    size_t i, double p[2])
+{
+    const double *sums = level->sums + 3 * i, x[2] = {(double)scene[2 * i], (double)scene[2 * i + 1]};
+    double own[3];
+    products(frame + 2 * i, scene + 2 * i, taken, own);
+    const double under = sums[2] - own[2] + FLOOR * mean;
+    const double re = under > 0.0 ? (sums[0] - own[0]) / under : 0.0;
+    const double im = under > 0.0 ? (sums[1] - own[1]) / under : 0.0;
+    p[0] = re * x[0] - im * x[1];
+    p[1] = re * x[1] + im * x[0];
+}
+
+void hada_pair_level_residual(hada_pair_level *level, int pair, int channel, float *left)
+{
+    const size_t first = first_of(level, pair, channel);
+    const float *frame = level->frame + first, *scene = level->scene + first;
+    add_up(level, level->depth[pair], channel, level->ones);
+    const double mean = mean_power(level, frame, scene, 1.0);
+    for (size_t i = 0; i < level->plane; i++) {
+        double p[2];
+        predict(level, frame, scene, 1.0, mean, i, p);
+        left[2 * i] = (float)((double)frame[2 * i] - p[0]);
+        left[2 * i + 1] = (float)((double)frame[2 * i + 1] - p[1]);
+    }
+}
+
+double hada_pair_level_product(const hada_pair_level *level, const float *a, const float *b)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < level->plane; i++)
+        sum += weight_of(level, i) * ((double)a[2 * i] * b[2 * i] + (double)a[2 * i + 1] * b[2 * i + 1]);
+    return sum;
+}
+
 /* Adds a channel, whose sums are ready. */
 static void judge_channel(const hada_pair_level *level, int pair, int channel, double gain, int itself,
                           hada_judgement *to)
 {
     const float *frame = level->frame + first_of(level, pair, channel);
     const float *scene = level->scene + first_of(level, pair, channel);
-    const double taken = itself ? 0.0 : gain; /* what the pair itself has in the sums, to be taken off */
-    double own[3], mean = 0.0;
+    const double taken = itself ? 0.0 : gain, mean = mean_power(level, frame, scene, taken);
     for (size_t i = 0; i < level->plane; i++) {
-        products(frame + 2 * i, scene + 2 * i, taken, own);
-        mean += (level->sums[3 * i + 2] - own[2]) / (double)level->plane;
-    }
-    for (size_t i = 0; i < level->plane; i++) {
-        const double *sums = level->sums + 3 * i, weight = weight_of(level, i);
-        const double b[2] = {(double)frame[2 * i], (double)frame[2 * i + 1]};
-        const double x[2] = {(double)scene[2 * i], (double)scene[2 * i + 1]};
-        products(frame + 2 * i, scene + 2 * i, taken, own);
-        const double under = sums[2] - own[2] + FLOOR * mean;
-        const double re = under > 0.0 ? (sums[0] - own[0]) / under : 0.0;
-        const double im = under > 0.0 ? (sums[1] - own[1]) / under : 0.0;
-        const double p[2] = {re * x[0] - im * x[1], re * x[1] + im * x[0]};
+        const double weight = weight_of(level, i), b[2] = {(double)frame[2 * i], (double)frame[2 * i + 1]};
+        double p[2];
+        predict(level, frame, scene, taken, mean, i, p);
         const double off[2] = {b[0] - gain * p[0], b[1] - gain * p[1]};
         to->left += weight * (off[0] * off[0] + off[1] * off[1]);
         to->cross += weight * (p[0] * b[0] + p[1] * b[1]);

@@ -11,6 +11,7 @@
 typedef struct hada_reducer {
     const hada_fit_options *options;
     int factor, grid; /* pixels that become one; a side of the small grid */
+    double response;  /* in which frames are encoded: linear, unless it is set */
     float *room;      /* a channel of a frame */
 } hada_reducer;
 
@@ -18,7 +19,7 @@ hada_status hada_reducer_create(hada_reducer *reducer, const hada_fit_options *o
 void hada_reducer_destroy(hada_reducer *reducer);
 /* Whether a pair is one that the fit will take. */
 int hada_reducer_fits(const hada_reducer *reducer, const hada_image *raw, const hada_image *scene);
-/* The frame without dark level; the scene in light. *out is created by the call. */
+/* The frame in light, without dark level; the scene in light. *out is created by the call. */
 hada_status hada_reduce_frame(const hada_reducer *reducer, const hada_image *raw, hada_image *out, hada_error *err);
 hada_status hada_reduce_scene(const hada_reducer *reducer, const hada_image *scene, double response, hada_image *out,
                               hada_error *err);
@@ -36,7 +37,7 @@ typedef struct hada_pair_level {
     int *depth;                /* of each pair */
     float *frame, *scene;      /* [pair][channel][plane] complex */
     double *frame_energy;      /* per pair: over all frequencies, both halves */
-    double *frame_light, *scene_light;
+    double *frame_light, *scene_light, *ones;
     hada_judgement *judged;
     double *sums; /* room: of a channel, [plane][3] */
     float *work;  /* room: a transform */
@@ -52,6 +53,10 @@ void hada_pair_level_put(hada_pair_level *level, int place, int depth, const had
  * other pairs of its depth, and with `itself` the pair as well, are taken with their exposures `gain`. Pairs of
  * exposure 0 say nothing to others. */
 void hada_pair_level_judge(hada_pair_level *level, const double *gain, int itself, double *unexplained, double *better);
+/* What the other pairs of its depth, all at exposure 1, leave of a channel of a pair's frame: a half spectrum of
+ * `plane` complex values. And the scalar product of two such over all frequencies. */
+void hada_pair_level_residual(hada_pair_level *level, int pair, int channel, float *left);
+double hada_pair_level_product(const hada_pair_level *level, const float *a, const float *b);
 /* Exposures of the pairs whose `gain` is not 0, from each other, once; their geometric mean within a depth becomes 1.
  * unexplained, room: a number per pair. */
 void hada_pair_level_expose_again(hada_pair_level *level, double *gain, double *unexplained, double *room);

@@ -110,6 +110,15 @@ done:
     return status;
 }
 
+hada_status hada_dark_of_sensor(hada_image *out, const hada_image *dark, hada_mosaic mosaic, hada_error *err)
+{
+    const size_t broken = hada_image_count_not_finite(dark);
+    if (broken)
+        return hada_fail(err, HADA_ERROR_NOT_FINITE, "the dark frame holds %zu values that are not finite", broken);
+    const int fills = dark->channels == 1 && mosaic != HADA_MOSAIC_NONE && dark->rows > 1 && dark->cols > 1;
+    return fills ? hada_mosaic_colours(mosaic, dark, out, err) : hada_image_copy(out, dark, err);
+}
+
 /* A pixel that sees less than this share of what others see: its noise would be made 20 times as strong. */
 #define HARDLY_LIT 0.05
 

@@ -10,6 +10,9 @@
  * of one channel, pixels of the same place in the pattern count, in squares of these. *repaired: how many. */
 hada_status hada_frame_repair(hada_image *frame, hada_mosaic mosaic, size_t *repaired, hada_error *err);
 
+/* A dark frame of all channels: a mosaic's, of one channel, filled in as frames are. HADA_ERROR_NOT_FINITE. */
+hada_status hada_dark_of_sensor(hada_image *out, const hada_image *dark, hada_mosaic mosaic, hada_error *err);
+
 /* What each pixel makes of the same light, from a flat frame (an evenly lit sensor without optics, its dark level taken
  * off), over the mean of its colour: `channels` planes, which it has or, where it has one, which are alike; of a mosaic
  * of one channel filled in as frames are. 0: less than a twentieth of the mean, or not finite. The same again of what

@@ -199,6 +199,7 @@ hada_status hada_model_create_head(hada_model **out, const hada_model_info *info
     model->info.distances_mm = model->distances;
     model->info.name = model->name;
     HADA_TRY_OR_DONE(hada_model_set_flat(model, info->flat, err));
+    HADA_TRY_OR_DONE(hada_model_set_dark(model, info->dark_frame, err));
     const uint64_t values = (uint64_t)info->depths * (uint64_t)info->channels * hada_model_plane(model);
     model->info.bytes = values * (info->half ? 4u : 8u) + (info->has_otf ? values * 8u : 0u);
     if (info->components > 1)
@@ -211,33 +212,47 @@ done:
     return status;
 }
 
-static hada_status set_flat(hada_model *model, const hada_image *flat, hada_error *err)
+/* A frame of the sensor, `what` in messages, that all channels share or each has, into *own. */
+static hada_status keep_frame(const hada_model_info *info, hada_image *own, const hada_image *frame, const char *what,
+                              hada_error *err)
 {
-    hada_model_info *info = &model->info;
-    if ((flat->channels != info->channels && flat->channels != 1) || flat->rows != info->raw_rows ||
-        flat->cols != info->raw_cols)
+    const size_t count = hada_image_count(frame);
+    if ((frame->channels != info->channels && frame->channels != 1) || frame->rows != info->raw_rows ||
+        frame->cols != info->raw_cols)
         return hada_fail(err, HADA_ERROR_SIZE,
-                         "the flat frame has %d channel(s) of %d x %d pixels; the model's frames have %d of %d x %d",
-                         flat->channels, flat->rows, flat->cols, info->channels, info->raw_rows, info->raw_cols);
-    HADA_TRY(hada_image_create(&model->flat, info->channels, flat->rows, flat->cols, err));
-    const size_t count = hada_image_count(flat);
-    for (size_t i = 0; i < hada_image_count(&model->flat); i++)
-        model->flat.data[i] = flat->data[i % count];
-    info->flat = &model->flat;
+                         "the %s frame has %d channel(s) of %d x %d pixels; the model's frames have %d of %d x %d",
+                         what, frame->channels, frame->rows, frame->cols, info->channels, info->raw_rows,
+                         info->raw_cols);
+    HADA_TRY(hada_image_create(own, info->channels, frame->rows, frame->cols, err));
+    for (size_t i = 0; i < hada_image_count(own); i++)
+        own->data[i] = frame->data[i % count];
     return HADA_OK;
+}
+
+static hada_status set_frame(const hada_model_info *info, hada_image *own, const hada_image **shown,
+                             const hada_image *frame, const char *what, hada_error *err)
+{
+    hada_image binned = {0};
+    hada_image_destroy(own);
+    *shown = NULL;
+    if (!frame)
+        return HADA_OK;
+    if (hada_is_of_sensor(info, info->downsample, frame->rows, frame->cols))
+        HADA_TRY(hada_image_downsample(&binned, frame, info->downsample, HADA_MOSAIC_NONE, 0, err));
+    const hada_status status = keep_frame(info, own, binned.data ? &binned : frame, what, err);
+    *shown = status ? NULL : own;
+    hada_image_destroy(&binned);
+    return status;
 }
 
 hada_status hada_model_set_flat(hada_model *model, const hada_image *flat, hada_error *err)
 {
-    hada_model_info *info = &model->info;
-    hada_image binned = {0};
-    hada_image_destroy(&model->flat);
-    info->flat = NULL;
-    if (flat && hada_is_of_sensor(info, info->downsample, flat->rows, flat->cols))
-        HADA_TRY(hada_image_downsample(&binned, flat, info->downsample, HADA_MOSAIC_NONE, 0, err));
-    const hada_status status = flat ? set_flat(model, binned.data ? &binned : flat, err) : HADA_OK;
-    hada_image_destroy(&binned);
-    return status;
+    return set_frame(&model->info, &model->flat, &model->info.flat, flat, "flat", err);
+}
+
+hada_status hada_model_set_dark(hada_model *model, const hada_image *dark, hada_error *err)
+{
+    return set_frame(&model->info, &model->dark_frame, &model->info.dark_frame, dark, "dark", err);
 }
 
 /* Room for the arrays that hada_model_create_head leaves out. */
@@ -291,6 +306,7 @@ void hada_model_destroy(hada_model **pointer)
     }
     hada_net_destroy(&model->enhance);
     hada_image_destroy(&model->flat);
+    hada_image_destroy(&model->dark_frame);
     HADA_FREE(model->noise_power, model->pairs, model->singular_values, model->distances, model->name, model);
 }
 

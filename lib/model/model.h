@@ -28,9 +28,9 @@ struct hada_model {
     /* Of info.components above 1, as hada_model_arrays has them; else NULL. */
     float *component_otf, *component_weights;
     double *singular_values;
-    hada_image flat;   /* of info; empty: none */
-    hada_net *enhance; /* may be NULL */
-    void *file;        /* non-NULL: the large arrays are in this opened file (hada_tensors), not freed one by one */
+    hada_image flat, dark_frame; /* of info; empty: none */
+    hada_net *enhance;           /* may be NULL */
+    void *file; /* non-NULL: the large arrays are in this opened file (hada_tensors), not freed one by one */
 };
 
 /* Places on the grid, in pixels from its top left. */
@@ -87,6 +87,8 @@ static inline int hada_is_of_sensor(const hada_model_info *info, int downsample,
 /* Gives it a copy of what pixels make of the same light (hada_model_info.flat), of all its channels or one for all, of
  * the size of its frames or of its sensor; NULL: none. HADA_ERROR_SIZE. */
 hada_status hada_model_set_flat(hada_model *model, const hada_image *flat, hada_error *err);
+/* The same for what frames hold without the scene's light (hada_model_info.dark_frame). */
+hada_status hada_model_set_dark(hada_model *model, const hada_image *dark, hada_error *err);
 
 /* HADA_ERROR_MODEL where PSFs vary over the field: for what takes them for the same everywhere, `what`. */
 hada_status hada_model_check_single(const hada_model_info *info, const char *what, hada_error *err);

@@ -21,6 +21,7 @@
 #define POWER_MOST  1e30
 #define NOISE_MOST  1e12 /* over the power of the frames' light */
 #define FLAT_MOST   1e9  /* 1 in the mean */
+#define DARK_MOST   1e9  /* full scale is 1 */
 
 /* The largest magnitude; infinite where one of them is NaN or infinite. */
 static double largest(const float *values, size_t count)
@@ -115,6 +116,8 @@ hada_status hada_model_check_numbers(const hada_model *model, hada_error *err)
         HADA_TRY(any_negative(info->flat->data, pixels) ? wrong("flat", err) : HADA_OK);
         HADA_TRY(check_largest("flat", -1, largest(info->flat->data, pixels), FLAT_MOST, err));
     }
+    if (info->dark_frame && !(largest(info->dark_frame->data, hada_image_count(info->dark_frame)) <= DARK_MOST))
+        return wrong("dark_frame", err);
     HADA_TRY(check_doubles("pairs", model->pairs, (size_t)info->depths, HUGE_VAL, err));
     if (model->scene_power) {
         power = largest(model->scene_power, plane);
@@ -264,13 +267,14 @@ typedef struct part {
     const void *data;
     size_t bytes;
 } part;
-enum { PARTS = 10 };
+enum { PARTS = 11 };
 
 static int list_parts(const hada_model *model, part parts[PARTS])
 {
     const hada_model_info *info = &model->info;
     const int64_t z = info->depths, c = info->channels, rows = info->grid_rows, half = info->grid_cols / 2 + 1;
     const size_t plane = hada_model_plane(model), images = (size_t)z * (size_t)c, values = images * plane * 2;
+    const size_t frame = (size_t)c * (size_t)info->raw_rows * (size_t)info->raw_cols * 4;
     int n = 0;
     /* widest type first, so that every tensor is aligned */
     parts[n++] = (part){"distances_mm", HADA_F64, 1, {z}, model->distances, (size_t)z * 8};
@@ -300,12 +304,10 @@ static int list_parts(const hada_model *model, part parts[PARTS])
     if (model->otf)
         parts[n++] = (part){"otf", HADA_F32, 5, {z, c, rows, half, 2}, model->otf, values * 4};
     if (model->flat.data)
-        parts[n++] = (part){"flat",
-                            HADA_F32,
-                            3,
-                            {c, info->raw_rows, info->raw_cols},
-                            model->flat.data,
-                            (size_t)c * (size_t)info->raw_rows * (size_t)info->raw_cols * 4};
+        parts[n++] = (part){"flat", HADA_F32, 3, {c, info->raw_rows, info->raw_cols}, model->flat.data, frame};
+    if (model->dark_frame.data)
+        parts[n++] =
+            (part){"dark_frame", HADA_F32, 3, {c, info->raw_rows, info->raw_cols}, model->dark_frame.data, frame};
     parts[n++] = info->half ? (part){"filter", HADA_F16, 5, {z, c, rows, half, 2}, model->filter_half, values * 2}
                             : (part){"filter", HADA_F32, 5, {z, c, rows, half, 2}, model->filter, values * 4};
     return n;
@@ -482,10 +484,18 @@ static hada_status check_part(const hada_tensors *file, const char *path, const 
     return HADA_OK;
 }
 
+/* The flat frame or the dark one, which are copied. */
+static hada_status take_frame(hada_model *model, int is_flat, const void *data, hada_error *err)
+{
+    const hada_model_info *info = &model->info;
+    const hada_image in_file = {info->channels, info->raw_rows, info->raw_cols, (float *)(uintptr_t)data};
+    (is_flat ? &model->flat : &model->dark_frame)->data = NULL;
+    return is_flat ? hada_model_set_flat(model, &in_file, err) : hada_model_set_dark(model, &in_file, err);
+}
+
 /* Points the model's arrays into the file; small ones were allocated and are copied. */
 static hada_status take_parts(hada_model *model, const hada_tensors *file, const char *path, hada_error *err)
 {
-    const hada_model_info *info = &model->info;
     part parts[PARTS];
     const void *data = NULL;
     const int count = list_parts(model, parts);
@@ -493,11 +503,9 @@ static hada_status take_parts(hada_model *model, const hada_tensors *file, const
         HADA_TRY(check_part(file, path, &parts[i], &data, err));
         if (parts[i].type == HADA_F64)
             memcpy((void *)(uintptr_t)parts[i].data, data, parts[i].bytes);
-        else if (!strcmp(parts[i].name, "flat")) {
-            hada_image in_file = {info->channels, info->raw_rows, info->raw_cols, (float *)(uintptr_t)data};
-            model->flat.data = NULL;
-            HADA_TRY(hada_model_set_flat(model, &in_file, err));
-        } else if (!strcmp(parts[i].name, "scene_power"))
+        else if (!strcmp(parts[i].name, "flat") || !strcmp(parts[i].name, "dark_frame"))
+            HADA_TRY(take_frame(model, !strcmp(parts[i].name, "flat"), data, err));
+        else if (!strcmp(parts[i].name, "scene_power"))
             model->scene_power = (float *)(uintptr_t)data;
         else if (!strcmp(parts[i].name, "otf"))
             model->otf = (float *)(uintptr_t)data;
@@ -602,6 +610,8 @@ static hada_status load(hada_model **out, hada_tensors *file, const char *path, 
         model->otf = &present;
     if (hada_tensors_find(file, "flat"))
         model->flat.data = &present;
+    if (hada_tensors_find(file, "dark_frame"))
+        model->dark_frame.data = &present;
     if (hada_tensors_find(file, "scene_power")) {
         const size_t images = (size_t)info.depths * (size_t)info.channels;
         model->scene_power = &present;
@@ -619,6 +629,8 @@ done:
         model->file = NULL; /* closed by the caller */
         if (model->flat.data == &present)
             model->flat.data = NULL;
+        if (model->dark_frame.data == &present)
+            model->dark_frame.data = NULL;
         model->filter = model->otf = model->scene_power = NULL;
         model->component_otf = model->component_weights = NULL;
         model->filter_half = NULL;

@@ -12,6 +12,18 @@
 hada_status hada_fit_prepare(hada_fit_options *fit, const hada_dataset *data, int boundary, const hada_monitor *monitor,
                              hada_error *err);
 
+/* What the sensor adds to frames: pairs without it, and what they lack; all NULL and empty where it is nothing. */
+typedef struct hada_mended {
+    hada_dataset *sound, *above; /* without bad pixels; and without light that is in all frames */
+    hada_image flat, dark;       /* of these */
+} hada_mended;
+void hada_mended_free(hada_mended *mended);
+
+/* Finds bad pixels, and where `fit` asks for it the dark level or (`surfaces`) light that is in all frames, with notes.
+ * *data: the pairs without these. */
+hada_status hada_fit_mend(hada_mended *mended, const hada_dataset **data, hada_fit_options *fit, int surfaces,
+                          hada_error *err);
+
 /* Finds the response of the scenes, for `fit`, and exposures; *even: the pairs of one exposure. */
 hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, const hada_dataset *data, hada_fit_options *fit,
                             hada_exposure exposure, const hada_monitor *monitor, hada_error *err);

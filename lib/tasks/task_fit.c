@@ -13,8 +13,10 @@
 #include "fit/fitter.h"
 #include "image/pixels.h"
 #include "io/folder.h"
+#include "io/tiff_page.h"
 #include "model/model.h"
 #include "tasks/fit_steps.h"
+#include "tasks/frames.h"
 
 /* Scenes that were cut off at white: light beyond it is in their frames all the same. A camera that the other pairs
  * give reconstructs them, and what was cut off is taken from there. */
@@ -171,6 +173,7 @@ typedef struct owned_report {
 typedef struct learning {
     hada_fit_task task;
     const hada_dataset *data;
+    hada_mended mended;
     hada_dataset *sound; /* without pairs that spoil the others; NULL: there are none */
     hada_dataset *whole; /* with scenes that are filled in */
     hada_filled_scenes filled;
@@ -230,19 +233,55 @@ hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, const hada_d
     return hada_survey_apply(even, *out, data, err);
 }
 
+void hada_mended_free(hada_mended *mended)
+{
+    hada_dataset_destroy(&mended->above);
+    hada_dataset_destroy(&mended->sound);
+    hada_image_destroy(&mended->flat);
+    hada_image_destroy(&mended->dark);
+}
+
+hada_status hada_fit_mend(hada_mended *mended, const hada_dataset **data, hada_fit_options *fit, int surfaces,
+                          hada_error *err)
+{
+    size_t found = 0;
+    HADA_TRY(hada_fit_find_bad_pixels(fit, *data, &mended->flat, &found, err));
+    if (found) {
+        hada_monitor_tell(fit->monitor, HADA_MESSAGE_NOTE,
+                          "%zu value(s) of each frame are those of bad pixels, hot or dead: the model knows which, and "
+                          "leaves them out",
+                          found);
+        HADA_TRY(hada_dataset_mend(&mended->sound, *data, &mended->flat, NULL, err));
+        *data = mended->sound;
+    }
+    HADA_TRY(hada_fit_find_dark(fit, *data, surfaces ? &mended->dark : NULL, err));
+    if (!mended->dark.data)
+        return HADA_OK;
+    double mean = 0.0;
+    for (size_t i = 0; i < hada_image_count(&mended->dark); i++)
+        mean += mended->dark.data[i] / (double)hada_image_count(&mended->dark);
+    hada_monitor_tell(fit->monitor, HADA_MESSAGE_NOTE,
+                      "all frames hold light that comes from no scene, %.2g %% of full scale in the mean: the model "
+                      "subtracts it. Frames of other light, such as of another room, need a --dark of their own",
+                      100.0 * mean);
+    HADA_TRY(hada_dataset_mend(&mended->above, *data, NULL, &mended->dark, err));
+    *data = mended->above;
+    return HADA_OK;
+}
+
 hada_status hada_fit_choose_boundary(hada_fit_options *fit, hada_context *context, const hada_dataset *pairs, int given,
                                      hada_error *err)
 {
-    if (fit->boundary == HADA_BOUNDARY_CIRCULAR)
-        return HADA_OK;
-    if (!given) {
+    const int surface = hada_dataset_get_info(pairs)->dark_frame != NULL;
+    if (fit->boundary != HADA_BOUNDARY_CIRCULAR && !given) {
         HADA_TRY(hada_fit_find_boundary(fit, context, pairs, err));
         hada_monitor_tell(fit->monitor, HADA_MESSAGE_DETAIL,
                           fit->boundary == HADA_BOUNDARY_CIRCULAR ? "no light leaves the sensor: boundary circular"
                                                                   : "light leaves the sensor: boundary padded");
     }
-    return fit->find_dark && fit->boundary == HADA_BOUNDARY_PADDED ? hada_fit_refine_dark(fit, context, pairs, err)
-                                                                   : HADA_OK;
+    return fit->find_dark && (surface || fit->boundary == HADA_BOUNDARY_PADDED)
+               ? hada_fit_refine_dark(fit, context, pairs, err)
+               : HADA_OK;
 }
 
 hada_status hada_fit_agree(hada_fit_options *fit, const hada_communicator *ranks, hada_error *err)
@@ -406,6 +445,38 @@ static hada_status look_at_sums(learning *of, hada_error *err)
     return HADA_OK;
 }
 
+/* What the values of the frames' files are, and whether they seem to be something else. */
+static hada_status tell_frames(const learning *of, hada_error *err)
+{
+    const hada_dataset_info *info = hada_dataset_get_info(of->data);
+    const double encoding = of->data->store->frame_encoding;
+    hada_tiff_reader *reader = NULL;
+    hada_pixels frame = {0};
+    int z = 0, seem = 0;
+    hada_status status = HADA_OK;
+    while (z < info->depths && !info->counts[z])
+        z++;
+    if (!info->has_files || z == info->depths)
+        return HADA_OK;
+    const char *path = info->files[z][0].raw;
+    HADA_TRY_OR_DONE(hada_tiff_open(&reader, path, err));
+    HADA_TRY_OR_DONE(hada_tiff_read_stored(reader, 0, encoding, &frame, err));
+    hada_tell_values(of->task.monitor, path, reader, encoding, &frame);
+    const hada_tiff_info *file = hada_tiff_get_info(reader);
+    const double way = encoding == HADA_AUTO ? file->encoding : encoding;
+    if (file->bits > 8 || (way != 0.0 && way != HADA_RESPONSE_LINEAR))
+        goto done;
+    HADA_TRY_OR_DONE(hada_fit_seem_encoded(&of->fit, of->data, HADA_RESPONSE_SRGB, &seem, err));
+    if (seem)
+        hada_monitor_tell(of->task.monitor, HADA_MESSAGE_NOTE,
+                          "raw frames seem to be encoded for displays: taken for sRGB, they are explained far better; "
+                          "say so (options.frame_encoding), here and for frames to reconstruct");
+done:
+    free((void *)frame.data);
+    hada_tiff_close(&reader);
+    return status;
+}
+
 /* The response of the scenes and exposures, where they are to be found, before any pair is added. */
 static hada_status survey(learning *of, hada_error *err)
 {
@@ -432,7 +503,7 @@ static void tell_gain(const learning *of)
             of->task.monitor, HADA_MESSAGE_NOTE,
             "the model is of no use: held-out scenes come out %.1f dB %s than images of one brightness; "
             "check that each frame is of the scene with its name, that scenes are not turned or mirrored, "
-            "and that frames show more than noise",
+            "that frames are linear in light (options.frame_encoding), and that they show more than noise",
             fabs(gain), gain < 0.0 ? "worse" : "better");
     else if (isfinite(gain))
         hada_monitor_tell(of->task.monitor, HADA_MESSAGE_DETAIL,
@@ -446,8 +517,10 @@ static hada_status learn_pairs(learning *of, hada_context *context, hada_model *
     tell_data(of);
     HADA_TRY(hada_fit_prepare(&of->fit, of->data, task->boundary, monitor, err));
     HADA_TRY(hada_fit_check_content(of->data, err));
+    if (of->fit.leave_one_out)
+        HADA_TRY(tell_frames(of, err));
     HADA_TRY(look_at_sums(of, err));
-    HADA_TRY(hada_fit_find_dark(&of->fit, of->data, err));
+    HADA_TRY(hada_fit_mend(&of->mended, &of->data, &of->fit, !task->save_sums, err));
     HADA_TRY(leave_out(of, context, err));
     HADA_TRY(survey(of, err));
     if (!task->merge_count)
@@ -529,8 +602,10 @@ hada_status hada_fit_run(hada_model **out, hada_fit_report **report, hada_contex
     HADA_TRY_OR_DONE(fill_report(&of, err));
     hada_fitter_destroy(&of.fitter); /* whose memory the model's trial can use */
     HADA_TRY_OR_DONE(hada_model_complete(out, of.task.half, context, of.data, err));
-    if (data) /* whose frames are divided already */
-        HADA_TRY_OR_DONE(hada_model_set_flat(*out, hada_dataset_get_info(data)->flat, err));
+    if (data) { /* whose frames are divided already */
+        HADA_TRY_OR_DONE(hada_model_set_flat(*out, hada_dataset_get_info(of.data)->flat, err));
+        HADA_TRY_OR_DONE(hada_model_set_dark(*out, hada_dataset_get_info(of.data)->dark_frame, err));
+    }
     if (report) {
         *report = &of.report->report;
         of.report = NULL;
@@ -544,6 +619,7 @@ done:
     hada_dataset_destroy(&of.even);
     hada_dataset_destroy(&of.sound);
     hada_dataset_destroy(&of.whole);
+    hada_mended_free(&of.mended);
     filled_scenes_free(&of.filled);
     free(of.part);
     return status;

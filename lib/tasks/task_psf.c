@@ -744,6 +744,7 @@ hada_status hada_psf_run(hada_model **out, hada_context *context, const char *pa
     HADA_NEED(out && context && path, err);
     hada_psf_task own, *task = &own;
     psfs of = {.task = task, .path = path};
+    hada_image dark = {0};
     hada_status status = HADA_OK;
     *out = NULL;
     HADA_TRY_OR_DONE(HADA_OPTIONS_TAKE(task, callers, hada_psf_task, err));
@@ -764,6 +765,9 @@ hada_status hada_psf_run(hada_model **out, hada_context *context, const char *pa
     if (of.positions)
         tell_components(&of, *out);
     HADA_TRY_OR_DONE(hada_model_set_flat(*out, of.flat.data ? &of.flat : NULL, err));
+    if (task->dark_frame)
+        HADA_TRY_OR_DONE(hada_dark_of_sensor(&dark, task->dark_frame, of.options.mosaic, err));
+    HADA_TRY_OR_DONE(hada_model_set_dark(*out, dark.data ? &dark : NULL, err));
     if (!of.positions)
         tell_lost(&of, hada_model_get_info(*out));
     HADA_TRY_OR_DONE(hada_model_complete(out, task->half, NULL, NULL, err));
@@ -774,6 +778,7 @@ done:
         free(of.capture[i].path);
     hada_positions_free(&of.points);
     hada_image_destroy(&of.flat);
+    hada_image_destroy(&dark);
     HADA_FREE(of.image, of.distances_mm, of.capture, of.list, of.rows, of.cols);
     if (status)
         hada_model_destroy(out);

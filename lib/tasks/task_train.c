@@ -315,6 +315,7 @@ typedef struct training {
     hada_train_options options;
     hada_train_work work;
     const hada_dataset *data;
+    hada_mended mended;                    /* where no model is given */
     hada_dataset *even, *learn, *held_out; /* the pairs of one exposure, and their two parts */
     hada_survey *survey;
     const hada_model *model; /* the caller's, or `made` */
@@ -325,6 +326,7 @@ static void training_free(training *own)
 {
     hada_trainer_destroy(&own->work.trainer);
     hada_model_destroy(&own->made);
+    hada_mended_free(&own->mended);
     hada_survey_destroy(&own->survey);
     hada_dataset_destroy(&own->even);
     hada_dataset_destroy(&own->learn);
@@ -409,11 +411,12 @@ static hada_status make_folders(training *own, hada_error *err)
 static hada_status check_data(const hada_model *model, const hada_dataset_info *data, hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(model);
-    if (info->flat && !data->flat)
+    const int dark = info->dark_frame && !data->dark_frame;
+    if (dark || (info->flat && !data->flat))
         return hada_fail(err, HADA_ERROR_MODEL,
-                         "%s divides frames by a flat frame: open the data set with that (flat_frame of "
-                         "hada_dataset_options)",
-                         *info->name ? info->name : "the model");
+                         "%s %s frame: open the data set with that (%s_frame of hada_dataset_options)",
+                         *info->name ? info->name : "the model", dark ? "subtracts a dark" : "divides frames by a flat",
+                         dark ? "dark" : "flat");
     if (info->downsample != data->downsample || info->sensor_mosaic != data->sensor_mosaic)
         return hada_fail(err, HADA_ERROR_MODEL,
                          "%s bins frames by %d: open the data set with the same downsample and mosaic "
@@ -443,7 +446,8 @@ static hada_status survey(training *own, hada_fit_options *fit, hada_error *err)
         fit->dark = info->dark;
         fit->find_dark = 0;
     }
-    HADA_TRY(hada_fit_find_dark(fit, own->data, err));
+    if (!own->model)
+        HADA_TRY(hada_fit_mend(&own->mended, &own->data, fit, 1, err));
     HADA_TRY(hada_fit_survey(&own->survey, &own->even, own->data, fit, HADA_EXPOSURE_AUTO, task->monitor, err));
     return split(own, own->even, err);
 }
@@ -481,7 +485,8 @@ static hada_status find_model(training *own, hada_context *context, hada_error *
     HADA_TRY(hada_fit_agree(&fit, &own->work.ranks, err));
     HADA_TRY(blank ? hada_model_from_filters(&own->made, &fit, NULL, NULL, err) : fit_exactly(own, context, &fit, err));
     own->model = own->made;
-    return HADA_OK;
+    HADA_TRY(hada_model_set_flat(own->made, hada_dataset_get_info(own->data)->flat, err));
+    return hada_model_set_dark(own->made, hada_dataset_get_info(own->data)->dark_frame, err);
 }
 
 /* The planes of trained filters are linear, in training and afterwards. */

@@ -94,13 +94,13 @@ copy
 for file in set/z*/raw/*.tif; do "$FRAME_TOOL" offset "$file" moved.tif 0.05 && mv moved.tif "$file"; done
 expect 0 'dark level 0.05,' fit set -o dark.model --dark 0.05
 "$FRAME_TOOL" flat dark.tif 64 80 3 0.05
-expect 0 'dark level 0.05,' fit set -o dark2.model --dark dark.tif
+expect 0 'dark level 0 and a dark frame,' fit set -o dark2.model --dark dark.tif
 expect 0 'dark level found per frame' fit set -o dark3.model --dark auto
 expect 3 'nosuch.tif' fit set -o x --dark nosuch.tif
 "$FRAME_TOOL" flat dark.tif 64 80 3 -0.05 # no number stands for "auto"
-expect 0 'dark level -0.05,' fit set -o dark4.model --dark dark.tif
+expect 0 'dark level 0 and a dark frame,' fit set -o dark4.model --dark dark.tif
 "$FRAME_TOOL" flat dark.tif 64 80 3 -1
-expect 0 'dark level -1,' fit set -o dark5.model --dark dark.tif
+expect 0 'dark level 0 and a dark frame,' fit set -o dark5.model --dark dark.tif
 "$FRAME_TOOL" flat dark.tif 64 80 3 -0.05
 
 # From the PSF.

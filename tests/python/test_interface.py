@@ -97,7 +97,7 @@ def test_enumerations_have_words() -> None:
     ("kind", "struct", "left_out"),
     [
         (hadalens.DeviceInfo, "hada_device_info", set()),
-        (hadalens.ModelInfo, "hada_model_info", {"lambda", "flat"}),  # Model.flat
+        (hadalens.ModelInfo, "hada_model_info", {"lambda", "flat", "dark_frame"}),  # of Model
         (hadalens.SkipReport, "hada_skip_report", set()),
         (hadalens.Step, "hada_step_report", {"size"}),
         (hadalens.Validation, "hada_validation", {"size"}),

@@ -2,6 +2,7 @@
  * and models and sums that say so. */
 #include "camera_small.h"
 #include "device_fixture.h"
+#include "image/mosaic.h"
 #include "io_testing.h"
 #include "model/model.h"
 #include "ref/ref_mosaic.h"
@@ -344,6 +345,71 @@ TEST(cameras_are_learned_from_binned_pairs)
         destroy_images(small_frames, PAIRS);
         destroy_images(small_scenes, PAIRS);
     }
+}
+
+static hada_status read_one(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *error)
+{
+    const hada_image *frame = user;
+    assert_int_equal(depth + pair, 0);
+    const hada_status status = hada_image_copy(raw, frame, error);
+    return status ? status : hada_image_create(scene, CHANNELS, N * WINDOW, N * WINDOW, error);
+}
+
+/* A dark frame of the sensor's size or of the binned one is subtracted, of mosaics too. */
+TEST(dark_frames_are_subtracted)
+{
+    const double distance = 100.0;
+    const int count = 1;
+    for (int k = 0; k < 3; k++)
+        for (int bins = 0; bins < 2; bins++) {
+            DEFAULTS(hada_dataset_options, options);
+            SCOPED(hada_image) frame = small_scene(k ? 1 : CHANNELS, N * ROWS, N * COLS, 8);
+            SCOPED(hada_image) dark = small_scene(k ? 1 : CHANNELS, N * ROWS, N * COLS, 9);
+            SCOPED(hada_image) expected = {0};
+            SCOPED(hada_image) small = {0};
+            options.mosaic = patterns[k];
+            options.downsample = bins ? N : 1;
+            for (int of = 0; of < 3; of++) { /* none, of the sensor, binned */
+                SCOPED(hada_image) raw = {0};
+                SCOPED(hada_image) scene = {0};
+                SCOPED(hada_dataset) * data;
+                options.dark_frame = of == 1 ? &dark : of == 2 ? &small : NULL;
+                if (of == 2 && !bins)
+                    continue;
+                ASSERT_OK(hada_dataset_create(&data, 1, &distance, &count, read_one, &frame, &options, err));
+                ASSERT_OK(hada_dataset_read(data, 0, 0, &raw, &scene, err));
+                const hada_image *kept = hada_dataset_get_info(data)->dark_frame;
+                assert_int_equal(kept != NULL, of > 0);
+                if (of && relative_change(raw.data, expected.data, hada_image_count(&raw)) > 1e-6)
+                    fail_msg("mosaic %d, binned %d, dark frame %d", k, bins, of);
+                if (of)
+                    continue;
+                assert_true(raw.channels == CHANNELS);
+                ASSERT_OK(hada_image_copy(&expected, &raw, err));
+                SCOPED(hada_image) same = {0};
+                if (bins)
+                    ASSERT_OK(hada_image_downsample(&small, &dark, N, patterns[k], 0, err));
+                else if (k)
+                    ASSERT_OK(hada_mosaic_colours(patterns[k], &dark, &same, err));
+                else
+                    ASSERT_OK(hada_image_copy(&same, &dark, err));
+                const hada_image *off = bins ? &small : &same;
+                for (size_t i = 0; i < hada_image_count(&expected); i++)
+                    expected.data[i] -= off->data[i];
+            }
+            hada_dataset *data = NULL;
+            SCOPED(hada_image) raw = {0};
+            SCOPED(hada_image) scene = {0};
+            dark.rows--;
+            options.dark_frame = &dark;
+            ASSERT_OK(hada_dataset_create(&data, 1, &distance, &count, read_one, &frame, &options, err));
+            ASSERT_FAILS(hada_dataset_read(data, 0, 0, &raw, &scene, err), HADA_ERROR_SIZE, "dark frame");
+            hada_dataset_destroy(&data);
+            dark.data[5] = NAN;
+            ASSERT_FAILS(hada_dataset_create(&data, 1, &distance, &count, read_one, &frame, &options, err),
+                         HADA_ERROR_NOT_FINITE, "dark frame");
+            assert_null(data);
+        }
 }
 
 FIXTURE(open_device, close_device)

@@ -307,4 +307,97 @@ TEST(cameras_are_learned_from_divided_frames)
     }
 }
 
+/* Hot pixels of all channels: beside the window, where the frame is not the scene's random pixels themselves. */
+static int is_bad(int k)
+{
+    const int row = k % AREA / COLS, col = k % COLS;
+    return row % 7 == 3 && (col == 5 || col == 65);
+}
+
+/* Bad pixels and light of the room are found, and the model knows them: frames give what those of a sound sensor in the
+ * dark give. A training needs frames without them, too. */
+TEST(cameras_are_learned_from_poor_frames)
+{
+    const double distance = 100.0;
+    const int count = PAIRS;
+    SCOPED(hada_image) psf = small_psf(CHANNELS, ROWS, COLS, 8, 3);
+    hada_image frames[PAIRS + 1], scenes[PAIRS + 1];
+    small_pairs of = {frames, scenes};
+    double error[2];
+    for (int poor = 0; poor < 2; poor++) {
+        DEFAULTS(hada_fit_options, fit);
+        DEFAULTS(hada_fit_task, task);
+        DEFAULTS(hada_plan_options, plain);
+        SCOPED(hada_model) * model;
+        hada_dataset *pairs;
+        for (int i = 0; i <= PAIRS; i++) {
+            scenes[i] = small_scene(CHANNELS, WINDOW, WINDOW, (uint64_t)i + 20);
+            frames[i] = small_frame(&psf, &scenes[i], 0, 0.002, (uint64_t)i + 20);
+            for (int k = 0; k < COUNT; k++) {
+                float *value = &frames[i].data[k];
+                *value *= 0.4f;
+                if (poor)
+                    *value = is_bad(k) ? 1.0f : *value + 0.1f + 0.1f * (float)(k % COLS) / COLS;
+            }
+        }
+        fit.scene_response = HADA_RESPONSE_LINEAR;
+        fit.refine_steps = 10;
+        task.fit = &fit;
+        task.boundary = HADA_BOUNDARY_CIRCULAR;
+        ASSERT_OK(hada_dataset_create(&pairs, 1, &distance, &count, small_read_pair, &of, NULL, err));
+        ASSERT_OK(hada_fit_run(&model, NULL, context, pairs, &task, err));
+        const hada_model_info *info = hada_model_get_info(model);
+        assert_true((info->flat != NULL) == poor && (info->dark_frame != NULL) == poor);
+        hada_result result = run(model, &frames[PAIRS], NULL);
+        error[poor] = relative_change(result.planes[0].data, scenes[PAIRS].data, hada_image_count(&scenes[0]));
+        if (poor) {
+            DEFAULTS(hada_train_task, train);
+            hada_model *loaded;
+            char path[64];
+            for (int k = 0; k < COUNT; k++)
+                if ((info->flat->data[k] == 0.0f) != is_bad(k))
+                    fail_msg("value %d is taken for %s", k, info->flat->data[k] == 0.0f ? "bad" : "sound");
+            make_path(path);
+            ASSERT_OK(hada_model_save(model, path, err));
+            ASSERT_OK(hada_model_load(&loaded, path, err));
+            assert_memory_equal(hada_model_get_info(loaded)->dark_frame->data, info->dark_frame->data,
+                                COUNT * sizeof(float));
+            hada_result kept = run(loaded, &frames[PAIRS], NULL);
+            assert_memory_equal(kept.planes[0].data, result.planes[0].data,
+                                hada_image_count(&kept.planes[0]) * sizeof(float));
+            hada_result_destroy(&kept);
+            plain.dark = HADA_DARK_FRAME; /* in place of the model's, and its level */
+            SCOPED(hada_image) given = {0};
+            ASSERT_OK(hada_image_copy(&given, info->dark_frame, err));
+            for (int k = 0; k < COUNT; k++)
+                given.data[k] += (float)info->dark;
+            plain.dark_frame = &given;
+            hada_plan *plan;
+            hada_result same = {0};
+            ASSERT_OK(hada_plan_create(&plan, context, loaded, &plain, err));
+            ASSERT_OK(hada_plan_run(plan, &frames[PAIRS], &same, err));
+            assert_true(relative_change(same.planes[0].data, result.planes[0].data, hada_image_count(&same.planes[0])) <
+                        1e-3);
+            hada_result_destroy(&same);
+            hada_plan_destroy(&plan);
+            ((float *)hada_model_get_info(loaded)->dark_frame->data)[7] = NAN;
+            ASSERT_OK(hada_model_save(loaded, path, err));
+            hada_model_destroy(&loaded);
+            ASSERT_FAILS(hada_model_load(&loaded, path, err), HADA_ERROR_MODEL, "dark_frame");
+            remove(path);
+            train.model = model;
+            train.output = io_path("trained.model");
+            ASSERT_FAILS(hada_train_run(&context, 1, pairs, &train, err), HADA_ERROR_MODEL, "dark frame");
+        }
+        hada_result_destroy(&result);
+        hada_dataset_destroy(&pairs);
+        for (int i = 0; i <= PAIRS; i++) {
+            hada_image_destroy(&frames[i]);
+            hada_image_destroy(&scenes[i]);
+        }
+    }
+    if (error[1] > 1.3 * error[0])
+        fail_msg("error %.3g from poor frames, %.3g from good ones", error[1], error[0]);
+}
+
 FIXTURE(open_device, close_device)

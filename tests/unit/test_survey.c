@@ -4,6 +4,7 @@
 #include "camera_small.h"
 #include "dataset/dataset.h"
 #include "fit/fitter.h"
+#include "image/mosaic.h"
 
 enum { ROWS = 48, COLS = 64, WINDOW = 24, DEPTHS = 4, CHANNELS = 3, PAIRS = 5 };
 
@@ -168,7 +169,8 @@ static double dark_of(pairs *set, const int *some, int find)
     hada_fit_options options = sizes();
     SCOPED(hada_dataset) *data = data_of(set, some);
     options.find_dark = find;
-    ASSERT_OK(hada_fit_find_dark(&options, data, err));
+    ASSERT_OK(hada_fit_find_dark(&options, data, NULL, err));
+    assert_int_equal(options.find_dark, options.dark > 0.0);
     return options.dark;
 }
 
@@ -187,6 +189,125 @@ TEST(dark_level_is_found)
         }
         assert_true(dark_of(&set, some, 0) == 0.0);
         assert_float_equal(dark_of(&set, some, 1), 0.06, 0.002);
+        free_pairs(&set);
+    }
+}
+
+/* Light of a room: a surface of each channel. Frames without have none, nor frames with a level alone. */
+TEST(light_of_the_room_is_found)
+{
+    for (int k = 0; k < 6; k++) {
+        const int *some = k & 4 ? two_each : counts, is_level = k & 1;
+        hada_fit_options options = sizes();
+        pairs set;
+        SCOPED(hada_image) found = {0};
+        make_pairs(&set, k & 2 ? HADA_RESPONSE_SRGB : HADA_RESPONSE_LINEAR, 0, 0.003, 31 + (uint64_t)k);
+        SCOPED(hada_dataset) *data = data_of(&set, some);
+        ASSERT_OK(hada_fit_find_dark(&options, data, &found, err));
+        assert_true(!found.data && options.dark == 0.0 && !options.find_dark);
+        SCOPED(hada_image) room = {0};
+        ASSERT_OK(hada_image_create(&room, CHANNELS, ROWS, COLS, err));
+        for (int i = 0; i < CHANNELS * ROWS * COLS; i++) {
+            const double y = i / COLS % ROWS / (double)ROWS, x = i % COLS / (double)COLS;
+            room.data[i] =
+                is_level ? 0.06f : (float)((0.03 + 0.02 * (i / (ROWS * COLS))) * (1.0 + y + 0.5 * x * x + 0.3 * x * y));
+        }
+        for (int i = 0; i < DEPTHS * PAIRS; i++)
+            for (size_t at = 0; at < hada_image_count(&room); at++)
+                set.frame[i / PAIRS][i % PAIRS].data[at] += room.data[at];
+        SCOPED(hada_dataset) *lit = data_of(&set, some);
+        options.find_dark = 1;
+        ASSERT_OK(hada_fit_find_dark(&options, lit, &found, err));
+        assert_int_equal(options.find_dark, 1);
+        assert_true(is_level ? !found.data && fabs(options.dark - 0.06) < 0.002 : options.dark == 0.0);
+        if (!is_level && relative_change(found.data, room.data, hada_image_count(&room)) > 0.05)
+            fail_msg("case %d: the surface is wrong by %g", k,
+                     relative_change(found.data, room.data, hada_image_count(&room)));
+        SCOPED(hada_dataset) *dark = NULL;
+        ASSERT_OK(hada_dataset_mend(&dark, lit, NULL, &room, err));
+        options.find_dark = 1; /* pairs with a dark frame are not looked at */
+        options.dark = 0.0;
+        ASSERT_OK(hada_fit_find_dark(&options, dark, NULL, err));
+        assert_true(options.dark == 0.0 && !options.find_dark);
+        free_pairs(&set);
+    }
+}
+
+/* Hot, dead and stuck pixels are found, two beside each other as well, at borders, of mosaics; and none of sound
+ * sensors, nor of those of which too many seem bad. */
+TEST(bad_pixels_are_found)
+{
+    enum { BAD = 9 };
+    static const struct {
+        int row, col;
+        float value;
+    } bad[BAD] = {{0, 0, 1.0f},   {20, 31, 0.9f}, {20, 32, 1.0f},      {47, 40, 0.8f}, {11, 63, 1.0f},
+                  {30, 10, 0.0f}, {33, 12, 0.7f}, {ROWS - 1, 0, 1.0f}, {9, 50, 1.0f}};
+    for (int k = 0; k < 6; k++) {
+        const int mosaic = k & 1, *some = k & 4 ? two_each : counts;
+        DEFAULTS(hada_dataset_options, how);
+        hada_fit_options options = sizes();
+        hada_dataset *data;
+        pairs set;
+        size_t found = 0, marked = 0;
+        SCOPED(hada_image) none = {0};
+        SCOPED(hada_image) flat = {0};
+        how.mosaic = mosaic ? HADA_MOSAIC_GRBG : HADA_MOSAIC_NONE;
+        make_pairs(&set, HADA_RESPONSE_LINEAR, 0, 0.002, 71 + (uint64_t)k);
+        for (int i = 0; i < DEPTHS * PAIRS; i++) {
+            hada_image *frame = &set.frame[i / PAIRS][i % PAIRS];
+            for (size_t at = 0; at < hada_image_count(frame); at++)
+                frame->data[at] = 0.1f + 0.4f * frame->data[at]; /* dead pixels show */
+            if (!mosaic)
+                continue;
+            hada_mosaic_take(HADA_MOSAIC_GRBG, frame->data, ROWS, COLS, frame->data);
+            frame->channels = 1;
+        }
+        ASSERT_OK(hada_dataset_create(&data, DEPTHS, distances, some, read_pair, &set, &how, err));
+        ASSERT_OK(hada_fit_find_bad_pixels(&options, data, &none, &found, err));
+        assert_true(!found && !none.data);
+        hada_dataset_destroy(&data);
+        for (int i = 0; i < DEPTHS * PAIRS; i++)
+            for (int n = 0; n < BAD; n++) /* of colour frames in one channel */
+                set.frame[i / PAIRS][i % PAIRS].data[bad[n].row * COLS + bad[n].col] = bad[n].value;
+        ASSERT_OK(hada_dataset_create(&data, DEPTHS, distances, some, read_pair, &set, &how, err));
+        ASSERT_OK(hada_fit_find_bad_pixels(&options, data, &flat, &found, err));
+        for (size_t i = 0; i < hada_image_count(&flat); i++)
+            marked += flat.data[i] == 0.0f;
+        for (int n = 0; n < BAD; n++) {
+            const int channel = mosaic ? hada_mosaic_channel(HADA_MOSAIC_GRBG, bad[n].row, bad[n].col) : 0;
+            if (!flat.data || flat.data[(channel * ROWS + bad[n].row) * COLS + bad[n].col] != 0.0f)
+                fail_msg("case %d: bad pixel %d was not found", k, n);
+        }
+        if (found != BAD || marked != BAD)
+            fail_msg("case %d: %zu values were found for %d, and %zu are marked", k, found, BAD, marked);
+        hada_dataset_destroy(&data);
+        for (int i = 0; i < DEPTHS * PAIRS; i++)
+            for (int n = 0; n < ROWS * COLS; n += 61) /* every 61st pixel */
+                set.frame[i / PAIRS][i % PAIRS].data[n] = 1.0f;
+        ASSERT_OK(hada_dataset_create(&data, DEPTHS, distances, some, read_pair, &set, &how, err));
+        ASSERT_OK(hada_fit_find_bad_pixels(&options, data, &none, &found, err));
+        assert_true(!found && !none.data);
+        hada_dataset_destroy(&data);
+        free_pairs(&set);
+    }
+}
+
+/* Frames that were encoded for displays are recognised, others are not. */
+TEST(encoded_frames_are_recognised)
+{
+    for (int k = 0; k < 4; k++) {
+        const hada_fit_options options = sizes();
+        pairs set;
+        int seem;
+        make_pairs(&set, k & 1 ? HADA_RESPONSE_SRGB : HADA_RESPONSE_LINEAR, 0, 0.003, 51 + (uint64_t)k);
+        for (int i = 0; i < DEPTHS * PAIRS && k & 2; i++) {
+            hada_image *frame = &set.frame[i / PAIRS][i % PAIRS];
+            hada_response_convert(frame->data, hada_image_count(frame), HADA_RESPONSE_LINEAR, HADA_RESPONSE_SRGB);
+        }
+        SCOPED(hada_dataset) *data = data_of(&set, counts);
+        ASSERT_OK(hada_fit_seem_encoded(&options, data, HADA_RESPONSE_SRGB, &seem, err));
+        assert_int_equal(seem, k >> 1);
         free_pairs(&set);
     }
 }

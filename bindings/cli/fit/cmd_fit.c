@@ -104,7 +104,7 @@ static const hada_cli_option options[] = {
      AT(window)},
     {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL",
      "dark level of the raw frames (default: found from the pairs; none for a PSF)",
-     "Taken off every pixel. FILE: the mean of a dark frame; auto: each frame's own, its darkest percent; LEVEL: a "
+     "Taken off every pixel. FILE: a dark frame of the camera; auto: each frame's own, its darkest percent; LEVEL: a "
      "share of full scale. The model remembers it.",
      AT(dark)},
     {HADA_OPTION_TEXT, "flat", 0, "FILE", "divide raw frames by a flat frame, and PSFs that are as large",
@@ -328,7 +328,7 @@ static void fit_tell_model(hada_cli *cli, const char *path, const hada_model *mo
         hada_cli_append(pixels, sizeof pixels, " of the mosaic %s", mosaic);
     hada_response_name(response, info->scene_response);
     if (info->dark != HADA_AUTO)
-        snprintf(dark, sizeof dark, "%.4g", info->dark);
+        snprintf(dark, sizeof dark, "%.4g%s", info->dark, info->dark_frame ? " and a dark frame" : "");
     if (info->refine_steps)
         snprintf(refine, sizeof refine,
                  info->refine_tv > 0 ? "%d refinement steps, total variation %.2g" : "%d refinement steps",
@@ -392,7 +392,7 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     hada_dataset *data = NULL;
     hada_fit_report *report = NULL;
     hada_dataset_options scan;
-    hada_image flat = {0};
+    hada_image flat = {0}, dark = {0};
     hada_fit_options fit = set->fit;
     hada_fit_task task = set->task;
     hada_status status = HADA_OK;
@@ -415,7 +415,8 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     if (folder) {
         HADA_TRY_OR_DONE(hada_response_from_name(&scan.frame_encoding, set->frame_encoding, err));
         fit.find_dark = !set->dark;
-        HADA_TRY_OR_DONE(hada_cli_read_dark_level(&fit.dark, set->dark, err));
+        HADA_TRY_OR_DONE(hada_cli_read_dark_level(&fit.dark, &dark, set->dark, err));
+        scan.dark_frame = dark.data ? &dark : NULL;
         HADA_TRY_OR_DONE(hada_cli_read_flat(&flat, set->flat, set->dark, err));
         scan.flat_frame = set->flat ? &flat : NULL;
         scan.flat_dark = fit.dark;
@@ -433,6 +434,7 @@ done:
     hada_fit_report_destroy(&report);
     hada_dataset_destroy(&data);
     hada_image_destroy(&flat);
+    hada_image_destroy(&dark);
     return status;
 }
 
@@ -442,7 +444,8 @@ static hada_status fit_psf(hada_cli *cli, const settings *set, const char **more
     enum { MOST_DISTANCES = 256 };
     double wanted[MOST_DISTANCES], taken[MOST_DISTANCES];
     int frame[2] = {0};
-    hada_image flat = {0};
+    hada_image flat = {0}, dark = {0};
+    hada_status status = HADA_OK;
     hada_psf_options psf = set->psf_options;
     hada_psf_task task = set->psf_task;
     psf.form = set->form ? (hada_form)set->form : HADA_FORM_WIENER;
@@ -467,13 +470,16 @@ static hada_status fit_psf(hada_cli *cli, const settings *set, const char **more
     HADA_TRY(
         hada_cli_read_distances("psf-distance", set->psf_distance, taken, MOST_DISTANCES, &task.psf_distances, err));
     HADA_TRY(hada_response_from_name(&task.frame_encoding, set->frame_encoding, err));
-    HADA_TRY(hada_cli_read_dark_level(&psf.dark, set->dark, err));
     psf.refine_steps = set->fit.refine_steps;
     psf.refine_tv = set->fit.refine_tv;
-    HADA_TRY(hada_cli_read_flat(&flat, set->flat, set->dark, err));
+    HADA_TRY_OR_DONE(hada_cli_read_dark_level(&psf.dark, &dark, set->dark, err));
+    task.dark_frame = dark.data ? &dark : NULL;
+    HADA_TRY_OR_DONE(hada_cli_read_flat(&flat, set->flat, set->dark, err));
     task.flat_frame = set->flat ? &flat : NULL;
-    const hada_status status = hada_psf_run(model, context, set->psf, &task, err);
+    HADA_TRY_OR_DONE(hada_psf_run(model, context, set->psf, &task, err));
+done:
     hada_image_destroy(&flat);
+    hada_image_destroy(&dark);
     return status;
 }
 

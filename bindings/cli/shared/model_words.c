@@ -26,7 +26,7 @@ hada_status hada_cli_read_dark(hada_cli_dark *dark, const char *text, hada_error
                               "--dark takes a file, 'auto', 'none' or a level such as 0.006; there is no file '%s'",
                               text);
     dark->kind = HADA_DARK_FRAME;
-    return hada_dark_frame_load(&dark->frame, &dark->level, text, err);
+    return hada_dark_frame_load(&dark->frame, NULL, text, err);
 }
 
 void hada_cli_dark_free(hada_cli_dark *dark)
@@ -34,15 +34,15 @@ void hada_cli_dark_free(hada_cli_dark *dark)
     hada_image_destroy(&dark->frame);
 }
 
-hada_status hada_cli_read_dark_level(double *level, const char *text, hada_error *err)
+hada_status hada_cli_read_dark_level(double *level, hada_image *frame, const char *text, hada_error *err)
 {
     hada_cli_dark dark;
     if (!text)
         return HADA_OK;
-    const hada_status status = hada_cli_read_dark(&dark, text, err);
+    HADA_TRY(hada_cli_read_dark(&dark, text, err));
     *level = dark.kind == HADA_DARK_AUTO ? HADA_AUTO : dark.level == HADA_AUTO ? nextafter(dark.level, 0) : dark.level;
-    hada_cli_dark_free(&dark);
-    return status;
+    *frame = dark.frame;
+    return HADA_OK;
 }
 
 hada_status hada_cli_read_flat(hada_image *flat, const char *path, const char *dark_text, hada_error *err)

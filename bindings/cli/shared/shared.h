@@ -69,14 +69,15 @@ void hada_cli_sensor_free(hada_cli_sensor *sensor);
 /* "none", "auto", a level or a file. */
 typedef struct hada_cli_dark {
     hada_dark kind;
-    double level;     /* of the level, or the mean of the file */
+    double level;     /* 0 unless one was given */
     hada_image frame; /* mean of the file's pages */
 } hada_cli_dark;
 hada_status hada_cli_read_dark(hada_cli_dark *dark, const char *text, hada_error *err);
 void hada_cli_dark_free(hada_cli_dark *dark);
 
-/* The same as one number: negative for each frame's own, a file's mean. text NULL: *level stays. */
-hada_status hada_cli_read_dark_level(double *level, const char *text, hada_error *err);
+/* The same as one number, negative for each frame's own; of a file 0, and *frame, created by the call. text NULL: both
+ * stay. */
+hada_status hada_cli_read_dark_level(double *level, hada_image *frame, const char *text, hada_error *err);
 
 /* The flat frame of a file, above the level or the dark frame that --dark names (NULL: 0). path NULL: none. */
 hada_status hada_cli_read_flat(hada_image *flat, const char *path, const char *dark, hada_error *err);

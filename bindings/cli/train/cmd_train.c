@@ -313,6 +313,7 @@ typedef struct parts {
     hada_dataset *data;
     hada_model *model;
     hada_net *net;
+    hada_image dark;
 } parts;
 
 static void parts_free(parts *of)
@@ -320,6 +321,7 @@ static void parts_free(parts *of)
     hada_dataset_destroy(&of->data);
     hada_model_destroy(&of->model);
     hada_net_destroy(&of->net);
+    hada_image_destroy(&of->dark);
 }
 
 /* "compact", "paper", or a file with a net and its weights. */
@@ -374,7 +376,7 @@ static hada_status complete(hada_cli *cli, settings *set, parts *of, hada_error 
     HADA_TRY(choose_net(set, of, err));
     HADA_TRY(read_hold_out(set->hold_out, &task->hold_out, err));
     set->fit.find_dark = !set->dark;
-    HADA_TRY(hada_cli_read_dark_level(&set->fit.dark, set->dark, err));
+    HADA_TRY(hada_cli_read_dark_level(&set->fit.dark, &of->dark, set->dark, err));
     if (set->model)
         HADA_TRY(hada_model_load(&of->model, set->model, err));
     task->model = of->model;
@@ -411,8 +413,10 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     scan.skip_incomplete = set->skip_incomplete;
     HADA_TRY_OR_DONE(hada_file_check_target(set->task.output, &err));
     HADA_TRY_OR_DONE(complete(cli, set, &of, &err));
+    scan.dark_frame = of.dark.data ? &of.dark : NULL;
     if (of.model) {
         const hada_model_info *info = hada_model_get_info(of.model);
+        scan.dark_frame = info->dark_frame;
         scan.flat_frame = info->flat;
         scan.flat_dark = info->dark;
         scan.downsample = info->downsample;

@@ -96,14 +96,17 @@ def py_dataset_read_pair(user: Any, depth: int, pair: int, raw: Any, scene: Any,
     return give_image(raw, frame) or give_image(scene, shown)
 
 
-def _options(mosaic: MosaicOfFiles, downsample: int, flat_frame: Any, flat_dark: float | None) -> Options:
+def _options(
+    mosaic: MosaicOfFiles, downsample: int, flat_frame: Any, flat_dark: float | None, dark_frame: Any
+) -> Options:
     options = Options(
         "hada_dataset_options", mosaic=mosaic, downsample=downsample, flat_dark=AUTO if flat_dark is None else flat_dark
     )
-    if flat_frame is not None:
-        image = Image(flat_frame, what="flat_frame")
-        options.kept.append(image)
-        options.set(flat_frame=image.c)
+    for name, frame in (("flat_frame", flat_frame), ("dark_frame", dark_frame)):
+        if frame is not None:
+            image = Image(frame, what=name)
+            options.kept.append(image)
+            options.set(**{name: image.c})
     return options
 
 
@@ -122,6 +125,8 @@ class Dataset(Handle):
         flat_frame: an evenly lit sensor, its dark level taken off, by which raw frames are divided: an array (rows,
             cols), or like raw frames, binned or not; None: none.
         flat_dark: dark level above which they are divided; None: each frame's and channel's own.
+        dark_frame: what raw frames hold without the scenes' light, which is subtracted: an array like raw frames; None:
+            nothing is.
 
     Example:
         >>> pairs = hadalens.Dataset({100.0: [(raw, scene), ...], 250.0: [...]})
@@ -140,6 +145,7 @@ class Dataset(Handle):
         downsample: int = 1,
         flat_frame: Any = None,
         flat_dark: float | None = 0.0,
+        dark_frame: Any = None,
     ) -> None:
         """Take the pairs; none is read yet."""
         if not isinstance(pairs, Mapping):
@@ -161,7 +167,7 @@ class Dataset(Handle):
             ffi.new("int[]", [len(some) for some in self._reader.depths]),
             lib.py_dataset_read_pair,
             self._reader.user,
-            _options(mosaic, downsample, flat_frame, flat_dark).c,
+            _options(mosaic, downsample, flat_frame, flat_dark, dark_frame).c,
         )
         self._owner = owner
 
@@ -176,6 +182,7 @@ class Dataset(Handle):
         downsample: int = 1,
         flat_frame: Any = None,
         flat_dark: float | None = 0.0,
+        dark_frame: Any = None,
     ) -> Self:
         """Return the data set of a folder: z<distance>mm/raw/NAME.tif and z<distance>mm/scene/NAME.tif.
 
@@ -184,7 +191,7 @@ class Dataset(Handle):
             skip_incomplete: files without their partner are left out; otherwise they are an error.
             frame_encoding: how raw frames stand for light; None: as their files say, else linear.
             mosaic: as of a data set of arrays; "auto": what the first raw file states (DNG), if its scene is in colour.
-            downsample, flat_frame, flat_dark: as of a data set of arrays.
+            downsample, flat_frame, flat_dark, dark_frame: as of a data set of arrays.
 
         Raises:
             DatasetError: no depths, a depth without a pair, files without their partner.
@@ -193,7 +200,7 @@ class Dataset(Handle):
         new = cls.__new__(cls)
         new._reader = None
         owner = Owner("hada_dataset", lib.hada_dataset_destroy)
-        options = _options(mosaic, downsample, flat_frame, flat_dark)
+        options = _options(mosaic, downsample, flat_frame, flat_dark, dark_frame)
         options.set(skip_incomplete=skip_incomplete)
         if frame_encoding is not None:
             options.set(frame_encoding=responses.number(frame_encoding))

@@ -442,6 +442,12 @@ class Model(Handle):
         return None if flat == ffi.NULL else copy_of(flat)
 
     @property
+    def dark_frame(self) -> Float32 | None:
+        """What frames hold without the scene's light, which is subtracted; None: not known."""
+        dark = lib.hada_model_get_info(self._c).dark_frame
+        return None if dark == ffi.NULL else copy_of(dark)
+
+    @property
     def psf(self) -> Float32 | None:
         """The point spread functions that the transfer functions stand for: float32 (Z, C, grid rows, grid columns).
 

@@ -40,8 +40,11 @@ typedef struct hada_dataset_options {
                                      are filled from their neighbours. NULL (default): none. Copied */
     double flat_dark;             /* 0 by default; HADA_AUTO: each frame's and channel's own */
     int downsample; /* raw frames and scenes are binned by it (hada_image_downsample()), raw frames of a mosaic by
-                       colour; scenes in their own encoding. The flat frame may have either size. 1 (default): they are
-                       not */
+                       colour; scenes in their own encoding. The flat and dark frame may have either size. 1 (default):
+                       they are not */
+    const hada_image *dark_frame; /* what the raw frames hold without the scenes' light, as `flat_frame`, a mosaic of
+                                     one channel, or hada_model_info's. Subtracted before anything else. NULL (default):
+                                     none. Copied */
 } hada_dataset_options;
 HADA_INIT(hada_dataset_options, HADA_STRUCT_DATASET_OPTIONS)
 
@@ -63,9 +66,10 @@ typedef struct hada_dataset_info {
     int incomplete;                      /* number of files that were left out */
     const char *incomplete_text;         /* names the first of them; "" where there is none */
     hada_mosaic mosaic;                  /* that the raw frames are; HADA_MOSAIC_NONE: they are not filled in */
-    const hada_image *flat;    /* by which they are divided, 1 in the mean (hada_model_info); NULL: they are not */
-    int downsample;            /* by which they and the scenes are binned; 1: they are not */
-    hada_mosaic sensor_mosaic; /* of raw frames that are binned */
+    const hada_image *flat;       /* by which they are divided, 1 in the mean (hada_model_info); NULL: they are not */
+    int downsample;               /* by which they and the scenes are binned; 1: they are not */
+    hada_mosaic sensor_mosaic;    /* of raw frames that are binned */
+    const hada_image *dark_frame; /* that is subtracted, of all channels; NULL: none */
 } hada_dataset_info;
 HADA_API const hada_dataset_info *hada_dataset_get_info(const hada_dataset *dataset);
 

@@ -80,6 +80,8 @@ typedef struct hada_model_info {
     double refine_noise, refine_noise_largest; /* standard deviation of the noise of the frames on which refine_tv was
                                  chosen, over their root mean square and over their largest value: frames with other
                                  noise get other weights; 0: not known */
+    const hada_image *dark_frame; /* of all channels: subtracted from each pixel, as `dark` is. NULL: none. Owned by the
+                                     model */
 } hada_model_info;
 
 HADA_API hada_status hada_model_load(hada_model **out, const char *path, hada_error *err);

@@ -92,6 +92,7 @@ typedef struct hada_psf_task {
     int recentre; /* 1: what the law of magnification does not explain of the way that four or more depths wander is
                      taken off, for the bead or the stage drifts; 0 (default): they are kept as they are, and the
                      monitor is told how far they wander */
+    const hada_image *dark_frame; /* of the camera's frames, which the model keeps; NULL (default): none */
 } hada_psf_task;
 HADA_INIT(hada_psf_task, HADA_STRUCT_PSF_TASK)
 

@@ -2,6 +2,8 @@
 #ifndef HADA_FIT_FITTER_H
 #define HADA_FIT_FITTER_H
 
+#include <hadalens/survey.h>
+
 #include "fit/cropped.h"
 #include "fit/fit_sums.h"
 #include "fit/leave_one_out.h"
@@ -91,6 +93,13 @@ hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pa
 /* Whether frames, taken for linear, seem to be encoded so (hadalens/response.h): decoded, they are explained better. */
 hada_status hada_fit_seem_encoded(const hada_fit_options *options, const hada_dataset *pairs, double encoding,
                                   int *seem, hada_error *err);
+/* Compares what a survey chose with other responses, and with exposures alike, as boundaries are compared: with the
+ * crop in the model. Has the survey choose what is better. */
+hada_status hada_fit_confirm_survey(hada_survey *survey, const hada_fit_options *fit, hada_exposure exposure,
+                                    hada_context *context, const hada_dataset *pairs, hada_error *err);
+/* Makes a row the chosen one, with the exposures of another survey of the same pairs, which gets those that were there;
+ * NULL: they are alike. */
+void hada_survey_choose(hada_survey *survey, const hada_survey_row *row, hada_survey *exposures);
 /* Makes what hada_fit_find_dark() found more precise, by options->dark (beside a surface, which `pairs` have as dark
  * frame, a small one): light that the sensor loses is in the model. */
 hada_status hada_fit_refine_dark(hada_fit_options *options, hada_context *context, const hada_dataset *pairs,

@@ -35,15 +35,21 @@ typedef struct owned_survey {
     double **gain; /* of each depth; NULL: exposures are alike */
 } owned_survey;
 
-/* The response with the least share, exposures alike (0) or apart (1); the first one, linear, unless there is
- * evidence. */
-static int best_response(const hada_sample *work, int apart)
+/* The response with the least share, exposures alike (0) or apart (1). */
+static int least_response(const hada_sample *work, int apart)
 {
     int best = 0;
     for (int r = 1; r < work->tried; r++)
         if (hada_sample_mean(work->unexplained[r][apart], work->count) <
             hada_sample_mean(work->unexplained[best][apart], work->count))
             best = r;
+    return best;
+}
+
+/* That one, or the first, linear, unless there is evidence. */
+static int best_response(const hada_sample *work, int apart)
+{
+    const int best = least_response(work, apart);
     const double *linear = work->unexplained[0][apart], *other = work->unexplained[best][apart];
     double less[HADA_SAMPLE_MOST];
     for (int k = 0; k < work->count; k++)
@@ -53,14 +59,17 @@ static int best_response(const hada_sample *work, int apart)
     return hada_sample_is_better(less, work->count, found_dark ? DARK_RESPONSE : BETTER_BY) ? best : 0;
 }
 
-/* Fills the rows; returns whether exposures are to be taken apart. */
+/* Fills the rows; returns whether exposures are to be taken apart. Where they explain what linear scenes, exposed
+ * alike, do not, and another response does so as well, it is that one. */
 static int choose(owned_survey *own, const hada_sample *work, hada_exposure exposure)
 {
-    const int alike = best_response(work, 0), apart = best_response(work, 1);
-    const int exposed = exposure == HADA_EXPOSURE_EACH ||
-                        (exposure == HADA_EXPOSURE_AUTO &&
-                         hada_sample_mean(work->unexplained[apart][1], work->count) <
-                             APART_BELOW * hada_sample_mean(work->unexplained[alike][0], work->count));
+    const int apart = best_response(work, 1), least = least_response(work, 0);
+    const double limit = hada_sample_mean(work->unexplained[apart][1], work->count) / APART_BELOW;
+    const int linear_fails = limit < hada_sample_mean(work->unexplained[0][0], work->count);
+    const int exposed =
+        exposure == HADA_EXPOSURE_EACH ||
+        (exposure == HADA_EXPOSURE_AUTO && limit < hada_sample_mean(work->unexplained[least][0], work->count));
+    const int alike = exposure == HADA_EXPOSURE_AUTO && linear_fails ? least : best_response(work, 0);
     const int chosen = exposed ? apart : alike;
     own->survey.response = work->response[chosen];
     for (int r = 0; r < work->tried; r++) {
@@ -219,6 +228,21 @@ done:
     if (status)
         hada_survey_destroy(out);
     return status;
+}
+
+void hada_survey_choose(hada_survey *survey, const hada_survey_row *row, hada_survey *exposures)
+{
+    owned_survey *own = (owned_survey *)survey, *other = (owned_survey *)exposures; /* their first members */
+    for (int r = 0; own->list[r]; r++)
+        own->row[r].chosen = own->list[r] == row;
+    survey->response = row->response;
+    survey->exposed = other != NULL;
+    if (other) {
+        double **gain = own->gain;
+        own->gain = other->gain;
+        other->gain = gain;
+    }
+    survey->gains = other ? (const double *const *)own->gain : NULL;
 }
 
 void hada_survey_destroy(hada_survey **pointer)

@@ -25,8 +25,9 @@ hada_status hada_fit_mend(hada_mended *mended, const hada_dataset **data, hada_f
                           hada_error *err);
 
 /* Finds the response of the scenes, for `fit`, and exposures; *even: the pairs of one exposure. */
-hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, const hada_dataset *data, hada_fit_options *fit,
-                            hada_exposure exposure, const hada_monitor *monitor, hada_error *err);
+hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_context *context, const hada_dataset *data,
+                            hada_fit_options *fit, hada_exposure exposure, const hada_monitor *monitor,
+                            hada_error *err);
 
 /* The boundary, where neither the caller gave it nor camera.json says that it is circular, with a message that says
  * what was found; padded, a dark level that was found becomes more precise. */

@@ -221,10 +221,11 @@ hada_status hada_fit_prepare(hada_fit_options *fit, const hada_dataset *data, in
     return hada_fit_sizes_from(fit, data, err);
 }
 
-hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, const hada_dataset *data, hada_fit_options *fit,
-                            hada_exposure exposure, const hada_monitor *monitor, hada_error *err)
+hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_context *context, const hada_dataset *data,
+                            hada_fit_options *fit, hada_exposure exposure, const hada_monitor *monitor, hada_error *err)
 {
     HADA_TRY(hada_survey_create(out, fit, data, exposure, err));
+    HADA_TRY(hada_fit_confirm_survey(*out, fit, exposure, context, data, err));
     if ((*out)->exposed)
         hada_monitor_tell(monitor, HADA_MESSAGE_NOTE,
                           "frames of one depth differ in exposure: each scene is learned as bright as its frame was "
@@ -446,13 +447,13 @@ static hada_status look_at_sums(learning *of, hada_error *err)
 }
 
 /* What the values of the frames' files are, and whether they seem to be something else. */
-static hada_status tell_frames(const learning *of, hada_error *err)
+static hada_status tell_frames(const learning *of, int *encoded, hada_error *err)
 {
     const hada_dataset_info *info = hada_dataset_get_info(of->data);
     const double encoding = of->data->store->frame_encoding;
     hada_tiff_reader *reader = NULL;
     hada_pixels frame = {0};
-    int z = 0, seem = 0;
+    int z = 0;
     hada_status status = HADA_OK;
     while (z < info->depths && !info->counts[z])
         z++;
@@ -466,8 +467,8 @@ static hada_status tell_frames(const learning *of, hada_error *err)
     const double way = encoding == HADA_AUTO ? file->encoding : encoding;
     if (file->bits > 8 || (way != 0.0 && way != HADA_RESPONSE_LINEAR))
         goto done;
-    HADA_TRY_OR_DONE(hada_fit_seem_encoded(&of->fit, of->data, HADA_RESPONSE_SRGB, &seem, err));
-    if (seem)
+    HADA_TRY_OR_DONE(hada_fit_seem_encoded(&of->fit, of->data, HADA_RESPONSE_SRGB, encoded, err));
+    if (*encoded)
         hada_monitor_tell(of->task.monitor, HADA_MESSAGE_NOTE,
                           "raw frames seem to be encoded for displays: taken for sRGB, they are explained far better; "
                           "say so (options.frame_encoding), here and for frames to reconstruct");
@@ -478,14 +479,15 @@ done:
 }
 
 /* The response of the scenes and exposures, where they are to be found, before any pair is added. */
-static hada_status survey(learning *of, hada_error *err)
+static hada_status survey(learning *of, hada_context *context, hada_error *err)
 {
     const hada_fit_task *task = &of->task;
     hada_fit_options *fit = &of->fit;
     const int open = fit->scene_response == HADA_AUTO || task->exposure == HADA_EXPOSURE_AUTO;
     if (task->exposure != HADA_EXPOSURE_EACH && !(fit->leave_one_out && open))
         return HADA_OK;
-    HADA_TRY(hada_fit_survey(&of->report->survey, &of->even, of->data, fit, task->exposure, task->monitor, err));
+    HADA_TRY(
+        hada_fit_survey(&of->report->survey, &of->even, context, of->data, fit, task->exposure, task->monitor, err));
     of->report->report.survey = of->report->survey;
     of->data = of->even;
     return HADA_OK;
@@ -514,15 +516,16 @@ static hada_status learn_pairs(learning *of, hada_context *context, hada_model *
 {
     const hada_fit_task *task = &of->task;
     const hada_monitor *monitor = task->monitor;
+    int encoded = 0;
     tell_data(of);
     HADA_TRY(hada_fit_prepare(&of->fit, of->data, task->boundary, monitor, err));
     HADA_TRY(hada_fit_check_content(of->data, err));
     if (of->fit.leave_one_out)
-        HADA_TRY(tell_frames(of, err));
+        HADA_TRY(tell_frames(of, &encoded, err));
     HADA_TRY(look_at_sums(of, err));
-    HADA_TRY(hada_fit_mend(&of->mended, &of->data, &of->fit, !task->save_sums, err));
+    HADA_TRY(hada_fit_mend(&of->mended, &of->data, &of->fit, !task->save_sums && !encoded, err));
     HADA_TRY(leave_out(of, context, err));
-    HADA_TRY(survey(of, err));
+    HADA_TRY(survey(of, context, err));
     if (!task->merge_count)
         HADA_TRY(hada_fit_choose_boundary(&of->fit, context, of->data, task->boundary, err));
     HADA_TRY(hada_fit_agree(&of->fit, &of->ranks, err));

@@ -435,7 +435,7 @@ static hada_status check_data(const hada_model *model, const hada_dataset_info *
 }
 
 /* The response of the scenes, where no model says it, and exposures: as in a fit. */
-static hada_status survey(training *own, hada_fit_options *fit, hada_error *err)
+static hada_status survey(training *own, hada_context *context, hada_fit_options *fit, hada_error *err)
 {
     const hada_train_task *task = &own->task;
     HADA_TRY(HADA_OPTIONS_TAKE(fit, task->fit, hada_fit_options, err));
@@ -448,7 +448,8 @@ static hada_status survey(training *own, hada_fit_options *fit, hada_error *err)
     }
     if (!own->model)
         HADA_TRY(hada_fit_mend(&own->mended, &own->data, fit, 1, err));
-    HADA_TRY(hada_fit_survey(&own->survey, &own->even, own->data, fit, HADA_EXPOSURE_AUTO, task->monitor, err));
+    HADA_TRY(
+        hada_fit_survey(&own->survey, &own->even, context, own->data, fit, HADA_EXPOSURE_AUTO, task->monitor, err));
     return split(own, own->even, err);
 }
 
@@ -477,7 +478,7 @@ static hada_status find_model(training *own, hada_context *context, hada_error *
     own->model = task->model;
     if (own->model)
         HADA_TRY(check_data(own->model, hada_dataset_get_info(own->data), err));
-    HADA_TRY(survey(own, &fit, err));
+    HADA_TRY(survey(own, context, &fit, err));
     if (own->model)
         return HADA_OK;
     fit.communicator = &own->work.ranks;

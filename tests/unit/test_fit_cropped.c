@@ -506,4 +506,50 @@ TEST(a_boundary_is_found_that_is_circular)
     }
 }
 
+/* Where few pairs leave a survey unsure of the response, the crop in the model tells it. */
+TEST(responses_are_confirmed)
+{
+    enum { CASES = 24, FEW = 3 };
+    const fixture *f = *state;
+    const int count = FEW;
+    int unsure[2] = {0, 0}, right[2] = {0, 0};
+    for (uint64_t seed = 1; seed <= CASES; seed++)
+        for (int encoded = 0; encoded < 2; encoded++) {
+            hada_fit_options options = helpers_fit(1, CHANNELS, distances, ROWS, COLS, WINDOW);
+            hada_image scenes[FEW], frames[FEW];
+            SCOPED(hada_image) psf = spots(1.0, seed + 100);
+            for (int i = 0; i < FEW; i++) {
+                scenes[i] = squares(100 * seed + (uint64_t)i);
+                frames[i] = expose(&psf, &scenes[i], 100 * seed + (uint64_t)i);
+                if (encoded)
+                    hada_response_convert(scenes[i].data, hada_image_count(&scenes[i]), HADA_RESPONSE_LINEAR,
+                                          HADA_RESPONSE_SRGB);
+            }
+            hada_dataset *data;
+            hada_survey *survey;
+            options.boundary = HADA_BOUNDARY_PADDED;
+            ASSERT_OK(hada_dataset_from_images(&data, 1, distances, &count, frames, scenes, err));
+            ASSERT_OK(hada_survey_create(&survey, &options, data, HADA_EXPOSURE_SAME, err));
+            int least = 0;
+            for (int r = 0; survey->rows[r]; r++)
+                least = survey->rows[r]->unexplained < survey->rows[least]->unexplained ? r : least;
+            if (!survey->rows[least]->chosen) {
+                ASSERT_OK(hada_fit_confirm_survey(survey, &options, HADA_EXPOSURE_SAME, f->context, data, err));
+                unsure[encoded]++;
+                right[encoded] += encoded ? survey->response > 1.7 || survey->response == HADA_RESPONSE_SRGB
+                                          : survey->response == HADA_RESPONSE_LINEAR;
+                int chosen = 0;
+                for (int r = 0; survey->rows[r]; r++)
+                    chosen += survey->rows[r]->chosen && survey->rows[r]->response == survey->response;
+                assert_int_equal(chosen, 1);
+            }
+            hada_survey_destroy(&survey);
+            hada_dataset_destroy(&data);
+            destroy_images(scenes, FEW);
+            destroy_images(frames, FEW);
+        }
+    assert_true(unsure[1] >= 2 && right[1] >= unsure[1] - unsure[1] / 8);
+    assert_true(right[0] >= unsure[0] - unsure[0] / 8);
+}
+
 FIXTURE(set_up_both, tear_down_both)

@@ -32,7 +32,7 @@ static int mirrored(int i, int count)
 static int is_beyond(const float *plane, int rows, int cols, int row, int col, int step, float noise)
 {
     const float value = plane[(size_t)row * (size_t)cols + (size_t)col];
-    float sorted[AROUND];
+    float sorted[AROUND] = {0.0F};
     int n = 0, below = 0;
     for (int r = -step; r <= step; r += step)
         for (int c = -step; c <= step; c += step) {

@@ -315,17 +315,15 @@ hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_reader *from, 
     passes with = {.sums = sums, .from = from, .kept = &none};
     hada_fit_pair *pair = held->pair;
     const hada_buffer *transfers = NULL;
-    double of = 0.0;
     hada_status status = HADA_OK;
-    *left = 0.0;
     HADA_TRY_OR_DONE(make_room(&with, err));
     HADA_TRY_OR_DONE(open_depth(&with, 0, err));
     HADA_TRY_OR_DONE(solve(&with, 0, count, 0, &transfers, err));
     for (int k = 0; k < hada_dataset_get_info(held->pairs)->pairs; k++) {
         HADA_TRY_OR_DONE(hada_fit_read(held, 0, k, -1, err));
         HADA_TRY_OR_DONE(upload(&with, &pair->raw, &pair->scene_spectrum, err));
-        HADA_TRY_OR_DONE(hada_fit_cropped_explain(with.cropped, pair->raw.mem, pair->scene_spectrum.mem, &of, err));
-        *left += of;
+        HADA_TRY_OR_DONE(
+            hada_fit_cropped_explain(with.cropped, pair->raw.mem, pair->scene_spectrum.mem, &left[k], err));
     }
 done:
     release(&with);

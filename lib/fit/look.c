@@ -1,0 +1,104 @@
+#include "fit/look.h"
+
+/* Pairs of a depth from which on two are held out, and iterations: fewer than for a model, as only a few settings are
+ * compared (docs/explanation/learning-a-camera.md). */
+enum { MANY_PAIRS = 4, PASSES = 9 };
+#define WHY "looks at pairs, for boundary, response and dark level"
+
+/* So that the two edges of a window can still be distinguished. */
+static const double overhangs[HADA_OVERHANGS] = {0.0, 0.25, 0.5, 0.75, 1.0};
+
+static hada_image channel_of(const hada_image *image, int channel)
+{
+    const size_t area = (size_t)image->rows * (size_t)image->cols;
+    return (hada_image){1, image->rows, image->cols, image->data + (size_t)channel * area};
+}
+
+hada_status hada_look_take(hada_look *at, const hada_dataset *pairs, hada_error *err)
+{
+    const double *distance = &at->options->distances_mm[at->depth];
+    const int all = hada_dataset_get_info(pairs)->counts[at->depth], channel = at->options->channels / 2;
+    at->held = all >= MANY_PAIRS ? HADA_LOOK_HELD : 1;
+    const int count = all < HADA_LOOK_LEARNED + at->held ? all : HADA_LOOK_LEARNED + at->held,
+              learned = count - at->held;
+    for (; at->count < count; at->count++) {
+        const int number = (int)(((long)at->count * all / count + at->first) % all);
+        hada_pair *pair = &at->pair[at->count];
+        HADA_TRY(hada_pair_take(pair, pairs, at->depth, number, err));
+        if (pair->raw->channels <= channel || pair->scene->channels <= channel) {
+            hada_pair_return(pair);
+            const hada_status status =
+                hada_fail(err, HADA_ERROR_SIZE, "raw frames and scenes of a data set must have the same channels");
+            hada_pair_name(pairs, at->depth, number, err);
+            return status;
+        }
+        at->raw[at->count] = channel_of(pair->raw, channel);
+        at->scene[at->count] = channel_of(pair->scene, channel);
+    }
+    HADA_TRY(hada_dataset_from_images(&at->learned, 1, distance, &learned, at->raw, at->scene, err));
+    return hada_dataset_from_images(&at->held_out, 1, distance, &at->held, at->raw + learned, at->scene + learned, err);
+}
+
+void hada_look_return(hada_look *at)
+{
+    hada_dataset_destroy(&at->learned);
+    hada_dataset_destroy(&at->held_out);
+    while (at->count)
+        hada_pair_return(&at->pair[--at->count]);
+}
+
+hada_status hada_look_explain(const hada_look *at, int rows, int cols, const hada_dataset *others, double *left,
+                              hada_error *err)
+{
+    hada_fit_options options = *at->options;
+    hada_fitter *fitter = NULL;
+    hada_fit_reader from = {0}, held = {0};
+    hada_status status = HADA_OK;
+    options.depths = options.channels = 1;
+    options.mosaic = options.sensor_mosaic = HADA_MOSAIC_NONE; /* of that channel */
+    options.distances_mm = at->options->distances_mm + at->depth;
+    options.boundary =
+        rows == options.raw_rows && cols == options.raw_cols ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED;
+    options.form = HADA_FORM_COMPLEX;
+    options.grid_rows = rows;
+    options.grid_cols = cols;
+    options.refine_steps = 0;
+    options.communicator = NULL;
+    options.sums = NULL;
+    HADA_TRY_OR_DONE(hada_fitter_create(&fitter, at->context, &options, err));
+    for (int i = 0; i < at->count - at->held; i++)
+        HADA_TRY_OR_DONE(hada_fitter_add_pair(fitter, 0, &at->raw[i], &at->scene[i], err));
+    HADA_TRY_OR_DONE(hada_fit_reader_create(&from, at->learned, &fitter->pair, options.monitor, WHY, err));
+    HADA_TRY_OR_DONE(hada_fit_reader_create(&held, others, &fitter->pair, NULL, WHY, err));
+    hada_slot_watch(fitter->grid.slot, options.monitor);
+    HADA_TRY_OR_DONE(hada_fit_transfers_left(&fitter->sums, &from, PASSES, &held, left, err));
+done:
+    hada_fit_reader_destroy(&from);
+    hada_fit_reader_destroy(&held);
+    hada_fitter_destroy(&fitter);
+    return status;
+}
+
+hada_status hada_look_left(const hada_look *at, int rows, int cols, double *left, hada_error *err)
+{
+    double each[HADA_LOOK_HELD];
+    HADA_TRY(hada_look_explain(at, rows, cols, at->held_out, each, err));
+    *left = 0.0;
+    for (int k = 0; k < at->held; k++)
+        *left += each[k];
+    return HADA_OK;
+}
+
+int hada_look_side(int raw, int window, int k)
+{
+    const int over = (int)(overhangs[k] * (window - 1));
+    return over ? hada_fft_good_size(raw + over) : raw;
+}
+
+int hada_look_depth(const hada_fit_options *options, const hada_dataset *pairs)
+{
+    int z = 0;
+    while (z < options->depths && hada_dataset_get_info(pairs)->counts[z] < HADA_LOOK_LEAST)
+        z++;
+    return z;
+}

@@ -1,0 +1,41 @@
+/* A few pairs of a depth, one channel of them, from which a camera is learned with the crop in the model before a fit,
+ * on one grid or another, with what it leaves of held-out frames. Internal. */
+#ifndef HADA_FIT_LOOK_H
+#define HADA_FIT_LOOK_H
+
+#include "core/callers.h"
+#include "fit/fitter.h"
+
+/* Pairs that are learned from at most, and those held out beside them; a depth needs as many as this. */
+enum { HADA_LOOK_LEARNED = 8, HADA_LOOK_HELD = 2, HADA_LOOK_LEAST = 2 };
+/* Shares of a window beyond the sensor's edge that a grid may have. */
+enum { HADA_OVERHANGS = 5 };
+
+/* One channel of a few pairs of a depth, which are spread over all; the last ones are held out. */
+typedef struct hada_look {
+    hada_context *context;
+    const hada_fit_options *options;
+    int depth, first, count, held; /* first: the number of the pair that comes first */
+    hada_pair pair[HADA_LOOK_LEARNED + HADA_LOOK_HELD];
+    hada_image raw[HADA_LOOK_LEARNED + HADA_LOOK_HELD],
+        scene[HADA_LOOK_LEARNED + HADA_LOOK_HELD]; /* their channels, not owned */
+    hada_dataset *learned, *held_out;
+} hada_look;
+
+/* Takes the pairs of at->depth, spread over all from at->first on. */
+hada_status hada_look_take(hada_look *at, const hada_dataset *pairs, hada_error *err);
+void hada_look_return(hada_look *at);
+
+/* What is left of the frames held out, learned on a grid of rows x cols; 0: of the size that holds all light. */
+hada_status hada_look_left(const hada_look *at, int rows, int cols, double *left, hada_error *err);
+/* The same of each frame of other pairs, of one channel and depth. */
+hada_status hada_look_explain(const hada_look *at, int rows, int cols, const hada_dataset *others, double *left,
+                              hada_error *err);
+
+/* A side of the grid with overhang number k; the last one holds all light. */
+int hada_look_side(int raw, int window, int k);
+
+/* The first depth of which a pair can be held out; the number of depths if there is none. */
+int hada_look_depth(const hada_fit_options *options, const hada_dataset *pairs);
+
+#endif

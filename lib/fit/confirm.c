@@ -1,5 +1,8 @@
 /* What a survey of small copies chose, compared with the crop in the model: the response of the scenes, and exposures.
  */
+#include <hadalens/response.h>
+#include <hadalens/scene.h>
+
 #include "fit/look.h"
 
 /* Another response than the survey's must leave so much less of held-out frames: than linear, than others, and where
@@ -7,6 +10,85 @@
 #define SURE           0.7
 #define NEARLY_SURE    0.97
 #define SURE_WITH_DARK 0.5
+
+/* Exposures become more precise in so many rounds, in each by this factor at most. */
+enum { SHADES = 3, ROUNDS = 3 };
+#define MOST_CHANGE 1.5
+
+/* The pairs that were taken with their scenes as bright as they are, as black, and twice as bright in light. */
+static hada_status shades(const hada_look *at, hada_image *raws, hada_image *scenes, hada_error *err)
+{
+    const double response = at->options->scene_response;
+    for (int i = 0; i < SHADES * at->count; i++) {
+        const int of = i % at->count, shade = i / at->count;
+        hada_image *scene = &scenes[i];
+        raws[i] = at->raw[of];
+        HADA_TRY(hada_image_copy(scene, &at->scene[of], err));
+        const size_t count = hada_image_count(scene);
+        hada_response_convert(scene->data, count, response, HADA_RESPONSE_LINEAR);
+        for (size_t k = 0; k < count; k++)
+            scene->data[k] *= (float)shade;
+        hada_response_convert(scene->data, count, HADA_RESPONSE_LINEAR, response);
+    }
+    return HADA_OK;
+}
+
+/* What is left of a frame is a parabola in its scene's brightness, known from three of these: where it is least. */
+static double brightness(double black, double plain, double twice)
+{
+    const double power = 0.5 * (twice - 2.0 * plain + black), cross = 0.5 * (black + power - plain);
+    return power > 0.0 && cross > 0.0 ? fmin(fmax(cross / power, 1.0 / MOST_CHANGE), MOST_CHANGE) : 1.0;
+}
+
+/* Exposures of the pairs that `at` names, from what they make of each other together. Their geometric mean stays. */
+static hada_status expose_group(hada_look *at, const hada_survey *survey, const hada_dataset *pairs, hada_error *err)
+{
+    double *gain = (double *)(uintptr_t)survey->gains[at->depth] + at->first, left[SHADES * HADA_LOOK_MOST];
+    hada_image raws[SHADES * HADA_LOOK_MOST], scenes[SHADES * HADA_LOOK_MOST] = {{0}};
+    const double distance = at->options->distances_mm[at->depth];
+    const int count = SHADES * at->group, side = HADA_OVERHANGS - 1;
+    const int circular = at->options->boundary == HADA_BOUNDARY_CIRCULAR;
+    hada_dataset *even = NULL, *shown = NULL;
+    double mean = 0.0;
+    hada_status status = HADA_OK;
+    HADA_TRY_OR_DONE(hada_survey_apply(&even, survey, pairs, err));
+    HADA_TRY_OR_DONE(hada_look_take(at, even, err));
+    HADA_TRY_OR_DONE(shades(at, raws, scenes, err));
+    HADA_TRY_OR_DONE(hada_dataset_from_images(&shown, 1, &distance, &count, raws, scenes, err));
+    HADA_TRY_OR_DONE(hada_look_explain(
+        at, hada_look_side(at->options->raw_rows, circular ? 1 : at->options->window_rows, side),
+        hada_look_side(at->options->raw_cols, circular ? 1 : at->options->window_cols, side), shown, left, err));
+    for (int i = 0; i < at->group; i++) {
+        left[i] = brightness(left[i], left[i + at->group], left[i + 2 * at->group]);
+        mean += log(left[i]) / at->group;
+    }
+    for (int i = 0; i < at->group; i++)
+        gain[i] *= left[i] / exp(mean);
+done:
+    hada_look_return(at);
+    hada_dataset_destroy(&shown);
+    hada_dataset_destroy(&even);
+    for (int i = 0; i < count; i++)
+        hada_image_destroy(&scenes[i]);
+    return status;
+}
+
+/* More precise exposures of the pairs of a depth, which a survey has, in groups. */
+static hada_status expose_depth(const hada_survey *survey, const hada_fit_options *fit, int depth,
+                                hada_context *context, const hada_dataset *pairs, hada_error *err)
+{
+    const int count = hada_dataset_get_info(pairs)->counts[depth],
+              groups = (count + HADA_LOOK_MOST - 1) / HADA_LOOK_MOST;
+    hada_fit_options options = *fit;
+    options.scene_response = survey->response;
+    for (int g = 0; count >= HADA_LOOK_LEAST && g < groups; g++)
+        for (int round = 0; round < ROUNDS; round++) {
+            hada_look at = {.context = context, .options = &options, .depth = depth, .first = count * g / groups};
+            at.group = count * (g + 1) / groups - at.first;
+            HADA_TRY(expose_group(&at, survey, pairs, err));
+        }
+    return HADA_OK;
+}
 
 /* Responses that are compared on the largest grid, exposures alike or apart. */
 typedef struct confirming {
@@ -22,6 +104,7 @@ typedef struct confirming {
 static hada_status expose(const confirming *of, hada_dataset **even, hada_survey **exposures, hada_error *err)
 {
     HADA_TRY(hada_survey_create(exposures, &of->options, of->pairs, HADA_EXPOSURE_EACH, err));
+    HADA_TRY(expose_depth(*exposures, &of->options, of->at->depth, of->at->context, of->pairs, err));
     return hada_survey_apply(even, *exposures, of->pairs, err);
 }
 
@@ -99,7 +182,7 @@ hada_status hada_fit_confirm_survey(hada_survey *survey, const hada_fit_options 
     of.at = &at;
     for (; survey->rows[of.rows]; of.rows++)
         chosen = survey->rows[of.rows]->chosen ? of.rows : chosen;
-    if (at.depth == of.options.depths || (of.rows == 1 && (!survey->exposed || exposure == HADA_EXPOSURE_EACH)))
+    if (at.depth == of.options.depths || (of.rows == 1 && !survey->exposed))
         return HADA_OK;
     HADA_TRY_OR_DONE(HADA_NEW(of.left, (size_t)of.rows, "responses", err));
     if (exposure != HADA_EXPOSURE_EACH)
@@ -110,6 +193,8 @@ hada_status hada_fit_confirm_survey(hada_survey *survey, const hada_fit_options 
         of.options.scene_response = survey->rows[apart]->response;
         HADA_TRY_OR_DONE(hada_survey_create(&exposures, &of.options, pairs, HADA_EXPOSURE_EACH, err));
         hada_survey_choose(survey, survey->rows[apart], exposures);
+        for (int z = 0; z < fit->depths; z++)
+            HADA_TRY_OR_DONE(expose_depth(survey, fit, z, context, pairs, err));
     } else {
         hada_survey_choose(survey, survey->rows[alike], NULL);
     }
@@ -118,4 +203,41 @@ done:
     hada_survey_destroy(&exposures);
     hada_look_return(&at);
     return status;
+}
+
+/* What is left of held-out frames of these pairs, with the response that leaves least. */
+static hada_status left_of(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs, double *left,
+                           hada_error *err)
+{
+    confirming of = {.options = *fit, .pairs = pairs};
+    hada_look at = {.context = context, .options = &of.options, .depth = hada_look_depth(fit, pairs)};
+    hada_survey *survey = NULL;
+    int row, chosen = 0;
+    hada_status status = HADA_OK;
+    of.at = &at;
+    HADA_TRY_OR_DONE(hada_survey_create(&survey, fit, pairs, HADA_EXPOSURE_SAME, err));
+    of.survey = survey;
+    for (; survey->rows[of.rows]; of.rows++)
+        chosen = survey->rows[of.rows]->chosen ? of.rows : chosen;
+    HADA_TRY_OR_DONE(HADA_NEW(of.left, (size_t)of.rows, "responses", err));
+    HADA_TRY_OR_DONE(confirm(&of, 0, chosen, &row, left, err));
+done:
+    free(of.left);
+    hada_survey_destroy(&survey);
+    return status;
+}
+
+hada_status hada_fit_confirm_dark(const hada_fit_options *fit, hada_context *context, const hada_dataset *lit,
+                                  const hada_dataset *dark, int *better, hada_error *err)
+{
+    hada_fit_options without = *fit;
+    double before = 0.0, after = 0.0;
+    *better = 0;
+    if (hada_look_depth(fit, lit) == fit->depths)
+        return HADA_OK;
+    without.dark = 0.0;
+    HADA_TRY(left_of(fit, context, lit, &before, err));
+    HADA_TRY(left_of(&without, context, dark, &after, err));
+    *better = after < SURE * before;
+    return HADA_OK;
 }

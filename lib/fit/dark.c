@@ -13,10 +13,10 @@ enum { LEVELS = 6, SECTIONS = 10, RESPONSES = 3 };
 #define LEAST_DARK  1e-3
 #define DARK_BETTER 1.5
 /* A surface is a polynomial of the second order, whose equations are solved with their diagonal so much larger, and
- * must leave less by this factor. */
+ * must leave less by this factor; whether it is right, confirm.c says. */
 enum { TERMS = 6 };
 #define SOLVABLE       1e-9
-#define SURFACE_BETTER 2.0
+#define SURFACE_BETTER 1.2
 static const double responses[RESPONSES] = {HADA_RESPONSE_LINEAR, 1.5, HADA_RESPONSE_SRGB};
 
 /* Of Gaussian noise one value in a hundred is so many standard deviations below the mean. */
@@ -230,10 +230,7 @@ static hada_status draw(const hada_sample *work, const surface *from, const left
 {
     const hada_fit_options *options = &work->options;
     const int rows = options->raw_rows, cols = options->raw_cols;
-    double less[HADA_SAMPLE_MOST];
-    for (int k = 0; k < work->count; k++)
-        less[k] = otherwise->log[k] - from->left.log[k];
-    if (!hada_sample_is_better(less, work->count, log(SURFACE_BETTER)))
+    if (!(otherwise->mean - from->left.mean > log(SURFACE_BETTER)))
         return HADA_OK;
     for (int c = 0; c < options->channels; c++) {
         const double *weight = from->weight + c * TERMS;
@@ -292,7 +289,7 @@ hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pa
     darken(&work, 0.0);
     if (found)
         HADA_TRY_OR_DONE(find_surface(&work, &level, found, err));
-    options->dark = found && found->data ? 0.0 : level.level;
+    options->dark = level.level;
 done:
     options->find_dark = !status && (options->dark > 0.0 || (found && found->data));
     hada_sample_end(&work);

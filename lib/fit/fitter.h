@@ -86,8 +86,9 @@ hada_status hada_fit_sizes_from(hada_fit_options *options, const hada_dataset *p
 hada_status hada_fit_find_bad_pixels(const hada_fit_options *sizes, const hada_dataset *pairs, hada_image *flat,
                                      size_t *found, hada_error *err);
 /* Where options->find_dark asks for it, and the pairs have no dark frame: the dark level with which they leave least of
- * held-out frames, into options->dark; or light that is in all frames, a smooth surface, which is created, of the
- * frames' channels and size (NULL: not looked for). options->find_dark becomes whether either was found. */
+ * held-out frames, into options->dark; and light that is in all frames, a smooth surface, which is created, of the
+ * frames' channels and size (NULL: not looked for), where it may be better. options->find_dark becomes whether either
+ * was found. */
 hada_status hada_fit_find_dark(hada_fit_options *options, const hada_dataset *pairs, hada_image *surface,
                                hada_error *err);
 /* Whether frames, taken for linear, seem to be encoded so (hadalens/response.h): decoded, they are explained better. */
@@ -97,6 +98,13 @@ hada_status hada_fit_seem_encoded(const hada_fit_options *options, const hada_da
  * crop in the model. Has the survey choose what is better. */
 hada_status hada_fit_confirm_survey(hada_survey *survey, const hada_fit_options *fit, hada_exposure exposure,
                                     hada_context *context, const hada_dataset *pairs, hada_error *err);
+/* Among ranks: what the first of them has found. */
+hada_status hada_survey_agree(hada_survey *survey, const hada_communicator *ranks, const hada_dataset *pairs,
+                              hada_error *err);
+/* Whether pairs without the surface that hada_fit_find_dark() found, `dark`, are clearly better explained than with it.
+ */
+hada_status hada_fit_confirm_dark(const hada_fit_options *fit, hada_context *context, const hada_dataset *lit,
+                                  const hada_dataset *dark, int *better, hada_error *err);
 /* Makes a row the chosen one, with the exposures of another survey of the same pairs, which gets those that were there;
  * NULL: they are alike. */
 void hada_survey_choose(hada_survey *survey, const hada_survey_row *row, hada_survey *exposures);

@@ -18,11 +18,10 @@ hada_status hada_look_take(hada_look *at, const hada_dataset *pairs, hada_error 
 {
     const double *distance = &at->options->distances_mm[at->depth];
     const int all = hada_dataset_get_info(pairs)->counts[at->depth], channel = at->options->channels / 2;
-    at->held = all >= MANY_PAIRS ? HADA_LOOK_HELD : 1;
-    const int count = all < HADA_LOOK_LEARNED + at->held ? all : HADA_LOOK_LEARNED + at->held,
-              learned = count - at->held;
+    at->held = at->group ? 0 : all >= MANY_PAIRS ? HADA_LOOK_HELD : 1;
+    const int count = at->group ? at->group : hada_least(all, HADA_LOOK_LEARNED + at->held), learned = count - at->held;
     for (; at->count < count; at->count++) {
-        const int number = (int)(((long)at->count * all / count + at->first) % all);
+        const int number = at->group ? at->first + at->count : (int)(((long)at->count * all / count + at->first) % all);
         hada_pair *pair = &at->pair[at->count];
         HADA_TRY(hada_pair_take(pair, pairs, at->depth, number, err));
         if (pair->raw->channels <= channel || pair->scene->channels <= channel) {
@@ -36,7 +35,9 @@ hada_status hada_look_take(hada_look *at, const hada_dataset *pairs, hada_error 
         at->scene[at->count] = channel_of(pair->scene, channel);
     }
     HADA_TRY(hada_dataset_from_images(&at->learned, 1, distance, &learned, at->raw, at->scene, err));
-    return hada_dataset_from_images(&at->held_out, 1, distance, &at->held, at->raw + learned, at->scene + learned, err);
+    return at->group ? HADA_OK
+                     : hada_dataset_from_images(&at->held_out, 1, distance, &at->held, at->raw + learned,
+                                                at->scene + learned, err);
 }
 
 void hada_look_return(hada_look *at)

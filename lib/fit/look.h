@@ -7,7 +7,12 @@
 #include "fit/fitter.h"
 
 /* Pairs that are learned from at most, and those held out beside them; a depth needs as many as this. */
-enum { HADA_LOOK_LEARNED = 8, HADA_LOOK_HELD = 2, HADA_LOOK_LEAST = 2 };
+enum {
+    HADA_LOOK_LEARNED = 8,
+    HADA_LOOK_HELD = 2,
+    HADA_LOOK_MOST = HADA_LOOK_LEARNED + HADA_LOOK_HELD,
+    HADA_LOOK_LEAST = 2
+};
 /* Shares of a window beyond the sensor's edge that a grid may have. */
 enum { HADA_OVERHANGS = 5 };
 
@@ -16,9 +21,9 @@ typedef struct hada_look {
     hada_context *context;
     const hada_fit_options *options;
     int depth, first, count, held; /* first: the number of the pair that comes first */
-    hada_pair pair[HADA_LOOK_LEARNED + HADA_LOOK_HELD];
-    hada_image raw[HADA_LOOK_LEARNED + HADA_LOOK_HELD],
-        scene[HADA_LOOK_LEARNED + HADA_LOOK_HELD]; /* their channels, not owned */
+    int group; /* above 0: so many pairs from `first` on, of which none is held out; at most HADA_LOOK_MOST */
+    hada_pair pair[HADA_LOOK_MOST];
+    hada_image raw[HADA_LOOK_MOST], scene[HADA_LOOK_MOST]; /* their channels, not owned */
     hada_dataset *learned, *held_out;
 } hada_look;
 

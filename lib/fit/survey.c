@@ -118,6 +118,18 @@ done:
     return status;
 }
 
+/* Exposures of all pairs, 1. */
+static hada_status make_gains(owned_survey *own, const int *counts, hada_error *err)
+{
+    HADA_TRY(HADA_NEW(own->gain, (size_t)own->depths, "exposures", err));
+    for (int z = 0; z < own->depths; z++) {
+        HADA_TRY(HADA_NEW(own->gain[z], (size_t)counts[z], "exposures", err));
+        for (int i = 0; i < counts[z]; i++)
+            own->gain[z][i] = 1.0;
+    }
+    return HADA_OK;
+}
+
 static hada_status expose_all(owned_survey *own, hada_sample *work, hada_error *err)
 {
     work->response = &own->survey.response;
@@ -125,13 +137,9 @@ static hada_status expose_all(owned_survey *own, hada_sample *work, hada_error *
     hada_pair_level_destroy(&work->level);
     HADA_TRY(
         hada_pair_level_create(&work->level, work->reducer.grid, work->options.channels, EXPOSED_TOGETHER + 1, err));
-    HADA_TRY(HADA_NEW(own->gain, (size_t)own->depths, "exposures", err));
-    for (int z = 0; z < own->depths; z++) {
-        HADA_TRY(HADA_NEW(own->gain[z], (size_t)work->counts[z], "exposures", err));
-        for (int i = 0; i < work->counts[z]; i++)
-            own->gain[z][i] = 1.0;
+    HADA_TRY(make_gains(own, work->counts, err));
+    for (int z = 0; z < own->depths; z++)
         HADA_TRY(expose_depth(work, z, own->gain[z], err));
-    }
     own->survey.gains = (const double *const *)own->gain;
     return HADA_OK;
 }
@@ -243,6 +251,28 @@ void hada_survey_choose(hada_survey *survey, const hada_survey_row *row, hada_su
         other->gain = gain;
     }
     survey->gains = other ? (const double *const *)own->gain : NULL;
+}
+
+hada_status hada_survey_agree(hada_survey *survey, const hada_communicator *ranks, const hada_dataset *pairs,
+                              hada_error *err)
+{
+    owned_survey *own = (owned_survey *)survey; /* its first member */
+    const int *counts = hada_dataset_get_info(pairs)->counts;
+    double found[] = {survey->response, survey->exposed};
+    HADA_TRY(hada_broadcast(ranks, 0, found, sizeof found, err));
+    survey->response = found[0];
+    survey->exposed = found[1] != 0.0;
+    survey->gains = NULL;
+    for (int r = 0; own->list[r]; r++)
+        own->row[r].chosen = own->row[r].response == found[0];
+    if (!survey->exposed)
+        return HADA_OK;
+    if (!own->gain)
+        HADA_TRY(make_gains(own, counts, err));
+    for (int z = 0; z < own->depths; z++)
+        HADA_TRY(hada_broadcast(ranks, 0, own->gain[z], (size_t)counts[z] * sizeof *own->gain[z], err));
+    survey->gains = (const double *const *)own->gain;
+    return HADA_OK;
 }
 
 void hada_survey_destroy(hada_survey **pointer)

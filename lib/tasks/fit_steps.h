@@ -21,13 +21,13 @@ void hada_mended_free(hada_mended *mended);
 
 /* Finds bad pixels, and where `fit` asks for it the dark level or (`surfaces`) light that is in all frames, with notes.
  * *data: the pairs without these. */
-hada_status hada_fit_mend(hada_mended *mended, const hada_dataset **data, hada_fit_options *fit, int surfaces,
-                          hada_error *err);
+hada_status hada_fit_mend(hada_mended *mended, const hada_dataset **data, hada_context *context, hada_fit_options *fit,
+                          const hada_communicator *ranks, int surfaces, hada_error *err);
 
 /* Finds the response of the scenes, for `fit`, and exposures; *even: the pairs of one exposure. */
 hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_context *context, const hada_dataset *data,
-                            hada_fit_options *fit, hada_exposure exposure, const hada_monitor *monitor,
-                            hada_error *err);
+                            hada_fit_options *fit, hada_exposure exposure, const hada_communicator *ranks,
+                            const hada_monitor *monitor, hada_error *err);
 
 /* The boundary, where neither the caller gave it nor camera.json says that it is circular, with a message that says
  * what was found; padded, a dark level that was found becomes more precise. */

@@ -222,10 +222,12 @@ hada_status hada_fit_prepare(hada_fit_options *fit, const hada_dataset *data, in
 }
 
 hada_status hada_fit_survey(hada_survey **out, hada_dataset **even, hada_context *context, const hada_dataset *data,
-                            hada_fit_options *fit, hada_exposure exposure, const hada_monitor *monitor, hada_error *err)
+                            hada_fit_options *fit, hada_exposure exposure, const hada_communicator *ranks,
+                            const hada_monitor *monitor, hada_error *err)
 {
     HADA_TRY(hada_survey_create(out, fit, data, exposure, err));
     HADA_TRY(hada_fit_confirm_survey(*out, fit, exposure, context, data, err));
+    HADA_TRY(hada_survey_agree(*out, ranks, data, err));
     if ((*out)->exposed)
         hada_monitor_tell(monitor, HADA_MESSAGE_NOTE,
                           "frames of one depth differ in exposure: each scene is learned as bright as its frame was "
@@ -242,8 +244,31 @@ void hada_mended_free(hada_mended *mended)
     hada_image_destroy(&mended->dark);
 }
 
-hada_status hada_fit_mend(hada_mended *mended, const hada_dataset **data, hada_fit_options *fit, int surfaces,
-                          hada_error *err)
+/* Takes light off that is in all frames, if that is clearly better than the dark level that was found. */
+static hada_status darken(hada_mended *mended, const hada_dataset **data, hada_context *context, hada_fit_options *fit,
+                          const hada_communicator *ranks, hada_error *err)
+{
+    double mean = 0.0;
+    int better;
+    HADA_TRY(hada_dataset_mend(&mended->above, *data, NULL, &mended->dark, err));
+    HADA_TRY(hada_fit_confirm_dark(fit, context, *data, mended->above, &better, err));
+    HADA_TRY(hada_broadcast(ranks, 0, &better, sizeof better, err));
+    fit->find_dark = better || fit->dark > 0.0;
+    if (!better)
+        return HADA_OK;
+    fit->dark = 0.0;
+    *data = mended->above;
+    for (size_t i = 0; i < hada_image_count(&mended->dark); i++)
+        mean += mended->dark.data[i] / (double)hada_image_count(&mended->dark);
+    hada_monitor_tell(fit->monitor, HADA_MESSAGE_NOTE,
+                      "all frames hold light that comes from no scene, %.2g %% of full scale in the mean: the model "
+                      "subtracts it. Frames of other light, such as of another room, need a --dark of their own",
+                      100.0 * mean);
+    return HADA_OK;
+}
+
+hada_status hada_fit_mend(hada_mended *mended, const hada_dataset **data, hada_context *context, hada_fit_options *fit,
+                          const hada_communicator *ranks, int surfaces, hada_error *err)
 {
     size_t found = 0;
     HADA_TRY(hada_fit_find_bad_pixels(fit, *data, &mended->flat, &found, err));
@@ -256,18 +281,7 @@ hada_status hada_fit_mend(hada_mended *mended, const hada_dataset **data, hada_f
         *data = mended->sound;
     }
     HADA_TRY(hada_fit_find_dark(fit, *data, surfaces ? &mended->dark : NULL, err));
-    if (!mended->dark.data)
-        return HADA_OK;
-    double mean = 0.0;
-    for (size_t i = 0; i < hada_image_count(&mended->dark); i++)
-        mean += mended->dark.data[i] / (double)hada_image_count(&mended->dark);
-    hada_monitor_tell(fit->monitor, HADA_MESSAGE_NOTE,
-                      "all frames hold light that comes from no scene, %.2g %% of full scale in the mean: the model "
-                      "subtracts it. Frames of other light, such as of another room, need a --dark of their own",
-                      100.0 * mean);
-    HADA_TRY(hada_dataset_mend(&mended->above, *data, NULL, &mended->dark, err));
-    *data = mended->above;
-    return HADA_OK;
+    return mended->dark.data ? darken(mended, data, context, fit, ranks, err) : HADA_OK;
 }
 
 hada_status hada_fit_choose_boundary(hada_fit_options *fit, hada_context *context, const hada_dataset *pairs, int given,
@@ -486,8 +500,8 @@ static hada_status survey(learning *of, hada_context *context, hada_error *err)
     const int open = fit->scene_response == HADA_AUTO || task->exposure == HADA_EXPOSURE_AUTO;
     if (task->exposure != HADA_EXPOSURE_EACH && !(fit->leave_one_out && open))
         return HADA_OK;
-    HADA_TRY(
-        hada_fit_survey(&of->report->survey, &of->even, context, of->data, fit, task->exposure, task->monitor, err));
+    HADA_TRY(hada_fit_survey(&of->report->survey, &of->even, context, of->data, fit, task->exposure, &of->ranks,
+                             task->monitor, err));
     of->report->report.survey = of->report->survey;
     of->data = of->even;
     return HADA_OK;
@@ -523,7 +537,7 @@ static hada_status learn_pairs(learning *of, hada_context *context, hada_model *
     if (of->fit.leave_one_out)
         HADA_TRY(tell_frames(of, &encoded, err));
     HADA_TRY(look_at_sums(of, err));
-    HADA_TRY(hada_fit_mend(&of->mended, &of->data, &of->fit, !task->save_sums && !encoded, err));
+    HADA_TRY(hada_fit_mend(&of->mended, &of->data, context, &of->fit, &of->ranks, !task->save_sums && !encoded, err));
     HADA_TRY(leave_out(of, context, err));
     HADA_TRY(survey(of, context, err));
     if (!task->merge_count)

@@ -447,9 +447,9 @@ static hada_status survey(training *own, hada_context *context, hada_fit_options
         fit->find_dark = 0;
     }
     if (!own->model)
-        HADA_TRY(hada_fit_mend(&own->mended, &own->data, fit, 1, err));
-    HADA_TRY(
-        hada_fit_survey(&own->survey, &own->even, context, own->data, fit, HADA_EXPOSURE_AUTO, task->monitor, err));
+        HADA_TRY(hada_fit_mend(&own->mended, &own->data, context, fit, &own->work.ranks, 1, err));
+    HADA_TRY(hada_fit_survey(&own->survey, &own->even, context, own->data, fit, HADA_EXPOSURE_AUTO, &own->work.ranks,
+                             task->monitor, err));
     return split(own, own->even, err);
 }
 

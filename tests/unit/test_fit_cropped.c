@@ -552,4 +552,46 @@ TEST(responses_are_confirmed)
     assert_true(right[0] >= unsure[0] - unsure[0] / 8);
 }
 
+/* Exposures that a survey finds become precise, and scenes keep their response; alike ones are not taken apart. */
+TEST(exposures_are_confirmed)
+{
+    enum { CASES = 6 };
+    static const double gains[PAIRS] = {0.6, 1.0, 1.5, 1.1};
+    const fixture *f = *state;
+    const int count = PAIRS;
+    for (uint64_t seed = 1; seed <= CASES; seed++)
+        for (int exposed = 0; exposed < 2; exposed++) {
+            hada_fit_options options = helpers_fit(1, CHANNELS, distances, ROWS, COLS, WINDOW);
+            hada_image scenes[PAIRS], frames[PAIRS];
+            SCOPED(hada_image) psf = spots(0.8, seed + 200);
+            double mean = 0.0;
+            for (int i = 0; i < PAIRS; i++) {
+                scenes[i] = squares(100 * seed + (uint64_t)i);
+                frames[i] = expose(&psf, &scenes[i], 100 * seed + (uint64_t)i);
+                for (size_t k = 0; k < hada_image_count(&frames[i]) && exposed; k++)
+                    frames[i].data[k] *= (float)gains[i];
+                hada_response_convert(scenes[i].data, hada_image_count(&scenes[i]), HADA_RESPONSE_LINEAR,
+                                      HADA_RESPONSE_SRGB);
+                mean += log(gains[i]) / PAIRS;
+            }
+            hada_dataset *data;
+            hada_survey *survey;
+            options.boundary = HADA_BOUNDARY_PADDED;
+            ASSERT_OK(hada_dataset_from_images(&data, 1, distances, &count, frames, scenes, err));
+            ASSERT_OK(hada_survey_create(&survey, &options, data, HADA_EXPOSURE_AUTO, err));
+            ASSERT_OK(hada_fit_confirm_survey(survey, &options, HADA_EXPOSURE_AUTO, f->context, data, err));
+            if (survey->exposed != exposed || (survey->response != HADA_RESPONSE_SRGB && survey->response < 1.9))
+                fail_msg("seed %d, exposed %d: %d, response %g", (int)seed, exposed, survey->exposed, survey->response);
+            assert_int_equal(survey->gains != NULL, exposed);
+            for (int i = 0; i < PAIRS && exposed; i++)
+                if (fabs(survey->gains[0][i] / gains[i] * exp(mean) - 1.0) > 0.03)
+                    fail_msg("seed %d: exposure %g was found for %g", (int)seed, survey->gains[0][i],
+                             gains[i] / exp(mean));
+            hada_survey_destroy(&survey);
+            hada_dataset_destroy(&data);
+            destroy_images(scenes, PAIRS);
+            destroy_images(frames, PAIRS);
+        }
+}
+
 FIXTURE(set_up_both, tear_down_both)

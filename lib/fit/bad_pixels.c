@@ -23,31 +23,35 @@ typedef struct looking {
     size_t count;
 } looking;
 
-static int mirrored(int i, int count)
+/* The middle of three pixels of a line, `step` apart, of which i is one, the middle one where that is possible. */
+static int inside(int i, int count, int step)
 {
-    return i < 0 ? -i : i < count ? i : 2 * count - 2 - i;
+    return i < step ? i + step : i >= count - step ? i - step : i;
 }
 
-/* Whether a value lies beyond those around it, `step` pixels away. */
+/* Whether a value lies beyond those around it, `step` pixels away. At a border these are the nearest ones, none of
+ * which is left out: light that falls off towards it makes all of them brighter. */
 static int is_beyond(const float *plane, int rows, int cols, int row, int col, int step, float noise)
 {
     const float value = plane[(size_t)row * (size_t)cols + (size_t)col];
+    const int middle = inside(row, rows, step), centre = inside(col, cols, step);
+    const int omitted = middle == row && centre == col ? OMITTED : 0;
     float sorted[AROUND] = {0.0F};
     int n = 0, below = 0;
-    for (int r = -step; r <= step; r += step)
-        for (int c = -step; c <= step; c += step) {
-            if (!r && !c)
+    for (int r = middle - step; r <= middle + step; r += step)
+        for (int c = centre - step; c <= centre + step; c += step) {
+            if ((r == row && c == col) || n == AROUND)
                 continue;
-            const float other = plane[(size_t)mirrored(row + r, rows) * (size_t)cols + (size_t)mirrored(col + c, cols)];
+            const float other = plane[(size_t)r * (size_t)cols + (size_t)c];
             int at = n++;
             for (; at > 0 && sorted[at - 1] > other; at--)
                 sorted[at] = sorted[at - 1];
             sorted[at] = other;
             below += other < value;
         }
-    if (below > OMITTED && below < AROUND - OMITTED)
+    if (below > omitted && below < AROUND - omitted)
         return 0;
-    const float low = sorted[OMITTED], high = sorted[AROUND - 1 - OMITTED];
+    const float low = sorted[omitted], high = sorted[AROUND - 1 - omitted];
     return fmaxf(value - high, low - value) > BEYOND_NOISE * noise + BEYOND_RANGE * (high - low);
 }
 
@@ -73,7 +77,7 @@ static void look_at(looking *at, const hada_image *frame)
 
 static hada_status look_at_pair(looking *at, const hada_dataset *pairs, int number, hada_error *err)
 {
-    enum { LEAST_SIDE = 5 }; /* a mosaic's neighbours */
+    enum { LEAST_SIDE = 6 }; /* three pixels of each colour */
     hada_pair pair = {0};
     hada_status status = HADA_OK;
     int z = 0;

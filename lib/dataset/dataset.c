@@ -490,26 +490,12 @@ hada_status hada_dataset_from_images(hada_dataset **out, int depths, const doubl
     return open_named(out, store, depths, distances_mm, counts, err);
 }
 
-/* The value of a sensor's frame, of all channels, for value i of a raw frame. */
-static float *of_sensor(const hada_image *sensor, const hada_image *raw, hada_mosaic mosaic, size_t i)
-{
-    const size_t area = (size_t)raw->rows * (size_t)raw->cols, cols = (size_t)raw->cols;
-    const size_t channel =
-        mosaic == HADA_MOSAIC_NONE ? i / area : (size_t)hada_mosaic_channel(mosaic, (int)(i / cols), (int)(i % cols));
-    return sensor->data + channel * area + i % area;
-}
-
+/* Whether a flat or dark frame is of all channels and of the size of a raw frame. */
 static int is_of(const hada_image *sensor, const hada_image *raw, hada_mosaic mosaic)
 {
     const int colours = mosaic == HADA_MOSAIC_NONE ? raw->channels : HADA_MOSAIC_COLOURS;
     return sensor && sensor->data && sensor->channels == colours && sensor->rows == raw->rows &&
            sensor->cols == raw->cols;
-}
-
-static void subtract(hada_image *raw, hada_mosaic mosaic, const hada_image *dark)
-{
-    for (size_t i = 0; i < hada_image_count(raw); i++)
-        raw->data[i] -= *of_sensor(dark, raw, mosaic, i);
 }
 
 /* Subtracts the dark frame from a raw frame, divides it by the flat frame and bins it, in the order that their sizes
@@ -520,7 +506,7 @@ static hada_status correct(const hada_pair_store *store, hada_image *raw, const 
     const int bins = store->downsample > 1, first = bins && flat->rows == raw->rows && flat->cols == raw->cols;
     const int darkens = is_of(dark, raw, bins ? store->sensor_mosaic : store->mosaic);
     if (darkens)
-        subtract(raw, bins ? store->sensor_mosaic : store->mosaic, dark);
+        hada_dark_subtract(raw, bins ? store->sensor_mosaic : store->mosaic, dark);
     if (first)
         HADA_TRY(hada_named(hada_flat_correct(raw, store->sensor_mosaic, flat, store->flat_dark, err), name, err));
     if (bins)
@@ -532,7 +518,7 @@ static hada_status correct(const hada_pair_store *store, hada_image *raw, const 
                                         "%d",
                                         raw->channels, raw->rows, raw->cols, dark->channels, dark->rows, dark->cols),
                               name, err);
-        subtract(raw, store->mosaic, dark);
+        hada_dark_subtract(raw, store->mosaic, dark);
     }
     return flat->data && !first
                ? hada_named(hada_flat_correct(raw, store->mosaic, flat, store->flat_dark, err), name, err)
@@ -686,8 +672,7 @@ static hada_status copy(hada_image *out, const hada_image *image, hada_error *er
     return hada_image_crop(out, image, 0, 0, image->rows, image->cols, err);
 }
 
-/* Makes a scene so many times as bright, in its own encoding. */
-static void brighten(hada_image *scene, double gain, double response)
+void hada_scene_brighten(hada_image *scene, double gain, double response)
 {
     const size_t count = scene->data ? hada_image_count(scene) : 0;
     hada_response_convert(scene->data, count, response, HADA_RESPONSE_LINEAR);
@@ -696,25 +681,21 @@ static void brighten(hada_image *scene, double gain, double response)
     hada_response_convert(scene->data, count, HADA_RESPONSE_LINEAR, response);
 }
 
-/* What this part alone mends, in the pair's own image. A pair of another size is refused by who takes it. */
+/* What this part alone mends, in the pair's own image. A pair of another size is refused by who takes it, and so is one
+ * with values that are not finite, which stay. */
 static hada_status mend(hada_pair *pair, const hada_dataset *dataset, hada_error *err)
 {
     const hada_mosaic mosaic = dataset->store->mosaic;
-    const int repairs = is_of(dataset->mended, pair->raw, mosaic),
-              darkens = is_of(dataset->darkened, pair->raw, mosaic);
-    size_t repaired;
+    const int repairs = is_of(dataset->mended, pair->raw, mosaic) && !hada_image_count_not_finite(pair->raw);
+    const int darkens = is_of(dataset->darkened, pair->raw, mosaic);
     if (!repairs && !darkens)
         return HADA_OK;
     if (!pair->own.raw.data)
         HADA_TRY(copy(&pair->own.raw, pair->raw, err));
-    hada_image *raw = &pair->own.raw;
-    pair->raw = raw;
+    pair->raw = &pair->own.raw;
     if (darkens)
-        subtract(raw, mosaic, dataset->darkened);
-    for (size_t i = 0; repairs && i < hada_image_count(raw); i++)
-        if (*of_sensor(dataset->mended, raw, mosaic, i) == 0.0f)
-            raw->data[i] = NAN;
-    return repairs ? hada_frame_repair(raw, mosaic, &repaired, err) : HADA_OK;
+        hada_dark_subtract(&pair->own.raw, mosaic, dataset->darkened);
+    return repairs ? hada_flat_repair(&pair->own.raw, mosaic, dataset->mended, err) : HADA_OK;
 }
 
 /* A raw frame with all its colours, in the pair's own image. */
@@ -769,7 +750,7 @@ static hada_status take(hada_pair *pair, const hada_dataset *dataset, int depth,
     if (gain != 1.0) {
         if (!pair->own.scene.data)
             HADA_TRY_OR_DONE(copy(&pair->own.scene, pair->scene, err));
-        brighten(&pair->own.scene, gain, dataset->response);
+        hada_scene_brighten(&pair->own.scene, gain, dataset->response);
         pair->scene = &pair->own.scene;
     }
 done:

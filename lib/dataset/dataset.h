@@ -127,6 +127,9 @@ int hada_pair_number(const hada_dataset *dataset, int depth, int pair);
 hada_status hada_dataset_brighten(hada_dataset **out, const hada_dataset *from, const double *const *gains,
                                   double response, hada_error *err);
 
+/* Makes a scene so many times as bright in linear light, in its own encoding. */
+void hada_scene_brighten(hada_image *scene, double gain, double response);
+
 /* From now on all scenes that are read (of files, or by the caller's function) go through `place`; pairs that were read
  * before are dropped. Nobody uses the data set or its parts meanwhile. They take `placement` over. */
 void hada_dataset_place(const hada_dataset *dataset, hada_place_scene place, void *placement);

@@ -431,20 +431,6 @@ done:
     return status;
 }
 
-static hada_status copy_dark(hada_setup *setup, const hada_image *dark, hada_error *err)
-{
-    const size_t broken = hada_image_count_not_finite(dark);
-    const int channels = setup->model->info.channels;
-    HADA_TRY(hada_image_create(&setup->dark_frame, channels, dark->rows, dark->cols, err));
-    if (dark->channels == channels)
-        memcpy(setup->dark_frame.data, dark->data, hada_image_count(dark) * sizeof(float));
-    else /* filled in as frames are */
-        hada_mosaic_fill(setup->config.mosaic, dark->data, dark->rows, dark->cols, setup->dark_frame.data);
-    if (broken)
-        HADA_TRY(hada_fail(err, HADA_ERROR_NOT_FINITE, "the dark frame holds %zu values that are not finite", broken));
-    return HADA_OK;
-}
-
 static hada_status copy_weights(hada_setup *setup, const hada_image *weights, hada_error *err)
 {
     const int channels = setup->model->info.channels;
@@ -593,7 +579,7 @@ static hada_status begin(hada_setup *setup, hada_context *context, const hada_pl
         HADA_TRY(
             hada_classic_fit_grid(&setup->config.method, context, model, setup->depths, setup->config.depths, err));
     if (setup->config.dark)
-        HADA_TRY(copy_dark(setup, options->dark_frame, err));
+        HADA_TRY(hada_dark_of_sensor(&setup->dark_frame, options->dark_frame, setup->config.mosaic, err));
     return take_flat(setup, options->flat_frame, err);
 }
 

@@ -1,4 +1,5 @@
 /* Pixels of the sensor that do not see what those around them see: hot, dead and stuck ones. */
+#include "core/finite.h"
 #include "dataset/dataset.h"
 #include "fit/fitter.h"
 #include "image/mosaic.h"
@@ -40,7 +41,7 @@ static int is_beyond(const float *plane, int rows, int cols, int row, int col, i
     int n = 0, below = 0;
     for (int r = middle - step; r <= middle + step; r += step)
         for (int c = centre - step; c <= centre + step; c += step) {
-            if ((r == row && c == col) || n == AROUND)
+            if (r == row && c == col)
                 continue;
             const float other = plane[(size_t)r * (size_t)cols + (size_t)c];
             int at = n++;
@@ -55,15 +56,12 @@ static int is_beyond(const float *plane, int rows, int cols, int row, int col, i
     return fmaxf(value - high, low - value) > BEYOND_NOISE * noise + BEYOND_RANGE * (high - low);
 }
 
-static void look_at(looking *at, const hada_image *frame)
+static void look_at(looking *at, const hada_image *frame, float largest)
 {
     const size_t area = (size_t)frame->rows * (size_t)frame->cols;
     const int mosaic = at->mosaic != HADA_MOSAIC_NONE;
     hada_pixels pixels = {.size = sizeof pixels, .full_scale = HADA_AUTO};
-    float largest = 0.0F;
     hada_pixels_of_image(&pixels, frame);
-    for (size_t i = 0; i < hada_image_count(frame); i++)
-        largest = fmaxf(largest, fabsf(frame->data[i]));
     const float noise = (float)fmax(hada_noise_estimate(&pixels, at->mosaic), LEAST_NOISE * largest);
     for (size_t i = 0; i < hada_image_count(frame); i++) {
         const int row = (int)(i % area / (size_t)frame->cols), col = (int)(i % (size_t)frame->cols);
@@ -79,6 +77,7 @@ static hada_status look_at_pair(looking *at, const hada_dataset *pairs, int numb
 {
     enum { LEAST_SIDE = 6 }; /* three pixels of each colour */
     hada_pair pair = {0};
+    float largest;
     hada_status status = HADA_OK;
     int z = 0;
     for (; number >= hada_dataset_get_info(pairs)->counts[z]; z++)
@@ -89,8 +88,8 @@ static hada_status look_at_pair(looking *at, const hada_dataset *pairs, int numb
         HADA_TRY_OR_DONE(HADA_NEW(at->sounds, count, "bad pixels", err));
         at->count = count;
     }
-    if (at->count == count && !hada_image_count_not_finite(pair.raw)) { /* others are refused by the fit */
-        look_at(at, pair.raw);
+    if (at->count == count && !hada_not_finite(pair.raw->data, count, &largest)) { /* others are refused by the fit */
+        look_at(at, pair.raw, largest);
         at->frames++;
     }
 done:

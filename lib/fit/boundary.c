@@ -174,8 +174,7 @@ hada_status hada_fit_find_boundary(hada_fit_options *callers, hada_context *cont
     options.boundary = HADA_BOUNDARY_PADDED;
     options.grid_rows = options.grid_cols = 0;
     if (at.depth < options.depths) {
-        rows = hada_look_side(options.raw_rows, options.window_rows, HADA_OVERHANGS - 1);
-        cols = hada_look_side(options.raw_cols, options.window_cols, HADA_OVERHANGS - 1);
+        hada_look_whole(&options, &rows, &cols);
         const int few = hada_dataset_get_info(pairs)->counts[at.depth] == HADA_LOOK_LEAST;
         HADA_TRY_OR_DONE((few ? search_few : search)(&at, pairs, &rows, &cols, err));
         const int inside = rows == options.raw_rows && cols == options.raw_cols;

@@ -1,7 +1,6 @@
 /* What a survey of small copies chose, compared with the crop in the model: the response of the scenes, and exposures.
  */
 #include <hadalens/response.h>
-#include <hadalens/scene.h>
 
 #include "fit/look.h"
 
@@ -24,14 +23,9 @@ static hada_status shades(const hada_look *at, hada_image *raws, hada_image *sce
     const double response = at->options->scene_response;
     for (int i = 0; i < SHADES * at->count; i++) {
         const int of = i % at->count, shade = i / at->count;
-        hada_image *scene = &scenes[i];
         raws[i] = at->raw[of];
-        HADA_TRY(hada_image_copy(scene, &at->scene[of], err));
-        const size_t count = hada_image_count(scene);
-        hada_response_convert(scene->data, count, response, HADA_RESPONSE_LINEAR);
-        for (size_t k = 0; k < count; k++)
-            scene->data[k] *= (float)shade;
-        hada_response_convert(scene->data, count, HADA_RESPONSE_LINEAR, response);
+        HADA_TRY(hada_image_copy(&scenes[i], &at->scene[of], err));
+        hada_scene_brighten(&scenes[i], shade, response);
     }
     return HADA_OK;
 }
@@ -49,18 +43,17 @@ static hada_status expose_group(hada_look *at, const hada_survey *survey, const 
     double *gain = (double *)(uintptr_t)survey->gains[at->depth] + at->first, left[SHADES * HADA_LOOK_MOST];
     hada_image raws[SHADES * HADA_LOOK_MOST], scenes[SHADES * HADA_LOOK_MOST] = {{0}};
     const double distance = at->options->distances_mm[at->depth];
-    const int count = SHADES * at->group, side = HADA_OVERHANGS - 1;
-    const int circular = at->options->boundary == HADA_BOUNDARY_CIRCULAR;
+    const int count = SHADES * at->group;
     hada_dataset *even = NULL, *shown = NULL;
     double mean = 0.0;
+    int rows, cols;
     hada_status status = HADA_OK;
+    hada_look_whole(at->options, &rows, &cols);
     HADA_TRY_OR_DONE(hada_survey_apply(&even, survey, pairs, err));
     HADA_TRY_OR_DONE(hada_look_take(at, even, err));
     HADA_TRY_OR_DONE(shades(at, raws, scenes, err));
     HADA_TRY_OR_DONE(hada_dataset_from_images(&shown, 1, &distance, &count, raws, scenes, err));
-    HADA_TRY_OR_DONE(hada_look_explain(
-        at, hada_look_side(at->options->raw_rows, circular ? 1 : at->options->window_rows, side),
-        hada_look_side(at->options->raw_cols, circular ? 1 : at->options->window_cols, side), shown, left, err));
+    HADA_TRY_OR_DONE(hada_look_explain(at, rows, cols, shown, left, err));
     for (int i = 0; i < at->group; i++) {
         left[i] = brightness(left[i], left[i + at->group], left[i + 2 * at->group]);
         mean += log(left[i]) / at->group;
@@ -95,42 +88,52 @@ static hada_status expose_depth(const hada_survey *survey, const hada_fit_option
 
 /* Responses that are compared on the largest grid, exposures alike or apart. */
 typedef struct confirming {
-    hada_look *at;
-    hada_fit_options options; /* of `at` */
+    hada_look at; /* with the options: */
+    hada_fit_options options;
     const hada_survey *survey;
     const hada_dataset *pairs;
-    int rows, apart;
+    int rows, chosen; /* of the survey: how many, and which it chose */
+    int apart;
     double *left; /* of each row; 0: not known yet */
 } confirming;
+
+/* of->left: free(). `fit` has the depth of a pair that can be held out, or there are no rows. */
+static hada_status begin(confirming *of, hada_context *context, const hada_fit_options *fit, const hada_survey *survey,
+                         const hada_dataset *pairs, hada_error *err)
+{
+    *of = (confirming){.options = *fit, .survey = survey, .pairs = pairs};
+    of->at = (hada_look){.context = context, .options = &of->options, .depth = hada_look_depth(fit, pairs)};
+    if (of->at.depth == fit->depths)
+        return HADA_OK;
+    for (; survey->rows[of->rows]; of->rows++) /* none where pairs do not fit */
+        of->chosen = survey->rows[of->rows]->chosen ? of->rows : of->chosen;
+    return HADA_NEW(of->left, (size_t)of->rows, "responses", err);
+}
 
 /* The pairs exposed as a survey with that response says. */
 static hada_status expose(const confirming *of, hada_dataset **even, hada_survey **exposures, hada_error *err)
 {
     HADA_TRY(hada_survey_create(exposures, &of->options, of->pairs, HADA_EXPOSURE_EACH, err));
-    HADA_TRY(expose_depth(*exposures, &of->options, of->at->depth, of->at->context, of->pairs, err));
+    HADA_TRY(expose_depth(*exposures, &of->options, of->at.depth, of->at.context, of->pairs, err));
     return hada_survey_apply(even, *exposures, of->pairs, err);
 }
 
 static hada_status left_with(confirming *of, int row, hada_error *err)
 {
-    hada_fit_options *options = &of->options;
-    const int circular = options->boundary == HADA_BOUNDARY_CIRCULAR;
     hada_dataset *even = NULL;
     hada_survey *exposures = NULL;
+    int rows, cols;
     hada_status status = HADA_OK;
     if (of->left[row] > 0.0)
         return HADA_OK;
-    options->scene_response = of->survey->rows[row]->response;
+    hada_look_whole(&of->options, &rows, &cols);
+    of->options.scene_response = of->survey->rows[row]->response;
     if (of->apart)
         HADA_TRY_OR_DONE(expose(of, &even, &exposures, err));
-    hada_look_return(of->at);
-    HADA_TRY_OR_DONE(hada_look_take(of->at, even ? even : of->pairs, err));
-    HADA_TRY_OR_DONE(hada_look_left(
-        of->at, hada_look_side(options->raw_rows, circular ? 1 : options->window_rows, HADA_OVERHANGS - 1),
-        hada_look_side(options->raw_cols, circular ? 1 : options->window_cols, HADA_OVERHANGS - 1), &of->left[row],
-        err));
+    HADA_TRY_OR_DONE(hada_look_take(&of->at, even ? even : of->pairs, err));
+    HADA_TRY_OR_DONE(hada_look_left(&of->at, rows, cols, &of->left[row], err));
 done:
-    hada_look_return(of->at);
+    hada_look_return(&of->at);
     hada_dataset_destroy(&even);
     hada_survey_destroy(&exposures);
     return status;
@@ -138,8 +141,9 @@ done:
 
 /* The row that leaves least: of the chosen one and that which the survey's grid says, and on from the better one to
  * neighbours, until none leaves less. */
-static hada_status find_row(confirming *of, int chosen, int *best, hada_error *err)
+static hada_status find_row(confirming *of, int *best, hada_error *err)
 {
+    const int chosen = of->chosen;
     *best = 0;
     for (int row = 1; row < of->rows; row++) {
         const hada_survey_row *one = of->survey->rows[row], *other = of->survey->rows[*best];
@@ -160,14 +164,15 @@ static hada_status find_row(confirming *of, int chosen, int *best, hada_error *e
 }
 
 /* Looks for the best row, which the survey then has where it is sure; *least: what it leaves. */
-static hada_status confirm(confirming *of, int apart, int chosen, int *row, double *least, hada_error *err)
+static hada_status confirm(confirming *of, int apart, int *row, double *least, hada_error *err)
 {
+    const int chosen = of->chosen;
     const double response = of->survey->rows[chosen]->response;
     const double sure = of->options.find_dark ? SURE_WITH_DARK : response == HADA_RESPONSE_LINEAR ? SURE : NEARLY_SURE;
-    int best = chosen;
+    int best;
     of->apart = apart;
     memset(of->left, 0, (size_t)of->rows * sizeof *of->left);
-    HADA_TRY(find_row(of, chosen, &best, err));
+    HADA_TRY(find_row(of, &best, err));
     *row = of->left[best] < sure * of->left[chosen] ? best : chosen;
     *least = of->left[best];
     return HADA_OK;
@@ -176,22 +181,18 @@ static hada_status confirm(confirming *of, int apart, int chosen, int *row, doub
 hada_status hada_fit_confirm_survey(hada_survey *survey, const hada_fit_options *fit, hada_exposure exposure,
                                     hada_context *context, const hada_dataset *pairs, hada_error *err)
 {
-    confirming of = {.options = *fit, .survey = survey, .pairs = pairs};
-    hada_look at = {.context = context, .options = &of.options, .depth = hada_look_depth(fit, pairs)};
+    confirming of = {0};
     hada_survey *exposures = NULL;
-    int chosen = 0, alike = 0, apart = 0;
+    int alike = 0, apart = 0;
     double left_alike = INFINITY, left_apart = INFINITY;
     hada_status status = HADA_OK;
-    of.at = &at;
-    for (; survey->rows[of.rows]; of.rows++)
-        chosen = survey->rows[of.rows]->chosen ? of.rows : chosen;
-    if (at.depth == of.options.depths || !of.rows || (of.rows == 1 && !survey->exposed)) /* 0: pairs that do not fit */
-        return HADA_OK;
-    HADA_TRY_OR_DONE(HADA_NEW(of.left, (size_t)of.rows, "responses", err));
+    HADA_TRY_OR_DONE(begin(&of, context, fit, survey, pairs, err));
+    if (!of.rows || (of.rows == 1 && !survey->exposed))
+        goto done;
     if (exposure != HADA_EXPOSURE_EACH)
-        HADA_TRY_OR_DONE(confirm(&of, 0, chosen, &alike, &left_alike, err));
+        HADA_TRY_OR_DONE(confirm(&of, 0, &alike, &left_alike, err));
     if (survey->exposed)
-        HADA_TRY_OR_DONE(confirm(&of, 1, chosen, &apart, &left_apart, err));
+        HADA_TRY_OR_DONE(confirm(&of, 1, &apart, &left_apart, err));
     if (left_apart < SURE * left_alike) {
         of.options.scene_response = survey->rows[apart]->response;
         HADA_TRY_OR_DONE(hada_survey_create(&exposures, &of.options, pairs, HADA_EXPOSURE_EACH, err));
@@ -204,7 +205,6 @@ hada_status hada_fit_confirm_survey(hada_survey *survey, const hada_fit_options 
 done:
     free(of.left);
     hada_survey_destroy(&exposures);
-    hada_look_return(&at);
     return status;
 }
 
@@ -212,20 +212,14 @@ done:
 static hada_status left_of(const hada_fit_options *fit, hada_context *context, const hada_dataset *pairs, double *left,
                            hada_error *err)
 {
-    confirming of = {.options = *fit, .pairs = pairs};
-    hada_look at = {.context = context, .options = &of.options, .depth = hada_look_depth(fit, pairs)};
+    confirming of = {0};
     hada_survey *survey = NULL;
-    int row, chosen = 0;
+    int row;
     hada_status status = HADA_OK;
-    of.at = &at;
     HADA_TRY_OR_DONE(hada_survey_create(&survey, fit, pairs, HADA_EXPOSURE_SAME, err));
-    of.survey = survey;
-    for (; survey->rows[of.rows]; of.rows++)
-        chosen = survey->rows[of.rows]->chosen ? of.rows : chosen;
-    if (!of.rows)
-        goto done;
-    HADA_TRY_OR_DONE(HADA_NEW(of.left, (size_t)of.rows, "responses", err));
-    HADA_TRY_OR_DONE(confirm(&of, 0, chosen, &row, left, err));
+    HADA_TRY_OR_DONE(begin(&of, context, fit, survey, pairs, err));
+    if (of.rows)
+        HADA_TRY_OR_DONE(confirm(&of, 0, &row, left, err));
 done:
     free(of.left);
     hada_survey_destroy(&survey);
@@ -237,9 +231,6 @@ hada_status hada_fit_confirm_dark(const hada_fit_options *fit, hada_context *con
 {
     hada_fit_options without = *fit;
     double before = 0.0, after = 0.0;
-    *better = 0;
-    if (hada_look_depth(fit, lit) == fit->depths)
-        return HADA_OK;
     without.dark = 0.0;
     HADA_TRY(left_of(fit, context, lit, &before, err));
     HADA_TRY(left_of(&without, context, dark, &after, err));

@@ -7,8 +7,8 @@
 #include "image/statistics.h"
 
 /* Dark levels are tried in so many steps up to the darkest place of all frames, then between the best one's neighbours;
- * below LEAST_DARK of full scale none is looked for. A level must leave less of the frames by this factor, by
- * BETTER_ERRORS (perf/results/learning.md). */
+ * below LEAST_DARK of full scale none is looked for. A level must leave less of the frames by this factor,
+ * surely (perf/results/learning.md). */
 enum { LEVELS = 6, SECTIONS = 10, RESPONSES = 3 };
 #define LEAST_DARK  1e-3
 #define DARK_BETTER 1.5
@@ -107,7 +107,7 @@ typedef struct surface {
     double *weight; /* [channel][TERMS] */
     left_over left;
     double energy[HADA_SAMPLE_MOST]; /* of the frames */
-    float *residual;                 /* room: [1 + TERMS][pair][plane] complex, of a channel */
+    float *residual;                 /* room: [1 + TERMS][channel][pair][plane] complex */
 } surface;
 
 /* Over the sensor y and x go from -1 to 1. */
@@ -136,18 +136,18 @@ static hada_status show_term(const hada_sample *work, int k, hada_image *out, ha
     return HADA_OK;
 }
 
-/* What is left of all pairs where their frames are so: term k, or (k = -1) as they are. */
-static hada_status leave(hada_sample *work, int k, int channel, int response, float *to, hada_error *err)
+/* What is left of all pairs where their frames are so: term k, or (k = -1) as they are; [channel][pair][plane]. */
+static hada_status leave(hada_sample *work, int k, int response, float *to, hada_error *err)
 {
-    const size_t values = 2 * work->level.plane;
     hada_image shown = {0};
     if (k >= 0)
         HADA_TRY(show_term(work, k, &shown, err));
     for (int i = 0; i < work->count; i++)
         hada_pair_level_put(&work->level, i, work->depth[i], k < 0 ? &work->frame[i] : &shown,
                             &work->scene[i][response]);
-    for (int i = 0; i < work->count; i++)
-        hada_pair_level_residual(&work->level, i, channel, to + (size_t)i * values);
+    for (int c = 0; c < work->options.channels; c++)
+        for (int i = 0; i < work->count; i++, to += 2 * work->level.plane)
+            hada_pair_level_residual(&work->level, i, c, to);
     hada_image_destroy(&shown);
     return HADA_OK;
 }
@@ -171,20 +171,17 @@ static void solve(double a[TERMS][TERMS], double *b)
 
 /* The weights of a channel: what is left of a pair is linear in them, so they follow from least squares, each pair by
  * its energy. Adds what is left. */
-static hada_status fit_channel(hada_sample *work, int channel, int response, surface *to, hada_error *err)
+static void fit_channel(const hada_sample *work, int channel, surface *to)
 {
     const hada_pair_level *level = &work->level;
-    const size_t values = 2 * level->plane, all = (size_t)work->count * values;
+    const size_t values = 2 * level->plane, own_pairs = (size_t)work->count * values;
+    const size_t all = (size_t)work->options.channels * own_pairs; /* of a term */
+    float *residual = to->residual + (size_t)channel * own_pairs;
     double a[TERMS][TERMS] = {{0.0}}, *weight = to->weight + channel * TERMS;
-    for (int k = 0; k <= TERMS; k++) {
-        HADA_TRY(leave(work, k - 1, channel, response, to->residual + (size_t)k * all, err));
-        for (int i = 0; !k && i < work->count; i++)
-            to->energy[i] = fmax(level->frame_energy[i], DBL_MIN);
-    }
     for (int k = 0; k < TERMS; k++) {
         weight[k] = 0.0;
         for (int i = 0; i < work->count; i++) {
-            const float *at = to->residual + (size_t)i * values, *own = at + (size_t)(k + 1) * all;
+            const float *at = residual + (size_t)i * values, *own = at + (size_t)(k + 1) * all;
             weight[k] += hada_pair_level_product(level, own, at) / to->energy[i];
             for (int n = 0; n <= k; n++)
                 a[k][n] += hada_pair_level_product(level, own, at + (size_t)(n + 1) * all) / to->energy[i];
@@ -193,24 +190,29 @@ static hada_status fit_channel(hada_sample *work, int channel, int response, sur
     }
     solve(a, weight);
     for (int i = 0; i < work->count; i++) {
-        float *at = to->residual + (size_t)i * values;
+        float *at = residual + (size_t)i * values;
         for (int k = 0; k < TERMS; k++)
             for (size_t v = 0; v < values; v++)
                 at[v] -= (float)weight[k] * at[(size_t)(k + 1) * all + v];
         to->left.log[i] += hada_pair_level_product(level, at, at);
     }
-    return HADA_OK;
 }
 
 /* With the response that leaves least. */
 static hada_status fit_surface(hada_sample *work, surface *best, surface *room, hada_error *err)
 {
     const int channels = work->options.channels;
+    const size_t all = (size_t)channels * (size_t)work->count * 2 * work->level.plane;
     best->left.mean = INFINITY;
     for (int r = 0; r < work->tried; r++) {
         room->left = (left_over){0};
+        for (int k = 0; k <= TERMS; k++) {
+            HADA_TRY(leave(work, k - 1, r, room->residual + (size_t)k * all, err));
+            for (int i = 0; !k && i < work->count; i++)
+                room->energy[i] = fmax(work->level.frame_energy[i], DBL_MIN);
+        }
         for (int c = 0; c < channels; c++)
-            HADA_TRY(fit_channel(work, c, r, room, err));
+            fit_channel(work, c, room);
         for (int i = 0; i < work->count; i++) {
             room->left.log[i] = log(fmax(room->left.log[i], HADA_LEAST_SHARE * room->energy[i]));
             room->left.mean += room->left.log[i] / work->count;
@@ -257,8 +259,9 @@ static hada_status find_surface(hada_sample *work, const left_over *otherwise, h
     hada_status status = HADA_OK;
     HADA_TRY_OR_DONE(HADA_NEW(best.weight, weights, "light of the room", err));
     HADA_TRY_OR_DONE(HADA_NEW(room.weight, weights, "light of the room", err));
-    HADA_TRY_OR_DONE(
-        HADA_NEW(room.residual, (1 + TERMS) * (size_t)work->count * 2 * work->level.plane, "light of the room", err));
+    HADA_TRY_OR_DONE(HADA_NEW(
+        room.residual, (1 + TERMS) * (size_t)work->options.channels * (size_t)work->count * 2 * work->level.plane,
+        "light of the room", err));
     HADA_TRY_OR_DONE(fit_surface(work, &best, &room, err));
     HADA_TRY_OR_DONE(draw(work, &best, otherwise, out, err));
 done:

@@ -96,6 +96,13 @@ int hada_look_side(int raw, int window, int k)
     return over ? hada_fft_good_size(raw + over) : raw;
 }
 
+void hada_look_whole(const hada_fit_options *options, int *rows, int *cols)
+{
+    const int k = options->boundary == HADA_BOUNDARY_CIRCULAR ? 0 : HADA_OVERHANGS - 1;
+    *rows = hada_look_side(options->raw_rows, options->window_rows, k);
+    *cols = hada_look_side(options->raw_cols, options->window_cols, k);
+}
+
 int hada_look_depth(const hada_fit_options *options, const hada_dataset *pairs)
 {
     int z = 0;

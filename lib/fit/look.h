@@ -37,8 +37,10 @@ hada_status hada_look_left(const hada_look *at, int rows, int cols, double *left
 hada_status hada_look_explain(const hada_look *at, int rows, int cols, const hada_dataset *others, double *left,
                               hada_error *err);
 
-/* A side of the grid with overhang number k; the last one holds all light. */
+/* A side of the grid with overhang number k; and both sides of the grid that holds all light, with options->boundary.
+ */
 int hada_look_side(int raw, int window, int k);
+void hada_look_whole(const hada_fit_options *options, int *rows, int *cols);
 
 /* The first depth of which a pair can be held out; the number of depths if there is none. */
 int hada_look_depth(const hada_fit_options *options, const hada_dataset *pairs);

@@ -103,9 +103,6 @@ hada_status hada_pair_level_create(hada_pair_level *level, int size, int channel
     HADA_TRY(HADA_NEW(level->frame_energy, pairs, "a survey of pairs", err));
     HADA_TRY(HADA_NEW(level->frame_light, pairs, "a survey of pairs", err));
     HADA_TRY(HADA_NEW(level->scene_light, pairs, "a survey of pairs", err));
-    HADA_TRY(HADA_NEW(level->ones, pairs, "a survey of pairs", err));
-    for (int k = 0; k < most; k++)
-        level->ones[k] = 1.0;
     HADA_TRY(HADA_NEW(level->judged, pairs, "a survey of pairs", err));
     HADA_TRY(HADA_NEW(level->sums, 3 * plane, "a survey of pairs", err));
     return HADA_NEW(level->work, 2 * side * side, "a survey of pairs", err);
@@ -115,7 +112,7 @@ void hada_pair_level_destroy(hada_pair_level *level)
 {
     hada_small_fft_destroy(&level->fft);
     HADA_FREE(level->depth, level->frame, level->scene, level->frame_energy, level->frame_light, level->scene_light,
-              level->ones, level->judged, level->sums, level->work);
+              level->judged, level->sums, level->work);
     *level = (hada_pair_level){0};
 }
 
@@ -192,17 +189,19 @@ static size_t first_of(const hada_pair_level *level, int pair, int channel)
     return ((size_t)pair * (size_t)level->channels + (size_t)channel) * 2 * level->plane;
 }
 
+/* gain NULL: all are 1. */
 static void add_up(hada_pair_level *level, int depth, int channel, const double *gain)
 {
     for (size_t i = 0; i < 3 * level->plane; i++)
         level->sums[i] = 0.0;
     for (int k = 0; k < level->count; k++) {
         const size_t first = first_of(level, k, channel);
-        if (level->depth[k] != depth || gain[k] == 0.0)
+        const double own_gain = gain ? gain[k] : 1.0;
+        if (level->depth[k] != depth || own_gain == 0.0)
             continue;
         for (size_t i = 0; i < level->plane; i++) {
             double own[3];
-            products(level->frame + first + 2 * i, level->scene + first + 2 * i, gain[k], own);
+            products(level->frame + first + 2 * i, level->scene + first + 2 * i, own_gain, own);
             for (int s = 0; s < 3; s++)
                 level->sums[3 * i + (size_t)s] += own[s];
         }
@@ -239,7 +238,7 @@ void hada_pair_level_residual(hada_pair_level *level, int pair, int channel, flo
 {
     const size_t first = first_of(level, pair, channel);
     const float *frame = level->frame + first, *scene = level->scene + first;
-    add_up(level, level->depth[pair], channel, level->ones);
+    add_up(level, level->depth[pair], channel, NULL);
     const double mean = mean_power(level, frame, scene, 1.0);
     for (size_t i = 0; i < level->plane; i++) {
         double p[2];

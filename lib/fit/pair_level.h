@@ -37,7 +37,7 @@ typedef struct hada_pair_level {
     int *depth;                /* of each pair */
     float *frame, *scene;      /* [pair][channel][plane] complex */
     double *frame_energy;      /* per pair: over all frequencies, both halves */
-    double *frame_light, *scene_light, *ones;
+    double *frame_light, *scene_light;
     hada_judgement *judged;
     double *sums; /* room: of a channel, [plane][3] */
     float *work;  /* room: a transform */

@@ -82,8 +82,7 @@ static int choose(owned_survey *own, const hada_sample *work, hada_exposure expo
     return exposed;
 }
 
-/* Exposures of all pairs of a depth, which are 1 to hada_sample_begin with: some together, each further one against
- * these. */
+/* Exposures of all pairs of a depth, which are 1 to begin with: some together, each further one against these. */
 static hada_status expose_depth(hada_sample *work, int z, double *exposure, hada_error *err)
 {
     enum { PLACES = EXPOSED_TOGETHER + 1 };

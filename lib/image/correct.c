@@ -115,8 +115,11 @@ hada_status hada_dark_of_sensor(hada_image *out, const hada_image *dark, hada_mo
     const size_t broken = hada_image_count_not_finite(dark);
     if (broken)
         return hada_fail(err, HADA_ERROR_NOT_FINITE, "the dark frame holds %zu values that are not finite", broken);
-    const int fills = dark->channels == 1 && mosaic != HADA_MOSAIC_NONE && dark->rows > 1 && dark->cols > 1;
-    return fills ? hada_mosaic_colours(mosaic, dark, out, err) : hada_image_copy(out, dark, err);
+    if (dark->channels != 1 || mosaic == HADA_MOSAIC_NONE)
+        return hada_image_copy(out, dark, err);
+    if (dark->rows < 2 || dark->cols < 2)
+        return hada_fail(err, HADA_ERROR_SIZE, "a colour filter mosaic has at least 2 x 2 pixels");
+    return hada_mosaic_colours(mosaic, dark, out, err);
 }
 
 /* A pixel that sees less than this share of what others see: its noise would be made 20 times as strong. */
@@ -164,14 +167,13 @@ hada_status hada_flat_sensitivity(hada_image *out, const hada_image *flat, int c
     return HADA_OK;
 }
 
-/* Where the sensitivity of value i of a frame is; *channel: of the value. */
-static size_t sensitivity_of(const hada_image *frame, hada_mosaic mosaic, const hada_image *sensitivity, size_t i,
-                             int *channel)
+/* Where value i of a frame has its own in a flat or dark frame; *channel: of the value. */
+static size_t place_of(const hada_image *frame, hada_mosaic mosaic, const hada_image *sensor, size_t i, int *channel)
 {
     const size_t pixels = (size_t)frame->rows * (size_t)frame->cols, cols = (size_t)frame->cols;
     *channel =
         mosaic == HADA_MOSAIC_NONE ? (int)(i / pixels) : hada_mosaic_channel(mosaic, (int)(i / cols), (int)(i % cols));
-    return i % pixels + (sensitivity->channels == 1 ? 0 : (size_t)*channel * pixels);
+    return i % pixels + (sensor->channels == 1 ? 0 : (size_t)*channel * pixels);
 }
 
 void hada_flat_apply(hada_image *frame, hada_mosaic mosaic, const hada_image *sensitivity, const double *levels,
@@ -180,10 +182,27 @@ void hada_flat_apply(hada_image *frame, hada_mosaic mosaic, const hada_image *se
     const size_t pixels = (size_t)frame->rows * (size_t)frame->cols;
     for (size_t i = 0; i < hada_image_count(frame); i++) {
         int channel;
-        const size_t at = sensitivity_of(frame, mosaic, sensitivity, i, &channel);
+        const size_t at = place_of(frame, mosaic, sensitivity, i, &channel);
         const double dark = levels[channel] + (dark_frame ? dark_frame[(size_t)channel * pixels + i % pixels] : 0.0f);
         frame->data[i] = hada_flat_value(frame->data[i], sensitivity->data[at], dark);
     }
+}
+
+void hada_dark_subtract(hada_image *frame, hada_mosaic mosaic, const hada_image *dark)
+{
+    int channel;
+    for (size_t i = 0; i < hada_image_count(frame); i++)
+        frame->data[i] -= dark->data[place_of(frame, mosaic, dark, i, &channel)];
+}
+
+hada_status hada_flat_repair(hada_image *frame, hada_mosaic mosaic, const hada_image *sensitivity, hada_error *err)
+{
+    int channel;
+    size_t repaired;
+    for (size_t i = 0; i < hada_image_count(frame); i++)
+        if (sensitivity->data[place_of(frame, mosaic, sensitivity, i, &channel)] == 0.0f)
+            frame->data[i] = NAN;
+    return hada_frame_repair(frame, mosaic, &repaired, err);
 }
 
 hada_status hada_flat_correct(hada_image *frame, hada_mosaic mosaic, const hada_image *sensitivity, double dark,
@@ -192,7 +211,6 @@ hada_status hada_flat_correct(hada_image *frame, hada_mosaic mosaic, const hada_
     const int colours = mosaic == HADA_MOSAIC_NONE ? frame->channels : HADA_MOSAIC_COLOURS;
     double *levels = NULL;
     hada_pixels pixels;
-    size_t repaired;
     hada_status status = HADA_OK;
     if (frame->rows != sensitivity->rows || frame->cols != sensitivity->cols ||
         (sensitivity->channels != 1 && sensitivity->channels != colours))
@@ -208,12 +226,7 @@ hada_status hada_flat_correct(hada_image *frame, hada_mosaic mosaic, const hada_
     if (dark == HADA_AUTO)
         HADA_TRY_OR_DONE(hada_dark_levels(&pixels, mosaic, levels, err));
     hada_flat_apply(frame, mosaic, sensitivity, levels, NULL);
-    for (size_t i = 0; i < hada_image_count(frame); i++) {
-        int channel;
-        if (sensitivity->data[sensitivity_of(frame, mosaic, sensitivity, i, &channel)] == 0.0f)
-            frame->data[i] = NAN;
-    }
-    HADA_TRY_OR_DONE(hada_frame_repair(frame, mosaic, &repaired, err));
+    HADA_TRY_OR_DONE(hada_flat_repair(frame, mosaic, sensitivity, err));
 done:
     free(levels);
     return status;

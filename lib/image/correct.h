@@ -10,7 +10,8 @@
  * of one channel, pixels of the same place in the pattern count, in squares of these. *repaired: how many. */
 hada_status hada_frame_repair(hada_image *frame, hada_mosaic mosaic, size_t *repaired, hada_error *err);
 
-/* A dark frame of all channels: a mosaic's, of one channel, filled in as frames are. HADA_ERROR_NOT_FINITE. */
+/* A dark frame of all channels: a mosaic's, of one channel, filled in as frames are. HADA_ERROR_NOT_FINITE;
+ * HADA_ERROR_SIZE where a mosaic has less than 2 x 2 pixels. */
 hada_status hada_dark_of_sensor(hada_image *out, const hada_image *dark, hada_mosaic mosaic, hada_error *err);
 
 /* What each pixel makes of the same light, from a flat frame (an evenly lit sensor without optics, its dark level taken
@@ -31,6 +32,12 @@ static inline float hada_flat_value(float value, float sensitivity, double dark)
  * each channel; dark_frame: subtracted as well, [channel][row][col]; NULL: none. */
 void hada_flat_apply(hada_image *frame, hada_mosaic mosaic, const hada_image *sensitivity, const double *levels,
                      const float *dark_frame);
+
+/* Subtracts a dark frame of all channels. mosaic: of one channel. */
+void hada_dark_subtract(hada_image *frame, hada_mosaic mosaic, const hada_image *dark);
+
+/* Repairs the pixels of sensitivity 0, and those that are not finite. */
+hada_status hada_flat_repair(hada_image *frame, hada_mosaic mosaic, const hada_image *sensitivity, hada_error *err);
 
 /* Divides a frame by the flat frame, above the dark level `dark`; HADA_AUTO: above each channel's own, estimated.
  * Pixels that see hardly any light are repaired, unless the frame has values that are not finite, which stay.

@@ -21,38 +21,37 @@ void hada_small_fft_destroy(hada_small_fft *fft)
     *fft = (hada_small_fft){0};
 }
 
-/* One line: bits reversed, then butterflies (Cooley and Tukey 1965). */
-static void line(const hada_small_fft *fft, float *x)
+/* Along columns, all at once: bits reversed, then butterflies (Cooley and Tukey 1965). */
+static void columns(const hada_small_fft *fft, float *data)
 {
-    const int size = fft->size;
-    for (int i = 0; i < size; i++) {
-        const int j = fft->order[i];
-        if (j > i) {
-            const float re = x[2 * i], im = x[2 * i + 1];
-            x[2 * i] = x[2 * j];
-            x[2 * i + 1] = x[2 * j + 1];
-            x[2 * j] = re;
-            x[2 * j + 1] = im;
+    const size_t size = (size_t)fft->size, row = 2 * size;
+    for (size_t i = 0; i < size; i++) {
+        const size_t j = (size_t)fft->order[i];
+        for (size_t k = 0; j > i && k < row; k++) {
+            const float value = data[i * row + k];
+            data[i * row + k] = data[j * row + k];
+            data[j * row + k] = value;
         }
     }
-    for (int half = 1; half < size; half *= 2)
-        for (int first = 0; first < size; first += 2 * half)
-            for (int k = 0; k < half; k++) {
-                float *a = x + 2 * (first + k), *b = a + 2 * half;
-                const float *w = fft->twiddles + 2 * (size_t)k * (size_t)(size / 2 / half);
-                const float re = b[0] * w[0] - b[1] * w[1], im = b[0] * w[1] + b[1] * w[0];
-                b[0] = a[0] - re;
-                b[1] = a[1] - im;
-                a[0] += re;
-                a[1] += im;
+    for (size_t half = 1; half < size; half *= 2)
+        for (size_t first = 0; first < size; first += 2 * half)
+            for (size_t k = 0; k < half; k++) {
+                float *restrict a = data + (first + k) * row, *restrict b = a + half * row;
+                const float re = fft->twiddles[2 * k * (size / 2 / half)];
+                const float im = fft->twiddles[2 * k * (size / 2 / half) + 1];
+                for (size_t c = 0; c < row; c += 2) {
+                    const float x = b[c] * re - b[c + 1] * im, y = b[c] * im + b[c + 1] * re;
+                    b[c] = a[c] - x;
+                    b[c + 1] = a[c + 1] - y;
+                    a[c] += x;
+                    a[c + 1] += y;
+                }
             }
 }
 
-void hada_small_fft_run(const hada_small_fft *fft, float *data)
+static void transpose(const hada_small_fft *fft, float *data)
 {
     const size_t size = (size_t)fft->size;
-    for (size_t r = 0; r < size; r++)
-        line(fft, data + 2 * r * size);
     for (size_t r = 0; r < size; r++)
         for (size_t c = 0; c < r; c++)
             for (int part = 0; part < 2; part++) {
@@ -60,8 +59,13 @@ void hada_small_fft_run(const hada_small_fft *fft, float *data)
                 data[2 * (r * size + c) + (size_t)part] = data[2 * (c * size + r) + (size_t)part];
                 data[2 * (c * size + r) + (size_t)part] = value;
             }
-    for (size_t r = 0; r < size; r++)
-        line(fft, data + 2 * r * size);
+}
+
+void hada_small_fft_run(const hada_small_fft *fft, float *data)
+{
+    columns(fft, data);
+    transpose(fft, data);
+    columns(fft, data);
 }
 
 double hada_small_fft_match(const hada_small_fft *fft, float *work, const float *other, double *row, double *col)

@@ -111,7 +111,8 @@ static double of_channel(const hada_pixels *pixels, int channel)
     return hada_select_rank(coefficients, count, count / 2) / MEDIAN;
 }
 
-/* Of a mosaic: of every second pixel of every second row, which hold one colour. */
+/* Of a mosaic, whether its other colours are filled in or not: of every second pixel of every second row, which hold
+ * one colour. */
 static double of_mosaic(const hada_pixels *pixels, hada_mosaic mosaic)
 {
     double sum = 0.0;
@@ -119,8 +120,9 @@ static double of_mosaic(const hada_pixels *pixels, hada_mosaic mosaic)
         for (int col = 0; col < 2; col++) {
             const int channel = hada_mosaic_channel(mosaic, row, col), green = channel == 1;
             hada_pixels own = *pixels;
-            own.data = (const unsigned char *)pixels->data + channel * pixels->channel_stride +
-                       row * pixels->row_stride + col * pixels->col_stride;
+            own.data = (const unsigned char *)pixels->data +
+                       (pixels->channels > 1 ? channel : 0) * pixels->channel_stride + row * pixels->row_stride +
+                       col * pixels->col_stride;
             own.channels = 1;
             own.rows = (pixels->rows + 1 - row) / 2;
             own.cols = (pixels->cols + 1 - col) / 2;

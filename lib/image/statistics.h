@@ -29,8 +29,8 @@ float hada_cut_off_value(const float *values, size_t count);
 /* Standard deviation of a frame's noise, assumed to be white; over channels the root mean square. From the median of
  * fine diagonal coefficients, which an image hardly reaches (D. Donoho and I. Johnstone, Biometrika 81(3), 1994,
  * section 4.1; here third differences along rows and columns, so that sharp frames reach them less), of some thousand
- * blocks of 4 x 4 pixels spread over the frame. 0 where there are no such blocks. mosaic: of three channels, the pixels
- * that hold each; the blocks are of these. */
+ * blocks of 4 x 4 pixels spread over the frame. 0 where there are no such blocks. mosaic: of one channel or of all, the
+ * pixels that hold each; the blocks are of these. */
 double hada_noise_estimate(const hada_pixels *pixels, hada_mosaic mosaic);
 
 /* The usual noise: its standard deviation over the root mean square of a frame, 0: not known; and over a frame's

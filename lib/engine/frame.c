@@ -74,7 +74,8 @@ static void skip_channels(hada_frame *frame)
 static void free_parts(hada_frame *frame)
 {
     hada_exposure_end(&frame->exposure);
-    HADA_FREE(frame->skip.spectra, frame->skip.planes);
+    HADA_FREE(frame->skip.spectra, frame->skip.planes, frame->stray);
+    frame->stray = NULL;
     frame->skip = (hada_frame_skip){0};
 }
 
@@ -144,6 +145,7 @@ hada_status hada_frame_examine(hada_frame *frame, hada_error *err)
                                      .dark_frame = setup->dark_frame.data,
                                      .pixel_weights = setup->pixel_weights.data,
                                      .flat = setup->flat,
+                                     .bad_pixels = setup->bad_pixels,
                                      .repairs = setup->options.repair_not_finite,
                                      .energy = setup->config.joint,
                                      .weights = setup->config.weighs || (setup->config.joint && !setup->config.classic),
@@ -167,6 +169,7 @@ hada_status hada_frame_prepare(hada_frame *frame, hada_error *err)
     const hada_frame_exposure *exposure = &frame->exposure;
     report->repaired_pixels = exposure->repaired;
     report->saturated_pixels = exposure->saturated;
+    report->bad_pixels = exposure->bad_count;
     for (int c = 0; c < exposure->pixels.channels; c++) /* the mean of the channels' levels */
         report->dark += exposure->levels[c] / exposure->pixels.channels;
     skip_channels(frame);

@@ -73,27 +73,6 @@ static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count,
     return HADA_OK;
 }
 
-void hada_pipeline_residual(hada_pipeline *pipeline, const hada_frame *frame)
-{
-    hada_report *report = &frame->result->memory->report;
-    const int circular = pipeline->maker.boundary == HADA_BOUNDARY_CIRCULAR;
-    double left = 0;
-    if (!pipeline->residual_due)
-        return;
-    pipeline->residual_due = 0;
-    hada_refiner_residual_arrived(pipeline->refiner, &left);
-    if (!(frame->exposure.energy > 0))
-        return;
-    if (frame->exposure.mosaic != HADA_MOSAIC_NONE) /* it is of the colours that pixels hold, one of three */
-        left *= HADA_MOSAIC_COLOURS;
-    report->residual = sqrt(left / frame->exposure.energy);
-    if (pipeline->past.kept)
-        pipeline->past.left = left / frame->exposure.energy;
-    /* the first step is the joint linear filter; the second one measures what it left */
-    if (circular && report->refine_steps > 1)
-        report->residual_linear = sqrt(hada_refiner_energy(pipeline->refiner, 0, 1) / frame->exposure.energy);
-}
-
 typedef struct classic_progress {
     hada_frame *frame;
     int before; /* units of work */
@@ -484,7 +463,7 @@ static hada_status joint(hada_pipeline *pipeline, hada_frame *frame, hada_error 
 
 hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
-    const hada_status status = joint(pipeline, frame, err);
+    const hada_status status = hada_pipeline_without_stray_light(pipeline, frame, joint, err);
     if (status && pipeline->weighing.used)
         frame->examined = 0; /* its values may be filled */
     return status;

@@ -3,6 +3,7 @@
 #include "engine/pipeline.h"
 #include "core/clock.h"
 #include "engine/stages.h"
+#include "image/correct.h"
 
 /* The parts are there: made again after hada_pipeline_clear(). */
 static hada_status pipeline_ready(hada_pipeline *pipeline, hada_error *err)
@@ -27,6 +28,8 @@ hada_status hada_pipeline_create(hada_pipeline **out, const hada_setup *setup, c
     *pipeline = (hada_pipeline){.setup = setup, .constants = constants, .batch = batch, .past = {.left = -1.0}};
     HADA_TRY_OR_DONE(HADA_NEW(pipeline->occupied, (size_t)setup->config.depths, "a plan", err));
     HADA_TRY_OR_DONE(HADA_NEW(pipeline->all, (size_t)setup->config.depths + 1, "a plan", err));
+    HADA_TRY_OR_DONE(HADA_NEW(pipeline->stray.weight,
+                              (size_t)hada_model_get_info(setup->model)->channels * HADA_SMOOTH_TERMS, "a plan", err));
     for (int z = 0; z <= setup->config.depths; z++) /* haze may be behind them */
         pipeline->all[z] = z;
     HADA_TRY_OR_DONE(pipeline_ready(pipeline, err));
@@ -43,7 +46,7 @@ void hada_pipeline_destroy(hada_pipeline **pointer)
     if (!pipeline)
         return;
     hada_pipeline_clear(pipeline);
-    HADA_FREE(pipeline->occupied, pipeline->all, pipeline);
+    HADA_FREE(pipeline->occupied, pipeline->all, pipeline->stray.weight, pipeline);
 }
 
 int hada_pipeline_batch(const hada_pipeline *pipeline)

@@ -606,6 +606,24 @@ done:
     return status;
 }
 
+/* Where point spread functions are hardly wider than a pixel, frames look as if they had bad ones. The first, the
+ * middle and the last depth are looked at. */
+#define TOO_SHARP 1.0
+
+static int is_too_sharp(const hada_setup *setup)
+{
+    const hada_model *model = setup->model;
+    const size_t values = 2 * hada_model_plane(model), channels = (size_t)model->info.channels;
+    const int last = setup->config.depths - 1, steps = last < 2 ? last : 2;
+    for (int k = 0; model->otf && k <= steps; k++)
+        for (size_t c = 0; c < channels; c++) {
+            const size_t depth = (size_t)setup->depths[steps ? k * last / steps : 0];
+            if (hada_model_sharpness(model->otf + (depth * channels + c) * values, &model->info) > TOO_SHARP)
+                return 1;
+        }
+    return !model->otf;
+}
+
 hada_status hada_setup_make(hada_setup *setup, hada_context *context, const hada_model *model,
                             const hada_plan_options *options, hada_error *err)
 {
@@ -615,6 +633,7 @@ hada_status hada_setup_make(hada_setup *setup, hada_context *context, const hada
     if (setup->config.classic)
         HADA_TRY(make_camera(setup, err));
     HADA_TRY(find_same_channels(setup, err));
+    setup->bad_pixels = setup->config.joint && !options->pixel_weights && !is_too_sharp(setup);
     return setup->config.measured ? make_gains(setup, context, err) : HADA_OK;
 }
 

@@ -78,6 +78,7 @@ typedef struct hada_setup {
     hada_noise_share noise_share; /* hada_model_noise_share(); none where the caller set a weight */
     hada_classic_camera camera;   /* of the listed depths, for a classic method */
     hada_image dark_frame;        /* empty where none */
+    int bad_pixels;               /* 1: frames may have some, which are looked for */
     hada_image pixel_weights;     /* of all channels, the largest one 1; empty where none */
     const hada_image *flat;       /* what pixels make of the same light, of all channels: the caller's or the model's;
                                      NULL where neither has any */

@@ -18,6 +18,13 @@ typedef struct hada_weighing {
     int used;
 } hada_weighing;
 
+/* Stray light of a frame, for the next one of a sequence. */
+typedef struct hada_stray {
+    int known;      /* 1: there was some: */
+    double *weight; /* [channel][HADA_SMOOTH_TERMS] */
+    double left;    /* what planes left when it was last looked for, in units of the frame's energy; 0: never */
+} hada_stray;
+
 struct hada_pipeline {
     const hada_setup *setup;
     const hada_constants *constants;
@@ -43,6 +50,7 @@ struct hada_pipeline {
     hada_buffer pictures;  /* all-in-focus image, then distance map */
     int *occupied, *all;   /* lists of computed depths, ascending; of all of them */
     hada_maker_past past;  /* of a sequence */
+    hada_stray stray;      /* of the frame before */
     int residual_due;      /* 1: the residual of the current frame is being read */
     uint64_t loaded;       /* serial of the frame with its spectrum in the stage; 0: none */
 };
@@ -133,6 +141,12 @@ void hada_weighing_free(hada_weighing *weighing);
 /* Replaces saturated values, and those of weight 0, by what the `count` planes in the refiner predict, and loads the
  * frame again, for its spectrum. */
 hada_status hada_pipeline_fill(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err);
+
+/* A path from a loaded frame to its result; gone again where the planes leave much of the frame and stray light is
+ * found, which was taken off then. */
+typedef hada_status (*hada_path)(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
+hada_status hada_pipeline_without_stray_light(hada_pipeline *pipeline, hada_frame *frame, hada_path path,
+                                              hada_error *err);
 
 /* What refinement left of the frame, into its report, once the slot was waited for; nothing where none was done. */
 void hada_pipeline_residual(hada_pipeline *pipeline, const hada_frame *frame);

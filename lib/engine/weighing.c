@@ -27,7 +27,8 @@ static hada_status put_values(hada_frame_exposure *exposure, const float *weight
 int hada_pipeline_has_gaps(const hada_pipeline *pipeline, const hada_frame *frame)
 {
     const hada_frame_exposure *exposure = &frame->exposure;
-    return pipeline->refiner && (exposure->repaired || exposure->saturated || exposure->pixel_weights);
+    return pipeline->refiner &&
+           (exposure->repaired || exposure->bad_count || exposure->saturated || exposure->pixel_weights);
 }
 
 hada_status hada_pipeline_fill(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)

@@ -4,6 +4,7 @@
 
 #include "fit/fitter.h"
 #include "fit/sample.h"
+#include "image/correct.h"
 #include "image/statistics.h"
 
 /* Dark levels are tried in so many steps up to the darkest place of all frames, then between the best one's neighbours;
@@ -12,9 +13,9 @@
 enum { LEVELS = 6, SECTIONS = 10, RESPONSES = 3 };
 #define LEAST_DARK  1e-3
 #define DARK_BETTER 1.5
-/* A surface is a polynomial of the second order, whose equations are solved with their diagonal so much larger, and
- * must leave less by this factor; whether it is right, confirm.c says. */
-enum { TERMS = 6 };
+/* A surface's equations are solved with their diagonal so much larger, and it must leave less by this factor; whether
+ * it is right, confirm.c says. */
+enum { TERMS = HADA_SMOOTH_TERMS };
 #define SOLVABLE       1e-9
 #define SURFACE_BETTER 1.2
 static const double responses[RESPONSES] = {HADA_RESPONSE_LINEAR, 1.5, HADA_RESPONSE_SRGB};
@@ -110,17 +111,10 @@ typedef struct surface {
     float *residual;                 /* room: [1 + TERMS][channel][pair][plane] complex */
 } surface;
 
-/* Over the sensor y and x go from -1 to 1. */
-static double term(int k, double y, double x)
-{
-    const double terms[TERMS] = {1.0, y, x, y * y, x * x, y * x};
-    return terms[k];
-}
-
 /* Where row i of the reduced frame lies on the sensor. */
 static double place(int i, int count, int factor, int whole)
 {
-    return ((i + 0.5) * factor + (whole - count * factor) / 2) / whole * 2.0 - 1.0;
+    return hada_smooth_place((i + 0.5) * factor + (whole - count * factor) / 2, whole);
 }
 
 /* A frame that shows a term alone. */
@@ -131,8 +125,9 @@ static hada_status show_term(const hada_sample *work, int k, hada_image *out, ha
     const int factor = work->reducer.factor;
     HADA_TRY(hada_image_create(out, like->channels, like->rows, like->cols, err));
     for (size_t i = 0; i < hada_image_count(out); i++)
-        out->data[i] = (float)term(k, place((int)(i % area / cols), like->rows, factor, work->options.raw_rows),
-                                   place((int)(i % cols), like->cols, factor, work->options.raw_cols));
+        out->data[i] =
+            (float)hada_smooth_term(k, place((int)(i % area / cols), like->rows, factor, work->options.raw_rows),
+                                    place((int)(i % cols), like->cols, factor, work->options.raw_cols));
     return HADA_OK;
 }
 
@@ -231,24 +226,13 @@ static hada_status draw(const hada_sample *work, const surface *from, const left
                         hada_error *err)
 {
     const hada_fit_options *options = &work->options;
-    const int rows = options->raw_rows, cols = options->raw_cols;
     if (!(otherwise->mean - from->left.mean > log(SURFACE_BETTER)))
         return HADA_OK;
-    for (int c = 0; c < options->channels; c++) {
-        const double *weight = from->weight + c * TERMS;
-        if (!(weight[0] + (weight[3] + weight[4]) / 3.0 > 0.0))
+    for (int c = 0; c < options->channels; c++)
+        if (!(hada_smooth_mean(from->weight + c * TERMS) > 0.0))
             return HADA_OK;
-    }
-    HADA_TRY(hada_image_create(out, options->channels, rows, cols, err));
-    for (size_t i = 0; i < hada_image_count(out); i++) {
-        const size_t pixel = i % ((size_t)rows * (size_t)cols), channel = i / ((size_t)rows * (size_t)cols);
-        double sum = 0.0;
-        for (int k = 0; k < TERMS; k++)
-            sum +=
-                from->weight[channel * TERMS + (size_t)k] * term(k, place((int)(pixel / (size_t)cols), rows, 1, rows),
-                                                                 place((int)(pixel % (size_t)cols), cols, 1, cols));
-        out->data[i] = (float)sum;
-    }
+    HADA_TRY(hada_image_create(out, options->channels, options->raw_rows, options->raw_cols, err));
+    hada_smooth_add(from->weight, 1.0, out);
     return HADA_OK;
 }
 

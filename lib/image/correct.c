@@ -231,3 +231,21 @@ done:
     free(levels);
     return status;
 }
+
+double hada_smooth_at(const double *weight, int row, int col, int rows, int cols)
+{
+    const double y = hada_smooth_place(row + 0.5, rows), x = hada_smooth_place(col + 0.5, cols);
+    double sum = 0.0;
+    for (int k = 0; k < HADA_SMOOTH_TERMS; k++)
+        sum += weight[k] * hada_smooth_term(k, y, x);
+    return sum;
+}
+
+void hada_smooth_add(const double *weight, double times, hada_image *image)
+{
+    float *to = image->data;
+    for (int c = 0; c < image->channels; c++, weight += HADA_SMOOTH_TERMS)
+        for (int row = 0; row < image->rows; row++)
+            for (int col = 0; col < image->cols; col++, to++)
+                *to = (float)((double)*to + times * hada_smooth_at(weight, row, col, image->rows, image->cols));
+}

@@ -1,9 +1,10 @@
-/* Corrections of a frame as its sensor gave it: pixels that are not finite, and pixels that see more or less light than
- * others. Internal. */
+/* Corrections of a frame as its sensor gave it: pixels that are not finite, pixels that see more or less light than
+ * others, or something else, and smooth light that is not the scene's. Internal. */
 #ifndef HADA_IMAGE_CORRECT_H
 #define HADA_IMAGE_CORRECT_H
 
 #include "image/mosaic.h"
+#include "image/pixels.h"
 
 /* Replaces pixels that are not finite by the median of the finite pixels in the smallest square around them (up to
  * 15 x 15, else the plane's median; HADA_ERROR_NOT_FINITE where the plane has none), of the frame as it came. mosaic:
@@ -44,5 +45,39 @@ hada_status hada_flat_repair(hada_image *frame, hada_mosaic mosaic, const hada_i
  * HADA_ERROR_SIZE. */
 hada_status hada_flat_correct(hada_image *frame, hada_mosaic mosaic, const hada_image *sensitivity, double dark,
                               hada_error *err);
+
+/* Bad pixels of one frame: values that lie far beyond those around them of the same colour. A point of light is none
+ * where the point spread function is as wide as a Gaussian with a standard deviation of 0.6 pixels. list: indices
+ * [channel][row][col], ascending, for free(); *count 0, and no list, where there are none or too many. */
+hada_status hada_bad_pixels_find(const hada_pixels *frame, hada_mosaic mosaic, size_t **list, size_t *count,
+                                 hada_error *err);
+
+/* Smooth surfaces over a sensor: polynomials of the second order of each channel. */
+enum { HADA_SMOOTH_TERMS = 6 };
+
+/* Where a point lies that is `at` pixels from the border of `count` pixels: from -1 to 1. */
+static inline double hada_smooth_place(double at, int count)
+{
+    return 2.0 * at / count - 1.0;
+}
+
+/* Term k, the constant first, at a place of the sensor. */
+static inline double hada_smooth_term(int k, double y, double x)
+{
+    const double terms[HADA_SMOOTH_TERMS] = {1.0, y, x, y * y, x * x, y * x};
+    return terms[k];
+}
+
+/* The mean of a surface of so many weights over the whole sensor. */
+static inline double hada_smooth_mean(const double *weight)
+{
+    return weight[0] + (weight[3] + weight[4]) / 3.0;
+}
+
+/* The surface at a pixel of rows x cols. */
+double hada_smooth_at(const double *weight, int row, int col, int rows, int cols);
+
+/* Adds the surfaces of all channels, weight[channel][HADA_SMOOTH_TERMS], so many times to an image. */
+void hada_smooth_add(const double *weight, double times, hada_image *image);
 
 #endif

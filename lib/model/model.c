@@ -509,18 +509,41 @@ done:
     return status;
 }
 
-/* The half spectrum's columns between the first and the Nyquist one count twice. */
+/* How often the power at a place of a half spectrum counts: between its first and its Nyquist column twice. */
+static double power_at(const float *otf, const hada_model_info *info, size_t row, size_t col)
+{
+    const float *value = otf + 2 * (row * ((size_t)info->grid_cols / 2 + 1) + col);
+    const int alone = col == 0 || 2 * col == (size_t)info->grid_cols;
+    return (alone ? 1.0 : 2.0) * ((double)value[0] * value[0] + (double)value[1] * value[1]);
+}
+
 double hada_model_mean_square(const float *otf, const hada_model_info *info)
 {
-    const size_t cols = (size_t)info->grid_cols / 2 + 1;
     double sum = 0.0;
     for (size_t row = 0; row < (size_t)info->grid_rows; row++)
-        for (size_t col = 0; col < cols; col++) {
-            const float *value = otf + 2 * (row * cols + col);
-            const int alone = col == 0 || 2 * col == (size_t)info->grid_cols;
-            sum += (alone ? 1.0 : 2.0) * ((double)value[0] * value[0] + (double)value[1] * value[1]);
-        }
+        for (size_t col = 0; col <= (size_t)info->grid_cols / 2; col++)
+            sum += power_at(otf, info, row, col);
     return sum / ((double)info->grid_rows * info->grid_cols);
+}
+
+/* The sum over three neighbours of exp(2 pi i k / count). */
+static double of_three(size_t k, int count)
+{
+    return 1.0 + 2.0 * cos(6.283185307179586 * (double)k / count);
+}
+
+double hada_model_sharpness(const float *otf, const hada_model_info *info)
+{
+    double own = 0.0, near = 0.0;
+    for (size_t row = 0; row < (size_t)info->grid_rows; row++) {
+        const double along = of_three(row, info->grid_rows);
+        for (size_t col = 0; col <= (size_t)info->grid_cols / 2; col++) {
+            const double power = power_at(otf, info, row, col);
+            own += power;
+            near += power * (along * of_three(col, info->grid_cols) - 1.0);
+        }
+    }
+    return near > 0.0 ? own / near : INFINITY;
 }
 
 void hada_model_make_filter(const float *otf, size_t plane, hada_form form, double floor, float *filter)

@@ -54,6 +54,10 @@ double hada_model_gain(const hada_model *model);
 /* The mean |OTF|^2 of one depth and channel over the whole grid. */
 double hada_model_mean_square(const float *otf, const hada_model_info *info);
 
+/* Its point spread function's autocorrelation over the sum of those at the eight nearest shifts: 0.33 for a Gaussian of
+ * standard deviation 0.6 pixels, 1 for one of 0.4, infinite for single pixels; noise makes it larger. */
+double hada_model_sharpness(const float *otf, const hada_model_info *info);
+
 /* W from H: matched conj(H) / |H(0)|^2, which keeps the mean brightness; Wiener conj(H) / (|H|^2 + floor), where
  * the floor is lambda mean|H|^2. */
 void hada_model_make_filter(const float *otf, size_t plane, hada_form form, double floor, float *filter);

@@ -251,6 +251,18 @@ static hada_status blank(hada_frame_exposure *exposure, size_t *blanked, hada_er
     return HADA_OK;
 }
 
+/* Bad pixels as well. */
+static hada_status blank_bad(hada_frame_exposure *exposure, size_t *blanked, hada_error *err)
+{
+    HADA_TRY(hada_bad_pixels_find(&exposure->pixels, exposure->mosaic, &exposure->bad, &exposure->bad_count, err));
+    if (exposure->bad_count)
+        HADA_TRY(copy(exposure, err));
+    for (size_t k = 0; k < exposure->bad_count; k++)
+        exposure->own.data[exposure->bad[k]] = NAN;
+    *blanked += exposure->bad_count;
+    return HADA_OK;
+}
+
 static hada_status repair(hada_frame_exposure *exposure, const examination *look, size_t blanked, hada_error *err)
 {
     if (!look->rule->repairs && look->broken > blanked)
@@ -279,22 +291,41 @@ static int all_below(const hada_frame_exposure *exposure, double level)
     return 1;
 }
 
-/* The energy of a mosaic, before its other colours are filled in. */
+/* The energy of a mosaic, whether its other colours are filled in or not. */
 static double mosaic_energy(const hada_frame_exposure *exposure)
 {
+    const int filled = exposure->own.channels > 1;
     const float *dark = exposure->dark_frame;
     const size_t plane = plane_of(exposure);
     double sums[HADA_MOSAIC_COLOURS] = {0.0}, energy = 0.0;
     size_t counts[HADA_MOSAIC_COLOURS] = {0};
     for (size_t i = 0; i < plane; i++) {
         const int c = channel_of(exposure, i);
-        const double value = exposure->own.data[i] - exposure->levels[c] - (dark ? dark[(size_t)c * plane + i] : 0.0f);
+        const size_t at = (size_t)c * plane + i;
+        const double value = exposure->own.data[filled ? at : i] - exposure->levels[c] - (dark ? dark[at] : 0.0f);
         sums[c] += value * value;
         counts[c]++;
     }
     for (int c = 0; c < HADA_MOSAIC_COLOURS; c++)
         energy += sums[c] * (double)plane / (double)counts[c];
     return energy;
+}
+
+static double sum_of(const examination *look)
+{
+    double sum = 0.0;
+    for (int k = 0; k < SUMS; k++)
+        sum += look->sums[k];
+    return sum;
+}
+
+static void measure(hada_frame_exposure *exposure)
+{
+    const hada_exposure_rule rule = {.dark_frame = exposure->dark_frame};
+    examination look = {.rule = &rule};
+    if (exposure->mosaic == HADA_MOSAIC_NONE)
+        pass(exposure, &look, ENERGY);
+    exposure->energy = exposure->mosaic == HADA_MOSAIC_NONE ? sum_of(&look) : mosaic_energy(exposure);
 }
 
 /* By the flat frame. Values of weight 0 are those of divided neighbours. A dark level that is estimated is so again, as
@@ -314,7 +345,14 @@ float hada_exposure_brightest(const hada_frame_exposure *exposure, size_t i)
 {
     const double level = exposure->levels[(size_t)exposure->info->channels + i / plane_of(exposure)];
     const double dark = exposure->dark_frame ? level + exposure->dark_frame[i] : level;
-    return exposure->flat ? hada_flat_value(exposure->brightest, exposure->flat->data[i], dark) : exposure->brightest;
+    const float value =
+        exposure->flat ? hada_flat_value(exposure->brightest, exposure->flat->data[i], dark) : exposure->brightest;
+    if (!exposure->stray)
+        return value;
+    const size_t pixel = i % plane_of(exposure), cols = (size_t)exposure->came.cols;
+    return value - (float)hada_smooth_at(exposure->stray + i / plane_of(exposure) * HADA_SMOOTH_TERMS,
+                                         (int)(pixel / cols), (int)(pixel % cols), exposure->came.rows,
+                                         exposure->came.cols);
 }
 
 /* Fills the other colours of a mosaic in. */
@@ -356,8 +394,9 @@ void hada_exposure_end(hada_frame_exposure *exposure)
 {
     hada_image_destroy(&exposure->own);
     hada_image_destroy(&exposure->binned);
-    free(exposure->levels);
+    HADA_FREE(exposure->levels, exposure->bad);
     exposure->levels = NULL;
+    exposure->bad = NULL;
 }
 
 hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_exposure_rule *rule, hada_error *err)
@@ -372,12 +411,17 @@ hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_expo
     exposure->dark_frame = rule->dark_frame;
     exposure->flat = rule->flat;
     exposure->pixels = exposure->came;
-    exposure->repaired = 0;
+    exposure->repaired = exposure->bad_count = 0;
+    free(exposure->bad);
+    exposure->bad = NULL;
+    exposure->stray = NULL;
     for (int c = 0; c < info->channels; c++)
         exposure->levels[c] = rule->dark;
     if (mosaic || rule->flat || !hada_pixels_uploads(&exposure->came))
         HADA_TRY(copy(exposure, err));
     HADA_TRY(blank(exposure, &blanked, err));
+    if (rule->bad_pixels)
+        HADA_TRY(blank_bad(exposure, &blanked, err));
     pass(exposure, &look, at_once ? VALUES | ENERGY : VALUES);
     for (int k = 0; k < 2; k++)
         exposure->hash[k] = mix(mix(look.lanes[k], look.lanes[k + 2]), look.lanes[3 - k]);
@@ -398,21 +442,27 @@ hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_expo
             rule->dark);
     if (rule->flat)
         HADA_TRY(divide(exposure, rule, err));
-    if (rule->energy && !mosaic && (!at_once || look.broken)) {
-        memset(look.sums, 0, sizeof look.sums);
-        pass(exposure, &look, ENERGY);
-    }
     exposure->energy = 0.0;
-    for (int k = 0; k < SUMS; k++)
-        exposure->energy += look.sums[k];
-    if (rule->energy && mosaic)
-        exposure->energy = mosaic_energy(exposure);
+    if (at_once && !look.broken)
+        exposure->energy = sum_of(&look);
+    else if (rule->energy)
+        measure(exposure);
     return mosaic ? fill(exposure, err) : HADA_OK;
+}
+
+hada_status hada_exposure_subtract(hada_frame_exposure *exposure, const double *weight, hada_error *err)
+{
+    HADA_TRY(copy(exposure, err));
+    hada_smooth_add(weight, -1.0, &exposure->own);
+    exposure->stray = weight;
+    measure(exposure);
+    return HADA_OK;
 }
 
 int hada_exposure_is_weighted(const hada_frame_exposure *exposure)
 {
-    return exposure->mosaic != HADA_MOSAIC_NONE || exposure->repaired || exposure->saturated || exposure->pixel_weights;
+    return exposure->mosaic != HADA_MOSAIC_NONE || exposure->repaired || exposure->bad_count || exposure->saturated ||
+           exposure->pixel_weights;
 }
 
 /* The weight of value i of the frame as it came. */
@@ -442,6 +492,11 @@ size_t hada_exposure_weigh(const hada_frame_exposure *exposure, float *weights)
                 good += *to > 0.0f;
             }
         }
+    for (size_t k = 0; k < exposure->bad_count; k++) {
+        float *to = weights + value_of(exposure, exposure->bad[k]);
+        good -= *to > 0.0f;
+        *to = 0.0f;
+    }
     return good;
 }
 

@@ -39,6 +39,7 @@ typedef struct hada_exposure_rule {
                                    are filled from their neighbours. Of a mosaic, what its pixels hold counts */
     const hada_image *flat; /* what pixels make of the same light (image/correct.h), as pixel_weights, which are 0 where
                           this is; NULL: all alike */
+    int bad_pixels;         /* 1: bad pixels are looked for (image/correct.h), and weigh nothing */
     int repairs;            /* 1: pixels that are not finite are repaired from their neighbours; 0: they are an error */
     int energy;             /* 1: the energy is needed */
     int weights;            /* 1: saturated pixels are looked for */
@@ -58,6 +59,8 @@ typedef struct hada_frame_exposure {
     double energy;              /* sum of squares above dark levels and dark frame; of a mosaic, as if each colour were
                                    everywhere what it is at its pixels */
     size_t repaired, saturated; /* pixels */
+    size_t *bad, bad_count;     /* values of the frame as it came, [channel][row][col], that were found to be bad */
+    const double *stray;        /* what was subtracted beside the scene's light; NULL: nothing */
     const float *dark_frame, *pixel_weights; /* of the rule, as is: */
     const hada_image *flat;
     uint64_t hash[2]; /* of the floats as they came: frames of equal hashes are taken to be equal */
@@ -72,6 +75,17 @@ void hada_exposure_end(hada_frame_exposure *exposure);
  * finite, the largest value, dark levels, energy, hash. May be called again. HADA_ERROR_NOT_FINITE; HADA_ERROR_NUMERIC
  * where single precision cannot hold the frame's spectrum; HADA_ERROR_MODEL where no pixel is above a dark level. */
 hada_status hada_exposure_examine(hada_frame_exposure *exposure, const hada_exposure_rule *rule, hada_error *err);
+
+/* Takes a smooth surface of each channel (image/correct.h) off, until the frame is examined again; `weight` must stay.
+ * The energy is measured anew. */
+hada_status hada_exposure_subtract(hada_frame_exposure *exposure, const double *weight, hada_error *err);
+
+/* Stray light: a smooth surface of each channel (image/correct.h) without which planes of the given depths of the
+ * model, non-negative in the window, explain a frame far better. level_found: 1: the dark levels were found from the
+ * frame, and light may be less than they are. weight: [channel][HADA_SMOOTH_TERMS]; *found: 0 where there is none, or
+ * the frame is too small to tell. */
+hada_status hada_stray_light_find(const hada_frame_exposure *exposure, const hada_model *model, const int *depths,
+                                  int count, int level_found, double *weight, int *found, hada_error *err);
 
 /* 1: not all values of the frame are alike. */
 int hada_exposure_is_weighted(const hada_frame_exposure *exposure);

@@ -91,16 +91,17 @@ static json_t *frame_json(const hada_result *result)
         if (report->occupied[z])
             json_array_append_new(occupied, hada_cli_real(result->distances_mm[z]));
     return json_pack(
-        "{s:o, s:s, s:s, s:i, s:o, s:o, s:b, s:o, s:o, s:o, s:i, s:I, s:I, s:o, s:{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}}",
+        "{s:o, s:s, s:s, s:i, s:o, s:o, s:b, s:o, s:o, s:o, s:o, s:i, s:I, s:I, s:I, s:o, s:{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}}",
         "occupied_mm", occupied, "scene", scenes[report->scene], "method", methods[report->method], "refine_steps",
         report->refine_steps, "refine_tv", hada_cli_real(report->refine_tv), "refine_tv_factor",
         hada_cli_real(report->refine_tv_factor), "refine_tv_kept", report->refine_tv_kept, "residual_linear",
         hada_cli_real(report->residual_linear), "residual", hada_cli_real(report->residual), "dark",
-        hada_cli_real(report->dark), "enhanced", report->enhanced, "repaired_pixels",
-        (json_int_t)report->repaired_pixels, "saturated_pixels", (json_int_t)report->saturated_pixels, "skipped",
-        skip_json(result), "seconds", "total", report->seconds_total, "upload", report->seconds_upload, "linear",
-        report->seconds_linear, "pursuit", report->seconds_pursuit, "refine", report->seconds_refine, "enhance",
-        report->seconds_enhance, "focus", report->seconds_focus, "download", report->seconds_download);
+        hada_cli_real(report->dark), "stray_light", hada_cli_real(report->stray_light), "enhanced", report->enhanced,
+        "repaired_pixels", (json_int_t)report->repaired_pixels, "bad_pixels", (json_int_t)report->bad_pixels,
+        "saturated_pixels", (json_int_t)report->saturated_pixels, "skipped", skip_json(result), "seconds", "total",
+        report->seconds_total, "upload", report->seconds_upload, "linear", report->seconds_linear, "pursuit",
+        report->seconds_pursuit, "refine", report->seconds_refine, "enhance", report->seconds_enhance, "focus",
+        report->seconds_focus, "download", report->seconds_download);
 }
 
 static void tell_frame(listener *to, const hada_files_state *state)
@@ -194,10 +195,15 @@ static void frame_words(const hada_result *result, char *text, size_t size)
     double residual = isfinite(report->residual) ? report->residual : report->residual_linear;
     if (isfinite(residual))
         hada_cli_append(text, size, "; %.2g %% unexplained", 100 * residual);
+    if (report->stray_light != 0.0)
+        hada_cli_append(text, size, "; stray light of %.2g of full scale taken off", report->stray_light);
     if (report->enhanced)
         hada_cli_append(text, size, "; %d plane%s enhanced", report->enhanced, report->enhanced == 1 ? "" : "s");
     if (report->repaired_pixels)
         hada_cli_append(text, size, "; %lld pixels repaired", (long long)report->repaired_pixels);
+    if (report->bad_pixels)
+        hada_cli_append(text, size, "; %lld bad pixel%s left out", (long long)report->bad_pixels,
+                        report->bad_pixels == 1 ? "" : "s");
     if (report->saturated_pixels)
         hada_cli_append(text, size, "; %lld saturated pixels count as \"at least this\"",
                         (long long)report->saturated_pixels);

@@ -56,7 +56,9 @@ class Report:
         residual_linear, residual: what the linear result, and the refined one, leave unexplained of the frame, as a
             share of it; NaN where not computed.
         dark: level taken off.
+        stray_light: light of a lamp, or through a gap in the housing: the mean of the smooth surface taken off; 0: none.
         repaired_pixels: NaN and infinite pixels that were replaced.
+        bad_pixels: values far beyond those around them, which were left out.
         saturated_pixels: values at the frame's upper end, taken for "at least this".
         enhanced: planes that went through the model's net.
         seconds: of each stage, with "total".
@@ -75,7 +77,9 @@ class Report:
     residual_linear: float
     residual: float
     dark: float
+    stray_light: float
     repaired_pixels: int
+    bad_pixels: int
     saturated_pixels: int
     enhanced: int
     seconds: dict[str, float]

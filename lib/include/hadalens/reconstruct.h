@@ -189,6 +189,9 @@ typedef struct hada_report {
     int refine_tv_kept; /* 1: it was found from an earlier frame of the plan, and noise and light are still the same */
     int warm_started;   /* 1: refinement went on from the frame before */
     double gain;        /* then: the scene is so many times as bright as before; 1: no change was followed; else 0 */
+    double stray_light; /* light of a lamp, or through a gap in the housing: the mean of the smooth surface that was
+                           taken off; 0: none */
+    size_t bad_pixels;  /* values far beyond those around them, which were left out */
 } hada_report;
 
 /* What comes of a frame. Begin with an empty one, hada_result result = {0}; its members are the result's until it is
